@@ -124,6 +124,8 @@ class Driver:
         self._seized = False
         """A signal handler closes the driver while its own thread holds the lock."""
         self._slept_s = math.inf
+        self._ahead_s: Optional[float] = None
+        """Time by which the wall clock is ahead of `now_s`, if it is known [s]."""
         self._on_state: List[Listener] = []
         self._listeners: Dict[type, List[Listener]] = {
             Telemetry: [],
@@ -492,6 +494,8 @@ class Driver:
         """Go on with a link that is recorded, or not any more.  Only for the reading thread, with the lock."""
         if self._link is not None:
             self._link = self._links.exchange(self._link, self._core.session, self._core.state)
+            if self._ahead_s is not None:
+                self.note_clock(self._ahead_s)
         self._changed.notify_all()
 
     def stop_recording(self) -> str:
@@ -532,10 +536,10 @@ class Driver:
             recording.remark(data)
 
     def note_clock(self, ahead_s: float) -> None:
-        """Write into the recording, if one is running, that the wall clock is ahead of `now_s` by this much from the
-        next bytes on [s].
+        """Write into the recording, if one is running, that the wall clock is ahead of `now_s` by this much [s], from
+        the event on whose callback calls this.
         """
-        recording = self._links.recording
+        self._ahead_s, recording = ahead_s, self._links.recording
         if recording is not None:
             recording.clock(ahead_s)
 

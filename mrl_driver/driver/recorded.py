@@ -13,7 +13,20 @@ the times of the driver's turns, and poses that were set; those turns are made w
 import json
 import math
 import os
-from typing import Any, Callable, Dict, List, NamedTuple, NoReturn, Optional, Sequence, Tuple, Union
+from typing import (
+    Any,
+    Callable,
+    Dict,
+    Iterable,
+    Iterator,
+    List,
+    NamedTuple,
+    NoReturn,
+    Optional,
+    Sequence,
+    Tuple,
+    Union,
+)
 
 from mrl_driver import errors
 from mrl_driver.errors import ConfigError, LinkLost, MrlError
@@ -183,7 +196,9 @@ class RecordedDriver(Driver):
         start_us = header.get("clock_us")
         self._start_us = start_us if type(start_us) is int and abs(start_us) < 1 << 60 else 0
         self._now = self._start_us / 1e6
-        self._ahead_s = opening.ahead_s if opening.ahead_s is not None else started_s(header) - self._now
+        self._clock_ahead_s = (
+            opening.ahead_s if opening.ahead_s is not None else started_s(header) - self._now
+        )
         if robot != "auto":
             options = options._replace(any_id=True)
         elif opening.model is not None:
@@ -218,7 +233,7 @@ class RecordedDriver(Driver):
     @property
     def clock_ahead_s(self) -> float:
         """Time by which the wall clock was ahead of `now_s` [s]."""
-        return self._ahead_s
+        return self._clock_ahead_s
 
     def on_sent(self, callback: Callable[[Sent], None]) -> None:
         """Call `callback` for each frame, or garbage, that the host sent."""
@@ -247,7 +262,7 @@ class RecordedDriver(Driver):
             )
         self._played = True
         size, done, seen, number = max(1, os.path.getsize(self.recording.path)), 0.0, 0, 0
-        for number, entry in enumerate(self.recording, 1):
+        for number, entry in enumerate(_clock_first(self.recording), 1):
             self._take(entry)
             seen += len(entry.data) + LINE_BYTES
             if number % _REPORT_EVERY == 0:
@@ -450,7 +465,7 @@ class RecordedDriver(Driver):
 
     def _on_clock(self, data: bytes, _: float) -> None:
         for number in _numbers(data)[:1]:
-            self._ahead_s = number
+            self._clock_ahead_s = number
 
     def _on_lost(self, data: bytes, now: float) -> None:
         if self._core.begun:
@@ -553,6 +568,21 @@ def _opening(recording: Recording) -> _Opening:
         if data.startswith(CLOCK) and ahead_s is None:
             ahead_s = next(iter(_numbers(data[len(CLOCK) :])), None)
     return _Opening(model, ahead_s, has_turns)
+
+
+def _clock_first(entries: Iterable[Entry]) -> Iterator[Entry]:
+    """The entries; a remark on the clock comes before the bytes of the same time, whose listeners used it first."""
+    held: List[Entry] = []
+    for entry in entries:
+        remark = entry.direction == REMARK
+        if held and not (remark and entry.time_s == held[0].time_s):
+            yield from held
+            held.clear()
+        if held and not entry.data.startswith(CLOCK) or entry.direction == FROM_BOARD:
+            held.append(entry)
+        else:
+            yield entry
+    yield from held
 
 
 def _options(header: Dict[str, Any]) -> Options:

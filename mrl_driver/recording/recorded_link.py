@@ -230,7 +230,7 @@ class DriverRecording:
         self.remark(POSE + " ".join(map(repr, (*pose, *spread))).encode(), self._turn_s)
 
     def clock(self, ahead_s: float) -> None:
-        """The wall clock is ahead of the driver's by this time [s] from the next bytes on."""
+        """The wall clock is ahead of the driver's by this time [s], from the bytes of the last turn on."""
         self.remark(CLOCK + repr(ahead_s).encode(), self._turn_s)
 
     def lost(self, event: Lost, reported: bool, now: float) -> None:

@@ -50,7 +50,7 @@ STOP = b"stop "
 with a JSON object of `wheel_monitor.Mismatch`.
 """
 CLOCK = b"clock "
-"""A remark: the wall clock is ahead of the driver's by this much [s], from the next bytes on."""
+"""A remark: the wall clock is ahead of the driver's by this much [s], from the bytes of the same time on."""
 LOST, RECONNECTED, SLOWED = b"lost ", b"reconnected ", b"slowed "
 """Remarks: the port was lost (a JSON object of `events.Lost`, with `reported`: listeners got the event), was found
 again (its name), or now has this baud rate.

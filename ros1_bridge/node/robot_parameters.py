@@ -106,6 +106,7 @@ ROWS = (
     ),
     Row("clear_with_max_range", bool, False, "", "Sonars that see nothing report max_range instead of +Inf"),
     Row("reconnect", bool, True, "", "Search for a lost port; false ends the node"),
+    Row("record", str, "", "", "File for a recording of all bytes, overwritten at each start; empty: none"),
     Row("ignore_battery", bool, False, "", "Start, and keep driving, with an empty battery"),
     Row("allow_calibration", bool, False, "", "Offer the service calibrate, which turns the wheels"),
     Row("allow_gains", bool, False, "", "Offer gains in dynamic_reconfigure; the motor board stores them"),
@@ -230,6 +231,7 @@ class Parameters(NamedTuple):
     manual_speed: float
     clear_with_max_range: bool
     reconnect: bool
+    record: str
     ignore_battery: bool
     allow_calibration: bool
     allow_gains: bool

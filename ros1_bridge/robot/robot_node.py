@@ -7,6 +7,7 @@ README of this package lists topics, services and parameters.
 import contextlib
 import gc
 import math
+import os
 import sys
 import threading
 import time
@@ -69,7 +70,7 @@ FREED_S = 2.0
 """A node of the same name, which the master ends when this one registers, closes the port within this time."""
 ANSWER_S = 0.2
 """Time for the answer of the service shutdown to leave."""
-WARN_EVERY_S = 1.0
+WARN_EVERY_S, LOSS_EVERY_S = 1.0, 30.0
 SWITCH_S = 0.0005
 """A frame waits at most this long for a thread that is busy with a service; Python's default is 5 ms."""
 STANDSTILL = Twist()
@@ -87,6 +88,7 @@ def driver_options(parameters: Parameters) -> Options:
         reconnect=parameters.reconnect,
         fast=parameters.fast,
         imu_period_ms=round(1000 / parameters.imu_rate) if parameters.imu else 0,
+        record=os.path.expanduser(parameters.record) or None,
     )
 
 
@@ -106,6 +108,8 @@ class RobotNode:
         self._seeks = False
         self._news = News()
         self._held = False
+        self._lacking = 0
+        """Lines that are known to be missing in the recording."""
         self._commanded_s = -math.inf
         self._planner_ends = threading.Event()
 
@@ -132,6 +136,7 @@ class RobotNode:
                 raise
         finally:
             self._driver.close()
+            self._tell_loss()
 
     def _await_port(self) -> None:
         until_s = time.monotonic() + self._parameters.port_timeout
@@ -159,7 +164,12 @@ class RobotNode:
         )
         clock = time.time if rospy.rostime.is_wallclock() else rospy.get_time
         self._publishers = Publishers(
-            rospy.Publisher, rospy.exceptions.TransportException, parameters, model, clock
+            rospy.Publisher,
+            rospy.exceptions.TransportException,
+            parameters,
+            model,
+            clock,
+            note_clock=driver.note_clock,
         )
         has_sonars = driver.has_sonars
         if has_sonars and parameters.has("sonars"):
@@ -326,11 +336,19 @@ class RobotNode:
             if time.monotonic() < due_s:
                 continue
             due_s = time.monotonic() + DIAGNOSTICS_S
+            self._tell_loss()
             words = master.look()
             if words:
                 rospy.logerr(words)
             if updater is not None and updater.publisher.get_num_connections():
                 updater.force_update()  # update() does nothing after the clock is set back, and before /clock
+
+    def _tell_loss(self) -> None:
+        """Log what the recording lacks, each time that it lacks more."""
+        recorder = self._driver.recorder
+        if recorder is not None and recorder.lost > self._lacking:
+            self._lacking = recorder.lost
+            rospy.logerr_throttle(LOSS_EVERY_S, f"the recording is not complete: {recorder.loss}")
 
     def _hardware_id(self, board: Board) -> str:
         return f"{self._parameters.port} robot {board.robot_id}"

@@ -26,8 +26,10 @@ from .serialized_messages import PackedOdometry, PackedTransform
 
 STEP_S = 1e-6
 """Smallest difference of two stamps; four times the resolution of a float with today's time in seconds."""
-PAUSE_S = 1e-4
-"""If the difference of the two clocks shrinks by more than this, it is read again."""
+TOLERANCE_S = 1e-4
+"""The difference of the two clocks stays the same until it is off by more than this in two readings [s]: a thread may
+pause between the clocks.
+"""
 JUMP_S = 1.0
 """If the clock goes back further than this, it was set on purpose, and the stamps follow it."""
 LATCHED = {
@@ -70,9 +72,10 @@ class Publishers:
         model: RobotModel,
         clock: Callable[[], float] = time.time,
         monotonic: Callable[[], float] = time.monotonic,
+        note_clock: Callable[[float], None] = lambda ahead_s: None,
     ) -> None:
         """`lost`: rospy's exception for a broken connection; `clock`: the clock of the stamps [s]; `monotonic`: that of
-        the telemetry [s].
+        the telemetry [s].  `note_clock` is called with the difference of the two when it changes [s].
         """
         odom, base = parameters.odom_frame, parameters.base_frame
         self._class, self._lost = publisher_class, lost
@@ -81,6 +84,7 @@ class Publishers:
         """Sonars that see nothing report max_range instead of +Inf; it may be changed at any time."""
         self._stamp, self._clock, self._monotonic = Time(), clock, monotonic
         self._ahead_s = -math.inf
+        self._note_clock = note_clock
         self._least_s = 0.0
         if model.drives:
             self._add_wheels(odom, base)
@@ -147,11 +151,9 @@ class Publishers:
         stamp_s, fresh, twist = telemetry.stamp_s, telemetry.fresh, telemetry.twist
         x_m, y_m, yaw_rad = telemetry.pose
         ahead_s = self._clock() - self._monotonic()
-        # the clock was set back, or this thread paused between the two readings
-        if ahead_s < self._ahead_s - PAUSE_S:
-            ahead_s = max(ahead_s, self._clock() - self._monotonic())
-        self._ahead_s = ahead_s
-        wall_s = max(0.0, ahead_s + stamp_s)  # simulated time begins at 0
+        if not -TOLERANCE_S < ahead_s - self._ahead_s < TOLERANCE_S:
+            self._follow(ahead_s)
+        wall_s = max(0.0, self._ahead_s + stamp_s)  # simulated time begins at 0
         if self._least_s - JUMP_S < wall_s < self._least_s:
             wall_s = self._least_s
         self._least_s = wall_s + STEP_S
@@ -169,6 +171,13 @@ class Publishers:
             self._stamp.secs, self._stamp.nsecs = secs, nsecs
             self._publish_joints(telemetry)
             self._publish_ranges(telemetry)
+
+    def _follow(self, ahead_s: float) -> None:
+        """The clock of the stamps was set, or this thread paused between the two clocks, which makes it too small."""
+        ahead_s = max(ahead_s, self._clock() - self._monotonic())
+        if not -TOLERANCE_S < ahead_s - self._ahead_s < TOLERANCE_S:
+            self._ahead_s = ahead_s
+            self._note_clock(ahead_s)
 
     def _publish_joints(self, telemetry: Telemetry) -> None:
         if not self._joints_out.impl.connections:

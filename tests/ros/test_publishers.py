@@ -46,12 +46,11 @@ class Clocks:
         return self.now_s
 
 
-def stamps(*changes):
+def stamps(*changes, **given):
     """Stamps of frames 0.02 s apart [s]; before each frame but the first, the clocks are set as `changes` say."""
     topics, clocks = Topics("odom"), Clocks()
-    out = Publishers(
-        topics, OSError, check({"port": "p"}, "node"), MODEL, clock=clocks.wall, monotonic=clocks.monotonic
-    )
+    parameters = check({"port": "p"}, "node")
+    out = Publishers(topics, OSError, parameters, MODEL, clocks.wall, clocks.monotonic, **given)
     for number, change in enumerate(({}, *changes)):
         vars(clocks).update(change)
         stamp_s = 50.0 + 0.02 * number
@@ -68,6 +67,16 @@ def test_a_pause_between_the_readings_of_the_clocks_leaves_the_stamp():
 def test_stamps_increase_though_the_clock_goes_back_a_little():
     first, second, third = stamps({"wall_ahead_s": 999.5}, {})
     assert first < second < third < first + 1e-4
+
+
+def test_the_difference_of_the_clocks_is_noted_when_it_changes():
+    """A recording then gives the same stamps.  A step below the tolerance, or a pause, is no change."""
+    noted = []
+    made = stamps(
+        {"wall_ahead_s": 1000.00005}, {"pause_s": 2.0}, {"wall_ahead_s": 1001.0}, note_clock=noted.append
+    )
+    assert noted == [1000.0, 1001.0]
+    assert made == pytest.approx([1050.0, 1050.02, 1050.04, 1051.06], abs=1e-6)
 
 
 def test_stamps_follow_a_clock_that_is_set_back():
