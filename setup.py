@@ -117,6 +117,9 @@ setup(
             "aiohttp>=3.8",
             "cryptography>=2.8",
             "segno>=1.5",
+            "mcap>=1.6",
+            "mcap-ros1-support>=0.9",
+            "rosbags>=0.9.23",
             "pdoc>=14; python_version >= '3.9'",
             "types-PyYAML",
             "types-pyserial",
@@ -124,11 +127,13 @@ setup(
         "test": ["pytest>=7"],
         "plot": ["matplotlib>=3.5"],
         "web": ["aiohttp>=3.8", "cryptography>=2.8", "segno>=1.5"],
+        "export": ["mcap>=1.6", "mcap-ros1-support>=0.9", "rosbags>=0.9.23"],
     },
     entry_points={
         "console_scripts": ["mrl=mrl_driver.__main__:main", "mrl-sim=sim_arduino.__main__:main"],
         "pytest11": ["mrl_sim=sim_arduino.testing.pytest_plugin"],
         "mrl.commands": [
+            "export=ros1_bridge.export.command:main",
             "replay=sim_arduino.replay.replay:main",
             "mirror=sim_arduino.replay.mirror:main",
             "experiment=sim_arduino.experiments.cli:main",

@@ -3,9 +3,41 @@
 import contextlib
 import os
 import shutil
-from typing import Union
+from typing import Iterator, Union
 
 from .errors import OutputError
+
+
+@contextlib.contextmanager
+def replacing(path: str, private: bool = False) -> Iterator[str]:
+    """Yield the name of a temporary file, which the block makes; at its end, that file gets the name `path`.
+
+    If the block raises, the temporary file is removed, and an old file at `path` stays as it was.  A symbolic link
+    stays a link.  Permissions of an old file do not change, unless the new one is `private`.
+
+    Raises:
+        OutputError: the file cannot be written: the block has raised OSError, or the file cannot be renamed.
+    """
+    target = os.path.realpath(path)
+    temporary = f"{target}.{os.getpid()}.new"
+    try:
+        yield temporary
+        if os.path.exists(target) and not private:
+            shutil.copymode(target, temporary)
+        os.replace(temporary, target)
+    except BaseException as error:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        if isinstance(error, OSError):
+            raise unwritable(path, error) from None
+        raise
+
+
+def unwritable(path: str, error: OSError) -> OutputError:
+    """Return the error for a file that cannot be written, while an older one stays as it was."""
+    return OutputError(
+        f"{path} cannot be written: {error.strerror or error}; nothing was changed; make room, or choose another place"
+    )
 
 
 def replace_file(path: str, content: Union[str, bytes], private: bool = False) -> None:
@@ -16,22 +48,12 @@ def replace_file(path: str, content: Union[str, bytes], private: bool = False) -
     Raises:
         OutputError: the file cannot be written.
     """
-    target = os.path.realpath(path)
-    temporary = f"{target}.{os.getpid()}.new"
-    try:
-        with open(temporary, "wb", opener=_open_private if private else None) as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            os.fsync(file.fileno())
-        if os.path.exists(target) and not private:
-            shutil.copymode(target, temporary)
-        os.replace(temporary, target)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise OutputError(
-            f"{path} cannot be written: {error.strerror}; nothing was changed; make room, or choose another place"
-        ) from None
+    with replacing(path, private) as temporary, open(
+        temporary, "wb", opener=_open_private if private else None
+    ) as file:
+        file.write(content.encode() if isinstance(content, str) else content)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _open_private(path: str, flags: int) -> int:

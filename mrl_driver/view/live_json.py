@@ -49,7 +49,7 @@ class LiveJson:
 
     def __init__(self, driver: "Driver", send: Callable[[bytes], None], ahead_s: float) -> None:
         self._send, self._ahead_s = send, ahead_s
-        self._robot = _AtTelemetry(driver)
+        self._robot = AtTelemetry(driver)
         self._look_s = -math.inf
         self._take_names()
         if has_motors(driver.model):
@@ -90,7 +90,7 @@ def texts(timestamp_s: float, keys: List[str], values: List[float]) -> List[byte
     return [f"{each}}}".encode() for each in (*found, text)]
 
 
-class _AtTelemetry:
+class AtTelemetry:
     """A driver whose motion and ranges are those of one telemetry, although newer frames may have arrived with it."""
 
     def __init__(self, driver: "Driver") -> None:

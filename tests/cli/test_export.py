@@ -1,0 +1,285 @@
+"""`mrl export`: recordings for other programs, read back with their libraries; with ROS where it is, and without."""
+
+import codecs
+import csv
+import errno
+import json
+import math
+import os
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+from mcap_ros1.decoder import DecoderFactory
+from rosbags.rosbag1 import Reader
+
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError, OutputError
+from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recording
+from mrl_driver.robot.models import load
+from ros1_bridge.export import message_files
+from sim_arduino.serve import factory
+from tests.waiting import PATIENCE_S
+
+from .run import fails, mrl
+from .terminal import on_a_full_disk
+
+ROS = "genpy genmsg rosbag std_msgs sensor_msgs nav_msgs tf2_msgs diagnostic_msgs geometry_msgs rosgraph_msgs"
+"""Packages of ROS that an export could use."""
+
+
+def drive(path, seconds=2.0, robot="traxbot", **options):
+    """Record a curve in simulated time."""
+    board = factory.make(factory.Options(robot=robot, **options)).engine
+    with SteppedDriver(board, robot, Options(record=str(path))) as driver:
+        for _ in range(round(seconds / 0.1)):
+            driver.drive(0.2, 0.5)
+            driver.wait(0.1)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recordings") / "drive.mrl"
+    drive(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def telemetry(recording):
+    """What the driver's listeners got."""
+    found, robot = [], RecordedDriver(str(recording))
+    robot.on_telemetry(found.append)
+    robot.play()
+    return found
+
+
+def export(recording, name, *options):
+    """Export to a file beside the recording; the file."""
+    output = recording.with_name(name)
+    done = mrl("export", recording, output, "--yes", *options)
+    assert done.returncode == 0, done.stderr
+    return output
+
+
+@pytest.fixture(scope="module")
+def mcap(recording):
+    return export(recording, "drive.mcap", "--name", "robot1")
+
+
+@pytest.fixture(scope="module")
+def messages(mcap):
+    """Channel and message of each, in the order of the file."""
+    with open(mcap, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return [
+            (channel, message)
+            for _, channel, _, message in reader.iter_decoded_messages(log_time_order=False)
+        ]
+
+
+def of_topic(messages, topic):
+    return [message for channel, message in messages if channel.topic == topic]
+
+
+def in_bag(path):
+    """Topic, checksum of the type, latched, arrival and bytes of each message."""
+    with Reader(Path(path)) as bag:
+        return [
+            (
+                each.topic,
+                getattr(each, "digest", None) or each.md5sum,
+                each.ext.latching,
+                time_ns,
+                bytes(data),
+            )
+            for each, time_ns, data in bag.messages()
+        ]
+
+
+def test_each_telemetry_is_an_odometry_a_transform_and_a_joint_state(messages, telemetry):
+    counts = Counter(channel.topic for channel, _ in messages)
+    assert counts["/robot1/odom"] == counts["/tf"] == counts["/robot1/joint_states"] == len(telemetry) > 50
+
+
+def test_poses_are_those_of_the_driver(messages, telemetry):
+    points = [message.pose.pose.position for message in of_topic(messages, "/robot1/odom")]
+    assert [(each.x, each.y) for each in points] == [each.pose[:2] for each in telemetry]
+
+
+def test_stamps_are_board_time_on_the_wall_clock(messages, telemetry, recording):
+    ahead_s = RecordedDriver(str(recording)).clock_ahead_s
+    stamps = [each.header.stamp.to_nsec() / 1e9 for each in of_topic(messages, "/robot1/odom")]
+    assert stamps == pytest.approx([ahead_s + each.stamp_s for each in telemetry], abs=1e-6)
+
+
+def test_each_new_range_is_published_in_its_frame(messages, telemetry):
+    ranges = of_topic(messages, "/robot1/sonar/front")
+    assert len(ranges) == sum("front" in each.fresh for each in telemetry) > 3
+    assert {each.header.frame_id for each in ranges} == {"robot1/sonar_front"}
+
+
+def test_mounts_of_the_sonars_are_latched(messages):
+    ((channel, message),) = [found for found in messages if found[0].topic == "/tf_static"]
+    assert channel.metadata["latching"] == "true" and len(message.transforms) == len(load("traxbot").sonars)
+
+
+def test_frames_hold_the_bytes_of_both_directions(messages, recording):
+    """All but the ends of the board's lines."""
+    frames = of_topic(messages, "/robot1/frames")
+    for name, direction in (("to_board", TO_BOARD), ("from_board", FROM_BOARD)):
+        found = b"".join(codecs.escape_decode(each.msg)[0] for each in frames if each.name == name)
+        sent = b"".join(entry.data for entry in Recording(str(recording)) if entry.direction == direction)
+        assert found == sent.replace(b"\r\n", b"") and found
+
+
+def test_frames_have_the_name_of_their_command(messages):
+    (first,) = {each.function for each in of_topic(messages, "/robot1/frames") if each.msg.startswith("@5")}
+    assert first == "robot_info"
+
+
+def test_damaged_bytes_are_warnings_with_their_reason(tmp_path, recording):
+    damaged = tmp_path / "damaged.mrl"
+    damaged.write_text(recording.read_text() + "9.0 < @8,1,2,3\\xffe\\r\\n\n")
+    with open(export(damaged, "damaged.mcap"), "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = [message for *_, message in reader.iter_decoded_messages("/frames") if message.level == 4]
+    assert [(each.msg, bool(each.function)) for each in found[-1:]] == [("@8,1,2,3\\xffe", True)]
+
+
+def test_without_ros_the_messages_are_the_same_byte_for_byte(recording):
+    """Types too, by their checksums; where ROS is missing, both are made without it."""
+    with_ros, without = export(recording, "with.bag"), recording.with_name("without.bag")
+    code = f"import sys; sys.modules.update(dict.fromkeys({ROS!r}.split())); sys.argv[0] = 'mrl'; "
+    code += "import runpy; runpy.run_module('mrl_driver', run_name='__main__')"
+    command = [sys.executable, "-c", code, "export", str(recording), str(without)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert in_bag(with_ros) == in_bag(without) and len(in_bag(without)) > 200
+
+
+def test_a_bag_and_mcap_hold_the_same(recording, mcap):
+    with open(mcap, "rb") as file:
+        reader = make_reader(file)
+        found = [
+            (channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()
+        ]
+    bag = in_bag(export(recording, "drive.bag", "--name", "robot1"))
+    assert Counter((topic, time_ns, data) for topic, _, _, time_ns, data in bag) == Counter(found)
+
+
+@pytest.fixture(scope="module")
+def rows(recording):
+    with open(export(recording, "drive.csv"), newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_table_has_a_row_for_each_telemetry(rows, telemetry):
+    assert [(float(row["x_m"]), float(row["yaw_rad"])) for row in rows] == [
+        (each.pose.x_m, each.pose.yaw_rad) for each in telemetry
+    ]
+
+
+def test_a_cell_is_empty_while_its_value_is_not_known(rows, telemetry):
+    first = telemetry[0].ranges.get("front", math.nan)
+    assert math.isnan(first) and rows[0]["sonar_front_m"] == "" and rows[-1]["sonar_front_m"] != ""
+
+
+def test_a_table_has_the_counts_of_the_wheels_and_the_speeds_asked(rows, telemetry):
+    assert int(rows[-1]["right_count"]) == telemetry[-1].counts[0]
+    assert {float(row["asked_speed_m_s"]) for row in rows} >= {0.0, 0.2}
+
+
+def test_a_board_without_motors_gets_a_row_for_each_reading(tmp_path):
+    path = tmp_path / "pioneer.mrl"
+    drive_without_motors(path)
+    readings, robot = [], RecordedDriver(str(path))
+    robot.on_sensor(readings.append)
+    robot.play()
+    with open(export(path, "pioneer.csv"), newline="") as file:
+        found = list(csv.DictReader(file))
+    assert len(found) == len(readings) > 3 and all(len(row) == len(found[0]) for row in found)
+    assert float(found[-1]["light_count"]) == robot.sensors["light"].values[0]
+
+
+def test_a_board_without_motors_has_topics_of_its_sensors_alone(tmp_path):
+    path = tmp_path / "pioneer.mrl"
+    drive_without_motors(path)
+    topics = {topic for topic, *_ in in_bag(export(path, "pioneer.bag"))}
+    assert "/light" in topics and not topics & {"/odom", "/tf", "/battery"}
+
+
+def drive_without_motors(path):
+    board = factory.make(factory.Options(robot="pioneer")).engine
+    with SteppedDriver(board, options=Options(record=str(path))) as driver:
+        driver.wait(1.0)
+
+
+# -- errors
+
+
+def test_the_ending_says_the_format(recording, tmp_path):
+    words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.xls")
+    assert ".bag, .mcap, .csv" in words
+
+
+def test_a_file_that_exists_stays(recording, tmp_path):
+    old = tmp_path / "old.csv"
+    old.write_text("old")
+    fails(ConfigError.exit_code, "export", recording, old)
+    assert old.read_text() == "old"
+
+
+def test_a_recording_is_not_its_own_output(recording, tmp_path):
+    alias = tmp_path / "alias.csv"
+    alias.symlink_to(recording)
+    assert "is the recording" in fails(ConfigError.exit_code, "export", recording, alias, "--yes")
+
+
+def test_on_a_full_disk_the_old_table_stays_and_no_half_one_is_left(recording, tmp_path):
+    old = tmp_path / "drive.csv"
+    old.write_text("old")
+    done = on_a_full_disk(8192, "mrl_driver", "export", recording, old, "--yes")
+    assert done.returncode == OutputError.exit_code and f"{old} cannot be written" in done.stderr
+    assert done.stderr.count("\n") == 1 and old.read_text() == "old" and os.listdir(tmp_path) == [old.name]
+
+
+@pytest.mark.parametrize("method", ["add", "write", "close"])
+def test_a_message_that_cannot_be_written_ends_the_export(recording, tmp_path, monkeypatch, method):
+    """The publishers take an error of the system for a lost subscriber, so it must not be one there."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    old = tmp_path / "drive.mcap"
+    old.write_text("old")
+    monkeypatch.setattr(message_files.Mcap, method, full)
+    words = fails(OutputError.exit_code, "export", recording, old, "--yes")
+    assert f"{old} cannot be written: No space left" in words
+    assert old.read_text() == "old" and os.listdir(tmp_path) == [old.name]
+
+
+def test_a_missing_library_is_named_with_its_remedy(recording, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.mcap")
+    assert "mcap is missing" in words and "pip install 'mrl-driver[export]'" in words
+    assert not os.listdir(tmp_path)
+
+
+def test_frames_that_are_no_names_are_refused(recording, tmp_path):
+    words = fails(
+        ConfigError.exit_code, "export", recording, tmp_path / "drive.bag", "--base-frame", "/base link"
+    )
+    assert "base_frame" in words
+
+
+def test_a_recording_without_a_robot_leaves_no_file(tmp_path):
+    path = tmp_path / "empty.mrl"
+    path.write_text(f"#mrl-recording 1 {json.dumps({'port': 'x'})}\n0.0 ! opened x\n")
+    fails(ConfigError.exit_code, "export", path, tmp_path / "empty.csv")
+    assert os.listdir(tmp_path) == ["empty.mrl"]
