@@ -60,6 +60,11 @@ class FrameDecoder:
         """Bytes that were fed and have not become an event yet: the start of a frame, or of noise."""
         return bytes(self._noise + self._frame)
 
+    @property
+    def idle(self) -> bool:
+        """Whether the next frame depends only on its own bytes: none is pending, and no other bytes share its line."""
+        return not (self._frame or self._noise or self._line)
+
     def feed(self, data: bytes) -> List[Event]:
         """Return the frames and garbage completed by `data`, in the order of the wire."""
         events: List[Event] = []

@@ -6,7 +6,21 @@ Summaries, plots and calibrations read recordings through this module.  Memory d
 import json
 import math
 from collections import deque
-from typing import Any, Deque, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple
+from typing import (
+    Any,
+    Deque,
+    Dict,
+    FrozenSet,
+    Iterable,
+    Iterator,
+    List,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Tuple,
+)
+
+import numpy as np
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
@@ -24,11 +38,12 @@ from mrl_driver.session.sensor_polling import SENSOR_STREAM, Reading, reading, s
 from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 
+from .frame_arrays import FrameArray
 from .recording import CHECKED, FROM_BOARD, OPENED, PHONE, PLAIN, REMARK, TO_BOARD, Entry, Recording
 
 LINE_BYTES = 12
 """A line of the file takes about this many bytes besides its data."""
-_HELD_BYTES = 8192
+HELD_BYTES = 8192
 """An entry waits until this many bytes of the file follow it: the driver remarks that checksums begin or end only
 after it has read the first such frames.
 """
@@ -62,7 +77,7 @@ def decode(recording: Recording) -> Iterator[DecodedPart]:
         if direction != REMARK:
             held.append(entry)
             size += len(data) + LINE_BYTES
-            while size - len(held[0].data) - LINE_BYTES >= _HELD_BYTES:
+            while size - len(held[0].data) - LINE_BYTES >= HELD_BYTES:
                 time_s, direction, data = held.popleft()
                 size -= len(data) + LINE_BYTES
                 yield DecodedPart(time_s, direction, data, decoders[direction].feed(data))
@@ -93,14 +108,14 @@ def _feed(entries: Iterable[Entry], decoders: Dict[str, FrameDecoder]) -> Iterat
 def _switch(held: List[Entry], remark: Entry, decoders: Dict[str, FrameDecoder]) -> Iterator[DecodedPart]:
     """The entries before a remark on checksums, and the remark between the two groups."""
     checked = remark.data == CHECKED
-    before, behind = _split(held, checked) if checked != decoders[FROM_BOARD].checked else (held, [])
+    before, behind = split(held, checked) if checked != decoders[FROM_BOARD].checked else (held, [])
     yield from _feed([*before, remark], decoders)
     decoders[FROM_BOARD].checked = checked
     yield from _feed(behind, decoders)
     decoders[TO_BOARD].checked = checked
 
 
-def _split(entries: List[Entry], checked: bool) -> Tuple[List[Entry], List[Entry]]:
+def split(entries: List[Entry], checked: bool) -> Tuple[List[Entry], List[Entry]]:
     """Split the entries at the first reply near their end after which only the rules of `checked` give frames."""
     left = _first_frame(b"".join(data for _, direction, data in entries if direction == FROM_BOARD), checked)
     for i, (time_s, direction, data) in enumerate(entries):
@@ -195,11 +210,7 @@ class RecordedRobot:
     def take(self, frame: Frame, time_s: float) -> bool:
         """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""
         code, stamp, made_s = frame.code, frame.stamp, time_s
-        counts = (
-            self.model is not None
-            and self.model.drives
-            and (code == _OMNI if isinstance(self.model.drive, OmniDrive) else code in _COUNTS)
-        )
+        counts = self._has_counts(code)
         if code == _INFO:
             self._on_info(frame)
         elif code == _PROTOCOL:
@@ -207,9 +218,7 @@ class RecordedRobot:
         elif code == _SENSING and not self.capabilities:
             self.capabilities = frozenset({"environment"})
         if stamp is not None:
-            silent = time_s - self._last_stamp_s >= STALE_S
-            self._last_stamp_s = time_s
-            missing = self._stream.missing(stamp.sequence, silent)
+            missing = self._missing(stamp[0], time_s)
             if code == _IMU and missing >= 0:
                 self._on_imu(frame.args, *self._stream.clock.beside(stamp.time, time_s, not missing), time_s)
             if not counts or missing < 0:
@@ -219,6 +228,62 @@ class RecordedRobot:
         if counts:
             self._move(frame, made_s)
         return counts
+
+    def take_arrays(self, found: Sequence[Tuple[FrameArray, Any]]) -> None:
+        """Handle replies, each array with the times of its frames (N,), as `take` does one by one in their order."""
+        moving = [
+            frames.code
+            for frames, _ in found
+            if frames.stamps is not None or frames.code in (*_COUNTS, _OMNI)
+        ]
+        if _IMU in moving or len(moving) > 1 or self._tracker is not None or self.model is None:
+            singles = [
+                (at, frame, time_s)
+                for frames, times_s in found
+                if frames.code in (_INFO, _PROTOCOL, *moving)
+                for (at, frame), time_s in zip(frames.frames(), times_s.tolist())
+            ]
+            for _, frame, time_s in sorted(singles, key=lambda single: single[0]):
+                self.take(frame, time_s)
+            return
+        for frames, times_s in found:
+            if frames.code in moving:
+                self._take_moving(frames, times_s)
+            elif frames.code in (_INFO, _PROTOCOL):
+                for (_, frame), time_s in zip(frames.frames(), times_s.tolist()):
+                    self.take(frame, time_s)
+
+    def _take_moving(self, frames: FrameArray, times_s: Any) -> None:
+        """Handle frames that have counts or a stamp."""
+        counts, stamps = self._has_counts(frames.code), frames.stamps
+        if frames.code == _SENSING and not self.capabilities:
+            self.capabilities = frozenset({"environment"})
+        made_s, used = times_s, slice(None)
+        if stamps is not None:
+            made_s = np.full(len(times_s), math.nan)
+            for i, ((sequence, ticks), time_s) in enumerate(zip(stamps.tolist(), times_s.tolist())):
+                missing = self._missing(sequence, time_s)
+                if counts and missing >= 0:
+                    self._stream.clock.update(ticks, time_s, not missing)
+                    made_s[i] = self._stream.clock.board_s
+            used = made_s == made_s
+        if counts:
+            wheels = 3 if frames.code == _OMNI else 2
+            made_s = made_s[used]
+            self._odometry(stamps is not None).update_all(frames.args[used, :wheels], made_s)
+            self._counted_s = float(made_s[-1]) if len(made_s) else self._counted_s
+
+    def _has_counts(self, code: int) -> bool:
+        """Return whether replies with this code have the counters of this robot."""
+        if self.model is None or not self.model.drives:
+            return False
+        return code == _OMNI if isinstance(self.model.drive, OmniDrive) else code in _COUNTS
+
+    def _missing(self, sequence: int, time_s: float) -> int:
+        """As `Stream.missing`, for a frame that arrived at `time_s`."""
+        silent = time_s - self._last_stamp_s >= STALE_S
+        self._last_stamp_s = time_s
+        return self._stream.missing(sequence, silent)
 
     def _on_info(self, frame: Frame) -> None:
         self.version, robot_id = frame.args[3:5]
@@ -239,9 +304,7 @@ class RecordedRobot:
         self.imu = self._tracker.update(reading, self._counted_s, odometry)
 
     def _move(self, frame: Frame, time_s: float) -> None:
-        odometry, exact = self.odometry, frame.stamp is not None
-        if odometry is None or exact != self._exact:
-            odometry = self._make_odometry(exact)
+        odometry = self._odometry(frame.stamp is not None)
         if self._tracker is not None:
             self._tracker.check(time_s)
         self._counted_s = time_s
@@ -251,10 +314,14 @@ class RecordedRobot:
         else:
             odometry.update(right, left, time_s)
 
-    def _make_odometry(self, exact: bool) -> Odometry:
-        """Odometry for board time, or for arrival times, that continues from the pose of the previous one."""
+    def _odometry(self, exact: bool) -> Odometry:
+        """Odometry for board time, or for arrival times; another one continues from the pose of the one before."""
+        before = self.odometry
+        if before is not None and exact == self._exact:
+            return before
         assert self.model is not None
-        before, odometry = self.odometry, odometry_of(self.model, exact)
+        odometry = odometry_of(self.model, exact)
+        odometry.uncertainty = None
         if before is not None:
             odometry.pose, odometry.baseline.refused = before.pose, before.baseline.refused
         self.odometry, self._exact = odometry, exact

@@ -23,12 +23,19 @@ import os
 import threading
 import time
 from collections import deque
-from typing import Any, Callable, Deque, Dict, Iterator, List, NamedTuple, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, Iterator, List, Optional
 
 from mrl_driver.errors import ConfigError
 
+from .entry import FROM_BOARD as FROM_BOARD
+from .entry import LONGEST_LINE, Entry
+from .entry import REMARK as REMARK
+from .entry import TO_BOARD as TO_BOARD
+
+if TYPE_CHECKING:
+    from .lines import Block
+
 VERSION = 1
-TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
 OPENED = b"opened "
 """A remark: the port that follows was opened."""
 CHECKED, PLAIN = b"checked", b"plain"
@@ -71,15 +78,6 @@ FLUSH_S, HOLD_S = 0.2, 0.05
 [s].
 """
 _MOST_WAITING = 20000
-_LONGEST_LINE = 1 << 20
-
-
-class Entry(NamedTuple):
-    """One line: time [s since the start], direction (`>`, `<` or `!`), and the bytes."""
-
-    time_s: float
-    direction: str
-    data: bytes
 
 
 def now_s() -> float:
@@ -211,7 +209,7 @@ class Recording:
             raise ConfigError(f"cannot read {path!r}: it is not a plain file; give a recording")
         try:
             with open(path, "rb") as file:
-                first = file.readline(_LONGEST_LINE)
+                first = file.readline(LONGEST_LINE)
         except OSError as error:
             raise ConfigError(f"cannot read {path!r}: {error.strerror}; give a recording") from None
         self.header = self._read_header(first)
@@ -237,46 +235,20 @@ class Recording:
 
     def __iter__(self) -> Iterator[Entry]:
         """Entries in the order of the file; a line that cannot be read is noted in `skipped`."""
+        for block in self.blocks():
+            yield from block.entries()
+
+    def blocks(self) -> Iterator["Block"]:
+        """All entries as arrays, some thousand at a time; a line that cannot be read is noted in `skipped`."""
+        from .lines import read_blocks  # numpy: the driver, which only records, does not wait for it
+
         self.skipped.clear()
         self.skipped_count = 0
-        last_s = 0.0
         with open(self.path, "rb") as file:
-            file.readline(_LONGEST_LINE)
-            number = 1
-            for line in iter(lambda: file.readline(_LONGEST_LINE), b""):
-                number += 1
-                if not line.strip():
-                    continue
-                entry, problem = _parse(line, last_s)
-                if entry is None:
-                    self._skip(number, problem)
-                    continue
-                last_s = entry.time_s
-                yield entry
+            file.readline(LONGEST_LINE)
+            yield from read_blocks(file, self._skip)
 
     def _skip(self, number: int, problem: str) -> None:
         self.skipped_count += 1
         if len(self.skipped) < 100:
             self.skipped[number] = problem
-
-
-def _parse(line: bytes, last_s: float) -> Tuple[Optional[Entry], str]:
-    """The entry on a line, or None and what is wrong with it."""
-    if not line.endswith(b"\n"):
-        return None, "incomplete"
-    stamp, _, rest = line.strip(b"\r\n").partition(b" ")
-    direction, _, text = rest.partition(b" ")
-    try:
-        time_s = float(stamp)
-    except ValueError:
-        return None, f"time is {stamp[:20]!r}, expected seconds"
-    if not 0.0 <= time_s < 1e9:
-        return None, f"time is {time_s}, expected 0 or more seconds"
-    if direction not in (b">", b"<", b"!"):
-        return None, f"direction is {direction[:20]!r}, expected '>', '<' or '!'"
-    if time_s < last_s:
-        return None, f"time {time_s} is before {last_s} of an earlier line"
-    try:
-        return Entry(time_s, direction.decode(), codecs.escape_decode(text)[0]), ""
-    except ValueError:
-        return None, f"bytes {text[:20]!r} are not escaped as in a Python string"

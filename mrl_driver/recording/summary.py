@@ -2,15 +2,19 @@
 
 import math
 from collections import Counter
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, List, Optional
+
+import numpy as np
 
 from mrl_driver.geometry import ORIGIN
-from mrl_driver.protocol import Frame
+from mrl_driver.protocol import REPLIES, REQUESTS, Frame
 from mrl_driver.protocol.table import BY_CODE, SENSOR_BY_NAME
 from mrl_driver.robot.models import RobotModel
 
-from .decoded import DecodedPart, RecordedRobot, decode, sensors_in
-from .recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from .decoded import HELD_BYTES, LINE_BYTES, RecordedRobot, sensors_in, split
+from .frame_arrays import FrameArray, FrameArrayDecoder
+from .lines import Block, block_of
+from .recording import CHECKED, FROM_BOARD, OPENED, PLAIN, REMARK, TO_BOARD, Entry, Recording
 
 
 def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[str, Any]:
@@ -22,8 +26,9 @@ def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[
     the end, one of `robot.imu.STATES`.
     """
     reader = _Reader(model)
-    for part in decode(recording):
-        reader.read(part)
+    for block in recording.blocks():
+        reader.read(block)
+    reader.end()
     robot, odometry = reader.robot, reader.robot.odometry
     moves = robot.model is not None and robot.model.drives
     pose = (odometry.pose if odometry else ORIGIN)._asdict() if moves else None
@@ -56,7 +61,7 @@ def _named(codes: Dict[int, int]) -> Dict[str, int]:
 
 
 class _Reader:
-    """Adds up the parts of a recording."""
+    """Adds up the blocks of a recording."""
 
     def __init__(self, model: Optional[RobotModel]) -> None:
         self.robot = RecordedRobot(model)
@@ -64,31 +69,82 @@ class _Reader:
         self.sizes = Counter({FROM_BOARD: 0, TO_BOARD: 0})
         self.frames: Counter[int] = Counter()
         self.requests: Counter[int] = Counter()
-        self.garbage: Counter[str] = Counter()
         self.sensors: Dict[str, Dict[str, Any]] = {}
+        self.garbage: Counter[str] = Counter()
+        self._held = block_of([])
+        self._open()
 
-    def read(self, part: DecodedPart) -> None:
-        """Add one part."""
-        time_s, direction, data, events = part
-        self.duration_s = max(self.duration_s, time_s)
-        if direction == REMARK:
-            self.robot.begin_again()
-            return
-        self.sizes[direction] += len(data)
-        if direction == TO_BOARD:
-            self.requests.update(event.code for event in events if isinstance(event, Frame))
-            return
-        for event in events:
-            if isinstance(event, Frame):
-                self.frames[event.code] += 1
-                self.robot.take(event, time_s)
-                for name, found in sensors_in(event, time_s).items():
-                    self._sense(name, found.values)
-            else:
-                self.garbage[event.reason] += 1
+    def read(self, block: Block) -> None:
+        """Add a block."""
+        self.duration_s, first = float(block.times_s[-1]), 0
+        for i in np.flatnonzero(block.directions == ord(REMARK)).tolist():
+            remark = next(block.part(i, i + 1).entries())
+            if remark.data in (CHECKED, PLAIN) or remark.data.startswith(OPENED):
+                self._hold(block.part(first, i))
+                self._on_remark(remark)
+                first = i + 1
+        self._hold(block.part(first, len(block.ends)))
 
-    def _sense(self, name: str, values: Tuple[float, ...]) -> None:
-        unit = SENSOR_BY_NAME[name].fields[0].base_unit
-        known = self.sensors.setdefault(name, {"least": math.inf, "most": -math.inf, "unit": unit})
-        known["least"] = float(min(known["least"], *values))
-        known["most"] = float(max(known["most"], *values))
+    def end(self) -> None:
+        """The recording ends here."""
+        self._decode(self._held)
+        self._close()
+
+    def _open(self) -> None:
+        self._to_board, self._from_board = FrameArrayDecoder(REQUESTS), FrameArrayDecoder(REPLIES)
+
+    def _close(self) -> None:
+        for decoder in (self._to_board, self._from_board):
+            decoder.flush()
+        self.garbage += self._from_board.garbage
+
+    def _hold(self, block: Block) -> None:
+        """Decode all but the last bytes: a remark that follows may apply to those."""
+        held = self._held.followed_by(block.only(block.directions != ord(REMARK)))
+        sizes = held.sizes + LINE_BYTES
+        behind = int(sizes.sum()) - np.cumsum(sizes)
+        done = int(np.count_nonzero(behind >= HELD_BYTES))
+        self._decode(held.part(0, done))
+        self._held = held.part(done, len(held.ends))
+
+    def _on_remark(self, remark: Entry) -> None:
+        before = list(self._held.entries())
+        behind: List[Entry] = []
+        checked = remark.data == CHECKED
+        opened = remark.data.startswith(OPENED)
+        if not opened and checked != self._from_board.checked:
+            before, behind = split(before, checked)
+        self._held = block_of([])
+        self._decode(block_of(before))
+        self.robot.begin_again()
+        if opened:
+            self._close()
+            self._open()
+            return
+        self._from_board.checked = checked
+        self._decode(block_of(behind))
+        self._to_board.checked = checked
+
+    def _decode(self, block: Block) -> None:
+        if not len(block.ends):
+            return
+        asked = block.only(block.directions == ord(TO_BOARD))
+        heard = block.only(block.directions == ord(FROM_BOARD))
+        self.sizes[TO_BOARD] += len(asked.data)
+        self.sizes[FROM_BOARD] += len(heard.data)
+        for frames in self._to_board.feed(asked.data):
+            self.requests[frames.code] += len(frames.at)
+        found = []
+        for frames in self._from_board.feed(heard.data):
+            self.frames[frames.code] += len(frames.at)
+            self._sense(frames)
+            found.append((frames, heard.times_s[np.searchsorted(heard.ends, frames.at, side="right")]))
+        self.robot.take_arrays(found)
+
+    def _sense(self, frames: FrameArray) -> None:
+        for name, found in sensors_in(Frame(frames.code, tuple(frames.args.T)), 0.0).items():
+            unit = SENSOR_BY_NAME[name].fields[0].base_unit
+            known = self.sensors.setdefault(name, {"least": math.inf, "most": -math.inf, "unit": unit})
+            values = np.array(found.values)
+            known["least"] = float(min(known["least"], values.min()))
+            known["most"] = float(max(known["most"], values.max()))
