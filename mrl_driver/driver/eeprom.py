@@ -1,8 +1,9 @@
 """Reads, sets and saves the parameters of a board: those in force, and those in its EEPROM."""
 
+import contextlib
 from typing import Dict, Iterable, Mapping, Tuple
 
-from mrl_driver.errors import BoardRefused
+from mrl_driver.errors import BoardError, BoardRefused, MrlError
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.robot.models import RobotModel
 
@@ -101,9 +102,33 @@ def save_model(driver: Driver, robot_id: int, model: RobotModel) -> None:
         raise BoardRefused("the board refused to set its defaults; try again")
     write(driver, {name: value for name, value in values.items() if name != "robot_id"})
     save(driver)
-    for name, value in values.items():
-        found = read(driver, name)[name]
-        if found != value:
+    _require_values(driver, values)
+
+
+def replace(driver: Driver, values: Mapping[str, int], saved: bool = True) -> None:
+    """Set parameters, save them unless `saved` is False, and check them.  After a refusal the old ones are in force.
+
+    Raises:
+        BoardRefused: the board stores no configuration, does not have a parameter, refused a value, or restarted
+            before saving.
+        BoardTimeout: the board does not reply.
+    """
+    require_config(driver)
+    old = read(driver, *values)
+    try:
+        write(driver, {name: value for name, value in values.items() if value != old[name]})
+    except BoardError:
+        with contextlib.suppress(MrlError):
+            write(driver, old)
+        raise
+    if saved:
+        save(driver)
+    _require_values(driver, values)
+
+
+def _require_values(driver: Driver, values: Mapping[str, int]) -> None:
+    for name, found in read(driver, *values).items():
+        if found != values[name]:
             raise BoardRefused(
-                f"the board has {name} {found}, expected {value}: it restarted before saving; try again"
+                f"the board has {name} {found}, expected {values[name]}: it restarted before saving; try again"
             )

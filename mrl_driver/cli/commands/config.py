@@ -1,24 +1,39 @@
 """`mrl config`: the parameters in a board's EEPROM."""
 
 import difflib
+import sys
 from typing import TYPE_CHECKING, Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
-from mrl_driver.navigation.radio_holder import FRESH_S
-from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, Parameter
+from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
-from .shared import complete_parameter, confirm, connected, json_option, print_json, robot_options, yes_option
+from .shared import (
+    complete_parameter,
+    confirm,
+    confirm_overwrite,
+    connected,
+    json_option,
+    print_json,
+    print_message,
+    robot_options,
+    yes_option,
+)
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
+    from mrl_driver.driver.parameter_file import ParameterFile
 
 
-LEAST_HOLD = round(FRESH_S / 0.1)
-"""Smallest `radio_hold` but 0: below it, a board's host may release it while its holder still counts it as held."""
+try_option = click.option(
+    "--try",
+    "only_try",
+    is_flag=True,
+    help="Do not save: the next reset, or opening the port, undoes the change.",
+)
 
 
 class ParameterValue(NamedTuple):
@@ -40,6 +55,7 @@ def config() -> None:
       mrl config set kp 800 ki 350 --robot lab3
       mrl config defaults --robot lab3
       mrl config save --robot lab3
+      mrl config dump lab3.yaml --robot lab3
     """
 
 
@@ -74,12 +90,7 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
     "words", nargs=-1, required=True, metavar="NAME VALUE [NAME VALUE]...", shell_complete=complete_parameter
 )
 @robot_options
-@click.option(
-    "--try",
-    "only_try",
-    is_flag=True,
-    help="Do not save: the next reset, or opening the port, undoes the change.",
-)
+@try_option
 @yes_option
 @json_option
 def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_json: bool) -> None:
@@ -149,6 +160,141 @@ def defaults(target: Target, yes: bool) -> None:
     click.echo("the defaults are saved")
 
 
+class Difference(NamedTuple):
+    """A parameter that differs between a board and a file or robot model."""
+
+    row: Parameter
+    board: Optional[int]
+    """None if the board does not have it."""
+    other: Optional[int]
+    """Value in the file or model; None if it has none."""
+
+
+@config.command()
+@click.argument("file", required=False, type=click.Path(dir_okay=False))
+@robot_options
+@yes_option
+def dump(target: Target, file: Optional[str], yes: bool) -> None:
+    """Write all parameters to a YAML file, or print them.
+
+    The file also has the board's id and firmware, and the meaning and unit of each parameter.  mrl config load writes
+    it back, and mrl config diff compares it with a board.
+
+    \b
+    Examples:
+      mrl config dump lab3.yaml --robot lab3
+      mrl config dump --port /dev/ttyACM0
+    """
+    from mrl_driver.driver import eeprom, parameter_file
+    from mrl_driver.files import replace_file
+
+    confirm_overwrite(file, yes)
+    with connected(target, ignore_battery=True) as driver:
+        eeprom.require_config(driver)
+        found = parameter_file.of_driver(driver)
+    if file is None:
+        click.echo(parameter_file.text_of(found), nl=False)
+        return
+    replace_file(file, parameter_file.text_of(found))
+    click.echo(f"{file} has {len(found.values)} parameters of robot {found.robot_id}")
+
+
+@config.command()
+@click.argument("file", type=click.Path(dir_okay=False))
+@robot_options
+@try_option
+@click.option("--other-robot", is_flag=True, help="Accept the file of another robot or model.")
+@yes_option
+def load(target: Target, file: str, only_try: bool, other_robot: bool, yes: bool) -> None:
+    """Set and save all parameters of a file by mrl config dump.
+
+    The whole file is checked before the first parameter is set, and the board afterwards.  The robot id stays: a new
+    board first gets it with mrl set-id.  The file must be of this robot, unless --other-robot is given; the board
+    then keeps its bridge and wiring, which belong to the cables.
+
+    \b
+    Examples:
+      mrl config load lab3.yaml --robot lab3
+      mrl config load lab3.yaml --robot lab4 --other-robot --try
+    """
+    from mrl_driver.driver import eeprom, parameter_file
+
+    wanted = parameter_file.read(file)
+    with connected(target, ignore_battery=True) as driver:
+        eeprom.require_config(driver)
+        parameter_file.require_kind(wanted, file, driver, other_robot)
+        values = parameter_file.values_for(driver.board.robot_id, wanted)
+        eeprom.require_parameters(driver, values)
+        old = parameter_file.of_driver(driver).values
+        listed = ", ".join(
+            f"{name} {old[name]} to {value}" for name, value in values.items() if value != old[name]
+        )
+        if listed:
+            confirm(f"Change {listed} on robot {driver.board.robot_id}?", yes)
+        eeprom.replace(driver, values, saved=not only_try)
+    kept = ", ".join(name for name in old if name not in values)
+    if kept:
+        print_message(f"the board keeps its own {kept}")
+    done = "in force until the next reset" if only_try else "saved"
+    click.echo(f"{listed or 'no parameter differs'}: {done}")
+
+
+@config.command()
+@click.argument("file", required=False, type=click.Path(dir_okay=False))
+@robot_options
+@json_option
+def diff(target: Target, file: Optional[str], as_json: bool) -> None:
+    """Compare the board's parameters with a file, or with the robot model.
+
+    The exit code is 1 if a parameter differs, 0 if none does.
+
+    \b
+    Examples:
+      mrl config diff lab3.yaml --robot lab3
+      mrl config diff --robot lab3               with the robot model
+    """
+    from mrl_driver.driver import eeprom, parameter_file
+
+    wanted = parameter_file.read(file) if file else None
+    with connected(target, ignore_battery=True) as driver:
+        eeprom.require_config(driver)
+        found, model = parameter_file.of_driver(driver), driver.model
+    if wanted is not None:
+        differences = _differences(found, wanted)
+    else:
+        rows = [(PARAMETER_BY_NAME[name], value) for name, value in found.values.items()]
+        compared = [Difference(row, value, default_of(model, row)) for row, value in rows]
+        differences = [each for each in compared if each.other not in (None, each.board)]
+    name = file or f"the model {found.model}"
+    if as_json:
+        print_json([_plain_difference(each) for each in differences])
+    else:
+        _show_differences(differences, found, name)
+    if differences:
+        sys.exit(1)
+
+
+def _differences(found: "ParameterFile", wanted: "ParameterFile") -> List[Difference]:
+    """Return what differs between a board and a file; the robot id counts too."""
+    board, file = ({"robot_id": each.robot_id, **each.values} for each in (found, wanted))
+    compared = [Difference(row, board.get(row.name), file.get(row.name)) for row in PARAMETERS]
+    return [each for each in compared if each.board != each.other]
+
+
+def _plain_difference(each: Difference) -> Dict[str, Any]:
+    return {"name": each.row.name, "board": each.board, "expected": each.other, "unit": each.row.unit}
+
+
+def _show_differences(differences: Sequence[Difference], found: "ParameterFile", name: str) -> None:
+    if not differences:
+        click.echo(f"robot {found.robot_id} has the parameters of {name}")
+        return
+    click.echo(f"{'parameter':<16}{'board':>7} {'expected':>8} {'unit':<9} meaning; expected: {name}")
+    for row, board, other in differences:
+        cells = ["-" if value is None else str(value) for value in (board, other)]
+        click.echo(f"{row.name:<16}{cells[0]:>7} {cells[1]:>8} {row.unit:<9} {row.text}".rstrip())
+
+
 def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
     """Parse alternating names and values.
 
@@ -159,6 +305,8 @@ def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
         raise ConfigError(
             f"{words[-1]!r} has no value, expected names and values in turn, such as: kp 800 ki 350"
         )
+    from mrl_driver.driver import parameter_file
+
     found: Dict[str, Tuple[Parameter, int]] = {}
     for name, text in zip(words[::2], words[1::2]):
         row = _row(name)
@@ -175,11 +323,8 @@ def parse(words: Sequence[str]) -> List[Tuple[Parameter, int]]:
             raise ConfigError(
                 f"{name} is {text!r}, expected a whole number from {row.low} to {row.high}{unit}"
             )
-        if name == "radio_hold" and 0 < value < LEAST_HOLD:
-            raise ConfigError(
-                f"radio_hold is {value}, expected 0 or {LEAST_HOLD} to {row.high} [{row.unit}]: "
-                f"a holder counts an answer for {FRESH_S:g} s"
-            )
+        if name == "radio_hold":
+            parameter_file.require_hold(value, name)
         found[name] = (row, value)
     return list(found.values())
 
