@@ -8,6 +8,7 @@ from typing import Callable, List, Optional, Set, Tuple
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.table import CAPABILITIES, TICK_S
 from mrl_driver.session.events import ACCEL_M_S2, GYRO_RAD_S
+from sim_arduino.board.parameter_store import defaults
 
 SEPARATION_M, METRES = 0.180, 0.000087512033
 UPWARD = round(9.81 / ACCEL_M_S2)
@@ -31,6 +32,8 @@ class FakeBoard:
         self.boot_s = boot_s
         self.battery, self.temperature = 1200, 2500
         self.faults = 0
+        self.parameters = defaults(robot_id)
+        """By number."""
         self.capabilities = {name for name, _ in CAPABILITIES[:5]}
         self.sonars = (120, 45, 645)
         self.right = self.left = 0.0
@@ -162,6 +165,8 @@ class FakeBoard:
             self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, self.faults, 0)
         elif code == 31:
             self._say(31, *[0] * 11)
+        elif code == 34:
+            self._say(34, args[0], self.parameters[args[0]])
         elif code == 47 and "imu" in self.capabilities:
             self.imu_period_s = args[0] / 1000
             self.imu_s = self.due_s + self.imu_period_s / 2  # between the frames of the counters

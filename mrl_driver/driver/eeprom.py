@@ -1,11 +1,11 @@
 """Reads, sets and saves the parameters of a board: those in force, and those in its EEPROM."""
 
 import contextlib
-from typing import Dict, Iterable, Mapping, Tuple
+from typing import Dict, Iterable, Mapping, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardRefused, MrlError
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
-from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .driver import Driver
 
@@ -15,6 +15,20 @@ _READ, _WRITE, _SAVE, _DEFAULTS = (
 
 CABLES = ("bridge", "wiring")
 """Parameters that describe the cables of one robot; `mrl calibrate wiring` sets them."""
+
+
+def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
+    """Return a robot model's value of a parameter; the wiring belongs to the robot, unless its own file has it."""
+    own = model.board if model is not None else {}
+    if row.name == "wiring":
+        return own.get(row.name)
+    return own.get(row.name, COMMON_BOARD.get(row.name))
+
+
+def differing(values: Mapping[str, int], model: RobotModel) -> Dict[str, int]:
+    """Return the model's values of the parameters, by name, that differ from these values of a board."""
+    defaults = {name: default_of(model, PARAMETER_BY_NAME[name]) for name in values}
+    return {name: value for name, value in defaults.items() if value is not None and value != values[name]}
 
 
 def can_configure(driver: Driver) -> bool:

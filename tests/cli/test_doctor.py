@@ -10,10 +10,10 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.cli.commands import doctor
-from mrl_driver.cli.doctor import board, computer, wheels
+from mrl_driver.cli.doctor import board, computer, parameters, wheels
 from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
 from mrl_driver.cli.doctor.wheels import Moved
-from mrl_driver.protocol.table import FAULTS
+from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
 from mrl_driver.session.handshake import Board
@@ -72,6 +72,16 @@ def test_wheels_do_not_turn_without_an_answer(serve):
     port = serve()
     assert "wheels lifted" in fails(2, "doctor", "--drive", "--port", port.path)
     assert not port.received
+
+
+def test_a_board_with_other_parameters_than_the_model_is_found(quick, serve):
+    port = serve()
+    port.board.parameters[PARAMETER_BY_NAME["gearbox"].number] = 300
+    code, findings, found = examine("--port", port.path)
+    assert code == 1 and found["facts"]["parameters"]["gearbox"] == 300
+    assert findings["gearbox"]["advice"].startswith(
+        f"if the model is right: mrl config set gearbox 437 --port {port.path};"
+    )
 
 
 def test_a_dead_encoder_is_found(quick, serve):
@@ -258,6 +268,89 @@ def test_a_sonar_without_a_reading_names_its_pin():
 def test_the_build_for_environment_sensors_has_no_sonars():
     bare = GOOD._replace(capabilities=frozenset(["check", "watchdog", "environment"]))
     assert [each.level for each in board.sonars({"front": math.nan}, bare)] == [NOTE]
+
+
+DUO = models.load("duo")
+
+
+def compared(model, **values):
+    """Findings for a board with the model's parameters but these, by subject."""
+    found = parameters.check({**models.COMMON_BOARD, **model.board, **values}, model)
+    return {each.subject: each for each in found}
+
+
+@pytest.mark.parametrize("model", [TRAXBOT, DUO, models.load("omni")], ids=lambda model: model.name)
+def test_a_board_with_the_parameters_of_its_model(model):
+    assert [(each.subject, each.level) for each in compared(model).values()] == [("parameters", OK)]
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "level", "words"),
+    [
+        (
+            TRAXBOT,
+            {"gearbox": 300},
+            FAULT,
+            "the robot drives 31.4 % slower than commanded; if",
+        ),
+        (TRAXBOT, {"gearbox": 300}, FAULT, "odometry gives distances 31.4 % too short"),
+        (TRAXBOT, {"encoder_counts": 672}, WARNING, "drives 5 % faster than commanded"),
+        (TRAXBOT, {"wheel_radius": 5400}, FAULT, "drives 50 % slower than commanded"),
+        (TRAXBOT, {"axis_radius": 8787}, NOTE, "turns 1 % faster than commanded"),
+        (DUO, {"axis_radius": 6000}, FAULT, "odometry gives turns 20 % too short"),
+        (DUO, {"wheel_radius": 6500}, FAULT, "odometry gives distances 50 % too short"),
+        (
+            TRAXBOT,
+            {"linear_ceiling": 200},
+            WARNING,
+            "commands up to 0.3 m/s, and the board drives at most 0.2 m/s",
+        ),
+        (TRAXBOT, {"linear_ceiling": 400}, NOTE, "no effect"),
+        (TRAXBOT, {"kp": 800}, NOTE, "800 on the board, 700 in the model traxbot: the wheels follow"),
+        (DUO, {"bridge": 3}, FAULT, "l298n on the board, tb6612 in the model duo"),
+        (models.load("omni"), {"wheel_radius": 6000}, NOTE, "applies its ceilings"),
+    ],
+)
+def test_a_parameter_that_differs_from_the_model(model, values, level, words):
+    ((name, found),) = compared(model, **values).items()
+    assert name in values and found.level == level and words in found.text
+
+
+def test_a_radius_that_was_fitted_says_nothing_of_odometry():
+    assert "odometry" not in compared(TRAXBOT, wheel_radius=5400)["wheel_radius"].text
+
+
+@pytest.mark.parametrize(
+    ("values", "level", "words"),
+    [
+        ({"sonar_a": 12650}, WARNING, "at 1 m ranges are 7.53 % long"),
+        ({"sonar_c": -100000}, WARNING, "at 1 m ranges are 9.62 % short"),
+        ({"sonar_b": 1}, FAULT, "% short"),
+    ],
+)
+def test_another_sonar_curve_gives_other_ranges(values, level, words):
+    found = compared(TRAXBOT, **values)["sonars"]
+    assert found.level == level and words in found.text and "sonar_a 11767 sonar_b 9466" in found.advice
+
+
+def test_what_no_model_names_is_kept_in_a_file():
+    found = compared(DUO, battery_divider=3200, undervoltage=960, wiring=107)["parameters"]
+    assert found.level == NOTE and found.text.endswith(": battery_divider 3200, undervoltage 960")
+    assert found.advice == "keep them in a file: mrl config dump FILE --port PORT"
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"metres_per_count": 0.0001638}, "drive.metres_per_count of the model duo does not fit"),
+        ({"wheel_separation_m": 0.1}, "turns 50 % faster than commanded"),
+    ],
+)
+def test_odometry_that_does_not_fit_the_board(keys, words):
+    (found,) = parameters.check(
+        {**models.COMMON_BOARD, **DUO.board}, DUO._replace(drive=DUO.drive._replace(**keys))
+    )
+    assert found.level == WARNING and words in found.text
 
 
 def test_noise_alone_is_usual():

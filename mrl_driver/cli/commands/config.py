@@ -9,7 +9,6 @@ import click
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, PARAMETERS, Parameter
-from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .shared import (
     complete_parameter,
@@ -262,9 +261,10 @@ def diff(target: Target, file: Optional[str], as_json: bool) -> None:
     if wanted is not None:
         differences = _differences(found, wanted)
     else:
-        rows = [(PARAMETER_BY_NAME[name], value) for name, value in found.values.items()]
-        compared = [Difference(row, value, default_of(model, row)) for row, value in rows]
-        differences = [each for each in compared if each.other not in (None, each.board)]
+        expected = eeprom.differing(found.values, model) if model else {}
+        differences = [
+            Difference(PARAMETER_BY_NAME[name], found.values[name], value) for name, value in expected.items()
+        ]
     name = file or f"the model {found.model}"
     if as_json:
         print_json([_plain_difference(each) for each in differences])
@@ -340,15 +340,7 @@ def _row(name: str) -> Parameter:
 def _value(driver: "Driver", row: Parameter) -> ParameterValue:
     from mrl_driver.driver import eeprom
 
-    return ParameterValue(row, eeprom.read(driver, row.name)[row.name], default_of(driver.model, row))
-
-
-def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
-    """Return a robot model's value of a parameter; the wiring belongs to the robot, unless its own file has it."""
-    own = model.board if model is not None else {}
-    if row.name == "wiring":
-        return own.get(row.name)
-    return own.get(row.name, COMMON_BOARD.get(row.name))
+    return ParameterValue(row, eeprom.read(driver, row.name)[row.name], eeprom.default_of(driver.model, row))
 
 
 def _plain(each: ParameterValue) -> Dict[str, Any]:

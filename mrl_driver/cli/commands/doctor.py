@@ -144,7 +144,8 @@ class Checkup:
             connection.__exit__(*sys.exc_info())
 
     def _check(self, driver: "Driver", any_id: bool) -> None:
-        from mrl_driver.cli.doctor import board
+        from mrl_driver.cli.doctor import board, parameters
+        from mrl_driver.driver import eeprom
 
         if not any_id:
             self._add(board.identity(driver.board, driver.model))
@@ -161,6 +162,10 @@ class Checkup:
             "round_trips_ms": [round(each * 1000, 2) for each in seen.round_trips_s],
             "refused_by_board": counts,
         }
+        if driver.model is not None and driver.model.drives and eeprom.can_configure(driver) and not any_id:
+            values = eeprom.read(driver, *(row.name for row in eeprom.parameters(driver)))
+            self.facts["parameters"] = values
+            self._add(parameters.check(values, driver.model))
         self._add(board.link(seen, by_network=is_network(require_port(self.target))))
         self._add(board.refusals(counts, driver.model is None or driver.model.drives))
         self._add(board.hold(driver.hold))

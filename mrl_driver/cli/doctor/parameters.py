@@ -1,0 +1,156 @@
+"""Compares the parameters of a board with the robot's model: what differs, what it causes, and what to do."""
+
+import math
+from typing import Iterator, List, Mapping, Tuple
+
+from mrl_driver.driver import eeprom
+from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME
+from mrl_driver.robot.models import CURVE_KEYS, Drive, RobotModel
+
+from .findings import FAULT, NOTE, OK, WARNING, Finding
+
+SMALL, LARGE = 0.02, 0.1
+"""A speed, a turn or a range that is wrong by more than this share is a warning, or a fault.  Assumed."""
+CALIBRATED = 0.1
+"""Share by which a calibration may move the geometry of odometry away from the board's.  Assumed: tyres give way by a
+few percent, and a wheel separation was measured to the middle of tyres of a tenth of its width."""
+_COUNTS = ("gearbox", "encoder_counts")
+_GEOMETRY = (*_COUNTS, "wheel_radius", "axis_radius")
+_CEILINGS = {"linear_ceiling": ("linear_m_s", "m/s"), "angular_ceiling": ("angular_rad_s", "rad/s")}
+_REFERENCE_M = 1.0
+
+
+def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
+    """Compare parameters in force, by name, with those of a model with motors."""
+    differing = eeprom.differing(values, model)
+    named = [name for name in differing if name in model.board and name not in CURVE_KEYS]
+    found = [_finding(name, values, model) for name in named]
+    if any(name in differing for name in CURVE_KEYS):
+        found.append(_sonar_curve(values, model))
+    if values.get("bridge") and isinstance(model.drive, Drive) and not set(_GEOMETRY) & set(named):
+        found += _odometry(values, model)
+    yield from found or [Finding(OK, "parameters", f"as in the model {model.name}")]
+    alone = [name for name in differing if name not in (*named, *CURVE_KEYS)]
+    if alone:
+        listed = ", ".join(f"{name} {values[name]}" for name in alone)
+        text = f"set on this board, but not in the model {model.name}: {listed}"
+        yield Finding(NOTE, "parameters", text, "keep them in a file: mrl config dump FILE --port PORT")
+
+
+def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding:
+    """Return the finding for a parameter that differs from the model's own."""
+    if name in _GEOMETRY:
+        level, effect = _geometry(name, values, model)
+    elif name in _CEILINGS:
+        level, effect = _ceiling(name, values[name], model)
+    elif name in eeprom.CABLES:
+        level, effect = FAULT, "wheels do not turn, turn backward, or count the wrong way"
+    elif name == "battery_divider":
+        share = values[name] / model.board[name] - 1 if model.board[name] else 0.0
+        level, effect = WARNING, f"the battery reads {_percent(share, 'low', 'high')}"
+    elif name == "undervoltage":
+        level, effect = WARNING, f"the motors stop below {values[name] / 100:g} V"
+    else:
+        level, effect = NOTE, "the wheels follow a command in another way than with the model's value"
+    unit = PARAMETER_BY_NAME[name].unit
+    got, expected = (_spelled(name, value) for value in (values[name], model.board[name]))
+    text = f"{got} on the board, {expected} in the model {model.name}" + (f" [{unit}]" if unit else "")
+    return Finding(level, name, f"{text}: {effect}", _advice(name, expected))
+
+
+def _advice(name: str, expected: str) -> str:
+    right = f"if the model is right: mrl config set {name} {expected} --port PORT"
+    return f"{right}; if the board is: correct board.{name} in the robot's file"
+
+
+def _spelled(name: str, value: int) -> str:
+    return BRIDGES[value] if name == "bridge" else str(value)
+
+
+def _geometry(name: str, values: Mapping[str, int], model: RobotModel) -> Tuple[str, str]:
+    """Return level and effect.  The board turns speeds into counts per second by its geometry."""
+    share = values[name] / model.board[name]
+    share = (1 / share if name == "wheel_radius" else share) - 1
+    level = FAULT if abs(share) > LARGE else WARNING if abs(share) > SMALL else NOTE
+    if not isinstance(model.drive, Drive):
+        return NOTE, "the board applies its ceilings at other speeds"
+    does, measures = ("turns", "turns") if name == "axis_radius" else ("drives", "distances")
+    effect = f"the robot {does} {_percent(share, 'slower', 'faster')} than commanded"
+    # the radii of a motor board are fitted, so they say nothing about the true ones
+    if name in _COUNTS or values.get("bridge"):
+        effect += (
+            f"; if the board is right, odometry gives {measures} {_percent(share, 'too short', 'too long')}"
+        )
+    return level, effect
+
+
+def _ceiling(name: str, value: int, model: RobotModel) -> Tuple[str, str]:
+    limit, unit = _CEILINGS[name]
+    most: float = getattr(model.limits, limit)
+    if value / 1000 < most:
+        return (
+            WARNING,
+            f"the driver commands up to {most:g} {unit}, and the board drives at most {value / 1000:g} {unit}",
+        )
+    return NOTE, f"no effect: the driver commands at most {most:g} {unit}"
+
+
+def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
+    import numpy as np  # late: takes long to import
+
+    from mrl_driver.calibration.sonar_curve import Curve
+
+    expected = {name: eeprom.default_of(model, PARAMETER_BY_NAME[name]) or 0 for name in CURVE_KEYS}
+    ours, theirs = (Curve(*(each[name] / 1e4 for name in CURVE_KEYS)) for each in (values, expected))
+    with np.errstate(all="ignore"):  # any numbers may be on a board
+        range_m = float(ours.range_m(theirs.counts(np.array([_REFERENCE_M])))[0])
+    share = range_m / _REFERENCE_M - 1 if math.isfinite(range_m) else math.inf
+    level = FAULT if abs(share) > LARGE else WARNING if abs(share) > SMALL else NOTE
+    words = " ".join(f"{name} {value}" for name, value in expected.items())
+    wrong = _percent(share, "short", "long")
+    text = f"the curve is not that of the model {model.name}: at {_REFERENCE_M:g} m ranges are {wrong}"
+    return Finding(
+        level,
+        "sonars",
+        text,
+        f"if the model is right: mrl config set {words} --port PORT; if not: mrl calibrate sonar",
+    )
+
+
+def _odometry(values: Mapping[str, int], model: RobotModel) -> List[Finding]:
+    """Compare the geometry of a board with an H-bridge, which is the true one, with that of odometry."""
+    drive = model.differential
+    turn_counts = values["gearbox"] * values["encoder_counts"] / 100
+    metres = 2 * math.pi * values["wheel_radius"] * 1e-5 / turn_counts
+    separation_m = 2 * values["axis_radius"] * 1e-5
+    rows = (
+        (
+            "wheels",
+            "drive.metres_per_count",
+            drive.metres_per_count / metres - 1,
+            "drives",
+            "mrl calibrate straight",
+        ),
+        (
+            "wheels",
+            "drive.wheel_separation_m",
+            separation_m / drive.turning_separation_m - 1,
+            "turns",
+            "mrl calibrate turn",
+        ),
+    )
+    return [
+        Finding(
+            WARNING,
+            subject,
+            f"{key} of the model {model.name} does not fit the board's geometry: the robot {does} "
+            f"{_percent(share, 'slower', 'faster')} than commanded, or odometry is wrong by as much",
+            f"measure it: {measure}",
+        )
+        for subject, key, share, does, measure in rows
+        if abs(share) > CALIBRATED
+    ]
+
+
+def _percent(share: float, less: str, more: str) -> str:
+    return f"{abs(share) * 100:.3g} % {less if share < 0 else more}"
