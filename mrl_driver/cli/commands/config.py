@@ -205,7 +205,7 @@ def dump(target: Target, file: Optional[str], yes: bool) -> None:
 @click.option("--other-robot", is_flag=True, help="Accept the file of another robot or model.")
 @yes_option
 def load(target: Target, file: str, only_try: bool, other_robot: bool, yes: bool) -> None:
-    """Set and save all parameters of a file by mrl config dump.
+    """Set and save all parameters of a dumped file.
 
     The whole file is checked before the first parameter is set, and the board afterwards.  The robot id stays: a new
     board first gets it with mrl set-id.  The file must be of this robot, unless --other-robot is given; the board
@@ -243,7 +243,7 @@ def load(target: Target, file: str, only_try: bool, other_robot: bool, yes: bool
 @robot_options
 @json_option
 def diff(target: Target, file: Optional[str], as_json: bool) -> None:
-    """Compare the board's parameters with a file, or with the robot model.
+    """Compare the parameters with a file or the model.
 
     The exit code is 1 if a parameter differs, 0 if none does.
 

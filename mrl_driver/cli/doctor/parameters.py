@@ -44,7 +44,7 @@ def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding
     elif name in _CEILINGS:
         level, effect = _ceiling(name, values[name], model)
     elif name in eeprom.CABLES:
-        level, effect = FAULT, "wheels do not turn, turn backward, or count the wrong way"
+        level, effect = FAULT, "wheels do not turn, turn backward, or count in the wrong direction"
     elif name == "battery_divider":
         share = values[name] / model.board[name] - 1 if model.board[name] else 0.0
         level, effect = WARNING, f"the battery reads {_percent(share, 'low', 'high')}"
