@@ -84,6 +84,7 @@ setup(
         "mrl_driver": ["py.typed", "images/*.hex"],
         "mrl_driver.tip_over": ["vehicles/*.yaml"],
         "mrl_driver.robot.models": ["*.yaml", "*.json"],
+        "mrl_driver.review": ["page/*"],
         "mrl_driver.web": ["page/*", "page/vendor/*/*"],
         "sim_arduino": ["py.typed"],
         "sim_arduino.experiments": ["*.csv"],

@@ -39,6 +39,7 @@ OWN: Dict[str, str] = {
     "ports": "mrl_driver.cli.commands.ports:ports",
     "radio": "mrl_driver.cli.commands.radio:radio",
     "record": "mrl_driver.cli.commands.monitor:record",
+    "review": "mrl_driver.cli.commands.review:review",
     "serve": "mrl_driver.cli.commands.serve:serve",
     "set-id": "mrl_driver.cli.commands.set_id:set_id",
     "system": "mrl_driver.cli.commands.system:system",

@@ -2,6 +2,9 @@
 
 import pytest
 
+from mrl_driver.review.page import render
+from tests.review.page_drives import FINDING, drive
+
 from .browser import ASKED, DESK, PHONE, PROJECTOR
 from .robot_page import RobotPage
 
@@ -95,3 +98,25 @@ def test_the_page_asks_its_own_server_alone_and_the_browser_keeps_it_to_that(vis
     assert len(asked) > 10 and {url.split("/")[2] for url in asked} == {served.links[0].split("/")[2]}
     page.tab.run("fetch('http://example.com/picture').catch(() => 0);")
     page.tab.wait("document.documentElement.dataset.refused === 'http://example.com/picture'")
+
+
+def test_the_review_of_a_drive_opens_offline_and_a_click_on_a_finding_moves_its_charts_there(
+    browser, tmp_path
+):
+    file = tmp_path / "drive.html"
+    file.write_text(
+        render(drive(port="</script><script>document.title = 'run'</script>"), [FINDING]), encoding="utf-8"
+    )
+    tab = browser.open(file.as_uri(), PHONE, ASKED)
+    tab.wait("document.documentElement.dataset.ready === 'yes'")
+    tab.run("document.getElementById('moment').value = 0; document.querySelector('.goto').click();")
+    tab.wait(f"document.documentElement.dataset.moment === '{FINDING.time_s:g}'")
+    assert tab.run("return document.getElementById('moment').value") == f"{FINDING.time_s:g}"
+    assert tab.run("return document.querySelectorAll('.u-over').length") >= 8
+    assert tab.run("return document.documentElement.scrollWidth") == PHONE.width and tab.run(BEYOND) == []
+    assert tab.run("return [document.title, document.documentElement.dataset.refused ?? '']") == [
+        "Review of drive.mrl",
+        "",
+    ]
+    assert [url for url in tab.run("return asked()") if url != file.as_uri()] == []
+    tab.close()

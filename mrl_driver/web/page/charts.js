@@ -1,22 +1,14 @@
 /** Charts of the last 60 s: one for each unit, with the values that the user has chosen by name. */
 
-import { element, fixed, make, remember, remembered, setText } from "./text.js";
+import { LEAST_HEIGHT, TIMES_HEIGHT, chartOptions, nice, valueText } from "./chart_options.js";
+import { element, make, remember, remembered, setText } from "./text.js";
 import { SPAN_MS } from "./samples.js";
 
 const PERIOD_MS = 200;
 const MOST = 6;
 const COLOURS = ["c1", "c2", "c3", "c4", "c5", "c6"];
-const LEAST_HEIGHT = 70;
-const TIMES_HEIGHT = 26;
-const LEAST_SPANS = { m: 0.2, "m/s": 0.1, "rad/s": 0.1, rad: 0.2, V: 0.5, degC: 2, s: 0.02 }; // noise stays small
 
-const nice = (name) => name.replaceAll("_", " ");
-
-function valueText(value, unit) {
-  if (value === Infinity) return "nothing";
-  if (value === -Infinity) return "too close";
-  return `${fixed(value, Math.abs(value) >= 100 ? 1 : 3)}${unit ? ` ${unit}` : ""}`;
-}
+const ago = (_, splits) => splits.map((second) => (Math.round(second) === 0 ? "now" : `${Math.round(second)} s`.replace("-", "−")));
 
 export class Charts {
   #samples;
@@ -73,8 +65,6 @@ export class Charts {
     this.#plots = [];
     this.#chips.clear();
     const names = this.#names();
-    const style = getComputedStyle(document.documentElement);
-    const colour = (name) => style.getPropertyValue(`--${name}`).trim();
     element("chart-values").replaceChildren(...names.map((name, i) => this.#chip(name, COLOURS[i])));
     const units = [...new Set(names.map((name) => this.#samples.unit(name)))];
     document.documentElement.dataset.charts = units.length;
@@ -84,9 +74,10 @@ export class Charts {
       box.setAttribute("role", "img");
       box.setAttribute("aria-label", `Chart of ${shown.map(nice).join(", ")} over the last 60 seconds`);
       this.#box.append(box);
-      const colours = shown.map((name) => colour(COLOURS[names.indexOf(name)]));
       const last = i === units.length - 1;
-      const plot = new uPlot(this.#options(unit, shown, colours, colour, last), this.#data(shown), box);
+      const series = shown.map((name) => ({ name, colour: COLOURS[names.indexOf(name)] }));
+      const options = chartOptions(unit, () => [-SPAN_MS / 1000, 0], last ? ago : null, series); // the last one has the times
+      const plot = new uPlot(options, this.#data(shown), box);
       this.#plots.push({ plot, shown, further: last ? TIMES_HEIGHT : 0 });
     });
     this.#resize();
@@ -108,26 +99,6 @@ export class Charts {
     chip.append(make("i", "swatch"), make("span", "", nice(name)), value, button);
     this.#chips.set(name, value);
     return chip;
-  }
-
-  /** Only the last chart has the times below it. */
-  #options(unit, shown, colours, colour, last) {
-    const axis = { stroke: colour("ink-2"), grid: { stroke: colour("grid"), width: 1 }, ticks: { show: false }, font: "12px system-ui, sans-serif" };
-    const round = (_, splits, __, ___, step) => splits.map((value) => fixed(value, digitsOf(step)));
-    const ago = (_, splits) => splits.map((second) => (Math.round(second) === 0 ? "now" : `${Math.round(second)} s`.replace("-", "−")));
-    return {
-      width: 300,
-      height: LEAST_HEIGHT,
-      legend: { show: false },
-      cursor: { y: false, drag: { x: false, y: false }, points: { size: 7 } },
-      padding: [8, 14, last ? 0 : 6, 0],
-      scales: { x: { time: false, range: () => [-SPAN_MS / 1000, 0] }, y: { range: (_, low, high) => around(low, high, LEAST_SPANS[unit] ?? 0) } },
-      axes: [
-        { ...axis, size: last ? TIMES_HEIGHT : 0, space: 56, values: last ? ago : () => [] },
-        { ...axis, size: 54, space: 26, label: unit, labelSize: 18, labelGap: 0, values: round, labelFont: "12px system-ui, sans-serif" },
-      ],
-      series: [{}, ...shown.map((name, i) => ({ label: nice(name), stroke: colours[i], width: 1.8, points: { show: false } }))],
-    };
   }
 
   /** Times in seconds before the newest sample, and a column for each name; null where there is no finite value. */
@@ -161,20 +132,4 @@ export class Charts {
       });
     }
   }
-}
-
-/** Digits after the point of a multiple of a step. */
-function digitsOf(step) {
-  let digits = 0;
-  while (digits < 6 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6) digits += 1;
-  return digits;
-}
-
-/** The range of an axis: all values, zero if it is close, and some room. */
-function around(low, high, least) {
-  if (low === null || low === undefined) return [-1, 1];
-  if (high - low < least) [low, high] = [(low + high - least) / 2, (low + high + least) / 2];
-  const [from, to] = [low > 0 && low < high * 0.5 ? 0 : low, high < 0 && high > low * 0.5 ? 0 : high];
-  const room = Math.max((to - from) * 0.08, Math.abs(to) * 0.01, 0.01);
-  return [from === 0 ? 0 : from - room, to === 0 ? 0 : to + room];
 }

@@ -23,6 +23,8 @@ export class FloorMap {
   ranges = {};
   marks = {};
   goal = null;
+  /** Marked places: [{ x, y, text, colour }], the colour by its name in the style sheet. */
+  spots = [];
   #canvas = element("map");
   #context = this.#canvas.getContext("2d");
   #colours = {};
@@ -79,13 +81,19 @@ export class FloorMap {
 
   /** The robot's newest pose [m, m, rad]. */
   move(x, y, yaw) {
-    if (![x, y, yaw].every(Number.isFinite)) return;
-    const before = this.pose;
-    if (before && before[0] === x && before[1] === y && before[2] === yaw) return;
-    this.pose = [x, y, yaw];
+    if (!this.place(x, y, yaw)) return;
     const last = this.#path[this.#path.length - 1];
     if (!last || Math.hypot(x - last[0], y - last[1]) >= LEAST_STEP_M) this.#extend(x, y);
+  }
+
+  /** Shows the robot at a pose, and leaves the path as it is; returns whether this is another pose than before. */
+  place(x, y, yaw) {
+    if (![x, y, yaw].every(Number.isFinite)) return false;
+    const before = this.pose;
+    if (before && before[0] === x && before[1] === y && before[2] === yaw) return false;
+    this.pose = [x, y, yaw];
     this.touch();
+    return true;
   }
 
   setCells(size_m, taken) {
@@ -249,6 +257,7 @@ export class FloorMap {
     if (this.goal) this.#goal(pixel);
     if (this.pose) this.#body(pixel);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    for (const spot of this.spots) this.#spot(spot);
     this.#scaleBar(step);
   }
 
@@ -352,6 +361,26 @@ export class FloorMap {
     context.moveTo(x + 9 * pixel * Math.cos(yaw), y + 9 * pixel * Math.sin(yaw));
     context.lineTo(x + 22 * pixel * Math.cos(yaw), y + 22 * pixel * Math.sin(yaw));
     context.stroke();
+  }
+
+  #spot({ x, y, text, colour }) {
+    const context = this.#context;
+    const { clientWidth: width, clientHeight: height } = this.#canvas;
+    const at = [width / 2 + (x - this.#centre[0]) * this.#scale, height / 2 - (y - this.#centre[1]) * this.#scale];
+    context.fillStyle = this.#colours[colour];
+    context.strokeStyle = this.#colours.map;
+    context.lineWidth = 2;
+    context.beginPath();
+    context.arc(...at, text ? 9 : 4.5, 0, 2 * Math.PI);
+    context.stroke();
+    context.fill();
+    if (!text) return;
+    context.fillStyle = this.#colours.map;
+    context.font = "700 11px system-ui, sans-serif";
+    context.textAlign = "center";
+    context.textBaseline = "middle";
+    context.fillText(text, at[0], at[1] + 0.5);
+    context.textAlign = "start";
   }
 
   #scaleBar(step) {

@@ -1,0 +1,294 @@
+"""The page of a review: one HTML file that needs no other, and makes no request.
+
+Its words are HTML, complete without JavaScript; path and charts are drawn from the data in it.  Palette, map and
+charts are the files of the page of `mrl web`.  Texts of a recording are escaped, and the page's policy allows only its
+own scripts and styles, by their hash.
+"""
+
+import base64
+import codecs
+import hashlib
+import html
+import json
+import pathlib
+import re
+from datetime import datetime
+from typing import Any, Dict, Iterator, List, Sequence, Tuple
+
+import numpy as np
+
+from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol.table import BY_CODE
+from mrl_driver.recording.recording import FROM_BOARD, OWN_REMARKS, PHONE, TO_BOARD
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+from mrl_driver.view.words import remedy_of, why_stopped
+
+from .charts import reduced
+from .drive_data import DriveData, Stop
+from .findings import Finding
+
+_OWN = pathlib.Path(__file__).resolve().parent / "page"
+_SHARED = _OWN.parent.parent / "web" / "page"
+_UPLOT = _SHARED / "vendor" / "uplot"
+_SCRIPTS = (
+    _SHARED / "text.js",
+    _SHARED / "chart_options.js",
+    _SHARED / "map.js",
+    _OWN / "review.js",
+)
+"""Modules of the page, each after those that it imports."""
+_STYLES = (_UPLOT / "uPlot.min.css", _SHARED / "common.css", _OWN / "review.css")
+MOST_LISTED = 200
+"""Stops that are listed one by one; further ones are counted."""
+_MOST_REMARKS = 50
+_MOST_TEXT = 160
+_DIRECTIONS = {FROM_BOARD: "From the board", TO_BOARD: "To the board"}
+_Row = Tuple[str, str]
+
+
+def render(drive: DriveData, findings: Sequence[Finding]) -> str:
+    """Return the page of a drive, whose findings come with the most important first."""
+    stops = drive.stops[:MOST_LISTED]
+    style, script, uplot = _style(), _script(), _read(_UPLOT / "uPlot.iife.min.js")
+    data = reduced(drive, [each.time_s for each in findings] + [each.time_s for each in stops])
+    data["robot"] = _robot(drive)
+    parts = {
+        "policy": _policy(style, uplot, script),
+        "style": style,
+        "licence": _read(_UPLOT / "LICENSE"),
+        "uplot": uplot,
+        "script": script,
+        "data": _json(data),
+        "title": _text(f"Review of {pathlib.Path(drive.path).name}"),
+        "subtitle": _text(", ".join(filter(None, (_name(drive), _started(drive))))),
+        "mark": "caution" if findings else "good",
+        "verdict": _text(_verdict(drive, findings)),
+        "tiles": "".join(_tiles(drive)),
+        "findings": "".join(_finding(i + 1, each) for i, each in enumerate(findings))
+        or "<p>No fault was found in this drive.</p>",
+        "stops": "".join(map(_stop, stops)) + _further(len(drive.stops))
+        or "<p>The robot was not stopped.</p>",
+        "link": "".join(map(_row, _link(drive))),
+        "recording": "".join(map(_row, _recording(drive))),
+    }
+    return re.sub(r"<!--(\w+)-->", lambda match: parts[match[1]], _read(_OWN / "review.html"))
+
+
+def _read(path: pathlib.Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def _style() -> str:
+    return "\n".join(map(_read, _STYLES))
+
+
+def _script() -> str:
+    """The modules as one: without their imports and exports, names of all modules are in one scope."""
+    modules = "\n".join(map(_read, _SCRIPTS))
+    return re.sub(r"^export ", "", re.sub(r"^import .*\n", "", modules, flags=re.M), flags=re.M)
+
+
+def _policy(style: str, *scripts: str) -> str:
+    return (
+        f"default-src 'none'; style-src {_hash(style)}; script-src {' '.join(map(_hash, scripts))}; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _hash(text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _text(text: object) -> str:
+    return html.escape(str(text))
+
+
+def _json(value: Any) -> str:
+    """JSON that cannot end its element, whatever texts it has."""
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _seconds(time_s: float) -> str:
+    return f"{time_s:.2f} s"
+
+
+def _robot(drive: DriveData) -> Dict[str, Any]:
+    """Body and sonars, as the map reads them."""
+    body = drive.model.body
+    sonars = {name: [*mount.pose, FIELD_OF_VIEW_RAD] for name, mount in drive.model.sonars.items()}
+    return {"body": [body.length_m, body.width_m] if body else [0.2, 0.2], "sonars": sonars}
+
+
+def _name(drive: DriveData) -> str:
+    return f"{drive.model.name} {drive.robot_id}" if drive.robot_id else drive.model.name
+
+
+def _started(drive: DriveData) -> str:
+    """Return when the recording began, in the zone that it was written in."""
+    try:
+        return datetime.fromisoformat(drive.started).strftime("%Y-%m-%d %H:%M:%S %Z").strip()
+    except ValueError:
+        return drive.started
+
+
+def _verdict(drive: DriveData, findings: Sequence[Finding]) -> str:
+    if not findings:
+        return "No fault was found."
+    first = findings[0]
+    more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
+    return f"{first.title} (at {_seconds(first.time_s)}){more}"
+
+
+# -- the drive in numbers
+
+
+def _tiles(drive: DriveData) -> Iterator[str]:
+    yield _tile("Duration", f"{drive.duration_s:.1f}", "s")
+    if len(drive.poses.time_s):
+        points = drive.poses.values[:, :2]
+        yield _tile("Distance", f"{np.sum(np.hypot(*np.diff(points, axis=0).T)):.2f}", "m")
+        yield _tile("Top speed", f"{np.max(np.abs(drive.speeds.values[:, 0])):.2f}", "m/s")
+    ranges = {name: column.values[np.isfinite(column.values)] for name, column in drive.ranges.items()}
+    least = {name: float(np.min(values)) for name, values in ranges.items() if len(values)}
+    if least:
+        nearest = min(least, key=lambda name: least[name])
+        yield _tile("Nearest", f"{least[nearest]:.2f}", "m", nearest)
+    volts = drive.battery.values[:, 0] if len(drive.battery.time_s) else np.array([])
+    volts = volts[np.isfinite(volts)]
+    if len(volts):
+        yield _tile("Battery", f"{volts[-1]:.1f}", "V", f"least {np.min(volts):.1f} V")
+    own = sum(1 for stop in drive.stops if why_stopped(stop.reason))
+    yield _tile("Stops", str(len(drive.stops)), "", f"{own} not by the user" if own else "")
+    if len(drive.delays.time_s):
+        worst_s = float(np.max(drive.delays.values))
+        median_s = float(np.median(drive.delays.values))
+        yield _tile("Worst delay", f"{1000 * worst_s:.0f}", "ms", f"median {1000 * median_s:.0f} ms")
+
+
+def _tile(title: str, value: str, unit: str, small: str = "") -> str:
+    return (
+        f'<div class="tile"><dt>{_text(title)}</dt><dd><b>{_text(value)}</b><i>{_text(unit)}</i></dd>'
+        f'<dd class="small">{_text(small)}</dd></div>'
+    )
+
+
+# -- findings and stops
+
+
+def _finding(number: int, finding: Finding) -> str:
+    return (
+        f'<article class="found" data-mark="bad" data-time="{finding.time_s:.6f}" data-text="{number}">'
+        f"<h3><span>{number}</span>{_text(finding.title)}</h3>{_moment(finding.time_s)}<p>{_text(finding.text)}</p>"
+        f'<p class="remedy">{_text(finding.remedy)}</p>'
+        f"{_proof(finding.direction, finding.data)}</article>"
+    )
+
+
+def _stop(stop: Stop) -> str:
+    why = why_stopped(stop.reason)
+    remedy = remedy_of(stop.reason)
+    return (
+        f'<article class="found" data-mark="{"caution" if why else ""}" data-time="{stop.time_s:.6f}" data-text="">'
+        f"<h3>{_text(_sentence(stop.text))}</h3>{_moment(stop.time_s)}"
+        f"{f'<p>To drive on: {_text(remedy)}.</p>' if remedy else ''}{_proof(stop.direction, stop.data)}</article>"
+    )
+
+
+def _sentence(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _further(count: int) -> str:
+    return f"<p>{count - MOST_LISTED} further stops are not listed.</p>" if count > MOST_LISTED else ""
+
+
+def _moment(time_s: float) -> str:
+    return f'<button type="button" class="goto">At {_seconds(time_s)}</button>'
+
+
+def _proof(direction: str, data: bytes) -> str:
+    """The frame as it is in the recording, and what it says."""
+    if not data:
+        return ""
+    return (
+        f'<p class="proof">{_DIRECTIONS.get(direction, "Data")}: <code>{_text(_cut(raw_text(data)))}</code>'
+        f" {_text(frame_text(direction, data))}</p>"
+    )
+
+
+def raw_text(data: bytes) -> str:
+    """Return bytes as they are written in the recording."""
+    return codecs.escape_encode(data)[0].decode("ascii")
+
+
+def frame_text(direction: str, data: bytes) -> str:
+    """Return what a frame says, such as `move_differential: linear 250 mm/s, angular 0 mrad/s`."""
+    for checked in (True, False):
+        decoder = FrameDecoder(REQUESTS if direction == TO_BOARD else REPLIES, checked)
+        for event in decoder.feed(data):
+            if isinstance(event, Frame):
+                return _fields(direction, event)
+    return "not a frame"
+
+
+def _fields(direction: str, frame: Frame) -> str:
+    row = BY_CODE[frame.code]
+    fields = row.request if direction == TO_BOARD else row.reply
+    values = [
+        f"{field.name} {value * field.scale:g} {field.base_unit}".rstrip()
+        for field, value in zip(fields, frame.args)
+    ]
+    return f"{row.name}: {', '.join(values)}" if values else row.name
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MOST_TEXT else f"{text[:_MOST_TEXT]} ..."
+
+
+# -- link and recording
+
+
+def _row(row: _Row) -> str:
+    return f"<div><dt>{_text(row[0])}</dt><dd>{_text(row[1])}</dd></div>"
+
+
+def _link(drive: DriveData) -> List[_Row]:
+    frames = sum(drive.frames.values())
+    lost = int(drive.lost.values[-1]) if len(drive.lost.time_s) else 0
+    reasons: Dict[str, int] = {}
+    for _, _, reason, _ in drive.garbage:
+        reasons[reason] = reasons.get(reason, 0) + 1
+    damaged = ", ".join(f"{count} {reason.replace('_', ' ')}" for reason, count in sorted(reasons.items()))
+    rows = [
+        ("Frames", f"{frames} from the board"),
+        ("Lost", _share(lost, frames)),
+        ("Damaged", damaged or "none"),
+    ]
+    for name, column in (("Delays", drive.delays), ("Answers", drive.round_trips)):
+        if len(column.time_s):
+            values = (1000 * float(each) for each in np.percentile(column.values, (50, 99, 100)))
+            rows.append((name, "median {:.1f} ms, 99 % within {:.1f} ms, worst {:.1f} ms".format(*values)))
+    openings = [f"{_seconds(time_s)} {port}" for time_s, port in drive.opened[:_MOST_REMARKS]]
+    if len(drive.opened) > 1:
+        rows.append(("Opened", "; ".join(map(_cut, openings))))
+    return rows
+
+
+def _share(lost: int, frames: int) -> str:
+    return f"{lost} ({100 * lost / (lost + frames):.2g} %)" if lost else "none"
+
+
+def _recording(drive: DriveData) -> List[_Row]:
+    board = drive.board
+    rows = [
+        ("File", drive.path),
+        ("Started", _started(drive)),
+        ("Port", drive.port),
+        ("Robot", _name(drive)),
+        ("Firmware", str(board.version) if board else ""),
+        ("Damaged", f"{drive.skipped_lines} lines could not be read" if drive.skipped_lines else ""),
+    ]
+    own = tuple(each.decode() for each in (*OWN_REMARKS, PHONE.strip()))
+    remarks = [each for each in drive.remarks if each[1].partition(" ")[0] not in own]
+    rows += [(_seconds(time_s), text) for time_s, text in remarks[:_MOST_REMARKS]]
+    return [(name, _cut(value)) for name, value in rows if value]

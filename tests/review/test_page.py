@@ -1,0 +1,234 @@
+"""The page of a review, without a browser: what it holds, what it keeps of a long drive, and hostile texts."""
+
+import base64
+import hashlib
+import json
+import math
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from mrl_driver.protocol import encode_reply, encode_request
+from mrl_driver.protocol.table import SENSOR_BY_NAME
+from mrl_driver.review.charts import NEAR_S, charts_of, packed, reduced
+from mrl_driver.review.drive_data import Column, Stop
+from mrl_driver.review.page import MOST_LISTED, frame_text, render
+
+from .page_drives import COUNTS, FINDING, column, drive
+
+MOST_BYTES = 1_000_000
+HOSTILE = """</script><script>alert(1)</script><!--title--><!-- "><img src=x onerror='alert(2)'> </style>\u2028&lt;"""
+PIXELS = SENSOR_BY_NAME["thermopile"].fields
+UNKNOWN = {"x": math.nan, "n": math.inf, "c": -math.inf}
+
+
+def unpacked(text, step):
+    """The values of a packed text, as the page reads them."""
+    steps, found = 0, []
+    for each in text.split(","):
+        steps += int(each or 0) if each not in UNKNOWN else 0
+        found.append(UNKNOWN.get(each, steps * step))
+    return np.array(found)
+
+
+class Tags(HTMLParser):
+    """The elements of a page, and the text of each script and style."""
+
+    def __init__(self, page):
+        super().__init__(convert_charrefs=True)
+        self.tags, self.contents, self.text = [], [], ""
+        self._inside = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        self._inside = tag
+        self.contents += [""] * (tag in ("script", "style"))
+
+    def handle_endtag(self, tag):
+        self._inside = ""
+
+    def handle_data(self, data):
+        if self._inside in ("script", "style"):
+            self.contents[-1] += data
+        else:
+            self.text += data
+
+
+@pytest.fixture(scope="module")
+def ten_minutes():
+    return drive(600.0)
+
+
+@pytest.fixture(scope="module")
+def standing():
+    """A board that sends nothing."""
+    nothing = {
+        name: Column(np.empty(0), np.empty((0, 3))) for name in ("poses", "speeds", "commands", "counts")
+    }
+    flat = {name: Column(np.empty(0), np.empty(0)) for name in ("delays", "lost", "round_trips")}
+    battery = Column(np.empty(0), np.empty((0, 2)))
+    return drive(**nothing, **flat, battery=battery, stamps_s=np.empty(0), ranges={}, garbage=[], stops=[])
+
+
+def curve_of(found, title, name):
+    """Times and values of one curve of a reduced drive."""
+    chart = next(each for each in found["charts"] if each["title"] == title)
+    curve = next(each for each in chart["curves"] if each["name"] == name)
+    return unpacked(found["times"], 0.001), unpacked(curve["values"], curve["step"])
+
+
+def test_the_page_has_findings_and_stops_without_javascript():
+    text = Tags(render(drive(), [FINDING])).text
+    for words in (
+        FINDING.title,
+        FINDING.text,
+        FINDING.remedy,
+        "no new command arrived in time",
+        "At 42.00 s",
+    ):
+        assert words in text
+    assert "@8,2000,1900,100,200,645e" in text and "right 2000 count" in text
+
+
+def test_a_good_drive_says_so():
+    assert "No fault was found" in Tags(render(drive(), [])).text
+
+
+def test_the_page_names_no_other_file_and_runs_only_its_own_scripts():
+    page = Tags(render(drive(), [FINDING]))
+    assert [attrs for _, attrs in page.tags if {"src", "href", "style", "action"} & set(attrs)] == []
+    assert [attrs for _, attrs in page.tags if any(name.startswith("on") for name in attrs)] == []
+    policy = next(attrs["content"] for _, attrs in page.tags if attrs.get("http-equiv"))
+    style, _, *scripts = page.contents
+    for content in (style, *scripts):
+        assert base64.b64encode(hashlib.sha256(content.encode()).digest()).decode() in policy
+    assert policy.startswith("default-src 'none'") and "unsafe" not in policy
+
+
+def test_texts_of_a_recording_add_no_element_to_the_page():
+    def page(text):
+        found = drive(
+            path=f"{text}.mrl",
+            started=text,
+            port=text,
+            remarks=[(1.0, text)],
+            opened=[(0.0, text), (1.0, text)],
+            garbage=[(1.0, "<", text, text.encode())],
+            stops=[Stop(1.0, text, text, "<", text.encode())],
+            frames={text: 1},
+        )
+        found = found._replace(model=found.model._replace(name=text))
+        return Tags(render(found, [FINDING._replace(title=text, text=text, remedy=text, data=text.encode())]))
+
+    harmless, hostile = page("harmless"), page(HOSTILE)
+    assert [tag for tag, _ in hostile.tags] == [tag for tag, _ in harmless.tags]
+    assert [set(attrs) for _, attrs in hostile.tags] == [set(attrs) for _, attrs in harmless.tags]
+    assert hostile.contents[2:] == harmless.contents[2:] and HOSTILE in hostile.text
+    json.loads(hostile.contents[1])
+
+
+def test_ten_minutes_are_below_a_megabyte(ten_minutes):
+    assert len(render(ten_minutes, [FINDING]).encode()) < MOST_BYTES
+
+
+def test_the_longest_and_noisiest_drive_is_below_a_megabyte(ten_minutes):
+    chance, t = np.random.default_rng(1), ten_minutes.poses.time_s
+
+    def noise(size):
+        return column(t, *chance.uniform(-size, size, (3, len(t))))
+
+    imu = column(t, *chance.uniform(-9, 9, (5, len(t))))
+    noisy = ten_minutes._replace(
+        duration_s=36000.0,
+        poses=noise(500.0),
+        speeds=noise(3.0),
+        imu=imu,
+        sensors={"thermopile": column(t, *chance.uniform(0, 300, (len(PIXELS), len(t))))},
+        delays=column(t, chance.uniform(0, 9, len(t))),
+        stops=[
+            Stop(float(s), "stale", "stopped: silent", "<", b"\xff" * 500) for s in range(3 * MOST_LISTED)
+        ],
+        remarks=[(1.0, "x" * 9999)] * 999,
+    )
+    findings = [FINDING._replace(time_s=float(10 * i)) for i in range(100)]
+    page = render(noisy, findings)
+    assert len(page.encode()) < MOST_BYTES
+    assert f"{2 * MOST_LISTED} further stops are not listed" in page
+
+
+def test_a_peak_of_one_frame_is_kept(ten_minutes):
+    speeds = ten_minutes.speeds.values.copy()
+    speeds[12345] = 1.234, -3.0, 0.0
+    spiked = ten_minutes._replace(speeds=ten_minutes.speeds._replace(values=speeds))
+    times, driven = curve_of(reduced(spiked, []), "Speed", "driven")
+    assert np.max(driven) == pytest.approx(1.234)
+    assert times[np.argmax(driven)] == pytest.approx(ten_minutes.speeds.time_s[12345], abs=0.2)
+
+
+def test_near_a_finding_all_telemetry_is_kept(ten_minutes):
+    times, driven = curve_of(reduced(ten_minutes, [FINDING.time_s]), "Speed", "driven")
+    near = np.abs(ten_minutes.speeds.time_s - FINDING.time_s) < NEAR_S - 0.1
+    kept = np.isin(np.rint(times * 1000), np.rint(ten_minutes.speeds.time_s[near] * 1000))
+    assert np.count_nonzero(kept) == np.count_nonzero(near)
+    assert driven[kept] == pytest.approx(ten_minutes.speeds.values[near, 0], abs=0.0006)
+
+
+def test_times_never_go_back(ten_minutes):
+    times = unpacked(reduced(ten_minutes, [1.0, 42.0, 599.9, 42.5])["times"], 0.001)
+    assert np.all(np.diff(times) >= 0) and times[0] == 0.0
+
+
+def test_a_gap_in_the_telemetry_is_a_gap_in_the_chart(ten_minutes):
+    t, values = ten_minutes.speeds
+    there = np.abs(t - 300.0) > 2.0
+    cut = ten_minutes._replace(speeds=Column(t[there], values[there]))
+    times, driven = curve_of(reduced(cut, []), "Speed", "driven")
+    gap = np.isnan(driven)
+    assert times[gap].min() == pytest.approx(298.5, abs=0.2) and times[gap].max() == pytest.approx(
+        302, abs=0.2
+    )
+    assert np.all(gap[(times > 298.7) & (times < 301.8)])
+
+
+def test_values_come_back_from_their_text():
+    values = np.array([math.nan, 1.0, 1.0, math.inf, 1.5, -math.inf, -2.0, math.nan, -2.0])
+    assert unpacked(packed(values, 0.5), 0.5) == pytest.approx(values, nan_ok=True)
+    assert packed(np.array([3.0, 3.0, 3.0]), 1.0) == "3,,"
+
+
+def test_a_board_without_motors_has_a_page_of_its_sensors(standing):
+    t = np.arange(1.0, 60.0)
+    found = standing._replace(sensors={"light": Column(t, (100.0 + t)[:, None])})
+    (chart,) = charts_of(found)
+    times, light = curve_of(reduced(found, []), "Light", chart.curves[0].name)
+    assert light[times == 30.0] == pytest.approx([130.0])
+    assert "Light" in render(found, [])
+
+
+def test_a_recording_without_telemetry_has_a_page(standing):
+    assert "The robot was not stopped" in render(standing, [])
+
+
+@pytest.mark.parametrize(
+    ("direction", "data", "expected"),
+    [
+        (
+            "<",
+            COUNTS,
+            "read_encoders_and_sonars: right 2000 count, left 1900 count, front 100 cm, left 200 cm",
+        ),
+        (
+            ">",
+            encode_request(11, 250, -100, checked=True),
+            "move_differential: linear 250 mm/s, angular -100 mrad/s",
+        ),
+        ("<", encode_reply(5, 2500, 172, 1180, 2, 1), "robot_info: "),
+        (">", encode_request(13), "stop"),
+        ("<", b"@8,1\xffe", "not a frame"),
+    ],
+)
+def test_a_frame_is_explained(direction, data, expected):
+    assert re.match(re.escape(expected), frame_text(direction, data))
