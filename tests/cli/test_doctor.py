@@ -13,6 +13,7 @@ from mrl_driver.cli.commands import doctor
 from mrl_driver.cli.doctor import board, computer, parameters, wheels
 from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
 from mrl_driver.cli.doctor.wheels import Moved
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
@@ -21,6 +22,7 @@ from mrl_driver.session.session import Status
 from mrl_driver.transport.address import is_network
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_search import Port
+from sim_arduino.serve import factory as boards
 from sim_arduino.testing import EmulatedBoard
 from tests.waiting import PATIENCE_S
 
@@ -371,6 +373,23 @@ def test_noise_alone_is_usual():
 def test_what_the_counters_say_of_a_wheel(right_m, left_m, words):
     assert words in wheels.evaluate("right", Moved(right_m, left_m, "")).text
     assert words in wheels.evaluate("left", Moved(left_m, right_m, "")).text
+
+
+def test_a_pause_of_this_computer_does_not_shorten_a_wheels_turn():
+    class Paused(SteppedDriver):
+        def wait(self, timeout_s=None):
+            if not self.paused and self.now_s > self.start_s + wheels.TURN_S / 2:
+                self.paused = True
+                self.pause(wheels.TURN_S)
+            return super().wait(timeout_s)
+
+    def moved_m(paused):
+        with Paused(boards.make(boards.Options(robot="traxbot")).engine) as robot:
+            robot.start_s, robot.paused = robot.now_s, not paused
+            return wheels.turn(robot, "left").left_m
+
+    assert moved_m(paused=False) == pytest.approx(wheels.WHEEL_M_S * wheels.TURN_S, rel=0.2)
+    assert moved_m(paused=True) >= 0.9 * moved_m(paused=False)
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 
 SIDES = ("right", "left")
 WHEEL_M_S, TURN_S, REST_S = 0.1, 1.5, 2.0
+STEP_S, LONGEST = 0.02, 5
+"""Time between two commands [s].  A step in which this computer or the board paused counts as at most two, and a turn
+lasts at most this many times `TURN_S`.
+"""
 MIN_MOVED_M, OTHER_WHEEL_SHARE = 0.02, 0.3
 """A wheel has turned if it moved at least this far [m]; the other one may move by this share of its distance."""
 CLOSER_M, HAND_M = 0.2, 0.6
@@ -60,17 +64,24 @@ def turn(driver: "Driver", side: str) -> Moved:
     start = _counts(driver)
     yaw_rate = WHEEL_M_S / separation_m
     command = WHEEL_M_S / 2, yaw_rate if side == "right" else -yaw_rate
-    end_s = time.monotonic() + TURN_S
-    while driver.mismatch is None and time.monotonic() < end_s:
+    left_s, end_s, made_s = TURN_S, driver.now_s + LONGEST * TURN_S, _stamp_s(driver)
+    while driver.mismatch is None and left_s > 0.0 and driver.now_s < end_s:
         driver.drive(*command)  # again also after a silence, in which the driver drops its command
-        driver.wait(0.02)
+        driver.wait(STEP_S)
+        before_s, made_s = made_s, _stamp_s(driver)
+        left_s -= min(made_s - before_s, 2 * STEP_S)
     cause = "" if driver.mismatch is None else driver.mismatch.cause
     driver.stop()
-    end_s = time.monotonic() + REST_S
-    while not driver.stopped and time.monotonic() < end_s:
-        driver.wait(0.02)
+    end_s = driver.now_s + REST_S
+    while not driver.stopped and driver.now_s < end_s:
+        driver.wait(STEP_S)
     now = _counts(driver)
     return Moved((now.right - start.right) * metres, (now.left - start.left) * metres, cause)
+
+
+def _stamp_s(driver: "Driver") -> float:
+    telemetry = driver.telemetry
+    return telemetry.stamp_s if telemetry else 0.0
 
 
 def _counts(driver: "Driver") -> Wheels:
