@@ -171,6 +171,8 @@ class _Opening(NamedTuple):
     ahead_s: Optional[float]
     has_turns: bool
     """The file holds the times of the driver's turns."""
+    frames: List[Frame]
+    """Replies that describe the board, if the file does not begin with a port that was opened."""
 
 
 class RecordedDriver(Driver):
@@ -213,6 +215,9 @@ class RecordedDriver(Driver):
         """The bytes of the board go to the driver; not those of the time in which the port was opened."""
         self._failures = 0
         self._requests, self._replies, self._missing = requests(), replies(), _MissingGreeting()
+        for frame in opening.frames:
+            self._missing.heard(frame, -math.inf)
+        self._missing.end(greeted=False)
         self._on_sent: List[Callable[[Sent], None]] = []
         self._on_heard: List[Callable[[Heard], None]] = []
         self._on_remark: List[Callable[[Remark], None]] = []
@@ -368,10 +373,12 @@ class RecordedDriver(Driver):
             self._begin(now)
         return self._join(board, self._missing.stream_code, core.session.checked, now)
 
-    def _join(self, board: Board, stream_code: int, checked: bool, now: float) -> Sequence[DriverEvent]:
+    def _join(
+        self, board: Board, stream_code: int, checked: bool, now: float, last: Optional[Frame] = None
+    ) -> Sequence[DriverEvent]:
         self._missing.end()
         try:
-            return self._core.join(board, stream_code, checked, now)
+            return self._core.join(board, stream_code, checked, now, last)
         except MrlError:  # no model lists the board
             self._core.session.relink(now, same=False)
             return ()
@@ -437,7 +444,8 @@ class RecordedDriver(Driver):
             core.session.relink(now, rest == b"same")
         joined = session_of(rest.decode("utf-8", "replace")) if kind == b"joined" else None
         if joined is not None:
-            self._tell(self._join(*joined, now))
+            board, stream_code, checked, heard_s, last = joined
+            self._tell(self._join(board, stream_code, checked, heard_s if last is not None else now, last))
 
     def _on_pose(self, data: bytes, _: float) -> None:
         numbers = _numbers(data)
@@ -510,9 +518,9 @@ class _MissingGreeting:
         self._info_s = self._last_s = self._since_s = -math.inf
         self._frames, self._greeted = 0, False
 
-    def end(self) -> None:
-        """The session is ready."""
-        self._frames, self._greeted = 0, True
+    def end(self, greeted: bool = True) -> None:
+        """Begin again, because the session is ready."""
+        self._frames, self._greeted, self._last_s = 0, greeted, -math.inf
 
     def sent(self, frame: Frame) -> None:
         """Process a request of the host."""
@@ -530,7 +538,7 @@ class _MissingGreeting:
         elif frame.code == _IMU:
             self._capabilities.add("imu")
         elif frame.code in STREAMS:
-            if now - self._last_s > _SILENCE_S:
+            if not now - self._last_s <= _SILENCE_S:
                 self._frames, self._since_s = 0, now
             self._frames, self._last_s, self.stream_code = self._frames + 1, now, frame.code
             if len(frame.args) > 3:
@@ -556,10 +564,15 @@ class _MissingGreeting:
 
 def _opening(recording: Recording) -> _Opening:
     """Read the first entries; the model comes when the board has answered, the clock when there is a node."""
-    model, ahead_s, has_turns = None, None, False
+    model, ahead_s, has_turns, is_cut = None, None, False, False
+    frames: List[Frame] = []
+    reader = replies()
     for number, (_, direction, data) in enumerate(recording):
         if number >= _OPENING_ENTRIES or (model is not None and ahead_s is not None):
             break
+        is_cut = is_cut or (number == 0 and not data.startswith(OPENED))
+        if is_cut and direction == FROM_BOARD:
+            frames += [event for event, _ in reader.read(data, None, True) if isinstance(event, Frame)]
         if direction != REMARK:
             continue
         has_turns = has_turns or data.startswith(SESSION)
@@ -567,7 +580,7 @@ def _opening(recording: Recording) -> _Opening:
             model = model_of(data[len(MODEL) :].decode("utf-8", "replace"))
         if data.startswith(CLOCK) and ahead_s is None:
             ahead_s = next(iter(_numbers(data[len(CLOCK) :])), None)
-    return _Opening(model, ahead_s, has_turns)
+    return _Opening(model, ahead_s, has_turns, frames)
 
 
 def _clock_first(entries: Iterable[Entry]) -> Iterator[Entry]:

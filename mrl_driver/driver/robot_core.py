@@ -8,6 +8,7 @@ import math
 from typing import Dict, List, Optional, Set, Tuple, Type, Union
 
 from mrl_driver.errors import FrameError, MrlError
+from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
 from mrl_driver.robot.hold import CAPABILITY as HOLD
@@ -112,15 +113,20 @@ class Core:
         )
         self.begun = True
 
-    def join(self, board: Board, stream_code: int, checked: bool, now: float) -> List[DriverEvent]:
+    def join(
+        self, board: Board, stream_code: int, checked: bool, now: float, last: Optional[Frame] = None
+    ) -> List[DriverEvent]:
         """Go on with a board that was greeted already, see `Session.join`; return the events for the listeners.
 
         Raises:
             BoardError: the board is not the right one.
         """
         events: List[DriverEvent] = []
-        for event in self.session.join(board, stream_code, checked, now):
-            events += self._digest(event, now)
+        for event in self.session.join(board, stream_code, checked, now, last):
+            if isinstance(event, Counts):
+                self.state.on_counts(event)
+            else:
+                events += self._digest(event, now)
         self.due_s = -math.inf
         return events
 

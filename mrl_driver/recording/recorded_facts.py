@@ -8,11 +8,13 @@ import math
 from typing import Any, Dict, NamedTuple, Optional
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Drive, RobotModel, kind_of
 from mrl_driver.robot.models.drives import DIFFERENTIAL, NONE
 from mrl_driver.session.handshake import Board
+from mrl_driver.session.session import Session
 
 
 class Joined(NamedTuple):
@@ -21,6 +23,10 @@ class Joined(NamedTuple):
     board: Board
     stream_code: int
     checked: bool
+    heard_s: float
+    """Arrival of the last telemetry, on the driver's clock [s]."""
+    last: Optional[Frame]
+    """Its frame."""
 
 
 def model_text(model: RobotModel) -> str:
@@ -50,10 +56,16 @@ def model_of(text: str) -> Optional[RobotModel]:
         return None
 
 
-def session_text(board: Board, stream_code: int, checked: bool) -> str:
-    """Return board, code of the stream, and whether frames carry a checksum, as JSON."""
+def session_text(session: Session, board: Board) -> str:
+    """Return what a reader must know about a session whose greeting it does not see, as JSON."""
     facts = {**board._asdict(), "capabilities": sorted(board.capabilities)}
-    return json.dumps({"board": facts, "stream": stream_code, "checked": checked})
+    checked, last, frame = session.checked, session.last_frame, b""
+    if last is not None:
+        frame = encode_reply(
+            last.code, *last.args, stamp=last.stamp, checked=checked and last.stamp is not None
+        )
+    found = {"board": facts, "stream": session.stream_code, "checked": checked}
+    return json.dumps({**found, "heard_s": session.heard_s, "frame": frame.decode("ascii")})
 
 
 def session_of(text: str) -> Optional[Joined]:
@@ -70,6 +82,10 @@ def session_of(text: str) -> Optional[Joined]:
             return None
         if not all(isinstance(each, str) for each in capabilities) or type(checked) is not bool:
             return None
-        return Joined(Board(**whole, **numbers, capabilities=frozenset(capabilities)), stream, checked)
+        board = Board(**whole, **numbers, capabilities=frozenset(capabilities))
+        heard_s, frame = float(found["heard_s"]), str(found["frame"]).encode("ascii")
+        frames = FrameDecoder(REPLIES, checked).feed(frame)
+        last = next((event for event in frames if isinstance(event, Frame) and event.code == stream), None)
+        return Joined(board, stream, checked, heard_s, last if math.isfinite(heard_s) else None)
     except (KeyError, TypeError, ValueError, RecursionError):
         return None

@@ -1,6 +1,6 @@
 """Frames and garbage in the bytes of a recording, each with its bytes."""
 
-from typing import Iterator, Tuple
+from typing import Iterator, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Garbage
 from mrl_driver.protocol.directions import Direction
@@ -16,14 +16,14 @@ class FrameReader:
         self._direction = direction
         self._decoder = FrameDecoder(direction)
 
-    def read(self, data: bytes, checked: bool, turned: bool) -> Iterator[Tuple[Event, bytes]]:
+    def read(self, data: bytes, checked: Optional[bool], turned: bool) -> Iterator[Tuple[Event, bytes]]:
         """Yield what these bytes complete.
 
-        `checked` says whether frames carry a checksum; with `turned`, frames of the other form are accepted, and after
-        the first one they are the rule.
+        `checked` says whether frames carry a checksum, None that they are as before; with `turned`, frames of the other
+        form are accepted, and after the first one they are the rule.
         """
         decoder = self._decoder
-        decoder.checked = checked
+        decoder.checked = decoder.checked if checked is None else checked
         *pieces, rest = data.split(b"e")
         for piece in [*(piece + b"e" for piece in pieces), rest]:
             before = decoder.pending

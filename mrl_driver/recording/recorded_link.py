@@ -153,8 +153,7 @@ class DriverRecording:
         self._stops, odometry = session.motion.stops, state.odometry
         self._compare(session, state, ())
         if session.ready and state.info is not None:
-            text = session_text(state.info, session.stream_code, session.checked)
-            self.remark(SESSION + b"joined " + text.encode(), self._turn_s)
+            self.remark(SESSION + b"joined " + session_text(session, state.info).encode(), self._turn_s)
         else:
             self.again(self._turn_s, same=False)
         if odometry is not None:

@@ -102,6 +102,8 @@ class Session:
         self._stream = Stream(self.counters)
         self._last: Optional[Tuple[int, ...]] = None
         """Counters of the last telemetry; None before the first."""
+        self.last_frame: Optional[Frame] = None
+        """Frame of the last telemetry; None before the first."""
         self._telemetry_by_s = math.inf
         """Latest time of the first telemetry [s]."""
         self._greeting_s = greeting_s
@@ -204,8 +206,12 @@ class Session:
         if not same:
             self._boot_before_s = math.nan
 
-    def join(self, board: Board, stream_code: int, checked: bool, now: float) -> List[SessionEvent]:
+    def join(
+        self, board: Board, stream_code: int, checked: bool, now: float, last: Optional[Frame] = None
+    ) -> List[SessionEvent]:
         """Go on with a board that was greeted and streams already; for recordings that begin after the greeting.
+
+        `last` is the frame of the last telemetry, which arrived at `now`.
 
         Raises:
             BoardError: as for `admit`.
@@ -215,6 +221,8 @@ class Session:
         greeting.board, greeting.stream = board, self._admit(board) or greeting.stream
         events: List[SessionEvent] = []
         self._begin(now, events)
+        if last is not None:
+            self._on_counts(last, now, events)
         return events
 
     def end(self) -> None:
@@ -440,7 +448,7 @@ class Session:
             self._poll.add_sonars(now)
         if self.motion.settling:
             self.motion.observe(counts != self._last, now)
-        self._last = counts
+        self._last, self.last_frame = counts, frame
         events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
 
     def _on_imu(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:

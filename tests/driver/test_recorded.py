@@ -1,16 +1,30 @@
 """The driver on a recording: its listeners get what those of the recorded driver got."""
 
-import pytest
+import math
+from itertools import takewhile
+from pathlib import Path
 
-from mrl_driver.driver import Options
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import LinkLost
+from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.robot import models
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.events import Lost, Reconnected
 from sim_arduino.serve import factory
+from tests.waiting import drive_until, wait_until
 
+from .test_reconnect import Cable
+
+POSE_ERROR, STAMP_ERROR_S = 1e-9, 0.02
+LASTING = Options(command_timeout_s=None)
 NOISE = ("flip:rate=0.0005", "loss:rate=0.0005,burst=3", "delay:jitter=0.016")
 BOARDS = {
     "checked": dict(robot="traxbot", imu=True, imu_seed=1),
@@ -36,13 +50,11 @@ def listen(robot):
 
 
 def drive(robot):
-    """Turns, stops and a new pose, in five seconds."""
+    """Turns, stops and new poses, in four seconds."""
     if not robot.model.drives:
-        robot.wait(5.0)
+        robot.wait(4.0)
         return
-    for n, (linear_m_s, angular_rad_s) in enumerate(
-        [(0.2, 0.0), (0.1, 0.8), (0.0, -0.8), (0.0, 0.0), (-0.2, 0.3)]
-    ):
+    for n, (linear_m_s, angular_rad_s) in enumerate([(0.2, 0.0), (0.1, 0.8), (0.0, 0.0), (-0.2, 0.3)]):
         for _ in range(8):
             robot.drive(linear_m_s, angular_rad_s)
             robot.wait(0.1)
@@ -62,7 +74,9 @@ def runs(request, tmp_path_factory):
         drive(driven)
     emulated.close()
     played = RecordedDriver(path)
-    replayed = listen(played)
+    replayed, played.sent, played.heard = listen(played), [], []
+    played.on_sent(played.sent.append)
+    played.on_heard(played.heard.append)
     played.play()
     return driven, heard, played, replayed
 
@@ -81,13 +95,10 @@ def test_its_state_at_the_end_is_the_same(runs):
 
 def test_frames_are_told_with_their_bytes(runs):
     _, _, played, _ = runs
-    played, sent, heard = RecordedDriver(played.recording.path), [], []
-    played.on_sent(sent.append)
-    played.on_heard(heard.append)
-    played.play()
-    assert sum(isinstance(each.event, Frame) for each in heard) == played.statistics.frames
-    assert all(each.data.endswith(b"e") for each in heard + sent if isinstance(each.event, Frame))
-    assert Frame(BY_NAME["stop"].code, ()) in {each.event for each in sent}
+    assert sum(isinstance(each.event, Frame) for each in played.heard) == played.statistics.frames
+    told = [each for each in played.heard + played.sent if isinstance(each.event, Frame)]
+    assert all(each.data[:1] == b"@" and each.data[-1:] == b"e" for each in told)
+    assert Frame(BY_NAME["stop"].code, ()) in {each.event for each in played.sent}
 
 
 def test_nothing_can_be_sent(runs):
@@ -97,3 +108,187 @@ def test_nothing_can_be_sent(runs):
             played.drive(0.1, 0.0)
     with pytest.raises(LinkLost, match="nothing is sent"):
         played.request(BY_NAME["robot_info"].code)
+
+
+# -- other files
+
+
+REMARKS_OF_OLD_FILES = ("opened", "checked", "plain")
+
+
+def lines_of(played):
+    return Path(played.recording.path).read_text().splitlines(keepends=True)
+
+
+def replay(path, lines=None, robot="auto"):
+    """A replay of these lines, or of the file as it is: the driver, and what its listeners get."""
+    if lines is not None:
+        Path(path).write_text("".join(lines))
+    played = RecordedDriver(str(path), robot)
+    found = listen(played)
+    played.play()
+    return played, found
+
+
+def of_kind(found, kind):
+    return [event for event in found if isinstance(event, kind)]
+
+
+def moved(found):
+    """How far the wheels turned from the first to the last telemetry."""
+    first, *_, last = of_kind(found, Telemetry)
+    return [end - start for start, end in zip(first.counts, last.counts)]
+
+
+def as_before_version(lines):
+    """The lines that a file had before it held the times of turns and what a replay needs."""
+    yield "#mrl-recording 1 {}\n"
+    for line in lines[1:]:
+        _, direction, data = line.split(" ", 2)
+        if data.strip() and (direction != "!" or data.split()[0] in REMARKS_OF_OLD_FILES):
+            yield line
+
+
+def test_a_file_of_an_older_version_gives_the_same_telemetry(runs, tmp_path):
+    """But for poses that were set.  Stamps count from the start of the file, where the clock was zero."""
+    _, heard, played, _ = runs
+    _, found = replay(tmp_path / "old.mrl", as_before_version(lines_of(played)))
+    expected, got = (
+        [
+            (each.stamp_s, each.counts, each.ranges, each.fresh, each.twist)
+            for each in of_kind(events, Telemetry)
+        ]
+        for events in (heard, found)
+    )
+    assert got == expected
+
+
+def test_a_file_that_is_cut_at_its_start_goes_on_from_there(runs, tmp_path):
+    _, _, played, _ = runs
+    header, *lines = lines_of(played)
+    rest = lines[len(lines) // 3 :]
+    cut, found = replay(tmp_path / "cut.mrl", [header, *rest])
+    assert cut.model == played.model and cut.pose == pytest.approx(played.pose, abs=POSE_ERROR)
+    assert len(found) > 40
+
+
+def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
+    path, found = str(tmp_path / "later.mrl"), []
+    with Driver(serve().path, options=LASTING) as robot:
+        robot.reset_pose(Pose(1.0, 2.0, 0.5))
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.01)
+        robot.start_recording(path)
+        robot.on_telemetry(found.append)
+        robot.on_imu(found.append)
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.03)
+    played, replayed = replay(path)
+    assert (played.model, played.board.capabilities) == (robot.model, robot.board.capabilities)
+    assert tuple(played.pose) == pytest.approx(tuple(robot.pose), abs=POSE_ERROR)
+    found, replayed = (
+        {each.sequence: each for each in of_kind(events, Telemetry)} for events in (found, replayed)
+    )
+    assert set(found) <= set(replayed)
+    for sequence, telemetry in found.items():
+        again = replayed[sequence]
+        assert tuple(again.pose) == pytest.approx(tuple(telemetry.pose), abs=POSE_ERROR)
+        assert again.stamp_s == pytest.approx(telemetry.stamp_s, abs=STAMP_ERROR_S)
+
+
+def test_a_lost_port_and_poses_that_another_thread_sets_are_replayed_to_the_last_bit(serve, tmp_path):
+    path, cable = str(tmp_path / "lost.mrl"), Cable(serve, tmp_path / "robot")
+    robot = Driver(cable.path, options=Options(record=path, reconnect=True))
+    found = listen(robot)
+    with robot:
+        wait_until(lambda: len(of_kind(found, Telemetry)) > 5)
+        cable.unplug()
+        wait_until(lambda: of_kind(found, Lost))
+        cable.plug()
+        wait_until(lambda: of_kind(found, Reconnected))
+        begin = len(found)
+        for n in range(50):
+            robot.reset_pose(Pose(n, 0.0, 0.0))
+            robot.drive(0.2, 0.1)
+            robot.wait(0.003)
+        robot.note_clock(1234.5)
+        wait_until(lambda: len(found) > begin + 20)
+    played, replayed = replay(path)
+    assert [repr(event) for event in replayed] == [repr(event) for event in found]
+    assert played.clock_ahead_s == 1234.5
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """The lines of a short drive, and a file for others."""
+    path = tmp_path_factory.mktemp("short") / "short.mrl"
+    emulated = factory.make(factory.Options(robot="traxbot", imu=True))
+    with SteppedDriver(emulated.engine, options=LASTING._replace(record=str(path))) as driven:
+        driven.drive(0.2, 0.1)
+        driven.wait(0.3)
+        driven.reset_pose(Pose(1.0, 2.0, 0.3))
+        driven.stop()
+        driven.wait(0.3)
+    emulated.close()
+    return path.read_text().splitlines(keepends=True), path.with_name("other.mrl")
+
+
+WORDS = (
+    "session",
+    "joined",
+    "{}",
+    "pose",
+    "nan",
+    "1e300",
+    "stop",
+    "lost",
+    "clock",
+    "slowed",
+    "ended",
+    "model",
+    "opened",
+)
+DAMAGE = st.tuples(
+    st.floats(0, 1), st.sampled_from([0, 1, 40]), st.sampled_from(WORDS), st.sampled_from(WORDS)
+)
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(DAMAGE, max_size=8))
+def test_a_damaged_file_is_played_as_far_as_it_goes(short, damages):
+    """Lines are missing, and remarks are strange; the rest still counts."""
+    lines, path = short
+    header, *rest = lines
+    for where, missing, word, other in damages:
+        at = int(where * len(rest))
+        time_s = rest[at].split(" ")[0] if at < len(rest) else "9"
+        rest[at : at + missing] = [f"{time_s} ! {word} {other} 1 2 3\n"]
+    played, found = replay(path, [header, *rest])
+    assert len(of_kind(found, Telemetry)) <= len(rest) and played.time_s >= 0.0
+
+
+def test_a_robot_that_is_given_replaces_the_recorded_one(short, tmp_path):
+    lines, _ = short
+    traxbot = models.load("traxbot")
+    large = traxbot._replace(drive=traxbot.drive._replace(metres_per_count=1e-3))
+    (as_recorded, _), (as_given, _) = (replay(tmp_path / "x.mrl", lines, robot) for robot in ("auto", large))
+    assert as_given.model == large and as_given.pose.x_m > as_recorded.pose.x_m + 0.01
+
+
+def test_a_recording_of_an_unknown_robot_names_its_id(short, tmp_path):
+    lines, _ = short
+    greeting = takewhile(lambda line: "checked" not in line, as_before_version(lines))
+    robot = [line.replace(",2,1e", ",2,999e") for line in greeting]
+    with pytest.raises(ConfigError, match="no packaged model lists robot id 999; give its file with --robot"):
+        replay(tmp_path / "x.mrl", robot)
+
+
+def test_an_empty_recording_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="holds nothing"):
+        replay(tmp_path / "x.mrl", ["#mrl-recording 1 {}\n"])
+
+
+def test_shares_of_the_work_add_up_to_one(short, tmp_path):
+    shares = []
+    lines, path = short
+    path.write_text("".join(lines))
+    RecordedDriver(str(path)).play(shares.append)
+    assert math.fsum(shares) == pytest.approx(1.0)
