@@ -3,6 +3,8 @@
 from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.robot.sonar import NAMES as SONARS
+from sim_arduino.hardware import sonars
 
 from . import datagrams, hardware_faults, line_faults
 from .key_values import Key, check_value
@@ -17,7 +19,7 @@ class FaultKind(NamedTuple):
 
     `make` of a fault of the serial link is called with a random generator and the parameters.  `switch` of a fault of
     the hardware is called with the plant, whether the fault is on, and the parameters; it needs the hardware `needs`:
-    "bridge", "imu", "radio", or "" for that of all robots.
+    "motors", "omni3md", "bridge", "imu", "sonars", "radio", or "" for that of all robots.
     """
 
     name: str
@@ -51,9 +53,11 @@ _WHEEL = Key("wheel", "left", None, 0.0, "left or right", choices=hardware_fault
 _CHANNEL = Key("channel", "a", None, 0.0, "channel of the encoder, a or b", choices=hardware_faults.CHANNELS)
 
 
-def _bridged(name: str, text: str, switch: Callable[..., None], *parameters: Key) -> FaultKind:
-    """A fault of motors and encoders on an H-bridge board."""
-    return FaultKind(name, text, (_WHEEL, *parameters), switch=switch, needs="bridge")
+def _wheel(
+    name: str, text: str, switch: Callable[..., None], *parameters: Key, needs: str = "motors"
+) -> FaultKind:
+    """A fault of one wheel, its motor or its encoder."""
+    return FaultKind(name, text, (_WHEEL, *parameters), switch=switch, needs=needs)
 
 
 def _imu(name: str, text: str, switch: Callable[..., None], *parameters: Key) -> FaultKind:
@@ -129,25 +133,62 @@ _KINDS = (
         (Key("volts", 3.0, 0.0, 15.0, "voltage lost", "V"),),
         switch=hardware_faults.battery_sag,
     ),
-    _bridged("encoder_open", "a wire of an encoder is broken", hardware_faults.encoder_open, _CHANNEL),
-    _bridged(
+    _wheel("encoder_open", "a wire of an encoder is broken", hardware_faults.encoder_open, _CHANNEL),
+    _wheel(
         "encoder_oscillation",
         "a broken wire of an encoder picks up the pulses of the motor",
         hardware_faults.encoder_oscillation,
         _CHANNEL,
         Key("rate", 62500.0, 1.0, 1e6, "edges per second: two for each pulse", "1/s"),
+        needs="bridge",
     ),
-    _bridged(
+    _wheel(
         "encoder_swapped", "channels A and B of an encoder are exchanged", hardware_faults.encoder_swapped
     ),
-    _bridged(
+    _wheel(
         "encoder_bounce",
         "short pulses follow each edge of an encoder",
         hardware_faults.encoder_bounce,
         Key("pulses", 1, 1, 100, "number of pulses"),
         Key("spacing", 20e-6, 1e-6, 0.01, "time between their edges", "s"),
+        needs="bridge",
     ),
-    _bridged("wheel_blocked", "something holds a wheel", hardware_faults.wheel_blocked),
+    _wheel("wheel_blocked", "something holds a wheel", hardware_faults.wheel_blocked),
+    _wheel(
+        "wheel_slips",
+        "a wheel turns further than it moves the robot",
+        hardware_faults.wheel_slips,
+        Key("grip", 0.5, 0.0, 1.0, "share of its distance that moves the robot"),
+    ),
+    _wheel(
+        "motor_reversed",
+        "the wires of a motor are exchanged",
+        hardware_faults.motor_reversed,
+        needs="omni3md",
+    ),
+    FaultKind(
+        "motor_board_absent",
+        "the motor board does not answer",
+        switch=hardware_faults.motor_board_absent,
+        needs="omni3md",
+    ),
+    FaultKind(
+        "sonar_failed",
+        "a sonar gives no reading, or always the same one",
+        (
+            Key("sonar", "front", None, 0.0, "front, left or right", choices=SONARS),
+            Key(
+                "state",
+                sonars.DEAD,
+                None,
+                0.0,
+                "dead: no reading; stuck: always the same one; deaf: nothing in range",
+                choices=sonars.STATES,
+            ),
+        ),
+        switch=hardware_faults.sonar_failed,
+        needs="sonars",
+    ),
     _imu("imu_absent", "the IMU does not answer", hardware_faults.imu_absent),
     _imu("imu_power", "the IMU has no power, and comes back asleep", hardware_faults.imu_power),
     _imu("imu_frozen", "the IMU's readings do not change", hardware_faults.imu_frozen),

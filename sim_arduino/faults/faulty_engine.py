@@ -117,14 +117,26 @@ class FaultyEngine:
                 chain.add(kind.make(rng, **values), Window(*times))
 
     def _require_hardware(self, kind: FaultKind) -> None:
-        if kind.needs == "bridge" and self._plant.bridge is None:
+        plant, name = self._plant, self._plant.model.name
+        if kind.needs in ("motors", "omni3md") and not plant.model.drives:
             raise ConfigError(
-                f"fault {kind.name!r} needs motors on an H-bridge, robot {self._plant.model.name} has an OMNI-3MD; "
+                f"fault {kind.name!r} needs motors, robot {name} has none; expected another robot"
+            )
+        if kind.needs == "omni3md" and plant.bridge is not None:
+            raise ConfigError(
+                f"fault {kind.name!r} needs an OMNI-3MD, robot {name} has motors on an H-bridge; "
+                "expected another robot, such as traxbot"
+            )
+        if kind.needs == "bridge" and plant.bridge is None:
+            raise ConfigError(
+                f"fault {kind.name!r} needs motors on an H-bridge, robot {name} has an OMNI-3MD; "
                 "expected another robot, such as duo"
             )
-        if kind.needs == "imu" and self._plant.imu is None:
+        if kind.needs == "sonars" and not plant.sonars_fitted:
+            raise ConfigError(f"fault {kind.name!r} needs sonars, the robot has environment sensors instead")
+        if kind.needs == "imu" and plant.imu is None:
             raise ConfigError(f"fault {kind.name!r} needs an IMU, the robot has none; expected --imu too")
-        if kind.needs == "radio" and self._plant.xbee is None:
+        if kind.needs == "radio" and plant.xbee is None:
             raise ConfigError(f"fault {kind.name!r} needs a radio, the robot has none; expected --radio too")
 
     @property

@@ -1,4 +1,4 @@
-"""Faults of motors, encoders, battery, IMU and radio: each function switches one on or off in a `Plant`.
+"""Faults of motors, encoders, battery, sonars, IMU and radio: each function switches one on or off in a `Plant`.
 
 Times are those of the plant, which a simulated chip lets run up to 1 ms ahead.
 """
@@ -6,6 +6,7 @@ Times are those of the plant, which a simulated chip lets run up to 1 ms ahead.
 from sim_arduino.hardware.bridge_plant import BridgePlant
 from sim_arduino.hardware.encoders import Bounce
 from sim_arduino.hardware.imu import MPU6050, Mpu6050
+from sim_arduino.hardware.motor import Motor
 from sim_arduino.hardware.wiring import Plant
 
 WHEELS = ("left", "right")
@@ -18,8 +19,23 @@ def _bridge(plant: Plant) -> BridgePlant:
     return plant.bridge
 
 
+def _index(wheel: str) -> int:
+    """Index of a wheel's motor in those of the body: left, rear, right."""
+    return 2 * WHEELS.index(wheel)
+
+
+def _motor(plant: Plant, wheel: str) -> Motor:
+    """A motor of an OMNI-3MD."""
+    motor = plant.robot.motors[_index(wheel)]
+    assert isinstance(motor, Motor)
+    return motor
+
+
 def encoder_open(plant: Plant, on: bool, wheel: str, channel: str) -> None:
-    """A wire is broken: the board sees its pull-up."""
+    """A wire is broken: an H-bridge board sees its pull-up, and an OMNI-3MD counts nothing."""
+    if not plant.bridge:
+        _motor(plant, wheel).sensed = 0.0 if on else 1.0
+        return
     _bridge(plant).encoder(WHEELS.index(wheel)).open(CHANNELS.index(channel), on)
 
 
@@ -30,6 +46,9 @@ def encoder_oscillation(plant: Plant, on: bool, wheel: str, channel: str, rate: 
 
 def encoder_swapped(plant: Plant, on: bool, wheel: str) -> None:
     """The wires of channels A and B are exchanged."""
+    if not plant.bridge:
+        _motor(plant, wheel).sensed = -1.0 if on else 1.0
+        return
     _bridge(plant).encoder(WHEELS.index(wheel)).swapped = on
 
 
@@ -40,7 +59,30 @@ def encoder_bounce(plant: Plant, on: bool, wheel: str, pulses: float, spacing: f
 
 def wheel_blocked(plant: Plant, on: bool, wheel: str) -> None:
     """Something holds a wheel."""
-    _bridge(plant).motor(WHEELS.index(wheel)).blocked = on
+    plant.robot.motors[_index(wheel)].blocked = on
+
+
+def wheel_slips(plant: Plant, on: bool, wheel: str, grip: float) -> None:
+    """A wheel turns further than it moves the body."""
+    plant.robot.grip[_index(wheel)] = grip if on else 1.0
+
+
+def motor_reversed(plant: Plant, on: bool, wheel: str) -> None:
+    """The two wires of a motor are exchanged."""
+    _motor(plant, wheel).polarity = -1.0 if on else 1.0
+
+
+def motor_board_absent(plant: Plant, on: bool) -> None:
+    """The motor board does not answer on the bus."""
+    plant.motor_board.present = not on
+
+
+def sonar_failed(plant: Plant, on: bool, sonar: str, state: str) -> None:
+    """A sonar gives no reading, or always the same one."""
+    if on:
+        plant.sonars.failed[sonar] = state
+    else:
+        plant.sonars.failed.pop(sonar, None)
 
 
 def battery_sag(plant: Plant, on: bool, volts: float) -> None:

@@ -74,9 +74,12 @@ class Motor:
     """State of one motor; `travel` and `speed` are physics, the rest belongs to the motor board's program.
 
     Attributes:
-        travel: Distance since power-up [count]; never wraps.
-        speed: Speed [count/s].
-        duty: Share of the battery voltage on the motor, -1 to 1.
+        travel: Distance since power-up as the encoder measures it [count]; never wraps.
+        speed: True speed [count/s].
+        duty: Share of the battery voltage that the program puts on the motor, -1 to 1.
+        sensed: Share of the motion that the encoder shows: 1, 0 if it is dead, -1 if its channels are exchanged.
+        polarity: -1 if the motor's wires are exchanged, else 1.
+        blocked: Something holds the wheel.
     """
 
     def __init__(self, params: MotorParams) -> None:
@@ -85,6 +88,8 @@ class Motor:
         self.travel = 0.0
         self.speed = 0.0
         self.duty = 0.0
+        self.sensed = self.polarity = 1.0
+        self.blocked = False
         self.target = 0.0
         self._setpoint = 0.0
         self._integral = 0.0
@@ -122,8 +127,11 @@ class Motor:
 
     def move(self, dt: float, volts: float) -> float:
         """Moves for `dt` [s] at a constant duty; returns the distance [count]."""
+        if self.blocked:
+            self.speed = 0.0
+            return 0.0
         moved = self._braked(dt) if self.mode is Mode.BRAKE else self._driven(dt, volts)
-        self.travel += moved
+        self.travel += moved * self.sensed
         return moved
 
     def control(self, period_s: float, gains: ControlSettings) -> None:
@@ -136,7 +144,7 @@ class Motor:
         self._settle()
 
     def _begin_control(self) -> None:
-        self._setpoint, self._integral, self._error = self.speed, self.duty, 0.0
+        self._setpoint, self._integral, self._error = self.speed * self.sensed, self.duty, 0.0
 
     def _approach(self, period_s: float, gains: ControlSettings) -> None:
         left = self._goal - self.travel
@@ -160,7 +168,7 @@ class Motor:
         return start + max(-most, min(most, target - start))
 
     def _pid(self, gains: ControlSettings) -> None:
-        error = (self._setpoint - self.speed) / self.params.no_load_counts_s
+        error = (self._setpoint - self.speed * self.sensed) / self.params.no_load_counts_s
         self._integral = max(-1.0, min(1.0, self._integral + gains.ki / 1000.0 * error))
         change, self._error = error - self._error, error
         duty = gains.kp / 1000.0 * error + self._integral + gains.kd / 1000.0 * change
@@ -177,7 +185,7 @@ class Motor:
 
     def _driven(self, dt: float, volts: float) -> float:
         tau, friction = self.params.time_constant_s, self.params.friction_counts_s
-        free = self.duty * self.params.no_load_counts_s * volts / self.params.nominal_v
+        free = self.polarity * self.duty * self.params.no_load_counts_s * volts / self.params.nominal_v
         if self.speed == 0.0 and abs(free) <= friction:
             return 0.0
         speed, final = self.speed, free - math.copysign(friction, self.speed or free)

@@ -191,6 +191,7 @@ class RobotPhysics:
         motors: Left, rear and right motor.
         allow: Limits motions at obstacles; None means an endless empty floor.
         sag_v: Voltage that a fault takes from the battery [V].
+        grip: Share of the distances of left, rear and right wheel that moves the body; below 1 a wheel slips.
     """
 
     def __init__(
@@ -208,6 +209,7 @@ class RobotPhysics:
         self.allow: Optional[Allow] = None
         self._rng = random.Random(f"wheels {seed}")
         self.sag_v = 0.0
+        self.grip = [1.0, 1.0, 1.0]
         self._unaccounted_s = 0.0
         self._bridges_a = 0.0
         self._moved: Optional[Moved] = None
@@ -241,10 +243,11 @@ class RobotPhysics:
         state = self.state
         if not resting:
             left, rear, right = (motor.move(dt, state.battery_v) for motor in self.motors)
+            grips = self.grip
             self._roll(
-                left * self.params.left_m_per_count,
-                rear * self.params.left_m_per_count,
-                right * self.params.right_m_per_count,
+                left * self.params.left_m_per_count * grips[0],
+                rear * self.params.left_m_per_count * grips[1],
+                right * self.params.right_m_per_count * grips[2],
                 dt,
             )
         elif self._moved:

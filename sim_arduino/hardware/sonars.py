@@ -48,6 +48,9 @@ class SonarErrors(NamedTuple):
 
 
 FLAWLESS = SonarErrors()
+DEAD, STUCK, DEAF = "dead", "stuck", "deaf"
+STATES = (DEAD, STUCK, DEAF)
+"""How a sonar fails: its output is 0 V, keeps its voltage, or shows that nothing is in range."""
 
 
 def count_of(range_m: float, errors: SonarErrors = FLAWLESS) -> int:
@@ -67,6 +70,9 @@ class SonarChain:
     Args:
         pose_at: The robot's pose at a time [s]; a reading uses the pose at which the sensor fires.
         name: The robot's name in the world; its sonars ignore its own body.
+
+    Attributes:
+        failed: One of `STATES` by name of each sonar that has failed.
     """
 
     def __init__(
@@ -80,6 +86,8 @@ class SonarChain:
     ) -> None:
         order = sorted(mounts, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
         self._mounts: Sequence[SonarMount] = [mounts[name] for name in order]
+        self._names = order
+        self.failed: Dict[str, str] = {}
         self._world = world
         self._pose_at = pose_at
         self._powered_s = math.inf
@@ -128,7 +136,7 @@ class SonarChain:
         """Lets the sensors fire until `time_s` [s]."""
         while self._turn_s <= time_s:
             if self._turn:
-                self._counts[self._turn - 1] = self._measured
+                self._finish(self._turn - 1)
             if self._turn == len(self._mounts):
                 self._turn = 0
                 if not self._held:
@@ -138,10 +146,18 @@ class SonarChain:
             self._turn += 1
             self._turn_s += READING_S
 
+    def _finish(self, index: int) -> None:
+        """Puts the reading of a sensor on its output."""
+        state = self.failed.get(self._names[index])
+        if state != STUCK:
+            self._counts[index] = FULL_COUNT if state == DEAF else self._measured
+
     def volts(self, channel: int, time_s: float) -> float:
         """Output voltage of a sensor [V]: its last finished reading; 0 without power."""
         self.advance(time_s)
         count = self._counts[channel] if channel < len(self._counts) else 0
+        if count and self.failed.get(self._names[channel]) == DEAD:
+            return 0.0
         return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
 
     def _fire(self, mount: SonarMount, time_s: float) -> int:

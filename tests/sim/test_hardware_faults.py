@@ -1,4 +1,4 @@
-"""Faults of encoders, wheels, battery and IMU: what they do to the edges at the board, and to the robot."""
+"""Faults of encoders, wheels, battery, sonars and IMU: what they do to the edges at the board, and to the robot."""
 
 import math
 from collections import Counter
@@ -154,6 +154,96 @@ def test_a_robot_without_bridge_has_no_such_fault(name):
 
     with pytest.raises(ConfigError, match=f"fault '{name}' needs motors on an H-bridge, robot traxbot"):
         FaultyEngine(Board(), [name])
+
+
+def ahead(*faults):
+    """A TraxBot whose motor board has driven it forward for a second, with faults from the start."""
+    plant = Plant(model("traxbot"))
+    plant.sonars.power(True, 0.0)
+    plant.sonars.hold(True, 0.0)
+
+    class Board:
+        def advance(self, to_s):
+            plant.advance(to_s)
+
+    board = Board()
+    board.plant = plant
+    engine = FaultyEngine(board, faults)
+    plant.motor_board.move_differential(0.0, 200, 0)
+    plant.advance(1.0)
+    return engine, plant
+
+
+@pytest.mark.parametrize(
+    ("fault", "counts", "turns"),
+    [
+        ("encoder_open", "none", -1),
+        ("encoder_swapped", "back", -1),
+        ("motor_reversed", "back", 1),
+        ("wheel_blocked", "none", 1),
+        ("wheel_slips:grip=0", "ahead", 1),
+    ],
+)
+def test_a_faulty_left_wheel_counts_and_moves_as_it_does_on_the_floor(fault, counts, turns):
+    """Speed control follows the encoder: without one, or with a reversed one, the wheel runs away."""
+    _, plant = ahead(fault)
+    left, _, right = plant.motor_board.counts()
+    assert {-1: "back", 0: "none", 1: "ahead"}[(left > 5) - (left < -5)] == counts
+    assert right > 100
+    assert plant.robot.state.yaw_rad * turns > 0.1
+
+
+def test_clear_mends_motor_board_wheels_and_sonars():
+    names = (
+        "encoder_open",
+        "wheel_blocked",
+        "wheel_slips",
+        "motor_reversed",
+        "motor_board_absent",
+        "sonar_failed",
+    )
+    engine, plant = ahead(*names)
+    motor = plant.robot.motors[0]
+    broken = motor.sensed, motor.blocked, motor.polarity, plant.robot.grip[0], plant.motor_board.present
+    assert broken == (0.0, True, -1.0, 0.5, False)
+    engine.clear()
+    mended = motor.sensed, motor.blocked, motor.polarity, plant.robot.grip[0], plant.motor_board.present
+    assert mended == (1.0, False, 1.0, 1.0, True)
+    assert plant.sonars.failed == {}
+
+
+@pytest.mark.parametrize(("state", "shows"), [("dead", (0, 0)), ("stuck", (0, 0)), ("deaf", (645, 645))])
+def test_a_failed_sonar_shows_no_reading_the_same_one_or_nothing_in_range(state, shows):
+    """The others work."""
+    engine, plant = ahead(f"sonar_failed:sonar=left,state={state}")
+    counts = [
+        [round(plant.adc_volts(channel, s) * 1024 / 5 - 0.5) for channel in range(3)] for s in (1.5, 3.0)
+    ]
+    assert tuple(max(0, at[1]) for at in counts) == shows
+    assert counts[0][0] > counts[1][0] > 10 and counts[0][2] > 10
+
+
+@pytest.mark.parametrize(
+    ("name", "robot", "text"),
+    [
+        ("wheel_slips", "pioneer", "needs motors, robot pioneer has none"),
+        ("motor_reversed", "duo", "needs an OMNI-3MD, robot duo has motors on an H-bridge"),
+    ],
+)
+def test_a_robot_without_the_motors_has_no_such_fault(name, robot, text):
+    class Board:
+        plant = Plant(bridged() if robot == "duo" else model(robot))
+
+    with pytest.raises(ConfigError, match=text):
+        FaultyEngine(Board(), [name])
+
+
+def test_a_robot_without_sonars_has_no_such_fault():
+    class Board:
+        plant = Plant(model("traxbot"), sonars=False)
+
+    with pytest.raises(ConfigError, match="fault 'sonar_failed' needs sonars"):
+        FaultyEngine(Board(), ["sonar_failed"])
 
 
 def measuring(*faults):
