@@ -12,18 +12,20 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optiona
 
 import numpy as np
 
-from mrl_driver.errors import BoardTimeout
+from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.recording.recording import FROM_BOARD, OPENED, TO_BOARD
+from mrl_driver.recording.recording import FROM_BOARD, OPENED, STOP, TO_BOARD
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.session.events import SensorRead, Stale, Status
+from mrl_driver.safety.wheel_monitor import Mismatch
+from mrl_driver.session.events import Ready, SensorRead, Stale, Status
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Counters
-from mrl_driver.session.motion_command import MOVE, STOP
+from mrl_driver.session.motion_command import MOVE
+from mrl_driver.session.motion_command import STOP as STOP_CODE
 from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 from mrl_driver.view.words import stopped_text
@@ -31,8 +33,6 @@ from mrl_driver.view.words import stopped_text
 if TYPE_CHECKING:
     from mrl_driver.driver.recorded import Heard, RecordedDriver, Remark, Sent
 
-_STOPPED = "stop "
-"""Begins the remark with the driver's reason of a stop."""
 _STATUS, _INFO = BY_NAME["read_status"].code, BY_NAME["robot_info"].code
 _TOGETHER_S = 0.5
 """A stop and its reason are written within this time of each other [s]."""
@@ -125,7 +125,8 @@ class DriveData(NamedTuple):
     battery: Column
     """Voltage and temperature [V degC]; NaN if not measured."""
     imu: Column
-    """Yaw rate without bias, accelerations x y z, bias [rad/s m/s2 m/s2 m/s2 rad/s], in the axes of base_link."""
+    """Yaw rate without bias, accelerations x y z, bias [rad/s m/s2 m/s2 m/s2 rad/s], in the axes of base_link; the
+    times are those of the readings.  The bias is NaN until it is known."""
     sensors: Dict[str, Column]
     """Values of each sensor of `table.SENSORS`."""
     statuses: List[Tuple[float, Status]]
@@ -143,7 +144,7 @@ class DriveData(NamedTuple):
     frames: Dict[str, int]
     """Number of frames from the board, by name."""
     events: List[Tuple[float, object]]
-    """The driver's events: `Ready`, `Stale`, `ImuChanged`, `PathUnknown` and others, and its errors."""
+    """The driver's events: `Ready`, `Stale`, `Mismatch`, `ImuChanged`, `PathUnknown` and others, and its errors."""
     heard: Frames
     """Frames from the board."""
     sent: Frames
@@ -156,7 +157,7 @@ def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda p
     """Play a whole recording and return its data; `advance` is called as by `RecordedDriver.play`.
 
     Raises:
-        ConfigError: as `RecordedDriver.play`.
+        ConfigError: as `RecordedDriver.play`, or no robot answered.
     """
     return _Reader(recorded).read(advance)
 
@@ -180,7 +181,7 @@ class _Reader:
     def __init__(self, recorded: "RecordedDriver") -> None:
         self._recorded = recorded
         self._poses, self._speeds, self._commands = _Rows(3), _Rows(3), _Rows(3)
-        self._battery, self._imu, self._lost, self._trips = _Rows(2), _Rows(5), _Rows(1), _Rows(1)
+        self._battery, self._imu, self._trips = _Rows(2), _Rows(5), _Rows(1)
         self._counts: Optional[_Rows] = None
         self._stamps_s, self._delays = array("d"), _Rows(1)
         self._ranges: Dict[str, _Rows] = {}
@@ -193,6 +194,10 @@ class _Reader:
         self._events: List[Tuple[float, object]] = []
         self._heard, self._sent = Frames(), Frames()
         self._names: Dict[int, int] = {}
+        self._losses: List[Tuple[float, int]] = []
+        """Time, and number of lost frames so far."""
+        self._lost_before = 0
+        """Lost frames until the last telemetry."""
         self._counters = Counters()
         self._stream = Stream(self._counters)
         self._stamped_s = -math.inf
@@ -200,6 +205,8 @@ class _Reader:
         self._moves = False
         """The last command that was sent moves the robot."""
         self._omni: Optional[OmniCommands] = None
+        self._mismatch = ""
+        """The last wheel that did not follow its command."""
 
     def read(self, advance: Callable[[float], None]) -> DriveData:
         recorded = self._recorded
@@ -218,7 +225,12 @@ class _Reader:
     def _data(self) -> DriveData:
         recorded = self._recorded
         header, model = recorded.recording.header, recorded.model
-        assert model is not None
+        if model is None:
+            raise ConfigError(
+                f"{recorded.recording.path} holds no answer of a robot, expected its frames: check port and baud "
+                "rate of the "
+                "recorded program"
+            )
         try:
             board: Optional[Board] = recorded.board
         except BoardTimeout:
@@ -244,7 +256,7 @@ class _Reader:
             self._statuses,
             self._stops,
             self._garbage,
-            self._lost.column(flat=True),
+            Column(*np.array(self._losses, dtype=float).reshape(-1, 2).T),
             self._delays.column(flat=True),
             self._trips.column(flat=True),
             self._opened,
@@ -260,6 +272,7 @@ class _Reader:
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         now_s, twist, counts = self._recorded.time_s, telemetry.twist, telemetry.counts
+        self._lost_before = self._counters.lost
         self._poses.append((now_s, *telemetry.pose))
         self._speeds.append((now_s, twist.linear_m_s, twist.angular_rad_s, twist.lateral_m_s))
         if self._counts is None:
@@ -277,7 +290,8 @@ class _Reader:
     def _on_imu(self, imu: Imu) -> None:
         bias = imu.bias_rad_s if imu.bias_known else math.nan
         rate = imu.angular_velocity_rad_s[2] - imu.bias_rad_s
-        self._imu.append((self._recorded.time_s, rate, *imu.linear_acceleration_m_s2, bias))
+        made_s = self._recorded.time_s - (imu.reading.arrival_s - imu.stamp_s)
+        self._imu.append((made_s, rate, *imu.linear_acceleration_m_s2, bias))
 
     def _on_battery(self, board: Board) -> None:
         self._battery.append((self._recorded.time_s, board.battery_v, board.temperature_c))
@@ -291,14 +305,23 @@ class _Reader:
         before = self._statuses[-1][1].stop_reason if self._statuses else status.stop_reason
         self._statuses.append((now_s, status))
         if status.stop_reason != before and status.stop_reason not in _NOT_STOPS:
-            self._note_stop(now_s, status.stop_reason, "", FROM_BOARD, self._heard.at(now_s, _STATUS))
+            frame = self._heard.at(now_s, _STATUS)
+            if self._told(status.stop_reason):
+                self._stops[-1] = self._stops[-1]._replace(direction=FROM_BOARD, data=frame)
+            else:
+                self._note_stop(now_s, status.stop_reason, "", FROM_BOARD, frame)
 
     def _on_event(self, event: object) -> None:
         self._events.append((self._recorded.time_s, event))
-        if isinstance(event, Stale) and self._moves:
+        if isinstance(event, Ready) and event.restarted:
+            self._stream.begin_anew()
+            self._counters.lost = self._lost_before  # after a restart the numbers start again: none were lost
+            self._losses = [each for each in self._losses if each[1] <= self._lost_before]
+        elif isinstance(event, Mismatch):
+            self._mismatch = str(event)
+        elif isinstance(event, Stale) and self._moves:
             self._moves = False
-            if not self._told("stale"):
-                self._note_stop(self._recorded.time_s, "stale", "", "", b"")
+            self._note_stop(self._recorded.time_s, "stale", "", "", b"")
 
     # -- what was on the wire
 
@@ -308,8 +331,9 @@ class _Reader:
         if text.startswith(OPENED.decode()):
             self._opened.append((remark.time_s, text[len(OPENED) :]))
             self._stream.begin_anew()
-        elif text.startswith(_STOPPED):
-            reason, _, detail = text[len(_STOPPED) :].partition(" ")
+        elif text.startswith(STOP.decode()):
+            reason, _, _ = text[len(STOP) :].partition(" ")
+            detail = self._mismatch if reason == "wheel_mismatch" else ""
             self._note_stop(remark.time_s, reason, detail, "", b"")
 
     def _told(self, reason: str = "") -> bool:
@@ -324,7 +348,7 @@ class _Reader:
         last = self._stops[-1] if self._stops else None
         if not data and last is not None and last.reason == "user" and self._told():
             self._stops[-1] = last._replace(reason=reason, text=text)  # its remark comes after the frame
-        else:
+        elif data or not self._told(reason):
             self._stops.append(Stop(time_s, reason, text, direction, data))
 
     def _on_sent(self, sent: "Sent") -> None:
@@ -334,7 +358,7 @@ class _Reader:
             return
         self._sent.add(time_s, event.code, data)
         code = event.code
-        if code == STOP:
+        if code == STOP_CODE:
             self._on_stop(time_s, data)
         elif code == MOVE:
             linear, angular = event.args[:2]
@@ -376,4 +400,4 @@ class _Reader:
             self._stream.missing(event.stamp.sequence, time_s - self._stamped_s >= STALE_S)
             self._stamped_s = time_s
             if self._counters.lost != lost:
-                self._lost.append((time_s, self._counters.lost))
+                self._losses.append((time_s, self._counters.lost))

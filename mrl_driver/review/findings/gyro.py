@@ -1,0 +1,261 @@
+"""Findings from the IMU: that it failed, and where its gyro and the wheels disagree."""
+
+import math
+from typing import Any, List, NamedTuple, Optional, Tuple
+
+import numpy as np
+
+from mrl_driver.review.drive_data import DriveData
+from mrl_driver.robot.heading import STEADY_RAD_S
+from mrl_driver.robot.imu import ABSENT, FROZEN, OUT_OF_SCALE, REASONS, SILENT, TILTED
+from mrl_driver.robot.models import Drive
+from mrl_driver.session.events import ImuChanged
+
+from .evidence import IMU, TELEMETRY, heard, interruptions, outside, runs
+from .finding import Finding
+
+WINDOW_S = 0.5
+"""Turns by gyro and by wheels are compared over this time [s]."""
+SLIP_RAD = 0.1
+"""A wheel slips if gyro and wheels differ by more than this in a window, or in windows that follow each other [rad]:
+five times what the tracks' own noise gives."""
+AGREES_RAD, LEAST_WINDOWS = 0.03, 8
+"""Gyro and wheels agree in a window if they differ by less than this [rad]; a fit needs this number of windows."""
+SCALE, SCALE_RAD = 0.06, 3.0
+"""Turns by gyro and wheels differ by more than this share: the gyro's scale is within 3 % (data sheet of the MPU-6050),
+and three standard deviations of a wheel separation are 3 %.  The robot must turn by this angle first [rad]."""
+RATIO, RATIO_M = 0.02, 1.0
+"""Wheels of one kind differ in size by less than this: four standard deviations (Araujo 2012).  The robot must drive
+this distance first [m]."""
+LARGEST_RATIO = 0.15
+"""Wheels that seem to differ by more do not: one of them slips."""
+DRIFT_RAD_S = math.radians(0.5)
+"""Change of the gyro's bias that its temperature does not explain [rad/s]: 0.16 deg/s per degree (data sheet), 3
+degrees."""
+STAND_S, LEAST_RATES = 0.2, 5
+"""A stand counts if it lasts this long, after a first time as long in which the body settles [s]."""
+SURE = 4.0
+"""A figure counts if it is this many standard errors beyond its threshold."""
+_KINDS = {
+    ABSENT: "imu_dead",
+    SILENT: "imu_dead",
+    FROZEN: "imu_frozen",
+    OUT_OF_SCALE: "imu_wrong",
+    TILTED: "imu_tilted",
+}
+_TITLES = {
+    "imu_dead": "The IMU stopped",
+    "imu_frozen": "The IMU repeated the same reading",
+    "imu_wrong": "The IMU's readings were out of scale",
+    "imu_tilted": "The IMU is not upright",
+}
+
+
+def check(drive: DriveData) -> List[Finding]:
+    """Return what is wrong with the IMU, or what it shows."""
+    failed = _failed(drive)
+    if failed:
+        return failed
+    drift = _bias(drive)
+    found = _compare(drive)
+    if found is None:
+        return drift
+    return drift or [*_slips(drive, found), *_scales(drive, found)]
+
+
+def _failed(drive: DriveData) -> List[Finding]:
+    down = interruptions(drive)
+    lost = [(float(t) - 1.0, float(t) + 1.0) for t in drive.lost.time_s]
+    for time_s, event in drive.events:
+        if not isinstance(event, ImuChanged) or event.in_use or event.state not in _KINDS:
+            continue
+        if not outside([time_s], [*down, *lost])[0]:
+            continue
+        kind = _KINDS[event.state]
+        _, _, remedy = REASONS[event.state].partition(": ")
+        text = f"From {time_s:.1f} s on {event.text.partition(': ')[0]}."
+        remedy = remedy[:1].upper() + remedy[1:] + "."
+        return [Finding(kind, _TITLES[kind], text, remedy, *heard(drive, time_s, IMU, *TELEMETRY), 64)]
+    return []
+
+
+def _bias(drive: DriveData) -> List[Finding]:
+    """Compare the gyro's rates while the wheels stand still."""
+    imu = drive.imu
+    if not len(imu.time_s) or len(drive.counts.time_s) < 2:
+        return []
+    raw = imu.values[:, 0] + np.nan_to_num(imu.values[:, 4])
+    moved = np.any(np.abs(np.diff(drive.counts.values, axis=0)) > 1, axis=1)
+    still = runs(~moved)
+    stands = []
+    for first, end in still:
+        begin_s, end_s = drive.stamps_s[first] + STAND_S, drive.stamps_s[end]
+        rates = raw[slice(*np.searchsorted(imu.time_s, (begin_s, end_s)))]
+        if end_s - begin_s >= STAND_S and len(rates) >= LEAST_RATES and np.std(rates) < STEADY_RAD_S:
+            stands.append((float(end_s), float(np.mean(rates))))
+    if not stands:
+        return []
+    rates = np.array([rate for _, rate in stands])
+    far = np.abs(rates - rates[0]) > DRIFT_RAD_S
+    if not far.any():
+        return []
+    return [_drift(drive, float(np.abs(rates - rates[0]).max()), stands[int(np.argmax(far))][0])]
+
+
+def _drift(drive: DriveData, change_rad_s: float, at_s: float) -> Finding:
+    return Finding(
+        "imu_drift",
+        "The gyro drifts",
+        f"While the robot stood, the rate it showed changed by {math.degrees(change_rad_s):.1f} deg/s during the "
+        "drive. The "
+        "heading turns as fast.",
+        "Let the robot stand for a second now and then; keep the IMU away from heat and vibration; replace it.",
+        *heard(drive, at_s, IMU, *TELEMETRY),
+        62,
+    )
+
+
+class _Compared(NamedTuple):
+    """Turns of each window by gyro and by wheels, and the fit `gyro = scale turn + curve distance + drift time`."""
+
+    time_s: Any
+    """End of each window."""
+    turn_rad: Any
+    distance_m: Any
+    right_m: Any
+    left_m: Any
+    rest_rad: Any
+    """What the fit does not explain."""
+    scale: float
+    curve_rad_m: float
+    drift_rad_s: float
+    errors: Any
+    """Standard errors of the three."""
+
+
+def _compare(drive: DriveData) -> Optional[_Compared]:
+    base, imu = drive.model.drive, drive.imu
+    known = ~np.isnan(imu.values[:, 4]) if len(imu.time_s) else np.zeros(0, dtype=bool)
+    if not isinstance(base, Drive) or known.sum() < 10:
+        return None
+    at_s, rate = np.maximum.accumulate(imu.time_s[known]), imu.values[known, 0]
+    angle = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(at_s)))
+    edges = np.arange(at_s[0], at_s[-1], WINDOW_S)
+    right, left = (
+        np.interp(edges, drive.stamps_s, drive.counts.values[:, i] * per_count)
+        for i, per_count in enumerate((base.right_m_per_count, base.left_m_per_count))
+    )
+    gyro = np.diff(np.interp(edges, at_s, angle))
+    right, left = np.diff(right), np.diff(left)
+    gaps = [(float(a), float(b)) for a, b in zip(at_s[:-1], at_s[1:]) if b - a > 0.1]
+    kept = outside(edges[1:], [*interruptions(drive), *((a, b + WINDOW_S) for a, b in gaps)])
+    kept &= np.abs(right) + np.abs(left) > 1e-3
+    gyro, right, left, ends = gyro[kept], right[kept], left[kept], edges[1:][kept]
+    if len(gyro) < LEAST_WINDOWS:
+        return None
+    turn, distance = (right - left) / base.turning_separation_m, 0.5 * (right + left)
+    table = np.stack([turn, distance, np.full(len(turn), WINDOW_S)], axis=1)
+    everything, *_ = np.linalg.lstsq(table, gyro, rcond=None)
+    fits = [_fit(table, gyro, begin) for begin in (everything, np.array([1.0, 0.0, 0.0]))]
+    fit, used = max(fits, key=lambda each: int(each[1].sum()))
+    if used.sum() < LEAST_WINDOWS:
+        return None
+    rest = gyro - table @ fit
+    noise = max(float(np.std(rest[used])), 1e-3)
+    errors = noise * np.sqrt(np.diag(np.linalg.pinv(table[used].T @ table[used])))
+    scale, curve, drift = (float(each) for each in fit)
+    return _Compared(ends, turn, distance, right, left, rest, scale, curve, drift, errors)
+
+
+def _fit(table: Any, gyro: Any, fit: Any) -> Tuple[Any, Any]:
+    """Improve a fit with the windows that agree with it; return it and whether each window does."""
+    used = np.ones(len(gyro), dtype=bool)
+    for _ in range(5):
+        used = np.abs(gyro - table @ fit) <= AGREES_RAD
+        if used.sum() < LEAST_WINDOWS:
+            break
+        fit, *_ = np.linalg.lstsq(table[used], gyro[used], rcond=None)
+    return fit, used
+
+
+def _slips(drive: DriveData, found: _Compared) -> List[Finding]:
+    """Windows in which the robot turned otherwise than its wheels."""
+    worst, at, total = 0.0, 0, 0.0
+    for first, end in runs(np.abs(found.rest_rad) > 0.25 * SLIP_RAD):
+        turned = float(found.rest_rad[first:end].sum())
+        if abs(turned) > SLIP_RAD:
+            total += abs(turned)
+            if abs(turned) > abs(worst):
+                worst, at = turned, first
+    if not worst:
+        return []
+    return [_slip(drive, found, at, total, worst)]
+
+
+def _slip(drive: DriveData, found: _Compared, at: int, total_rad: float, worst_rad: float) -> Finding:
+    right, left = float(found.right_m[at]), float(found.left_m[at])
+    suspects = [name for name, sign in (("left", left), ("right", -right)) if sign * worst_rad > 0]
+    which = f"The {suspects[0]} wheel" if len(suspects) == 1 else "A wheel"
+    return Finding(
+        "slip",
+        f"{which} slipped",
+        f"The gyro and the wheels disagree by {math.degrees(total_rad):.0f} deg in all: a wheel turned without "
+        "moving the "
+        "robot as far.",
+        "Clean the wheels and the floor, check the wheel's hub and its load, and accelerate more gently.",
+        *heard(drive, found.time_s[at], *TELEMETRY),
+        63,
+    )
+
+
+def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
+    base = drive.model.base
+    ratio = found.curve_rad_m * base.wheel_separation_m
+    scale_error, curve_error, drift_error = found.errors
+    findings = []
+    moment = heard(drive, found.time_s[int(np.argmax(np.abs(found.turn_rad)))], *TELEMETRY)
+    straight = heard(drive, found.time_s[int(np.argmax(np.abs(found.distance_m)))], *TELEMETRY)
+    if (
+        np.abs(found.distance_m).sum() >= RATIO_M
+        and abs(ratio) - SURE * curve_error * base.wheel_separation_m > RATIO
+    ):
+        if abs(ratio) > LARGEST_RATIO:
+            rest = np.abs(found.curve_rad_m * found.distance_m)
+            found = found._replace(rest_rad=found.curve_rad_m * found.distance_m)
+            return [
+                _slip(
+                    drive,
+                    found,
+                    int(np.argmax(rest)),
+                    float(rest.sum()),
+                    float(found.rest_rad[np.argmax(rest)]),
+                )
+            ]
+        larger = "right" if ratio > 0 else "left"
+        findings.append(
+            Finding(
+                "wheel_ratio",
+                f"The {larger} wheel is larger than the other one",
+                f"By {abs(ratio):.1%}: the gyro shows that the robot turns "
+                f"{math.degrees(abs(found.curve_rad_m)):.1f} deg in "
+                "each metre while the wheels count the same.",
+                "Run: mrl calibrate square (or straight); check tyres and tracks.",
+                *straight,
+                56,
+            )
+        )
+    wrong = abs(found.scale - 1.0) - SURE * scale_error
+    if np.abs(found.turn_rad).sum() >= SCALE_RAD and wrong > SCALE:
+        findings.append(
+            Finding(
+                "track_width",
+                "The robot does not turn as far as its wheels say",
+                f"The gyro shows {found.scale:.0%} of the turn by the wheels: the wheel separation in the model is "
+                "wrong by "
+                f"{abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
+                "Run: mrl calibrate turn",
+                *moment,
+                55,
+            )
+        )
+    return findings
