@@ -30,10 +30,9 @@ from typing import (
 
 from mrl_driver import errors
 from mrl_driver.errors import ConfigError, LinkLost, MrlError
-from mrl_driver.geometry import Pose
 from mrl_driver.protocol import Event, Frame
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.recording.recorded_facts import model_of, session_of
+from mrl_driver.recording.recorded_facts import model_of, numbers_of, pose_of, session_of
 from mrl_driver.recording.recorded_frames import replies, requests
 from mrl_driver.recording.recording import (
     CLOCK,
@@ -53,7 +52,6 @@ from mrl_driver.recording.recording import (
     Recording,
     started_s,
 )
-from mrl_driver.robot.covariance import is_covariance
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyWheels
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands
@@ -448,14 +446,9 @@ class RecordedDriver(Driver):
             self._tell(self._join(board, stream_code, checked, heard_s if last is not None else now, last))
 
     def _on_pose(self, data: bytes, _: float) -> None:
-        numbers = _numbers(data)
-        odometry = self._core.state.odometry
-        if len(numbers) == 9 and odometry is not None:
-            x_m, y_m, yaw_rad, *rest = numbers
-            xx, xy, x_yaw, yy, y_yaw, yaw_yaw = rest
-            spread = xx, xy, x_yaw, yy, y_yaw, yaw_yaw
-            if is_covariance(spread):
-                odometry.set_pose(Pose(x_m, y_m, yaw_rad), spread)
+        found, odometry = pose_of(data), self._core.state.odometry
+        if found is not None and odometry is not None:
+            odometry.set_pose(*found)
 
     def _on_stop(self, data: bytes, now: float) -> None:
         core, (reason, _, detail) = self._core, data.partition(b" ")
@@ -472,7 +465,7 @@ class RecordedDriver(Driver):
             self._tell([core.mismatch])
 
     def _on_clock(self, data: bytes, _: float) -> None:
-        for number in _numbers(data)[:1]:
+        for number in numbers_of(data)[:1]:
             self._clock_ahead_s = number
 
     def _on_lost(self, data: bytes, now: float) -> None:
@@ -579,7 +572,7 @@ def _opening(recording: Recording) -> _Opening:
         if data.startswith(MODEL) and model is None:
             model = model_of(data[len(MODEL) :].decode("utf-8", "replace"))
         if data.startswith(CLOCK) and ahead_s is None:
-            ahead_s = next(iter(_numbers(data[len(CLOCK) :])), None)
+            ahead_s = next(iter(numbers_of(data[len(CLOCK) :])), None)
     return _Opening(model, ahead_s, has_turns, frames)
 
 
@@ -611,15 +604,6 @@ def _options(header: Dict[str, Any]) -> Options:
     except ConfigError:
         options = DEFAULTS
     return options._replace(command_timeout_s=None, ignore_battery=True)
-
-
-def _numbers(data: bytes) -> List[float]:
-    """The finite numbers in a remark; none if it is damaged."""
-    try:
-        numbers = [float(word) for word in data.split()]
-    except ValueError:
-        return []
-    return numbers if all(map(math.isfinite, numbers)) else []
 
 
 def _facts(data: bytes, **kinds: type) -> Dict[str, Any]:

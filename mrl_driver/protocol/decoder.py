@@ -62,8 +62,8 @@ class FrameDecoder:
 
     @property
     def idle(self) -> bool:
-        """Whether the next frame depends only on its own bytes: none is pending, and no other bytes share its line."""
-        return not (self._frame or self._noise or self._line)
+        """Whether the next frame depends only on its own bytes: none is pending, and no text shares its line."""
+        return not (self._frame or self._noise or (self._line and self._lines))
 
     def feed(self, data: bytes) -> List[Event]:
         """Return the frames and garbage completed by `data`, in the order of the wire."""

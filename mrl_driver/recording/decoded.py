@@ -22,7 +22,9 @@ from typing import (
 
 import numpy as np
 
+from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
+from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.robot import imu, models
 from mrl_driver.robot.imu import Imu, ImuTracker
@@ -39,7 +41,20 @@ from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 
 from .frame_arrays import FrameArray
-from .recording import CHECKED, FROM_BOARD, OPENED, PHONE, PLAIN, REMARK, TO_BOARD, Entry, Recording
+from .recorded_facts import model_of, pose_of
+from .recording import (
+    CHECKED,
+    FROM_BOARD,
+    MODEL,
+    OPENED,
+    PHONE,
+    PLAIN,
+    POSE,
+    REMARK,
+    TO_BOARD,
+    Entry,
+    Recording,
+)
 
 LINE_BYTES = 12
 """A line of the file takes about this many bytes besides its data."""
@@ -177,6 +192,8 @@ class RecordedRobot:
         self.odometry: Optional[Odometry] = None
         self.imu: Optional[Imu] = None
         """The last reading of the IMU that `take` got; None before the first."""
+        self._pose = ORIGIN
+        """Pose before the first reading of the counters."""
         self._tracker: Optional[ImuTracker] = None
         self._counted_s = -math.inf
         self.counters = Counters()
@@ -206,6 +223,16 @@ class RecordedRobot:
             self.odometry.reset()
         if self._tracker is not None:
             self._tracker.reset()
+
+    def take_remark(self, data: bytes) -> None:
+        """Handle a remark about the model, which is used if there is none yet, or about the pose."""
+        if data.startswith(MODEL):
+            self.model = self.model or model_of(data[len(MODEL) :].decode("utf-8", "replace"))
+        found = pose_of(data[len(POSE) :]) if data.startswith(POSE) else None
+        if found is not None:
+            self._pose = found[0]
+            if self.odometry is not None:
+                self.odometry.set_pose(self._pose)
 
     def take(self, frame: Frame, time_s: float) -> bool:
         """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""
@@ -260,18 +287,35 @@ class RecordedRobot:
             self.capabilities = frozenset({"environment"})
         made_s, used = times_s, slice(None)
         if stamps is not None:
-            made_s = np.full(len(times_s), math.nan)
-            for i, ((sequence, ticks), time_s) in enumerate(zip(stamps.tolist(), times_s.tolist())):
-                missing = self._missing(sequence, time_s)
-                if counts and missing >= 0:
-                    self._stream.clock.update(ticks, time_s, not missing)
-                    made_s[i] = self._stream.clock.board_s
+            made_s = self._board_times(stamps, times_s, counts)
             used = made_s == made_s
         if counts:
             wheels = 3 if frames.code == _OMNI else 2
             made_s = made_s[used]
             self._odometry(stamps is not None).update_all(frames.args[used, :wheels], made_s)
             self._counted_s = float(made_s[-1]) if len(made_s) else self._counted_s
+
+    def _board_times(self, stamps: Any, times_s: Any, counts: bool) -> Any:
+        """Return the board times (N,) [s] of frames that arrived at these times; NaN for those that are not used."""
+        made_s, i = np.full(len(times_s), math.nan), 0
+        gaps = [*(np.flatnonzero(np.diff(stamps[:, 0]) & 0xFFFF != 1) + 1).tolist(), len(times_s)]
+        for gap in gaps:
+            while i < gap:
+                sequence, ticks = stamps[i].tolist()
+                missing = self._missing(sequence, float(times_s[i]))
+                i += 1
+                if missing < 0:
+                    continue
+                if counts:
+                    self._stream.clock.update(ticks, float(times_s[i - 1]), not missing)
+                    made_s[i - 1] = self._stream.clock.board_s
+                if i < gap:
+                    self._stream.expected = to_int16(int(stamps[gap - 1, 0]) + 1)
+                    self._last_stamp_s = float(times_s[gap - 1])
+                    if counts:
+                        made_s[i:gap] = self._stream.clock.follow(stamps[i:gap, 1], times_s[i:gap])
+                    i = gap
+        return made_s
 
     def _has_counts(self, code: int) -> bool:
         """Return whether replies with this code have the counters of this robot."""
@@ -322,6 +366,7 @@ class RecordedRobot:
         assert self.model is not None
         odometry = odometry_of(self.model, exact)
         odometry.uncertainty = None
+        odometry.pose = self._pose
         if before is not None:
             odometry.pose, odometry.baseline.refused = before.pose, before.baseline.refused
         self.odometry, self._exact = odometry, exact

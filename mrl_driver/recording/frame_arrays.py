@@ -99,7 +99,7 @@ class FrameArrayDecoder:
         pieces = _split(data[:size], ends)
         tables = self._tables(data[:size].tobytes(), pieces)
         singles = self._singles(data[:size].tobytes(), pieces)
-        return [found._replace(at=found.at - offset) for found in _merge(tables, singles, pieces.good, ends)]
+        return [found._replace(at=found.at - offset) for found in _merge(tables, singles, pieces.good)]
 
     def _tables(self, data: bytes, pieces: _Pieces) -> List[Tuple[Any, FrameArray]]:
         """Frames that the table allows, by command, with the indices of their pieces; no other piece stays good."""
@@ -209,7 +209,7 @@ def _checksums(data: bytes, starts: Any, ends: Any) -> Any:
 
 
 def _merge(
-    tables: List[Tuple[Any, FrameArray]], singles: List[Tuple[int, Frame]], good: Any, ends: Any
+    tables: List[Tuple[Any, FrameArray]], singles: List[Tuple[int, Frame]], good: Any
 ) -> List[FrameArray]:
     """Return all frames: those in `tables` whose pieces are good, and `singles`."""
     found: Dict[Tuple[int, int, bool], List[FrameArray]] = {}
@@ -217,11 +217,15 @@ def _merge(
         kept, key = good[rows], (frames.code, frames.args.shape[1], frames.stamps is not None)
         stamps = frames.stamps[kept] if frames.stamps is not None else None
         found[key] = [FrameArray(frames.code, frames.at[kept], frames.args[kept], stamps)]
+    alike: Dict[Tuple[int, int, bool], List[Tuple[int, Frame]]] = {}
     for at, frame in singles:
-        stamp = np.array([frame.stamp]) if frame.stamp is not None else None
-        args = np.array([frame.args], np.int32).reshape(1, len(frame.args))
-        key = (frame.code, len(frame.args), stamp is not None)
-        found.setdefault(key, []).append(FrameArray(frame.code, np.array([at]), args, stamp))
+        alike.setdefault((frame.code, len(frame.args), frame.stamp is not None), []).append((at, frame))
+    for key, group in alike.items():
+        code, width, stamped = key
+        places = np.array([at for at, _ in group])
+        args = np.array([frame.args for _, frame in group], np.int32).reshape(len(group), width)
+        stamps = np.array([frame.stamp for _, frame in group], np.int32) if stamped else None
+        found.setdefault(key, []).append(FrameArray(code, places, args, stamps))
     joined = [_joined(parts) for parts in found.values()]
     return [frames for frames in joined if len(frames.at)]
 

@@ -5,12 +5,14 @@ Reading checks everything: the text may be damaged, or written by anybody.
 
 import json
 import math
-from typing import Any, Dict, NamedTuple, Optional
+from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot import models
+from mrl_driver.robot.covariance import Spread, is_covariance
 from mrl_driver.robot.models import Drive, RobotModel, kind_of
 from mrl_driver.robot.models.drives import DIFFERENTIAL, NONE
 from mrl_driver.session.handshake import Board
@@ -89,3 +91,22 @@ def session_of(text: str) -> Optional[Joined]:
         return Joined(board, stream, checked, heard_s, last if math.isfinite(heard_s) else None)
     except (KeyError, TypeError, ValueError, RecursionError):
         return None
+
+
+def numbers_of(data: bytes) -> List[float]:
+    """Return the finite numbers in this text, separated by spaces; none if it holds anything else."""
+    try:
+        numbers = [float(word) for word in data.split()]
+    except ValueError:
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []
+
+
+def pose_of(data: bytes) -> Optional[Tuple[Pose, Spread]]:
+    """Return the pose in this text and its covariance; None if it is damaged."""
+    numbers = numbers_of(data)
+    if len(numbers) != 9:
+        return None
+    x_m, y_m, yaw_rad, xx, xy, x_yaw, yy, y_yaw, yaw_yaw = numbers
+    spread = xx, xy, x_yaw, yy, y_yaw, yaw_yaw
+    return (Pose(x_m, y_m, yaw_rad), spread) if is_covariance(spread) else None

@@ -14,7 +14,7 @@ from mrl_driver.robot.models import RobotModel
 from .decoded import HELD_BYTES, LINE_BYTES, RecordedRobot, sensors_in, split
 from .frame_arrays import FrameArray, FrameArrayDecoder
 from .lines import Block, block_of
-from .recording import CHECKED, FROM_BOARD, OPENED, PLAIN, REMARK, TO_BOARD, Entry, Recording
+from .recording import CHECKED, FROM_BOARD, MODEL, OPENED, PLAIN, POSE, REMARK, TO_BOARD, Entry, Recording
 
 
 def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[str, Any]:
@@ -77,13 +77,15 @@ class _Reader:
     def read(self, block: Block) -> None:
         """Add a block."""
         self.duration_s, first = float(block.times_s[-1]), 0
-        for i in np.flatnonzero(block.directions == ord(REMARK)).tolist():
+        used = block.directions != ord(REMARK)
+        for i in np.flatnonzero(~used).tolist():
             remark = next(block.part(i, i + 1).entries())
             if remark.data in (CHECKED, PLAIN) or remark.data.startswith(OPENED):
-                self._hold(block.part(first, i))
+                self._hold(block.part(first, i).only(used[first:i]))
                 self._on_remark(remark)
                 first = i + 1
-        self._hold(block.part(first, len(block.ends)))
+            used[i] = remark.data.startswith((MODEL, POSE))
+        self._hold(block.part(first, len(used)).only(used[first:]))
 
     def end(self) -> None:
         """The recording ends here."""
@@ -100,8 +102,8 @@ class _Reader:
 
     def _hold(self, block: Block) -> None:
         """Decode all but the last bytes: a remark that follows may apply to those."""
-        held = self._held.followed_by(block.only(block.directions != ord(REMARK)))
-        sizes = held.sizes + LINE_BYTES
+        held = self._held.followed_by(block)
+        sizes = np.where(held.directions == ord(REMARK), 0, held.sizes + LINE_BYTES)
         behind = int(sizes.sum()) - np.cumsum(sizes)
         done = int(np.count_nonzero(behind >= HELD_BYTES))
         self._decode(held.part(0, done))
@@ -126,6 +128,14 @@ class _Reader:
         self._to_board.checked = checked
 
     def _decode(self, block: Block) -> None:
+        first = 0
+        for i in np.flatnonzero(block.directions == ord(REMARK)).tolist():
+            self._decode_bytes(block.part(first, i))
+            self.robot.take_remark(next(block.part(i, i + 1).entries()).data)
+            first = i + 1
+        self._decode_bytes(block.part(first, len(block.ends)))
+
+    def _decode_bytes(self, block: Block) -> None:
         if not len(block.ends):
             return
         asked = block.only(block.directions == ord(TO_BOARD))

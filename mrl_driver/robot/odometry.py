@@ -283,22 +283,21 @@ class Odometry:
         """
         import numpy as np  # not at the top: a driver starts faster without it
 
-        readings = [(*row, time_s) for row, time_s in zip(counts.tolist(), times_s.tolist())]
+        def reading(i: int) -> Reading:
+            return (*counts[i].tolist(), float(times_s[i]))
+
         moved = ((np.diff(counts.astype(np.int32), axis=0) + 0x8000) & 0xFFFF) - 0x8000
         near = self.baseline.are_near(moved, np.diff(times_s)) & (self.heading is None)
-        far = [*(np.flatnonzero(~near) + 1).tolist(), len(readings)]
-        at, i, baseline = 0, 0, self.baseline
-        while i < len(readings):
-            right, left, *rear, time_s = readings[i]
-            self.update(right, left, time_s, *rear)
-            i += 1
-            while far[at] < i:
-                at += 1
-            if far[at] > i and baseline.follows(readings[i - 1]):
-                last = far[at] - 1
-                self._advance_all(moved[i - 1 : last])
-                baseline.go_on(readings[last - 1], readings[last])
-                i = last + 1
+        i, baseline = 0, self.baseline
+        for far in [*(np.flatnonzero(~near) + 1).tolist(), len(times_s)]:
+            while i < far:
+                right, left, *rear, time_s = found = reading(i)
+                self.update(right, left, time_s, *rear)
+                i += 1
+                if i < far and baseline.follows(found):
+                    self._advance_all(moved[i - 1 : far - 1])
+                    baseline.go_on(reading(far - 2), reading(far - 1))
+                    i = far
 
     def _advance_all(self, moved: Any) -> None:
         """Integrate steps [count] (N, wheels) as `update` does."""
