@@ -21,14 +21,14 @@ SLIP_RAD = 0.1
 five times what the tracks' own noise gives."""
 AGREES_RAD, LEAST_WINDOWS = 0.03, 8
 """Gyro and wheels agree in a window if they differ by less than this [rad]; a fit needs this number of windows."""
-SCALE, SCALE_RAD = 0.06, 3.0
+SCALE, SCALE_RAD = 0.06, 1.5
 """Turns by gyro and wheels differ by more than this share: the gyro's scale is within 3 % (data sheet of the MPU-6050),
 and three standard deviations of a wheel separation are 3 %.  The robot must turn by this angle first [rad]."""
 RATIO, RATIO_M = 0.02, 1.0
 """Wheels of one kind differ in size by less than this: four standard deviations (Araujo 2012).  The robot must drive
 this distance first [m]."""
-LARGEST_RATIO = 0.15
-"""Wheels that seem to differ by more do not: one of them slips."""
+LARGEST_RATIO, LARGEST_SCALE = 0.15, 0.25
+"""Wheels and wheel separations that seem to differ by more do not: a wheel slips."""
 DRIFT_RAD_S = math.radians(0.5)
 """Change of the gyro's bias that its temperature does not explain [rad/s]: 0.16 deg/s per degree (data sheet), 3
 degrees."""
@@ -199,9 +199,8 @@ def _slip(drive: DriveData, found: _Compared, at: int, total_rad: float, worst_r
     return Finding(
         "slip",
         f"{which} slipped",
-        f"The gyro and the wheels disagree by {math.degrees(total_rad):.0f} deg in all: a wheel turned without "
-        "moving the "
-        "robot as far.",
+        f"The gyro and the wheels disagree by {math.degrees(total_rad):.0f} deg in all: a wheel turned without moving "
+        "the robot as far.",
         "Clean the wheels and the floor, check the wheel's hub and its load, and accelerate more gently.",
         *heard(drive, found.time_s[at], *TELEMETRY),
         63,
@@ -209,43 +208,32 @@ def _slip(drive: DriveData, found: _Compared, at: int, total_rad: float, worst_r
 
 
 def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
-    base = drive.model.base
-    ratio = found.curve_rad_m * base.wheel_separation_m
-    scale_error, curve_error, drift_error = found.errors
+    """The geometry that the fit shows; figures that no robot has are slip."""
+    ratio = found.curve_rad_m * drive.model.base.wheel_separation_m
+    ratio_error = found.errors[1] * drive.model.base.wheel_separation_m
+    unequal = np.abs(found.distance_m).sum() >= RATIO_M and abs(ratio) - SURE * ratio_error > RATIO
+    scaled = (
+        np.abs(found.turn_rad).sum() >= SCALE_RAD and abs(found.scale - 1.0) - SURE * found.errors[0] > SCALE
+    )
+    if (unequal and abs(ratio) > LARGEST_RATIO) or (scaled and abs(found.scale - 1.0) > LARGEST_SCALE):
+        explained = (found.scale - 1.0) * found.turn_rad + found.curve_rad_m * found.distance_m
+        return _slips(drive, found._replace(rest_rad=found.rest_rad + explained))
     findings = []
-    moment = heard(drive, found.time_s[int(np.argmax(np.abs(found.turn_rad)))], *TELEMETRY)
-    straight = heard(drive, found.time_s[int(np.argmax(np.abs(found.distance_m)))], *TELEMETRY)
-    if (
-        np.abs(found.distance_m).sum() >= RATIO_M
-        and abs(ratio) - SURE * curve_error * base.wheel_separation_m > RATIO
-    ):
-        if abs(ratio) > LARGEST_RATIO:
-            rest = np.abs(found.curve_rad_m * found.distance_m)
-            found = found._replace(rest_rad=found.curve_rad_m * found.distance_m)
-            return [
-                _slip(
-                    drive,
-                    found,
-                    int(np.argmax(rest)),
-                    float(rest.sum()),
-                    float(found.rest_rad[np.argmax(rest)]),
-                )
-            ]
-        larger = "right" if ratio > 0 else "left"
+    if unequal:
+        larger, curve_deg_m = "right" if ratio > 0 else "left", math.degrees(abs(found.curve_rad_m))
         findings.append(
             Finding(
                 "wheel_ratio",
                 f"The {larger} wheel is larger than the other one",
-                f"By {abs(ratio):.1%}: the gyro shows that the robot turns "
-                f"{math.degrees(abs(found.curve_rad_m)):.1f} deg in "
-                "each metre while the wheels count the same.",
-                "Run: mrl calibrate square (or straight); check tyres and tracks.",
-                *straight,
+                f"It is larger by {abs(ratio):.1%}: by the gyro the robot turns {curve_deg_m:.1f} deg in each metre "
+                "while the "
+                "wheels count the same.",
+                "Run: mrl calibrate straight; check tyres and tracks.",
+                *heard(drive, found.time_s[int(np.argmax(np.abs(found.distance_m)))], *TELEMETRY),
                 56,
             )
         )
-    wrong = abs(found.scale - 1.0) - SURE * scale_error
-    if np.abs(found.turn_rad).sum() >= SCALE_RAD and wrong > SCALE:
+    if scaled:
         findings.append(
             Finding(
                 "track_width",
@@ -254,7 +242,7 @@ def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
                 "wrong by "
                 f"{abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
                 "Run: mrl calibrate turn",
-                *moment,
+                *heard(drive, found.time_s[int(np.argmax(np.abs(found.turn_rad)))], *TELEMETRY),
                 55,
             )
         )
