@@ -61,9 +61,10 @@ def answer(rig):
     times = itertools.count()
 
     def hear(message):
-        now_s = float(next(times))
-        other.receive(ClaimMessage.parse(message.data), now_s)
-        for reply in other.messages(now_s):
-            out.publish(reply.text)
+        said, now_s = ClaimMessage.parse(message.data), float(next(times))
+        if said.sender != other.name:  # else it would answer itself without a pause
+            other.receive(said, now_s)
+            for reply in other.messages(now_s):
+                out.publish(reply.text)
 
     rospy.Subscriber(f"{rig.ns}/claims", String, hear)

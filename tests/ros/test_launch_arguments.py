@@ -1,5 +1,6 @@
 """Arguments that all files for a robot share: speed of the line, and whether the node starts again."""
 
+import os
 import xml.etree.ElementTree as ElementTree
 
 import pytest
@@ -18,26 +19,40 @@ FILES = {
 """And the namespace of a robot in it."""
 
 
-@pytest.fixture
-def config_of(monkeypatch, tmp_path):
-    """What roslaunch makes of a file."""
-    monkeypatch.setenv("ROS_PACKAGE_PATH", str(ROOT))
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    monkeypatch.setattr(substitution_args, "_rospack", None)
+WITHOUT_URDFS = "description:=false"
+"""Of a team, where they are not looked at: a process renders each."""
+
+
+@pytest.fixture(scope="module")
+def config_of(tmp_path_factory):
+    """What roslaunch makes of a file; `rosversion`, which it runs with each one, is stood in for."""
+    folder, made = tmp_path_factory.mktemp("launch"), {}
+    (folder / "rosversion").write_text("#!/bin/sh\necho 1.15.15\n")
+    (folder / "rosversion").chmod(0o755)
 
     def load(path, *arguments):
-        return roslaunch.config.load_config_default([(str(path), list(arguments))], None, verbose=False)
+        if (path, arguments) not in made:
+            given = [(str(path), list(arguments))]
+            made[path, arguments] = roslaunch.config.load_config_default(given, None, verbose=False)
+        return made[path, arguments]
 
-    return load
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ROS_PACKAGE_PATH", str(ROOT))
+        patch.setenv("ROS_LOG_DIR", str(folder))
+        patch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+        patch.setattr(substitution_args, "_rospack", None)
+        yield load
 
 
 @pytest.fixture
 def node_of(config_of):
-    """The robot node that a file starts, and its parameters."""
+    """The robot node that a file starts with all arguments of the line that it has, and its parameters."""
 
-    def load(file, *arguments):
-        config = config_of(LAUNCH / file, *arguments)
-        space = FILES[file]
+    def load(file):
+        arguments = ["fast:=true", "respawn:=true", *(["baud:=57600"] if file != "sim.launch" else [])]
+        if file == "team.launch":
+            arguments += ["ports:=/dev/ttyACM0,/dev/ttyACM1", WITHOUT_URDFS]
+        config, space = config_of(LAUNCH / file, *arguments), FILES[file]
         (node,) = (each for each in config.nodes if each.namespace + each.name == f"{space}/robot_node")
         return node, {name: each.value for name, each in config.params.items()}, f"{space}/robot_node"
 
@@ -46,14 +61,13 @@ def node_of(config_of):
 
 @pytest.mark.parametrize("file", FILES)
 def test_faster_line_and_respawn_reach_the_node(node_of, file):
-    node, values, name = node_of(file, "fast:=true", "respawn:=true")
+    node, values, name = node_of(file)
     assert node.respawn and values[f"{name}/fast"] is True
 
 
 @pytest.mark.parametrize("file", [file for file in FILES if file != "sim.launch"])
 def test_speed_of_the_port_reaches_the_node(node_of, file):
-    ports = ["ports:=/dev/ttyACM0,/dev/ttyACM1"] if file == "team.launch" else []
-    _, values, name = node_of(file, "baud:=57600", *ports)
+    _, values, name = node_of(file)
     assert values[f"{name}/baud"] == 57600
 
 
@@ -94,7 +108,9 @@ def test_arguments_of_the_line_are_listed(file, monkeypatch):
 @pytest.mark.parametrize("imu, options", [("true", ["--imu", "--imu-seed=0"]), ("false", [])])
 @pytest.mark.parametrize("file", ["sim.launch", "team.launch"])
 def test_emulated_robots_have_an_imu_if_asked(config_of, file, imu, options):
-    (node,) = (each for each in config_of(LAUNCH / file, f"imu:={imu}").nodes if each.type == "sim_board")
+    quick = [WITHOUT_URDFS] if file == "team.launch" else []
+    nodes = config_of(LAUNCH / file, f"imu:={imu}", *quick).nodes
+    (node,) = (each for each in nodes if each.type == "sim_board")
     assert [option for option in node.args.split() if "imu" in option] == options
 
 
@@ -108,7 +124,9 @@ def test_build_reaches_the_board_the_node_and_the_description(config_of):
 
 
 def test_build_reaches_each_robot_of_a_team(config_of):
-    config = config_of(LAUNCH / "team.launch", "ports:=sim,sim,/dev/ttyACM0", "builds:=,environment")
+    config = config_of(
+        LAUNCH / "team.launch", "ports:=sim,sim,/dev/ttyACM0", "builds:=,environment", WITHOUT_URDFS
+    )
     (board,) = (node for node in config.nodes if node.type == "sim_board")
     assert "--builds=',environment'" in board.args
     builds = [config.params[f"/robot{number}/robot_node/build"].value for number in (1, 2, 3)]
@@ -125,7 +143,7 @@ def test_build_reaches_each_robot_of_a_team(config_of):
     ],
 )
 def test_a_team_has_as_many_robots_as_asked_or_as_ports(config_of, arguments, ports):
-    config = config_of(LAUNCH / "team.launch", *arguments, "description:=false")
+    config = config_of(LAUNCH / "team.launch", *arguments, WITHOUT_URDFS)
     given = [each.value for name, each in config.params.items() if name.endswith("/port")]
     assert [port if "mrl_sim" not in port else "sim" for port in given] == ports.split()
     assert len({port for port in given}) == len(given)
