@@ -128,13 +128,18 @@ def load(name_or_path: str) -> RobotModel:
     is_path = name_or_path.endswith((".yaml", ".yml"))
     path = name_or_path if is_path else _path_of(name_or_path)
     try:
-        data = yaml_file.read(path)
+        return _packaged(path) if os.path.dirname(path) == _FOLDER else parse(yaml_file.read(path), path)
     except OSError as error:
         raise ConfigError(
             f"robot {name_or_path!r} {error.strerror if is_path else 'is unknown'}, expected {', '.join(names())} "
             f"or the path of a .yaml file; files in {own_folder()} are known by name"
         ) from None
-    return parse(data, path)
+
+
+@lru_cache(maxsize=None)
+def _packaged(path: str) -> RobotModel:
+    """Return the model in a file of the package.  It is read once: a greeting asks each model for its ids."""
+    return parse(yaml_file.read(path), path)
 
 
 def parse(data: Any, path: str) -> RobotModel:
