@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import Dict, NamedTuple, Tuple
 
 
-class State(Enum):
-    """What a bridge does with the motor's terminals."""
+class State(str, Enum):
+    """What a bridge does with the motor's terminals; a string, whose hash costs nothing where shares are looked up."""
 
     FORWARD = "forward"
     """Terminal A is at the battery's voltage, and terminal B at ground."""

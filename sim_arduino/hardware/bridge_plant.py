@@ -117,6 +117,7 @@ class BridgePlant:
         self.time_s = 0.0
         self._divider = model.board.get("battery_divider", 0) / 1000.0
         self._set = {name for name, bit in _BITS.items() if wiring & bit}
+        self._swapped = {parts: int(f"{parts}_swapped" in self._set) for parts in ("motors", "encoders")}
         single = "single_channel" in self._set
         self.encoders = tuple(
             Quadrature(
@@ -134,7 +135,7 @@ class BridgePlant:
 
     def _wheel(self, parts: str, index: int) -> int:
         """Wheel (0 left, 1 right) to which the board's motor or encoder of this index is connected."""
-        return index ^ int(f"{parts}_swapped" in self._set)
+        return index ^ self._swapped[parts]
 
     def _is_reversed(self, part: str, wheel: int) -> bool:
         return f"{('left', 'right')[wheel]}_{part}_reversed" in self._set
@@ -168,8 +169,9 @@ class BridgePlant:
             wheel = self._wheel("encoders", index)
             for edge in encoder.follow(start_s, time_s, motions[wheel]):
                 edges.append(PinEdge(edge.time_s, ENCODER_PINS[index][edge.channel], edge.level))
-        self._edges += sorted(edges)
-        self._note_levels()
+        if edges:
+            self._edges += sorted(edges)
+            self._note_levels()
 
     def _note_levels(self) -> None:
         for pins, encoder in zip(ENCODER_PINS, self.encoders):

@@ -208,7 +208,7 @@ class DcMotor:
         self.travel, self.speed = motion.after(duration_s)
         if rest_s <= longest_s:
             self.speed = 0.0
-        self._motions.append(motion._replace(duration_s=duration_s))
+        self._motions.append(motion if duration_s == longest_s else motion._replace(duration_s=duration_s))
         self._take(duration_s, self.travel - before, supply_v)
         return duration_s
 

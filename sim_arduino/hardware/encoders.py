@@ -137,19 +137,21 @@ class Quadrature:
         before = [passed & 1 for passed in self._passed]
         toggles: Tuple[List[float], List[float]] = ([], [])
         for motion in motions:
+            end = self._sign * motion.after(motion.duration_s)[0]
             for channel in (A, B):
-                toggles[channel].extend(self._passed_during(motion, channel, start_s))
+                toggles[channel].extend(self._passed_during(motion, end, channel, start_s))
         edges = []
         for channel, wire in enumerate(self.wires):
             source = channel ^ int(self.swapped)
             changes = wire.follow(start_s, end_s, before[source], toggles[source], self.bounce)
             edges += [Edge(time_s, channel, level) for time_s, level in changes]
-        return sorted(edges)
+        return sorted(edges) if edges else edges
 
-    def _passed_during(self, motion: Motion, channel: int, start_s: float) -> List[float]:
-        """Times at which the channel's edges pass during a motion [s]."""
-        end, _ = motion.after(motion.duration_s)
-        old, new = self._passed[channel], self._count(channel, self._sign * end)
+    def _passed_during(self, motion: Motion, end: float, channel: int, start_s: float) -> List[float]:
+        """Times at which the channel's edges pass during a motion to the position `end` [s]."""
+        old, new = self._passed[channel], self._count(channel, end)
+        if new == old:
+            return []
         self._passed[channel] = new
         passed = range(old, new) if new >= old else range(old - 1, new - 1, -1)
         first = self._first[channel]
