@@ -348,7 +348,7 @@ class SerialLink(DescriptorLink):
     """
 
     def __init__(self, port: str, baud: int = BAUD) -> None:
-        _require_device(port)
+        require_device(port)
         self._serial = _open(port, baud)
         self._begin(port, self._serial.fileno())
         _exclude(self._fd, True)
@@ -372,7 +372,7 @@ class SerialLink(DescriptorLink):
             raise self._lost(_words(error)) from None
 
 
-def _require_device(port: str) -> None:
+def require_device(port: str) -> None:
     """Raise PortMissing unless `port` is a character device; if its type cannot be read, do nothing."""
     try:
         mode = os.stat(port).st_mode

@@ -23,6 +23,7 @@ from mrl_driver.cli.commands.shared import Between
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError
 from mrl_driver.robot import models
 from mrl_driver.transport.address import masked
+from mrl_driver.transport.link import require_device
 
 from .processes import Child, wait_until
 
@@ -252,6 +253,8 @@ def main(
     try:
         if robot and robot != "auto":
             models.load(robot).require_motors()
+        if os.path.isabs(port):  # neither an address nor the name of a robot
+            require_device(port)
         env = environment(logs)
         run = Run(env, logs / env["ROS_MASTER_URI"].rsplit(":", 1)[1])
         for folder in (logs, run.logs):

@@ -1,4 +1,4 @@
-"""`make run` keeps to a ROS master of its own: it drives nobody else's robot, and nobody ends it."""
+"""`make run` keeps to a ROS master of its own: it drives nobody else's robot, and nobody else ends it."""
 
 import os
 import signal
@@ -41,7 +41,10 @@ def uri_of(run):
 
 @pytest.fixture(scope="module")
 def pair(tmp_path_factory, master):
-    """Two runs at once where a master is there already: their masters, nodes, logs and ends."""
+    """Two runs at once where a master is there already: their masters, nodes, logs and ends.
+
+    The first one is interrupted, and the emulated board of the second is killed.
+    """
     folder = tmp_path_factory.mktemp("pair") / "run"
     with starting(folder, master) as starter:
         runs = [starter(*PYTHON) for _ in range(2)]
@@ -50,8 +53,8 @@ def pair(tmp_path_factory, master):
             run.wait_for_odometry()
         nodes = [nodes_on(uri) for uri in uris]
         foreign = nodes_on(master["ROS_MASTER_URI"])
-        for run in runs:
-            run.process.send_signal(signal.SIGINT)
+        runs[0].process.send_signal(signal.SIGINT)
+        os.kill(runs[1].named("sim_board"), signal.SIGKILL)
         outputs = [run.end() for run in runs]
         codes = [run.process.returncode for run in runs]
         alive = [run.alive() for run in runs]
@@ -61,11 +64,16 @@ def pair(tmp_path_factory, master):
         )
 
 
-def test_two_runs_at_once_both_drive_until_they_are_interrupted(pair):
-    assert pair.codes == [130, 130], pair.outputs
+def test_one_of_two_runs_at_once_drives_until_it_is_interrupted(pair):
+    assert pair.codes[0] == 130, pair.outputs
 
 
-def test_interrupt_ends_everything(pair):
+def test_part_that_dies_ends_the_run_with_its_code_and_words(pair):
+    assert pair.codes[1] in (6, 137), pair.outputs
+    assert "ended with exit code" in pair.outputs[1]
+
+
+def test_interrupt_and_death_of_a_part_end_everything(pair):
     assert pair.alive == [[], []]
 
 
