@@ -29,6 +29,7 @@ SWITCHES = (
     "--disable-dev-shm-usage",
     "--disable-extensions",
     "--disable-breakpad",
+    "--disable-features=WebUIOmniboxPopup,WebUIOmniboxAimPopup",  # pages for the address line, half of all computing
     "--ignore-certificate-errors",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
     "--proxy-server=127.0.0.1:1",
