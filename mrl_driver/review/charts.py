@@ -21,6 +21,8 @@ NEAR_S = 3.0
 """A page keeps all telemetry this close to a moment of interest [s]."""
 _FRAMES_S, _SLOW_S, _FOREVER_S = 0.5, 10.0, math.inf
 """A value is shown this long, until the next one [s]: of telemetry, of rare answers, of commands."""
+_JITTERED = 6
+"""Without board time, the speed of a wheel is that between frames which are this far apart."""
 _FASTEST_M_S = 5.0
 """No robot has faster wheels; such a step is a counter that began again."""
 _UNKNOWN, _NOTHING, _CLOSE = "x", "n", "c"
@@ -52,11 +54,17 @@ class Chart(NamedTuple):
 def charts_of(drive: DriveData) -> List[Chart]:
     """Return the charts of a drive, without those that have no values."""
     found = [*_motion(drive), _ranges(drive), *_battery(drive), *_link(drive), *_imu(drive), *_sensors(drive)]
-    full = [chart._replace(curves=[each for each in chart.curves if len(each.time_s)]) for chart in found]
+    full = [chart._replace(curves=list(filter(_is_known, chart.curves))) for chart in found]
     return [chart for chart in full if chart.curves]
 
 
+def _is_known(curve: Curve) -> bool:
+    return not np.all(np.isnan(curve.values))
+
+
 def _motion(drive: DriveData) -> List[Chart]:
+    if not drive.model.drives:
+        return []
     commands, speeds = drive.commands, drive.speeds
     asked = [_curve("asked", commands, axis, 0.001, _FOREVER_S)._replace(stepped=True) for axis in range(3)]
     driven = [_curve("driven", speeds, axis, 0.001) for axis in range(3)]
@@ -77,18 +85,17 @@ def _in_degrees(curve: Curve) -> Curve:
 
 
 def _wheels(drive: DriveData) -> List[Curve]:
-    """Speeds of the wheels, from the counts of two frames after one another."""
+    """Speeds of the wheels, from the counts of two frames."""
     counts, stamps_s = drive.counts, np.asarray(drive.stamps_s, float)
-    if len(counts.time_s) < 2 or len(stamps_s) != len(counts.time_s):
-        return []
-    steps = np.diff(counts.values, axis=0)
-    dt_s = np.diff(stamps_s)
+    apart = 1 if len(drive.delays.time_s) else _JITTERED
+    steps = counts.values[apart:] - counts.values[:-apart]
+    dt_s = stamps_s[apart:] - stamps_s[:-apart]
     dt_s = np.where(dt_s > 0, dt_s, np.nan)
     curves = []
     for wheel, (name, m_per_count) in enumerate(_wheel_names(drive.model)[: steps.shape[1]]):
         speeds = steps[:, wheel] * m_per_count / dt_s
         speeds = np.where(np.abs(speeds) < _FASTEST_M_S, speeds, np.nan)
-        curves.append(Curve(name, counts.time_s[1:], speeds, 0.001))
+        curves.append(Curve(name, counts.time_s[apart:], speeds, 0.001))
     return curves
 
 
@@ -106,10 +113,10 @@ def _ranges(drive: DriveData) -> Chart:
 
 def _battery(drive: DriveData) -> List[Chart]:
     battery = drive.battery
-    charts = [Chart("Battery", "V", [_curve("battery", battery, 0, 0.01, _SLOW_S)])]
-    if len(battery.time_s) and np.any(np.isfinite(battery.values[:, 1])):
-        charts.append(Chart("Temperature", "degC", [_curve("board", battery, 1, 0.1, _SLOW_S)]))
-    return charts
+    return [
+        Chart("Battery", "V", [_curve("battery", battery, 0, 0.01, _SLOW_S)]),
+        Chart("Temperature", "degC", [_curve("board", battery, 1, 0.1, _SLOW_S)]),
+    ]
 
 
 def _link(drive: DriveData) -> List[Chart]:

@@ -42,6 +42,8 @@ MOST_LISTED = 200
 """Stops that are listed one by one; further ones are counted."""
 _MOST_REMARKS = 50
 _MOST_TEXT = 160
+_ENDS = ("closed", "check_ended")
+"""Reasons of a stop at the end of a program."""
 _DIRECTIONS = {FROM_BOARD: "From the board", TO_BOARD: "To the board"}
 _Row = Tuple[str, str]
 
@@ -100,7 +102,8 @@ def _hash(text: str) -> str:
 
 
 def _text(text: object) -> str:
-    return html.escape(str(text))
+    """The text in HTML; bytes of a file name that are not UTF-8 become question marks."""
+    return html.escape(str(text)).encode(errors="replace").decode()
 
 
 def _json(value: Any) -> str:
@@ -157,7 +160,7 @@ def _tiles(drive: DriveData) -> Iterator[str]:
     volts = volts[np.isfinite(volts)]
     if len(volts):
         yield _tile("Battery", f"{volts[-1]:.1f}", "V", f"least {np.min(volts):.1f} V")
-    own = sum(1 for stop in drive.stops if why_stopped(stop.reason))
+    own = sum(map(_is_unwanted, drive.stops))
     yield _tile("Stops", str(len(drive.stops)), "", f"{own} not by the user" if own else "")
     if len(drive.delays.time_s):
         worst_s = float(np.max(drive.delays.values))
@@ -175,23 +178,30 @@ def _tile(title: str, value: str, unit: str, small: str = "") -> str:
 # -- findings and stops
 
 
-def _finding(number: int, finding: Finding) -> str:
-    return (
-        f'<article class="found" data-mark="bad" data-time="{finding.time_s:.6f}" data-text="{number}">'
-        f"<h3><span>{number}</span>{_text(finding.title)}</h3>{_moment(finding.time_s)}<p>{_text(finding.text)}</p>"
-        f'<p class="remedy">{_text(finding.remedy)}</p>'
-        f"{_proof(finding.direction, finding.data)}</article>"
-    )
+def _finding(number: int, found: Finding) -> str:
+    text = f'<p>{_text(found.text)}</p><p class="remedy">{_text(found.remedy)}</p>'
+    return _article("bad", found.time_s, str(number), found.title, text + _proof(found.direction, found.data))
 
 
 def _stop(stop: Stop) -> str:
-    why = why_stopped(stop.reason)
-    remedy = remedy_of(stop.reason)
+    mark, remedy = "caution" if _is_unwanted(stop) else "", remedy_of(stop.reason)
+    text = f"<p>To drive on: {_text(remedy)}.</p>" if remedy else ""
+    return _article(mark, stop.time_s, "", _sentence(stop.text), text + _proof(stop.direction, stop.data))
+
+
+def _article(mark: str, time_s: float, number: str, title: str, content: str) -> str:
+    """What happened at one moment; the page's script reads the attributes `data-`."""
+    badge = f"<span>{number}</span>" if number else ""
     return (
-        f'<article class="found" data-mark="{"caution" if why else ""}" data-time="{stop.time_s:.6f}" data-text="">'
-        f"<h3>{_text(_sentence(stop.text))}</h3>{_moment(stop.time_s)}"
-        f"{f'<p>To drive on: {_text(remedy)}.</p>' if remedy else ''}{_proof(stop.direction, stop.data)}</article>"
+        f'<article class="found" data-mark="{mark}" data-time="{time_s:.6f}" data-text="{number}">'
+        f"<h3>{badge}{_text(title)}</h3>"
+        f'<button type="button" class="goto">At {_seconds(time_s)}</button>{content}</article>'
     )
+
+
+def _is_unwanted(stop: Stop) -> bool:
+    """Neither the user stopped the robot, nor did the program end."""
+    return bool(why_stopped(stop.reason)) and stop.reason not in _ENDS
 
 
 def _sentence(text: str) -> str:
@@ -200,10 +210,6 @@ def _sentence(text: str) -> str:
 
 def _further(count: int) -> str:
     return f"<p>{count - MOST_LISTED} further stops are not listed.</p>" if count > MOST_LISTED else ""
-
-
-def _moment(time_s: float) -> str:
-    return f'<button type="button" class="goto">At {_seconds(time_s)}</button>'
 
 
 def _proof(direction: str, data: bytes) -> str:

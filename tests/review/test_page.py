@@ -119,6 +119,7 @@ def test_texts_of_a_recording_add_no_element_to_the_page():
             garbage=[(1.0, "<", text, text.encode())],
             stops=[Stop(1.0, text, text, "<", text.encode())],
             frames={text: 1},
+            ranges={text: drive().ranges["front"]},
         )
         found = found._replace(model=found.model._replace(name=text))
         return Tags(render(found, [FINDING._replace(title=text, text=text, remedy=text, data=text.encode())]))
@@ -127,7 +128,13 @@ def test_texts_of_a_recording_add_no_element_to_the_page():
     assert [tag for tag, _ in hostile.tags] == [tag for tag, _ in harmless.tags]
     assert [set(attrs) for _, attrs in hostile.tags] == [set(attrs) for _, attrs in harmless.tags]
     assert hostile.contents[2:] == harmless.contents[2:] and HOSTILE in hostile.text
-    json.loads(hostile.contents[1])
+    assert HOSTILE in [
+        curve["name"] for chart in json.loads(hostile.contents[1])["charts"] for curve in chart["curves"]
+    ]
+
+
+def test_a_file_name_that_is_not_utf_8_does_no_harm():
+    assert b"drive?.mrl" in render(drive(path="drive\udcff.mrl"), []).encode()
 
 
 def test_ten_minutes_are_below_a_megabyte(ten_minutes):

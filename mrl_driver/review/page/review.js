@@ -59,7 +59,7 @@ const colourFor = (mark) => (mark === "bad" || mark === "caution" ? mark : "ink-
 // Map --------------------------------------------------------------------------------------------------------------------
 
 const known = times.map((_, i) => i).filter((i) => Number.isFinite(poses[0][i]));
-let moment = places[0]?.time ?? times[known[0] ?? 0];
+let moment = places.find(({ text }) => text)?.time ?? times[known[0] ?? 0]; // the first finding
 let map = null;
 if (known.length) {
   element("map-panel").hidden = false;
