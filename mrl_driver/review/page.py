@@ -40,7 +40,7 @@ _SCRIPTS = (
 _STYLES = (_UPLOT / "uPlot.min.css", _SHARED / "common.css", _OWN / "review.css")
 MOST_LISTED = 200
 """Stops that are listed one by one; further ones are counted."""
-_MOST_REMARKS = 50
+MOST_REMARKS = 50
 _MOST_TEXT = 160
 _ENDS = ("closed", "check_ended")
 """Reasons of a stop at the end of a program."""
@@ -274,7 +274,7 @@ def _link(drive: DriveData) -> List[_Row]:
         if len(column.time_s):
             values = (1000 * float(each) for each in np.percentile(column.values, (50, 99, 100)))
             rows.append((name, "median {:.1f} ms, 99 % within {:.1f} ms, worst {:.1f} ms".format(*values)))
-    openings = [f"{_seconds(time_s)} {port}" for time_s, port in drive.opened[:_MOST_REMARKS]]
+    openings = [f"{_seconds(time_s)} {port}" for time_s, port in drive.opened[:MOST_REMARKS]]
     if len(drive.opened) > 1:
         rows.append(("Opened", "; ".join(map(_cut, openings))))
     return rows
@@ -296,5 +296,5 @@ def _recording(drive: DriveData) -> List[_Row]:
     ]
     own = tuple(each.decode() for each in (*OWN_REMARKS, PHONE.strip()))
     remarks = [each for each in drive.remarks if each[1].partition(" ")[0] not in own]
-    rows += [(_seconds(time_s), text) for time_s, text in remarks[:_MOST_REMARKS]]
+    rows += [(_seconds(time_s), text) for time_s, text in remarks[:MOST_REMARKS]]
     return [(name, _cut(value)) for name, value in rows if value]

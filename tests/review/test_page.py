@@ -14,7 +14,8 @@ from mrl_driver.protocol import encode_reply, encode_request
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.review.charts import NEAR_S, charts_of, packed, reduced
 from mrl_driver.review.drive_data import Column, Stop
-from mrl_driver.review.page import MOST_LISTED, frame_text, render
+from mrl_driver.review.page import MOST_LISTED, MOST_REMARKS, frame_text, render
+from mrl_driver.robot import models
 
 from .page_drives import COUNTS, FINDING, column, drive
 
@@ -164,6 +165,10 @@ def test_the_longest_and_noisiest_drive_is_below_a_megabyte(ten_minutes):
     page = render(noisy, findings)
     assert len(page.encode()) < MOST_BYTES
     assert f"{2 * MOST_LISTED} further stops are not listed" in page
+    assert (
+        page.count('class="found"') == MOST_LISTED + len(findings)
+        and page.count("<dt>1.00 s</dt>") == MOST_REMARKS
+    )
 
 
 def test_a_peak_of_one_frame_is_kept(ten_minutes):
@@ -208,7 +213,8 @@ def test_values_come_back_from_their_text():
 
 def test_a_board_without_motors_has_a_page_of_its_sensors(standing):
     t = np.arange(1.0, 60.0)
-    found = standing._replace(sensors={"light": Column(t, (100.0 + t)[:, None])})
+    sensors, stopped = {"light": Column(t, (100.0 + t)[:, None])}, Column(t, np.zeros((len(t), 3)))
+    found = standing._replace(sensors=sensors, commands=stopped, model=models.load("pioneer"))
     (chart,) = charts_of(found)
     times, light = curve_of(reduced(found, []), "Light", chart.curves[0].name)
     assert light[times == 30.0] == pytest.approx([130.0])
