@@ -318,6 +318,11 @@ def test_a_parameter_that_differs_from_the_model(model, values, level, words):
     assert name in values and found.level == level and words in found.text
 
 
+def test_what_odometry_rests_on_is_corrected_too():
+    advice = compared(DUO, axis_radius=6000)["axis_radius"].advice
+    assert advice.endswith("correct board.axis_radius and drive.wheel_separation_m in the robot's file")
+
+
 def test_a_radius_that_was_fitted_says_nothing_of_odometry():
     assert "odometry" not in compared(TRAXBOT, wheel_radius=5400)["wheel_radius"].text
 

@@ -15,7 +15,11 @@ CALIBRATED = 0.1
 """Share by which a calibration may move the geometry of odometry away from the board's.  Assumed: tyres give way by a
 few percent, and a wheel separation was measured to the middle of tyres of a tenth of its width."""
 _COUNTS = ("gearbox", "encoder_counts")
-_GEOMETRY = (*_COUNTS, "wheel_radius", "axis_radius")
+_RESTS = {
+    **dict.fromkeys((*_COUNTS, "wheel_radius"), "metres_per_count"),
+    "axis_radius": "wheel_separation_m",
+}
+"""Parameters of the geometry, and the key of odometry that rests on the same measure."""
 _CEILINGS = {"linear_ceiling": ("linear_m_s", "m/s"), "angular_ceiling": ("angular_rad_s", "rad/s")}
 _REFERENCE_M = 1.0
 
@@ -27,7 +31,7 @@ def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
     found = [_finding(name, values, model) for name in named]
     if any(name in differing for name in CURVE_KEYS):
         found.append(_sonar_curve(values, model))
-    if values.get("bridge") and isinstance(model.drive, Drive) and not set(_GEOMETRY) & set(named):
+    if values.get("bridge") and isinstance(model.drive, Drive) and not set(_RESTS) & set(named):
         found += _odometry(values, model)
     yield from found or [Finding(OK, "parameters", f"as in the model {model.name}")]
     alone = [name for name in differing if name not in (*named, *CURVE_KEYS)]
@@ -39,7 +43,7 @@ def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
 
 def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding:
     """Return the finding for a parameter that differs from the model's own."""
-    if name in _GEOMETRY:
+    if name in _RESTS:
         level, effect = _geometry(name, values, model)
     elif name in _CEILINGS:
         level, effect = _ceiling(name, values[name], model)
@@ -55,12 +59,10 @@ def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding
     unit = PARAMETER_BY_NAME[name].unit
     got, expected = (_spelled(name, value) for value in (values[name], model.board[name]))
     text = f"{got} on the board, {expected} in the model {model.name}" + (f" [{unit}]" if unit else "")
-    return Finding(level, name, f"{text}: {effect}", _advice(name, expected))
-
-
-def _advice(name: str, expected: str) -> str:
+    keys = f"board.{name}" + (f" and drive.{_RESTS[name]}" if "odometry" in effect else "")
     right = f"if the model is right: mrl config set {name} {expected} --port PORT"
-    return f"{right}; if the board is: correct board.{name} in the robot's file"
+    advice = f"{right}; if the board is: correct {keys} in the robot's file"
+    return Finding(level, name, f"{text}: {effect}", advice)
 
 
 def _spelled(name: str, value: int) -> str:

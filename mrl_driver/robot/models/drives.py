@@ -14,8 +14,9 @@ class Drive(NamedTuple):
     """Differential drive with two wheels or two tracks."""
 
     wheel_separation_m: float
+    """From the ground contact of one wheel, or track, to that of the other."""
     metres_per_count: float
-    """Mean of both wheels."""
+    """Distance of a wheel per encoder count, mean of both wheels."""
     wheel_offset: float = 0.0
     """Cm of (Araujo 2012): the right wheel's metres per count minus the left's, as a share of their mean."""
     turn_slip: float = 0.0
@@ -43,6 +44,7 @@ class OmniDrive(NamedTuple):
     radius_m: float
     """Distance from the centre to a wheel's ground contact point."""
     metres_per_count: float
+    """Distance of a wheel per encoder count."""
     full_speed_m_s: float
     """Speed of a wheel at the motor board's 100 %."""
     angles_deg: Tuple[float, float, float] = THREE_WHEELS_DEG

@@ -148,7 +148,8 @@ class _Base(Form):
 
     def _of_kind(self, kind: str) -> Schema:
         found = _section(KINDS[kind]).schema()
-        found["properties"] = {"kind": {"enum": list(KINDS)}, **found["properties"]}
+        kinds = {"enum": list(KINDS), "description": f"Kind of the base; {DIFFERENTIAL} if it is left out."}
+        found["properties"] = {"kind": kinds, **found["properties"]}
         found["required"] += EXTRA.get(kind, ())
         return found
 

@@ -63,6 +63,7 @@ class Body(NamedTuple):
     height_m: float
     mass_kg: float
     tracks: bool
+    """It stands on tracks, not on wheels."""
 
 
 class SonarMount(NamedTuple):
@@ -94,9 +95,13 @@ class Battery(NamedTuple):
     """Battery voltages of the states [V], and capacity [Ah]."""
 
     full_v: float
+    """Charged."""
     low_v: float
+    """Below it the driver warns."""
     empty_v: float
+    """Below it the robot does not start."""
     off_v: float
+    """Below it the motors' power is off."""
     capacity_ah: float
 
     def charge(self, volts: float) -> float:
