@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
 from mrl_driver import yaml_file
+from mrl_driver.calibration.calibration_files import source_of, write_model
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from mrl_driver.robot.models import kit
@@ -94,6 +95,12 @@ def test_the_file_of_mrl_new_names_the_schema_and_is_valid():
     VALIDATORS["robot"].validate(yaml_file.parse(text, "rover.yaml"))
 
 
+def test_a_calibrated_copy_of_a_packaged_file_names_the_schema_by_its_path(tmp_path):
+    path = str(tmp_path / "own.yaml")
+    write_model(source_of("traxbot"), path, {("drive", "turn_slip"): 0.1}, "test")
+    assert [line for _, line in first_lines(tmp_path, ["own"])] == [f"{schema_line(models.SCHEMA)}\n"]
+
+
 WORDS = [
     "",
     "omni",
@@ -174,6 +181,34 @@ def check_agreement(kind, data):
         assert not valid or only_read, f"the schema accepts what the checks refuse: {error}"
     else:
         assert valid, VALIDATORS[kind].iter_errors(data)
+
+
+TRACKED = {"kind": "tracked", "turn_slip": 0.1, "wheel_separation_m": 0.18, "metres_per_count": 8.7e-5}
+
+
+@pytest.mark.parametrize(
+    ("model", "place", "value"),
+    [
+        ("duo", ("drive",), TRACKED),
+        ("duo", ("build",), "environment"),
+        ("traxbot", ("limits", "lateral_m_s"), 0.1),
+        ("omni", ("board", "bridge"), "tb6612"),
+        ("traxbot", ("ids",), [1, 2, 1]),
+        ("traxbot", ("ids",), []),
+        ("traxbot", ("sonars", "rear"), {"x_m": 0, "y_m": 0, "yaw_deg": 180}),
+        ("pioneer", ("build",), "sonar"),
+        ("pioneer", ("limits",), {}),
+        ("omni", ("drive", "angles_deg"), [60, 180]),
+    ],
+)
+def test_schema_and_checks_refuse_what_does_not_go_together(model, place, value):
+    data = copy.deepcopy(ROBOTS[models.packaged().index(model)])
+    *way, last = place
+    section = data[way[0]] if way else data
+    section[last] = value
+    assert not VALIDATORS["robot"].is_valid(data)
+    with pytest.raises(ConfigError):
+        models.parse(data, "robot.yaml")
 
 
 @given(changed(ROBOTS))
