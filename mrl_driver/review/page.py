@@ -18,7 +18,7 @@ from typing import Any, Dict, Iterator, List, Sequence, Tuple
 import numpy as np
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
-from mrl_driver.protocol.table import BY_CODE
+from mrl_driver.protocol.table import BY_CODE, FAULTS, RESET_CAUSES, STOP_REASONS, Field
 from mrl_driver.recording.recording import FROM_BOARD, OWN_REMARKS, PHONE, TO_BOARD
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 from mrl_driver.view.words import remedy_of, why_stopped
@@ -45,6 +45,7 @@ _MOST_TEXT = 160
 _ENDS = ("closed", "check_ended")
 """Reasons of a stop at the end of a program."""
 _DIRECTIONS = {FROM_BOARD: "From the board", TO_BOARD: "To the board"}
+_WORDS = {"stop_reason": STOP_REASONS, "reset_cause": RESET_CAUSES}
 _Row = Tuple[str, str]
 
 
@@ -240,11 +241,17 @@ def frame_text(direction: str, data: bytes) -> str:
 def _fields(direction: str, frame: Frame) -> str:
     row = BY_CODE[frame.code]
     fields = row.request if direction == TO_BOARD else row.reply
-    values = [
-        f"{field.name} {value * field.scale:g} {field.base_unit}".rstrip()
-        for field, value in zip(fields, frame.args)
-    ]
+    values = [f"{field.name} {_value(field, value)}".rstrip() for field, value in zip(fields, frame.args)]
     return f"{row.name}: {', '.join(values)}" if values else row.name
+
+
+def _value(field: Field, value: int) -> str:
+    """A number with its unit, or the word that stands for it in the table."""
+    if field.name in _WORDS:
+        return _WORDS[field.name][value]
+    if field.name == "faults":
+        return " ".join(name for bit, (name, _) in enumerate(FAULTS) if value >> bit & 1) or "none"
+    return f"{value * field.scale:g} {field.base_unit}"
 
 
 def _cut(text: str) -> str:
