@@ -11,10 +11,12 @@ from mrl_driver.driver.recorded import Heard, RecordedDriver, Remark, Sent
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE
 from mrl_driver.robot.imu import Imu
+from mrl_driver.robot.radio import RadioText
 from mrl_driver.session.events import SensorRead
 from mrl_driver.session.handshake import Board
 from ros1_bridge.node.robot_parameters import Parameters, without_motors
 from ros1_bridge.topics.board_topics import BoardTopics
+from ros1_bridge.topics.publishers import Publishers
 
 FRAMES = "frames"
 """The topic with all frames and remarks.  Its type, Log, has a stamp, and every tool that shows ROS's log shows it."""
@@ -54,6 +56,7 @@ class RecordedTopics:
         recorded.on_imu(self._on_imu)
         recorded.on_battery(self._on_battery)
         recorded.on_sensor(self._on_sensor)
+        recorded.on_text(self._on_text)
 
     def _now(self) -> Time:
         return Time(*divmod(now_ns(self._recorded), 10**9))
@@ -65,15 +68,15 @@ class RecordedTopics:
         assert recorded.model is not None
         if not recorded.model.drives:
             parameters = without_motors(parameters)
-        self._topics = BoardTopics(
-            recorded,
+        publishers = Publishers(
             self._class,
             ConnectionError,
             parameters,
-            self._now,
-            clock=lambda: recorded.clock_ahead_s,  # their difference is exact
+            recorded.model,
+            clock=lambda: recorded.clock_ahead_s,  # the difference of both is exact
             monotonic=lambda: 0.0,
         )
+        self._topics = BoardTopics(recorded, publishers, self._class, parameters, self._now)
         return self._topics
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
@@ -85,8 +88,7 @@ class RecordedTopics:
             self._topics.on_imu(imu)
 
     def _on_battery(self, board: Board) -> None:
-        model = self._recorded.model
-        if self._topics is not None and model is not None and model.drives:
+        if self._topics is not None:
             self._topics.on_battery(board)
 
     def _on_sensor(self, read: SensorRead) -> None:
@@ -95,6 +97,10 @@ class RecordedTopics:
             topics = self._begin()
         if topics is not None and topics.on_sensor is not None:
             topics.on_sensor(read)
+
+    def _on_text(self, text: RadioText) -> None:
+        if self._topics is not None and self._topics.on_text is not None:
+            self._topics.on_text(text)
 
     # -- the line
 

@@ -48,8 +48,8 @@ from ros1_bridge.status.diagnostics import Diagnostics
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
 from ros1_bridge.status.robot_status import StatusTeller
 from ros1_bridge.topics import messages
+from ros1_bridge.topics.board_topics import BoardTopics
 from ros1_bridge.topics.publishers import Publishers
-from ros1_bridge.topics.sensor_topics import SensorTopics
 
 from . import reconfigure, xbee
 from .mode_switch import ModeSwitch
@@ -171,12 +171,8 @@ class RobotNode:
             clock,
             note_clock=driver.note_clock,
         )
-        has_sonars = driver.has_sonars
-        if has_sonars and parameters.has("sonars"):
-            self._publishers.sonars(rospy.Time.now())
-        self._watch_zones(model, has_sonars)
-        if model.drives:
-            self._publishers.battery(board, rospy.Time.now())
+        self._topics = BoardTopics(driver, self._publishers, rospy.Publisher, parameters, rospy.Time.now)
+        self._watch_zones(model, driver.has_sonars)
         self._status = StatusTeller(
             self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
         )
@@ -224,15 +220,13 @@ class RobotNode:
     def _listen(self, board: Board) -> None:
         """Let the driver call this node, first the publishers."""
         driver = self._driver
-        driver.on_telemetry(self._publishers.telemetry)
+        self._topics.listen(driver)
         if self._zones is not None:
             driver.on_telemetry(self._on_zone_readings)
         driver.on_battery(self._on_battery)
         driver.on_event(self._on_event)
-        if self._parameters.has("sensors"):
-            self._offer_sensors(board)
-            if self._parameters.imu and "imu" in board.capabilities:
-                driver.on_imu(self._publishers.imu(rospy.Time.now()).on_imu)
+        if self._parameters.has("sensors") and RADIO in board.capabilities:
+            self._offer_radio()
 
     def _watch_zones(self, model: RobotModel, has_sonars: bool) -> None:
         self._zones: Optional[ZoneWatch] = None
@@ -253,16 +247,10 @@ class RobotNode:
             self._finder = MountFinder(self._parameters.base_frame)
             rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
 
-    def _offer_sensors(self, board: Board) -> None:
-        sensors = SensorTopics(
-            rospy.Publisher, self._parameters.base_frame, board.capabilities, board.version, rospy.Time.now
-        )
-        self._driver.on_sensor(sensors.on_sensor)
-        if RADIO in board.capabilities:
-            self._radio = Radio(rospy.Publisher, self._driver)
-            self._driver.on_text(self._radio.on_text)
-            rospy.Subscriber(xbee.SEND, KeyValue, self._on_radio, queue_size=WAITING, tcp_nodelay=True)
-            rospy.Service(xbee.DISCOVER, SelfTest, self._radio.discover)
+    def _offer_radio(self) -> None:
+        self._radio = Radio(self._driver)
+        rospy.Subscriber(xbee.SEND, KeyValue, self._on_radio, queue_size=WAITING, tcp_nodelay=True)
+        rospy.Service(xbee.DISCOVER, SelfTest, self._radio.discover)
 
     def _offer_services(self) -> None:
         parameters = self._parameters
@@ -418,7 +406,6 @@ class RobotNode:
         self._status.tell()
 
     def _on_battery(self, board: Board) -> None:
-        self._publishers.battery(board, rospy.Time.now())
         state, before = self._driver.battery_state, self._battery_state
         if state == before:
             return

@@ -1,28 +1,22 @@
-"""The board's XBee radio as topics and a service.  No node."""
+"""The board's XBee radio as a topic and a service; `topics.radio_topic` has what it receives.  No node."""
 
-from typing import Any, Callable, List, Tuple
+from typing import Any, List, Tuple
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from diagnostic_msgs.srv import SelfTestResponse
 
 from mrl_driver.driver import Driver
 from mrl_driver.errors import MrlError
-from mrl_driver.robot.radio import RadioNode, RadioText, format_address, parse_address
-from ros1_bridge.topics.fast_publisher import direct_publisher
+from mrl_driver.robot.radio import RadioNode, format_address, parse_address
 
-RECEIVED, SEND, DISCOVER = "xbee/received", "xbee/send", "xbee/discover"
+SEND, DISCOVER = "xbee/send", "xbee/discover"
 
 
 class Radio:
-    """Publishes the texts that the board's radio receives, and sends those of messages."""
+    """Sends the texts of messages, and searches for other radios."""
 
-    def __init__(self, publisher_class: Callable[..., Any], driver: Driver) -> None:
+    def __init__(self, driver: Driver) -> None:
         self._driver = driver
-        self._out = direct_publisher(publisher_class, RECEIVED, KeyValue)
-
-    def on_text(self, text: RadioText) -> None:
-        """Publish a received text."""
-        self._out.publish(format_address(text.address), text.text)
 
     def send(self, message: KeyValue) -> str:
         """Send the text of a message; returns why it was not sent, empty if it was."""

@@ -141,7 +141,7 @@ class Topic:
         name, master = self._subscriber.name, rosgraph.Master(rospy.get_name())
         nodes = dict(master.getSystemState()[0]).get(name, [])
         with contextlib.suppress(OSError, rosgraph.MasterException):  # a node that has ended
-            links = [link for node in nodes for link in _links(master.lookupNode(node))]
+            links = [link for node in nodes for link in links_of(master.lookupNode(node))]
             return any(
                 (peer, way, topic) == (rospy.get_name(), "o", name) for _, peer, way, _, topic, *_ in links
             )
@@ -152,7 +152,7 @@ class Topic:
         self._subscriber.unregister()
 
 
-def _links(node_uri: str) -> List[List[Any]]:
+def links_of(node_uri: str) -> List[List[Any]]:
     """The connections of a node: number, peer, direction, transport, topic."""
     answer: Any = ServerProxy(node_uri).getBusInfo(rospy.get_name())
     return list(answer[2])

@@ -7,6 +7,7 @@ from diagnostic_msgs.msg import KeyValue
 from mrl_driver.errors import LinkLost
 from mrl_driver.robot.radio import RadioNode, RadioText
 from ros1_bridge.robot.xbee import Radio
+from ros1_bridge.topics.radio_topic import RadioTopic
 
 from .fake_topics import Topics
 
@@ -14,31 +15,28 @@ PEER, KEY = 0x0013A20040A1B2C3, "0013a20040a1b2c3"
 
 
 def radio(**driver):
-    topics = Topics()
-    return Radio(topics, SimpleNamespace(**driver)), topics
+    return Radio(SimpleNamespace(**driver))
 
 
 def test_received_text_is_published_with_its_sender():
-    made, topics = radio()
-    published = []
-    topics["xbee/received"].publish = lambda *fields: published.append(fields)
-    made.on_text(RadioText(PEER, b"hello"))
-    assert published == [(KEY, "hello")]
+    topics = Topics()
+    RadioTopic(topics).on_text(RadioText(PEER, b"hello"))
+    assert topics["xbee/received"].sent == [KeyValue(KEY, "hello")]
 
 
 def test_text_of_a_message_is_sent():
     sent = []
-    made, _ = radio(send_text=lambda *text: sent.append(text))
+    made = radio(send_text=lambda *text: sent.append(text))
     assert made.send(KeyValue(KEY, "hello")) == "" and sent == [(PEER, "hello")]
 
 
 def test_key_that_is_no_address_is_named():
-    made, _ = radio(send_text=None)
+    made = radio(send_text=None)
     assert made.send(KeyValue("robot", "hello")).startswith("xbee/send: radio address is 'robot', expected")
 
 
 def test_each_radio_found_is_a_status():
-    made, _ = radio(discover_radios=lambda: [RadioNode(PEER, 0x12), RadioNode(7, 0xFFFE)])
+    made = radio(discover_radios=lambda: [RadioNode(PEER, 0x12), RadioNode(7, 0xFFFE)])
     found = made.discover(None)
     values = [{pair.key: pair.value for pair in status.values} for status in found.status]
     assert (found.passed, found.id) == (1, "2 radios have answered")
@@ -50,6 +48,6 @@ def fail():
 
 
 def test_search_that_fails_says_why():
-    made, _ = radio(discover_radios=fail)
+    made = radio(discover_radios=fail)
     found = made.discover(None)
     assert (found.passed, found.id, found.status) == (0, "the port is gone", [])
