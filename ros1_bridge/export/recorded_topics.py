@@ -22,14 +22,19 @@ FRAMES = "frames"
 """The topic with all frames and remarks.  Its type, Log, has a stamp, and every tool that shows ROS's log shows it."""
 TO_BOARD, FROM_BOARD, DRIVER = "to_board", "from_board", "driver"
 """Names in the messages of `FRAMES`; the last one is that of remarks."""
-_LATEST_S = 2.0**32 - 1
+_LATEST_S = 2.0**32 - 2
 """ROS counts seconds in 32 bits."""
 
 
 def now_ns(recorded: RecordedDriver) -> int:
     """Return the wall clock at the time that is being played [ns since 1970]."""
-    wall_s = recorded.now_s + recorded.clock_ahead_s
-    return round(min(max(0.0, wall_s), _LATEST_S) * 1e9)
+    return round((recorded.now_s + ahead_s(recorded)) * 1e9)
+
+
+def ahead_s(recorded: RecordedDriver) -> float:
+    """Return by how much the wall clock is ahead of the driver's [s]; a damaged value is moved into the range of ROS."""
+    now_s = recorded.now_s
+    return min(max(-now_s, recorded.clock_ahead_s), _LATEST_S - now_s)
 
 
 class RecordedTopics:
@@ -73,7 +78,7 @@ class RecordedTopics:
             ConnectionError,
             parameters,
             recorded.model,
-            clock=lambda: recorded.clock_ahead_s,  # the difference of both is exact
+            clock=lambda: ahead_s(recorded),  # the difference of both is exact
             monotonic=lambda: 0.0,
         )
         self._topics = BoardTopics(recorded, publishers, self._class, parameters, self._now)

@@ -220,6 +220,14 @@ def drive_without_motors(path):
         driver.wait(1.0)
 
 
+@pytest.mark.parametrize("ahead", ["1e300", "-1e300"])
+def test_a_damaged_clock_is_moved_into_the_range_of_ros(recording, tmp_path, ahead):
+    header, _, rest = recording.read_text().partition("\n")
+    damaged = tmp_path / "damaged.mrl"
+    damaged.write_text(f"{header}\n0.0 ! clock {ahead}\n{rest}")
+    assert len(in_bag(export(damaged, "damaged.bag"))) > 200
+
+
 # -- errors
 
 
