@@ -32,7 +32,7 @@ def now_ns(recorded: RecordedDriver) -> int:
 
 
 def ahead_s(recorded: RecordedDriver) -> float:
-    """Return by how much the wall clock is ahead of the driver's [s]; a damaged value is moved into the range of ROS."""
+    """Return by how much the wall clock is ahead of the driver's [s]; a damaged value moves into ROS's range."""
     now_s = recorded.now_s
     return min(max(-now_s, recorded.clock_ahead_s), _LATEST_S - now_s)
 
