@@ -1,6 +1,7 @@
 """Replacing files completely or not at all: a full disk leaves the old file as it was."""
 
 import contextlib
+import errno
 import os
 import shutil
 from typing import Iterator, Union
@@ -16,11 +17,14 @@ def replacing(path: str, private: bool = False) -> Iterator[str]:
     stays a link.  Permissions of an old file do not change, unless the new one is `private`.
 
     Raises:
-        OutputError: the file cannot be written: the block has raised OSError, or the file cannot be renamed.
+        OutputError: the file cannot be written: the block has raised OSError, or the file cannot be renamed, or `path`
+            is a device or another file that is not plain, which would be lost.
     """
     target = os.path.realpath(path)
     temporary = f"{target}.{os.getpid()}.new"
     try:
+        if os.path.exists(target) and not os.path.isfile(target):
+            raise OSError(errno.EINVAL, "it is not a plain file")
         yield temporary
         if os.path.exists(target) and not private:
             shutil.copymode(target, temporary)

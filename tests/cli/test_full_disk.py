@@ -1,6 +1,7 @@
 """A disk that is full: what was there stays, and what is missing is said, with exit code 15."""
 
 import os
+import stat
 
 import pytest
 
@@ -100,3 +101,12 @@ def test_a_failure_leaves_the_old_file_alone(tmp_path):
     with pytest.raises(OutputError, match="nothing was changed"):
         replace_file(str(folder), "new")
     assert os.listdir(tmp_path) == ["robot.yaml"]
+
+
+def test_what_is_not_a_plain_file_is_never_replaced(tmp_path):
+    """As root, a rename would replace even a device such as /dev/null."""
+    path = tmp_path / "pipe"
+    os.mkfifo(path)
+    with pytest.raises(OutputError, match="not a plain file"):
+        replace_file(str(path), "new")
+    assert stat.S_ISFIFO(path.stat().st_mode) and os.listdir(tmp_path) == ["pipe"]
