@@ -94,6 +94,20 @@ def test_a_line_that_missed_its_turn_is_read(tmp_path, monkeypatch):
     assert recorded_late(path, monkeypatch, written) == ([b"other", b"late"], 0)
 
 
+def test_a_line_waits_for_an_older_one_of_another_thread(tmp_path, monkeypatch):
+    """Each line keeps its own time, which a replay needs."""
+    monkeypatch.setattr(recording, "FLUSH_S", 0.002)
+    monkeypatch.setattr(recording, "HOLD_S", PATIENCE_S)
+    recorder, now = Recorder(str(tmp_path / "log")), recording.now_s()
+    recorder.add(TO_BOARD, b"other", now + 0.002)
+    time.sleep(0.02)
+    recorder.add(FROM_BOARD, b"late", now + 0.001)
+    recorder.close()
+    first, second = Recording(str(tmp_path / "log"))
+    assert (first.data, second.data) == (b"late", b"other")
+    assert second.time_s - first.time_s == pytest.approx(0.001, abs=1e-6)
+
+
 def test_a_full_disk_is_counted_and_named():
     recorder = Recorder("/dev/full")
     recorder.add(FROM_BOARD, b"@6,1,2e")
