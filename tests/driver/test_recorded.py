@@ -297,14 +297,15 @@ def test_shares_of_the_work_add_up_to_one(short, tmp_path):
 def test_a_new_difference_of_the_clocks_holds_for_the_frame_that_noticed_it(short, tmp_path):
     """Its remark comes behind the bytes.  Before the first one, the first one holds."""
     lines, _ = short
-    at = [n for n, line in enumerate(lines) if " < @8," in line and line.rstrip().endswith("\\r\\n")]
-    for n, ahead in ((at[9], "7.5"), (at[4], "5.25")):
+    at = [n for n, line in enumerate(lines) if " < " in line and line.endswith("e\\r\\n\n")]
+    before, after = at[-20], at[-10]
+    for n, ahead in ((after, "7.5"), (before, "5.25")):
         lines = [*lines[: n + 1], f"{lines[n].split(' ')[0]} ! clock {ahead}\n", *lines[n + 1 :]]
+    changed_s = float(lines[after + 1].split(" ")[0])
     path, seen = tmp_path / "clock.mrl", []
     path.write_text("".join(lines))
     played = RecordedDriver(str(path))
     played.on_telemetry(lambda telemetry: seen.append((telemetry.arrival_s, played.clock_ahead_s)))
     played.play()
-    changed_s = float(lines[at[9] + 1].split(" ")[0])
     assert {ahead for time_s, ahead in seen if time_s < changed_s} == {5.25}
     assert {ahead for time_s, ahead in seen if time_s >= changed_s} == {7.5}
