@@ -25,8 +25,8 @@ class Joined(NamedTuple):
     board: Board
     stream_code: int
     checked: bool
-    heard_s: float
-    """Arrival of the last telemetry, on the driver's clock [s]."""
+    stamp_s: float
+    """Time of the last telemetry, on the driver's clock: the two clocks are matched from there on [s]."""
     last: Optional[Frame]
     """Its frame."""
 
@@ -58,8 +58,11 @@ def model_of(text: str) -> Optional[RobotModel]:
         return None
 
 
-def session_text(session: Session, board: Board) -> str:
-    """Return what a reader must know about a session whose greeting it does not see, as JSON."""
+def session_text(session: Session, board: Board, stamp_s: float) -> str:
+    """Return what a reader must know about a session whose greeting it does not see, as JSON.
+
+    `stamp_s` is the time of the last telemetry [s].
+    """
     facts = {**board._asdict(), "capabilities": sorted(board.capabilities)}
     checked, last, frame = session.checked, session.last_frame, b""
     if last is not None:
@@ -67,7 +70,7 @@ def session_text(session: Session, board: Board) -> str:
             last.code, *last.args, stamp=last.stamp, checked=checked and last.stamp is not None
         )
     found = {"board": facts, "stream": session.stream_code, "checked": checked}
-    return json.dumps({**found, "heard_s": session.heard_s, "frame": frame.decode("ascii")})
+    return json.dumps({**found, "stamp_s": stamp_s, "frame": frame.decode("ascii")})
 
 
 def session_of(text: str) -> Optional[Joined]:
@@ -85,10 +88,10 @@ def session_of(text: str) -> Optional[Joined]:
         if not all(isinstance(each, str) for each in capabilities) or type(checked) is not bool:
             return None
         board = Board(**whole, **numbers, capabilities=frozenset(capabilities))
-        heard_s, frame = float(found["heard_s"]), str(found["frame"]).encode("ascii")
+        stamp_s, frame = float(found["stamp_s"]), str(found["frame"]).encode("ascii")
         frames = FrameDecoder(REPLIES, checked).feed(frame)
         last = next((event for event in frames if isinstance(event, Frame) and event.code == stream), None)
-        return Joined(board, stream, checked, heard_s, last if math.isfinite(heard_s) else None)
+        return Joined(board, stream, checked, stamp_s, last if math.isfinite(stamp_s) else None)
     except (KeyError, TypeError, ValueError, RecursionError):
         return None
 

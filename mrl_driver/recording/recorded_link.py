@@ -153,7 +153,9 @@ class DriverRecording:
         self._stops, odometry = session.motion.stops, state.odometry
         self._compare(session, state, ())
         if session.ready and state.info is not None:
-            self.remark(SESSION + b"joined " + session_text(session, state.info).encode(), self._turn_s)
+            stamp_s = state.telemetry.stamp_s if state.telemetry is not None else session.heard_s
+            text = session_text(session, state.info, stamp_s)
+            self.remark(SESSION + b"joined " + text.encode(), self._turn_s)
         else:
             self.again(self._turn_s, same=False)
         if odometry is not None:

@@ -46,7 +46,7 @@ SESSION = b"session "
 """A remark: from here on the driver takes the bytes of the port that was opened.  `new`: it greets a board.  `again
 same` or `again other`: it greets the board that was lost, or one that may be another.  `joined` and a JSON object: the
 recording begins after the greeting; the object holds the board, the code of its stream, whether frames carry a
-checksum, and the last frame of the stream with its arrival.
+checksum, and the last frame of the stream with its time.
 """
 MODEL = b"model "
 """A remark: the robot's model follows, as a JSON object with the keys of its YAML file."""

@@ -211,7 +211,7 @@ class Session:
     ) -> List[SessionEvent]:
         """Go on with a board that was greeted and streams already; for recordings that begin after the greeting.
 
-        `last` is the frame of the last telemetry, which arrived at `now`.
+        `last` is the frame of the last telemetry, which was made at `now`.
 
         Raises:
             BoardError: as for `admit`.
