@@ -203,6 +203,7 @@ class DescriptorLink:
     def _make_locks(self) -> None:
         self._reading, self._writing, self._waking = map(new_lock, LOCKS)
         self._writer_done = threading.Condition(self._writing)
+        self._unsent = b""
         self._writer: Optional[int] = None
         """Thread that writes."""
 
@@ -257,26 +258,21 @@ class DescriptorLink:
                     self._writer = None
                     self._writer_done.notify()
 
-    def _send(self, data: bytes) -> None:
-        """Send all of `data`; no other thread writes meanwhile."""
-        deadline = time.monotonic() + WRITE_TIMEOUT_S
-        while data:
+    def _send(self, data: bytes, deadline: float = 0.0) -> None:
+        """Send all of `data`, at most until `deadline`; no other thread writes meanwhile.  `_unsent` is the rest."""
+        deadline, self._unsent = deadline or time.monotonic() + WRITE_TIMEOUT_S, data
+        while self._unsent:
             with self._writing:
-                sent = self._accepted(data)
-                data = data[sent:]
-            if not sent:
-                self._await_room(deadline)
-
-    def _accepted(self, data: bytes) -> int:
-        """Return how many of these bytes the port accepts now; the caller holds the lock for writing."""
-        if self.closed:
-            raise LinkLost(f"{self.port} is closed")
-        try:
-            return os.write(self._fd, data)
-        except BlockingIOError:
-            return 0
-        except OSError as error:
-            raise self._lost(error.strerror) from None
+                if self.closed:
+                    raise LinkLost(f"{self.port} is closed")
+                try:
+                    self._unsent = self._unsent[os.write(self._fd, self._unsent) :]
+                    continue
+                except BlockingIOError:
+                    pass
+                except OSError as error:
+                    raise self._lost(error.strerror) from None
+            self._await_room(deadline)
 
     def _await_room(self, deadline: float) -> None:
         poll = select.poll()

@@ -40,7 +40,7 @@ class TlsLink(SocketLink):
 
     def __init__(self, port: str, patience_s: float) -> None:
         deadline, address, shown = time.monotonic() + patience_s, parse(port), masked(port)
-        self._stream, self._unsent = TlsStream(_context(), server_side=False), b""
+        self._stream = TlsStream(_context(), server_side=False)
         self._socket = connect(address, shown, patience_s)
         try:
             self._early = _enter(self._socket, self._stream, address, shown, deadline)
@@ -66,25 +66,17 @@ class TlsLink(SocketLink):
                     f"{self.port} went away (its data arrived damaged): check the network, then connect again"
                 ) from None
 
-    def _send(self, data: bytes) -> None:
-        """Send all of `data`; what is encrypted must go out before anything else, so wait for room first."""
-        deadline = time.monotonic() + WRITE_TIMEOUT_S
-        self._drain(deadline)
+    def _send(self, data: bytes, deadline: float = 0.0) -> None:
+        """As that of the other links; what is encrypted must go out before anything else, so wait for room first."""
+        deadline = deadline or time.monotonic() + WRITE_TIMEOUT_S
+        super()._send(self._unsent, deadline)
         self._await_room(deadline)
         with self._writing:
             if self.closed:
                 raise LinkLost(f"{self.port} is closed")
             self._stream.send(data)
-            self._unsent += self._stream.take()
-        self._drain(deadline)
-
-    def _drain(self, deadline: float) -> None:
-        while self._unsent:
-            with self._writing:
-                sent = self._accepted(self._unsent)
-                self._unsent = self._unsent[sent:]
-            if not sent:
-                self._await_room(deadline)
+            encrypted = self._stream.take()
+        super()._send(encrypted, deadline)
 
 
 def _enter(end: socket.socket, stream: TlsStream, address: Address, port: str, deadline: float) -> bytes:
