@@ -125,6 +125,7 @@ def test_wheel_holds_every_module_and_all_data(wheel):
     modules = {str(p.relative_to(ROOT)) for folder in folders for p in (ROOT / folder).rglob("*.py")}
     data = {str(p.relative_to(ROOT)) for p in (ROOT / "mrl_driver" / "robot" / "models").glob("*.yaml")}
     data |= {str(p.relative_to(ROOT)) for p in (ROOT / "sim_arduino").rglob("worlds/*")}
+    data |= {str(p.relative_to(ROOT)) for p in (ROOT / "mrl_driver").glob("*/page/**/*") if p.is_file()}
     data |= {"mrl_driver/robot/models/robot.schema.json", "sim_arduino/world/world.schema.json"}
     data |= {"ros1_bridge/topics/sensors.yaml", "sim_arduino/avr/board.h", "mrl_driver/py.typed", *IMAGES}
     assert modules | data <= set(zipfile.ZipFile(wheel).namelist())
