@@ -53,6 +53,7 @@ from mrl_driver.recording.recording import (
     Recording,
     started_s,
 )
+from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyWheels
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands
@@ -290,7 +291,7 @@ class RecordedDriver(Driver):
         path, robot_id = self.recording.path, self._missing.robot_id
         if not entries:
             raise ConfigError(f"{path} holds nothing, expected lines of a recording")
-        if self.model is None and robot_id is not None:
+        if self.model is None and robot_id is not None and not models.by_id(robot_id):
             raise ConfigError(
                 f"{path}: no packaged model lists robot id {robot_id}; give its file with --robot"
             )

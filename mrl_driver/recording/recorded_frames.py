@@ -1,12 +1,14 @@
 """Frames and garbage in the bytes of a recording, each with its bytes."""
 
-from typing import Iterator, Optional, Tuple
+from typing import List, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Garbage
 from mrl_driver.protocol.directions import Direction
 
 _OTHER_FORM = ("bad_check", "argument_count")
 """Garbage of these reasons may be a frame with a checksum, or without one, unlike the frames before it."""
+
+_QUIET = (b"", b"\r\n", b"\r", b"\n")
 
 
 class FrameReader:
@@ -15,26 +17,41 @@ class FrameReader:
     def __init__(self, direction: Direction) -> None:
         self._direction = direction
         self._decoder = FrameDecoder(direction)
+        self._empty = True
+        """No bytes wait for the rest of their frame."""
 
-    def read(self, data: bytes, checked: Optional[bool], turned: bool) -> Iterator[Tuple[Event, bytes]]:
-        """Yield what these bytes complete.
+    def read(self, data: bytes, checked: Optional[bool], turned: bool) -> List[Tuple[Event, bytes]]:
+        """Return what these bytes complete.
 
         `checked` says whether frames carry a checksum, None that they are as before; with `turned`, frames of the other
         form are accepted, and after the first one they are the rule.
         """
         decoder = self._decoder
         decoder.checked = decoder.checked if checked is None else checked
+        if (
+            self._empty and data[data.find(b"e") + 1 :] in _QUIET
+        ):  # the common case: one whole frame, or its line end
+            found = self._take(data, data, turned)
+            self._empty = (bool(found) and isinstance(found[-1][0], Frame)) or not decoder.pending
+            return found
+        found = []
         *pieces, rest = data.split(b"e")
         for piece in [*(piece + b"e" for piece in pieces), rest]:
-            before = decoder.pending
-            for event in decoder.feed(piece) if piece else ():
-                if isinstance(event, Garbage) and turned and event.reason in _OTHER_FORM:
-                    event = self._reread(event)
-                if isinstance(event, Garbage):
-                    yield event, event.data
-                else:
-                    whole = before + piece
-                    yield event, whole[whole.rfind(b"@") :]
+            found += self._take(piece, decoder.pending + piece, turned)
+        self._empty = not decoder.pending
+        return found
+
+    def _take(self, piece: bytes, whole: bytes, turned: bool) -> List[Tuple[Event, bytes]]:
+        """Decode a piece with one frame at most; `whole` also has the bytes before it that wait for their frame."""
+        found: List[Tuple[Event, bytes]] = []
+        for event in self._decoder.feed(piece):
+            if isinstance(event, Garbage) and turned and event.reason in _OTHER_FORM:
+                event = self._reread(event)
+            if isinstance(event, Garbage):
+                found.append((event, event.data))
+            else:
+                found.append((event, whole[whole.rfind(b"@") : whole.rfind(b"e") + 1]))
+        return found
 
     def _reread(self, garbage: Garbage) -> Event:
         checked = not self._decoder.checked
