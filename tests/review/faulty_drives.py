@@ -1,7 +1,7 @@
 """Twenty drives with one fault each, as `drives.Drive`; other seeds, robots and worlds give other drives."""
 
 import math
-from typing import List
+from typing import Any, Dict, List, Sequence
 
 from mrl_driver.robot import models
 from sim_arduino.hardware.imu import ImuErrors
@@ -10,6 +10,20 @@ from .drives import Drive, User
 
 IMU = {"imu": True}
 _AT_S = 3.0
+_NOISE = "noise=1e-5"
+"""Noise of wheels, as `models.ON_WHEELS`; tracks also slip a little in turns."""
+_TRACK_NOISE = "noise=4e-5,turn_noise=2e-4"
+_SONAR_NOISE = "noise=0.01,missed=0.01"
+_USB = "delay:jitter=0.004"
+"""A USB adapter delivers bytes some milliseconds late, now and then 16 ms."""
+
+
+def _real(robot: str, board: Dict[str, Any], faults: Sequence[str] = ()) -> Dict[str, Any]:
+    """Options of a board with the noise that each robot has."""
+    noise = _TRACK_NOISE if models.load(robot).body.tracks else _NOISE
+    error = ",".join(filter(None, (noise, board.get("error", ""))))
+    made = {"robot": robot, "sonar": _SONAR_NOISE, **board, "error": error}
+    return {**made, "faults": tuple(faults)}
 
 
 def _pauses(user: User) -> None:
@@ -40,7 +54,7 @@ class _Maker:
         self.imu = {**IMU, "imu_seed": seed}
 
     def __call__(self, name, expected, *faults, board=None, **others):
-        made = {"robot": self._robot, "world": self._world, "faults": faults, **(board or {})}
+        made = _real(self._robot, {"world": self._world, **(board or {})}, faults)
         return Drive(name, expected, made, seed=self._seed, **{"duration_s": self._duration_s, **others})
 
 
@@ -73,17 +87,19 @@ def faulty(
         drive(
             "blocked wheel", ("wheel_blocked", "wheel_dead"), f"wheel_blocked:wheel={other},{at}", board=imu
         ),
-        drive("wrong wheel size", ("speed_scale", "wheel_size"), robot=_larger(robot, 1.12)),
+        drive("smaller wheels", ("wheel_size",), board={"error": "wheel_size=0.85"}, duration_s=28.0),
+        drive("model of another size", ("speed_scale",), robot=_larger(robot, 1.12)),
         drive("wrong track width", ("track_width",), board={**imu, "error": "axle=1.15"}),
         drive("dead IMU", ("imu_dead",), f"imu_absent:{at}", board=imu),
         drive("drifting IMU", ("imu_drift",), board={**IMU, "imu_errors": _drifting(seed)}),
     ]
 
 
-def good(seed: int = 1, robot: str = "traxbot", world: str = "room", duration_s: float = 10.0) -> Drive:
-    """A drive without a fault; every second one has an IMU."""
-    board = {"robot": robot, "world": world, **({**IMU, "imu_seed": seed} if seed % 2 else {})}
-    return Drive(f"good {robot}", (), board, seed=seed, duration_s=duration_s)
+def good(seed: int = 1, robot: str = "traxbot", world: str = "room", duration_s: float = 8.0) -> Drive:
+    """A drive without a fault; some have an IMU, some have the delays of a USB adapter."""
+    board = {"world": world, **({**IMU, "imu_seed": seed} if seed % 3 == 1 else {})}
+    made = _real(robot, board, (_USB,) if seed % 3 == 2 else ())
+    return Drive(f"good {robot}", (), made, seed=seed, duration_s=duration_s)
 
 
 def more(seed: int = 1, robot: str = "traxbot", world: str = "room", duration_s: float = 20.0) -> List[Drive]:
@@ -93,6 +109,10 @@ def more(seed: int = 1, robot: str = "traxbot", world: str = "room", duration_s:
     id_of_other = models.load("stingbot" if robot == "traxbot" else "traxbot").ids[0]
     return [
         drive("swapped encoder", ("wheel_reversed",), f"encoder_swapped:wheel={other}"),
+        drive("smaller wheels and IMU", ("wheel_size",), board={**imu, "error": "wheel_size=0.87"}),
+        drive(
+            "larger wheels and IMU", ("wheel_size", "track_width"), board={**imu, "error": "wheel_size=1.15"}
+        ),
         drive("deaf sonar", ("sonar_deaf",), f"sonar_failed:sonar={sonar},state=deaf"),
         drive("frozen IMU", ("imu_frozen",), f"imu_frozen:{at}", board=imu),
         drive("unequal wheels", ("wheel_ratio",), board={**imu, "error": "wheel_ratio=1.05"}),

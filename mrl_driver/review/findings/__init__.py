@@ -3,11 +3,11 @@
 Causes weigh more than what follows from them: a board that restarts also loses its link.
 """
 
-from typing import Callable, Dict, List, Tuple
+from typing import Callable, Dict, List, Set, Tuple
 
 from mrl_driver.review.drive_data import DriveData
 
-from . import board, gyro, link, sonars, supply, wheels
+from . import board, distances, gyro, link, sonars, supply, wheels
 from .finding import Finding
 
 __all__ = ["Finding", "find"]
@@ -20,15 +20,33 @@ _CHECKS: Tuple[Check, ...] = (
     wheels.check,
     sonars.check,
     gyro.check,
+    distances.check,
 )
 
 
-_WHEELS = {"wheel_dead", "wheel_blocked", "encoder_dead", "wheel_reversed", "wheels_powerless"}
-_BY_WHEELS = {"slip", "track_width", "wheel_ratio", "speed_scale", "wheel_slow"}
-"""Findings that need wheels that turn and count."""
-_SUPPLY = {"battery_low", "battery_empty", "battery_off", "undervoltage"}
-_BY_SUPPLY = {"speed_scale", "wheel_slow"}
-"""Findings that need motors with their voltage."""
+_FOLLOWS: Tuple[Tuple[Set[str], Set[str]], ...] = (
+    (
+        {"wheel_dead", "wheel_blocked", "encoder_dead", "wheel_reversed", "wheels_powerless"},
+        {"slip", "track_width", "wheel_ratio", "speed_scale", "wheel_slow", "wheel_size"},
+    ),
+    ({"battery_low", "battery_empty", "battery_off", "undervoltage"}, {"speed_scale", "wheel_slow"}),
+    (
+        {
+            "slip",
+            "pushing",
+            "link_lost",
+            "board_restart",
+            "brown_out",
+            "firmware_hung",
+            "board_silent",
+            "sonar_stuck",
+        },
+        {"wheel_size"},
+    ),
+    ({"wheel_size"}, {"track_width"}),
+)
+"""If one of the first findings is there, the second ones follow from it, or cannot be judged: wheels must turn and
+count, motors need their voltage, distances need a whole path, and the wheel size changes the turns too. """
 
 
 def find(drive: DriveData) -> List[Finding]:
@@ -38,7 +56,7 @@ def find(drive: DriveData) -> List[Finding]:
         (each for check in _CHECKS for each in check(drive)), key=lambda each: -each.weight
     ):
         found.setdefault(finding.kind, finding)
-    followed = set()
-    for causes, others in ((_WHEELS, _BY_WHEELS), (_SUPPLY, _BY_SUPPLY)):
-        followed |= others if causes & set(found) else set()
-    return [each for each in found.values() if each.kind not in followed]
+    for causes, others in _FOLLOWS:
+        if causes & set(found):
+            found = {kind: each for kind, each in found.items() if kind not in others}
+    return list(found.values())

@@ -19,7 +19,7 @@ WINDOW_S = 0.5
 SLIP_RAD = 0.1
 """A wheel slips if gyro and wheels differ by more than this in a window, or in windows that follow each other [rad]:
 five times what the tracks' own noise gives."""
-AGREES_RAD, LEAST_WINDOWS = 0.03, 8
+AGREES_RAD, LEAST_WINDOWS = 0.06, 8
 """Gyro and wheels agree in a window if they differ by less than this [rad]; a fit needs this number of windows."""
 SCALE, SCALE_RAD = 0.06, 1.5
 """Turns by gyro and wheels differ by more than this share: the gyro's scale is within 3 % (data sheet of the MPU-6050),
@@ -34,7 +34,7 @@ DRIFT_RAD_S = math.radians(0.5)
 degrees."""
 STAND_S, LEAST_RATES = 0.2, 5
 """A stand counts if it lasts this long, after a first time as long in which the body settles [s]."""
-SURE = 4.0
+SURE = 2.0
 """A figure counts if it is this many standard errors beyond its threshold."""
 _KINDS = {
     ABSENT: "imu_dead",
@@ -181,7 +181,7 @@ def _fit(table: Any, gyro: Any, fit: Any) -> Tuple[Any, Any]:
 def _slips(drive: DriveData, found: _Compared) -> List[Finding]:
     """Windows in which the robot turned otherwise than its wheels."""
     worst, at, total = 0.0, 0, 0.0
-    for first, end in runs(np.abs(found.rest_rad) > 0.25 * SLIP_RAD):
+    for first, end in runs(np.abs(found.rest_rad) > AGREES_RAD):
         turned = float(found.rest_rad[first:end].sum())
         if abs(turned) > SLIP_RAD:
             total += abs(turned)
@@ -238,10 +238,10 @@ def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
             Finding(
                 "track_width",
                 "The robot does not turn as far as its wheels say",
-                f"The gyro shows {found.scale:.0%} of the turn by the wheels: the wheel separation in the model is "
-                "wrong by "
-                f"{abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
-                "Run: mrl calibrate turn",
+                f"The gyro shows {found.scale:.0%} of the turn by the wheels: wheel separation or wheel size in the "
+                "model is "
+                f"wrong by {abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
+                "Run: mrl calibrate straight, then: mrl calibrate turn",
                 *heard(drive, found.time_s[int(np.argmax(np.abs(found.turn_rad)))], *TELEMETRY),
                 55,
             )

@@ -1,0 +1,146 @@
+"""Finds wheels of another size than in the model, by the sonars: walls seen from several places must coincide.
+
+A sonar shows the distance to the nearest point in its cone, which for a wall is the perpendicular one if that direction
+is in the cone.  So each reading votes for all walls, as direction and distance from the origin, that touch its arc (a
+Hough transform for lines; Leonard and Durrant-Whyte, "Mobile robot localization by tracking geometric beacons", 1991,
+call such readings regions of constant depth).  The path is scaled by several factors, and the right one makes the
+sharpest walls.
+"""
+
+import math
+from typing import Any, List, NamedTuple, Tuple
+
+import numpy as np
+
+from mrl_driver.review.drive_data import DriveData
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+
+from .evidence import TELEMETRY, heard, interruptions, outside
+from .finding import Finding
+
+FACTORS = np.linspace(0.76, 1.3, 28)
+"""Tried sizes of the wheels, as shares of the model's."""
+WRONG, SHARPER = 0.08, 1.12
+"""Wheels are of another size if the best factor differs from 1 by more than `WRONG`: two steps of `FACTORS`, and as
+much for the sonars' own curve.  Its walls must be `SHARPER` than the others; right wheels reach 1.08 by chance. """
+NEAR_M, FAR_M = 0.2, 4.0
+"""Ranges that are used [m]; farther arcs are wide and often hit corners."""
+LEAST, LEAST_M = 60, 2.0
+"""Number of readings, and distance driven [m], that give an answer."""
+PART_S, PARTS = 100.0, 5
+"""A drive is examined in parts of this length [s], because errors of the path grow; at most so many, spread evenly."""
+DIRECTIONS, BIN_M, MOST_M = 180, 0.03, 12.0
+READING_S = 0.05
+"""A reading is this much older than its frame, in the mean [s]."""
+
+
+class _Readings(NamedTuple):
+    """Ranges, and where each was measured: arrays `(N,)`."""
+
+    time_s: Any
+    range_m: Any
+    x_m: Any
+    y_m: Any
+    yaw_rad: Any
+    """Pose of the sonar in base_link."""
+
+
+class _Path(NamedTuple):
+    """Motion between the telemetry frames, in the robot's frame."""
+
+    time_s: Any
+    forward_m: Any
+    left_m: Any
+    turn_rad: Any
+    gyro: bool
+    """The turns are those of the gyro, whatever the size of the wheels."""
+
+
+def check(drive: DriveData) -> List[Finding]:
+    """Return whether the distances by the wheels fit the sonars."""
+    readings, path = _readings(drive), _path(drive)
+    if len(readings.time_s) < LEAST or np.abs(path.forward_m).sum() < LEAST_M:
+        return []
+    count = max(1, math.ceil(drive.duration_s / PART_S))
+    edges = np.linspace(0.0, drive.duration_s + 1e-6, count + 1)
+    scores = np.zeros(len(FACTORS) + 1)
+    for part in sorted({int(each) for each in np.linspace(0, count - 1, min(count, PARTS))}):
+        chosen = (readings.time_s >= edges[part]) & (readings.time_s < edges[part + 1])
+        if chosen.sum() >= LEAST:
+            some = _Readings(*(each[chosen] for each in readings))
+            scores += [_sharpness(some, path, factor) for factor in (1.0, *FACTORS)]
+    if not scores[0]:
+        return []
+    best = int(np.argmax(scores[1:]))
+    factor, sharper = float(FACTORS[best]), scores[1 + best] / scores[0]
+    if abs(factor - 1.0) <= WRONG or sharper < SHARPER:
+        return []
+    also = "" if path.gyro else " or the wheel separation"
+    farthest = int(np.argmax(np.abs(path.forward_m)))
+    return [
+        Finding(
+            "wheel_size",
+            "The robot does not drive as far as its wheels say",
+            f"The walls that the sonars see fit together if the robot drove {factor:.0%} of the distance by its "
+            "wheels: the "
+            f"wheel size{also} in the model is wrong, or the curve of the sonars.",
+            "Measure a straight line: mrl calibrate straight; then the sonars: mrl calibrate sonar",
+            *heard(drive, path.time_s[farthest], *TELEMETRY),
+            61,
+        )
+    ]
+
+
+def _readings(drive: DriveData) -> _Readings:
+    down, rows = interruptions(drive), [np.zeros((0, 5))]
+    for name, (times_s, values) in drive.ranges.items():
+        used = outside(times_s, down) & (values > NEAR_M) & (values < FAR_M)
+        mount = drive.model.sonars[name].pose
+        table = np.empty((int(used.sum()), 5))
+        table[:, 0], table[:, 1], table[:, 2:] = times_s[used] - READING_S, values[used], mount
+        rows.append(table)
+    return _Readings(*np.concatenate(rows).T)
+
+
+def _path(drive: DriveData) -> _Path:
+    times_s, (x_m, y_m, yaw) = drive.poses.time_s, drive.poses.values.T
+    yaw = np.unwrap(yaw)
+    dx, dy, middle = np.diff(x_m), np.diff(y_m), 0.5 * (yaw[1:] + yaw[:-1])
+    forward, left = dx * np.cos(middle) + dy * np.sin(middle), dy * np.cos(middle) - dx * np.sin(middle)
+    gyro = len(drive.imu.time_s) > 0 and np.isfinite(drive.imu.values[:, 4]).mean() > 0.5
+    return _Path(times_s, forward, left, np.diff(yaw), bool(gyro))
+
+
+def _placed(path: _Path, factor: float, times_s: Any) -> Tuple[Any, Any, Any]:
+    """Poses x, y, yaw at some times, if the wheels have this size."""
+    yaw = np.append(0.0, np.cumsum(path.turn_rad * (1.0 if path.gyro else factor)))
+    middle = 0.5 * (yaw[1:] + yaw[:-1])
+    dx = factor * (path.forward_m * np.cos(middle) - path.left_m * np.sin(middle))
+    dy = factor * (path.forward_m * np.sin(middle) + path.left_m * np.cos(middle))
+    columns = np.append(0.0, np.cumsum(dx)), np.append(0.0, np.cumsum(dy)), yaw
+    x_m, y_m, yaw = (np.interp(times_s, path.time_s, each) for each in columns)
+    return x_m, y_m, yaw
+
+
+def _sharpness(readings: _Readings, path: _Path, factor: float) -> float:
+    """Sum of the squares of the votes for each wall."""
+    x_m, y_m, yaw = _placed(path, factor, readings.time_s)
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x_m, y_m = (
+        x_m + cos * readings.x_m - sin * readings.y_m,
+        y_m + sin * readings.x_m + cos * readings.y_m,
+    )
+    step = 2 * math.pi / DIRECTIONS
+    reach = int(FIELD_OF_VIEW_RAD / 2 / step)
+    axis = np.round((yaw + readings.yaw_rad) / step).astype(int)
+    direction = (axis[:, None] + np.arange(-reach, reach + 1)) % DIRECTIONS
+    angle = direction * step
+    far_m = readings.range_m[:, None] + x_m[:, None] * np.cos(angle) + y_m[:, None] * np.sin(angle)
+    bins = int(MOST_M / BIN_M)
+    place = np.round(far_m / BIN_M).astype(int) + bins // 2
+    seen = (place >= 0) & (place < bins)
+    votes = np.bincount((direction * bins + place)[seen], minlength=DIRECTIONS * bins).reshape(
+        DIRECTIONS, bins
+    )
+    blurred = votes + 0.5 * (np.roll(votes, 1, 1) + np.roll(votes, -1, 1))
+    return float((blurred**2).sum())
