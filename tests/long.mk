@@ -16,6 +16,10 @@ soak: setup firmware ## Kill, unplug, stop and close repeatedly, then keep drivi
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
 	$(PY) -m tests.bench.bench_calibration
 
+.PHONY: review-holdout
+review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first
+	$(PY) -m tests.review.holdout --seeds $(or $(SEEDS),10)
+
 .PHONY: bench-web
 bench-web: setup ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json; FAST=1 is shorter
 	$(PY) -m tests.bench.bench_web

@@ -28,7 +28,7 @@ NEAR_M, FAR_M = 0.2, 4.0
 LEAST, LEAST_M = 60, 2.0
 """Number of readings, and distance driven [m], that give an answer."""
 PART_S, PARTS = 100.0, 5
-"""A drive is examined in parts of this length [s], because errors of the path grow; at most so many, spread evenly."""
+"""A drive is examined in parts of this length [s], because errors of the path grow; at most `PARTS`, spread evenly."""
 DIRECTIONS, BIN_M, MOST_M = 180, 0.03, 12.0
 READING_S = 0.05
 """A reading is this much older than its frame, in the mean [s]."""
