@@ -16,7 +16,6 @@ KINDS = (
     "diagnostic_msgs/KeyValue",
     "geometry_msgs/TransformStamped",
     "geometry_msgs/Twist",
-    "geometry_msgs/TwistStamped",
     "nav_msgs/Odometry",
     "rosgraph_msgs/Log",
     "sensor_msgs/BatteryState",

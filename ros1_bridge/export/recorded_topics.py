@@ -14,7 +14,7 @@ from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.radio import RadioText
 from mrl_driver.session.events import SensorRead
 from mrl_driver.session.handshake import Board
-from ros1_bridge.node.robot_parameters import Parameters, without_motors
+from ros1_bridge.node.robot_parameters import Parameters
 from ros1_bridge.topics.board_topics import BoardTopics
 from ros1_bridge.topics.publishers import Publishers
 
@@ -71,8 +71,6 @@ class RecordedTopics:
     def _begin(self) -> BoardTopics:
         recorded, parameters = self._recorded, self._parameters
         assert recorded.model is not None
-        if not recorded.model.drives:
-            parameters = without_motors(parameters)
         publishers = Publishers(
             self._class,
             ConnectionError,

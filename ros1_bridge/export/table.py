@@ -2,11 +2,10 @@
 
 import csv
 import math
-from typing import Any, Callable, List, Optional, Sequence, Set
+from typing import Any, Callable, Optional, Sequence
 
 from mrl_driver.driver import Telemetry
 from mrl_driver.driver.recorded import RecordedDriver
-from mrl_driver.files import replacing
 from mrl_driver.session.events import SensorRead
 from mrl_driver.view.live_json import AtTelemetry, key
 from mrl_driver.view.series import Series
@@ -20,9 +19,9 @@ COUNTS = ("right_count", "left_count", "rear_count")
 def write(recorded: RecordedDriver, path: str, advance: Callable[[float], None]) -> int:
     """Play a recording into a file; return the number of rows.  `advance` is as for `RecordedDriver.play`.
 
-    The columns are named as the keys of `mrl monitor --udp`.  A cell is empty if its value is not known, `inf` if a
-    sonar sees nothing in range, and `-inf` if something is too close.  Boards without motors have no telemetry: theirs
-    are rows for the readings of sensors.
+    The columns are the values that the board has, named as the keys of `mrl monitor --udp`.  A cell is empty if its
+    value is not known, `inf` if a sonar sees nothing in range, and `-inf` if something is too close.  Boards without
+    motors have no telemetry: theirs are rows for the readings of sensors.
 
     Raises:
         OSError: the file cannot be written.
@@ -30,39 +29,18 @@ def write(recorded: RecordedDriver, path: str, advance: Callable[[float], None])
     with open(path, "w", newline="", encoding="utf-8") as file:
         table = _Table(recorded, csv.writer(file, lineterminator="\n"))
         recorded.play(advance)
-    if len(table.columns) > table.first_columns:
-        _widen(path, table.columns)
     return table.rows
 
 
-def _widen(path: str, columns: List[str]) -> None:
-    """Give a file all columns, because some of them began after its first row."""
-    with replacing(path) as wider, open(path, newline="", encoding="utf-8") as old, open(
-        wider, "w", newline="", encoding="utf-8"
-    ) as new:
-        rows, out = csv.reader(old), csv.writer(new, lineterminator="\n")
-        next(rows)
-        out.writerow(columns)
-        out.writerows(row + [""] * (len(columns) - len(row)) for row in rows)
-
-
 class _Table:
-    """Writes rows while a recording is played.  A column keeps its place; new ones, of a new sensor, come at the end.
-
-    Attributes:
-        first_columns: number of columns in the file's first line.
-    """
+    """Writes rows while a recording is played."""
 
     def __init__(self, recorded: RecordedDriver, out: Any) -> None:
         self._recorded, self._out = recorded, out
-        self.columns: List[str] = []
-        self.rows = self.first_columns = 0
+        self.rows = 0
         self._robot: Any = None
         self._series: Optional[Series] = None
-        self._places: List[int] = []
-        self._heard: Set[str] = set()
         recorded.on_telemetry(self._on_telemetry)
-        recorded.on_imu(lambda _: self._note("imu"))
         recorded.on_sensor(self._on_sensor)
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
@@ -72,33 +50,15 @@ class _Table:
         self._add(telemetry.stamp_s, telemetry.counts)
 
     def _on_sensor(self, read: SensorRead) -> None:
-        self._note(read.name)
         if not has_motors(self._recorded.model):
             self._robot = self._recorded
             self._add(read.reading.stamp_s, ())
 
-    def _note(self, name: str) -> None:
-        """Look for new values if a part of the board has answered for the first time."""
-        if name not in self._heard:
-            self._heard.add(name)
-            self._series = None
-
     def _add(self, stamp_s: float, counts: Sequence[float]) -> None:
-        recorded = self._recorded
-        series = self._series or self._take_columns(len(counts))
-        row: List[Any] = [None] * len(self.columns)
+        recorded, series = self._recorded, self._series
+        if series is None:
+            series = self._series = Series(self._robot)
+            self._out.writerow([*TIMES, *COUNTS[: len(counts)], *map(key, series.names)])
         values = recorded.time_s, recorded.clock_ahead_s + stamp_s, *counts, *series.values()
-        for place, value in zip(self._places, values):
-            row[place] = None if math.isnan(value) else value
-        if not self.rows:
-            self._out.writerow(self.columns)
-            self.first_columns = len(self.columns)
-        self._out.writerow(row)
+        self._out.writerow([None if math.isnan(value) else value for value in values])
         self.rows += 1
-
-    def _take_columns(self, wheels: int) -> Series:
-        series = self._series = Series(self._robot)
-        names = [*TIMES, *COUNTS[:wheels], *map(key, series.names)]
-        self.columns += [name for name in names if name not in self.columns]
-        self._places = [self.columns.index(name) for name in names]
-        return series
