@@ -8,6 +8,7 @@ import time
 import pytest
 
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.errors import ConfigError, PortMissing
 from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
@@ -73,12 +74,17 @@ def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path,
             held.set()
             assert closed.wait(PATIENCE_S)
 
-    robot = Driver(serve().path, options=Options(record=path, tap=hold))
+    robot, heard, replayed = Driver(serve().path, options=Options(record=path, tap=hold)), [], []
+    robot.on_telemetry(heard.append)
     robot.connect()
     leaving.set()
     wait_until(held.is_set)
     robot.close()
     assert sum(summarise(Recording(path))["frames"].values()) == robot.statistics.frames
+    played = RecordedDriver(path)
+    played.on_telemetry(replayed.append)
+    played.play()
+    assert replayed == heard and played.statistics.frames == robot.statistics.frames
 
 
 def test_remarks_tell_the_port_and_the_check_value(recorded):

@@ -1,6 +1,8 @@
 """The driver on a recording: its listeners get what those of the recorded driver got."""
 
 import math
+import threading
+import time
 from itertools import takewhile
 from pathlib import Path
 
@@ -13,14 +15,15 @@ from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol import Frame, Garbage
+from mrl_driver.protocol import Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_frames import replies
+from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.robot import models
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Reconnected
 from sim_arduino.serve import factory
-from tests.waiting import drive_until, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 from .test_reconnect import Cable
 
@@ -195,9 +198,16 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         assert again.stamp_s == pytest.approx(telemetry.stamp_s, abs=STAMP_ERROR_S)
 
 
-def test_a_lost_port_and_poses_that_another_thread_sets_are_replayed_to_the_last_bit(serve, tmp_path):
+def test_a_lost_port_is_replayed_to_the_last_bit(serve, tmp_path, monkeypatch):
+    """What is read while the line is raised does not reach the session."""
+
+    def speed_up(link):
+        link.write(encode_request(BY_NAME["robot_info"].code))
+        return not wait_until(lambda: link.read(0.01))
+
+    monkeypatch.setattr("mrl_driver.driver.link_source.speed_up", speed_up)
     path, cable = str(tmp_path / "lost.mrl"), Cable(serve, tmp_path / "robot")
-    robot = Driver(cable.path, options=Options(record=path, reconnect=True))
+    robot = Driver(cable.path, options=Options(record=path, reconnect=True, fast=True))
     found = listen(robot)
     with robot:
         wait_until(lambda: len(of_kind(found, Telemetry)) > 5)
@@ -206,15 +216,41 @@ def test_a_lost_port_and_poses_that_another_thread_sets_are_replayed_to_the_last
         cable.plug()
         wait_until(lambda: of_kind(found, Reconnected))
         begin = len(found)
-        for n in range(50):
-            robot.reset_pose(Pose(n, 0.0, 0.0))
-            robot.drive(0.2, 0.1)
-            robot.wait(0.003)
+        wait_until(lambda: len(found) > begin + 10)
         robot.note_clock(1234.5)
-        wait_until(lambda: len(found) > begin + 20)
     played, replayed = replay(path)
     assert [repr(event) for event in replayed] == [repr(event) for event in found]
+    assert played.statistics.frames == robot.statistics.frames
     assert played.clock_ahead_s == 1234.5
+
+
+def test_a_pose_that_is_set_while_a_frame_is_taken_is_replayed_in_order(serve, tmp_path, monkeypatch):
+    """The reading thread has the time of the frame already, and another thread sets the pose before it."""
+    path, clock = str(tmp_path / "pose.mrl"), time.monotonic_ns
+    armed, taken, posed = threading.Event(), threading.Event(), threading.Event()
+
+    def held():
+        now = clock()
+        if armed.is_set() and threading.current_thread().name == "mrl-driver":
+            armed.clear()
+            taken.set()
+            assert posed.wait(PATIENCE_S)
+        return now
+
+    def arm(way, data):
+        if way == FROM_BOARD and b"e" in data and len(found) > 5 and not taken.is_set():
+            armed.set()
+
+    monkeypatch.setattr(time, "monotonic_ns", held)
+    robot = Driver(serve().path, options=Options(record=path, tap=arm))
+    found = listen(robot)
+    with robot:
+        assert taken.wait(PATIENCE_S)
+        robot.reset_pose(Pose(7.0, 0.0, 0.0))
+        posed.set()
+        wait_until(lambda: any(each.pose.x_m == 7.0 for each in of_kind(found, Telemetry)))
+    _, replayed = replay(path)
+    assert [repr(event) for event in replayed] == [repr(event) for event in found]
 
 
 @pytest.fixture(scope="module")
