@@ -227,7 +227,7 @@ def test_a_lost_port_is_replayed_to_the_last_bit(serve, tmp_path, monkeypatch):
 def test_a_pose_that_is_set_while_a_frame_is_taken_is_replayed_in_order(serve, tmp_path, monkeypatch):
     """The reading thread has the time of the frame already, and another thread sets the pose before it."""
     path, clock = str(tmp_path / "pose.mrl"), time.monotonic_ns
-    armed, taken, posed = threading.Event(), threading.Event(), threading.Event()
+    begun, armed, taken, posed = (threading.Event() for _ in range(4))
 
     def held():
         now = clock()
@@ -238,13 +238,14 @@ def test_a_pose_that_is_set_while_a_frame_is_taken_is_replayed_in_order(serve, t
         return now
 
     def arm(way, data):
-        if way == FROM_BOARD and b"e" in data and len(found) > 5 and not taken.is_set():
+        if way == FROM_BOARD and b"e" in data and begun.is_set() and not taken.is_set():
             armed.set()
 
     monkeypatch.setattr(time, "monotonic_ns", held)
     robot = Driver(serve().path, options=Options(record=path, tap=arm))
     found = listen(robot)
     with robot:
+        begun.set()
         assert taken.wait(PATIENCE_S)
         robot.reset_pose(Pose(7.0, 0.0, 0.0))
         posed.set()
