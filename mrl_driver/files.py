@@ -44,6 +44,16 @@ def unwritable(path: str, error: OSError) -> OutputError:
     )
 
 
+def unused(path: str) -> str:
+    """Return `path`; if a plain file has this name, the first with a number before its ending that none has."""
+    stem, ending = os.path.splitext(path)
+    number, found = 1, path
+    while os.path.isfile(found):
+        number += 1
+        found = f"{stem}-{number}{ending}"
+    return found
+
+
 def replace_file(path: str, content: Union[str, bytes], private: bool = False) -> None:
     """Write a file completely, or leave the old one.  A symbolic link stays a link; permissions do not change.
 

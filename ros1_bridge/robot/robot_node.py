@@ -27,6 +27,7 @@ from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError, PortBusy
+from mrl_driver.files import unused
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
@@ -88,7 +89,7 @@ def driver_options(parameters: Parameters) -> Options:
         reconnect=parameters.reconnect,
         fast=parameters.fast,
         imu_period_ms=round(1000 / parameters.imu_rate) if parameters.imu else 0,
-        record=os.path.expanduser(parameters.record) or None,
+        record=unused(os.path.expanduser(parameters.record)) if parameters.record else None,
     )
 
 
@@ -192,6 +193,8 @@ class RobotNode:
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
             f"{driver.line_baud} baud, {power}"
         )
+        if driver.recorder is not None:
+            rospy.loginfo(f"recording to {os.path.abspath(driver.recorder.path)}")
         if driver.build_assumed:
             rospy.logwarn(
                 "this board of 2013 is taken to have sonars: set ~build to sonar, or to environment if it has gas "

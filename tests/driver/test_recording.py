@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.files import unused
 from mrl_driver.recording import recording
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
 from tests.waiting import PATIENCE_S, wait_until
@@ -106,6 +107,15 @@ def test_a_line_waits_for_an_older_one_of_another_thread(tmp_path, monkeypatch):
     first, second = Recording(str(tmp_path / "log"))
     assert (first.data, second.data) == (b"late", b"other")
     assert second.time_s - first.time_s == pytest.approx(0.001, abs=1e-6)
+
+
+def test_a_program_that_starts_again_keeps_its_recordings(tmp_path):
+    """Devices have no number."""
+    names = [str(tmp_path / name) for name in ("run.mrl", "run-2.mrl", "run-3.mrl")]
+    for expected in names:
+        assert unused(names[0]) == expected
+        record(expected, [])
+    assert unused("/dev/full") == "/dev/full"
 
 
 def test_a_full_disk_is_counted_and_named():
