@@ -195,8 +195,7 @@ class RecordedDriver(Driver):
         header, opening = self.recording.header, _opening(self.recording)
         options = _options(header)
         self.time_s = 0.0
-        start_us = header.get("clock_us")
-        self._start_us = start_us if type(start_us) is int and abs(start_us) < 1 << 60 else 0
+        self._start_us = self.recording.start_us
         self._now = self._start_us / 1e6
         self._clock_ahead_s = (
             opening.ahead_s if opening.ahead_s is not None else started_s(header) - self._now

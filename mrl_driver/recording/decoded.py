@@ -41,7 +41,7 @@ from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 
 from .frame_arrays import FrameArray
-from .recorded_facts import model_of, pose_of
+from .recorded_facts import Joined, model_of, pose_of, session_of
 from .recording import (
     CHECKED,
     FROM_BOARD,
@@ -51,6 +51,7 @@ from .recording import (
     PLAIN,
     POSE,
     REMARK,
+    SESSION,
     TO_BOARD,
     Entry,
     Recording,
@@ -64,6 +65,7 @@ after it has read the first such frames.
 """
 _TAIL_BYTES = 4096
 """The first such frame is at most this far from the end of the board's bytes before the remark."""
+_JOINED = SESSION + b"joined "
 _INFO, _PROTOCOL = BY_NAME["robot_info"].code, BY_NAME["read_protocol"].code
 _OMNI, _IMU = BY_NAME[STREAM].code, BY_NAME["read_imu"].code
 _SENSING = BY_NAME[SENSOR_STREAM].code
@@ -181,11 +183,12 @@ def sensors_in(frame: Frame, time_s: float) -> Dict[str, Reading]:
 class RecordedRobot:
     """The robot in a recording: its model, its path, and the frames that were lost.
 
-    Without `model`, `self.model` is the packaged model that lists the first id of the board, or None.
+    `start_s` is the time at which the recording began, on the driver's clock.  Without `model`, `self.model` is that of
+    the recording, or the packaged model that lists the first id of the board, or None.
     """
 
-    def __init__(self, model: Optional[RobotModel]) -> None:
-        self.model = model
+    def __init__(self, model: Optional[RobotModel], start_s: float = 0.0) -> None:
+        self.model, self._start_s = model, start_s
         self.robot_id: Optional[int] = None
         self.version = 2
         self.capabilities: FrozenSet[str] = frozenset()
@@ -225,14 +228,23 @@ class RecordedRobot:
             self._tracker.reset()
 
     def take_remark(self, data: bytes) -> None:
-        """Handle a remark about the model, which is used if there is none yet, or about the pose."""
+        """Handle a remark about model (used if there is none yet), pose, or a session that had begun before."""
         if data.startswith(MODEL):
             self.model = self.model or model_of(data[len(MODEL) :].decode("utf-8", "replace"))
+        if data.startswith(_JOINED):
+            self._join(session_of(data[len(_JOINED) :].decode("utf-8", "replace")))
         found = pose_of(data[len(POSE) :]) if data.startswith(POSE) else None
         if found is not None:
             self._pose = found[0]
             if self.odometry is not None:
                 self.odometry.set_pose(self._pose)
+
+    def _join(self, joined: Optional[Joined]) -> None:
+        """Go on from the last frame before the recording."""
+        if joined is not None:
+            self.capabilities = joined.board.capabilities
+            if joined.last is not None:
+                self.take(joined.last, joined.heard_s - self._start_s)
 
     def take(self, frame: Frame, time_s: float) -> bool:
         """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""

@@ -233,6 +233,12 @@ class Recording:
             raise ConfigError(f"{self.path}:1: the header {header[:40]!r} is damaged, expected a JSON object")
         return found
 
+    @property
+    def start_us(self) -> int:
+        """The driver's clock when the recording began [us]; 0 in files of older versions."""
+        found = self.header.get("clock_us")
+        return found if type(found) is int and abs(found) < 1 << 60 else 0
+
     def __iter__(self) -> Iterator[Entry]:
         """Entries in the order of the file; a line that cannot be read is noted in `skipped`."""
         for block in self.blocks():

@@ -14,7 +14,19 @@ from mrl_driver.robot.models import RobotModel
 from .decoded import HELD_BYTES, LINE_BYTES, RecordedRobot, sensors_in, split
 from .frame_arrays import FrameArray, FrameArrayDecoder
 from .lines import Block, block_of
-from .recording import CHECKED, FROM_BOARD, MODEL, OPENED, PLAIN, POSE, REMARK, TO_BOARD, Entry, Recording
+from .recording import (
+    CHECKED,
+    FROM_BOARD,
+    MODEL,
+    OPENED,
+    PLAIN,
+    POSE,
+    REMARK,
+    SESSION,
+    TO_BOARD,
+    Entry,
+    Recording,
+)
 
 
 def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[str, Any]:
@@ -25,7 +37,7 @@ def summarise(recording: Recording, model: Optional[RobotModel] = None) -> Dict[
     sequence number.  Each sensor has its smallest and its largest value, in `unit`.  `imu` is the state of the IMU at
     the end, one of `robot.imu.STATES`.
     """
-    reader = _Reader(model)
+    reader = _Reader(model, recording.start_us / 1e6)
     for block in recording.blocks():
         reader.read(block)
     reader.end()
@@ -63,8 +75,8 @@ def _named(codes: Dict[int, int]) -> Dict[str, int]:
 class _Reader:
     """Adds up the blocks of a recording."""
 
-    def __init__(self, model: Optional[RobotModel]) -> None:
-        self.robot = RecordedRobot(model)
+    def __init__(self, model: Optional[RobotModel], start_s: float) -> None:
+        self.robot = RecordedRobot(model, start_s)
         self.duration_s = 0.0
         self.sizes = Counter({FROM_BOARD: 0, TO_BOARD: 0})
         self.frames: Counter[int] = Counter()
@@ -84,7 +96,7 @@ class _Reader:
                 self._hold(block.part(first, i).only(used[first:i]))
                 self._on_remark(remark)
                 first = i + 1
-            used[i] = remark.data.startswith((MODEL, POSE))
+            used[i] = remark.data.startswith((MODEL, POSE, SESSION))
         self._hold(block.part(first, len(used)).only(used[first:]))
 
     def end(self) -> None:

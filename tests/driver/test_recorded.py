@@ -19,6 +19,7 @@ from mrl_driver.protocol import Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_frames import replies
 from mrl_driver.recording.recording import FROM_BOARD
+from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Reconnected
@@ -167,6 +168,18 @@ def test_a_file_of_an_older_version_gives_the_same_telemetry(runs, tmp_path):
     assert got == expected
 
 
+def test_a_summary_ends_at_the_pose_of_the_replay(runs, tmp_path):
+    """Also without the poses that were set after the first one."""
+    lines = lines_of(runs[2])
+    poses = [line for line in lines if " ! pose " in line]
+    played, _ = replay(tmp_path / "drive.mrl", [line for line in lines if line not in poses[1:]])
+    found = summarise(played.recording)
+    assert found["robot"] == played.model.name
+    if played.model.drives:
+        assert tuple(found["pose"].values()) == pytest.approx(played.pose, abs=POSE_ERROR)
+        assert found["imu"] == played.imu_state
+
+
 def test_a_file_that_is_cut_at_its_start_goes_on_from_there(runs, tmp_path):
     _, _, played, _ = runs
     header, *lines = lines_of(played)
@@ -186,6 +199,7 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         robot.on_imu(found.append)
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.03)
     played, replayed = replay(path)
+    assert tuple(summarise(played.recording)["pose"].values()) == pytest.approx(played.pose, abs=POSE_ERROR)
     assert (played.model, played.board.capabilities) == (robot.model, robot.board.capabilities)
     assert tuple(played.pose) == pytest.approx(tuple(robot.pose), abs=POSE_ERROR)
     found, replayed = (
