@@ -58,7 +58,7 @@ def test_driver_loads_neither_numpy_nor_a_terminal_library():
     assert out.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("module", ["recording_plot", "summary", "timeline"])
+@pytest.mark.parametrize("module", ["decoded", "summary"])
 def test_recordings_are_read_without_ports(module):
     code = f"import sys, mrl_driver.recording.{module}; print(*sys.modules)"
     out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)

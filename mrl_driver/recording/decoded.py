@@ -1,6 +1,7 @@
 """A recording, read once from its start: frames and garbage of both directions, and the robot's path by its counters.
 
-Summaries, plots and calibrations read recordings through this module.  Memory does not grow with the file.
+Summaries and calibrations read recordings through this module: faster than `driver.recorded`, and without what
+listeners of the driver get.  Memory does not grow with the file.
 """
 
 import json
@@ -27,11 +28,11 @@ from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.robot import imu, models
-from mrl_driver.robot.imu import Imu, ImuTracker
+from mrl_driver.robot.imu import ImuTracker
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.omni_odometry import STREAM, OmniOdometry
-from mrl_driver.robot.robot_state import has_sonars, odometry_of
+from mrl_driver.robot.robot_state import odometry_of
 from mrl_driver.session.events import imu_reading
 from mrl_driver.session.handshake import capabilities_of
 from mrl_driver.session.link_counters import Counters
@@ -190,11 +191,8 @@ class RecordedRobot:
     def __init__(self, model: Optional[RobotModel], start_s: float = 0.0) -> None:
         self.model, self._start_s = model, start_s
         self.robot_id: Optional[int] = None
-        self.version = 2
         self.capabilities: FrozenSet[str] = frozenset()
         self.odometry: Optional[Odometry] = None
-        self.imu: Optional[Imu] = None
-        """The last reading of the IMU that `take` got; None before the first."""
         self._pose = ORIGIN
         """Pose before the first reading of the counters."""
         self._tracker: Optional[ImuTracker] = None
@@ -208,16 +206,6 @@ class RecordedRobot:
     def imu_state(self) -> str:
         """The state of the board's IMU, one of `robot.imu.STATES`."""
         return imu.state_of(self._tracker, self.capabilities)
-
-    @property
-    def has_sonars(self) -> bool:
-        """The board measures ranges, as far as the recording tells."""
-        return self.model is not None and has_sonars(self.model, self.capabilities, self.robot_id)
-
-    @property
-    def sonars_known(self) -> bool:
-        """The recording shows whether the board measures ranges: 2013 boards do not report it."""
-        return bool(self.capabilities) or not self.has_sonars
 
     def begin_again(self) -> None:
         """Handle a remark: other rules, or another port.  The next reading only sets a new baseline."""
@@ -342,7 +330,7 @@ class RecordedRobot:
         return self._stream.missing(sequence, silent)
 
     def _on_info(self, frame: Frame) -> None:
-        self.version, robot_id = frame.args[3:5]
+        robot_id = frame.args[4]
         if self.robot_id is None:
             self.robot_id = robot_id
             name = models.by_id(robot_id)
@@ -357,7 +345,7 @@ class RecordedRobot:
             self._tracker = ImuTracker(self.model)
         odometry.heading = self._tracker.heading if self._exact else None
         reading = imu_reading(args, made_s, stamp_s, time_s)
-        self.imu = self._tracker.update(reading, self._counted_s, odometry)
+        self._tracker.update(reading, self._counted_s, odometry)
 
     def _move(self, frame: Frame, time_s: float) -> None:
         odometry = self._odometry(frame.stamp is not None)

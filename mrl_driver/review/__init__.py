@@ -1,1 +1,1 @@
-"""A recorded drive, looked at afterwards: its data, what went wrong in it, and a page with both.  Imports driver."""
+"""A recorded drive, looked at afterwards: its data, what went wrong in it, a page, a picture.  Imports driver."""

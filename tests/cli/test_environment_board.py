@@ -8,12 +8,13 @@ from mrl_driver.cli.commands.shared import await_sensors
 from mrl_driver.cli.doctor import board
 from mrl_driver.cli.doctor.findings import NOTE, OK, WARNING
 from mrl_driver.driver.options import Options
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import encode_reply, encode_request
-from mrl_driver.recording import recording_plot, timeline
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
+from mrl_driver.review import drive_data, drive_plot
 from mrl_driver.robot import models
 from mrl_driver.view.shown_state import line
 from sim_arduino.serve import factory
@@ -111,17 +112,18 @@ def recorded(tmp_path):
 
 def test_recording_shows_path_and_sensors_and_has_no_ranges(recorded):
     """Also without the robot's file: stream 25 shows that the board has environment sensors."""
-    figures, found = summarise(recorded), timeline.read(recorded)
+    figures, found = summarise(recorded), drive_data.read(RecordedDriver(recorded))
     assert figures["sensors"]["dust"] == {"least": 40000.0, "most": 40000.0, "unit": "pcs/l"}
     assert figures["sensors"]["alcohol"]["most"] == 290.0 and figures["pose"]["x_m"] == pytest.approx(
         1, abs=0.01
     )
-    assert found.ranges == {} and found.sonars_known and set(found.sensors) == NAMES
+    assert found.ranges == {} and set(found.sensors) == NAMES
 
 
 def test_each_sensor_of_a_recording_is_drawn_on_axes_of_its_own(recorded, tmp_path, monkeypatch):
     drawn = []
-    monkeypatch.setattr(recording_plot.figures, "save", lambda figure, path: drawn.append(figure))
-    recording_plot.draw(timeline.read(recorded, models.load("traxbot")), "unused.png", ("sensors",))
+    monkeypatch.setattr(drive_plot.figures, "save", lambda figure, path: drawn.append(figure))
+    drive = drive_data.read(RecordedDriver(recorded, models.load("traxbot")))
+    drive_plot.draw(drive, "unused.png", ("sensors",))
     labels = {axes.get_ylabel() for axes in drawn[0].axes}
     assert labels == {"alcohol [count]", "dust [pcs/l]", "light [count]", "thermopile [degC]"}

@@ -6,10 +6,11 @@ import math
 
 import pytest
 
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.protocol.table import CAPABILITIES
-from mrl_driver.recording import timeline
 from mrl_driver.recording.recording import Recording
+from mrl_driver.review import drive_data
 from mrl_driver.robot import models
 
 from .run import fails, mrl
@@ -22,87 +23,105 @@ def entry(time_s, way, data):
     return f"{time_s:.6f} {way} {data.decode().strip()}\n"
 
 
-@pytest.fixture
-def recorded(tmp_path):
-    """Half a metre straight ahead in 2 s, with check values from the start, a torn line, and a second baseline."""
-    lines = [
-        '#mrl-recording 1 {"port": "x", "started": "2026-03-01T12:00:00+00:00"}\n',
-        "0.000000 ! checked\n",
-    ]
-    lines.append(entry(0.0, "<", encode_reply(5, 2500, 172, 1200, 2, 1, checked=True)))
-    lines.append(entry(0.01, ">", encode_request(11, 250, 0, checked=True)))
-    for i in range(101):
-        count = round(i * 0.005 / METRES_PER_COUNT)
-        frame = encode_reply(8, count, count, 100, 200, 645, stamp=Stamp(i, i * 312), checked=True)
-        lines.append(entry(0.02 + i * 0.02, "<", frame))
-    lines += [entry(2.1, ">", encode_request(13)), "what is this\n"]
-    path = tmp_path / "drive.mrl"
-    path.write_text("".join(lines))
-    return path
-
-
-def test_columns_of_a_recording(recorded):
-    found = timeline.read(Recording(str(recorded)))
-    assert found.poses[-1] == pytest.approx((2.02, 0.5, 0.0, 0.0), abs=1e-4)
-    assert found.twists[-1][1] == pytest.approx(0.25, abs=0.01)
-    assert found.commands == [(0.01, 0.25, 0.0), (2.1, 0.0, 0.0)]
-    assert found.ranges["front"][0][1] == 1.0 and math.isinf(found.ranges["right"][0][1])
-    assert found.battery == [(0.0, 12.0)] and (found.model.name, found.robot_id) == ("traxbot", 1)
-
-
-@pytest.mark.parametrize("text", [b"[INFO] @5e", b"[INFO] @8e"])
-def test_text_that_resembles_a_reply_is_left_out(recorded, text):
-    """Boards in debug mode send such lines; the table knows how many values a reply has."""
-    before = timeline.read(Recording(str(recorded)))
-    with open(recorded, "a", encoding="utf-8") as file:
-        file.write("3.000000 ! plain\n" + entry(3.1, "<", text))
-    assert timeline.read(Recording(str(recorded))) == before
-
-
-def test_sequence_and_time_of_counts_are_not_ranges(recorded):
-    before = timeline.read(Recording(str(recorded))).ranges
-    with open(recorded, "a", encoding="utf-8") as file:
-        frame = encode_reply(6, 5714, 5714, stamp=Stamp(101, 31600), checked=True)
-        file.write(entry(3.1, "<", frame))
-    assert timeline.read(Recording(str(recorded))).ranges == before
-
-
-def record(path, *greeting):
-    """A recording of a board that greets with these replies, and then sends counts and three more values."""
-    frames = [*greeting, *(encode_reply(8, i, i, 100, 200, 645) for i in range(3))]
-    lines = [entry(0.01 * i, "<", frame) for i, frame in enumerate(frames)]
-    path.write_text("#mrl-recording 1 {}\n" + "".join(lines))
-    return Recording(str(path))
+def greeting(robot_id, *names):
+    """What a board with these capabilities answers when the driver greets it."""
+    info, protocol = (5, 2500, 172, 1200, 2, robot_id), (29, 2, bits("check", "watchdog", *names))
+    yield from (encode_reply(*info), encode_reply(*protocol), encode_reply(32, 1, checked=True))
+    for reply in (info, protocol, (33, 250), (30, 0, 0, 1, 0, 0, 0)):
+        yield encode_reply(*reply, checked=True)
 
 
 def bits(*names):
     return sum(1 << i for i, (name, _) in enumerate(CAPABILITIES) if name in names)
 
 
+@pytest.fixture
+def recorded(tmp_path):
+    """A tenth of a second at rest, half a metre straight ahead in 2 s, a torn line, and a second answer."""
+    lines = ['#mrl-recording 1 {"port": "x", "started": "2026-03-01T12:00:00+00:00"}\n']
+    lines += [entry(0.001 * i, "<", frame) for i, frame in enumerate(greeting(1, "sonars"))]
+    lines.insert(4, "0.002000 ! checked\n")
+    lines.append(entry(0.01, ">", encode_request(11, 250, 0, checked=True)))
+    for i in range(106):
+        count = round(max(0, i - 5) * 0.005 / METRES_PER_COUNT)
+        frame = encode_reply(8, count, count, 100, 200, 645, stamp=Stamp(i, i * 312), checked=True)
+        lines.append(entry(0.02 + i * 0.02, "<", frame))
+    lines.append(entry(2.13, "<", encode_reply(5, 2500, 172, 1200, 2, 1, checked=True)))
+    lines += [entry(2.2, ">", encode_request(13)), "what is this\n"]
+    path = tmp_path / "drive.mrl"
+    path.write_text("".join(lines))
+    return path
+
+
+def read(recorded, robot="auto"):
+    return drive_data.read(RecordedDriver(recorded if isinstance(recorded, Recording) else str(recorded), robot))
+
+
+def columns(recorded):
+    """The poses, ranges and voltages of a recording."""
+    found = read(recorded)
+    columns = found.poses, found.battery, *found.ranges.values()
+    return [each.tolist() for column in columns for each in column]
+
+
+def test_columns_of_a_recording(recorded):
+    found = read(recorded)
+    assert found.poses.time_s[-1] == 2.12 and tuple(found.poses.values[-1]) == pytest.approx(
+        (0.5, 0, 0), abs=1e-4
+    )
+    assert found.speeds.values[-1][0] == pytest.approx(0.25, abs=0.01)
+    assert found.commands.time_s.tolist() == [0.01, 2.2]
+    assert found.commands.values.tolist() == [[0.25, 0.0, 0.0], [0.0, 0.0, 0.0]]
+    assert found.ranges["front"].values[0] == 1.0 and math.isinf(found.ranges["right"].values[0])
+    assert found.battery.values[0][0] == 12.0 and (found.model.name, found.robot_id) == ("traxbot", 1)
+
+
+@pytest.mark.parametrize("text", [b"[INFO] @5e", b"[INFO] @8e"])
+def test_text_that_resembles_a_reply_is_left_out(recorded, text):
+    """Boards in debug mode send such lines; the table knows how many values a reply has."""
+    before = columns(recorded)
+    with open(recorded, "a", encoding="utf-8") as file:
+        file.write("3.000000 ! plain\n" + entry(3.1, "<", text))
+    assert columns(recorded) == before
+
+
+def test_sequence_and_time_of_counts_are_not_ranges(recorded):
+    before = columns(recorded)[4:]
+    with open(recorded, "a", encoding="utf-8") as file:
+        frame = encode_reply(6, 5714, 5714, stamp=Stamp(106, 33160), checked=True)
+        file.write(entry(3.1, "<", frame))
+    assert columns(recorded)[4:] == before
+
+
+def record(path, *greeting):
+    """A recording of a board that greets with these replies, and then sends counts and three more values."""
+    frames = [*greeting, *(encode_reply(8, i, i, 100, 200, 645) for i in range(9))]
+    lines = [entry(0.01 * i, "<", frame) for i, frame in enumerate(frames)]
+    path.write_text("#mrl-recording 1 {}\n" + "".join(lines))
+    return Recording(str(path))
+
+
 def test_values_of_a_board_that_says_it_has_no_sonars_are_not_ranges(tmp_path):
     greeting = encode_reply(5, 2500, 172, 1200, 2, 1), encode_reply(29, 2, bits("environment", "period"))
-    found = timeline.read(record(tmp_path / "a.mrl", *greeting))
-    assert found.ranges == {} and found.sonars_known
+    found = read(record(tmp_path / "a.mrl", *greeting))
+    assert found.ranges == {} and len(found.poses.time_s)
 
 
 def test_values_of_a_2013_board_whose_id_has_environment_sensors_are_not_ranges(tmp_path):
-    found = timeline.read(
+    found = read(
         record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 7)), models.load("traxbot")
     )
-    assert found.ranges == {} and found.sonars_known
+    assert found.ranges == {} and len(found.poses.time_s)
 
 
 def test_sonars_of_a_board_that_tells_of_them_are_known(tmp_path):
     greeting = encode_reply(5, 2500, 172, 1200, 2, 1), encode_reply(29, 2, bits("sonars"))
-    found = timeline.read(record(tmp_path / "a.mrl", *greeting))
-    assert set(found.ranges) == {"front", "left", "right"} and found.sonars_known
+    found = read(record(tmp_path / "a.mrl", *greeting))
+    assert set(found.ranges) == {"front", "left", "right"} and "sonars" in found.board.capabilities
 
 
-@pytest.mark.parametrize(
-    "greeting", [[], [encode_reply(5, 2500, 172, 1200, 1, 1)]], ids=["without-greeting", "2013"]
-)
-def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path, greeting):
-    record(tmp_path / "a.mrl", *greeting)
+def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path):
+    record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 1))
     done = mrl("plot", tmp_path / "a.mrl", "--robot", "traxbot")
     assert done.stderr.count("\n") == 1
     assert "a.mrl does not say whether the board has sonars" in done.stderr
@@ -123,14 +142,14 @@ def test_a_port_that_was_opened_again_moves_nothing(recorded):
     with open(recorded, "a", encoding="utf-8") as file:
         file.write("3.000000 ! opened x\n3.000001 ! checked\n")
         file.write(entry(3.1, "<", encode_reply(8, 0, 0, 100, 200, 645, stamp=Stamp(0, 0), checked=True)))
-    assert timeline.read(Recording(str(recorded))).poses[-1][1] == pytest.approx(0.5, abs=1e-4)
+    assert read(recorded).poses.values[-1][0] == pytest.approx(0.5, abs=1e-4)
 
 
 def test_a_picture_beside_the_recording(recorded):
     done = mrl("plot", recorded)
     picture = recorded.with_suffix(".png")
     assert done.stdout == f"{picture}\n" and picture.read_bytes().startswith(b"\x89PNG")
-    assert ":107: skipped: time is b'what'" in done.stderr
+    assert ":119: skipped: time is b'what'" in done.stderr
 
 
 def test_parts_and_other_formats(recorded, tmp_path):
@@ -160,7 +179,7 @@ def test_without_matplotlib_one_line_says_how_to_get_it(monkeypatch, recorded):
         (["/nowhere/drive.mrl", "-o", "x.png"], "cannot read '/nowhere/drive.mrl'"),
         ([__file__, "-o", "x.png"], "not a recording"),
         (["drive.mrl", "-o", "x.jpeg"], "expected a file that ends in .png, .pdf, .svg"),
-        (["drive.mrl", "-o", "x.png", "--robot", "nix"], "cannot read"),
+        (["drive.mrl", "-o", "x.png", "--robot", "nix"], "robot 'nix' is unknown"),
     ],
 )
 def test_what_cannot_be_drawn(args, words, monkeypatch, tmp_path):
@@ -171,7 +190,7 @@ def test_what_cannot_be_drawn(args, words, monkeypatch, tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "holds no odometry"),
+        ("", "holds nothing"),
         ("0.0 < @5,2500,172,1200,2,99e\\r\\n\n", "no packaged model lists robot id 99"),
     ],
 )

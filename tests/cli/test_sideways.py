@@ -4,9 +4,10 @@ import json
 
 import pytest
 
-from mrl_driver.recording import timeline
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
+from mrl_driver.review import drive_data
 from mrl_driver.terminal.teleop_keys import HOLD_S, LINEAR_M_S, Teleop
 
 from .run import fails, mrl
@@ -25,9 +26,9 @@ def test_a_timed_drive_to_the_left(emulated_board, tmp_path):
     assert set(told["twist"]) == {"linear_m_s", "angular_rad_s", "lateral_m_s"}
     there = Recording(str(log))
     assert summarise(there)["pose"] == pytest.approx(told["pose"], abs=2e-4)
-    seen = timeline.read(there)
-    assert seen.poses[-1][1:] == pytest.approx(tuple(told["pose"].values()), abs=2e-4)
-    assert seen.ranges["front"] and (0.0, 0.0) in [each[1:] for each in seen.commands]
+    seen = drive_data.read(RecordedDriver(there))
+    assert tuple(seen.poses.values[-1]) == pytest.approx(tuple(told["pose"].values()), abs=2e-4)
+    assert len(seen.ranges["front"].time_s) and [0.0, 0.0, 0.0] in seen.commands.values.tolist()
     assert "sideways" in mrl("monitor", "--port", emulated_board.port, "--seconds", "0.2").stdout
 
 

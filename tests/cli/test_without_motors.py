@@ -12,11 +12,11 @@ from mrl_driver.cli.commands import flash
 from mrl_driver.cli.doctor import board as checks
 from mrl_driver.cli.doctor.findings import NOTE, OK
 from mrl_driver.driver.probe import probe
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
-from mrl_driver.recording import timeline
-from mrl_driver.recording.recording import Recording
+from mrl_driver.review import drive_data, drive_plot
 from mrl_driver.terminal.frame_log import FrameLog
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.live_view import Screen, Settings
@@ -105,7 +105,7 @@ def test_recording_has_sensors_and_no_pose(port, tmp_path):
         500.0,
     )
     with pytest.raises(ConfigError, match="holds no odometry, because pioneer is a board without motors"):
-        timeline.read(Recording(str(path)))
+        drive_plot.draw(drive_data.read(RecordedDriver(str(path))), "unused.png")
 
 
 def test_live_view_shows_the_sensors_without_a_map_and_drives_nothing():

@@ -7,13 +7,14 @@ import pytest
 from mrl_driver.cli.commands.info import describe
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.options import DEFAULTS
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import wrap_angle
 from mrl_driver.protocol.table import TICK_S
-from mrl_driver.recording import timeline
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
+from mrl_driver.review import drive_data
 from mrl_driver.robot.imu import (
     ABSENT,
     FROZEN,
@@ -496,6 +497,6 @@ def test_the_summary_of_a_recording_has_the_drivers_pose(recorded, tmp_path):
 
 
 def test_the_columns_of_a_recording_have_the_gyros_yaw_rate(recorded, tmp_path):
-    rates = [rate for _, rate in timeline.read(recorded.recording(tmp_path)).gyro]
+    rates = drive_data.read(RecordedDriver(recorded.recording(tmp_path))).imu.values[:, 0]
     assert len(rates) == len(recorded.seen(Imu))
     assert max(rates) == pytest.approx(0.9 * TURN_RAD_S, abs=TURN_ERROR_RAD)

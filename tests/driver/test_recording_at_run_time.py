@@ -7,12 +7,13 @@ import time
 import pytest
 
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.recording import timeline
 from mrl_driver.recording.decoded import phone_readings
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
+from mrl_driver.review import drive_data
 from mrl_driver.transport.link import SerialLink
 from tests.call_lists import CallLists
 from tests.waiting import drive_until, wait_until
@@ -79,9 +80,9 @@ def test_the_path_in_it_is_that_of_the_driver(serve, files):
         frames_later(robot)
         pose = robot.pose
         assert robot.stop_recording() == ""
-    found = timeline.read(Recording(files[0]))
-    assert found.model.name == "traxbot" and found.sonars_known
-    assert found.poses[-1][1:] == pytest.approx(pose, abs=POSE_ERROR_M)
+    found = drive_data.read(RecordedDriver(files[0]))
+    assert found.model.name == "traxbot" and "sonars" in found.board.capabilities
+    assert tuple(found.poses.values[-1]) == pytest.approx(pose, abs=POSE_ERROR_M)
 
 
 def test_no_byte_from_the_board_is_lost_or_doubled(serve, files, pieces):

@@ -6,8 +6,6 @@ from typing import Optional, Tuple
 import click
 
 from mrl_driver.host.named_robots import resolve
-from mrl_driver.recording.recording import Recording
-from mrl_driver.robot import models
 
 from .progress import progress
 from .shared import complete_robot, json_option, print_json, print_message
@@ -46,32 +44,35 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
       mrl plot drive.mrl --part path -o path.svg
     """
     from mrl_driver import figures
-    from mrl_driver.recording import recording_plot, timeline
+    from mrl_driver.driver.recorded import RecordedDriver
+    from mrl_driver.review import drive_data, drive_plot
 
     picture = output or f"{os.path.splitext(file)[0]}.png"
     figures.require_writable(picture, "picture")
-    recording = Recording(file)
-    name = resolve(robot).model
+    recorded = RecordedDriver(file, resolve(robot).model)
     with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
-        found = timeline.read(recording, None if name == "auto" else models.load(name), advance)
-    recording_plot.draw(found, picture, parts or recording_plot.PARTS)
-    if found.ranges and not found.sonars_known and {"path", "ranges"} & set(parts or recording_plot.PARTS):
+        found = drive_data.read(recorded, advance)
+    drawn = parts or drive_plot.PARTS
+    drive_plot.draw(found, picture, drawn)
+    known = found.board is not None and found.board.capabilities
+    if found.ranges and not known and {"path", "ranges"} & set(drawn):
         print_message(
             f"warning: {file} does not say whether the board has sonars; if it has environment sensors, the ranges "
             "are false: give --robot a model file with build: environment"
         )
-    path_length_m = round(timeline.path_length_m(found), 3)
+    path_length_m = round(drive_plot.path_length_m(found), 3)
     if as_json:
+        end = float(found.poses.time_s[-1]), *found.poses.values[-1].tolist()
         print_json(
             {
                 "picture": picture,
                 "robot": found.model.name,
                 "path_m": path_length_m,
-                "end": dict(zip(("time_s", "x_m", "y_m", "yaw_rad"), found.poses[-1])),
-                "skipped_lines": recording.skipped_count,
+                "end": dict(zip(("time_s", "x_m", "y_m", "yaw_rad"), end)),
+                "skipped_lines": found.skipped_lines,
             }
         )
         return
     click.echo(picture)
-    for number, reason in recording.skipped.items():
+    for number, reason in recorded.recording.skipped.items():
         click.echo(f"{file}:{number}: skipped: {reason}", err=True)
