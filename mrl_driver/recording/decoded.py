@@ -232,7 +232,7 @@ class RecordedRobot:
         if joined is not None:
             self.capabilities = joined.board.capabilities
             if joined.last is not None:
-                self.take(joined.last, joined.heard_s - self._start_s)
+                self.take(joined.last, joined.stamp_s - self._start_s)
 
     def take(self, frame: Frame, time_s: float) -> bool:
         """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""

@@ -54,7 +54,9 @@ def recorded(tmp_path):
 
 
 def read(recorded, robot="auto"):
-    return drive_data.read(RecordedDriver(recorded if isinstance(recorded, Recording) else str(recorded), robot))
+    return drive_data.read(
+        RecordedDriver(recorded if isinstance(recorded, Recording) else str(recorded), robot)
+    )
 
 
 def columns(recorded):
@@ -108,9 +110,7 @@ def test_values_of_a_board_that_says_it_has_no_sonars_are_not_ranges(tmp_path):
 
 
 def test_values_of_a_2013_board_whose_id_has_environment_sensors_are_not_ranges(tmp_path):
-    found = read(
-        record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 7)), models.load("traxbot")
-    )
+    found = read(record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 7)), models.load("traxbot"))
     assert found.ranges == {} and len(found.poses.time_s)
 
 
