@@ -162,7 +162,8 @@ def _compare(drive: DriveData) -> Optional[_Compared]:
         return None
     rest = gyro - table @ fit
     noise = max(float(np.std(rest[used])), 1e-3)
-    errors = noise * np.sqrt(np.diag(np.linalg.pinv(table[used].T @ table[used])))
+    spreads = np.diag(np.linalg.pinv(table[used].T @ table[used]))
+    errors = noise * np.sqrt(np.maximum(spreads, 0.0))
     scale, curve, drift = (float(each) for each in fit)
     return _Compared(ends, turn, distance, right, left, rest, scale, curve, drift, errors)
 

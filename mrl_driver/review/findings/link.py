@@ -163,17 +163,16 @@ def _unanswered(drive: DriveData) -> List[Finding]:
     if len(missed) < LEAST or len(missed) < UNANSWERED_SHARE * asked:
         return []
     at, code, _ = min(missed)
-    never = max(asked - answered, 0)
-    if 2 * never >= len(missed):
+    late_s = [waited_s for _, _, waited_s in missed if waited_s <= ANSWER_S]
+    never = max(asked - answered, len(missed) - len(late_s))
+    if not late_s or 2 * never >= len(missed):
         kind, title = "requests_lost", "Requests did not reach the board"
         text = f"{never} of {asked} requests had no answer, while the board's telemetry arrived. Commands get lost too."
     else:
         kind, title = "requests_late", "Requests reached the board late"
-        longest_s = max(waited_s for _, _, waited_s in missed if waited_s <= ANSWER_S)
         text = (
-            f"{len(missed)} of {asked} answers took up to {longest_s:.1f} s, while the board's telemetry arrived in "
-            "time. "
-            "Commands come as late, and the board's watchdog stops the robot meanwhile."
+            f"{len(missed)} of {asked} answers took up to {max(late_s):.1f} s, while the board's telemetry arrived in "
+            "time. Commands come as late, and the board's watchdog stops the robot meanwhile."
         )
     remedy = "Check the wire from the computer to the board (RX of the board), the USB hub, or the radio."
     return [Finding(kind, title, text, remedy, *sent(drive, at, code), 86)]

@@ -1,0 +1,149 @@
+"""The arrays of a recorded drive are what the driver had, and what was on the wire."""
+
+import math
+import random
+
+import numpy as np
+import pytest
+
+from mrl_driver.driver import Options
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError
+from mrl_driver.review.drive_data import Frames, read
+from mrl_driver.review.findings import find
+from sim_arduino.serve import factory
+
+STOP = b"@13e"
+
+
+class Driven:
+    """A drive with a stop by its user, one by its timeout and one by a dead encoder; and what the driver had in it."""
+
+    def __init__(self, path):
+        board = factory.make(
+            factory.Options(robot="traxbot", name="data", imu=True, faults=("encoder_open:at=5",))
+        )
+        self.telemetry = []
+        with SteppedDriver(board.engine, options=Options(record=path)) as robot:
+            robot.on_telemetry(self.telemetry.append)
+            robot.wait(1.0)
+            for speed in (0.2, 0.2, 0.0):
+                self._drive(robot, speed)
+            robot.stop()
+            robot.wait(0.3)
+            self._drive(robot, 0.2)
+            robot.wait(1.2)
+            for _ in range(3):
+                self._drive(robot, 0.2)
+        board.close()
+        self.data = read(RecordedDriver(path))
+        with open(path, "rb") as file:
+            self.raw = file.read()
+
+    def _drive(self, robot, speed):
+        for _ in range(4):
+            robot.drive(speed, 0.0)
+            robot.wait(0.1)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    return Driven(str(tmp_path_factory.mktemp("data") / "drive.mrl"))
+
+
+def test_poses_counts_and_stamps_are_those_of_the_driver(driven):
+    data, had = driven.data, driven.telemetry[-1]
+    assert len(data.poses.time_s) == len(data.counts.time_s) == len(data.stamps_s) == len(data.speeds.time_s)
+    assert data.poses.values[-1].tolist() == list(had.pose)
+    assert data.counts.values[-1].tolist() == list(had.counts)
+    assert data.stamps_s[-1] == pytest.approx(had.stamp_s, abs=1e-9)
+    assert data.poses.values.shape[1] == 3
+
+
+def test_readings_of_a_sonar_are_each_there_once(driven):
+    times_s = driven.data.ranges["front"].time_s
+    assert 0.25 < np.median(np.diff(times_s)) < 0.35
+    assert set(driven.data.ranges) == {"front", "left", "right"}
+
+
+def test_commands_are_those_that_were_sent_and_a_stop_is_zeros(driven):
+    commands = driven.data.commands
+    assert commands.values.max(axis=0).tolist() == pytest.approx([0.2, 0.0, 0.0])
+    assert commands.values[-1].tolist() == [0.0, 0.0, 0.0]
+    assert np.all(np.diff(commands.time_s) >= 0.0)
+
+
+def test_each_stop_has_its_cause_once_and_the_frame_that_proves_it(driven):
+    reasons = [stop.reason for stop in driven.data.stops]
+    assert reasons == ["user", "command_timeout", "wheel_mismatch"]
+    for stop in driven.data.stops:
+        assert stop.direction == ">"
+        assert stop.data.startswith(STOP)
+    assert "left wheel moved" in driven.data.stops[-1].text
+
+
+def test_the_bias_of_the_gyro_is_unknown_until_it_is_learned(driven):
+    bias = driven.data.imu.values[:, 4]
+    assert np.isnan(bias[0]) and not np.isnan(bias[-1])
+    assert driven.data.imu.values[-1, 3] == pytest.approx(9.8, abs=0.2)
+
+
+def test_all_frames_are_kept_with_their_bytes(driven):
+    data = driven.data
+    first = data.heard.at(0.0)
+    assert first.startswith(b"@5,") and first.endswith(b"e")
+    assert len(data.heard) == sum(data.frames.values())
+    assert data.sent.at(math.inf, 13).startswith(STOP)
+    assert data.garbage == [] and len(data.lost.time_s) == 0 and data.skipped_lines == 0
+
+
+def test_round_trips_and_delays_are_milliseconds(driven):
+    data = driven.data
+    assert 0.0 < np.median(data.round_trips.values) < 0.02
+    assert 0.0 <= data.delays.values.min() and np.median(data.delays.values) < 0.01
+
+
+def test_the_frame_at_a_time_is_the_next_one_else_the_last():
+    frames = Frames()
+    for time_s, code, data in ((1.0, 8, b"a"), (2.0, 30, b"bc"), (3.0, 8, b"d")):
+        frames.add(time_s, code, data)
+    assert [frames.at(t, *codes) for t, *codes in ((0.0,), (1.5,), (1.5, 8), (2.5, 30), (9.0,), (0.0, 5))] == [
+        b"a", b"bc", b"d", b"bc", b"d", b"",
+    ]  # fmt: skip
+
+
+def test_a_recording_without_a_robot_has_no_data(tmp_path):
+    path = tmp_path / "silent.mrl"
+    path.write_text(
+        '#mrl-recording 1 {"port": "/dev/ttyACM0"}\n0.000000 ! opened /dev/ttyACM0\n0.100000 > @5e\n'
+    )
+    with pytest.raises(ConfigError, match="holds no answer of a robot"):
+        read(RecordedDriver(str(path)))
+
+
+def test_a_board_without_motors_has_sensors_and_no_poses(tmp_path):
+    path = str(tmp_path / "pioneer.mrl")
+    board = factory.make(factory.Options(robot="pioneer", name="sensing"))
+    with SteppedDriver(board.engine, options=Options(record=path)) as robot:
+        robot.wait(3.0)
+    board.close()
+    data = read(RecordedDriver(path))
+    assert data.poses.values.shape == (0, 3) and data.counts.time_s.shape == (0,)
+    assert len(data.sensors["thermopile"].time_s) > 1
+    assert find(data) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_damaged_recording_has_findings_or_none(driven, tmp_path, seed):
+    """It is cut, or lacks lines, or some of its bytes are others."""
+    rng = random.Random(seed)
+    first, *lines = driven.raw.splitlines(keepends=True)
+    lines = [line for line in lines if rng.random() > 0.02 * (seed % 3)]
+    lines = lines[rng.randrange(len(lines) // 2) if seed % 2 else 0 :]
+    data = bytearray(b"".join(lines))
+    for _ in range(50 * (seed // 3)):
+        data[rng.randrange(len(data))] = rng.randrange(256)
+    path = tmp_path / "damaged.mrl"
+    path.write_bytes(first + data)
+    assert all(each.text and each.remedy for each in find(read(RecordedDriver(str(path)))))
