@@ -27,16 +27,17 @@ ENTRY_POINT = re.search(r'"pytest11": \["(.*?)"\]', SETUP).group(1)
 PLUGIN = ENTRY_POINT.partition("=")[2]
 
 
-def run_pytest(folder, text, *options, **environment):
-    """The text as a test file of somebody else; the plugin is named unless `options` do otherwise."""
-    (folder / "test_robot.py").write_text(text)
+def run_pytest(folder, texts, *options, **environment):
+    """What pytest says of somebody else's files; the plugin is named unless `options` do otherwise."""
+    for name, text in texts.items():
+        (folder / f"{name}.py").write_text(text)
     environment = {
         **os.environ,
         "PYTHONPATH": str(ROOT),
         "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
         **environment,
     }
-    command = [sys.executable, "-m", "pytest", "-q", *(options or ("-p", PLUGIN)), "test_robot.py"]
+    command = [sys.executable, "-m", "pytest", "-q", "-rA", *(options or ("-p", PLUGIN))]
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
     return done.stdout + done.stderr
 
@@ -48,7 +49,7 @@ def test_pytest_finds_the_fixtures_once_installed(tmp_path):
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: mrl-driver\nVersion: 0\n")
     (installed / "entry_points.txt").write_text(f"[pytest11]\n{ENTRY_POINT}\n")
     found = {"PYTHONPATH": f"{ROOT}:{tmp_path}", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": ""}
-    out = run_pytest(tmp_path, "", "--fixtures", **found)
+    out = run_pytest(tmp_path, {}, "--fixtures", **found)
     assert "emulated_board" in out
     assert "true_pose" in out
 
@@ -57,44 +58,47 @@ def name_of(text):
     return re.findall(r"def (test_\w+)", text)[0]
 
 
-@pytest.mark.parametrize("text", [text for text in TESTS if "within_s" not in text], ids=name_of)
-def test_tests_of_the_readme_pass(tmp_path, text):
-    assert "1 passed" in run_pytest(tmp_path, text)
+QUICK = {name_of(text): text for text in TESTS if "within_s" not in text}
+TO_FAIL = TESTS[0].replace("drive(0.3", "drive(0.0").replace("x_m > 0.5)", "x_m > 0.5, 0.2)")
+"""The same file, with a robot that is told not to move."""
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """By pytest of the README's tests without a time limit, and of one that should fail."""
+    return run_pytest(tmp_path_factory.mktemp("readme"), {**QUICK, "test_to_fail": TO_FAIL})
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_tests_of_the_readme_pass(said, name):
+    assert re.search(rf"^PASSED {name}\.py::(\w+::)?{name}$", said, re.M), said
+
+
+def test_a_test_that_should_fail_fails(said):
+    assert "not within 0.2 s: the condition; the robot is at x 0.000 m" in said
+    assert f"FAILED test_to_fail.py::{name_of(TO_FAIL)}" in said
 
 
 @pytest.mark.realtime
 @pytest.mark.parametrize("text", [text for text in TESTS if "within_s" in text], ids=name_of)
 def test_tests_of_the_readme_with_a_time_limit_pass(tmp_path, text):
-    out = run_pytest(tmp_path, text)
+    out = run_pytest(tmp_path, {"test_robot": text})
     assert "1 passed" in out, out
-
-
-def test_a_test_that_should_fail_fails(tmp_path):
-    """The same file, with a robot that is told not to move."""
-    text = TESTS[0].replace("drive(0.3", "drive(0.0").replace("x_m > 0.5)", "x_m > 0.5, 0.2)")
-    out = run_pytest(tmp_path, text)
-    assert "not within 0.2 s: the condition; the robot is at x 0.000 m" in out
 
 
 NEEDS_NO_IMAGE = """import pytest
 @pytest.mark.emulated_board(elf="/nope.elf"{})
 def test_starts(emulated_board): pass
 """
+ENGINES = {"test_avr": "", "test_python": ", engine='python'", "test_2013": ", profile='2013-august'"}
 
 
-@pytest.mark.parametrize(
-    ("marked", "expected"),
-    [
-        ("", "image /nope.elf does not exist"),
-        (", engine='python'", "1 passed"),
-        (", profile='2013-august'", "1 passed"),
-    ],
-)
-def test_an_option_of_pytest_chooses_the_engine_if_the_test_does_not(tmp_path, marked, expected):
+def test_an_option_of_pytest_chooses_the_engine_if_the_test_does_not(tmp_path):
     """Only the avr engine opens the image; a board of 2013 has none."""
-    assert expected in run_pytest(
-        tmp_path, NEEDS_NO_IMAGE.format(marked), "-p", PLUGIN, "--emulated-engine=avr"
-    )
+    texts = {name: NEEDS_NO_IMAGE.format(marked) for name, marked in ENGINES.items()}
+    said = run_pytest(tmp_path, texts, "-p", PLUGIN, "--emulated-engine=avr")
+    assert "image /nope.elf does not exist" in said and "ERROR test_avr.py::test_starts" in said
+    assert "PASSED test_python.py::test_starts" in said and "PASSED test_2013.py::test_starts" in said
 
 
 def test_other_code_of_the_readme_runs(tmp_path):
