@@ -1,10 +1,10 @@
 """Reads the golden wire vectors of `vectors.yaml`."""
 
 import os
+from functools import lru_cache
 from typing import Any, Dict, List, NamedTuple
 
-import yaml
-
+from mrl_driver import yaml_file
 from mrl_driver.protocol import Event, Frame, Garbage, Stamp
 
 _FILE = os.path.join(os.path.dirname(__file__), "vectors.yaml")
@@ -25,8 +25,12 @@ class Vector(NamedTuple):
 
 def load(direction: str) -> List[Vector]:
     """The vectors of one direction, `requests` or `replies`."""
-    with open(_FILE, encoding="utf-8") as file:
-        return [_vector(row) for row in yaml.safe_load(file)[direction]]
+    return [_vector(row) for row in _rows()[direction]]
+
+
+@lru_cache(maxsize=None)
+def _rows() -> Any:
+    return yaml_file.read(_FILE)
 
 
 def _vector(row: Dict[str, Any]) -> Vector:

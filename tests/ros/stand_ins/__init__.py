@@ -24,7 +24,7 @@ import re
 from pathlib import Path
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Set
 
-import yaml
+from mrl_driver import yaml_file
 
 FOLDER = Path(__file__).resolve().parent
 _KEYS = {
@@ -46,7 +46,7 @@ class Table(NamedTuple):
 
 
 def _load() -> Dict[str, Any]:
-    return {path.stem: yaml.safe_load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
+    return {path.stem: yaml_file.read(str(path)) for path in sorted(FOLDER.glob("*.yaml"))}
 
 
 _FILES = _load()
