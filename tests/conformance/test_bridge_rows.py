@@ -6,7 +6,7 @@ from mrl_driver.protocol.table import BRIDGES, FAULTS, RESET_CAUSES, WIRING
 
 WIRING_FAULT = 1 << [name for name, _ in FAULTS].index("wiring")
 BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
-DRIVE_S = 1.5
+DRIVE_S = 1.0
 SPEED_M_S = 0.01
 CORRECT = 1
 """Wires as in HARDWARE.md."""
