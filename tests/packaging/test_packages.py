@@ -43,13 +43,6 @@ def copy_sources(tree):
         shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
 
 
-def wheel_of(source, out):
-    """Builds a wheel as pip does."""
-    pip = (sys.executable, "-m", "pip", "--disable-pip-version-check")
-    run(*pip, "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", out, source, cwd=out)
-    return next(out.glob("*.whl"))
-
-
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
     """An sdist of a copy of the tree, and a wheel of that sdist."""
@@ -59,7 +52,11 @@ def built(tmp_path_factory):
         (tree / image).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy2(ROOT / image, tree / image)
     run(sys.executable, "setup.py", "-q", "sdist", "-d", out, cwd=tree)
-    wheel_of(next(out.glob("*.tar.gz")), out)
+    with tarfile.open(next(out.glob("*.tar.gz"))) as archive:
+        archive.extractall(out / "unpacked")
+    (source,) = (out / "unpacked").iterdir()
+    code = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+    run(sys.executable, "-c", code, out, cwd=source)
     return out
 
 
@@ -80,7 +77,8 @@ def environment(place):
 
 
 def pip_for(python):
-    return sys.executable, "-m", "pip", "--disable-pip-version-check", "--python", python
+    """Its own pip is that of this environment, too."""
+    return python, "-m", "pip", "--disable-pip-version-check"
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +156,9 @@ def test_pip_builds_the_images_of_a_fresh_clone(tmp_path, monkeypatch):
         (programs / name).chmod(0o755)
     monkeypatch.setenv("PATH", f"{programs}:{os.environ['PATH']}")
     copy_sources(tree)
-    wheel = zipfile.ZipFile(wheel_of(tree, out))
+    options = ("-q", "--no-deps", "--no-build-isolation", "-w", out)
+    run(*pip_for(sys.executable), "wheel", *options, tree, cwd=out)
+    wheel = zipfile.ZipFile(next(out.glob("*.whl")))
     images = {name: wheel.read(name) for name in wheel.namelist() if name.endswith(".hex")}
     assert images == {name: (ROOT / built).read_bytes() for name, built in IMAGES.items()}
 
