@@ -6,9 +6,8 @@
 
 A recording that begins before the greeting (option `record`) gives the listeners exactly what those of the recorded
 driver got, to the last bit.  One that begins later (`start_recording`, or a damaged file) gives the same poses; the
-board's time is matched to the host's clock again, so that stamps differ by milliseconds, and a gyro is used again when
-the robot has stood still.  Files of older versions lack the times of the driver's turns, and poses that were set; those
-turns are made when they were due.
+board's time is matched to the host's clock again, so that stamps differ by milliseconds.  Files of older versions lack
+the times of the driver's turns, and poses that were set; those turns are made when they were due.
 """
 
 import json
@@ -443,8 +442,10 @@ class RecordedDriver(Driver):
             core.session.relink(now, rest == b"same")
         joined = session_of(rest.decode("utf-8", "replace")) if kind == b"joined" else None
         if joined is not None:
-            board, stream_code, checked, stamp_s, last = joined
+            board, stream_code, checked, stamp_s, last, bias = joined
             self._tell(self._join(board, stream_code, checked, stamp_s if last is not None else now, last))
+            if bias is not None and core.state.tracker is not None:
+                core.state.tracker.heading.resume(bias)
 
     def _on_pose(self, data: bytes, _: float) -> None:
         found, odometry = pose_of(data), self._core.state.odometry

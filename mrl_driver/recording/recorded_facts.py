@@ -13,10 +13,14 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import Spread, is_covariance
+from mrl_driver.robot.heading import KnownBias
 from mrl_driver.robot.models import Drive, RobotModel, kind_of
 from mrl_driver.robot.models.drives import DIFFERENTIAL, NONE
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Session
+
+LARGEST_BIAS = 1.0
+"""Largest bias of a gyro, and largest number of its variances, that a recording may hold [rad/s]."""
 
 
 class Joined(NamedTuple):
@@ -29,6 +33,8 @@ class Joined(NamedTuple):
     """Time of the last telemetry, on the driver's clock: the two clocks are matched from there on [s]."""
     last: Optional[Frame]
     """Its frame."""
+    bias: Optional[KnownBias]
+    """Bias of the gyro; None without a gyro, or before it is known."""
 
 
 def model_text(model: RobotModel) -> str:
@@ -58,7 +64,7 @@ def model_of(text: str) -> Optional[RobotModel]:
         return None
 
 
-def session_text(session: Session, board: Board, stamp_s: float) -> str:
+def session_text(session: Session, board: Board, stamp_s: float, bias: Optional[KnownBias] = None) -> str:
     """Return what a reader must know about a session whose greeting it does not see, as JSON.
 
     `stamp_s` is the time of the last telemetry [s].
@@ -70,7 +76,17 @@ def session_text(session: Session, board: Board, stamp_s: float) -> str:
             last.code, *last.args, stamp=last.stamp, checked=checked and last.stamp is not None
         )
     found = {"board": facts, "stream": session.stream_code, "checked": checked}
-    return json.dumps({**found, "stamp_s": stamp_s, "frame": frame.decode("ascii")})
+    return json.dumps({**found, "stamp_s": stamp_s, "frame": frame.decode("ascii"), "bias": bias})
+
+
+def _bias_of(found: Any) -> Optional[KnownBias]:
+    """The bias in this list; None if it is damaged, or there is none."""
+    if not isinstance(found, list) or len(found) != len(KnownBias._fields):
+        return None
+    if not all(type(each) in (int, float) and abs(each) <= LARGEST_BIAS for each in found):
+        return None
+    bias = KnownBias(*map(float, found))
+    return bias if bias.variance >= 0.0 and bias.noise_rad2_s >= 0.0 else None
 
 
 def session_of(text: str) -> Optional[Joined]:
@@ -91,7 +107,8 @@ def session_of(text: str) -> Optional[Joined]:
         stamp_s, frame = float(found["stamp_s"]), str(found["frame"]).encode("ascii")
         frames = FrameDecoder(REPLIES, checked).feed(frame)
         last = next((event for event in frames if isinstance(event, Frame) and event.code == stream), None)
-        return Joined(board, stream, checked, stamp_s, last if math.isfinite(stamp_s) else None)
+        last = last if math.isfinite(stamp_s) else None
+        return Joined(board, stream, checked, stamp_s, last, _bias_of(found.get("bias")))
     except (KeyError, TypeError, ValueError, RecursionError):
         return None
 

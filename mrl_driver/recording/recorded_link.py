@@ -154,7 +154,8 @@ class DriverRecording:
         self._compare(session, state, ())
         if session.ready and state.info is not None:
             stamp_s = state.telemetry.stamp_s if state.telemetry is not None else session.heard_s
-            text = session_text(session, state.info, stamp_s)
+            bias = state.tracker.heading.known_bias if state.tracker is not None else None
+            text = session_text(session, state.info, stamp_s, bias)
             self.remark(SESSION + b"joined " + text.encode(), self._turn_s)
         else:
             self.again(self._turn_s, same=False)

@@ -12,7 +12,7 @@ wheels alone give the heading.
 """
 
 import math
-from typing import Optional
+from typing import NamedTuple, Optional
 
 from mrl_driver.protocol.table import BY_NAME
 
@@ -41,6 +41,16 @@ UNSEEN_S = 60.0
 _GYRO = next(field for field in BY_NAME["read_imu"].reply if field.name == "gyro_z")
 _ROUNDING = float(_GYRO.unit.split()[0]) ** 2 / 12
 """Variance of a rate by rounding to whole counts [rad2/s2]."""
+
+
+class KnownBias(NamedTuple):
+    """A bias that was learned while the robot stood."""
+
+    bias_rad_s: float
+    variance: float
+    """Variance of the bias [rad2/s2]."""
+    noise_rad2_s: float
+    """Growth of the yaw's variance by the gyro's noise [rad2/s]."""
 
 
 class HeadingFilter:
@@ -78,6 +88,16 @@ class HeadingFilter:
         self._joined = self._resting = False
         self._unusual = 0
         self._begin_stand()
+
+    def resume(self, bias: "KnownBias") -> None:
+        """Go on with a bias that was learned before, instead of waiting for the first stand."""
+        self.bias_rad_s, self._variance, self.noise_rad2_s = bias
+        self.bias_known = True
+
+    @property
+    def known_bias(self) -> Optional["KnownBias"]:
+        """What `resume` needs; None before the first stand."""
+        return KnownBias(self.bias_rad_s, self.bias_variance, self.noise_rad2_s) if self.bias_known else None
 
     def lose(self) -> None:
         """The readings are not to be believed: the wheels alone, until the next reading."""

@@ -20,8 +20,8 @@ STOP, MOVE = 0xFC, 0xEB
 class Emulator:
     """Serves until `close`."""
 
-    def __init__(self, name: str = "traxbot", world: Optional[World] = None) -> None:
-        self.plant = Plant(load(name), world)
+    def __init__(self, name: str = "traxbot", world: Optional[World] = None, imu: bool = False) -> None:
+        self.plant = Plant(load(name), world, imu=imu)
         self._engine = PythonBoard(self.plant)
         self._port = PtyPort()
         self.path = self._port.path
