@@ -220,11 +220,10 @@ def test_one_that_begins_in_mid_run_knows_the_bias_of_the_gyro(tmp_path):
     try:
         with Driver(emulated.path, options=LASTING) as robot:
             wait_until(lambda: robot.imu_state == IN_USE)
-            robot.drive(0.0, 1.0)
-            wait_until(lambda: robot.twist.angular_rad_s > 0.8)
+            drive_until(robot, 0.0, 1.0, lambda: robot.twist.angular_rad_s > 0.8)
             robot.start_recording(path)
             turned_rad = robot.pose.yaw_rad + 0.4
-            wait_until(lambda: robot.pose.yaw_rad > turned_rad)
+            drive_until(robot, 0.0, 1.0, lambda: robot.pose.yaw_rad > turned_rad)
     finally:
         emulated.close()
     played, replayed = replay(path)
