@@ -236,3 +236,13 @@ def test_many_readings_turn_by_the_gyro_if_there_is_one():
     many.update_all(np.array(counts), np.array(times))
     assert many.pose == single.pose
     assert abs(many.pose.yaw_rad) < 0.01
+
+
+def test_what_resembles_a_request_behind_text_on_its_line_is_no_frame():
+    decoder = FrameArrayDecoder(REPLIES)
+    decoder.checked = True
+    twice = encode_reply(33, 250, checked=True).strip() * 2
+    data = b"[x] " + twice + b"\r\n" + encode_reply(33, 250, checked=True)
+    (found,) = decoder.feed(np.frombuffer(data, np.uint8))
+    assert [frame for _, frame in found.frames()] == [Frame(33, (250,))]
+    assert decoder.garbage == {"text": 3}
