@@ -255,9 +255,8 @@ def test_robot_stops_when_commands_end(rig):
         ),
         (("/dev/null", "_robot:=tank"), 2, "'tank' is unknown, expected"),
         (("/dev/not_there",), 3, "does not exist"),
-        (("/tmp",), 3, "is a folder"),
     ],
-    ids=["no port", "text for a number", "unknown robot", "port not there", "folder"],
+    ids=["no port", "text for a number", "unknown robot", "port not there"],
 )
 def test_bad_parameter_ends_the_node_with_one_line(rig, options, exit_code, words):
     node = rig.node(*options)
