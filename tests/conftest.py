@@ -46,6 +46,7 @@ FIRST = (
     "firmware/test_fuzz",
     "documents/test_sensor",
     "test_rules",
+    "review/test_findings",
     "calibration/",
     "experiments/",
     "sim/",
