@@ -30,7 +30,7 @@ from typing import (
 
 from mrl_driver import errors
 from mrl_driver.errors import ConfigError, LinkLost, MrlError
-from mrl_driver.protocol import Event, Frame
+from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_facts import model_of, numbers_of, pose_of, session_of
 from mrl_driver.recording.recorded_frames import replies, requests
@@ -118,8 +118,33 @@ class Remark(NamedTuple):
     text: str
 
 
+class _KeptFrames(FrameDecoder):
+    """A decoder that keeps what it has made of the last bytes."""
+
+    kept: Sequence[Event] = ()
+
+    def feed(self, data: bytes) -> List[Event]:
+        self.kept = found = super().feed(data)
+        return found
+
+
 class _RecordedSession(Session):
-    """A session that never paused: a recording says when the program stopped the robot."""
+    """A session that never paused: a recording says when the program stopped the robot.
+
+    `frames` is what its decoder has made of the last bytes.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self._decoder = _KeptFrames(REPLIES)
+
+    @property
+    def frames(self) -> Sequence[Event]:
+        return self._decoder.kept if isinstance(self._decoder, _KeptFrames) else ()
+
+    def relink(self, now: float, same: bool = True) -> None:
+        super().relink(now, same)
+        self._decoder = _KeptFrames(REPLIES, self.checked)
 
     def _resume(self) -> None:
         pass
@@ -128,6 +153,7 @@ class _RecordedSession(Session):
 class _RecordedCore(Core):
     """A core that gets a wheel's mismatch from the recording, unless the file is of an older version."""
 
+    session: _RecordedSession
     session_kind = _RecordedSession
     has_mismatches = False
     """The recording holds them."""
@@ -350,7 +376,8 @@ class RecordedDriver(Driver):
         checked = core.begun and core.session.checked
         ready = core.begun and self._serving and core.session.ready
         if data and (self._on_heard or not ready):
-            for event, raw in self._replies.read(data, before, checked != before or greets):
+            frames = core.session.frames if self._serving and core.begun else ()
+            for event, raw in self._replies.read(data, before, checked != before or greets, frames):
                 for listener in self._on_heard:
                     listener(Heard(self.time_s, event, raw))
                 if isinstance(event, Frame) and not ready:
@@ -580,17 +607,29 @@ def _opening(recording: Recording) -> _Opening:
 
 def _clock_first(entries: Iterable[Entry]) -> Iterator[Entry]:
     """The entries; a remark on the clock comes before the bytes of the same time, whose listeners used it first."""
-    held: List[Entry] = []
+    held: Optional[Entry] = None
+    later: List[Entry] = []
     for entry in entries:
-        remark = entry.direction == REMARK
-        if held and not (remark and entry.time_s == held[0].time_s):
-            yield from held
-            held.clear()
-        if held and not entry.data.startswith(CLOCK) or entry.direction == FROM_BOARD:
-            held.append(entry)
+        time_s, direction, data = entry
+        if held is not None:
+            if direction == REMARK and time_s == held[0]:
+                if data.startswith(CLOCK):
+                    yield entry
+                else:
+                    later.append(entry)
+                continue
+            yield held
+            held = None
+            if later:
+                yield from later
+                later.clear()
+        if direction == FROM_BOARD:
+            held = entry
         else:
             yield entry
-    yield from held
+    if held is not None:
+        yield held
+    yield from later
 
 
 def _options(header: Dict[str, Any]) -> Options:

@@ -1,6 +1,6 @@
 """Frames and garbage in the bytes of a recording, each with its bytes."""
 
-from typing import List, Optional, Tuple
+from typing import List, Optional, Sequence, Tuple
 
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Garbage
 from mrl_driver.protocol.directions import Direction
@@ -8,7 +8,7 @@ from mrl_driver.protocol.directions import Direction
 _OTHER_FORM = ("bad_check", "argument_count")
 """Garbage of these reasons may be a frame with a checksum, or without one, unlike the frames before it."""
 
-_QUIET = (b"", b"\r\n", b"\r", b"\n")
+_LINE_ENDS = (b"\r\n", b"\r", b"\n")
 
 
 class FrameReader:
@@ -18,39 +18,37 @@ class FrameReader:
         self._direction = direction
         self._decoder = FrameDecoder(direction)
         self._empty = True
-        """No bytes wait for the rest of their frame."""
+        """A line has ended, and no bytes wait for the rest of their frame."""
 
-    def read(self, data: bytes, checked: Optional[bool], turned: bool) -> List[Tuple[Event, bytes]]:
+    def read(
+        self, data: bytes, checked: Optional[bool], turned: bool, known: Sequence[Event] = ()
+    ) -> List[Tuple[Event, bytes]]:
         """Return what these bytes complete.
 
         `checked` says whether frames carry a checksum, None that they are as before; with `turned`, frames of the other
-        form are accepted, and after the first one they are the rule.
+        form are accepted, and after the first one they are the rule.  `known` is what another decoder has made of these
+        bytes: a single frame is not decoded again.
         """
         decoder = self._decoder
         decoder.checked = decoder.checked if checked is None else checked
-        if (
-            self._empty and data[data.find(b"e") + 1 :] in _QUIET
-        ):  # the common case: one whole frame, or its line end
-            found = self._take(data, data, turned)
-            self._empty = (bool(found) and isinstance(found[-1][0], Frame)) or not decoder.pending
-            return found
-        found = []
+        end = data.find(b"e") + 1
+        if self._empty and data[end:] in _LINE_ENDS:  # the common case: one whole frame, or its line end
+            if not end:
+                return []
+            if len(known) == 1 and type(known[0]) is Frame and not turned:
+                return [(known[0], data[data.rfind(b"@") : end])]
+        found: List[Tuple[Event, bytes]] = []
         *pieces, rest = data.split(b"e")
         for piece in [*(piece + b"e" for piece in pieces), rest]:
-            found += self._take(piece, decoder.pending + piece, turned)
-        self._empty = not decoder.pending
-        return found
-
-    def _take(self, piece: bytes, whole: bytes, turned: bool) -> List[Tuple[Event, bytes]]:
-        """Decode a piece with one frame at most; `whole` also has the bytes before it that wait for their frame."""
-        found: List[Tuple[Event, bytes]] = []
-        for event in self._decoder.feed(piece):
-            if isinstance(event, Garbage) and turned and event.reason in _OTHER_FORM:
-                event = self._reread(event)
-            if isinstance(event, Garbage):
-                found.append((event, event.data))
-            else:
-                found.append((event, whole[whole.rfind(b"@") : whole.rfind(b"e") + 1]))
+            whole = decoder.pending + piece
+            for event in decoder.feed(piece):
+                if isinstance(event, Garbage) and turned and event.reason in _OTHER_FORM:
+                    event = self._reread(event)
+                if isinstance(event, Garbage):
+                    found.append((event, event.data))
+                else:
+                    found.append((event, whole[whole.rfind(b"@") :]))
+        self._empty = data[-1:] in _LINE_ENDS and not decoder.pending
         return found
 
     def _reread(self, garbage: Garbage) -> Event:

@@ -223,7 +223,9 @@ def test_the_wall_clock_may_jump(serve, monkeypatch, jump_s):
 
 
 def test_nothing_in_the_driver_asks_for_the_time_of_day():
-    """Recordings, calibrations, reports and certificates carry the date they were made on; nothing else has one."""
+    """Recordings, calibrations, reports, certificates, files of parameters and live streams carry the date they were made
+    on; nothing else has one.
+    """
     files = pathlib.Path(mrl_driver.__file__).parent.rglob("*.py")
     users = {
         f"{file.parent.name}/{file.name}"
@@ -235,6 +237,8 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
         "calibration/calibration_files.py",
         "doctor/report.py",
         "host/certificate.py",
+        "driver/parameter_file.py",
+        "commands/monitor.py",
     }
 
 
