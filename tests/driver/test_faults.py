@@ -223,9 +223,7 @@ def test_the_wall_clock_may_jump(serve, monkeypatch, jump_s):
 
 
 def test_nothing_in_the_driver_asks_for_the_time_of_day():
-    """Recordings, calibrations, reports, certificates, files of parameters and live streams carry the date they were made
-    on; nothing else has one.
-    """
+    """What goes to people or other programs has the date on which it was made; nothing else has one."""
     files = pathlib.Path(mrl_driver.__file__).parent.rglob("*.py")
     users = {
         f"{file.parent.name}/{file.name}"
@@ -239,6 +237,7 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
         "host/certificate.py",
         "driver/parameter_file.py",
         "commands/monitor.py",
+        "review/page.py",
     }
 
 
