@@ -1,6 +1,7 @@
 """`mrl export`: a recording as a bag, an MCAP file or a table."""
 
 import os
+import re
 from typing import TYPE_CHECKING, Callable, Optional
 
 import click
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from mrl_driver.driver.recorded import RecordedDriver
 
 ENDINGS = (".bag", ".mcap", ".csv")
+_NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
 
 
 @click.command(short_help="Convert a recording for other tools: bag, MCAP, CSV.")
@@ -64,6 +66,12 @@ def main(
         raise ConfigError(
             "--name, --odom-frame or --base-frame is given with .csv, which has neither topics nor frames; leave it out"
         )
+    name = name.strip("/")
+    if name and not _NAMESPACE.fullmatch(name):
+        raise ConfigError(
+            f"--name is {name!r}, expected a namespace of ROS: words that begin with a letter, of letters, "
+            "digits and _, with / between the words"
+        )
     from mrl_driver.driver.recorded import RecordedDriver
 
     recorded = RecordedDriver(file, resolve(robot).model)
@@ -74,7 +82,6 @@ def main(
 
             count, what = table.write(recorded, temporary, advance), "rows"
         else:
-            name = name.strip("/")
             prefix = f"{name}/" if name else ""
             frames = odom_frame or f"{prefix}odom", base_frame or f"{prefix}base_link"
             count, what = _write_messages(recorded, temporary, output, name, *frames, advance), "messages"

@@ -293,6 +293,12 @@ def test_a_missing_library_is_named_with_its_remedy(recording, tmp_path, monkeyp
     assert not os.listdir(tmp_path)
 
 
+@pytest.mark.parametrize("name", ["my robot", "r\u00f6bot", "a//b", "1st"])
+def test_a_namespace_that_ros_would_refuse_is_refused(recording, tmp_path, name):
+    words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.bag", "--name", name)
+    assert f"--name is {name!r}" in words and not os.listdir(tmp_path)
+
+
 def test_frames_that_are_no_names_are_refused(recording, tmp_path):
     words = fails(
         ConfigError.exit_code, "export", recording, tmp_path / "drive.bag", "--base-frame", "/base link"
