@@ -235,7 +235,7 @@ def frame_text(direction: str, data: bytes) -> str:
         for event in decoder.feed(data):
             if isinstance(event, Frame):
                 return _fields(direction, event)
-    return "not a frame"
+    return "not a valid frame"
 
 
 def _fields(direction: str, frame: Frame) -> str:

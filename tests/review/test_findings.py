@@ -9,7 +9,7 @@ from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.review.drive_data import read
 from mrl_driver.review.findings import find
 
-from .drives import record
+from .drives import Drive, record
 from .faulty_drives import faulty, good
 
 FAULTY = faulty()
@@ -29,3 +29,19 @@ def test_a_good_drive_has_no_finding(seed, tmp_path):
     path = str(tmp_path / "drive.mrl")
     record(good(seed), path)
     assert find(read(RecordedDriver(path))) == []
+
+
+def findings_of(drive, tmp_path):
+    path = str(tmp_path / "drive.mrl")
+    record(drive, path)
+    return find(read(RecordedDriver(path)))
+
+
+def test_answers_that_a_bad_cable_damages_are_not_lost_requests(tmp_path):
+    drive = Drive("bytes lost both ways", board={"faults": ("loss:rate=0.005",)}, duration_s=13.0)
+    assert [each.kind for each in findings_of(drive, tmp_path)] == ["bad_cable"]
+
+
+def test_the_frame_that_proves_a_restart_has_its_cause(tmp_path):
+    drive = Drive("reset", board={"faults": ("reset:at=4",)}, duration_s=8.0)
+    assert findings_of(drive, tmp_path)[0].data.startswith(b"@30,0,0,2,")

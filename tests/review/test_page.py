@@ -249,7 +249,7 @@ def test_a_recording_without_telemetry_has_a_page(standing):
             encode_reply(30, 0, 20, 1, 8, 5, 0),
             "stop_reason encoder, faults motor_board eeprom, clamped 0",
         ),
-        ("<", b"@8,1\xffe", "not a frame"),
+        ("<", b"@8,1\xffe", "not a valid frame"),
     ],
 )
 def test_a_frame_is_explained(direction, data, expected):

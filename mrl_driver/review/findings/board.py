@@ -38,14 +38,14 @@ _RESTARTS = {
     "brown_out": _Words(
         "brown_out",
         "The board restarted because its supply dropped",
-        "Its cause of the restart is brown_out: the 5 V fell too low.",
+        "The board reports the cause brown_out: its 5 V supply fell too low.",
         "Check USB cable and hub, and every other load on the board's 5 V.",
         91,
     ),
     "watchdog": _Words(
         "firmware_hung",
         "The board's firmware hung and restarted",
-        "Its cause of the restart is watchdog.",
+        "The board reports the cause watchdog.",
         "Report it with: mrl doctor --report",
         91,
     ),
@@ -53,7 +53,7 @@ _RESTARTS = {
 _RESTART = _Words(
     "board_restart",
     "The board restarted while it was in use",
-    "Its cause of the restart is {cause}: somebody pressed reset, another program opened the port, or its power "
+    "The board reports the cause {cause}. Somebody pressed reset, another program opened the port, or its power "
     "failed.",
     "Check power and USB plug, and let no second program open the port.",
     90,
@@ -61,7 +61,7 @@ _RESTART = _Words(
 _STOPS = {
     "link_watchdog": _Words(
         "watchdog_stop",
-        "The board stopped the robot because it heard nothing",
+        "The board stopped the robot because it received nothing",
         "The board's watchdog stopped the robot {times}: no frame of the computer arrived in time.",
         "Check the link to the board, and close programs that keep the computer busy.",
         52,
@@ -134,6 +134,7 @@ def _faults(drive: DriveData) -> List[Finding]:
 
 def _restarts(drive: DriveData) -> List[Finding]:
     found: Dict[str, Tuple[_Words, float]] = {}
+    proof = (STATUS,) if drive.statuses else ()  # has the uptime and the cause; boards of 2013 have no status
     for time_s in restarts(drive):
         if any(0 <= time_s - opened_s <= REOPENED_S for opened_s, _ in drive.opened[1:]):
             continue
@@ -141,7 +142,9 @@ def _restarts(drive: DriveData) -> List[Finding]:
         words = _RESTARTS.get(cause, _RESTART)
         found.setdefault(words.kind, (words._replace(text=words.text.format(cause=cause)), time_s))
     return [
-        Finding(words.kind, words.title, words.text, words.remedy, *heard(drive, time_s), words.weight)
+        Finding(
+            words.kind, words.title, words.text, words.remedy, *heard(drive, time_s, *proof), words.weight
+        )
         for words, time_s in found.values()
     ]
 

@@ -97,7 +97,7 @@ def _damage(drive: DriveData) -> List[Finding]:
                 "noise_bursts",
                 "The line was disturbed in bursts",
                 f"{share}, all within {bursts} s of the drive: something disturbs the line for short times.",
-                "Look what was switched or touched then; lead the cable away from motor wires; check its plugs.",
+                "Find out what was switched or touched then; lead the cable away from motor wires; check its plugs.",
                 first[0],
                 first[1],
                 first[3],
@@ -166,6 +166,8 @@ def _unanswered(drive: DriveData) -> List[Finding]:
     late_s = [waited_s for _, _, waited_s in missed if waited_s <= ANSWER_S]
     never = max(asked - answered, len(missed) - len(late_s))
     if not late_s or 2 * never >= len(missed):
+        if never <= 2 * asked * _missing_share(drive):
+            return []  # the answers are missing, as much other data of the board is
         kind, title = "requests_lost", "Requests did not reach the board"
         text = f"{never} of {asked} requests had no answer, while the board's telemetry arrived. Commands get lost too."
     else:
@@ -176,6 +178,13 @@ def _unanswered(drive: DriveData) -> List[Finding]:
         )
     remedy = "Check the wire from the computer to the board (RX of the board), the USB hub, or the radio."
     return [Finding(kind, title, text, remedy, *sent(drive, at, code), 86)]
+
+
+def _missing_share(drive: DriveData) -> float:
+    """Share of the board's frames that were damaged or lost."""
+    damaged = sum(direction == FROM_BOARD for _, direction, _, _ in drive.garbage)
+    missing = max([float(damaged), *drive.lost.values[-1:].tolist()])
+    return missing / max(1.0, missing + len(drive.heard))
 
 
 def _silences(drive: DriveData) -> List[_Silence]:
@@ -278,7 +287,7 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
                 stalled,
                 "board_silent",
                 "The board sent nothing for a while",
-                "It lost no frame: it made none.",
+                "No frame is missing: the board made none.",
                 "Check the board's power and its I2C wires; report it with: mrl doctor --report",
                 78,
             )
@@ -319,7 +328,7 @@ def _slow(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
     if middle_s <= SLOW_S and late <= SLOW_SHARE:
         return []
     if middle_s > SLOW_S:
-        text = f"A request and its answer took {middle_s:.3f} s as a rule, expected less than {SLOW_S:g} s."
+        text = f"The median time from a request to its answer was {middle_s:.3f} s, expected at most {SLOW_S:g} s."
         slowest = int(np.argmax(drive.round_trips.values))
         frame = heard(drive, drive.round_trips.time_s[slowest], INFO)
     else:

@@ -90,7 +90,7 @@ def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any) 
                 f"It showed {reading} in {i - first + 1} readings, while the robot turned over "
                 f"{math.degrees(turned_rad):.0f} deg: it does not measure, or something on the robot is "
                 "in front of it.",
-                f"Look what is in front of it; check its trigger (D12) and its output on {_PINS.get(name, 'its pin')}.",
+                f"Look in front of it; check its trigger (D12) and its output on {_PINS.get(name, 'its pin')}.",
                 *heard(drive, times_s[i], *TELEMETRY),
                 66,
             )
