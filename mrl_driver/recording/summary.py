@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -72,6 +72,14 @@ def _named(codes: Dict[int, int]) -> Dict[str, int]:
     return {BY_CODE[code].name: count for code, count in sorted(codes.items())}
 
 
+def _remarks(block: Block) -> List[Tuple[int, bytes]]:
+    """Return index and text of each remark in the block."""
+    found = np.flatnonzero(block.directions == ord(REMARK))
+    ends, sizes = block.ends[found].tolist(), block.sizes[found].tolist()
+    data = block.data.tobytes() if ends else b""
+    return [(i, data[end - size : end]) for i, end, size in zip(found.tolist(), ends, sizes)]
+
+
 class _Reader:
     """Adds up the blocks of a recording."""
 
@@ -90,13 +98,12 @@ class _Reader:
         """Add a block."""
         self.duration_s, first = float(block.times_s[-1]), 0
         used = block.directions != ord(REMARK)
-        for i in np.flatnonzero(~used).tolist():
-            remark = next(block.part(i, i + 1).entries())
-            if remark.data in (CHECKED, PLAIN) or remark.data.startswith(OPENED):
+        for i, remark in _remarks(block):
+            if remark in (CHECKED, PLAIN) or remark.startswith(OPENED):
                 self._hold(block.part(first, i).only(used[first:i]))
                 self._on_remark(remark)
                 first = i + 1
-            used[i] = remark.data.startswith((MODEL, POSE, SESSION))
+            used[i] = remark.startswith((MODEL, POSE, SESSION))
         self._hold(block.part(first, len(used)).only(used[first:]))
 
     def end(self) -> None:
@@ -121,11 +128,11 @@ class _Reader:
         self._decode(held.part(0, done))
         self._held = held.part(done, len(held.ends))
 
-    def _on_remark(self, remark: Entry) -> None:
+    def _on_remark(self, remark: bytes) -> None:
         before = list(self._held.entries())
         behind: List[Entry] = []
-        checked = remark.data == CHECKED
-        opened = remark.data.startswith(OPENED)
+        checked = remark == CHECKED
+        opened = remark.startswith(OPENED)
         if not opened and checked != self._from_board.checked:
             before, behind = split(before, checked)
         self._held = block_of([])
@@ -141,9 +148,9 @@ class _Reader:
 
     def _decode(self, block: Block) -> None:
         first = 0
-        for i in np.flatnonzero(block.directions == ord(REMARK)).tolist():
+        for i, remark in _remarks(block):
             self._decode_bytes(block.part(first, i))
-            self.robot.take_remark(next(block.part(i, i + 1).entries()).data)
+            self.robot.take_remark(remark)
             first = i + 1
         self._decode_bytes(block.part(first, len(block.ends)))
 
