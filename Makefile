@@ -17,7 +17,7 @@ SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 PACKAGES_firmware := gcc-avr avr-libc binutils-avr arduino-core-avr
 PACKAGES_flash := $(PACKAGES_firmware) avrdude
 PACKAGES_run := $(PACKAGES_firmware) python3-venv python3-serial python3-yaml gcc libc6-dev libsimavr-dev libelf-dev
-PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) g++ clang
+PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) g++ clang spin
 
 # A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
 ifneq ($(wildcard /opt/ros/noetic/setup.bash),)
@@ -86,6 +86,7 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
 	$(PY) -m sim_arduino.world --check
+	$(PY) -m tests.verify.model.constants --check
 	$(PY) -m tests.documents.plain_english
 
 test: apt ## Set everything up and run all tests
@@ -119,6 +120,7 @@ generate: setup ## Render protocol.h, PROTOCOL.md and the schemas of YAML files 
 	$(PY) -m mrl_driver.generate
 	$(PY) -m ros1_bridge.description
 	$(PY) -m sim_arduino.world
+	$(PY) -m tests.verify.model.constants
 
 docs: setup ## API documentation in build/docs; a warning is an error
 	@mkdir -p build

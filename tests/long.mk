@@ -12,6 +12,10 @@ fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for 
 soak: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.fuzz.soak --minutes $(MINUTES)
 
+.PHONY: verify
+verify: setup ## Check the model of the stop in all its states; build/verify/model.json
+	$(PY) -m tests.verify.model
+
 .PHONY: bench-calibration
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
 	$(PY) -m tests.bench.bench_calibration
