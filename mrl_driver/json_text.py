@@ -2,6 +2,7 @@
 
 import json
 import math
+from numbers import Integral, Real
 from typing import Any
 
 
@@ -15,6 +16,23 @@ def json_text(value: Any, compact: bool = False) -> str:
         return json.dumps(value, separators=separators, allow_nan=False)
     except ValueError:
         return json.dumps(_plain(value), separators=separators)
+
+
+def exact_json(value: Any) -> str:
+    """Return a value as JSON with NaN and Infinity, from which `json.loads` gives the same numbers.
+
+    Numbers of numpy and sets are taken as well, and anything else as its text: a program's own robot model may hold
+    them, and the driver that records it must not end for that.
+    """
+    return json.dumps(value, default=_usual)
+
+
+def _usual(value: Any) -> Any:
+    if isinstance(value, Integral):
+        return int(value)
+    if isinstance(value, Real):
+        return float(value)
+    return list(value) if isinstance(value, (set, frozenset)) else str(value)
 
 
 def _plain(value: Any) -> Any:

@@ -9,6 +9,7 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
+from mrl_driver.json_text import exact_json
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot import models
@@ -39,7 +40,7 @@ class Joined(NamedTuple):
 
 def model_text(model: RobotModel) -> str:
     """Return the model as JSON, with the keys of its YAML file."""
-    return json.dumps(_document(model))
+    return exact_json(_document(model))
 
 
 def _document(model: RobotModel) -> Dict[str, Any]:
@@ -76,7 +77,7 @@ def session_text(session: Session, board: Board, stamp_s: float, bias: Optional[
             last.code, *last.args, stamp=last.stamp, checked=checked and last.stamp is not None
         )
     found = {"board": facts, "stream": session.stream_code, "checked": checked}
-    return json.dumps({**found, "stamp_s": stamp_s, "frame": frame.decode("ascii"), "bias": bias})
+    return exact_json({**found, "stamp_s": stamp_s, "frame": frame.decode("ascii"), "bias": bias})
 
 
 def _bias_of(found: Any) -> Optional[KnownBias]:

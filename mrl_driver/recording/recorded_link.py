@@ -1,9 +1,9 @@
 """Links that pass every byte to a recorder, or to any other function, while the robot drives."""
 
-import json
 from typing import Any, Callable, Mapping, Optional, Sequence, TypeVar
 
 from mrl_driver.geometry import Pose
+from mrl_driver.json_text import exact_json
 from mrl_driver.robot.covariance import AT_START, Spread
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import RobotState
@@ -223,21 +223,21 @@ class DriverRecording:
             self.remark(MODEL + model_text(state.model).encode(), self._turn_s)
         if session.motion.stops != self._stops:
             self._stops = session.motion.stops
-            found = [" " + json.dumps(event._asdict()) for event in events if isinstance(event, Mismatch)]
+            found = [" " + exact_json(event._asdict()) for event in events if isinstance(event, Mismatch)]
             text = session.motion.stop_reason + "".join(found[:1])
             self.remark(STOP + text.encode(), self._turn_s)
 
     def pose(self, pose: Pose, spread: Spread) -> None:
         """The odometry continues from this pose, after the bytes of the last turn."""
-        self.remark(POSE + " ".join(map(repr, (*pose, *spread))).encode(), self._turn_s)
+        self.remark(POSE + " ".join(repr(float(each)) for each in (*pose, *spread)).encode(), self._turn_s)
 
     def clock(self, ahead_s: float) -> None:
         """The wall clock is ahead of the driver's by this time [s], from the bytes of the last turn on."""
-        self.remark(CLOCK + repr(ahead_s).encode(), self._turn_s)
+        self.remark(CLOCK + repr(float(ahead_s)).encode(), self._turn_s)
 
     def lost(self, event: Lost, reported: bool, now: float) -> None:
         """The port is lost; `reported` says that listeners get the event."""
-        self.remark(LOST + json.dumps({**event._asdict(), "reported": reported}).encode(), now)
+        self.remark(LOST + exact_json({**event._asdict(), "reported": reported}).encode(), now)
 
     def remark(self, data: bytes, now: Optional[float] = None) -> None:
         """Record a remark."""

@@ -26,6 +26,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, Iterator, List, Optional
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.json_text import exact_json
 
 from .entry import FROM_BOARD as FROM_BOARD
 from .entry import LONGEST_LINE, Entry
@@ -106,7 +107,9 @@ class Recorder:
         self._written_s = 0.0
         self._ended = threading.Event()
         try:
-            self._fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
+            # A pipe that nobody reads is refused; without O_NONBLOCK it would hold the caller until somebody does.
+            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
+            self._fd = os.open(path, flags, 0o644)
         except OSError as error:
             raise ConfigError(
                 f"cannot record to {path!r}: {error.strerror}; give a file that can be written"
@@ -115,7 +118,7 @@ class Recorder:
         self._start_s = self._clock()
         started = datetime.datetime.now(datetime.timezone.utc).isoformat()
         header.update(clock_us=round(self._start_s * 1e6), started=started)
-        self._write(f"{_MAGIC} {VERSION} {json.dumps(header)}\n", 1)
+        self._write(f"{_MAGIC} {VERSION} {exact_json(header)}\n", 1)
         self._thread: Optional[threading.Thread] = None
         if clock is None:
             self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)

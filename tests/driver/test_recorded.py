@@ -6,6 +6,7 @@ import time
 from itertools import takewhile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -212,6 +213,22 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         again = replayed[sequence]
         assert tuple(again.pose) == pytest.approx(tuple(telemetry.pose), abs=POSE_ERROR)
         assert again.stamp_s == pytest.approx(telemetry.stamp_s, abs=STAMP_ERROR_S)
+
+
+def test_a_model_with_the_numbers_of_numpy_is_recorded(tmp_path):
+    """A program may make its own model, and set a pose: driver and recording take what they took before."""
+    path, packaged = str(tmp_path / "numbers.mrl"), models.load("traxbot")
+    limits, spread = packaged.limits._replace(linear_m_s=np.float32(0.25)), tuple(np.diag(np.full(3, 0.25)))
+    model = packaged._replace(limits=limits, ids=frozenset(packaged.ids))
+    options = LASTING._replace(record=path, period_ms=np.int64(20))
+    emulated = factory.make(factory.Options(robot="traxbot"))
+    with SteppedDriver(emulated.engine, model, options) as robot:
+        robot.reset_pose(Pose(*np.ones(3)), (*spread[0], *spread[1][1:], spread[2][2]))
+        robot.drive(1.0, 0.0)
+        robot.wait(0.5)
+    emulated.close()
+    played, _ = replay(path)
+    assert played.model.limits.linear_m_s == 0.25 and played.pose == robot.pose
 
 
 def test_one_that_begins_in_mid_run_knows_the_bias_of_the_gyro(tmp_path):

@@ -162,6 +162,14 @@ def test_a_file_that_cannot_be_made_is_refused(tmp_path):
         Recorder(str(tmp_path))
 
 
+def test_a_pipe_that_nobody_reads_is_refused(tmp_path):
+    """It would hold the caller, who may be driving, until somebody does."""
+    pipe = str(tmp_path / "pipe")
+    os.mkfifo(pipe)
+    with pytest.raises(ConfigError, match="cannot record to"):
+        Recorder(pipe)
+
+
 def test_a_torn_last_line_is_skipped(tmp_path):
     recording, entries = read(tmp_path, HEADER + "0.1 < @6,1,2e\n0.2 < @6,1")
     assert (len(entries), recording.skipped) == (1, {3: "incomplete"})
