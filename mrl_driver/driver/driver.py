@@ -264,9 +264,10 @@ class Driver:
     def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> bool:
         """Drive at these speeds for at most 0.5 s; call again before then to keep driving.
 
-        The option `command_timeout_s` sets another time.  Speeds above the model's limits are scaled down together, so
-        the arc stays the same.  The latest command wins; commands are never queued.  If the board falls silent or
-        restarts, the command is dropped and the robot waits for a new one.
+        The option `command_timeout_s` sets another time.  **With `command_timeout_s=None` the robot keeps driving while
+        the program hangs.**  Speeds above the model's limits are scaled down together, so the arc stays the same.  The
+        latest command wins; commands are never queued.  If the board falls silent or restarts, the command is dropped
+        and the robot waits for a new one.
 
         Args:
             linear_m_s: forward speed.
