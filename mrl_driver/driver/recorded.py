@@ -196,8 +196,10 @@ class _Opening(NamedTuple):
     ahead_s: Optional[float]
     has_turns: bool
     """The file holds the times of the driver's turns."""
+    is_cut: bool
+    """The file does not begin with a port that was opened."""
     frames: List[Frame]
-    """Replies that describe the board, if the file does not begin with a port that was opened."""
+    """Replies that describe the board, if the file is cut."""
 
 
 class RecordedDriver(Driver):
@@ -241,6 +243,8 @@ class RecordedDriver(Driver):
         self._requests, self._replies, self._missing = requests(), replies(), _MissingGreeting()
         for frame in opening.frames:
             self._missing.heard(frame, -math.inf)
+        if opening.is_cut and self._missing.robot_id is None and self.model is not None:
+            self._missing.assume(self.model)
         self._missing.end(greeted=False)
         self._on_sent: List[Callable[[Sent], None]] = []
         self._on_heard: List[Callable[[Heard], None]] = []
@@ -540,6 +544,13 @@ class _MissingGreeting:
         self._info_s = self._last_s = self._since_s = -math.inf
         self._frames, self._greeted = 0, False
 
+    def assume(self, model: RobotModel) -> None:
+        """Take the board for one of this model with new firmware, until it says what it is.
+
+        Without readings of an IMU it has no capabilities, as a board that does not report them.
+        """
+        self._info = Board(model.ids[0], 2, math.nan, math.nan, math.nan)
+
     def end(self, greeted: bool = True) -> None:
         """Begin again, because the session is ready."""
         self._frames, self._greeted, self._last_s = 0, greeted, -math.inf
@@ -581,7 +592,10 @@ class _MissingGreeting:
             return info._replace(protocol=protocol, capabilities=capabilities_of(bits))
         if now - self._info_s < _PROTOCOL_S:
             return None
-        return info._replace(protocol=2, capabilities=frozenset(self._capabilities))
+        silent = self.robot_id is None and "imu" not in self._capabilities
+        return info._replace(
+            protocol=2, capabilities=frozenset() if silent else frozenset(self._capabilities)
+        )
 
 
 def _opening(recording: Recording) -> _Opening:
@@ -602,7 +616,7 @@ def _opening(recording: Recording) -> _Opening:
             model = model_of(data[len(MODEL) :].decode("utf-8", "replace"))
         if data.startswith(CLOCK) and ahead_s is None:
             ahead_s = next(iter(numbers_of(data[len(CLOCK) :])), None)
-    return _Opening(model, ahead_s, has_turns, frames)
+    return _Opening(model, ahead_s, has_turns, is_cut, frames)
 
 
 def _clock_first(entries: Iterable[Entry]) -> Iterator[Entry]:

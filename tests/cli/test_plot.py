@@ -120,8 +120,11 @@ def test_sonars_of_a_board_that_tells_of_them_are_known(tmp_path):
     assert set(found.ranges) == {"front", "left", "right"} and "sonars" in found.board.capabilities
 
 
-def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path):
-    record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 1))
+@pytest.mark.parametrize(
+    "greeting", [[], [encode_reply(5, 2500, 172, 1200, 1, 1)]], ids=["without-greeting", "2013"]
+)
+def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path, greeting):
+    record(tmp_path / "a.mrl", *greeting)
     done = mrl("plot", tmp_path / "a.mrl", "--robot", "traxbot")
     assert done.stderr.count("\n") == 1
     assert "a.mrl does not say whether the board has sonars" in done.stderr
