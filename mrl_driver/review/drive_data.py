@@ -228,8 +228,7 @@ class _Reader:
         if model is None:
             raise ConfigError(
                 f"{recorded.recording.path} holds no answer of a robot, expected its frames: check port and baud "
-                "rate of the "
-                "recorded program"
+                "rate of the recorded program"
             )
         try:
             board: Optional[Board] = recorded.board

@@ -107,8 +107,7 @@ def _drift(drive: DriveData, change_rad_s: float, at_s: float) -> Finding:
         "imu_drift",
         "The gyro drifts",
         f"While the robot stood, the rate it showed changed by {math.degrees(change_rad_s):.1f} deg/s during the "
-        "drive. The "
-        "heading turns as fast.",
+        "drive. The heading turns as fast.",
         "Let the robot stand for a second now and then; keep the IMU away from heat and vibration; replace it.",
         *heard(drive, at_s, IMU, *TELEMETRY),
         62,
@@ -200,8 +199,8 @@ def _slip(drive: DriveData, found: _Compared, at: int, total_rad: float, worst_r
     return Finding(
         "slip",
         f"{which} slipped",
-        f"The gyro and the wheels disagree by {math.degrees(total_rad):.0f} deg in all: a wheel turned without moving "
-        "the robot as far.",
+        f"The gyro and the wheels disagree by {math.degrees(total_rad):.0f} deg in all: a wheel turned without "
+        "moving the robot as far.",
         "Clean the wheels and the floor, check the wheel's hub and its load, and accelerate more gently.",
         *heard(drive, found.time_s[at], *TELEMETRY),
         63,
@@ -227,8 +226,7 @@ def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
                 "wheel_ratio",
                 f"The {larger} wheel is larger than the other one",
                 f"It is larger by {abs(ratio):.1%}: by the gyro the robot turns {curve_deg_m:.1f} deg in each metre "
-                "while the "
-                "wheels count the same.",
+                "while the wheels count the same.",
                 "Run: mrl calibrate straight; check tyres and tracks.",
                 *heard(drive, found.time_s[int(np.argmax(np.abs(found.distance_m)))], *TELEMETRY),
                 56,
@@ -240,8 +238,7 @@ def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
                 "track_width",
                 "The robot does not turn as far as its wheels say",
                 f"The gyro shows {found.scale:.0%} of the turn by the wheels: wheel separation or wheel size in the "
-                "model is "
-                f"wrong by {abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
+                f"model is wrong by {abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
                 "Run: mrl calibrate straight, then: mrl calibrate turn",
                 *heard(drive, found.time_s[int(np.argmax(np.abs(found.turn_rad)))], *TELEMETRY),
                 55,

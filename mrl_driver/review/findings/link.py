@@ -173,8 +173,8 @@ def _unanswered(drive: DriveData) -> List[Finding]:
     else:
         kind, title = "requests_late", "Requests reached the board late"
         text = (
-            f"{len(missed)} of {asked} answers took up to {max(late_s):.1f} s, while the board's telemetry arrived in "
-            "time. Commands come as late, and the board's watchdog stops the robot meanwhile."
+            f"{len(missed)} of {asked} answers took up to {max(late_s):.1f} s, while the board's telemetry arrived "
+            "in time. Commands come as late, and the board's watchdog stops the robot meanwhile."
         )
     remedy = "Check the wire from the computer to the board (RX of the board), the USB hub, or the radio."
     return [Finding(kind, title, text, remedy, *sent(drive, at, code), 86)]
@@ -232,8 +232,8 @@ def _late_host(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
         Finding(
             "late_host",
             "The computer was too busy to drive the robot",
-            f"The program paused {times(count)}{seen}. Meanwhile it neither sent nor read anything; the board's frames "
-            "waited for it.",
+            f"The program paused {times(count)}{seen}. Meanwhile it neither sent nor read anything; the board's "
+            "frames waited for it.",
             "Close busy programs, give the driver's process more priority, and do not suspend it or the computer.",
             *heard(drive, at_s, *TELEMETRY),
             82,
@@ -261,8 +261,7 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
                 "link_lost",
                 "The connection to the robot was lost",
                 f"It was lost {times(max(len(cut), len(lost), 1))}, for {total_s:.1f} s in all; the board went on "
-                "meanwhile. "
-                "This is the last frame before.",
+                "meanwhile. This is the last frame before.",
                 "Check the plug and the cable, or the radio's range.",
                 *_last_before(drive, min(begins_s)),
                 84,

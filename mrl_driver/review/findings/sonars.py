@@ -88,8 +88,8 @@ def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any) 
                 "sonar_stuck",
                 f"The {name} sonar always showed the same range",
                 f"It showed {reading} in {i - first + 1} readings, while the robot turned over "
-                f"{math.degrees(turned_rad):.0f} deg: it does not measure, or something on the robot is "
-                "in front of it.",
+                f"{math.degrees(turned_rad):.0f} deg: it does not measure, or something on the robot is in front of "
+                "it.",
                 f"Look in front of it; check its trigger (D12) and its output on {_PINS.get(name, 'its pin')}.",
                 *heard(drive, times_s[i], *TELEMETRY),
                 66,
@@ -112,8 +112,7 @@ def _deaf(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, o
                 "sonar_deaf",
                 f"The {name} sonar saw nothing",
                 f"It showed nothing in range from {begin_s:.0f} s to {end_s:.0f} s, while the others saw obstacles "
-                "in the "
-                "same directions.",
+                "in the same directions.",
                 "Clean it, check that nothing absorbs its sound, and exchange it with another one to compare.",
                 *heard(drive, times_s[first], *TELEMETRY),
                 66,
@@ -152,8 +151,8 @@ def _pushing(drive: DriveData, readings: Any) -> List[Finding]:
             Finding(
                 "pushing",
                 "The robot pushed against an obstacle",
-                f"The wheels drove {far[-1] - far[0]:.2f} m forward, while the front sonar saw an obstacle closer than "
-                f"{NEAREST_M:g} m: they slipped, or the obstacle moved. The pose is off by as much.",
+                f"The wheels drove {far[-1] - far[0]:.2f} m forward, while the front sonar saw an obstacle closer "
+                f"than {NEAREST_M:g} m: they slipped, or the obstacle moved. The pose is off by as much.",
                 "Stop earlier in front of obstacles, for example with protective zones.",
                 *heard(drive, at_s, *TELEMETRY),
                 59,

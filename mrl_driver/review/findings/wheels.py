@@ -130,8 +130,7 @@ def _wrong_speeds(drive: DriveData, ratios: Any, at_s: Any) -> List[Finding]:
                 "speed_scale",
                 "The robot does not drive as fast as asked",
                 f"By its wheels it drove {0.5 * (right + left):.0%} of the speed asked for: wheel size, gearbox or "
-                "encoder "
-                "counts in the board differ from those of the robot model.",
+                "encoder counts in the board differ from those of the robot model.",
                 "Compare the robot's YAML with the board's parameters: mrl doctor, mrl config; then: mrl calibrate",
                 *heard(drive, float(np.nanmin(at_s)), *TELEMETRY),
                 57,
