@@ -88,7 +88,7 @@ def faulty(
             "blocked wheel", ("wheel_blocked", "wheel_dead"), f"wheel_blocked:wheel={other},{at}", board=imu
         ),
         drive("smaller wheels", ("wheel_size",), board={"error": "wheel_size=0.85"}, duration_s=28.0),
-        drive("model of another size", ("speed_scale",), robot=_larger(robot, 1.12)),
+        drive("model of another size", ("speed_scale", "wheel_size"), robot=_larger(robot, 1.12)),
         drive("wrong track width", ("track_width",), board={**imu, "error": "axle=1.15"}),
         drive("dead IMU", ("imu_dead",), f"imu_absent:{at}", board=imu),
         drive("drifting IMU", ("imu_drift",), board={**IMU, "imu_errors": _drifting(seed)}),
@@ -109,7 +109,9 @@ def more(seed: int = 1, robot: str = "traxbot", world: str = "room", duration_s:
     id_of_other = models.load("stingbot" if robot == "traxbot" else "traxbot").ids[0]
     return [
         drive("swapped encoder", ("wheel_reversed",), f"encoder_swapped:wheel={other}"),
-        drive("smaller wheels and IMU", ("wheel_size",), board={**imu, "error": "wheel_size=0.87"}),
+        drive(
+            "smaller wheels and IMU", ("wheel_size", "track_width"), board={**imu, "error": "wheel_size=0.87"}
+        ),
         drive(
             "larger wheels and IMU", ("wheel_size", "track_width"), board={**imu, "error": "wheel_size=1.15"}
         ),

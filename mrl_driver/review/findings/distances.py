@@ -18,14 +18,19 @@ from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 from .evidence import TELEMETRY, heard, interruptions, outside
 from .finding import Finding
 
-FACTORS = np.linspace(0.76, 1.3, 28)
+FACTORS = np.linspace(0.6, 1.4, 41)
 """Tried sizes of the wheels, as shares of the model's."""
-WRONG, SHARPER = 0.08, 1.12
+LEAST_FACTOR, MOST_FACTOR = 0.7, 1.3
+"""A best factor beyond these is none: parallel walls alone fit together the better the shorter the path."""
+ONE_WALL = 0.8
+"""Share of the votes for walls of one direction, such as those of a corridor, above which there is no answer: the
+distance along them cannot be seen. """
+WRONG, SHARPER = 0.08, 1.2
 """Wheels are of another size if the best factor differs from 1 by more than `WRONG`: two steps of `FACTORS`, and as
-much for the sonars' own curve.  Its walls must be `SHARPER` than the others; right wheels reach 1.08 by chance. """
+much for the sonars' own curve.  Its walls must be `SHARPER` than the others; right wheels reach 1.18 by chance. """
 NEAR_M, FAR_M = 0.2, 4.0
 """Ranges that are used [m]; farther arcs are wide and often hit corners."""
-LEAST, LEAST_M = 60, 2.0
+LEAST, LEAST_M = 60, 3.0
 """Number of readings, and distance driven [m], that give an answer."""
 PART_S, PARTS = 100.0, 3
 """A drive is examined in parts of this length [s], because errors of the path grow; at most `PARTS`, spread evenly."""
@@ -65,17 +70,20 @@ def check(drive: DriveData) -> List[Finding]:
         return []
     count = max(1, math.ceil(drive.duration_s / PART_S))
     edges = np.linspace(0.0, drive.duration_s + 1e-6, count + 1)
-    scores = np.zeros(len(FACTORS) + 1)
+    votes = np.zeros((len(FACTORS) + 1, DIRECTIONS))
     for part in sorted({int(each) for each in np.linspace(0, count - 1, min(count, PARTS))}):
         chosen = (readings.time_s >= edges[part]) & (readings.time_s < edges[part + 1])
         if chosen.sum() >= LEAST:
             some = _Readings(*(each[chosen] for each in readings))
-            scores += [_sharpness(some, path, factor) for factor in (1.0, *FACTORS)]
+            votes += [_sharpness(some, path, factor) for factor in (1.0, *FACTORS)]
+    scores = votes.sum(axis=1)
     if not scores[0]:
         return []
     best = int(np.argmax(scores[1:]))
     factor, sharper = float(FACTORS[best]), scores[1 + best] / scores[0]
-    if abs(factor - 1.0) <= WRONG or sharper < SHARPER:
+    if abs(factor - 1.0) <= WRONG or sharper < SHARPER or not LEAST_FACTOR <= factor <= MOST_FACTOR:
+        return []
+    if _is_one_wall(votes[1 + best]):
         return []
     also = "" if path.gyro else " or the wheel separation"
     farthest = int(np.argmax(np.abs(path.forward_m)))
@@ -125,8 +133,16 @@ def _placed(path: _Path, factor: float, times_s: Any) -> Tuple[Any, Any, Any]:
     return x_m, y_m, yaw
 
 
-def _sharpness(readings: _Readings, path: _Path, factor: float) -> float:
-    """Sum of the squares of the votes for each wall."""
+def _is_one_wall(votes: Any) -> bool:
+    """Return whether nearly all walls have the same direction, or are parallel."""
+    both = votes[: DIRECTIONS // 2] + votes[DIRECTIONS // 2 :]
+    wide = DIRECTIONS // 8
+    around = np.convolve(np.tile(both, 2), np.ones(wide), "valid")
+    return bool(around.max() > ONE_WALL * both.sum())
+
+
+def _sharpness(readings: _Readings, path: _Path, factor: float) -> Any:
+    """Sums of the squares of the votes for the walls of each direction, array `(DIRECTIONS,)`."""
     x_m, y_m, yaw = _placed(path, factor, readings.time_s)
     cos, sin = np.cos(yaw), np.sin(yaw)
     x_m, y_m = (
@@ -146,4 +162,4 @@ def _sharpness(readings: _Readings, path: _Path, factor: float) -> float:
         DIRECTIONS, bins
     )
     blurred = 2 * votes[:, 1:-1] + votes[:, 2:] + votes[:, :-2]
-    return float((blurred * blurred).sum())
+    return (blurred * blurred).sum(axis=1)

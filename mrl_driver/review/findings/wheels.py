@@ -133,7 +133,7 @@ def _wrong_speeds(drive: DriveData, ratios: Any, at_s: Any) -> List[Finding]:
                 "encoder counts in the board differ from those of the robot model.",
                 "Compare the robot's YAML with the board's parameters: mrl doctor, mrl config; then: mrl calibrate",
                 *heard(drive, float(np.nanmin(at_s)), *TELEMETRY),
-                57,
+                62,
             )
         ]
     slow = min(names, key=lambda each: names[each])
