@@ -43,6 +43,7 @@ _FOLLOWS: Tuple[Tuple[Set[str], Set[str]], ...] = (
         },
         {"wheel_size"},
     ),
+    ({"pushing"}, {"sonar_stuck"}),
     ({"speed_scale"}, {"wheel_size", "track_width"}),
     ({"wheel_size"}, {"track_width"}),
     ({"bad_cable", "noise_bursts"}, {"requests_lost", "requests_late", "frames_lost"}),

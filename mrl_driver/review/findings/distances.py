@@ -30,7 +30,7 @@ WRONG, SHARPER = 0.08, 1.2
 much for the sonars' own curve.  Its walls must be `SHARPER` than the others; right wheels reach 1.18 by chance. """
 NEAR_M, FAR_M = 0.2, 4.0
 """Ranges that are used [m]; farther arcs are wide and often hit corners."""
-LEAST, LEAST_M = 60, 3.0
+LEAST, LEAST_M = 60, 2.0
 """Number of readings, and distance driven [m], that give an answer."""
 PART_S, PARTS = 100.0, 3
 """A drive is examined in parts of this length [s], because errors of the path grow; at most `PARTS`, spread evenly."""

@@ -6,7 +6,7 @@ from typing import Any, List
 import numpy as np
 
 from mrl_driver.review.drive_data import DriveData
-from mrl_driver.robot.sonar import CYCLE_S, NEAREST_M
+from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M, NEAREST_M
 
 from .evidence import TELEMETRY, heard, interruptions, outside, ready_s, runs
 from .finding import Finding
@@ -16,6 +16,8 @@ DEAD_S = 3.0
 SAME_M, SAME, SAME_RAD = 0.015, 10, math.radians(90.0)
 """A sonar is stuck if at least `SAME` readings differ by less than `SAME_M` [m], a step of the ADC, while the robot
 turns over a range of `SAME_RAD`: its cone has 36 deg, so that it cannot see the same wall all the time [rad]. """
+CHANGED_M = 0.1
+"""The other sonars must have seen a change of this size meanwhile [m]; if they have not, the robot stood."""
 CLOSE_M, CLOSE_RAD = 0.3, math.radians(270.0)
 """The same for short readings, as those of a robot that turns in a narrow place may be: between two walls the range
 varies by an eighth only [m rad]. """
@@ -44,7 +46,7 @@ def check(drive: DriveData) -> List[Finding]:
         others = [each for other, each in readings.items() if other != name]
         found = (
             _dead(drive, name, times_s, values)
-            or _stuck(drive, name, times_s, values, turned)
+            or _stuck(drive, name, times_s, values, turned, others)
             or _deaf(drive, name, times_s, values, turned, others)
         )
         findings += found
@@ -68,7 +70,7 @@ def _dead(drive: DriveData, name: str, times_s: Any, values: Any) -> List[Findin
     return []
 
 
-def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any) -> List[Finding]:
+def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, others: Any) -> List[Finding]:
     first, low, high = 0, math.inf, -math.inf
     for i, value in enumerate(values):
         if not value < math.inf:  # nothing in range, or no reading
@@ -82,6 +84,8 @@ def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any) 
         turned_rad = np.ptp(turned[first : i + 1])
         if i - first + 1 < SAME or turned_rad < (SAME_RAD if low > CLOSE_M else CLOSE_RAD):
             continue
+        if not _changed(others, times_s[first], times_s[i]):
+            return [_standing(drive, times_s[i], turned_rad)]
         reading = f"{low:.2f} m" if value > 0 else "too close"
         return [
             Finding(
@@ -96,6 +100,26 @@ def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any) 
             )
         ]
     return []
+
+
+def _changed(others: Any, begin_s: float, end_s: float) -> bool:
+    """Return whether another sonar saw something else in this time; True if there is no other one."""
+    seen = [values[(times_s >= begin_s) & (times_s <= end_s)] for times_s, values in others]
+    seen = [np.clip(each[~np.isnan(each)], 0.0, FARTHEST_M) for each in seen]
+    return not seen or any(len(each) and np.ptp(each) >= CHANGED_M for each in seen)
+
+
+def _standing(drive: DriveData, time_s: float, turned_rad: float) -> Finding:
+    """All sonars show the same while the wheels turn."""
+    return Finding(
+        "pushing",
+        "The robot did not move although its wheels turned",
+        f"By its wheels it turned over {math.degrees(turned_rad):.0f} deg, while all sonars showed the same: it stood "
+        "against an obstacle, or its wheels were off the ground. The pose is off by as much.",
+        "Stop earlier in front of obstacles, for example with protective zones.",
+        *heard(drive, time_s, *TELEMETRY),
+        68,
+    )
 
 
 def _deaf(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, others: Any) -> List[Finding]:
