@@ -170,7 +170,7 @@ function onSelect(plot) {
 function fit() {
   const width = paper.matches ? PAPER_PX : element("charts").clientWidth;
   if (width > 0) for (const { plot } of plots) plot.setSize({ width, height: HEIGHT });
-  show();
+  queueMicrotask(() => show()); // plots take their size in a microtask
 }
 
 // Moment and time --------------------------------------------------------------------------------------------------------
@@ -264,7 +264,7 @@ for (const media of [paper, matchMedia("(prefers-color-scheme: dark)")]) {
   media.addEventListener("change", () => {
     map?.readColours();
     build();
-    map?.draw();
+    map?.resize();
   });
 }
 function frame() {

@@ -44,8 +44,8 @@ export class FloorMap {
   constructor() {
     this.readColours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.readColours());
-    new ResizeObserver(() => this.#resize()).observe(this.#canvas);
-    this.#resize();
+    new ResizeObserver(() => this.resize()).observe(this.#canvas);
+    this.resize();
     element("zoom-in").addEventListener("click", () => this.#zoom(1.4));
     element("zoom-out").addEventListener("click", () => this.#zoom(1 / 1.4));
     element("zoom-fit").addEventListener("click", () => this.#fit(true));
@@ -118,7 +118,8 @@ export class FloorMap {
     this.#box = grown(this.#box, x, y);
   }
 
-  #resize() {
+  /** Takes the size of its place on the page or on paper. */
+  resize() {
     const { clientWidth, clientHeight } = this.#canvas;
     const ratio = Math.min(2, devicePixelRatio || 1);
     this.#canvas.width = Math.max(1, Math.round(clientWidth * ratio));
