@@ -59,7 +59,8 @@ CONTROLS = (
 LADDER = (0, LINE, HOST, LINE | PORT, BRIDGE, LINE | BUS | HOST, LINE | PORT | BRIDGE, EACH)
 """A bug is searched with these parts, one after the other, until it is found."""
 FINDINGS = (
-    ("P4 with the board's own stops", LINE, {"STRICT": 1}),
+    ("P4 with the board's own stops", LINE, {"STRICT": 1, "PROPERTIES": 8}),
+    ("P4 with the board's own stops", BUS, {"STRICT": 1, "PROPERTIES": 8}),
     ("P4 over UDP", LINE, {"UDP": 1}),
     ("P2 over UDP", LINE, {"UDP": 1, "PROPERTIES": 2}),
 )

@@ -450,8 +450,13 @@ inline board() {
   /* the motor board */
   was_moving = m_moves; dead = 0;
   if
-  :: !b_up || other == BUS_DEAD || (other == NACK && false) ->
-    if :: b_up && b_present -> note_stop(BY_BUS); b_present = 0 :: else fi;
+  :: !b_up || other == BUS_DEAD ->
+    if
+    :: b_up && b_present ->
+      if :: strict && b_turning -> end_command(BY_BUS) :: else fi;
+      note_stop(BY_BUS); b_present = 0
+    :: else
+    fi;
     if
     :: m_moves ->
       m_idle++;
