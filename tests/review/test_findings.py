@@ -3,10 +3,13 @@
 `python -m tests.review.holdout` drives many more, with other seeds, robots, worlds and faults.
 """
 
+import math
+
+import numpy as np
 import pytest
 
 from mrl_driver.driver.recorded import RecordedDriver
-from mrl_driver.review.drive_data import read
+from mrl_driver.review.drive_data import Column, read
 from mrl_driver.review.findings import find
 
 from .drives import Drive, record
@@ -15,26 +18,22 @@ from .faulty_drives import faulty, good
 FAULTY = faulty()
 
 
-@pytest.mark.parametrize("drive", FAULTY, ids=[each.name.replace(" ", "-") for each in FAULTY])
-def test_the_fault_of_a_drive_comes_first(drive, tmp_path):
+def findings_of(drive, tmp_path):
     path = str(tmp_path / "drive.mrl")
     record(drive, path)
-    found = find(read(RecordedDriver(path)))
+    return find(read(RecordedDriver(path)))
+
+
+@pytest.mark.parametrize("drive", FAULTY, ids=[each.name.replace(" ", "-") for each in FAULTY])
+def test_the_fault_of_a_drive_comes_first(drive, tmp_path):
+    found = findings_of(drive, tmp_path)
     assert [each.kind for each in found][:1] and found[0].kind in drive.expected
     assert found[0].data and 0.0 <= found[0].time_s <= drive.duration_s + 5.0
 
 
 @pytest.mark.parametrize("seed", range(1, 21))
 def test_a_good_drive_has_no_finding(seed, tmp_path):
-    path = str(tmp_path / "drive.mrl")
-    record(good(seed), path)
-    assert find(read(RecordedDriver(path))) == []
-
-
-def findings_of(drive, tmp_path):
-    path = str(tmp_path / "drive.mrl")
-    record(drive, path)
-    return find(read(RecordedDriver(path)))
+    assert findings_of(good(seed), tmp_path) == []
 
 
 def test_answers_that_a_bad_cable_damages_are_not_lost_requests(tmp_path):
@@ -45,3 +44,39 @@ def test_answers_that_a_bad_cable_damages_are_not_lost_requests(tmp_path):
 def test_the_frame_that_proves_a_restart_has_its_cause(tmp_path):
     drive = Drive("reset", board={"faults": ("reset:at=4",)}, duration_s=8.0)
     assert findings_of(drive, tmp_path)[0].data.startswith(b"@30,0,0,2,")
+
+
+@pytest.fixture(scope="module")
+def turning(tmp_path_factory):
+    """A good drive whose poses are replaced: the robot turns round once, in front of changing walls."""
+    path = str(tmp_path_factory.mktemp("turning") / "drive.mrl")
+    record(good(3), path)
+    drive = read(RecordedDriver(path))
+    poses = drive.poses.values.copy()
+    poses[:, 2] = np.linspace(0.0, 2 * math.pi, len(poses))
+    return drive._replace(poses=drive.poses._replace(values=poses))
+
+
+def seen(drive, **ranges_m):
+    """Kinds of the findings, if some sonars always show these ranges and the others ever larger ones."""
+    ranges = {
+        name: Column(column.time_s, np.full(len(column.time_s), ranges_m[name]))
+        if name in ranges_m
+        else Column(column.time_s, np.linspace(0.5, 3.0, len(column.time_s)))
+        for name, column in drive.ranges.items()
+    }
+    return [each.kind for each in find(drive._replace(ranges=ranges))]
+
+
+def test_a_sonar_that_shows_the_same_while_the_robot_turns_is_stuck(turning):
+    assert seen(turning, left=1.2) == ["sonar_stuck"]
+    assert seen(turning) == []
+
+
+def test_sonars_that_all_show_the_same_mean_a_robot_that_stands(turning):
+    assert seen(turning, front=1.9, left=1.2, right=2.0) == ["pushing"]
+
+
+def test_a_sonar_sees_nothing_where_the_others_see_walls(turning):
+    assert seen(turning, right=math.inf) == ["sonar_deaf"]
+    assert seen(turning, front=math.inf, left=math.inf, right=math.inf) == []
