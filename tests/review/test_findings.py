@@ -80,3 +80,35 @@ def test_sonars_that_all_show_the_same_mean_a_robot_that_stands(turning):
 def test_a_sonar_sees_nothing_where_the_others_see_walls(turning):
     assert seen(turning, right=math.inf) == ["sonar_deaf"]
     assert seen(turning, front=math.inf, left=math.inf, right=math.inf) == []
+
+
+def test_junk_from_before_the_greeting_is_not_a_bad_cable(turning):
+    junk = [(0.001 * i, "<", "noise", b"\xff") for i in range(9)]
+    assert [each.kind for each in find(turning._replace(garbage=junk))] == []
+    assert [
+        each.kind for each in find(turning._replace(garbage=[(4.0 + i / 9, *junk[i][1:]) for i in range(9)]))
+    ] == ["bad_cable"]
+
+
+@pytest.fixture(scope="module")
+def paused(tmp_path_factory):
+    path = str(tmp_path_factory.mktemp("paused") / "drive.mrl")
+    record(next(each for each in FAULTY if each.name == "late host"), path)
+    return read(RecordedDriver(path))
+
+
+def test_a_paused_computer_is_found_in_files_that_do_not_name_it(paused):
+    """Older recordings lack the reasons of stops."""
+    others = [stop for stop in paused.stops if stop.reason != "host_paused"]
+    assert find(paused._replace(stops=others))[0].kind == "late_host"
+
+
+def test_a_stop_that_both_sides_report_is_there_once(paused):
+    stops = paused.stops
+    assert any(stop.reason == "host_paused" for stop in stops)
+    assert not [a for a, b in zip(stops, stops[1:]) if a.reason == b.reason and b.time_s - a.time_s < 0.5]
+
+
+def test_what_follows_from_a_dead_encoder_is_not_a_finding_of_its_own(tmp_path):
+    drive = next(each for each in FAULTY if each.name == "dead encoder")
+    assert [each.kind for each in findings_of(drive, tmp_path)] == ["encoder_dead"]
