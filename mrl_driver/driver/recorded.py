@@ -74,10 +74,11 @@ _OPENING_ENTRIES = 2000
 """The remarks that hold for a whole recording are looked for in this many entries."""
 _MOST_TURNS = 200
 """Between two entries of an older file, at most this many turns are made."""
-_LEAST_FRAMES = 3
+_LEAST_FRAMES = _LEAST_MOVES = 3
 _GREETING_S, _LONG_GREETING_S = 1.0, 5.0
 """A greeting that does not end while the board streams for this time is incomplete in the file: the session goes on
-without it.  The longer time is for files that have each turn of the driver [s]."""
+without it.  The longer time is for files that have each turn of the driver [s].  After `_LEAST_MOVES` commands it does
+not wait: no driver sends them in a greeting."""
 _PROTOCOL_S, _SILENCE_S = 0.5, 0.5
 _MOST_FAILURES = 3
 _INFO, _PROTOCOL, _CHECK, _IMU = (
@@ -421,7 +422,7 @@ class RecordedDriver(Driver):
             for listener in self._on_sent:
                 listener(Sent(self.time_s, event, raw))
             if isinstance(event, Frame) and core.begun:
-                self._missing.sent(event)
+                self._missing.sent(event, core.session.ready)
                 if core.session.ready:
                     self._follow(event, now)
 
@@ -542,7 +543,7 @@ class _MissingGreeting:
         self._protocol: Optional[Tuple[int, ...]] = None
         self._capabilities = {"check", "watchdog"}
         self._info_s = self._last_s = self._since_s = -math.inf
-        self._frames, self._greeted = 0, False
+        self._frames, self._greeted, self._moves = 0, False, 0
 
     def assume(self, model: RobotModel) -> None:
         """Take the board for one of this model with new firmware, until it says what it is.
@@ -553,11 +554,12 @@ class _MissingGreeting:
 
     def end(self, greeted: bool = True) -> None:
         """Begin again, because the session is ready."""
-        self._frames, self._greeted, self._last_s = 0, greeted, -math.inf
+        self._frames, self._greeted, self._moves, self._last_s = 0, greeted, 0, -math.inf
 
-    def sent(self, frame: Frame) -> None:
-        """Process a request of the host."""
+    def sent(self, frame: Frame, ready: bool) -> None:
+        """Process a request of the host; `ready` says whether the session is."""
         self._greeted = self._greeted or frame.code in _GREETING
+        self._moves += not ready and frame.code in (MOVE, MOVE_OMNI)
 
     def heard(self, frame: Frame, now: float) -> None:
         """Process a reply of the board while the session is not ready."""
@@ -583,7 +585,7 @@ class _MissingGreeting:
         if info is None or self._frames < _LEAST_FRAMES:
             return None
         patience_s = _LONG_GREETING_S if turns_known else _GREETING_S if self._greeted else 0.0
-        if now - self._since_s < patience_s:
+        if self._moves < _LEAST_MOVES and now - self._since_s < patience_s:
             return None
         if info.version < 2:
             return info

@@ -353,6 +353,17 @@ def test_a_damaged_file_is_played_as_far_as_it_goes(short, damages):
     assert len(of_kind(found, Telemetry)) <= len(rest) and played.time_s >= 0.0
 
 
+@pytest.mark.parametrize("code", ["@29,", "@33,"])
+def test_a_greeting_that_lacks_a_reply_ends_with_the_next_commands(short, code):
+    """Not seconds later: the recorded driver drives, so it was greeted."""
+    lines, path = short
+    found = [at for at, line in enumerate(lines) if f"< {code}" in line]
+    checked = next(at for at, line in enumerate(lines) if "! checked" in line)
+    missing = next(at for at in found if at > checked)
+    _, heard = replay(path, [*lines[:missing], *lines[missing + 1 :]])
+    assert of_kind(heard, Telemetry)
+
+
 def test_a_robot_that_is_given_replaces_the_recorded_one(short, tmp_path):
     lines, _ = short
     traxbot = models.load("traxbot")
