@@ -95,7 +95,7 @@ def faulty(
     ]
 
 
-def good(seed: int = 1, robot: str = "traxbot", world: str = "room", duration_s: float = 8.0) -> Drive:
+def good(seed: int = 1, robot: str = "traxbot", world: str = "room", duration_s: float = 6.0) -> Drive:
     """A drive without a fault; some have an IMU, some have the delays of a USB adapter."""
     board = {"world": world, **({**IMU, "imu_seed": seed} if seed % 3 == 1 else {})}
     made = _real(robot, board, (_USB,) if seed % 3 == 2 else ())
