@@ -41,8 +41,12 @@ UNANSWERED_SHARE, LATE_ANSWER_S, ANSWER_S = 0.02, 0.25, 1.0
 TEXTS = 3
 GAP = 5
 """More lost frames than this in a row are a silence, not single losses."""
+AT_ONCE_S = 0.02
+"""More than `GAP` frames within this time came at once [s]: the stream has one."""
 AWAKE_S = 0.13
 """While a command is in force the driver sends a frame at least this often [s]: it repeats commands every 0.1 s."""
+ASKS_S = 0.05
+"""A driver that hears nothing sends no commands; it greets the board within this time after `STALE_S` [s]."""
 RESUMED_S, RESUMED = 1.5, 3
 """Commands come too rarely if they time out this often, and another one follows within this time [s]."""
 
@@ -192,6 +196,8 @@ def _silences(drive: DriveData) -> List[_Silence]:
     arrivals, stamps = drive.poses.time_s, drive.stamps_s
     sends = np.frombuffer(drive.sent.times_s, dtype=float)
     lost_at, lost = np.append(drive.lost.time_s, math.inf), np.append(0.0, drive.lost.values)
+    frames = np.frombuffer(drive.heard.times_s, dtype=float)
+    frames = frames[np.isin(np.frombuffer(drive.heard.codes, dtype=np.int16), TELEMETRY)]
     found = []
     first_s = ready_s(drive) + SETTLING_S
     for i in np.flatnonzero(np.diff(arrivals) > LATE_S):
@@ -202,8 +208,12 @@ def _silences(drive: DriveData) -> List[_Silence]:
         inside = sends[(sends > begin_s + 0.005) & (sends < end_s - 0.002)]
         quiet_s = float(np.max(np.diff([begin_s, *inside, end_s])))
         asleep = quiet_s > (AWAKE_S if moving else 2 * STALE_S)
+        if moving and end_s - begin_s > STALE_S + ASKS_S:
+            asleep = quiet_s > STALE_S + ASKS_S
         unsure = not asleep and quiet_s > 0.7 * (end_s - begin_s)
-        held = bool(stamps[i + 1] < end_s - 0.5 * (end_s - begin_s))
+        unused = frames[(frames > begin_s) & (frames < end_s)]  # while the driver greeted the board again
+        at_once = bool(np.any(unused[GAP:] - unused[:-GAP] < AT_ONCE_S))
+        held = at_once or bool(stamps[i + 1] < end_s - 0.5 * (end_s - begin_s))
         missing = (
             lost[np.searchsorted(lost_at, end_s + 1e-3)] - lost[np.searchsorted(lost_at, begin_s + 1e-3)]
         )
@@ -247,21 +257,24 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
     long = [each for each in silences if each.end_s - each.begin_s > STALE_S and each not in paused]
     long = [each for each in long if not _covers(each, restarts(drive))]
     lost = [stop for stop in drive.stops if stop.reason == "link_lost"]
+    ended_s = [time_s for time_s, text in drive.remarks if text.startswith("ended LinkLost")]
     held = [each for each in long if each.held]
     unnumbered, ran_on = not len(drive.delays.time_s), restarts(drive, ran_on=True)
     cut = [each for each in long if not each.held and (each.lost or unnumbered or _covers(each, ran_on))]
     stalled = [each for each in long if not each.held and each not in cut]
     findings = []
-    if cut or lost or drive.opened[1:]:
-        begins_s = [each.begin_s for each in cut] + [stop.time_s for stop in lost]
+    if cut or lost or ended_s or drive.opened[1:]:
+        begins_s = [each.begin_s for each in cut] + [stop.time_s for stop in lost] + ended_s
         begins_s += [time_s for time_s, _ in drive.opened[1:]]
         total_s = sum(each.end_s - each.begin_s for each in cut)
         findings.append(
             Finding(
                 "link_lost",
                 "The connection to the robot was lost",
-                f"It was lost {times(max(len(cut), len(lost), 1))}, for {total_s:.1f} s in all; the board went on "
-                "meanwhile. This is the last frame before.",
+                f"It was lost {times(max(len(cut), len(lost), 1))}"
+                + (f", for {total_s:.1f} s in all; the board went on meanwhile" if cut else "")
+                + ("; the program ended then" if ended_s else "")
+                + ". This is the last frame before.",
                 "Check the plug and the cable, or the radio's range.",
                 *_last_before(drive, min(begins_s)),
                 84,
