@@ -46,7 +46,7 @@ AT_ONCE_S = 0.02
 AWAKE_S = 0.13
 """While a command is in force the driver sends a frame at least this often [s]: it repeats commands every 0.1 s."""
 ASKS_S = 0.05
-"""A driver that hears nothing sends no commands; it greets the board within this time after `STALE_S` [s]."""
+"""A driver that receives nothing sends no commands; it greets the board within this time after `STALE_S` [s]."""
 RESUMED_S, RESUMED = 1.5, 3
 """Commands come too rarely if they time out this often, and another one follows within this time [s]."""
 
