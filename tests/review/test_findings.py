@@ -41,8 +41,11 @@ def test_answers_that_a_bad_cable_damages_are_not_lost_requests(tmp_path):
     assert [each.kind for each in findings_of(drive, tmp_path)] == ["bad_cable"]
 
 
-def test_a_line_that_holds_data_back_for_long_is_not_a_busy_computer(tmp_path):
-    drive = Drive("stall", board={"faults": ("stall:at=2.5,lasts=0.7",)}, duration_s=5.0, seed=3)
+@pytest.mark.parametrize(
+    "fault, duration_s", [("at=2.5,lasts=0.7", 5.0), ("at=2.1,lasts=0.2,every=1.37", 8.0)]
+)
+def test_a_line_that_holds_data_back_is_not_a_busy_computer(fault, duration_s, tmp_path):
+    drive = Drive("stall", board={"faults": (f"stall:{fault}",)}, duration_s=duration_s, seed=3)
     assert findings_of(drive, tmp_path)[0].kind == "line_stalled"
 
 

@@ -45,13 +45,14 @@ _FOLLOWS: Tuple[Tuple[Set[str], Set[str]], ...] = (
     ),
     ({"pushing"}, {"sonar_stuck"}),
     ({"motor_board", "bus_hung"}, {"board_silent"}),
+    ({"line_stalled", "late_host"}, {"speed_scale"}),
     ({"speed_scale"}, {"wheel_size", "track_width"}),
     ({"wheel_size"}, {"track_width"}),
     ({"bad_cable", "noise_bursts"}, {"requests_lost", "requests_late", "frames_lost"}),
 )
 """If one of the first findings is there, the second ones follow from it, or cannot be judged: wheels must turn and
-count, motors need their voltage, telemetry needs the motor board, distances need a whole path, the wheel size changes
-the turns too, and a cable that damages frames also loses them. """
+count, motors need their voltage, telemetry needs the motor board, speeds need commands in time, distances need a
+whole path, the wheel size changes the turns too, and a cable that damages frames also loses them. """
 
 
 def find(drive: DriveData) -> List[Finding]:

@@ -43,8 +43,9 @@ GAP = 5
 """More lost frames than this in a row are a silence, not single losses."""
 AT_ONCE_S = 0.02
 """More than `GAP` frames within this time came at once [s]: the stream has one."""
-AWAKE_S = 0.13
-"""While a command is in force the driver sends a frame at least this often [s]: it repeats commands every 0.1 s."""
+ASLEEP_S, AWAKE_S = 0.03, 0.11
+"""While a command is in force, the driver repeats it every 0.1 s, but not if it received nothing for `LATE_S`.  A
+computer that is awake therefore most often sends a frame in this part of a silence [s]."""
 ASKS_S = 0.05
 """A driver that receives nothing sends no commands; it greets the board within this time after `STALE_S` [s]."""
 RESUMED_S, RESUMED = 1.5, 3
@@ -207,9 +208,11 @@ def _silences(drive: DriveData) -> List[_Silence]:
         moving = bool(np.any(command_at(drive, [begin_s])))
         inside = sends[(sends > begin_s + 0.005) & (sends < end_s - 0.002)]
         quiet_s = float(np.max(np.diff([begin_s, *inside, end_s])))
-        asleep = quiet_s > (AWAKE_S if moving else 2 * STALE_S)
+        asleep = quiet_s > 2 * STALE_S
         if moving and end_s - begin_s > STALE_S + ASKS_S:
             asleep = quiet_s > STALE_S + ASKS_S
+        elif moving:
+            asleep = not np.any((inside > begin_s + ASLEEP_S) & (inside < begin_s + AWAKE_S))
         unsure = not asleep and quiet_s > 0.7 * (end_s - begin_s)
         unused = frames[(frames > begin_s) & (frames < end_s)]  # while the driver greeted the board again
         at_once = bool(np.any(unused[GAP:] - unused[:-GAP] < AT_ONCE_S))
@@ -223,6 +226,9 @@ def _silences(drive: DriveData) -> List[_Silence]:
 
 def _pauses(silences: List[_Silence]) -> List[_Silence]:
     """Silences in which the host slept; if it did once, those in which it had nothing to send count too."""
+    driven = [each for each in silences if each.held and each.moving]
+    if 2 * sum(each.asleep for each in driven) < len(driven):
+        return []  # awake in most of them: the line held the data back
     sure = any(each.asleep and each.held for each in silences)
     return [each for each in silences if each.held and (each.asleep or (sure and each.unsure))]
 
@@ -259,6 +265,9 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
     lost = [stop for stop in drive.stops if stop.reason == "link_lost"]
     ended_s = [time_s for time_s, text in drive.remarks if text.startswith("ended LinkLost")]
     held = [each for each in long if each.held]
+    short = [each for each in silences if each.held]
+    if not paused and len(short) >= LEAST:
+        held = short
     unnumbered, ran_on = not len(drive.delays.time_s), restarts(drive, ran_on=True)
     cut = [each for each in long if not each.held and (each.lost or unnumbered or _covers(each, ran_on))]
     stalled = [each for each in long if not each.held and each not in cut]
