@@ -6,6 +6,8 @@ from typing import Any, Container, Mapping, Sequence
 from .errors import ConfigError
 
 _DEEPEST = 10
+_LONGEST = 1 << 20
+"""Longest file accepted [characters]; those of users have a few thousand."""
 _LONGEST_BITS = 2048
 """Longest number accepted [bit]; Python refuses to print very long ones."""
 
@@ -27,14 +29,16 @@ def read(path: str) -> Any:
 
     Raises:
         OSError: the file cannot be opened.
-        ConfigError: it is not YAML, a value does not fit its tag, a mapping has a key twice, or the nesting is deeper
-            than 10.
+        ConfigError: it is not YAML, a value does not fit its tag, a mapping has a key twice, the nesting is deeper
+            than 10, or the file is longer than a million characters.
     """
     with open(path, encoding="utf-8") as file:
         try:
-            text = file.read()
+            text = file.read(_LONGEST + 1)
         except ValueError as error:
             raise ConfigError(f"{path}: no YAML: {error}") from None
+    if len(text) > _LONGEST:
+        raise ConfigError(f"{path}: longer than {_LONGEST} characters, expected a YAML file written by hand")
     return parse(text, path)
 
 

@@ -15,6 +15,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot import models
 from mrl_driver.robot.models import ImuMount, kit
+from mrl_driver.yaml_form import with_schema_line
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.serve import factory
 
@@ -162,7 +163,9 @@ MEASURED = ImuMount(0.0, 0.0, 0.0, 179.25, -3.5, -90.1, 1.01234, 0.00045)
 
 @pytest.mark.parametrize("kind", ["traxbot", "kit"])
 def test_a_measured_imu_is_read_back_as_it_was_written(tmp_path, kind):
-    """A second calibration replaces the numbers of the first; comments and all other numbers stay."""
+    """A second calibration replaces the numbers of the first; comments and all other numbers stay.  The schema is named
+    by its whole path, because the file lies elsewhere.
+    """
     rover = kit.Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612")
     text = (
         pathlib.Path(calibration_files.source_of("traxbot")).read_text()
@@ -178,4 +181,5 @@ def test_a_measured_imu_is_read_back_as_it_was_written(tmp_path, kind):
         values = {("imu", name): getattr(mount, name) for name in names}
         calibration_files.write_model(path, path, values, "mrl calibrate imu")
     assert models.load(path) == before._replace(imu=MEASURED)
-    assert pathlib.Path(path).read_text().startswith(text.rstrip())
+    written = pathlib.Path(path).read_text()
+    assert written.startswith(with_schema_line(text, models.SCHEMA).rstrip())

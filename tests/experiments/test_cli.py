@@ -81,7 +81,7 @@ def test_missing_matplotlib_is_said_before_anything_is_driven(tmp_path, monkeypa
 def test_figures_that_cannot_be_written_are_named(tmp_path):
     """The name of the file, also where the error of the system has none, as on a full disk."""
     (tmp_path / "power.json").mkdir()
-    with pytest.raises(OutputError, match=f"{tmp_path}/power.json cannot be written: Is a directory"):
+    with pytest.raises(OutputError, match=f"{tmp_path}/power.json cannot be written: it is not a plain file"):
         experiment_report.save(experiment_report.Result("power", "Circles", []), str(tmp_path))
 
 

@@ -58,6 +58,11 @@ def test_lists_in_lists_beyond_all_sense(tmp_path):
     assert "nested deeper than 10" in fault_of(tmp_path, f"a: {'[' * 10}{']' * 10}")
 
 
+def test_a_file_without_an_end_is_refused():
+    with pytest.raises(ConfigError, match="/dev/zero: longer than"):
+        read("/dev/zero")
+
+
 def test_bytes_that_are_not_text(tmp_path):
     path = tmp_path / "robot.yaml"
     path.write_bytes(b"name: \xff")

@@ -164,6 +164,11 @@ def test_where_websockets_are_refused_the_page_drives_all_the_same(visit, robot)
     moves_and_stops(robot, phone, phone.push, phone.tab.lift)
 
 
+def size_of(path):
+    """The file's size: until a download is complete, Chromium keeps an empty file of its name."""
+    return path.stat().st_size
+
+
 def test_a_drive_is_recorded_and_downloaded(visit, robot, browser):
     desk = visit(DESK).take()
     desk.tab.press("record")
@@ -173,5 +178,5 @@ def test_a_drive_is_recorded_and_downloaded(visit, robot, browser):
     desk.wait(recording="no")
     desk.tab.wait("document.querySelector('#recordings a')")
     desk.tab.press("#recordings a")
-    file = wait_until(lambda: next(browser.downloads.glob("*.mrl"), None))
+    file = wait_until(lambda: next(filter(size_of, browser.downloads.glob("*.mrl")), None))
     assert any(b"@11," in entry.data for entry in Recording(str(file)))
