@@ -35,5 +35,5 @@ test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEAS
 	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
 
 .PHONY: test-pythons
-test-pythons: | apt firmware pc-firmware ## Run the tests that need no ROS on each installed Python from 3.8 to 3.13; PYTHONS="3.8 3.13"
+test-pythons: | apt firmware pc-firmware comparison ## Run the tests that need no ROS on each installed Python from 3.8 to 3.13; PYTHONS="3.8 3.13"
 	@$(if $(PYTHONS),PYTHONS="$(PYTHONS)") tests/pythons.sh
