@@ -56,7 +56,10 @@ def drive(module_rig, tmp_path_factory):
         )
     end(node)
     recorder.signal(signal.SIGINT)
-    assert recorder.wait(30.0) and (folder / "node.bag").exists(), recorder.last_words()
+    assert recorder.wait(30.0), recorder.last_words()
+    wait_until(
+        (folder / "node.bag").exists, what="the bag"
+    )  # `rosbag` does not wait for the program that writes it
     return folder
 
 
