@@ -19,8 +19,8 @@
     +-- OutputError            15   output cannot be printed or written to a file
     +-- GoalMissed             16   the robot gave up its goal
 
-Each message is one line: what was got, what was expected, what to do.  The command line prints it and
-exits with `exit_code`; libraries only raise.
+Each message is one line: what was got, what was expected, what to do.  The command line prints it with its code, such
+as `[port_busy]`, and exits with `exit_code`; libraries only raise.  `mrl explain CODE` says more (`problems`).
 """
 
 
@@ -28,6 +28,13 @@ class MrlError(Exception):
     """Base of all errors; `exit_code` is the exit code of the command line."""
 
     exit_code = 1
+    code = ""
+    """Code of the row in `problems`; empty if the message says all there is to say."""
+
+    @property
+    def line(self) -> str:
+        """The message with its code, as programs print it."""
+        return f"{self}  [{self.code}]" if self.code else str(self)
 
 
 class ConfigError(MrlError, ValueError):
@@ -40,68 +47,82 @@ class LinkError(MrlError):
     """The serial port cannot be used."""
 
     exit_code = 3
+    code = "link_error"
 
 
 class PortMissing(LinkError):
     """The port does not exist, or is not a serial port."""
+
+    code = "port_missing"
 
 
 class PortDenied(LinkError):
     """The user may not open the port."""
 
     exit_code = 4
+    code = "port_denied"
 
 
 class PortBusy(LinkError):
     """Another program has the port open."""
 
     exit_code = 5
+    code = "port_busy"
 
 
 class LinkLost(LinkError):
     """The port was open and went away."""
 
     exit_code = 6
+    code = "link_lost"
 
 
 class BoardError(MrlError):
     """The expected board does not answer, or cannot be used."""
 
     exit_code = 7
+    code = "board_error"
 
 
 class NotARobot(BoardError, TimeoutError):
     """Nothing on the port speaks the frame protocol."""
+
+    code = "not_a_robot"
 
 
 class WrongRobot(BoardError):
     """A robot answers, but not the configured one."""
 
     exit_code = 8
+    code = "wrong_robot"
 
 
 class BatteryDead(BoardError):
     """The motors have no power, or the battery is too low to start."""
 
     exit_code = 9
+    code = "battery_dead"
 
 
 class BoardTimeout(BoardError, TimeoutError):
     """A known board did not answer in time."""
 
     exit_code = 10
+    code = "board_timeout"
 
 
 class BoardRefused(BoardError):
     """The board refused a request."""
 
     exit_code = 11
+    code = "board_refused"
 
 
 class WheelFault(BoardError):
     """A wheel does not follow its command, because of its encoder, wiring, power, or an obstacle."""
 
     exit_code = 14
+    code = "wheel_fault"
 
 
 class FrameError(MrlError, ValueError):
@@ -114,15 +135,18 @@ class SimulatorError(MrlError):
     """The emulator cannot be built or started."""
 
     exit_code = 13
+    code = "simulator_error"
 
 
 class OutputError(MrlError):
     """Output cannot be printed or written to a file."""
 
     exit_code = 15
+    code = "output_error"
 
 
 class GoalMissed(MrlError):
     """The robot gave up its goal: it was blocked, or the time was over."""
 
     exit_code = 16
+    code = "goal_missed"

@@ -29,6 +29,7 @@ OWN: Dict[str, str] = {
     "config": "mrl_driver.cli.commands.config:config",
     "doctor": "mrl_driver.cli.commands.doctor:doctor",
     "drive": "mrl_driver.cli.commands.drive:drive",
+    "explain": "mrl_driver.cli.commands.explain:explain",
     "flash": "mrl_driver.cli.commands.flash:flash",
     "goto": "mrl_driver.cli.commands.goto:goto",
     "info": "mrl_driver.cli.commands.info:info",
@@ -176,14 +177,15 @@ def main(args: Optional[Sequence[str]] = None) -> None:
         _print_error(str(error) or "interrupted")
         sys.exit(INTERRUPTED)
     except MrlError as error:
-        _print_error(str(error))
+        _print_error(error.line)
         sys.exit(error.exit_code)
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(1)
     except OSError as error:
         what = f"{error.filename} cannot be used" if error.filename else "the output cannot be written"
-        _print_error(f"{what}: {error.strerror or error}; free disk space, or choose another folder")
+        text = f"{what}: {error.strerror or error}; free disk space, or choose another folder"
+        _print_error(OutputError(text).line)
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # otherwise Python reports the error again at exit
         sys.exit(OutputError.exit_code)
 

@@ -1,5 +1,5 @@
-"""Renders the command table and the robot models into the firmware's `protocol.h` and into `firmware/PROTOCOL.md`, and
-the form of a robot's file into a JSON Schema for editors.
+"""Renders the command table and the robot models into the firmware's `protocol.h` and into `firmware/PROTOCOL.md`,
+the form of a robot's file into a JSON Schema for editors, and the table of problems into `docs/troubleshooting.md`.
 
     python -m mrl_driver.generate            writes the files
     python -m mrl_driver.generate --check    exit code 1 and one line per stale file; writes nothing
@@ -16,12 +16,14 @@ from mrl_driver.yaml_form import schema_text
 
 from .cpp_header import header
 from .reference import reference
+from .troubleshooting import troubleshooting
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 FILES: Dict[str, Callable[[], str]] = {
     "firmware/mrl_firmware/protocol.h": header,
     "firmware/PROTOCOL.md": reference,
+    "docs/troubleshooting.md": troubleshooting,
     "mrl_driver/robot/models/robot.schema.json": lambda: schema_text(
         "Robot model of mrl-driver", models.RobotFile().schema()
     ),

@@ -180,7 +180,7 @@ def _tile(title: str, value: str, unit: str, small: str = "") -> str:
 
 
 def _finding(number: int, found: Finding) -> str:
-    text = f'<p>{_text(found.text)}</p><p class="remedy">{_text(found.remedy)}</p>'
+    text = f'<p>{_text(found.text)}</p><p class="remedy">{_text(found.remedy)} <code>[{_text(found.kind)}]</code></p>'
     return _article("bad", found.time_s, str(number), found.title, text + _proof(found.direction, found.data))
 
 

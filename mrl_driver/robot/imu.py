@@ -4,6 +4,7 @@ import math
 from typing import Dict, FrozenSet, NamedTuple, Optional, Tuple
 
 from mrl_driver.geometry import wrap_angle
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.session.events import GYRO_RAD_S, ImuChanged, ImuReading
 
@@ -13,12 +14,23 @@ from .odometry import Odometry
 
 ABSENT, OFF, WAITING, LEARNING, IN_USE = "absent", "off", "waiting", "learning bias", "in use"
 SILENT, FROZEN, OUT_OF_SCALE, TILTED = "silent", "frozen", "out of scale", "tilted"
+CODES: Dict[str, str] = {
+    ABSENT: "imu_dead",
+    SILENT: "imu_dead",
+    FROZEN: "imu_frozen",
+    OUT_OF_SCALE: "imu_wrong",
+    TILTED: "imu_tilted",
+}
+"""States in which the gyro is not used, with their codes in `problems`."""
+CAUSES: Dict[str, str] = {
+    ABSENT: "the board reports no IMU any more",
+    SILENT: "no reading of the IMU for 0.1 s",
+    FROZEN: "the IMU repeats the same reading",
+    OUT_OF_SCALE: "the IMU's reading is out of scale",
+    TILTED: "gravity is more than 30 deg from the IMU's vertical axis",
+}
 REASONS: Dict[str, str] = {
-    ABSENT: "the board reports no IMU any more: check its wires on A4 (SDA) and A5 (SCL), and its power",
-    SILENT: "no reading of the IMU for 0.1 s: check its wires on A4 (SDA) and A5 (SCL), and its power",
-    FROZEN: "the IMU repeats the same reading: switch its power off and on",
-    OUT_OF_SCALE: "the IMU's reading is out of scale: check that it is screwed to the body, and its power",
-    TILTED: "gravity is more than 30 deg from the IMU's vertical axis: enter its mounting with: mrl calibrate imu",
+    state: f"{text}: {PROBLEMS[CODES[state]].remedy}" for state, text in CAUSES.items()
 }
 """Why the gyro is not used, and what to do."""
 STATES = (OFF, WAITING, LEARNING, IN_USE, *REASONS)

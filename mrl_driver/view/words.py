@@ -6,6 +6,8 @@ the ROS node (`stopped by` in its status).
 
 from typing import TYPE_CHECKING, Dict, NamedTuple
 
+from mrl_driver.problems import PROBLEMS
+
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
@@ -17,54 +19,57 @@ class Stop(NamedTuple):
     """The end of a sentence that begins with `stopped: `; empty if somebody wanted the robot to stand."""
     remedy: str = ""
     """What must be done before the robot drives again; empty if a new command is enough."""
+    code: str = ""
+    """Code of the row in `problems`; empty if somebody wanted the robot to stand."""
 
 
 ELSEWHERE = "another program drives"
 """In place of a stop reason: the robot does not stand, but drives by commands that this program does not see."""
 
-_BATTERY = Stop("the battery is empty or switched off", "charge it, or switch it on")
-_HELD = Stop("another robot holds this one by radio", "wait until that robot frees it")
-_NO_NUMBER = Stop("a command was not a number")
-_SILENT = Stop("no data arrived from the robot", "check its power and its cable or radio")
+
+def _stop(why: str, code: str, remedied: bool = True) -> Stop:
+    """The words for a stop; with `remedied` its remedy is that of the problem with this code."""
+    return Stop(why, PROBLEMS[code].remedy if remedied else "", code)
+
+
+_BATTERY = _stop("the battery is empty or switched off", "battery_off")
+_HELD = Stop("another robot holds this one by radio", "wait until that robot frees it", "radio_hold")
+_NO_NUMBER = _stop("a command was not a number", "not_a_number", False)
+_SILENT = _stop("no data arrived from the robot", "no_telemetry")
 STOPS: Dict[str, Stop] = {
     "none": Stop(""),
     "user": Stop(""),
     "host": Stop(""),
     "not a number": _NO_NUMBER,
     "command not finite": _NO_NUMBER,
-    "command timeout": Stop("no new command arrived in time"),
-    "command too late": Stop("a command arrived too late", "release the control and press it again"),
+    "command timeout": _stop("no new command arrived in time", "command_timeout"),
+    "command too late": _stop("a command arrived too late", "command_too_late"),
     "battery": _BATTERY,
-    "undervoltage": Stop("the battery fell below the parameter undervoltage", "charge it"),
-    "wheel mismatch": Stop("a wheel did not follow its command", "check wheels, wires and motor power"),
-    "wheel blocked": Stop(
-        "a wheel did not turn at full drive", "check that it turns freely, and the motor's wires"
-    ),
-    "encoder": Stop(
-        "an encoder was silent or counted the other direction",
-        "check its wires, then run: mrl calibrate wiring",
-    ),
-    "motor board": Stop("the motor board did not answer", "check its wires and its power"),
+    "undervoltage": _stop("the battery fell below the parameter undervoltage", "undervoltage"),
+    "wheel mismatch": _stop("a wheel did not follow its command", "wheel_fault"),
+    "wheel blocked": _stop("a wheel did not turn at full drive", "wheel_blocked"),
+    "encoder": _stop("an encoder was silent or counted the other direction", "encoder_dead"),
+    "motor board": _stop("the motor board did not answer", "motor_board"),
     "stale": _SILENT,
     "no telemetry": _SILENT,
-    "no telemetry, may still be moving": Stop(
-        "no data arrived from the robot, and it may still be moving", "stop it by hand"
+    "no telemetry, may still be moving": _stop(
+        "no data arrived from the robot, and it may still be moving", "may_be_moving"
     ),
-    "link lost": Stop("the connection to the robot was lost", "check its cable or radio"),
-    "link watchdog": Stop("the robot heard no command in time"),
-    "restarted": Stop("the robot's board restarted"),
-    "boot": Stop("the robot's board has started"),
-    "stall": Stop("the robot's board was busy for too long"),
-    "check ended": Stop("the program that drove the robot ended its session"),
-    "closed": Stop("the program that drove the robot has ended"),
-    "host paused": Stop("the computer that drives the robot was paused"),
+    "link lost": _stop("the connection to the robot was lost", "link_lost"),
+    "link watchdog": _stop("the robot heard no command in time", "command_timeout"),
+    "restarted": _stop("the robot's board restarted", "board_restart", False),
+    "boot": _stop("the robot's board has started", "board_restart", False),
+    "stall": _stop("the robot's board was busy for too long", "board_stalled", False),
+    "check ended": _stop("the program that drove the robot ended its session", "ended"),
+    "closed": _stop("the program that drove the robot has ended", "ended"),
+    "host paused": _stop("the computer that drives the robot was paused", "late_host", False),
     "radio hold": _HELD,
     "held": _HELD,
     "held by radio": _HELD,
-    "emergency stop": Stop("the emergency stop is on", "release it"),
-    "motors disabled": Stop("the motors are switched off", "switch them on with the service enable_motors"),
-    "protective zone": Stop("an obstacle is too close", "drive away from it"),
-    "change to manual mode": Stop("the robot was switched to manual mode"),
+    "emergency stop": _stop("the emergency stop is on", "emergency_stop"),
+    "motors disabled": _stop("the motors are switched off", "motors_disabled"),
+    "protective zone": _stop("an obstacle is too close", "protective_zone"),
+    "change to manual mode": _stop("the robot was switched to manual mode", "manual_mode"),
 }
 """Each reason, with spaces instead of underscores."""
 

@@ -30,7 +30,7 @@ def run_node(name: str, run: Callable[[], Optional[int]], argv: Optional[List[st
             raise
     except MrlError as error:
         if not rospy.is_shutdown():
-            rospy.logfatal(str(error))
+            rospy.logfatal(error.line)
             return error.exit_code
     return 0
 

@@ -99,7 +99,7 @@ def test_a_2013_board_gets_the_advice_to_flash_it(quick, serve):
     code, findings, found = examine("--port", port.path)
     assert [each["subject"] for each in findings.values() if each["level"] not in (OK, NOTE)] == ["firmware"]
     assert (code, found["verdict"]) == (0, "1 warning; the robot can be used")
-    assert findings["firmware"]["advice"] == f"mrl flash --port {port.path}"
+    assert findings["firmware"]["advice"] == f"upload the current firmware with: mrl flash --port {port.path}"
 
 
 @pytest.mark.parametrize("profile", ["2013-august", "2013-january"])
@@ -124,7 +124,7 @@ def test_the_report_can_be_pasted(quick, serve):
 def test_output_without_a_terminal_is_plain_lines(quick, serve):
     lines = mrl("doctor", "--port", serve(version=1).path).stdout.splitlines()
     assert all(line == line.rstrip() and "\x1b" not in line for line in lines)
-    assert "!  firmware         1 (2013): works, but has no watchdog and no checksum" in lines
+    assert "!  firmware         1 (2013): works, but has no watchdog and no checksum  [no_watchdog]" in lines
 
 
 def test_a_device_that_many_have_open_is_not_in_use(quick):

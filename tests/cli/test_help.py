@@ -140,8 +140,8 @@ def test_output_that_cannot_be_written_costs_a_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
     assert done.returncode == OutputError.exit_code
-    text = "mrl: the output cannot be written: No space left on device; free disk space, or choose another folder\n"
-    assert done.stderr == text
+    text = "the output cannot be written: No space left on device; free disk space, or choose another folder"
+    assert done.stderr == f"mrl: {text}  [output_error]\n"
 
 
 def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):

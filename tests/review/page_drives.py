@@ -78,7 +78,6 @@ FINDING = Finding(
     "sonar_stuck",
     "The front sonar never changes",
     "It measured 1.00 m in all 3000 readings, while the robot drove 12.3 m.",
-    "Check the sonar's cable.",
     42.0,
     "<",
     COUNTS,

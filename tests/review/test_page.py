@@ -122,7 +122,7 @@ def test_texts_of_a_recording_add_no_element_to_the_page():
             ranges={text: drive().ranges["front"]},
         )
         found = found._replace(model=found.model._replace(name=text))
-        return Tags(render(found, [FINDING._replace(title=text, text=text, remedy=text, data=text.encode())]))
+        return Tags(render(found, [FINDING._replace(title=text, text=text, data=text.encode())]))
 
     harmless, hostile = page("harmless"), page(HOSTILE)
     assert [tag for tag, _ in hostile.tags] == [tag for tag, _ in harmless.tags]

@@ -47,7 +47,7 @@ def test_a_stop_is_told_in_full():
     ]
     assert told == [
         "stopped",
-        "stopped: the battery is empty or switched off; charge it, or switch it on",
+        "stopped: the battery is empty or switched off; switch motor power on, or connect the battery",
         f"stopped: {MISMATCH}",
         f"stopped: {HELD}",
     ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List
 
 import click
 
-from mrl_driver.cli.doctor.findings import FAULT, NOTE, Finding, verdict
+from mrl_driver.cli.doctor.findings import FAULT, NOTE, Finding, problem, verdict
 from mrl_driver.errors import ConfigError, MrlError, PortBusy, PortDenied, WrongRobot
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import Drive
@@ -180,12 +180,19 @@ class Checkup:
 
         if driver.model is not None and not driver.model.drives:
             if self._drives:
-                self._add([Finding(NOTE, "wheels", "not checked: this board has no motors")])
+                self._add(
+                    [
+                        Finding(
+                            NOTE, "wheels", "not checked: this board has no motors", code="wheels_unchecked"
+                        )
+                    ]
+                )
         elif self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):
             self._add(
                 [
-                    Finding(
+                    problem(
                         NOTE,
+                        "wheels_unchecked",
                         "wheels",
                         "not checked: this check supports two wheels",
                         "watch the wheels with: mrl drive",
@@ -195,7 +202,7 @@ class Checkup:
         elif self._drives:
             self._add(wheels.check(driver, _ask if sys.stdin.isatty() else None))
         else:
-            self._add([Finding(NOTE, "wheels", "not checked", "lift them, then: mrl doctor --drive")])
+            self._add([problem(NOTE, "wheels_unchecked", "wheels", "not checked")])
         if self._hands:
             self._add(wheels.sonar_order(lambda: driver.ranges, _ask))
 
@@ -218,7 +225,7 @@ def _of_error(error: MrlError, port: str) -> Finding:
     subjects = {"LinkError": "port", "BoardError": "board"}
     kinds = [kind.__name__ for kind in type(error).__mro__]
     subject = next((word for name, word in subjects.items() if name in kinds), "check")
-    return Finding(FAULT, subject, text, advice)
+    return Finding(FAULT, subject, text, advice, error.code)
 
 
 def _print(checkup: Checkup, report: bool, as_json: bool) -> None:

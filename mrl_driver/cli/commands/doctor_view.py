@@ -24,7 +24,7 @@ def show(finding: Finding) -> None:
     signs = console.encoding.lower().startswith("utf")
     style = _STYLES[finding.level]
     subject = Text(f"{finding.subject:<{_SUBJECT}} ", style="" if finding.level in (OK, NOTE) else style)
-    first, *rest = _wrapped(finding.text, console)
+    first, *rest = _wrapped(finding.text + (f"  [{finding.code}]" if finding.code else ""), console)
     console.print(
         Text(f"{_MARKS[finding.level][0 if signs else 1]:<2} ", style=style) + subject + Text(first)
     )

@@ -55,7 +55,7 @@ def review(file: str, output: Optional[str], robot: str, as_json: bool) -> None:
         return
     for number, finding in enumerate(findings, 1):
         click.echo(
-            f"{number}. {finding.title} (at {finding.time_s:.2f} s): {finding.text} {finding.remedy}".strip()
+            f"{number}. {finding.title} (at {finding.time_s:.2f} s): {finding.text} {finding.remedy}  [{finding.kind}]"
         )
     click.echo(written if findings else f"no fault was found; {written}")
 
@@ -68,7 +68,9 @@ def _facts(drive: Any, findings: Any) -> Dict[str, Any]:
         "robot": drive.model.name,
         "robot_id": drive.robot_id,
         "duration_s": drive.duration_s,
-        "findings": [{**each._asdict(), "data": raw_text(each.data)} for each in findings],
+        "findings": [
+            {**each._asdict(), "remedy": each.remedy, "data": raw_text(each.data)} for each in findings
+        ],
         "stops": [{**each._asdict(), "data": raw_text(each.data)} for each in drive.stops],
         "skipped_lines": drive.skipped_lines,
     }

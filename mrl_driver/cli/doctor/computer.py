@@ -17,7 +17,7 @@ from mrl_driver.transport.port_info import (
 from mrl_driver.transport.port_search import Port
 from mrl_driver.transport.usb_ids import ARDUINO_VENDORS
 
-from .findings import FAULT, NOTE, OK, WARNING, Finding
+from .findings import FAULT, NOTE, OK, WARNING, Finding, problem
 
 IDLE_LATENCY_MS = 2
 """An FTDI adapter delays bytes by its latency timer, 16 ms by default; a longer time than this one gives a note."""
@@ -47,22 +47,25 @@ def _permission(name: str) -> Iterator[Finding]:
     if os.access(name, os.R_OK | os.W_OK):
         yield Finding(OK, "permission", f"you may open {name}" + (f" (group {group})" if group else ""))
     elif group in ("", "root"):
-        yield Finding(
+        yield problem(
             FAULT,
+            "port_denied",
             "permission",
             f"only root may open {name}",
             f"let udev give serial ports to group dialout: {_as_root('system install')}",
         )
     elif group in groups_by_file():
-        yield Finding(
+        yield problem(
             FAULT,
+            "port_denied",
             "permission",
             f"you are in group {group}, but you logged in before you were added",
             "log out and in again, or for this terminal: newgrp " + group,
         )
     else:
-        yield Finding(
+        yield problem(
             FAULT,
+            "port_denied",
             "permission",
             f"you may not open {name}: it belongs to group {group}",
             f"sudo usermod -aG {group} $USER, then log out and in",
@@ -88,8 +91,9 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
         yield Finding(OK, "ModemManager", "runs, but leaves this port alone")
     else:
         known = port.vendor in ARDUINO_VENDORS
-        yield Finding(
+        yield problem(
             NOTE if known else WARNING,
+            "modem_manager",
             "ModemManager",
             "runs, and may keep the port busy for some seconds after the board is plugged in",
             f"{_as_root('system install')}, or: sudo systemctl disable --now ModemManager",
@@ -99,7 +103,7 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
 def _use(name: str) -> Iterator[Finding]:
     holder = user_of(name) if is_terminal(name) else ""
     if holder:
-        yield Finding(FAULT, "in use", f"{name} is in use by {holder}", "close that program, then try again")
+        yield problem(FAULT, "port_busy", "in use", f"{name} is in use by {holder}")
 
 
 def _latency_timer(port: Port) -> Iterator[Finding]:
@@ -110,8 +114,9 @@ def _latency_timer(port: Port) -> Iterator[Finding]:
     except (OSError, ValueError):
         return
     if timer_ms > IDLE_LATENCY_MS:
-        yield Finding(
+        yield problem(
             NOTE,
+            "usb_latency",
             "USB adapter",
             f"holds bytes back for up to {timer_ms} ms",
             f"echo 1 | sudo tee {path}",

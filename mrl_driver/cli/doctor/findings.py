@@ -2,6 +2,8 @@
 
 from typing import Iterable, NamedTuple
 
+from mrl_driver.problems import PROBLEMS
+
 OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
 
 
@@ -16,6 +18,13 @@ class Finding(NamedTuple):
     """Text of the finding."""
     advice: str = ""
     """What to do about it."""
+    code: str = ""
+    """Code of the row in `problems`; empty if all is well."""
+
+
+def problem(level: str, code: str, subject: str, text: str, advice: str = "") -> Finding:
+    """Return a finding with the code of a row in `problems`, and that row's remedy unless another one is given."""
+    return Finding(level, subject, text, advice or PROBLEMS[code].remedy, code)
 
 
 def verdict(findings: Iterable[Finding]) -> str:

@@ -7,7 +7,7 @@ from mrl_driver.driver import eeprom
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME
 from mrl_driver.robot.models import CURVE_KEYS, Drive, RobotModel
 
-from .findings import FAULT, NOTE, OK, WARNING, Finding
+from .findings import FAULT, NOTE, OK, WARNING, Finding, problem
 
 SMALL, LARGE = 0.02, 0.1
 """A speed, a turn or a range that is wrong by more than this share is a warning, or a fault.  Assumed."""
@@ -38,7 +38,9 @@ def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
     if alone:
         listed = ", ".join(f"{name} {values[name]}" for name in alone)
         text = f"set on this board, but not in the model {model.name}: {listed}"
-        yield Finding(NOTE, "parameters", text, "keep them in a file: mrl config dump FILE --port PORT")
+        yield problem(
+            NOTE, "parameters", "parameters", text, "keep them in a file: mrl config dump FILE --port PORT"
+        )
 
 
 def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding:
@@ -62,7 +64,7 @@ def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding
     keys = f"board.{name}" + (f" and drive.{_RESTS[name]}" if "odometry" in effect else "")
     right = f"if the model is right: mrl config set {name} {expected} --port PORT"
     advice = f"{right}; if the board is: correct {keys} in the robot's file"
-    return Finding(level, name, f"{text}: {effect}", advice)
+    return problem(level, "parameters", name, f"{text}: {effect}", advice)
 
 
 def _spelled(name: str, value: int) -> str:
@@ -111,8 +113,9 @@ def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
     words = " ".join(f"{name} {value}" for name, value in expected.items())
     wrong = _percent(share, "short", "long")
     text = f"the curve is not that of the model {model.name}: at {_REFERENCE_M:g} m ranges are {wrong}"
-    return Finding(
+    return problem(
         level,
+        "parameters",
         "sonars",
         text,
         f"if the model is right: mrl config set {words} --port PORT; if not: mrl calibrate sonar",
@@ -142,8 +145,9 @@ def _odometry(values: Mapping[str, int], model: RobotModel) -> List[Finding]:
         ),
     )
     return [
-        Finding(
+        problem(
             WARNING,
+            "parameters",
             subject,
             f"{key} of the model {model.name} does not fit the board's geometry: the robot {does} "
             f"{_percent(share, 'slower', 'faster')} than commanded, or odometry is wrong by as much",

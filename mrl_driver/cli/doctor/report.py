@@ -21,7 +21,8 @@ def _lines(findings: Sequence[Finding], facts: Mapping[str, Any], target: Target
     yield f"port {target.port}, model {target.model}, {target.baud} Bd"
     yield ""
     for finding in findings:
-        yield f"{finding.level:<8} {finding.subject:<18} {finding.text}"
+        code = f"  [{finding.code}]" if finding.code else ""
+        yield f"{finding.level:<8} {finding.subject:<18} {finding.text}{code}"
         if finding.advice:
             yield f"{'':27} -> {finding.advice}"
     yield ""

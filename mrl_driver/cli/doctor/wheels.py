@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Callable, Dict, Iterator, Mapping, NamedTuple,
 
 from mrl_driver.robot.odometry import Wheels
 
-from .findings import FAULT, NOTE, OK, Finding
+from .findings import FAULT, NOTE, OK, Finding, problem
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -38,13 +38,19 @@ class Moved(NamedTuple):
 def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
     """Turn each wheel forward for a moment; `ask` asks the user, who sees the wheels."""
     if driver.battery_state in ("empty", "off"):
-        yield Finding(FAULT, "wheels", f"not checked: the battery is {driver.battery_state}")
+        yield problem(
+            FAULT,
+            f"battery_{driver.battery_state}",
+            "wheels",
+            f"not checked: the battery is {driver.battery_state}",
+        )
         return
     for side in SIDES:
         finding = evaluate(side, turn(driver, side))
         if finding.level == OK and ask is not None and not ask(f"Did the {side} wheel turn forward, alone?"):
-            finding = Finding(
+            finding = problem(
                 FAULT,
+                "wheels_swapped",
                 f"{side} wheel",
                 "its counter is right, but another wheel turned, or this one turned backwards",
                 f"motor and encoder wires are both swapped: {side} is {_MOTORS[side]}, forward counts up",
@@ -52,7 +58,10 @@ def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
         yield finding
     if ask is None:
         yield Finding(
-            NOTE, "wheels", "only the counters were checked; look whether each wheel turned forward"
+            NOTE,
+            "wheels",
+            "only the counters were checked; look whether each wheel turned forward",
+            code="wheels_unchecked",
         )
 
 
@@ -97,28 +106,29 @@ def evaluate(side: str, moved: Moved) -> Finding:
     if own >= MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * own:
         return Finding(OK, wheel, f"turns and counts forward ({words})")
     if own <= -MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * -own:
-        return Finding(
-            FAULT,
-            wheel,
-            f"counts backwards ({words})",
-            "swap the wires of its encoder or of its motor, not of both",
-        )
+        return problem(FAULT, "wheel_reversed", wheel, f"counts backwards ({words})")
     if abs(other) >= MIN_MOVED_M > abs(own):
-        return Finding(
+        return problem(
             FAULT,
+            "wheels_swapped",
             wheel,
             f"the other wheel's counter moved ({words})",
             f"swap the plugs: {side} is {_MOTORS[side]}",
         )
     if abs(own) < MIN_MOVED_M and abs(other) < MIN_MOVED_M:
-        return Finding(
+        return problem(
             FAULT,
+            "wheel_dead",
             wheel,
             f"no counter moved ({words})",
             "if it turned, check the plug of its encoder; if not, check motor power and motor plug",
         )
-    return Finding(
-        FAULT, wheel, f"both counters moved ({words})", "check into which socket each encoder is plugged"
+    return problem(
+        FAULT,
+        "wheels_swapped",
+        wheel,
+        f"both counters moved ({words})",
+        "check into which socket each encoder is plugged",
     )
 
 
@@ -128,7 +138,7 @@ def sonar_order(
     """Ask the user (by `ask`) to hold a hand in front of each sonar in turn; the answer False skips the sonar."""
     for name in list(read()):
         if not ask(f"Hold a hand about 30 cm in front of the {name} sonar.  Ready?"):
-            yield Finding(NOTE, f"sonar {name}", "order not checked")
+            yield Finding(NOTE, f"sonar {name}", "order not checked", code="sonar_missed")
             continue
         yield _order(name, _await_hand(read, patience_s, tick_s))
 
@@ -158,15 +168,11 @@ def _order(name: str, seen: str) -> Finding:
     if seen == name:
         return Finding(OK, f"sonar {name}", "is in its place")
     if seen:
-        return Finding(
+        return problem(
             FAULT,
+            "sonar_swapped",
             f"sonar {name}",
             f"the {seen} sonar detected the hand",
             f"swap the outputs of {name} and {seen}",
         )
-    return Finding(
-        FAULT,
-        f"sonar {name}",
-        "did not detect the hand",
-        "check its output wire, and clear the space around the robot",
-    )
+    return problem(FAULT, "sonar_missed", f"sonar {name}", "did not detect the hand")

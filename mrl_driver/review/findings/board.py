@@ -2,6 +2,7 @@
 
 from typing import Dict, List, NamedTuple, Tuple
 
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.table import FAULTS
 from mrl_driver.review.drive_data import DriveData
 
@@ -18,82 +19,48 @@ class _Words(NamedTuple):
     kind: str
     title: str
     text: str
-    remedy: str
     weight: float
 
 
-_REMEDIES: Dict[str, Tuple[str, float]] = {
-    "motor_board": ("Check the power of the motor board, and its I2C wires on A4 (SDA) and A5 (SCL).", 95),
-    "bus_hung": (
-        "A device holds the I2C bus: check the wires on A4 (SDA) and A5 (SCL), then switch power off and on.",
-        95,
-    ),
-    "wiring": ("Run: mrl calibrate wiring", 94),
-    "eeprom": ("Set the robot's own parameters again: mrl config set NAME VALUE", 65),
-    "id_unset": ("Run: mrl set-id ID", 60),
-    "sensor": ("Check the I2C wires and the power of the sensors.", 55),
-    "imu": ("Check the IMU's wires on A4 (SDA) and A5 (SCL), and its power.", 64),
+_FAULT_KINDS = {"imu": "imu_dead"}
+"""Kinds of faults that differ from their names."""
+_FAULT_WEIGHTS = {
+    "motor_board": 95,
+    "bus_hung": 95,
+    "wiring": 94,
+    "eeprom": 65,
+    "id_unset": 60,
+    "sensor": 55,
+    "imu": 64,
 }
+
+
+def _words(kind: str, text: str, weight: float) -> _Words:
+    return _Words(kind, PROBLEMS[kind].message, text, weight)
+
+
 _RESTARTS = {
-    "brown_out": _Words(
-        "brown_out",
-        "The board restarted because its supply dropped",
-        "The board reports the cause brown_out: its 5 V supply fell too low.",
-        "Check USB cable and hub, and every other load on the board's 5 V.",
-        91,
+    "brown_out": _words(
+        "brown_out", "The board reports the cause brown_out: its 5 V supply fell too low.", 91
     ),
-    "watchdog": _Words(
-        "firmware_hung",
-        "The board's firmware hung and restarted",
-        "The board reports the cause watchdog.",
-        "Report it with: mrl doctor --report",
-        91,
-    ),
+    "watchdog": _words("firmware_hung", "The board reports the cause watchdog.", 91),
 }
-_RESTART = _Words(
+_RESTART = _words(
     "board_restart",
-    "The board restarted while it was in use",
     "The board reports the cause {cause}. Somebody pressed reset, another program opened the port, or its power "
     "failed.",
-    "Check power and USB plug, and let no second program open the port.",
     90,
 )
 _STOPS = {
-    "link_watchdog": _Words(
+    "link_watchdog": _words(
         "watchdog_stop",
-        "The board stopped the robot because it received nothing",
         "The board's watchdog stopped the robot {times}: no frame of the computer arrived in time.",
-        "Check the link to the board, and close programs that keep the computer busy.",
         52,
     ),
-    "stall": _Words(
-        "board_stalled",
-        "The board was busy for too long",
-        "The board stopped the robot {times} after a stall of its own.",
-        "Check the I2C wires and devices.",
-        80,
-    ),
-    "undervoltage": _Words(
-        "undervoltage",
-        "The battery fell below the parameter undervoltage",
-        "The board stopped the robot {times} to protect the battery.",
-        "Charge the battery, or correct the parameter.",
-        87,
-    ),
-    "wheel_blocked": _Words(
-        "wheel_blocked",
-        "A wheel did not turn at full drive",
-        "The board stopped the robot {times}.",
-        "Check that the wheels turn freely, and the motor's wires.",
-        85,
-    ),
-    "encoder": _Words(
-        "encoder_dead",
-        "An encoder was silent or counted the other direction",
-        "The board stopped the robot {times}.",
-        "Check the encoder's wires, then run: mrl calibrate wiring",
-        85,
-    ),
+    "stall": _words("board_stalled", "The board stopped the robot {times} after a stall of its own.", 80),
+    "undervoltage": _words("undervoltage", "The board stopped the robot {times} to protect the battery.", 87),
+    "wheel_blocked": _words("wheel_blocked", "The board stopped the robot {times}.", 85),
+    "encoder": _words("encoder_dead", "The board stopped the robot {times}.", 85),
 }
 
 
@@ -112,7 +79,6 @@ def _identity(drive: DriveData) -> List[Finding]:
             "wrong_robot",
             "The robot model is not that of the robot",
             f"The board has robot id {board.robot_id}; {model.name} has {ids}. Distances and speeds are wrong.",
-            "Name the right model with --robot, or set the id with: mrl set-id ID",
             *heard(drive, 0.0, INFO),
             93,
         )
@@ -121,13 +87,13 @@ def _identity(drive: DriveData) -> List[Finding]:
 
 def _faults(drive: DriveData) -> List[Finding]:
     words, findings = dict(FAULTS), []
-    for name, (remedy, weight) in _REMEDIES.items():
+    for name, weight in _FAULT_WEIGHTS.items():
         seen = [time_s for time_s, status in drive.statuses if name in status.faults]
         if seen:
-            kind = "imu_dead" if name == "imu" else name
+            kind = _FAULT_KINDS.get(name, name)
             text = f"The board reported it from {seen[0]:.1f} s to {seen[-1]:.1f} s."
             findings.append(
-                Finding(kind, words[name].rstrip("."), text, remedy, *heard(drive, seen[0], STATUS), weight)
+                Finding(kind, words[name].rstrip("."), text, *heard(drive, seen[0], STATUS), weight)
             )
     return findings
 
@@ -142,9 +108,7 @@ def _restarts(drive: DriveData) -> List[Finding]:
         words = _RESTARTS.get(cause, _RESTART)
         found.setdefault(words.kind, (words._replace(text=words.text.format(cause=cause)), time_s))
     return [
-        Finding(
-            words.kind, words.title, words.text, words.remedy, *heard(drive, time_s, *proof), words.weight
-        )
+        Finding(words.kind, words.title, words.text, *heard(drive, time_s, *proof), words.weight)
         for words, time_s in found.values()
     ]
 
@@ -156,9 +120,7 @@ def _stops(drive: DriveData) -> List[Finding]:
         if seen:
             text, first = words.text.format(times=times(len(seen))), seen[0]
             findings.append(
-                Finding(
-                    *words[:2], text, words.remedy, first.time_s, first.direction, first.data, words.weight
-                )
+                Finding(*words[:2], text, first.time_s, first.direction, first.data, words.weight)
             )
     return findings
 
@@ -178,7 +140,6 @@ def _counters(drive: DriveData) -> List[Finding]:
                 "encoder_noise",
                 "An encoder's signals are disturbed",
                 f"{skipped} transitions skipped a state, which no wheel does: counts are lost or added.",
-                "Lead the encoder's wires away from the motor's, twist or shield them, and check their plugs.",
                 *heard(drive, at, STATUS),
                 70,
             )
@@ -191,7 +152,6 @@ def _counters(drive: DriveData) -> List[Finding]:
                 "clamped",
                 "The board reduced commands to its speed ceiling",
                 f"{clamped} commands were faster than the board allows.",
-                "Command lower speeds, or raise linear_ceiling with: mrl config set",
                 *heard(drive, at, STATUS),
                 20,
             )

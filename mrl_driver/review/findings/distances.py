@@ -93,7 +93,6 @@ def check(drive: DriveData) -> List[Finding]:
             "The robot does not drive as far as its wheels say",
             f"The walls that the sonars see fit together if the robot drove {factor:.0%} of the distance by its "
             f"wheels: the wheel size{also} in the model is wrong, or the curve of the sonars.",
-            "Measure a straight line: mrl calibrate straight; then the sonars: mrl calibrate sonar",
             *heard(drive, path.time_s[farthest], *TELEMETRY),
             61,
         )

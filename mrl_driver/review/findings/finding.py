@@ -2,18 +2,18 @@
 
 from typing import NamedTuple
 
+from mrl_driver.problems import PROBLEMS
+
 
 class Finding(NamedTuple):
     """One thing that went wrong, and the frame that proves it."""
 
     kind: str
-    """Short name, such as `sonar_dead`; the same in all versions."""
+    """Code of the row in `problems`, such as `sonar_dead`; the same in all versions."""
     title: str
     """What went wrong, in a few words."""
     text: str
     """What was seen, with figures, and what it means."""
-    remedy: str
-    """What to do about it."""
     time_s: float
     """The moment [s since the recording began]."""
     direction: str
@@ -22,3 +22,8 @@ class Finding(NamedTuple):
     """The frame, or the piece of data that is not one; empty if there is none."""
     weight: float
     """How much it matters: findings are sorted by it, the heaviest first."""
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return PROBLEMS[self.kind].advice

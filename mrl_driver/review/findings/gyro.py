@@ -5,9 +5,10 @@ from typing import Any, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.review.drive_data import DriveData
 from mrl_driver.robot.heading import STEADY_RAD_S
-from mrl_driver.robot.imu import ABSENT, FROZEN, OUT_OF_SCALE, REASONS, SILENT, TILTED
+from mrl_driver.robot.imu import CODES
 from mrl_driver.robot.models import Drive
 from mrl_driver.session.events import ImuChanged
 
@@ -36,19 +37,6 @@ STAND_S, LEAST_RATES = 0.2, 5
 """A stand counts if it lasts this long, after a first time as long in which the body settles [s]."""
 SURE = 2.0
 """A figure counts if it is this many standard errors beyond its threshold."""
-_KINDS = {
-    ABSENT: "imu_dead",
-    SILENT: "imu_dead",
-    FROZEN: "imu_frozen",
-    OUT_OF_SCALE: "imu_wrong",
-    TILTED: "imu_tilted",
-}
-_TITLES = {
-    "imu_dead": "The IMU stopped",
-    "imu_frozen": "The IMU repeated the same reading",
-    "imu_wrong": "The IMU's readings were out of scale",
-    "imu_tilted": "The IMU is not upright",
-}
 
 
 def check(drive: DriveData) -> List[Finding]:
@@ -67,15 +55,13 @@ def _failed(drive: DriveData) -> List[Finding]:
     down = interruptions(drive)
     lost = [(float(t) - 1.0, float(t) + 1.0) for t in drive.lost.time_s]
     for time_s, event in drive.events:
-        if not isinstance(event, ImuChanged) or event.in_use or event.state not in _KINDS:
+        if not isinstance(event, ImuChanged) or event.in_use or event.state not in CODES:
             continue
         if not outside([time_s], [*down, *lost])[0]:
             continue
-        kind = _KINDS[event.state]
-        _, _, remedy = REASONS[event.state].partition(": ")
+        kind = CODES[event.state]
         text = f"From {time_s:.1f} s on {event.text.partition(': ')[0]}."
-        remedy = remedy[:1].upper() + remedy[1:] + "."
-        return [Finding(kind, _TITLES[kind], text, remedy, *heard(drive, time_s, IMU, *TELEMETRY), 64)]
+        return [Finding(kind, PROBLEMS[kind].message, text, *heard(drive, time_s, IMU, *TELEMETRY), 64)]
     return []
 
 
@@ -108,7 +94,6 @@ def _drift(drive: DriveData, change_rad_s: float, at_s: float) -> Finding:
         "The gyro drifts",
         f"While the robot stood, the rate it showed changed by {math.degrees(change_rad_s):.1f} deg/s during the "
         "drive. The heading turns as fast.",
-        "Let the robot stand for a second now and then; keep the IMU away from heat and vibration; replace it.",
         *heard(drive, at_s, IMU, *TELEMETRY),
         62,
     )
@@ -201,7 +186,6 @@ def _slip(drive: DriveData, found: _Compared, at: int, total_rad: float, worst_r
         f"{which} slipped",
         f"The gyro and the wheels disagree by {math.degrees(total_rad):.0f} deg in all: a wheel turned without "
         "moving the robot as far.",
-        "Clean the wheels and the floor, check the wheel's hub and its load, and accelerate more gently.",
         *heard(drive, found.time_s[at], *TELEMETRY),
         63,
     )
@@ -227,7 +211,6 @@ def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
                 f"The {larger} wheel is larger than the other one",
                 f"It is larger by {abs(ratio):.1%}: by the gyro the robot turns {curve_deg_m:.1f} deg in each metre "
                 "while the wheels count the same.",
-                "Run: mrl calibrate straight; check tyres and tracks.",
                 *heard(drive, found.time_s[int(np.argmax(np.abs(found.distance_m)))], *TELEMETRY),
                 56,
             )
@@ -239,7 +222,6 @@ def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
                 "The robot does not turn as far as its wheels say",
                 f"The gyro shows {found.scale:.0%} of the turn by the wheels: wheel separation or wheel size in the "
                 f"model is wrong by {abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
-                "Run: mrl calibrate straight, then: mrl calibrate turn",
                 *heard(drive, found.time_s[int(np.argmax(np.abs(found.turn_rad)))], *TELEMETRY),
                 55,
             )

@@ -102,7 +102,6 @@ def _damage(drive: DriveData) -> List[Finding]:
                 "noise_bursts",
                 "The line was disturbed in bursts",
                 f"{share}, all within {bursts} s of the drive: something disturbs the line for short times.",
-                "Find out what was switched or touched then; lead the cable away from motor wires; check its plugs.",
                 first[0],
                 first[1],
                 first[3],
@@ -114,7 +113,6 @@ def _damage(drive: DriveData) -> List[Finding]:
             "bad_cable",
             "The cable or the radio link damages data",
             f"{share}. Damaged frames are not used, so the robot misses telemetry and the board misses commands.",
-            "Use a shorter or better cable, away from the motor wires; bring radios closer together.",
             first[0],
             first[1],
             first[3],
@@ -138,7 +136,6 @@ def _losses(drive: DriveData) -> List[Finding]:
             "frames_lost",
             "Frames of the board were lost",
             f"{count} frames never arrived, among {len(drive.heard)} that did. The next one follows the first gap.",
-            "Bring robot and access point closer together, use a free channel, or a cable.",
             *heard(drive, first),
             70,
         )
@@ -181,8 +178,7 @@ def _unanswered(drive: DriveData) -> List[Finding]:
             f"{len(missed)} of {asked} answers took up to {max(late_s):.1f} s, while the board's telemetry arrived "
             "in time. Commands come as late, and the board's watchdog stops the robot meanwhile."
         )
-    remedy = "Check the wire from the computer to the board (RX of the board), the USB hub, or the radio."
-    return [Finding(kind, title, text, remedy, *sent(drive, at, code), 86)]
+    return [Finding(kind, title, text, *sent(drive, at, code), 86)]
 
 
 def _missing_share(drive: DriveData) -> float:
@@ -250,7 +246,6 @@ def _late_host(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
             "The computer was too busy to drive the robot",
             f"The program paused {times(count)}{seen}. Meanwhile it neither sent nor read anything; the board's "
             "frames waited for it.",
-            "Close busy programs, give the driver's process more priority, and do not suspend it or the computer.",
             *heard(drive, at_s, *TELEMETRY),
             82,
         )
@@ -284,7 +279,6 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
                 + (f", for {total_s:.1f} s in all; the board went on meanwhile" if cut else "")
                 + ("; the program ended then" if ended_s else "")
                 + ". This is the last frame before.",
-                "Check the plug and the cable, or the radio's range.",
                 *_last_before(drive, min(begins_s)),
                 84,
             )
@@ -297,7 +291,6 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
                 "line_stalled",
                 "The line held data back",
                 "The data came at once afterwards.",
-                "Check USB hub, network or radio between computer and robot.",
                 79,
             )
         )
@@ -309,7 +302,6 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
                 "board_silent",
                 "The board sent nothing for a while",
                 "No frame is missing: the board made none.",
-                "Check the board's power and its I2C wires; report it with: mrl doctor --report",
                 78,
             )
         )
@@ -321,15 +313,13 @@ def _covers(silence: _Silence, times_s: List[float]) -> bool:
     return any(silence.begin_s <= time_s <= silence.end_s + SETTLING_S for time_s in times_s)
 
 
-def _long(
-    drive: DriveData, found: List[_Silence], kind: str, title: str, why: str, remedy: str, weight: float
-) -> Finding:
+def _long(drive: DriveData, found: List[_Silence], kind: str, title: str, why: str, weight: float) -> Finding:
     longest_s = max(each.end_s - each.begin_s for each in found)
     text = (
         f"No telemetry arrived {times(len(found))}, for up to {longest_s:.1f} s. {why} This is the first frame after "
         "it."
     )
-    return Finding(kind, title, text, remedy, *heard(drive, found[0].end_s, *TELEMETRY), weight)
+    return Finding(kind, title, text, *heard(drive, found[0].end_s, *TELEMETRY), weight)
 
 
 def _last_before(drive: DriveData, time_s: float) -> Tuple[float, str, bytes]:
@@ -360,7 +350,6 @@ def _slow(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
             "slow_line",
             "The line to the robot was slow",
             f"{text} The robot answers and stops later.",
-            "Connect the board without a hub, at 115200 baud or more; use a faster network or radio.",
             *frame,
             68,
         )
@@ -377,7 +366,6 @@ def _texts(drive: DriveData) -> List[Finding]:
             "debug_text",
             "The board sends text between its frames",
             f"{len(texts)} lines of text arrived. They take time on the line, and delay telemetry and commands.",
-            "Turn its debug mode off with the request set_debug 0, or remove prints from the sketch.",
             first[0],
             first[1],
             first[3],
@@ -403,7 +391,6 @@ def _command_gaps(drive: DriveData) -> List[Finding]:
             "Commands came too rarely",
             f"The driver stopped the robot {times(len(gaps))} because no new command came in time, and it drove on "
             "soon after.",
-            "Send commands at 10 Hz or more, or raise the command timeout.",
             first.time_s,
             first.direction,
             first.data,
@@ -420,7 +407,6 @@ def _skipped(drive: DriveData) -> List[Finding]:
             "recording_damaged",
             "Parts of the recording cannot be read",
             f"{drive.skipped_lines} lines were skipped: figures near them may be wrong.",
-            "Free disk space before the next recording, and copy files whole.",
             drive.duration_s,
             "",
             b"",

@@ -27,7 +27,6 @@ pass the same directions, see something in this share of their readings. """
 PUSHED_M = NEAREST_M + 0.1
 """What is in the dead zone is at most 0.15 m away: a robot that drives further forward pushes it, or its wheels slip
 [m]. """
-_PINS = {"front": "A0", "left": "A1", "right": "A2"}
 
 
 def check(drive: DriveData) -> List[Finding]:
@@ -62,7 +61,6 @@ def _dead(drive: DriveData, name: str, times_s: Any, values: Any) -> List[Findin
                     "sonar_dead",
                     f"The {name} sonar gave no reading",
                     f"It was silent for {lasts_s:.0f} s: nothing is connected, or its input is saturated.",
-                    f"Check its power (D13), the trigger chain (D12) and its output on {_PINS.get(name, 'its pin')}.",
                     *heard(drive, times_s[first], *TELEMETRY),
                     67,
                 )
@@ -94,7 +92,6 @@ def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, 
                 f"It showed {reading} in {i - first + 1} readings, while the robot turned over "
                 f"{math.degrees(turned_rad):.0f} deg: it does not measure, or something on the robot is in front of "
                 "it.",
-                f"Look in front of it; check its trigger (D12) and its output on {_PINS.get(name, 'its pin')}.",
                 *heard(drive, times_s[i], *TELEMETRY),
                 66,
             )
@@ -116,7 +113,6 @@ def _standing(drive: DriveData, time_s: float, turned_rad: float) -> Finding:
         "The robot did not move although its wheels turned",
         f"By its wheels it turned over {math.degrees(turned_rad):.0f} deg, while all sonars showed the same: it stood "
         "against an obstacle, or its wheels were off the ground. The pose is off by as much.",
-        "Stop earlier in front of obstacles, for example with protective zones.",
         *heard(drive, time_s, *TELEMETRY),
         68,
     )
@@ -137,7 +133,6 @@ def _deaf(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, o
                 f"The {name} sonar saw nothing",
                 f"It showed nothing in range from {begin_s:.0f} s to {end_s:.0f} s, while the others saw obstacles "
                 "in the same directions.",
-                "Clean it, check that nothing absorbs its sound, and exchange it with another one to compare.",
                 *heard(drive, times_s[first], *TELEMETRY),
                 66,
             )
@@ -153,7 +148,6 @@ def _together(findings: List[Finding]) -> List[Finding]:
     one = min(dead, key=lambda each: each.time_s)._replace(
         title="The sonars gave no readings",
         text=f"{len(dead)} sonars were silent: they share their power and their trigger.",
-        remedy="Check their power (D13) and the trigger chain (D12).",
     )
     return [one, *(each for each in findings if each.kind != "sonar_dead")]
 
@@ -177,7 +171,6 @@ def _pushing(drive: DriveData, readings: Any) -> List[Finding]:
                 "The robot pushed against an obstacle",
                 f"The wheels drove {far[-1] - far[0]:.2f} m forward, while the front sonar saw an obstacle closer "
                 f"than {NEAREST_M:g} m: they slipped, or the obstacle moved. The pose is off by as much.",
-                "Stop earlier in front of obstacles, for example with protective zones.",
                 *heard(drive, at_s, *TELEMETRY),
                 59,
             )

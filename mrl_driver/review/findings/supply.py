@@ -32,16 +32,16 @@ def check(drive: DriveData) -> List[Finding]:
     monitor = BatteryMonitor(levels)
     states = [monitor.update(float(each), float(at)) for at, each in zip(times_s, volts)]
     low = f"{levels.empty_v:g} V is empty, {levels.full_v:g} V is full"
-    for state, weight, title, remedy in (
-        (OFF, 88, "Motor power was off", "Switch motor power on, or connect the battery."),
-        (EMPTY, 86, "The battery was empty", "Charge the battery."),
-        (LOW, 60, "The battery was low", "Charge the battery soon."),
+    for state, weight, title in (
+        (OFF, 88, "Motor power was off"),
+        (EMPTY, 86, "The battery was empty"),
+        (LOW, 60, "The battery was low"),
     ):
         if state in states:
             first = states.index(state)
             text = f"The battery read {volts[first]:.1f} V ({low})."
             findings.append(
-                Finding(f"battery_{state}", title, text, remedy, *heard(drive, times_s[first], INFO), weight)
+                Finding(f"battery_{state}", title, text, *heard(drive, times_s[first], INFO), weight)
             )
             break
     sag = None if OFF in states else _sag(times_s, volts, SAG_SHARE * levels.full_v)
@@ -52,7 +52,6 @@ def check(drive: DriveData) -> List[Finding]:
                 "battery_sag",
                 "The battery's voltage sagged",
                 f"It fell from {before_v:.1f} V to {after_v:.1f} V within {SAG_S:g} s: a weak cell, or a poor contact.",
-                "Check the battery's plug and wires; measure its voltage while the motors run; replace a worn pack.",
                 *heard(drive, times_s[at], INFO),
                 84,
             )
@@ -64,7 +63,6 @@ def check(drive: DriveData) -> List[Finding]:
                 "hot",
                 "The motor board was hot",
                 f"It reached {np.nanmax(heat):.0f} degC.",
-                "Let it cool down, and check that the wheels turn freely.",
                 *heard(drive, times_s[hot[0]], INFO),
                 50,
             )

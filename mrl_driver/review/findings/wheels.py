@@ -29,41 +29,28 @@ def check(drive: DriveData) -> List[Finding]:
         return []
     for time_s, event in drive.events:
         if isinstance(event, Mismatch):
-            kind, title, why, remedy = _cause(drive, time_s, event)
+            kind, title, why = _cause(drive, time_s, event)
             text = f"The {event}. {why}".strip()
-            return [Finding(kind, title, text, remedy, *heard(drive, time_s, *TELEMETRY), 85)]
+            return [Finding(kind, title, text, *heard(drive, time_s, *TELEMETRY), 85)]
     return _speeds(drive)
 
 
-def _cause(drive: DriveData, time_s: float, mismatch: Mismatch) -> Tuple[str, str, str, str]:
-    """Kind, title, reason and remedy of a mismatch; the gyro tells a dead encoder from a blocked wheel."""
+def _cause(drive: DriveData, time_s: float, mismatch: Mismatch) -> Tuple[str, str, str]:
+    """Kind, title and reason of a mismatch; the gyro tells a dead encoder from a blocked wheel."""
     wheel = mismatch.wheel
     name = f"The {wheel} wheel" if wheel not in ("both", "several") else "The wheels"
     if mismatch.cause == POWERLESS:
-        return (
-            "wheels_powerless",
-            "No wheel turned",
-            "",
-            "Check motor power, its switch and the battery's plug.",
-        )
+        return "wheels_powerless", "No wheel turned", ""
     if mismatch.cause == REVERSED:
-        remedy = "Swap the wires of its encoder or of its motor, not of both; then run: mrl doctor --drive"
-        return "wheel_reversed", f"{name} counted against its command", "", remedy
+        return "wheel_reversed", f"{name} counted against its command", ""
     blocked = _is_blocked(drive, time_s, wheel)
     if blocked is None:
-        remedy = "Check that it turns freely; check the plugs of its encoder and its motor."
-        return "wheel_dead", f"{name} did not count", "", remedy
+        return "wheel_dead", f"{name} did not count", ""
     if blocked:
         why = "The gyro shows that the robot turned about this wheel: it stood still."
-        remedy = "Check that it turns freely, and the wires of its motor."
-        return "wheel_blocked", f"{name} was blocked or without power", why, remedy
+        return "wheel_blocked", f"{name} was blocked or without power", why
     why = "The gyro shows that the robot did not turn about this wheel: it moved without being counted."
-    return (
-        "encoder_dead",
-        f"The {wheel} encoder was dead",
-        why,
-        "Check the plug and the wires of its encoder.",
-    )
+    return "encoder_dead", f"The {wheel} encoder was dead", why
 
 
 def _is_blocked(drive: DriveData, time_s: float, wheel: str) -> Optional[bool]:
@@ -131,7 +118,6 @@ def _wrong_speeds(drive: DriveData, ratios: Any, at_s: Any) -> List[Finding]:
                 "The robot does not drive as fast as asked",
                 f"By its wheels it drove {0.5 * (right + left):.0%} of the speed asked for: wheel size, gearbox or "
                 "encoder counts in the board differ from those of the robot model.",
-                "Compare the robot's YAML with the board's parameters: mrl doctor, mrl config; then: mrl calibrate",
                 *heard(drive, float(np.nanmin(at_s)), *TELEMETRY),
                 62,
             )
@@ -143,7 +129,6 @@ def _wrong_speeds(drive: DriveData, ratios: Any, at_s: Any) -> List[Finding]:
                 "wheel_slow",
                 f"The {slow} wheel is slower than asked",
                 f"It reached {names[slow]:.0%} of its speed, the other wheel {max(right, left):.0%}.",
-                "Check that it turns freely, its motor's wires, and the battery under load.",
                 *heard(drive, float(np.nanmin(at_s)), *TELEMETRY),
                 58,
             )

@@ -1,0 +1,61 @@
+"""`mrl explain`: what a code at the end of a message means, and what to do."""
+
+import difflib
+from typing import List
+
+import click
+
+from mrl_driver.errors import ConfigError
+from mrl_driver.problems import GROUPS, PROBLEMS, Problem
+
+
+def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+    return [code for code in PROBLEMS if code.startswith(incomplete)]
+
+
+@click.command()
+@click.argument("code", required=False, shell_complete=_complete)
+def explain(code: str) -> None:
+    """Explain the code of a message: cause and remedy.
+
+    Codes stand in brackets at the end of messages, such as [port_busy].  Stop reasons work too.  Without a code, lists
+    all of them.  docs/troubleshooting.md has the same texts.
+
+    \b
+    Examples:
+      mrl explain port_busy
+      mrl explain "command timeout"             a stop reason
+      mrl explain
+    """
+    if code:
+        _print(_find(code))
+        return
+    for group, rows in GROUPS.items():
+        click.echo(f"{group}:")
+        for row in rows:
+            click.echo(f"  {row.code:<18} {row.message}")
+
+
+def _find(text: str) -> Problem:
+    """Return the row of a code or a stop reason.
+
+    Raises:
+        ConfigError: there is none.
+    """
+    from mrl_driver.view.words import stop_of
+
+    code = text.strip("[] ").replace(" ", "_").replace("-", "_").lower()
+    row = PROBLEMS.get(code) or PROBLEMS.get(stop_of(code).code)
+    if row is None:
+        near = difflib.get_close_matches(code, PROBLEMS, 3, 0.4)
+        expected = ", ".join(near) or "one of those that mrl explain lists"
+        raise ConfigError(f"there is no code {text!r}, expected {expected}")
+    return row
+
+
+def _print(row: Problem) -> None:
+    click.echo(f"{row.code}: {row.message}")
+    for text in row.also:
+        click.echo(f"  also: {text}")
+    click.echo(f"cause:  {row.cause}")
+    click.echo(f"remedy: {row.advice or 'none is needed; the next command drives the robot again'}")

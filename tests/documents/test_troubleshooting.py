@@ -1,0 +1,137 @@
+"""Codes of messages, and the table that explains them, from which docs/troubleshooting.md is rendered."""
+
+import ast
+import functools
+import re
+
+import pytest
+from click.testing import CliRunner
+
+from mrl_driver import errors
+from mrl_driver.cli.main import cli
+from mrl_driver.problems import PLACEHOLDERS, PROBLEMS, sentences
+from mrl_driver.view.words import STOPS, stopped_text
+
+from .blocks import ROOT
+
+PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
+TABLE = ROOT / "mrl_driver" / "problems.py"
+ERRORS = [
+    each for each in vars(errors).values() if isinstance(each, type) and issubclass(each, errors.MrlError)
+]
+FROM_THE_TABLE = {
+    *("brown_out", "firmware_hung", "board_restart", "watchdog_stop", "board_stalled", "undervoltage"),
+    *("wheel_blocked", "encoder_dead", "imu_dead", "imu_frozen", "imu_wrong", "imu_tilted"),
+}
+"""Codes whose message is read from the table."""
+
+
+def text_of(node):
+    """A string as it is shown, with a mark for each value in it."""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(text_of(each) for each in node.values)
+    if isinstance(node, ast.Constant):
+        return str(node.value)
+    return "\0"
+
+
+@functools.lru_cache(maxsize=None)
+def sources():
+    """The strings of all modules but the table, one a line."""
+    found = []
+    for package in PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            if path != TABLE:
+                tree = ast.parse(path.read_text(encoding="utf-8"))
+                found += [
+                    text_of(node)
+                    for node in ast.walk(tree)
+                    if isinstance(node, (ast.JoinedStr, ast.Constant))
+                ]
+    return "\n".join(text.replace("\n", " ") for text in found)
+
+
+def calls(folder, name):
+    """The calls of a function in the modules of a folder."""
+    for path in sorted((ROOT / folder).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == name:
+                yield node
+
+
+MESSAGES = [(row.code, text) for row in PROBLEMS.values() for text in (row.message, *row.also)]
+STOPPED = {stopped_text(reason) for reason in STOPS}
+
+
+def test_the_messages_are_those_that_users_see():
+    """A changed message must be changed in the table too."""
+    holes, unseen = re.compile("|".join(PLACEHOLDERS)), []
+    for code, text in MESSAGES:
+        parts = [re.escape(part) for part in holes.split(text)]
+        if text not in STOPPED and not re.search("[^\n]*".join(parts), sources(), re.IGNORECASE):
+            unseen.append((code, text))
+    assert {code for code, _ in unseen} - FROM_THE_TABLE == set(), unseen
+
+
+@pytest.mark.parametrize("code", PROBLEMS)
+def test_a_row_is_in_use(code):
+    assert f"\n{code}\n" in sources() or "battery_" in code
+
+
+@pytest.mark.parametrize("kind", ERRORS, ids=lambda each: each.__name__)
+def test_an_errors_code_is_a_row(kind):
+    assert not kind.code or kind.code in PROBLEMS
+    assert kind("text").line == (f"text  [{kind.code}]" if kind.code else "text")
+
+
+def test_every_finding_of_doctor_that_is_not_ok_has_a_code():
+    for folder in ("mrl_driver/cli/doctor", "mrl_driver/cli/commands"):
+        for call in calls(folder, "Finding"):
+            level = call.args[0]
+            good = getattr(level, "id", "") == "OK" or getattr(level, "value", "") == "ok"
+            assert good or len(call.args) == 5 or {each.arg for each in call.keywords} >= {"code"}, ast.dump(
+                call
+            )
+
+
+@pytest.mark.parametrize(
+    "folder, name, at", [("mrl_driver/cli", "problem", 1), ("mrl_driver/review/findings", "Finding", 0)]
+)
+def test_codes_of_findings_are_rows(folder, name, at):
+    found = {call.args[at].value for call in calls(folder, name) if isinstance(call.args[at], ast.Constant)}
+    assert len(found) > 9 and found <= set(PROBLEMS)
+
+
+def test_every_unwanted_stop_is_explained():
+    assert {reason for reason, stop in STOPS.items() if stop.why and stop.code not in PROBLEMS} == set()
+
+
+@pytest.mark.parametrize("word", ["port_busy", "[port_busy]", "port-busy"])
+def test_explain_prints_cause_and_remedy(word):
+    row, done = PROBLEMS["port_busy"], CliRunner().invoke(cli, ["explain", word])
+    assert done.exit_code == 0 and row.cause in done.output and row.advice in done.output
+
+
+def test_explain_knows_stop_reasons():
+    assert CliRunner().invoke(cli, ["explain", "link watchdog"]).output.startswith("command_timeout: ")
+
+
+def test_explain_suggests_a_code():
+    error = CliRunner().invoke(cli, ["explain", "port_bussy"]).exception
+    assert isinstance(error, errors.ConfigError) and "expected port_busy" in str(error)
+
+
+def test_explain_lists_all():
+    assert all(code in CliRunner().invoke(cli, ["explain"]).output for code in PROBLEMS)
+
+
+@pytest.mark.parametrize(
+    "words, text",
+    [
+        ("charge it", "Charge it."),
+        ("first this; then run: mrl doctor", "First this; then run: mrl doctor"),
+        ("", ""),
+    ],
+)
+def test_remedies_become_sentences(words, text):
+    assert sentences(words) == text
