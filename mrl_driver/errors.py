@@ -24,8 +24,15 @@ as `[port_busy]`, and exits with `exit_code`; libraries only raise.  `mrl explai
 """
 
 
+def one_line(text: str) -> str:
+    """Return a text with all that is not printable escaped: line ends, and orders to a terminal in names of others."""
+    if text.isprintable():
+        return text
+    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+
+
 class MrlError(Exception):
-    """Base of all errors; `exit_code` is the exit code of the command line."""
+    """Base of all errors; `exit_code` is the exit code of the command line.  Its text is always one line."""
 
     exit_code = 1
     code = ""
@@ -35,6 +42,9 @@ class MrlError(Exception):
     def line(self) -> str:
         """The message with its code, as programs print it."""
         return f"{self}  [{self.code}]" if self.code else str(self)
+
+    def __str__(self) -> str:
+        return one_line(super().__str__())
 
 
 class ConfigError(MrlError, ValueError):

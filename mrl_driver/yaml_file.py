@@ -1,7 +1,7 @@
 """YAML files that users write: each fault is an error in one line, with the file and, if known, the line number."""
 
 from functools import lru_cache
-from typing import Any, Container, Mapping, Sequence
+from typing import Any, Container, Dict, Mapping, Optional, Sequence, Tuple
 
 from .errors import ConfigError
 
@@ -10,6 +10,10 @@ _LONGEST = 1 << 20
 """Longest file accepted [characters]; those of users have a few thousand."""
 _LONGEST_BITS = 2048
 """Longest number accepted [bit]; Python refuses to print very long ones."""
+_MOST_VALUES = 1 << 20
+"""Most values accepted, with those behind an alias counted each time it stands."""
+_MOST_SHOWN = 80
+"""Longest value or key in a message [characters]."""
 
 
 def read_expected(path: str, expected: str) -> Any:
@@ -30,13 +34,13 @@ def read(path: str) -> Any:
     Raises:
         OSError: the file cannot be opened.
         ConfigError: it is not YAML, a value does not fit its tag, a mapping has a key twice, the nesting is deeper
-            than 10, or the file is longer than a million characters.
+            than 10, the file is longer than a million characters, or its aliases stand for more than a million values.
     """
-    with open(path, encoding="utf-8") as file:
-        try:
+    try:
+        with open(path, encoding="utf-8") as file:
             text = file.read(_LONGEST + 1)
-        except ValueError as error:
-            raise ConfigError(f"{path}: no YAML: {error}") from None
+    except ValueError as error:  # of the text, or of a path with NUL
+        raise ConfigError(f"{path}: no YAML: {error}") from None
     if len(text) > _LONGEST:
         raise ConfigError(f"{path}: longer than {_LONGEST} characters, expected a YAML file written by hand")
     return parse(text, path)
@@ -51,27 +55,54 @@ def parse(text: str, path: str) -> Any:
     import yaml  # late: most users have no such file, and the import takes a tenth of a short command's time
 
     try:
-        _check_depth(path, text)
+        _check_size(path, text)
         return yaml.load(text, Loader=_loader())
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}: " if mark else ""
-        raise ConfigError(f"{path}: {where}no YAML: {error.problem or error.context}") from None
+        raise ConfigError(f"{path}: {where}no YAML: {_cut(str(error.problem or error.context))}") from None
     except yaml.YAMLError as error:
-        raise ConfigError(f"{path}: no YAML: {' '.join(str(error).split())}") from None
+        raise ConfigError(f"{path}: no YAML: {_cut(' '.join(str(error).split()))}") from None
 
 
-def _check_depth(path: str, text: str) -> None:
-    """Check the depth first, because loaders recurse: thousands of brackets would crash them, or the whole program."""
+class _Extent:
+    """A collection that is read: how many values are in it, and how deep the deepest is."""
+
+    def __init__(self, anchor: Optional[str]) -> None:
+        self.anchor, self.values, self.height = anchor, 1, 0
+
+    def add(self, values: int, height: int) -> None:
+        self.values, self.height = self.values + values, max(self.height, height)
+
+
+def _check_size(path: str, text: str) -> None:
+    """Check depth and size first.
+
+    Loaders recurse: thousands of brackets would crash them, or the whole program.  A few aliases of aliases stand for
+    more values than any memory has.
+    """
     import yaml
 
-    depth = 0
+    anchors: Dict[Optional[str], Tuple[int, int]] = {}
+    open_ = [_Extent(None)]
     events: Any = yaml.parse(text, Loader=_loader())
     for event in events:
-        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-        if depth > _DEEPEST:
-            line = event.start_mark.line + 1
+        if isinstance(event, yaml.AliasEvent):
+            open_[-1].add(*anchors.get(event.anchor, (1, 0)))
+        elif isinstance(event, yaml.ScalarEvent):
+            open_[-1].add(1, 0)
+        elif isinstance(event, yaml.CollectionStartEvent):
+            open_.append(_Extent(event.anchor))
+        elif isinstance(event, yaml.CollectionEndEvent):
+            ended = open_.pop()
+            open_[-1].add(ended.values, ended.height + 1)
+            if ended.anchor is not None:
+                anchors[ended.anchor] = ended.values, ended.height + 1
+        line = event.start_mark.line + 1
+        if len(open_) - 1 + open_[-1].height > _DEEPEST:
             raise ConfigError(f"{path}: line {line}: no YAML of this kind is nested deeper than {_DEEPEST}")
+        if open_[-1].values > _MOST_VALUES:
+            raise ConfigError(f"{path}: line {line}: aliases stand for more than {_MOST_VALUES} values")
 
 
 @lru_cache(maxsize=None)
@@ -97,7 +128,7 @@ def _loader() -> Any:
             seen = set()
             for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
                 if isinstance(key, yaml.ScalarNode) and key.value in seen:
-                    raise _fault(key, f"the key {key.value!r} stands twice")
+                    raise _fault(key, f"the key {short(key.value)} stands twice")
                 if isinstance(key, yaml.ScalarNode):
                     seen.add(key.value)
             return super().construct_mapping(node, deep=deep)
@@ -110,8 +141,11 @@ def _loader() -> Any:
 
 def short(value: Any) -> str:
     """Return a value as text for a message, at most 80 characters."""
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    return _cut(repr(value))
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _MOST_SHOWN else f"{text[: _MOST_SHOWN - 3]}..."
 
 
 class Reader:
@@ -126,7 +160,7 @@ class Reader:
 
     def fail(self, key: str, got: Any, expected: str) -> ConfigError:
         """Return the error for a value."""
-        return ConfigError(f"{self.path}: {key or 'file'} is {short(got)}, expected {expected}")
+        return ConfigError(f"{self.path}: {_cut(key) or 'file'} is {short(got)}, expected {expected}")
 
     def mapping(
         self, key: str, value: Any, expected: str = "a mapping of keys to values"
@@ -144,7 +178,9 @@ class Reader:
         prefix = f"{key}." if key else ""
         for name in found:
             if name not in known:
-                raise ConfigError(f"{self.path}: key {prefix}{name} is unknown, expected {', '.join(known)}")
+                raise ConfigError(
+                    f"{self.path}: key {_cut(f'{prefix}{name}')} is unknown, expected {', '.join(known)}"
+                )
         for name in known:
             if name not in found and name not in optional:
                 raise ConfigError(f"{self.path}: key {prefix}{name} is missing")

@@ -2,7 +2,8 @@
 MINUTES ?= 10
 
 .PHONY: fuzz soak
-fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
+fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for MINUTES=n each, and each reader for SECONDS=n; build/bench/reliability.json
+	$(PY) -m tests.fuzz.inputs --seconds $(or $(SECONDS),60)
 	$(PY) -m tests.fuzz --minutes $(MINUTES)
 	$(PY) -m tests.fuzz.greetings
 	$(PY) -m tests.fuzz.greetings --board august --greetings 500

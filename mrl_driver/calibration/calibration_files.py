@@ -49,7 +49,7 @@ class Progress:
             return []
         if found.get("settings") != dict(settings):
             raise ConfigError(
-                f"{self.path} holds runs of {procedure} with {_listed(found.get('settings'))}, expected "
+                f"{self.path} holds runs of {procedure} with {_listed(found['settings'])}, expected "
                 f"{_listed(settings)}: give those options, or start again with --restart"
             )
         return [from_json(each) for each in found["runs"]]
@@ -91,20 +91,27 @@ def _read_state(path: str, robot: str) -> Dict[str, Any]:
     try:
         with open(path, encoding="utf-8") as file:
             data = json.load(file)
-        good = data["version"] == VERSION and isinstance(data["procedures"], dict)
+        good = data["version"] == VERSION and all(map(_is_procedure, data["procedures"].values()))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         good = False
     if not good:
         raise ConfigError(f"{path} is not the state of a calibration; move it away to start again")
     if data.get("robot") != robot:
-        raise ConfigError(f"{path} belongs to {data.get('robot')}, expected {robot}; give another --output")
+        found = yaml_file.short(data.get("robot"))
+        raise ConfigError(f"{path} belongs to {found}, expected {robot}; give another --output")
     return dict(data)
 
 
-def _listed(settings: Any) -> str:
-    return ", ".join(f"{name} {value:g}" for name, value in dict(settings or {}).items()) or "no settings"
+def _is_procedure(found: Any) -> bool:
+    """Return whether this is the state of a procedure."""
+    good = isinstance(found, dict) and isinstance(found.get("runs"), list)
+    return good and isinstance(found.get("settings"), dict)
+
+
+def _listed(settings: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {yaml_file.short(value)}" for name, value in settings.items()) or "no settings"
 
 
 def require_writable(path: str) -> None:
@@ -163,8 +170,8 @@ def _text_of(path: str) -> str:
     try:
         with open(path, encoding="utf-8") as file:
             return file.read()
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path} cannot be read: {getattr(error, 'strerror', error)}") from None
 
 
 def _spelling(value: float) -> str:

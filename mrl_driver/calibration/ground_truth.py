@@ -65,8 +65,11 @@ def _last_pose(path: str) -> Pose:
         whole = file.read().rpartition(b"\n")[0].rsplit(b"\n", 1)[-1]
     try:
         line = json.loads(whole)
-        return Pose(float(line["x"]), float(line["y"]), float(line["yaw"]))
-    except (ValueError, KeyError, TypeError):
+        pose = Pose(float(line["x"]), float(line["y"]), float(line["yaw"]))
+        if not all(map(math.isfinite, pose)):
+            raise ValueError
+        return pose
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         raise ConfigError(f"--truth {path} ends with {whole[:60]!r}, expected a pose as JSON") from None
 
 

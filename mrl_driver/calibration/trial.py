@@ -126,6 +126,6 @@ def from_json(data: Any) -> Trial:
     try:
         steps = np.array(data["steps"], dtype=np.int64).reshape(-1, 2)
         x, y, yaw = (math.nan if value is None else float(value) for value in data["end"])
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise ConfigError("a run in the state file is damaged; start again with --restart") from None
     return Trial(steps, Pose(x, y, yaw))

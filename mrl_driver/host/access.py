@@ -74,7 +74,7 @@ def _parse(path: str, data: bytes) -> Tokens:
             if len(token) != 2 * TOKEN_BYTES or bytes.fromhex(token).hex() != token:
                 raise ValueError
         return found
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, RecursionError):
         raise ConfigError(
             f"{path} is damaged, expected two tokens of {2 * TOKEN_BYTES} hexadecimal digits; {NEW}"
         ) from None

@@ -61,7 +61,7 @@ def model_of(text: str) -> Optional[RobotModel]:
     """Return the model in this text; None if it holds none that a driver could use."""
     try:
         return models.parse(json.loads(text), "the recording")
-    except (ConfigError, ValueError, RecursionError):
+    except (ConfigError, ValueError, OverflowError, RecursionError):
         return None
 
 
@@ -110,7 +110,7 @@ def session_of(text: str) -> Optional[Joined]:
         last = next((event for event in frames if isinstance(event, Frame) and event.code == stream), None)
         last = last if math.isfinite(stamp_s) else None
         return Joined(board, stream, checked, stamp_s, last, _bias_of(found.get("bias")))
-    except (KeyError, TypeError, ValueError, RecursionError):
+    except (KeyError, TypeError, ValueError, OverflowError, RecursionError):
         return None
 
 

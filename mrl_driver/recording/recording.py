@@ -20,6 +20,7 @@ import datetime
 import json
 import math
 import os
+import re
 import threading
 import time
 from collections import deque
@@ -74,6 +75,7 @@ OWN_REMARKS = tuple(
 )
 """First words of the driver's own remarks.  Readers ignore those that they do not know."""
 _MAGIC = "#mrl-recording"
+_NUMBER = re.compile(r"[0-9]{1,9}")
 FLUSH_S, HOLD_S = 0.2, 0.05
 """The file is written this often; an entry waits for this time, because a thread may pause before it adds an older one
 [s].
@@ -220,7 +222,7 @@ class Recording:
     def _read_header(self, line: bytes) -> Dict[str, Any]:
         magic, _, rest = line.decode("latin-1").strip().partition(" ")
         version, _, header = rest.partition(" ")
-        if magic != _MAGIC or not version.isdigit():
+        if magic != _MAGIC or not _NUMBER.fullmatch(version):
             raise ConfigError(
                 f"{self.path}:1: got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...': the file is not a recording"
             )

@@ -15,6 +15,7 @@ packed numbers for the others.
 """
 
 import json
+import math
 import struct
 from typing import Any, Dict, List, NamedTuple, Tuple, Type, Union
 
@@ -170,15 +171,22 @@ def _event(kind: int, rest: bytes) -> Event:
     try:
         if kind == _MESSAGE:
             number, sequence, stamp_s = _MESSAGE_START.unpack_from(rest)
-            return Message(number, sequence, stamp_s, rest[_MESSAGE_START.size :])
+            return Message(number, sequence, _finite(stamp_s), rest[_MESSAGE_START.size :])
         if kind in _PACKED:
             made, packed = _PACKED[kind]
-            return made(*packed.unpack(rest))
+            return made(*map(_finite, packed.unpack(rest)))
         return _checked(_JSON[kind], json.loads(rest.decode()))
     except (struct.error, ValueError, TypeError, RecursionError) as error:
         raise RelayError(
             f"got a frame of kind {kind} that does not parse ({error}), expected a topic_relay"
         ) from None
+
+
+def _finite(number: Any) -> Any:
+    """The number, if it is finite: a time without an end would make every message new."""
+    if not math.isfinite(number):
+        raise ValueError(f"a number is {number}")
+    return number
 
 
 def _checked(kind: Type[Any], fields: Any) -> Event:

@@ -23,6 +23,10 @@ _SYMBOL = struct.Struct("<IIIBBH")
 _MACHINE_AVR = 83
 _SEGMENT_LOAD = 1
 _SECTION_SYMBOLS = 2
+_LARGEST_SEGMENT = 1 << 16
+"""Largest segment [byte]; the chip has 32 KiB of flash."""
+_MOST_ENTRIES = 256
+"""An image has at most this many segments, and as many sections; those of avr-gcc have about twenty."""
 
 
 class Symbol(NamedTuple):
@@ -55,7 +59,7 @@ def read_image(path: Path) -> Image:
         if raw[:1] == b":":
             return Image(intel_hex.read(raw.decode("ascii", "replace")), [], {})
         return _parse(raw)
-    except (struct.error, ValueError) as error:
+    except (struct.error, ValueError, IndexError) as error:
         raise SimulatorError(f"firmware image {path}: not an AVR ELF or Intel HEX file ({error})") from error
 
 
@@ -63,6 +67,8 @@ def _parse(raw: bytes) -> Image:
     header = _HEADER.unpack_from(raw)
     if header[0][:5] != b"\x7fELF\x01" or header[2] != _MACHINE_AVR:
         raise ValueError(f"starts with {raw[:5]!r}, machine {header[2]}")
+    if max(header[10], header[12]) > _MOST_ENTRIES:
+        raise ValueError(f"{header[10]} segments and {header[12]} sections")
     pieces = list(_loaded(raw, header))
     flash = [(address, data) for address, data in pieces if address < DATA_BASE]
     eeprom = [
@@ -75,6 +81,8 @@ def _loaded(raw: bytes, header: Tuple) -> Iterator[Tuple[int, bytes]]:
     offset, entry_size, count = header[5], header[9], header[10]
     for index in range(count):
         kind, at, _, physical, size, _, _, _ = _SEGMENT.unpack_from(raw, offset + index * entry_size)
+        if size > _LARGEST_SEGMENT:
+            raise ValueError(f"a segment of {size} bytes")
         if kind == _SEGMENT_LOAD and size:
             yield physical, raw[at : at + size]
 
@@ -86,17 +94,18 @@ def _sections(raw: bytes, header: Tuple) -> List[Tuple]:
 
 def _symbols(raw: bytes, header: Tuple) -> Iterator[Tuple[str, Symbol]]:
     sections = _sections(raw, header)
-    for _, kind, _, _, at, size, link, _, _, _ in sections:
-        if kind != _SECTION_SYMBOLS:
-            continue
-        names = sections[link][4]
-        for entry in range(at, at + size, _SYMBOL.size):
-            name_at, value, length, _, _, section = _SYMBOL.unpack_from(raw, entry)
-            if name_at and section:
-                yield (
-                    _text(raw, names + name_at),
-                    Symbol(value & 0xFFFF if value >= DATA_BASE else value, length),
-                )
+    table = next((each for each in sections if each[1] == _SECTION_SYMBOLS), None)
+    if table is None:
+        return
+    at, size, link = table[4:7]
+    names = sections[link][4]
+    for entry in range(at, at + size, _SYMBOL.size):
+        name_at, value, length, _, _, section = _SYMBOL.unpack_from(raw, entry)
+        if name_at and section:
+            yield (
+                _text(raw, names + name_at),
+                Symbol(value & 0xFFFF if value >= DATA_BASE else value, length),
+            )
 
 
 def _text(raw: bytes, at: int) -> str:

@@ -5,6 +5,7 @@ from typing import Callable, List, NamedTuple, Sequence
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.terminal.teleop_keys import HOLD_S, Teleop
+from mrl_driver.yaml_file import short
 
 from .experiment_robot import TICK_S, ExperimentRobot
 
@@ -27,10 +28,12 @@ def read(path: str) -> List[KeyPress]:
     try:
         with open(path, encoding="utf-8", newline="") as file:
             rows = list(csv.reader(file))
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}, expected recorded key presses") from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(
+            f"{path}: {getattr(error, 'strerror', error)}, expected recorded key presses"
+        ) from None
     if not rows or rows[0] != COLUMNS:
-        raise ConfigError(f"{path}: begins with {rows[:1]!r}, expected the columns {','.join(COLUMNS)}")
+        raise ConfigError(f"{path}: begins with {short(rows[:1])}, expected the columns {','.join(COLUMNS)}")
     presses: List[KeyPress] = []
     for number, row in enumerate(rows[1:], 2):
         presses.append(_press(f"{path}, line {number}", row, presses[-1].time_s if presses else 0.0))
@@ -42,11 +45,11 @@ def _press(where: str, row: Sequence[str], since_s: float) -> KeyPress:
         time_text, key = row
         press = KeyPress(float(time_text), key)
     except ValueError:
-        raise ConfigError(f"{where}: {','.join(row)!r}, expected a time [s] and a key") from None
+        raise ConfigError(f"{where}: {short(','.join(row))}, expected a time [s] and a key") from None
     if not since_s <= press.time_s < float("inf"):
-        raise ConfigError(f"{where}: time {time_text}, expected {since_s:g} s or later")
+        raise ConfigError(f"{where}: time {press.time_s:g}, expected {since_s:g} s or later")
     if key != "space" and not Teleop.moves(key):
-        raise ConfigError(f"{where}: key {key!r}, expected up, down, left, right, w, a, s, d or space")
+        raise ConfigError(f"{where}: key {short(key)}, expected up, down, left, right, w, a, s, d or space")
     return press
 
 

@@ -4,6 +4,7 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.sonar import NAMES as SONARS
+from mrl_driver.yaml_file import short
 from sim_arduino.hardware import sonars
 
 from . import datagrams, hardware_faults, line_faults
@@ -243,7 +244,7 @@ def parse(spec: str) -> Fault:
     name, _, rest = spec.partition(":")
     kind = FAULTS.get(name.strip())
     if kind is None:
-        raise ConfigError(f"fault {name!r} is unknown, expected {', '.join(FAULTS)}")
+        raise ConfigError(f"fault {short(name)} is unknown, expected {', '.join(FAULTS)}")
     shared = (_SHARED[0]._replace(default=kind.at_s), _SHARED[1]._replace(default=kind.lasts_s), _SHARED[2])
     known = {p.name: p for p in (*kind.parameters, *shared)}
     values: Dict[str, Any] = {p.name: p.default for p in known.values()}
@@ -253,15 +254,17 @@ def parse(spec: str) -> Fault:
         if key == "direction" and kind.make:
             direction = _direction(spec, text)
         elif key in known:
-            values[key] = check_value(f"fault {spec!r}", known[key], text)
+            values[key] = check_value(f"fault {short(spec)}", known[key], text)
         else:
             expected = ", ".join([*known, *(["direction"] if kind.make else [])])
-            raise ConfigError(f"fault {spec!r}: key {key!r} is unknown, expected {expected}")
+            raise ConfigError(f"fault {short(spec)}: key {short(key)} is unknown, expected {expected}")
     window = values.pop("at"), values.pop("lasts"), values.pop("every")
     return Fault(kind, values, direction, window)
 
 
 def _direction(spec: str, text: str) -> str:
     if text not in (BOTH, TO_BOARD, TO_HOST):
-        raise ConfigError(f"fault {spec!r}: direction is {text!r}, expected {BOTH}, {TO_BOARD} or {TO_HOST}")
+        raise ConfigError(
+            f"fault {short(spec)}: direction is {short(text)}, expected {BOTH}, {TO_BOARD} or {TO_HOST}"
+        )
     return text

@@ -4,7 +4,7 @@ import math
 from typing import Any, Dict, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.yaml_file import Reader, read_expected
+from mrl_driver.yaml_file import Reader, read_expected, short
 from sim_arduino.hardware.robot_physics import Errors
 from sim_arduino.hardware.sonars import SonarErrors
 
@@ -78,10 +78,10 @@ def usage(keys: Tuple[Key, ...]) -> str:
 def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, Any]:
     known = {key.name: key for key in keys}
     values: Dict[str, Any] = {key.name: key.default for key in keys}
-    source = f"{what} {text!r}"
+    source = f"{what} {short(text)}"
     for name, value in _given(source, text).items():
         if name not in known:
-            raise ConfigError(f"{source}: key {name!r} is unknown, expected {', '.join(known)}")
+            raise ConfigError(f"{source}: key {short(name)} is unknown, expected {', '.join(known)}")
         values[name] = check_value(source, known[name], value)
     return values
 
@@ -102,7 +102,7 @@ def check_value(source: str, key: Key, value: Any) -> Union[float, str]:
         ConfigError: it is not a number in the key's range, or none of its choices.
     """
     if key.choices and value not in key.choices:
-        raise ConfigError(f"{source}: {key.name} is {value!r}, expected {' or '.join(key.choices)}")
+        raise ConfigError(f"{source}: {key.name} is {short(value)}, expected {' or '.join(key.choices)}")
     if key.low is None:
         return str(value)
     try:
@@ -112,7 +112,7 @@ def check_value(source: str, key: Key, value: Any) -> Union[float, str]:
     whole = isinstance(key.default, int)
     if not key.low <= number <= key.high or (whole and number % 1.0):
         raise ConfigError(
-            f"{source}: {key.name} is {value!r}, expected {'a whole number, ' if whole else ''}"
+            f"{source}: {key.name} is {short(value)}, expected {'a whole number, ' if whole else ''}"
             f"{key.low:g} to {key.high:g} {key.unit}".rstrip()
         )
     return number

@@ -42,7 +42,7 @@ def _pose(number: int, line: str) -> Tuple[float, float, float]:
         row = json.loads(line)
         pose = row.get("pose", row)
         x, y, yaw = (float(pose[key]) for key in Pose._fields)
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         x = y = yaw = math.nan
     if not (abs(x) <= FAR_M and abs(y) <= FAR_M and abs(yaw) <= 1e6):
         raise ConfigError(

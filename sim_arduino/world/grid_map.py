@@ -18,6 +18,10 @@ from .world import World
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 _MOST_CELLS = 64_000_000
+_MOST_BYTES = 2 * _MOST_CELLS + 65536
+"""Longest picture: two bytes for each cell, and the header."""
+_MOST_WALLS = 1_000_000
+"""A map with more outlines than this is noise."""
 
 
 class _Origin(Form):
@@ -102,7 +106,7 @@ def read(path: str, data: Mapping[str, Any]) -> GridMap:
     return GridMap(states[values][::-1], resolution, Pose(*corner))
 
 
-_GAP = rb"(?:\s+|#[^\n]*\n)+"
+_GAP = rb"(?:\s|#[^\n]*\n)+"
 _HEADER = re.compile(rb"(P[25])" + _GAP + (rb"(\d{1,9})" + _GAP) * 2 + rb"(\d{1,9})(?:\r\n|\s)")
 
 
@@ -110,9 +114,12 @@ def _read_pgm(path: str) -> Tuple[Any, int]:
     """Grey values, integers `(height, width)` with row 0 at the top, and the value of white."""
     try:
         with open(path, "rb") as file:
-            data = file.read()
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}, expected a PGM picture") from None
+            data = file.read(_MOST_BYTES + 1)
+    except (OSError, ValueError) as error:  # ValueError: of a path with NUL
+        why = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(f"{path}: {why}, expected a PGM picture") from None
+    if len(data) > _MOST_BYTES:
+        raise ConfigError(f"{path}: longer than {_MOST_BYTES} bytes, expected a PGM picture")
     header = _HEADER.match(data)
     if not header:
         raise ConfigError(
@@ -148,13 +155,20 @@ def _plain_values(path: str, body: bytes) -> Any:
 
 
 def walls_of(grid: GridMap) -> List[Wall]:
-    """The outlines of the occupied cells; straight runs are joined."""
+    """The outlines of the occupied cells; straight runs are joined.
+
+    Raises:
+        ConfigError: there are more than a million.
+    """
     full = np.pad(grid.cells == OCCUPIED, 1)
     walls: List[Wall] = []
     for upright in (False, True):
         change = np.diff((full.T if upright else full).astype(np.int8), axis=0)[:, 1:-1]
         for sign in (1, -1):
-            for line, begin, end in _runs(change == sign):
+            runs = _runs(change == sign)
+            if len(walls) + len(runs) > _MOST_WALLS:
+                raise ConfigError(f"the map has more than {_MOST_WALLS} outlines, expected walls and rooms")
+            for line, begin, end in runs:
                 a, b = ((line, begin), (line, end)) if upright else ((begin, line), (end, line))
                 walls.append(_placed(grid, a, b))
     return walls

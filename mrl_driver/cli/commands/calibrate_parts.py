@@ -80,7 +80,9 @@ def sonar(
     if points is not None or recording is not None:
         model = recorded_model(job)
         output = output_for(job, model, None)
-        readings = _points(points) if points is not None else _recorded_points(str(recording), model, start)
+        readings = (
+            read_points(points) if points is not None else _recorded_points(str(recording), model, start)
+        )
         write_yaml("sonar", _fit_sonar(*readings, _model_curve(model) or THESIS, job), output, job, model)
         return
     with calibrate_job.connect(job) as driver:
@@ -111,7 +113,7 @@ def _approach(driver: "Driver", plan: "SonarPlan", kept: str, job: Job) -> Point
 
     if job.restart and os.path.exists(kept):
         os.remove(kept)
-    earlier = readings = _points(kept) if os.path.exists(kept) else ([], [])
+    earlier = readings = read_points(kept) if os.path.exists(kept) else ([], [])
     nearest_m = min(earlier[1], default=math.inf)
     remaining = [each for each in plan.distances() if each < nearest_m - plan.step_m / 2]
     if earlier[1]:
@@ -162,7 +164,7 @@ def _model_curve(model: "RobotModel") -> Optional["Curve"]:
     return Curve(*(float(value) / 1e4 for value in coefficients if value is not None))
 
 
-def _points(path: str) -> Points:
+def read_points(path: str) -> Points:
     """Return the readings and distances [m] from a file; `-` or `inf` means no reading.
 
     Raises:
@@ -182,7 +184,7 @@ def _points(path: str) -> Points:
                     ) from None
                 distances.append(distance)
                 ranges.append(reading if math.isfinite(reading) else math.nan)
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from None
     return ranges, distances
 
