@@ -171,5 +171,7 @@ def explain(output: str, port: str, image: str) -> MrlError:
 
 
 def _last_line(output: str) -> Optional[str]:
+    """The last line that names an error.  avrdude goes on after that of a port without modem lines."""
     lines = [line.strip() for line in output.splitlines() if line.strip() and "#" not in line]
+    lines = [line for line in lines if "TIOCM" not in line] or lines
     return next((line for line in reversed(lines) if "error" in line.lower()), lines[-1] if lines else None)

@@ -30,7 +30,8 @@ WARN_EVERY_S = 5.0
 class ReceivedTopic:
     """A topic that is published here, with the latched message of each of its publishers there.
 
-    A publisher of rospy keeps one latched message; `/tf_static` has one from each of its publishers.
+    A publisher of rospy keeps one latched message; `/tf_static` has one from each of its publishers.  So rospy keeps
+    none here, and each new subscriber gets them all.
     """
 
     def __init__(self, name: str) -> None:
@@ -56,29 +57,22 @@ class ReceivedTopic:
             if source.latched:
                 self._latched.pop((peer, source.number), None)
                 self._latched[peer, source.number] = message
-            publisher = self._publisher
-        with contextlib.suppress(rospy.ROSException):  # the node ends meanwhile
-            publisher.publish(message)
+            with contextlib.suppress(rospy.ROSException):  # the node ends meanwhile
+                self._publisher.publish(message)
+            self._publisher.impl.latch = None
 
     def forget(self, peer: str) -> None:
         """The peer is gone: what it had latched is no longer known to be true."""
         with self._lock:
             for key in [key for key in self._latched if key[0] == peer]:
                 del self._latched[key]
-            self._latch_last()
 
     def peer_subscribe(self, _topic: str, _publish: Any, publish_to_peer: Any) -> None:
-        """A subscriber has connected; rospy itself sends the last message."""
+        """A subscriber has connected.  The lock keeps messages that arrive meanwhile behind those that were latched."""
         with self._lock:
-            latched = list(self._latched.values())
-        for message in latched[:-1]:
-            publish_to_peer(message)
-        with self._lock:
-            self._latch_last()  # rospy latches what it has sent to the one subscriber, too
-
-    def _latch_last(self) -> None:
-        if self._publisher is not None:
-            self._publisher.impl.latch = next(reversed(list(self._latched.values())), None)
+            for message in self._latched.values():
+                publish_to_peer(message)
+            self._publisher.impl.latch = None
 
     def peer_unsubscribe(self, _topic: str, _peers: int) -> None:
         """A subscriber has gone."""

@@ -10,7 +10,7 @@ from mrl_driver.transport.link import SerialLink
 from tests.waiting import wait_until
 
 BEGINNING = """
-import os, signal, sys
+import os, select, signal, sys
 from mrl_driver.driver import Driver, Options
 from mrl_driver.errors import LinkLost
 
@@ -31,10 +31,9 @@ DRIVES = """
 """
 DRIVES_ON = """
     status = os.waitpid(child, 0)[1]
-    while robot.command is None:  # a driver that a busy machine holds up drops its command
-        robot.drive(0.2, 0.0)
-        robot.wait(0.01)
     print(status, flush=True)
+    while not select.select([sys.stdin], [], [], 0.05)[0]:  # a driver that a busy machine holds up drops its command
+        robot.drive(0.2, 0.0)
     sys.stdin.readline()
 """
 STAYS = """

@@ -2,6 +2,7 @@
 
 import io
 import socket
+import threading
 
 import pytest
 from std_msgs.msg import Bool, String
@@ -44,6 +45,23 @@ def texts(rig, received):
 
 def test_subscriber_gets_the_latched_message_of_each_publisher(rig, received):
     assert texts(rig, received) == ["first", "second"]
+
+
+def test_each_of_two_subscribers_that_connect_at_once_gets_all_latched_messages(received):
+    """The second one connects while the first one gets its messages."""
+    one, other = [], []
+
+    def slow(message):
+        if not one:
+            received.joined = threading.Thread(
+                target=received.peer_subscribe, args=("state", None, lambda each: other.append(each._buff))
+            )
+            received.joined.start()
+        one.append(message._buff)
+
+    received.peer_subscribe("state", None, slow)
+    received.joined.join()
+    assert one == other == [body(String("first")), body(String("second"))]
 
 
 def test_latched_messages_are_forgotten_when_their_robot_is_cut_off(rig, received):
