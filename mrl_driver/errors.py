@@ -24,11 +24,19 @@ as `[port_busy]`, and exits with `exit_code`; libraries only raise.  `mrl explai
 """
 
 
+_LONGEST = 1000
+"""Longest message [characters]."""
+
+
 def one_line(text: str) -> str:
-    """Return a text with all that is not printable escaped: line ends, and orders to a terminal in names of others."""
-    if text.isprintable():
-        return text
-    return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+    """Return a message that may quote files of others.
+
+    What is not printable is escaped, such as line ends and orders to a terminal.  Of a message that is too long, the
+    middle is left out.
+    """
+    if not text.isprintable():
+        text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 405]} ... {text[-400:]}"
 
 
 class MrlError(Exception):

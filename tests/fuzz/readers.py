@@ -72,7 +72,7 @@ def _file(name: str, read: Callable[[str], object]) -> Callable[[bytes, Path], o
 
 def _text(read: Callable[[str], object]) -> Callable[[bytes, Path], object]:
     """A reader of short texts, such as those of the command line."""
-    return lambda data, folder: read(data[:200].decode("utf-8", "replace"))
+    return lambda data, folder: read(data[:2000].decode("utf-8", "replace"))
 
 
 # -- files
@@ -106,7 +106,7 @@ def names(path: str) -> None:
     with mock.patch.object(named_robots, "path", lambda: path):
         for target in named_robots.read().values():
             if target.port is not None:
-                address.require_port(target.port[:200])
+                address.require_port(target.port)
 
 
 def world(path: str) -> None:

@@ -72,6 +72,11 @@ def test_an_error_has_one_line_whatever_it_quotes(tmp_path):
     assert not judge(refusing("a\nb"), b"", tmp_path).problem
 
 
+def test_an_error_has_its_beginning_and_its_end_however_long_what_it_quotes_is():
+    words = str(MrlError("file.yaml: key " + "k" * 5000 + " is unknown, expected walls"))
+    assert len(words) == 1000 and words.startswith("file.yaml: key k") and words.endswith(", expected walls")
+
+
 def hang(data, folder):
     while data:
         pass
