@@ -23,7 +23,6 @@ Each message is one line: what was got, what was expected, what to do.  The comm
 as `[port_busy]`, and exits with `exit_code`; libraries only raise.  `mrl explain CODE` says more (`problems`).
 """
 
-
 _LONGEST = 1000
 """Longest message [characters]."""
 
