@@ -89,7 +89,7 @@ class FakeBoard:
             self.right += (linear + angular * SEPARATION_M / 2) * dt / METRES
         if "left" not in self.dead:
             self.left += (linear - angular * SEPARATION_M / 2) * dt / METRES
-        if self.watches and self.watchdog_s and now - self.fed_s > self.watchdog_s:
+        if self.watches and self.watchdog_s and any(self.speeds) and now - self.fed_s > self.watchdog_s:
             self.speeds = (0, 0)
             self.stop_reason = 2
         while self.period_s is not None and now >= self.due_s:
@@ -138,6 +138,8 @@ class FakeBoard:
         elif code == 7:
             self._say(7, *self.sonars)
         elif code == 11:
+            if not any(self.speeds):
+                self.stop_reason = 0
             self.speeds = args
             self.moves.append(args)
         elif code == 13:

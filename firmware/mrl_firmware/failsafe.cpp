@@ -19,10 +19,12 @@ constexpr uint32_t BAUD_SILENCE = board_clock::of_ms(1000);
 uint32_t last_valid;
 uint32_t watchdog;  // [64 us], 0 is off
 int16_t watchdog_ms;
+bool final;   // see stops_are_final()
 bool silent;  // the watchdog has stopped the motors, and no valid frame has arrived since
 
 void set_check(bool on) {
   commands::decoder.checked = on;
+  final = final && on;
   writer::set_checked(on);
 }
 
@@ -53,6 +55,8 @@ void service(uint16_t gap) {
   }
 }
 
+bool stops_are_final() { return final; }
+
 void report_watchdog() { writer::add(watchdog_ms); }
 
 }  // namespace failsafe
@@ -66,6 +70,7 @@ void set_check(const int16_t* args, uint8_t) {
 
 void set_watchdog(const int16_t* args, uint8_t) {
   failsafe::watchdog_ms = args[0];
+  failsafe::final = args[0];
   failsafe::watchdog = board_clock::of_ms(static_cast<uint32_t>(args[0]));
   answers::ask(SET_WATCHDOG);
 }

@@ -36,7 +36,6 @@ Counts frame_counts;
 uint32_t refused_since;
 bool usable;   // bridge, wiring and numbers are set
 bool refused;  // moves, since the chip has stopped a wheel
-bool turning;  // a move was received since the last stop
 bool undervoltage;
 
 Bridge chip() { return static_cast<Bridge>(config::get(Parameter::bridge)); }
@@ -76,12 +75,6 @@ void write(uint8_t wheel) {
 
 // ---- stops
 
-// If the motors were not turning, the reason of the previous stop stays.
-void note_stop(StopReason reason) {
-  if (turning) status::set_stop_reason(reason);
-  turning = false;
-}
-
 void stop_for(StopReason reason) {
   stop(reason);
   refused = true;
@@ -106,13 +99,13 @@ bool allowed() {
 
 // For each move: whether it may begin.  A masked encoder gets another chance.
 __attribute__((noinline)) bool begin_move(bool moves) {
+  if (status::refuses_move()) return false;
   if (!moves) refused = false;
   if (!allowed()) return false;
   for (uint8_t i = 0; i < SIDES; i++) {
     if (hal::encoder_masked(i)) hal::encoder_unmask(i);
   }
-  if (!turning) status::set_stop_reason(StopReason::none);  // so that a second stop for the same reason is seen as one
-  turning = true;
+  status::turned();
   return true;
 }
 
@@ -171,13 +164,12 @@ uint8_t side_of(uint8_t motor) { return motor == LEFT_MOTOR ? LEFT : RIGHT; }
 }  // namespace
 
 void begin() {
-  status::set_stop_reason(StopReason::boot);
   refresh_all();
 }
 
 // A line that oscillates may have cost the chip the host's stop, so this does not wait for the next sample.
 void service() {
-  if (turning && (hal::encoder_masked(LEFT) || hal::encoder_masked(RIGHT))) stop_for(StopReason::encoder);
+  if (status::turning() && (hal::encoder_masked(LEFT) || hal::encoder_masked(RIGHT))) stop_for(StopReason::encoder);
   if (!to_serve && hal::encoder_sample(sample)) {
     to_serve = SIDES;
     watch_battery();
@@ -251,7 +243,7 @@ bool preset_encoder(uint8_t encoder, int16_t count) {
 bool reset_encoders() { return preset_encoder(LEFT_MOTOR, 0) && preset_encoder(RIGHT_MOTOR, 0); }
 
 void stop(StopReason reason) {
-  note_stop(reason);
+  status::stopped(reason);
   if (reason == StopReason::host) refused = false;
   for (uint8_t i = 0; i < SIDES; i++) {
     wheels[i].stop();

@@ -49,7 +49,6 @@ uint8_t failures;
 bool found, known;
 bool paused, eeprom_busy;
 bool stop_wanted, stop_again;
-bool turning;  // a move was received since the last stop
 bool retry_current, drop_current;
 bool poll_temperature;
 
@@ -108,12 +107,6 @@ void start_asking() {
   failures = 0;
 }
 
-// If the motors were not turning, the reason of the previous stop stays.
-void note_stop(StopReason reason) {
-  if (turning) status::set_stop_reason(reason);
-  turning = false;
-}
-
 void back_off() {
   const bool steady = board_clock::passed(present_since, STEADY);
   retry_presence = steady ? RETRY_PRESENCE : retry_presence * 2;
@@ -122,7 +115,7 @@ void back_off() {
 
 void lose() {
   if (presence == Presence::present) {
-    note_stop(StopReason::motor_board);
+    status::stopped(StopReason::motor_board);
     back_off();
   }
   presence = Presence::absent;
@@ -251,23 +244,20 @@ bool next_stop(hal::Transfer& transfer) {
   return true;
 }
 
-// Queues a command, unless it is a move and the radio holds the robot; false if the board is not available.
+// Queues a command, unless it is a move and the radio holds the robot; false if the board is not available, or after its
+// own stop.
 bool send(const Message& message) {
-  if (!available()) return false;
-  const bool turns = message.turns_motors();
-  if (turns && hold::refuses()) return true;
+  const bool turns = message.turns_motors(), there = available();
+  if (turns && there && hold::refuses()) return true;
+  if ((turns && status::refuses_move()) || !there) return false;
   if (!queue.push(message)) status::refuse(Reason::unavailable);
-  if (turns && !turning) {
-    status::set_stop_reason(StopReason::none);  // so that a second stop for the same reason is seen as one
-    turning = true;
-  }
+  if (turns) status::turned();
   return true;
 }
 
 }  // namespace
 
 void begin() {
-  status::set_stop_reason(StopReason::boot);
   last_poll = board_clock::now();
   start_asking();
 }
@@ -284,7 +274,7 @@ bool asked() { return known; }
 bool ever_found() { return found; }
 
 void stop(StopReason reason) {
-  note_stop(reason);
+  status::stopped(reason);
   queue.drop_moves();
   drop_current = current.turns_motors();
   if (drop_current) retry_current = false;

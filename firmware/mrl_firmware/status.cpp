@@ -4,6 +4,7 @@
 #include "board_clock.h"
 #include "build.h"
 #include "debug.h"
+#include "failsafe.h"
 #include "frame_writer.h"
 #include "hal.h"
 #include "hold.h"
@@ -24,6 +25,8 @@ int16_t clamped;
 int16_t present_faults, unread_faults;
 ResetCause reset_cause;
 StopReason stop_reason;
+bool moving;       // a move was received since the last stop
+bool own_stop;     // the board itself has stopped the motors since the last move
 
 // The interrupt's mark survives a bootloader that clears the chip's flags; kept RAM means a reset, not a power-on.
 ResetCause cause_of(const hal::ResetTrace& trace) {
@@ -40,7 +43,10 @@ void count(int16_t& counter) {
   if (counter != INT16_MAX) counter++;
 }
 
-void begin() { reset_cause = cause_of(hal::reset_trace()); }
+void begin() {
+  reset_cause = cause_of(hal::reset_trace());
+  stop_reason = StopReason::boot;
+}
 
 void refuse(Reason reason) {
   count(counters[static_cast<uint8_t>(reason)]);
@@ -49,7 +55,27 @@ void refuse(Reason reason) {
 
 void count_clamped() { count(clamped); }
 
-void set_stop_reason(StopReason reason) { stop_reason = reason; }
+bool turning() { return moving; }
+
+// A second stop for the same reason is seen as one, because the reason is none in between.
+void turned() {
+  if (!moving) stop_reason = StopReason::none;
+  moving = true;
+  own_stop = false;
+}
+
+// If the motors were not turning, the reason of the previous stop stays.
+void stopped(StopReason reason) {
+  if (moving) stop_reason = reason;
+  own_stop = reason != StopReason::host && (own_stop || moving);
+  moving = false;
+}
+
+bool refuses_move() {
+  if (!own_stop || !failsafe::stops_are_final()) return false;
+  if (answers::can_ask()) answers::ask(READ_STATUS);
+  return true;
+}
 
 void set_fault(int16_t bit, bool present) {
   if (present) {

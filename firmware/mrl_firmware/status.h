@@ -15,7 +15,15 @@ void count(int16_t& counter);
 void refuse(Reason reason);
 // Counts a move beyond the speed ceiling.
 void count_clamped();
-void set_stop_reason(StopReason reason);
+// A move was received since the last stop.
+bool turning();
+// Notes a move that is carried out.
+void turned();
+// Notes that the motors are stopped.
+void stopped(StopReason reason);
+// True if the board itself has stopped the motors, so that only the host's stop lets it move again; see failsafe.h.  The
+// status, which has the reason, is sent.
+bool refuses_move();
 // Sets or clears a fault bit.  A cleared fault stays visible until the host has read it.
 void set_fault(int16_t bit, bool present);
 // Adds the bytes lost at the serial port to the counters.

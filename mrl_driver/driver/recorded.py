@@ -130,7 +130,7 @@ class _KeptFrames(FrameDecoder):
 
 
 class _RecordedSession(Session):
-    """A session that never paused: a recording says when the program stopped the robot.
+    """A session that never paused and is never refused: a recording says when the program stopped the robot.
 
     `frames` is what its decoder has made of the last bytes.
     """
@@ -149,6 +149,9 @@ class _RecordedSession(Session):
 
     def _resume(self) -> None:
         pass
+
+    def _refuses(self, least_s: float, now: float) -> bool:
+        return False
 
 
 class _RecordedCore(Core):

@@ -41,6 +41,11 @@ checksum is on, each frame in both directions carries it as its last argument.  
 "stamped" carry sequence number and board time before it.  If no valid frame arrives for 2 s, the board stops the motors
 and turns the checksum off.  A plain `@13e` stops the motors in every state.
 
+A stop that the board makes by itself is final: the board then refuses each move (1, 9 to 12, 43) as unavailable until
+the host sends a stop (13), and answers it with the reply to 30, which has the reason.  These are the reasons of the
+stop reason table except host and boot.  The rule begins when command 33 turns the watchdog on, and ends when 33 or 32
+is set to 0 or the checksum ends.  Hosts of 2013 send neither command, so a move always drives their robots.
+
 A move above the ceilings of parameters 10 and 11 is scaled down as a whole, so the arc keeps its radius.  The move is
 counted.  A ceiling of 32767 means no limit.  The motor board stores the prescalers of command 3.  After a loss of its
 power, the Uno sends it all values that come from the parameters again.

@@ -239,7 +239,7 @@ _OTHERS: Tuple[Command, ...] = (
             ("argument_count", "Frames with too few or too many arguments."),
             ("argument_range", "Arguments outside the row's range."),
             ("bad_check", "Checksum wrong or absent."),
-            ("unavailable", "Commands to hardware that does not answer."),
+            ("unavailable", "Commands to hardware that does not answer, and moves after the board's own stop."),
             ("overrun", "Bytes lost before they were read."),
             ("held", "Moves refused because the radio holds the robot; only with parameter 26."))), optional_reply=1),
     Command(32, "set_check", "Turn the checksum on or off in both directions.", (_CHECKED,), (_CHECKED,), guarded=True),

@@ -78,6 +78,7 @@ class Motion:
         self.due_s = math.inf
         """Time when `take` next has something to send [s]; infinity while stopped."""
         self._new = self._moves = self._turning = False
+        self._moves_since_s = math.inf
         self._expires_s = math.inf
         self._sent_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
@@ -90,15 +91,22 @@ class Motion:
         `moves` says whether the command was to move, if its limited speeds may still be zero.
         """
         turns = any(speeds)
+        wants = turns if moves is None else moves
+        if wants and (self.target is None or not self._moves):
+            self._moves_since_s = now
+        self._moves = wants
         if turns:  # as in `_set`, without a call
             self.target, self._turning, self.settling = speeds, True, False
             self._still_since_s, self._still = None, 0
         else:
             self._set(speeds)
-        self._moves = turns if moves is None else moves
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
+
+    def moves_for_s(self, now: float) -> float:
+        """Time for which commands to move have been in force, one after the other [s]; 0 if none is."""
+        return now - self._moves_since_s if self.target is not None and self._moves else 0.0
 
     def adjust(self, speeds: Speeds) -> None:
         """Change the speeds of the command in force, without starting its time again; a `fade` is never raised."""

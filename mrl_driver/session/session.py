@@ -49,6 +49,9 @@ SAME_BOOT_S, BOOTED_S = 1.5, 3
 """If a board was up for at least `BOOTED_S` and its start time is the same as before the link was lost, to within
 `SAME_BOOT_S`, it has not restarted and its counters are still valid [s].  Uptimes are whole seconds.
 """
+REFUSED_S, MOST_REFUSED_S = 0.15, 0.5
+"""If the board names a stop of its own this long after a command to move, it refuses this command [s].  A status that
+was in transit before the command arrives within this time, or within two round trips up to `MOST_REFUSED_S` [s]."""
 STOPPING_S = 1.0
 """The robot stands still within this time after a stop, or after the watchdog's period [s]."""
 PLAIN_FRAMES = 3
@@ -125,6 +128,8 @@ class Session:
         self.reads_imu = True
         """Start the stream of the board's IMU, if it has one."""
         self._attended_s = now
+        self._requested_s = math.inf
+        """Time of the first request that turns motors since the last stop [s]."""
         self.hurried = True
         """Work may be due earlier than `deadline` said last; the time of `motion` not counted."""
 
@@ -187,6 +192,7 @@ class Session:
     def stop(self, now: float, reason: str = "user") -> None:
         """Stop at once, and repeat the stop until telemetry confirms it; `reason` is one of `motion_command.STOPS`."""
         self.motion.stop(reason)
+        self._requested_s = math.inf
         self._move(now)
 
     def lose(self, now: float) -> None:
@@ -233,7 +239,7 @@ class Session:
             self._send(BY_NAME["stop_sensor_ldr_stream"].code)
         if self.board is not None and "imu" in self.board.capabilities:
             self._send(STOP_IMU)
-        if self.checked:
+        if self.checked or (self.board is not None and "check" in self.board.capabilities):
             self._send(_CHECK, 0)
 
     def request(self, code: int, *args: int) -> None:
@@ -250,6 +256,7 @@ class Session:
         self._send(code, *args)
         if code in TURNING:
             self._poll.hurry()
+            self._requested_s = min(self._requested_s, self._attended_s)
             self.hurried = True
 
     def identify(self) -> None:
@@ -475,14 +482,33 @@ class Session:
         if restarted and status.uptime_s > now - before_s + 1.0:
             return  # older than the status before, which overtook it
         self.status, self._status_heard_s, self._boot_s = status, now, now - status.uptime_s
-        if status.stop_reason not in ("none", "host", before.stop_reason if before else ""):
-            if self.motion.target is not None:
-                self.motion.stop(status.stop_reason)  # the robot must not drive on without a new command
-            self.motion.stop_reason = status.stop_reason
+        if status.stop_reason not in ("none", "host"):
+            self._on_own_stop(
+                status.stop_reason, before is None or before.stop_reason != status.stop_reason, now
+            )
         events.append(status)
         self._restarted = self._restarted or restarted
         if restarted and self._greeting is None:
             self._greet_again(now, "restarted")
+
+    def _on_own_stop(self, reason: str, new: bool, now: float) -> None:
+        """The board has stopped the robot, which must not drive on without a new command: drop the command.
+
+        The board refuses all moves until it gets a stop.  Its reason may be that of a stop before the last command,
+        unless that is `new` or the command is not.
+        """
+        motion, least_s = self.motion, max(REFUSED_S, min(2 * self.round_trip_s(now), MOST_REFUSED_S))
+        if new or (reason != "boot" and self._refuses(least_s, now)):
+            if motion.target is not None:
+                motion.stop(reason)
+            motion.stop_reason = reason
+        if motion.target is None and now - self._requested_s >= least_s:
+            self._requested_s = math.inf
+            self._send(STOP)
+
+    def _refuses(self, least_s: float, now: float) -> bool:
+        """Whether the board does not carry out a command that has been in force for at least this time [s]."""
+        return self.motion.moves_for_s(now) >= least_s
 
     # -- greeting
 

@@ -1,6 +1,6 @@
 """The status of a board: refused requests by reason, faults, reset cause, stop reason."""
 
-from typing import Dict, Tuple
+from typing import Callable, Dict, Tuple
 
 from mrl_driver.protocol.table import FAULTS, INT16_MAX, REASONS, RESET_CAUSES, STOP_REASONS
 
@@ -10,18 +10,24 @@ _BIT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 class BoardStatus:
     """Counters and flags since the last reset.
 
+    Args:
+        ask: Queues the reply to `read_status`.
+
     Attributes:
         counters: Refusals by the names in `table.REASONS`; a counter stops at 32767.
         reset_cause, stop_reason: Row numbers in their tables.
         clamped: Number of moves beyond the speed ceiling.
+        stops_are_final: After a stop that the host did not order, moves are refused until the host's stop.
     """
 
-    def __init__(self, reset_cause: str) -> None:
+    def __init__(self, reset_cause: str, ask: Callable[[], None]) -> None:
+        self._ask = ask
         self.counters: Dict[str, int] = {reason.name: 0 for reason in REASONS}
         self.reset_cause = RESET_CAUSES.index(reset_cause)
         self.stop_reason = STOP_REASONS.index("boot")
         self.clamped = 0
-        self._turning = False
+        self.stops_are_final = False
+        self._turning = self._own_stop = False
         self._present = self._unread = 0
 
     def count(self, reason: str) -> None:
@@ -36,13 +42,21 @@ class BoardStatus:
         """Notes a command that turns the motors; the next stop is a new one, even for the same reason."""
         if not self._turning:
             self.stop_reason = STOP_REASONS.index("none")
-        self._turning = True
+        self._turning, self._own_stop = True, False
 
     def stopped(self, reason: str) -> None:
         """Notes why the motors were stopped; if they were not turning, the earlier reason stays."""
         if self._turning:
             self.stop_reason = STOP_REASONS.index(reason)
+        self._own_stop = reason != "host" and (self._own_stop or self._turning)
         self._turning = False
+
+    def refuses_move(self) -> bool:
+        """Whether only the host's stop lets the robot move again; a refused move is answered with the status."""
+        refused = self._own_stop and self.stops_are_final
+        if refused:
+            self._ask()
+        return refused
 
     def set_fault(self, name: str, present: bool) -> None:
         """Sets or clears a fault; a cleared fault stays visible until it has been read."""

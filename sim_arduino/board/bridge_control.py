@@ -221,6 +221,8 @@ class BridgeControl:
 
     def _begin_move(self, now_s: float, moves: bool) -> bool:
         """Whether a move may begin; a masked encoder gets another chance."""
+        if self._health.refuses_move():
+            return False
         if not moves:
             self._refused_since_s = -math.inf
         if not self._usable or self._undervoltage or now_s < self._refused_since_s + REFUSED_S:

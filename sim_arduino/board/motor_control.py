@@ -118,6 +118,7 @@ class MotorControl:
     def _moves(self, now_s: float) -> bool:
         """Whether a move can be sent; notes that the motors turn."""
         there = self.there(now_s)
+        there = not self._health.refuses_move() and there
         if there:
             self._health.turned()
         return there

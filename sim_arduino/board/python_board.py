@@ -50,6 +50,7 @@ IMU_FRAME_S = 6.6e-3
 _TOGETHER_S = 1e-6
 """Frames that are due within this time are due at the same time; sums of periods differ by rounding [s]."""
 READ_IMU = BY_NAME["read_imu"].code
+_READ_STATUS = BY_NAME["read_status"].code
 _COUNTS_OF = frozenset(BY_NAME[name].code for name in ("read_encoders", "read_encoders_and_sonars"))
 """Answers with counters."""
 _HEATER, _FAN = 15, 7
@@ -206,7 +207,7 @@ class PythonBoard:
     def _start(self, cause: str) -> None:
         self.started_s = self.now_s
         self.ready_s = self.now_s + BOOT_S
-        self.health = BoardStatus(cause)
+        self.health = BoardStatus(cause, self._ask_status)
         self.config = Config(self.eeprom)
         self.motors = self._motors()
         self.sonars: Optional[SonarTask] = None
@@ -378,6 +379,10 @@ class PythonBoard:
         else:
             self._answers.append(WaitingReply(self.now_s + after_s, code, value))
 
+    def _ask_status(self) -> None:
+        if self._can_ask():
+            self.ask(_READ_STATUS)
+
     def _can_ask(self) -> bool:
         return len(self._answers) < ANSWERS
 
@@ -493,6 +498,7 @@ class PythonBoard:
     def set_check(self, on: bool) -> None:
         """Turns the checksum on or off in both directions."""
         self._decoder.checked = on
+        self.health.stops_are_final = self.health.stops_are_final and on
 
     def refuse(self, reason: str) -> None:
         """Counts a refusal, and reports it in debug mode."""

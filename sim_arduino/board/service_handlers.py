@@ -72,6 +72,7 @@ def set_check(board: PythonBoard, on: int) -> None:
 def set_watchdog(board: PythonBoard, period: int) -> None:
     """33."""
     board.watchdog_ms = period
+    board.health.stops_are_final = period > 0
     board.ask(BY_NAME["set_watchdog"].code)
 
 

@@ -1,0 +1,222 @@
+"""After a stop that the board makes by itself, the robot does not move before the next command."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from mrl_driver.driver import Options
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.session.handshake import DEFAULT_PLAN
+from mrl_driver.session.session import REFUSED_S
+from sim_arduino.board.board_status import BoardStatus
+from tests.conformance.bench import Bench
+from tests.fake_board import FakeBoard
+
+from .talk import Talk
+
+LOSS_S, AWAY_S = 0.32, 0.08
+TURN_S = 0.3
+"""The wheels turn after this time at the latest."""
+SETTLED_S = 0.4
+"""After a fault, the wheels have slowed down."""
+STILL_M = 1e-3
+PHASE_S = 0.04
+STATUS = BY_NAME["read_status"].code
+
+
+class Line:
+    """A board behind a line that may lose the bytes to it."""
+
+    def __init__(self, board):
+        self._board, self.whole = board, True
+
+    @property
+    def next_event_s(self):
+        return self._board.next_event_s
+
+    def receive(self, data):
+        if self.whole:
+            self._board.receive(data)
+
+    def advance(self, to_s):
+        return self._board.advance(to_s)
+
+
+@pytest.fixture
+def robots():
+    """Makes robots that `drive` at 0.2 m/s with a command in force for 10 s."""
+    made = []
+
+    def make(engine="python", motors="omni3md", **options):
+        bench = Bench(engine, motors, battery_v=12.0)
+        line = Line(bench.board)
+        driver = SteppedDriver(line, bench.model, options=Options(command_timeout_s=10.0, **options))
+        driver.connect()
+        made.append((driver, bench))
+        return SimpleNamespace(driver=driver, bench=bench, line=line)
+
+    yield make
+    for driver, bench in made:
+        driver.close()
+        bench.close()
+
+
+def lose_bytes(robot):
+    robot.line.whole = False
+    robot.driver.wait(LOSS_S)
+    robot.line.whole = True
+
+
+def take_motor_board_away(robot):
+    robot.bench.plant.motor_board.present = False
+    robot.driver.wait(AWAY_S)
+    robot.bench.plant.motor_board.present = True
+
+
+def travel_m(robot, fault, phase_s):
+    """Drive, have the fault, and return what the robot travels after it by the same command [m]."""
+    driver = robot.driver
+    driver.stop()
+    driver.wait(phase_s)
+    assert driver.drive(0.2, 0.0)
+    driver.wait(TURN_S)
+    fault(robot)
+    driver.wait(SETTLED_S)
+    before_m = robot.bench.plant.true_pose.x_m
+    driver.wait(SETTLED_S)
+    return robot.bench.plant.true_pose.x_m - before_m
+
+
+ENGINES = [("python", "omni3md", 6), ("python", "bridge", 2), ("pc", "omni3md", 2), ("avr", "omni3md", 1)]
+"""Engines and phases; without the refusal, the robot drives on in most phases."""
+
+
+@pytest.mark.parametrize("engine, motors, phases", ENGINES)
+def test_after_a_loss_of_bytes_it_waits_for_a_new_command_and_follows_that(robots, engine, motors, phases):
+    robot = robots(engine, motors)
+    ways_m = [travel_m(robot, lose_bytes, PHASE_S) for _ in range(phases)]
+    assert max(ways_m) < STILL_M
+    assert (robot.driver.command, robot.driver.stop_reason) == (None, "link_watchdog")
+    assert travel_m(robot, lambda _: None, 0.0) > 0.05
+
+
+def test_without_the_refusal_it_drives_on(robots, monkeypatch):
+    """The control: a board with older firmware."""
+    monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
+    robot = robots()
+    assert max(travel_m(robot, lose_bytes, PHASE_S) for _ in range(6)) > 10 * STILL_M
+
+
+@pytest.mark.parametrize("engine", ["python", "pc"])
+def test_a_motor_board_that_was_away_does_not_let_it_drive_on(robots, engine):
+    robot = robots(engine)
+    ways_m = [travel_m(robot, take_motor_board_away, 0.3) for _ in range(2)]
+    assert max(ways_m) < STILL_M and robot.driver.stop_reason == "motor_board"
+
+
+def test_a_replay_of_such_a_stop_is_exact(robots, tmp_path):
+    path = str(tmp_path / "drive.mrl")
+    robot = robots(record=path)
+    heard, again = [], []
+    robot.driver.on_telemetry(lambda each: heard.append((each, robot.driver.stop_reason == "link_watchdog")))
+    travel_m(robot, lose_bytes, 0.0)
+    told = heard[:]
+    robot.driver.close()
+    played = RecordedDriver(path)
+    played.on_telemetry(lambda each: again.append((each, played.stop_reason == "link_watchdog")))
+    played.play()
+    assert repr(again[-len(heard) :][: len(told)]) == repr(told) and told[-1][1]
+
+
+# -- the session
+
+
+@pytest.fixture
+def talk():
+    """A session with a board that has told of a stop of its own; the robot stands."""
+    made = Talk(FakeBoard(), command_timeout_s=None).until_ready().run(0.3)
+    made.board.stop_reason = STOP_REASONS.index("stall")
+    made.until(lambda: made.session.status.stop_reason == "stall")
+    assert made.session.motion.stop_reason == "stall"
+    return made
+
+
+def tell(talk):
+    """The board sends its status again, which names its stop as the one before."""
+    talk.session.status = talk.session.status._replace(stop_reason="stall")
+    talk.board.stop_reason = STOP_REASONS.index("stall")
+    talk.session.request(STATUS)
+    talk.run(0.01)
+
+
+def test_a_status_from_before_a_new_command_does_not_drop_it(talk):
+    talk.session.drive((200, 0), talk.now)
+    tell(talk)
+    assert talk.session.motion.target == (200, 0)
+
+
+def test_a_command_that_the_board_does_not_carry_out_is_dropped_and_the_board_is_stopped(talk):
+    talk.session.drive((200, 0), talk.now)
+    talk.run(REFUSED_S)
+    begin_s = talk.now
+    tell(talk)
+    motion = talk.session.motion
+    assert (motion.target, motion.stop_reason) == (None, "stall") and b"@13e" in talk.sent_since(begin_s)
+
+
+def test_commands_one_after_the_other_count_as_one(talk):
+    for _ in range(5):
+        talk.session.drive((200, 0), talk.now)
+        talk.run(REFUSED_S / 4)
+    tell(talk)
+    assert talk.session.motion.target is None
+
+
+def test_a_command_to_move_that_begins_after_one_to_stand_is_new(talk):
+    talk.session.drive((0, 0), talk.now)
+    talk.run(1.0)
+    talk.session.drive((200, 0), talk.now)
+    tell(talk)
+    assert talk.session.motion.target == (200, 0)
+
+
+def test_a_command_to_stand_is_not_dropped(talk):
+    talk.session.drive((0, 0), talk.now)
+    talk.run(1.0)
+    tell(talk)
+    assert talk.session.motion.target == (0, 0)
+
+
+def test_a_command_to_move_that_an_obstacle_holds_at_zero_is_dropped_too(talk):
+    talk.session.drive((0, 0), talk.now, moves=True)
+    talk.run(1.0)
+    tell(talk)
+    assert talk.session.motion.target is None
+
+
+def test_a_start_of_the_board_is_not_a_stop_of_a_robot_that_drives(talk):
+    talk.session.drive((200, 0), talk.now)
+    talk.run(1.0)
+    talk.board.stop_reason = STOP_REASONS.index("boot")
+    talk.session.status = talk.session.status._replace(stop_reason="boot")
+    talk.session.request(STATUS)
+    talk.run(0.01)
+    assert talk.session.motion.target == (200, 0)
+
+
+def test_a_request_that_turns_motors_and_is_refused_gets_one_stop(talk):
+    talk.session.request(BY_NAME["move_motors"].code, 20, 20)
+    talk.run(REFUSED_S + 0.02)
+    begin_s = talk.now
+    tell(talk)
+    tell(talk)
+    assert talk.sent_since(begin_s).count(b"@13e") == 1
+
+
+def test_the_end_of_a_session_without_checksums_turns_them_off_too():
+    """Then a host of 2013 can drive, whatever the board's last stop was."""
+    talk = Talk(plan=DEFAULT_PLAN._replace(check=False)).until_ready()
+    talk.session.end()
+    assert b"@32,0," in talk.session.take()
