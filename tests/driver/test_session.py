@@ -623,6 +623,7 @@ def test_a_paused_host_does_not_drive_on():
 def test_a_board_that_stopped_by_itself_is_not_driven_on():
     talk = Talk().until_ready()
     talk.session.drive((300, 0), talk.now)
+    talk.run(0.02)
     talk.board.stop_reason = STOP_REASONS.index("stall")
     talk.until(lambda: talk.session.status.stop_reason == "stall")
     assert talk.session.motion.target is None

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 from mrl_driver.session.session import Session
+from sim_arduino.board.board_status import BoardStatus
 from tests.verify.model.__main__ import CONTROLS, ROOT
 from tests.verify.model.checker import BRIDGE, HOST, LINE, PORT, compile_model, run
 from tests.verify.model.constants import HEADER, header, ticks
@@ -57,6 +58,8 @@ def test_a_counterexample_is_a_sequence_of_events_with_times(checker):
 def test_a_counterexample_of_the_model_moves_the_real_driver_if_the_guard_is_removed_there_too(
     checker, monkeypatch
 ):
+    """The emulated board has older firmware, so that the guard of the host is alone."""
+    monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
     events = events_of(run(checker, HOST, BUG=9).trace)
     guarded = play(events)
     monkeypatch.setattr(Session, "_resume", lambda self: None)  # the edit of bug 9
