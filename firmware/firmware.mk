@@ -21,7 +21,8 @@ FW_PARTS := $(notdir $(wildcard $(FW_SOURCE)/*.cpp)) mrl_firmware.ino
 
 PC_BUILD := build/pc
 PC_CXX := -std=gnu++11 -g -O1 -Wall -Wextra -Wconversion -Werror -I$(FW_SOURCE)
-PC_SOURCES = $(filter-out %_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp tests/firmware/hal_bridge_pc.cpp
+PC_SOURCES = $(filter-out %_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp tests/firmware/hal_bridge_pc.cpp \
+  tests/firmware/wheel_pc.cpp
 PC_HEADERS := tests/firmware/hal_pc.h tests/firmware/hal_bridge_pc.h
 
 .PHONY: firmware flash pc-firmware

@@ -60,4 +60,30 @@ int pc_decoder_length();
 int pc_power_law(int count, int a, int b, int c);
 int pc_range_cm(int count);
 int pc_dust_per_litre(uint32_t low, uint32_t total);
+
+// ---- control of a wheel, in builds with an H-bridge: settings, a wheel, a watch, an estimate and a counter of their own
+
+// Puts these parameters in force; 0 if they cannot be controlled, otherwise `out` has the settings in their order.
+int pc_settings(const int16_t* parameters, uint32_t* out);
+// All but the settings begin anew.
+void pc_wheel_parts_start();
+void pc_wheel_set_speed(int speed);
+void pc_wheel_set_duty(int duty);
+void pc_wheel_go_to(int32_t travel, int speed);
+void pc_wheel_stop();
+// The reason to stop.
+int pc_wheel_update(int moved, int edge_tick, int tick);
+int pc_wheel_level();
+int pc_wheel_last_direction();
+int32_t pc_wheel_travel();
+int pc_watch_update(int direction, int duty, int moved, int edges, int speed, int controlled);
+// The speed.
+int pc_estimate_update(int count, int edge_tick, int tick);
+int pc_counter_read(int32_t travel);
+void pc_counter_preset(int count, int32_t travel);
+void pc_counter_prescale(int power, int32_t travel);
+int32_t pc_counter_travel_at(int count, int32_t travel);
+// The levels of PWM A, PWM B and the logic pin, one byte each.
+int pc_bridge_levels(int chip, int backward, int duty, int coast);
+int pc_bridge_rate(int chip);
 }
