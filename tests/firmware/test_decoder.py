@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.protocol import REQUESTS, FrameDecoder, Garbage, encode_request
-from mrl_driver.protocol.table import COMMANDS, MAX_FRAME, MAX_NOISE
+from mrl_driver.protocol import REQUESTS, FrameDecoder, Garbage, check_value, encode_request
+from mrl_driver.protocol.table import BY_NAME, COMMANDS, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE
 from tests.firmware.twin import TwinDecoder
 from tests.vectors import load
 
@@ -48,6 +48,30 @@ def test_every_byte_in_a_number():
     for byte in range(256):
         wire = b"@11,1" + bytes([byte]) + b",0e@13e"
         assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
+
+
+def test_leading_zeros():
+    for digits in (b"0", b"00", b"01", b"000", b"001", b"010", b"100", b"-0", b"-00", b"-01", b"-10"):
+        wire = b"@11,%b,0e" % digits
+        assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)
+
+
+@pytest.mark.parametrize("checked", [False, True])
+def test_codes_up_to_the_one_behind_the_last(checked):
+    for code in range(-1, len(COMMANDS) + 3):
+        wire = b"@%de" % code
+        assert TwinDecoder(checked).feed(wire) == FrameDecoder(REQUESTS, checked).feed(wire)
+
+
+@pytest.mark.parametrize("name", ["send_xbee", "move_differential", "stop", "save_config"])
+@pytest.mark.parametrize("checked", [False, True])
+def test_every_number_of_arguments(name, checked):
+    """Also one and two more than any frame has, with the right check value behind them and with a wrong one."""
+    for count in range(MAX_ARGUMENTS + 3):
+        body = b"@%d" % BY_NAME[name].code + b",7" * count
+        for check in (check_value(body), check_value(body) ^ 1):
+            for wire in (body + b"e", body + b",%de" % check):
+                assert TwinDecoder(checked).feed(wire) == FrameDecoder(REQUESTS, checked).feed(wire)
 
 
 def test_numbers_around_the_ends_of_int16():
