@@ -35,6 +35,10 @@ test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEAS
 	@mkdir -p build/fresh && git bundle create -q build/fresh/head.bundle HEAD
 	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
 
+.PHONY: test-tutorials
+test-tutorials: setup ## Carry out the tutorials of docs/tutorials on emulated robots; ONLY="1_first_drive 6_team"
+	@$(ROS_ENV) $(PY) -m tests.documents.tutorials $(ONLY)
+
 .PHONY: test-pythons
 test-pythons: | apt firmware pc-firmware comparison ## Run the tests that need no ROS on each installed Python from 3.8 to 3.13; PYTHONS="3.8 3.13"
 	@$(if $(PYTHONS),PYTHONS="$(PYTHONS)") tests/pythons.sh

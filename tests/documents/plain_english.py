@@ -15,7 +15,15 @@ from typing import Iterator, List
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
 OTHERS = (
-    *("*.md", "*/*.md", "Makefile", "*/*.mk", "firmware/mrl_firmware/*", "sim_arduino/avr/*.[ch]"),
+    *(
+        "*.md",
+        "*/*.md",
+        "docs/tutorials/*.md",
+        "Makefile",
+        "*/*.mk",
+        "firmware/mrl_firmware/*",
+        "sim_arduino/avr/*.[ch]",
+    ),
     *("ros1_bridge/launch/*.launch", "ros1_bridge/nodes/*", "ros1_bridge/*/*.yaml"),
 )
 """Patterns of the files to check besides the modules."""

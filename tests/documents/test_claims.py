@@ -4,6 +4,8 @@ import re
 
 import pytest
 
+from ros1_bridge.node.packages import PACKAGES
+
 from .blocks import ROOT
 
 README, ROS_README = (
@@ -46,3 +48,18 @@ def test_root_is_given_the_path_of_mrl(name):
     """sudo does not search a virtual environment."""
     text = (ROOT / name).read_text()
     assert "sudo $(which mrl) system install" in text and "sudo mrl" not in text
+
+
+def test_launch_files_that_need_packages_which_debian_lacks_are_listed():
+    """With every such package, next to a launch file that names it."""
+    text = (
+        (ROOT / "ros1_bridge" / "README.md")
+        .read_text()
+        .split("### Packages that Debian lacks")[1]
+        .split("\n#")[0]
+    )
+    rows = re.findall(r"^\| `(\w+\.launch)` \| ([^|]*) \|", text, re.M)
+    assert {package for _, packages in rows for package in packages.split(", ")} == set(PACKAGES)
+    for file, packages in rows:
+        launch = (ROOT / "ros1_bridge" / "launch" / file).read_text()
+        assert all(package in launch for package in packages.split(", ")), file
