@@ -78,7 +78,7 @@ def usage(keys: Tuple[Key, ...]) -> str:
 def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, Any]:
     known = {key.name: key for key in keys}
     values: Dict[str, Any] = {key.name: key.default for key in keys}
-    source = f"{what} {short(text)}"
+    source = f"{what} {text!r}" if _is_file(text) else f"{what} {short(text)}"
     for name, value in _given(source, text).items():
         if name not in known:
             raise ConfigError(f"{source}: key {short(name)} is unknown, expected {', '.join(known)}")
@@ -86,8 +86,12 @@ def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, Any]:
     return values
 
 
+def _is_file(text: str) -> bool:
+    return text.endswith((".yaml", ".yml"))
+
+
 def _given(source: str, text: str) -> Dict[str, Any]:
-    if not text.endswith((".yaml", ".yml")):
+    if not _is_file(text):
         parts = (part.partition("=") for part in text.split(",") if part)
         return {name.strip(): value for name, _, value in parts}
     data = read_expected(text, "a YAML file")
