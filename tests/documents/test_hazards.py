@@ -7,7 +7,7 @@ import pytest
 from .blocks import ROOT
 
 TEXT = (ROOT / "docs" / "hazards.md").read_text(encoding="utf-8")
-README = (ROOT / "README.md").read_text(encoding="utf-8")
+BENCHMARKS = (ROOT / "BENCHMARKS.md").read_text(encoding="utf-8")
 NAMED = sorted(set(re.findall(r"`([\w/]+\.py)::(\w+)`", TEXT)))
 ROWS = [
     [cell.strip() for cell in row.split("|")] for row in re.findall(r"^\|( \d+ \|.*)\|$", TEXT, re.MULTILINE)
@@ -17,7 +17,7 @@ PROPERTIES = set(
         r"\bP\d\b", (ROOT / "tests/verify/README.md").read_text(encoding="utf-8").split("## The model")[0]
     )
 )
-SECTIONS = dict(re.findall(r"^\[(\w+)\]: \.\./README\.md#(.*)$", TEXT, re.MULTILINE))
+SECTIONS = dict(re.findall(r"^\[(\w+)\]: \.\./BENCHMARKS\.md#(.*)$", TEXT, re.MULTILINE))
 
 
 @pytest.mark.parametrize("file", sorted({file for file, _ in NAMED}))
@@ -38,8 +38,8 @@ def test_each_property_is_one_that_is_verified_and_each_has_a_hazard():
 
 
 def section(anchor):
-    """The README's section with this anchor."""
-    parts = re.split(r"^## (.*)$", README, flags=re.MULTILINE)
+    """The section of BENCHMARKS.md with this anchor."""
+    parts = re.split(r"^## (.*)$", BENCHMARKS, flags=re.MULTILINE)
     titles = {
         re.sub(r"[^\w -]", "", title).lower().replace(" ", "-"): text
         for title, text in zip(parts[1::2], parts[2::2])
@@ -48,7 +48,7 @@ def section(anchor):
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row[5] != "test"], ids=lambda row: row[0])
-def test_measured_times_are_those_of_the_readme(row):
+def test_measured_times_are_those_of_the_benchmarks(row):
     for words, source in re.findall(r"([^;\[\]]*(?:;[^;\[\]]*)?) \(\[(\w+)\]\)", row[5]):
         text = section(SECTIONS[source])
         for number in re.findall(r"\d+(?: \d{3})*(?:\.\d+)?", words.split(" at 250 ms")[0]):
