@@ -55,7 +55,7 @@ def test_launch_files_that_need_packages_which_debian_lacks_are_listed():
     text = (
         (ROOT / "ros1_bridge" / "README.md")
         .read_text()
-        .split("### Packages that Debian lacks")[1]
+        .split("## Packages that Debian lacks")[1]
         .split("\n#")[0]
     )
     rows = re.findall(r"^\| `(\w+\.launch)` \| ([^|]*) \|", text, re.M)
