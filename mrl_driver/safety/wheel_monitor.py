@@ -17,6 +17,9 @@ from mrl_driver.session.motion_command import Pace
 
 TICK_S = 0.05
 """Period of the comparison [s]; frames in between cost nothing."""
+ROUNDING_S = 0.0005
+"""A frame that is this much early counts as on time [s]: the board's times are rounded, and a stream of `TICK_S` would
+otherwise be compared at every second frame."""
 WINDOW = 5
 """Number of ticks over which the motion is compared."""
 LEAST_SHARE = 0.1
@@ -182,7 +185,7 @@ class WheelMonitor:
         dt_s, last = time_s - self._time_s, self._travel
         if dt_s > GAP_S:
             self.reset()
-        self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S, travel
+        self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S - ROUNDING_S, travel
         if dt_s > GAP_S:
             return None
         found = [

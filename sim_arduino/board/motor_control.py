@@ -53,7 +53,9 @@ class MotorControl:
             self.driver.stop(now_s)
             self._set_up(now_s, None)
         elif not there and not was_gone:
+            self.driver.touch(now_s)  # from now on its own time-out runs
             self._health.stopped("motor_board")
+        self.driver.fed = there
         self.ever_found = self.ever_found or there
         return there
 

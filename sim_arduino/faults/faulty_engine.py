@@ -153,6 +153,7 @@ class FaultyEngine:
         found = parse(fault) if isinstance(fault, str) else fault
         at_s, lasts_s, every_s = found.window
         self.add(found._replace(window=(at_s + self.now_s, lasts_s, every_s)))
+        self._switch()  # one that begins now may be over at the board's next event
 
     def clear(self) -> None:
         """Removes all faults; bytes that they held back are lost."""

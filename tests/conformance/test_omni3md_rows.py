@@ -2,7 +2,10 @@
 
 import pytest
 
+from sim_arduino.hardware.motor import Mode
+
 WATCHDOG_MARGIN_S = 0.015
+I2C_S = 0.3
 
 
 @pytest.fixture
@@ -111,6 +114,15 @@ def test_without_a_motor_board_nothing_is_answered_and_the_refusal_is_counted(ma
     bench.run(0.4)
     assert bench.ask(name, *args) == []
     assert bench.counters() == {"unavailable": 1}
+
+
+def test_a_lost_motor_board_stops_its_motors_after_its_own_timeout(bench):
+    bench.ask("move_differential", 300, 0, wait_s=0.3)
+    bench.plant.motor_board.present = False
+    bench.run(I2C_S - 0.05)
+    assert bench.plant.robot.motors[0].mode is Mode.SPEED
+    bench.run(0.1)
+    assert bench.plant.robot.motors[0].mode is Mode.BRAKE
 
 
 def test_a_lost_motor_board_is_a_fault(bench):

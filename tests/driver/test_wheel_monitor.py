@@ -138,6 +138,17 @@ def test_the_moment_of_the_fault_does_not_matter(phase):
     assert drive.now - failed_s <= NOTICED_S
 
 
+@pytest.mark.parametrize("phase", range(10))
+def test_a_stream_at_the_monitors_own_period_is_compared_at_each_frame(phase):
+    """Board times are whole ticks, so that some frames come a little early."""
+    drive = Drive(frame_s=0.05 - 30e-6)
+    drive.command(0.2, 0.0)
+    drive.run(4.0 + phase * 0.005)
+    drive.fault, failed_s = frozen_left(drive), drive.now
+    drive.run(2.0)
+    assert drive.now - failed_s <= NOTICED_S - 0.1
+
+
 @pytest.mark.parametrize(("fault", "wheel", "cause"), FAULTS)
 def test_a_robot_that_cannot_start_is_noticed_within_a_second(fault, wheel, cause):
     """The ramp takes 2.5 s to full speed, so there is little to see at first."""

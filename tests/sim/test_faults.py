@@ -222,6 +222,14 @@ def test_resets_come_when_they_should():
     assert engine.engine.calls == [("reset",)] * 2
 
 
+def test_a_reset_that_is_injected_comes_though_the_board_has_nothing_to_do_meanwhile():
+    engine = FaultyEngine(Echo())
+    engine.advance(1.0)
+    engine.inject("reset:at=0")
+    engine.advance(2.0)
+    assert engine.engine.calls == [("reset",)]
+
+
 def test_a_stall_at_will():
     engine = FaultyEngine(Echo())
     engine.advance(10.0)
