@@ -1,7 +1,7 @@
 # The long runs; short forms of them are part of `make test`.
 MINUTES ?= 10
 
-.PHONY: fuzz soak
+.PHONY: fuzz reactions soak
 fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for MINUTES=n each, and each reader for SECONDS=n; build/bench/reliability.json
 	$(PY) -m tests.fuzz.inputs --seconds $(or $(SECONDS),60)
 	$(PY) -m tests.fuzz --minutes $(MINUTES)
@@ -10,8 +10,14 @@ fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for 
 	cd $(PC_BUILD) && for fuzzer in ./fuzz_firmware ./fuzz_firmware_hbridge; do \
 	  $$fuzzer -max_total_time=$$(( $(MINUTES) * 60 )) -print_final_stats=1 || exit 1; done
 
-soak: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
-	$(PY) -m tests.fuzz.soak --minutes $(MINUTES)
+reactions: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
+	$(PY) -m tests.fuzz.reactions --minutes $(MINUTES)
+
+SOAK_FAULTS ?= 10000
+SOAK_MINUTES ?= 60
+soak: setup firmware ## Strike with SOAK_FAULTS=n faults in simulated time, then for SOAK_MINUTES=n in real time; build/bench/soak.json
+	$(PY) -m tests.soak simulated --faults $(SOAK_FAULTS)
+	$(PY) -m tests.soak real --minutes $(SOAK_MINUTES)
 
 .PHONY: verify
 verify: setup ## Check the model of the stop in all its states; build/verify/model.json

@@ -1,4 +1,4 @@
-"""Figures of build/bench/reliability.json and what they must reach, for `make fuzz` and `make soak`."""
+"""Figures of build/bench/reliability.json and what they must reach, for `make fuzz` and `make reactions`."""
 
 import math
 from typing import Dict, List

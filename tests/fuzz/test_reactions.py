@@ -9,8 +9,8 @@ from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
 from sim_arduino.serve import factory
-from tests.fuzz import goals, soak
-from tests.fuzz.soak_measures import sorted_out
+from tests.fuzz import goals, reactions
+from tests.fuzz.reaction_measures import sorted_out
 
 LEAK_BYTES = 25000
 """More than what a few buffers may hold, less than 100 bytes a frame."""
@@ -59,7 +59,7 @@ def test_a_part_that_fails_is_a_miss_and_does_not_end_the_others():
     def fail():
         raise BoardTimeout("no answer")
 
-    figures = soak.attempt("closes", fail)
+    figures = reactions.attempt("closes", fail)
     assert goals.misses({**figures, "close_ms_max": 3}) == ["failed_closes"]
 
 

@@ -1,4 +1,4 @@
-"""The long run of driver and emulator: `make soak MINUTES=n`.  Adds to build/bench/reliability.json.
+"""The long run of driver and emulator: `make reactions MINUTES=n`.  Adds to build/bench/reliability.json.
 
 From 10 minutes on every count is the full one; a shorter run does its share.
 """
@@ -11,7 +11,7 @@ import click
 
 from mrl_driver.errors import MrlError
 from tests.fuzz import goals
-from tests.fuzz import soak_measures as measures
+from tests.fuzz import reaction_measures as measures
 
 FULL_MINUTES = 10.0
 

@@ -1,4 +1,4 @@
-"""What `soak` measures, each so many times over; all on emulated robots in real time."""
+"""What `reactions` measures, each so many times over; all on emulated robots in real time."""
 
 import random
 import re

@@ -1,0 +1,99 @@
+"""An emulated robot in this process, on a port that can be unplugged, and the truth about its wheels."""
+
+import threading
+import time
+from typing import List
+
+from mrl_driver.robot.models import load
+from sim_arduino.board import PythonBoard
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve.control import Control
+from sim_arduino.serve.pty import PtyPort, SymbolicLink
+from sim_arduino.serve.server import PtyServer
+from sim_arduino.world.world import World
+
+from .truth import Truth, Window, judge
+
+LATE_S = 0.02
+"""A look at the clock that is later than asked by so much means that the computer was busy [s]."""
+
+
+class Server(PtyServer):
+    """Can be deaf: bytes of the host then wait in the port, until it blocks.  Notes when it was held up itself."""
+
+    deaf = False
+    latest_s = 0.0
+    """The longest time by which the computer ran a round of it late, since it was set to 0."""
+
+    def _link_ready(self) -> bool:
+        return not self.deaf and super()._link_ready()
+
+    def step(self) -> None:
+        """As the server's."""
+        if self.due_s:
+            self.latest_s = max(self.latest_s, time.monotonic() - self.due_s)
+        super().step()
+
+    def _plan(self) -> None:
+        super()._plan()
+        if self.deaf:
+            self.due_s = max(self.due_s, time.monotonic() + 0.005)
+
+
+class SoakRobot:
+    """A TraxBot behind `link`, a symbolic link to its port.  Times are on `time.monotonic` [s]."""
+
+    def __init__(self, link: str, seed: int) -> None:
+        self.plant = Plant(load("traxbot"), World(), (0.0, 0.0, 0.0))
+        self.truth = Truth(self.plant)
+        self.board = PythonBoard(self.plant)
+        self.engine = FaultyEngine(self.board, (), seed)
+        self.link = link
+        self.remarks: List[str] = []
+        self._port = PtyPort()
+        self._link = SymbolicLink(link, self._port.path)
+        self.start_s = time.monotonic()
+        control = Control(self.engine, None, self._link.move, self.remarks.append)
+        self.server = Server(self.engine, self._port, self.plant, control=control)
+        self._thread = threading.Thread(target=self.server.run, daemon=True, name="soak robot")
+        self._thread.start()
+
+    def inject(self, fault: str) -> None:
+        """Add a fault; its times count from now."""
+        with self.server.lock:
+            self.engine.inject(fault)
+        self.server.wake()
+
+    def mend(self) -> None:
+        """End all faults."""
+        with self.server.lock:
+            self.engine.clear()
+            self.server.deaf = False
+        self.server.wake()
+
+    def order(self, name: str, *args: float) -> float:
+        """Call a method of the engine (`unplug`, `plug`, `reset`, `freeze`, `stall`); when."""
+        with self.server.lock:
+            now_s = time.monotonic()
+            getattr(self.engine, name)(*args)
+        self.server.wake()
+        return now_s
+
+    @property
+    def driven(self) -> bool:
+        """Whether the motors are driven."""
+        return self.truth.driven
+
+    def judge(self, from_s: float, to_s: float) -> Window:
+        """Judge a time in which no new command may move the robot."""
+        with self.server.lock:
+            return judge(self.truth, from_s - self.start_s, to_s - self.start_s)
+
+    def close(self) -> None:
+        """Unplug it for good."""
+        self.server.stop()
+        self._thread.join(10.0)
+        self._link.remove()
+        self.engine.close()
+        self._port.close()

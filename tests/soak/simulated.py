@@ -1,0 +1,770 @@
+"""The soak in simulated time: faults of link, board, motor, battery and clock; the same seed gives the same run."""
+
+import hashlib
+import math
+import os
+import random
+import time
+from contextlib import suppress
+from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple
+
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import FrameError, MrlError
+from mrl_driver.geometry import ORIGIN
+from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.robot.models import load
+from mrl_driver.robot.odometry import QUANTUM_COUNTS
+from mrl_driver.robot.robot_state import fastest_m_s
+from mrl_driver.session.events import Ready
+from sim_arduino.board import PythonBoard
+from sim_arduino.board.avr_board import AvrEngine
+from sim_arduino.board.parameter_store import BLOCK_AT
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world import World
+
+from .programs import ROOT, holds
+from .tally import Tally
+from .truth import Truth
+
+WATCHDOG_S, BEYOND_S, BOARD_S = 0.25, 0.05, 0.015
+HOST_DEAD_S = WATCHDOG_S + BOARD_S
+I2C_S = 0.3
+"""The motor board stops by itself so long after the last word of a board that stands still [s]."""
+WHEEL_S = 0.5
+SLACK_S = 0.002
+HOST_STOP_S = 0.15
+"""A stop that the host sent reaches the motors in this time; a newer command may overtake it [s]."""
+TIMEOUTS_S = (0.1, 0.25, 0.5, 1.0, None)
+FAULT_S = 2.88
+"""One fault in this time: 10 000 in 8 hours [s]."""
+IMAGE = str(ROOT / "build" / "firmware" / "mrl_firmware.elf")
+ENDLESS_LOOP = b"\xff\xcf"
+"""The instruction that jumps to itself."""
+REST_S = 0.6
+"""The motors run down from full speed [s]."""
+
+
+class SoakDriver(SteppedDriver):
+    """A stepped driver whose cable can be unplugged, as `Driver` with the option `reconnect`.
+
+    Its time begins with that of the board, which may have run before.
+    """
+
+    def __init__(self, engine: FaultyEngine, options: Options) -> None:
+        super().__init__(engine, options=options)
+        self._engine, self._plugged = engine, engine.plugged
+        self._board.now_s = engine.now_s
+        self.core = self._core
+
+    def _process(self, data: bytes) -> None:
+        session = self._core.session
+        if self._plugged and not self._engine.plugged:
+            session.lose(self.now_s)
+        elif self._engine.plugged and not self._plugged:
+            session.relink(self.now_s)
+            self._core.due_s = -math.inf
+        self._plugged = self._engine.plugged
+        super()._process(data)
+
+    def die(self, seconds: float) -> None:
+        """The program is killed: the board runs on."""
+        self._board.skip(seconds)
+
+
+class Simulation:
+    """One robot, its driver and its user, for a quarter of an hour or so.
+
+    Attributes:
+        stale_s: how much later than the command's time-out the motion may end, while the present fault lasts [s].
+    """
+
+    watchdog_ms = 250
+
+    def __init__(self, seed: int, tally: Tally) -> None:
+        self.rng = random.Random(f"soak {seed}")
+        self.tally = tally
+        self.model = load("traxbot")
+        self.plant = Plant(self.model, World(), (0.0, 0.0, 0.0), seed=seed)
+        self.board = self._board()
+        self.truth = Truth(self.plant, self._reason)
+        self.engine = FaultyEngine(self.board, (), seed)
+        self.period_ms = self.rng.choice((10, 20, 20, 50))
+        self.fault = ""
+        self.digest = hashlib.sha256()
+        self.stale_s = BEYOND_S
+        self._judged_s = -1.0
+        self._fall_s, self._fall_reason = -math.inf, "boot"
+        self._commands: List[Tuple[float, bool]] = []
+        self.connect()
+
+    def _board(self) -> Any:
+        return PythonBoard(self.plant)
+
+    def _reason(self) -> str:
+        return STOP_REASONS[self.board.health.stop_reason]
+
+    # ---- the driver
+
+    def connect(self) -> None:
+        """A new program connects."""
+        self.timeout_s: Optional[float] = self.rng.choice(TIMEOUTS_S)
+        options = Options(
+            period_ms=self.period_ms,
+            command_timeout_s=self.timeout_s,
+            watchdog_ms=self.watchdog_ms,
+        )
+        self.driver = SoakDriver(self.engine, options)
+        self._watch_pose()
+        self.driver.connect()
+
+    def _watch_pose(self) -> None:
+        core = self.driver.core
+        on_counts, digest = core.state.on_counts, core._digest
+        self._pose, self._used_s, self._refused = ORIGIN, 0.0, 0
+
+        def see(event: Any) -> Any:
+            told = on_counts(event)
+            self._measure(event.time_s)
+            return told
+
+        def look(event: Any, now: float) -> Any:
+            told = digest(event, now)
+            if isinstance(event, Ready) and event.restarted:
+                self._used_s = 0.0
+            return told
+
+        core.state.on_counts, core._digest = see, look  # type: ignore[method-assign]
+
+    def _measure(self, time_s: float) -> None:
+        """How far the pose went, and how far it could at most."""
+        odometry = self.driver.core.state.odometry
+        assert odometry is not None
+        pose, refused = odometry.pose, odometry.baseline.refused
+        reach_m = fastest_m_s(self.model) * (time_s - self._used_s + SLACK_S)
+        reach_m += QUANTUM_COUNTS * self.model.base.metres_per_count
+        jump_m = math.dist(pose[:2], self._pose[:2]) - reach_m
+        self.tally.measured("pose_jump_m", jump_m)
+        if jump_m > 0.0:
+            self.tally.problem("pose_jump", fault=self.fault, jump_m=jump_m)
+        if refused == self._refused:
+            self._used_s = time_s
+        self._pose, self._refused = pose, refused
+
+    @property
+    def now_s(self) -> float:
+        """Time of board and driver [s]."""
+        return self.driver.now_s
+
+    # ---- the user
+
+    def command(self, linear_m_s: float, angular_rad_s: float) -> bool:
+        """The user's command; whether the driver took it."""
+        taken = self.driver.drive(linear_m_s, angular_rad_s)
+        if taken:
+            self._commands.append((self.now_s, bool(linear_m_s or angular_rad_s)))
+        return taken
+
+    def speeds(self) -> Tuple[float, float]:
+        """Speeds at which the wheels are watched."""
+        return self.rng.choice((-0.3, -0.2, 0.1, 0.2, 0.3)), self.rng.choice((0.0, 0.0, 0.4, -0.8))
+
+    def wait(self, seconds: float) -> None:
+        """Time passes, without a command."""
+        self.driver.wait(seconds)
+        self._look()
+
+    def keep(self, seconds: float, speeds: Optional[Tuple[float, float]] = None) -> None:
+        """The user commands again and again."""
+        speeds = speeds or self.speeds()
+        end_s, period_s = self.now_s + seconds, self.rng.choice((0.02, 0.05, 0.08))
+        while self.now_s < end_s:
+            self.command(*speeds)
+            self.driver.wait(period_s)
+        self._look()
+
+    def once(self, speeds: Optional[Tuple[float, float]] = None) -> None:
+        """The user's last command of this fault; the robot is driven."""
+        speeds = speeds or self.speeds()
+        for _ in range(200):
+            self.command(*speeds)
+            self.driver.wait(0.05)
+            if self.truth.driven:
+                break
+        self._look()
+        self.check("drives", self.truth.driven)
+
+    def stop(self) -> None:
+        """The user stops the robot, and all faults end."""
+        self._stop_asked()
+        self.engine.clear()
+        self.wait(REST_S)
+        self.check("stops", not self.truth.driven)
+        self.stale_s = BEYOND_S
+
+    def _stop_asked(self) -> None:
+        self._commands.append((self.now_s, False))
+        self.driver.stop()
+
+    def until_ready(self, longest_s: float = 8.0) -> None:
+        """The driver has its telemetry again."""
+        end_s = self.now_s + longest_s
+        while not self.driver.ready and self.now_s < end_s:
+            self.wait(0.05)
+        self.check("ready_again", self.driver.ready)
+
+    # ---- the judges
+
+    def check(self, judge: str, good: bool, **what: Any) -> None:
+        """Ask a judge."""
+        if good:
+            self.tally.passed(judge)
+        else:
+            self.tally.problem(judge, fault=self.fault, at_sim_s=round(self.now_s, 3), **what)
+
+    def _look(self) -> None:
+        """Judge what the wheels have done since the last look."""
+        for edge in self.truth.since(self._judged_s):
+            self._judged_s = edge.time_s
+            self.digest.update(repr((round(edge.time_s, 9), edge.driven)).encode())
+            if edge.driven:
+                self._judge_rise(edge.time_s)
+            else:
+                self._judge_fall(edge.time_s)
+                self._fall_s, self._fall_reason = edge.time_s, edge.reason
+        if self.truth.driven:
+            self._judge_fall(self.plant.motor_board.time_s)  # a frozen board is behind
+        del self._commands[:-400]
+
+    def _last_move_s(self, before_s: float) -> float:
+        return max((at_s for at_s, moves in self._commands if moves and at_s <= before_s), default=-math.inf)
+
+    def _judge_rise(self, time_s: float) -> None:
+        """Motion begins only by a command that is newer than the last stop."""
+        host = self._fall_reason in ("host", "")
+        since_s = self._fall_s - (HOST_STOP_S if host else 0.0)
+        stopped_s = max(
+            (at_s for at_s, moves in self._commands if not moves and at_s <= time_s), default=-math.inf
+        )
+        asked_s = self._last_move_s(time_s)
+        self.check(
+            "forbidden_motion",
+            asked_s > max(since_s, stopped_s),
+            rise_s=time_s,
+            stop_s=self._fall_s,
+            reason=self._fall_reason,
+            asked_s=asked_s,
+        )
+
+    def _judge_fall(self, time_s: float) -> None:
+        """Motion ends in time after the last command."""
+        if self.timeout_s is None:
+            return
+        beyond_s = time_s - self._last_move_s(time_s) - self.timeout_s
+        self.tally.measured(f"beyond_timeout_s_{self.stale_s:.3f}", beyond_s)
+        self.check("time_to_stop", beyond_s <= self.stale_s, beyond_s=beyond_s, limit_s=self.stale_s)
+
+    def ends_within(self, since_s: float, limit_s: float) -> None:
+        """The motion has ended in time after a fault."""
+        falls = [edge.time_s for edge in self.truth.since(since_s) if not edge.driven]
+        took_s = falls[0] - since_s if falls else math.inf
+        if not falls and not self.truth.driven:
+            took_s = 0.0
+        self.tally.measured(f"stop_s_{self.fault}", took_s)
+        self.check("time_to_stop", took_s <= limit_s, took_s=took_s, limit_s=limit_s)
+
+    # ---- faults of the link
+
+    def _inject(self, *specs: str) -> float:
+        for spec in specs:
+            self.engine.inject(spec)
+        return self.now_s
+
+    def _bad_line(self, spec: str, *rows: int) -> None:
+        """The user drives over a line that is bad for a while, and falls silent some time."""
+        self.struck(*rows)
+        self.stale_s = HOST_DEAD_S
+        lasts_s = self.rng.uniform(0.3, 1.2)
+        self.keep(self.rng.uniform(0.1, 0.3))
+        self._inject(f"{spec},at=0,lasts={lasts_s:.3f}")
+        if self.rng.random() < 0.5:
+            self.keep(lasts_s)
+        else:
+            self.keep(lasts_s / 2)
+            self.wait(lasts_s / 2)
+        self._maybe_recover()
+
+    def _maybe_recover(self) -> None:
+        """Commands that go on move the robot again."""
+        self.until_ready()
+        if self.rng.random() < 0.3:
+            self.once()
+        self.stop()
+
+    def lost_bytes(self) -> None:
+        """Lost bytes, which merge frames."""
+        self._bad_line(
+            f"loss:rate={10 ** self.rng.uniform(-3, -1.5):.5f},burst={self.rng.choice((1, 2, 16, 64))}", 4
+        )
+
+    def flipped_bits(self) -> None:
+        """Flipped bits and changed bytes."""
+        self._bad_line(
+            f"{self.rng.choice(('flip', 'change', 'swap'))}:rate={10 ** self.rng.uniform(-3, -1.5):.5f}", 6
+        )
+
+    def late_and_repeated(self) -> None:
+        """Jitter, repeated frames, pieces."""
+        spec = self.rng.choice(
+            ("delay:delay=0.002,jitter=0.016", "repeat:rate=0.1", "split:size=20,gap=0.002")
+        )
+        self._bad_line(spec, 6)
+
+    def garbage_flood(self) -> None:
+        """Garbage at the rate of the line."""
+        self._bad_line(f"flood:direction={self.rng.choice(('to_host', 'to_board', 'both'))}", 30)
+
+    def debug_text(self) -> None:
+        """Text with pieces of frames in it."""
+        self._bad_line("text:period=0.03,direction=to_host", 24)
+
+    def probes(self) -> None:
+        """ModemManager's probes arrive at the board."""
+        self.struck(23)
+        self.keep(0.3)
+        for probe in (b"AT\r", b"+++", b"ATI\r\n", b"\x7e\x00~"):
+            self.engine.receive(probe)
+            self.keep(0.1)
+        self.stop()
+
+    def stop_behind_a_cut_frame(self) -> None:
+        """The first stop works, though half a frame came before it."""
+        self.struck(3)
+        self.once((0.2, 0.0))
+        self.wait(0.04)
+        self.engine.receive(self.rng.choice((b"@11,50", b"@11,", b"@", b"@9,1,5", b"@11,50@11,7")))
+        since_s = self.now_s
+        self._stop_asked()
+        self.wait(0.3)
+        self.ends_within(since_s, BEYOND_S)
+        self.stop()
+
+    def unplugged(self) -> None:
+        """The cable is pulled, and plugged in again."""
+        self.struck(7)
+        self.once()
+        self.stale_s = HOST_DEAD_S
+        lasts_s = self.rng.uniform(0.05, 1.5)
+        since_s = self._inject(f"unplug:at=0,lasts={lasts_s:.3f}")
+        self.wait(lasts_s + 0.02)
+        self.until_ready()
+        self.wait(0.3)
+        self.ends_within(since_s, HOST_DEAD_S)
+        self._maybe_recover()
+
+    def stalled(self) -> None:
+        """The line holds everything back, then delivers it at once."""
+        self.struck(13)
+        self.once()
+        self.stale_s = HOST_DEAD_S
+        lasts_s = self.rng.uniform(0.05, 2.0)
+        since_s = self._inject(f"stall:at=0,lasts={lasts_s:.3f}")
+        self.keep(lasts_s / 2) if self.rng.random() < 0.4 else self.wait(lasts_s / 2)
+        self.wait(lasts_s / 2 + 0.5)
+        if lasts_s > HOST_DEAD_S:
+            self.ends_within(since_s, HOST_DEAD_S)
+        self._maybe_recover()
+
+    def one_way(self) -> None:
+        """Nothing arrives in one direction for a while."""
+        self.struck(14)
+        self.once()
+        self.stale_s = HOST_DEAD_S + 0.28
+        lasts_s = self.rng.uniform(0.3, 1.0)
+        way = self.rng.choice(("to_host", "to_board"))
+        self._inject(f"loss:rate=1,burst=1024,at=0,lasts={lasts_s:.3f},direction={way}")
+        self.wait(lasts_s + 0.5)
+        self._maybe_recover()
+
+    # ---- faults of the host
+
+    def host_dies(self) -> None:
+        """The program is killed, and another one connects."""
+        self.struck(1)
+        self.once()
+        self.stale_s = HOST_DEAD_S
+        since_s = self.now_s
+        self.driver.die(self.rng.uniform(0.3, 1.5))
+        self._look()
+        self.ends_within(since_s, HOST_DEAD_S)
+        if self.rng.random() < 0.5:
+            self.struck_too("junk_at_connect", 22)
+            self._inject("flood:at=0,lasts=0.3")
+        self.connect()
+        self.stop()
+
+    def host_pauses(self) -> None:
+        """The program is suspended, and goes on later."""
+        self.struck(19)
+        self.once()
+        self.stale_s = HOST_DEAD_S
+        since_s, lasts_s = self.now_s, self.rng.uniform(0.05, 3.0)
+        self.driver.pause(lasts_s)
+        self._look()
+        self.wait(0.3)
+        if lasts_s > HOST_DEAD_S:
+            self.ends_within(since_s, HOST_DEAD_S)
+            telemetry = self.driver.telemetry
+            self.check("age", telemetry is not None and self.now_s - telemetry.stamp_s <= 0.05)
+        self._maybe_recover()
+
+    def source_silent(self) -> None:
+        """The user gives no command any more."""
+        self.struck(2)
+        self.keep(0.4)
+        self.wait((self.timeout_s or 0.2) + 0.2)
+        if self.timeout_s is not None:
+            self.check("stops", not self.truth.driven)
+        self.stop()
+
+    def not_a_number(self) -> None:
+        """A command that is not finite stops the robot; a huge one is clamped."""
+        self.struck(5)
+        self.once((0.2, 0.0))
+        since_s = self.now_s
+        with suppress(FrameError):
+            self.driver.drive(self.rng.choice((math.nan, math.inf, -math.inf)), 0.0)
+        self._commands.append((self.now_s, False))
+        self.wait(0.2)
+        self.ends_within(since_s, BEYOND_S)
+        self.command(1e308, 0.0)
+        self.wait(0.2)
+        self.stop()
+
+    def wall_clock(self) -> None:
+        """The time of day jumps; nothing may depend on it."""
+        self.struck(25)
+        real, ahead_s = time.time, self.rng.choice((3600.0, -3600.0))
+        self.keep(0.3)
+        time.time = lambda: real() + ahead_s
+        try:
+            self.keep(0.5)
+            self.check("drives_on", self.truth.driven)
+        finally:
+            time.time = real
+        self.stop()
+
+    # ---- faults of the board
+
+    def frozen(self) -> None:
+        """The board stands still; its motor board stops by itself."""
+        self.struck(13, 14)
+        self.once()
+        self.stale_s = HOST_DEAD_S + I2C_S
+        lasts_s = self.rng.uniform(0.05, 2.0)
+        since_s = self._inject(f"freeze:at=0,lasts={lasts_s:.3f}")
+        self.keep(lasts_s / 2) if self.rng.random() < 0.4 else self.wait(lasts_s / 2)
+        self.wait(lasts_s / 2 + 0.4)
+        if lasts_s > I2C_S + 0.02:
+            self.ends_within(since_s, I2C_S + 0.02)
+        self._maybe_recover()
+
+    def board_reset(self) -> None:
+        """The button, or the supply voltage."""
+        self.struck(11)
+        self.once()
+        since_s = self._inject(self.rng.choice(("reset:at=0", "brown_out:at=0")))
+        self.wait(0.5)
+        self.ends_within(since_s, BEYOND_S)
+        self._maybe_recover()
+
+    def reset_at_connect(self) -> None:
+        """Opening the port resets the board, which is deaf for a while."""
+        self.struck(16)
+        self.driver.die(self.rng.uniform(0.3, 0.6))
+        self._look()
+        self._inject("reset:at=0", f"stall:at=0,lasts={self.rng.uniform(0.5, 2.0):.3f}")
+        since_s = self.now_s
+        self.connect()
+        self.check("ready_in_5_s", self.now_s - since_s <= 5.0, took_s=self.now_s - since_s)
+        self.stop()
+
+    # ---- faults of motors, encoders, battery, sonars
+
+    def motor_board_away(self) -> None:
+        """The motor board does not answer: for one reading, or for longer."""
+        lasts_s = self.rng.choice((0.02, 0.08, 0.5, 1.0))
+        self.struck(12 if lasts_s < 0.1 else 8)
+        self.once()
+        self.stale_s = HOST_DEAD_S + I2C_S
+        since_s = self._inject(f"motor_board_absent:at=0,lasts={lasts_s}")
+        self.wait(lasts_s + 0.5)
+        if lasts_s > I2C_S:
+            self.ends_within(since_s, I2C_S + 0.02)
+        self._maybe_recover()
+
+    def counter_wraps(self) -> None:
+        """The encoders' counters are near the wrap."""
+        self.struck(10)
+        self.wait(0.1)
+        for encoder in (1, 3):
+            count = self.rng.choice((32767, -32768)) - self.rng.randint(-40, 40)
+            self.plant.motor_board.preset_encoder(
+                self.plant.motor_board.time_s, encoder, max(-32768, min(32767, count))
+            )
+        self.wait(0.2)
+        self.keep(0.6)
+        self.stop()
+
+    def wheel_fails(self) -> None:
+        """A wheel or its encoder fails on the move."""
+        self.struck(34)
+        wheel = self.rng.choice(("left", "right"))
+        self.keep(1.2, (0.25, 0.0))
+        spec = self.rng.choice(("encoder_open", "encoder_swapped", "wheel_blocked", "motor_reversed"))
+        since_s = self._inject(f"{spec}:wheel={wheel},at=0,lasts=1.2")
+        self.keep(1.0, (0.25, 0.0))
+        self.ends_within(since_s, WHEEL_S)
+        self.stop()
+
+    def battery_fails(self) -> None:
+        """Motor power is lost, and returns: the robot stays where it is."""
+        self.struck(34)
+        self.keep(0.8, (0.25, 0.0))
+        since_s = self._inject("battery_sag:volts=15,at=0,lasts=2.5")
+        self.keep(1.5, (0.25, 0.0))
+        self.ends_within(since_s, 1.0)
+        self.stop()
+        self.wait(2.5)
+        self.until_ready()
+
+    def sonar_fails(self) -> None:
+        """A sonar is dead or stuck."""
+        self.struck(31)
+        name = self.rng.choice(("front", "left", "right"))
+        self._inject(f"sonar_failed:sonar={name},state=dead,at=0,lasts=1.0")
+        self.keep(0.9)
+        value = self.driver.ranges.get(name, math.nan)
+        self.check("sonar_invalid", math.isnan(value) or math.isinf(value), value=value)
+        self.stop()
+
+    # ---- other boards, of their own
+
+    def another_board(self) -> None:
+        """The port has another robot: refused, and it does not move."""
+        self.struck(18)
+        plant = Plant(load("stingbot"), World(), (0.0, 0.0, 0.0))
+        truth, refused = Truth(plant), ""
+        driver = SteppedDriver(PythonBoard(plant), "traxbot")
+        try:
+            driver.connect()
+        except MrlError as error:
+            refused = type(error).__name__
+        self.check("refused", refused == "WrongRobot", got=refused)
+        self.check("forbidden_motion", not truth.edges)
+        self.wait(0.1)
+
+    def eeprom_damaged(self) -> None:
+        """A bit of the stored parameters is flipped: noticed, and the board has safe defaults."""
+        self.struck(20)
+        plant = Plant(self.model, World(), (0.0, 0.0, 0.0))
+        board = PythonBoard(plant)
+        at = BLOCK_AT + self.rng.randrange(1, 39)
+        board.eeprom[at] ^= 1 << self.rng.randrange(8)
+        board.reset()
+        truth = Truth(plant)
+        driver = SteppedDriver(board)
+        with suppress(MrlError):
+            driver.connect()
+            driver.wait(0.3)
+        self.check("eeprom_noticed", not board.config.sound and board.health.has_fault("eeprom"), at=at)
+        self.check("forbidden_motion", not truth.edges)
+        self.wait(0.1)
+
+    # ---- the run
+
+    def struck(self, *rows: int) -> None:
+        """Count the fault."""
+        self.tally.struck(self.fault, *rows)
+
+    def struck_too(self, name: str, *rows: int) -> None:
+        """Count a second fault that came with it."""
+        self.tally.struck(name, *rows)
+
+    def deck(self) -> List[Callable[[], None]]:
+        """The faults of one round."""
+        return [
+            *(self.lost_bytes, self.lost_bytes, self.flipped_bits, self.flipped_bits, self.late_and_repeated),
+            *(self.garbage_flood, self.debug_text, self.probes, self.stop_behind_a_cut_frame, self.unplugged),
+            *(self.stalled, self.stalled, self.one_way, self.host_dies, self.host_pauses, self.source_silent),
+            *(
+                self.not_a_number,
+                self.wall_clock,
+                self.frozen,
+                self.frozen,
+                self.board_reset,
+                self.board_reset,
+            ),
+            *(self.reset_at_connect, self.motor_board_away, self.motor_board_away, self.counter_wraps),
+            *(self.wheel_fails, self.wheel_fails, self.battery_fails, self.sonar_fails, self.another_board),
+            self.eeprom_damaged,
+        ]
+
+    def run(self, faults: int) -> None:
+        """Strike so often, one fault in `FAULT_S` or slower."""
+        begun_s = self.now_s
+        for number, fault in enumerate(self._many(faults)):
+            self.fault = fault.__name__
+            try:
+                fault()
+            except (MrlError, AssertionError) as error:
+                self.tally.problem(
+                    "simulation", fault=self.fault, error=f"{type(error).__name__}: {error}"[:300]
+                )
+                self.engine.clear()
+                self.driver.die(1.0)
+                self.connect()
+            left_s = begun_s + (number + 1) * FAULT_S - self.now_s
+            self.fault = "between"
+            if left_s > 0.2:
+                self.keep(min(left_s, 1.0) - 0.1)
+            self.stop()
+            if begun_s + (number + 1) * FAULT_S > self.now_s:
+                self.wait(begun_s + (number + 1) * FAULT_S - self.now_s)
+        self.tally.struck("soak", 33)
+
+    def _many(self, count: int) -> Iterator[Callable[[], None]]:
+        while count > 0:
+            deck = self.deck()
+            self.rng.shuffle(deck)
+            yield from deck[:count]
+            count -= len(deck)
+
+
+class ChipSimulation(Simulation):
+    """The same with the firmware's image on a simulated chip, and the faults that only hardware has."""
+
+    def _board(self) -> Any:
+        return AvrEngine(self.plant, IMAGE, self.model.ids[0], seed=self.rng.randrange(1000))
+
+    def _reason(self) -> str:
+        return ""
+
+    def bus_hangs(self) -> None:
+        """A line of the bus is held low."""
+        self.struck(8)
+        self.once()
+        self.stale_s = HOST_DEAD_S + I2C_S
+        since_s, lasts_s = self.now_s, self.rng.uniform(0.1, 1.0)
+        self.board.machine.hang_bus(self.rng.choice(("sda", "scl")))
+        self.wait(lasts_s)
+        self.board.machine.hang_bus(None)
+        self.wait(0.4)
+        self.ends_within(since_s, I2C_S + 0.02)
+        self._maybe_recover()
+
+    def read_fails(self) -> None:
+        """The motor board does not acknowledge for a few readings."""
+        self.struck(12)
+        self.once()
+        self.stale_s = HOST_DEAD_S + I2C_S
+        self._inject(f"motor_board_absent:at=0,lasts={self.rng.uniform(0.01, 0.1):.3f}")
+        self.wait(0.6)
+        self._maybe_recover()
+
+    def locks_up(self) -> None:
+        """The program loops for ever: the chip's watchdog resets it."""
+        self.struck(9)
+        self.once()
+        self.stale_s = WHEEL_S
+        machine, since_s = self.board.machine, self.now_s
+        while not machine.interrupts_on:
+            self.driver.wait(1e-4)
+        code, resets = dict(machine.image_flash), machine.resets
+        machine.patch(machine.pc, ENDLESS_LOOP)
+        while machine.resets == resets and self.now_s < since_s + 2.0:
+            self.driver.wait(1e-3)
+        for address, data in code.items():
+            machine.patch(address, data)
+        self.check("reset_in_500_ms", self.now_s - since_s <= 0.5, took_s=self.now_s - since_s)
+        self.wait(0.3)
+        self.ends_within(since_s, WHEEL_S)
+        self._maybe_recover()
+
+    def millis_wrap(self) -> None:
+        """The board's millisecond counter wraps while the robot is driven."""
+        self.struck(32)
+        self.driver.die(0.6)
+        self._look()
+        counter = self.board.machine.symbol("timer0_millis")
+        ahead_ms = self.rng.randint(1500, 2500)
+        self.board.machine.poke(counter.address, (2**32 - ahead_ms).to_bytes(counter.size, "little"))
+        self.connect()
+        end_s = self.now_s + ahead_ms / 1000.0 + 0.5
+        self.once((0.2, 0.0))
+        falls = len([edge for edge in self.truth.edges if not edge.driven])
+        self.keep(end_s - self.now_s, (0.2, 0.0))
+        self.check("no_false_stop", falls == len([edge for edge in self.truth.edges if not edge.driven]))
+        since_s = self.now_s
+        self.driver.die(0.4)
+        self._look()
+        self.ends_within(since_s, HOST_DEAD_S)
+        self.connect()
+        self.stop()
+
+    def eeprom_damaged(self) -> None:
+        """A bit of the stored parameters is flipped while the board is off: safe defaults, and it is told."""
+        self.struck(20)
+        machine = self.board.machine
+        contents = machine.read_eeprom()
+        at = BLOCK_AT + self.rng.randrange(39)
+        machine.write_eeprom(at, bytes([contents[at] ^ 1 << self.rng.randrange(8)]))
+        self.board.reset()
+        self.wait(0.5)
+        self.until_ready()
+        self.driver.request(30)
+        self.wait(0.2)
+        status = self.driver.core.session.status
+        self.check("eeprom_noticed", status is not None and "eeprom" in status.faults, at=at)
+        machine.write_eeprom(0, contents)
+        self.board.reset()
+        self.wait(0.5)
+        self.until_ready()
+        self.stop()
+
+    def deck(self) -> List[Callable[[], None]]:
+        """Those of the hardware, and others whose answer is the firmware's."""
+        return [
+            *(self.bus_hangs, self.bus_hangs, self.read_fails, self.read_fails, self.locks_up, self.locks_up),
+            *(self.millis_wrap, self.eeprom_damaged, self.sonar_fails, self.stop_behind_a_cut_frame),
+            *(self.host_dies, self.stalled, self.frozen, self.unplugged, self.lost_bytes, self.flipped_bits),
+            *(self.board_reset, self.motor_board_away, self.source_silent, self.one_way, self.probes),
+            *(self.garbage_flood, self.counter_wraps, self.wheel_fails, self.host_pauses),
+        ]
+
+
+class Job(NamedTuple):
+    """One simulation: its seed, how many faults, and whether the chip is the board, or the one in Python."""
+
+    seed: int
+    faults: int
+    chip: bool = False
+
+
+def run_one(job: Job) -> Dict[str, Any]:
+    """One simulation in this process: its tally, its simulated and CPU time, and the digest of its motion."""
+    begun_s, tally = time.process_time(), Tally()
+    simulation = (ChipSimulation if job.chip else Simulation)(job.seed, tally)
+    simulation.run(job.faults)
+    simulation.engine.close()
+    return {
+        "seed": job.seed,
+        "chip": job.chip,
+        "tally": tally,
+        "simulated_s": simulation.now_s,
+        "cpu_s": time.process_time() - begun_s,
+        "digest": simulation.digest.hexdigest(),
+        "pid": os.getpid(),
+        **holds(os.getpid()),
+    }
