@@ -5,7 +5,7 @@ import os
 import warnings
 from typing import Any
 
-from .errors import ConfigError
+from .errors import ConfigError, one_line
 from .files import replace_file
 
 BLUE, ORANGE, GREEN, PINK, SKY, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#999999"
@@ -41,6 +41,11 @@ def require_writable(path: str, what: str = "--plot") -> None:
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         raise ConfigError(f"{what} {path}: folder {folder} cannot be written, expected one that can")
     require_matplotlib(what)
+
+
+def plain(text: str) -> str:
+    """Return a text of a file as a figure shows it: matplotlib would read what is between two `$` as a formula."""
+    return one_line(text).replace("$", r"\$")
 
 
 def figure(width_in: float, height_in: float) -> Any:

@@ -40,7 +40,7 @@ def draw(drive: DriveData, path: str, parts: Sequence[str] = PARTS) -> None:
     with_path = "path" in parts
     size = (6.5 * with_path + 6.5 * bool(columns) or 6.5, max(5.5, 1.9 * len(columns)))
     figure = figures.figure(*size)
-    figure.suptitle(_title(drive), fontsize="large")
+    figure.suptitle(figures.plain(_title(drive)), fontsize="large")
     grid = figure.add_gridspec(max(1, len(columns)), with_path + bool(columns) or 1)
     if with_path:
         _draw_path(figure.add_subplot(grid[:, 0]), drive)

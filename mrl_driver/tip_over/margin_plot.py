@@ -32,7 +32,7 @@ def draw(
     figure = figures.figure(11.0, 5.0)
     mass = vehicle.whole
     figure.suptitle(
-        f"{vehicle.name}: {mass.mass_kg:g} kg, centre of mass {mass.height_m:.3f} m above the ground"
+        f"{figures.plain(vehicle.name)}: {mass.mass_kg:g} kg, centre of mass {mass.height_m:.3f} m above the ground"
     )
     _draw_margins(figure.add_subplot(1, 2, 1), vehicle, reserve_rad, slope_rad, push)
     _draw_directions(figure.add_subplot(1, 2, 2, projection="polar"), vehicle, reserve_rad, slope_rad, push)
@@ -58,7 +58,7 @@ def draw_sweep(situation: Situation, over: Range, path: str, reserve_rad: float)
     axes.set(
         xlabel=f"{over.name.replace('-', ' ')} [{over.quantity.unit}]",
         ylabel="least force-angle margin [deg]",
-        title=situation.vehicle.name,
+        title=figures.plain(situation.vehicle.name),
         xlim=(over.first, over.last),
         ylim=(_LOWEST_DEG, max(30.0, 1.1 * max(angles))),
     )

@@ -26,6 +26,7 @@ LONGEST_BYTES = 16 * 1024 * 1024
 """A frame has at most this many bytes after its header; a longer message is not sent."""
 _LONGEST_FIRST = 64 * 1024
 """The first frame of a connection is at most this long: anyone may connect."""
+_LONGEST_NAME = 255
 _HEADER = struct.Struct("<BI")
 
 
@@ -197,4 +198,6 @@ def _checked(kind: Type[Any], fields: Any) -> Event:
             raise TypeError(f"{name} is {value!r}")
     if isinstance(made, Hello) and not all(isinstance(topic, str) for topic in made.topics):
         raise TypeError(f"topics are {made.topics!r}")
+    if isinstance(made, Hello) and not (made.name.isprintable() and len(made.name) <= _LONGEST_NAME):
+        raise TypeError("its name cannot be printed in a line")
     return made

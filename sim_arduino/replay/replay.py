@@ -9,7 +9,7 @@ from typing import Any, Dict, Optional
 import click
 
 from mrl_driver.cli.commands.shared import Between, json_option, print_message
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, one_line
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot import models
 
@@ -68,7 +68,9 @@ def show(figures: Dict[str, Any], as_json: bool) -> None:
 def _human(value: Any) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{name} {_human(each)}" for name, each in value.items()) or "none"
-    return f"{value:.3f}" if isinstance(value, float) else "unknown" if value is None else str(value)
+    return (
+        f"{value:.3f}" if isinstance(value, float) else "unknown" if value is None else one_line(str(value))
+    )
 
 
 def serve(recording: Recording, speed: float, link: Optional[str] = None) -> None:

@@ -157,7 +157,8 @@ def test_a_picture_beside_the_recording(recorded):
 
 def test_parts_and_other_formats(recorded, tmp_path):
     target = tmp_path / "path.svg"
-    figures = json.loads(mrl("plot", recorded, "--part", "path", "-o", target, "--json").stdout)
+    named = recorded.rename(recorded.with_name("$x_{$.mrl"))  # half a formula to matplotlib
+    figures = json.loads(mrl("plot", named, "--part", "path", "-o", target, "--json").stdout)
     text = target.read_text()
     assert figures["path_m"] == pytest.approx(0.5, abs=1e-3) and figures["skipped_lines"] == 1
     assert "<svg" in text

@@ -44,6 +44,13 @@ def test_listen_prints_texts_with_their_sender(robot, capsys):
     assert json.loads(capsys.readouterr().out) == {"address": "0013a20040a1b2c3", "text": "hi"}
 
 
+def test_texts_of_strangers_give_no_orders_to_the_terminal(robot, capsys):
+    board = robot.engine.board
+    robot.on_telemetry(lambda _: None if board.told else board.hear(PEER, "a\x1b[2J\r\nb"))
+    print_texts(robot, 0.3, False)
+    assert capsys.readouterr().out == "0013a20040a1b2c3  a\\x1b[2J\\r\\nb\n"
+
+
 @pytest.mark.parametrize("use", [print_nodes, print_texts])
 def test_board_without_a_radio_is_named(use):
     robot = SteppedDriver(Engine(FakeBoard()), model("traxbot"))

@@ -4,7 +4,9 @@ import random
 
 import pytest
 
+from mrl_driver import figures
 from mrl_driver.errors import ConfigError, MrlError
+from sim_arduino.replay.replay import show
 from tests.fuzz.inputs import run
 from tests.fuzz.judge import CORPORA, Forbidden, Input, corpus, judge, wrong_words
 from tests.fuzz.mutation import mutate
@@ -37,6 +39,20 @@ def test_a_field_without_end_is_an_error_in_one_line(name, tmp_path):
 def test_each_reader_has_a_corpus_and_each_corpus_a_reader():
     assert {path.name for path in CORPORA.iterdir()} == set(BY_INPUT)
     assert all(map(corpus, INPUTS))
+
+
+def test_texts_of_a_recording_give_no_orders_to_a_terminal(capsys):
+    show({"port": "a\x1b[2J\nb", "robot": None, "skipped": {}}, as_json=False)
+    assert capsys.readouterr().out.split() == ["port", "a\\x1b[2J\\nb", "robot", "unknown"]
+
+
+def test_texts_of_files_are_no_formulas_in_a_figure(tmp_path):
+    """Two `$` with half a formula in between ended `mrl plot` with a traceback."""
+    pytest.importorskip("matplotlib")
+    drawn = figures.figure(2, 1)
+    drawn.suptitle(figures.plain("$x_{$ \n drive.mrl"))
+    figures.save(drawn, str(tmp_path / "drive.png"))
+    assert figures.plain("a$b\n") == r"a\$b\n"
 
 
 # ---- the judge itself

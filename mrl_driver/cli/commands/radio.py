@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, List, Sequence, Tuple
 
 import click
 
-from mrl_driver.errors import BoardTimeout, ConfigError, FrameError
+from mrl_driver.errors import BoardTimeout, ConfigError, FrameError, one_line
 from mrl_driver.host.named_robots import Target
 from mrl_driver.navigation.radio_holder import RadioHolder
 from mrl_driver.robot.radio import (
@@ -143,7 +143,7 @@ def print_texts(driver: "Driver", seconds: float, as_json: bool) -> None:
             if as_json:
                 print_json({"address": format_address(text.address), "text": text.text})
             else:
-                click.echo(f"{format_address(text.address)}  {text.text}")
+                click.echo(f"{format_address(text.address)}  {one_line(text.text)}")
 
 
 @radio.command()
