@@ -1,6 +1,7 @@
 """Mutants of the firmware's C++, tried on its PC build."""
 
 import hashlib
+import random
 import time
 from collections import Counter
 from typing import Any, Callable, Dict, List, Optional, Sequence
@@ -20,13 +21,19 @@ def run(
     save: Callable[[Result], None],
     load: Callable[[str], Optional[Result]] = lambda file: None,
     most_tests: Optional[int] = None,
+    sample: int = 0,
+    seed: int = 1,
 ) -> None:
     """Tries the mutants of these files; `save` gets the result of a file, again and again until it is complete.
+
+    A `sample` is that many of them, chosen by `seed`.
 
     A mutant that an unchanged test has killed is not tried again while its file is the same; one that survived, while
     the tests are the same.  `most_tests` limits the tests for each mutant, for a first look.
     """
     mutants = [each for each in build.build() if each.file in files]
+    if sample:
+        mutants = random.Random(seed).sample(mutants, sample)
     runner.with_tests(lambda session: _run(session, mutants, save, load, most_tests))
 
 
@@ -58,7 +65,7 @@ def _run(
         save(_complete(results[file]))
     if not todo:
         return
-    reach = runner.measure_reach(session)
+    reach = runner.measure_reach(session, build.made_of(), hashes)
     begun_s = time.monotonic()
 
     def end(mutant: Mutant, verdict: runner.Verdict) -> None:

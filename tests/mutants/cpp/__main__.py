@@ -2,14 +2,14 @@
 
 import argparse
 import json
+from pathlib import Path
 from typing import Any, Dict, Optional
 
 from tests.mutants import cpp
-from tests.mutants.cpp.build import BUILD
 
 
 def _path(file: str) -> Any:
-    return BUILD.parent / (file.replace("/", "_") + ".json")
+    return Path(given.folder) / (file.replace("/", "_") + ".json")
 
 
 def _save(result: Dict[str, Any]) -> None:
@@ -26,6 +26,8 @@ def _load(file: str) -> Optional[Dict[str, Any]]:
 parser = argparse.ArgumentParser()
 parser.add_argument("files", nargs="*")
 parser.add_argument("--most-tests", type=int)
+parser.add_argument("--sample", type=int, default=0)
+parser.add_argument("--folder", default="build/mutants")
 given = parser.parse_args()
 files = [cpp.FOLDER + name for name in given.files] or list(cpp.FILES)
-cpp.run(files, _save, _load, given.most_tests)
+cpp.run(files, _save, _load, given.most_tests, given.sample)

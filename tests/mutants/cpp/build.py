@@ -66,32 +66,31 @@ def fingerprint(paths: Sequence[Path]) -> str:
     return digest.hexdigest()[:16]
 
 
+def made_of() -> str:
+    """The fingerprint of everything that the libraries are made of."""
+    firmware = [*FIRMWARE.glob("*.cpp"), *FIRMWARE.glob("*.h")]
+    return fingerprint([*firmware, *HAL, *HAL_HEADERS, *HERE.glob("mutant.*"), HERE / "schemata.py"])
+
+
 def build() -> List[Mutant]:
     """Builds the libraries if something has changed; all mutants.
 
     Raises:
         RuntimeError: a compiler does not accept a source.
     """
-    inputs = [
-        *FIRMWARE.glob("*.cpp"),
-        *FIRMWARE.glob("*.h"),
-        *HAL,
-        *HAL_HEADERS,
-        *HERE.glob("mutant.*"),
-        HERE / "schemata.py",
-    ]
-    made_of, listed = fingerprint(inputs), BUILD / "mutants.json"
+    made, listed = made_of(), BUILD / "mutants.json"
     if listed.exists():
         known = json.loads(listed.read_text())
-        if known["made_of"] == made_of:
+        if known["made_of"] == made:
             return [_mutant(each) for each in known["mutants"]]
     BUILD.mkdir(parents=True, exist_ok=True)
-    listed.unlink() if listed.exists() else None
+    if listed.exists():
+        listed.unlink()
     mutants = _write_sources()
     with ThreadPoolExecutor(2) as pool:
         for done in [pool.submit(_library, name, defines) for name, defines in BUILDS.items()]:
             done.result()
-    listed.write_text(json.dumps({"made_of": made_of, "mutants": [asdict(each) for each in mutants]}))
+    listed.write_text(json.dumps({"made_of": made, "mutants": [asdict(each) for each in mutants]}))
     return mutants
 
 

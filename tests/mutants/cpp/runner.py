@@ -24,7 +24,7 @@ from tests.mutants.cpp.schemata import Mutant
 WORKERS = 2
 MOST_MUTANTS = 1 << 16
 TESTS = ("tests/firmware", "tests/conformance", "tests/calibration/test_bridge_wiring.py")
-LEFT_OUT = ("test_image", "test_build", "test_fuzz", "test_generate")
+LEFT_OUT = ("test_image", "test_build", "test_fuzz", "test_generate", "test_outside", "test_baud")
 """Files that do not run the firmware's PC build in this process."""
 WITHOUT = ("cacheprovider", "randomly", "rerunfailures", "xdist", "timeout", "faulthandler")
 """Plugins of pytest that have no place in a fork, or would print what a crash of a mutant looks like."""
@@ -212,14 +212,34 @@ def run_forks(starts: Iterator[Callable[[], Fork]], ended: Callable[[Fork, int],
 # ---- what the caller asks for
 
 
-def measure_reach(session: Session) -> Reach:
-    """Runs each test once without a mutant.
+def measure_reach(session: Session, libraries: str, hashes: Dict[str, str]) -> Reach:
+    """Runs each test once without a mutant, unless it has run with these libraries and its file is the same.
+
+    Args:
+        session: Has the tests.
+        libraries: What the libraries are made of.
+        hashes: Of the files of the tests.
 
     Raises:
         RuntimeError: a test fails.
     """
+    kept = BUILD / "reach.json"
+    old = json.loads(kept.read_text()) if kept.exists() else {}
+    known = old.get("tests", {}) if old.get("libraries") == libraries else {}
+    hash_of = {test: hashes[test.split("::")[0]] for test in session.items}
+    same = {test: row for test, row in known.items() if hash_of.get(test) == row[0]}
+    reach = _measure_all(session, [test for test in session.items if test not in same])
+    for test, (_, seconds, numbers) in same.items():
+        reach.seconds[test], reach.mutants[test] = seconds, set(numbers)
+    rows = {
+        test: (hash_of[test], reach.seconds[test], sorted(numbers)) for test, numbers in reach.mutants.items()
+    }
+    kept.write_text(json.dumps({"libraries": libraries, "tests": rows}))
+    return reach
+
+
+def _measure_all(session: Session, tests: List[str]) -> Reach:
     reach = Reach()
-    tests = list(session.items)
 
     def start(worker: int) -> Fork:
         marks = BUILD / f"reached{worker}"
