@@ -23,6 +23,11 @@ soak: setup firmware ## Strike with SOAK_FAULTS=n faults in simulated time, then
 verify: setup ## Check the model of the stop in all its states; build/verify/model.json
 	$(PY) -m tests.verify.model
 
+.PHONY: frames
+frames: setup ## Visit all states of the firmware's decoder and writer, and interrupt its shared functions; build/verify/frames.json
+	$(PY) -m tests.verify.frames
+	$(PY) -m tests.verify.interrupts
+
 .PHONY: bench-calibration
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
 	$(PY) -m tests.bench.bench_calibration

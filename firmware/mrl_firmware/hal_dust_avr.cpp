@@ -45,10 +45,11 @@ uint32_t dust_low_ticks() {
   return sum;
 }
 
+// An edge between the look and the clearing is reported now.
 bool dust_changed() {
-  const bool changed = dust_edge;
+  if (!dust_edge) return false;
   dust_edge = false;
-  return changed;
+  return true;
 }
 
 void dust_begin() {
