@@ -212,3 +212,48 @@ def test_after_a_restriction_the_robot_speeds_up_by_the_ramp(bench):
 )
 def test_either_speed_beyond_its_limit_scales_both(wanted, speeds):
     assert Bench().limiter.limited(wanted) == pytest.approx(speeds)
+
+
+TIGHT = Limits(0.3, 2.0, 0.2, 1.0)
+"""Unlike 1, its limit of turning shows whether it divides or multiplies."""
+
+
+def test_turning_is_scaled_to_its_limit():
+    limiter = SpeedLimiter()
+    limiter.limits = TIGHT
+    assert limiter.limited((0.2, 4.0)) == pytest.approx((0.1, 2.0))
+
+
+def test_new_limits_lower_the_command_in_force(bench):
+    bench.run(2.0, 0.3)
+    bench.limiter.change(LIMITS._replace(linear_m_s=0.1))
+    bench.tick()
+    assert bench.speeds == (0.1, 0.0)
+
+
+def test_new_limits_of_a_robot_that_is_stopped_command_nothing():
+    limiter = SpeedLimiter()
+    limiter.change(TIGHT)
+    assert (limiter.limits, limiter.target) == (TIGHT, None)
+
+
+def test_a_slide_within_the_limits_is_not_scaled(bench):
+    assert bench.limiter.limited((0.1, 0.2, 0.1)) == (0.1, 0.2, 0.1)
+
+
+def test_a_slide_at_right_angles_to_the_last_one_starts_from_standstill():
+    assert ramp((0.0, 0.0, 0.2), (0.2, 0.0, 0.0), LIMITS, FRAME_S) == pytest.approx((0.2 * FRAME_S, 0.0, 0.0))
+
+
+def test_a_slide_that_turns_speeds_up_its_turn_as_well():
+    """A turn of 1 rad/s is 50 steps of 0.02 rad/s, and sets the pace of the slide."""
+    next_speeds = ramp((0.0, 0.0, 0.0), (0.0, 1.0, 0.1), LIMITS, FRAME_S)
+    assert next_speeds == pytest.approx((0.0, 0.02, 0.002))
+
+
+def test_after_a_pause_a_step_accelerates_for_a_tenth_of_a_second(bench):
+    bench.run(0.2, 0.3)
+    before = bench.speeds[0]
+    bench.now_s += 0.5
+    bench.tick()
+    assert bench.speeds[0] == pytest.approx(before + 0.2 * 0.1)
