@@ -28,6 +28,10 @@ frames: setup ## Visit all states of the firmware's decoder and writer, and inte
 	$(PY) -m tests.verify.frames
 	$(PY) -m tests.verify.interrupts
 
+.PHONY: mutants
+mutants: setup pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter"
+	$(PY) -m tests.mutants --survivors $(SOURCES)
+
 .PHONY: bench-calibration
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
 	$(PY) -m tests.bench.bench_calibration

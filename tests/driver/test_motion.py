@@ -411,7 +411,12 @@ def test_a_link_that_is_lost_while_stopped_keeps_the_reason():
     motion.drive((200, 0), 0.0)
     motion.stop("battery")
     motion.forget("link_lost")
-    assert (motion.stop_reason, motion.stops, motion.stopping, motion.settling) == ("battery", 1, False, False)
+    assert (motion.stop_reason, motion.stops, motion.stopping, motion.settling) == (
+        "battery",
+        1,
+        False,
+        False,
+    )
 
 
 def test_a_robot_that_stood_has_no_stop_to_make_up_for():
@@ -505,7 +510,9 @@ def test_minus_one_is_sent_as_it_is_to_all_other_boards():
     assert motion.take(0.0) == (MOVE, -1, -1)
 
 
-@pytest.mark.parametrize("set_speeds", [lambda motion, *to: motion.drive(*to), lambda motion, to, _: motion.adjust(to)])
+@pytest.mark.parametrize(
+    "set_speeds", [lambda motion, *to: motion.drive(*to), lambda motion, to, _: motion.adjust(to)]
+)
 def test_standstill_before_a_motion_confirms_nothing_after_it(set_speeds):
     motion = Motion()
     motion.drive((200, 0), 0.0)
@@ -545,3 +552,24 @@ def test_changed_speeds_do_not_come_before_the_gap():
     motion.take(0.0)
     motion.adjust((100, 0))
     assert motion.take(0.095) is None
+
+
+def test_time_of_motion_goes_on_over_commands_until_one_stands():
+    motion = Motion()
+    assert motion.moves_for_s(1.0) == 0.0
+    motion.drive((200, 0), 1.0)
+    motion.drive((100, 0), 1.5)
+    assert motion.moves_for_s(2.0) == 1.0
+    motion.drive((0, 0), 2.0)
+    assert motion.moves_for_s(3.0) == 0.0
+    motion.drive((100, 0), 4.0)
+    motion.stop()
+    assert motion.moves_for_s(5.0) == 0.0
+
+
+def test_time_of_motion_begins_again_after_a_stop():
+    motion = Motion()
+    motion.drive((200, 0), 1.0)
+    motion.stop()
+    motion.drive((200, 0), 3.0)
+    assert motion.moves_for_s(4.0) == 1.0

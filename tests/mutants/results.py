@@ -86,7 +86,9 @@ def errors(result: Result, safety: bool, listed: Equivalents) -> List[str]:
     if counts.share < goal:
         found.append(f"{name}: {counts.share:.1%} killed, expected at least {goal:.0%}; see --survivors")
     if counts.equivalent > MOST_EQUIVALENT * counts.all:
-        found.append(f"{name}: {counts.equivalent} of {counts.all} listed as equivalent, expected at most 5 %")
+        found.append(
+            f"{name}: {counts.equivalent} of {counts.all} listed as equivalent, expected at most 5 %"
+        )
     return found
 
 

@@ -86,7 +86,9 @@ def compiled(tree: ast.Module, mutant: Mutant, filename: str) -> CodeType:
 Lines = Tuple[int, int]
 
 
-def _walk(node: ast.AST, scope: str, in_function: bool, lines: Lines) -> Iterator[Tuple[str, bool, Lines, _Change]]:
+def _walk(
+    node: ast.AST, scope: str, in_function: bool, lines: Lines
+) -> Iterator[Tuple[str, bool, Lines, _Change]]:
     if isinstance(node, ast.stmt):
         lines = _lines(node)
     named = isinstance(node, (ast.FunctionDef, ast.ClassDef))
@@ -169,8 +171,10 @@ def _is_negated(test: ast.AST) -> bool:
     """Whether another change of the condition does the same as its negation."""
     if isinstance(test, ast.UnaryOp):
         return isinstance(test.op, ast.Not)
-    return isinstance(test, ast.Compare) and len(test.ops) == 1 and isinstance(
-        test.ops[0], (ast.Eq, ast.NotEq, ast.Is, ast.IsNot, ast.In, ast.NotIn)
+    return (
+        isinstance(test, ast.Compare)
+        and len(test.ops) == 1
+        and isinstance(test.ops[0], (ast.Eq, ast.NotEq, ast.Is, ast.IsNot, ast.In, ast.NotIn))
     )
 
 
@@ -180,7 +184,9 @@ def _is_error(node: ast.AST) -> bool:
 
 
 def _is_text(node: ast.AST) -> bool:
-    return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, (str, bytes)))
+    return isinstance(node, ast.JoinedStr) or (
+        isinstance(node, ast.Constant) and isinstance(node.value, (str, bytes))
+    )
 
 
 def _is_none(node: ast.AST) -> bool:
@@ -252,9 +258,15 @@ def _put(kind: str, node: Any, field: str, index: Optional[int], old: ast.AST, n
     whole = node if isinstance(node, ast.expr) and not isinstance(old, ast.expr) else old
     before = _short(whole) if isinstance(whole, (ast.expr, ast.stmt)) else _short(node)
     put(new)
-    after = _short(whole if whole is not old else new) if isinstance(whole, (ast.expr, ast.stmt)) else _short(node)
+    after = (
+        _short(whole if whole is not old else new)
+        if isinstance(whole, (ast.expr, ast.stmt))
+        else _short(node)
+    )
     put(old)
-    return _Change(kind, old if hasattr(old, "lineno") else node, before, after, lambda: put(new), lambda: put(old))
+    return _Change(
+        kind, old if hasattr(old, "lineno") else node, before, after, lambda: put(new), lambda: put(old)
+    )
 
 
 def _short(node: ast.AST) -> str:

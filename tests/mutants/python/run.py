@@ -2,13 +2,16 @@
 
 import ast
 import contextlib
+import hashlib
 import json
 import os
 import pathlib
 import subprocess
 import sys
 import tempfile
-from typing import Any, Callable, Dict, Iterator, List, Optional
+from typing import Any, Dict, Iterable, Iterator, List, Optional, Tuple
+
+import yaml
 
 from tests.mutants import results
 
@@ -18,26 +21,35 @@ SAVED_EACH = 50
 """Results are kept after this many mutants, so that a run that is broken off continues there."""
 
 
-def run(source: str, tests: List[str], workers: int = 2, load: Callable[[str], Any] = results.load) -> results.Result:
-    """Run the mutants of a source that have no result for these tests yet; returns and keeps all results."""
-    keys = [each.key for each in mutants_of(ast.parse(pathlib.Path(source).read_text()))]
-    known = load(source) or {}
+def run(
+    source: str, tests: List[str], workers: int = 2, keys: Optional[List[str]] = None, keep: bool = True
+) -> results.Result:
+    """Run the mutants of a source that have no result for these tests yet; returns all results.
+
+    With `keys` it runs only these.  Without `keep`, earlier results are not used, and these not kept.
+    """
+    if keys is None:
+        keys = [each.key for each in mutants_of(ast.parse(pathlib.Path(source).read_text()))]
+    known = (results.load(source) if keep else None) or {}
     hints = {each["key"]: each["by"] for each in known.get("mutants", ()) if each["by"]}
-    result = {
-        "file": source, "file_hash": results.hash_of([source]), "tests_hash": results.hash_of(tests), "mutants": [],
-    }  # fmt: skip
+    result: results.Result = {
+        "file": source,
+        "file_hash": results.hash_of([source]),
+        "tests_hash": results.hash_of(tests),
+        "mutants": [],
+    }
     if all(known.get(name) == result[name] for name in ("file_hash", "tests_hash")):
         result["mutants"] = known["mutants"]
     done = {each["key"] for each in result["mutants"]}
     missing = [key for key in keys if key not in done]
-    if missing:
-        for row in verdicts(source, tests, missing, hints, workers):
-            result["mutants"].append(row)
-            if len(result["mutants"]) % SAVED_EACH == 0:
-                results.save(result)
+    for row in verdicts(source, tests, missing, hints, workers) if missing else ():
+        result["mutants"].append(row)
+        if keep and len(result["mutants"]) % SAVED_EACH == 0:
+            results.save(result)
     order = {key: place for place, key in enumerate(keys)}
     result["mutants"].sort(key=lambda each: order[each["key"]])
-    results.save(result)
+    if keep:
+        results.save(result)
     return result
 
 
@@ -45,7 +57,13 @@ def verdicts(
     source: str, tests: List[str], keys: List[str], hints: Dict[str, str], workers: int
 ) -> Iterator[Dict[str, Any]]:
     """Yield the result of each mutant with one of these keys."""
-    work: Dict[str, Any] = {"source": source, "tests": tests, "keys": keys, "hints": hints, "workers": workers}
+    work: Dict[str, Any] = {
+        "source": source,
+        "tests": tests,
+        "keys": keys,
+        "hints": hints,
+        "workers": workers,
+    }
     end: Dict[str, Any] = {}
     for row in _worked({**work, "fresh": False}):
         if "key" in row:
@@ -75,7 +93,9 @@ def _worked(work: Dict[str, Any]) -> Iterator[Dict[str, Any]]:
             yield from map(json.loads, worker.stdout)
             if worker.wait() != 0:
                 log.seek(0)
-                raise SystemExit(f"{work['source']}: the worker has ended with {worker.returncode}:\n{log.read()[-2000:]}")
+                raise SystemExit(
+                    f"{work['source']}: the worker has ended with {worker.returncode}:\n{log.read()[-2000:]}"
+                )
 
 
 def _end(worker: "subprocess.Popen[str]") -> None:
@@ -86,13 +106,13 @@ def _end(worker: "subprocess.Popen[str]") -> None:
         worker.stdout.close()
 
 
-def sample(count: int, sources: Dict[str, Any], seed: int) -> Dict[str, List[str]]:
+def sample(count: int, sources: Iterable[str], seed: int) -> Dict[str, List[str]]:
     """Return the keys of `count` mutants by source, chosen by the seed; code that did not change keeps its own."""
-    rank = {}
+    rank: Dict[bytes, Tuple[str, str]] = {}
     for source in sources:
         for each in mutants_of(ast.parse(pathlib.Path(source).read_text())):
             if each.in_function:
-                rank[results.hashlib.sha256(f"{seed} {source} {each.key}".encode()).digest()] = source, each.key
+                rank[hashlib.sha256(f"{seed} {source} {each.key}".encode()).digest()] = source, each.key
     chosen: Dict[str, List[str]] = {}
     for _, (source, key) in sorted(rank.items())[:count]:
         chosen.setdefault(source, []).append(key)
@@ -101,9 +121,4 @@ def sample(count: int, sources: Dict[str, Any], seed: int) -> Dict[str, List[str
 
 def targets() -> Dict[str, Dict[str, Any]]:
     """Return sources with their tests, from targets.yaml."""
-    return results.yaml.safe_load((results.HERE / "targets.yaml").read_text())
-
-
-def killed(result: Optional[results.Result], key: str) -> bool:
-    """Whether a mutant was killed."""
-    return any(each["key"] == key and each["state"] in results.KILLED for each in (result or {}).get("mutants", ()))
+    return yaml.safe_load((results.HERE / "targets.yaml").read_text())

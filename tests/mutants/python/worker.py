@@ -1,10 +1,11 @@
 """Runs the mutants of one source with its nearest tests: `python -m tests.mutants.python.worker`, started by `run`.
 
-The work comes as JSON on standard input: {"source", "tests", "keys", "hints", "workers"}; each result leaves as a line of JSON.
+The work comes as JSON on standard input: source, tests, keys, hints, workers, fresh.  Each result leaves as a line of
+JSON.
 
-pytest collects the tests once.  A fork runs them without a mutation, and notes which lines each test reaches.  Then each
-mutant gets a fork: the code of its function is exchanged, and the tests that reach its statement run, the
-fastest first, until one fails.  A mutant outside functions, or one in a function that was called while modules were
+pytest collects the tests once.  A fork runs them without a mutation, and notes which lines each test reaches.  Then
+each mutant gets a fork: the code of its function is exchanged, and the tests that reach its statement run, the fastest
+first, until one fails.  A mutant outside functions, or one in a function that was called while modules were
 imported, cannot be made so: its fork imports everything afresh, with the mutated source in place of the module.
 """
 
@@ -40,7 +41,14 @@ LONGEST_S = 0.25
 WALL_S = 240.0
 """A fork that lasts longer is a time-out, whatever it uses [s]."""
 MEMORY_BYTES = 3 << 30
-KILLED, SURVIVED, TIMEOUT, CRASH, UNREACHED, STALE = "killed", "survived", "timeout", "crash", "unreached", "fresh"
+KILLED, SURVIVED, TIMEOUT, CRASH, UNREACHED, STALE = (
+    "killed",
+    "survived",
+    "timeout",
+    "crash",
+    "unreached",
+    "fresh",
+)
 
 
 class Verdict(NamedTuple):
@@ -161,7 +169,11 @@ class Warm:
     """The plugin whose run of the tests is the run of the mutants."""
 
     def __init__(self, work: Dict[str, Any], tell: Callable[[Mutant, Verdict], None]) -> None:
-        self.source, self.hints, self.workers = os.path.abspath(work["source"]), work["hints"], work["workers"]
+        self.source, self.hints, self.workers = (
+            os.path.abspath(work["source"]),
+            work["hints"],
+            work["workers"],
+        )
         self.tree = ast.parse(pathlib.Path(self.source).read_text())
         wanted = set(work["keys"])
         self.mutants = [each for each in mutants_of(self.tree) if each.key in wanted]
@@ -373,7 +385,11 @@ def run_fresh(work: Dict[str, Any], tell: Callable[[Mutant, Verdict], None]) -> 
                     first = First()
                     status = pytest.main([*OPTIONS, *left_out, "-x", *tests], plugins=[first])
                     passed = status == pytest.ExitCode.OK
-                    tell({"state": SURVIVED} if passed else {"state": KILLED, "by": first.by or f"exit {status}"})
+                    tell(
+                        {"state": SURVIVED}
+                        if passed
+                        else {"state": KILLED, "by": first.by or f"exit {status}"}
+                    )
 
                 yield mutant, forked(start, cpu_s)
 
