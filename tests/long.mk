@@ -57,3 +57,7 @@ test-tutorials: setup ## Carry out the tutorials of docs/tutorials on emulated r
 .PHONY: test-pythons
 test-pythons: | apt firmware pc-firmware comparison ## Run the tests that need no ROS on each installed Python from 3.8 to 3.13; PYTHONS="3.8 3.13"
 	@$(if $(PYTHONS),PYTHONS="$(PYTHONS)") tests/pythons.sh
+
+.PHONY: explore
+explore: setup ## Let all sequences of 6 events happen to driver and firmware, and find the seeded bugs; build/verify/explore.json
+	$(PY) -m tests.verify.explorer
