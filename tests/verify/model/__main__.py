@@ -23,6 +23,8 @@ from .checker import (
     NO_FORGET,
     NO_MOTOR_TIMEOUT,
     NO_REASON,
+    NO_REFUSAL,
+    NO_RELEASE,
     NO_REPEAT,
     NO_TIMEOUT,
     NO_WATCHDOG,
@@ -41,26 +43,30 @@ FIXED_POINTS: Tuple[Tuple[int, Dict[str, int]], ...] = (
     (LINE | PORT, {"BOTH": 1}),
     (EACH, {"TICKS": 2}),
     (EACH, {}),
+    (LINE | BUS | HOST, {"OLDER": 1}),
     (LINE | BRIDGE, {}),
     (HOST | BRIDGE, {}),
 )
-"""Runs without a bug: what may happen, and settings.  TICKS is the command timeout."""
-CONTROLS = (
-    (1, NO_WATCHDOG, LINE),
-    (1, NO_MOTOR_TIMEOUT, BUS),
-    (2, NO_TIMEOUT, 0),
-    (3, NO_WATCHDOG, HOST),
-    (4, NO_FORGET, LINE),
-    (5, NO_REPEAT, LINE),
-    (6, NO_REASON, 0),
-    (7, NO_BASELINE, LINE | PORT),
+"""Runs without a bug: what may happen, and settings.  TICKS is the command timeout.  OLDER is firmware from before the
+board's own stops were final.
+"""
+CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
+    (1, NO_WATCHDOG, LINE, {}),
+    (1, NO_MOTOR_TIMEOUT, BUS, {}),
+    (2, NO_TIMEOUT, 0, {}),
+    (3, NO_WATCHDOG, HOST, {}),
+    (4, NO_REFUSAL, LINE, {}),
+    (4, NO_REFUSAL, BUS, {}),
+    (4, NO_FORGET, LINE, {"OLDER": 1}),
+    (5, NO_REPEAT, LINE, {}),
+    (6, NO_REASON, 0, {}),
+    (7, NO_BASELINE, LINE | PORT, {}),
+    (8, NO_RELEASE, BUS, {}),
 )
-"""Property, the guard that is removed, and what may happen."""
+"""Property, the guard that is removed, what may happen, and settings."""
 LADDER = (0, LINE, HOST, LINE | PORT, BRIDGE, LINE | BUS | HOST, LINE | PORT | BRIDGE, EACH)
 """A bug is searched with these parts, one after the other, until it is found."""
 FINDINGS = (
-    ("P4 with the board's own stops", LINE, {"STRICT": 1, "PROPERTIES": 8}),
-    ("P4 with the board's own stops", BUS, {"STRICT": 1, "PROPERTIES": 8}),
     ("P4 over UDP", LINE, {"UDP": 1}),
     ("P2 over UDP", LINE, {"UDP": 1, "PROPERTIES": 2}),
 )
@@ -95,8 +101,8 @@ def main(arguments: List[str]) -> int:
             what = "all properties" + "".join(f", {name} {value}" for name, value in settings.items())
             result = run(checker, parts, **settings)
             note(what, parts, result, result.complete)
-        for n, guard, parts in CONTROLS:
-            result = run(checker, parts, BUG=guard, PROPERTIES=1 << (n - 1))
+        for n, guard, parts, settings in CONTROLS:
+            result = run(checker, parts, BUG=guard, PROPERTIES=1 << (n - 1), **settings)
             note(f"without a guard of P{n} ({guard})", parts, result, result.broken == f"P{n}")
     for bug in bugs:
         if number in (None, bug["number"]):

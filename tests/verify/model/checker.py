@@ -21,7 +21,17 @@ PARTS = {
     "holds": HOLDS,
     "bridge": BRIDGE,
 }
-NO_WATCHDOG, NO_TIMEOUT, NO_FORGET, NO_REPEAT, NO_REASON, NO_BASELINE, NO_MOTOR_TIMEOUT = range(21, 28)
+(
+    NO_WATCHDOG,
+    NO_TIMEOUT,
+    NO_FORGET,
+    NO_REPEAT,
+    NO_REASON,
+    NO_BASELINE,
+    NO_MOTOR_TIMEOUT,
+    NO_REFUSAL,
+    NO_RELEASE,
+) = range(21, 30)
 """Guards that a run can remove, besides the seeded bugs 1 to 20."""
 ENDED, VIOLATED = "errors: 0", re.compile(r"^P(\d) violated$", re.M)
 
@@ -59,7 +69,7 @@ def compile_model(folder: pathlib.Path, optimise: str = "-O2") -> pathlib.Path:
 
 
 def run(checker: pathlib.Path, parts: int, limit_s: float = 3600.0, **settings: int) -> Result:
-    """Search all states; `settings` are those of `stop.pml`: BUG, TICKS, PROPERTIES (bits), UDP, STRICT, BOTH."""
+    """Search all states; `settings` are those of `stop.pml`: BUG, TICKS, PROPERTIES (bits), UDP, OLDER, BOTH."""
     given: Dict[str, str] = {name: str(value) for name, value in settings.items() if value}
     environment = {**os.environ, "PARTS": str(parts), **given}
     with tempfile.TemporaryDirectory() as folder:

@@ -5,6 +5,7 @@
 #define STALE 6 /* 280 ms: session.STALE_S */
 #define LATE 2 /* 100 ms: session.LATE_S */
 #define PAUSE 5 /* 250 ms: session.PAUSE_S */
+#define REFUSED 3 /* 150 ms: session.REFUSED_S */
 #define REPEAT 2 /* 100 ms: motion_command.QUICK.repeat_s */
 #define STOP_REPEAT 1 /* 50 ms: motion_command.QUICK.stop_s */
 #define STILL 2 /* 80 ms: motion_command.STILL_S */

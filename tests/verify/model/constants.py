@@ -13,7 +13,7 @@ from mrl_driver.generate.render import write_stale
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from mrl_driver.robot.models.robot_model import COMMON_BOARD
 from mrl_driver.session.motion_command import QUICK, STILL_S
-from mrl_driver.session.session import LATE_S, PAUSE_S, STALE_S
+from mrl_driver.session.session import LATE_S, PAUSE_S, REFUSED_S, STALE_S
 
 HEADER = pathlib.Path(__file__).with_name("constants.h")
 TICK_MS = 50
@@ -26,6 +26,7 @@ TIMES_MS = {
     "STALE": (1000 * STALE_S, "session.STALE_S"),
     "LATE": (1000 * LATE_S, "session.LATE_S"),
     "PAUSE": (1000 * PAUSE_S, "session.PAUSE_S"),
+    "REFUSED": (1000 * REFUSED_S, "session.REFUSED_S"),
     "REPEAT": (1000 * QUICK.repeat_s, "motion_command.QUICK.repeat_s"),
     "STOP_REPEAT": (1000 * QUICK.stop_s, "motion_command.QUICK.stop_s"),
     "STILL": (1000 * STILL_S, "motion_command.STILL_S"),

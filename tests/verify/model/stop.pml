@@ -27,6 +27,7 @@
 #define BY_BUS 8
 #define BY_HOST 9
 #define BOOT 10
+#define BY_BOARD 11
 
 /* Guards that a run removes besides the seeded bugs. */
 #define NO_WATCHDOG 21
@@ -36,6 +37,8 @@
 #define NO_REASON 25
 #define NO_BASELINE 26
 #define NO_MOTOR_TIMEOUT 27
+#define NO_REFUSAL 28
+#define NO_RELEASE 29
 
 /* What may happen in a tick: to the line (OK to TWICE), to others (NACK to RADIO), and by the user. */
 #define OK 0
@@ -74,7 +77,7 @@ byte bug;        /* the seeded bug, or the guard that is removed; 0 for the real
 byte patience;    /* of commands [tick] */
 byte props;      /* bit n - 1: property n is checked */
 bool udp;        /* the line reorders and repeats */
-bool strict;     /* P4 counts the board's own stops too */
+bool older;      /* firmware from before its own stops were final; P4 does not count them */
 bool both;       /* faults of the line and others may fall into one tick */
 byte parts;      /* what may happen: */
 #define LINE 1       /* bytes of either direction are lost, damaged, held back */
@@ -87,28 +90,30 @@ byte parts;      /* what may happen: */
 
 /* ---- board and motor board */
 bool b_up = 1, b_newborn, b_armed = 1, b_quiet, b_turning, b_streams = 1, b_held, b_present = 1;
+bool b_final;  /* it has stopped the robot by itself, and refuses moves until the host's stop */
 byte b_age;    /* since the last valid frame, up to WATCHDOG */
 bool m_moves;
 byte m_idle;              /* since the last I2C traffic, while the motors turn */
 
 /* ---- line: the bytes that it holds back, and the telemetry that the driver has not read */
 byte line;
-bool plugged = 1, t_new, t_moved, t_hello, t_newborn, t_held;
+bool plugged = 1, t_new, t_moved, t_hello, t_newborn, t_held, t_refused;
 
 /* ---- driver */
 bool h_alive = 1, h_ready = 1, h_target, h_stopping, h_once, h_restarted, h_held, h_leaving, h_limiter, h_unsent, h_slept;
 byte h_age, h_still, h_repeat, h_gap;
+byte h_force;  /* time for which commands have been in force, one after the other, up to REFUSED */
 
 /* ---- bridge: the emergency stop, the command under way to the node, and the source of commands */
 bool c_latched, c_late, c_waits, c_before, s_alive = 1;
 
 /* ---- truth */
 bool g_allowed, g_asked, g_jump;
-byte g_since, g_over, g_over_linked;
+byte g_since, g_over, g_over_linked, g_stuck;
 
 /* ---- of one tick; 0 between ticks, so that they make no states */
 byte reported, w, f, fault, other, user, queue;
-bool feeds, ends, stop_wanted, dead, ran, linked, was_moving, hello, told;
+bool feeds, ends, stop_wanted, dead, ran, linked, was_moving, hello, told, refuses, release;
 
 #define check(n, holds) \
   if \
@@ -129,7 +134,8 @@ inline end_command(why) {
 /* Whether a stop for this reason is justified now. */
 #define is_true(reason) ( \
   (reason == USER && user != 0) || (reason == EXPIRED && g_since >= patience) || (reason == SILENT && h_age >= STALE) || \
-  (reason == UNPLUGGED && other == UNPLUG) || (reason == PAUSED && h_gap >= PAUSE) || (reason == BY_RADIO && t_held))
+  (reason == UNPLUGGED && other == UNPLUG) || (reason == PAUSED && h_gap >= PAUSE) || (reason == BY_RADIO && t_held) || \
+  (reason == BY_BOARD && t_refused))
 
 /* ---- driver: Motion.stop and Motion.forget */
 inline drop(reason) {
@@ -137,7 +143,7 @@ inline drop(reason) {
   :: h_target ->
     reported = (bug == NO_REASON -> EXPIRED : reason);
     check(6, !c_late && is_true(reported));
-    h_target = 0
+    h_target = 0; h_force = 0
   :: else
   fi
 }
@@ -177,6 +183,18 @@ inline note_stop(reason) {
   :: b_turning || bug == 5 -> check(6, b_turning) /* the reported reason changes: true only if this stop was one */
   :: else
   fi;
+  if
+  :: reason == BY_HOST -> b_final = 0
+  :: reason != BY_HOST && b_turning && !older ->
+    b_final = 1;
+    if
+    :: g_allowed ->
+      g_allowed = 0; g_over = 0; g_over_linked = 0;
+      if :: line == MOVE -> line = PASSING :: else fi
+    :: else
+    fi
+  :: else
+  fi;
   b_turning = 0
 }
 
@@ -205,7 +223,9 @@ inline deliver(frame) {
       if
       :: frame == HALT -> board_stop(BY_HOST)
       :: frame == GREET -> board_stop(BY_HOST); b_armed = (bug != NO_WATCHDOG); b_streams = 1; hello = 1
-      :: (frame == MOVE || frame == PASSING || frame == DEAD) && b_present && !b_held ->
+      :: (frame == MOVE || frame == PASSING || frame == DEAD) && b_final && !b_held && bug != NO_REFUSAL -> refuses = 1
+      :: (frame == MOVE || frame == PASSING || frame == DEAD) && b_present && !b_held && (!b_final || bug == NO_REFUSAL) ->
+        b_final = 0;
         queue = frame;
         b_turning = 1
       :: else
@@ -216,7 +236,7 @@ inline deliver(frame) {
 
 inline reset_board() {
   b_newborn = 1; b_armed = 0; b_quiet = 0; b_turning = 0; b_streams = 0; b_held = 0; b_present = 1;
-  g_jump = 1
+  b_final = 0; g_jump = 1
 }
 
 
@@ -321,6 +341,8 @@ inline run_driver() {
     h_age = 0; h_held = t_held;
     if
     :: t_held && h_target -> end_command(BY_RADIO); stop(BY_RADIO)
+    :: t_refused && !t_held && h_target && h_force >= REFUSED && bug != NO_RELEASE ->
+      end_command(BY_BOARD); stop(BY_BOARD); release = 1 /* sent in the same turn, before a command of the user */
     :: else
     fi;
     if
@@ -332,7 +354,8 @@ inline run_driver() {
   :: !t_new && h_ready && h_age < STALE -> h_age++
   :: else
   fi;
-  h_gap = 0; h_slept = 0; t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0;
+  h_gap = 0; h_slept = 0; t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0; t_refused = 0;
+  if :: h_target && !older && h_force < REFUSED -> h_force++ :: else fi;
   if
   :: h_ready && h_age >= STALE ->
     if :: h_target || g_allowed -> end_command(SILENT) :: else fi;
@@ -353,15 +376,16 @@ inline run_driver() {
   if
   :: !plugged -> w = NOTHING
   :: plugged && !h_ready -> w = GREET
-  :: plugged && h_ready && h_stopping ->
+  :: plugged && h_ready && release -> w = HALT
+  :: plugged && h_ready && !release && h_stopping ->
     w = ((bug == 7 || bug == NO_REPEAT) && h_once -> FEED : HALT); h_once = (bug == 7 || bug == NO_REPEAT)
-  :: plugged && h_ready && !h_stopping && h_target ->
+  :: plugged && h_ready && !release && !h_stopping && h_target ->
     if
     :: h_repeat > 0 -> h_repeat--; w = NOTHING
     :: h_repeat == 0 && h_age < LATE -> h_repeat = REPEAT - 1; w = (g_allowed -> MOVE : DEAD)
     :: h_repeat == 0 && h_age >= LATE -> w = NOTHING
     fi
-  :: plugged && h_ready && !h_stopping && !h_target ->
+  :: plugged && h_ready && !release && !h_stopping && !h_target ->
     w = (feeds -> FEED : NOTHING)
   fi;
   check(5, !(g_asked && m_moves && plugged) || w == HALT || w == GREET);
@@ -379,7 +403,7 @@ inline host() {
   :: other == STOPPED -> if :: h_gap <= PAUSE -> h_gap++ :: else fi
   :: other == SUSPENDED -> h_slept = 1; if :: h_gap <= PAUSE -> h_gap++ :: else fi
   :: other == UNPLUG ->
-    plugged = 0; line = NOTHING; t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0;
+    plugged = 0; line = NOTHING; t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0; t_refused = 0;
     if :: h_target || g_allowed -> end_command(UNPLUGGED) :: else fi;
     h_unsent = (bug == 10 && h_target);
     if :: bug != 8 && bug != NO_FORGET -> drop(UNPLUGGED) :: else fi;
@@ -389,7 +413,7 @@ inline host() {
     if :: h_unsent -> line = DEAD; h_unsent = 0 :: else fi;
     if
     :: other == PLUG_OTHER -> /* one that was greeted before, and stands */
-      b_up = 1; b_newborn = 0; b_armed = (bug != NO_WATCHDOG); b_quiet = 0; b_turning = 0; b_streams = 1; b_held = 0;
+      b_up = 1; b_newborn = 0; b_armed = (bug != NO_WATCHDOG); b_quiet = 0; b_turning = 0; b_streams = 1; b_held = 0; b_final = 0;
       b_present = 1; b_age = WATCHDOG; m_moves = 0; m_idle = 0; g_jump = 1; h_restarted = (bug != 13)
     :: else
     fi
@@ -409,13 +433,13 @@ inline host() {
     h_ready = 0; h_target = 0; h_stopping = 0; h_once = 0; h_restarted = 0; h_held = 0; h_leaving = 0; h_limiter = 0;
     h_unsent = 0; h_slept = 0; h_age = 0; h_still = 0; h_repeat = 0; h_gap = 0;
     c_latched = 0; c_late = 0; c_waits = 0; c_before = 0; s_alive = 0; g_jump = 0;
-    t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0
+    t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0; t_refused = 0; h_force = 0
   :: else
   fi
 }
 
 inline transport() {
-  hello = 0; told = 0; queue = NOTHING; stop_wanted = 0;
+  hello = 0; told = 0; refuses = 0; queue = NOTHING; stop_wanted = 0;
   if :: b_age < WATCHDOG -> b_age++ :: else fi;
   if
   :: fault == LOST || fault == CUT_BOTH -> w = NOTHING
@@ -427,7 +451,7 @@ inline transport() {
   :: other == UP -> b_up = 1; stop_wanted = 1
   :: other == RADIO ->
     b_held = !b_held;
-    if :: b_held -> board_stop(BY_RADIO); if :: strict -> end_command(BY_RADIO) :: else fi :: else fi
+    if :: b_held -> board_stop(BY_RADIO) :: else fi
   :: else
   fi;
   if
@@ -442,8 +466,7 @@ inline transport() {
 inline board() {
   if
   :: b_up && b_armed && !b_quiet && b_age >= WATCHDOG && !told ->
-    b_quiet = 1; board_stop(BY_WATCHDOG);
-    if :: strict && !m_moves -> skip :: strict && m_moves -> end_command(BY_WATCHDOG) :: else fi
+    b_quiet = 1; board_stop(BY_WATCHDOG)
   :: else
   fi;
   if :: told && b_age >= WATCHDOG -> b_quiet = 0 :: else fi;
@@ -453,7 +476,6 @@ inline board() {
   :: !b_up || other == BUS_DEAD ->
     if
     :: b_up && b_present ->
-      if :: strict && b_turning -> end_command(BY_BUS) :: else fi;
       note_stop(BY_BUS); b_present = 0
     :: else
     fi;
@@ -473,7 +495,7 @@ inline board() {
   if
   :: plugged && b_up && h_alive && (b_streams || hello) && fault != MUTE && fault != CUT_BOTH ->
     t_new = 1; t_moved = t_moved || was_moving || m_moves; t_hello = t_hello || hello; t_newborn = t_newborn || b_newborn;
-    t_held = b_held
+    t_held = b_held; t_refused = t_refused || refuses
   :: else
   fi
 }
@@ -491,12 +513,17 @@ inline judge() {
   check(2, g_over_linked <= 1);
   check(3, g_over <= WATCHDOG);
   check(4, !(dead && m_moves));
+  if
+  :: linked && b_final && h_ready && h_target && !b_held -> g_stuck++
+  :: else -> g_stuck = 0
+  fi;
+  check(8, g_stuck <= REFUSED + REPEAT);
   if :: !m_moves && line != MOVE && line != PASSING -> g_asked = 0 :: else fi
 }
 
 inline forget_tick() {
   reported = 0; w = 0; f = 0; fault = 0; other = 0; user = 0; feeds = 0; ends = 0; queue = 0; stop_wanted = 0; dead = 0; ran = 0; linked = 0; was_moving = 0; hello = 0;
-  told = 0
+  told = 0; refuses = 0; release = 0
 }
 
 init {
@@ -505,9 +532,9 @@ init {
       char *text;
       now.bug = (text = getenv("BUG")) ? atoi(text) : 0;
       now.patience = (text = getenv("TICKS")) ? atoi(text) : TIMEOUT;
-      now.props = (text = getenv("PROPERTIES")) ? atoi(text) : 127;
+      now.props = (text = getenv("PROPERTIES")) ? atoi(text) : 255;
       now.udp = getenv("UDP") != 0;
-      now.strict = getenv("STRICT") != 0;
+      now.older = getenv("OLDER") != 0;
       now.both = getenv("BOTH") != 0;
       now.parts = (text = getenv("PARTS")) ? atoi(text) : 127;
       now.b_armed = now.bug != NO_WATCHDOG;

@@ -9,7 +9,7 @@ import yaml
 from mrl_driver.session.session import Session
 from sim_arduino.board.board_status import BoardStatus
 from tests.verify.model.__main__ import CONTROLS, ROOT
-from tests.verify.model.checker import BRIDGE, HOST, LINE, PORT, compile_model, run
+from tests.verify.model.checker import BRIDGE, BUS, HOST, LINE, PORT, compile_model, run
 from tests.verify.model.constants import HEADER, header, ticks
 from tests.verify.model.replay import events_of, play
 
@@ -19,7 +19,7 @@ QUICK_BUGS = ((4, LINE), (6, 0), (10, LINE | PORT), (11, BRIDGE))
 """Seeded bugs that are found within a tenth of a second, and what may happen then."""
 COAST_M = 0.01
 """The wheels turn at most this far while they slow down [m]."""
-QUICK_CONTROLS = tuple(control for control in CONTROLS if control[2] in (0, HOST, LINE | PORT))
+QUICK_CONTROLS = tuple(control for control in CONTROLS if control[2] in (0, BUS, HOST, LINE | PORT))
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +35,9 @@ def test_the_real_design_holds_all_properties_while_the_host_is_paused_killed_or
     assert result.states > 10_000
 
 
-@pytest.mark.parametrize("number, guard, parts", QUICK_CONTROLS)
-def test_without_its_guard_a_property_is_violated(checker, number, guard, parts):
-    assert run(checker, parts, BUG=guard, PROPERTIES=1 << (number - 1)).broken == f"P{number}"
+@pytest.mark.parametrize("number, guard, parts, settings", QUICK_CONTROLS)
+def test_without_its_guard_a_property_is_violated(checker, number, guard, parts, settings):
+    assert run(checker, parts, BUG=guard, PROPERTIES=1 << (number - 1), **settings).broken == f"P{number}"
 
 
 @pytest.mark.parametrize("number, parts", QUICK_BUGS)
@@ -60,7 +60,7 @@ def test_a_counterexample_of_the_model_moves_the_real_driver_if_the_guard_is_rem
 ):
     """The emulated board has older firmware, so that the guard of the host is alone."""
     monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
-    events = events_of(run(checker, HOST, BUG=9).trace)
+    events = events_of(run(checker, HOST, BUG=9, OLDER=1).trace)
     guarded = play(events)
     monkeypatch.setattr(Session, "_resume", lambda self: None)  # the edit of bug 9
     unguarded = play(events)
