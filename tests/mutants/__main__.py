@@ -52,7 +52,7 @@ def _report(safety: Dict[str, bool], survivors: bool) -> int:
     for source in safety:
         result = results.load(source)
         if result is None:
-            print(f"| `{source}` | not run |")
+            wrong.append(f"{source}: not run")
             continue
         print(results.row(result, safety[source], listed))
         wrong += results.errors(result, safety[source], listed)

@@ -83,6 +83,8 @@ def errors(result: Result, safety: bool, listed: Equivalents) -> List[str]:
     left = {each["key"] for each in survivors(result)}
     found = [f"{name}: listed as equivalent, but killed or gone: {key}" for key in own if key not in left]
     counts, goal = score(result, listed), SAFETY_GOAL if safety else GOAL
+    if result.get("left"):
+        found.append(f"{name}: the run was broken off, {result['left']} mutants are left; run it again")
     if counts.share < goal:
         found.append(f"{name}: {counts.share:.1%} killed, expected at least {goal:.0%}; see --survivors")
     if counts.equivalent > MOST_EQUIVALENT * counts.all:

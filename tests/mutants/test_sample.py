@@ -7,7 +7,7 @@ import pytest
 
 from .python.mutations import compiled, mutants_of
 from .python.run import run, sample, targets
-from .results import KILLED, equivalents, score, survivors
+from .results import KILLED, equivalents, errors, score, survivors
 
 SEED, COUNT, LEAST_KILLED = 23, 38, 0.9
 SOURCES = ("mrl_driver/session/motion_command.py",)
@@ -63,3 +63,8 @@ def test_an_equivalent_does_not_lower_the_score():
     rows = [{"key": "a", "state": KILLED[0]}, {"key": "b", "state": "survived"}]
     counts = score({"file": "f.py", "mutants": rows}, {"f.py": {"b": "no difference"}})
     assert (counts.killed, counts.all, counts.equivalent, counts.share) == (1, 2, 1, 1.0)
+
+
+def test_a_run_that_was_broken_off_is_an_error():
+    result = {"file": "f.py", "mutants": [{"key": "a", "state": KILLED[0]}], "left": 3}
+    assert errors(result, False, {}) == ["f.py: the run was broken off, 3 mutants are left; run it again"]

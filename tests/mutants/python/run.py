@@ -44,6 +44,7 @@ def run(
     missing = [key for key in keys if key not in done]
     for row in verdicts(source, tests, missing, hints, workers) if missing else ():
         result["mutants"].append(row)
+        result["left"] = len(keys) - len(result["mutants"])
         if keep and len(result["mutants"]) % SAVED_EACH == 0:
             results.save(result)
     order = {key: place for place, key in enumerate(keys)}
