@@ -19,7 +19,7 @@ from .events import ALL, DEEP, words
 from .recorded import record
 from .search import Explorer, Found, Table
 
-PROCESSES, TABLE_BITS, MOST = 2, 25, 20
+PROCESSES, TABLE_BITS, MOST = 2, 25, 1000
 NOT_HERE = {
     18: "only in a node, which needs ROS",
     19: "only in a node, which needs ROS",

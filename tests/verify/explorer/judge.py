@@ -96,7 +96,7 @@ class Judge:
         if not world.driver.ready:
             self.greeted_s = world.board_s
         broken = self._motors(world) or self._reasons(world)
-        new = world.board_s - self.port_s < NEW_S and not self.allowed
+        new = world.board_s - self.port_s < NEW_S and not self.allowed and self.commanded_s <= self.port_s
         if not broken and new and abs(self._x_m(world) - self.x_m) > JUMP_M:
             broken = "P7"
         self.look(world)
