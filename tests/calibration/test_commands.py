@@ -164,7 +164,7 @@ def test_counts_that_jump_spoil_the_run(lab, tmp_path):
 
     def jump(board):
         encoder = board.encoder
-        board.encoder = lambda number, time_s: encoder(number, time_s) + 9000 * (2.0 < time_s < 2.15)
+        board.encoder = lambda number, time_s: encoder(number, time_s) + 9000 * (2.0 < time_s < 2.1)
 
     lab.rewire = jump
     line = lab.refused("straight", "--count", 2, "--distance", 0.5, "--truth", "t", "--yes")
