@@ -128,5 +128,9 @@ docs: setup ## API documentation in build/docs; a warning is an error
 	  mrl_driver.driver.simulated mrl_driver.protocol.table sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
 	if [ $$code != 0 ] || grep -q Warn build/docs.log; then cat build/docs.log >&2; exit 1; fi; echo "build/docs/index.html"
 
+.PHONY: release
+release: setup ## Wheel and sdist of this commit in build/dist, with the firmware's images; CONTRIBUTING.md has the steps
+	@$(PY) -m tests.packaging.release
+
 clean: ## Remove what was built; the virtual environment stays
 	rm -rf build dist *.egg-info
