@@ -25,7 +25,7 @@ tested() { # PYTHON VENV VERSION
   "$2/bin/python" -m pip install -q --disable-pip-version-check -c "$constraints" -e '.[dev]' || return
   "$2/bin/python" -m pip freeze -q | grep -iE '^(pyserial|numpy|pyyaml|click|rich)==' | tr '\n' ' '
   # shellcheck disable=SC2086
-  PATH="$PWD/$2/bin:$PATH" "$2/bin/python" -m pytest -n "${WORKERS:-4}" --dist loadfile -m "not realtime" tests $(printf -- '--ignore=%s ' $NEED_ROS)
+  PATH="$PWD/$2/bin:$PATH" "$2/bin/python" -m pytest -n "${WORKERS:-$(nproc)}" --dist loadfile -m "not realtime" tests $(printf -- '--ignore=%s ' $NEED_ROS)
 }
 
 failed=0 count=0

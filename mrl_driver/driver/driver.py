@@ -277,8 +277,8 @@ class Driver:
         Returns:
             True if the command is in force.  False if the board is silent or being greeted, the port is lost, the
             battery is empty, a wheel does not follow its command (see `mismatch`), another robot holds this one by
-            radio (see `hold`), commands are inhibited,
-            or the driver is being closed.
+            radio (see `hold`), commands are inhibited, the program has just gone on after a pause (with the option
+            `queued_s`), or the driver is being closed.
 
         Raises:
             FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
@@ -609,6 +609,15 @@ class Driver:
         return self._core.begun and self._core.session.may_be_moving
 
     @property
+    def since_pause_s(self) -> float:
+        """How long ago this program went on after a pause of 0.25 s or longer [s]; infinity if it never stood still.
+
+        Commands that come just after that may have waited in a queue; see `Options.queued_s`.
+        """
+        core = self._core
+        return self._clock() - core.session.resumed_s if core.begun else math.inf
+
+    @property
     def stop_reason(self) -> str:
         """Why the robot was last stopped, as far as is known; `none` before the first stop.
 
@@ -927,8 +936,10 @@ class Driver:
                     raise self._broken
                 # If the machine was suspended, stop; the driver's clock does not count that time.
                 slept_s = time.clock_gettime(CLOCK_BOOTTIME) - time.monotonic()
-                if slept_s > self._slept_s + PAUSE_S and session.motion.target is not None:
-                    core.stop(now, "host_paused")
+                if slept_s > self._slept_s + PAUSE_S:
+                    session.resumed_s = now
+                    if session.motion.target is not None:
+                        core.stop(now, "host_paused")
                 self._slept_s = slept_s
                 if links.recording is None:
                     events = core.turn(data, now)

@@ -15,6 +15,9 @@ LEAST_IMU_MS = BY_NAME["start_imu_stream"].request[0].low
 COMMAND_TIMEOUT_S = 0.5
 """Default of `Options.command_timeout_s`: the robot drives at most this long after the last `drive` [s]."""
 
+QUEUED_S = 0.1
+"""`Options.queued_s` of programs that get their commands through a queue [s]."""
+
 
 class Options(NamedTuple):
     """How a `Driver` behaves; the defaults suit the packaged robots."""
@@ -32,6 +35,10 @@ class Options(NamedTuple):
     command_timeout_s: Optional[float] = COMMAND_TIMEOUT_S
     """Stop the robot if `drive` was not called for this long, 0.01 to 3600 [s].  With None the last command stays in
     force until `stop`, `close` or the end of the program: the robot keeps driving if the program hangs.
+    """
+    queued_s: float = 0.0
+    """After a pause of this program (`Driver.since_pause_s`), refuse commands to move for this time, 0 to 10 [s].  A
+    program whose commands come through a queue, such as a subscriber's, sets `QUEUED_S`: what waited there is too old.
     """
     ignore_battery: bool = False
     """Start, and keep driving, with an empty battery."""
@@ -122,6 +129,7 @@ def require_options(options: Options) -> None:
         raise ConfigError(f"build is {options.build!r}, expected {' or '.join(BUILDS)}")
     if options.tap is not None and not callable(options.tap):
         raise ConfigError(f"tap is {options.tap!r}, expected a function of direction and bytes")
+    require_range("queued_s", options.queued_s, 0, 10, "s", Real)
     if options.command_timeout_s is not None:
         require_range("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", Real)
 

@@ -147,7 +147,7 @@ class _RecordedSession(Session):
         super().relink(now, same)
         self._decoder = _KeptFrames(REPLIES, self.checked)
 
-    def _resume(self) -> None:
+    def _resume(self, now: float) -> None:
         pass
 
     def _refuses(self, least_s: float, now: float) -> bool:
@@ -663,7 +663,7 @@ def _options(header: Dict[str, Any]) -> Options:
         require_options(options)
     except ConfigError:
         options = DEFAULTS
-    return options._replace(command_timeout_s=None, ignore_battery=True)
+    return options._replace(command_timeout_s=None, queued_s=0.0, ignore_battery=True)
 
 
 def _facts(data: bytes, **kinds: type) -> Dict[str, Any]:

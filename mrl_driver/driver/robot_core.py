@@ -111,6 +111,7 @@ class Core:
         self.session = self.session_kind(
             self._admit, now, plan, options.command_timeout_s, options.greeting_s
         )
+        self.session.queued_s = options.queued_s
         self.begun = True
 
     def join(

@@ -127,7 +127,12 @@ class Session:
         self.sensors = self._poll.sensors
         self.reads_imu = True
         """Start the stream of the board's IMU, if it has one."""
-        self._attended_s = now
+        self._attended_s, self.resumed_s = now, -math.inf
+        """When this program last attended to the board, and when it last went on after a pause [s]."""
+        self._pause_s = max(PAUSE_S, 2 * plan.period_ms / 1000)
+        """A gap of this length is a pause without a command in force, too [s]."""
+        self.queued_s = 0.0
+        """Commands to move are refused for this time after a pause, see `Options.queued_s` [s]."""
         self._requested_s = math.inf
         """Time of the first request that turns motors since the last stop [s]."""
         self.hurried = True
@@ -176,7 +181,11 @@ class Session:
         """Put a command in force; do nothing and return False unless the board is ready.  For `moves` see `Motion`."""
         if self._greeting is not None:
             return False
+        if now - self._attended_s > self._pause_s:
+            self._resume(now)
         self._attended_s = now
+        if now - self.resumed_s < self.queued_s and (any(speeds) if moves is None else moves):
+            return False
         motion = self.motion
         motion.drive(speeds, now, moves)
         request = motion.take(now, now - self.heard_s < LATE_S)
@@ -274,7 +283,7 @@ class Session:
             BoardError: the board is not the right one, or has a fault.
         """
         if now - self._attended_s > PAUSE_S:
-            self._resume()
+            self._resume(now)
         self._attended_s = now
         counters = self.counters
         counters.bytes_in += len(data)
@@ -309,7 +318,7 @@ class Session:
             BoardTimeout: the board stopped answering during the greeting, or sends no telemetry after it.
         """
         if now - self._attended_s > PAUSE_S:
-            self._resume()
+            self._resume(now)
         self._attended_s = now
         events: List[SessionEvent] = []
         if self._last is None and self.board is not None and now >= self._telemetry_by_s:
@@ -341,8 +350,10 @@ class Session:
             due_s = min(due_s, motion.due_s)
         return due_s if late else min(due_s, self._poll.due_s)
 
-    def _resume(self) -> None:
+    def _resume(self, now: float) -> None:
         """This program paused: stop the robot if a command was in force."""
+        if now - self._attended_s > self._pause_s:
+            self.resumed_s = now
         if self.motion.target is not None:
             self.motion.stop("host_paused")
 

@@ -8,6 +8,7 @@ command overtakes an emergency stop.  Therefore only the limits need a lock.
 import time
 from typing import Any, Callable, Optional, Tuple
 
+from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.lock_order import new_lock
 from mrl_driver.robot.models import Limits
 from mrl_driver.safety.operation_mode import FASTEST_MANUAL_M_S, reduced
@@ -26,6 +27,7 @@ LATE = "command too late"
 TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
 HELD = "held by radio"
 """Another robot holds this one."""
+PAUSED = f"this node stood still, and commands that were sent meanwhile are too old; try again after {QUEUED_S:g} s"
 TO_MANUAL = "change to manual mode"
 """It ended a drive to a pose."""
 REFUSALS = {
@@ -199,6 +201,8 @@ class Commander:
             return f"{self._driver.mismatch}; once that is put right, a command of zero lets it drive again"
         if cause == HELD:
             return f"{self._driver.hold}"
+        if cause not in REFUSALS and self._driver.since_pause_s < QUEUED_S:
+            return PAUSED
         return REFUSALS.get(
             cause, "the board is silent or just restarting; send the command again when telemetry is back"
         )

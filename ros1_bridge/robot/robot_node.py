@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 from mrl_driver.driver import Driver, Telemetry
-from mrl_driver.driver.options import Options
+from mrl_driver.driver.options import QUEUED_S, Options
 from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError, PortBusy
 from mrl_driver.files import unused
@@ -84,6 +84,7 @@ def driver_options(parameters: Parameters) -> Options:
     return Options(
         period_ms=round(1000 / parameters.rate),
         command_timeout_s=parameters.cmd_vel_timeout,
+        queued_s=QUEUED_S,
         ignore_battery=parameters.ignore_battery,
         build=parameters.build,
         reconnect=parameters.reconnect,

@@ -2,6 +2,7 @@ import re
 
 import pytest
 
+from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.protocol import Frame, encode_reply
 from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
@@ -661,3 +662,45 @@ def test_status_of_an_h_bridge_board_counts_impossible_transitions():
 
 def test_status_of_other_boards_knows_no_impossible_transitions():
     assert status_of((0, 5, 1, 0, 0, 0)).impossible is None
+
+
+# -- commands that waited in a queue
+
+
+@pytest.fixture
+def paused():
+    """A session that drives, and is not attended to for 0.4 s; its commands come through a queue."""
+    talk = Talk().until_ready()
+    talk.session.queued_s = QUEUED_S
+    assert talk.session.drive((100, 0), talk.now)
+    talk.run(0.1)
+    talk.now += 0.4
+    return talk
+
+
+def test_a_command_that_waited_is_refused_even_if_it_is_the_first_to_go_on(paused):
+    assert not paused.session.drive((100, 0), paused.now)
+    assert paused.session.motion.target is None
+
+
+def test_a_command_that_waited_is_refused_if_the_port_is_read_first(paused):
+    paused.step()
+    assert not paused.session.drive((100, 0), paused.now)
+
+
+@pytest.mark.parametrize("speeds, moves, taken", [((0, 0), None, True), ((0, 0), True, False)])
+def test_of_those_that_waited_only_a_standstill_is_taken(paused, speeds, moves, taken):
+    """A gentle start begins with speeds of zero, and moves."""
+    assert paused.session.drive(speeds, paused.now, moves) is taken
+
+
+def test_a_slow_stream_is_no_pause():
+    talk = Talk(plan=Plan(period_ms=400)).until_ready()
+    talk.session.queued_s = QUEUED_S
+    talk.run(0.39)
+    assert talk.session.drive((100, 0), talk.now)
+
+
+def test_a_program_whose_commands_do_not_wait_drives_on_at_once_after_a_pause(paused):
+    paused.session.queued_s = 0.0
+    assert paused.session.drive((100, 0), paused.now)

@@ -298,3 +298,18 @@ def test_a_request_that_turns_motors_is_refused_while_commands_are_inhibited(rob
         robot.request(BY_NAME[name].code, *arguments)
     robot.allow("emergency stop")
     robot.request(BY_NAME[name].code, *arguments)
+
+
+def test_a_driver_that_never_stood_still_has_no_pause(robot):
+    robot.wait(1.0)
+    assert robot.since_pause_s == math.inf
+
+
+@pytest.mark.parametrize("speeds", [None, (0.1, 0.0)], ids=["at rest", "driving"])
+def test_a_pause_is_known_until_the_next_one(robot, speeds):
+    if speeds is not None:
+        robot.drive(*speeds)
+    robot.pause(0.3)
+    assert robot.since_pause_s < 0.05
+    robot.wait(1.0)
+    assert robot.since_pause_s == pytest.approx(1.0, abs=0.05)

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from mrl_driver.driver import Options
+from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError, LinkLost
 from mrl_driver.robot import models
@@ -34,6 +35,7 @@ class Noted:
         self.mismatch, self.stop_reason, self.hold = None, "none", None
         self.model, self.telemetry = models.load("pioneer"), None
         self.inhibited, self.limits = set(), LIMITS
+        self.since_pause_s = math.inf
 
     def drive(self, *speeds):
         if not self.ready or self.inhibited:
@@ -94,9 +96,39 @@ def bench():
 @pytest.fixture(params=["traxbot"])
 def robot(request):
     emulated = factory.make(factory.Options(robot=request.param))
-    with SteppedDriver(emulated.engine, options=Options(command_timeout_s=TIMEOUT_S)) as driver:
+    with SteppedDriver(
+        emulated.engine, options=Options(command_timeout_s=TIMEOUT_S, queued_s=QUEUED_S)
+    ) as driver:
         yield Robot(driver)
     emulated.close()
+
+
+def test_an_emergency_stop_is_the_reason_named_after_a_pause_too(bench):
+    bench.driver.since_pause_s = 0.0
+    bench.commander.latch()
+    assert bench.commander.refusal() == module.REFUSALS[module.EMERGENCY]
+
+
+@pytest.fixture
+def paused(robot):
+    """A robot whose node stood still while it drove."""
+    robot.run(1.0, 0.1)
+    robot.driver.pause(0.4)
+    return robot
+
+
+def test_a_command_that_waited_while_the_node_stood_still_does_not_move_the_robot(paused):
+    assert not paused.commander.drive(0.1, 0.0) and paused.commander.refusal() == module.PAUSED
+    assert paused.driver.command is None
+
+
+def test_a_command_of_zero_that_waited_counts(paused):
+    assert paused.commander.drive(0.0, 0.0)
+
+
+def test_a_command_to_move_counts_a_while_after_the_pause(paused):
+    paused.run(QUEUED_S)
+    assert paused.commander.drive(0.1, 0.0)
 
 
 def test_limits_change_in_their_order():

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Iterator, Optional
 import click
 
 from mrl_driver import folders
+from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.host.named_robots import Target
 
 from .shared import (
@@ -80,7 +81,12 @@ def web(
     settings = settings_for(listen, new_tokens, print_message)
     folder = recordings or os.path.join(folders.data(), "recordings")
     with listening_socket(settings.host, settings.port) as ear, connected(
-        target, ignore_battery=ignore_battery, reconnect=True, fast=fast, command_timeout_s=COMMAND_TIMEOUT_S
+        target,
+        ignore_battery=ignore_battery,
+        reconnect=True,
+        fast=fast,
+        command_timeout_s=COMMAND_TIMEOUT_S,
+        queued_s=QUEUED_S,
     ) as driver, contextlib.ExitStack() as signals:
         warn(driver)
         report_losses(driver)
