@@ -28,6 +28,7 @@ class Operator:
         rospy.init_node(name, disable_signals=True)
         self._publisher = rospy.Publisher(f"{ns}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
         self._last: Any = None
+        self._connection: Any = None
         self.messages, self.jump_m = 0, -math.inf
         self._subscriber = rospy.Subscriber(
             f"{ns}/odom", Odometry, self._see, queue_size=10, tcp_nodelay=True
@@ -39,8 +40,11 @@ class Operator:
         place, stamp_s = odom.pose.pose.position, odom.header.stamp.to_sec()
         if self._last and stamp_s > self._last[2]:
             way_m = math.hypot(place.x - self._last[0], place.y - self._last[1])
+            if odom._connection_header is not self._connection:
+                # A node that was started again begins at the origin.
+                way_m = min(way_m, math.hypot(place.x, place.y))
             self.jump_m = max(self.jump_m, way_m - FASTEST_M_S * (stamp_s - self._last[2]) - QUANTUM_M)
-        self._last = place.x, place.y, stamp_s
+        self._last, self._connection = (place.x, place.y, stamp_s), odom._connection_header
         self.messages += 1
 
     def _message(self) -> Any:

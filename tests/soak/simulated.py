@@ -706,7 +706,7 @@ class ChipSimulation(Simulation):
         falls = len([edge for edge in self.truth.edges if not edge.driven])
         self.keep(end_s - self.now_s, (0.2, 0.0))
         self.check("no_false_stop", falls == len([edge for edge in self.truth.edges if not edge.driven]))
-        since_s = self.now_s
+        self.stale_s, since_s = HOST_DEAD_S, self.now_s
         self.driver.die(0.4)
         self._look()
         self.ends_within(since_s, HOST_DEAD_S)
