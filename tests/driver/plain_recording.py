@@ -1,6 +1,7 @@
 """Reads recordings line by line and byte by byte: what the fast reader must give."""
 
 import codecs
+import re
 import warnings
 from collections import Counter
 
@@ -43,7 +44,10 @@ def entry_of(line):
             time_s, data = float(stamp), codecs.escape_decode(text)[0]
     except (ValueError, Warning):
         return None
-    known = direction in (b">", b"<", b"!") and 0.0 <= time_s < 1e9
+    wide = re.search(
+        rb"(?<!\\)(\\\\)*\\[4-7][0-7]{2}", text
+    )  # before 3.12 Python wraps such a number silently
+    known = not wide and direction in (b">", b"<", b"!") and 0.0 <= time_s < 1e9
     return Entry(time_s, direction.decode(), data) if known else None
 
 

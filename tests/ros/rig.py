@@ -159,7 +159,7 @@ def links_of(node_uri: str) -> List[List[Any]]:
 
 
 _LEFT_WHILE_IT_CONNECTED = re.compile(
-    r".*Inbound TCP/IP connection failed.*(\nTraceback(\n .*)+\n.*ROSHandshakeException.*)?"
+    r".*Inbound TCP/IP connection failed.*(\nTraceback.*(\n .*)+\n.*ROSHandshakeException.*)?"
 )
 
 

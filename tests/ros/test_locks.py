@@ -25,8 +25,13 @@ def test_a_node_that_does_all_at_once_takes_its_locks_in_order(rig):
 
     wait_until(driven)
     goal = Pose(Point(0.2, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
-    pose.publish(PoseStamped(Header(frame_id=f"{rig.name}/odom"), goal))
-    wait_until(lambda: odom.messages[-1].pose.pose.position.x > 0.1)
+
+    def arrived():
+        """Repeats the pose: the last `cmd_vel`, on its way yet, may come after it and end its drive."""
+        pose.publish(PoseStamped(Header(frame_id=f"{rig.name}/odom"), goal))
+        return odom.wait_for_more(10)[-1].pose.pose.position.x > 0.1
+
+    wait_until(arrived)
     assert rospy.ServiceProxy(f"{rig.ns}/manual_mode", SetBool)(True).success
     assert status.wait() and node.exit_code is None
     assert not [line for line in node.output() if "is taken while" in line]

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Iterator, Optional
 import click
 
 from mrl_driver import folders
-from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.host.named_robots import Target
 
 from .shared import (
@@ -74,6 +73,7 @@ def web(
       mrl web --robot lab3 --listen 0.0.0.0           for phones in the same network
       mrl web --robot lab3 --listen 0.0.0.0 --new-tokens
     """
+    from mrl_driver.driver.options import QUEUED_S
     from mrl_driver.web.driver_robot import DriverRobot
     from mrl_driver.web.listening import listening_socket, settings_for
     from mrl_driver.web.server import serve

@@ -62,7 +62,7 @@ def test_a_counterexample_of_the_model_moves_the_real_driver_if_the_guard_is_rem
     monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
     events = events_of(run(checker, HOST, BUG=9, OLDER=1).trace)
     guarded = play(events)
-    monkeypatch.setattr(Session, "_resume", lambda self: None)  # the edit of bug 9
+    monkeypatch.setattr(Session, "_resume", lambda self, now: None)  # the edit of bug 9
     unguarded = play(events)
     assert guarded.travel_m < COAST_M < unguarded.travel_m
 
