@@ -633,8 +633,9 @@ class Driver:
 
     @property
     def mismatch(self) -> Optional[Mismatch]:
-        """The wheel that did not follow its command, or None.  Only `stop` or a command of zero clears it; until then
-        all other commands are refused.
+        """The wheel that did not follow its command, or why a board with an H-bridge has stopped the robot for a wheel
+        (`wheel_blocked`, `encoder`); or None.  Only `stop` or a command of zero clears it; until then all other
+        commands are refused.
         """
         return self._core.mismatch
 

@@ -165,6 +165,9 @@ class _RecordedCore(Core):
     def _check_wheels(self, travel: AnyWheels, event: Counts, now: float) -> List[DriverEvent]:
         return [] if self.has_mismatches else super()._check_wheels(travel, event, now)
 
+    def _on_own_stop(self, reason: str) -> List[DriverEvent]:
+        return []
+
 
 class _RecordedPort:
     """The link of a driver that sends nothing, and whose bytes come from a file."""

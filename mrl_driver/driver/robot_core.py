@@ -20,7 +20,7 @@ from mrl_driver.robot.omni_odometry import OmniCommands
 from mrl_driver.robot.radio import RadioNode, RadioQueue, RadioText, Request, node_of, text_of
 from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
 from mrl_driver.safety.speed_limiter import SpeedLimiter
-from mrl_driver.safety.wheel_monitor import Mismatch, WheelMonitor, monitor_of
+from mrl_driver.safety.wheel_monitor import BOARD_STOPS, Mismatch, WheelMonitor, monitor_of
 from mrl_driver.session.events import (
     Counts,
     ImuReading,
@@ -77,7 +77,7 @@ class Core:
         self.inhibited: Set[str] = {ONLY_IDENTIFIED} if options.identify else set()
         """While there are reasons in it, commands are refused; see `Driver.inhibit`."""
         self.mismatch: Optional[Mismatch] = None
-        """The wheel that did not follow its command, or None."""
+        """The wheel that did not follow its command, or why the board has stopped the robot for a wheel; or None."""
         self.replies: Dict[int, Tuple[int, ...]] = {}
         """Fields of the last `Reply`, by command code."""
         self.hold: Optional[Hold] = None
@@ -182,6 +182,9 @@ class Core:
                 self._monitor = None
             elif monitor is None or target != self._monitored or event.time_s >= monitor.next_s:
                 events += self._check_wheels(telemetry.counts, event, now)
+        if session.stopped_itself:
+            events += self._on_own_stop(session.stopped_itself)
+            session.stopped_itself = ""
         limiter = self.limiter
         if motion.target is None:
             limiter.target = None
@@ -364,6 +367,16 @@ class Core:
         self.stop(now, "wheel_mismatch")
         self.mismatch = mismatch
         return [mismatch]
+
+    def _on_own_stop(self, reason: str) -> List[DriverEvent]:
+        """The board has stopped the robot by itself: if a wheel was the reason, refuse the commands that follow.
+
+        Otherwise a source that keeps sending them would stall the wheel again each time.
+        """
+        if reason not in BOARD_STOPS or self.mismatch is not None:
+            return []
+        self.mismatch = Mismatch("", reason)
+        return [self.mismatch]
 
     def _spare_battery(self, now: float) -> None:
         """Stop to protect the battery: gently if it is empty; at once if motor power is off, so that the robot does

@@ -221,9 +221,9 @@ class DriverRecording:
         if state.model is not None and self._model is None:
             self._model = state.model
             self.remark(MODEL + model_text(state.model).encode(), self._turn_s)
-        if session.motion.stops != self._stops:
+        found = [" " + exact_json(event._asdict()) for event in events if isinstance(event, Mismatch)]
+        if session.motion.stops != self._stops or found:
             self._stops = session.motion.stops
-            found = [" " + exact_json(event._asdict()) for event in events if isinstance(event, Mismatch)]
             text = session.motion.stop_reason + "".join(found[:1])
             self.remark(STOP + text.encode(), self._turn_s)
 

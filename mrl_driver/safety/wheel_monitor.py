@@ -10,6 +10,7 @@ import math
 from collections import deque
 from typing import Deque, NamedTuple, Optional, Sequence, Set, Tuple, Union
 
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.robot.kinematics import Planar, differential, kinematics_of
 from mrl_driver.robot.models import Drive, OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyWheels, OmniWheels, Wheels
@@ -47,22 +48,32 @@ GAP_S = 0.15
 DEAD = "encoder dead or unplugged, or the wheel blocked"
 REVERSED = "encoder or motor wires swapped: it counts against the command"
 POWERLESS = "motor power off, or the motor board stopped"
+BOARD_STOPS = {"wheel_blocked": "wheel_blocked", "encoder": "encoder_dead"}
+"""Reasons for which a board with an H-bridge stops by itself because of a wheel, and their codes in `problems`."""
 
 
 class Mismatch(NamedTuple):
     """A wheel does not follow its command; the robot was stopped."""
 
     wheel: str
-    """`right`, `left`, `rear`, or `both` or `several` of them."""
+    """`right`, `left`, `rear`, or `both` or `several` of them; empty if the board has stopped the robot."""
     cause: str
-    """The most likely cause."""
-    expected_m: float
+    """The most likely cause; if the board has stopped the robot, its reason: one of `BOARD_STOPS`."""
+    expected_m: float = 0.0
     """Smallest distance that the wheel should have made in the last quarter of a second [m]."""
-    moved_m: float
+    moved_m: float = 0.0
     """Distance by its counts [m]; negative is against the command."""
+
+    @property
+    def reason(self) -> str:
+        """Reason of the stop, as in `Driver.stop_reason`."""
+        return "wheel_mismatch" if self.wheel else self.cause
 
     def __str__(self) -> str:
         """One line for people."""
+        if not self.wheel:
+            row = PROBLEMS[BOARD_STOPS.get(self.cause, "wheel_fault")]
+            return f"{row.message[0].lower()}{row.message[1:]}: {row.remedy}"
         wheels = f"{self.wheel} wheel" + ("s" if self.wheel in ("both", "several") else "")
         return (
             f"{wheels} moved {self.moved_m * 1000:.0f} mm, expected at least {self.expected_m * 1000:.0f} mm: "

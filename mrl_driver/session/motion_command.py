@@ -104,6 +104,11 @@ class Motion:
         self._new, self.stopping, self._fade = True, False, None
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
+    @property
+    def wanted(self) -> bool:
+        """The last command was to move, and no stop of the user has followed it."""
+        return self._moves and (self.target is not None or self.stop_reason != "user")
+
     def moves_for_s(self, now: float) -> float:
         """Time for which commands to move have been in force, one after the other [s]; 0 if none is."""
         return now - self._moves_since_s if self.target is not None and self._moves else 0.0

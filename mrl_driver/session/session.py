@@ -102,6 +102,8 @@ class Session:
         self.motion = Motion(timeout_s=command_timeout_s)
         self.board: Optional[Board] = None
         self.status: Optional[Status] = None
+        self.stopped_itself = ""
+        """Reason why the board has stopped the robot by itself under a command to move; the core empties it."""
         self._stream = Stream(self.counters)
         self._last: Optional[Tuple[int, ...]] = None
         """Counters of the last telemetry; None before the first."""
@@ -510,6 +512,8 @@ class Session:
         """
         motion, least_s = self.motion, max(REFUSED_S, min(2 * self.round_trip_s(now), MOST_REFUSED_S))
         if new or (reason != "boot" and self._refuses(least_s, now)):
+            if motion.wanted:
+                self.stopped_itself = reason
             if motion.target is not None:
                 motion.stop(reason)
             motion.stop_reason = reason

@@ -19,6 +19,7 @@ from .wheel_motion import WheelMotion
 
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
 WHEEL = "wheel mismatch"
+"""The driver has found a wheel that does not follow; a board with an H-bridge has reasons of its own."""
 ADRIFT = "no telemetry, may still be moving"
 """The link to a board without a watchdog was lost while the robot drove."""
 ZONE = "protective zone"
@@ -174,7 +175,8 @@ class Commander:
         if self._driver.battery_state in ("empty", "off"):
             return BATTERY
         if self._driver.mismatch is not None:
-            return WHEEL
+            reason: str = self._driver.mismatch.reason
+            return reason.replace("_", " ")
         if self._driver.hold is not None and self._driver.hold.held:
             return HELD
         told = self._driver.stop_reason
@@ -189,7 +191,13 @@ class Commander:
     @property
     def ready(self) -> bool:
         """The next command would move the robot."""
-        return self.stopped_by not in (EMERGENCY, DISABLED, LINK, ADRIFT, BATTERY, WHEEL, HELD)
+        blocked = self.wheel_fault or self.stopped_by in (EMERGENCY, DISABLED, LINK, ADRIFT, BATTERY, HELD)
+        return not blocked
+
+    @property
+    def wheel_fault(self) -> bool:
+        """The robot was stopped for a wheel, and waits for a stop or a command of zero."""
+        return self._driver.mismatch is not None
 
     def refusal(self) -> str:
         """Why a command was refused, and what to do."""
@@ -197,8 +205,9 @@ class Commander:
         if cause == BATTERY:
             driver = self._driver
             return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V, charge it"
-        if cause == WHEEL:
-            return f"{self._driver.mismatch}; once that is put right, a command of zero lets it drive again"
+        mismatch = self._driver.mismatch
+        if mismatch is not None and cause == mismatch.reason.replace("_", " "):
+            return f"{mismatch}; once that is put right, a command of zero lets it drive again"
         if cause == HELD:
             return f"{self._driver.hold}"
         if cause not in REFUSALS and self._driver.since_pause_s < QUEUED_S:

@@ -59,11 +59,14 @@ class State(NamedTuple):
     manual: bool
     clear: Tuple[Optional[bool], ...]
     """Whether each of `FIELDS` is clear; all None without zones."""
+    wheel_fault: bool
+    """`Commander.wheel_fault`."""
 
     @property
     def mode(self) -> str:
         """`drive`, `pose` while the robot drives to one, or why it may not move."""
-        return MODES.get(self.cause, "pose" if self.seeking else "drive")
+        free = "pose" if self.seeking else "drive"
+        return MODES.get(self.cause, MODES[WHEEL] if self.wheel_fault else free)
 
     @property
     def safety_stop(self) -> bool:
@@ -81,7 +84,7 @@ class State(NamedTuple):
         return {
             "mode": self.mode,
             "operation mode": operation_mode.MANUAL if self.manual else operation_mode.AUTOMATIC,
-            "ready": _text(self.cause not in MODES),
+            "ready": _text(self.cause not in MODES and not self.wheel_fault),
             "moving": _text(self.moving),
             **zones,
             "safety stop": _text(self.safety_stop),
@@ -98,7 +101,8 @@ def state_of(commander: Commander) -> State:
         fields = zones.warning_clear, zones.outer_clear, zones.protective_clear
         clear = tuple(watched and each for each in fields)
     cause, seeking = commander.stopped_by, commander.seeking
-    return State(commander.driving, commander.wheels_turn, cause, seeking, commander.manual, clear)
+    moving, fault = commander.wheels_turn, commander.wheel_fault
+    return State(commander.driving, moving, cause, seeking, commander.manual, clear, fault)
 
 
 class StatusTeller:

@@ -6,10 +6,14 @@ import pytest
 
 from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.robot_core import Core
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.handshake import DEFAULT_PLAN
 from mrl_driver.session.session import REFUSED_S
+from mrl_driver.view.words import stopped_by
 from sim_arduino.board.board_status import BoardStatus
 from tests.conformance.bench import Bench
 from tests.fake_board import FakeBoard
@@ -130,6 +134,78 @@ def test_a_replay_of_such_a_stop_is_exact(robots, tmp_path):
     assert repr(again[-len(heard) :][: len(told)]) == repr(told) and told[-1][1]
 
 
+# -- a wheel that is blocked, and a program that goes on sending
+
+PLANNER_S, OBSTACLE_S = 0.1, 10.0
+"""A planner publishes at 10 Hz, for this time although the robot cannot move."""
+STALLED_SHARE, STALLED_BEFORE = 0.04, 0.7
+"""Share of this time in which a blocked wheel is driven: at most; and at least without the refusal."""
+
+
+def stalled_share(robot):
+    """Block both wheels of a robot that stands, and let a planner drive it at 0.2 m/s at 10 Hz."""
+    driver, motors = robot.driver, [robot.bench.plant.bridge.motor(wheel) for wheel in (0, 1)]
+    driver.drive(0.2, 0.0)
+    driver.wait(TURN_S)  # the board knows its encoders then
+    driver.stop()
+    driver.wait(1.0)
+    for motor in motors:
+        motor.blocked = True
+    driven = steps = 0
+    end_s = driver.now_s + OBSTACLE_S
+    while driver.now_s < end_s:
+        driver.drive(0.2, 0.0)
+        for _ in range(5):
+            driver.wait(PLANNER_S / 5)
+            steps += 1
+            driven += any(motor.shares.forward or motor.shares.backward for motor in motors)
+    for motor in motors:
+        motor.blocked = False
+    return driven / steps
+
+
+def test_a_planner_does_not_stall_a_wheel_again_and_again(robots):
+    robot = robots("python", "bridge")
+    assert stalled_share(robot) < STALLED_SHARE
+    assert robot.driver.mismatch.reason == robot.driver.stop_reason == "wheel_blocked"
+    assert PROBLEMS["wheel_blocked"].remedy in stopped_by(robot.driver)
+    assert travel_m(robot, lambda _: None, 0.0) > 0.05
+
+
+def test_without_the_refusal_of_the_driver_it_does(robots, monkeypatch):
+    """The control: each command ends the board's own pause of a second."""
+    monkeypatch.setattr(Core, "_on_own_stop", lambda self, reason: [])
+    assert stalled_share(robots("python", "bridge")) > STALLED_BEFORE
+
+
+@pytest.fixture
+def blocked(robots, tmp_path):
+    """A robot whose board has stopped it because of a blocked wheel that is free again."""
+    robot = robots("python", "bridge", record=str(tmp_path / "drive.mrl"))
+    robot.heard = []
+    robot.driver.on_event(robot.heard.append)
+    stalled_share(robot)
+    return robot
+
+
+def test_after_a_command_of_zero_the_robot_drives_again(blocked):
+    driver, before_m = blocked.driver, blocked.bench.plant.true_pose.x_m
+    assert not driver.drive(0.2, 0.0) and driver.mismatch is not None
+    assert driver.drive(0.0, 0.0) and driver.mismatch is None
+    assert driver.drive(0.2, 0.0)
+    driver.wait(1.0)
+    assert driver.command is not None and blocked.bench.plant.true_pose.x_m > before_m + 0.1
+
+
+def test_a_replay_has_the_same_refusal(blocked, tmp_path):
+    blocked.driver.close()
+    played, heard = RecordedDriver(str(tmp_path / "drive.mrl")), []
+    played.on_event(heard.append)
+    played.play()
+    told = [[each for each in events if isinstance(each, Mismatch)] for events in (blocked.heard, heard)]
+    assert told[0] == told[1] == [Mismatch("", "wheel_blocked")]
+
+
 # -- the session
 
 
@@ -204,6 +280,23 @@ def test_a_start_of_the_board_is_not_a_stop_of_a_robot_that_drives(talk):
     talk.session.request(STATUS)
     talk.run(0.01)
     assert talk.session.motion.target == (200, 0)
+
+
+@pytest.mark.parametrize("end", ["stop", "zero", "timeout"])
+def test_a_stop_of_the_user_before_the_news_of_the_boards_stop_is_enough(talk, end):
+    """A command that only ran out is not."""
+    talk.session.motion.timeout_s = 0.05
+    talk.session.drive((200, 0), talk.now)
+    talk.run(0.01)
+    if end == "stop":
+        talk.session.stop(talk.now)
+    if end == "zero":
+        talk.session.drive((0, 0), talk.now)
+    talk.run(0.1)
+    talk.board.stop_reason = STOP_REASONS.index("encoder")
+    talk.session.request(STATUS)
+    talk.run(0.01)
+    assert talk.session.stopped_itself == ("encoder" if end == "timeout" else "")
 
 
 def test_a_request_that_turns_motors_and_is_refused_gets_one_stop(talk):

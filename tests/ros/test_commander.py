@@ -8,10 +8,12 @@ from mrl_driver.driver import Options
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError, LinkLost
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
 from mrl_driver.safety.operation_mode import manual_speed_m_s, reduced
 from mrl_driver.safety.speed_limiter import LONGEST_STEP_S
+from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.view import words
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander, lowered
@@ -270,9 +272,16 @@ def test_empty_battery_is_named(bench):
 
 
 def test_wheel_that_does_not_follow_is_named(bench):
-    bench.driver.mismatch = "right wheel: encoder dead"
-    assert bench.commander.stopped_by == module.WHEEL
+    bench.driver.mismatch = Mismatch("right", DEAD, 0.037, 0.0)
+    assert bench.commander.stopped_by == module.WHEEL and not bench.commander.ready
     assert "encoder dead" in bench.commander.refusal()
+
+
+def test_wheel_for_which_the_board_has_stopped_the_robot_is_named_with_its_remedy(bench):
+    bench.driver.mismatch = Mismatch("", "wheel_blocked")
+    assert bench.commander.stopped_by == "wheel blocked" and not bench.commander.ready
+    assert PROBLEMS["wheel_blocked"].remedy in bench.commander.refusal()
+    assert "a command of zero lets it drive again" in bench.commander.refusal()
 
 
 def test_stop_of_the_driver_is_named(bench):

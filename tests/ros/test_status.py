@@ -32,6 +32,7 @@ class Told(list):
             zones=None,
             manual=False,
             linked=True,
+            wheel_fault=False,
         )
         self.topics = []
         self._teller = StatusTeller(self.commander, self._publish, "/robot_node", "port robot 1")
@@ -129,6 +130,17 @@ def test_status_says_what_keeps_the_robot_from_moving(cause, level, mode, ready)
         mode,
         ready,
         cause,
+    )
+
+
+def test_a_wheel_for_which_the_board_has_stopped_the_robot_is_a_mode_of_its_own():
+    told = Told()
+    told.tell(stopped_by="wheel blocked", wheel_fault=True)
+    values = values_of(told[0])
+    assert (values["mode"], values["ready"], values["stopped by"]) == (
+        "wheel mismatch",
+        "false",
+        "wheel blocked",
     )
 
 

@@ -28,7 +28,7 @@ def check(drive: DriveData) -> List[Finding]:
     if len(drive.poses.time_s) < 2 or not len(drive.commands.time_s):
         return []
     for time_s, event in drive.events:
-        if isinstance(event, Mismatch):
+        if isinstance(event, Mismatch) and event.wheel:  # otherwise `board` has found the board's stop
             kind, title, why = _cause(drive, time_s, event)
             text = f"The {event}. {why}".strip()
             return [Finding(kind, title, text, *heard(drive, time_s, *TELEMETRY), 85)]
