@@ -295,6 +295,8 @@ class RobotState:
         if self.info is None or self._monitor is None:
             return []
         board = with_measured(board, self.info.capabilities)
+        if _lacks_motor_board(board, self.info.capabilities):
+            board = board._replace(battery_v=math.nan, temperature_c=math.nan)
         self.info = self.info._replace(battery_v=board.battery_v, temperature_c=board.temperature_c)
         self.battery_state = self._monitor.update(board.battery_v, now)
         self.powerless = not self._ignore_battery and self.battery_state in (battery.EMPTY, battery.OFF)
@@ -308,6 +310,14 @@ def without_motor_board(board: Board) -> Board:
     """
     unmeasured = board._replace(motor_board_version=math.nan, battery_v=math.nan, temperature_c=math.nan)
     return unmeasured._replace(capabilities=board.capabilities - {"imu"})
+
+
+def _lacks_motor_board(board: Board, capabilities: FrozenSet[str]) -> bool:
+    """Return whether the motor board, which measures the battery, does not answer: its values are 0, with its version.
+
+    An H-bridge board has no motor board and measures by itself; one of 2013 reports no capabilities.
+    """
+    return bool(capabilities) and "bridge" not in capabilities and board.motor_board_version == 0.0
 
 
 def _may_lack_battery(board: Board) -> bool:

@@ -150,7 +150,7 @@ class StatusTeller:
 def battery_health(state: str, volts: float) -> LinkHealth:
     """Level and message for a battery state of the driver."""
     if math.isnan(volts):
-        return LinkHealth(OK, "this board does not measure its battery")
+        return LinkHealth(OK, "the battery is not measured")
     level = {"ok": OK, "low": WARN}.get(state, ERROR)
     return LinkHealth(level, f"battery is {state} at {volts:.1f} V")
 

@@ -1,5 +1,6 @@
 """After a stop that the board makes by itself, the robot does not move before the next command."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -15,6 +16,7 @@ from mrl_driver.session.handshake import DEFAULT_PLAN
 from mrl_driver.session.session import REFUSED_S
 from mrl_driver.view.words import stopped_by
 from sim_arduino.board.board_status import BoardStatus
+from sim_arduino.faults import hardware_faults
 from tests.conformance.bench import Bench
 from tests.fake_board import FakeBoard
 
@@ -118,6 +120,24 @@ def test_a_motor_board_that_was_away_does_not_let_it_drive_on(robots, engine):
     robot = robots(engine)
     ways_m = [travel_m(robot, take_motor_board_away, 0.3) for _ in range(2)]
     assert max(ways_m) < STILL_M and robot.driver.stop_reason == "motor_board"
+
+
+def test_the_voltage_that_a_missing_motor_board_does_not_measure_empties_no_battery(robots):
+    """On the wire it is 0 V, which would be motor power that is off."""
+    robot = robots()
+    volts = []
+    robot.driver.on_battery(lambda board: volts.append(board.battery_v))
+    robot.driver.drive(0.2, 0.0)
+    robot.driver.wait(TURN_S)
+    hardware_faults.motor_board_absent(robot.bench.plant, True)
+    states = set()
+    for back in (False, True):
+        hardware_faults.motor_board_absent(robot.bench.plant, not back)
+        for _ in range(25):
+            robot.driver.wait(0.1)
+            states.add(robot.driver.battery_state)
+    assert states == {"ok"} and robot.driver.stop_reason == "motor_board"
+    assert any(map(math.isnan, volts)) and 0.0 not in volts and volts[-1] == 12.0
 
 
 def test_a_replay_of_such_a_stop_is_exact(robots, tmp_path):

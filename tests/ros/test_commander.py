@@ -19,6 +19,7 @@ from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.robot import reconfigure
 from ros1_bridge.status.robot_status import state_of
+from sim_arduino.faults import hardware_faults
 from sim_arduino.serve import factory
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
@@ -101,7 +102,9 @@ def robot(request):
     with SteppedDriver(
         emulated.engine, options=Options(command_timeout_s=TIMEOUT_S, queued_s=QUEUED_S)
     ) as driver:
-        yield Robot(driver)
+        made = Robot(driver)
+        made.plant = emulated.plant
+        yield made
     emulated.close()
 
 
@@ -288,6 +291,20 @@ def test_stop_of_the_driver_is_named(bench):
     bench.driver.stop_reason = "restarted"
     assert bench.commander.stopped_by == "restarted"
     assert bench.commander.ready
+
+
+def test_a_motor_board_that_was_away_is_the_reason_and_not_the_battery_that_it_measures(robot):
+    """Whenever within a second the voltage is asked for."""
+    causes = set()
+    for _ in range(6):
+        robot.run(0.3, 0.2)
+        hardware_faults.motor_board_absent(robot.plant, True)
+        robot.run(0.15)
+        hardware_faults.motor_board_absent(robot.plant, False)
+        for _ in range(40):
+            robot.run(FRAME_S)
+            causes.add(robot.commander.stopped_by)
+    assert causes == {"motor board"}
 
 
 class Wall:
