@@ -25,7 +25,12 @@ def lost(may_be_moving):
             raise BoardTimeout(f"no telemetry arrives: {MAY_MOVE}")
 
     return SimpleNamespace(
-        ready=False, may_be_moving=may_be_moving, command=None, stop_reason="stale", inhibit=inhibit
+        ready=False,
+        may_be_moving=may_be_moving,
+        command=None,
+        stop_reason="stale",
+        mismatch=None,
+        inhibit=inhibit,
     )
 
 
