@@ -76,7 +76,7 @@ ifneq ($(MISSING),)
 	@$(APT_GET) install -yq -o Dpkg::Use-Pty=0 --no-install-recommends $(MISSING)
 endif
 
-check: setup ## Format, lint, types, generated files, import rules, plain English
+check: setup ## Format, lint, types, generated files, import rules, plain English, spelling
 	$(VENV)/bin/ruff format --check -q .
 	$(VENV)/bin/ruff check -q .
 	$(VENV)/bin/mypy
@@ -88,6 +88,7 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m sim_arduino.world --check
 	$(PY) -m tests.verify.model.constants --check
 	$(PY) -m tests.documents.plain_english
+	$(VENV)/bin/codespell
 
 test: apt ## Set everything up and run all tests
 	@$(MAKE) --no-print-directory -j3 -Otarget check firmware comparison pc-firmware build/collected.log

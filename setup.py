@@ -122,6 +122,7 @@ setup(
             "mcap-ros1-support>=0.9",
             "rosbags>=0.9.23",
             "pdoc>=14; python_version >= '3.9'",
+            "codespell[toml]==2.3.0",
             "types-PyYAML",
             "types-pyserial",
         ],
