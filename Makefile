@@ -58,6 +58,13 @@ $(VENV)/.tested: $(VENV)/.ready
 	@set -o pipefail; $(PIP) 'mrl-driver[dev]' $(SHOWN)
 	@touch $@
 
+# What the documentation site needs beyond them.
+$(VENV)/.site: $(VENV)/.tested
+	@$(PY) -c 'import sys; v = sys.version_info[:2]; v >= (3, 11) or sys.exit("make docs: got Python %d.%d, expected 3.11 or newer; README.md leads to the same documents" % v)'
+	@echo "Python packages of the documentation site into $(VENV):"
+	@set -o pipefail; $(PIP) 'mrl-driver[docs]' $(SHOWN)
+	@touch $@
+
 include firmware/firmware.mk firmware/comparison.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
 
 # What is missing is asked each time, so that a package removed later is noticed; where all is there, `apt` does nothing.
@@ -123,11 +130,10 @@ generate: setup ## Render protocol.h, PROTOCOL.md and the schemas of YAML files 
 	$(PY) -m sim_arduino.world
 	$(PY) -m tests.verify.model.constants
 
-docs: setup ## API documentation in build/docs; a warning is an error
-	@mkdir -p build
-	@$(ROS_ENV) $(PY) -m pdoc --docformat google -t docs -o build/docs mrl_driver '!mrl_driver.cli.commands' \
-	  mrl_driver.driver.simulated mrl_driver.protocol.table sim_arduino ros1_bridge 2>build/docs.log; code=$$?; \
-	if [ $$code != 0 ] || grep -q Warn build/docs.log; then cat build/docs.log >&2; exit 1; fi; echo "build/docs/index.html"
+docs: setup $(VENV)/.site ## Check the spelling and build the documentation site in build/docs; a warning is an error; needs Python 3.11
+	$(VENV)/bin/codespell
+	@NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --config-file docs/site/mkdocs.yml
+	@echo "build/docs/index.html; its search needs a server: python3 -m http.server --bind 127.0.0.1 --directory build/docs"
 
 .PHONY: release
 release: setup ## Wheel and sdist of this commit in build/dist, with the firmware's images; CONTRIBUTING.md has the steps
