@@ -20,7 +20,7 @@ from mrl_driver.robot.omni_odometry import OmniCommands
 from mrl_driver.robot.radio import RadioNode, RadioQueue, RadioText, Request, node_of, text_of
 from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
 from mrl_driver.safety.speed_limiter import SpeedLimiter
-from mrl_driver.safety.wheel_monitor import BOARD_STOPS, Mismatch, WheelMonitor, monitor_of
+from mrl_driver.safety.wheel_monitor import BOARD_STOPS, DEAD, POWERLESS, Mismatch, WheelMonitor, monitor_of
 from mrl_driver.session.events import (
     Counts,
     ImuReading,
@@ -31,9 +31,10 @@ from mrl_driver.session.events import (
     Reply,
     SensorRead,
     Slowed,
+    Status,
 )
 from mrl_driver.session.handshake import Board, Plan
-from mrl_driver.session.session import LATE_S, Session, SessionEvent
+from mrl_driver.session.session import LATE_S, NOT_BY_ITSELF, Session, SessionEvent
 from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, least_period_ms
 
 from .options import Options
@@ -313,6 +314,8 @@ class Core:
                 self.hold, self.held = None, False
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
+        elif isinstance(event, Status):
+            self._explain(event.stop_reason)
         elif isinstance(event, Reply):
             self.replies[event.frame.code] = event.frame.args
             name = self.session.sensors.name_of(event.frame.code)
@@ -377,6 +380,16 @@ class Core:
             return []
         self.mismatch = Mismatch("", reason)
         return [self.mismatch]
+
+    def _explain(self, reason: str) -> None:
+        """If the board has stopped the robot by itself before a wheel stood still, that was the reason, and no mismatch.
+
+        A board that has carried out the command would say that the host has stopped it.
+        """
+        for_no_wheel = reason not in (*NOT_BY_ITSELF, *BOARD_STOPS, "stall")
+        if for_no_wheel and self.mismatch is not None and self.mismatch.cause in (DEAD, POWERLESS):
+            self.mismatch = None
+            self.session.motion.stop_reason = reason
 
     def _spare_battery(self, now: float) -> None:
         """Stop to protect the battery: gently if it is empty; at once if motor power is off, so that the robot does

@@ -49,6 +49,8 @@ SAME_BOOT_S, BOOTED_S = 1.5, 3
 """If a board was up for at least `BOOTED_S` and its start time is the same as before the link was lost, to within
 `SAME_BOOT_S`, it has not restarted and its counters are still valid [s].  Uptimes are whole seconds.
 """
+NOT_BY_ITSELF = ("none", "host")
+"""Reasons in a status with which the board has not stopped the motors by itself."""
 REFUSED_S, MOST_REFUSED_S = 0.15, 0.5
 """If the board names a stop of its own this long after a command to move, it refuses this command [s].  A status that
 was in transit before the command arrives within this time, or within two round trips up to `MOST_REFUSED_S` [s]."""
@@ -495,7 +497,7 @@ class Session:
         if restarted and status.uptime_s > now - before_s + 1.0:
             return  # older than the status before, which overtook it
         self.status, self._status_heard_s, self._boot_s = status, now, now - status.uptime_s
-        if status.stop_reason not in ("none", "host"):
+        if status.stop_reason not in NOT_BY_ITSELF:
             self._on_own_stop(
                 status.stop_reason, before is None or before.stop_reason != status.stop_reason, now
             )

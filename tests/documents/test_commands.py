@@ -20,6 +20,7 @@ from .test_robot_recipe import TEXT
 SHOWN = shown()
 PORT = "/dev/ttyACM0"
 OUTSIDE = {
+    "apt",
     *(
         ".",
         "cd",

@@ -22,9 +22,11 @@ from tests.fake_board import FakeBoard
 
 from .talk import Talk
 
-LOSS_S, AWAY_S = 0.32, 0.08
+LOSS_S, LONG_LOSS_S, AWAY_S = 0.32, 0.9, 0.08
 TURN_S = 0.3
 """The wheels turn after this time at the latest."""
+STATUS_S = 1.1
+"""The driver asks for the board's status once in this time."""
 SETTLED_S = 0.4
 """After a fault, the wheels have slowed down."""
 STILL_M = 1e-3
@@ -69,9 +71,9 @@ def robots():
         bench.close()
 
 
-def lose_bytes(robot):
+def lose_bytes(robot, seconds=LOSS_S):
     robot.line.whole = False
-    robot.driver.wait(LOSS_S)
+    robot.driver.wait(seconds)
     robot.line.whole = True
 
 
@@ -81,12 +83,12 @@ def take_motor_board_away(robot):
     robot.bench.plant.motor_board.present = True
 
 
-def travel_m(robot, fault, phase_s):
+def travel_m(robot, fault, phase_s, angular_rad_s=0.0):
     """Drive, have the fault, and return what the robot travels after it by the same command [m]."""
     driver = robot.driver
     driver.stop()
     driver.wait(phase_s)
-    assert driver.drive(0.2, 0.0)
+    assert driver.drive(0.2, angular_rad_s)
     driver.wait(TURN_S)
     fault(robot)
     driver.wait(SETTLED_S)
@@ -106,6 +108,22 @@ def test_after_a_loss_of_bytes_it_waits_for_a_new_command_and_follows_that(robot
     assert max(ways_m) < STILL_M
     assert (robot.driver.command, robot.driver.stop_reason) == (None, "link_watchdog")
     assert travel_m(robot, lambda _: None, 0.0) > 0.05
+
+
+@pytest.mark.parametrize("angular_rad_s", [0.0, 1.4])
+def test_wheels_that_the_watchdog_has_stopped_are_no_mismatch(robots, angular_rad_s):
+    """The monitor sees them stand before the driver hears of the stop; a new command is followed.
+
+    On the curve one wheel alone is expected to turn.
+    """
+    robot, found = robots(), []
+    robot.driver.on_event(lambda event: found.append(isinstance(event, Mismatch)))
+    for _ in range(6):
+        travel_m(robot, lambda robot: lose_bytes(robot, LONG_LOSS_S), PHASE_S, angular_rad_s)
+        robot.driver.wait(STATUS_S)
+        assert robot.driver.drive(0.2, 0.0)
+        assert (robot.driver.mismatch, robot.driver.stop_reason) == (None, "link_watchdog")
+    assert any(found)
 
 
 def test_without_the_refusal_it_drives_on(robots, monkeypatch):
