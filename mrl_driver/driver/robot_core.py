@@ -382,7 +382,7 @@ class Core:
         return [self.mismatch]
 
     def _explain(self, reason: str) -> None:
-        """If the board has stopped the robot by itself before a wheel stood still, that was the reason, and no mismatch.
+        """If the board has stopped the robot before a wheel stood still, that was the reason, and no mismatch.
 
         A board that has carried out the command would say that the host has stopped it.
         """
