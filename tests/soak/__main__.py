@@ -4,6 +4,7 @@ import json
 import multiprocessing
 import os
 import platform
+import signal
 import sys
 import time
 from pathlib import Path
@@ -118,6 +119,8 @@ def judge_growth(done: List[Dict[str, Any]], tally: Tally) -> None:
 def real(minutes: float, faults: int, seed: int, rigs: str, log: str) -> None:
     """Faults of process, disk, master, subscriber and port in real time."""
     begun_s, tally = time.monotonic(), Tally(Path(log) if log else None)
+    # A background job of a shell ignores SIGINT, and so would the programs that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     real_time.run(60 * minutes, faults, seed, tally, tuple(real_time.RIGS[name] for name in rigs.split(",")))
     conclude("real_time", begun_s, tally, seed=seed)
 
