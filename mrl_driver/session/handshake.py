@@ -280,7 +280,7 @@ class Handshake:
         Raises:
             WrongRobot: the board is not one for this driver; `admit` may raise it as well.
         """
-        if self.done or (self._sure and not checked):
+        if self._sure and not checked:
             return
         code = frame.code
         if code == _CODE["robot_info"]:
@@ -288,9 +288,10 @@ class Handshake:
         elif code == self._step[0] == _CODE["read_protocol"]:
             self._on_protocol(frame.args, now, checked)
         elif code in _ANSWERS.get(self._step[0], ()):
+            assert self.board is not None
             if code == _CODE["read_status"]:
                 self._faults = frame.args[4]
-            elif code == _CODE[SENSOR_STREAM] and self.board is not None and self.board.protocol < 2:
+            elif code == _CODE[SENSOR_STREAM] and self.board.protocol < 2:
                 self.board = self.board._replace(capabilities=frozenset({"environment"}))
             self._next(now)
 

@@ -236,7 +236,7 @@ class Session:
             BoardError: as for `admit`.
         """
         self._decoder.checked, self.stream_code = checked, stream_code
-        greeting = self._greeting = Handshake(self._plan, self._send, self._admit, now, patient=True)
+        greeting = self._greeting = Handshake(self._plan, self._send, self._admit, now)
         greeting.board, greeting.stream = board, self._admit(board) or greeting.stream
         events: List[SessionEvent] = []
         self._begin(now, events)
@@ -404,7 +404,6 @@ class Session:
                 self.counters.count_garbage(event.reason)
             return None
         self._decoder.checked = not self.checked
-        self._other = 0
         self._restarted = True
         if self._greeting is None:
             self._greet_again(now, "restarted")

@@ -1,0 +1,520 @@
+"""The greeting alone: what is asked, how often, when it is believed, and when it ends."""
+
+import pytest
+
+from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
+from mrl_driver.protocol import Frame
+from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.session.handshake import (
+    ALIKE,
+    ALIKE_TO_REFUSE,
+    DEAF,
+    RETRY_S,
+    Board,
+    Handshake,
+    Plan,
+    are_alike,
+    board_of,
+    capabilities_of,
+    with_measured,
+)
+from mrl_driver.session.sensor_polling import SENSOR_STREAM
+
+PLAIN, CHECKED = False, True
+INFO, INFO_2013 = Frame(5, (2500, 172, 1200, 2, 1)), Frame(5, (2500, 172, 1200, 1, 1))
+CHECK, WATCHDOG, SONARS, ENVIRONMENT, OMNI = 1, 2, 16, 32, 128
+FAULT_MOTOR_BOARD, FAULT_SENSOR = 1, 16
+READ_PROTOCOL, SET_CHECK, OMNI_STREAM = (
+    BY_NAME[name].code for name in ("read_protocol", "set_check", "start_omni_stream")
+)
+SENSING = BY_NAME[SENSOR_STREAM].code
+TO_ANSWER_S, TO_ASK_S = 8.0, 2.0
+"""A board has 8 s for its first answer, and 2 s for each later one."""
+
+
+def protocol(bits=CHECK | WATCHDOG, version=2):
+    return Frame(READ_PROTOCOL, (version, bits))
+
+
+def status(faults=0):
+    return Frame(30, (0, 1, 1, 0, faults, 0))
+
+
+class Hello(Handshake):
+    """A greeting that keeps what it sends."""
+
+    def __init__(self, plan=Plan(), admit=lambda board: None, patient=False):  # noqa: B008
+        self.sent = []
+        super().__init__(plan, self._keep, admit, 0.0, patient)
+
+    def _keep(self, *words, checked=None):
+        self.sent.append((words, checked))
+
+    def hear(self, checked, *frames):
+        for frame in frames:
+            self.on_frame(frame, self.due_s, checked)
+        return self
+
+    def ask(self, times=1, checked=PLAIN):
+        """What it sends when the board is silent, tick by tick: the requests, `stop` left out."""
+        asked = []
+        for _ in range(times):
+            self.sent.clear()
+            self.tick(self.due_s, checked)
+            asked.append([words[0] for words, _ in self.sent if words != (13,)])
+        return asked
+
+    def ends_at(self, checked=PLAIN):
+        """The time at which a silent board ends the greeting, and how."""
+        while self.due_s < 60.0:
+            now = self.due_s
+            try:
+                self.tick(now, checked)
+            except (BoardError, BoardTimeout, NotARobot) as error:
+                return now, str(error)
+        raise AssertionError("the greeting does not end")
+
+
+# -- what the board's answers say
+
+
+def test_answers_are_converted_to_units():
+    assert board_of((2512, 172, 1230, 2, 4)) == Board(4, 2, 1.72, 12.30, 25.12)
+
+
+def test_capabilities_are_bits_from_the_lowest_on():
+    assert capabilities_of(CHECK | OMNI) == {"check", "omni"}
+
+
+@pytest.mark.parametrize(
+    "lacking, unmeasured", [("no_battery", "battery_v"), ("no_temperature", "temperature_c")]
+)
+def test_only_what_is_not_measured_is_nan(lacking, unmeasured):
+    board = with_measured(board_of(INFO.args), frozenset([lacking]))
+    assert [name for name, value in board._asdict().items() if value != value] == [unmeasured]
+
+
+@pytest.mark.parametrize(
+    "other, alike",
+    [
+        ((2999, 172, 1249, 2, 1), True),
+        ((2500, 172, 1250, 2, 1), False),
+        ((3000, 172, 1200, 2, 1), False),
+        ((2500, 172, 1200, 2, 2), False),
+    ],
+    ids=["near", "battery", "temperature", "id"],
+)
+def test_answers_are_alike_if_battery_and_temperature_are_near_and_the_rest_is_equal(other, alike):
+    assert are_alike(board_of(INFO.args), board_of(other)) is alike
+
+
+def test_a_usual_plan_stops_the_robot_after_a_quarter_of_a_second():
+    assert Plan() == Plan(watchdog_ms=250, period_ms=20, imu_period_ms=20)
+
+
+# -- the first request
+
+
+def test_each_third_request_is_sent_in_the_other_form_too():
+    hello = Hello()
+    assert hello.ask(6) == [[5], [5], [5, 5], [5], [5], [5, 5]]
+    assert [checked for words, checked in hello.sent if words == (5,)] == [True, False]
+
+
+def test_a_board_that_answers_is_asked_in_its_own_form():
+    hello = Hello()
+    hello.ask(2)
+    assert hello.hear(PLAIN, INFO).ask() == [[5]]
+
+
+def test_a_board_that_has_fallen_silent_is_asked_in_the_other_form_again():
+    hello = Hello().hear(PLAIN, INFO)
+    assert hello.ask(3)[-1] == [5, 5]
+
+
+def test_a_patient_greeting_always_asks_in_both_forms():
+    assert Hello(patient=True).ask(2) == [[5, 5]] * 2
+
+
+def test_nothing_is_sent_before_it_is_due():
+    hello = Hello()
+    hello.ask()
+    hello.sent.clear()
+    hello.tick(hello.due_s - 0.01, PLAIN)
+    assert not hello.sent
+
+
+def test_after_other_bytes_the_boards_text_is_turned_off_in_plain():
+    """A frame after text on the same line is not decoded."""
+    hello = Hello()
+    hello.heard(b"[INFO]", 0.0)
+    hello.tick(0.0, CHECKED)
+    assert hello.sent[1] == ((16, 0), False)
+
+
+def test_without_other_bytes_no_text_is_turned_off():
+    hello = Hello()
+    hello.heard(b"", 0.0)
+    assert hello.ask() == [[5]]
+
+
+def test_bytes_of_a_board_that_is_known_are_no_text_before_the_greeting():
+    hello = Hello().hear(CHECKED, INFO)
+    hello.heard(b"[INFO]", 0.0)
+    hello.ask(8)
+    assert hello.ask() == [[5, 5]]
+
+
+# -- when it ends without a board
+
+
+def test_silence_ends_it_after_eight_seconds():
+    assert Hello().ends_at() == (
+        TO_ANSWER_S,
+        "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed",
+    )
+
+
+def test_ticks_that_come_a_little_late_do_not_prolong_it():
+    hello, now = Hello(), 0.0
+    with pytest.raises(NotARobot):
+        while now < 2 * TO_ANSWER_S:
+            hello.tick(now, PLAIN)
+            now += 2 * RETRY_S
+    assert now == TO_ANSWER_S
+
+
+def test_a_pause_of_this_program_prolongs_it_by_the_pause():
+    hello = Hello()
+    hello.ask()
+    hello.tick(9.0, PLAIN)
+    assert hello.ends_at()[0] == TO_ANSWER_S + 9.0 - RETRY_S
+
+
+def test_a_patient_greeting_does_not_end():
+    assert Hello(patient=True).ask(100)[-1] == [5, 5]
+
+
+JUNK = bytes(range(128, 159)) + b"\x7f"
+"""The fewest that count."""
+TEXT = bytes(range(32, 127)) + b"\r\n\t"
+
+
+def test_bytes_that_are_no_text_mean_another_baud_rate_four_seconds_after_the_first():
+    hello = Hello()
+    hello.ask(4)
+    hello.heard(JUNK[:30], 1.0)
+    hello.heard(JUNK[30:], 2.0)
+    assert hello.ends_at() == (
+        5.0,
+        f"this port sends text at another baud rate, or another device is on it (got {JUNK[:24]!r}, expected "
+        "'@5,...e'): check baud",
+    )
+
+
+def test_text_and_a_few_other_bytes_are_another_device():
+    hello = Hello()
+    hello.heard(TEXT + JUNK[1:], 0.0)
+    assert hello.ends_at() == (
+        TO_ANSWER_S,
+        f"no answer to '@5e', but other bytes ({TEXT[:24]!r}): another device or firmware, or check baud; flash the "
+        "board with: mrl flash --port PORT",
+    )
+
+
+DIFFERING = (
+    "answers request 5 differently each time, expected the same answer 5 times in a row: the line damages what is "
+    "sent; use a shorter or better cable, away from the motor wires"
+)
+
+
+def test_answers_that_differ_end_it_with_the_line_as_the_cause():
+    assert Hello().hear(PLAIN, INFO).ends_at() == (TO_ANSWER_S, f"the device on this port {DIFFERING}")
+
+
+# -- a board that falls silent
+
+
+def test_a_board_that_is_silent_for_two_seconds_is_asked_again_who_it_is():
+    hello = Hello().hear(CHECKED, INFO)
+    assert hello.ask(9, CHECKED) == [[READ_PROTOCOL]] * 8 + [[5, 5]]
+
+
+def test_a_board_that_stays_silent_for_two_more_seconds_ends_it():
+    assert Hello().hear(CHECKED, INFO).ends_at(CHECKED) == (
+        2 * TO_ASK_S,
+        "the board (robot id 1) does not answer request 5 any more; reset it and try again",
+    )
+
+
+def test_answers_that_differ_after_a_silence_end_it_with_the_line_as_the_cause():
+    hello = Hello().hear(CHECKED, INFO)
+    hello.ask(9)
+    assert hello.hear(PLAIN, INFO).ends_at()[1] == f"the board (robot id 1) {DIFFERING}"
+
+
+def test_after_a_silence_as_many_answers_are_needed_as_before():
+    hello = Hello(Plan(check=False)).hear(PLAIN, *[INFO] * ALIKE)
+    hello.ask(9)
+    assert hello.hear(PLAIN, *[INFO] * (ALIKE - 1)).board is None
+
+
+@pytest.mark.parametrize(
+    "info, stream, hangs",
+    [(INFO_2013, SENSOR_STREAM, True), (INFO_2013, None, False), (INFO, SENSOR_STREAM, False)],
+    ids=["2013 with sensors", "2013", "ours"],
+)
+def test_the_thermopile_is_named_for_a_board_of_2013_that_may_hang_on_it(info, stream, hangs):
+    hello = Hello(admit=lambda board: stream).hear(PLAIN, *[info] * ALIKE)
+    hint = (
+        ": a 2013 board hangs if its thermopile does not answer, so check its wires, or if the board has sonars choose "
+        "build sonar"
+    )
+    assert hello.ends_at()[1] == (
+        f"the board (robot id 1) does not answer request 5 any more{hint if hangs else ''}; reset it and try again"
+    )
+
+
+@pytest.mark.parametrize(
+    "stream, faults, name",
+    [(None, FAULT_MOTOR_BOARD, "motor board"), (SENSOR_STREAM, FAULT_SENSOR, "thermopile")],
+)
+def test_a_fault_that_keeps_the_stream_from_starting_is_named(stream, faults, name):
+    hello = Hello(Plan(check=False), lambda board: stream)
+    hello.hear(CHECKED, INFO, protocol(0), status(faults))
+    assert hello.ends_at(CHECKED) == (
+        TO_ASK_S,
+        f"the {name} of robot 1 does not answer its Arduino: check its power and the I2C wires",
+    )
+
+
+@pytest.mark.parametrize("stream, faults", [(None, FAULT_SENSOR), (SENSOR_STREAM, FAULT_MOTOR_BOARD)])
+def test_a_fault_that_keeps_no_stream_from_starting_is_not_the_cause(stream, faults):
+    hello = Hello(Plan(check=False), lambda board: stream)
+    hello.hear(CHECKED, INFO, protocol(0), status(faults))
+    assert "does not answer request 5" in hello.ends_at(CHECKED)[1]
+
+
+# -- who is believed
+
+
+def test_three_equal_plain_answers_are_believed_and_not_two():
+    hello = Hello().hear(PLAIN, *[INFO] * (ALIKE - 1))
+    assert hello.board is None
+    assert hello.hear(PLAIN, INFO).board == board_of(INFO.args) and ALIKE == 3
+
+
+def test_the_next_answer_is_asked_for_at_once():
+    hello = Hello()
+    hello.ask()
+    hello.on_frame(INFO, 0.01, PLAIN)
+    assert hello.due_s == 0.01
+
+
+def test_one_answer_under_the_checksum_is_believed():
+    assert Hello().hear(CHECKED, INFO).board == board_of(INFO.args)
+
+
+def refuse(board):
+    raise WrongRobot("another")
+
+
+def test_five_plain_answers_refuse_a_board_and_not_four():
+    hello = Hello(admit=refuse).hear(PLAIN, *[INFO] * (ALIKE_TO_REFUSE - 1))
+    with pytest.raises(WrongRobot):
+        hello.hear(PLAIN, INFO)
+    assert ALIKE_TO_REFUSE == 5
+
+
+def test_a_refusal_under_the_checksum_counts_at_once():
+    with pytest.raises(WrongRobot):
+        Hello(admit=refuse).hear(CHECKED, INFO)
+
+
+def test_the_stream_of_the_last_board_is_ended_before_it_is_asked_for_more():
+    assert ((19,), None) in Hello().hear(CHECKED, INFO).sent
+
+
+def test_the_usual_stream_is_that_of_counters():
+    assert Hello().stream == "start_stream"
+
+
+# -- the protocol
+
+
+def greeted(plan=Plan(), admit=lambda board: None):  # noqa: B008
+    """A board that is known by its plain answers; the protocol is asked for."""
+    return Hello(plan, admit).hear(PLAIN, *[INFO] * ALIKE)
+
+
+def test_from_the_second_request_on_a_plain_board_is_asked_who_it_is_as_well():
+    """A board of 2013 answers that alone."""
+    assert greeted().ask(2) == [[READ_PROTOCOL], [5, READ_PROTOCOL]]
+
+
+def test_other_requests_are_repeated_alone():
+    assert greeted().hear(PLAIN, protocol()).ask(2) == [[SET_CHECK]] * 2
+
+
+def test_a_board_that_answers_six_times_who_it_is_and_never_its_protocol_is_of_2013():
+    hello = greeted()
+    hello.ask(7)
+    hello.hear(PLAIN, *[INFO] * 5)
+    assert hello.ask() == [[5, READ_PROTOCOL]]
+    assert hello.hear(PLAIN, INFO).ask() == [[18]] and DEAF == 6
+
+
+def test_answers_beyond_the_requests_do_not_count():
+    """They belong to requests of before."""
+    hello = greeted()
+    hello.ask(2)
+    assert hello.hear(PLAIN, *[INFO] * 10).ask() == [[5, READ_PROTOCOL]]
+
+
+def test_answers_who_it_is_do_not_count_once_the_protocol_is_known():
+    hello = greeted().hear(PLAIN, protocol())
+    hello.ask(7)
+    assert hello.hear(PLAIN, *[INFO] * 7).ask() == [[SET_CHECK]]
+
+
+def test_an_answer_with_the_protocol_ends_the_count():
+    hello = greeted(Plan(check=False))
+    hello.ask(7)
+    hello.hear(PLAIN, *[INFO] * 5, protocol(), *[INFO] * 5)
+    assert hello.ask() == [[5, READ_PROTOCOL]]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_board_with_newer_firmware_is_not_taken_for_one_of_2013(version):
+    info = Frame(5, (2500, 172, 1200, version, 1))
+    hello = Hello().hear(PLAIN, *[info] * ALIKE)
+    hello.ask(7)
+    if version > 2:
+        with pytest.raises(WrongRobot, match="does not tell its protocol"):
+            hello.hear(PLAIN, *[info] * DEAF)
+    else:
+        assert hello.hear(PLAIN, *[info] * DEAF).ask() == [[18]]
+
+
+@pytest.mark.parametrize(
+    "check, bits, answers",
+    [(True, CHECK, 1), (True, WATCHDOG, 3), (False, CHECK, 3)],
+    ids=["will be asked again", "without checksums", "not planned"],
+)
+def test_a_plain_protocol_is_believed_at_once_only_if_it_is_asked_for_again(check, bits, answers):
+    hello = greeted(Plan(check=check))
+    hello.hear(PLAIN, *[protocol(bits)] * (answers - 1))
+    assert hello.board.capabilities == frozenset()
+    assert hello.hear(PLAIN, protocol(bits)).board.capabilities == capabilities_of(bits)
+
+
+def test_a_plain_protocol_that_differs_begins_the_count_again():
+    hello = greeted(Plan(check=False))
+    hello.hear(PLAIN, protocol(3), protocol(3), protocol(2), protocol(2))
+    assert hello.board.capabilities == frozenset()
+
+
+def test_another_protocol_needs_five_equal_plain_answers():
+    hello = greeted().hear(PLAIN, *[protocol(CHECK, 3)] * (ALIKE_TO_REFUSE - 1))
+    with pytest.raises(WrongRobot, match="protocol 3, this driver 2"):
+        hello.hear(PLAIN, protocol(CHECK, 3))
+
+
+def test_another_protocol_under_the_checksum_counts_at_once():
+    with pytest.raises(WrongRobot):
+        Hello().hear(CHECKED, INFO, protocol(CHECK, 3))
+
+
+def test_a_board_is_admitted_again_with_capabilities_that_are_sure():
+    admitted = []
+    hello = greeted(admit=admitted.append).hear(PLAIN, protocol(), Frame(SET_CHECK, (1,)))
+    assert [bool(board.capabilities) for board in admitted] == [False]
+    hello.hear(CHECKED, INFO, protocol())
+    assert [bool(board.capabilities) for board in admitted] == [False, False, True]
+
+
+def test_a_board_without_checksums_is_admitted_again_after_three_answers():
+    admitted = []
+    greeted(Plan(check=False), admitted.append).hear(PLAIN, *[protocol()] * ALIKE)
+    assert [bool(board.capabilities) for board in admitted] == [False, True]
+
+
+# -- what is set
+
+
+def test_a_board_that_is_sure_is_not_asked_twice():
+    hello = Hello().hear(CHECKED, INFO, protocol(), Frame(SET_CHECK, (1,)))
+    assert hello.ask(1, CHECKED) == [[33]]
+
+
+def test_a_board_without_a_watchdog_gets_none():
+    assert Hello(Plan(check=False)).hear(CHECKED, INFO, protocol(0)).ask() == [[30]]
+
+
+def begun(stream, bits, plan=Plan(check=False)):  # noqa: B008
+    """A greeting up to its status; a model that needs a stream says so once it knows the capabilities."""
+    hello = Hello(plan, lambda board: stream if board.protocol == 2 else None)
+    return hello.hear(CHECKED, INFO, protocol(bits), status())
+
+
+@pytest.mark.parametrize(
+    "stream, bits, code",
+    [(None, 0, 18), ("start_omni_stream", OMNI, OMNI_STREAM), (SENSOR_STREAM, ENVIRONMENT, SENSING)],
+)
+def test_the_stream_of_the_model_is_started(stream, bits, code):
+    assert begun(stream, bits).ask() == [[code]]
+
+
+@pytest.mark.parametrize(
+    "stream, bits, frame",
+    [("start_omni_stream", OMNI, OMNI_STREAM), (SENSOR_STREAM, ENVIRONMENT, SENSING), (None, 0, 8)],
+)
+def test_the_first_frame_of_the_stream_ends_the_greeting(stream, bits, frame):
+    assert begun(stream, bits).hear(CHECKED, Frame(frame, (0,) * 6)).done
+
+
+def test_our_board_with_sensors_in_its_stream_keeps_its_capabilities():
+    hello = begun(SENSOR_STREAM, ENVIRONMENT | WATCHDOG).hear(
+        CHECKED, Frame(33, (250,)), status(), Frame(SENSING, (0,) * 6)
+    )
+    assert hello.board.capabilities == {"environment", "watchdog"}
+
+
+@pytest.mark.parametrize("stream, bits", [("start_omni_stream", 0), (SENSOR_STREAM, SONARS)])
+def test_a_board_without_the_stream_of_the_model_is_refused(stream, bits):
+    with pytest.raises(WrongRobot, match="this robot model needs"):
+        begun(stream, bits)
+
+
+def test_without_a_stream_nothing_is_required():
+    assert begun("start_omni_stream", 0, Plan(check=False, stream=False)).done
+
+
+def of_2013(stream, plan=Plan()):  # noqa: B008
+    return Hello(plan, lambda board: stream).hear(PLAIN, *[INFO_2013] * ALIKE)
+
+
+def test_a_board_of_2013_without_a_stream_is_greeted_by_its_answer():
+    assert of_2013(None, Plan(stream=False)).done
+
+
+def test_a_board_of_2013_has_no_three_wheels():
+    with pytest.raises(WrongRobot, match="three wheels"):
+        of_2013("start_omni_stream")
+
+
+def test_other_streams_of_a_board_of_2013_end_before_that_of_its_sensors():
+    hello = of_2013(SENSOR_STREAM)
+    assert [words for words, _ in hello.sent] == [(19,), (24,), (28,)]
+    assert hello.ask() == [[SENSING]]
+
+
+def test_a_board_of_2013_that_does_not_know_the_stream_of_sensors_gets_the_usual_one():
+    hello = of_2013(SENSOR_STREAM)
+    hello.ask(7)
+    assert hello.hear(PLAIN, *[INFO_2013] * DEAF).ask() == [[18]]
+
+
+def test_the_stream_of_sensors_shows_that_a_board_of_2013_has_them():
+    hello = of_2013(SENSOR_STREAM).hear(PLAIN, Frame(SENSING, (0,) * 6))
+    assert (hello.done, hello.board.capabilities) == (True, {"environment"})
