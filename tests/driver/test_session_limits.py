@@ -1,0 +1,695 @@
+"""The session fed by hand: its limits to the instant, what it counts, and what it sends in each state."""
+
+import math
+
+import pytest
+
+from mrl_driver.errors import BoardTimeout
+from mrl_driver.protocol import Frame, Stamp, encode_reply
+from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.session.events import ImuReading, Ready, Reply, SensorRead, Stale, Status
+from mrl_driver.session.handshake import Board, Plan
+from mrl_driver.session.sensor_polling import SENSOR_STREAM
+from mrl_driver.session.session import Counts, Session
+
+from .talk import Talk
+
+LATE_S, PAUSE_S, STALE_S, REFUSED_S = 0.1, 0.25, 0.28, 0.15
+OURS = frozenset({"check", "watchdog", "period", "config", "sonars"})
+MOVE, STATUS, INFO = b"@11,", b"@30", b"@5"
+STOP_BYTES = b"@13e"
+MOVE_MOTORS = BY_NAME["move_motors"].code
+OMNI, SENSING = BY_NAME["start_omni_stream"].code, BY_NAME[SENSOR_STREAM].code
+IMU = BY_NAME["read_imu"].code
+START_IMU = b"@47,"
+LEVEL = (0, 0, 0, 0, 0, 16384)
+MOST_INT16 = 32767
+
+
+class Fed:
+    """A session that has joined a board, and frames of this board."""
+
+    def __init__(
+        self,
+        capabilities=OURS,
+        code=8,
+        checked=True,
+        now=0.0,
+        protocol=2,
+        admit=lambda board: None,
+        **options,
+    ):
+        self.code, self.sequence, self.start_s = code, 0, now
+        self.session = Session(admit, now, **options)
+        board = Board(1, protocol, 1.72, 12.0, 25.0, protocol, frozenset(capabilities))
+        self.events = self.session.join(board, code, checked, now)
+
+    @property
+    def motion(self):
+        return self.session.motion
+
+    def at(self, now, data=b""):
+        """Bytes arrive and what is due is done; returns what is sent."""
+        self.events += self.session.receive(data, now)
+        self.events += self.session.tick(now)
+        return self.session.take()
+
+    def frame(self, now, args=(0, 0, 120, 45, 645), code=None, number=None):
+        """A frame of the stream, with the next number or this one."""
+        self.sequence = self.sequence + 1 if number is None else number
+        stamp = Stamp(self.sequence, int((now - self.start_s) / 64e-6) % 32768)
+        return encode_reply(code or self.code, *args, stamp=stamp, checked=self.session.checked)
+
+    def say(self, code, *args):
+        return encode_reply(code, *args, checked=self.session.checked)
+
+    def status(self, reason="none", uptime_s=100):
+        return self.say(30, 0, uptime_s, 1, STOP_REASONS.index(reason), 0, 0)
+
+    def still(self, until_s, args=(0, 0, 120, 45, 645)):
+        """The wheels stand, each 20 ms."""
+        steps = round(until_s / 0.02)
+        return b"".join(self.at(i * 0.02, self.frame(i * 0.02, args)) for i in range(1, steps + 1))
+
+    def drive(self, now, speeds=(200, 0), **options):
+        assert self.session.drive(speeds, now, **options)
+        return self.session.take()
+
+    def seen(self, kind):
+        return [event for event in self.events if isinstance(event, kind)]
+
+
+# -- a command and the age of telemetry
+
+
+def test_a_command_is_not_sent_at_the_instant_at_which_telemetry_is_late():
+    assert MOVE in Fed().drive(LATE_S - 0.001) and MOVE not in Fed().drive(LATE_S)
+
+
+def test_speeds_are_adjusted_at_once_unless_telemetry_is_late():
+    fed = Fed()
+    fed.drive(0.05)
+    fed.session.adjust((100, 0), 0.06)
+    assert fed.session.take().startswith(b"@11,100,0,")
+    fed.session.adjust((50, 0), LATE_S)
+    assert fed.session.take() == b""
+
+
+def test_requests_that_are_due_wait_while_telemetry_is_late():
+    asked = {}
+    for now in (LATE_S - 0.001, LATE_S):
+        fed = Fed()
+        fed.session.request(1)
+        fed.session.take()
+        asked[now] = STATUS in fed.at(now)
+    assert list(asked.values()) == [True, False]
+
+
+def test_telemetry_is_stale_at_its_limit_and_its_age_is_told():
+    fed = Fed()
+    fed.drive(0.05)
+    fed.at(0.2)
+    fed.session.tick(STALE_S - 0.001)
+    assert fed.session.ready
+    assert fed.session.tick(STALE_S) == [Stale(STALE_S, False)]
+    assert fed.motion.stop_reason == "stale"
+
+
+def test_the_age_of_stale_telemetry_is_counted_from_its_last_frame():
+    fed = Fed(now=100.0)
+    assert fed.session.tick(100.5)[0].age_s == pytest.approx(0.5)
+
+
+# -- the next instant at which something is due
+
+
+@pytest.fixture
+def settled():
+    """A board of 2013 that stands, with no stop to confirm; its next request is due in a second."""
+    fed = Fed((), checked=False, protocol=1)
+    fed.still(0.4)
+    assert not fed.motion.stopping
+    return fed
+
+
+def test_without_a_command_the_next_tick_is_due_when_telemetry_is_stale(settled):
+    assert settled.session.deadline(0.4) == pytest.approx(0.4 + STALE_S)
+
+
+def test_with_a_command_it_is_due_a_tenth_of_a_second_later(settled):
+    settled.drive(0.4)
+    assert settled.session.deadline(0.4) == pytest.approx(0.5)
+
+
+def test_late_telemetry_lets_nothing_be_due_at_once():
+    fed = Fed()
+    fed.drive(0.0)
+    fed.at(LATE_S)
+    assert fed.session.deadline(LATE_S) == pytest.approx(2 * LATE_S)
+
+
+def test_while_the_board_is_greeted_a_stop_is_due_too():
+    session = Session(lambda board: None, 0.0)
+    session.tick(0.0)
+    assert session.deadline(0.0) == 0.25
+    session.stop(0.0)
+    assert session.deadline(0.0) == 0.05
+
+
+def test_work_within_half_a_period_is_done_with_the_frame():
+    assert Session(lambda board: None, 0.0, Plan(period_ms=50)).lead_s == 0.025
+
+
+def test_a_new_session_may_have_work():
+    assert Session(lambda board: None, 0.0).hurried
+
+
+def test_a_session_has_earlier_work_after_an_answer_and_not_after_telemetry():
+    fed = Fed()
+    fed.at(0.02, fed.frame(0.02))
+    fed.session.receive(fed.frame(0.04), 0.04)
+    assert not fed.session.hurried
+    fed.session.receive(fed.say(5, 2500, 172, 1200, 2, 1), 0.05)
+    assert fed.session.hurried
+
+
+def test_a_session_that_greets_has_earlier_work():
+    session = Session(lambda board: None, 0.0)
+    session.tick(0.0)
+    session.deadline(0.0)
+    session.receive(b"", 0.1)
+    assert session.hurried
+
+
+def test_a_request_that_turns_motors_is_earlier_work():
+    fed = Fed()
+    fed.at(0.02, fed.frame(0.02))
+    fed.session.deadline(0.02)
+    assert not fed.session.hurried
+    fed.session.request(MOVE_MOTORS, 20, 20)
+    assert fed.session.hurried
+
+
+# -- a pause of this program
+
+
+@pytest.mark.parametrize("call", ["receive", "tick"])
+@pytest.mark.parametrize("now, paused", [(PAUSE_S, False), (PAUSE_S + 0.001, True)])
+def test_a_command_ends_after_a_pause_longer_than_a_quarter_of_a_second(call, now, paused):
+    fed = Fed()
+    fed.drive(0.0)
+    if call == "receive":
+        fed.session.receive(b"", now)
+    else:
+        fed.session.tick(now)
+    assert (fed.motion.target is None, fed.motion.stop_reason == "host_paused") == (paused, paused)
+
+
+def test_each_call_attends_to_the_board():
+    """None of them is 0.25 s after the one before."""
+    fed = Fed()
+    fed.drive(0.0)
+    fed.session.tick(0.2)
+    fed.drive(0.4)
+    fed.session.receive(fed.frame(0.6), 0.6)
+    fed.session.tick(0.8)
+    assert fed.motion.stop_reason == "none"
+
+
+@pytest.mark.parametrize("period_ms, pause_s", [(20, 0.25), (200, 0.4)])
+def test_commands_are_refused_after_a_gap_longer_than_a_pause_and_than_two_periods(period_ms, pause_s):
+    taken = []
+    for now in (pause_s, pause_s + 0.001):
+        fed = Fed(plan=Plan(period_ms=period_ms))
+        fed.session.queued_s = 1.0
+        taken.append(fed.session.drive((200, 0), now))
+    assert taken == [True, False]
+
+
+@pytest.mark.parametrize("gap_s, taken", [(0.4, True), (0.41, False)])
+def test_the_same_if_the_port_is_read_first(gap_s, taken):
+    fed = Fed(plan=Plan(period_ms=200))
+    fed.session.queued_s = 1.0
+    fed.session.receive(b"", gap_s)
+    assert fed.session.drive((200, 0), gap_s) is taken
+
+
+def test_a_gap_is_one_between_calls_and_not_the_age_of_the_session():
+    fed = Fed(now=100.0, plan=Plan(period_ms=200))
+    fed.session.queued_s = 1.0
+    fed.session.receive(b"", 100.3)
+    assert fed.session.drive((200, 0), 100.3)
+
+
+def test_a_session_refuses_no_commands_after_a_pause_unless_it_is_told_to():
+    assert Fed().session.drive((200, 0), 1.0)
+
+
+def test_a_command_before_the_greeting_is_refused():
+    assert Session(lambda board: None, 0.0).drive((200, 0), 0.0) is False
+
+
+# -- stops
+
+
+def test_a_stop_is_sent_at_once():
+    fed = Fed()
+    fed.drive(0.05)
+    fed.session.stop(0.06)
+    assert fed.session.take().startswith(STOP_BYTES)
+
+
+def test_the_wheels_stand_still_though_sonars_change():
+    fed = Fed()
+    for i in range(1, 11):
+        fed.at(i * 0.02, fed.frame(i * 0.02, (7, 7, 100 + i, 200 - i, 300 + i)))
+    assert not fed.motion.stopping
+
+
+@pytest.mark.parametrize("rear", [0, 1])
+def test_three_wheels_stand_still_if_the_third_does_too(rear):
+    fed = Fed(OURS | {"omni"}, OMNI)
+    for i in range(1, 11):
+        fed.at(i * 0.02, fed.frame(i * 0.02, (7, 7, rear * i, 100 + i, 200, 300)))
+    assert fed.motion.stopping == bool(rear)
+
+
+def test_a_stop_that_the_board_was_asked_for_is_not_one_of_its_own():
+    fed = Fed()
+    fed.at(0.02, fed.status())
+    fed.session.stop(0.03)
+    fed.at(0.04, fed.status("host"))
+    assert fed.motion.stop_reason == "user"
+
+
+def refused_at(now, before_s=0.0, answers_after_s=None):
+    """Whether a command of time 0 counts as refused by a stop that the board tells of at `now`."""
+    fed = Fed()
+    fed.at(0.0, fed.status("stall"))
+    if answers_after_s is not None:
+        fed.session.identify()
+        assert INFO in fed.at(0.0)
+        fed.at(answers_after_s, fed.frame(answers_after_s) + fed.say(5, 2500, 172, 1200, 2, 1))
+    begin_s = answers_after_s or 0.0
+    fed.drive(begin_s)
+    for i in range(int(now / 0.05)):
+        fed.at(begin_s + 0.05 * i, fed.frame(begin_s + 0.05 * i))
+    fed.session.receive(fed.status("stall"), begin_s + now)
+    return fed.motion.target is None
+
+
+@pytest.mark.parametrize("now, refused", [(REFUSED_S - 0.001, False), (REFUSED_S, True)])
+def test_a_command_in_force_for_long_enough_is_refused(now, refused):
+    assert refused_at(now) is refused
+
+
+@pytest.mark.parametrize(
+    "answer_s, now, refused",
+    [(0.2, 0.39, False), (0.2, 0.41, True), (0.24, 0.47, False), (0.24, 0.49, True)],
+)
+def test_long_enough_is_two_round_trips_on_a_slow_line(answer_s, now, refused):
+    assert refused_at(now, answers_after_s=answer_s) is refused
+
+
+def test_long_enough_is_at_most_half_a_second():
+    fed = Fed()
+    fed.at(0.0, fed.status("stall"))
+    fed.session.identify()
+    fed.at(0.0)
+    for i in range(1, 21):
+        fed.at(i * 0.02, fed.frame(i * 0.02) + (fed.say(5, 2500, 172, 1200, 2, 1) if i == 20 else b""))
+    assert fed.session.round_trip_s(0.4) == pytest.approx(0.4)
+    fed.drive(0.4)
+    for i in range(21, 47):
+        fed.at(i * 0.02, fed.frame(i * 0.02))
+    fed.at(0.92, fed.status("stall"))
+    assert fed.motion.target is None
+
+
+@pytest.mark.parametrize("now, stops", [(REFUSED_S - 0.001, 0), (REFUSED_S, 1)])
+def test_a_request_to_turn_motors_is_refused_after_that_time_too(now, stops):
+    fed = Fed()
+    fed.at(0.0, fed.status("stall"))
+    fed.session.request(MOVE_MOTORS, 20, 20)
+    fed.session.take()
+    fed.session.receive(fed.status("stall"), now)
+    assert fed.session.take().count(STOP_BYTES) == stops
+
+
+def test_after_a_stop_of_the_user_such_a_request_is_not_refused():
+    fed = Fed()
+    fed.at(0.0, fed.status("stall"))
+    fed.session.request(MOVE_MOTORS, 20, 20)
+    fed.session.stop(0.0)
+    fed.session.take()
+    fed.session.receive(fed.status("stall"), 0.2)
+    assert STOP_BYTES not in fed.session.take()
+
+
+@pytest.mark.parametrize(
+    "watchdog_ms, capabilities, coast_s",
+    [(250, OURS, 1.25), (1, OURS, 1.001), (0, OURS, math.inf), (250, OURS - {"watchdog"}, math.inf)],
+)
+def test_ready_tells_how_long_the_robot_may_coast(watchdog_ms, capabilities, coast_s):
+    fed = Fed(capabilities, plan=Plan(watchdog_ms=watchdog_ms))
+    assert fed.seen(Ready)[0].coast_s == pytest.approx(coast_s)
+
+
+# -- a link that is lost, and the end
+
+
+def test_a_lost_link_drops_the_command_and_what_was_not_sent():
+    fed = Fed()
+    assert fed.session.drive((200, 0), 0.05) and fed.session.out
+    fed.session.lose(0.06)
+    assert fed.session.take() == b"" and fed.motion.stop_reason == "link_lost"
+
+
+def test_a_link_lost_before_the_first_telemetry_has_no_time_limit():
+    fed = Fed(greeting_s=1.0)
+    fed.session.lose(0.1)
+    fed.session.tick(5.0)
+    assert not fed.session.ready
+
+
+def test_the_first_telemetry_has_the_time_of_the_greeting():
+    fed = Fed(greeting_s=2.0)
+    fed.session.tick(0.3)
+    fed.session.tick(1.99)
+    with pytest.raises(BoardTimeout):
+        fed.session.tick(2.0)
+
+
+def test_without_a_stream_no_telemetry_is_expected():
+    fed = Fed(plan=Plan(stream=False))
+    fed.session.tick(0.2)
+    fed.session.tick(60.0)
+    assert fed.session.ready
+
+
+def long_up(same=None):
+    """A board that was up for ten seconds at the start, on a link that was lost for a moment; greeted again."""
+    talk = Talk()
+    talk.board.started_s = -10.0
+    talk.until_ready().run(0.6)
+    talk.session.lose(talk.now)
+    talk.events.clear()
+    if same is None:
+        talk.session.relink(talk.now)
+    else:
+        talk.session.relink(talk.now, same)
+    return talk.until_ready().seen(Ready)[0].restarted
+
+
+def test_a_new_link_is_one_to_the_same_board_unless_it_is_told():
+    assert (long_up(), long_up(True), long_up(False)) == (False, False, True)
+
+
+@pytest.mark.parametrize("code, ended", [(SENSING, True), (8, False)])
+def test_the_end_stops_the_stream_of_sensors_if_it_runs(code, ended):
+    fed = Fed(code=code)
+    fed.session.take()
+    fed.session.end()
+    sent = fed.session.take()
+    assert (b"@26" in sent, b"@19" in sent) == (ended, True)
+
+
+@pytest.mark.parametrize("capabilities, ended", [(OURS, False), (OURS | {"imu"}, True)])
+def test_the_end_stops_the_stream_of_an_imu(capabilities, ended):
+    fed = Fed(capabilities)
+    fed.session.take()
+    fed.session.end()
+    assert (b"@48" in fed.session.take()) is ended
+
+
+def test_the_end_drops_the_command():
+    fed = Fed()
+    fed.drive(0.05)
+    fed.session.end()
+    assert (fed.motion.target, fed.motion.stop_reason) == (None, "closed")
+
+
+def test_the_end_asks_a_board_without_checksums_for_nothing_new():
+    fed = Fed((), checked=False, protocol=1)
+    fed.session.take()
+    fed.session.end()
+    assert fed.session.take() == b"@19e"
+
+
+def test_a_session_that_never_met_a_board_can_end():
+    session = Session(lambda board: None, 0.0)
+    session.end()
+    assert session.take() == b"@19e"
+
+
+# -- who the board is, asked again
+
+
+@pytest.mark.parametrize("protocol, asks", [(2, True), (1, False)])
+def test_a_board_is_asked_again_who_it_is_and_its_protocol_if_it_knows_that(protocol, asks):
+    fed = Fed(OURS if asks else (), checked=asks, protocol=protocol)
+    fed.at(0.02, fed.frame(0.02))
+    fed.session.deadline(0.02)
+    fed.session.identify()
+    assert fed.session.hurried
+    sent = fed.at(0.03)
+    assert (INFO in sent, b"@29" in sent) == (True, asks)
+
+
+def test_a_board_that_is_greeted_is_not_asked_beside_it():
+    fed = Fed()
+    fed.session.lose(0.1)
+    fed.session.identify()
+    assert fed.session.take() == b""
+
+
+# -- frames and their numbers
+
+
+def test_bytes_are_counted():
+    fed = Fed()
+    data = fed.frame(0.02)
+    sent = fed.at(0.02, data + data[:7])
+    counters = fed.session.counters
+    assert (counters.bytes_in, counters.bytes_out, counters.streamed) == (len(data) + 7, len(sent), 1)
+    assert sent and fed.session.pending == data[:7]
+
+
+def test_the_frame_before_a_session_that_joins_is_telemetry():
+    session = Session(lambda board: None, 0.0)
+    last = Frame(8, (5, 6, 120, 45, 645), Stamp(3, 0))
+    events = session.join(Board(1, 2, 1.72, 12.0, 25.0, 2, OURS), 8, True, 0.0, last)
+    assert [type(event) for event in events] == [Ready, Counts]
+    assert (events[1].right, events[1].left, events[1].sonars) == (5, 6, (120, 45, 645))
+    assert events[0].restarted
+
+
+def test_three_wheels_have_three_counters_and_sonars():
+    fed = Fed(OURS | {"omni"}, OMNI)
+    fed.at(0.02, fed.frame(0.02, (1, 2, 3, 4, 5, 6)))
+    counts = fed.seen(Counts)[0]
+    assert (counts.right, counts.left, counts.rear, counts.sonars) == (1, 2, 3, (4, 5, 6))
+
+
+def test_sensors_in_the_stream_are_told():
+    fed = Fed((), SENSING, checked=False, protocol=1)
+    fed.at(0.02, fed.say(SENSING, 1, 2, 123, 300, 22, 500))
+    assert {event.name: event.reading.values for event in fed.seen(SensorRead)} == {
+        "alcohol": (123.0,),
+        "dust": (300.0,),
+        "light": (500.0,),
+    }
+    assert fed.seen(Counts)[0].sonars is None
+
+
+@pytest.mark.parametrize("stream, polled", [(SENSOR_STREAM, False), (None, True)])
+def test_sonars_are_asked_for_unless_the_robot_has_other_sensors(stream, polled):
+    fed = Fed((), 6, checked=False, protocol=1, admit=lambda board: stream)
+    assert (b"@7e" in fed.at(0.02, fed.say(6, 1, 2))) is polled
+
+
+def test_a_frame_that_was_overtaken_is_not_used():
+    fed = Fed(now=100.0)
+    for now, number in ((100.001, 1), (100.002, 2), (100.003, 4), (100.004, 3)):
+        fed.at(now, fed.frame(now, number=number))
+    assert [event.sequence for event in fed.seen(Counts)] == [1, 2, 4]
+    assert fed.session.counters.overtaken == 1
+
+
+@pytest.mark.parametrize("now, used", [(STALE_S - 0.001, 1), (STALE_S, 2)])
+def test_after_a_silence_no_frame_counts_as_overtaken(now, used):
+    fed = Fed()
+    fed.at(0.0, fed.frame(0.0, number=600))
+    fed.events += fed.session.receive(fed.frame(now, number=100), now)
+    assert len(fed.seen(Counts)) == used
+
+
+def test_numbers_go_on_after_the_largest():
+    fed = Fed()
+    for i, number in enumerate((MOST_INT16 - 1, MOST_INT16, -MOST_INT16 - 1, -MOST_INT16)):
+        fed.at(0.02 * i, fed.frame(0.02 * i, number=number))
+    assert (len(fed.seen(Counts)), fed.session.counters.lost) == (4, 0)
+
+
+COMPASS = BY_NAME["start_compass_stream"].code
+
+
+@pytest.mark.parametrize("code, args", [(8, (0, 0, 120, 45, 645)), (IMU, LEVEL), (COMPASS, (90,))])
+def test_a_frame_that_arrives_late_has_the_boards_time(code, args):
+    """It waited for 6 s, in which the 16 bits of board time wrap; its number says that none is missing."""
+    fed = with_imu()
+    first, late, last = fed.frame(0.02), fed.frame(0.04, args, code), fed.frame(0.06)
+    fed.at(0.02, first)
+    fed.events += fed.session.receive(late + last, 6.0)
+    times = [event.time_s for event in fed.events if isinstance(event, (Counts, ImuReading))]
+    assert times[-1] - times[0] == pytest.approx(0.04, abs=1e-3)
+    assert max(b - a for a, b in zip(times, times[1:])) < 0.05
+
+
+def test_an_answer_of_a_sensor_is_its_reading():
+    fed = Fed(OURS | {"environment"})
+    fed.at(0.02, fed.say(20, 123))
+    assert fed.session.sensors.readings["alcohol"].values == (123.0,)
+
+
+def test_a_reply_with_an_old_number_is_told_once():
+    fed = Fed()
+    data = fed.frame(0.02, (90,), COMPASS)
+    fed.at(0.02, data + data)
+    assert (len(fed.seen(Reply)), fed.session.counters.duplicates) == (1, 1)
+
+
+def test_plain_frames_count_only_in_a_row():
+    fed, plain = Fed(), encode_reply(8, 1, 2, 120, 45, 645)
+    fed.at(0.01, plain + plain)
+    fed.at(0.02, fed.frame(0.02))
+    fed.at(0.03, plain + plain)
+    assert fed.session.checked and fed.session.ready
+    assert fed.session.counters.garbage == {"bad_check": 4}
+
+
+def test_two_plain_frames_at_the_start_are_not_believed_and_three_are():
+    fed, plain = Fed(), encode_reply(8, 1, 2, 120, 45, 645)
+    fed.drive(0.0)
+    fed.at(0.01, plain + plain)
+    assert fed.session.checked
+    fed.at(0.02, plain)
+    assert not fed.session.checked and fed.motion.stop_reason == "restarted"
+
+
+def test_a_plain_answer_who_it_is_on_a_ready_board_is_garbage():
+    fed = Fed()
+    fed.at(0.01, encode_reply(5, 2500, 172, 1200, 2, 1))
+    assert (fed.session.counters.garbage, fed.session.counters.frames) == ({"bad_check": 1}, 0)
+
+
+def test_plain_telemetry_while_a_board_with_checksums_is_greeted_is_garbage():
+    fed = Fed()
+    fed.session.lose(0.01)
+    fed.at(0.02, encode_reply(8, 1, 2, 120, 45, 645))
+    assert (fed.session.counters.garbage, fed.session.counters.frames) == ({"bad_check": 1}, 0)
+
+
+# -- the IMU
+
+
+def with_imu(**options):
+    return Fed(OURS | {"imu"}, **options)
+
+
+def test_a_frame_of_the_imu_is_a_reading_and_no_reply():
+    fed = with_imu()
+    fed.at(0.01, fed.frame(0.01, LEVEL, IMU))
+    assert (len(fed.seen(ImuReading)), fed.seen(Reply)) == (1, [])
+
+
+def test_the_imus_stream_is_not_started_again_while_it_runs():
+    fed = with_imu()
+    sent = fed.at(0.02, fed.frame(0.02))
+    for i in range(1, 31):
+        sent += fed.at(i * 0.1, fed.frame(i * 0.1) + fed.frame(i * 0.1, LEVEL, IMU))
+    assert sent.count(START_IMU) == 1
+
+
+def test_the_imus_stream_is_started_again_after_a_second_of_silence():
+    fed = with_imu()
+    sent = b"".join(fed.at(i * 0.1, fed.frame(i * 0.1)) for i in range(1, 14))
+    assert sent.count(START_IMU) == 2
+
+
+def test_a_frame_of_the_imu_that_nobody_asked_for_is_a_reply():
+    fed = with_imu(plan=Plan(imu_period_ms=0))
+    fed.at(0.01, fed.frame(0.01, LEVEL, IMU))
+    assert (fed.seen(ImuReading), len(fed.seen(Reply))) == ([], 1)
+
+
+def test_frames_of_the_imu_share_the_numbers_of_the_stream():
+    fed = with_imu()
+    for i, (number, code) in enumerate(((1, 8), (2, IMU), (4, IMU), (4, IMU), (5, 8), (7, 8))):
+        fed.at(i * 1e-3, fed.frame(i * 1e-3, LEVEL if code == IMU else (0, 0, 120, 45, 645), code, number))
+    counters = fed.session.counters
+    assert (len(fed.seen(ImuReading)), len(fed.seen(Counts))) == (2, 3)
+    assert (counters.lost, counters.duplicates) == (2, 1)
+
+
+# -- restarts
+
+
+@pytest.mark.parametrize("uptime_s, restarted", [(2, True), (3, False)])
+def test_a_status_that_another_one_overtook_is_no_restart(uptime_s, restarted):
+    """A second after an uptime of 9 s, a restarted board has an uptime of 2 s at most."""
+    fed = Fed()
+    fed.drive(0.0)
+    fed.session.receive(fed.status(uptime_s=9), 0.0)
+    for i in range(1, 10):
+        fed.at(i * 0.1, fed.frame(i * 0.1))
+    fed.events += fed.session.receive(fed.status(uptime_s=uptime_s), 1.0)
+    assert (not fed.session.ready, bool(fed.seen(Status))) == (restarted, restarted)
+    assert (fed.motion.stop_reason == "restarted") is restarted
+
+
+def stalled(uptime_s, check=True):
+    """A board that had this uptime when it fell silent for a moment; greeted again."""
+    talk = Talk(plan=Plan(check=check))
+    talk.board.started_s = -float(uptime_s) + 0.9
+    talk.until(lambda: talk.seen(Status) and talk.seen(Status)[-1].uptime_s == uptime_s)
+    talk.board.mute = True
+    talk.until(lambda: talk.seen(Stale))
+    talk.board.mute = False
+    talk.events.clear()
+    return talk.until_ready()
+
+
+@pytest.mark.parametrize("uptime_s, restarted", [(2, True), (3, False)])
+def test_a_plain_board_that_was_up_for_three_seconds_has_not_restarted_if_its_start_is_the_same(
+    uptime_s, restarted
+):
+    assert stalled(uptime_s, check=False).seen(Ready)[0].restarted is restarted
+
+
+def test_frames_of_a_board_that_restarted_are_used_at_once():
+    """Their numbers are lower than those before."""
+    talk = Talk().until_ready().run(1.0)
+    talk.board.reset(talk.now)
+    talk.events = []
+    talk.until_ready().run(0.1)
+    assert len(talk.counts) >= 4 and talk.session.counters.overtaken == 0
+
+
+def test_times_of_a_board_that_restarted_begin_anew():
+    talk = Talk().until_ready().run(1.0)
+    talk.board.reset(talk.now)
+    talk.events = []
+    talk.until_ready().run(0.1)
+    assert max(abs(each.stamp_s - each.arrival_s) for each in talk.counts) < 0.01
+    assert talk.counts[0].time_s == pytest.approx(0.0, abs=0.05)
+
+
+def test_frames_lost_before_a_restart_stay_counted():
+    talk = Talk().until_ready().run(0.2)
+    talk.board.sequence += 3
+    talk.run(0.1)
+    talk.board.reset(talk.now)
+    talk.events = []
+    talk.until_ready().run(0.1)
+    assert talk.session.counters.lost == 3
