@@ -14,10 +14,13 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 
 import yaml
 
+from tests.verify.model.checker import compile_model, follow
+
 from .board import BUILD, LIBRARY, ROOT, ExploredBoard, build
 from .events import ALL, DEEP, words
 from .recorded import record
 from .search import Explorer, Found, Table
+from .to_model import script_of
 
 PROCESSES, TABLE_BITS, MOST = 2, 25, 1000
 NOT_HERE = {
@@ -173,6 +176,7 @@ def main() -> None:
     parser.add_argument("--no-bugs", action="store_true")
     parser.add_argument("--words", metavar="PATH", help="play one sequence, and print what it violates")
     parser.add_argument("--record", metavar="FILE", help="with --words: the file of its recording")
+    parser.add_argument("--in-model", action="store_true", help="with --words: the model of the stop, too")
     parser.add_argument("--search", action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--library", type=Path, default=LIBRARY, help=argparse.SUPPRESS)
     parser.add_argument("--no-timeout", action="store_true", help=argparse.SUPPRESS)
@@ -186,6 +190,8 @@ def main() -> None:
     if options.words:
         print("\n".join(words(options.words)))
         print(record(options.words, options.record, strict) or "holds")
+        if options.in_model:
+            print("model:", follow(compile_model(BUILD), script_of(options.words)) or "holds")
         return
     file = BUILD / "explore.json"
     results: Dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}

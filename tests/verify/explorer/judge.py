@@ -149,8 +149,8 @@ class Judge:
         own = REASONS[board.stop_reason] if board.stop_reason < len(REASONS) else "?"
         restarted = now_s - max(self.reset_s, self.port_s) < RECENT_S
         if board.stop_reason != self.reason and own != "none" and not restarted:
-            moved = max(board.truth.moved_us / 1e6, world.line.move_s) >= self.before_s
-            if not self.expected and not moved:
+            moved = max(board.truth.moved_us / 1e6, world.line.move_s + IN_FLIGHT_S) >= self.before_s
+            if not self.expected and not moved:  # nor was a move under way
                 return "P6"
         told = world.driver._core.session.motion.stop_reason
         if told != self.told and not self._is_true(told, world):

@@ -38,6 +38,10 @@ def test_no_sequence_of_three_events_violates_a_property(explorer):
     assert explorer.transitions > len(QUICK) ** 2
 
 
+def test_a_board_that_loses_its_motor_board_while_a_move_is_under_way_to_it_tells_a_true_reason(explorer):
+    assert explorer.play("Wasada") == ""
+
+
 @pytest.mark.parametrize("event", ["c", "o", "r"])
 def test_a_board_that_comes_back_is_greeted_and_obeys_again(explorer, event):
     explorer.play("d" + event + "Wd")

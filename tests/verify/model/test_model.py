@@ -8,8 +8,10 @@ import yaml
 
 from mrl_driver.session.session import Session
 from sim_arduino.board.board_status import BoardStatus
+from tests.verify.explorer.events import DEEP
+from tests.verify.explorer.to_model import KNOWN, script_of
 from tests.verify.model.__main__ import CONTROLS, ROOT
-from tests.verify.model.checker import BRIDGE, BUS, HOST, LINE, PORT, compile_model, run
+from tests.verify.model.checker import BRIDGE, BUS, HOST, LINE, PORT, Tick, compile_model, follow, run
 from tests.verify.model.constants import HEADER, header, ticks
 from tests.verify.model.replay import events_of, play
 
@@ -65,6 +67,38 @@ def test_a_counterexample_of_the_model_moves_the_real_driver_if_the_guard_is_rem
     monkeypatch.setattr(Session, "_resume", lambda self, now: None)  # the edit of bug 9
     unguarded = play(events)
     assert guarded.travel_m < COAST_M < unguarded.travel_m
+
+
+@pytest.mark.parametrize(
+    "path, bug, broken", [("dX", 1, "P1"), ("dlsW", 7, "P5"), ("id", 11, "P4"), ("ow", 13, "P7")]
+)
+def test_a_sequence_that_finds_a_bug_in_the_real_code_finds_it_in_the_model_and_holds_without_it(
+    checker, path, bug, broken
+):
+    script = script_of(path)
+    assert (follow(checker, script, BUG=bug), follow(checker, script)) == (broken, "")
+
+
+def test_the_model_says_that_it_cannot_follow_a_script(checker):
+    with pytest.raises(ValueError, match="cannot follow.*'PLUG'"):
+        follow(checker, [Tick(other="PLUG")])  # the port is there
+
+
+def test_all_events_of_the_longest_sequences_exist_in_the_model():
+    assert set(DEEP) <= set(KNOWN)
+
+
+def test_an_event_that_the_model_does_not_have_is_an_error():
+    with pytest.raises(ValueError, match="no events k, expected some of"):
+        script_of("dk")
+
+
+def test_a_fault_of_the_next_tick_joins_the_event_that_follows():
+    assert script_of("lmds") == [Tick("CUT_BOTH", user="DRIVE"), Tick(user="STOP")]
+
+
+def test_what_a_closed_or_a_free_driver_ignores_is_no_event_of_the_model():
+    assert script_of("uixd") == [Tick(), Tick(user="EMERGENCY"), Tick(user="CLOSE"), Tick()]
 
 
 def test_the_constants_are_those_of_the_code():
