@@ -195,11 +195,13 @@ def main() -> None:
         return
     file = BUILD / "explore.json"
     results: Dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
+    holds = True
     if not options.bug:
         alphabet = ALL if options.alphabet == "all" else options.alphabet
         results[f"{len(alphabet)} kinds, {options.depth} events"] = figures = explore(
             alphabet, options.depth, strict, options.limit
         )
+        holds = figures["complete"]
         print(json.dumps(figures, indent=1))
         file.write_text(json.dumps(results, indent=1) + "\n")
         for each in figures["found"][:3]:
@@ -212,6 +214,8 @@ def main() -> None:
             known[result["number"]] = result
             results["bugs"] = [known[number] for number in sorted(known)]
             file.write_text(json.dumps(results, indent=1) + "\n")
+    if not holds:
+        sys.exit("a property is violated, or the time has not sufficed: see `found` and `complete` above")
 
 
 if __name__ == "__main__":
