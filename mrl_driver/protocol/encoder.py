@@ -28,10 +28,11 @@ def encode_reply(code: int, *args: int, stamp: Optional[Stamp] = None, checked: 
         FrameError: the table has no such reply, or does not allow these arguments, or the stamp is missing.
     """
     row = _row(code)
-    stamped = checked and row.stamped
-    if stamped and stamp is None:
-        raise FrameError(f"reply {code} ({row.name}) is stamped, got no stamp")
-    tail = stamp if stamped and stamp is not None else ()
+    tail: Sequence[int] = ()
+    if checked and row.stamped:
+        if stamp is None:
+            raise FrameError(f"reply {code} ({row.name}) is stamped, got no stamp")
+        tail = stamp
     return _encode(row, row.reply, row.optional_reply, args, tail, checked) + b"\r\n"
 
 

@@ -128,6 +128,23 @@ def test_forbidden_request_raises(code, args, message):
         encode_request(code, *args)
 
 
+@pytest.mark.parametrize(("speeds", "check"), [((34, -147), b"32767"), ((17, 180), b"-32768")])
+def test_a_checksum_is_written_as_int16(speeds, check):
+    """The largest and the smallest that there are."""
+    assert encode_request(11, *speeds, checked=True) == b"@11,%d,%d," % speeds + check + b"e"
+
+
+def test_the_argument_that_may_be_absent_is_counted_from_the_last():
+    """The period of a stream may be left out, a second one is refused."""
+    assert (encode_request(18), encode_request(18, 20)) == (b"@18e", b"@18,20e")
+    with pytest.raises(FrameError, match="takes 1 arguments, got 2"):
+        encode_request(18, 20, 20)
+
+
+def test_a_stamp_is_written_only_with_a_checksum():
+    assert encode_reply(6, 1, 2, stamp=Stamp(3, 4)) == b"@6,1,2e\r\n"
+
+
 def test_reply_without_its_stamp_raises():
     with pytest.raises(FrameError, match="stamped"):
         encode_reply(6, 1, 2, checked=True)
