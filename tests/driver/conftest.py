@@ -32,10 +32,10 @@ class PtyBoard:
 
     def _serve(self):
         while not self._end.is_set():
-            if self.held.is_set():
+            ready, _, _ = select.select([self.master], [], [], 0.002)
+            if self.held.is_set():  # asked after the wait: what was sent once it is set gets no answer
                 time.sleep(0.002)
                 continue
-            ready, _, _ = select.select([self.master], [], [], 0.002)
             now = time.monotonic()
             if ready:
                 data = os.read(self.master, 4096)

@@ -1,6 +1,7 @@
 """The node on an emulated board: topics, frames, commands."""
 
 import math
+import statistics
 import time
 from statistics import median
 
@@ -83,9 +84,10 @@ def test_a_stop_that_the_next_command_ends_at_once_is_published(robot):
 
 
 def test_odometry_comes_at_the_rate_of_the_stream(robot):
-    """By the stamps, which are those of the frames, not of their arrival."""
+    """By the stamps, which are those of the frames, not of their arrival; a pause of the computer loses some frames."""
     stamps = [message.header.stamp.to_sec() for message in robot.odom.wait_for_more(FRAME_HZ // 2)]
-    assert (len(stamps) - 1) / (stamps[-1] - stamps[0]) == pytest.approx(FRAME_HZ, rel=0.2)
+    periods = [after - before for before, after in zip(stamps, stamps[1:])]
+    assert statistics.median(periods) == pytest.approx(1 / FRAME_HZ, rel=0.2)
 
 
 def test_frames_are_those_of_the_parameters(robot):
