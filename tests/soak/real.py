@@ -105,6 +105,7 @@ class Rig:
             self.tally.problem("forbidden_motion", again=window.again, **told)
         else:
             self.tally.passed("forbidden_motion")
+        self.tally.measured("pulses_in_a_window", window.pulses)
         if window.stopped_s is not None and window.stopped_s <= limit_s:
             self.tally.passed("time_to_stop")
             self.tally.measured(f"stop_s_{self.fault}", window.stopped_s)

@@ -8,6 +8,7 @@ import pytest
 
 from mrl_driver.robot.odometry import Baseline
 from sim_arduino.board.board_status import BoardStatus
+from tests.soak import truth
 from tests.soak.__main__ import table
 from tests.soak.programs import MARK, holds, left_behind
 from tests.soak.rows import LEAST, ROWS
@@ -64,6 +65,22 @@ def test_a_board_that_moves_again_after_its_own_stop_is_reported(monkeypatch):
     assert struck("stalled", times=3).kinds["forbidden_motion"] == 0
     monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
     assert struck("stalled", times=3).kinds["forbidden_motion"] > 0
+
+
+@pytest.mark.parametrize("pulse_s, again, pulses", [(truth.PULSE_S, 0, 1), (0.0, 1, 0)])
+def test_a_move_that_the_line_delivers_together_with_its_stop_moves_no_wheel(
+    monkeypatch, pulse_s, again, pulses
+):
+    monkeypatch.setattr(truth, "PULSE_S", pulse_s)
+    simulation = Simulation(1, Tally())
+    simulation.stop()
+    begun_s = simulation.now_s
+    simulation.engine.stall(0.9)
+    simulation.command(0.2, 0.0)
+    simulation.wait(1.2)
+    window = truth.judge(simulation.truth, begun_s, simulation.now_s)
+    simulation.engine.close()
+    assert (window.again, window.pulses) == (again, pulses)
 
 
 def test_an_odometry_that_believes_all_counters_is_reported(monkeypatch):

@@ -9,6 +9,7 @@ from typing import Optional
 
 from mrl_driver.protocol.table import STOP_REASONS
 from ros1_bridge.control.commander import LATE as TOO_LATE
+from tests.soak.truth import PULSE_S
 
 from .world import World
 
@@ -22,8 +23,6 @@ REPEAT_S = 0.1
 """P5: after a fault of the line has ended, a stop has arrived within this time [s]."""
 GREETING_S = 0.4
 """The same while the board is being greeted: a port is looked for every 0.1 s, requests go every 0.25 s [s]."""
-PULSE_S = 0.005
-"""A move that is followed by a stop within this time is not motion: both waited behind a write that blocked [s]."""
 SILENT_S = 0.28
 JUMP_M, NEW_S = 0.065, 0.4
 """P7: from the loss of the port to this time after its return [s] the pose moves less than this [m]: the robot coasts
