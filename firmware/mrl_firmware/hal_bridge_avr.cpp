@@ -118,10 +118,6 @@ volatile int8_t steps[quadrature::INDICES] __attribute__((aligned(quadrature::IN
 EncoderSample newest;
 volatile bool is_new;
 
-constexpr uint8_t left_state(uint8_t port) {
-  return static_cast<uint8_t>(port >> chip::bit_of(pins::LEFT_ENCODER_A) & quadrature::CHANNELS);
-}
-
 }  // namespace
 
 // Counts one edge in 67 cycles with the entry, 69 for the left encoder.  The compiler's code takes 103: the interrupts
