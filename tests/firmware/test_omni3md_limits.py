@@ -1,0 +1,280 @@
+"""The OMNI-3MD on the bus at its limits: what is sent and read, byte by byte, and when, to a tick of the clock."""
+
+from typing import Dict, List, Tuple
+
+import pytest
+
+from mrl_driver.protocol.table import TICK_S
+from tests.firmware.test_failsafe import FAULT, STOP, faults, refuse
+
+ADDRESS = 0x18
+VERSION, DECIMALS, BATTERY, TEMPERATURE = 0xFE, 0xFD, 0xD5, 0xD4
+GEOMETRY, GAINS, RAMP, TIMEOUT, PRESET, COUNTS, MOVE = 0xEA, 0xF4, 0xEC, 0xF1, 0xEF, 0xD8, 0xEB
+HALF_MS = 0.5e-3
+BIT_S = 2.5e-6
+"""400 kHz."""
+NONE = -1
+
+
+def transfer_s(data: bytes) -> float:
+    """Time of a write on the bus: address and data with their acknowledgements, start and stop [s]."""
+    return (9 * (1 + len(data)) + 3) * BIT_S
+
+
+class Answers:
+    """An I2C slave in the place of the motor board that answers these bytes by register."""
+
+    present = True
+
+    def __init__(self, answers: Dict[int, bytes]) -> None:
+        self.answers, self._register = answers, NONE
+
+    def write(self, data: bytes, time_s: float) -> bool:
+        self._register = data[0]
+        return True
+
+    def read(self, count: int, time_s: float) -> bytes:
+        return self.answers[self._register][:count]
+
+
+def word(value: int) -> bytes:
+    return (value & 0xFFFF).to_bytes(2, "big")
+
+
+ANSWERS = {VERSION: b"\x03", DECIMALS: b"\x07", BATTERY: word(291), TEMPERATURE: word(-50), COUNTS: bytes(6)}
+
+
+@pytest.fixture
+def answering(bench):
+    """Starts a board whose motor board answers these bytes instead of ANSWERS."""
+
+    def make(**changed: bytes):
+        board = bench(boot=False)
+        names = {"battery": BATTERY, "temperature": TEMPERATURE, "counts": COUNTS}
+        answers = {**ANSWERS, **{names[name]: data for name, data in changed.items()}}
+        board.plant.i2c[ADDRESS] = Answers(answers)
+        return board
+
+    return make
+
+
+def on_the_bus(board) -> List[Tuple[str, bytes]]:
+    """Transfers with the motor board: "write" or "read", and the bytes."""
+    return [(kind, data) for _, kind, address, data in board.board.transfers if address == ADDRESS]
+
+
+# ---- the start
+
+
+def test_the_start_byte_by_byte(answering):
+    """A stop, four questions, and the set-up; then the polls, battery and temperature by turns."""
+    board = answering()
+    board.run(0.1)
+    asked = [
+        (VERSION, ANSWERS[VERSION]), (DECIMALS, ANSWERS[DECIMALS]),
+        (BATTERY, ANSWERS[BATTERY]), (TEMPERATURE, ANSWERS[TEMPERATURE]),
+    ]  # fmt: skip
+    set_up = [
+        bytes([GEOMETRY]) + word(8700) + word(2700) + word(437) + word(640),
+        bytes([GAINS]) + word(700) + word(400) + word(200),
+        bytes([RAMP]) + word(2500) + word(0),
+        bytes([TIMEOUT]) + b"\x03\xaa\x03\x55",
+    ]
+    questions = [part for code, answer in asked for part in (("write", bytes([code])), ("read", answer))]
+    polls = questions[4:]
+    assert on_the_bus(board) == [("write", STOP), *questions, *(("write", data) for data in set_up), *polls]
+
+
+def test_what_the_motor_board_answers_at_the_start_is_its_information(answering):
+    """Version 3.07, 29.1 V and -5.0 degC, before the first poll."""
+    board = answering()
+    assert board.ask("robot_info").args[:3] == (-500, 307, 2910)
+
+
+UP = [(1, 10), (3276, 32760), (3277, 32767), (32767, 32767)]
+DOWN = [(-1, -10), (-3276, -32760), (-3277, -32768), (-32768, -32768)]
+
+
+@pytest.mark.parametrize(
+    "field, tenths, hundredths",
+    [*(("battery", *pair) for pair in UP), *(("temperature", *pair) for pair in UP + DOWN)],
+)
+def test_tenths_become_hundredths_within_int16(answering, field, tenths, hundredths):
+    board = answering(**{field: word(tenths)})
+    assert board.field("robot_info", field) == hundredths
+
+
+@pytest.mark.parametrize("field, register", [("battery", BATTERY), ("temperature", TEMPERATURE)])
+def test_a_poll_renews_its_own_field(answering, field, register):
+    board = answering()
+    board.run(0.06)
+    before = board.ask("robot_info").args
+    board.plant.i2c[ADDRESS].answers[register] = word(1234)
+    board.run(0.1)
+    after = board.ask("robot_info").args
+    place = 0 if field == "temperature" else 2
+    assert after == (*before[:place], 12340, *before[place + 1 :])
+
+
+def test_counts_are_signed_and_in_their_places(answering):
+    board = answering(counts=word(-2) + word(300) + word(-32768))
+    board.run(0.1)
+    board.forget()
+    assert board.ask("read_encoders").args == (-32768, -2)
+    assert on_the_bus(board)[:2] == [
+        ("write", bytes([COUNTS])),
+        ("read", word(-2) + word(300) + word(-32768)),
+    ]
+
+
+def test_a_command_is_written_without_a_read(bench):
+    board = bench()
+    board.send("preset_encoder", 1, 5)
+    assert on_the_bus(board)[0][0] == "write" and on_the_bus(board)[1:2] != [("read", b"\xff")]
+    assert ("read", b"\xff") not in on_the_bus(board)
+
+
+def test_information_of_a_board_that_is_asked_again_is_0_or_its_own(answering):
+    """While it is asked, at each of eight moments; the bytes of an answer never stand in another field."""
+    board = answering()
+    board.run(0.1)
+    for spaces in range(8):
+        lose(board)
+        board.forget()
+        board.raw(b"@13e" + b"\r" * spaces + b"@5e", wait_s=0.1)
+        temperature, _, battery, _, _ = board.frames()[0].args
+        assert temperature in (0, -500) and battery in (0, 2910)
+
+
+# ---- pauses
+
+
+PHASES = [part * TICK_S / 4 for part in range(4)]
+"""Times within a tick of the board's clock [s]."""
+
+
+@pytest.mark.parametrize("phase_s", PHASES)
+def test_each_part_of_the_set_up_pauses_for_the_eeprom(bench, phase_s):
+    """20, 15, 10 and 5 ms."""
+    board = bench()
+    board.run(phase_s)
+    board.send("default_config", wait_s=0.0)
+    board.send("preset_encoder", 1, 0, wait_s=0.1)
+    writes = [(t, data) for t, kind, at, data in board.board.transfers if kind == "write" and len(data) > 1]
+    assert [data[0] for _, data in writes] == [GEOMETRY, GAINS, RAMP, TIMEOUT, PRESET]
+    pauses = [end - transfer_s(data) - begin for (begin, _), (end, data) in zip(writes, writes[1:])]
+    assert pauses == pytest.approx([0.020, 0.015, 0.010, 0.005], abs=TICK_S)
+
+
+def test_a_prescaler_pauses_for_the_eeprom(bench):
+    board = bench()
+    board.send("set_encoder_prescaler", 3, 0, wait_s=0.0)
+    board.send("preset_encoder", 1, 0)
+    (begin,), (end,) = board.write_times(0xF0), board.write_times(PRESET)
+    assert end - transfer_s(board.writes(PRESET)[0]) - begin == pytest.approx(0.010, abs=TICK_S)
+
+
+@pytest.mark.parametrize("command", [b"@4,1,5e", b"@11,100,0e"])
+def test_other_commands_do_not_pause(bench, command):
+    board = bench()
+    board.board.gap(board.board.now_s + 0.01, command * 2)
+    board.run(0.02)
+    begin, end = (
+        t for t, kind, _, data in board.board.transfers if kind == "write" and data[0] in (PRESET, MOVE)
+    )
+    assert end - begin < transfer_s(board.writes()[0]) + HALF_MS / 5
+
+
+# ---- refusals and losses
+
+
+def attempts(board, code: int, refused: int) -> List[float]:
+    """The motor board refuses this command so many times from now on; the times of all attempts [s]."""
+    times: List[float] = []
+
+    def nack(address: int, data: bytes) -> bool:
+        if data[0] != code:
+            return False
+        times.append(board.board.now_s)
+        return len(times) <= refused
+
+    board.board.nack = nack
+    return times
+
+
+def lose(board) -> float:
+    """A move is refused until the motor board counts as lost; the time [s]."""
+    times = attempts(board, MOVE, 4)
+    board.send("move_differential", 100, 0, wait_s=0.005)
+    assert len(times) == 4
+    return times[-1]
+
+
+@pytest.mark.parametrize("phase_s", PHASES)
+def test_a_refused_command_is_sent_again_after_1_ms(bench, phase_s):
+    board = bench()
+    board.run(phase_s)
+    times = attempts(board, MOVE, 3)
+    board.send("move_differential", 100, 0)
+    pauses = [after - before - transfer_s(board.writes()[0]) for before, after in zip(times, times[1:])]
+    assert pauses == pytest.approx([0.001] * 3, abs=TICK_S)
+
+
+def test_a_motor_board_that_is_missing_at_the_start_is_asked_for_each_48_ms(bench):
+    board = bench(boot=False)
+    times = attempts(board, STOP[0], 100)
+    board.run(0.5)
+    assert [after - before for before, after in zip(times, times[1:])] == pytest.approx(
+        [0.048] * 10, abs=HALF_MS
+    )
+
+
+WAITS_S = [0.096, 0.192, 0.384, 0.768, 1.0, 1.0]
+
+
+def test_the_time_to_the_next_question_doubles_up_to_a_second_with_each_loss(bench):
+    board, waits_s = bench(sonars=False), []
+    for wait_s in WAITS_S:
+        lost_s = lose(board)
+        board.forget()
+        board.run(wait_s + 0.1)
+        waits_s.append(board.write_times(STOP[0])[0] - lost_s)
+    assert waits_s == pytest.approx(WAITS_S, abs=HALF_MS)
+
+
+@pytest.mark.parametrize("early_s, wait_s", [(HALF_MS, 0.192), (-HALF_MS, 0.048)])
+def test_a_motor_board_that_was_there_for_5_s_is_steady(bench, early_s, wait_s):
+    """Then earlier losses do not count."""
+    board = bench()
+    begun_s = board.board.now_s
+    takes_s = lose(board) - begun_s
+    board.forget()
+    board.run(0.3)
+    found_s = board.write_times(TEMPERATURE)[0]
+    board.board.gap(found_s + 4.0, b"")
+    board.run(found_s + 5.0 - early_s - takes_s - board.board.now_s)
+    lost_s = lose(board)
+    assert lost_s - found_s == pytest.approx(5.0 - early_s, abs=HALF_MS / 2)
+    board.forget()
+    board.run(0.3)
+    assert board.write_times(STOP[0])[0] - lost_s == pytest.approx(wait_s, abs=HALF_MS)
+
+
+@pytest.mark.parametrize("refused, limit_s", [(3, 0.006), (4, 0.2)])
+def test_a_stop_to_a_lost_motor_board_has_four_attempts(bench, refused, limit_s):
+    """Two in one pass of the loop: the first lets it be asked for, the second is a stop of its own."""
+    board = bench()
+    lose(board)
+    times = attempts(board, STOP[0], refused)
+    begun_s = board.board.now_s
+    board.board.gap(begun_s + 0.002, b"@13e@13e")
+    board.run(0.25)
+    assert (times[refused] - begun_s < 0.01) == (refused < 4)
+    assert times[refused] - begun_s < limit_s
+
+
+def test_the_fault_of_a_refusal_ends_with_the_next_transfer(bench):
+    board = bench()
+    refuse(board, MOVE, 1)
+    board.send("move_differential", 100, 0)
+    assert (faults(board), faults(board)) == (FAULT["motor_board"], 0)
