@@ -16,8 +16,6 @@ from .frames import Event, Frame, Garbage, Stamp, check_value
 from .table import INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE
 
 _AT, _END, _CR, _LF = b"@e\r\n"
-_QUIET = (b"", b"\r\n", b"\r", b"\n")
-"""Bytes between frames that may end a feed and mean nothing."""
 _COMMON = b"0123456789,-@e"
 _PRINTABLE = range(0x20, 0x7F)
 LEAST_RUN = 400
@@ -30,7 +28,7 @@ def _parse(token: bytes) -> int:
     Raises:
         ValueError: `token` is not a canonical int16.
     """
-    value = int(token) if len(token) <= 6 else INT16_MAX + 1
+    value = int(token)
     if token != b"%d" % value or not INT16_MIN <= value <= INT16_MAX:
         raise ValueError(token)
     return value
@@ -100,7 +98,7 @@ class FrameDecoder:
                 events.append(_new(Frame, (code, values, stamp)))
         if self._frame or self._line:
             self._scan(rest, events)
-        elif rest not in _QUIET:
+        elif rest := rest.lstrip(b"\r\n"):
             self._await(rest, events)
         return events
 
@@ -122,9 +120,8 @@ class FrameDecoder:
 
     def _await(self, rest: bytes, events: List[Event]) -> None:
         """Keep an incomplete frame (without its 'e') at the start of a line, as `_scan` would."""
-        frame = rest.lstrip(b"\r\n")
-        if frame.rfind(b"@") == 0 and len(frame) < MAX_FRAME:
-            self._frame += frame
+        if rest.rfind(b"@") == 0 and len(rest) < MAX_FRAME:
+            self._frame += rest
         else:
             self._scan(rest, events)
 
@@ -197,22 +194,16 @@ class FrameDecoder:
         return self._fit(data, code, args, shape)
 
     def _must_check(self, code: int, args: Sequence[int], shape: Optional[Shape]) -> bool:
-        if self._tabled and not self._lines and code == STOP_CODE and not args:
-            return False
-        return self.checked or bool(shape and shape.guarded)
+        bare_stop = self._tabled and not self._lines and code == STOP_CODE and not args
+        return not bare_stop and (self.checked or bool(shape and shape.guarded))
 
     def _fit(self, data: bytes, code: int, args: List[int], shape: Shape) -> Event:
-        stamp = None
-        if self.checked and shape.stamped and len(args) >= len(STAMP):
-            stamp = Stamp(*args[-2:])
-            args = args[:-2]
-        elif self.checked and shape.stamped:
+        count = len(args) - len(STAMP) if self.checked and shape.stamped else len(args)
+        if not shape.least <= count <= shape.most:
             return Garbage(data, "argument_count")
-        if not shape.least <= len(args) <= shape.most:
-            return Garbage(data, "argument_count")
-        if not all(low <= value <= high for (low, high), value in zip(shape.ranges, args)):
+        if not all(low <= value <= high for (low, high), value in zip(shape.ranges, args[:count])):
             return Garbage(data, "argument_range")
-        return Frame(code, tuple(args), stamp)
+        return Frame(code, tuple(args[:count]), Stamp(*args[count:]) if args[count:] else None)
 
 
 def _may_be_echo(frame: Frame) -> bool:
