@@ -1,9 +1,11 @@
 # The long runs; short forms of them are part of `make test`.
 MINUTES ?= 10
 
-.PHONY: fuzz reactions soak
-fuzz: setup pc-firmware ## Damage frames and feed the decoders random bytes for MINUTES=n each, and each reader for SECONDS=n; build/bench/reliability.json
-	$(PY) -m tests.fuzz.inputs --seconds $(or $(SECONDS),60)
+.PHONY: fuzz fuzz-readers reactions soak
+fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
+	$(PY) -m tests.fuzz.inputs --seconds $(or $(SECONDS),60) --seed $(or $(SEED),1)
+
+fuzz: fuzz-readers ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.fuzz --minutes $(MINUTES)
 	$(PY) -m tests.fuzz.greetings
 	$(PY) -m tests.fuzz.greetings --board august --greetings 500
