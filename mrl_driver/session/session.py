@@ -467,10 +467,21 @@ class Session:
                 events.append(SensorRead(name, self.sensors.readings[name]))
         elif counts == args:
             self._poll.add_sonars(now)
-        if self.motion.settling:
-            self.motion.observe(counts != self._last, now)
+        motion = self.motion
+        if motion.settling:
+            motion.observe(counts != self._last, now)
+        elif motion.target is None and counts != self._last and self._requested_s == math.inf:
+            self._on_unasked_motion(now)
         self._last, self.last_frame = counts, frame
         events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
+
+    def _on_unasked_motion(self, now: float) -> None:
+        """The wheels turn although nothing asks them to: perhaps the line has delivered a move after its stop.  A robot
+        that is pushed by hand gets the same stops, which do nothing.
+        """
+        self.counters.unasked_motions += 1
+        self.motion.make_sure()
+        self._move(now)
 
     def _on_imu(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
         """Process a frame of the IMU's stream.  Without board time it is not used; see `_begin`."""
