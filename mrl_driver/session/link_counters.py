@@ -32,8 +32,8 @@ class Statistics(NamedTuple):
     """Frames of the stream that were used."""
     texts_dropped: int = 0
     """Texts for the radio that were not sent, because the board was silent for too long."""
-    unasked_motions: int = 0
-    """Times that the wheels of a robot that stood began to turn although nothing asked them to; it was stopped again."""
+    uncommanded_motions: int = 0
+    """Times that the wheels of a standing robot turned without a command, and the robot was stopped again."""
 
 
 class Counters:
@@ -43,7 +43,7 @@ class Counters:
         self.bytes_in = self.bytes_out = self.frames = self.lost = self.duplicates = 0
         self.overtaken = 0
         self.refused_counts = self.restarts = self.unanswered = self.blocked_writes = 0
-        self.reconnects = self.streamed = self.texts_dropped = self.unasked_motions = 0
+        self.reconnects = self.streamed = self.texts_dropped = self.uncommanded_motions = 0
         self.garbage: Dict[str, int] = {}
 
     def count_garbage(self, reason: str) -> None:

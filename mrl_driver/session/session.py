@@ -471,15 +471,15 @@ class Session:
         if motion.settling:
             motion.observe(counts != self._last, now)
         elif motion.target is None and counts != self._last and self._requested_s == math.inf:
-            self._on_unasked_motion(now)
+            self._on_uncommanded_motion(now)
         self._last, self.last_frame = counts, frame
         events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
 
-    def _on_unasked_motion(self, now: float) -> None:
+    def _on_uncommanded_motion(self, now: float) -> None:
         """The wheels turn although nothing asks them to: perhaps the line has delivered a move after its stop.  A robot
         that is pushed by hand gets the same stops, which do nothing.
         """
-        self.counters.unasked_motions += 1
+        self.counters.uncommanded_motions += 1
         self.motion.make_sure()
         self._move(now)
 

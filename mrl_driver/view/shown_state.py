@@ -232,5 +232,5 @@ def snapshot(driver: "Driver") -> Dict[str, Any]:
         "garbage": dict(seen.garbage),
         "refused_counts": seen.refused_counts,
         "restarts": seen.restarts,
-        "unasked_motions": seen.unasked_motions,
+        "uncommanded_motions": seen.uncommanded_motions,
     }

@@ -125,7 +125,7 @@ def values(
         "Blocked Writes": str(statistics.blocked_writes),
         "Dropped Texts": str(statistics.texts_dropped),
         "Restarts": str(statistics.restarts),
-        "Unasked Motions": str(statistics.unasked_motions),
+        "Uncommanded Motions": str(statistics.uncommanded_motions),
         "Reconnects": str(statistics.reconnects),
         "Bytes Received": str(statistics.bytes_in),
         "Bytes Sent": str(statistics.bytes_out),

@@ -70,16 +70,16 @@ def test_a_move_that_arrives_after_its_stop_is_stopped_again(robot):
 
 
 def test_without_this_the_watchdog_stops_it(robot, monkeypatch):
-    monkeypatch.setattr(Session, "_on_unasked_motion", lambda self, now: None)
+    monkeypatch.setattr(Session, "_on_uncommanded_motion", lambda self, now: None)
     assert driven_s(robot) > STOPPED_S
 
 
 def test_the_motion_is_counted_and_the_reason_of_the_stop_stays(robot):
     driven_s(robot)
-    assert (robot.driver.statistics.unasked_motions, robot.driver.stop_reason) == (1, "user")
+    assert (robot.driver.statistics.uncommanded_motions, robot.driver.stop_reason) == (1, "user")
 
 
 def test_a_request_that_turns_motors_is_not_stopped(robot):
     robot.driver.request(BY_NAME["move_motors_pid"].code, 20, 20)
     robot.driver.wait(0.2)
-    assert robot.truth.driven and robot.driver.statistics.unasked_motions == 0
+    assert robot.truth.driven and robot.driver.statistics.uncommanded_motions == 0
