@@ -187,15 +187,15 @@ class WheelMonitor:
         """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
         speeds = self._kinematics.wheel_steps(Planar(linear_m_s, lateral_m_s, angular_rad_s))
         targets = tuple(speeds[i] for i in self._order)
+        if time_s - self._time_s > GAP_S:
+            before = self._targets
+            self.reset()
+            self._ask(before)  # the wheels may still follow the command from before the gap
         if targets != self._targets:
-            self._targets = targets
-            for wheel, target in zip(self._wheels, targets):
-                wheel.ask(target)
+            self._ask(targets)
         if time_s < self.next_s:
             return None
         dt_s, last = time_s - self._time_s, self._travel
-        if dt_s > GAP_S:
-            self.reset()
         self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S - ROUNDING_S, travel
         if dt_s > GAP_S:
             return None
@@ -204,6 +204,11 @@ class WheelMonitor:
             for wheel, target, now, before in zip(self._wheels, targets, travel, last)
         ]
         return self._combine(found)
+
+    def _ask(self, targets: Tuple[float, ...]) -> None:
+        self._targets = targets
+        for wheel, target in zip(self._wheels, targets):
+            wheel.ask(target)
 
     def _combine(self, found: Sequence[Optional[Mismatch]]) -> Optional[Mismatch]:
         """Return one mismatch for all wheels; None if all follow."""
@@ -231,4 +236,4 @@ def monitor_of(model: RobotModel, pace: Pace) -> WheelMonitor:
 def _least(targets: Deque[float]) -> float:
     """Return the slowest of some speeds; 0 if they differ in direction."""
     low, high = min(targets), max(targets)
-    return low if low > 0.0 else high if high < 0.0 else 0.0
+    return max(low, 0.0) + min(high, 0.0)
