@@ -278,3 +278,148 @@ def test_the_fault_of_a_refusal_ends_with_the_next_transfer(bench):
     refuse(board, MOVE, 1)
     board.send("move_differential", 100, 0)
     assert (faults(board), faults(board)) == (FAULT["motor_board"], 0)
+
+
+# ---- what stays apart
+
+
+def test_a_stop_while_the_motor_board_is_asked_leaves_its_answers_in_place(answering):
+    """At each of eight moments."""
+    board = answering()
+    board.run(0.1)
+    for spaces in range(8):
+        lose(board)
+        board.raw(b"@13e" + b"\r" * spaces + b"@13e", wait_s=0.1)
+        assert board.ask("robot_info").args[:3] == (-500, 307, 2910)
+
+
+def test_a_prescaler_does_not_shorten_the_pauses_of_the_set_up_behind_it(bench):
+    board = bench()
+    board.send("set_encoder_prescaler", 3, 0, wait_s=0.015)
+    board.forget()
+    board.send("default_config", wait_s=0.1)
+    (begin,), (end,) = board.write_times(GEOMETRY), board.write_times(GAINS)
+    assert end - begin > 0.020
+
+
+def test_counts_are_read_behind_a_command_that_waits(bench):
+    """Its end is not taken for theirs."""
+    board = bench()
+    board.board.gap(board.board.now_s + 0.01, b"@4,1,77e@4,3,78e@6e")
+    board.run(0.02)
+    assert [frame.args for frame in board.frames()] == [(78, 77)]
+
+
+def test_counts_are_not_taken_for_battery_or_temperature(answering):
+    board = answering(counts=word(777) * 3)
+    board.run(0.06)
+    for _ in range(2):
+        board.forget()
+        board.ask("read_encoders", wait_s=0.003)
+        assert board.ask("robot_info", wait_s=0.01).args[:3] == (-500, 307, 2910)
+
+
+def test_counts_are_waited_for_while_a_command_is_refused(bench):
+    board = bench()
+    refuse(board, MOVE, 3)
+    board.board.gap(board.board.now_s + 0.01, b"@11,100,0e@6e")
+    board.run(0.02)
+    assert [frame.code for frame in board.frames()] == [6]
+
+
+@pytest.mark.parametrize("code", [MOVE, COUNTS])
+def test_counts_are_given_up_when_the_bus_hangs(bench, code):
+    """Be it their own read or a move before it; the next question is answered."""
+    board = bench()
+    board.board.hang_bus(True, recoveries=1)
+    board.board.gap(board.board.now_s + 0.01, b"@11,100,0e@6e" if code == MOVE else b"@6e")
+    board.run(0.05)
+    assert board.counter("unavailable") == 1
+    assert board.ask("read_encoders").args == (0, 0)
+
+
+def test_counts_that_are_refused_are_given_up_at_once(bench):
+    board = bench()
+    times = attempts(board, COUNTS, 1)
+    board.send("read_encoders", wait_s=0.01)
+    assert len(times) == 1 and board.counter("unavailable") == 1
+
+
+def test_a_hang_counts_as_two_refusals(bench):
+    """A hang and one refusal are three of the four that lose the motor board."""
+    board = bench()
+    board.board.hang_bus(True, recoveries=1)
+    times = attempts(board, MOVE, 1)
+    board.send("move_differential", 100, 0, wait_s=0.1)
+    assert len(times) == 2 and not board.writes(STOP[0]) and len(board.writes(MOVE)) == 1
+
+
+def test_a_hang_and_two_refusals_lose_the_motor_board(bench):
+    board = bench()
+    board.board.hang_bus(True, recoveries=1)
+    times = attempts(board, MOVE, 2)
+    board.send("move_differential", 100, 0, wait_s=0.3)
+    assert len(times) == 2 and board.writes(STOP[0]) and not board.writes(MOVE)
+
+
+def test_a_stop_that_hangs_in_a_pause_is_a_fault_and_is_sent_afterwards(bench):
+    """One that is refused in the pause is not: see test_commands.py."""
+    board = bench()
+    board.send("set_pid_gains", 1, 2, 3, wait_s=0.003)
+    board.board.hang_bus(True, recoveries=1)
+    board.forget()
+    board.send("stop", wait_s=0.05)
+    assert STOP in board.writes()
+    assert faults(board) == FAULT["motor_board"] | FAULT["bus_hung"]
+
+
+def test_a_reset_of_the_encoders_is_not_refused(bench):
+    board = bench()
+    board.send("reset_encoders")
+    assert board.counter("unavailable") == 0
+
+
+def test_the_same_gains_are_not_written_twice(bench):
+    """Each time writes the motor board's EEPROM."""
+    board = bench()
+    for _ in range(2):
+        board.send("set_pid_gains", 1, 2, 3, wait_s=0.05)
+    assert len(board.writes(GAINS)) == 1
+
+
+@pytest.mark.parametrize("gains", [(9, 2, 3), (1, 9, 3), (1, 2, 9)])
+def test_one_gain_that_changes_is_written(bench, gains):
+    board = bench()
+    board.send("set_pid_gains", 1, 2, 3, wait_s=0.05)
+    board.forget()
+    board.send("set_pid_gains", *gains, wait_s=0.05)
+    assert board.writes(GAINS) == [bytes([GAINS]) + b"".join(word(gain) for gain in gains)]
+
+
+def test_a_sample_of_everything_that_is_told_of_a_parameter(bench):
+    """Each parameter of the set-up reaches its own place in its own message."""
+    board = bench()
+    for number in (*range(1, 10), 12):
+        board.send("write_config", number, 100 + number, wait_s=0.1)
+    board.forget()
+    board.send("write_config", 13, 1000, wait_s=0.1)
+    assert board.writes() == []
+    for number in (4, 7, 9, 12):
+        board.send("write_config", number, 100 + number, wait_s=0.05)
+    assert board.writes() == [
+        bytes([GEOMETRY]) + word(101) + word(102) + word(103) + word(104),
+        bytes([GAINS]) + word(105) + word(106) + word(107),
+        bytes([RAMP]) + word(108) + word(109),
+        bytes([TIMEOUT, 112, 0xAA, 112, 0x55]),
+    ]
+
+
+PARTS = {GEOMETRY: range(1, 5), GAINS: range(5, 8), RAMP: range(8, 10), TIMEOUT: [12]}
+
+
+@pytest.mark.parametrize("number", range(27))
+def test_a_changed_parameter_is_told_in_its_part_alone(bench, number):
+    board = bench()
+    board.send("write_config", number, 1, wait_s=0.03)
+    wanted = [code for code, numbers in PARTS.items() if number in numbers]
+    assert [data[0] for data in board.writes()] == wanted
