@@ -18,8 +18,8 @@ description: ## Render the robots' URDF files from their geometry
 check-description: ## Check that the URDF files are current
 	$(PY) -m ros1_bridge.description --check
 
-.PHONY: picture
-picture: setup firmware ## Take the pictures of the live view, of rviz and of the page for the documents, without a display
+.PHONY: pictures
+pictures: setup firmware ## Take the pictures of the live view, of rviz and of the page for the documents, without a display
 	$(PY) -m tests.documents.live_view_picture ros1_bridge/live_view.svg
 	$(PY) -m tests.documents.page_picture docs/page_phone.png docs/page_desk.png
 	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz.png
