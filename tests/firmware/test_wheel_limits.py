@@ -294,19 +294,15 @@ def test_the_least_error_does_not_wind_the_integral_up_at_full_duty():
     assert wheel.run(60, moved=10)[-1] == 0
 
 
-def test_the_integral_ends_at_full_duty():
-    """The wheel turns against its drive, and then with it; then the proportional part shows the integral."""
-    wheel = Turned(**{**FAST_INTEGRAL, "kp": 1})
-    wheel.give("set_speed", 1)
-    wheel.run(30, moved=-45)
-    wheel.run(1, moved=1000)
-    wheel.run(200, moved=45)
+@pytest.mark.parametrize("speed, before, after", [(1, -45, 1000), (FULL, 45, -1000)])
+def test_the_integral_ends_at_full_duty(speed, before, after):
+    """The wheel winds it up, then jumps, so that the proportional part shows it in one period.
 
-
-def test_the_integral_ends_at_full_duty_backward():
-    """The wheel is faster than the drive, and then turns against it."""
+    The rest of that period's output comes with the next ones.
+    """
     wheel = Turned(**{**FAST_INTEGRAL, "kp": 1})
-    wheel.give("set_speed", FULL)
-    assert wheel.run(30, moved=45)[-1] == 0
-    wheel.run(1, moved=-1000)
-    wheel.run(200, moved=-45)
+    wheel.give("set_speed", speed)
+    wheel.run(30, moved=before)
+    wheel.run(1, moved=after)
+    wheel.give("set_duty", 100)
+    wheel.run(128)
