@@ -189,8 +189,7 @@ class Motor:
         if self.speed == 0.0 and abs(free) <= friction:
             return 0.0
         speed, final = self.speed, free - math.copysign(friction, self.speed or free)
-        turns_back = friction > 0.0 and speed * final < 0.0
-        to_rest = tau * math.log1p(-speed / final) if turns_back else math.inf
+        to_rest = tau * math.log1p(-speed / final) if speed * final < 0.0 else math.inf
         gone = -math.expm1(-min(dt, to_rest) / tau)
         moved = final * min(dt, to_rest) + (speed - final) * tau * gone
         if dt < to_rest:

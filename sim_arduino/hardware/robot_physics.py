@@ -39,17 +39,21 @@ class Params(NamedTuple):
     left_m_per_count: float
     right_m_per_count: float
     wheel_separation_m: float
-    turn_slip: float = 0.0
+    turn_slip: float
     """Share of the yaw that the tracks lose by slip in a turn, 0 to below 1."""
-    omni_radius_m: float = 0.0
+    omni_radius_m: float
     """Distance of three omni wheels from the middle [m]; 0 means two wheels or tracks."""
-    omni_angles_rad: Tuple[float, ...] = OMNI_ANGLES_RAD
+    omni_angles_rad: Tuple[float, ...]
     """Angles at which the wheels of motors 1, 2 and 3 are mounted, counter-clockwise from forward."""
-    control_hz: float = 20.0
+    control_hz: float
     """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
-    capacity_ah: float = 4.6
-    rest_curve: Tuple[Tuple[float, float], ...] = ()
+    capacity_ah: float
+    rest_curve: Tuple[Tuple[float, float], ...]
     """Battery voltage at no load, as pairs of charge (1 full, 0 empty) and voltage [V], rising."""
+    wheel_noise: float
+    """Variance of a wheel's distance on the floor, per distance [m2/m]."""
+    turn_noise: float
+    """Variance of the yaw by slip, per angle turned [rad2/rad]."""
     resistance_ohm: float = 0.15
     idle_a: float = 1.3
     """Current with the motors at rest [A].  It and `running_a` are chosen: packs last 2 to 3 h, less at higher speed,
@@ -63,28 +67,24 @@ class Params(NamedTuple):
     heating_c_per_a: float = 6.0
     """Final temperature rise of the motor board per ampere through the motors [degC/A]."""
     heating_s: float = 300.0
-    wheel_noise: float = 0.0
-    """Variance of a wheel's distance on the floor, per distance [m2/m]."""
-    turn_noise: float = 0.0
-    """Variance of the yaw by slip, per angle turned [rad2/rad]."""
 
 
 @dataclass
 class State:
     """Pose and condition of the robot.  x points forward at the start, y left; yaw is counter-clockwise, unwrapped."""
 
-    x_m: float = 0.0
-    y_m: float = 0.0
-    yaw_rad: float = 0.0
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    temperature_c: float
+    to_tick_s: float = field(repr=False)
+    """Time to the motor board's next control tick [s]."""
     charge: float = 1.0
     """Charge of the battery: 1 full, 0 empty, below 0 over-discharged."""
     battery_v: float = 0.0
     """Voltage at the motor board, under load [V]."""
-    temperature_c: float = 25.0
     bumped: bool = False
     """An obstacle stopped a part of the last motion, and the wheels slipped."""
-    to_tick_s: float = field(default=0.0, repr=False)
-    """Time to the motor board's next control tick [s]."""
 
 
 class Errors(NamedTuple):
@@ -166,7 +166,7 @@ def _rest_curve(empty_v: float, full_v: float) -> Tuple[Tuple[float, float], ...
 
 def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:
     """Linear interpolation between `pairs` (rising x); constant beyond the ends."""
-    index = bisect_left(pairs, (x, -math.inf))
+    index = bisect_left(pairs, (x,))
     if index == 0:
         return pairs[0][1]
     if index == len(pairs):
@@ -320,8 +320,6 @@ class RobotPhysics:
 
     def _motor_a(self, motor: Motor) -> float:
         share = motor.speed / motor.params.no_load_counts_s
-        if share == 0.0 and motor.duty == 0.0:
-            return 0.0
         return self.params.running_a * abs(share) + self.params.starting_a * abs(motor.duty - share)
 
 
