@@ -438,7 +438,7 @@ def test_frames_are_frames(radio):
 
 
 @pytest.mark.parametrize("name", ["read_radio", "release_hold"])
-def test_builds_without_a_radio_refuse(bench, name):
+def test_a_board_without_a_radio_refuses(bench, name):
     board = bench()
     board.send(name)
     assert board.counter("unavailable") == 1

@@ -1,0 +1,87 @@
+"""The I2C bus at its limits: its clock, how long a transfer may take, and who has to wait after one that hangs."""
+
+import pytest
+
+from mrl_driver.protocol.table import PARAMETER_BY_NAME
+from tests.firmware.imu_chip import GYRO_DATA, ImuChip
+from tests.firmware.test_failsafe import FAULT, faults
+from tests.firmware.test_omni3md_limits import BATTERY, HALF_MS, MOVE, PRESET
+
+IMU = 0x68
+CPU_US = 1 / 16
+PASS_S = 16e-6
+"""The loop sees the end of a transfer this much late at most."""
+
+
+def transfer_bits(out: int, back: int = 0) -> int:
+    """Clock periods of a transfer: bytes with their acknowledgements, starts and stop."""
+    return 9 * (1 + out + (1 + back if back else 0)) + 3
+
+
+@pytest.mark.parametrize("khz", [100, 103, 124, 128, 152, 171, 206, 252, 400])
+def test_the_bus_has_the_clock_of_parameter_16(bench, khz):
+    """Never a faster one, and a slower one by at most a step of the clock's divider, two cycles of the processor."""
+    board = bench()
+    board.send("write_config", PARAMETER_BY_NAME["bus_speed"].number, khz, wait_s=0.05)
+    board.forget()
+    board.board.gap(board.board.now_s + 0.01, b"@4,1,5e@4,1,6e")
+    board.run(0.02)
+    begin, end = board.write_times(PRESET)
+    bits = transfer_bits(len(board.writes(PRESET)[0]))
+    shortest_s, step_s = bits / khz * 1e-3, bits * 2 * CPU_US * 1e-6
+    assert shortest_s <= end - begin + 1e-9 and end - begin <= shortest_s + step_s + PASS_S + 1e-9
+
+
+def test_a_transfer_that_does_not_end_hangs_after_4_ms_and_the_bus_rests_for_16_ms(bench):
+    board = bench()
+    board.board.gap(board.board.now_s + 0.01, b"@11,100,0e")
+    board.board.hang_bus(True, recoveries=1)
+    begun_s = board.board.now_s
+    board.run(0.05)
+    (end,) = board.write_times(MOVE)
+    taken_s = transfer_bits(len(board.writes(MOVE)[0])) * 2.5e-6
+    assert end - begun_s - taken_s == pytest.approx(0.020, abs=HALF_MS)
+
+
+@pytest.fixture
+def with_imu(bench):
+    """A board that reads its IMU every 10 ms; `hang()` holds the bus from the next reading on, and returns its time."""
+    board = bench(boot=False)
+    board.plant.i2c[IMU] = ImuChip()
+    board.run(0.2)
+    board.send("start_imu_stream", 10, wait_s=0.1)
+
+    def hang(recoveries: int) -> float:
+        for code in (BATTERY, GYRO_DATA):  # the next poll is then 30 ms away
+            board.forget()
+            while not board.write_times(code):
+                board.run(1e-4)
+        begun_s = board.write_times(GYRO_DATA)[0] + 0.010 - transfer_bits(1, 6) * 2.5e-6
+        board.run(begun_s - 0.2e-3 - board.board.now_s)
+        board.board.hang_bus(True, recoveries=recoveries)
+        return begun_s
+
+    board.hang = hang
+    return board
+
+
+def test_a_reading_of_the_imu_hangs_after_2_ms_and_the_motor_board_need_not_wait_longer(with_imu):
+    board = with_imu
+    begun_s = board.hang(recoveries=1)
+    board.raw(b"@11,100,0e", wait_s=0.02)
+    (end,) = board.write_times(MOVE)
+    taken_s = transfer_bits(len(board.writes(MOVE)[0])) * 2.5e-6
+    assert end - begun_s - taken_s == pytest.approx(0.002, abs=HALF_MS)
+
+
+def test_a_hang_of_the_imu_is_a_fault_of_the_bus_and_not_of_the_motor_board(with_imu):
+    with_imu.hang(recoveries=1)
+    with_imu.run(0.01)
+    assert faults(with_imu) == FAULT["bus_hung"] | FAULT["imu"]
+
+
+def test_the_fault_of_the_bus_ends_with_the_next_transfer(bench):
+    board = bench()
+    board.board.hang_bus(True, recoveries=1)
+    board.send("move_differential", 100, 0, wait_s=0.1)
+    assert faults(board) & FAULT["bus_hung"] and not faults(board)
