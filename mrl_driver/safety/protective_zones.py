@@ -247,8 +247,7 @@ class Zones:
         settings = self.settings
         cap = max(settings.slow_m_s, settings.speed_m_s(room_m - settings.warning_m) if certain else 0.0)
         if settings.outer_slow_m_s:
-            outer = settings.speed_m_s(room_m - settings.outer_edge_m) if certain else 0.0
-            cap = min(cap, max(settings.outer_slow_m_s, outer))
+            cap = min(cap, max(settings.outer_slow_m_s, settings.speed_m_s(room_m - settings.outer_edge_m)))
         return min(cap, settings.speed_m_s(room_m - settings.protective_m))
 
     def _room(self, direction: Point, now: float) -> Tuple[float, bool]:
