@@ -1,15 +1,18 @@
 """The chip's own parts in the images, at their limits: queues, converter, I2C lines, watchdog."""
 
 from pathlib import Path
-from typing import Dict, Iterator, List, Tuple
+from typing import Dict, Iterator, List
 
 import pytest
 
 from mrl_driver.protocol import REPLIES, FrameDecoder
-from mrl_driver.protocol.table import REASONS
+from mrl_driver.protocol.table import FAULTS, REASONS
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
 from tests.avr.test_image import ENDLESS_LOOP, lock_up
 from tests.bench.firmware_board import Rig, request
+from tests.firmware.test_image_hbridge import ENCODERS, Board
+from tests.firmware.test_image_xbee import frames, say
+from tests.firmware.test_xbee import received
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "firmware"
 READY_S, CONVERTED_S = 0.12, 0.5
@@ -19,6 +22,7 @@ QUEUE = 64
 """Received bytes that wait for the loop."""
 TCCR0B, TIMSK0, TCCR2B = 0x45, 0x6E, 0xB1
 UCSR0C, ADCSRA, ADMUX, DDRC, PORTC = 0xC2, 0x7A, 0x7C, 0x27, 0x28
+TWSR, TWI_VECTOR = 0xB9, 4 * 24
 CONVERTS = 0x40
 FORMAT_8N1 = 0x06
 
@@ -32,16 +36,16 @@ def rig() -> Iterator[Rig]:
     made.close()
 
 
-def hang(rig: Rig) -> None:
+def hang(machine: AvrMachine) -> None:
     """Makes the program loop where it can be interrupted next."""
-    while not rig.machine.interrupts_on:
-        rig.run(1e-6)
-    rig.machine.patch(rig.machine.pc, ENDLESS_LOOP)
+    while not machine.interrupts_on:
+        machine.run(1e-6)
+    machine.patch(machine.pc, ENDLESS_LOOP)
 
 
-def mend(rig: Rig) -> None:
-    for address, data in rig.machine.image_flash:
-        rig.machine.patch(address, data)
+def mend(machine: AvrMachine) -> None:
+    for address, data in machine.image_flash:
+        machine.patch(address, data)
 
 
 def register(rig: Rig, address: int) -> int:
@@ -64,10 +68,10 @@ def refused(rig: Rig) -> Dict[str, int]:
 @pytest.mark.parametrize("more, lost", [(0, 0), (1, 1), (255, 255), (260, 255)])
 def test_bytes_without_a_place_in_the_queue_are_counted(rig, more, lost):
     """At most 255 of them, while the loop stands still for less than the watchdog's patience."""
-    hang(rig)
+    hang(rig.machine)
     end = rig.machine.send(bytes(QUEUE + more))
     rig.machine.run_until(end + int(BYTE_S * UNO_HZ))
-    mend(rig)
+    mend(rig.machine)
     rig.run(0.01)
     assert refused(rig)["overrun"] == lost
 
@@ -112,22 +116,27 @@ def test_the_supply_is_the_converters_reference(rig):
 # ---- the I2C lines
 
 
-def line_changes(rig: Rig) -> List[Tuple[int, int]]:
-    return [(change.pin, change.level) for change in rig.machine.pin_changes()]
-
-
 def test_a_hanging_bus_gets_nine_clocks_and_a_stop(rig):
-    """SDA rises while SCL is high."""
-    rig.machine.watch_pins([SCL])
-    rig.machine.hang_bus("sda")
+    """A slave lets go at the fifth clock; SDA then rises while SCL is high."""
+    rig.machine.watch_pins([SDA, SCL])
+    rig.machine.hang_bus("sda", release_clocks=5)
     rig.machine.pin_changes()
-    falls: List[int] = []
-    while len(falls) < 10:
-        rig.run(100e-6)
-        falls += [change.cycle for change in rig.machine.pin_changes() if not change.level]
-    rig.run(200e-6)
-    assert not [change for change in rig.machine.pin_changes() if not change.level]
-    assert len(falls) == 10
+    rig.run(20e-3)
+    changes = [(change.pin, change.level) for change in rig.machine.pin_changes()]
+    clocks = [change for change in changes if change[0] == SCL]
+    assert clocks == 10 * [(SCL, 0), (SCL, 1)]
+    assert changes[-4:] == [(SCL, 0), (SDA, 0), (SCL, 1), (SDA, 1)]
+
+
+def test_an_error_on_the_bus_is_a_hanging_bus(rig):
+    """A start or stop amid a byte has the status 0."""
+    while rig.machine.pc != TWI_VECTOR:
+        rig.machine.run_until(max(rig.machine.next_event_cycle, rig.machine.cycle + 1))
+    rig.machine.watch_pins([SCL])
+    rig.machine.pin_changes()
+    rig.machine.poke(TWSR, b"\0")
+    rig.run(2e-3)
+    assert [change.level for change in rig.machine.pin_changes()] == 10 * [0, 1]
 
 
 def test_both_lines_of_the_bus_are_pulled_up_inputs(rig):
@@ -144,3 +153,127 @@ def test_both_lines_of_the_bus_are_pulled_up_inputs(rig):
 def test_a_loop_that_hangs_is_reset_at_the_third_missed_kick(rig):
     """384 ms after the last kick, which is at most 64 ms old; the watchdog's oscillator is exact here."""
     assert 0.384 - 0.064 <= lock_up(rig) <= 0.386
+
+
+# ---- the encoders' interrupts
+
+FORWARD = {(0, 0): 1, (0, 1): -1, (1, 1): 1, (1, 0): -1}
+"""What an edge of channel A counts, by the levels of A and B before it."""
+
+
+@pytest.mark.parametrize("wheel", [0, 1])
+@pytest.mark.parametrize("levels", FORWARD)
+def test_the_first_edge_after_power_up_counts(levels, wheel):
+    """Encoders rest at any levels; the state at the start is theirs."""
+    board = Board()
+    pins = ENCODERS[2 * wheel : 2 * wheel + 2]
+    for pin, level in zip(pins, levels):
+        board.machine.set_pin(pin, level)
+    board.machine.power_cycle(1)
+    board.boot()
+    board.machine.set_pin(pins[0], 1 - levels[0])
+    board.run(1e-3)
+    assert (board.counts()[wheel], board.status()["impossible"]) == (FORWARD[levels], 0)
+    board.close()
+
+
+# ---- the dust sensor's input
+
+ENVIRONMENT = BUILD / "mrl_firmware_environment.elf"
+DUST = 8
+LITRES = 0.2832
+
+
+def dusty() -> AvrMachine:
+    """The environment image, booted; no dust."""
+    machine = AvrMachine(ENVIRONMENT)
+    machine.set_pin(DUST, 1)
+    machine.run(0.1)
+    return machine
+
+
+def pulses(machine: AvrMachine, low_s: float, period_s: float, count: int) -> None:
+    begin = machine.cycle
+    for n in range(count):
+        machine.set_pin(DUST, 0, begin + int((n + 0.5) * period_s * UNO_HZ))
+        machine.set_pin(DUST, 1, begin + int(((n + 0.5) * period_s + low_s) * UNO_HZ))
+
+
+def answer(machine: AvrMachine, asked: bytes):
+    machine.sent()
+    machine.send(asked)
+    machine.run(0.02)
+    return FrameDecoder(REPLIES).feed(bytes(byte.data for byte in machine.sent()))[0].args
+
+
+def test_a_long_pulse_counts_in_full():
+    """100 ms low each second: 10 % of the time; the firmware reads the time several times in a pulse."""
+    machine = dusty()
+    pulses(machine, 0.1, 1.0, 4)
+    machine.run(3.9)
+    wanted = (1.1 * 10**3 - 3.8 * 10**2 + 520 * 10) / LITRES
+    assert answer(machine, b"@21e")[0] == pytest.approx(wanted, rel=0.03)
+    machine.close()
+
+
+def test_a_dust_sensor_is_a_fault_a_minute_after_its_last_pulse():
+    """Counted in slots of 5 s."""
+    machine, pulse_s, silent_s = dusty(), 6.0, 60.0
+    machine.set_pin(DUST, 0, int(pulse_s * UNO_HZ))
+    machine.set_pin(DUST, 1, int((pulse_s + 10e-3) * UNO_HZ))
+    bit = [name for name, _ in FAULTS].index("sensor")
+    faults = []
+    for until_s in (silent_s + 1.0, pulse_s + silent_s + 5.0):
+        machine.run(until_s - machine.time_s)
+        faults.append(answer(machine, b"@30e")[4] >> bit & 1)
+    assert faults == [0, 1]
+    machine.close()
+
+
+# ---- the radio's port
+
+XBEE = BUILD / "mrl_firmware_xbee.elf"
+RADIO_IN, BIT_S = 2, 52 * 32 / UNO_HZ
+
+
+@pytest.fixture
+def radio() -> Iterator[AvrMachine]:
+    machine = AvrMachine(XBEE)
+    machine.set_pin(RADIO_IN, 1)
+    machine.run(0.05)
+    machine.sent()
+    yield machine
+    machine.close()
+
+
+def heard(machine: AvrMachine, wait_s: float) -> int:
+    """Number of texts that the radio brings in the next time."""
+    machine.run(wait_s)
+    return sum(frame.code == 39 for frame in frames(machine))
+
+
+@pytest.mark.parametrize("phase", range(8))
+def test_a_text_is_heard_at_any_phase_of_the_bits_clock(radio, phase):
+    radio.run(phase / 8 * BIT_S)
+    say(radio, received(b"a"))
+    assert heard(radio, 0.03) == 1
+
+
+@pytest.mark.parametrize("more", [0, 1, 30])
+def test_texts_that_fill_the_queue_are_heard_after_a_pause_of_the_loop(radio, more):
+    """Packets of 21, 21 and 22 bytes; what has no place behind them is dropped."""
+    hang(radio)
+    say(radio, received(b"hello") * 2 + received(b"hello!") + bytes(more))
+    radio.run((QUEUE + more + 2) * 10 * BIT_S)
+    mend(radio)
+    assert heard(radio, 0.02) == 3
+
+
+def test_a_break_is_no_byte(radio):
+    """Low for longer than a frame: there is no stop bit."""
+    start = radio.cycle + 1000
+    radio.set_pin(RADIO_IN, 0, start)
+    radio.set_pin(RADIO_IN, 1, start + int(25 * BIT_S * UNO_HZ))
+    radio.run(5e-3)
+    say(radio, received(b"a"))
+    assert heard(radio, 0.03) == 1

@@ -56,12 +56,12 @@ def is_known(row: Dict[str, Any], hashes: Dict[str, str], tests_hash: str) -> bo
     return not row["by"] or row["by_hash"] == hashes.get(row["by"].split("::")[0])
 
 
-def run(mutants: List[Tuple[Mutant, str]], most_s: float) -> None:
-    """Tries the mutants that are not known."""
+def run(mutants: List[Tuple[Mutant, str]], most_s: float, checks: bool) -> None:
+    """Tries the mutants that are not known; with `checks`, survivors with those of `tests.verify.interrupts` too."""
     images = Images()
 
     def work(session: runner.Session, redirected: runner.Redirected) -> None:
-        files = {test.split("::")[0] for test in session.items} | {runner.CHECK.split("::")[0]}
+        files = {test.split("::")[0] for test in [*session.items, runner.CHECK]}
         hashes = {file: fingerprint([ROOT / file]) for file in files}
         tests_hash = hashlib.sha256(repr(sorted(hashes.items())).encode()).hexdigest()[:16]
         known = {FOLDER + name: load(FOLDER + name) for name in IMAGES}
@@ -85,6 +85,11 @@ def run(mutants: List[Tuple[Mutant, str]], most_s: float) -> None:
 
         usual = runner.measure(session, redirected, hashes)
         runner.run_mutants(session, redirected, images, usual, todo, end, most_s)
+        if checks:
+            states = {mutant.key: known[mutant.file][mutant.key]["state"] for mutant, _ in mutants}
+            own = {mutant.key for mutant, _ in mutants if mutant.key in equivalents().get(mutant.file, {})}
+            left = [each for each in mutants if states[each[0].key] == "survived" and each[0].key not in own]
+            runner.run_checks(left, end)
 
     runner.with_tests(work, images)
 
@@ -123,11 +128,14 @@ def main(arguments: List[str]) -> int:
     parser.add_argument(
         "--most-seconds", type=float, default=12.0, help="CPU time of the tests of each image [s]"
     )
+    parser.add_argument(
+        "--checks", action="store_true", help="try survivors with tests.verify.interrupts as well"
+    )
     parser.add_argument("--table", action="store_true", help="print what is known, and run nothing")
     given = parser.parse_args(arguments)
     mutants = chosen(given.files or list(IMAGES), given.sample)
     if not given.table:
-        run(mutants, given.most_seconds)
+        run(mutants, given.most_seconds, given.checks)
     print(table(mutants))
     return 0
 

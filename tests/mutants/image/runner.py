@@ -34,7 +34,7 @@ CHECKS: Dict[str, Sequence[str]] = {
     "hal_dust_avr.cpp": ("environment",),
     "hal_radio_avr.cpp": ("xbee",),
 }
-"""The builds of `tests.verify.interrupts` whose checks are tried last."""
+"""The builds of `tests.verify.interrupts` whose checks a source can fail."""
 CHECK = "tests/verify/interrupts.py::"
 FAILED, INVALID, IDENTICAL = 1, 4, 5
 STATES = {
@@ -79,22 +79,11 @@ class Session:
         self._work(self)
         return True
 
-    def fails(self, test: str, kinds: Dict[str, Path]) -> bool:
-        """Runs a test, or the checks of one of these builds."""
+    def fails(self, test: str) -> bool:
+        """Runs a test."""
         from _pytest.runner import runtestprotocol
 
-        if not test.startswith(CHECK):
-            return any(each.failed for each in runtestprotocol(self.items[test], log=False, nextitem=None))
-        kind = test[len(CHECK) :]
-        try:
-            chip = interrupts.Chip(kinds[kind])
-            for check in interrupts.CHECKS.values():
-                if check.build == kind:
-                    check.run(chip)
-        except Exception:  # noqa: BLE001 - whatever a mutant makes of it
-            return True
-        chip.machine.close()
-        return False
+        return any(each.failed for each in runtestprotocol(self.items[test], log=False, nextitem=None))
 
 
 class Redirected:
@@ -141,7 +130,7 @@ def measure(session: Session, redirected: Redirected, hashes: Dict[str, str]) ->
     """
     kept = BUILD / "usual.json"
     old = json.loads(kept.read_text()) if kept.exists() else {}
-    tests = [*session.items, *(CHECK + kind for kind in interrupts.BUILDS)]
+    tests = list(session.items)
     hash_of = {test: hashes[test.split("::")[0]] for test in tests}
     rows = {test: row for test, row in old.items() if hash_of.get(test) == row[0]}
     todo = [test for test in tests if test not in rows]
@@ -168,16 +157,12 @@ def measure(session: Session, redirected: Redirected, hashes: Dict[str, str]) ->
 
 
 def _measure(session: Session, redirected: Redirected, tests: Sequence[str], out: int) -> None:
-    folder = BUILD / f"work{os.getpid()}"
-    interrupts.BUILD = folder
-    kinds = {kind: interrupts.build(kind) for kind in interrupts.BUILDS}
     for test in tests:
         redirected.asked.clear()
         begun_s = time.process_time()
-        failed = session.fails(test, kinds)
+        failed = session.fails(test)
         row = [test, failed, time.process_time() - begun_s, sorted(redirected.asked)]
         os.write(out, (json.dumps(row) + "\n").encode())
-    shutil.rmtree(folder)
     os._exit(0)
 
 
@@ -218,7 +203,7 @@ def run_mutants(
         if code > 0 and code not in STATES:
             raise RuntimeError(f"{fork.about.key}: the fork ends with {code} in {last}")
         state = STATES.get(code, "crash")
-        if state == "killed" and not last.startswith(CHECK):
+        if state == "killed":
             known = killers.get(fork.about.function, [])
             killers[fork.about.function] = [last] + [test for test in known if test != last][:5]
             good.setdefault(fork.about.file, Counter())[last] += 1
@@ -251,14 +236,37 @@ def _try(
             continue
         differs = True
         redirected.changed = {image: changed}
-        _run_tests(session, usual, _within(order, usual, most_s), {}, out)
-    if not differs:
-        os._exit(IDENTICAL)
-    interrupts.BUILD = folder
-    usual_text = (interrupts.SOURCE / source).read_text()
+        _run_tests(session, usual, _within(order, usual, most_s), out)
+    os._exit(0 if differs else IDENTICAL)
+
+
+def run_checks(mutants: Sequence[Tuple[Mutant, str]], ended: Callable[[Mutant, Verdict], None]) -> None:
+    """Tries mutants with the checks of `tests.verify.interrupts`, which take up to minutes."""
+
+    def start(mutant: Mutant, text: str) -> Fork:
+        return Fork(mutant, {}, lambda out: _check(Path(mutant.file).name, text, out))
+
+    def finish(fork: Fork, code: int) -> None:
+        state, by = ("killed", fork.said.decode()) if code == FAILED else ("survived", "")
+        ended(fork.about, Verdict(state, by, round(time.monotonic() - fork.begun_s, 1)))
+        shutil.rmtree(BUILD / f"work{fork.process}", ignore_errors=True)
+
+    run_forks((partial(start, mutant, text) for mutant, text in mutants), finish)
+
+
+def _check(source: str, text: str, out: int) -> None:
+    interrupts.BUILD = BUILD / f"work{os.getpid()}"
+    usual = (interrupts.SOURCE / source).read_text()
     for kind in CHECKS[source]:
-        kinds = {kind: interrupts.build(kind, (source, usual_text, text))}
-        _run_tests(session, usual, [CHECK + kind], kinds, out)
+        chip = interrupts.Chip(interrupts.build(kind, (source, usual, text)))
+        for check in interrupts.CHECKS.values():
+            if check.build == kind:
+                try:
+                    check.run(chip)
+                except Exception:  # noqa: BLE001 - whatever a mutant makes of it
+                    os.write(out, f"{CHECK}{check.name}".encode())
+                    os._exit(FAILED)
+        chip.machine.close()
     os._exit(0)
 
 
@@ -270,13 +278,11 @@ def _within(order: Sequence[str], usual: Dict[str, Usual], most_s: float) -> Ite
         yield test
 
 
-def _run_tests(
-    session: Session, usual: Dict[str, Usual], tests: Any, kinds: Dict[str, Path], out: int
-) -> None:
+def _run_tests(session: Session, usual: Dict[str, Usual], tests: Iterator[str], out: int) -> None:
     """Ends the process at the first test that fails."""
     for test in tests:
         os.write(out, f"{test}\n".encode())
         signal.setitimer(signal.ITIMER_PROF, max(LEAST_LIMIT_S, LIMIT_FACTOR * usual[test].seconds))
-        if session.fails(test, kinds):
+        if session.fails(test):
             os._exit(FAILED)
     signal.setitimer(signal.ITIMER_PROF, 0)
