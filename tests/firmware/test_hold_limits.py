@@ -249,6 +249,24 @@ def test_a_hold_is_the_reason_of_the_stop(radio):
     assert stop_reason(radio.board) == "held"
 
 
+# ---- refusals
+
+
+def test_a_held_robot_takes_commands_that_do_not_move_it(radio):
+    radio.hear((A, "hold", 1))
+    radio.board.forget()
+    radio.board.send("preset_encoder", 1, 5)
+    assert radio.board.writes(0xEF) and radio.board.field("read_counters", "held") == 0
+
+
+def test_a_held_robot_without_its_motor_board_refuses_for_that(radio):
+    radio.hear((A, "hold", 1))
+    radio.board.plant.motor_board.present = False
+    radio.board.run(0.2)
+    assert not radio.is_refused()
+    assert radio.board.counter("unavailable") == 1
+
+
 # ---- times
 
 

@@ -11,6 +11,7 @@ ADDRESS = 0x18
 VERSION, DECIMALS, BATTERY, TEMPERATURE = 0xFE, 0xFD, 0xD5, 0xD4
 GEOMETRY, GAINS, RAMP, TIMEOUT, PRESET, COUNTS, MOVE = 0xEA, 0xF4, 0xEC, 0xF1, 0xEF, 0xD8, 0xEB
 HALF_MS = 0.5e-3
+PASS_S = 16e-6
 BIT_S = 2.5e-6
 """400 kHz."""
 NONE = -1
@@ -176,13 +177,24 @@ def test_a_prescaler_pauses_for_the_eeprom(bench):
 
 @pytest.mark.parametrize("command", [b"@4,1,5e", b"@11,100,0e"])
 def test_other_commands_do_not_pause(bench, command):
+    """Six leave one behind the other: the loop sees the end of each one a pass later at most."""
     board = bench()
-    board.board.gap(board.board.now_s + 0.01, command * 2)
+    board.board.gap(board.board.now_s + 0.01, command * 6)
     board.run(0.02)
-    begin, end = (
-        t for t, kind, _, data in board.board.transfers if kind == "write" and data[0] in (PRESET, MOVE)
+    times = [t for t, kind, _, data in board.board.transfers if kind == "write" and data[0] in (PRESET, MOVE)]
+    taken_s = transfer_s(board.writes()[0])
+    assert [after - before for before, after in zip(times, times[1:])] == pytest.approx(
+        [taken_s] * 5, abs=PASS_S
     )
-    assert end - begin < transfer_s(board.writes()[0]) + HALF_MS / 5
+
+
+def test_a_stop_in_one_pause_is_not_repeated_after_the_next(bench):
+    board = bench()
+    board.send("set_pid_gains", 1, 2, 3, wait_s=0.003)
+    board.send("stop", wait_s=0.05)
+    board.forget()
+    board.send("set_pid_gains", 1, 2, 4, wait_s=0.05)
+    assert [data[0] for data in board.writes()] == [GAINS]
 
 
 # ---- refusals and losses
@@ -291,6 +303,13 @@ def test_a_stop_while_the_motor_board_is_asked_leaves_its_answers_in_place(answe
         lose(board)
         board.raw(b"@13e" + b"\r" * spaces + b"@13e", wait_s=0.1)
         assert board.ask("robot_info").args[:3] == (-500, 307, 2910)
+
+
+def test_a_stop_in_the_first_millisecond_leaves_the_answers_in_place(answering):
+    """It arrives between the questions for version and battery."""
+    board = answering()
+    board.raw(b"@13e@5e", wait_s=0.01)
+    assert [frame.args[:3] for frame in board.frames()] == [(-500, 307, 2910)]
 
 
 def test_a_prescaler_does_not_shorten_the_pauses_of_the_set_up_behind_it(bench):

@@ -1,0 +1,31 @@
+"""How many bytes the board takes at a time, and what a stop may overtake."""
+
+import pytest
+
+from tests.firmware.test_failsafe import STOP
+
+PRESET_WIRE, STOP_WIRE = b"@4,1,5e", b"@13e"
+PRESET = b"\xef\x01\x00\x05\xaa\x55"
+AT_ONCE = 16
+"""Bytes that are taken before the motor board is served [byte]."""
+
+
+@pytest.mark.parametrize("size, first", [(AT_ONCE, STOP), (AT_ONCE + 1, PRESET)])
+def test_a_stop_within_the_first_16_bytes_overtakes_a_command(bench, size, first):
+    """One more byte has to wait until the bus has been served once."""
+    board = bench()
+    fill = b"\r" * (size - len(PRESET_WIRE + STOP_WIRE))
+    board.board.gap(board.board.now_s + 0.01, PRESET_WIRE + fill + STOP_WIRE)
+    board.run(0.01)
+    assert sorted(board.writes()) == sorted([PRESET, STOP]) and board.writes()[0] == first
+
+
+@pytest.mark.parametrize("waiting", [3, 4, 17, 33, 49, 64])
+def test_a_stop_behind_any_number_of_waiting_bytes_is_carried_out_within_two_passes(bench, waiting):
+    """64 bytes at most wait for the loop; a pass takes them in four parts."""
+    board = bench()
+    board.board.gap(board.board.now_s + 0.02, b"\r" * (waiting - len(STOP_WIRE)) + STOP_WIRE[-waiting:])
+    begun_s = board.board.now_s
+    board.run(0.001)
+    assert bool(board.writes()) == (waiting >= len(STOP_WIRE))
+    assert all(t - begun_s < 0.2e-3 for t in board.write_times(STOP[0]))

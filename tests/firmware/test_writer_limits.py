@@ -1,0 +1,69 @@
+"""The frames where the transmitter's 64 bytes are full: the widest numbers, texts, and what comes behind them."""
+
+import pytest
+
+from mrl_driver.protocol import Frame
+from mrl_driver.protocol.table import BY_NAME
+from tests.firmware.imu_chip import ImuChip
+
+LOWEST = -32768
+READ_IMU, STREAM = BY_NAME["read_imu"].code, BY_NAME["read_encoders_and_sonars"].code
+
+
+@pytest.fixture
+def wide(bench):
+    """A board whose counters and IMU have the widest numbers."""
+    board = bench(boot=False)
+    chip = board.plant.i2c[0x68] = ImuChip()
+    chip.gyro = chip.accel = (LOWEST,) * 3
+    board.run(0.2)
+    for encoder in (1, 3):
+        board.send("preset_encoder", encoder, LOWEST)
+    board.forget()
+    return board
+
+
+@pytest.mark.parametrize("checked", [False, True])
+def test_frames_of_the_widest_numbers_are_whole(wide, checked):
+    """Stamps and check values make them longer than the transmitter's queue; two streams give it each fill level."""
+    if checked:
+        wide.check(True)
+    wide.send("start_imu_stream", 10)
+    wide.send("start_stream")
+    wide.forget()
+    wide.run(0.3)
+    assert {type(event) for event in wide.events} == {Frame}
+    assert {frame.args[:2] for frame in wide.frames()} == {(LOWEST, LOWEST)}
+    assert {frame.code for frame in wide.frames()} == {READ_IMU, STREAM}
+
+
+def test_answers_of_the_widest_numbers_behind_each_other_are_whole(wide):
+    wide.check(True)
+    for _ in range(4):
+        wide.forget()
+        for name in ("read_encoders", "read_imu", "read_encoders", "read_counters", "read_imu"):
+            wide.send(name, wait_s=0.0)
+        wide.run(0.05)
+        assert [frame.code for frame in wide.frames()] == [6, READ_IMU, 6, 31, READ_IMU]
+        assert len(wide.events) == 5
+
+
+@pytest.mark.parametrize("fill", range(16))
+def test_texts_that_leave_no_room_for_a_frame_do_not_cut_it(bench, fill):
+    """Texts of 13 bytes and one of 25 wait in the transmitter when a frame is to begin."""
+    board = bench()
+    board.send("set_debug", 1)
+    board.forget()
+    board.board.gap(board.board.now_s + 0.02, b"@13e" * (fill % 8) + b"@99e" * (fill // 8) + b"@31e@5e")
+    board.run(0.1)
+    assert [event.code for event in board.events if isinstance(event, Frame)] == [31, 5]
+    texts = board.heard.replace(b"[INFO] stop\r\n", b"").replace(b"[ERROR] unknown_command\r\n", b"")
+    assert b"[INFO] s" not in texts and b"[ERROR] u" not in texts
+
+
+def test_the_stamps_of_checked_frames_count_up_by_one(bench):
+    board = bench()
+    board.check(True)
+    board.send("start_stream", 20, wait_s=0.3)
+    numbers = [frame.stamp.sequence for frame in board.frames() if frame.stamp]
+    assert len(numbers) > 10 and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
