@@ -5,7 +5,7 @@ from typing import Dict, List, Tuple
 import pytest
 
 from mrl_driver.protocol.table import TICK_S
-from tests.firmware.test_failsafe import FAULT, STOP, faults, refuse
+from tests.firmware.test_failsafe import FAULT, STOP, faults, refuse, stop_reason
 
 ADDRESS = 0x18
 VERSION, DECIMALS, BATTERY, TEMPERATURE = 0xFE, 0xFD, 0xD5, 0xD4
@@ -442,3 +442,75 @@ def test_a_changed_parameter_is_told_in_its_part_alone(bench, number):
     board.send("write_config", number, 1, wait_s=0.03)
     wanted = [code for code, numbers in PARTS.items() if number in numbers]
     assert [data[0] for data in board.writes()] == wanted
+
+
+# ---- moves and other commands
+
+MOVES = {
+    "calibrate": (),
+    "move_motors_pid": (20, 20),
+    "move_motors": (20, 20),
+    "move_differential": (100, 0),
+    "move_to_position": (1, 20, 500),
+    "move_omni": (20, 0, 0),
+}
+OTHERS = {"preset_encoder": (1, 5), "set_encoder_prescaler": (3, 0)}
+
+
+@pytest.mark.parametrize("name", [*MOVES, *OTHERS])
+def test_a_stop_drops_the_moves_that_wait_and_nothing_else(bench, name):
+    """The motor board writes its EEPROM meanwhile; the stop is repeated at the end of that."""
+    board = bench()
+    board.send("set_pid_gains", 1, 2, 3, wait_s=0.003)
+    board.forget()
+    board.send(name, *{**MOVES, **OTHERS}[name], wait_s=0.002)
+    board.send("stop", wait_s=0.05)
+    assert [data for data in board.writes() if data == STOP] == [STOP] * 2
+    assert len(board.writes()) - 2 == (name in OTHERS)
+
+
+@pytest.mark.parametrize("name", [*MOVES, *OTHERS])
+def test_a_stop_drops_the_move_that_was_refused_and_nothing_else(bench, name):
+    """Within the millisecond before it is sent again."""
+    board = bench()
+    left = [True]
+    board.board.nack = lambda address, data: (
+        len(data) > 1 and data[0] != STOP[0] and bool(left) and left.pop()
+    )
+    board.send(name, *{**MOVES, **OTHERS}[name], wait_s=0.0)
+    while left:
+        board.run(1e-4)
+    board.board.gap(board.board.now_s, b"@13e")
+    board.run(0.05)
+    assert len(board.writes()) - board.writes().count(STOP) == (name in OTHERS)
+
+
+@pytest.mark.parametrize("name", MOVES)
+def test_each_move_turns_the_motors_for_the_status(bench, name):
+    """The reason of the last stop is none from then on."""
+    board = bench()
+    board.send("stop")
+    board.send(name, *MOVES[name])
+    assert board.field("read_status", "stop_reason") == 0
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_commands_keep_the_reason_of_the_last_stop(bench, name):
+    board = bench()
+    board.send(name, *OTHERS[name])
+    assert stop_reason(board) == "boot"
+
+
+@pytest.mark.parametrize("count", range(1, 9))
+def test_commands_that_wait_keep_their_order(bench, count):
+    """Eight at most, wherever the queue begins: moves between them are dropped by the stop."""
+    for before in (0, 3, 6):
+        board = bench()
+        board.raw(b"@4,1,0e" * before)
+        board.send("set_pid_gains", 1, 2, 3, wait_s=0.003)
+        board.forget()
+        wire = b"".join(b"@4,1,%de" % n if n % 3 else b"@11,%d,0e" % n for n in range(count))
+        board.board.gap(board.board.now_s + 0.001, wire + b"@13e")
+        board.run(0.05)
+        kept = [b"\xef\x01" + word(n) + b"\xaa\x55" for n in range(count) if n % 3]
+        assert board.writes(PRESET) == kept and not board.writes(MOVE)
