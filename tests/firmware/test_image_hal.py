@@ -10,7 +10,7 @@ from mrl_driver.protocol.table import FAULTS, REASONS
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
 from tests.avr.test_image import ENDLESS_LOOP, lock_up
 from tests.bench.firmware_board import Rig, request
-from tests.firmware.test_image_hbridge import ENCODERS, Board
+from tests.firmware.test_image_hbridge import ENCODERS, HALF_DUTY, Board
 from tests.firmware.test_image_xbee import frames, say
 from tests.firmware.test_xbee import received
 
@@ -139,10 +139,21 @@ def test_an_error_on_the_bus_is_a_hanging_bus(rig):
     assert [change.level for change in rig.machine.pin_changes()] == 10 * [0, 1]
 
 
-def test_both_lines_of_the_bus_are_pulled_up_inputs(rig):
-    """A recovery leaves them so."""
-    rig.machine.hang_bus("sda", release_clocks=8)
-    rig.run(0.3)
+def test_the_clocks_by_hand_are_at_most_100_khz(rig):
+    """What the slowest slaves bear: 5 us for each level."""
+    rig.machine.watch_pins([SCL])
+    rig.machine.hang_bus("sda")
+    rig.machine.pin_changes()
+    rig.run(20e-3)
+    cycles = [change.cycle for change in rig.machine.pin_changes()][:20]
+    assert min(rig.microseconds(b - a) for a, b in zip(cycles, cycles[1:])) >= 5.0
+
+
+@pytest.mark.parametrize("hang", [None, "sda"])
+def test_both_lines_of_the_bus_are_pulled_up_inputs(rig, hang):
+    """From the start, and after a recovery."""
+    rig.machine.hang_bus(hang, release_clocks=8)
+    rig.run(0.05)
     lines = 1 << SDA - 14 | 1 << SCL - 14
     assert (register(rig, PORTC) & lines, register(rig, DDRC) & lines) == (lines, 0)
 
@@ -175,6 +186,83 @@ def test_the_first_edge_after_power_up_counts(levels, wheel):
     board.run(1e-3)
     assert (board.counts()[wheel], board.status()["impossible"]) == (FORWARD[levels], 0)
     board.close()
+
+
+SAMPLE_VECTOR, TICK, SAMPLE_TICKS = 4 * 12, 1024, 78
+PCICR, BOTH_CHANGES = 0x68, 5
+
+
+@pytest.fixture
+def bridge() -> Iterator[Board]:
+    """The H-bridge image from its power-up on."""
+    board = Board()
+    yield board
+    board.close()
+
+
+def go_to(machine: AvrMachine, pc: int) -> int:
+    """Runs to an address; the cycle."""
+    while machine.pc != pc:
+        machine.run_until(max(machine.next_event_cycle, machine.cycle + 1))
+    return machine.cycle
+
+
+def go_to_encoders(machine: AvrMachine) -> int:
+    """Runs until the interrupts of both encoders are on after the power-up; the cycle."""
+    while machine.peek(PCICR)[0] != BOTH_CHANGES:
+        machine.run(1e-6)
+    return machine.cycle
+
+
+def test_the_first_sample_comes_after_a_whole_period(bridge):
+    """The compare unit flags the end of the 78th tick."""
+    begun = go_to_encoders(bridge.machine)
+    assert (
+        SAMPLE_TICKS * TICK
+        <= go_to(bridge.machine, SAMPLE_VECTOR) - begun + TICK
+        <= (SAMPLE_TICKS + 2) * TICK
+    )
+
+
+@pytest.mark.parametrize("late_ticks", [1, 76, 77, 78, 79, 200])
+def test_samples_go_on_however_late_one_is(bridge, late_ticks):
+    """Without interrupts for so long; the next one comes within a period."""
+    machine = bridge.boot().machine
+    due = go_to(machine, SAMPLE_VECTOR) + SAMPLE_TICKS * TICK
+    for half in (0, 1):
+        machine.run_until(due - 2000)
+        machine.stall_until(due + late_ticks * TICK + half * TICK // 2)
+        late = go_to(machine, SAMPLE_VECTOR)
+        machine.run_until(machine.cycle + 1000)
+        due = go_to(machine, SAMPLE_VECTOR)
+        assert due - late <= (SAMPLE_TICKS + 1) * TICK
+        due += SAMPLE_TICKS * TICK
+
+
+@pytest.mark.parametrize("wheel, change", [(0, 4), (1, 1)])
+@pytest.mark.parametrize("edges, masked", [(249, False), (255, True)])
+def test_more_than_250_edges_between_two_samples_mask_the_encoder(bridge, wheel, change, edges, masked):
+    """Already before the first sample; some edges come while interrupts are off, and count together."""
+    machine = bridge.machine
+    begun = go_to_encoders(machine)
+    machine.plan_edges(ENCODERS[2 * wheel], [begun + 100 + 300 * edge for edge in range(edges)])
+    machine.run_until(begun + 200 + 300 * edges)
+    assert bool(machine.peek(PCICR)[0] & change) != masked
+
+
+def test_a_stop_holds_interrupts_off_for_a_moment_only(bridge):
+    """A byte of the host takes 85 us, and the receiver has room for two."""
+    machine = bridge.boot().configure().machine
+    bridge.say(HALF_DUTY)
+    end = machine.send(b"@13e")
+    off, longest = machine.cycle, 0
+    while machine.cycle < end + 8000:
+        on = machine.interrupts_on
+        machine.run_until(max(machine.next_event_cycle, machine.cycle + 1))
+        if on:
+            off = machine.cycle
+        longest = max(longest, machine.cycle - off)
+    assert longest < 85e-6 * UNO_HZ
 
 
 # ---- the dust sensor's input
@@ -277,3 +365,10 @@ def test_a_break_is_no_byte(radio):
     radio.run(5e-3)
     say(radio, received(b"a"))
     assert heard(radio, 0.03) == 1
+
+
+@pytest.mark.parametrize("baud", [9600 * 0.96, 9600 * 1.04])
+def test_edges_may_be_late_or_early_by_a_third_of_a_bit(radio, baud):
+    """A clock that is 4 % off moves the last edge of a byte by 0.36 bits."""
+    say(radio, received(bytes(range(0, 250, 7))), baud)
+    assert heard(radio, 0.08) == 3
