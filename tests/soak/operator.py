@@ -64,9 +64,10 @@ class Operator:
                 if not data or not all(map(self._obey, lines)):
                     break
             if self._wanted and time.monotonic() >= self._due_s:
-                self._last_s = time.monotonic()
-                self._due_s = self._last_s + PERIOD_S
+                self._due_s = time.monotonic() + PERIOD_S
                 self._publisher.publish(self._message())
+                # Only now the message has left: a busy computer may hold this process up before.
+                self._last_s = time.monotonic()
 
     def _obey(self, line: bytes) -> bool:
         word, *values = line.decode().split()
