@@ -47,6 +47,7 @@ def told_shares(board, speed, rotation):
 @pytest.mark.parametrize(
     "linear, angular, expected",
     [
+        (-1, -1, (-1, -1)),
         (999, 2000, (999, 2000)),
         (1000, 2000, (1000, 2000)),
         (1001, 2000, (1000, 1998)),
@@ -87,7 +88,8 @@ def full_speed_mm_s(full_speed, wheel_radius):
 
 
 @pytest.mark.parametrize(
-    "full_speed, wheel_radius, share", [(4, 23873, 50), (3, 31831, 49), (1, 3600, 100), (10, 32767, 14)]
+    "full_speed, wheel_radius, share",
+    [(4, 23873, 50), (3, 31831, 49), (4, 12057, 99), (1, 3600, 100), (10, 32767, 14)],
 )
 def test_a_linear_ceiling_is_a_share_of_full_speed_rounded_down(limited, full_speed, wheel_radius, share):
     """50 mm/s; by the first two wheels, 50.0005 % and 49.99998 %."""
