@@ -6,7 +6,7 @@ control ticks the motion has a closed form, and a step of any length is exact.
 
 import math
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, auto
 from typing import NamedTuple
 
 
@@ -61,10 +61,10 @@ class BoardGeometry(NamedTuple):
 class Mode(Enum):
     """How the motor board controls a motor."""
 
-    DUTY = "duty"
-    SPEED = "speed"
-    POSITION = "position"
-    BRAKE = "brake"
+    DUTY = auto()
+    SPEED = auto()
+    POSITION = auto()
+    BRAKE = auto()
 
 
 _REST_COUNTS_S = 1.0
@@ -90,11 +90,7 @@ class Motor:
         self.duty = 0.0
         self.sensed = self.polarity = 1.0
         self.blocked = False
-        self.target = 0.0
-        self._setpoint = 0.0
-        self._integral = 0.0
-        self._error = 0.0
-        self._goal = 0.0
+        self.target = self._setpoint = self._integral = self._error = self._goal = 0.0
         self._hold = False
 
     def set_duty(self, share: float) -> None:

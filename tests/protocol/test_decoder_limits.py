@@ -231,6 +231,12 @@ def test_the_rest_of_a_cut_frame_is_not_read_byte_by_byte():
     assert events == [Frame(8, (1000, 2000, 30, 40, 5)), Frame(8, (1001, 2001, 31, 41, 6))]
 
 
+@pytest.mark.parametrize("checked", [False, True])
+def test_many_frames_without_table_are_read_one_by_one(checked):
+    events = FrameDecoder(checked=checked).feed(encode_request(11, 5, 6, checked=checked) * 60)
+    assert events == [Frame(11, (5, 6))] * 60
+
+
 def test_many_frames_are_taken_at_once():
     """400 bytes cost less than one call a frame."""
     events, calls = counted(FrameDecoder(REPLIES), RUN)

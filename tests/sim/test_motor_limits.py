@@ -266,7 +266,7 @@ def test_a_motor_that_lets_go_has_no_duty():
     motor = Motor(PARAMS)
     motor.go_to(100.0, 3000.0, False)
     motor.control(TICK_S, STEP)
-    motor.travel = 100.0
+    motor.travel = 100.4
     motor.control(TICK_S, STEP)
     assert motor.duty == 0.0
 
@@ -292,6 +292,15 @@ def test_the_way_to_a_position_speeds_up_by_the_ramp_and_slows_down_without_it()
     assert set_points(motor, 2) == pytest.approx([150.0, 300.0])
     motor.travel = 990.0
     assert set_points(motor, 1) == pytest.approx([40.0])
+
+
+def test_turning_round_at_the_same_speed_is_not_speeding_up():
+    """The goal is 100 counts ahead, and then 100 counts behind."""
+    motor = Motor(PARAMS)
+    motor.go_to(100.0, 3000.0, True)
+    assert set_points(motor, 3) == pytest.approx([150.0, 300.0, 400.0])
+    motor.travel = 200.0
+    assert set_points(motor, 1) == pytest.approx([-400.0])
 
 
 def test_a_new_goal_keeps_the_ramp():
