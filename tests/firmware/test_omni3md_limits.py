@@ -147,6 +147,16 @@ def test_information_of_a_board_that_is_asked_again_is_0_or_its_own(answering):
         assert temperature in (0, -500) and battery in (0, 2910)
 
 
+@pytest.mark.parametrize("first_tick", [0, 60000])
+def test_the_first_poll_gives_way_to_a_request_that_arrives(bench, first_tick):
+    """Until 64 ms have passed since the start, whatever the clock shows then."""
+    board = bench(boot=False, first_tick=first_tick)
+    board.run(0.02)
+    board.forget()
+    board.raw(b"@11,1", wait_s=0.1)
+    assert board.write_times(BATTERY)[0] == pytest.approx(0.064, abs=HALF_MS)
+
+
 # ---- pauses
 
 
