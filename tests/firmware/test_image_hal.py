@@ -268,7 +268,7 @@ def test_a_stop_holds_interrupts_off_for_a_moment_only(bridge):
 # ---- the dust sensor's input
 
 ENVIRONMENT = BUILD / "mrl_firmware_environment.elf"
-DUST = 8
+DUST, HEATER, FAN = 8, 15, 7
 LITRES = 0.2832
 
 
@@ -278,6 +278,14 @@ def dusty() -> AvrMachine:
     machine.set_pin(DUST, 1)
     machine.run(0.1)
     return machine
+
+
+def test_heater_and_fan_run_from_the_start():
+    """The heater's pin on port C is low, the fan's on port D is high."""
+    machine = dusty()
+    machine.set_pin(HEATER, 1)
+    assert (machine.pin(HEATER), machine.high_cycles(FAN) > 0) == (0, True)
+    machine.close()
 
 
 def pulses(machine: AvrMachine, low_s: float, period_s: float, count: int) -> None:

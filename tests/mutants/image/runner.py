@@ -244,33 +244,52 @@ def _try(
 
 
 def run_checks(mutants: Sequence[Tuple[Mutant, str]], ended: Callable[[Mutant, Verdict], None]) -> None:
-    """Tries mutants with the checks of `tests.verify.interrupts`, which take up to minutes."""
+    """Tries mutants with the checks of `tests.verify.interrupts` that are named after their functions."""
 
     def start(mutant: Mutant, text: str) -> Fork:
-        return Fork(mutant, {}, lambda out: _check(Path(mutant.file).name, text, out))
+        return Fork(mutant, {}, lambda out: _check(mutant, text, out))
 
     def finish(fork: Fork, code: int) -> None:
-        state, by = ("killed", fork.said.decode()) if code == FAILED else ("survived", "")
-        ended(fork.about, Verdict(state, by, round(time.monotonic() - fork.begun_s, 1)))
+        if code == FAILED:
+            ended(
+                fork.about, Verdict("killed", fork.said.decode(), round(time.monotonic() - fork.begun_s, 1))
+            )
         shutil.rmtree(BUILD / f"work{fork.process}", ignore_errors=True)
 
-    run_forks((partial(start, mutant, text) for mutant, text in mutants), finish)
+    run_forks((partial(start, mutant, text) for mutant, text in mutants if _checks_of(mutant)), finish)
 
 
-def _check(source: str, text: str, out: int) -> None:
+def _checks_of(mutant: Mutant) -> List[interrupts.Check]:
+    kinds = CHECKS[Path(mutant.file).name]
+    return [
+        each
+        for each in interrupts.CHECKS.values()
+        if each.build in kinds and mutant.function in each.name.split(", ")[0]
+    ]
+
+
+def _check(mutant: Mutant, text: str, out: int) -> None:
+    """Ends the process at the first check that fails with the mutant, but not without it."""
     interrupts.BUILD = BUILD / f"work{os.getpid()}"
+    source = Path(mutant.file).name
     usual = (interrupts.SOURCE / source).read_text()
-    for kind in CHECKS[source]:
-        chip = interrupts.Chip(interrupts.build(kind, (source, usual, text)))
-        for check in interrupts.CHECKS.values():
-            if check.build == kind:
-                try:
-                    check.run(chip)
-                except Exception:  # noqa: BLE001 - whatever a mutant makes of it
-                    os.write(out, f"{CHECK}{check.name}".encode())
-                    os._exit(FAILED)
-        chip.machine.close()
+    for check in _checks_of(mutant):
+        elf = interrupts.build(check.build, (source, usual, text), "changed")
+        if not _passes(check, elf) and _passes(check, interrupts.build(check.build)):
+            os.write(out, f"{CHECK}{check.name}".encode())
+            os._exit(FAILED)
     os._exit(0)
+
+
+def _passes(check: interrupts.Check, elf: Path) -> bool:
+    chip = interrupts.Chip(elf)
+    try:
+        check.run(chip)
+    except Exception:  # noqa: BLE001 - whatever a mutant makes of it
+        return False
+    finally:
+        chip.machine.close()
+    return True
 
 
 def _within(order: Sequence[str], usual: Dict[str, Usual], most_s: float) -> Iterator[str]:
