@@ -5,7 +5,7 @@ import pytest
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from tests.firmware.imu_chip import GYRO_DATA, ImuChip
 from tests.firmware.test_failsafe import FAULT, faults
-from tests.firmware.test_omni3md_limits import BATTERY, HALF_MS, MOVE, PRESET
+from tests.firmware.test_omni3md_limits import BATTERY, HALF_MS, MOVE, PRESET, TEMPERATURE
 
 IMU = 0x68
 CPU_US = 1 / 16
@@ -86,3 +86,28 @@ def test_the_fault_of_the_bus_ends_with_the_next_transfer(bench):
     board.board.hang_bus(True, recoveries=1)
     board.send("move_differential", 100, 0, wait_s=0.1)
     assert faults(board) & FAULT["bus_hung"] and not faults(board)
+
+
+def test_a_clock_that_the_divider_meets_is_met(bench):
+    """125 kHz; a transfer takes a whole number of the loop's passes then."""
+    board = bench()
+    board.send("write_config", PARAMETER_BY_NAME["bus_speed"].number, 125, wait_s=0.05)
+    board.forget()
+    board.board.gap(board.board.now_s + 0.01, b"@4,1,5e@4,1,6e")
+    board.run(0.02)
+    begin, end = board.write_times(PRESET)
+    assert end - begin == pytest.approx(transfer_bits(6) / 125e3, abs=1e-6)
+
+
+def test_a_stop_that_the_loop_takes_late_in_its_pass_goes_before_a_poll(bench):
+    """It ends in the second part of what has waited, and the poll has been due for a while."""
+    board = bench()
+    board.run(0.1)
+    board.forget()
+    while not board.write_times(BATTERY):
+        board.run(1e-3)
+    last_s = board.write_times(BATTERY)[0]
+    board.forget()
+    board.board.gap(last_s + 0.045, b"\r" * 13 + b"@13e")
+    board.run(0.002)
+    assert [data[0] for _, kind, _, data in board.board.transfers if kind == "write"] == [0xFC, TEMPERATURE]
