@@ -1,7 +1,7 @@
 """The chip's own parts in the images, at their limits: queues, converter, I2C lines, watchdog."""
 
 from pathlib import Path
-from typing import Dict, Iterator, List
+from typing import Callable, Dict, Iterator, List
 
 import pytest
 
@@ -46,6 +46,20 @@ def hang(machine: AvrMachine) -> None:
 def mend(machine: AvrMachine) -> None:
     for address, data in machine.image_flash:
         machine.patch(address, data)
+
+
+def run_while(machine: AvrMachine, condition: Callable[[], object], longest_s: float = 0.5) -> int:
+    """Runs instruction by instruction while it holds; the cycle.
+
+    Raises:
+        TimeoutError: it holds for longer.
+    """
+    last = machine.cycle + longest_s * UNO_HZ
+    while condition():
+        if machine.cycle > last:
+            raise TimeoutError(f"nothing has changed for {longest_s} s of simulated time")
+        machine.run_until(max(machine.next_event_cycle, machine.cycle + 1))
+    return machine.cycle
 
 
 def register(rig: Rig, address: int) -> int:
@@ -100,10 +114,8 @@ def test_a_conversion_takes_104_us(rig):
     rig.run(CONVERTED_S)
     begun: List[int] = []
     rig.machine.adc_volts = lambda channel, time_s: begun.append(rig.machine.cycle) or 1.0
-    while not begun:
-        rig.run(10e-6)
-    while register(rig, ADCSRA) & CONVERTS:
-        rig.machine.run_until(rig.machine.cycle + 1)
+    run_while(rig.machine, lambda: not begun)
+    run_while(rig.machine, lambda: register(rig, ADCSRA) & CONVERTS)
     assert rig.microseconds(rig.machine.cycle - begun[0]) == pytest.approx(104, abs=1)
 
 
@@ -130,8 +142,7 @@ def test_a_hanging_bus_gets_nine_clocks_and_a_stop(rig):
 
 def test_an_error_on_the_bus_is_a_hanging_bus(rig):
     """A start or stop amid a byte has the status 0."""
-    while rig.machine.pc != TWI_VECTOR:
-        rig.machine.run_until(max(rig.machine.next_event_cycle, rig.machine.cycle + 1))
+    run_while(rig.machine, lambda: rig.machine.pc != TWI_VECTOR)
     rig.machine.watch_pins([SCL])
     rig.machine.pin_changes()
     rig.machine.poke(TWSR, b"\0")
@@ -202,16 +213,12 @@ def bridge() -> Iterator[Board]:
 
 def go_to(machine: AvrMachine, pc: int) -> int:
     """Runs to an address; the cycle."""
-    while machine.pc != pc:
-        machine.run_until(max(machine.next_event_cycle, machine.cycle + 1))
-    return machine.cycle
+    return run_while(machine, lambda: machine.pc != pc)
 
 
 def go_to_encoders(machine: AvrMachine) -> int:
     """Runs until the interrupts of both encoders are on after the power-up; the cycle."""
-    while machine.peek(PCICR)[0] != BOTH_CHANGES:
-        machine.run(1e-6)
-    return machine.cycle
+    return run_while(machine, lambda: machine.peek(PCICR)[0] != BOTH_CHANGES)
 
 
 def test_the_first_sample_comes_after_a_whole_period(bridge):
