@@ -23,6 +23,7 @@ QUEUE = 64
 TCCR0B, TIMSK0, TCCR2B = 0x45, 0x6E, 0xB1
 UCSR0C, ADCSRA, ADMUX, DDRC, PORTC = 0xC2, 0x7A, 0x7C, 0x27, 0x28
 TWSR, TWI_VECTOR = 0xB9, 4 * 24
+UCSR0B, ROOM_INTERRUPT, ROOM_VECTOR, GPIOR0 = 0xC1, 0x20, 4 * 19, 0x3E
 CONVERTS = 0x40
 FORMAT_8N1 = 0x06
 
@@ -96,6 +97,22 @@ def test_the_line_has_8n1_whatever_a_bootloader_has_left():
     made.run(READY_S)
     assert register(made, UCSR0C) == FORMAT_8N1
     made.close()
+
+
+def test_room_in_the_queue_is_news_at_its_end_and_each_eight_bytes(rig):
+    """The loop, which stands still here, wakes up when 0, 7 or 15 bytes are waiting, or 8 more."""
+    machine = rig.machine
+    machine.run_until(machine.send(request("read_counters")))
+    machine.run(300e-6)
+    hang(machine)
+    news: List[bool] = []
+    while machine.peek(UCSR0B)[0] & ROOM_INTERRUPT:
+        run_while(machine, lambda: machine.pc != ROOM_VECTOR)
+        machine.poke(GPIOR0, b"\0")
+        run_while(machine, lambda: not machine.interrupts_on)
+        news.append(bool(machine.peek(GPIOR0)[0] & 1))
+    assert len(news) > 16
+    assert [left for left, each in enumerate(reversed(news)) if each] == [0, *range(7, len(news), 8)]
 
 
 # ---- timers
