@@ -14,7 +14,7 @@ int32_t difference(int32_t a, int32_t b) {
 // Rounds down.
 __attribute__((noinline)) int16_t EncoderCounter::read(int32_t travel) const {
   const int32_t moved = difference(travel, travel_);
-  if (prescale_ == 1) return static_cast<int16_t>(sum(count_, moved));
+  if (!divided_) return static_cast<int16_t>(sum(count_, moved));
   const int32_t steps = (moved < 0 ? moved - prescale_ + 1 : moved) / prescale_;
   return static_cast<int16_t>(count_ + steps);
 }
@@ -26,6 +26,7 @@ void EncoderCounter::preset(int16_t count, int32_t travel) {
 
 void EncoderCounter::set_prescaler(uint8_t power, int32_t travel) {
   preset(read(travel), travel);
+  divided_ = power;
   for (prescale_ = 1; power; power--) prescale_ *= 10;
 }
 

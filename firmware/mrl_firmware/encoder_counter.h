@@ -19,6 +19,7 @@ class EncoderCounter {
   int16_t count_ = 0;
   int32_t travel_ = 0;
   int32_t prescale_ = 1;
+  bool divided_ = false;  // spares the chip a division by 1
 };
 
 }  // namespace mrl

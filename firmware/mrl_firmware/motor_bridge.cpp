@@ -128,9 +128,9 @@ void serve(uint8_t wheel) {
 
 // ---- moves
 
+// Of -100 to 100: the table has no other percentages.
 int16_t share_of(int16_t percent) {
-  const int16_t most = percent > 100 ? 100 : percent < -100 ? -100 : percent;
-  return static_cast<int16_t>(static_cast<int32_t>(most) * 10486 / 64);  // * FULL / 100
+  return static_cast<int16_t>(static_cast<int32_t>(percent) * 10486 / 64);  // * FULL / 100
 }
 
 // If a wheel would be faster than it can be, both slow down by the same factor, which keeps the arc.

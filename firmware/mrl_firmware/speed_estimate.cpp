@@ -45,7 +45,6 @@ void SpeedEstimate::rest(uint16_t count, uint16_t tick) {
   marks_[0] = {count, tick};
   used_ = 1;
   quiet_ = STANDING;
-  counts_ = 0;
   speed_ = 0;
 }
 

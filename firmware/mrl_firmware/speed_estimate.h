@@ -31,7 +31,7 @@ class SpeedEstimate {
   Mark marks_[MARKS];  // newest first: samples in which the counter had changed
   uint8_t used_ = 0;
   uint8_t quiet_ = 0;       // samples since the last change
-  uint16_t counts_ = 0, ticks_ = 1;  // what the speed was computed from
+  uint16_t counts_ = 0, ticks_ = 0;  // what the speed was computed from
   bool backward_ = false;
   int16_t speed_ = 0;
 };

@@ -8,7 +8,7 @@ constexpr int32_t FAR = 5000;       // counts: more would overflow
 constexpr int16_t SLOWEST = FULL / 64;  // of a positional move, near its end
 constexpr int32_t INTEGRAL_MOST = static_cast<int32_t>(FULL) << 16;
 
-int8_t sign(int32_t value) { return static_cast<int8_t>((value > 0) - (value < 0)); }
+int32_t size(int32_t value) { return value < 0 ? -value : value; }
 
 int16_t limit(int32_t value, int16_t least, int16_t most) {
   return static_cast<int16_t>(value < least ? least : value > most ? most : value);
@@ -27,7 +27,7 @@ void Wheel::set(Mode mode, int16_t target) {
 
 void Wheel::go_to(int32_t travel, int16_t speed) {
   go_to_ = travel;
-  set(Mode::position, static_cast<int16_t>(speed < 0 ? -speed : speed));
+  set(Mode::position, static_cast<int16_t>(size(speed)));
 }
 
 void Wheel::stop() {
@@ -52,7 +52,7 @@ __attribute__((noinline)) StopReason Wheel::update(const WheelSettings& settings
 
 // The speed falls with the way that is left, by a factor of e in 200 ms.
 int16_t Wheel::approach(const WheelSettings& settings) const {
-  const int32_t left = go_to_ - travel_, way = left < 0 ? -left : left;
+  const int32_t left = go_to_ - travel_, way = size(left);
   if (way <= REACHED) return 0;
   const int32_t counts = way < FAR ? way : FAR;
   const int32_t speed = static_cast<int32_t>(settings.share_per_count_q8 * static_cast<uint32_t>(counts) >> 8);
@@ -63,11 +63,11 @@ int16_t Wheel::approach(const WheelSettings& settings) const {
 
 // Moves the setpoint by at most the ramp.  A reversal passes through zero, rests there, and goes on in another period.
 void Wheel::ramp(const WheelSettings& settings, int16_t target) {
-  const int8_t wanted = sign(target);
+  const int8_t wanted = target < 0 ? -1 : 1;  // a target of 0 ends at rest from either
   if (pause_) pause_--;
-  if (!direction_ && (!wanted || (pause_ && wanted != last_direction_))) return come_to_rest(settings);
+  if (!direction_ && pause_ && wanted != last_direction_) return come_to_rest(settings);
   const bool turn_back = direction_ && wanted != direction_;
-  const uint32_t goal = turn_back ? 0 : static_cast<uint32_t>(target < 0 ? -target : target) << 8;
+  const uint32_t goal = turn_back ? 0 : static_cast<uint32_t>(size(target)) << 8;
   const bool at_once = mode_ == Mode::position && goal < setpoint_q8_;
   const uint32_t step = at_once ? setpoint_q8_ : settings.ramp_q8;
   if (setpoint_q8_ < goal) {

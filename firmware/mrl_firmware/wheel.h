@@ -34,7 +34,6 @@ class Wheel {
   int16_t level();
   // The sum of all counts.
   int32_t travel() const { return travel_; }
-  int16_t speed() const { return estimate_.speed(); }
 
  private:
   enum class Mode : uint8_t { speed, duty, position };
@@ -47,7 +46,7 @@ class Wheel {
 
   SpeedEstimate estimate_;
   WheelWatch watch_;
-  Mode mode_ = Mode::speed;
+  Mode mode_{};         // speed
   int16_t target_ = 0;   // of a positional move: the highest speed
   int32_t go_to_ = 0;    // [count]
   int32_t travel_ = 0;   // [count]

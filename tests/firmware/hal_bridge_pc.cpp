@@ -1,5 +1,7 @@
 #include "hal_bridge_pc.h"
 
+#include <stdlib.h>
+
 #include <algorithm>
 #include <deque>
 
@@ -30,6 +32,13 @@ bool masked[ENCODERS];
 uint16_t counts[ENCODERS], edge_ticks[ENCODERS], impossible;
 hal::EncoderSample newest;
 uint8_t duties[ENCODERS][PINS];
+hal::PwmRate rate;
+
+// On the chip another index reads and writes other memory.
+int checked(int index) {
+  if (index >= ENCODERS) abort();
+  return index;
+}
 
 uint16_t tick_at(double time_us) {
   return static_cast<uint16_t>(first_tick + static_cast<uint64_t>((time_us - start_us) / TICK_US));
@@ -129,10 +138,13 @@ bool take_action() {
 
 namespace hal {
 
-void bridge_begin(PwmRate) { bridge_off(); }
+void bridge_begin(PwmRate to) {
+  rate = to;
+  bridge_off();
+}
 
 void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty) {
-  uint8_t& present = duties[motor][static_cast<int>(pin)];
+  uint8_t& present = duties[checked(motor)][static_cast<int>(pin)];
   if (pin == BridgePin::logic && duty) duty = 255;
   if (missed || present == duty) return;
   acted = true;
@@ -164,10 +176,13 @@ void encoder_read(EncoderSample& sample) {
 }
 
 uint16_t impossible_transitions() { return impossible; }
-bool encoder_masked(uint8_t encoder) { return masked[encoder]; }
-void encoder_unmask(uint8_t encoder) { masked[encoder] = false; }
+bool encoder_masked(uint8_t encoder) { return masked[checked(encoder)]; }
+void encoder_unmask(uint8_t encoder) { masked[checked(encoder)] = false; }
 void encoder_single_channel(bool on) { single = on; }
 
 }  // namespace hal
 
 void pc_edge(int pin, int level, double time_us) { planned.push_back({time_us, pin, level}); }
+
+// The rate of the PWM in force; 0 is the slowest.
+extern "C" int pc_bridge_pwm() { return static_cast<int>(rate); }

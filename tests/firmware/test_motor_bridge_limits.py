@@ -267,6 +267,46 @@ def test_the_least_output_backward_is_as_small_as_forward(pins):
     assert {left for left, _ in board.levels(20)} == {0, -1}
 
 
+# ---- wires
+
+CABLES = [
+    ((), (1, 2)),
+    (("{0}s_swapped",), (2, 1)),
+    (("left_{0}_reversed",), (-1, 2)),
+    (("right_{0}_reversed",), (1, -2)),
+    (("{0}s_swapped", "left_{0}_reversed"), (2, -1)),
+    (("{0}s_swapped", "right_{0}_reversed"), (-2, 1)),
+]
+"""Bits of the wiring, and what is on the pins of the left and the right motor if the wheels turn by 1 and 2."""
+
+
+def wiring(part: str, names: Tuple[str, ...]) -> int:
+    return 1 + sum(BIT[name.format(part)] for name in names)
+
+
+@pytest.mark.parametrize("names, on_pins", CABLES, ids=str)
+def test_a_motor_is_driven_on_the_pins_of_its_cables(pins, names, on_pins):
+    board = pins(**{**STRONG, "wiring": wiring("motor", names)})
+    board.send("move_motors", 20, 40, wait_s=2 * PERIOD_S)
+    assert [round(board.plant.duty(motor) / 51) for motor in (LEFT, RIGHT)] == list(on_pins)
+
+
+@pytest.mark.parametrize("names, on_pins", CABLES, ids=str)
+def test_an_encoder_is_counted_on_the_pins_of_its_cables(pins, names, on_pins):
+    board = pins(**{**STRONG, "wiring": wiring("encoder", names)})
+    board.count(*on_pins)
+    assert board.ask("read_encoders").args == (2, 1)
+
+
+@pytest.mark.parametrize("names, on_pins", CABLES, ids=str)
+def test_a_single_channel_counts_in_the_direction_of_the_last_drive(pins, names, on_pins):
+    """Whatever its own bit of reversal says."""
+    board = pins(**{**STRONG, "wiring": wiring("encoder", names) + BIT["single_channel"]})
+    board.send("move_motors", -10, 10)
+    board.count(*(4 * abs(counts) for counts in on_pins))
+    assert board.ask("read_encoders").args == (4, -2)
+
+
 # ---- what is refused, and for how long
 
 
@@ -283,6 +323,16 @@ def test_no_move_ends_the_refusal_after_a_stop_of_the_board(pins, name, args):
     board.send("move_motors", 10, 10)
     board.mask(LEFT)
     board.send(name, *args)
+    assert not board.is_driven() and board.counter("unavailable") == 1
+
+
+def test_a_move_after_the_watchdog_s_stop_is_refused(pins):
+    """With a checksum this stop is final: the host must stop first."""
+    board = pins(**STRONG)
+    board.check(True)
+    board.send("set_watchdog", 60)
+    board.send("move_motors", 10, 10, wait_s=0.1)
+    board.send("move_motors", 10, 10)
     assert not board.is_driven() and board.counter("unavailable") == 1
 
 
@@ -405,6 +455,23 @@ def test_one_channel_still_counts_its_edges_after_another_parameter_is_written(p
     board.write(kp=100)
     board.count(8, -6)
     assert board.ask("read_encoders").args == (3, 4)
+
+
+RATES = [("l298n", 0), ("vnh5019", 1), ("tb6612", 2)]
+"""Chips with the slowest, the medium and the fastest PWM."""
+
+
+@pytest.mark.parametrize("chip, rate", RATES)
+def test_the_pwm_has_the_rate_of_the_bridge_from_the_start(pins, chip, rate):
+    board = pins(**{**STRONG, "bridge": BRIDGES.index(chip)})
+    assert board.board.native.pc_bridge_pwm() == rate
+
+
+@pytest.mark.parametrize("chip, rate", RATES)
+def test_the_pwm_has_the_rate_of_a_bridge_that_is_written(pins, chip, rate):
+    board = pins(**STRONG)
+    board.write(bridge=BRIDGES.index(chip))
+    assert board.board.native.pc_bridge_pwm() == rate
 
 
 # ---- stops
