@@ -34,17 +34,23 @@ NEAREST = {
     "ceiling": ("test_commands", "test_motion_rows", "test_omni3md_rows"),
     "commands": ("test_commands", "test_failsafe"),
     "config": ("test_config", "test_service_rows"),
-    "encoder": ("test_wheel", "test_bridge"),
+    "encoder": ("test_wheel", "test_wheel_limits", "test_bridge"),
     "failsafe": ("test_failsafe", "test_service_rows"),
     "frame": ("test_decoder", "test_writer", "test_vectors", "test_commands", "test_streams"),
     "hold": ("test_hold_rows", "test_xbee"),
     "motion": ("test_motion_rows", "test_commands", "test_bridge"),
-    "motor_bridge": ("test_bridge", "test_bridge_rows", "test_motion_rows", "test_service_rows"),
+    "motor_bridge": (
+        "test_motor_bridge_limits",
+        "test_bridge",
+        "test_bridge_rows",
+        "test_motion_rows",
+        "test_service_rows",
+    ),
     "motor_omni3md": ("test_failsafe", "test_commands", "test_omni3md_rows"),
     "omni3md": ("test_commands", "test_config", "test_failsafe"),
-    "speed_estimate": ("test_wheel", "test_bridge"),
+    "speed_estimate": ("test_wheel", "test_wheel_limits", "test_bridge"),
     "status": ("test_failsafe", "test_service_rows"),
-    "wheel": ("test_wheel", "test_bridge"),
+    "wheel": ("test_wheel", "test_wheel_limits", "test_bridge"),
 }
 """By the beginning of a source's name, the files whose tests are tried first."""
 LEAST_LIMIT_S, LIMIT_FACTOR = 2.0, 10.0
