@@ -9,9 +9,14 @@ from .python.mutations import compiled, mutants_of
 from .python.run import run, sample, targets
 from .results import KILLED, equivalents, errors, score, survivors
 
-SEED, COUNT, LEAST_KILLED = 23, 38, 0.9
-SOURCES = ("mrl_driver/session/motion_command.py",)
-"""Sources whose nearest tests take a tenth of a second: each other one costs a second of CPU."""
+SEED, COUNT, MOST_MISSED = 23, 50, 4
+SOURCES = (
+    "mrl_driver/session/motion_command.py",
+    "mrl_driver/session/session.py",
+    "mrl_driver/session/handshake.py",
+    "mrl_driver/safety/wheel_monitor.py",
+)
+"""Safety sources that cost 1 to 1.4 s of CPU each with the first of their files of tests; each mutant costs 0.06 s."""
 
 pytestmark = pytest.mark.skipif(
     sys.version_info < (3, 9), reason="names of mutants need ast.unparse of Python 3.9"
@@ -22,15 +27,19 @@ def keys_of(code):
     return [each.key for each in mutants_of(ast.parse(code))]
 
 
-@pytest.mark.timeout(300)  # a second of CPU, in a process and 38 forks
+@pytest.mark.timeout(300)  # 9 s of CPU, in a process for each source and 50 forks
 def test_the_nearest_tests_notice_a_sample_of_mutants():
     kept, listed, missed, count = targets(), equivalents(), [], 0
     for source, keys in sample(COUNT, SOURCES, SEED).items():
-        result = run(source, kept[source]["tests"], 2, keys=keys, keep=False)
+        result = run(source, kept[source]["tests"][:1], 2, keys=keys, keep=False)
         count += len(result["mutants"])
-        missed += [each["key"] for each in survivors(result) if each["key"] not in listed.get(source, {})]
+        missed += [
+            f"{source}: {each['key']}"
+            for each in survivors(result)
+            if each["key"] not in listed.get(source, {})
+        ]
     assert count == COUNT
-    assert len(missed) <= (1 - LEAST_KILLED) * COUNT, missed
+    assert len(missed) <= MOST_MISSED, missed
 
 
 def test_a_comparison_is_moved_by_its_boundary():
