@@ -295,6 +295,15 @@ def test_a_stop_to_a_lost_motor_board_has_four_attempts(bench, refused, limit_s)
     assert times[refused] - begun_s < limit_s
 
 
+def test_commands_that_wait_when_the_motor_board_is_lost_are_forgotten(bench):
+    """None of them is carried out when it comes back."""
+    board = bench()
+    attempts(board, MOVE, 4)
+    board.board.gap(board.board.now_s + 0.01, b"@11,100,0e@4,1,5e@4,1,6e@4,1,7e")
+    board.run(0.4)
+    assert board.writes(GEOMETRY) and not board.writes(PRESET)
+
+
 def test_the_fault_of_a_refusal_ends_with_the_next_transfer(bench):
     board = bench()
     refuse(board, MOVE, 1)
