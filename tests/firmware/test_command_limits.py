@@ -29,3 +29,11 @@ def test_a_stop_behind_any_number_of_waiting_bytes_is_carried_out_within_two_pas
     board.run(0.001)
     assert bool(board.writes()) == (waiting >= len(STOP_WIRE))
     assert all(t - begun_s < 0.2e-3 for t in board.write_times(STOP[0]))
+
+
+@pytest.mark.parametrize("byte", [0x00, 0x01, 0x7F, 0x80, 0xFF])
+def test_no_byte_within_a_frame_is_left_out(bench, byte):
+    """A frame without it would be a stop."""
+    board = bench()
+    board.raw(b"@1" + bytes([byte]) + b"3e")
+    assert board.writes() == [] and board.counter("not_integer") == 1
