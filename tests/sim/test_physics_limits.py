@@ -223,6 +223,16 @@ def test_a_wheel_without_grip_moves_the_body_less(wheel, twist):
     assert robot.motors[wheel].travel * robot.params.left_m_per_count == pytest.approx(0.02)
 
 
+def test_a_rear_wheel_without_grip_pushes_a_turn_aside():
+    """Of three wheels that roll 2 mm each, the rear one moves the body by 1 mm alone."""
+    robot = body(OMNI)
+    roll(robot, 0.0, 0.0, 1.0)
+    robot.grip[1] = 0.5
+    seen = motions_of(robot)
+    robot.step(0.02)
+    assert seen == [pytest.approx((0.02, 0.0, 0.001 * 2 / 3, 0.005 / 0.3))]
+
+
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
 def test_an_obstacle_leaves_a_share_of_a_motion(share):
     robot = body()
@@ -302,7 +312,8 @@ def test_noise_of_a_turn_has_the_variance_of_its_angle():
 
 def test_noise_is_chosen_by_the_seed():
     ways = []
-    for robot in (body(wheel_noise=1e-5), body(wheel_noise=1e-5), body(wheel_noise=1e-5, seed=1)):
+    params = params_for(TRAXBOT, Errors(wheel_noise=1e-5))
+    for robot in (RobotPhysics(params), RobotPhysics(params, seed=0), RobotPhysics(params, seed=1)):
         turn_wheels(robot, 0.5, 0.0, 0.5)
         robot.step(0.1)
         ways.append(pose_of(robot))
