@@ -20,7 +20,13 @@ from tests.verify import interrupts
 
 TESTS = ("tests/avr/test_image.py", "tests/avr/test_sleep.py", "tests/conformance")
 NEAREST: Dict[str, Tuple[str, ...]] = {
-    "hal_avr.cpp": ("test_image.py", "test_image_hal", "test_sleep", "test_service_rows"),
+    "hal_avr.cpp": (
+        "test_image.py",
+        "test_image_hal",
+        "test_image_hbridge",
+        "test_sleep",
+        "test_service_rows",
+    ),
     "hal_bridge_avr.cpp": ("test_image_hbridge", "test_image_hal", "test_bridge_rows"),
     "hal_bus_avr.cpp": ("test_image_bus", "test_image.py", "test_image_hal"),
     "hal_dust_avr.cpp": ("test_image_environment", "test_image_hal"),
