@@ -293,6 +293,7 @@ def test_a_stop_holds_interrupts_off_for_a_moment_only(bridge):
 
 ENVIRONMENT = BUILD / "mrl_firmware_environment.elf"
 DUST, HEATER, FAN = 8, 15, 7
+TCCR1B, NOISE_CANCELLER = 0x81, 0x80
 LITRES = 0.2832
 
 
@@ -309,6 +310,13 @@ def test_heater_and_fan_run_from_the_start():
     machine = dusty()
     machine.set_pin(HEATER, 1)
     assert (machine.pin(HEATER), machine.high_cycles(FAN) > 0) == (0, True)
+    machine.close()
+
+
+def test_the_dust_sensors_input_has_its_noise_canceller_on():
+    """Spikes of less than four cycles are no edges."""
+    machine = dusty()
+    assert machine.peek(TCCR1B)[0] & NOISE_CANCELLER
     machine.close()
 
 
