@@ -2,6 +2,7 @@
 
 import pytest
 
+from mrl_driver.protocol.table import BY_NAME
 from tests.firmware.test_failsafe import STOP
 
 PRESET_WIRE, STOP_WIRE = b"@4,1,5e", b"@13e"
@@ -37,3 +38,16 @@ def test_no_byte_within_a_frame_is_left_out(bench, byte):
     board = bench()
     board.raw(b"@1" + bytes([byte]) + b"3e")
     assert board.writes() == [] and board.counter("not_integer") == 1
+
+
+@pytest.mark.parametrize("waiting", [20, 36, 52, 64])
+def test_a_stream_that_is_started_late_in_a_pass_begins_at_once(bench, waiting):
+    """The loop does not sleep before it has asked all tasks again; its first frame takes less than 1 ms to begin."""
+    for phase in range(4):
+        board = bench(sonars=False)
+        board.run(0.01 * phase)
+        board.forget()
+        wire = b"@%d,100e" % BY_NAME["start_stream"].code
+        board.board.gap(board.board.now_s + 0.02, b"\r" * (waiting - len(wire)) + wire)
+        board.run(1e-3)
+        assert board.heard[:1] == b"@"
