@@ -5,6 +5,8 @@ import pytest
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME
 from tests.firmware.imu_chip import ImuChip
+from tests.firmware.pc_board import XBEE
+from tests.firmware.test_xbee import packet
 
 LOWEST = -32768
 READ_IMU, STREAM = BY_NAME["read_imu"].code, BY_NAME["read_encoders_and_sonars"].code
@@ -67,3 +69,35 @@ def test_the_stamps_of_checked_frames_count_up_by_one(bench):
     board.send("start_stream", 20, wait_s=0.3)
     numbers = [frame.stamp.sequence for frame in board.frames() if frame.stamp]
     assert len(numbers) > 10 and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+
+
+LOW_ADDRESS, LOW_TEXT = b"\x80\0" * 4, b"\x80\0" * 7
+
+
+@pytest.mark.parametrize("checked", [False, True])
+def test_the_longest_frame_is_whole_whatever_waits_before_it(bench, checked):
+    """A text by radio with the widest numbers takes about 90 bytes; its check value differs each time."""
+    board = bench(library=XBEE, sonars=False)
+    if checked:
+        board.check(True)
+    for last in range(24):
+        text = LOW_TEXT + bytes([0x80, last])
+        board.forget()
+        for _ in range(last % 4):
+            board.send("get_stream", wait_s=0.0)
+        for byte in packet(b"\x90" + LOW_ADDRESS + b"\xff\xfe\x01" + text):
+            board.board.native.pc_radio_receive(byte)
+        board.run(0.02)
+        (frame,) = [each for each in board.frames() if each.code == BY_NAME["xbee_text"].code]
+        assert frame.args == (*[LOWEST] * 4, 16, *[LOWEST] * 7, LOWEST + last)
+        assert all(isinstance(event, Frame) for event in board.events)
+
+
+def test_texts_fill_the_transmitter_to_its_last_byte(bench):
+    """Three of 13 bytes and one of 25 are 64."""
+    board = bench()
+    board.send("set_debug", 1)
+    board.forget()
+    board.board.gap(board.board.now_s + 0.02, b"@13e" * 3 + b"@99e")
+    board.run(0.02)
+    assert board.heard == b"[INFO] stop\r\n" * 3 + b"[ERROR] unknown_command\r\n"
