@@ -1,6 +1,7 @@
 """A motor on a bridge at its limits: pieces of motion to their ends, rest, starting, clock and charge."""
 
 import math
+import sys
 
 import pytest
 
@@ -96,7 +97,48 @@ def test_a_place_at_the_end_is_passed_at_the_end(sign):
     assert motion.time_at(0.0) == 0.0
 
 
+def looks_for(motion, travel):
+    """How often a motion looks where it is at a time, until it knows when it passes `travel`."""
+    looks = 0
+
+    def count(frame, event, _):
+        nonlocal looks
+        looks += event == "call" and frame.f_code is Motion.after.__code__
+
+    before = sys.getprofile()
+    sys.setprofile(count)
+    try:
+        motion.time_at(travel)
+    finally:
+        sys.setprofile(before)
+    return looks
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("time_s", [0.002, 0.45])
+@pytest.mark.parametrize(
+    ("speed", "acceleration"), [(100.0, 0.0), (100.0, 50.0), (0.0, 500.0), (200.0, -200.0), (3.0, -1.0)]
+)
+def test_a_place_on_an_even_motion_is_found_at_the_first_look(speed, acceleration, time_s, sign):
+    motion = Motion(3.0, 0.9, sign * 40.0, sign * speed, sign * acceleration, 0.0)
+    assert looks_for(motion, motion.after(time_s)[0]) == 1
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("speed", "acceleration", "rate"), [(0.0, 5000.0, 5.0), (1000.0, -2000.0, 2.0)])
+def test_a_place_on_an_exponential_is_found_in_few_looks(speed, acceleration, rate, sign):
+    """Halving alone would take 23 looks to 0.1 us."""
+    motion = Motion(3.0, 0.9, sign * 40.0, sign * speed, sign * acceleration, rate)
+    for time_s in (0.01, 0.1, 0.4, 0.8):
+        assert looks_for(motion, motion.after(time_s)[0]) <= 6
+
+
 # ---- a motor
+
+
+def test_a_motor_stands_and_coasts_after_power_up():
+    made = DcMotor(PARAMS)
+    assert (made.travel, made.speed, made.shares, made.at_rest) == (0.0, 0.0, COAST, True)
 
 
 @pytest.mark.parametrize(
