@@ -253,3 +253,86 @@ def test_an_answer_to_another_index_does_not_count(robot):
     assert robot.core.answer(code, (3,)) == (3, 77)
     assert robot.core.answer(code, (4,)) is None
     assert robot.core.answer(MOVE_MOTORS, ()) is None
+
+
+# -- ramps
+
+
+def test_a_command_accelerates_from_rest_by_the_limits_after_a_stop(robot):
+    """And not from the speed before the stop."""
+    robot.core.limiter.limits = load("traxbot").limits._replace(linear_acceleration_m_s2=0.5)
+    for _ in range(2):
+        robot.drive(0.3)
+        assert 0 < robot.motion.target[0] < 100
+        robot.run(2.0)
+        assert robot.motion.target == (300, 0)
+        robot.core.stop(robot.now, "user")
+
+
+def test_a_command_accelerates_from_rest_after_one_that_has_run_out(robot):
+    robot.core.limiter.limits = load("traxbot").limits._replace(linear_acceleration_m_s2=0.5)
+    robot.drive(0.3)
+    robot.run(2.0)
+    robot.motion.timeout_s = 0.1
+    robot.drive(0.3)
+    robot.run(0.5)
+    assert stands(robot, "command_timeout")
+    robot.drive(0.3)
+    assert 0 < robot.motion.target[0] < 100
+
+
+def test_a_speed_that_is_reached_is_sent_to_the_millimetre(robot):
+    robot.core.limiter.limits = load("traxbot").limits._replace(linear_acceleration_m_s2=0.5)
+    robot.core.drive(0.2996, 0.0, robot.now)
+    robot.run(2.0)
+    assert robot.motion.target == (300, 0)
+    assert robot.board.speeds == (300, 0)
+
+
+def test_limits_that_are_asked_for_again_start_no_command(robot):
+    robot.core.limit_again(robot.now)
+    assert robot.motion.target is None
+    robot.drive(0.2)
+    robot.core.stop(robot.now, "user")
+    robot.core.limit_again(robot.now)
+    assert robot.motion.target is None
+
+
+def test_a_refusal_is_false_and_not_nothing(robot):
+    robot.core.held = True
+    assert robot.drive(0.1) is False
+    robot.core.held = False
+    robot.core.leaving = True
+    assert robot.drive(0.1) is False
+
+
+def test_a_new_robot_is_not_held_and_due_at_once():
+    core = Core(load("traxbot"), DEFAULTS)
+    assert (core.held, core.hold, core.leaving, core.mismatch) == (False, None, False, None)
+    assert core.due_s == -math.inf
+
+
+def test_a_stop_of_the_board_is_reported_once(robot):
+    """Although the command that follows is refused."""
+    robot.drive(0.2)
+    robot.run(STATUS_S)
+    robot.board.speeds, robot.board.stop_reason = (0, 0), STOP_REASONS.index("encoder")
+    receive = robot.board.receive
+    robot.board.receive = lambda data, now: b"@11," in data or receive(data, now)
+    robot.core.session.request(BY_NAME["read_status"].code)
+    robot.until(lambda: robot.core.mismatch is not None, 0.1)
+    robot.drive(0.0)
+    robot.run(0.1)
+    assert robot.core.mismatch is None and len(robot.seen(Mismatch)) == 1
+
+
+@pytest.mark.parametrize("wait_s", [0.0, 0.3])
+def test_wheels_are_judged_by_the_command_in_force_after_a_stop(robot, wait_s):
+    """The stop does not count as motion that is missing."""
+    robot.drive(0.3)
+    robot.run(1.0)
+    robot.core.stop(robot.now, "user")
+    robot.run(wait_s)
+    robot.drive(-0.3)
+    robot.run(1.0)
+    assert robot.seen(Mismatch) == [] and robot.motion.target == (-300, 0)
