@@ -75,8 +75,6 @@ void put_text(const char* text) {
 
 void set_checked(bool on) { check_on = on; }
 
-bool checked() { return check_on; }
-
 bool idle() { return step == Step::idle && hal::serial_room() >= END_BYTES; }
 
 void begin(uint8_t code) {

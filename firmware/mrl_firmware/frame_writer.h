@@ -7,7 +7,6 @@ namespace writer {
 
 // While on, each frame ends with its checksum, and stamped frames carry sequence number and time.
 void set_checked(bool on);
-bool checked();
 
 // True when a new frame may begin.
 bool idle();
