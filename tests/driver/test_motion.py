@@ -572,3 +572,22 @@ def test_time_of_motion_begins_again_after_a_stop():
     motion.stop()
     motion.drive((200, 0), 3.0)
     assert motion.moves_for_s(4.0) == 1.0
+
+
+def test_motion_is_wanted_from_a_command_to_move_to_one_that_stands():
+    motion = Motion()
+    assert not motion.wanted
+    motion.drive((200, 0), 0.0)
+    assert motion.wanted
+    motion.drive((0, 0), 1.0)
+    assert not motion.wanted
+
+
+@pytest.mark.parametrize(("reason", "wanted"), [("user", False), ("command_timeout", True), ("stale", True)])
+def test_motion_is_wanted_after_a_stop_that_is_not_the_users(reason, wanted):
+    motion = Motion()
+    motion.drive((200, 0), 0.0)
+    motion.stop(reason)
+    assert motion.wanted == wanted
+    motion.drive((200, 0), 1.0)
+    assert motion.wanted

@@ -1,0 +1,327 @@
+"""Free distance to its limits: the edges of outlines, cones, scans and what a sensor remembers."""
+
+import math
+
+import pytest
+
+from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.robot.models import Body, SonarMount
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+from mrl_driver.safety.free_distance import (
+    COVERED_RAD,
+    Outline,
+    Scan,
+    Sight,
+    looks,
+    off_axis,
+    outline_of,
+    scan_room,
+    slant_room,
+    sonar_room,
+)
+
+OUTLINE = Outline(0.2, 0.1, 0.05)
+"""40 cm long and 20 cm wide; the swept path is 5 cm wider on each side."""
+NARROW = Outline(0.05, 0.01, 0.0)
+AHEAD, LEFT, BACK, RIGHT = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
+SLANT = (0.6, 0.8)
+ALMOST_M, TOUCHES_M = 1.5e-9, 1e-9
+"""A point this much beside the path does not touch it any more, and still does."""
+SLIGHT_RAD = 1e-6
+ARC_POINTS = 2000
+ARC_ERROR_M = 2e-3
+"""Of the nearest of so many points on an arc of 2 m."""
+
+
+def towards(angle_deg):
+    return math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+
+
+# -- the outline
+
+
+@pytest.mark.parametrize(
+    ("direction", "room_m"), [(AHEAD, 0.8), (LEFT, 0.9), (BACK, 0.8), (RIGHT, 0.9)], ids=str
+)
+def test_the_room_is_the_way_until_the_body_itself_touches(direction, room_m):
+    """The clearance is beside the path, not ahead."""
+    assert OUTLINE.room(direction, direction) == pytest.approx(room_m)
+
+
+@pytest.mark.parametrize(("direction", "half_m"), [(AHEAD, 0.15), (LEFT, 0.25), (BACK, 0.15), (RIGHT, 0.25)])
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("beyond_m", "free"), [(0.0, False), (TOUCHES_M, False), (ALMOST_M, True)])
+def test_a_point_at_the_edge_of_the_path_is_in_the_way(direction, half_m, side, beyond_m, free):
+    beside_m = side * (half_m + beyond_m)
+    point = direction[0] - direction[1] * beside_m, direction[1] + direction[0] * beside_m
+    assert math.isinf(OUTLINE.room(point, direction)) == free
+
+
+@pytest.mark.parametrize("place_m", [0.0, -0.01, -1.0])
+def test_what_is_not_ahead_of_the_centre_is_not_in_the_way(place_m):
+    """The robot may drive away even from what is inside its outline."""
+    assert OUTLINE.room((place_m, 0.05), AHEAD) == math.inf
+
+
+def test_what_is_ahead_of_the_centre_inside_the_outline_leaves_less_than_no_room():
+    assert OUTLINE.room((0.01, 0.0), AHEAD) == pytest.approx(-0.19)
+
+
+@pytest.mark.parametrize(
+    ("x_m", "room_m"), [(0.2, math.inf), (0.25, 0.8625), (0.6, 0.8625), (0.85, 1.05), (1.4, math.inf)]
+)
+def test_a_slanting_way_ends_where_the_outline_with_its_clearance_meets_the_point(x_m, room_m):
+    """With the left side, which reaches all points of a line after the same way, or with the front."""
+    assert OUTLINE.room((x_m, 0.8), SLANT) == pytest.approx(room_m)
+
+
+@pytest.mark.parametrize(("beyond_m", "free"), [(-1e-6, False), (0.0, False), (1e-6, True)])
+@pytest.mark.parametrize("corner", [(0.25, -0.15), (-0.25, 0.15)])
+def test_a_corner_that_grazes_a_point_touches_it(corner, beyond_m, free):
+    """1 m ahead of the right front corner, or of the left rear one; `beyond_m` is away from the path."""
+    away = beyond_m if corner[0] > 0 else -beyond_m
+    point = corner[0] + SLANT[0] + away * SLANT[1], corner[1] + SLANT[1] - away * SLANT[0]
+    assert math.isinf(OUTLINE.room(point, SLANT)) == free
+
+
+def test_the_corners_are_beside_the_path_by_length_and_width_with_the_clearance():
+    assert sorted(OUTLINE.sides(AHEAD)) == pytest.approx([-0.15, -0.15, 0.15, 0.15])
+    assert sorted(OUTLINE.sides(LEFT)) == pytest.approx([-0.25, -0.25, 0.25, 0.25])
+    assert sorted(OUTLINE.sides(SLANT)) == pytest.approx([-0.29, -0.11, 0.11, 0.29])
+
+
+@pytest.mark.parametrize(
+    ("direction", "room_m"), [(AHEAD, 0.3), (BACK, -0.7), (LEFT, 0.2), (SLANT, 0.34), ((-0.6, -0.8), -0.74)]
+)
+def test_a_wall_is_as_far_as_the_outlines_foremost_point_from_it(direction, room_m):
+    """Across the path through a point 0.5 m ahead and 0.3 m to the left; without the clearance."""
+    assert OUTLINE.wall_room((0.5, 0.3), direction) == pytest.approx(room_m)
+
+
+def test_the_outline_of_a_body_is_half_of_it_to_each_side():
+    assert outline_of(Body(0.4, 0.2, 0.1, 1.0, False), 0.05) == OUTLINE
+
+
+# -- scans
+
+
+def scan(*ranges, first_deg=0.0, step_deg=90.0, near_m=0.1, mount=ORIGIN):
+    return Scan(ranges, math.radians(first_deg), math.radians(step_deg), near_m, mount)
+
+
+@pytest.mark.parametrize(
+    ("range_m", "valid"),
+    [(0.1, True), (0.0999, False), (-math.inf, True), (math.inf, True), (math.nan, False), (-1.0, False)],
+)
+def test_a_scan_is_valid_with_one_reading_from_the_shortest_range_on(range_m, valid):
+    assert scan(math.nan, range_m, 0.0).valid == valid
+
+
+def test_a_scan_without_rays_is_not_valid():
+    assert not scan().valid and scan().points() == []
+
+
+@pytest.mark.parametrize(
+    ("range_m", "distance_m"),
+    [(0.1, [0.1]), (0.0999, []), (5.0, [5.0]), (-math.inf, [0.1]), (math.inf, []), (math.nan, [])],
+)
+def test_a_ray_hits_a_point_between_the_shortest_and_an_infinite_range(range_m, distance_m):
+    """-inf is too near, and counts as the shortest range."""
+    assert [x_m for x_m, _ in scan(range_m).points()] == pytest.approx(distance_m)
+
+
+def test_points_of_a_scan_are_where_its_rays_end_seen_from_the_robot():
+    """The laser is 0.2 m ahead and 0.1 m to the left, and its first ray looks straight ahead."""
+    points = scan(1.0, 2.0, 3.0, first_deg=-30.0, mount=Pose(0.2, 0.1, math.radians(30.0))).points()
+    assert [round(each, 9) for point in points for each in point] == [1.2, 0.1, 0.2, 2.1, -2.8, 0.1]
+
+
+def test_a_ray_without_a_hit_keeps_its_place():
+    (point,) = scan(math.nan, 1.0).points()
+    assert point == pytest.approx((0.0, 1.0))
+
+
+@pytest.mark.parametrize(("first_deg", "step_deg"), [(-60.0, 60.0), (60.0, -60.0)])
+@pytest.mark.parametrize(
+    ("angle_rad", "seen"),
+    [
+        (0.0, True),
+        (math.radians(60) - SLIGHT_RAD, True),
+        (math.radians(60) + SLIGHT_RAD, False),
+        (SLIGHT_RAD - math.radians(60), True),
+        (-SLIGHT_RAD - math.radians(60), False),
+        (math.pi, False),
+    ],
+)
+def test_a_laser_looks_from_its_first_ray_to_its_last(first_deg, step_deg, angle_rad, seen):
+    """Whether it turns to the left or to the right."""
+    laser = scan(1.0, 1.0, 1.0, first_deg=first_deg, step_deg=step_deg)
+    assert laser.looks((math.cos(angle_rad), math.sin(angle_rad))) == seen
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "seen"), [(171, True), (180, True), (-171, True), (-169, False), (169, False), (0, False)]
+)
+def test_a_laser_that_looks_back_sees_across_half_a_turn(angle_deg, seen):
+    laser = scan(1.0, 1.0, 1.0, first_deg=-10.0, step_deg=10.0, mount=Pose(0.0, 0.0, math.pi))
+    assert laser.looks(towards(angle_deg)) == seen
+
+
+def test_a_laser_with_one_ray_looks_along_it():
+    assert scan(1.0).looks(AHEAD)
+    assert not scan(1.0).looks(towards(1)) and not scan(1.0).looks(towards(-1))
+
+
+def test_the_free_distance_of_a_scan_is_that_of_its_nearest_point():
+    assert scan_room(OUTLINE, [(2.0, 0.0), (1.0, 0.1), (0.5, 1.0)], AHEAD) == pytest.approx(0.8)
+    assert scan_room(OUTLINE, [], AHEAD) == math.inf
+
+
+# -- sonars
+
+
+def mount(yaw_deg=0.0, x_m=0.0, y_m=0.0):
+    return SonarMount(x_m, y_m, yaw_deg)
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "angle_deg", "off_deg"),
+    [(45, 90, 45), (-45, 90, 135), (170, -170, 20), (0, 180, 180), (30, 30, 0)],
+)
+def test_a_direction_is_off_the_axis_by_the_smaller_angle(yaw_deg, angle_deg, off_deg):
+    assert off_axis(mount(yaw_deg), towards(angle_deg)) == pytest.approx(math.radians(off_deg))
+
+
+def test_two_sonars_at_a_right_angles_half_leave_no_gap():
+    assert math.radians(22.5) < COVERED_RAD == pytest.approx(math.radians(23.0))
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "ahead"), [(0, True), (71.99, True), (72.01, False), (-72.01, False), (180, False)]
+)
+def test_a_sonar_looks_ahead_if_its_whole_cone_does(yaw_deg, ahead):
+    """The cone is 18 degrees wide to each side."""
+    assert looks(mount(yaw_deg), AHEAD) == ahead
+
+
+@pytest.mark.parametrize("room", [sonar_room, slant_room])
+def test_nothing_in_range_leaves_all_room_and_too_near_none(room):
+    assert room(OUTLINE, mount(), math.inf, AHEAD) == math.inf
+    assert room(OUTLINE, mount(), -math.inf, AHEAD) == 0.0
+
+
+def test_a_range_of_nothing_is_at_the_sonar_itself():
+    assert sonar_room(OUTLINE, mount(x_m=0.2), 0.0, AHEAD) == pytest.approx(0.0)
+
+
+def test_an_echo_may_come_from_the_edge_of_the_cone():
+    """There it is nearest along the path, if the robot is wide."""
+    wide = Outline(0.1, 1.0, 0.0)
+    assert sonar_room(wide, mount(), 1.0, AHEAD) == pytest.approx(math.cos(FIELD_OF_VIEW_RAD / 2) - 0.1)
+
+
+def test_an_echo_counts_at_the_edge_of_the_path_if_the_cone_is_wider():
+    assert sonar_room(OUTLINE, mount(), 1.0, AHEAD) == pytest.approx(math.sqrt(1 - 0.15**2) - 0.2)
+
+
+def test_an_echo_from_a_cone_beside_the_path_leaves_all_room():
+    assert sonar_room(NARROW, mount(20.0), 1.0, AHEAD) == math.inf
+    assert sonar_room(NARROW, mount(18.0), 1.0, AHEAD) < 1.0
+
+
+@pytest.mark.parametrize("off_deg", range(-70, 71, 20))
+@pytest.mark.parametrize("yaw_deg", [-100, 0, 45, 160])
+@pytest.mark.parametrize("range_m", [0.3, 0.6, 2.0])
+def test_the_free_distance_of_an_echo_is_that_of_the_nearest_point_of_its_arc(off_deg, yaw_deg, range_m):
+    sonar, direction = mount(yaw_deg, 0.12, -0.04), towards(yaw_deg + off_deg)
+    yaw_rad, half_rad = math.radians(yaw_deg), FIELD_OF_VIEW_RAD / 2
+    rooms_m = []
+    for number in range(ARC_POINTS + 1):
+        angle = yaw_rad + half_rad * (2 * number / ARC_POINTS - 1)
+        point = sonar.x_m + range_m * math.cos(angle), sonar.y_m + range_m * math.sin(angle)
+        rooms_m.append(OUTLINE.room(point, direction))
+    found_m = sonar_room(OUTLINE, sonar, range_m, direction)
+    assert max(0.0, found_m) == pytest.approx(max(0.0, min(rooms_m)), abs=ARC_ERROR_M)
+
+
+@pytest.mark.parametrize(("angle_deg", "edge_deg"), [(10, 10), (40, 18), (-10, -10), (-40, -18)])
+def test_a_wall_that_a_sonar_sees_at_an_angle_is_as_near_as_the_nearest_edge_of_its_cone(angle_deg, edge_deg):
+    way_rad = math.radians(angle_deg - edge_deg)
+    half_m = NARROW.half_length_m * towards(angle_deg)[0] + NARROW.half_width_m * abs(towards(angle_deg)[1])
+    room_m = slant_room(NARROW, mount(), 1.0, towards(angle_deg))
+    assert room_m == pytest.approx(math.cos(way_rad) - half_m)
+
+
+def test_a_wall_at_an_angle_is_seen_from_where_the_sonar_is():
+    """It is 0.1 m ahead and 0.5 m to the left of the centre, and the edge of its cone is at 18 degrees."""
+    room_m = slant_room(NARROW, mount(0.0, 0.1, 0.5), 1.0, SLANT)
+    edge_x_m, edge_y_m = 0.1 + towards(18)[0], 0.5 + towards(18)[1]
+    assert room_m == pytest.approx(0.6 * edge_x_m + 0.8 * edge_y_m - 0.6 * 0.05 - 0.8 * 0.01)
+
+
+def test_what_is_nearer_than_the_wall_counts():
+    """An object at the other edge of the cone, for a robot that is wide."""
+    wide = Outline(0.1, 1.0, 0.0)
+    assert slant_room(wide, mount(), 1.0, AHEAD) == pytest.approx(math.cos(FIELD_OF_VIEW_RAD / 2) - 0.1)
+
+
+# -- what a sensor remembers
+
+
+class Counted:
+    """A room that counts how often it is asked for."""
+
+    def __init__(self, room_m):
+        self.room_m, self.asked = room_m, 0
+
+    def __call__(self, direction):
+        self.asked += 1
+        return self.room_m
+
+
+def sight(room_m=1.0, slant_m=0.5, places=((0.0, 0.0),)):
+    made = Sight()
+    made.know(Counted(room_m), Counted(slant_m), places, 0.0)
+    return made
+
+
+def test_a_new_sensor_was_never_heard():
+    assert Sight().heard_s == Sight().known_s == -math.inf
+
+
+def test_a_message_without_a_reading_is_heard_and_not_known():
+    made = Sight()
+    made.know(Counted(1.0), Counted(1.0), ((0.0, 0.0),), 1.0)
+    made.hear(2.0)
+    assert (made.heard_s, made.known_s) == (2.0, 1.0)
+
+
+def test_a_direction_that_no_sensor_covers_has_the_room_of_a_slanting_view():
+    assert sight().room_m(AHEAD, True, (0.0, 0.0)) == 1.0
+    assert sight().room_m(AHEAD, False, (0.0, 0.0)) == 0.5
+
+
+@pytest.mark.parametrize(
+    ("direction", "room_m"), [(AHEAD, 0.7), (BACK, 1.2), (LEFT, 0.9), (RIGHT, 1.0), (SLANT, 0.74)], ids=str
+)
+def test_the_way_since_a_reading_is_counted_from_the_place_that_leaves_the_least_room(direction, room_m):
+    """The robot is at (0.3, 0.1) now, and was between (0, 0) and (0.1, 0.1) then."""
+    seen = sight(places=((0.0, 0.0), (0.1, 0.1)))
+    assert seen.room_m(direction, True, (0.3, 0.1)) == pytest.approx(room_m)
+
+
+def test_a_new_reading_replaces_what_was_found():
+    seen = sight(1.0)
+    seen.room_m(AHEAD, True, (0.0, 0.0))
+    seen.know(Counted(2.0), Counted(0.5), ((0.0, 0.0),), 1.0)
+    assert seen.room_m(AHEAD, True, (0.0, 0.0)) == 2.0
+
+
+@pytest.mark.parametrize(("directions", "asked"), [(1, 1), (16, 16), (17, 18)])
+def test_the_rooms_of_sixteen_directions_are_remembered(directions, asked):
+    """The first is asked for again after the others."""
+    seen, room = Sight(), Counted(1.0)
+    seen.know(room, room, ((0.0, 0.0),), 0.0)
+    for angle_deg in (*range(directions), 0):
+        seen.room_m(towards(angle_deg), True, (0.0, 0.0))
+    assert room.asked == asked
