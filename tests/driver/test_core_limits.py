@@ -5,12 +5,22 @@ import math
 import pytest
 
 from mrl_driver.driver.options import DEFAULTS
-from mrl_driver.driver.robot_core import GENTLE_S, Core
+from mrl_driver.driver.robot_core import Core
 from mrl_driver.errors import FrameError, MrlError
-from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
-from mrl_driver.robot.hold import Hold
+from mrl_driver.protocol import encode_reply
+from mrl_driver.protocol.table import BY_NAME, HOLD_STATES, STOP_REASONS
+from mrl_driver.robot.hold import READ_RADIO, Hold
+from mrl_driver.robot.imu import Imu
+from mrl_driver.robot.odometry import OmniTwist
+from mrl_driver.robot.radio import SEARCH, RadioNode, text_request
+from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.safety.operation_mode import reduced
 from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, REVERSED, Mismatch
+from mrl_driver.session.events import ImuChanged, PathUnknown, Ready, SensorRead, Stale
+from mrl_driver.session.handshake import Board
+from tests.fake_board import SEPARATION_M, FakeBoard
 from tests.models import model as load
+from tests.radio_board import PEER, WORDS, RadioBoard
 
 from .robot import Robot
 
@@ -18,12 +28,29 @@ MOVE_MOTORS = BY_NAME["move_motors"].code
 HELD = Hold("held", 1, 0, 0, 0x0013A20040000002)
 STATUS_S = 1.2
 """The driver asks for the board's status once in this time."""
+FRAME_S = 0.02
+"""Period of the fake board's stream."""
+OMNI_STREAM, SENSOR_STREAM = BY_NAME["start_omni_stream"].code, BY_NAME["start_sensor_ldr_stream"].code
 
 
 @pytest.fixture
 def robot():
     """Its commands hold until they are stopped."""
     return Robot(load("traxbot"), options=DEFAULTS._replace(command_timeout_s=None))
+
+
+def joined(name, stream, limits=None):
+    """A core that goes on with a board of this model, which was greeted at 0 s and is not simulated."""
+    made = load(name)
+    core = Core(made if limits is None else made._replace(limits=limits), DEFAULTS)
+    core.begin(0.0)
+    core.join(Board(made.ids[0], 2, 1.72, 12.0, 25.0, 2, frozenset()), stream, False, 0.0)
+    return core
+
+
+def says(robot, code, *args):
+    """The board sends this reply with its next frames."""
+    robot.board.out += encode_reply(code, *args, checked=robot.board.decoder.checked)
 
 
 def stands(robot, reason):
@@ -218,10 +245,41 @@ def test_an_empty_battery_stops_the_robot_as_gently_as_its_model_accelerates(rob
     assert stands(robot, "battery")
 
 
+@pytest.mark.parametrize(("share", "stops"), [(0.9995, False), (1.0001, True)])
+def test_the_gentle_stop_ends_to_the_millisecond(robot, share, stops):
+    robot.until_empty(0.3)
+    end_s = robot.now + 0.3 / load("traxbot").limits.linear_acceleration_m_s2 * share
+    robot.run(end_s - robot.now - 0.02)
+    robot.core.turn(b"", end_s)
+    assert (robot.motion.target is None) == stops
+
+
+def test_a_slide_to_the_side_ends_gently_as_well():
+    """At 20 mm/s and 10 mm/s2 it takes 2 s; the wheels are too slow to be judged."""
+    core = joined("omni", OMNI_STREAM, load("omni").limits._replace(linear_acceleration_m_s2=0.01))
+    core.session.motion.timeout_s = None
+    core.drive(0.0, 0.0, 0.0, 0.02)
+    frames = encode_reply(OMNI_STREAM, 0, 0, 0, 120, 45, 645) + encode_reply(5, 2500, 172, 840, 2, 21)
+    now, empty_s = 0.0, None
+    while core.session.motion.target is not None:
+        now += 0.05
+        assert now < 20.0
+        core.turn(frames, now)
+        empty_s = now if core.state.powerless and empty_s is None else empty_s
+    assert now - empty_s == pytest.approx(2.0, abs=0.06)
+
+
+def test_an_empty_battery_leaves_a_robot_that_stands_alone(robot):
+    robot.core.stop(robot.now, "user")
+    robot.board.battery = 840
+    robot.until(lambda: robot.core.state.powerless)
+    assert stands(robot, "user") and not robot.drive(0.2)
+
+
 def test_the_gentle_stop_takes_three_seconds_at_most():
     traxbot = load("traxbot")
     slow = traxbot._replace(limits=traxbot.limits._replace(linear_acceleration_m_s2=0.01))
-    assert gentle_stop_s(Robot(slow), 0.2) == pytest.approx(GENTLE_S, abs=0.15)
+    assert gentle_stop_s(Robot(slow), 0.2) == pytest.approx(3.0, abs=0.15)
 
 
 def test_a_command_of_zero_ends_the_gentle_stop_at_once(robot):
@@ -336,3 +394,391 @@ def test_wheels_are_judged_by_the_command_in_force_after_a_stop(robot, wait_s):
     robot.drive(-0.3)
     robot.run(1.0)
     assert robot.seen(Mismatch) == [] and robot.motion.target == (-300, 0)
+
+
+@pytest.mark.parametrize(("period_ms", "board_ms"), [(50, 50), (51, 26), (100, 50), (101, 34)])
+def test_the_board_streams_every_50_ms_or_faster(period_ms, board_ms):
+    robot = Robot(load("traxbot"), options=DEFAULTS._replace(period_ms=period_ms))
+    assert robot.board.period_s == pytest.approx(board_ms / 1000)
+
+
+def test_the_first_telemetry_that_listeners_get_is_as_late_as_all_others():
+    robot = Robot(load("traxbot"), options=DEFAULTS._replace(period_ms=200))
+    robot.until(lambda: robot.seen(Telemetry))
+    assert robot.core.session.counters.streamed == 4
+
+
+def test_a_new_range_in_a_frame_that_is_left_out_comes_with_the_next_one():
+    robot = Robot(load("traxbot"), options=DEFAULTS._replace(period_ms=200))
+    robot.events.clear()
+    robot.run(1.0)
+    fresh = [name for each in robot.seen(Telemetry) for name in each.fresh]
+    assert all(fresh.count(name) >= 3 for name in ("front", "left", "right"))
+
+
+# -- what is due
+
+
+def test_a_turn_says_when_the_next_one_is_due(robot):
+    robot.drive(0.2)
+    robot.run(1.0)
+    assert robot.now < robot.core.due_s <= robot.now + 0.1
+    assert robot.core.due_s == robot.core.deadline(robot.now)
+
+
+def repeat_s(robot):
+    """Time at which the command in force is to be sent again, in a frame or less; nothing else is due before."""
+    robot.drive(0.2)
+    robot.until(lambda: robot.motion.due_s == robot.core.due_s < robot.now + FRAME_S + 1e-3)
+    return robot.core.due_s
+
+
+@pytest.mark.parametrize(("early_s", "sent"), [(0.0, True), (0.001, False)])
+def test_a_command_is_repeated_at_its_time_and_not_before(robot, early_s, sent):
+    due_s = repeat_s(robot)
+    robot.core.turn(b"", due_s - early_s)
+    assert (robot.core.session.take() != b"") == sent
+
+
+@pytest.mark.parametrize(("early_s", "sent"), [(0.009, True), (0.011, False)])
+def test_a_command_is_repeated_with_a_frame_that_comes_half_a_period_before(robot, early_s, sent):
+    due_s = repeat_s(robot)
+    robot.core.turn(b"\n", due_s - early_s)
+    assert (robot.core.session.take() != b"") == sent
+
+
+def test_silence_is_reported(robot):
+    robot.board.mute = True
+    robot.run(0.35)
+    assert len(robot.seen(Stale)) == 1
+
+
+@pytest.mark.parametrize(("queued_s", "taken"), [(0.1, False), (0.0, True)])
+def test_commands_that_waited_in_a_queue_during_a_pause_are_refused(queued_s, taken):
+    robot = Robot(load("traxbot"), options=DEFAULTS._replace(queued_s=queued_s))
+    robot.run(0.1)
+    robot.now += 0.255
+    assert robot.drive(0.2) == taken
+    robot.run(0.1)
+    assert robot.drive(0.2)
+
+
+# -- events
+
+
+def test_each_reading_of_the_imu_is_reported_once():
+    board = FakeBoard()
+    board.capabilities.add("imu")
+    robot = Robot(load("traxbot"), board=board)
+    robot.run(1.0)
+    stamps = [each.stamp_s for each in robot.seen(Imu)]
+    assert len(stamps) == len(set(stamps)) == pytest.approx(50, abs=2)
+    assert robot.seen(ImuChanged) == []
+
+
+def test_an_imu_that_falls_silent_is_reported_once():
+    board = FakeBoard()
+    board.capabilities.add("imu")
+    robot = Robot(load("traxbot"), board=board)
+    robot.run(0.5)
+    board.imu = lambda now: None
+    robot.run(0.5)
+    assert [each.in_use for each in robot.seen(ImuChanged)] == [False]
+
+
+def test_a_jump_of_the_counters_is_reported_once(robot):
+    robot.run(0.5)
+    robot.board.right += 20000
+    robot.run(0.5)
+    assert len(robot.seen(PathUnknown)) == 1
+
+
+def test_listeners_get_events_alone(robot):
+    robot.drive(0.2)
+    robot.run(1.0)
+    assert None not in robot.events
+
+
+def test_counters_of_a_board_without_motors_are_no_telemetry():
+    core = joined("pioneer", SENSOR_STREAM)
+    events = core.turn(encode_reply(SENSOR_STREAM, 999, 999, 100, 200, 30, 400), 0.02)
+    assert {type(event) for event in events} == {SensorRead}
+    assert core.limiter.limits is None
+
+
+# -- a board that was greeted before
+
+
+def test_a_core_that_joins_is_ready_and_due_at_once(robot):
+    core = Core(load("traxbot"), DEFAULTS)
+    core.begin(0.0)
+    core.turn(b"", 0.0)
+    assert core.due_s > 0.0
+    session = robot.core.session
+    events = core.join(session.board, session.stream_code, True, 1.0)
+    assert [type(event) for event in events] == [Ready]
+    assert core.due_s == -math.inf and core.state.telemetry is None
+    assert core.drive(0.2, 0.0, 1.0)
+
+
+def test_the_last_frame_before_a_core_joins_gives_the_first_telemetry(robot):
+    robot.run(0.1)
+    core, session = Core(load("traxbot"), DEFAULTS), robot.core.session
+    core.begin(0.0)
+    core.join(session.board, session.stream_code, True, 1.0, session.last_frame)
+    assert core.state.telemetry.counts == robot.core.state.telemetry.counts == (0, 0)
+    assert core.state.telemetry.arrival_s == 1.0
+
+
+def test_limits_that_were_changed_hold_after_a_restart_of_the_board(robot):
+    slower = load("traxbot").limits._replace(linear_m_s=0.1)
+    robot.core.limiter.change(slower)
+    robot.events.clear()
+    robot.board.reset(robot.now)
+    robot.until(lambda: robot.seen(Ready))
+    assert robot.core.limiter.limits == slower
+
+
+# -- radio
+
+
+def radio_robot():
+    return Robot(load("traxbot"), board=RadioBoard())
+
+
+def test_a_text_that_waits_for_the_radio_is_due_when_its_line_is_free():
+    robot = radio_robot()
+    for _ in range(2):
+        robot.core.send_by_radio(text_request(PEER, "x" * 16), robot.now)
+    assert robot.core.session.hurried
+    robot.core.turn(b"", robot.now)
+    assert robot.core.due_s <= robot.core.radio_queue.due_s == pytest.approx(robot.now + 340 / 9600)
+
+
+def test_a_text_that_was_sent_at_once_leaves_nothing_due():
+    robot = radio_robot()
+    robot.core.turn(b"", robot.core.due_s)
+    robot.core.send_by_radio(text_request(PEER, "x"), robot.now)
+    assert robot.core.session.out and not robot.core.session.hurried
+
+
+def test_a_text_does_not_take_away_other_hurry():
+    robot = radio_robot()
+    robot.core.session.hurried = True
+    robot.core.send_by_radio(text_request(PEER, "x"), robot.now)
+    assert robot.core.session.hurried
+
+
+def test_radios_that_answer_without_a_search_are_not_kept(robot):
+    says(robot, SEARCH, *WORDS, 1)
+    robot.run(0.1)
+    assert robot.core.nodes is None
+    robot.core.nodes = {}
+    says(robot, SEARCH, *WORDS, 2)
+    robot.run(STATUS_S)
+    assert robot.core.nodes == {PEER: RadioNode(PEER, 2)}
+
+
+def is_told(robot, state):
+    states = [name for name, _ in HOLD_STATES]
+    says(robot, READ_RADIO, states.index(state), int(state == "held"), 0, 0, *WORDS)
+    robot.run(0.03)
+
+
+def test_a_hold_stops_a_robot_that_drives(robot):
+    robot.drive(0.2)
+    is_told(robot, "held")
+    assert stands(robot, "radio_hold") and robot.core.held
+
+
+def test_a_hold_leaves_the_reason_of_a_robot_that_stands(robot):
+    robot.core.stop(robot.now, "user")
+    is_told(robot, "held")
+    assert stands(robot, "user") and robot.core.held
+
+
+def test_a_state_of_the_radio_that_holds_nothing_lets_the_robot_drive_on(robot):
+    robot.drive(0.2)
+    is_told(robot, "free")
+    assert robot.motion.target == (200, 0) and not robot.core.held
+
+
+# -- a base with three wheels
+
+
+def test_speeds_of_three_wheels_are_sent_in_millimetres_and_milliradians_a_second():
+    core = joined("omni", OMNI_STREAM)
+    assert core.drive(0.0, 0.0, 0.0, 0.2996)
+    assert core.session.motion.target == (0, 0, 300)
+
+
+def test_speeds_of_three_wheels_after_limiting_keep_the_direction():
+    core = joined("omni", OMNI_STREAM)
+    assert core.limited(0.1, 0.2, -0.1) == OmniTwist(0.1, 0.2, -0.1)
+    assert core.limited(0.2, 0.0) == OmniTwist(0.2, 0.0, 0.0)
+    fast = core.limited(3.0, 0.0, 3.0)
+    assert fast.linear_m_s == fast.lateral_m_s == pytest.approx(0.3 / math.sqrt(2))
+
+
+def test_a_joystick_in_manual_mode_slides_the_same_way_as_in_automatic_mode():
+    """At most at the speed of manual mode."""
+    core = joined("omni", OMNI_STREAM)
+    automatic = core.limited(0.3, 1.5, 0.1)
+    core.limiter.change(reduced(load("omni").limits, 0.15))
+    assert core.limited(0.3, 1.5, 0.1) == pytest.approx([speed / 2 for speed in automatic])
+    assert core.limited(0.0, 0.0, 0.3) == pytest.approx([0.0, 0.0, 0.15])
+
+
+# -- ramps and judgements, continued
+
+
+def test_a_turn_accelerates_to_the_milliradian(robot):
+    robot.core.limiter.limits = load("traxbot").limits._replace(angular_acceleration_rad_s2=2.0)
+    robot.drive(0.0, 1.0)
+    assert 0 < robot.motion.target[1] < 500
+    robot.run(1.5)
+    assert robot.motion.target == (0, 1000)
+
+
+def run_out(robot):
+    """A command whose time ends."""
+    robot.motion.timeout_s = 0.1
+    robot.drive(0.2)
+    robot.until(lambda: robot.motion.target is None)
+
+
+def test_limits_that_are_asked_for_again_do_not_bring_a_command_back_that_has_run_out(robot):
+    run_out(robot)
+    robot.core.limit_again(robot.now)
+    assert stands(robot, "command_timeout")
+
+
+@pytest.mark.parametrize(
+    "end", [run_out, lambda robot: robot.drive(0.2) and robot.core.stop(robot.now, "user")]
+)
+def test_the_limiter_has_no_target_while_the_robot_stands(robot, end):
+    end(robot)
+    robot.run(FRAME_S)
+    assert robot.core.limiter.target is None
+
+
+def test_the_core_takes_note_of_a_stop_of_the_board(robot):
+    robot.drive(0.2)
+    robot.run(STATUS_S)
+    robot.board.speeds, robot.board.stop_reason = (0, 0), STOP_REASONS.index("encoder")
+    robot.core.session.request(BY_NAME["read_status"].code)
+    robot.until(lambda: robot.core.mismatch is not None, 0.1)
+    assert robot.core.session.stopped_itself == ""
+
+
+def test_wheels_that_stand_are_found_after_a_restart_of_the_board(robot):
+    """Its time starts at zero again; the command comes before its first frame."""
+    robot.drive(0.2)
+    robot.run(3.0)
+    robot.events.clear()
+    robot.board.reset(robot.now)
+    robot.until(lambda: robot.seen(Ready))
+    robot.board.dead = {"left"}
+    robot.drive(0.2)
+    robot.until(lambda: robot.core.mismatch is not None, 1.5)
+    assert stands(robot, "wheel_mismatch")
+
+
+def test_a_command_is_judged_by_itself_after_one_that_has_run_out(robot):
+    """A wheel that stands is found after half a second; two commands of 0.35 s are each too short."""
+    robot.board.dead = {"left"}
+    robot.motion.timeout_s = 0.05
+    for _ in range(2):
+        for _ in range(35):
+            assert robot.drive(0.3)
+            robot.step()
+        robot.until(lambda: robot.motion.target is None)
+        robot.run(FRAME_S)
+    assert robot.seen(Mismatch) == []
+
+
+class Delay:
+    """Frames arrive this much later [s]; the board's clock shows it."""
+
+    def __init__(self, robot):
+        self.robot, self.delay_s, self.waiting = robot, 0.0, []
+
+    def __call__(self, data):
+        self.waiting.append((self.robot.now + self.delay_s, data))
+        ready = [each for each in self.waiting if each[0] <= self.robot.now + 1e-6]
+        self.waiting = self.waiting[len(ready) :]
+        return b"".join(data for _, data in ready)
+
+
+@pytest.mark.parametrize(("delay_s", "judged"), [(0.08, True), (0.12, False)])
+def test_wheels_are_judged_by_frames_that_are_less_than_100_ms_old(robot, delay_s, judged):
+    """Later ones were made while commands were late too, or held back."""
+    robot.to_host = delay = Delay(robot)
+    robot.run(1.0)
+    robot.drive(0.3)
+    robot.board.dead = {"left"}
+    delay.delay_s = delay_s
+    robot.run(1.0)
+    assert (robot.core.mismatch is not None) == judged
+
+
+@pytest.mark.parametrize(("hold_up_s", "judged"), [(0.08, True), (0.12, False)])
+def test_a_late_frame_starts_the_judgement_of_wheels_again(robot, hold_up_s, judged):
+    robot.to_host = delay = Delay(robot)
+    robot.run(1.0)
+    robot.board.dead = {"left"}
+    robot.drive(0.3)
+    robot.run(0.3)
+    delay.delay_s = hold_up_s
+    robot.run(hold_up_s)
+    delay.delay_s = 0.0
+    robot.run(0.3)
+    assert (robot.core.mismatch is not None) == judged
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_a_command_that_the_next_one_replaces_at_once_is_judged_too(robot, frames):
+    """For 0.8 s a wheel may still speed up in the direction of the first, whenever it came between two comparisons."""
+    robot.drive(0.3)
+    robot.run(1.0)
+    robot.drive(0.0)
+    robot.run(0.5 + frames * FRAME_S)
+    robot.drive(-0.3)
+    robot.run(FRAME_S)
+    robot.board.dead = {"left", "right"}
+    robot.drive(0.3)
+    robot.run(0.8)
+    assert robot.seen(Mismatch) == []
+
+
+def expected_m(linear_m_s, angular_rad_s):
+    """The least distance of a wheel that stands, when it is found."""
+    robot = Robot(load("traxbot"), options=DEFAULTS._replace(command_timeout_s=None))
+    robot.board.dead = {"left"}
+    robot.drive(linear_m_s, angular_rad_s)
+    robot.until(lambda: robot.core.mismatch is not None, 3.0)
+    return robot.core.mismatch.expected_m
+
+
+def test_a_wheel_is_judged_by_its_speed_whether_the_robot_drives_or_turns():
+    speed_m_s = 0.027
+    driven_m, turned_m = expected_m(speed_m_s, 0.0), expected_m(0.0, speed_m_s * 2 / SEPARATION_M)
+    assert driven_m == pytest.approx(turned_m, rel=1e-4)
+
+
+def test_wheels_that_did_not_follow_a_board_that_had_stopped_before_have_its_reason(robot):
+    """The board has named this reason before, so it says nothing new."""
+    watchdog = STOP_REASONS.index("link_watchdog")
+    robot.run(STATUS_S)
+    robot.board.stop_reason = watchdog
+    robot.until(
+        lambda: robot.core.session.status and robot.core.session.status.stop_reason == "link_watchdog"
+    )
+    robot.drive(0.2)
+    robot.run(FRAME_S)
+    robot.core.stop(robot.now, "wheel_mismatch")
+    robot.core.mismatch = Mismatch("both", POWERLESS, 0.05, 0.0)
+    robot.until(lambda: not robot.motion.stopping)
+    robot.board.stop_reason = watchdog
+    robot.until(lambda: robot.core.mismatch is None, STATUS_S)
+    assert stands(robot, "link_watchdog")

@@ -167,6 +167,12 @@ def test_a_laser_that_looks_back_sees_across_half_a_turn(angle_deg, seen):
     assert laser.looks(towards(angle_deg)) == seen
 
 
+def test_a_laser_that_is_turned_looks_the_other_way_round():
+    """From 60 to 80 degrees."""
+    laser = scan(1.0, 1.0, step_deg=20.0, mount=Pose(0.0, 0.0, math.radians(60.0)))
+    assert laser.looks(towards(70)) and not laser.looks(towards(-70))
+
+
 def test_a_laser_with_one_ray_looks_along_it():
     assert scan(1.0).looks(AHEAD)
     assert not scan(1.0).looks(towards(1)) and not scan(1.0).looks(towards(-1))
@@ -210,6 +216,10 @@ def test_nothing_in_range_leaves_all_room_and_too_near_none(room):
     assert room(OUTLINE, mount(), -math.inf, AHEAD) == 0.0
 
 
+def test_at_a_right_angle_the_edge_of_a_cone_is_not_ahead():
+    assert not looks(mount(72.0), AHEAD)
+
+
 def test_a_range_of_nothing_is_at_the_sonar_itself():
     assert sonar_room(OUTLINE, mount(x_m=0.2), 0.0, AHEAD) == pytest.approx(0.0)
 
@@ -222,6 +232,19 @@ def test_an_echo_may_come_from_the_edge_of_the_cone():
 
 def test_an_echo_counts_at_the_edge_of_the_path_if_the_cone_is_wider():
     assert sonar_room(OUTLINE, mount(), 1.0, AHEAD) == pytest.approx(math.sqrt(1 - 0.15**2) - 0.2)
+
+
+@pytest.mark.parametrize("range_m", [0.5, 0.9])
+def test_an_echo_nearer_than_a_metre_counts_at_the_edge_of_the_path_as_well(range_m):
+    room_m = math.sqrt(range_m**2 - 0.15**2) - 0.2
+    assert sonar_room(OUTLINE, mount(), range_m, AHEAD) == pytest.approx(room_m)
+
+
+def test_an_echo_of_a_sonar_that_looks_back_counts_where_its_arc_enters_the_path():
+    """It is 1 m ahead and 0.2 m to the left, and the path is 5 cm wide to each side."""
+    narrow = Outline(0.1, 0.05, 0.0)
+    room_m = 1.0 - math.sqrt(0.6**2 - 0.15**2) - 0.1
+    assert sonar_room(narrow, mount(180.0, 1.0, 0.2), 0.6, AHEAD) == pytest.approx(room_m)
 
 
 def test_an_echo_from_a_cone_beside_the_path_leaves_all_room():
@@ -257,6 +280,14 @@ def test_a_wall_at_an_angle_is_seen_from_where_the_sonar_is():
     room_m = slant_room(NARROW, mount(0.0, 0.1, 0.5), 1.0, SLANT)
     edge_x_m, edge_y_m = 0.1 + towards(18)[0], 0.5 + towards(18)[1]
     assert room_m == pytest.approx(0.6 * edge_x_m + 0.8 * edge_y_m - 0.6 * 0.05 - 0.8 * 0.01)
+
+
+@pytest.mark.parametrize(("angle_deg", "yaw_deg"), [(60, 30), (-60, -30)])
+def test_a_wall_is_seen_by_the_edge_that_is_nearest_to_the_way(angle_deg, yaw_deg):
+    """The way is 30 degrees off the axis, and 12 degrees off the edge."""
+    room_m = slant_room(NARROW, mount(yaw_deg), 1.0, towards(angle_deg))
+    half_m = NARROW.half_length_m * 0.5 + NARROW.half_width_m * math.sqrt(0.75)
+    assert room_m == pytest.approx(math.cos(math.radians(12)) - half_m)
 
 
 def test_what_is_nearer_than_the_wall_counts():
