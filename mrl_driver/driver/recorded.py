@@ -130,7 +130,7 @@ class _KeptFrames(FrameDecoder):
 
 
 class _RecordedSession(Session):
-    """A session that never paused and is never refused: a recording says when the program stopped the robot.
+    """A session that never paused, is never refused and stops no motion: the recording has the program's stops.
 
     `frames` is what its decoder has made of the last bytes.
     """
@@ -152,6 +152,9 @@ class _RecordedSession(Session):
 
     def _refuses(self, least_s: float, now: float) -> bool:
         return False
+
+    def _on_uncommanded_motion(self, now: float) -> None:
+        pass
 
 
 class _RecordedCore(Core):

@@ -33,7 +33,7 @@ class Statistics(NamedTuple):
     texts_dropped: int = 0
     """Texts for the radio that were not sent, because the board was silent for too long."""
     uncommanded_motions: int = 0
-    """Times that the wheels of a standing robot turned without a command, and the robot was stopped again."""
+    """Times that the counters of a standing robot began to change without a command, and it was stopped again."""
 
 
 class Counters:

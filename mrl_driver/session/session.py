@@ -138,7 +138,9 @@ class Session:
         self.queued_s = 0.0
         """Commands to move are refused for this time after a pause, see `Options.queued_s` [s]."""
         self._requested_s = math.inf
-        """Time of the first request that turns motors since the last stop [s]."""
+        """Time of the first request that turns motors since the last stop or command [s]."""
+        self._turned_s = self._stopped_again_s = -math.inf
+        """When the wheels turned last without a command, and when the last stop was sent for that [s]."""
         self.hurried = True
         """Work may be due earlier than `deadline` said last; the time of `motion` not counted."""
 
@@ -190,7 +192,7 @@ class Session:
         self._attended_s = now
         if now - self.resumed_s < self.queued_s and (any(speeds) if moves is None else moves):
             return False
-        motion = self.motion
+        motion, self._requested_s = self.motion, math.inf
         motion.drive(speeds, now, moves)
         request = motion.take(now, now - self.heard_s < LATE_S)
         if request is not None:
@@ -476,12 +478,14 @@ class Session:
         events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
 
     def _on_uncommanded_motion(self, now: float) -> None:
-        """The wheels turn although nothing asks them to: perhaps the line has delivered a move after its stop.  A robot
-        that is pushed by hand gets the same stops, which do nothing.
+        """The wheels turn without a command: perhaps the line has delivered a move after its stop.  Send a stop, and
+        another one if they turn later.  A robot that is pushed by hand gets the same stops.
         """
-        self.counters.uncommanded_motions += 1
-        self.motion.make_sure()
-        self._move(now)
+        self.counters.uncommanded_motions += now - self._turned_s > STOPPING_S
+        self._turned_s = now
+        if now - self._stopped_again_s >= self.motion.pace.stop_s:
+            self._stopped_again_s = now
+            self._send(STOP)
 
     def _on_imu(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
         """Process a frame of the IMU's stream.  Without board time it is not used; see `_begin`."""
@@ -542,6 +546,7 @@ class Session:
     def _greet_again(self, now: float, reason: str) -> None:
         """The board restarted or fell silent: drop the command and greet the board from the start."""
         self.motion.forget(reason)
+        self._requested_s = math.inf
         self._poll.end()
         if self._greeting is None:
             long_up = self.status is not None and self.status.uptime_s >= BOOTED_S

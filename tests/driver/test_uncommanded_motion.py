@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.driver import Options
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.session.session import Session
@@ -12,8 +13,12 @@ from tests.conformance.bench import Bench
 from tests.soak.truth import Truth
 
 MOVE = b"@%d," % BY_NAME["move_differential"].code
+MOVE_MOTORS = BY_NAME["move_motors_pid"].code
 STOPPED_S = 0.2
 """Without the driver, the board's watchdog takes at least 0.25 s."""
+CENTIMETRE = 0.01
+PERIODS_MS = (10, 20, 50)
+"""Of the telemetry."""
 
 
 class Line:
@@ -39,30 +44,55 @@ class Line:
         self._board.receive(self.kept)
 
 
-@pytest.fixture(params=[10, 20, 50], ids="{} ms".format)
-def robot(request):
-    """A robot that has stopped, and whose line still has one of its moves; by period of the telemetry."""
-    bench = Bench("python", "omni3md", battery_v=12.0)
+def stopped(period_ms, motors="omni3md", record=None, after_s=1.0):
+    """A robot that has stopped, and whose line still has one of its moves; `after_s` after the stop."""
+    bench = Bench("python", motors, battery_v=12.0)
     line = Line(bench.board)
-    driver = SteppedDriver(line, bench.model, options=Options(period_ms=request.param))
+    driver = SteppedDriver(line, bench.model, options=Options(period_ms=period_ms, record=record))
     driver.connect()
     for line.keeps in (False,) * 20 + (True,) * 4:
         driver.drive(0.2, 0.0)
         driver.wait(0.05)
     driver.stop()
-    driver.wait(1.0)
+    driver.wait(after_s)
     assert line.kept
-    yield SimpleNamespace(driver=driver, plant=bench.plant, truth=Truth(bench.plant), line=line)
-    driver.close()
-    bench.close()
+    return SimpleNamespace(driver=driver, bench=bench, plant=bench.plant, line=line)
+
+
+def close(robot):
+    robot.driver.close()
+    robot.bench.close()
+
+
+@pytest.fixture(params=PERIODS_MS, ids="{} ms".format)
+def robot(request):
+    made = stopped(request.param)
+    yield made
+    close(made)
+
+
+@pytest.fixture
+def bridge():
+    made = stopped(20, "bridge")
+    yield made
+    close(made)
 
 
 def driven_s(robot):
     """How long the motors are driven after the line has delivered the move."""
+    truth = Truth(robot.plant)
     robot.line.deliver()
     robot.driver.wait(1.0)
-    (begun, ended) = robot.truth.edges
+    begun, ended = truth.edges
     return ended.time_s - begun.time_s
+
+
+def way_m(robot):
+    """How far the robot goes after the line has delivered the move."""
+    before_m = robot.plant.true_pose.x_m
+    robot.line.deliver()
+    robot.driver.wait(1.0)
+    return robot.plant.true_pose.x_m - before_m
 
 
 def test_a_move_that_arrives_after_its_stop_is_stopped_again(robot):
@@ -74,12 +104,63 @@ def test_without_this_the_watchdog_stops_it(robot, monkeypatch):
     assert driven_s(robot) > STOPPED_S
 
 
-def test_the_motion_is_counted_and_the_reason_of_the_stop_stays(robot):
-    driven_s(robot)
-    assert (robot.driver.statistics.uncommanded_motions, robot.driver.stop_reason) == (1, "user")
+def test_an_h_bridge_robot_goes_a_centimetre_at_most(bridge):
+    assert way_m(bridge) < CENTIMETRE
+
+
+def test_without_this_an_h_bridge_robot_goes_further(bridge, monkeypatch):
+    monkeypatch.setattr(Session, "_on_uncommanded_motion", lambda self, now: None)
+    assert way_m(bridge) > 3 * CENTIMETRE
+
+
+def test_each_motion_is_counted_once_and_the_reason_of_the_stop_stays(robot):
+    for motions in (1, 2):
+        driven_s(robot)
+        robot.driver.wait(1.0)
+        assert robot.driver.statistics.uncommanded_motions == motions
+    assert robot.driver.stop_reason == "user"
+
+
+def test_a_robot_that_is_pushed_by_hand_still_counts_as_stopped(robot):
+    for _ in range(20):
+        robot.plant.robot.motors[0].travel += 7.0
+        robot.driver.wait(0.05)
+        assert robot.driver.stopped
 
 
 def test_a_request_that_turns_motors_is_not_stopped(robot):
-    robot.driver.request(BY_NAME["move_motors_pid"].code, 20, 20)
+    truth = Truth(robot.plant)
+    robot.driver.request(MOVE_MOTORS, 20, 20)
     robot.driver.wait(0.2)
-    assert robot.truth.driven and robot.driver.statistics.uncommanded_motions == 0
+    assert truth.driven and robot.driver.statistics.uncommanded_motions == 0
+
+
+def test_a_command_after_such_a_request_is_guarded_again(robot):
+    robot.driver.request(MOVE_MOTORS, 20, 20)
+    robot.driver.drive(0.1, 0.0)
+    robot.driver.wait(2.0)
+    assert driven_s(robot) < STOPPED_S
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 0.05, 0.08, 0.2])
+def test_a_request_that_follows_a_preset_of_a_counter_is_carried_out(robot, gap_s):
+    """The preset looks like a motion."""
+    left = robot.plant.robot.motors[0]
+    begun = left.travel
+    robot.driver.request(BY_NAME["preset_encoder"].code, 1, 5000)
+    robot.driver.wait(gap_s)
+    robot.driver.request(BY_NAME["move_to_position"].code, 1, 50, 6500)
+    robot.driver.wait(2.0)
+    assert left.travel - begun == pytest.approx(6500 - 5000, abs=50)
+
+
+def test_a_recording_of_such_a_request_plays_without_a_stop(tmp_path):
+    """The replay does not know that the request turns the wheels, and has nobody to stop."""
+    path = str(tmp_path / "requested.mrl")
+    robot = stopped(20, record=path)
+    robot.driver.request(MOVE_MOTORS, 20, 20)
+    robot.driver.wait(0.5)
+    close(robot)
+    played = RecordedDriver(path)
+    played.play()
+    assert played.statistics.uncommanded_motions == 0

@@ -18,6 +18,7 @@ GOALS = {
     "link_loss_noticed_ms_max": 100,
     "silent_noticed_ms_max": 300,
     "reconnect_s_max": 2,
+    "late_move_ms_max": 200,
     "odometry_jump_mm_max": 0,
     "stamp_error_ms_p99": 1,
     "signal_stop_ms_max": 100,

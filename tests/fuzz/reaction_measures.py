@@ -10,13 +10,16 @@ import tempfile
 import threading
 import time
 from contextlib import contextmanager
-from typing import Callable, Dict, Iterator, List, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Tuple
+from unittest import mock
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.session.events import Lost, Reconnected, Stale
+from mrl_driver.session.session import Session
 from tests.driver.conftest import PtyBoard
 from tests.driver.emulator import MOVE, STOP, Emulator
 from tests.driver.test_clock import run as jittered
+from tests.driver.test_uncommanded_motion import PERIODS_MS, close, driven_s, stopped, way_m
 from tests.fake_board import FakeBoard
 from tests.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
 from tests.waiting import PATIENCE_S, wait_until
@@ -137,6 +140,33 @@ def silent(count: int) -> Dict[str, float]:
             wait_until(lambda: driver.ready)
             time.sleep(random.uniform(0.1, 0.2))
     return {"silent_noticed_ms_max": max(times)}
+
+
+def late_moves(count: int) -> Dict[str, float]:
+    """What a move that arrives after its confirmed stop does, in phases of the telemetry and in simulated time.
+
+    How long the motors of an OMNI-3MD are driven [ms], how far a robot with an H-bridge goes [mm]; and the same with a
+    driver that does not stop the robot again, the control.
+    """
+
+    def most(motors: str, measure: Callable[[Any], float]) -> float:
+        values = []
+        for period_ms in PERIODS_MS:
+            for phase in range(-(-count // len(PERIODS_MS))):
+                robot = stopped(period_ms, motors, after_s=1.0 + 0.0013 * phase)
+                values.append(1000 * measure(robot))
+                close(robot)
+        return max(values)
+
+    def both(kind: str) -> Dict[str, float]:
+        return {
+            f"late_move_{kind}ms_max": most("omni3md", driven_s),
+            f"late_move_{kind}mm_max": most("bridge", way_m),
+        }
+
+    with mock.patch.object(Session, "_on_uncommanded_motion", lambda self, now: None):
+        control = both("control_")
+    return {**both(""), **control}
 
 
 def jumps(count: int) -> Dict[str, float]:

@@ -28,6 +28,7 @@ PARTS: Tuple[Part, ...] = (
     Part(measures.source_dead, 40),
     Part(measures.unplugged, 40),
     Part(measures.silent, 20),
+    Part(measures.late_moves, 24),
     Part(measures.jumps, 200),
     Part(measures.stamps, 50),
     Part(measures.signals, 100),
