@@ -170,18 +170,24 @@ def range_text(value_m: float) -> str:
     return f"{value_m:.2f} m"
 
 
+def _fixed(value: float, width: int, digits: int) -> str:
+    """Return a number of fixed width; one that rounds to zero has no sign."""
+    return f"{round(value, digits) + 0.0:{width}.{digits}f}"
+
+
 def line_of(state: ShownState) -> str:
     """Return pose, speeds, ranges, battery and other sensors in one line; without motors the sensors alone."""
     pose, twist = state.pose, state.twist
-    aside = f"sideways {twist.lateral_m_s:6.3f} m/s  " if len(twist) == 3 else ""
+    yaw_deg = math.degrees(pose.yaw_rad)
+    aside = f"sideways {_fixed(twist.lateral_m_s, 6, 3)} m/s  " if len(twist) == 3 else ""
     ranges = "".join(f"{name} {range_text(value)}  " for name, value in state.ranges.items())
     sensors = "".join(f"  {name} {value}" for name, value in state.sensors.items())
     silent = "" if state.ready else "  NO TELEMETRY"
     if not has_motors(state.model):
         return f"{state.name}{sensors or '  no reading yet'}{silent}"
     return (
-        f"x {pose.x_m:7.3f} m  y {pose.y_m:7.3f} m  yaw {math.degrees(pose.yaw_rad):7.2f} deg  "
-        f"v {twist.linear_m_s:6.3f} m/s  {aside}w {twist.angular_rad_s:6.3f} rad/s  {ranges}"
+        f"x {_fixed(pose.x_m, 7, 3)} m  y {_fixed(pose.y_m, 7, 3)} m  yaw {_fixed(yaw_deg, 7, 2)} deg  "
+        f"v {_fixed(twist.linear_m_s, 6, 3)} m/s  {aside}w {_fixed(twist.angular_rad_s, 6, 3)} rad/s  {ranges}"
         f"battery {voltage_text(state.battery_v)} ({state.battery_state})"
         + sensors
         + (f"  imu {state.imu}" if state.imu else "")

@@ -66,7 +66,9 @@ def check_output(expected: str, output: str) -> None:
         if not line.strip() or line.strip() == "...":
             continue
         parts = [re.escape(part) for part in re.split(NUMBER, line.strip())]
-        found = re.search(NUMBER.join(parts), rest)
+        found = re.search(
+            re.sub(r"(\\ )+", " +", NUMBER.join(parts)), rest
+        )  # a sign takes a space of a column
         if not found:
             raise Failed(f"expected {line!r}, got:\n{output}")
         rest = rest[found.end() :]
