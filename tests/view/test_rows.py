@@ -8,7 +8,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.odometry import OmniTwist, Twist
 from mrl_driver.view.live_model import Shown
 from mrl_driver.view.rows import STYLES, sections
-from mrl_driver.view.shown_state import Bar, Row, ShownState
+from mrl_driver.view.shown_state import Bar, Row, ShownState, line_of
 from mrl_driver.view.words import ELSEWHERE
 from tests.models import model as load
 
@@ -109,3 +109,8 @@ def test_styles_are_those_of_the_list():
     rows = [row for state in states for section in told(state).values() for row in section.values()]
     used = {row.style for row in rows} | {row.bar.style for row in rows if row.bar is not None}
     assert used <= set(STYLES) and len(used) > 4
+
+
+def test_the_line_shows_no_sign_of_a_number_that_rounds_to_zero():
+    state = STATE._replace(pose=Pose(0.0, -0.0004, -1e-9), twist=Twist(-0.0004, -0.0))
+    assert "-" not in line_of(state)
