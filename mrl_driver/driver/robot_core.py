@@ -168,7 +168,6 @@ class Core:
                 continue
             if type(event) is not Counts:
                 events += self._digest(event, now)
-                due_s = -math.inf
                 continue
             telemetry = state.on_counts(event)
             if telemetry is None:
@@ -189,7 +188,7 @@ class Core:
         limiter = self.limiter
         if motion.target is None:
             limiter.target = None
-        elif limiter.target is not None and (limiter.restrict or limiter.speeds != limiter.target):
+        elif limiter.restrict or limiter.speeds != limiter.target:
             self.limit_again(now)
         if session.hurried or motion.due_s < due_s or now >= due_s - (session.lead_s if data else 0.0):
             for event in session.tick(now):

@@ -157,7 +157,7 @@ class Sight:
         self.heard_s = self.known_s = -math.inf
         self._rooms: Tuple[Room, ...] = ()
         self._found: Dict[Tuple[Point, bool], float] = {}
-        self._places: Sequence[Point] = ((0.0, 0.0),)
+        self._places: Sequence[Point] = ()
 
     def hear(self, now: float) -> None:
         """Note a message without a valid reading."""
