@@ -34,18 +34,23 @@ def chosen(names: List[str], sample: int) -> List[Tuple[Mutant, str]]:
     return found[: sample or None]
 
 
+def made_of(source: str) -> str:
+    """Changes when the source, a header or the compiler's options do."""
+    return fingerprint([ROOT / source, *FIRMWARE.glob("*.h"), ROOT / "firmware" / "firmware.mk"])
+
+
 def load(source: str) -> Rows:
     """What is known of the mutants of a source as it is now, by key."""
     path = BUILD / f"{Path(source).name}.json"
     kept = json.loads(path.read_text()) if path.exists() else {}
-    return kept["mutants"] if kept.get("file_hash") == fingerprint([ROOT / source]) else {}
+    return kept["mutants"] if kept.get("file_hash") == made_of(source) else {}
 
 
 def save(source: str, rows: Rows) -> None:
     """Keeps what is known; a reader sees the old file or the new one."""
     path = BUILD / f"{Path(source).name}.json"
     new = path.with_suffix(".new")
-    new.write_text(json.dumps({"file_hash": fingerprint([ROOT / source]), "mutants": rows}, indent=1))
+    new.write_text(json.dumps({"file_hash": made_of(source), "mutants": rows}, indent=1))
     new.replace(path)
 
 
