@@ -282,7 +282,7 @@ def test_a_wall_at_an_angle_is_seen_from_where_the_sonar_is():
     assert room_m == pytest.approx(0.6 * edge_x_m + 0.8 * edge_y_m - 0.6 * 0.05 - 0.8 * 0.01)
 
 
-@pytest.mark.parametrize(("angle_deg", "yaw_deg"), [(60, 30), (-60, -30)])
+@pytest.mark.parametrize(("angle_deg", "yaw_deg"), [(60, 30), (60, 90), (-60, -30)])
 def test_a_wall_is_seen_by_the_edge_that_is_nearest_to_the_way(angle_deg, yaw_deg):
     """The way is 30 degrees off the axis, and 12 degrees off the edge."""
     room_m = slant_room(NARROW, mount(yaw_deg), 1.0, towards(angle_deg))
