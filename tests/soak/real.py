@@ -26,6 +26,8 @@ HOST_DEAD_S, SIGNAL_S, EXIT_S, BACK_S, FROZEN_S = 0.3, 0.1, 2.0, 2.0, 0.35
 AT_ONCE_S = 0.05
 RECORDING_LOST_S = 1.0
 WRITE_S = 0.1
+HEARD_S = 0.04
+"""Mean time between two messages that are published every 20 ms [s]."""
 AFTER_S = 0.5
 """How long no motion is watched after a fault [s]."""
 LOOK_S = 0.15
@@ -48,7 +50,7 @@ class Rig:
         self.folder.mkdir()
         self.robot = SoakRobot(str(self.folder / "robot"), seed)
         self.fault = ""
-        self._begun_s = 0.0
+        self.ended = False
 
     def deck(self) -> List[Fault]:
         """The faults of one round."""
@@ -72,7 +74,7 @@ class Rig:
             deck = self.deck()
             self.rng.shuffle(deck)
             for fault in deck:
-                if time.monotonic() >= until_s or count >= most:
+                if self.ended or time.monotonic() >= until_s or count >= most:
                     return
                 count += 1
                 self.fault = fault.__name__
@@ -639,11 +641,12 @@ class RosRig(Rig):
         assert self._operator is not None and self._listener is not None
         self._drive()
         self.struck()
-        before = self._operator.ask("state")["messages"]
+        begun_s, before = time.monotonic(), self._operator.ask("state")["messages"]
         self._listener.send_signal(signal.SIGSTOP)
         time.sleep(self.rng.uniform(1.0, 3.0))
         self.check_drives_on()
-        self.check("others_hear", self._operator.ask("state")["messages"] - before > 25)
+        heard = self._operator.ask("state")["messages"] - before
+        self.check_figure("others_hear_s", (time.monotonic() - begun_s) / max(1, heard), HEARD_S)
         self._listener.send_signal(signal.SIGCONT)
         self._settle()
 
@@ -778,7 +781,7 @@ def own_holds() -> Dict[str, int]:
 def run(
     seconds: float, faults: int, seed: int, tally: Tally, rigs: Tuple[Any, ...] = tuple(RIGS.values())
 ) -> None:
-    """Strike so long, or so often; each robot has its thread."""
+    """Strike so long, or so often; each robot has its thread.  Ctrl-C ends it after the faults that strike now."""
     before = own_holds()
     folder = Path(tempfile.mkdtemp(prefix="soak-"))
     made = [kind(folder, tally, seed + number) for number, kind in enumerate(rigs)]
@@ -788,8 +791,14 @@ def run(
     ]
     for thread in threads:
         thread.start()
-    for thread in threads:
-        thread.join()
+    try:
+        for thread in threads:
+            thread.join()
+    except KeyboardInterrupt:
+        for rig in made:
+            rig.ended = True
+        for thread in threads:
+            thread.join()
     _judge_the_end(before, tally)
 
 
