@@ -31,6 +31,8 @@ class Program:
                 stderr=errors,
                 env={**(env or os.environ), MARK: str(os.getpid()), "PYTHONPATH": str(ROOT)},
                 cwd=str(ROOT),
+                # When the shell that started the soak ends, the kernel continues the stopped programs of its group.
+                start_new_session=True,
             )
         self._reader = threading.Thread(target=self._read, daemon=True, name="soak reader")
         self._reader.start()
