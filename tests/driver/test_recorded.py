@@ -30,6 +30,7 @@ from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 from .emulator import Emulator
 from .test_reconnect import Cable
+from .test_uncommanded_motion import MOVE_MOTORS, close, stopped
 
 POSE_ERROR, STAMP_ERROR_S, YAW_ERROR_RAD = 1e-9, 0.02, 0.01
 LASTING = Options(command_timeout_s=None)
@@ -418,3 +419,15 @@ def test_each_frame_has_its_bytes_however_they_arrive(size):
     found = [each for piece in pieces for each in reader.read(piece, False, False)]
     assert [raw for event, raw in found if isinstance(event, Frame)] == [*frames, frames[1]]
     assert [raw for event, raw in found if isinstance(event, Garbage)] == [b"the", b"@6,1"]
+
+
+def test_a_request_that_turned_motors_plays_without_a_stop(tmp_path):
+    """The replay does not know that the request turns the wheels, and has nobody to stop."""
+    path = str(tmp_path / "requested.mrl")
+    robot = stopped(20, record=path)
+    robot.driver.request(MOVE_MOTORS, 20, 20)
+    robot.driver.wait(0.5)
+    close(robot)
+    played = RecordedDriver(path)
+    played.play()
+    assert played.statistics.uncommanded_motions == 0

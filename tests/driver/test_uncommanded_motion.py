@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.driver import Options
-from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.session.session import Session
@@ -152,15 +151,3 @@ def test_a_request_that_follows_a_preset_of_a_counter_is_carried_out(robot, gap_
     robot.driver.request(BY_NAME["move_to_position"].code, 1, 50, 6500)
     robot.driver.wait(2.0)
     assert left.travel - begun == pytest.approx(6500 - 5000, abs=50)
-
-
-def test_a_recording_of_such_a_request_plays_without_a_stop(tmp_path):
-    """The replay does not know that the request turns the wheels, and has nobody to stop."""
-    path = str(tmp_path / "requested.mrl")
-    robot = stopped(20, record=path)
-    robot.driver.request(MOVE_MOTORS, 20, 20)
-    robot.driver.wait(0.5)
-    close(robot)
-    played = RecordedDriver(path)
-    played.play()
-    assert played.statistics.uncommanded_motions == 0
