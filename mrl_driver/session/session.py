@@ -546,8 +546,8 @@ class Session:
     def _greet_again(self, now: float, reason: str) -> None:
         """The board restarted or fell silent: drop the command and greet the board from the start."""
         self.motion.forget(reason)
-        self._requested_s = math.inf
         self._poll.end()
+        self._requested_s = math.inf
         if self._greeting is None:
             long_up = self.status is not None and self.status.uptime_s >= BOOTED_S
             self._boot_before_s = self._boot_s if long_up else math.nan
