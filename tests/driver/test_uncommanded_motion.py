@@ -6,12 +6,13 @@ import pytest
 
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BY_NAME, STOP_CODE
 from mrl_driver.session.session import Session
 from tests.conformance.bench import Bench
 from tests.soak.truth import Truth
 
 MOVE = b"@%d," % BY_NAME["move_differential"].code
+STOP = b"@%de" % STOP_CODE
 MOVE_MOTORS = BY_NAME["move_motors_pid"].code
 STOPPED_S = 0.2
 """Without the driver, the board's watchdog takes at least 0.25 s."""
@@ -24,20 +25,23 @@ class Line:
     """A board behind a line that keeps back the first move while `keeps`, as a network may, until it is delivered."""
 
     def __init__(self, board):
-        self._board, self.keeps, self.kept = board, False, b""
+        self._board, self.keeps, self.kept, self.stops = board, False, b"", 0
+        self.silent = False
 
     @property
     def next_event_s(self):
         return self._board.next_event_s
 
     def receive(self, data):
+        self.stops += data.count(STOP)
         if self.keeps and MOVE in data and not self.kept:
             self.kept = data
         else:
             self._board.receive(data)
 
     def advance(self, to_s):
-        return self._board.advance(to_s)
+        heard = self._board.advance(to_s)
+        return b"" if self.silent else heard
 
     def deliver(self):
         self._board.receive(self.kept)
@@ -63,7 +67,7 @@ def close(robot):
     robot.bench.close()
 
 
-@pytest.fixture(params=PERIODS_MS, ids="{} ms".format)
+@pytest.fixture(params=PERIODS_MS, ids="{}ms".format)
 def robot(request):
     made = stopped(request.param)
     yield made
@@ -125,6 +129,21 @@ def test_a_robot_that_is_pushed_by_hand_still_counts_as_stopped(robot):
         robot.plant.robot.motors[0].travel += 7.0
         robot.driver.wait(0.05)
         assert robot.driver.stopped
+
+
+def test_a_robot_that_is_pushed_gets_a_stop_every_50_ms_at_most(robot):
+    before = robot.line.stops
+    for _ in range(100):
+        robot.plant.robot.motors[0].travel += 7.0
+        robot.driver.wait(0.01)
+    assert 10 <= robot.line.stops - before <= 21
+
+
+def test_a_board_that_is_greeted_again_after_such_a_request_is_guarded_again(robot):
+    robot.driver.request(MOVE_MOTORS, 20, 20)
+    for robot.line.silent in (True, False):
+        robot.driver.wait(1.0)
+    assert robot.driver.ready and driven_s(robot) < STOPPED_S
 
 
 def test_a_request_that_turns_motors_is_not_stopped(robot):
