@@ -8,6 +8,8 @@ import ipaddress
 from typing import Dict, Mapping, Sequence
 from urllib.parse import urlsplit
 
+from mrl_driver.yaml_file import short
+
 SAME = ("same-origin", "none")
 """Values of `Sec-Fetch-Site` for requests of the page itself, and of an address that a person has typed."""
 
@@ -21,10 +23,10 @@ def why_not(headers: Mapping[str, str], names: Sequence[str], opens_page: bool) 
     host = headers.get("Host", "")
     name = _name_of(host)
     if not (name == "localhost" or name in [each.lower() for each in names] or _is_numeric(name)):
-        return f"this server is not called {name or 'so'!r}; use its numeric address, or localhost"
+        return f"this server is not called {short(name or 'so')}; use its numeric address, or localhost"
     origin = headers.get("Origin")
     if origin is not None and not _is_of(origin, host):
-        return f"the request comes from a page of {origin!r}, expected a page of this server"
+        return f"the request comes from a page of {short(origin)}, expected a page of this server"
     if headers.get("Sec-Fetch-Site", "none") not in SAME and not opens_page:
         return "the request comes from another site, expected a page of this server"
     return ""
