@@ -26,7 +26,8 @@ class Operator:
 
     def __init__(self, name: str, ns: str) -> None:
         rospy.init_node(name, disable_signals=True)
-        self._publisher = rospy.Publisher(f"{ns}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        # Without a queue `publish` returns when the message has left.  A thread of a queue waits for a busy computer.
+        self._publisher = rospy.Publisher(f"{ns}/cmd_vel", Twist, queue_size=None, tcp_nodelay=True)
         self._last: Any = None
         self._connection: Any = None
         self.messages, self.jump_m = 0, -math.inf
@@ -66,7 +67,7 @@ class Operator:
             if self._wanted and time.monotonic() >= self._due_s:
                 self._due_s = time.monotonic() + PERIOD_S
                 self._publisher.publish(self._message())
-                # Only now the message has left: a busy computer may hold this process up before.
+                # Only now: a busy computer may hold this process up before.
                 self._last_s = time.monotonic()
 
     def _obey(self, line: bytes) -> bool:

@@ -103,7 +103,10 @@ class Rig:
             "limit_s": limit_s,
             "computer_late_s": round(late_s, 3),
         }
-        if window.again:
+        if window.again and not self.robot.judge(from_s, until_s, late_s).again:
+            # The last command waited for the computer, so that it is not one of after the end.
+            self.tally.busy("forbidden_motion", again=window.again, **told)
+        elif window.again:
             self.tally.problem("forbidden_motion", again=window.again, **told)
         else:
             self.tally.passed("forbidden_motion")

@@ -13,7 +13,7 @@ from sim_arduino.serve.pty import PtyPort, SymbolicLink
 from sim_arduino.serve.server import PtyServer
 from sim_arduino.world.world import World
 
-from .truth import Truth, Window, judge
+from .truth import ON_THE_WAY_S, Truth, Window, judge
 
 LATE_S = 0.02
 """A look at the clock that is later than asked by so much means that the computer was busy [s]."""
@@ -85,10 +85,10 @@ class SoakRobot:
         """Whether the motors are driven."""
         return self.truth.driven
 
-    def judge(self, from_s: float, to_s: float) -> Window:
-        """Judge a time in which no new command may move the robot."""
+    def judge(self, from_s: float, to_s: float, late_s: float = 0.0) -> Window:
+        """Judge a time in which no new command may move the robot; the last one may reach it later by so much."""
         with self.server.lock:
-            return judge(self.truth, from_s - self.start_s, to_s - self.start_s)
+            return judge(self.truth, from_s - self.start_s, to_s - self.start_s, ON_THE_WAY_S + late_s)
 
     def close(self) -> None:
         """Unplug it for good."""

@@ -83,6 +83,19 @@ def test_a_move_that_the_line_delivers_together_with_its_stop_moves_no_wheel(
     assert (window.again, window.pulses) == (again, pulses)
 
 
+@pytest.mark.parametrize("on_the_way_s, again", [(truth.ON_THE_WAY_S, 1), (0.15, 0)])
+def test_a_move_after_the_end_is_reported_unless_the_computer_held_it_up(on_the_way_s, again):
+    simulation = Simulation(1, Tally())
+    simulation.stop()
+    begun_s = simulation.now_s
+    simulation.wait(0.1)
+    simulation.command(0.2, 0.0)
+    simulation.wait(1.0)
+    window = truth.judge(simulation.truth, begun_s, simulation.now_s, on_the_way_s)
+    simulation.engine.close()
+    assert window.again == again and window.stopped_s < 1.0
+
+
 def test_an_odometry_that_believes_all_counters_is_reported(monkeypatch):
     def believe(self, *reading):
         base, self._base = self._base, reading

@@ -82,10 +82,10 @@ class Window(NamedTuple):
     pulses: int = 0
 
 
-def judge(truth: Truth, from_s: float, to_s: float) -> Window:
-    """Judge a time in which no new command may move the robot; one may be on the wire at its beginning."""
+def judge(truth: Truth, from_s: float, to_s: float, on_the_way_s: float = ON_THE_WAY_S) -> Window:
+    """Judge a time in which no new command may move the robot; one may be on the way for so long at its beginning."""
     edges = [edge for edge in truth.since(from_s) if edge.time_s <= to_s]
-    late = from_s + ON_THE_WAY_S
+    late = from_s + on_the_way_s
     on_the_way = [edge for edge in edges if edge.driven and edge.time_s <= late]
     pulses = sum(edge.time_s > late and _is_pulse(edge, end) for edge, end in zip(edges, edges[1:]))
     again = sum(edge.driven for edge in edges) - len(on_the_way) - pulses
