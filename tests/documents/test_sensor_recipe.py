@@ -36,9 +36,14 @@ ADDRESS = next(each for each in range(0x48, 0x50) if each not in _TAKEN)
 NAME = "recipe_temperature"
 
 
+def test_the_recipe_has_the_next_free_code():
+    text = (ROOT / RECIPE).read_text()
+    assert f"Sensor({CODE}, " in text and f"The command is {CODE} `" in text
+
+
 def own(text):
-    """The recipe's words, for a sensor under a name, a code and an address that the table does not have yet."""
-    for written, free in (("air_temperature", NAME), ("Sensor(49", f"Sensor({CODE}"), ("0x48", hex(ADDRESS))):
+    """The recipe's words, for a sensor under a name and an address that the table does not have yet."""
+    for written, free in (("air_temperature", NAME), ("0x48", hex(ADDRESS))):
         text = text.replace(written, free)
     return text
 
