@@ -2,7 +2,8 @@
 robot stands.  No ROS.
 
 The driver limits the speeds and owns the command timeout.  It also refuses commands while it is inhibited, so that no
-command overtakes an emergency stop.  Therefore only the limits need a lock.
+command overtakes an emergency stop.  One lock keeps limits and mode together, and `latched` and `enabled` with what the
+driver refuses.
 """
 
 import time
@@ -121,22 +122,25 @@ class Commander:
 
     def latch(self) -> None:
         """Emergency stop: stop, and refuse commands until `release`."""
-        self.latched, self.seeking, self._cause, self._commanded = True, False, NONE, False
-        self._driver.inhibit(EMERGENCY)
+        with self._lock:  # a release on another thread comes before or after it
+            self.latched, self.seeking, self._cause, self._commanded = True, False, NONE, False
+            self._driver.inhibit(EMERGENCY)
 
     def release(self) -> None:
         """End the emergency stop; the robot stays still until the next command."""
-        self.latched = False
-        self._driver.allow(EMERGENCY)
+        with self._lock:
+            self.latched = False
+            self._driver.allow(EMERGENCY)
 
     def enable(self, enabled: bool) -> None:
         """Let the motors follow commands, or stop them and refuse commands."""
-        self.enabled = enabled
-        if enabled:
-            self._driver.allow(DISABLED)
-        else:
-            self.seeking, self._cause, self._commanded = False, NONE, False
-            self._driver.inhibit(DISABLED)
+        with self._lock:
+            self.enabled = enabled
+            if enabled:
+                self._driver.allow(DISABLED)
+            else:
+                self.seeking, self._cause, self._commanded = False, NONE, False
+                self._driver.inhibit(DISABLED)
 
     @property
     def wheels_turn(self) -> Optional[bool]:

@@ -80,6 +80,50 @@ def test_zones_serve_one_caller_at_a_time(monkeypatch, call):
     assert intruder.waited
 
 
+class Inhibited(Driver):
+    """Refuses commands for each of its reasons, and lets the intruder in before it takes or drops one."""
+
+    def __init__(self):
+        super().__init__()
+        self.inhibited, self.intruder, self.may_be_moving = set(), None, False
+
+    def inhibit(self, reason):
+        self.intruder.enter()
+        self.inhibited.add(reason)
+
+    def allow(self, reason):
+        self.intruder.enter()
+        self.inhibited.discard(reason)
+
+
+@pytest.mark.parametrize(
+    "first, second, refused",
+    [
+        (Commander.release, Commander.latch, module.EMERGENCY),
+        (Commander.latch, Commander.release, None),
+        (lambda it: it.enable(True), lambda it: it.enable(False), module.DISABLED),
+        (lambda it: it.enable(False), lambda it: it.enable(True), None),
+    ],
+    ids=[
+        "stop during release_stop",
+        "release_stop during stop",
+        "disable during enable",
+        "enable during disable",
+    ],
+)
+def test_what_the_commander_tells_is_what_the_driver_refuses_although_two_threads_change_it(
+    first, second, refused
+):
+    """Otherwise the emergency stop shows as latched, and the robot drives."""
+    driver = Inhibited()
+    commander = Commander(driver)
+    driver.intruder = Intruder(lambda: second(commander))
+    first(commander)
+    driver.intruder.end()
+    assert driver.inhibited == ({refused} if refused else set())
+    assert commander.stopped_by == (refused or module.NONE)
+
+
 @pytest.mark.parametrize(
     "command, driving", [(None, False), ((0.0, 0.0), False), ((0.1, 0.0), True), ((0.0, 0.2), True)]
 )
