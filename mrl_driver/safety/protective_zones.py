@@ -17,6 +17,7 @@ turn away.  Unknown readings are treated as follows:
 - A sonar or a laser that is silent: the robot stops in its direction.
 - A range of -inf (too near, REP 117): the robot stops as well; for a laser it counts as the shortest range.
 - A scan without a valid range: as a sonar without a valid reading.
+- A scan whose geometry is not finite, or with too many rays (`Scan.trouble`): ignored, as if the laser were silent.
 """
 
 import math
@@ -190,8 +191,11 @@ class Zones:
                 rooms = partial(sonar_room, *arguments), partial(slant_room, *arguments)
                 self._sights[name].know(*rooms, self._recent(), now)
 
-    def on_scan(self, scan: Scan, now: float) -> None:
-        """Process a laser's scan."""
+    def on_scan(self, scan: Scan, now: float) -> str:
+        """Process a laser's scan; returns why it is ignored, or an empty string."""
+        trouble = scan.trouble
+        if trouble:
+            return trouble
         points = scan.points()
         with self._lock:
             self._scan = scan
@@ -201,6 +205,7 @@ class Zones:
                 sight.know(room, room, self._recent(), now)
             else:
                 sight.hear(now)
+        return trouble
 
     def limit(self, linear_m_s: float, now: float) -> float:
         """Return the allowed speed for a requested speed along x [m/s]."""

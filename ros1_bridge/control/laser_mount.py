@@ -1,8 +1,11 @@
 """Looks up once in tf where the laser is mounted on the robot.  Imports no ROS before the first scan."""
 
+import math
 from typing import Any, Optional
 
+from mrl_driver.errors import one_line
 from mrl_driver.geometry import Pose
+from mrl_driver.yaml_file import short
 
 from .zone_feed import mount_of
 
@@ -27,9 +30,8 @@ class MountFinder:
         if self._mount is None:
             self._look(frame)
         elif frame != self._frame:
-            self.trouble = (
-                f"it is in frame {frame}, expected {self._frame} as before: the zones watch one laser"
-            )
+            expected = f"expected {short(self._frame)} as before: the zones watch one laser"
+            self.trouble = f"it is in frame {short(frame)}, {expected}"
             return None
         return self._mount
 
@@ -42,9 +44,12 @@ class MountFinder:
             self._listener = tf2_ros.TransformListener(self._buffer)
         try:
             found = self._buffer.lookup_transform(self._base, frame, Time())
-            self._mount, self._frame = mount_of(found.transform), frame
+            mount = mount_of(found.transform)
+            if not all(map(math.isfinite, mount)):
+                raise ValueError(f"tf has it at {mount}, expected finite numbers")
         except (tf2_ros.TransformException, ValueError) as error:
-            self.trouble = f"{frame or 'its frame'} has no place on the robot: {error}"
+            self.trouble = f"frame {short(frame)} has no place on the robot: {one_line(str(error))}"
             return
+        self._mount, self._frame = mount, frame
         self._listener.unregister()
         self._listener = None

@@ -14,7 +14,7 @@ from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
-from mrl_driver.safety.free_distance import Outline, Scan, looks, sonar_room
+from mrl_driver.safety.free_distance import MOST_RAYS, Outline, Scan, looks, sonar_room
 from mrl_driver.safety.protective_zones import LEAST_M_S, STALE_S, Zones, ZoneSettings, require_settings
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
@@ -231,6 +231,43 @@ def test_a_scan_without_a_valid_range_slows_and_too_near_a_one_stops(range_m, al
     zones = with_laser()
     zones.on_scan(scan(range_m), 0.0)
     assert zones.limit(0.3, 0.0) == allowed
+
+
+ODD = [
+    ({"first_rad": math.nan}, "its rays begin at nan rad"),
+    ({"step_rad": math.nan}, "steps of nan"),
+    ({"step_rad": math.inf}, "steps of inf"),
+    ({"step_rad": 1e308}, "steps of 1e+308"),
+    ({"near_m": math.nan}, "its shortest range is nan"),
+    ({"near_m": math.inf}, "its shortest range is inf"),
+    ({"near_m": -1.0, "ranges": [-0.5] * 241}, "its shortest range is -1"),
+    ({"mount": LASER._replace(x_m=math.nan)}, "its mount is"),
+    ({"mount": LASER._replace(y_m=math.inf)}, "its mount is"),
+    ({"mount": LASER._replace(yaw_rad=math.nan)}, "its mount is"),
+    ({"ranges": [2.0] * (MOST_RAYS + 1), "step_rad": 2 * math.pi / MOST_RAYS}, "it has 8193 rays"),
+]
+
+
+@pytest.mark.parametrize("odd, words", ODD, ids=[words for _, words in ODD])
+def test_a_laser_that_sends_scans_without_a_meaning_stops_the_robot_as_a_silent_one(odd, words):
+    zones = with_laser()
+    assert words in zones.on_scan(scan(2.0)._replace(**odd), 0.0)
+    assert zones.limit(0.3, 0.0) == 0
+
+
+def test_a_scan_without_a_meaning_leaves_the_one_before_until_that_is_stale():
+    zones = with_laser()
+    zones.on_scan(scan(2.0), 0.0)
+    zones.on_scan(scan(0.22)._replace(step_rad=math.nan), STALE_S)
+    assert zones.limit(0.3, STALE_S) == 0.3
+    assert zones.limit(0.3, STALE_S + TICK_S) == 0
+
+
+@pytest.mark.parametrize("odd", [{"near_m": 0.0}, {"ranges": [2.0] * MOST_RAYS}])
+def test_a_scan_at_the_limits_of_a_meaning_is_used(odd):
+    zones = with_laser()
+    assert zones.on_scan(scan(2.0)._replace(**odd), 0.0) == ""
+    assert zones.limit(0.3, 0.0) == 0.3
 
 
 def test_a_laser_that_has_not_sent_a_scan_stops_the_robot():

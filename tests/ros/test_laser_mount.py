@@ -1,5 +1,6 @@
 """The laser's place on the robot: looked up once, for the laser of the first scan."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -10,8 +11,8 @@ from ros1_bridge.control.laser_mount import MountFinder
 
 @pytest.fixture
 def finder(monkeypatch):
-    """A finder on a robot with a laser in front and one behind, which looks back."""
-    places = {"front": (0.1, 0.0, 1.0), "rear": (-0.1, 1.0, 0.0)}
+    """A finder on a robot with a laser in front, one behind, which looks back, and one with a place that is none."""
+    places = {"front": (0.1, 0.0, 1.0), "rear": (-0.1, 1.0, 0.0), "nan": (math.nan, 0.0, 1.0)}
 
     def lookup_transform(_base, frame, _time):
         if frame not in places:
@@ -33,11 +34,28 @@ def test_place_is_looked_up_once(finder):
 
 
 def test_laser_without_a_place_is_named(finder):
-    assert finder.mount("nowhere") is None and "nowhere has no place on the robot" in finder.trouble
+    assert finder.mount("nowhere") is None and "'nowhere' has no place on the robot" in finder.trouble
 
 
 def test_scan_of_a_second_laser_is_not_taken_for_one_of_the_first(finder):
     """Its points would be on the wrong side of the robot."""
     finder.mount("front")
     assert finder.mount("rear") is None
-    assert finder.trouble == "it is in frame rear, expected front as before: the zones watch one laser"
+    assert finder.trouble == "it is in frame 'rear', expected 'front' as before: the zones watch one laser"
+
+
+def test_place_that_is_not_finite_is_none(finder):
+    assert finder.mount("nan") is None and "expected finite numbers" in finder.trouble
+
+
+def test_later_place_is_taken_after_one_that_is_not_finite(finder):
+    finder.mount("nan")
+    assert finder.mount("front") == (0.1, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("before", ["front", "nowhere"])
+def test_frame_of_a_scan_is_quoted_in_one_line(finder, before):
+    """tf repeats the whole frame in its error."""
+    finder.mount(before)
+    finder.mount("\x1b[2J\n[ERROR] " * 1000)
+    assert finder.trouble.isprintable() and len(finder.trouble) < 1200
