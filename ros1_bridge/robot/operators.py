@@ -1,12 +1,16 @@
 """Judges how late the commands of operators arrive at the robot.  No ROS."""
 
+import math
 import threading
-from typing import Callable, Dict
+from typing import Callable, Dict, Tuple
 
 from mrl_driver.safety.operator_delay import Lateness, delay_text
+from mrl_driver.yaml_file import short
 
 MOST_OPERATORS = 16
-"""The operator silent for longest is forgotten beyond this number; each start of a teleop node is another operator."""
+"""As many operators have a place at a time; each start of a teleop node is another operator."""
+SILENT_S = 60.0
+"""An operator that is silent for this time may lose its place to a new one [s]."""
 
 
 class Operators:
@@ -18,23 +22,31 @@ class Operators:
         clock: our clock [s], which must not jump.
 
     Attributes:
-        refused: number of late commands.
+        refused: number of refused commands.
     """
 
     def __init__(self, most_s: float, clock: Callable[[], float]) -> None:
         self._most_s, self._clock = most_s, clock
         self._lock = threading.Lock()
-        self._lateness: Dict[str, Lateness] = {}
+        # with the last arrival of each; the one that is silent for longest comes first
+        self._known: Dict[str, Tuple[Lateness, float]] = {}
         self.refused = 0
 
     def late_s(self, name: str, stamp_s: float) -> float:
-        """How much later than the operator's fastest message this one arrives [s]; `stamp_s` is on his clock."""
+        """How much later than the operator's fastest message this one arrives [s]; `stamp_s` is on his clock.
+
+        Infinite for a new operator while all places are taken.
+        """
         with self._lock:
-            lateness = self._lateness.pop(name, None) or Lateness()
-            self._lateness[name] = lateness  # the last one: it is silent for the shortest time
-            if len(self._lateness) > MOST_OPERATORS:
-                del self._lateness[next(iter(self._lateness))]
-            return lateness.of(stamp_s, self._clock())
+            now_s = self._clock()
+            if name not in self._known and len(self._known) >= MOST_OPERATORS:
+                first, (_, heard_s) = next(iter(self._known.items()))
+                if now_s - heard_s < SILENT_S:
+                    return math.inf
+                del self._known[first]
+            lateness, _ = self._known.pop(name, (Lateness(), now_s))
+            self._known[name] = lateness, now_s
+            return lateness.of(stamp_s, now_s)
 
     def refusal(self, name: str, stamp_s: float) -> str:
         """Why a command must not be followed; empty if it may."""
@@ -43,6 +55,11 @@ class Operators:
             return ""
         with self._lock:
             self.refused += 1
+        if math.isinf(late_s):
+            return (
+                f"a command of {short(name)} is not followed: {MOST_OPERATORS} other operators have sent something in "
+                f"the last {SILENT_S:g} s, expected fewer; end those teleop nodes, or wait"
+            )
         return (
             f"a command arrived {delay_text(late_s)} late, expected at most {delay_text(self._most_s)} "
             f"(~max_command_delay): not followed, {self.refused} so far; look for what slows the network, "

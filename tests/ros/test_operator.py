@@ -12,7 +12,7 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Float64, Header
 
 from ros1_bridge.node.operator_cmd_vel import operator_now_s
-from ros1_bridge.robot.operators import MOST_OPERATORS, Operators
+from ros1_bridge.robot.operators import MOST_OPERATORS, SILENT_S, Operators
 from ros1_bridge.teleop.joystick_mapping import LAYOUTS
 from tests.waiting import wait_until
 
@@ -49,12 +49,51 @@ def test_each_operator_has_a_clock_of_his_own():
     assert not operators.refusal("sofa", 5.0)
 
 
-def test_operators_are_forgotten_beyond_a_number():
-    operators = Operators(LIMIT_S, Clock())
-    for n in range(MOST_OPERATORS + 1):
+@pytest.fixture
+def crowd():
+    """A clock, and as many operators as have a place; each has just sent something."""
+    clock = Clock()
+    operators = Operators(LIMIT_S, clock)
+    for n in range(MOST_OPERATORS):
         operators.late_s(str(n), 900.0)
-    assert not operators.refusal("0", 5.0), "the first one is known no longer"
-    assert operators.refusal(str(MOST_OPERATORS), 5.0)
+    return clock, operators
+
+
+def test_late_commands_stay_late_whoever_else_has_sent_something(crowd):
+    _, operators = crowd
+    for n in range(MOST_OPERATORS):
+        operators.late_s(f"other {n}", 900.0)
+    assert all("late" in operators.refusal(str(n), 5.0) for n in range(MOST_OPERATORS))
+
+
+def test_new_operator_without_a_place_is_refused_until_one_has_been_silent_for_long(crowd):
+    clock, operators = crowd
+    assert "other operators" in operators.refusal("new", 900.0) and operators.refused == 1
+    clock.now_s += SILENT_S - 0.001
+    assert operators.refusal("new", 900.0)
+    clock.now_s += 0.001
+    assert not operators.refusal("new", 900.0)
+
+
+def test_new_operator_takes_the_place_of_the_one_who_was_silent_for_longest(crowd):
+    clock, operators = crowd
+    clock.now_s += SILENT_S
+    operators.late_s("0", 900.0 + SILENT_S)
+    operators.late_s("new", 900.0)
+    assert not operators.refusal("1", 5.0), "it is known no longer"
+    assert "late" in operators.refusal("0", 5.0)
+
+
+def test_name_of_an_operator_without_a_place_is_quoted_in_one_line(crowd):
+    _, operators = crowd
+    refusal = operators.refusal("\x1b[2J\n[ERROR] " * 100, 900.0)
+    assert refusal.isprintable() and len(refusal) < 300
+
+
+def test_without_a_limit_nobody_needs_a_place(crowd):
+    operators = Operators(0.0, Clock())
+    for n in range(MOST_OPERATORS + 1):
+        assert not operators.refusal(str(n), 900.0)
 
 
 def test_operator_who_goes_on_sending_is_not_forgotten():
