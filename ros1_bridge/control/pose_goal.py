@@ -8,6 +8,7 @@ from mrl_driver.lock_order import new_lock
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.yaml_file import short
 from ros1_bridge.node.plane_poses import planar
 
 from .commander import Commander
@@ -44,7 +45,7 @@ class PoseGoal:
         frame, goal = message.header.frame_id, planar(message.pose)
         if frame not in ("", self._odom, self._base):
             raise ValueError(
-                f"pose is in {frame}, expected {self._odom} (absolute) or {self._base} (relative); "
+                f"pose is in {short(frame)}, expected {self._odom} (absolute) or {self._base} (relative); "
                 "go_to_goal takes goals in other frames"
             )
         if frame == self._base:

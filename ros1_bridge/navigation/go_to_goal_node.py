@@ -20,6 +20,7 @@ from nav_msgs.msg import Odometry, Path
 from sensor_msgs.msg import Range
 from std_msgs.msg import Bool
 
+from mrl_driver.errors import one_line
 from mrl_driver.geometry import Pose, quaternion_of, wrap_angle
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
@@ -333,7 +334,7 @@ class GoToGoal:
             place = self._buffer.lookup_transform(base, frame, rospy.Time()).transform
         except tf2_ros.TransformException as error:
             words = f"sonar {name} is not used: no transform from {frame or 'its frame'} to {base}: {error}"
-            rospy.logwarn_throttle(WARN_EVERY_S, words)
+            rospy.logwarn_throttle(WARN_EVERY_S, one_line(words))
             return False
         yaw_deg = math.degrees(yaw_of(place.rotation))
         self._sonars[name] = SonarMount(place.translation.x, place.translation.y, yaw_deg)
@@ -353,7 +354,7 @@ class GoToGoal:
         try:
             found = self._buffer.lookup_transform(frame, given, rospy.Time(), rospy.Duration(TF_TIMEOUT_S))
         except tf2_ros.TransformException as error:
-            raise ValueError(f"no transform from {given} to {frame}: {error}") from None
+            raise ValueError(one_line(f"no transform from {given} to {frame}: {error}")) from None
         place = found.transform
         return Pose(place.translation.x, place.translation.y, yaw_of(place.rotation)).compose(*pose)
 

@@ -7,6 +7,7 @@ from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot.covariance import AT_START, Spread
+from mrl_driver.yaml_file import short
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.wheel_motion import STILL_M_S
 from ros1_bridge.node.plane_poses import planar
@@ -33,7 +34,7 @@ class Services:
         """Set the pose in `odom_frame`, and its covariance, to those of a geometry_msgs/PoseWithCovarianceStamped."""
         frame = message.header.frame_id
         if frame not in ("", odom_frame):
-            return False, f"the pose is in {frame}, expected {odom_frame}"
+            return False, f"the pose is in {short(frame)}, expected {odom_frame}"
         try:
             return self._set_pose(planar(message.pose.pose), spread_of(message.pose.covariance))
         except ValueError as error:
@@ -55,9 +56,10 @@ class Services:
 
     def release_stop(self) -> Answer:
         """End the emergency stop."""
-        if not self._commander.latched:
-            return True, "no emergency stop was latched"
+        latched = self._commander.latched
         self._commander.release()
+        if not latched:
+            return True, "no emergency stop was latched"
         return True, "released; the robot stands until the next command"
 
     def release_hold(self) -> Answer:

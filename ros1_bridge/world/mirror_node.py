@@ -24,12 +24,13 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, Range
 from std_msgs.msg import Header
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, one_line
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import NAMES
 from mrl_driver.safety.free_distance import COVERED_RAD
+from mrl_driver.yaml_file import short
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import correction, planar, yaw_of
 from ros1_bridge.node.run_node import run_node
@@ -131,7 +132,7 @@ class Place:
             ValueError: it has another frame, or is not finite.
         """
         if message.header.frame_id != self._map:
-            raise ValueError(f"frame is {message.header.frame_id!r}, expected {self._map!r}")
+            raise ValueError(f"frame is {short(message.header.frame_id)}, expected {self._map!r}")
         self._pose = planar(message.pose.pose), message.header.stamp
 
     def update(self, odometry: Odometry) -> Optional[Pose]:
@@ -342,9 +343,8 @@ class MirrorNode:
         try:
             return _pose_of(self._buffer.lookup_transform(base, frame, rospy.Time()).transform)
         except (tf2_ros.TransformException, ValueError) as error:
-            rospy.logwarn_throttle(
-                WARN_EVERY_S, f"no transform from {frame or 'the frame of a range'} to {base}: {error}"
-            )
+            words = f"no transform from {frame or 'the frame of a range'} to {base}: {error}"
+            rospy.logwarn_throttle(WARN_EVERY_S, one_line(words))
             return None
 
     def _virtual_scan(self) -> Optional[LaserScan]:

@@ -62,7 +62,7 @@ def test_in_the_robots_own_frame_it_is_relative(goal):
 @pytest.mark.parametrize(
     "wrong, words",
     [
-        (message("map", 1, 1), "pose is in map, expected odom"),
+        (message("map", 1, 1), "pose is in 'map', expected odom"),
         (message("odom", math.nan, 1), "finite"),
         (message("odom", 1e308, 1), "at most 1e"),
         (message("odom", 1, 1, 0.0), "quaternion"),
@@ -73,6 +73,12 @@ def test_a_wrong_pose_is_refused_and_the_one_before_stays(goal, noted, wrong, wo
     with pytest.raises(ValueError, match=words):
         goal.start(wrong, HERE)
     assert noted.seeking
+
+
+def test_the_frame_of_a_refused_pose_is_quoted_in_one_short_line(goal):
+    with pytest.raises(ValueError) as refused:
+        goal.start(message("\x1b[2J\n[ERROR] " * 100, 1, 1), HERE)
+    assert str(refused.value).isprintable() and len(str(refused.value)) < 200
 
 
 def test_a_pose_is_refused_while_the_robot_may_not_move(goal, noted):

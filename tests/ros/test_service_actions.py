@@ -61,7 +61,7 @@ def test_pose_and_covariance_are_set(done, frame):
 @pytest.mark.parametrize(
     "other, words",
     [
-        ({"frame": "map"}, "the pose is in map, expected odom"),
+        ({"frame": "map"}, "the pose is in 'map', expected odom"),
         ({"x_m": math.nan}, "position is nan"),
         ({"variances": (0.1, -0.1, 0.1)}, "the covariance of the pose is"),
     ],
@@ -113,6 +113,22 @@ def test_gains_of_a_board_that_does_not_tell_them_are_the_models():
 def test_gains_that_cannot_be_read_are_not_guessed():
     with pytest.raises(BoardTimeout):
         with_gains({"kp": 800}).gains()
+
+
+@pytest.mark.parametrize(
+    "latched, words",
+    [(True, "released; the robot stands until the next command"), (False, "no emergency stop was latched")],
+)
+def test_release_of_the_stop_lets_the_driver_follow_commands_whatever_the_commander_tells(
+    done, latched, words
+):
+    commander = SimpleNamespace(latched=latched, release=lambda: done.append("released"))
+    assert Services(None, commander).release_stop() == (True, words) and done == ["released"]
+
+
+def test_frame_of_others_is_quoted_in_one_short_line(done):
+    _, words = set_pose(services(done), frame="\x1b[2J\n[ERROR] " * 100)
+    assert words.isprintable() and len(words) < 150
 
 
 @pytest.mark.parametrize(
