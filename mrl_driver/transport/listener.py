@@ -22,6 +22,8 @@ LONGEST = 1400
 """Longest datagram [byte]; Ethernet would split a longer one."""
 TLS_ONLY = b"This port speaks TLS "
 """First bytes of the answer of a TLS listener to a client that does not speak TLS."""
+MOST_DATAGRAMS = 32
+"""At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
 _KEPT = 65536
 """At most this many bytes of an incomplete frame are kept; older ones are dropped."""
 
@@ -178,8 +180,11 @@ class UdpListener:
         return came
 
     def read(self, limit: int = READ_SIZE) -> bytes:
-        """Return the next datagram, always whole; `limit` applies only to TCP."""
-        while True:
+        """Return the client's next datagram, always whole, if it is among the next `MOST_DATAGRAMS`.
+
+        `limit` applies only to TCP.
+        """
+        for _ in range(MOST_DATAGRAMS):
             try:
                 data, there = self._socket.recvfrom(65536)
             except OSError:
@@ -192,6 +197,7 @@ class UdpListener:
             self._heard_s = now
             if data:
                 return data
+        return b""
 
     def write(self, data: bytes) -> int:
         """Send all whole frames; keep the rest until more bytes follow."""

@@ -6,7 +6,7 @@ from contextlib import closing
 
 import pytest
 
-from mrl_driver.transport.listener import listen
+from mrl_driver.transport.listener import MOST_DATAGRAMS, listen
 
 
 @pytest.fixture
@@ -38,3 +38,14 @@ def test_bytes_of_a_client_that_left_are_not_handed_to_the_next(client, listener
     listener.read(96)
     listener.drop()
     assert listener.read() == b""
+
+
+def test_a_flood_by_others_holds_up_no_read(client, listener):
+    """The bridge sends its stops between two reads."""
+    client.send(b"@5e")
+    assert select.select([listener.data], [], [], 5)[0] and listener.read() == b"@5e"
+    with closing(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) as stranger:
+        for _ in range(MOST_DATAGRAMS):
+            stranger.sendto(b"@11,200,0e", ("127.0.0.1", listener.address.port))
+        client.send(b"@6e")
+    assert listener.read() == b"" and listener.read() == b"@6e"
