@@ -9,6 +9,7 @@ from mrl_driver.protocol.table import STOP_CODE
 
 from .link import Link
 from .listener import Listener
+from .teller import Teller
 
 STOP = encode_request(STOP_CODE)
 LOOK_S = 0.5
@@ -23,14 +24,15 @@ class Bridge:
     Args:
         link: link to the board.
         listener: listener for the client.
-        tell: called with a line of text when a client comes or leaves.
+        tell: called with a line of text when a client comes or leaves.  It may block or raise an `OSError`: the bridge
+            goes on, because a `Teller` calls it.
     """
 
     def __init__(self, link: Link, listener: Listener, tell: Callable[[str], None]) -> None:
-        self._link, self._listener, self._tell = link, listener, tell
+        self._link, self._listener, self._tell = link, listener, Teller(tell)
         self._client = ""
         self._stops = 0
-        self._running = True
+        self._running = self._accepts = True
 
     def stop(self) -> None:
         """End `run`; may be called from a signal handler or another thread."""
@@ -46,9 +48,12 @@ class Bridge:
             while self._running:
                 self._turn()
         finally:
-            self._listener.close()
-            if self._client or self._stops:
-                self._send(STOP * STOPS)
+            try:
+                if self._client or self._stops:
+                    any(self._send(STOP * STOPS) for _ in range(STOPS))  # until the port has taken them
+            finally:
+                self._listener.close()
+                self._tell.close()
 
     def _turn(self) -> None:
         watched: List[Optional[int]] = [self._link.fileno(), self._listener.watch, self._listener.data]
@@ -63,23 +68,28 @@ class Bridge:
             self._send(data)
         self._listener.attend()
         self._notice()
-        if self._stops:
+        if self._stops and self._send(STOP):
             self._stops -= 1
-            self._send(STOP)
 
-    def _send(self, data: bytes) -> None:
+    def _send(self, data: bytes) -> bool:
+        """Return whether the board's port has accepted the bytes; the first refusal in a row is reported."""
+        accepted, self._accepts = self._accepts, True
         try:
             self._link.write(data)
         except BoardTimeout as error:
-            self._tell(str(error))
+            self._accepts = False
+            if accepted:
+                self._tell(str(error))
+        return self._accepts
 
     def _notice(self) -> None:
         """Report a new client or one that has left; stop the robot when a client has left."""
-        before, self._client = self._client, self._listener.client
-        if before == self._client:
+        before, client = self._client, self._listener.client
+        if before == client:
             return
         if before:
+            self._stops = STOPS  # first: an exception from here on is a stop, too
             self._tell(f"{before} has left; the robot is stopped")
-            self._stops = STOPS
-        if self._client:
-            self._tell(f"{self._client} is served")
+        self._client = client
+        if client:
+            self._tell(f"{client} is served")

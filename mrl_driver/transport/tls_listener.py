@@ -13,6 +13,7 @@ from typing import Callable, Dict, Optional
 
 from .address import Address
 from .listener import READ_SIZE, TLS_ONLY, bound, prompt, spell
+from .teller import Teller
 from .tls_stream import ACCEPTED, BUSY, GREETING, REFUSED, TlsStream
 
 ENTER_S = 5.0
@@ -123,7 +124,7 @@ class TlsListener:
         address: address of this computer.
         context: settings of the TLS server, with its certificate.
         admits: returns whether a token may drive the robot.
-        tell: called with a line of text if a token was wrong, at most once a second.
+        tell: called by a `Teller` with a line of text if a token was wrong, at most once a second.
 
     Raises:
         ConfigError: the address does not belong to this computer.
@@ -137,8 +138,9 @@ class TlsListener:
         admits: Callable[[str], bool],
         tell: Callable[[str], None],
     ) -> None:
-        self._context, self._admits, self._tell = context, admits, tell
+        self._context, self._admits = context, admits
         self._listening = bound(address, socket.SOCK_STREAM, waiting=4 * MOST_CALLERS)
+        self._tell = Teller(tell)
         self._epoll = select.epoll()
         self._epoll.register(self._listening, select.EPOLLIN)
         self._callers: Dict[int, _Connection] = {}
@@ -254,3 +256,4 @@ class TlsListener:
             self._dismiss(caller).end.close()
         self._epoll.close()
         self._listening.close()
+        self._tell.close()

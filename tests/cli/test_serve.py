@@ -8,17 +8,18 @@ import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import pytest
 
 from mrl_driver.cli import main
 from mrl_driver.cli.doctor import board
 from mrl_driver.driver import Driver
-from mrl_driver.errors import LinkLost
+from mrl_driver.errors import BoardTimeout, LinkLost
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.listener import SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
-from mrl_driver.transport.relay import STOP, Bridge
+from mrl_driver.transport.relay import STOP, STOPS, Bridge
 from sim_arduino.testing import EmulatedBoard
 from tests.waiting import drive_until, wait_until
 
@@ -122,6 +123,68 @@ def test_the_stop_at_the_end_goes_more_than_once():
     os.close(ready)
     os.close(other)
     assert b"".join(sent).count(b"@13e") > 1
+
+
+COMMAND = b"@11,200,0e"
+
+
+def serve_a_client_that_leaves(sent, tell=str, refused=0, turns=20):
+    """Its board gets `sent`; after the command, the port refuses some writes.  The bridge ends after so many turns."""
+    (ready, other), script = os.pipe(), [(COMMAND, "somebody")] + (turns - 1) * [(b"", "")]
+    refusals = refused * [BoardTimeout("the port has accepted no data for 100 ms")]
+    os.write(other, b"x")  # no turn waits
+
+    def write(data):
+        if data != COMMAND and refusals:
+            raise refusals.pop()
+        sent.append(data)
+
+    def read():
+        data, listener.client = script.pop(0)
+        if not script:
+            bridge.stop()
+        return data
+
+    link = SimpleNamespace(fileno=lambda: ready, read=lambda timeout_s: b"", write=write)
+    listener = SimpleNamespace(watch=None, data=None, client="", read=read, attend=str, close=str)
+    bridge = Bridge(link, listener, tell)
+    try:
+        bridge.run()
+    finally:
+        os.close(ready)
+        os.close(other)
+
+
+def test_the_stops_go_though_the_line_that_the_client_has_left_cannot_be_written():
+    """As when the reader of stderr has ended."""
+    sent = []
+    serve_a_client_that_leaves(sent, tell=mock.Mock(side_effect=BrokenPipeError))
+    assert sent == [COMMAND, *STOPS * [STOP]]
+
+
+def test_no_stop_waits_for_a_line_that_blocks():
+    """As when the terminal is stopped with Ctrl-S."""
+    sent = []
+    serve_a_client_that_leaves(sent, tell=lambda line: wait_until(lambda: len(sent) > STOPS))
+    assert sent == [COMMAND, *STOPS * [STOP]]
+
+
+def test_a_stop_that_the_port_refuses_does_not_count():
+    sent = []
+    serve_a_client_that_leaves(sent, refused=STOPS)
+    assert sent == [COMMAND, *STOPS * [STOP]]
+
+
+def test_a_port_that_refuses_many_writes_is_one_line():
+    told = []
+    serve_a_client_that_leaves([], tell=told.append, refused=STOPS)
+    assert sum("accepted no data" in line for line in told) == 1
+
+
+def test_the_stop_at_the_end_is_tried_again_if_the_port_refuses_it():
+    sent = []
+    serve_a_client_that_leaves(sent, refused=2, turns=1)
+    assert sent == [COMMAND, STOP * STOPS]
 
 
 def test_the_command_says_its_address_serves_and_ends_when_the_board_is_unplugged():

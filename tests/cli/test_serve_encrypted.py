@@ -34,9 +34,10 @@ SHA256 = "ab" * 32
 class Echo:
     """A bridge whose board sends back what it gets, but for stops, which are counted."""
 
-    def __init__(self):
+    def __init__(self, tell=None):
         self.told, self.asked, self.received, self.stops = [], [], b"", 0
-        self.listener, self.url = encrypted(self.told.append, asked=self.asked)
+        tell = tell or self.told.append
+        self.listener, self.url = encrypted(tell, asked=self.asked)
         out, into = socket.socketpair()
         for end in (out, into):
             end.setblocking(False)
@@ -54,9 +55,7 @@ class Echo:
                 into.send(data)
 
         self._ends = out, into
-        self.bridge = Bridge(
-            SimpleNamespace(fileno=out.fileno, read=read, write=write), self.listener, self.told.append
-        )
+        self.bridge = Bridge(SimpleNamespace(fileno=out.fileno, read=read, write=write), self.listener, tell)
         self._thread = threading.Thread(target=self.bridge.run)
         self._thread.start()
 
@@ -148,6 +147,17 @@ def test_a_wrong_token_is_refused_before_a_byte_reaches_the_board(echo):
         open_link(link_of(echo.listener.address, "f" * 32))
     assert echo.received == before
     wait_until(lambda: any("was refused: wrong token" in line for line in echo.told))
+
+
+def test_a_wrong_token_holds_up_no_client_though_its_line_blocks(_home, monkeypatch):
+    """As when the terminal is stopped with Ctrl-S."""
+    monkeypatch.setenv("XDG_CONFIG_HOME", _home)
+    served = threading.Event()
+    with contextlib.closing(Echo(tell=lambda line: served.wait(PATIENCE_S))) as echo:
+        with pytest.raises(PortDenied):
+            open_link(link_of(echo.listener.address, "f" * 32))
+        with contextlib.closing(open_link(echo.url)):
+            served.set()
 
 
 @pytest.mark.parametrize("said", [b"@11,200,0e\n", b"MRL1\n", b"MRL2 ", b"x" * 300])

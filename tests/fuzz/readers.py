@@ -198,12 +198,15 @@ def port_address(text: str) -> None:
 
 def client_of_tcp(data: bytes, folder: Path) -> None:
     """A client of `mrl serve`: the robot is stopped when it leaves."""
+    told: List[str] = []
     link = _WrittenLink()
     listener = TcpListener(address.parse("tcp://127.0.0.1:0", listening=True))
-    bridge = Bridge(link, listener, require_line)  # type: ignore[arg-type]
+    bridge = Bridge(link, listener, told.append)  # type: ignore[arg-type]
     with socket.create_connection(("127.0.0.1", listener.address.port)) as end:
         end.sendall(data)
     _run_until(bridge, lambda: link.written.endswith(STOPS * encode_request(STOP_CODE)))
+    for line in told:
+        require_line(line)
     if data not in link.written:
         raise Forbidden("bytes were lost")
 
@@ -283,7 +286,8 @@ def _knock(data: bytes, stream: Any) -> None:
     from mrl_driver.transport.tls_listener import TlsListener
 
     where = address.parse("tls://127.0.0.1:0", listening=True)
-    listener = TlsListener(where, _tls(), lambda token: token == TOKEN, require_line)
+    told: List[str] = []
+    listener = TlsListener(where, _tls(), lambda token: token == TOKEN, told.append)
     received = b""
     try:
         with socket.create_connection(("127.0.0.1", listener.address.port)) as end:
@@ -296,6 +300,8 @@ def _knock(data: bytes, stream: Any) -> None:
             raise Forbidden("bytes passed without a token")
     finally:
         listener.close()
+    for line in told:
+        require_line(line)
 
 
 def _client_step(end: socket.socket, stream: Any, data: bytes, step: int) -> None:
