@@ -19,7 +19,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount, load
 from mrl_driver.safety.free_distance import Scan
 from ros1_bridge.topics.messages import new_mounts
-from ros1_bridge.world.mirror_node import arc_of
+from ros1_bridge.world.mirror_node import Place, arc_of
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.world.shared_robots import SharedRegistry
 from tests.waiting import wait_until
@@ -220,3 +220,11 @@ def _localise(place):
 def test_scan_is_free_only_where_sonars_leave_no_gap(yaws_deg, arc_deg):
     sonars = [SonarMount(0.0, 0.0, yaw_deg) for yaw_deg in yaws_deg]
     assert arc_of(sonars) == pytest.approx([math.radians(deg) for deg in arc_deg])
+
+
+def test_frame_of_a_refused_pose_is_quoted_in_one_short_line():
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id = "\x1b[2J\n[ERROR] " * 100
+    with pytest.raises(ValueError) as refused:
+        Place("amcl_pose", "map", Pose(0.0, 0.0, 0.0), None).localised(message)
+    assert str(refused.value).isprintable() and len(str(refused.value)) < 150
