@@ -1,4 +1,4 @@
-"""Latches and releases the emergency stop of the robot's node by its services, from a thread of its own.  No rospy."""
+"""Latches and releases the emergency stop of the robot's node by its services, from threads of its own.  No rospy."""
 
 import math
 import threading
@@ -6,25 +6,33 @@ import time
 from typing import Callable, Tuple
 
 AGAIN_S = 0.5
-"""A stop that the node did not confirm is asked for again after this time [s]."""
+"""A stop that the node did not confirm is asked for again after this time; with N calls under way, after N times as
+much [s].
+"""
+MOST_CALLS = 100
+"""At most this many calls may be under way; a stop reaches it when the node has not answered for 40 minutes."""
 TOLD_S = 0.5
 """The node answers, and its status says so, within this time, or something is wrong [s]."""
 STOP, RELEASE = "stop", "release_stop"
 WORDS = {STOP: "emergency stop", RELEASE: "release of the emergency stop"}
 Call = Callable[[str], Tuple[bool, str]]
-"""Calls a service of the robot's node by its name; returns whether it did it, and why not.  It may block."""
+"""Calls a service of the robot's node by its name; returns whether it did it, and why not.  It may block for ever, and
+may raise any exception.
+"""
 
 
 class EmergencyStop:
     """The emergency stop as this page wants it and as the robot's node has it; any thread may call it.
 
-    A stop that the node did not confirm counts as latched, and is asked for again until it is released.
+    A stop that the node did not confirm counts as latched, and is asked for again until it is released.  Each call has
+    a thread of its own, so that one that hangs holds up no other.
     """
 
     def __init__(self, call: Call) -> None:
         self._call = call
         self._changed = threading.Condition()
-        self._wanted = self._why = ""
+        self._wanted = self._newest = self._why = ""
+        self._wishes = self._calls = 0
         self._asked_s = self._done_s = -math.inf
         self._told = self._ended = False
         threading.Thread(target=self._serve, name="emergency stop", daemon=True).start()
@@ -45,7 +53,8 @@ class EmergencyStop:
 
     def latch(self) -> None:
         """Ask the node to stop, and to refuse all commands until the release."""
-        self._want(STOP)
+        if self._wanted != STOP or time.monotonic() - self._asked_s >= AGAIN_S:  # else it is under way
+            self._want(STOP)
 
     def release(self) -> None:
         """Ask the node once to follow commands again."""
@@ -63,24 +72,44 @@ class EmergencyStop:
 
     def _want(self, service: str) -> None:
         with self._changed:
-            self._wanted, self._why, self._asked_s = service, "", time.monotonic()
+            self._wanted = self._newest = service
+            self._why, self._asked_s = "", time.monotonic()
+            self._wishes += 1
             self._changed.notify()
 
     def _serve(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._wanted or self._ended)
-                if self._ended:
-                    return
-                service = self._wanted
+        with self._changed:
+            while not self._ended:
+                if self._wanted:
+                    self._begin_call()
+                else:
+                    self._changed.wait()
+
+    def _begin_call(self) -> None:
+        """Begin a call, and wait until something else is wanted, or it is time to ask for a stop again."""
+        wish, service = self._wishes, self._wanted
+        if self._calls < MOST_CALLS:
+            self._calls += 1
+            threading.Thread(target=self._ask, args=(service, wish), name=service, daemon=True).start()
+        self._changed.wait_for(
+            lambda: wish != self._wishes or not self._wanted or self._ended,
+            AGAIN_S * self._calls if service == STOP else None,
+        )
+
+    def _ask(self, service: str, wish: int) -> None:
+        """Call the service, and note the answer, unless something else has been wanted since."""
+        try:
             done, why = self._call(service)
-            with self._changed:
-                if service != self._wanted:
-                    continue  # the opposite was asked for meanwhile
+        except Exception as error:  # noqa: BLE001 - a service and rospy raise whatever they do
+            done, why = False, str(error) or type(error).__name__
+        with self._changed:
+            self._calls -= 1
+            if wish == self._wishes and self._wanted:
                 self._why = "" if done else why
                 if done:
                     self._done_s = time.monotonic() if service == STOP else -math.inf
                 if done or service == RELEASE:
                     self._wanted = ""
-                else:
-                    self._changed.wait(AGAIN_S)
+                    self._changed.notify()
+            elif service == RELEASE and self._newest == STOP:
+                self._want(STOP)  # the node may have done this release after the stop

@@ -1,6 +1,11 @@
 """The robot of the page behind topics: what it sends, refuses and shows.  No ROS."""
 
+import contextlib
 import math
+import queue
+import threading
+import time
+from http.client import IncompleteRead
 from types import SimpleNamespace
 
 import pytest
@@ -37,12 +42,14 @@ class Sent(list):
 
 
 class Services(list):
-    """Calls of the node's services; each answers as `answers` says."""
+    """Calls of the node's services; each answers as `answers` says, or raises `error`."""
 
-    answers = True, ""
+    answers, error = (True, ""), None
 
     def __call__(self, service):
         self.append(service)
+        if self.error:
+            raise self.error
         return self.answers
 
 
@@ -246,6 +253,135 @@ def test_a_stop_that_the_node_does_not_confirm_is_asked_for_again(bench):
     wait_until(lambda: len(page.services) > 1)
     assert page.robot.latched and "emergency stop: service [/stop] unavailable" in page.notice()
     page.services.answers = True, ""
+    wait_until(lambda: not page.emergency.trouble)
+
+
+class HangingServices(list):
+    """Calls of the node's services; those of one service hang, as when the robot's computer has lost power."""
+
+    def __init__(self, hanging):
+        self.hanging, self.end = hanging, threading.Event()
+
+    def __call__(self, service):
+        self.append(service)
+        if service == self.hanging:
+            self.end.wait()
+        return True, ""
+
+
+@contextlib.contextmanager
+def emergency_of(services):
+    emergency = EmergencyStop(services)
+    yield emergency
+    emergency.close()
+    services.end.set()
+
+
+def test_a_call_that_hangs_holds_up_no_release():
+    services = HangingServices("stop")
+    with emergency_of(services) as emergency:
+        emergency.latch()
+        wait_until(lambda: services)
+        emergency.release()
+        wait_until(lambda: "release_stop" in services)
+
+
+def test_a_stop_whose_call_hangs_is_asked_for_again():
+    services = HangingServices("stop")
+    with emergency_of(services) as emergency:
+        emergency.latch()
+        wait_until(lambda: len(services) >= 2)
+        assert emergency.latched
+
+
+def test_the_number_of_calls_that_hang_is_limited(monkeypatch):
+    monkeypatch.setattr(emergency_stop, "AGAIN_S", 0.001)
+    monkeypatch.setattr(emergency_stop, "MOST_CALLS", 3)
+    services = HangingServices("stop")
+    with emergency_of(services) as emergency:
+        emergency.latch()
+        wait_until(lambda: len(services) >= 3)
+        time.sleep(0.1)  # time for many more
+        assert len(services) == 3
+
+
+def test_a_stop_is_asked_for_again_when_a_release_that_it_overtook_returns():
+    """The node may have done the release after the stop."""
+    services = HangingServices("release_stop")
+    with emergency_of(services) as emergency:
+        emergency.release()
+        wait_until(lambda: services)
+        emergency.latch()
+        wait_until(lambda: services[1:] == ["stop"])
+        services.end.set()
+        wait_until(lambda: services[1:] == ["stop", "stop"])
+
+
+def test_a_stop_that_is_being_asked_for_is_not_asked_for_with_each_press(monkeypatch):
+    """A page that only watches may send 200 of them a second."""
+    monkeypatch.setattr(emergency_stop, "AGAIN_S", 1000.0)
+    services = HangingServices("stop")
+    with emergency_of(services) as emergency:
+        for _ in range(10):
+            emergency.latch()
+            wait_until(lambda: services)
+            time.sleep(0.01)  # time for another one
+        assert services == ["stop"]
+
+
+class OpenCalls(list):
+    """Calls of the node's services: each has a queue for its answer."""
+
+    def __call__(self, service):
+        answer = queue.Queue()
+        self.append(answer)
+        return answer.get()
+
+    def end(self):
+        for answer in self:
+            answer.put((True, ""))
+
+
+@pytest.fixture
+def open_calls():
+    calls = OpenCalls()
+    emergency = EmergencyStop(calls)
+    yield emergency, calls
+    emergency.close()
+    calls.end()
+
+
+def test_a_late_answer_to_a_stop_does_not_confirm_a_newer_one(open_calls):
+    emergency, calls = open_calls
+    for count, ask in enumerate((emergency.latch, emergency.release, emergency.latch), 1):
+        ask()
+        wait_until(lambda count=count: len(calls) == count)
+    calls[0].put((True, ""))
+    wait_until(lambda: len(calls) >= 4)
+
+
+def test_a_late_refusal_of_a_stop_that_is_confirmed_is_no_trouble(open_calls):
+    emergency, calls = open_calls
+    emergency.latch()
+    wait_until(lambda: len(calls) >= 2)
+    wait_until(lambda: [answer.put((True, "")) for answer in calls[1:]] and names().count("stop") == 1)
+    calls[0].put((False, "service [/stop] unavailable"))
+    wait_until(lambda: "stop" not in names())
+    assert not emergency.trouble
+
+
+def names():
+    return [thread.name for thread in threading.enumerate()]
+
+
+def test_a_call_that_raises_ends_no_later_one(bench):
+    """As `http.client.IncompleteRead`, if the master ends in the middle of its answer."""
+    page = bench()
+    page.services.error = IncompleteRead(b"")
+    page.robot.latch("desk")
+    wait_until(lambda: len(page.services) > 1)
+    assert "IncompleteRead" in page.notice()
+    page.services.error = None
     wait_until(lambda: not page.emergency.trouble)
 
 
