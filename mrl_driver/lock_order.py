@@ -12,14 +12,14 @@ Threads:
 Locks, in the order in which a thread may take them (`ORDER`).  A thread that holds one takes only later ones:
     status: the state that the node published last.
     pose goal: the pose that the node drives to.
-    limits: the node's operation mode and limits.
+    limits: the node's operation mode and limits, its emergency stop and its motor switch.
     driver: the core with its session and state.  Callbacks run without it.
     links: the link that is being opened, so that `close` can interrupt it.
     zones: the readings of the protective zones; the core asks them for the speed that they allow.
     link read: one reader of a link at a time.  It is held while the reader waits for bytes.
     link write, link wake: the descriptors of a link; held for one call of the system that does not block.
 
-No lock is held while a port may block a write.  One thread writes at a time, which a flag under the driver's lock
+No lock but `limits` is held while a port may block a write, which is given up after 100 ms.  One thread writes at a time, which a flag under the driver's lock
 ensures.  What another thread wants to send meanwhile is queued, and the reading thread sends it next.
 
 With the environment variable `MRL_CHECK_LOCKS` set, locks raise `RuntimeError` if they are taken in another order.

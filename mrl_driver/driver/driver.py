@@ -21,7 +21,7 @@ from typing import Any, Callable, Dict, List, NoReturn, Optional, Sequence, Tupl
 from mrl_driver.errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError, WrongRobot
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.lock_order import new_lock
-from mrl_driver.protocol.table import BAUD, BY_NAME
+from mrl_driver.protocol.table import BAUD, BY_NAME, STOP_CODE
 from mrl_driver.recording.recorded_link import inner
 from mrl_driver.recording.recording import CLOSED, ENDED, OWN_REMARKS, RECONNECTED, SLOWED, Recorder, now_s
 from mrl_driver.robot import models
@@ -348,21 +348,25 @@ class Driver:
         self._flush()
 
     def request(self, code: int, *args: int) -> None:
-        """Send any other request of the command table; `on_event` gets the reply.
+        """Send any other request of the command table; `on_event` gets the reply.  The request of a stop is `stop()`.
+
+        What a request turns is stopped 3 s after the last such request, at the latest.  Boards without a watchdog
+        (2013) go on.
 
         Raises:
             FrameError: the command table does not allow the request.
             BoardTimeout: the request would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
             ConfigError: the request would turn motors, and the board has none.
-            MrlError: the request would turn motors, and commands are inhibited or the driver is being closed; it was
-                not sent.
+            MrlError: the request would turn motors, and commands are inhibited, the driver is being closed, or a stop
+                came while the request waited for the line; it was not sent.
         """
         core = self._connected()
         session = core.session
         with self._changed:
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
+            stops = core.stops
             if len(session.out) > QUEUE_BYTES:
                 self._queuing += 1
                 room = self._changed.wait_for(lambda: len(session.out) <= QUEUE_BYTES, WRITE_TIMEOUT_S)
@@ -372,7 +376,15 @@ class Driver:
                     return
             if code in TURNING:
                 core.require_may_turn(code)
-            session.request(code, *args)
+                if core.stops != stops:
+                    raise MrlError(
+                        f"a stop came while request {code} waited for the line: not sent, send it again if needed"
+                    )
+            session.expire(self._clock())
+            if code == STOP_CODE:
+                core.stop(self._clock(), "user")
+            else:
+                session.request(code, *args)
         self._flush()
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
@@ -448,7 +460,8 @@ class Driver:
             with self._lock:
                 return list(core.nodes.values())
         finally:
-            core.nodes = None
+            with self._lock:
+                core.nodes = None
 
     def require_radio(self) -> None:
         """Raise ConfigError if the board has no radio."""
@@ -463,6 +476,7 @@ class Driver:
         with self._lock:
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
+            core.session.expire(self._clock())
             core.send_by_radio(request, self._clock())
         self._flush()
 
@@ -601,7 +615,7 @@ class Driver:
         """No command is in force, and telemetry has confirmed the last stop."""
         with self._lock:
             motion = self._motion
-            return motion is None or not (motion.target or motion.stopping or self.may_be_moving)
+            return motion is None or not (motion.target or motion.stopping or motion.unconfirmed)
 
     @property
     def may_be_moving(self) -> bool:

@@ -45,6 +45,8 @@ class LinkSource:
         self._begun: Optional[Tuple[int, int]] = None
         """Frames and damages when the count of damages started."""
         self._lock = new_lock("links")
+        self._creating = ""
+        """Path of a recording that is being created."""
         self._trial: Optional[Link] = None
         self._closed = False
 
@@ -61,7 +63,7 @@ class LinkSource:
         if record is not None or tap is not None:
             self.recording = self._new_recording(port)
             if record is not None:
-                self.recording.start(record)
+                self.recording.use(self.recording.create(record))
         try:
             link = self._open(port, CONNECT_S)
         except BaseException:
@@ -112,9 +114,22 @@ class LinkSource:
             if not path:
                 raise ConfigError("the recording has no name, expected that of a file")
             recording = self.recording or self._new_recording(self._port)
-            if recording.recorder is not None:
-                raise ConfigError(f"{recording.recorder.path} is being recorded; stop that recording first")
-            recording.start(path)
+            busy = self._creating or (recording.recorder.path if recording.recorder is not None else "")
+            if busy:
+                raise ConfigError(f"{busy} is being recorded; stop that recording first")
+            self._creating = path
+        try:
+            recorder = recording.create(path)  # a slow disk must not hold up the thread that reads
+        except BaseException:
+            self._creating = ""
+            raise
+        with self._lock:
+            self._creating = ""
+            if self._closed:
+                recorder.close()
+                raise LinkLost("the driver was closed")
+            recording = self.recording or recording
+            recording.use(recorder)
             self.recording = recording
 
     def record_stepped(self, link: Link, path: str, clock: Callable[[], float]) -> Link:
@@ -124,7 +139,7 @@ class LinkSource:
             ConfigError: the file cannot be created.
         """
         self.recording = self._new_recording(link.port, clock)
-        self.recording.start(path)
+        self.recording.use(self.recording.create(path))
         return self.recording.begin(link)
 
     def _new_recording(self, port: str, clock: Optional[Callable[[], float]] = None) -> DriverRecording:

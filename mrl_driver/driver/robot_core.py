@@ -89,6 +89,8 @@ class Core:
         """Texts that wait for the radio."""
         self.nodes: Optional[Dict[int, RadioNode]] = None
         """The radios that have answered, by address, while a search is under way."""
+        self.stops = 0
+        """Times that `stop` was called."""
         self.leaving = False
         """The driver is closing: it refuses new commands."""
         self.due_s = -math.inf
@@ -299,6 +301,7 @@ class Core:
 
     def stop(self, now: float, reason: str) -> None:
         """Stop at once; `reason` is one of `motion_command.STOPS`."""
+        self.stops += 1
         self.mismatch = self._monitor = None
         self.limiter.drop()
         self.session.stop(now, reason)

@@ -79,7 +79,7 @@ def inner(link: AnyLink) -> AnyLink:
 
 
 class DriverRecording:
-    """Records all links of one driver, from `start` to `stop`, and calls `tap` with their bytes.
+    """Records all links of one driver, from `use` to `stop`, and calls `tap` with their bytes.
 
     A link that is in use is exchanged by `exchange` after `due` has been set.  The links may be used by any thread; all
     else is called by one thread at a time.  Times are those of the driver's clock [s].
@@ -112,14 +112,17 @@ class DriverRecording:
         self._stops = 0
         self.due = False
 
-    def start(self, path: str) -> None:
-        """Create a file; bytes follow from the next `open` or `exchange`.
+    def create(self, path: str) -> Recorder:
+        """Create a file for `use`, on any thread.
 
         Raises:
             ConfigError: the file cannot be created.
         """
-        self.recorder = Recorder(path, self._simulated, **self._facts)
-        self.due = True
+        return Recorder(path, self._simulated, **self._facts)
+
+    def use(self, recorder: Recorder) -> None:
+        """Record into a file; bytes follow from the next `open` or `exchange`."""
+        self.recorder, self.due = recorder, True
 
     def stop(self) -> Optional[Recorder]:
         """Record no more; return the recorder, which the caller closes, or None."""

@@ -75,7 +75,9 @@ class SpeedLimiter:
         assert wanted is not None and limits is not None
         if self.restrict is not None:
             wanted = self.restrict(wanted, now)
-        dt_s, self._stepped_s = min(LONGEST_STEP_S, now - self._stepped_s), now
+        # Another thread may have stepped a moment later already.
+        dt_s = min(LONGEST_STEP_S, max(0.0, now - self._stepped_s))
+        self._stepped_s = max(now, self._stepped_s)
         if wanted != self.speeds:
             if any(self.speeds):
                 self.speeds = ramp(self.speeds, wanted, limits, dt_s)

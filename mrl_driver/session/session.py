@@ -28,7 +28,7 @@ from .events import (
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .link_counters import Counters
 from .motion_command import QUICK, SLOW, SLOWEST, STOP, Motion, Pace, Speeds
-from .polling import IMU_S, INFO, SONARS, STATUS, STOP_IMU, Poll
+from .polling import BUSY_S, IMU_S, INFO, SONARS, STATUS, STOP_IMU, Poll
 from .sensor_polling import SENSOR_STREAM
 from .sequence import Stream
 
@@ -137,8 +137,8 @@ class Session:
         """A gap of this length is a pause without a command in force, too [s]."""
         self.queued_s = 0.0
         """Commands to move are refused for this time after a pause, see `Options.queued_s` [s]."""
-        self._requested_s = math.inf
-        """Time of the first request that turns motors since the last stop or command [s]."""
+        self._requested_s = self._asked_s = math.inf
+        """Times of the first and of the last request that turns motors since the last stop or command [s]."""
         self._turned_s = self._stopped_again_s = -math.inf
         """When the wheels turned last without a command, and when the last stop was sent for that [s]."""
         self.hurried = True
@@ -192,6 +192,9 @@ class Session:
         self._attended_s = now
         if now - self.resumed_s < self.queued_s and (any(speeds) if moves is None else moves):
             return False
+        if now - self.heard_s >= LATE_S and not (any(speeds) or moves):
+            self.stop(now)  # a command would not be sent now
+            return True
         motion, self._requested_s = self.motion, math.inf
         motion.drive(speeds, now, moves)
         request = motion.take(now, now - self.heard_s < LATE_S)
@@ -208,6 +211,10 @@ class Session:
         """Stop at once, and repeat the stop until telemetry confirms it; `reason` is one of `motion_command.STOPS`."""
         self.motion.stop(reason)
         self._requested_s = math.inf
+        self._move(now)
+
+    def expire(self, now: float) -> None:
+        """Stop the robot if the time of its command is over, for a thread that sends while the reading thread hangs."""
         self._move(now)
 
     def lose(self, now: float) -> None:
@@ -271,7 +278,7 @@ class Session:
         self._send(code, *args)
         if code in TURNING:
             self._poll.hurry()
-            self._requested_s = min(self._requested_s, self._attended_s)
+            self._requested_s, self._asked_s = min(self._requested_s, self._attended_s), self._attended_s
             self.hurried = True
 
     def identify(self) -> None:
@@ -340,6 +347,9 @@ class Session:
             self._restarted = not self.checked
         elif now - self.heard_s < LATE_S:
             self._poll.take(now, self.motion.pace.repeat_s)
+        if self._requested_s < math.inf and now - self._asked_s >= BUSY_S and self._watched:
+            # The watchdog stops the motors only if no other request, such as a sensor's, comes more often.
+            self.stop(now, "command_timeout")
         self._move(now)
         return events
 

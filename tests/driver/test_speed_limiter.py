@@ -257,3 +257,11 @@ def test_after_a_pause_a_step_accelerates_for_a_tenth_of_a_second(bench):
     bench.now_s += 0.5
     bench.tick()
     assert bench.speeds[0] == pytest.approx(before + 0.2 * 0.1)
+
+
+def test_a_step_at_a_time_before_the_last_one_takes_no_time(bench):
+    """A thread that read the clock earlier may step later."""
+    bench.run(1.0, 0.3)
+    bench.limiter.target = (0.1, 0.0)
+    bench.limiter.step(bench.now_s - 1e-6)
+    assert bench.speeds == (0.1, 0.0)

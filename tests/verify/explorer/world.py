@@ -236,7 +236,7 @@ class World:
         link: Any = self.ports.link
         if record is not None:
             self.ports.recording = DriverRecording(PORT, 115200, None, {}, driver._clock)
-            self.ports.recording.start(record)
+            self.ports.recording.use(self.ports.recording.create(record))
             link = self.ports.link = self.ports.recording.begin(link)
         driver._link = link
         driver._core.begin(self.host_s)

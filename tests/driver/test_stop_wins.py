@@ -1,0 +1,226 @@
+"""Nothing that happens beside a stop, or beside the end of a command, lets the robot drive on."""
+
+import os
+import threading
+
+import pytest
+
+from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import MrlError
+from mrl_driver.protocol.table import BY_NAME, STOP_CODE
+from mrl_driver.recording import recording
+from mrl_driver.session.polling import BUSY_S
+from tests.conformance.bench import Bench
+from tests.radio_board import PEER
+from tests.waiting import wait_until
+
+from .line import Line
+
+MOVE_MOTORS, COUNTERS = BY_NAME["move_motors_pid"].code, BY_NAME["read_counters"].code
+WATCHDOG_S, STEP_S = 0.25, 0.05
+NOISE_M_S = 0.003
+"""A wheel that is slower stands still."""
+
+
+class OneWay:
+    """A board whose line loses what goes to the board, or to the host."""
+
+    def __init__(self, board):
+        self._board, self.deaf, self.silent = board, False, False
+
+    @property
+    def next_event_s(self):
+        return self._board.next_event_s
+
+    def receive(self, data):
+        if not self.deaf:
+            self._board.receive(data)
+
+    def advance(self, to_s):
+        heard = self._board.advance(to_s)
+        return b"" if self.silent else heard
+
+
+class Stepped:
+    """A robot in simulated time."""
+
+    def __init__(self, environment=False, **options):
+        self.bench = Bench("python", environment=environment, battery_v=12.0)
+        self.line = OneWay(self.bench.board)
+        self.driver = SteppedDriver(self.line, self.bench.model, options=Options(**options))
+        self.driver.connect()
+
+    def drive(self, seconds=1.0):
+        for _ in range(round(seconds / STEP_S)):
+            self.driver.drive(0.2, 0.0)
+            self.driver.wait(STEP_S)
+
+    @property
+    def turning(self):
+        return any(abs(speed) > NOISE_M_S for speed in self.bench.wheels())
+
+    def turned_for_s(self, most_s):
+        """How long the wheels go on turning."""
+        begun_s, last_s = self.driver.now_s, 0.0
+        while self.driver.now_s - begun_s < most_s:
+            self.driver.wait(STEP_S)
+            last_s = self.driver.now_s - begun_s if self.turning else last_s
+        return last_s
+
+
+@pytest.mark.parametrize("environment", [False, True], ids=["sonar build", "environment build"])
+def test_what_a_request_turns_stops_without_another_request(environment):
+    """The polls of the environment sensors feed the watchdog, so it does not stop the motors."""
+    robot = Stepped(environment)
+    robot.driver.wait(1.0)
+    robot.driver.request(MOVE_MOTORS, 20, 20)
+    assert 1.0 < robot.turned_for_s(6.0) <= BUSY_S + WATCHDOG_S + STEP_S
+
+
+def test_requests_that_go_on_turn_the_motors_on():
+    robot = Stepped()
+    for _ in range(40):
+        robot.driver.request(MOVE_MOTORS, 20, 20)
+        robot.driver.wait(0.1)
+    assert robot.turning and robot.driver.stop_reason != "command_timeout"
+
+
+def test_a_request_of_a_stop_stops():
+    """Otherwise the next repeat would send the old command."""
+    robot = Stepped()
+    robot.drive()
+    robot.driver.request(STOP_CODE)
+    robot.driver.wait(STEP_S)
+    assert robot.driver.command is None and robot.driver.stop_reason == "user"
+
+
+def test_a_command_of_zero_while_telemetry_is_late_is_a_stop():
+    """A command would not be sent then."""
+    robot = Stepped()
+    robot.drive()
+    robot.line.silent = True
+    robot.driver.wait(0.12)
+    robot.driver.drive(0.0, 0.0)
+    robot.driver.wait(0.01)
+    assert not robot.bench.is_driven() and robot.driver.stop_reason == "user"
+
+
+def test_a_robot_whose_line_was_cut_is_not_called_stopped_while_it_may_turn():
+    robot = Stepped(command_timeout_s=2.0)
+    robot.drive()
+    robot.line.deaf = robot.line.silent = True
+    robot.driver.wait(0.3)
+    assert robot.driver.command is None and robot.turning and not robot.driver.stopped
+    robot.driver.wait(1.0)
+    robot.line.deaf = robot.line.silent = False
+    robot.driver.wait(2.0)
+    assert robot.driver.stopped
+
+
+@pytest.fixture
+def line():
+    line = Line()
+    line.board.capabilities.add("xbee")
+    return line
+
+
+@pytest.fixture
+def driver(line):
+    driver = Driver(line, "traxbot")
+    driver.connect()
+    yield driver
+    line.open.set()
+    driver.close()
+
+
+@pytest.mark.parametrize(
+    "send",
+    [lambda driver: driver.request(COUNTERS), lambda driver: driver.send_text(PEER, "x")],
+    ids=["request", "text"],
+)
+def test_a_command_ends_in_time_while_a_callback_hangs_and_another_thread_sends(driver, line, send):
+    """What is sent feeds the watchdog, so it does not stop the motors."""
+    hangs, goes_on = threading.Event(), threading.Event()
+
+    def hang(telemetry):
+        hangs.set()
+        goes_on.wait(30.0)
+
+    driver.drive(0.2, 0.0)
+    wait_until(lambda: line.board.moves, what="the move")
+    driver.on_telemetry(hang)
+    driver.drive(0.2, 0.0)
+    assert hangs.wait(30.0)
+
+    def ended():
+        send(driver)
+        return driver.command is None
+
+    try:
+        wait_until(ended, step_s=2 * STEP_S, timeout_s=10.0, what="the end of the command")
+        assert driver.stop_reason == "command_timeout" and [f.code for f in line.board.heard][-2:].count(
+            STOP_CODE
+        )
+    finally:
+        goes_on.set()
+
+
+def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, line):
+    refused = []
+
+    def turn():
+        try:
+            driver.request(MOVE_MOTORS, 20, 20)
+        except MrlError as error:
+            refused.append(str(error))
+
+    line.stuck = "blocker"
+    line.open.clear()
+    blocker = threading.Thread(target=lambda: driver.request(COUNTERS), name="blocker")
+    blocker.start()
+    wait_until(lambda: line.blocked, what="a write that blocks")
+    while not driver._queuing:
+        waiting = threading.Thread(target=turn)
+        waiting.start()
+        waiting.join(0.01)
+    driver.stop()
+    line.open.set()
+    waiting.join()
+    blocker.join()
+    assert "a stop came while request" in refused[-1]
+    assert driver.command is None
+
+
+def test_a_disk_that_hangs_delays_no_stop(line, monkeypatch, tmp_path):
+    """A recording ends and the next one begins, so that the reading thread exchanges its link meanwhile."""
+    monkeypatch.setattr("mrl_driver.recording.recorded_link.open_link", lambda *args, **kwargs: line)
+    driver = Driver("/dev/robot", "traxbot", options=Options(record=str(tmp_path / "first.mrl")))
+    driver.connect()
+    opens, goes_on, usual = threading.Event(), threading.Event(), os.open
+
+    def slow(path, *args, **kwargs):
+        if str(path).endswith("second.mrl"):
+            opens.set()
+            goes_on.wait(60.0)
+        return usual(path, *args, **kwargs)
+
+    def exchange_files():
+        driver.stop_recording()
+        driver.start_recording(str(tmp_path / "second.mrl"))
+
+    monkeypatch.setattr(recording.os, "open", slow)
+    exchanging, stopping = threading.Thread(target=exchange_files), threading.Thread(target=driver.stop)
+    driver.drive(0.2, 0.0)
+    exchanging.start()
+    try:
+        assert opens.wait(30.0)
+        frames = driver.statistics.frames
+        wait_until(lambda: driver.statistics.frames > frames + 3, what="telemetry")
+        stopping.start()
+        wait_until(lambda: not stopping.is_alive(), what="the stop")
+    finally:
+        goes_on.set()
+        exchanging.join()
+        driver.close()
+    assert (tmp_path / "second.mrl").read_bytes()
