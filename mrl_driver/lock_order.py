@@ -19,8 +19,9 @@ Locks, in the order in which a thread may take them (`ORDER`).  A thread that ho
     link read: one reader of a link at a time.  It is held while the reader waits for bytes.
     link write, link wake: the descriptors of a link; held for one call of the system that does not block.
 
-No lock but `limits` is held while a port may block a write, which is given up after 100 ms.  One thread writes at a time, which a flag under the driver's lock
-ensures.  What another thread wants to send meanwhile is queued, and the reading thread sends it next.
+No lock but `limits` is held while a port may block a write, which is given up after 100 ms.  One thread writes at a
+time, which a flag under the driver's lock ensures.  What another thread wants to send meanwhile is queued, and the
+reading thread sends it next.
 
 With the environment variable `MRL_CHECK_LOCKS` set, locks raise `RuntimeError` if they are taken in another order.
 """

@@ -8,6 +8,8 @@ still, nobody calls `drive`, and the robot's own command timeout stops it.
 import asyncio
 import concurrent.futures
 import contextlib
+import logging
+import math
 import secrets
 import socket
 import time
@@ -15,7 +17,7 @@ import weakref
 from collections import deque
 from typing import Any, Awaitable, Callable, Deque, Dict, Iterable, Iterator, List, Optional, Set
 
-from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.errors import ConfigError, MrlError, one_line
 from mrl_driver.geometry import Pose
 from mrl_driver.program import version
 
@@ -58,6 +60,10 @@ KEPT_S = 30.0
 """A connection without a request is closed after this time [s]."""
 CLOSE_S = 0.5
 """At the end, clients have this time to take their last message [s]."""
+LOG_S = 1.0
+"""Least time between two lines of the log about requests that failed [s]."""
+MOST_QUOTED = 300
+"""Characters of an error that may quote a request."""
 MOST_POSES = 1000
 """Poses of the path that a client gets when it joins."""
 RECORDINGS_S = 2.0
@@ -152,9 +158,7 @@ class Server:
         self._over: asyncio.Future[str] = self._loop.create_future()
         self._socket = self._ear or listening_socket(self._settings.host, self._settings.port)
         self._loop.set_exception_handler(self._on_failure)
-        self._runner = web.AppRunner(
-            self._application(), access_log=None, handle_signals=False, keepalive_timeout=KEPT_S
-        )
+        self._runner = web.AppRunner(self._application(), handle_signals=False)
         await self._runner.setup()
         self._listener = await self._loop.create_server(
             self._protocol,
@@ -182,7 +186,13 @@ class Server:
             if strange is None:
                 return _Busy()
             abort(strange)
-        return server()
+        return _Connection(
+            server,
+            loop=self._loop,
+            access_log=None,  # type: ignore[arg-type]  # means no such log
+            keepalive_timeout=KEPT_S,
+            logger=_log,
+        )
 
     @property
     def clients(self) -> int:
@@ -748,6 +758,55 @@ class Server:
         return web.Response(status=204)
 
 
+class _Connection(web.RequestHandler):
+    """A connection whose answers to requests that failed are short, also if they quote the request."""
+
+    __slots__ = ()
+
+    def handle_error(
+        self,
+        request: web.BaseRequest,
+        status: int = 500,
+        exc: Optional[BaseException] = None,
+        message: Optional[str] = None,
+    ) -> web.StreamResponse:
+        """Return the answer to a request that failed."""
+        return super().handle_error(request, status, exc, _brief(message) if message else None)
+
+
+class _Brief(logging.Filter):
+    """Passes one record in `LOG_S`, as one line without a traceback, and counts the others.
+
+    Anybody can cause a record with a request that is wrong.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._passed_s, self._left_out = -math.inf, 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether the record is passed, shortened then."""
+        now_s = time.monotonic()
+        if now_s - self._passed_s < LOG_S:
+            self._left_out += 1
+            return False
+        error = record.exc_info[1] if record.exc_info else None
+        why = f": {type(error).__name__}: {error}" if error is not None else ""
+        more = f"; {self._left_out} more since the last such line" if self._left_out else ""
+        record.msg, record.args, _ = _brief(record.getMessage() + why) + more, (), None
+        self._passed_s, self._left_out = now_s, 0
+        return True
+
+
+def _brief(text: str) -> str:
+    """Return one line of a text that may quote a request; of a long one, its begin."""
+    return one_line(text[:MOST_QUOTED])
+
+
+_log = logging.getLogger(__name__)
+_log.addFilter(_Brief())
+
+
 class _Busy(asyncio.Protocol):
     """Closes a connection."""
 
@@ -773,7 +832,7 @@ async def _body(request: web.Request) -> bytes:
     except asyncio.TimeoutError:
         raise web.HTTPRequestTimeout from None
     except web.RequestPayloadError as error:
-        raise web.HTTPBadRequest(text=str(error)) from None
+        raise web.HTTPBadRequest(text=_brief(str(error))) from None
 
 
 async def _add_headers(request: web.BaseRequest, response: web.StreamResponse) -> None:

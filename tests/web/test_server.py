@@ -484,6 +484,53 @@ def test_a_request_that_cannot_be_served_is_refused_and_the_server_goes_on(reque
     serving(scenario, robot=robot)
 
 
+LONG_CHUNK = (
+    b"POST /session HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\nZZ"
+    + 60000 * b"\x1b"
+    + b"\r\n"
+)
+"""A request without a token that the server's parser refuses, and quotes."""
+
+
+async def answer_to(site, request_bytes):
+    reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
+    writer.write(request_bytes)
+    answer = await reader.read()
+    writer.close()
+    return answer
+
+
+def test_the_answer_to_a_long_request_that_cannot_be_read_is_short():
+    async def scenario(site):
+        answer = await answer_to(site, LONG_CHUNK)
+        assert b" 400 " in answer and len(answer) < 2000
+
+    serving(scenario)
+
+
+def test_a_long_request_that_cannot_be_read_is_one_short_line_of_the_log(caplog, monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.LOG_S", 0.0)
+
+    async def scenario(site):
+        await answer_to(site, LONG_CHUNK)
+        assert "BadHttpMessage" in caplog.text and len(caplog.text) < 2000
+        assert len(caplog.text.splitlines()) == 1
+
+    serving(scenario)
+
+
+def test_requests_that_cannot_be_read_are_few_lines_of_the_log(caplog, monkeypatch):
+    async def scenario(site):
+        for least_s, count in ((0.0, 1), (LONG_S, 3), (0.0, 1)):
+            monkeypatch.setattr("mrl_driver.web.server.LOG_S", least_s)
+            for _ in range(count):
+                await answer_to(site, LONG_CHUNK)
+        _, last = caplog.messages
+        assert last.endswith("; 3 more since the last such line")
+
+    serving(scenario)
+
+
 def test_a_page_that_goes_with_its_first_words_ends_nothing():
     async def scenario(site):
         reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)

@@ -39,7 +39,6 @@ SAFETY = (
     "wheel.cpp",
     "wheel.h",
     "wheel_watch.cpp",
-    "wheel_watch.h",
     "wheel_settings.cpp",
     "speed_estimate.cpp",
     "speed_estimate.h",
