@@ -793,7 +793,7 @@ class _Brief(logging.Filter):
         error = record.exc_info[1] if record.exc_info else None
         why = f": {type(error).__name__}: {error}" if error is not None else ""
         more = f"; {self._left_out} more since the last such line" if self._left_out else ""
-        record.msg, record.args, _ = _brief(record.getMessage() + why) + more, (), None
+        record.msg, record.args, record.exc_info = _brief(record.getMessage() + why) + more, (), None
         self._passed_s, self._left_out = now_s, 0
         return True
 
