@@ -52,9 +52,12 @@ class ZoneWatch:
         if standing:
             zones.limit(0.0, now)
 
-    def on_scan(self, message: Any, mount: Pose, now: float) -> None:
-        """Pass on a sensor_msgs/LaserScan; the laser is at `mount`: x, y, yaw in base_frame [m m rad]."""
-        self.zones.on_scan(
+    def on_scan(self, message: Any, mount: Pose, now: float) -> str:
+        """Pass on a sensor_msgs/LaserScan; the laser is at `mount`: x, y, yaw in base_frame [m m rad].
+
+        Returns why the scan is ignored; empty if it is not.
+        """
+        return self.zones.on_scan(
             Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount), now
         )
 

@@ -502,9 +502,11 @@ class RobotNode:
     def _on_scan(self, message: LaserScan) -> None:
         mount = self._finder.mount(message.header.frame_id)
         if mount is None:
-            rospy.logwarn_throttle(WARN_EVERY_S, f"scan not used: {self._finder.trouble}")
-        elif self._zones is not None:
-            self._zones.on_scan(message, mount, time.monotonic())
+            trouble = self._finder.trouble
+        else:
+            trouble = self._zones.on_scan(message, mount, time.monotonic()) if self._zones is not None else ""
+        if trouble:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"scan not used: {trouble}")
 
     def _on_radio(self, message: KeyValue) -> None:
         refusal = self._radio.send(message)

@@ -9,6 +9,7 @@ from mrl_driver.protocol import Frame, Stamp, encode_reply
 from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
 from mrl_driver.session.events import ImuReading, Ready, Reply, SensorRead, Stale, Status
 from mrl_driver.session.handshake import Board, Plan
+from mrl_driver.session.polling import BUSY_S
 from mrl_driver.session.sensor_polling import SENSOR_STREAM
 from mrl_driver.session.session import Counts, Session
 
@@ -84,6 +85,40 @@ class Fed:
 
 def test_a_command_is_not_sent_at_the_instant_at_which_telemetry_is_late():
     assert MOVE in Fed().drive(LATE_S - 0.001) and MOVE not in Fed().drive(LATE_S)
+
+
+@pytest.mark.parametrize(
+    "now, moves, sent", [(LATE_S - 0.001, None, MOVE), (LATE_S, None, STOP_BYTES), (LATE_S, True, b"")]
+)
+def test_a_command_of_zero_is_a_stop_from_the_instant_at_which_telemetry_is_late(now, moves, sent):
+    """A command to move that zones have lowered to zero is none."""
+    fed = Fed()
+    fed.drive(0.05)
+    assert fed.drive(now, (0, 0), moves=moves)[: len(sent) or None].startswith(sent)
+    assert (fed.motion.target is None) == (sent == STOP_BYTES)
+
+
+@pytest.mark.parametrize("capabilities, stops", [(OURS, True), (OURS - {"watchdog"}, False)])
+def test_what_a_request_turns_is_stopped_three_seconds_after_the_last_one(capabilities, stops):
+    fed = Fed(capabilities)
+    fed.still(0.4)
+    for now in (0.42, 0.44):
+        fed.at(now, fed.frame(now))
+        fed.session.request(MOVE_MOTORS, 20, 20)
+    end_s = 0.44 + BUSY_S
+    for step in range(23, round(end_s / 0.02)):
+        assert STOP_BYTES not in fed.at(0.02 * step, fed.frame(0.02 * step))
+    sent = fed.at(end_s, fed.frame(end_s))
+    assert (STOP_BYTES in sent, fed.motion.stop_reason == "command_timeout") == (stops, stops)
+
+
+def test_a_command_whose_time_is_over_is_stopped_by_whoever_sends():
+    fed = Fed(command_timeout_s=0.5)
+    fed.drive(0.05)
+    fed.session.expire(0.549)
+    assert fed.session.take() == b""
+    fed.session.expire(0.55)
+    assert fed.session.take() == STOP_BYTES and fed.motion.stop_reason == "command_timeout"
 
 
 def test_speeds_are_adjusted_at_once_unless_telemetry_is_late():

@@ -1,11 +1,14 @@
 """What the zones of a node are told."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
 from geometry_msgs.msg import Quaternion, Transform, Vector3
+from sensor_msgs.msg import LaserScan
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from ros1_bridge.control.zone_feed import ZoneWatch, mount_of
 from ros1_bridge.node.robot_parameters import check
@@ -68,3 +71,11 @@ def test_a_laser_lies_flat_and_upright():
     )
     with pytest.raises(ValueError, match="upside down"):
         mount_of(Transform(Vector3(), Quaternion(1, 0, 0, 0)))
+
+
+def test_it_says_why_a_scan_is_ignored():
+    made, mount = watch(zones="scan"), Pose(0.1, 0.0, 0.0)
+    scan = LaserScan(angle_min=0.0, angle_increment=0.1, range_min=0.05, ranges=[1.0])
+    assert made.on_scan(scan, mount, 1.0) == ""
+    scan.angle_increment = math.nan
+    assert "expected finite numbers" in made.on_scan(scan, mount, 1.1)
