@@ -48,7 +48,6 @@ def test_texts_of_a_recording_give_no_orders_to_a_terminal(capsys):
 
 def test_texts_of_files_are_no_formulas_in_a_figure(tmp_path):
     """Two `$` with half a formula in between ended `mrl plot` with a traceback."""
-    pytest.importorskip("matplotlib")
     drawn = figures.figure(2, 1)
     drawn.suptitle(figures.plain("$x_{$ \n drive.mrl"))
     figures.save(drawn, str(tmp_path / "drive.png"))
