@@ -28,9 +28,9 @@ ROS_ENV :=
 PACKAGES_test += chromium chromium-driver
 PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros \
   python3-actionlib python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs \
-  python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs
+  python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs ros-robot-state-publisher
 PACKAGES_test += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
-  libdynamic-reconfigure-config-init-mutex-dev ros-robot-state-publisher joint-state-publisher rosdiagnostic catkin \
+  libdynamic-reconfigure-config-init-mutex-dev joint-state-publisher rosdiagnostic catkin \
   catkin-lint ros-environment librostest-dev libclang-rt-dev
 endif
 
@@ -48,7 +48,7 @@ SHOWN := | sed -un 's/^ *Collecting \([^ ]*\).*/  \1/p; s/: started$$//p; /^ERRO
 # The virtual environment is made from Debian's own python3: its rospy lives there.
 $(VENV)/.ready: setup.py pyproject.toml package.xml | apt
 	@echo "Python packages into $(VENV):"
-	@[ -x $(PY) ] || /usr/bin/python3 -m venv --system-site-packages $(VENV)
+	@[ -x $(VENV)/bin/pip ] || /usr/bin/python3 -m venv --system-site-packages $(VENV)
 	@set -o pipefail; $(PIP) -e . $(SHOWN)
 	@touch $@
 
@@ -72,12 +72,14 @@ include firmware/firmware.mk firmware/comparison.mk $(wildcard ros1_bridge/ros.m
 NEEDED := $(sort $(foreach goal,$(MAKECMDGOALS),$(or $(PACKAGES_$(goal)),$(PACKAGES_test))))
 INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(NEEDED) 2>/dev/null | sed -n 's/^ii //p')
 MISSING := $(if $(shell command -v dpkg-query),$(filter-out $(INSTALLED),$(NEEDED)))
-APT_GET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get
+QUIET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C
+APT_GET := $(QUIET) apt-get
 .PHONY: apt
 apt:
 ifneq ($(MISSING),)
 	@[ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "installing needs root or sudo: apt-get install $(MISSING)" >&2; exit 1; }
 	@echo "Debian packages that are missing: $(MISSING)"
+	@$(QUIET) dpkg --configure -a # completes an installation that was interrupted
 	@$(APT_GET) update -q
 	@$(APT_GET) install --print-uris -q --no-install-recommends $(MISSING) | grep -E 'newly installed|^Need to get|^After this'
 	@$(APT_GET) install -yq -o Dpkg::Use-Pty=0 --no-install-recommends $(MISSING)
