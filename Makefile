@@ -122,8 +122,8 @@ bench-host: setup ## Measure the decoder, recording and the driver without ROS; 
 	$(PY) -m tests.bench.bench_recording
 
 run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
-	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot $(ROBOT)) $(if $(ENGINE),--engine $(ENGINE)) \
-	  $(if $(PORT),--port $(PORT)) $(if $(DURATION),--duration $(DURATION))
+	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot '$(ROBOT)') $(if $(ENGINE),--engine $(ENGINE)) \
+	  $(if $(PORT),--port '$(PORT)') $(if $(DURATION),--duration $(DURATION))
 
 .PHONY: docs generate
 generate: setup ## Render protocol.h, PROTOCOL.md and the schemas of YAML files from their tables, and the URDFs from the models

@@ -32,5 +32,5 @@ ifeq ($(NAVIGATION_SRC),)
 	  "make test-navigation NAVIGATION_SRC=folder" >&2; exit 2
 else
 	@$(MAKE) --no-print-directory setup
-	@$(ROS_ENV) $(PY) -m tests.navigation --source $(NAVIGATION_SRC)
+	@$(ROS_ENV) $(PY) -m tests.navigation --source '$(NAVIGATION_SRC)'
 endif

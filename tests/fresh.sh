@@ -12,6 +12,7 @@ set -euo pipefail
 
 ROOT=$(realpath "$(dirname "$0")/..")
 LOGS=$ROOT/build/fresh
+FOLDER="my Röboter" # of the clone, below the user's home
 PASSED_ON='^(MRL_TEST_PATIENCE|PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
 
 fail() { echo "test-fresh: $*" >&2; exit 1; }
@@ -73,7 +74,7 @@ mounts() { # TREE ARCHIVES
 # Everything in one system; process 1 of a process namespace, in a mount namespace.
 inside() { # RELEASE WAY TREE ARCHIVES
   local release=$1 way=$2 tree=$3 log="$LOGS/$1-$2"
-  local clone=$HOME_IN/mrl-driver enter=(chroot "$tree") as=()
+  local clone=$HOME_IN/$FOLDER enter=(chroot "$tree") as=()
   mounts "$tree" "$4"
   mount --bind "$LOGS" "$tree/mnt" 
   case $way in
@@ -95,7 +96,7 @@ inside() { # RELEASE WAY TREE ARCHIVES
   local env=(env -i "HOME=$HOME_IN" PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin TERM=dumb LANG=C.UTF-8)
   local line
   while IFS= read -r line; do env+=("$line"); done < <(env | grep -E "$PASSED_ON")
-  do_in() { "${enter[@]}" "${as[@]}" "${env[@]}" sh -c "cd $clone && $1"; }
+  do_in() { "${enter[@]}" "${as[@]}" "${env[@]}" sh -c "cd '$clone' && $1"; }
 
   commands "$release, $way" "$log"
 }
@@ -168,11 +169,11 @@ outside() {
         chroot "$tree" sh -c 'apt-get update -q && apt-get install -qy sudo' >>"$LOGS/$release.log" 2>&1
         echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$tree/etc/sudoers.d/newcomer"
       fi
-      git -c advice.detachedHead=false clone -q "$BUNDLE" "$tree$HOME_IN/mrl-driver"
+      git -c advice.detachedHead=false clone -q "$BUNDLE" "$tree$HOME_IN/$FOLDER"
       [ "$way" != user ] || chroot "$tree" chown -R newcomer: /home/newcomer
       local task=(inside "$release" "$way" "$tree" "$archives")
       if [ "$way" = image ]; then
-        mv "$tree$HOME_IN/mrl-driver" "$tree.clone"
+        mv "$tree$HOME_IN/$FOLDER" "$tree.clone"
         task=(image "$release" "$tree" "$tree.clone")
       fi
       unshare --mount --pid --fork --kill-child --propagation private "$0" "${task[@]}" || code=1

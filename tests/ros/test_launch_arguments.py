@@ -1,6 +1,7 @@
 """Arguments that all files for a robot share: speed of the line, and whether the node starts again."""
 
 import os
+import shlex
 import xml.etree.ElementTree as ElementTree
 
 import pytest
@@ -25,8 +26,12 @@ WITHOUT_URDFS = "description:=false"
 
 @pytest.fixture(scope="module")
 def config_of(tmp_path_factory):
-    """What roslaunch makes of a file; `rosversion`, which it runs with each one, is stood in for."""
+    """What roslaunch makes of a file; `rosversion`, which it runs with each one, is stood in for.
+
+    The checkout's path has a space and an umlaut.
+    """
     folder, made = tmp_path_factory.mktemp("launch"), {}
+    (folder / "my Röboter").symlink_to(ROOT)
     (folder / "rosversion").write_text("#!/bin/sh\necho 1.15.15\n")
     (folder / "rosversion").chmod(0o755)
 
@@ -37,7 +42,7 @@ def config_of(tmp_path_factory):
         return made[path, arguments]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_PACKAGE_PATH", str(ROOT))
+        patch.setenv("ROS_PACKAGE_PATH", str(folder / "my Röboter"))
         patch.setenv("ROS_LOG_DIR", str(folder))
         patch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
         patch.setattr(substitution_args, "_rospack", None)
@@ -197,3 +202,29 @@ def test_a_page_is_started_with_a_robot_that_stops_in_time(config_of, port):
 def test_a_page_alone_is_started_for_a_robots_node_that_runs(config_of):
     (node,) = config_of(LAUNCH / "web.launch", "robot_node:=false", "cmd_vel:=joy_vel").nodes
     assert node.type == "web_node" and node.remap_args == [["cmd_vel", "joy_vel"]]
+
+
+A_PATH = "/home/me/my Röboter/x.yaml"
+
+
+@pytest.mark.parametrize(
+    "file, arguments, kind",
+    [
+        ("../demo/run.launch", ["engine:=python", f"port:={A_PATH}"], "sim_board"),
+        ("sim.launch", [f"link:={A_PATH}"], "sim_board"),
+        ("sim.launch", [f"world:={A_PATH}"], "sim_board"),
+        ("team.launch", [f"world:={A_PATH}", WITHOUT_URDFS], "sim_board"),
+        ("team.launch", ["count:=1", f"models:={A_PATH}", WITHOUT_URDFS], "sim_board"),
+        ("rviz.launch", [f"config:={A_PATH}"], "rviz"),
+        ("record.launch", [f"prefix:={A_PATH}"], "record"),
+    ],
+)
+def test_a_path_with_a_space_is_one_word_of_the_node(config_of, file, arguments, kind):
+    nodes = [node for node in config_of(LAUNCH / file, *arguments).nodes if node.type == kind]
+    words = [word.rpartition("=")[2] for node in nodes for word in shlex.split(node.args)]
+    assert A_PATH in words
+
+
+def test_a_description_is_rendered_where_the_path_of_the_checkout_has_a_space(config_of):
+    config = config_of(LAUNCH / "describe.launch", "prefix:=robot1/")
+    assert "robot1/base_link" in config.params["/robot_description"].value
