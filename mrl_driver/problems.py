@@ -58,7 +58,6 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
                 "you are in group GROUP, but you logged in before you were added",
                 "only root may open PORT",
                 "no permission to listen on ADDRESS",
-                "PORT refuses the token",
             ),
         ),
         Problem(
@@ -73,7 +72,7 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
             "PORT cannot be opened",
             "The driver of the port refused it, or the address of a network link is wrong.",
             "unplug the board and plug it in again; check the address and the baud rate",
-            ("ADDRESS cannot be listened on", "has another certificate"),
+            ("ADDRESS cannot be listened on",),
         ),
         Problem(
             "link_lost",

@@ -43,7 +43,7 @@ from mrl_driver.session.motion_command import Motion
 from mrl_driver.session.sensor_polling import Reading
 from mrl_driver.session.session import PAUSE_S, TURNING
 from mrl_driver.transport import fork_guard
-from mrl_driver.transport.address import masked, require_port
+from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
 from mrl_driver.transport.link import WRITE_TIMEOUT_S, Link
 from mrl_driver.transport.reconnect import LOOK_S
@@ -74,8 +74,7 @@ class Driver:
     """A robot on a serial port.
 
     Args:
-        port: device name, URL (`tcp://host:port`, `udp://host:port`, `tls://token@host:port?sha256=fingerprint`, or a
-            pyserial URL), or an open `Link`.
+        port: device name, URL (`tcp://host:port`, `udp://host:port`, or a pyserial URL), or an open `Link`.
         robot: name of a packaged model, path of a YAML file, a `RobotModel`, or `auto`: the model that lists
             the robot id reported by the board.
         baud: baud rate of the serial port [Bd]; with a network address, baud rate of the serial link behind it.
@@ -98,7 +97,6 @@ class Driver:
         require_options(options)
         if isinstance(port, str):
             require_port(port)
-            port = masked(port)  # no event, error or recording shows a token
         elif options.record is not None:
             raise ConfigError("record is given with an open link, expected a port by name")
         if options.fast:

@@ -1,7 +1,7 @@
 """Access to a robot over the network: two tokens, stored on this computer, and the addresses that need them.
 
-Anybody with the drive token may drive; anybody with the watch token may see and stop.  `mrl serve` and `mrl web` ask
-for them on every address that other computers can reach.
+Anybody with the drive token may drive; anybody with the watch token may see and stop.  `mrl web` asks for them on every
+address that other computers can reach.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ from mrl_driver.files import replace_file
 
 DRIVE, WATCH = "drive", "watch"
 TOKEN_BYTES = 16
-NEW = "make new tokens with: mrl serve --new-tokens"
+NEW = "make new tokens with: mrl web --listen ADDRESS --new-tokens"
 _SIOCGIFADDR = 0x8915
 """Request of Linux for the IPv4 address of a network interface; see netdevice(7)."""
 ANY = ("", "0.0.0.0", "::")

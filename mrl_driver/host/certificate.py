@@ -1,6 +1,6 @@
-"""The self-signed TLS certificate of this computer, for `mrl serve` and `mrl web`.
+"""The self-signed TLS certificate of this computer, for `mrl web`.
 
-It is made on first use and stays the same, so that browsers and clients know it again by its fingerprint.  No authority
+It is made on first use and stays the same, so that browsers know it again by its fingerprint.  No authority
 signs it.  Certificate and private key are in one file that nobody else can read.
 """
 
@@ -47,8 +47,8 @@ def context(hosts: Sequence[str] = (), tell: Callable[[str], None] = lambda text
         if problem:
             access.write(path(), _make(hosts))
             tell(
-                f"the certificate {problem}, so another one was made: browsers ask again, and clients need the new "
-                f"link; its SHA-256 is {fingerprint()}"
+                f"the certificate {problem}, so another one was made: browsers ask again; "
+                f"its SHA-256 is {fingerprint()}"
             )
         return _server_context()
 

@@ -16,7 +16,6 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
-from mrl_driver.transport.address import masked
 
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
@@ -102,7 +101,7 @@ def require_baud(value: Any, where: str = "") -> int:
 
 
 def write(named: Mapping[str, Target]) -> None:
-    """Replace the user's file; other users cannot read it if it holds a token.
+    """Replace the user's file.
 
     Raises:
         ConfigError: its folder cannot be created.
@@ -120,9 +119,7 @@ def write(named: Mapping[str, Target]) -> None:
     except OSError as error:
         raise ConfigError(f"{file_name} cannot be written: {error.strerror}") from None
     text = _HEADER + (yaml.safe_dump(data, sort_keys=False) if data else "")
-    replace_file(
-        file_name, text, private=any(masked(each.port or "") != each.port for each in named.values())
-    )
+    replace_file(file_name, text)
 
 
 def port_of(port: str) -> str:

@@ -12,7 +12,7 @@ from typing import Any, List, Optional, Protocol, Tuple, Union
 
 from mrl_driver.errors import ConfigError, LinkError, PortBusy, PortDenied
 
-from .address import TCP, TLS, Address, parse
+from .address import TCP, Address, parse
 
 SILENT_S = 2.0
 """A UDP client that sends nothing for this time counts as gone [s]; a driver sends something every 0.5 s."""
@@ -20,8 +20,6 @@ GONE_S = 2
 READ_SIZE = 4096
 LONGEST = 1400
 """Longest datagram [byte]; Ethernet would split a longer one."""
-TLS_ONLY = b"This port speaks TLS "
-"""First bytes of the answer of a TLS listener to a client that does not speak TLS."""
 MOST_DATAGRAMS = 32
 """At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
 _KEPT = 65536
@@ -222,15 +220,13 @@ class UdpListener:
 
 
 def listen(url: str) -> Union[TcpListener, UdpListener]:
-    """Listen on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`, without encryption.
+    """Listen on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`.
 
     Raises:
         ConfigError: the URL does not parse, or the address does not belong to this computer.
         PortBusy, PortDenied, LinkError: listening on the address is not possible.
     """
     address = parse(url, listening=True)
-    if address.scheme in TLS:
-        raise ConfigError(f"{address} is encrypted, expected tcp:// or udp://; only mrl serve speaks tls://")
     return TcpListener(address) if address.scheme in TCP else UdpListener(address)
 
 

@@ -1,8 +1,8 @@
-"""Opens a port of any kind: a device, a TCP connection, encrypted or not, UDP datagrams, or a URL of pyserial."""
+"""Opens a port of any kind: a device, a TCP connection, UDP datagrams, or a URL of pyserial."""
 
 from mrl_driver.protocol.table import BAUD
 
-from .address import TCP, TLS, UDP, is_url, scheme_of
+from .address import TCP, UDP, is_url, scheme_of
 from .link import Link, SerialLink
 
 CONNECT_S, AGAIN_S = 3.0, 0.8
@@ -34,10 +34,6 @@ def open_link(port: str, baud: int = BAUD, patience_s: float = CONNECT_S) -> Lin
         from .sockets import UdpLink
 
         return UdpLink(port)
-    if scheme in TLS:
-        from .tls_link import TlsLink
-
-        return TlsLink(port, patience_s)
     from .pyserial_link import UrlLink
 
     return UrlLink(port, baud)

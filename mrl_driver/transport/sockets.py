@@ -1,7 +1,6 @@
 """Links over a network: a TCP connection to a serial bridge (ser2net, an ESP as WiFi bridge), and UDP datagrams.
 
-`tls_link` has the encrypted connection.  All have a descriptor, so `DescriptorLink` reads and writes them like a serial
-port.
+Both have a descriptor, so `DescriptorLink` reads and writes them like a serial port.
 """
 
 import errno
@@ -13,7 +12,7 @@ from mrl_driver.errors import LinkError, LinkLost, PortDenied, PortMissing
 
 from .address import Address, parse
 from .link import DescriptorLink
-from .listener import TLS_ONLY, prompt
+from .listener import prompt
 
 _REMEDY = {
     errno.ECONNREFUSED: "nothing listens there; start the bridge, or check the port number",
@@ -28,8 +27,6 @@ _REMEDY = {
 
 HEARD = 24
 """Number of first bytes that the error quotes if the connection ends without a frame."""
-TLS_ALERT = b"\x15\x03"
-"""First bytes with which a TLS server refuses what is not TLS."""
 
 
 class SocketLink(DescriptorLink):
@@ -73,11 +70,6 @@ class TcpLink(SocketLink):
         return data
 
     def _end_of_data(self) -> None:
-        if self._heard.startswith((TLS_ONLY, TLS_ALERT)):
-            raise LinkLost(
-                f"{self.port}: the other end speaks TLS: use the link that `mrl serve` printed, "
-                "tls://TOKEN@HOST:PORT?sha256=FINGERPRINT"
-            )
         if self._heard and b"@" not in self._heard:
             raise LinkLost(
                 f"{self.port}: the other end sent {self._heard!r} and closed the connection, expected frames of a "

@@ -22,7 +22,6 @@ import click
 from mrl_driver.cli.commands.shared import Between
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError
 from mrl_driver.robot import models
-from mrl_driver.transport.address import masked
 from mrl_driver.transport.link import require_device
 
 from .processes import Child, wait_until
@@ -209,7 +208,7 @@ def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], 
         Stopped: a signal came.
     """
     robot = robot or ("auto" if port else _DEFAULT_ROBOT)
-    board = f"the robot on {masked(port)}" if port else f"an emulated {robot}"
+    board = f"the robot on {port}" if port else f"an emulated {robot}"
     click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")
     start_roscore(run)
     click.echo(

@@ -9,7 +9,7 @@ from mrl_driver.robot.models import BUILDS
 from mrl_driver.safety.operation_mode import AUTOMATIC, FASTEST_MANUAL_M_S, OPERATION_MODES
 from mrl_driver.safety.operator_delay import MAX_DELAY_S
 from mrl_driver.safety.protective_zones import ZoneSettings, require_settings
-from mrl_driver.transport.address import masked, require_port
+from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import require_raisable
 
 from .parameters import Row, read
@@ -297,9 +297,8 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         given["parts"] = ", ".join(map(str, given["parts"]))
     values = read(ROWS, given, namespace)
     try:
-        port = named_robots.port_of(values["port"])
-        require_port(port)
-        values["port"] = masked(port)  # no log, topic or diagnostics shows a token
+        values["port"] = named_robots.port_of(values["port"])
+        require_port(values["port"])
         if values["fast"]:
             require_raisable(values["port"], values["baud"])
     except ConfigError as error:

@@ -12,7 +12,6 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import confirm_motion
 from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.transport.address import masked
 from sim_arduino.serve.one_line import OneLine
 
 if TYPE_CHECKING:  # `mrl --help` loads this module
@@ -102,7 +101,6 @@ def main(
     chosen = _chosen(names)
     figures.require_matplotlib("mrl experiment")
     if port is not None:
-        port = masked(port)  # reports show it
         confirm_motion(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from rich.console import Console
 

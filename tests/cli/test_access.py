@@ -84,7 +84,9 @@ def test_a_token_has_one_role(given, role):
 def test_damaged_tokens_are_refused_with_what_to_do(text):
     access.tokens()
     stored("tokens.json").write_text(text)
-    with pytest.raises(ConfigError, match="is damaged, .*make new tokens with: mrl serve --new-tokens"):
+    with pytest.raises(
+        ConfigError, match="is damaged, .*make new tokens with: mrl web --listen ADDRESS --new-tokens"
+    ):
         access.tokens()
     assert access.tokens(renew=True) == access.tokens()
 

@@ -23,16 +23,9 @@ from mrl_driver.transport.relay import STOP, STOPS, Bridge
 from sim_arduino.testing import EmulatedBoard
 from tests.waiting import drive_until, wait_until
 
-from .encrypted import encrypted
 from .run import fails, mrl
 
 ADDRESS = "127.0.0.1:0"
-
-
-def plain(scheme):
-    """A listener, and the port that clients open."""
-    listener = listen(f"{scheme}://{ADDRESS}")
-    return listener, str(listener.address)
 
 
 class Served:
@@ -40,8 +33,8 @@ class Served:
 
     def __init__(self, scheme):
         self.told = []
-        listener, self.url = encrypted(self.told.append) if scheme == "tls" else plain(scheme)
-        self.board = EmulatedBoard("square")
+        listener = listen(f"{scheme}://{ADDRESS}")
+        self.url, self.board = str(listener.address), EmulatedBoard("square")
         self.link = SerialLink(self.board.port)
         self._bridge = Bridge(self.link, listener, self.told.append)
         self._thread = threading.Thread(target=self._run)
@@ -60,7 +53,7 @@ class Served:
         self.board.close()
 
 
-@pytest.fixture(params=["tcp", "udp", "tls"])
+@pytest.fixture(params=["tcp", "udp"])
 def served(request):
     served = Served(request.param)
     yield served
@@ -224,7 +217,7 @@ def test_an_address_must_be_given():
     ],
 )
 def test_an_address_that_cannot_be_listened_on_is_refused(url, code, words):
-    assert words in fails(code, "serve", "--port", "/dev/ttyACM0", "--listen", url)
+    assert words in fails(code, "serve", "--port", "/dev/ttyACM0", "--listen", url, "--insecure")
 
 
 def test_an_address_in_use_is_refused():
@@ -237,6 +230,17 @@ def test_an_address_in_use_is_refused():
 def test_what_cannot_be_listened_on_is_named(address):
     line = fails(2, "serve", "--port", "/dev/nowhere", "--listen", address)
     assert f"{address!r} is not a network address, expected tcp://HOST:PORT or udp://HOST:PORT" in line
+
+
+@pytest.mark.parametrize("listen", ["udp://0.0.0.0:0", "tcp://10.0.0.7:7000"])
+def test_an_address_beyond_this_computer_needs_a_word(listen):
+    line = fails(2, "serve", "--port", "/dev/nowhere", "--listen", listen)
+    assert "everybody on the network" in line and "a tunnel (ssh -L), or add --insecure" in line
+
+
+@pytest.mark.parametrize("listen", ["udp://0.0.0.0:0", "tcp://0.0.0.0:0"])
+def test_that_word_allows_it(listen):
+    assert "does not exist" in fails(3, "serve", "--port", "/dev/nowhere", "--listen", listen, "--insecure")
 
 
 def test_a_bridge_is_not_suspended(serve):

@@ -21,6 +21,7 @@ SHOWN = shown()
 PORT = "/dev/ttyACM0"
 OUTSIDE = {
     "apt",
+    "ssh",
     *(
         ".",
         "cd",

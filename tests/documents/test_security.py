@@ -5,7 +5,6 @@ import re
 import pytest
 
 from mrl_driver.protocol.table import MOST_HOLDERS
-from mrl_driver.transport import tls_listener
 from ros1_bridge.relay import relay_frames, topic_sender
 
 from .blocks import ROOT
@@ -22,7 +21,6 @@ def number(file, name):
 @pytest.mark.parametrize(
     "words",
     [
-        f"{tls_listener.MOST_CALLERS} handshakes at a time, {tls_listener.ENTER_S:g} s each",
         f"at most {number('mrl_driver/web/messages.py', 'MOST_BYTES')} bytes",
         f"16 pages, 100 connections, {number('mrl_driver/web/client.py', 'MOST_PER_S')} messages/s from each",
         f"{topic_sender.MOST_RECEIVERS} connections",

@@ -256,70 +256,6 @@ def _run_until(bridge: Bridge, done: Callable[[], bool]) -> None:
         link.close()
 
 
-@functools.lru_cache(maxsize=None)
-def _tls() -> Any:
-    from mrl_driver.host import certificate
-
-    return certificate.context()
-
-
-def client_of_tls(data: bytes, folder: Path) -> None:
-    """Bytes without TLS, or of a broken handshake: nothing reaches the board."""
-    _knock(data, None)
-
-
-def client_with_token(data: bytes, folder: Path) -> None:
-    """What a client shows in place of its token, encrypted."""
-    import ssl
-
-    from mrl_driver.transport.tls_stream import TlsStream
-
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-    _knock(data, TlsStream(context, server_side=False))
-
-
-TOKEN = "0123456789abcdef" * 2
-
-
-def _knock(data: bytes, stream: Any) -> None:
-    from mrl_driver.transport.tls_listener import TlsListener
-
-    where = address.parse("tls://127.0.0.1:0", listening=True)
-    told: List[str] = []
-    listener = TlsListener(where, _tls(), lambda token: token == TOKEN, told.append)
-    received = b""
-    try:
-        with socket.create_connection(("127.0.0.1", listener.address.port)) as end:
-            end.setblocking(False)
-            for step in range(40):
-                _client_step(end, stream, data, step)
-                listener.attend()
-                received += listener.read()
-        if received and not data.startswith(b"MRL1 " + TOKEN.encode() + b"\n"):
-            raise Forbidden("bytes passed without a token")
-    finally:
-        listener.close()
-    for line in told:
-        require_line(line)
-
-
-def _client_step(end: socket.socket, stream: Any, data: bytes, step: int) -> None:
-    with contextlib.suppress(OSError):  # TLS errors are among them
-        if stream is None:
-            end.send(data[step * 999 : step * 999 + 999])
-            return
-        before = stream.open
-        try:
-            found = end.recv(65536)
-        except BlockingIOError:
-            found = b""
-        stream.receive(found)
-        if stream.open and not before:
-            stream.send(data[:16000])
-        end.send(stream.take())
-
-
 # -- boards
 
 
@@ -526,7 +462,7 @@ INPUTS: Tuple[Input, ...] = (
     Input("world_yaml", _file("world.yaml", world), _WORLD),
     Input("map_picture", picture, (b"P2", b"P5", b"#", b" 65535 "), 2),
     Input("parameter_yaml", _file("lab3.yaml", parameter_file.read), _YAML),
-    Input("names_yaml", _file("robots.yaml", names), (b"port", b"tls://a@b:1?sha256=", *_YAML)),
+    Input("names_yaml", _file("robots.yaml", names), (b"port", b"tcp://a:1", *_YAML)),
     Input("vehicle_yaml", _file("arm.yaml", vehicle_file.read), (b"contacts", b"payloads", *_YAML)),
     Input("calibration_state", _file("state.json", calibration), _JSON),
     Input("truth", _file("truth.jsonl", truth), _JSON),
@@ -537,11 +473,9 @@ INPUTS: Tuple[Input, ...] = (
     Input("page_message", page_message, _JSON),
     Input("page_request", page_request, (b"Host: ", b"Origin: ", b"http://evil", b"[::1]", b"@", b"localhost")),
     Input("relay", relay, (b"\x01", b"\x02", b"\x03", b"\x06\x10\0\0\0", b"\x05\x08\0\0\0")),
-    Input("port_address", _text(port_address), (b"tls://", b"udp://", b"?bind=", b"[", b"]", b"@", b"sha256=")),
+    Input("port_address", _text(port_address), (b"tcp://", b"udp://", b"?bind=", b"[", b"]", b"@")),
     Input("tcp_client", client_of_tcp, _FRAMES, 20),
     Input("udp_client", client_of_udp, _FRAMES, 2),
-    Input("tls_client", client_of_tls, (b"\x16\x03\x01", b"\x15\x03"), 10),
-    Input("tls_token", client_with_token, (b"MRL1 ", b"\n", TOKEN.encode()), 20),
     Input("line_from_board", line_from_board, _FRAMES, 40),
     Input("line_to_board", line_to_board, _FRAMES, 40),
     Input("eeprom", eeprom, (b"\xff\xff", b"\0\0", b"\x80\x7f"), 40),

@@ -10,7 +10,7 @@ from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
-from mrl_driver.transport.address import is_url, masked, require_port
+from mrl_driver.transport.address import is_url, require_port
 
 from .shared import complete_port, json_option, print_json
 
@@ -59,15 +59,11 @@ def _list(as_json: bool) -> None:
     width = max(map(len, named), default=0)
     for name, each in sorted(named.items()):
         baud = "" if each.baud == BAUD else f"  {each.baud} Bd"
-        click.echo(f"{name:<{width}}  {_shown(each)}  {each.model}{baud}")
+        click.echo(f"{name:<{width}}  {each.port}  {each.model}{baud}")
 
 
 def _entry(target: Target) -> Dict[str, Any]:
-    return {"port": _shown(target), "model": target.model, "baud": target.baud}
-
-
-def _shown(target: Target) -> str:
-    return masked(target.port or "")
+    return {"port": target.port, "model": target.model, "baud": target.baud}
 
 
 @names.command()
@@ -103,7 +99,7 @@ def add(name: str, port: str, model: str, baud: int) -> None:
     persistent = _persistent_name(port)
     named[name] = Target(persistent or (port if is_url(port) else os.path.abspath(port)), model, baud, name)
     named_robots.write(named)
-    click.echo(f"{name} is {_shown(named[name])}" + (", wherever it is plugged in" if persistent else ""))
+    click.echo(f"{name} is {named[name].port}" + (", wherever it is plugged in" if persistent else ""))
 
 
 def _persistent_name(port: str) -> Optional[str]:

@@ -17,7 +17,6 @@ from mrl_driver.robot import models
 from mrl_driver.robot.imu import LEARNING, WAITING
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.session.sensor_polling import of_board
-from mrl_driver.transport.address import masked
 from mrl_driver.transport.baud_rates import FAST_BAUD, SLOW
 
 if TYPE_CHECKING:
@@ -109,8 +108,7 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
         "--port",
         metavar="PORT",
         shell_complete=complete_port,
-        help="Serial port, such as /dev/ttyACM0, or tcp://HOST:PORT, udp://HOST:PORT, or the link of mrl serve "
-        "[env: MRL_PORT].",
+        help="Serial port, such as /dev/ttyACM0, or tcp://HOST:PORT, udp://HOST:PORT [env: MRL_PORT].",
     )
     @click.option(
         "--robot",
@@ -140,8 +138,7 @@ def target_from_options(port: Optional[str], robot: Optional[str], baud: Optiona
         named_robots.require_baud(baud, "--")
     robot = robot or outer.get("robot") or os.environ.get("MRL_ROBOT") or "auto"
     target = named_robots.resolve(robot, port or outer.get("port"), baud)
-    named = target.port or os.environ.get("MRL_PORT")
-    return target._replace(port=masked(named) if named else None)
+    return target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
 
 
 def require_port(target: Target) -> str:
