@@ -19,6 +19,7 @@ from ros1_bridge.control.commander import (
     HELD,
     LINK,
     NONE,
+    TIMEOUT,
     TO_MANUAL,
     WHEEL,
     Commander,
@@ -37,8 +38,8 @@ MODES = {
     HELD: "held",
 }
 """Mode by the reason why the robot may not move; see `State.mode`."""
-HARMLESS = (NONE, "user", DISABLED, "closed", TO_MANUAL)
-"""Reasons for a stop that do not make it a safety stop."""
+HARMLESS = (NONE, "user", DISABLED, "closed", TO_MANUAL, TIMEOUT)
+"""Reasons for a stop that violate no safety function: the user's, and the ordinary end of commands."""
 FAULTY = ("wheel blocked", "encoder", "undervoltage")
 """Stops by an H-bridge board that somebody must look into."""
 FIELDS = ("warning", "outer warning", "protective")
@@ -70,7 +71,7 @@ class State(NamedTuple):
 
     @property
     def safety_stop(self) -> bool:
-        """The robot was stopped, and not by its user."""
+        """A safety function has stopped the robot, or holds it."""
         return not self.driving and self.cause not in HARMLESS
 
     def topics(self) -> Dict[str, Value]:

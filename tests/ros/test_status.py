@@ -7,7 +7,21 @@ import pytest
 
 from mrl_driver.robot import imu
 from mrl_driver.robot.imu import FROZEN, IN_USE, LEARNING, REASONS, WAITING
-from ros1_bridge.control.commander import ADRIFT, BATTERY, EMERGENCY, NONE, TIMEOUT, ZONE
+from ros1_bridge.control.commander import (
+    ADRIFT,
+    BATTERY,
+    DISABLED,
+    EMERGENCY,
+    HELD,
+    LATE,
+    LINK,
+    NONE,
+    NOT_FINITE,
+    TIMEOUT,
+    TO_MANUAL,
+    WHEEL,
+    ZONE,
+)
 from ros1_bridge.status.link_report import ERROR, OK, WARN
 from ros1_bridge.status.robot_status import (
     StatusTeller,
@@ -159,13 +173,21 @@ def test_zones_are_told_where_there_are_some():
     ]
 
 
-@pytest.mark.parametrize(
-    "cause, safety", [(NONE, "false"), ("user", "false"), (TIMEOUT, "true"), (ZONE, "true")]
-)
-def test_safety_stop_is_a_stop_that_the_user_did_not_ask_for(cause, safety):
+@pytest.mark.parametrize("cause", [NONE, "user", DISABLED, TO_MANUAL, "closed", TIMEOUT])
+def test_end_of_ordinary_driving_is_no_safety_stop(cause):
     told = Told()
     told.tell(stopped_by=cause)
-    assert values_of(told[0])["safety stop"] == safety
+    assert values_of(told[0])["safety stop"] == "false"
+
+
+@pytest.mark.parametrize(
+    "cause",
+    [EMERGENCY, ZONE, LINK, ADRIFT, BATTERY, HELD, WHEEL, LATE, NOT_FINITE, "host paused", "link watchdog"],
+)
+def test_safety_stop_is_a_violated_safety_function(cause):
+    told = Told()
+    told.tell(stopped_by=cause)
+    assert values_of(told[0])["safety stop"] == "true"
 
 
 @pytest.mark.parametrize(
