@@ -44,14 +44,30 @@ def unwritable(path: str, error: OSError) -> OutputError:
     )
 
 
-def unused(path: str) -> str:
-    """Return `path`; if a plain file has this name, the first with a number before its ending that none has."""
+def create_unused(path: str, active: str = "") -> str:
+    """Create an empty file that only this user can read, for a program that opens it later; return its name.
+
+    The name is `path`; if a plain file has it, the first with a number before its ending that none has, so that two
+    programs never get the same one.  A device keeps its name.  If nothing can be created, opening it tells why.
+
+    Args:
+        active: follows the name of the file while it is written; neither it nor the returned name exists then.
+    """
     stem, ending = os.path.splitext(path)
     number, found = 1, path
-    while os.path.isfile(found):
+    while True:
+        try:
+            os.close(os.open(found + active, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600))
+            if not active or not os.path.exists(found):
+                return found
+            os.unlink(found + active)
+        except FileExistsError:
+            if not os.path.isfile(found + active):
+                return found
+        except OSError:
+            return found
         number += 1
         found = f"{stem}-{number}{ending}"
-    return found
 
 
 def replace_file(path: str, content: Union[str, bytes], private: bool = False) -> None:

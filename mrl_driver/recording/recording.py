@@ -16,11 +16,15 @@ So the driver can be played again, step by step (`driver.recorded`).
 """
 
 import codecs
+import contextlib
 import datetime
+import errno
+import fcntl
 import json
 import math
 import os
 import re
+import stat
 import threading
 import time
 from collections import deque
@@ -93,10 +97,10 @@ class Recorder:
 
     A separate thread writes five times a second, so at most a quarter of a second is lost if the process is killed.
     After a failed write, `error` holds the reason, `lost` counts the lost lines, and the next write is tried.  With a
-    `clock` of simulated time there is no such thread; `add` writes.
+    `clock` of simulated time there is no such thread; `add` writes.  Only this user can read a new file.
 
     Raises:
-        ConfigError: the file cannot be created.
+        ConfigError: the file cannot be created, or another recorder writes it.
     """
 
     def __init__(self, path: str, clock: Optional[Callable[[], float]] = None, **header: Any) -> None:
@@ -109,9 +113,7 @@ class Recorder:
         self._written_s = 0.0
         self._ended = threading.Event()
         try:
-            # A pipe that nobody reads is refused; without O_NONBLOCK it would hold the caller until somebody does.
-            flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NONBLOCK
-            self._fd = os.open(path, flags, 0o644)
+            self._fd = _open_alone(path)
         except OSError as error:
             raise ConfigError(
                 f"cannot record to {path!r}: {error.strerror}; give a file that can be written"
@@ -153,6 +155,8 @@ class Recorder:
             if self._thread is not None:
                 self._thread.join()
             self._save()
+            with contextlib.suppress(OSError):  # a forked child has the descriptor, too
+                fcntl.flock(self._fd, fcntl.LOCK_UN)
             os.close(self._fd)
 
     def _run(self) -> None:
@@ -185,6 +189,26 @@ class Recorder:
         except OSError as error:
             self.error = error.strerror or str(error)
             self.lost += lines
+
+
+def _open_alone(path: str) -> int:
+    """Open a file for writing and empty it, unless another recorder writes it.
+
+    Raises:
+        OSError: it cannot be opened, or another recorder writes it.
+    """
+    # A pipe that nobody reads is refused; without O_NONBLOCK it would hold the caller until somebody does.
+    fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NONBLOCK, 0o600)
+    if stat.S_ISREG(os.fstat(fd).st_mode):
+        try:
+            fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(fd)
+            raise OSError(errno.EBUSY, "another recording is being written to it") from None
+        except OSError:
+            pass  # a file system without locks
+        os.ftruncate(fd, 0)
+    return fd
 
 
 def started_s(header: Dict[str, Any]) -> float:

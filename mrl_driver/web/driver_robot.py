@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Optional, Tuple
 
 from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.files import create_unused
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.view.live_model import LiveModel, Shown
@@ -176,13 +177,17 @@ class DriverRobot:
         Raises:
             MrlError: it cannot be written, or one is being written already.
         """
-        name = time.strftime("%Y-%m-%d_%H%M%S") + SUFFIX
-        path = os.path.join(self._folder, name)
         with contextlib.suppress(OSError):  # `start_recording` raises if the file cannot be made
-            os.makedirs(self._folder, exist_ok=True)
-        self._driver.start_recording(path)
-        self._live.record = name
-        return name
+            os.makedirs(self._folder, 0o700, exist_ok=True)
+        path = create_unused(os.path.join(self._folder, time.strftime("%Y-%m-%d_%H%M%S") + SUFFIX))
+        try:
+            self._driver.start_recording(path)
+        except MrlError:
+            with contextlib.suppress(OSError):
+                os.unlink(path)
+            raise
+        self._live.record = os.path.basename(path)
+        return self._live.record
 
     def stop_recording(self) -> str:
         """End the recording; return what it lacks in words, empty if it is complete."""

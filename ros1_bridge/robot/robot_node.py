@@ -27,7 +27,7 @@ from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import QUEUED_S, Options
 from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError, PortBusy
-from mrl_driver.files import unused
+from mrl_driver.files import create_unused
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
@@ -90,7 +90,7 @@ def driver_options(parameters: Parameters) -> Options:
         reconnect=parameters.reconnect,
         fast=parameters.fast,
         imu_period_ms=round(1000 / parameters.imu_rate) if parameters.imu else 0,
-        record=unused(os.path.expanduser(parameters.record)) if parameters.record else None,
+        record=create_unused(os.path.expanduser(parameters.record)) if parameters.record else None,
     )
 
 

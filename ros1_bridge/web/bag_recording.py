@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional
 
 from mrl_driver.errors import ConfigError, OutputError
+from mrl_driver.files import create_unused
 
 SUFFIX, ACTIVE = ".bag", ".active"
 Unsubscribe = Callable[[], None]
@@ -71,12 +72,10 @@ class BagRecording:
         with self._lock:
             if self._bag is not None:
                 raise ConfigError(f"{self.name} is being written, expected no recording: stop it first")
-            name = datetime.datetime.now().strftime(f"robot_%Y-%m-%d-%H-%M-%S{SUFFIX}")
-            path = self._folder / name
             try:
-                self._folder.mkdir(parents=True, exist_ok=True)
-                if path.exists() or self._active(name).exists():
-                    raise FileExistsError(f"{path} exists")
+                self._folder.mkdir(0o700, parents=True, exist_ok=True)
+                stamp = datetime.datetime.now().strftime("%Y-%m-%d-%H-%M-%S")
+                name = os.path.basename(create_unused(str(self._folder / f"robot_{stamp}{SUFFIX}"), ACTIVE))
                 self._bag = rosbag.Bag(str(self._active(name)), "w")
             except OSError as error:
                 raise OutputError(f"the recording cannot be made: {error}") from None

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.files import unused
+from mrl_driver.files import create_unused
 from mrl_driver.recording import recording
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
 from tests.waiting import PATIENCE_S, wait_until
@@ -112,10 +112,24 @@ def test_a_line_waits_for_an_older_one_of_another_thread(tmp_path, monkeypatch):
 def test_a_program_that_starts_again_keeps_its_recordings(tmp_path):
     """Devices have no number."""
     names = [str(tmp_path / name) for name in ("run.mrl", "run-2.mrl", "run-3.mrl")]
-    for expected in names:
-        assert unused(names[0]) == expected
-        record(expected, [])
-    assert unused("/dev/full") == "/dev/full"
+    assert [create_unused(names[0]) for _ in names] == names
+    assert create_unused("/dev/full") == "/dev/full"
+
+
+def test_a_recording_is_for_its_user_alone(tmp_path):
+    record(tmp_path / "log", [])
+    assert (tmp_path / "log").stat().st_mode & 0o777 == 0o600
+
+
+def test_a_recording_that_is_being_written_is_not_replaced(tmp_path):
+    """Two programs may have asked whether the file exists before either wrote."""
+    first = Recorder(str(tmp_path / "log"))
+    with pytest.raises(ConfigError, match="another recording is being written to it"):
+        Recorder(str(tmp_path / "log"))
+    first.add(FROM_BOARD, b"@6,1,2e")
+    first.close()
+    assert [entry.data for entry in Recording(str(tmp_path / "log"))] == [b"@6,1,2e"]
+    record(tmp_path / "log", [])
 
 
 def test_a_full_disk_is_counted_and_named():

@@ -5,6 +5,7 @@ test_launch_packages.py.  `rosversion` and `need_packages`, which roslaunch runs
 """
 
 import os
+import shlex
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -144,6 +145,12 @@ def test_bag_has_topics_by_their_full_names(ns, place, packages):
         "/tf_static",
         "/diagnostics",
     ]
+
+
+def test_a_bag_is_for_its_user_alone(packages, tmp_path):
+    (node,) = loaded("record.launch").nodes
+    subprocess.run([*shlex.split(node.launch_prefix), "touch", str(tmp_path / "a b.bag")], check=True)
+    assert (tmp_path / "a b.bag").stat().st_mode & 0o777 == 0o600
 
 
 def test_team_has_a_robot_for_each_port(packages):

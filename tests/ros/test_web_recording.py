@@ -1,7 +1,9 @@
 """Bags that the page records."""
 
+import datetime
 import io
 from types import SimpleNamespace
+from unittest import mock
 
 import pytest
 import rospy
@@ -107,6 +109,29 @@ def test_a_second_bag_at_once_is_refused(bench):
     with pytest.raises(ConfigError, match="stop it first"):
         bench.recording.start()
     bench.recording.stop()
+
+
+def test_bags_of_one_second_have_different_names_and_are_for_their_user_alone(bench, tmp_path):
+    """A bag that is complete, and one that a crash has left, are kept."""
+    made = set()
+    for _ in range(3):
+        made.add(bench.recording.start())
+        bench.recording.stop()
+    assert len(made) == len(bench.recording.bags()) == 3
+    files = [tmp_path / "bags", *(tmp_path / "bags").iterdir()]
+    assert [file.stat().st_mode & 0o777 for file in files] == [0o700, 0o600, 0o600, 0o600]
+
+
+@pytest.mark.parametrize("ending", ["", ".active"])
+def test_no_bag_replaces_another(bench, monkeypatch, ending, tmp_path):
+    moment = datetime.datetime(2026, 3, 1, 12, 0, 0)
+    monkeypatch.setattr("datetime.datetime", mock.Mock(now=lambda: moment))
+    kept = tmp_path / "bags" / f"robot_2026-03-01-12-00-00.bag{ending}"
+    kept.parent.mkdir()
+    kept.write_bytes(b"kept")
+    assert bench.recording.start() == "robot_2026-03-01-12-00-00-2.bag"
+    bench.recording.stop()
+    assert kept.read_bytes() == b"kept"
 
 
 def test_a_folder_that_cannot_be_made_is_named(bench, tmp_path):

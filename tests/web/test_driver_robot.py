@@ -3,6 +3,7 @@
 import json
 import math
 from types import SimpleNamespace
+from unittest import mock
 
 import pytest
 
@@ -167,6 +168,28 @@ def test_a_recording_is_named_after_its_time(recorder):
     name = robot.start_recording()
     assert name.endswith(".mrl") and driver.notes[0].endswith(name)
     assert robot.stop_recording() == "2 lines lost"
+
+
+@pytest.mark.parametrize("clock", ["11", "121"], ids=["one second", "clock set back"])
+def test_no_recording_replaces_another(recorder, monkeypatch, clock):
+    _, robot = recorder
+    seconds = iter(clock)
+    monkeypatch.setattr("time.strftime", lambda form: next(seconds))
+    assert len({robot.start_recording() for _ in clock}) == len(clock)
+
+
+def test_a_recording_that_cannot_begin_leaves_no_file(recorder):
+    driver, robot = recorder
+    driver.start_recording = mock.Mock(side_effect=ConfigError("one is running"))
+    with pytest.raises(ConfigError, match="one is running"):
+        robot.start_recording()
+    assert [each.name for each in robot.recordings()] == ["old.mrl"]
+
+
+def test_the_folder_of_recordings_is_for_its_user_alone(recorder, tmp_path):
+    driver, _ = recorder
+    DriverRobot(driver, str(tmp_path / "made")).start_recording()
+    assert (tmp_path / "made").stat().st_mode & 0o777 == 0o700
 
 
 def test_a_port_that_is_lost_while_the_robot_is_stopped_is_no_error(recorder):
