@@ -21,13 +21,6 @@ class Stalled(Exception):
     """The client has accepted nothing for `STALLED_S`."""
 
 
-def abort(transport: asyncio.Transport) -> None:
-    """Close a connection at once."""
-    if not transport.is_closing():
-        with contextlib.suppress(AttributeError):  # of Python 3.11's TLS transport, if it has just ended
-            transport.abort()
-
-
 class Client:
     """One page that is connected.
 
@@ -69,8 +62,9 @@ class Client:
 
     def abort(self) -> None:
         """Close the connection at once."""
-        if self._transport is not None:
-            abort(self._transport)
+        if self._transport is not None and not self._transport.is_closing():
+            with contextlib.suppress(AttributeError):  # of Python 3.11's TLS transport, if it has just ended
+                self._transport.abort()
 
     def is_flooding(self, now_s: float) -> bool:
         """Count a message; return whether the client sends more than `MOST_PER_S`."""

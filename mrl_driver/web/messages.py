@@ -426,6 +426,6 @@ def recording(now_s: float, on: bool, name: str, seconds: float, loss: str, file
     )
 
 
-def closed(now_s: float, why: str) -> str:
-    """Our last message."""
-    return encode("closed", now_s, why=why)
+def closed(now_s: float, why: str, again: bool = True) -> str:
+    """Our last message; `again`: the page may connect again, because the reason may pass."""
+    return encode("closed", now_s, why=why, again=again)

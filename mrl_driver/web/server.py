@@ -13,7 +13,6 @@ import math
 import secrets
 import socket
 import time
-import weakref
 from collections import deque
 from typing import Any, Awaitable, Callable, Deque, Dict, Iterable, Iterator, List, Optional, Set
 
@@ -23,7 +22,7 @@ from mrl_driver.program import version
 
 from . import messages
 from .assets import Assets
-from .client import Client, Stalled, abort
+from .client import Client, Stalled
 from .freshness import clock_s
 from .guard import headers_of, why_not
 from .helm import Control, Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
@@ -54,6 +53,8 @@ SILENT_S = 2.0
 """A session over POST that sends nothing for this time is closed [s]."""
 HEARTBEAT_S = 5.0
 """A WebSocket is asked this often whether it is alive, and closed if it does not answer in half the time [s]."""
+ACCEPT_AGAIN_S = 0.2
+"""Without a free descriptor, the next connection is accepted after this time [s]."""
 HANDSHAKE_S = 5.0
 """The handshake of an encrypted connection is done within this time [s]."""
 KEPT_S = 30.0
@@ -72,6 +73,7 @@ REFUSED = 4403
 """Close code of a WebSocket that is not admitted."""
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
 PLACEHOLDER = b"<!doctype html><title>mrl</title><p>The page is missing from this installation."
+_WATCHES_ONLY = "a watch-only link cannot record or download; use the link for driving"
 _REFUSED_LINK = "this link is not valid; open the whole link that mrl web or web_node printed last"
 
 
@@ -124,10 +126,11 @@ class Server:
         self._clients: Dict[int, Client] = {}
         self._sessions: Dict[str, Client] = {}
         self._tasks: Set[asyncio.Task[Any]] = set()
-        self._admitted: weakref.WeakSet[Any] = weakref.WeakSet()
-        """Connections that belong to a page, or whose token was right."""
+        self._ends: Dict[Any, socket.socket] = {}
+        """Open connections by the address of their other end, the oldest first."""
+        self._admitted: Set[Any] = set()
+        """Those of them that belong to a page, or whose token was right."""
         self._number = 0
-        self._joining = 0
         self._assets = Assets()
         self._pending = self._ending = False
         self._ended: Callable[[], str] = never
@@ -144,6 +147,7 @@ class Server:
         self._recording_loss = ""
         self._sampler: Optional[asyncio.TimerHandle] = None
         self._deadline: Optional[asyncio.TimerHandle] = None
+        self._listener: Optional[asyncio.TimerHandle] = None
         self._files = concurrent.futures.ThreadPoolExecutor(1, "mrl-web-files")
 
     # -- start and end
@@ -160,12 +164,8 @@ class Server:
         self._loop.set_exception_handler(self._on_failure)
         self._runner = web.AppRunner(self._application(), handle_signals=False)
         await self._runner.setup()
-        self._listener = await self._loop.create_server(
-            self._protocol,
-            sock=self._socket,
-            ssl=self._settings.context,
-            ssl_handshake_timeout=None if self._settings.context is None else HANDSHAKE_S,
-        )
+        self._socket.setblocking(False)
+        self._listen()
         self.port: int = self._socket.getsockname()[1]
         self._was_latched = self._robot.latched
         if self._was_latched:
@@ -174,25 +174,57 @@ class Server:
         await self._list_recordings()
         self._beat()
 
-    def _protocol(self) -> asyncio.BaseProtocol:
-        """Return what serves a new connection; one too many ends the oldest that no page has, or is closed."""
-        server = self._runner.server
-        if server is None:
-            return _Busy()
-        ends = [each.transport for each in server.connections]
-        open_ends = [end for end in ends if end is not None and not end.is_closing()]
-        if len(open_ends) >= MOST_CONNECTIONS:
-            strange = next((end for end in open_ends if end not in self._admitted), None)
+    def _listen(self) -> None:
+        self._loop.add_reader(self._socket, self._accept)
+
+    def _accept(self) -> None:
+        """Accept a connection; one too many ends the oldest that no page has, or is closed.
+
+        Connections count from here on, before any handshake: what strangers open must not take the descriptors away.
+        """
+        try:
+            end, peer = self._socket.accept()
+        except (BlockingIOError, ConnectionError):
+            return
+        except OSError:  # no descriptor is free
+            self._loop.remove_reader(self._socket)
+            self._listener = self._loop.call_later(ACCEPT_AGAIN_S, self._listen)
+            return
+        self._ends = {
+            each: other for each, other in self._ends.items() if other.fileno() >= 0 and each != peer
+        }
+        self._admitted &= self._ends.keys()
+        if len(self._ends) >= MOST_CONNECTIONS:
+            strange = next((each for each in self._ends if each not in self._admitted), None)
             if strange is None:
-                return _Busy()
-            abort(strange)
+                end.close()
+                return
+            with contextlib.suppress(OSError):
+                self._ends.pop(strange).shutdown(socket.SHUT_RDWR)
+        self._ends[peer] = end
+        self._spawn(self._open(end))
+
+    async def _open(self, end: socket.socket) -> None:
+        context = self._settings.context
+        with contextlib.suppress(OSError):  # of a handshake that fails
+            await self._loop.connect_accepted_socket(
+                self._protocol, end, ssl=context, ssl_handshake_timeout=HANDSHAKE_S if context else None
+            )
+
+    def _protocol(self) -> asyncio.BaseProtocol:
+        """Return what serves a new connection."""
+        assert self._runner.server is not None
         return _Connection(
-            server,
+            self._runner.server,
             loop=self._loop,
             access_log=None,  # type: ignore[arg-type]  # means no such log
             keepalive_timeout=KEPT_S,
             logger=_log,
         )
+
+    def _admit(self, transport: asyncio.BaseTransport) -> None:
+        """No stranger's connection ends this one."""
+        self._admitted.add(transport.get_extra_info("peername"))
 
     @property
     def clients(self) -> int:
@@ -223,10 +255,11 @@ class Server:
         """Stop the robot, give the clients the reason, close all connections."""
         self._ending = True
         self._robot.stop()
-        for timer in (self._beater, self._sampler, self._deadline):
+        for timer in (self._beater, self._sampler, self._deadline, self._listener):
             if timer is not None:
                 timer.cancel()
-        self._listener.close()
+        if self._socket.fileno() >= 0:  # this is the first call
+            self._loop.remove_reader(self._socket)
         for client in list(self._clients.values()):
             client.end(why)
         if self._tasks:
@@ -416,12 +449,13 @@ class Server:
 
         Raises:
             ConfigError: it is not admitted; the text says why.
+            _NoPlace: there is none for it now.
         """
         role = self._settings.role(token)
         if not role:
             raise ConfigError(_REFUSED_LINK)
         if len(self._clients) >= (MOST_CLIENTS if role == DRIVE else MOST_CLIENTS - FOR_DRIVING):
-            raise ConfigError(f"{len(self._clients)} pages show this robot already; close one of them")
+            self._make_place()
         self._number += 1
         client = Client(self._number, role, hello.name or f"page {self._number}")
         now_s = time.monotonic()
@@ -430,13 +464,25 @@ class Server:
         client.put("welcome", self._welcome(client))
         client.put("path", messages.path(clock_s(), trail[:: max(1, -(-len(trail) // MOST_POSES))]))
         client.put(VIEW, messages.view(clock_s(), **self._view))
-        client.put(RECORDING, self._recording())
+        client.put(RECORDING, self._recording(client))
         if self._occupancy is not None:
             client.put(CELLS, messages.cells(clock_s(), CELL_M, self._occupancy.cells))
         self._clients[client.number] = client
         self._carry_out(self._helm.join(client.number, role == DRIVE, clock_s()))
         self._tell()
         return client
+
+    def _make_place(self) -> None:
+        """End the page that has been silent longest: its connection may be dead, and it may be the one that comes back.
+
+        Raises:
+            _NoPlace: no page is silent.
+        """
+        silent = min(self._clients.values(), key=lambda client: client.heard_s, default=None)
+        if silent is None or time.monotonic() - silent.heard_s < SILENT_S:
+            raise _NoPlace(f"{len(self._clients)} pages show this robot already; close one of them")
+        silent.end("the page was silent, and another one needed its place")
+        self._leave(silent)
 
     def _leave(self, client: Client) -> None:
         """A client has gone; if it drove, the robot stops."""
@@ -455,7 +501,7 @@ class Server:
             self._series,
             client.role == DRIVE,
             self._recording_name,
-            self._recordings,
+            self._listed(client),
             True,
         )
 
@@ -519,7 +565,7 @@ class Server:
 
     def _record(self, client: Client, on: bool) -> None:
         if client.role != DRIVE:
-            self._refuse(client.number, "a watch-only link cannot record; use the link for driving")
+            self._refuse(client.number, _WATCHES_ONLY)
         elif on != (self._recording_s is not None):
             self._recording_s = time.monotonic() if on else None
             self._spawn(self._switch_recording(client.number, on))
@@ -542,13 +588,18 @@ class Server:
             self._recording_s = None
         elif begun_s is None:
             self._recording_s = time.monotonic()
-        self._broadcast(RECORDING, self._recording())
+        for client in self._clients.values():
+            client.put(RECORDING, self._recording(client))
 
-    def _recording(self) -> str:
+    def _listed(self, client: Client) -> List[Recorded]:
+        """Return the recordings that a page may download."""
+        return self._recordings if client.role == DRIVE else []
+
+    def _recording(self, client: Client) -> str:
         name, begun_s = self._recording_name, self._recording_s
         seconds = time.monotonic() - begun_s if name is not None and begun_s is not None else 0.0
         return messages.recording(
-            clock_s(), name is not None, name or "", seconds, self._recording_loss, self._recordings
+            clock_s(), name is not None, name or "", seconds, self._recording_loss, self._listed(client)
         )
 
     def _spawn(self, work: Awaitable[None]) -> None:
@@ -601,7 +652,7 @@ class Server:
         """Return what the token of a request permits; empty for nothing."""
         role = self._settings.role(_token(request))
         if role and request.transport is not None:
-            self._admitted.add(request.transport)
+            self._admit(request.transport)
         return role
 
     async def _on_page(self, request: web.Request) -> web.StreamResponse:
@@ -621,8 +672,9 @@ class Server:
         return web.Response(body=body, headers=headers)
 
     async def _on_recording(self, request: web.Request) -> web.StreamResponse:
-        if not self._role(request):
-            return _refusal(401, _REFUSED_LINK)
+        role = self._role(request)
+        if role != DRIVE:
+            return _refusal(403, _WATCHES_ONLY) if role else _refusal(401, _REFUSED_LINK)
         name = request.match_info["name"]
         try:
             if name not in {each.name for each in self._recordings}:
@@ -646,19 +698,11 @@ class Server:
         transport = request.transport
         if transport is None:
             return link  # its page has gone already
-        if self._ending or self._joining >= MOST_CLIENTS:
-            await link.send_str(messages.closed(clock_s(), "too many pages open at once; try again"))
-            await link.close(code=REFUSED)
-            return link
-        self._joining += 1
-        try:
-            client = await self._greet(link)
-        finally:
-            self._joining -= 1
+        client = None if self._ending else await self._greet(link)
         if client is None:
             await link.close(code=REFUSED)
             return link
-        self._admitted.add(transport)
+        self._admit(transport)
         self._spawn(self._pump_socket(client, link, transport))
         try:
             async for message in link:
@@ -671,6 +715,7 @@ class Server:
 
     async def _greet(self, link: web.WebSocketResponse) -> Optional[Client]:
         """Return the client that says hello in time; None if it is not admitted, and then it gets the reason."""
+        again = True
         try:
             first = await asyncio.wait_for(link.receive(), messages.HELLO_S)
             if first.type not in (WSMsgType.TEXT, WSMsgType.BINARY):
@@ -681,10 +726,12 @@ class Server:
             return self._join(hello, hello.token)
         except asyncio.TimeoutError:
             why = f"the page did not say hello within {messages.HELLO_S:g} s"
-        except (ConfigError, messages.Malformed) as error:
+        except _NoPlace as error:
             why = str(error)
+        except (ConfigError, messages.Malformed) as error:
+            why, again = str(error), False
         with contextlib.suppress(ConnectionError):
-            await link.send_str(messages.closed(clock_s(), why))
+            await link.send_str(messages.closed(clock_s(), why, again))
         return None
 
     async def _pump_socket(
@@ -708,6 +755,8 @@ class Server:
             return _refusal(400, str(error))
         except ConfigError as error:
             return _refusal(403, str(error))
+        except _NoPlace as error:
+            return web.Response(status=503, text=messages.closed(clock_s(), str(error)))
         session = secrets.token_urlsafe(16)
         self._sessions[session] = client
         return web.json_response({"session": session}, headers={"Cache-Control": "no-store"})
@@ -807,12 +856,8 @@ _log = logging.getLogger(__name__)
 _log.addFilter(_Brief())
 
 
-class _Busy(asyncio.Protocol):
-    """Closes a connection."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Close it at once."""
-        transport.close()
+class _NoPlace(Exception):
+    """All places of pages are taken now."""
 
 
 def _token(request: web.Request) -> str:

@@ -56,6 +56,21 @@ NO_WEBSOCKET = """
 window.WebSocket = class extends WebSocket { constructor() { super("wss://127.0.0.1:1/"); } };
 """
 """WebSockets fail, as where a browser does not accept the certificate for them."""
+NO_PLACE = """
+const Open = window.WebSocket;
+window.WebSocket = class {
+  static OPEN = Open.OPEN;
+  constructor(...all) {
+    if (window.free) return new Open(...all);
+    setTimeout(() => {
+      this.onmessage({data: JSON.stringify({type: "closed", at: 1, why: "16 pages show this robot", again: true})});
+      this.onclose();
+    });
+  }
+  close() {}
+};
+"""
+"""Until `window.free` is true, the server has no place for the page."""
 _WAIT = """
 const done = arguments[arguments.length - 1], holds = () => %s;
 if (holds()) done(); else {

@@ -6,7 +6,7 @@ from mrl_driver.recording.recording import Recording
 from tests.driver.emulator import MOVE, STOP
 from tests.waiting import wait_until
 
-from .browser import DESK, NO_WEBSOCKET, PAD, PHONE
+from .browser import DESK, NO_PLACE, NO_WEBSOCKET, PAD, PHONE
 from .robot_page import RobotPage
 
 FURTHER = 4
@@ -145,6 +145,16 @@ def test_a_wrong_token_is_refused_in_words(visit, shared, browser):
     page.wait(link="refused")
     assert "link is not valid" in page.text("why") and not page.shows("joystick")
     page.tab.close()
+
+
+def test_a_page_without_a_place_sends_its_stop_when_there_is_one(visit):
+    page = visit(DESK, NO_PLACE)
+    page.wait(link="closed")
+    assert "16 pages show this robot" in page.text("state")
+    page.tab.press("stop")
+    page.tab.run("window.free = true")
+    page.wait(latched="yes", transport="websocket")
+    page.take()
 
 
 def test_values_from_before_the_link_was_lost_are_not_shown(visit, shared):

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import itertools
 import json
 import socket
@@ -404,16 +405,46 @@ def test_a_session_that_is_silent_is_closed():
     serving(scenario)
 
 
-def test_one_page_too_many_is_refused_with_the_reason(monkeypatch):
+def test_one_page_too_many_is_told_why_and_may_come_again(monkeypatch):
+    """One whose link was lost must get its STOP button back."""
     monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
 
     async def scenario(site):
         async with site.page() as first:
             await first.next("welcome")
             async with site.page() as page:
-                assert "1 pages show this robot already" in (await page.next("closed"))["why"]
+                closed = await page.next("closed")
+                assert "1 pages show this robot already" in closed["why"] and closed["again"]
+            async with site.session.post(f"{site.url}/session", data=HELLO) as answer:
+                assert (answer.status, json.loads(await answer.text())["why"]) == (503, closed["why"])
 
     serving(scenario)
+
+
+def test_a_silent_page_gives_its_place_to_the_next(monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
+
+    async def scenario(site):
+        async with site.page(name="silent") as silent:
+            await silent.next("welcome")
+            monkeypatch.setattr("mrl_driver.web.server.SILENT_S", 0.0)
+            async with site.page(name="next") as page:
+                await page.next("welcome")
+                assert "needed its place" in (await silent.next("closed"))["why"]
+                assert site.server.clients == 1
+
+    serving(scenario)
+
+
+def test_sockets_without_a_token_take_no_place():
+    async def scenario(site):
+        async with contextlib.AsyncExitStack() as strangers:
+            for _ in range(40):
+                await strangers.enter_async_context(site.session.ws_connect(f"{site.url}/ws"))
+            async with site.page(TOKENS.drive) as page:
+                assert (await page.next("welcome"))["role"] == "drive"
+
+    serving(scenario, GUARDED)
 
 
 def test_pages_that_watch_leave_room_for_one_that_drives(monkeypatch):
@@ -442,6 +473,42 @@ def test_one_connection_too_many_is_closed(monkeypatch):
         other.close()
 
     serving(scenario)
+
+
+def test_a_connection_counts_before_its_handshake(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    monkeypatch.setattr("mrl_driver.web.server.MOST_CONNECTIONS", 2)
+    monkeypatch.setattr("mrl_driver.web.server.HANDSHAKE_S", LONG_S)
+    settings = listening.settings_for("0.0.0.0:0")
+
+    async def scenario(site):
+        site.url = site.url.replace("http", "https")
+        silent = [await asyncio.open_connection("127.0.0.1", site.server.port) for _ in range(3)]
+        assert await ended(silent[0][0])
+        async with site.page(settings.tokens.drive) as page:
+            await page.next("welcome")
+            assert await ended(silent[1][0])
+        silent[2][1].close()
+
+    serving(scenario, settings)
+
+
+def test_without_a_free_descriptor_the_server_accepts_later(monkeypatch):
+    async def scenario(site):
+        accept, fails = site.server._socket.accept, [OSError(errno.EMFILE, "Too many open files")]
+        ear = mock.Mock(
+            wraps=site.server._socket, accept=lambda: accept() if not fails else throw(fails.pop())
+        )
+        monkeypatch.setattr(site.server, "_socket", ear)
+        async with site.page() as page:
+            await page.next("welcome")
+        assert not fails
+
+    serving(scenario)
+
+
+def throw(error):
+    raise error
 
 
 async def ended(reader):
@@ -597,7 +664,8 @@ def test_a_message_that_is_too_long_closes_the_page():
 def test_a_wrong_token_is_refused_with_the_reason(token):
     async def scenario(site):
         async with site.page(token) as page:
-            assert "link is not valid" in (await page.next("closed"))["why"]
+            closed = await page.next("closed")
+            assert "link is not valid" in closed["why"] and not closed["again"]
         hello = json.dumps({"type": "hello", "token": token, "name": ""})
         async with site.session.post(f"{site.url}/session", data=hello) as answer:
             assert answer.status == 403
@@ -645,7 +713,19 @@ def test_the_page_loads_nothing_from_elsewhere_and_is_in_no_frame():
     serving(scenario)
 
 
-def test_a_recording_needs_a_token_and_is_in_the_list(tmp_path):
+def test_a_watch_only_page_is_told_of_no_recording():
+    robot = FakeRobot()
+    robot.recordings = lambda: [Recorded("old.mrl", 1, False)]
+
+    async def scenario(site):
+        async with site.page(TOKENS.watch) as page:
+            assert (await page.next("welcome"))["recordings"] == []
+            assert (await page.next("recording"))["files"] == []
+
+    serving(scenario, GUARDED, robot)
+
+
+def test_a_recording_needs_the_link_to_drive_and_is_in_the_list(tmp_path):
     robot = FakeRobot(tmp_path)
 
     async def scenario(site):
@@ -657,8 +737,9 @@ def test_a_recording_needs_a_token_and_is_in_the_list(tmp_path):
             assert ended["files"][0]["name"] == "new.mrl"
         for token, path, status in (
             ("", "new.mrl", 401),
-            (TOKENS.watch, "new.mrl", 200),
-            (TOKENS.watch, "..%2Fother", 404),
+            (TOKENS.watch, "new.mrl", 403),
+            (TOKENS.drive, "new.mrl", 200),
+            (TOKENS.drive, "..%2Fother", 404),
         ):
             headers = {"Authorization": f"Bearer {token}"}
             async with site.session.get(f"{site.url}/recordings/{path}", headers=headers) as answer:

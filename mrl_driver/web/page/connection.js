@@ -57,6 +57,7 @@ export class Connection {
   #heardAt = -Infinity;
   #pingAt = 0;
   #closedWhy = "";
+  #mayReturn = true;
   #sequence = 0;
   #mayDrive = false;
   #late = [];
@@ -123,6 +124,7 @@ export class Connection {
     clearTimeout(this.#timer);
     clearTimeout(this.#openTimer);
     this.#closedWhy = "";
+    this.#mayReturn = true;
     this.#heard = null;
     this.delay = new Delay();
     this.#usesPost ||= typeof WebSocket === "undefined";
@@ -160,6 +162,7 @@ export class Connection {
       this.#show("open", "Connected");
     } else if (message.type === "closed") {
       this.#closedWhy = message.why || "no reason given";
+      this.#mayReturn = message.again !== false;
     }
     this.#handlers.get(message.type)?.(message);
   }
@@ -169,16 +172,16 @@ export class Connection {
     const steady = performance.now() - this.#welcomeAt > STEADY_MS;
     const why = this.#closedWhy;
     this.#drop();
-    if (refused || (!wasOpen && why)) {
+    if (refused || (!wasOpen && !this.#mayReturn)) {
       this.#show("refused", `The server refuses this page: ${refused || why}`, "Refused");
       return;
     }
-    if (!wasOpen) this.#choose(tookTooLong);
+    if (!wasOpen && !why) this.#choose(tookTooLong);
     else if (steady) this.#attempts = 0;
     const pause = PAUSES_MS[Math.min(this.#attempts, PAUSES_MS.length - 1)];
     this.#attempts += 1;
     this.#timer = setTimeout(() => this.#open(), pause);
-    if (wasOpen || this.#attempts > 1) {
+    if (wasOpen || why || this.#attempts > 1) {
       const words = why ? `The server closed the link: ${why}. Connecting again` : "Link to the server lost. Connecting again";
       this.#show("closed", words, "Link lost");
     }

@@ -32,6 +32,7 @@ export class PostTransport {
     const body = JSON.stringify(hello);
     const reply = await fetch("session", { method: "POST", headers: this.#headers, body, signal });
     if (reply.status >= 400 && reply.status < 500) return wordsOf(reply);
+    if (reply.status === 503) this.#events.message(await reply.text()); // why there is no place now
     if (!reply.ok) return "";
     this.#session = `session/${encodeURIComponent((await reply.json()).session)}`;
     const stream = await fetch(`${this.#session}/events`, { headers: this.#headers, cache: "no-store", signal });
