@@ -14,11 +14,6 @@ README, ROS_README = (
 ONLY_NOETIC = ("rqt", "robot_localization", "move_base", "amcl")
 
 
-def test_figures_are_not_promised_for_every_machine():
-    """The firmware's differ from build to build by up to 8 %."""
-    assert "same on every machine" not in README
-
-
 @pytest.mark.parametrize("package", ONLY_NOETIC)
 def test_debian_is_not_said_to_have_what_only_noetic_has(package):
     (debian,) = re.findall(r"Debian has [^.]*\.", ROS_README)

@@ -277,23 +277,6 @@ def test_a_callback_that_raises_ends_the_driver_and_stops_the_robot(serve, monke
         wait_until(lambda: port.board.speeds == (0, 0))
 
 
-def test_threads_that_drive_at_once_never_mix_frames(robot):
-    def hammer(speed):
-        for _ in range(200):
-            robot.drive(speed, 0)
-            time.sleep(0.0005)
-
-    threads = [threading.Thread(target=hammer, args=(speed,)) for speed in (0.1, -0.1)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    robot.stop()
-    wait_until(lambda: robot.stopped)
-    frames = bytes(robot.port.received).split(b"e")[:-1]
-    assert all(frame.count(b"@") == 1 and frame.startswith(b"@") for frame in frames)
-
-
 def test_frames_leave_in_one_piece_whatever_the_link_does(robot, monkeypatch):
     """With a link that has no lock: one thread writes at a time, and it takes the bytes of the others along."""
     sent = bytearray()

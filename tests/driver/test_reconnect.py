@@ -390,6 +390,21 @@ def test_a_robot_that_was_found_elsewhere_is_looked_for_as_it_is_there(monkeypat
     assert search.look() is None and opened == [two]
 
 
+def test_a_port_that_another_program_uses_gives_way_to_the_next(monkeypatch, tmp_path):
+    one, two = (str(tmp_path / name) for name in ("one", "two"))
+    there, opened = [Port(one, (), 1, 2)], []
+    monkeypatch.setattr(reconnect, "described", lambda: list(there))
+    monkeypatch.setattr(reconnect, "in_use", lambda name: name == one)
+    search = reconnect.Reconnection(one, opened.append, 1.0)
+    search.lose(LinkLost("gone"), 0.0)
+    for name in (one, two):
+        open(name, "w").close()
+    there.append(Port(two, (), 1, 2))
+    search.look()
+    search.look()
+    assert opened == [two]
+
+
 @pytest.fixture
 def terminal():
     """The name of a pseudo terminal."""

@@ -342,7 +342,7 @@ DAMAGE = st.tuples(
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(DAMAGE, max_size=8))
-def test_a_damaged_file_is_played_as_far_as_it_goes(short, damages):
+def test_a_damaged_file_is_played_to_its_end(short, damages):
     """Lines are missing, and remarks are strange; the rest still counts."""
     lines, path = short
     header, *rest = lines
@@ -350,8 +350,17 @@ def test_a_damaged_file_is_played_as_far_as_it_goes(short, damages):
         at = int(where * len(rest))
         time_s = rest[at].split(" ")[0] if at < len(rest) else "9"
         rest[at : at + missing] = [f"{time_s} ! {word} {other} 1 2 3\n"]
-    played, found = replay(path, [header, *rest])
-    assert len(of_kind(found, Telemetry)) <= len(rest) and played.time_s >= 0.0
+    played, found = replay(path, [header, *rest, "9.5 < @6,1,2e\n"])
+    assert len(of_kind(found, Telemetry)) <= len(rest) + 1 and played.time_s == 9.5
+
+
+def test_a_long_file_reports_how_far_it_is(short):
+    """The shares add up to all of it, also if the file has less text than its lines seem to."""
+    (header, *rest), path = short
+    path.write_text("".join([header, *rest, *["9.5 < @6,1,2e\\n\n"] * 5000]))
+    shares = []
+    RecordedDriver(str(path)).play(shares.append)
+    assert len(shares) > 2 and min(shares) > 0 and sum(shares) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("code", ["@29,", "@33,"])

@@ -180,6 +180,8 @@ def test_frames_and_garbage_are_those_of_the_decoder(rng):
     )
     arrays.checked = single.checked = checked
     for start in range(0, len(data), size):
+        if maybe(rng, 0.1):
+            arrays.flush()
         for frames in arrays.feed(np.frombuffer(data[start : start + size], np.uint8)):
             found += [(start + at, frame) for at, frame in frames.frames()]
     arrays.flush()

@@ -87,6 +87,17 @@ def test_answers_come_between_stream_frames(bench):
     assert board.ask("read_protocol").args[0] == 2
 
 
+def test_counters_are_read_when_what_waits_before_their_frame_is_nearly_sent(bench):
+    """Four texts of 13 bytes take 4.5 ms; the read begins when 7 bytes are left."""
+    board = bench()
+    board.send("set_debug", 1)
+    board.forget()
+    begun_s = board.board.now_s
+    board.raw(b"@13e" * 4 + b"@6e")
+    (read_s,) = board.write_times(0xD8)
+    assert board.heard.index(b"@6,") >= 52 and read_s - begun_s > (52 - 7) * BYTE_S
+
+
 def test_a_flood_of_questions_does_not_starve_the_stream(bench):
     board = bench()
     board.send("start_stream", 20, wait_s=0.05)

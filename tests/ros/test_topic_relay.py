@@ -57,13 +57,12 @@ def test_frames_are_read_as_they_were_written_however_they_are_cut():
 
 @settings(max_examples=30)
 @given(st.binary(max_size=80), st.sampled_from([0, 1, 2, 3, 4, 5, 6]))
-def test_bytes_of_others_are_refused_or_waited_for(junk, kind):
-    reader = FrameReader()
+def test_bytes_of_others_are_refused_or_one_event(junk, kind):
     try:
-        events = reader.feed(struct.pack("<BI", kind, len(junk)) + junk)
+        (event,) = FrameReader().feed(struct.pack("<BI", kind, len(junk)) + junk)
     except RelayError:
         return
-    assert all(isinstance(event, (Message, Taken, Ping, Pong)) for event in events)
+    assert isinstance(event, (Message, Taken, Ping, Pong))
 
 
 @pytest.mark.parametrize(

@@ -20,14 +20,16 @@ def test_the_first_robot_has_the_start_and_the_next_stand_beside_it():
 @pytest.mark.parametrize("name", ["room", "house", "corridor", "hazards", "steps"])
 def test_twenty_robots_keep_away_from_walls_and_from_each_other(name):
     world = world_file.load(name)
-    for place in free_places(world, RADIUS_M, 20):
+    places = free_places(world, RADIUS_M, 20)
+    assert len(places) == 20
+    for place in places:
         assert world.clearance(place.x_m, place.y_m) >= RADIUS_M + GAP_M - 1e-9
         world.place(f"{place}", place, Footprint(2 * RADIUS_M, 2 * RADIUS_M, True))
 
 
 def test_no_robot_is_on_the_other_side_of_a_wall():
     world = World([Wall(-9, 0.25, 9, 0.25)])
-    assert all(place.y_m <= 0 for place in free_places(world, RADIUS_M, 10))
+    assert [place.y_m <= 0 for place in free_places(world, RADIUS_M, 10)] == [True] * 10
 
 
 def test_a_smaller_world_has_its_places_closer_together():

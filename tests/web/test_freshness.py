@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.safety.operator_delay import DRIFT
-from mrl_driver.web.freshness import COARSE_S, DEAF_S, WINDOW_S, Freshness, clock_s
+from mrl_driver.web.freshness import DEAF_S, WINDOW_S, Freshness, clock_s
 
 AHEAD_S = -1234.5
 """The page's clock is this far ahead of the server's."""
@@ -75,10 +75,9 @@ def test_a_clock_that_stood_still_is_a_late_message_until_something_is_heard():
     assert age_s(freshness, 11.1, 11.05, 11.05, 11.1, AHEAD_S - 0.5) < 0.01
 
 
-def test_a_coarse_clock_still_has_an_age():
-    freshness = Freshness()
-    age_s(freshness, 10.0, 9.99, 9.99 - 0.8 * COARSE_S, 10.0)
-    assert age_s(freshness, 10.1, 10.08, 10.08, 10.1) == 0.0
+@pytest.mark.parametrize("early_s, expected_s", [(0.019, 0.0), (0.021, math.inf)])
+def test_a_clock_that_is_20_ms_coarse_still_has_an_age(early_s, expected_s):
+    assert age_s(Freshness(), 10.0, 9.99, 9.99 - early_s, 10.0) == expected_s
 
 
 def test_the_clock_goes_on_while_the_computer_is_suspended(monkeypatch):

@@ -211,6 +211,15 @@ async def test_a_robot_that_reports_nothing_has_samples_too(site, page):
 
 
 @pages
+async def test_a_view_that_changes_is_sent_ten_times_a_second(site, page):
+    times_ms = []
+    for range_m in (0.1, 0.2, 0.3, 0.4, 0.5):  # the first view is sent at once
+        times_ms.append((await page.next("view"))["at"])
+        site.robot.ranges = {"front": range_m}
+    assert min(later - earlier for earlier, later in zip(times_ms[1:], times_ms[2:])) > 74
+
+
+@pages
 async def test_a_new_page_gets_the_path_so_far_thinned_out(site, page):
     assert len((await page.next("path"))["poses"]) == 1000
 
