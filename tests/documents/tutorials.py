@@ -5,12 +5,13 @@ In a tutorial, the blocks of one kind do the same thing each time:
 - `sh`: run in the tutorial's own folder; the commands must succeed.  If the paragraph before it says "Leave it
   running", it is started and the next step follows when it has printed something; it ends with the tutorial.
 - `python` and `yaml`, if the paragraph before names a file: that file is written.
-- `text` after `sh`: its lines must be in the output, in this order; each number stands for any number.
+- `text` after `sh`: its lines must be in the output, in this order; each number may differ by 15 % or by 0.05.
 - `console`: needs hardware or a person, and is not run.
 """
 
 import argparse
 import contextlib
+import math
 import os
 import re
 import shutil
@@ -30,7 +31,9 @@ FOLDER = ROOT / "docs" / "tutorials"
 RUNS_ON = "Leave it running"
 START_S, STEP_S, END_S = 30.0, 300.0, 20.0
 NEED_ROS = ("navigation", "team")
-NUMBER = r"-?\d+(?:\.\d+)?"
+NUMBER = r"(-?\d+(?:\.\d+)?(?:e-?\d+)?)"
+RELATIVE, ABSOLUTE = 0.15, 0.05
+"""A number of the output may differ this much from the tutorial's; the larger of the two counts."""
 
 
 class Failed(Exception):
@@ -60,18 +63,24 @@ def environment(folder: Path) -> Dict[str, str]:
 
 
 def check_output(expected: str, output: str) -> None:
-    """Raises Failed unless the lines are in the output in this order; `...` stands for any lines."""
+    """Raises Failed unless these lines are in the output in this order, with similar numbers; `...`: any lines."""
     rest = output
     for line in expected.splitlines():
         if not line.strip() or line.strip() == "...":
             continue
-        parts = [re.escape(part) for part in re.split(NUMBER, line.strip())]
-        found = re.search(
-            re.sub(r"(\\ )+", " +", NUMBER.join(parts)), rest
-        )  # a sign takes a space of a column
+        parts = re.split(NUMBER, line.strip())  # text, number, text, ...
+        pattern = NUMBER.join(map(re.escape, parts[::2]))
+        pattern = re.sub(r"(\\ )+", " +", pattern)  # a sign takes a space of a column
+        found = next((each for each in re.finditer(pattern, rest) if _near(each.groups(), parts[1::2])), None)
         if not found:
             raise Failed(f"expected {line!r}, got:\n{output}")
         rest = rest[found.end() :]
+
+
+def _near(got: Sequence[str], expected: Sequence[str]) -> bool:
+    return all(
+        math.isclose(float(a), float(b), rel_tol=RELATIVE, abs_tol=ABSOLUTE) for a, b in zip(got, expected)
+    )
 
 
 @contextlib.contextmanager
