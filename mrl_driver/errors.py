@@ -23,6 +23,18 @@ Each message is one line: what was got, what was expected, what to do.  The comm
 as `[port_busy]`, and exits with `exit_code`; libraries only raise.  `mrl explain CODE` says more (`problems`).
 """
 
+import contextlib
+import errno
+from typing import Dict, Iterator, Type
+
+_SHORTAGES: Dict[int, str] = {
+    errno.EMFILE: "this program has too many files open; close some, or allow more with: ulimit -n 4096",
+    errno.ENFILE: "this computer has too many files open; end other programs",
+    errno.ENOMEM: "no memory is left; end other programs",
+    errno.ENOBUFS: "no memory is left for network connections; end other programs",
+}
+_NO_THREAD = "can't start new thread"
+"""Words of Python's RuntimeError."""
 _LONGEST = 1000
 """Longest message [characters]."""
 
@@ -36,6 +48,27 @@ def one_line(text: str) -> str:
     if not text.isprintable():
         text = "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
     return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 405]} ... {text[-400:]}"
+
+
+def shortage(error: BaseException) -> str:
+    """Return what the computer has run out of, and what to do; empty if the error has another reason."""
+    if isinstance(error, MemoryError):
+        return _SHORTAGES[errno.ENOMEM]
+    if isinstance(error, RuntimeError) and str(error) == _NO_THREAD:
+        return "no thread can be started; end other programs, or allow more with: ulimit -u 4096"
+    return _SHORTAGES.get(error.errno or 0, "") if isinstance(error, OSError) else ""
+
+
+@contextlib.contextmanager
+def shortages(what: str, kind: Type["MrlError"]) -> Iterator[None]:
+    """In this block, raise `kind` if descriptors, threads or memory run out; its text begins with `what`."""
+    try:
+        yield
+    except (OSError, RuntimeError, MemoryError) as error:
+        reason = shortage(error)
+        if not reason:
+            raise
+        raise kind(f"{what}: {reason}") from None
 
 
 class MrlError(Exception):

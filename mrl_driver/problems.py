@@ -58,6 +58,7 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
                 "you are in group GROUP, but you logged in before you were added",
                 "only root may open PORT",
                 "no permission to listen on ADDRESS",
+                "this container may not use PORT",
             ),
         ),
         Problem(
@@ -70,9 +71,11 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
         Problem(
             "link_error",
             "PORT cannot be opened",
-            "The driver of the port refused it, or the address of a network link is wrong.",
+            "The device behind the port does not answer, often because its cable was pulled and its name is still "
+            "there, as in a container. Or the address of a network link is wrong, or this computer has run out of "
+            "descriptors, threads or memory.",
             "unplug the board and plug it in again; check the address and the baud rate",
-            ("ADDRESS cannot be listened on",),
+            ("because its device does not answer", "ADDRESS cannot be listened on", "too many files open"),
         ),
         Problem(
             "link_lost",

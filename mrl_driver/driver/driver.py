@@ -18,7 +18,7 @@ import threading
 import time
 from typing import Any, Callable, Dict, List, NoReturn, Optional, Sequence, Tuple, Union
 
-from mrl_driver.errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError, WrongRobot
+from mrl_driver.errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError, WrongRobot, shortages
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD, BY_NAME, STOP_CODE
@@ -173,19 +173,23 @@ class Driver:
 
     def _start(self, link: Link) -> None:
         """Start the session and the thread, unless the driver was closed while the port opened."""
-        with self._lock:
-            if not self._closing:
+        thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
+        try:
+            with self._lock, shortages("the driver cannot start", MrlError):
+                if self._closing:
+                    raise LinkLost(CLOSED_EARLY)
                 self._link = link
                 now = now_s()
                 if self._links.recording is not None:
                     self._links.recording.new(now)
                 self._core.begin(now)
-                self._thread = threading.Thread(target=self._run, name="mrl-driver", daemon=True)
-                self._thread.start()
-                return
-        link.close()
-        self._links.end_recording()
-        raise LinkLost(CLOSED_EARLY)
+                thread.start()
+                self._thread = thread
+        except BaseException:
+            self._link = None
+            link.close()
+            self._links.end_recording()
+            raise
 
     def close(self) -> None:
         """Stop the robot, wait at most a second for telemetry to confirm the stop, and close the port.
@@ -522,7 +526,10 @@ class Driver:
         """
         recorder = self._links.stop_recording()
         if threading.current_thread() is self._thread:  # it must not wait for a disk
-            threading.Thread(target=recorder.close, name="recorder-end", daemon=True).start()
+            try:
+                threading.Thread(target=recorder.close, name="recorder-end", daemon=True).start()
+            except RuntimeError:  # no thread can be started
+                recorder.close()
         else:
             recorder.close()
         return recorder.loss

@@ -30,7 +30,7 @@ import time
 from collections import deque
 from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, Iterator, List, Optional
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, shortage, shortages
 from mrl_driver.json_text import exact_json
 
 from .entry import FROM_BOARD as FROM_BOARD
@@ -115,9 +115,8 @@ class Recorder:
         try:
             self._fd = _open_alone(path)
         except OSError as error:
-            raise ConfigError(
-                f"cannot record to {path!r}: {error.strerror}; give a file that can be written"
-            ) from None
+            reason = shortage(error) or f"{error.strerror}; give a file that can be written"
+            raise ConfigError(f"cannot record to {path!r}: {reason}") from None
         self._clock = clock or now_s
         self._start_s = self._clock()
         started = datetime.datetime.now(datetime.timezone.utc).isoformat()
@@ -126,7 +125,12 @@ class Recorder:
         self._thread: Optional[threading.Thread] = None
         if clock is None:
             self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
-            self._thread.start()
+            try:
+                with shortages(f"cannot record to {path!r}", ConfigError):
+                    self._thread.start()
+            except BaseException:
+                os.close(self._fd)
+                raise
 
     def add(self, direction: str, data: bytes, at_s: Optional[float] = None) -> None:
         """Record `data`, which was sent in `direction` just now, or at this time of the driver's clock [s]."""

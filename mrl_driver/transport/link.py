@@ -4,6 +4,7 @@ Reading and writing use poll, `os.read` and `os.write` on the descriptor.  This 
 never waits longer than requested.
 """
 
+import contextlib
 import errno
 import fcntl
 import glob
@@ -19,7 +20,7 @@ from typing import Dict, Iterator, List, Optional, Protocol, Type, runtime_check
 import serial
 from serial.tools import list_ports
 
-from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
+from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing, shortage
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD
 
@@ -36,12 +37,9 @@ PTY_MAJORS = range(136, 144)
 LOCKS = ("link read", "link write", "link wake")
 _ERRORS = {
     errno.ENOENT: PortMissing,
-    errno.ENODEV: PortMissing,
-    errno.ENXIO: PortMissing,
     errno.ENOTTY: PortMissing,
     errno.EINVAL: PortMissing,
     errno.EISDIR: PortMissing,
-    errno.EIO: PortMissing,
     errno.EACCES: PortDenied,
     errno.EPERM: PortDenied,
     errno.EBUSY: PortBusy,
@@ -189,11 +187,16 @@ class DescriptorLink:
     """A link over one descriptor that never blocks."""
 
     def _begin(self, port: str, fd: int) -> None:
-        """Use `fd`, an open descriptor that never blocks."""
+        """Use `fd`, an open descriptor that never blocks.  If that fails, it is closed."""
         self.port, self._fd = port, fd
         self.closed, self._open = False, True
-        self._make_locks()
-        self._wake_out, self._wake_in = os.pipe()
+        try:
+            self._make_locks()
+            self._wake_out, self._wake_in = os.pipe()
+        except BaseException:
+            self.closed, self._open = True, False
+            self._release()
+            raise
         os.set_blocking(self._wake_in, False)
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
@@ -392,22 +395,35 @@ def _there_are() -> str:
 
 def _open(port: str, baud: int) -> serial.Serial:
     try:
-        return serial.Serial(port, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+        made = serial.Serial(None, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+        made.port = port
+        try:
+            made.open()
+        except BaseException:
+            with contextlib.suppress(Exception):  # pyserial 3.4 has not opened what it closes here
+                made.close()
+            raise
+        return made
     except ValueError as error:
         raise LinkError(
             f"{port}: baud rate {baud!r} is refused ({error}), expected one such as {BAUD}"
         ) from None
-    except (serial.SerialException, OSError) as error:
+    except (OSError, termios.error) as error:
         raise _explain(port, error) from None
-    except termios.error as error:
-        raise PortMissing(f"{port!r} is not a serial port ({_words(error)}); {_there_are()}") from None
 
 
-def _explain(port: str, error: OSError) -> LinkError:
+def _explain(port: str, error: Exception) -> LinkError:
+    if shortage(error):
+        return LinkError(f"{port} cannot be opened: {shortage(error)}")
     kind: Type[LinkError] = _ERRORS.get(_errno(error), LinkError)
     if kind is PortBusy:
         return PortBusy(
             f"{port} is in use by {locked_by(port) or 'another program'}; end that program, or choose another port"
+        )
+    if _errno(error) == errno.EPERM:
+        return PortDenied(
+            f"this container may not use {port}: pass the device to it, with docker run --device, and again after it "
+            "was unplugged"
         )
     if kind is PortDenied:
         return PortDenied(
@@ -416,7 +432,10 @@ def _explain(port: str, error: OSError) -> LinkError:
         )
     if kind is PortMissing:
         return PortMissing(f"{port!r} is not a serial port ({_words(error)}); {_there_are()}")
-    return LinkError(f"{port} cannot be opened ({_words(error)})")
+    return LinkError(
+        f"{port} cannot be opened, because its device does not answer ({_words(error)}): unplug it and plug it in "
+        "again; in a container, pass the device to it again"
+    )
 
 
 def _errno(error: BaseException) -> int:

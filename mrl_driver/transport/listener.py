@@ -10,7 +10,7 @@ import socket
 import time
 from typing import Any, List, Optional, Protocol, Tuple, Union
 
-from mrl_driver.errors import ConfigError, LinkError, PortBusy, PortDenied
+from mrl_driver.errors import ConfigError, LinkError, MrlError, PortBusy, PortDenied, shortage
 
 from .address import TCP, Address, parse
 
@@ -72,13 +72,14 @@ class TcpListener:
     def __init__(self, address: Address) -> None:
         self._listening = bound(address, socket.SOCK_STREAM)
         self._end: Optional[socket.socket] = None
+        self._accepts = True
         self.address = address._replace(port=self._listening.getsockname()[1])
         self.client = ""
 
     @property
     def watch(self) -> Optional[int]:
-        """As `Listener.watch`."""
-        return self._listening.fileno()
+        """As `Listener.watch`; None after a connection could not be accepted, as without descriptors."""
+        return self._listening.fileno() if self._accepts else None
 
     @property
     def data(self) -> Optional[int]:
@@ -88,18 +89,21 @@ class TcpListener:
     def attend(self) -> bool:
         """Accept waiting connections; return True if there is a new client."""
         came = False
-        with contextlib.suppress(BlockingIOError, ConnectionError):
-            while True:
+        while True:
+            try:
                 end, name = self._listening.accept()
-                if self._end is not None:
-                    self._gone_already()
-                if self._end is not None:
-                    end.close()
-                    continue
-                end.setblocking(False)
-                prompt(end)
-                self._end, self.client, came = end, spell(name), True
-        return came
+                self._accepts = True
+            except OSError as error:
+                self._accepts = isinstance(error, (BlockingIOError, ConnectionError))
+                return came
+            if self._end is not None:
+                self._gone_already()
+            if self._end is not None:
+                end.close()
+                continue
+            end.setblocking(False)
+            prompt(end)
+            self._end, self.client, came = end, spell(name), True
 
     def _gone_already(self) -> None:
         """Drop the client if it has closed its connection already."""
@@ -270,6 +274,8 @@ def bound(address: Address, kind: int, waiting: int = 1) -> socket.socket:
         )[0]
         end = socket.socket(family, sort, protocol)
     except (OSError, UnicodeError) as error:
+        if shortage(error):
+            raise _refused(address, error) from None
         raise ConfigError(f"{address}: {error}; expected an address of this computer") from None
     try:
         if kind == socket.SOCK_STREAM:
@@ -284,7 +290,10 @@ def bound(address: Address, kind: int, waiting: int = 1) -> socket.socket:
         raise _refused(address, error) from None
 
 
-def _refused(address: Address, error: OSError) -> Exception:
+def _refused(address: Address, error: Exception) -> MrlError:
+    if shortage(error):
+        return LinkError(f"{address} cannot be listened on: {shortage(error)}")
+    assert isinstance(error, OSError)
     if error.errno == errno.EADDRINUSE:
         return PortBusy(f"{address} is in use by another program; end that, or choose another port")
     if error.errno in (errno.EACCES, errno.EPERM):

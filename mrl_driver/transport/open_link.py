@@ -1,5 +1,6 @@
 """Opens a port of any kind: a device, a TCP connection, UDP datagrams, or a URL of pyserial."""
 
+from mrl_driver.errors import LinkError, shortages
 from mrl_driver.protocol.table import BAUD
 
 from .address import TCP, UDP, is_url, scheme_of
@@ -23,6 +24,11 @@ def open_link(port: str, baud: int = BAUD, patience_s: float = CONNECT_S) -> Lin
         ConfigError: the URL does not parse.
         LinkError: the port cannot be opened; each link's class lists the errors.
     """
+    with shortages(f"{port} cannot be opened", LinkError):
+        return _open(port, baud, patience_s)
+
+
+def _open(port: str, baud: int, patience_s: float) -> Link:
     if not is_url(port):
         return SerialLink(port, baud)
     scheme = scheme_of(port)

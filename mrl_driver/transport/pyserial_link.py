@@ -4,6 +4,7 @@ Only this module and `link` use pyserial.  A thread copies the bytes that pyseri
 these links have no descriptor to wait for.
 """
 
+import contextlib
 import os
 import threading
 from typing import Optional
@@ -29,13 +30,22 @@ class UrlLink(DescriptorLink):
     """
 
     def __init__(self, port: str, baud: int = BAUD) -> None:
-        self._serial = _open(port, baud)
-        self._failure = "hung up"
-        out, self._into = os.pipe()
-        os.set_blocking(out, False)
-        self._begin(port, out)
-        self._feeder = threading.Thread(target=self._feed, name="mrl-url", daemon=True)
-        self._feeder.start()
+        self._failure, self.closed = "hung up", False
+        with contextlib.ExitStack() as undo:
+            self._serial = _open(port, baud)
+            undo.callback(self._serial.close)
+            out, self._into = os.pipe()
+            undo.callback(os.close, out)
+            undo.callback(os.close, self._into)
+            os.set_blocking(out, False)
+            self._feeder = threading.Thread(target=self._feed, name="mrl-url", daemon=True)
+            self._feeder.start()
+            undo.pop_all()  # `_begin` and the thread close them
+        try:
+            self._begin(port, out)
+        except BaseException:
+            self._feeder.join(1.0)
+            raise
 
     def _feed(self) -> None:
         """Copy arriving bytes into the pipe until the link is closed or the port goes away."""

@@ -8,7 +8,7 @@ import os
 import socket
 from typing import Any, Dict, List, Optional, Tuple, Type
 
-from mrl_driver.errors import LinkError, LinkLost, PortDenied, PortMissing
+from mrl_driver.errors import LinkError, LinkLost, PortDenied, PortMissing, shortage
 
 from .address import Address, parse
 from .link import DescriptorLink
@@ -107,11 +107,15 @@ def connect(address: Address, port: str, patience_s: float) -> socket.socket:
         PortMissing, LinkError: as `TcpLink`.
     """
     end = _first(address, port, socket.SOCK_STREAM, patience_s)
-    if end.getsockname() == end.getpeername():
+    try:
+        if end.getsockname() == end.getpeername():
+            end.close()
+            raise PortMissing(f"{port} cannot be opened (it leads back here): {_REMEDY[errno.ECONNREFUSED]}")
+        end.setblocking(False)
+        prompt(end)
+    except OSError as error:  # the other end has left again
         end.close()
-        raise PortMissing(f"{port} cannot be opened (it leads back here): {_REMEDY[errno.ECONNREFUSED]}")
-    end.setblocking(False)
-    prompt(end)
+        raise explain(port, error) from None
     return end
 
 
@@ -153,6 +157,8 @@ def resolve(address: Address, port: str, kind: int) -> List[Tuple[Any, Any, int,
 
 def explain(port: str, error: OSError) -> LinkError:
     """Return the error for a port that could not be opened."""
+    if shortage(error):
+        return LinkError(f"{port} cannot be opened: {shortage(error)}")
     number = errno.ETIMEDOUT if isinstance(error, socket.timeout) else error.errno or 0
     kinds: Dict[int, Type[LinkError]] = {errno.EACCES: PortDenied, errno.EPERM: PortDenied}
     kind = kinds.get(number, PortMissing if number in _REMEDY else LinkError)

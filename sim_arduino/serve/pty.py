@@ -8,9 +8,9 @@ import select
 import struct
 import termios
 import tty
-from typing import Optional, Tuple
+from typing import List, Optional, Tuple
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, SimulatorError, shortages
 from mrl_driver.protocol.table import BAUD
 
 _IN_OPEN, _IN_CLOSE = 0x20, 0x08 | 0x10
@@ -46,17 +46,21 @@ class PtyPort:
         """Plugs the device in, with another name than before."""
         if self.master is not None:
             return
-        master, slave = os.openpty()
-        if os.ttyname(slave) == self.path:
-            taken = master, slave
-            master, slave = os.openpty()
-            for descriptor in taken:
-                os.close(descriptor)
-        tty.setraw(slave)
-        os.set_blocking(master, False)
-        self.master, self._slave = master, slave
-        self._settings = termios.tcgetattr(slave)
-        self.path = os.ttyname(slave)
+        ends: List[int] = []
+        try:
+            with shortages("no pseudo terminal can be opened", SimulatorError):
+                ends += os.openpty()
+                if os.ttyname(ends[1]) == self.path:
+                    ends += os.openpty()  # it has another name, because the first is still open
+            self.master, self._slave = ends[-2:]
+            del ends[-2:]
+        finally:
+            for end in ends:
+                os.close(end)
+        tty.setraw(self._slave)
+        os.set_blocking(self.master, False)
+        self._settings = termios.tcgetattr(self._slave)
+        self.path = os.ttyname(self._slave)
         self._clients = 0
         self._left = b""
         self.watch = _watch(self.path)
@@ -156,7 +160,10 @@ def _watch(path: str) -> Optional[int]:
         descriptor = libc.inotify_init1(os.O_NONBLOCK | os.O_CLOEXEC)
     except AttributeError:
         return None
-    if descriptor < 0 or libc.inotify_add_watch(descriptor, path.encode(), _IN_OPEN | _IN_CLOSE) < 0:
+    if descriptor < 0:
+        return None
+    if libc.inotify_add_watch(descriptor, path.encode(), _IN_OPEN | _IN_CLOSE) < 0:
+        os.close(descriptor)
         return None
     return int(descriptor)
 

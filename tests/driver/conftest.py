@@ -92,6 +92,31 @@ def serve(patient):
         board.close()
 
 
+class Cable:
+    """A link in a folder that leads to the board that is plugged in, and is gone while none is, as udev's are.
+
+    Another test may have a pty of the same number by then.
+    """
+
+    def __init__(self, serve, path):
+        self.serve, self.path = serve, str(path)
+        self.plug()
+
+    def plug(self, **board):
+        self.port = self.serve(**board)
+        os.symlink(self.port.path, self.path + ".new")
+        os.replace(self.path + ".new", self.path)
+
+    def unplug(self):
+        os.remove(self.path)
+        self.port.unplug()
+
+
+@pytest.fixture
+def cable(serve, tmp_path):
+    return Cable(serve, tmp_path / "robot")
+
+
 @pytest.fixture
 def line():
     line = Line()

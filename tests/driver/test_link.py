@@ -277,6 +277,34 @@ def test_a_port_marked_exclusive_is_busy(pty, monkeypatch):
         SerialLink(pty[1])
 
 
+@pytest.mark.parametrize(
+    "number", [errno.EIO, errno.EPROTO, errno.EPIPE, errno.ENODEV, errno.ENXIO, errno.ETIMEDOUT]
+)
+@pytest.mark.parametrize("call", ["tcgetattr", "tcsetattr"])
+def test_a_device_that_does_not_answer_is_a_port_and_must_be_plugged_in_again(pty, monkeypatch, call, number):
+    """Whatever number the system gives for it: a cable that was pulled, or a node that a container got before."""
+
+    def fail(*_):
+        raise termios.error(number, os.strerror(number))
+
+    monkeypatch.setattr(termios, call, fail)
+    with pytest.raises(LinkError, match="does not answer .*unplug it and plug it in again") as raised:
+        SerialLink(pty[1])
+    assert not isinstance(raised.value, PortMissing) and os.strerror(number) in str(raised.value)
+
+
+def test_a_port_that_the_container_may_not_open_is_denied_without_a_group(pty, monkeypatch):
+    """Its mode permits it, and the system does not: the rights of devices are the container's."""
+
+    def deny(*_, **__):
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr("serial.Serial", deny)
+    with pytest.raises(PortDenied, match="this container may not use") as raised:
+        SerialLink(pty[1])
+    assert "dialout" not in str(raised.value)
+
+
 @pytest.mark.parametrize("baud", [-1, "fast"])
 def test_a_baud_rate_that_is_none_is_refused(pty, baud):
     with pytest.raises(LinkError, match="baud rate"):

@@ -16,33 +16,10 @@ from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_search import Port
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
+from .conftest import Cable
+
 NOTICED_S, BACK_S, CLOSE_S, RUNS = 0.1, 2.0, 1.0, 5
 """Limits for the medians of so many runs."""
-
-
-class Cable:
-    """A link in a folder that leads to the board that is plugged in, and is gone while none is, as udev's are.
-
-    Another test may have a pty of the same number by then.
-    """
-
-    def __init__(self, serve, path):
-        self.serve, self.path = serve, str(path)
-        self.plug()
-
-    def plug(self, **board):
-        self.port = self.serve(**board)
-        os.symlink(self.port.path, self.path + ".new")
-        os.replace(self.path + ".new", self.path)
-
-    def unplug(self):
-        os.remove(self.path)
-        self.port.unplug()
-
-
-@pytest.fixture
-def cable(serve, tmp_path):
-    return Cable(serve, tmp_path / "robot")
 
 
 @pytest.fixture

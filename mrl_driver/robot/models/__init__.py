@@ -10,7 +10,7 @@ from functools import lru_cache
 from typing import Any, Dict, List
 
 from mrl_driver import folders, yaml_file
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, shortages
 from mrl_driver.protocol.table import PARAMETERS
 
 from .drives import Base, Drive, MecanumDrive, NoDrive, OmniDrive, kind_of
@@ -107,7 +107,8 @@ def names() -> List[str]:
 
 def _names_in(folder: str) -> List[str]:
     try:
-        return sorted(f[:-5] for f in os.listdir(folder) if f.endswith(".yaml"))
+        with shortages(f"{folder} cannot be read", ConfigError):
+            return sorted(f[:-5] for f in os.listdir(folder) if f.endswith(".yaml"))
     except OSError:
         return []
 

@@ -1,0 +1,160 @@
+"""Few descriptors, no thread: one of our errors, nothing stays open or locked, and it works again afterwards."""
+
+import contextlib
+import os
+import resource
+import socket
+import threading
+
+import pytest
+
+from mrl_driver.driver import Driver, Options, link_source
+from mrl_driver.errors import MrlError
+from mrl_driver.recording.recording import Recorder
+from mrl_driver.session.events import Lost, Reconnected
+from mrl_driver.transport.address import parse
+from mrl_driver.transport.listener import TcpListener, UdpListener
+from mrl_driver.transport.open_link import open_link
+from mrl_driver.transport.udp_sender import UdpSender
+from sim_arduino.serve.pty import PtyPort
+from tests.waiting import wait_until
+
+MOST = 30
+"""More descriptors and threads than anything here needs."""
+
+
+def opened():
+    """The descriptors of this process, with what they lead to."""
+    found = {}
+    for name in os.listdir("/proc/self/fd"):
+        with contextlib.suppress(OSError):  # that of this look
+            found[int(name)] = os.readlink(f"/proc/self/fd/{name}")
+    return found
+
+
+@contextlib.contextmanager
+def descriptors_left(count):
+    """In this block only so many descriptors can be opened."""
+    taken, limits = sorted(opened()), resource.getrlimit(resource.RLIMIT_NOFILE)
+    holes = [os.open(os.devnull, os.O_RDONLY) for number in range(taken[-1] + 1) if number not in taken]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (taken[-1] + 1 + count, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+        for hole in holes:
+            os.close(hole)
+
+
+@contextlib.contextmanager
+def threads_left(count):
+    """In this block only so many threads can be started."""
+    start, left = threading.Thread.start, [count]
+
+    def begin(self):
+        left[0] -= 1
+        if left[0] < 0:
+            raise RuntimeError("can't start new thread")
+        start(self)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(threading.Thread, "start", begin)
+        yield
+
+
+def bound(kind, scheme):
+    return kind(parse(f"{scheme}://127.0.0.1:0", listening=True))
+
+
+def driver(port, **options):
+    made = Driver(port, options=Options(**options))
+    made.connect()
+    return made
+
+
+@pytest.fixture
+def openers(serve, tmp_path):
+    """Everything that is opened in steps, by name: a call that returns what can be closed."""
+    port, listener, record = (
+        serve().path,
+        socket.create_server(("127.0.0.1", 0), backlog=MOST),
+        str(tmp_path / "drive.mrl"),
+    )
+    yield {
+        "device": lambda: open_link(port),
+        "tcp": lambda: open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}"),
+        "udp": lambda: open_link("udp://127.0.0.1:9"),
+        "url": lambda: open_link("loop://"),
+        "driver": lambda: driver(port),
+        "recording driver": lambda: driver(port, record=record),
+        "recorder": lambda: Recorder(record),
+        "tcp listener": lambda: bound(TcpListener, "tcp"),
+        "udp listener": lambda: bound(UdpListener, "udp"),
+        "udp sender": lambda: UdpSender("127.0.0.1:9"),
+        "emulated port": PtyPort,
+    }
+    listener.close()
+
+
+NAMES = (
+    *("device", "tcp", "udp", "url", "driver", "recording driver", "recorder"),
+    *("tcp listener", "udp listener", "udp sender", "emulated port"),
+)
+
+
+@pytest.mark.parametrize("left", [descriptors_left, threads_left])
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_opened_in_steps_leaves_nothing_open_if_a_step_fails(openers, name, left):
+    open_it = openers[name]
+    open_it().close()  # what it imports is imported
+    before, threads, errors = opened(), threading.active_count(), []
+    for count in range(MOST):
+        with left(count):
+            try:
+                open_it().close()
+                break
+            except MrlError as error:
+                errors.append(error)  # it keeps what the collector would close
+        assert opened() == before and threading.active_count() == threads
+    assert opened() == before and count < MOST - 1
+    assert all("too many files open" in str(error) or "no thread" in str(error) for error in errors)
+
+
+def test_a_driver_that_found_no_thread_closes_and_connects_later(serve):
+    robot = Driver(serve().path)
+    with threads_left(0), pytest.raises(MrlError, match="the driver cannot start: no thread can be started"):
+        robot.connect()
+    assert robot.connect().robot_id == 1
+    robot.close()
+
+
+def test_a_driver_that_found_no_thread_can_be_closed(serve):
+    robot = Driver(serve().path)
+    with threads_left(0), pytest.raises(MrlError):
+        robot.connect()
+    robot.close()
+
+
+@pytest.mark.parametrize("left", [0, 5])
+def test_a_lost_robot_is_found_again_when_there_are_descriptors(cable, left, monkeypatch):
+    """With five, the port opens, and the pipe behind it does not."""
+    events, tried = [], []
+    monkeypatch.setattr(link_source, "open_link", lambda *args: tried.append(args) or open_link(*args))
+    with Driver(cable.path, options=Options(reconnect=True)) as robot:
+        robot.on_event(events.append)
+        cable.unplug()
+        wait_until(lambda: any(isinstance(event, Lost) for event in events))
+        cable.plug()
+        with descriptors_left(left):
+            wait_until(lambda: len(tried) > 2)
+            assert robot.error is None
+        wait_until(lambda: any(isinstance(event, Reconnected) for event in events))
+
+
+def test_a_listener_that_cannot_accept_goes_on_and_accepts_later():
+    with contextlib.closing(bound(TcpListener, "tcp")) as listener, socket.create_connection(
+        ("127.0.0.1", listener.address.port)
+    ):
+        with descriptors_left(0):
+            assert not listener.attend() and listener.watch is None
+        assert listener.attend() and listener.client and listener.watch is not None
