@@ -20,21 +20,21 @@ def replacing(path: str, private: bool = False) -> Iterator[str]:
         OutputError: the file cannot be written: the block has raised OSError, or the file cannot be renamed, or `path`
             is a device or another file that is not plain, which would be lost.
     """
+    import tempfile  # late: the driver, which replaces no file, does not wait for it
+
     target = os.path.realpath(path)
-    temporary = f"{target}.{os.getpid()}.new"
     try:
         if os.path.exists(target) and not os.path.isfile(target):
             raise OSError(errno.EINVAL, "it is not a plain file")
-        yield temporary
-        if os.path.exists(target) and not private:
-            shutil.copymode(target, temporary)
-        os.replace(temporary, target)
-    except BaseException as error:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        if isinstance(error, OSError):
-            raise unwritable(path, error) from None
-        raise
+        # In a folder of its own: elsewhere another user may have put a symbolic link in the way, such as in /tmp.
+        with tempfile.TemporaryDirectory(dir=os.path.dirname(target), prefix=".mrl-") as folder:
+            temporary = os.path.join(folder, "new")
+            yield temporary
+            if os.path.exists(target) and not private:
+                shutil.copymode(target, temporary)
+            os.replace(temporary, target)
+    except OSError as error:
+        raise unwritable(path, error) from None
 
 
 def unwritable(path: str, error: OSError) -> OutputError:
@@ -87,6 +87,4 @@ def replace_file(path: str, content: Union[str, bytes], private: bool = False) -
 
 
 def _open_private(path: str, flags: int) -> int:
-    fd = os.open(path, flags, 0o600)
-    os.fchmod(fd, 0o600)  # also if a file of this name was left behind
-    return fd
+    return os.open(path, flags, 0o600)

@@ -7,6 +7,7 @@ holds the lock on its file, so that a killed process leaves no robot behind.
 import fcntl
 import mmap
 import os
+import stat
 import struct
 import tempfile
 import time
@@ -44,16 +45,23 @@ def folder_of(world_name: str) -> str:
     """The folder of a shared world; it is created if necessary.
 
     Raises:
-        ConfigError: the name is not valid, or the folder belongs to another user.
+        ConfigError: the name is not valid, or the folder or one above it is a symbolic link or belongs to another user.
     """
-    base = os.environ.get("XDG_RUNTIME_DIR") or os.path.join(tempfile.gettempdir(), f"mrl-sim-{os.getuid()}")
-    folder = os.path.join(base, "mrl-sim", _checked("world name", world_name))
-    try:
-        os.makedirs(folder, mode=0o700, exist_ok=True)
-        if os.stat(folder).st_uid != os.getuid():
-            raise PermissionError(13, "it belongs to somebody else")
-    except OSError as error:
-        raise ConfigError(f"world {world_name!r}: folder {folder}: {error.strerror}") from None
+    given = os.environ.get("XDG_RUNTIME_DIR")
+    base = os.path.realpath(given) if given else os.path.join(tempfile.gettempdir(), f"mrl-sim-{os.getuid()}")
+    shared = os.path.join(base, "mrl-sim")
+    folder = os.path.join(shared, _checked("world name", world_name))
+    for each in (base, shared, folder):
+        try:
+            os.makedirs(each, mode=0o700, exist_ok=True)
+            found = os.lstat(each)
+        except OSError as error:
+            raise ConfigError(f"world {world_name!r}: folder {each}: {error.strerror}") from None
+        if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+            raise ConfigError(
+                f"world {world_name!r}: folder {each} is a symbolic link or belongs to another user, expected one of "
+                "your own; remove it, or set XDG_RUNTIME_DIR to a folder of your own"
+            )
     return folder
 
 

@@ -61,7 +61,7 @@ def test_an_old_picture_stays(recorded):  # noqa: F811
     done = on_a_full_disk(4096, "mrl_driver", "plot", recorded)
     assert done.returncode == FULL and done.stderr.count("\n") == 1, done.stderr
     assert f"{picture} cannot be written: File too large; nothing was changed" in done.stderr
-    assert picture.read_bytes() == b"old" and not list(recorded.parent.glob("*.new"))
+    assert picture.read_bytes() == b"old" and not list(recorded.parent.glob(".mrl-*"))
 
 
 @pytest.mark.parametrize("ending", figures.ENDINGS)
@@ -85,6 +85,15 @@ def test_a_link_stays_a_link(tmp_path):
     (tmp_path / "link.yaml").symlink_to("real.yaml")
     replace_file(str(tmp_path / "link.yaml"), "new")
     assert (tmp_path / "link.yaml").is_symlink() and (tmp_path / "real.yaml").read_text() == "new"
+
+
+def test_no_other_file_is_written_on_the_way(tmp_path):
+    """In a folder such as /tmp, another user may have guessed a name and made a link of it."""
+    kept = tmp_path / "kept"
+    kept.write_text("kept")
+    (tmp_path / f"robot.yaml.{os.getpid()}.new").symlink_to(kept)
+    replace_file(str(tmp_path / "robot.yaml"), "new")
+    assert kept.read_text() == "kept"
 
 
 def test_permissions_stay(tmp_path):

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import uuid
 from contextlib import closing
 
@@ -40,6 +41,24 @@ def registries(lab):
     yield made
     for registry in made:
         registry.close()
+
+
+def test_a_symbolic_link_of_another_user_is_not_followed(tmp_path, monkeypatch):
+    """Everybody can make one in /tmp before the folder is there."""
+    monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    (tmp_path / "own").mkdir()
+    (tmp_path / f"mrl-sim-{os.getuid()}").symlink_to(tmp_path / "own")
+    with pytest.raises(ConfigError, match="is a symbolic link or belongs to another user"):
+        SharedRegistry("lab")
+    assert not list((tmp_path / "own").iterdir())
+
+
+def test_the_folder_of_another_user_is_not_used(lab, tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid + 1)
+    with pytest.raises(ConfigError, match="is a symbolic link or belongs to another user"):
+        SharedRegistry(lab)
+    assert not list(tmp_path.iterdir())
 
 
 def test_robots_of_other_processes_are_there(registries):
