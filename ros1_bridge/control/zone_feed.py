@@ -9,9 +9,12 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.protective_zones import Scan, Zones
 from ros1_bridge.node.robot_parameters import Parameters, zone_sensors, zone_settings
+from ros1_bridge.node.stamp_age import StampAge
 
 LONGEST_S = 0.5
 """After a longer gap between two frames, the distance driven meanwhile is unknown."""
+SCAN_OLD_S = 0.5
+"""An older scan is not used [s]; that of a slow laser, with five turns a second, is 0.2 s old when it is complete."""
 
 
 class ZoneWatch:
@@ -39,6 +42,7 @@ class ZoneWatch:
         sonars = model.sonars if by_sonar else {}
         self.zones = Zones(zone_settings(parameters, braking), model.body, sonars, by_laser)
         self._stamp_s: Optional[float] = None
+        self._scan_age = StampAge(SCAN_OLD_S)
 
     def on_telemetry(self, telemetry: Telemetry, standing: bool) -> None:
         """Pass on the distance and the new ranges of a frame; if the robot stands still, check the zones ahead."""
@@ -52,13 +56,15 @@ class ZoneWatch:
         if standing:
             zones.limit(0.0, now)
 
-    def on_scan(self, message: Any, mount: Pose, now: float) -> str:
+    def on_scan(self, message: Any, mount: Pose, clock_s: float, now: float) -> str:
         """Pass on a sensor_msgs/LaserScan; the laser is at `mount`: x, y, yaw in base_frame [m m rad].
 
-        Returns why the scan is ignored; empty if it is not.
+        `clock_s` is the clock of its stamp.  Returns why the scan is ignored; empty if it is not.
         """
-        return self.zones.on_scan(
-            Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount), now
+        age = self._scan_age
+        return age.trouble(message.header.stamp.to_sec(), clock_s, now) or self.zones.on_scan(
+            Scan(message.ranges, message.angle_min, message.angle_increment, message.range_min, mount),
+            age.made_s,
         )
 
 

@@ -29,6 +29,7 @@ from ros1_bridge.node.cmd_vel import CmdVel
 from ros1_bridge.node.parameters import Row, read, speed_rows
 from ros1_bridge.node.plane_poses import planar, yaw_of
 from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.stamp_age import StampAge
 
 RATE_HZ = 20.0
 ODOM_LATE_S, ODOM_GONE_S = 0.5, 3.0
@@ -36,9 +37,6 @@ ODOM_LATE_S, ODOM_GONE_S = 0.5, 3.0
 reconnection takes."""
 JUMP_M, JUMP_RAD = 0.1, 0.2
 """Odometry that comes back farther off than the robot can have moved, and this, began again: the goal is elsewhere."""
-OLD_ODOM_S = 1.0
-"""Odometry that was measured before the goal does not count for this long: a reset may lie between them.  Then it does,
-because the clocks of two machines may differ."""
 FIRST_ODOM_S = 3.0
 """If the first odometry takes longer, the node says that it waits for it."""
 SILENT_S = 0.5
@@ -63,11 +61,6 @@ PARAMETERS = (
     ),
 )
 """The node's private parameters."""
-
-
-def is_old(stamp_s: float, begun_s: float, now_s: float) -> bool:
-    """Whether odometry with this stamp was measured before a goal began, and does not count for it."""
-    return stamp_s < begun_s and now_s - begun_s < OLD_ODOM_S
 
 
 class OdometryGap:
@@ -148,6 +141,8 @@ class GoToGoal:
         self._odometry_s = -math.inf
         self._located = threading.Event()
         self._ranges = Ranges()
+        self._odometry_age = StampAge(ODOM_LATE_S)
+        self._range_ages = {name: StampAge(SILENT_S) for name in NAMES}
         self._sonars: Dict[str, SonarMount] = {}
         self._cmd_vel = CmdVel()
         self._plan = rospy.Publisher("plan", Path, queue_size=1, latch=True)
@@ -192,16 +187,27 @@ class GoToGoal:
             self._server.action_server.started = False
 
     def _on_odometry(self, message: Odometry) -> None:
+        now_s, stamp_s = rospy.get_time(), message.header.stamp.to_sec()
         try:
             planar(message.pose.pose)
+            trouble = self._odometry_age.trouble(stamp_s, now_s, time.monotonic())
         except ValueError as error:
-            rospy.logwarn_throttle(WARN_EVERY_S, f"odometry not used: {error}")
+            trouble = str(error)
+        if trouble:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"odometry not used: {trouble}")
             return
-        self._odometry, self._odometry_s = message, rospy.get_time()
+        self._odometry, self._odometry_s = message, min(stamp_s, now_s)
         self._located.set()
 
     def _on_range(self, message: Range, name: str) -> None:
-        self._ranges.hear(name, message.range, message.header.frame_id, rospy.get_time())
+        """Take a range; one that is not fresh counts as not valid, so that the robot does not drive by it."""
+        now_s, stamp_s = rospy.get_time(), message.header.stamp.to_sec()
+        trouble = self._range_ages[name].trouble(stamp_s, now_s, time.monotonic())
+        if trouble:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"range of {name} not used: {trouble}")
+        self._ranges.hear(
+            name, math.nan if trouble else message.range, message.header.frame_id, min(stamp_s, now_s)
+        )
 
     def _on_manual_mode(self, message: Bool) -> None:
         """Note the mode; robot_node cancels the goal when it changes."""
@@ -306,7 +312,7 @@ class GoToGoal:
                 rospy.logwarn_throttle(WARN_EVERY_S, f"the robot waits: no odometry for {ODOM_LATE_S:g} s")
             self._cmd_vel.publish(Twist())
             return not gap.why
-        if is_old(odometry.header.stamp.to_sec(), begun_s, now_s):
+        if odometry.header.stamp.to_sec() < begun_s:  # a reset may lie between them
             return True
         ranges = self._placed_ranges(odometry.child_frame_id, now_s) if self._avoid else {}
         linear, angular = seeker.command(pose, ranges, now_s)

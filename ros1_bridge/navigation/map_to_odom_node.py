@@ -18,6 +18,7 @@ from mrl_driver.geometry import ORIGIN, Pose
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import correction, planar, yaw_of
 from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.stamp_age import StampAge
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
 
@@ -57,6 +58,7 @@ class MapToOdom:
         self._ahead = rospy.Duration(given["ahead"])
         self._lock = threading.Lock()  # guards the next two
         self._place, self._heard_s = ORIGIN, float("inf")
+        self._age = StampAge(SILENT_S)
         self._message = messages.new_transform(self._map, self._odom)
         self._out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
         self._buffer = tf2_ros.Buffer()
@@ -79,9 +81,12 @@ class MapToOdom:
 
     def _on_pose(self, message: PoseStamped) -> None:
         try:
+            trouble = self._age.trouble(message.header.stamp.to_sec(), rospy.get_time(), time.monotonic())
             place = correction(planar(message.pose), self._odometry(message.header.stamp))
         except (ValueError, tf2_ros.TransformException) as error:
-            rospy.logwarn_throttle(WARN_EVERY_S, f"pose of the mapper not used: {error}")
+            trouble = str(error)
+        if trouble:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"pose of the mapper not used: {trouble}")
             return
         with self._lock:
             self._place, self._heard_s = place, time.monotonic()

@@ -6,6 +6,8 @@ from typing import Deque, Tuple
 
 WINDOW_S = 60.0
 """Heartbeats older than this are forgotten: clocks drift, by less than 0.01 % of it."""
+AHEAD_S = 0.1
+"""A message that seems to be from so far in the future shows that a clock was set [s]."""
 
 
 class MessageAge:
@@ -29,7 +31,14 @@ class MessageAge:
             self._differences.popleft()
 
     def age_s(self, stamp_s: float, now_s: float) -> float:
-        """Age of a message of `stamp_s` (the sender's clock) at `now_s` (here); infinite before the first heartbeat."""
+        """Age of a message of `stamp_s` (the sender's clock) at `now_s` (here).
+
+        Infinite before the first heartbeat, and before the next one if a clock was set.
+        """
         if not self._differences:
             return math.inf
-        return now_s - (stamp_s + self._differences[0][1])
+        age_s = now_s - (stamp_s + self._differences[0][1])
+        if age_s >= -AHEAD_S:
+            return age_s
+        self._differences.clear()
+        return math.inf

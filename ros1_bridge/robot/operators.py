@@ -50,11 +50,13 @@ class Operators:
 
     def refusal(self, name: str, stamp_s: float) -> str:
         """Why a command must not be followed; empty if it may."""
-        late_s = self.late_s(name, stamp_s)
+        late_s = self.late_s(name, stamp_s) if stamp_s else math.nan
         if not self._most_s or late_s <= self._most_s:
             return ""
         with self._lock:
             self.refused += 1
+        if not stamp_s:
+            return f"a command of {short(name)} has the stamp 0, expected the time of the input: not followed"
         if math.isinf(late_s):
             return (
                 f"a command of {short(name)} is not followed: {MOST_OPERATORS} other operators have sent something in "

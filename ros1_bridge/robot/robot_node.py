@@ -501,10 +501,11 @@ class RobotNode:
 
     def _on_scan(self, message: LaserScan) -> None:
         mount = self._finder.mount(message.header.frame_id)
+        assert self._zones is not None
         if mount is None:
             trouble = self._finder.trouble
         else:
-            trouble = self._zones.on_scan(message, mount, time.monotonic()) if self._zones is not None else ""
+            trouble = self._zones.on_scan(message, mount, rospy.get_time(), time.monotonic())
         if trouble:
             rospy.logwarn_throttle(WARN_EVERY_S, f"scan not used: {trouble}")
 

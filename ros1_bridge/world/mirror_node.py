@@ -34,6 +34,7 @@ from mrl_driver.yaml_file import short
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import correction, planar, yaw_of
 from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.stamp_age import StampAge
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.mirror import Margin, Mirror
 from sim_arduino.hardware.sonars import HALF_CONE_RAD, RANGE_M
@@ -213,9 +214,10 @@ class MirrorNode:
         self._listener = tf2_ros.TransformListener(self._buffer)
         self._place = Place(given["localisation"], given["map_frame"], start, self._buffer)
         self._odometry: Optional[Odometry] = None
-        self._odometry_s = -math.inf
+        self._odometry_age = StampAge(ODOM_LATE_S)
+        self._range_ages = {name: StampAge(SILENT_S) for name in NAMES}
         self._mounts: Dict[str, SonarMount] = {}
-        self._heard: Dict[str, Tuple[float, Range]] = {}
+        self._heard: Dict[str, Range] = {}
         self._laser_mount: Optional[Pose] = None
         self._said: Optional[bool] = None
         self._rival = ""
@@ -243,10 +245,10 @@ class MirrorNode:
             now_s = time.monotonic()
             with self._lock:
                 trouble = self._trouble(now_s)
-                silent = [name for name, (at_s, _) in self._heard.items() if now_s - at_s > SILENT_S]
+                silent = [name for name in self._heard if now_s - self._range_ages[name].made_s > SILENT_S]
                 scan = self._virtual_scan() if not (self._laser or trouble) else None
             for name in silent:
-                self._publish(name, self._heard[name][1], math.nan, rospy.Time.now())
+                self._publish(name, self._heard[name], math.nan, rospy.Time.now())
             if scan is not None:
                 _send(self._scan_out, scan)
             if bool(trouble) != self._said or now_s >= due_s:
@@ -266,8 +268,9 @@ class MirrorNode:
             return self._rival
         if self._odometry is None:
             return "no odometry yet"
-        if now_s - self._odometry_s > ODOM_LATE_S:
-            return f"no odometry for {now_s - self._odometry_s:.0f} s"
+        silent_s = now_s - self._odometry_age.made_s
+        if silent_s > ODOM_LATE_S:
+            return f"no odometry for {silent_s:.0f} s"
         return self._place.trouble
 
     def _on_odometry(self, message: Odometry) -> None:
@@ -277,8 +280,9 @@ class MirrorNode:
             rospy.logwarn_throttle(WARN_EVERY_S, f"odometry not used: {error}")
             return
         with self._lock:
-            before = self._odometry
-            self._odometry, self._odometry_s = message, time.monotonic()
+            if not self._is_fresh(self._odometry_age, message, "odometry"):
+                return
+            before, self._odometry = self._odometry, message
             origin = self._place.update(message)
             if origin is not None:
                 self._mirror.locate(origin)
@@ -286,6 +290,13 @@ class MirrorNode:
                 self._warn_of_jump(planar(before.pose.pose), pose)
             if not self._place.trouble:
                 self._mirror.moved(*pose)
+
+    def _is_fresh(self, age: StampAge, message: Any, what: str) -> bool:
+        """Whether a message may be used, by its stamp; log why not."""
+        trouble = age.trouble(message.header.stamp.to_sec(), rospy.get_time(), time.monotonic())
+        if trouble:
+            rospy.logwarn_throttle(WARN_EVERY_S, f"{what} not used: {trouble}")
+        return not trouble
 
     def _warn_of_jump(self, before: Pose, pose: Pose) -> None:
         jump_m = math.dist(before[:2], pose[:2])
@@ -314,11 +325,11 @@ class MirrorNode:
 
     def _on_range(self, message: Range, name: str) -> None:
         with self._lock:
-            now_s = time.monotonic()
-            self._heard[name] = now_s, message
+            fresh = self._is_fresh(self._range_ages[name], message, f"range of {name}")
+            self._heard[name] = message
             mount = self._mount(name, message.header.frame_id)
             range_m = math.nan
-            if mount is not None and not self._trouble(now_s):
+            if fresh and mount is not None and not self._trouble(time.monotonic()):
                 range_m = self._mirror.closer(message.range, mount)
         self._publish(name, message, range_m, message.header.stamp)
 

@@ -14,25 +14,13 @@ from sensor_msgs.msg import Range
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot.models import SonarMount
-from ros1_bridge.navigation.go_to_goal_node import OLD_ODOM_S, SILENT_S, Ranges, is_old
+from ros1_bridge.navigation.go_to_goal_node import SILENT_S, Ranges
 from ros1_bridge.topics.messages import new_mounts
 from tests.waiting import wait_until
 
 PERIOD_S = 0.05
 ENTERED_S = 0.1
 """A call that need not wait is over long before."""
-
-
-def test_odometry_from_before_a_goal_does_not_end_it():
-    assert is_old(stamp_s=9.99, begun_s=10.0, now_s=10.05)
-
-
-def test_odometry_from_after_the_begin_of_a_goal_counts():
-    assert not is_old(stamp_s=10.0, begun_s=10.0, now_s=10.05)
-
-
-def test_odometry_of_a_machine_whose_clock_is_behind_counts_in_the_end():
-    assert not is_old(stamp_s=5.0, begun_s=10.0, now_s=10.0 + OLD_ODOM_S)
 
 
 def test_range_counts_for_a_while():
@@ -84,7 +72,8 @@ def test_range_that_comes_while_the_ranges_are_looked_at_waits(look):
 
 
 class Robot:
-    """A robot that stands, with a sonar that always measures the same; `locates` and `hears` say what it publishes."""
+    """A robot that stands, with a sonar that always measures the same; `locates` and `hears` say what it publishes, and
+    `odom_late_s` and `sonar_late_s` how old its stamps are."""
 
     def __init__(self, rig, frame, range_m=math.inf):
         self._odom = rospy.Publisher(f"{rig.ns}/odom", Odometry, queue_size=1)
@@ -95,6 +84,7 @@ class Robot:
         self._range = Range(range=range_m)
         self._range.header.frame_id = frame
         self.locates = self.hears = True
+        self.odom_late_s = self.sonar_late_s = 0.0
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._publish)
         self._thread.start()
@@ -102,9 +92,10 @@ class Robot:
     def _publish(self):
         while not self._end.wait(PERIOD_S):
             if self.locates:
-                self._odometry.header.stamp = rospy.Time.now()
+                self._odometry.header.stamp = rospy.Time.now() - rospy.Duration(self.odom_late_s)
                 self._odom.publish(self._odometry)
             if self.hears:
+                self._range.header.stamp = rospy.Time.now() - rospy.Duration(self.sonar_late_s)
                 self._sonar.publish(self._range)
 
     def locate(self, x_m):
@@ -163,10 +154,11 @@ def test_action_is_offered_after_the_first_odometry(rig):
         status.wait()
 
 
-def test_robot_stands_when_its_odometry_stops_and_the_goal_is_given_up(rig, robot):
+@pytest.mark.parametrize("fault", [{"locates": False}, {"odom_late_s": 10.0}], ids=["silent", "late"])
+def test_robot_stands_when_its_odometry_stops_and_the_goal_is_given_up(rig, robot, fault):
     fitted = robot()
     wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
-    fitted.locates = False
+    vars(fitted).update(fault)
     wait_until(lambda: rig.commands.messages[-1] == Twist())
     wait_until(lambda: ended_for(rig, "odometry has stopped"))
 
@@ -179,10 +171,11 @@ def test_odometry_that_is_not_finite_counts_as_none(rig, robot):
     wait_until(lambda: rig.commands.messages[-1] == Twist())
 
 
-def test_robot_stands_when_its_sonar_falls_silent_and_the_goal_is_given_up(rig, robot):
+@pytest.mark.parametrize("fault", [{"hears": False}, {"sonar_late_s": 10.0}], ids=["silent", "late"])
+def test_robot_stands_when_its_sonar_falls_silent_and_the_goal_is_given_up(rig, robot, fault):
     fitted = robot()
     wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
-    fitted.hears = False
+    vars(fitted).update(fault)
     wait_until(lambda: rig.commands.messages[-1].linear.x == 0.0)
     wait_until(lambda: ended_for(rig, "no valid reading of sonar front"))
 

@@ -42,6 +42,7 @@ class Driver:
         self._odom = rig.publisher("odom", Odometry)
         self._ranges = {name: rig.publisher(f"sonar/{name}", Range) for name in MODEL.sonars}
         self._timer = None
+        self.odom_late_s = 0.0
         self._heard = {name: rig.topic(f"mirror/sonar/{name}", Range) for name in MODEL.sonars}
         self.heard = self._heard["front"]
         self.scans = rig.topic("mirror/scan", LaserScan)
@@ -55,7 +56,8 @@ class Driver:
 
     def _publish(self, _):
         message = Odometry(child_frame_id=self.base)
-        message.header.frame_id, message.header.stamp = f"{self._rig.name}/odom", rospy.Time.now()
+        message.header.frame_id = f"{self._rig.name}/odom"
+        message.header.stamp = rospy.Time.now() - rospy.Duration(self.odom_late_s)
         message.pose.pose.orientation.w = 1.0
         self._odom.publish(message)
 
@@ -66,21 +68,22 @@ class Driver:
             self._timer.join()
             self._timer = None
 
-    def hear(self, range_m, name="front"):
+    def hear(self, range_m, name="front", late_s=0.0):
         """What the node makes of a range of the real sonar; again if a busy machine held up the odometry."""
 
         def answer():
-            heard = self._answer(range_m, name)
-            return heard if not math.isnan(heard.range) or self._may_be_invalid(range_m) else None
+            heard = self._answer(range_m, name, late_s)
+            return heard if not math.isnan(heard.range) or self._may_be_invalid(range_m, late_s) else None
 
         return wait_until(answer)
 
-    def _may_be_invalid(self, range_m):
-        return math.isnan(range_m) or self._timer is None
+    def _may_be_invalid(self, range_m, late_s):
+        return math.isnan(range_m) or self._timer is None or self.odom_late_s or late_s
 
-    def _answer(self, range_m, name):
+    def _answer(self, range_m, name, late_s):
         message = Range(radiation_type=Range.ULTRASOUND, field_of_view=0.63, min_range=0.15, max_range=6.45)
-        message.header.frame_id, message.header.stamp = f"{self._rig.name}/sonar_{name}", rospy.Time.now()
+        message.header.frame_id = f"{self._rig.name}/sonar_{name}"
+        message.header.stamp = rospy.Time.now() - rospy.Duration(late_s)
         message.range = range_m
         self._ranges[name].publish(message)
         stamp = message.header.stamp
@@ -169,6 +172,20 @@ def test_robot_without_odometry_stays_in_the_world_and_hears_nothing(driver, lab
     driver.begin()
     driver.said("ok", "no range")
     assert there == ["real"] and not scans
+
+
+def test_odometry_that_arrives_late_is_as_none(driver):
+    driver.odom_late_s = 10.0
+    try:
+        wait_until(lambda: math.isnan(driver.hear(3.0).range), what="a range that is invalid")
+    finally:
+        driver.odom_late_s = 0.0
+    driver.said("ok", "no range")
+
+
+def test_range_that_arrives_late_is_invalid(driver):
+    assert driver.hear(3.0).range < math.inf
+    assert math.isnan(driver.hear(3.0, late_s=10.0).range)
 
 
 def test_sonar_that_falls_silent_is_invalid(driver):

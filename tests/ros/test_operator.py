@@ -43,6 +43,19 @@ def test_late_commands_are_refused_by_a_clock_that_differs():
     assert operators.refused == 1
 
 
+def test_command_without_a_time_is_refused():
+    operators = Operators(LIMIT_S, Clock())
+    assert "stamp 0" in operators.refusal("desk", 0.0) and operators.refused == 1
+
+
+def test_command_that_repeats_a_stamp_is_refused_after_the_limit():
+    clock = Clock()
+    operators = Operators(LIMIT_S, clock)
+    assert not operators.refusal("desk", 900.0)
+    clock.now_s += LIMIT_S + 0.01
+    assert "late" in operators.refusal("desk", 900.0)
+
+
 def test_each_operator_has_a_clock_of_his_own():
     operators = Operators(LIMIT_S, Clock())
     operators.late_s("desk", 900.0)
@@ -150,6 +163,24 @@ def test_delay_of_a_joystick_is_measured_through_the_multiplexer(robot):
     assert echo.frame_id.startswith(f"{robot.ns}/teleop_joystick")
     assert 0 < operator_now_s() - echo.stamp.to_sec() < SLOW_S
     assert wait_until(lambda: 0 < robot.delay.wait_for_more(1)[-1].data < SLOW_S)
+    release(robot)
+
+
+def test_joystick_that_was_held_up_for_longer_than_clocks_are_set_does_not_drive(robot):
+    """Its message of 40 s ago may be true, and is no reason to believe that a clock was set."""
+
+    def publish(late_s, buttons):
+        stamp = rospy.Time.now() - rospy.Duration(late_s)
+        robot.joy.publish(header=Header(stamp=stamp), axes=[0.0, 1.0], buttons=buttons)
+
+    def is_refused():
+        publish(0.0, RELEASED)
+        robot.delay.wait_for_more(1)
+        publish(40.0, HELD)
+        robot.delay.wait_for_more(1)
+        return any("40.0 s late" in line for line in robot.process.output())
+
+    wait_until(is_refused, step_s=0.02)
     release(robot)
 
 

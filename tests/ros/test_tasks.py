@@ -102,14 +102,18 @@ def test_a_node_does_the_parts_that_are_named(rig):
 
 def test_a_laser_watches_the_zones_once_tf_tells_where_it_sits(rig):
     rig.status = rig.topic("status", DiagnosticStatus)
-    rig.node(rig.board().port, "_zones:=scan", "_publish_mounts:=false")
+    node = rig.node(rig.board().port, "_zones:=scan", "_publish_mounts:=false")
     out = rig.publisher("scan", LaserScan)
     scan = LaserScan(angle_min=-1.0, angle_max=1.0, angle_increment=0.1, range_min=0.02, range_max=4.0)
     scan.header.frame_id = f"{rig.name}/laser"
 
-    def seen(range_m, **wanted):
-        scan.ranges = [range_m] * 21
-        return wait_until(lambda: out.publish(scan) or says(rig, **wanted)())
+    def seen(range_m, late_s=0.0, **wanted):
+        def so():
+            scan.header.stamp, scan.ranges = rospy.Time.now() - rospy.Duration(late_s), [range_m] * 21
+            out.publish(scan)
+            return says(rig, **wanted)()
+
+        return wait_until(so)
 
     rig.status.wait()
     assert seen(3.0, protective_zone_clear="false"), "nobody knows yet where the laser looks"
@@ -121,4 +125,9 @@ def test_a_laser_watches_the_zones_once_tf_tells_where_it_sits(rig):
     assert seen(1.0, warning_zone_clear="true", outer_warning_zone_clear="false")
     assert seen(0.5, protective_zone_clear="true", warning_zone_clear="false")
     assert seen(0.15, protective_zone_clear="false")
+    assert seen(3.0, protective_zone_clear="true")
+    assert seen(3.0, late_s=10.0, protective_zone_clear="false")
+    wait_until(
+        lambda: any("10.00" in line and "s old by this node's clock" in line for line in node.output())
+    )
     static.unregister()

@@ -169,6 +169,17 @@ def test_age_is_infinite_before_a_heartbeat():
     assert MessageAge().age_s(1.0, 1.0) == math.inf
 
 
+def test_age_is_unknown_until_the_next_heartbeat_when_the_senders_clock_was_set_ahead():
+    """Otherwise a message of 9 s ago would be one of the future, and pass."""
+    age = MessageAge()
+    age.pong(10.0, 10.0)
+    assert (
+        age.age_s(stamp_s=11.0 + 100.0, now_s=20.0) == age.age_s(stamp_s=20.0 + 100.0, now_s=20.0) == math.inf
+    )
+    age.pong(21.0, 21.0 + 100.0)
+    assert age.age_s(stamp_s=20.0 + 100.0, now_s=22.0) == pytest.approx(2.0)
+
+
 def test_age_follows_a_clock_that_drifts():
     age = MessageAge()
     for second in range(1000):

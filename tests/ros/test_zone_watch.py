@@ -4,12 +4,14 @@ import math
 from types import SimpleNamespace
 
 import pytest
+from genpy import Time
 from geometry_msgs.msg import Quaternion, Transform, Vector3
 from sensor_msgs.msg import LaserScan
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
+from mrl_driver.safety.protective_zones import STALE_S
 from ros1_bridge.control.zone_feed import ZoneWatch, mount_of
 from ros1_bridge.node.robot_parameters import check
 
@@ -73,9 +75,41 @@ def test_a_laser_lies_flat_and_upright():
         mount_of(Transform(Vector3(), Quaternion(1, 0, 0, 0)))
 
 
+MOUNT, CLOCK_S = Pose(0.1, 0.0, 0.0), 1700000000.0
+
+
+def scan_of(stamp_s):
+    """A scan on which nothing is ahead."""
+    scan = LaserScan(angle_min=-0.5, angle_increment=0.1, range_min=0.05, ranges=[math.inf] * 11)
+    scan.header.stamp = Time.from_sec(stamp_s)
+    return scan
+
+
 def test_it_says_why_a_scan_is_ignored():
-    made, mount = watch(zones="scan"), Pose(0.1, 0.0, 0.0)
-    scan = LaserScan(angle_min=0.0, angle_increment=0.1, range_min=0.05, ranges=[1.0])
-    assert made.on_scan(scan, mount, 1.0) == ""
+    made, scan = watch(zones="scan"), scan_of(CLOCK_S)
+    assert made.on_scan(scan, MOUNT, CLOCK_S, 1.0) == ""
     scan.angle_increment = math.nan
-    assert "expected finite numbers" in made.on_scan(scan, mount, 1.1)
+    assert "expected finite numbers" in made.on_scan(scan, MOUNT, CLOCK_S, 1.1)
+
+
+@pytest.mark.parametrize(
+    "stamp_of",
+    [lambda now: now - 10.0, lambda now: now + 10.0, lambda now: CLOCK_S + 2.0, lambda now: 0.0],
+    ids=["old", "of the future", "repeated", "zero"],
+)
+def test_zones_stop_if_scans_arrive_that_are_not_of_now(stamp_of):
+    """As if the laser were silent, however often they arrive."""
+    made, stands_s = watch(zones="scan"), []
+    for now in (0.1 * step for step in range(50)):
+        stamp_s = CLOCK_S + now if now < 2.0 else stamp_of(CLOCK_S + now)
+        made.on_scan(scan_of(stamp_s), MOUNT, CLOCK_S + now, now)
+        if made.zones.limit(0.3, now) == 0:
+            stands_s.append(now)
+    assert 1.9 + STALE_S < stands_s[0] < 2.2 + STALE_S and len(stands_s) == 50 - round(10 * stands_s[0])
+
+
+def test_scan_counts_from_its_measurement_not_from_its_arrival():
+    made = watch(zones="scan")
+    made.on_scan(scan_of(CLOCK_S), MOUNT, CLOCK_S + 0.4, 10.4)
+    assert made.zones.limit(0.3, 9.99 + STALE_S) == 0.3
+    assert made.zones.limit(0.3, 10.01 + STALE_S) == 0.0
