@@ -13,11 +13,14 @@ PORT ?=
 DURATION ?=
 SUDO := $(shell [ "$$(id -u)" = 0 ] || command -v sudo)
 
-# Debian packages by goal.  `make run` installs what running needs, any goal not named here what the tests need as well.
+# Debian packages by goal; a goal that is not named here gets those of `test-all`.
 PACKAGES_firmware := gcc-avr avr-libc binutils-avr arduino-core-avr
 PACKAGES_flash := $(PACKAGES_firmware) avrdude
+PACKAGES_quick := python3-venv
+PACKAGES_check := $(PACKAGES_quick)
 PACKAGES_run := $(PACKAGES_firmware) python3-venv python3-serial python3-yaml gcc libc6-dev libsimavr-dev libelf-dev
-PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) g++ clang spin
+PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) g++
+PACKAGES_test-all = $(PACKAGES_test) clang spin rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
 
 # A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
 ifneq ($(wildcard /opt/ros/noetic/setup.bash),)
@@ -29,17 +32,19 @@ PACKAGES_test += chromium chromium-driver
 PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros \
   python3-actionlib python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs \
   python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs ros-robot-state-publisher
-PACKAGES_test += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
+PACKAGES_test-all += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
   libdynamic-reconfigure-config-init-mutex-dev joint-state-publisher rosdiagnostic catkin \
   catkin-lint ros-environment librostest-dev libclang-rt-dev
 endif
 
-.PHONY: help setup check test run clean
+.PHONY: help setup quick check test test-rest test-all run clean
 
 help: ## List the targets
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F':.*## ' '{printf "  make %-16s %s\n", $$1, $$2}'
 
-setup: $(VENV)/.tested ## Install what is missing: Debian packages, then a virtual environment in .venv
+TIER ?= test-all
+PACKAGES_setup = $(PACKAGES_$(TIER))
+setup: $(VENV)/.tested ## Install what is missing: Debian packages, then a virtual environment in .venv; TIER=quick installs less
 
 PIP := $(PY) -m pip install --disable-pip-version-check --no-compile --progress-bar off
 # Of what pip says, a line for each package and step.
@@ -69,7 +74,7 @@ include firmware/firmware.mk firmware/comparison.mk $(wildcard ros1_bridge/ros.m
 
 # What is missing is asked each time, so that a package removed later is noticed; where all is there, `apt` does nothing.
 # So it does where there is no dpkg, on a system whose owner installs a compiler and ROS by himself.
-NEEDED := $(sort $(foreach goal,$(MAKECMDGOALS),$(or $(PACKAGES_$(goal)),$(PACKAGES_test))))
+NEEDED := $(sort $(foreach goal,$(MAKECMDGOALS),$(or $(PACKAGES_$(goal)),$(PACKAGES_test-all))))
 INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(NEEDED) 2>/dev/null | sed -n 's/^ii //p')
 MISSING := $(if $(shell command -v dpkg-query),$(filter-out $(INSTALLED),$(NEEDED)))
 QUIET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C
@@ -99,19 +104,29 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m tests.documents.plain_english
 	$(VENV)/bin/codespell
 
-test: apt ## Set everything up and run all tests
-	@$(MAKE) --no-print-directory -j3 -Otarget check firmware comparison pc-firmware build/collected.log
-	@$(ROS_ENV) others=passed; realtime=passed; \
-	$(PY) -m pytest -m 'not realtime' -n 5 --dist loadfile || others=failed; \
-	$(PY) -m pytest -m realtime -n 0 $$(grep -rl --include='test_*.py' mark.realtime tests) || realtime=failed; \
-	echo "tests that assert a wall-clock limit: $$realtime; all others: $$others"; \
-	[ $$others$$realtime = passedpassed ]
+quick: $(VENV)/.tested $(if $(shell command -v g++),$(PC_LIBRARIES)) ## Run the tests that need neither ROS nor processes: a minute
+	$(PY) -m pytest --tier quick -n 2 --dist loadfile
 
-# Import all tests once, which compiles what has changed: five workers that begin together would each do it for themselves.
-build/collected.log: $(VENV)/.tested pyproject.toml $(shell find mrl_driver sim_arduino ros1_bridge tests -name '*.py' 2>/dev/null)
-	@mkdir -p build
-	@$(ROS_ENV) $(PY) -m pytest --collect-only -q -n 0 >$@.new || { tail -n 50 $@.new >&2; exit 1; }
-	@mv $@.new $@
+# Pieces of a run that follow each other even if one fails; the last line names those that did.
+PYTEST = $(ROS_ENV) $(PY) -m pytest $(if $(SEED),--hypothesis-seed=$(SEED))
+RUN = $(1) || failed="$$failed, $(2)"
+VERDICT = echo "$@: $${failed:+failed: $${failed\#, }}$${failed:-passed}"; [ -z "$$failed" ]
+
+test: apt ## Set up what is missing, then run checks and tests, but for those of `make test-rest`
+	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware $(PC_LIBRARIES)
+	@failed=; $(call RUN,$(MAKE) --no-print-directory check,checks); \
+	$(call RUN,$(PYTEST) --tier test -n 5 --dist loadfile,tests); \
+	$(VERDICT)
+
+test-rest: apt ## Run what `make test` leaves out: all of ROS, image and browser, limits in real time, a short form of each long run
+	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware comparison pc-firmware
+	@export MRL_TEST_SEED=$(SEED); failed=; \
+	$(call RUN,$(PYTEST) --tier rest -m 'not realtime' -n 5 --dist loadfile,tests); \
+	$(call RUN,$(PYTEST) -m realtime -n 0 $$(grep -rl --include='test_*.py' mark.realtime tests),tests in real time); \
+	$(VERDICT)
+
+test-all: ## Run everything; SEED=n looks at inputs that the fixed ones do not have
+	@failed=; for part in test test-rest; do $(MAKE) --no-print-directory $$part || failed=1; done; [ -z "$$failed" ]
 
 .PHONY: bench-firmware bench-host
 bench-firmware: setup firmware comparison ## Measure the firmware binary on the simulated chip; build/bench/firmware.json

@@ -1,5 +1,4 @@
 # The bridge's own targets, included by the Makefile.
-PACKAGES_test += rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
 
 .PHONY: bench-ros bench-relay description check-description
 bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json; FAST=1 is shorter

@@ -4,7 +4,7 @@ import pathlib
 
 import pytest
 
-from tests import waiting
+from tests import tiers, waiting
 
 pytest_plugins = ["pytester"]
 HERE = pathlib.Path(__file__).parent
@@ -51,6 +51,23 @@ def test_40_tests_may_be_realtime(run, tests, workers, passed):
     status, said = run(REALTIME.format(tests=tests), "-n", f"{workers}")
     assert (status == 0) == passed
     assert ("41 tests are marked realtime, expected at most 40" in said) == (not passed)
+
+
+@pytest.mark.parametrize(
+    "file, tier",
+    [
+        ("protocol/test_decoder.py", tiers.QUICK),
+        ("ros/test_commander_guards.py", tiers.QUICK),
+        ("driver/test_faults.py", tiers.TEST),
+        ("documents/test_links.py", tiers.TEST),
+        ("ros/test_robot_node.py", tiers.ALL),
+        ("avr/test_engine.py", tiers.ALL),
+        ("web/test_page_drives.py", tiers.ALL),
+        ("packaging/test_packages.py", tiers.ALL),
+    ],
+)
+def test_tier_of_a_file_is_that_of_what_it_imports(file, tier):
+    assert tiers.of_file(HERE / file) == tier
 
 
 def test_realtime_tests_may_be_left_out(run):

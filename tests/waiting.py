@@ -5,7 +5,8 @@ MRL_TEST_PATIENCE multiplies every time-out of the tests, that of pytest too: 3 
 
 import os
 import time
-from typing import Any, Callable, TypeVar
+from statistics import median
+from typing import Any, Callable, Sequence, TypeVar
 
 PATIENCE = float(os.environ.get("MRL_TEST_PATIENCE", "1"))
 PATIENCE_S = 30.0 * PATIENCE
@@ -41,3 +42,17 @@ def drive_until(robot: Any, linear_m_s: float, angular_rad_s: float, condition: 
         AssertionError: nothing true within the time of `wait_until`.
     """
     wait_until(lambda: robot.drive(linear_m_s, angular_rad_s) and condition(), step_s=0.02)
+
+
+def require_median(took_s: Sequence[float], at_most_s: float, what: str = "it") -> None:
+    """Asserts a wall-clock limit on the median of several runs; the first line of a failure has figure and limit.
+
+    Raises:
+        AssertionError: the median is above the limit, or there is none.
+    """
+    assert took_s, f"{what} was not measured"
+    figure_s = median(took_s)
+    runs = ", ".join(f"{each:.3f}" for each in sorted(took_s))
+    assert figure_s <= at_most_s, (
+        f"{what} took {figure_s:.3f} s, expected at most {at_most_s:g} s (runs: {runs})"
+    )

@@ -17,7 +17,7 @@ from mrl_driver.cli import main
 from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.host import named_robots
 from mrl_driver.program import start
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE, PATIENCE_S
 
 from .run import mrl
 
@@ -223,7 +223,7 @@ def test_the_shell_completes_experiments_and_names(words, expected):
         [sys.executable, "-m", "mrl_driver"],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=60 * PATIENCE,
         env={**os.environ, **env},
         cwd=pathlib.Path(__file__).resolve().parents[2],
     )

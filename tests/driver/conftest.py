@@ -1,6 +1,9 @@
 import contextlib
 import os
 import select
+import signal
+import subprocess
+import sys
 import threading
 import time
 import tty
@@ -122,3 +125,25 @@ def line():
     line = Line()
     yield line
     line.open.set()
+
+
+@pytest.fixture
+def mrl_sim():
+    """Starts an emulator process; call it with its options, it returns the port's path."""
+    started = []
+
+    def start(*args):
+        command = [sys.executable, "-m", "sim_arduino.serve.main", *map(str, args)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        started.append(process)
+        path = process.stdout.readline().strip()
+        assert path.startswith("/dev/")
+        start.process = process
+        return path
+
+    yield start
+    for process in started:
+        process.send_signal(signal.SIGCONT)
+        process.terminate()
+        process.wait(PATIENCE_S)
+        process.stdout.close()

@@ -7,7 +7,6 @@ import re
 import threading
 import time
 import tty
-from statistics import median
 
 import numpy as np
 import pytest
@@ -28,7 +27,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import load
 from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
-from tests.waiting import PATIENCE_S, drive_until, wait_until
+from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
 TURN, STOP = BY_NAME["move_motors_pid"].code, BY_NAME["stop"].code
 CLOSE_S, RUNS = 1.0, 5
@@ -131,7 +130,8 @@ def test_closing_takes_at_most_a_second_with_a_silent_board(serve):
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(times) == RUNS and median(times) <= CLOSE_S, times
+    assert len(times) == RUNS
+    require_median(times, CLOSE_S, "closing")
 
 
 def test_closing_twice_and_from_a_callback_is_harmless(serve):

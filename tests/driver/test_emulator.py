@@ -170,28 +170,6 @@ def test_a_command_takes_effect_and_a_silent_host_stops_the_board(make):
 # -- as processes
 
 
-@pytest.fixture
-def mrl_sim():
-    """Starts an emulator process; call it with its options, it returns the port's path."""
-    started = []
-
-    def start(*args):
-        command = [sys.executable, "-m", "sim_arduino.serve.main", *map(str, args)]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        started.append(process)
-        path = process.stdout.readline().strip()
-        assert path.startswith("/dev/")
-        start.process = process
-        return path
-
-    yield start
-    for process in started:
-        process.send_signal(signal.SIGCONT)
-        process.terminate()
-        process.wait(PATIENCE_S)
-        process.stdout.close()
-
-
 def true_pose(truth):
     """The newest whole line of a file of true poses: x, y, yaw [m m rad]."""
     rows = [line for line in truth.read_text().splitlines() if line.endswith("}")]

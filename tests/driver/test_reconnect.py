@@ -4,7 +4,6 @@ import math
 import os
 import threading
 import time
-from statistics import median
 
 import pytest
 
@@ -14,7 +13,7 @@ from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.transport import reconnect
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_search import Port
-from tests.waiting import PATIENCE_S, drive_until, wait_until
+from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
 from .conftest import Cable
 
@@ -28,6 +27,12 @@ def robot(cable):
         driver.heard = []
         driver.on_event(driver.heard.append)
         yield driver
+
+
+def further(robot, frames=15):
+    """Waits for telemetry: what was sent before it has arrived."""
+    until = robot.statistics.frames + frames
+    wait_until(lambda: robot.statistics.frames > until)
 
 
 def heard(robot, kind):
@@ -88,7 +93,8 @@ def test_a_lost_robot_is_noticed_and_found_again_in_time(robot, cable):
         cable.plug()
         wait_until(lambda: heard(robot, Reconnected))
         back.append(time.monotonic() - start_s)
-    assert median(noticed) <= NOTICED_S and median(back) <= BACK_S, (noticed, back)
+    require_median(noticed, NOTICED_S, "noticing the loss")
+    require_median(back, BACK_S, "the return")
 
 
 def test_it_waits_for_a_new_command(robot, cable):
@@ -98,7 +104,7 @@ def test_it_waits_for_a_new_command(robot, cable):
     assert not robot.drive(0.2, 0)
     cable.plug()
     wait_until(lambda: heard(robot, Reconnected))
-    time.sleep(0.3)
+    further(robot)
     assert cable.port.board.moves == [] and robot.command is None
     drive_until(robot, 0.2, 0, lambda: cable.port.board.speeds == (200, 0))
 
@@ -111,7 +117,7 @@ def test_the_pose_goes_on_where_it_was(robot, cable):
     cable.plug()
     cable.port.board.right = cable.port.board.left = 12345.0
     wait_until(lambda: heard(robot, Reconnected))
-    time.sleep(0.2)
+    further(robot)
     assert robot.pose == before
     drive_until(robot, 0.3, 0, lambda: math.dist(robot.pose[:2], before[:2]) > 0.02)
 
@@ -133,19 +139,18 @@ def test_another_robot_is_not_taken(robot, cable):
     cable.unplug()
     wait_until(lambda: heard(robot, Lost))
     cable.plug(robot_id=2)
-    wait_until(lambda: any(frame.code == 5 for frame in cable.port.board.heard))
-    time.sleep(0.3)
+    wait_until(lambda: sum(frame.code == 5 for frame in cable.port.board.heard) > 1, what="a second try")
     assert not robot.ready and not heard(robot, Reconnected) and robot.error is None
     assert cable.port.board.period_s is None
 
 
 def test_a_terminal_that_somebody_works_in_is_left_alone(robot, cable, monkeypatch):
     """The name of before may be another program's pseudo terminal by now."""
-    monkeypatch.setattr(reconnect, "in_use", lambda name: True)
+    looks = []
+    monkeypatch.setattr(reconnect, "in_use", lambda name: looks.append(name) or True)
     cable.unplug()
     cable.plug()
-    wait_until(lambda: heard(robot, Lost))
-    time.sleep(0.3)
+    wait_until(lambda: len(looks) > 3)
     assert not cable.port.received
 
 
@@ -195,7 +200,7 @@ def test_closing_in_the_search(serve, tmp_path):
             robot.close()
             times.append(time.monotonic() - start_s)
             assert robot.wait(0)
-    assert median(times) <= CLOSE_S, times
+    require_median(times, CLOSE_S, "closing")
 
 
 @pytest.mark.parametrize("error", [LinkLost, BoardTimeout])

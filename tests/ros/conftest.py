@@ -1,21 +1,23 @@
-"""One ROS master for each test worker, and rigs on it."""
+"""One ROS master for each test worker, and rigs on it; ROS is imported late, because some tests here need none."""
 
 import os
 import signal
 
 import pytest
-import rospy
 
-from ros1_bridge.demo.launcher import master_answers
-from ros1_bridge.demo.processes import Child
 from tests.waiting import wait_until
-
-from . import rig as bench
 
 
 @pytest.fixture(scope="session")
 def master(tmp_path_factory):
     """Environment of a master on a port of its own, with this process as a node."""
+    import rospy
+
+    from ros1_bridge.demo.launcher import master_answers
+    from ros1_bridge.demo.processes import Child
+
+    from . import rig as bench
+
     folder = tmp_path_factory.mktemp("ros")
     for _ in range(5):
         uri = f"http://127.0.0.1:{bench.free_port()}"
@@ -35,14 +37,18 @@ def master(tmp_path_factory):
 @pytest.fixture
 def rig(master, tmp_path):
     """A rig for one test."""
-    made = bench.Rig(tmp_path, master)
-    yield made
-    made.close()
+    yield from _rig(tmp_path, master)
 
 
 @pytest.fixture(scope="module")
 def module_rig(master, tmp_path_factory):
     """A rig for all tests of a module."""
-    made = bench.Rig(tmp_path_factory.mktemp("rig"), master)
+    yield from _rig(tmp_path_factory.mktemp("rig"), master)
+
+
+def _rig(folder, master):
+    from .rig import Rig
+
+    made = Rig(folder, master)
     yield made
     made.close()

@@ -12,7 +12,7 @@ import pytest
 
 from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE, wait_until
 
 from .rig import ROOT, START_S, free_port, without_broken_connections
 
@@ -70,7 +70,12 @@ class Workspace:
     def require(self, *command):
         """Run it and return what it said; it must succeed."""
         done = subprocess.run(
-            command, env=self.env, cwd=str(self.folder), capture_output=True, text=True, timeout=200
+            command,
+            env=self.env,
+            cwd=str(self.folder),
+            capture_output=True,
+            text=True,
+            timeout=200 * PATIENCE,
         )
         said = done.stdout + done.stderr
         assert done.returncode == 0, said

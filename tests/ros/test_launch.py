@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot import models
 from ros1_bridge.node.robot_parameters import ROWS
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE, wait_until
 
 from . import stand_ins
 from .rig import ROOT, without_broken_connections
@@ -73,7 +73,7 @@ def nodes_of(file, *arguments):
 def test_roslaunch_check_finds_nothing(packages, tmp_path):
     script = os.path.join(rospkg.RosPack().get_path("roslaunch"), "scripts", "roslaunch-check")
     command = [sys.executable, script, "-i", "-o", str(tmp_path / "out.xml"), str(LAUNCH)]
-    done = subprocess.run(command, env=packages, capture_output=True, text=True, timeout=100)
+    done = subprocess.run(command, env=packages, capture_output=True, text=True, timeout=100 * PATIENCE)
     said = done.stdout + done.stderr
     assert done.returncode == 0 and "passed" in said, said
     assert not any(word in said for word in TROUBLE), said
@@ -92,7 +92,9 @@ def test_each_argument_is_documented_and_listed(path, packages):
 def test_arguments_are_listed_by_the_command(packages):
     start = "import sys, roslaunch; roslaunch.main(sys.argv)"
     command = [sys.executable, "-c", start, "--ros-args", str(LAUNCH / "sim.launch")]
-    listed = subprocess.run(command, env=packages, capture_output=True, text=True, timeout=60).stdout
+    listed = subprocess.run(
+        command, env=packages, capture_output=True, text=True, timeout=60 * PATIENCE
+    ).stdout
     assert "engine" in listed and "the firmware binary" in listed
 
 

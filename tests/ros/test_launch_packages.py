@@ -11,6 +11,7 @@ import yaml
 from roslaunch import substitution_args
 
 from ros1_bridge.node.packages import PACKAGES, advice
+from tests.waiting import PATIENCE
 
 from . import stand_ins
 from .rig import ROOT
@@ -274,7 +275,7 @@ def test_missing_packages_are_named_in_one_line_before_anything_starts(folder, m
         "ROS_PACKAGE_PATH", os.pathsep.join((str(ROOT), str(folder / "map_server"), "/usr/share"))
     )
     command = ["/usr/bin/rosrun", "mrl_robots", "need_packages", "amcl", "map_server", "range_sensor_layer"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60 * PATIENCE)
     assert done.returncode == 1 and done.stdout == ""
     assert done.stderr == advice(["amcl", "range_sensor_layer"]) + "\n"
 

@@ -17,7 +17,7 @@ from ros1_bridge.control.commander import NOT_FINITE
 from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.robot.robot_node import WARN_EVERY_S, driver_options
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE
-from tests.waiting import wait_until
+from tests.waiting import require_median, wait_until
 
 from .rig import START_S, Topic
 
@@ -160,17 +160,7 @@ def test_command_is_on_the_wire_at_once(robot):
         since = time.monotonic()
         robot.cmd_vel.publish(forward(0.1))
         lates_s.append(robot.wire.wait_for(MOVE, since) - since)
-    assert median(lates_s) < AT_ONCE_S, lates_s
-
-
-def test_robot_follows_the_command(robot):
-    begin = robot.odom.messages[-1].pose.pose.position.x
-
-    def driven():
-        robot.cmd_vel.publish(forward(0.2))
-        return robot.odom.wait_for_more(2)[-1].pose.pose.position.x > begin + 0.05
-
-    wait_until(driven)
+    require_median(lates_s, AT_ONCE_S, "a command's way to the wire")
 
 
 def warned(robot, words, message):
@@ -271,7 +261,8 @@ def test_robot_stops_when_commands_end(rig):
         return len(took_s) == 5
 
     wait_until(drive_and_stop)
-    assert TIMEOUT_S <= min(took_s) and median(took_s) < TIMEOUT_S + TIMEOUT_LATE_S, took_s
+    assert TIMEOUT_S <= min(took_s), took_s
+    require_median(took_s, TIMEOUT_S + TIMEOUT_LATE_S, "the stop of a robot without commands")
 
 
 @pytest.mark.parametrize(
@@ -294,16 +285,6 @@ def test_bad_parameter_ends_the_node_with_one_line(rig, options, exit_code, word
     assert node.exit_code == exit_code
     assert len(node.output()) == 1
     assert words in node.output()[0]
-
-
-def test_node_waits_for_a_port_that_is_there_and_cannot_be_opened_yet(rig, tmp_path):
-    name, board, odometry = tmp_path / "port", rig.board(), rig.topic("odom", Odometry)
-    name.write_text("")
-    node = rig.node(str(name), "_port_timeout:=300")
-    wait_until(lambda: any("plain file, expected a serial port" in line for line in node.output()))
-    (tmp_path / "link").symlink_to(board.port)
-    (tmp_path / "link").replace(name)
-    odometry.wait()
 
 
 def test_way_that_the_board_forgot_makes_the_pose_less_sure(rig):

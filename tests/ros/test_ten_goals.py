@@ -13,6 +13,7 @@ from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.world import world_file
 from tests.navigation.goals import CONTACT_M, GOALS, REACHED_M, ROBOTS, Judge, Outcome, row_of, table_of
 from tests.navigation.stack import NEEDED, require_sources
+from tests.waiting import PATIENCE
 
 from .rig import ROOT
 from .test_move_base import parameters
@@ -99,7 +100,7 @@ def test_row_without_a_goal_that_was_reached_has_no_error():
 
 def test_without_a_source_one_line_says_what_is_missing():
     done = subprocess.run(
-        ["make", "-s", "test-navigation"], cwd=ROOT, capture_output=True, text=True, timeout=60
+        ["make", "-s", "test-navigation"], cwd=ROOT, capture_output=True, text=True, timeout=60 * PATIENCE
     )
     (line, *rest) = done.stderr.splitlines()
     assert done.returncode == 2 and done.stdout == "" and all("***" in word for word in rest)

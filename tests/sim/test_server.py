@@ -1,12 +1,12 @@
 """The server between a port and a board: how fast the host's bytes pass."""
 
 import os
-import statistics
 
 import pytest
 
 from sim_arduino.serve.server import PtyServer
 from sim_arduino.serve.socket_port import MOST_WAITING, read_all
+from tests.waiting import require_median
 
 PIECE = bytes(256)
 PIECES = 12
@@ -81,4 +81,4 @@ def test_what_waits_is_read_though_the_host_never_stops():
 @pytest.mark.realtime
 @pytest.mark.parametrize("baud", [115200, 500000])
 def test_the_hosts_bytes_pass_at_the_ports_speed(baud):
-    assert statistics.median(gaps_s(baud)) < 2 * 10 * len(PIECE) / baud
+    require_median(gaps_s(baud), 2 * 10 * len(PIECE) / baud, "a piece's way through the port")

@@ -59,12 +59,6 @@ def key(page, name):
     return lambda: page.tab.key("keyDown", name), lambda: page.tab.key("keyUp", name)
 
 
-def test_a_finger_on_the_joystick_drives_until_it_is_lifted(visit, robot):
-    phone = visit(PHONE).take()
-    moves_and_stops(robot, phone, phone.push, phone.tab.lift)
-    phone.wait(held="no")
-
-
 def test_a_key_drives_until_it_is_released(visit, robot):
     desk = visit(DESK).take()
     for name in ("w", "ArrowLeft"):

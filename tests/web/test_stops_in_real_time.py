@@ -4,9 +4,9 @@
 the server are processes of their own.
 """
 
-from statistics import median
-
 import pytest
+
+from tests.waiting import require_median
 
 from .stop_runs import StopRuns
 
@@ -27,4 +27,4 @@ def runs(browser, served):
 )
 def test_the_robot_stops_in_time_and_waits_until_the_control_is_released(runs, fault):
     times = [runs.measure(fault, further).after_command_s for further in FURTHER]
-    assert median(times) <= STOP_S, times
+    require_median(times, STOP_S, "the stop")

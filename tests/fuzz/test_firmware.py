@@ -7,13 +7,16 @@ import pytest
 
 from tests.firmware.pc_board import BUILD
 from tests.vectors import load
+from tests.waiting import PATIENCE
 
 RUNS = 4000
 IMAGES = ("", "_hbridge")
 
 
 def run(*command) -> "subprocess.CompletedProcess[bytes]":
-    return subprocess.run([str(part) for part in command], capture_output=True, check=False, timeout=120)
+    return subprocess.run(
+        [str(part) for part in command], capture_output=True, check=False, timeout=120 * PATIENCE
+    )
 
 
 def seeds(folder: Path) -> Path:
