@@ -44,7 +44,8 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
             "port_missing",
             "PORT does not exist",
             "The board is not plugged in, has another port today, or the name is misspelt. In a virtual machine or a "
-            "container, the port must be passed on.",
+            "container, the port must be passed on. The port of an emulated robot is in the folder where mrl-sim was "
+            "started, with the name that its --link got.",
             "list the ports with: mrl ports --probe",
             ("PORT is not a serial port", "PORT cannot be opened", "expected a serial port"),
         ),

@@ -2,8 +2,10 @@
 
 import importlib
 import os
+import re
 import signal
 import sys
+from typing import Match
 
 from .errors import ConfigError
 
@@ -48,6 +50,25 @@ def version() -> str:
         return metadata.version("mrl-driver")
     except metadata.PackageNotFoundError:
         return "unknown (not installed)"
+
+
+_RANGE = re.compile(r" is not in the range (?:(\S+)(<=?))?x(?:([<>]=?)(\S+?))?\.?$")
+_KIND = re.compile(r" is not a valid (float|integer)(?: range)?\.?$")
+_WORDS = {"<": "below ", "<=": "at most ", ">": "above ", ">=": "at least "}
+
+
+def in_plain_words(text: str) -> str:
+    """Return an error of the library click with its words for kinds and ranges of numbers in plain English."""
+    text = _KIND.sub(lambda kind: f", expected a {'whole ' * (kind[1] == 'integer')}number", text)
+    return _RANGE.sub(lambda found: f", expected {_in_words(found)}", text)
+
+
+def _in_words(found: Match[str]) -> str:
+    least, from_, to, most = found.groups()
+    if (from_, to) == ("<=", "<="):
+        return f"{float(least):g} to {float(most):g}"
+    above = f"{'above' if from_ == '<' else 'at least'} {float(least):g} and " if from_ else ""
+    return f"{above}{_WORDS[to]}{float(most):g}"
 
 
 def _open_closed_streams() -> None:

@@ -15,7 +15,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 import click
 
 from mrl_driver.errors import MrlError, OutputError
-from mrl_driver.program import version
+from mrl_driver.program import in_plain_words, version
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as in shells."""
@@ -136,6 +136,7 @@ def cli(port: Optional[str], robot: Optional[str]) -> None:
       mrl web --port /dev/ttyACM0          the same on a web page, also for a phone
       mrl names add lab3 --port /dev/ttyACM0    give the robot a name; then: mrl --robot lab3 info
       mrl new                              make a robot of your own, with motors on an H-bridge
+      mrl-sim --link ttySIM0               no board? an emulated one; in another terminal: mrl drive --port ttySIM0
     \b
     Exit codes:
       0 success                  1 a fault found, or another error   2 a wrong option or file
@@ -191,7 +192,7 @@ def main(args: Optional[Sequence[str]] = None) -> None:
 
 
 def _one_line(error: click.ClickException) -> str:
-    text = " ".join(error.format_message().split())
+    text = in_plain_words(" ".join(error.format_message().split()))
     ctx = getattr(error, "ctx", None)
     return f"{text[:1].lower()}{text[1:].rstrip('.')}; see: {ctx.command_path if ctx else 'mrl'} --help"
 

@@ -66,7 +66,7 @@ def require_name(name: Any, where: str = "") -> str:
     """
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ConfigError(
-            f"{where}name is {name!r}, expected a letter and up to 31 letters, digits, '-' or '_'"
+            f"{where}name is {name!r}, expected a letter (a to z, A to Z) and up to 31 letters, digits, '-' or '_'"
         )
     if name == "auto" or name in models.names():
         raise ConfigError(f"{where}name {name!r} is a robot model, expected another name, such as {name}1")

@@ -376,7 +376,8 @@ def require_device(port: str) -> None:
     try:
         mode = os.stat(port).st_mode
     except FileNotFoundError:
-        raise PortMissing(f"{port!r} does not exist; {_there_are()}") from None
+        where = "" if os.path.isabs(port) else f" in the folder {os.getcwd()}"
+        raise PortMissing(f"{port!r} does not exist{where}; {_there_are()}") from None
     except (OSError, ValueError):
         return
     if not stat.S_ISCHR(mode):
@@ -389,7 +390,7 @@ def _there_are() -> str:
     return (
         f"ports there are: {', '.join(found)}"
         if found
-        else "there is no serial port; is the board plugged in?"
+        else "there is no serial port; is the board plugged in? Without one, mrl-sim serves an emulated robot"
     )
 
 
@@ -431,7 +432,7 @@ def _explain(port: str, error: Exception) -> LinkError:
             "then log out and in"
         )
     if kind is PortMissing:
-        return PortMissing(f"{port!r} is not a serial port ({_words(error)}); {_there_are()}")
+        return PortMissing(f"{port!r} is not a serial port; {_there_are()}")
     return LinkError(
         f"{port} cannot be opened, because its device does not answer ({_words(error)}): unplug it and plug it in "
         "again; in a container, pass the device to it again"
@@ -450,7 +451,8 @@ def _errno(error: BaseException) -> int:
 
 
 def _words(error: BaseException) -> str:
-    return " ".join(str(error).split())
+    number = _errno(error)
+    return os.strerror(number) if number else " ".join(str(error).split())
 
 
 def locked_by(port: str) -> str:

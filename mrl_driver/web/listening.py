@@ -6,7 +6,7 @@ import socket
 import ssl
 from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, PortBusy
 from mrl_driver.host import access, certificate
 from mrl_driver.transport.address import Address
 from mrl_driver.transport.listener import bound
@@ -122,6 +122,12 @@ def listening_socket(host: str, port: int) -> socket.socket:
         ConfigError: the address does not belong to this computer.
         PortBusy, PortDenied, LinkError: listening on the address is not possible.
     """
-    end = bound(Address("tcp", host, port), socket.SOCK_STREAM, waiting=64)
+    try:
+        end = bound(Address("tcp", host, port), socket.SOCK_STREAM, waiting=64)
+    except PortBusy:
+        again = f"{_bracketed(host)}:{port + 1 if port < 65535 else PORT}"
+        raise PortBusy(
+            f"{_bracketed(host)}:{port} is in use by another program; end that, or give another: --listen {again}"
+        ) from None
     end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)  # connections have the same
     return end

@@ -1,6 +1,7 @@
 """`mrl-sim`: an emulated robot on a virtual serial port."""
 
 import math
+import shlex
 import signal
 import sys
 from contextlib import ExitStack
@@ -326,6 +327,12 @@ def _announcer(stack: ExitStack, given: _PortOptions) -> Callable[[str], None]:
             link.move(path)
         if path:
             click.echo(f"{given.name} {path}".strip())
+        if path and sys.stderr.isatty():
+            name = given.link or path
+            place = "" if given.listen or name.startswith("/") else ", in this folder"
+            _print_message(
+                f"Ctrl-C ends it; drive it from another terminal{place}: mrl drive --port {shlex.quote(name)}"
+            )
         if path and given.listen:
             _print_message(f"listening on {path}; everybody who can reach this address can drive the robot")
 

@@ -6,6 +6,7 @@ from typing import Any
 import click
 
 from mrl_driver.errors import MrlError, SimulatorError
+from mrl_driver.program import in_plain_words
 
 
 class OneLine(click.Command):
@@ -17,7 +18,7 @@ class OneLine(click.Command):
             super().main(*args, **{**kwargs, "standalone_mode": False})
         except (MrlError, click.ClickException) as error:
             text = error.format_message() if isinstance(error, click.ClickException) else str(error)
-            click.echo(f"{self.name}: {' '.join(text.split())}", err=True)
+            click.echo(f"{self.name}: {in_plain_words(' '.join(text.split()))}", err=True)
             sys.exit(error.exit_code)
         except OSError as error:
             click.echo(f"{self.name}: {error}; the last lines of the log are lost", err=True)

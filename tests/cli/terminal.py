@@ -17,10 +17,10 @@ _FULL = "import resource, sys; sys.dont_write_bytecode = True; resource.setrlimi
 class Terminal:
     """A command on a terminal, which takes what it shows until `stalled` is set."""
 
-    def __init__(self, *args, folder="."):
+    def __init__(self, *args, folder=".", term="xterm"):
         self.pid, self._fd = pty.fork()
         if self.pid == 0:
-            os.environ["TERM"] = "xterm"
+            os.environ["TERM"] = term
             os.chdir(folder)
             os.execv(sys.executable, [*MRL, *map(str, args)])
         self.seen = bytearray()

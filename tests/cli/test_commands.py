@@ -243,11 +243,30 @@ def test_a_time_out_of_range(seconds):
 
 
 def test_a_distance_that_is_no_number():
-    assert "nan is not in the range" in fails(2, "calibrate", "straight", "--distance=nan")
+    assert "nan, expected 0.3 to 20" in fails(2, "calibrate", "straight", "--distance=nan")
 
 
 def test_driving_without_a_terminal_says_what_to_give():
     assert "not a terminal" in fails(2, "drive", "--port", "/dev/null")
+
+
+def test_driving_in_a_terminal_without_a_full_screen_says_so():
+    terminal = Terminal("drive", "--port", "/dev/null", term="dumb")
+    assert terminal.end() == 2 and b"TERM is dumb" in terminal.seen
+
+
+@pytest.mark.parametrize(
+    "words, expected",
+    [
+        (["info", "--baud", "fast"], "'fast', expected a whole number"),
+        (["set-id", "0"], "0, expected 1 to 32767"),
+        (["monitor", "--seconds=0"], "0.0, expected above 0;"),
+        (["tip-over", "x", "--slope=90"], "90.0, expected at least 0 and below 90;"),
+        (["radio", "discover", "--seconds=0"], "0.0, expected above 0 and at most 60;"),
+    ],
+)
+def test_a_number_out_of_range_is_explained_in_plain_words(words, expected):
+    assert expected in fails(2, *words)
 
 
 @pytest.mark.parametrize("args", [["--nix"], ["inof"], ["info", "--baud", "fast"]])

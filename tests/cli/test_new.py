@@ -46,7 +46,7 @@ def test_questions_come_with_a_picture(tmp_path):
     for question, picture, answer in (
         ("Name of the robot", b"", "rover"),
         ("Wheel diameter [mm]", b"measure across the tyre", "6.5"),  # centimetres by mistake
-        ("is not in the range", b"", "65"),
+        ("expected 10 to 650", b"", "65"),
         ("Wheel separation [mm]", b"from the middle of one tyre", "150"),
         ("Counts of a wheel turn", b"Counts of a wheel turn = lines x 4 x ratio", "0"),
         ("expected a number from 4 to 100000", b"", "11x4x34"),
@@ -77,13 +77,16 @@ def test_nothing_is_written_after_a_no(tmp_path):
             "Which H-bridge drives the motors. stdin is not a terminal; give --bridge",
         ),
         (("traxbot", *ROVER, "--yes"), "name 'traxbot' is a robot model, expected another name"),
-        (("../rover", *ROVER, "--yes"), "name is '../rover', expected a letter and up to 31 letters"),
+        (
+            ("../rover", *ROVER, "--yes"),
+            "name is '../rover', expected a letter .a to z, A to Z. and up to 31",
+        ),
         (
             ("rover", *ROVER, "--yes", "--counts", "0"),
             "counts of a wheel turn are '0', expected a number from 4",
         ),
         (("rover", *ROVER, "--yes", "--bridge", "l293d"), "'l293d' is not one of 'vnh5019'"),
-        (("rover", *ROVER, "--yes", "--separation", "nan"), "nan is not in the range 30"),
+        (("rover", *ROVER, "--yes", "--separation", "nan"), "nan, expected 30"),
     ],
 )
 def test_wrong_answers_are_refused_in_one_line(words, line):

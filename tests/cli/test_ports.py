@@ -68,7 +68,13 @@ def test_the_list_for_people(there, serve):
 
 def test_no_port_at_all(there):
     there()
-    assert "plug the board in" in mrl("ports").stdout
+    assert all(words in mrl("ports").stdout for words in ("plug the board in", "mrl-sim --link"))
+
+
+def test_a_port_without_permission_is_not_advised_to_be_asked(there, monkeypatch):
+    there(UNO._replace(device="/dev/ttyS9", vendor=None))
+    monkeypatch.setattr(port_info.os, "access", lambda *_: False)
+    assert mrl("ports", "--probe").stdout.count("--probe") == 0
 
 
 def test_a_port_that_a_program_opens_while_others_are_asked_is_not_opened(serve, monkeypatch):

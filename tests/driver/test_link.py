@@ -2,6 +2,7 @@ import contextlib
 import errno
 import fcntl
 import os
+import re
 import struct
 import termios
 import threading
@@ -233,10 +234,17 @@ def test_what_is_no_port(kind, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("path", "words"), [("/nowhere/x", "does not exist"), ("/dev", "is a folder"), (__file__, "a plain file")]
+    ("path", "words"),
+    [
+        ("/nowhere/x", "does not exist"),
+        ("ttyNONE0", f"does not exist in the folder {re.escape(os.getcwd())}"),
+        ("/dev", "is a folder"),
+        (__file__, "a plain file"),
+        ("/dev/null", "is not a serial port"),
+    ],
 )
 def test_the_message_says_what_it_is_and_what_there_is(path, words):
-    with pytest.raises(PortMissing, match=f"{words}.*there (are|is)"):
+    with pytest.raises(PortMissing, match=f"{words}(, expected a serial port)?; (ports )?there (are|is)"):
         SerialLink(path)
 
 

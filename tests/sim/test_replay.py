@@ -273,7 +273,7 @@ def test_skipped_lines_are_named(tmp_path):
         (("/nowhere",), "cannot read '/nowhere'"),
         (("FILE", "--robot", "nope"), "robot 'nope' is unknown"),
         (("FILE", "--speed", "2"), "without --pty"),
-        (("FILE", "--pty", "--speed", "-1"), "'--speed': -1.0 is not in the range 0<=x<=1000000"),
+        (("FILE", "--pty", "--speed", "-1"), "'--speed': -1.0, expected 0 to 1e+06"),
         (("FILE", "--pty", "--json"), "expected one of them"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",

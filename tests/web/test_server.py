@@ -845,7 +845,7 @@ def test_serve_ends_when_it_is_asked_to():
 def test_an_address_in_use_is_named():
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
-        with pytest.raises(PortBusy, match=f"127.0.0.1:{port} is in use"):
+        with pytest.raises(PortBusy, match=f"127.0.0.1:{port} is in use.*--listen 127.0.0.1:{port + 1}$"):
             listening.listening_socket("127.0.0.1", port)
 
 

@@ -25,6 +25,7 @@ from .shared import (
     full_screen,
     json_option,
     max_delay_option,
+    no_view_because,
     print_json,
     print_message,
     record_option,
@@ -88,7 +89,7 @@ def drive(
             )
         _require_drive(seconds, linear=speeds[0], angular=speeds[1], lateral=speeds[2])
     elif as_json or not (sys.stdin.isatty() and full_screen()):
-        raise ConfigError("stdin or stdout is not a terminal; give --linear or --angular, and --for SECONDS")
+        raise ConfigError(f"{no_view_because()}; give --linear or --angular, and --for SECONDS")
     confirm_overwrite(record, yes)
     if not timed:
         watch_live(

@@ -9,7 +9,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BAUD
 
-from .shared import complete_port, json_option, print_json
+from .shared import Between, complete_port, json_option, print_json
 
 Row = Dict[str, Any]
 
@@ -24,7 +24,7 @@ Row = Dict[str, Any]
 @click.option(
     "--wait",
     "wait_s",
-    type=click.FloatRange(0.5, 60.0),
+    type=Between(0.5, 60.0),
     metavar="S",
     help="Time for a board's first answer [s]; default: 8 on USB ports, where a board of 2013 needs 5.4, else 4.",
 )

@@ -10,13 +10,14 @@ from rich.text import Text
 from mrl_driver.robot.battery import voltage_text
 
 Row = Dict[str, Any]
+EMULATED = "without a board:  mrl-sim --link ttySIM0   serves an emulated robot"
 
 
 def show(rows: List[Row], probed: bool) -> None:
     """Print the ports; say what to do if there is none, or if none was asked."""
     console = Console(highlight=False)
     if not rows:
-        console.print("no serial port found; plug the board in, and check with: dmesg | tail")
+        console.print(f"no serial port found; plug the board in, and check with: dmesg | tail\n\n{EMULATED}")
         return
     table = Table(box=None, header_style="bold", pad_edge=False)
     for title in ("port", "device", "state", *(["robot"] if probed else [])):
@@ -24,8 +25,11 @@ def show(rows: List[Row], probed: bool) -> None:
     for row in rows:
         table.add_row(_port(row), _kind(row), _state(row), *([_robot(row)] if probed else []))
     console.print(table)
-    if not probed and any(row["arduino"] or row["name"] for row in rows):
-        console.print("\nfind the robots:  mrl ports --probe   (resets the boards)", style="dim")
+    if any(row["arduino"] or row["name"] for row in rows):
+        if not probed:
+            console.print("\nfind the robots:  mrl ports --probe   (resets the boards)", style="dim")
+    else:
+        console.print(f"\n{EMULATED}", style="dim")
 
 
 def _port(row: Row) -> Text:
@@ -54,8 +58,9 @@ def _state(row: Row) -> Text:
 
 def _robot(row: Row) -> Text:
     if not row["asked"]:
-        why = "in use" if row["used_by"] else f"not asked; mrl ports --probe {row['device']}"
-        return Text(why, style="dim")
+        if row["used_by"] or not row["permitted"]:
+            return Text("not asked", style="dim")  # its state says why
+        return Text(f"not asked; mrl ports --probe {row['device']}", style="dim")
     if row["error"]:
         return Text(row["error"], style="yellow")
     model = row["model"] or ("no id set" if not row["robot_id"] else "unknown model")

@@ -5,7 +5,7 @@ import functools
 import math
 import os
 import sys
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Mapping, Optional
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Mapping, NoReturn, Optional
 
 import click
 
@@ -13,6 +13,7 @@ from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.json_text import json_text
+from mrl_driver.program import in_plain_words
 from mrl_driver.robot import models
 from mrl_driver.robot.imu import LEARNING, WAITING
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
@@ -39,6 +40,12 @@ class Between(click.FloatRange):
         if math.isnan(number):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
         return number
+
+    def fail(
+        self, message: str, param: Optional[click.Parameter] = None, ctx: Optional[click.Context] = None
+    ) -> NoReturn:
+        """Raise the error in plain words, also after a question."""
+        super().fail(in_plain_words(message), param, ctx)
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
@@ -250,6 +257,15 @@ def format_value(value: Any) -> str:
 def full_screen() -> bool:
     """Return whether stdout is a terminal that can show a full-screen view."""
     return sys.stdout.isatty() and os.environ.get("TERM") not in ("dumb", "unknown")
+
+
+def no_view_because() -> str:
+    """Return why there is no full-screen view that takes keys."""
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        return "stdin or stdout is not a terminal"
+    if not full_screen():
+        return f"TERM is {os.environ['TERM']}, expected a terminal with a full-screen view, such as xterm"
+    return "--json has no view"
 
 
 def confirm(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
