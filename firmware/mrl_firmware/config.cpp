@@ -5,6 +5,7 @@
 #include "answers.h"
 #include "board_clock.h"
 #include "bus.h"
+#include "commands.h"
 #include "crc.h"
 #include "flash.h"
 #include "frame_writer.h"
@@ -120,34 +121,26 @@ int16_t read_id() {
   return static_cast<float>(whole) == number ? whole : static_cast<int16_t>(0);
 }
 
-// Loads a block with this layout and number of parameters, which come first in the table; false if it has another layout
-// or is damaged.
-bool read_block(uint8_t layout, uint8_t count) {
-  const uint8_t body_size = static_cast<uint8_t>(1 + 2 * count);
-  uint16_t crc = CRC_START;
-  uint8_t block[BLOCK_SIZE];
-  for (uint8_t i = 0; i < body_size + 2; i++) {
-    block[i] = hal::eeprom_read(static_cast<uint16_t>(BLOCK_AT + i));
-    if (i < body_size) crc = crc_update(crc, block[i]);
-  }
-  if (block[0] != layout || block[body_size] != (crc & 0xFF) || block[body_size + 1] != crc >> 8) return false;
-  bool good = true;
-  for (uint8_t i = 0; i < count; i++) {
-    values[i] = static_cast<int16_t>(block[1 + 2 * i] | block[2 + 2 * i] << 8);
+// Loads the block; false if it has another layout or is damaged, and then the values are not to be used.
+bool read_block() {
+  bool good = hal::eeprom_read(BLOCK_AT) == LAYOUT;
+  uint16_t crc = crc_update(CRC_START, LAYOUT), at = BLOCK_AT + 1;
+  const auto next = [&] {
+    const uint8_t byte = hal::eeprom_read(at++);
+    crc = crc_update(crc, byte);
+    return byte;
+  };
+  for (uint8_t i = 0; i < PARAMETER_COUNT; i++) {
+    const uint8_t low = next();
+    values[i] = static_cast<int16_t>(low | next() << 8);
     good = good && allowed(i, values[i]);
   }
-  return good;
-}
-
-// Loads the present layout, or an older one with the defaults of the parameters that it lacks.
-bool read_block() {
-  if (read_block(LAYOUT, PARAMETER_COUNT)) return true;
-  take_defaults();
-  return read_block(BEFORE_HOLD, COUNT_BEFORE_HOLD) || read_block(BEFORE_BRIDGE, COUNT_BEFORE_BRIDGE);
+  return good && hal::eeprom_read(at) == (crc & 0xFF) && hal::eeprom_read(at + 1) == crc >> 8;
 }
 
 void apply() {
   status::set_fault(FAULT_ID_UNSET, !id());
+  commands::decoder.plain_calibrate = get(Parameter::plain_calibrate);
   bus::configure();
   sonar::configure();
   // A running save starts again; otherwise it would mix old and new values.

@@ -12,9 +12,7 @@ namespace config {
 
 constexpr uint16_t ID_AT = 0;
 constexpr uint16_t BLOCK_AT = 16;
-// Older layouts have fewer parameters; their values are kept.
-constexpr uint8_t LAYOUT = 4, BEFORE_HOLD = 3, BEFORE_BRIDGE = 2;
-constexpr uint8_t COUNT_BEFORE_HOLD = 26, COUNT_BEFORE_BRIDGE = 19;
+constexpr uint8_t LAYOUT = 5;  // other layouts are not read
 constexpr uint8_t BLOCK_SIZE = 1 + 2 * PARAMETER_COUNT + 2;
 
 // Loads the EEPROM; damaged values are replaced by the model's defaults, and a fault is set.

@@ -65,6 +65,7 @@ namespace handlers {
 
 void set_check(const int16_t* args, uint8_t) {
   failsafe::set_check(args[0]);
+  commands::decoder.asked = args[0];
   answers::ask(SET_CHECK, args[0]);
 }
 

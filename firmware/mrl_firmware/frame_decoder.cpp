@@ -11,6 +11,7 @@ struct Spec {
 };
 
 constexpr uint8_t NO_REQUEST = 0xFF;
+constexpr uint8_t ALWAYS = 1, ONCE_ASKED = 2;  // values of `guarded`
 
 #define SPEC(code, name, least, most, guarded, stamped, first) {least, most, guarded, first},
 #define NO_SPEC(code, name, least, most, guarded, stamped, first) {NO_REQUEST, 0, 0, 0},
@@ -137,10 +138,14 @@ Verdict FrameDecoder::judge() {
   return fit(values_[0], static_cast<uint8_t>(tokens_ - 1));
 }
 
+bool FrameDecoder::needs_check(int16_t code, uint8_t count, uint8_t guarded) const {
+  if (!count && (code == STOP_CODE || (code == CALIBRATE && plain_calibrate && !asked))) return false;
+  return checked || guarded == ALWAYS || (guarded == ONCE_ASKED && asked);
+}
+
 Verdict FrameDecoder::fit(int16_t code, uint8_t count) {
   const Spec* spec = find(code);
-  const bool bare_stop = code == STOP_CODE && !count;
-  if (!bare_stop && (checked || (spec && flash_byte(&spec->guarded)))) {
+  if (needs_check(code, count, spec ? flash_byte(&spec->guarded) : static_cast<uint8_t>(0))) {
     if (!count || static_cast<uint16_t>(values_[count]) != crc_at_comma_) return garbage(Reason::bad_check);
     count--;
   }

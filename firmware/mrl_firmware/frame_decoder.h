@@ -26,12 +26,18 @@ class FrameDecoder {
   // Length of the frame or garbage that was completed last [byte].
   uint8_t length() const { return completed_; }
 
+  // All requests need a checksum.
   bool checked = false;
+  // Those that turn motors need one: the host has turned checksums on, and not off.
+  bool asked = false;
+  // Before that, a bare `calibrate` needs none.
+  bool plain_calibrate = false;
 
  private:
   Verdict start();
   Verdict skip(uint8_t byte);
   Verdict judge();
+  bool needs_check(int16_t code, uint8_t count, uint8_t guarded) const;
   Verdict fit(int16_t code, uint8_t count);
   Verdict garbage(Reason reason);
   void take(uint8_t byte);

@@ -15,7 +15,7 @@ constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
 constexpr uint8_t HOLD_MARK = 248;  // first byte of a hold text
 constexpr uint8_t MOST_HOLDERS = 4;  // that a board accepts at a time
 constexpr uint8_t REASON_COUNT = 12;
-constexpr uint8_t PARAMETER_COUNT = 27;
+constexpr uint8_t PARAMETER_COUNT = 28;
 constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
 
@@ -201,6 +201,7 @@ enum class Parameter : uint8_t {
   battery_divider = 24,
   undervoltage = 25,
   radio_hold = 26,
+  plain_calibrate = 27,
 };
 
 // One handler for each request; a forgotten one fails to link.
@@ -272,9 +273,10 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
 
 }  // namespace mrl
 
-// code, name, fewest and most arguments, guarded, reply stamped, index of the first argument's range
+// code, name, fewest and most arguments, guarded (1 always, 2 once the host has turned checksums on),
+// reply stamped, index of the first argument's range
 #define MRL_COMMANDS(REQUEST, NO_REQUEST) \
-  REQUEST(1, calibrate, 0, 0, 0, 0, 0) \
+  REQUEST(1, calibrate, 0, 0, 1, 0, 0) \
   REQUEST(2, set_pid_gains, 3, 3, 0, 0, 0) \
   REQUEST(3, set_encoder_prescaler, 2, 2, 0, 0, 3) \
   REQUEST(4, preset_encoder, 2, 2, 0, 0, 5) \
@@ -282,10 +284,10 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   REQUEST(6, read_encoders, 0, 0, 0, 1, 7) \
   REQUEST(7, read_sonars, 0, 0, 0, 0, 7) \
   REQUEST(8, read_encoders_and_sonars, 0, 0, 0, 1, 7) \
-  REQUEST(9, move_motors_pid, 2, 2, 0, 0, 7) \
-  REQUEST(10, move_motors, 2, 2, 0, 0, 9) \
-  REQUEST(11, move_differential, 2, 2, 0, 0, 11) \
-  REQUEST(12, move_to_position, 3, 3, 0, 0, 13) \
+  REQUEST(9, move_motors_pid, 2, 2, 2, 0, 7) \
+  REQUEST(10, move_motors, 2, 2, 2, 0, 9) \
+  REQUEST(11, move_differential, 2, 2, 2, 0, 11) \
+  REQUEST(12, move_to_position, 3, 3, 2, 0, 13) \
   REQUEST(13, stop, 0, 0, 0, 0, 16) \
   REQUEST(14, reset_encoders, 0, 0, 0, 0, 16) \
   REQUEST(15, get_debug, 0, 0, 0, 0, 16) \
@@ -316,7 +318,7 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   REQUEST(40, discover_xbee, 0, 0, 0, 0, 39) \
   REQUEST(41, read_light, 0, 0, 0, 0, 39) \
   REQUEST(42, read_compass, 0, 0, 0, 0, 39) \
-  REQUEST(43, move_omni, 3, 3, 0, 0, 39) \
+  REQUEST(43, move_omni, 3, 3, 2, 0, 39) \
   REQUEST(44, start_omni_stream, 0, 1, 0, 1, 42) \
   REQUEST(45, set_baud, 1, 1, 1, 0, 43) \
   REQUEST(46, read_imu, 0, 0, 0, 1, 44) \
@@ -350,8 +352,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(0, 10000) \
   RANGE(0, 1) \
   RANGE(0, 10000) \
-  RANGE(0, 26) \
-  RANGE(0, 26) \
+  RANGE(0, 27) \
+  RANGE(0, 27) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
   RANGE(INT16_MIN, 32767) \
@@ -427,7 +429,8 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   RANGE(0, 500) \
   RANGE(0, 32767) \
   RANGE(0, 32767) \
-  RANGE(0, 300)
+  RANGE(0, 300) \
+  RANGE(0, 1)
 
 // lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni, duo
 #define MRL_MODELS(MODEL) \
@@ -449,6 +452,7 @@ inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); 
   VALUE(0) \
   VALUE(0) \
   VALUE(50) \
+  VALUE(0) \
   VALUE(0) \
   VALUE(0) \
   VALUE(0) \

@@ -172,12 +172,14 @@ def _request_rows() -> List[str]:
     for row in COMMANDS:
         most = len(row.request)
         kind = "NO_REQUEST" if row.name in _NO_REQUEST else "REQUEST"
-        cells = (row.code, row.name, most - row.optional, most, int(row.guarded), int(row.stamped), first)
+        guarded = 1 if row.guarded else 2 if row.turns else 0
+        cells = (row.code, row.name, most - row.optional, most, guarded, int(row.stamped), first)
         rows.append(f"{kind}({', '.join(map(str, cells))})")
         ranges += [f"RANGE({_int(field.low)}, {_int(field.high)})" for field in row.request]
         first += most
     return [
-        "// code, name, fewest and most arguments, guarded, reply stamped, index of the first argument's range",
+        "// code, name, fewest and most arguments, guarded (1 always, 2 once the host has turned checksums on),",
+        "// reply stamped, index of the first argument's range",
         *_macro("MRL_COMMANDS(REQUEST, NO_REQUEST)", rows),
         "// lowest and highest value of each request's arguments",
         *_macro("MRL_ARGUMENT_RANGES(RANGE)", ranges),

@@ -41,6 +41,11 @@ checksum is on, each frame in both directions carries it as its last argument.  
 "stamped" carry sequence number and board time before it.  If no valid frame arrives for 2 s, the board stops the motors
 and turns the checksum off.  A plain `@13e` stops the motors in every state.
 
+No single damaged byte of another request may turn motors.  Requests that turn motors (1, 9 to 12, 43) therefore need a
+checksum from the moment at which the host turns it on until the host turns it off or the board resets; the end of the
+checksum after 2 s without a frame does not change that.  1 always needs one, because it has no arguments: `@13e` that
+loses a byte is `@1e`.  Hosts of 2013 send 1 without; parameter 27 accepts it from them.
+
 A stop that the board makes by itself is final: the board then refuses each move (1, 9 to 12, 43) as unavailable until
 the host sends a stop (13), and answers it with the reply to 30, which has the reason.  These are the reasons of the
 stop reason table except host and boot.  The rule begins when command 33 turns the watchdog on, and ends when 33 or 32
@@ -86,7 +91,8 @@ def reference() -> str:
         "## Commands",
         "",
         *_table(("cmd", "name", "meaning", "arguments", "reply"), map(_command_cells, COMMANDS)),
-        "A star marks a guarded request: it carries a checksum in every state.  Square brackets mark optional fields.",
+        "A star marks a request that carries a checksum in every state; (!) one that turns motors.  Square brackets",
+        "mark optional fields.",
         "",
         "## Fields",
         "",
@@ -126,7 +132,7 @@ def reference() -> str:
 
 def _command_cells(row: Command) -> Tuple[str, ...]:
     star = "*" if row.guarded else ""
-    name = row.name + (" (stamped)" if row.stamped else "")
+    name = row.name + (" (!)" if row.turns else "") + (" (stamped)" if row.stamped else "")
     return (
         f"{row.code}{star}",
         name,

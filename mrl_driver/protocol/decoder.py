@@ -13,9 +13,10 @@ from typing import List, Optional, Sequence
 
 from .directions import REQUESTS, Direction, Shape
 from .frames import Event, Frame, Garbage, Stamp, check_value
-from .table import INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE
+from .table import BY_NAME, INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE, STAMP, STOP_CODE
 
 _AT, _END, _CR, _LF = b"@e\r\n"
+_CALIBRATE = BY_NAME["calibrate"].code
 _COMMON = b"0123456789,-@e"
 _PRINTABLE = range(0x20, 0x7F)
 LEAST_RUN = 400
@@ -39,10 +40,15 @@ class FrameDecoder:
 
     With a `direction` (`REPLIES` or `REQUESTS`) a frame must also match its row of the table.  While `checked` is set,
     each frame must end with its checksum, and stamped replies carry a sequence number and board time.
+
+    Attributes:
+        asked: Requests that turn motors need a checksum: the host has turned checksums on, and not off.
+        plain_calibrate: Before that, a bare `calibrate` needs none.
     """
 
     def __init__(self, direction: Optional[Direction] = None, checked: bool = False) -> None:
         self.checked = checked
+        self.asked = self.plain_calibrate = False
         self._shapes = direction.shapes if direction else {}
         self._forms = direction.forms if direction else {False: {}, True: {}}
         self._runs = direction.runs if direction else {False: {}, True: {}}
@@ -63,6 +69,12 @@ class FrameDecoder:
         """Whether the next frame depends only on its own bytes: none is pending, and no text shares its line."""
         return not (self._frame or self._noise or (self._line and self._lines))
 
+    def drop(self) -> None:
+        """Forget the bytes that have not become an event yet."""
+        self._frame.clear()
+        self._noise.clear()
+        self._line = ""
+
     def feed(self, data: bytes) -> List[Event]:
         """Return the frames and garbage completed by `data`, in the order of the wire."""
         events: List[Event] = []
@@ -73,7 +85,8 @@ class FrameDecoder:
         # grammar does not, and line ends only after an 'e'.
         tidy = len(data.translate(None, _COMMON)) == 2 * data.count(b"e\r\n")
         tidy = tidy and b",0" not in data and b"-0" not in data
-        forms, checked = self._forms[self.checked], self.checked
+        checked = self.checked
+        forms = {} if self.asked and not checked else self._forms[checked]
         for piece in pieces:
             tokens = piece.split(b",")
             try:
@@ -194,8 +207,11 @@ class FrameDecoder:
         return self._fit(data, code, args, shape)
 
     def _must_check(self, code: int, args: Sequence[int], shape: Optional[Shape]) -> bool:
-        bare_stop = self._tabled and not self._lines and code == STOP_CODE and not args
-        return not bare_stop and (self.checked or bool(shape and shape.guarded))
+        bare = self._tabled and not self._lines and not args
+        plain_calibrate = self.plain_calibrate and not self.asked and code == _CALIBRATE
+        if bare and (code == STOP_CODE or plain_calibrate):
+            return False
+        return self.checked or bool(shape and (shape.guarded or (shape.turns and self.asked)))
 
     def _fit(self, data: bytes, code: int, args: List[int], shape: Shape) -> Event:
         count = len(args) - len(STAMP) if self.checked and shape.stamped else len(args)

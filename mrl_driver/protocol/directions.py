@@ -15,6 +15,7 @@ class Shape(NamedTuple):
     most: int
     ranges: Tuple[Tuple[int, int], ...]
     guarded: bool
+    turns: bool
     stamped: bool
 
 
@@ -33,9 +34,10 @@ class _Form(NamedTuple):
     stamped: bool
 
 
-def _shape(row: Command, fields: Sequence[Field], optional: int, guarded: bool, stamped: bool) -> Shape:
-    ranges = [(f.low, f.high) for f in fields]
-    return Shape(row.code, len(fields) - optional, len(fields), tuple(ranges), guarded, stamped)
+def _shape(row: Command, fields: Sequence[Field], optional: int, request: bool) -> Shape:
+    ranges = tuple((f.low, f.high) for f in fields)
+    guarded, turns, stamped = row.guarded and request, row.turns and request, row.stamped and not request
+    return Shape(row.code, len(fields) - optional, len(fields), ranges, guarded, turns, stamped)
 
 
 def _narrow(shape: Shape) -> Narrow:
@@ -82,16 +84,12 @@ class Direction:
 
 
 REQUESTS = Direction(
-    [
-        _shape(row, row.request, row.optional, row.guarded, False)
-        for row in COMMANDS
-        if row.name != "xbee_text"
-    ],
+    [_shape(row, row.request, row.optional, True) for row in COMMANDS if row.name != "xbee_text"],
     lines=False,
 )
 """Host to board."""
 REPLIES = Direction(
-    [_shape(row, row.reply, row.optional_reply, False, row.stamped) for row in COMMANDS if row.reply],
+    [_shape(row, row.reply, row.optional_reply, False) for row in COMMANDS if row.reply],
     lines=True,
 )
 """Board to host.  Boards also print free text, which may repeat requests.  So a frame after text on the same line

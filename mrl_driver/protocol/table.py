@@ -48,8 +48,9 @@ class Command(NamedTuple):
     """One command: a row of the table.
 
     The last `optional` request fields and the last `optional_reply` reply fields may be absent.  A `guarded` request
-    always carries a checksum.  A `stamped` reply gets a sequence number and board time while checksums are on.
-    `repeats` is the code of the frames that a stream sends.
+    always carries a checksum; one that `turns` motors carries one from the host's first `set_check` 1 to its
+    `set_check` 0.  A `stamped` reply gets a sequence number and board time while checksums are on.  `repeats` is the
+    code of the frames that a stream sends.
     """
 
     code: int
@@ -62,6 +63,7 @@ class Command(NamedTuple):
     guarded: bool = False
     stamped: bool = False
     repeats: int = 0
+    turns: bool = False
 
 
 class I2c(NamedTuple):
@@ -161,7 +163,7 @@ _GYRO = tuple(_int16(f"gyro_{axis}", "0.000266462 rad/s", f"Angular rate about t
                                                          "deg/s.") for axis in "xyz")
 _ACCEL = tuple(_int16(f"accel_{axis}", "0.000598551 m/s2", f"Acceleration along the chip's {axis} axis, +1 g if it "
                                                           "points up; 16384 counts per g.") for axis in "xyz")
-_INDEX = Field("index", 0, 26, "", "Row of the parameter table.")
+_INDEX = Field("index", 0, 27, "", "Row of the parameter table.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
                  for i in (3, 2, 1, 0))
@@ -180,7 +182,8 @@ SENSORS: Tuple[Sensor, ...] = (
 """Sensors.  A new sensor needs one row here and one function in the firmware, see firmware/SENSORS.md."""
 
 _OTHERS: Tuple[Command, ...] = (
-    Command(1, "calibrate", "Motor board finds its PID working points; the wheels turn."),
+    Command(1, "calibrate", "Motor board finds its PID working points; the wheels turn.", guarded=True,
+            turns=True),
     Command(2, "set_pid_gains", "Set the gains of the motor board's speed control.", (
         _count("kp", "Proportional gain."), _count("ki", "Integral gain."), _count("kd", "Derivative gain."))),
     Command(3, "set_encoder_prescaler", "Set how many pulses make one count.", (
@@ -197,13 +200,14 @@ _OTHERS: Tuple[Command, ...] = (
     Command(6, "read_encoders", "Read both counters.", (), _ENCODERS, stamped=True),
     Command(7, "read_sonars", "Read the sonars.", (), _SONARS),
     Command(8, "read_encoders_and_sonars", "Read counters and sonars.", (), _ENCODERS + _SONARS, stamped=True),
-    Command(9, "move_motors_pid", "Turn the motors, speed controlled.", _MOTORS),
-    Command(10, "move_motors", "Turn the motors without speed control.", _MOTORS),
+    Command(9, "move_motors_pid", "Turn the motors, speed controlled.", _MOTORS, turns=True),
+    Command(10, "move_motors", "Turn the motors without speed control.", _MOTORS, turns=True),
     Command(11, "move_differential", "Drive; clamped to the board's ceiling.", (
-        _int16("linear", "mm/s", "Forward speed."), _int16("angular", "mrad/s", "Yaw rate, counter-clockwise."))),
+        _int16("linear", "mm/s", "Forward speed."), _int16("angular", "mrad/s", "Yaw rate, counter-clockwise.")),
+            turns=True),
     Command(12, "move_to_position", "Turn one motor to a count and hold it with torque.", (
         Field("motor", 1, 3, "", "Motor of the motor board."), Field("speed", -100, 100, "%", _PERCENT),
-        _int16("position", "count", "Encoder count to reach."))),
+        _int16("position", "count", "Encoder count to reach.")), turns=True),
     Command(13, "stop", "Stop the motors at once; accepted without a checksum in every state."),
     Command(14, "reset_encoders", "Set all counters to 0."),
     Command(15, "get_debug", "Is free text printed?", (), (_flag("debug", "1: yes."),)),
@@ -262,7 +266,7 @@ _OTHERS: Tuple[Command, ...] = (
                              "to the board's ceiling.", (
         Field("speed", 0, 100, "%", "Share of full speed; if a wheel would have to turn faster, all slow down."),
         Field("rotation", -100, 100, "%", "Share of full speed of all wheels, counter-clockwise."),
-        Field("direction", 0, 359, "deg", "Of the translation, counter-clockwise from forward."))),
+        Field("direction", 0, 359, "deg", "Of the translation, counter-clockwise from forward.")), turns=True),
     Command(44, "start_omni_stream", "Repeat three counters and the sonars until stopped.", _PERIOD,
             _ENCODERS + (_REAR,) + _SONARS, optional=1, stamped=True, repeats=44),
     Command(45, "set_baud", "Change the baud rate after the reply is sent; it returns to 115200 after 1 s "
@@ -293,7 +297,8 @@ STAMP: Tuple[Field, ...] = (
     _int16("time", "64 us", "Board time at which the counters or the IMU were read; wraps every 4.194 s, a longer gap "
                             "needs the host's clock."),
 )
-CHECK = _int16("check", "", "CRC-16 (0x1021, 0xFFFF, unreflected) from '@' up to the comma before this argument.")
+CHECK = _int16("check", "", "CRC-16 (0x1021, 0xFFFF, unreflected) from '@' up to the comma before this argument, the "
+                         "comma excluded.")
 
 REASONS: Tuple[Reason, ...] = tuple(Reason(f.name, f.text) for f in BY_NAME["read_counters"].reply)
 
@@ -389,6 +394,8 @@ PARAMETERS: Tuple[Parameter, ...] = (
               "bridge"),
     Parameter(26, "radio_hold", 0, 300, "100 ms", "Time after which a holder counts as silent; 0: no hold by radio.",
               "hold"),
+    Parameter(27, "plain_calibrate", 0, 1, "", "1: until the host turns checksums on, 1 needs none, as in 2013. One "
+                                               "damaged byte of 5, 13 or 19 may then become 1.", "omni"),
 )
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 

@@ -10,7 +10,7 @@ from typing import Callable, List, Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
-from mrl_driver.protocol.table import BY_NAME, INT16_MAX, INT16_MIN
+from mrl_driver.protocol.table import BY_NAME, COMMANDS, INT16_MAX, INT16_MIN
 
 from .events import (
     Counts,
@@ -67,17 +67,7 @@ _CHECK, _IMU, _PROTOCOL = (BY_NAME[n].code for n in ("set_check", "read_imu", "r
 
 _encode = lru_cache(maxsize=32)(encode_request)
 """Cached, because polls, repeats and stops are often the same bytes."""
-TURNING = {
-    BY_NAME[n].code
-    for n in (
-        "calibrate",
-        "move_motors_pid",
-        "move_motors",
-        "move_differential",
-        "move_to_position",
-        "move_omni",
-    )
-}
+TURNING = {row.code for row in COMMANDS if row.turns}
 """Requests that turn motors."""
 
 

@@ -12,16 +12,11 @@ from typing import Dict, List, Tuple
 from mrl_driver.protocol.table import PARAMETER_BY_NAME, PARAMETERS
 from mrl_driver.robot import models as robots
 
-ID_AT, BLOCK_AT, LAYOUT = 0, 16, 4
-OLD_LAYOUTS = {3: 26, 2: 19}
-"""Number of parameters in each older layout, before the hold by radio and before the H-bridge.  Their values are kept,
-and the later parameters take their defaults."""
+ID_AT, BLOCK_AT, LAYOUT = 0, 16, 5
 EEPROM_BYTES = 1024
 EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
 """Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
-_BODIES = {
-    layout: struct.Struct(f"<B{count}h") for layout, count in {LAYOUT: len(PARAMETERS), **OLD_LAYOUTS}.items()
-}
+_BODY = struct.Struct(f"<B{len(PARAMETERS)}h")
 _LONGEST_CM = 1250
 
 
@@ -59,17 +54,17 @@ def first(robot_id: int, model: robots.RobotModel) -> List[int]:
     return configured(robot_id, model._replace(board={**wired, **model.board}))
 
 
-def image(values: List[int], layout: int = LAYOUT) -> bytes:
-    """A fresh EEPROM that holds these parameters, which are fewer in an older layout."""
+def image(values: List[int]) -> bytes:
+    """A fresh EEPROM that holds these parameters."""
     blank = bytearray(b"\xff" * EEPROM_BYTES)
-    store(blank, values, layout)
+    store(blank, values)
     return bytes(blank)
 
 
-def store(eeprom: bytearray, values: List[int], layout: int = LAYOUT) -> int:
+def store(eeprom: bytearray, values: List[int]) -> int:
     """Writes the parameters; returns the number of changed bytes."""
     before = bytes(eeprom)
-    body = _BODIES[layout].pack(layout, *values)
+    body = _BODY.pack(LAYOUT, *values)
     eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
     block = body + struct.pack("<H", crc_hqx(body, 0xFFFF))
     eeprom[BLOCK_AT : BLOCK_AT + len(block)] = block
@@ -114,14 +109,12 @@ class Config:
 
     def _block(self) -> Tuple[List[int], bool]:
         """The stored values, and whether they are sound."""
-        for layout, packed in _BODIES.items():
-            body = bytes(self._eeprom[BLOCK_AT : BLOCK_AT + packed.size])
-            (crc,) = struct.unpack_from("<H", self._eeprom, BLOCK_AT + packed.size)
-            found, *values = packed.unpack(body)
-            if found == layout and crc == crc_hqx(body, 0xFFFF):
-                values += defaults(values[0])[len(values) :]
-                return values, all(row.low <= value <= row.high for row, value in zip(PARAMETERS, values))
-        return defaults(0), False
+        body = bytes(self._eeprom[BLOCK_AT : BLOCK_AT + _BODY.size])
+        (crc,) = struct.unpack_from("<H", self._eeprom, BLOCK_AT + _BODY.size)
+        layout, *values = _BODY.unpack(body)
+        if layout != LAYOUT or crc != crc_hqx(body, 0xFFFF):
+            return defaults(0), False
+        return values, all(row.low <= value <= row.high for row, value in zip(PARAMETERS, values))
 
     def _float_id(self) -> int:
         (number,) = struct.unpack_from("<f", self._eeprom, ID_AT)

@@ -184,7 +184,7 @@ class PythonBoard:
         self._incoming.clear()
         if self.radio:
             self.radio.gap(to_s)
-        self._decoder = FrameDecoder(REQUESTS, self._decoder.checked)
+        self._decoder.drop()
         self.stop_motors("stall")
 
     def reset(self) -> None:
@@ -355,6 +355,7 @@ class PythonBoard:
 
     def _take(self, data: bytes) -> None:
         """Decodes `data` and carries out the request, or counts why it was refused."""
+        self._decoder.plain_calibrate = bool(self.config["plain_calibrate"])
         for event in self._decoder.feed(data):
             if isinstance(event, Frame):
                 self.carry_out(event)
@@ -494,6 +495,11 @@ class PythonBoard:
     def want_baud(self, row: int) -> None:
         """Changes the baud rate to a row of `table.BAUDS` after all waiting bytes have left."""
         self._wanted_baud = row
+
+    def ask_for_checks(self, on: bool) -> None:
+        """The host turns the checksum on or off; moves need one until it is turned off."""
+        self._decoder.asked = on
+        self.set_check(on)
 
     def set_check(self, on: bool) -> None:
         """Turns the checksum on or off in both directions."""

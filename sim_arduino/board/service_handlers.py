@@ -64,7 +64,7 @@ def _counters(board: PythonBoard, _: int) -> Values:
 @request
 def set_check(board: PythonBoard, on: int) -> None:
     """32."""
-    board.set_check(bool(on))
+    board.ask_for_checks(bool(on))
     board.ask(BY_NAME["set_check"].code, on)
 
 

@@ -30,7 +30,7 @@ def get(port, *names):
 def test_all_parameters_with_the_models_own(emulated_board):
     """All that a board with an OMNI-3MD uses."""
     found = get(emulated_board.port)
-    assert list(found) == [row.name for row in PARAMETERS if not row.capability]
+    assert list(found) == [row.name for row in PARAMETERS if row.capability in ("", "omni")]
     assert found["kp"]["value"] == found["kp"]["default"] == 700
 
 
@@ -55,45 +55,10 @@ def test_the_wiring_of_a_robot_differs_from_no_model(duo):
     assert get(duo, "wiring")["wiring"]["default"] is None
 
 
-EARLIER_PARAMETERS = 19
-
-
-@pytest.fixture
-def earlier_board(emulated_board, monkeypatch):
-    """A board with a firmware from before the H-bridge: it refuses the later parameters, and notes that."""
-    refused = []
-
-    def guarded(handler):
-        def handle(board, index, *value):
-            if index < EARLIER_PARAMETERS:
-                handler(board, index, *value)
-            else:
-                refused.append(index)
-                board.refuse("argument_range")
-
-        return handle
-
-    for name in ("read_config", "write_config"):
-        monkeypatch.setitem(registry.REQUESTS, name, guarded(registry.REQUESTS[name]))
-    emulated_board.refused = refused
-    return emulated_board
-
-
-def test_an_earlier_board_is_not_asked_for_later_parameters(earlier_board):
-    assert len(get(earlier_board.port)) == EARLIER_PARAMETERS and earlier_board.refused == []
-
-
-def test_an_earlier_board_gets_its_defaults(earlier_board):
-    mrl("config", "set", "kp", "800", "--yes", "--port", earlier_board.port)
-    assert mrl("config", "defaults", "--yes", "--port", earlier_board.port).returncode == 0
-    assert get(earlier_board.port)["kp"]["value"] == 700 and earlier_board.refused == []
-
-
 @pytest.mark.parametrize("words", [("get", "wiring"), ("set", "wiring", "1", "--yes")])
-def test_a_parameter_of_other_boards_is_refused_with_what_to_do(earlier_board, words):
-    line = fails(11, "config", *words, "--port", earlier_board.port)
+def test_a_parameter_of_other_boards_is_refused_with_what_to_do(emulated_board, words):
+    line = fails(11, "config", *words, "--port", emulated_board.port)
     assert "no parameter wiring" in line and "capability bridge" in line and "mrl flash" in line
-    assert earlier_board.refused == []
 
 
 def test_a_change_is_saved_and_marked(emulated_board):

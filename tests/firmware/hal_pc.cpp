@@ -334,9 +334,11 @@ double pc_longest_kick_gap_us() { return longest_gap_us; }
 
 static mrl::FrameDecoder decoder;
 
-void pc_decoder_start(int checked) {
+void pc_decoder_start(int checked, int asked, int plain_calibrate) {
   decoder = mrl::FrameDecoder();
   decoder.checked = checked;
+  decoder.asked = asked;
+  decoder.plain_calibrate = plain_calibrate;
 }
 int pc_decoder_feed(uint8_t byte) { return static_cast<int>(decoder.feed(byte)); }
 int pc_decoder_code() { return decoder.code(); }

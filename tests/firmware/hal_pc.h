@@ -49,7 +49,7 @@ double pc_longest_kick_gap_us();
 
 // ---- parts on their own
 
-void pc_decoder_start(int checked);
+void pc_decoder_start(int checked, int asked, int plain_calibrate);
 // 0 nothing, 1 frame, 2 garbage.
 int pc_decoder_feed(uint8_t byte);
 int pc_decoder_code();

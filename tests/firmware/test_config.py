@@ -59,43 +59,7 @@ def test_all_zero(bench):
     assert parameters(board) == parameter_store.defaults(0) and faults(board) & FAULT["eeprom"]
 
 
-def calibrated():
-    """Values of a StingBot's board that differ from its defaults."""
-    values = parameter_store.defaults(4)
-    values[1] += 100
-    return values
-
-
-BEFORE_BRIDGE = 2
-
-
-def old_image(layout=BEFORE_BRIDGE):
-    """The calibrated board's EEPROM in an older layout."""
-    values = calibrated()[: parameter_store.OLD_LAYOUTS[layout]]
-    return parameter_store.image(values, layout)
-
-
-@pytest.mark.parametrize("layout", parameter_store.OLD_LAYOUTS)
-def test_block_of_an_old_layout_keeps_its_values(bench, layout):
-    board = bench(eeprom=old_image(layout))
-    assert parameters(board) == calibrated() and faults(board) == 0
-
-
-@pytest.mark.parametrize("layout", parameter_store.OLD_LAYOUTS)
-def test_emulated_board_keeps_the_values_of_an_old_layout(layout):
-    config = parameter_store.Config(bytearray(old_image(layout)))
-    assert config.values == calibrated() and config.sound
-
-
-@pytest.mark.parametrize("place", [0, 3, 16, 17, 54, 55, 56])
-def test_damaged_block_of_the_old_layout_is_refused(bench, place):
-    image = bytearray(old_image())
-    image[place] ^= 1
-    board = bench(eeprom=bytes(image))
-    assert parameters(board) == parameter_store.defaults(4) and faults(board) == FAULT["eeprom"]
-
-
-@pytest.mark.parametrize("layout", [0, 1, 5])
+@pytest.mark.parametrize("layout", [0, parameter_store.LAYOUT - 1, parameter_store.LAYOUT + 1])
 def test_other_layout(bench, layout):
     """Older and newer layouts are not read, even with a right check value."""
     values = parameter_store.defaults(1)

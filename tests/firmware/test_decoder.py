@@ -74,6 +74,16 @@ def test_every_number_of_arguments(name, checked):
                 assert TwinDecoder(checked).feed(wire) == FrameDecoder(REQUESTS, checked).feed(wire)
 
 
+@pytest.mark.parametrize("asked, plain_calibrate", [(True, False), (False, True), (True, True)])
+def test_a_checksum_is_needed_in_the_same_states(asked, plain_calibrate):
+    decoder = FrameDecoder(REQUESTS)
+    decoder.asked, decoder.plain_calibrate = asked, plain_calibrate
+    for row in COMMANDS:
+        body = b",".join([b"@%d" % row.code, *(b"%d" % field.high for field in row.request)])
+        for wire in (body + b"e", body + b",%de" % check_value(body), body + b",1e"):
+            assert TwinDecoder(False, asked, plain_calibrate).feed(wire) == decoder.feed(wire)
+
+
 def test_numbers_around_the_ends_of_int16():
     for digits in (*range(32750, 32800), *range(65530, 65540), *range(327670, 327700)):
         for sign in (b"", b"-"):

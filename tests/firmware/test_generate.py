@@ -33,7 +33,9 @@ def test_texts_that_only_the_board_sends_have_no_handler():
 
 
 def test_reference_has_every_command():
-    rows = re.findall(r"^\| (\d+)\*? \| (\w+)(?: \(stamped\))? \| ", render.reference(), re.MULTILINE)
+    rows = re.findall(
+        r"^\| (\d+)\*? \| (\w+)(?: \(!\))?(?: \(stamped\))? \| ", render.reference(), re.MULTILINE
+    )
     assert {(str(row.code), row.name) for row in COMMANDS} - set(rows) == set()
 
 

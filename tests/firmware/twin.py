@@ -19,9 +19,9 @@ def shared() -> Any:
 class TwinDecoder:
     """Feeds the C++ decoder and gives its events, garbage with the bytes that it counted."""
 
-    def __init__(self, checked: bool = False) -> None:
+    def __init__(self, checked: bool = False, asked: bool = False, plain_calibrate: bool = False) -> None:
         self._native = shared()
-        self._native.pc_decoder_start(int(checked))
+        self._native.pc_decoder_start(int(checked), int(asked), int(plain_calibrate))
         self._seen = bytearray()
 
     def feed(self, data: bytes) -> List[Event]:

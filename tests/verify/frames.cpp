@@ -92,8 +92,16 @@ Result garbage(Reason reason, size_t length) {
   return result;
 }
 
+// What the decoder was told.
+struct Mode {
+  bool checked, asked, plain_calibrate;
+};
+
+const Mode PLAIN = {false, false, false}, CHECKED = {true, true, false};
+const Mode MODES[] = {PLAIN, CHECKED, {false, true, false}, {false, false, true}, {false, true, true}, {true, true, true}};
+
 // `text` is from '@' to 'e'.
-Result judge(const std::string& text, bool checked) {
+Result judge(const std::string& text, const Mode& mode) {
   std::vector<std::string> tokens(1);
   for (size_t i = 1; i + 1 < text.size(); i++) {
     if (text[i] == ',') {
@@ -112,8 +120,9 @@ Result judge(const std::string& text, bool checked) {
   const int code = values[0];
   values.erase(values.begin());
   const Row* row = code >= 1 && code <= MAX_CODE && ROWS[code - 1].request ? &ROWS[code - 1] : nullptr;
-  const bool bare_stop = code == STOP_CODE && values.empty();
-  if (!bare_stop && (checked || (row && row->guarded))) {
+  const bool turns = row && (row->guarded == 2 || code == CALIBRATE);
+  const bool bare = values.empty() && (code == STOP_CODE || (code == CALIBRATE && mode.plain_calibrate && !mode.asked));
+  if (!bare && (mode.checked || (row && row->guarded == 1) || (turns && mode.asked))) {
     const uint16_t right = crc_of(text.substr(0, text.rfind(',')));
     if (values.empty() || static_cast<uint16_t>(values.back()) != right) return garbage(Reason::bad_check, text.size());
     values.pop_back();
@@ -137,7 +146,7 @@ struct Reference {
   std::string text;  // the frame from '@' on, or the noise
   bool in_frame = false;
 
-  Result feed(char byte, bool checked) {
+  Result feed(char byte, const Mode& mode) {
     if (byte == '@') {
       const Result result = text.empty() ? Result() : garbage(in_frame ? Reason::restarted : Reason::noise, text.size());
       in_frame = true;
@@ -149,7 +158,7 @@ struct Reference {
     text += byte;
     if (!in_frame) return text.size() >= MAX_NOISE ? drop(Reason::noise) : Result();
     if (byte == 'e') {
-      const Result result = judge(text, checked);
+      const Result result = judge(text, mode);
       clear();
       return result;
     }
@@ -211,11 +220,13 @@ void compare(const FrameDecoder& d, Verdict verdict, const Result& right, const 
 
 long feeds;
 
-Verdict feed(Node& node, char byte, bool checked = false) {
+Verdict feed(Node& node, char byte, const Mode& mode) {
   const std::string bytes = node.reference.text + byte;
-  node.decoder.checked = checked;
+  node.decoder.checked = mode.checked;
+  node.decoder.asked = mode.asked;
+  node.decoder.plain_calibrate = mode.plain_calibrate;
   const Verdict verdict = node.decoder.feed(static_cast<uint8_t>(byte));
-  compare(node.decoder, verdict, node.reference.feed(byte, checked), bytes);
+  compare(node.decoder, verdict, node.reference.feed(byte, mode), bytes);
   feeds++;
   return verdict;
 }
@@ -253,10 +264,10 @@ void check_classes(const FrameDecoder& state, const std::string& bytes) {
   }
 }
 
-void expect(Node node, const std::string& frame, bool checked) {
+void expect(Node node, const std::string& frame, const Mode& mode) {
   const std::string before = node.reference.text;
   Verdict verdict = Verdict::none;
-  for (const char byte : frame) verdict = feed(node, byte, checked);
+  for (const char byte : frame) verdict = feed(node, byte, mode);
   if (verdict != Verdict::frame) fail("the frame " + frame + " is not accepted", before + frame);
 }
 
@@ -267,9 +278,9 @@ std::string with_check(const std::string& head) {
 // Whatever came before: the next whole frame counts, and a stop needs no checksum.
 void check_whole_frames(const Node& node) {
   static const std::string stop = "@13e", checked_stop = with_check("@13"), move = with_check("@9,100,-100");
-  for (const bool checked : {false, true}) expect(node, stop, checked);
-  expect(node, checked_stop, true);
-  expect(node, move, true);
+  for (const Mode& mode : MODES) expect(node, stop, mode);
+  expect(node, checked_stop, CHECKED);
+  expect(node, move, CHECKED);
 }
 
 void search_decoder(size_t longest) {
@@ -294,10 +305,10 @@ void search_decoder(size_t longest) {
   for (; !open.empty(); open.pop_front()) {
     if (open.front().reference.text.size() >= longest) continue;
     for (const char* byte = LETTERS; *byte; byte++) {
-      for (const bool checked : {true, false}) {
-        if (checked && *byte != 'e') continue;
+      for (const Mode& mode : {CHECKED, PLAIN}) {
+        if (mode.checked && *byte != 'e') continue;
         Node next = open.front();
-        feed(next, *byte, checked);
+        feed(next, *byte, mode);
         edges++;
         reach(next);
       }
@@ -321,10 +332,10 @@ void try_frame(int code, const std::vector<int>& arguments) {
   for (int check = 0; check < 3; check++) {  // none, right, wrong
     const std::string text = frame_of(code, arguments, check);
     if (text.size() > MAX_FRAME) continue;
-    for (const bool checked : {false, true}) {
+    for (const Mode& mode : MODES) {
       Node node;
       Verdict verdict = Verdict::none;
-      for (const char byte : text) verdict = feed(node, byte, checked);
+      for (const char byte : text) verdict = feed(node, byte, mode);
       judged++;
       accepted += verdict == Verdict::frame;
     }

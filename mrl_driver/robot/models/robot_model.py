@@ -248,6 +248,7 @@ COMMON_BOARD = {
     **dict.fromkeys(BRIDGE_KEYS, 0),
     "reversal_pause": 50,
     "radio_hold": 0,
+    "plain_calibrate": 0,
 }
 """Defaults that all models share.
 
