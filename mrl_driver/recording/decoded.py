@@ -17,15 +17,11 @@ from typing import (
     List,
     NamedTuple,
     Optional,
-    Sequence,
     Tuple,
 )
 
-import numpy as np
-
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
-from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.robot import imu, models
 from mrl_driver.robot.imu import ImuTracker
@@ -41,7 +37,6 @@ from mrl_driver.session.sensor_polling import SENSOR_STREAM, Reading, reading, s
 from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 
-from .frame_arrays import FrameArray
 from .recorded_facts import Joined, model_of, pose_of, session_of
 from .recording import (
     CHECKED,
@@ -94,22 +89,29 @@ def decode(recording: Recording) -> Iterator[DecodedPart]:
         time_s, direction, data = entry
         if direction != REMARK:
             held.append(entry)
-            size += len(data) + LINE_BYTES
-            while size - len(held[0].data) - LINE_BYTES >= HELD_BYTES:
-                time_s, direction, data = held.popleft()
-                size -= len(data) + LINE_BYTES
-                yield DecodedPart(time_s, direction, data, decoders[direction].feed(data))
+            size += _size(entry)
+            while size - _size(held[0]) >= HELD_BYTES:
+                size -= _size(held[0])
+                yield from _feed([held.popleft()], decoders)
             continue
         if data in (CHECKED, PLAIN):
             yield from _switch(list(held), entry, decoders)
         elif data.startswith(OPENED):
             yield from _feed([*held, entry], decoders)
             decoders = _decoders()
+        elif data.startswith((MODEL, POSE, SESSION)):
+            held.append(Entry(time_s, direction, data))
+            continue
         else:
             continue
         held.clear()
         size = 0
     yield from _feed(held, decoders)
+
+
+def _size(entry: Entry) -> int:
+    """Return the bytes of the file that an entry stands for; a remark does not count."""
+    return 0 if entry.direction == REMARK else len(entry.data) + LINE_BYTES
 
 
 def _decoders() -> Dict[str, FrameDecoder]:
@@ -207,8 +209,8 @@ class RecordedRobot:
         """The state of the board's IMU, one of `robot.imu.STATES`."""
         return imu.state_of(self._tracker, self.capabilities)
 
-    def begin_again(self) -> None:
-        """Handle a remark: other rules, or another port.  The next reading only sets a new baseline."""
+    def _begin_again(self) -> None:
+        """Use the next reading only as a new baseline."""
         self._stream.begin_anew()
         if self.odometry is not None:
             self.odometry.reset()
@@ -216,7 +218,9 @@ class RecordedRobot:
             self._tracker.reset()
 
     def take_remark(self, data: bytes) -> None:
-        """Handle a remark about model (used if there is none yet), pose, or a session that had begun before."""
+        """Handle a remark: other rules or another port, model (used if there is none yet), pose, session joined."""
+        if data in (CHECKED, PLAIN) or data.startswith(OPENED):
+            self._begin_again()
         if data.startswith(MODEL):
             self.model = self.model or model_of(data[len(MODEL) :].decode("utf-8", "replace"))
         if data.startswith(_JOINED):
@@ -255,67 +259,6 @@ class RecordedRobot:
         if counts:
             self._move(frame, made_s)
         return counts
-
-    def take_arrays(self, found: Sequence[Tuple[FrameArray, Any]]) -> None:
-        """Handle replies, each array with the times of its frames (N,), as `take` does one by one in their order."""
-        moving = [
-            frames.code
-            for frames, _ in found
-            if frames.stamps is not None or frames.code in (*_COUNTS, _OMNI)
-        ]
-        if _IMU in moving or len(moving) > 1 or self._tracker is not None or self.model is None:
-            singles = [
-                (at, frame, time_s)
-                for frames, times_s in found
-                if frames.code in (_INFO, _PROTOCOL, *moving)
-                for (at, frame), time_s in zip(frames.frames(), times_s.tolist())
-            ]
-            for _, frame, time_s in sorted(singles, key=lambda single: single[0]):
-                self.take(frame, time_s)
-            return
-        for frames, times_s in found:
-            if frames.code in moving:
-                self._take_moving(frames, times_s)
-            elif frames.code in (_INFO, _PROTOCOL):
-                for (_, frame), time_s in zip(frames.frames(), times_s.tolist()):
-                    self.take(frame, time_s)
-
-    def _take_moving(self, frames: FrameArray, times_s: Any) -> None:
-        """Handle frames that have counts or a stamp."""
-        counts, stamps = self._has_counts(frames.code), frames.stamps
-        if frames.code == _SENSING and not self.capabilities:
-            self.capabilities = frozenset({"environment"})
-        made_s, used = times_s, slice(None)
-        if stamps is not None:
-            made_s = self._board_times(stamps, times_s, counts)
-            used = made_s == made_s
-        if counts:
-            wheels = 3 if frames.code == _OMNI else 2
-            made_s = made_s[used]
-            self._odometry(stamps is not None).update_all(frames.args[used, :wheels], made_s)
-            self._counted_s = float(made_s[-1]) if len(made_s) else self._counted_s
-
-    def _board_times(self, stamps: Any, times_s: Any, counts: bool) -> Any:
-        """Return the board times (N,) [s] of frames that arrived at these times; NaN for those that are not used."""
-        made_s, i = np.full(len(times_s), math.nan), 0
-        gaps = [*(np.flatnonzero(np.diff(stamps[:, 0]) & 0xFFFF != 1) + 1).tolist(), len(times_s)]
-        for gap in gaps:
-            while i < gap:
-                sequence, ticks = stamps[i].tolist()
-                missing = self._missing(sequence, float(times_s[i]))
-                i += 1
-                if missing < 0:
-                    continue
-                if counts:
-                    self._stream.clock.update(ticks, float(times_s[i - 1]), not missing)
-                    made_s[i - 1] = self._stream.clock.board_s
-                if i < gap:
-                    self._stream.expected = to_int16(int(stamps[gap - 1, 0]) + 1)
-                    self._last_stamp_s = float(times_s[gap - 1])
-                    if counts:
-                        made_s[i:gap] = self._stream.clock.follow(stamps[i:gap, 1], times_s[i:gap])
-                    i = gap
-        return made_s
 
     def _has_counts(self, code: int) -> bool:
         """Return whether replies with this code have the counters of this robot."""

@@ -28,7 +28,7 @@ import stat
 import threading
 import time
 from collections import deque
-from typing import TYPE_CHECKING, Any, Callable, Deque, Dict, Iterator, List, Optional
+from typing import Any, Callable, Deque, Dict, Iterator, List, Optional
 
 from mrl_driver.errors import ConfigError, shortage, shortages
 from mrl_driver.json_text import exact_json
@@ -37,9 +37,7 @@ from .entry import FROM_BOARD as FROM_BOARD
 from .entry import LONGEST_LINE, Entry
 from .entry import REMARK as REMARK
 from .entry import TO_BOARD as TO_BOARD
-
-if TYPE_CHECKING:
-    from .lines import Block
+from .lines import read_lines
 
 VERSION = 1
 OPENED = b"opened "
@@ -274,18 +272,11 @@ class Recording:
 
     def __iter__(self) -> Iterator[Entry]:
         """Entries in the order of the file; a line that cannot be read is noted in `skipped`."""
-        for block in self.blocks():
-            yield from block.entries()
-
-    def blocks(self) -> Iterator["Block"]:
-        """All entries as arrays, some thousand at a time; a line that cannot be read is noted in `skipped`."""
-        from .lines import read_blocks  # numpy: the driver, which only records, does not wait for it
-
         self.skipped.clear()
         self.skipped_count = 0
         with open(self.path, "rb") as file:
             file.readline(LONGEST_LINE)
-            yield from read_blocks(file, self._skip)
+            yield from read_lines(file, self._skip)
 
     def _skip(self, number: int, problem: str) -> None:
         self.skipped_count += 1

@@ -7,7 +7,7 @@ Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwi
 import math
 from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
 
-from mrl_driver.geometry import ORIGIN, Pose, advance, wrap_angle
+from mrl_driver.geometry import ORIGIN, Pose, advance
 
 from .covariance import AT_START, TWIST_INTERVAL_S, Spread, Uncertainty
 from .heading import HeadingFilter
@@ -135,19 +135,6 @@ class Baseline:
             self._former, self._base, self._rival = base, reading, None
         return step
 
-    def are_near(self, moved: Any, dt_s: Any) -> Any:
-        """Return for arrays (N, wheels) and (N,) which steps are well within any bound, as `update` tests it first."""
-        reach = self._counts_per_s * dt_s.clip(max=self.coast_s)
-        return (dt_s >= 0.0) & (abs(moved).max(axis=1) <= reach) & (reach < 0x8000)
-
-    def follows(self, reading: Reading) -> bool:
-        """Return whether the next step begins at this reading."""
-        return self._base == reading
-
-    def go_on(self, former: Reading, reading: Reading) -> None:
-        """Continue after steps up to `reading`, all within their bounds; `former` was the reading before it."""
-        self._former, self._base, self._rival = former, reading, None
-
     def _reach(self, dt_s: float) -> float:
         """Return the largest distance of a wheel in a time [count]; infinity if its counter may have wrapped."""
         reach = self._counts_per_s * min(max(dt_s, 0.0), self.coast_s)
@@ -273,54 +260,6 @@ class Odometry:
         else:
             self._differentiate(ds, turn, dt_s)
         return True
-
-    def update_all(self, counts: Any, times_s: Any) -> None:
-        """As `update` for each of many readings, but faster; speeds and uncertainty are not computed.
-
-        Args:
-            counts: (N, wheels) readings of the counters (int16), in the order of `update`; the third wheel comes last.
-            times_s: (N,) times of the readings [s].
-        """
-        import numpy as np  # not at the top: a driver starts faster without it
-
-        def reading(i: int) -> Reading:
-            return (*counts[i].tolist(), float(times_s[i]))
-
-        moved = ((np.diff(counts.astype(np.int32), axis=0) + 0x8000) & 0xFFFF) - 0x8000
-        near = self.baseline.are_near(moved, np.diff(times_s)) & (self.heading is None)
-        i, baseline = 0, self.baseline
-        for far in [*(np.flatnonzero(~near) + 1).tolist(), len(times_s)]:
-            while i < far:
-                right, left, *rear, time_s = found = reading(i)
-                self.update(right, left, time_s, *rear)
-                i += 1
-                if i < far and baseline.follows(found):
-                    self._advance_all(moved[i - 1 : far - 1])
-                    baseline.go_on(reading(far - 2), reading(far - 1))
-                    i = far
-
-    def _advance_all(self, moved: Any) -> None:
-        """Integrate steps [count] (N, wheels) as `update` does."""
-        import numpy as np
-
-        self.travel = _new(
-            type(self.travel), (a + b for a, b in zip(self.travel, moved.sum(axis=0).tolist()))
-        )
-        forward, left, turn = self._steps(moved)
-        half = turn / 2
-        chord = np.sinc(half / np.pi)
-        yaw = self.pose.yaw_rad + np.cumsum(turn) - half
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        x_m = float(np.sum(chord * (forward * cos - left * sin)))
-        y_m = float(np.sum(chord * (forward * sin + left * cos)))
-        pose = self.pose
-        self.pose = Pose(pose.x_m + x_m, pose.y_m + y_m, wrap_angle(float(yaw[-1] + half[-1])))
-
-    def _steps(self, moved: Any) -> Tuple[Any, Any, Any]:
-        """Return forward, left and turn (N,) of steps [count] (N, wheels) [m, m, rad]."""
-        right, left = moved[:, 0], moved[:, 1]
-        forward = right * self._forward[0] + left * self._forward[1]
-        return forward, 0.0, right * self._turning[0] - left * self._turning[1]
 
     def _rolled(self) -> bool:
         """Return whether a wheel has moved since the last call; a counter between two values may change by one."""

@@ -3,7 +3,7 @@ board's omnidirectional mode.  No I/O.
 """
 
 import math
-from typing import Any, Tuple
+from typing import Tuple
 
 from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.protocol.table import BY_NAME
@@ -61,12 +61,6 @@ class OmniOdometry(Odometry):
             self.uncertainty.stand(dt_s, gyro)
         self._speeds(moved, dt_s)
         return True
-
-    def _steps(self, moved: Any) -> Tuple[Any, Any, Any]:
-        """As `Odometry._steps`."""
-        right, left, rear = (moved * self._metres).T
-        forward, sideways, turn = self._kinematics.step((left, rear, right))
-        return forward, sideways, turn
 
     def _speeds(self, moved: Planar, dt_s: float) -> None:
         """Compute the speeds, together with earlier readings that were too close in time."""

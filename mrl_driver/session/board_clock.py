@@ -7,7 +7,7 @@ the points' lower convex hull at the middle of the window (Moon, Skelly and Tows
 skew from network delay measurements", INFOCOM 1999).
 """
 
-from typing import Any, List, Optional, Tuple
+from typing import List, Optional, Tuple
 
 from mrl_driver.protocol.table import TICK_S
 
@@ -75,24 +75,6 @@ class BoardClock:
         self._stamp_s = stamp_s
         self.latency_s = arrival_s - estimate if arrival_s > estimate else 0.0
         return stamp_s
-
-    def follow(self, times: Any, arrivals_s: Any) -> Any:
-        """Return the board times (N,) [s] of frames that follow the one of the last `update` within one wrap each.
-
-        The fit of the two clocks uses the last of them only.
-
-        Args:
-            times: (N,) board times [64 us, int16].
-            arrivals_s: (N,) host times [s].
-        """
-        steps = times.astype("int64")
-        steps[1:] -= times[:-1]
-        steps[0] -= self._time
-        ticks = (self._ticks or 0) + (steps & 0xFFFF).cumsum()
-        if len(times) > 1:
-            self._ticks, self._time = int(ticks[-2]), int(times[-2])
-        self.update(int(times[-1]), float(arrivals_s[-1]), next_one=True)
-        return ticks * TICK_S
 
     def beside(self, time: int, arrival_s: float, next_one: bool = False) -> Tuple[float, float]:
         """Return the board time since the first frame [s] and the host time [s] of a frame of another stream.

@@ -2,12 +2,14 @@
 
 import json
 import math
+import os
 import signal
 import sys
 from typing import Any, Dict, Optional
 
 import click
 
+from mrl_driver.cli.commands.progress import progress
 from mrl_driver.cli.commands.shared import Between, json_option, print_message
 from mrl_driver.errors import ConfigError, one_line
 from mrl_driver.recording.recording import Recording
@@ -46,7 +48,10 @@ def main(
             raise ConfigError("--speed or --link is given without --pty; add --pty")
         from mrl_driver.recording.summary import summarise
 
-        show(summarise(recording, None if robot == "auto" else models.load(robot)), as_json)
+        model = None if robot == "auto" else models.load(robot)
+        with progress(f"reading {os.path.basename(file)}", os.path.getsize(file)) as advance:
+            figures = summarise(recording, model, advance)
+        show(figures, as_json)
         return
     if as_json:
         raise ConfigError("--json is given with --pty, expected one of them")

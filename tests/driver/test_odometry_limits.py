@@ -1,6 +1,5 @@
 """Odometry to the count: which readings it uses, and what it hands on."""
 
-import numpy as np
 import pytest
 
 from mrl_driver.geometry import ORIGIN, Pose
@@ -203,16 +202,3 @@ def test_wheels_prevent_a_speed_to_the_left():
 
 def test_no_wheel_is_faster_than_both_ceilings_together_and_half_as_much():
     assert fastest_wheel_m_s(0.5, 2.0, 0.2) == pytest.approx(1.5 * (0.5 + 0.2))
-
-
-@pytest.mark.parametrize("gap_s, travel", [(0.0, (80, 60)), (WRAP_S, (20, 15))], ids=["steady", "gap"])
-def test_many_readings_at_once_give_the_same_as_one_after_the_other(gap_s, travel):
-    """Wheels of unequal size; after the gap, the third reading that agrees is a new baseline."""
-    counts = [(20 * i, 15 * i) for i in range(5)]
-    times = [0.0] + [(gap_s or PERIOD_S) + PERIOD_S * i for i in range(4)]
-    one, many = Odometry(UNEQUAL, 2.0), Odometry(UNEQUAL, 2.0)
-    one.baseline, many.baseline = baseline(True), baseline(True)
-    for reading in zip(counts, times):
-        one.update(*reading[0], reading[1])
-    many.update_all(np.array(counts, dtype=np.int16), np.array(times))
-    assert many.pose == pytest.approx(one.pose) and many.travel == one.travel == travel
