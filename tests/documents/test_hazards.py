@@ -49,7 +49,9 @@ def section(anchor):
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row[5] != "test"], ids=lambda row: row[0])
 def test_measured_times_are_those_of_the_benchmarks(row):
-    for words, source in re.findall(r"([^;\[\]]*(?:;[^;\[\]]*)?) \(\[(\w+)\]\)", row[5]):
+    sourced = re.findall(r"([^;\[\]]*(?:;[^;\[\]]*)?) \(\[(\w+)\]\)", row[5])
+    assert sourced
+    for words, source in sourced:
         text = section(SECTIONS[source])
         for number in re.findall(r"\d+(?: \d{3})*(?:\.\d+)?", words.split(" at 250 ms")[0]):
             seconds = f"{float(number) / 1000:g}" if number.replace(".", "").isdigit() else number

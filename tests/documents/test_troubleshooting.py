@@ -86,7 +86,9 @@ def test_an_errors_code_is_a_row(kind):
 
 def test_every_finding_of_doctor_that_is_not_ok_has_a_code():
     for folder in ("mrl_driver/cli/doctor", "mrl_driver/cli/commands"):
-        for call in calls(folder, "Finding"):
+        found = list(calls(folder, "Finding"))
+        assert found
+        for call in found:
             level = call.args[0]
             good = getattr(level, "id", "") == "OK" or getattr(level, "value", "") == "ok"
             assert good or len(call.args) == 5 or {each.arg for each in call.keywords} >= {"code"}, ast.dump(

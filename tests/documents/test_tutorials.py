@@ -11,7 +11,9 @@ SHORT = "8_own_test"
 
 
 def steps(name):
-    return blocks(f"docs/tutorials/{name}.md")
+    found = blocks(f"docs/tutorials/{name}.md")
+    assert found
+    return found
 
 
 def test_there_are_eight_and_the_index_has_them_in_their_order():

@@ -209,7 +209,7 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
     found, replayed = (
         {each.sequence: each for each in of_kind(events, Telemetry)} for events in (found, replayed)
     )
-    assert set(found) <= set(replayed)
+    assert found and set(found) <= set(replayed)
     for sequence, telemetry in found.items():
         again = replayed[sequence]
         assert tuple(again.pose) == pytest.approx(tuple(telemetry.pose), abs=POSE_ERROR)

@@ -58,7 +58,7 @@ def test_one_that_falls_silent_is_left_out():
 
 
 def test_sonar_boards_are_asked_for_none_of_the_environment():
-    assert not any(row.capability for row in of_board(frozenset({"sonars"}), 2))
+    assert list(of_board(frozenset({"sonars"}), 2)) == []
 
 
 def test_readings_are_in_the_base_unit():

@@ -164,7 +164,7 @@ def test_a_board_that_is_not_admitted_gets_nothing_set():
     talk = Talk(admit=refuse)
     with pytest.raises(WrongRobot):
         talk.run(1)
-    assert set(codes(talk)) <= {5, 13}
+    assert 5 in codes(talk) and set(codes(talk)) <= {5, 13}
 
 
 def test_another_protocol_says_what_to_do():
@@ -263,7 +263,7 @@ def test_stamps_of_a_2013_board_increase_though_frames_come_in_bursts():
 
 def test_stamps_increase():
     counts = Talk().until_ready().run(3).counts
-    assert all(b.stamp_s > a.stamp_s for a, b in zip(counts, counts[1:]))
+    assert len(counts) > 50 and all(b.stamp_s > a.stamp_s for a, b in zip(counts, counts[1:]))
 
 
 def test_numbers_that_went_once_round_in_a_silence_keep_no_frame_out():
@@ -328,7 +328,7 @@ def test_counters_that_were_requested_are_a_reply_and_no_telemetry():
     talk.run(0.1)
     talk.until(lambda: any(event.frame.code == 6 for event in talk.seen(Reply)))
     talk.run(1)
-    assert 7 not in codes(talk) and all(counts.sonars for counts in talk.counts)
+    assert 7 not in codes(talk) and talk.counts and all(counts.sonars for counts in talk.counts)
 
 
 def test_status_and_battery_are_asked_for():

@@ -104,7 +104,9 @@ def test_robot_that_the_driver_stopped_starts_from_standstill(bench):
 @given(st.tuples(SPEEDS, SPEEDS), st.tuples(SPEEDS, SPEEDS), st.floats(0, 0.5))
 def test_step_never_overshoots_and_never_delays_a_stop(before, wanted, dt_s):
     rises = (dt_s * LIMITS.linear_acceleration_m_s2, dt_s * LIMITS.angular_acceleration_rad_s2)
-    for after, speed, target, rise in zip(ramp(before, wanted, LIMITS, dt_s), before, wanted, rises):
+    ramped = ramp(before, wanted, LIMITS, dt_s)
+    assert len(ramped) == 2
+    for after, speed, target, rise in zip(ramped, before, wanted, rises):
         assert abs(after) <= abs(target) + 1e-12 and after * target >= 0
         assert abs(after) <= max(0.0, math.copysign(speed, speed * target)) + rise + 1e-12 or after == target
         assert abs(target) > abs(speed) or speed * target <= 0 or after == target

@@ -61,7 +61,8 @@ def test_sources_of_one_kind_are_apart(arenas):
 
 
 def test_containers_are_obstacles(arenas):
-    assert all(world.is_solid(*place) for world in arenas for place in places(world.scene.gas))
+    found = [world.is_solid(*place) for world in arenas for place in places(world.scene.gas)]
+    assert len(found) == 2 * len(SEEDS) and all(found)
 
 
 def test_arena_has_the_published_size_and_several_obstacles(arenas):
@@ -73,6 +74,7 @@ def test_path_keeps_away_from_all_obstacles(arenas):
     """Between the points of the lattice too."""
     for world in arenas[:2]:
         path = [world.start[:2], *arena.sweep(world)]
+        assert len(path) > 10
         for (x, y), (to_x, to_y) in zip(path, path[1:]):
             shares = np.arange(0.0, 1.001, 0.125 / math.dist((x, y), (to_x, to_y)))
             gaps = [world.clearance(x + s * (to_x - x), y + s * (to_y - y)) for s in shares]

@@ -24,6 +24,7 @@ def make(*words, **options):
 
 
 def files(tree):
+    assert tree.is_dir()
     return {path.relative_to(tree): path.read_bytes() for path in tree.rglob("*") if path.is_file()}
 
 

@@ -81,7 +81,8 @@ def test_remove_where_nothing_is(tmp_path):
 
 def test_rules_are_rules(tmp_path):
     system_setup.install("ada", str(tmp_path))
-    assert all(TERM.fullmatch(term) for line in lines(tmp_path) for term in re.split(r", +", line.strip()))
+    terms = [term for line in lines(tmp_path) for term in re.split(r", +", line.strip())]
+    assert terms and all(map(TERM.fullmatch, terms))
 
 
 RULED = [kind for kind in usb_ids.KINDS if kind.ruled]

@@ -164,7 +164,7 @@ def test_a_request_repeated_in_text_is_no_answer_to_itself():
     (event,) = FrameDecoder(REPLIES, True).feed(encode_request(33, 250, checked=True))
     assert isinstance(event, Frame)
     events = FrameDecoder(REPLIES, True).feed(b"[INFO] received " + encode_request(33, 250, checked=True))
-    assert not any(isinstance(event, Frame) for event in events)
+    assert events and not any(isinstance(event, Frame) for event in events)
 
 
 def test_a_line_with_bytes_that_nobody_prints_is_noise_and_hides_no_frame():

@@ -31,7 +31,8 @@ def test_config_commands_reach_every_parameter():
 
 
 def test_streams_repeat_a_stamped_row():
-    assert all(BY_CODE[row.repeats].stamped for row in COMMANDS if row.repeats)
+    repeated = {row.repeats for row in COMMANDS if row.repeats}
+    assert repeated and all(BY_CODE[code].stamped for code in repeated)
 
 
 def test_status_ranges_match_their_tables():

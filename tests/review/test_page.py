@@ -99,7 +99,10 @@ def test_a_good_drive_says_so():
 
 def test_the_page_names_no_other_file_and_runs_only_its_own_scripts():
     page = Tags(render(drive(), [FINDING]))
-    assert [attrs for _, attrs in page.tags if {"src", "href", "style", "action"} & set(attrs)] == []
+    assert (
+        page.tags
+        and [attrs for _, attrs in page.tags if {"src", "href", "style", "action"} & set(attrs)] == []
+    )
     assert [attrs for _, attrs in page.tags if any(name.startswith("on") for name in attrs)] == []
     policy = next(attrs["content"] for _, attrs in page.tags if attrs.get("http-equiv"))
     style, _, *scripts = page.contents
@@ -183,7 +186,7 @@ def test_near_a_finding_all_telemetry_is_kept(ten_minutes):
     times, driven = curve_of(reduced(ten_minutes, [FINDING.time_s]), "Speed", "driven")
     near = np.abs(ten_minutes.speeds.time_s - FINDING.time_s) < NEAR_S - 0.1
     kept = np.isin(np.rint(times * 1000), np.rint(ten_minutes.speeds.time_s[near] * 1000))
-    assert np.count_nonzero(kept) == np.count_nonzero(near)
+    assert np.count_nonzero(kept) == np.count_nonzero(near) > 0
     assert driven[kept] == pytest.approx(ten_minutes.speeds.values[near, 0], abs=0.0006)
 
 

@@ -42,8 +42,8 @@ def drive_square(start, rounds=1):
 
 def test_square_reaches_its_corners_exactly():
     corners = [(1, 0), (1, 1), (0, 1), (0, 0)]
-    for got, wanted in zip(drive_square((0.0, 0.0, 0.0)), corners):
-        assert math.dist(got, wanted) < CORNER_M
+    gaps_m = [math.dist(*pair) for pair in zip(drive_square((0.0, 0.0, 0.0)), corners)]
+    assert len(gaps_m) == 4 and max(gaps_m) < CORNER_M
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-math.pi, math.pi))

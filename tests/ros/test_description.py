@@ -59,7 +59,9 @@ def test_masses_add_up_to_the_robot(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_inertias_are_those_of_a_body(name):
-    for each in tree(name, laser=True).iter("inertia"):
+    inertias = list(tree(name, laser=True).iter("inertia"))
+    assert inertias
+    for each in inertias:
         moments = sorted(float(each.get(key)) for key in ("ixx", "iyy", "izz"))
         assert moments[0] > 0
         assert moments[0] + moments[1] >= moments[2] * 0.999

@@ -124,7 +124,9 @@ def test_manual_mode_holds_navigation_alone():
 def test_shipped_configuration_has_the_types_that_twist_mux_reads():
     """It takes a whole number for a priority, and only a number with a point for a timeout."""
     rows = [row for rows in SHIPPED.values() for row in rows]
-    assert all(isinstance(row["timeout"], float) and isinstance(row["priority"], int) for row in rows)
+    assert rows and all(
+        isinstance(row["timeout"], float) and isinstance(row["priority"], int) for row in rows
+    )
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_interrupt_and_death_of_a_part_end_everything(pair):
 
 
 def test_run_names_the_master_that_its_node_is_on(pair):
-    assert all("/robot_node" in nodes for nodes in pair.nodes)
+    assert ["/robot_node" in nodes for nodes in pair.nodes] == [True, True]
 
 
 def test_each_run_has_a_master_of_its_own(pair, master):

@@ -80,13 +80,13 @@ def talk(steps):
 
 
 def test_the_same_steps_give_the_same_bytes():
-    assert talk(150) == talk(150)
+    assert talk(150) == talk(150) != b""
 
 
 def test_other_steps_give_the_same_frames():
     """One long step or many short ones, but for one count where a rounding tips over."""
     one, many = (FrameDecoder(REPLIES).feed(talk(steps)) for steps in (1, 777))
-    assert len(one) == len(many)
+    assert len(one) == len(many) > 100
     for first, second in zip(one, many):
         assert first.args == pytest.approx(second.args, abs=1)
 

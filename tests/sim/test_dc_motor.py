@@ -172,7 +172,9 @@ def test_a_long_step_is_the_same_as_many_short_ones(mix, speed, pieces):
 def test_a_motion_is_at_a_travel_when_it_says_so(mix, speed, share):
     turning = motor(shares=Shares(*(each / sum(mix) for each in mix)), speed=speed)
     turning.move(0.2, 11.0)
-    for motion in turning.take_motions():
+    motions = turning.take_motions()
+    assert motions or not speed
+    for motion in motions:
         end, _ = motion.after(motion.duration_s)
         travel = motion.travel + share * (end - motion.travel)
         found, _ = motion.after(motion.time_at(travel))

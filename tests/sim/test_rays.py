@@ -80,6 +80,7 @@ def beside_line(wall, pose):
 def test_each_ray_of_a_fan_is_exact(walls, pose, first):
     assume(all(beside_line(wall, pose) > 0.05 for wall in walls))
     got = rays.cast(np.array(walls), pose, first, 0.09, 69, 100.0)
+    assert len(got) == 69
     for i, far in enumerate(got):
         each = [min(along(wall, pose, first + 0.09 * i + e) for wall in walls) for e in (-1e-6, 0.0, 1e-6)]
         assert min(each) - 0.01 <= far <= max(each) + 0.01 if far < math.inf else max(each) == math.inf

@@ -83,6 +83,7 @@ def first_lines(folder, names):
     ],
 )
 def test_packaged_files_name_their_schema_and_are_valid(kind, folder, names):
+    assert names
     for path, line in first_lines(folder, names):
         named = re.fullmatch(r"# yaml-language-server: \$schema=(.*)\n", line).group(1)
         assert os.path.samefile(os.path.join(folder, named), KINDS[kind][1])
