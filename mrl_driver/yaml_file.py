@@ -1,5 +1,6 @@
 """YAML files that users write: each fault is an error in one line, with the file and, if known, the line number."""
 
+import math
 from functools import lru_cache
 from typing import Any, Container, Dict, Mapping, Optional, Sequence, Tuple
 
@@ -60,6 +61,8 @@ def parse(text: str, path: str) -> Any:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}: " if mark else ""
+        if mark and "\t" in "".join(text.splitlines()[mark.line : mark.line + 1]):
+            raise ConfigError(f"{path}: {where}no YAML: a tab, expected spaces") from None
         raise ConfigError(f"{path}: {where}no YAML: {_cut(str(error.problem or error.context))}") from None
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: no YAML: {_cut(' '.join(str(error).split()))}") from None
@@ -160,7 +163,8 @@ class Reader:
 
     def fail(self, key: str, got: Any, expected: str) -> ConfigError:
         """Return the error for a value."""
-        return ConfigError(f"{self.path}: {_cut(key) or 'file'} is {short(got)}, expected {expected}")
+        what = "empty" if got is None else short(got)
+        return ConfigError(f"{self.path}: {_cut(key) or 'file'} is {what}, expected {expected}")
 
     def mapping(
         self, key: str, value: Any, expected: str = "a mapping of keys to values"
@@ -189,7 +193,7 @@ class Reader:
     def number(self, key: str, value: Any, low: float, high: float) -> float:
         """Check for a number between two others, both included."""
         if not is_number(value, low, high):
-            raise self.fail(key, value, f"a number from {low:g} to {high:g}")
+            raise self.fail(key, value, f"a number from {low:g} to {high:g}{_spelling(value)}")
         return float(value)
 
     def whole(self, key: str, value: Any, low: int, high: int) -> int:
@@ -209,6 +213,20 @@ class Reader:
         if not isinstance(value, str) or not value:
             raise self.fail(key, value, expected)
         return value
+
+
+def _spelling(value: Any) -> str:
+    """Return how YAML takes a text such as `0,15` or `1e-1` as a number; empty if it is not meant as one."""
+    try:
+        number = float(value.replace(",", ".")) if isinstance(value, str) else math.nan
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        return ""
+    digits = repr(number)
+    if "e" in digits and "." not in digits:
+        digits = digits.replace("e", ".0e")
+    return f"; write {digits}"
 
 
 def is_number(value: Any, low: float, high: float) -> bool:

@@ -42,7 +42,7 @@ def test_compass_says_that_it_has_no_rates():
         ("lux: {type: std_msgs/Float32}", "lux.sensor is 'lux', expected alcohol, dust"),
         ("light: {type: std_msgs/Byte}", "light.type is 'std_msgs/Byte', expected std_msgs/UInt16"),
         ("light: {typ: std_msgs/UInt16}", "light.typ is unknown, expected sensor, type"),
-        ("light: {}", "light.type is None, expected"),
+        ("light: {}", "light.type is empty, expected"),
         ("light: {type: std_msgs/UInt16, factor: 0}", "light.factor is 0, expected a number but 0"),
         ("light: {type: std_msgs/UInt16, variance: -1}", "light.variance is -1, expected 0 or more"),
         ("light: 3", "light is 3, expected the keys sensor"),

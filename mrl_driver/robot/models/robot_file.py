@@ -21,7 +21,7 @@ from mrl_driver.yaml_form import (
     Whole,
 )
 
-from .drives import DIFFERENTIAL, EXTRA, KINDS, NONE, TRACKED, Base, NoDrive
+from .drives import DIFFERENTIAL, EXTRA, KINDS, NONE, TRACKED, Base, Drive, NoDrive, OmniDrive
 from .imu_mount import ImuMount
 from .robot_model import (
     BOARD_KEYS,
@@ -46,7 +46,27 @@ _STILL = Limits(0.0, 0.0, 0.0, 0.0)
 _NO_BODY = Body(0.0, 0.0, 0.0, 0.0, tracks=False)
 _NO_BATTERY = Battery(math.nan, math.nan, math.nan, math.nan, math.nan)
 _POSITIVE = (1e-9, 1e6)
+_LIKE = 1.8
+"""Sizes that belong together differ at most by this factor: a diameter in place of a radius is 2; of StingBot's wheel,
+whose values are fitted, 1.72."""
 _RANGES = {
+    "wheel_separation_m": (0.02, 5.0),
+    "radius_m": (0.01, 2.5),
+    "half_length_m": (0.01, 2.5),
+    "half_width_m": (0.01, 2.5),
+    "wheel_radius_m": (0.003, 1.0),
+    "metres_per_count": (1e-7, 1.0),
+    "full_speed_m_s": (1e-3, 32.7),
+    "length_m": (0.02, 5.0),
+    "width_m": (0.02, 5.0),
+    "height_m": (0.01, 5.0),
+    "mass_kg": (0.01, 2000.0),
+    "full_v": (0.1, 100.0),
+    "low_v": (0.1, 100.0),
+    "empty_v": (0.1, 100.0),
+    "capacity_ah": (0.01, 1000.0),
+    "linear_acceleration_m_s2": (1e-3, 100.0),
+    "angular_acceleration_rad_s2": (1e-3, 1000.0),
     "linear_m_s": (1e-3, 32.7),
     "lateral_m_s": (0.0, 32.7),
     "angular_rad_s": (1e-3, 32.7),
@@ -205,8 +225,8 @@ _RULES = (
 class RobotFile(Form):
     """A robot model.
 
-    Only `read` checks that the battery's levels fall from full to off, that no limit exceeds the board's ceiling, and
-    that the wheel of a robot with an H-bridge has at least one count a turn.
+    Only `read` checks that the battery's levels fall from full to off, that no limit exceeds the board's ceiling, that
+    the wheel of a robot with an H-bridge has at least one count a turn, and that sizes fit each other.
     """
 
     def read(self, reader: Reader, key: str, value: Any) -> RobotModel:
@@ -232,6 +252,7 @@ class RobotFile(Form):
         self._check_battery(reader, model.battery)
         self._check_limits(reader, model)
         self._check_counts(reader, model)
+        self._check_sizes(reader, model)
         return model
 
     def schema(self) -> Schema:
@@ -289,6 +310,36 @@ class RobotFile(Form):
                 f"{reader.path}: board.gearbox and board.encoder_counts give {counts:g} counts a wheel turn, "
                 "expected at least 1"
             )
+
+    def _check_sizes(self, reader: Reader, model: RobotModel) -> None:
+        """Check sizes against each other: a value in another unit is off by much more than `_LIKE`."""
+        drive, board, body = model.drive, model.board, model.body
+        if isinstance(drive, (Drive, OmniDrive)):
+            key, half = ("wheel_separation_m", 2) if isinstance(drive, Drive) else ("radius_m", 1)
+            axis_m = half * board["axis_radius"] * 1e-5
+            self._check_like(
+                reader, f"drive.{key}", getattr(drive, key), axis_m, "board.axis_radius [0.01 mm]"
+            )
+            turn_m = 2 * math.pi * board["wheel_radius"] * 1e-5
+            counts = max(1.0, board["gearbox"] * board["encoder_counts"] / 100)
+            self._check_like(
+                reader,
+                "drive.metres_per_count",
+                drive.metres_per_count,
+                turn_m / counts,
+                "board.wheel_radius [0.01 mm], gearbox [0.1] and encoder_counts [0.1]",
+            )
+            self._check_like(reader, "body.width_m", body.width_m, drive.wheel_separation_m, "the wheels")
+        far_m = 2 * max(body.length_m, body.width_m)
+        for name, mount in model.sonars.items():
+            for key in ("x_m", "y_m"):
+                if abs(getattr(mount, key)) > far_m:
+                    expected = f"at most {far_m:g}, twice the body"
+                    raise reader.fail(f"sonars.{name}.{key}", getattr(mount, key), expected)
+
+    def _check_like(self, reader: Reader, key: str, got: float, like: float, of: str) -> None:
+        if not like / _LIKE <= got <= like * _LIKE:
+            raise reader.fail(key, got, f"about {like:.3g}, to fit {of}")
 
 
 _TEXTS = {
