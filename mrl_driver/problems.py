@@ -65,8 +65,9 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
         Problem(
             "port_busy",
             "PORT is in use by PROGRAM",
-            "A serial port serves one program at a time: another mrl, a ROS node, or the serial monitor of the Arduino "
-            "IDE has it open.",
+            "A serial port serves one program at a time: another mrl, a ROS node, the serial monitor of the Arduino "
+            "IDE, or a login prompt on a Raspberry Pi's UART (sudo raspi-config turns it off) has it open. Two "
+            "programs take each other's bytes.",
             "close that program, then try again",
         ),
         Problem(
@@ -136,7 +137,10 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
             "The board has no power or no firmware of this project, another device is on the port, or the baud rate is "
             "another one.",
             "check power and cable, then upload the firmware with: mrl flash --port PORT",
-            ("this port sends text at another baud rate, or another device is on it",),
+            (
+                "this port sends text at another baud rate, or another device is on it",
+                "the bytes that were sent come back",
+            ),
         ),
         Problem(
             "wrong_robot",

@@ -1209,7 +1209,7 @@ class Driver:
         except MrlError:
             return
         finally:
-            self._fail(error)
+            self._fail(self._links.explained(error))
 
     def _halt(self) -> None:
         """Stop the robot and repeat the stop until telemetry confirms it; 2013 boards have no watchdog to do it."""

@@ -6,15 +6,16 @@ A recording goes on over all of them.  With the option `fast` each line is raise
 import time
 from typing import Callable, Optional, Tuple, Union
 
-from mrl_driver.errors import ConfigError, LinkLost, MrlError
+from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, MrlError, NotARobot
 from mrl_driver.lock_order import new_lock
 from mrl_driver.recording.recorded_link import DriverRecording
 from mrl_driver.recording.recording import Recorder
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.session.session import Session
+from mrl_driver.transport.address import is_url
 from mrl_driver.transport.baud_upgrade import BACK_S, speed_up
-from mrl_driver.transport.link import Link
+from mrl_driver.transport.link import Link, busy, opened_by
 from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, open_link
 from mrl_driver.transport.reconnect import Reconnection
 
@@ -210,6 +211,14 @@ class LinkSource:
         self.searching = False
         session.counters.reconnects += 1
         return Reconnected(self._reconnection.port)
+
+    def explained(self, error: MrlError) -> MrlError:
+        """Return why the driver ends: another program that has the port open takes what the board answers."""
+        if not isinstance(error, (NotARobot, BoardTimeout, LinkLost)) or not isinstance(self._port, str):
+            return error
+        port = self._reconnection.port if self._reconnection is not None else self._port
+        holder = "" if is_url(port) else opened_by(port)
+        return busy(port, holder, f", which takes what the board answers ({error})") if holder else error
 
     def is_failing(self, session: Session, now: float) -> bool:
         """Return whether the link fails at the higher speed."""

@@ -12,7 +12,7 @@ import math
 from typing import Callable, Dict, FrozenSet, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardTimeout, MrlError, NotARobot, WrongRobot
-from mrl_driver.protocol import Frame
+from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, FAULTS, PROTOCOL_VERSION
 
 from .sensor_polling import SENSOR_STREAM
@@ -38,6 +38,8 @@ JUNK_S = 4.0
 JUNK_BYTES = 32
 """This many bytes that are not text, and no frame within `JUNK_S` of the first byte [s], mean another baud rate.
 A board of August 2013 is silent for 3.35 s after its bootloader."""
+ECHOES = 3
+"""So many of this program's own requests come back only if something echoes them."""
 _FAULT = {name: bit for bit, (name, _) in enumerate(FAULTS)}
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
@@ -164,6 +166,7 @@ class Handshake:
         """The board identified itself in a frame with a checksum."""
         self._junk: List[float] = []
         self._seen, self._strange, self._faults = b"", 0, 0
+        self._echoes = 0
 
     def heard(self, data: bytes, now: float) -> None:
         """Count bytes that may not belong to frames."""
@@ -171,6 +174,7 @@ class Handshake:
             self._junk = self._junk or [now]
             self._seen = self._seen or data[:24]
             self._strange += len(data.translate(None, _TEXT))
+            self._echoes += sum(type(event) is Frame for event in FrameDecoder(REQUESTS).feed(data))
 
     def tick(self, now: float, checked: bool) -> None:
         """Send what is due.
@@ -223,6 +227,11 @@ class Handshake:
         if board is not None:
             if now >= self._give_up_s and (self._silent or self._silencer()):
                 raise self._mute(board)
+        elif self._echoes >= ECHOES:
+            raise NotARobot(
+                f"the bytes that were sent come back ({self._seen!r}): a login prompt, or an adapter that echoes, is "
+                "on this port, or TX is connected to RX; end that, or check the wires"
+            )
         elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
             raise NotARobot(
                 f"this port sends text at another baud rate, or another device is on it (got "

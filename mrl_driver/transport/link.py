@@ -15,7 +15,7 @@ import sys
 import termios
 import threading
 import time
-from typing import Dict, Iterator, List, Optional, Protocol, Type, runtime_checkable
+from typing import Dict, List, Optional, Protocol, Type, runtime_checkable
 
 import serial
 from serial.tools import list_ports
@@ -75,39 +75,66 @@ def describe(name: str) -> Port:
     return described_as(os.path.realpath(name), described())
 
 
-def in_use(name: str) -> bool:
-    """Return whether a program has the port open, as far as this user can see.
-
-    A pseudo terminal is always open in its server; it counts as in use if it is the terminal of a process.
-    """
-    return any(True for _ in _holders(name))
+def is_terminal(name: str) -> bool:
+    """Return whether `name` is a serial port or a pseudo terminal (and not /dev/null, which many programs open)."""
+    try:
+        number = os.stat(name).st_rdev
+    except (OSError, ValueError):
+        return False
+    kind = f"/sys/dev/char/{os.major(number)}:{os.minor(number)}/subsystem"
+    return os.major(number) in PTY_MAJORS or os.path.basename(os.path.realpath(kind)) == "tty"
 
 
 def opened_by(name: str) -> str:
-    """Return name and process id of a program that has the port open, as for `in_use`; empty if there is none."""
-    return next(map(_program, _holders(name)), "")
+    """Return name and process id of another program that has the port open; empty if this user can see none.
 
-
-def _holders(name: str) -> Iterator[str]:
-    """Yield the ids of the processes that have the port open."""
+    A program whose terminal it is, such as a login prompt, is visible to all users; one that has merely opened it, to
+    its own user and root.  The server of a pseudo terminal does not count.
+    """
     try:
         device, there = os.path.realpath(name), os.stat(name)
+        numbers = filter(str.isdigit, os.listdir("/proc"))
     except OSError:
-        return
-    if os.major(there.st_rdev) in PTY_MAJORS:
-        found = (process for process in glob.iglob("/proc/[0-9]*") if _works_in(process, device, there))
-    else:
-        found = (fd for fd in glob.iglob("/proc/[0-9]*/fd/*") if _target(fd) == device)
-    yield from (path.split("/")[2] for path in found)
+        return ""
+    if not stat.S_ISCHR(there.st_mode):
+        return ""
+    for number in numbers:
+        process = f"/proc/{number}"
+        if number != str(os.getpid()) and (_works_in(process, device, there) or _has_opened(process, there)):
+            return _program(number)
+    return ""
+
+
+def _has_opened(process: str, there: os.stat_result) -> bool:
+    """Return whether a process has opened the device, and does not serve it as a pseudo terminal."""
+    devices = [fd for fd in glob.glob(f"{process}/fd/*") if _target(fd).startswith("/dev/")]
+    if os.major(there.st_rdev) not in PTY_MAJORS:
+        return any(_stat(fd).st_rdev == there.st_rdev for fd in devices)
+    if not any(os.path.samestat(_stat(fd), there) for fd in devices):
+        return False
+    index = f"tty-index:\t{os.minor(there.st_rdev)}\n"
+    return not any(index in _text_of(fd.replace("/fd/", "/fdinfo/")) for fd in devices)
+
+
+def _stat(path: str) -> os.stat_result:
+    try:
+        return os.stat(path)
+    except OSError:
+        return os.stat_result([0] * 10)
+
+
+def _text_of(path: str) -> str:
+    try:
+        with open(path, encoding="utf-8", errors="replace") as file:
+            return file.read()
+    except OSError:
+        return ""
 
 
 def _program(number: str) -> str:
     """Return name and id of a process."""
-    try:
-        with open(f"/proc/{int(number)}/comm", encoding="utf-8", errors="replace") as comm:
-            return f"{comm.read().strip()} (process {number})"
-    except OSError:
-        return f"process {number}"
+    name = _text_of(f"/proc/{int(number)}/comm").strip()
+    return f"{name} (process {number})" if name else f"process {number}"
 
 
 def _works_in(process: str, device: str, there: os.stat_result) -> bool:
@@ -125,9 +152,8 @@ def _works_in(process: str, device: str, there: os.stat_result) -> bool:
 def _terminal(stat_path: str) -> int:
     """Return the device number of a process's controlling terminal; 0 if it has none."""
     try:
-        with open(stat_path, encoding="utf-8", errors="replace") as file:
-            return int(file.read().rpartition(")")[2].split()[4])
-    except (OSError, IndexError, ValueError):
+        return int(_text_of(stat_path).rpartition(")")[2].split()[4])
+    except (IndexError, ValueError):
         return 0
 
 
@@ -348,9 +374,19 @@ class SerialLink(DescriptorLink):
 
     def __init__(self, port: str, baud: int = BAUD) -> None:
         require_device(port)
+        holder = opened_by(port) if is_terminal(port) else ""
+        if holder:
+            raise busy(port, holder)
         self._serial = _open(port, baud)
         self._begin(port, self._serial.fileno())
         _exclude(self._fd, True)
+
+    def _end_of_data(self) -> None:
+        """Without a hang-up, another program has taken the bytes that were there."""
+        poll = select.poll()
+        poll.register(self._fd, 0)
+        if poll.poll(0):
+            super()._end_of_data()
 
     def _give_back(self) -> None:
         _drop_unsent(self._fd)
@@ -418,9 +454,7 @@ def _explain(port: str, error: Exception) -> LinkError:
         return LinkError(f"{port} cannot be opened: {shortage(error)}")
     kind: Type[LinkError] = _ERRORS.get(_errno(error), LinkError)
     if kind is PortBusy:
-        return PortBusy(
-            f"{port} is in use by {locked_by(port) or 'another program'}; end that program, or choose another port"
-        )
+        return busy(port, locked_by(port))
     if _errno(error) == errno.EPERM:
         return PortDenied(
             f"this container may not use {port}: pass the device to it, with docker run --device, and again after it "
@@ -436,6 +470,13 @@ def _explain(port: str, error: Exception) -> LinkError:
     return LinkError(
         f"{port} cannot be opened, because its device does not answer ({_words(error)}): unplug it and plug it in "
         "again; in a container, pass the device to it again"
+    )
+
+
+def busy(port: str, holder: str, more: str = "") -> PortBusy:
+    """Return the error for a port that another program has open."""
+    return PortBusy(
+        f"{port} is in use by {holder or 'another program'}{more}; end that program, or choose another port"
     )
 
 

@@ -8,8 +8,6 @@ from .link import described, locked_by, opened_by
 from .port_search import Port
 from .usb_ids import ARDUINO_VENDORS, text_of
 
-_PSEUDO_TERMINALS = range(136, 144)
-"""Major device numbers of pseudo terminals on Linux."""
 _LOCK_FOLDERS = ("/run/lock", "/var/lock")
 
 
@@ -74,16 +72,6 @@ def user_of(device: str) -> str:
                 continue
         return f"process {number}"
     return ""
-
-
-def is_terminal(name: str) -> bool:
-    """Return whether `name` is a serial port or a pseudo terminal (and not /dev/null, which many programs open)."""
-    try:
-        number = os.stat(name).st_rdev
-    except (OSError, ValueError):
-        return False
-    kind = f"/sys/dev/char/{os.major(number)}:{os.minor(number)}/subsystem"
-    return os.major(number) in _PSEUDO_TERMINALS or os.path.basename(os.path.realpath(kind)) == "tty"
 
 
 def group_of(device: str) -> str:

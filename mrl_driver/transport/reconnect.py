@@ -7,7 +7,7 @@ from typing import Callable, List, NamedTuple, Optional, Tuple
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, MrlError, WrongRobot
 
 from .address import is_url
-from .link import Link, described, in_use
+from .link import Link, described, opened_by
 from .port_search import Port, Search, described_as
 
 LOOK_S = 0.1
@@ -98,7 +98,7 @@ class Reconnection:
         name = search.next(os.path.realpath(self._name), self._there(search), now)
         if name is None:
             return None
-        if in_use(name) or self._is_foreign(name):
+        if opened_by(name) or self._is_foreign(name):
             search.refuse(name, now)
             return None
         try:

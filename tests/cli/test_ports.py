@@ -1,7 +1,7 @@
 """`mrl ports`: what may be opened, and what it says of each port."""
 
 import json
-import os
+import subprocess
 
 import pytest
 
@@ -118,12 +118,13 @@ def test_a_usb_port_has_time_for_boot_loader_and_old_firmware(there, serve, monk
     assert asked == {pty: probe.RUNNING_S, UNO.device: TIMEOUT_S}
 
 
-def test_a_program_without_a_lock_is_named(tmp_path):
-    """Such as a terminal program; any file of one's own shows it, as no test has a port that is not a pty."""
-    file = tmp_path / "ttyACM9"
-    with file.open("w"):
-        assert str(os.getpid()) in port_info.user_of(str(file))
-    assert port_info.user_of(str(file)) == ""
+def test_a_program_without_a_lock_is_named(serve):
+    """Such as a terminal program."""
+    port = serve().path
+    assert port_info.user_of(port) == ""
+    with open(port, "rb", buffering=0) as held, subprocess.Popen(["sleep", "60"], stdin=held) as program:
+        assert f"(process {program.pid})" in port_info.user_of(port)
+        program.kill()
 
 
 def test_a_time_without_probe():

@@ -121,6 +121,24 @@ def test_a_hang_up_is_a_lost_link(pty):
     link.close()
 
 
+def test_bytes_that_another_program_took_are_no_hang_up(pty, monkeypatch):
+    """They were there, and are not any more when this program reads them."""
+    link, read = SerialLink(pty[1]), os.read
+
+    def second(fd, size):
+        if fd == link.fileno():
+            read(fd, size)
+        return read(fd, size)
+
+    os.write(pty[0], b"@8,1e")
+    monkeypatch.setattr(os, "read", second)
+    assert link.read(LONG_S) == b""
+    monkeypatch.undo()
+    os.write(pty[0], b"@5e")
+    assert link.read(LONG_S) == b"@5e"
+    link.close()
+
+
 def test_a_port_that_cannot_be_read_is_a_lost_link(pty, monkeypatch):
     """As some USB drivers tell an unplugged cable."""
     link, read = SerialLink(pty[1]), os.read

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrl_driver.errors import PortBusy
 from mrl_driver.transport import link
-from mrl_driver.transport.link import in_use, locked_by
+from mrl_driver.transport.link import locked_by, opened_by
 from mrl_driver.transport.port_search import AGAIN_S, WRONG_AGAIN_S, Port, Search, candidates
 
 BY_ID = "/dev/serial/by-id/usb-Arduino_A1"
@@ -208,12 +209,12 @@ def on_another_file_system(monkeypatch, below):
 
 def test_a_pseudo_terminal_that_somebody_works_in_is_in_use(terminal):
     """A name of before may lead there by now."""
-    assert in_use(terminal)
+    assert opened_by(terminal)
 
 
 def test_a_pseudo_terminal_is_not_in_use_for_one_of_its_number_in_a_container(terminal, monkeypatch):
     with on_another_file_system(monkeypatch, "/proc/"):
-        used = in_use(terminal)
+        used = opened_by(terminal)
     assert not used
 
 
@@ -227,18 +228,63 @@ def test_a_lock_on_another_file_with_the_ports_inode_number_is_not_the_ports(tmp
 
 def test_a_pseudo_terminal_of_an_emulator_is_free():
     master, slave = os.openpty()
-    assert not in_use(os.ttyname(slave))
+    assert not opened_by(os.ttyname(slave))
+    os.close(master)
+    os.close(slave)
+
+
+@contextlib.contextmanager
+def held(port):
+    """Another program has opened the port; its process id."""
+    with open(port, "rb", buffering=0, opener=opener) as file, subprocess.Popen(
+        [sys.executable, "-c", "print(flush=True), input()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        pass_fds=[file.fileno()],
+    ) as program:
+        program.stdout.readline()
+        file.close()
+        yield program.pid
+        program.communicate(b"\n")
+
+
+def opener(path, flags):
+    return os.open(path, flags | os.O_NOCTTY)
+
+
+@pytest.fixture
+def pseudo_terminal():
+    master, slave = os.openpty()
+    yield os.ttyname(slave)
     os.close(master)
     os.close(slave)
 
 
 def test_a_device_that_another_program_holds_is_in_use():
+    with held("/dev/full") as number:
+        assert opened_by("/dev/full").endswith(f"(process {number})")
+
+
+def test_a_pseudo_terminal_that_another_program_reads_is_in_use(pseudo_terminal):
+    with held(pseudo_terminal) as number:
+        assert opened_by(pseudo_terminal).endswith(f"(process {number})")
+
+
+def test_a_port_that_another_program_has_open_is_not_opened(pseudo_terminal):
+    """Each would get a part of the board's bytes, and no lock keeps out a program that asks for none."""
+    with held(pseudo_terminal) as number, pytest.raises(PortBusy, match=rf"in use by .*\(process {number}\)"):
+        link.SerialLink(pseudo_terminal)
+    link.SerialLink(pseudo_terminal).close()
+
+
+def test_an_emulator_in_another_process_is_no_other_program():
+    script = "import os; master, slave = os.openpty(); print(os.ttyname(slave), flush=True); input()"
     with subprocess.Popen(
-        [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, stdout=open("/dev/full")
-    ) as p:
-        assert in_use("/dev/full")
-        p.communicate(b"\n")
+        [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as emulator:
+        assert opened_by(emulator.stdout.readline().strip()) == ""
+        emulator.communicate("\n")
 
 
 def test_a_port_that_is_gone_is_not_in_use():
-    assert not in_use("/nowhere")
+    assert not opened_by("/nowhere")

@@ -147,7 +147,7 @@ def test_another_robot_is_not_taken(robot, cable):
 def test_a_terminal_that_somebody_works_in_is_left_alone(robot, cable, monkeypatch):
     """The name of before may be another program's pseudo terminal by now."""
     looks = []
-    monkeypatch.setattr(reconnect, "in_use", lambda name: looks.append(name) or True)
+    monkeypatch.setattr(reconnect, "opened_by", lambda name: looks.append(name) or "cat")
     cable.unplug()
     cable.plug()
     wait_until(lambda: len(looks) > 3)
@@ -376,7 +376,7 @@ def test_a_port_that_another_program_uses_gives_way_to_the_next(monkeypatch, tmp
     one, two = (str(tmp_path / name) for name in ("one", "two"))
     there, opened = [Port(one, (), 1, 2)], []
     monkeypatch.setattr(reconnect, "described", lambda: list(there))
-    monkeypatch.setattr(reconnect, "in_use", lambda name: name == one)
+    monkeypatch.setattr(reconnect, "opened_by", lambda name: "cat" if name == one else "")
     search = reconnect.Reconnection(one, opened.append, 1.0)
     search.lose(LinkLost("gone"), 0.0)
     for name in (one, two):

@@ -7,9 +7,9 @@ import stat
 import sys
 from typing import Iterator, List
 
+from mrl_driver.transport.link import is_terminal
 from mrl_driver.transport.port_info import (
     group_of,
-    is_terminal,
     programs_named,
     udev_properties,
     user_of,
