@@ -53,7 +53,7 @@ def render(now: Content, width: int, height: int) -> RenderableType:
     inner = height - 1 - len(footer)
     mapped, logged = has_motors(now.shown.state.model), now.log is not None and height >= LOW
     if width < NARROW or not (mapped or logged):
-        screen["body"].update(_left(now, inner))
+        screen["body"].update(_left(now, inner, f"[/] [dim]· map from {NARROW} columns" if mapped else ""))
         return screen
     columns = width - LEFT_COLUMNS
     log_rows = max(5, min(len(now.log or ()), inner // 3)) + 2 if logged else 0
@@ -97,17 +97,23 @@ def _footer(now: Content, width: int, height: int) -> List[Text]:
 
 def _keys(now: Content) -> Text:
     model = now.shown.state.model
-    keys: List[Tuple[str, str]] = (
+    driving: List[Tuple[str, str]] = (
         []
         if not has_motors(model)
-        else [("arrows wasd", "drive"), ("space", "stop"), ("Enter", "lock")]
+        else [("arrows wasd", "drive"), ("space", "stop")]
         if now.keys_drive
         else [("Enter", "drive with keys"), ("space", "stop")]
     )
-    if now.keys_drive and moves_sideways(model):
-        keys.insert(1, (", .", "sideways"))
+    more = [(", .", "sideways")] if now.keys_drive and moves_sideways(model) else []
+    more += [("Enter", "lock")] if now.keys_drive and has_motors(model) else []
     text = Text(no_wrap=True, overflow="crop")
-    for key, what in [*keys, *now.keys, ("c", "clear"), ("q", "quit")]:
+    for key, what in [
+        *driving,
+        ("q", "quit"),
+        *more,
+        *now.keys,
+        ("c", "clear"),
+    ]:  # a narrow terminal cuts the last
         text.append(f" {key} ", style="reverse").append(f" {what}  ", style="dim")
     return text
 
@@ -132,18 +138,20 @@ def _lines(row: Row) -> List[Text]:
     """Return the lines of a value; one with a bar has one line."""
     if row.bar is not None:
         return [_bar(*row.bar).append(f" {row.value}", style=row.style or "default")]
-    return [Text(line, style=row.style) for line in textwrap.wrap(row.value, _ROOM)]
+    lines = textwrap.wrap(row.value, _ROOM, break_long_words=False, break_on_hyphens=False)
+    return [Text(_tail(line, _ROOM), style=row.style) for line in lines]
 
 
-def _left(now: Content, height: int) -> RenderableType:
-    """Return the panels of numbers; on a low terminal as one panel, or without a frame."""
+def _left(now: Content, height: int, note: str = "") -> RenderableType:
+    """Return the panels of numbers, a note in the title of the first; on a low terminal one panel, or no frame."""
     parts = [(_table(section.rows), section.title, section.style) for section in sections(now.shown)]
     rows = sum(part.row_count for part, _, _ in parts)
     if height >= rows + 2 * len(parts):
-        return Group(*(_panel(*part) for part in parts))
+        (first, title, style), *others = parts
+        return Group(_panel(first, title + note, style), *(_panel(*part) for part in others))
     together = Group(*(part for part, _, _ in parts))
     silent = now.shown.state.silent
-    return _panel(together, "robot", "red" if silent else "blue") if height >= rows + 2 else together
+    return _panel(together, f"robot{note}", "red" if silent else "blue") if height >= rows + 2 else together
 
 
 def _bar(share: float, style: str) -> Text:

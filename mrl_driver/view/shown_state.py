@@ -84,11 +84,15 @@ class ShownState(NamedTuple):
         return stopped_text(self.stop_reason)
 
 
+def errors_row(lost: int, damaged: int, restarts: int) -> Row:
+    """Return the row of frames that were lost or damaged, and of the board's restarts."""
+    text = f"{lost} lost, {damaged} bad" + (f", {restarts} resets" if restarts else "")
+    return Row("errors", text, "yellow" if lost or damaged or restarts else "")
+
+
 def state_of(driver: "Driver") -> ShownState:
     """Return the state of a driver's robot."""
     model, seen = driver.model, driver.statistics
-    damage = sum(seen.garbage.values())
-    bad = f"{seen.lost} lost, {damage} bad" + (f", {seen.restarts} resets" if seen.restarts else "")
     return ShownState(
         f"{model.name if model else 'robot'} {driver.board.robot_id}",
         model,
@@ -104,7 +108,7 @@ def state_of(driver: "Driver") -> ShownState:
         _board(driver),
         driver.ready,
         driver.age_s,
-        Row("errors", bad, "yellow" if seen.lost or damage or seen.restarts else ""),
+        errors_row(seen.lost, sum(seen.garbage.values()), seen.restarts),
         "" if driver.imu_state == ABSENT else driver.imu_state,
     )
 

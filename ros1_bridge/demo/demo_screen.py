@@ -10,6 +10,8 @@ from mrl_driver.terminal.teleop_keys import Teleop
 from mrl_driver.view.shown_state import ShownState
 from ros1_bridge.topics.topic_robot import STALE_S, TopicRobot
 
+CORNERS = 4
+"""A square ends where it began."""
 PATIENCE_S = 20.0
 """If a duration is set, odometry must begin within this time."""
 
@@ -25,7 +27,9 @@ class DemoScreen(Screen):
     def __init__(self, robot: TopicRobot, port: str, square: bool, duration_s: float = 0.0) -> None:
         """`duration_s`: the view ends after that much odometry; 0 means no end."""
         super().__init__(robot, Settings(port, keys_drive=True), None)
-        self._robot, self._square = robot, Square() if square else None
+        self._robot = robot
+        self.square = Square() if square else None
+        """The square that is driven; None if none is."""
         self._duration_s, self._begun_s = duration_s, time.monotonic()
         self._first_s: Optional[float] = None
         self.overdue = False
@@ -39,10 +43,10 @@ class DemoScreen(Screen):
     def press(self, key: str, now_s: float) -> None:
         """Handle a key; a key that drives or stops ends the square."""
         if key == "r":
-            self._square = Square()
+            self.square = Square()
             return
         if key in ("space", "\r", "\n") or Teleop.moves(key):
-            self._square = None
+            self.square = None
         super().press(key, now_s)
 
     def steer(self, now_s: float) -> None:
@@ -58,10 +62,13 @@ class DemoScreen(Screen):
         if self._duration_s:
             self.overdue = not self.live.frames and now_s > self._begun_s + PATIENCE_S
             self.ended = self.ended or self.overdue or self.elapsed_s >= self._duration_s
-        if self._square is None:
+        if self.square is None:
             super().steer(now_s)
+        elif self.square.corner == CORNERS:
+            self.square = None
+            self._robot.stop()
         elif self._robot.age_s < STALE_S:
-            self._robot.drive(*self._square.command(self._robot.pose))
+            self._robot.drive(*self.square.command(self._robot.pose))
         elif self._robot.command is not None:
             self._robot.stop()
 

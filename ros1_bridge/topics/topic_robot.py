@@ -1,6 +1,7 @@
 """A robot behind ROS topics, as live views show it.  Imports no ROS: messages go in, speeds go out."""
 
 import math
+import re
 import time
 from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
 
@@ -13,7 +14,7 @@ from mrl_driver.geometry import ORIGIN, Pose, yaw_of
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
-from mrl_driver.view.shown_state import Row, ShownState, moves_sideways
+from mrl_driver.view.shown_state import Row, ShownState, errors_row, moves_sideways
 from mrl_driver.view.words import ELSEWHERE
 
 SONARS = ("front", "left", "right")
@@ -223,10 +224,10 @@ class TopicRobot:
             board,
             age_s < STALE_S,
             age_s,
-            Row(
-                "errors",
-                f"{self.errors}, {link.get('Lost Frames', '0')} lost",
-                "yellow" if self.errors else "",
+            errors_row(
+                int(link.get("Lost Frames", "0")),
+                sum(map(int, re.findall(r"\d+", link.get("Garbage", "")))),
+                int(link.get("Restarts", "0")),
             ),
         )
 

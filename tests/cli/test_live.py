@@ -111,12 +111,13 @@ def test_the_terminal_says_what_every_view_says(watched):
 
 def test_the_way_out_is_told_on_a_small_terminal(watched):
     driver, _, log = watched
-    assert (
-        picture(Screen(driver, Settings(keys_drive=True), log), 80, 24)
-        .splitlines()[-1]
-        .rstrip()
-        .endswith("quit")
-    )
+    assert "q  quit" in picture(Screen(driver, Settings(keys_drive=True), log), 60, 24).splitlines()[-1]
+
+
+@pytest.mark.parametrize("height", [24, 60])
+def test_a_terminal_that_is_too_narrow_for_the_map_says_so(watched, height):
+    driver, _, log = watched
+    assert "map from 72 columns" in picture(Screen(driver, Settings(), log), 71, height)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (100, 30), (120, 40)])

@@ -99,10 +99,10 @@ class Demo:
         self.robot = TopicRobot(lambda *speeds: self.published.append(speeds), lambda: False, model)
         self.screen = DemoScreen(self.robot, "ROS_MASTER_URI=here", square, duration_s)
 
-    def odometry(self, x=0.0, yaw=0.0, after_s=0.02):
+    def odometry(self, x=0.0, yaw=0.0, after_s=0.02, y=0.0):
         self.now_s += after_s
         message = Odometry()
-        message.pose.pose.position.x = x
+        message.pose.pose.position.x, message.pose.pose.position.y = x, y
         turn = message.pose.pose.orientation
         turn.z, turn.w = geometry.quaternion_of(yaw)
         self.robot.on_odometry(message)
@@ -135,6 +135,20 @@ def test_the_square_is_driven_by_odometry(demo):
     view = demo(square=True)
     view.drive()
     assert view.published[-1][0] > 0
+
+
+def test_the_square_ends_where_it_began(demo):
+    view, pose, laps = demo(square=True), geometry.Pose(0.0, 0.0, 0.0), 0.0
+    while laps < 2.0 and (len(view.published) < 3 or view.screen.square):
+        view.odometry(pose.x_m, pose.yaw_rad, y=pose.y_m)
+        view.steer()
+        linear, angular = view.published[-1]
+        pose, laps = (
+            geometry.advance(pose, 0.07 * linear, 0.07 * angular),
+            laps + 0.07 * angular / (2 * math.pi),
+        )
+    assert math.hypot(pose.x_m, pose.y_m) < 0.02 and laps < 1.1
+    assert view.published[-1] == (0.0, 0.0) and view.robot.command is None
 
 
 def test_the_square_stops_while_there_is_no_odometry(demo):
@@ -214,9 +228,24 @@ def test_the_view_shows_what_the_topics_say(demo):
     view.odometry(1.25)
     view.robot.on_range(Range(range=0.75), "left")
     view.robot.on_battery(BatteryState(voltage=8.1, percentage=0.05))
-    view.robot.on_diagnostics(link(Errors="7", Lost_Frames="3"))
+    view.robot.on_diagnostics(
+        link(
+            Garbage="bad_field 2, text 5",
+            Lost_Frames="3",
+            Serial_Port="/home/someone/a folder/run/23456/robot",
+        )
+    )
     text = view.picture()
-    for words in ("traxbot 4", "x +1.250", "0.75 m", "8.1 V low", "/dev/ttyACM7", "7, 3 lost", "square", "→"):
+    for words in (
+        "traxbot 4",
+        "x +1.250",
+        "0.75 m",
+        "8.1 V low",
+        "er/run/23456/robot",
+        "3 lost, 7 bad",
+        "square",
+        "→",
+    ):
         assert words in text, words
 
 
