@@ -155,7 +155,7 @@ class Driver:
             raise MrlError("this driver was connected already; create another one to connect again")
         self._beginning = True
         try:
-            self._start(self._links.first())
+            self._start(self._links.first(self._tell_state))
         finally:
             self._beginning = False
         fork_guard.leave_to_parent(self._abandon)
@@ -901,9 +901,9 @@ class Driver:
         self._listeners[RadioText].append(callback)
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
-        """Call `callback` for each `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`, `ImuChanged` and
-        `Reply` of `session.events`, for a wheel's `Mismatch`, a changed `Hold`, and for the `MrlError` that ends the
-        driver.
+        """Call `callback` for each `Awaited`, `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`,
+        `ImuChanged` and `Reply` of `session.events`, for a wheel's `Mismatch`, a changed `Hold`, and for the `MrlError`
+        that ends the driver.
         """
         self._on_state.append(callback)
 

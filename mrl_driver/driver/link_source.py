@@ -11,13 +11,13 @@ from mrl_driver.lock_order import new_lock
 from mrl_driver.recording.recorded_link import DriverRecording
 from mrl_driver.recording.recording import Recorder
 from mrl_driver.robot.robot_state import RobotState
-from mrl_driver.session.events import Lost, Reconnected
+from mrl_driver.session.events import Awaited, Lost, Reconnected
 from mrl_driver.session.session import Session
 from mrl_driver.transport.address import is_url
 from mrl_driver.transport.baud_upgrade import BACK_S, speed_up
 from mrl_driver.transport.link import Link, busy, opened_by
-from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, open_link
-from mrl_driver.transport.reconnect import Reconnection
+from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, Opening, open_link
+from mrl_driver.transport.reconnect import LOOK_S, Reconnection
 
 from .options import Options, heard_options
 
@@ -51,12 +51,12 @@ class LinkSource:
         self._trial: Optional[Link] = None
         self._closed = False
 
-    def first(self) -> Link:
-        """Open the driver's port.
+    def first(self, awaited: Callable[[Awaited], None]) -> Link:
+        """Open the driver's port; `awaited` is called with each new reason to wait for it.
 
         Raises:
             ConfigError: the recording cannot be written.
-            LinkError: the port cannot be opened.
+            LinkError: the port cannot be opened, or the driver was closed meanwhile.
         """
         port, record, tap = self._port, self._options.record, self._options.tap
         if not isinstance(port, str):
@@ -66,13 +66,27 @@ class LinkSource:
             if record is not None:
                 self.recording.use(self.recording.create(record))
         try:
-            link = self._open(port, CONNECT_S)
+            link = self._await(port, awaited)
         except BaseException:
             self.end_recording()
             raise
         if self._options.reconnect:
             self._reconnection = Reconnection(port, self._open, self._options.greeting_s)
         return link
+
+    def _await(self, port: str, awaited: Callable[[Awaited], None]) -> Link:
+        """Open the port as soon as that is possible, within the time of the options."""
+        opening, told = Opening(lambda: self._open(port, CONNECT_S), self._options.port_timeout_s), ""
+        while True:
+            link = opening.attempt()
+            if link is not None:
+                return link
+            if opening.reason != told:
+                told = opening.reason
+                awaited(Awaited(port, told))
+            time.sleep(LOOK_S)
+            if self._closed:
+                raise LinkLost("the driver was closed")
 
     def _open(self, name: str, patience_s: float = AGAIN_S) -> Link:
         opener = self.recording.open if self.recording is not None else open_link

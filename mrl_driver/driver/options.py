@@ -50,6 +50,10 @@ class Options(NamedTuple):
     """
     greeting_s: float = TIMEOUT_S
     """Time for the board's first answer [s]."""
+    port_timeout_s: float = 0.0
+    """Wait this long for a port that cannot be opened yet, 0 to 3600 [s]: it is tried again whatever the error is.  The
+    last error ends the wait.  `on_event` gets `Awaited` for each new reason.
+    """
     reconnect: bool = False
     """If the port goes away after connecting, search it instead of failing with LinkLost.  The search accepts the same
     name, or another port with the same USB vendor and product, if the same robot id answers on it.  `on_event` gets
@@ -118,6 +122,7 @@ def require_options(options: Options) -> None:
     if options.imu_period_ms != 0:
         require_range("imu_period_ms", options.imu_period_ms, LEAST_IMU_MS, SLOWEST_IMU_MS, "ms (or 0)")
     require_range("greeting_s", options.greeting_s, 0.1, 3600, "s", Real)
+    require_range("port_timeout_s", options.port_timeout_s, 0, 3600, "s", Real)
     require_baud("line_baud", options.line_baud)
     for name in ("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"):
         value = getattr(options, name)

@@ -22,6 +22,7 @@ from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
 from mrl_driver.safety.speed_limiter import SpeedLimiter
 from mrl_driver.safety.wheel_monitor import BOARD_STOPS, DEAD, POWERLESS, Mismatch, WheelMonitor, monitor_of
 from mrl_driver.session.events import (
+    Awaited,
     Counts,
     ImuReading,
     Info,
@@ -39,7 +40,7 @@ from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, 
 
 from .options import Options
 
-DriverEvent = Union[RobotEvent, SensorRead, RadioText, Hold, Mismatch, Lost, Reconnected, Slowed]
+DriverEvent = Union[RobotEvent, SensorRead, RadioText, Hold, Mismatch, Awaited, Lost, Reconnected, Slowed]
 """What a driver reports to its listeners, besides the `MrlError` that ends it."""
 GENTLE_S = 3.0
 """Longest duration of a gentle stop [s]."""

@@ -108,6 +108,17 @@ class Stale(NamedTuple):
     """The robot was driving, and its board has no watchdog to stop it."""
 
 
+class Awaited(NamedTuple):
+    """The port cannot be opened yet, and is tried again; see `Options.port_timeout_s`."""
+
+    port: str
+    reason: str
+
+    def __str__(self) -> str:
+        """One line for people."""
+        return f"{self.reason}; the port is tried again"
+
+
 class Lost(NamedTuple):
     """The port went away; the driver searches it, and the robot waits for a new command."""
 

@@ -1,5 +1,8 @@
 """Opens a port of any kind: a device, a TCP connection, UDP datagrams, or a URL of pyserial."""
 
+import time
+from typing import Callable, Optional
+
 from mrl_driver.errors import LinkError, shortages
 from mrl_driver.protocol.table import BAUD
 
@@ -10,6 +13,32 @@ CONNECT_S, AGAIN_S = 3.0, 0.8
 """Time for a host to accept a connection, at first and in a search [s].  The system repeats a lost first packet after
 1 s.
 """
+
+
+class Opening:
+    """The first opening of a port: until `timeout_s` has passed [s], each error is one that may pass.
+
+    A port that has just appeared may not have its rights yet, or be held by a program that looks at it or ends.
+    """
+
+    def __init__(self, open_port: Callable[[], Link], timeout_s: float) -> None:
+        self._open_port, self._until_s = open_port, time.monotonic() + timeout_s
+        self.reason = ""
+        """Why the last attempt failed."""
+
+    def attempt(self) -> Optional[Link]:
+        """Open the port; None to try again soon.
+
+        Raises:
+            LinkError: the time is over; this is the last error.
+        """
+        try:
+            return self._open_port()
+        except LinkError as error:
+            if time.monotonic() >= self._until_s:
+                raise
+            self.reason = str(error)
+            return None
 
 
 def open_link(port: str, baud: int = BAUD, patience_s: float = CONNECT_S) -> Link:

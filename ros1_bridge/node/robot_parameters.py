@@ -27,7 +27,15 @@ ROWS = (
         "",
         "Serial port of the board, such as /dev/ttyACM0, tcp://HOST:PORT, or a name of mrl names",
     ),
-    Row("port_timeout", float, 0.0, "s", "Wait this long for the port to appear", 0.0, 600.0),
+    Row(
+        "port_timeout",
+        float,
+        0.0,
+        "s",
+        "Wait this long for a port that cannot be opened yet, at least 2 s",
+        0.0,
+        600.0,
+    ),
     Row("baud", int, BAUD, "baud", "Speed of the serial port", choices=BAUDS),
     Row(
         "fast",

@@ -26,7 +26,7 @@ from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.driver.options import QUEUED_S, Options
 from mrl_driver.driver.suspension import stopped_while_suspended
-from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError, PortBusy
+from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError
 from mrl_driver.files import create_unused
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.hold import CAPABILITY as HOLD
@@ -35,8 +35,8 @@ from mrl_driver.robot.radio import CAPABILITY as RADIO
 from mrl_driver.robot.radio import WAITING
 from mrl_driver.safety.operation_mode import MANUAL, manual_speed_m_s
 from mrl_driver.safety.protective_zones import Zones
+from mrl_driver.session.events import Awaited
 from mrl_driver.session.handshake import Board
-from mrl_driver.transport.reconnect import may_be_there
 from ros1_bridge.control.commander import LATE, ZONE, Commander, lowered
 from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
@@ -62,7 +62,6 @@ from .xbee import Radio
 DIAGNOSTICS_S = 1.0
 STATUS_S = 0.2
 """A change of the robot's state is published within this time."""
-PORT_LOOK_S = 0.1
 PLANNER_END_S = 1.0
 """On shutdown, the planner gets its own speed back within this time."""
 PLANNER_LOOK_S = 2.0
@@ -87,6 +86,7 @@ def driver_options(parameters: Parameters) -> Options:
         queued_s=QUEUED_S,
         ignore_battery=parameters.ignore_battery,
         build=parameters.build,
+        port_timeout_s=max(parameters.port_timeout, FREED_S),
         reconnect=parameters.reconnect,
         fast=parameters.fast,
         imu_period_ms=round(1000 / parameters.imu_rate) if parameters.imu else 0,
@@ -122,11 +122,10 @@ class RobotNode:
             MrlError: the robot cannot be reached, is another model, or its link was lost.
         """
         rospy.on_shutdown(self._driver.close)
-        self._await_port()
-        if rospy.is_shutdown():
-            return
+        if self._parameters.port_timeout:
+            self._driver.on_event(self._on_wait)
         try:
-            board = self._connect()
+            board = self._driver.connect()
             assert self._driver.model is not None
             if not self._driver.model.drives:
                 self._parameters = without_motors(self._parameters)
@@ -139,23 +138,6 @@ class RobotNode:
         finally:
             self._driver.close()
             self._tell_loss()
-
-    def _await_port(self) -> None:
-        until_s = time.monotonic() + self._parameters.port_timeout
-        while time.monotonic() < until_s and not may_be_there(self._parameters.port):
-            if rospy.is_shutdown():
-                return
-            time.sleep(PORT_LOOK_S)
-
-    def _connect(self) -> Board:
-        until_s = time.monotonic() + FREED_S
-        while True:
-            try:
-                return self._driver.connect()
-            except PortBusy:
-                if time.monotonic() >= until_s or rospy.is_shutdown():
-                    raise
-                time.sleep(PORT_LOOK_S)
 
     def _wire(self, board: Board, model: RobotModel) -> None:
         parameters, driver = self._parameters, self._driver
@@ -402,6 +384,10 @@ class RobotNode:
             rospy.logwarn(
                 "the protective zone holds the robot: something is close, or a sensor is silent; it may turn or leave"
             )
+
+    def _on_wait(self, event: Any) -> None:
+        if isinstance(event, Awaited):
+            rospy.logwarn(str(event))
 
     def _on_event(self, event: Any) -> None:
         told = self._news.of(event)

@@ -287,6 +287,16 @@ def test_bad_parameter_ends_the_node_with_one_line(rig, options, exit_code, word
     assert words in node.output()[0]
 
 
+def test_node_waits_for_a_port_that_is_there_and_cannot_be_opened_yet(rig, tmp_path):
+    name, board, odometry = tmp_path / "port", rig.board(), rig.topic("odom", Odometry)
+    name.write_text("")
+    node = rig.node(str(name), "_port_timeout:=300")
+    wait_until(lambda: any("plain file, expected a serial port" in line for line in node.output()))
+    (tmp_path / "link").symlink_to(board.port)
+    (tmp_path / "link").replace(name)
+    odometry.wait()
+
+
 def test_way_that_the_board_forgot_makes_the_pose_less_sure(rig):
     """A restart takes the counters; the wheels may have gone on for a while."""
     port = rig.board("--robot", "traxbot", "--fault", "reset:at=4,every=8").port

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 
 from sim_arduino.testing import EmulatedBoard
 from tests.cli.conftest import _alone  # noqa: F401
-from tests.cli.run import fails
+from tests.cli.run import fails, mrl
 from tests.waiting import PATIENCE_S
 
 ANYWHERE = "/dev/ttyACM0"
@@ -62,6 +62,12 @@ def test_an_address_in_use_is_refused_before_the_robot_is_touched():
     with socket.create_server(("127.0.0.1", 0)) as other:
         address = f"127.0.0.1:{other.getsockname()[1]}"
         assert f"{address} is in use" in fails(5, "web", "--port", ANYWHERE, "--listen", address)
+
+
+def test_a_port_that_cannot_be_opened_yet_is_waited_for():
+    done = mrl("web", "--port", "/dev/nowhere", "--listen", "127.0.0.1:0", "--port-timeout", "0.1")
+    first, last = done.stderr.splitlines()
+    assert done.returncode == 3 and "the port is tried again" in first and "[port_missing]" in last
 
 
 def test_new_tokens_need_an_address_beyond_this_computer():

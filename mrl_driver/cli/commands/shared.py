@@ -16,7 +16,7 @@ from mrl_driver.json_text import json_text
 from mrl_driver.program import in_plain_words
 from mrl_driver.robot import models
 from mrl_driver.robot.imu import LEARNING, WAITING
-from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
+from mrl_driver.session.events import Awaited, ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.session.sensor_polling import of_board
 from mrl_driver.transport.baud_rates import FAST_BAUD, SLOW
 
@@ -77,6 +77,14 @@ reconnect_option = click.option(
     default=True,
     show_default=True,
     help="Find the robot again after its port was unplugged, or end with exit code 6.",
+)
+port_timeout_option = click.option(
+    "--port-timeout",
+    "port_timeout_s",
+    type=Between(0, 3600),
+    default=0.0,
+    show_default=True,
+    help="Wait this long for a port that cannot be opened yet, whatever the reason [s].",
 )
 yes_option = click.option("--yes", is_flag=True, help="Answer yes to every question.")
 
@@ -181,6 +189,7 @@ def connected(
     from mrl_driver.driver.suspension import stopped_while_suspended
 
     driver = Driver(require_port(target), model or target.model, target.baud, Options(**options))
+    driver.on_event(_report_wait)
     try:
         with driver, stopped_while_suspended(driver):
             if options.get("fast") and driver.line_baud != FAST_BAUD:
@@ -198,6 +207,11 @@ def connected(
         raise
     if driver.recorder is not None and driver.recorder.loss:
         raise OutputError(driver.recorder.loss)
+
+
+def _report_wait(event: object) -> None:
+    if isinstance(event, Awaited):
+        print_message(str(event))
 
 
 def report_losses(driver: "Driver") -> None:

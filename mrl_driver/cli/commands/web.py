@@ -16,6 +16,7 @@ from .shared import (
     connected,
     fast_option,
     full_screen,
+    port_timeout_option,
     print_message,
     report_losses,
     robot_options,
@@ -49,6 +50,7 @@ COMMAND_TIMEOUT_S = 0.2
     type=click.Path(file_okay=False),
     help="Folder for recordings that are made on the page  [default: ~/.local/share/mrl-driver/recordings]",
 )
+@port_timeout_option
 @battery_option
 @fast_option
 def web(
@@ -56,6 +58,7 @@ def web(
     listen: str,
     new_tokens: bool,
     recordings: Optional[str],
+    port_timeout_s: float,
     ignore_battery: bool,
     fast: bool,
 ) -> None:
@@ -83,6 +86,7 @@ def web(
     with listening_socket(settings.host, settings.port) as ear, connected(
         target,
         ignore_battery=ignore_battery,
+        port_timeout_s=port_timeout_s,
         reconnect=True,
         fast=fast,
         command_timeout_s=COMMAND_TIMEOUT_S,
