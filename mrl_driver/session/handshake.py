@@ -39,7 +39,7 @@ JUNK_BYTES = 32
 """This many bytes that are not text, and no frame within `JUNK_S` of the first byte [s], mean another baud rate.
 A board of August 2013 is silent for 3.35 s after its bootloader."""
 ECHOES = 3
-"""So many of this program's own requests come back only if something echoes them."""
+"""This many of this program's own requests come back only if something echoes them."""
 _FAULT = {name: bit for bit, (name, _) in enumerate(FAULTS)}
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
