@@ -27,6 +27,11 @@ PC_HEADERS := tests/firmware/hal_pc.h tests/firmware/hal_bridge_pc.h
 
 .PHONY: firmware flash pc-firmware
 
+# What the linker says, with the place of the function that a row of the table needs.
+FW_MISSING := avr-c++filt | sed -E \
+  -e 's|.*undefined reference to .mrl::sensors::([a-z0-9_]+)\(.*|\1() is missing, expected it in $(FW_SOURCE)/\1.cpp: firmware/SENSORS.md|' \
+  -e 's|.*undefined reference to .mrl::handlers::([a-z0-9_]+)\(.*|\1() is missing, expected it in $(FW_SOURCE): CONTRIBUTING.md, A command|'
+
 # $(1) name of the image, $(2) its defines
 define FW_IMAGE
 FW_IMAGES += $$(FW_BUILD)/$(1).elf
@@ -42,7 +47,7 @@ $$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmwar
 	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -x c++ -include Arduino.h -c $$< -o $$@
 
 $$(FW_BUILD)/$(1).elf: $$(FW_OBJECTS_$(1))
-	@avr-gcc $$(FW_FLAGS) -fuse-linker-plugin -Wl,--gc-sections $$^ -o $$@.new
+	@set -o pipefail; avr-gcc $$(FW_FLAGS) -fuse-linker-plugin -Wl,--gc-sections $$^ -o $$@.new 2>&1 | $(FW_MISSING) >&2
 	@avr-objcopy -O ihex -R .eeprom $$@.new $$(FW_BUILD)/$(1).hex
 	@mv $$@.new $$@
 	@avr-size -B $$@ | awk 'NR == 2 { printf "%-28s flash %5d of 32256, SRAM %4d of 2048 bytes before the stack\n", \

@@ -124,4 +124,5 @@ def test_without_the_function_the_firmware_does_not_link(tree, result):
         ["make", "-s", "build/firmware/mrl_firmware.elf"], cwd=tree, capture_output=True, text=True
     )
     source.write_text(text)
-    assert done.returncode != 0 and NAME in done.stderr
+    assert done.returncode != 0
+    assert f"{NAME}() is missing, expected it in firmware/mrl_firmware/{NAME}.cpp" in done.stderr
