@@ -5,7 +5,7 @@ import pytest
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.hold_text import HoldText, is_newer
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot.hold import Hold
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.parameter_store import first, image
@@ -26,7 +26,7 @@ def stepped(radio_hold):
     """A TraxBot whose board has a radio and this parameter; its host has connected."""
     traxbot = model("traxbot")
     values = first(traxbot.ids[0], traxbot)
-    values[BY_NAME["read_config"].request[0].high] = radio_hold
+    values[PARAMETER_BY_NAME["radio_hold"].number] = radio_hold
     plant = Plant(traxbot, radio=RadioFit(BOARD))
     robot = SteppedDriver(PythonBoard(plant, eeprom=bytearray(image(values))), traxbot)
     robot.peer = XBee(plant.world.radio, "holder", RadioFit(HOLDER), lambda: (0.0, 0.0))
