@@ -42,6 +42,8 @@ class Options(NamedTuple):
     """
     ignore_battery: bool = False
     """Start, and keep driving, with an empty battery."""
+    robot_id: Optional[int] = None
+    """Refuse a board with another robot id, 1 to 32767; None accepts any that suits the model."""
     any_id: bool = False
     """Accept a board with any robot id for the given model; used to set the id."""
     identify: bool = False
@@ -90,7 +92,7 @@ DEFAULTS = Options()
 
 
 HEARD = (
-    *("period_ms", "watchdog_ms", "check", "any_id", "ignore_battery", "identify", "line_baud"),
+    *("period_ms", "watchdog_ms", "check", "robot_id", "any_id", "ignore_battery", "identify", "line_baud"),
     *("imu_period_ms", "build"),
 )
 """The options that change what the listeners of a driver get."""
@@ -119,6 +121,8 @@ def require_options(options: Options) -> None:
     """Raise ConfigError unless each option is in its range; the bounds in ms come from the command table."""
     require_range("period_ms", options.period_ms, 0, 10000, "ms")
     require_range("watchdog_ms", options.watchdog_ms, 0, 10000, "ms")
+    if options.robot_id is not None:
+        require_range("robot_id", options.robot_id, 1, INT16_MAX, "(or None)")
     if options.imu_period_ms != 0:
         require_range("imu_period_ms", options.imu_period_ms, LEAST_IMU_MS, SLOWEST_IMU_MS, "ms (or 0)")
     require_range("greeting_s", options.greeting_s, 0.1, 3600, "s", Real)

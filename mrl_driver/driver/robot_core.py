@@ -74,7 +74,9 @@ class Core:
         self._omni: Optional[OmniCommands] = None
         self.begun = False
         """`begin` was called: there is a session."""
-        self.state = RobotState(model, options.ignore_battery, options.any_id, options.build)
+        self.state = RobotState(
+            model, options.ignore_battery, options.any_id, options.build, options.robot_id
+        )
         self.limiter = SpeedLimiter()
         self.inhibited: Set[str] = {ONLY_IDENTIFIED} if options.identify else set()
         """While there are reasons in it, commands are refused; see `Driver.inhibit`."""

@@ -2,9 +2,10 @@
 
 The user's YAML file `path()` holds the names:
 
-    lab3: {port: /dev/serial/by-id/usb-Arduino_8543-if00, model: traxbot, baud: 115200}
+    lab3: {port: /dev/serial/by-id/usb-Arduino_8543-if00, model: traxbot, baud: 115200, id: 1}
 
 `port` is required.  Without `model` the board's robot id selects the model; without `baud` the baud rate is 115200.
+With `id` a board with another robot id is refused: a port's name may lead to another board tomorrow.
 """
 
 import os
@@ -14,12 +15,12 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional
 from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
-from mrl_driver.protocol.table import BAUD
+from mrl_driver.protocol.table import BAUD, INT16_MAX
 from mrl_driver.robot import models
 
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
-_KEYS = ("port", "model", "baud")
+_KEYS = ("port", "model", "baud", "id")
 _HEADER = "# Robots by name; written by: mrl names add\n"
 
 
@@ -32,6 +33,8 @@ class Target(NamedTuple):
     baud: int = BAUD
     name: str = ""
     """Name in the user's file; empty if it has none."""
+    id: Optional[int] = None
+    """Robot id of its board; None accepts any."""
 
 
 def path() -> str:
@@ -75,8 +78,8 @@ def require_name(name: Any, where: str = "") -> str:
 
 def _entry(file_name: str, name: str, data: Any) -> Target:
     reader = yaml_file.Reader(file_name)
-    reader.mapping(name, data, "a mapping with port, and optionally model and baud")
-    found = {"model": "auto", "baud": BAUD, **reader.keys(name, data, _KEYS, _KEYS[1:])}
+    reader.mapping(name, data, "a mapping with port, and optionally model, baud and id")
+    found = {"model": "auto", "baud": BAUD, "id": None, **reader.keys(name, data, _KEYS, _KEYS[1:])}
     for key, expected in (
         ("port", "a serial port such as /dev/ttyACM0"),
         ("model", "auto, a model or a .yaml file"),
@@ -84,7 +87,10 @@ def _entry(file_name: str, name: str, data: Any) -> Target:
         value = reader.text(f"{name}.{key}", found[key], expected)
         if not value.strip() or "\0" in value:
             raise reader.fail(f"{name}.{key}", value, expected)
-    return Target(found["port"], found["model"], require_baud(found["baud"], f"{file_name}: {name}."), name)
+    if found["id"] is not None:
+        reader.whole(f"{name}.id", found["id"], 1, INT16_MAX)
+    baud = require_baud(found["baud"], f"{file_name}: {name}.")
+    return Target(found["port"], found["model"], baud, name, found["id"])
 
 
 def require_baud(value: Any, where: str = "") -> int:
@@ -111,7 +117,7 @@ def write(named: Mapping[str, Target]) -> None:
 
     file_name = path()
     data = {
-        name: {"port": each.port, "model": each.model, "baud": each.baud}
+        name: {key: value for key, value in each._asdict().items() if key in _KEYS and value is not None}
         for name, each in sorted(named.items())
     }
     try:
@@ -122,14 +128,14 @@ def write(named: Mapping[str, Target]) -> None:
     replace_file(file_name, text)
 
 
-def port_of(port: str) -> str:
-    """Return the port of the robot that `port` names; if it is not a name, `port`.
+def target_of(port: str) -> Target:
+    """Return the robot that `port` names; if it is not a name, any robot on that port.
 
     Raises:
         ConfigError: the file of names is invalid.
     """
     found = read().get(port) if _NAME.fullmatch(port) else None
-    return found.port or port if found is not None else port
+    return found if found is not None else Target(port)
 
 
 def resolve(robot: str, port: Optional[str] = None, baud: Optional[int] = None) -> Target:

@@ -77,9 +77,10 @@ class RobotState:
         ignore_battery: bool = False,
         any_id: bool = False,
         build: str = "",
+        robot_id: Optional[int] = None,
     ) -> None:
         self.model = models.with_build(model, build) if model is not None else None
-        self._auto, self._build = model is None, build
+        self._auto, self._build, self._robot_id = model is None, build, robot_id
         self.info: Optional[Board] = None
         self.odometry: Optional[Odometry] = None
         self.battery_state = battery.OK
@@ -139,6 +140,11 @@ class RobotState:
             WrongRobot: another robot answers.
             BatteryDead: the battery is too low to start; not checked again after the start.
         """
+        if self._robot_id not in (None, board.robot_id) and not self._any_id:
+            raise WrongRobot(
+                f"robot id {board.robot_id} answers, expected {self._robot_id}: another board is on this port; "
+                "find the robot with: mrl ports --probe"
+            )
         if self._auto and self.info is None:
             self.model = models.with_build(model_of(board), self._build)
         assert self.model is not None

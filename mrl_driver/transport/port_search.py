@@ -17,6 +17,14 @@ again until it is unplugged.
 """
 
 
+def tells_apart(serial: Optional[str]) -> bool:
+    """Return whether a USB serial number can be that of one device alone.
+
+    Cheap adapters have none, or all the same: zeros and ones, such as 0001 of the CP2102.
+    """
+    return serial is not None and not set(serial) <= set("01")
+
+
 class Port(NamedTuple):
     """A serial port as the system describes it."""
 
@@ -46,7 +54,7 @@ class Port(NamedTuple):
         """Return whether both appear to be the same device: by serial number, or without one by USB socket or link."""
         if not self.is_like(other) or self.serial != other.serial:
             return False
-        if self.serial is not None:
+        if tells_apart(self.serial):
             return True
         if self.location is not None and other.location is not None:
             return self.location == other.location

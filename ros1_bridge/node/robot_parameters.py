@@ -1,6 +1,6 @@
 """Parameters of robot_node: one row each, and the checks of one parameter against another.  Pure, no ROS."""
 
-from typing import Any, Mapping, NamedTuple, Tuple
+from typing import Any, Mapping, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
@@ -25,7 +25,7 @@ ROWS = (
         str,
         None,
         "",
-        "Serial port of the board, such as /dev/ttyACM0, tcp://HOST:PORT, or a name of mrl names",
+        "Serial port of the board, such as /dev/ttyACM0, tcp://HOST:PORT, or a name of mrl names with its robot id",
     ),
     Row(
         "port_timeout",
@@ -219,7 +219,7 @@ GROUPS = ("limits", "gains", "sonars")
 
 
 class Parameters(NamedTuple):
-    """Checked values, named as in `ROWS`; `cmd_vel_timeout` in seconds."""
+    """Checked values, named as in `ROWS`, and `robot_id`; `cmd_vel_timeout` in seconds."""
 
     port: str
     port_timeout: float
@@ -261,6 +261,8 @@ class Parameters(NamedTuple):
     zone_clearance: float
     zone_outer: float
     zone_outer_speed: float
+    robot_id: Optional[int] = None
+    """Robot id that the name given as port stands for; None if it is not a name, or one without."""
 
     def has(self, part: str) -> bool:
         """Whether the node has this part (one of `PARTS`)."""
@@ -305,7 +307,8 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         given["parts"] = ", ".join(map(str, given["parts"]))
     values = read(ROWS, given, namespace)
     try:
-        values["port"] = named_robots.port_of(values["port"])
+        target = named_robots.target_of(values["port"])
+        values["port"], values["robot_id"] = target.port, target.id
         require_port(values["port"])
         if values["fast"]:
             require_raisable(values["port"], values["baud"])

@@ -86,6 +86,7 @@ def driver_options(parameters: Parameters) -> Options:
         queued_s=QUEUED_S,
         ignore_battery=parameters.ignore_battery,
         build=parameters.build,
+        robot_id=parameters.robot_id,
         port_timeout_s=max(parameters.port_timeout, FREED_S),
         reconnect=parameters.reconnect,
         fast=parameters.fast,

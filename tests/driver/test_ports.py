@@ -60,6 +60,13 @@ def test_devices_without_serial_number_are_told_by_their_link():
     assert found(plain[1], plain[0]._replace(device="/dev/ttyACM3"), lost=plain[0])[0] == "/dev/ttyACM3"
 
 
+@pytest.mark.parametrize("serial", ["0001", "0", "00000000"])
+def test_devices_with_the_serial_number_of_all_their_kind_are_told_by_their_socket(serial):
+    plain = ROBOT._replace(serial=serial, location="1-2")
+    assert plain.is_same(plain._replace(device="/dev/ttyACM3"))
+    assert not plain.is_same(plain._replace(location="1-3"))
+
+
 def test_two_devices_without_serial_number_and_link_are_alike():
     plain = ROBOT._replace(serial=None, links=())
     assert not plain.is_same(plain) and plain.is_like(plain)

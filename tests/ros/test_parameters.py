@@ -21,7 +21,8 @@ def test_only_the_port_must_be_given():
 
 
 def test_rows_and_fields_are_the_same():
-    assert tuple(row.name for row in ROWS) == Parameters._fields
+    """The robot id comes with the name of the port."""
+    assert (*(row.name for row in ROWS), "robot_id") == Parameters._fields
 
 
 @pytest.mark.parametrize("group", GROUPS)
@@ -162,6 +163,7 @@ def test_parts_and_zones_that_cannot_be_are_refused(wrong, words):
 
 def test_a_port_may_be_a_name(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    named_robots.write({"lab3": named_robots.Target("tcp://10.0.0.7:7000", name="lab3")})
-    assert check({"port": "lab3"}, "/robot_node").port == "tcp://10.0.0.7:7000"
+    named_robots.write({"lab3": named_robots.Target("tcp://10.0.0.7:7000", name="lab3", id=3)})
+    found = check({"port": "lab3"}, "/robot_node")
+    assert (found.port, found.robot_id) == ("tcp://10.0.0.7:7000", 3)
     assert check({"port": "lab4"}, "/robot_node").port == "lab4"

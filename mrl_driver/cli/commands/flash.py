@@ -5,7 +5,7 @@ from typing import Optional, Tuple
 
 import click
 
-from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.errors import ConfigError, MrlError, WrongRobot
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import ENVIRONMENT, SONAR
 
@@ -144,6 +144,10 @@ def build_of(target: Target) -> Tuple[str, str]:
     if answer.robot_id is None:
         question = "The board does not answer. Which build fits its motors?"
         return choose(question, BUILD_TEXTS, "--build"), "as requested"
+    if target.id is not None and answer.robot_id not in (0, target.id):
+        raise WrongRobot(
+            f"robot id {answer.robot_id} answers, expected {target.id}: another board is on this port"
+        )
     for build, capability in ((ENVIRONMENT, "environment"), ("xbee", "xbee"), (HBRIDGE, "bridge")):
         if capability in answer.capabilities:
             return build, "as on the board now"

@@ -1,18 +1,20 @@
 """`mrl names`: robots by name."""
 
+import glob
 import os
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Tuple
 
 import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
-from mrl_driver.protocol.table import BAUD
+from mrl_driver.protocol.table import BAUD, INT16_MAX
 from mrl_driver.robot import models
 from mrl_driver.transport.address import is_url, require_port
 
-from .shared import complete_port, json_option, print_json
+from .progress import waiting
+from .shared import complete_port, json_option, print_json, print_message
 
 
 @click.group(invoke_without_command=True)
@@ -21,7 +23,8 @@ from .shared import complete_port, json_option, print_json
 def names(ctx: click.Context, as_json: bool) -> None:
     """Name robots; list and remove the names.
 
-    A name stands for a port, a model and a baud rate.  Without a sub-command, lists the names.
+    A name stands for a port, a model, a baud rate and a robot id: every command refuses another board that answers on
+    the port.  Without a sub-command, lists the names.
 
     \b
     Examples:
@@ -59,11 +62,12 @@ def _list(as_json: bool) -> None:
     width = max(map(len, named), default=0)
     for name, each in sorted(named.items()):
         baud = "" if each.baud == BAUD else f"  {each.baud} Bd"
-        click.echo(f"{name:<{width}}  {each.port}  {each.model}{baud}")
+        number = "" if each.id is None else f"  robot {each.id}"
+        click.echo(f"{name:<{width}}  {each.port}  {each.model}{number}{baud}")
 
 
 def _entry(target: Target) -> Dict[str, Any]:
-    return {"port": target.port, "model": target.model, "baud": target.baud}
+    return {"port": target.port, "model": target.model, "baud": target.baud, "id": target.id}
 
 
 @names.command()
@@ -77,14 +81,23 @@ def _entry(target: Target) -> Dict[str, Any]:
 )
 @click.option("--model", default="auto", show_default=True, help="Robot model, or a .yaml file.")
 @click.option("--baud", type=int, default=BAUD, show_default=True, help="Baud rate of the port.")
-def add(name: str, port: str, model: str, baud: int) -> None:
+@click.option(
+    "--id",
+    "robot_id",
+    type=click.IntRange(1, INT16_MAX),
+    metavar="ID",
+    help="Robot id of its board  [default: the id that answers on the port]",
+)
+def add(name: str, port: str, model: str, baud: int, robot_id: Optional[int]) -> None:
     """Name a robot, or change the robot that a name stands for.
 
-    If the board has a serial number, its name under /dev/serial/by-id is stored, which stays the same on every port.
+    The board is asked for its robot id; opening the port resets an Arduino Uno.  If its USB serial number is its own,
+    the port's name under /dev/serial/by-id is stored, the same in every socket; otherwise that of the socket.
 
     \b
-    Example:
+    Examples:
       mrl names add lab3 --port /dev/ttyACM0 --model traxbot
+      mrl names add lab4 --port /dev/ttyUSB0 --id 4
     """
     named_robots.require_name(name)
     named_robots.require_baud(baud, "--")
@@ -96,18 +109,45 @@ def add(name: str, port: str, model: str, baud: int) -> None:
     if model.endswith((".yaml", ".yml")):
         model = os.path.abspath(model)
     named = named_robots.read()
-    persistent = _persistent_name(port)
-    named[name] = Target(persistent or (port if is_url(port) else os.path.abspath(port)), model, baud, name)
+    robot_id, why = (robot_id, "") if robot_id is not None else _id_on(port, baud)
+    stored, lasting = _lasting_name(port)
+    named[name] = Target(stored, model, baud, name, robot_id)
     named_robots.write(named)
-    click.echo(f"{name} is {named[name].port}" + (", wherever it is plugged in" if persistent else ""))
+    if robot_id is None:
+        print_message(f"warning: {name} is any robot on its port ({why}); add it again then, or give --id")
+    click.echo(f"{name} is {'' if robot_id is None else f'robot {robot_id} on '}{stored}{lasting}")
 
 
-def _persistent_name(port: str) -> Optional[str]:
-    """Return the port's name under /dev/serial/by-id, if a serial number makes it unique."""
-    from mrl_driver.transport.link import describe
+def _id_on(port: str, baud: int) -> Tuple[Optional[int], str]:
+    """Return the id of the robot on a port; None with the reason if that is not known now."""
+    from mrl_driver.driver.probe import probe
+    from mrl_driver.transport.reconnect import may_be_there
 
-    found = describe(port)
-    return found.links[0] if found.links and found.serial else None
+    if not may_be_there(port):
+        return None, "which is not there now"
+    with waiting("asking the board for its id"):
+        answer = probe(port, baud)
+    return answer.robot_id or None, answer.error or "which has no id yet; set it with: mrl set-id"
+
+
+def _lasting_name(port: str) -> Tuple[str, str]:
+    """Return the name of a port that stays the same for the longest, and how long that is, in words."""
+    from mrl_driver.transport.link import described
+    from mrl_driver.transport.port_search import described_as, tells_apart
+
+    if is_url(port):
+        return port, ""
+    there, device = described(), os.path.realpath(port)
+    found = described_as(device, there)
+    alike = [each for each in there if each.is_like(found) and each.serial == found.serial]
+    if found.links and tells_apart(found.serial) and len(alike) == 1:
+        return found.links[0], ", wherever it is plugged in"
+    sockets = [
+        link for link in sorted(glob.glob("/dev/serial/by-path/*")) if os.path.realpath(link) == device
+    ]
+    if sockets and device == os.path.abspath(port):
+        return sockets[0], ", while it is plugged in there"
+    return os.path.abspath(port), ""
 
 
 @names.command()

@@ -3,6 +3,7 @@
 import click
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.host import named_robots
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
 
@@ -34,6 +35,9 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
     with connected(target, model, ignore_battery=True, any_id=True, identify=True) as driver:
         confirm(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
         eeprom.save_model(driver, robot_id, model)
+    if target.name:
+        named = named_robots.read()
+        named_robots.write({**named, target.name: named[target.name]._replace(id=robot_id)})
     click.echo(f"robot id {robot_id} is set")
 
 

@@ -188,7 +188,8 @@ def connected(
     from mrl_driver.driver import Driver, Options
     from mrl_driver.driver.suspension import stopped_while_suspended
 
-    driver = Driver(require_port(target), model or target.model, target.baud, Options(**options))
+    wanted = Options(robot_id=target.id, **options)
+    driver = Driver(require_port(target), model or target.model, target.baud, wanted)
     driver.on_event(_report_wait)
     try:
         with driver, stopped_while_suspended(driver):
