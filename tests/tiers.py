@@ -94,21 +94,31 @@ def of_file(path):
     return max(TEST if outside else QUICK, FOLDERS.get(path.relative_to(ROOT).parts[1], QUICK))
 
 
+def _files(item):
+    """The file of a test, and those of its fixtures."""
+    definitions = (each for found in item._fixtureinfo.name2fixturedefs.values() for each in found)
+    files = {pathlib.Path(inspect.getsourcefile(each.func)) for each in definitions}
+    return {item.path, *(file for file in files if ROOT / "tests" in file.parents)}
+
+
+def _engine(item):
+    callspec = getattr(item, "callspec", None)
+    return callspec and callspec.params.get("engine")
+
+
 def of_test(item):
     """The tier of a collected test: of its engine if it has one, else the highest of its file and its fixtures."""
     if item.path.name == "test_one_drive.py":
         return TEST
     if item.get_closest_marker("realtime"):
         return ALL
-    engine = getattr(item, "callspec", None) and item.callspec.params.get("engine")
-    if engine in ENGINES:
-        return ENGINES[engine]
-    definitions = (each for found in item._fixtureinfo.name2fixturedefs.values() for each in found)
-    files = {pathlib.Path(inspect.getsourcefile(each.func)) for each in definitions}
-    return max(map(of_file, {item.path, *(file for file in files if ROOT / "tests" in file.parents)}))
+    engine = _engine(item)
+    return ENGINES[engine] if engine in ENGINES else max(map(of_file, _files(item)))
 
 
 def needs_pc_build(item):
     """True if a test runs the firmware's C++ on the PC."""
-    engine = getattr(item, "callspec", None) and item.callspec.params.get("engine")
-    return engine == "pc" or engine is None and "tests.firmware.pc_board" in imported(item.path, ("tests",))
+    engine = _engine(item)
+    if engine in ENGINES:
+        return engine == "pc"
+    return any("tests.firmware.pc_board" in imported(file, ("tests",)) for file in _files(item))
