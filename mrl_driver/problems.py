@@ -44,7 +44,8 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
             "port_missing",
             "PORT does not exist",
             "The board is not plugged in, has another port today, or the name is misspelt. In a virtual machine or a "
-            "container, the port must be passed on. The port of an emulated robot is in the folder where mrl-sim was "
+            "container, the port must be passed on. If it vanishes a second after the board was plugged in, brltty has "
+            "taken its adapter for a Braille display. The port of an emulated robot is in the folder where mrl-sim was "
             "started, with the name that its --link got.",
             "list the ports with: mrl ports --probe",
             ("PORT is not a serial port", "PORT cannot be opened", "expected a serial port"),
@@ -96,6 +97,13 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
             "runs, and may keep the port busy for some seconds after the board is plugged in",
             "ModemManager writes to new serial ports to find modems.",
             "run: mrl system install",
+        ),
+        Problem(
+            "brltty",
+            "runs, and takes CH340, CP210x, FTDI and PL2303 adapters for Braille displays",
+            "brltty drives Braille displays. Some of them have the same chips as the adapters of robots, so it takes "
+            "those too, about a second after they were plugged in, and their ports vanish.",
+            "unless you use a Braille display, run mrl system install --mask-brltty as root and plug the board in",
         ),
         Problem(
             "usb_latency",

@@ -18,17 +18,20 @@ MARK = "# Written by `mrl system install`; `mrl system remove` deletes it."
 RULES = "etc/udev/rules.d/70-mrl.rules"
 UNIT = "etc/systemd/system/mrl-robot@.service"
 GROUP = "dialout"
+BRLTTY_UNITS = ("brltty-udev.service", "brltty.path", "brltty.service")
+"""Units of the driver of Braille displays, which takes USB serial adapters for them, in Debian, Ubuntu and Arch."""
 RULES_HEAD = """{mark}
 # For the USB serial adapters of robots: ModemManager does not write to them, members of {group} may open them, they
-# never sleep, and each has its own name: /dev/mrl-SERIAL, or for example /dev/mrl-ttyUSB0 if it has no serial number.
+# never sleep, and each has its own name: /dev/mrl-SERIAL.  Cheap adapters have no serial number, or all the same one of
+# zeros and ones: their name is that of the USB socket, such as /dev/mrl-pci-0000:00:14.0-usb-0:2:1.0.
 """
 RULES_FOR_KIND = """
 # {text}
 SUBSYSTEM=="usb", ATTR{{idVendor}}=="{vendor}", ATTR{{idProduct}}=="{product}", \\
   ENV{{ID_MM_DEVICE_IGNORE}}="1", TEST=="power/control", ATTR{{power/control}}="on"
 SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", ENV{{ID_MM_DEVICE_IGNORE}}="1", \\
-  GROUP="{group}", MODE="0660", TAG+="systemd", ENV{{MRL_NAME}}="%k"
-SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", ENV{{ID_SERIAL_SHORT}}=="?*", \\
+  GROUP="{group}", MODE="0660", TAG+="systemd", ENV{{MRL_NAME}}="$env{{ID_PATH}}"
+SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", ENV{{ID_SERIAL_SHORT}}=="*[!01]*", \\
   ENV{{MRL_NAME}}="$env{{ID_SERIAL_SHORT}}"
 SUBSYSTEM=="tty", ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", SYMLINK+="mrl-$env{{MRL_NAME}}"
 """
@@ -37,7 +40,8 @@ LATENCY_RULE = """
 SUBSYSTEM=="usb-serial", DRIVERS=="ftdi_sio", TEST=="latency_timer", ATTR{latency_timer}="1"
 """
 UNIT_TEXT = """{mark}
-# Runs the ROS node of the robot on /dev/mrl-%I while it is plugged in: systemctl enable --now mrl-robot@SERIAL
+# Runs the ROS node of the robot on /dev/mrl-NAME while it is plugged in:
+# systemctl enable --now mrl-robot@$(systemd-escape NAME)
 # /etc/default/mrl-robot may set ROS_SETUP=/opt/ros/noetic/setup.sh (or a workspace's) and ROS_MASTER_URI=...
 [Unit]
 Description=Robot on /dev/mrl-%I
@@ -70,7 +74,6 @@ def rules() -> str:
             vendor=f"{kind.vendor:04x}", product=f"{kind.product:04x}", text=kind.text, group=GROUP
         )
         for kind in KINDS
-        if kind.ruled
     )
     return RULES_HEAD.format(mark=MARK, group=GROUP) + "".join(kinds) + LATENCY_RULE
 
@@ -98,6 +101,22 @@ def commands(user: str, installing: bool) -> List[List[str]]:
     return [words for words in wanted if shutil.which(words[0])]
 
 
+def brltty_units() -> List[str]:
+    """Return the systemd units of brltty that may start on this machine; masked ones lead to /dev/null."""
+    folders = ("/etc/systemd/system", "/usr/lib/systemd/system", "/lib/systemd/system")
+    found = []
+    for unit in BRLTTY_UNITS:
+        paths = [path for path in (os.path.join(folder, unit) for folder in folders) if os.path.lexists(path)]
+        if paths and os.path.realpath(paths[0]) != os.devnull:
+            found.append(unit)
+    return found
+
+
+def mask_brltty() -> List[str]:
+    """Keep brltty from starting, also now; it then takes no adapters.  Return one line per action."""
+    return run([["systemctl", "mask", "--now", *brltty_units()]])
+
+
 def install(user: str, root: str = "/") -> List[str]:
     """Write the files; if `root` is this machine's own, make them take effect.  Return one line per action.
 
@@ -111,7 +130,7 @@ def install(user: str, root: str = "/") -> List[str]:
     for path, text in paths.items():
         _write(path, text)
     done = [f"wrote {path}" for path in paths]
-    return done + run(commands(user, True)) if _is_machine(root) else done
+    return done + run(commands(user, True)) if is_machine(root) else done
 
 
 def remove(root: str = "/") -> List[str]:
@@ -132,7 +151,7 @@ def remove(root: str = "/") -> List[str]:
     if not there:
         return ["nothing was installed"]
     done = [f"removed {path}" for path in there]
-    return done + run(commands("root", False)) if _is_machine(root) else done
+    return done + run(commands("root", False)) if is_machine(root) else done
 
 
 def _require_ours(path: str) -> None:
@@ -172,7 +191,7 @@ def require_user(user: str, root: str = "/") -> None:
     if not user.isprintable() or not user or any(c.isspace() for c in user):
         raise ConfigError(f"user is {user!r}, expected a user name")
     try:
-        if _is_machine(root):
+        if is_machine(root):
             pwd.getpwnam(user)
     except KeyError:
         raise ConfigError(
@@ -180,7 +199,7 @@ def require_user(user: str, root: str = "/") -> None:
         ) from None
 
 
-def _is_machine(root: str) -> bool:
+def is_machine(root: str) -> bool:
     """Return whether `root` is this machine's own file system, not an image."""
     return os.path.realpath(root) == "/"
 

@@ -1,4 +1,7 @@
-"""USB ids of boards and serial adapters; sources: the makers' drivers."""
+"""USB ids of boards and serial adapters; sources: the makers' drivers, and those of Linux.
+
+`mrl system install` writes udev rules for all of them.
+"""
 
 from typing import NamedTuple, Optional, Tuple
 
@@ -11,8 +14,6 @@ class UsbKind(NamedTuple):
     vendor: int
     product: int
     text: str
-    ruled: bool = True
-    """`mrl system install` writes udev rules for it."""
 
 
 KINDS: Tuple[UsbKind, ...] = (
@@ -20,14 +21,17 @@ KINDS: Tuple[UsbKind, ...] = (
     UsbKind(0x2341, 0x0043, "Arduino Uno R3"),
     UsbKind(0x2341, 0x0243, "Arduino Uno R3"),
     UsbKind(0x2A03, 0x0043, "Arduino Uno R3"),
-    UsbKind(0x2341, 0x0010, "Arduino Mega 2560", False),
-    UsbKind(0x2341, 0x0042, "Arduino Mega 2560 R3", False),
+    UsbKind(0x2341, 0x0010, "Arduino Mega 2560"),
+    UsbKind(0x2341, 0x0042, "Arduino Mega 2560 R3"),
     UsbKind(0x0403, 0x6001, "FTDI adapter"),
-    UsbKind(0x0403, 0x6015, "FTDI adapter", False),
-    UsbKind(0x067B, 0x2303, "PL2303 adapter", False),
+    UsbKind(0x0403, 0x6015, "FTDI adapter"),
+    UsbKind(0x067B, 0x2303, "PL2303 adapter"),
     UsbKind(0x10C4, 0xEA60, "CP210x adapter"),
     UsbKind(0x1A86, 0x7523, "CH340 adapter, as on copies of the Uno"),
-    UsbKind(0x1A86, 0x55D4, "CH9102 adapter", False),
+    UsbKind(0x1A86, 0x7522, "CH340K adapter"),
+    UsbKind(0x1A86, 0x5523, "CH341 adapter"),
+    UsbKind(0x1A86, 0x55D3, "CH343 adapter"),
+    UsbKind(0x1A86, 0x55D4, "CH9102 adapter"),
 )
 
 

@@ -452,6 +452,25 @@ def test_modem_manager_matters_to_usb_ports_alone(monkeypatch):
     assert levels(copy) == [OK]
 
 
+def levels_of_brltty(name, port=None):
+    found = computer.check(name, port or Port(name))
+    return [(each.level, each.code) for each in found if each.subject == "brltty"]
+
+
+@pytest.mark.parametrize(("running", "found"), [([1], [(WARNING, "brltty")]), ([], [(OK, "")])])
+def test_brltty_matters_to_adapters_whose_chips_braille_displays_have_too(monkeypatch, running, found):
+    monkeypatch.setattr(computer, "programs_named", lambda name: running if name == "brltty" else [])
+    assert levels_of_brltty("/dev/null", Port("/dev/null", (), 0x1A86, 0x7523)) == found
+    assert levels_of_brltty("/dev/null", Port("/dev/null", (), 0x2341, 0x0043)) == []
+
+
+def test_brltty_is_named_where_the_port_is_gone(monkeypatch):
+    """It has taken the adapter, so that nothing else tells of it."""
+    assert levels_of_brltty("/dev/nowhere") == []
+    monkeypatch.setattr(computer, "programs_named", lambda name: [1])
+    assert levels_of_brltty("/dev/nowhere") == [(WARNING, "brltty")]
+
+
 @pytest.mark.parametrize(("groups", "advice"), [([], "sudo usermod -aG dialout"), (["dialout"], "log out")])
 def test_without_permission_it_says_which_group(monkeypatch, groups, advice):
     monkeypatch.setattr(computer.os, "access", lambda name, mode: False)

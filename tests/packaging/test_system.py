@@ -1,6 +1,7 @@
 """udev rule and systemd unit: written, kept apart from other people's files, removed."""
 
 import configparser
+import fnmatch
 import os
 import pathlib
 import pwd
@@ -16,6 +17,7 @@ from mrl_driver.cli.main import cli
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import system_setup
 from mrl_driver.transport import usb_ids
+from mrl_driver.transport.port_search import tells_apart
 
 TERM = re.compile(r'[A-Z]+(\{\w+(/\w+)?\})?(==|=|\+=)"[^"]*"')
 
@@ -85,10 +87,7 @@ def test_rules_are_rules(tmp_path):
     assert terms and all(map(TERM.fullmatch, terms))
 
 
-RULED = [kind for kind in usb_ids.KINDS if kind.ruled]
-
-
-@pytest.mark.parametrize("kind", RULED, ids=lambda kind: f"{kind.vendor:04x}:{kind.product:04x}")
+@pytest.mark.parametrize("kind", usb_ids.KINDS, ids=lambda kind: f"{kind.vendor:04x}:{kind.product:04x}")
 def test_each_adapter_is_left_alone_stays_awake_opens_and_has_a_name(tmp_path, kind):
     system_setup.install("ada", str(tmp_path))
     own = [
@@ -101,6 +100,46 @@ def test_each_adapter_is_left_alone_stays_awake_opens_and_has_a_name(tmp_path, k
         'SYMLINK+="mrl-$env{MRL_NAME}"',
     ):
         assert any(part in line for line in own)
+
+
+def test_an_adapter_is_named_by_its_serial_number_or_else_by_its_socket(tmp_path):
+    """The kernel's name leads to another adapter tomorrow, and the number 0001 to the one that came last."""
+    system_setup.install("ada", str(tmp_path))
+    named = [
+        line for line in lines(tmp_path) if "1a86" in line and "7523" in line and "ENV{MRL_NAME}=" in line
+    ]
+    socket, serial = named
+    assert socket.endswith('ENV{MRL_NAME}="$env{ID_PATH}"')
+    pattern = re.search(r'ENV\{ID_SERIAL_SHORT\}=="([^"]*)"', serial)[1]
+    numbers = ["", "0001", "00000000", "1", "A50285BI", "85430353531351", "10"]
+    assert [number for number in numbers if fnmatch.fnmatchcase(number, pattern)] == [
+        number for number in numbers if tells_apart(number)
+    ]
+
+
+@pytest.fixture
+def brltty(tmp_path, monkeypatch):
+    """A machine, its root in a folder, with brltty; the commands that were run."""
+    run = []
+    monkeypatch.setattr(system_setup, "is_machine", lambda root: True)
+    monkeypatch.setattr(system_setup, "require_user", lambda user, root: None)
+    monkeypatch.setattr(system_setup, "brltty_units", lambda: ["brltty-udev.service"])
+    monkeypatch.setattr(system_setup, "run", lambda commands: run.extend(commands) or [])
+    return run
+
+
+@pytest.mark.parametrize(("option", "masked"), [("--mask-brltty", True), ("--keep-brltty", False)])
+def test_brltty_is_masked_if_that_is_wanted(brltty, tmp_path, option, masked):
+    out = mrl_system("install", "--root", tmp_path, "--user", "ada", option)
+    assert (
+        ["systemctl", "mask", "--now", "brltty-udev.service"] in brltty
+    ) is masked and "may take" not in out
+
+
+def test_without_a_terminal_brltty_is_named_and_kept(brltty, tmp_path):
+    out = mrl_system("install", "--root", tmp_path, "--user", "ada")
+    assert "brltty-udev.service may take the adapters of robots; add --mask-brltty to prevent that" in out
+    assert "mask" not in [word for command in brltty for word in command]
 
 
 def test_rules_come_before_modem_managers():

@@ -2,6 +2,7 @@
 
 import getpass
 import os
+import sys
 from typing import List, Optional
 
 import click
@@ -22,7 +23,7 @@ dry_option = click.option("--dry-run", is_flag=True, help="Show the changes with
 def system() -> None:
     """Set up this computer for robots that are plugged in.
 
-    Gives them names and permissions, keeps ModemManager off their ports, and can start a ROS node for each.
+    Gives them names and permissions, keeps ModemManager and brltty off their ports, and can start a ROS node for each.
 
     \b
     Examples:
@@ -35,17 +36,25 @@ def system() -> None:
 
 @system.command(short_help="Write a udev rule and a systemd unit; let USER open serial ports.")
 @click.option("--user", metavar="USER", help="User who drives the robots; default: you, also under sudo.")
+@click.option(
+    "--mask-brltty/--keep-brltty",
+    "mask",
+    default=None,
+    help="Keep brltty, the driver of Braille displays, from starting; by default you are asked if it is installed.",
+)
 @root_option
 @dry_option
-def install(user: Optional[str], root: str, dry_run: bool) -> None:
+def install(user: Optional[str], mask: Optional[bool], root: str, dry_run: bool) -> None:
     """Write a udev rule and a systemd unit, and let USER open serial ports.
 
-    A robot then has the port /dev/mrl-SERIAL.  After systemctl enable --now mrl-robot@SERIAL, its ROS node starts
-    whenever it is plugged in.
+    A robot then has the port /dev/mrl-SERIAL, or one named after its USB socket if its adapter has no serial number of
+    its own.  After systemctl enable --now mrl-robot@$(systemd-escape NAME), its ROS node starts whenever it is plugged
+    in.
     """
     who = user or os.environ.get("SUDO_USER") or getpass.getuser()
     if not dry_run:
         _print(machine.install(who, root))
+        _mask_brltty(mask, root)
         return
     machine.require_user(who, root)
     for name, text in machine.files(who).items():
@@ -54,11 +63,27 @@ def install(user: Optional[str], root: str, dry_run: bool) -> None:
         click.echo(f"would run {' '.join(words)}")
 
 
+def _mask_brltty(mask: Optional[bool], root: str) -> None:
+    """Mask brltty on this machine if the user wants that."""
+    units = machine.brltty_units() if machine.is_machine(root) else []
+    if not units:
+        return
+    if mask is None and sys.stdin.isatty():
+        mask = click.confirm(
+            "brltty takes the USB adapters of robots for Braille displays, and their ports vanish. Mask it? "
+            "(no if you use a Braille display)"
+        )
+    if mask:
+        _print(machine.mask_brltty())
+    elif mask is None:
+        click.echo(f"{' '.join(units)} may take the adapters of robots; add --mask-brltty to prevent that")
+
+
 @system.command()
 @root_option
 @dry_option
 def remove(root: str, dry_run: bool) -> None:
-    """Delete the files that install wrote; groups stay as they are."""
+    """Delete the files that install wrote; groups stay as they are, and brltty masked."""
     if not dry_run:
         _print(machine.remove(root))
         return

@@ -15,6 +15,7 @@ from mrl_driver.transport.port_info import (
     user_of,
 )
 from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.reconnect import may_be_there
 from mrl_driver.transport.usb_ids import ARDUINO_VENDORS
 
 from .findings import FAULT, NOTE, OK, WARNING, Finding, problem
@@ -27,6 +28,7 @@ def check(name: str, port: Port) -> Iterator[Finding]:
     """Run all checks; `port` is the port that `name` leads to."""
     yield from _permission(name)
     yield from _modem_manager(port)
+    yield from _brltty(name, port)
     yield from _use(name)
     yield from _latency_timer(port)
 
@@ -98,6 +100,25 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
             "runs, and may keep the port busy for some seconds after the board is plugged in",
             f"{_as_root('system install')}, or: sudo systemctl disable --now ModemManager",
         )
+
+
+def _brltty(name: str, port: Port) -> Iterator[Finding]:
+    """Check brltty: about a second after an adapter was plugged in, it takes it for a Braille display, and its port is
+    gone.
+    """
+    missing = not may_be_there(name)
+    if not missing and port.vendor in (None, *ARDUINO_VENDORS):
+        return
+    if programs_named("brltty"):
+        yield problem(
+            WARNING,
+            "brltty",
+            "brltty",
+            "runs, and takes CH340, CP210x, FTDI and PL2303 adapters for Braille displays: their ports vanish",
+            f"unless you use a Braille display: {_as_root('system install --mask-brltty')}, then plug the board in",
+        )
+    elif not missing:
+        yield Finding(OK, "brltty", "not running")
 
 
 def _use(name: str) -> Iterator[Finding]:
