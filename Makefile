@@ -150,7 +150,7 @@ generate: setup ## Render protocol.h, PROTOCOL.md and the schemas of YAML files 
 docs: setup $(VENV)/.site ## Check the spelling and build the documentation site in build/docs; a warning is an error; needs Python 3.11
 	$(VENV)/bin/codespell
 	@NO_MKDOCS_2_WARNING=1 $(VENV)/bin/mkdocs build --strict --config-file docs/site/mkdocs.yml
-	@echo "build/docs/index.html; its search needs a server: python3 -m http.server --bind 127.0.0.1 --directory build/docs"
+	@echo "build/docs/index.html opens in a browser, without a server"
 
 .PHONY: release
 release: setup ## Wheel and sdist of this commit in build/dist, with the firmware's images; CONTRIBUTING.md has the steps

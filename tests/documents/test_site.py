@@ -20,7 +20,8 @@ def named(nav):
     return [path for each in (nav.values() if isinstance(nav, dict) else nav) for path in named(each)]
 
 
-NAMED = named(yaml.safe_load((SITE / "mkdocs.yml").read_text(encoding="utf-8"))["nav"])
+SETTINGS = yaml.safe_load((SITE / "mkdocs.yml").read_text(encoding="utf-8"))
+NAMED = named(SETTINGS["nav"])
 
 
 def test_the_site_names_every_document():
@@ -39,6 +40,12 @@ def test_the_site_names_each_document_once():
 
 def test_the_site_names_its_own_pages():
     assert {path.relative_to(PAGES).as_posix() for path in PAGES.rglob("*.md")} - set(NAMED) == set()
+
+
+def test_the_search_works_from_the_disk_without_another_host():
+    """The plugin loads a stand-in for workers from another host unless one of this name is there."""
+    assert "offline" in SETTINGS["plugins"] and (PAGES / "iframe-worker.js").is_file()
+    assert SETTINGS["extra"]["polyfills"] == ["iframe-worker.js"]
 
 
 def test_the_site_describes_each_public_module():
