@@ -1,10 +1,11 @@
-"""Replacing files completely or not at all: a full disk leaves the old file as it was."""
+"""Reading plain files of a limited size; replacing files completely or not at all: a full disk leaves the old one."""
 
 import contextlib
 import errno
 import os
 import shutil
-from typing import Iterator, Union
+import stat
+from typing import BinaryIO, Iterator, Union
 
 from .errors import OutputError
 
@@ -42,6 +43,35 @@ def unwritable(path: str, error: OSError) -> OutputError:
     return OutputError(
         f"{path} cannot be written: {error.strerror or error}; nothing was changed; make room, or choose another place"
     )
+
+
+def open_plain(path: str) -> BinaryIO:
+    """Open a plain file for reading.
+
+    Raises:
+        OSError: it cannot be opened, or is not a plain file: a pipe or a port would be waited for.
+    """
+    try:
+        fd = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except ValueError:
+        raise OSError(errno.EINVAL, "its name holds a zero byte") from None
+    if not stat.S_ISREG(os.fstat(fd).st_mode):
+        os.close(fd)
+        raise OSError(errno.EINVAL, "it is not a plain file")
+    return os.fdopen(fd, "rb")
+
+
+def read_plain(path: str, most_bytes: int) -> bytes:
+    """Return the content of a plain file.
+
+    Raises:
+        OSError: as `open_plain`, or the file is longer than `most_bytes`.
+    """
+    with open_plain(path) as file:
+        data = file.read(most_bytes + 1)
+    if len(data) > most_bytes:
+        raise OSError(errno.EFBIG, f"it is longer than {most_bytes} bytes")
+    return data
 
 
 def create_unused(path: str, active: str = "") -> str:

@@ -5,12 +5,14 @@ from functools import lru_cache
 from typing import Any, Container, Dict, Mapping, Optional, Sequence, Tuple
 
 from .errors import ConfigError
+from .files import read_plain
 
 _DEEPEST = 10
-_LONGEST = 1 << 20
-"""Longest file accepted [characters]; those of users have a few thousand."""
-_LONGEST_BITS = 2048
-"""Longest number accepted [bit]; Python refuses to print very long ones."""
+_LONGEST = 1 << 19
+"""Longest file accepted [byte]; those of users have a few thousand, and PyYAML without libyaml takes 10 s for this."""
+_LONGEST_NUMBER = 500
+"""Longest number, date and so on accepted [characters]: Python takes long to read very long ones, or refuses."""
+_STRING = "tag:yaml.org,2002:str"
 _MOST_VALUES = 1 << 20
 """Most values accepted, with those behind an alias counted each time it stands."""
 _MOST_SHOWN = 80
@@ -33,18 +35,14 @@ def read(path: str) -> Any:
     """Return the content of a YAML file.
 
     Raises:
-        OSError: the file cannot be opened.
+        OSError: the file cannot be opened, is not a plain file, or is longer than 512 KiB.
         ConfigError: it is not YAML, a value does not fit its tag, a mapping has a key twice, the nesting is deeper
-            than 10, the file is longer than a million characters, or its aliases stand for more than a million values.
+            than 10, a number has more than 500 characters, or its aliases stand for more than a million values.
     """
     try:
-        with open(path, encoding="utf-8") as file:
-            text = file.read(_LONGEST + 1)
-    except ValueError as error:  # of the text, or of a path with NUL
+        return parse(read_plain(path, _LONGEST).decode("utf-8"), path)
+    except UnicodeDecodeError as error:
         raise ConfigError(f"{path}: no YAML: {error}") from None
-    if len(text) > _LONGEST:
-        raise ConfigError(f"{path}: longer than {_LONGEST} characters, expected a YAML file written by hand")
-    return parse(text, path)
 
 
 def parse(text: str, path: str) -> Any:
@@ -117,15 +115,15 @@ def _loader() -> Any:
 
     class Loader(base):
         def construct_object(self, node: Any, deep: bool = False) -> Any:
+            scalar = isinstance(node, yaml.ScalarNode) and node.tag != _STRING
+            if scalar and len(node.value) > _LONGEST_NUMBER:
+                raise _fault(node, f"{len(node.value)} characters are too many for {node.tag}")
             try:
-                value = super().construct_object(node, deep=deep)
+                return super().construct_object(node, deep=deep)
             except yaml.YAMLError:
                 raise
             except Exception:  # noqa: BLE001 - the constructors of tags raise whatever comes
                 raise _fault(node, f"{short(node.value)} does not fit its tag {node.tag}") from None
-            if isinstance(value, int) and value.bit_length() > _LONGEST_BITS:
-                raise _fault(node, f"a number of {value.bit_length()} bits is too large")
-            return value
 
         def construct_mapping(self, node: Any, deep: bool = False) -> Any:
             seen = set()

@@ -11,7 +11,7 @@ from typing import Any, Dict, List, Mapping, Tuple
 
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
-from mrl_driver.files import replace_file
+from mrl_driver.files import read_plain, replace_file
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.yaml_form import with_schema_line
@@ -19,6 +19,8 @@ from mrl_driver.yaml_form import with_schema_line
 from .trial import Trial, as_json, from_json
 
 VERSION = 1
+_LONGEST = 1 << 22
+"""Longest file read [byte]; one with hundreds of runs has some hundred thousand."""
 Key = Tuple[str, str]
 """Section and key of a number in a robot's YAML, such as ("drive", "turn_slip")."""
 
@@ -89,8 +91,7 @@ class Progress:
 
 def _read_state(path: str, robot: str) -> Dict[str, Any]:
     try:
-        with open(path, encoding="utf-8") as file:
-            data = json.load(file)
+        data = json.loads(read_plain(path, _LONGEST))
         good = data["version"] == VERSION and all(map(_is_procedure, data["procedures"].values()))
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
@@ -168,8 +169,7 @@ def source_of(model_name: str) -> str:
 
 def _text_of(path: str) -> str:
     try:
-        with open(path, encoding="utf-8") as file:
-            return file.read()
+        return read_plain(path, _LONGEST).decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path} cannot be read: {getattr(error, 'strerror', error)}") from None
 

@@ -6,6 +6,7 @@ import os
 from typing import Callable, Protocol
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.files import open_plain
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 
 _TAIL_BYTES = 4096
@@ -59,7 +60,7 @@ def truth_file(path: str) -> Callable[[], Pose]:
 
 
 def _last_pose(path: str) -> Pose:
-    with open(path, "rb") as file:
+    with open_plain(path) as file:
         file.seek(0, os.SEEK_END)
         file.seek(max(0, file.tell() - _TAIL_BYTES))
         whole = file.read().rpartition(b"\n")[0].rsplit(b"\n", 1)[-1]

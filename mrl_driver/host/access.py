@@ -18,7 +18,7 @@ from typing import Iterator, List, NamedTuple
 
 from mrl_driver import folders
 from mrl_driver.errors import ConfigError
-from mrl_driver.files import replace_file
+from mrl_driver.files import open_plain, replace_file
 
 DRIVE, WATCH = "drive", "watch"
 TOKEN_BYTES = 16
@@ -120,7 +120,7 @@ def read(path: str, remedy: str) -> bytes:
         ConfigError: the file cannot be read, or other users can read it.
     """
     try:
-        with open(path, "rb") as file:
+        with open_plain(path) as file:
             mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
             data = file.read()
     except OSError as error:

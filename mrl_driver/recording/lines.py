@@ -9,6 +9,8 @@ from .entry import LONGEST_LINE, Entry
 
 AHEAD = 7
 """A line is later than most of this many lines behind it: its time is damaged, not theirs."""
+_MOST_WAITING = 1000
+"""A line waits for at most this many behind it: they may all be damaged."""
 _ESCAPE = re.compile(rb"""\\(?:[\\'"abfnrtv]|[0-3][0-7]{2}|[0-7]{1,2}(?![0-7])|x[0-9a-fA-F]{2})""")
 
 Skip = Callable[[int, str], None]
@@ -16,19 +18,19 @@ _Line = Tuple[int, Optional[Entry], str]
 """Number of a line, and its entry, or what is wrong with it; nothing is wrong with a blank one."""
 
 
-def read_lines(file: BinaryIO, skip: Skip) -> Iterator[Entry]:
-    """Yield the entries of all lines from the second one on, where `file` stands.
+def read_lines(file: BinaryIO, skip: Skip, line: int = 1) -> Iterator[Entry]:
+    """Yield the entries of all lines behind the line of this number, where `file` stands.
 
     `skip` is called in order with the number of each line that cannot be read and the reason.  Memory does not grow
     with the file.
     """
     order, waiting = _Order(skip), deque()  # type: Tuple[_Order, Deque[_Line]]
     times: Deque[float] = order.behind
-    for line in _lines(file):
-        waiting.append(line)
-        if line[1] is not None:
-            times.append(line[1].time_s)
-        while waiting and (waiting[0][1] is None or len(times) > AHEAD):
+    for found in _lines(file, line):
+        waiting.append(found)
+        if found[1] is not None:
+            times.append(found[1].time_s)
+        while waiting and (waiting[0][1] is None or len(times) > AHEAD or len(waiting) > _MOST_WAITING):
             yield from order.settle(waiting.popleft())
     while waiting:
         yield from order.settle(waiting.popleft())
@@ -61,9 +63,8 @@ class _Order:
         return sum(behind_s < time_s for behind_s in self.behind) > AHEAD // 2
 
 
-def _lines(file: BinaryIO) -> Iterator[_Line]:
-    """Yield all lines that are not blank, numbered from 2."""
-    number = 1
+def _lines(file: BinaryIO, number: int) -> Iterator[_Line]:
+    """Yield all lines that are not blank behind the line of this number."""
     while True:
         text = file.readline(LONGEST_LINE + 1)
         number += 1

@@ -31,6 +31,7 @@ from collections import deque
 from typing import Any, Callable, Deque, Dict, Iterator, List, Optional
 
 from mrl_driver.errors import ConfigError, shortage, shortages
+from mrl_driver.files import open_plain
 from mrl_driver.json_text import exact_json
 
 from .entry import FROM_BOARD as FROM_BOARD
@@ -77,6 +78,16 @@ OWN_REMARKS = tuple(
 )
 """First words of the driver's own remarks.  Readers ignore those that they do not know."""
 _MAGIC = "#mrl-recording"
+_BLANK = b"\xef\xbb\xbf \t\r\n"
+"""Bytes before the first line that are skipped: a byte-order mark, blank lines."""
+_ENTRY = re.compile(rb"^\d{1,9}\.\d{6} [<>!] ", re.M)
+_OTHERS = {
+    b"\x1f\x8b": "compressed by gzip; unpack it with gunzip",
+    b"PK\x03\x04": "a zip archive; unpack it with unzip",
+    b"\xff\xfe": "text in UTF-16; save it as UTF-8, or take the file as it was recorded",
+    b"\xfe\xff": "text in UTF-16; save it as UTF-8, or take the file as it was recorded",
+}
+"""What files begin with that are a recording no more."""
 _NUMBER = re.compile(r"[0-9]{1,9}")
 FLUSH_S, HOLD_S = 0.2, 0.05
 """The file is written this often; an entry waits for this time, because a thread may pause before it adds an older one
@@ -224,8 +235,8 @@ def started_s(header: Dict[str, Any]) -> float:
 class Recording:
     """Reads a recording as a stream: memory does not grow with the file.
 
-    `header` holds the facts that the recorder wrote; `skipped` maps the number of each unreadable line (at most 100) to
-    the reason.
+    `header` holds the facts that the recorder wrote, none if it is damaged; `skipped` maps the number of each unreadable
+    line (at most 100) to the reason.
 
     Raises:
         ConfigError: the file does not exist or is not a plain file (reading a port would wait for bytes), is not a
@@ -236,33 +247,50 @@ class Recording:
         self.path = path
         self.skipped: Dict[int, str] = {}
         self.skipped_count = 0
-        if os.path.exists(path) and not os.path.isfile(path):
-            raise ConfigError(f"cannot read {path!r}: it is not a plain file; give a recording")
         try:
-            with open(path, "rb") as file:
-                first = file.readline(LONGEST_LINE)
+            with open_plain(path) as file:
+                text = file.read(LONGEST_LINE)
         except OSError as error:
             raise ConfigError(f"cannot read {path!r}: {error.strerror}; give a recording") from None
-        self.header = self._read_header(first)
+        for start, what in _OTHERS.items():
+            if text.startswith(start):
+                raise ConfigError(f"cannot read {path!r}: it is {what}")
+        self.header: Dict[str, Any] = {}
+        skipped = len(text) - len(text.lstrip(_BLANK))
+        self._line = text.count(b"\n", 0, skipped) + 1
+        line = text[skipped:].partition(b"\n")[0]
+        self._damage = self._read_header(line)
+        if self._damage and not _ENTRY.search(text):
+            raise ConfigError(f"{path}:{self._line}: {self._damage}: the file is not a recording")
+        if _ENTRY.match(line):  # the header is missing
+            self._line -= 1
+        else:
+            skipped += len(line) + 1
+        self._begin = skipped
+        """Where the entries begin, behind the line `_line`."""
 
-    def _read_header(self, line: bytes) -> Dict[str, Any]:
+    def _read_header(self, line: bytes) -> str:
+        """Read the header; return what is wrong with it, and all that can be read without it is read.
+
+        Raises:
+            ConfigError: the recording has a newer version.
+        """
         magic, _, rest = line.decode("latin-1").strip().partition(" ")
         version, _, header = rest.partition(" ")
         if magic != _MAGIC or not _NUMBER.fullmatch(version):
-            raise ConfigError(
-                f"{self.path}:1: got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...': the file is not a recording"
-            )
+            return f"got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...'"
         if int(version) > VERSION:
             raise ConfigError(
-                f"{self.path}:1: recording version {version}, expected at most {VERSION}: update mrl-driver"
+                f"{self.path}:{self._line}: recording version {version}, expected at most {VERSION}: update mrl-driver"
             )
         try:
             found = json.loads(header or "{}")
         except (ValueError, RecursionError):
             found = None
         if not isinstance(found, dict):
-            raise ConfigError(f"{self.path}:1: the header {header[:40]!r} is damaged, expected a JSON object")
-        return found
+            return f"the header {header[:40]!r} is damaged, expected a JSON object"
+        self.header = found
+        return ""
 
     @property
     def start_us(self) -> int:
@@ -274,9 +302,11 @@ class Recording:
         """Entries in the order of the file; a line that cannot be read is noted in `skipped`."""
         self.skipped.clear()
         self.skipped_count = 0
-        with open(self.path, "rb") as file:
-            file.readline(LONGEST_LINE)
-            yield from read_lines(file, self._skip)
+        if self._damage:
+            self._skip(max(1, self._line), self._damage)
+        with open_plain(self.path) as file:
+            file.seek(self._begin)
+            yield from read_lines(file, self._skip, self._line)
 
     def _skip(self, number: int, problem: str) -> None:
         self.skipped_count += 1

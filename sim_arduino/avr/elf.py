@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Dict, Iterator, List, NamedTuple, Tuple
 
 from mrl_driver.errors import SimulatorError
+from mrl_driver.files import read_plain
 
 from . import intel_hex
 
@@ -25,6 +26,10 @@ _SEGMENT_LOAD = 1
 _SECTION_SYMBOLS = 2
 _LARGEST_SEGMENT = 1 << 16
 """Largest segment [byte]; the chip has 32 KiB of flash."""
+_LONGEST = 1 << 24
+"""Longest file [byte]; one with facts for debuggers has 1 MB."""
+_LONGEST_NAME = 4096
+"""Longest name of a symbol [byte]; those of C++ have hundreds."""
 _MOST_ENTRIES = 256
 """An image has at most this many segments, and as many sections; those of avr-gcc have about twenty."""
 
@@ -51,7 +56,7 @@ def read_image(path: Path) -> Image:
         SimulatorError: the file is missing or is neither.
     """
     try:
-        raw = Path(path).read_bytes()
+        raw = read_plain(str(path), _LONGEST)
     except OSError as error:
         reason = error.strerror or str(error)
         raise SimulatorError(f"firmware image {path}: {reason}, expected an ELF or Intel HEX file") from error
@@ -109,4 +114,4 @@ def _symbols(raw: bytes, header: Tuple) -> Iterator[Tuple[str, Symbol]]:
 
 
 def _text(raw: bytes, at: int) -> str:
-    return raw[at : raw.index(b"\0", at)].decode("ascii", "replace")
+    return raw[at : raw.index(b"\0", at, at + _LONGEST_NAME)].decode("ascii", "replace")

@@ -1,15 +1,19 @@
 """Recorded key presses: reads them from a file, and drives a robot with them."""
 
 import csv
+import io
 from typing import Callable, List, NamedTuple, Sequence
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.files import read_plain
 from mrl_driver.terminal.teleop_keys import HOLD_S, Teleop
 from mrl_driver.yaml_file import short
 
 from .experiment_robot import TICK_S, ExperimentRobot
 
 COLUMNS = ["time_s", "key"]
+_LONGEST = 1 << 22
+"""Longest file read [byte]: more than a day of presses."""
 
 
 class KeyPress(NamedTuple):
@@ -26,8 +30,8 @@ def read(path: str) -> List[KeyPress]:
         ConfigError: the file cannot be opened, a line is wrong, or a time is before the one above.
     """
     try:
-        with open(path, encoding="utf-8", newline="") as file:
-            rows = list(csv.reader(file))
+        text = read_plain(path, _LONGEST).decode("utf-8-sig")
+        rows = list(csv.reader(io.StringIO(text, newline="")))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(
             f"{path}: {getattr(error, 'strerror', error)}, expected recorded key presses"

@@ -1,6 +1,8 @@
 """Recordings come back byte for byte, and survive crashes, full disks and editors."""
 
+import codecs
 import errno
+import gzip
 import os
 import threading
 import time
@@ -226,6 +228,46 @@ def test_line_ends_of_other_systems_are_read(tmp_path):
 def test_what_is_no_recording_is_refused(tmp_path, text, message):
     with pytest.raises(ConfigError, match=message):
         read(tmp_path, text)
+
+
+RECORDED = (HEADER + "0.100000 < a\n0.200000 < b\n").encode()
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        (gzip.compress(RECORDED), "compressed by gzip; unpack it with gunzip"),
+        (b"PK\x03\x04...", "zip archive; unpack it"),
+        (RECORDED.decode().encode("utf-16"), "UTF-16; save it as UTF-8"),
+        (codecs.BOM_UTF16_BE + RECORDED.decode().encode("utf-16-be"), "UTF-16; save it as UTF-8"),
+    ],
+    ids=["gzip", "zip", "utf-16", "utf-16-be"],
+)
+def test_a_recording_in_another_form_is_named_with_what_to_do(tmp_path, text, message):
+    with pytest.raises(ConfigError, match=message):
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize("before", [codecs.BOM_UTF8, b"\n", b"\r\n \n", codecs.BOM_UTF8 + b"\n"], ids=repr)
+def test_a_byte_order_mark_and_empty_lines_before_the_header_are_skipped(tmp_path, before):
+    recording, entries = read(tmp_path, before + RECORDED + b"x\n")
+    assert recording.header == {"port": "x"} and [entry.data for entry in entries] == [b"a", b"b"]
+    assert [*recording.skipped] == [before.count(b"\n") + 4]
+
+
+@pytest.mark.parametrize(
+    "first", ["#mrl-recordinX 1 {}", '#mrl-recording 1 {"port": "x"', "\x00\x00", "x" * 70000]
+)
+def test_a_damaged_first_line_costs_itself_alone(tmp_path, first):
+    recording, entries = read(tmp_path, RECORDED.replace(HEADER[:-1].encode(), first.encode()))
+    assert [entry.data for entry in entries] == [b"a", b"b"]
+    assert recording.header == {} and [*recording.skipped] == [1]
+
+
+def test_a_missing_first_line_costs_nothing_else(tmp_path):
+    recording, entries = read(tmp_path, RECORDED.partition(b"\n")[2] + b"x\n")
+    assert [entry.data for entry in entries] == [b"a", b"b"]
+    assert "expected '#mrl-recording 1" in recording.skipped[1] and 3 in recording.skipped
 
 
 def test_a_missing_file_is_refused(tmp_path):

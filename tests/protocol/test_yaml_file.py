@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.yaml_file import Reader, read
+from mrl_driver.yaml_file import Reader, read, read_expected
 
 
 def fault_of(tmp_path, text):
@@ -34,9 +34,12 @@ def test_a_value_that_does_not_fit_its_tag(tmp_path, value):
     assert fault_of(tmp_path, f"name: one\nids: [{value}]\n").startswith("line 2: ")
 
 
-def test_a_number_beyond_all_sense(tmp_path):
-    """Python refuses to print the longest of them."""
-    assert "too large" in fault_of(tmp_path, "name: 0x" + "f" * 6000)
+@pytest.mark.parametrize(
+    "digits", ["0x" + "f" * 6000, "9" * 6000, "1" + ":59" * 2000, "!!int '" + "1" * 6000 + "'"]
+)
+def test_a_number_beyond_all_sense(tmp_path, digits):
+    """Python takes long to read one of a megabyte, in base 60 half a minute."""
+    assert "characters are too many for tag:yaml.org,2002:int" in fault_of(tmp_path, f"name: {digits}")
 
 
 @pytest.mark.parametrize("text", ["name: a\nids: [1]\nname: b\n", "drive: {}\nsonars:\n  x: 1\n  x: 1\n"])
@@ -58,9 +61,19 @@ def test_lists_in_lists_beyond_all_sense(tmp_path):
     assert "nested deeper than 10" in fault_of(tmp_path, f"a: {'[' * 10}{']' * 10}")
 
 
-def test_a_file_without_an_end_is_refused():
-    with pytest.raises(ConfigError, match="/dev/zero: longer than"):
-        read("/dev/zero")
+@pytest.mark.parametrize(
+    ("path", "problem"), [("/dev/zero", "it is not a plain file"), ("a\0b", "its name holds a zero byte")]
+)
+def test_only_plain_files_are_read(path, problem):
+    with pytest.raises(ConfigError, match=f"{problem}, expected a robot"):
+        read_expected(path, "a robot")
+
+
+def test_a_long_file_is_refused(tmp_path):
+    path = tmp_path / "robot.yaml"
+    path.write_bytes(b"#" * ((1 << 19) + 1))
+    with pytest.raises(ConfigError, match="it is longer than 524288 bytes, expected a robot"):
+        read_expected(str(path), "a robot")
 
 
 def test_bytes_that_are_not_text(tmp_path):

@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import io
 import math
 import os
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, Tuple
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 import click
 
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.files import replace_file
+from mrl_driver.files import read_plain, replace_file
 from mrl_driver.robot import models
 
 from . import calibrate_job
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 
 Points = Tuple[List[float], List[float]]
 """Readings and distances [m]."""
+_LONGEST_POINTS = 1 << 22
+"""Longest file of points read [byte]; a calibration makes some thousand."""
 _recording_option = click.option(
     "--recording", metavar="FILE", help="Instead of driving: a recording of this calibration."
 )
@@ -172,18 +175,18 @@ def read_points(path: str) -> Points:
     """
     ranges, distances = [], []
     try:
-        with open(path, encoding="utf-8", newline="") as file:
-            for number, row in enumerate(csv.reader(file), 1):
-                if not row or row[0].lstrip().startswith("#"):
-                    continue
-                try:
-                    distance, reading = float(row[0]), math.nan if row[1].strip() == "-" else float(row[1])
-                except (ValueError, IndexError):
-                    raise ConfigError(
-                        f"{path}:{number}: got {','.join(row)[:40]!r}, expected distance,reading in metres"
-                    ) from None
-                distances.append(distance)
-                ranges.append(reading if math.isfinite(reading) else math.nan)
+        text = read_plain(path, _LONGEST_POINTS).decode("utf-8-sig")
+        for number, row in enumerate(csv.reader(io.StringIO(text, newline="")), 1):
+            if not row or row[0].lstrip().startswith("#"):
+                continue
+            try:
+                distance, reading = float(row[0]), math.nan if row[1].strip() == "-" else float(row[1])
+            except (ValueError, IndexError):
+                raise ConfigError(
+                    f"{path}:{number}: got {','.join(row)[:40]!r}, expected distance,reading in metres"
+                ) from None
+            distances.append(distance)
+            ranges.append(reading if math.isfinite(reading) else math.nan)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ConfigError(f"{path} cannot be read: {error}") from None
     return ranges, distances
