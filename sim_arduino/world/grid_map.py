@@ -1,54 +1,95 @@
-"""Reads and writes occupancy grids in the format of map_server: a YAML file and a PGM picture."""
+"""Reads and writes occupancy grids in the format of map_server: a YAML file and a picture, PGM or PNG.
 
+What ROS's own loader (map_server of Noetic) takes is taken as it does, or refused with a reason.
+"""
+
+import io
 import math
 import os
 import re
-from typing import Any, List, Mapping, NamedTuple, Tuple
+from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Tuple
 
 import numpy as np
 import yaml
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.files import read_plain
 from mrl_driver.geometry import Pose
 from mrl_driver.yaml_file import Reader, is_number, read_expected
-from mrl_driver.yaml_form import Choice, Form, Keys, Number, Schema, Text
+from mrl_driver.yaml_form import Choice, Flag, Form, Keys, Number, Schema, Text
 
 from .shapes import Wall
 from .world import World
 
 OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 _MOST_CELLS = 64_000_000
-_MOST_BYTES = 2 * _MOST_CELLS + 65536
+_LONGEST_HEADER = _LONGEST_SIDE = 65536
+"""Longest header of a PGM [byte], and longest side of a picture [cell]."""
+_MOST_BYTES = 2 * _MOST_CELLS + _LONGEST_HEADER
 """Longest picture: two bytes for each cell, and the header."""
 _MOST_WALLS = 1_000_000
 """A map with more outlines than this is noise."""
+_MOST_DRAWN, _MOST_POINTS = 16_000_000, 200_000_000
+"""Most cells of a map that is drawn, and most points that are drawn on its walls, four in each cell."""
+_SHARE = Number(0.0, 1.0)
 
 
 class _Origin(Form):
-    """Pose of the map's corner."""
+    """Pose of the map's corner; a fourth number is ignored, and a yaw that map_saver wrote as nan counts as 0."""
 
     _PART = Number(-1e6, 1e6)
+    _NAN = ("nan", "-nan")
 
     def read(self, reader: Reader, key: str, value: Any) -> Tuple[float, ...]:
-        good = isinstance(value, list) and len(value) == 3
-        if not good or not all(is_number(each, self._PART.low, self._PART.high) for each in value):
+        parts = value[:3] if isinstance(value, list) else []
+        if len(parts) == 3 and (parts[2] in self._NAN or parts[2] != parts[2]):
+            parts[2] = 0.0
+        if len(parts) < 3 or not all(is_number(each, self._PART.low, self._PART.high) for each in parts):
             raise reader.fail(key, value, "[x m, y m, yaw rad] from -1e6 to 1e6")
-        return tuple(map(float, value))
+        return tuple(map(float, parts))
 
     def schema(self) -> Schema:
-        return {"type": "array", "items": self._PART.schema(), "minItems": 3, "maxItems": 3}
+        part = self._PART.schema()
+        return {
+            "type": "array",
+            "items": [part, part, {"anyOf": [part, {"enum": list(self._NAN)}]}],
+            "minItems": 3,
+        }
 
 
-_SHARE = Number(0.0, 1.0)
-FORM = Keys(
+class _Negate(Form):
+    """A flag, or a number as map_server writes it."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> float:
+        return float(value) if isinstance(value, bool) else _SHARE.read(reader, key, value)
+
+    def schema(self) -> Schema:
+        return {"anyOf": [Flag().schema(), _SHARE.schema()]}
+
+
+class _MapFile(Keys):
+    """Keys that are not known are ignored if all that ROS's loader needs are there, so that misspelt ones are found."""
+
+    _NEEDED = {"negate", "occupied_thresh", "free_thresh"}
+
+    def read(self, reader: Reader, key: str, value: Any) -> Dict[str, Any]:
+        if isinstance(value, dict) and self._NEEDED <= value.keys():
+            value = {name: each for name, each in value.items() if name in self.forms}
+        return super().read(reader, key, value)
+
+    def schema(self) -> Schema:
+        return {**super().schema(), "additionalProperties": True}
+
+
+FORM = _MapFile(
     {
-        "image": Text("the name of a PGM file"),
+        "image": Text("the name of a PGM or PNG file"),
         "resolution": Number(0.001, 10.0),
         "origin": _Origin(),
-        "negate": _SHARE,
+        "negate": _Negate(),
         "occupied_thresh": _SHARE,
         "free_thresh": _SHARE,
-        "mode": Choice(("trinary", "scale")),
+        "mode": Choice(("trinary", "scale", "raw")),
     },
     ("negate", "occupied_thresh", "free_thresh", "mode"),
     {
@@ -57,6 +98,7 @@ FORM = Keys(
         "negate": "1: white is occupied.",
         "occupied_thresh": "Darker cells are occupied.",
         "free_thresh": "Lighter cells are free; at most occupied_thresh, which the schema does not check.",
+        "mode": "raw: a grey value of 100 is occupied, 0 free.  scale: as trinary; what is between is unknown.",
     },
 )
 """The form of a map_server YAML."""
@@ -99,39 +141,61 @@ def read(path: str, data: Mapping[str, Any]) -> GridMap:
     if free > occupied:
         raise reader.fail("free_thresh", free, f"a number from 0 to {occupied:g}, the occupied_thresh")
     image, resolution, corner = found["image"], found["resolution"], found["origin"]
-    values, most = _read_pgm(os.path.join(os.path.dirname(path), image))
-    shares = np.arange(most + 1) / most
-    darkness = shares if negate else 1.0 - shares
-    states = np.where(darkness > occupied, OCCUPIED, np.where(darkness < free, FREE, UNKNOWN)).astype(np.int8)
-    return GridMap(states[values][::-1], resolution, Pose(*corner))
+    mode = found.get("mode", "trinary")
+    values, most = _read_picture(os.path.join(os.path.dirname(path), image), mode == "trinary")
+    grey = np.arange(most + 1)
+    if mode == "raw":
+        grey = (most - grey if negate else grey) * 255 // most
+        states = np.where(grey == OCCUPIED, OCCUPIED, np.where(grey == FREE, FREE, UNKNOWN))
+    else:
+        darkness = grey / most if negate else 1.0 - grey / most
+        states = np.where(darkness > occupied, OCCUPIED, np.where(darkness < free, FREE, UNKNOWN))
+    cells = np.empty(values.shape, np.int8)
+    for rows in _strips(*values.shape):
+        cells[rows] = states[values[rows]]
+    return GridMap(cells[::-1], resolution, Pose(*corner))
+
+
+def _strips(height: int, width: int) -> Iterator[slice]:
+    """Rows with about a million cells together: to index all at once needs eight bytes for each cell."""
+    step = max(1, 1_000_000 // width)
+    return (slice(top, min(top + step, height)) for top in range(0, height, step))
 
 
 _GAP = rb"(?:\s|#[^\n]*\n)+"
 _HEADER = re.compile(rb"(P[25])" + _GAP + (rb"(\d{1,9})" + _GAP) * 2 + rb"(\d{1,9})(?:\r\n|\s)")
+_NOT_PLAIN = re.compile(rb"[^0-9\s]|[0-9]{10}")
+_PNG = b"\x89PNG\r\n\x1a\n"
 
 
-def _read_pgm(path: str) -> Tuple[Any, int]:
+def _read_picture(path: str, with_alpha: bool) -> Tuple[Any, int]:
     """Grey values, integers `(height, width)` with row 0 at the top, and the value of white."""
     try:
-        with open(path, "rb") as file:
-            data = file.read(_MOST_BYTES + 1)
-    except (OSError, ValueError) as error:  # ValueError: of a path with NUL
-        why = error.strerror if isinstance(error, OSError) else error
-        raise ConfigError(f"{path}: {why}, expected a PGM picture") from None
-    if len(data) > _MOST_BYTES:
-        raise ConfigError(f"{path}: longer than {_MOST_BYTES} bytes, expected a PGM picture")
-    header = _HEADER.match(data)
+        data = read_plain(path, _MOST_BYTES)
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}, expected a PGM or PNG picture") from None
+    return _read_png(path, data, with_alpha) if data.startswith(_PNG) else _read_pgm(path, data)
+
+
+def _check_size(path: str, width: int, height: int, most: int) -> None:
+    good = 0 < width * height <= _MOST_CELLS and max(width, height) <= _LONGEST_SIDE
+    if not (good and 0 < most < 65536):
+        raise ConfigError(
+            f"{path}: {width} x {height} pixels up to {most}, expected 1 to {_MOST_CELLS} pixels up to 65535, and "
+            f"sides up to {_LONGEST_SIDE}"
+        )
+
+
+def _read_pgm(path: str, data: bytes) -> Tuple[Any, int]:
+    header = _HEADER.match(data, 0, _LONGEST_HEADER)
     if not header:
         raise ConfigError(
-            f"{path}: begins with {data[:12]!r}, expected a PGM header, P5 or P2, width height maximum"
+            f"{path}: begins with {data[:12]!r}, expected a PGM header, P5 or P2, width height maximum, or a PNG"
         )
     width, height, most = map(int, header.groups()[1:])
-    if not (0 < width * height <= _MOST_CELLS and 0 < most < 65536):
-        raise ConfigError(
-            f"{path}: {width} x {height} pixels up to {most}, expected 1 to {_MOST_CELLS} pixels up to 65535"
-        )
-    body = data[header.end() :]
-    values = _plain_values(path, body) if header.group(1) == b"P2" else _raw_values(body, most)
+    _check_size(path, width, height, most)
+    read_values = _plain_values if header.group(1) == b"P2" else _raw_values
+    values = read_values(path, data, header.end(), most)
     if len(values) < width * height:
         raise ConfigError(f"{path}: has {len(values)} pixels, expected {width} x {height} = {width * height}")
     values = values[: width * height].reshape(height, width)
@@ -142,16 +206,49 @@ def _read_pgm(path: str) -> Tuple[Any, int]:
     return values, most
 
 
-def _raw_values(body: bytes, most: int) -> Any:
+def _raw_values(path: str, data: bytes, start: int, most: int) -> Any:
     kind = np.dtype(np.uint8 if most < 256 else ">u2")
-    return np.frombuffer(body[: len(body) // kind.itemsize * kind.itemsize], kind)
+    return np.frombuffer(data, kind, (len(data) - start) // kind.itemsize, start)
 
 
-def _plain_values(path: str, body: bytes) -> Any:
+def _plain_values(path: str, data: bytes, start: int, most: int) -> Any:
+    bad = _NOT_PLAIN.search(data, start)
+    if bad:
+        found = data[bad.start() : bad.start() + 20]
+        raise ConfigError(
+            f"{path}: has {found!r} among the pixels, expected whole numbers of at most 9 digits"
+        )
+    body = data[start:].strip()
+    return np.fromstring(body, np.int32, sep=" ") if body else np.empty(0)
+
+
+def _read_png(path: str, data: bytes, with_alpha: bool) -> Tuple[Any, int]:
+    """The mean of the channels, as ROS's loader takes it: in the mode trinary, that of transparency is one of them."""
     try:
-        return np.array(re.sub(rb"#[^\n]*", b"", body).split()).astype(np.int64)
-    except (ValueError, OverflowError) as error:
-        raise ConfigError(f"{path}: {error}, expected whole numbers") from None
+        from PIL import PngImagePlugin
+    except ImportError:
+        raise ConfigError(
+            f"{path}: is a PNG picture, which needs the Python package Pillow; install it (Debian: python3-pil), or "
+            "convert the picture: convert map.png map.pgm"
+        ) from None
+    try:
+        with PngImagePlugin.PngImageFile(io.BytesIO(data)) as picture:
+            width, height = picture.size
+            _check_size(path, width, height, 255)
+            if picture.mode.startswith("I"):
+                return np.asarray(picture).astype(np.uint16), 65535
+            clear = picture.mode in ("LA", "RGBA") or "transparency" in picture.info
+            grey = picture.mode in ("1", "L", "LA")
+            converted = picture.convert("RGBA" if clear and with_alpha else "L" if grey else "RGB")
+            values = np.empty((height, width), np.uint16)
+            for rows in _strips(height, width):
+                strip = np.asarray(converted.crop((0, rows.start, width, rows.stop)))
+                values[rows] = strip.reshape(-1, width, len(converted.getbands())).sum(axis=2)
+            return values, 255 * len(converted.getbands())
+    except ConfigError:
+        raise
+    except Exception as error:  # noqa: BLE001 - Pillow raises whatever comes
+        raise ConfigError(f"{path}: {str(error) or type(error).__name__}, expected a PNG picture") from None
 
 
 def walls_of(grid: GridMap) -> List[Wall]:
@@ -160,26 +257,34 @@ def walls_of(grid: GridMap) -> List[Wall]:
     Raises:
         ConfigError: there are more than a million.
     """
-    full = np.pad(grid.cells == OCCUPIED, 1)
-    walls: List[Wall] = []
+    full = np.pad(grid.cells == OCCUPIED, 1).view(np.int8)
+    found: List[Tuple[bool, Any]] = []
+    count = 0
     for upright in (False, True):
-        change = np.diff((full.T if upright else full).astype(np.int8), axis=0)[:, 1:-1]
+        change = np.diff(full.T if upright else full, axis=0)[:, 1:-1]
         for sign in (1, -1):
-            runs = _runs(change == sign)
-            if len(walls) + len(runs) > _MOST_WALLS:
+            steps = _steps(change == sign)
+            count += np.count_nonzero(steps == 1)
+            if count > _MOST_WALLS:
                 raise ConfigError(f"the map has more than {_MOST_WALLS} outlines, expected walls and rooms")
-            for line, begin, end in runs:
-                a, b = ((line, begin), (line, end)) if upright else ((begin, line), (end, line))
-                walls.append(_placed(grid, a, b))
+            found.append((upright, _runs(steps)))
+    walls: List[Wall] = []
+    for upright, runs in found:
+        for line, begin, end in zip(*(each.tolist() for each in runs)):
+            a, b = ((line, begin), (line, end)) if upright else ((begin, line), (end, line))
+            walls.append(_placed(grid, a, b))
     return walls
 
 
-def _runs(edges: Any) -> List[Tuple[int, int, int]]:
-    """Row, begin and end of each run of True."""
-    steps = np.diff(np.pad(edges.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+def _steps(cells: Any) -> Any:
+    """1 where a run of True begins in a row, -1 behind its end: `(height, width + 1)`."""
+    return np.diff(np.pad(cells, ((0, 0), (1, 1))).view(np.int8), axis=1)
+
+
+def _runs(steps: Any) -> Tuple[Any, Any, Any]:
+    """Row, begin and end of each run, three arrays."""
     rows, begins = (steps == 1).nonzero()
-    _, ends = (steps == -1).nonzero()
-    return list(zip(rows.tolist(), begins.tolist(), ends.tolist()))
+    return rows, begins, (steps == -1).nonzero()[1]
 
 
 def _placed(grid: GridMap, a: Tuple[int, int], b: Tuple[int, int]) -> Wall:
@@ -188,16 +293,26 @@ def _placed(grid: GridMap, a: Tuple[int, int], b: Tuple[int, int]) -> Wall:
 
 
 def draw(world: World, resolution_m: float = 0.025, margin_m: float = 0.25) -> GridMap:
-    """The true map of a world: cells with a wall are occupied, cells reachable from the start free, others unknown."""
+    """The true map of a world: cells with a wall are occupied, cells reachable from the start free, others unknown.
+
+    Raises:
+        ConfigError: the world is too large for cells of this size, or its walls are too long.
+    """
     left, bottom, right, top = world.bounds()
     origin = Pose(left - margin_m, bottom - margin_m, 0.0)
     width, height = (
         max(1, math.ceil((span + 2 * margin_m) / resolution_m)) for span in (right - left, top - bottom)
     )
+    lengths_m = [math.hypot(wall.x2 - wall.x1, wall.y2 - wall.y1) for wall in world.walls]
+    if width * height > _MOST_DRAWN or 4 * sum(lengths_m) / resolution_m > _MOST_POINTS:
+        raise ConfigError(
+            f"the world is {right - left:g} x {top - bottom:g} m with {sum(lengths_m):g} m of walls, too much for a "
+            f"map with cells of {resolution_m:g} m: expected at most {_MOST_DRAWN} cells, and {_MOST_POINTS // 4} "
+            "cells of walls; give larger cells, or a smaller world"
+        )
     cells = np.full((height, width), UNKNOWN, np.int8)
-    for wall in world.walls:
-        length = math.hypot(wall.x2 - wall.x1, wall.y2 - wall.y1)
-        t = np.linspace(0.0, 1.0, max(2, math.ceil(4 * length / resolution_m)))
+    for wall, length_m in zip(world.walls, lengths_m):
+        t = np.linspace(0.0, 1.0, max(2, math.ceil(4 * length_m / resolution_m)))
         x = ((wall.x1 + t * (wall.x2 - wall.x1) - origin.x_m) / resolution_m).astype(int)
         y = ((wall.y1 + t * (wall.y2 - wall.y1) - origin.y_m) / resolution_m).astype(int)
         cells[y, x] = OCCUPIED
@@ -210,19 +325,35 @@ def draw(world: World, resolution_m: float = 0.025, margin_m: float = 0.25) -> G
 
 
 def _reached(open_cells: Any, seed: Tuple[int, int]) -> Any:
-    """Open cells that are connected with `seed` by edges."""
-    reached = np.zeros_like(open_cells)
-    reached[seed] = open_cells[seed]
-    count = 0
-    while count != reached.sum():
-        count = reached.sum()
-        for step in (1, -1):
-            for axis in (0, 1):
-                moved = np.roll(reached, step, axis)
-                edge = (0 if step == 1 else -1,)
-                moved[edge if axis == 0 else (slice(None), *edge)] = False
-                reached |= moved & open_cells
-    return reached
+    """Open cells that are connected with `seed` by edges: the runs of a row reach those of the next that they touch."""
+    steps = _steps(open_cells)
+    rows, begins, ends = _runs(steps)
+    pitch = steps.shape[1]
+    first, last = rows * pitch + begins, rows * pitch + ends
+    spans = [
+        (
+            memoryview(np.searchsorted(last, first + by, "right")),
+            memoryview(np.searchsorted(first, last + by)),
+        )
+        for by in (-pitch, pitch)
+    ]
+    start = int(np.searchsorted(last, seed[0] * pitch + seed[1], "right"))
+    reached, todo = bytearray(len(first)), []
+    if open_cells[seed]:
+        reached[start] = True
+        todo = [start]
+    while todo:
+        run = todo.pop()
+        for low, high in spans:
+            for each in range(low[run], high[run]):
+                if not reached[each]:
+                    reached[each] = True
+                    todo.append(each)
+    edges = np.zeros(steps.size, np.int8)
+    chosen = np.frombuffer(reached, bool)
+    edges[first[chosen]] += 1
+    edges[last[chosen]] -= 1
+    return np.cumsum(edges, dtype=np.int8).reshape(steps.shape)[:, :-1].astype(bool)
 
 
 def write(grid: GridMap, yaml_path: str) -> None:

@@ -1,6 +1,8 @@
 """map_server maps in and out."""
 
+import io
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.world import grid_map
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
-from sim_arduino.world.shapes import Wall
+from sim_arduino.world.shapes import Wall, polygon
+from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
 GOOD = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
@@ -98,6 +101,33 @@ def test_a_drawn_map_has_walls_floor_and_outside():
     assert (x, y) == ((-0.25, -0.25), (42, 50))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "walls: [[-1000, -1000, 1000, 1000]]",
+        "walls: [[-1000, 0, 1000, 0]" + ", [-1000, 0, 1000, 0]" * 999 + "]",
+        "image: map.pgm\nresolution: 10\norigin: [1.0e+6, 1.0e+6, 0]",
+    ],
+    ids=["far walls", "long walls", "far map"],
+)
+def test_a_world_that_is_too_large_to_draw_is_refused_before_memory_is_taken(tmp_path, text):
+    write(tmp_path)
+    path = tmp_path / "world.yaml"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match="too much for a map with cells of 0.025 m.*; give larger cells"):
+        grid_map.draw(load(str(path)))
+
+
+def test_floor_behind_corners_is_reached_and_what_walls_enclose_is_not():
+    """A spiral, and a closed room."""
+    ends = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 1), (2, 1), (2, 2), (1, 2)]
+    spiral = [Wall(*a, *b) for a, b in zip(ends, ends[1:])]
+    room = polygon([(4, 0), (5, 0), (5, 1), (4, 1)])
+    grid = grid_map.draw(World([*spiral, *room], Pose(1.5, 1.5, 0.0)), 0.1, 0.5)
+    place = lambda x, y: grid.cells[int((y + 0.5) / 0.1), int((x + 0.5) / 0.1)]  # noqa: E731
+    assert [place(1.5, 1.5), place(0.5, 0.5), place(4.5, 0.5)] == [FREE, FREE, UNKNOWN]
+
+
 def test_a_drawn_map_comes_back(tmp_path):
     grid = grid_map.draw(load("l-course"), 0.05)
     path = str(tmp_path / "map.yaml")
@@ -113,29 +143,34 @@ def test_a_drawn_map_comes_back(tmp_path):
         ({"resolution": 0}, "map.yaml: resolution is 0, expected a number from 0.001 to 10"),
         ({"resolution": "fine"}, "resolution is 'fine'"),
         ({"origin": [0, 0]}, r"origin is \[0, 0\], expected \[x m, y m, yaw rad\]"),
-        ({"origin": [0, 0, math.nan]}, "origin is"),
-        ({"image": ""}, "image is '', expected the name of a PGM file"),
+        ({"origin": [0, math.nan, 0]}, "origin is"),
+        ({"origin": [0, 0, "north"]}, "origin is"),
+        ({"image": ""}, "image is '', expected the name of a PGM or PNG file"),
         ({"resolution": True}, "resolution is True"),
         ({"origin": 7}, "origin is 7, expected"),
-        ({"image": 5}, "image is 5, expected the name of a PGM file"),
+        ({"image": 5}, "image is 5, expected the name of a PGM or PNG file"),
         ({"image": "none.pgm"}, "none.pgm: No such file"),
         ({"negate": 2}, "negate is 2, expected a number from 0 to 1"),
         ({"occupied_thresh": 65}, "occupied_thresh is 65"),
-        ({"mode": "raw"}, "mode is 'raw', expected trinary or scale"),
+        ({"mode": "fine"}, "mode is 'fine', expected trinary or scale or raw"),
         ({"resolutoin": 1}, "key resolutoin is unknown, expected image, resolution"),
         ({"picture": b"\x89PNG\r\n"}, r"map.pgm: begins with b'\\x89PNG"),
+        ({"picture": b"\x89PNG\r\n\x1a\n123"}, "map.pgm: .*, expected a PNG picture"),
         ({"picture": b"P5 4 3 255\n123"}, "has 3 pixels, expected 4 x 3 = 12"),
         ({"picture": b"P5 0 3 255\n"}, "0 x 3 pixels"),
         ({"picture": b"P2 1 1 255\nwhite"}, "expected whole numbers"),
         ({"picture": b"P2 1 1 255\nnan"}, "expected whole numbers"),
-        ({"picture": b"P2 1 1 255\n" + b"9" * 30}, "expected whole numbers"),
-        ({"picture": b"P2 2 1 255\n-1 0"}, "has pixels from -1 to 0, expected 0 to 255"),
+        ({"picture": b"P2 1 1 255\n" + b"9" * 30}, "expected whole numbers of at most 9 digits"),
+        ({"picture": b"P2 2 1 255\n-1 0"}, "has b'-1 0' among the pixels, expected whole numbers"),
+        ({"picture": b"P2 2 1 255\n999 0"}, "has pixels from 0 to 999, expected 0 to 255"),
+        ({"picture": b"P2 1 1 255\n \n"}, "has 0 pixels, expected 1 x 1 = 1"),
+        ({"picture": b"P5 1 65537 255\n"}, "1 x 65537 pixels .* and sides up to 65536"),
         ({"picture": b"P5 1 1 9\n\x0a"}, "has pixels from 10 to 10, expected 0 to 9"),
         ({"picture": b"P5 " + b"9" * 5000 + b" 1 255\n"}, "expected a PGM header"),
         ({"picture": b"P5 9000 9000 255\n"}, "9000 x 9000 pixels up to 255, expected 1 to 64000000"),
         ({"picture": b"P5 1 1 65536\n"}, "pixels up to 65536, expected 1 to 64000000 pixels up to 65535"),
         ({"free_thresh": 0.7}, "free_thresh is 0.7, expected a number from 0 to 0.65"),
-        ({"mode": "scale", "negate": True}, "negate is True"),
+        ({"negate": "no"}, "negate is 'no'"),
     ],
 )
 def test_bad_maps_name_file_key_and_value(tmp_path, changes, message):
@@ -143,6 +178,68 @@ def test_bad_maps_name_file_key_and_value(tmp_path, changes, message):
     with pytest.raises(ConfigError, match=message) as caught:
         load(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"origin": [0.0, 0.0, "nan"]},
+        {"origin": [0.0, 0.0, "-nan"]},
+        {"origin": [0.0, 0.0, math.nan]},
+        {"origin": [0.0, 0.0, 0.0, 1.0]},
+        {"negate": False},
+        {"occupied_thresh": 0.65, "free_thresh": 0.196, "cost_translation_table": "default"},
+    ],
+    ids=str,
+)
+def test_what_ros_takes_is_taken(tmp_path, changes):
+    """map_saver writes a yaw that it does not know as nan; other programs write further keys and numbers."""
+    assert load(write(tmp_path, **changes)).walls == load(write(tmp_path)).walls
+
+
+@pytest.mark.parametrize(("negate", "grey"), [(0, (0, 100, 255, 50)), (1, (255, 155, 0, 205))])
+def test_raw_values_are_states(tmp_path, negate, grey):
+    write(tmp_path, picture=b"P5 4 1 255\n" + bytes(grey))
+    found = grid_map.read(str(tmp_path / "map.yaml"), {**GOOD, "mode": "raw", "negate": negate})
+    assert found.cells.tolist() == [[FREE, OCCUPIED, UNKNOWN, UNKNOWN]]
+
+
+PIXELS = {
+    "1": [0, 255, 255, 255],
+    "L": [0, 254, 205, 254],
+    "RGB": [(0, 0, 0), (254, 254, 254), (0, 254, 254), (254, 254, 254)],
+    "I;16": [0, 65000, 52000, 65000],
+    "LA": [(0, 255), (254, 255), (254, 0), (254, 255)],
+    "RGBA": [(0, 0, 0, 0), (254, 254, 254, 255), (254, 254, 254, 0), (254, 254, 254, 255)],
+}
+"""Occupied, free, unknown (white in two colours), free.  In the mode trinary, ROS counts the opacity as a colour."""
+
+
+def picture(mode, pixels, size):
+    """A PNG with these pixels."""
+    from PIL import Image
+
+    made, data = Image.new(mode, size), io.BytesIO()
+    for i, pixel in enumerate(pixels):
+        made.putpixel((i % size[0], i // size[0]), pixel)
+    made.save(data, "PNG")
+    return data.getvalue()
+
+
+@pytest.mark.parametrize("kind", PIXELS)
+def test_png_pictures_are_read(tmp_path, kind):
+    write(tmp_path, picture=picture(kind, PIXELS[kind], (2, 2)))
+    cells = grid_map.read(str(tmp_path / "map.yaml"), GOOD).cells.tolist()
+    assert cells == [[FREE if kind == "1" else UNKNOWN, FREE], [OCCUPIED, FREE]]
+
+
+def test_without_pillow_a_png_is_named_with_the_package(tmp_path, monkeypatch):
+    path = write(tmp_path, picture=picture("L", PIXELS["L"], (2, 2)))
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    with pytest.raises(
+        ConfigError, match="map.pgm: is a PNG picture, which needs the Python package Pillow; install it"
+    ):
+        load(path)
 
 
 def test_a_map_in_a_world_that_is_not_there(tmp_path):
@@ -155,7 +252,6 @@ def test_a_map_in_a_world_that_is_not_there(tmp_path):
 def test_many_walls_are_heard_like_few():
     """More than a loop takes: the index changes its ways, the answer stays."""
     from sim_arduino.world.wall_index import FEW
-    from sim_arduino.world.world import World
 
     walls = [Wall(3 + i * 0.01, -1, 3 + i * 0.01, 1) for i in range(FEW + 1)]
     answers = [

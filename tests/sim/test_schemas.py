@@ -37,7 +37,7 @@ ONLY_READ = (
     r"is -?\d+\.0, expected a whole number",
     r"robots\.\w+: robot '.*' is unknown",
     r"expected a map_server YAML",
-    r"No such file or directory, expected a PGM picture",
+    r"No such file or directory, expected a PGM or PNG picture",
     r"the occupied_thresh",
 )
 """Errors of the checks that no schema can say, as in docs/own_robot.md."""
