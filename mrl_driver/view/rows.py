@@ -64,7 +64,7 @@ def _asked(state: ShownState) -> Row:
 def _speeds(twist: Sequence[float]) -> str:
     linear_m_s, angular_rad_s, *lateral_m_s = twist
     aside = f"  {lateral_m_s[0]:+.3f} m/s to the left" if lateral_m_s else ""
-    return f"{linear_m_s:+.3f} m/s  {angular_rad_s:+.2f} rad/s{aside}"
+    return f"{linear_m_s:+.3f} m/s  {math.degrees(angular_rad_s):+.0f} deg/s{aside}"
 
 
 def sonar_order(names: Sequence[str]) -> List[str]:

@@ -50,15 +50,15 @@ def test_motion_is_told_in_numbers_with_units():
     assert [row.value for row in told()["motion"].values()] == [
         "x +1.000  y -0.250 m",
         "+90.0 deg",
-        "+0.200 m/s  -0.50 rad/s",
-        "+0.250 m/s  +0.00 rad/s",
+        "+0.200 m/s  -29 deg/s",
+        "+0.250 m/s  +0 deg/s",
         "3.20 m",
     ]
 
 
 def test_a_robot_that_moves_sideways_has_a_third_speed():
     asked = told(command=OmniTwist(0.1, 0.2, -0.3))["motion"]["asked"]
-    assert asked.value == "+0.100 m/s  +0.20 rad/s  -0.300 m/s to the left"
+    assert asked.value == "+0.100 m/s  +11 deg/s  -0.300 m/s to the left"
 
 
 def test_a_stopped_robot_says_why():

@@ -87,6 +87,7 @@ def test_who_watches_can_stop_and_only_who_drives_can_release(visit, robot, stil
     driver.wait(latched="yes", spent="yes")
     assert still_stands()
     assert not watcher.usable("release")
+    assert "Release it to drive on" in driver.text("state") and "release" not in watcher.text("state").lower()
     driver.tab.lift()
     driver.tab.press("release")
     watcher.wait(latched="no")
@@ -148,6 +149,7 @@ def test_a_page_without_a_place_sends_its_stop_when_there_is_one(visit):
     page.tab.press("stop")
     page.tab.run("window.free = true")
     page.wait(latched="yes", transport="websocket")
+    assert "Take the helm, then release it" in page.text("state") and not page.shows("phone-panel")
     page.take()
 
 
@@ -158,6 +160,7 @@ def test_values_from_before_the_link_was_lost_are_not_shown(visit, shared):
     try:
         page.wait(link="closed")
         wait_until(lambda: {*map(page.text, names)} == {"–"})
+        assert not page.usable("record")
     finally:
         shared.proxy.flows.set()
 

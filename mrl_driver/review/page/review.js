@@ -63,7 +63,7 @@ let moment = places.find(({ text }) => text)?.time ?? times[known[0] ?? 0]; // t
 let map = null;
 if (known.length) {
   element("map-panel").hidden = false;
-  map = new FloorMap();
+  map = new FloorMap(true);
   map.robot = data.robot;
   map.setPath(known.map((i) => [poses[0][i], poses[1][i]]));
   map.spots = places

@@ -58,6 +58,12 @@ export class Helm {
     return id === null ? "" : " by a page that has left";
   }
 
+  /** How this page can end the emergency stop: a sentence, or empty. */
+  get release() {
+    if (!this.mayDrive || !this.moves) return "";
+    return this.isMine ? ". Release it to drive on" : ". Take the helm, then release it";
+  }
+
   welcome(message) {
     this.#you = message.you;
     this.#role = message.role;

@@ -58,7 +58,7 @@ let hasDriven = false;
 /** The state in words, and its mark; the most important one counts. */
 function stateNow() {
   if (!connection.isOpen) return [connection.words, connection.state === "connecting" ? "" : "bad"];
-  if (helm.state.latched) return [`EMERGENCY STOP${helm.stoppedBy}`, "bad"];
+  if (helm.state.latched) return [`EMERGENCY STOP${helm.stoppedBy}${helm.release}`, "bad"];
   if (view.silent) return ["No data from the robot", "bad"];
   if (press.source && press.why === REACHED) return [sentence(REACHED), "good"];
   if (press.source && press.why) return [sentence(press.why) + (press.drove ? ". Release and press again" : ""), "caution"];
@@ -79,6 +79,7 @@ function showState() {
   setText(element("link"), connection.brief);
   element("link").dataset.state = connection.state;
   element("retry").hidden = connection.state !== "refused";
+  element("record").disabled = !connection.isOpen;
   page.held = press.held ? "yes" : "no";
   heldSince = press.held ? Math.min(heldSince, performance.now()) : Infinity;
   const spent = Boolean(press.source && press.why);
@@ -171,6 +172,7 @@ connection.on("view", (message) => {
   panels.readings([...(view.sections ?? []), pageSection()]);
   panels.nearest(found, found ? map.marks[found[0]] ?? "" : "");
   panels.battery(view.battery);
+  wordsAt = -Infinity; // the map's words say the same as the readings
   showState();
 });
 

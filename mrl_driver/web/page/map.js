@@ -4,8 +4,8 @@ import { element, number } from "./text.js";
 
 const LONGEST_CONE_M = 2.5;
 const NEAREST_M = 0.1;
-const LEAST_SPAN_M = 4;
-const MARGIN_M = 0.6;
+const AROUND = { span: 4, margin: 0.6, cones: true }; // least size and margin [m] of what is fitted, and whether cones count
+const CLOSE = { span: 1, margin: 0.3, cones: false }; // a path of 0.3 m is still a path
 const GRIDS_M = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100];
 const LEAST_GRID_PX = 44;
 const LEAST_STEP_M = 0.01;
@@ -29,6 +29,7 @@ export class FloorMap {
   #context = this.#canvas.getContext("2d");
   #colours = {};
   #centre = [0, 0];
+  #view;
   #scale = 100;
   #fits = true;
   #dirty = true;
@@ -41,7 +42,9 @@ export class FloorMap {
   #start = [0, 0];
   #moved = 0;
 
-  constructor() {
+  /** `close` fits the path alone, for a drive that is over. */
+  constructor(close = false) {
+    this.#view = close ? CLOSE : AROUND;
     this.readColours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.readColours());
     new ResizeObserver(() => this.resize()).observe(this.#canvas);
@@ -201,13 +204,14 @@ export class FloorMap {
     if (this.goal) box = grown(box, this.goal[0], this.goal[1]);
     const [px, py] = this.pose ?? [0, 0];
     box = grown(box, px, py);
-    if (now) for (const cone of this.#cones()) box = grown(grown(box, ...cone.end(cone.from)), ...cone.end(cone.to));
+    if (now && this.#view.cones) for (const cone of this.#cones()) box = grown(grown(box, ...cone.end(cone.from)), ...cone.end(cone.to));
     const wide = Math.max(BUTTONS_PX, width - BUTTONS_PX);
-    const span = [Math.max(LEAST_SPAN_M, box[2] - box[0] + 2 * MARGIN_M), Math.max(LEAST_SPAN_M, box[3] - box[1] + 2 * MARGIN_M)];
+    const { span: least, margin } = this.#view;
+    const span = [Math.max(least, box[2] - box[0] + 2 * margin), Math.max(least, box[3] - box[1] + 2 * margin)];
     const scale = Math.max(SCALES[0], Math.min(SCALES[1], wide / span[0], height / span[1]));
     const half = [wide / 2 / this.#scale, height / 2 / this.#scale];
     const shown = [this.#centre[0] - BUTTONS_PX / 2 / this.#scale, this.#centre[1]];
-    const inside = box.every((value, i) => Math.abs(value - shown[i % 2]) < half[i % 2] - MARGIN_M / 3);
+    const inside = box.every((value, i) => Math.abs(value - shown[i % 2]) < half[i % 2] - margin / 3);
     if (now || !inside || scale > 1.6 * this.#scale) {
       this.#scale = now ? scale : scale * 0.92;
       this.#centre = [(box[0] + box[2]) / 2 + BUTTONS_PX / 2 / this.#scale, (box[1] + box[3]) / 2];

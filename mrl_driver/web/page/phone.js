@@ -32,7 +32,7 @@ export class Phone {
   }
 
   welcome(message) {
-    element("phone-panel").hidden = !(message.phone && message.role === "drive" && "DeviceMotionEvent" in globalThis);
+    element("phone-panel").hidden = !(message.phone && message.role === "drive" && "DeviceMotionEvent" in globalThis && navigator.maxTouchPoints);
   }
 
   async #begin() {
