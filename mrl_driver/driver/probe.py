@@ -1,13 +1,15 @@
 """Identify the board on a port.  Opening the port resets an Arduino Uno; the robot gets a stop and stays still."""
 
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from typing import Iterable, Iterator, NamedTuple, Optional, Tuple
+from typing import Iterable, Iterator, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import MrlError
 from mrl_driver.protocol.table import BAUD
+from mrl_driver.recording.recorded_link import RecordedLink
 from mrl_driver.robot import models
 from mrl_driver.robot.robot_state import without_motor_board
-from mrl_driver.session.handshake import TIMEOUT_S
+from mrl_driver.session.handshake import TIMEOUT_S, Board
+from mrl_driver.transport.link import Link
 from mrl_driver.transport.port_info import user_of
 
 from .driver import Driver
@@ -44,12 +46,30 @@ def patience_s(resets: bool) -> float:
     return TIMEOUT_S if resets else RUNNING_S
 
 
+class _Kept(RecordedLink):
+    """A link that stays open when its driver is closed."""
+
+    def close(self) -> None:
+        """End a wait of `read` alone."""
+        self.link.wake()
+
+
+def board_on(port: Union[str, Link], baud: int = BAUD, wait_s: float = TIMEOUT_S) -> Board:
+    """Return the board on a port, or on an open link, which stays open.
+
+    Raises:
+        MrlError: the port cannot be opened, or no board answers within `wait_s` [s].
+    """
+    options = Options(ignore_battery=True, any_id=True, identify=True, greeting_s=wait_s)
+    end = port if isinstance(port, str) else _Kept(port, lambda direction, data: None)
+    with Driver(end, _ANY_MODEL, baud, options) as driver:
+        return driver.board
+
+
 def probe(port: str, baud: int = BAUD, wait_s: float = TIMEOUT_S) -> Answer:
     """Ask one port; takes up to `wait_s` [s] if nothing answers."""
-    options = Options(ignore_battery=True, any_id=True, identify=True, greeting_s=wait_s)
     try:
-        with Driver(port, _ANY_MODEL, baud, options) as driver:
-            board = driver.board
+        board = board_on(port, baud, wait_s)
     except MrlError as error:
         return Answer(error=str(error))
     name = models.by_id(board.robot_id)

@@ -20,8 +20,12 @@ GONE_S = 2
 READ_SIZE = 4096
 LONGEST = 1400
 """Longest datagram [byte]; Ethernet would split a longer one."""
+NO_BOARD = b"\r\nmrl serve: "
+"""Begin of the line with which a bridge tells its client that the board is away."""
 MOST_DATAGRAMS = 32
 """At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
+MOST_WAITING = 10_000
+"""More datagrams than the system keeps."""
 _KEPT = 65536
 """At most this many bytes of an incomplete frame are kept; older ones are dropped."""
 
@@ -55,7 +59,7 @@ class Listener(Protocol):
         """Send as many bytes as there is room for; return their number."""
 
     def drop(self) -> None:
-        """Close the connection of the client."""
+        """Close the connection of the client; what it has sent is lost."""
 
     def close(self) -> None:
         """Listen no more."""
@@ -214,8 +218,11 @@ class UdpListener:
         return len(data)
 
     def drop(self) -> None:
-        """Forget the client."""
+        """Forget the client, and the datagrams that wait."""
         self._there, self.client, self._unsent = None, "", b""
+        with contextlib.suppress(OSError):
+            for _ in range(MOST_WAITING):
+                self._socket.recv(1)
 
     def close(self) -> None:
         """Listen no more."""

@@ -3,7 +3,7 @@
 import time
 from typing import Callable, Optional
 
-from mrl_driver.errors import LinkError, shortages
+from mrl_driver.errors import BoardError, LinkError, shortages
 from mrl_driver.protocol.table import BAUD
 
 from .address import TCP, UDP, is_url, scheme_of
@@ -30,11 +30,11 @@ class Opening:
         """Open the port; None to try again soon.
 
         Raises:
-            LinkError: the time is over; this is the last error.
+            LinkError, BoardError: the time is over; this is the last error.
         """
         try:
             return self._open_port()
-        except LinkError as error:
+        except (LinkError, BoardError) as error:
             if time.monotonic() >= self._until_s:
                 raise
             self.reason = str(error)

@@ -3,33 +3,47 @@
 import select
 from typing import Callable, List, Optional
 
-from mrl_driver.errors import BoardTimeout
+from mrl_driver.errors import BoardTimeout, LinkLost
 from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import STOP_CODE
 
 from .link import Link
-from .listener import Listener
+from .listener import NO_BOARD, Listener
 from .teller import Teller
 
 STOP = encode_request(STOP_CODE)
 LOOK_S = 0.5
 """Time between two checks whether a UDP client is silent [s]."""
+SEARCH_S = 0.1
+"""Time between two looks for the board [s]."""
 STOPS, STOP_AGAIN_S = 3, 0.05
 """Number of stops and time between them [s].  A stop may fall into an incomplete frame, so it is repeated."""
 
 
 class Bridge:
-    """Connects `listener`'s client with `link` until `stop` is called; it ends at most half a second later.
+    """Connects `listener`'s client with the board until `stop` is called; it ends at most half a second later, but for
+    the time that `find` takes.
+
+    While the board is away, clients get the reason and are disconnected.
 
     Args:
-        link: link to the board.
+        find: returns a link to the board, or None if it is not there now; it may raise an MrlError, which ends `run`.
+        lose: called with the error when that link is lost; from then on `find` looks for the same board.
         listener: listener for the client.
-        tell: called with a line of text when a client comes or leaves.  It may block or raise an `OSError`: the bridge
-            goes on, because a `Teller` calls it.
+        tell: called with a line of text when a client or the board comes or leaves.  It may block or raise an
+            `OSError`: the bridge goes on, because a `Teller` calls it.
     """
 
-    def __init__(self, link: Link, listener: Listener, tell: Callable[[str], None]) -> None:
-        self._link, self._listener, self._tell = link, listener, Teller(tell)
+    def __init__(
+        self,
+        find: Callable[[], Optional[Link]],
+        lose: Callable[[LinkLost], None],
+        listener: Listener,
+        tell: Callable[[str], None],
+    ) -> None:
+        self._find, self._lost, self._listener, self._tell = find, lose, listener, Teller(tell)
+        self._link: Optional[Link] = None
+        self._why = "the board was not found yet"
         self._client = ""
         self._stops = 0
         self._running = self._accepts = True
@@ -42,40 +56,76 @@ class Bridge:
         """Pass bytes in both directions until `stop` is called.
 
         Raises:
-            LinkLost: the board's port went away.
+            MrlError: the board cannot be found.
         """
         try:
             while self._running:
-                self._turn()
+                if self._link is None:
+                    self._search()
+                    continue
+                try:
+                    self._turn(self._link)
+                except LinkLost as error:
+                    self._lose(self._link, error)
         finally:
             try:
-                if self._client or self._stops:
-                    any(self._send(STOP * STOPS) for _ in range(STOPS))  # until the port has taken them
+                if self._link is not None and (self._client or self._stops):
+                    any(
+                        self._send(self._link, STOP * STOPS) for _ in range(STOPS)
+                    )  # until the port has taken them
             finally:
+                if self._link is not None:
+                    self._link.close()
                 self._listener.close()
                 self._tell.close()
 
-    def _turn(self) -> None:
-        watched: List[Optional[int]] = [self._link.fileno(), self._listener.watch, self._listener.data]
+    def _search(self) -> None:
+        """Look for the board; send clients away until it is there."""
+        link = self._find()
+        if link is None:
+            self._send_away()
+            select.select([fd for fd in (self._listener.watch,) if fd is not None], [], [], SEARCH_S)
+            return
+        self._listener.drop()  # what a client has sent meanwhile is old
+        self._link, self._client, self._stops = link, "", 0
+        self._tell(f"{link.port} answers")
+
+    def _send_away(self) -> None:
+        self._listener.read()
+        self._listener.attend()
+        if self._listener.client:
+            self._listener.write(NO_BOARD + self._why.encode("utf-8", "replace") + b"\r\n")
+            self._listener.drop()
+
+    def _lose(self, link: Link, error: LinkLost) -> None:
+        self._link, self._why = None, str(error)
+        self._tell(f"{error}; the port is searched")
+        self._send_away()
+        self._client = ""
+        link.close()
+        self._lost(error)
+
+    def _turn(self, link: Link) -> None:
+        watched: List[Optional[int]] = [link.fileno(), self._listener.watch, self._listener.data]
         wait_s = STOP_AGAIN_S if self._stops else LOOK_S
         select.select([fd for fd in watched if fd is not None], [], [], wait_s)
-        data = self._link.read(0)
+        data = link.read(0)
         if data:
             self._listener.write(data)
         data = self._listener.read()
         self._notice()  # whose command is sent is known first: this client, too, may be gone a moment later
         if data:
-            self._send(data)
+            self._send(link, data)
         self._listener.attend()
         self._notice()
-        if self._stops and self._send(STOP):
+        if self._stops and self._send(link, STOP):
             self._stops -= 1
 
-    def _send(self, data: bytes) -> bool:
+    def _send(self, link: Link, data: bytes) -> bool:
         """Return whether the board's port has accepted the bytes; the first refusal in a row is reported."""
         accepted, self._accepts = self._accepts, True
         try:
-            self._link.write(data)
+            link.write(data)
         except BoardTimeout as error:
             self._accepts = False
             if accepted:

@@ -12,7 +12,7 @@ from mrl_driver.errors import LinkError, LinkLost, PortDenied, PortMissing, shor
 
 from .address import Address, parse
 from .link import DescriptorLink
-from .listener import prompt
+from .listener import NO_BOARD, prompt
 
 _REMEDY = {
     errno.ECONNREFUSED: "nothing listens there; start the bridge, or check the port number",
@@ -59,17 +59,24 @@ class TcpLink(SocketLink):
 
     def __init__(self, port: str, patience_s: float) -> None:
         self._socket = connect(parse(port), port, patience_s)
-        self._heard = b""
+        self._heard = self._last = b""
         self._begin(port, self._socket.fileno())
 
     def read(self, timeout_s: float) -> bytes:
         """As `Link.read`."""
         data = super().read(timeout_s)
+        if data:
+            self._last = data
         if len(self._heard) < HEARD:
             self._heard = (self._heard + data)[:HEARD]
         return data
 
     def _end_of_data(self) -> None:
+        _, told, why = self._last.rpartition(NO_BOARD)
+        if told:
+            raise LinkLost(
+                f"{self.port}: mrl serve has no board now: {why.decode('utf-8', 'replace').strip()}"
+            )
         if self._heard and b"@" not in self._heard:
             raise LinkLost(
                 f"{self.port}: the other end sent {self._heard!r} and closed the connection, expected frames of a "

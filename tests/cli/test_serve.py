@@ -12,16 +12,17 @@ from unittest import mock
 
 import pytest
 
-from mrl_driver.cli import main
 from mrl_driver.cli.doctor import board
-from mrl_driver.driver import Driver
-from mrl_driver.errors import BoardTimeout, LinkLost
-from mrl_driver.transport.link import SerialLink
+from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.served_robot import ServedRobot
+from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
+from mrl_driver.session.events import Lost
 from mrl_driver.transport.listener import SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, STOPS, Bridge
 from sim_arduino.testing import EmulatedBoard
-from tests.waiting import drive_until, wait_until
+from tests.driver.conftest import Cable
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 from .run import fails, mrl
 
@@ -31,33 +32,30 @@ ADDRESS = "127.0.0.1:0"
 class Served:
     """An emulated board behind a bridge, in threads of this process."""
 
-    def __init__(self, scheme):
+    def __init__(self, port, scheme="tcp", **robot):
         self.told = []
         listener = listen(f"{scheme}://{ADDRESS}")
-        self.url, self.board = str(listener.address), EmulatedBoard("square")
-        self.link = SerialLink(self.board.port)
-        self._bridge = Bridge(self.link, listener, self.told.append)
-        self._thread = threading.Thread(target=self._run)
+        self.url = str(listener.address)
+        self.robot = ServedRobot(port, self.told.append, **robot)
+        self._bridge = Bridge(self.robot.find, self.robot.lose, listener, self.told.append)
+        self._thread = threading.Thread(target=self._bridge.run)
         self._thread.start()
 
-    def _run(self):
-        try:
-            self._bridge.run()
-        except LinkLost as error:
-            self.told.append(str(error))
+    def told_of(self, words):
+        return any(words in line for line in list(self.told))
 
     def close(self):
         self._bridge.stop()
         self._thread.join()
-        self.link.close()
-        self.board.close()
 
 
 @pytest.fixture(params=["tcp", "udp"])
 def served(request):
-    served = Served(request.param)
-    yield served
-    served.close()
+    with EmulatedBoard("square") as board:
+        served = Served(board.port, request.param)
+        served.board = board
+        yield served
+        served.close()
 
 
 def test_the_doctor_blames_no_usb_cable_of_a_board_on_a_network(served, monkeypatch):
@@ -81,6 +79,12 @@ def test_the_robot_stops_when_its_client_is_gone(served):
     wait_until(lambda: any("has left; the robot is stopped" in line for line in served.told))
 
 
+def over(link, listener, tell=str):
+    """A bridge over a link that is there."""
+    link.port, link.close = "/dev/ttyACM0", str
+    return Bridge(lambda: link, str, listener, tell)
+
+
 def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(monkeypatch):
     """As on a PC that is held up for longer than a UDP client may be silent."""
     listener, sent, turns, now_s = listen(f"udp://{ADDRESS}"), [], [], [100.0]
@@ -88,6 +92,8 @@ def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(mo
 
     def read(timeout_s):
         turns.append(timeout_s)
+        if len(turns) == 1:
+            client.write(b"@11,200,0e")
         if len(turns) == 2:
             bridge.stop()
         return b""
@@ -96,9 +102,8 @@ def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(mo
         sent.append(data)
         now_s[0] += SILENT_S
 
-    bridge = Bridge(SimpleNamespace(fileno=lambda: None, read=read, write=write), listener, str)
+    bridge = over(SimpleNamespace(fileno=lambda: None, read=read, write=write), listener)
     client = open_link(str(listener.address))
-    client.write(b"@11,200,0e")
     bridge.run()
     client.close()
     assert sent[:2] == [b"@11,200,0e", STOP]
@@ -109,8 +114,8 @@ def test_the_stop_at_the_end_goes_more_than_once():
     sent, (ready, other) = [], os.pipe()
     os.write(other, b"x")
     link = SimpleNamespace(fileno=lambda: ready, read=lambda timeout_s: b"", write=sent.append)
-    listener = SimpleNamespace(watch=None, data=None, client="somebody", close=lambda: None)
-    bridge = Bridge(link, listener, str)
+    listener = SimpleNamespace(watch=None, data=None, client="somebody", close=str, drop=str)
+    bridge = over(link, listener)
     listener.read, listener.attend = lambda: b"", bridge.stop
     bridge.run()
     os.close(ready)
@@ -139,8 +144,8 @@ def serve_a_client_that_leaves(sent, tell=str, refused=0, turns=20):
         return data
 
     link = SimpleNamespace(fileno=lambda: ready, read=lambda timeout_s: b"", write=write)
-    listener = SimpleNamespace(watch=None, data=None, client="", read=read, attend=str, close=str)
-    bridge = Bridge(link, listener, tell)
+    listener = SimpleNamespace(watch=None, data=None, client="", read=read, attend=str, close=str, drop=str)
+    bridge = over(link, listener, tell)
     try:
         bridge.run()
     finally:
@@ -180,28 +185,114 @@ def test_the_stop_at_the_end_is_tried_again_if_the_port_refuses_it():
     assert sent == [COMMAND, STOP * STOPS]
 
 
-def test_the_command_says_its_address_serves_and_ends_when_the_board_is_unplugged():
-    board, (output, other) = EmulatedBoard("square"), os.pipe()
-    words = ["serve", "--port", board.port, "--listen", f"tcp://{ADDRESS}"]
-    ended = []
+# -- a board that is not there, or not the one
 
-    def run():
-        try:
-            main.cli.main(words, standalone_mode=False)
-        except LinkLost as error:
-            ended.append(error)
 
-    with os.fdopen(other, "w", buffering=1) as stdout, contextlib.redirect_stdout(stdout):
-        thread = threading.Thread(target=run)
-        thread.start()
-        with os.fdopen(output) as said:
-            address, *words = said.readline().split()
-        assert words[:2] == ["serves", f"{board.port};"]
-        with Driver(address) as robot:
+@pytest.fixture
+def cable(serve, tmp_path):
+    """Robot 1 at a link that can be unplugged."""
+    return Cable(serve, tmp_path / "robot")
+
+
+@pytest.fixture
+def away(cable):
+    """The bridge of a robot that is not there yet."""
+    cable.unplug()
+    served = Served(cable.path, timeout_s=PATIENCE_S)
+    yield served
+    served.close()
+
+
+def of_kind(events, kind):
+    return [event for event in list(events) if isinstance(event, kind)]
+
+
+def test_a_bridge_starts_before_its_board_is_there_and_tells_clients(away, cable):
+    with pytest.raises(LinkLost, match="mrl serve has no board now: the board was not found yet"):
+        Driver(away.url).connect()
+    cable.plug()
+    with Driver(away.url, options=Options(port_timeout_s=PATIENCE_S)) as robot:
+        assert robot.board.robot_id == 1
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udp"])
+def test_the_same_robot_is_served_again_after_it_was_unplugged(prompt, cable, scheme):
+    served = Served(cable.path, scheme)
+    with contextlib.closing(served), Driver(served.url, options=Options(reconnect=True)) as robot:
+        cable.unplug()
+        wait_until(lambda: served.told_of("went away") and not robot.ready)
+        cable.plug()
+        wait_until(lambda: robot.ready)
+
+
+def test_a_client_is_told_that_the_board_is_lost(cable):
+    events, served = [], Served(cable.path)
+    with contextlib.closing(served), Driver(served.url, options=Options(reconnect=True)) as robot:
+        robot.on_event(events.append)
+        cable.unplug()
+        (lost,) = wait_until(lambda: of_kind(events, Lost))
+    assert "mrl serve has no board now" in lost.reason and "went away" in lost.reason
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udp"])
+def test_a_client_never_drives_another_board_that_appears_there(cable, scheme):
+    """It goes on to send its command, as one that does not look at the answers."""
+    served = Served(cable.path, scheme)
+    wait_until(lambda: served.told_of("answers"))
+    cable.unplug()
+    wait_until(lambda: served.told_of("went away"))
+    cable.plug(robot_id=2)
+
+    def is_refused():
+        with contextlib.suppress(LinkError), contextlib.closing(open_link(served.url)) as client:
+            client.write(COMMAND)
+        return served.told_of("robot id 2 answers") and served.told_of(
+            "expected 1: another robot is not served"
+        )
+
+    wait_until(is_refused, step_s=0.02)
+    served.close()
+    assert cable.port.board.moves == []
+
+
+def test_what_a_client_sent_while_the_board_was_away_is_not_sent_to_it(cable):
+    board, listener, found = mock.Mock(), listen(f"udp://{ADDRESS}"), []
+    with contextlib.closing(open_link(str(listener.address))) as client:
+        client.write(COMMAND)
+        (ready, other) = os.pipe()
+        board.fileno.return_value, board.read.return_value, board.port = ready, b"", "/dev/ttyACM0"
+        os.write(other, b"x")
+        turns = iter(range(5))
+        board.read.side_effect = lambda timeout_s: (
+            b"" if next(turns, None) is not None else bridge.stop() or b""
+        )
+        bridge = Bridge(lambda: board, str, listener, found.append)
+        bridge.run()
+    os.close(ready)
+    os.close(other)
+    assert board.write.call_args_list == []
+
+
+def test_a_board_that_is_not_the_named_robot_is_not_served_at_the_start(cable):
+    robot = ServedRobot(cable.path, str, robot_id=7)
+    with pytest.raises(WrongRobot, match="robot id 1 answers .* expected 7: another robot is not served"):
+        robot.find()
+
+
+def test_without_time_a_port_that_is_not_there_ends_the_command():
+    words = ("--listen", f"tcp://{ADDRESS}", "--port-timeout", "0")
+    assert "does not exist" in fails(3, "serve", "--port", "/dev/nowhere", *words)
+
+
+def test_the_command_says_its_address_and_what_it_serves(serve):
+    port = serve().path
+    command = [sys.executable, "-m", "mrl_driver", "serve", "--port", port, "--listen", f"tcp://{ADDRESS}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        address, *words = process.stdout.readline().split()
+        assert words[:2] == ["serves", f"{port};"]
+        with Driver(address, options=Options(port_timeout_s=PATIENCE_S)) as robot:
             assert robot.board.robot_id == 1
-        board.close()
-        thread.join()
-    assert len(ended) == 1
+        process.terminate()
 
 
 def test_an_address_must_be_given():
@@ -240,7 +331,9 @@ def test_an_address_beyond_this_computer_needs_a_word(listen):
 
 @pytest.mark.parametrize("listen", ["udp://0.0.0.0:0", "tcp://0.0.0.0:0"])
 def test_that_word_allows_it(listen):
-    assert "does not exist" in fails(3, "serve", "--port", "/dev/nowhere", "--listen", listen, "--insecure")
+    assert "does not exist" in fails(
+        3, "serve", "--port", "/dev/nowhere", "--listen", listen, "--insecure", "--port-timeout", 0
+    )
 
 
 def test_a_bridge_is_not_suspended(serve):

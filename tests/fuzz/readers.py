@@ -201,10 +201,10 @@ def client_of_tcp(data: bytes, folder: Path) -> None:
     told: List[str] = []
     link = _WrittenLink()
     listener = TcpListener(address.parse("tcp://127.0.0.1:0", listening=True))
-    bridge = Bridge(link, listener, told.append)  # type: ignore[arg-type]
+    bridge = Bridge(lambda: link, lambda error: None, listener, told.append)  # type: ignore[arg-type]
     with socket.create_connection(("127.0.0.1", listener.address.port)) as end:
         end.sendall(data)
-    _run_until(bridge, lambda: link.written.endswith(STOPS * encode_request(STOP_CODE)))
+    _run_until(bridge, link, lambda: link.written.endswith(STOPS * encode_request(STOP_CODE)))
     for line in told:
         require_line(line)
     if data not in link.written:
@@ -229,6 +229,8 @@ def client_of_udp(data: bytes, folder: Path) -> None:
 class _WrittenLink:
     """A link whose board says nothing."""
 
+    port = "/dev/ttyACM0"
+
     def __init__(self) -> None:
         self.written = b""
         self._ends = os.pipe()
@@ -247,13 +249,9 @@ class _WrittenLink:
             os.close(end)
 
 
-def _run_until(bridge: Bridge, done: Callable[[], bool]) -> None:
-    link: Any = bridge._link
+def _run_until(bridge: Bridge, link: Any, done: Callable[[], bool]) -> None:
     link.read = lambda timeout_s: (bridge.stop() if done() else None) and b"" or b""
-    try:
-        bridge.run()
-    finally:
-        link.close()
+    bridge.run()
 
 
 # -- boards

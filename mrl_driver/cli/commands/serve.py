@@ -10,7 +10,7 @@ from mrl_driver.host import access
 from mrl_driver.host.named_robots import Target
 from mrl_driver.transport.address import Address, parse
 
-from .shared import print_message, require_port, robot_options
+from .shared import FOREVER_S, Between, print_message, require_port, robot_options
 
 
 @click.command(short_help="Put a robot's port on the network.")
@@ -26,21 +26,29 @@ from .shared import print_message, require_port, robot_options
     is_flag=True,
     help="Listen beyond this computer: everybody who can reach the address can drive the robot.",
 )
-def serve(target: Target, listen: str, insecure: bool) -> None:
+@click.option(
+    "--port-timeout",
+    "port_timeout_s",
+    type=Between(0),
+    default=FOREVER_S,
+    help="End if the robot cannot be served within this time after the start [s]; default: wait for it.",
+)
+def serve(target: Target, listen: str, insecure: bool, port_timeout_s: float) -> None:
     """Pass bytes between a robot's port and one client on the network.
 
     There is neither encryption nor a password, so the address is one that only this computer reaches; other computers
     come through a tunnel, such as ssh -L 7000:127.0.0.1:7000 ROBOT.  The robot stops when the client disconnects or
-    this command ends.
+    this command ends.  If the board is unplugged, the client is disconnected with the reason, and the same robot is
+    served again when it is back, also on another port; another robot is not.
 
     \b
     Examples:
       mrl serve --port /dev/ttyACM0 --listen tcp://127.0.0.1:7000
       mrl serve --robot lab3 --listen udp://10.0.0.7:7000 --insecure
     """
+    from mrl_driver.driver.served_robot import ServedRobot
     from mrl_driver.driver.suspension import on_suspend
     from mrl_driver.transport.listener import listen as listen_on
-    from mrl_driver.transport.open_link import open_link
     from mrl_driver.transport.relay import Bridge
 
     port, address = require_port(target), parse(listen, listening=True)
@@ -49,12 +57,11 @@ def serve(target: Target, listen: str, insecure: bool) -> None:
         stack.enter_context(on_suspend(signal.SIG_IGN))  # a suspended bridge passes no stop
         listener = listen_on(listen)
         stack.callback(listener.close)
-        link = open_link(port, target.baud)
-        stack.callback(link.close)
         click.echo(
             f"{listener.address} serves {port}; everybody who can reach this address can drive the robot"
         )
-        Bridge(link, listener, print_message).run()
+        robot = ServedRobot(port, print_message, target.baud, target.id, port_timeout_s)
+        Bridge(robot.find, robot.lose, listener, print_message).run()
 
 
 def _require_secure(address: Address, insecure: bool) -> None:

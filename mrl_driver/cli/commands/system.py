@@ -83,7 +83,10 @@ def _mask_brltty(mask: Optional[bool], root: str) -> None:
 @root_option
 @dry_option
 def remove(root: str, dry_run: bool) -> None:
-    """Delete the files that install wrote; groups stay as they are, and brltty masked."""
+    """Delete the files that install wrote.
+
+    Groups stay as they are, and brltty masked: sudo systemctl unmask brltty-udev.service brltty.path brltty.service
+    """
     if not dry_run:
         _print(machine.remove(root))
         return
