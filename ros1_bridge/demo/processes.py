@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import re
 import signal
 import subprocess
 import time
@@ -11,7 +12,8 @@ from typing import Callable, Dict, List, Optional, Sequence
 _PR_SET_PDEATHSIG = 1
 _LIBC = ctypes.CDLL(None, use_errno=True)
 _POLL_S = 0.02
-TAIL_LINES = 6
+_ORDERS = re.compile(r"\x1b\[[\d;]*m|\x1b\]2;.*?\x07")
+"""Colours and window titles, which roslaunch prints into its log as well."""
 
 
 class Child:
@@ -82,10 +84,11 @@ class Child:
     def last_words(
         self, lines: Optional[Sequence[str]] = None, name: str = "", exit_code: Optional[int] = None
     ) -> str:
-        """Name, exit code and the last of `lines`; by default those of the program and its log."""
+        """In one line: name, exit code, the last of `lines`, the log; by default those of the program and its log."""
         words = f"{name or self.name} ended with exit code {exit_code or self.exit_code}"
-        tail = [line for line in (self.output() if lines is None else lines) if line.strip("= \x1b[0m")]
-        return "\n  ".join([f"{words}; the end of {self.log}:", *tail[-TAIL_LINES:]]) if tail else words
+        said = [_ORDERS.sub("", line).strip() for line in (self.output() if lines is None else lines)]
+        last = next((line for line in reversed(said) if line.strip("=")), "")
+        return f"{words}: {last} (its log is {self.log})" if last else words
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float) -> bool:

@@ -21,6 +21,8 @@ from ros1_bridge.demo.launcher import (
     require_alone,
     start_roscore,
 )
+from ros1_bridge.demo.processes import Child
+from tests.waiting import PATIENCE_S
 
 from .test_run import PYTHON, starting
 
@@ -75,6 +77,13 @@ def test_part_that_dies_ends_the_run_with_its_code_and_words(pair):
 
 def test_interrupt_and_death_of_a_part_end_everything(pair):
     assert pair.alive == [[], []]
+
+
+def test_the_words_of_a_part_that_ended_are_its_last_line_without_colours(tmp_path):
+    script = r"printf 'usage: x\n  [--y]\nx: error: \033[31mno y\033[0m\n====\033[0m\n'; exit 2"
+    child = Child("x", ("sh", "-c", script), tmp_path / "x.log", dict(os.environ), tmp_path)
+    child.finish(PATIENCE_S)
+    assert child.last_words() == f"x ended with exit code 2: x: error: no y (its log is {child.log})"
 
 
 def test_run_names_the_master_that_its_node_is_on(pair):
