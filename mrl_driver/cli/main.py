@@ -14,7 +14,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
 import click
 
-from mrl_driver.errors import MrlError, OutputError
+from mrl_driver.errors import MrlError, OutputError, shortages
 from mrl_driver.program import in_plain_words, version
 
 INTERRUPTED = 130
@@ -163,11 +163,10 @@ def main(args: Optional[Sequence[str]] = None) -> None:
             stream.reconfigure(errors="replace")  # a terminal without such characters shows `?`
     words = list(sys.argv[1:] if args is None else args)
     asked_by_shell = "_MRL_COMPLETE" in os.environ
+    words = words if words or asked_by_shell else ["--help"]
     try:
-        sys.exit(
-            cli.main(words if words or asked_by_shell else ["--help"], prog_name="mrl", standalone_mode=False)
-            or 0
-        )
+        with shortages("this command cannot go on", MrlError):
+            sys.exit(cli.main(words, prog_name="mrl", standalone_mode=False) or 0)
     except click.ClickException as error:
         if isinstance(error, _GROUP_ALONE):
             click.echo(error.format_message())

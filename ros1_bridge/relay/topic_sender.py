@@ -8,6 +8,8 @@ import threading
 import time
 from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 
+from mrl_driver.errors import shortage
+
 from .outbox import Outbox
 from .relay_frames import (
     LONGEST_BYTES,
@@ -168,12 +170,15 @@ class TopicSender:
                     continue
                 try:
                     receiver = _Receiver(self, connection, Address(*address[:2]))
-                except OSError as error:  # no free file descriptor, or the connection has ended
+                    receiver.start()
+                except (
+                    OSError,
+                    RuntimeError,
+                ) as error:  # no descriptor or thread, or the connection has ended
                     connection.close()
-                    self.tell(f"{Address(*address[:2])}: refused: {error}")
+                    self.tell(f"{Address(*address[:2])}: refused: {shortage(error) or error}")
                     continue
                 self._receivers.append(receiver)
-            receiver.start()
 
 
 class _Receiver:
@@ -197,7 +202,12 @@ class _Receiver:
 
     def start(self) -> None:
         """Serve it in a thread of its own."""
-        self._thread.start()
+        try:
+            self._thread.start()
+        except RuntimeError:
+            os.close(self._end)
+            os.close(self._wake)
+            raise
 
     def offer(self, source: Source, message: Message) -> None:
         """Send a message as soon as the link allows, unless a newer one replaces it before."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import click
 
-from mrl_driver.errors import MrlError, SimulatorError
+from mrl_driver.errors import MrlError, SimulatorError, shortages
 from mrl_driver.program import in_plain_words
 
 
@@ -15,7 +15,8 @@ class OneLine(click.Command):
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Like click's method, but an error prints one line."""
         try:
-            super().main(*args, **{**kwargs, "standalone_mode": False})
+            with shortages("the emulator cannot go on", SimulatorError):
+                super().main(*args, **{**kwargs, "standalone_mode": False})
         except (MrlError, click.ClickException) as error:
             text = error.format_message() if isinstance(error, click.ClickException) else str(error)
             click.echo(f"{self.name}: {in_plain_words(' '.join(text.split()))}", err=True)

@@ -55,9 +55,9 @@ class SharedRadioMedium(RadioMedium):
         super().__init__()
         self._world_name, self._robots = world_name, robots
         self._folder = folder_of(world_name)
-        self._folder_fd = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
         self._own: Dict[int, _Own] = {}
         self._sender = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._folder_fd = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
         self._sender.setblocking(False)
 
     # ---- the radios
@@ -74,14 +74,17 @@ class SharedRadioMedium(RadioMedium):
             raise ConfigError(
                 f"radio address {address:016x} is in world {self._world_name!r} already, expected another one"
             )
-        super().join(radio)
         temporary = os.path.join(self._folder, f".{address:016x}.{os.getpid()}")
-        fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
-        fcntl.flock(fd, fcntl.LOCK_EX)
-        os.pwrite(fd, _row(radio.station), 0)
-        self._own[address] = _Own(
-            fd, path, self._bind(address), os.path.join(self._folder, f"{address:016x}")
-        )
+        with contextlib.ExitStack() as undo:
+            super().join(radio)
+            undo.callback(super().leave, radio)
+            fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+            undo.callback(os.close, fd)
+            fcntl.flock(fd, fcntl.LOCK_EX)
+            os.pwrite(fd, _row(radio.station), 0)
+            own = _Own(fd, path, self._bind(address), os.path.join(self._folder, f"{address:016x}"))
+            undo.pop_all()
+        self._own[address] = own
         os.rename(temporary, path)
 
     def leave(self, radio: Radio) -> None:

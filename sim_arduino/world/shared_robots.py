@@ -31,8 +31,14 @@ _TRIES = 20
 class _Row:
     """A mapped file, and the robot in it as it was read or written last."""
 
-    def __init__(self, fd: int, memory: mmap.mmap) -> None:
-        self.fd, self.memory = fd, memory
+    def __init__(self, fd: int, access: int) -> None:
+        """Maps an open file, and closes it if that fails; `access` is one of `mmap.ACCESS_*`."""
+        self.fd = fd
+        try:
+            self.memory = mmap.mmap(fd, _ROW.size, access=access)
+        except BaseException:
+            os.close(fd)
+            raise
         self.version = -1
         self.mover: Optional[Mover] = None
 
@@ -149,7 +155,7 @@ class SharedRegistry(RobotRegistry):
         fcntl.flock(fd, fcntl.LOCK_EX)
         os.write(fd, _ROW.pack(0, *pose, *footprint))
         os.rename(temporary, path)
-        row = self._mine[name] = _Row(fd, mmap.mmap(fd, _ROW.size))
+        row = self._mine[name] = _Row(fd, mmap.ACCESS_WRITE)
         row.version, row.mover = 0, Mover(name, pose, footprint)
         self._look_due_s = 0.0
 
@@ -180,7 +186,7 @@ class SharedRegistry(RobotRegistry):
         except OSError:
             return None
         if is_locked(fd):
-            return _Row(fd, mmap.mmap(fd, _ROW.size, prot=mmap.PROT_READ))
+            return _Row(fd, mmap.ACCESS_READ)
         os.close(fd)
         try:
             os.unlink(self._path(name))

@@ -1,5 +1,6 @@
 """The command `mrl`: the robot on a port, bad input, signals, keys."""
 
+import errno
 import json
 import os
 import signal
@@ -7,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import click.testing
 import pytest
@@ -409,3 +411,17 @@ def test_what_happens_to_the_line_is_told_in_one_line(capsys, event):
     shared.report_losses(SimpleNamespace(on_event=listeners.append))
     listeners[0](event)
     assert capsys.readouterr().err == f"mrl: {event}\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.EMFILE, "Too many open files"), "too many files open"),
+        (RuntimeError("can't start new thread"), "no thread can be started"),
+        (MemoryError(), "no memory is left"),
+    ],
+)
+def test_a_computer_at_its_limits_is_named_in_one_line(monkeypatch, error, words):
+    """Not as a full disk, nor as a traceback."""
+    monkeypatch.setattr("mrl_driver.transport.port_info.facts", mock.Mock(side_effect=error))
+    assert words in fails(1, "ports")

@@ -1,10 +1,7 @@
 """Few descriptors, no thread: one of our errors, nothing stays open or locked, and it works again afterwards."""
 
 import contextlib
-import os
-import resource
 import socket
-import threading
 
 import pytest
 
@@ -17,49 +14,8 @@ from mrl_driver.transport.listener import TcpListener, UdpListener
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.udp_sender import UdpSender
 from sim_arduino.serve.pty import PtyPort
+from tests.shortage import MOST, descriptors_left, errors_of_each_step, threads_left
 from tests.waiting import wait_until
-
-MOST = 30
-"""More descriptors and threads than anything here needs."""
-
-
-def opened():
-    """The descriptors of this process, with what they lead to."""
-    found = {}
-    for name in os.listdir("/proc/self/fd"):
-        with contextlib.suppress(OSError):  # that of this look
-            found[int(name)] = os.readlink(f"/proc/self/fd/{name}")
-    return found
-
-
-@contextlib.contextmanager
-def descriptors_left(count):
-    """In this block only so many descriptors can be opened."""
-    taken, limits = sorted(opened()), resource.getrlimit(resource.RLIMIT_NOFILE)
-    holes = [os.open(os.devnull, os.O_RDONLY) for number in range(taken[-1] + 1) if number not in taken]
-    resource.setrlimit(resource.RLIMIT_NOFILE, (taken[-1] + 1 + count, limits[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
-        for hole in holes:
-            os.close(hole)
-
-
-@contextlib.contextmanager
-def threads_left(count):
-    """In this block only so many threads can be started."""
-    start, left = threading.Thread.start, [count]
-
-    def begin(self):
-        left[0] -= 1
-        if left[0] < 0:
-            raise RuntimeError("can't start new thread")
-        start(self)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(threading.Thread, "start", begin)
-        yield
 
 
 def bound(kind, scheme):
@@ -105,18 +61,7 @@ NAMES = (
 @pytest.mark.parametrize("left", [descriptors_left, threads_left])
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_opened_in_steps_leaves_nothing_open_if_a_step_fails(openers, name, left):
-    open_it = openers[name]
-    open_it().close()  # what it imports is imported
-    before, threads, errors = opened(), threading.active_count(), []
-    for count in range(MOST):
-        with left(count):
-            try:
-                open_it().close()
-                break
-            except MrlError as error:
-                errors.append(error)  # it keeps what the collector would close
-        assert opened() == before and threading.active_count() == threads
-    assert opened() == before and count < MOST - 1
+    errors = errors_of_each_step(openers[name], left, MrlError)
     assert all("too many files open" in str(error) or "no thread" in str(error) for error in errors)
 
 

@@ -28,6 +28,7 @@ from ros1_bridge.relay.relay_report import ERROR, OK, WARN, receiver_health, rec
 from ros1_bridge.relay.relay_settings import Address, read_settings
 from ros1_bridge.relay.topic_receiver import TopicReceiver
 from ros1_bridge.relay.topic_sender import SETTLE_S, MessageType, TopicSender
+from tests.shortage import threads_left
 from tests.waiting import wait_until
 
 EVENTS = [
@@ -491,3 +492,16 @@ def test_silent_receiver_is_given_up():
 
 def test_health_says_whether_a_relay_is_connected(ends):
     assert receiver_health(ends.connected()) == (OK, "connected")
+
+
+def test_a_relay_for_which_there_is_no_thread_is_refused_and_the_next_one_served():
+    told = []
+    sender = TopicSender("robot1", Address("127.0.0.1", 0), set(), TIMEOUT_S, told.append)
+    with threads_left(0), socket.create_connection(sender.address) as refused:
+        assert refused.recv(1) == b""
+    with socket.create_connection(sender.address) as served:
+        served.settimeout(TIMEOUT_S)
+        served.sendall(encode(Hello(PROTOCOL, "robot2", "b2", [])))
+        assert served.recv(1)
+    sender.close()
+    assert "refused: no thread can be started" in told[0]

@@ -20,6 +20,7 @@ from sim_arduino.world import shared_robots
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
+from tests.shortage import descriptors_left, errors_of_each_step
 from tests.sim.simulator import Client, Simulator
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -245,3 +246,14 @@ def test_a_row_is_marked_while_it_is_written(registries, lab, tmp_path):
     changes = [data for data, previous in zip(seen[1:], seen) if data != previous]
     versions = [int.from_bytes(data[:8], "little") % 2 for data in changes]
     assert versions == [1, 1, 0] and changes[0][8:] == seen[0][8:] and changes[1][8:] == changes[2][8:]
+
+
+def test_a_process_that_runs_out_of_descriptors_leaves_none_open(lab):
+    """And a later one takes the robot's place in the world."""
+
+    def join():
+        registry = SharedRegistry(lab)
+        registry.place("one", Pose(0.0, 0.0, 0.0), Footprint(0.2, 0.1))
+        return registry
+
+    assert errors_of_each_step(join, descriptors_left, OSError)
