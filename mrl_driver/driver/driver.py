@@ -49,7 +49,7 @@ from mrl_driver.transport.link import WRITE_TIMEOUT_S, Link
 from mrl_driver.transport.reconnect import LOOK_S
 
 from .link_source import LinkSource
-from .options import DEFAULTS, Options, require_baud, require_limits, require_options
+from .options import DEFAULTS, Options, require_baud, require_limits, require_options, require_timeout
 from .robot_core import Core, DriverEvent
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
@@ -253,8 +253,10 @@ class Driver:
         """Sleep until the driver is closed or has failed; False if `timeout_s` ended first.
 
         Raises:
+            ConfigError: `timeout_s` is not a number, or NaN.
             MrlError: the driver failed; this is the error, such as LinkLost.
         """
+        timeout_s = require_timeout("timeout_s", timeout_s)
         with self._changed:
             ended = self._changed.wait_for(lambda: self._closing or self._error is not None, timeout_s)
             if self._error is not None:
@@ -400,6 +402,7 @@ class Driver:
             BoardTimeout: no reply within `timeout_s`, in each of three attempts.
             LinkLost: the port went away.
         """
+        wait_s = require_timeout("timeout_s", timeout_s)
         core = self._core
         for _ in range(ATTEMPTS):
             with self._lock:
@@ -409,7 +412,7 @@ class Driver:
                 self.request(code, *args)
                 with self._changed:
                     self._changed.wait_for(
-                        lambda: core.answer(code, args) or self._error or self._closing, timeout_s
+                        lambda: core.answer(code, args) or self._error or self._closing, wait_s
                     )
             finally:
                 with self._lock:

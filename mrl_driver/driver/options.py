@@ -1,6 +1,7 @@
 """The options of a driver, and the check of their ranges."""
 
 import math
+import threading
 from numbers import Integral, Real
 from typing import Any, Callable, Dict, NamedTuple, Optional, Type
 
@@ -110,6 +111,21 @@ def require_range(
     if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:
         whole = ", a whole number" if kind is Integral else ""
         raise ConfigError(f"{name} is {value!r}, expected {low} to {high} {unit}{whole}")
+
+
+def require_timeout(name: str, value: Any) -> Optional[float]:
+    """Return a time to wait that the system can wait [s]; None waits without an end.
+
+    Raises:
+        ConfigError: not a number, or NaN, with which a wait would never end.
+    """
+    if value is None:
+        return None
+    if isinstance(value, bool) or not isinstance(value, Real) or value != value:
+        raise ConfigError(
+            f"{name} is {value!r}, expected a number of seconds, or None to wait without an end"
+        )
+    return min(float(value), threading.TIMEOUT_MAX)
 
 
 def require_baud(name: str, value: Any) -> None:

@@ -489,3 +489,21 @@ def test_a_host_that_was_paused_catches_up(serve):
         assert over.wait(PATIENCE_S)
         wait_until(lambda: driver.ready and driver.age_s < 0.05)
         assert driver.statistics.lost == 0
+
+
+@pytest.mark.parametrize("timeout_s", [math.nan, "1", True])
+@pytest.mark.parametrize("call", [Driver.wait, lambda robot, timeout_s: robot.ask(5, timeout_s=timeout_s)])
+def test_a_wait_for_no_number_of_seconds_is_refused(robot, call, timeout_s):
+    """NaN would never end."""
+    with pytest.raises(ConfigError, match="timeout_s is .*, expected a number of seconds, or None"):
+        call(robot, timeout_s)
+
+
+def test_a_wait_for_longer_than_the_system_can_wait_waits(serve):
+    robot, waited = Driver(serve().path), []
+    robot.connect()
+    thread = threading.Thread(target=lambda: waited.append(robot.wait(math.inf)))
+    thread.start()
+    robot.close()
+    thread.join(PATIENCE_S)
+    assert waited == [True]
