@@ -279,10 +279,12 @@ class Driver:
             lateral_m_s: speed to the left, if the base can move sideways.
 
         Returns:
-            True if the command is in force.  False if the board is silent or being greeted, the port is lost, the
-            battery is empty, a wheel does not follow its command (see `mismatch`), another robot holds this one by
-            radio (see `hold`), commands are inhibited, the program has just gone on after a pause (with the option
-            `queued_s`), or the driver is being closed.
+            True if the port has accepted the command, or does so as soon as the pace of commands allows (5 ms, with
+            boards of 2013 0.15 s).  False if the board is silent or being greeted, the port is lost, the battery is
+            empty, a wheel does not follow its command (see `mismatch`), another robot holds this one by radio (see
+            `hold`), commands are inhibited, the program has just gone on after a pause (with the option `queued_s`), or
+            the driver is being closed.  Also False if telemetry is older than 0.1 s, or the port accepts no data for
+            0.1 s: then the command may still be in force (see `command`) and is sent as soon as possible.
 
         Raises:
             FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
@@ -294,9 +296,12 @@ class Driver:
             self._refuse()
         try:
             with self._lock:
-                return core.drive(linear_m_s, angular_rad_s, self._clock(), lateral_m_s)
+                taken = core.drive(linear_m_s, angular_rad_s, self._clock(), lateral_m_s)
+                if self._writer is not None and not self._may_write():
+                    self._await_writer(self._may_write)
         finally:
-            self._flush()
+            accepted = self._flush()
+        return taken and accepted
 
     def stop(self) -> None:
         """Stop at once; the stop is repeated until telemetry confirms it.
@@ -371,20 +376,18 @@ class Driver:
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
             stops = core.stops
-            if len(session.out) > QUEUE_BYTES:
-                self._queuing += 1
-                room = self._changed.wait_for(lambda: len(session.out) <= QUEUE_BYTES, WRITE_TIMEOUT_S)
-                self._queuing -= 1
-                if not room:
-                    session.counters.blocked_writes += 1
-                    return
+            if len(session.out) > QUEUE_BYTES and not self._await_writer(
+                lambda: len(session.out) <= QUEUE_BYTES
+            ):
+                session.counters.blocked_writes += 1
+                return
             if code in TURNING:
-                core.require_may_turn(code)
+                core.require_may_turn(code, self._clock())
                 if core.stops != stops:
                     raise MrlError(
                         f"a stop came while request {code} waited for the line: not sent, send it again if needed"
                     )
-            session.expire(self._clock())
+            core.expire(self._clock())
             if code == STOP_CODE:
                 core.stop(self._clock(), "user")
             else:
@@ -481,7 +484,6 @@ class Driver:
         with self._lock:
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
-            core.session.expire(self._clock())
             core.send_by_radio(request, self._clock())
         self._flush()
 
@@ -1095,21 +1097,25 @@ class Driver:
     def _refuse(self) -> NoReturn:
         raise self._error or LinkLost("the driver is not connected, or was closed")
 
-    def _flush(self) -> None:
+    def _flush(self) -> bool:
         """Send the session's bytes, and wake the reading thread if something is now due earlier.
 
         Only one thread writes at a time, without a lock.  What others add meanwhile, the reading thread sends next.
         A signal handler of the thread that writes may write as well.
+
+        Returns:
+            The port has accepted all bytes that were to be sent.
         """
         core, session, data = self._core, self._core.session, b""
-        mine = (threading.get_ident(), self._link)
+        mine, accepted = (threading.get_ident(), self._link), True
         try:
             with self._lock:
                 link, due_s = self._link, -math.inf if session.hurried else session.motion.due_s
                 wake = due_s < core.due_s
                 if wake:
                     core.due_s = due_s
-                if session.out and (self._writer is None or self._may_write()):
+                accepted = not session.out or self._may_write()
+                if session.out and accepted:
                     data = bytes(session.out)
                     self._writer = mine
                     session.out.clear()
@@ -1118,7 +1124,9 @@ class Driver:
                 link.write(data)
         except BoardTimeout:
             session.counters.blocked_writes += 1
+            session.motion.sent, accepted = None, False
         except LinkLost as error:
+            accepted = False
             if link is not None:
                 self._on_broken(link, error)
         finally:
@@ -1133,6 +1141,14 @@ class Driver:
                         core.due_s, wake = -math.inf, True
         if wake and link is not None and threading.current_thread() is not self._thread:
             link.wake()
+        return accepted
+
+    def _await_writer(self, done: Callable[[], bool]) -> bool:
+        """Wait for the write of another thread, which takes long only if the port blocks; with the lock."""
+        self._queuing += 1
+        in_time = self._changed.wait_for(done, WRITE_TIMEOUT_S)
+        self._queuing -= 1
+        return in_time
 
     def _may_write(self) -> bool:
         """Return whether this thread may write: no other does, or another cannot report that it is done."""

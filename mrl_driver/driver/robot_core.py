@@ -222,6 +222,7 @@ class Core:
         if self.radio_queue.due_s <= now and self.session.ready:
             request = self.radio_queue.take(now)
             if request is not None:
+                self.expire(now)
                 self.session.request(*request)
 
     def drive(self, linear_m_s: float, angular_rad_s: float, now: float, lateral_m_s: float = 0.0) -> bool:
@@ -268,9 +269,15 @@ class Core:
         lateral_mm_s = (round(others[0] * 1000),) if others else ()
         return session.drive((round(linear * 1000), round(angular * 1000), *lateral_mm_s), now, moves)
 
-    def require_may_turn(self, code: int) -> None:
+    def expire(self, now: float) -> None:
+        """Apply the limits again, and stop the robot if it must not drive on, before a request feeds the watchdog."""
+        self.limit_again(now)
+        self.session.expire(now)
+
+    def require_may_turn(self, code: int, now: float) -> None:
         """Raise MrlError if a request that turns motors must not be sent now, or ever."""
         self._require_motors()
+        self.session.require_answers(now)
         if self.held:
             raise MrlError(f"{BY_CODE[code].name} is refused, nothing was sent: {self.hold}")
         if self.leaving or self.inhibited:

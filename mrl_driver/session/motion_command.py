@@ -61,6 +61,8 @@ class Motion:
         self.skip_minus_one = skip_minus_one
         self.target: Optional[Speeds] = None
         """Speeds in force [mm/s, mrad/s]; None while stopped."""
+        self.sent: Optional[Speeds] = None
+        """Speeds that were sent last; None after a stop."""
         self.request_of: Optional[Callable[[Speeds], Request]] = None
         """Returns the request that commands these speeds; None for a base with two driven wheels or tracks."""
         self.stop_reason = "none"
@@ -105,6 +107,11 @@ class Motion:
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
     @property
+    def held_back(self) -> bool:
+        """The command in force is not the one that was sent last."""
+        return self.target is not None and self.target != self.sent
+
+    @property
     def wanted(self) -> bool:
         """The last command was to move, and no stop of the user has followed it."""
         return self._moves and (self.target is not None or self.stop_reason != "user")
@@ -137,7 +144,7 @@ class Motion:
         """Stop; the request is due at once and is repeated until `observe` has confirmed the stop."""
         self.stop_reason = reason
         self.stops += self.target is not None
-        self.target = self._fade = self._still_since_s = None
+        self.target = self.sent = self._fade = self._still_since_s = None
         self.stopping = self.settling = self._new = True
         self._still, self.due_s = 0, -math.inf
 
@@ -153,7 +160,7 @@ class Motion:
             self.stop_reason = reason
             self.stops += 1
         self.unconfirmed = self.unconfirmed or self.stopping or self._turning
-        self.target = self._fade = None
+        self.target = self.sent = self._fade = None
         self._new = self.stopping = self.settling = False
         self.due_s = math.inf
 
@@ -197,6 +204,7 @@ class Motion:
         if target is None:
             self.due_s = now + pace.stop_s
             return _STOP_REQUEST
+        self.sent = target
         self.due_s = min(now + (pace.gap_s if self._fade else pace.repeat_s), self._expires_s)
         if self.request_of is not None:
             return self.request_of(target)

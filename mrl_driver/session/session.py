@@ -35,7 +35,7 @@ from .sequence import Stream
 __all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonars", "Stale", "Status"]
 
 LATE_S = 0.1
-"""If telemetry is older than this, no motion commands are sent [s]."""
+"""If telemetry is older than this, no motion commands are sent [s]; see `Session._stop_blind`."""
 STALE_S = 0.28
 """If telemetry is older than this, the session reports `Stale` (so the caller knows within 300 ms), drops the command
 and greets the board again [s].
@@ -174,7 +174,13 @@ class Session:
         return data
 
     def drive(self, speeds: Speeds, now: float, moves: Optional[bool] = None) -> bool:
-        """Put a command in force; do nothing and return False unless the board is ready.  For `moves` see `Motion`."""
+        """Put a command in force; for `moves` see `Motion`.
+
+        While telemetry is late, the command is held back; while the board is silent or being greeted, it is dropped.
+
+        Returns:
+            The command is sent, at the latest when the pace allows it.
+        """
         if self._greeting is not None:
             return False
         if now - self._attended_s > self._pause_s:
@@ -182,12 +188,16 @@ class Session:
         self._attended_s = now
         if now - self.resumed_s < self.queued_s and (any(speeds) if moves is None else moves):
             return False
-        if now - self.heard_s >= LATE_S and not (any(speeds) or moves):
+        late = now - self.heard_s >= LATE_S
+        if late and not (any(speeds) or moves):
             self.stop(now)  # a command would not be sent now
             return True
         motion, self._requested_s = self.motion, math.inf
         motion.drive(speeds, now, moves)
-        request = motion.take(now, now - self.heard_s < LATE_S)
+        if late:
+            self._move(now)
+            return motion.target == motion.sent is not None
+        request = motion.take(now)
         if request is not None:
             self.out += _encode(*request, checked=self._decoder.checked)
         return True
@@ -204,8 +214,11 @@ class Session:
         self._move(now)
 
     def expire(self, now: float) -> None:
-        """Stop the robot if the time of its command is over, for a thread that sends while the reading thread hangs."""
-        self._move(now)
+        """Stop the robot if it must not drive on, before something is sent that feeds the board's watchdog.
+
+        The reading thread may hang in a callback meanwhile.
+        """
+        self._move(now, feeds=True)
 
     def lose(self, now: float) -> None:
         """The link is gone: drop the command and the bytes not yet sent."""
@@ -259,17 +272,19 @@ class Session:
 
         Raises:
             FrameError: the command table does not allow the request.
-            BoardTimeout: the request would turn motors, and the board is silent or being greeted; it was not sent.
         """
-        if code in TURNING and not self.ready:
-            raise BoardTimeout(
-                "the board is silent or being greeted, nothing was sent; try again when it is ready"
-            )
         self._send(code, *args)
         if code in TURNING:
             self._poll.hurry()
             self._requested_s, self._asked_s = min(self._requested_s, self._attended_s), self._attended_s
             self.hurried = True
+
+    def require_answers(self, now: float) -> None:
+        """Raise BoardTimeout if the board is silent or being greeted."""
+        if not self.ready or self._silent(now):
+            raise BoardTimeout(
+                "the board is silent or being greeted, nothing was sent; try again when it is ready"
+            )
 
     def identify(self) -> None:
         """Ask a ready board again for its identity, for a recording that begins now."""
@@ -337,9 +352,6 @@ class Session:
             self._restarted = not self.checked
         elif now - self.heard_s < LATE_S:
             self._poll.take(now, self.motion.pace.repeat_s)
-        if self._requested_s < math.inf and now - self._asked_s >= BUSY_S and self._watched:
-            # The watchdog stops the motors only if no other request, such as a sensor's, comes more often.
-            self.stop(now, "command_timeout")
         self._move(now)
         return events
 
@@ -370,10 +382,35 @@ class Session:
         checked = self.checked if checked is None else checked
         self.out += _encode(code, *args, checked=checked and code != STOP)
 
-    def _move(self, now: float) -> None:
-        request = self.motion.take(now, self.ready and now - self.heard_s < LATE_S)
+    def _move(self, now: float, feeds: bool = False) -> None:
+        """Send the command or stop that is due.  `feeds` says that something is sent next that feeds the watchdog."""
+        late = now - self.heard_s >= LATE_S
+        if late and self.motion.target is not None:
+            self._stop_blind(now, feeds)
+        if self._requested_s < math.inf:
+            self._end_requested(now)
+        request = self.motion.take(now, self.ready and not late)
         if request is not None:
             self._send(*request)
+
+    def _stop_blind(self, now: float, feeds: bool) -> None:
+        """Telemetry is late: stop the robot if it is stale, or if the command in force is held back and the board would
+        not stop by itself soon: it is fed, or has no watchdog.  A command of zero is a stop.
+        """
+        motion = self.motion
+        goes_on = feeds or not self._watched or not any(motion.target or ())
+        if self._silent(now) or (motion.held_back and goes_on):
+            motion.stop("stale" if motion.wanted else "user")
+
+    def _end_requested(self, now: float) -> None:
+        """Stop what a request turns, if telemetry is stale or the last such request is long ago.
+
+        The watchdog stops the motors only if no other request, such as a sensor's, comes more often.
+        """
+        silent = self._silent(now)
+        if silent or (now - self._asked_s >= BUSY_S and self._watched):
+            self._requested_s = math.inf
+            self.motion.stop("stale" if silent else "command_timeout")
 
     def _pace(self) -> Pace:
         """A pace whose repeats feed the watchdog, however short its period, even if one repeat is lost."""

@@ -76,7 +76,7 @@ class DriverRobot:
         if why:  # between two commands, and the server has not seen it yet
             return why
         try:
-            if driver.drive(linear_m_s, angular_rad_s, lateral_m_s):
+            if driver.drive(linear_m_s, angular_rad_s, lateral_m_s) or driver.command is not None:
                 self._driven, self._age_s, self._driven_s = True, age_s, time.monotonic()
                 return ""
             return why_refused(driver, REMEDY)

@@ -112,7 +112,8 @@ class Commander:
     def drive(self, linear_m_s: float, angular_rad_s: float, *lateral_m_s: float) -> bool:
         """Take a command; False if the robot may not move now (see `refusal`).  Only some bases move sideways."""
         self._cause, self._commanded_s = NONE, self._clock()
-        self._commanded = bool(self._driver.drive(linear_m_s, angular_rad_s, *lateral_m_s))
+        taken = self._driver.drive(linear_m_s, angular_rad_s, *lateral_m_s)
+        self._commanded = taken or self._driver.command is not None  # held back while telemetry is late
         return self._commanded
 
     def stop(self, cause: str = NONE) -> None:

@@ -131,17 +131,17 @@ def test_a_held_robot_takes_no_command_even_of_zero(robot, speed):
 def test_a_request_that_turns_motors_is_refused_to_a_held_robot(robot):
     robot.core.hold, robot.core.held = HELD, True
     with pytest.raises(MrlError, match="move_motors is refused, nothing was sent: .*holds the robot"):
-        robot.core.require_may_turn(MOVE_MOTORS)
+        robot.core.require_may_turn(MOVE_MOTORS, robot.now)
 
 
 def test_a_request_that_turns_motors_is_refused_with_all_reasons(robot):
-    robot.core.require_may_turn(MOVE_MOTORS)
+    robot.core.require_may_turn(MOVE_MOTORS, robot.now)
     robot.core.inhibited.update({"second", "first"})
     with pytest.raises(MrlError, match=r"move_motors is refused .* \(first, second\), nothing was sent"):
-        robot.core.require_may_turn(MOVE_MOTORS)
+        robot.core.require_may_turn(MOVE_MOTORS, robot.now)
     robot.core.leaving = True
     with pytest.raises(MrlError, match=r"\(the driver is being closed\)"):
-        robot.core.require_may_turn(MOVE_MOTORS)
+        robot.core.require_may_turn(MOVE_MOTORS, robot.now)
 
 
 # -- wheels
@@ -466,7 +466,8 @@ def test_commands_that_waited_in_a_queue_during_a_pause_are_refused(queued_s, ta
     robot = Robot(load("traxbot"), options=DEFAULTS._replace(queued_s=queued_s))
     robot.run(0.1)
     robot.now += 0.255
-    assert robot.drive(0.2) == taken
+    robot.drive(0.2)
+    assert (robot.motion.target is not None) == taken
     robot.run(0.1)
     assert robot.drive(0.2)
 

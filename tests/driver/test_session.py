@@ -644,7 +644,7 @@ def test_motors_are_not_turned_by_a_request_while_the_board_is_silent():
     talk.board.mute = True
     talk.run(0.5)
     with pytest.raises(BoardTimeout, match="nothing was sent"):
-        talk.session.request(BY_NAME["move_motors"].code, 50, 50)
+        talk.session.require_answers(talk.now)
 
 
 def test_a_board_that_started_two_seconds_later_than_before_has_restarted():
@@ -703,4 +703,5 @@ def test_a_slow_stream_is_no_pause():
 
 def test_a_program_whose_commands_do_not_wait_drives_on_at_once_after_a_pause(paused):
     paused.session.queued_s = 0.0
+    paused.step()
     assert paused.session.drive((100, 0), paused.now)

@@ -1,5 +1,6 @@
 """The session fed by hand: its limits to the instant, what it counts, and what it sends in each state."""
 
+import contextlib
 import math
 
 import pytest
@@ -83,19 +84,86 @@ class Fed:
 # -- a command and the age of telemetry
 
 
-def test_a_command_is_not_sent_at_the_instant_at_which_telemetry_is_late():
-    assert MOVE in Fed().drive(LATE_S - 0.001) and MOVE not in Fed().drive(LATE_S)
+@pytest.mark.parametrize("now, sends", [(LATE_S - 0.001, True), (LATE_S, False)])
+def test_a_command_is_not_sent_from_the_instant_at_which_telemetry_is_late(now, sends):
+    fed = Fed()
+    assert fed.session.drive((200, 0), now) is sends
+    assert (MOVE in fed.session.take()) is sends and fed.motion.target == (200, 0)
 
 
-@pytest.mark.parametrize(
-    "now, moves, sent", [(LATE_S - 0.001, None, MOVE), (LATE_S, None, STOP_BYTES), (LATE_S, True, b"")]
-)
-def test_a_command_of_zero_is_a_stop_from_the_instant_at_which_telemetry_is_late(now, moves, sent):
-    """A command to move that zones have lowered to zero is none."""
+@pytest.mark.parametrize("moves, taken", [(None, True), (True, False)])
+@pytest.mark.parametrize("now, sent", [(LATE_S - 0.001, MOVE), (LATE_S, STOP_BYTES)])
+def test_a_command_of_zero_is_a_stop_from_the_instant_at_which_telemetry_is_late(now, sent, moves, taken):
+    """So is a command to move that zones have lowered to zero, but it is not carried out."""
     fed = Fed()
     fed.drive(0.05)
-    assert fed.drive(now, (0, 0), moves=moves)[: len(sent) or None].startswith(sent)
+    assert fed.session.drive((0, 0), now, moves) is (taken or sent == MOVE)
+    assert fed.session.take().startswith(sent)
     assert (fed.motion.target is None) == (sent == STOP_BYTES)
+
+
+def test_a_command_that_was_sent_before_may_be_given_again_while_telemetry_is_late():
+    fed = Fed()
+    fed.drive(0.05)
+    assert fed.drive(STALE_S - 0.001) == b"" and fed.motion.target == (200, 0)
+
+
+def test_a_stale_board_gets_a_stop_by_a_thread_that_drives():
+    """The reading thread hangs, and has not noticed it."""
+    fed = Fed()
+    fed.drive(0.05)
+    assert not fed.session.drive((200, 0), STALE_S)
+    assert (fed.session.take(), fed.motion.stop_reason) == (STOP_BYTES, "stale")
+
+
+NEWER = {
+    "a slower command": lambda fed, now: fed.session.drive((20, 0), now),
+    "a lower limit": lambda fed, now: fed.session.adjust((20, 0), now),
+    "none, and stale": lambda fed, now: None,
+}
+
+
+@pytest.mark.parametrize("newer", NEWER)
+def test_what_feeds_the_watchdog_while_a_newer_command_is_held_back_comes_after_a_stop(newer):
+    now = STALE_S if "stale" in newer else LATE_S
+    fed = Fed()
+    fed.drive(0.05)
+    NEWER[newer](fed, now)
+    held_back = fed.session.take()
+    fed.session.expire(now + 0.001)
+    assert (held_back, fed.session.take(), fed.motion.target) == (b"", STOP_BYTES, None)
+
+
+def test_what_feeds_the_watchdog_does_no_harm_to_a_command_that_was_sent():
+    fed = Fed()
+    fed.drive(0.05)
+    fed.session.expire(STALE_S - 0.001)
+    assert fed.session.take() == b"" and fed.motion.target == (200, 0)
+
+
+@pytest.mark.parametrize("options", [{"capabilities": ()}, {"plan": Plan(watchdog_ms=0)}])
+@pytest.mark.parametrize("newer", ["a slower command", "a lower limit"])
+def test_without_a_watchdog_a_command_that_is_held_back_is_a_stop(newer, options):
+    fed = Fed(**options)
+    fed.drive(0.05)
+    NEWER[newer](fed, LATE_S)
+    assert (fed.session.take(), fed.motion.target) == (STOP_BYTES, None)
+
+
+@pytest.mark.parametrize("now, stops", [(STALE_S - 0.001, False), (STALE_S, True)])
+def test_what_a_request_turns_is_stopped_by_whoever_sends_once_the_board_is_stale(now, stops):
+    fed = Fed()
+    fed.still(0.4)
+    fed.session.request(MOVE_MOTORS, 20, 20)
+    fed.session.take()
+    fed.session.expire(0.4 + now)
+    assert (STOP_BYTES in fed.session.take()) is stops
+
+
+@pytest.mark.parametrize("now, refused", [(STALE_S - 0.001, False), (STALE_S, True)])
+def test_a_stale_board_is_silent_for_a_request_that_turns_motors(now, refused):
+    with pytest.raises(BoardTimeout, match="nothing was sent") if refused else contextlib.nullcontext():
+        Fed().session.require_answers(now)
 
 
 @pytest.mark.parametrize("capabilities, stops", [(OURS, True), (OURS - {"watchdog"}, False)])
@@ -113,11 +181,11 @@ def test_what_a_request_turns_is_stopped_three_seconds_after_the_last_one(capabi
 
 
 def test_a_command_whose_time_is_over_is_stopped_by_whoever_sends():
-    fed = Fed(command_timeout_s=0.5)
-    fed.drive(0.05)
-    fed.session.expire(0.549)
-    assert fed.session.take() == b""
-    fed.session.expire(0.55)
+    fed = Fed(command_timeout_s=0.1)
+    fed.drive(0.0)
+    fed.session.expire(0.099)
+    assert STOP_BYTES not in fed.session.take()
+    fed.session.expire(0.1)
     assert fed.session.take() == STOP_BYTES and fed.motion.stop_reason == "command_timeout"
 
 
@@ -244,7 +312,7 @@ def test_each_call_attends_to_the_board():
     """None of them is 0.25 s after the one before."""
     fed = Fed()
     fed.drive(0.0)
-    fed.session.tick(0.2)
+    fed.session.receive(fed.frame(0.2), 0.2)
     fed.drive(0.4)
     fed.session.receive(fed.frame(0.6), 0.6)
     fed.session.tick(0.8)
@@ -255,7 +323,7 @@ def test_each_call_attends_to_the_board():
 def test_commands_are_refused_after_a_gap_longer_than_a_pause_and_than_two_periods(period_ms, pause_s):
     taken = []
     for now in (pause_s, pause_s + 0.001):
-        fed = Fed(plan=Plan(period_ms=period_ms))
+        fed = Fed(plan=Plan(period_ms=period_ms, stream=False))
         fed.session.queued_s = 1.0
         taken.append(fed.session.drive((200, 0), now))
     assert taken == [True, False]
@@ -263,21 +331,21 @@ def test_commands_are_refused_after_a_gap_longer_than_a_pause_and_than_two_perio
 
 @pytest.mark.parametrize("gap_s, taken", [(0.4, True), (0.41, False)])
 def test_the_same_if_the_port_is_read_first(gap_s, taken):
-    fed = Fed(plan=Plan(period_ms=200))
+    fed = Fed(plan=Plan(period_ms=200, stream=False))
     fed.session.queued_s = 1.0
     fed.session.receive(b"", gap_s)
     assert fed.session.drive((200, 0), gap_s) is taken
 
 
 def test_a_gap_is_one_between_calls_and_not_the_age_of_the_session():
-    fed = Fed(now=100.0, plan=Plan(period_ms=200))
+    fed = Fed(now=100.0, plan=Plan(period_ms=200, stream=False))
     fed.session.queued_s = 1.0
     fed.session.receive(b"", 100.3)
     assert fed.session.drive((200, 0), 100.3)
 
 
 def test_a_session_refuses_no_commands_after_a_pause_unless_it_is_told_to():
-    assert Fed().session.drive((200, 0), 1.0)
+    assert Fed(plan=Plan(stream=False)).session.drive((200, 0), 1.0)
 
 
 def test_a_command_before_the_greeting_is_refused():

@@ -6,14 +6,16 @@ import threading
 import pytest
 
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver import driver as driver_module
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import MrlError
+from mrl_driver.errors import BoardTimeout, MrlError
 from mrl_driver.protocol.table import BY_NAME, STOP_CODE
 from mrl_driver.recording import recording
+from mrl_driver.session import session
 from mrl_driver.session.polling import BUSY_S
 from tests.conformance.bench import Bench
 from tests.radio_board import PEER
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
 from .line import Line
 
@@ -24,16 +26,18 @@ NOISE_M_S = 0.003
 
 
 class OneWay:
-    """A board whose line loses what goes to the board, or to the host."""
+    """A board whose line loses what goes to the board, or to the host, or accepts nothing."""
 
     def __init__(self, board):
-        self._board, self.deaf, self.silent = board, False, False
+        self._board, self.deaf, self.silent, self.full = board, False, False, False
 
     @property
     def next_event_s(self):
         return self._board.next_event_s
 
     def receive(self, data):
+        if self.full:
+            raise BoardTimeout("the port has accepted no data for 100 ms")
         if not self.deaf:
             self._board.receive(data)
 
@@ -106,6 +110,19 @@ def test_a_command_of_zero_while_telemetry_is_late_is_a_stop():
     assert not robot.bench.is_driven() and robot.driver.stop_reason == "user"
 
 
+def test_a_command_that_the_port_did_not_accept_is_held_back_while_telemetry_is_late():
+    """The request would let the board go on with the command from before."""
+    robot = Stepped()
+    robot.drive()
+    robot.line.full = True
+    assert not robot.driver.drive(0.02, 0.0)
+    robot.line.full, robot.line.silent = False, True
+    robot.driver.wait(0.12)
+    robot.driver.request(COUNTERS)
+    robot.driver.wait(0.01)
+    assert not robot.bench.is_driven() and robot.driver.stop_reason == "stale"
+
+
 def test_a_robot_whose_line_was_cut_is_not_called_stopped_while_it_may_turn():
     robot = Stepped(command_timeout_s=2.0)
     robot.drive()
@@ -134,13 +151,9 @@ def driver(line):
     driver.close()
 
 
-@pytest.mark.parametrize(
-    "send",
-    [lambda driver: driver.request(COUNTERS), lambda driver: driver.send_text(PEER, "x")],
-    ids=["request", "text"],
-)
-def test_a_command_ends_in_time_while_a_callback_hangs_and_another_thread_sends(driver, line, send):
-    """What is sent feeds the watchdog, so it does not stop the motors."""
+@pytest.fixture
+def hung(driver, line):
+    """The robot drives, and a callback hangs for so long that telemetry is late."""
     hangs, goes_on = threading.Event(), threading.Event()
 
     def hang(telemetry):
@@ -150,20 +163,82 @@ def test_a_command_ends_in_time_while_a_callback_hangs_and_another_thread_sends(
     driver.drive(0.2, 0.0)
     wait_until(lambda: line.board.moves, what="the move")
     driver.on_telemetry(hang)
-    driver.drive(0.2, 0.0)
     assert hangs.wait(30.0)
+    wait_until(lambda: driver.age_s >= session.LATE_S, what="late telemetry")
+    yield driver
+    goes_on.set()
 
-    def ended():
-        send(driver)
-        return driver.command is None
 
-    try:
-        wait_until(ended, step_s=2 * STEP_S, timeout_s=10.0, what="the end of the command")
-        assert driver.stop_reason == "command_timeout" and [f.code for f in line.board.heard][-2:].count(
-            STOP_CODE
-        )
-    finally:
-        goes_on.set()
+NEWER = {
+    "slower": lambda driver: driver.drive(0.02, 0.0),
+    "in the zone": lambda driver: driver.restrict(lambda speeds, now: (0.0, 0.0)),
+    "lower limit": lambda driver: setattr(driver, "limits", driver.limits._replace(linear_m_s=0.02)),
+    "none": lambda driver: wait_until(lambda: driver.age_s >= session.STALE_S, what="stale telemetry"),
+}
+SENDERS = {
+    "request": lambda driver: driver.request(COUNTERS),
+    "text": lambda driver: driver.send_text(PEER, "x"),
+}
+
+
+@pytest.mark.parametrize("newer", NEWER)
+@pytest.mark.parametrize("sender", SENDERS)
+def test_what_feeds_the_watchdog_while_a_callback_hangs_comes_after_a_stop(hung, line, newer, sender):
+    """Otherwise the board goes on with the command from before."""
+    NEWER[newer](hung)
+    before = len(line.board.heard)
+    SENDERS[sender](hung)
+    codes = [frame.code for frame in line.board.heard[before:]]
+    assert codes[0] == STOP_CODE and len(codes) == 2
+    assert (hung.command, hung.stop_reason) == (None, "stale")
+
+
+def test_a_slower_command_while_a_callback_hangs_is_not_called_sent(hung, line):
+    assert not hung.drive(0.02, 0.0)
+    assert line.board.moves[-1] != (20, 0)
+
+
+def block(driver, line):
+    """Let the write of another thread block; return the thread."""
+    line.stuck = "blocker"
+    line.open.clear()
+    blocker = threading.Thread(target=lambda: driver.request(COUNTERS), name="blocker")
+    blocker.start()
+    wait_until(lambda: line.blocked, what="a write that blocks")
+    return blocker
+
+
+def test_a_command_that_waits_too_long_for_the_write_of_another_thread_follows_later(driver, line):
+    blocker = block(driver, line)
+    assert not driver.drive(0.1, 0.0)
+    line.open.set()
+    wait_until(lambda: (100, 0) in line.board.moves, what="the move")
+    blocker.join()
+
+
+def test_a_command_that_waits_for_a_short_write_of_another_thread_is_sent(driver, line, monkeypatch):
+    monkeypatch.setattr(driver_module, "WRITE_TIMEOUT_S", PATIENCE_S)
+    blocker, sent = block(driver, line), []
+    driving = threading.Thread(target=lambda: sent.append(driver.drive(0.1, 0.0)))
+    driving.start()
+    wait_until(lambda: driver._queuing, what="the command that waits")
+    line.open.set()
+    driving.join()
+    assert sent == [True] and (100, 0) in line.board.moves
+    blocker.join()
+
+
+def test_a_command_that_the_port_does_not_accept_in_time_follows_later(driver, line, monkeypatch):
+    write, user = line.write, threading.current_thread()
+
+    def give_up(data):
+        if threading.current_thread() is user:
+            raise BoardTimeout("the port has accepted no data for 100 ms")
+        write(data)
+
+    monkeypatch.setattr(line, "write", give_up)
+    assert not driver.drive(0.1, 0.0)
+    wait_until(lambda: (100, 0) in line.board.moves, what="the move")
 
 
 def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, line):
@@ -175,11 +250,7 @@ def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, lin
         except MrlError as error:
             refused.append(str(error))
 
-    line.stuck = "blocker"
-    line.open.clear()
-    blocker = threading.Thread(target=lambda: driver.request(COUNTERS), name="blocker")
-    blocker.start()
-    wait_until(lambda: line.blocked, what="a write that blocks")
+    blocker = block(driver, line)
     while not driver._queuing:
         waiting = threading.Thread(target=turn)
         waiting.start()

@@ -259,6 +259,12 @@ def test_disabled_motors_refuse(bench):
     assert bench.commander.drive(0.1, 0.0)
 
 
+def test_command_that_is_held_back_while_telemetry_is_late_is_not_refused(bench, monkeypatch):
+    drive = bench.driver.drive
+    monkeypatch.setattr(bench.driver, "drive", lambda *speeds: not drive(*speeds))
+    assert bench.commander.drive(0.2, 0.0)
+
+
 def test_refused_command_is_not_taken_up_later(bench):
     bench.driver.ready = False
     assert not bench.commander.drive(0.3, 0.0)

@@ -59,6 +59,12 @@ def test_it_drives_while_commands_come_and_stops_0_2_s_after_the_last(robot):
     assert "no new command arrived in time" in robot.page.stopped_by
 
 
+def test_a_command_that_is_held_back_while_telemetry_is_late_is_not_refused(robot, monkeypatch):
+    drive = robot.driver.drive
+    monkeypatch.setattr(robot.driver, "drive", lambda *speeds: not drive(*speeds))
+    assert robot.page.drive(0.2, 0.0, 0.0, 0.01) == ""
+
+
 def test_a_stop_between_two_commands_is_not_overridden_by_the_next(robot):
     robot.page.drive(0.2, 0.0, 0.0, 0.01)
     robot.driver.wait(0.3)

@@ -147,23 +147,25 @@ def drive_for(
         BoardTimeout: the robot stopped early for another reason, or the stop was not confirmed.
     """
     deadline = time.monotonic() + seconds
-    taken = driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
+    driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
     while time.monotonic() < deadline:
+        require_driving(driver)
         driver.wait(min(TICK_S, deadline - time.monotonic()))
-        taken = taken and driver.command is not None and driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
-        require_driving(driver, taken)
+        require_driving(driver)
+        driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
+    require_driving(driver)
     confirm_stop(driver)
 
 
-def require_driving(driver: "Driver", taken: bool) -> None:
-    """Raise the reason why the robot was stopped, unless the last command was `taken` and is still in force.
+def require_driving(driver: "Driver") -> None:
+    """Raise the reason why the robot was stopped, unless a command is in force.
 
     Raises:
         WheelFault: a wheel did not follow its command.
         MrlError: another robot holds this one by radio.
         BoardTimeout: the robot stopped early for another reason.
     """
-    if taken:
+    if driver.command is not None:
         return
     if driver.mismatch is not None:
         raise WheelFault(f"stopped early: {driver.mismatch}")

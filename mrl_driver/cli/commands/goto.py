@@ -117,12 +117,12 @@ def drive_to(driver: "Driver", goal: Pose, timeout_s: float, tell: Callable[[str
     assert driver.limits is not None and driver.model is not None
     begun_s = told_s = driver.now_s
     seeker = GoalSeeker(goal, driver.limits, begun_s, driver.model.sonars, look_rad=LOOK_RAD)
-    driving = True
-    while not (seeker.reached or seeker.blocked) and driver.now_s - begun_s < timeout_s:
-        require_driving(driver, driving)
-        driving = driver.drive(*seeker.command(driver.pose, driver.ranges, driver.now_s))
+    while True:
+        driver.drive(*seeker.command(driver.pose, driver.ranges, driver.now_s))
         driver.wait(STEP_S)
-        driving = driving and driver.command is not None
+        if seeker.reached or seeker.blocked or driver.now_s - begun_s >= timeout_s:
+            break
+        require_driving(driver)
         if driver.now_s - told_s >= PROGRESS_S:
             told_s += PROGRESS_S
             tell(_progress(driver.pose, goal) + (f", waits: {seeker.why}" if seeker.blind else ""))

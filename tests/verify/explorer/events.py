@@ -12,6 +12,8 @@ from .world import COUNTS_AHEAD, StepEnd, World
 SPEED_M_S = 0.2
 LONG_STEPS = 6
 """A long fault takes 0.3 s: longer than the watchdog's period, and than the driver waits for telemetry."""
+HUNG_STEPS, LATE_STEPS = 10, 3
+"""A callback hangs for 0.5 s; after 0.15 s, when telemetry is late, the next event follows."""
 EMPTY_V = 8.0
 Act = Callable[[World, Judge], None]
 
@@ -47,6 +49,7 @@ def _drive(world: World, judge: Judge, speed_m_s: float = SPEED_M_S) -> None:
 
 def _drive_zero(world: World, judge: Judge) -> None:
     _drive(world, judge, 0.0)
+    judge.user_s = world.board_s  # it may be a stop that waits for the port
 
 
 def _asked(world: World, judge: Judge) -> None:
@@ -120,22 +123,31 @@ def _block(world: World, judge: Judge) -> None:
     world.block()
 
 
+def _hang(world: World, judge: Judge) -> None:
+    judge.hung_s = world.line.hung_until = round(world.board_s + HUNG_STEPS * STEP_S, 6)
+
+
 def _reset(world: World, judge: Judge) -> None:
     judge.end(world.board_s)
     world.board.reset()
     judge.reset_s = world.line.fault_s = world.board_s
 
 
+def _change_port(world: World, judge: Judge) -> None:
+    """A driver whose callback hangs notices it after that."""
+    judge.port_s, world.line.fault_s = world.board_s, max(world.board_s, world.line.hung_until)
+
+
 def _unplug(world: World, judge: Judge) -> None:
     judge.end(world.board_s)
     world.ports.plugged = False
     judge.note_place(world)
-    judge.port_s = world.line.fault_s = world.board_s
+    _change_port(world, judge)
 
 
 def _plug(world: World, judge: Judge) -> None:
     world.ports.plugged = True
-    judge.port_s = world.line.fault_s = world.board_s
+    _change_port(world, judge)
 
 
 def _plug_other(world: World, judge: Judge) -> None:
@@ -204,6 +216,7 @@ EVENTS: Dict[str, Event] = {
     ),
     "P": Event("the host's process is paused for 300 ms", _away(False)),
     "S": Event("the host's machine is suspended for 300 ms", _away(True)),
+    "h": Event("a callback hangs for 500 ms, while another thread polls", _hang, LATE_STEPS),
     "r": Event("the board resets", _reset),
     "c": Event("the port goes away for 100 ms, and comes back", _unplug, 2, _plug),
     "o": Event("the port goes away for 100 ms, and comes back with another board", _unplug, 2, _plug_other),
@@ -213,9 +226,9 @@ EVENTS: Dict[str, Event] = {
     "k": Event("the wheels are blocked for 300 ms", _wheels_block, LONG_STEPS, _wheels_free),
 }
 ALL = "".join(EVENTS)
-DEEP = "dsWlLMXPrcoa"
+DEEP = "dsWlLMXPhrcoa"
 """The kinds of event of the longest sequences."""
-QUICK = "dslLMPc"
+QUICK = "dslLMPhc"
 """Those of the short form in `make test`."""
 
 

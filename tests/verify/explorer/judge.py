@@ -50,6 +50,8 @@ class Judge:
         """When each cause of a stop was there last [s]."""
         self.greeted_s = NEVER
         """The board was being greeted last [s]."""
+        self.hung_s = NEVER
+        """Until when a callback hangs [s]."""
         self.empty = False
         self.before_s = 0.0
         self.reason, self.told, self.expected = 0, "", False
@@ -81,8 +83,8 @@ class Judge:
         self.told = world.driver._core.session.motion.stop_reason
 
     def note_place(self, world: World) -> None:
-        """The port is lost here."""
-        self.x_m = self._x_m(world)
+        """The port is lost here; what was not read of the way is no jump."""
+        self.x_m = math.nan if world.line.backlog else self._x_m(world)
 
     @staticmethod
     def _x_m(world: World) -> float:
@@ -174,11 +176,11 @@ class Judge:
         if reason == "battery":
             return self.empty
         causes = {
-            "stale": line.fault_s,
-            "link_watchdog": line.fault_s,
+            "stale": max(line.fault_s, self.hung_s),
+            "link_watchdog": max(line.fault_s, self.hung_s),
             "check_ended": line.fault_s,
             "link_lost": self.port_s,
-            "host_paused": self.paused_s,
+            "host_paused": max(self.paused_s, self.hung_s),
             "restarted": max(self.reset_s, self.port_s, line.fault_s),
             "boot": max(self.reset_s, self.port_s),
             "wheel_mismatch": max(self.blocked_s, self.absent_s, line.fault_s, self.reset_s),

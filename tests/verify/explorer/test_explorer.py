@@ -6,6 +6,7 @@ import yaml
 from mrl_driver.driver.driver import Driver
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
+from mrl_driver.session.session import Session
 from ros1_bridge.control.commander import Commander
 from tests.verify.explorer.__main__ import NOT_HERE
 from tests.verify.explorer.board import ROOT, ExploredBoard, build
@@ -64,7 +65,12 @@ def test_a_trace_of_the_model_without_a_timeout_violates_a_property_here_only_wi
 
 @pytest.mark.parametrize(
     "owner, guard, path",
-    [(Commander, "latch", "id"), (Driver, "_stop_for_good", "dxw"), (Ports, "same_board", "dow")],
+    [
+        (Commander, "latch", "id"),
+        (Driver, "_stop_for_good", "dxw"),
+        (Ports, "same_board", "dow"),
+        (Session, "_stop_blind", "dhW"),
+    ],
 )
 def test_without_a_guard_a_sequence_violates_a_property(library, monkeypatch, owner, guard, path):
     made = Explorer(ExploredBoard(library))
@@ -76,7 +82,7 @@ def test_without_a_guard_a_sequence_violates_a_property(library, monkeypatch, ow
         made.world.end()
         made = Explorer(ExploredBoard(library))
     else:
-        monkeypatch.setattr(owner, guard, lambda self: None)
+        monkeypatch.setattr(owner, guard, lambda self, *_: None)
     broken = made.play(path)
     made.world.end()
     assert held == "" and broken.startswith("P")

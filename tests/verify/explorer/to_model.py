@@ -10,6 +10,7 @@ ONE: Dict[str, Tuple[Tick, ...]] = {
     "L": 6 * (Tick(fault="LOST"),),
     "M": 6 * (Tick(fault="MUTE"),),
     "X": 6 * (Tick(fault="DAMAGE"),),
+    "h": 3 * (Tick(other="HANGS"),),
     "P": (*6 * (Tick(other="STOPPED"),), Tick()),
     "S": (*6 * (Tick(other="SUSPENDED"),), Tick()),
     "r": (Tick(other="RESET"), Tick(other="UP")),
@@ -19,6 +20,9 @@ ONE: Dict[str, Tuple[Tick, ...]] = {
 }
 """What happens in the ticks of one event.  The model's board needs a tick to start, the explorer's none."""
 ACTS = {"d": "DRIVE", "s": "STOP", "i": "EMERGENCY", "u": "RELEASE", "x": "CLOSE"}
+HUNG_TICKS = 10
+"""The callback of an event `h` hangs for this long, also during the events that follow."""
+AWAY = ("STOPPED", "SUSPENDED")
 OF_NEXT = {"l": "LOST", "m": "MUTE"}
 """Faults of the next tick."""
 KNOWN = "".join((*ACTS, *OF_NEXT, *ONE))
@@ -35,7 +39,7 @@ def script_of(path: str) -> List[Tick]:
         raise ValueError(f"the model has no events {''.join(sorted(foreign))}, expected some of {KNOWN}")
     script: List[Tick] = []
     latched = closed = False
-    faults = ""
+    faults, hung_until = "", 0
     for letter in path:
         if letter in OF_NEXT:
             faults += letter
@@ -56,4 +60,9 @@ def script_of(path: str) -> List[Tick]:
             fault = "CUT_BOTH" if lost and mute else "LOST" if lost else first.fault or "MUTE"
             ticks, faults = (first._replace(fault=fault), *ticks[1:]), ""
         script += ticks
+        if letter == "h":
+            hung_until = len(script) - len(ticks) + HUNG_TICKS
+        for i in range(len(script) - len(ticks), min(len(script), hung_until)):
+            if not script[i].other and script[i - 1].other not in AWAY:  # the driver goes on first
+                script[i] = script[i]._replace(other="HANGS")
     return script

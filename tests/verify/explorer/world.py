@@ -5,6 +5,7 @@ replaced.  A call of `World.run` goes on where the last one ended, in the middle
 `StepEnd` when it would wait beyond the end of the step.
 """
 
+import contextlib
 import math
 import threading
 from typing import Any, Callable, Iterator, Optional, Tuple
@@ -13,6 +14,7 @@ from mrl_driver.driver import driver as driver_module
 from mrl_driver.driver.driver import Driver
 from mrl_driver.driver.options import Options
 from mrl_driver.errors import BoardError, BoardTimeout, LinkLost, MrlError
+from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_link import DriverRecording
 from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.session.handshake import Handshake
@@ -23,6 +25,8 @@ from .board import ExploredBoard
 LEAST_STEP_S = 1e-4
 """Shortest step of the board: about one byte on the wire [s]."""
 PORT = "/dev/explored"
+POLL_S, POLLED = 0.02, BY_NAME["read_status"].code
+"""While a callback hangs, another thread sends this request so often [s]."""
 COUNTS_AHEAD = 900
 """The counters of another board are ahead by this much: 0.079 m, which wheels could reach."""
 SETTLE_S = 0.4
@@ -59,8 +63,10 @@ class Lock:
         """As of a condition."""
 
     def wait_for(self, holds: Callable[[], Any], timeout_s: Optional[float] = None) -> Any:
-        """As of a condition: time passes."""
+        """As of a condition: time passes, but not in a call of the user, which gives up at once."""
         world, line = self._world, self._world.line
+        if not world.running:
+            return holds()
         if (
             line.wait_until == -math.inf
         ):  # otherwise the wait goes on that the end of the last step has interrupted
@@ -189,7 +195,7 @@ class Line:
         self.lost_until = self.mute_until = self.damaged_until = self.twice_until = (
             self.blocked_until
         ) = -math.inf
-        self.zones_until = self.wait_until = -math.inf
+        self.zones_until = self.wait_until = self.hung_until = -math.inf
         self.backlog = b""
         """Bytes from the board that the host has not read."""
         self.stop_s = self.heard_s = self.fault_s = self.move_s = -math.inf
@@ -221,6 +227,8 @@ class World:
         self.commander = Commander(driver, clock.monotonic)
         self.commander._lock = lock
         self.other_board = b""
+        self.running = False
+        """The driver does its work, or another thread polls."""
 
     def end(self) -> None:
         """Give the driver's module its clock back, for those who use it after this world."""
@@ -271,7 +279,7 @@ class World:
     def pass_time(self, seconds: float) -> None:
         """Time passes while the driver waits; what arrives is read later."""
         line = self.line
-        end_s = min(line.end_s, line.board_s + max(seconds, LEAST_STEP_S))
+        end_s = min(line.end_s, round(line.board_s + max(seconds, LEAST_STEP_S), 6))
         while line.board_s < end_s:
             line.backlog += self.heard(self.advance(end_s))
         if line.board_s >= line.end_s:
@@ -285,7 +293,9 @@ class World:
             while line.board_s < line.end_s:
                 self.advance(line.end_s)
             return
+        self.running = True
         try:
+            self._hang()
             while True:
                 try:
                     if driver._link is None:
@@ -303,6 +313,16 @@ class World:
         except MrlError as error:
             line.ended = f"{type(error).__name__}: {error}"
             driver._stop_for_good()
+        finally:
+            self.running = False
+
+    def _hang(self) -> None:
+        """A callback hangs, and another thread polls the board."""
+        line = self.line
+        while line.board_s < line.hung_until:
+            self.pass_time(min(POLL_S, line.hung_until - line.board_s))
+            with contextlib.suppress(MrlError):
+                self.driver.request(POLLED)
 
     def stand_still(self, seconds: float, suspended: bool = False) -> None:
         """The host does not run; the board goes on."""
@@ -342,7 +362,7 @@ class World:
     def write(self, data: bytes) -> None:
         """Put the host's bytes on the line, with its faults."""
         line, now_s = self.line, self.line.board_s
-        if not self.ports.plugged:
+        if not self.ports.plugged or self.driver._broken is not None:
             raise LinkLost(f"{PORT} is gone")
         if now_s < line.lost_until:
             return

@@ -16,6 +16,7 @@ from .checker import (
     BOARD,
     BRIDGE,
     BUS,
+    CALLBACK,
     HOLDS,
     HOST,
     LINE,
@@ -46,10 +47,13 @@ FIXED_POINTS: Tuple[Tuple[int, Dict[str, int]], ...] = (
     (LINE | BUS | HOST, {"OLDER": 1}),
     (LINE | BRIDGE, {}),
     (HOST | BRIDGE, {}),
+    *((CALLBACK | part, {}) for part in (HOST, BUS, PORT, BRIDGE)),
 )
 """Runs without a bug: what may happen, and settings.  TICKS is the command timeout.  OLDER is firmware from before the
 board's own stops were final.
 """
+FED_BLINDLY = 21
+"""A seeded bug that removes a guard."""
 CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
     (1, NO_WATCHDOG, LINE, {}),
     (1, NO_MOTOR_TIMEOUT, BUS, {}),
@@ -62,13 +66,15 @@ CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
     (6, NO_REASON, 0, {}),
     (7, NO_BASELINE, LINE | PORT, {}),
     (8, NO_RELEASE, BUS, {}),
+    (9, FED_BLINDLY, CALLBACK, {}),
 )
 """Property, the guard that is removed, what may happen, and settings."""
-LADDER = (0, LINE, HOST, LINE | PORT, BRIDGE, LINE | BUS | HOST, LINE | PORT | BRIDGE, EACH)
+LADDER = (0, LINE, HOST, CALLBACK, LINE | PORT, BRIDGE, LINE | BUS | HOST, LINE | PORT | BRIDGE, EACH)
 """A bug is searched with these parts, one after the other, until it is found."""
 FINDINGS = (
     ("P4 over UDP", LINE, {"UDP": 1}),
     ("P2 over UDP", LINE, {"UDP": 1, "PROPERTIES": 2}),
+    ("P9 with lost bytes", LINE | CALLBACK, {"PROPERTIES": 256}),
 )
 """What the real design does not hold; see the README."""
 

@@ -10,7 +10,7 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 from .constants import HEADER, TICK_MS
 
 FOLDER = HEADER.parent
-LINE, BUS, HOST, PORT, BOARD, HOLDS, BRIDGE = (1 << bit for bit in range(7))
+LINE, BUS, HOST, PORT, BOARD, HOLDS, BRIDGE, CALLBACK = (1 << bit for bit in range(8))
 """What may happen in a run; `stop.pml` says what each is."""
 PARTS = {
     "line": LINE,
@@ -20,6 +20,7 @@ PARTS = {
     "board": BOARD,
     "holds": HOLDS,
     "bridge": BRIDGE,
+    "callback": CALLBACK,
 }
 (
     NO_WATCHDOG,
@@ -31,8 +32,8 @@ PARTS = {
     NO_MOTOR_TIMEOUT,
     NO_REFUSAL,
     NO_RELEASE,
-) = range(21, 30)
-"""Guards that a run can remove, besides the seeded bugs 1 to 20."""
+) = range(31, 40)
+"""Guards that a run can remove, besides the seeded bugs."""
 DEFINED = re.compile(r"^#define (\w+) (\d+)", re.M)
 ENDED, VIOLATED = "errors: 0", re.compile(r"^P(\d) violated$", re.M)
 
@@ -112,7 +113,7 @@ def follow(checker: pathlib.Path, script: Sequence[Tick], limit_s: float = 60.0,
     """
     codes = {name: int(code) for name, code in DEFINED.findall((FOLDER / "stop.pml").read_text())}
     letters = "".join(chr(ord("A") + codes.get(name, 0)) for tick in script for name in tick)
-    given = {**{name: str(value) for name, value in settings.items() if value}, "BOTH": "1", "PARTS": "127"}
+    given = {**{name: str(value) for name, value in settings.items() if value}, "BOTH": "1", "PARTS": "255"}
     environment = {**os.environ, **given, "SCRIPT": letters}
     command = [str(checker), "-w12", "-E"]  # -E: a choice that is not the script's is no error
     with tempfile.TemporaryDirectory() as folder:

@@ -9,4 +9,5 @@
 #define REPEAT 2 /* 100 ms: motion_command.QUICK.repeat_s */
 #define STOP_REPEAT 1 /* 50 ms: motion_command.QUICK.stop_s */
 #define STILL 2 /* 80 ms: motion_command.STILL_S */
+#define NEWEST 6 /* 300 ms: P9 */
 #define MOTOR_TIMEOUT 6 /* 300 ms: robot_model.COMMON_BOARD */

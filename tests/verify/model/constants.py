@@ -30,6 +30,7 @@ TIMES_MS = {
     "REPEAT": (1000 * QUICK.repeat_s, "motion_command.QUICK.repeat_s"),
     "STOP_REPEAT": (1000 * QUICK.stop_s, "motion_command.QUICK.stop_s"),
     "STILL": (1000 * STILL_S, "motion_command.STILL_S"),
+    "NEWEST": (300, "P9"),
     "MOTOR_TIMEOUT": (MOTOR_TIMEOUT_UNIT_MS * COMMON_BOARD["motor_timeout"], "robot_model.COMMON_BOARD"),
 }
 """Times of the model [ms], and where they come from."""

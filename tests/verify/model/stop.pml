@@ -14,6 +14,7 @@
 #define HALT 5      /* a stop */
 #define GREET 6     /* the greeting: a stop, the watchdog's period, the stream; several round trips in one */
 #define DAMAGED 7
+#define OLD 8       /* a move of a command that a newer one has replaced */
 
 /* Reasons. */
 #define NONE 0
@@ -30,15 +31,15 @@
 #define BY_BOARD 11
 
 /* Guards that a run removes besides the seeded bugs. */
-#define NO_WATCHDOG 21
-#define NO_TIMEOUT 22
-#define NO_FORGET 23
-#define NO_REPEAT 24
-#define NO_REASON 25
-#define NO_BASELINE 26
-#define NO_MOTOR_TIMEOUT 27
-#define NO_REFUSAL 28
-#define NO_RELEASE 29
+#define NO_WATCHDOG 31
+#define NO_TIMEOUT 32
+#define NO_FORGET 33
+#define NO_REPEAT 34
+#define NO_REASON 35
+#define NO_BASELINE 36
+#define NO_MOTOR_TIMEOUT 37
+#define NO_REFUSAL 38
+#define NO_RELEASE 39
 
 /* What may happen in a tick: to the line (OK to TWICE), to others (NACK to RADIO), and by the user. */
 #define OK 0
@@ -60,6 +61,7 @@
 #define RESET 16
 #define UP 17
 #define RADIO 18
+#define HANGS 19       /* a callback: the driver's thread reads nothing, other threads go on */
 
 #define DRIVE 1
 #define SLOW_DRIVE 2
@@ -71,6 +73,7 @@
 #define EMERGENCY 8
 #define RELEASE 9
 #define CLOSE 10
+#define OTHER_SPEED 11
 
 /* ---- settings */
 c_decl {
@@ -79,7 +82,7 @@ c_decl {
 }
 byte bug;        /* the seeded bug, or the guard that is removed; 0 for the real thing */
 byte patience;    /* of commands [tick] */
-byte props;      /* bit n - 1: property n is checked */
+short props;     /* bit n - 1: property n is checked */
 bool udp;        /* the line reorders and repeats */
 bool older;      /* firmware from before its own stops were final; P4 does not count them */
 bool both;       /* faults of the line and others may fall into one tick */
@@ -91,12 +94,13 @@ byte parts;      /* what may happen: */
 #define BOARD 16     /* the board resets */
 #define HOLDS 32     /* the radio holds the robot */
 #define BRIDGE 64    /* emergency stop, slow commands, sources that end */
+#define CALLBACK 128 /* a callback hangs; other threads change the speed and poll the board */
 
 /* ---- board and motor board */
 bool b_up = 1, b_newborn, b_armed = 1, b_quiet, b_turning, b_streams = 1, b_held, b_present = 1;
 bool b_final;  /* it has stopped the robot by itself, and refuses moves until the host's stop */
 byte b_age;    /* since the last valid frame, up to WATCHDOG */
-bool m_moves;
+bool m_moves, m_old; /* m_old: a newer command than that of the motors is in force */
 byte m_idle;              /* since the last I2C traffic, while the motors turn */
 
 /* ---- line: the bytes that it holds back, and the telemetry that the driver has not read */
@@ -105,7 +109,8 @@ bool plugged = 1, t_new, t_moved, t_hello, t_newborn, t_held, t_refused;
 
 /* ---- driver */
 bool h_alive = 1, h_ready = 1, h_target, h_stopping, h_once, h_restarted, h_held, h_leaving, h_limiter, h_unsent, h_slept;
-byte h_age, h_still, h_repeat, h_gap;
+bool h_held_back; /* the command in force was not sent */
+byte h_age, h_still, h_repeat, h_gap, h_hang;
 byte h_force;  /* time for which commands have been in force, one after the other, up to REFUSED */
 
 /* ---- bridge: the emergency stop, the command under way to the node, and the source of commands */
@@ -113,7 +118,7 @@ bool c_latched, c_late, c_waits, c_before, s_alive = 1;
 
 /* ---- truth */
 bool g_allowed, g_asked, g_jump;
-byte g_since, g_over, g_over_linked, g_stuck;
+byte g_since, g_over, g_over_linked, g_stuck, g_old;
 
 byte g_tick;  /* of the script */
 
@@ -132,15 +137,16 @@ inline end_command(why) {
   if
   :: g_allowed ->
     g_allowed = 0; g_asked = 1; g_over = 0; g_over_linked = 0;
-    if :: line == MOVE -> line = PASSING :: else fi
+    if :: line == MOVE || line == OLD -> line = PASSING :: else fi
   :: else
   fi
 }
 
 /* Whether a stop for this reason is justified now. */
 #define is_true(reason) ( \
-  (reason == USER && user != 0) || (reason == EXPIRED && g_since >= patience) || (reason == SILENT && h_age >= STALE) || \
-  (reason == UNPLUGGED && other == UNPLUG) || (reason == PAUSED && h_gap >= PAUSE) || (reason == BY_RADIO && t_held) || \
+  (reason == USER && user != 0) || (reason == EXPIRED && g_since >= patience) || \
+  (reason == SILENT && (h_age >= STALE || (h_age >= LATE && h_held_back))) || \
+  (reason == UNPLUGGED && other == UNPLUG) || (reason == PAUSED && (h_gap >= PAUSE || h_hang >= PAUSE)) || (reason == BY_RADIO && t_held) || \
   (reason == BY_BOARD && t_refused))
 
 /* ---- driver: Motion.stop and Motion.forget */
@@ -149,7 +155,7 @@ inline drop(reason) {
   :: h_target ->
     reported = (bug == NO_REASON -> EXPIRED : reason);
     check(6, !c_late && is_true(reported));
-    h_target = 0; h_force = 0
+    h_target = 0; h_force = 0; h_held_back = 0
   :: else
   fi
 }
@@ -172,6 +178,7 @@ inline user_stop() {
 inline drive(true_one) {
   if
   :: h_ready && !h_leaving && !h_held && (!c_latched || bug == 11 || bug == 17) ->
+    if :: !h_target -> h_held_back = 1 :: else fi;
     h_target = 1; h_stopping = 0; h_repeat = 0; h_limiter = 1; h_still = 0;
     if :: bug != 20 -> c_late = 0 :: else fi;
     if
@@ -196,7 +203,7 @@ inline note_stop(reason) {
     if
     :: g_allowed ->
       g_allowed = 0; g_over = 0; g_over_linked = 0;
-      if :: line == MOVE -> line = PASSING :: else fi
+      if :: line == MOVE || line == OLD -> line = PASSING :: else fi
     :: else
     fi
   :: else
@@ -217,6 +224,8 @@ inline valid() {
   if :: bug != 2 -> b_quiet = 0 :: else fi
 }
 
+#define is_move(frame) (frame == MOVE || frame == OLD || frame == PASSING || frame == DEAD)
+
 inline deliver(frame) {
   if
   :: !b_up || frame == NOTHING
@@ -229,8 +238,8 @@ inline deliver(frame) {
       if
       :: frame == HALT -> board_stop(BY_HOST)
       :: frame == GREET -> board_stop(BY_HOST); b_armed = (bug != NO_WATCHDOG); b_streams = 1; hello = 1
-      :: (frame == MOVE || frame == PASSING || frame == DEAD) && b_final && !b_held && bug != NO_REFUSAL -> refuses = 1
-      :: (frame == MOVE || frame == PASSING || frame == DEAD) && b_present && !b_held && (!b_final || bug == NO_REFUSAL) ->
+      :: is_move(frame) && b_final && !b_held && bug != NO_REFUSAL -> refuses = 1
+      :: is_move(frame) && b_present && !b_held && (!b_final || bug == NO_REFUSAL) ->
         b_final = 0;
         queue = frame;
         b_turning = 1
@@ -255,6 +264,7 @@ inline choose() {
   :: (parts & HOST) && h_alive && !h_slept && h_gap <= PAUSE -> other = STOPPED; printf("the host's process is paused\n")
   :: (parts & HOST) && h_alive && (h_slept || h_gap == 0) -> other = SUSPENDED; printf("the host's machine is suspended\n")
   :: (parts & HOST) && h_alive -> other = KILLED; printf("the host's process is killed\n")
+  :: (parts & CALLBACK) && h_alive && h_gap == 0 -> other = HANGS; printf("a callback hangs\n")
   :: (parts & PORT) && plugged && h_alive -> other = UNPLUG; printf("the port goes away\n")
   :: !plugged && h_alive -> other = PLUG; printf("the port comes back\n")
   :: !plugged && h_alive -> other = PLUG_OTHER; printf("another board is on the port\n")
@@ -281,6 +291,7 @@ inline choose() {
   if
   :: skip
   :: ran && s_alive && !h_leaving -> user = DRIVE
+  :: (parts & CALLBACK) && ran && s_alive && !h_leaving -> user = OTHER_SPEED
   :: (parts & BRIDGE) && ran && s_alive && !c_waits -> user = SLOW_DRIVE
   :: ran && c_waits -> user = ARRIVES
   :: ran && !h_leaving -> user = STOP
@@ -305,7 +316,15 @@ inline choose() {
 inline act() {
   if
   :: user == 0
-  :: user == DRIVE -> printf("drive\n"); drive(1)
+  :: user == DRIVE || user == OTHER_SPEED ->
+    if :: user == DRIVE -> printf("drive\n") :: else -> printf("drive at another speed\n") fi;
+    drive(1);
+    if
+    :: user == OTHER_SPEED && h_target ->
+      h_held_back = 1; m_old = m_moves;
+      if :: line == MOVE -> line = OLD :: else fi
+    :: else
+    fi
   :: user == SLOW_DRIVE -> printf("a command is published and is slow\n"); c_waits = 1; c_before = 0
   :: user == ARRIVES ->
     if
@@ -331,72 +350,94 @@ inline act() {
 /* ---- driver: one turn, Session.receive and tick */
 inline run_driver() {
   if
-  :: h_gap >= PAUSE ->
-    if :: h_target || g_allowed -> end_command(PAUSED) :: else fi;
-    if :: h_target && !(bug == 12 && h_slept) && !(bug == 9 && !h_slept) -> stop(PAUSED) :: else fi
-  :: else
-  fi;
-    if :: !h_target && bug != 14 -> h_limiter = 0 :: else fi;
-  if
-  :: t_new && !h_ready && t_hello ->
-    h_restarted = h_restarted || t_newborn;
-    check(7, !g_jump || (h_restarted && bug != NO_BASELINE));
-    h_ready = 1; h_age = 0; h_restarted = 0; g_jump = 0; b_newborn = 0; h_held = t_held;
-    if :: !h_target -> h_stopping = 1; h_still = 0; h_once = 0 :: else fi
-  :: t_new && h_ready ->
-    h_age = 0; h_held = t_held;
+  :: other == HANGS -> /* its thread is in a callback, other threads call its methods */
+    if :: h_ready && h_age < STALE -> h_age++ :: else fi;
+    if :: h_hang < PAUSE -> h_hang++ :: else fi;
     if
-    :: t_held && h_target -> end_command(BY_RADIO); stop(BY_RADIO)
-    :: t_refused && !t_held && h_target && h_force >= REFUSED && bug != NO_RELEASE ->
-      end_command(BY_BOARD); stop(BY_BOARD); release = 1 /* sent in the same turn, before a command of the user */
+    :: user == DRIVE || user == OTHER_SPEED || user == ARRIVES ->
+      if :: h_hang >= PAUSE && h_target -> end_command(PAUSED); stop(PAUSED) :: else fi;
+      h_hang = 0
+    :: else
+    fi
+  :: else ->
+    if
+    :: h_gap >= PAUSE || h_hang >= PAUSE ->
+      if :: h_target || g_allowed -> end_command(PAUSED) :: else fi;
+      if :: h_target && !(bug == 12 && h_slept) && !(bug == 9 && !h_slept) -> stop(PAUSED) :: else fi
+    :: else
+    fi;
+    if :: !h_target && bug != 14 -> h_limiter = 0 :: else fi;
+    if
+    :: t_new && !h_ready && t_hello ->
+      h_restarted = h_restarted || t_newborn;
+      check(7, !g_jump || (h_restarted && bug != NO_BASELINE));
+      h_ready = 1; h_age = 0; h_restarted = 0; g_jump = 0; b_newborn = 0; h_held = t_held;
+      if :: !h_target -> h_stopping = 1; h_still = 0; h_once = 0 :: else fi
+    :: t_new && h_ready ->
+      h_age = 0; h_held = t_held;
+      if
+      :: t_held && h_target -> end_command(BY_RADIO); stop(BY_RADIO)
+      :: t_refused && !t_held && h_target && h_force >= REFUSED && bug != NO_RELEASE ->
+        end_command(BY_BOARD); stop(BY_BOARD); release = 1 /* sent in the same turn, before a command of the user */
+      :: else
+      fi;
+      if
+      :: h_stopping && t_moved -> h_still = 0
+      :: h_stopping && !t_moved ->
+        if :: h_still >= STILL -> h_stopping = 0; h_still = 0 :: else -> h_still++ fi
+      :: else
+      fi
+    :: !t_new && h_ready && h_age < STALE -> h_age++
+    :: else
+    fi;
+    h_gap = 0; h_hang = 0; h_slept = 0; t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0; t_refused = 0;
+    if :: h_target && !older && h_force < REFUSED -> h_force++ :: else fi;
+    if
+    :: h_ready && h_age >= STALE ->
+      if :: h_target || g_allowed -> end_command(SILENT) :: else fi;
+      if :: bug != 8 && bug != NO_FORGET -> drop(SILENT) :: else fi;
+      h_stopping = 0; h_still = 0; h_ready = 0
     :: else
     fi;
     if
-    :: h_stopping && t_moved -> h_still = 0
-    :: h_stopping && !t_moved ->
-      if :: h_still >= STILL -> h_stopping = 0; h_still = 0 :: else -> h_still++ fi
+    :: bug == 14 && ends && h_limiter && !h_target -> h_target = 1; h_stopping = 0; printf("the zones limit the command\n")
     :: else
     fi
-  :: !t_new && h_ready && h_age < STALE -> h_age++
-  :: else
-  fi;
-  h_gap = 0; h_slept = 0; t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0; t_refused = 0;
-  if :: h_target && !older && h_force < REFUSED -> h_force++ :: else fi;
-  if
-  :: h_ready && h_age >= STALE ->
-    if :: h_target || g_allowed -> end_command(SILENT) :: else fi;
-    if :: bug != 8 && bug != NO_FORGET -> drop(SILENT) :: else fi;
-    h_stopping = 0; h_still = 0; h_ready = 0
-  :: else
-  fi;
-  if
-  :: bug == 14 && ends && h_limiter && !h_target -> h_target = 1; h_stopping = 0; printf("the zones limit the command\n")
-  :: else
   fi;
   act();
   h_limiter = h_limiter && (h_target || bug == 14);
   if
-  :: h_target && g_since >= patience && bug != 6 && bug != 16 && bug != NO_TIMEOUT -> stop(EXPIRED)
-  :: else
-  fi;
-  if
-  :: !plugged -> w = NOTHING
-  :: plugged && !h_ready -> w = GREET
-  :: plugged && h_ready && release -> w = HALT
-  :: plugged && h_ready && !release && h_stopping ->
-    w = ((bug == 7 || bug == NO_REPEAT) && h_once -> FEED : HALT); h_once = (bug == 7 || bug == NO_REPEAT)
-  :: plugged && h_ready && !release && !h_stopping && h_target ->
+  :: other == HANGS && !(h_ready && (feeds || (user != 0 && user != SLOW_DRIVE && user != SOURCE_STARTS && user != RELEASE))) ->
+    w = NOTHING /* nobody calls the driver */
+  :: else -> /* Session._move */
     if
-    :: h_repeat > 0 -> h_repeat--; w = NOTHING
-    :: h_repeat == 0 && h_age < LATE -> h_repeat = REPEAT - 1; w = (g_allowed -> MOVE : DEAD)
-    :: h_repeat == 0 && h_age >= LATE -> w = NOTHING
-    fi
-  :: plugged && h_ready && !release && !h_stopping && !h_target ->
-    w = (feeds -> FEED : NOTHING)
+    :: h_target && g_since >= patience && bug != 6 && bug != 16 && bug != NO_TIMEOUT -> stop(EXPIRED)
+    :: else
+    fi;
+    if
+    :: h_target && h_age >= LATE && (h_age >= STALE || (h_held_back && feeds)) && bug != 21 -> end_command(SILENT); stop(SILENT)
+    :: else
+    fi;
+    if
+    :: !plugged -> w = NOTHING
+    :: plugged && !h_ready -> w = GREET
+    :: plugged && h_ready && release -> w = HALT
+    :: plugged && h_ready && !release && h_stopping ->
+      w = ((bug == 7 || bug == NO_REPEAT) && h_once -> FEED : HALT); h_once = (bug == 7 || bug == NO_REPEAT)
+    :: plugged && h_ready && !release && !h_stopping && h_target ->
+      if
+      :: h_repeat > 0 -> h_repeat--; w = NOTHING
+      :: h_repeat == 0 && h_age < LATE -> h_repeat = REPEAT - 1; h_held_back = 0; w = (g_allowed -> MOVE : DEAD)
+      :: h_repeat == 0 && h_age >= LATE -> w = NOTHING
+      fi
+    :: plugged && h_ready && !release && !h_stopping && !h_target ->
+      w = (feeds -> FEED : NOTHING)
+    fi;
+    if :: w == NOTHING && plugged && feeds && (parts & CALLBACK) -> w = FEED :: else fi
   fi;
-  check(5, !(g_asked && m_moves && plugged) || w == HALT || w == GREET);
+  check(5, other == HANGS || !(g_asked && m_moves && plugged) || w == HALT || w == GREET);
   if
-  :: h_leaving && ends && (!h_stopping || !h_ready || h_age >= LATE) && !(bug == 15 && h_target) ->
+  :: other != HANGS && h_leaving && ends && (!h_stopping || !h_ready || h_age >= LATE) && !(bug == 15 && h_target) ->
     h_alive = 0; printf("the program ends\n")
   :: else
   fi
@@ -439,7 +480,8 @@ inline host() {
     h_ready = 0; h_target = 0; h_stopping = 0; h_once = 0; h_restarted = 0; h_held = 0; h_leaving = 0; h_limiter = 0;
     h_unsent = 0; h_slept = 0; h_age = 0; h_still = 0; h_repeat = 0; h_gap = 0;
     c_latched = 0; c_late = 0; c_waits = 0; c_before = 0; s_alive = 0; g_jump = 0;
-    t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0; t_refused = 0; h_force = 0
+    t_new = 0; t_moved = 0; t_hello = 0; t_newborn = 0; t_held = 0; t_refused = 0; h_force = 0;
+    h_hang = 0; h_held_back = 0
   :: else
   fi
 }
@@ -496,8 +538,9 @@ inline board() {
     m_idle = 0;
     if :: !b_present -> b_present = 1; m_moves = 0; queue = NOTHING :: else fi;
     if :: stop_wanted && !(other == NACK && bug == 3) -> m_moves = 0 :: else fi;
-    if :: queue != NOTHING -> m_moves = 1; dead = (queue == DEAD) :: else fi
+    if :: queue != NOTHING -> m_moves = 1; dead = (queue == DEAD); m_old = (queue == OLD) :: else fi
   fi;
+  m_old = m_old && m_moves;
   if
   :: plugged && b_up && h_alive && (b_streams || hello) && fault != MUTE && fault != CUT_BOTH ->
     t_new = 1; t_moved = t_moved || was_moving || m_moves; t_hello = t_hello || hello; t_newborn = t_newborn || b_newborn;
@@ -523,6 +566,8 @@ inline judge() {
   :: linked && b_final && h_ready && h_target && !b_held -> g_stuck++
   :: else -> g_stuck = 0
   fi;
+  if :: m_old && g_allowed -> g_old++ :: else -> g_old = 0 fi;
+  check(9, g_old <= NEWEST);
   check(8, g_stuck <= REFUSED + REPEAT);
   if :: !m_moves && line != MOVE && line != PASSING -> g_asked = 0 :: else fi
 }
@@ -542,7 +587,7 @@ init {
       char *text;
       now.bug = (text = getenv("BUG")) ? atoi(text) : 0;
       now.patience = (text = getenv("TICKS")) ? atoi(text) : TIMEOUT;
-      now.props = (text = getenv("PROPERTIES")) ? atoi(text) : 255;
+      now.props = (text = getenv("PROPERTIES")) ? atoi(text) : 511;
       now.udp = getenv("UDP") != 0;
       now.older = getenv("OLDER") != 0;
       now.both = getenv("BOTH") != 0;
