@@ -12,6 +12,7 @@
     |   +-- WrongRobot          8   a robot answers, but not the configured one
     |   +-- BatteryDead         9   the motors have no power, or too little to start
     |   +-- BoardTimeout       10   a known board did not answer in time (also a TimeoutError)
+    |   |   +-- HostBusy       10   because this computer was too busy
     |   +-- BoardRefused       11   the board refused a request
     |   +-- WheelFault         14   a wheel does not follow its command
     +-- FrameError             12   the command table does not allow this frame (also a ValueError)
@@ -159,6 +160,12 @@ class BoardTimeout(BoardError, TimeoutError):
 
     exit_code = 10
     code = "board_timeout"
+
+
+class HostBusy(BoardTimeout):
+    """The robot was not driven or answered in time because this computer was too busy."""
+
+    code = "late_host"
 
 
 class BoardRefused(BoardError):

@@ -114,10 +114,10 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
         Problem(
             "late_host",
             "The computer was too busy to drive the robot",
-            "The program neither read nor sent anything for a while. The board's frames waited, and its watchdog may "
-            "have stopped the robot.",
+            "The program neither read nor sent anything for a while: other programs kept the processor busy, or it was "
+            "suspended. The board's frames waited, and its watchdog may have stopped the robot.",
             "close busy programs, give the driver's process more priority, and do not suspend it or the computer",
-            ("stopped: the computer that drives the robot was paused",),
+            ("stopped: the computer that drives the robot was too busy",),
         ),
         Problem(
             "output_error",

@@ -15,6 +15,7 @@ from mrl_driver.navigation.line_follower import limit_to_stop
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.odometry import Wheels
 from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.view.words import stop_error
 
 TICK_S = 0.05
 SETTLED_S = 0.4
@@ -140,8 +141,9 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
         if robot.mismatch is not None:
             raise WheelFault(f"stopped early: {robot.mismatch}; run mrl calibrate wiring")
         if refused_s > HELD_UP_S or robot.statistics.restarts != restarts:
+            error = stop_error(robot, "the robot accepted no command")
             robot.stop()
-            raise BoardTimeout(f"the robot accepted no command ({robot.stop_reason}); run mrl doctor")
+            raise error
         robot.wait(TICK_S)
         waited_s += TICK_S
         if waited_s > patience_s:
@@ -210,8 +212,6 @@ def spin_motors(robot: Driver, code: int, left_percent: int, right_percent: int,
     for _ in range(max(1, round(seconds / KEEP_ALIVE_S))):
         if not robot.ready:
             robot.stop()
-            raise BoardTimeout(
-                f"telemetry ended while the motors turned ({robot.stop_reason}); run mrl doctor"
-            )
+            raise stop_error(robot, "telemetry ended while the motors turned")
         robot.request(code, left_percent, right_percent)
         robot.wait(KEEP_ALIVE_S)

@@ -647,10 +647,11 @@ class Driver:
 
         Reasons of this program (`motion_command.STOPS`): `user`, `not_a_number`, `command_timeout`, `battery`,
         `wheel_mismatch`, `stale` (no telemetry), `restarted` (the board restarted), `link_lost`, `host_paused` (this
-        program stood still), `closed`, `radio_hold` (the board has reported that a radio holds it).  Reasons
-        of the board (`table.STOP_REASONS`): `link_watchdog`, `stall`, `motor_board`, `boot`, `check_ended`, `held` (by
-        radio), and of H-bridge boards `wheel_blocked` (full drive, no movement), `encoder` (silent, or counts in the
-        wrong direction) and `undervoltage`; these are known within half a second.
+        program stood still, or was late just before data or commands were missing), `closed`, `radio_hold` (the board
+        has reported that a radio holds it). Reasons of the board (`table.STOP_REASONS`): `link_watchdog`, `stall`,
+        `motor_board`, `boot`, `check_ended`, `held` (by radio), and of H-bridge boards `wheel_blocked` (full drive, no
+        movement), `encoder` (silent, or counts in the wrong direction) and `undervoltage`; these are known within half
+        a second.
         """
         motion = self._motion
         return motion.stop_reason if motion else "none"

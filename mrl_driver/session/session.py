@@ -8,7 +8,8 @@ import math
 from functools import lru_cache
 from typing import Callable, List, Optional, Tuple
 
-from mrl_driver.errors import BoardTimeout
+from mrl_driver.errors import BoardTimeout, HostBusy
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME, COMMANDS, INT16_MAX, INT16_MIN
 
@@ -45,6 +46,13 @@ PAUSE_S = 0.25
 """With a command in force, `tick` is due at least every `ATTENTION_S`.  If this program itself paused for longer than
 `PAUSE_S` (stopped process, suspended machine), the command is stale and the board's watchdog has stopped the robot [s].
 """
+LATE_HOST_S, BLAMED_S = 0.15, 1.0
+"""With a command in force, a program that is not run for `LATE_HOST_S` may let the board's watchdog stop the robot.
+For `BLAMED_S` after that, a stop for lack of data or commands counts as `host_paused` [s].
+"""
+LATE_GREETING_S = 0.5
+"""In a greeting this program is due every 0.25 s; if it was late by as much again, a board without an answer is excused
+[s]."""
 SAME_BOOT_S, BOOTED_S = 1.5, 3
 """If a board was up for at least `BOOTED_S` and its start time is the same as before the link was lost, to within
 `SAME_BOOT_S`, it has not restarted and its counters are still valid [s].  Uptimes are whole seconds.
@@ -121,7 +129,8 @@ class Session:
         self.sensors = self._poll.sensors
         self.reads_imu = True
         """Start the stream of the board's IMU, if it has one."""
-        self._attended_s, self.resumed_s = now, -math.inf
+        self._attended_s, self.resumed_s, self._busy_s = now, -math.inf, -math.inf
+        self._late_greeting = False
         """When this program last attended to the board, and when it last went on after a pause [s]."""
         self._pause_s = max(PAUSE_S, 2 * plan.period_ms / 1000)
         """A gap of this length is a pause without a command in force, too [s]."""
@@ -300,7 +309,7 @@ class Session:
         Raises:
             BoardError: the board is not the right one, or has a fault.
         """
-        if now - self._attended_s > PAUSE_S:
+        if now - self._attended_s > LATE_HOST_S:
             self._resume(now)
         self._attended_s = now
         counters = self.counters
@@ -335,19 +344,24 @@ class Session:
             NotARobot: nothing answers the greeting, or the answer is not made of frames.
             BoardTimeout: the board stopped answering during the greeting, or sends no telemetry after it.
         """
-        if now - self._attended_s > PAUSE_S:
+        if now - self._attended_s > LATE_HOST_S:
             self._resume(now)
         self._attended_s = now
         events: List[SessionEvent] = []
         if self._last is None and self.board is not None and now >= self._telemetry_by_s:
-            raise BoardTimeout(
-                f"the board (robot id {self.board.robot_id}) has answered, but no telemetry follows, expected a frame "
-                f"every {self._plan.period_ms} ms; reset it and try again"
+            raise self._excused(
+                BoardTimeout(
+                    f"the board (robot id {self.board.robot_id}) has answered, but no telemetry follows, expected a "
+                    f"frame every {self._plan.period_ms} ms; reset it and try again"
+                )
             )
         if self._greeting is not None:
-            self._greeting.tick(now, self.checked)
+            try:
+                self._greeting.tick(now, self.checked)
+            except BoardTimeout as error:
+                raise self._excused(error) from None
         elif now - self.heard_s >= STALE_S:
-            self._greet_again(now, "stale")
+            self._greet_again(now, self._cause("stale", now))
             events.append(Stale(now - self.heard_s, self.may_be_moving))
             self._restarted = not self.checked
         elif now - self.heard_s < LATE_S:
@@ -369,11 +383,25 @@ class Session:
         return due_s if late else min(due_s, self._poll.due_s)
 
     def _resume(self, now: float) -> None:
-        """This program paused: stop the robot if a command was in force."""
-        if now - self._attended_s > self._pause_s:
+        """This program was late; after a pause, stop the robot if a command was in force."""
+        late_s = now - self._attended_s
+        if late_s > self._pause_s:
             self.resumed_s = now
+        self._late_greeting |= self._last is None and late_s > LATE_GREETING_S
         if self.motion.target is not None:
-            self.motion.stop("host_paused")
+            self._busy_s = now
+            if late_s > PAUSE_S:
+                self.motion.stop("host_paused")
+
+    def _excused(self, error: BoardTimeout) -> BoardTimeout:
+        """Return the error of a greeting without an answer: if this program was late, the board is not blamed."""
+        problem = PROBLEMS["late_host"]
+        text = f"{problem.message}, and the board did not answer in time; {problem.remedy}"
+        return HostBusy(text) if self._late_greeting else error
+
+    def _cause(self, reason: str, now: float) -> str:
+        """Return the reason of a stop for lack of data or commands: `host_paused` if this program was just late."""
+        return "host_paused" if now - self._busy_s < BLAMED_S else reason
 
     # -- out
 
@@ -563,6 +591,8 @@ class Session:
         The board refuses all moves until it gets a stop.  Its reason may be that of a stop before the last command,
         unless that is `new` or the command is not.
         """
+        if reason == "link_watchdog":
+            reason = self._cause(reason, now)
         motion, least_s = self.motion, max(REFUSED_S, min(2 * self.round_trip_s(now), MOST_REFUSED_S))
         if new or (reason != "boot" and self._refuses(least_s, now)):
             if motion.wanted:

@@ -6,6 +6,7 @@ the ROS node (`stopped by` in its status).
 
 from typing import TYPE_CHECKING, Dict, NamedTuple
 
+from mrl_driver.errors import BoardTimeout, HostBusy
 from mrl_driver.problems import PROBLEMS
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ STOPS: Dict[str, Stop] = {
     "stall": _stop("the robot's board was busy for too long", "board_stalled", False),
     "check ended": _stop("the program that drove the robot ended its session", "ended"),
     "closed": _stop("the program that drove the robot has ended", "ended"),
-    "host paused": _stop("the computer that drives the robot was paused", "late_host", False),
+    "host paused": _stop("the computer that drives the robot was too busy", "late_host"),
     "radio hold": _HELD,
     "held": _HELD,
     "held by radio": _HELD,
@@ -104,6 +105,14 @@ def stopped_by(driver: "Driver") -> str:
         return f"stopped: {driver.hold}"
     remedy = remedy_of(driver.stop_reason)
     return stopped_text(driver.stop_reason) + (f"; {remedy}" if remedy else "")
+
+
+def stop_error(driver: "Driver", what: str) -> BoardTimeout:
+    """Return the error for a drive that did not go on: `what` happened, why, and what to do."""
+    stop = stop_of(driver.stop_reason)
+    kind = HostBusy if stop.code == HostBusy.code else BoardTimeout
+    why = stop.why + (f"; {stop.remedy}" if stop.remedy else "")
+    return kind(f"{what}: {why or why_refused(driver, 'try again')}")
 
 
 def why_refused(driver: "Driver", again: str = "press again") -> str:

@@ -3,7 +3,7 @@ import re
 import pytest
 
 from mrl_driver.driver.options import QUEUED_S
-from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
+from mrl_driver.errors import BoardError, BoardTimeout, HostBusy, NotARobot, WrongRobot
 from mrl_driver.protocol import Frame, encode_reply
 from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
 from mrl_driver.session.events import status_of
@@ -201,6 +201,37 @@ def test_a_pause_of_this_program_in_the_greeting_is_not_held_against_the_board()
     talk.now += 9.0
     talk.session.tick(talk.now)
     assert talk.until_ready().now < 10.0
+
+
+def test_a_board_without_an_answer_while_this_program_was_late_is_not_blamed():
+    talk = Talk()
+    talk.until(lambda: talk.session.board is not None)
+    talk.board.mute = True
+    talk.now += 0.6
+    with pytest.raises(HostBusy, match="computer was too busy.* did not answer in time; close busy programs"):
+        talk.run(10.0)
+
+
+@pytest.mark.parametrize("late_s, reason", [(0.0, "link_watchdog"), (0.2, "host_paused")])
+def test_a_stop_by_the_boards_watchdog_is_blamed_on_a_late_program(late_s, reason):
+    talk = Talk().until_ready()
+    talk.session.drive((300, 0), talk.now)
+    talk.run(0.1)
+    talk.now += late_s
+    talk.run(0.02)
+    talk.board.stop_reason = STOP_REASONS.index("link_watchdog")
+    talk.until(lambda: talk.session.motion.target is None)
+    assert talk.session.motion.stop_reason == reason
+
+
+@pytest.mark.parametrize("late_s, reason", [(0.0, "stale"), (0.2, "host_paused")])
+def test_a_silence_beside_a_late_program_is_blamed_on_the_program(late_s, reason):
+    talk = Talk().until_ready()
+    talk.session.drive((300, 0), talk.now)
+    talk.board.mute = True
+    talk.now += late_s
+    talk.run(0.5)
+    assert talk.session.motion.stop_reason == reason
 
 
 def test_a_board_that_ended_the_check_amid_the_greeting_is_greeted_once_more():

@@ -211,7 +211,7 @@ def test_requests_that_are_due_wait_while_telemetry_is_late():
 def test_telemetry_is_stale_at_its_limit_and_its_age_is_told():
     fed = Fed()
     fed.drive(0.05)
-    fed.at(0.2)
+    fed.at(0.15)
     fed.session.tick(STALE_S - 0.001)
     assert fed.session.ready
     assert fed.session.tick(STALE_S) == [Stale(STALE_S, False)]

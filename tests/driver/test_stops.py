@@ -115,7 +115,8 @@ def test_a_stop_because_motor_power_went_off(robot):
 
 
 def test_a_stop_because_telemetry_stays_away(prompt, robot, monkeypatch):
-    monkeypatch.setattr(session, "PAUSE_S", PATIENCE_S)  # a held-up host is another reason
+    for limit in ("PAUSE_S", "LATE_HOST_S"):  # a held-up host is another reason
+        monkeypatch.setattr(session, limit, PATIENCE_S)
     robot.fake.mute = True
     wait_until(lambda: robot.command is None)
     assert robot.stop_reason == "stale"

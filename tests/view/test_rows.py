@@ -63,7 +63,7 @@ def test_a_robot_that_moves_sideways_has_a_third_speed():
 
 def test_a_stopped_robot_says_why():
     asked = told(command=None, stop_reason="host_paused")["motion"]["asked"]
-    assert asked == Row("asked", "stopped: the computer that drives the robot was paused", "yellow")
+    assert asked == Row("asked", "stopped: the computer that drives the robot was too busy", "yellow")
 
 
 def test_a_robot_that_another_program_drives_is_not_told_as_stopped():

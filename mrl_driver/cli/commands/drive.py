@@ -10,9 +10,9 @@ import click
 
 from mrl_driver.errors import BoardTimeout, ConfigError, MrlError, WheelFault
 from mrl_driver.host.named_robots import Target
-from mrl_driver.robot.battery import voltage_text
 from mrl_driver.session.events import MAY_MOVE
 from mrl_driver.view.shown_state import line, snapshot
+from mrl_driver.view.words import stop_error
 
 from .monitor import watch_live
 from .shared import (
@@ -173,10 +173,7 @@ def require_driving(driver: "Driver") -> None:
         raise MrlError(f"stopped early: {driver.hold}")
     if driver.may_be_moving:
         raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
-    raise BoardTimeout(
-        f"stopped early ({driver.stop_reason}): telemetry is {driver.age_s * 1000:.0f} ms old, "
-        f"battery is {driver.battery_state} ({voltage_text(driver.battery_v)})"
-    )
+    raise stop_error(driver, "stopped early")
 
 
 def confirm_stop(driver: "Driver") -> None:
