@@ -5,7 +5,7 @@ from typing import Any, Callable, Dict, List
 
 import pytest
 
-from mrl_driver.protocol.table import BRIDGES, CAPABILITIES, FAULTS, PARAMETERS, STOP_REASONS, WIRING
+from mrl_driver.protocol.table import BRIDGES, FAULTS, PARAMETERS, STOP_REASONS, WIRING
 from sim_arduino.faults import hardware_faults as faults
 from sim_arduino.hardware.robot_physics import AS_MODELLED
 from sim_arduino.hardware.wiring import Plant
@@ -16,7 +16,6 @@ from tests.firmware.pc_board import BRIDGE
 PARAMETER = {each.name: index for index, each in enumerate(PARAMETERS)}
 BIT = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
-CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
 SET = {"wiring": 1, "kp": 1600, "ki": 23700, "friction_duty": 53, "ramp_time": 0, "full_speed": 170}
 """A wired kit with the gains that `mrl calibrate gains` fits to it; no ramp."""
 M_PER_COUNT = models.model("duo").drive.metres_per_count
@@ -151,39 +150,10 @@ def test_without_bridge_wiring_or_counts_each_move_is_refused(kit, name, args, v
     assert bench.field("read_status", "faults") & FAULT["wiring"]
 
 
-def test_a_blank_eeprom_has_no_wiring(kit):
-    bench = kit(ready=False)
-    assert bench.field("read_status", "faults") & FAULT["wiring"]
-    bench.send("move_motors", 100, 100, wait_s=0.1)
-    assert all(bench.shares(wheel).coast == 1.0 for wheel in (0, 1))
-
-
 def test_the_fault_goes_when_the_wiring_is_set(kit):
     bench = kit()
     bench.ask("read_status")
     assert not bench.field("read_status", "faults") & FAULT["wiring"]
-
-
-def test_a_change_of_the_wiring_stops_the_motors(kit):
-    bench = kit()
-    bench.send("move_differential", 200, 0, wait_s=0.3)
-    bench.write(wiring=3)
-    assert bench.shares().brake == 1.0 and bench.stop_reason() == "host"
-
-
-@pytest.mark.parametrize(
-    "name, args",
-    [
-        ("calibrate", ()),
-        ("move_omni", (10, 0, 0)),
-        ("preset_encoder", (2, 5)),
-        ("move_to_position", (2, 50, 5)),
-    ],
-)
-def test_what_two_wheels_cannot_do_is_unavailable(kit, name, args):
-    bench = kit()
-    bench.send(name, *args)
-    assert bench.counter("unavailable") == 1
 
 
 # ---- control
@@ -249,26 +219,12 @@ def test_a_reversal_rests_at_zero(kit):
     assert bench.shares().backward
 
 
-def test_the_same_direction_needs_no_rest(kit):
-    bench = kit(reversal_pause=1000)
-    bench.send("move_differential", 200, 0, wait_s=0.4)
-    bench.send("stop", wait_s=0.1)
-    bench.send("move_differential", 200, 0, wait_s=0)
-    assert bench.seconds_to(bench.is_driven) < 0.01
-
-
 def test_a_position_is_reached_and_held(kit):
     bench = kit()
     bench.send("move_to_position", 1, 50, 700, wait_s=2.0)
     bench.send("move_to_position", 3, 50, -700, wait_s=2.0)
     right, left = bench.ask("read_encoders").args
     assert abs(left - 700) <= 4 and abs(right + 700) <= 4
-
-
-def test_a_wheel_at_its_position_is_not_driven(kit):
-    bench = kit()
-    bench.send("move_to_position", 1, 50, 700, wait_s=2.0)
-    assert bench.seconds_to(bench.is_driven, 0.5) == math.inf
 
 
 def test_a_position_is_reached_with_a_ramp_without_going_beyond(kit):
@@ -439,29 +395,6 @@ def test_a_wheel_that_still_rolls_after_a_reversal_is_not_a_wrong_encoder(kit):
     assert bench.is_driven() and bench.stop_reason() == "none"
 
 
-def test_a_stopped_wheel_is_not_driven_again_for_a_second(kit):
-    bench = kit()
-    bench.send("move_differential", 200, 0, wait_s=0.5)
-    faults.wheel_blocked(bench.plant, True, "left")
-    bench.seconds_to(lambda: not bench.is_driven())
-    bench.send("move_differential", 200, 0, wait_s=0.5)
-    assert not bench.is_driven() and bench.counter("unavailable") == 1
-    bench.run(0.5)
-    bench.send("move_differential", 200, 0)
-    assert bench.is_driven()
-
-
-@pytest.mark.parametrize("name, args", [("stop", ()), ("move_differential", (0, 0))])
-def test_a_stop_of_the_host_ends_the_refusal(kit, name, args):
-    bench = kit()
-    bench.send("move_differential", 200, 0, wait_s=0.5)
-    faults.wheel_blocked(bench.plant, True, "left")
-    bench.seconds_to(lambda: not bench.is_driven())
-    bench.send(name, *args)
-    bench.send("move_differential", 200, 0)
-    assert bench.is_driven()
-
-
 def test_a_weak_battery_stops_the_robot(kit):
     bench = kit(battery_divider=4000, undervoltage=1000)
     bench.send("move_differential", 200, 0, wait_s=0.5)
@@ -488,23 +421,3 @@ def test_silence_of_the_host_stops_the_robot(kit):
 
 
 # ---- replies
-
-
-def test_what_is_not_measured_is_zero_and_a_capability(kit):
-    bench = kit(battery_divider=0)
-    assert bench.ask("robot_info").args[:3] == (0, 0, 0)
-    found = bench.field("read_protocol", "capabilities")
-    assert all(found & CAPABILITY[name] for name in ("bridge", "no_battery", "no_temperature", "sonars"))
-    assert not found & CAPABILITY["omni"]
-
-
-def test_the_battery_is_measured_behind_its_divider(kit):
-    bench = kit(battery_divider=4000)
-    bench.run(0.3)
-    volts = bench.plant.bridge.battery_v
-    assert bench.field("robot_info", "battery") / 100 == pytest.approx(volts, abs=0.05)
-    assert not bench.field("read_protocol", "capabilities") & CAPABILITY["no_battery"]
-
-
-def test_the_status_has_a_field_for_impossible_transitions(kit):
-    assert kit().field("read_status", "impossible") == 0

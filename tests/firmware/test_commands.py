@@ -4,7 +4,6 @@ import pytest
 
 from mrl_driver.protocol.table import (
     BY_NAME,
-    CAPABILITIES,
     COMMANDS,
     PROTOCOL_VERSION,
     REASONS,
@@ -15,7 +14,6 @@ from mrl_driver.robot import models
 from sim_arduino.hardware.wiring import Plant
 
 STOP, KEYS = 0xFC, b"\xaa\x55"
-CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
 
 
 def word(value: int) -> bytes:
@@ -142,28 +140,7 @@ def test_clamped_commands_are_counted(bench):
     assert board.field("read_status", "clamped") == 2
 
 
-@pytest.mark.parametrize("value", [-32768, -32767, 32767])
-def test_widest_ceiling_is_none(bench, value):
-    """Every int16 arrives as it was sent."""
-    board = bench()
-    board.send("write_config", 10, 32767)
-    board.send("write_config", 11, 32767)
-    board.send("move_differential", value, value)
-    assert board.writes(0xEB)[-1] == b"\xeb" + word(value) * 2
-
-
 # ---- answers
-
-
-def test_robot_info(bench):
-    """Temperature and battery in hundredths, motor board 1.72, firmware 2, robot 1."""
-    board = bench()
-    temperature, motor_version, battery, version, robot_id = board.ask("robot_info").args
-    assert (motor_version, version, robot_id) == (172, 2, 1)
-    assert temperature == pytest.approx(
-        100 * board.plant.motor_board.temperature_c(board.board.now_s), abs=10
-    )
-    assert battery == pytest.approx(100 * board.plant.motor_board.battery_v(board.board.now_s), abs=10)
 
 
 def test_robot_info_is_kept_up_to_date(bench):
@@ -176,43 +153,10 @@ def test_robot_info_is_kept_up_to_date(bench):
     assert (temperature, battery) == pytest.approx((4000, 1050), abs=10)
 
 
-def test_encoders_right_before_left(bench):
-    board = bench()
-    board.raw(b"@4,3,-567e@4,1,1234e")
-    assert board.ask("read_encoders").args == (-567, 1234)
-
-
-def test_encoders_and_sonars_in_one(bench):
-    board = bench()
-    board.run(1.0)
-    assert board.ask("read_encoders_and_sonars").args[2:] == board.ask("read_sonars").args
-
-
 def test_replies_end_with_cr_lf(bench):
     board = bench()
     board.send("read_encoders")
     assert board.heard == b"@6,0,0e\r\n"
-
-
-def test_protocol_and_capabilities(bench):
-    wanted = sum(
-        CAPABILITY[name] for name in ("check", "watchdog", "period", "config", "sonars", "omni", "baud")
-    )
-    assert bench().ask("read_protocol").args == (PROTOCOL_VERSION, wanted)
-
-
-def test_uptime_counts_seconds(bench):
-    board = bench()
-    board.run(3.0)
-    assert board.field("read_status", "uptime") == 3
-
-
-def test_more_questions_than_fit_are_counted(bench):
-    """Eight answers wait, one is on the wire; the rest is dropped and counted, and the board goes on."""
-    board = bench()
-    board.raw(b"@31e" * 20, wait_s=0.1)
-    answered = len(board.frames())
-    assert board.counter("overrun") == 20 - answered
 
 
 HARMLESS = [row for row in COMMANDS if row.name not in ("xbee_text", "set_check", "set_baud")]
@@ -329,13 +273,6 @@ def test_debug_text_never_cuts_an_answer_that_has_begun(bench):
     board.forget()
     board.raw(b"@6e@@", wait_s=0.02)
     assert b"@6,0,0e\r\n" in board.heard
-
-
-def test_debug_flag(bench):
-    board = bench()
-    before = board.ask("get_debug").args
-    board.send("set_debug", 1)
-    assert (before, board.ask("get_debug").args) == ((0,), (1,))
 
 
 def test_a_request_behind_several_that_fail_is_answered_at_once(bench):

@@ -93,30 +93,6 @@ def test_every_damaged_byte_is_caught(bench, place):
         image[place] ^= flip
 
 
-def test_written_parameter_is_in_force_and_answered(bench):
-    board = bench()
-    assert board.ask("write_config", 10, 300).args == (10, 300)
-    board.raw(b"@11,600,0e")
-    assert board.writes(0xEB) == [b"\xeb" + (300).to_bytes(2, "big") + b"\0\0"]
-
-
-def test_written_parameter_is_lost_without_saving(bench):
-    board = bench()
-    board.send("write_config", 10, 300)
-    board.board.reset()
-    board.run(0.1)
-    assert board.ask("read_config", 10).args == (10, 650)
-
-
-def test_saved_parameter_survives_a_reset(bench):
-    board = bench()
-    board.send("write_config", 10, 300)
-    saved = board.ask("save_config", wait_s=SAVED_S)
-    board.board.reset()
-    board.run(0.1)
-    assert saved.args == (1,) and board.ask("read_config", 10).args == (10, 300) and faults(board) == 0
-
-
 def test_saved_image_is_the_documented_one(bench):
     """Id as float at 0, the block at 16, and nothing else."""
     board = bench(eeprom=BLANK)

@@ -9,28 +9,6 @@ PASS_S = 16e-6
 BYTE_S = 85e-6
 
 
-def test_stream_repeats_the_reply_of_8(bench):
-    board = bench()
-    board.send("start_stream", wait_s=0.1)
-    assert {frame.code for frame in board.frames()} == {8} and len(board.frames()) > 40
-
-
-def test_stream_ends(bench):
-    board = bench()
-    board.send("start_stream", wait_s=0.1)
-    board.send("stop_stream", wait_s=0.02)
-    board.forget()
-    board.run(0.1)
-    assert not board.heard
-
-
-@pytest.mark.parametrize("name, running", [("start_stream", 1), ("stop_stream", 0)])
-def test_get_stream(bench, name, running):
-    board = bench()
-    board.send(name, *([100] if running else []))
-    assert board.ask("get_stream").args == (running,)
-
-
 @pytest.mark.parametrize("period_ms", [5, 20, 33, 100])
 def test_period(bench, period_ms):
     board = bench()
@@ -184,19 +162,3 @@ def test_reply_to_set_check_comes_in_the_state_it_reports(bench):
     board.forget()
     board.check(False)
     assert (on, board.heard) == (b"@32,1,31085e\r\n", b"@32,0e\r\n")
-
-
-def test_plain_requests_are_refused_while_checked(bench):
-    board = bench()
-    board.check(True)
-    board.forget()
-    board.raw(b"@11,100,0e")
-    assert not board.writes() and board.counter("bad_check") == 1
-
-
-def test_plain_stop_works_while_checked(bench):
-    board = bench()
-    board.check(True)
-    board.forget()
-    board.raw(b"@13e")
-    assert board.writes() == [b"\xfc\xaa\x55"]
