@@ -4,7 +4,6 @@ import pytest
 
 from sim_arduino.hardware.motor import Mode
 
-WATCHDOG_MARGIN_S = 0.015
 I2C_S = 0.3
 
 
@@ -49,22 +48,6 @@ def test_set_up_of_the_motor_board(make):
 
 def test_set_up_respects_the_motor_boards_eeprom(make):
     assert make().plant.motor_board.too_early == 0
-
-
-def test_speed_beyond_the_ceiling_is_clamped(bench):
-    bench.ask("move_differential", 2000, 0)
-    assert bench.commands() == [(0xEB, 650, 0)]
-    assert bench.status().clamped == 1
-
-
-def test_clamping_keeps_the_curvature(bench):
-    bench.ask("move_differential", 1300, 2000)
-    assert bench.commands() == [(0xEB, 650, 1000)]
-
-
-def test_the_angular_ceiling_holds_too(bench):
-    bench.ask("move_differential", 100, -20000)
-    assert bench.commands() == [(0xEB, 25, -5000)]
 
 
 def test_the_widest_ceiling_passes_everything(bench):
@@ -208,30 +191,6 @@ def test_omni_moves_end_with_the_watchdog(make):
 def test_robot_info(make):
     bench = make(robot="stingbot", battery_v=11.4)
     assert bench.reply("robot_info") == (2500, 172, 1140, 2, 4)
-
-
-def test_a_plain_stop_works_in_check_mode(bench):
-    bench.ask("set_check", 1)
-    bench.send(b"@13e")
-    assert bench.commands() == [(0xFC,)]
-
-
-@pytest.mark.parametrize("period_ms", [100, 250, 500])
-def test_watchdog_sends_a_stop(bench, period_ms):
-    bench.ask("set_watchdog", period_ms)
-    bench.send(b"@11,200,0e", wait_s=0.0)
-    silent_from = bench.now_s + 10 * 86.8e-6
-    bench.run(period_ms / 1000 + 0.1)
-    stop_s = [each.time_s for each in bench.plant.motor_board.commands if each.code == 0xFC][-1]
-    assert 0 <= stop_s - silent_from - period_ms / 1000 + 0.001 <= WATCHDOG_MARGIN_S
-
-
-def test_watchdog_sleeps_while_frames_come(bench):
-    bench.ask("set_watchdog", 200)
-    bench.commands()
-    for _ in range(10):
-        bench.ask("read_encoders", wait_s=0.1)
-    assert bench.commands() == []
 
 
 @pytest.mark.parametrize(
