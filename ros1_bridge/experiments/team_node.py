@@ -60,6 +60,7 @@ class TopicRobot:
     def __init__(self, member: Member, truth: World, navigated: bool) -> None:
         self.member, self.model = member, models.load(member.robot)
         self.ranges: Dict[str, float] = {}
+        self._stamps: Dict[str, rospy.Time] = {}
         self._truth, self._origin = truth, ORIGIN
         self._status: Dict[str, str] = {}
         body = footprint_of(member)
@@ -105,6 +106,7 @@ class TopicRobot:
         return int(self._status.get("visits", 0))
 
     def _on_range(self, message: Range, name: str) -> None:
+        self._stamps[name] = message.header.stamp
         self.ranges = {**self.ranges, name: message.range}
 
     @property
@@ -149,7 +151,8 @@ class TopicRobot:
     def pass_on(self, ranges: Mapping[str, float]) -> None:
         """Pass the ranges that the robot uses [m] to its `go_to_goal`."""
         for name, range_m in ranges.items():
-            header = Header(frame_id=sonar_frame(f"{self.member.name}/base_link", name))
+            frame = sonar_frame(f"{self.member.name}/base_link", name)
+            header = Header(stamp=self._stamps[name], frame_id=frame)
             self._heard[name].publish(Range(header=header, range=range_m))
 
     def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
