@@ -428,7 +428,7 @@ class Session:
         motion = self.motion
         goes_on = feeds or not self._watched or not any(motion.target or ())
         if self._silent(now) or (motion.held_back and goes_on):
-            motion.stop("stale" if motion.wanted else "user")
+            motion.stop(self._cause("stale", now) if motion.wanted else "user")
 
     def _end_requested(self, now: float) -> None:
         """Stop what a request turns, if telemetry is stale or the last such request is long ago.
@@ -438,7 +438,7 @@ class Session:
         silent = self._silent(now)
         if silent or (now - self._asked_s >= BUSY_S and self._watched):
             self._requested_s = math.inf
-            self.motion.stop("stale" if silent else "command_timeout")
+            self.motion.stop(self._cause("stale", now) if silent else "command_timeout")
 
     def _pace(self) -> Pace:
         """A pace whose repeats feed the watchdog, however short its period, even if one repeat is lost."""

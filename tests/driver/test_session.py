@@ -224,12 +224,15 @@ def test_a_stop_by_the_boards_watchdog_is_blamed_on_a_late_program(late_s, reaso
     assert talk.session.motion.stop_reason == reason
 
 
-@pytest.mark.parametrize("late_s, reason", [(0.0, "stale"), (0.2, "host_paused")])
-def test_a_silence_beside_a_late_program_is_blamed_on_the_program(late_s, reason):
+@pytest.mark.parametrize("again", [False, True], ids=["", "noticed by the next command"])
+@pytest.mark.parametrize("late_s, reason", [(0.0, "stale"), (0.26, "host_paused")])
+def test_a_silence_beside_a_late_program_is_blamed_on_the_program(late_s, reason, again):
     talk = Talk().until_ready()
     talk.session.drive((300, 0), talk.now)
     talk.board.mute = True
     talk.now += late_s
+    if again:
+        talk.session.drive((300, 0), talk.now)
     talk.run(0.5)
     assert talk.session.motion.stop_reason == reason
 
