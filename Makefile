@@ -63,6 +63,11 @@ $(VENV)/.tested: $(VENV)/.ready
 	@set -o pipefail; $(PIP) 'mrl-driver[dev]' $(SHOWN)
 	@touch $@
 
+# What `make mutants` needs beyond them.
+$(VENV)/.mutants: $(VENV)/.tested
+	@set -o pipefail; $(PIP) 'mrl-driver[mutants]' $(SHOWN)
+	@touch $@
+
 # What the documentation site needs beyond them.
 $(VENV)/.site: $(VENV)/.tested
 	@$(PY) -c 'import sys; v = sys.version_info[:2]; v >= (3, 11) or sys.exit("make docs: got Python %d.%d, expected 3.11 or newer; README.md leads to the same documents" % v)'

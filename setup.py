@@ -125,6 +125,7 @@ setup(
             "types-PyYAML",
             "types-pyserial",
         ],
+        "mutants": ["mutmut>=3.8,<4; python_version >= '3.10'"],
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.7", "mkdocstrings[python]>=1"],
         "test": ["pytest>=7"],
         "plot": ["matplotlib>=3.5"],

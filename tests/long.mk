@@ -31,12 +31,8 @@ frames: setup ## Visit all states of the firmware's decoder and writer, and inte
 	$(PY) -m tests.verify.interrupts
 
 .PHONY: mutants
-mutants: setup pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter"
-	$(PY) -m tests.mutants --survivors $(SOURCES)
-
-.PHONY: mutants-image
-mutants-image: setup firmware ## Change the hal files one place at a time and count what the tests of the image notice; SAMPLE=60
-	$(PY) -m tests.mutants.image --sample $(or $(SAMPLE),60)
+mutants: setup $(VENV)/.mutants pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter"
+	$(PY) -m tests.mutants $(SOURCES)
 
 .PHONY: bench-calibration
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json

@@ -16,7 +16,9 @@ def counted(bench, vector):
         bench.ask("set_check", 1)
     bench.send(vector.wire + b"\r\n")
     bench.checked = bench.checked or "32,1," in vector.wire.decode("latin-1")
-    return bench.counters()
+    found = bench.counters()
+    found.pop("unavailable", None)  # a board without the part that a whole request is for
+    return found
 
 
 def test_refusals_are_counted_by_reason(engine, motors):

@@ -1,1 +1,0 @@
-"""Mutants of the hardware layer (hal_*_avr.cpp), tried on the firmware's image on the simulated chip."""
