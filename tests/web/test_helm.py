@@ -4,15 +4,20 @@ import math
 
 import pytest
 
+from mrl_driver.safety.operator_delay import delay_text
 from mrl_driver.web.helm import (
     CHANGED,
     EMERGENCY,
+    GIVEN_UP,
     HAND_OVER_S,
+    HANDED_OVER,
     LATCHED,
     LEFT,
+    LET_GO,
     LOST,
     PRESS_AGAIN,
     RELEASED,
+    RELEASES,
     SENT_S,
     TAKE_FIRST,
     WATCHES,
@@ -24,6 +29,7 @@ from mrl_driver.web.helm import (
     Latch,
     Refuse,
     Tell,
+    Unlatch,
 )
 
 from .pages import Page, kinds
@@ -111,10 +117,11 @@ def test_a_held_goal_is_driven_to(bench):
 
 def test_each_fresh_command_is_passed_on_once(driving):
     bench, one, _ = driving
+    for speed in (0.1, 0.2, 0.3):
+        bench.later()
+        assert bench.repeat(one, linear_m_s=speed) == [Drive(speed, 0.0, 0.0, 0.0)]
     bench.later()
-    assert bench.repeat(one, linear_m_s=0.1) == [Drive(0.1, 0.0, 0.0, 0.0)]
-    bench.later()
-    assert bench.helm.tick(bench.now_s) == []
+    assert bench.helm.tick(bench.now_s) == [] and bench.helm.state().age_s == 0.0
 
 
 def test_a_released_control_stops_at_once(driving):
@@ -163,7 +170,7 @@ def test_the_robot_stops_150_ms_after_the_last_command(driving):
     assert due_s == pytest.approx(bench.now_s + 0.15, abs=ERROR_S)
     assert bench.helm.tick(due_s - 1e-4) == []
     assert bench.helm.tick(due_s) == [Halt(LOST), Tell()]
-    assert bench.helm.due_s == math.inf
+    assert bench.helm.due_s == math.inf and bench.helm.state().why == LOST
 
 
 def test_the_robot_stops_250_ms_after_the_page_has_sent_the_last_command(driving):
@@ -190,9 +197,8 @@ def test_a_page_with_slow_commands_is_told_once_in_a_press(bench):
         sent = page.message(bench.now_s) if page.held else page.push(bench.now_s)
         bench.now_s += 0.2
         told += bench.arrives(page, sent)
-    assert [act.why for act in told] == [
-        "the delay of this page's commands is 200 ms, expected at most 150 ms"
-    ]
+    assert told == [Refuse(1, "the delay of this page's commands is 200 ms, expected at most 150 ms")]
+    assert bench.helm.state().late == 3
 
 
 def test_late_commands_do_not_keep_the_robot_driving(driving):
@@ -229,8 +235,10 @@ def test_after_a_time_out_the_same_press_does_not_drive(driving):
 
 def test_a_page_that_never_heard_of_us_cannot_drive(bench):
     page = bench.page(takes=True)
-    acts = bench.arrives(page, page.push(bench.now_s)._replace(heard_s=None, heard_t_s=None))
-    assert "Drive" not in kinds(acts)
+    (act,) = bench.arrives(page, page.push(bench.now_s)._replace(heard_s=None, heard_t_s=None))
+    assert act == Refuse(
+        1, f"the delay of this page's commands is {delay_text(math.nan)}, expected at most 150 ms"
+    )
 
 
 def test_a_page_whose_clock_stands_still_is_stopped(driving):
@@ -252,7 +260,14 @@ def test_a_message_that_comes_twice_counts_once(driving):
     bench, one, _ = driving
     sent = one.message(bench.now_s)
     assert kinds(bench.arrives(one, sent)) == ["Drive"]
-    assert bench.arrives(one, sent) == [] and bench.helm.state().repeated == 1
+    assert [bench.arrives(one, sent) for _ in range(2)] == [[], []] and bench.helm.state().repeated == 2
+
+
+def test_a_release_that_comes_twice_counts_once(driving):
+    bench, one, _ = driving
+    sent = one.lift(bench.now_s)
+    assert kinds(bench.arrives(one, sent)) == ["Halt"]
+    assert [bench.arrives(one, sent) for _ in range(2)] == [[], []] and bench.helm.state().repeated == 2
 
 
 def test_a_command_that_was_overtaken_by_a_newer_one_is_dropped(driving):
@@ -292,8 +307,9 @@ def test_a_late_release_stops_too(driving):
 
 def test_press_numbers_only_grow(driving):
     bench, one, _ = driving
+    first = one.press
     one.press += 2
-    assert bench.drives(one)
+    assert bench.drives(one) and bench.helm.state().spent[1] == first
     one.press -= 1
     assert not bench.drives(one)
 
@@ -371,7 +387,7 @@ def test_one_that_comes_back_with_its_finger_down_does_not_drive(driving):
 def test_the_helm_changes_hands_when_the_robot_stands(bench):
     bench.page(takes=True)
     two = bench.page()
-    assert kinds(bench.helm.take(2, bench.now_s)) == ["Halt"]
+    assert bench.helm.take(2, bench.now_s) == [Halt(HANDED_OVER), Tell()]
     assert bench.helm.state().driver is None and bench.helm.state().wants == 2 and bench.helm.waits
     bench.later(0.3)
     bench.helm.stands(bench.now_s)
@@ -392,7 +408,7 @@ def test_the_helm_changes_hands_after_a_second_at_the_latest(bench):
 
 def test_one_that_holds_a_control_keeps_the_helm_until_it_is_released(driving):
     bench, one, _ = driving
-    assert kinds(bench.helm.take(2, bench.now_s)) == [] and bench.drives(one)
+    assert bench.helm.take(2, bench.now_s) == [Tell()] and bench.drives(one)
     assert kinds(bench.rest(one)) == ["Halt"]
     bench.helm.stands(bench.now_s)
     assert bench.helm.state().driver == 2
@@ -430,7 +446,8 @@ def test_only_one_can_wait_for_the_helm(driving):
     bench, _, _ = driving
     bench.page()
     bench.helm.take(2, bench.now_s)
-    assert kinds(bench.helm.take(3, bench.now_s)) == ["Refuse"] and bench.helm.state().wants == 2
+    assert bench.helm.take(3, bench.now_s) == [Refuse(3, "somebody else has asked for the helm already")]
+    assert bench.helm.state().wants == 2
 
 
 @pytest.mark.parametrize("withdraw", ["leave", "yield_"])
@@ -443,13 +460,13 @@ def test_a_wish_for_the_helm_can_be_withdrawn(driving, withdraw):
 
 def test_giving_up_the_helm_stops_the_robot(driving):
     bench, one, _ = driving
-    assert kinds(bench.helm.yield_(1, bench.now_s)) == ["Halt"]
+    assert bench.helm.yield_(1, bench.now_s) == [Halt(GIVEN_UP), Tell()]
     assert bench.helm.state().driver is None and not bench.drives(one)
 
 
 def test_giving_up_without_the_helm_changes_nothing(driving):
     bench, one, _ = driving
-    assert kinds(bench.helm.yield_(2, bench.now_s)) == ["Refuse"] and bench.drives(one)
+    assert bench.helm.yield_(2, bench.now_s) == [Refuse(2, "you do not have the helm")] and bench.drives(one)
 
 
 # -- stops
@@ -484,21 +501,24 @@ def test_nothing_drives_while_the_stop_is_latched(driving):
     assert bench.push(one) == [Refuse(1, LATCHED), Tell()] and not bench.drives(one)
 
 
-@pytest.mark.parametrize("who, done", [(1, ["Unlatch"]), (2, ["Refuse"]), (3, ["Refuse"])])
+@pytest.mark.parametrize(
+    "who, done", [(1, [Unlatch(), Tell()]), (2, [Refuse(2, RELEASES)]), (3, [Refuse(3, RELEASES)])]
+)
 def test_only_the_one_who_drives_releases_the_stop(driving, who, done):
     bench, one, _ = driving
     bench.page(may_drive=False)
     bench.helm.stop(2, bench.now_s)
     bench.later()
     bench.rest(one)
-    assert kinds(bench.helm.release(who, bench.now_s)) == done
-    assert bench.helm.state().latched == (who != 1)
+    assert bench.helm.release(who, bench.now_s) == done
+    state = bench.helm.state()
+    assert (state.latched, state.why) == ((False, "") if who == 1 else (True, EMERGENCY))
 
 
 def test_the_stop_is_not_released_while_a_control_is_held(driving):
     bench, one, _ = driving
     bench.helm.stop(2, bench.now_s)
-    assert kinds(bench.helm.release(1, bench.now_s)) == ["Refuse"]
+    assert bench.helm.release(1, bench.now_s) == [Refuse(1, LET_GO)]
     assert not bench.drives(one)
 
 
@@ -576,11 +596,34 @@ def test_a_robot_that_stops_while_nobody_drives_ends_no_press(bench):
 
 def test_a_stop_that_another_program_latches_counts(driving):
     bench, one, _ = driving
-    assert kinds(bench.helm.robot_latched(True, "another program", bench.now_s)) == ["Halt"]
+    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Halt(EMERGENCY), Tell()]
     assert bench.helm.robot_latched(True, "another program", bench.now_s) == []
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.latched_by_other) == (True, None, "another program")
     assert not bench.presses_again(one)
+
+
+def test_a_stop_that_another_program_latches_while_nobody_drives_is_shown(bench):
+    bench.page(takes=True)
+    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Tell()]
+    assert bench.helm.state().why == EMERGENCY
+    bench.helm.robot_latched(False, "another program", bench.now_s)
+    assert bench.helm.state().latched_by_other == ""
+
+
+def test_a_stop_of_another_program_is_released_after_the_page_has_shown_it(bench):
+    """And one that was latched already is not newer for it."""
+    page = bench.page(takes=True)
+    bench.later()
+    bench.helm.robot_latched(True, "another program", bench.now_s)
+    assert bench.helm.release(1, bench.now_s) == [Refuse(1, LET_GO)]
+    bench.helm.stop(1, bench.now_s)
+    bench.later()
+    bench.rest(page)
+    bench.helm.robot_latched(False, "", bench.now_s)
+    bench.later()
+    bench.helm.robot_latched(True, "another program", bench.now_s)
+    assert bench.helm.release(1, bench.now_s) == [Unlatch(), Tell()]
 
 
 def test_a_stop_that_another_program_releases_needs_a_new_press(driving):
@@ -601,6 +644,7 @@ def test_a_stop_of_ours_is_not_ended_by_the_robot(driving):
     bench, one, _ = driving
     bench.helm.robot_latched(True, "another program", bench.now_s)
     bench.helm.stop(2, bench.now_s)
+    assert bench.helm.state().latched_by_other == ""
     bench.helm.robot_latched(False, "", bench.now_s)
     assert bench.helm.state().latched and not bench.presses_again(one)
 
@@ -620,4 +664,5 @@ def test_what_echoes_the_future_is_no_release(driving):
 
 def test_a_message_that_cannot_be_read_is_counted(bench):
     bench.helm.malformed()
-    assert bench.helm.state().malformed == 1
+    bench.helm.malformed()
+    assert bench.helm.state().malformed == 2
