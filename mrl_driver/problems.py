@@ -696,6 +696,12 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
             "In manual mode the robot is driven by hand and takes no goals.",
         ),
         Problem(
+            "commands_unpaused",
+            "stopped: a program went on sending commands after a stop",
+            "A program that drives, such as a planner, has not paused since a stop or since the robot's node started.",
+            "end its goal, or let go of the control, and begin again after half a second",
+        ),
+        Problem(
             "goal_missed",
             "the goal was not reached",
             "Obstacles blocked the robot, or the time was over.",

@@ -1115,7 +1115,7 @@ class Driver:
                 wake = due_s < core.due_s
                 if wake:
                     core.due_s = due_s
-                accepted = not session.out or self._may_write()
+                accepted = not session.out or self._writer is None or self._may_write()
                 if session.out and accepted:
                     data = bytes(session.out)
                     self._writer = mine

@@ -110,12 +110,12 @@ class WaypointTour:
         if self._is_current(attempt):
             self.state, self.reason = PAUSED, why
 
-    def pause(self) -> bool:
+    def pause(self, why: str = "paused") -> bool:
         """Stand still, here; False if there is nothing to pause."""
         if self.state not in (CLAIMING, DRIVING, WAITING):
             return False
         self._withdraw()
-        self.state, self.reason = PAUSED, "paused"
+        self.state, self.reason = PAUSED, why
         return True
 
     def resume(self) -> bool:

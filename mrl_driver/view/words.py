@@ -71,6 +71,7 @@ STOPS: Dict[str, Stop] = {
     "motors disabled": _stop("the motors are switched off", "motors_disabled"),
     "protective zone": _stop("an obstacle is too close", "protective_zone"),
     "change to manual mode": _stop("the robot was switched to manual mode", "manual_mode"),
+    "commands without a pause": _stop("a program went on sending commands after a stop", "commands_unpaused"),
 }
 """Each reason, with spaces instead of underscores."""
 

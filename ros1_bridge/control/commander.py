@@ -6,6 +6,7 @@ command overtakes an emergency stop.  One lock keeps limits and mode together, a
 driver refuses.
 """
 
+import math
 import time
 from typing import Any, Callable, Optional, Tuple
 
@@ -16,6 +17,7 @@ from mrl_driver.safety.operation_mode import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.safety.protective_zones import Zones
 from mrl_driver.session.session import STALE_S
 
+from .velocity_sources import Source, VelocitySources
 from .wheel_motion import WheelMotion
 
 EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
@@ -32,6 +34,10 @@ HELD = "held by radio"
 PAUSED = f"this node stood still, and commands that were sent meanwhile are too old; try again after {QUEUED_S:g} s"
 TO_MANUAL = "change to manual mode"
 """It ended a drive to a pose."""
+UNPAUSED = "commands without a pause"
+"""They come from a source that has not paused since a stop, and are refused."""
+LOST_S = 1.0
+"""After this time without telemetry the goals of planners end: the robot must not set off when the link is back [s]."""
 REFUSALS = {
     EMERGENCY: "the emergency stop is latched; call the service release_stop",
     DISABLED: "the motors are disabled; call the service enable_motors with true",
@@ -54,6 +60,10 @@ class Commander:
         self.latched = False
         """The emergency stop is on: nothing moves until `release`."""
         self.enabled = True
+        self.sources = VelocitySources()
+        """Which sources of commands may move the robot."""
+        self.cancel_goals: Callable[[bool], None] = lambda everything: None
+        """Cancels all goals of planners, or those of before this moment alone.  It must not block."""
         self.zones: Optional[Zones] = None
         """The protective zones, if there are any; see `watch`."""
         self.seeking = False
@@ -64,7 +74,7 @@ class Commander:
         """Highest speed in manual mode."""
         self._lock = new_lock("limits")
         self._limits: Optional[Limits] = None
-        self._held = self._commanded = False
+        self._held = self._commanded = self._lost = False
         self.late_commands = 0
         """Operators' commands that arrived too late to be followed."""
         self._wheels = WheelMotion(driver)
@@ -95,9 +105,13 @@ class Commander:
             changes = manual != self.manual
             self._limits, self.manual = self.limits, manual
             self._apply()
-        if manual and self.seeking:
-            self.seeking = False
-            self.stop(TO_MANUAL)
+        try:
+            if manual and self.seeking:
+                self.seeking = False
+                self.stop(TO_MANUAL)
+        finally:
+            if changes:
+                self.cancel_goals(True)
         return changes
 
     def _apply(self) -> None:
@@ -109,10 +123,22 @@ class Commander:
         self.zones = zones
         self._driver.restrict(self._within_zones)
 
-    def drive(self, linear_m_s: float, angular_rad_s: float, *lateral_m_s: float) -> bool:
-        """Take a command; False if the robot may not move now (see `refusal`).  Only some bases move sideways."""
-        self._cause, self._commanded_s = NONE, self._clock()
-        taken = self._driver.drive(linear_m_s, angular_rad_s, *lateral_m_s)
+    def drive(
+        self, linear_m_s: float, angular_rad_s: float, *lateral_m_s: float, source: Optional[Source] = None
+    ) -> bool:
+        """Take a command; False if the robot may not move now (see `refusal`).  Only some bases move sideways.
+
+        `source`: where it comes from; None if this node sends it.
+        """
+        speeds, now = (linear_m_s, angular_rad_s, *lateral_m_s), self._clock()
+        moves = any(speeds) and all(
+            map(math.isfinite, speeds)
+        )  # the driver stops the robot if one is not finite
+        if source is not None and moves and not self.sources.may_move(source, now):
+            self._cause = UNPAUSED
+            return False
+        self._cause, self._commanded_s = NONE, now
+        taken = self._driver.drive(*speeds)
         self._commanded = taken or self._driver.command is not None  # held back while telemetry is late
         return self._commanded
 
@@ -122,26 +148,59 @@ class Commander:
         self._driver.stop()
 
     def latch(self) -> None:
-        """Emergency stop: stop, and refuse commands until `release`."""
-        with self._lock:  # a release on another thread comes before or after it
-            self.latched, self.seeking, self._cause, self._commanded = True, False, NONE, False
-            self._driver.inhibit(EMERGENCY)
+        """Emergency stop: stop, and refuse commands until `release`.  It ends all goals."""
+        try:
+            with self._lock:  # a release on another thread comes before or after it
+                self.latched = True
+                self._inhibit(EMERGENCY)
+        finally:
+            self.cancel_goals(True)
 
     def release(self) -> None:
-        """End the emergency stop; the robot stays still until the next command."""
+        """End the emergency stop.  The robot stays still until a new command: goals and streams of commands that began
+        before do not move it.
+        """
         with self._lock:
             self.latched = False
-            self._driver.allow(EMERGENCY)
+            self._allow(EMERGENCY)
+        self.cancel_goals(False)
 
     def enable(self, enabled: bool) -> None:
-        """Let the motors follow commands, or stop them and refuse commands."""
-        with self._lock:
-            self.enabled = enabled
-            if enabled:
-                self._driver.allow(DISABLED)
-            else:
-                self.seeking, self._cause, self._commanded = False, NONE, False
-                self._driver.inhibit(DISABLED)
+        """Let the motors follow new commands, or stop them, end all goals and refuse commands."""
+        try:
+            with self._lock:
+                self.enabled = enabled
+                (self._allow if enabled else self._inhibit)(DISABLED)
+        finally:
+            self.cancel_goals(not enabled)
+
+    def _inhibit(self, reason: str) -> None:
+        self.seeking, self._cause, self._commanded = False, NONE, False
+        self._driver.inhibit(reason)
+
+    def _allow(self, reason: str) -> None:
+        self.sources.distrust()  # before the driver follows commands again
+        self._driver.allow(reason)
+
+    def watch_link(self) -> None:
+        """End all goals once telemetry has been silent for `LOST_S`; to be called some times a second."""
+        lost = not self._driver.ready and self._driver.age_s > LOST_S
+        if lost and not self._lost:
+            self.end_goals()
+        self._lost = lost
+
+    def end_goals(self) -> None:
+        """The board was away or has restarted, and stands: no goal and no command of before moves the robot again.
+
+        Raises:
+            MrlError: see `stop`; goals are ended nevertheless.
+        """
+        self.sources.distrust()
+        try:
+            if self.driving:  # by a command that came just before
+                self.stop()
+        finally:
+            self.cancel_goals(True)
 
     @property
     def wheels_turn(self) -> Optional[bool]:
@@ -187,7 +246,7 @@ class Commander:
         told = self._driver.stop_reason
         if self._driver.command is not None:
             return ZONE if self._held else NONE  # if the robot stands still, its command says so
-        if told == "boot" and self._commanded_s == float("-inf"):
+        if told == "boot" and self._cause == NONE and self._commanded_s == float("-inf"):
             return NONE  # the board was switched on, and nobody has driven yet
         if self._cause != NONE or told in ("none", "user"):
             return self._cause
@@ -215,6 +274,11 @@ class Commander:
             return f"{mismatch}; once that is put right, a command of zero lets it drive again"
         if cause == HELD:
             return f"{self._driver.hold}"
+        if self._cause == UNPAUSED and cause not in (*REFUSALS, LINK, ADRIFT):
+            return (
+                "its source has sent commands to move since before the last stop or this node's start; it may drive "
+                f"after it has been silent or zero for {self.sources.pause_s:g} s"
+            )
         if cause not in REFUSALS and self._driver.since_pause_s < QUEUED_S:
             return PAUSED
         return REFUSALS.get(

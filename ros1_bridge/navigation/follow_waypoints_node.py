@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict, List, Optional, Sequence
 
 import actionlib
 import rospy
-from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseArray, PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
@@ -38,6 +38,7 @@ SILENT_S = 3.0
 LEAVES_S = 0.1
 """Time for the last message to leave on shutdown."""
 WARN_EVERY_S = 5.0
+CANCELLED = "another goal came, or the goal was cancelled"
 PARAMETERS = (
     Row("map_frame", str, "map", "", "Frame of waypoints that name none"),
     Row("repeat", bool, False, "", "Begin again after the last waypoint"),
@@ -72,6 +73,11 @@ LIST = "waypoints"
 CLAIMS_QUEUE = 50
 
 
+def ends_tour(cancel: GoalID, ordered: rospy.Time) -> bool:
+    """Whether a cancel is one of all goals, and not of those before the list or the last order came, at `ordered`."""
+    return not cancel.id and (not cancel.stamp or cancel.stamp >= ordered)
+
+
 class FollowWaypoints:
     """Drives one robot through its waypoints."""
 
@@ -104,6 +110,8 @@ class FollowWaypoints:
         self._shown: Optional[DiagnosticStatus] = None
         self._idleness: Dict[str, str] = {}
         self._heard_s = time.monotonic()
+        self._ordered = rospy.Time.now()
+        """When the last list or order came."""
         self._out = rospy.Publisher("waypoint_status", DiagnosticStatus, queue_size=1, latch=True)
         self._client = actionlib.ActionClient("move_base", MoveBaseAction)
         rospy.on_shutdown(self._end)
@@ -163,6 +171,7 @@ class FollowWaypoints:
                 return
             rospy.logwarn("there is no server of the action move_base yet: start move_base or go_to_goal")
         self._heard_s = time.monotonic()
+        rospy.Subscriber("move_base/cancel", GoalID, self._on_cancel, queue_size=10)
         rospy.Subscriber("waypoint_path", Path, self._on_path, queue_size=1)
         rospy.Subscriber("waypoint_poses", PoseArray, self._on_poses, queue_size=1)
         for name, act in (
@@ -182,6 +191,7 @@ class FollowWaypoints:
     def _offer(self, name: str, act: Callable[[], bool]) -> None:
         def serve(_: Any) -> TriggerResponse:
             with self._lock:
+                self._ordered = rospy.Time.now()
                 done, state = act(), self._tour.state
             self._wake.set()
             return TriggerResponse(done, state if done else f"{name} has no effect: the tour is {state}")
@@ -231,7 +241,7 @@ class FollowWaypoints:
             if state == GoalStatus.SUCCEEDED:
                 self._tour.reached(attempt, time.monotonic())
             elif state in (GoalStatus.PREEMPTED, GoalStatus.RECALLED):
-                self._tour.interrupt(attempt, "another goal came, or the goal was cancelled")
+                self._tour.interrupt(attempt, CANCELLED)
             else:
                 why = f"waypoint {number} was not reached: {text or GoalStatus.to_string(state)}"
                 self._tour.failed(attempt, why)
@@ -239,6 +249,13 @@ class FollowWaypoints:
         if reason:
             rospy.logwarn(f"{reason}; the service resume drives on")
         self._wake.set()
+
+    def _on_cancel(self, goal: GoalID) -> None:
+        """All goals are cancelled, as by a stop of the robot: pause, also between two goals."""
+        if ends_tour(goal, self._ordered):
+            with self._lock:
+                self._tour.pause(CANCELLED)
+            self._wake.set()
 
     def _on_claim(self, message: String) -> None:
         try:
@@ -290,6 +307,7 @@ class FollowWaypoints:
                 rospy.logwarn(f"waypoints refused: number {number} of {len(poses)}: {error}")
                 return
         with self._lock:
+            self._ordered = rospy.Time.now()
             self._poses = poses
             self._tour.begin(len(poses), time.monotonic())
         self._wake.set()

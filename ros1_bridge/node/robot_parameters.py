@@ -18,6 +18,8 @@ BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
 _OWN = "0 uses the model's limit, which is also the maximum"
 LEAST_RATE_HZ = 5.0
 """Below this frame rate the ranges arrive too late for zones."""
+PAUSE_S = 0.5
+"""Default of `cmd_vel_pause`."""
 
 ROWS = (
     Row(
@@ -81,6 +83,15 @@ ROWS = (
     Row("imu_rate", float, 50.0, "Hz", "Rate of imu/data and imu/data_raw", 25.0, 100.0),
     Row(
         "cmd_vel_timeout", float, 0.5, "s", "The robot stops if no cmd_vel arrives for this long", 0.05, 10.0
+    ),
+    Row(
+        "cmd_vel_pause",
+        float,
+        PAUSE_S,
+        "s",
+        "After a stop or a start, refuse a source of cmd_vel until it was silent or zero for this long; 0 turns it off",
+        0.0,
+        5.0,
     ),
     Row(
         "max_command_delay",
@@ -236,6 +247,7 @@ class Parameters(NamedTuple):
     imu: bool
     imu_rate: float
     cmd_vel_timeout: float
+    cmd_vel_pause: float
     max_command_delay: float
     max_linear_speed: float
     max_angular_speed: float

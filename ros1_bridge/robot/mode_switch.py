@@ -1,11 +1,8 @@
-"""Changes the operation mode of a robot, and announces it: to the multiplexer, to clients of move_base, and for a
-respawn of the node.
-"""
+"""Changes the operation mode of a robot, and announces it: to the multiplexer, and for a respawn of the node."""
 
 import contextlib
 from typing import Any, Callable
 
-from actionlib_msgs.msg import GoalID
 from std_msgs.msg import Bool
 
 from mrl_driver.errors import MrlError
@@ -26,19 +23,16 @@ class ModeSwitch:
     def __init__(self, commander: Commander, ros: Any) -> None:
         self._commander, self._ros = commander, ros
         self._mode_out = direct_publisher(ros.Publisher, "manual_mode", Bool, latch=True)
-        self._cancel_out = direct_publisher(ros.Publisher, "move_base/cancel", GoalID)
         self._mode_out.publish(commander.manual)
 
     def set(self, manual: bool) -> Answer:
-        """Take a mode.  No goal outlives a change, so that no change makes a robot set off by itself."""
+        """Take a mode; the commander cancels all goals, so that no change makes a robot set off by itself."""
         commander, changes, trouble = self._commander, True, ""
         try:
             changes = commander.set_manual(manual)
         except MrlError as error:
             trouble = f", but the robot cannot be reached: {error}"
         self._announce(self._mode_out.publish)
-        if changes:
-            self._cancel_out.publish(GoalID())
         with contextlib.suppress(OSError, self._ros.ROSException):  # without a master there is no respawn
             self._announce(lambda now: self._ros.set_param("~operation_mode", MANUAL if now else AUTOMATIC))
         limits = commander.in_force

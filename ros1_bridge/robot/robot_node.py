@@ -11,7 +11,7 @@ import os
 import sys
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional
+from typing import Any, Callable, Dict, List, Optional, Sequence, Set
 
 import diagnostic_updater
 import rosgraph
@@ -35,11 +35,12 @@ from mrl_driver.robot.radio import CAPABILITY as RADIO
 from mrl_driver.robot.radio import WAITING
 from mrl_driver.safety.operation_mode import MANUAL, manual_speed_m_s
 from mrl_driver.safety.protective_zones import Zones
-from mrl_driver.session.events import Awaited
+from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board
 from ros1_bridge.control.commander import LATE, ZONE, Commander, lowered
 from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
+from ros1_bridge.control.velocity_sources import Source
 from ros1_bridge.control.zone_feed import ZoneWatch
 from ros1_bridge.node.master_watch import MasterWatch
 from ros1_bridge.node.operator_cmd_vel import operator_now_s
@@ -53,6 +54,7 @@ from ros1_bridge.topics.board_topics import BoardTopics
 from ros1_bridge.topics.publishers import Publishers
 
 from . import reconfigure, xbee
+from .goal_cancel import GoalCancel
 from .mode_switch import ModeSwitch
 from .operators import Operators
 from .planner_calls import limit_of
@@ -70,6 +72,8 @@ FREED_S = 2.0
 """A node of the same name, which the master ends when this one registers, closes the port within this time."""
 ANSWER_S = 0.2
 """Time for the answer of the service shutdown to leave."""
+CONNECT_S, CONNECT_LOOK_S = 2.0, 0.02
+"""At the start, publishers of commands connect within this time; the node looks this often whether they have."""
 WARN_EVERY_S, LOSS_EVERY_S = 1.0, 30.0
 SWITCH_S = 0.0005
 """A frame waits at most this long for a thread that is busy with a service; Python's default is 5 ms."""
@@ -143,6 +147,7 @@ class RobotNode:
     def _wire(self, board: Board, model: RobotModel) -> None:
         parameters, driver = self._parameters, self._driver
         self._commander = Commander(driver)
+        self._commander.sources.pause_s = parameters.cmd_vel_pause
         limits = self._lower_limits(model)
         self._pose_goal = PoseGoal(
             self._commander, parameters.odom_frame, parameters.base_frame, model.sonars
@@ -161,13 +166,16 @@ class RobotNode:
         self._status = StatusTeller(
             self._commander, self._publishers.status, rospy.get_name(), self._hardware_id(board)
         )
-        self._listen(board)
+        if parameters.has("commands"):
+            self._commander.cancel_goals = GoalCancel(rospy).cancel
         self._offer_services()
         self._status.tell()
+        if parameters.has("commands"):
+            self._take_commands()
+        self._listen(board)
         if self._zones is not None and parameters.planner != "none":
             self._follow_zones(self._zones.zones)
         if parameters.has("commands"):
-            self._take_commands()
             offer = threading.Thread(target=self._offer_reconfigure, args=(model, limits), daemon=True)
             offer.start()  # it takes a second, and `cmd_vel` and `status` should not wait
         gc.collect()
@@ -223,16 +231,37 @@ class RobotNode:
         self._sideways = isinstance(model.drive, OmniDrive)
 
     def _take_commands(self) -> None:
-        rospy.Subscriber("cmd_vel", Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True)
+        """Before `_listen`: with the first odometry programs may begin to drive."""
         topic = rospy.resolve_name("cmd_vel")
+        there = _publishers((topic, f"{topic}/stamped"))
+        self._commander.sources.expect(there)
         self._operators = Operators(self._parameters.max_command_delay, operator_now_s)
         self._echo = rospy.Publisher(f"{topic}/echo", Header, queue_size=10, tcp_nodelay=True)
         rospy.Subscriber(f"{topic}/ping", Header, self._on_ping, queue_size=10, tcp_nodelay=True)
-        rospy.Subscriber(f"{topic}/stamped", TwistStamped, self._on_stamped, queue_size=1, tcp_nodelay=True)
+        self._commands = [
+            rospy.Subscriber(topic, Twist, self._on_cmd_vel, queue_size=1, tcp_nodelay=True),
+            rospy.Subscriber(
+                f"{topic}/stamped", TwistStamped, self._on_stamped, queue_size=1, tcp_nodelay=True
+            ),
+        ]
+        if there:
+            self._await_sources()
         rospy.Subscriber("pose", PoseStamped, self._on_pose, queue_size=1)
         if self._zones is not None and zone_sensors(self._parameters)[1]:
             self._finder = MountFinder(self._parameters.base_frame)
             rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
+
+    def _await_sources(self) -> None:
+        """Let the nodes that were there before this one connect, and be silent for their pause if they are."""
+        until_s = time.monotonic() + CONNECT_S
+        while not self._sources_connected() and time.monotonic() < until_s:
+            time.sleep(CONNECT_LOOK_S)
+        time.sleep(self._parameters.cmd_vel_pause)
+
+    def _sources_connected(self) -> bool:
+        """Take note of the connected sources; whether all are that were there before this node."""
+        nodes = {link.callerid_pub for each in self._commands for link in each.impl.connections}
+        return self._commander.sources.connected(nodes, time.monotonic())
 
     def _offer_radio(self) -> None:
         self._radio = Radio(self._driver)
@@ -306,6 +335,10 @@ class RobotNode:
             Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
         master, due_s = MasterWatch(rosgraph.get_master_uri()), time.monotonic()
         while not self._driver.wait(STATUS_S):
+            with contextlib.suppress(MrlError):
+                self._commander.watch_link()
+            if self._parameters.has("commands"):
+                self._sources_connected()
             self._status.tell()
             self._tell_zone()
             if time.monotonic() < due_s:
@@ -394,6 +427,11 @@ class RobotNode:
         told = self._news.of(event)
         if told is not None and not rospy.is_shutdown():
             LOG[told.level](told.message)
+        if (
+            isinstance(event, Ready) and event.restarted and event.checked
+        ):  # unchecked: a restart is only assumed
+            with contextlib.suppress(MrlError):
+                self._commander.end_goals()
         self._status.tell()
 
     def _on_battery(self, board: Board) -> None:
@@ -410,7 +448,8 @@ class RobotNode:
 
     # -- callbacks of ROS
 
-    def _on_cmd_vel(self, message: Twist) -> None:
+    def _on_cmd_vel(self, message: Twist, source: Optional[Source] = None) -> None:
+        source = source or Source(message._connection_header.get("callerid", ""))
         linear, angular, commander = message.linear, message.angular, self._commander
         before_s, self._commanded_s = self._commanded_s, time.monotonic()
         if self._commanded_s - before_s > 0.5 * self._parameters.cmd_vel_timeout:
@@ -422,9 +461,9 @@ class RobotNode:
             self._pose_goal.cancel()
         try:
             if self._sideways:
-                taken = commander.drive(forward_m_s, angular.z, linear.y)
+                taken = commander.drive(forward_m_s, angular.z, linear.y, source=source)
             else:
-                taken = commander.drive(forward_m_s, angular.z)
+                taken = commander.drive(forward_m_s, angular.z, source=source)
         except FrameError:  # the driver has stopped the robot
             words = messages.field_not_finite(message)
             rospy.logwarn_throttle(WARN_EVERY_S, f"{words}; the robot was stopped")
@@ -440,7 +479,8 @@ class RobotNode:
         if message.twist != STANDSTILL:
             refusal = self._operators.refusal(header.frame_id, header.stamp.to_sec())
         if not refusal:
-            self._on_cmd_vel(message.twist)
+            node = message._connection_header.get("callerid", "")
+            self._on_cmd_vel(message.twist, Source(node, header.frame_id))
             self._echo.publish(header)
             return
         commander.late_commands = self._operators.refused
@@ -521,6 +561,12 @@ class RobotNode:
                 self._gains = {name: config[name] for name in GAINS}
             config.update(self._gains)
         return config
+
+
+def _publishers(topics: Sequence[str]) -> Set[str]:
+    """Names of the nodes that publish one of these topics, by the master."""
+    published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
+    return {node for topic, nodes in published if topic in topics for node in nodes}
 
 
 def main(argv: Optional[List[str]] = None) -> int:

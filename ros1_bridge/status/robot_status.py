@@ -21,6 +21,7 @@ from ros1_bridge.control.commander import (
     NONE,
     TIMEOUT,
     TO_MANUAL,
+    UNPAUSED,
     WHEEL,
     Commander,
 )
@@ -38,7 +39,7 @@ MODES = {
     HELD: "held",
 }
 """Mode by the reason why the robot may not move; see `State.mode`."""
-HARMLESS = (NONE, "user", DISABLED, "closed", TO_MANUAL, TIMEOUT)
+HARMLESS = (NONE, "user", DISABLED, "closed", TO_MANUAL, TIMEOUT, UNPAUSED)
 """Reasons for a stop that violate no safety function: the user's, and the ordinary end of commands."""
 FAULTY = ("wheel blocked", "encoder", "undervoltage")
 """Stops by an H-bridge board that somebody must look into."""

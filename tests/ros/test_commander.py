@@ -460,5 +460,5 @@ def test_low_limit_of_the_parameters_is_not_raised_at_the_start():
 
 
 def test_every_cause_has_words():
-    names = "EMERGENCY DISABLED LINK BATTERY WHEEL ADRIFT ZONE LATE TIMEOUT NOT_FINITE NONE HELD TO_MANUAL"
+    names = "EMERGENCY DISABLED LINK BATTERY WHEEL ADRIFT ZONE LATE TIMEOUT NOT_FINITE NONE HELD TO_MANUAL UNPAUSED"
     assert {getattr(module, name) for name in names.split()} - set(words.STOPS) == set()

@@ -34,7 +34,9 @@ def drive(module_rig, tmp_path_factory):
     odom = f"{rig.ns}/odom"
     wait_until(lambda: f"/{name}" in dict(master.getSystemState()[1]).get(odom, []), what="rosbag record")
     node = rig.node(board.port, "_rate:=25", f"_record:={folder / 'drive.mrl'}")
-    seen, command = rig.topic("odom", Odometry), rig.publisher("cmd_vel", Twist)
+    seen = rig.topic("odom", Odometry)
+    seen.wait()
+    command = rig.publisher("cmd_vel", Twist)
     wanted = set(topics_of(rig))
     address = master.lookupNode(f"{rig.ns}/robot_node")
     wait_until(

@@ -3,12 +3,16 @@
 import itertools
 
 import actionlib
+import pytest
 import rospy
+from actionlib_msgs.msg import GoalID
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from move_base_msgs.msg import MoveBaseAction
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 
 from mrl_driver.navigation.claims import Claim, ClaimMessage
+from ros1_bridge.navigation.follow_waypoints_node import CANCELLED, ends_tour
 from tests.waiting import wait_until
 
 from .rig import ROOT
@@ -68,3 +72,40 @@ def answer(rig):
                 out.publish(reply.text)
 
     rospy.Subscriber(f"{rig.ns}/claims", String, hear)
+
+
+@pytest.mark.parametrize(
+    "cancel, ends",
+    [
+        (GoalID(), True),
+        (GoalID(stamp=rospy.Time(10)), True),
+        (GoalID(stamp=rospy.Time(9)), False),
+        (GoalID(id="one of them"), False),
+    ],
+    ids=["all goals", "all of before a later time", "all of before an earlier time", "one goal"],
+)
+def test_tour_ends_with_all_goals_of_its_time(cancel, ends):
+    assert ends_tour(cancel, ordered=rospy.Time(10)) is ends
+
+
+def test_cancel_of_all_goals_pauses_a_tour_that_waits_at_a_waypoint(rig):
+    """As by a stop of the robot: after its release, the robot must not set off when the wait is over."""
+
+    def reach(handle):
+        handle.set_accepted()
+        handle.set_succeeded()
+
+    server = actionlib.ActionServer(f"{rig.ns}/move_base", MoveBaseAction, reach, auto_start=False)
+    server.start()
+    rospy.set_param(f"{rig.ns}/follow_waypoints", {"waypoints": [[1, 0, 0], [2, 0, 0]], "wait": 3600.0})
+    status = rig.topic("waypoint_status", DiagnosticStatus)
+    rig.start("follow", str(ROOT / "ros1_bridge" / "nodes" / "follow_waypoints"), f"__ns:={rig.ns}")
+    wait_until(lambda: status.messages and status.messages[-1].message == "waiting")
+    cancel = rospy.Publisher(f"{rig.ns}/move_base/cancel", GoalID, queue_size=10)
+    wait_until(lambda: cancel.get_num_connections() == 2)
+    before = len(status.messages)
+    cancel.publish(GoalID())
+    wait_until(lambda: len(status.messages) > before)
+    assert status.messages[before].message == CANCELLED
+    assert rospy.ServiceProxy(f"{rig.ns}/follow_waypoints/resume", Trigger)().success
+    rospy.delete_param(f"{rig.ns}/follow_waypoints")

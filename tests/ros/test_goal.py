@@ -21,6 +21,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits
 from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap
 from ros1_bridge.node.plane_poses import planar, yaw_of
+from ros1_bridge.node.robot_parameters import PAUSE_S
 from sim_arduino.world.shapes import Footprint, Wall
 from sim_arduino.world.world import World
 from tests.navigation.drive import drive
@@ -32,7 +33,7 @@ from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 SONARS = models.load("traxbot").sonars
-STEP_S = 0.05
+STEP_S, FRAME_HZ = 0.05, 50
 FREE = {"front": math.inf, "left": math.inf, "right": math.inf}
 PLACE_M, HEADING_RAD = 0.06, 0.1
 SUCCEEDED = actionlib.GoalStatus.SUCCEEDED
@@ -262,6 +263,9 @@ def test_goal_is_given_up_when_the_robot_comes_no_nearer(robot):
     assert rospy.ServiceProxy(f"{robot.ns}/stop", Trigger)().success
     state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 2.0, 0.1)), rospy.Duration(START_S))
     assert rospy.ServiceProxy(f"{robot.ns}/release_stop", Trigger)().success
+    robot.odom.wait_for_more(
+        round(1.2 * PAUSE_S * FRAME_HZ)
+    )  # the next goal must not look like this one's end
     assert state == actionlib.GoalStatus.ABORTED
     assert robot.client.get_goal_status_text().startswith("blocked: ")
 

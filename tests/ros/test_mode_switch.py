@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import pytest
-from actionlib_msgs.msg import GoalID
 
 from mrl_driver.errors import LinkLost
 from mrl_driver.robot.models import Limits
@@ -46,15 +45,6 @@ def test_mode_is_published_from_the_start_and_kept_for_a_respawn():
     out = bench.topics["manual_mode"]
     assert out.sent == [False, True] and out.options["latch"]
     assert (bench.parameters, bench.modes) == ({"~operation_mode": "manual"}, [True])
-
-
-def test_goals_are_cancelled_by_a_change_alone():
-    """In both directions: a goal that was sent meanwhile must not make the robot set off."""
-    bench, counts = Bench(), []
-    for manual in (False, True, True, False):
-        bench.switch.set(manual)
-        counts.append(len(bench.topics["move_base/cancel"].sent))
-    assert counts == [0, 1, 1, 2] and bench.topics["move_base/cancel"].sent[0] == GoalID()
 
 
 @pytest.mark.parametrize("fault, success", [({"lost": True}, False), ({"master": False}, True)])

@@ -15,13 +15,14 @@ from sensor_msgs.msg import Imu, JointState, Temperature
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
+from ros1_bridge.node.robot_parameters import PAUSE_S
 from ros1_bridge.topics.message_covariance import diagonal
 from tests.waiting import wait_until
 
 from .rig import START_S
 
 MOVE, STOP, CALIBRATE, GAINS = 11, 13, 1, 2
-SPEED_M_S = 0.2
+SPEED_M_S, FRAME_HZ = 0.2, 50
 
 
 def values_of(status):
@@ -120,6 +121,11 @@ def rolls(robot):
     return robot.odom.messages[-1].twist.twist.linear.x > 0.03
 
 
+def pause(robot):
+    """Send nothing for longer than the node asks for after a stop; by odometry."""
+    robot.odom.wait_for_more(round(1.2 * PAUSE_S * FRAME_HZ))
+
+
 def stands(robot):
     def still():
         return all(abs(each.twist.twist.linear.x) < 1e-3 for each in robot.odom.wait_for_more(5))
@@ -185,6 +191,7 @@ def test_emergency_stop_holds_until_released(robot):
     assert status_is(robot, mode="emergency stop", ready="false", stopped_by="emergency stop")
     drive_in_vain(robot, "the emergency stop is latched")
     assert call(robot, "release_stop").success
+    pause(robot)
     since = time.monotonic()
     drive_until(robot, lambda: robot.wire.first(MOVE, since) < float("inf"))
     stands(robot)
@@ -194,6 +201,7 @@ def test_disabled_motors_do_not_follow(robot):
     assert call(robot, "enable_motors", False).success
     drive_in_vain(robot, "the motors are disabled")
     assert call(robot, "enable_motors", True).success
+    pause(robot)
 
 
 def test_manual_mode_drives_slowly_and_takes_no_pose(robot):

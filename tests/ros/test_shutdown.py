@@ -28,7 +28,9 @@ LONG_S = 10.0
 def started(rig):
     """A node with a board, and the tap on its wire."""
     wire = rig.tap(rig.board().port)
-    return rig.node(wire.port, f"_cmd_vel_timeout:={LONG_S}"), wire
+    node = rig.node(wire.port, f"_cmd_vel_timeout:={LONG_S}")
+    rig.topic("odom", Odometry).wait()  # who publishes before it may have to pause first
+    return node, wire
 
 
 def driving(rig):

@@ -24,13 +24,14 @@ def test_robot_node_drives_on_system_packages_alone(bare_rig):
     board = rig.board()
     rig.env = rig.bare_env
     rig.node(board.port)
-    odometry, cmd_vel = rig.topic("odom", Odometry), rig.publisher("cmd_vel", Twist)
-    command = Twist()
+    odometry = rig.topic("odom", Odometry)
+    odometry.wait()
+    command, cmd_vel = Twist(), rig.publisher("cmd_vel", Twist)
     command.linear.x = 0.2
 
     def has_moved():
         cmd_vel.publish(command)
-        return bool(odometry.messages) and odometry.messages[-1].pose.pose.position.x > 0.02
+        return odometry.messages[-1].pose.pose.position.x > 0.02
 
     wait_until(has_moved)
 

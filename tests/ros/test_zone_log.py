@@ -14,7 +14,9 @@ HELD_FRAMES = 50
 def test_robot_that_a_zone_stops_is_told_once(rig):
     board = rig.board("--robot", "traxbot", "--pose", "1.7,0,0")
     node = rig.node(board.port, "_zones:=sonars")
-    out, odom = rig.publisher("cmd_vel", Twist), rig.topic("odom", Odometry)
+    odom = rig.topic("odom", Odometry)
+    odom.wait()
+    out = rig.publisher("cmd_vel", Twist)
 
     def lines():
         out.publish(Twist(Vector3(0.2, 0, 0), Vector3()))

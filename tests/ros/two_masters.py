@@ -91,6 +91,7 @@ def trial(rig: Rig) -> dict:
         shared_sent.append("from the desk")
         shared_out.publish(shared_sent[-1])
 
+    odom.wait()  # commands that were sent before would have to pause first
     timer = rospy.Timer(rospy.Duration(PERIOD_S), drives)
     moved = wait_until(lambda: bool(odom.messages) and odom.messages[-1].pose.pose.position.x > 0.02)
     wait_until(lambda: connected.messages[-1].data)

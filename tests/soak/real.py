@@ -557,9 +557,16 @@ class RosRig(Rig):
         )
 
     def _ready(self) -> None:
+        """Wait for odometry: the node hears before it who sends commands already, and lets them pause."""
         for program in (self._operator, self._listener):
             assert program is not None
-            wait_until(lambda: program.ask("state")["connected"] > 0, step_s=0.1, what="the node")  # noqa: B023
+            before = program.ask("state")["messages"]
+
+            def heard() -> bool:
+                state = program.ask("state")  # noqa: B023
+                return state["connected"] > 0 and state["messages"] > before  # noqa: B023
+
+            wait_until(heard, step_s=0.1, what="the node")
         self._drive()
         self._settle()
 

@@ -1,0 +1,105 @@
+"""Which sources may move the robot after a stop, and at the start of the node; in stepped time."""
+
+import pytest
+
+from ros1_bridge.control.velocity_sources import Source, VelocitySources
+
+PAUSE_S, STEP_S = 0.5, 0.05
+PLANNER, HAND = Source("/move_base"), Source("/joystick")
+
+
+class Bench:
+    def __init__(self, pause_s=PAUSE_S):
+        self.sources, self.now_s = VelocitySources(pause_s), 100.0
+
+    def sends(self, seconds, *sources):
+        """The sources send a command to move at each step; which answers they got."""
+        answers = set()
+        for _ in range(round(seconds / STEP_S)):
+            self.now_s += STEP_S
+            answers |= {(source, self.sources.may_move(source, self.now_s)) for source in sources}
+        return answers
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+def test_source_that_begins_moves_the_robot(bench):
+    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
+
+
+def test_source_that_goes_on_after_a_stop_moves_nothing_however_long_it_goes_on(bench):
+    bench.sends(1.0, PLANNER)
+    bench.sources.distrust()
+    assert bench.sends(100.0, PLANNER) == {(PLANNER, False)}
+
+
+@pytest.mark.parametrize("pause_s, moves", [(PAUSE_S - 2 * STEP_S, False), (PAUSE_S, True)])
+def test_source_moves_the_robot_again_after_its_pause(bench, pause_s, moves):
+    bench.sources.distrust()
+    bench.sends(1.0, PLANNER)
+    bench.sources.distrust()
+    bench.sends(1.0, PLANNER)
+    bench.now_s += pause_s
+    assert bench.sends(1.0, PLANNER) == {(PLANNER, moves)}
+
+
+def test_pause_before_the_stop_was_released_counts(bench):
+    bench.sends(1.0, HAND)
+    bench.now_s += 10.0
+    bench.sources.distrust()
+    assert bench.sends(STEP_S, HAND) == {(HAND, True)}
+
+
+def test_each_source_pauses_for_itself(bench):
+    bench.sends(1.0, PLANNER)
+    bench.sources.distrust()
+    assert bench.sends(1.0, PLANNER, HAND) == {(PLANNER, False), (HAND, True)}
+
+
+def test_operators_that_one_node_passes_on_are_several_sources(bench):
+    mux, desk = Source("/mux"), Source("/mux", "desk")
+    bench.sends(1.0, mux)
+    bench.sources.distrust()
+    assert bench.sends(1.0, mux, desk) == {(mux, False), (desk, True)}
+
+
+def test_node_that_was_there_before_must_pause_when_it_is_heard_and_others_need_not(bench):
+    """However late it is heard: it may have sent all the time."""
+    bench.sources.expect([PLANNER.node])
+    bench.now_s += 10.0
+    assert bench.sends(1.0, PLANNER, HAND) == {(PLANNER, False), (HAND, True)}
+    bench.now_s += PAUSE_S
+    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
+
+
+@pytest.mark.parametrize("silent_s, moves", [(PAUSE_S - 2 * STEP_S, False), (PAUSE_S, True)])
+def test_node_that_was_there_before_is_silent_from_its_connection_on(bench, silent_s, moves):
+    bench.sources.expect([PLANNER.node])
+    bench.now_s += 10.0
+    assert not bench.sources.connected([HAND.node], bench.now_s)
+    assert bench.sources.connected([HAND.node, PLANNER.node], bench.now_s)
+    bench.now_s += silent_s
+    assert bench.sends(1.0, PLANNER) == {(PLANNER, moves)}
+
+
+@pytest.mark.parametrize("silent_s, moves", [(STEP_S, False), (PAUSE_S, True)])
+def test_operators_are_silent_from_the_connection_on_of_the_node_that_was_there_before(
+    bench, silent_s, moves
+):
+    """One may have held a stick since before the start; another takes it into the hand much later."""
+    desk = Source("/mux", "desk")
+    bench.sources.expect([desk.node])
+    bench.sources.connected([desk.node], bench.now_s)
+    bench.sends(silent_s, Source("/mux"))
+    assert bench.sends(1.0, desk) == {(desk, moves)}
+
+
+def test_without_a_pause_to_make_every_source_moves_the_robot():
+    bench = Bench(pause_s=0.0)
+    bench.sends(1.0, PLANNER)
+    bench.sources.distrust()
+    bench.sources.expect([PLANNER.node])
+    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
