@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.geometry import ORIGIN, advance
-from mrl_driver.robot.covariance import Uncertainty
+from mrl_driver.robot.covariance import OmniUncertainty, Uncertainty
+from mrl_driver.robot.kinematics import kinematics_of
 from mrl_driver.robot.models import ImuMount, Noise, load
 
 NOTHING = (0.0,) * 6
@@ -92,3 +93,29 @@ def test_gyros_turn_has_not_the_errors_of_the_wheels_turn():
     chip.bias_variance = 0.0
     drive(made, turn_rad=0.01, gyro=chip)
     assert made.spread == pytest.approx(NOTHING, abs=1e-15)
+
+
+def test_scales_of_omni_wheels_err_as_the_way_of_larger_wheels():
+    """Each scale's effect is the change of the pose at the end of an arc of 100 steps, per change of the wheel."""
+    sd, small, wheels_m = 0.01, 1e-6, (0.002, 0.006, -0.004)
+    omni = load("omni")
+    kinematics = kinematics_of(omni.base)
+
+    def arc(made=None, scales=(1.0, 1.0, 1.0)):
+        pose = ORIGIN
+        for _ in range(100):
+            scaled_m = [wheel_m * scale for wheel_m, scale in zip(wheels_m, scales)]
+            step = kinematics.step(scaled_m)
+            after = advance(pose, step.forward, step.turn, step.left)
+            if made is not None:
+                made.update(pose, after, scaled_m, step.turn, STEP_S)
+            pose = after
+        return pose
+
+    made = OmniUncertainty(omni._replace(noise=Noise(0.0, 0.0, wheel_ratio_sd=sd)), NOTHING)
+    end = arc(made)
+    ends = [arc(scales=[1.0 + small * (at == each) for at in range(3)]) for each in range(3)]
+    effects = [[(a - b) / small for a, b in zip(other, end)] for other in ends]
+    expected = [sd**2 / 2 * sum(e[i] * e[j] for e in effects) for i in range(3) for j in range(i, 3)]
+    assert abs(end.yaw_rad) > 0.5
+    assert made.spread == pytest.approx(expected, rel=2e-3)

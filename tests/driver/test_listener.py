@@ -6,7 +6,7 @@ from contextlib import closing
 
 import pytest
 
-from mrl_driver.transport.listener import MOST_DATAGRAMS, listen
+from mrl_driver.transport.listener import MOST_DATAGRAMS, listen, prompt
 
 
 @pytest.fixture
@@ -49,3 +49,12 @@ def test_a_flood_by_others_holds_up_no_read(client, listener):
             stranger.sendto(b"@11,200,0e", ("127.0.0.1", listener.address.port))
         client.send(b"@6e")
     assert listener.read() == b"" and listener.read() == b"@6e"
+
+
+def test_a_connection_asks_each_second_whether_its_other_end_is_there_and_ends_after_two():
+    with closing(socket.socket()) as end:
+        prompt(end)
+        assert end.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE) == 1
+        names = ("TCP_NODELAY", "TCP_KEEPIDLE", "TCP_KEEPINTVL", "TCP_KEEPCNT", "TCP_USER_TIMEOUT")
+        set_to = [end.getsockopt(socket.IPPROTO_TCP, getattr(socket, name)) for name in names]
+        assert set_to == [1, 1, 1, 2, 2000]
