@@ -1,4 +1,4 @@
-"""What stops a robot."""
+"""The bumper: how far a motion is possible, when the world is searched, and which bodies there are."""
 
 import math
 
@@ -9,15 +9,152 @@ from hypothesis import strategies as st
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
-from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.hardware.collision import Bumper, footprint_for
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.shapes import Footprint, Wall, polygon
 from sim_arduino.world.world import World
 
 TRAXBOT = models.load("traxbot")
-HALF_M = 0.5 * TRAXBOT.body.length_m
+ROUND = Footprint(0.2, 0.2, True)
+"""A robot of 100 mm radius."""
+STEP = 0.5**12
+"""Share of a motion to which a contact is found."""
 CONTACT_M = 1e-4
-"""How near to the wall a robot comes to rest."""
+HALF_M = 0.5 * TRAXBOT.body.length_m
+AHEAD = Wall(1.0, -5.0, 1.0, 5.0)
+START = Pose(0.0, 0.0, 0.0)
+
+
+def straight(start, way_m):
+    """Poses on a straight way along x."""
+    return lambda share: Pose(start.x_m + share * way_m, start.y_m, start.yaw_rad)
+
+
+def share_of(way_m, start=START, walls=(AHEAD,), footprint=ROUND, dt=0.0):
+    bumper = Bumper(World(list(walls)), footprint, "robot")
+    return bumper.share(start, abs(way_m), straight(start, way_m), dt)
+
+
+class Watched(World):
+    """A world that counts how often its clearance is searched."""
+
+    looks = 0
+
+    def clearance(self, *args):
+        self.looks += 1
+        return super().clearance(*args)
+
+
+# ---- bodies
+
+
+def test_a_box_has_the_length_and_width_of_the_model():
+    assert footprint_for(TRAXBOT) == Footprint(0.225, 0.204)
+    assert footprint_for(TRAXBOT, "box") == footprint_for(TRAXBOT)
+
+
+@pytest.mark.parametrize(("text", "size_m"), [("circle:0.01", 0.02), ("circle:0.1", 0.2), ("circle:5", 10.0)])
+def test_a_circle_has_its_radius(text, size_m):
+    assert footprint_for(TRAXBOT, text) == Footprint(size_m, size_m, True)
+
+
+def test_a_board_without_motors_has_no_box_but_may_be_a_circle():
+    board = models.load("pioneer")
+    assert footprint_for(board) is None
+    assert footprint_for(board, "circle:0.25") == Footprint(0.5, 0.5, True)
+    assert footprint_for(TRAXBOT, "none") is None
+
+
+# ---- the share of a motion
+
+
+@pytest.mark.parametrize("way_m", [0.89, -0.5, 0.0])
+def test_a_motion_that_hits_nothing_is_whole(way_m):
+    assert share_of(way_m) == 1.0
+
+
+@pytest.mark.parametrize(("way_m", "share"), [(0.2, 0.5), (0.12, 0.1 / 0.12), (0.101, 0.1 / 0.101)])
+def test_a_motion_ends_at_the_wall(way_m, share):
+    """100 mm are free; the contact is found to a part in 4096, on the free side of it."""
+    possible = share_of(way_m, start=Pose(0.8, 0.0, 0.0))
+    assert share - STEP <= possible <= share
+
+
+def test_a_motion_that_begins_in_contact_is_not_possible_at_all():
+    assert share_of(0.05, start=Pose(0.9 + 1e-9, 0.0, 0.0)) == 0.0
+
+
+def test_a_motion_that_is_free_for_less_than_a_part_in_4096_is_not_possible():
+    way_m = 0.1
+    begin = 0.9 - 0.9 * STEP * way_m
+    assert share_of(way_m, start=Pose(begin, 0.0, 0.0)) == 0.0
+    begin = 0.9 - 1.1 * STEP * way_m
+    assert share_of(way_m, start=Pose(begin, 0.0, 0.0)) == STEP
+
+
+@pytest.mark.parametrize(("way_m", "share"), [(-0.01, 1.0), (0.01, 0.0)])
+def test_a_robot_in_contact_may_move_away_and_not_further_in(way_m, share):
+    """It is 20 mm in the wall."""
+    assert share_of(way_m, start=Pose(0.92, 0.0, 0.0)) == share
+
+
+def test_a_robot_in_contact_may_slide_along_the_wall():
+    along = Wall(-5.0, 0.09, 5.0, 0.09)
+    assert share_of(0.3, walls=[along]) == 1.0
+
+
+def test_a_robot_between_two_walls_is_as_deep_as_the_nearest_one_says():
+    """20 mm in one wall and 10 mm in another: towards the second it gets out of the first."""
+    walls = [Wall(0.08, -5.0, 0.08, 5.0), Wall(-0.09, -5.0, -0.09, 5.0)]
+    assert share_of(-0.004, walls=walls) == 1.0
+    assert share_of(0.004, walls=walls) == 0.0
+
+
+def test_a_robot_that_is_clear_may_not_begin_a_contact_that_is_no_deeper_than_none():
+    assert share_of(0.02, start=Pose(0.89, 0.0, 0.0)) == pytest.approx(0.5, abs=2 * STEP)
+
+
+def test_a_box_is_stopped_by_its_bow():
+    box = Footprint(0.4, 0.2)
+    assert share_of(0.2, start=Pose(0.7, 0.0, 0.0), footprint=box) == pytest.approx(0.5, abs=2 * STEP)
+
+
+# ---- what is certainly free
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "dt", "free_motions"), [(0.1, 0.0, 4), (0.0, 0.1, 5), (0.05, 0.1, 3), (0.45, 0.0, 0)]
+)
+def test_the_world_is_searched_after_the_free_distance_is_used_up(distance_m, dt, free_motions):
+    """900 mm are free; the middle moves twice the distance of a wheel at most, and others come at 1.5 m/s."""
+    world = Watched([AHEAD])
+    bumper = Bumper(world, ROUND, "robot")
+    searched = []
+    for _ in range(free_motions + 2):
+        before = world.looks
+        bumper.share(START, distance_m, straight(START, 0.0), dt)
+        searched.append(world.looks > before)
+    assert searched == [True, *[False] * free_motions, True]
+
+
+def test_a_robot_in_contact_has_nothing_free():
+    """After each motion the world is searched again, however small the next one is."""
+    world = Watched([AHEAD])
+    bumper = Bumper(world, ROUND, "robot")
+    start = Pose(0.92, 0.0, 0.0)
+    for _ in range(3):
+        before = world.looks
+        bumper.share(start, 1e-6, straight(start, -1e-6), 0.0)
+        assert world.looks == before + 1
+
+
+def test_a_robot_does_not_bump_into_itself_but_into_another():
+    world = World([])
+    world.place("robot", Pose(0.25, 0.0, 0.0), ROUND)
+    shares = [
+        Bumper(world, ROUND, name).share(START, 0.1, straight(START, 0.1), 0.0) for name in ("robot", "other")
+    ]
+    assert shares == [1.0, pytest.approx(0.5, abs=0.02)]
 
 
 def driven(world, seconds=4.0, linear=400, angular=0, **options):
@@ -33,12 +170,8 @@ def test_a_wall_stops_the_robot_at_its_bow():
     assert plant.true_pose.x_m == pytest.approx(0.5 - HALF_M, abs=CONTACT_M)
     assert plant.true_pose.x_m <= 0.5 - HALF_M
     assert plant.robot.state.bumped
-
-
-def test_its_wheels_go_on():
-    """They slip on the floor: the encoders count what the robot does not move."""
-    plant = driven(World([Wall(0.5, -1, 0.5, 1)]))
-    assert plant.robot.motors[0].travel * TRAXBOT.drive.metres_per_count > 1.0
+    slipping_m = plant.robot.motors[0].travel * TRAXBOT.drive.metres_per_count
+    assert slipping_m > 1.0
 
 
 def test_leaning_on_a_wall_takes_few_looks(monkeypatch):
@@ -59,32 +192,11 @@ def test_it_can_back_out():
     assert not plant.robot.state.bumped
 
 
-def test_without_a_body_nothing_stops_it():
-    assert driven(World([Wall(0.5, -1, 0.5, 1)]), footprint="none").true_pose.x_m > 1.0
-
-
-def test_a_round_robot_is_stopped_by_its_radius():
-    plant = driven(World([Wall(0.5, -1, 0.5, 1)]), footprint="circle:0.102")
-    assert plant.true_pose.x_m == pytest.approx(0.5 - 0.102, abs=CONTACT_M)
-
-
 def test_a_box_cannot_turn_beside_a_wall():
     """Its side is 1 mm away, its corners need 50 mm more."""
     gap = 0.5 * TRAXBOT.body.width_m + 0.001
     plant = driven(World([Wall(-1, gap, 1, gap)]), linear=0, angular=1000)
     assert abs(plant.true_pose.yaw_rad) < math.radians(3)
-
-
-def test_a_round_one_can():
-    gap = 0.5 * TRAXBOT.body.width_m + 0.001
-    world = World([Wall(-1, gap, 1, gap)])
-    assert driven(world, linear=0, angular=500, footprint="circle:0.102").true_pose.yaw_rad > 1.0
-
-
-def test_another_robot_stops_it():
-    world = World()
-    world.place("other", Pose(0.6, 0.0, 0.0), Footprint(0.2, 0.2))
-    assert driven(world).true_pose.x_m == pytest.approx(0.5 - HALF_M, abs=CONTACT_M)
 
 
 def test_two_robots_of_a_world_meet():
@@ -100,13 +212,6 @@ def test_two_robots_of_a_world_meet():
     assert two.true_pose.x_m - one.true_pose.x_m >= 2 * HALF_M
 
 
-def test_a_robot_is_gone_when_it_is_removed():
-    world = World()
-    world.place("other", Pose(0.6, 0.0, 0.0), Footprint(0.2, 0.2))
-    world.remove("other")
-    assert driven(world).true_pose.x_m > 1.0
-
-
 @settings(max_examples=25, deadline=None)
 @given(
     linear=st.integers(-600, 600),
@@ -118,15 +223,6 @@ def test_no_robot_leaves_its_room(linear, angular, pose):
     plant = driven(room, 3.0, linear, angular, pose=pose)
     corners = [c for side in plant.footprint.outline(plant.true_pose) for c in side]
     assert max(map(abs, corners)) <= 1.0 + 1e-9
-
-
-def test_far_from_everything_the_robot_looks_at_nothing():
-    """The way that is surely free is used up before the next look around."""
-    world = World([Wall(50, -1, 50, 1)])
-    looks = []
-    world.clearance = lambda x, y, without, inner=world.clearance: looks.append(x) or inner(x, y, without)
-    driven(world)
-    assert len(looks) <= 2
 
 
 @pytest.mark.parametrize("text", ["square", "circle", "circle:0", "circle:nan", "circle:9", "box:1"])

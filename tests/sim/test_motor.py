@@ -1,4 +1,4 @@
-"""One motor against closed forms."""
+"""One motor against closed forms: each tick of its control, the ramp, rest, positions, wrong wires and friction."""
 
 import math
 
@@ -6,14 +6,386 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrl_driver.robot import models
 from sim_arduino.hardware.motor import ControlSettings, Mode, Motor, MotorParams
 
 PARAMS = MotorParams(no_load_counts_s=12000.0, rated_counts_s=7500.0)
 LOADED = PARAMS._replace(friction_counts_s=240.0)
-VOLTS = 12.0
-TICK_S = 0.05
-SETTLED = 1e-3
-"""Share of full speed within which a controlled motor is at its speed."""
+VOLTS, TICK_S = 12.0, 0.05
+SET_POINT = ControlSettings(kp=1000, ki=0, kd=0)
+"""Gains with which the duty of a motor that stands is its set point, as a share of the no-load speed."""
+STEP = ControlSettings(kp=1000, ki=0, kd=0, ramp_ms=0)
+
+
+def spinning(speed, params=PARAMS, **attributes):
+    motor = Motor(params)
+    motor.speed = speed
+    for name, value in attributes.items():
+        setattr(motor, name, value)
+    return motor
+
+
+def set_points(motor, ticks, gains=SET_POINT):
+    """The set point after each tick of a motor that does not move [count/s]."""
+    seen = []
+    for _ in range(ticks):
+        motor.control(TICK_S, gains)
+        seen.append(motor.duty * PARAMS.no_load_counts_s)
+    return seen
+
+
+# ---- data
+
+
+def test_the_gains_are_those_of_a_traxbot():
+    board = models.load("traxbot").board
+    assert ControlSettings() == ControlSettings(
+        board["kp"], board["ki"], board["kd"], board["ramp_time"], board["ramp_gain"]
+    )
+
+
+def test_the_motor_is_that_of_a_traxbot():
+    """Its speed follows with 80 ms, and its brake stops a TraxBot with 2 m/s2, to 5 %."""
+    metres_per_count = models.load("traxbot").base.metres_per_count
+    assert (PARAMS.time_constant_s, PARAMS.nominal_v, PARAMS.friction_counts_s) == (0.08, 12.0, 0.0)
+    assert PARAMS.brake_counts_s2 * metres_per_count == pytest.approx(2.0, rel=0.05)
+
+
+# ---- the three gains
+
+
+@pytest.mark.parametrize(
+    ("gains", "duties"),
+    [
+        (ControlSettings(400, 0, 0, 0), [0.2, 0.2, 0.2]),
+        (ControlSettings(0, 400, 0, 0), [0.2, 0.4, 0.6]),
+        (ControlSettings(0, 0, 400, 0), [0.2, 0.0, 0.0]),
+        (ControlSettings(400, 200, 100, 0), [0.35, 0.4, 0.5]),
+        (ControlSettings(0, 1200, 0, 0), [0.6, 1.0, 1.0]),
+        (ControlSettings(3000, 0, 0, 0), [1.0, 1.0, 1.0]),
+    ],
+)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_duty_after_each_tick_at_half_the_no_load_speed_too_little(sign, gains, duties):
+    motor, seen = Motor(PARAMS), []
+    motor.set_speed(sign * 6000.0)
+    for _ in duties:
+        motor.control(TICK_S, gains)
+        seen.append(sign * motor.duty)
+    assert seen == pytest.approx(duties)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_full_integral_empties_at_once(sign):
+    """It is kept at the full duty, however long the motor did not follow."""
+    motor, gains = Motor(PARAMS), ControlSettings(0, 500, 0, 0)
+    motor.set_speed(sign * 12000.0)
+    for _ in range(100):
+        motor.control(TICK_S, gains)
+    motor.speed = sign * 18000.0
+    motor.control(TICK_S, gains)
+    assert motor.duty == pytest.approx(sign * 0.75)
+
+
+@pytest.mark.parametrize("sensed", [1.0, 0.0, -1.0])
+def test_the_control_sees_the_speed_that_the_encoder_shows(sensed):
+    motor = Motor(PARAMS)
+    motor.sensed = sensed
+    motor.set_speed(6000.0)
+    motor.speed = 2400.0
+    motor.control(TICK_S, STEP)
+    assert motor.duty == pytest.approx(0.5 - 0.2 * sensed)
+
+
+@pytest.mark.parametrize("sensed", [1.0, -1.0])
+@pytest.mark.parametrize(
+    "command", [lambda motor: motor.set_speed(1e5), lambda motor: motor.go_to(1e6, 1e5, True)]
+)
+def test_control_begins_at_the_speed_and_the_duty_that_there_are(command, sensed):
+    """The first set point is a tick of the ramp above the speed, 150 count/s, and the integral is the duty."""
+    motor = Motor(PARAMS)
+    motor.sensed = sensed
+    motor.set_duty(0.25)
+    motor.speed = sensed * 3000.0
+    command(motor)
+    motor.control(TICK_S, SET_POINT)
+    assert motor.duty == pytest.approx(0.25 + 150 / 12000)
+
+
+@pytest.mark.parametrize(
+    "command", [lambda motor: motor.set_speed(6000.0), lambda motor: motor.go_to(1e6, 6000.0, True)]
+)
+def test_control_begins_without_a_past_error(command):
+    """The differential part of the first tick is that of the whole error."""
+    motor = Motor(PARAMS)
+    motor.set_speed(1200.0)
+    motor.control(TICK_S, STEP)
+    motor.brake()
+    command(motor)
+    motor.control(TICK_S, ControlSettings(0, 0, 1000, 0))
+    assert motor.duty == pytest.approx(0.5)
+
+
+def test_a_control_tick_leaves_a_given_duty_and_a_brake_alone():
+    given, braked = Motor(PARAMS), spinning(500.0)
+    given.set_duty(0.3)
+    for motor in (given, braked):
+        motor.control(TICK_S, ControlSettings())
+    assert (given.duty, given.mode) == (0.3, Mode.DUTY)
+    assert (braked.duty, braked.mode, braked.speed) == (0.0, Mode.BRAKE, 500.0)
+
+
+# ---- the ramp
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_ramp_rises_by_the_same_speed_each_tick_and_ends_at_the_target(sign):
+    """7500 count/s in 2.5 s are 150 a tick."""
+    motor = Motor(PARAMS)
+    motor.set_speed(sign * 400.0)
+    assert set_points(motor, 4) == pytest.approx([sign * each for each in (150, 300, 400, 400)])
+    motor.set_speed(sign * -100.0)
+    assert set_points(motor, 4) == pytest.approx([sign * each for each in (250, 100, -50, -100)])
+
+
+@pytest.mark.parametrize(("ramp_ms", "step"), [(0, 7500.0), (1, 7500.0), (50, 7500.0), (100, 3750.0)])
+def test_the_step_of_the_ramp_is_the_part_of_its_time(ramp_ms, step):
+    motor = Motor(PARAMS)
+    motor.set_speed(7500.0)
+    assert set_points(motor, 1, ControlSettings(1000, 0, 0, ramp_ms)) == pytest.approx([step])
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(("ramp_gain", "first"), [(0, 150.0), (100, 900.0), (1000, 7000.0)])
+def test_the_ramp_takes_off_from_standstill_at_its_gain_and_not_above_the_target(ramp_gain, first, sign):
+    motor, gains = Motor(PARAMS), ControlSettings(1000, 0, 0, ramp_gain=ramp_gain)
+    motor.set_speed(sign * 7000.0)
+    seen = set_points(motor, 2, gains)
+    assert seen == pytest.approx([sign * first, sign * min(7000.0, first + 150.0)])
+
+
+# ---- rest
+
+
+@pytest.mark.parametrize(("speed", "left"), [(0.99, 0.0), (-0.99, 0.0), (1.0, 1.0), (-1.0, -1.0)])
+@pytest.mark.parametrize("command", [lambda motor: motor.set_duty(0.0), lambda motor: motor.set_speed(0.0)])
+def test_a_motor_that_should_stand_is_stood_below_a_count_a_second(command, speed, left):
+    motor = Motor(PARAMS)
+    command(motor)
+    motor.speed = speed
+    motor.control(TICK_S, STEP)
+    assert motor.speed == left
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        lambda motor: motor.set_duty(1e-3),
+        lambda motor: motor.set_speed(1e-3),
+        lambda motor: motor.go_to(0.0, 0.0, True),
+        lambda motor: motor.brake(),
+    ],
+)
+def test_a_motor_that_may_move_is_not_stood(command):
+    motor = Motor(PARAMS)
+    command(motor)
+    motor.speed = 0.5
+    motor.control(TICK_S, STEP)
+    assert motor.speed == 0.5
+
+
+def test_a_motor_on_its_ramp_to_zero_is_not_stood_before_the_end():
+    """Something holds the wheel, so that its speed is zero while the set point is not."""
+    motor = Motor(PARAMS)
+    motor.set_speed(400.0)
+    set_points(motor, 3)
+    motor.set_speed(0.0)
+    assert set_points(motor, 3) == pytest.approx([250.0, 100.0, 0.0])
+    assert motor.at_rest
+
+
+def test_a_motor_that_was_stood_begins_its_next_motion_from_nothing():
+    """Neither its integral nor its last error is left."""
+    motor = Motor(PARAMS)
+    motor.set_speed(6000.0)
+    motor.control(TICK_S, ControlSettings(0, 400, 0, 0))
+    motor.set_speed(0.0)
+    motor.speed = 0.5
+    motor.control(TICK_S, ControlSettings(0, 400, 0, 0))
+    assert (motor.speed, motor.duty) == (0.0, 0.0)
+    motor.set_speed(6000.0)
+    motor.control(TICK_S, ControlSettings(0, 0, 1000, 0))
+    assert motor.duty == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    "command", [lambda m: m.set_duty(0.0), lambda m: m.set_speed(0.0), lambda m: m.brake()]
+)
+@pytest.mark.parametrize(
+    ("speed", "duty", "rests"), [(0.0, 0.0, True), (1e-9, 0.0, False), (0.0, 1e-9, False)]
+)
+def test_a_motor_rests_without_speed_and_without_duty(command, speed, duty, rests):
+    motor = Motor(PARAMS)
+    command(motor)
+    motor.speed, motor.duty = speed, duty
+    assert motor.at_rest is rests
+
+
+def test_a_brake_takes_the_duty_away_at_once():
+    motor = Motor(PARAMS)
+    motor.set_duty(0.5)
+    motor.brake()
+    assert (motor.mode, motor.duty) == (Mode.BRAKE, 0.0)
+
+
+def test_a_motor_is_braked_after_power_up():
+    motor = Motor(PARAMS)
+    assert (motor.mode, motor.travel, motor.at_rest) == (Mode.BRAKE, 0.0, True)
+
+
+# ---- positions
+
+
+@pytest.mark.parametrize(
+    ("travel", "hold", "mode"),
+    [
+        (99.51, False, Mode.BRAKE),
+        (100.49, False, Mode.BRAKE),
+        (99.5, False, Mode.POSITION),
+        (100.5, False, Mode.POSITION),
+        (100.0, True, Mode.POSITION),
+    ],
+)
+def test_a_motor_lets_go_within_half_a_count_of_its_goal(travel, hold, mode):
+    motor = Motor(PARAMS)
+    motor.travel = travel
+    motor.go_to(100.0, 3000.0, hold)
+    motor.control(TICK_S, STEP)
+    assert motor.mode is mode
+
+
+def test_a_motor_that_lets_go_has_no_duty():
+    motor = Motor(PARAMS)
+    motor.go_to(100.0, 3000.0, False)
+    motor.control(TICK_S, STEP)
+    motor.travel = 100.4
+    motor.control(TICK_S, STEP)
+    assert motor.duty == 0.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize(
+    ("left", "speed", "wanted"),
+    [(250.0, 3000.0, 1000.0), (2500.0, 3000.0, 3000.0), (2500.0, -3000.0, 3000.0)],
+)
+def test_the_speed_to_a_position_is_four_times_what_is_left_and_at_most_the_requested_one(
+    left, speed, wanted, sign
+):
+    """250 counts before the goal 1000 count/s, whatever the sign of the requested speed."""
+    motor = Motor(PARAMS)
+    motor.travel = 700.0
+    motor.go_to(700.0 + sign * left, speed, True)
+    assert set_points(motor, 1, STEP) == pytest.approx([sign * wanted])
+
+
+def test_the_way_to_a_position_speeds_up_by_the_ramp_and_slows_down_without_it():
+    motor = Motor(PARAMS)
+    motor.go_to(1000.0, 3000.0, True)
+    assert set_points(motor, 2) == pytest.approx([150.0, 300.0])
+    motor.travel = 990.0
+    assert set_points(motor, 1) == pytest.approx([40.0])
+
+
+def test_turning_round_at_the_same_speed_is_not_speeding_up():
+    """The goal is 100 counts ahead, and then 100 counts behind."""
+    motor = Motor(PARAMS)
+    motor.go_to(100.0, 3000.0, True)
+    assert set_points(motor, 3) == pytest.approx([150.0, 300.0, 400.0])
+    motor.travel = 200.0
+    assert set_points(motor, 1) == pytest.approx([-400.0])
+
+
+def test_a_new_goal_keeps_the_ramp():
+    motor = Motor(PARAMS)
+    motor.go_to(1000.0, 3000.0, True)
+    set_points(motor, 2)
+    motor.go_to(2000.0, 3000.0, True)
+    assert set_points(motor, 1) == pytest.approx([450.0])
+
+
+# ---- wires, encoders and held wheels
+
+
+@pytest.mark.parametrize("polarity", [1.0, -1.0])
+@pytest.mark.parametrize("sensed", [1.0, 0.0, -1.0])
+def test_wires_turn_the_motor_and_channels_turn_what_the_encoder_shows(sensed, polarity):
+    motor = Motor(PARAMS)
+    motor.sensed, motor.polarity = sensed, polarity
+    motor.travel = 100.0
+    motor.set_duty(0.5)
+    moved = motor.move(0.1, VOLTS)
+    assert moved * polarity > 0.0
+    assert motor.travel == 100.0 + moved * sensed
+
+
+@pytest.mark.parametrize("command", [lambda motor: motor.set_duty(1.0), lambda motor: motor.brake()])
+def test_a_wheel_that_is_held_does_not_move_and_has_no_speed(command):
+    motor = spinning(3000.0)
+    command(motor)
+    motor.blocked = True
+    assert (motor.move(0.1, VOLTS), motor.travel, motor.speed) == (0.0, 0.0, 0.0)
+
+
+# ---- friction and brake
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_friction_holds_a_motor_up_to_its_speed(sign):
+    """2 % of the no-load speed: at 2 % it stands, a little above it starts slowly."""
+    weak, strong = Motor(LOADED), Motor(LOADED)
+    weak.set_duty(sign * 0.02)
+    strong.set_duty(sign * 0.0201)
+    assert weak.move(1.0, VOLTS) == 0.0
+    assert 0.0 < sign * strong.move(1.0, VOLTS) < 1.3
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("friction", [0.0, 0.5, 240.0])
+def test_a_motor_that_is_turned_back_comes_to_rest_and_then_runs_the_other_way(sign, friction):
+    """Until its rest friction adds to the duty, and afterwards it takes from it."""
+    motor = spinning(sign * 3000.0, PARAMS._replace(friction_counts_s=friction))
+    motor.set_duty(sign * -0.5)
+    tau, down, up = PARAMS.time_constant_s, 6000.0 + friction, 6000.0 - friction
+    to_rest = tau * math.log1p(3000.0 / down)
+    there = tau * 3000.0 - down * to_rest
+    moved = motor.move(to_rest + tau, VOLTS)
+    assert motor.speed == pytest.approx(sign * -up * (1 - math.exp(-1)))
+    assert moved == pytest.approx(sign * (there - up * tau * math.exp(-1)))
+
+
+def test_a_motor_that_coasts_for_just_its_time_rests():
+    for speed in range(100, 9000, 100):
+        motor = spinning(float(speed), LOADED)
+        motor.set_duty(0.0)
+        motor.move(LOADED.time_constant_s * math.log1p(speed / LOADED.friction_counts_s), VOLTS)
+        assert motor.speed == 0.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_motor_that_brakes_for_just_its_time_rests(sign):
+    for speed in range(100, 9000, 100):
+        motor = spinning(sign * float(speed))
+        moved = motor.move(speed / PARAMS.brake_counts_s2, VOLTS)
+        assert motor.speed == 0.0
+        assert moved == pytest.approx(sign * 0.5 * speed**2 / PARAMS.brake_counts_s2)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_brake_slows_evenly(sign):
+    """22000 count/s2 for 0.1 s, from 5000 to 2800 count/s."""
+    motor = spinning(sign * 5000.0)
+    assert motor.move(0.1, VOLTS) == pytest.approx(sign * 390.0)
+    assert motor.speed == pytest.approx(sign * 2800.0)
 
 
 def run(motor, seconds, gains=ControlSettings(), volts=VOLTS, tick_s=TICK_S):  # noqa: B008 - never changed
@@ -21,41 +393,6 @@ def run(motor, seconds, gains=ControlSettings(), volts=VOLTS, tick_s=TICK_S):  #
         motor.move(tick_s, volts)
         motor.control(tick_s, gains)
     return motor
-
-
-def spinning(speed, params=PARAMS):
-    motor = Motor(params)
-    motor.speed = speed
-    return motor
-
-
-def test_braking_distance():
-    """v^2 / 2a."""
-    motor = spinning(5000.0)
-    motor.move(10.0, VOLTS)
-    assert motor.travel == pytest.approx(5000.0**2 / (2 * PARAMS.brake_counts_s2))
-
-
-def test_brake_ends_at_rest():
-    motor = spinning(-5000.0)
-    motor.move(10.0, VOLTS)
-    assert motor.speed == 0.0
-
-
-def test_step_of_the_duty_is_first_order():
-    """63.2 % of the final speed after one time constant."""
-    motor = Motor(PARAMS)
-    motor.set_duty(0.5)
-    motor.move(PARAMS.time_constant_s, VOLTS)
-    assert motor.speed == pytest.approx(6000.0 * (1 - math.exp(-1)))
-
-
-def test_way_under_constant_duty():
-    """v t - v tau (1 - exp(-t / tau))."""
-    motor = Motor(PARAMS)
-    motor.set_duty(1.0)
-    tau = PARAMS.time_constant_s
-    assert motor.move(1.0, VOLTS) == pytest.approx(12000.0 * (1 - tau * (1 - math.exp(-1 / tau))))
 
 
 @pytest.mark.parametrize("mode, duty", [(Mode.DUTY, 0.3), (Mode.DUTY, 0.0), (Mode.BRAKE, 0.0)])
@@ -83,21 +420,6 @@ def test_coasting_ends_where_friction_has_it():
     assert (motor.speed, motor.travel) == pytest.approx((0.0, tau * 3000.0 - friction * to_rest))
 
 
-@pytest.mark.parametrize("duty, speed", [(0.02, 0.0), (0.021, 12.0), (-0.021, -12.0), (1.0, 11760.0)])
-def test_friction_holds_what_is_too_weak_and_slows_the_rest(duty, speed):
-    motor = Motor(LOADED)
-    motor.set_duty(duty)
-    motor.move(5.0, VOLTS)
-    assert motor.speed == pytest.approx(speed)
-
-
-def test_half_the_voltage_is_half_the_speed():
-    motor = Motor(PARAMS)
-    motor.set_duty(1.0)
-    motor.move(5.0, 6.0)
-    assert motor.speed == pytest.approx(6000.0)
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 def test_duty_is_limited(sign):
     motor = Motor(PARAMS)
@@ -106,70 +428,21 @@ def test_duty_is_limited(sign):
 
 
 @pytest.mark.parametrize(
-    "gains",
-    [ControlSettings(), ControlSettings(350, 200, 100, 1500), ControlSettings(1300, 350, 400)],
-    ids=str,
+    ("gains", "volts", "tick_s"),
+    [
+        (ControlSettings(), VOLTS, 0.1),
+        (ControlSettings(), VOLTS, 0.025),
+        (ControlSettings(), 9.0, TICK_S),
+        (ControlSettings(350, 200, 100, 1500), VOLTS, TICK_S),
+        (ControlSettings(1300, 350, 400), VOLTS, TICK_S),
+    ],
 )
-def test_speed_control_reaches_its_speed(gains):
-    """The gains of both models, and those of 2012."""
+def test_speed_control_reaches_its_speed(gains, volts, tick_s):
+    """The gains of both models, and those of 2012, to a thousandth of full speed."""
     motor = Motor(LOADED)
     motor.set_speed(3000.0)
-    run(motor, 6.0, gains)
-    assert motor.speed == pytest.approx(3000.0, abs=SETTLED * 12000)
-
-
-@pytest.mark.parametrize("tick_s", [0.1, 0.05, 0.025])
-def test_speed_control_settles_at_each_control_rate(tick_s):
-    """10, 20 and 40 Hz."""
-    motor = Motor(LOADED)
-    motor.set_speed(3000.0)
-    run(motor, 8.0, tick_s=tick_s)
-    assert motor.speed == pytest.approx(3000.0, abs=SETTLED * 12000)
-
-
-def test_speed_control_makes_up_for_a_low_battery():
-    motor = Motor(PARAMS)
-    motor.set_speed(3000.0)
-    run(motor, 6.0, volts=9.0)
-    assert motor.speed == pytest.approx(3000.0, abs=SETTLED * 12000)
-
-
-def test_ramp_takes_its_time_to_rated_speed():
-    """2.5 s; the control lags behind by a fraction of a second."""
-    motor = Motor(PARAMS)
-    motor.set_speed(7500.0)
-    run(motor, 1.25)
-    assert motor.speed == pytest.approx(3750.0, abs=750.0)
-
-
-def test_ramp_takes_off_at_its_gain():
-    motor = Motor(PARAMS)
-    motor.set_speed(7500.0)
-    run(motor, TICK_S, ControlSettings(kp=1000, ki=0, kd=0, ramp_gain=500))
-    assert motor.duty >= 0.5 * 7500 / 12000
-
-
-def test_no_ramp_is_a_step():
-    motor = Motor(PARAMS)
-    motor.set_speed(3000.0)
-    run(motor, 1.5, ControlSettings(ramp_ms=0))
-    assert motor.speed == pytest.approx(3000.0, rel=0.02)
-
-
-def test_speed_zero_comes_to_rest():
-    motor = run(spinning(0.0), 0.0)
-    motor.set_speed(4000.0)
-    run(motor, 3.0)
-    motor.set_speed(0.0)
-    run(motor, 5.0)
-    assert motor.at_rest
-
-
-def test_without_power_nothing_turns():
-    motor = Motor(PARAMS)
-    motor.set_speed(4000.0)
-    run(motor, 3.0, volts=0.0)
-    assert motor.travel == 0.0
+    run(motor, 8.0, gains, volts, tick_s)
+    assert motor.speed == pytest.approx(3000.0, abs=12.0)
 
 
 @pytest.mark.parametrize("goal", [5000.0, -5000.0, 3.0])
@@ -179,16 +452,6 @@ def test_position_is_reached_and_held(goal):
     run(motor, 8.0)
     assert motor.travel == pytest.approx(goal, abs=2.0)
     assert motor.mode is Mode.POSITION
-
-
-def test_position_without_hold_lets_go():
-    motor = Motor(LOADED)
-    motor.go_to(2000.0, 3000.0, hold=False)
-    run(motor, 8.0)
-    assert motor.mode is Mode.BRAKE
-
-
-# ---- limits
 
 
 @pytest.mark.parametrize("wanted", [3000.0, -3000.0])
@@ -202,31 +465,6 @@ def test_the_control_does_not_wind_up(wanted):
     assert motor.speed == pytest.approx(wanted, rel=0.1)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_the_ramp_leads_down_as_well(sign):
-    motor = Motor(PARAMS)
-    motor.set_speed(sign * 7500.0)
-    run(motor, 5.0)
-    motor.set_speed(0.0)
-    run(motor, 1.25)
-    assert motor.speed == pytest.approx(sign * 3750.0, abs=750.0)
-
-
-def test_a_slow_speed_takes_off_no_faster_than_it_is():
-    motor = Motor(PARAMS)
-    motor.set_speed(-120.0)
-    run(motor, TICK_S, ControlSettings(kp=1000, ki=0, kd=0, ramp_gain=500))
-    assert motor.duty == pytest.approx(-120 / 12000)
-
-
-@pytest.mark.parametrize("goal", [20000.0, -20000.0])
-def test_a_position_is_approached_no_faster_than_told(goal):
-    motor = Motor(LOADED)
-    motor.go_to(goal, 3000.0, hold=True)
-    fastest = max(abs(run(motor, TICK_S).speed) for _ in range(160))
-    assert fastest == pytest.approx(3000.0, rel=0.1)
-
-
 @pytest.mark.parametrize("again", ["set_speed", "go_to"])
 def test_a_command_that_is_repeated_changes_nothing(again):
     once, often = Motor(LOADED), Motor(LOADED)
@@ -238,27 +476,12 @@ def test_a_command_that_is_repeated_changes_nothing(again):
     assert run(once, 2.0).travel == often.travel
 
 
-@pytest.mark.parametrize("again", ["set_speed", "go_to"])
-def test_control_takes_over_without_a_jerk(again):
-    motor = Motor(LOADED)
-    motor.set_duty(0.5)
-    motor.move(5.0, VOLTS)
-    speed = motor.speed
-    motor.set_speed(speed) if again == "set_speed" else motor.go_to(1e6, speed, True)
-    slowest = min(run(motor, TICK_S).speed for _ in range(20))
-    assert slowest > 0.99 * speed
-
-
 @pytest.mark.parametrize(
     "begin, rests",
     [
-        (lambda motor: motor.set_duty(0.0), True),
-        (lambda motor: motor.set_duty(0.01), False),
         (lambda motor: motor.set_speed(0.0), True),
         (lambda motor: motor.set_speed(100.0), False),
         (lambda motor: motor.go_to(0.0, 100.0, True), False),
-        (lambda motor: setattr(motor, "speed", 5.0), False),
-        (lambda motor: motor.brake(), True),
     ],
 )
 def test_who_is_at_rest(begin, rests):
@@ -268,32 +491,27 @@ def test_who_is_at_rest(begin, rests):
     assert motor.at_rest is rests
 
 
-def test_a_slow_motor_is_not_stood_by_the_control():
-    """Below a count a second it may stand only if that is what is asked for."""
-    motor = spinning(0.5)
-    motor.set_speed(2000.0)
-    motor.control(TICK_S, ControlSettings())
-    assert motor.speed == 0.5
-
-
-def way_there(travel):
-    """Travel at each tick of a motor that goes to a position."""
-    motor, seen = Motor(PARAMS), []
-    motor.go_to(travel, 7500.0, True)
-    for _ in range(60):
-        motor.move(TICK_S, VOLTS)
-        motor.control(TICK_S, ControlSettings())
-        seen.append(motor.travel)
-    return seen
-
-
-def test_the_way_to_a_position_behind_mirrors_the_way_to_one_ahead():
-    """The ramp holds in both directions."""
-    assert way_there(-3000.0) == pytest.approx([-each for each in way_there(3000.0)])
-
-
 def test_a_motor_whose_duty_just_carries_its_friction_coasts_down():
     motor = spinning(1000.0, LOADED)
     motor.set_duty(LOADED.friction_counts_s / LOADED.no_load_counts_s)
     motor.move(LOADED.time_constant_s, VOLTS)
     assert motor.speed == pytest.approx(1000.0 / math.e)
+
+
+@pytest.mark.parametrize("nominal_v", [7.2, 12.0])
+def test_half_the_nominal_voltage_gives_half_the_no_load_speed(nominal_v):
+    motor = Motor(PARAMS._replace(nominal_v=nominal_v))
+    motor.set_duty(1.0)
+    motor.move(5.0, 0.5 * nominal_v)
+    assert motor.speed == pytest.approx(6000.0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_brake_ends_at_rest(sign):
+    """After v^2 / 2a."""
+    motor = spinning(sign * 5000.0)
+    motor.move(10.0, VOLTS)
+    assert (motor.travel, motor.speed) == (
+        pytest.approx(sign * 5000.0**2 / (2 * PARAMS.brake_counts_s2)),
+        0.0,
+    )

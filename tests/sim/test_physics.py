@@ -1,100 +1,496 @@
-"""Pose, battery and temperature against closed forms; nothing here knows the driver's odometry."""
+"""The robot's body against closed forms: its parameters, steps, obstacles, noise, wheels, battery and heat."""
 
 import math
+import statistics
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
-from sim_arduino.hardware.motor import Mode, Motor
+from sim_arduino.hardware.bridge import Shares
+from sim_arduino.hardware.dc_motor import DcMotor, DcMotorParams
+from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.robot_physics import Errors, RobotPhysics, interpolate, params_for
 
-EXACT_M, EXACT_RAD = 1e-9, 1e-9
-TRAXBOT, STINGBOT = models.load("traxbot"), models.load("stingbot")
+EXACT = 1e-9
+"""A metre, radian, second or volt that is only rounding."""
+TRAXBOT, STINGBOT, OMNI = (models.load(name) for name in ("traxbot", "stingbot", "omni"))
+PAST_1_TICK_S, TICK_S = 0.051, 0.05
 
 
-def cruising(left_m_s, right_m_s, model=TRAXBOT, **scales):
-    """A robot whose wheels turn at steady speeds [m/s of the model's wheels], without any transient."""
-    robot = RobotPhysics(params_for(model, Errors(**scales)))
-    cruise(robot, left_m_s, right_m_s, model)
+def body(model=TRAXBOT, omni=False, seed=0, **errors):
+    return RobotPhysics(params_for(model, Errors(**errors), omni), seed=seed)
+
+
+def turn_wheels(robot, left_m_s, rear_m_s, right_m_s):
+    """Gives the wheels steady speeds: no friction, and a duty that keeps the speed at the voltage there is."""
     robot.params = robot.params._replace(rest_curve=((0.0, 1.0), (1.0, 1.0)), resistance_ohm=0.0)
-    robot.state.battery_v = 1.0
-    return robot
-
-
-def cruise(robot, left_m_s, right_m_s, model=TRAXBOT):
-    """Gives the wheels steady speeds."""
-    for index, speed in ((0, left_m_s), (2, right_m_s)):
-        motor = robot.motors[index]
-        motor.mode = Mode.DUTY
-        motor.speed = speed / model.drive.metres_per_count
+    robot.sag(0.0)
+    sizes = robot.params.left_m_per_count, robot.params.left_m_per_count, robot.params.right_m_per_count
+    for motor, speed_m_s, size_m in zip(robot.motors, (left_m_s, rear_m_s, right_m_s), sizes):
+        motor.mode, motor.speed = Mode.DUTY, speed_m_s / size_m
         motor.params = motor.params._replace(friction_counts_s=0.0)
         motor.duty = motor.speed / motor.params.no_load_counts_s * motor.params.nominal_v
 
 
-def test_straight_line():
-    robot = cruising(0.3, 0.3)
-    robot.step(10.0)
-    assert (robot.state.x_m, robot.state.y_m, robot.state.yaw_rad) == pytest.approx(
-        (3.0, 0.0, 0.0), abs=EXACT_M
+def pose_of(robot):
+    return robot.state.x_m, robot.state.y_m, robot.state.yaw_rad
+
+
+def motions_of(robot, longest_step_s=1.0):
+    """A list that gets all motions of the robot: duration, forward, aside, turn."""
+    seen = []
+    robot.report_motion(lambda *motion: seen.append(motion), longest_step_s)
+    return seen
+
+
+def hold_at_full_duty(robot):
+    for motor in robot.motors:
+        motor.blocked = True
+        motor.set_duty(1.0)
+
+
+# ---- parameters
+
+
+def test_a_robot_as_modelled_has_no_errors():
+    assert Errors() == Errors(1.0, 1.0, 1.0, 0.0, 1.0, 20.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("model", [TRAXBOT, STINGBOT, OMNI])
+def test_the_brake_of_each_model_slows_it_by_2_m_s2(model):
+    assert params_for(model).motor.brake_counts_s2 * model.base.metres_per_count == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(("load", "time_constant_s"), [(0.0, 0.057), (1.0, 0.080), (2.0, 0.103)])
+def test_the_body_makes_up_for_23_ms_of_a_time_constant_of_80_ms(load, time_constant_s):
+    assert params_for(TRAXBOT, Errors(load=load)).motor.time_constant_s == pytest.approx(time_constant_s)
+
+
+def test_a_brake_is_as_much_weaker_as_the_motor_is_slower():
+    """The torque is the same, the inertia is not."""
+    motors = [params_for(TRAXBOT, Errors(load=load)).motor for load in (1.0, 3.0)]
+    one, three = (motor.brake_counts_s2 * motor.time_constant_s for motor in motors)
+    assert three == pytest.approx(one)
+
+
+@pytest.mark.parametrize(
+    ("model", "load", "share"), [(TRAXBOT, 1.0, 0.02), (STINGBOT, 1.0, 0.006), (TRAXBOT, 2.0, 0.04)]
+)
+def test_tracks_lose_2_percent_of_the_speed_to_friction_and_wheels_less(model, load, share):
+    motor = params_for(model, Errors(load=load)).motor
+    assert motor.friction_counts_s == pytest.approx(share * motor.no_load_counts_s)
+
+
+def test_the_rated_speed_of_a_traxbot_is_160_turns_a_minute_at_7_2_v():
+    """Of a wheel of 39 mm; at full duty 12 V turn it faster in proportion."""
+    motor = params_for(TRAXBOT).motor
+    assert motor.rated_counts_s * TRAXBOT.base.metres_per_count == pytest.approx(
+        160 / 60 * 2 * math.pi * 0.039, rel=5e-3
+    )
+    assert motor.no_load_counts_s * 7.2 == pytest.approx(motor.rated_counts_s * 12.0)
+
+
+def test_the_rated_speed_of_an_omni_is_its_full_speed():
+    per_count = OMNI.base.metres_per_count
+    assert params_for(OMNI).motor.rated_counts_s * per_count == pytest.approx(OMNI.base.full_speed_m_s)
+
+
+def test_each_wheel_has_its_own_size():
+    params = params_for(TRAXBOT, Errors(left_scale=1.25, right_scale=0.75))
+    sizes = [
+        size / TRAXBOT.base.metres_per_count for size in (params.left_m_per_count, params.right_m_per_count)
+    ]
+    assert sizes == pytest.approx([1.25, 0.75])
+
+
+def test_the_slip_of_a_robot_adds_to_that_of_its_model():
+    """What is left of a turn is the product of what both leave."""
+    slipping = TRAXBOT._replace(drive=TRAXBOT.drive._replace(turn_slip=0.2))
+    assert params_for(slipping, Errors(turn_slip=0.1)).turn_slip == pytest.approx(1 - 0.8 * 0.9)
+
+
+@pytest.mark.parametrize(
+    ("model", "omni", "axle_scale", "radius_m"),
+    [
+        (TRAXBOT, False, 1.0, 0.0),
+        (TRAXBOT, True, 1.0, 0.09),
+        (OMNI, False, 1.0, 0.1),
+        (OMNI, False, 1.1, 0.11),
+    ],
+)
+def test_three_wheels_are_half_the_axle_from_the_middle(model, omni, axle_scale, radius_m):
+    assert params_for(model, Errors(axle_scale=axle_scale), omni).omni_radius_m == pytest.approx(radius_m)
+
+
+@pytest.mark.parametrize(
+    ("charge", "volts"),
+    [
+        (-1.0, 0.0),
+        (-0.05, 0.0),
+        (-0.025, 4.25),
+        (0.0, 8.5),
+        (0.04, 8.5 + 0.2 * 5.3),
+        (0.19, 8.5 + 0.51 * 5.3),
+        (0.55, 8.5 + 0.685 * 5.3),
+        (0.9, 8.5 + 0.85 * 5.3 - 0.1 / 3 * 5.3),
+        (0.95, 8.5 + 0.85 * 5.3),
+        (0.975, 8.5 + 0.925 * 5.3),
+        (1.0, 13.8),
+        (1.05, 14.8),
+        (1.1, 15.8),
+        (2.0, 15.8),
+    ],
+)
+def test_a_battery_is_steep_at_both_ends_and_flat_between(charge, volts):
+    """8.5 V empty, 13.8 V full, and 2 V more when freshly charged; constant beyond."""
+    assert interpolate(params_for(TRAXBOT).rest_curve, charge) == pytest.approx(volts)
+
+
+# ---- steps
+
+
+def test_a_moving_robot_is_reported_in_steps_of_20_ms_that_end_at_the_ticks_of_its_board():
+    robot = body()
+    robot.motors[0].set_duty(0.5)
+    seen = motions_of(robot)
+    robot.step(0.13)
+    assert [motion[0] for motion in seen] == pytest.approx([0.02, 0.02, 0.01, 0.02, 0.02, 0.01, 0.02, 0.01])
+
+
+def test_shorter_steps_can_be_requested():
+    robot = body()
+    robot.motors[0].set_duty(0.5)
+    seen = motions_of(robot, 0.015)
+    robot.step(0.05)
+    assert [motion[0] for motion in seen] == pytest.approx([0.015, 0.015, 0.015, 0.005])
+
+
+def test_a_robot_at_rest_is_reported_in_steps_of_a_second_without_motion():
+    robot = body()
+    seen = motions_of(robot)
+    robot.step(2.5)
+    assert seen == [(1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ("rest_s", "first"), [(0.99, 0.01), (0.049, 0.001), (0.05, 0.02), (2.0, 0.02), (0.06, 0.02)]
+)
+def test_the_ticks_of_the_board_go_on_at_rest(rest_s, first):
+    """They stay at multiples of 50 ms."""
+    robot = body()
+    robot.step(rest_s)
+    robot.motors[0].set_duty(0.5)
+    seen = motions_of(robot)
+    robot.step(0.2)
+    ends = [rest_s + sum(motion[0] for motion in seen[: i + 1]) for i in range(len(seen))]
+    assert seen[0][0] == pytest.approx(first)
+    assert [end for end in ends if abs(end / TICK_S - round(end / TICK_S)) < 1e-6][:3] == pytest.approx(
+        [(math.floor(rest_s / TICK_S + 1e-6) + n) * TICK_S for n in (1, 2, 3)]
     )
 
 
-def test_spin_stays_in_place():
-    """w = 2 v / track."""
-    robot = cruising(-0.1, 0.1)
-    robot.step(3.0)
-    assert robot.state.yaw_rad == pytest.approx(3.0 * 0.2 / 0.18, abs=EXACT_RAD)
-    assert math.hypot(robot.state.x_m, robot.state.y_m) < EXACT_M
+@pytest.mark.parametrize("control_hz", [10.0, 20.0, 40.0])
+def test_the_control_acts_at_its_rate(control_hz):
+    """Nothing moves before the first tick, which sets the first duty."""
+    robot = body(control_hz=control_hz)
+    robot.motors[0].set_speed(3000.0)
+    robot.step(1.0 / control_hz - 1e-6)
+    assert robot.motors[0].duty == 0.0
+    robot.step(2e-6)
+    assert robot.motors[0].duty > 0.0
 
 
-def test_circle_closes():
-    """Radius v / w; after one turn the robot is where it began."""
-    speed, rate = 0.3, 1.0
-    half = 0.5 * 0.18 * rate
-    robot = cruising(speed - half, speed + half)
-    robot.step(2 * math.pi / rate)
-    assert math.hypot(robot.state.x_m, robot.state.y_m) < 1e-8
-    assert robot.state.yaw_rad == pytest.approx(2 * math.pi)
+def test_a_robot_begins_where_it_is_put():
+    placed = RobotPhysics(params_for(TRAXBOT), (1.0, 2.0, 3.0))
+    assert pose_of(placed) == (1.0, 2.0, 3.0)
+    assert pose_of(RobotPhysics(params_for(TRAXBOT))) == (0.0, 0.0, 0.0)
+    assert not placed.state.bumped
 
 
-def test_half_a_circle_is_two_radii_away():
-    robot = cruising(0.3 - 0.09, 0.3 + 0.09)
+@pytest.mark.parametrize(
+    ("left_m_s", "right_m_s", "errors", "end"),
+    [
+        (0.3, 0.3, {}, (0.3 * math.pi, 0.0, 0.0)),
+        (-0.1, 0.1, {}, (0.0, 0.0, math.pi * 0.2 / 0.18)),
+        (0.21, 0.39, {}, (0.0, 0.6, math.pi)),
+        (0.0, 0.09, {}, (0.09, 0.09, 0.5 * math.pi)),
+        (0.12, 0.48, {}, (0.0, 0.0, 2 * math.pi)),
+        (-0.1, 0.1, {"turn_slip": 0.1}, (0.0, 0.0, 0.9 * math.pi * 0.2 / 0.18)),
+        (0.3, 0.3, {"turn_slip": 0.1}, (0.3 * math.pi, 0.0, 0.0)),
+        (-0.1, 0.1, {"axle_scale": 1.25}, (0.0, 0.0, math.pi * 0.2 / (0.18 * 1.25))),
+    ],
+    ids=["straight", "spin", "half_circle", "standing_wheel", "circle", "slip", "straight_slip", "axle"],
+)
+def test_two_wheels_move_the_body_on_an_exact_arc(left_m_s, right_m_s, errors, end):
+    """For pi seconds; the radius of a circle is v / w, and w the difference of the speeds over the axle."""
+    robot = body(**errors)
+    turn_wheels(robot, left_m_s, 0.0, right_m_s)
     robot.step(math.pi)
-    assert (robot.state.x_m, robot.state.y_m) == pytest.approx((0.0, 0.6), abs=1e-8)
+    assert pose_of(robot) == pytest.approx(end, abs=1e-8)
 
 
-def test_a_wheel_that_stands_is_the_centre():
-    robot = cruising(0.0, 0.18)
-    robot.step(math.pi / 2)
-    assert (robot.state.x_m, robot.state.y_m) == pytest.approx((0.09, 0.09), abs=1e-8)
+# ---- slipping wheels and obstacles
 
 
-def test_slip_takes_its_share_of_the_yaw():
-    straight, slipping = cruising(-0.1, 0.1), cruising(-0.1, 0.1, turn_slip=0.1)
-    for robot in (straight, slipping):
-        robot.step(1.0)
-    assert slipping.state.yaw_rad == pytest.approx(0.9 * straight.state.yaw_rad)
+@pytest.mark.parametrize(
+    ("wheel", "twist"), [(0, (0.0175, 0.005 / 0.18)), (1, (0.02, 0.0)), (2, (0.0175, -0.005 / 0.18))]
+)
+def test_a_wheel_without_grip_moves_the_body_less(wheel, twist):
+    """The encoder does not show it: one wheel of two rolls 20 mm, and 15 mm on the floor."""
+    robot = body()
+    turn_wheels(robot, 1.0, 1.0, 1.0)
+    robot.grip[wheel] = 0.75
+    seen = motions_of(robot)
+    robot.step(0.02)
+    assert seen == [pytest.approx((0.02, twist[0], 0.0, twist[1]))]
+    assert robot.motors[wheel].travel * robot.params.left_m_per_count == pytest.approx(0.02)
 
 
-def test_slip_costs_nothing_straight_on():
-    robot = cruising(0.3, 0.3, turn_slip=0.1)
+def test_a_rear_wheel_without_grip_pushes_a_turn_aside():
+    """Of three wheels that roll 2 mm each, the rear one moves the body by 1 mm alone."""
+    robot = body(OMNI)
+    roll(robot, 0.0, 0.0, 1.0)
+    robot.grip[1] = 0.5
+    seen = motions_of(robot)
+    robot.step(0.02)
+    assert seen == [pytest.approx((0.02, 0.0, 0.001 * 2 / 3, 0.005 / 0.3))]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_an_obstacle_leaves_a_share_of_a_motion(share):
+    robot = body()
+    turn_wheels(robot, 0.4, 0.0, 0.6)
+    robot.allow = lambda *_: share
+    seen = motions_of(robot)
+    robot.step(0.02)
+    turn = share * 0.004 / 0.18
+    assert seen == [pytest.approx((0.02, share * 0.01, 0.0, turn))]
+    assert pose_of(robot) == pytest.approx((share * 0.01, share * 0.01 * turn / 2, turn), abs=2e-6)
+    assert robot.state.bumped is (share < 1.0)
+
+
+def test_a_robot_that_gets_free_is_no_longer_bumped():
+    robot, shares = body(), iter([0.5, 1.0])
+    turn_wheels(robot, 0.5, 0.0, 0.5)
+    robot.allow = lambda *_: next(shares)
+    robot.step(0.02)
+    assert robot.state.bumped
+    robot.step(0.02)
+    assert not robot.state.bumped
+
+
+@pytest.mark.parametrize(
+    ("omni", "speeds", "furthest_m"),
+    [
+        (False, (-0.4, 0.9, 0.3), 0.008),
+        (False, (0.1, 0.9, -0.3), 0.006),
+        (True, (0.4, -0.9, 0.3), 0.018),
+        (False, (0.0, 0.9, 0.0), 0.0),
+    ],
+)
+def test_an_obstacle_is_looked_for_by_pose_duration_and_the_furthest_wheel(omni, speeds, furthest_m):
+    """The rear wheel counts if there is one."""
+    robot, asked = body(omni=omni), []
+    turn_wheels(robot, *speeds)
+    robot.allow = lambda old, furthest, after, dt: (
+        asked.append((old, furthest, after(1.0), after(0.0), dt)) or 1.0
+    )
+    robot.step(0.02)
+    ((old, furthest, whole, none, dt),) = asked
+    assert (old, none) == (Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 0.0))
+    assert (furthest, dt) == pytest.approx((furthest_m, 0.02))
+    assert pose_of(robot) == pytest.approx((whole.x_m, whole.y_m, whole.yaw_rad))
+
+
+# ---- noise
+
+
+def deviations(**errors):
+    """How far each of 600 motions of 10 mm and 20 mrad, forward and turn, is from that without noise."""
+    robot = body(**errors)
+    turn_wheels(robot, 0.5 - 0.09, 0.0, 0.5 + 0.09)
+    seen = motions_of(robot)
+    for _ in range(600):
+        robot.state.to_tick_s = 1.0  # steps of 20 ms only
+        robot.step(0.02)
+    return [motion[1] - 0.01 for motion in seen], [motion[3] - 0.02 for motion in seen]
+
+
+def test_noise_of_the_wheels_has_the_variance_of_their_distance():
+    """The way of the middle is half the sum of two wheels, the yaw is their difference by 180 mm."""
+    forward, turn = deviations(wheel_noise=1e-6)
+    expected_m = math.sqrt(0.5 * 1e-6 * 0.01)
+    assert statistics.pstdev(forward) == pytest.approx(expected_m, rel=0.1)
+    assert statistics.pstdev(turn) == pytest.approx(2 * expected_m / 0.18, rel=0.1)
+    assert abs(statistics.mean(forward)) < 0.2 * expected_m
+
+
+def test_noise_of_a_turn_has_the_variance_of_its_angle():
+    forward, turn = deviations(turn_noise=1e-4)
+    expected_rad = math.sqrt(1e-4 * 0.02)
+    assert statistics.pstdev(turn) == pytest.approx(expected_rad, rel=0.1)
+    assert abs(statistics.mean(turn)) < 0.2 * expected_rad
+    assert forward == pytest.approx([0.0] * 600, abs=EXACT)
+
+
+def test_noise_is_chosen_by_the_seed():
+    ways = []
+    params = params_for(TRAXBOT, Errors(wheel_noise=1e-5))
+    for robot in (RobotPhysics(params), RobotPhysics(params, seed=0), RobotPhysics(params, seed=1)):
+        turn_wheels(robot, 0.5, 0.0, 0.5)
+        robot.step(0.1)
+        ways.append(pose_of(robot))
+    assert ways[0] == ways[1] != ways[2]
+
+
+# ---- three wheels
+
+
+def roll(robot, forward_m_s, aside_m_s, turn_rad_s):
+    """Turns three wheels at 60, 180 and 300 degrees so that the body moves like this."""
+    turn_wheels(
+        robot,
+        *(
+            -forward_m_s * math.sin(angle)
+            + aside_m_s * math.cos(angle)
+            + robot.params.omni_radius_m * turn_rad_s
+            for angle in robot.params.omni_angles_rad
+        ),
+    )
+
+
+@pytest.mark.parametrize("model", [TRAXBOT, OMNI])
+@pytest.mark.parametrize("twist", [(0.2, 0.0, 0.0), (0.0, 0.2, 0.0), (0.0, 0.0, 1.0), (0.1, -0.2, 0.0)])
+def test_three_wheels_move_the_body_in_each_direction(model, twist):
+    robot = body(model, omni=True)
+    roll(robot, *twist)
     robot.step(1.0)
-    assert robot.state.x_m == pytest.approx(0.3)
+    assert pose_of(robot) == pytest.approx(twist, abs=EXACT)
 
 
-def test_unequal_wheels_turn_at_equal_counts():
-    """1 % between the wheels: yaw is the difference of the ways over the track."""
-    robot = cruising(0.3, 0.3, right_scale=1.01)
+def test_a_slide_that_turns_is_an_arc():
+    """Sideways at 0.2 m/s and 1 rad/s: a circle of 0.2 m around a point behind."""
+    robot = body(OMNI)
+    roll(robot, 0.0, 0.2, 1.0)
+    robot.step(1.5)
+    assert pose_of(robot) == pytest.approx((0.2 * (math.cos(1.5) - 1), 0.2 * math.sin(1.5), 1.5), abs=1e-6)
+
+
+def test_a_step_that_slides_and_turns_is_exact():
+    """One step of 20 ms at 50 rad/s is a third of a quarter turn."""
+    robot = body(OMNI)
+    roll(robot, 0.0, 1.0, 50.0)
+    robot.step(0.02)
+    assert pose_of(robot) == pytest.approx((0.02 * (math.cos(1.0) - 1), 0.02 * math.sin(1.0), 1.0), abs=EXACT)
+
+
+def test_slip_takes_its_share_of_the_yaw_of_three_wheels_alone():
+    robot = body(OMNI, turn_slip=0.25)
+    roll(robot, 0.0, 0.0, 1.0)
     robot.step(1.0)
-    assert robot.state.yaw_rad == pytest.approx(0.003 / 0.18)
+    assert pose_of(robot) == pytest.approx((0.0, 0.0, 0.75), abs=EXACT)
 
 
-def test_a_longer_axle_turns_less():
-    robot = cruising(-0.1, 0.1, axle_scale=1.25)
+# ---- battery and heat
+
+
+def test_a_held_robot_takes_its_starting_current_from_the_battery():
+    """1.3 A at rest and 5 A for each motor, through 0.15 Ohm."""
+    robot = body()
+    rest_v = robot.state.battery_v
+    assert rest_v == pytest.approx(13.8 - 1.3 * 0.15)
+    hold_at_full_duty(robot)
+    robot.step(PAST_1_TICK_S)
+    assert rest_v - robot.state.battery_v == pytest.approx(15 * 0.15, abs=1e-3)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_robot_that_coasts_takes_current_and_starting_takes_more(sign):
+    """A motor takes 1.6 A at its no-load speed, and 5 A if its duty is a full one away from that."""
+    robot = body()
+    for motor in robot.motors:
+        motor.set_duty(0.0)
+        motor.params = motor.params._replace(time_constant_s=1e9)
+        motor.speed = sign * 0.5 * motor.params.no_load_counts_s
+    rest_v = robot.state.battery_v
+    robot.step(PAST_1_TICK_S)
+    assert rest_v - robot.state.battery_v == pytest.approx(3 * (0.8 + 2.5) * 0.15, abs=1e-3)
+
+
+def test_a_held_robot_warms_by_6_degrees_an_ampere_with_5_minutes():
+    robot = body()
+    hold_at_full_duty(robot)
+    robot.step(3.0)
+    assert robot.state.temperature_c == pytest.approx(25.0 + 90.0 * (1 - math.exp(-0.01)), rel=1e-6)
+
+
+def test_a_warm_robot_cools_to_its_surroundings():
+    robot = body()
+    robot.state.temperature_c = 45.0
+    robot.step(300.0)
+    assert robot.state.temperature_c == pytest.approx(25.0 + 20.0 / math.e)
+
+
+def test_a_sag_lowers_the_voltage_at_once_and_costs_no_charge():
+    robot = body()
+    rest_v = robot.state.battery_v
+    robot.sag(2.0)
+    assert (robot.state.battery_v, robot.state.charge) == pytest.approx((rest_v - 2.0, 1.0), abs=EXACT)
     robot.step(1.0)
-    assert robot.state.yaw_rad == pytest.approx(0.2 / (0.18 * 1.25))
+    assert robot.state.battery_v == pytest.approx(rest_v - 2.0, abs=1e-2)
+    robot.sag(0.0)
+    assert robot.state.battery_v == pytest.approx(rest_v, abs=1e-2)
+
+
+def test_a_sag_leaves_no_less_than_0_v():
+    robot = body()
+    robot.sag(20.0)
+    assert robot.state.battery_v == 0.0
+
+
+def test_a_battery_that_is_set_to_0_v_has_nothing_left():
+    """It is below its empty state, at the end of its curve."""
+    robot = body()
+    robot.set_battery(0.0)
+    assert (robot.state.battery_v, robot.state.charge) == (0.0, -0.05)
+
+
+# ---- H-bridges
+
+
+def bridged(shares):
+    """A robot with motors of 1 Ohm on H-bridges that nothing turns."""
+    motor = DcMotorParams(1.0, 1e-3, 0.0, 1.0, 1.0)
+    robot = RobotPhysics(
+        params_for(TRAXBOT)._replace(resistance_ohm=0.1, idle_a=0.5),
+        bridged=[DcMotor(motor) for _ in range(3)],
+    )
+    for each in robot.motors:
+        each.shares = shares
+    return robot
+
+
+def test_a_robot_with_h_bridges_takes_no_motor_current_at_its_start():
+    assert bridged(Shares()).state.battery_v == pytest.approx(13.8 - 0.5 * 0.1)
+
+
+def test_h_bridges_take_their_mean_current_from_the_battery():
+    """Half of the time through 1 Ohm each, at the voltage that there was before."""
+    robot = bridged(Shares(0.5, 0.0, 0.0, 0.5))
+    rest_v = robot.state.battery_v
+    robot.step(PAST_1_TICK_S)
+    assert rest_v - robot.state.battery_v == pytest.approx(3 * 0.5 * rest_v * 0.1, rel=1e-3)
+
+
+def test_h_bridges_keep_their_last_current_if_no_time_passes():
+    robot = bridged(Shares(0.5, 0.0, 0.0, 0.5))
+    robot.step(PAST_1_TICK_S)
+    volts = robot.state.battery_v
+    robot.sag(1.0)
+    assert robot.state.battery_v == pytest.approx(volts - 1.0)
 
 
 @settings(max_examples=30, deadline=None)
@@ -110,9 +506,6 @@ def test_pose_hardly_depends_on_the_steps(pieces):
         many.step(piece)
     assert (many.state.x_m, many.state.y_m) == pytest.approx((one.state.x_m, one.state.y_m), abs=1e-5)
     assert many.state.yaw_rad == pytest.approx(one.state.yaw_rad, abs=1e-5)
-
-
-# ---- battery and temperature
 
 
 def hours_until(volts, linear_m_s):
@@ -137,22 +530,6 @@ def charge_at(robot, rest_v):
 def test_battery_lasts_as_long_as_in_the_papers(linear_m_s, hours):
     """2 to 3 hours of circles until 9 V, shorter with speed."""
     assert hours_until(9.0, linear_m_s) == pytest.approx(hours, abs=0.1)
-
-
-def test_battery_drains_at_rest():
-    """idle current x time over capacity."""
-    robot = RobotPhysics(params_for(TRAXBOT))
-    robot.step(1800.0)
-    assert robot.state.charge == pytest.approx(1.0 - 0.5 * robot.params.idle_a / 4.6, abs=1e-4)
-
-
-def test_load_lowers_the_voltage():
-    robot = RobotPhysics(params_for(TRAXBOT))
-    rest = robot.state.battery_v
-    for motor in robot.motors:
-        motor.set_duty(1.0)
-    robot.step(0.05)
-    assert robot.state.battery_v < rest - 0.3
 
 
 @pytest.mark.parametrize("volts", [13.8, 12.0, 9.0, 8.5, 8.0, 0.5, 0.0])
@@ -185,31 +562,18 @@ def test_an_empty_battery_takes_the_motors_with_it():
     assert (robot.state.battery_v, robot.motors[0].speed) == (0.0, 0.0)
 
 
-def test_the_board_warms_to_its_end_exponentially():
-    """Motors that are held at full duty: rise x (1 - exp(-t / 300 s))."""
-    robot = RobotPhysics(params_for(TRAXBOT)._replace(capacity_ah=1e9))
-    for motor in robot.motors:
-        motor.params = motor.params._replace(no_load_counts_s=1.0, friction_counts_s=2.0)
-        motor.set_duty(1.0)
-    robot.step(150.0)
-    rise_c = 3 * robot.params.starting_a * robot.params.heating_c_per_a
-    assert robot.state.temperature_c == pytest.approx(25.0 + rise_c * (1 - math.exp(-0.5)), rel=1e-6)
-
-
-# ---- what must hold however it drives
-
-way = st.floats(-0.02, 0.02)
+WAYS_M = st.floats(-0.02, 0.02)
 
 
 @settings(max_examples=50, deadline=None)
-@given(ways=st.lists(st.tuples(way, way), min_size=1, max_size=40))
+@given(ways=st.lists(st.tuples(WAYS_M, WAYS_M), min_size=1, max_size=40))
 def test_there_and_back_is_the_start(ways):
     """Ways of the wheels in steps of 20 ms [m]."""
-    robot = cruising(0.0, 0.0, axle_scale=0.97)
+    robot = body(axle_scale=0.97)
     for left, right in [*ways, *((-left, -right) for left, right in reversed(ways))]:
-        cruise(robot, left / 0.02, right / 0.02)
+        turn_wheels(robot, left / 0.02, 0.0, right / 0.02)
         robot.step(0.02)
-    assert (robot.state.x_m, robot.state.y_m, robot.state.yaw_rad) == pytest.approx((0, 0, 0), abs=EXACT_M)
+    assert pose_of(robot) == pytest.approx((0, 0, 0), abs=EXACT)
 
 
 def test_each_wheel_goes_over_the_floor_as_far_as_it_rolls():
@@ -229,45 +593,3 @@ def test_each_wheel_goes_over_the_floor_as_far_as_it_rolls():
         last = places
     rolled = robot.motors[0].travel * model.left_m_per_count, robot.motors[2].travel * model.right_m_per_count
     assert gone == pytest.approx(rolled, rel=2e-4)
-
-
-@pytest.mark.parametrize("load", [0.5, 1.0, 3.0])
-def test_a_heavier_robot_starts_slower_and_costs_more(load):
-    def started(load):
-        robot = RobotPhysics(params_for(TRAXBOT, Errors(load=load)))
-        for index in (0, 2):
-            robot.motors[index].set_duty(0.5)
-        robot.step(0.1)
-        return robot.motors[0].speed, robot.state.battery_v
-
-    lighter, heavier = started(load), started(load * 1.1)
-    assert lighter[0] > heavier[0]
-    assert lighter[1] > heavier[1]
-
-
-class Counted(Motor):
-    """A motor at rest that counts how often it is looked at, which is once for each step."""
-
-    looks = 0
-
-    @property
-    def at_rest(self):
-        self.looks += 1
-        return True
-
-
-def test_a_resting_robot_costs_few_steps():
-    """An hour at rest is counted in steps of a second."""
-    robot = RobotPhysics(params_for(STINGBOT))
-    robot.motors = tuple(Counted(motor.params) for motor in robot.motors)
-    robot.step(3600.0)
-    assert 0 < robot.motors[0].looks <= 3601
-
-
-def test_a_robot_has_bumped_into_nothing_at_its_start():
-    assert not RobotPhysics(params_for(models.load("traxbot"))).state.bumped
-
-
-def test_a_battery_at_95_percent_shows_85_percent_of_its_span():
-    """8.5 V empty, 13.8 V full."""
-    assert interpolate(params_for(models.load("traxbot")).rest_curve, 0.95) == pytest.approx(8.5 + 0.85 * 5.3)
