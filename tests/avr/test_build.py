@@ -12,32 +12,33 @@ from sim_arduino.avr.elf import read_image
 from sim_arduino.avr.machine import AvrMachine
 
 
-def test_without_a_compiler_the_packages_are_named(tmp_path, monkeypatch):
-    """One line that says what to install."""
-    monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
-    with pytest.raises(SimulatorMissing, match="apt-get install .*libsimavr-dev"):
+@pytest.fixture
+def compiler(tmp_path, monkeypatch):
+    """Makes the compiler a shell script of these lines, which finds the name of its output in $2."""
+
+    def make(script):
+        path = tmp_path / "cc"
+        path.write_text(f'#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\n{script}\n')
+        path.chmod(0o755)
+        monkeypatch.setenv("CC", str(path))
+        return path
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("script", "text"),
+    [
+        ("echo 'ld: cannot find -lsimavr' ; exit 1", "cannot find -lsimavr.*apt-get install"),
+        ("exit 1", "the compiler gave no reason"),
+        ('echo half > "$2"; exit 1', "apt-get install"),
+    ],
+)
+def test_a_failed_build_names_reason_and_packages_and_leaves_nothing(tmp_path, compiler, script, text):
+    path = compiler(script)
+    with pytest.raises(SimulatorMissing, match=text):
         build(tmp_path / "board.so")
-
-
-def test_without_libsimavr_the_packages_are_named(tmp_path, monkeypatch):
-    """The compiler's own reason is in the line."""
-    compiler = tmp_path / "cc"
-    compiler.write_text("#!/bin/sh\necho 'ld: cannot find -lsimavr' ; exit 1\n")
-    compiler.chmod(0o755)
-    monkeypatch.setenv("CC", str(compiler))
-    with pytest.raises(SimulatorMissing, match="cannot find -lsimavr.*apt-get install"):
-        build(tmp_path / "board.so")
-
-
-def test_a_failed_build_leaves_nothing(tmp_path, monkeypatch):
-    """The compiler has written half a library."""
-    compiler = tmp_path / "cc"
-    compiler.write_text('#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\necho half > "$2"; exit 1\n')
-    compiler.chmod(0o755)
-    monkeypatch.setenv("CC", str(compiler))
-    with pytest.raises(SimulatorMissing):
-        build(tmp_path / "board.so")
-    assert list(tmp_path.iterdir()) == [compiler]
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path):
@@ -47,14 +48,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
         build(tmp_path / "cache" / "board.so")
 
 
-def test_a_compiler_that_says_nothing_is_told_so(tmp_path, monkeypatch):
-    monkeypatch.setenv("CC", "false")
-    with pytest.raises(SimulatorMissing, match="the compiler gave no reason"):
-        build(tmp_path / "board.so")
-
-
 def test_a_library_that_does_not_load_names_the_package(tmp_path, monkeypatch):
-    """A cache that another machine filled."""
     monkeypatch.setattr("sim_arduino.avr.build.SOURCES", tmp_path / "sim_arduino" / "avr")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     library_path().parent.mkdir()
@@ -71,20 +65,7 @@ def test_a_current_library_is_not_compiled_again(tmp_path, monkeypatch):
     assert build(library) == library
 
 
-def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, monkeypatch):
-    """After an update of the package."""
-    compiler = tmp_path / "cc"
-    compiler.write_text('#!/bin/sh\nwhile [ "$1" != -o ]; do shift; done\nprintf new > "$2"\n')
-    compiler.chmod(0o755)
-    monkeypatch.setenv("CC", str(compiler))
-    library = tmp_path / "board.so"
-    library.write_bytes(b"old")
-    os.utime(library, (0, 0))
-    assert build(library).read_bytes() == b"new"
-
-
 def test_a_missing_image_says_what_is_expected(tmp_path):
-    """Path and remedy in one line; who installed the package has no `make firmware`."""
     with pytest.raises(SimulatorError, match="firmware.elf: No such file.*, expected an ELF or Intel HEX"):
         read_image(tmp_path / "firmware.elf")
 
@@ -126,7 +107,6 @@ def test_an_image_may_fill_the_eeprom(tmp_path, size, fits):
 
 
 def test_symbols_have_address_and_size(sketch):
-    """SRAM addresses come without the linker's 0x800000."""
     symbol = read_image(sketch("uart.c")).symbols["incoming"]
     assert (0x100 <= symbol.address < 0x900, symbol.size) == (True, 64)
 
@@ -136,3 +116,17 @@ def test_outside_a_checkout_the_library_goes_to_the_users_cache(tmp_path, monkey
     monkeypatch.setattr("sim_arduino.avr.build.SOURCES", tmp_path / "sim_arduino" / "avr")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     assert library_path() == tmp_path / "cache" / "mrl-driver" / "libmrl_board.so"
+
+
+def test_without_a_compiler_the_packages_are_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
+    with pytest.raises(SimulatorMissing, match="apt-get install .*libsimavr-dev"):
+        build(tmp_path / "board.so")
+
+
+def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, compiler):
+    compiler('printf new > "$2"')
+    library = tmp_path / "board.so"
+    library.write_bytes(b"old")
+    os.utime(library, (0, 0))
+    assert build(library).read_bytes() == b"new"

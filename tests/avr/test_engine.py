@@ -54,39 +54,16 @@ def peek(engine, name):
 
 
 def test_bytes_come_out_when_their_stop_bit_has_left(engine):
-    """Two of three after 2.5 byte times."""
     board = engine("uart.c")
     poke(board, "outgoing_count", 3)
     assert board.advance(200e-6 + 2.5 * BYTE_S) == b"ab"
-
-
-def test_no_byte_comes_twice(engine):
-    """The third follows in the next call."""
-    board = engine("uart.c")
-    poke(board, "outgoing_count", 3)
-    board.advance(200e-6 + 2.5 * BYTE_S)
     assert board.advance(1e-3) == b"c"
 
 
-def test_received_bytes_reach_the_program(engine):
-    """In order."""
-    board = engine("uart.c")
-    board.receive(b"@13e")
-    board.advance(1e-3)
-    assert peek(board, "incoming")[:4] == b"@13e"
-
-
 def test_the_plant_follows_the_boards_time(engine):
-    """To the end of each call, within one instruction."""
     board = engine("uart.c")
     board.advance(1e-3)
     assert board.plant.times[-1] == pytest.approx(1e-3, abs=1e-6)
-
-
-def test_the_next_event_is_ahead(engine):
-    """A server that waits for it makes progress."""
-    board = engine("uart.c")
-    assert board.next_event_s > board.machine.time_s
 
 
 def test_the_next_event_of_a_sleeping_chip_is_when_it_can_wake(engine):
@@ -98,13 +75,11 @@ def test_the_next_event_of_a_sleeping_chip_is_when_it_can_wake(engine):
 
 
 def test_a_chip_that_is_awake_needs_a_call_each_slice(engine):
-    """It may send a byte at any time."""
     board = engine("uart.c")
     assert board.next_event_s == pytest.approx(board.machine.time_s + 1e-3)
 
 
 def test_time_that_has_passed_changes_nothing(engine):
-    """Advancing to the past runs no instruction."""
     board = engine("uart.c")
     before = board.machine.cycle
     board.advance(100e-6)
@@ -123,7 +98,6 @@ def test_reset_starts_the_program_again(engine):
 
 @pytest.mark.parametrize("bootloader, flags", [(True, 0), (False, 1)])
 def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
-    """Power-on is flagged only without one."""
     board = AvrEngine(Plant(), sketch("watchdog.c"), bootloader=bootloader)
     board.advance(200e-6)
     assert peek(board, "flags_at_start") == bytes([flags])
@@ -131,13 +105,11 @@ def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
 
 
 def test_an_image_that_saves_no_id_is_refused(sketch):
-    """It is some other sketch."""
     with pytest.raises(SimulatorError, match="did not save its robot id"):
         AvrEngine(Plant(), sketch("uart.c"), robot_id=4)
 
 
 def test_analogue_voltages_come_from_the_plant(engine):
-    """Half the reference is half the counts."""
     board = engine("adc.c")
     poke(board, "go", 1)
     board.advance(1e-3)
@@ -145,19 +117,10 @@ def test_analogue_voltages_come_from_the_plant(engine):
 
 
 def test_pins_are_reported_to_the_plant(engine):
-    """The fan's, switched on and off."""
     board = engine("memory.c")
     poke(board, "action", 7)
     board.advance(1e-3)
     assert board.plant.pins[-2:] == [(FAN, 1), (FAN, 0)]
-
-
-def test_another_baud_rate_turns_bytes_into_others(engine):
-    """The host at 57600, the board at 117647."""
-    board = engine("uart.c")
-    board.set_host_baud(57600)
-    poke(board, "outgoing_count", 10)
-    assert b"abc" not in board.advance(2e-3)
 
 
 def test_after_a_gap_the_line_has_run_full(engine):
@@ -169,7 +132,6 @@ def test_after_a_gap_the_line_has_run_full(engine):
 
 
 def test_a_gap_lets_the_watchdog_bite(engine):
-    """Longer than its period: the program starts again."""
     board = engine("watchdog.c")
     poke(board, "starts", 0)
     poke(board, "stay_off", 0x5A)

@@ -100,7 +100,6 @@ def test_sleep_is_not_awake(bench):
 
 @pytest.mark.parametrize("mode", [0x02, 0x0E])
 def test_sleep_without_its_enable_bit_does_nothing(bench, mode):
-    """SE in SMCR is clear: the program goes on."""
     board = bench("sleep.c")
     board.set("mode", mode)
     board.machine.run(100e-6)

@@ -32,15 +32,8 @@ def test_sampling_agrees_with_the_short_cut(data, factor):
 
 @pytest.mark.parametrize("factor", [0.25, 0.5, 2, 12])
 def test_other_speeds_hear_something_else(factor):
-    """No frame comes through."""
     assert b"@8," not in received(line(b"@8,1,2,3,4,5e\r\n"), BIT * factor)
 
 
 def test_a_slow_receiver_hears_fewer_bytes():
-    """At half the speed."""
     assert len(received(line(b"@8,1,2,3,4,5e\r\n"), BIT * 2)) < 15
-
-
-def test_silence_is_silence():
-    """No bytes, no bytes."""
-    assert received([], BIT) == b""

@@ -39,19 +39,16 @@ def test_a_value_that_has_passed_matches_a_whole_round_later(bench):
 
 
 def test_a_write_of_the_compare_value_leaves_the_counter(bench):
-    """It goes on from where it was."""
     board, _ = run(bench, 1000, 2000)
     assert board.get("counted") == 1000
 
 
 def test_ctc_mode_starts_again_after_the_compare_value(bench):
-    """Each fourth tick for the value 3."""
     _, matches = run(bench, 0, 3, control=CTC, ticks=18)
     assert [b - a for a, b in zip(matches, matches[1:])] == [pytest.approx(4 * TICK, abs=ENTRY_CYCLES)] * 3
 
 
 def test_an_overflow_is_flagged(bench):
-    """When the counter goes from 65535 to 0."""
     board, _ = run(bench, 65530, 0x8000, ticks=5)
     before = board.get("flags") & OVERFLOW
     board.machine.run(2 * TICK / board.machine.frequency_hz)
@@ -59,7 +56,6 @@ def test_an_overflow_is_flagged(bench):
 
 
 def test_the_counter_follows_the_prescaler(bench):
-    """Ten ticks later it has counted ten more."""
     board, _ = run(bench, 250, 0x8000)
     before = board.get("word")
     board.machine.run(10 * TICK / board.machine.frequency_hz)

@@ -16,25 +16,14 @@ def send_from_board(board, count):
     return board.machine.sent()
 
 
-def test_a_byte_takes_85_us_on_the_wire(bench):
-    """UBRR 16 with U2X is 117647 baud."""
-    (byte,) = send_from_board(bench("uart.c"), 1)
-    assert byte.end_cycle - byte.start_cycle == BYTE_CYCLES
-
-
-def test_bytes_follow_each_other_without_a_gap(bench):
-    """UDR is refilled while the shift register empties."""
+def test_bytes_take_85_us_each_and_leave_in_order_without_a_gap(bench):
     sent = send_from_board(bench("uart.c"), 10)
+    assert bytes(one.data for one in sent) == b"abcdefghij"
+    assert {one.end_cycle - one.start_cycle for one in sent} == {BYTE_CYCLES}
     assert [later.start_cycle - one.end_cycle for one, later in zip(sent, sent[1:])] == [0] * 9
 
 
-def test_bytes_leave_in_order(bench):
-    """Nothing is lost between UDR and the shift register."""
-    assert bytes(one.data for one in send_from_board(bench("uart.c"), 10)) == b"abcdefghij"
-
-
 def test_udr_empties_as_soon_as_the_shift_register_takes_the_byte(bench):
-    """UDRE interrupt: the second byte is in UDR while the first is on the wire."""
     board = bench("uart.c")
     board.set("use_interrupts", 1)
     board.set("outgoing_count", 2)
@@ -43,7 +32,6 @@ def test_udr_empties_as_soon_as_the_shift_register_takes_the_byte(bench):
 
 
 def test_transmit_complete_waits_for_the_last_stop_bit(bench):
-    """TXC is clear while the last byte is on the wire and set after it."""
     board = bench("uart.c")
     board.set("outgoing_count", 1)
     board.machine.run(80e-6)
@@ -72,7 +60,6 @@ def test_a_byte_is_there_in_the_middle_of_its_stop_bit(bench):
 
 
 def test_send_returns_the_end_of_the_last_stop_bit(bench):
-    """13 bytes of 86.8 us."""
     machine = bench("uart.c").machine
     start = machine.cycle + 1000
     assert machine.send(b"@11,500,-800e", start) - start == int(13 * HOST_BYTE_S * 16e6)
@@ -89,33 +76,8 @@ def not_listening(bench, data):
     return board
 
 
-def test_two_bytes_and_one_in_the_shift_register_survive(bench):
-    """Two in the FIFO, the third waits in the shift register."""
-    board = not_listening(bench, b"abc")
-    assert board.bytes("incoming")[:3] == b"abc"
-
-
-def test_a_fourth_byte_overwrites_the_third(bench):
-    """The start bit of the fourth costs the byte in the shift register."""
-    board = not_listening(bench, b"abcd")
-    assert (board.bytes("incoming")[:3], board.machine.bytes_lost) == (b"abd", 1)
-
-
-def test_an_overrun_is_flagged(bench):
-    """DOR stands from the lost byte to the next read of UDR."""
-    board = not_listening(bench, b"abcd")
-    assert [status & DATA_OVERRUN for status in board.bytes("statuses")[:3]] == [DATA_OVERRUN, 0, 0]
-
-
-def test_no_overrun_without_a_loss(bench):
-    """Three bytes fit."""
-    board = not_listening(bench, b"abc")
-    assert [status & DATA_OVERRUN for status in board.bytes("statuses")[:3]] == [0, 0, 0]
-
-
 @pytest.mark.parametrize("baud", [9600, 57600, 230400])
 def test_another_baud_rate_is_garbage(bench, baud):
-    """Bits are sampled at the board's own rate."""
     board = bench("uart.c")
     board.machine.set_host_baud(baud)
     board.machine.send(b"@5e")
@@ -132,21 +94,21 @@ def test_a_low_stop_bit_is_a_frame_error(bench):
     assert board.bytes("statuses")[0] & FRAME_ERROR
 
 
-def test_the_flag_stands_until_the_byte_is_read(bench):
-    """The vector still sees RXC."""
-    board = bench("uart.c")
-    board.set("use_interrupts", 1)
-    board.machine.run(20e-6)
-    board.machine.send(b"x")
-    board.machine.run(200e-6)
-    assert board.bytes("statuses")[0] & RXC
-
-
 def test_receiving_by_interrupt_reads_every_byte(bench):
-    """The flag stays up until UDR is read, so no byte is left behind."""
     board = bench("uart.c")
     board.set("use_interrupts", 1)
     board.machine.run(20e-6)
     board.machine.send(bytes(range(50)))
     board.machine.run(52 * HOST_BYTE_S)
     assert board.bytes("incoming")[:50] == bytes(range(50))
+    assert board.bytes("statuses")[0] & RXC
+
+
+@pytest.mark.parametrize(
+    "data, kept, lost, overrun", [(b"abc", b"abc", 0, [0, 0, 0]), (b"abcd", b"abd", 1, [DATA_OVERRUN, 0, 0])]
+)
+def test_two_bytes_and_one_in_the_shift_register_survive(bench, data, kept, lost, overrun):
+    """A fourth one overwrites the third; DOR stands from the lost byte to the next read of UDR."""
+    board = not_listening(bench, data)
+    assert (board.bytes("incoming")[:3], board.machine.bytes_lost) == (kept, lost)
+    assert [status & DATA_OVERRUN for status in board.bytes("statuses")[:3]] == overrun

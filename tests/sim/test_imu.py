@@ -49,9 +49,9 @@ def alone(errors=SILENT, mount=None):
     return imu
 
 
-def robot(errors=SILENT, **options):
+def robot(errors=SILENT, world=None, **options):
     """A TraxBot with the chip awake, on an endless floor."""
-    plant = Plant(model("traxbot"), World(), imu=True, imu_errors=errors, **options)
+    plant = Plant(model("traxbot"), world or World(), imu=True, imu_errors=errors, **options)
     set_up(plant.imu)
     plant.motor_board.fed = True
     return plant
@@ -96,20 +96,6 @@ def test_data_are_zero_for_30_ms_after_sleep():
     assert measured(imu) == ([0, 0, 0], [0, 0, 0])
     imu.moved(1.5 * PERIOD_S, 0.0, 0.0, 0.0)
     assert measured(imu)[0][2] == pytest.approx(chip.G_M_S2, abs=COUNT * M_S2_PER_COUNT)
-
-
-def test_a_power_cycle_clears_the_settings():
-    imu = alone()
-    imu.power_cycle()
-    assert registers(imu, chip.GYRO_CONFIG) == b"\0"
-    assert imu.asleep
-
-
-def test_a_reset_by_register_is_a_power_cycle():
-    imu = alone()
-    imu.write(bytes([chip.PWR_MGMT_1, chip.RESET]), 0.0)
-    assert registers(imu, chip.SMPLRT_DIV) == b"\0"
-    assert imu.asleep
 
 
 def test_a_write_goes_on_in_the_next_register():
@@ -189,25 +175,11 @@ def test_the_integral_of_the_rate_is_the_true_turn(slip):
 
 def test_the_gyro_does_not_see_a_turn_that_a_wall_prevents():
     """The wheels turn by 0.9 rad and slip on the floor."""
-    world = World([Wall(0.2, -9, 0.2, 9)])
-    plant = Plant(model("traxbot"), world, imu=True, imu_errors=SILENT)
-    set_up(plant.imu)
-    plant.motor_board.fed = True
+    plant = robot(world=World([Wall(0.2, -9, 0.2, 9)]))
     plant.motor_board.move_differential(0.0, 200, 300)
     total = turned(plant, 3.0)
     assert total == pytest.approx(plant.robot.state.yaw_rad, abs=EXACT)
     assert abs(total) < 0.1
-
-
-def test_a_robot_with_an_imu_drives_as_one_without():
-    poses = []
-    for fitted in (False, True):
-        plant = Plant(model("traxbot"), World(), imu=fitted)
-        plant.motor_board.fed = True
-        plant.motor_board.move_differential(0.0, 200, 500)
-        plant.advance(5.0)
-        poses.append(plant.true_pose)
-    assert poses[1] == pytest.approx(poses[0], abs=1e-3)
 
 
 def test_on_a_circle_the_acceleration_points_to_its_middle():
@@ -235,12 +207,6 @@ def test_the_mount_turns_what_is_measured():
     accel, gyro = measured(imu)
     assert gyro[2] == pytest.approx(-1.0, abs=COUNT * RAD_S_PER_COUNT)
     assert accel[2] == pytest.approx(-chip.G_M_S2, abs=COUNT * M_S2_PER_COUNT)
-
-
-def test_the_models_scale_is_the_chips():
-    imu = alone(mount=ImuMount(gyro_scale=1.02))
-    imu.moved(1.0, 0.0, 0.0, 1.02)
-    assert measured(imu)[1][2] == pytest.approx(1.0, abs=COUNT * RAD_S_PER_COUNT)
 
 
 # ---- errors
@@ -297,10 +263,7 @@ def test_drawn_errors_are_repeatable_and_within_the_data_sheet():
 
 def test_readings_of_a_flawless_robot_at_rest_still_change():
     plant = robot(chip.FLAWLESS_IMU)
-    readings = set()
-    for step in range(10):
-        readings.add(tuple(measured(plant.imu, 1.0 + 0.02 * step)[0]))
-    assert len(readings) == 10
+    assert len({tuple(measured(plant.imu, 1.0 + 0.02 * step)[0]) for step in range(10)}) == 10
 
 
 def test_rounding_does_not_shift_the_mean():
@@ -315,18 +278,6 @@ def test_rounding_does_not_shift_the_mean():
 # ---- on the bus
 
 
-@pytest.mark.parametrize("sonars, address", [(True, 0x68), (False, 0x69)])
-def test_the_environment_build_has_it_beside_the_thermopile(sonars, address):
-    plant = Plant(model("traxbot"), World(), sonars=sonars, imu=True)
-    assert plant.i2c[address] is plant.imu
-
-
-def test_without_one_nobody_is_an_imu():
-    plant = Plant(model("traxbot"), World())
-    assert plant.imu is None
-    assert 0x69 not in plant.i2c
-
-
 # ---- options
 
 
@@ -334,10 +285,6 @@ def fitted(**options):
     made = factory.make(factory.Options(**options))
     made.close()
     return made.plant.imu
-
-
-def test_by_default_a_robot_has_none():
-    assert fitted() is None
 
 
 def test_the_seed_draws_its_errors():
@@ -368,3 +315,20 @@ def test_each_robot_of_a_team_has_errors_of_its_own():
         rates.append(robot_.plant.imu.sensor.gyro_rad_s[2])
     expected = [ImuErrors.drawn(seed).gyro_bias_rad_s[2] for seed in (3, 4)]
     assert rates == pytest.approx(expected, abs=math.radians(0.3))
+
+
+def test_the_models_scale_is_the_chips():
+    imu = alone(mount=ImuMount(gyro_scale=1.02))
+    imu.moved(1.0, 0.0, 0.0, 1.02)
+    assert measured(imu)[1][2] == pytest.approx(1.0, abs=COUNT * RAD_S_PER_COUNT)
+
+
+@pytest.mark.parametrize("by_register", [False, True])
+def test_a_power_cycle_clears_the_settings(by_register):
+    imu = alone()
+    imu.write(bytes([chip.PWR_MGMT_1, chip.RESET]), 0.0) if by_register else imu.power_cycle()
+    assert (registers(imu, chip.GYRO_CONFIG), registers(imu, chip.SMPLRT_DIV), imu.asleep) == (
+        b"\0",
+        b"\0",
+        True,
+    )

@@ -71,8 +71,3 @@ def test_walls_that_nobody_can_see_do_not_count(tmp_path):
     for edges in (np.s_[4, 4:44], np.s_[43, 4:44], np.s_[4:44, 4], np.s_[4:44, 43]):
         made.cells[edges] = OCCUPIED
     assert map_score.score(made, load(str(world))).found == 1.0
-
-
-def test_an_empty_map_has_found_nothing(room):
-    made = GridMap(np.full((10, 10), FREE, np.int8), CELL_M, Pose(0.0, 0.0, 0.0))
-    assert map_score.score(made, room).found == 0.0

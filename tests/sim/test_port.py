@@ -46,13 +46,6 @@ def test_opening_is_noticed_once(port):
             assert not port.newly_opened()
 
 
-def test_opening_again_is_noticed(port):
-    with Client(port.path):
-        port.newly_opened()
-    with Client(port.path):
-        assert port.newly_opened()
-
-
 def test_bytes_wait_until_the_opening_before_them_was_noticed(port):
     """The opening may reset the board, and it counts once."""
     with Client(port.path) as client:
@@ -129,18 +122,14 @@ def test_settings_end_with_their_program(port):
 # ---- link
 
 
-def test_link_points_to_the_port(tmp_path):
-    name = str(tmp_path / "ttyTRAX0")
-    SymbolicLink(name, "/dev/pts/99")
-    assert os.readlink(name) == "/dev/pts/99"
-
-
-def test_link_replaces_an_old_link(tmp_path):
+def test_a_link_replaces_an_old_one_until_it_is_removed(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
     SymbolicLink(name, "/dev/pts/98")
-    SymbolicLink(name, "/dev/pts/99")
+    link = SymbolicLink(name, "/dev/pts/99")
     assert os.readlink(name) == "/dev/pts/99"
     assert os.listdir(tmp_path) == ["ttyTRAX0"]
+    link.remove()
+    assert not os.path.lexists(name)
 
 
 def test_a_link_to_a_port_that_is_served_is_not_taken_over(port, tmp_path):
@@ -156,12 +145,6 @@ def test_a_link_of_an_emulator_that_was_killed_may_lead_to_the_new_port_already(
     name = str(tmp_path / "ttyTRAX0")
     os.symlink(port.path, name)
     SymbolicLink(name, port.path).remove()
-    assert not os.path.lexists(name)
-
-
-def test_link_is_removed(tmp_path):
-    name = str(tmp_path / "ttyTRAX0")
-    SymbolicLink(name, "/dev/pts/99").remove()
     assert not os.path.lexists(name)
 
 

@@ -92,26 +92,33 @@ def test_broadcast_reaches_all_others(pair):
     one, two = pair
     three = Module(one.medium, THREE)
     one.send(BROADCAST, b"all")
-    assert [two.texts(), three.texts(), one.texts()] == [[b"all"], [b"all"], []]
+    marked = [[each[11:] for each in module.packets() if each[0] == 0x90] for module in (two, three, one)]
+    assert marked == [[b"\x02all"], [b"\x02all"], []]
 
 
-def test_broadcast_is_marked_as_one(pair):
+@pytest.mark.parametrize(
+    "to, text, status", [(THREE, b"hello", 0x24), (ONE, b"hello", 0x23), (TWO, bytes(85), 0x74)]
+)
+def test_text_to_nobody_or_too_long_fails(pair, to, text, status):
     one, two = pair
-    one.send(BROADCAST, b"all")
-    assert two.packets()[0][11] == 0x02
+    one.send(to, text)
+    assert (one.statuses(), two.texts()) == ([status], [])
 
 
-@pytest.mark.parametrize("to, status", [(THREE, 0x24), (ONE, 0x23)])
-def test_text_to_nobody_fails(pair, to, status):
+@pytest.mark.parametrize(
+    "command, answer",
+    [
+        (b"\x01SH", b"\x01SH\0\x00\x13\xa2\x00"),
+        (b"\x01SL", b"\x01SL\0\x40\0\0\x01"),
+        (b"\x01NI", b"\x01NI\0robot1"),
+        (b"\x05ZZ", b"\x05ZZ\x02"),
+        (b"\x01SL\0\0\0\1", b"\x01SL\x03"),
+    ],
+)
+def test_at_commands_read_values_and_refuse_what_is_unknown_or_fixed(pair, command, answer):
     one, _ = pair
-    one.send(to, b"hello")
-    assert one.statuses() == [status]
-
-
-def test_text_that_is_too_long_fails(pair):
-    one, two = pair
-    one.send(TWO, bytes(85))
-    assert (one.statuses(), two.texts()) == ([0x74], [])
+    one.give(b"\x08" + command)
+    assert one.packets() == [b"\x88" + answer]
 
 
 def test_radio_that_was_met_and_is_gone_does_not_acknowledge(pair):
@@ -127,25 +134,6 @@ def test_cut_radio_sends_nothing(pair):
     one.xbee.set(cut=True)
     one.send(BROADCAST, b"hello")
     assert two.texts() == []
-
-
-@pytest.mark.parametrize("name, value", [("SH", "0013a200"), ("SL", "40000001"), ("NI", b"robot1".hex())])
-def test_at_command_reads_a_value(pair, name, value):
-    one, _ = pair
-    one.give(b"\x08\x01" + name.encode())
-    assert one.packets() == [b"\x88\x01" + name.encode() + b"\0" + bytes.fromhex(value)]
-
-
-def test_unknown_at_command_is_invalid(pair):
-    one, _ = pair
-    one.give(b"\x08\x05ZZ")
-    assert one.packets() == [b"\x88\x05ZZ\x02"]
-
-
-def test_address_cannot_be_written(pair):
-    one, _ = pair
-    one.give(b"\x08\x01SL\0\0\0\1")
-    assert one.packets() == [b"\x88\x01SL\x03"]
 
 
 def test_each_node_answers_a_search_once_and_no_packet_ends_it(pair):
@@ -320,20 +308,6 @@ def test_board_that_stood_still_has_the_texts_that_fitted_into_its_queue(boards)
     receiver.gap(boards.now_s + 2.0, b"")
     boards.now_s += 2.0
     assert [frame.args[4:] for frame in boards.run(1.0)] == [words(b"n0"), words(b"n1"), words(b"n2")]
-
-
-def test_board_without_a_radio_refuses():
-    board = PythonBoard(Plant(models.load("traxbot"), World()))
-    board.receive(encode_request(40))
-    board.advance(0.01)
-    assert board.health.counters["unavailable"] == 1
-
-
-def test_robots_beyond_the_range_do_not_receive():
-    boards = Boards(World(), x_m=2.0, range_m=1.9)
-    boards.run(0.01)
-    boards.request(0, 38, *boards.address(1), *words(b"hello"))
-    assert list(boards.run(0.1)) == []
 
 
 def test_address_without_one_given_is_digis_and_the_robots():

@@ -66,15 +66,6 @@ def true_pose(readings):
     return odometry.pose
 
 
-def test_frames_are_counted_by_name(tmp_path):
-    found = summarise(Recording(drive(tmp_path / "log")))
-    assert found["frames"] == {"robot_info": 1, "read_encoders_and_sonars": 400}
-
-
-def test_the_duration_is_that_of_the_last_entry(tmp_path):
-    assert summarise(Recording(drive(tmp_path / "log")))["duration_s"] == pytest.approx(7.99)
-
-
 def cut(path, size):
     """The same recording, its checked frames in entries of `size` bytes."""
     info, _, *entries = Recording(path)
@@ -85,49 +76,37 @@ def cut(path, size):
     return write(pathlib.Path(path), [f"0.0 < {INFO}", "0.0 ! checked", *lines])
 
 
+def summary(tmp_path, *lines):
+    return summarise(Recording(write(tmp_path / "log", lines)))
+
+
 @pytest.mark.parametrize("size", [1, 300, 1 << 20])
-def test_the_pose_is_that_of_the_odometry_however_it_is_cut(tmp_path, size):
-    found = summarise(Recording(cut(drive(tmp_path / "log"), size)))
+def test_frames_losses_and_pose_are_those_of_the_stream_however_it_is_cut(tmp_path, size):
+    gap = {7, 8, 300}
+    found = summarise(Recording(cut(drive(tmp_path / "log", gap), size)))
     expected = true_pose(circle(400))
+    assert found["frames"] == {"robot_info": 1, "read_encoders_and_sonars": 397}
+    assert (found["lost"], found["duration_s"]) == (3, pytest.approx(7.99))
     assert found["pose"]["x_m"] == pytest.approx(expected.x_m, abs=WAY_M)
     assert found["pose"]["y_m"] == pytest.approx(expected.y_m, abs=WAY_M)
-    assert math.remainder(found["pose"]["yaw_rad"] - expected.yaw_rad, math.tau) == pytest.approx(
-        0, abs=YAW_RAD
-    )
+    turned_rad = math.remainder(found["pose"]["yaw_rad"] - expected.yaw_rad, math.tau)
+    assert turned_rad == pytest.approx(0, abs=YAW_RAD)
 
 
-@pytest.mark.parametrize("size", [1, 300, 1 << 20])
-def test_lost_frames_are_counted_by_sequence(tmp_path, size):
-    assert summarise(Recording(cut(drive(tmp_path / "log", gap={7, 8, 300}), size)))["lost"] == 3
-
-
-def test_a_repeated_frame_is_a_duplicate(tmp_path):
-    lines = list(checked_lines(circle(5)))
-    found = summarise(Recording(write(tmp_path / "log", [*lines, lines[-1]])))
-    assert (found["duplicates"], found["lost"]) == (1, 0)
-
-
-def test_damage_is_counted_by_reason(tmp_path):
-    lines = [f"0.0 < {INFO}", "0.1 < @6,1,+2e", "0.2 < @6,1,2,3e", "0.3 < boo\\r\\n"]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
-    assert found["garbage"] == {"argument_count": 1, "not_integer": 1, "text": 1}
-
-
-def test_requests_are_counted(tmp_path):
+def test_damage_repetitions_and_requests_are_counted(tmp_path):
     guarded = encode_request(32, 1).decode()
-    found = summarise(Recording(write(tmp_path / "log", ["0.0 > @5e@13e", f"0.1 > {guarded}"])))
+    lines = [f"0.0 < {INFO}", "0.1 < @6,1,+2e", "0.2 < @6,1,2,3e", "0.3 < boo\\r\\n"]
+    checked = [f"1{line}" for line in checked_lines(circle(5))]
+    found = summary(tmp_path, *lines, "0.4 > @5e@13e", f"0.5 > {guarded}", *checked, checked[-1])
+    assert found["garbage"] == {"argument_count": 1, "not_integer": 1, "text": 1}
     assert found["requests"] == {"robot_info": 1, "stop": 1, "set_check": 1}
-
-
-def test_frames_cut_between_entries_are_whole(tmp_path):
-    found = summarise(Recording(write(tmp_path / "log", ["0.0 < @6,1", "0.1 < ,2e\\r\\n@6,3,", "0.2 < 4e"])))
-    assert (found["frames"], found["garbage"]) == ({"read_encoders": 2}, {})
+    assert (found["duplicates"], found["lost"]) == (1, 0)
 
 
 def test_bytes_that_wait_keep_their_times(tmp_path):
     """Boards without a clock have no others; at one moment no wheel moves."""
     lines = [f"0.0 < {INFO}", *(f"{1 + i * 0.02:.2f} < @6,{60 * i},{60 * i}e" for i in range(200))]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    found = summary(tmp_path, *lines)
     assert found["refused_counts"] == 0
     assert found["pose"]["x_m"] == pytest.approx(199 * 60 * load("traxbot").drive.metres_per_count)
 
@@ -138,7 +117,7 @@ def test_a_restart_without_way(tmp_path):
     for start_s, first in ((1.0, 9000), (2.0, 0)):
         lines.append(f"{start_s} ! plain")
         lines += [f"{start_s + i * 0.02:.3f} < @6,{first + 60 * i},{first + 60 * i}e" for i in range(11)]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    found = summary(tmp_path, *lines)
     assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
 
 
@@ -149,7 +128,7 @@ def test_check_values_begin_and_end_before_their_remarks(tmp_path):
     asked = encode_request(11, 200, 0, checked=True).decode()
     lines = [f"0.0 < {INFO}@8,1,2,3,4,5e\\r\\n", *checked[:3], "0.06 ! checked", *checked[3:]]
     lines += [*plain[:3], f"1.025 > {asked}", "1.025 ! plain", *plain[3:]]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    found = summary(tmp_path, *lines)
     assert (found["frames"]["read_encoders_and_sonars"], found["garbage"]) == (41, {})
     assert found["requests"] == {"move_differential": 1}
 
@@ -157,7 +136,7 @@ def test_check_values_begin_and_end_before_their_remarks(tmp_path):
 def test_a_remark_holds_from_within_an_entry(tmp_path):
     checked = [line.split("< ")[1] for line in checked_lines(circle(3)) if "<" in line]
     lines = [f"0.0 < {INFO}@8,1,2,3,4,5e\\r\\n{''.join(checked)}", "0.1 ! checked"]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    found = summary(tmp_path, *lines)
     assert (found["frames"]["read_encoders_and_sonars"], found["garbage"]) == (4, {})
 
 
@@ -170,7 +149,7 @@ def test_the_path_goes_on_when_check_values_begin(tmp_path):
     lines += [
         f"{i / 50 + 1} < {line.split('< ')[1]}" for i, line in enumerate([*checked_lines(readings)][1:])
     ]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    found = summary(tmp_path, *lines)
     assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
     assert found["refused_counts"] == 1
 
@@ -183,27 +162,21 @@ def test_checked_counts_are_judged_by_the_time_of_the_board(tmp_path):
     """Arrival times may bunch, and then a confirmed jump of 1000 counts would move the robot."""
     checked = [line.replace("0.0 !", "0.005 !") for line in checked_lines(straight(11, jump_at=6))]
     lines = [f"0.0 < {INFO}", "0.0 < @6,0,0e\\r\\n", *checked]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    found = summary(tmp_path, *lines)
     assert found["pose"]["x_m"] == pytest.approx(7 * 60 * load("traxbot").drive.metres_per_count)
 
 
 def test_numbers_that_begin_again_with_the_port_are_no_loss(tmp_path):
     first = list(checked_lines(straight(11)))
     again = [f"1{line}" for line in first]
-    found = summarise(Recording(write(tmp_path / "log", [f"0.0 < {INFO}", *first, "1.0 ! opened x", *again])))
+    found = summary(tmp_path, f"0.0 < {INFO}", *first, "1.0 ! opened x", *again)
     assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
     assert found["lost"] == 0
 
 
-def test_the_first_robot_that_answers_is_the_one(tmp_path):
-    lines = [f"0.0 < {INFO}", "0.1 < @5,2500,172,1360,2,4e\\r\\n"]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
-    assert (found["robot"], found["robot_id"]) == ("traxbot", 1)
-
-
 def test_a_frame_that_a_lost_port_cut_off_is_no_garbage(tmp_path):
-    lines = ["0.0 < @6,1,2e\\r\\n@6,3", "1.0 ! opened x", "1.1 < @6,5,6e\\r\\n"]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    lines = ["0.0 < @6,1", "0.1 < ,2e\\r\\n@6,3", "1.0 ! opened x", "1.1 < @6,5,6e\\r\\n"]
+    found = summary(tmp_path, *lines)
     assert (found["frames"], found["garbage"]) == ({"read_encoders": 2}, {})
 
 
@@ -211,14 +184,16 @@ def test_an_overtaken_frame_counts_as_lost_and_moves_nothing(tmp_path):
     lines = [f"0.0 < {INFO}", *checked_lines(circle(20))]
     wires = [line.split("< ")[1] for line in lines[7:9]]
     lines[7:9] = [f"0.12 < {wires[1]}", f"0.12 < {wires[0]}"]
-    found = summarise(Recording(write(tmp_path / "log", lines)))
+    found = summary(tmp_path, *lines)
     assert (found["lost"], found["duplicates"], found["refused_counts"]) == (1, 0, 0)
     assert found["pose"]["x_m"] == pytest.approx(true_pose(circle(20)).x_m, abs=WAY_M)
 
 
-def test_a_robot_that_is_not_known_has_no_pose(tmp_path):
-    found = summarise(Recording(write(tmp_path / "log", ["0.0 < @6,1,2e"])))
-    assert (found["robot"], found["pose"], found["refused_counts"]) == (None, None, None)
+def test_the_first_robot_that_answers_is_the_one(tmp_path):
+    found = summary(tmp_path, f"0.0 < {INFO}", "0.1 < @5,2500,172,1360,2,4e\\r\\n")
+    other = summary(tmp_path, "0.0 < @6,1,2e")
+    assert [(each["robot"], each["robot_id"]) for each in (found, other)] == [("traxbot", 1), (None, None)]
+    assert other["pose"] is None
 
 
 MEASURE = """
@@ -254,14 +229,9 @@ def mrl(*args):
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
 
 
-def test_json_is_one_object(tmp_path):
-    found = json.loads(mrl(drive(tmp_path / "log"), "--json").stdout)
-    assert found["robot"] == "traxbot"
-    assert found["port"] == "/dev/ttyX"
-
-
 def test_skipped_lines_are_named(tmp_path):
     path = write(tmp_path / "log", [f"0.0 < {INFO}", "nonsense", "0.1 < @6,1,2e"])
+    assert json.loads(mrl(path, "--json").stdout)["port"] == "/dev/ttyX"
     out = mrl(path).stdout
     assert f"{path}:3: skipped: time is b'nonsense', expected seconds" in out
     assert "skipped lines  1" in out
@@ -395,14 +365,6 @@ def test_drivers_connect_one_after_the_other(tmp_path, playing, speed, programs)
             assert driver.board.protocol == 2
             if program == programs:
                 assert len(end()) == programs - 1
-
-
-def test_a_signal_ends_the_replay_and_removes_its_link(tmp_path):
-    link = tmp_path / "link"
-    with Replay(drive(tmp_path / "log"), "--link", link) as replayed:
-        replayed.process.terminate()
-        assert replayed.process.wait(PATIENCE_S) == 0
-    assert not os.path.lexists(link)
 
 
 @pytest.mark.parametrize("speed, seconds", [(2.0, 0.05), (1.0, 0.1)])

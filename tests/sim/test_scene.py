@@ -30,21 +30,20 @@ def test_without_sources_all_is_ambient():
     assert sensed() is AMBIENT
 
 
-def test_a_source_is_its_value_at_its_middle():
-    assert sensed(dust=(Source(0, 0, 9000, 0.5),)).dust_pcs_l == 9000
+@pytest.mark.parametrize(
+    ("x_m", "share"), [(0.0, 1.0), (0.5, 1 / math.e), (50.0, 0.0)], ids=["middle", "reach", "far"]
+)
+def test_a_source_is_its_share_of_the_difference_from_what_is_around_it(x_m, share):
+    """Gas lowers its count."""
+    around = sensed(**{kind: (Source(x_m, 0, value, 0.5),) for kind, value in (("light", 900), ("gas", 250))})
+    assert around.light_count == round(500 + 400 * share)
+    assert around.alcohol_count == round(AMBIENT.alcohol_count + (250 - AMBIENT.alcohol_count) * share)
 
 
-def test_at_its_reach_1_over_e_is_left():
-    got = sensed(light=(Source(0.5, 0, 900, 0.5),)).light_count
-    assert got == round(500 + 400 / math.e)
-
-
-def test_gas_lowers_the_count():
-    assert sensed(gas=(Source(0, 0, 250, 0.5),)).alcohol_count == 250
-
-
-def test_far_away_nothing_is_left():
-    assert sensed(gas=(Source(50, 0, 250, 0.5),)).alcohol_count == AMBIENT.alcohol_count
+@pytest.mark.parametrize(("yaw", "walls"), [(0.0, [Wall(1, -1, 1, 1)]), (math.pi, [])])
+def test_heat_behind_a_wall_or_behind_the_robot_is_not_seen(yaw, walls):
+    around = sensed(Pose(0, 0, yaw), walls, heat=(Source(2, 0, 60, 0.1),))
+    assert around.pixels_c == AMBIENT.pixels_c
 
 
 def test_something_hot_ahead_warms_the_middle_pixels():
@@ -64,14 +63,6 @@ def test_the_first_pixel_is_the_leftmost():
     assert pixels.index(max(pixels)) == 0
 
 
-def test_a_wall_hides_heat():
-    assert sensed(walls=[Wall(1, -1, 1, 1)], heat=(Source(2, 0, 60, 0.1),)).pixels_c == AMBIENT.pixels_c
-
-
-def test_heat_behind_the_robot_is_not_seen():
-    assert sensed(Pose(0, 0, math.pi), heat=(Source(2, 0, 60, 0.1),)).pixels_c == AMBIENT.pixels_c
-
-
 @pytest.mark.parametrize("pcs_l", [50, 300, 5500, 9000, 30000])
 def test_share_of_low_time_is_the_curve_backwards(pcs_l):
     r = 100 * dust_share(pcs_l)
@@ -84,9 +75,6 @@ def test_dust_pulses_have_their_length_and_share(pcs_l):
     widths = [rise - fall for (fall, _), (rise, _) in zip(edges[::2], edges[1::2])]
     assert 0.0099 <= min(widths) <= max(widths) <= 0.0901
     assert sum(widths) / 1000.0 == pytest.approx(dust_share(pcs_l), rel=0.02)
-
-
-def test_clean_air_makes_no_pulses():
     assert DustPulses(lambda time_s: 0.0).edges(100.0) == []
 
 

@@ -21,13 +21,8 @@ from sim_arduino.world import world_file
 from sim_arduino.world.world_file import WorldFile
 
 LIGHT, TWO = [0.5, 3.9, 950, 0.9], [0.5, -1, 180, "stingbot"]
-ALL_KEYS = {
-    "robots": {"two": TWO},
-    "north": 90,
-    "ambient": {"dust": 300},
-    "boxes": [[1, 0.5, 0.4, 0.2, 30]],
-    "map": "",
-}
+BOXES = [[1, 0.5, 0.4, 0.2, 30]]
+ALL_KEYS = {"robots": {"two": TWO}, "north": 90, "ambient": {"dust": 300}, "boxes": BOXES, "map": ""}
 MAP = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0, "mode": "trinary"}
 ONLY_READ = (
     r"expected full_v above low_v",
@@ -102,46 +97,16 @@ def test_a_calibrated_copy_of_a_packaged_file_names_the_schema_by_its_path(tmp_p
     assert [line for _, line in first_lines(tmp_path, ["own"])] == [f"{schema_line(models.SCHEMA)}\n"]
 
 
-WORDS = [
-    "",
-    "omni",
-    "none",
-    "tracked",
-    "mecanum",
-    "environment",
-    "sonar",
-    "tb6612",
-    "TB6612",
-    "scale",
-    "r2d2",
-]
+WORDS = ["", "omni", "none", "tracked", "mecanum", "environment"]
+WORDS += ["sonar", "tb6612", "TB6612", "scale", "r2d2"]
 NUMBERS = [-1, 0, 1, 0.5, 6, 90, 700.0, 40000, 1e9, float("inf")]
 LISTS = [[], [1], [1, 1], [60, 180, 300], [0, 90, 180], [1.0, 2, 3], [[0, 0, 1, 1]], ["a"], TWO]
-MAPPINGS = [
-    {},
-    {"front": {"x_m": 0.1, "y_m": 0, "yaw_deg": 0}},
-    {"rear": {}},
-    {"x_m": 0.1},
-    {"two": TWO},
-    {"a b": TWO},
-]
+FRONT = {"front": {"x_m": 0.1, "y_m": 0, "yaw_deg": 0}}
+MAPPINGS = [{}, FRONT, {"rear": {}}, {"x_m": 0.1}, {"two": TWO}, {"a b": TWO}]
 VALUES = st.sampled_from([None, True, False, *WORDS, *NUMBERS, *LISTS, *MAPPINGS])
 NAMES = st.sampled_from(
-    [
-        "kind",
-        "turn_slip",
-        "bridge",
-        "build",
-        "noise",
-        "imu",
-        "laser",
-        "lateral_m_s",
-        "sonar_a",
-        "wiring",
-        "gyro_scale",
-        "image",
-    ]
-    + ["map", "heat", "free_thresh", "robots", "angles_deg", "left", "missspelt"]
+    ["kind", "turn_slip", "bridge", "build", "noise", "imu", "laser", "lateral_m_s", "sonar_a", "wiring"]
+    + ["gyro_scale", "image", "map", "heat", "free_thresh", "robots", "angles_deg", "left", "missspelt"]
 )
 
 

@@ -97,13 +97,6 @@ def test_distance_is_that_of_the_robots(make):
     assert far.texts() == [b"hello"]
 
 
-def test_loss_of_a_radio_in_another_process_counts(make):
-    one, two = make(ONE), make(TWO)
-    two.module.xbee.set(loss=1.0)
-    one.module.send(BROADCAST, b"lost")
-    assert two.texts() == []
-
-
 def test_socket_is_readable_when_a_packet_waits(make):
     one, two = make(ONE), make(TWO)
 
@@ -221,13 +214,6 @@ def test_radio_is_cut_for_a_time():
         cut.append(robot.plant.xbee.station.cut)
     robot.close()
     assert cut == [False, True, True, False]
-
-
-def test_radio_cut_needs_a_radio():
-    with pytest.raises(
-        ConfigError, match="fault 'radio_cut' needs a radio, the robot has none; expected --radio too"
-    ):
-        factory.make(options(radio=None, faults=("radio_cut",)))
 
 
 def test_server_waits_for_packets_of_other_processes(lab):

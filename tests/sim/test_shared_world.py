@@ -62,47 +62,20 @@ def test_the_folder_of_another_user_is_not_used(lab, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_robots_of_other_processes_are_there(registries):
+def test_a_robot_is_seen_by_all_but_by_itself(registries):
+    """A process that scans for a robot of another one leaves it out: a laser must not see the robot that carries it."""
     registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    assert registries[1].others("two") == [("one", Pose(1.0, 2.0, 3.0), BOX)]
+    for registry in registries:
+        assert registry.others("two") == [("one", Pose(1.0, 2.0, 3.0), BOX)]
+        assert registry.others("one") == []
 
 
-def test_they_move(registries):
-    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    registries[1].others("")
-    registries[0].place("one", Pose(4.0, 5.0, 6.0), BOX)
-    assert registries[1].others("")[0].pose == (4.0, 5.0, 6.0)
-
-
-def test_one_does_not_meet_itself(registries):
-    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    assert registries[0].others("one") == []
-
-
-def test_a_process_that_scans_for_a_robot_of_another_one_leaves_it_out(registries):
-    """As the node of the world does: a laser must not see the robot that carries it."""
-    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    assert registries[1].others("one") == []
-
-
-def test_a_process_meets_its_own_other_robots(registries):
-    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    assert [mover.name for mover in registries[0].others("two")] == ["one"]
-
-
-def test_who_leaves_is_gone(registries):
-    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    registries[1].others("")
-    registries[0].remove("one")
-    assert registries[1].others("") == []
-
-
-def test_who_comes_back_under_its_name_is_seen(registries):
-    registries[0].place("one", Pose(1.0, 2.0, 3.0), BOX)
-    registries[1].others("")
-    registries[0].remove("one")
-    registries[0].place("one", Pose(7.0, 8.0, 9.0), BOX)
-    assert registries[1].others("")[0].pose == (7.0, 8.0, 9.0)
+def test_robots_move_leave_and_come_back(registries):
+    seen = []
+    for pose in (Pose(1.0, 2.0, 3.0), Pose(4.0, 5.0, 6.0), None, Pose(7.0, 8.0, 9.0)):
+        registries[0].place("one", pose, BOX) if pose else registries[0].remove("one")
+        seen.append([mover.pose for mover in registries[1].others("")])
+    assert seen == [[(1.0, 2.0, 3.0)], [(4.0, 5.0, 6.0)], [], [(7.0, 8.0, 9.0)]]
 
 
 def test_a_name_is_taken_once(registries):

@@ -120,17 +120,8 @@ def test_an_idle_server_waits_for_its_heartbeat():
     assert server.due_s >= before_s + HEARTBEAT_S
 
 
-def test_bytes_for_one_board_are_taken_although_no_board_is_due(together, monkeypatch):
-    """Only the bytes themselves, and no heartbeat, can end this wait."""
-    monkeypatch.setattr("sim_arduino.serve.server.HEARTBEAT_S", 1e6)
-    taken, other = threading.Event(), Idle()
-    _, ports, _ = together(other, Idle(lambda data: taken.set()))
-    with Client(ports[1].path) as client:
-        client.send(b"@13e")
-        assert taken.wait(PATIENCE_S)
-
-
 def test_bytes_for_one_board_do_not_call_the_others(together, monkeypatch):
+    """Only the bytes themselves, and no heartbeat, can end the wait."""
     monkeypatch.setattr("sim_arduino.serve.server.HEARTBEAT_S", 1e6)
     taken, other = [], Idle()
     _, ports, _ = together(other, Idle(taken.append))
@@ -184,14 +175,6 @@ def test_all_robots_of_a_process_answer(engine):
         for line in lines:
             with Client(line.split()[1]) as client:
                 assert client.ask(b"@15e") == b"@15,0e\r\n"
-
-
-def test_they_see_each_other(tmp_path):
-    """Face to face at 0.6 m: 0.39 m from the front sonar to the other's bow; the wall is farther away."""
-    with Simulator(*TEAM, "--world", "square", "--link", str(tmp_path / "{name}")) as simulator:
-        simulator.process.stdout.readline()
-        with Client(str(tmp_path / "one")) as client:
-            assert client.ask_until(b"@7e", b"@7,39,")
 
 
 def test_each_robot_has_a_link_and_files_with_its_name(tmp_path):
