@@ -81,6 +81,7 @@ _MAGIC = "#mrl-recording"
 _BLANK = b"\xef\xbb\xbf \t\r\n"
 """Bytes before the first line that are skipped: a byte-order mark, blank lines."""
 _ENTRY = re.compile(rb"^\d{1,9}\.\d{6} [<>!] ", re.M)
+_MOST_SKIPPED = 100_000
 _OTHERS = {
     b"\x1f\x8b": "compressed by gzip; unpack it with gunzip",
     b"PK\x03\x04": "a zip archive; unpack it with unzip",
@@ -299,7 +300,11 @@ class Recording:
         return found if type(found) is int and abs(found) < 1 << 60 else 0
 
     def __iter__(self) -> Iterator[Entry]:
-        """Entries in the order of the file; a line that cannot be read is noted in `skipped`."""
+        """Entries in the order of the file; a line that cannot be read is noted in `skipped`.
+
+        Raises:
+            ConfigError: more than 100 000 lines cannot be read, and less than half of them can.
+        """
         self.skipped.clear()
         self.skipped_count = 0
         if self._damage:
@@ -310,5 +315,10 @@ class Recording:
 
     def _skip(self, number: int, problem: str) -> None:
         self.skipped_count += 1
+        if self.skipped_count > _MOST_SKIPPED and 2 * self.skipped_count > number:
+            raise ConfigError(
+                f"{self.path}:{number}: {self.skipped_count} of the lines so far cannot be read ({problem}), expected "
+                "at most half of them; copy the file again, or cut the damaged part out"
+            )
         if len(self.skipped) < 100:
             self.skipped[number] = problem

@@ -15,7 +15,7 @@ import numpy as np
 from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.recording.recording import FROM_BOARD, OPENED, STOP, TO_BOARD
+from mrl_driver.recording.recording import FROM_BOARD, OPENED, PHONE, STOP, TO_BOARD
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from mrl_driver.driver.recorded import Heard, RecordedDriver, Remark, Sent
 
 _STATUS, _INFO = BY_NAME["read_status"].code, BY_NAME["robot_info"].code
+MOST_KEPT = 200_000
+"""Most damaged pieces and events of a recording together, about 40 MB; eight in a second, for seven hours."""
 _TOGETHER_S = 0.5
 """A stop and its reason are written within this time of each other [s]."""
 _NOT_STOPS = ("none", "host", "boot")
@@ -141,6 +143,7 @@ class DriveData(NamedTuple):
     """Time from a request for `robot_info` to its answer [s]."""
     opened: List[Tuple[float, str]]
     remarks: List[Tuple[float, str]]
+    """Without the readings of a phone's sensors, of which there are many."""
     frames: Dict[str, int]
     """Number of frames from the board, by name."""
     events: List[Tuple[float, object]]
@@ -189,6 +192,7 @@ class _Reader:
         self._statuses: List[Tuple[float, Status]] = []
         self._stops: List[Stop] = []
         self._garbage: List[Tuple[float, str, str, bytes]] = []
+        self._kept = 0
         self._opened: List[Tuple[float, str]] = []
         self._remarks: List[Tuple[float, str]] = []
         self._events: List[Tuple[float, object]] = []
@@ -267,6 +271,21 @@ class _Reader:
             recorded.recording.skipped_count,
         )
 
+    def _keep(self, kept: List[Any], item: Any) -> None:
+        """Add what a good drive has little of: damage, events.
+
+        Raises:
+            ConfigError: there is more than memory should hold.
+        """
+        self._kept += 1
+        if self._kept > MOST_KEPT:
+            raise ConfigError(
+                f"{self._recorded.recording.path} has more than {MOST_KEPT} damaged pieces and events until "
+                f"{self._recorded.time_s:.0f} s, expected frames of a robot: check port and baud rate of the recorded "
+                "program"
+            )
+        kept.append(item)
+
     # -- what the driver had
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
@@ -311,7 +330,7 @@ class _Reader:
                 self._note_stop(now_s, status.stop_reason, "", FROM_BOARD, frame)
 
     def _on_event(self, event: object) -> None:
-        self._events.append((self._recorded.time_s, event))
+        self._keep(self._events, (self._recorded.time_s, event))
         if isinstance(event, Ready) and event.restarted:
             self._stream.begin_anew()
             self._counters.lost = self._lost_before  # after a restart the numbers start again: none were lost
@@ -326,6 +345,8 @@ class _Reader:
 
     def _on_remark(self, remark: "Remark") -> None:
         text = remark.text
+        if text.startswith(PHONE.decode()):
+            return
         self._remarks.append((remark.time_s, text))
         if text.startswith(OPENED.decode()):
             self._opened.append((remark.time_s, text[len(OPENED) :]))
@@ -353,7 +374,7 @@ class _Reader:
     def _on_sent(self, sent: "Sent") -> None:
         time_s, event, data = sent
         if not isinstance(event, Frame):
-            self._garbage.append((time_s, TO_BOARD, event.reason, data))
+            self._keep(self._garbage, (time_s, TO_BOARD, event.reason, data))
             return
         self._sent.add(time_s, event.code, data)
         code = event.code
@@ -386,7 +407,7 @@ class _Reader:
     def _on_heard(self, heard: "Heard") -> None:
         time_s, event, data = heard
         if not isinstance(event, Frame):
-            self._garbage.append((time_s, FROM_BOARD, event.reason, data))
+            self._keep(self._garbage, (time_s, FROM_BOARD, event.reason, data))
             return
         code = event.code
         self._heard.add(time_s, code, data)

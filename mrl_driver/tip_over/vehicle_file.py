@@ -14,6 +14,7 @@ from mrl_driver.yaml_file import Reader
 from .margin import Arm, Mass, Point, Vehicle, hull
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "vehicles")
+_MOST_CONTACTS = 100
 _KEYS = ("name", "contacts", "body", "payloads", "arm")
 RANGES = {
     "mass_kg": (1e-6, 1e5),
@@ -109,8 +110,8 @@ def _corners(half_length_m: float, half_width_m: float) -> List[Point]:
 
 
 def _contacts(reader: Reader, value: Any) -> Tuple[Point, ...]:
-    if not isinstance(value, list) or len(value) < 3:
-        raise reader.fail("contacts", value, "a list of three or more points [x, y]")
+    if not isinstance(value, list) or not 3 <= len(value) <= _MOST_CONTACTS:
+        raise reader.fail("contacts", value, f"a list of three to {_MOST_CONTACTS} points [x, y]")
     points = []
     for number, point in enumerate(value):
         if not isinstance(point, list) or len(point) != 2:

@@ -218,8 +218,7 @@ def _plain_values(path: str, data: bytes, start: int, most: int) -> Any:
         raise ConfigError(
             f"{path}: has {found!r} among the pixels, expected whole numbers of at most 9 digits"
         )
-    body = data[start:].strip()
-    return np.fromstring(body, np.int32, sep=" ") if body else np.empty(0)
+    return np.fromstring(data[start:].strip(), np.int32, sep=" ")
 
 
 def _read_png(path: str, data: bytes, with_alpha: bool) -> Tuple[Any, int]:

@@ -3,6 +3,7 @@
 import codecs
 import errno
 import gzip
+import io
 import os
 import threading
 import time
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import create_unused
 from mrl_driver.recording import recording
+from mrl_driver.recording.lines import read_lines
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -207,6 +209,21 @@ def test_a_bad_line_is_skipped_with_its_number(tmp_path, line, problem):
     recording, entries = read(tmp_path, HEADER + f"0.1 < a\n{line}\n0.3 < b\n")
     assert [entry.data for entry in entries] == [b"a", b"b"]
     assert problem in recording.skipped[3]
+
+
+def test_lines_that_wait_for_their_order_are_few():
+    """A line waits for those behind it, which may all be damaged: memory must not grow with them."""
+    file, skipped = io.BytesIO(b"0.1 < a\n" + b"x\n" * 5000 + b"0.2 < b\n"), []
+    entries = read_lines(file, lambda number, problem: skipped.append(number))
+    assert next(entries).data == b"a" and file.tell() < 3000
+    assert next(entries).data == b"b" and skipped == [*range(3, 5003)]
+
+
+def test_a_file_that_is_damaged_beyond_use_is_refused_soon(tmp_path):
+    path = tmp_path / "log"
+    path.write_bytes(HEADER.encode() + b"0.1 < a\n" * 50_000 + b"x\n" * 100_001)
+    with pytest.raises(ConfigError, match="100001 of the lines so far cannot be read .* copy the file again"):
+        list(Recording(str(path)))
 
 
 def test_line_ends_of_other_systems_are_read(tmp_path):

@@ -274,7 +274,11 @@ GOOD = {
     "wrong, words",
     [
         ({"contacts": [[0, 0], [1, 1], [2, 2]]}, "span an area"),
-        ({"contacts": [[0, 0], [1, 1]]}, "contacts is .* expected a list of three"),
+        ({"contacts": [[0, 0], [1, 1]]}, "contacts is .* expected a list of three to 100 points"),
+        (
+            {"contacts": [[0, 0], [1, 1], [0, 1]] * 34},
+            "contacts is .* expected a list of three to 100 points",
+        ),
         ({"contacts": [[0, 0], [1, "a"], [2, 0]]}, r"contacts\[1\] is 'a', expected a number"),
         ({"contacts": [[0, 0], [1, math.nan], [2, 0]]}, r"contacts\[1\] is nan"),
         ({"body": {**GOOD["body"], "mass_kg": 0}}, "body.mass_kg is 0, expected a number from"),

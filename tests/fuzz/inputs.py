@@ -92,10 +92,15 @@ def _keep(name: str, data: bytes) -> str:
     return str(path)
 
 
-def _work(name: str, seconds: float, seed: int, results: Any) -> None:
-    """One process."""
+def limit_memory() -> None:
+    """Let this process use `MEMORY_BYTES` more than it does."""
     in_use = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (in_use + MEMORY_BYTES, in_use + MEMORY_BYTES))
+
+
+def _work(name: str, seconds: float, seed: int, results: Any) -> None:
+    """One process."""
+    limit_memory()
     for each in (signal.SIGALRM, signal.SIGVTALRM):
         signal.signal(each, signal.SIG_DFL)
     results.put(search(name, seconds, seed))

@@ -9,8 +9,9 @@ import itertools
 import math
 import os
 import socket
+import struct
 from pathlib import Path
-from typing import Any, Callable, List, Tuple
+from typing import Any, Callable, Dict, List, Tuple
 from unittest import mock
 
 from mrl_driver.calibration import calibration_files, ground_truth
@@ -46,7 +47,7 @@ from sim_arduino.faults.key_values import robot_errors, sonar_errors
 from sim_arduino.hardware.xbee_packets import PacketReader
 from sim_arduino.replay import mirror
 from sim_arduino.serve.control import Control
-from sim_arduino.world import world_file
+from sim_arduino.world import grid_map, world_file
 from tests.conformance.bench import Bench
 from tests.driver.talk import Talk
 from tests.firmware.pc_board import SONARS
@@ -57,6 +58,8 @@ STOPPED_S = 0.7
 """Silence of the host after which no motor is driven [s]: watchdog 0.25 s, and the last bytes on the line before it."""
 MOVES = {BY_NAME[name].code for name in ("move_differential", "move_motors", "move_motors_pid", "move_omni")}
 MOST_WALLS = 1_000_000
+DRAWN_M = 0.05
+"""Cells of the map that `world_node` draws [m]."""
 
 
 def _write(folder: Path, name: str, data: bytes) -> str:
@@ -65,8 +68,9 @@ def _write(folder: Path, name: str, data: bytes) -> str:
     return str(path)
 
 
-def _file(name: str, read: Callable[[str], object]) -> Callable[[bytes, Path], object]:
-    """A reader of files with this name."""
+def _file(input_name: str) -> Callable[[bytes, Path], object]:
+    """A reader of `FILES`."""
+    name, read = FILES[input_name]
     return lambda data, folder: read(_write(folder, name, data))
 
 
@@ -113,6 +117,7 @@ def world(path: str) -> None:
     found = world_file.load(path)
     if len(found.walls) > MOST_WALLS:
         raise Forbidden(f"{len(found.walls)} walls")
+    grid_map.draw(found, DRAWN_M)
 
 
 def picture(data: bytes, folder: Path) -> None:
@@ -454,20 +459,35 @@ _FAULTS = (
         b"direction=to_host",
     ),
 )
+FILES: Dict[str, Tuple[str, Callable[[str], object]]] = {
+    "robot_yaml": ("own.yaml", models.load),
+    "world_yaml": ("world.yaml", world),
+    "parameter_yaml": ("lab3.yaml", parameter_file.read),
+    "names_yaml": ("robots.yaml", names),
+    "vehicle_yaml": ("arm.yaml", vehicle_file.read),
+    "calibration_state": ("state.json", calibration),
+    "truth": ("truth.jsonl", truth),
+    "sonar_points": ("points.csv", calibrate_parts.read_points),
+    "key_presses": ("keys.csv", key_presses.read),
+    "access_tokens": ("tokens.json", tokens),
+    "firmware_image": ("image.elf", lambda path: read_image(Path(path))),
+    "recording": ("drive.mrl", Recording),
+}
+"""Readers of one file: its name, and what reads it."""
 INPUTS: Tuple[Input, ...] = (
     Input("recording", recording, _REMARKS, 20),
-    Input("robot_yaml", _file("own.yaml", models.load), _ROBOT, 2),
-    Input("world_yaml", _file("world.yaml", world), _WORLD),
+    Input("robot_yaml", _file("robot_yaml"), _ROBOT, 2),
+    Input("world_yaml", _file("world_yaml"), _WORLD),
     Input("map_picture", picture, (b"P2", b"P5", b"#", b" 65535 "), 2),
-    Input("parameter_yaml", _file("lab3.yaml", parameter_file.read), _YAML),
-    Input("names_yaml", _file("robots.yaml", names), (b"port", b"tcp://a:1", *_YAML)),
-    Input("vehicle_yaml", _file("arm.yaml", vehicle_file.read), (b"contacts", b"payloads", *_YAML)),
-    Input("calibration_state", _file("state.json", calibration), _JSON),
-    Input("truth", _file("truth.jsonl", truth), _JSON),
-    Input("sonar_points", _file("points.csv", calibrate_parts.read_points), (b"-", b'"', b"#", b",,")),
-    Input("key_presses", _file("keys.csv", key_presses.read), (b'"', b"up", b",")),
-    Input("access_tokens", _file("tokens.json", tokens), _JSON),
-    Input("firmware_image", _file("image.elf", read_image), (b"\x7fELF\x01", b":00000001FF", b":02000002")),
+    Input("parameter_yaml", _file("parameter_yaml"), _YAML),
+    Input("names_yaml", _file("names_yaml"), (b"port", b"tcp://a:1", *_YAML)),
+    Input("vehicle_yaml", _file("vehicle_yaml"), (b"contacts", b"payloads", *_YAML)),
+    Input("calibration_state", _file("calibration_state"), _JSON),
+    Input("truth", _file("truth"), _JSON),
+    Input("sonar_points", _file("sonar_points"), (b"-", b'"', b"#", b",,")),
+    Input("key_presses", _file("key_presses"), (b'"', b"up", b",")),
+    Input("access_tokens", _file("access_tokens"), _JSON),
+    Input("firmware_image", _file("firmware_image"), (b"\x7fELF\x01", b":00000001FF", b":02000002")),
     Input("page_message", page_message, _JSON),
     Input("page_request", page_request, (b"Host: ", b"Origin: ", b"http://evil", b"[::1]", b"@", b"localhost")),
     Input("relay", relay, (b"\x01", b"\x02", b"\x03", b"\x06\x10\0\0\0", b"\x05\x08\0\0\0")),
@@ -483,6 +503,46 @@ INPUTS: Tuple[Input, ...] = (
     Input("mirror_lines", mirrored, (b'"pose":', *_JSON)),
 )  # fmt: skip
 BY_INPUT = {each.name: each for each in INPUTS}
+
+
+def _kept(reader: str, name: str) -> bytes:
+    return (CORPORA / reader / name).read_bytes()
+
+
+def _long_names() -> bytes:
+    """An image with many symbols, all of whose names lie in one text of a megabyte."""
+    header = list(struct.unpack("<16sHHIIIIIHHHHHH", _kept("firmware_image", "tiny.elf")[:52]))
+    count, names_at = 20_000, 52 + 2 * 40
+    header[6], header[10], header[11], header[12] = 52, 0, 40, 2
+    symbols_at = names_at + 1_000_000
+    sections = ((3, names_at, 1_000_000, 0), (2, symbols_at, 16 * count, 0))
+    return b"".join(
+        (
+            struct.pack("<16sHHIIIIIHHHHHH", *header),
+            *(
+                struct.pack("<10I", 0, kind, 0, 0, at, size, link, 0, 0, 0)
+                for kind, at, size, link in sections
+            ),
+            b"a" * 999_999 + b"\0",
+            *(struct.pack("<IIIBBH", 1 + number, number, 1, 0, 0, 1) for number in range(count)),
+        )
+    )
+
+
+HOSTILE: Tuple[Tuple[str, str, Callable[[], bytes]], ...] = (
+    ("map_picture", "a number of 20000 digits", lambda: b"P2 9 9 255\n" + b"9" * 20_000 + b" 1" * 160_000),
+    (
+        "map_picture",
+        "a chessboard",
+        lambda: b"P5 4000 4000 255\n" + (b"\0\xff" * 2000 + b"\xff\0" * 2000) * 2000,
+    ),
+    ("map_picture", "a header of blanks", lambda: b"P5" + b" " * 50_000_000),
+    ("world_yaml", "far walls", lambda: b"walls: [[-1000, -1000, 1000, 1000]]"),
+    ("world_yaml", "long walls", lambda: b"walls: [" + b"[-1000, 0, 1000, 0], " * 20_000 + b"]"),
+    ("firmware_image", "long names", _long_names),
+    ("recording", "lines that are none", lambda: _kept("recording", "drive.mrl") + b"\nx" * 5_000_000),
+)
+"""Inputs of strangers that are too long for the corpora: what they want, and what makes them."""
 
 
 def require_input(name: str) -> Input:

@@ -1,5 +1,7 @@
 """Everything that reads gives a valid result or an error in one line; `make fuzz` tries a million times more inputs."""
 
+import multiprocessing
+import os
 import random
 
 import pytest
@@ -7,11 +9,13 @@ import pytest
 from mrl_driver import figures
 from mrl_driver.errors import ConfigError, MrlError
 from sim_arduino.replay.replay import show
-from tests.fuzz.inputs import run
+from tests.fuzz.inputs import limit_memory, run
 from tests.fuzz.judge import CORPORA, Forbidden, Input, corpus, judge, wrong_words
 from tests.fuzz.mutation import mutate
-from tests.fuzz.readers import BY_INPUT, INPUTS
+from tests.fuzz.readers import BY_INPUT, FILES, HOSTILE, INPUTS
 
+REFUSED_S = 10.0
+"""Longest CPU time for an input of `HOSTILE` [s]."""
 CHANGED = 40
 """Changed inputs of a plain file; of a dear reader fewer."""
 LONG = {"sonar_points": b'1,"' + b"9" * 140_000, "key_presses": b'time_s,key\n0,"' + b"u" * 140_000}
@@ -28,6 +32,32 @@ def test_what_is_read_gives_a_result_or_an_error_in_one_line(input_, tmp_path):
         kept[f"changed {len(kept)}: {data[:200]!r}"] = data
     found = {name: judge(input_, data, tmp_path).problem for name, data in kept.items()}
     assert not {name: problem for name, problem in found.items() if problem}
+
+
+def _judge_apart(input_, data, folder, verdicts):
+    limit_memory()
+    verdicts.put(judge(input_, data, folder, REFUSED_S).problem)
+
+
+@pytest.mark.parametrize(
+    ("name", "make"), [pytest.param(name, make, id=f"{name}: {what}") for name, what, make in HOSTILE]
+)
+def test_a_file_of_strangers_takes_neither_memory_nor_time(name, make, tmp_path):
+    """Sizes are checked before memory is taken for them."""
+    context = multiprocessing.get_context("fork")
+    verdicts = context.SimpleQueue()
+    process = context.Process(target=_judge_apart, args=(BY_INPUT[name], make(), tmp_path, verdicts))
+    process.start()
+    process.join()
+    assert not process.exitcode and verdicts.get() == ""
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_pipe_is_refused_and_not_waited_for(name, tmp_path):
+    file, read = FILES[name]
+    os.mkfifo(tmp_path / file)
+    with pytest.raises(MrlError):
+        read(str(tmp_path / file))
 
 
 @pytest.mark.parametrize("name", LONG)

@@ -149,3 +149,20 @@ def test_a_damaged_recording_is_read_and_searched(driven, tmp_path, seed):
     found = find(read(RecordedDriver(str(path))))
     assert found[0].kind in ("encoder_dead", "bad_cable")
     assert all(each.text and each.remedy for each in found)
+
+
+def test_damage_without_end_is_refused(driven, tmp_path, monkeypatch):
+    """A recording of another baud rate; each damaged piece takes more memory than its bytes."""
+    monkeypatch.setattr("mrl_driver.review.drive_data.MOST_KEPT", 1000)
+    path = tmp_path / "drive.mrl"
+    path.write_bytes(driven.raw + b"%.6f < " % (driven.data.duration_s + 1.0) + b"z@6,e@" * 1000 + b"\n")
+    with pytest.raises(
+        ConfigError, match="more than 1000 damaged pieces and events .* check port and baud rate"
+    ):
+        read(RecordedDriver(str(path)))
+
+
+def test_readings_of_a_phone_take_no_memory(driven, tmp_path):
+    path = tmp_path / "drive.mrl"
+    path.write_bytes(driven.raw + b'%.6f ! phone {"time_s": 1}\n' % (driven.data.duration_s + 1.0))
+    assert read(RecordedDriver(str(path))).remarks == driven.data.remarks

@@ -2,6 +2,7 @@
 
 import io
 import math
+import os
 import sys
 
 import numpy as np
@@ -208,6 +209,14 @@ def test_png_pictures_are_read(tmp_path, kind):
     write(tmp_path, picture=picture(kind, PIXELS[kind], (2, 2)))
     cells = grid_map.read(str(tmp_path / "map.yaml"), GOOD).cells.tolist()
     assert cells == [[FREE if kind == "1" else UNKNOWN, FREE], [OCCUPIED, FREE]]
+
+
+def test_a_pipe_in_place_of_the_picture_is_not_waited_for(tmp_path):
+    path = write(tmp_path)
+    (tmp_path / "map.pgm").unlink()
+    os.mkfifo(tmp_path / "map.pgm")
+    with pytest.raises(ConfigError, match="map.pgm: it is not a plain file, expected a PGM or PNG picture"):
+        load(path)
 
 
 def test_without_pillow_a_png_is_named_with_the_package(tmp_path, monkeypatch):
