@@ -58,9 +58,6 @@ def drive(rig: Rig) -> None:
     rig.forget()
 
 
-# ---- the motor board and its bus
-
-
 def test_a_missing_motor_board_gives_no_counts(rig):
     rig.motors.present = False
     assert answers(rig, b"@6e", 0.1) == []
@@ -99,9 +96,6 @@ def test_a_slave_that_holds_sda_is_clocked_out(rig):
     rig.machine.hang_bus("sda", release_clocks=8)
     rig.run(0.3)
     assert answers(rig, b"@6e") == [Frame(6, (1234, -567))]
-
-
-# ---- failsafes
 
 
 def lock_up(rig: Rig, longest_s: float = 2.0) -> float:
@@ -168,9 +162,6 @@ def test_commands_that_waited_through_a_stall_are_not_carried_out(rig):
         assert [write.data for write in rig.writes(MOVE)] == [b"\xeb\x00\xc8\x00\x00"]
 
 
-# ---- EEPROM
-
-
 @pytest.fixture(scope="module")
 def saved() -> bytes:
     """An EEPROM with robot id 1 saved."""
@@ -205,8 +196,6 @@ def test_an_empty_eeprom_has_no_id(byte):
     assert {"eeprom", "id_unset"} <= status(board)["faults"]
     board.close()
 
-
-# ---- input
 
 BAD = {
     b"@11,+5,0e": "not_integer",

@@ -40,9 +40,6 @@ def shown(board):
     return [change.cycle for change in board.machine.pin_changes() if change.pin == LED]
 
 
-# ---- pin changes
-
-
 def test_a_pin_change_wakes_the_chip(bench):
     board = started(bench, asleep=1)
     edge = board.machine.cycle + 12345
@@ -124,9 +121,6 @@ def test_the_edges_of_pwm_interrupt(bench):
     assert {round((b - a) / 8) for a, b in zip(routines, routines[1:])} == {101, 155}
 
 
-# ---- INT0
-
-
 @pytest.mark.parametrize("sense, expected", [(ANY, 4), (FALLING, 2), (RISING, 2)])
 def test_int0_has_a_sense(bench, sense, expected):
     board = started(bench, enable=0, sense=sense, external=1)
@@ -145,9 +139,6 @@ def test_a_low_level_of_int0_interrupts_until_it_ends(bench):
     after = board.get("externals")
     board.machine.run(COMMAND_S)
     assert (many > 5, board.get("externals")) == (True, after)
-
-
-# ---- planned edges
 
 
 def test_planned_edges_alternate_the_level(bench):
@@ -210,9 +201,6 @@ def test_a_one_in_pin_toggles_its_output_alone(bench):
     assert [board.machine.pin(pin) for pin in (3, 6, 7)] == [1, 1, 1]
 
 
-# ---- cycles driven high
-
-
 def test_the_time_high_of_an_output_is_exact(bench):
     board = started(bench)
     tell(board, DIRECTION, 1 << PORT_PIN)
@@ -257,13 +245,6 @@ def test_a_reset_lets_all_pins_float(bench, action, pin):
     assert board.machine.high_cycles(pin) == before > 0
 
 
-def test_a_brown_out_is_flagged(bench):
-    board = started(bench)
-    board.machine.brown_out()
-    board.machine.run(1e-3)
-    assert board.get("reset_flags") & BORF
-
-
 def test_a_brown_out_holds_the_chip_in_reset(bench):
     """The sketch starts afterwards; what nobody drives is not counted meanwhile."""
     board = started(bench)
@@ -275,13 +256,13 @@ def test_a_brown_out_holds_the_chip_in_reset(bench):
     assert board.machine.high_cycles(PORT_PIN) == high
 
 
-def test_a_brown_out_keeps_sram(bench):
+def test_a_brown_out_is_flagged_and_keeps_sram(bench):
     board = started(bench)
     address = board.machine.symbol("_end").address + 64
     board.machine.poke(address, b"robot")
     board.machine.brown_out(0.05)
     board.machine.run(1e-3)
-    assert board.machine.peek(address, 5) == b"robot"
+    assert board.get("reset_flags") & BORF and board.machine.peek(address, 5) == b"robot"
 
 
 @pytest.mark.parametrize("writing, offset", [*((0, offset) for offset in range(5)), (1, 4000)])

@@ -54,9 +54,6 @@ def step(rig: Rig) -> None:
     rig.machine.run_until(max(rig.machine.next_event_cycle, rig.machine.cycle + 1))
 
 
-# ---- a received byte at each instruction of the last check
-
-
 def last_check(rig: Rig) -> range:
     """Addresses from the CLI before the firmware's last check to its SLEEP."""
     ((begin, code),) = [piece for piece in rig.machine.image_flash if SEI_SLEEP_CLI in piece[1]]
@@ -106,9 +103,6 @@ def test_without_the_guard_a_byte_would_wait(sonar_rig):
     assert max(turnaround_us(sonar_rig, at) for at in range(INSTRUCTIONS)) > TURNAROUND_US
 
 
-# ---- the alarm and the end of a transfer at each cycle of a pass that a byte of noise has caused
-
-
 def frame_starts(rig: Rig) -> List[int]:
     """Cycles at which the stream's frames that have come since the last call began."""
     return [reply.start_cycle for reply in rig.replies() if b"@8," in reply.line]
@@ -155,9 +149,6 @@ def test_without_the_guard_the_end_of_a_read_would_wait(sonar_rig):
     """The test above would notice.  For an alarm the loop has another guard: it sleeps only if a whole tick is left."""
     sonar_rig.machine.patch(last_check(sonar_rig)[0], NOP)
     assert max(delays_us(sonar_rig, -1)) > FRAME_LATE_US
-
-
-# ---- shares of the time
 
 
 def awake_share(rig: Rig, seconds: float) -> float:

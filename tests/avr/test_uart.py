@@ -40,14 +40,6 @@ def test_transmit_complete_waits_for_the_last_stop_bit(bench):
     assert (during, board.get("status_seen") & TXC) == (0, TXC)
 
 
-def test_received_bytes_arrive_in_order(bench):
-    """Host at 115200, board at 117647 baud: 2 % apart is close enough."""
-    board = bench("uart.c")
-    board.machine.send(b"@11,500,-800e")
-    board.machine.run(15 * HOST_BYTE_S)
-    assert board.bytes("incoming")[: board.get("incoming_count")] == b"@11,500,-800e"
-
-
 def test_a_byte_is_there_in_the_middle_of_its_stop_bit(bench):
     """Ready 9.5 of the receiver's bits after the falling edge, not before."""
     board = bench("uart.c")

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.experiments import arena, arena_sweep, trials
 from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, Drive, Sample, Spots
@@ -83,17 +82,13 @@ def test_path_keeps_away_from_all_obstacles(arenas):
 
 @pytest.mark.parametrize("each", VARIABLES, ids=lambda each: each.title)
 def test_sources_are_found_in_true_readings(flawless, each):
+    """And not in the control, whose readings count for nothing."""
     sources = np.array(places(getattr(flawless.world.scene, each.scene)))
-    objects = arena_sweep.objects(each, found(flawless, each))
-    assert arena_sweep.apart_m(sources, objects) < FOUND_M
-
-
-@pytest.mark.parametrize("each", VARIABLES, ids=lambda each: each.title)
-def test_places_say_nothing_without_an_alert_level(flawless, each):
-    """The control: the readings count for nothing."""
-    sources = np.array(places(getattr(flawless.world.scene, each.scene)))
-    objects = arena_sweep.objects(each, found(flawless, each, arena_sweep.IGNORED))
-    assert arena_sweep.apart_m(sources, objects) > 2.0
+    off_m = [
+        arena_sweep.apart_m(sources, arena_sweep.objects(each, found(flawless, each, alert)))
+        for alert in (None, arena_sweep.IGNORED)
+    ]
+    assert off_m[0] < FOUND_M < 2.0 < off_m[1]
 
 
 def test_lamp_behind_an_obstacle_is_not_ruled_out(flawless):
@@ -128,17 +123,13 @@ def test_a_few_hot_cells_are_not_an_object():
 
 def test_readings_have_the_errors_of_their_robot():
     around, errors = Environment(), EnvironmentErrors(1.0, 0.01, 0.5, 0.1, 0.1, 5.0, 2.0)
+    assert SpoiltReadings(EnvironmentErrors()).reading(around) is around
     one, same, other = (SpoiltReadings(errors, seed) for seed in (1, 1, 2))
     assert one.reading(around) == same.reading(around) != other.reading(around)
     many = [SpoiltReadings(errors, seed).reading(around) for seed in range(200)]
     assert np.std([reading.dust_pcs_l / 300.0 for reading in many]) == pytest.approx(0.14, abs=0.03)
     assert np.std([reading.pixels_c[0] for reading in many]) == pytest.approx(1.1, abs=0.2)
     assert np.std([reading.alcohol_count for reading in many]) == pytest.approx(5.4, abs=1.0)
-
-
-def test_readings_are_true_without_errors():
-    around = Environment()
-    assert SpoiltReadings(EnvironmentErrors()).reading(around) is around
 
 
 @pytest.fixture(scope="module")
@@ -165,8 +156,3 @@ def test_noise_alone_gives_no_alert(figures, each):
 def test_what_the_scene_contains_is_marked(figures):
     marked = {key for key, row in figures.items() if row.put_in}
     assert marked == {f"{each.title}_most" for each in VARIABLES}
-
-
-def test_port_is_refused():
-    with pytest.raises(ConfigError, match="leave out --port"):
-        arena_sweep.run(Setting("/nowhere", port="/dev/ttyACM0"))

@@ -38,19 +38,6 @@ def test_given_errors_are_not_drawn():
     assert (errors.turn_slip, errors.left_scale, errors.right_scale) == (0.05, 1.01, 1.01)
 
 
-@pytest.mark.parametrize("text", [disturbances.WANDER, disturbances.error(1)])
-def test_random_errors_are_in_both_options(text):
-    errors = robot_errors(text)
-    assert (errors.wheel_noise, errors.turn_noise) == (
-        disturbances.WHEEL_M2_PER_M,
-        disturbances.TURN_RAD2_PER_RAD,
-    )
-
-
-def test_sonars_have_the_noise_that_is_stated():
-    assert sonar_errors(disturbances.SONAR).noise == disturbances.SONAR_NOISE_M
-
-
 def test_the_published_curve_is_one_of_many():
     """At 2 m they spread as far as the published one is from 1 cm per count: 11 %."""
     curves = [sonar_errors(disturbances.option(**disturbances.sonar_curve(seed))) for seed in SEEDS]

@@ -3,14 +3,18 @@
 import json
 import math
 
+import numpy as np
 import pytest
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from sim_arduino.experiments import (
+    arena_sweep,
     disturbances,
     experiment_report,
     gyro,
     l_course,
+    patrol,
     power,
     sonar_approach,
     square,
@@ -18,6 +22,7 @@ from sim_arduino.experiments import (
     turnaround,
 )
 from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.experiments.occupancy import Grid
 from sim_arduino.world import grid_map, world_file
 
 LAP_CM, LAP_DEG, RANGE_CM = 1.0, 0.5, 2.0
@@ -64,9 +69,6 @@ def test_l_course_is_mapped_from_true_poses(l_course_rows, sensor, found, false)
 def test_calibrations_improve_the_map_by_sonars(l_course_rows):
     found, false = (l_course_rows[f"sonars_{which}_percent"] for which in ("found", "false"))
     assert found.ours > found.control and false.ours < false.control
-
-
-def test_odometry_on_the_l_course_has_errors(l_course_rows):
     assert l_course_rows["drift_cm"].ours > 0.5
 
 
@@ -94,12 +96,7 @@ def test_squares_close_after_calibration(square_rows, direction):
 def test_square_before_calibration_is_off_by_the_published_angle(square_rows, direction, deg):
     row = square_rows[f"{direction}_before_deg"]
     assert row.ours == pytest.approx(deg, abs=0.1) and row.put_in
-
-
-@pytest.mark.parametrize("unit", ["cm", "deg"])
-def test_control_of_the_square_is_the_laps_without_the_calibration(square_rows, unit):
-    before, after = (square_rows[f"clockwise_{when}_{unit}"] for when in ("before", "after"))
-    assert after.control == abs(before.ours)
+    assert square_rows[f"{direction}_after_deg"].control == abs(row.ours)
 
 
 def test_hidden_sonar_curves_are_found(tmp_path):
@@ -119,16 +116,10 @@ def test_packs_last_shorter_at_speed_only_if_their_current_depends_on_it(power_r
     assert ratio.worst > 1.15 and ratio.control == pytest.approx(1.0, abs=0.05)
 
 
-def test_hours_of_the_packs_are_marked_as_put_in(power_rows):
+def test_packs_last_as_long_as_put_in_and_the_driver_warns_before_it_stops(power_rows):
     hours = [power_rows[f"hours_{speed}_mm_s"] for speed in (50, 200)]
     assert all(row.put_in and 1.5 < row.worst <= row.ours < 3.2 for row in hours)
-
-
-def test_driver_warns_before_it_stops_for_the_battery(power_rows):
     assert 5 < power_rows["left_m"].worst <= power_rows["left_m"].ours < 60
-
-
-def test_packs_of_other_seeds_are_others():
     assert len({disturbances.packs(seed) for seed in range(10)}) == 10
 
 
@@ -156,7 +147,7 @@ def test_gyro_keeps_the_heading_of_a_robot_that_slips(tmp_path):
     assert heading.control > 30
 
 
-@pytest.mark.parametrize("experiment", [gyro, square, turnaround])
+@pytest.mark.parametrize("experiment", [arena_sweep, gyro, patrol, square, turnaround])
 def test_port_is_refused_where_robots_are_emulated(experiment):
     with pytest.raises(ConfigError, match="leave out --port"):
         experiment.run(Setting("/nowhere", port="/dev/ttyACM0"))
@@ -167,6 +158,7 @@ def test_result_is_read_as_it_was_saved(tmp_path):
     result = experiment_report.Result("drive", "A drive", [row], ["drive.png"], "remark")
     experiment_report.save(result, str(tmp_path))
     assert experiment_report.read(str(tmp_path), "drive") == result
+    assert json.loads((tmp_path / "drive.json").read_text())["rows"][0]["published"] == "1 m"
 
 
 def test_report_has_all_results(tmp_path):
@@ -177,30 +169,15 @@ def test_report_has_all_results(tmp_path):
 
 
 def test_maps_cells_hold_what_beams_said():
-    from mrl_driver.geometry import Pose
-    from sim_arduino.experiments.occupancy import Grid
-
     grid = Grid((0.0, 0.0), (2.0, 1.0), 0.1)
-    import numpy as np
-
     grid.beams(Pose(0.05, 0.55, 0.0), np.array([0.0]), np.array([1.0]), 4.0)
     cells = grid.map().cells[5]
     assert cells[10] == grid_map.OCCUPIED and cells[3] == grid_map.FREE and cells[15] == grid_map.UNKNOWN
 
 
 def test_sonar_without_an_echo_makes_its_cone_free():
-    from mrl_driver.geometry import Pose
-    from sim_arduino.experiments.occupancy import Grid
-
     grid = Grid((0.0, 0.0), (2.0, 1.0), 0.1)
     grid.cone(Pose(0.0, 0.55, 0.0), math.radians(18), math.inf, 1.5)
     cells = grid.map().cells
-    assert (
-        cells[5][10] == grid_map.FREE and cells[5][16] == grid_map.UNKNOWN and cells[9][3] == grid_map.UNKNOWN
-    )
-
-
-def test_json_names_what_was_published(tmp_path):
-    row = experiment_report.Figure("distance_m", "distance", 1.25, "m", "1 m")
-    experiment_report.save(experiment_report.Result("drive", "A drive", [row]), str(tmp_path))
-    assert json.loads((tmp_path / "drive.json").read_text())["rows"][0]["published"] == "1 m"
+    found = [cells[row][column] for row, column in ((5, 10), (5, 16), (9, 3))]
+    assert found == [grid_map.FREE, grid_map.UNKNOWN, grid_map.UNKNOWN]

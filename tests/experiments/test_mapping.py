@@ -70,11 +70,6 @@ def test_a_wrong_recording_is_refused_in_one_line(tmp_path, text, said):
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_a_recording_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(ConfigError, match="No such file.*, expected recorded key presses"):
-        key_presses.read(str(tmp_path / "keys.csv"))
-
-
 def test_packaged_recording_begins_with_a_rest_and_ends_with_a_stop():
     """The gyro's bias is learned in the rest."""
     presses = key_presses.read(mapping.KEYS)
@@ -103,10 +98,8 @@ def figures(tmp_path_factory):
 
 def test_a_gyro_knows_the_heading_that_the_wheels_lose(figures):
     assert figures["heading_wheels_deg"].ours > LOST_DEG and figures["heading_wheels_deg"].put_in
-    assert (
-        figures["heading_gyro_deg"].ours < KNOWN_DEG
-        and figures["heading_calibrated_deg"].ours < CALIBRATED_DEG
-    )
+    assert figures["heading_gyro_deg"].ours < KNOWN_DEG
+    assert figures["heading_calibrated_deg"].ours < CALIBRATED_DEG
 
 
 @pytest.mark.parametrize("poses", ["gyro", "calibrated", "true"])

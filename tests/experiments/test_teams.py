@@ -59,20 +59,14 @@ def mixed_rows(tmp_path_factory):
 
 
 def test_mixed_team_does_not_collide(mixed_rows):
+    """Unless real and virtual robots do not see each other."""
     assert mixed_rows["collided"].ours == "0 of 1" and mixed_rows["distance_m"].ours > 7
-
-
-def test_mixed_team_collides_if_real_and_virtual_robots_do_not_see_each_other(mixed_rows):
     assert mixed_rows["collided"].control == "1 of 1"
 
 
 def test_robot_that_slips_does_not_touch_the_virtual_one_whose_echoes_it_hears(mixed_rows):
     assert (mixed_rows["slip_touched"].ours, mixed_rows["slip_touched"].control) == ("0 of 1", "1 of 1")
     assert mixed_rows["slip_nearest_m"].ours > 0.5 > mixed_rows["slip_nearest_m"].control
-
-
-def test_pairs_of_other_seeds_start_elsewhere():
-    assert len({mixed_team.pair(seed)[0].start for seed in range(10)}) == 10
 
 
 @pytest.mark.parametrize(
@@ -110,12 +104,10 @@ def shared_runs():
 
 
 def test_robots_that_claim_the_shared_waypoint_do_not_collide(shared_runs):
-    claimed, _ = shared_runs
+    """And do if every claim is granted at once."""
+    claimed, granted = shared_runs
     assert (claimed.team.collisions, claimed.rounds) == (0, 3)
-
-
-def test_robots_collide_if_every_claim_is_granted_at_once(shared_runs):
-    assert shared_runs[1].team.collisions
+    assert granted.team.collisions
 
 
 def test_rows_of_the_shared_waypoint_have_a_control_and_a_run_through_ros(shared_runs, tmp_path):
@@ -153,13 +145,12 @@ def test_each_waypoint_of_the_patrol_is_visited_by_one_robot(beats_of):
     assert sorted(sum(orders, [])) == list(patrol.EVERYTHING)
 
 
-def test_patrols_of_other_seeds_have_other_waypoints_and_begin_at_another_one():
+def test_other_seeds_are_other_runs():
+    """The robots of a patrol share its waypoints, also in the control."""
     beats = [patrol.one(seed)[0] for seed in range(10)]
     assert len({tuple(beat.points) for beat in beats}) == 10 and len({beat.order[0] for beat in beats}) > 3
-
-
-def test_robots_of_a_patrol_share_its_waypoints_also_in_the_control():
     assert len({tuple(beat.points) for each in (False, True) for beat in patrol.three(1, each)}) == 1
+    assert len({mixed_team.pair(seed)[0].start for seed in range(10)}) == 10
 
 
 @pytest.mark.parametrize("off_m, counted", [(0.2, 1), (0.3, 0)])
@@ -186,8 +177,3 @@ def test_claims_come_through_a_bad_channel():
     for tick in range(600):
         exchange(claims, channel, 0.05 * tick)
     assert [claim.held for claim in claims] == [False, True, False]
-
-
-def test_port_is_refused_where_robots_are_emulated():
-    with pytest.raises(ConfigError, match="leave out --port"):
-        patrol.run(Setting("/nowhere", port="/dev/ttyACM0"))

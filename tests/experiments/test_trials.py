@@ -1,5 +1,7 @@
 """Figures over many seeds: which seeds, and what is reported of them."""
 
+import pytest
+
 from sim_arduino.experiments import trials
 from sim_arduino.experiments.experiment_report import Figure, cells
 from sim_arduino.experiments.experiment_robot import Setting
@@ -21,21 +23,20 @@ def test_figure_is_the_median_with_the_worst_run_and_the_median_of_the_control()
     figure = trials.figure(
         "error_cm", "error", [1.0, 9.0, 2.0], "cm", control=[4.0, 5.0, 6.0], published="3 cm"
     )
+    assert trials.figure("found", "", [80.0, 90.0], worst=min).worst == 80.0
     assert figure == Figure("error_cm", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=3)
 
 
-def test_worst_share_is_the_smallest():
-    assert trials.figure("found", "", [80.0, 90.0], worst=min).worst == 80.0
-
-
-def test_cells_show_the_number_of_seeds_and_what_was_put_in():
-    figure = Figure("error_cm", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=10, put_in=True)
-    assert cells(figure) == ["error", "2 cm (put in)", "9 cm of 10", "5 cm", "3 cm"]
-
-
-def test_cells_of_a_single_run_without_control_are_empty():
-    assert cells(Figure("hours", "duration", 2, "h")) == ["duration", "2 h", "", "", ""]
-
-
-def test_cells_of_a_mean_over_seeds_have_no_worst_value():
-    assert cells(Figure("mean", "mean of all", 2.0, seeds=100))[2] == ""
+@pytest.mark.parametrize(
+    ("figure", "shown"),
+    [
+        (
+            Figure("error", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=10, put_in=True),
+            ["error", "2 cm (put in)", "9 cm of 10", "5 cm", "3 cm"],
+        ),
+        (Figure("hours", "duration", 2, "h"), ["duration", "2 h", "", "", ""]),
+        (Figure("mean", "mean of all", 2.0, seeds=100), ["mean of all", "2", "", "", ""]),
+    ],
+)
+def test_cells_show_seeds_control_and_what_was_put_in(figure, shown):
+    assert cells(figure) == shown

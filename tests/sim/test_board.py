@@ -113,9 +113,6 @@ def test_short_gap_loses_nothing():
     assert board.advance(1.3) == b"@15,0e\r\n"
 
 
-# ---- EEPROM
-
-
 @pytest.mark.parametrize(
     ("image", "robot_id", "axis_radius", "sound"),
     [

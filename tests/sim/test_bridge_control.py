@@ -37,9 +37,6 @@ def is_driven(board):
     return any(motor.shares.forward or motor.shares.backward for motor in board.plant.robot.motors)
 
 
-# ---- a process that stood still
-
-
 def test_the_watchdog_switches_the_outputs_of_a_standing_program_off(driving):
     """It drives on until then, and rolls out."""
     before_m = driving.plant.true_pose.x_m
@@ -54,9 +51,6 @@ def test_counts_go_on_while_the_program_stands_still(driving):
     driving.receive(b"@6e")
     (reply,) = FrameDecoder(REPLIES).feed(driving.advance(11.0))
     assert reply.args[1] * DUO.drive.metres_per_count == pytest.approx(driving.plant.true_pose.x_m, abs=1e-3)
-
-
-# ---- numbers
 
 
 @pytest.mark.parametrize(

@@ -45,9 +45,6 @@ class Watched(World):
         return super().clearance(*args)
 
 
-# ---- bodies
-
-
 def test_a_box_has_the_length_and_width_of_the_model():
     assert footprint_for(TRAXBOT) == Footprint(0.225, 0.204)
     assert footprint_for(TRAXBOT, "box") == footprint_for(TRAXBOT)
@@ -63,9 +60,6 @@ def test_a_board_without_motors_has_no_box_but_may_be_a_circle():
     assert footprint_for(board) is None
     assert footprint_for(board, "circle:0.25") == Footprint(0.5, 0.5, True)
     assert footprint_for(TRAXBOT, "none") is None
-
-
-# ---- the share of a motion
 
 
 @pytest.mark.parametrize("way_m", [0.89, -0.5, 0.0])
@@ -117,9 +111,6 @@ def test_a_robot_that_is_clear_may_not_begin_a_contact_that_is_no_deeper_than_no
 def test_a_box_is_stopped_by_its_bow():
     box = Footprint(0.4, 0.2)
     assert share_of(0.2, start=Pose(0.7, 0.0, 0.0), footprint=box) == pytest.approx(0.5, abs=2 * STEP)
-
-
-# ---- what is certainly free
 
 
 @pytest.mark.parametrize(

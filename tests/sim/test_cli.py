@@ -35,13 +35,6 @@ def test_options_that_mrl_has_too(capsys, option, words):
     assert capsys.readouterr().out.startswith(words)
 
 
-def test_prints_the_path_that_it_serves():
-    with Simulator() as simulator:
-        assert simulator.path.startswith("/dev/pts/")
-        with Client(simulator.path) as client:
-            assert client.ask(b"@5e") == b"@5,2500,172,1360,2,1e\r\n"
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_ends_cleanly_and_removes_its_link(tmp_path, number):
     link = tmp_path / "ttyTRAX0"
@@ -56,6 +49,7 @@ def test_ends_cleanly_and_removes_its_link(tmp_path, number):
     "options, answer",
     [
         (("--environment", "--imu"), b"@29,2,4527e\r\n"),
+        ((), b"@5,2500,172,1360,2,1e\r\n"),
         (("--robot", "stingbot"), b"@5,2500,172,1360,2,4e\r\n"),
         (("--id", "3"), b"@5,2500,172,1360,2,3e\r\n"),
         (("--battery", "8.8"), b"@5,2500,172,880,2,1e\r\n"),
@@ -109,9 +103,6 @@ def test_runs_with_its_stdout_closed(tmp_path):
         assert client.ask(b"@15e") == b"@15,0e\r\n"
     process.terminate()
     assert (process.communicate(timeout=PATIENCE_S)[1], process.returncode) == ("", 0)
-
-
-# ---- programs come and go
 
 
 def test_survives_programs_that_die_and_come_back():
@@ -176,20 +167,11 @@ def test_a_stopped_process_is_a_stall_of_the_board():
         assert client.ask_until(b"@30e", b"@30,").endswith(b",3,0,0e\r\n")
 
 
-# ---- bad input
-
-
 @pytest.mark.parametrize(
     "options, text",
     [
         (("--robot", "nope"), f"robot 'nope' is unknown, expected {', '.join(models.packaged())}"),
-        (
-            ("--world", "nope"),
-            "world 'nope' is unknown, expected corridor, hazards, house, l-course, room, square, steps",
-        ),
-        (("--pose", "1,2"), "pose is '1,2', expected X,Y,YAW"),
         (("--id", "99999"), "99999, expected 0 to 32767"),
-        (("--battery", "x"), "'x', expected a number"),
         (("--battery", "nan"), "battery is nan, expected 0 to 15"),
         (("--speed", "nan"), "speed is nan, expected 0.01 to 1000 times real time"),
         (("--engine", "pic"), "'pic' is not one of"),
@@ -202,7 +184,6 @@ def test_a_stopped_process_is_a_stall_of_the_board():
             "image nope.elf does not exist, expected an ELF or Intel HEX file; without --elf the packaged one runs",
         ),
         (("--engine", "avr", "--profile", "2013-august"), "expected --engine python"),
-        (("--imu-seed", "3"), "errors of an IMU are given without an IMU, expected --imu too"),
         (("--imu", "--profile", "2013-august"), "expected current: boards of 2013 have no IMU"),
         (("--truth", "/nope/truth"), "--truth /nope/truth cannot be written: No such file"),
         (("--nope",), "No such option"),

@@ -60,9 +60,6 @@ def test_orders_may_end_without_ending_the_board():
         assert client.ask(b"@15e") == b"@15,0e\r\n"
 
 
-# ---- in process
-
-
 @pytest.mark.parametrize(
     "order, text",
     [

@@ -136,8 +136,6 @@ def test_both_engines_drive_the_same_course():
     assert abs(one.yaw_rad) > 1.0
 
 
-# ---- faults
-
 STOPS = [  # fault, stop reason, longest time until the bridges stop driving [s]
     ("wheel_blocked", "wheel_blocked", 0.5),
     ("encoder_open", "encoder", 0.2),

@@ -6,7 +6,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.world import world_file
 from sim_arduino.world.free_places import GAP_M, free_places
-from sim_arduino.world.shapes import Footprint, Wall
+from sim_arduino.world.shapes import Footprint, Wall, polygon
 from sim_arduino.world.world import World
 
 RADIUS_M = 0.16
@@ -33,12 +33,7 @@ def test_no_robot_is_on_the_other_side_of_a_wall():
 
 
 def test_a_smaller_world_has_its_places_closer_together():
-    walls = [
-        Wall(-0.8, -0.8, 0.8, -0.8),
-        Wall(0.8, -0.8, 0.8, 0.8),
-        Wall(0.8, 0.8, -0.8, 0.8),
-        Wall(-0.8, 0.8, -0.8, -0.8),
-    ]
+    walls = polygon([(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)])
     places = free_places(World(walls), 0.1, 9)
     assert min(abs(place.y_m) for place in places if place.y_m) == pytest.approx(0.5)
     assert len(free_places(World(walls), 0.1, 20)) == 20

@@ -204,17 +204,6 @@ def test_an_imu_that_is_gone_comes_back(fault):
     assert gone == b""
 
 
-def test_a_short_loss_of_power_is_noticed_by_the_settings():
-    """The chip sleeps; nothing that it measured asleep is sent."""
-    board, _ = measuring("imu_power:at=0.51,lasts=0.001")
-    board.advance(0.51)
-    gap = board.advance(0.57)
-    after = board.advance(0.7).split(b"\r\n")
-    assert gap == b""
-    assert len(after) > 3
-    assert not any(b"@46,0,0,0,0,0,0e" in frame for frame in after)
-
-
 def test_a_frozen_imu_repeats_its_reading():
     board, _ = measuring("imu_frozen:at=0.5")
     frames = board.advance(1.0).split(b"\r\n")[1:-1]

@@ -70,9 +70,6 @@ def turned(plant, drive_s):
     return total
 
 
-# ---- registers
-
-
 @pytest.mark.parametrize("who_am_i, power", [(chip.MPU6050, chip.SLEEP), (chip.MPU9250, 0x01)])
 def test_only_an_mpu_6050_sleeps_after_power_up(who_am_i, power):
     imu = Mpu6050(InertialSensor(ImuMount()), lambda time_s: None, who_am_i)
@@ -127,9 +124,6 @@ def test_rates_beyond_full_scale_saturate():
     assert measured(imu)[1][2] == 32767 * RAD_S_PER_COUNT
 
 
-# ---- samples and filter
-
-
 @pytest.mark.parametrize("pieces", [1, 7, 1000])
 def test_samples_come_at_their_rate_however_the_motion_is_cut(pieces):
     sensor = InertialSensor(ImuMount(), SILENT)
@@ -159,9 +153,6 @@ def test_a_long_rest_skips_samples_and_keeps_count():
     sensor.moved(1000.0, 0.0, 0.0, 0.0)
     assert sensor.samples == pytest.approx(200020, abs=1)
     assert sensor.gyro_rad_s[2] == pytest.approx(0.0, abs=EXACT)
-
-
-# ---- the robot's true motion
 
 
 @pytest.mark.parametrize("slip", [False, True])
@@ -209,9 +200,6 @@ def test_the_mount_turns_what_is_measured():
     assert accel[2] == pytest.approx(-chip.G_M_S2, abs=COUNT * M_S2_PER_COUNT)
 
 
-# ---- errors
-
-
 def test_bias_and_scale_are_in_the_readings():
     imu = alone(SILENT._replace(gyro_bias_rad_s=(0.1, 0.2, 0.3), gyro_scale=(1.0, 1.0, 1.03)))
     imu.moved(1.0, 0.0, 0.0, 1.0)
@@ -230,15 +218,6 @@ def test_noise_has_the_density_that_is_asked_for():
             total = [before + rate * PERIOD_S for before, rate in zip(total, sensor.gyro_rad_s)]
         sums += total
     assert statistics.pstdev(sums) == pytest.approx(density * math.sqrt(0.5 * 0.5), rel=0.15)
-
-
-def test_chips_with_other_errors_have_other_noise():
-    noisy, noise = SILENT._replace(gyro_noise=1e-3), []
-    for bias in (0.0, 0.1):
-        sensor = InertialSensor(ImuMount(), noisy._replace(gyro_bias_rad_s=(bias, 0.0, 0.0)))
-        sensor.moved(1.0, 0.0, 0.0, 0.0)
-        noise.append(sensor.gyro_rad_s[2])
-    assert noise[0] != noise[1]
 
 
 def test_the_bias_walks_with_the_root_of_time():
@@ -261,11 +240,6 @@ def test_drawn_errors_are_repeatable_and_within_the_data_sheet():
     assert statistics.pstdev(scales) == pytest.approx(0.01, rel=0.1)
 
 
-def test_readings_of_a_flawless_robot_at_rest_still_change():
-    plant = robot(chip.FLAWLESS_IMU)
-    assert len({tuple(measured(plant.imu, 1.0 + 0.02 * step)[0]) for step in range(10)}) == 10
-
-
 def test_rounding_does_not_shift_the_mean():
     """A third of a count is seen in the mean, as with the noise of a real chip."""
     imu, counts = alone(SILENT._replace(gyro_bias_rad_s=(0.0, 0.0, RAD_S_PER_COUNT / 3))), []
@@ -273,12 +247,6 @@ def test_rounding_does_not_shift_the_mean():
         imu.moved(PERIOD_S, 0.0, 0.0, 0.0)
         counts.append(measured(imu)[1][2] / RAD_S_PER_COUNT)
     assert statistics.mean(counts[10:]) == pytest.approx(1 / 3, abs=0.05)
-
-
-# ---- on the bus
-
-
-# ---- options
 
 
 def fitted(**options):
@@ -294,13 +262,6 @@ def test_the_seed_draws_its_errors():
     bias = ImuErrors.drawn(3).gyro_bias_rad_s
     assert imu.sensor.gyro_rad_s != pytest.approx(bias, abs=1e-9)
     assert imu.sensor.gyro_rad_s == pytest.approx(bias, abs=math.radians(0.3))
-
-
-def test_errors_can_be_given_one_by_one():
-    imu = fitted(imu=True, imu_errors=SILENT._replace(gyro_scale=(1.0, 1.0, 1.02)))
-    set_up(imu)
-    imu.moved(1.0, 0.0, 0.0, 1.0)
-    assert imu.sensor.gyro_rad_s[2] == pytest.approx(1.02)
 
 
 def test_each_robot_of_a_team_has_errors_of_its_own():

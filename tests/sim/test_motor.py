@@ -34,9 +34,6 @@ def set_points(motor, ticks, gains=SET_POINT):
     return seen
 
 
-# ---- data
-
-
 def test_the_gains_are_those_of_a_traxbot():
     board = models.load("traxbot").board
     assert ControlSettings() == ControlSettings(
@@ -49,9 +46,6 @@ def test_the_motor_is_that_of_a_traxbot():
     metres_per_count = models.load("traxbot").base.metres_per_count
     assert (PARAMS.time_constant_s, PARAMS.nominal_v, PARAMS.friction_counts_s) == (0.08, 12.0, 0.0)
     assert PARAMS.brake_counts_s2 * metres_per_count == pytest.approx(2.0, rel=0.05)
-
-
-# ---- the three gains
 
 
 @pytest.mark.parametrize(
@@ -135,9 +129,6 @@ def test_a_control_tick_leaves_a_given_duty_and_a_brake_alone():
     assert (braked.duty, braked.mode, braked.speed) == (0.0, Mode.BRAKE, 500.0)
 
 
-# ---- the ramp
-
-
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_ramp_rises_by_the_same_speed_each_tick_and_ends_at_the_target(sign):
     """7500 count/s in 2.5 s are 150 a tick."""
@@ -162,9 +153,6 @@ def test_the_ramp_takes_off_from_standstill_at_its_gain_and_not_above_the_target
     motor.set_speed(sign * 7000.0)
     seen = set_points(motor, 2, gains)
     assert seen == pytest.approx([sign * first, sign * min(7000.0, first + 150.0)])
-
-
-# ---- rest
 
 
 @pytest.mark.parametrize(("speed", "left"), [(0.99, 0.0), (-0.99, 0.0), (1.0, 1.0), (-1.0, -1.0)])
@@ -233,17 +221,10 @@ def test_a_motor_rests_without_speed_and_without_duty(command, speed, duty, rest
 
 def test_a_brake_takes_the_duty_away_at_once():
     motor = Motor(PARAMS)
+    assert (motor.mode, motor.travel, motor.at_rest) == (Mode.BRAKE, 0.0, True), "after power-up"
     motor.set_duty(0.5)
     motor.brake()
     assert (motor.mode, motor.duty) == (Mode.BRAKE, 0.0)
-
-
-def test_a_motor_is_braked_after_power_up():
-    motor = Motor(PARAMS)
-    assert (motor.mode, motor.travel, motor.at_rest) == (Mode.BRAKE, 0.0, True)
-
-
-# ---- positions
 
 
 @pytest.mark.parametrize(
@@ -313,9 +294,6 @@ def test_a_new_goal_keeps_the_ramp():
     assert set_points(motor, 1) == pytest.approx([450.0])
 
 
-# ---- wires, encoders and held wheels
-
-
 @pytest.mark.parametrize("polarity", [1.0, -1.0])
 @pytest.mark.parametrize("sensed", [1.0, 0.0, -1.0])
 def test_wires_turn_the_motor_and_channels_turn_what_the_encoder_shows(sensed, polarity):
@@ -334,9 +312,6 @@ def test_a_wheel_that_is_held_does_not_move_and_has_no_speed(command):
     command(motor)
     motor.blocked = True
     assert (motor.move(0.1, VOLTS), motor.travel, motor.speed) == (0.0, 0.0, 0.0)
-
-
-# ---- friction and brake
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -407,17 +382,6 @@ def test_motion_does_not_depend_on_the_steps(mode, duty, pieces, speed):
         many.move(piece, VOLTS)
     assert many.travel == pytest.approx(one.travel, abs=1e-6)
     assert many.speed == pytest.approx(one.speed, abs=1e-6)
-
-
-def test_coasting_ends_where_friction_has_it():
-    """v' = -(v + f) / tau from v0: at rest after tau ln(1 + v0 / f), having gone tau v0 less f times that."""
-    motor, tau, friction = spinning(3000.0, LOADED), LOADED.time_constant_s, LOADED.friction_counts_s
-    motor.set_duty(0.0)
-    to_rest = tau * math.log(1 + 3000.0 / friction)
-    motor.move(to_rest - 1e-6, VOLTS)
-    assert 0.0 < motor.speed < 1.0
-    motor.move(1.0, VOLTS)
-    assert (motor.speed, motor.travel) == pytest.approx((0.0, tau * 3000.0 - friction * to_rest))
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -119,9 +119,6 @@ def test_settings_end_with_their_program(port):
     assert termios.tcgetattr(port.master) == before
 
 
-# ---- link
-
-
 def test_a_link_replaces_an_old_one_until_it_is_removed(tmp_path):
     name = str(tmp_path / "ttyTRAX0")
     SymbolicLink(name, "/dev/pts/98")

@@ -55,37 +55,23 @@ def pair():
     return Module(medium, ONE), Module(medium, TWO, 3.0)
 
 
-# ---- the module
-
-
 def test_text_arrives_with_the_addresses_of_its_sender(pair):
+    """As API mode 1 has no escapes, each value of a byte is possible."""
     one, two = pair
-    one.send(TWO, b"hello")
-    (got,) = two.packets()
-    assert (
-        got == b"\x90" + ONE.to_bytes(8, "big") + one.xbee.station.network.to_bytes(2, "big") + b"\x01hello"
-    )
-
-
-def test_texts_are_bytes(pair):
-    """As API mode 1 has no escapes, each value is possible."""
-    one, two = pair
-    one.send(TWO, bytes(range(84)))
-    one.send(TWO, bytes(range(172, 256)), at_s=1.0)
-    assert two.texts() == [bytes(range(84)), bytes(range(172, 256))]
+    texts = bytes(range(84)), bytes(range(172, 256))
+    for number, text in enumerate(texts):
+        one.send(TWO, text, at_s=number)
+    sender = ONE.to_bytes(8, "big") + one.xbee.station.network.to_bytes(2, "big")
+    assert two.packets() == [b"\x90" + sender + b"\x01" + text for text in texts]
 
 
 def test_sender_gets_the_status_of_its_text(pair):
+    """Frame id 0 asks for none."""
     one, two = pair
     one.send(TWO, b"hello", frame=7)
+    one.send(TWO, b"hello", frame=0)
     (got,) = one.packets()
     assert got == b"\x8b\x07" + two.xbee.station.network.to_bytes(2, "big") + b"\0\0\x01"
-
-
-def test_frame_id_0_asks_for_no_status(pair):
-    one, _ = pair
-    one.send(TWO, b"hello", frame=0)
-    assert one.packets() == []
 
 
 def test_broadcast_reaches_all_others(pair):
@@ -121,19 +107,19 @@ def test_at_commands_read_values_and_refuse_what_is_unknown_or_fixed(pair, comma
     assert one.packets() == [b"\x88" + answer]
 
 
+def test_cut_radio_sends_nothing(pair):
+    one, two = pair
+    one.xbee.set(cut=True)
+    one.send(BROADCAST, b"hello")
+    assert two.texts() == []
+
+
 def test_radio_that_was_met_and_is_gone_does_not_acknowledge(pair):
     one, two = pair
     one.send(TWO, b"hello")
     two.xbee.set(cut=True)
     one.send(TWO, b"again")
     assert one.statuses() == [0x00, 0x21]
-
-
-def test_cut_radio_sends_nothing(pair):
-    one, two = pair
-    one.xbee.set(cut=True)
-    one.send(BROADCAST, b"hello")
-    assert two.texts() == []
 
 
 def test_each_node_answers_a_search_once_and_no_packet_ends_it(pair):
@@ -172,9 +158,6 @@ def test_two_radios_cannot_have_one_address(pair):
     one, _ = pair
     with pytest.raises(ConfigError, match="address 0013a20040000001 is taken"):
         Module(one.medium, ONE)
-
-
-# ---- the air
 
 
 @pytest.mark.parametrize("x_m, texts", [(5.0, 1), (5.01, 0)])
@@ -227,9 +210,6 @@ def test_a_seed_repeats_the_losses():
         return two.texts()
 
     assert arrivals(1) == arrivals(1) != arrivals(2)
-
-
-# ---- boards
 
 
 class Boards:

@@ -39,8 +39,6 @@ def test_the_same_seed_gives_the_same_bytes():
     assert bytes_of(seed=7) == bytes_of(seed=7) != bytes_of(seed=8)
 
 
-# ---- errors of the sonars
-
 ROUND_S = 3 * READING_S
 
 
@@ -101,9 +99,6 @@ def test_a_robot_that_faces_away_or_stands_behind_a_wall_or_far_off_is_not_heard
     assert len(set(counts(SonarErrors(crosstalk=1.0), 100, 0, [other], wall_x))) == 1
 
 
-# ---- time
-
-
 def test_the_time_of_a_fast_board_runs_ahead_of_the_hosts(tmp_path):
     """How far is up to the machine."""
     truth = tmp_path / "truth.jsonl"
@@ -116,9 +111,6 @@ def test_the_time_of_a_fast_board_runs_ahead_of_the_hosts(tmp_path):
         wait_until(lambda: gone_s()[0] > 1.0)
     board_s, host_s = gone_s()
     assert board_s > 2 * host_s > 0
-
-
-# ---- pictures
 
 
 def moved():

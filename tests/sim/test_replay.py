@@ -221,9 +221,6 @@ def test_memory_does_not_grow_with_the_file(tmp_path):
     assert after_kb - before_kb < MEMORY_KB
 
 
-# -- as a command
-
-
 def mrl(*args):
     command = [MRL, "replay", *map(str, args)]
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)

@@ -3,7 +3,6 @@
 import inspect
 import json
 import os
-import signal
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,7 @@ from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 from tests.shortage import descriptors_left, errors_of_each_step
 from tests.sim.simulator import Client, Simulator
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import wait_until
 
 BOX = Footprint(0.2, 0.1)
 
@@ -103,9 +102,6 @@ def test_bad_world_names(name):
         SharedRegistry(name)
 
 
-# ---- mirrors
-
-
 def shared(registry):
     """A world without walls and with these robots."""
     world = World()
@@ -139,9 +135,6 @@ def test_a_bad_line_is_named_by_its_number(line):
         follow(mirror, ["\n", line])
 
 
-# ---- boards
-
-
 def test_boards_of_two_processes_bump_into_each_other(lab, tmp_path):
     """One drives 1 m towards the other, which stands; bow to bow they are 0.225 m apart."""
     truth = tmp_path / "truth"
@@ -160,21 +153,6 @@ def test_boards_of_two_processes_bump_into_each_other(lab, tmp_path):
 def last(truth):
     rows = truth.read_text().splitlines()
     return json.loads(rows[-1])["x"] if rows and rows[-1].endswith("}") else 0.0
-
-
-def test_a_board_is_not_put_into_another(lab):
-    shared = [sys.executable, "-m", "sim_arduino.serve.main", "--world-name", lab]
-    with Simulator("--world-name", lab, "--name", "one"):
-        done = subprocess.run([*shared, "--name", "two"], capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode == 2
-    assert done.stderr.count("\n") == 1
-    assert "another robot (one), expected free floor; give another pose with --pose X,Y,YAW" in done.stderr
-
-
-def test_nothing_is_left_behind(lab, tmp_path):
-    with Simulator("--world-name", lab, "--name", "one") as simulator:
-        simulator.end(signal.SIGTERM)
-    assert os.listdir(tmp_path / "mrl-sim" / lab) == []
 
 
 def at_each_step(action, look):

@@ -38,12 +38,9 @@ def test_what_is_nearer_than_the_dead_zone_reads_as_its_edge():
     assert count_of(0.05) == count_of(0.15)
 
 
-def test_nothing_in_range_is_the_full_count():
-    assert count_of(float("inf")) == FULL_COUNT
-
-
 def test_nothing_in_range_is_the_full_count_of_another_curve():
     """Which reaches farther than the sonar before its voltage is at its end."""
+    assert count_of(float("inf")) == FULL_COUNT
     assert count_of(6.4, OTHER_CURVE) < count_of(float("inf"), OTHER_CURVE) == FULL_COUNT
 
 
@@ -54,17 +51,11 @@ def test_sonar_reports_by_its_own_curve():
     assert counts(sonars, 0.45)[0] == count_of(1.0, OTHER_CURVE) != count_of(1.0)
 
 
-def test_no_voltage_before_the_first_reading():
-    sonars = chain()
-    sonars.trigger(0.3)
-    assert counts(sonars, 0.399) == [0, 0, 0]
-
-
 def test_sensors_take_turns_of_100_ms():
     sonars = chain()
     sonars.trigger(0.3)
-    ready = [[bool(count) for count in counts(sonars, time_s)] for time_s in (0.41, 0.51, 0.61)]
-    assert ready == [[True, False, False], [True, True, False], [True, True, True]]
+    ready = [[bool(count) for count in counts(sonars, time_s)] for time_s in (0.399, 0.41, 0.51, 0.61)]
+    assert ready == [[False] * 3, [True, False, False], [True, True, False], [True] * 3]
 
 
 def test_a_trigger_makes_one_round():
@@ -103,9 +94,6 @@ def test_echo_is_of_the_moment_the_sensor_fires():
 
 def test_an_input_without_a_sonar_is_0_v():
     assert chain().volts(3, 1.0) == 0.0
-
-
-# ---- a trigger that stays high, as the firmware of August 2013 leaves it
 
 
 def test_a_trigger_that_stays_high_starts_round_after_round():

@@ -1,4 +1,4 @@
-"""Emulated boards without motors: no motor board on the bus, no body in the world."""
+"""Emulated boards without motors: no motor board on the bus, no body in the world; and options that do not fit."""
 
 import pytest
 
@@ -26,16 +26,31 @@ def test_other_robots_pass_where_it_stands(plant):
     factory.make(factory.Options(pose="0.5,0.5,0"), plant.world).close()
 
 
-@pytest.mark.parametrize(
-    "option, value", [("omni", True), ("slip", True), ("error", "axle=1.01"), ("battery", 9.0)]
-)
-def test_options_for_motors_are_refused(option, value):
-    with pytest.raises(ConfigError, match=f"--{option} is given for robot pioneer, which has no motors"):
-        factory.make(factory.Options(robot="pioneer", **{option: value}))
-
-
 def test_world_with_one_that_stands_there_is_refused(tmp_path):
     path = tmp_path / "hall.yaml"
     path.write_text("walls: [[0, 0, 1, 0]]\nrobots: {cart: [1, 1, 0, pioneer]}\n")
     with pytest.raises(ConfigError, match="hall.yaml: robots.cart: robot pioneer is a board without motors"):
         world_file.load(str(path))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"robot": "pioneer", "omni": True}, "--omni is given for robot pioneer, which has no motors"),
+        ({"robot": "pioneer", "slip": True}, "--slip is given for robot pioneer, which has no motors"),
+        (
+            {"robot": "pioneer", "error": "axle=1.01"},
+            "--error is given for robot pioneer, which has no motors",
+        ),
+        ({"robot": "pioneer", "battery": 9.0}, "--battery is given for robot pioneer, which has no motors"),
+        ({"robot": "traxbot", "wiring": 1}, "robot traxbot, which has an OMNI-3MD; expected .* duo"),
+        ({"robot": "duo", "wiring": 256}, "wiring is 256, expected 0 to 255"),
+        ({"robot": "duo", "environment": True}, "--environment is given for robot duo"),
+        ({"robot": "duo", "omni": True}, "--omni is given for robot duo"),
+        ({"robot": "duo", "profile": "2013-august"}, "boards of 2013 have no H-bridge"),
+    ],
+)
+def test_options_that_do_not_fit_the_robot_are_refused_in_one_line(options, message):
+    with pytest.raises(ConfigError, match=message) as error:
+        factory.make(factory.Options(**options))
+    assert "\n" not in str(error.value)

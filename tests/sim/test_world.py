@@ -37,9 +37,6 @@ def test_the_nearest_point_of_the_walls_in_a_cone(walls, range_m):
     assert World(walls).nearest(ORIGIN, CONE_RAD, RANGE_M) == pytest.approx(range_m)
 
 
-# ---- YAML
-
-
 def write(folder, text):
     path = folder / "world.yaml"
     path.write_text(text)
