@@ -209,7 +209,7 @@ _OTHERS: Tuple[Command, ...] = (
         Field("motor", 1, 3, "", "Motor of the motor board."), Field("speed", -100, 100, "%", _PERCENT),
         _int16("position", "count", "Encoder count to reach.")), turns=True),
     Command(13, "stop", "Stop the motors at once; accepted without a checksum in every state."),
-    Command(14, "reset_encoders", "Set all counters to 0."),
+    Command(14, "reset_encoders", "Set all counters to 0; the firmware of 2013 leaves them."),
     Command(15, "get_debug", "Is free text printed?", (), (_flag("debug", "1: yes."),)),
     Command(16, "set_debug", "Print free text, or not.", (_flag("debug", "1: yes."),)),
     Command(17, "get_stream", "Is a stream running, other than the IMU's?", (), (_flag("stream", "1: yes."),)),

@@ -1,7 +1,7 @@
 """Robots visit the same waypoints again and again: how long is each one not visited, with one robot and with three?
 
-Idleness as in Machado et al. 2002.  A team divides the waypoints among its robots.  In the control, each robot drives
-to any of all the waypoints in random order.
+Idleness as in Machado et al. 2002.  A team divides the waypoints among its robots.  In the control of one robot, it
+drives to the waypoints in random order; in that of the team, each robot drives a tour of all waypoints.
 """
 
 import math
@@ -43,7 +43,8 @@ ORDERS = 200
 REMARK = (
     "In simulated time, on emulated boards. The seed draws where the waypoints are and where robots begin. Idleness is "
     "the time since the last visit of a waypoint (Machado et al. 2002); the mean is that of all waypoints and of the "
-    "whole run. In the control, robots choose the next waypoint at random."
+    "whole run. In the control of one robot it chooses the next waypoint at random, which any order beats; in "
+    "that of the team each robot drives a tour of all waypoints, and nothing is divided."
 )
 
 
@@ -75,24 +76,38 @@ def drawn_points(seed: int) -> List[Point]:
     return [(x + rng.uniform(-MOVED_M, MOVED_M), y + rng.uniform(-MOVED_M, MOVED_M)) for x, y in POINTS]
 
 
-def one(seed: int, at_random: bool = False) -> List[Beat]:
+def one(seed: int) -> List[Beat]:
     """One robot that visits all waypoints."""
-    return [_beat("robot1", EVERYTHING, seed, at_random)]
+    return [_beat("robot1", EVERYTHING, seed)]
 
 
-def three(seed: int, at_random: bool = False) -> List[Beat]:
+def one_at_random(seed: int) -> List[Beat]:
+    """One robot that visits all waypoints in random order."""
+    (beat,) = one(seed)
+    return [beat._replace(order=_random_order(beat.order[-1], random.Random(f"patrol order {seed}")))]
+
+
+def three(seed: int) -> List[Beat]:
     """Three robots that divide the waypoints."""
-    return [_beat(name, places, seed, at_random) for name, places in SHARES.items()]
+    return [_beat(name, places, seed) for name, places in SHARES.items()]
 
 
-def _beat(name: str, places: Sequence[int], seed: int, at_random: bool) -> Beat:
+def three_alone(seed: int) -> List[Beat]:
+    """Three robots, each of which drives a tour of all waypoints; they start as those that divide them."""
+    return [beat._replace(order=_from(beat.order[-1] + 1)) for beat in three(seed)]
+
+
+def _from(place: int) -> List[int]:
+    return [(place + i) % len(POINTS) for i in EVERYTHING]
+
+
+def _beat(name: str, places: Sequence[int], seed: int) -> Beat:
     """A robot that starts at one of its waypoints, drawn by the seed."""
     rng = random.Random(f"patrol {seed} {name}")
     first = rng.randrange(len(places))
     order, points = [*places[first:], *places[:first]], drawn_points(seed)
     start = _poses(order, points)[-1]
-    its_order = _random_order(order[-1], rng) if at_random else order
-    return Beat(Member(name, start, virtual=False), its_order, points)
+    return Beat(Member(name, start, virtual=False), order, points)
 
 
 def _random_order(place: int, rng: random.Random) -> List[int]:
@@ -151,9 +166,12 @@ def run(setting: Setting, through_ros: Optional[PatrolRun] = None) -> Result:
     """
     require_emulated(setting, "patrol")
     rows: List[Figure] = []
-    for key, title, beats in (("one", "one robot", one), ("team", "three robots", three)):
+    for key, title, beats, others in (
+        ("one", "one robot", one, one_at_random),
+        ("team", "three robots", three, three_alone),
+    ):
         runs = over_seeds(partial(patrolled, beats_of=beats), setting)
-        control = over_seeds(partial(patrolled, beats_of=partial(beats, at_random=True)), setting)
+        control = over_seeds(partial(patrolled, beats_of=others), setting)
         rows += _rows(key, title, runs, control)
     if through_ros:
         rows += [

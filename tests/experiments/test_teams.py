@@ -133,10 +133,16 @@ def test_team_visits_its_waypoints_and_the_rows_have_a_control(tmp_path):
     assert shown["team_worst_s"].control == shown["one_worst_s"].ours == team_run.worst_s
 
 
-def test_random_orders_differ_by_robot_and_seed_and_no_waypoint_comes_twice_in_a_row():
-    orders = [beat.order for seed in (1, 2) for beat in patrol.three(seed, at_random=True)]
-    assert len({tuple(order) for order in orders}) == 6
+def test_random_orders_differ_by_seed_and_no_waypoint_comes_twice_in_a_row():
+    orders = [beat.order for seed in (1, 2) for beat in patrol.one_at_random(seed)]
+    assert len({tuple(order) for order in orders}) == 2
     assert all(a != b for order in orders for a, b in zip(order, order[1:]))
+
+
+def test_robots_that_divide_nothing_each_visit_all_waypoints_after_their_start():
+    for divided, alone in zip(patrol.three(1), patrol.three_alone(1)):
+        assert alone.member == divided.member and sorted(alone.order) == list(patrol.EVERYTHING)
+        assert alone.order[-1] == divided.order[-1]
 
 
 @pytest.mark.parametrize("beats_of", [patrol.one, patrol.three])
@@ -149,7 +155,7 @@ def test_other_seeds_are_other_runs():
     """The robots of a patrol share its waypoints, also in the control."""
     beats = [patrol.one(seed)[0] for seed in range(10)]
     assert len({tuple(beat.points) for beat in beats}) == 10 and len({beat.order[0] for beat in beats}) > 3
-    assert len({tuple(beat.points) for each in (False, True) for beat in patrol.three(1, each)}) == 1
+    assert len({tuple(beat.points) for each in (patrol.three, patrol.three_alone) for beat in each(1)}) == 1
     assert len({mixed_team.pair(seed)[0].start for seed in range(10)}) == 10
 
 
