@@ -141,7 +141,7 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
     "Board and firmware": (
         Problem(
             "not_a_robot",
-            "no answer to '@5e'",
+            "no answer to '@29e'",
             "The board has no power or no firmware of this project, another device is on the port, or the baud rate is "
             "another one.",
             "check power and cable, then upload the firmware with: mrl flash --port PORT",

@@ -3,9 +3,9 @@ injected.
 """
 
 import math
-from typing import Callable, List, Optional, Set, Tuple
+from typing import Callable, Iterable, List, Optional, Set, Tuple
 
-from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
+from mrl_driver.protocol import REQUESTS, REQUESTS_TO_ANY, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.table import CAPABILITIES, TICK_S
 from mrl_driver.session.events import ACCEL_M_S2, GYRO_RAD_S
 from sim_arduino.board.parameter_store import defaults
@@ -26,7 +26,12 @@ class FakeBoard:
     """Its watchdog stops the motors if the host falls silent."""
 
     def __init__(
-        self, robot_id: int = 1, version: int = 2, stream_code: int = 8, boot_s: float = 0.0
+        self,
+        robot_id: int = 1,
+        version: int = 2,
+        stream_code: int = 8,
+        boot_s: float = 0.0,
+        unknown: Iterable[int] = (),
     ) -> None:
         self.robot_id, self.version, self.stream_code = robot_id, version, stream_code
         self.boot_s = boot_s
@@ -53,12 +58,13 @@ class FakeBoard:
         """Share of the turn by the wheels that the body does not make."""
         self.dead: Set[str] = set()
         """Wheels (`right`, `left`) whose counter stands still."""
-        self.unknown: Set[int] = set()
+        self.unknown: Set[int] = set(unknown)
         """Requests that this firmware does not have."""
+        self.of_2013 = version < 2 or 29 in self.unknown
         self.reset(0.0)
 
     def reset(self, now: float) -> None:
-        self.decoder = FrameDecoder(REQUESTS)
+        self.decoder = FrameDecoder(REQUESTS_TO_ANY if self.of_2013 else REQUESTS)
         self.period_s: Optional[float] = None
         self.imu_s, self.imu_period_s = math.inf, math.inf
         self.speeds = (0, 0)

@@ -53,6 +53,7 @@ class FrameDecoder:
         self._forms = direction.forms if direction else {False: {}, True: {}}
         self._runs = direction.runs if direction else {False: {}, True: {}}
         self._tabled = direction is not None
+        self._codes = direction.codes if direction else {}
         self._lines = bool(direction and direction.lines)
         self._frame = bytearray()
         self._noise = bytearray()
@@ -187,7 +188,9 @@ class FrameDecoder:
     def _judge(self, data: bytes) -> Event:
         """Return a frame or garbage; `data` runs from '@' to 'e' and has neither inside."""
         values: List[int] = []
-        for token in data[1:-1].split(b","):
+        code_token, *tokens = data[1:-1].split(b",")
+        wrapped = self._codes.get(code_token)
+        for token in (wrapped or code_token, *tokens):
             try:
                 values.append(_parse(token))
             except ValueError:
@@ -196,8 +199,10 @@ class FrameDecoder:
             return Garbage(data, "argument_count")
         code, args = values[0], values[1:]
         shape = self._shapes.get(code)
-        if self._must_check(code, args, shape) and not (
-            args and check_value(data[: data.rindex(b",")]) == args.pop()
+        if (
+            not wrapped
+            and self._must_check(code, args, shape)
+            and not (args and check_value(data[: data.rindex(b",")]) == args.pop())
         ):
             return Garbage(data, "bad_check")
         if not self._tabled:

@@ -4,7 +4,7 @@ from struct import Struct
 from typing import Any, Callable, Dict, NamedTuple, Sequence, Tuple
 
 from .repeated_frames import Narrow, Run
-from .table import COMMANDS, INT16_MAX, INT16_MIN, STAMP, Command, Field
+from .table import COMMANDS, INT16_MAX, INT16_MIN, STAMP, WRAP, Command, Field
 
 
 class Shape(NamedTuple):
@@ -55,13 +55,15 @@ def _form(shape: Shape, checked: bool, lead: bytes) -> _Form:
 class Direction:
     """The shapes of all frames in one direction; with `lines` each frame has its own line.
 
+    With `wrapped`, requests to boards of 2013 are frames too, see `WRAP`; `codes` gives the usual code of theirs.
     `forms[checked]` gives the form of a frame by the bytes before its first argument.  The forms are plain tuples,
     because these unpack three times as fast.  `runs[checked]` gives the `Run` for frames on consecutive lines.
     """
 
-    def __init__(self, shapes: Sequence[Shape], lines: bool) -> None:
+    def __init__(self, shapes: Sequence[Shape], lines: bool = False, wrapped: bool = False) -> None:
         self.shapes = {shape.code: shape for shape in shapes}
         self.lines = lines
+        self.codes = {b"%d" % (shape.code + WRAP): b"%d" % shape.code for shape in shapes if wrapped}
         self.forms: Dict[bool, Dict[bytes, Tuple[Any, ...]]] = {
             checked: {
                 b"%s@%d" % (lead, shape.code): tuple(_form(shape, checked, lead))
@@ -83,11 +85,11 @@ class Direction:
         }
 
 
-REQUESTS = Direction(
-    [_shape(row, row.request, row.optional, True) for row in COMMANDS if row.name != "xbee_text"],
-    lines=False,
-)
-"""Host to board."""
+_REQUESTS = [_shape(row, row.request, row.optional, True) for row in COMMANDS if row.name != "xbee_text"]
+REQUESTS = Direction(_REQUESTS)
+"""Host to a board with our firmware."""
+REQUESTS_TO_ANY = Direction(_REQUESTS, wrapped=True)
+"""Host to any board, as recordings have it: those of 2013 get other codes, see `WRAP`."""
 REPLIES = Direction(
     [_shape(row, row.reply, row.optional_reply, False) for row in COMMANDS if row.reply],
     lines=True,

@@ -6,16 +6,18 @@ from typing import Optional, Sequence
 from mrl_driver.errors import FrameError
 
 from .frames import Stamp
-from .table import BY_CODE, Command, Field
+from .table import BY_CODE, WRAP, Command, Field
 
 
-def encode_request(code: int, *args: int, checked: bool = False) -> bytes:
-    """Return the bytes of a request, host to board.
+def encode_request(code: int, *args: int, checked: bool = False, wrapped: bool = False) -> bytes:
+    """Return the bytes of a request, host to board; `wrapped` for a board of 2013, see `WRAP`.
 
     Raises:
         FrameError: the table has no such request, or does not allow these arguments.
     """
     row = BY_CODE.get(code) or _row(code)
+    if wrapped:
+        return _encode(row, row.request, row.optional, args, (), False, WRAP)
     return _encode(row, row.request, row.optional, args, (), checked or row.guarded)
 
 
@@ -50,6 +52,7 @@ def _encode(
     args: Sequence[int],
     tail: Sequence[int],
     checked: bool,
+    wrap: int = 0,
 ) -> bytes:
     """Return a frame whose arguments are checked; `tail` follows them unchecked."""
     if not len(fields) - optional <= len(args) <= len(fields):
@@ -61,7 +64,7 @@ def _encode(
             raise FrameError(
                 f"{row.name}: {field.name} is {value}, expected {field.low} to {field.high} {field.unit}"
             )
-    body = (b"@%d" + b",%d" * (len(args) + len(tail))) % (row.code, *args, *tail)
+    body = (b"@%d" + b",%d" * (len(args) + len(tail))) % (row.code + wrap, *args, *tail)
     if not checked:
         return body + b"e"
     check = crc_hqx(body, 0xFFFF)  # `frames.check_value`, without a call

@@ -21,7 +21,7 @@ from typing import (
 )
 
 from mrl_driver.geometry import ORIGIN
-from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.robot import imu, models
 from mrl_driver.robot.imu import ImuTracker
@@ -115,7 +115,7 @@ def _size(entry: Entry) -> int:
 
 
 def _decoders() -> Dict[str, FrameDecoder]:
-    return {TO_BOARD: FrameDecoder(REQUESTS), FROM_BOARD: FrameDecoder(REPLIES)}
+    return {TO_BOARD: FrameDecoder(REQUESTS_TO_ANY), FROM_BOARD: FrameDecoder(REPLIES)}
 
 
 def _feed(entries: Iterable[Entry], decoders: Dict[str, FrameDecoder]) -> Iterator[DecodedPart]:

@@ -2,7 +2,7 @@
 
 from typing import List, Optional, Sequence, Tuple
 
-from mrl_driver.protocol import REPLIES, REQUESTS, Event, Frame, FrameDecoder, Garbage
+from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Event, Frame, FrameDecoder, Garbage
 from mrl_driver.protocol.directions import Direction
 
 _OTHER_FORM = ("bad_check", "argument_count")
@@ -62,7 +62,7 @@ class FrameReader:
 
 def requests() -> FrameReader:
     """A reader of what the host sent."""
-    return FrameReader(REQUESTS)
+    return FrameReader(REQUESTS_TO_ANY)
 
 
 def replies() -> FrameReader:

@@ -17,7 +17,7 @@ from typing import Any, Dict, Iterator, List, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_CODE, FAULTS, RESET_CAUSES, STOP_REASONS, Field
 from mrl_driver.recording.recording import FROM_BOARD, OWN_REMARKS, PHONE, TO_BOARD
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
@@ -231,7 +231,7 @@ def raw_text(data: bytes) -> str:
 def frame_text(direction: str, data: bytes) -> str:
     """Return what a frame says, such as `move_differential: linear 250 mm/s, angular 0 mrad/s`."""
     for checked in (True, False):
-        decoder = FrameDecoder(REQUESTS if direction == TO_BOARD else REPLIES, checked)
+        decoder = FrameDecoder(REQUESTS_TO_ANY if direction == TO_BOARD else REPLIES, checked)
         for event in decoder.feed(data):
             if isinstance(event, Frame):
                 return _fields(direction, event)

@@ -2,6 +2,10 @@
 
 This module does no I/O: frames and time go in, requests come out.  The robot stays still: the first request is a stop.
 
+No single damaged byte of a request may turn motors.  The first requests are therefore `read_protocol`, which boards of
+2013 do not know, and `robot_info` in a form that only they understand (`table.WRAP`).  The answer shows which kind of
+board it is; until then, other boards than those of 2013 get no stop.
+
 A damaged frame without a checksum may look like a good one.  A board that supports checksums is therefore asked twice
 for its identity and capabilities: the second time after the checksum is on, before anything else is set.  If a board
 has no checksums, `ALIKE` equal answers in a row are required.  An answer that refuses the board ends the session:
@@ -26,9 +30,10 @@ STEP_TIMEOUT_S = 2.0
 """A board that has identified itself and is then silent for this time is greeted again from the start [s].  It may have
 restarted, or turned checksums off, while this program was not running.
 """
+MOST_ATTEMPTS = int(STEP_TIMEOUT_S / RETRY_S)
 DEAF = 6
-"""After this many `robot_info` replies without a `read_protocol` reply, treat the board as 2013 firmware.  After as
-many without a frame of `SENSOR_STREAM`, start the usual stream instead.
+"""After this many `robot_info` replies without a frame of `SENSOR_STREAM`, start the usual stream instead: a 2013 board
+may not know the other one.
 """
 ALIKE, ALIKE_TO_REFUSE = 3, 5
 """Number of equal answers in a row required to accept, or to refuse, a board that answers without a checksum."""
@@ -49,8 +54,6 @@ _ANSWERS: Dict[int, Tuple[int, ...]] = {
 """Codes of the frames that answer a request."""
 for _name in ("start_omni_stream", SENSOR_STREAM):
     _ANSWERS[_CODE[_name]] = (_CODE[_name],)
-_MAY_BE_UNKNOWN = (_CODE["read_protocol"], _CODE[SENSOR_STREAM])
-"""Requests that a 2013 board may not know; it then answers `robot_info` alone."""
 _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
 
 
@@ -126,7 +129,8 @@ class Handshake:
 
     Args:
         plan: settings for the board.
-        send: `send(code, *args)` sends a request.
+        send: `send(code, *args, checked, wrapped)` sends a request with a checksum, or as to a board of 2013; None: as
+            for the last board.
         admit: `admit(board)` may raise to refuse a board before anything is set.  It returns the table row of the
             stream to start, or None for the usual one.  It is called again after the board has reported its
             capabilities, and after the board has identified itself with a checksum.
@@ -152,8 +156,10 @@ class Handshake:
         self.done = False
         self.stream = "start_stream"
         """Row of the stream that the robot model needs."""
+        self.of_2013: Optional[bool] = None
+        """The board is one of 2013, or has no `read_protocol` either; None before it has answered."""
         self._steps: Iterator[Tuple[int, ...]] = iter(())
-        self._step: Tuple[int, ...] = (_CODE["robot_info"],)
+        self._step: Tuple[int, ...] = (_CODE["read_protocol"],)
         self._attempts = 0
         self._answered = False
         """The last request was answered: the board takes its form, with or without a checksum."""
@@ -193,24 +199,39 @@ class Handshake:
         if self.board is not None and now >= self._give_up_s:
             self._begin_again(now)
         if self.board is None:
-            self._send(_CODE["stop"])
-            if self._junk:
-                self._send(
-                    _CODE["set_debug"], 0, checked=False
-                )  # a frame after text on the same line is not decoded
-            if self._patient or self._silent or (self._attempts % 3 == 2 and not self._answered):
-                self._send(*self._step, checked=not checked)
-        elif self._step[0] in _MAY_BE_UNKNOWN and self._attempts and not self._sure:
-            self._send(_CODE["robot_info"], checked=checked)
-        self._send(*self._step, checked=checked)
+            self._ask_who(checked)
+        elif self._step[0] == _CODE[SENSOR_STREAM] and self._attempts and not self._sure:
+            self._say(_CODE["robot_info"], checked=checked)
+        self._say(*self._step, checked=checked)
         self._attempts += 1
         self._answered = False
         self.due_s = now + RETRY_S
 
+    def _ask_who(self, checked: bool) -> None:
+        """Send what belongs to the first questions, which nothing may have heard yet."""
+        if self.of_2013 is not None and self._attempts >= MOST_ATTEMPTS:
+            self._forget()
+        self._say(_CODE["stop"])
+        if self._junk:  # a frame after text on the same line is not decoded
+            self._say(_CODE["set_debug"], 0, checked=False)
+        if self.of_2013 is None:
+            self._send(_CODE["robot_info"], wrapped=True)
+        if self._patient or self._silent or (self._attempts % 3 == 2 and not self._answered):
+            self._say(*self._step, checked=not checked)
+
+    def _say(self, code: int, *args: int, checked: Optional[bool] = None) -> None:
+        """Send a request in the form that the board understands; `read_protocol` is the question which one that is."""
+        self._send(code, *args, checked=checked, wrapped=code != _CODE["read_protocol"] and self.of_2013)
+
     def _begin_again(self, now: float) -> None:
-        """Ask for `robot_info` again, with and without a checksum."""
+        """Begin with the first question again, with and without a checksum."""
         self._silent, self.board, self._sure = self.board, None, False
-        self._ask((_CODE["robot_info"],), now)
+        self._forget()
+        self._ask(self._step, now)
+
+    def _forget(self) -> None:
+        """Begin with the first question; another board may answer."""
+        self.of_2013, self._step, self._attempts, self._alike = None, (_CODE["read_protocol"],), 0, 0
 
     def _ask(self, step: Tuple[int, ...], now: float) -> None:
         """Set the next request and reset the counts of attempts and answers."""
@@ -235,7 +256,7 @@ class Handshake:
         elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
             raise NotARobot(
                 f"this port sends text at another baud rate, or another device is on it (got "
-                f"{self._seen!r}, expected '@5,...e'): check baud"
+                f"{self._seen!r}, expected '@29,...e'): check baud"
             )
         elif now >= self._give_up_s:
             raise NotARobot(self._nothing())
@@ -256,7 +277,7 @@ class Handshake:
                 "sonars choose build sonar"
             )
         return BoardTimeout(
-            f"the board (robot id {board.robot_id}) does not answer request {self._step[0]} any more{hint}; "
+            f"the board (robot id {board.robot_id}) does not answer request {self._question} any more{hint}; "
             "reset it and try again"
         )
 
@@ -267,9 +288,14 @@ class Handshake:
         )
         return name if self._faults >> _FAULT[fault] & 1 else ""
 
+    @property
+    def _question(self) -> int:
+        """Code of the request that has no answer; boards of 2013 answer the first question in their own form."""
+        return _CODE["robot_info"] if self._alike and self.of_2013 is None else self._step[0]
+
     def _differing(self) -> str:
         return (
-            f"answers request {self._step[0]} differently each time, expected the same answer {ALIKE_TO_REFUSE} times "
+            f"answers request {self._question} differently each time, expected the same answer {ALIKE_TO_REFUSE} times "
             "in a row: the line damages what is sent; use a shorter or better cable, away from the motor wires"
         )
 
@@ -278,10 +304,10 @@ class Handshake:
             return f"the device on this port {self._differing()}"
         if self._junk:
             return (
-                f"no answer to '@5e', but other bytes ({self._seen!r}): another device or firmware, or check "
+                f"no answer to '@29e', but other bytes ({self._seen!r}): another device or firmware, or check "
                 "baud; flash the board with: mrl flash --port PORT"
             )
-        return "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed"
+        return "no answer to '@29e': check that the board is powered, that this is its port, and that it is flashed"
 
     def on_frame(self, frame: Frame, now: float, checked: bool) -> None:
         """Process a frame; `checked` says that it had a checksum.
@@ -294,6 +320,8 @@ class Handshake:
         code = frame.code
         if code == _CODE["robot_info"]:
             self._on_info(board_of(frame.args), now, checked)
+        elif code == _CODE["read_protocol"] and self.of_2013 is None:
+            self._on_our_board(now)
         elif code == self._step[0] == _CODE["read_protocol"]:
             self._on_protocol(frame.args, now, checked)
         elif code in _ANSWERS.get(self._step[0], ()):
@@ -304,13 +332,19 @@ class Handshake:
                 self.board = self.board._replace(capabilities=frozenset({"environment"}))
             self._next(now)
 
+    def _on_our_board(self, now: float) -> None:
+        """The board knows `read_protocol`: ask for its identity, in the same time."""
+        self.of_2013 = False
+        self._step, self._attempts, self._alike, self.due_s = (_CODE["robot_info"],), 0, 0, now
+
     def _on_info(self, board: Board, now: float, checked: bool) -> None:
-        if self._step[0] in _MAY_BE_UNKNOWN and not checked:
+        if self._step[0] == _CODE[SENSOR_STREAM] and not checked:
             self._deaf = min(self._deaf + 1, self._attempts)  # replies to requests of before may still arrive
             if self._deaf >= DEAF:
-                self._do_without()
+                self._steps = iter([(_CODE["start_stream"],)])
                 self._next(now)
-        if self._step[0] != _CODE["robot_info"] or (self.board is not None and not checked):
+        asked = self._step[0] == _CODE["robot_info"] or self.of_2013 is None
+        if not asked or (self.board is not None and not checked):
             return
         self._alike = self._alike + 1 if self._info is not None and are_alike(board, self._info) else 1
         self._info = board
@@ -327,13 +361,15 @@ class Handshake:
         again, self._sure = self.board is not None, checked
         self.stream = stream or "start_stream"
         self.board = board
+        if self.of_2013 is None:
+            self.of_2013 = not checked
         if not again:
             self._steps, self._deaf = self._program(), 0
         self._next(now)
 
     def _on_protocol(self, args: Tuple[int, ...], now: float, checked: bool) -> None:
         self._alike = self._alike + 1 if args == self._protocol else 1
-        self._protocol, self._deaf = args, 0
+        self._protocol = args
         enough = ALIKE if args[0] == PROTOCOL_VERSION else ALIKE_TO_REFUSE
         if not checked and self._alike < enough and not (self._plan.check and _can_check(args)):
             self.hurry(now)
@@ -343,23 +379,6 @@ class Handshake:
         if checked or self._alike >= ALIKE:
             self.stream = self._admit(self.board) or "start_stream"
         self._next(now)
-
-    def _do_without(self) -> None:
-        """Continue without `read_protocol` or `SENSOR_STREAM`, which the board does not know.
-
-        Raises:
-            WrongRobot: the firmware is newer than this driver.
-        """
-        assert self.board is not None
-        if self._step[0] == _CODE[SENSOR_STREAM]:
-            self._steps = iter([(_CODE["start_stream"],)])
-            return
-        if self.board.version > PROTOCOL_VERSION:
-            raise WrongRobot(
-                f"the board has firmware {self.board.version} and does not tell its protocol, this driver knows "
-                f"firmware up to {PROTOCOL_VERSION}: flash it with: mrl flash --port PORT, or update the driver"
-            )
-        self._steps = self._plain_program()
 
     def _learn(self, args: Tuple[int, ...]) -> None:
         assert self.board is not None
@@ -380,20 +399,25 @@ class Handshake:
             if step[0] in _ANSWERS:
                 self._ask(step, now)
                 return
-            self._send(*step)
+            self._say(*step)
         self.done = True
 
     def _program(self) -> Iterator[Tuple[int, ...]]:
-        """The requests after `robot_info`; later ones may depend on the answers to earlier ones."""
+        """The requests after `robot_info`; later ones may depend on the answers to earlier ones.
+
+        Raises:
+            WrongRobot: the firmware is newer than this driver, or the board lacks the stream of the robot model.
+        """
         assert self.board is not None
         yield (_CODE["stop_stream"],)
-        if self.board.version < 2:
+        if self.of_2013:
+            self._require_known()
             yield from self._plain_program()
             return
         yield (_CODE["read_protocol"],)
-        if "check" in self.board.capabilities and self._plan.check:
-            yield (_CODE["set_check"], 1)
-            if not self._sure:
+        if "check" in self.board.capabilities and not (self._sure and not self._plan.check):
+            yield (_CODE["set_check"], int(self._plan.check))  # 0: moves need no checksum any more
+            if self._plan.check and not self._sure:
                 yield (_CODE["robot_info"],)
                 yield (_CODE["read_protocol"],)
         if self._plan.stream:
@@ -412,6 +436,15 @@ class Handshake:
             yield (_CODE["stop_sensor_stream"],)
             yield (_CODE["stop_compass_stream"],)
         yield (_CODE[self.stream],)
+
+    def _require_known(self) -> None:
+        """Raise WrongRobot if the firmware is newer than this driver."""
+        assert self.board is not None
+        if self.board.version > PROTOCOL_VERSION:
+            raise WrongRobot(
+                f"the board has firmware {self.board.version} and does not tell its protocol, this driver knows "
+                f"firmware up to {PROTOCOL_VERSION}: flash it with: mrl flash --port PORT, or update the driver"
+            )
 
     def _require_stream(self) -> None:
         """Check that the board has the stream that the robot model needs.

@@ -116,6 +116,8 @@ class Session:
         """Code of the stream's frames; other counters are replies to requests."""
         self.heard_s = -math.inf
         """Arrival of the last telemetry [s]."""
+        self._wrapped = True
+        """Requests have the form for boards of 2013, see `table.WRAP`; it is used until the board is known."""
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted = True
         self._lost_before = 0
@@ -208,7 +210,7 @@ class Session:
             return motion.target == motion.sent is not None
         request = motion.take(now)
         if request is not None:
-            self.out += _encode(*request, checked=self._decoder.checked)
+            self.out += _encode(*request, checked=self._decoder.checked, wrapped=self._wrapped)
         return True
 
     def adjust(self, speeds: Speeds, now: float) -> None:
@@ -244,7 +246,7 @@ class Session:
         self.lose(now)
         self._restarted = not (self.checked and same)
         if not same:
-            self._boot_before_s = math.nan
+            self._boot_before_s, self._wrapped = math.nan, True
 
     def join(
         self, board: Board, stream_code: int, checked: bool, now: float, last: Optional[Frame] = None
@@ -256,7 +258,7 @@ class Session:
         Raises:
             BoardError: as for `admit`.
         """
-        self._decoder.checked, self.stream_code = checked, stream_code
+        self._decoder.checked, self.stream_code, self._wrapped = checked, stream_code, board.protocol < 2
         greeting = self._greeting = Handshake(self._plan, self._send, self._admit, now)
         greeting.board, greeting.stream = board, self._admit(board) or greeting.stream
         events: List[SessionEvent] = []
@@ -405,10 +407,13 @@ class Session:
 
     # -- out
 
-    def _send(self, code: int, *args: int, checked: Optional[bool] = None) -> None:
+    def _send(
+        self, code: int, *args: int, checked: Optional[bool] = None, wrapped: Optional[bool] = None
+    ) -> None:
         """Queue a request.  A stop never has a checksum, because the board accepts a plain stop in every state."""
         checked = self.checked if checked is None else checked
-        self.out += _encode(code, *args, checked=checked and code != STOP)
+        wrapped = self._wrapped if wrapped is None else wrapped
+        self.out += _encode(code, *args, checked=checked and code != STOP, wrapped=wrapped)
 
     def _move(self, now: float, feeds: bool = False) -> None:
         """Send the command or stop that is due.  `feeds` says that something is sent next that feeds the watchdog."""
@@ -464,7 +469,7 @@ class Session:
         frame = found[0]
         self._other += 1
         if self.checked and self._other < PLAIN_FRAMES:
-            if self._greeting is not None and frame.code == INFO:
+            if self._greeting is not None and frame.code in (INFO, _PROTOCOL):
                 self.counters.frames += 1
                 self._greeting.hurry(now)
             else:
@@ -499,6 +504,8 @@ class Session:
             if code == _CHECK:
                 self._decoder.checked = bool(frame.args[0])
             self._greeting.on_frame(frame, now, checked)
+            if self._greeting.of_2013 is not None:
+                self._wrapped = self._greeting.of_2013
             if self._greeting is not None and self._greeting.done:
                 self.stream_code = code
                 self._begin(now, events)

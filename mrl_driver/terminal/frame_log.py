@@ -6,10 +6,10 @@ import re
 import threading
 from typing import Dict, List, NamedTuple, Tuple
 
-from mrl_driver.protocol.table import BY_CODE, MAX_FRAME
+from mrl_driver.protocol.table import BY_CODE, MAX_FRAME, WRAP
 
 MOST_LINES = 40
-_PIECE = re.compile(rb"@(\d{1,3})[^@e]*e|[^@]+|@[^@e]*")
+_PIECE = re.compile(rb"@(\d{1,5})[^@e]*e|[^@]+|@[^@e]*")
 _BLANK = b" \r\n\t"
 
 
@@ -42,7 +42,8 @@ class FrameLog:
             end = data.rfind(b"e") + 1
             self._rest[direction] = data[end:][-MAX_FRAME:]
             for piece in _PIECE.finditer(data[:end]):
-                self._add(direction, piece.group().strip(_BLANK), int(piece.group(1) or -1), now_s)
+                code = int(piece.group(1)) % WRAP if piece.group(1) else -1
+                self._add(direction, piece.group().strip(_BLANK), code, now_s)
 
     def _add(self, direction: str, piece: bytes, code: int, now_s: float) -> None:
         if not piece:

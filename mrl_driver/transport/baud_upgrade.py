@@ -26,8 +26,12 @@ PROOFS, PROOF_S = 20, 0.1
 _BAUD, _INFO, _PROTOCOL, _STOP, _STOP_STREAM = (
     BY_NAME[name].code for name in ("set_baud", "robot_info", "read_protocol", "stop", "stop_stream")
 )
-_QUIET = encode_request(_STOP) + encode_request(_STOP_STREAM)
-"""Sent first, so that a moving robot stops before the session begins."""
+_QUIET = {
+    wrapped: encode_request(_STOP, wrapped=wrapped) + encode_request(_STOP_STREAM, wrapped=wrapped)
+    for wrapped in (False, True)
+}
+"""Sent first, so that a moving robot stops before the session begins; in the form for boards of 2013 until it is known
+that this is not one."""
 _BIT = 1 << [name for name, _ in CAPABILITIES].index("baud")
 
 
@@ -58,21 +62,24 @@ def _is_able(link: Link) -> bool:
     end_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < end_s:
         with contextlib.suppress(BoardTimeout):
-            link.write(_QUIET)
-        info = _ask(link, ANSWER_S, _INFO)
-        if info is not None and info[3] < 2:
-            return False
-        answer = _ask(link, ANSWER_S, _PROTOCOL) if info is not None else None
+            link.write(_QUIET[True])
+        answer = _ask(link, ANSWER_S, _PROTOCOL)
         if answer is not None:
+            with contextlib.suppress(BoardTimeout):
+                link.write(_QUIET[False])
             return bool(answer[1] & _BIT)
+        if _ask(link, ANSWER_S, _INFO, wrapped=True) is not None:
+            return False
     return False
 
 
-def _ask(link: Link, wait_s: float, code: int, *args: int) -> Optional[Tuple[int, ...]]:
+def _ask(
+    link: Link, wait_s: float, code: int, *args: int, wrapped: bool = False
+) -> Optional[Tuple[int, ...]]:
     """Send a request and return the arguments of its answer; None without an answer within `wait_s`."""
     decoder, end_s = FrameDecoder(REPLIES), time.monotonic() + wait_s
     try:
-        link.write(encode_request(code, *args))
+        link.write(encode_request(code, *args, wrapped=wrapped))
     except BoardTimeout:
         return None
     while time.monotonic() < end_s:

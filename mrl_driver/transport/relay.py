@@ -11,7 +11,11 @@ from .link import Link
 from .listener import NO_BOARD, Listener
 from .teller import Teller
 
-STOP = encode_request(STOP_CODE)
+STOP, STOP_2013 = (encode_request(STOP_CODE, wrapped=wrapped) for wrapped in (False, True))
+TO_2013 = STOP_2013[:3]
+"""How a request to a board of 2013 begins, see `table.WRAP`; none to another board does.  A driver that greets a board
+sends such requests until it knows which board it is.
+"""
 LOOK_S = 0.5
 """Time between two checks whether a UDP client is silent [s]."""
 SEARCH_S = 0.1
@@ -45,7 +49,7 @@ class Bridge:
         self._link: Optional[Link] = None
         self._why = "the board was not found yet"
         self._client = ""
-        self._stops = 0
+        self._stop, self._stops = STOP_2013, 0
         self._running = self._accepts = True
 
     def stop(self) -> None:
@@ -71,7 +75,7 @@ class Bridge:
             try:
                 if self._link is not None and (self._client or self._stops):
                     any(
-                        self._send(self._link, STOP * STOPS) for _ in range(STOPS)
+                        self._send(self._link, self._stop * STOPS) for _ in range(STOPS)
                     )  # until the port has taken them
             finally:
                 if self._link is not None:
@@ -114,11 +118,13 @@ class Bridge:
             self._listener.write(data)
         data = self._listener.read()
         self._notice()  # whose command is sent is known first: this client, too, may be gone a moment later
+        if b"@" in data:
+            self._stop = STOP_2013 if TO_2013 in data else STOP
         if data:
             self._send(link, data)
         self._listener.attend()
         self._notice()
-        if self._stops and self._send(link, STOP):
+        if self._stops and self._send(link, self._stop):
             self._stops -= 1
 
     def _send(self, link: Link, data: bytes) -> bool:

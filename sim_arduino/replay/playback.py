@@ -10,7 +10,7 @@ import select
 import time
 from typing import Callable, List, Optional
 
-from mrl_driver.protocol.table import BY_CODE
+from mrl_driver.protocol.table import BY_CODE, WRAP
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Entry, Recording
 from sim_arduino.serve.pty import PtyPort
 from sim_arduino.serve.socket_port import read_all
@@ -20,7 +20,7 @@ QUIET_POLLS = 5
 LISTENER_S = 1.0
 """A program that has not sent the recorded request within this time counts as a listener."""
 MOST_ASKED = 100
-_REQUEST = re.compile(rb"@([0-9]{1,3})[,e]")
+_REQUEST = re.compile(rb"@([0-9]{1,5})[,e]")
 
 
 class Left(Exception):
@@ -98,7 +98,7 @@ class Audience:
         """Reads before it checks for another program, so that requests of that program never count for this one."""
         self._unread += read_all(self._port)
         found = list(_REQUEST.finditer(self._unread))
-        self._asked = (self._asked + [int(each.group(1)) for each in found])[-MOST_ASKED:]
+        self._asked = (self._asked + [int(each.group(1)) % WRAP for each in found])[-MOST_ASKED:]
         self._unread = self._unread[found[-1].end() if found else 0 :][-8:]
         self._next = self._port.newly_opened()
         if self._next or not self._port.is_open:
@@ -133,7 +133,7 @@ def _play_once(recording: Recording, audience: Audience, speed: float) -> None:
 
 def _answered(entry: Entry) -> List[int]:
     """Codes of the requests in the entry that the board replies to."""
-    rows = (BY_CODE.get(int(each.group(1))) for each in _REQUEST.finditer(entry.data))
+    rows = (BY_CODE.get(int(each.group(1)) % WRAP) for each in _REQUEST.finditer(entry.data))
     return [row.code for row in rows if row and (row.reply or row.repeats)]
 
 

@@ -19,7 +19,7 @@ from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
 from mrl_driver.session.events import Lost
 from mrl_driver.transport.listener import SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
-from mrl_driver.transport.relay import STOP, STOPS, Bridge
+from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
 from sim_arduino.testing import EmulatedBoard
 from tests.driver.conftest import Cable
 from tests.waiting import PATIENCE_S, drive_until, wait_until
@@ -109,18 +109,23 @@ def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(mo
     assert sent[:2] == [b"@11,200,0e", STOP]
 
 
-def test_the_stop_at_the_end_goes_more_than_once():
-    """A 2013 board drops a stop that breaks off a frame which the client had begun."""
+@pytest.mark.parametrize(
+    "said, stop",
+    [(b"", STOP_2013), (b"@11,200,0e", STOP), (b"@11,200,0,1234e", STOP), (b"@65547,200,0e", STOP_2013)],
+    ids=["nothing", "plain", "checked", "2013"],
+)
+def test_the_stop_at_the_end_goes_more_than_once(said, stop):
+    """A 2013 board drops a stop that breaks off a frame which the client had begun, and has a form of its own."""
     sent, (ready, other) = [], os.pipe()
     os.write(other, b"x")
     link = SimpleNamespace(fileno=lambda: ready, read=lambda timeout_s: b"", write=sent.append)
     listener = SimpleNamespace(watch=None, data=None, client="somebody", close=str, drop=str)
     bridge = over(link, listener)
-    listener.read, listener.attend = lambda: b"", bridge.stop
+    listener.read, listener.attend = lambda: said, bridge.stop
     bridge.run()
     os.close(ready)
     os.close(other)
-    assert b"".join(sent).count(b"@13e") > 1
+    assert b"".join(sent) == said + stop * b"".join(sent).count(stop) and b"".join(sent).count(stop) > 1
 
 
 COMMAND = b"@11,200,0e"

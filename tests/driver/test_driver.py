@@ -27,6 +27,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.models import load
 from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
+from mrl_driver.transport.relay import STOP_2013
 from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
 TURN, STOP = BY_NAME["move_motors_pid"].code, BY_NAME["stop"].code
@@ -163,7 +164,7 @@ def test_a_close_from_a_callback_repeats_a_stop_that_was_lost(serve, monkeypatch
     write, lost = SerialLink.write, []
 
     def lose_first_stop(link, data):
-        if b"@13e" in data and not lost:
+        if STOP_2013 in data and not lost:
             lost.append(data)
         else:
             write(link, data)

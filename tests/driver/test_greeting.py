@@ -332,7 +332,7 @@ def test_plain_answers_after_one_under_the_checksum_are_not_believed():
 
 def test_plain_answers_are_no_answer_to_who_is_there_under_the_checksum():
     """The board was reset just after the checksum had been turned on."""
-    hello = Hello().hear(PLAIN, *[INFO] * ALIKE, PROTOCOL, Frame(32, (1,)))
+    hello = Hello().hear(PLAIN, PROTOCOL, *[INFO] * ALIKE, PROTOCOL, Frame(32, (1,)))
     hello.hear(PLAIN, *[INFO] * ALIKE_TO_REFUSE).tick(0.0, CHECKED)
     assert hello.sent[-1] == INFO[:1]
 
@@ -350,9 +350,9 @@ def test_a_board_that_answered_under_the_checksum_is_not_tried_as_one_of_2013():
 
 
 def test_answers_from_before_a_silence_do_not_count_after_it():
-    hello = Hello(Plan(check=False)).hear(PLAIN, *[INFO] * ALIKE, PROTOCOL)
+    hello = Hello(Plan(check=False)).hear(PLAIN, PROTOCOL, *[INFO] * ALIKE, PROTOCOL)
     hello.be_silent(STEP_TIMEOUT_S + RETRY_S)
-    hello.hear(PLAIN, *[INFO] * ALIKE, PROTOCOL)
+    hello.hear(PLAIN, PROTOCOL, *[INFO] * ALIKE, PROTOCOL)
     assert hello.board.capabilities == frozenset()
 
 
@@ -374,7 +374,7 @@ def test_answers_that_differ_are_named_where_none_is_believed():
 
 
 def test_answers_that_differ_are_named_of_a_board_that_is_known():
-    hello = Hello(Plan(check=False)).hear(PLAIN, *[INFO] * ALIKE)
+    hello = Hello(Plan(check=False)).hear(PLAIN, PROTOCOL, *[INFO] * ALIKE)
     hello.be_silent(STEP_TIMEOUT_S + RETRY_S).hear(PLAIN, INFO)
     with pytest.raises(BoardTimeout, match=r"\(robot id 1\) answers request 5 differently each time"):
         hello.be_silent(STEP_TIMEOUT_S)

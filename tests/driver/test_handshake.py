@@ -4,7 +4,7 @@ import pytest
 
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.protocol import Frame
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BY_NAME, STOP_CODE, WRAP
 from mrl_driver.session.handshake import (
     ALIKE,
     ALIKE_TO_REFUSE,
@@ -28,6 +28,7 @@ READ_PROTOCOL, SET_CHECK, OMNI_STREAM = (
     BY_NAME[name].code for name in ("read_protocol", "set_check", "start_omni_stream")
 )
 SENSING = BY_NAME[SENSOR_STREAM].code
+INFO_OF_2013 = BY_NAME["robot_info"].code + WRAP
 TO_ANSWER_S, TO_ASK_S = 8.0, 2.0
 """A board has 8 s for its first answer, and 2 s for each later one."""
 
@@ -47,8 +48,8 @@ class Hello(Handshake):
         self.sent = []
         super().__init__(plan, self._keep, admit, 0.0, patient)
 
-    def _keep(self, *words, checked=None):
-        self.sent.append((words, checked))
+    def _keep(self, code, *args, checked=None, wrapped=None):
+        self.sent.append(((code + WRAP * bool(wrapped), *args), checked))
 
     def hear(self, checked, *frames):
         for frame in frames:
@@ -61,7 +62,7 @@ class Hello(Handshake):
         for _ in range(times):
             self.sent.clear()
             self.tick(self.due_s, checked)
-            asked.append([words[0] for words, _ in self.sent if words != (13,)])
+            asked.append([words[0] for words, _ in self.sent if words != (STOP_CODE,)])
         return asked
 
     def ends_at(self, checked=PLAIN):
@@ -115,25 +116,63 @@ def test_a_usual_plan_stops_the_robot_after_a_quarter_of_a_second():
 # -- the first request
 
 
-def test_each_third_request_is_sent_in_the_other_form_too():
+WHO = [INFO_OF_2013, READ_PROTOCOL]
+"""Boards of 2013 answer the one, ours the other."""
+WHO_TWICE = [*WHO, READ_PROTOCOL]
+"""The board may want checksums."""
+
+
+def test_each_third_question_is_sent_in_the_other_form_too():
     hello = Hello()
-    assert hello.ask(6) == [[5], [5], [5, 5], [5], [5], [5, 5]]
-    assert [checked for words, checked in hello.sent if words == (5,)] == [True, False]
+    assert hello.ask(6) == [WHO, WHO, WHO_TWICE] * 2
+    assert [checked for words, checked in hello.sent if words == (READ_PROTOCOL,)] == [True, False]
 
 
 def test_a_board_that_answers_is_asked_in_its_own_form():
     hello = Hello()
     hello.ask(2)
-    assert hello.hear(PLAIN, INFO).ask() == [[5]]
+    assert hello.hear(PLAIN, INFO_2013).ask() == [WHO]
 
 
 def test_a_board_that_has_fallen_silent_is_asked_in_the_other_form_again():
-    hello = Hello().hear(PLAIN, INFO)
-    assert hello.ask(3)[-1] == [5, 5]
+    hello = Hello().hear(PLAIN, INFO_2013)
+    assert hello.ask(3)[-1] == WHO_TWICE
 
 
 def test_a_patient_greeting_always_asks_in_both_forms():
-    assert Hello(patient=True).ask(2) == [[5, 5]] * 2
+    assert Hello(patient=True).ask(2) == [WHO_TWICE] * 2
+
+
+def test_a_board_that_knows_the_first_question_is_asked_who_it_is():
+    assert Hello().hear(PLAIN, protocol()).ask() == [[5]]
+
+
+def test_one_that_then_stays_silent_is_asked_the_first_question_again():
+    """Another board may be there now."""
+    assert Hello(patient=True).hear(PLAIN, protocol()).ask(9)[-2:] == [[5, 5], WHO_TWICE]
+
+
+@pytest.mark.parametrize("answer, form", [(protocol(), False), (INFO_2013, None)], ids=["ours", "unknown"])
+def test_the_stop_has_the_form_of_the_board_as_soon_as_that_is_known(answer, form):
+    """Until then, the session chooses the one of the last board."""
+    forms = []
+    hello = Handshake(
+        Plan(), lambda code, *_, wrapped=None, **__: forms.append((code, wrapped)), lambda board: None, 0.0
+    )
+    hello.on_frame(answer, 0.0, PLAIN)
+    hello.tick(0.0, PLAIN)
+    assert forms[0] == (STOP_CODE, form)
+
+
+def test_all_requests_to_a_board_of_2013_have_its_form():
+    sent = []
+    hello = Handshake(
+        Plan(), lambda code, *_, wrapped=None, **__: sent.append(wrapped), lambda board: None, 0.0
+    )
+    for _ in range(ALIKE):
+        hello.on_frame(INFO_2013, 0.0, PLAIN)
+    hello.tick(0.0, PLAIN)
+    assert sent == [True, True]  # end a stream, start one
 
 
 def test_nothing_is_sent_before_it_is_due():
@@ -155,14 +194,14 @@ def test_after_other_bytes_the_boards_text_is_turned_off_in_plain():
 def test_without_other_bytes_no_text_is_turned_off():
     hello = Hello()
     hello.heard(b"", 0.0)
-    assert hello.ask() == [[5]]
+    assert hello.ask() == [WHO]
 
 
 def test_bytes_of_a_board_that_is_known_are_no_text_before_the_greeting():
     hello = Hello().hear(CHECKED, INFO)
     hello.heard(b"[INFO]", 0.0)
     hello.ask(8)
-    assert hello.ask() == [[5, 5]]
+    assert hello.ask() == [WHO_TWICE]
 
 
 # -- when it ends without a board
@@ -171,7 +210,7 @@ def test_bytes_of_a_board_that_is_known_are_no_text_before_the_greeting():
 def test_silence_ends_it_after_eight_seconds():
     assert Hello().ends_at() == (
         TO_ANSWER_S,
-        "no answer to '@5e': check that the board is powered, that this is its port, and that it is flashed",
+        "no answer to '@29e': check that the board is powered, that this is its port, and that it is flashed",
     )
 
 
@@ -192,7 +231,7 @@ def test_a_pause_of_this_program_prolongs_it_by_the_pause():
 
 
 def test_a_patient_greeting_does_not_end():
-    assert Hello(patient=True).ask(100)[-1] == [5, 5]
+    assert Hello(patient=True).ask(100)[-1] == WHO_TWICE
 
 
 JUNK = bytes(range(128, 159)) + b"\x7f"
@@ -208,7 +247,7 @@ def test_bytes_that_are_no_text_mean_another_baud_rate_four_seconds_after_the_fi
     assert hello.ends_at() == (
         5.0,
         f"this port sends text at another baud rate, or another device is on it (got {JUNK[:24]!r}, expected "
-        "'@5,...e'): check baud",
+        "'@29,...e'): check baud",
     )
 
 
@@ -217,7 +256,7 @@ def test_text_and_a_few_other_bytes_are_another_device():
     hello.heard(TEXT + JUNK[1:], 0.0)
     assert hello.ends_at() == (
         TO_ANSWER_S,
-        f"no answer to '@5e', but other bytes ({TEXT[:24]!r}): another device or firmware, or check baud; flash the "
+        f"no answer to '@29e', but other bytes ({TEXT[:24]!r}): another device or firmware, or check baud; flash the "
         "board with: mrl flash --port PORT",
     )
 
@@ -237,13 +276,13 @@ def test_answers_that_differ_end_it_with_the_line_as_the_cause():
 
 def test_a_board_that_is_silent_for_two_seconds_is_asked_again_who_it_is():
     hello = Hello().hear(CHECKED, INFO)
-    assert hello.ask(9, CHECKED) == [[READ_PROTOCOL]] * 8 + [[5, 5]]
+    assert hello.ask(9, CHECKED) == [[READ_PROTOCOL]] * 8 + [WHO_TWICE]
 
 
 def test_a_board_that_stays_silent_for_two_more_seconds_ends_it():
     assert Hello().hear(CHECKED, INFO).ends_at(CHECKED) == (
         2 * TO_ASK_S,
-        "the board (robot id 1) does not answer request 5 any more; reset it and try again",
+        "the board (robot id 1) does not answer request 29 any more; reset it and try again",
     )
 
 
@@ -254,9 +293,9 @@ def test_answers_that_differ_after_a_silence_end_it_with_the_line_as_the_cause()
 
 
 def test_after_a_silence_as_many_answers_are_needed_as_before():
-    hello = Hello(Plan(check=False)).hear(PLAIN, *[INFO] * ALIKE)
+    hello = Hello().hear(PLAIN, *[INFO_2013] * ALIKE)
     hello.ask(9)
-    assert hello.hear(PLAIN, *[INFO] * (ALIKE - 1)).board is None
+    assert hello.hear(PLAIN, *[INFO_2013] * (ALIKE - 1)).board is None
 
 
 @pytest.mark.parametrize(
@@ -265,13 +304,13 @@ def test_after_a_silence_as_many_answers_are_needed_as_before():
     ids=["2013 with sensors", "2013", "ours"],
 )
 def test_the_thermopile_is_named_for_a_board_of_2013_that_may_hang_on_it(info, stream, hangs):
-    hello = Hello(admit=lambda board: stream).hear(PLAIN, *[info] * ALIKE)
+    hello = Hello(admit=lambda board: stream).hear(PLAIN, *[protocol()] * (info is INFO), *[info] * ALIKE)
     hint = (
         ": a 2013 board hangs if its thermopile does not answer, so check its wires, or if the board has sonars choose "
         "build sonar"
     )
     assert hello.ends_at()[1] == (
-        f"the board (robot id 1) does not answer request 5 any more{hint if hangs else ''}; reset it and try again"
+        f"the board (robot id 1) does not answer request 29 any more{hint if hangs else ''}; reset it and try again"
     )
 
 
@@ -292,7 +331,7 @@ def test_a_fault_that_keeps_the_stream_from_starting_is_named(stream, faults, na
 def test_a_fault_that_keeps_no_stream_from_starting_is_not_the_cause(stream, faults):
     hello = Hello(Plan(check=False), lambda board: stream)
     hello.hear(CHECKED, INFO, protocol(0), status(faults))
-    assert "does not answer request 5" in hello.ends_at(CHECKED)[1]
+    assert "does not answer request 29" in hello.ends_at(CHECKED)[1]
 
 
 # -- who is believed
@@ -344,56 +383,22 @@ def test_the_usual_stream_is_that_of_counters():
 
 def greeted(plan=Plan(), admit=lambda board: None):  # noqa: B008
     """A board that is known by its plain answers; the protocol is asked for."""
-    return Hello(plan, admit).hear(PLAIN, *[INFO] * ALIKE)
-
-
-def test_from_the_second_request_on_a_plain_board_is_asked_who_it_is_as_well():
-    """A board of 2013 answers that alone."""
-    assert greeted().ask(2) == [[READ_PROTOCOL], [5, READ_PROTOCOL]]
+    return Hello(plan, admit).hear(PLAIN, protocol(), *[INFO] * ALIKE)
 
 
 def test_other_requests_are_repeated_alone():
     assert greeted().hear(PLAIN, protocol()).ask(2) == [[SET_CHECK]] * 2
 
 
-def test_a_board_that_answers_six_times_who_it_is_and_never_its_protocol_is_of_2013():
-    hello = greeted()
-    hello.ask(7)
-    hello.hear(PLAIN, *[INFO] * 5)
-    assert hello.ask() == [[5, READ_PROTOCOL]]
-    assert hello.hear(PLAIN, INFO).ask() == [[18]] and DEAF == 6
-
-
-def test_answers_beyond_the_requests_do_not_count():
-    """They belong to requests of before."""
-    hello = greeted()
-    hello.ask(2)
-    assert hello.hear(PLAIN, *[INFO] * 10).ask() == [[5, READ_PROTOCOL]]
-
-
-def test_answers_who_it_is_do_not_count_once_the_protocol_is_known():
-    hello = greeted().hear(PLAIN, protocol())
-    hello.ask(7)
-    assert hello.hear(PLAIN, *[INFO] * 7).ask() == [[SET_CHECK]]
-
-
-def test_an_answer_with_the_protocol_ends_the_count():
-    hello = greeted(Plan(check=False))
-    hello.ask(7)
-    hello.hear(PLAIN, *[INFO] * 5, protocol(), *[INFO] * 5)
-    assert hello.ask() == [[5, READ_PROTOCOL]]
-
-
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_board_with_newer_firmware_is_not_taken_for_one_of_2013(version):
-    info = Frame(5, (2500, 172, 1200, version, 1))
-    hello = Hello().hear(PLAIN, *[info] * ALIKE)
-    hello.ask(7)
+    """It answers in the form of 2013 alone."""
+    infos = [Frame(5, (2500, 172, 1200, version, 1))] * ALIKE
     if version > 2:
         with pytest.raises(WrongRobot, match="does not tell its protocol"):
-            hello.hear(PLAIN, *[info] * DEAF)
+            Hello().hear(PLAIN, *infos)
     else:
-        assert hello.hear(PLAIN, *[info] * DEAF).ask() == [[18]]
+        assert Hello().hear(PLAIN, *infos).ask() == [[18 + WRAP]]
 
 
 @pytest.mark.parametrize(
@@ -505,14 +510,16 @@ def test_a_board_of_2013_has_no_three_wheels():
 
 def test_other_streams_of_a_board_of_2013_end_before_that_of_its_sensors():
     hello = of_2013(SENSOR_STREAM)
-    assert [words for words, _ in hello.sent] == [(19,), (24,), (28,)]
-    assert hello.ask() == [[SENSING]]
+    assert [words for words, _ in hello.sent] == [(19 + WRAP,), (24 + WRAP,), (28 + WRAP,)]
+    assert hello.ask() == [[SENSING + WRAP]]
 
 
 def test_a_board_of_2013_that_does_not_know_the_stream_of_sensors_gets_the_usual_one():
     hello = of_2013(SENSOR_STREAM)
     hello.ask(7)
-    assert hello.hear(PLAIN, *[INFO_2013] * DEAF).ask() == [[18]]
+    hello.hear(PLAIN, *[INFO_2013] * (DEAF - 1))
+    assert hello.ask() == [[INFO_OF_2013, SENSING + WRAP]]
+    assert hello.hear(PLAIN, INFO_2013).ask() == [[18 + WRAP]]
 
 
 def test_the_stream_of_sensors_shows_that_a_board_of_2013_has_them():

@@ -536,27 +536,27 @@ def test_the_end_asks_a_board_without_checksums_for_nothing_new():
     fed = Fed((), checked=False, protocol=1)
     fed.session.take()
     fed.session.end()
-    assert fed.session.take() == b"@19e"
+    assert fed.session.take() == b"@65555e"
 
 
 def test_a_session_that_never_met_a_board_can_end():
     session = Session(lambda board: None, 0.0)
     session.end()
-    assert session.take() == b"@19e"
+    assert session.take() == b"@65555e"
 
 
 # -- who the board is, asked again
 
 
-@pytest.mark.parametrize("protocol, asks", [(2, True), (1, False)])
-def test_a_board_is_asked_again_who_it_is_and_its_protocol_if_it_knows_that(protocol, asks):
+@pytest.mark.parametrize("protocol, info, asks", [(2, INFO, True), (1, b"@65541e", False)])
+def test_a_board_is_asked_again_who_it_is_and_its_protocol_if_it_knows_that(protocol, info, asks):
     fed = Fed(OURS if asks else (), checked=asks, protocol=protocol)
     fed.at(0.02, fed.frame(0.02))
     fed.session.deadline(0.02)
     fed.session.identify()
     assert fed.session.hurried
     sent = fed.at(0.03)
-    assert (INFO in sent, b"@29" in sent) == (True, asks)
+    assert (info in sent, b"@29" in sent) == (True, asks)
 
 
 def test_a_board_that_is_greeted_is_not_asked_beside_it():
@@ -608,7 +608,7 @@ def test_sensors_in_the_stream_are_told():
 @pytest.mark.parametrize("stream, polled", [(SENSOR_STREAM, False), (None, True)])
 def test_sonars_are_asked_for_unless_the_robot_has_other_sensors(stream, polled):
     fed = Fed((), 6, checked=False, protocol=1, admit=lambda board: stream)
-    assert (b"@7e" in fed.at(0.02, fed.say(6, 1, 2))) is polled
+    assert (b"@65543e" in fed.at(0.02, fed.say(6, 1, 2))) is polled
 
 
 def test_a_frame_that_was_overtaken_is_not_used():

@@ -16,6 +16,7 @@ from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, Mismatch
 from mrl_driver.session import session
 from mrl_driver.session.motion_command import STOPS
 from mrl_driver.transport.link import SerialLink
+from mrl_driver.transport.relay import STOP, STOP_2013
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 
@@ -142,8 +143,8 @@ def test_a_stop_because_the_machine_was_suspended(robot, monkeypatch):
     assert robot.stop_reason == "host_paused"
 
 
-@pytest.mark.parametrize("version", [1, 2])
-def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, monkeypatch, version):
+@pytest.mark.parametrize("version, stop", [(1, STOP_2013), (2, STOP)])
+def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, monkeypatch, version, stop):
     """A callback raises, the line swallows two stops, and no watchdog helps."""
     monkeypatch.setattr(threading, "excepthook", lambda args: None)
     port = serve(version=version)
@@ -152,9 +153,9 @@ def test_the_stop_of_a_driver_that_fails_is_repeated_until_it_is_seen(serve, mon
         write, lost = SerialLink.write, []
 
         def swallow(link, data):
-            if b"@13e" in data and len(lost) < 2:
+            if stop in data and len(lost) < 2:
                 lost.append(data)
-                data = data.replace(b"@13e", b"")
+                data = data.replace(stop, b"")
             write(link, data)
 
         monkeypatch.setattr(SerialLink, "write", swallow)

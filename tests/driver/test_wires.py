@@ -19,6 +19,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.session.events import Lost, Ready, Slowed, Stale
 from mrl_driver.transport import baud_upgrade, sockets
 from mrl_driver.transport.open_link import open_link
+from mrl_driver.transport.relay import STOP_2013
 from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
 from tests.waiting import drive_until, wait_until
@@ -175,7 +176,7 @@ def test_a_stop_goes_before_all_else(serve):
     """A 2013 board drives on until it gets one."""
     board = serve()
     with Driver(board.path, options=Options(fast=True)):
-        assert board.received.startswith(b"@13e")
+        assert board.received.startswith(STOP_2013)
 
 
 def test_a_line_that_takes_no_bytes_is_not_raised(monkeypatch):
