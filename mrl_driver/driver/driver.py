@@ -16,9 +16,27 @@ import contextlib
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, NoReturn, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, Iterator, List, NoReturn, Optional, Sequence, Tuple, Union, cast
 
-from mrl_driver.errors import BoardError, BoardTimeout, ConfigError, LinkLost, MrlError, WrongRobot, shortages
+from mrl_driver.arguments import (
+    require_function,
+    require_kind,
+    require_number,
+    require_numbers,
+    require_text,
+    require_whole,
+    shown,
+)
+from mrl_driver.errors import (
+    BoardError,
+    BoardTimeout,
+    ConfigError,
+    FrameError,
+    LinkLost,
+    MrlError,
+    WrongRobot,
+    shortages,
+)
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD, BY_NAME, STOP_CODE
@@ -70,6 +88,12 @@ CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 Listener = Callable[[Any], None]
 
 
+def _whole(code: Any, args: Sequence[Any]) -> Tuple[int, Tuple[int, ...]]:
+    """Return code and arguments of a request as int; raise FrameError if one is not a whole number."""
+    whole = tuple(require_whole(f"argument {n}", value, FrameError) for n, value in enumerate(args, 1))
+    return require_whole("code", code, FrameError), whole
+
+
 class Driver:
     """A robot on a serial port.
 
@@ -93,17 +117,19 @@ class Driver:
         baud: int = BAUD,
         options: Options = DEFAULTS,
     ) -> None:
-        require_baud("baud", baud)
-        require_options(options)
+        baud, options = require_baud("baud", baud), require_options(options)
         if isinstance(port, str):
             require_port(port)
+        elif not hasattr(port, "read"):
+            raise ConfigError(f"port is {shown(port)}, expected a name, or an open Link")
         elif options.record is not None:
             raise ConfigError("record is given with an open link, expected a port by name")
         if options.fast:
             require_raisable(port, baud)
+        require_kind("robot", robot, (str, RobotModel), "a name, the path of a file, or a RobotModel")
         options = options._replace(line_baud=min(baud, options.line_baud))
         model = robot if isinstance(robot, RobotModel) else None if robot == "auto" else models.load(robot)
-        self._core, self._baud = Core(model, options), int(baud)
+        self._core, self._baud = Core(model, options), baud
         self._identifies = options.identify
         self._links = LinkSource(port, self._baud, options)
         self._clock: Callable[[], float] = time.monotonic
@@ -287,8 +313,8 @@ class Driver:
             0.1 s: then the command may still be in force (see `command`) and is sent as soon as possible.
 
         Raises:
-            FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
-            ConfigError: the board has no motors.
+            FrameError: a speed is not a finite number, or the base cannot move sideways; the robot was stopped.
+            ConfigError: the board has no motors, or the function of `restrict` has not returned finite speeds.
             LinkLost: the port went away.
         """
         core = self._core
@@ -326,13 +352,21 @@ class Driver:
 
         Raises:
             BoardTimeout, LinkLost: as `stop`; commands are refused nevertheless.
+            ConfigError: the reason is not a text; the robot was stopped.
         """
+        with self._stop_if_refused():
+            require_text("reason", reason)
         with self._lock:
             self._core.inhibited.add(reason)
         self.stop()
 
     def allow(self, reason: str) -> None:
-        """End an `inhibit` with this reason; the robot waits for a new command."""
+        """End an `inhibit` with this reason; the robot waits for a new command.
+
+        Raises:
+            ConfigError: the reason is not a text.
+        """
+        require_text("reason", reason)
         with self._lock:
             self._core.inhibited.discard(reason)
 
@@ -340,8 +374,15 @@ class Driver:
         """Let `allowed(speeds, now)` reduce every command, and again with every frame; such as protective zones.
 
         Speeds are linear, angular and, if the base can, lateral [m/s, rad/s, m/s]; `now` is `now_s`.  The function is
-        called with the driver's lock held: it must be quick and must not call the driver.
+        called with the driver's lock held: it must be quick and must not call the driver.  If it returns something that
+        is not finite speeds, the robot stops.  None ends the restriction.
+
+        Raises:
+            ConfigError: `allowed` is not a function; the robot was stopped.
         """
+        if allowed is not None:
+            with self._stop_if_refused():
+                require_function("allowed", allowed)
         with self._lock:
             self._core.limiter.restrict = allowed
 
@@ -363,13 +404,18 @@ class Driver:
         (2013) go on.
 
         Raises:
-            FrameError: the command table does not allow the request.
+            FrameError: the command table does not allow the request; the robot was stopped.
             BoardTimeout: the request would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
             ConfigError: the request would turn motors, and the board has none.
             MrlError: the request would turn motors, and commands are inhibited, the driver is being closed, or a stop
                 came while the request waited for the line; it was not sent.
         """
+        self._connected()
+        with self._stop_if_refused():
+            self._request(*_whole(code, args))
+
+    def _request(self, code: int, args: Tuple[int, ...]) -> None:
         core = self._connected()
         session = core.session
         with self._changed:
@@ -401,11 +447,14 @@ class Driver:
         nor on the reading thread.
 
         Raises:
-            FrameError: the command table does not allow the request.
+            FrameError: the command table does not allow the request; the robot was stopped.
+            ConfigError: `timeout_s` is not a number, or NaN.
             BoardTimeout: no reply within `timeout_s`, in each of three attempts.
             LinkLost: the port went away.
         """
         wait_s = require_timeout("timeout_s", timeout_s)
+        with self._stop_if_refused():
+            code, args = _whole(code, args)
         core = self._core
         for _ in range(ATTEMPTS):
             with self._lock:
@@ -424,9 +473,7 @@ class Driver:
             reply = core.answer(code, args)
             if reply is not None:
                 return reply
-        raise BoardTimeout(
-            f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
-        )
+        raise BoardTimeout(f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s} s; try again")
 
     # -- radio
 
@@ -456,6 +503,7 @@ class Driver:
             LinkLost: the port went away, or the driver was closed.
             MrlError: another search is under way, or too many texts wait already.
         """
+        duration_s = require_number("duration_s", duration_s)
         core = self._core
         with self._lock:
             if core.nodes is not None:
@@ -498,6 +546,7 @@ class Driver:
             ConfigError: a recording is running, the file cannot be created, or the driver was given an open `Link`.
             LinkLost: the driver is not connected, or was closed.
         """
+        require_text("path", path)
         self._connected()
         self._links.start_recording(path)
         with self._changed:
@@ -545,6 +594,7 @@ class Driver:
         Raises:
             ConfigError: the text is empty, longer than `LONGEST_REMARK`, or begins like a remark of the driver.
         """
+        require_text("remark", text)
         if (
             not 0 < len(text) <= LONGEST_REMARK
             or text.split(" ")[0].encode("utf-8", "replace") in OWN_REMARKS
@@ -563,10 +613,13 @@ class Driver:
     def note_clock(self, ahead_s: float) -> None:
         """Write into the recording, if one is running, that the wall clock is ahead of `now_s` by this much [s], from
         the event on whose callback calls this.
+
+        Raises:
+            ConfigError: it is not a finite number.
         """
-        self._ahead_s, recording = ahead_s, self._links.recording
+        self._ahead_s, recording = require_number("ahead_s", ahead_s), self._links.recording
         if recording is not None:
-            recording.clock(ahead_s)
+            recording.clock(self._ahead_s)
 
     # -- what may be read at any time, from any thread
 
@@ -605,13 +658,14 @@ class Driver:
 
         Raises:
             ConfigError: on setting, a speed is not positive or does not fit into a frame, or an acceleration is not
-                positive.
+                positive; the robot was stopped.
         """
         return self._core.limiter.limits or (self.model.limits if self.model else None)
 
     @limits.setter
     def limits(self, limits: Limits) -> None:
-        require_limits(limits)
+        with self._stop_if_refused():
+            limits = require_limits(limits)
         with self._lock:
             self._core.limiter.change(limits)
 
@@ -863,19 +917,17 @@ class Driver:
         """
         if self.model is not None:
             self.model.require_motors()
-        x_m, y_m, yaw_rad = pose
-        if not (math.isfinite(x_m) and math.isfinite(y_m) and math.isfinite(yaw_rad)):
-            raise ConfigError(
-                f"the pose is {pose}, expected finite numbers; the odometry continues as before"
-            )
+        x_m, y_m, yaw_rad = require_numbers("pose", pose, Pose._fields)
+        parts = ("xx", "xy", "x-yaw", "yy", "y-yaw", "yaw-yaw")
+        spread = cast(Spread, require_numbers("covariance", spread, parts))
         if not is_covariance(spread):
             raise ConfigError(
-                f"the covariance of the pose is {spread}, expected xx xy x-yaw yy y-yaw yaw-yaw with variances "
-                f"from 0 to {LARGEST_VARIANCE:g} and covariances that fit them; the odometry continues as before"
+                f"the covariance of the pose is {spread}, expected {' '.join(parts)} with variances from "
+                f" 0 to {LARGEST_VARIANCE:g} and covariances that fit them; the odometry continues as before"
             )
         with self._lock:
             if self._core.state.odometry is not None:
-                pose = Pose(float(x_m), float(y_m), wrap_angle(float(yaw_rad)))
+                pose = Pose(x_m, y_m, wrap_angle(yaw_rad))
                 self._core.state.odometry.set_pose(pose, spread)
                 if self._links.recording is not None:
                     self._links.recording.pose(pose, spread)
@@ -884,34 +936,34 @@ class Driver:
 
     def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
         """Call `callback` for each telemetry frame; boards without motors have none."""
-        self._listeners[Telemetry].append(callback)
+        self._listeners[Telemetry].append(require_function("callback", callback))
 
     def on_imu(self, callback: Callable[[Imu], None]) -> None:
         """Call `callback` for each reading of the board's IMU, also while the gyro is not used; see `Imu.state`."""
-        self._listeners[Imu].append(callback)
+        self._listeners[Imu].append(require_function("callback", callback))
 
     def on_status(self, callback: Callable[[Status], None]) -> None:
         """Call `callback` for each status of the board, twice a second."""
-        self._listeners[Status].append(callback)
+        self._listeners[Status].append(require_function("callback", callback))
 
     def on_battery(self, callback: Callable[[Board], None]) -> None:
         """Call `callback` for each new battery voltage and temperature."""
-        self._listeners[Board].append(callback)
+        self._listeners[Board].append(require_function("callback", callback))
 
     def on_sensor(self, callback: Callable[[SensorRead], None]) -> None:
         """Call `callback` with name and reading for each answer of a sensor of `table.SENSORS`."""
-        self._listeners[SensorRead].append(callback)
+        self._listeners[SensorRead].append(require_function("callback", callback))
 
     def on_text(self, callback: Callable[[RadioText], None]) -> None:
         """Call `callback` for each text that the radio receives; one of more than 16 bytes comes in pieces."""
-        self._listeners[RadioText].append(callback)
+        self._listeners[RadioText].append(require_function("callback", callback))
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
         """Call `callback` for each `Awaited`, `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`,
         `ImuChanged` and `Reply` of `session.events`, for a wheel's `Mismatch`, a changed `Hold`, and for the `MrlError`
         that ends the driver.
         """
-        self._on_state.append(callback)
+        self._on_state.append(require_function("callback", callback))
 
     # -- the reading thread
 
@@ -1089,6 +1141,20 @@ class Driver:
             listener(event)
 
     # -- what is sent
+
+    @contextlib.contextmanager
+    def _stop_if_refused(self) -> Iterator[None]:
+        """Stop the robot if an argument of a call that concerns its motion is refused."""
+        try:
+            yield
+        except (ConfigError, FrameError) as error:
+            drives = self._core.begun and self._core.limiter.limits is not None
+            if drives and self._error is None and not self._closing:
+                with self._lock:
+                    refused = self._core.refuse(error, self._clock())
+                self._flush()
+                raise refused from None
+            raise
 
     def _connected(self) -> Core:
         if self._error is not None or self._closing or not self._core.begun:

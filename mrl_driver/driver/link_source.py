@@ -126,8 +126,6 @@ class LinkSource:
         with self._lock:
             if not isinstance(self._port, str):
                 raise ConfigError("a recording of an open link is requested, expected a port by name")
-            if not path:
-                raise ConfigError("the recording has no name, expected that of a file")
             recording = self.recording or self._new_recording(self._port)
             busy = self._creating or (recording.recorder.path if recording.recorder is not None else "")
             if busy:

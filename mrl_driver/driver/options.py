@@ -2,9 +2,10 @@
 
 import math
 import threading
-from numbers import Integral, Real
-from typing import Any, Callable, Dict, NamedTuple, Optional, Type
+from numbers import Integral
+from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple
 
+from mrl_driver.arguments import number_of, require_function, require_kind, require_text, shown
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BAUD, BY_NAME, INT16_MAX
 from mrl_driver.robot.models import BUILDS, Limits
@@ -99,18 +100,34 @@ HEARD = (
 """The options that change what the listeners of a driver get."""
 
 
+RANGES: Dict[str, Tuple[float, float, str]] = {
+    "period_ms": (0, 10000, "ms"),
+    "watchdog_ms": (0, 10000, "ms"),
+    "robot_id": (1, INT16_MAX, "(or None)"),
+    "imu_period_ms": (LEAST_IMU_MS, SLOWEST_IMU_MS, "ms (or 0)"),
+    "greeting_s": (0.1, 3600, "s"),
+    "port_timeout_s": (0, 3600, "s"),
+    "line_baud": (SLOWEST_BAUD, FASTEST_BAUD, "Bd"),
+    "queued_s": (0, 10, "s"),
+    "command_timeout_s": (0.01, 3600, "s"),
+}
+"""Lowest and highest value of each option that is a number, and its unit."""
+OFF: Dict[str, Optional[int]] = {"robot_id": None, "imu_period_ms": 0, "command_timeout_s": None}
+"""Values outside the range of these options."""
+
+
 def heard_options(options: Options) -> Dict[str, Any]:
     """Return the options that change what the listeners of a driver get, by name."""
     return {name: getattr(options, name) for name in HEARD}
 
 
-def require_range(
-    name: str, value: Any, low: float, high: float, unit: str, kind: Type[Any] = Integral
-) -> None:
-    """Raise ConfigError unless `value` is a number of this kind (`Integral` or `Real`) from `low` to `high`."""
-    if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:
-        whole = ", a whole number" if kind is Integral else ""
-        raise ConfigError(f"{name} is {value!r}, expected {low} to {high} {unit}{whole}")
+def require_range(name: str, value: Any, low: float, high: float, unit: str, whole: bool = True) -> Any:
+    """Return a number as int, or as float if it need not be `whole`; raise ConfigError unless it is in its range."""
+    number = number_of(value)
+    if not low <= number <= high or (whole and not isinstance(value, Integral)):
+        kind = ", a whole number" if whole else ""
+        raise ConfigError(f"{name} is {shown(value)}, expected {low} to {high} {unit}{kind}")
+    return int(value) if whole else number
 
 
 def require_timeout(name: str, value: Any) -> Optional[float]:
@@ -121,50 +138,54 @@ def require_timeout(name: str, value: Any) -> Optional[float]:
     """
     if value is None:
         return None
-    if isinstance(value, bool) or not isinstance(value, Real) or value != value:
+    number = number_of(value)
+    if math.isnan(number):
         raise ConfigError(
-            f"{name} is {value!r}, expected a number of seconds, or None to wait without an end"
+            f"{name} is {shown(value)}, expected a number of seconds, or None to wait without an end"
         )
-    return min(float(value), threading.TIMEOUT_MAX)
+    return min(number, threading.TIMEOUT_MAX)
 
 
-def require_baud(name: str, value: Any) -> None:
-    """Raise ConfigError unless `value` is a baud rate at which a board can stream."""
-    require_range(name, value, SLOWEST_BAUD, FASTEST_BAUD, "Bd")
+def require_baud(name: str, value: Any) -> int:
+    """Return a baud rate as int; raise ConfigError unless a board can stream at it."""
+    baud: int = require_range(name, value, SLOWEST_BAUD, FASTEST_BAUD, "Bd")
+    return baud
 
 
-def require_options(options: Options) -> None:
-    """Raise ConfigError unless each option is in its range; the bounds in ms come from the command table."""
-    require_range("period_ms", options.period_ms, 0, 10000, "ms")
-    require_range("watchdog_ms", options.watchdog_ms, 0, 10000, "ms")
-    if options.robot_id is not None:
-        require_range("robot_id", options.robot_id, 1, INT16_MAX, "(or None)")
-    if options.imu_period_ms != 0:
-        require_range("imu_period_ms", options.imu_period_ms, LEAST_IMU_MS, SLOWEST_IMU_MS, "ms (or 0)")
-    require_range("greeting_s", options.greeting_s, 0.1, 3600, "s", Real)
-    require_range("port_timeout_s", options.port_timeout_s, 0, 3600, "s", Real)
-    require_baud("line_baud", options.line_baud)
-    for name in ("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"):
-        value = getattr(options, name)
-        if not isinstance(value, bool):
-            raise ConfigError(f"{name} is {value!r}, expected True or False")
-    if options.record is not None and (not isinstance(options.record, str) or not options.record):
-        raise ConfigError(f"record is {options.record!r}, expected the name of a file")
-    if options.build not in ("", *BUILDS):
-        raise ConfigError(f"build is {options.build!r}, expected {' or '.join(BUILDS)}")
-    if options.tap is not None and not callable(options.tap):
-        raise ConfigError(f"tap is {options.tap!r}, expected a function of direction and bytes")
-    require_range("queued_s", options.queued_s, 0, 10, "s", Real)
-    if options.command_timeout_s is not None:
-        require_range("command_timeout_s", options.command_timeout_s, 0.01, 3600, "s", Real)
+def require_options(options: Options) -> Options:
+    """Return the options, with numbers of Python's own types.
 
-
-def require_limits(limits: Limits) -> None:
-    """Raise ConfigError unless each speed is positive and fits into a frame, and each acceleration is positive.
-
-    The lateral speed may be zero; an acceleration may be infinite.
+    Raises:
+        ConfigError: an option is not in its range, or not of its type.
     """
-    for name, value in limits._asdict().items():
+    require_kind("options", options, Options, "Options")
+    for name in ("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"):
+        require_kind(name, getattr(options, name), bool, "True or False")
+    if options.record is not None:
+        require_text("record", options.record)
+    if not isinstance(options.build, str) or options.build not in ("", *BUILDS):
+        raise ConfigError(f"build is {shown(options.build)}, expected {' or '.join(BUILDS)}")
+    if options.tap is not None:
+        require_function("tap", options.tap)
+    numbers = {}
+    for name, (low, high, unit) in RANGES.items():
+        value, off = getattr(options, name), OFF.get(name, RANGES)
+        if value is not off and number_of(value) != off:
+            numbers[name] = require_range(name, value, low, high, unit, whole=not name.endswith("_s"))
+    return options._replace(**numbers)
+
+
+def require_limits(limits: Limits) -> Limits:
+    """Return the limits with numbers as float.  The lateral speed may be zero; an acceleration may be infinite.
+
+    Raises:
+        ConfigError: a speed is not positive or does not fit into a frame, or an acceleration is not positive.
+    """
+    require_kind("limits", limits, Limits, "Limits")
+    numbers = {name: number_of(value) for name, value in limits._asdict().items()}
+    for name, number in numbers.items():
         most = math.inf if "acceleration" in name else INT16_MAX / 1000
-        if not (0 < value <= most or (value == 0 and name == "lateral_m_s")):
-            raise ConfigError(f"limit {name} is {value!r}, expected more than 0, at most {most:g}")
+        if not (0 < number <= most or (number == 0 and name == "lateral_m_s")):
+            value = shown(getattr(limits, name))
+            raise ConfigError(f"limit {name} is {value}, expected more than 0, at most {most:g}")
+    return limits._replace(**numbers)

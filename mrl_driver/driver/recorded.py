@@ -29,6 +29,7 @@ from typing import (
 )
 
 from mrl_driver import errors
+from mrl_driver.arguments import require_function
 from mrl_driver.errors import ConfigError, LinkLost, MrlError
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder
 from mrl_driver.protocol.table import BY_NAME
@@ -280,15 +281,15 @@ class RecordedDriver(Driver):
 
     def on_sent(self, callback: Callable[[Sent], None]) -> None:
         """Call `callback` for each frame, or garbage, that the host sent."""
-        self._on_sent.append(callback)
+        self._on_sent.append(require_function("callback", callback))
 
     def on_heard(self, callback: Callable[[Heard], None]) -> None:
         """Call `callback` for each frame, or garbage, that the board sent, before the events that follow from it."""
-        self._on_heard.append(callback)
+        self._on_heard.append(require_function("callback", callback))
 
     def on_remark(self, callback: Callable[[Remark], None]) -> None:
         """Call `callback` for each remark."""
-        self._on_remark.append(callback)
+        self._on_remark.append(require_function("callback", callback))
 
     def play(self, advance: Callable[[float], None] = lambda share: None) -> None:
         """Play the whole recording.
@@ -299,6 +300,7 @@ class RecordedDriver(Driver):
             ConfigError: the recording holds nothing, or no model lists its robot.
             MrlError: it was played before.
         """
+        require_function("advance", advance)
         if self._played:
             raise MrlError(
                 "this recording was played already; create another RecordedDriver to play it again"
@@ -666,7 +668,7 @@ def _options(header: Dict[str, Any]) -> Options:
     given = {name: found[name] for name in HEARD if name in found} if isinstance(found, dict) else {}
     options = DEFAULTS._replace(**given)
     try:
-        require_options(options)
+        options = require_options(options)
     except ConfigError:
         options = DEFAULTS
     return options._replace(command_timeout_s=None, queued_s=0.0, ignore_battery=True)

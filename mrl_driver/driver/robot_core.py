@@ -5,9 +5,10 @@ emulated board in simulated time.  All times are seconds of one monotonic clock,
 """
 
 import math
-from typing import Dict, List, Optional, Set, Tuple, Type, Union
+from typing import Any, Dict, List, Optional, Set, Tuple, Type, Union
 
-from mrl_driver.errors import FrameError, MrlError
+from mrl_driver.arguments import require_number
+from mrl_driver.errors import ConfigError, FrameError, MrlError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
@@ -58,6 +59,15 @@ INDEXED = {
     if row.request and row.reply and row.request[0].name == row.reply[0].name == "index"
 }
 """Codes of requests whose reply repeats their index."""
+
+
+def _speeds(linear_m_s: Any, angular_rad_s: Any, lateral_m_s: Any) -> Tuple[float, float, float]:
+    """Return the arguments of `drive` as floats; raise FrameError if one is not a finite number."""
+    return (
+        require_number("linear_m_s", linear_m_s, FrameError),
+        require_number("angular_rad_s", angular_rad_s, FrameError),
+        require_number("lateral_m_s", lateral_m_s, FrameError),
+    )
 
 
 class Core:
@@ -229,20 +239,18 @@ class Core:
         """Put a command in force, see `Driver.drive`.
 
         Raises:
-            FrameError: a speed is NaN or infinite, or the base cannot move sideways; the robot was stopped.
-            ConfigError: the board has no motors.
+            FrameError: a speed is not a finite number, or the base cannot move sideways; the robot was stopped.
+            ConfigError: the board has no motors, or `restrict` has not returned finite speeds; the robot was stopped.
         """
         session, state, limiter = self.session, self.state, self.limiter
-        try:
-            finite = math.isfinite(linear_m_s) and math.isfinite(angular_rad_s) and math.isfinite(lateral_m_s)
-        except OverflowError:  # a whole number beyond the largest float
-            finite = False
-        if not finite:
-            self.stop(now, "not_a_number")
-            lateral = f", {lateral_m_s}" if lateral_m_s else ""
-            raise FrameError(
-                f"drive({linear_m_s}, {angular_rad_s}{lateral}): expected finite speeds; the robot was stopped"
-            )
+        if not (
+            type(linear_m_s) is type(angular_rad_s) is type(lateral_m_s) is float
+            and math.isfinite(linear_m_s + angular_rad_s + lateral_m_s)
+        ):  # the common case, without a call
+            try:
+                linear_m_s, angular_rad_s, lateral_m_s = _speeds(linear_m_s, angular_rad_s, lateral_m_s)
+            except FrameError as error:
+                raise self.refuse(error, now) from None
         if limiter.limits is None:
             self._require_motors()
         if lateral_m_s and state.model is not None and self._omni is None:
@@ -265,7 +273,10 @@ class Core:
             (linear_m_s, angular_rad_s) if self._omni is None else (linear_m_s, angular_rad_s, lateral_m_s)
         )
         limiter.target = limiter.limited(wanted)
-        linear, angular, *others = limiter.step(now)
+        try:
+            linear, angular, *others = limiter.step(now)
+        except ConfigError as error:
+            raise self.refuse(error, now) from None
         lateral_mm_s = (round(others[0] * 1000),) if others else ()
         return session.drive((round(linear * 1000), round(angular * 1000), *lateral_mm_s), now, moves)
 
@@ -296,15 +307,22 @@ class Core:
         """Continue to accelerate, and apply `limiter.restrict` again, if a command is in force."""
         limiter, motion = self.limiter, self.session.motion
         if limiter.target is not None and motion.target is not None:
-            self.session.adjust(tuple(round(speed * 1000) for speed in limiter.step(now)), now)
+            try:
+                speeds = limiter.step(now)
+            except ConfigError as error:
+                self.refuse(error, now)
+            else:
+                self.session.adjust(tuple(round(speed * 1000) for speed in speeds), now)
 
     def limited(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> AnyTwist:
         """The speeds after limiting, on the same arc; a base that cannot move sideways ignores the lateral speed.
 
         Raises:
+            FrameError: a speed is not a finite number.
             ConfigError: the board has no motors.
         """
         self._require_motors()
+        linear_m_s, angular_rad_s, lateral_m_s = _speeds(linear_m_s, angular_rad_s, lateral_m_s)
         if self._omni is not None:
             return OmniTwist(*self.limiter.limited((linear_m_s, angular_rad_s, lateral_m_s)))
         return Twist(*self.limiter.limited((linear_m_s, angular_rad_s)))
@@ -315,6 +333,11 @@ class Core:
         self.mismatch = self._monitor = None
         self.limiter.drop()
         self.session.stop(now, reason)
+
+    def refuse(self, error: MrlError, now: float) -> MrlError:
+        """Stop the robot because something given cannot be used; return the error to raise."""
+        self.stop(now, "not_a_number")
+        return type(error)(f"{error}; the robot was stopped")
 
     def _digest(self, event: SessionEvent, now: float) -> List[DriverEvent]:
         """Update the robot's state from an event, and stop the robot if its battery is empty or off."""

@@ -19,8 +19,9 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
 
 from .driver import ANSWER_S, ATTEMPTS, CLOSE_S, Driver
-from .options import DEFAULTS, Options
+from .options import DEFAULTS, Options, require_range, require_timeout
 
+LONGEST_PAUSE_S = 1e6
 LEAST_STEP_S = 1e-4
 """Shortest step of the board: about one byte on the wire [s]."""
 
@@ -137,26 +138,27 @@ class SteppedDriver(Driver):
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
         """As `Driver.ask`."""
+        wait_s = require_timeout("timeout_s", timeout_s)
         core = self._core
         for _ in range(ATTEMPTS):
-            core.replies.pop(code, None)
             self.request(code, *args)
-            end_s = self.now_s + timeout_s
+            core.replies.pop(code, None)
+            end_s = self.now_s + (math.inf if wait_s is None else wait_s)
             while core.answer(code, args) is None and self.now_s < end_s:
                 self._step(end_s)
             reply = core.answer(code, args)
             if reply is not None:
                 return reply
-        raise BoardTimeout(
-            f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s:g} s; try again"
-        )
+        raise BoardTimeout(f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s} s; try again")
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
         """Let `timeout_s` pass; True if the driver was closed during that time.
 
         Raises:
+            ConfigError: `timeout_s` is not a number, or NaN.
             MrlError: the driver failed; this is the error.
         """
+        timeout_s = require_timeout("timeout_s", timeout_s)
         end_s = self.now_s + (math.inf if timeout_s is None else timeout_s)
         while self.now_s < end_s and not self._closing:
             self._step(end_s)
@@ -166,8 +168,10 @@ class SteppedDriver(Driver):
         """Simulate a suspended process: the board keeps running, and its bytes are read after `seconds`.
 
         Raises:
+            ConfigError: `seconds` is not a number from 0 to `LONGEST_PAUSE_S`.
             MrlError: the driver failed; this is the error.
         """
+        seconds = require_range("seconds", seconds, 0, LONGEST_PAUSE_S, "s", whole=False)
         self._connected()
         self._process(self._board.skip(seconds))
 

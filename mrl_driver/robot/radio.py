@@ -5,6 +5,7 @@ import re
 from collections import deque
 from typing import Deque, NamedTuple, Optional, Tuple, Union
 
+from mrl_driver.arguments import require_kind, require_whole
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.frames import Frame, to_int16
 from mrl_driver.protocol.table import BY_NAME
@@ -70,8 +71,10 @@ def text_request(address: int, text: Union[str, bytes]) -> Request:
     Raises:
         FrameError: the address is not valid, or the text is empty, too long or not ASCII; the message says which.
     """
+    address = require_whole("radio address", address, FrameError)
     if not 0 <= address < 1 << 64:
         raise FrameError(f"radio address is {address}, expected a number from 0 to 2**64 - 1")
+    require_kind("radio text", text, (str, bytes), f"1 to {TEXT_BYTES} ASCII characters or bytes", FrameError)
     if not 0 < len(text) <= TEXT_BYTES or not text.isascii() and isinstance(text, str):
         raise FrameError(f"radio text is {text!r}, expected 1 to {TEXT_BYTES} ASCII characters or bytes")
     data = text.encode("ascii") if isinstance(text, str) else text

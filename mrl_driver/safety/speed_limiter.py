@@ -7,6 +7,7 @@ once, so that a stop is never delayed.
 import math
 from typing import Callable, Optional, Tuple
 
+from mrl_driver.arguments import require_numbers
 from mrl_driver.robot.models import Limits
 
 Speeds = Tuple[float, ...]
@@ -70,11 +71,16 @@ class SpeedLimiter:
         return self.saturate(speeds) if self.saturate is not None else speeds
 
     def step(self, now: float) -> Speeds:
-        """Continue to accelerate, and apply `restrict`; return the speeds that are in force from now on."""
+        """Continue to accelerate, and apply `restrict`; return the speeds that are in force from now on.
+
+        Raises:
+            ConfigError: `restrict` has not returned finite speeds.
+        """
         wanted, limits = self.target, self.limits
         assert wanted is not None and limits is not None
         if self.restrict is not None:
-            wanted = self.restrict(wanted, now)
+            parts = ("linear", "angular", "lateral")[: len(wanted)]
+            wanted = require_numbers("speed that restrict allows", self.restrict(wanted, now), parts)
         # Another thread may have stepped a moment later already.
         dt_s = min(LONGEST_STEP_S, max(0.0, now - self._stepped_s))
         self._stepped_s = max(now, self._stepped_s)

@@ -60,23 +60,12 @@ def stands(robot, reason):
 # -- speeds that are refused
 
 
-@pytest.mark.parametrize("odd", [math.nan, math.inf, -math.inf, 10**400], ids=str)
-@pytest.mark.parametrize("place", range(3))
-def test_a_speed_that_is_not_finite_is_refused_and_stops_the_robot(robot, odd, place):
+@pytest.mark.parametrize("speeds", [(math.nan, 0.1, 0.0), (math.inf, -math.inf, 0.0), (0.1, 0.1, math.inf)])
+def test_a_speed_that_is_not_finite_is_refused_and_stops_the_robot(robot, speeds):
     robot.drive(0.2)
-    speeds = [0.1, 0.1, 0.0]
-    speeds[place] = odd
-    with pytest.raises(FrameError, match="expected finite speeds; the robot was stopped$"):
+    with pytest.raises(FrameError, match="_s is .*, expected a finite number; the robot was stopped$"):
         robot.core.drive(speeds[0], speeds[1], robot.now, speeds[2])
     assert stands(robot, "not_a_number")
-
-
-@pytest.mark.parametrize(
-    ("lateral", "words"), [(0.0, r"drive\(nan, 0.5\): "), (0.1, r"drive\(nan, 0.5, 0.1\): ")]
-)
-def test_the_refusal_of_a_speed_names_what_was_given(robot, lateral, words):
-    with pytest.raises(FrameError, match=words):
-        robot.core.drive(math.nan, 0.5, robot.now, lateral)
 
 
 def test_a_speed_to_the_side_stops_a_robot_that_cannot_move_so(robot):

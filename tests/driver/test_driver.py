@@ -79,7 +79,7 @@ def test_a_huge_speed_is_clamped(robot, huge):
 @pytest.mark.parametrize("speeds", [(math.nan, 0), (0, math.inf), (-math.inf, math.nan), (10**400, 0)])
 def test_no_number_is_refused_and_stops_the_robot(robot, speeds):
     robot.drive(0.2, 0)
-    with pytest.raises(FrameError, match="expected finite speeds"):
+    with pytest.raises(FrameError, match="expected a finite number"):
         robot.drive(*speeds)
     wait_until(lambda: robot.fake.speeds == (0, 0))
     assert robot.command is None

@@ -280,7 +280,7 @@ def test_two_wheels_refuse_to_go_sideways_and_stop():
 
 
 def test_not_a_number_sideways_stops(robot):
-    with pytest.raises(FrameError, match=r"drive\(0.1, 0.0, nan\): expected finite speeds"):
+    with pytest.raises(FrameError, match="lateral_m_s is nan, expected a finite number"):
         robot.driver.drive(0.1, 0.0, math.nan)
 
 

@@ -252,7 +252,7 @@ def test_a_lower_limit_holds_from_the_next_frame_on(emulated):
 @pytest.mark.parametrize("pose", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, -math.inf)])
 def test_a_pose_that_is_not_finite_is_refused_and_the_former_stays(robot, pose):
     before = robot.pose
-    with pytest.raises(ConfigError, match="expected finite numbers"):
+    with pytest.raises(ConfigError, match="expected a finite number"):
         robot.reset_pose(Pose(*pose))
     assert robot.pose == before
 
@@ -270,7 +270,7 @@ def test_a_pose_that_is_not_finite_is_refused_and_the_former_stays(robot, pose):
 )
 def test_what_is_no_covariance_is_refused_and_the_pose_stays(robot, spread):
     before = robot.pose
-    with pytest.raises(ConfigError, match="the covariance of the pose is"):
+    with pytest.raises(ConfigError, match="covariance"):
         robot.reset_pose(Pose(1.0, 2.0, 0.0), spread)
     assert robot.pose == before
 

@@ -1,0 +1,297 @@
+"""Each public call with arguments that it cannot use, and with numbers of all kinds."""
+
+import inspect
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.robot.covariance import AT_START
+from tests.radio_board import PEER, Engine, RadioBoard
+
+MOVE_MOTORS, READ_CONFIG = BY_NAME["move_motors"].code, BY_NAME["read_config"].code
+STEP_S = 0.02
+
+
+class Unshown:
+    """A value that not even its error can show."""
+
+    def __repr__(self):
+        raise RuntimeError("no representation")
+
+
+def without(values, *names):
+    return {name: value for name, value in values.items() if name not in names}
+
+
+NO_VALUE = {
+    "None": None,
+    "list": [0.1],
+    "dictionary": {},
+    "unshown": Unshown(),
+    "array": np.array([0.1, 0.2]),
+    "truth value": True,
+    "truth value of numpy": np.bool_(True),
+    "complex": 1j,
+}
+NO_NUMBER = {
+    **NO_VALUE,
+    "text": "0.1",
+    "bytes": b"1",
+    "nan": math.nan,
+    "nan of numpy": np.float32("nan"),
+    "decimal nan": Decimal("NaN"),
+    "signalling nan": Decimal("sNaN"),
+    "beyond floats": 10**400,
+    "beyond digits": 10**5000,
+    "fraction beyond floats": Fraction(10**400, 3),
+}
+INFINITE = {"infinity": math.inf, "minus infinity": -math.inf, "decimal infinity": Decimal("Infinity")}
+NO_SPEED = {**NO_NUMBER, **INFINITE}
+NO_WHOLE = {**NO_SPEED, "half": 0.5}
+NO_LIMIT = {**NO_NUMBER, "minus infinity": -math.inf, "zero": 0.0, "negative": -0.1}
+NO_TIME = {name: value for name, value in NO_NUMBER.items() if value is not None}
+NO_TEXT = {**NO_VALUE, "number": 5, "empty": ""}
+NO_FLAG = {**without(NO_VALUE, "truth value"), "number": 1}
+NO_FUNCTION = {**NO_VALUE, "number": 5, "text": "print"}
+LIMITS = ("linear_m_s", "angular_rad_s", "linear_acceleration_m_s2", "angular_acceleration_rad_s2")
+
+
+def set_limit(name):
+    return lambda driver, bad: setattr(driver, "limits", driver.limits._replace(**{name: bad}))
+
+
+MOTION = {
+    "drive": {
+        "linear_m_s": (lambda driver, bad: driver.drive(bad, 0.1), NO_SPEED),
+        "angular_rad_s": (lambda driver, bad: driver.drive(0.1, bad), NO_SPEED),
+        "lateral_m_s": (lambda driver, bad: driver.drive(0.1, 0.1, bad), NO_SPEED),
+    },
+    "limits": {
+        "limits": (lambda driver, bad: setattr(driver, "limits", bad), NO_TEXT),
+        **{name: (set_limit(name), NO_LIMIT) for name in LIMITS},
+        "lateral_m_s": (set_limit("lateral_m_s"), without(NO_LIMIT, "zero")),
+    },
+    "restrict": {"allowed": (lambda driver, bad: driver.restrict(bad), without(NO_FUNCTION, "None"))},
+    "request": {
+        "code": (lambda driver, bad: driver.request(bad), NO_WHOLE),
+        "argument 1": (lambda driver, bad: driver.request(MOVE_MOTORS, bad, 20), NO_WHOLE),
+        "argument 2": (lambda driver, bad: driver.request(MOVE_MOTORS, 20, bad), NO_WHOLE),
+        "command": (lambda driver, bad: driver.request(bad), {"unknown": 999, "zero": 0}),
+        "motor_1": (lambda driver, bad: driver.request(MOVE_MOTORS, bad, 20), {"beyond": 20_000}),
+    },
+    "ask": {
+        "code": (lambda driver, bad: driver.ask(bad), NO_WHOLE),
+        "argument 1": (lambda driver, bad: driver.ask(READ_CONFIG, bad), NO_WHOLE),
+    },
+    "inhibit": {"reason": (lambda driver, bad: driver.inhibit(bad), NO_TEXT)},
+}
+"""Calls that concern the robot's motion, which they stop: by method and argument, the call with a value, and the values
+that it cannot use.
+"""
+OTHERS = {
+    "allow": {"reason": (lambda driver, bad: driver.allow(bad), NO_TEXT)},
+    "ask": {"timeout_s": (lambda driver, bad: driver.ask(READ_CONFIG, 1, timeout_s=bad), NO_TIME)},
+    "discover_radios": {"duration_s": (lambda driver, bad: driver.discover_radios(bad), NO_SPEED)},
+    "limited": {
+        "linear_m_s": (lambda driver, bad: driver.limited(bad, 0.1), NO_SPEED),
+        "angular_rad_s": (lambda driver, bad: driver.limited(0.1, bad), NO_SPEED),
+        "lateral_m_s": (lambda driver, bad: driver.limited(0.1, 0.1, bad), NO_SPEED),
+    },
+    "note_clock": {"ahead_s": (lambda driver, bad: driver.note_clock(bad), NO_SPEED)},
+    "pause": {"seconds": (lambda driver, bad: driver.pause(bad), {**NO_SPEED, "negative": -1})},
+    "remark": {"remark": (lambda driver, bad: driver.remark(bad), NO_TEXT)},
+    "reset_pose": {
+        "pose": (lambda driver, bad: driver.reset_pose(bad), NO_TEXT),
+        "x_m": (lambda driver, bad: driver.reset_pose((bad, 0.0, 0.0)), NO_SPEED),
+        "y_m": (lambda driver, bad: driver.reset_pose((0.0, bad, 0.0)), NO_SPEED),
+        "yaw_rad": (lambda driver, bad: driver.reset_pose((0.0, 0.0, bad)), NO_SPEED),
+        "covariance": (lambda driver, bad: driver.reset_pose((0.0, 0.0, 0.0), bad), NO_TEXT),
+        "xx of the covariance": (
+            lambda driver, bad: driver.reset_pose((0.0, 0.0, 0.0), (bad, *AT_START[1:])),
+            NO_SPEED,
+        ),
+    },
+    "send_text": {
+        "address": (lambda driver, bad: driver.send_text(bad, "x"), {**NO_WHOLE, "negative": -1}),
+        "text": (lambda driver, bad: driver.send_text(PEER, bad), NO_TEXT),
+    },
+    "start_recording": {"path": (lambda driver, bad: driver.start_recording(bad), NO_TEXT)},
+    "wait": {"timeout_s": (lambda driver, bad: driver.wait(bad), NO_TIME)},
+    **{
+        name: {"callback": (lambda driver, bad, name=name: getattr(driver, name)(bad), NO_FUNCTION)}
+        for name in (
+            *("on_battery", "on_event", "on_imu", "on_sensor", "on_status", "on_telemetry", "on_text"),
+        )
+    },
+}
+RECORDED = {
+    name: {argument: (lambda driver, bad, name=name: getattr(driver, name)(bad), NO_FUNCTION)}
+    for name, argument in (
+        *(("on_heard", "callback"), ("on_remark", "callback"), ("on_sent", "callback"), ("play", "advance")),
+    )
+}
+WITHOUT_ARGUMENTS = {
+    *("connect", "close", "stop", "stop_recording", "limit_again", "release_hold", "require_radio"),
+}
+
+
+def rows(calls):
+    """A call, the name that its error must have, and a value that it cannot use."""
+    return [
+        pytest.param(call, name, value, id=f"{method}-{name}-{what}".replace(" ", "-"))
+        for method, arguments in calls.items()
+        for name, (call, values) in arguments.items()
+        for what, value in values.items()
+    ]
+
+
+@pytest.fixture(scope="module")
+def connected():
+    with SteppedDriver(Engine(RadioBoard()), "traxbot", options=Options(command_timeout_s=None)) as driver:
+        yield driver
+
+
+@pytest.fixture
+def robot(connected):
+    """A robot that drives, with its own limits."""
+    limits = connected.limits
+    assert connected.drive(0.1, 0.0)
+    yield connected
+    connected.restrict(None)
+    connected.limits = limits
+    connected.allow("test")
+    connected.stop()
+    connected.wait(0.5)
+
+
+def refusal(call, robot, value):
+    """The error of a call that is refused; the driver and the program go on."""
+    with pytest.raises(MrlError) as refused:
+        call(robot, value)
+    told, stopped_by = str(refused.value), robot.stop_reason if robot.command is None else ""
+    robot.wait(STEP_S)
+    assert robot.error is None and robot.drive(0.1, 0.0)
+    robot.wait(STEP_S)
+    assert "\n" not in told and (", expected " in told or "takes" in told or "not in the table" in told)
+    return told, stopped_by
+
+
+@pytest.mark.parametrize("call, name, value", rows(MOTION))
+def test_a_call_that_moves_stops_the_robot_if_it_cannot_use_an_argument(robot, call, name, value):
+    told, stopped_by = refusal(call, robot, value)
+    assert name in told and told.endswith("the robot was stopped") and stopped_by == "not_a_number"
+
+
+@pytest.mark.parametrize("call, name, value", rows(OTHERS))
+def test_other_calls_name_an_argument_that_they_cannot_use(robot, call, name, value):
+    told, stopped_by = refusal(call, robot, value)
+    assert name in told and stopped_by == ""
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    file = str(tmp_path_factory.mktemp("recorded") / "drive.mrl")
+    with SteppedDriver(Engine(RadioBoard()), options=Options(record=file)):
+        return RecordedDriver(file)
+
+
+@pytest.mark.parametrize("call, name, value", rows(RECORDED))
+def test_a_recording_names_a_function_that_is_none(recorded, call, name, value):
+    with pytest.raises(ConfigError, match=f"^{name} is .*, expected a function"):
+        call(recorded, value)
+
+
+NO_SPEEDS = [None, (), (0.1,), 0.1, "ab", *((0.1, value) for value in NO_SPEED.values())]
+
+
+@pytest.mark.parametrize("speeds", NO_SPEEDS, ids=lambda speeds: "")
+def test_a_restriction_that_returns_no_speeds_stops_the_robot_but_not_the_driver(robot, speeds):
+    robot.restrict(lambda wanted, now: speeds)
+    robot.wait(2 * STEP_S)
+    assert (robot.command, robot.stop_reason, robot.error) == (None, "not_a_number", None)
+    with pytest.raises(MrlError, match="speed that restrict allows .*the robot was stopped"):
+        robot.drive(0.1, 0.0)
+
+
+ALIKE = [Decimal("0.125"), Fraction(1, 8), np.float16(0.125), np.float32(0.125), np.longdouble(0.125)]
+
+
+@pytest.mark.parametrize(
+    "number", [*ALIKE, 1, np.int8(1), np.uint64(1)], ids=lambda number: type(number).__name__
+)
+def test_numbers_of_all_kinds_are_speeds_limits_and_times(robot, number):
+    robot.limits = robot.limits._replace(linear_m_s=number, angular_rad_s=number)
+    assert all(type(limit) is float for limit in robot.limits) and robot.limits.linear_m_s == number
+    assert robot.drive(number, number) and robot.command == (number, number)
+    assert not robot.wait(number)
+    robot.reset_pose((number, number, number))
+    assert robot.pose == (number, number, number)
+
+
+@pytest.mark.parametrize(
+    "twenty", [20, 20.0, Decimal(20), Fraction(20), np.int16(20), np.float32(20)], ids=repr
+)
+def test_whole_numbers_of_all_kinds_are_codes_and_arguments(robot, twenty):
+    robot.request(twenty / 20 * MOVE_MOTORS, twenty, twenty)
+    robot.stop()
+
+
+def option(name):
+    return lambda _, bad: Driver("/nowhere", options=Options(**{name: bad}))
+
+
+OPTIONS = {
+    **dict.fromkeys(("period_ms", "watchdog_ms", "imu_period_ms", "line_baud"), NO_WHOLE),
+    "robot_id": without(NO_WHOLE, "None"),
+    **dict.fromkeys(("greeting_s", "port_timeout_s", "queued_s"), NO_SPEED),
+    "command_timeout_s": without(NO_SPEED, "None"),
+    **dict.fromkeys(("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"), NO_FLAG),
+    "build": without(NO_TEXT, "empty"),
+    "record": without(NO_TEXT, "None"),
+    "tap": without(NO_FUNCTION, "None"),
+}
+NEW = {
+    "Driver": {
+        name: (lambda _, bad, name=name: Driver(**{"port": "/nowhere", name: bad}), NO_VALUE)
+        for name in ("port", "robot", "baud", "options")
+    },
+    "Options": {name: (option(name), values) for name, values in OPTIONS.items()},
+}
+
+
+@pytest.mark.parametrize("call, name, value", rows(NEW))
+def test_an_argument_of_a_new_driver_that_cannot_be_used_is_named(call, name, value):
+    with pytest.raises(ConfigError, match=f"^{name} is .*, expected"):
+        call(None, value)
+
+
+def test_the_tables_have_all_options():
+    assert {*OPTIONS} == {*Options._fields}
+
+
+@pytest.mark.parametrize("value", [Decimal("0.25"), Fraction(1, 4), np.float32(0.25)], ids=repr)
+def test_numbers_of_all_kinds_are_options(value):
+    with SteppedDriver(Engine(RadioBoard()), options=Options(command_timeout_s=value)) as driver:
+        driver.drive(0.1, 0.0)
+        driver.wait(0.2)
+        assert driver.command is not None
+        driver.wait(0.1)
+        assert driver.command is None
+
+
+def test_the_tables_have_all_calls_with_arguments():
+    public = {
+        name
+        for kind in (Driver, SteppedDriver, RecordedDriver)
+        for name, member in inspect.getmembers(kind)
+        if not name.startswith("_") and (callable(member) or getattr(member, "fset", None))
+    }
+    assert public == {*MOTION, *OTHERS, *RECORDED, *WITHOUT_ARGUMENTS}
