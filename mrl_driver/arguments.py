@@ -69,10 +69,10 @@ def require_function(name: str, value: Any) -> Any:
     return require_kind(name, value, Callable, "a function")
 
 
-def require_text(name: str, value: Any) -> None:
+def require_text(name: str, value: Any, expected: str = "a text") -> None:
     """Raise ConfigError unless it is a text that is not empty."""
     if not isinstance(value, str) or not value:
-        raise ConfigError(f"{name} is {shown(value)}, expected a text")
+        raise ConfigError(f"{name} is {shown(value)}, expected {expected}")
 
 
 def require_kind(

@@ -546,7 +546,7 @@ class Driver:
             ConfigError: a recording is running, the file cannot be created, or the driver was given an open `Link`.
             LinkLost: the driver is not connected, or was closed.
         """
-        require_text("path", path)
+        require_text("path", path, "the name of a file")
         self._connected()
         self._links.start_recording(path)
         with self._changed:
@@ -594,14 +594,14 @@ class Driver:
         Raises:
             ConfigError: the text is empty, longer than `LONGEST_REMARK`, or begins like a remark of the driver.
         """
-        require_text("remark", text)
         if (
-            not 0 < len(text) <= LONGEST_REMARK
+            not isinstance(text, str)
+            or not 0 < len(text) <= LONGEST_REMARK
             or text.split(" ")[0].encode("utf-8", "replace") in OWN_REMARKS
         ):
             own = ", ".join(word.decode() for word in OWN_REMARKS)
             raise ConfigError(
-                f"the remark is {text[:40]!r}, expected 1 to {LONGEST_REMARK} characters that do not begin with {own}"
+                f"the remark is {shown(text)}, expected 1 to {LONGEST_REMARK} characters that do not begin with {own}"
             )
         self._remark(text.encode("utf-8", "replace"))
 

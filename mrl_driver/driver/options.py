@@ -162,7 +162,7 @@ def require_options(options: Options) -> Options:
     for name in ("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"):
         require_kind(name, getattr(options, name), bool, "True or False")
     if options.record is not None:
-        require_text("record", options.record)
+        require_text("record", options.record, "the name of a file")
     if not isinstance(options.build, str) or options.build not in ("", *BUILDS):
         raise ConfigError(f"build is {shown(options.build)}, expected {' or '.join(BUILDS)}")
     if options.tap is not None:
