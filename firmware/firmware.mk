@@ -1,4 +1,5 @@
 # The sketch with Debian's gcc-avr and arduino-core-avr, and the same C++ for the PC.  Included by the Makefile.
+SHELL := /bin/bash
 FW_SOURCE := firmware/mrl_firmware
 FW_BUILD := build/firmware
 ARDUINO_AVR ?= /usr/share/arduino/hardware/arduino/avr

@@ -44,7 +44,11 @@ JUNK_BYTES = 32
 """This many bytes that are not text, and no frame within `JUNK_S` of the first byte [s], mean another baud rate.
 A board of August 2013 is silent for 3.35 s after its bootloader."""
 ECHOES = 3
-"""This many of this program's own requests come back only if something echoes them."""
+"""This many of this program's own requests come back only if something echoes them.  Lines of a debug text, which begin
+with '[', quote requests.
+"""
+SAID_BYTES = 2048
+"""So many of the first bytes are looked at for an echo."""
 _FAULT = {name: bit for bit, (name, _) in enumerate(FAULTS)}
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
@@ -171,16 +175,14 @@ class Handshake:
         self._sure = False
         """The board identified itself in a frame with a checksum."""
         self._junk: List[float] = []
-        self._seen, self._strange, self._faults = b"", 0, 0
-        self._echoes = 0
+        self._said, self._strange, self._faults = b"", 0, 0
 
     def heard(self, data: bytes, now: float) -> None:
         """Count bytes that may not belong to frames."""
         if self.board is None and data:
             self._junk = self._junk or [now]
-            self._seen = self._seen or data[:24]
             self._strange += len(data.translate(None, _TEXT))
-            self._echoes += sum(type(event) is Frame for event in FrameDecoder(REQUESTS).feed(data))
+            self._said = (self._said + data)[:SAID_BYTES]
 
     def tick(self, now: float, checked: bool) -> None:
         """Send what is due.
@@ -243,20 +245,25 @@ class Handshake:
         self._answered = True
         self.due_s = min(self.due_s, now)
 
+    def _echoes(self) -> int:
+        """Return how many of this program's own requests came back."""
+        lines = (line for line in self._said.split(b"\n") if not line.startswith(b"["))
+        return sum(type(event) is Frame for event in FrameDecoder(REQUESTS).feed(b"\n".join(lines)))
+
     def _judge(self, now: float) -> None:
         board = self.board or self._silent
         if board is not None:
             if now >= self._give_up_s and (self._silent or self._silencer()):
                 raise self._mute(board)
-        elif self._echoes >= ECHOES:
+        elif self._echoes() >= ECHOES:
             raise NotARobot(
-                f"the bytes that were sent come back ({self._seen!r}): a login prompt, or an adapter that echoes, is "
-                "on this port, or TX is connected to RX; end that, or check the wires"
+                f"the bytes that were sent come back ({self._said[:24]!r}): a login prompt, or an adapter that echoes, "
+                "is on this port, or TX is connected to RX; end that, or check the wires"
             )
         elif self._junk and self._strange >= JUNK_BYTES and now >= self._junk[0] + JUNK_S:
             raise NotARobot(
                 f"this port sends text at another baud rate, or another device is on it (got "
-                f"{self._seen!r}, expected '@29,...e'): check baud"
+                f"{self._said[:24]!r}, expected '@29,...e'): check baud"
             )
         elif now >= self._give_up_s:
             raise NotARobot(self._nothing())
@@ -304,7 +311,7 @@ class Handshake:
             return f"the device on this port {self._differing()}"
         if self._junk:
             return (
-                f"no answer to '@29e', but other bytes ({self._seen!r}): another device or firmware, or check "
+                f"no answer to '@29e', but other bytes ({self._said[:24]!r}): another device or firmware, or check "
                 "baud; flash the board with: mrl flash --port PORT"
             )
         return "no answer to '@29e': check that the board is powered, that this is its port, and that it is flashed"

@@ -28,7 +28,7 @@ SYSTEM = {
     "check_urdf": "liburdfdom-tools",
 }
 """Programs and modules by their key in rosdep's base.yaml and python.yaml."""
-BY_PIP = {"rich", "aiohttp", "cryptography", "segno", "mcap", "mcap_ros1", "rosbags"}
+BY_PIP = {"rich", "aiohttp", "cryptography", "segno", "mcap", "mcap_ros1", "rosbags", "PIL"}
 """Ubuntu 20.04, on which Noetic runs, has no package of it, or one that is too old: rosdep would stop or bring it."""
 STDLIB = sysconfig.get_paths()["stdlib"]
 OWN = {"mrl_driver", "sim_arduino", "ros1_bridge"}
