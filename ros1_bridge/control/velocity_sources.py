@@ -60,9 +60,8 @@ class VelocitySources:
     def may_move(self, source: Source, now_s: float) -> bool:
         """Take note of a command to move; whether the robot may follow it."""
         with self._lock:
-            if self._early.get(source.node) == math.inf:
-                self._early[source.node] = now_s
-            stops, last_s = self._moves.get(source, (-1, self._early.get(source.node, -math.inf)))
+            silent_since_s = min(self._early.get(source.node, -math.inf), now_s)
+            stops, last_s = self._moves.get(source, (-1, silent_since_s))
             if now_s - last_s >= self.pause_s:
                 stops = self._stops
                 self._forget_silent(now_s)

@@ -38,6 +38,10 @@ def test_message_beyond_the_limits_is_not_and_both_times_are_told(source, age_s,
     assert words in judged(source, age_s)
 
 
+def test_stamp_of_zero_is_no_time_although_simulated_time_begins_there(source):
+    assert "its stamp is 0" in source.trouble(0.0, 0.1, ARRIVED_S)
+
+
 def test_clocks_are_the_likely_cause_only_until_a_message_was_fresh(source):
     assert "synchronise them (NTP)" in judged(source, 10.0)
     assert judged(source, 0.0, later_s=1.0) == ""

@@ -1,5 +1,8 @@
 """Which sources may move the robot after a stop, and at the start of the node; in stepped time."""
 
+import gc
+import tracemalloc
+
 import pytest
 
 from ros1_bridge.control.velocity_sources import Source, VelocitySources
@@ -97,9 +100,21 @@ def test_operators_are_silent_from_the_connection_on_of_the_node_that_was_there_
     assert bench.sends(1.0, desk) == {(desk, moves)}
 
 
+def test_sources_that_come_and_go_take_no_memory(bench):
+    """As each `rostopic pub` has another name."""
+    gc.collect()
+    tracemalloc.start()
+    for number in range(2000):
+        bench.sends(STEP_S, Source(f"/rostopic_{number}"))
+        bench.now_s += PAUSE_S
+    grown_bytes, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert grown_bytes < 20000
+
+
 def test_without_a_pause_to_make_every_source_moves_the_robot():
     bench = Bench(pause_s=0.0)
-    bench.sends(1.0, PLANNER)
-    bench.sources.distrust()
     bench.sources.expect([PLANNER.node])
+    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
+    bench.sources.distrust()
     assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
