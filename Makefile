@@ -115,10 +115,10 @@ quick: $(VENV)/.tested $(if $(shell command -v g++),$(PC_LIBRARIES)) ## Run the 
 # Pieces of a run that follow each other even if one fails; the last line names those that did.
 PYTEST = $(ROS_ENV) $(PY) -m pytest $(if $(SEED),--hypothesis-seed=$(SEED))
 RUN = $(1) || failed="$$failed, $(2)"
-VERDICT = echo "$@: $${failed:+failed: $${failed\#, }}$${failed:-passed}"; [ -z "$$failed" ]
+VERDICT = [ -z "$$failed" ] || { echo "$@ failed:$${failed\#,}" >&2; exit 1; }; echo "$@ passed"
 
 test: apt ## Set up what is missing, then run checks and tests, but for those of `make test-rest`
-	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware $(PC_LIBRARIES)
+	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware comparison $(PC_LIBRARIES)
 	@failed=; $(call RUN,$(MAKE) --no-print-directory check,checks); \
 	$(call RUN,$(PYTEST) --tier test -n 5 --dist loadfile,tests); \
 	$(VERDICT)

@@ -48,7 +48,7 @@ ECHOES = 3
 with '[', quote requests.
 """
 SAID_BYTES = 2048
-"""So many of the first bytes are looked at for an echo."""
+"""An echo is searched in this many of the first bytes."""
 _FAULT = {name: bit for bit, (name, _) in enumerate(FAULTS)}
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}

