@@ -106,6 +106,7 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m ros1_bridge.description --check
 	$(PY) -m sim_arduino.world --check
 	$(PY) -m tests.verify.model.constants --check
+	$(PY) -m tests.bench.figures --check
 	$(PY) -m tests.documents.plain_english
 	$(VENV)/bin/codespell
 
@@ -128,6 +129,7 @@ test-rest: apt ## Run what `make test` leaves out: all of ROS, image and browser
 	@export MRL_TEST_SEED=$(SEED); failed=; \
 	$(call RUN,$(PYTEST) --tier rest -m 'not realtime' -n 5 --dist loadfile,tests); \
 	$(call RUN,$(PYTEST) -m realtime -n 0 $$(grep -rl --include='test_*.py' mark.realtime tests),tests in real time); \
+	$(call RUN,$(MAKE) --no-print-directory smoke,short forms of long runs); \
 	$(VERDICT)
 
 test-all: ## Run everything; SEED=n looks at inputs that the fixed ones do not have
@@ -139,7 +141,6 @@ bench-firmware: setup firmware comparison ## Measure the firmware binary on the 
 
 bench-host: setup ## Measure the decoder, recording and the driver without ROS; build/bench/host.json
 	$(PY) -m tests.bench.bench_host
-	$(PY) -m tests.bench.bench_recording
 
 run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot '$(ROBOT)') $(if $(ENGINE),--engine $(ENGINE)) \

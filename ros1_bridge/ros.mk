@@ -1,14 +1,14 @@
 # The bridge's own targets, included by the Makefile.
 
 .PHONY: bench-ros bench-relay description check-description
-bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json; FAST=1 is shorter
+bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
 	$(ROS_ENV) $(PY) -m tests.bench.bench_ros
 
-bench-relay: setup ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json; FAST=1 is shorter
+bench-relay: setup ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
 	$(ROS_ENV) $(PY) -m tests.bench.bench_relay
 
 .PHONY: bench-fleet
-bench-fleet: setup ## Measure team.launch with 20 robots and with one; build/bench/fleet.json; FAST=1 makes one run
+bench-fleet: setup ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
 	$(ROS_ENV) $(PY) -m tests.bench.bench_fleet
 
 description: ## Render the robots' URDF files from their geometry
@@ -17,12 +17,14 @@ description: ## Render the robots' URDF files from their geometry
 check-description: ## Check that the URDF files are current
 	$(PY) -m ros1_bridge.description --check
 
+PICTURES ?= $(if $(FAST),build/smoke,.)
 .PHONY: pictures
 pictures: setup firmware ## Take the pictures of the live view, of rviz and of the page for the documents, without a display
-	$(PY) -m tests.documents.live_view_picture ros1_bridge/live_view.svg
-	$(PY) -m tests.documents.page_picture docs/page_phone.png docs/page_desk.png
-	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz.png
-	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture ros1_bridge/rviz_team.png team
+	@mkdir -p $(PICTURES)/ros1_bridge $(PICTURES)/docs
+	$(PY) -m tests.documents.live_view_picture $(PICTURES)/ros1_bridge/live_view.svg
+	$(PY) -m tests.documents.page_picture $(PICTURES)/docs/page_phone.png $(PICTURES)/docs/page_desk.png
+	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture $(PICTURES)/ros1_bridge/rviz.png
+	$(if $(FAST),,$(ROS_ENV) $(PY) -m tests.documents.rviz_picture $(PICTURES)/ros1_bridge/rviz_team.png team)
 
 .PHONY: test-navigation
 test-navigation: ## Ten goals a robot with the real move_base; NAVIGATION_SRC=folder has its sources; build/navigation/table.json

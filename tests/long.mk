@@ -1,21 +1,32 @@
-# The long runs; short forms of them are part of `make test`.
-MINUTES ?= 10
+# The long runs.  With FAST=1 each is in its shortest form, in which `make smoke` runs them all; with KEEP=1 a full run
+# writes its figures to docs/figures.
+MINUTES ?= $(if $(FAST),0.03,10)
+
+.PHONY: smoke figures experiments
+smoke: setup firmware pc-firmware comparison ## Run whatever measures, verifies or draws in its shortest form and judge the figures; ONLY="soak docs"
+	$(PY) -m tests.bench.smoke $(ONLY)
+
+figures: setup ## Render the tables of README.md and BENCHMARKS.md from docs/figures
+	$(PY) -m tests.bench.figures
+
+experiments: setup firmware comparison ## Measure the papers' experiments in simulated time; build/bench/experiments.json
+	$(PY) -m tests.bench.bench_experiments
 
 .PHONY: fuzz fuzz-readers reactions soak
 fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
-	$(PY) -m tests.fuzz.inputs --seconds $(or $(SECONDS),60) --seed $(or $(SEED),1)
+	$(PY) -m tests.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.1,60)) --seed $(or $(SEED),1)
 
 fuzz: fuzz-readers ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.fuzz --minutes $(MINUTES)
-	$(PY) -m tests.fuzz.greetings --board pc --board bridge --board august --board january
+	$(PY) -m tests.fuzz.greetings --board pc --board bridge --board august --board january $(if $(FAST),--greetings 2)
 	cd $(PC_BUILD) && for fuzzer in ./fuzz_firmware ./fuzz_firmware_hbridge; do \
-	  $$fuzzer -max_total_time=$$(( $(MINUTES) * 60 )) -print_final_stats=1 || exit 1; done
+	  $$fuzzer -max_total_time=$(if $(FAST),1,$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
 
 reactions: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
 	$(PY) -m tests.fuzz.reactions --minutes $(MINUTES)
 
-SOAK_FAULTS ?= 10000
-SOAK_MINUTES ?= 60
+SOAK_FAULTS ?= $(if $(FAST),32,10000)
+SOAK_MINUTES ?= $(if $(FAST),0.25,60)
 soak: setup firmware ## Strike with SOAK_FAULTS=n faults in simulated time, then for SOAK_MINUTES=n in real time; build/bench/soak.json
 	$(PY) -m tests.soak simulated --faults $(SOAK_FAULTS)
 	$(PY) -m tests.soak real --minutes $(SOAK_MINUTES)
@@ -39,10 +50,10 @@ bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; bui
 
 .PHONY: review-holdout
 review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first
-	$(PY) -m tests.review.holdout --seeds $(or $(SEEDS),10)
+	$(PY) -m tests.review.holdout $(if $(SEEDS),--seeds $(SEEDS))
 
 .PHONY: bench-web
-bench-web: setup ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json; FAST=1 is shorter
+bench-web: setup ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json
 	$(PY) -m tests.bench.bench_web
 
 PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)

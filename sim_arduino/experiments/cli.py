@@ -69,6 +69,12 @@ def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> Li
 @click.option(
     "--seed", default=1, show_default=True, type=click.IntRange(0, 2**31), help="Seed of all random numbers."
 )
+@click.option(
+    "--seeds",
+    default=0,
+    type=click.IntRange(0, 1000),
+    help="Number of runs with random numbers of their own; default: as many as each experiment has, 10 in most.",
+)
 @click.option("--yes", is_flag=True, help="Drive the robot on --port without asking.")
 @click.option(
     "--ros/--no-ros",
@@ -82,6 +88,7 @@ def main(
     robot: str,
     out: str,
     seed: int,
+    seeds: int,
     yes: bool,
     ros: Optional[bool],
 ) -> None:
@@ -107,7 +114,7 @@ def main(
     from .experiment_report import save
     from .experiment_robot import Setting
 
-    setting = Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros))
+    setting = Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros), seeds)
     console = Console()
     with contextlib.closing(_results(chosen, setting, console)) as results:
         for name, result, seconds in results:

@@ -33,6 +33,7 @@ class Setting(NamedTuple):
         robot: Model of the robot.
         seed: Seed of all random numbers.
         ros: Run through ROS if the experiment is about ROS.
+        seeds: Number of runs with random numbers of their own; 0 for as many as each experiment has.
     """
 
     folder: str
@@ -40,6 +41,7 @@ class Setting(NamedTuple):
     robot: str = "traxbot"
     seed: int = 1
     ros: bool = False
+    seeds: int = 0
 
 
 class Step(NamedTuple):

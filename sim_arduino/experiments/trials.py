@@ -14,8 +14,9 @@ _T = TypeVar("_T")
 
 
 def over_seeds(run: Callable[[Setting], _T], setting: Setting, count: int = SEEDS) -> List[_T]:
-    """The results of `count` runs, each in a setting with a seed of its own."""
-    return [run(setting._replace(seed=_APART * setting.seed + number)) for number in range(count)]
+    """The results of `count` runs, or of as many as the setting asks for, each with a seed of its own."""
+    numbers = range(setting.seeds or count)
+    return [run(setting._replace(seed=_APART * setting.seed + number)) for number in numbers]
 
 
 def figure(

@@ -1,6 +1,7 @@
 """The reference for `bench_ros`: a bare rospy loop on a pty, without protocol, driver or checks.
 
-Reads raw, publishes one prepared Odometry and one TFMessage for each frame; writes one frame for each cmd_vel.
+Reads raw, publishes one prepared Odometry and one TFMessage for each frame, whose x is the number of the frame;
+writes one frame for each cmd_vel.
 """
 
 import os
@@ -13,8 +14,6 @@ import rospy
 from geometry_msgs.msg import TransformStamped, Twist
 from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
-
-METRES_A_FRAME = 8 * 0.000087512033
 
 
 def main() -> None:
@@ -44,9 +43,8 @@ def main() -> None:
             count += 1
             stamp = rospy.Time.now()
             odometry.header.stamp = transform.header.stamp = stamp
-            odometry.pose.pose.position.x = count * METRES_A_FRAME
+            odometry.pose.pose.position.x = transform.transform.translation.x = count
             odometry_out.publish(odometry)
-            transform.transform.translation.x = odometry.pose.pose.position.x
             transform_out.publish(both)
     os.close(fd)
 

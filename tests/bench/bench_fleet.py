@@ -1,6 +1,6 @@
 """`make bench-fleet`: start time, rates and CPU of `team.launch` with 20 robots, and with one as control; fleet.json.
 
-Each figure is the median of `RUNS` runs; FAST=1 makes one run.  CPU is that of boards, nodes, state publishers, the
+FAST=1 is shorter.  CPU is that of boards, nodes, state publishers, the
 world and the ROS master, without this process.
 """
 
@@ -8,10 +8,10 @@ import collections
 import contextlib
 import os
 import signal
-import statistics
 import sys
 import time
-from typing import Dict, Iterator, List, Optional, Tuple
+from functools import partial
+from typing import Dict, Iterator, List, Tuple
 
 import rospy
 
@@ -20,15 +20,14 @@ from ros1_bridge.demo.processes import Child, wait_until
 from . import report
 from .ros_bench import LOGS, ROOT, Master
 
-RUNS = 1 if os.environ.get("FAST") == "1" else 3
-ROBOTS = 20
-START_S, SETTLE_S, MEASURE_S = 120.0, 5.0, 10.0
+RUNS, ROBOTS = report.either((3, 20), (1, 2))
+START_S = 120.0
+SETTLE_S, MEASURE_S = report.either((5.0, 10.0), (1.0, 2.0))
 END_S = 30.0
 PROGRAM = "import sys, roslaunch; roslaunch.main(sys.argv)"
 ROLES = ("robot_node", "sim_board", "robot_state_publisher", "world_node", "rosmaster")
 """Programs, as their command lines name them."""
 _TICKS = os.sysconf("SC_CLK_TCK")
-GOALS = {"start_s": "<= 20", "odom_hz_least": ">= 49.5", "gap_ms_p99": "<= 60", "cpu_percent": ""}
 
 
 class Team:
@@ -123,28 +122,20 @@ def measure(robots: int, laser: bool) -> Dict[str, float]:
     return figures
 
 
-def _shown(figure: Optional[float]) -> str:
-    return "" if figure is None else f"{figure:.1f}"
-
-
-def main() -> None:
+def main() -> int:
     """Measure, print and write."""
-    figures: Dict[str, float] = {}
+    figures: Dict[str, report.Measured] = {}
+    cases = {
+        "one": (1, False),
+        "fleet": (ROBOTS, False),
+        **report.either({"fleet_laser": (ROBOTS, True)}, {}),
+    }
     with Master():
-        for name, robots, laser in (
-            ("one", 1, False),
-            ("fleet", ROBOTS, False),
-            ("fleet_laser", ROBOTS, True),
-        ):
-            runs = report.repeat(name, RUNS, lambda robots=robots, laser=laser: measure(robots, laser))  # type: ignore[misc]
-            for key in runs[0]:
-                figures[f"{name}_{key}"] = statistics.median(run[key] for run in runs)
-    print(f"{'figure':36}{'one robot':>10}{ROBOTS:>5} robots{'with laser':>14}  goal of the fleet")
-    for key in (key[12:] for key in figures if key.startswith("fleet_laser_")):
-        one, fleet, laser = (figures.get(f"{name}_{key}") for name in ("one", "fleet", "fleet_laser"))
-        print(f"{key:36}{_shown(one):>10}{_shown(fleet):>12}{_shown(laser):>14}  {GOALS.get(key, '')}")
-    print(report.write("fleet", figures))
+        for name, case in cases.items():
+            runs = report.by_key(report.repeat(name, RUNS, partial(measure, *case)))
+            figures.update({f"{name}_{key}": values for key, values in runs.items()})
+    return report.conclude("fleet", figures)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -20,8 +20,7 @@ from sim_arduino.hardware.xbee import RadioFit
 from sim_arduino.world.world import World
 from tests.bench import report
 
-TEXTS, SEEDS = 1000, 10
-IMAGE_TEXTS = 200
+TEXTS, SEEDS, IMAGE_TEXTS = report.either((1000, 10, 200), (30, 1, 10))
 LOSSES = (0.0, 0.1, 0.3)
 PERIOD_S, STEP_S = 0.1, 0.002
 START_S, LAST_S = 0.5, 6.0
@@ -87,13 +86,13 @@ def summary(name: str, runs: List[Run]) -> Dict[str, float]:
         f"{name}_delivered_per_1000_median": statistics.median(run.delivered for run in runs),
         f"{name}_delivered_per_1000_worst": min(run.delivered for run in runs),
         f"{name}_again_per_1000_worst": max(run.again for run in runs),
-        f"{name}_delay_ms_median": round(statistics.median(delays_ms), 1),
-        f"{name}_delay_ms_p99": round(delays_ms[int(0.99 * (len(delays_ms) - 1))], 1),
-        f"{name}_delay_ms_worst": round(delays_ms[-1], 1),
+        f"{name}_delay_ms_median": statistics.median(delays_ms),
+        f"{name}_delay_ms_p99": delays_ms[int(0.99 * (len(delays_ms) - 1))],
+        f"{name}_delay_ms_worst": delays_ms[-1],
     }
 
 
-def main() -> None:
+def main() -> int:
     """Measures, prints, writes."""
     figures: Dict[str, float] = {"seeds": SEEDS, "texts_per_seed": TEXTS, "image_texts": IMAGE_TEXTS}
     for loss in LOSSES:
@@ -102,10 +101,8 @@ def main() -> None:
             print(name, file=sys.stderr, flush=True)
             figures.update(summary(name, [exchange(way, loss, seed) for seed in range(SEEDS)]))
     figures.update(summary("image_unicast_loss_10", [exchange("unicast", 0.1, 0, "avr", IMAGE_TEXTS)]))
-    for key, value in figures.items():
-        print(f"{key:48}{value:10,.1f}")
-    print(report.write("radio", figures))
+    return report.conclude("radio", figures)
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

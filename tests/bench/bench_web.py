@@ -10,7 +10,6 @@ import tempfile
 import time
 from functools import partial
 from pathlib import Path
-from statistics import median
 from typing import Callable, Dict, List
 
 from tests.cli.terminal import Terminal
@@ -24,10 +23,8 @@ from tests.web.stop_runs import StopRuns
 
 from . import report
 
-FAST = os.environ.get("FAST") == "1"
-RUNS = 3 if FAST else 20
-CPU_S, CPU_RUNS = (3.0, 1) if FAST else (20.0, 3)
-SETTLE_S = 2.0
+RUNS = report.either(20, 1)
+CPU_S, CPU_RUNS, SETTLE_S = report.either((20.0, 3, 2.0), (2.0, 1, 1.0))
 ROWS, COLUMNS = 40, 120
 """Size of the terminal in which the control draws."""
 
@@ -89,72 +86,62 @@ def first_load(browser: Browser, folder: Path) -> int:
         served.close()
 
 
-def real_stops(browser: Browser, folder: Path) -> Dict[str, float]:
+def real_stops(browser: Browser, folder: Path) -> Dict[str, report.Measured]:
     """Times from the last fresh command to the motors' stop in real time, all links working [ms]."""
     served = local(folder)
-    found: Dict[str, float] = {}
+    found: Dict[str, report.Measured] = {}
     try:
         runs = StopRuns(browser, served)
         for fault in runs.faults:
             times = report.repeat(fault, RUNS, partial(runs.measure, fault))
-            found.update(_figures(fault.replace(" ", "_"), [each.after_command_s for each in times]))
+            found.update(_figures(fault, [each.after_command_s for each in times]))
     finally:
         served.close()
     return found
 
 
-def simulated_stops() -> Dict[str, float]:
+def simulated_stops() -> Dict[str, report.Measured]:
     """The same in simulated time: with all links, then with each that notices the fault alone [ms].
 
     With none the robot drives on, which has no time.
     """
-    found: Dict[str, float] = {}
+    found: Dict[str, report.Measured] = {}
     for name, times in figures(runs=RUNS).items():
         if not name.endswith(": none"):
-            fault, _, links = name.partition(": ")
-            found.update(_figures(f"simulated_{fault} by {links}".replace(" ", "_"), times))
+            found.update(_figures(f"simulated {name.replace(':', ' by')}", times))
     return found
 
 
-def _figures(name: str, times_s: List[float]) -> Dict[str, float]:
-    return {
-        f"{name}_stop_ms_median": round(1000.0 * median(times_s), 1),
-        f"{name}_stop_ms_worst": round(1000.0 * max(times_s), 1),
-    }
+def _figures(name: str, times_s: List[float]) -> Dict[str, report.Measured]:
+    ms = [1000.0 * time_s for time_s in times_s]
+    key = name.replace(" ", "_")
+    return {f"{key}_stop_ms_median": ms, f"{key}_stop_ms_worst": max(ms)}
 
 
-def cpu_figures(browser: Browser, folder: Path) -> Dict[str, float]:
-    """CPU shares, each the median of runs that take turns [%]."""
+def cpu_figures(browser: Browser, folder: Path) -> Dict[str, report.Measured]:
+    """CPU shares of runs that take turns [%]."""
     measures: Dict[str, Callable[[], float]] = {
         "monitor_cpu_percent": monitor_cpu,
         "web_cpu_percent": lambda: web_cpu(browser, folder, 0),
         "web_two_viewers_cpu_percent": lambda: web_cpu(browser, folder, 2),
     }
-    found: Dict[str, List[float]] = {name: [] for name in measures}
-    for number in range(CPU_RUNS):
-        for name, measure in measures.items():
-            print(f"{name}: run {number + 1} of {CPU_RUNS}", file=sys.stderr, flush=True)
-            found[name].append(measure())
-    shares = {name: round(median(every), 2) for name, every in found.items()}
-    more = shares["web_two_viewers_cpu_percent"] - shares["monitor_cpu_percent"]
-    return {**shares, "web_over_monitor_cpu_percent": round(more, 2)}
+    return report.by_key(
+        report.repeat("CPU", CPU_RUNS, lambda: {name: measure() for name, measure in measures.items()})
+    )
 
 
-def main() -> None:
+def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         browser = Browser(folder)
         try:
-            found: Dict[str, float] = {"first_load_bytes": first_load(browser, folder), "runs": RUNS}
+            found: Dict[str, report.Measured] = {"first_load_bytes": first_load(browser, folder)}
             found.update(cpu_figures(browser, folder))
             found.update(real_stops(browser, folder))
         finally:
             browser.close()
-    found.update(simulated_stops())
-    for key, value in found.items():
-        print(f"{key:56}{value:10,.1f}")
-    print(report.write("web", found))
+    return report.conclude("web", {**found, **simulated_stops()})
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -12,7 +12,8 @@ from sim_arduino.avr.records import PinChange
 from sim_arduino.serve import factory
 from tests.bench.bridge_board import OUTPUTS, BridgeRig
 from tests.bench.firmware_board import Rig, request
-from tests.bench.firmware_measures import MakeRig
+from tests.bench.firmware_measures import EXACT, MakeRig, end_refusal
+from tests.bench.report import either
 
 COMMANDS_HZ = 400
 CONTROLLED = (b"@9,100,100e", b"@9,99,99e")
@@ -21,9 +22,9 @@ UNCONTROLLED = b"@10,100,100e"
 """All outputs keep their levels, so that the cycle of a change is exact."""
 LOAD_EDGES_HZ = 40000
 LEAST_EDGES_HZ, MOST_EDGES_HZ = 5000.0, 400000.0
-RATE_STEP = 1.01
+RATE_STEP, LOAD_S = either((1.01, 1.0), (1.5, 0.1))
 """Exactness of the highest rate of edges."""
-STOPS, WATCHDOG_STOPS, SAMPLES = 1000, 30, 2000
+STOPS, WATCHDOG_STOPS, SAMPLES = either((1000, 30, 2000), (10, 2, 20))
 COMPARE_B = 0x8A
 """OCR1BL, ATmega328P data sheet, register summary: the interrupt of the sample moves it on."""
 SAMPLE_CYCLES = 78 * 1024
@@ -51,7 +52,7 @@ MakeTurning = Callable[[float], BridgeRig]
 """Makes a rig whose wheels turn at a rate [edge/s, both together]."""
 
 
-def loses_nothing(make: MakeTurning, edges_hz: float, seconds: float = 1.0) -> bool:
+def loses_nothing(make: MakeTurning, edges_hz: float, seconds: float = LOAD_S) -> bool:
     """Are all edges counted, all commands accepted and no byte lost under load?"""
     rig = make(edges_hz).settle()
     load(rig, seconds)
@@ -145,12 +146,13 @@ def stop_figures(make: MakeTurning) -> Dict[str, float]:
 
 
 def watchdog_figures(make: MakeRig) -> Dict[str, float]:
-    """From the last byte of the host to the last change of an output, watchdog 250 ms, at 30 phases."""
+    """From the last byte of the host to the last change of an output, watchdog 250 ms, at random phases."""
     rig = make().settle()
     rig.ask(request("set_watchdog", 250))
     watch_outputs(rig)
     delays = []
     for _ in range(WATCHDOG_STOPS):
+        end_refusal(rig)
         end = rig.send_somewhen(UNCONTROLLED, 0.1)
         rig.machine.run_until(end + int(20e-3 * rig.machine.frequency_hz))
         rig.machine.pin_changes()
@@ -166,11 +168,11 @@ def exact_figures(make: MakeRig) -> Dict[str, float]:
     rig.machine.turn(0.0, 0.0)
     rig.run(10e-3)
     exact = 0
-    for value in range(-32768, 32768):
+    for value in EXACT:
         rig.machine.send(request("preset_encoder", 1, value))
         exact += answer(rig, "read_encoders")[1] == value
     rig.close()
-    return {"int16_exact": exact}
+    return {"int16_exact": exact * EXACT.step}
 
 
 # -- motion: the image, the emulated duo, and the true speed of its wheels

@@ -2,9 +2,10 @@
 
 `python -m tests.bench.feeder BOARDS [imu]`; with `imu`, each board has an IMU, which streams at the host's rate.
 
-Both counters go up by eight with each frame, so the pose tells which frame it came from; after a stop they stand long
-enough to confirm it, for a robot that does not stop is told again and again.  Lines on stdin: `rate HZ`
-streams and forgets what was noted, `pause` ends the stream and prints what was noted as one line of JSON.
+The wheels follow the latest movement command, straight ahead, so that no driver takes them for wheels that turn by
+themselves.  At 0.3 m/s each frame up to 3 kHz has counts of its own, which tell which frame a pose came from.
+Lines on stdin: `rate HZ` streams and forgets what was noted, `pause` ends the stream and prints what was noted as one
+line of JSON.
 """
 
 import json
@@ -14,23 +15,19 @@ import select
 import sys
 import time
 import tty
-from typing import Dict, List, Tuple
+from typing import List, Tuple
 
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, TICK_S
+from mrl_driver.robot.models import load
 
 CODE = {name: row.code for name, row in BY_NAME.items()}
 HAS = "check", "watchdog", "period", "sonars"
 """Capabilities of each board."""
 AT_REST = (12, -7, 3, 40, -60, 16384)
 """Gyro and accelerometer of a chip that lies flat [count]; the last number of each gets noise, as in a real one."""
-COUNTS_A_FRAME = 8
-"""Enough for a driver that watches whether the wheels follow commands, not too fast for a wheel at 2000 Hz."""
+METRES_PER_COUNT = load("traxbot").drive.metres_per_count
 SONARS = (150, 200, 80)
-STILL_S = 0.2
-"""So long do the wheels stand after a stop."""
-LEARN_S = 1.5
-"""So long do they stand at first if there is an IMU: the driver learns the bias of its gyro."""
 LATEST_S = 0.05
 """A frame that is this late is left out rather than sent in a burst."""
 
@@ -46,14 +43,14 @@ class Board:
         tty.setraw(self._slave)
         self.port = os.ttyname(self._slave)
         self._decoder = FrameDecoder(REQUESTS)
-        self._stamps = self._count = 0
+        self._stamps = 0
+        self._way = self._speed = 0.0
         self.streams = False
-        self._still_until_s = 0.0
         self.forget()
 
     def forget(self) -> None:
-        """Forget the notes; the counters start anew."""
-        self.written: Dict[int, float] = {}
+        """Forget the notes."""
+        self.written: List[Tuple[float, int]] = []
         self.moves: List[Tuple[float, int, int]] = []
 
     def receive(self) -> None:
@@ -67,8 +64,9 @@ class Board:
         code, args = frame.code, frame.args
         if code == CODE["move_differential"]:
             self.moves.append((now, args[0], args[1]))
+            self._speed = args[0] / 1000 / METRES_PER_COUNT
         elif code == CODE["stop"]:
-            self._still_until_s = max(self._still_until_s, now + STILL_S)
+            self._speed = 0.0
         elif code == CODE["robot_info"]:
             self._reply(code, 2500, 172, 1250, 2, 1)
         elif code == CODE["read_protocol"]:
@@ -84,24 +82,21 @@ class Board:
             self.streams = code == CODE["start_stream"]
         elif code == CODE["start_imu_stream"]:
             self._imu_gap_s, self._imu_due_s = args[0] / 1000, now
-            self._still_until_s = now + LEARN_S
         elif code == CODE["stop_imu_stream"]:
             self._imu_due_s = float("inf")
 
     def _reply(self, code: int, *args: int) -> None:
         os.write(self.master, encode_reply(code, *args, checked=self._decoder.checked))
 
-    def stream(self) -> None:
-        """One more frame, and when it went."""
+    def stream(self, gap_s: float) -> None:
+        """One more frame, this long after the one before, and when it went with which count."""
         if not self.streams:
             return
         now = time.monotonic()
-        still = now < self._still_until_s
-        self._count += not still
-        count = _int16(self._count * COUNTS_A_FRAME)
-        frame = self._stamped(CODE["read_encoders_and_sonars"], (count, count, *SONARS), now)
-        if not still:
-            self.written[self._count] = time.monotonic()
+        self._way += self._speed * gap_s
+        count = int(self._way)
+        frame = self._stamped(CODE["read_encoders_and_sonars"], (_int16(count), _int16(count), *SONARS), now)
+        self.written.append((time.monotonic(), count))
         os.write(self.master, frame)
         if now >= self._imu_due_s:
             self._imu_due_s += self._imu_gap_s
@@ -143,7 +138,7 @@ def serve(boards: List[Board]) -> None:
                 print(json.dumps([[board.written, board.moves] for board in boards]), flush=True)
         now = time.monotonic()
         while due_s <= now:
-            boards[turn].stream()
+            boards[turn].stream(gap_s * len(boards))
             turn = (turn + 1) % len(boards)
             due_s = due_s + gap_s if now - due_s < LATEST_S else now + gap_s
         for fd in ready:

@@ -10,10 +10,15 @@ from typing import Callable, Dict, Iterable, List, Optional, Tuple
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, COMMANDS
 from tests.bench.firmware_board import Reply, Rig, request
+from tests.bench.report import either
 from tests.firmware.imu_chip import GYRO_DATA
 
-REQUESTS = 300
-STREAM_COMMANDS = 1000
+REQUESTS = either(300, 10)
+STREAM_COMMANDS = either(1000, 20)
+STREAM_S, PERIODS_S = either((2.0, 10.0), (0.3, 0.5))
+"""Time of a stream as fast as it goes, and of one with a period."""
+EXACT = range(-32768, 32768, either(1, 128))
+WATCHDOG_STOPS, HANGS = either((30, 40), (2, 4))
 MOVE, STOP = 0xEB, 0xFC  # motor board commands
 WIDEST = 32767
 BUS_FAULTS = ("sda", "scl", "absent", "stretch")
@@ -73,10 +78,10 @@ def stream_figures(make: MakeRig) -> Dict[str, float]:
     """Rate, use of the wire and jitter of the stream of 8."""
     rig = make().settle()
     rig.machine.send(request("start_stream"))
-    frames = stream_of(rig, 2.0)
+    frames = stream_of(rig, STREAM_S)
     figures = {"stream_typical_hz": hertz(rig, frames), "stream_wire_use": wire_use(rig, frames)}
     rig.machine.send(request("start_stream", 20))
-    starts = [frame.start_cycle for frame in stream_of(rig, 10.0)]
+    starts = [frame.start_cycle for frame in stream_of(rig, PERIODS_S)]
     rig.close()
     return {**figures, "stream_jitter_us": spread_us(rig, starts)}
 
@@ -93,13 +98,13 @@ def imu_figures(make: MakeRig) -> Dict[str, float]:
     need all of it without the IMU."""
     rig = make().settle()
     rig.machine.send(request("start_stream"))
-    frames = stream_of(rig, 2.0)
+    frames = stream_of(rig, STREAM_S)
     imu_hz, imu_bytes = hertz(rig, rig.imu_frames), len(rig.imu_frames[-1].line)
     left_hz = (rig.machine.frequency_hz / BYTE_CYCLES - imu_hz * imu_bytes) / len(frames[-1].line)
     rig.machine.send(request("start_stream", 20))
     rig.run(0.1)
     rig.forget()
-    rig.run(2.0)
+    rig.run(STREAM_S)
     reads = [one.cycle for one in rig.writes(GYRO_DATA)]
     rig.close()
     return {"imu_hz": imu_hz, "stream_left_hz": left_hz, "imu_jitter_us": spread_us(rig, reads)}
@@ -188,19 +193,19 @@ def pair_of(data: bytes) -> Tuple[int, int]:
 
 
 def rate_figures(make: MakeRig) -> Dict[str, float]:
-    """The highest rate that loses nothing in two seconds, in steps of 1 % down from the wire's."""
+    """The highest rate that loses nothing, in steps of 1 % down from the wire's."""
     rate = BAUD / (10 * COMMAND_BYTES)
-    while rate > 1 and not moves_at(make, rate, 2.0):
+    while rate > 1 and not moves_at(make, rate, STREAM_S):
         rate *= 0.99
     return {"commands_streaming_hz": rate}
 
 
 def exact_figures(make: MakeRig) -> Dict[str, float]:
-    """How many of all first arguments of command 11 arrive exactly."""
+    """How many of all first arguments of command 11 arrive exactly; a short run tries some and reckons for all."""
     rig = make().settle(linear_ceiling=WIDEST, angular_ceiling=WIDEST)
-    exact = sum(exact_in(rig, range(start, start + 4096)) for start in range(-32768, 32768, 4096))
+    exact = sum(exact_in(rig, EXACT[start : start + 4096]) for start in range(0, len(EXACT), 4096))
     rig.close()
-    return {"int16_exact": exact}
+    return {"int16_exact": exact * EXACT.step}
 
 
 def exact_in(rig: Rig, values: Iterable[int]) -> int:
@@ -227,16 +232,24 @@ def boot_figures(make: MakeRig) -> Dict[str, float]:
     return {"boot_to_answer_ms": 1e3 * reply.end_cycle / rig.machine.frequency_hz}
 
 
+def end_refusal(rig: Rig) -> None:
+    """After its own stop a board refuses moves until the host has stopped the robot."""
+    rig.machine.send(b"@13e")
+    rig.run(10e-3)
+
+
 def watchdog_figures(make: MakeRig) -> Dict[str, float]:
-    """From the last byte of the host to the stop on the bus, watchdog 250 ms, at 30 phases."""
+    """From the last byte of the host to the stop on the bus, watchdog 250 ms, at random phases."""
     rig = make().settle()
     rig.ask(request("set_watchdog", 250))
     delays = []
-    for _ in range(30):
+    for _ in range(WATCHDOG_STOPS):
+        end_refusal(rig)
         rig.forget()
         end = rig.send_somewhen(b"@11,300,0e", 0.1)
         rig.machine.run_until(end + int(0.4 * rig.machine.frequency_hz))
         stops = [stop for stop in rig.writes(STOP) if stop.cycle > end]
+        assert rig.writes(MOVE), "the board refused the move"
         delays.append(1e-3 * rig.microseconds(stops[0].cycle - end) if stops else float("inf"))
     rig.close()
     return {"watchdog_stop_ms_max": max(delays)}
@@ -269,7 +282,7 @@ def hang_figures(make: MakeRig) -> Dict[str, float]:
     """The longest pause of a board that is asked while its bus breaks in four ways at random phases."""
     rig = make().settle()
     pauses = []
-    for number in range(40):
+    for number in range(HANGS):
         rig.machine.send(b"@11,300,0e@6e")
         rig.run(rig.random.random() * 3e-3)
         rig.break_part(BUS_FAULTS[number % 4])

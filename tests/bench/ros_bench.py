@@ -1,14 +1,16 @@
 """The parts of `bench_ros`: master, feeder, node or reference, and this process as subscriber."""
 
+import contextlib
 import itertools
 import json
 import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, Iterable, Iterator, List, Optional, Tuple
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -17,18 +19,23 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Imu, JointState, Range
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver.robot.models import load
 from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child, wait_until
-from tests.bench.feeder import COUNTS_A_FRAME
+from tests.bench.feeder import METRES_PER_COUNT
 from tests.ros.rig import free_port
 
 ROOT = Path(__file__).resolve().parents[2]
 LOGS = ROOT / "build" / "bench" / "ros"
 NODE = [str(ROOT / "ros1_bridge" / "nodes" / "robot_node")]
 BARE = ["/usr/bin/python3", str(ROOT / "tests" / "bench" / "bare_rospy.py")]
-METRES_A_FRAME = COUNTS_A_FRAME * load("traxbot").drive.metres_per_count
+SPEED_M_S, COMMANDS_S = 0.3, 0.1
+"""Driven with commands this far apart."""
 START_S = 30.0
+LEARN_S = 2.0
+"""A robot with an IMU stands this long at first: the driver learns the bias of its gyro."""
+RAMP_S = 2.0
+"""Time to reach that speed."""
+FASTEST_MM_S, STEPS = 290, 200
 FULL = {
     "sonar/front": Range,
     "sonar/left": Range,
@@ -79,12 +86,13 @@ class Feeder:
         """Stream at this rate, and note anew."""
         self._say(f"rate {hz}")
 
-    def pause(self) -> List[Tuple[Dict[int, float], List[Tuple[float, int, int]]]]:
-        """End the stream; for each board when which frame went, and which movement commands came when."""
+    def pause(self) -> List[Tuple[List[Tuple[float, int]], List[Tuple[float, int, int]]]]:
+        """End the stream; for each board when each frame went, with its count, and when which moves came."""
         self._say("pause")
         assert self._process.stdout is not None
+        notes: List[Tuple[List[Tuple[float, int]], List[Tuple[float, int, int]]]]
         notes = json.loads(self._process.stdout.readline())
-        return [({int(n): at for n, at in written.items()}, moves) for written, moves in notes]
+        return notes
 
     def _say(self, line: str) -> None:
         assert self._process.stdin is not None
@@ -144,13 +152,16 @@ class Bench:
                 self._subscribers.append(
                     rospy.Subscriber(f"{ns}/{imu}", Imu, self.readings.append, tcp_nodelay=True)
                 )
-        self._commands = rospy.Publisher(f"{self.spaces[0]}/cmd_vel", Twist, queue_size=10, tcp_nodelay=True)
+        self._bare = program is BARE
+        self._commands = [
+            rospy.Publisher(f"{ns}/cmd_vel", Twist, queue_size=10, tcp_nodelay=True) for ns in self.spaces
+        ]
         came = wait_until(
             lambda: all(len(each) > 20 for each in self.arrived) and (imu is None or bool(self.readings)),
             START_S,
         )
         assert came, self.nodes[0].last_words()
-        time.sleep(1.0)
+        time.sleep(1.0 if imu is None else LEARN_S)
 
     def __enter__(self) -> "Bench":
         return self
@@ -162,21 +173,47 @@ class Bench:
             node.finish(5.0)
         for subscriber in self._subscribers:
             subscriber.unregister()
-        self._commands.unregister()
+        for publisher in self._commands:
+            publisher.unregister()
         self.feeder.close()
 
     def _take(self, message: Any, board: int) -> None:
         self.arrived[board].append((time.monotonic(), message.pose.pose.position.x))
 
+    def drive(self, linear_m_s: float) -> None:
+        """Command this speed to all robots."""
+        for publisher in self._commands:
+            publisher.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3()))
+
+    @contextlib.contextmanager
+    def driving(self) -> Iterator[None]:
+        """All robots drive ahead, with commands at 10 Hz."""
+        end = threading.Event()
+
+        def command() -> None:
+            while not end.wait(COMMANDS_S):
+                self.drive(SPEED_M_S)
+
+        thread = threading.Thread(target=command)
+        thread.start()
+        try:
+            time.sleep(RAMP_S)
+            yield
+        finally:
+            end.set()
+            thread.join()
+
     def latencies_s(self, hz: float, seconds: float) -> List[List[float]]:
-        """Frame on the pty to message here, for each board, in the order of the frames."""
+        """Frame on the pty to message here while the robot drives, for each board, in the order of the frames."""
         self.feeder.rate(hz)
-        for each in self.arrived:
-            each.clear()
-        time.sleep(seconds)
-        notes = self.feeder.pause()
+        with self.driving():
+            self.feeder.rate(hz)
+            for each in self.arrived:
+                each.clear()
+            time.sleep(seconds)
+            notes = self.feeder.pause()
         time.sleep(0.5)
-        return [_matched(written, arrived) for (written, _), arrived in zip(notes, self.arrived)]
+        return [self._matched(written, arrived) for (written, _), arrived in zip(notes, self.arrived)]
 
     def command_latencies_s(self, rounds: int) -> List[float]:
         """Command published here to frame on the pty.
@@ -187,14 +224,14 @@ class Bench:
         for _ in range(rounds):
             self.feeder.rate(50.0)
             time.sleep(1.0)  # the pause has made the node greet its board anew
-            for _ in range(100):  # up to full speed
-                self._commands.publish(Twist(Vector3(0.3, 0, 0), Vector3()))
+            for _ in range(round(RAMP_S / 0.02)):  # up to full speed
+                self.drive(SPEED_M_S)
                 time.sleep(0.02)
             sent = {}
-            for speed in range(290, 90, -1):
+            for speed in range(FASTEST_MM_S, FASTEST_MM_S - STEPS, -1):
                 time.sleep(0.0131)
                 sent[speed] = time.monotonic()
-                self._commands.publish(Twist(Vector3(speed / 1000, 0, 0), Vector3()))
+                self.drive(speed / 1000)
             time.sleep(0.1)
             moves = self.feeder.pause()[0][1]
             for speed, at in sent.items():
@@ -203,10 +240,11 @@ class Bench:
         return found
 
     def cpu_percent(self, seconds: float) -> float:
-        """CPU share of the first node, at the rate in force [%]."""
-        begin_s, used_s = time.monotonic(), self._cpu_s()
-        time.sleep(seconds)
-        return 100 * (self._cpu_s() - used_s) / (time.monotonic() - begin_s)
+        """CPU share of the first node while the robot drives, at the rate in force [%]."""
+        with self.driving():
+            begin_s, used_s = time.monotonic(), self._cpu_s()
+            time.sleep(seconds)
+            return 100 * (self._cpu_s() - used_s) / (time.monotonic() - begin_s)
 
     def rss_mib(self) -> float:
         """Resident memory of the first node."""
@@ -222,13 +260,23 @@ class Bench:
         tasks = Path(f"/proc/{self._pid()}/task")
         return sum(int((task / "schedstat").read_text().split()[0]) for task in tasks.iterdir()) / 1e9
 
+    def _matched(self, written: List[Tuple[float, int]], arrived: List[Tuple[float, float]]) -> List[float]:
+        """Delays of the frames that arrived, of each place the first; the last frame gave the last message.
 
-def _matched(written: Dict[int, float], arrived: List[Tuple[float, float]]) -> List[float]:
-    """Delays of the frames that arrived, of each place the first; the last frame gave the last message."""
-    if not arrived:
-        return []
-    offset = max(written) - round(arrived[-1][1] / METRES_A_FRAME)
+        A place is the count of a node's pose; the bare loop has the number of the frame in its stead.
+        """
+        places = range(len(written)) if self._bare else [count for _, count in written]
+        sent, came = (
+            _first(places, written),
+            _first([round(x / (1.0 if self._bare else METRES_PER_COUNT)) for _, x in arrived], arrived),
+        )
+        offset = max(sent, default=0) - max(came, default=0)
+        return [at - sent[place + offset] for place, at in came.items() if place + offset in sent]
+
+
+def _first(places: Iterable[int], notes: Iterable[Tuple[float, Any]]) -> Dict[int, float]:
+    """When each place was noted first."""
     first: Dict[int, float] = {}
-    for at, x_m in arrived:
-        first.setdefault(round(x_m / METRES_A_FRAME) + offset, at)
-    return [at - written[frame] for frame, at in first.items() if frame in written]
+    for place, (at, _) in zip(places, notes):
+        first.setdefault(place, at)
+    return first

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Sequence
 
 from sim_arduino.world.world_file import load
+from tests.bench.report import either
 from tests.web.browser import DESK, PHONE, Browser
 from tests.web.robot_page import RobotPage
 from tests.web.served import Served
@@ -34,12 +35,13 @@ def take(phone_file: Path, desk_file: Path, folder: Path) -> None:
         phone.take()
         plant = served.robot.plant
         phone.set(speed=100, **GOAL)
-        for stick, reached in (
+        legs = (
             ((0.8, 0.5), lambda: plant.true_pose.yaw_rad > ARC_RAD),
             ((1.0, 0.0), lambda: plant.true_pose.y_m > NEAR_Y_M),
             ((0.0, 1.0), lambda: math.cos(plant.true_pose.yaw_rad) < WEST),
             ((0.9, 0.0), lambda: plant.true_pose.x_m < END_X_M),
-        ):
+        )
+        for stick, reached in either(legs, ()):
             phone.hold_until(reached, partial(phone.push, *stick), phone.tab.lift)
             phone.hold_until(reached, partial(phone.push, *stick), phone.tab.lift)
         while True:

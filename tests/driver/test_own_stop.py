@@ -52,23 +52,28 @@ class Line:
         return self._board.advance(to_s)
 
 
+def commanded_robot(engine="python", motors="omni3md", **options):
+    """A robot that can `drive` at 0.2 m/s with a command in force for 10 s."""
+    bench = Bench(engine, motors, battery_v=12.0)
+    line = Line(bench.board)
+    driver = SteppedDriver(line, bench.model, options=Options(command_timeout_s=10.0, **options))
+    driver.connect()
+    return SimpleNamespace(driver=driver, bench=bench, line=line)
+
+
 @pytest.fixture
 def robots():
-    """Makes robots that `drive` at 0.2 m/s with a command in force for 10 s."""
+    """Makes such robots."""
     made = []
 
-    def make(engine="python", motors="omni3md", **options):
-        bench = Bench(engine, motors, battery_v=12.0)
-        line = Line(bench.board)
-        driver = SteppedDriver(line, bench.model, options=Options(command_timeout_s=10.0, **options))
-        driver.connect()
-        made.append((driver, bench))
-        return SimpleNamespace(driver=driver, bench=bench, line=line)
+    def make(*args, **options):
+        made.append(commanded_robot(*args, **options))
+        return made[-1]
 
     yield make
-    for driver, bench in made:
-        driver.close()
-        bench.close()
+    for each in made:
+        each.driver.close()
+        each.bench.close()
 
 
 def lose_bytes(robot, seconds=LOSS_S):

@@ -2,12 +2,14 @@
 
 import multiprocessing
 import os
+import sys
 import time
 from typing import Dict, List, Tuple
 
 import click
 
-from tests.fuzz import damage, faulty_robot, goals
+from tests.bench import report
+from tests.fuzz import damage, faulty_robot
 
 BATCH = 1000
 DRIVE_S, DRIVING_SHARE = 5.0, 0.2
@@ -62,7 +64,7 @@ def main(minutes: float, seed: int) -> None:
         drives = [each for some in pool.map(work_driving, starts) for each in some]
     exact, lossy = total(found, damage.EXACT, True), total(found, damage.LOSSY, True)
     bare = total(found, (damage.flip_bit,), False)
-    figures: Dict[str, float] = {
+    figures: Dict[str, report.Measured] = {
         "damaged_frames_tried": exact.tried,
         "wrong_accepted": exact.wrong,
         "lost_byte_frames_tried": lossy.tried,
@@ -72,7 +74,7 @@ def main(minutes: float, seed: int) -> None:
         "drive_jump_mm_max": 1000 * max(0.0, *(jump_m for _, _, jump_m in drives)),
         "wrong_accepted_unchecked_1bit_percent": 100 * bare.wrong / bare.tried,
     }
-    goals.conclude(figures)
+    sys.exit(report.conclude("reliability", figures))
 
 
 if __name__ == "__main__":

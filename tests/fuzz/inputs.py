@@ -1,11 +1,11 @@
 """Random changes of the inputs of everything that reads: part of `make fuzz`.
 
 Each input is a process of its own, with limits of CPU time and memory.  An input that gets an answer in new words is
-changed further.  What breaks the rule is kept in build/fuzz, as a file for the corpus.
+changed further.  What breaks the rule is kept in build/fuzz, as a file for the corpus.  The figures go to
+build/bench/readers.json.
 """
 
 import hashlib
-import json
 import multiprocessing
 import os
 import random
@@ -19,6 +19,7 @@ from typing import Any, Dict, List, NamedTuple, Tuple
 
 import click
 
+from tests.bench import report
 from tests.fuzz.judge import Input, corpus, judge
 from tests.fuzz.mutation import mutate
 from tests.fuzz.readers import BY_INPUT, INPUTS, require_input
@@ -171,10 +172,15 @@ def main(seconds: float, seed: int, only: Tuple[str, ...], paths: Tuple[str, ...
         raise SystemExit(int(again(paths, BY_INPUT[names[0]])))
     BUILD.mkdir(parents=True, exist_ok=True)
     found = run(names, seconds, seed, os.cpu_count() or 1)
-    figures = {each.name: {"inputs": each.tried, "problems": len(each.problems)} for each in found}
-    (BUILD / "inputs.json").write_text(json.dumps({"seconds": seconds, "seed": seed, **figures}, indent=1))
-    if show(found):
-        raise SystemExit(1)
+    broken = show(found)
+    figures = {
+        "readers": len(found),
+        "inputs": sum(each.tried for each in found),
+        "problems": sum(len(each.problems) for each in found),
+        "least_inputs": min(each.tried for each in found),
+    }
+    report.conclude("readers", figures)
+    raise SystemExit(int(broken))
 
 
 if __name__ == "__main__":

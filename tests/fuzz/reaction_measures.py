@@ -14,11 +14,13 @@ from typing import Any, Callable, Dict, Iterator, List, Tuple
 from unittest import mock
 
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.robot_core import Core
 from mrl_driver.session.events import Lost, Reconnected, Stale
 from mrl_driver.session.session import Session
 from tests.driver.conftest import PtyBoard
 from tests.driver.emulator import MOVE, STOP, Emulator
 from tests.driver.test_clock import run as jittered
+from tests.driver.test_own_stop import commanded_robot, stalled_share
 from tests.driver.test_uncommanded_motion import PERIODS_MS, close, driven_s, stopped, way_m
 from tests.fake_board import FakeBoard
 from tests.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
@@ -169,6 +171,22 @@ def late_moves(count: int) -> Dict[str, float]:
     return {**both(""), **control}
 
 
+def stalls(_: int) -> Dict[str, float]:
+    """Share of the time in which blocked motors of a robot with an H-bridge are driven [%]; the same, the control, with
+    a driver that does not refuse commands after the board's own stop.  Simulated time.
+    """
+
+    def percent() -> float:
+        robot = commanded_robot(motors="bridge")
+        share = stalled_share(robot)
+        close(robot)
+        return 100 * share
+
+    with mock.patch.object(Core, "_on_own_stop", lambda self, reason: []):
+        control = percent()
+    return {"stalled_percent": percent(), "stalled_percent_control": control}
+
+
 def jumps(count: int) -> Dict[str, float]:
     """Steps of the pose beyond what the wheels can do, over links with random faults; stepped time."""
     farthest_m = 0.0
@@ -186,7 +204,7 @@ def stamps(count: int) -> Dict[str, float]:
     errors: List[float] = []
     for seed in range(count):
         drift = random.Random(seed).uniform(-0.005, 0.005)
-        errors += [abs(host.stamp_s - true_s) for true_s, host, _ in list(jittered(seed, drift, 40))[500:]]
+        errors += [abs(stamp_s - true_s) for true_s, stamp_s, _ in list(jittered(seed, drift, 40))[500:]]
     return {"stamp_error_ms_p99": 1000 * sorted(errors)[int(0.99 * len(errors))]}
 
 

@@ -9,7 +9,7 @@ from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
 from sim_arduino.serve import factory
-from tests.fuzz import goals, reactions
+from tests.fuzz import reactions
 from tests.fuzz.reaction_measures import sorted_out
 
 LEAK_BYTES = 25000
@@ -55,21 +55,13 @@ def test_a_frame_cut_in_two_by_another_is_found_even_among_blocked_writes(receiv
     assert sorted_out(received, blocked)[1] == mixed
 
 
-def test_a_part_that_fails_is_a_miss_and_does_not_end_the_others():
-    def fail():
+def test_a_part_that_fails_is_a_miss_and_does_not_end_the_others(monkeypatch):
+    def fail(count):
         raise BoardTimeout("no answer")
 
-    figures = reactions.attempt("closes", fail)
-    assert goals.misses({**figures, "close_ms_max": 3}) == ["failed_closes"]
+    def closes(count):
+        return {"close_ms_max": 3}
 
-
-def test_a_figure_beyond_its_goal_is_missed():
-    assert goals.misses({"signal_stop_ms_max": 101, "close_ms_max": 999, "closes": 7}) == [
-        "signal_stop_ms_max"
-    ]
-
-
-@pytest.mark.parametrize(("tried", "missed"), [(100_000, False), (10_000_000, True)])
-def test_a_share_measured_on_few_frames_may_miss_by_chance(tried, missed):
-    figures = {"lost_byte_wrong_per_million": 40, "lost_byte_frames_tried": tried}
-    assert bool(goals.misses(figures)) == missed
+    monkeypatch.setattr(reactions, "PARTS", (reactions.Part(fail, 1), reactions.Part(closes, 1)))
+    monkeypatch.setattr(reactions.measures, "long_drive", lambda minutes: {"soak_minutes": minutes})
+    assert list(reactions.run(1.0)) == [{reactions.FAILED: 1}, {"close_ms_max": 3}, {"soak_minutes": 1.0}]

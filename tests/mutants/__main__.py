@@ -1,6 +1,7 @@
 """`python -m tests.mutants [SOURCE ...]`: change the sources at one place at a time, and count what the tests notice.
 
-Prints each source as soon as it is done, then what survived; the results are in build/mutants/results.json.
+Prints each source as soon as it is done, then what survived; the results are in build/mutants/results.json, and the
+least score of each kind in build/bench/mutants.json.
 """
 
 import argparse
@@ -12,6 +13,7 @@ from typing import Any, Dict, List
 
 import yaml
 
+from tests.bench import report
 from tests.mutants import cpp, python
 
 HERE, RESULTS = pathlib.Path(__file__).parent, python.ROOT / "build" / "mutants" / "results.json"
@@ -27,6 +29,7 @@ def main() -> int:
     os.nice(10)
     results: Dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     missed: List[str] = []
+    least: Dict[str, float] = {"mutants": 0}
     print("| source | goal | mutants | noticed | score |\n|---|---|---|---|---|")
     for group in yaml.safe_load((HERE / "sources.yaml").read_text()):
         goals = {source: GOALS[kind] for kind in GOALS for source in group.get(kind, ())}
@@ -41,10 +44,15 @@ def main() -> int:
             score = 1 - len(alive) / max(1, count)
             cells = f"`{source}`", f"{goals[source]:.0%}", count, count - len(alive), f"{score:.1%}"
             print("|", " | ".join(map(str, cells)), "|", flush=True)
+            part = "safety" if source in group.get("safety", ()) else "other"
+            kind = f"{'firmware' if firmware else 'python'}_{part}"
+            least[f"{kind}_least_percent"] = min(100 * score, least.get(f"{kind}_least_percent", 100.0))
+            least["mutants"] += count
             results[source] = {"mutants": count, "survived": alive}
             RESULTS.write_text(json.dumps(results, indent=1))
             missed += [f"{source}: {each}" for each in alive] if score < goals[source] else []
     print("\n".join(missed))
+    report.conclude("mutants", least)
     return bool(missed)
 
 

@@ -1,4 +1,7 @@
-"""`make soak`: the simulated part and the part in real time; both add to build/bench/soak.json."""
+"""`make soak`: the simulated part and the part in real time; both add to build/bench/soak.json.
+
+build/soak.json has all that they noted, and how often each fault has struck.
+"""
 
 import json
 import multiprocessing
@@ -7,12 +10,14 @@ import platform
 import signal
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any, Dict, List
 
 import click
 
-from tests.bench.report import FOLDER
+from tests.bench import report
+from tests.bench.figures import ROOT
 
 from . import real as real_time
 from .rows import LEAST, ROWS
@@ -23,12 +28,13 @@ SESSIONS, CHIPS = 32, 4
 """A full simulated run is this many simulations of a quarter of an hour; of these many the board is the chip."""
 GROWTH_KB = 5000
 PARTS = ("simulated", "real_time")
+LEFT = ("processes_left", "descriptors_left", "threads_left", "growth_descriptors", "growth_threads")
 
 
 def write(part: str, figures: Dict[str, Any]) -> Path:
-    """Put the figures of a part into build/bench/soak.json, with the table of all faults."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    path = FOLDER / "soak.json"
+    """Put the notes of a part into build/soak.json, with the table of all faults."""
+    path = ROOT / "build" / "soak.json"
+    path.parent.mkdir(exist_ok=True)
     known = json.loads(path.read_text()) if path.exists() else {}
     known[part] = figures
     known["rows"] = table(known)
@@ -54,14 +60,34 @@ def conclude(part: str, begun_s: float, tally: Tally, **more: Any) -> None:
         "machine": f"{os.cpu_count()} cores, {platform.machine()}",
         "took_s": round(time.monotonic() - begun_s, 1),
     }
-    figures = {**about, **more, **tally.report()}
-    path = write(part, figures)
-    click.echo(json.dumps(figures, indent=2))
+    notes = {**about, **more, **tally.report()}
+    path = write(part, notes)
+    click.echo(json.dumps(notes, indent=2))
     few = [row["row"] for row in json.loads(path.read_text())["rows"] if not row["enough"]]
-    click.echo(f"{path}: {figures['faults']} faults, problems {figures['problems'] or 'none'}")
+    click.echo(f"{path}: {notes['faults']} faults, problems {notes['problems'] or 'none'}")
+    report.conclude("soak", figures_of(part, notes))
     if few:
         click.echo(f"rows that have struck fewer than {LEAST} times in both parts together: {few}")
     sys.exit(bool(tally.kinds))
+
+
+def figures_of(part: str, notes: Dict[str, Any]) -> Dict[str, float]:
+    """The figures of a part."""
+    judged, problems, largest = (Counter(notes[name]) for name in ("judged", "problems", "largest"))
+    growth = [value for key, value in largest.items() if key.startswith("memory_kb_growth")]
+    figures = {
+        "hours": notes.get("simulated_h", notes["took_s"] / 3600),
+        "faults": notes["faults"],
+        "unasked_motion": problems["forbidden_motion"],
+        "unasked_motion_judged": judged["forbidden_motion"],
+        "late_stops": problems["time_to_stop"],
+        "late_stops_judged": judged["time_to_stop"],
+        "pose_jumps": problems["pose_jump"],
+        "left": sum(problems[key] for key in LEFT),
+        "memory_growth_mb": max(growth, default=0) / 1000,
+        "problems": sum(problems.values()),
+    }
+    return {f"{part}_{key}": value for key, value in figures.items()}
 
 
 @click.group()

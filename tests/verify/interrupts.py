@@ -1,6 +1,6 @@
 """`python -m tests.verify.interrupts` interrupts the functions that share data with interrupts, at each instruction.
 
-python -m tests.verify.interrupts             everything; the figures go to build/verify/interrupts.json
+python -m tests.verify.interrupts             everything; build/verify/interrupts.json, build/bench/verify.json
 python -m tests.verify.interrupts --no-controls
 """
 
@@ -14,8 +14,9 @@ import time
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from sim_arduino.avr.machine import AvrMachine
+from tests.bench import report
+from tests.bench.figures import ROOT
 
-ROOT = pathlib.Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "verify"
 SOURCE = ROOT / "firmware" / "mrl_firmware"
 COMPILE = (
@@ -760,6 +761,8 @@ def _check(case: Case) -> Check:
     return Check(case.name, case.build, lambda chip: sweep(chip, case))
 
 
+QUICK = ("encoder_read, left edge",)
+"""With FAST=1."""
 CHECKS = {check.name: check for check in (*map(_check, CASES), *(Check(*each) for each in TIMED))}
 
 
@@ -780,11 +783,13 @@ def main(arguments: List[str]) -> int:
     """Run all checks and controls; the exit code is 0 if no function is torn and each defect is found."""
     parser = argparse.ArgumentParser(prog="python -m tests.verify.interrupts")
     parser.add_argument("--no-controls", action="store_true")
-    controls = () if parser.parse_args(arguments).no_controls else CONTROLS
-    chips = {kind: Chip(build(kind)) for kind in BUILDS}
+    controls = [] if parser.parse_args(arguments).no_controls else list(CONTROLS)
+    checks = [each for each in CHECKS.values() if not report.FAST or each.name in QUICK]
+    controls = [each for each in controls if not report.FAST or each[3] in QUICK]
+    chips = {kind: Chip(build(kind)) for kind in {check.build for check in checks}}
     rows: List[Dict[str, object]] = []
     good = True
-    for check in CHECKS.values():
+    for check in checks:
         start = time.monotonic()
         try:
             figures = check.run(chips[check.build])
@@ -800,6 +805,13 @@ def main(arguments: List[str]) -> int:
         print(f"defect in {control[0]}, {control[3]}: {'found' if said else 'NOT FOUND'}", flush=True)
         rows.append({"defect": control[:3], "check": control[3], "found": said})
     (BUILD / "interrupts.json").write_text(json.dumps(rows, indent=1) + "\n")
+    figures = {
+        "interrupts_checks": len(checks),
+        "interrupts_wrong": sum("wrong" in row for row in rows),
+        "interrupts_defects": len(controls),
+        "interrupts_defects_found": sum(bool(row.get("found")) for row in rows),
+    }
+    report.conclude("verify", figures)
     return 0 if good else 1
 
 

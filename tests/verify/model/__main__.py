@@ -1,6 +1,6 @@
 """`python -m tests.verify.model` runs the model of the stop to its fixed points, without each guard, and with each bug.
 
-python -m tests.verify.model              everything; the figures go to build/verify/model.json
+python -m tests.verify.model              everything; build/verify/model.json, build/bench/verify.json
 python -m tests.verify.model --bug 7      one seeded bug, with its sequence of events
 """
 
@@ -11,6 +11,8 @@ import sys
 from typing import Dict, List, Tuple
 
 import yaml
+
+from tests.bench import report
 
 from .checker import (
     BOARD,
@@ -69,6 +71,8 @@ CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
     (9, FED_BLINDLY, CALLBACK, {}),
 )
 """Property, the guard that is removed, what may happen, and settings."""
+SHORT_BUGS = (4, 6)
+"""With FAST=1."""
 LADDER = (0, LINE, HOST, CALLBACK, LINE | PORT, BRIDGE, LINE | BUS | HOST, LINE | PORT | BRIDGE, EACH)
 """A bug is searched with these parts, one after the other, until it is found."""
 FINDINGS = (
@@ -84,14 +88,14 @@ def main(arguments: List[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.verify.model")
     parser.add_argument("--bug", type=int, help="number of one seeded bug")
     number = parser.parse_args(arguments).bug
-    checker = compile_model(BUILD)
+    checker = compile_model(BUILD, *report.either((), ("-O0",)))
     bugs = yaml.safe_load((ROOT / "tests/verify/seeded_bugs.yaml").read_text())
     rows: List[Dict[str, object]] = []
-    good = True
+    not_expected = 0
 
     def note(what: str, parts: int, result: Result, expected: bool) -> None:
-        nonlocal good
-        good = good and expected
+        nonlocal not_expected
+        not_expected += not expected
         outcome = result.broken or ("holds, fixed point" if result.complete else "NOT COMPLETE")
         print(
             f"{what:44} {words(parts):36} {outcome:18} {result.states:>9} states, depth {result.depth}, "
@@ -103,21 +107,25 @@ def main(arguments: List[str]) -> int:
             print("\n".join(f"    {event}" for event in result.trace))
 
     if number is None:
-        for parts, settings in FIXED_POINTS:
+        for parts, settings in report.either(FIXED_POINTS, ((HOST, {}),)):
             what = "all properties" + "".join(f", {name} {value}" for name, value in settings.items())
             result = run(checker, parts, **settings)
             note(what, parts, result, result.complete)
-        for n, guard, parts, settings in CONTROLS:
+        for n, guard, parts, settings in report.either(CONTROLS, CONTROLS[1:3]):
             result = run(checker, parts, BUG=guard, PROPERTIES=1 << (n - 1), **settings)
             note(f"without a guard of P{n} ({guard})", parts, result, result.broken == f"P{n}")
     for bug in bugs:
-        if number in (None, bug["number"]):
+        if number == bug["number"] or number is None and (not report.FAST or bug["number"] in SHORT_BUGS):
             parts, result = search(checker, bug["number"])
             note(f"{bug['number']} {bug['name']}"[:44], parts, result, bool(result.broken))
-    for what, parts, settings in FINDINGS if number is None else ():
+    for what, parts, settings in report.either(FINDINGS, ()) if number is None else ():
         note(what, parts, run(checker, parts, **settings), True)
     (BUILD / "model.json").write_text(json.dumps(rows, indent=1) + "\n")
-    return 0 if good else 1
+    if number is None:
+        states = sum(row["states"] for row in rows)  # type: ignore[misc]
+        figures = {"model_runs": len(rows), "model_not_expected": not_expected, "model_states": states}
+        report.conclude("verify", figures)
+    return int(not_expected > 0)
 
 
 def search(checker: pathlib.Path, bug: int) -> Tuple[int, Result]:
