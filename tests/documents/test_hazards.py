@@ -65,4 +65,4 @@ def test_all_inputs_that_are_refused_have_tests():
     rows = re.findall(
         r"^\| [^|]+ \| (`[^|]*::test_[^|]*) \|$", TEXT.split("## Input that is refused")[1], re.M
     )
-    assert len(rows) == 9
+    assert len(rows) == 10
