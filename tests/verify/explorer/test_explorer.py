@@ -68,7 +68,7 @@ def test_a_trace_of_the_model_without_a_timeout_violates_a_property_here_only_wi
     [
         (Commander, "latch", "id"),
         (Driver, "_stop_for_good", "dxw"),
-        (Ports, "same_board", "dow"),
+        (Ports, "same_board", "dWoWW"),
         (Session, "_stop_blind", "dhW"),
     ],
 )
