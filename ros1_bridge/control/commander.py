@@ -128,15 +128,17 @@ class Commander:
     ) -> bool:
         """Take a command; False if the robot may not move now (see `refusal`).  Only some bases move sideways.
 
-        `source`: where it comes from; None if this node sends it.
+        `source`: where it comes from; None if this node sends it.  A command of others ends the drive to a pose, unless
+        its source must pause.
         """
         speeds, now = (linear_m_s, angular_rad_s, *lateral_m_s), self._clock()
-        moves = any(speeds) and all(
-            map(math.isfinite, speeds)
-        )  # the driver stops the robot if one is not finite
-        if source is not None and moves and not self.sources.may_move(source, now):
-            self._cause = UNPAUSED
-            return False
+        if source is not None:
+            # If one is not finite, the driver stops the robot.
+            moves = any(speeds) and all(map(math.isfinite, speeds))
+            if moves and not self.sources.may_move(source, now):
+                self._cause = UNPAUSED
+                return False
+            self.seeking = False
         self._cause, self._commanded_s = NONE, now
         taken = self._driver.drive(*speeds)
         self._commanded = taken or self._driver.command is not None  # held back while telemetry is late
@@ -161,25 +163,33 @@ class Commander:
         before do not move it.
         """
         with self._lock:
-            self.latched = False
-            self._allow(EMERGENCY)
-        self.cancel_goals(False)
+            ends, self.latched = self.latched, False
+            self._allow(EMERGENCY, ends)
+        if ends:
+            self.cancel_goals(False)
 
     def enable(self, enabled: bool) -> None:
         """Let the motors follow new commands, or stop them, end all goals and refuse commands."""
+        ends = False
         try:
             with self._lock:
-                self.enabled = enabled
-                (self._allow if enabled else self._inhibit)(DISABLED)
+                ends, self.enabled = enabled and not self.enabled, enabled
+                if enabled:
+                    self._allow(DISABLED, ends)
+                else:
+                    self._inhibit(DISABLED)
         finally:
-            self.cancel_goals(not enabled)
+            if ends or not enabled:
+                self.cancel_goals(not enabled)
 
     def _inhibit(self, reason: str) -> None:
         self.seeking, self._cause, self._commanded = False, NONE, False
         self._driver.inhibit(reason)
 
-    def _allow(self, reason: str) -> None:
-        self.sources.distrust()  # before the driver follows commands again
+    def _allow(self, reason: str, ends: bool) -> None:
+        """Let the driver follow commands; `ends`: it did not."""
+        if ends:
+            self.sources.distrust()  # before the driver follows them
         self._driver.allow(reason)
 
     def watch_link(self) -> None:

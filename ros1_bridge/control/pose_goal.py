@@ -77,7 +77,7 @@ class PoseGoal:
                 return ""
             if not self._commander.seeking:
                 self._end()
-                return f"{BLOCKED}: the robot was stopped"
+                return f"{BLOCKED}: the robot was stopped, or got another command"
             if self._seeker is not None and self._commander.dropped:
                 self._end()
                 return f"{BLOCKED}: the robot was stopped ({self._commander.stopped_by})"

@@ -31,9 +31,8 @@ class StampAge:
             arrived_s: when the message arrived, on a clock that never jumps [s].
         """
         age_s = now_s - stamp_s
-        if (
-            stamp_s != self._stamp_s
-        ):  # one that repeats ages from its first arrival, although `now_s` may stand still
+        # A stamp that repeats ages from its first arrival, although `now_s` may stand still.
+        if stamp_s != self._stamp_s:
             self._stamp_s, self._since_s = stamp_s, arrived_s - max(0.0, age_s)
         old_s = arrived_s - self._since_s
         if stamp_s and age_s >= -AHEAD_S and old_s <= self._limit_s:

@@ -457,8 +457,6 @@ class RobotNode:
         forward_m_s = linear.x
         if linear.z or angular.x or angular.y or (linear.y and not self._sideways):
             forward_m_s += self._ignore_axes(message)
-        if commander.seeking:
-            self._pose_goal.cancel()
         try:
             if self._sideways:
                 taken = commander.drive(forward_m_s, angular.z, linear.y, source=source)

@@ -168,9 +168,28 @@ def test_command_that_is_not_finite_stops_the_robot_whoever_sends_it(bench):
         bench.commander.drive(math.nan, 0.0, source=PLANNER)
 
 
-def test_node_drives_to_a_new_pose_at_once_after_a_stop(bench):
+def test_node_drives_to_a_new_pose_at_once_after_a_stop_whatever_a_planner_goes_on_sending(bench):
+    bench.plan(1.0)
     latched(bench)
+    bench.commander.seeking = True
     assert bench.commander.drive(0.1, 0.0)
+    bench.plan(1.0)
+    assert bench.commander.seeking and bench.driver.command == (0.1, 0.0)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.1, 0.0])
+def test_command_of_a_hand_ends_the_drive_to_a_pose(bench, speed_m_s):
+    bench.commander.seeking = True
+    assert bench.plan(FRAME_S, HAND, speed_m_s) == {True} and not bench.commander.seeking
+
+
+@pytest.mark.parametrize(
+    "call", [Commander.release, lambda commander: commander.enable(True)], ids=["release", "enable"]
+)
+def test_release_of_what_does_not_hold_ends_nothing(bench, call):
+    bench.plan(1.0)
+    call(bench.commander)
+    assert bench.plan(1.0) == {True} and bench.order == []
 
 
 def test_source_without_a_pause_is_named_as_the_cause_until_somebody_drives(bench):

@@ -102,7 +102,10 @@ def test_an_emergency_stop_that_is_released_between_two_steps_ends_it(goal, note
     goal.start(message("odom", 1.0, 0.0), HERE)
     goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
     noted.seeking, noted.speeds = False, None  # what `Commander.latch` does
-    assert goal.on_telemetry(at((0.0, 0.0, 0.0), 2.0)) == f"{BLOCKED}: the robot was stopped"
+    assert (
+        goal.on_telemetry(at((0.0, 0.0, 0.0), 2.0))
+        == f"{BLOCKED}: the robot was stopped, or got another command"
+    )
     assert (goal.on_telemetry(at((0.0, 0.0, 0.0), 3.0)), noted.speeds) == ("", None)
 
 

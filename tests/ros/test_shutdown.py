@@ -105,6 +105,14 @@ def test_signal_during_the_greeting_ends_the_node(rig):
     assert not any("Traceback" in line for line in node.output())
 
 
+def test_signal_while_the_node_hears_who_sends_commands_already_ends_it(rig):
+    node = rig.node(rig.board().port, "_cmd_vel_pause:=5.0")
+    rig.publisher("cmd_vel", Twist)
+    node.signal(signal.SIGINT)
+    assert node.wait(START_S)
+    assert node.exit_code == 0 and not any("Traceback" in line for line in node.output()), node.output()
+
+
 def test_board_that_goes_away_ends_the_node_with_its_own_code(rig):
     board = rig.board()
     node = rig.node(board.port, "_reconnect:=false")
