@@ -151,6 +151,7 @@ def test_stop_ends_the_goal_and_a_new_goal_drives_after_the_release(robot, clien
     call(robot, "stop")
     assert client.wait_for_result(rospy.Duration(START_S)) and client.get_state() == GoalStatus.PREEMPTED
     call(robot, "release_stop")
+    time.sleep(2 * PAUSE_S)  # the planner must have been silent
     drive(robot, client)
 
 
