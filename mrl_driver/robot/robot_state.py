@@ -100,6 +100,7 @@ class RobotState:
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
         self._new_readings = sonar.NewReadings()
+        self._repeated = sonar.RepeatedReadings()
         self._late_sonars: Tuple[str, ...] = ()
 
     @property
@@ -253,6 +254,8 @@ class RobotState:
             self._used_s, self._counted_s = arrival_s, event.time_s
         elif odometry.baseline.primed != self._primed:
             self._begin_baseline(odometry, arrival_s)
+        if sonars and self.info is not None and self.info.version < 2:
+            sonars = self._repeated.update(sonars)
         if not sonars:
             fresh, self._late_sonars = self._late_sonars, ()
         elif sonars == self._new_readings.values and arrival_s < self._new_readings.due_s:

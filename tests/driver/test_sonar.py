@@ -1,8 +1,19 @@
 import math
+import re
 
 import pytest
 
-from mrl_driver.robot.sonar import NAMES, NOTHING_2013_CM, NewReadings, range_m
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.robot.sonar import (
+    AGREE_CM,
+    NAMES,
+    NOTHING_2013_CM,
+    NewReadings,
+    RepeatedReadings,
+    range_m,
+)
+from sim_arduino.serve.factory import Options, make
+from tests.scripted_line import ScriptedLine
 
 
 def test_centimetres_become_metres():
@@ -57,3 +68,49 @@ def test_an_unchanged_value_is_new_once_per_cycle():
     readings = NewReadings(cycle_s=0.3)
     news = [readings.update((1, 2, 3), 0.02 * i) for i in range(31)]
     assert sum("front" in new for new in news) == 3
+
+
+# -- boards without checksums
+
+FRONT = re.compile(rb"(\d+),\d+,\d+e")
+SETTLED_S = 6.0
+"""The board has started, and its sonars too."""
+
+
+def believed(*frames):
+    readings = RepeatedReadings()
+    return [readings.update(frame) for frame in frames][-1]
+
+
+def test_a_value_that_is_not_repeated_is_not_believed():
+    assert believed((100, 200, 300), (10, 200, 300), (100, 200, 300)) == (100, 200, 300)
+
+
+def test_a_value_that_is_repeated_is_believed():
+    assert believed((100, 200, 300), (10, 200, 300), (10, 200, 300)) == (10, 200, 300)
+
+
+def test_a_value_that_changes_a_little_is_believed_at_once():
+    assert believed((100, 200, 300), (100 + AGREE_CM, 200, 300)) == (100 + AGREE_CM, 200, 300)
+
+
+def test_the_first_frame_is_believed():
+    assert believed((100, 200, 300)) == (100, 200, 300)
+
+
+def test_a_damaged_range_of_a_2013_stream_is_not_told():
+    spoiled, ranges = [], set()
+
+    def spoil(data):
+        found = FRONT.search(data)
+        if not ranges or not found or spoiled:
+            return data
+        spoiled.append(data)
+        return data[: found.start(1)] + b"8" + data[found.end(1) :]
+
+    line = ScriptedLine(make(Options(robot="traxbot", profile="2013-august")).board, to_host=spoil)
+    with SteppedDriver(line) as robot:
+        robot.wait(SETTLED_S)
+        robot.on_telemetry(lambda telemetry: ranges.add(telemetry.ranges["front"]))
+        robot.wait(1.0)
+    assert spoiled and len(ranges) == 1
