@@ -26,7 +26,8 @@ def test_each_wrapped_code_is_the_usual_one(atoi):
 
 
 @pytest.mark.parametrize(
-    "text, number", [(b"1x", 1), (b"01", 1), (b"+1", 1), (b" 1", 1), (b"-1", -1), (b"x1", 0), (b"9999999", -27009)]
+    "text, number",
+    [(b"1x", 1), (b"01", 1), (b"+1", 1), (b" 1", 1), (b"-1", -1), (b"x1", 0), (b"9999999", -27009)],
 )
 def test_other_texts_are_read_as_the_emulated_board_reads_them(atoi, text, number):
     assert atoi(text) == number
