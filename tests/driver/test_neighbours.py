@@ -8,8 +8,8 @@ from collections import Counter
 
 import pytest
 
-from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder
-from mrl_driver.protocol.table import BY_CODE
+from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot.models import load
 from sim_arduino.board.board2013 import AUGUST_S, DIGITS, Board2013
 from sim_arduino.hardware.wiring import Plant
@@ -55,6 +55,17 @@ def test_a_fault_of_a_greeting_is_no_motor_command(board, check, decoder):
         for fault in faults(wire):
             for checked in (False, True):
                 assert not turning(lambda c=checked: DECODERS[decoder](c), fault.wire), fault
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_a_fault_of_any_request_that_turns_no_motor_is_no_motor_command(decoder):
+    """Such as what a program asks for, or the change of the baud rate."""
+    rows = [row for row in COMMANDS if not row.turns and row.name != "xbee_text"]
+    for row in rows:
+        for value in (row.request and (-32768, 20, 32767)) or (0,):
+            wire = encode_request(row.code, *(max(f.low, min(f.high, value)) for f in row.request))
+            for fault in faults(wire):
+                assert not turning(lambda: DECODERS[decoder](False), fault.wire), fault
 
 
 @pytest.mark.parametrize("decoder", DECODERS)

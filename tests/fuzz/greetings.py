@@ -1,13 +1,12 @@
 """Greetings of boards behind a line that damages bytes, both ways: part of `make fuzz`.
 
 A greeting is wrong if the driver takes the board for another one, or leaves undone what the board can do.  It must not
-move the robot.  The figures go to build/bench/greetings.json.
+move the robot.  The figures go to build/bench/reliability.json.
 """
 
-import json
 import multiprocessing
 import os
-from pathlib import Path
+import sys
 from typing import Any, Dict, List, NamedTuple, Tuple
 
 import click
@@ -22,9 +21,9 @@ from sim_arduino.board.board2013 import Board2013
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
+from tests.bench import report
 from tests.firmware.pc_board import BRIDGE, SONARS, PcBoard
 
-FIGURES = Path(__file__).resolve().parents[2] / "build" / "bench" / "greetings.json"
 BOOTED_S, BOOTED_2013_S = 0.2, 4.0
 """The board has ended its start by then, one of 2013 also its bootloader [s]."""
 MOTION_S = 0.5
@@ -174,6 +173,12 @@ def total(tallies: List[Tally]) -> Tally:
     )
 
 
+def figures_of(board: str, tally: Tally) -> Dict[str, int]:
+    """Figures of build/bench/reliability.json."""
+    whose = "_2013" if BOARDS[board].booted_s == BOOTED_2013_S else ""
+    return {f"greetings{whose}_tried": tally.greetings, f"greetings{whose}_moved": len(tally.moved)}
+
+
 @click.command()
 @click.option(
     "--board", "boards", type=click.Choice(list(BOARDS)), multiple=True, default=["pc"], show_default=True
@@ -184,7 +189,8 @@ def total(tallies: List[Tally]) -> Tally:
 def main(boards: Tuple[str, ...], rates: Tuple[float, ...], greetings: int, seed: int) -> None:
     """Greet boards on bad lines; exit code 1 if a session is wrong, ends with an error, or moves a robot."""
     processes = os.cpu_count() or 1
-    rows: List[Dict[str, Any]] = []
+    figures: Dict[str, int] = {}
+    failed = False
     with multiprocessing.Pool(processes) as pool:
         for board in boards:
             for rate in rates:
@@ -192,17 +198,18 @@ def main(boards: Tuple[str, ...], rates: Tuple[float, ...], greetings: int, seed
                 tally = total(
                     pool.map(try_many, [(board, rate, seeds[i::processes]) for i in range(processes)])
                 )
-                rows.append({"board": board, "rate": rate, "first_seed": seed, **tally._asdict()})
+                failed = failed or bool(tally.wrong or tally.moved or tally.errors)
+                for key, count in figures_of(board, tally).items():
+                    figures[key] = figures.get(key, 0) + count
                 click.echo(
                     f"{board}, {rate:.1%} of the bytes damaged: {tally.greetings} greetings, {len(tally.moved)} moved "
                     f"the robot, {tally.wrong} wrong sessions, {len(tally.errors)} errors"
                 )
+                if tally.moved:
+                    click.echo(f"  seeds that moved it: {tally.moved}")
                 for words in sorted(set(tally.errors)):
                     click.echo(f"  {words}")
-    FIGURES.parent.mkdir(parents=True, exist_ok=True)
-    FIGURES.write_text(json.dumps(rows, indent=1) + "\n")
-    if any(row["wrong"] or row["moved"] or row["errors"] for row in rows):
-        raise SystemExit(1)
+    sys.exit(report.conclude("reliability", figures) or failed)
 
 
 if __name__ == "__main__":
