@@ -50,21 +50,40 @@ def talk():
     return made
 
 
-def test_robot_that_claims_alone_gets_the_place(talk):
-    talk.claims["b"].want()
-    talk.exchange()
-    assert talk.holders == ["b"]
-
-
 def test_first_claim_wins_and_the_next_follows_after_the_release(talk):
+    """Release and the grant of the next claim are one message."""
     talk.claims["c"].want()
     talk.exchange(1)
     talk.claims["a"].want()
     talk.exchange()
     assert talk.holders == ["c"]
     talk.claims["c"].release()
-    talk.exchange()
+    for message in talk.claims["c"].messages(talk.now_s):
+        talk.deliver(message)
+    talk.exchange(1)
     assert talk.holders == ["a"]
+
+
+@pytest.mark.parametrize("dead, holders", [("c", []), ("a", ["a"])], ids=["before its answer", "as holder"])
+def test_a_robot_that_vanished_blocks_the_place_and_is_named_until_it_is_heard_again(talk, dead, holders):
+    if holders:
+        talk.claims["a"].want()
+        talk.exchange()
+    talk.dead.add(dead)
+    talk.claims["b"].want()
+    talk.exchange(100)
+    assert talk.holders == holders and talk.claims["b"].silent(talk.now_s) == (dead,)
+    talk.dead.clear()
+    talk.claims["a"].release()
+    talk.exchange()
+    assert talk.holders == ["b"]
+
+
+def test_robot_is_silent_after_the_limit_and_repeats_its_messages_before():
+    claim = Claim("a", ["b"], 10.0)
+    assert not claim.silent(10.0 + SILENT_S) and claim.silent(10.1 + SILENT_S) == ("b",)
+    claim = Claim("a", ["b"], 0.0)
+    assert claim.messages(0.0) and not claim.messages(REPEAT_S - 0.1) and claim.messages(REPEAT_S)
 
 
 def test_claims_at_the_same_time_are_decided_by_name(talk):
@@ -72,49 +91,6 @@ def test_claims_at_the_same_time_are_decided_by_name(talk):
         talk.claims[name].want()
     talk.exchange()
     assert talk.holders == ["a"]
-
-
-def test_robot_without_an_answer_does_not_hold_the_place(talk):
-    talk.dead.add("c")
-    talk.claims["a"].want()
-    talk.exchange(100)
-    assert talk.holders == [] and talk.claims["a"].silent(talk.now_s) == ("c",)
-
-
-def test_place_of_a_holder_that_vanished_is_not_given_to_others(talk):
-    talk.claims["a"].want()
-    talk.exchange()
-    talk.dead.add("a")
-    talk.claims["b"].want()
-    talk.exchange(100)
-    assert talk.holders == ["a"] and talk.claims["b"].silent(talk.now_s) == ("a",)
-
-
-def test_holder_that_is_heard_again_passes_the_place_on(talk):
-    talk.claims["a"].want()
-    talk.exchange()
-    talk.dead.add("a")
-    talk.claims["b"].want()
-    talk.exchange(20)
-    talk.dead.clear()
-    talk.claims["a"].release()
-    talk.exchange()
-    assert talk.holders == ["b"]
-
-
-def test_robot_is_silent_after_the_limit_and_not_before(talk):
-    claim = Claim("a", ["b"], 10.0)
-    assert not claim.silent(10.0 + SILENT_S) and claim.silent(10.1 + SILENT_S) == ("b",)
-
-
-def test_claim_that_is_withdrawn_lets_the_next_one_pass(talk):
-    talk.claims["a"].want()
-    talk.exchange(1)
-    talk.claims["b"].want()
-    talk.exchange(1)
-    talk.claims["a"].release()
-    talk.exchange()
-    assert talk.holders == ["b"]
 
 
 def test_robot_that_started_again_does_not_use_its_old_numbers(talk):
@@ -157,28 +133,12 @@ def test_robot_claims_when_late_messages_have_arrived(talk):
     assert talk.holders == ["a"]
 
 
-def test_release_and_the_grant_of_the_next_claim_are_one_message(talk):
-    for name in ("a", "b"):
-        talk.claims[name].want()
-        talk.exchange()
-    talk.claims["a"].release()
-    for message in talk.claims["a"].messages(talk.now_s):
-        talk.deliver(message)
-    talk.exchange(1)
-    assert talk.holders == ["b"]
-
-
 def test_message_that_was_overtaken_does_not_take_the_place_away(talk):
     late = ClaimMessage("b", 0, "a", 0)
     talk.claims["a"].want()
     talk.exchange()
     talk.deliver(late)
     assert talk.holders == ["a"]
-
-
-def test_messages_are_repeated_but_not_at_once(talk):
-    claim = Claim("a", ["b"], 0.0)
-    assert claim.messages(0.0) and not claim.messages(REPEAT_S - 0.1) and claim.messages(REPEAT_S)
 
 
 def test_message_of_a_stranger_or_for_another_robot_is_ignored():
@@ -189,15 +149,12 @@ def test_message_of_a_stranger_or_for_another_robot_is_ignored():
     assert claim.messages(0.0) == [ClaimMessage("a", 0, "b", 0)] and not claim.held
 
 
-def test_text_is_read_as_it_was_written_and_fits_into_a_radio_text():
-    message = ClaimMessage("1", 9999, "2", 9998)
-    assert ClaimMessage.parse(message.text) == message and len(message.text) <= 16
-
-
 @pytest.mark.parametrize("text", ["", "a 1 b", "a 1 b 2 3", "a -1 b 2", "a x b 2", "a 1 b 1234567890"])
 def test_other_texts_are_refused(text):
     with pytest.raises(ValueError, match="expected SENDER CLAIM RECEIVER GRANTED"):
         ClaimMessage.parse(text)
+    message = ClaimMessage("1", 9999, "2", 9998)
+    assert ClaimMessage.parse(message.text) == message and len(message.text) <= 16
 
 
 @pytest.mark.parametrize("names", [("a", "a"), ("a b", "c"), ("", "c")])

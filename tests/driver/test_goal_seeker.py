@@ -110,28 +110,27 @@ def test_a_robot_that_is_walled_in_has_no_way():
     assert floor.path((0.0, 0.0), (2.0, 0.0)) is None
 
 
-@pytest.mark.parametrize("yaw, backs", [(0.0, True), (1.2, False)], ids=["from-behind", "from-aside"])
-def test_with_something_close_beside_it_goes_back_where_it_came_from_before_it_turns(yaw, backs):
-    """Its corners need room to turn; what is behind is known only where it has just been."""
-    seeker = GoalSeeker((0.35, 2.0, 0.0) if not yaw else (0.35, -2.0, 0.0), LIMITS, 0.0, SONARS)
+def close_on_the_left(goal_y_m, yaw, x_m):
+    """Speeds at these places, once something is close on the left of a robot that came along the x axis."""
+    seeker = GoalSeeker((0.35, goal_y_m, 0.0), LIMITS, 0.0, SONARS)
     free, close = {name: math.inf for name in SONARS}, {"front": math.inf, "left": 0.17, "right": math.inf}
     for step in range(13):
         seeker.command((0.03 * step, 0.0, 0.0), free, 0.05 * step)
     seeker.command((0.36, 0.0, yaw), close, 0.7)
-    speeds = [seeker.command((0.36 - 0.01 * step, 0.0, yaw), close, 0.75 + 0.05 * step) for step in range(30)]
+    return [seeker.command((x, 0.0, yaw), close, 0.75 + 0.05 * step) for step, x in enumerate(x_m)]
+
+
+@pytest.mark.parametrize("yaw, backs", [(0.0, True), (1.2, False)], ids=["from-behind", "from-aside"])
+def test_with_something_close_beside_it_goes_back_where_it_came_from_before_it_turns(yaw, backs):
+    """Its corners need room to turn; what is behind is known only where it has just been."""
+    speeds = close_on_the_left(-2.0 if yaw else 2.0, yaw, [0.36 - 0.01 * step for step in range(30)])
     assert (speeds[0][0] < 0 and speeds[0][1] == 0) is backs
     assert sum(linear < 0 for linear, _ in speeds) < 24
 
 
 def test_robot_that_rolls_on_for_a_while_still_goes_back():
     """It needs 0.16 m to stand; the way that it rolls on is one that it may go back."""
-    seeker = GoalSeeker((0.35, 2.0, 0.0), LIMITS, 0.0, SONARS)
-    free, close = {name: math.inf for name in SONARS}, {"front": math.inf, "left": 0.17, "right": math.inf}
-    for step in range(13):
-        seeker.command((0.03 * step, 0.0, 0.0), free, 0.05 * step)
-    seeker.command((0.36, 0.0, 0.0), close, 0.7)
-    x_m = [0.36 + 0.01 * min(step, 32 - step) for step in range(33)]
-    speeds = [seeker.command((x, 0.0, 0.0), close, 0.75 + 0.05 * step) for step, x in enumerate(x_m)]
+    speeds = close_on_the_left(2.0, 0.0, [0.36 + 0.01 * min(step, 32 - step) for step in range(33)])
     assert all(linear < 0 for linear, _ in speeds)
 
 
@@ -140,7 +139,7 @@ def test_wall_at_a_constant_distance_beside_the_way_is_drawn_all_along():
     floor = FloorMap({"left": SonarMount(0.0, 0.0, 90.0)})
     for x_m in (0.0, 1.0, 2.0):
         floor.see((x_m, 0.0, 0.0), {"left": 0.3})
-    assert all(floor.is_near((x_m, 0.3)) for x_m in (0.0, 1.0, 2.0))
+    assert all(floor.is_near((x_m, 0.3)) and not floor.is_near((x_m, -0.3)) for x_m in (0.0, 1.0, 2.0))
 
 
 def beside_a_wall(now_s):
@@ -182,25 +181,19 @@ def walled_in(look_rad):
 
 
 def test_robot_that_something_surrounds_gives_up_after_the_turns_it_may_look():
+    """Without a limit it waits for obstacles that go away."""
     after_s, seeker = walled_in(4 * math.pi)
     assert 4 * math.pi / LIMITS.angular_rad_s < after_s < 40.0
     assert seeker.why == "the sonars leave no free path, 1.2 m away"
-
-
-def test_without_a_limit_it_waits_for_obstacles_that_go_away():
     assert walled_in(math.inf)[0] > PATIENCE_S
-
-
-def test_robot_drives_on_when_the_sonar_is_heard_again():
-    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, SONARS)
-    for now_s, front_m in ((0.0, math.inf), (2.0, math.nan), (2.1, math.inf)):
-        linear, _ = seeker.command((0.0, 0.0, 0.0), {"front": front_m}, now_s)
-    assert linear > 0
 
 
 def test_goal_given_up_for_a_silent_sonar_says_so():
     seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, SONARS, patience_s=5.0)
-    for second in range(8):
+    for now_s, front_m in ((0.0, math.inf), (2.0, math.nan), (2.1, math.inf)):
+        linear, _ = seeker.command((0.0, 0.0, 0.0), {"front": front_m}, now_s)
+    assert linear > 0, "the sonar is heard again"
+    for second in range(3, 11):
         seeker.command((0.0, 0.0, 0.0), {"front": math.nan}, float(second))
     assert seeker.blocked and seeker.why == "no valid reading of sonar front: check its cable"
 
@@ -208,18 +201,13 @@ def test_goal_given_up_for_a_silent_sonar_says_so():
 def test_goal_is_given_up_if_the_robot_does_not_turn_to_its_yaw():
     """As when the emergency stop is latched there: the client would wait for ever."""
     seeker = GoalSeeker((0.0, 0.0, 2.0), LIMITS, 0.0, SONARS, patience_s=5.0)
-    for time_s in range(7):
-        assert not seeker.blocked
-        speeds = seeker.command((0.0, 0.0, 0.0), {}, float(time_s))
-    assert seeker.blocked and speeds == (0.0, 0.0)
-    assert seeker.why == "it is there, but has not turned further to the goal's yaw for 5 s"
-
-
-def test_goal_is_not_given_up_while_the_robot_turns_to_its_yaw():
-    seeker = GoalSeeker((0.0, 0.0, 2.0), LIMITS, 0.0, SONARS, patience_s=5.0)
     for time_s in range(20):
         assert seeker.command((0.0, 0.0, 0.05 * time_s), {}, float(time_s))[1] > 0
-    assert not seeker.blocked
+    for time_s in range(20, 25):
+        assert not seeker.blocked
+        speeds = seeker.command((0.0, 0.0, 0.95), {}, float(time_s))
+    assert seeker.blocked and speeds == (0.0, 0.0)
+    assert seeker.why == "it is there, but has not turned further to the goal's yaw for 5 s"
 
 
 def test_last_range_counts_while_a_reading_is_invalid():
@@ -227,9 +215,3 @@ def test_last_range_counts_while_a_reading_is_invalid():
     seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, {"left": SonarMount(0.0, 0.1, 90.0)})
     seeker.command((0.0, 0.0, 0.0), {"left": 0.25}, 0.0)
     assert seeker.command((0.0, 0.0, 0.0), {"left": math.nan}, 0.5) == (0.5 * LIMITS.linear_m_s, 0.0)
-
-
-def test_obstacles_are_drawn_where_the_robots_own_sonars_look():
-    floor = FloorMap({"front": SonarMount(-0.1, 0.0, 180.0)})
-    floor.see((0.0, 0.0, 0.0), {"front": 0.3})
-    assert floor.is_near((-0.4, 0.0)) and not floor.is_near((0.4, 0.0))

@@ -1,6 +1,7 @@
 """The IMU: its stream, its times, its checks, and the heading."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -76,22 +77,12 @@ def codes(talk):
 
 def test_a_frame_that_waited_has_the_earlier_time():
     clock = BoardClock()
+    assert clock.beside(1000, 10.0) == (0.0, 10.0)  # nothing is known of the board's clock
     clock.update(1000, 10.0)
-    board_s, _ = clock.beside(980, 10.001, True)
-    assert board_s == pytest.approx(-20 * TICK_S)
-
-
-def test_the_frame_after_it_is_no_wrap_later():
-    clock = BoardClock()
-    clock.update(1000, 10.0)
+    assert clock.beside(980, 10.001, True)[0] == pytest.approx(-20 * TICK_S)
     clock.beside(1100, 10.01, True)
-    clock.update(1090, 10.011, True)
+    clock.update(1090, 10.011, True)  # no wrap later
     assert clock.board_s == pytest.approx(90 * TICK_S)
-
-
-def test_the_time_of_a_first_frame_is_that_of_its_arrival():
-    """Nothing is known of the board's clock."""
-    assert BoardClock().beside(1000, 10.0) == (0.0, 10.0)
 
 
 def test_readings_keep_the_count_of_wraps_while_the_counters_are_silent():
@@ -107,29 +98,28 @@ def test_readings_keep_the_count_of_wraps_while_the_counters_are_silent():
 # -- the stream
 
 
-def test_the_stream_is_started_if_the_board_has_an_imu():
-    assert codes(talk().run(0.1)).count(47) == 1
-
-
-def test_a_board_without_one_is_not_asked():
-    assert not {46, 47, 48} & set(codes(talk(FakeBoard()).run(2.0)))
-
-
-def test_readings_come_with_the_period():
-    found = talk().run(1.0).seen(ImuReading)
-    assert len(found) == pytest.approx(50, abs=2)
+@pytest.mark.parametrize(
+    "make, plan, sent",
+    [
+        (with_imu, {}, {47}),
+        (with_imu, {"imu_period_ms": 0}, {48}),
+        (with_imu, {"check": False}, {48}),
+        (FakeBoard, {}, set()),
+    ],
+    ids=["wanted", "not wanted: another program may have left it on", "without board time", "absent"],
+)
+def test_the_stream_is_started_if_the_board_has_an_imu(make, plan, sent):
+    found = codes(talk(make(), plan=DEFAULT_PLAN._replace(**plan)).run(0.5))
+    assert {code: found.count(code) for code in (47, 48) if code in found} == dict.fromkeys(sent, 1)
 
 
 def test_a_reading_is_in_si_units_with_the_time_of_the_counters():
-    found = talk().run(0.3)
+    found = talk().run(1.0)
     reading, counts = found.seen(ImuReading)[-1], found.counts[-1]
+    assert len(found.seen(ImuReading)) == pytest.approx(50, abs=2) and found.session.counters.lost == 0
     assert reading.accel_m_s2[2] == pytest.approx(UPWARD * ACCEL_M_S2, abs=ACCEL_M_S2)
     assert abs(reading.time_s - counts.time_s) <= 0.02
     assert abs(reading.stamp_s - counts.stamp_s) <= 0.02
-
-
-def test_no_frame_counts_as_lost():
-    assert talk().run(1.0).session.counters.lost == 0
 
 
 def test_a_request_that_is_lost_is_sent_again():
@@ -140,19 +130,17 @@ def test_a_request_that_is_lost_is_sent_again():
     assert found.run(1.0).seen(ImuReading)
 
 
-def test_a_stream_that_falls_silent_is_started_again():
+@pytest.mark.parametrize(
+    "end",
+    [lambda found: setattr(found.board, "imu_s", math.inf), lambda found: found.board.reset(found.now)],
+    ids=["falls silent", "board restarts"],
+)
+def test_a_stream_that_ends_is_started_again(end):
     found = talk().run(0.5)
-    found.board.imu_s = math.inf
+    end(found)
     before = len(found.seen(ImuReading))
-    found.run(2.0)
-    assert len(found.seen(ImuReading)) > before
-
-
-def test_it_is_started_again_after_a_restart_of_the_board():
-    found = talk().run(0.5)
-    found.board.reset(found.now)
     found.run(3.0)
-    assert found.board.imu_s < math.inf
+    assert len(found.seen(ImuReading)) > before
 
 
 def test_the_end_of_the_session_ends_it():
@@ -160,18 +148,6 @@ def test_the_end_of_the_session_ends_it():
     found.session.end()
     found.step()
     assert found.board.imu_s == math.inf
-
-
-@pytest.mark.parametrize("plan", [DEFAULT_PLAN._replace(imu_period_ms=0)], ids=["off"])
-def test_a_stream_that_is_not_wanted_is_stopped(plan):
-    """Another program may have left it on."""
-    found = talk(plan=plan).run(0.5)
-    assert codes(found).count(48) == 1 and 47 not in codes(found)
-
-
-def test_without_board_time_it_is_not_started():
-    found = talk(plan=DEFAULT_PLAN._replace(check=False)).run(0.5)
-    assert 47 not in codes(found)
 
 
 @pytest.mark.parametrize("period_ms", [9, SLOWEST_IMU_MS + 1, -1, 20.0])
@@ -188,18 +164,6 @@ def test_a_slow_line_has_room_for_fewer_readings(baud, expected_ms):
     )
 
 
-def test_readings_keep_board_time_while_the_counters_are_silent():
-    """For longer than a wrap of board time, with no number missing."""
-    found = talk().run(0.5)
-    before = found.counts[-1]
-    found.board.counting = False
-    found.run(5.0)
-    found.board.counting = True
-    found.until_ready().run(0.5)
-    after = found.counts[-1]
-    assert after.time_s - before.time_s == pytest.approx(after.arrival_s - before.arrival_s, abs=0.01)
-
-
 # -- checks
 
 
@@ -214,6 +178,11 @@ def state(robot):
     return robot.core.state.imu_state
 
 
+def always(values):
+    """A chip that measures so, with some noise in the last value."""
+    return lambda robot: lambda now: (*values[:5], values[5] + robot.board.noise)
+
+
 def frozen(robot):
     values = robot.board.imu(robot.now)
     return lambda now: values
@@ -223,28 +192,16 @@ def silent(robot):
     return lambda now: None
 
 
-def saturated(robot):
-    return lambda now: (0, 0, 32767, 0, 0, UPWARD + robot.board.noise)
+PROBLEMS = {
+    "silent": (silent, SILENT, SILENT_S),
+    "frozen": (frozen, FROZEN, 0.06),
+    "saturated": (always((0, 0, 32767, 0, 0, UPWARD)), OUT_OF_SCALE, 0.02),
+    "dead": (always((0,) * 6), OUT_OF_SCALE, 1.0),
+    "on_its_side": (always((0, 0, 0, UPWARD, 0, 0)), TILTED, 2.0),
+}
 
 
-def dead(robot):
-    return lambda now: (0, 0, 0, 0, 0, robot.board.noise)
-
-
-def on_its_side(robot):
-    return lambda now: (0, 0, 0, UPWARD, 0, robot.board.noise)
-
-
-PROBLEMS = [
-    (silent, SILENT, SILENT_S),
-    (frozen, FROZEN, 0.06),
-    (saturated, OUT_OF_SCALE, 0.02),
-    (dead, OUT_OF_SCALE, 1.0),
-    (on_its_side, TILTED, 2.0),
-]
-
-
-@pytest.mark.parametrize("problem, expected, seconds", PROBLEMS, ids=[row[0].__name__ for row in PROBLEMS])
+@pytest.mark.parametrize("problem, expected, seconds", PROBLEMS.values(), ids=PROBLEMS)
 def test_readings_that_are_not_to_be_believed_are_not_used(robot, problem, expected, seconds):
     assert state(robot) == IN_USE
     robot.board.imu = problem(robot)
@@ -253,7 +210,7 @@ def test_readings_that_are_not_to_be_believed_are_not_used(robot, problem, expec
     assert not robot.core.state.telemetry.gyro
 
 
-@pytest.mark.parametrize("problem, expected, seconds", PROBLEMS, ids=[row[0].__name__ for row in PROBLEMS])
+@pytest.mark.parametrize("problem, expected, seconds", PROBLEMS.values(), ids=PROBLEMS)
 def test_a_problem_is_told_once_with_what_to_do(robot, problem, expected, seconds):
     robot.events.clear()
     robot.board.imu = problem(robot)
@@ -263,21 +220,18 @@ def test_a_problem_is_told_once_with_what_to_do(robot, problem, expected, second
     assert "wheels alone" in str(told) and ": " in str(told) and "\n" not in str(told)
 
 
-def test_an_imu_that_never_answers_is_told():
+@pytest.mark.parametrize(
+    "problem, expected",
+    [(silent, SILENT), (always((0, 0, 0, 0, 0, -UPWARD)), TILTED)],
+    ids=["silent", "upside down"],
+)
+def test_an_imu_that_is_mounted_upside_down_is_never_used(problem, expected):
+    """It would turn the heading the wrong way.  Nor is one used that never answers."""
     board = with_imu()
-    board.imu = lambda now: None
+    board.imu = problem(SimpleNamespace(board=board))
     robot = Robot(load("traxbot"), board=board)
-    robot.run(START_S + STEPS_S)
-    assert [change.state for change in robot.seen(ImuChanged)] == [SILENT]
-
-
-def test_an_imu_that_is_mounted_upside_down_is_never_used():
-    """It would turn the heading the wrong way."""
-    board = with_imu()
-    board.imu = lambda now: (0, 0, 0, 0, 0, board.noise - UPWARD)
-    robot = Robot(load("traxbot"), board=board)
-    robot.run(1.0)
-    assert [(change.in_use, change.state) for change in robot.seen(ImuChanged)] == [(False, TILTED)]
+    robot.run(max(1.0, START_S + STEPS_S))
+    assert [(change.in_use, change.state) for change in robot.seen(ImuChanged)] == [(False, expected)]
     assert {telemetry.gyro for telemetry in robot.seen(Telemetry)} == {False}
 
 
@@ -297,12 +251,6 @@ def test_a_board_that_comes_back_without_its_imu_is_told(robot):
     robot.events.clear()
     robot.run(3.0)
     assert [change.state for change in robot.seen(ImuChanged)] == [ABSENT]
-
-
-def test_an_imu_that_is_not_read_is_off():
-    robot = Robot(load("traxbot"), board=with_imu(), options=DEFAULTS._replace(imu_period_ms=0))
-    robot.run(0.5)
-    assert (state(robot), robot.core.state.odometry.heading) == (OFF, None)
 
 
 # -- the heading
@@ -413,44 +361,29 @@ class InSteps:
         return self.board.advance(to_s)
 
 
-@pytest.fixture(scope="module")
-def driver():
+def test_users_see_readings_and_state():
     with SteppedDriver(InSteps(with_imu()), "traxbot") as driver:
-        driver.heard = []
-        driver.on_imu(driver.heard.append)
+        heard = []
+        driver.on_imu(heard.append)
         driver.wait(BIAS_S)
-        yield driver
+        assert heard[-1] is driver.imu and len(heard) == pytest.approx(50 * BIAS_S, abs=2)
+        assert describe(driver, "/dev/x")["imu"] == IN_USE and f"imu {IN_USE}" in line(driver)
+        (row,) = [row for row in state_of(driver).board if row.name == "imu"]
+        assert row.value.startswith(IN_USE)
+        found = snapshot(driver)["imu"]
+        assert found["state"] == IN_USE
+        assert found["linear_acceleration_m_s2"][2] == pytest.approx(9.81, abs=0.01)
 
 
-def test_each_reading_is_told_and_the_last_is_kept(driver):
-    assert driver.heard[-1] is driver.imu
-    assert len(driver.heard) == pytest.approx(50 * BIAS_S, abs=2)
-
-
-def test_info_has_its_state(driver):
-    assert describe(driver, "/dev/x")["imu"] == IN_USE
-
-
-def test_the_line_for_people_has_its_state(driver):
-    assert f"imu {IN_USE}" in line(driver)
-
-
-def test_the_live_view_has_its_state(driver):
-    (row,) = [row for row in state_of(driver).board if row.name == "imu"]
-    assert row.value.startswith(IN_USE)
-
-
-def test_json_has_its_reading(driver):
-    found = snapshot(driver)["imu"]
-    assert found["state"] == IN_USE
-    assert found["linear_acceleration_m_s2"][2] == pytest.approx(9.81, abs=0.01)
-
-
-def test_a_robot_without_one_shows_none():
-    with SteppedDriver(InSteps(FakeBoard()), "traxbot") as driver:
-        assert (driver.imu, driver.imu_state) == (None, ABSENT)
-        assert "imu" not in line(driver)
-        assert [row for row in state_of(driver).board if row.name == "imu"] == []
+@pytest.mark.parametrize(
+    "make, options, expected", [(FakeBoard, {}, ABSENT), (with_imu, {"imu_period_ms": 0}, OFF)]
+)
+def test_a_robot_without_one_shows_none(make, options, expected):
+    with SteppedDriver(InSteps(make()), "traxbot", DEFAULTS._replace(**options)) as driver:
+        driver.wait(0.5)
+        assert (driver.imu, driver.imu_state) == (None, expected)
+        assert expected == OFF or "imu" not in line(driver)
+        assert expected == OFF or [row for row in state_of(driver).board if row.name == "imu"] == []
 
 
 # -- recordings
@@ -480,23 +413,15 @@ class Recorded(Robot):
         return Recording(str(folder / "drive.mrl"))
 
 
-@pytest.fixture
-def recorded(tmp_path):
-    robot = Recorded(board=with_imu())
-    robot.board.slip = 0.1
-    robot.run(BIAS_S)
-    turn(robot, 1.0)
-    return robot
-
-
-def test_the_summary_of_a_recording_has_the_drivers_pose(recorded, tmp_path):
+def test_a_recording_has_the_drivers_pose_and_the_gyros_yaw_rate(tmp_path):
+    recorded = Recorded(board=with_imu())
+    recorded.board.slip = 0.1
+    recorded.run(BIAS_S)
+    turn(recorded, 1.0)
     found = summarise(recorded.recording(tmp_path))
     assert found["pose"]["yaw_rad"] == pytest.approx(yaw_rad(recorded), abs=1e-3)
     assert (found["imu"], found["lost"]) == (IN_USE, 0)
     assert found["frames"]["read_imu"] == len(recorded.seen(Imu))
-
-
-def test_the_columns_of_a_recording_have_the_gyros_yaw_rate(recorded, tmp_path):
     rates = drive_data.read(RecordedDriver(recorded.recording(tmp_path))).imu.values[:, 0]
     assert len(rates) == len(recorded.seen(Imu))
     assert max(rates) == pytest.approx(0.9 * TURN_RAD_S, abs=TURN_ERROR_RAD)

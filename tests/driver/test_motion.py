@@ -2,39 +2,53 @@ import math
 
 import pytest
 
-from mrl_driver.session.motion_command import (
-    MOVE,
-    QUICK,
-    SLOW,
-    SLOWEST,
-    STILL_FRAMES,
-    STILL_S,
-    STOP,
-    STOPS,
-    Motion,
-)
+from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, STILL_FRAMES, STILL_S, STOP, Motion
 
 
-def drain(motion, start_s, end_s, step_s=0.001, allowed=True):
+def drain(motion, start_s, end_s):
     """(time, request) of all that is due between two times."""
-    out, steps = [], round((end_s - start_s) / step_s)
-    for i in range(steps):
-        now = start_s + i * step_s
-        request = motion.take(now, allowed)
-        out += [(now, request)] if request is not None else []
-    return out
+    times = [start_s + i * 0.001 for i in range(round((end_s - start_s) / 0.001))]
+    return [(now, request) for now in times for request in [motion.take(now)] if request is not None]
 
 
-def test_a_command_is_due_at_once():
+def driven(*pace, speeds=(200, 0), sent=True, **options):
+    """Under a command of time 0."""
+    motion = Motion(*pace, **options)
+    motion.drive(speeds, 0.0)
+    if sent:
+        motion.take(0.0)
+    return motion
+
+
+def fading(seconds=1.0, **options):
+    motion = driven(speeds=(300, 0), sent=False, **options)
+    motion.fade(0.0, seconds)
+    return motion
+
+
+def stopping(at_s=0.0):
     motion = Motion()
-    motion.drive((200, -300), 1.0)
-    assert motion.take(1.0) == (MOVE, 200, -300)
+    motion.stop()
+    motion.take(at_s)
+    return motion
 
 
-def test_a_command_is_repeated():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
-    assert len(drain(motion, 0.0, 1.0)) == 10
+def stand(motion, *times_s):
+    for at_s in times_s:
+        motion.observe(False, at_s)
+    return motion
+
+
+def settle(motion, start_s=0.0):
+    """Reads that the wheels stand still until nothing is left to confirm."""
+    motion.take(start_s)
+    return stand(motion, *(start_s + frame * STILL_S for frame in range(STILL_FRAMES + 2)))
+
+
+def test_a_command_is_due_at_once_and_repeated():
+    motion = driven(speeds=(200, -300), sent=False)
+    sent = drain(motion, 0.0, 1.0)
+    assert sent[0] == (0.0, (MOVE, 200, -300)) and len(sent) == 10
 
 
 def test_the_latest_command_wins():
@@ -49,26 +63,21 @@ def test_the_latest_command_wins():
 
 
 def test_a_stop_waits_for_nothing():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
+    motion = driven()
     motion.stop()
-    assert motion.take(0.0) == (STOP,)
+    assert (motion.take(0.0), motion.stop_reason) == ((STOP,), "user")
 
 
 def test_a_stop_is_repeated_until_the_wheels_stand_still():
     motion = Motion()
     motion.stop()
     assert len(drain(motion, 0.0, 0.5)) == 10
-    for i in range(10):
-        motion.observe(False, 0.5 + i * 0.02)
-    assert drain(motion, 0.7, 1.5) == []
+    stand(motion, *(0.5 + i * 0.02 for i in range(10)))
+    assert drain(motion, 0.7, 1.5) == [] and motion.due_s == math.inf
 
 
 def test_wheels_that_turn_confirm_no_stop():
-    motion = Motion()
-    motion.stop()
-    motion.take(0.0)
+    motion = stopping()
     for i in range(20):
         motion.observe(i % 3 == 0, 0.02 * i)
     assert motion.stopping
@@ -77,14 +86,11 @@ def test_wheels_that_turn_confirm_no_stop():
 def test_readings_before_the_stop_was_sent_confirm_nothing():
     motion = Motion()
     motion.stop()
-    for i in range(20):
-        motion.observe(False, 0.02 * i)
-    assert motion.stopping
+    assert stand(motion, *(0.02 * i for i in range(20))).stopping
 
 
 def test_late_telemetry_holds_motion_back_but_no_stop():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
+    motion = driven(sent=False)
     assert motion.take(0.0, allowed=False) is None
     motion.stop()
     assert motion.take(0.0, allowed=False) == (STOP,)
@@ -92,71 +98,52 @@ def test_late_telemetry_holds_motion_back_but_no_stop():
 
 @pytest.mark.parametrize("timeout_s", [0.2, 0.5, 1.0])
 def test_a_command_without_successor_expires(timeout_s):
-    motion = Motion(timeout_s=timeout_s)
-    motion.drive((200, 0), 0.0)
-    sent = drain(motion, 0.0, 2.0)
-    stopped_s = next(now for now, request in sent if request == (STOP,))
+    motion = driven(timeout_s=timeout_s, sent=False)
+    stopped_s = next(now for now, request in drain(motion, 0.0, 2.0) if request == (STOP,))
     assert timeout_s <= stopped_s < timeout_s + 0.002
 
 
-def test_a_command_to_stand_that_expires_was_the_users_stop():
+@pytest.mark.parametrize(
+    "speeds, moves, reason",
+    [
+        ((200, 0), None, "command_timeout"),
+        ((0, 0), None, "user"),
+        ((0, 0), True, "command_timeout"),
+        ((0, 0), False, "user"),
+    ],
+)
+def test_the_expiry_of_a_command_to_stand_was_the_users_stop(speeds, moves, reason):
+    """Who commands says whether speeds that were limited to zero move."""
     motion = Motion(timeout_s=0.2)
-    motion.drive((0, 0), 0.0)
-    drain(motion, 0.0, 1.0)
-    assert (motion.target, motion.stop_reason) == (None, "user")
+    motion.drive(speeds, 0.0, *(() if moves is None else (moves,)))
+    assert (motion.take(0.2), motion.target, motion.stop_reason) == ((STOP,), None, reason)
 
 
 def test_an_expiry_is_a_deadline():
-    motion = Motion(QUICK, timeout_s=0.03)
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
-    assert motion.due_s == pytest.approx(0.03)
+    assert driven(QUICK, timeout_s=0.03).due_s == pytest.approx(0.03)
 
 
-def test_a_gentle_stop_slows_down_evenly():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.take(0.0)
+def test_a_gentle_stop_slows_down_evenly_and_ends_in_a_stop_on_time():
+    motion = driven(speeds=(300, 0))
     motion.fade(0.0, 1.0)
-    sent = drain(motion, 0.001, 1.1)
-    speeds = [request[1] for _, request in sent if request[0] == MOVE]
+    assert motion.due_s == pytest.approx(QUICK.gap_s)
+    speeds = [request[1] for _, request in drain(motion, 0.001, 1.0) if request[0] == MOVE]
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[len(speeds) // 2] == pytest.approx(150, abs=10)
-    assert sent[-1][1] == (STOP,)
+    assert (motion.take(1.0), motion.stop_reason) == ((STOP,), "battery")
 
 
 def test_a_new_command_ends_a_gentle_stop():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 1.0)
+    motion = fading()
     motion.drive((100, 0), 0.5)
     assert motion.take(0.5) == (MOVE, 100, 0)
 
 
-def test_minus_one_is_spelt_zero_for_boards_that_drop_it():
-    motion = Motion(skip_minus_one=True)
-    motion.drive((-1, -2), 0.0)
-    assert motion.take(0.0) == (MOVE, 0, -2)
-
-
-def test_nothing_is_due_while_stopped():
-    assert Motion().due_s == math.inf
-
-
 def test_a_second_fade_does_not_begin_again():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 1.0)
+    motion = fading()
     assert motion.take(0.5) == (MOVE, 150, 0)
     motion.fade(0.5, 1.0)
     assert motion.take(0.75) == (MOVE, 75, 0)
-
-
-def test_a_fade_ends_in_a_stop_on_time():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 1.0)
-    assert motion.take(1.0) == (STOP,) and motion.stop_reason == "battery"
 
 
 def test_a_robot_that_stands_has_nothing_to_fade():
@@ -165,72 +152,29 @@ def test_a_robot_that_stands_has_nothing_to_fade():
     assert motion.take(0.5) is None and motion.stop_reason == "none"
 
 
+@pytest.mark.parametrize("start_s", [0.0, 1000.0])
 @pytest.mark.parametrize("step_s", [STILL_S, STILL_S / STILL_FRAMES], ids=["by frames", "by time"])
-def test_a_stop_is_confirmed_by_so_many_frames_over_so_long(step_s):
+def test_a_stop_is_confirmed_by_so_many_frames_over_so_long(start_s, step_s):
     """The frame that ends the last movement, and the least number of others over the least time."""
-    motion = Motion()
-    motion.stop()
-    motion.take(0.0)
+    motion = stopping(start_s)
     for frame in range(STILL_FRAMES):
-        motion.observe(False, frame * step_s)
-        assert motion.stopping
-    motion.observe(False, max(STILL_S, STILL_FRAMES * step_s))
-    assert not motion.stopping
+        assert stand(motion, start_s + frame * step_s).stopping
+    assert not stand(motion, start_s + 1e-9 + max(STILL_S, STILL_FRAMES * step_s)).stopping
 
 
 @pytest.mark.parametrize("speeds, faded", [((0, 0), 0), ((100, 0), 50), ((400, 0), 150)])
 def test_a_gentle_stop_obeys_a_limit_but_is_never_raised(speeds, faded):
     """As of a protective zone, or of a ramp that was speeding up."""
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 1.0)
+    motion = fading()
     motion.take(0.1)
     motion.adjust(speeds)
     assert motion.take(0.5) == (MOVE, faded, 0)
+    assert motion.settling == (faded == 0)
 
 
 def test_a_new_motion_has_stopped_nothing():
     motion = Motion()
     assert (motion.stops, motion.unconfirmed, motion.stopping, motion.settling) == (0, False, False, False)
-
-
-def settle(motion, start_s=0.0):
-    """Reads that the wheels stand still until nothing is left to confirm."""
-    motion.take(start_s)
-    for frame in range(STILL_FRAMES + 2):
-        motion.observe(False, start_s + frame * STILL_S)
-
-
-def test_figures_of_the_paces():
-    """Feeding a watchdog of 250 ms; 26 commands a second; one byte for each of 163 frames a second."""
-    assert (QUICK, SLOW, SLOWEST) == ((0.005, 0.1, 0.05), (0.1, 0.5, 0.15), (0.15, 0.5, 0.15))
-    assert (STILL_S, STILL_FRAMES) == (0.08, 3)
-
-
-def test_reasons_have_the_names_that_users_see():
-    sources = {"user", "not_a_number", "command_timeout", "radio_hold", "closed", "none"}
-    causes = {"battery", "wheel_mismatch", "stale", "restarted", "link_lost", "host_paused"}
-    assert set(STOPS) == sources | causes
-
-
-def test_a_stop_without_a_reason_is_the_users():
-    motion = Motion()
-    motion.stop()
-    assert motion.stop_reason == "user"
-
-
-def test_a_command_that_moves_and_expires_is_a_command_timeout():
-    motion = Motion(timeout_s=0.2)
-    motion.drive((200, 0), 0.0)
-    assert (motion.take(0.2), motion.stop_reason) == ((STOP,), "command_timeout")
-
-
-@pytest.mark.parametrize("moves, reason", [(True, "command_timeout"), (False, "user")])
-def test_who_commands_says_whether_speeds_that_were_limited_to_zero_move(moves, reason):
-    motion = Motion(timeout_s=0.2)
-    motion.drive((0, 0), 0.0, moves)
-    motion.take(0.2)
-    assert motion.stop_reason == reason
 
 
 def test_only_commands_that_were_in_force_count_as_stopped():
@@ -242,121 +186,52 @@ def test_only_commands_that_were_in_force_count_as_stopped():
         assert motion.stops == stops
 
 
-def test_a_command_of_zero_settles_after_motion():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
+def test_a_command_of_zero_settles_after_motion_and_stays():
+    motion = driven()
     assert not motion.settling
     motion.drive((0, 0), 0.1)
     assert motion.settling
-    settle(motion, 0.1)
-    assert not motion.settling
-
-
-def test_a_command_of_zero_after_standstill_has_nothing_to_settle():
-    motion = Motion()
-    motion.drive((0, 0), 0.0)
-    assert not motion.settling
-
-
-def test_a_command_of_zero_goes_on_with_what_a_stop_has_to_confirm():
-    motion = Motion()
-    motion.stop()
-    motion.drive((0, 0), 0.1)
-    assert motion.settling
-
-
-def test_a_robot_that_stands_under_a_command_of_zero_keeps_its_command():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
-    motion.drive((0, 0), 0.1)
-    settle(motion, 0.1)
+    assert not settle(motion, 0.1).settling
     assert motion.take(1.0) == (MOVE, 0, 0)
 
 
-def test_a_confirmed_stop_has_nothing_due():
-    motion = Motion()
-    motion.stop()
-    settle(motion)
-    assert motion.due_s == math.inf
+def test_a_command_of_zero_after_standstill_has_nothing_to_settle():
+    assert not driven(speeds=(0, 0)).settling
 
 
-def test_a_command_ends_what_a_stop_has_confirmed_so_far():
-    motion = Motion()
-    motion.stop()
-    motion.take(0.0)
-    for at_s in (0.0, 0.04, 0.08):
-        motion.observe(False, at_s)
-    motion.drive((200, 0), 0.1)
-    motion.stop()
-    motion.take(0.1)
-    for at_s in (0.11, 0.12, 0.13):
-        motion.observe(False, at_s)
-    assert motion.stopping
-
-
-def test_time_of_standstill_is_a_difference():
-    motion = Motion()
-    motion.stop()
-    motion.take(1000.0)
-    for frame in range(STILL_FRAMES + 1):
-        motion.observe(False, 1000.0 + frame * 0.001)
-    assert motion.stopping
-
-
-def test_changed_speeds_are_sent_after_the_gap():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
-    motion.adjust((100, 0))
-    assert drain(motion, 0.001, 0.05) == [(QUICK.gap_s, (MOVE, 100, 0))]
-
-
-def test_the_same_speeds_are_not_sent_again():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
-    motion.adjust((200, 0))
-    assert drain(motion, 0.001, 0.05) == []
-
-
-def test_changed_speeds_do_not_prolong_the_command():
-    motion = Motion(timeout_s=0.2)
-    motion.drive((200, 0), 0.0)
-    motion.adjust((100, 0))
-    assert motion.take(0.2) == (STOP,)
-
-
-def test_a_changed_command_is_due_at_its_expiry_at_the_latest():
-    motion = Motion(SLOW, timeout_s=0.05)
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
-    motion.adjust((100, 0))
-    assert motion.due_s == pytest.approx(0.05)
-
-
-def test_speeds_changed_to_zero_settle():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
-    motion.adjust((0, 0))
+def test_a_command_of_zero_goes_on_with_what_a_stop_has_to_confirm():
+    motion = stopping()
+    motion.drive((0, 0), 0.1)
     assert motion.settling
 
 
+def test_a_command_ends_what_a_stop_has_confirmed_so_far():
+    motion = stand(stopping(), 0.0, 0.04, 0.08)
+    motion.drive((200, 0), 0.1)
+    motion.stop()
+    motion.take(0.1)
+    assert stand(motion, 0.11, 0.12, 0.13).stopping
+
+
+@pytest.mark.parametrize("speeds", [(100, 0), (200, 0)])
+def test_only_changed_speeds_are_sent_after_the_gap(speeds):
+    motion = driven()
+    motion.adjust(speeds)
+    assert drain(motion, 0.001, 0.05) == [(QUICK.gap_s, (MOVE, *speeds))] * (speeds != (200, 0))
+
+
+def test_changed_speeds_do_not_prolong_the_command():
+    motion = driven(SLOW, timeout_s=0.05)
+    motion.adjust((100, 0))
+    assert motion.due_s == pytest.approx(0.05) and motion.take(0.05) == (STOP,)
+
+
 def test_a_gentle_stop_that_was_not_lowered_is_not_sent_at_once():
-    motion = Motion(SLOW)
-    motion.drive((300, 0), 0.0)
-    motion.take(0.0)
+    motion = driven(SLOW, speeds=(300, 0))
     motion.fade(0.0, 1.0)
     motion.take(0.1)
     motion.adjust((400, 0))
     assert motion.due_s == pytest.approx(0.2)
-
-
-def test_a_gentle_stop_begins_after_the_gap():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.take(0.0)
-    motion.fade(0.0, 1.0)
-    assert motion.due_s == pytest.approx(QUICK.gap_s)
 
 
 def test_a_gentle_stop_is_measured_from_its_start():
@@ -367,55 +242,41 @@ def test_a_gentle_stop_is_measured_from_its_start():
 
 
 def test_a_gentle_stop_without_time_is_a_stop():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 0.0)
-    assert motion.take(0.01) == (STOP,)
+    assert fading(0.0).take(0.01) == (STOP,)
 
 
 def test_a_gentle_stop_goes_on_while_its_source_is_alive():
-    motion = Motion(timeout_s=0.2)
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 1.0)
+    motion = fading(timeout_s=0.2)
     motion.prolong(0.15)
     assert motion.take(0.25) == (MOVE, 225, 0)
     assert (motion.take(0.35), motion.stop_reason) == ((STOP,), "command_timeout")
 
 
 def test_only_a_gentle_stop_is_prolonged():
-    motion = Motion(timeout_s=0.2)
-    motion.drive((300, 0), 0.0)
+    motion = driven(timeout_s=0.2)
     motion.prolong(0.15)
     assert motion.take(0.2) == (STOP,)
 
 
 def test_a_gentle_stop_without_a_timeout_is_not_prolonged():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 1.0)
+    motion = fading()
     motion.prolong(0.5)
     assert motion.take(0.5) == (MOVE, 150, 0)
 
 
 def test_a_link_that_is_lost_drops_the_command_without_a_stop():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
+    motion = driven(sent=False)
     motion.forget("link_lost")
     assert (motion.target, motion.stop_reason, motion.stops, motion.due_s) == (None, "link_lost", 1, math.inf)
     assert drain(motion, 0.0, 0.2) == []
 
 
 def test_a_link_that_is_lost_while_stopped_keeps_the_reason():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
+    motion = driven()
     motion.stop("battery")
     motion.forget("link_lost")
-    assert (motion.stop_reason, motion.stops, motion.stopping, motion.settling) == (
-        "battery",
-        1,
-        False,
-        False,
-    )
+    assert (motion.stop_reason, motion.stops) == ("battery", 1)
+    assert not motion.stopping and not motion.settling
 
 
 def test_a_robot_that_stood_has_no_stop_to_make_up_for():
@@ -424,108 +285,78 @@ def test_a_robot_that_stood_has_no_stop_to_make_up_for():
     assert not motion.unconfirmed
 
 
-def cut_off_in_motion(motion):
-    motion.drive((200, 0), 0.0)
-
-
-def cut_off_while_stopping(motion):
-    motion.stop()
-
-
-@pytest.mark.parametrize("cut_off", [cut_off_in_motion, cut_off_while_stopping])
-def test_a_stop_that_the_link_has_cut_off_is_made_up_for(cut_off):
-    motion = Motion()
-    cut_off(motion)
-    motion.forget("link_lost")
+@pytest.mark.parametrize("losses", [1, 2])
+@pytest.mark.parametrize("cut_off", [driven, stopping])
+def test_a_stop_that_the_link_has_cut_off_is_made_up_for(cut_off, losses):
+    motion = cut_off()
+    for _ in range(losses):
+        motion.forget("link_lost")
     assert motion.unconfirmed
     reason = motion.stop_reason
     motion.make_sure()
     assert (motion.take(0.0), motion.unconfirmed, motion.stop_reason) == ((STOP,), False, reason)
 
 
-def test_a_stop_stays_unconfirmed_over_two_losses():
-    motion = Motion()
-    motion.stop()
-    motion.forget("link_lost")
-    motion.forget("link_lost")
-    assert motion.unconfirmed
-
-
 def test_a_command_in_force_is_not_stopped_to_make_sure():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
+    motion = driven(sent=False)
     motion.make_sure()
     assert motion.take(0.0) == (MOVE, 200, 0)
 
 
 def test_a_repeat_uses_a_call_a_little_before_it_is_due():
-    motion = Motion()
+    motion = driven()
     motion.lead_s = 0.01
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
     assert motion.take(0.089) is None
     assert motion.take(0.0901) == (MOVE, 200, 0)
 
 
-def test_a_new_command_does_not_come_before_the_gap():
-    motion = Motion(SLOW)
+SET_SPEEDS = [lambda motion, *to: motion.drive(*to), lambda motion, to, _: motion.adjust(to)]
+
+
+@pytest.mark.parametrize("set_speeds", SET_SPEEDS, ids=["drive", "adjust"])
+def test_new_speeds_do_not_come_before_the_gap(set_speeds):
+    motion = driven(SLOW)
     motion.lead_s = 0.01
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
-    motion.drive((100, 0), 0.01)
+    set_speeds(motion, (100, 0), 0.01)
     assert motion.take(0.095) is None
     assert motion.take(0.1) == (MOVE, 100, 0)
 
 
 def test_what_is_due_now_is_sent_now():
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
+    motion = driven()
     assert motion.take(motion.due_s) == (MOVE, 200, 0)
 
 
 def test_other_bases_have_a_request_of_their_own():
-    motion = Motion()
+    motion = driven(speeds=(100, 200, 300), sent=False)
     motion.request_of = lambda speeds: (43, *speeds)
-    motion.drive((100, 200, 300), 0.0)
     assert motion.take(0.0) == (43, 100, 200, 300)
 
 
-def test_both_speeds_of_minus_one_are_spelt_zero():
-    motion = Motion(skip_minus_one=True)
-    motion.drive((-1, -1), 0.0)
-    assert motion.take(0.0) == (MOVE, 0, 0)
-
-
-def test_plus_one_is_sent_to_boards_that_drop_minus_one():
-    motion = Motion(skip_minus_one=True)
-    motion.drive((1, 1), 0.0)
-    assert motion.take(0.0) == (MOVE, 1, 1)
-
-
-def test_minus_one_is_sent_as_it_is_to_all_other_boards():
-    motion = Motion()
-    motion.drive((-1, -1), 0.0)
-    assert motion.take(0.0) == (MOVE, -1, -1)
-
-
 @pytest.mark.parametrize(
-    "set_speeds", [lambda motion, *to: motion.drive(*to), lambda motion, to, _: motion.adjust(to)]
+    "skips, speeds, sent",
+    [
+        (True, (-1, -2), (0, -2)),
+        (True, (-1, -1), (0, 0)),
+        (True, (1, 1), (1, 1)),
+        (False, (-1, -1), (-1, -1)),
+    ],
 )
+def test_minus_one_is_spelt_zero_for_boards_that_drop_it(skips, speeds, sent):
+    assert driven(speeds=speeds, sent=False, skip_minus_one=skips).take(0.0) == (MOVE, *sent)
+
+
+@pytest.mark.parametrize("set_speeds", SET_SPEEDS, ids=["drive", "adjust"])
 def test_standstill_before_a_motion_confirms_nothing_after_it(set_speeds):
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
+    motion = driven(sent=False)
     motion.drive((0, 0), 0.0)
     motion.take(0.01)
-    for at_s in (0.01, 0.05, 0.1):
-        motion.observe(False, at_s)
+    stand(motion, 0.01, 0.05, 0.1)
     set_speeds(motion, (200, 0), 0.12)
     assert not motion.settling
     set_speeds(motion, (0, 0), 0.13)
     motion.take(0.14)
-    motion.observe(False, 0.14)
-    motion.observe(False, 0.15)
-    assert motion.settling
+    assert stand(motion, 0.14, 0.15).settling
 
 
 def test_speeds_that_are_raised_from_zero_have_to_settle_later():
@@ -534,23 +365,6 @@ def test_speeds_that_are_raised_from_zero_have_to_settle_later():
     motion.adjust((200, 0))
     motion.adjust((0, 0))
     assert motion.settling
-
-
-def test_a_gentle_stop_that_is_lowered_to_zero_settles():
-    motion = Motion()
-    motion.drive((300, 0), 0.0)
-    motion.fade(0.0, 1.0)
-    motion.adjust((0, 0))
-    assert motion.settling
-
-
-def test_changed_speeds_do_not_come_before_the_gap():
-    motion = Motion(SLOW)
-    motion.lead_s = 0.01
-    motion.drive((200, 0), 0.0)
-    motion.take(0.0)
-    motion.adjust((100, 0))
-    assert motion.take(0.095) is None
 
 
 def test_time_of_motion_goes_on_over_commands_until_one_stands():
@@ -564,14 +378,8 @@ def test_time_of_motion_goes_on_over_commands_until_one_stands():
     motion.drive((100, 0), 4.0)
     motion.stop()
     assert motion.moves_for_s(5.0) == 0.0
-
-
-def test_time_of_motion_begins_again_after_a_stop():
-    motion = Motion()
-    motion.drive((200, 0), 1.0)
-    motion.stop()
-    motion.drive((200, 0), 3.0)
-    assert motion.moves_for_s(4.0) == 1.0
+    motion.drive((100, 0), 6.0)
+    assert motion.moves_for_s(7.0) == 1.0
 
 
 def test_motion_is_wanted_from_a_command_to_move_to_one_that_stands():
@@ -585,8 +393,7 @@ def test_motion_is_wanted_from_a_command_to_move_to_one_that_stands():
 
 @pytest.mark.parametrize(("reason", "wanted"), [("user", False), ("command_timeout", True), ("stale", True)])
 def test_motion_is_wanted_after_a_stop_that_is_not_the_users(reason, wanted):
-    motion = Motion()
-    motion.drive((200, 0), 0.0)
+    motion = driven()
     motion.stop(reason)
     assert motion.wanted == wanted
     motion.drive((200, 0), 1.0)

@@ -51,9 +51,19 @@ def stale(bench):
     return next(event for event in bench.events if isinstance(event, Stale))
 
 
-def test_driving_board_of_2013_that_is_cut_off_may_still_be_moving(cut):
-    bench = cut("2013-august")
-    assert bench.driver.may_be_moving and not bench.driver.stopped
+@pytest.mark.parametrize(
+    "profile, speed_m_s, may_move",
+    [("2013-august", 0.2, True), ("2013-august", 0.0, False), ("current", 0.2, False)],
+    ids=["driving", "standing", "board with a watchdog"],
+)
+def test_driving_board_of_2013_that_is_cut_off_may_still_be_moving(cut, profile, speed_m_s, may_move):
+    """Its silence is told so; a stop of the others is no error without telemetry."""
+    bench = cut(profile, speed_m_s)
+    assert bench.driver.may_be_moving == stale(bench).may_move == may_move
+    if may_move:
+        assert not bench.driver.stopped
+    else:
+        bench.driver.stop()
 
 
 def test_stop_that_may_not_have_arrived_is_an_error_and_is_sent_when_the_board_is_back(cut):
@@ -63,13 +73,8 @@ def test_stop_that_may_not_have_arrived_is_an_error_and_is_sent_when_the_board_i
             stop()
     bench.line.plug()
     bench.driver.wait(5.0)
-    assert bench.driver.stopped
+    assert bench.driver.ready and bench.driver.stopped and not bench.driver.may_be_moving
     bench.driver.stop()
-
-
-@pytest.mark.parametrize("profile, speed_m_s", [("2013-august", 0.0), ("current", 0.2)])
-def test_stop_of_a_robot_that_stands_is_no_error_without_telemetry(cut, profile, speed_m_s):
-    cut(profile, speed_m_s).driver.stop()
 
 
 def test_view_goes_on_when_its_stop_may_not_have_arrived(cut):
@@ -79,33 +84,6 @@ def test_view_goes_on_when_its_stop_may_not_have_arrived(cut):
     assert not screen.ended and screen.shown(0.0).notice == f"no telemetry arrives: {MAY_MOVE}"
 
 
-def test_its_silence_is_told_so(cut):
-    assert stale(cut("2013-august")).may_move
-
-
-def test_standing_board_of_2013_that_is_cut_off_is_not_moving(cut):
-    bench = cut("2013-august", speed_m_s=0.0)
-    assert not bench.driver.may_be_moving and not stale(bench).may_move
-
-
-def test_board_with_a_watchdog_stops_by_itself(cut):
-    bench = cut("current")
-    assert not bench.driver.may_be_moving and not stale(bench).may_move
-
-
-def test_telemetry_that_is_back_shows_it(cut):
-    bench = cut("2013-august")
-    bench.line.plug()
-    bench.driver.wait(5.0)
-    assert bench.driver.ready and not bench.driver.may_be_moving and bench.driver.stopped
-
-
-def test_robot_before_its_greeting_is_not_said_to_move():
-    emulated = factory.make(factory.Options(profile="2013-august"))
-    assert not SteppedDriver(emulated.engine).may_be_moving
-    emulated.close()
-
-
 def test_robot_that_is_cut_off_again_when_it_stands_is_not_moving(cut):
     bench = cut("2013-august")
     bench.line.plug()
@@ -113,22 +91,6 @@ def test_robot_that_is_cut_off_again_when_it_stands_is_not_moving(cut):
     bench.line.unplug()
     bench.driver.wait(SILENT_S)
     assert not bench.driver.ready and not bench.driver.may_be_moving
-
-
-def test_robot_that_is_cut_off_under_a_command_of_zero_is_not_moving():
-    motion = Motion()
-    motion.drive((0, 0), 0.0)
-    motion.forget("stale")
-    assert not motion.unconfirmed
-
-
-def test_port_that_is_back_before_the_board_answers_shows_nothing():
-    talk = Talk(FakeBoard(version=1)).until_ready()
-    talk.session.drive((200, 0), talk.now)
-    talk.run(0.2)
-    talk.session.lose(talk.now)
-    talk.session.relink(talk.now)
-    assert talk.session.may_be_moving
 
 
 @pytest.mark.parametrize("may_move, words", [(True, MAY_MOVE), (False, WAITS)])
@@ -155,27 +117,35 @@ def test_timed_drive_says_that_the_robot_may_still_be_moving(monkeypatch, cut_s)
     emulated.close()
 
 
-@pytest.mark.parametrize("moves", [True, False], ids=["still rolling", "standing"])
-def test_robot_that_is_cut_off_after_a_command_of_zero_may_move_until_its_wheels_were_seen_to_stand(moves):
-    """The command of zero may have been lost on its way."""
-    talk = Talk(FakeBoard(version=1)).until_ready()
-    talk.session.drive((200, 0), talk.now)
-    talk.run(0.2)
+@pytest.fixture
+def talk():
+    """A session with a board of 2013 that drives."""
+    made = Talk(FakeBoard(version=1)).until_ready()
+    assert not made.session.may_be_moving
+    made.session.drive((200, 0), made.now)
+    return made.run(0.2)
+
+
+def test_port_that_is_back_before_the_board_answers_shows_nothing(talk):
+    talk.session.lose(talk.now)
+    talk.session.relink(talk.now)
+    assert talk.session.may_be_moving
+
+
+@pytest.mark.parametrize(
+    "lost, after_s, moves",
+    [(False, 0.01, True), (False, 0.5, False), (True, 0.3, True)],
+    ids=["still rolling", "standing", "the command is lost on its way"],
+)
+def test_robot_that_is_cut_off_after_a_command_of_zero_may_move_until_its_wheels_were_seen_to_stand(
+    talk, lost, after_s, moves
+):
     talk.session.drive((0, 0), talk.now)
-    talk.run(0.01 if moves else 0.5)
+    if lost:
+        talk.session.take()
+    talk.run(after_s)
     talk.session.lose(talk.now)
     assert talk.session.may_be_moving == moves
-
-
-def test_command_of_zero_that_is_lost_leaves_a_robot_that_may_be_moving():
-    talk = Talk(FakeBoard(version=1)).until_ready()
-    talk.session.drive((200, 0), talk.now)
-    talk.run(0.2)
-    talk.session.drive((0, 0), talk.now)
-    talk.session.take()
-    talk.run(0.3)
-    talk.session.lose(talk.now)
-    assert talk.board.speeds == (200, 0) and talk.session.may_be_moving
 
 
 def test_lost_port_under_a_stop_that_followed_a_command_of_zero_needs_the_wheels_to_stand():

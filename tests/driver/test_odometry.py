@@ -1,16 +1,30 @@
+"""Odometry to the count: which readings it uses, and what it hands on."""
+
 import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.geometry import ORIGIN, wrap_angle
+from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
+from mrl_driver.robot.covariance import AT_START, TWIST_INTERVAL_S
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import CONFIRMATIONS, Baseline, Odometry, fastest_wheel_m_s
+from mrl_driver.robot.odometry import (
+    CONFIRMATIONS,
+    SLACK_S,
+    Baseline,
+    Odometry,
+    Twist,
+    fastest_wheel_m_s,
+)
 
 DRIVE = load("traxbot").drive
+COUNT_M = DRIVE.metres_per_count
+UNEQUAL = DRIVE._replace(wheel_offset=0.2)
 FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)
 PERIOD_S = 0.02
+WRAP_S = 32.768
+"""In this time a wheel of 1000 counts/s covers half the range of its counter."""
 
 int16 = st.integers(-32768, 32767)
 
@@ -19,108 +33,89 @@ def as_int16(count):
     return ((int(count) + 0x8000) & 0xFFFF) - 0x8000
 
 
+def after(*readings, exact=True, drive=DRIVE, coast_s=None):
+    """Odometry after readings (right, left, time), or (both, time)."""
+    odometry = Odometry(drive, FASTEST_M_S, exact)
+    if coast_s is not None:
+        odometry.baseline.coast_s = coast_s
+    for *counts, time_s in readings:
+        odometry.update(counts[0], counts[-1], time_s)
+    return odometry
+
+
+def steadily(*counts):
+    return [(count, i * PERIOD_S) for i, count in enumerate(counts)]
+
+
 @given(int16, st.integers(-2000, 2000))
 def test_movement_is_the_difference_of_counters_that_may_wrap(start, moved):
-    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.002)
-    baseline.update(start, start, 0.0)
+    baseline = Baseline(COUNT_M, FASTEST_M_S, 0.002)
+    assert baseline.update(start, start, 0.0) is None
     assert baseline.update(as_int16(start + moved), as_int16(start - moved), 1.0) == (moved, -moved, 1.0)
 
 
-def test_first_reading_primes():
+def test_first_reading_primes_and_the_second_integrates():
     odometry = Odometry(DRIVE, FASTEST_M_S)
-    assert not odometry.update(12345, -4321, 0.0)
-    assert odometry.pose == ORIGIN
-
-
-def test_second_reading_integrates():
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.update(1000, 1000, 0.0)
+    assert odometry.update(1000, 1000, 0.0) is False and odometry.pose == ORIGIN
     odometry.update(1100, 1100, 0.1)
-    assert odometry.pose == pytest.approx((100 * DRIVE.metres_per_count, 0, 0))
+    assert odometry.pose == pytest.approx((100 * COUNT_M, 0, 0))
 
 
-def test_twist_comes_from_the_time_given():
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.update(0, 0, 0.0)
-    odometry.update(100, 50, 0.1)
-    assert odometry.twist.linear_m_s == pytest.approx(75 * DRIVE.metres_per_count / 0.1)
-    turn = 50 * DRIVE.metres_per_count / DRIVE.wheel_separation_m
-    assert odometry.twist.angular_rad_s == pytest.approx(turn / 0.1)
+@pytest.mark.parametrize("period_s", [0.1, 0.001])
+def test_twist_comes_from_the_time_given(period_s):
+    """With board time each reading has its speed, however near."""
+    odometry = after((0, 0, 0.0), (10, 5, period_s))
+    assert odometry.twist.linear_m_s == pytest.approx(7.5 * COUNT_M / period_s)
+    assert odometry.twist.angular_rad_s == pytest.approx(5 * COUNT_M / DRIVE.wheel_separation_m / period_s)
 
 
 @pytest.mark.parametrize("exact", [True, False])
 def test_no_time_between_readings_makes_no_spike(exact):
     """A burst after a pause arrives all at once."""
-    odometry = Odometry(DRIVE, FASTEST_M_S, exact_time=exact)
-    odometry.update(0, 0, 0.0)
-    odometry.update(2, 2, 0.0)
-    assert odometry.twist == (0.0, 0.0)
+    assert after((0, 0.0), (2, 0.0), exact=exact).twist == (0.0, 0.0)
 
 
 def test_arrival_times_that_bunch_give_the_mean_speed():
-    odometry = Odometry(DRIVE, FASTEST_M_S, exact_time=False)
-    for i in range(5):
-        odometry.update(10 * i, 10 * i, 0.016 * (i // 2))
-    assert odometry.twist.linear_m_s == pytest.approx(20 * DRIVE.metres_per_count / 0.016)
+    odometry = after(*((10 * i, 0.016 * (i // 2)) for i in range(5)), exact=False)
+    assert odometry.twist.linear_m_s == pytest.approx(20 * COUNT_M / 0.016)
 
 
 def test_the_counter_wrap_moves_nothing_extra():
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.update(32767, -32768, 0.0)
-    odometry.update(-32768, -32767, PERIOD_S)
-    assert odometry.pose.x_m == pytest.approx(DRIVE.metres_per_count)
-    assert odometry.pose.yaw_rad == 0.0
+    odometry = after((32767, -32768, 0.0), (-32768, -32767, PERIOD_S))
+    assert odometry.pose == pytest.approx((COUNT_M, 0.0, 0.0))
 
 
 def test_an_impossible_reading_is_refused_and_the_next_good_one_bridges_it():
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    for i, count in enumerate([0, 20, 9000, 60]):
-        odometry.update(count, count, i * PERIOD_S)
+    odometry = after(*steadily(0, 20, 9000, 60))
     assert odometry.baseline.refused == 1
-    assert odometry.pose.x_m == pytest.approx(60 * DRIVE.metres_per_count)
+    assert odometry.pose.x_m == pytest.approx(60 * COUNT_M)
 
 
 def test_a_refused_jump_is_never_integrated():
     """The counters were reset: after three readings that agree they are the baseline, without a jump."""
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.update(20000, 20000, 0.0)
-    for i in range(1, CONFIRMATIONS + 2):
-        odometry.update(i, i, i * PERIOD_S)
-    assert odometry.pose.x_m == pytest.approx(DRIVE.metres_per_count)
+    odometry = after(*steadily(20000, *range(1, CONFIRMATIONS + 2)))
+    assert odometry.pose.x_m == pytest.approx(COUNT_M)
 
 
 @pytest.mark.parametrize("count", [1000, 2000])
 @pytest.mark.parametrize("exact", [True, False])
 def test_counters_that_start_from_zero_again_move_nothing(count, exact):
     """A board that goes on streaming after its restart, with little on its counters."""
-    odometry = Odometry(DRIVE, FASTEST_M_S, exact)
-    for i in range(10):
-        odometry.update(count + 60 * i, count + 60 * i, i * PERIOD_S)
-    before = odometry.pose
-    for i in range(10, 20):
-        odometry.update(60 * (i - 10), 60 * (i - 10), i * PERIOD_S)
-    assert 0 <= odometry.pose.x_m - before.x_m <= 10 * 60 * DRIVE.metres_per_count
+    before, again = (count + 60 * i for i in range(10)), (60 * i for i in range(10))
+    moved_m = after(*steadily(*before, *again), exact=exact).pose.x_m
+    assert 0 <= moved_m - 9 * 60 * COUNT_M <= 10 * 60 * COUNT_M
 
 
 def test_readings_that_disagree_make_no_baseline():
-    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.0)
+    baseline = Baseline(COUNT_M, FASTEST_M_S, 0.0)
     baseline.update(0, 0, 0.0)
     for i, count in enumerate([9000, -9000, 15000, -15000, 20000]):
         assert baseline.update(count, count, (i + 1) * 1e-3) is None
     assert baseline.update(1, 1, 6e-3) == (1, 1, 6e-3)
 
 
-def test_a_gap_in_which_the_counter_could_have_wrapped_is_not_guessed():
-    """At 1.65 m/s half the counter's range passes in 1.7 s."""
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.update(0, 0, 0.0)
-    assert not odometry.update(30000, 30000, 5.0)
-
-
 def test_a_reset_keeps_the_pose():
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.update(0, 0, 0.0)
-    odometry.update(100, 100, 0.1)
+    odometry = after((0, 0.0), (100, 0.1))
     pose = odometry.pose
     odometry.reset()
     odometry.update(0, 0, 0.2)
@@ -130,90 +125,227 @@ def test_a_reset_keeps_the_pose():
 @given(st.lists(st.tuples(int16, int16, st.floats(0, 1)), max_size=40))
 def test_no_reading_moves_the_robot_faster_than_its_wheels(readings):
     """Whatever the wire says, no accepted step exceeds what the wheels can do in its time."""
-    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.0)
+    baseline = Baseline(COUNT_M, FASTEST_M_S, 0.0)
     time_s = 0.0
     for right, left, dt_s in readings:
         time_s += dt_s
         step = baseline.update(right, left, time_s)
         if step is not None:
             right, left, dt_s = step
-            bound = FASTEST_M_S * dt_s + 4 * DRIVE.metres_per_count
-            assert max(abs(right), abs(left)) * DRIVE.metres_per_count <= bound
+            assert max(abs(right), abs(left)) * COUNT_M <= FASTEST_M_S * dt_s + 4 * COUNT_M
 
 
 def test_unequal_wheels_and_slip_turn_as_calibrated():
     """Right wheel 1 % larger, a tenth of each turn lost: 5000 counts each, and 5000 counts of the right one more."""
     drive = DRIVE._replace(wheel_offset=0.01, turn_slip=0.1)
-    odometry = Odometry(drive, 2.0)
-    odometry.update(0, 0, 0.0)
-    odometry.update(5000, 5000, 1.0)
+    odometry = after((0, 0.0), (5000, 1.0), drive=drive)
     kept_rad_per_m = 0.9 / DRIVE.wheel_separation_m
-    assert odometry.pose.yaw_rad == pytest.approx(5000 * DRIVE.metres_per_count * 0.01 * kept_rad_per_m)
-    assert math.hypot(*odometry.pose[:2]) == pytest.approx(5000 * DRIVE.metres_per_count, rel=1e-3)
+    assert odometry.pose.yaw_rad == pytest.approx(5000 * COUNT_M * 0.01 * kept_rad_per_m)
+    assert math.hypot(*odometry.pose[:2]) == pytest.approx(5000 * COUNT_M, rel=1e-3)
     before = odometry.pose.yaw_rad
     odometry.update(10000, 5000, 2.0)
-    turned = 5000 * DRIVE.metres_per_count * 1.005 * kept_rad_per_m
+    turned = 5000 * COUNT_M * 1.005 * kept_rad_per_m
     assert wrap_angle(odometry.pose.yaw_rad - before) == pytest.approx(wrap_angle(turned))
 
 
-def distance_m(readings, exact):
-    """Where odometry is along x after readings of both wheels [(count, s)]."""
-    odometry = Odometry(DRIVE, FASTEST_M_S, exact)
-    for count, time_s in readings:
-        odometry.update(count, count, time_s)
-    return odometry.pose.x_m
-
-
-@pytest.mark.parametrize("exact", [True, False])
-def test_one_wrong_count_near_zero_does_not_stay(exact):
-    """200 read as 600 by a board without check value: the way back would look like a restart."""
-    readings = [(196, 0.0), (198, 0.003), (600, 0.006), (202, 0.009), (204, 0.012)]
-    assert distance_m(readings, exact) == pytest.approx(8 * DRIVE.metres_per_count)
-
-
-def test_one_wrong_count_after_a_pause_does_not_stay():
-    """In the time of the pause the wheels could have made that way, but not back in the time after it."""
-    readings = [(196, 0.0), (198, 0.003), (900, 0.053), (202, 0.056), (204, 0.059)]
-    assert distance_m(readings, exact=False) == pytest.approx(8 * DRIVE.metres_per_count)
-
-
-def test_frames_lost_from_a_burst_are_bridged_once_they_are_confirmed():
-    """Arrival times say that 600 counts took no time."""
-    readings = [(5000, 0.0), (5600, 0.001), (5602, 0.002), (5604, 0.003), (5606, 0.004)]
-    assert distance_m(readings, exact=False) == pytest.approx(606 * DRIVE.metres_per_count)
-
-
 @pytest.mark.parametrize(
-    ("jump", "pause_s"),
+    "exact, readings, counts",
     [
-        pytest.param(20000, 0.001, id="no wheel can make it"),
-        pytest.param(10000, 60.0, id="it may have wrapped"),
+        (True, [(196, 0.0), (198, 0.003), (600, 0.006), (202, 0.009), (204, 0.012)], 8),
+        (False, [(196, 0.0), (198, 0.003), (600, 0.006), (202, 0.009), (204, 0.012)], 8),
+        (False, [(196, 0.0), (198, 0.003), (900, 0.053), (202, 0.056), (204, 0.059)], 8),
+        (False, [(5000, 0.0), (5600, 0.001), (5602, 0.002), (5604, 0.003), (5606, 0.004)], 606),
+        (False, [(5000, 0.0), *((25000 + 2 * i, 0.001 + 0.003 * i) for i in range(4))], 2),
+        (False, [(5000, 0.0), *((15000 + 2 * i, 60.0 + 0.003 * i) for i in range(4))], 2),
+    ],
+    ids=[
+        "one wrong count near zero looks like a restart",
+        "the same without board time",
+        "one wrong count after a pause",
+        "frames lost from a burst are bridged once they are confirmed",
+        "a confirmed jump that no wheel can make",
+        "a confirmed jump that may have wrapped",
     ],
 )
-def test_a_confirmed_jump_of_unknown_length_is_not_integrated(jump, pause_s):
-    after = [(5000 + jump + 2 * i, pause_s + 0.003 * i) for i in range(4)]
-    assert distance_m([(5000, 0.0), *after], exact=False) == pytest.approx(2 * DRIVE.metres_per_count)
+def test_a_jump_moves_the_robot_only_if_the_wheels_can_have_made_it(exact, readings, counts):
+    assert after(*readings, exact=exact).pose.x_m == pytest.approx(counts * COUNT_M)
 
 
-def test_a_gap_after_which_the_wheels_must_have_stood_is_bridged():
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.baseline.coast_s = 1.25
-    odometry.update(30000, 30000, 0.0)
-    assert odometry.update(as_int16(50000), as_int16(50000), 60.0)
-    assert odometry.pose.x_m == pytest.approx(20000 * DRIVE.metres_per_count)
-
-
-def test_a_way_longer_than_the_wheels_can_coast_is_not_believed():
-    odometry = Odometry(DRIVE, FASTEST_M_S)
-    odometry.baseline.coast_s = 0.5
-    odometry.update(0, 0, 0.0)
-    assert not odometry.update(20000, 20000, 60.0)
+@pytest.mark.parametrize("coast_s, used", [(1.25, True), (0.5, False)])
+def test_a_gap_after_which_the_wheels_must_have_stood_is_bridged_as_far_as_they_can_coast(coast_s, used):
+    odometry = after((30000, 0.0), (as_int16(50000), 60.0), coast_s=coast_s)
+    assert odometry.pose.x_m == pytest.approx(20000 * COUNT_M * used)
 
 
 def test_each_new_baseline_is_counted():
-    baseline = Baseline(DRIVE.metres_per_count, FASTEST_M_S, 0.0)
-    for i, count in enumerate([0, 10, 9000, 9001, 9002, 9003]):
-        baseline.update(count, count, i * PERIOD_S)
-    baseline.reset()
-    baseline.update(5, 5, 1.0)
-    assert baseline.primed == 3
+    odometry = after(*steadily(0, 10, 9000, 9001, 9002, 9003))
+    odometry.reset()
+    odometry.update(5, 5, 1.0)
+    assert odometry.baseline.primed == 3
+
+
+# -- limits, to the count
+
+
+def baseline(exact, *readings):
+    """Of wheels that make 1000 counts/s at most, after readings of both wheels (right, left, time)."""
+    made = Baseline(1.0, 1000.0, SLACK_S[exact])
+    for reading in readings:
+        made.update(*reading)
+    return made
+
+
+START = (0, 0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "exact, dt_s, most",
+    [(True, 0.1, 105), (True, 0.0, 5), (False, 0.1, 103), (False, 0.0, 23)],
+    ids=["board time", "board time, none", "arrival", "burst"],
+)
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_wheel_moves_as_far_as_its_speed_and_the_errors_of_reading_allow(exact, dt_s, most, sign):
+    assert baseline(exact, START).update(0, sign * most, dt_s) == (0, sign * most, dt_s)
+    assert baseline(exact, START).update(0, sign * (most + 1), dt_s) is None
+
+
+def test_after_a_gap_in_which_a_counter_may_have_wrapped_even_no_movement_is_unknown():
+    assert baseline(True, START).update(0, 0, WRAP_S - 0.001) is not None
+    assert baseline(True, START).update(0, 0, WRAP_S) is None
+
+
+def test_a_wheel_that_coasts_shortly_goes_no_farther_in_a_shorter_time():
+    made = baseline(True, START)
+    made.coast_s = 0.5
+    assert made.update(400, 400, 0.1) is None
+
+
+@pytest.mark.parametrize(
+    "before, now, step, baselines",
+    [
+        ((5000, 5000, 0.0), (5100, 5000, 0.0), (100, 0, 0.0), 1),
+        ((5000, 5000, 0.0), (5101, 5000, 0.0), None, 2),
+        ((80, 80, 0.0), (23, 23, 0.0), None, 2),
+        ((80, 80, 0.0), (24, 24, 0.0), (-56, -56, 0.0), 1),
+        ((60, 5000, 0.0), (10, 5050, 0.0), (-50, 50, 0.0), 1),
+        ((-16350, -16350, 0.0), (16350, 16350, WRAP_S - SLACK_S[False]), None, 2),
+    ],
+    ids=[
+        "as far as in the slack",
+        "farther",
+        "near zero: a restart",
+        "not near zero",
+        "a restart zeroes both counters",
+        "it may have wrapped",
+    ],
+)
+def test_a_jump_that_three_readings_confirm_is_integrated_or_a_new_baseline(before, now, step, baselines):
+    made = baseline(False, before, now, now)
+    assert (made.update(*now), made.primed) == (step, baselines)
+
+
+@pytest.mark.parametrize("count, used", [(123, True), (124, False)])
+def test_a_way_back_is_as_near_to_the_reading_before_as_a_step(count, used):
+    made = baseline(False, (100, 100, 0.0), (80, 80, 0.0))
+    assert (made.update(count, count, 0.0) is not None) is used
+
+
+def test_a_reading_of_before_a_new_baseline_is_no_way_back():
+    made = baseline(False, (5000, 5000, 0.0), (5002, 5002, 0.0), *[START] * 3)
+    assert made.primed == 2 and made.update(5004, 5004, 0.0) is None
+
+
+# -- what odometry hands on
+
+
+class Heard:
+    """A heading filter and an uncertainty that keep what they are told."""
+
+    in_use = True
+
+    def __init__(self):
+        self.rolled, self.resets, self.moved, self.stood = [], [], [], []
+
+    def turn(self, time_s, turn, rolled):
+        self.rolled.append(rolled)
+        return turn
+
+    def reset(self, *spread):
+        self.resets.append(spread)
+
+    def update(self, before, pose, wheels_m, turn, dt_s, gyro):
+        self.moved.append((before, wheels_m, dt_s, gyro))
+
+    def stand(self, dt_s, gyro):
+        self.stood.append((dt_s, gyro))
+
+
+def told(part, *counts, drive=DRIVE):
+    """Odometry after readings 20 ms apart, and what this part of it heard."""
+    odometry, heard = Odometry(drive, 2.0), Heard()
+    setattr(odometry, part, heard)
+    for i, (right, left) in enumerate(counts):
+        odometry.update(right, left, i * PERIOD_S)
+    return odometry, heard
+
+
+@pytest.mark.parametrize("side", [(1, 0), (0, 1)], ids=["right", "left"])
+def test_a_wheel_has_rolled_if_it_has_left_its_place_by_more_than_one_count(side):
+    places = (0, 1, -1, 0, 2, 3, 1, 2, 0)
+    _, heard = told("heading", *[(n * side[0], n * side[1]) for n in places])
+    assert heard.rolled == [False, False, False, True, False, False, False, True]
+
+
+@pytest.mark.parametrize("counts", [(30, 0), (0, 20), (30, 20)])
+def test_the_uncertainty_is_told_the_way_of_each_wheel(counts):
+    odometry, heard = told("uncertainty", (9, 4), (9 + counts[0], 4 + counts[1]), drive=UNEQUAL)
+    before, wheels_m, dt_s, gyro = heard.moved[0]
+    assert odometry.travel == counts
+    assert wheels_m == pytest.approx(
+        (counts[0] * UNEQUAL.right_m_per_count, counts[1] * UNEQUAL.left_m_per_count)
+    )
+    assert (before, dt_s, gyro, heard.stood) == (ORIGIN, PERIOD_S, None, [])
+
+
+def test_the_uncertainty_is_told_that_the_wheels_stand():
+    _, heard = told("uncertainty", (5, 5), (5, 5))
+    assert (heard.moved, heard.stood) == ([], [(PERIOD_S, None)])
+
+
+def test_a_new_pose_has_the_covariance_given():
+    odometry, heard = told("uncertainty", (0, 0), (30, 30))
+    odometry.set_pose(Pose(1.0, 2.0, 0.5))
+    assert (odometry.pose, heard.resets) == (Pose(1.0, 2.0, 0.5), [(AT_START,)])
+    odometry.uncertainty = None
+    odometry.set_pose(ORIGIN)
+    assert odometry.pose == ORIGIN
+
+
+def test_after_a_restart_the_speeds_are_zero_and_the_gyro_begins_anew():
+    odometry, heard = told("heading", (0, 0), (30, 20))
+    assert odometry.twist != (0.0, 0.0)
+    odometry.reset()
+    assert (odometry.twist, heard.resets) == ((0.0, 0.0), [()])
+
+
+@pytest.mark.parametrize("reset, share", [(False, 1.0), (True, 0.5)])
+def test_speeds_of_readings_that_are_too_close_are_those_of_their_sum(reset, share):
+    """The last two arrive at once, half an interval before a third one; those of before a restart do not count."""
+    odometry = after((0, 0, 0.0), (6, 2, TWIST_INTERVAL_S / 2), drive=UNEQUAL, exact=False)
+    if reset:
+        odometry.reset()
+        odometry.update(6, 2, TWIST_INTERVAL_S / 2)
+    odometry.update(12, 4, 2 * TWIST_INTERVAL_S)
+    dt_s = (1.5 if reset else 2.0) * TWIST_INTERVAL_S
+    right_m, left_m = 12 * share * UNEQUAL.right_m_per_count, 4 * share * UNEQUAL.left_m_per_count
+    assert odometry.twist.linear_m_s == pytest.approx((right_m + left_m) / 2 / dt_s)
+    angular_rad_s = (right_m - left_m) / UNEQUAL.turning_separation_m / dt_s
+    assert odometry.twist.angular_rad_s == pytest.approx(angular_rad_s)
+
+
+def test_wheels_prevent_a_speed_to_the_left():
+    assert Twist(0.2, 1.0).lateral_m_s == 0.0
+
+
+def test_no_wheel_is_faster_than_both_ceilings_together_and_half_as_much():
+    assert fastest_wheel_m_s(0.5, 2.0, 0.2) == pytest.approx(1.5 * (0.5 + 0.2))

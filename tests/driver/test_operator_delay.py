@@ -4,45 +4,34 @@ import math
 
 import pytest
 
-from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.safety.operator_delay import DRIFT, DelayGuard, EchoDelay, Lateness, delay_text
 from mrl_driver.session.polling import RoundTrip
 
 from .talk import Talk
 
-INFO = BY_NAME["robot_info"].code
 LIMIT_S = 0.5
 
 
 # -- the operator's end
 
 
-def test_the_delay_is_that_of_the_newest_echo():
+@pytest.mark.parametrize(
+    "sent, echoed, now_s, delay_s",
+    [
+        ([10.0], (10.0, 10.03), 10.04, 0.03),
+        ([10.0, 10.05, 10.1], (10.0, 10.02), 10.8, 0.75),
+        ([10.0, 10.05], (10.05, 10.06), 20.0, 0.01),
+    ],
+    ids=["newest echo", "a command without an echo grows older", "an echo answers the commands before it"],
+)
+def test_the_delay_is_that_of_the_newest_command(sent, echoed, now_s, delay_s):
+    """The robot follows the newest command alone.  The delay is unknown before the first command."""
     delay = EchoDelay()
-    delay.sent(10.0)
-    delay.echoed(10.0, 10.03)
-    assert delay.delay_s(10.04) == pytest.approx(0.03)
-
-
-def test_a_command_without_an_echo_grows_older():
-    delay = EchoDelay()
-    for stamp_s in (10.0, 10.05, 10.1):
+    assert delay_text(delay.delay_s(5.0)) == "unknown"
+    for stamp_s in sent:
         delay.sent(stamp_s)
-    delay.echoed(10.0, 10.02)
-    assert delay.delay_s(10.8) == pytest.approx(0.75)
-
-
-def test_an_echo_answers_the_commands_before_it():
-    """The robot follows the newest command alone."""
-    delay = EchoDelay()
-    delay.sent(10.0)
-    delay.sent(10.05)
-    delay.echoed(10.05, 10.06)
-    assert delay.delay_s(20.0) == pytest.approx(0.01)
-
-
-def test_the_delay_is_unknown_before_the_first_command():
-    assert delay_text(EchoDelay().delay_s(5.0)) == "unknown"
+    delay.echoed(*echoed)
+    assert delay.delay_s(now_s) == pytest.approx(delay_s)
 
 
 def test_above_the_limit_nothing_drives_until_the_key_is_released():
@@ -50,18 +39,12 @@ def test_above_the_limit_nothing_drives_until_the_key_is_released():
     assert guard.may_drive(True, 0.1)
     assert not guard.may_drive(True, 0.62)
     assert not guard.may_drive(True, 0.1), "the key is still held"
-    assert (
-        guard.reason
-        == "stopped: the delay is 620 ms, above the limit of 500 ms (--max-delay); release and press again"
+    assert guard.reason == (
+        "stopped: the delay is 620 ms, above the limit of 500 ms (--max-delay); release and press again"
     )
+    assert not guard.may_drive(False, 0.9) and not guard.may_drive(True, 0.9), "pressed while it is too long"
     assert not guard.may_drive(False, 0.1) and not guard.reason
     assert guard.may_drive(True, 0.1)
-
-
-def test_a_key_pressed_while_the_delay_is_too_long_does_not_drive():
-    guard = DelayGuard(LIMIT_S, "--max-delay")
-    guard.may_drive(False, 0.9)
-    assert not guard.may_drive(True, 0.9)
 
 
 @pytest.mark.parametrize("most_s, delay_s", [(0.0, 9.0), (LIMIT_S, math.nan)])
@@ -94,42 +77,34 @@ def test_a_faster_message_is_the_new_measure():
     assert lateness.of(102.0, 5.2) == pytest.approx(0.2, abs=2 * DRIFT)
 
 
-def test_clocks_that_drift_apart_make_nobody_late():
-    """By 500 ppm, over an hour."""
-    lateness = Lateness()
-    assert max(lateness.of(n * 1.0, n * 1.0005) for n in range(3600)) < 1e-3
-
-
 def test_a_silence_of_a_minute_hides_at_most_60_ms():
+    """And clocks that drift apart by 500 ppm make nobody late in an hour."""
     lateness = Lateness()
     lateness.of(0.0, 0.0)
     assert lateness.of(59.0, 60.0) == pytest.approx(1.0 - 60 * DRIFT)
+    lateness = Lateness()
+    assert max(lateness.of(n * 1.0, n * 1.0005) for n in range(3600)) < 1e-3
 
 
 # -- the link of `mrl drive`
 
 
-def test_a_round_trip_is_from_the_request_to_its_answer():
+@pytest.mark.parametrize(
+    "requests, answer_s, now_s, delay_s",
+    [
+        ([(10.0, True)], 10.3, 11.0, 0.3),
+        ([(10.0, True), (12.0, False)], 12.1, 12.2, math.nan),
+        ([(10.0, True), (12.0, False), (14.0, False)], None, 14.5, 4.5),
+    ],
+    ids=["answered", "may be that of the lost request", "two lost answers"],
+)
+def test_a_round_trip_is_from_the_request_to_its_answer(requests, answer_s, now_s, delay_s):
     trip = RoundTrip()
-    trip.begin(10.0, certain=True)
-    trip.end(10.3)
-    assert trip.delay_s(11.0) == pytest.approx(0.3)
-
-
-def test_an_answer_after_a_lost_one_is_not_measured():
-    """It may be that of the lost request, and then it is older than it seems."""
-    trip = RoundTrip()
-    trip.begin(10.0, certain=True)
-    trip.begin(12.0, certain=False)
-    trip.end(12.1)
-    assert math.isnan(trip.delay_s(12.2))
-
-
-def test_two_lost_answers_count_as_a_delay():
-    trip = RoundTrip()
-    for now, certain in ((10.0, True), (12.0, False), (14.0, False)):
-        trip.begin(now, certain)
-    assert trip.delay_s(14.5) == pytest.approx(4.5)
+    for request in requests:
+        trip.begin(*request)
+    if answer_s:
+        trip.end(answer_s)
+    assert trip.delay_s(now_s) == pytest.approx(delay_s, nan_ok=True)
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.3, 1.5])

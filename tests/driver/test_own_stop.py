@@ -221,31 +221,22 @@ def test_without_the_refusal_of_the_driver_it_does(robots, monkeypatch):
     assert stalled_share(robots("python", "bridge")) > STALLED_BEFORE
 
 
-@pytest.fixture
-def blocked(robots, tmp_path):
-    """A robot whose board has stopped it because of a blocked wheel that is free again."""
-    robot = robots("python", "bridge", record=str(tmp_path / "drive.mrl"))
-    robot.heard = []
-    robot.driver.on_event(robot.heard.append)
-    stalled_share(robot)
-    return robot
-
-
-def test_after_a_command_of_zero_the_robot_drives_again(blocked):
+def test_after_a_command_of_zero_the_robot_drives_again_and_a_replay_has_the_same_refusal(robots, tmp_path):
+    """The board has stopped it because of a blocked wheel that is free again."""
+    blocked, events, again = robots("python", "bridge", record=str(tmp_path / "drive.mrl")), [], []
+    blocked.driver.on_event(events.append)
+    stalled_share(blocked)
     driver, before_m = blocked.driver, blocked.bench.plant.true_pose.x_m
     assert not driver.drive(0.2, 0.0) and driver.mismatch is not None
     assert driver.drive(0.0, 0.0) and driver.mismatch is None
     assert driver.drive(0.2, 0.0)
     driver.wait(1.0)
     assert driver.command is not None and blocked.bench.plant.true_pose.x_m > before_m + 0.1
-
-
-def test_a_replay_has_the_same_refusal(blocked, tmp_path):
-    blocked.driver.close()
-    played, heard = RecordedDriver(str(tmp_path / "drive.mrl")), []
-    played.on_event(heard.append)
+    driver.close()
+    played = RecordedDriver(str(tmp_path / "drive.mrl"))
+    played.on_event(again.append)
     played.play()
-    told = [[each for each in events if isinstance(each, Mismatch)] for events in (blocked.heard, heard)]
+    told = [[each for each in heard if isinstance(each, Mismatch)] for heard in (events, again)]
     assert told[0] == told[1] == [Mismatch("", "wheel_blocked")]
 
 
@@ -262,15 +253,49 @@ def talk():
     return made
 
 
-def tell(talk):
+def tell(talk, reason="stall"):
     """The board sends its status again, which names its stop as the one before."""
-    talk.session.status = talk.session.status._replace(stop_reason="stall")
-    talk.board.stop_reason = STOP_REASONS.index("stall")
+    talk.session.status = talk.session.status._replace(stop_reason=reason)
+    talk.board.stop_reason = STOP_REASONS.index(reason)
     talk.session.request(STATUS)
     talk.run(0.01)
 
 
-def test_a_status_from_before_a_new_command_does_not_drop_it(talk):
+MOVE, STAND = ((200, 0), None), ((0, 0), None)
+HELD = ((0, 0), True)
+"""A command to move that an obstacle holds at zero."""
+
+
+@pytest.mark.parametrize(
+    "commands, pause_s, reason, target",
+    [
+        ([MOVE], 0.0, "stall", (200, 0)),
+        ([MOVE] * 5, REFUSED_S / 4, "stall", None),
+        ([STAND, MOVE], 1.0, "stall", None),
+        ([STAND], 1.0, "stall", (0, 0)),
+        ([HELD], 1.0, "stall", None),
+        ([MOVE], 1.0, "boot", (200, 0)),
+    ],
+    ids=[
+        "a status from before a new command",
+        "commands one after the other count as one",
+        "moves after it stood",
+        "stands",
+        "held at zero",
+        "a start of the board",
+    ],
+)
+def test_a_command_is_dropped_if_the_board_does_not_carry_it_out(talk, commands, pause_s, reason, target):
+    for speeds, moves in commands:
+        talk.session.drive(speeds, talk.now, **({} if moves is None else {"moves": moves}))
+        talk.run(pause_s)
+    tell(talk, reason)
+    assert talk.session.motion.target == target
+
+
+def test_a_command_to_move_that_begins_after_one_to_stand_is_new(talk):
+    talk.session.drive((0, 0), talk.now)
+    talk.run(1.0)
     talk.session.drive((200, 0), talk.now)
     tell(talk)
     assert talk.session.motion.target == (200, 0)
@@ -283,46 +308,6 @@ def test_a_command_that_the_board_does_not_carry_out_is_dropped_and_the_board_is
     tell(talk)
     motion = talk.session.motion
     assert (motion.target, motion.stop_reason) == (None, "stall") and b"@13e" in talk.sent_since(begin_s)
-
-
-def test_commands_one_after_the_other_count_as_one(talk):
-    for _ in range(5):
-        talk.session.drive((200, 0), talk.now)
-        talk.run(REFUSED_S / 4)
-    tell(talk)
-    assert talk.session.motion.target is None
-
-
-def test_a_command_to_move_that_begins_after_one_to_stand_is_new(talk):
-    talk.session.drive((0, 0), talk.now)
-    talk.run(1.0)
-    talk.session.drive((200, 0), talk.now)
-    tell(talk)
-    assert talk.session.motion.target == (200, 0)
-
-
-def test_a_command_to_stand_is_not_dropped(talk):
-    talk.session.drive((0, 0), talk.now)
-    talk.run(1.0)
-    tell(talk)
-    assert talk.session.motion.target == (0, 0)
-
-
-def test_a_command_to_move_that_an_obstacle_holds_at_zero_is_dropped_too(talk):
-    talk.session.drive((0, 0), talk.now, moves=True)
-    talk.run(1.0)
-    tell(talk)
-    assert talk.session.motion.target is None
-
-
-def test_a_start_of_the_board_is_not_a_stop_of_a_robot_that_drives(talk):
-    talk.session.drive((200, 0), talk.now)
-    talk.run(1.0)
-    talk.board.stop_reason = STOP_REASONS.index("boot")
-    talk.session.status = talk.session.status._replace(stop_reason="boot")
-    talk.session.request(STATUS)
-    talk.run(0.01)
-    assert talk.session.motion.target == (200, 0)
 
 
 @pytest.mark.parametrize("end", ["stop", "zero", "timeout"])

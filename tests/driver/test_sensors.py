@@ -29,21 +29,16 @@ def robot():
 
 
 def test_all_sensors_of_the_board_are_read_beside_the_odometry(robot):
+    """The compass ten times a second, the others twice."""
     values = {name: found.values for name, found in robot.sensors.items()}
     expected = {"alcohol": (123,), "dust": (300,), "light": (321,), "thermopile": (22,) * 8, "compass": (90,)}
     assert {name: values[name] for name in expected} == expected
     assert set(values) == {row.name for row in SENSORS}
     assert (robot.statistics.lost, robot.ready) == (0, True)
-
-
-def test_each_answer_is_told(robot):
-    """The compass ten times a second, the others twice."""
     names = [name for name, _ in robot.told]
     assert names.count("compass") > 4 * names.count("light") > 4
-
-
-def test_they_stand_in_the_line_for_people(robot):
     assert "light 321 count" in line(robot)
+    assert list(of_board(frozenset({"sonars"}), 2)) == []
 
 
 def test_one_that_falls_silent_is_left_out():
@@ -57,13 +52,11 @@ def test_one_that_falls_silent_is_left_out():
     emulated.close()
 
 
-def test_sonar_boards_are_asked_for_none_of_the_environment():
-    assert list(of_board(frozenset({"sonars"}), 2)) == []
-
-
 def test_readings_are_in_the_base_unit():
     found = reading(TENTHS, (-55,), 1.0)
     assert (found, text(TENTHS, found)) == (Reading((-5.5,), 1.0), "-5.5 degC")
+    fields = (TENTHS.fields[0], SENSOR_BY_NAME["compass"].fields[0])
+    assert [(each.scale, each.base_unit) for each in fields] == [(0.1, "degC"), (1.0, "deg")]
 
 
 def test_one_that_may_be_absent_is_asked_rarely_until_it_answers(monkeypatch):
@@ -86,11 +79,3 @@ def test_the_summary_of_a_recording_has_their_range(tmp_path):
     (tmp_path / "light.log").write_text("#mrl-recording 1 {}\n" + "".join(lines))
     figures = summarise(Recording(str(tmp_path / "light.log")))
     assert figures["sensors"] == {"light": {"least": 77.0, "most": 321.0, "unit": "count"}}
-
-
-def test_scale_and_unit_stand_in_the_unit():
-    field = SENSOR_BY_NAME["compass"].fields[0]
-    assert [(each.scale, each.base_unit) for each in (TENTHS.fields[0], field)] == [
-        (0.1, "degC"),
-        (1.0, "deg"),
-    ]

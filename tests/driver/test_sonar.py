@@ -16,20 +16,22 @@ from sim_arduino.serve.factory import Options, make
 from tests.scripted_line import ScriptedLine
 
 
-def test_centimetres_become_metres():
-    assert range_m(120) == 1.2
-
-
-def test_no_reading_is_nan():
-    assert math.isnan(range_m(-1))
-
-
-def test_nothing_in_range_is_plus_infinity():
-    assert range_m(645) == math.inf
-
-
-def test_too_near_is_minus_infinity():
-    assert range_m(14) == -math.inf
+@pytest.mark.parametrize(
+    "wire, version, expected_m",
+    [
+        (120, 2, 1.2),
+        (-1, 2, math.nan),
+        (645, 2, math.inf),
+        (14, 2, -math.inf),
+        *((int(1.767 * count**0.94657 - 0.3759), 1, math.inf) for count in (640, 645, 1023)),
+        (NOTHING_2013_CM - 1, 1, 5.32),
+        (0, 1, math.nan),
+        (-1, 1, math.nan),
+    ],
+)
+def test_centimetres_become_metres(wire, version, expected_m):
+    """NaN is no reading, or no sonar; infinity is nothing in range, and minus infinity something too near."""
+    assert range_m(wire, version) == pytest.approx(expected_m, abs=0.01, nan_ok=True)
 
 
 @pytest.mark.parametrize("true_cm", [20, 50, 100, 200, 400])
@@ -40,34 +42,12 @@ def test_the_curve_of_2013_boards_is_undone(true_cm):
     assert range_m(wire, version=1) == pytest.approx(true_cm / 100, abs=0.005)
 
 
-@pytest.mark.parametrize("count", [640, 645, 1023])
-def test_a_2013_board_that_sees_nothing(count):
-    assert range_m(int(1.767 * count**0.94657 - 0.3759), version=1) == math.inf
-
-
-def test_the_farthest_echo_of_a_2013_board_is_a_range():
-    assert range_m(NOTHING_2013_CM - 1, version=1) == pytest.approx(5.32, abs=0.01)
-
-
-@pytest.mark.parametrize("wire", [0, -1])
-def test_a_2013_board_without_a_sonar(wire):
-    assert math.isnan(range_m(wire, version=1))
-
-
-def test_every_first_reading_is_new():
-    assert NewReadings().update((1, 2, 3), 0.0) == NAMES
-
-
-def test_a_changed_value_is_new():
-    readings = NewReadings()
-    readings.update((1, 2, 3), 0.0)
-    assert readings.update((1, 5, 3), 0.02) == ("left",)
-
-
-def test_an_unchanged_value_is_new_once_per_cycle():
+def test_a_value_is_new_when_it_changes_and_once_per_cycle():
     readings = NewReadings(cycle_s=0.3)
-    news = [readings.update((1, 2, 3), 0.02 * i) for i in range(31)]
-    assert sum("front" in new for new in news) == 3
+    assert readings.update((1, 2, 3), 0.0) == NAMES
+    assert readings.update((1, 5, 3), 0.02) == ("left",)
+    news = [readings.update((1, 5, 3), 0.02 * i) for i in range(2, 31)]
+    assert sum("front" in new for new in news) == 2
 
 
 # -- boards without checksums
@@ -77,25 +57,14 @@ SETTLED_S = 6.0
 """The board has started, and its sonars too."""
 
 
-def believed(*frames):
+@pytest.mark.parametrize(
+    "fronts, believed",
+    [((100,), 100), ((100, 10, 100), 100), ((100, 10, 10), 10), ((100, 100 + AGREE_CM), 100 + AGREE_CM)],
+    ids=["first", "not repeated", "repeated", "changes a little"],
+)
+def test_a_value_is_believed_that_is_repeated_or_changes_a_little(fronts, believed):
     readings = RepeatedReadings()
-    return [readings.update(frame) for frame in frames][-1]
-
-
-def test_a_value_that_is_not_repeated_is_not_believed():
-    assert believed((100, 200, 300), (10, 200, 300), (100, 200, 300)) == (100, 200, 300)
-
-
-def test_a_value_that_is_repeated_is_believed():
-    assert believed((100, 200, 300), (10, 200, 300), (10, 200, 300)) == (10, 200, 300)
-
-
-def test_a_value_that_changes_a_little_is_believed_at_once():
-    assert believed((100, 200, 300), (100 + AGREE_CM, 200, 300)) == (100 + AGREE_CM, 200, 300)
-
-
-def test_the_first_frame_is_believed():
-    assert believed((100, 200, 300)) == (100, 200, 300)
+    assert [readings.update((front, 200, 300)) for front in fronts][-1] == (believed, 200, 300)
 
 
 def test_a_damaged_range_of_a_2013_stream_is_not_told():

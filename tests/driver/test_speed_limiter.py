@@ -52,35 +52,30 @@ def test_first_command_is_in_force_at_once(bench):
     assert bench.speeds == (pytest.approx(0.2 * FRAME_S), 0.0)
 
 
-def test_speeding_up_takes_as_long_as_the_limit_says(bench):
-    bench.run(1.0, 0.3)
-    assert bench.speeds[0] == pytest.approx(0.2, abs=0.01)
-    bench.run(0.6, 0.3)
+@pytest.mark.parametrize("again", [(0.3,), ()], ids=["repeated", "single command"])
+def test_speeding_up_takes_as_long_as_the_limit_says(bench, again):
+    bench.drive(0.3, 0.0)
+    bench.run(1.0, *again)
+    assert bench.speeds[0] == pytest.approx(0.2 * (1.0 + FRAME_S), abs=0.01)
+    bench.run(0.6, *again)
     assert bench.speeds[0] == 0.3
 
 
-def test_single_command_goes_on_speeding_up_with_the_stream(bench):
-    bench.drive(0.3, 0.0)
-    bench.run(0.4)
-    assert bench.speeds[0] == pytest.approx(0.2 * 0.42, abs=0.01)
-
-
-def test_slowing_down_is_not_delayed(bench):
+@pytest.mark.parametrize(
+    "before, linear, expected",
+    [
+        (lambda limiter: None, 0.05, 0.05),
+        (lambda limiter: None, -0.3, -0.2 * FRAME_S),
+        (lambda limiter: limiter.drop(), 0.3, 0.2 * FRAME_S),
+    ],
+    ids=["slowing down is not delayed", "reversing", "after a stop by the driver"],
+)
+def test_robot_that_reverses_or_was_stopped_starts_from_standstill(bench, before, linear, expected):
     bench.run(1.6, 0.3)
-    bench.drive(0.05, 0.0)
-    assert bench.speeds == (0.05, 0.0)
-
-
-def test_reversing_starts_from_standstill(bench):
-    bench.run(1.6, 0.3)
+    before(bench.limiter)
     bench.now_s += FRAME_S
-    bench.drive(-0.3, 0.0)
-    assert bench.speeds[0] == pytest.approx(-0.2 * FRAME_S)
-
-
-def test_too_fast_a_command_keeps_its_arc(bench):
-    bench.run(3.0, 3.0, 5.0)
-    assert bench.speeds == (pytest.approx(0.3), pytest.approx(0.5))
+    bench.drive(linear, 0.0)
+    assert bench.speeds == (pytest.approx(expected), 0.0)
 
 
 def test_largest_number_is_clamped(bench):
@@ -92,13 +87,6 @@ def test_largest_number_is_clamped(bench):
 def test_speed_approaches_no_number_by_becoming_none(speed, dt_s):
     """Which the driver refuses."""
     assert math.isnan(ramp((speed, 0.0), (math.nan, 0.0), LIMITS, dt_s)[0])
-
-
-def test_robot_that_the_driver_stopped_starts_from_standstill(bench):
-    bench.run(1.6, 0.3)
-    bench.limiter.drop()
-    bench.drive(0.3, 0.0)
-    assert bench.speeds[0] == pytest.approx(0.2 * FRAME_S)
 
 
 @given(st.tuples(SPEEDS, SPEEDS), st.tuples(SPEEDS, SPEEDS), st.floats(0, 0.5))
@@ -131,16 +119,11 @@ def test_slower_of_way_and_turn_decides_how_long_speeding_up_takes(bench):
     assert bench.speeds == (0.3, 0.5)
 
 
-def test_curve_does_not_slow_a_robot_that_drives_straight(bench):
+@pytest.mark.parametrize("linear", [0.3, 0.1])
+def test_curve_does_not_slow_a_robot_that_drives_straight_nor_delay_its_braking(bench, linear):
     bench.run(1.6, 0.3)
-    bench.run(FRAME_S, 0.3, 0.5)
-    assert bench.speeds == (0.3, pytest.approx(FRAME_S))
-
-
-def test_slowing_down_into_a_curve_is_not_delayed(bench):
-    bench.run(1.6, 0.3)
-    bench.run(FRAME_S, 0.1, 0.5)
-    assert bench.speeds == (0.1, pytest.approx(FRAME_S))
+    bench.run(FRAME_S, linear, 0.5)
+    assert bench.speeds == (linear, pytest.approx(FRAME_S))
 
 
 @given(SPEEDS, SPEEDS, SPEEDS)
@@ -203,27 +186,24 @@ def test_after_a_restriction_the_robot_speeds_up_by_the_ramp(bench):
     assert bench.speeds == (pytest.approx(0.2 * FRAME_S), 0.0)
 
 
-@pytest.mark.parametrize(
-    "wanted, speeds",
-    [
-        ((0.1, 2.0), (0.05, 1.0)),
-        ((0.6, 0.5), (0.3, 0.25)),
-        ((0.3, 1.0), (0.3, 1.0)),
-        ((-0.6, 0.0), (-0.3, 0.0)),
-    ],
-)
-def test_either_speed_beyond_its_limit_scales_both(wanted, speeds):
-    assert Bench().limiter.limited(wanted) == pytest.approx(speeds)
-
-
 TIGHT = Limits(0.3, 2.0, 0.2, 1.0)
 """Unlike 1, its limit of turning shows whether it divides or multiplies."""
 
 
-def test_turning_is_scaled_to_its_limit():
-    limiter = SpeedLimiter()
-    limiter.limits = TIGHT
-    assert limiter.limited((0.2, 4.0)) == pytest.approx((0.1, 2.0))
+@pytest.mark.parametrize(
+    "limits, wanted, speeds",
+    [
+        (LIMITS, (0.1, 2.0), (0.05, 1.0)),
+        (LIMITS, (0.6, 0.5), (0.3, 0.25)),
+        (LIMITS, (0.3, 1.0), (0.3, 1.0)),
+        (LIMITS, (-0.6, 0.0), (-0.3, 0.0)),
+        (LIMITS, (0.1, 0.2, 0.1), (0.1, 0.2, 0.1)),
+        (TIGHT, (0.2, 4.0), (0.1, 2.0)),
+    ],
+)
+def test_either_speed_beyond_its_limit_scales_both(bench, limits, wanted, speeds):
+    bench.limiter.limits = limits
+    assert bench.limiter.limited(wanted) == pytest.approx(speeds)
 
 
 def test_new_limits_lower_the_command_in_force(bench):
@@ -237,10 +217,6 @@ def test_new_limits_of_a_robot_that_is_stopped_command_nothing():
     limiter = SpeedLimiter()
     limiter.change(TIGHT)
     assert (limiter.limits, limiter.target) == (TIGHT, None)
-
-
-def test_a_slide_within_the_limits_is_not_scaled(bench):
-    assert bench.limiter.limited((0.1, 0.2, 0.1)) == (0.1, 0.2, 0.1)
 
 
 def test_a_slide_at_right_angles_to_the_last_one_starts_from_standstill():

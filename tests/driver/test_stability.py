@@ -20,7 +20,6 @@ from mrl_driver.tip_over.margin import (
     greatest_acceleration,
     greatest_acceleration_anywhere,
     greatest_force,
-    hull,
     least,
     limits,
     margins,
@@ -28,6 +27,7 @@ from mrl_driver.tip_over.margin import (
 )
 
 EXACT = 1e-9
+WEIGHT_N = 10.0 * GRAVITY_M_S2
 SIZES, HEIGHTS = st.floats(0.05, 1.0), st.floats(0.02, 2.0)
 
 
@@ -39,23 +39,31 @@ def box(half_length_m, half_width_m, height_m, payloads=None):
 @given(SIZES, SIZES, HEIGHTS)
 @settings(max_examples=50)
 def test_at_rest_the_margin_is_the_angle_of_the_half_track(half_length_m, half_width_m, height_m):
-    found = least(margins(box(half_length_m, half_width_m, height_m))).angle_rad
-    assert found == pytest.approx(math.atan(min(half_length_m, half_width_m) / height_m), abs=EXACT)
+    """Its measure is the angle times the moment about the axis; a moment like that of the weight takes it away."""
+    made, reach_m = box(half_length_m, half_width_m, height_m), min(half_length_m, half_width_m)
+    found, angle_rad = least(margins(made)), math.atan(min(half_length_m, half_width_m) / height_m)
+    assert found.angle_rad == pytest.approx(angle_rad, abs=EXACT)
+    assert found.measure_n_m == pytest.approx(angle_rad * WEIGHT_N * reach_m)
+    tipping = margins(made, moment_n_m=(WEIGHT_N * half_width_m, 0.0, 0.0))
+    assert least(tipping).angle_rad == pytest.approx(0.0, abs=1e-7)
 
 
 @given(SIZES, SIZES, HEIGHTS, st.floats(0, 1))
 @settings(max_examples=20)
 def test_it_tips_at_g_half_base_by_height(half_length_m, half_width_m, height_m, share):
-    """And with a reserve where the margin's tangent says."""
+    """And with a reserve where the margin's tangent says; first along its nearer side."""
     made = box(half_length_m, half_width_m, height_m)
+    reserve = 0.999 * share * math.atan(min(half_length_m, half_width_m) / height_m)
     for reach_m, names in ((half_length_m, ("forward", "back")), (half_width_m, ("left", "right"))):
-        reserve = share * math.atan(min(half_length_m, half_width_m) / height_m)
         for name in names:
             tips = greatest_acceleration(made, DIRECTIONS[name])
             assert tips == pytest.approx(min(1000.0, GRAVITY_M_S2 * reach_m / height_m), rel=1e-9)
-            kept = greatest_acceleration(made, DIRECTIONS[name], reserve * 0.999)
-            closed = GRAVITY_M_S2 * math.tan(math.atan(reach_m / height_m) - reserve * 0.999)
+            kept = greatest_acceleration(made, DIRECTIONS[name], reserve)
+            closed = GRAVITY_M_S2 * math.tan(math.atan(reach_m / height_m) - reserve)
             assert kept <= min(1000.0, closed) * (1 + 1e-9)
+            if reach_m <= min(half_length_m, half_width_m):
+                assert kept == pytest.approx(min(1000.0, closed), rel=1e-6)
+    assert greatest_acceleration_anywhere(made) == pytest.approx(min(limits(made).values()), rel=1e-9)
 
 
 def test_vehicle_whose_axes_lie_askew_tips_over_first_between_the_named_directions():
@@ -64,19 +72,6 @@ def test_vehicle_whose_axes_lie_askew_tips_over_first_between_the_named_directio
     anywhere = GRAVITY_M_S2 * 0.2 / 0.3 * math.sqrt(0.5)
     assert greatest_acceleration_anywhere(diamond) == pytest.approx(anywhere, rel=1e-9)
     assert min(limits(diamond).values()) == pytest.approx(anywhere * math.sqrt(2), rel=1e-9)
-
-
-@given(SIZES, SIZES, HEIGHTS)
-@settings(max_examples=20)
-def test_box_tips_over_first_along_its_nearer_side(half_length_m, half_width_m, height_m):
-    made = box(half_length_m, half_width_m, height_m)
-    assert greatest_acceleration_anywhere(made) == pytest.approx(min(limits(made).values()), rel=1e-9)
-
-
-def test_a_reserve_along_the_nearer_edge_has_a_closed_form():
-    made, reserve = box(0.3, 0.2, 0.25), math.radians(12)
-    expected = GRAVITY_M_S2 * math.tan(math.atan(0.2 / 0.25) - reserve)
-    assert limits(made, reserve)["left"] == pytest.approx(expected, rel=1e-9)
 
 
 def test_a_slope_turns_the_weight():
@@ -88,70 +83,45 @@ def test_a_slope_turns_the_weight():
     assert greatest_acceleration(made, (1.0, 0.0), 0.0, math.atan(0.3 / 0.25) + 0.01) == 0
 
 
-def test_the_measure_is_angle_times_the_moment_about_the_axis():
-    made = box(0.3, 0.2, 0.25)
-    weight_n = 10.0 * GRAVITY_M_S2
-    assert least(margins(made)).measure_n_m == pytest.approx(math.atan(0.2 / 0.25) * weight_n * 0.2)
-
-
 def test_a_push_at_the_centre_tips_as_the_inertia_does():
     made = box(0.3, 0.2, 0.25)
     by_push, by_inertia = margins(made, force_n=(0.0, 30.0, 0.0)), margins(made, (0.0, -3.0))
     assert [a.angle_rad for a in by_push] == pytest.approx([b.angle_rad for b in by_inertia])
 
 
-def test_a_moment_moves_the_weight_by_moment_over_weight():
-    made = box(0.3, 0.2, 0.25)
-    weight_n = 10.0 * GRAVITY_M_S2
-    tipping = margins(made, moment_n_m=(weight_n * 0.2, 0.0, 0.0))
-    assert least(tipping).angle_rad == pytest.approx(0.0, abs=EXACT)
-
-
-def test_a_payload_raises_the_centre_of_mass():
+def test_payload_and_arm_move_the_centre_of_mass():
     loaded = box(0.3, 0.2, 0.1, {"arm": Mass(10.0, 0.2, 0.0, 0.5)})
     assert loaded.whole == Mass(20.0, pytest.approx(0.1), 0.0, pytest.approx(0.3))
     assert limits(loaded)["back"] == pytest.approx(GRAVITY_M_S2 * 0.2 / 0.3)
-
-
-def test_more_acceleration_never_leaves_more_margin_behind():
-    made = vehicle_file.load("mecanum-arm")
-    angles = [least(margins(made, (value / 10, 0.0))).angle_rad for value in range(80, 200)]
-    assert angles == sorted(angles, reverse=True) and angles[-1] < 0
-
-
-def test_points_inside_are_no_corners():
-    assert hull([(0, 0), (1, 1), (1, -1), (-1, 1), (-1, -1), (1, 0)]) == [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    height_m = (10 * 0.25 + 4 * 0.3) / 14.0
+    assert with_arm().vehicle.whole == pytest.approx((14.0, 4.0 * 0.6 / 14.0, 0.0, height_m))
 
 
 # -- a force at a point, against the moments of a box about its lower edge
 
-WEIGHT_N = 10.0 * GRAVITY_M_S2
 BOX = (0.3, 0.2, 0.25)
+ASLANT_M = math.hypot(0.2, 0.4)
 FORCES = st.floats(0.0, 0.9)
 ANGLES = st.floats(0.0, math.tau)
 
 
-def test_a_level_push_tips_a_box_at_weight_times_half_width_over_height():
-    push = Push(0.0, (0.0, 0.0, 0.4), (0.0, 1.0, 0.0))
-    assert greatest_force(box(*BOX), push) == pytest.approx(WEIGHT_N * 0.2 / 0.4)
+@pytest.mark.parametrize(
+    "at, direction, force_n",
+    [
+        ((0.0, 0.0, 0.4), (0.0, 1.0, 0.0), WEIGHT_N * 0.2 / 0.4),
+        ((0.0, 0.0, 0.4), None, WEIGHT_N * 0.2 / ASLANT_M),
+        ((0.0, 0.5, 0.3), (0.0, 0.0, -1.0), WEIGHT_N * 0.2 / (0.5 - 0.2)),
+        ((0.1, 0.1, 0.3), (0.0, 0.0, -1.0), MOST_N),
+    ],
+    ids=["level", "worst direction", "load beyond the edge", "load above the contacts"],
+)
+def test_a_force_tips_a_box_by_its_moment_about_the_lower_edge(at, direction, force_n):
+    assert greatest_force(box(*BOX), Push(0.0, at, direction)) == pytest.approx(force_n)
 
 
-def test_a_push_in_the_worst_direction_has_the_distance_from_the_edge_as_its_arm():
-    expected = WEIGHT_N * 0.2 / math.hypot(0.2, 0.4)
-    assert greatest_force(box(*BOX), Push(0.0, (0.0, 0.0, 0.4))) == pytest.approx(expected)
-    worst_push = worst(box(*BOX), push=Push(expected, (0.0, 0.0, 0.4))).push
-    assert (abs(worst_push[1]), worst_push[2]) == pytest.approx(
-        (0.4 / math.hypot(0.2, 0.4), 0.2 / math.hypot(0.2, 0.4)), abs=1e-6
-    )
-
-
-def test_a_load_beyond_the_edge_tips_a_box_by_its_overhang():
-    down = Push(0.0, (0.0, 0.5, 0.3), (0.0, 0.0, -1.0))
-    assert greatest_force(box(*BOX), down) == pytest.approx(WEIGHT_N * 0.2 / (0.5 - 0.2))
-
-
-def test_a_load_above_the_contacts_never_tips_a_box():
-    assert greatest_force(box(*BOX), Push(0.0, (0.1, 0.1, 0.3), (0.0, 0.0, -1.0))) == MOST_N
+def test_the_worst_direction_of_a_push_is_at_right_angles_to_its_arm():
+    found = worst(box(*BOX), push=Push(WEIGHT_N * 0.2 / ASLANT_M, (0.0, 0.0, 0.4))).push
+    assert (abs(found[1]), found[2]) == pytest.approx((0.4 / ASLANT_M, 0.2 / ASLANT_M), abs=1e-6)
 
 
 def test_a_level_push_and_an_acceleration_add_their_moments():
@@ -201,12 +171,6 @@ def with_arm(**values):
     return sweep.Situation(box(*BOX)._replace(arm=ARM._replace(**values)))
 
 
-def test_a_level_arm_moves_the_centre_of_mass_forward():
-    assert with_arm().vehicle.whole == pytest.approx(
-        (14.0, 4.0 * 0.6 / 14.0, 0.0, (10 * 0.25 + 4 * 0.3) / 14.0)
-    )
-
-
 @pytest.mark.parametrize(
     "angle_deg, heading_deg, tip",
     [(90, 0, (0.1, 0.0, 1.1)), (180, 0, (-0.7, 0.0, 0.3)), (0, 90, (0.1, 0.8, 0.3))],
@@ -228,23 +192,15 @@ def test_a_sweep_over_the_arms_angle_finds_where_a_load_on_its_tip_tips_the_box(
 
 
 @pytest.mark.parametrize(
-    "text, expected",
+    "text, push, expected",
     [
-        ("acceleration=0:10", GRAVITY_M_S2 * 0.2 / 0.25),
-        ("force=0:90", WEIGHT_N * 0.2 / math.hypot(0.2, 0.4)),
+        ("acceleration=0:10", {}, GRAVITY_M_S2 * 0.2 / 0.25),
+        ("force=0:90", {"push": Push(0.0, (0.0, 0.0, 0.4))}, WEIGHT_N * 0.2 / ASLANT_M),
     ],
 )
-def test_a_sweep_crosses_zero_where_the_box_tips(text, expected):
-    situation, over = sweep.Situation(box(*BOX), push=Push(0.0, (0.0, 0.0, 0.4))), sweep.parse(text)
-    if over.name == "acceleration":
-        situation = sweep.Situation(box(*BOX))
+def test_a_sweep_crosses_zero_where_the_box_tips(text, push, expected):
+    situation, over = sweep.Situation(box(*BOX), **push), sweep.parse(text)
     assert sweep.crossings(situation, over, sweep.sweep(situation, over)) == pytest.approx([expected])
-
-
-def test_a_higher_arm_leaves_less_margin():
-    situation, over = with_arm(angle_deg=90.0), sweep.parse("arm-height=0.1:1")
-    angles = [margin.angle_rad for _, margin in sweep.sweep(situation, over)]
-    assert angles == sorted(angles, reverse=True) and len(set(angles)) == sweep.POINTS
 
 
 # -- files

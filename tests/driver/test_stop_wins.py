@@ -208,14 +208,6 @@ def block(driver, line):
     return blocker
 
 
-def test_a_command_that_waits_too_long_for_the_write_of_another_thread_follows_later(driver, line):
-    blocker = block(driver, line)
-    assert not driver.drive(0.1, 0.0)
-    line.open.set()
-    wait_until(lambda: (100, 0) in line.board.moves, what="the move")
-    blocker.join()
-
-
 def test_a_command_that_waits_for_a_short_write_of_another_thread_is_sent(driver, line, monkeypatch):
     monkeypatch.setattr(driver_module, "WRITE_TIMEOUT_S", PATIENCE_S)
     blocker, sent = block(driver, line), []
@@ -228,17 +220,12 @@ def test_a_command_that_waits_for_a_short_write_of_another_thread_is_sent(driver
     blocker.join()
 
 
-def test_a_command_that_the_port_does_not_accept_in_time_follows_later(driver, line, monkeypatch):
-    write, user = line.write, threading.current_thread()
-
-    def give_up(data):
-        if threading.current_thread() is user:
-            raise BoardTimeout("the port has accepted no data for 100 ms")
-        write(data)
-
-    monkeypatch.setattr(line, "write", give_up)
+def test_a_command_that_waits_too_long_for_the_write_of_another_thread_follows_later(driver, line):
+    blocker = block(driver, line)
     assert not driver.drive(0.1, 0.0)
+    line.open.set()
     wait_until(lambda: (100, 0) in line.board.moves, what="the move")
+    blocker.join()
 
 
 def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, line):

@@ -50,22 +50,21 @@ def test_a_dead_wheel_stops_the_robot_and_is_named(robot, dead, wheel, cause):
     assert robot.stop_reason == "wheel_mismatch" and robot.mismatch == mismatches(robot)[0]
 
 
-def test_after_a_mismatch_a_stop_must_come_before_the_next_command(robot):
-    """A planner that goes on sending must not drag a blocked wheel along in jerks."""
-    robot.fake.dead = {"left"}
+def until_mismatch(robot, *dead):
+    robot.fake.dead = set(dead)
     wait_until(lambda: robot.mismatch or robot.drive(0.2, 0.0) and None, step_s=0.02)
+
+
+@pytest.mark.parametrize("stop", [Driver.stop, lambda robot: robot.drive(0.0, 0.0)], ids=["stop", "zero"])
+def test_after_a_mismatch_a_stop_must_come_before_the_next_command(robot, stop):
+    """A planner that goes on sending must not drag a blocked wheel along in jerks."""
+    until_mismatch(robot, "left")
     assert not robot.drive(0.2, 0.0)
     assert robot.fake.moves[-1] == (200, 0) and robot.command is None
     robot.fake.dead = set()
-    assert robot.drive(0.0, 0.0) and robot.mismatch is None
-    drive_until(robot, 0.2, 0.0, lambda: robot.fake.speeds == (200, 0))
-
-
-def test_a_stop_allows_the_next_command_too(robot):
-    robot.fake.dead = {"right"}
-    wait_until(lambda: robot.mismatch or robot.drive(0.2, 0.0) and None, step_s=0.02)
-    robot.stop()
-    assert robot.mismatch is None and robot.drive(0.1, 0.0)
+    stop(robot)
+    assert robot.mismatch is None
+    drive_until(robot, 0.1, 0.0, lambda: robot.fake.speeds == (100, 0))
 
 
 def test_stop_and_go_is_no_mismatch(robot):
@@ -82,23 +81,15 @@ def test_stop_and_go_is_no_mismatch(robot):
 # -- the reason of the last stop
 
 
-def test_reasons_of_both_sides_differ():
+def test_reasons_of_stops_of_the_program(serve):
     assert set(STOPS) & set(STOP_REASONS) == {"none"}
-
-
-def test_a_stop_by_the_user(robot):
-    robot.stop()
-    assert robot.stop_reason == "user"
-
-
-def test_a_stop_because_of_nan(robot):
-    with pytest.raises(FrameError):
-        robot.drive(math.nan, 0.0)
-    assert robot.stop_reason == "not_a_number"
-
-
-def test_a_stop_because_no_command_came(serve):
     with Driver(serve().path, options=Options(command_timeout_s=0.1)) as robot:
+        assert robot.stop_reason == "none"
+        robot.stop()
+        assert robot.stop_reason == "user"
+        with pytest.raises(FrameError):
+            robot.drive(math.nan, 0.0)
+        assert robot.stop_reason == "not_a_number"
         robot.drive(0.1, 0.0)
         wait_until(lambda: robot.command is None)
         assert robot.stop_reason == "command_timeout"
@@ -106,9 +97,8 @@ def test_a_stop_because_no_command_came(serve):
 
 def test_a_stop_because_motor_power_went_off(robot):
     def stopped_by_it():
-        robot.fake.battery = (
-            20 if robot.drive(0.2, 0.0) else 1200
-        )  # a held-up host drops its command, which is new then
+        """A held-up host drops its command, which is new then."""
+        robot.fake.battery = 20 if robot.drive(0.2, 0.0) else 1200
         return robot.stop_reason == "battery"
 
     wait_until(stopped_by_it)
@@ -199,9 +189,3 @@ def test_a_board_that_refuses_to_move_is_warned_of(serve):
     port.board.faults = 1 << [name for name, _ in FAULTS].index("wiring")
     with Driver(port.path) as robot:
         assert "its bridge or wiring is not set; set it with: mrl calibrate wiring" in robot.warning
-
-
-def test_the_reason_of_a_robot_that_was_never_stopped(serve):
-    assert Driver("/nowhere").stop_reason == "none"
-    with Driver(serve().path) as robot:
-        assert robot.stop_reason == "none"

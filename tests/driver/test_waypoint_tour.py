@@ -23,24 +23,20 @@ def fail(tour):
     tour.failed(tour.target.attempt, "blocked")
 
 
-def test_there_is_no_target_without_waypoints():
-    tour = WaypointTour()
+@pytest.mark.parametrize(
+    "repeat, places, state", [(False, [0, 1, 2], DONE), (True, [0, 1, 2, 0, 1], DRIVING)]
+)
+def test_waypoints_are_visited_in_turn_and_then_the_tour_is_done_or_repeated(repeat, places, state):
+    """Idleness counts from the begin of the list."""
+    tour, seen = WaypointTour(repeat=repeat), []
     assert (tour.target, tour.state, tour.number, tour.lap) == (None, IDLE, 0, 0)
-
-
-def test_waypoints_are_visited_in_turn_and_then_the_tour_is_done():
-    tour, seen = begun(), []
-    while tour.target:
+    assert not tour.pause() and not tour.resume() and not tour.skip()
+    tour.begin(3, 100.0)
+    for step in range(len(places)):
         seen.append(tour.target.place)
-        arrive(tour)
-    assert (seen, tour.state) == ([0, 1, 2], DONE)
-
-
-def test_a_tour_that_repeats_begins_again_with_the_next_lap():
-    tour = begun(2, repeat=True)
-    arrive(tour)
-    arrive(tour)
-    assert (tour.target.place, tour.lap) == (0, 2)
+        arrive(tour, 110.0 + 20.0 * step)
+    assert (seen, tour.state, tour.lap) == (places, state, 2 if repeat else 1)
+    assert tour.idleness.visits == len(places) and tour.idleness.worst_s(150.0) == (60.0 if repeat else 50.0)
 
 
 def test_the_robot_waits_at_a_waypoint():
@@ -53,16 +49,27 @@ def test_the_robot_waits_at_a_waypoint():
     assert tour.target.place == 1
 
 
-def test_a_failure_pauses_with_its_reason():
+@pytest.mark.parametrize(
+    "skips, reached, state, number",
+    [(False, 0, PAUSED, 1), (True, 0, DRIVING, 2), (True, 2, DONE, 3)],
+    ids=["pauses", "skipped if that is wanted", "the last one ends the tour"],
+)
+def test_a_failure_has_a_reason(skips, reached, state, number):
+    tour = begun(3, skip_failed=skips)
+    for _ in range(reached):
+        arrive(tour)
+    fail(tour)
+    assert (tour.state, tour.reason) == (state, "blocked")
+    assert tour.number == number
+
+
+def test_another_goal_pauses_and_the_end_has_no_target():
     tour = begun()
-    fail(tour)
-    assert (tour.state, tour.reason, tour.number) == (PAUSED, "blocked", 1)
-
-
-def test_a_failure_is_skipped_if_that_is_wanted():
-    tour = begun(skip_failed=True)
-    fail(tour)
-    assert (tour.target.place, tour.reason) == (1, "blocked")
+    tour.interrupt(tour.target.attempt, "another goal")
+    assert (tour.state, tour.reason, tour.target) == (PAUSED, "another goal", None)
+    tour.resume()
+    tour.end()
+    assert (tour.state, tour.target, tour.count) == (IDLE, None, 0)
 
 
 def test_a_lap_of_failures_pauses_though_failures_are_skipped():
@@ -71,13 +78,6 @@ def test_a_lap_of_failures_pauses_though_failures_are_skipped():
     for _ in range(3):
         fail(tour)
     assert tour.state == PAUSED
-
-
-def test_the_last_waypoint_that_fails_ends_the_tour_with_a_reason():
-    tour = begun(2, skip_failed=True)
-    arrive(tour)
-    fail(tour)
-    assert (tour.state, tour.reason) == (DONE, "blocked")
 
 
 def test_a_pause_keeps_the_waypoint_and_resume_is_a_new_attempt():
@@ -95,20 +95,12 @@ def test_reports_of_an_earlier_attempt_do_not_count():
     tour.pause()
     tour.reached(old, 0.0)
     assert tour.state == PAUSED
-    tour.resume()
-    for report in (
-        lambda: tour.reached(old, 0.0),
-        lambda: tour.failed(old, ""),
-        lambda: tour.interrupt(old, ""),
-    ):
-        report()
+    for again in (tour.resume, lambda: tour.begin(2, 0.0)):
+        again()
+        tour.reached(old, 0.0)
+        tour.failed(old, "")
+        tour.interrupt(old, "")
         assert (tour.state, tour.target.place) == (DRIVING, 0)
-
-
-def test_another_goal_pauses():
-    tour = begun()
-    tour.interrupt(tour.target.attempt, "another goal")
-    assert (tour.state, tour.reason) == (PAUSED, "another goal")
 
 
 @pytest.mark.parametrize("before", ["drive", "wait", "pause"])
@@ -120,25 +112,6 @@ def test_skip_drives_to_the_next_waypoint(before):
         tour.pause()
     assert tour.skip()
     assert tour.target.place == 1
-
-
-@pytest.mark.parametrize("act", ["pause", "resume", "skip"])
-def test_services_without_effect_say_so(act):
-    assert not getattr(WaypointTour(), act)()
-
-
-def test_new_waypoints_take_the_place_of_the_old():
-    tour = begun(3)
-    arrive(tour)
-    old = tour.target.attempt
-    tour.begin(2, 0.0)
-    assert tour.target.place == 0 and tour.target.attempt != old
-
-
-def test_a_tour_that_is_given_up_has_no_target():
-    tour = begun()
-    tour.end()
-    assert (tour.state, tour.target, tour.count) == (IDLE, None, 0)
 
 
 @given(st.lists(st.sampled_from(["reach", "fail", "pause", "resume", "skip", "end", "begin"])), st.booleans())
@@ -182,18 +155,14 @@ def talk(claim, other, now_s=0.0):
                 receiver.receive(message, now_s + step)
 
 
-def test_robot_drives_to_a_shared_waypoint_when_it_holds_the_claim(sharing, other):
+def test_robot_drives_to_a_shared_waypoint_when_it_holds_the_claim_and_keeps_it_until_another_one(
+    sharing, other
+):
     tour, claim = sharing()
     assert (tour.state, tour.target) == (CLAIMING, None)
     talk(claim, other)
     tour.tick(1.0)
     assert tour.target.place == 0
-
-
-def test_claim_is_kept_until_a_waypoint_is_reached_that_is_not_shared(sharing, other):
-    tour, claim = sharing()
-    talk(claim, other)
-    tour.tick(1.0)
     arrive(tour, 1.0)
     assert claim.held and tour.target.place == 1
     arrive(tour, 2.0)
@@ -241,11 +210,3 @@ def test_robot_that_is_stopped_on_its_way_keeps_the_claim(sharing, other):
     tour.tick(1.0)
     tour.end()
     assert claim.held
-
-
-def test_idleness_counts_from_the_begin_of_the_list():
-    tour = WaypointTour(repeat=True)
-    tour.begin(2, 100.0)
-    for now_s in (110.0, 120.0, 135.0):
-        arrive(tour, now_s)
-    assert tour.idleness.visits == 3 and tour.idleness.worst_s(135.0) == 25.0

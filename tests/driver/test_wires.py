@@ -72,20 +72,14 @@ def driven():
 
 
 def test_the_pose_over_bad_datagrams_is_the_true_one(driven):
+    """The wheels only turned forwards: counters and stamps never run backwards."""
     pose, true = driven.robot.pose, driven.emulated.plant.true_pose
     assert math.hypot(pose.x_m - true.x_m, pose.y_m - true.y_m) < POSE_ERROR_M
     assert abs(math.remainder(pose.yaw_rad - true.yaw_rad, 2 * math.pi)) < YAW_ERROR_RAD
-
-
-def test_counters_and_stamps_never_run_backwards(driven):
-    """The wheels only turned forwards."""
     pairs = list(zip(driven.telemetry, driven.telemetry[1:]))
     assert len(pairs) > 100
     assert all(b.counts.left >= a.counts.left and b.counts.right >= a.counts.right for a, b in pairs)
     assert all(b.stamp_s > a.stamp_s for a, b in pairs)
-
-
-def test_bad_datagrams_are_counted_and_nothing_is_wrong(driven):
     seen = driven.robot.statistics
     assert min(seen.lost, seen.duplicates, seen.overtaken) > 30
     assert (seen.garbage, seen.refused_counts, seen.restarts) == ({}, 0, 0)
@@ -173,22 +167,6 @@ def test_the_line_is_raised_and_left_as_it_was(monkeypatch):
             assert usual.ready and usual.line_baud == 115200
 
 
-def test_a_stop_goes_before_all_else(serve):
-    """A 2013 board drives on until it gets one."""
-    board = serve()
-    with Driver(board.path, options=Options(fast=True)):
-        assert board.received.startswith(STOP_2013)
-
-
-def test_a_line_that_takes_no_bytes_is_not_raised(monkeypatch):
-    class Blocked:
-        def write(self, _):
-            raise BoardTimeout("the port accepts no data")
-
-    monkeypatch.setattr(baud_upgrade, "PATIENCE_S", 0.01)
-    assert not baud_upgrade.speed_up(Blocked())
-
-
 def test_a_raised_line_that_fails_goes_back():
     """Bytes turn into others until the driver gives the speed up; the robot is then found at the usual one."""
     with EmulatedBoard("square") as board, Driver(board.port, options=Options(fast=True)) as robot:
@@ -215,27 +193,21 @@ class Frames:
         self.counters.garbage["noise"] += damaged
 
 
-def test_a_raised_line_may_have_a_few_damages_in_each_minute():
+def test_hours_with_a_few_damages_each_minute_do_not_hide_a_raised_line_that_fails():
     links, heard = LinkSource("/dev/none", 115200, Options()), Frames()
-    for _ in range(100):
+    for minute in range(400):
         assert not links.is_failing(heard, 0.0)
-        heard.hear(3000, damaged=20)
-
-
-def test_hours_without_damage_do_not_hide_a_raised_line_that_fails():
-    links, heard = LinkSource("/dev/none", 115200, Options()), Frames()
-    for _ in range(300):
-        assert not links.is_failing(heard, 0.0)
-        heard.hear(3000)
+        heard.hear(3000, damaged=20 if minute < 100 else 0)
     assert not links.is_failing(heard, 0.0)
     heard.hear(10, damaged=21)
     assert links.is_failing(heard, 0.0)
 
 
-def test_a_board_that_knows_no_other_speed_is_driven_as_it_is():
-    slow = EmulatedBoard("square", profile="2013-august", speed=4.0)
-    with slow as board, Driver(board.port, options=Options(fast=True)) as robot:
-        wait_until(lambda: robot.telemetry is not None)
+def test_a_stop_goes_before_all_else(serve):
+    """A 2013 board drives on until it gets one."""
+    board = serve()
+    with Driver(board.path, options=Options(fast=True)):
+        assert board.received.startswith(STOP_2013)
 
 
 # -- sockets
@@ -284,31 +256,26 @@ def test_urls_of_pyserial_are_ports(wire, serve, tmp_path):
 
 def test_a_url_of_pyserial_brings_back_what_was_sent():
     link = open_link("loop://")
+    link.set_baud(57600)
     link.write(b"@5e")
     assert link.read(1.0) == b"@5e"
-    link.close()
-
-
-def test_a_url_of_pyserial_takes_another_speed():
-    with closing(open_link("loop://")) as link:
-        link.set_baud(57600)
-        link.write(b"@5e")
-        assert link.read(1.0) == b"@5e"
-
-
-def test_a_speed_that_pyserial_refuses_loses_the_link():
-    with closing(open_link("loop://")) as link, pytest.raises(LinkLost, match="invalid baudrate: 0"):
+    with pytest.raises(LinkLost, match="invalid baudrate: 0"):
         link.set_baud(0)
+    link.close()
+    with pytest.raises(LinkLost, match="loop:// is closed"):
+        link.write(b"@5e")
 
 
-def test_an_option_that_pyserial_does_not_know_is_told():
-    with pytest.raises(LinkError, match="pyserial does not take it .*check the URL"):
-        open_link("loop://?speed=1")
-
-
-def test_a_device_behind_a_url_that_is_not_there_is_told(tmp_path):
-    with pytest.raises(PortMissing, match="cannot be opened .*check the address and what is there"):
-        open_link(f"spy://{tmp_path}/port")
+@pytest.mark.parametrize(
+    "url, error, words",
+    [
+        ("loop://?speed=1", LinkError, "pyserial does not take it .*check the URL"),
+        ("spy:///nowhere/port", PortMissing, "cannot be opened .*check the address and what is there"),
+    ],
+)
+def test_what_pyserial_does_not_open_is_told(url, error, words):
+    with pytest.raises(error, match=words):
+        open_link(url)
 
 
 def test_a_device_behind_a_url_that_goes_away_is_told():
@@ -320,25 +287,22 @@ def test_a_device_behind_a_url_that_goes_away_is_told():
                 link.read(1.0)
 
 
-@pytest.fixture
-def unplugged(tmp_path):
-    """A link that pyserial opened, to a device that has gone."""
+@pytest.mark.parametrize(
+    "use, words",
+    [
+        (lambda link: link.read(10.0), r"went away \((?!hung up).*: check the cable"),
+        (lambda link: link.write(b"@5e"), "went away .*write failed.*: check the cable"),
+    ],
+    ids=["read", "write"],
+)
+def test_a_device_that_pyserial_lost_says_why(tmp_path, use, words):
     device, port = os.openpty()
     with closing(open_link(f"spy://{os.ttyname(port)}?file={tmp_path / 'spy.txt'}")) as link:
         os.close(port)
         os.close(device)
-        yield link
-
-
-def test_reading_from_a_device_that_pyserial_lost_says_why(unplugged):
-    with pytest.raises(LinkLost, match=r"went away \((?!hung up).*: check the cable"):
-        while True:
-            unplugged.read(10.0)
-
-
-def test_writing_to_a_device_that_pyserial_lost_says_why(unplugged):
-    with pytest.raises(LinkLost, match="went away .*write failed.*: check the cable"):
-        unplugged.write(b"@5e")
+        with pytest.raises(LinkLost, match=words):
+            while True:
+                use(link)
 
 
 def test_a_write_of_pyserial_in_a_signal_handler_does_not_wait_for_the_write_that_it_interrupts(monkeypatch):
@@ -365,13 +329,6 @@ def test_a_device_behind_a_url_that_takes_no_bytes_is_a_timeout(tmp_path):
     os.close(slave)
 
 
-def test_a_closed_url_of_pyserial_takes_nothing():
-    link = open_link("loop://")
-    link.close()
-    with pytest.raises(LinkLost, match="loop:// is closed"):
-        link.write(b"@5e")
-
-
 # -- what is wrong with an address, or with who is there
 
 
@@ -385,22 +342,19 @@ def test_a_url_that_does_not_parse_is_refused_before_it_is_opened(url):
         Driver(url)
 
 
-def test_a_refused_connection_says_what_to_do():
-    with closing(socket.socket()) as free:
-        free.bind(("127.0.0.1", 0))
-        url = f"tcp://127.0.0.1:{free.getsockname()[1]}"
-        with pytest.raises(
-            PortMissing, match=r"connection refused\): nothing listens there; start the bridge"
-        ):
-            Driver(url).connect()
-
-
-def test_datagrams_that_are_refused_say_what_to_do():
-    with closing(socket.socket(type=socket.SOCK_DGRAM)) as free:
+@pytest.mark.parametrize(
+    "scheme, kind, error",
+    [("tcp", socket.SOCK_STREAM, PortMissing), ("udp", socket.SOCK_DGRAM, LinkLost)],
+    ids=["tcp", "udp"],
+)
+def test_a_refused_connection_says_what_to_do(scheme, kind, error):
+    with closing(socket.socket(type=kind)) as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    with pytest.raises(LinkLost, match=r"connection refused\): nothing listens there"):
-        Driver(f"udp://127.0.0.1:{port}").connect()
+        if scheme == "udp":  # it would take datagrams
+            free.close()
+        with pytest.raises(error, match=r"connection refused\): nothing listens there"):
+            Driver(f"{scheme}://127.0.0.1:{port}").connect()
 
 
 def test_a_name_that_does_not_resolve_is_told(monkeypatch):
@@ -449,31 +403,29 @@ class Peer:
             self._end.close()
 
 
-def test_a_peer_that_speaks_something_else_is_no_robot():
-    with closing(Peer(b"SSH-2.0-OpenSSH_9.2p1\r\n", False)) as peer, pytest.raises(
-        NotARobot, match="SSH-2.0"
-    ):
+HTTP = b"HTTP/1.1 400 Bad Request\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    "greeting, hangs_up, error, words",
+    [
+        (b"SSH-2.0-OpenSSH_9.2p1\r\n", False, NotARobot, "SSH-2.0"),
+        (HTTP, True, LinkLost, "sent b'HTTP/1.1 400 Bad Request' and closed .* another service"),
+        (b"", True, LinkLost, "closed the connection|reset by peer"),
+    ],
+    ids=["speaks", "hangs up after that", "hangs up"],
+)
+def test_a_peer_that_is_no_robot_is_told(greeting, hangs_up, error, words):
+    with closing(Peer(greeting, hangs_up)) as peer, pytest.raises(error, match=words):
+        if greeting == HTTP:
+            with closing(open_link(peer.url)) as link:
+                while link.read(10.0):
+                    pass
         Driver(peer.url, options=Options(greeting_s=0.3)).connect()
-
-
-def test_a_peer_that_speaks_something_else_and_hangs_up_is_quoted():
-    greeting = b"HTTP/1.1 400 Bad Request\r\n\r\n"
-    told = pytest.raises(LinkLost, match="sent b'HTTP/1.1 400 Bad Request' and closed .* another service")
-    with closing(Peer(greeting, True)) as peer, closing(open_link(peer.url)) as link, told:
-        while link.read(10.0):
-            pass
-
-
-def test_a_peer_that_hangs_up_is_told():
-    with closing(Peer(b"", True)) as peer, pytest.raises(
-        LinkLost, match="closed the connection|reset by peer"
-    ):
-        Driver(peer.url).connect()
 
 
 def test_a_link_without_a_speed_says_so(scheme):
     board = EmulatedBoard("square", listen=f"{scheme}://127.0.0.1:0")
-    with board, closing(open_link(board.port)) as link, pytest.raises(
-        LinkError, match="no speed that can be set"
-    ):
+    refused = pytest.raises(LinkError, match="no speed that can be set")
+    with board, closing(open_link(board.port)) as link, refused:
         link.set_baud(500000)

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+from types import SimpleNamespace
 
 import pytest
 
@@ -115,34 +116,44 @@ def connect(change=lambda plant: None, model="auto", **board):
         emulated.close()
 
 
-def lose_motor_board(plant):
-    plant.motor_board.present = False
+def wheels(robot_id):
+    return packaged_model("traxbot")._replace(ids=(robot_id,))
 
 
-def lose_thermopile(plant):
-    plant.i2c[THERMOPILE_ADDRESS].present = False
-
-
-@pytest.mark.parametrize("robot_id", [1, 7])
-def test_model_with_wheels_still_needs_its_motor_board(robot_id):
+@pytest.mark.parametrize(
+    "lost, model, board, error, words",
+    [
+        *(
+            (
+                lambda plant: plant.motor_board,
+                wheels(robot_id),
+                {"robot_id": robot_id},
+                BoardError,
+                f"the motor board of robot {robot_id} does not answer its Arduino",
+            )
+            for robot_id in (1, 7)
+        ),
+        (
+            lambda plant: plant.i2c[THERMOPILE_ADDRESS],
+            "auto",
+            {"robot": "pioneer"},
+            BoardError,
+            "the thermopile of robot 6 does not answer its Arduino: check its power",
+        ),
+        (
+            lambda plant: SimpleNamespace(),
+            "auto",
+            {"robot_id": 7},
+            WrongRobot,
+            "build sonar, .* flash it with: mrl flash --build environment --port",
+        ),
+    ],
+    ids=["motor board of 1", "motor board of 7", "thermopile", "build with sonars"],
+)
+def test_what_a_robot_lacks_is_named(lost, model, board, error, words):
     """The model decides, not the id: a missing motor board is a fault of a robot that has wheels."""
-    model = packaged_model("traxbot")._replace(ids=(robot_id,))
-    with pytest.raises(BoardError, match=f"the motor board of robot {robot_id} does not answer its Arduino"):
-        connect(lose_motor_board, model, robot_id=robot_id)
-
-
-def test_silent_thermopile_is_named_and_not_the_motor_board():
-    with pytest.raises(
-        BoardError, match="the thermopile of robot 6 does not answer its Arduino: check its power"
-    ):
-        connect(lose_thermopile, robot="pioneer")
-
-
-def test_build_with_sonars_is_refused():
-    with pytest.raises(
-        WrongRobot, match="build sonar, .* flash it with: mrl flash --build environment --port"
-    ):
-        connect(robot_id=7)
+    with pytest.raises(error, match=words):
+        connect(lambda plant: setattr(lost(plant), "present", False), model, **board)
 
 
 @pytest.mark.parametrize("engine", factory.ENGINES)
