@@ -234,14 +234,6 @@ def test_numbers_of_all_kinds_are_speeds_limits_and_times(robot, number):
     assert robot.pose == (number, number, number)
 
 
-@pytest.mark.parametrize(
-    "twenty", [20, 20.0, Decimal(20), Fraction(20), np.int16(20), np.float32(20)], ids=repr
-)
-def test_whole_numbers_of_all_kinds_are_codes_and_arguments(robot, twenty):
-    robot.request(twenty / 20 * MOVE_MOTORS, twenty, twenty)
-    robot.stop()
-
-
 def option(name):
     return lambda _, bad: Driver("/nowhere", options=Options(**{name: bad}))
 

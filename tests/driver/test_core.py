@@ -12,22 +12,10 @@ def robot():
     return Robot(load("traxbot"))
 
 
-def test_a_driver_that_is_leaving_takes_no_command(robot):
-    robot.core.leaving = True
-    assert not robot.drive(0.2) and robot.motion.target is None
-
-
 def test_a_command_of_zero_is_a_command_while_the_battery_is_good(robot):
     robot.drive(0.2)
     assert robot.drive(0.0) and robot.motion.target == (0, 0)
     assert robot.motion.stop_reason == "none"
-
-
-def test_a_command_does_not_end_the_gentle_stop_of_an_empty_battery(robot):
-    robot.until_empty(0.2)
-    assert robot.motion.target is not None
-    assert not robot.drive(0.2)
-    assert robot.motion.target is not None
 
 
 @pytest.mark.parametrize("goes_on, reason", [(True, "battery"), (False, "command_timeout")])

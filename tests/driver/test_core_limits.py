@@ -8,19 +8,18 @@ from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol import encode_reply
-from mrl_driver.protocol.table import BY_NAME, HOLD_STATES, STOP_REASONS
-from mrl_driver.robot.hold import READ_RADIO, Hold
-from mrl_driver.robot.imu import Imu
+from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.odometry import OmniTwist
-from mrl_driver.robot.radio import SEARCH, RadioNode, text_request
+from mrl_driver.robot.radio import text_request
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.operation_mode import reduced
 from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, REVERSED, Mismatch
-from mrl_driver.session.events import ImuChanged, PathUnknown, Ready, SensorRead, Stale
+from mrl_driver.session.events import ImuChanged, Ready, SensorRead
 from mrl_driver.session.handshake import Board
 from tests.fake_board import SEPARATION_M, FakeBoard
 from tests.models import model as load
-from tests.radio_board import PEER, WORDS, RadioBoard
+from tests.radio_board import PEER, RadioBoard
 
 from .robot import Robot
 
@@ -143,14 +142,6 @@ def test_a_wheel_that_does_not_follow_stops_the_robot_and_is_reported_once(robot
     found = robot.core.mismatch
     assert (found.wheel, found.cause) == ("left", DEAD)
     assert stands(robot, "wheel_mismatch") and robot.seen(Mismatch) == [found]
-
-
-@pytest.mark.parametrize("command", [(0.2, 0.0), (0.0, 1.0), (-0.2, 0.0), (0.1, -0.5)])
-def test_wheels_that_follow_are_left_alone(robot, command):
-    assert robot.drive(*command)
-    robot.run(2.0)
-    assert robot.motion.target == (round(1000 * command[0]), round(1000 * command[1]))
-    assert robot.seen(Mismatch) == []
 
 
 def test_after_a_mismatch_moves_are_refused_until_a_command_of_zero(robot):
@@ -336,14 +327,6 @@ def test_a_speed_that_is_reached_is_sent_to_the_millimetre(robot):
     assert robot.board.speeds == (300, 0)
 
 
-def test_a_turn_accelerates_to_the_milliradian(robot):
-    robot.core.limiter.limits = load("traxbot").limits._replace(angular_acceleration_rad_s2=2.0)
-    robot.drive(0.0, 1.0)
-    assert 0 < robot.motion.target[1] < 500
-    robot.run(1.5)
-    assert robot.motion.target == (0, 1000)
-
-
 def test_limits_that_are_asked_for_again_start_no_command(robot):
     robot.core.limit_again(robot.now)
     assert robot.motion.target is None
@@ -351,34 +334,6 @@ def test_limits_that_are_asked_for_again_start_no_command(robot):
     robot.core.stop(robot.now, "user")
     robot.core.limit_again(robot.now)
     assert robot.motion.target is None
-
-
-def test_a_refusal_is_false_and_not_nothing(robot):
-    robot.core.held = True
-    assert robot.drive(0.1) is False
-    robot.core.held = False
-    robot.core.leaving = True
-    assert robot.drive(0.1) is False
-
-
-def test_a_new_robot_is_not_held_and_due_at_once():
-    core = Core(load("traxbot"), DEFAULTS)
-    assert (core.held, core.hold, core.leaving, core.mismatch) == (False, None, False, None)
-    assert core.due_s == -math.inf
-
-
-def test_a_stop_of_the_board_is_reported_once(robot):
-    """Although the command that follows is refused."""
-    robot.drive(0.2)
-    robot.run(STATUS_S)
-    robot.board.speeds, robot.board.stop_reason = (0, 0), STOP_REASONS.index("encoder")
-    receive = robot.board.receive
-    robot.board.receive = lambda data, now: b"@11," in data or receive(data, now)
-    robot.core.session.request(BY_NAME["read_status"].code)
-    robot.until(lambda: robot.core.mismatch is not None, 0.1)
-    robot.drive(0.0)
-    robot.run(0.1)
-    assert robot.core.mismatch is None and len(robot.seen(Mismatch)) == 1
 
 
 @pytest.mark.parametrize("wait_s", [0.0, 0.3])
@@ -416,13 +371,6 @@ def test_a_new_range_in_a_frame_that_is_left_out_comes_with_the_next_one():
 # -- what is due
 
 
-def test_a_turn_says_when_the_next_one_is_due(robot):
-    robot.drive(0.2)
-    robot.run(1.0)
-    assert robot.now < robot.core.due_s <= robot.now + 0.1
-    assert robot.core.due_s == robot.core.deadline(robot.now)
-
-
 def repeat_s(robot):
     """Time at which the command in force is to be sent again, in a frame or less; nothing else is due before."""
     robot.drive(0.2)
@@ -444,12 +392,6 @@ def test_a_command_is_repeated_with_a_frame_that_comes_half_a_period_before(robo
     assert (robot.core.session.take() != b"") == sent
 
 
-def test_silence_is_reported(robot):
-    robot.board.mute = True
-    robot.run(0.35)
-    assert len(robot.seen(Stale)) == 1
-
-
 @pytest.mark.parametrize(("queued_s", "taken"), [(0.1, False), (0.0, True)])
 def test_commands_that_waited_in_a_queue_during_a_pause_are_refused(queued_s, taken):
     robot = Robot(load("traxbot"), options=DEFAULTS._replace(queued_s=queued_s))
@@ -464,16 +406,6 @@ def test_commands_that_waited_in_a_queue_during_a_pause_are_refused(queued_s, ta
 # -- events
 
 
-def test_each_reading_of_the_imu_is_reported_once():
-    board = FakeBoard()
-    board.capabilities.add("imu")
-    robot = Robot(load("traxbot"), board=board)
-    robot.run(1.0)
-    stamps = [each.stamp_s for each in robot.seen(Imu)]
-    assert len(stamps) == len(set(stamps)) == pytest.approx(50, abs=2)
-    assert robot.seen(ImuChanged) == []
-
-
 def test_an_imu_that_falls_silent_is_reported_once():
     board = FakeBoard()
     board.capabilities.add("imu")
@@ -482,19 +414,6 @@ def test_an_imu_that_falls_silent_is_reported_once():
     board.imu = lambda now: None
     robot.run(0.5)
     assert [each.in_use for each in robot.seen(ImuChanged)] == [False]
-
-
-def test_a_jump_of_the_counters_is_reported_once(robot):
-    robot.run(0.5)
-    robot.board.right += 20000
-    robot.run(0.5)
-    assert len(robot.seen(PathUnknown)) == 1
-
-
-def test_listeners_get_events_alone(robot):
-    robot.drive(0.2)
-    robot.run(1.0)
-    assert None not in robot.events
 
 
 def test_counters_of_a_board_without_motors_are_no_telemetry():
@@ -517,15 +436,6 @@ def test_a_core_that_joins_is_ready_and_due_at_once(robot):
     assert [type(event) for event in events] == [Ready]
     assert core.due_s == -math.inf and core.state.telemetry is None
     assert core.drive(0.2, 0.0, 1.0)
-
-
-def test_the_last_frame_before_a_core_joins_gives_the_first_telemetry(robot):
-    robot.run(0.1)
-    core, session = Core(load("traxbot"), DEFAULTS), robot.core.session
-    core.begin(0.0)
-    core.join(session.board, session.stream_code, True, 1.0, session.last_frame)
-    assert core.state.telemetry.counts == robot.core.state.telemetry.counts == (0, 0)
-    assert core.state.telemetry.arrival_s == 1.0
 
 
 def test_limits_that_were_changed_hold_after_a_restart_of_the_board(robot):
@@ -553,61 +463,7 @@ def test_a_text_that_waits_for_the_radio_is_due_when_its_line_is_free():
     assert robot.core.due_s <= robot.core.radio_queue.due_s == pytest.approx(robot.now + 340 / 9600)
 
 
-def test_a_text_that_was_sent_at_once_leaves_nothing_due():
-    robot = radio_robot()
-    robot.core.turn(b"", robot.core.due_s)
-    robot.core.send_by_radio(text_request(PEER, "x"), robot.now)
-    assert robot.core.session.out and not robot.core.session.hurried
-
-
-def test_a_text_does_not_take_away_other_hurry():
-    robot = radio_robot()
-    robot.core.session.hurried = True
-    robot.core.send_by_radio(text_request(PEER, "x"), robot.now)
-    assert robot.core.session.hurried
-
-
-def test_radios_that_answer_without_a_search_are_not_kept(robot):
-    says(robot, SEARCH, *WORDS, 1)
-    robot.run(0.1)
-    assert robot.core.nodes is None
-    robot.core.nodes = {}
-    says(robot, SEARCH, *WORDS, 2)
-    robot.run(STATUS_S)
-    assert robot.core.nodes == {PEER: RadioNode(PEER, 2)}
-
-
-def is_told(robot, state):
-    states = [name for name, _ in HOLD_STATES]
-    says(robot, READ_RADIO, states.index(state), int(state == "held"), 0, 0, *WORDS)
-    robot.run(0.03)
-
-
-def test_a_hold_stops_a_robot_that_drives(robot):
-    robot.drive(0.2)
-    is_told(robot, "held")
-    assert stands(robot, "radio_hold") and robot.core.held
-
-
-def test_a_hold_leaves_the_reason_of_a_robot_that_stands(robot):
-    robot.core.stop(robot.now, "user")
-    is_told(robot, "held")
-    assert stands(robot, "user") and robot.core.held
-
-
-def test_a_state_of_the_radio_that_holds_nothing_lets_the_robot_drive_on(robot):
-    robot.drive(0.2)
-    is_told(robot, "free")
-    assert robot.motion.target == (200, 0) and not robot.core.held
-
-
 # -- a base with three wheels
-
-
-def test_speeds_of_three_wheels_are_sent_in_millimetres_and_milliradians_a_second():
-    core = joined("omni", OMNI_STREAM)
-    assert core.drive(0.0, 0.0, 0.0, 0.2994)
-    assert core.session.motion.target == (0, 0, 299)
 
 
 def test_speeds_of_three_wheels_after_limiting_keep_the_direction():
@@ -651,15 +507,6 @@ def test_the_limiter_has_no_target_while_the_robot_stands(robot):
     robot.drive(0.2)
     robot.core.stop(robot.now, "user")
     assert robot.core.limiter.target is None
-
-
-def test_the_core_takes_note_of_a_stop_of_the_board(robot):
-    robot.drive(0.2)
-    robot.run(STATUS_S)
-    robot.board.speeds, robot.board.stop_reason = (0, 0), STOP_REASONS.index("encoder")
-    robot.core.session.request(BY_NAME["read_status"].code)
-    robot.until(lambda: robot.core.mismatch is not None, 0.1)
-    assert robot.core.session.stopped_itself == ""
 
 
 # -- how wheels are judged

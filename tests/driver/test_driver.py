@@ -2,13 +2,10 @@
 
 import contextlib
 import math
-import os
 import re
 import threading
 import time
-import tty
 
-import numpy as np
 import pytest
 
 from mrl_driver.driver import Driver, Options
@@ -19,12 +16,9 @@ from mrl_driver.errors import (
     FrameError,
     LinkLost,
     MrlError,
-    NotARobot,
-    PortBusy,
     WrongRobot,
 )
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.robot.models import load
 from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.relay import STOP_2013
@@ -44,32 +38,6 @@ def robot(serve):
         yield driver
 
 
-def test_connecting_says_who_answers(serve):
-    with Driver(serve(robot_id=4).path) as driver:
-        assert (driver.board.robot_id, driver.model.name) == (4, "stingbot")
-
-
-def test_the_first_telemetry_is_there_when_connected(robot):
-    assert robot.ready and robot.telemetry.pose == (0, 0, 0)
-    assert robot.ranges == {"front": 1.2, "left": 0.45, "right": math.inf}
-    assert robot.battery_v == 12.0 and robot.battery_state == "ok"
-
-
-def test_driving_reaches_the_board_in_its_units(robot):
-    drive_until(robot, 0.2, -0.8, lambda: robot.fake.speeds == (200, -800))
-    assert robot.command == (0.2, -0.8)
-
-
-def test_the_pose_follows(robot):
-    drive_until(robot, 0.3, 0, lambda: robot.pose.x_m > 0.02)
-    assert robot.twist.linear_m_s == pytest.approx(0.3, abs=0.05)
-
-
-def test_too_fast_is_scaled_on_the_same_arc(robot):
-    robot.drive(0.6, 0.5)
-    assert robot.command == (0.3, 0.25)
-
-
 @pytest.mark.parametrize("huge", [1e308, -1e308])
 def test_a_huge_speed_is_clamped(robot, huge):
     robot.drive(huge, 0.0)
@@ -83,14 +51,6 @@ def test_no_number_is_refused_and_stops_the_robot(robot, speeds):
         robot.drive(*speeds)
     wait_until(lambda: robot.fake.speeds == (0, 0))
     assert robot.command is None
-
-
-def test_a_stop_is_confirmed(robot):
-    drive_until(robot, 0.2, 0, lambda: robot.fake.speeds == (200, 0))
-    robot.stop()
-    assert not robot.stopped
-    wait_until(lambda: robot.stopped)
-    assert robot.fake.speeds == (0, 0)
 
 
 def test_leaving_the_block_stops_the_robot_first(serve):
@@ -213,18 +173,6 @@ def test_a_close_ends_the_wait_for_an_answer(robot):
         robot.ask(BY_NAME["read_counters"].code, timeout_s=PATIENCE_S)
 
 
-def test_telemetry_is_called_back_for_each_frame(robot):
-    seen = []
-    robot.on_telemetry(seen.append)
-    wait_until(lambda: len(seen) >= 10)
-    assert [b.sequence - a.sequence for a, b in zip(seen, seen[1:])] == [1] * (len(seen) - 1)
-
-
-def test_a_callback_may_drive(robot):
-    robot.on_telemetry(lambda _: robot.drive(0.1, 0))
-    wait_until(lambda: robot.fake.speeds == (100, 0))
-
-
 def test_a_callback_cannot_start_a_robot_that_is_being_stopped(serve):
     """A command that comes during the good-bye would undo the stop."""
     port = serve()
@@ -250,19 +198,6 @@ def test_a_callback_cannot_turn_the_motors_of_a_robot_that_is_being_stopped(serv
     wait_until(lambda: port.board.period_s is None)
     codes = [frame.code for frame in port.board.heard]
     assert TURN not in codes[codes.index(STOP, before) :]
-
-
-def test_an_error_of_its_own_ends_the_driver_and_stops_the_robot(serve):
-    """A 2013 board has no watchdog that would."""
-    port = serve(version=1)
-
-    def refuse(_):
-        raise FrameError("no such frame")
-
-    with Driver(port.path, options=Options(command_timeout_s=None)) as robot:
-        drive_until(robot, 0.1, 0, lambda: port.board.speeds == (100, 0))
-        robot.on_telemetry(refuse)
-        wait_until(lambda: port.board.speeds == (0, 0))
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -321,21 +256,6 @@ def test_a_stalled_board_is_stale_and_no_command_is_taken(prompt, robot):
     assert robot.command is None
 
 
-def test_the_pose_is_continuous_over_a_board_reset(prompt, robot):
-    drive_until(robot, 0.3, 0, lambda: robot.pose.x_m > 0.05)
-    robot.fake.reset(time.monotonic())
-    before = robot.pose.x_m
-    wait_until(lambda: robot.statistics.restarts == 1 and robot.ready)
-    assert abs(robot.pose.x_m - before) < 0.02
-    drive_until(robot, 0.3, 0, lambda: robot.pose.x_m > before + 0.02)
-
-
-def test_a_command_expires_with_the_option(serve):
-    with Driver(serve().path, options=Options(command_timeout_s=0.2)) as driver:
-        driver.drive(0.2, 0)
-        wait_until(lambda: driver.command is None)
-
-
 # -- what cannot be connected to
 
 
@@ -352,26 +272,6 @@ def test_an_unknown_id_is_refused(serve, robot_id, words):
         Driver(serve(robot_id=robot_id).path).connect()
 
 
-def test_a_board_without_id_is_refused_for_a_named_robot_too(serve):
-    with pytest.raises(WrongRobot, match="not set; set it with: mrl set-id"):
-        Driver(serve(robot_id=0).path, "traxbot").connect()
-
-
-def test_asking_brings_the_answer(robot):
-    assert robot.ask(33, 400) == (400,)
-
-
-def test_asking_in_vain_is_a_timeout(robot):
-    with pytest.raises(BoardTimeout, match="no answer to request 36 in 3 attempts"):
-        robot.ask(36, timeout_s=0.05)
-
-
-def test_a_model_object_may_be_given(serve):
-    model = load("traxbot")._replace(name="mine", ids=(42,))
-    with Driver(serve(robot_id=42).path, model) as driver:
-        assert driver.model.name == "mine"
-
-
 @pytest.mark.parametrize(("centivolts", "words"), [(40, "motor power is off"), (840, "at least 8.5 V")])
 def test_a_dead_battery_is_refused(serve, centivolts, words):
     port = serve()
@@ -385,24 +285,6 @@ def test_a_dead_battery_may_be_ignored(serve):
     port.board.battery = 840
     with Driver(port.path, options=Options(ignore_battery=True)) as driver:
         assert driver.drive(0.1, 0)
-
-
-def test_motor_power_that_goes_off_stops_the_robot(robot):
-    robot.drive(0.1, 0)
-    robot.fake.battery = 20
-    wait_until(lambda: robot.battery_state == "off")
-    wait_until(lambda: robot.command is None)
-    assert not robot.drive(0.1, 0)
-
-
-def test_a_busy_port_is_refused(robot):
-    with pytest.raises(PortBusy):
-        Driver(robot.port.path).connect()
-
-
-def test_an_unknown_model_is_refused_before_the_port_is_opened():
-    with pytest.raises(ConfigError, match="'nix' is unknown"):
-        Driver("/nowhere", "nix")
 
 
 @pytest.mark.parametrize(
@@ -425,26 +307,6 @@ def test_an_unknown_model_is_refused_before_the_port_is_opened():
 def test_an_option_out_of_range_is_refused_before_the_port_is_opened(wrong):
     with pytest.raises(ConfigError, match=f"{next(iter(wrong))} is .*, expected"):
         Driver("/nowhere", options=Options(**wrong))
-
-
-@pytest.mark.parametrize("baud", [0, 2400, 9600.5, "115200", True, 10**9])
-def test_a_baud_rate_that_is_none_is_refused_before_the_port_is_opened(baud):
-    with pytest.raises(ConfigError, match="baud is .*, expected 4800 to 4000000 Bd, a whole number"):
-        Driver("/nowhere", baud=baud)
-
-
-def test_numbers_of_numpy_are_numbers():
-    options = Options(period_ms=np.int64(20), command_timeout_s=np.float32(0.5))
-    assert Driver("/nowhere", baud=np.int32(9600), options=options).line_baud == 9600
-
-
-def test_a_silent_port_is_no_robot():
-    master, slave = os.openpty()
-    tty.setraw(slave)
-    with pytest.raises(NotARobot, match="no answer"):
-        Driver(os.ttyname(slave), options=Options(greeting_s=0.6)).connect()
-    os.close(master)
-    os.close(slave)
 
 
 def test_a_port_can_be_opened_again_after_a_failure(serve):
@@ -490,14 +352,6 @@ def test_a_host_that_was_paused_catches_up(serve):
         assert over.wait(PATIENCE_S)
         wait_until(lambda: driver.ready and driver.age_s < 0.05)
         assert driver.statistics.lost == 0
-
-
-@pytest.mark.parametrize("timeout_s", [math.nan, "1", True])
-@pytest.mark.parametrize("call", [Driver.wait, lambda robot, timeout_s: robot.ask(5, timeout_s=timeout_s)])
-def test_a_wait_for_no_number_of_seconds_is_refused(robot, call, timeout_s):
-    """NaN would never end."""
-    with pytest.raises(ConfigError, match="timeout_s is .*, expected a number of seconds, or None"):
-        call(robot, timeout_s)
 
 
 def test_a_wait_for_longer_than_the_system_can_wait_waits(serve):

@@ -10,7 +10,7 @@ import pytest
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.errors import ConfigError, PortMissing
-from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.transport.link import SerialLink
@@ -94,16 +94,6 @@ def test_remarks_tell_the_port_and_the_check_value(recorded):
     assert remarks.index(b"checked") > 2
 
 
-def test_the_header_tells_the_port(recorded):
-    _, board, recording = recorded
-    assert recording.header["port"] == board.path
-
-
-def test_the_stop_at_the_end_is_recorded(recorded):
-    entries, _, _ = recorded
-    assert Frame(13, ()) in FrameDecoder(REQUESTS, checked=True).feed(joined(entries, TO_BOARD))
-
-
 def test_a_full_disk_does_not_stop_the_robot(serve):
     with Driver(serve().path, options=Options(record="/dev/full", command_timeout_s=None)) as robot:
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01 and robot.recorder.lost > 10)
@@ -114,12 +104,6 @@ def test_a_full_disk_does_not_stop_the_robot(serve):
 def test_a_file_that_cannot_be_made_is_refused_before_the_port_is_opened(tmp_path):
     with pytest.raises(ConfigError, match="cannot record to"):
         Driver("/dev/nothing", options=Options(record=str(tmp_path))).connect()
-
-
-@pytest.mark.parametrize("record", [5, ""])
-def test_a_wrong_option_is_refused(record):
-    with pytest.raises(ConfigError, match="record is .*, expected the name of a file"):
-        Driver("/dev/nothing", options=Options(record=record))
 
 
 def test_an_open_link_is_not_recorded(serve, tmp_path):

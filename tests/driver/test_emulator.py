@@ -2,16 +2,14 @@
 
 import json
 import math
-import os
 import pathlib
-import signal
 import subprocess
 import sys
 
 import pytest
 
-from mrl_driver.driver import Driver, Options
-from mrl_driver.errors import BatteryDead, LinkLost, WrongRobot
+from mrl_driver.driver import Driver
+from mrl_driver.errors import WrongRobot
 from mrl_driver.robot.models import load
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.session import Ready
@@ -20,7 +18,7 @@ from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.board.board2013 import Board2013
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import Wall, World
-from tests.waiting import PATIENCE_S, drive_until, wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
 from .talk import Talk
 
@@ -154,19 +152,6 @@ def test_a_board_reset_on_the_move_keeps_the_pose(make):
     assert robot.session.motion.target is None
 
 
-@ON_BOTH_BOARDS
-def test_a_command_takes_effect_and_a_silent_host_stops_the_board(make):
-    robot = Robot(make=make).until_ready()
-    robot.session.drive((200, 0), robot.now)
-    robot.run(1.0)
-    assert robot.plant.true_pose.x_m > 0.05
-    robot.to_board = lambda data: b""
-    robot.run(0.6)
-    x_m = robot.plant.true_pose.x_m
-    robot.run(0.3)
-    assert robot.plant.true_pose.x_m == pytest.approx(x_m, abs=1e-4)
-
-
 # -- as processes
 
 
@@ -208,17 +193,6 @@ def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path, engine, speed
     assert pose.yaw_rad == pytest.approx(yaw_rad, abs=YAW_RAD)
 
 
-def test_another_robot_on_the_pty(mrl_sim):
-    with pytest.raises(WrongRobot, match="expected stingbot"):
-        Driver(mrl_sim("--robot", "traxbot"), "stingbot").connect()
-
-
-@pytest.mark.parametrize(("volts", "words"), [(0.2, "motor power is off"), (8.2, "expected at least 8.5 V")])
-def test_a_dead_battery_on_the_pty(mrl_sim, volts, words):
-    with pytest.raises(BatteryDead, match=words):
-        Driver(mrl_sim("--battery", volts)).connect()
-
-
 @ON_BOTH_ENGINES
 def test_a_board_without_id_gets_one(mrl_sim, engine, speed):
     path = mrl_sim("--id", 0, "--engine", engine, "--speed", speed)
@@ -228,43 +202,3 @@ def test_a_board_without_id_gets_one(mrl_sim, engine, speed):
     subprocess.run(command, check=True, timeout=PATIENCE_S)
     with Driver(path) as robot:
         assert robot.board.robot_id == 2
-
-
-def test_an_uno_that_resets_when_opened(mrl_sim):
-    """`test_fault_figures` has its time."""
-    with Driver(mrl_sim("--reset-on-open")) as robot:
-        assert robot.ready and robot.command is None
-
-
-def test_a_killed_emulator_is_a_lost_link(mrl_sim):
-    with Driver(mrl_sim()) as robot:
-        mrl_sim.process.kill()
-        with pytest.raises(LinkLost):
-            robot.wait(PATIENCE_S)
-
-
-def test_a_stalled_board_does_not_move_when_it_goes_on(mrl_sim):
-    with Driver(mrl_sim(), options=Options(command_timeout_s=None)) as robot:
-        drive_until(robot, 0.2, 0, lambda: robot.pose.x_m > 0.02)
-        os.kill(mrl_sim.process.pid, signal.SIGSTOP)
-        wait_until(lambda: not robot.ready)
-        os.kill(mrl_sim.process.pid, signal.SIGCONT)
-        wait_until(lambda: robot.ready)
-        wait_until(lambda: abs(robot.twist.linear_m_s) < 0.001)
-        assert robot.command is None
-
-
-def test_a_driver_killed_on_the_move_leaves_a_board_that_can_be_used(mrl_sim, tmp_path):
-    """The board is in check mode and streams; the next driver gets it at once."""
-    truth = tmp_path / "truth"
-    path = mrl_sim("--truth", truth, "--pose", "0,0,0")
-    code = (
-        "from mrl_driver.driver import Driver, Options; "
-        f"d = Driver({path!r}, options=Options(command_timeout_s=None)); d.connect(); d.drive(.2, 0); d.wait(60)"
-    )
-    process = subprocess.Popen([sys.executable, "-c", code])
-    wait_until(lambda: true_pose(truth)[0] > 0.01)
-    process.kill()
-    process.wait(PATIENCE_S)
-    with Driver(path, options=Options(greeting_s=3)) as robot:
-        wait_until(lambda: robot.twist.linear_m_s == 0)

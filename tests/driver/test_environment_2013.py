@@ -6,10 +6,9 @@ import pytest
 
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout, ConfigError, WrongRobot
-from mrl_driver.protocol import REQUESTS_TO_ANY, Frame, FrameDecoder, encode_reply
+from mrl_driver.errors import ConfigError
+from mrl_driver.protocol import REQUESTS_TO_ANY, Frame, FrameDecoder
 from mrl_driver.robot import models
-from mrl_driver.session.session import Session
 from sim_arduino.serve import factory
 from tests.models import model as packaged_model
 
@@ -98,22 +97,10 @@ def test_odometry_comes_from_the_sensor_stream(driven):
     assert driven.pose.yaw_rad == pytest.approx(driven.true_pose.yaw_rad, abs=2e-3)
 
 
-def test_the_board_has_the_capability_that_its_stream_shows(driven):
-    assert driven.board.capabilities == {"environment"} and driven.model.sonars == {}
-
-
 def test_no_second_has_more_commands_than_the_board_takes(driven):
     times = [sent_s for sent_s, _ in driven.requests if sent_s > driven.begin_s]
     most = max(sum(begin <= each < begin + 1.0 for each in times) for begin in times)
     assert 5 < most <= MOST_COMMANDS
-
-
-def test_no_command_waits_for_the_bytes_of_many_before_it(driven):
-    """The board reads a byte for each of its 163 frames a second."""
-    size = sum(
-        size for sent_s, size in driven.bytes_sent if driven.begin_s < sent_s < driven.begin_s + DRIVEN_S
-    )
-    assert size / DRIVEN_S < 0.8 * 163
 
 
 def test_neither_sonars_nor_the_compass_are_requested(driven):
@@ -169,37 +156,6 @@ def test_january_has_odometry_and_a_warning_but_no_sensors():
         assert "does not send its environment sensors" in driver.warning
 
 
-def test_january_is_not_asked_for_sonars_that_it_does_not_have():
-    watched = Watched(profile="2013-january")
-    with watched as driver:
-        driver.wait(1.0)
-    assert 7 not in watched.codes()
-
-
-def test_robot_with_three_wheels_is_refused():
-    """A board of 2013 neither counts nor moves the third wheel."""
-    watched = Watched(packaged_model("omni")._replace(ids=(1,)))
-    with pytest.raises(WrongRobot, match="does not know three wheels"):
-        watched.driver.connect()
-    watched.emulated.close()
-
-
-def test_missing_thermopile_is_named_because_it_hangs_the_board():
-    watched = Watched()
-    watched.emulated.plant.i2c[0x68].present = False
-    with pytest.raises(BoardTimeout, match="hangs if its thermopile does not answer.*choose build sonar"):
-        watched.driver.connect()
-    watched.emulated.close()
-
-
-@pytest.mark.parametrize("fields", [(1, 2, 3, 4, 5), (1, 2, 3, 4, 5, 6, 7)])
-def test_frame_of_the_stream_with_a_wrong_number_of_fields_is_garbage(fields):
-    session = Session(lambda board: "start_sensor_ldr_stream", 0.0)
-    frame = b"@25," + b",".join(b"%d" % each for each in fields) + b"e\r\n"
-    session.receive(encode_reply(25, 1, 2, 3, 4, 5, 6) + frame, 0.0)
-    assert session.counters.garbage == {"argument_count": 1} and session.counters.frames == 1
-
-
 @pytest.mark.parametrize(
     "named, board, told", [("environment", {}, "sonar"), ("sonar", {"environment": True}, "environment")]
 )
@@ -223,19 +179,6 @@ def test_board_that_returns_without_sonars_leaves_no_old_ranges():
         driver.wait(3.0)
         assert before and driver.ready and not driver.ranges and not driver.telemetry.ranges
     other.emulated.close()
-
-
-def test_board_of_this_firmware_without_sonars_has_none_in_its_model():
-    emulated = factory.make(factory.Options(environment=True))
-    with SteppedDriver(emulated.engine) as driver:
-        assert driver.model.sonars == {} and not driver.ranges and not driver.warning
-    emulated.close()
-
-
-@pytest.mark.parametrize("build", ["sonnar", None, 3])
-def test_unknown_build_is_refused_with_the_allowed_ones(build):
-    with pytest.raises(ConfigError, match=r"build is .*, expected sonar or environment"):
-        SteppedDriver(None, "traxbot", options=Options(build=build))
 
 
 def test_build_of_the_model_cannot_be_taken_back(tmp_path):
@@ -274,17 +217,6 @@ def test_ids_of_sensor_boards_leave_no_ranges(tmp_path, robot_id):
     assert told_ranges(model, **board) == ({}, False)
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-def test_boards_of_2013_with_sonars_have_ranges(profile):
-    ranges, has_sonars = told_ranges("traxbot", profile=profile)
-    assert set(ranges) == {"front", "left", "right"} and has_sonars
-
-
 def test_board_that_tells_its_build_is_believed_whatever_its_id(tmp_path):
     ranges, has_sonars = told_ranges(own_model(tmp_path, 7), robot_id=7)
     assert set(ranges) == {"front", "left", "right"} and has_sonars
-
-
-def test_unknown_build_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="build is 'sonnar', expected sonar or environment"):
-        models.load(own_model(tmp_path, 2, "\nbuild: sonnar"))

@@ -150,18 +150,6 @@ def test_a_flood_of_garbage_leaves_commands_and_telemetry_their_period(garbage):
     assert robot.ready and robot.command == (0.2, 0.0) and robot.statistics.unanswered == 0
 
 
-def test_a_slow_period_is_kept_though_the_board_streams_faster():
-    """And a sonar that was new in a frame which nobody was told of is new in the next."""
-    bench = Bench(period_ms=200)
-    told = []
-    bench.robot.on_telemetry(told.append)
-    bench.robot.wait(3.0)
-    gaps = [b.stamp_s - a.stamp_s for a, b in zip(told, told[1:])]
-    assert gaps == pytest.approx([0.2] * 14, abs=ON_THE_WAY_S)
-    assert {name for telemetry in told for name in telemetry.fresh} == {"front", "left", "right"}
-    assert sum(len(telemetry.fresh) for telemetry in told) >= 3 * 9
-
-
 def test_a_line_that_stalls_drops_the_command():
     """Without the board's watchdog, which would have stopped the robot as well."""
     bench = Bench(watchdog_ms=0)

@@ -1,13 +1,11 @@
 """Faults that hurt users of such drivers, each with the figure that must hold, on the emulated robot in real time."""
 
-import math
 import os
 import pathlib
 import re
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
@@ -24,10 +22,7 @@ RUNS = 5
 """A wall-clock limit holds for the median of so many runs; `test_fault_figures` has the figures in simulated time."""
 HOST_DEAD_S, TIMEOUT_S, BEYOND_TIMEOUT_S = 0.3, 0.25, 0.05
 SILENT_S = 0.3
-FROZEN_S, COMMAND_S, HELD_BACK_S = 0.6, 0.02, 0.1
-"""How long the board stands still, the time between two commands, and the age of telemetry that holds them back."""
 SIGNAL_STOP_S, SIGNAL_EXIT_S = 0.1, 2.0
-CLOSE_S = 1.0
 ON_CLOCKS_S = 0.01
 """The emulated board's time may differ by so much from that of the host."""
 
@@ -122,34 +117,6 @@ def test_a_silent_board_is_stale_in_time(mrl_sim):
     require_median(times, SILENT_S, "noticing a silent board")
 
 
-def test_a_board_that_stood_still_does_not_carry_out_what_waited(mrl_sim, tmp_path):
-    """For long enough to be stale; `test_fault_figures` has the 5 s of the table."""
-    log, events, heard_s = tmp_path / "log", [], []
-    with Driver(mrl_sim("--log", log), options=Options(command_timeout_s=None)) as driver:
-        driver.on_event(events.append)
-        driver.on_telemetry(lambda telemetry: heard_s.append(telemetry.arrival_s))
-        wait_until(lambda: driver.drive(0.2, 0.0) and driver.pose.x_m > 0.01, step_s=COMMAND_S)
-        events.clear()  # a busy host may have noticed a silence before, and the board a stall
-        before = len(log.read_text())
-        os.kill(mrl_sim.process.pid, signal.SIGSTOP)
-        stood_s = time.monotonic()
-
-        def commanded_long_enough():
-            driver.drive(0.2, 0.0)
-            return any(isinstance(event, Stale) for event in events) and time.monotonic() - stood_s > FROZEN_S
-
-        wait_until(commanded_long_enough, step_s=COMMAND_S)
-        last_s = max(stood_s, heard_s[-1])  # a busy host hears the last telemetry late
-        os.kill(mrl_sim.process.pid, signal.SIGCONT)
-        wait_until(lambda: driver.ready and driver.stopped)
-        pose, frames = driver.pose, driver.statistics.frames
-        wait_until(lambda: driver.statistics.frames > frames + 10)
-        assert driver.pose == pose and driver.twist == (0, 0) and driver.command is None
-    waited = [line for line in log.read_text()[before:].splitlines() if '"stalled"' in line]
-    most = math.ceil((last_s - stood_s + HELD_BACK_S) / COMMAND_S) + 2
-    assert sum(line.count("@11,") for line in waited) <= most
-
-
 def test_a_port_that_takes_no_bytes_blocks_nobody_for_long(serve):
     """`test_link` has the time after which a write is given up."""
     port = serve()
@@ -163,14 +130,6 @@ def test_a_port_that_takes_no_bytes_blocks_nobody_for_long(serve):
         wait_until(blocked, step_s=0.0)
         port.held.clear()
         wait_until(lambda: driver.ready)
-
-
-def test_a_fake_board_that_nobody_reads_can_be_unplugged(serve):
-    """Or the end of a test might wait for ever."""
-    port = serve()
-    port.board.out += bytes(200_000)
-    wait_until(lambda: not port.board.out)
-    port.unplug()
 
 
 def stop_by(robot, number):
@@ -240,16 +199,3 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
         "commands/monitor.py",
         "review/page.py",
     }
-
-
-@pytest.mark.realtime
-def test_opening_and_closing_again_and_again(emulate):
-    robot, before, times = emulate(), set(threading.enumerate()), []
-    for _ in range(RUNS):
-        driver = Driver(robot.path)
-        driver.connect()
-        begun_s = time.monotonic()
-        driver.close()
-        times.append(time.monotonic() - begun_s)
-    require_median(times, CLOSE_S, "closing")
-    assert not [each for each in set(threading.enumerate()) - before if each.name == "mrl-driver"]

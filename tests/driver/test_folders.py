@@ -3,8 +3,6 @@
 import pytest
 
 from mrl_driver import folders
-from mrl_driver.host import named_robots
-from mrl_driver.robot import models
 
 
 @pytest.fixture(autouse=True)
@@ -29,8 +27,3 @@ def test_variables_move_them(monkeypatch):
 def test_a_variable_that_names_no_absolute_path_is_ignored(home, monkeypatch, value):
     monkeypatch.setenv("XDG_CONFIG_HOME", value)
     assert folders.config() == f"{home}/.config/mrl-driver"
-
-
-def test_names_and_models_are_in_one_folder(home):
-    assert named_robots.path() == f"{home}/.config/mrl-driver/robots.yaml"
-    assert models.own_folder() == f"{home}/.config/mrl-driver/robots"

@@ -112,21 +112,3 @@ def test_a_board_that_restarts_in_a_long_silence_loses_what_the_wheels_coast_unt
     assert len(lost) == 1 and lost[0].gap_s > 5.0
     coast_s = DEFAULTS.watchdog_ms / 1000 + STOPPING_S
     assert lost[0].distance_m == pytest.approx(state.model.limits.linear_m_s * coast_s)
-
-
-def test_a_lost_way_says_how_far_the_pose_may_be_off():
-    assert str(PathUnknown(3.21, 0.963, 3.14)) == (
-        "the wheels could not be followed for 3.2 s: the pose may be off by up to 0.96 m and 3.14 rad"
-    )
-
-
-def test_a_restart_is_counted_and_a_silence_is_not():
-    talk = Talk().until_ready().run(4.0)
-    talk.board.mute = True
-    talk.run(1.0)
-    talk.board.mute = False
-    talk.until(lambda: talk.session.ready)
-    assert talk.session.counters.restarts == 0
-    talk.board.reset(talk.now)
-    talk.until(lambda: len(talk.seen(Ready)) == 3)
-    assert talk.session.counters.restarts == 1

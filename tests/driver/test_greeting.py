@@ -6,21 +6,17 @@ import math
 
 import pytest
 
-from mrl_driver.errors import BatteryDead, BoardTimeout, NotARobot, WrongRobot
+from mrl_driver.errors import BatteryDead, WrongRobot
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.handshake import (
     ALIKE,
     ALIKE_TO_REFUSE,
-    DEAF,
     RETRY_S,
-    STEP_TIMEOUT_S,
-    TIMEOUT_S,
     Handshake,
     Plan,
-    board_of,
 )
-from mrl_driver.session.session import Info, Ready, Session, Sonars, Stale
+from mrl_driver.session.session import Info, Ready, Session, Stale
 from tests.fake_board import FakeBoard
 
 from .talk import Talk
@@ -141,34 +137,11 @@ def test_no_fault_of_a_reply_while_greeting_again_ends_the_session(instead):
         assert talk.session.board.robot_id == 1
 
 
-def test_a_check_value_taken_for_an_id_ends_no_session():
-    """A checked `robot_info` that lost a comma: version 21 of robot 12345."""
-    talk = Talk(FakeBoard(), RobotState(None).admit).until_ready()
-    talk.session.lose(talk.now)
-    talk.session.receive(b"@5,2500,172,1200,21,12345e\r\n", talk.now)
-    talk.until_ready()
-    assert talk.session.checked and talk.session.board.robot_id == 1
-
-
-def test_a_board_is_asked_again_under_the_check_value_before_anything_else_is_set():
-    talk = Talk().until_ready()
-    heard = [frame.code for frame in talk.board.heard if frame.code != 13]
-    assert heard[heard.index(32) : heard.index(18)] == [32, 5, 29, 33, 30]
-
-
 def test_what_a_board_says_under_the_check_value_counts():
     """All its plain answers were those of another robot."""
     talk = Talk(FakeBoard())
     talk.to_host = lambda data: data.replace(b"@5,2500,172,1200,2,1e", b"@5,2500,172,1200,2,4e")
     assert talk.until_ready().session.board.robot_id == 1
-
-
-def test_the_model_is_that_of_the_last_answer():
-    state, talk = RobotState(None), Talk(FakeBoard())
-    for robot_id in (4, 1):
-        talk.board.robot_id = robot_id
-        state.admit(Talk(talk.board).until_ready().session.board)
-    assert state.model.name == "traxbot"
 
 
 @pytest.mark.parametrize("version", [1, 2])
@@ -185,13 +158,6 @@ def test_a_plain_board_that_answers_differently_each_time_is_not_believed(versio
     talk.to_host = another
     talk.run(3.0)
     assert not admitted
-
-
-def test_a_battery_that_is_empty_each_time_is_believed():
-    board = FakeBoard(version=1)
-    board.battery = 120
-    with pytest.raises(BatteryDead, match="reads 1.20 V"):
-        Talk(board, RobotState(None).admit).run(3.0)
 
 
 def without_measurements(*, checks=True):
@@ -247,13 +213,6 @@ def test_three_damaged_answers_that_agree_refuse_no_board(good, damaged):
     assert (len(spoiled), talk.session.board.robot_id) == (ALIKE, 1)
 
 
-def test_a_board_of_another_protocol_is_refused():
-    talk = Talk(FakeBoard(), RobotState(None).admit)
-    talk.to_host = lambda data: data.replace(b"@29,2,", b"@29,3,")
-    with pytest.raises(WrongRobot, match="speaks protocol 3"):
-        talk.run(3.0)
-
-
 def test_a_refusal_under_the_check_value_needs_one_answer():
     """Plain answers said 12 V; the board says 1.2 V."""
     board = FakeBoard()
@@ -271,32 +230,11 @@ def test_a_refusal_under_the_check_value_needs_one_answer():
     assert len(checked) == 1
 
 
-def test_a_wrong_robot_is_refused_though_each_third_answer_is_lost():
-    def refuse(board):
-        raise WrongRobot("another")
-
-    talk, answers = Talk(FakeBoard(), refuse), itertools.count()
-    talk.to_host = lambda data: b"" if data and next(answers) % 3 == 2 else data
-    with pytest.raises(WrongRobot):
-        talk.run(3.0)
-
-
 def test_plain_sonars_before_the_first_answer_are_no_error():
     """The model is not known yet."""
     state, session = RobotState(None), Session(lambda board: None, 0.0)
     events = session.receive(b"@7,100,100,100e\r\n", 0.1)
     assert [found for event in events for found in state.digest(event, 0.1)] == []
-
-
-def test_sonars_before_the_first_answer_do_not_make_later_ones_old():
-    state, session = RobotState(None), Session(lambda board: None, 0.0)
-    board = board_of(INFO.args)._replace(capabilities=frozenset({"sonars"}))
-    for event in session.receive(b"@7,100,100,100e\r\n", 0.1):
-        state.digest(event, 0.1)
-    state.admit(board)
-    state.digest(Ready(board, True, False, 0.0), 0.11)
-    state.digest(Sonars((100, 100, 100)), 0.12)
-    assert set(state.ranges) == {"front", "left", "right"}
 
 
 # -- the conversation alone, without a session
@@ -337,23 +275,10 @@ def test_plain_answers_are_no_answer_to_who_is_there_under_the_checksum():
     assert hello.sent[-1] == INFO[:1]
 
 
-def test_late_answers_under_the_checksum_make_no_board_of_2013():
-    """They had been asked for again and again, and came all at once."""
-    hello = Hello().hear(CHECKED, *[INFO] * (DEAF + 1), PROTOCOL)
-    assert "watchdog" in hello.board.capabilities
-
-
 def test_a_board_that_answered_under_the_checksum_is_not_tried_as_one_of_2013():
     hello = Hello().hear(CHECKED, INFO)
     hello.be_silent(4 * RETRY_S, CHECKED)
     assert set(hello.sent[1:]) == {PROTOCOL[:1]}
-
-
-def test_answers_from_before_a_silence_do_not_count_after_it():
-    hello = Hello(Plan(check=False)).hear(PLAIN, PROTOCOL, *[INFO] * ALIKE, PROTOCOL)
-    hello.be_silent(STEP_TIMEOUT_S + RETRY_S)
-    hello.hear(PLAIN, PROTOCOL, *[INFO] * ALIKE, PROTOCOL)
-    assert hello.board.capabilities == frozenset()
 
 
 @pytest.mark.parametrize("jump", [(600, 0, 0), (0, 0, 60)], ids=["temperature", "battery"])
@@ -363,21 +288,6 @@ def test_plain_answers_whose_readings_jump_are_not_believed(jump):
         readings = tuple(value + number * step for value, step in zip(INFO.args, jump))
         hello.hear(PLAIN, Frame(5, (*readings, *INFO.args[3:])))
     assert hello.board is None
-
-
-def test_answers_that_differ_are_named_where_none_is_believed():
-    hello = Hello().hear(PLAIN, INFO, Frame(5, (2500, 172, 1200, 2, 7)))
-    with pytest.raises(
-        NotARobot, match="answers request 5 differently each time, expected the same answer 5 times"
-    ):
-        hello.be_silent(TIMEOUT_S)
-
-
-def test_answers_that_differ_are_named_of_a_board_that_is_known():
-    hello = Hello(Plan(check=False)).hear(PLAIN, PROTOCOL, *[INFO] * ALIKE)
-    hello.be_silent(STEP_TIMEOUT_S + RETRY_S).hear(PLAIN, INFO)
-    with pytest.raises(BoardTimeout, match=r"\(robot id 1\) answers request 5 differently each time"):
-        hello.be_silent(STEP_TIMEOUT_S)
 
 
 # -- what a session tells of it

@@ -109,10 +109,6 @@ def test_answers_are_alike_if_battery_and_temperature_are_near_and_the_rest_is_e
     assert are_alike(board_of(INFO.args), board_of(other)) is alike
 
 
-def test_a_usual_plan_stops_the_robot_after_a_quarter_of_a_second():
-    assert Plan() == Plan(watchdog_ms=250, period_ms=20, imu_period_ms=20)
-
-
 # -- the first request
 
 
@@ -175,26 +171,12 @@ def test_all_requests_to_a_board_of_2013_have_its_form():
     assert sent == [True, True]  # end a stream, start one
 
 
-def test_nothing_is_sent_before_it_is_due():
-    hello = Hello()
-    hello.ask()
-    hello.sent.clear()
-    hello.tick(hello.due_s - 0.01, PLAIN)
-    assert not hello.sent
-
-
 def test_after_other_bytes_the_boards_text_is_turned_off_in_plain():
     """A frame after text on the same line is not decoded."""
     hello = Hello()
     hello.heard(b"[INFO]", 0.0)
     hello.tick(0.0, CHECKED)
     assert hello.sent[1] == ((16, 0), False)
-
-
-def test_without_other_bytes_no_text_is_turned_off():
-    hello = Hello()
-    hello.heard(b"", 0.0)
-    assert hello.ask() == [WHO]
 
 
 def test_bytes_of_a_board_that_is_known_are_no_text_before_the_greeting():
@@ -214,24 +196,11 @@ def test_silence_ends_it_after_eight_seconds():
     )
 
 
-def test_ticks_that_come_a_little_late_do_not_prolong_it():
-    hello, now = Hello(), 0.0
-    with pytest.raises(NotARobot):
-        while now < 2 * TO_ANSWER_S:
-            hello.tick(now, PLAIN)
-            now += 2 * RETRY_S
-    assert now == TO_ANSWER_S
-
-
 def test_a_pause_of_this_program_prolongs_it_by_the_pause():
     hello = Hello()
     hello.ask()
     hello.tick(9.0, PLAIN)
     assert hello.ends_at()[0] == TO_ANSWER_S + 9.0 - RETRY_S
-
-
-def test_a_patient_greeting_does_not_end():
-    assert Hello(patient=True).ask(100)[-1] == WHO_TWICE
 
 
 JUNK = bytes(range(128, 159)) + b"\x7f"
@@ -284,12 +253,6 @@ def test_a_board_that_stays_silent_for_two_more_seconds_ends_it():
         2 * TO_ASK_S,
         "the board (robot id 1) does not answer request 29 any more; reset it and try again",
     )
-
-
-def test_answers_that_differ_after_a_silence_end_it_with_the_line_as_the_cause():
-    hello = Hello().hear(CHECKED, INFO)
-    hello.ask(9)
-    assert hello.hear(PLAIN, INFO).ends_at()[1] == f"the board (robot id 1) {DIFFERING}"
 
 
 def test_after_a_silence_as_many_answers_are_needed_as_before():
@@ -350,10 +313,6 @@ def test_the_next_answer_is_asked_for_at_once():
     assert hello.due_s == 0.01
 
 
-def test_one_answer_under_the_checksum_is_believed():
-    assert Hello().hear(CHECKED, INFO).board == board_of(INFO.args)
-
-
 def refuse(board):
     raise WrongRobot("another")
 
@@ -374,20 +333,12 @@ def test_the_stream_of_the_last_board_is_ended_before_it_is_asked_for_more():
     assert ((19,), None) in Hello().hear(CHECKED, INFO).sent
 
 
-def test_the_usual_stream_is_that_of_counters():
-    assert Hello().stream == "start_stream"
-
-
 # -- the protocol
 
 
 def greeted(plan=Plan(), admit=lambda board: None):  # noqa: B008
     """A board that is known by its plain answers; the protocol is asked for."""
     return Hello(plan, admit).hear(PLAIN, protocol(), *[INFO] * ALIKE)
-
-
-def test_other_requests_are_repeated_alone():
-    assert greeted().hear(PLAIN, protocol()).ask(2) == [[SET_CHECK]] * 2
 
 
 @pytest.mark.parametrize("version", [2, 3])
@@ -478,29 +429,14 @@ def test_the_first_frame_of_the_stream_ends_the_greeting(stream, bits, frame):
     assert begun(stream, bits).hear(CHECKED, Frame(frame, (0,) * 6)).done
 
 
-def test_our_board_with_sensors_in_its_stream_keeps_its_capabilities():
-    hello = begun(SENSOR_STREAM, ENVIRONMENT | WATCHDOG).hear(
-        CHECKED, Frame(33, (250,)), status(), Frame(SENSING, (0,) * 6)
-    )
-    assert hello.board.capabilities == {"environment", "watchdog"}
-
-
 @pytest.mark.parametrize("stream, bits", [("start_omni_stream", 0), (SENSOR_STREAM, SONARS)])
 def test_a_board_without_the_stream_of_the_model_is_refused(stream, bits):
     with pytest.raises(WrongRobot, match="this robot model needs"):
         begun(stream, bits)
 
 
-def test_without_a_stream_nothing_is_required():
-    assert begun("start_omni_stream", 0, Plan(check=False, stream=False)).done
-
-
 def of_2013(stream, plan=Plan()):  # noqa: B008
     return Hello(plan, lambda board: stream).hear(PLAIN, *[INFO_2013] * ALIKE)
-
-
-def test_a_board_of_2013_without_a_stream_is_greeted_by_its_answer():
-    assert of_2013(None, Plan(stream=False)).done
 
 
 def test_a_board_of_2013_has_no_three_wheels():

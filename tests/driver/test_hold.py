@@ -19,7 +19,6 @@ SILENCE = 20
 SILENCE_S = SILENCE * 0.1
 POLLED_S = 0.6
 HEARD_S = 0.1
-GREETED_S = 2.5
 
 
 def stepped(radio_hold):
@@ -44,10 +43,6 @@ def say(robot, kind, number=1):
     head = b"\x10\0" + BOARD.to_bytes(8, "big") + b"\xff\xfe\0\0"
     robot.peer.receive(packet(head + HoldText(kind, number).data), robot.now_s)
     robot.wait(HEARD_S)
-
-
-def test_state_is_known_soon_after_the_connection(robot):
-    assert robot.hold == Hold("free", 0, 0, 0, 0)
 
 
 def test_started_board_is_known_to_listen():
@@ -117,27 +112,9 @@ def test_board_without_a_radio_has_no_holds():
             robot.release_hold()
 
 
-def test_hold_ends_with_firmware_that_has_no_holds(robot):
-    say(robot, "hold")
-    robot._board._stepped = PythonBoard(Plant(model("traxbot")))
-    robot.wait(GREETED_S)
-    assert robot.hold is None and robot.drive(0.2, 0.0)
-
-
-def test_text_to_nobody_is_counted(robot):
-    robot.send_text(77, "hello")
-    robot.wait(5.0)
-    assert robot.hold.undelivered == 1
-
-
 @pytest.mark.parametrize("data", [b"", b"1 12 2 11", b"\xf8H\0", b"\xf8h\0\1\0", b"\xf8x\0\1"])
 def test_other_texts_are_no_hold_texts(data):
     assert HoldText.parse(data) is None
-
-
-@pytest.mark.parametrize("kind", ["hold", "free", "held", "freed"])
-def test_hold_text_survives_its_bytes(kind):
-    assert HoldText.parse(HoldText(kind, 0xABCD).data) == HoldText(kind, 0xABCD)
 
 
 @pytest.mark.parametrize(

@@ -52,22 +52,6 @@ def in_thread(work):
     return thread, results
 
 
-def test_bytes_come_in(pty):
-    master, path = pty
-    link = SerialLink(path)
-    os.write(master, b"@8,1e")
-    assert link.read(1.0) == b"@8,1e"
-    link.close()
-
-
-def test_bytes_go_out(pty):
-    master, path = pty
-    link = SerialLink(path)
-    link.write(b"@13e")
-    assert os.read(master, 10) == b"@13e"
-    link.close()
-
-
 def timed(work):
     """How long it takes [s]."""
     start_s = time.monotonic()
@@ -234,21 +218,6 @@ def test_a_second_program_is_refused_by_name(pty):
     with pytest.raises(PortBusy, match=rf"in use by .*\(process {os.getpid()}\)"):
         SerialLink(pty[1])
     link.close()
-
-
-def test_a_closed_port_can_be_opened_again(pty):
-    SerialLink(pty[1]).close()
-    SerialLink(pty[1]).close()
-
-
-@pytest.mark.parametrize("kind", ["missing", "folder", "file", "null"])
-def test_what_is_no_port(kind, tmp_path):
-    (tmp_path / "file").write_text("")
-    (tmp_path / "folder").mkdir()
-    path = "/dev/null" if kind == "null" else str(tmp_path / kind)
-    with pytest.raises(PortMissing, match="port") as caught:
-        SerialLink(path)
-    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

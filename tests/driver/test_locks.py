@@ -197,11 +197,6 @@ def test_an_earlier_lock_is_not_taken_after_a_later_one(first):
         new_lock(ORDER[first - 1]).acquire()
 
 
-def test_two_locks_of_one_name_are_not_taken_together():
-    with new_lock("driver"), pytest.raises(RuntimeError, match="'driver' is taken while"):
-        new_lock("driver").acquire()
-
-
 def test_locks_are_taken_in_order_and_again():
     locks = [new_lock(name) for name in ORDER]
     for lock in [*locks, *locks]:
@@ -210,11 +205,6 @@ def test_locks_are_taken_in_order_and_again():
     for lock in [*locks, *locks]:
         lock.release()
     assert lock_order.held() == ()
-
-
-def test_without_the_variable_a_lock_is_that_of_python(monkeypatch):
-    monkeypatch.delenv(VARIABLE)
-    assert isinstance(new_lock("driver"), type(threading.RLock()))
 
 
 def test_a_close_ends_although_its_own_thread_holds_the_lock(line):

@@ -8,7 +8,7 @@ from unittest import mock
 import pytest
 
 from mrl_driver.driver import Driver, Options, link_source
-from mrl_driver.errors import ConfigError, LinkError, LinkLost, PortBusy, PortDenied, PortMissing
+from mrl_driver.errors import LinkError, LinkLost, PortBusy, PortDenied, PortMissing
 from mrl_driver.session.events import Awaited
 from tests.waiting import PATIENCE_S
 
@@ -91,9 +91,3 @@ def test_a_driver_that_waits_for_its_port_can_be_closed(tmp_path):
     robot.close()
     thread.join(PATIENCE_S)
     assert len(ended) == 1
-
-
-@pytest.mark.parametrize("timeout_s", [-1, float("nan"), "1"])
-def test_a_time_that_is_none_is_refused(timeout_s):
-    with pytest.raises(ConfigError, match="port_timeout_s is"):
-        Driver("/dev/ttyACM0", options=Options(port_timeout_s=timeout_s))

@@ -156,10 +156,6 @@ def test_a_link_that_leads_to_another_port_by_now_is_not_opened():
     assert search_for(ALIKE[1], name="/dev/robot").next(ALIKE[1].device, [ALIKE[1]], 0.0) is None
 
 
-def test_the_only_one_that_answers_is_taken():
-    assert take(search_for(), ALIKE[1], [ALIKE[1]])
-
-
 def test_another_like_it_is_asked_before_one_is_taken():
     search = search_for()
     assert not take(search, ALIKE[1], ALIKE[1:]) and not search.rivals
@@ -177,10 +173,6 @@ def test_none_of_two_that_answer_is_taken_until_one_is_unplugged():
     assert search.next("", ALIKE[1:], 0.5) is None
     assert search.next("", [ALIKE[2]], 0.5) == ALIKE[2].device
     assert take(search, ALIKE[2], [ALIKE[2]])
-
-
-def test_the_very_same_device_is_taken_whoever_else_is_there():
-    assert Search(NAME, ROBOT).take("/dev/ttyACM3", MOVED, NAME, [SISTER, MOVED])
 
 
 # -- what is in use
@@ -231,13 +223,6 @@ def test_a_lock_on_another_file_with_the_ports_inode_number_is_not_the_ports(tmp
         with on_another_file_system(monkeypatch, str(tmp_path)):
             holder = locked_by(file.name)
     assert holder == ""
-
-
-def test_a_pseudo_terminal_of_an_emulator_is_free():
-    master, slave = os.openpty()
-    assert not opened_by(os.ttyname(slave))
-    os.close(master)
-    os.close(slave)
 
 
 @contextlib.contextmanager
@@ -291,7 +276,3 @@ def test_an_emulator_in_another_process_is_no_other_program():
     ) as emulator:
         assert opened_by(emulator.stdout.readline().strip()) == ""
         emulator.communicate("\n")
-
-
-def test_a_port_that_is_gone_is_not_in_use():
-    assert not opened_by("/nowhere")

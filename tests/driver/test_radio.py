@@ -12,22 +12,19 @@ from mrl_driver.protocol import Frame
 from mrl_driver.robot.radio import (
     BROADCAST,
     OLDEST_S,
-    SEARCH,
     TEXT_IN,
     TEXT_OUT,
     WAITING,
-    RadioNode,
     RadioQueue,
     RadioText,
     format_address,
-    node_of,
     parse_address,
     text_of,
     text_request,
 )
 from tests.fake_board import FakeBoard
 from tests.models import model
-from tests.radio_board import NODES, PEER, WORDS, Engine, RadioBoard
+from tests.radio_board import NODES, PEER, Engine, RadioBoard
 
 LINE_S = 34 * 10 / 9600
 """Time of a text of 16 bytes on the line to the XBee."""
@@ -40,11 +37,6 @@ def test_text_survives_the_words_of_the_wire(address, text):
     assert code == TEXT_OUT
     received = text_of(Frame(TEXT_IN, tuple(fields)))
     assert (received.address, received.text) == (address, text)
-
-
-@given(st.binary(min_size=1, max_size=16))
-def test_bytes_survive_the_words_of_the_wire(data):
-    assert text_of(Frame(TEXT_IN, text_request(1, data)[1:])).data == data
 
 
 @given(st.integers(0, 2**64 - 1))
@@ -64,10 +56,6 @@ def test_text_that_the_wire_cannot_carry_is_refused(text):
         text_request(1, text)
 
 
-def test_node_of_a_reply():
-    assert node_of(Frame(SEARCH, (*WORDS, -2))) == RadioNode(PEER, 0xFFFE)
-
-
 def queue(*lengths):
     made = RadioQueue()
     for length in lengths:
@@ -79,12 +67,6 @@ def test_next_text_waits_until_the_one_before_is_on_the_air():
     texts = queue(16, 16)
     assert texts.take(0.0) and texts.take(LINE_S - 1e-6) is None
     assert texts.due_s == pytest.approx(LINE_S) and texts.take(LINE_S) and texts.due_s == math.inf
-
-
-def test_short_text_needs_less_time():
-    texts = queue(1, 1)
-    texts.take(0.0)
-    assert texts.due_s == pytest.approx(19 * 10 / 9600)
 
 
 def test_text_that_waited_too_long_is_dropped_and_counted():
@@ -108,11 +90,6 @@ def robot():
 def test_all_radios_that_answer_are_returned(robot):
     """`ask` keeps one reply of a code."""
     assert robot.discover_radios() == NODES
-
-
-def test_search_returns_each_radio_once(robot):
-    robot.board_.nodes = ((*WORDS, 1), (*WORDS, 1))
-    assert robot.discover_radios(0.1) == [RadioNode(PEER, 1)]
 
 
 def test_answers_of_an_earlier_search_do_not_count(robot):
@@ -142,11 +119,6 @@ def test_texts_follow_each_other_at_the_speed_of_the_radio(robot):
     times = [time_s for time_s, _ in robot.board_.sent]
     gaps = [b - a for a, b in zip(times, times[1:])]
     assert len(gaps) == 3 and min(gaps) >= LINE_S - 1e-6 and max(gaps) < LINE_S + 0.01
-
-
-def test_first_text_leaves_at_once(robot):
-    robot.send_text(PEER, "hi")
-    assert [args for _, args in robot.board_.sent] == [(*WORDS, 2, 0x6869)]
 
 
 def test_each_received_text_is_told(robot):

@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.navigation.radio_holder import FRESH_S, REPEAT_S, RadioHolder
+from mrl_driver.navigation.radio_holder import REPEAT_S, RadioHolder
 from mrl_driver.protocol.hold_text import HoldText
 from mrl_driver.robot.radio import BROADCAST, RadioText
 from sim_arduino.board.radio_hold import RadioHold
@@ -64,14 +64,6 @@ def test_robot_that_does_not_answer_is_named_and_not_counted_as_held(air):
     assert not air.holds_all and air.holder.unanswered(air.now_s) == (TWO,)
 
 
-def test_answers_grow_old(air):
-    air.holder.hold()
-    air.exchange()
-    air.cut.add(TWO)
-    air.exchange(round(FRESH_S / REPEAT_S) + 1)
-    assert not air.holds_all and air.holder.unanswered(air.now_s) == (TWO,)
-
-
 def test_freed_robots_are_not_held(air):
     air.holder.hold()
     air.exchange()
@@ -116,17 +108,6 @@ def test_holder_that_has_started_again_uses_a_larger_number(air, freed):
     air.holder.hold()
     air.exchange()
     assert air.holds_all and air.held == {ONE, TWO}
-
-
-def test_holder_that_has_started_again_can_free(air):
-    for _ in range(3):
-        air.holder.hold()
-        air.exchange()
-        air.holder.free()
-    air.holder = RadioHolder([ONE, TWO])
-    air.holder.free()
-    air.exchange()
-    assert air.holder.all_freed and not air.held
 
 
 def test_board_that_has_started_again_is_held_again(air):

@@ -154,40 +154,6 @@ def test_a_terminal_that_somebody_works_in_is_left_alone(robot, cable, monkeypat
     assert not cable.port.received
 
 
-def test_a_silent_port_is_given_up_for_the_next_try(serve, tmp_path):
-    cable = Cable(serve, tmp_path / "robot")
-    with Driver(cable.path, options=Options(reconnect=True, greeting_s=0.5)) as robot:
-        cable.unplug()
-        wait_until(lambda: not robot.ready)
-        cable.plug(boot_s=3600)
-        wait_until(lambda: cable.port.received)
-        cable.unplug()
-        cable.plug()
-        wait_until(lambda: robot.ready)
-
-
-def test_unplugging_twice(robot, cable):
-    for _ in range(2):
-        robot.heard.clear()
-        cable.unplug()
-        wait_until(lambda: heard(robot, Lost))
-        cable.plug()
-        wait_until(lambda: heard(robot, Reconnected))
-    assert robot.statistics.reconnects == 2
-
-
-def test_a_2013_board_comes_back_too(serve, tmp_path):
-    cable = Cable(serve, tmp_path / "robot")
-    cable.unplug()
-    cable.plug(version=1)
-    with Driver(cable.path, options=Options(reconnect=True)) as robot:
-        cable.unplug()
-        wait_until(lambda: not robot.ready)
-        cable.plug(version=1)
-        wait_until(lambda: robot.ready)
-        assert robot.drive(0.1, 0)
-
-
 @pytest.mark.realtime
 def test_closing_in_the_search(serve, tmp_path):
     times = []
@@ -245,17 +211,6 @@ def test_a_request_in_the_search_says_so(robot, cable):
     with pytest.raises(LinkLost, match="is searched"):
         robot.request(14)
     robot.stop()
-
-
-def test_a_loss_while_a_command_is_written_starts_the_search_too(robot, cable, monkeypatch):
-    def lost(*_):
-        monkeypatch.undo()
-        raise LinkLost("the port went away")
-
-    monkeypatch.setattr(SerialLink, "write", lost)
-    robot.drive(0.1, 0)
-    wait_until(lambda: heard(robot, Lost))
-    wait_until(lambda: heard(robot, Reconnected))
 
 
 def test_a_write_that_fails_on_the_lost_link_does_not_break_the_new_one(robot, cable, monkeypatch):
@@ -322,13 +277,6 @@ def test_of_two_with_the_robots_id_none_is_taken_until_one_is_unplugged(serve, c
         del there[0]
         wait_until(lambda: robot.ready)
         assert twins[1].board.period_s and robot.drive(0.1, 0)
-
-
-def test_without_the_option_a_lost_port_is_an_error(cable):
-    with Driver(cable.path) as robot:
-        cable.unplug()
-        with pytest.raises(LinkLost):
-            robot.wait(PATIENCE_S)
 
 
 # -- the search itself

@@ -1,12 +1,10 @@
 """The driver on a recording: its listeners get what those of the recorded driver got."""
 
-import math
 import threading
 import time
 from itertools import takewhile
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -102,14 +100,6 @@ def test_its_state_at_the_end_is_the_same(runs):
         assert repr(getattr(played, name)) == repr(getattr(driven, name)), name
 
 
-def test_frames_are_told_with_their_bytes(runs):
-    _, _, played, _ = runs
-    assert sum(isinstance(each.event, Frame) for each in played.heard) == played.statistics.frames
-    told = [each for each in played.heard + played.sent if isinstance(each.event, Frame)]
-    assert all(each.data[:1] == b"@" and each.data[-1:] == b"e" for each in told)
-    assert Frame(BY_NAME["stop"].code, ()) in {each.event for each in played.sent}
-
-
 def test_nothing_can_be_sent(runs):
     played = runs[2]
     if played.model.drives:
@@ -141,12 +131,6 @@ def replay(path, lines=None, robot="auto"):
 
 def of_kind(found, kind):
     return [event for event in found if isinstance(event, kind)]
-
-
-def moved(found):
-    """How far the wheels turned from the first to the last telemetry."""
-    first, *_, last = of_kind(found, Telemetry)
-    return [end - start for start, end in zip(first.counts, last.counts)]
 
 
 def as_before_version(lines):
@@ -214,22 +198,6 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         again = replayed[sequence]
         assert tuple(again.pose) == pytest.approx(tuple(telemetry.pose), abs=POSE_ERROR)
         assert again.stamp_s == pytest.approx(telemetry.stamp_s, abs=STAMP_ERROR_S)
-
-
-def test_a_model_with_the_numbers_of_numpy_is_recorded(tmp_path):
-    """A program may make its own model, and set a pose: driver and recording take what they took before."""
-    path, packaged = str(tmp_path / "numbers.mrl"), models.load("traxbot")
-    limits, spread = packaged.limits._replace(linear_m_s=np.float32(0.25)), tuple(np.diag(np.full(3, 0.25)))
-    model = packaged._replace(limits=limits, ids=frozenset(packaged.ids))
-    options = LASTING._replace(record=path, period_ms=np.int64(20))
-    emulated = factory.make(factory.Options(robot="traxbot"))
-    with SteppedDriver(emulated.engine, model, options) as robot:
-        robot.reset_pose(Pose(*np.ones(3)), (*spread[0], *spread[1][1:], spread[2][2]))
-        robot.drive(1.0, 0.0)
-        robot.wait(0.5)
-    emulated.close()
-    played, _ = replay(path)
-    assert played.model.limits.linear_m_s == 0.25 and played.pose == robot.pose
 
 
 def test_one_that_begins_in_mid_run_knows_the_bias_of_the_gyro(tmp_path):
@@ -393,14 +361,6 @@ def test_a_recording_of_an_unknown_robot_names_its_id(short, tmp_path):
 def test_an_empty_recording_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="holds nothing"):
         replay(tmp_path / "x.mrl", ["#mrl-recording 1 {}\n"])
-
-
-def test_shares_of_the_work_add_up_to_one(short, tmp_path):
-    shares = []
-    lines, path = short
-    path.write_text("".join(lines))
-    RecordedDriver(str(path)).play(shares.append)
-    assert math.fsum(shares) == pytest.approx(1.0)
 
 
 def test_a_new_difference_of_the_clocks_holds_for_the_frame_that_noticed_it(short, tmp_path):

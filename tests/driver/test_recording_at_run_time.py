@@ -1,14 +1,13 @@
 """Recordings that begin and end while the driver is connected."""
 
 import json
-import threading
 import time
 
 import pytest
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
-from mrl_driver.errors import ConfigError, LinkLost
+from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.decoded import phone_readings
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
@@ -95,17 +94,6 @@ def test_no_byte_from_the_board_is_lost_or_doubled(serve, files, pieces):
     assert at > 0 and pieces.find(second, at + len(first)) > 0
 
 
-def test_no_byte_to_the_board_is_lost_or_doubled(serve, files):
-    board = serve()
-    with Driver(board.path, options=LASTING) as robot:
-        robot.start_recording(files[0])
-        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01)
-        robot.stop_recording()
-    sent = joined(files[0], TO_BOARD)
-    wait_until(lambda: sent in bytes(board.received))
-    assert b"@11,200,0," in sent
-
-
 def test_what_is_sent_right_after_it_began_is_in_it(serve, files):
     with Driver(serve().path, options=LASTING) as robot:
         for _ in range(10):
@@ -139,30 +127,6 @@ def test_its_remarks_and_header_are_those_of_a_recording_from_the_start(serve, f
     assert (recording.header["port"], recording.header["baud"]) == (board.path, 115200)
 
 
-def test_a_callback_may_begin_and_end_it(serve, files):
-    ended = threading.Event()
-
-    def on_telemetry(telemetry):
-        if robot.recorder is None and not ended.is_set():
-            robot.start_recording(files[0])
-        elif not ended.is_set() and joined(files[0], FROM_BOARD).count(b"e") > 3:
-            robot.stop_recording()
-            ended.set()
-
-    with Driver(serve().path) as robot:
-        robot.on_telemetry(on_telemetry)
-        wait_until(ended.is_set)
-        frames_later(robot)
-    assert summarise(Recording(files[0]))["garbage"] == {}
-
-
-def test_it_goes_on_until_the_driver_is_closed(serve, files):
-    with Driver(serve().path) as robot:
-        robot.start_recording(files[0])
-        frames_later(robot)
-    assert b"@13e" in joined(files[0], TO_BOARD)
-
-
 def test_another_one_can_begin_only_when_the_first_has_ended(serve, files):
     with Driver(serve().path, options=Options(record=files[0])) as robot:
         with pytest.raises(ConfigError, match=r"one\.mrl is being recorded; stop that recording first"):
@@ -182,16 +146,6 @@ def test_a_file_that_cannot_be_made_leaves_the_robot_driving(serve, tmp_path):
                 robot.start_recording(path)
         frames_later(robot)
         assert robot.command is not None and robot.recorder is None
-
-
-def test_what_a_full_disk_lacks_is_said(serve):
-    with Driver(serve().path) as robot:
-        assert "/dev/full lacks" in record(robot, "/dev/full")
-
-
-def test_a_driver_that_is_not_connected_records_nothing(files):
-    with pytest.raises(LinkLost, match="not connected"):
-        Driver("/dev/nothing").start_recording(files[0])
 
 
 def test_without_one_no_frame_passes_through_it(serve, files):

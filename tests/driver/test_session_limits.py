@@ -134,13 +134,6 @@ def test_what_feeds_the_watchdog_while_a_newer_command_is_held_back_comes_after_
     assert (held_back, fed.session.take(), fed.motion.target) == (b"", STOP_BYTES, None)
 
 
-def test_what_feeds_the_watchdog_does_no_harm_to_a_command_that_was_sent():
-    fed = Fed()
-    fed.drive(0.05)
-    fed.session.expire(STALE_S - 0.001)
-    assert fed.session.take() == b"" and fed.motion.target == (200, 0)
-
-
 @pytest.mark.parametrize("options", [{"capabilities": ()}, {"plan": Plan(watchdog_ms=0)}])
 @pytest.mark.parametrize("newer", ["a slower command", "a lower limit"])
 def test_without_a_watchdog_a_command_that_is_held_back_is_a_stop(newer, options):
@@ -218,11 +211,6 @@ def test_telemetry_is_stale_at_its_limit_and_its_age_is_told():
     assert fed.motion.stop_reason == "stale"
 
 
-def test_the_age_of_stale_telemetry_is_counted_from_its_last_frame():
-    fed = Fed(now=100.0)
-    assert fed.session.tick(100.5)[0].age_s == pytest.approx(0.5)
-
-
 # -- the next instant at which something is due
 
 
@@ -257,14 +245,6 @@ def test_while_the_board_is_greeted_a_stop_is_due_too():
     assert session.deadline(0.0) == 0.25
     session.stop(0.0)
     assert session.deadline(0.0) == 0.05
-
-
-def test_work_within_half_a_period_is_done_with_the_frame():
-    assert Session(lambda board: None, 0.0, Plan(period_ms=50)).lead_s == 0.025
-
-
-def test_a_new_session_may_have_work():
-    assert Session(lambda board: None, 0.0).hurried
 
 
 def test_a_session_has_earlier_work_after_an_answer_and_not_after_telemetry():
@@ -329,14 +309,6 @@ def test_commands_are_refused_after_a_gap_longer_than_a_pause_and_than_two_perio
     assert taken == [True, False]
 
 
-@pytest.mark.parametrize("gap_s, taken", [(0.4, True), (0.41, False)])
-def test_the_same_if_the_port_is_read_first(gap_s, taken):
-    fed = Fed(plan=Plan(period_ms=200, stream=False))
-    fed.session.queued_s = 1.0
-    fed.session.receive(b"", gap_s)
-    assert fed.session.drive((200, 0), gap_s) is taken
-
-
 def test_a_gap_is_one_between_calls_and_not_the_age_of_the_session():
     fed = Fed(now=100.0, plan=Plan(period_ms=200, stream=False))
     fed.session.queued_s = 1.0
@@ -344,22 +316,11 @@ def test_a_gap_is_one_between_calls_and_not_the_age_of_the_session():
     assert fed.session.drive((200, 0), 100.3)
 
 
-def test_a_session_refuses_no_commands_after_a_pause_unless_it_is_told_to():
-    assert Fed(plan=Plan(stream=False)).session.drive((200, 0), 1.0)
-
-
 def test_a_command_before_the_greeting_is_refused():
     assert Session(lambda board: None, 0.0).drive((200, 0), 0.0) is False
 
 
 # -- stops
-
-
-def test_a_stop_is_sent_at_once():
-    fed = Fed()
-    fed.drive(0.05)
-    fed.session.stop(0.06)
-    assert fed.session.take().startswith(STOP_BYTES)
 
 
 def test_the_wheels_stand_still_though_sonars_change():
@@ -468,13 +429,6 @@ def test_a_lost_link_drops_the_command_and_what_was_not_sent():
     assert fed.session.take() == b"" and fed.motion.stop_reason == "link_lost"
 
 
-def test_a_link_lost_before_the_first_telemetry_has_no_time_limit():
-    fed = Fed(greeting_s=1.0)
-    fed.session.lose(0.1)
-    fed.session.tick(5.0)
-    assert not fed.session.ready
-
-
 def test_the_first_telemetry_has_the_time_of_the_greeting():
     fed = Fed(greeting_s=2.0)
     fed.session.tick(0.3)
@@ -488,24 +442,6 @@ def test_without_a_stream_no_telemetry_is_expected():
     fed.session.tick(0.2)
     fed.session.tick(60.0)
     assert fed.session.ready
-
-
-def long_up(same=None):
-    """A board that was up for ten seconds at the start, on a link that was lost for a moment; greeted again."""
-    talk = Talk()
-    talk.board.started_s = -10.0
-    talk.until_ready().run(0.6)
-    talk.session.lose(talk.now)
-    talk.events.clear()
-    if same is None:
-        talk.session.relink(talk.now)
-    else:
-        talk.session.relink(talk.now, same)
-    return talk.until_ready().seen(Ready)[0].restarted
-
-
-def test_a_new_link_is_one_to_the_same_board_unless_it_is_told():
-    assert (long_up(), long_up(True), long_up(False)) == (False, False, True)
 
 
 @pytest.mark.parametrize("code, ended", [(SENSING, True), (8, False)])
@@ -537,12 +473,6 @@ def test_the_end_asks_a_board_without_checksums_for_nothing_new():
     fed.session.take()
     fed.session.end()
     assert fed.session.take() == b"@65555e"
-
-
-def test_a_session_that_never_met_a_board_can_end():
-    session = Session(lambda board: None, 0.0)
-    session.end()
-    assert session.take() == b"@65555e"
 
 
 # -- who the board is, asked again
@@ -749,34 +679,6 @@ def test_a_status_that_another_one_overtook_is_no_restart(uptime_s, restarted):
     fed.events += fed.session.receive(fed.status(uptime_s=uptime_s), 1.0)
     assert (not fed.session.ready, bool(fed.seen(Status))) == (restarted, restarted)
     assert (fed.motion.stop_reason == "restarted") is restarted
-
-
-def stalled(uptime_s, check=True):
-    """A board that had this uptime when it fell silent for a moment; greeted again."""
-    talk = Talk(plan=Plan(check=check))
-    talk.board.started_s = -float(uptime_s) + 0.9
-    talk.until(lambda: talk.seen(Status) and talk.seen(Status)[-1].uptime_s == uptime_s)
-    talk.board.mute = True
-    talk.until(lambda: talk.seen(Stale))
-    talk.board.mute = False
-    talk.events.clear()
-    return talk.until_ready()
-
-
-@pytest.mark.parametrize("uptime_s, restarted", [(2, True), (3, False)])
-def test_a_plain_board_that_was_up_for_three_seconds_has_not_restarted_if_its_start_is_the_same(
-    uptime_s, restarted
-):
-    assert stalled(uptime_s, check=False).seen(Ready)[0].restarted is restarted
-
-
-def test_frames_of_a_board_that_restarted_are_used_at_once():
-    """Their numbers are lower than those before."""
-    talk = Talk().until_ready().run(1.0)
-    talk.board.reset(talk.now)
-    talk.events = []
-    talk.until_ready().run(0.1)
-    assert len(talk.counts) >= 4 and talk.session.counters.overtaken == 0
 
 
 def test_times_of_a_board_that_restarted_begin_anew():

@@ -73,13 +73,6 @@ def test_a_driver_that_found_no_thread_closes_and_connects_later(serve):
     robot.close()
 
 
-def test_a_driver_that_found_no_thread_can_be_closed(serve):
-    robot = Driver(serve().path)
-    with threads_left(0), pytest.raises(MrlError):
-        robot.connect()
-    robot.close()
-
-
 @pytest.mark.parametrize("left", [0, 5])
 def test_a_lost_robot_is_found_again_when_there_are_descriptors(cable, left, monkeypatch):
     """With five, the port opens, and the pipe behind it does not."""

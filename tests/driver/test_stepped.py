@@ -4,15 +4,13 @@ import math
 
 import pytest
 
-from mrl_driver.driver import Driver, Options
+from mrl_driver.driver import Options
 from mrl_driver.driver.options import COMMAND_TIMEOUT_S
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, MrlError, NotARobot, WrongRobot
+from mrl_driver.errors import BoardTimeout, ConfigError, MrlError
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
-from mrl_driver.safety.speed_limiter import FIRST_STEP_S
+from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.serve import factory
-from tests.scripted_line import ScriptedLine
 
 LASTING = Options(command_timeout_s=None)
 POSE_ERROR_M = 2e-4
@@ -32,11 +30,6 @@ def robot(emulated):
     """Its commands stay in force."""
     with SteppedDriver(emulated.engine, options=LASTING) as robot:
         yield robot
-
-
-def test_it_offers_what_the_driver_offers():
-    """A procedure is written once for both."""
-    assert issubclass(SteppedDriver, Driver)
 
 
 def test_a_wait_lasts_as_long_as_it_says(robot):
@@ -62,24 +55,6 @@ def test_the_pose_is_the_true_one(robot, emulated):
     assert robot.pose.x_m == pytest.approx(emulated.plant.true_pose.x_m, abs=POSE_ERROR_M)
 
 
-def test_two_runs_are_the_same():
-    def run():
-        emulated = factory.make(factory.Options(robot="stingbot", seed=7))
-        with SteppedDriver(emulated.engine, options=LASTING) as robot:
-            robot.drive(0.1, 0.3)
-            robot.wait(3.0)
-            return robot.telemetry, robot.statistics
-
-    assert run() == run()
-
-
-def test_leaving_the_block_stops_the_robot(emulated):
-    with SteppedDriver(emulated.engine, options=LASTING) as robot:
-        robot.drive(0.2, 0.0)
-        robot.wait(1.0)
-    assert robot.stopped and all(motor.speed == 0 for motor in emulated.plant.robot.motors)
-
-
 def test_a_command_that_is_not_repeated_ends_after_half_a_second(emulated):
     """Unless the program sets another time: one that hangs leaves no robot driving."""
     with SteppedDriver(emulated.engine) as robot:
@@ -89,82 +64,9 @@ def test_a_command_that_is_not_repeated_ends_after_half_a_second(emulated):
         assert robot.pose.x_m < 0.2 * (COMMAND_TIMEOUT_S + BRAKING_S)
 
 
-def test_a_repeated_command_lasts(emulated):
-    with SteppedDriver(emulated.engine) as robot:
-        for _ in range(90):
-            robot.drive(0.2, 0.0)
-            robot.wait(0.1)
-        assert robot.command == (0.2, 0.0)
-
-
-def test_a_command_without_timeout_stays_in_force(robot):
-    robot.drive(0.2, 0.0)
-    robot.wait(5.0)
-    assert robot.command == (0.2, 0.0)
-
-
-def test_a_question_is_answered(robot):
-    assert robot.ask(BY_NAME["read_counters"].code)
-
-
 def test_a_question_without_an_answer_ends_in_simulated_time(robot):
     with pytest.raises(BoardTimeout, match="3 attempts"):
         robot.ask(BY_NAME["stop"].code)
-
-
-def test_silence_is_no_robot():
-    with pytest.raises(NotARobot):
-        SteppedDriver(ScriptedLine()).connect()
-
-
-def test_another_robot_is_refused(emulated):
-    with pytest.raises(WrongRobot):
-        SteppedDriver(emulated.engine, "stingbot").connect()
-
-
-def test_a_closed_driver_takes_nothing(emulated):
-    with SteppedDriver(emulated.engine) as robot:
-        pass
-    with pytest.raises(LinkLost):
-        robot.drive(0.1, 0.0)
-
-
-def test_a_wheel_is_watched_from_the_first_command_after_a_restart_of_the_board(emulated):
-    """The board's time begins at zero again, in the middle of a stream of commands."""
-    with SteppedDriver(emulated.engine, options=LASTING) as robot:
-        robot.drive(0.1, 0.0)
-        robot.wait(6.0)
-        emulated.engine.reset()
-        while robot.statistics.restarts == 0 or not robot.drive(0.1, 0.0):
-            robot.wait(0.001)
-        emulated.plant.robot.motors[0].move = lambda dt, volts: 0.0
-        for _ in range(30):
-            robot.drive(0.1, 0.0)
-            robot.wait(0.1)
-        assert robot.mismatch is not None
-
-
-def test_a_command_of_zero_stops_a_robot_that_slows_down_for_its_battery(robot, emulated):
-    robot.drive(0.4, 0.0)
-    robot.wait(3.0)
-    emulated.plant.robot.set_battery(8.3)
-    while robot.battery_state != "empty":
-        robot.wait(0.01)
-    assert robot.command.linear_m_s > 0.2
-    robot.drive(0.0, 0.0)
-    assert robot.command is None and robot.stop_reason == "battery"
-
-
-def test_a_late_answer_to_another_index_is_none(robot):
-    """As after a question that was repeated: both answers come, the second one to the next question."""
-    read, kp, ramp = (
-        BY_NAME["read_config"].code,
-        PARAMETER_BY_NAME["kp"].number,
-        PARAMETER_BY_NAME["ramp_time"].number,
-    )
-    expected = robot.ask(read, ramp)
-    robot.request(read, kp)
-    assert robot.ask(read, ramp) == expected
 
 
 def test_limits_are_the_models_speeds_and_no_acceleration_until_others_are_set(robot):
@@ -172,23 +74,6 @@ def test_limits_are_the_models_speeds_and_no_acceleration_until_others_are_set(r
     assert robot.limits[:2] == model[:2] and robot.limits.linear_acceleration_m_s2 == math.inf
     robot.drive(9.0, 0.0)
     assert robot.command == (model.linear_m_s, 0.0)
-
-
-def test_a_single_command_goes_on_speeding_up_with_the_stream(robot):
-    robot.limits = robot.limits._replace(linear_acceleration_m_s2=0.2)
-    robot.drive(0.3, 0.0)
-    robot.wait(0.4)
-    assert robot.command.linear_m_s == pytest.approx(0.2 * 0.42, abs=0.01)
-
-
-def test_after_a_dropped_command_the_next_one_starts_from_standstill(robot):
-    robot.limits = robot.limits._replace(linear_acceleration_m_s2=0.2)
-    robot.drive(0.3, 0.0)
-    robot.wait(1.0)
-    robot.pause(0.3)
-    assert robot.command is None and robot.stop_reason == "host_paused"
-    robot.drive(0.3, 0.0)
-    assert robot.command.linear_m_s == pytest.approx(0.2 * FIRST_STEP_S)
 
 
 def test_a_robot_that_slows_down_for_its_battery_speeds_up_no_more(robot, emulated):
@@ -249,14 +134,6 @@ def test_a_lower_limit_holds_from_the_next_frame_on(emulated):
         assert robot.command.linear_m_s == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize("pose", [(math.nan, 0, 0), (0, math.inf, 0), (0, 0, -math.inf)])
-def test_a_pose_that_is_not_finite_is_refused_and_the_former_stays(robot, pose):
-    before = robot.pose
-    with pytest.raises(ConfigError, match="expected a finite number"):
-        robot.reset_pose(Pose(*pose))
-    assert robot.pose == before
-
-
 @pytest.mark.parametrize(
     "spread",
     [
@@ -301,11 +178,6 @@ def test_a_request_that_turns_motors_is_refused_while_commands_are_inhibited(rob
         robot.request(BY_NAME[name].code, *arguments)
     robot.allow("emergency stop")
     robot.request(BY_NAME[name].code, *arguments)
-
-
-def test_a_driver_that_never_stood_still_has_no_pause(robot):
-    robot.wait(1.0)
-    assert robot.since_pause_s == math.inf
 
 
 @pytest.mark.parametrize("speeds", [None, (0.1, 0.0)], ids=["at rest", "driving"])

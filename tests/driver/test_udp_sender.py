@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from mrl_driver.errors import ConfigError, PortMissing
+from mrl_driver.errors import ConfigError
 from mrl_driver.transport import udp_sender
 from mrl_driver.transport.udp_sender import UdpSender
 from tests.waiting import PATIENCE_S
@@ -88,8 +88,3 @@ def test_what_is_no_address_is_refused_with_an_example(to):
     assert str(refused.value) == (
         f"--udp is {to!r}, expected HOST:PORT, such as 127.0.0.1:9870 or [::1]:9870"
     )
-
-
-def test_an_unknown_name_is_refused():
-    with pytest.raises(PortMissing, match="^--udp no.such.invalid:9870 .*check the name"):
-        UdpSender("no.such.invalid:9870")

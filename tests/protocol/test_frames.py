@@ -2,7 +2,6 @@
 
 import pytest
 
-from mrl_driver.protocol import Frame, check_value
 from mrl_driver.protocol.frames import to_int16
 
 
@@ -12,12 +11,3 @@ from mrl_driver.protocol.frames import to_int16
 )
 def test_a_number_wraps_to_int16(number, wire):
     assert to_int16(number) == wire
-
-
-@pytest.mark.parametrize(("body", "check"), [(b"\xf3\x20", 32767), (b"@10926", -32768)])
-def test_the_largest_and_the_smallest_checksum(body, check):
-    assert check_value(body) == check
-
-
-def test_a_frame_has_no_stamp_unless_it_is_given_one():
-    assert Frame(6, (1, 2)).stamp is None

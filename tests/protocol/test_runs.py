@@ -160,16 +160,6 @@ def test_what_stands_before_a_run_is_not_forgotten(checked):
             assert quick.feed(piece) == scanner.feed(piece), (before, begin)
 
 
-def test_a_line_end_within_a_frame_is_kept():
-    quick, scanner = FrameDecoder(REPLIES), Scanner(REPLIES)
-    for piece in (b"@8,1", b"\r\n" + b"7" * 500):
-        assert quick.feed(piece) == scanner.feed(piece)
-
-
-def test_no_number_at_all_is_no_run():
-    assert REPLIES.runs[False][b"@20"].frames(b"@20,e") is None
-
-
 @pytest.mark.parametrize("before", [b"", b"text "])
 @pytest.mark.parametrize("cut", [8, 20, 700])
 @pytest.mark.parametrize("checked", [False, True])

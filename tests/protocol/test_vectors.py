@@ -4,7 +4,7 @@ from typing import Callable, List
 
 import pytest
 
-from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder, Garbage, Stamp
+from mrl_driver.protocol import REPLIES, REQUESTS, FrameDecoder, Garbage
 from tests.vectors import Vector, load
 
 DIRECTIONS = {"requests": REQUESTS, "replies": REPLIES}
@@ -19,11 +19,6 @@ def decoded(direction: str, pieces_of: Callable[[Vector], List[bytes]]):
         decoder = FrameDecoder(DIRECTIONS[direction], vector.checked)
         found[vector.name] = [event for piece in pieces_of(vector) for event in decoder.feed(piece)]
     return found
-
-
-@each_direction
-def test_names_differ(direction: str):
-    assert len({vector.name for vector in VECTORS[direction]}) == len(VECTORS[direction]) > 10
 
 
 @each_direction
@@ -44,15 +39,3 @@ def test_amid_noise(direction: str):
     noise = Garbage(b"\x80\xfe", "noise")
     events = decoded(direction, lambda vector: [b"\x80\xfe\r\n" + vector.wire + b"\r\n@"])
     assert events == {vector.name: [noise, *vector.events_at_line_end] for vector in VECTORS[direction]}
-
-
-def test_frames_of_the_grammar_need_no_table():
-    """A cut frame is garbage; the newer frame survives."""
-    assert FrameDecoder().feed(b"@6,425@6,4250,6430e") == [
-        Garbage(b"@6,425", "restarted"),
-        Frame(6, (4250, 6430)),
-    ]
-
-
-def test_stamp_is_compared():
-    assert Frame(6, (1, 2), Stamp(1, 2)) != Frame(6, (1, 2))

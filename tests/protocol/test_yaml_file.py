@@ -56,11 +56,6 @@ def test_the_same_key_in_two_mappings_is_none_twice(tmp_path):
     assert read(str(path)) == {"a": {"x": 1}, "b": {"x": 2}}
 
 
-def test_lists_in_lists_beyond_all_sense(tmp_path):
-    """Loaders call themselves for each list in a list."""
-    assert "nested deeper than 10" in fault_of(tmp_path, f"a: {'[' * 10}{']' * 10}")
-
-
 @pytest.mark.parametrize(
     ("path", "problem"), [("/dev/zero", "it is not a plain file"), ("a\0b", "its name holds a zero byte")]
 )
@@ -81,11 +76,6 @@ def test_bytes_that_are_not_text(tmp_path):
     path.write_bytes(b"name: \xff")
     with pytest.raises(ConfigError, match="no YAML: .*utf-8"):
         read(str(path))
-
-
-@pytest.mark.parametrize("text", ["a: [", "a:\n\t- 1", "[" * 5000, "a: \x00", "a: &x [*x", "? {"])
-def test_what_is_not_yaml(tmp_path, text):
-    assert "no YAML" in fault_of(tmp_path, text)
 
 
 @pytest.mark.parametrize("text", ["a:\n\t- 1", "\ta: 1", "a:\n  b: 1\n  \tc: 2", "- \ta: 1\n  b: 2"])
