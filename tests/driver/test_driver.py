@@ -1,24 +1,33 @@
 """The driver with its thread, on a pty with a fake board at the other end."""
 
 import contextlib
+import errno
 import math
+import os
 import re
 import threading
 import time
+from unittest import mock
 
 import pytest
 
-from mrl_driver.driver import Driver, Options
+from mrl_driver.driver import Driver, Options, link_source
 from mrl_driver.errors import (
     BatteryDead,
     BoardTimeout,
     ConfigError,
     FrameError,
+    LinkError,
     LinkLost,
     MrlError,
+    NotARobot,
+    PortBusy,
+    PortDenied,
+    PortMissing,
     WrongRobot,
 )
 from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.session.events import Awaited
 from mrl_driver.transport import open_link
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.relay import STOP_2013
@@ -256,9 +265,6 @@ def test_a_stalled_board_is_stale_and_no_command_is_taken(prompt, robot):
     assert robot.command is None
 
 
-# -- what cannot be connected to
-
-
 def test_another_model_is_refused(serve):
     with pytest.raises(WrongRobot, match=r"the board is traxbot \(id 1\), expected stingbot \(id 4, 5\)"):
         Driver(serve().path, "stingbot").connect()
@@ -362,3 +368,108 @@ def test_a_wait_for_longer_than_the_system_can_wait_waits(serve):
     robot.close()
     thread.join(PATIENCE_S)
     assert waited == [True]
+
+
+def test_a_board_whose_answers_another_program_takes_ends_with_that_programs_name(serve, monkeypatch):
+    """It has opened the port after this one, or its user is another."""
+    port = serve()
+    port.held.set()
+    monkeypatch.setattr(link_source, "opened_by", lambda name: f"cat (process 7) at {name}")
+    with pytest.raises(
+        PortBusy, match=rf"in use by cat \(process 7\) at {port.path}, which takes .*no answer"
+    ):
+        Driver(port.path, options=Options(greeting_s=0.3)).connect()
+
+
+def test_a_board_that_is_silent_without_another_program_is_silent(serve):
+    port = serve()
+    port.held.set()
+    with pytest.raises(NotARobot, match="no answer"):
+        Driver(port.path, options=Options(greeting_s=0.3)).connect()
+
+
+def test_own_bytes_that_come_back_are_named():
+    """As from a loopback plug, or a login prompt."""
+    with pytest.raises(NotARobot, match=r"the bytes that were sent come back \(b'@"):
+        Driver("loop://").connect()
+
+
+WAITS = Options(port_timeout_s=PATIENCE_S)
+
+
+def refuse(*errors):
+    """The port gives these errors, then opens."""
+    left = list(errors)
+
+    def opener(*args):
+        if left:
+            raise left.pop(0)
+        return mock.DEFAULT
+
+    return mock.patch.object(link_source, "open_link", side_effect=opener, wraps=link_source.open_link)
+
+
+DENIED, MISSING, BUSY = PortDenied("no permission"), PortMissing("does not exist"), PortBusy("in use")
+SILENT = LinkError("its device does not answer (Protocol error)")
+
+
+def test_any_error_of_the_port_is_waited_for_and_told_once(serve):
+    events = []
+    robot = Driver(serve().path, options=WAITS)
+    robot.on_event(events.append)
+    with refuse(MISSING, DENIED, DENIED, SILENT, BUSY):
+        assert robot.connect().robot_id == 1
+    robot.close()
+    told = [event.reason for event in events if isinstance(event, Awaited)]
+    assert told == [
+        "does not exist",
+        "no permission",
+        "its device does not answer (Protocol error)",
+        "in use",
+    ]
+
+
+def test_a_port_that_gets_its_rights_late_is_opened(serve, monkeypatch):
+    """As before udev has set them; the system is asked, not a stand-in."""
+    port, opened, open_ = serve().path, [], os.open
+
+    def late(path, *args, **kwargs):
+        if path == port:
+            opened.append(path)
+            if len(opened) < 3:
+                raise PermissionError(errno.EACCES, "Permission denied")
+        return open_(path, *args, **kwargs)
+
+    monkeypatch.setattr(os, "open", late)
+    with Driver(port, options=WAITS) as robot:
+        assert robot.ready and len(opened) == 3
+
+
+def test_without_time_the_first_error_ends_it(serve):
+    with refuse(DENIED), pytest.raises(PortDenied):
+        Driver(serve().path).connect()
+
+
+def test_after_the_time_the_last_error_ends_it(serve):
+    robot = Driver(serve().path, options=Options(port_timeout_s=0.3))
+    with refuse(MISSING, *[DENIED] * 1000), pytest.raises(PortDenied):
+        robot.connect()
+
+
+def test_a_driver_that_waits_for_its_port_can_be_closed(tmp_path):
+    robot = Driver(str(tmp_path / "port"), options=WAITS)
+    waits, ended = threading.Event(), []
+    robot.on_event(lambda event: waits.set())
+
+    def connect():
+        try:
+            robot.connect()
+        except LinkLost as error:
+            ended.append(error)
+
+    thread = threading.Thread(target=connect)
+    thread.start()
+    assert waits.wait(PATIENCE_S)
+    robot.close()
+    thread.join(PATIENCE_S)
+    assert len(ended) == 1

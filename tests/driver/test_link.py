@@ -1,6 +1,9 @@
+"""Every transport offers what `Link` says."""
+
 import contextlib
 import errno
 import fcntl
+import inspect
 import os
 import re
 import struct
@@ -11,8 +14,12 @@ import tty
 
 import pytest
 
+from mrl_driver.driver.simulated import SteppedLink
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, MrlError, PortBusy, PortDenied, PortMissing
-from mrl_driver.transport.link import SerialLink
+from mrl_driver.recording.recorded_link import RecordedLink
+from mrl_driver.transport.link import Link, SerialLink
+from mrl_driver.transport.pyserial_link import UrlLink
+from mrl_driver.transport.sockets import TcpLink, UdpLink
 from tests.waiting import PATIENCE_S, require_median
 
 TIOCGEXCL = 0x80045440
@@ -317,3 +324,12 @@ def test_many_closes_during_reads(pty):
         thread.join(PATIENCE_S)
         assert results == [b""]
     require_median([max(times)], CLOSE_S, "the longest close")
+
+
+METHODS = [name for name, _ in inspect.getmembers(Link, inspect.isfunction) if not name.startswith("_")]
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("transport", [SerialLink, TcpLink, UdpLink, UrlLink, RecordedLink, SteppedLink])
+def test_a_transport_has_the_methods_of_a_link_with_their_parameters(transport, name):
+    assert inspect.signature(getattr(transport, name)) == inspect.signature(getattr(Link, name))
