@@ -105,8 +105,8 @@ check: setup ## Format, lint, types, generated files, import rules, plain Englis
 	$(PY) -m mrl_driver.generate --check
 	$(PY) -m ros1_bridge.description --check
 	$(PY) -m sim_arduino.world --check
-	$(PY) -m tests.verify.model.constants --check
-	$(PY) -m tests.bench.figures --check
+	$(PY) -m tests.long.verify.model.constants --check
+	$(PY) -m tests.long.bench.figures --check
 	$(PY) -m tests.documents.plain_english
 	$(VENV)/bin/codespell
 
@@ -137,10 +137,10 @@ test-all: ## Run everything; SEED=n looks at inputs that the fixed ones do not h
 
 .PHONY: bench-firmware bench-host
 bench-firmware: setup firmware comparison ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
-	$(PY) -m tests.bench.bench_firmware
+	$(PY) -m tests.long.bench.bench_firmware
 
 bench-host: setup ## Measure the decoder, recording and the driver without ROS; build/bench/host.json
-	$(PY) -m tests.bench.bench_host
+	$(PY) -m tests.long.bench.bench_host
 
 run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot '$(ROBOT)') $(if $(ENGINE),--engine $(ENGINE)) \
@@ -151,7 +151,7 @@ generate: setup ## Render protocol.h, PROTOCOL.md and the schemas of YAML files 
 	$(PY) -m mrl_driver.generate
 	$(PY) -m ros1_bridge.description
 	$(PY) -m sim_arduino.world
-	$(PY) -m tests.verify.model.constants
+	$(PY) -m tests.long.verify.model.constants
 
 docs: setup $(VENV)/.site ## Check the spelling and build the documentation site in build/docs; a warning is an error; needs Python 3.11
 	$(VENV)/bin/codespell

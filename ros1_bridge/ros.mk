@@ -2,14 +2,14 @@
 
 .PHONY: bench-ros bench-relay description check-description
 bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
-	$(ROS_ENV) $(PY) -m tests.bench.bench_ros
+	$(ROS_ENV) $(PY) -m tests.long.bench.bench_ros
 
 bench-relay: setup ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
-	$(ROS_ENV) $(PY) -m tests.bench.bench_relay
+	$(ROS_ENV) $(PY) -m tests.long.bench.bench_relay
 
 .PHONY: bench-fleet
 bench-fleet: setup ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
-	$(ROS_ENV) $(PY) -m tests.bench.bench_fleet
+	$(ROS_ENV) $(PY) -m tests.long.bench.bench_fleet
 
 description: ## Render the robots' URDF files from their geometry
 	$(PY) -m ros1_bridge.description
@@ -33,5 +33,5 @@ ifeq ($(NAVIGATION_SRC),)
 	  "make test-navigation NAVIGATION_SRC=folder" >&2; exit 2
 else
 	@$(MAKE) --no-print-directory setup
-	@$(ROS_ENV) $(PY) -m tests.navigation --source '$(NAVIGATION_SRC)'
+	@$(ROS_ENV) $(PY) -m tests.long.navigation --source '$(NAVIGATION_SRC)'
 endif

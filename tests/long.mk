@@ -4,49 +4,49 @@ MINUTES ?= $(if $(FAST),0.03,10)
 
 .PHONY: smoke figures experiments
 smoke: setup firmware pc-firmware comparison ## Run whatever measures, verifies or draws in its shortest form and judge the figures; ONLY="soak docs"
-	$(PY) -m tests.bench.smoke $(ONLY)
+	$(PY) -m tests.long.bench.smoke $(ONLY)
 
 figures: setup ## Render the tables of README.md and BENCHMARKS.md from docs/figures
-	$(PY) -m tests.bench.figures
+	$(PY) -m tests.long.bench.figures
 
 experiments: setup firmware comparison ## Measure the papers' experiments in simulated time; build/bench/experiments.json
-	$(PY) -m tests.bench.bench_experiments
+	$(PY) -m tests.long.bench.bench_experiments
 
 .PHONY: fuzz fuzz-readers reactions soak
 fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
-	$(PY) -m tests.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.1,60)) --seed $(or $(SEED),1)
+	$(PY) -m tests.long.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.1,60)) --seed $(or $(SEED),1)
 
 fuzz: fuzz-readers ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
-	$(PY) -m tests.fuzz --minutes $(MINUTES)
-	$(PY) -m tests.fuzz.greetings --board pc --board bridge --board august --board january $(if $(FAST),--greetings 2)
+	$(PY) -m tests.long.fuzz --minutes $(MINUTES)
+	$(PY) -m tests.long.fuzz.greetings --board pc --board bridge --board august --board january $(if $(FAST),--greetings 2)
 	cd $(PC_BUILD) && for fuzzer in ./fuzz_firmware ./fuzz_firmware_hbridge; do \
 	  $$fuzzer -max_total_time=$(if $(FAST),1,$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
 
 reactions: setup firmware ## Kill, unplug, stop and close repeatedly, then keep driving for MINUTES=n; build/bench/reliability.json
-	$(PY) -m tests.fuzz.reactions --minutes $(MINUTES)
+	$(PY) -m tests.long.fuzz.reactions --minutes $(MINUTES)
 
 SOAK_FAULTS ?= $(if $(FAST),32,10000)
 SOAK_MINUTES ?= $(if $(FAST),0.25,60)
 soak: setup firmware ## Strike with SOAK_FAULTS=n faults in simulated time, then for SOAK_MINUTES=n in real time; build/bench/soak.json
-	$(PY) -m tests.soak simulated --faults $(SOAK_FAULTS)
-	$(PY) -m tests.soak real --minutes $(SOAK_MINUTES)
+	$(PY) -m tests.long.soak simulated --faults $(SOAK_FAULTS)
+	$(PY) -m tests.long.soak real --minutes $(SOAK_MINUTES)
 
 .PHONY: verify
 verify: setup ## Check the model of the stop in all its states; build/verify/model.json
-	$(PY) -m tests.verify.model
+	$(PY) -m tests.long.verify.model
 
 .PHONY: frames
 frames: setup ## Visit all states of the firmware's decoder and writer, and interrupt its shared functions; build/verify/frames.json
-	$(PY) -m tests.verify.frames
-	$(PY) -m tests.verify.interrupts
+	$(PY) -m tests.long.verify.frames
+	$(PY) -m tests.long.verify.interrupts
 
 .PHONY: mutants
 mutants: setup $(VENV)/.mutants pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter"
-	$(PY) -m tests.mutants $(SOURCES)
+	$(PY) -m tests.long.mutants $(SOURCES)
 
 .PHONY: bench-calibration
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
-	$(PY) -m tests.bench.bench_calibration
+	$(PY) -m tests.long.bench.bench_calibration
 
 .PHONY: review-holdout
 review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first
@@ -54,7 +54,7 @@ review-holdout: setup ## Find the faults of drives that the tests do not have, S
 
 .PHONY: bench-web
 bench-web: setup ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json
-	$(PY) -m tests.bench.bench_web
+	$(PY) -m tests.long.bench.bench_web
 
 PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)
 .PHONY: test-fresh
@@ -72,4 +72,4 @@ test-pythons: | apt firmware pc-firmware comparison ## Run the tests that need n
 
 .PHONY: explore
 explore: setup ## Let all sequences of 6 events happen to driver and firmware, and find the seeded bugs; build/verify/explore.json
-	$(PY) -m tests.verify.explorer
+	$(PY) -m tests.long.verify.explorer

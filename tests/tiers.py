@@ -27,10 +27,7 @@ FOLDERS = {
     "experiments": TEST,
     "documents": TEST,
     "packaging": ALL,
-    "verify": ALL,
-    "soak": ALL,
-    "mutants": ALL,
-    "fuzz": ALL,
+    "long": ALL,
 }
 ENGINES = {"python": QUICK, "pc": QUICK, "avr": ALL}
 """Parameters named `engine` decide alone: files of the conformance tests import every engine."""

@@ -7,7 +7,7 @@ import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import FAULTS, REASONS, RESET_CAUSES, STOP_REASONS
-from tests.bench.firmware_board import Rig, request
+from tests.long.bench.firmware_board import Rig, request
 
 ELF = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
 MOVE, STOP = 0xEB, 0xFC

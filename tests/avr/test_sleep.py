@@ -5,7 +5,7 @@ from typing import Iterator, List
 
 import pytest
 
-from tests.bench.firmware_board import Rig, request
+from tests.long.bench.firmware_board import Rig, request
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "build" / "firmware"
 SONARS, ENVIRONMENT, XBEE = (

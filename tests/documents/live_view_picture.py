@@ -18,7 +18,7 @@ from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.live_view import Screen, Settings
 from sim_arduino.serve import factory
-from tests.bench.report import either
+from tests.long.bench.report import either
 
 WIDTH, HEIGHT = 100, 30
 STEP_S, CONTROL_S, SHOWN_S = 2.0, 0.05, 0.7

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Sequence
 
 from sim_arduino.world.world_file import load
-from tests.bench.report import either
+from tests.long.bench.report import either
 from tests.web.browser import DESK, PHONE, Browser
 from tests.web.robot_page import RobotPage
 from tests.web.served import Served

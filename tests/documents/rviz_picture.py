@@ -17,7 +17,7 @@ from xmlrpc.client import ServerProxy
 
 from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child, wait_until
-from tests.bench.report import either
+from tests.long.bench.report import either
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 LAUNCH = ROOT / "ros1_bridge" / "launch"

@@ -14,7 +14,8 @@ ROWS = [
 ]
 PROPERTIES = set(
     re.findall(
-        r"\bP\d\b", (ROOT / "tests/verify/README.md").read_text(encoding="utf-8").split("## The model")[0]
+        r"\bP\d\b",
+        (ROOT / "tests/long/verify/README.md").read_text(encoding="utf-8").split("## The model")[0],
     )
 )
 SECTIONS = dict(re.findall(r"^\[(\w+)\]: \.\./BENCHMARKS\.md#(.*)$", TEXT, re.MULTILINE))

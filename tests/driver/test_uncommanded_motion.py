@@ -9,7 +9,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol.table import BY_NAME, STOP_CODE
 from mrl_driver.session.session import Session
 from tests.conformance.bench import Bench
-from tests.soak.truth import Truth
+from tests.long.soak.truth import Truth
 
 MOVE = b"@%d," % BY_NAME["move_differential"].code
 STOP = b"@%de" % STOP_CODE

@@ -2,9 +2,9 @@
 
 import pytest
 
-from tests.bench.firmware_board import Rig, request
-from tests.bench.firmware_measures import MOVE, STOP, command_delays_us, stream_of
 from tests.conformance.bench import FIRMWARE
+from tests.long.bench.firmware_board import Rig, request
+from tests.long.bench.firmware_measures import MOVE, STOP, command_delays_us, stream_of
 
 BAUD, ROW = 500000, 2
 RATE_HZ, COMMAND_US = 1000.0, 700.0

@@ -9,10 +9,10 @@ from mrl_driver.protocol import REPLIES, FrameDecoder
 from mrl_driver.protocol.table import FAULTS, REASONS
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
 from tests.avr.test_image import ENDLESS_LOOP, lock_up
-from tests.bench.firmware_board import Rig, request
 from tests.firmware.test_image_hbridge import ENCODERS, HALF_DUTY, Board
 from tests.firmware.test_image_xbee import frames, say
 from tests.firmware.test_xbee import received
+from tests.long.bench.firmware_board import Rig, request
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "firmware"
 READY_S, CONVERTED_S = 0.12, 0.5

@@ -17,7 +17,7 @@ from mrl_driver.protocol.table import (
     WIRING,
 )
 from sim_arduino.avr.machine import AvrMachine
-from tests.bench.firmware_board import Rig, request
+from tests.long.bench.firmware_board import Rig, request
 
 IMAGE = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware_hbridge.elf"
 HZ = 16_000_000

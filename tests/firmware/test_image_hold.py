@@ -1,6 +1,6 @@
 """How soon a hold by radio stops a robot: two images of the radio build, from host to motors."""
 
-from tests.bench import bench_hold
+from tests.long.bench import bench_hold
 
 LATEST_S = 0.06
 """`make bench-hold` has the figures; the text alone takes 23 ms on each of the two lines of the modules."""

@@ -4,10 +4,10 @@ import pytest
 
 from mrl_driver.protocol import REPLIES, FrameDecoder
 from sim_arduino.avr.machine import AvrMachine
-from tests.bench import firmware_measures as measures
-from tests.bench.firmware_board import Rig, request
 from tests.conformance.bench import FIRMWARE
 from tests.firmware.imu_chip import GYRO_DATA, ImuChip
+from tests.long.bench import firmware_measures as measures
+from tests.long.bench.firmware_board import Rig, request
 
 BUILDS = {"": 0x68, "_environment": 0x69, "_xbee": 0x68, "_hbridge": 0x69}
 """Images, and an address at which each looks for the IMU."""

@@ -15,7 +15,7 @@ from typing import Dict, List
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.review.drive_data import read
 from mrl_driver.review.findings import Finding, find
-from tests.bench import report
+from tests.long.bench import report
 
 from .drives import Drive, record
 from .faulty_drives import faulty, good, more

@@ -24,8 +24,8 @@ from ros1_bridge.node.plane_poses import planar, yaw_of
 from ros1_bridge.node.robot_parameters import PAUSE_S
 from sim_arduino.world.shapes import Footprint, Wall
 from sim_arduino.world.world import World
-from tests.navigation.drive import drive
-from tests.navigation.goals import Judge
+from tests.long.navigation.drive import drive
+from tests.long.navigation.goals import Judge
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S

@@ -11,8 +11,8 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.world import world_file
-from tests.navigation.goals import CONTACT_M, GOALS, REACHED_M, ROBOTS, Judge, Outcome, row_of, table_of
-from tests.navigation.stack import NEEDED, require_sources
+from tests.long.navigation.goals import CONTACT_M, GOALS, REACHED_M, ROBOTS, Judge, Outcome, row_of, table_of
+from tests.long.navigation.stack import NEEDED, require_sources
 from tests.waiting import PATIENCE
 
 from .rig import ROOT

@@ -1,0 +1,71 @@
+"""`make experiments`: the figures of the papers' experiments; build/bench/experiments.json.
+
+The figures have the names `EXPERIMENT.KEY`, with the suffixes `_worst`, `_control` and `_published`.  They are in
+simulated time.  FAST=1 takes one seed, and shorter drives.
+"""
+
+import importlib
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from typing import Any, Dict, Tuple
+
+from sim_arduino.experiments import (
+    arena,
+    gyro,
+    key_presses,
+    l_course,
+    mixed_team,
+    patrol,
+    power,
+    shared_waypoint,
+    square,
+)
+from sim_arduino.experiments.cli import EXPERIMENTS
+from sim_arduino.experiments.experiment_report import Figure
+from sim_arduino.experiments.experiment_robot import Setting
+from tests.long.bench import report
+
+SHORT: Tuple[Tuple[Any, Dict[str, Any]], ...] = (
+    (arena, {"LANE": 8}),
+    (gyro, {"TURNS": 1, "CALIBRATION_TURNS": 1, "DRIVE": gyro.DRIVE[:2]}),
+    (key_presses, {"read": lambda path, read=key_presses.read: read(path)[:13]}),
+    (l_course, {"WAYPOINTS": l_course.WAYPOINTS[:2]}),
+    (mixed_team, {"DURATION_S": 20.0, "CONTROL_S": 10.0, "SLIPPING_S": 20.0}),
+    (patrol, {"DURATION_S": 25.0}),
+    (power, {"FASTER": 600.0, "NEAR_END": 60.0}),
+    (shared_waypoint, {"ROUNDS": 1}),
+    (square, {"LAPS": 2, "SIDE_M": 0.3}),
+)
+"""What is another with FAST=1."""
+
+
+def figures_of(name: str) -> Dict[str, Any]:
+    """The figures of an experiment."""
+    module = importlib.import_module(f"sim_arduino.experiments.{EXPERIMENTS[name].module}")
+    for shortened, others in SHORT * report.FAST:
+        vars(shortened).update(others)
+    with tempfile.TemporaryDirectory() as folder:
+        rows = module.run(Setting(folder, seeds=report.either(0, 1))).rows
+    return {f"{name}.{key}": value for row in rows for key, value in values(row).items()}
+
+
+def values(row: Figure) -> Dict[str, Any]:
+    """A figure's own value and others; of `0 of 10` the first number."""
+    found = {row.key: row.ours, f"{row.key}_worst": row.worst, f"{row.key}_control": row.control}
+    numbers = {key: _number(value) for key, value in found.items() if value is not None}
+    return {**numbers, **({f"{row.key}_published": row.published} if row.published else {})}
+
+
+def _number(value: Any) -> Any:
+    return int(value.split()[0]) if isinstance(value, str) and " of " in value else value
+
+
+def main() -> int:
+    with ProcessPoolExecutor(2) as pool:
+        found = list(pool.map(figures_of, EXPERIMENTS))
+    return report.conclude("experiments", {key: value for one in found for key, value in one.items()})
+
+
+if __name__ == "__main__":
+    sys.exit(main())

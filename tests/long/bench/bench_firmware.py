@@ -1,0 +1,144 @@
+"""Measures the firmware images on the simulated chip; build/bench/firmware.json.  `make bench-firmware` runs it.
+
+The figures of the 2013 firmware and of rosserial in docs/figures are from an earlier measurement on this bench, with
+the released firmware of August 2013 and with a sketch on ros_lib; neither is in this repository.  The sketches of
+`firmware/comparison` repeat that of `@6e`.
+
+Figures with an IMU have the suffix `_imu`, those while it streams `_imu_100hz`, and those of the H-bridge image
+`_hbridge` before it.  FAST=1 is shorter.
+"""
+
+import sys
+import time
+from functools import partial
+from statistics import median
+from typing import Callable, Dict, NamedTuple, Optional, Tuple, TypeVar
+
+from mrl_driver.errors import MrlError
+from sim_arduino.experiments import message_times
+from sim_arduino.experiments.experiment_robot import Setting
+from tests.long.bench import bridge_measures as bridge
+from tests.long.bench import firmware_measures as measures
+from tests.long.bench import report
+from tests.long.bench.bridge_board import BridgeRig
+from tests.long.bench.figures import ROOT
+from tests.long.bench.firmware_board import Rig
+
+
+class Case(NamedTuple):
+    """What is connected to the bus besides the motor board: the suffix of its figures, and the period of the IMU's
+    stream [ms]; 0 is an IMU that does not stream, None no IMU."""
+
+    suffix: str
+    imu_period_ms: Optional[int]
+
+
+CASES = report.either(
+    (Case("", None), Case("_imu", 0), Case("_imu_100hz", 10)), (Case("", None), Case("_imu_100hz", 10))
+)
+FOLDER = ROOT / "build" / "firmware"
+ELF, BRIDGE_ELF = FOLDER / "mrl_firmware.elf", FOLDER / "mrl_firmware_hbridge.elf"
+BRIDGE_EDGES_HZ = 10000
+"""Edges of both wheels together in the figures that both images have."""
+SUFFIX = "_hbridge"
+Measure = Callable[[], Dict[str, float]]
+RigOfCase = TypeVar("RigOfCase", bound=Rig)
+
+MEASURES: Tuple[Callable[[measures.MakeRig], Dict[str, float]], ...] = (
+    measures.memory_figures,
+    measures.boot_figures,
+    measures.turnaround_figures,
+    measures.stream_figures,
+    measures.count_age_figures,
+    measures.checked_stream_figures,
+    measures.command_figures,
+    measures.rate_figures,
+    measures.watchdog_figures,
+    measures.hang_figures,
+    measures.exact_figures,
+)
+IMU_MEASURES: Tuple[Callable[[measures.MakeRig], Dict[str, float]], ...] = (measures.imu_figures,)
+BRIDGE_MEASURES: Tuple[Callable[[measures.MakeRig], Dict[str, float]], ...] = (
+    measures.memory_figures,
+    measures.boot_figures,
+    measures.turnaround_figures,
+    measures.stream_figures,
+    bridge.watchdog_figures,
+    bridge.exact_figures,
+)
+"""Measures with turning wheels."""
+BRIDGE_TURNING: Tuple[Callable[[bridge.MakeTurning], Dict[str, float]], ...] = (
+    bridge.edge_figures,
+    bridge.sample_figures,
+    bridge.stop_figures,
+)
+
+
+def timed(name: str, measure: Measure) -> Dict[str, float]:
+    """What a measure gives; its duration is printed."""
+    begun = time.monotonic()
+    found = measure()
+    print(f"{name} took {time.monotonic() - begun:.1f} s", file=sys.stderr)
+    return found
+
+
+def with_imu(make: Callable[[], RigOfCase], case: Case) -> RigOfCase:
+    """A rig with what the case connects."""
+    rig = make()
+    if case.imu_period_ms is not None:
+        rig.fit_imu(case.imu_period_ms)
+    return rig
+
+
+def measured(case: Case) -> Dict[str, float]:
+    """All figures of the image for the OMNI-3MD."""
+    figures: Dict[str, float] = {}
+    make = partial(with_imu, partial(Rig, ELF), case)
+    for measure in MEASURES + IMU_MEASURES * bool(case.imu_period_ms):
+        figures.update(timed(f"{measure.__name__}{case.suffix}", partial(measure, make)))
+    return figures
+
+
+def measured_bridge(case: Case) -> Dict[str, float]:
+    """All figures of the H-bridge image, without its suffix."""
+    figures: Dict[str, float] = {}
+
+    def turning(edges_hz: float) -> BridgeRig:
+        return with_imu(partial(BridgeRig, BRIDGE_ELF, edges_hz), case)
+
+    make, suffix = partial(turning, BRIDGE_EDGES_HZ), f"{SUFFIX}{case.suffix}"
+    for measure in BRIDGE_MEASURES + IMU_MEASURES * bool(case.imu_period_ms):
+        figures.update(timed(f"{measure.__name__}{suffix}", partial(measure, make)))
+    for alone in BRIDGE_TURNING:
+        figures.update(timed(f"{alone.__name__}{suffix}", partial(alone, turning)))
+    if case.imu_period_ms is None:
+        figures.update(timed(f"motion_figures{suffix}", partial(bridge.motion_figures, BRIDGE_ELF)))
+    return figures
+
+
+def measured_sketches() -> Dict[str, float]:
+    """Turnaround of the request for the counters, median, of the sketches of `firmware/comparison` [us]."""
+    sketches = {"2013": message_times.TIMING_2013, "rosserial": message_times.ROSSERIAL}
+    return {
+        f"encoders_turnaround_us_median_sketch_{column}": 1e6
+        * median(message.reply_s for message in message_times.measure(Setting(""), sketch))
+        for column, sketch in sketches.items()
+    }
+
+
+def main() -> int:
+    """Measures, prints, writes; 0 if every goal is met, 1 if one is missed, 13 without image or simulator."""
+    figures: Dict[str, float] = {}
+    try:
+        for case in CASES:
+            for image, measure in ("", measured), (SUFFIX, measured_bridge):
+                figures.update({f"{key}{image}{case.suffix}": value for key, value in measure(case).items()})
+        figures.update(measured_sketches())
+    except MrlError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+    return report.conclude("firmware", figures)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,142 @@
+"""`make bench-hold`: time from a holder's host to the motors of the robot that it holds; build/bench/hold.json.
+
+Two radio images run in simulated time.  The host of the first writes a hold text while the second drives and streams at
+50 Hz; the phase between both is random.  The same with parameter 26 off is the control: the robot must drive on.
+"""
+
+import random
+import statistics
+import sys
+from typing import Dict, List, Optional
+
+from mrl_driver.host.firmware_images import image_path
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.hold_text import HoldText
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.robot import models
+from mrl_driver.robot.radio import text_of, text_request
+from sim_arduino.board import parameter_store
+from sim_arduino.board.avr_board import AvrEngine
+from sim_arduino.hardware.motor import Mode
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.hardware.xbee import RadioFit
+from sim_arduino.world.world import World
+from tests.long.bench import report
+
+HOLDS, CONTROLS = report.either((1000, 20), (5, 2))
+SILENCE = 20
+"""Parameter 26 [100 ms]."""
+START_S, STEP_S, PATIENCE_S, SETTLE_S = 2.5, 0.001, 0.5, 0.08
+"""Until the image has listened; resolution; longest wait; time for a command to take effect."""
+STREAM_MS = 20
+
+
+class Pair:
+    """A holder, and a robot that lets it hold it, or not."""
+
+    def __init__(self, radio_hold: int) -> None:
+        world, model = World(), models.load("traxbot")
+        plants = [Plant(model, world, (n, 0, 0), name=f"robot{n}", radio=RadioFit()) for n in (0, 1)]
+        self.boards = [AvrEngine(each, image_path("xbee")) for each in plants]
+        values = parameter_store.first(model.ids[0], model)
+        values[PARAMETER_BY_NAME["radio_hold"].number] = radio_hold
+        self.boards[1].machine.write_eeprom(0, parameter_store.image(values))
+        self._held, self._decoder = plants[1], FrameDecoder(REPLIES)
+        self._address = plants[1].xbee.station.address
+        self.now_s = 0.0
+        self.run(START_S)
+        self.tell(1, "start_stream", STREAM_MS)
+
+    def tell(self, board: int, name: str, *args: int) -> None:
+        """A request of a board's host."""
+        self.boards[board].receive(encode_request(BY_NAME[name].code, *args))
+
+    def say(self, text: HoldText) -> None:
+        """The holder's host writes a text."""
+        code, *fields = text_request(self._address, text.data)
+        self.boards[0].receive(encode_request(code, *fields))
+
+    def run(self, seconds: float) -> None:
+        """Runs both boards."""
+        end_s = self.now_s + seconds
+        while self.now_s < end_s:
+            self.step()
+
+    def step(self) -> List[HoldText]:
+        """Runs both boards one step further; the answers that the holder's host gets."""
+        self.now_s += STEP_S
+        self.boards[1].advance(self.now_s)
+        frames = self._decoder.feed(self.boards[0].advance(self.now_s))
+        texts = [text_of(event) for event in frames if isinstance(event, Frame)]
+        answers = [HoldText.parse(text.data) for text in texts if text]
+        return [answer for answer in answers if answer]
+
+    @property
+    def driven(self) -> bool:
+        """The motor board of the held robot drives."""
+        motors = self._held.robot.motors
+        return any(motors[n].mode is not Mode.BRAKE for n in (0, 2))
+
+    def close(self) -> None:
+        """Ends both boards."""
+        for board in self.boards:
+            board.close()
+
+
+class Times:
+    """Times of one hold, from the write [s]; None is never."""
+
+    def __init__(self) -> None:
+        self.stopped_s: Optional[float] = None
+        self.answered_s: Optional[float] = None
+
+
+def hold(pair: Pair, number: int) -> Times:
+    """The driving robot is held once."""
+    begun_s, times = pair.now_s, Times()
+    pair.say(HoldText("hold", number))
+    while pair.now_s < begun_s + PATIENCE_S and (times.stopped_s is None or times.answered_s is None):
+        answers = pair.step()
+        if times.stopped_s is None and not pair.driven:
+            times.stopped_s = pair.now_s - begun_s
+        if HoldText("held", number) in answers:
+            times.answered_s = pair.now_s - begun_s
+    return times
+
+
+def measure(radio_hold: int, count: int) -> List[Times]:
+    """Holds the robot many times, each time while it drives."""
+    pair, phase, out = Pair(radio_hold), random.Random(1), []
+    for number in range(1, count + 1):
+        pair.tell(1, "move_differential", 200, 0)
+        pair.run(SETTLE_S + phase.uniform(0.0, STREAM_MS / 1000.0))
+        assert pair.driven
+        out.append(hold(pair, number))
+        pair.say(HoldText("free", number))
+        pair.run(SETTLE_S)
+    pair.close()
+    return out
+
+
+def main() -> int:
+    """Measures, prints, writes."""
+    print("hold", file=sys.stderr, flush=True)
+    holds, controls = measure(SILENCE, HOLDS), measure(0, CONTROLS)
+    stopped_ms = [1000.0 * each.stopped_s for each in holds if each.stopped_s is not None]
+    answered_ms = [1000.0 * each.answered_s for each in holds if each.answered_s is not None]
+    figures: Dict[str, float] = {
+        "holds": len(holds),
+        "stopped": len(stopped_ms),
+        "stopped_ms_median": statistics.median(stopped_ms),
+        "stopped_ms_worst": max(stopped_ms),
+        "answered": len(answered_ms),
+        "answered_ms_median": statistics.median(answered_ms),
+        "answered_ms_worst": max(answered_ms),
+        "controls": len(controls),
+        "controls_stopped": sum(each.stopped_s is not None for each in controls),
+    }
+    return report.conclude("hold", figures)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,216 @@
+"""Greetings of boards behind a line that damages bytes, both ways: part of `make fuzz`.
+
+A greeting is wrong if the driver takes the board for another one, or leaves undone what the board can do.  It must not
+move the robot.  The figures go to build/bench/reliability.json.
+"""
+
+import multiprocessing
+import os
+import sys
+from typing import Any, Dict, List, NamedTuple, Tuple
+
+import click
+
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import MrlError
+from mrl_driver.protocol.table import PARAMETER_BY_NAME
+from mrl_driver.robot import models
+from mrl_driver.robot.models import RobotModel
+from sim_arduino.board import PythonBoard, parameter_store
+from sim_arduino.board.board2013 import Board2013
+from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.world.world import World
+from tests.firmware.pc_board import BRIDGE, SONARS, PcBoard
+from tests.long.bench import report
+
+BOOTED_S, BOOTED_2013_S = 0.2, 4.0
+"""The board has ended its start by then, one of 2013 also its bootloader [s]."""
+MOTION_S = 0.5
+"""A motor that a greeting has turned is seen turning within this time after it [s]."""
+KINDS = ("loss", "flip", "change", "swap")
+"""Bytes are lost, get a wrong bit, are replaced, and change places with the next one."""
+RATES = (0.001, 0.01)
+
+
+class Kind(NamedTuple):
+    """A kind of board: the robot that has it, and how long it starts."""
+
+    engine: Any
+    """Makes the board of a plant with these parameters in its EEPROM."""
+    model: str = "traxbot"
+    booted_s: float = BOOTED_S
+
+
+def pc_board(plant: Plant, eeprom: bytes) -> Any:
+    """The firmware on the PC."""
+    return PcBoard(plant, eeprom, BRIDGE if plant.bridge else SONARS)
+
+
+def python_board(plant: Plant, eeprom: bytes) -> Any:
+    """The firmware's behaviour in Python."""
+    return PythonBoard(plant, eeprom=bytearray(eeprom))
+
+
+def august(plant: Plant, _: bytes) -> Any:
+    """A board with the firmware of August 2013."""
+    return Board2013(plant)
+
+
+def january(plant: Plant, _: bytes) -> Any:
+    """A board with the firmware of January 2013."""
+    return Board2013(plant, january=True)
+
+
+BOARDS = {
+    "pc": Kind(pc_board),
+    "bridge": Kind(pc_board, "duo"),
+    "python": Kind(python_board),
+    "august": Kind(august, booted_s=BOOTED_2013_S),
+    "january": Kind(january, booted_s=BOOTED_2013_S),
+}
+
+
+def eeprom_of(robot: RobotModel, plain_calibrate: bool) -> bytes:
+    """The EEPROM of a robot that is ready to drive."""
+    values = parameter_store.first(robot.ids[0], robot)
+    values[PARAMETER_BY_NAME["plain_calibrate"].number] = int(plain_calibrate)
+    return parameter_store.image(values)
+
+
+class Booted:
+    """An engine whose time begins when its board has booted."""
+
+    def __init__(self, engine: Any, booted_s: float) -> None:
+        self._engine, self._booted_s = engine, booted_s
+        engine.advance(booted_s)
+
+    @property
+    def next_event_s(self) -> float:
+        """As the engine's, of this time."""
+        return self._engine.next_event_s - self._booted_s
+
+    def receive(self, data: bytes) -> None:
+        """Bytes from the host."""
+        self._engine.receive(data)
+
+    def advance(self, to_s: float) -> bytes:
+        """Run to this time; what the board has sent until then."""
+        return self._engine.advance(to_s + self._booted_s)
+
+
+class Outcome(NamedTuple):
+    """What came of a greeting."""
+
+    session: Tuple[Any, ...] = ()
+    """Who the driver says the board is, and how it talks with it."""
+    error: str = ""
+    """Why it gave up."""
+    moved: bool = False
+    """The robot has moved."""
+
+
+class Tally(NamedTuple):
+    """What came of some greetings."""
+
+    greetings: int
+    wrong: int
+    moved: Tuple[int, ...]
+    """Seeds of those that moved the robot."""
+    errors: Tuple[str, ...]
+    """Words of those that ended with an error."""
+
+
+def greet(name: str, faults: Tuple[str, ...], seed: int, plain_calibrate: bool = False) -> Outcome:
+    """Greet a board of that name on a line with these faults; `plain_calibrate` sets the parameter."""
+    kind = BOARDS[name]
+    robot = models.load(kind.model)
+    plant = Plant(robot, World(), (0.0, 0.0, 0.0))
+    board = kind.engine(plant, eeprom_of(robot, plain_calibrate))
+    try:
+        line = Booted(FaultyEngine(board, faults, seed), kind.booted_s)
+        driver = SteppedDriver(line)
+        session, error = (), ""
+        try:
+            told = driver.connect()
+            session = driver.model.name, told.robot_id, told.version, told.protocol, told.capabilities
+        except MrlError as failure:
+            error = f"{type(failure).__name__}: {failure}"
+        start = plant.true_pose
+        line.advance(driver.now_s + MOTION_S)
+        moved = plant.true_pose != start or start != (0.0, 0.0, 0.0)
+        return Outcome(session, error, moved)
+    finally:
+        if isinstance(board, PcBoard):
+            board.close()
+
+
+def faults_of(rate: float) -> Tuple[str, ...]:
+    """Faults of all kinds that damage this share of the bytes."""
+    return tuple(f"{kind}:rate={rate / len(KINDS)}" for kind in KINDS)
+
+
+def try_many(job: Tuple[str, float, range]) -> Tally:
+    """Greet a board once for each seed, on a line that damages this share of the bytes."""
+    name, rate, seeds = job
+    right = greet(name, (), 0).session
+    found = {seed: greet(name, faults_of(rate), seed) for seed in seeds}
+    return Tally(
+        len(found),
+        sum(not each.error and each.session != right for each in found.values()),
+        tuple(seed for seed, each in found.items() if each.moved),
+        tuple(each.error for each in found.values() if each.error),
+    )
+
+
+def total(tallies: List[Tally]) -> Tally:
+    """Their sum."""
+    return Tally(
+        sum(t.greetings for t in tallies),
+        sum(t.wrong for t in tallies),
+        tuple(sorted(seed for t in tallies for seed in t.moved)),
+        tuple(words for t in tallies for words in t.errors),
+    )
+
+
+def figures_of(board: str, tally: Tally) -> Dict[str, int]:
+    """Figures of build/bench/reliability.json."""
+    whose = "_2013" if BOARDS[board].booted_s == BOOTED_2013_S else ""
+    return {f"greetings{whose}_tried": tally.greetings, f"greetings{whose}_moved": len(tally.moved)}
+
+
+@click.command()
+@click.option(
+    "--board", "boards", type=click.Choice(list(BOARDS)), multiple=True, default=["pc"], show_default=True
+)
+@click.option("--rate", "rates", type=float, multiple=True, default=RATES, show_default=True)
+@click.option("--greetings", type=click.IntRange(1), default=3000, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+def main(boards: Tuple[str, ...], rates: Tuple[float, ...], greetings: int, seed: int) -> None:
+    """Greet boards on bad lines; exit code 1 if a session is wrong, ends with an error, or moves a robot."""
+    processes = os.cpu_count() or 1
+    figures: Dict[str, int] = {}
+    failed = False
+    with multiprocessing.Pool(processes) as pool:
+        for board in boards:
+            for rate in rates:
+                seeds = range(seed, seed + greetings)
+                tally = total(
+                    pool.map(try_many, [(board, rate, seeds[i::processes]) for i in range(processes)])
+                )
+                failed = failed or bool(tally.wrong or tally.moved or tally.errors)
+                for key, count in figures_of(board, tally).items():
+                    figures[key] = figures.get(key, 0) + count
+                click.echo(
+                    f"{board}, {rate:.1%} of the bytes damaged: {tally.greetings} greetings, {len(tally.moved)} moved "
+                    f"the robot, {tally.wrong} wrong sessions, {len(tally.errors)} errors"
+                )
+                if tally.moved:
+                    click.echo(f"  seeds that moved it: {tally.moved}")
+                for words in sorted(set(tally.errors)):
+                    click.echo(f"  {words}")
+    sys.exit(report.conclude("reliability", figures) or failed)
+
+
+if __name__ == "__main__":
+    main()

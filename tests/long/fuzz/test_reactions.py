@@ -1,0 +1,67 @@
+"""What the long runs report, and a short form of the longest."""
+
+import gc
+import tracemalloc
+
+import pytest
+
+from mrl_driver.driver.options import Options
+from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import BoardTimeout
+from sim_arduino.serve import factory
+from tests.long.fuzz import reactions
+from tests.long.fuzz.reaction_measures import sorted_out
+
+LEAK_BYTES = 25000
+"""More than what a few buffers may hold, less than 100 bytes a frame."""
+
+
+def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
+    emulated = factory.make(factory.Options(robot="traxbot"))
+    with SteppedDriver(emulated.engine, options=Options(period_ms=10)) as robot:
+        robot.drive(0.1, 0.5)
+        robot.wait(4.0)
+        tracemalloc.start(1)
+        robot.wait(1.0)
+        gc.collect()
+        before = tracemalloc.get_traced_memory()[0]
+        robot.wait(3.0)
+        gc.collect()
+        grown = tracemalloc.get_traced_memory()[0] - before
+        tracemalloc.stop()
+        counters = robot.statistics
+        assert counters.frames > 750
+        assert (
+            counters.lost + counters.duplicates + counters.refused_counts + sum(counters.garbage.values())
+            == 0
+        )
+    emulated.close()
+    assert grown < LEAK_BYTES
+
+
+@pytest.mark.parametrize(
+    ("received", "blocked", "mixed"),
+    [
+        (b"@11,100,0e@30e@11,-100,0e", 0, 0),
+        (b"@11,1@30e00,0e@30e", 0, 2),
+        (b"@11,1@30e00,0e@30e", 5, 1),
+        (b"@11,1@30e@30e", 1, 0),
+        (b"@11,1@30e@30e", 0, 1),
+        (b"@30e@11,10", 0, 0),
+        (b"@@30e13e@30e", 1, 1),
+    ],
+)
+def test_a_frame_cut_in_two_by_another_is_found_even_among_blocked_writes(received, blocked, mixed):
+    assert sorted_out(received, blocked)[1] == mixed
+
+
+def test_a_part_that_fails_is_a_miss_and_does_not_end_the_others(monkeypatch):
+    def fail(count):
+        raise BoardTimeout("no answer")
+
+    def closes(count):
+        return {"close_ms_max": 3}
+
+    monkeypatch.setattr(reactions, "PARTS", (reactions.Part(fail, 1), reactions.Part(closes, 1)))
+    monkeypatch.setattr(reactions.measures, "long_drive", lambda minutes: {"soak_minutes": minutes})
+    assert list(reactions.run(1.0)) == [{reactions.FAILED: 1}, {"close_ms_max": 3}, {"soak_minutes": 1.0}]

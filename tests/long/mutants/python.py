@@ -1,0 +1,113 @@
+"""Mutants of Python sources: mutmut changes functions and methods, `_constants` the numbers outside them.
+
+Both work on a copy of packages and tests in build/mutants.
+"""
+
+import ast
+import json
+import pathlib
+import shutil
+import subprocess
+import sys
+from typing import Iterator, List, Sequence, Tuple
+
+from tests import tiers
+
+ROOT = pathlib.Path(__file__).resolve().parents[3]
+PACKAGES = ("mrl_driver", "ros1_bridge", "sim_arduino")
+CONFIG = """[mutmut]
+source_paths=
+ {packages}
+only_mutate=
+ {sources}
+do_not_mutate_patterns=
+ ^\\s*raise\\b
+ ^\\s*f?"
+pytest_add_cli_args_test_selection=
+ {tests}
+pytest_add_cli_args=
+ -p
+ no:cacheprovider
+ -p
+ no:xdist
+ -m
+ not realtime
+ -k
+ not (taken_at_once or byte_by_byte or call_path or few_looks or recording_at_run_time)
+timeout_multiplier=60
+"""
+"""Texts of errors are left alone.  The tests that are left out count calls, of which mutmut makes more."""
+NOTICED = (1, 3, 24, 36, 152, 255, -9, -11, -24)
+"""mutmut's codes of mutants with which a test failed, lasted too long or crashed."""
+SHOW = """import sys
+from mutmut.mutation.diff_apply import get_diff_for_mutant
+for name in sys.argv[2:]:
+    lines = get_diff_for_mutant(name, path=sys.argv[1]).splitlines()[2:]
+    print(name.rpartition(".")[2], *[each for each in lines if each[0] in "-+"], sep=" ")
+"""
+
+
+def run(sources: Sequence[str], tests: Sequence[str], workers: int) -> Iterator[Tuple[str, int, List[str]]]:
+    """Yield each source with its number of mutants and what survived; a folder of tests is its quick tier."""
+    files = sorted({file for each in tests for file in _files(ROOT / each)})
+    work = ROOT / "build" / "mutants" / sources[0].replace("/", ".")
+    _lay_out(work)
+    config = dict(packages="\n ".join(PACKAGES), sources="\n ".join(sources), tests="\n ".join(files))
+    (work / "setup.cfg").write_text(CONFIG.format(**config))
+    mutmut = [str(pathlib.Path(sys.executable).with_name("mutmut")), "run", "--max-children", str(workers)]
+    with open(str(work / "log"), "w") as log:
+        code = subprocess.run(mutmut, cwd=str(work), stdout=log, stderr=log).returncode
+    if code:
+        raise SystemExit(f"mutmut ended with {code}, expected 0; its last lines in {work / 'log'} say why")
+    for source in sources:
+        codes = json.loads((work / "mutants" / f"{source}.meta").read_text())["exit_code_by_key"]
+        show = [sys.executable, "-c", SHOW, source, *(name for name in codes if codes[name] not in NOTICED)]
+        alive = subprocess.check_output(show, cwd=str(work)).decode().splitlines()
+        numbers = list(_numbers(ast.parse((ROOT / source).read_text())))
+        alive += [text for each in numbers for text in _tried(each, source, files, work / "mutants")]
+        yield source, len(codes) + len(numbers), alive
+
+
+def _files(path: pathlib.Path) -> List[str]:
+    if not path.exists():
+        raise SystemExit(f"sources.yaml names {path}, which is not there")
+    found = (
+        [path] if path.is_file() else [each for each in path.rglob("test_*.py") if not tiers.of_file(each)]
+    )
+    return [str(each.relative_to(ROOT)) for each in found]
+
+
+def _lay_out(work: pathlib.Path) -> None:
+    """Links to what mutmut copies, and in the folder of the copies to what the tests read besides."""
+    shutil.rmtree(str(work), ignore_errors=True)
+    (work / "mutants").mkdir(parents=True)
+    listed = subprocess.check_output(["git", "ls-files"], cwd=str(ROOT)).decode().splitlines()
+    for name in {path.split("/")[0] for path in listed} | {"build"}:
+        (work if name in (*PACKAGES, "tests") else work / "mutants").joinpath(name).symlink_to(ROOT / name)
+
+
+def _numbers(node: ast.AST) -> Iterator[ast.Constant]:
+    """The numbers outside functions."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Constant) and type(child.value) in (int, float):
+            yield child
+        elif not isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            yield from _numbers(child)
+
+
+def _tried(number: ast.Constant, source: str, files: Sequence[str], copy: pathlib.Path) -> Iterator[str]:
+    """The change of a number, if no test notices it: 1 more, or twice as much."""
+    text, name = (ROOT / source).read_text(), pathlib.Path(source).stem
+    changed = number.value + 1 if isinstance(number.value, int) else number.value * 2 or 1.0
+    lines = text.encode().splitlines(keepends=True)
+    line = lines[number.lineno - 1]
+    new = line[: number.col_offset] + repr(changed).encode() + line[number.end_col_offset :]
+    lines[number.lineno - 1] = new
+    near = sorted(files, key=lambda file: name not in (ROOT / file).read_text())
+    command = [sys.executable, "-m", "pytest", "-xqn0", "-p", "no:cacheprovider", "-m", "not realtime", *near]
+    kept = (copy / source).read_text()
+    (copy / source).write_bytes(b"".join(lines))
+    done = subprocess.run(command, cwd=str(copy), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    (copy / source).write_text(kept)
+    if not done.returncode:
+        yield f"line {number.lineno} - {line.decode().strip()} + {new.decode().strip()}"

@@ -1,0 +1,155 @@
+"""`make soak`: the simulated part and the part in real time; both add to build/bench/soak.json.
+
+build/soak.json has all that they noted, and how often each fault has struck.
+"""
+
+import json
+import multiprocessing
+import os
+import platform
+import signal
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from typing import Any, Dict, List
+
+import click
+
+from tests.long.bench import report
+from tests.long.bench.figures import ROOT
+
+from . import real as real_time
+from .rows import LEAST, ROWS
+from .simulated import Job, run_one
+from .tally import Tally
+
+SESSIONS, CHIPS = 32, 4
+"""A full simulated run is this many simulations of a quarter of an hour; of these many the board is the chip."""
+GROWTH_KB = 5000
+PARTS = ("simulated", "real_time")
+LEFT = ("processes_left", "descriptors_left", "threads_left", "growth_descriptors", "growth_threads")
+
+
+def write(part: str, figures: Dict[str, Any]) -> Path:
+    """Put the notes of a part into build/soak.json, with the table of all faults."""
+    path = ROOT / "build" / "soak.json"
+    path.parent.mkdir(exist_ok=True)
+    known = json.loads(path.read_text()) if path.exists() else {}
+    known[part] = figures
+    known["rows"] = table(known)
+    new = path.with_name(f".soak.{os.getpid()}")
+    new.write_text(json.dumps(known, indent=2) + "\n")
+    new.replace(path)
+    return path
+
+
+def table(known: Dict[str, Any]) -> List[Dict[str, Any]]:
+    """How often each fault has struck, in which part, and whether that is enough."""
+    rows = []
+    for number, text in ROWS.items():
+        counts = {part: known.get(part, {}).get("rows", {}).get(str(number), 0) for part in PARTS}
+        rows.append({"row": number, "fault": text, **counts, "enough": sum(counts.values()) >= LEAST})
+    return rows
+
+
+def conclude(part: str, begun_s: float, tally: Tally, **more: Any) -> None:
+    """Print and keep the figures of a part; exit code 1 if a judge has reported something."""
+    about = {
+        "date": time.strftime("%Y-%m-%d %H:%M"),
+        "machine": f"{os.cpu_count()} cores, {platform.machine()}",
+        "took_s": round(time.monotonic() - begun_s, 1),
+    }
+    notes = {**about, **more, **tally.report()}
+    path = write(part, notes)
+    click.echo(json.dumps(notes, indent=2))
+    few = [row["row"] for row in json.loads(path.read_text())["rows"] if not row["enough"]]
+    click.echo(f"{path}: {notes['faults']} faults, problems {notes['problems'] or 'none'}")
+    report.conclude("soak", figures_of(part, notes))
+    if few:
+        click.echo(f"rows that have struck fewer than {LEAST} times in both parts together: {few}")
+    sys.exit(bool(tally.kinds))
+
+
+def figures_of(part: str, notes: Dict[str, Any]) -> Dict[str, float]:
+    """The figures of a part."""
+    judged, problems, largest = (Counter(notes[name]) for name in ("judged", "problems", "largest"))
+    growth = [value for key, value in largest.items() if key.startswith("memory_kb_growth")]
+    figures = {
+        "hours": notes.get("simulated_h", notes["took_s"] / 3600),
+        "faults": notes["faults"],
+        "unasked_motion": problems["forbidden_motion"],
+        "unasked_motion_judged": judged["forbidden_motion"],
+        "late_stops": problems["time_to_stop"],
+        "late_stops_judged": judged["time_to_stop"],
+        "pose_jumps": problems["pose_jump"],
+        "left": sum(problems[key] for key in LEFT),
+        "memory_growth_mb": max(growth, default=0) / 1000,
+        "problems": sum(problems.values()),
+    }
+    return {f"{part}_{key}": value for key, value in figures.items()}
+
+
+@click.group()
+def main() -> None:
+    """Faults by the thousand."""
+
+
+@main.command("simulated")
+@click.option("--faults", type=click.IntRange(1), default=10000, show_default=True)
+@click.option("--seed", type=int, default=1, show_default=True)
+def simulated(faults: int, seed: int) -> None:
+    """Faults of link, board, motor, battery and clock in simulated time, one in 2.88 s: 10 000 in 8 hours."""
+    begun_s, tally = time.monotonic(), Tally()
+    each = -(-faults // SESSIONS)
+    jobs = [Job(1000 * seed + number, each, number < CHIPS) for number in range(SESSIONS)]
+    with multiprocessing.Pool(os.cpu_count()) as pool:
+        done = list(pool.imap(run_one, [*jobs, jobs[-1]], 1))
+    again, first = done.pop(), done[-1]
+    for one in done:
+        tally.add(one["tally"])
+    if (again["digest"], again["tally"].report()["faults_by_kind"]) != (
+        first["digest"],
+        first["tally"].report()["faults_by_kind"],
+    ):
+        tally.problem("same_seed_same_run", seed=first["seed"])
+    else:
+        tally.passed("same_seed_same_run")
+    judge_growth(done, tally)
+    conclude(
+        "simulated",
+        begun_s,
+        tally,
+        seed=seed,
+        simulated_h=round(sum(one["simulated_s"] for one in done) / 3600, 2),
+        chip_h=round(sum(one["simulated_s"] for one in done if one["chip"]) / 3600, 2),
+        cpu_s=round(sum(one["cpu_s"] for one in done), 1),
+    )
+
+
+def judge_growth(done: List[Dict[str, Any]], tally: Tally) -> None:
+    """What each process of the pool held after its first simulation and after its last one."""
+    for process in {one["pid"] for one in done}:
+        mine = [one for one in done if one["pid"] == process]
+        tally.growth(
+            "simulation", mine[0], mine[-1], {"memory_kb": GROWTH_KB, "descriptors": 0, "threads": 0}
+        )
+
+
+@main.command("real")
+@click.option("--minutes", type=click.FloatRange(0.1), default=60.0, show_default=True)
+@click.option("--faults", type=click.IntRange(1), default=100000, show_default=True, help="At most.")
+@click.option("--seed", type=int, default=1, show_default=True)
+@click.option("--rigs", default=",".join(real_time.RIGS), show_default=True)
+@click.option("--log", type=click.Path(dir_okay=False), help="A line for each fault and problem.")
+def real(minutes: float, faults: int, seed: int, rigs: str, log: str) -> None:
+    """Faults of process, disk, master, subscriber and port in real time."""
+    begun_s, tally = time.monotonic(), Tally(Path(log) if log else None)
+    # A background job of a shell ignores SIGINT, and so would the programs that it starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    real_time.run(60 * minutes, faults, seed, tally, tuple(real_time.RIGS[name] for name in rigs.split(",")))
+    conclude("real_time", begun_s, tally, seed=seed)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+"""A short form of the soak, and a weakness for each of its judges, which it must report."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from mrl_driver.robot.odometry import Baseline
+from sim_arduino.board.board_status import BoardStatus
+from tests.long.soak import truth
+from tests.long.soak.__main__ import table
+from tests.long.soak.programs import MARK, holds, left_behind
+from tests.long.soak.rows import LEAST, ROWS
+from tests.long.soak.simulated import ChipSimulation, Job, Simulation, run_one
+from tests.long.soak.tally import Tally
+
+FAULTS = 16
+
+
+def struck(fault, seed=1, kind=Simulation, times=1):
+    """What the judges say after a fault."""
+    tally = Tally()
+    simulation = kind(seed, tally)
+    for _ in range(times):
+        simulation.fault = fault
+        getattr(simulation, fault)()
+    simulation.engine.close()
+    return tally
+
+
+def test_faults_in_simulated_time_move_no_robot_that_should_stand_and_no_pose():
+    done = run_one(Job(7, FAULTS))
+    tally = done["tally"]
+    assert tally.problems == []
+    assert sum(tally.faults.values()) > FAULTS and tally.judged["forbidden_motion"] > FAULTS
+    assert tally.judged["time_to_stop"] > FAULTS and tally.largest["pose_jump_m"] <= 0.0
+
+
+def test_the_same_seed_is_the_same_run():
+    runs = [run_one(Job(8, 3)) for _ in range(2)]
+    assert runs[0]["digest"] == runs[1]["digest"] and runs[0]["simulated_s"] == runs[1]["simulated_s"]
+
+
+@pytest.mark.parametrize("fault", ["locks_up", "millis_wrap", "eeprom_damaged"])
+def test_the_firmware_on_the_chip_survives_what_only_hardware_has(fault):
+    assert struck(fault, kind=ChipSimulation).problems == []
+
+
+# ---- each judge reports a weakness
+
+
+class Unwatched(Simulation):
+    """The board has no watchdog."""
+
+    watchdog_ms = 0
+
+
+def test_a_robot_without_a_watchdog_is_reported():
+    assert struck("host_dies").kinds["time_to_stop"] == 0
+    assert struck("host_dies", kind=Unwatched).kinds["time_to_stop"] > 0
+
+
+def test_a_board_that_moves_again_after_its_own_stop_is_reported(monkeypatch):
+    assert struck("stalled", times=3).kinds["forbidden_motion"] == 0
+    monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
+    assert struck("stalled", times=3).kinds["forbidden_motion"] > 0
+
+
+@pytest.mark.parametrize("pulse_s, again, pulses", [(truth.PULSE_S, 0, 1), (0.0, 1, 0)])
+def test_a_move_that_the_line_delivers_together_with_its_stop_moves_no_wheel(
+    monkeypatch, pulse_s, again, pulses
+):
+    monkeypatch.setattr(truth, "PULSE_S", pulse_s)
+    simulation = Simulation(1, Tally())
+    simulation.stop()
+    begun_s = simulation.now_s
+    simulation.engine.stall(0.9)
+    simulation.command(0.2, 0.0)
+    simulation.wait(1.2)
+    window = truth.judge(simulation.truth, begun_s, simulation.now_s)
+    simulation.engine.close()
+    assert (window.again, window.pulses) == (again, pulses)
+
+
+@pytest.mark.parametrize("on_the_way_s, again", [(truth.ON_THE_WAY_S, 1), (0.15, 0)])
+def test_a_move_after_the_end_is_reported_unless_the_computer_held_it_up(on_the_way_s, again):
+    simulation = Simulation(1, Tally())
+    simulation.stop()
+    begun_s = simulation.now_s
+    simulation.wait(0.1)
+    simulation.command(0.2, 0.0)
+    simulation.wait(1.0)
+    window = truth.judge(simulation.truth, begun_s, simulation.now_s, on_the_way_s)
+    simulation.engine.close()
+    assert window.again == again and window.stopped_s < 1.0
+
+
+def test_an_odometry_that_believes_all_counters_is_reported(monkeypatch):
+    def believe(self, *reading):
+        base, self._base = self._base, reading
+        if base is None:
+            return None
+        moved = (((new - old + 0x8000) & 0xFFFF) - 0x8000 for new, old in zip(reading[:-1], base))
+        return (*moved, reading[-1] - base[-1])
+
+    assert struck("counter_wraps").kinds["pose_jump"] == 0
+    monkeypatch.setattr(Baseline, "update", believe)
+    assert struck("counter_wraps").kinds["pose_jump"] > 0
+
+
+@pytest.mark.parametrize("key", ["memory_kb", "descriptors", "threads"])
+def test_a_process_that_grows_is_reported(key):
+    tally, before = Tally(), holds(os.getpid())
+    tally.growth("it", before, before, {key: 0})
+    assert not tally.kinds
+    tally.growth("it", before, {**before, key: before[key] + 1}, {key: 0})
+    assert tally.kinds[f"growth_{key}"] == 1
+
+
+def test_a_process_that_is_left_is_reported():
+    assert left_behind() == []
+    command = [sys.executable, "-c", "print(flush=True); input()"]
+    env = {**os.environ, MARK: str(os.getpid())}
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=env) as process:
+        process.stdout.readline()
+        assert [line.split()[0] for line in left_behind()] == [str(process.pid)]
+        process.communicate(b"\n")
+
+
+def test_faults_that_struck_too_rarely_are_in_the_table():
+    rows = table({"simulated": {"rows": {"1": LEAST - 1, "2": LEAST}}, "real_time": {"rows": {"1": 1}}})
+    assert [row["row"] for row in rows if row["enough"]] == [1, 2] and len(rows) == len(ROWS)
+
+
+def test_tallies_of_several_processes_add_up():
+    one, other = Tally(), Tally()
+    one.struck("reset", 11)
+    other.struck("reset", 11, 14)
+    other.problem("pose_jump")
+    other.measured("stop_s", 0.2)
+    one.add(other)
+    assert one.report()["faults"] == 2 and one.report()["rows"] == {"11": 2, "14": 1}
+    assert one.report()["problems"] == {"pose_jump": 1} and one.largest == {"stop_s": 0.2}

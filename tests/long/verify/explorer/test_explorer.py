@@ -1,0 +1,140 @@
+"""The explorer of the real code, in a short form; `make explore` runs all of it."""
+
+import pytest
+import yaml
+
+from mrl_driver.driver.driver import Driver
+from mrl_driver.recording.recording import Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.session.session import Session
+from ros1_bridge.control.commander import Commander
+from tests.long.verify.explorer.__main__ import NOT_HERE
+from tests.long.verify.explorer.board import ROOT, ExploredBoard, build
+from tests.long.verify.explorer.events import ALL, DEEP, EVENTS, QUICK, happen, words
+from tests.long.verify.explorer.from_model import path_of
+from tests.long.verify.explorer.recorded import play_on, record
+from tests.long.verify.explorer.search import Explorer
+from tests.long.verify.explorer.world import PORT, Ports
+
+COAST_M = 0.01
+"""The robot drives farther than this [m]."""
+STEPS_BACK = ("d", "dL", "dc", "dPr", "bdM")
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("explorer") / "libboard.so", optimise="-O0")
+
+
+@pytest.fixture
+def explorer(library):
+    made = Explorer(ExploredBoard(library))
+    yield made
+    made.world.end()
+
+
+def test_no_sequence_of_three_events_violates_a_property(explorer):
+    explorer.explore(QUICK, 3)
+    assert explorer.found == []
+    assert explorer.transitions > len(QUICK) ** 2
+
+
+def test_a_board_that_loses_its_motor_board_while_a_move_is_under_way_to_it_tells_a_true_reason(explorer):
+    assert explorer.play("Wasada") == ""
+
+
+@pytest.mark.parametrize("event", ["c", "o", "r"])
+def test_a_board_that_comes_back_is_greeted_and_obeys_again(explorer, event):
+    explorer.play("d" + event + "Wd")
+    assert explorer.world.driver.ready
+    assert explorer.world.board.truth.turning
+
+
+def test_a_trace_of_the_model_without_a_timeout_violates_a_property_here_only_without_one_too(
+    explorer, library
+):
+    trace = ["    0 ms  drive", "  600 ms  P2 violated"]
+    path = path_of(trace)
+    guarded = explorer.play(path + "w")
+    unguarded = Explorer(ExploredBoard(library), timeout_s=None)
+    broken = unguarded.play(path + "w")
+    unguarded.world.end()
+    assert (path, guarded) == ("d" + 12 * "w", "")
+    assert broken in ("P2", "P4")
+
+
+@pytest.mark.parametrize(
+    "owner, guard, path",
+    [
+        (Commander, "latch", "id"),
+        (Driver, "_stop_for_good", "dxw"),
+        (Ports, "same_board", "dWoWW"),
+        (Session, "_stop_blind", "dhW"),
+    ],
+)
+def test_without_a_guard_a_sequence_violates_a_property(library, monkeypatch, owner, guard, path):
+    made = Explorer(ExploredBoard(library))
+    held = made.play(path)
+    if owner is Ports:
+        monkeypatch.setattr(
+            Ports, guard, property(lambda ports: True, lambda ports, value: None), raising=False
+        )
+        made.world.end()
+        made = Explorer(ExploredBoard(library))
+    else:
+        monkeypatch.setattr(owner, guard, lambda self, *_: None)
+    broken = made.play(path)
+    made.world.end()
+    assert held == "" and broken.startswith("P")
+
+
+def test_events_of_the_model_become_events_of_the_same_ticks():
+    trace = ["    0 ms  drive", "   50 ms  the port goes away", "  100 ms  the port comes back"]
+    trace += ["  100 ms  the bytes to the board are lost", "  100 ms  P4 violated"]
+    assert path_of(trace) == "dwlc"
+
+
+@pytest.mark.parametrize("path", STEPS_BACK)
+def test_a_restored_state_goes_on_as_the_one_that_was_saved(explorer, path):
+    explorer.play(path)
+    saved = explorer.save()
+    ends = []
+    for _ in range(2):
+        explorer.restore(saved)
+        for letter in "dWs":
+            happen(explorer.world, explorer.judge, letter)
+        world = explorer.world
+        ends.append((explorer.key(), world.board.key(), world.board_s, world.host_s, world.driver.pose))
+        explorer.play("dMo")
+    assert ends[0] == ends[1]
+
+
+def test_a_sequence_becomes_a_recording(library, tmp_path):
+    file = tmp_path / "path.mrl"
+    record("dLWs", str(file), True, ExploredBoard(library))
+    recording = Recording(str(file))
+    assert recording.header["port"] == PORT
+    assert summarise(recording)["pose"]["x_m"] > COAST_M
+
+
+def test_what_is_explored_agrees_with_the_emulated_robot(explorer):
+    """The stops and their reasons are the same on another board, another motor board and the usual simulated driver."""
+    for path in ("dWW", "dWs", "dP", "dM"):
+        explorer.play(path)
+        explorer.world.run(0.5)
+        outcome = play_on("python", path)
+        assert abs(outcome.travel_m) < 0.2
+        assert outcome.stop_reason == explorer.world.driver.stop_reason
+
+
+def test_each_kind_of_event_has_a_name():
+    assert len(set(words(ALL))) == len(EVENTS)
+    assert len(set(DEEP)) >= 12 and set(DEEP) <= set(ALL)
+
+
+def test_only_bugs_of_nodes_cannot_be_explored():
+    bugs = {
+        bug["number"]: bug
+        for bug in yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text())
+    }
+    assert {bugs[number]["part"] for number in NOT_HERE} == {"bridge"}

@@ -1,0 +1,140 @@
+"""The model of the stop, in a short form; `make verify` runs all of it."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+
+from mrl_driver.session.session import Session
+from sim_arduino.board.board_status import BoardStatus
+from tests.long.verify.explorer.events import DEEP
+from tests.long.verify.explorer.to_model import KNOWN, script_of
+from tests.long.verify.model.__main__ import CONTROLS, ROOT
+from tests.long.verify.model.checker import (
+    BRIDGE,
+    BUS,
+    CALLBACK,
+    HOST,
+    LINE,
+    PORT,
+    Tick,
+    compile_model,
+    follow,
+    run,
+)
+from tests.long.verify.model.constants import HEADER, header, ticks
+from tests.long.verify.model.replay import events_of, play
+
+BUGS = yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text())
+PARTS_OF_THE_PRODUCT = ("firmware", "session", "driver", "bridge")
+QUICK_BUGS = ((4, LINE), (6, 0), (10, LINE | PORT), (11, BRIDGE), (21, CALLBACK))
+"""Seeded bugs that are found within a tenth of a second, and what may happen then."""
+COAST_M = 0.01
+"""The wheels turn at most this far while they slow down [m]."""
+QUICK_CONTROLS = tuple(control for control in CONTROLS if control[2] in (0, BUS, HOST, CALLBACK, LINE | PORT))
+
+
+@pytest.fixture(scope="module")
+def checker(tmp_path_factory) -> Path:
+    if shutil.which("spin") is None:
+        pytest.fail("spin is not installed; install it with: make setup")
+    return compile_model(tmp_path_factory.mktemp("model"), "-O0")
+
+
+def test_the_real_design_holds_all_properties_while_the_host_is_paused_killed_or_suspended(checker):
+    result = run(checker, HOST)
+    assert (result.broken, result.complete) == ("", True)
+    assert result.states > 10_000
+
+
+@pytest.mark.parametrize("number, guard, parts, settings", QUICK_CONTROLS)
+def test_without_its_guard_a_property_is_violated(checker, number, guard, parts, settings):
+    assert run(checker, parts, BUG=guard, PROPERTIES=1 << (number - 1), **settings).broken == f"P{number}"
+
+
+@pytest.mark.parametrize("number, parts", QUICK_BUGS)
+def test_a_seeded_bug_is_found(checker, number, parts):
+    assert run(checker, parts, BUG=number).broken
+
+
+def test_a_counterexample_is_a_sequence_of_events_with_times(checker):
+    assert run(checker, LINE | PORT, BUG=10).trace == (
+        "    0 ms  drive",
+        "   50 ms  the port goes away",
+        "  100 ms  the port comes back",
+        "  100 ms  the bytes to the board are lost",
+        "  100 ms  P4 violated",
+    )
+
+
+def test_a_counterexample_of_the_model_moves_the_real_driver_if_the_guard_is_removed_there_too(
+    checker, monkeypatch
+):
+    """The emulated board has older firmware, so that the guard of the host is alone."""
+    monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
+    events = events_of(run(checker, HOST, BUG=9, OLDER=1).trace)
+    guarded = play(events)
+    monkeypatch.setattr(Session, "_resume", lambda self, now: None)  # the edit of bug 9
+    unguarded = play(events)
+    assert guarded.travel_m < COAST_M < unguarded.travel_m
+
+
+@pytest.mark.parametrize(
+    "path, bug, broken", [("dX", 1, "P1"), ("dlsW", 7, "P5"), ("id", 11, "P4"), ("ow", 13, "P7")]
+)
+def test_a_sequence_that_finds_a_bug_in_the_real_code_finds_it_in_the_model_and_holds_without_it(
+    checker, path, bug, broken
+):
+    script = script_of(path)
+    assert (follow(checker, script, BUG=bug), follow(checker, script)) == (broken, "")
+
+
+def test_the_model_says_that_it_cannot_follow_a_script(checker):
+    with pytest.raises(ValueError, match="cannot follow.*'PLUG'"):
+        follow(checker, [Tick(other="PLUG")])  # the port is there
+
+
+def test_all_events_of_the_longest_sequences_exist_in_the_model():
+    assert set(DEEP) <= set(KNOWN)
+
+
+def test_an_event_that_the_model_does_not_have_is_an_error():
+    with pytest.raises(ValueError, match="no events k, expected some of"):
+        script_of("dk")
+
+
+def test_a_callback_that_hangs_does_so_in_the_ticks_of_what_follows():
+    hangs = Tick(other="HANGS")
+    assert script_of("hdc") == [
+        *3 * [hangs],
+        hangs._replace(user="DRIVE"),
+        *(Tick(other="UNPLUG"), hangs, Tick(other="PLUG")),
+    ]
+    assert script_of("hPw") == [*3 * [hangs], *6 * [Tick(other="STOPPED")], Tick(), Tick()]
+
+
+def test_a_fault_of_the_next_tick_joins_the_event_that_follows():
+    assert script_of("lmds") == [Tick("CUT_BOTH", user="DRIVE"), Tick(user="STOP")]
+
+
+def test_what_a_closed_or_a_free_driver_ignores_is_no_event_of_the_model():
+    assert script_of("uixd") == [Tick(), Tick(user="EMERGENCY"), Tick(user="CLOSE"), Tick()]
+
+
+def test_the_constants_are_those_of_the_code():
+    assert HEADER.read_text() == header(), "render it with: python -m tests.long.verify.model.constants"
+
+
+def test_a_time_is_rounded_up_to_ticks():
+    assert [ticks(time_ms) for time_ms in (1, 50, 51, 280.00000000000006)] == [1, 1, 2, 6]
+
+
+def test_each_seeded_bug_is_one_edit_that_the_code_still_has_room_for():
+    places = {bug["number"]: (ROOT / bug["file"]).read_text().count(bug["find"]) for bug in BUGS}
+    assert places == {number: 1 for number in range(1, 22)}
+
+
+def test_each_part_of_the_product_has_at_least_four_seeded_bugs():
+    parts = [bug["part"] for bug in BUGS]
+    assert {part: parts.count(part) >= 4 for part in parts} == dict.fromkeys(PARTS_OF_THE_PRODUCT, True)
