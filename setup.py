@@ -107,7 +107,6 @@ setup(
             "pytest-xdist>=3",
             "pytest-timeout>=2",
             "pytest-randomly>=3.12",
-            "pytest-rerunfailures>=11",
             "hypothesis>=6",
             "jsonschema>=4",
             "selenium>=4.6",

@@ -1,7 +1,6 @@
-"""Every test runs once and in random order; those of the marker `realtime` run alone, and few may have a second try.
+"""Every test runs once and in random order; those of the marker `realtime`, which are few, run alone.
 
-`--tier` chooses tests by the rule of `tiers.py`.  The last lines name the seed, which gives the same order again, and
-count what the markers allow.
+`--tier` chooses tests by the rule of `tiers.py`.  The last lines name the seed, which gives the same order again.
 """
 
 import gc
@@ -23,11 +22,7 @@ settings.register_profile(
 )
 settings.load_profile("any_machine")
 
-MOST = {"realtime": 40, "flaky": 10}
-"""The most tests that may have a marker."""
-RERUNS = 2
-"""The most second tries of one run."""
-REFUSED = pytest.StashKey[str]()
+MOST_REALTIME = 40
 PC_BUILD = pathlib.Path("build/pc/libmrl_firmware.so")
 WAITING = ("tests/ros/", "tests/web/", "tests/driver/", "tests/cli/")
 """Most of these tests wait for processes, ports and time."""
@@ -51,7 +46,6 @@ FIRST = (
     "firmware/test_build",
     "firmware/test_fuzz",
     "documents/test_sensor",
-    "test_rules",
     "review/test_findings",
     "calibration/",
     "experiments/",
@@ -114,7 +108,10 @@ def pytest_ignore_collect(collection_path, config):
 def pytest_collection_modifyitems(config, items):
     """Long files first, so that no worker has one left when the others are done."""
     _keep_tier(config, items)
-    _check_markers(items)
+    realtime = sum(item.get_closest_marker("realtime") is not None for item in items)
+    assert realtime <= MOST_REALTIME, (
+        f"{realtime} tests are marked realtime, expected at most {MOST_REALTIME}"
+    )
     items.sort(
         key=lambda item: next((i for i, name in enumerate(FIRST) if f"/{name}" in item.nodeid), len(FIRST))
     )
@@ -145,52 +142,9 @@ def pytest_collection_finish():
     gc.enable()
 
 
-def _check_markers(items):
-    """Tests that must not be marked as they are fail; workers of xdist cannot end the run."""
-    for name, most in MOST.items():
-        marked = [item for item in items if item.get_closest_marker(name)]
-        if len(marked) > most:
-            for item in marked:
-                item.stash[REFUSED] = f"{len(marked)} tests are marked {name}, expected at most {most}"
-    for item in items:
-        flaky = item.get_closest_marker("flaky")
-        if flaky and not (flaky.kwargs.get("reason") and flaky.kwargs.get("reruns") == 1):
-            item.stash[REFUSED] = f'{flaky}: expected flaky(reruns=1, reason="...")'
-
-
-def pytest_runtest_setup(item):
-    """Refuses a test for its markers."""
-    if REFUSED in item.stash:
-        pytest.fail(item.stash[REFUSED], pytrace=False)
-
-
-def _reports(config, name=""):
-    """Reports of all phases of the tests with this marker."""
-    terminal = config.pluginmanager.get_plugin("terminalreporter")
-    noted = sum(terminal.stats.values(), []) if terminal else []  # those that were left out, too
-    return [each for each in noted if isinstance(each, pytest.TestReport) and name in each.keywords]
-
-
-def _reruns(config):
-    return sum(report.outcome == "rerun" for report in _reports(config, "flaky"))
-
-
-def pytest_sessionfinish(session, exitstatus):
-    """Too many second tries fail the run."""
-    if _reruns(session.config) > RERUNS and exitstatus == pytest.ExitCode.OK:
-        session.exitstatus = pytest.ExitCode.TESTS_FAILED
-
-
 def pytest_terminal_summary(terminalreporter, config):
-    """The seed, and what the markers have used."""
     line = terminalreporter.write_line
     if "randomly_seed" in config.option:
         line(f"order: --randomly-seed={config.option.randomly_seed}")
-    realtime = _reports(config, "realtime")
-    if realtime:
-        names, took_s = {report.nodeid for report in realtime}, sum(report.duration for report in realtime)
-        line(f"realtime: {len(names)} tests, {took_s:.1f} s")
-    flaky = {report.nodeid for report in _reports(config, "flaky")}
-    line(f"second tries: {_reruns(config)} of at most {RERUNS}, for {len(flaky)} tests that may have one")
     if config.getoption("tier") == "quick" and not PC_BUILD.exists():
         line("left out: tests of the firmware's PC build, which needs g++")

@@ -122,7 +122,7 @@ commands() { # NAME LOG
   for command in $COMMANDS; do
     case $command in run) line="make run DURATION=8" ;; test) line="make test" ;; *) line="make $command" ;; esac
     timed "$1: $line" "$2-$command.log" do_in "$line" || code=1
-    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |second tries)| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
+    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran )| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
   done
   timed "$1: packages' files" "$2-dpkg.log" unchanged || code=1
   timed "$1: processes left" "$2-processes.log" nothing_runs || code=1

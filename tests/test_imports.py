@@ -43,14 +43,6 @@ def test_only_links_import_pyserial():
     assert found and {path for path in found if path.parent != ROOT / "mrl_driver" / "transport"} == set()
 
 
-def test_a_folder_says_what_it_is_for():
-    texts = {
-        folder: ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
-        for folder in {path.parent for path in FILES}
-    }
-    assert texts and [folder for folder, text in texts.items() if len(text) <= 30] == []
-
-
 def test_driver_loads_neither_numpy_nor_a_terminal_library():
     """The ROS node's memory budget has no room for them."""
     code = "import sys, mrl_driver.driver; print([m for m in ('numpy', 'rich', 'click') if m in sys.modules])"

@@ -33,13 +33,6 @@ def stored(name):
 # -- tokens
 
 
-def test_tokens_are_made_once():
-    made = access.tokens()
-    assert made == access.tokens()
-    assert made.drive != made.watch
-    assert all(len(bytes.fromhex(token)) == 16 for token in made)
-
-
 def test_other_tokens_are_made_on_request():
     before = access.tokens()
     after = access.tokens(renew=True)
@@ -100,13 +93,6 @@ def test_a_file_that_others_could_read_is_refused(use):
         use()
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "file"))
-    with pytest.raises(ConfigError, match="cannot be used .*XDG_CONFIG_HOME"):
-        access.tokens()
-
-
 # -- addresses
 
 
@@ -118,11 +104,6 @@ def test_only_this_computer_reaches_a_loopback_address():
 def test_all_other_addresses_count_as_reachable_by_others():
     hosts = ("", "0.0.0.0", "::", "[::]", "10.0.0.7", "fe80::1%eth0", "robot", "localhost.lan", "127.1")
     assert [host for host in (*hosts, "127.0.0.1.nip.io") if access.is_loopback(host)] == []
-
-
-def test_what_listens_on_all_addresses_is_reached_under_those_of_this_computer():
-    assert access.reachable("10.0.0.7") == ["10.0.0.7"]
-    assert not [host for host in access.reachable("::") if host in access.ANY]
 
 
 def test_what_listens_on_all_addresses_of_ipv4_is_not_reached_by_ipv6(monkeypatch):
@@ -140,14 +121,6 @@ def certificate_of_file(x509):
 def lasting(found, name):
     """One end of the time of a certificate; before cryptography 42 without a time zone."""
     return getattr(found, f"{name}_utc", None) or getattr(found, name)
-
-
-def test_a_certificate_is_made_once():
-    told = []
-    certificate.context(tell=told.append)
-    before = certificate.fingerprint()
-    certificate.context(tell=told.append)
-    assert certificate.fingerprint() == before and told == []
 
 
 def test_a_certificate_is_one_that_browsers_accept(x509):
@@ -191,19 +164,6 @@ def test_a_damaged_certificate_is_made_again_and_told(content):
     certificate.context(tell=told.append)
     assert len(told) == 1 and "was damaged, so another one was made" in told[0]
     assert certificate.fingerprint() in told[0] and certificate.fingerprint() != before
-
-
-def test_a_key_of_another_certificate_is_damage():
-    certificate.context()
-    key = stored("certificate.pem").read_bytes().partition(b"-----BEGIN CERT")[0]
-    stored("certificate.pem").unlink()
-    certificate.context()
-    stored("certificate.pem").write_bytes(
-        key + b"-----BEGIN CERT" + stored("certificate.pem").read_bytes().partition(b"-----BEGIN CERT")[2]
-    )
-    told = []
-    certificate.context(tell=told.append)
-    assert "was damaged" in told[0]
 
 
 def test_an_expired_certificate_is_made_again_and_told(monkeypatch):

@@ -20,27 +20,15 @@ from mrl_driver.robot import models
 from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.session.polling import STATUS
 from mrl_driver.terminal import keyboard
-from mrl_driver.view.shown_state import range_text
 from tests.waiting import PATIENCE_S, wait_until
 
 from .run import fails, mrl
 from .terminal import Terminal
 
 
-def test_info_prints_facts(serve):
-    port = serve(robot_id=2)
-    done = mrl("info", "--port", port.path)
-    assert done.returncode == 0 and "traxbot" in done.stdout and "12.0" in done.stdout
-
-
 def test_info_prints_json(serve):
     facts = json.loads(mrl("info", "--port", serve().path, "--json").stdout)
     assert facts["robot"] == "traxbot" and facts["battery_v"] == 12.0 and facts["protocol_version"] == 2
-
-
-def test_info_on_a_2013_board_says_what_it_lacks(serve):
-    facts = json.loads(mrl("info", "--port", serve(version=1).path, "--json").stdout)
-    assert facts["note"].startswith("board firmware 1 (2013) has no watchdog: the robot drives on")
 
 
 def test_a_board_that_cannot_be_raised_is_said_to_stay_at_its_speed(serve):
@@ -73,13 +61,6 @@ def test_monitor_without_a_terminal_prints_a_line_a_second(serve):
     done = mrl("monitor", "--port", serve().path, "--seconds", "2.5")
     assert done.returncode == 0
     assert 2 <= done.stdout.count("\n") <= 3 and "front 1.20 m" in done.stdout
-
-
-@pytest.mark.parametrize("term, shows", [("xterm", True), ("dumb", False)])
-def test_a_terminal_that_knows_only_lines_gets_lines(monkeypatch, term, shows):
-    monkeypatch.setenv("TERM", term)
-    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    assert shared.full_screen() is shows
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -181,20 +162,31 @@ def test_monitor_finds_a_robot_again_that_was_unplugged(serve, tmp_path):
 # -- bad input
 
 
-def test_a_missing_port_option_lists_the_ports():
-    assert "--port is missing" in fails(2, "info")
+@pytest.mark.parametrize(
+    "words, expected",
+    [
+        ("info", "--port is missing"),
+        ("info --port /dev/null --robot nix", f"a model ({', '.join(models.packaged())})"),
+        ("info --baud fast", "'fast', expected a whole number"),
+        ("set-id 0 --port /dev/null", "0, expected 1 to 32767"),
+        ("set-id 99 --port /dev/null", "no packaged model lists robot id 99"),
+        ("set-id 4 --robot traxbot --port /dev/null", "expected 1, 2, 3"),
+        ("monitor --seconds=0", "0.0, expected above 0;"),
+        ("tip-over x --slope=90", "90.0, expected at least 0 and below 90;"),
+        ("radio discover --seconds=0", "0.0, expected above 0 and at most 60;"),
+        ("calibrate straight --distance=nan", "nan, expected 0.3 to 20"),
+        *((f"drive --port /dev/null --linear={each} --for=1", "a finite number") for each in ("nan", "-inf")),
+        *((f"drive --port /dev/null --linear=0.1 --for={each}", "expected seconds") for each in ("0", "1e9")),
+        ("drive --port /dev/null", "not a terminal"),
+        ("inof", "see: mrl"),
+    ],
+)
+def test_words_that_cannot_be_meant_are_one_line(words, expected):
+    assert expected in fails(2, *words.split())
 
 
 def test_a_port_that_is_not_there():
     assert "does not exist" in fails(3, "info", "--port", "/dev/nowhere")
-
-
-def test_a_folder(tmp_path):
-    assert "is a folder" in fails(3, "info", "--port", tmp_path)
-
-
-def test_a_plain_file():
-    assert "is a plain file" in fails(3, "info", "--port", __file__)
 
 
 def test_a_busy_port(serve):
@@ -207,18 +199,6 @@ def test_a_busy_port(serve):
     process.wait(PATIENCE_S)
 
 
-def test_another_robot(serve):
-    assert "expected stingbot" in fails(
-        8, "drive", "--port", serve().path, "--robot", "stingbot", "--for", "1"
-    )
-
-
-def test_a_dead_battery(serve):
-    port = serve()
-    port.board.battery = 20
-    assert "motor power is off" in fails(9, "drive", "--port", port.path, "--linear", "0.1", "--for", "1")
-
-
 def test_an_empty_battery_can_be_overridden(serve):
     port = serve()
     port.board.battery = 840
@@ -227,61 +207,9 @@ def test_an_empty_battery_can_be_overridden(serve):
     assert mrl(*drive, "--ignore-battery").returncode == 0
 
 
-def test_an_unknown_model():
-    line = fails(2, "info", "--port", "/dev/null", "--robot", "nix")
-    assert f"a model ({', '.join(models.packaged())})" in line and "mrl names add nix" in line
-
-
-@pytest.mark.parametrize("linear", ["nan", "inf", "-inf"])
-def test_a_speed_that_is_no_number(linear):
-    assert "expected a finite number" in fails(
-        2, "drive", "--port", "/dev/null", f"--linear={linear}", "--for=1"
-    )
-
-
-@pytest.mark.parametrize("seconds", ["0", "-1", "nan", "1e9"])
-def test_a_time_out_of_range(seconds):
-    assert "expected seconds" in fails(2, "drive", "--port", "/dev/null", "--linear=0.1", f"--for={seconds}")
-
-
-def test_a_distance_that_is_no_number():
-    assert "nan, expected 0.3 to 20" in fails(2, "calibrate", "straight", "--distance=nan")
-
-
-def test_driving_without_a_terminal_says_what_to_give():
-    assert "not a terminal" in fails(2, "drive", "--port", "/dev/null")
-
-
 def test_driving_in_a_terminal_without_a_full_screen_says_so():
     terminal = Terminal("drive", "--port", "/dev/null", term="dumb")
     assert terminal.end() == 2 and b"TERM is dumb" in terminal.seen
-
-
-@pytest.mark.parametrize(
-    "words, expected",
-    [
-        (["info", "--baud", "fast"], "'fast', expected a whole number"),
-        (["set-id", "0"], "0, expected 1 to 32767"),
-        (["monitor", "--seconds=0"], "0.0, expected above 0;"),
-        (["tip-over", "x", "--slope=90"], "90.0, expected at least 0 and below 90;"),
-        (["radio", "discover", "--seconds=0"], "0.0, expected above 0 and at most 60;"),
-    ],
-)
-def test_a_number_out_of_range_is_explained_in_plain_words(words, expected):
-    assert expected in fails(2, *words)
-
-
-@pytest.mark.parametrize("args", [["--nix"], ["inof"], ["info", "--baud", "fast"]])
-def test_usage_errors_have_exit_code_2(args):
-    assert "see: mrl" in fails(2, *args)
-
-
-@pytest.mark.parametrize(
-    "args", [["--help"], ["--version"], ["info", "--help"], ["drive", "-h"], ["monitor", "-h"]]
-)
-def test_help_and_version(args):
-    done = mrl(*args)
-    assert done.returncode == 0 and done.stdout
 
 
 def test_packages_add_sub_commands(monkeypatch):
@@ -300,18 +228,6 @@ def test_packages_add_sub_commands(monkeypatch):
     runner = click.testing.CliRunner()
     assert "extra" in runner.invoke(main.cli, ["--help"]).output
     assert runner.invoke(main.cli, ["extra"]).output == "from elsewhere\n"
-
-
-def test_a_2013_board_keeps_its_id(serve):
-    assert "mrl flash" in fails(11, "set-id", "2", "--port", serve(version=1).path, "--yes")
-
-
-@pytest.mark.parametrize(
-    ("args", "words"),
-    [(["99"], "no packaged model lists robot id 99"), (["4", "--robot", "traxbot"], "expected 1, 2, 3")],
-)
-def test_an_id_of_no_robot(args, words):
-    assert words in fails(2, "set-id", *args, "--port", "/dev/null")
 
 
 # -- the keyboard and the view
@@ -336,11 +252,12 @@ def was_driven(port):
 
 
 def test_driving_with_the_keyboard(serve):
-    """A whole session: a key that is let go of stops the robot."""
+    """A whole session: a key that is let go of stops the robot.  Ctrl-Z would leave a terminal that shows no input."""
     port = serve()
     terminal = Terminal("drive", "--port", port.path)
     try:
         wait_until(lambda: b"asked" in terminal.seen)
+        terminal.press(b"\x1a")
         wait_until(lambda: terminal.press(b"\x1b[A") or was_driven(port), step_s=0.1)
         wait_until(lambda: port.board.speeds == (0, 0))
         terminal.press(b"wq")
@@ -348,21 +265,6 @@ def test_driving_with_the_keyboard(serve):
         terminal.end(signal.SIGKILL)
         raise
     assert terminal.end() == 0 and port.board.speeds == (0, 0)
-
-
-def test_ctrl_z_does_not_suspend_the_live_view(serve):
-    """It would leave the shell a terminal that shows no input."""
-    port = serve()
-    terminal = Terminal("drive", "--port", port.path)
-    try:
-        wait_until(lambda: b"asked" in terminal.seen)
-        terminal.press(b"\x1a\x1b[A")
-        wait_until(lambda: was_driven(port))
-        terminal.press(b"q")
-    except BaseException:
-        terminal.end(signal.SIGKILL)
-        raise
-    assert terminal.end() == 0
 
 
 def test_a_terminal_that_takes_no_more_output_stops_the_robot(serve):
@@ -377,13 +279,6 @@ def test_a_terminal_that_takes_no_more_output_stops_the_robot(serve):
         wait_until(lambda: port.board.speeds == (0, 0))
     finally:
         terminal.end(signal.SIGKILL)
-
-
-@pytest.mark.parametrize(
-    ("value", "words"), [(1.234, "1.23 m"), (float("inf"), "nothing"), (float("nan"), "no reading")]
-)
-def test_ranges_for_people(value, words):
-    assert range_text(value) == words
 
 
 @pytest.mark.parametrize(

@@ -41,20 +41,6 @@ def duo():
         yield board.port
 
 
-def test_an_h_bridge_board_has_all_parameters(duo):
-    assert list(get(duo)) == [row.name for row in PARAMETERS if row.capability in ("", "bridge")]
-
-
-def test_a_bridge_is_set_and_shown_by_its_chip(duo):
-    done = mrl("config", "set", "bridge", "l298n", "--yes", "--port", duo)
-    assert done.stdout == "bridge 4 to 3: saved\n"
-    assert "l298n" in mrl("config", "get", "bridge", "--port", duo).stdout
-
-
-def test_the_wiring_of_a_robot_differs_from_no_model(duo):
-    assert get(duo, "wiring")["wiring"]["default"] is None
-
-
 @pytest.mark.parametrize("words", [("get", "wiring"), ("set", "wiring", "1", "--yes")])
 def test_a_parameter_of_other_boards_is_refused_with_what_to_do(emulated_board, words):
     line = fails(11, "config", *words, "--port", emulated_board.port)
@@ -75,12 +61,6 @@ def test_a_trial_ends_with_the_next_reset(emulated_board):
     assert get(emulated_board.port, "kp")["kp"]["value"] == 700
 
 
-def test_defaults_undo_changes(emulated_board):
-    mrl("config", "set", "kp", "800", "--yes", "--port", emulated_board.port)
-    assert mrl("config", "defaults", "--yes", "--port", emulated_board.port).returncode == 0
-    assert get(emulated_board.port, "kp")["kp"]["value"] == 700
-
-
 def test_defaults_are_those_of_the_robots_own_file(emulated_board, tmp_path):
     """The firmware knows only the packaged models; with their gearbox, another robot drives at the wrong speed."""
     own = tmp_path / "own.yaml"
@@ -90,11 +70,6 @@ def test_defaults_are_those_of_the_robots_own_file(emulated_board, tmp_path):
     assert mrl("config", "defaults", "--yes", *to).returncode == 0
     emulated_board.faults.reset()
     assert get(emulated_board.port, "gearbox")["gearbox"]["value"] == 300
-
-
-def test_a_negative_value_is_not_taken_for_an_option(emulated_board):
-    done = mrl("config", "set", "sonar_c", "-500", "--yes", "--port", emulated_board.port)
-    assert done.stdout.endswith("to -500: saved\n"), done
 
 
 def test_nothing_changes_unasked(emulated_board):
@@ -206,15 +181,6 @@ def test_parameters_of_another_robot_leave_the_cables_alone(duo, tmp_path):
     assert done == (0, "kp 1600 to 800: saved\n", "mrl: the board keeps its own bridge, wiring\n")
 
 
-def test_a_trial_of_a_file_ends_with_the_next_reset(emulated_board, tmp_path):
-    file = written(tmp_path, dumped(1, "traxbot", kp=800))
-    assert configured(emulated_board.port, "load", file, "--try", "--yes").stdout.endswith(
-        "in force until the next reset\n"
-    )
-    emulated_board.faults.reset()
-    assert get(emulated_board.port, "kp")["kp"]["value"] == 700
-
-
 def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
     handler = registry.REQUESTS["write_config"]
 
@@ -252,12 +218,6 @@ def test_a_wrong_file_is_refused_before_the_port_is_opened(tmp_path, old, new, w
     path = tmp_path / "wrong.yaml"
     path.write_text(text.replace(old, new, 1))
     assert words in fails(2, "config", "load", path, "--yes", "--port", "/dev/nowhere")
-
-
-def test_a_file_that_is_missing_is_refused():
-    assert "nowhere.yaml: No such file" in fails(
-        2, "config", "diff", "nowhere.yaml", "--port", "/dev/nowhere"
-    )
 
 
 VALUES = {row.name: st.integers(row.low, row.high) for row in SETTABLE if row.name != "radio_hold"}

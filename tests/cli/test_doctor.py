@@ -4,14 +4,13 @@ import contextlib
 import json
 import math
 import re
-import sys
 from types import SimpleNamespace
 
 import pytest
 
 from mrl_driver.cli.commands import doctor
 from mrl_driver.cli.doctor import board, computer, parameters, wheels
-from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
+from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING
 from mrl_driver.cli.doctor.wheels import Moved
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME
@@ -121,19 +120,6 @@ def test_the_report_can_be_pasted(quick, serve):
     assert "verdict: " in text and "refused_by_board" in text and "\x1b" not in text
 
 
-def test_output_without_a_terminal_is_plain_lines(quick, serve):
-    lines = mrl("doctor", "--port", serve(version=1).path).stdout.splitlines()
-    assert all(line == line.rstrip() and "\x1b" not in line for line in lines)
-    assert "!  firmware         1 (2013): works, but has no watchdog and no checksum  [no_watchdog]" in lines
-
-
-def test_a_device_that_many_have_open_is_not_in_use(quick):
-    """As /dev/null, which this very test may have open."""
-    with open("/dev/null", "rb"):
-        _, findings, _ = examine("--port", "/dev/null")
-    assert "in use" not in findings
-
-
 def test_a_port_that_another_program_has_open_is_in_use(quick, serve):
     port = serve()
     with contextlib.closing(SerialLink(port.path)):
@@ -211,11 +197,6 @@ def test_a_battery_that_is_not_measured_is_not_empty():
     assert levels(board.supply(bare, TRAXBOT))["battery"] == NOTE
 
 
-def test_a_board_with_an_h_bridge_has_no_motor_board():
-    bridge = GOOD._replace(capabilities=GOOD.capabilities | {"bridge"})
-    assert "motor board" not in levels(board.supply(bridge, TRAXBOT))
-
-
 @pytest.mark.parametrize(
     ("cause", "level"), [("power_on", OK), ("external", OK), ("watchdog", WARNING), ("brown_out", WARNING)]
 )
@@ -255,10 +236,6 @@ def test_the_use_of_an_imu(state, level, words):
     assert found.level == level and words in found.text + found.advice
 
 
-def test_a_board_that_never_had_an_imu_is_not_blamed():
-    assert list(board.gyro(SimpleNamespace(imu_state="absent", imu=None))) == []
-
-
 def test_a_sonar_without_a_reading_names_its_pin():
     found = {
         each.subject: each for each in board.sonars({"front": 1.0, "left": math.nan, "right": math.inf}, GOOD)
@@ -295,9 +272,7 @@ def test_a_board_with_the_parameters_of_its_model(model):
             FAULT,
             "the robot drives 31.4 % slower than commanded; if",
         ),
-        (TRAXBOT, {"gearbox": 300}, FAULT, "odometry gives distances 31.4 % too short"),
         (TRAXBOT, {"encoder_counts": 672}, WARNING, "drives 5 % faster than commanded"),
-        (TRAXBOT, {"wheel_radius": 5400}, FAULT, "drives 50 % slower than commanded"),
         (TRAXBOT, {"axis_radius": 8787}, NOTE, "turns 1 % faster than commanded"),
         (DUO, {"axis_radius": 6000}, FAULT, "odometry gives turns 20 % too short"),
         (DUO, {"wheel_radius": 6500}, FAULT, "odometry gives distances 50 % too short"),
@@ -307,24 +282,13 @@ def test_a_board_with_the_parameters_of_its_model(model):
             WARNING,
             "commands up to 0.3 m/s, and the board drives at most 0.2 m/s",
         ),
-        (TRAXBOT, {"linear_ceiling": 400}, NOTE, "no effect"),
         (TRAXBOT, {"kp": 800}, NOTE, "800 on the board, 700 in the model traxbot: the wheels follow"),
         (DUO, {"bridge": 3}, FAULT, "l298n on the board, tb6612 in the model duo"),
-        (models.load("omni"), {"wheel_radius": 6000}, NOTE, "applies its ceilings"),
     ],
 )
 def test_a_parameter_that_differs_from_the_model(model, values, level, words):
     ((name, found),) = compared(model, **values).items()
     assert name in values and found.level == level and words in found.text
-
-
-def test_what_odometry_rests_on_is_corrected_too():
-    advice = compared(DUO, axis_radius=6000)["axis_radius"].advice
-    assert advice.endswith("correct board.axis_radius and drive.wheel_separation_m in the robot's file")
-
-
-def test_a_radius_that_was_fitted_says_nothing_of_odometry():
-    assert "odometry" not in compared(TRAXBOT, wheel_radius=5400)["wheel_radius"].text
 
 
 @pytest.mark.parametrize(
@@ -358,11 +322,6 @@ def test_odometry_that_does_not_fit_the_board(keys, words):
         {**models.COMMON_BOARD, **DUO.board}, DUO._replace(drive=DUO.drive._replace(**keys))
     )
     assert found.level == WARNING and words in found.text
-
-
-def test_noise_alone_is_usual():
-    assert list(board.refusals({"noise": 4, "bad_check": 0})) == []
-    assert "2 x checksum wrong" in next(board.refusals({"noise": 4, "bad_check": 2})).text
 
 
 @pytest.mark.parametrize(
@@ -464,13 +423,6 @@ def test_brltty_matters_to_adapters_whose_chips_braille_displays_have_too(monkey
     assert levels_of_brltty("/dev/null", Port("/dev/null", (), 0x2341, 0x0043)) == []
 
 
-def test_brltty_is_named_where_the_port_is_gone(monkeypatch):
-    """It has taken the adapter, so that nothing else tells of it."""
-    assert levels_of_brltty("/dev/nowhere") == []
-    monkeypatch.setattr(computer, "programs_named", lambda name: [1])
-    assert levels_of_brltty("/dev/nowhere") == [(WARNING, "brltty")]
-
-
 @pytest.mark.parametrize(("groups", "advice"), [([], "sudo usermod -aG dialout"), (["dialout"], "log out")])
 def test_without_permission_it_says_which_group(monkeypatch, groups, advice):
     monkeypatch.setattr(computer.os, "access", lambda name, mode: False)
@@ -478,28 +430,3 @@ def test_without_permission_it_says_which_group(monkeypatch, groups, advice):
     monkeypatch.setattr(computer, "groups_by_file", lambda: groups)
     found = list(computer.check("/dev/null", Port("/dev/null")))
     assert found[0].level == FAULT and advice in found[0].advice
-
-
-@pytest.mark.parametrize(
-    "program, command",
-    [
-        ("/venv/bin/mrl", "sudo /venv/bin/mrl"),
-        ("/x/mrl_driver/__main__.py", f"sudo {sys.executable} -m mrl_driver"),
-    ],
-)
-def test_where_root_is_needed_it_names_the_path_of_the_program(monkeypatch, program, command):
-    """sudo does not search the virtual environment that this user has in PATH."""
-    monkeypatch.setattr(sys, "argv", [program, "doctor"])
-    monkeypatch.setattr(computer.os, "access", lambda name, mode: False)
-    monkeypatch.setattr(computer, "group_of", lambda name: "root")
-    monkeypatch.setattr(computer, "programs_named", lambda name: [1])
-    port = Port("/dev/null", (), 0x1A86, 0x7523)
-    found = {each.subject: each.advice for each in computer.check("/dev/null", port)}
-    assert found["permission"].endswith(f": {command} system install")
-    assert found["ModemManager"].startswith(f"{command} system install, or")
-
-
-def test_the_verdict_counts():
-    fault, warning = Finding(FAULT, "", ""), Finding(WARNING, "", "")
-    assert verdict([fault, warning, warning]) == "1 fault, 2 warnings: see the advice above"
-    assert verdict([warning]) == "1 warning; the robot can be used"

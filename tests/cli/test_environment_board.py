@@ -3,7 +3,6 @@
 import pytest
 
 from mrl_driver.calibration import part_procedures
-from mrl_driver.cli.commands.info import describe
 from mrl_driver.cli.commands.shared import await_sensors
 from mrl_driver.cli.doctor import board
 from mrl_driver.cli.doctor.findings import NOTE, OK, WARNING
@@ -14,9 +13,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import encode_reply, encode_request
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
-from mrl_driver.review import drive_data, drive_plot
-from mrl_driver.robot import models
-from mrl_driver.view.shown_state import line
+from mrl_driver.review import drive_data
 from sim_arduino.serve import factory
 
 NAMES = {"alcohol", "dust", "light", "thermopile"}
@@ -56,16 +53,6 @@ def gas_robot(robots):
     return robot
 
 
-def test_info_has_the_sensors_and_no_sonars(gas_robot):
-    facts = describe(gas_robot, "/dev/x")
-    assert facts["sonars"] == [] and set(facts["sensors"]) == NAMES
-
-
-def test_line_has_the_sensors_and_no_ranges(gas_robot):
-    text = line(gas_robot)
-    assert "alcohol 123 count" in text and "front" not in text
-
-
 def test_doctor_has_a_finding_for_each_sensor_and_none_for_sonars(gas_robot):
     sonars = list(board.sonars(gas_robot.ranges, gas_robot.board))
     assert [(each.level, each.text.partition(":")[0]) for each in sonars] == [(NOTE, "none")]
@@ -77,15 +64,6 @@ def test_curve_of_the_sonars_is_not_measured_without_one(gas_robot):
     """The robot would drive up to the wall without seeing it."""
     with pytest.raises(ConfigError, match="this board has no front sonar"):
         part_procedures.require_sonars(gas_robot)
-
-
-def test_doctor_names_a_sensor_without_a_reading():
-    (found,) = board.sensors({}, ["thermopile"])
-    assert (found.level, found.subject, found.text) == (WARNING, "thermopile", "no reading")
-
-
-def test_doctor_accepts_the_named_build(gas_robot):
-    assert list(board.build(gas_robot)) == []
 
 
 def test_doctor_says_that_the_build_of_a_2013_board_is_taken_as_sonar(robots):
@@ -118,12 +96,3 @@ def test_recording_shows_path_and_sensors_and_has_no_ranges(recorded):
         1, abs=0.01
     )
     assert found.ranges == {} and set(found.sensors) == NAMES
-
-
-def test_each_sensor_of_a_recording_is_drawn_on_axes_of_its_own(recorded, tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(drive_plot.figures, "save", lambda figure, path: drawn.append(figure))
-    drive = drive_data.read(RecordedDriver(recorded, models.load("traxbot")))
-    drive_plot.draw(drive, "unused.png", ("sensors",))
-    labels = {axes.get_ylabel() for axes in drawn[0].axes}
-    assert labels == {"alcohol [count]", "dust [pcs/l]", "light [count]", "thermopile [degC]"}

@@ -21,10 +21,7 @@ from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recording
-from mrl_driver.robot.models import load
-from ros1_bridge.export import message_classes, message_files
-from ros1_bridge.export.file_topics import FileTopics
-from ros1_bridge.topics.fast_publisher import Fast
+from ros1_bridge.export import message_files
 from sim_arduino.serve import factory
 from tests.waiting import PATIENCE_S
 
@@ -104,11 +101,6 @@ def in_bag(path):
         ]
 
 
-def test_each_telemetry_is_an_odometry_a_transform_and_a_joint_state(messages, telemetry):
-    counts = Counter(channel.topic for channel, _ in messages)
-    assert counts["/robot1/odom"] == counts["/tf"] == counts["/robot1/joint_states"] == len(telemetry) > 50
-
-
 def test_poses_are_those_of_the_driver(messages, telemetry):
     points = [message.pose.pose.position for message in of_topic(messages, "/robot1/odom")]
     assert points and [(each.x, each.y) for each in points] == [each.pose[:2] for each in telemetry]
@@ -126,11 +118,6 @@ def test_each_new_range_is_published_in_its_frame(messages, telemetry):
     assert {each.header.frame_id for each in ranges} == {"robot1/sonar_front"}
 
 
-def test_mounts_of_the_sonars_are_latched(messages):
-    ((channel, message),) = [found for found in messages if found[0].topic == "/tf_static"]
-    assert channel.metadata["latching"] == "true" and len(message.transforms) == len(load("traxbot").sonars)
-
-
 def test_frames_hold_the_bytes_of_both_directions(messages, recording):
     """All but the ends of the board's lines."""
     frames = of_topic(messages, "/robot1/frames")
@@ -138,11 +125,6 @@ def test_frames_hold_the_bytes_of_both_directions(messages, recording):
         found = b"".join(codecs.escape_decode(each.msg)[0] for each in frames if each.name == name)
         sent = b"".join(entry.data for entry in Recording(str(recording)) if entry.direction == direction)
         assert found == sent.translate(None, b"\r\n") and found
-
-
-def test_frames_have_the_name_of_their_command(messages):
-    (first,) = {each.function for each in of_topic(messages, "/robot1/frames") if each.msg.startswith("@5")}
-    assert first == "robot_info"
 
 
 def test_damaged_bytes_are_warnings_with_their_reason(tmp_path, recording):
@@ -193,11 +175,6 @@ def test_a_cell_is_empty_while_its_value_is_not_known(rows, telemetry):
     assert math.isnan(first) and rows[0]["sonar_front_m"] == "" and rows[-1]["sonar_front_m"] != ""
 
 
-def test_a_table_has_the_counts_of_the_wheels_and_the_speeds_asked(rows, telemetry):
-    assert int(rows[-1]["right_count"]) == telemetry[-1].counts[0]
-    assert {float(row["asked_speed_m_s"]) for row in rows} >= {0.0, 0.2}
-
-
 def test_a_board_without_motors_gets_a_row_for_each_reading(tmp_path):
     path = tmp_path / "pioneer.mrl"
     drive_without_motors(path)
@@ -208,13 +185,6 @@ def test_a_board_without_motors_gets_a_row_for_each_reading(tmp_path):
         found = list(csv.DictReader(file))
     assert len(found) == len(readings) > 3 and all(len(row) == len(found[0]) for row in found)
     assert float(found[-1]["light_count"]) == robot.sensors["light"].values[0]
-
-
-def test_a_board_without_motors_has_topics_of_its_sensors_alone(tmp_path):
-    path = tmp_path / "pioneer.mrl"
-    drive_without_motors(path)
-    topics = {topic for topic, *_ in in_bag(export(path, "pioneer.bag"))}
-    assert "/light" in topics and not topics & {"/odom", "/tf", "/battery"}
 
 
 def drive_without_motors(path):
@@ -264,28 +234,6 @@ def test_a_message_that_cannot_be_written_ends_the_export(recording, tmp_path, m
     assert old.read_text() == "old" and os.listdir(tmp_path) == [old.name]
 
 
-def test_an_error_of_the_disk_does_not_look_like_a_lost_subscriber():
-    """The publishers go on without a subscriber that is lost."""
-
-    class Full:
-        def add(self, *_):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    message_classes.provide()
-    from std_msgs.msg import Header
-
-    publisher = FileTopics(Full(), "drive.bag", "", lambda: 0)("odom", Header)
-    with pytest.raises(OutputError, match="drive.bag cannot be written: No space left"):
-        Fast(publisher, ConnectionError).send(bytes(20))
-
-
-@pytest.mark.parametrize("package", ["mcap_ros1.decoder", "rosbags.typesys"])
-def test_without_ros_a_missing_library_is_named_too(monkeypatch, package):
-    monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ConfigError, match=f"package {package.split('.')[0]} is missing, expected it or ROS"):
-        message_classes.made()
-
-
 def test_a_missing_library_is_named_with_its_remedy(recording, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.mcap")
@@ -297,13 +245,6 @@ def test_a_missing_library_is_named_with_its_remedy(recording, tmp_path, monkeyp
 def test_a_namespace_that_ros_would_refuse_is_refused(recording, tmp_path, name):
     words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.bag", "--name", name)
     assert f"--name is {name!r}" in words and not os.listdir(tmp_path)
-
-
-def test_frames_that_are_no_names_are_refused(recording, tmp_path):
-    words = fails(
-        ConfigError.exit_code, "export", recording, tmp_path / "drive.bag", "--base-frame", "/base link"
-    )
-    assert "base_frame" in words
 
 
 def test_a_recording_without_a_robot_leaves_no_file(tmp_path):

@@ -1,7 +1,6 @@
 """`mrl flash`: the real avrdude against a bootloader on a pty, and what it says when things go wrong."""
 
 import os
-import pathlib
 import stat
 import sys
 import termios
@@ -20,7 +19,7 @@ from mrl_driver.errors import (
     PortDenied,
     PortMissing,
 )
-from mrl_driver.host import avrdude, firmware_images
+from mrl_driver.host import avrdude
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
 from mrl_driver.transport import port_info
@@ -87,17 +86,6 @@ def test_the_bootloaders_of_the_nano_answer_at_either_baud_rate(bootloader, imag
     assert board.flash[:16] == bytes(range(16))
 
 
-def test_a_board_that_refuses_at_the_first_baud_rate_is_not_tried_at_the_next(bootloader, image):
-    """Another chip is not a matter of the baud rate."""
-    with pytest.raises(BoardRefused, match="not an ATmega328P"):
-        avrdude.upload(bootloader(signature=b"\x1e\x95\x16").path, image, bauds=avrdude.BAUDS)
-
-
-def test_a_bootloader_that_answers_at_no_baud_rate_is_an_error(bootloader, image):
-    with pytest.raises(NotARobot, match="Arduino Uno or Nano"):
-        avrdude.upload(bootloader(baud=termios.B9600).path, image, bauds=avrdude.BAUDS)
-
-
 @pytest.mark.parametrize(("vendor", "bauds"), [(0x2341, (115200,)), (0x1A86, (115200, 57600))])
 def test_only_an_uno_has_one_baud_rate(monkeypatch, vendor, bauds):
     """A Nano's serial adapter is that of copies of the Uno, too."""
@@ -115,13 +103,6 @@ def test_another_chip_is_not_written(bootloader, image):
 def test_what_reads_back_differently_is_told(bootloader, image):
     with pytest.raises(BoardRefused, match="differ from the image"):
         avrdude.upload(bootloader(damaged=True).path, image)
-
-
-def test_a_damaged_image_is_told(bootloader, tmp_path):
-    bad = tmp_path / "bad.hex"
-    bad.write_text(":1000000nonsense\n")
-    with pytest.raises(ConfigError, match="expected Intel HEX"):
-        avrdude.upload(bootloader().path, str(bad))
 
 
 def test_a_board_that_is_not_in_sync_is_given_up_after_the_third_attempt(stand_in, image):
@@ -205,10 +186,6 @@ def test_the_build_of_a_silent_board_is_asked(monkeypatch):
         command.build_of(Target("/dev/ttyACM7"))
 
 
-def test_a_silent_board_of_a_known_model_is_not_asked():
-    assert command.build_of(Target("/dev/ttyACM7", "duo"))[0] == "hbridge"
-
-
 @pytest.mark.parametrize(
     ("robot", "build", "words"),
     [
@@ -242,8 +219,3 @@ def test_without_a_port_the_only_arduino_is_taken(monkeypatch):
 )
 def test_wrong_options(serve, args, words):
     assert words in fails(2, "flash", "--port", serve().path, *args)
-
-
-def test_every_build_has_an_image():
-    for build in firmware_images.BUILDS:
-        assert pathlib.Path(firmware_images.image_path(build)).read_text().startswith(":")

@@ -6,10 +6,8 @@ import stat
 import pytest
 
 from mrl_driver import figures
-from mrl_driver.errors import FrameError, OutputError
+from mrl_driver.errors import OutputError
 from mrl_driver.files import replace_file
-from mrl_driver.host import named_robots
-from mrl_driver.host.named_robots import Target
 
 from .run import mrl
 from .terminal import Terminal, on_a_full_disk
@@ -33,17 +31,6 @@ def test_a_recording_that_lacks_lines_has_its_exit_code(serve, command):
     assert "mrl: /dev/full lacks " in done.stderr and "No space left on device" in done.stderr
 
 
-def test_lines_on_the_screen_warn_once_that_the_recording_is_incomplete(serve):
-    done = mrl("record", "--seconds", "2.2", "/dev/full", "--port", serve().path)
-    assert done.stderr.count("mrl: warning: /dev/full lacks ") == 1 and done.stdout.count("\n") > 2
-
-
-def test_a_recording_that_lacks_lines_is_said_beside_another_error(serve):
-    done = mrl("drive", "--lateral", "0.1", "--for", "1", "--record", "/dev/full", "--port", serve().path)
-    assert done.returncode == FrameError.exit_code
-    assert "mrl: /dev/full lacks " in done.stderr and "sideways" in done.stderr
-
-
 def test_the_live_view_says_that_the_recording_is_incomplete(serve):
     terminal = Terminal("record", "--port", serve().path, "/dev/full")
     try:
@@ -62,19 +49,6 @@ def test_an_old_picture_stays(recorded):  # noqa: F811
     assert done.returncode == FULL and done.stderr.count("\n") == 1, done.stderr
     assert f"{picture} cannot be written: File too large; nothing was changed" in done.stderr
     assert picture.read_bytes() == b"old" and not list(recorded.parent.glob(".mrl-*"))
-
-
-@pytest.mark.parametrize("ending", figures.ENDINGS)
-def test_each_kind_of_picture_is_what_its_name_says(tmp_path, ending):
-    file = tmp_path / f"empty{ending}"
-    figures.save(figures.figure(2, 2), str(file))
-    assert file.read_bytes()[:5] == {".png": b"\x89PNG\r", ".pdf": b"%PDF-", ".svg": b"<?xml"}[ending]
-
-
-def test_names_stay():
-    named_robots.write({"lab3": Target("/dev/ttyACM0")})
-    done = on_a_full_disk(16, "mrl_driver", "names", "add", "lab4", "--port", "/dev/ttyACM1")
-    assert done.returncode == FULL and list(named_robots.read()) == ["lab3"]
 
 
 # -- files that are replaced

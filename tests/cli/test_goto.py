@@ -9,7 +9,6 @@ from mrl_driver.cli.commands.goto import drive_to
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, GoalMissed
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.goal_seeker import ALIGNED_RAD, ARRIVED_M
 from mrl_driver.robot.sonar import CYCLE_S
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
@@ -91,9 +90,3 @@ def test_a_goal_that_is_not_reached_has_its_own_exit_code(emulated_board):
 )
 def test_a_goal_that_is_not_a_place_is_refused(words, expected):
     assert expected in fails(2, "goto", *words)
-
-
-def test_the_help_gives_the_tolerance_of_the_goal_seeker():
-    text = " ".join(mrl("goto", "--help").stdout.split())
-    tolerance = f"within {ARRIVED_M:g} m, and the heading within {math.degrees(ALIGNED_RAD):g} deg"
-    assert tolerance in text

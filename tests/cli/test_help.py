@@ -15,9 +15,7 @@ from click.shell_completion import BashComplete
 from mrl_driver import errors
 from mrl_driver.cli import main
 from mrl_driver.errors import ConfigError, OutputError
-from mrl_driver.host import named_robots
-from mrl_driver.program import start
-from tests.waiting import PATIENCE, PATIENCE_S
+from tests.waiting import PATIENCE_S
 
 from .run import mrl
 
@@ -52,18 +50,6 @@ def test_each_command_says_what_it_does(path):
     assert all(option.help for option in command.params if isinstance(option, click.Option))
 
 
-def test_each_command_has_an_example_in_its_own_help_or_its_groups():
-    def shown(path):
-        text = (COMMANDS[path].help or "") + (COMMANDS[path[:-1]].help or "")
-        return isinstance(COMMANDS[path], click.Group) or " ".join(path) in text
-
-    assert [path for path in COMMANDS if len(path) > 1 and not shown(path)] == []
-
-
-def test_there_are_examples():
-    assert len(EXAMPLES) > 20
-
-
 @pytest.mark.parametrize("example", EXAMPLES)
 def test_examples_parse(example, monkeypatch):
     called, words = [], shlex.split(example)
@@ -72,28 +58,6 @@ def test_examples_parse(example, monkeypatch):
             monkeypatch.setattr(command, "callback", lambda *_, path=path, **__: called.append(path))
     main.cli.main(words[1:], "mrl", standalone_mode=False)
     assert len(called) == 1 and set(called[0]) <= set(words)
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [([], "Where to begin"), (["config"], "Usage: mrl config [OPTIONS] COMMAND [ARGS]...\n")],
-)
-def test_words_alone_bring_the_help(words, expected):
-    result = mrl(*words)
-    assert expected in result.stdout and result.returncode == 0
-
-
-def test_every_summary_fits_a_line_of_the_list():
-    groups = [path[1:] for path, command in COMMANDS.items() if isinstance(command, click.Group)]
-    assert (
-        groups
-        and [path for path in groups if "...\n" in mrl(*path, "--help").stdout.split("Commands:")[1]] == []
-    )
-
-
-@pytest.mark.parametrize("shell", ["bash", "zsh"])
-def test_the_script_of_a_shell(shell):
-    assert "_MRL_COMPLETE" in mrl("completion", shell).stdout
 
 
 @pytest.mark.parametrize(
@@ -200,34 +164,7 @@ def test_a_package_that_is_missing_costs_a_line(tmp_path, missing, package, word
     )
 
 
-def test_a_module_of_our_own_that_is_missing_is_a_fault_of_ours():
-    with pytest.raises(ModuleNotFoundError):
-        start("mrl", "mrl_driver.never_was")
-
-
 def test_the_help_names_the_exit_code_of_each_error():
     text = mrl("--help").stdout
     codes = {each.exit_code for each in vars(errors).values() if isinstance(each, type)}
     assert codes and [code for code in codes if not re.search(rf"(^|\s){code} [a-z]", text)] == []
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        ("mrl experiment l-", ["l-course"]),
-        ("mrl names remove la", ["lab3"]),
-        ("mrl --robot la", ["lab3"]),
-    ],
-)
-def test_the_shell_completes_experiments_and_names(words, expected):
-    named_robots.write({"lab3": named_robots.Target("/dev/ttyACM0")})
-    env = {"_MRL_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(words.count(" "))}
-    done = subprocess.run(
-        [sys.executable, "-m", "mrl_driver"],
-        capture_output=True,
-        text=True,
-        timeout=60 * PATIENCE,
-        env={**os.environ, **env},
-        cwd=pathlib.Path(__file__).resolve().parents[2],
-    )
-    assert [line.partition(",")[2] for line in done.stdout.splitlines()] == expected

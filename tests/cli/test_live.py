@@ -19,7 +19,6 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
-from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.terminal import live_panels, live_view
 from mrl_driver.terminal.canvas import Canvas, View, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
@@ -60,43 +59,6 @@ def test_the_view_fits_terminals_of_all_sizes(watched, size):
     assert any(lines) and all(len(line) <= size[0] for line in lines) and len(lines) <= size[1] + 1
 
 
-@pytest.mark.parametrize(
-    "event",
-    [
-        Lost("/dev/x", "it went away"),
-        Reconnected("/dev/y"),
-        Slowed(115200),
-        PathUnknown(3.0, 0.9, 1.0),
-        ImuChanged(False, "frozen", "the heading comes from the wheels alone"),
-    ],
-)
-def test_the_view_shows_what_happened_to_the_line(watched, monkeypatch, event):
-    driver, _, log = watched
-    listeners = []
-    monkeypatch.setattr(driver, "on_event", listeners.append)
-    screen = Screen(driver, Settings(), log)
-    for tell in listeners:
-        tell(event)
-    assert screen.shown(time.monotonic()).notice == str(event)
-
-
-def test_the_view_shows_what_matters(watched):
-    driver, _, log = watched
-    text = picture(Screen(driver, Settings("/dev/ttyACM7", "drive.mrl"), log), 100, 30)
-    for words in (
-        "traxbot 1",
-        "/dev/ttyACM7",
-        "recording drive.mrl",
-        "12.0 V",
-        "1.20 m",
-        "last stop",
-        "@8,",
-        "·",
-        "→",
-    ):
-        assert words in text, words
-
-
 def test_the_terminal_says_what_every_view_says(watched):
     driver, _, log = watched
     content = Screen(driver, Settings(), log).content(time.monotonic())
@@ -107,17 +69,6 @@ def test_the_terminal_says_what_every_view_says(watched):
         word for each in told for row in each.rows for word in (each.title, row.name, *row.value.split())
     ]
     assert len(words) > 40 and [word for word in words if word not in text] == []
-
-
-def test_the_way_out_is_told_on_a_small_terminal(watched):
-    driver, _, log = watched
-    assert "q  quit" in picture(Screen(driver, Settings(keys_drive=True), log), 60, 24).splitlines()[-1]
-
-
-@pytest.mark.parametrize("height", [24, 60])
-def test_a_terminal_that_is_too_narrow_for_the_map_says_so(watched, height):
-    driver, _, log = watched
-    assert "map from 72 columns" in picture(Screen(driver, Settings(), log), 71, height)
 
 
 @pytest.mark.parametrize("size", [(80, 24), (100, 30), (120, 40)])
@@ -159,12 +110,6 @@ def hold(screen, driver, seconds, key="up", late_s=0.0):
         screen.press(key, driver.now_s - late_s)
         screen.steer(driver.now_s)
         driver.wait(0.05)
-
-
-def test_the_view_shows_the_delay_from_key_to_port_and_that_of_the_link(delayed):
-    screen, driver = delayed
-    hold(screen, driver, 0.1, late_s=0.012)
-    assert "42 ms: key 12, link 30" in picture(screen, 80, 24)
 
 
 def test_keys_stop_driving_above_the_longest_delay_until_they_are_released(delayed):
@@ -222,13 +167,6 @@ def test_the_view_drives_by_the_times_of_the_presses(monkeypatch):
     assert seen == [77.0, 77.0]
 
 
-def test_silence_is_told_at_the_top(watched):
-    driver, board, log = watched
-    board.mute = True
-    driver.wait(0.5)
-    assert "NO TELEMETRY" in picture(Screen(driver, Settings(), log), 80, 24).splitlines()[0]
-
-
 def test_keys_drive_only_after_enter(watched):
     driver, board, log = watched
     screen = Screen(driver, Settings(), log)
@@ -283,21 +221,6 @@ def test_a_mismatch_is_told_and_space_goes_on(watched):
     assert driver.mismatch is None
 
 
-@pytest.mark.parametrize("key", ["q", "escape"])
-def test_the_end(watched, key):
-    driver, _, log = watched
-    screen = Screen(driver, Settings(), log)
-    screen.press(key, 0.0)
-    assert screen.ended
-
-
-def test_frames_can_be_hidden(watched):
-    driver, _, log = watched
-    screen = Screen(driver, Settings(), log)
-    screen.press("f", 0.0)
-    assert "@8," not in picture(screen, 100, 30)
-
-
 # -- the path
 
 
@@ -307,14 +230,6 @@ def test_a_long_way_is_thinned_out_and_keeps_its_length(monkeypatch):
     for i in range(1001):
         way.add(Pose(i * 0.01, 0.0, 0.0))
     assert len(way.poses) <= 101 and way.distance_m == pytest.approx(10.0, abs=0.3)
-
-
-def test_a_cleared_path_begins_where_the_robot_is():
-    way = trail.Trail()
-    for i in range(10):
-        way.add(Pose(i * 0.1, 0.0, 0.0))
-    way.clear()
-    assert way.poses == [(0.9, 0.0, 0.0)] and way.distance_m == 0.0
 
 
 # -- the canvas
@@ -333,16 +248,6 @@ def test_a_line_on_the_canvas():
     canvas = Canvas(2, 1, View(0.0, 0.0, 1.0))
     canvas.line((-2.0, -1.5), (1.5, -1.5), "")
     assert canvas.text().plain == "\u28c0\u28c0"
-
-
-def test_metres_are_as_long_across_as_up():
-    canvas = Canvas(40, 20, fit([(0.0, 0.0)], 40, 20))
-    (x0, y0), (x1, _), (_, y1) = (canvas.at(point) for point in ((0, 0), (0.5, 0), (0, 0.5)))
-    assert x1 - x0 == y0 - y1 > 0
-
-
-def test_the_view_stands_still_while_the_robot_moves_a_little():
-    assert fit([(0.0, 0.0), (0.1, 0.0)], 80, 24) == fit([(0.0, 0.0), (0.2, 0.1)], 80, 24)
 
 
 # -- the frame log

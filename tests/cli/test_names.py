@@ -59,11 +59,6 @@ def test_a_name_of_a_port_that_is_not_there_says_that_it_is_any_robot(link, serv
     assert named_robots.read()["lab3"].id is None
 
 
-def test_a_board_without_an_id_is_any_robot(serve):
-    done = mrl("names", "add", "lab3", "--port", serve(robot_id=0).path)
-    assert "which has no id yet" in done.stderr and named_robots.read()["lab3"].id is None
-
-
 def test_another_id_for_the_board_is_the_names_from_then_on():
     with EmulatedBoard() as board:
         mrl("names", "add", "lab3", "--port", board.port)
@@ -103,22 +98,11 @@ def test_an_explicit_port_wins_over_the_name_and_the_name_over_the_environment(m
     assert "'/dev/two' does not exist" in fails(3, "info")
 
 
-def test_the_robot_of_the_environment(monkeypatch):
-    write("lab3: {port: /dev/one}\n")
-    monkeypatch.setenv("MRL_ROBOT", "lab3")
-    assert "'/dev/one' does not exist" in fails(3, "info")
-
-
 def test_a_name_is_forgotten():
     write("lab3: {port: /dev/one}\nlab4: {port: /dev/two}\n")
     assert mrl("names", "remove", "lab3").returncode == 0
     assert list(named_robots.read()) == ["lab4"]
     assert "expected lab4" in fails(2, "names", "remove", "lab3")
-
-
-def test_without_names_it_says_how_to_give_one():
-    assert "mrl names add" in mrl("names").stdout
-    assert "mrl names add lab9" in fails(2, "info", "--robot", "lab9")
 
 
 @pytest.mark.parametrize(
@@ -164,8 +148,3 @@ def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):
 def test_nothing_wrong_gets_into_the_file(args, words):
     assert words in fails(2, "names", "add", *args)
     assert not os.path.exists(named_robots.path())
-
-
-def test_a_folder_that_cannot_be_written(tmp_path):
-    (tmp_path / "config").write_text("a file")
-    assert "config/mrl-driver/robots.yaml cannot be" in fails(2, "names", "add", "lab3", "--port", "/dev/one")

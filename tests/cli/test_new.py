@@ -7,10 +7,8 @@ import re
 import pytest
 
 from mrl_driver.calibration.bridge_wiring import BITS
-from mrl_driver.cli.commands import new
 from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import models
-from mrl_driver.robot.models import kit
 from tests.calibration.kit import Kit
 
 from .run import fails, mrl
@@ -34,11 +32,6 @@ def test_the_options_make_a_robot_that_all_programs_know():
     assert done.returncode == 0 and "all programs know the robot as --robot rover" in done.stdout
     model = models.load("rover")
     assert (model.ids, BRIDGES[model.board["bridge"]]) == ((11,), "tb6612")
-
-
-def test_the_wires_of_the_bridge_are_shown():
-    lines = [line.split() for line in mrl("new", "rover", *ROVER, "--yes").stdout.splitlines()]
-    assert ["PWM", "D5", "D11"] in lines and ["IN1", "D6", "D3"] in lines and ["IN2", "D7", "D9"] in lines
 
 
 def test_questions_come_with_a_picture(tmp_path):
@@ -118,7 +111,3 @@ def test_an_unknown_kit_becomes_a_robot_that_knows_its_wires(serve, tmp_path):
     saved = board.board.saved
     assert [saved[name] for name in ("robot_id", "bridge", "wiring")] == [11, BRIDGES.index("tb6612"), hidden]
     assert (saved["encoder_counts"], saved["axis_radius"]) == (14960, 7500)
-
-
-def test_each_bridge_has_words_and_wires():
-    assert set(new.CHIPS) == set(kit.WIRES) == set(BRIDGES[1:])

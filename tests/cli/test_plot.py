@@ -87,14 +87,6 @@ def test_text_that_resembles_a_reply_is_left_out(recorded, text):
     assert columns(recorded) == before
 
 
-def test_sequence_and_time_of_counts_are_not_ranges(recorded):
-    before = columns(recorded)[4:]
-    with open(recorded, "a", encoding="utf-8") as file:
-        frame = encode_reply(6, 5714, 5714, stamp=Stamp(106, 33160), checked=True)
-        file.write(entry(3.1, "<", frame))
-    assert columns(recorded)[4:] == before
-
-
 def record(path, *greeting):
     """A recording of a board that greets with these replies, and then sends counts and three more values."""
     frames = [*greeting, *(encode_reply(8, i, i, 100, 200, 645) for i in range(9))]
@@ -114,12 +106,6 @@ def test_values_of_a_2013_board_whose_id_has_environment_sensors_are_not_ranges(
     assert found.ranges == {} and len(found.poses.time_s)
 
 
-def test_sonars_of_a_board_that_tells_of_them_are_known(tmp_path):
-    greeting = encode_reply(5, 2500, 172, 1200, 2, 1), encode_reply(29, 2, bits("sonars"))
-    found = read(record(tmp_path / "a.mrl", *greeting))
-    assert set(found.ranges) == {"front", "left", "right"} and "sonars" in found.board.capabilities
-
-
 @pytest.mark.parametrize(
     "greeting", [[], [encode_reply(5, 2500, 172, 1200, 1, 1)]], ids=["without-greeting", "2013"]
 )
@@ -129,16 +115,6 @@ def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path, gree
     assert done.stderr.count("\n") == 1
     assert "a.mrl does not say whether the board has sonars" in done.stderr
     assert "build: environment" in done.stderr
-
-
-def test_ranges_of_a_board_that_tells_of_its_sonars_are_drawn_without_a_warning(tmp_path):
-    record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 2, 1), encode_reply(29, 2, bits("sonars")))
-    assert mrl("plot", tmp_path / "a.mrl").stderr == ""
-
-
-def test_without_ranges_there_is_no_warning_of_them(tmp_path):
-    record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 1))
-    assert mrl("plot", tmp_path / "a.mrl", "--part", "speeds").stderr == ""
 
 
 def test_a_port_that_was_opened_again_moves_nothing(recorded):

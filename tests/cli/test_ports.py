@@ -59,22 +59,9 @@ def test_a_port_in_use_is_never_opened(there, serve):
     assert not row["asked"] and "process" in row["used_by"] and not port.received
 
 
-def test_the_list_for_people(there, serve):
-    port = serve()
-    there(UNO, Port(port.path))
-    done = mrl("ports", "--probe", port.path)
-    assert "Arduino Uno R3" in done.stdout and "traxbot 1" in done.stdout and "does not exist" in done.stdout
-
-
 def test_no_port_at_all(there):
     there()
     assert all(words in mrl("ports").stdout for words in ("plug the board in", "mrl-sim --link"))
-
-
-def test_a_port_without_permission_is_not_advised_to_be_asked(there, monkeypatch):
-    there(UNO._replace(device="/dev/ttyS9", vendor=None))
-    monkeypatch.setattr(port_info.os, "access", lambda *_: False)
-    assert mrl("ports", "--probe").stdout.count("--probe") == 0
 
 
 def test_a_port_that_a_program_opens_while_others_are_asked_is_not_opened(serve, monkeypatch):
@@ -92,24 +79,6 @@ def test_a_port_without_probe():
     assert "--probe" in fails(2, "ports", "/dev/null")
 
 
-def test_nine_boards_are_found_beside_one_in_use(there, serve):
-    boards = [serve(robot_id=number) for number in range(1, 10)]
-    used = serve(robot_id=10)
-    link = SerialLink(used.path)
-    try:
-        found = rows("--probe", "--wait", "60", *(each.path for each in (*boards, used)))
-    finally:
-        link.close()
-    assert [found[each.path]["robot_id"] for each in boards] == list(range(1, 10))
-    assert not used.received and not found[used.path]["asked"]
-
-
-def test_a_silent_port_is_given_up_after_the_time_that_was_given(there, serve):
-    silent = serve()
-    silent.held.set()
-    assert "no answer" in rows("--probe", "--wait", "0.5", silent.path)[silent.path]["error"]
-
-
 def test_a_usb_port_has_time_for_boot_loader_and_old_firmware(there, serve, monkeypatch):
     asked, pty = {}, serve().path
     monkeypatch.setattr(probe, "probe", lambda *port: asked.update({port[0]: port[2]}) or probe.Answer())
@@ -125,7 +94,3 @@ def test_a_program_without_a_lock_is_named(serve):
     with open(port, "rb", buffering=0) as held, subprocess.Popen(["sleep", "60"], stdin=held) as program:
         assert f"(process {program.pid})" in port_info.user_of(port)
         program.kill()
-
-
-def test_a_time_without_probe():
-    assert "--wait is given without --probe" in fails(2, "ports", "--wait", "3")

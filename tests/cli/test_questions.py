@@ -67,16 +67,6 @@ def test_a_speed_that_the_model_does_not_allow_is_said_to_be_limited(serve):
     assert json.loads(done.stdout)["pose"]["x_m"] < 0.2
 
 
-@pytest.mark.emulated_board(robot="omni")
-def test_a_slide_is_said_to_be_limited(emulated_board):
-    done = mrl("drive", "--port", emulated_board.port, "--lateral", "5", "--for", "0.2")
-    assert "limited to --linear 0 m/s, --angular 0 rad/s, --lateral" in done.stderr
-
-
-def test_a_speed_that_is_allowed_is_not_talked_about(serve):
-    assert mrl("drive", "--port", serve().path, "--linear=-0.3", "--for", "0.2").stderr == ""
-
-
 # -- recordings
 
 

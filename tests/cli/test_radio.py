@@ -4,11 +4,9 @@ import json
 
 import pytest
 
-from mrl_driver.cli.commands.info import describe
 from mrl_driver.cli.commands.radio import print_nodes, print_texts
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.radio import BROADCAST, text_request
 from tests.fake_board import FakeBoard
 from tests.models import model
@@ -26,22 +24,10 @@ def robot():
         yield driver
 
 
-def test_discover_prints_each_radio(robot, capsys):
-    print_nodes(robot, 0.1, False)
-    assert capsys.readouterr().out == "0013a20040a1b2c3  0001\n0013a20040a10007  0002\n"
-
-
 def test_discover_as_json(robot, capsys):
     print_nodes(robot, 0.1, True)
     nodes = json.loads(capsys.readouterr().out)
     assert nodes[0] == {"address": "0013a20040a1b2c3", "network": "0001"} and len(nodes) == 2
-
-
-def test_listen_prints_texts_with_their_sender(robot, capsys):
-    board = robot.engine.board
-    robot.on_telemetry(lambda _: None if board.told else board.hear(PEER, "hi"))
-    print_texts(robot, 0.3, True)
-    assert json.loads(capsys.readouterr().out) == {"address": "0013a20040a1b2c3", "text": "hi"}
 
 
 def test_texts_of_strangers_give_no_orders_to_the_terminal(robot, capsys):
@@ -56,12 +42,6 @@ def test_board_without_a_radio_is_named(use):
     robot = SteppedDriver(Engine(FakeBoard()), model("traxbot"))
     with robot, pytest.raises(ConfigError, match="no radio"):
         use(robot, 0.1, False)
-
-
-def test_info_names_the_radio_that_holds_the_robot(robot, monkeypatch):
-    monkeypatch.setattr(SteppedDriver, "hold", Hold("held", 1, 0, 0, PEER))
-    facts = describe(robot, "/dev/x")
-    assert (facts["hold"], facts["holder"]) == ("held", "0013a20040a1b2c3")
 
 
 def test_send_sends_the_text_to_all(serve):

@@ -47,12 +47,3 @@ def test_the_page_never_replaces_the_recording(recording):
     before = recording.read_bytes()
     assert "would replace the recording" in fails(2, "review", recording, "-o", recording)
     assert recording.read_bytes() == before
-
-
-def test_a_folder_that_is_not_there_is_one_line(recording, tmp_path):
-    assert "cannot be written" in fails(15, "review", recording, "-o", tmp_path / "no" / "page.html")
-
-
-def test_what_is_not_a_recording_is_one_line(tmp_path):
-    (tmp_path / "x.mrl").write_text("hello\n")
-    assert "not a recording" in fails(2, "review", tmp_path / "x.mrl")

@@ -12,11 +12,9 @@ from unittest import mock
 
 import pytest
 
-from mrl_driver.cli.doctor import board
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.served_robot import ServedRobot
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
-from mrl_driver.session.events import Lost
 from mrl_driver.transport.listener import SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
@@ -24,7 +22,7 @@ from sim_arduino.testing import EmulatedBoard
 from tests.driver.conftest import Cable
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
-from .run import fails, mrl
+from .run import fails
 
 ADDRESS = "127.0.0.1:0"
 
@@ -56,13 +54,6 @@ def served(request):
         served.board = board
         yield served
         served.close()
-
-
-def test_the_doctor_blames_no_usb_cable_of_a_board_on_a_network(served, monkeypatch):
-    poor = board.LinkFigures(30.0, 50.0, 2, {"noise": 3}, [0.08])
-    monkeypatch.setattr(board, "watch", lambda driver: poor)
-    done = mrl("doctor", "--port", served.url)
-    assert "bring robot and access point closer together" in done.stdout and "USB cable" not in done.stdout
 
 
 def test_a_driver_drives_through_it(served):
@@ -178,12 +169,6 @@ def test_a_stop_that_the_port_refuses_does_not_count():
     assert sent == [COMMAND, *STOPS * [STOP]]
 
 
-def test_a_port_that_refuses_many_writes_is_one_line():
-    told = []
-    serve_a_client_that_leaves([], tell=told.append, refused=STOPS)
-    assert sum("accepted no data" in line for line in told) == 1
-
-
 def test_the_stop_at_the_end_is_tried_again_if_the_port_refuses_it():
     sent = []
     serve_a_client_that_leaves(sent, refused=2, turns=1)
@@ -208,10 +193,6 @@ def away(cable):
     served.close()
 
 
-def of_kind(events, kind):
-    return [event for event in list(events) if isinstance(event, kind)]
-
-
 def test_a_bridge_starts_before_its_board_is_there_and_tells_clients(away, cable):
     with pytest.raises(LinkLost, match="mrl serve has no board now: the board was not found yet"):
         Driver(away.url).connect()
@@ -228,15 +209,6 @@ def test_the_same_robot_is_served_again_after_it_was_unplugged(prompt, cable, sc
         wait_until(lambda: served.told_of("went away") and not robot.ready)
         cable.plug()
         wait_until(lambda: robot.ready)
-
-
-def test_a_client_is_told_that_the_board_is_lost(cable):
-    events, served = [], Served(cable.path)
-    with contextlib.closing(served), Driver(served.url, options=Options(reconnect=True)) as robot:
-        robot.on_event(events.append)
-        cable.unplug()
-        (lost,) = wait_until(lambda: of_kind(events, Lost))
-    assert "mrl serve has no board now" in lost.reason and "went away" in lost.reason
 
 
 @pytest.mark.parametrize("scheme", ["tcp", "udp"])
@@ -289,21 +261,6 @@ def test_without_time_a_port_that_is_not_there_ends_the_command():
     assert "does not exist" in fails(3, "serve", "--port", "/dev/nowhere", *words)
 
 
-def test_the_command_says_its_address_and_what_it_serves(serve):
-    port = serve().path
-    command = [sys.executable, "-m", "mrl_driver", "serve", "--port", port, "--listen", f"tcp://{ADDRESS}"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        address, *words = process.stdout.readline().split()
-        assert words[:2] == ["serves", f"{port};"]
-        with Driver(address, options=Options(port_timeout_s=PATIENCE_S)) as robot:
-            assert robot.board.robot_id == 1
-        process.terminate()
-
-
-def test_an_address_must_be_given():
-    assert "--listen" in fails(2, "serve", "--port", "/dev/ttyACM0")
-
-
 @pytest.mark.parametrize(
     ("url", "code", "words"),
     [
@@ -320,12 +277,6 @@ def test_an_address_in_use_is_refused():
     listener = listen(f"tcp://{ADDRESS}")
     assert "in use" in fails(5, "serve", "--port", "/dev/ttyACM0", "--listen", str(listener.address))
     listener.close()
-
-
-@pytest.mark.parametrize("address", ["10.0.0.7:7000", "foo://10.0.0.7:7000", "rfc2217://10.0.0.7:7000"])
-def test_what_cannot_be_listened_on_is_named(address):
-    line = fails(2, "serve", "--port", "/dev/nowhere", "--listen", address)
-    assert f"{address!r} is not a network address, expected tcp://HOST:PORT or udp://HOST:PORT" in line
 
 
 @pytest.mark.parametrize("listen", ["udp://0.0.0.0:0", "tcp://10.0.0.7:7000"])

@@ -38,10 +38,6 @@ def test_two_wheels_say_that_they_cannot(emulated_board):
     assert "a differential base cannot move sideways (0.1 m/s requested)" in line
 
 
-def test_keys_that_slide_are_keys_that_drive_where_the_robot_can():
-    assert Teleop.moves(",", sideways=True) and Teleop.moves("w") and not Teleop.moves(",")
-
-
 def test_keys_slide():
     teleop = Teleop()
     teleop.press(",", 0.0)

@@ -9,7 +9,7 @@ from mrl_driver.cli.commands import monitor
 from mrl_driver.terminal import live_view
 from tests.waiting import PATIENCE_S, wait_until
 
-from .run import fails, mrl
+from .run import mrl
 
 
 @pytest.fixture
@@ -74,7 +74,3 @@ def test_datagrams_that_the_system_refuses_are_said_at_once_and_counted_at_the_e
     for line in (first, last):
         assert line.startswith("mrl: warning: --udp 127.255.255.255:9: ") and "permission denied" in line
     assert done.returncode == 0 and int(first.split()[4]) <= int(last.split()[4])
-
-
-def test_what_is_no_address_is_refused_before_the_port_is_opened():
-    assert "expected HOST:PORT, such as" in fails(2, "monitor", "--udp", "9870", "--port", "/dev/null")

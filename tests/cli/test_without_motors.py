@@ -11,7 +11,6 @@ from rich.console import Console
 from mrl_driver.cli.commands import flash
 from mrl_driver.cli.doctor import board as checks
 from mrl_driver.cli.doctor.findings import NOTE, OK
-from mrl_driver.driver.probe import probe
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
@@ -49,20 +48,9 @@ def test_doctor_shows_the_sensors_and_no_fault(port, monkeypatch):
     assert "hardware that does not answer" not in texts.get("refused by board", "")
 
 
-def test_info_has_no_state_of_a_battery_that_is_not_measured(port):
-    told = json.loads(mrl("info", "--json", "--port", port).stdout)
-    assert (told["battery_v"], told["battery_state"]) == (None, None)
-
-
 def test_monitor_prints_the_sensors_alone(port):
     line = mrl("monitor", "--seconds", 0.3, "--port", port).stdout.splitlines()[-1]
     assert line.startswith("pioneer 7  alcohol 123 count") and "battery" not in line and " x " not in line
-
-
-def test_monitor_gives_programs_no_pose(port):
-    told = json.loads(mrl("monitor", "--json", "--seconds", 0.3, "--port", port).stdout.splitlines()[-1])
-    assert (told["pose"], told["twist"], told["battery_v"]) == (None, None, None)
-    assert told["sensors"]["light"] == [500.0]
 
 
 @pytest.mark.parametrize(
@@ -76,16 +64,6 @@ def test_monitor_gives_programs_no_pose(port):
 )
 def test_what_needs_motors_is_refused(port, words):
     assert NO_MOTORS in fails(2, *words, "--port", port)
-
-
-def test_mirror_of_a_robot_needs_a_body():
-    assert NO_MOTORS in fails(2, "mirror", "--world-name", "hall", "--name", "air", "--robot", "pioneer")
-
-
-def test_probe_finds_it_and_no_battery(port):
-    answer = probe(port)
-    assert (answer.robot_id, answer.model, answer.error) == (7, "pioneer", "")
-    assert answer.battery_v != answer.battery_v
 
 
 def test_flash_takes_the_build_of_its_sensors(port):

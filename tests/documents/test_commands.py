@@ -1,6 +1,5 @@
 """Every command that a document shows: run, or parsed where it sets the machine up, needs a person or takes minutes."""
 
-import json
 import re
 import xml.etree.ElementTree
 
@@ -9,7 +8,6 @@ import pytest
 from click.testing import CliRunner
 
 from mrl_driver.cli.main import cli
-from mrl_driver.protocol.table import SENSORS
 from sim_arduino.serve.main import main as mrl_sim
 
 from .blocks import ROOT, blocks
@@ -174,12 +172,3 @@ def test_python_of_the_document_runs(document, emulated_board):
     for text in code:
         exec(compile(text.replace(PORT, emulated_board.port), document, "exec"), {})
     assert code
-
-
-def test_json_of_the_monitor_has_sensors(emulated_board):
-    """As SENSORS.md says."""
-    done = CliRunner().invoke(
-        cli, ["monitor", "--port", emulated_board.port, "--json", "--seconds", "2"], standalone_mode=False
-    )
-    wired = {row.name for row in SENSORS if not row.capability}
-    assert set(json.loads(done.output.splitlines()[-1])["sensors"]) == wired

@@ -67,19 +67,6 @@ def test_a_drawing_shows_the_pins_of_its_table(name):
     assert {terminal: pin for pin, terminal in drawn} == terminals(DRAWN[name])
 
 
-def test_the_resistor_is_drawn_at_an_input_of_the_l298n():
-    ((pin, terminal),) = re.findall(r"Uno (D\d+) ----\+---- (\w+)", BRIDGE)
-    assert terminals(DRAWN["L298N"])[terminal] == pin
-
-
 def test_the_divider_is_drawn_at_its_pin():
     (pin,) = re.findall(r"Uno ([AD]\d+) -+\+---- 100 nF", BRIDGE)
     assert number(pin) == in_header()[2]["BATTERY"]
-
-
-def test_timers_of_the_pwm_are_named_with_their_pins():
-    """Timer 0 drives D5 and D6, timer 2 drives D3 and D11 (ATmega328P data sheet, OC0 and OC2)."""
-    (first, second) = re.search(r"timer 0 \((.*?)\) and timer 2 \((.*?)\)", BRIDGE).groups()
-    bridge = in_header()[2]
-    assert {number(pin) for pin in first.split(", ")} == {bridge["LEFT_PWM_A"], bridge["LEFT_PWM_B"]}
-    assert {number(pin) for pin in second.split(", ")} == {bridge["RIGHT_PWM_A"], bridge["RIGHT_PWM_B"]}

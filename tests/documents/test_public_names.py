@@ -1,8 +1,6 @@
 """Names that programs import keep working, wherever the modules stand."""
 
 import importlib
-import subprocess
-import sys
 
 import pytest
 
@@ -33,23 +31,6 @@ PUBLIC = {
 @pytest.mark.parametrize("module, name", [(m, n) for m, names in PUBLIC.items() for n in names])
 def test_a_documented_name_is_there(module, name):
     assert hasattr(importlib.import_module(module), name)
-
-
-def test_an_old_name_is_the_same_module():
-    """Two copies of a module would have two kinds of each error."""
-    old = importlib.import_module("mrl_driver.stepped")
-    assert old is importlib.import_module("mrl_driver.driver.simulated")
-
-
-def test_a_submodule_is_imported_from_its_package_by_the_old_name():
-    code = "from mrl_driver import robots; from sim_arduino import boards; print(robots.__name__, boards.__name__)"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert out.split() == ["mrl_driver.robot.models", "sim_arduino.serve.factory"]
-
-
-def test_a_name_that_never_was_is_not_there():
-    with pytest.raises(ModuleNotFoundError):
-        importlib.import_module("mrl_driver.never_was")
 
 
 def test_the_packages_example_is_the_readmes():

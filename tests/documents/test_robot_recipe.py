@@ -5,7 +5,7 @@ import pytest
 from mrl_driver.driver.eeprom import save_model
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardRefused, ConfigError
+from mrl_driver.errors import BoardRefused
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot import models
 from sim_arduino.board import parameter_store
@@ -88,20 +88,3 @@ def test_a_users_file_comes_before_the_packaged_one(home):
     (home / "traxbot.yaml").write_text(text)
     assert models.load("traxbot").drive.wheel_separation_m == 0.181
     assert models.load_packaged("traxbot").drive.wheel_separation_m == 0.180
-
-
-def test_an_unknown_name_tells_where_files_belong(home):
-    with pytest.raises(
-        ConfigError, match=f"expected .*{NAME}, .*stingbot.*files in {home} are known by name"
-    ):
-        models.load("recipe-robt")
-
-
-def test_a_path_that_is_none_says_why(tmp_path):
-    with pytest.raises(ConfigError, match="nowhere.yaml' No such file"):
-        models.load(str(tmp_path / "nowhere.yaml"))
-
-
-def test_emulated_boards_know_no_parameter_that_the_model_lacks(home):
-    values = parameter_store.configured(IDS[0], models.load(NAME))
-    assert len(values) == len(PARAMETER_BY_NAME)

@@ -35,13 +35,3 @@ def test_limits_are_those_of_the_code(words):
 def test_pages_and_connections_are_limited_as_it_says():
     source = (ROOT / "mrl_driver/web/server.py").read_text()
     assert "MOST_CLIENTS, MOST_CONNECTIONS = 16, 100" in source
-
-
-@pytest.mark.parametrize("name", re.findall(r"\]\(((?!http)[^)#]+)", TEXT))
-def test_its_links_lead_to_files(name):
-    assert (ROOT / name).exists()
-
-
-def test_the_readme_leads_to_both_pages():
-    end = (ROOT / "README.md").read_text(encoding="utf-8").split("## Safety and security")[1]
-    assert "(SECURITY.md)" in end and "(docs/hazards.md)" in end

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from mrl_driver.protocol.table import BY_CODE, SENSORS
+from mrl_driver.protocol.table import SENSORS
 
 from .blocks import ROOT, blocks, files
 
@@ -30,15 +30,9 @@ UNO_FLASH = 30720
 """With another compiler it must fit beside the largest bootloader [byte]."""
 
 
-CODE = max(BY_CODE) + 1
 _TAKEN = {row.i2c.address for row in SENSORS if row.i2c}
 ADDRESS = next(each for each in range(0x48, 0x50) if each not in _TAKEN)
 NAME = "recipe_temperature"
-
-
-def test_the_recipe_has_the_next_free_code():
-    text = (ROOT / RECIPE).read_text()
-    assert f"Sensor({CODE}, " in text and f"The command is {CODE} `" in text
 
 
 def own(text):
@@ -114,15 +108,3 @@ def test_the_firmware_stays_small(tree, result):
     size = run(tree, "avr-size", "-B", "build/firmware/mrl_firmware.elf").splitlines()[1].split()
     version = run(tree, "avr-gcc", "-dumpversion").strip()
     assert int(size[0]) + int(size[1]) <= MOST_FLASH.get(version, UNO_FLASH)
-
-
-def test_without_the_function_the_firmware_does_not_link(tree, result):
-    source = tree / "firmware" / "mrl_firmware" / f"{NAME}.cpp"
-    text = source.read_text()
-    source.write_text("// nothing\n")
-    done = subprocess.run(
-        ["make", "-s", "build/firmware/mrl_firmware.elf"], cwd=tree, capture_output=True, text=True
-    )
-    source.write_text(text)
-    assert done.returncode != 0
-    assert f"{NAME}() is missing, expected it in firmware/mrl_firmware/{NAME}.cpp" in done.stderr

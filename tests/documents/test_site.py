@@ -30,14 +30,6 @@ def test_the_site_names_every_document():
     assert documents - set(NAMED) == set()
 
 
-def test_the_site_names_no_document_that_is_not_there():
-    assert [path for path in NAMED if not (ROOT / path).is_file() and not (PAGES / path).is_file()] == []
-
-
-def test_the_site_names_each_document_once():
-    assert len(NAMED) == len(set(NAMED))
-
-
 def test_the_site_names_its_own_pages():
     assert {path.relative_to(PAGES).as_posix() for path in PAGES.rglob("*.md")} - set(NAMED) == set()
 

@@ -1,6 +1,5 @@
 """sdist and wheel hold what they need, and work outside the repository."""
 
-import json
 import os
 import pathlib
 import shlex
@@ -176,15 +175,6 @@ def test_modules_and_image_come_from_the_wheel(place):
     assert str(place) in module and str(place) in image and 15000 < int(size) < 32256
 
 
-def test_emulator_explains_itself(place):
-    assert "--world" in tried(place, "mrl-sim", "--help")
-
-
-def test_driver_talks_to_a_board(place, emulated_board):
-    facts = json.loads(tried(place, "mrl", "info", "--port", emulated_board.port, "--json"))
-    assert facts["robot"] == "traxbot"
-
-
 def test_fresh_clone_drives_an_emulated_robot_without_ros(from_clone):
     """The README's lines: mrl-sim serves, mrl drive drives."""
     command = [from_clone / "venv" / "bin" / "mrl-sim", "--robot", "traxbot", "--link", "ttyTRAX0"]
@@ -203,23 +193,3 @@ def test_fresh_clone_has_the_pytest_fixture(from_clone):
     )
     words = ("python", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", "test_own.py")
     assert "1 passed" in tried(from_clone, *words)
-
-
-def test_without_images_the_way_to_them_is_named(from_clone):
-    code = (
-        "from mrl_driver.errors import ConfigError\nfrom mrl_driver.host.firmware_images import image_path\n"
-    )
-    code += "try: image_path()\nexcept ConfigError as e: print(e)"
-    said = tried(from_clone, "python", "-c", code)
-    assert (
-        "installed without images: run make firmware in its source folder, then pip install . again" in said
-    )
-
-
-def test_images_are_asked_for_by_build():
-    from mrl_driver.errors import ConfigError
-    from mrl_driver.host.firmware_images import image_path
-
-    assert image_path("xbee").endswith("mrl_firmware_xbee.hex")
-    with pytest.raises(ConfigError, match="build is 'zigbee', expected sonar, environment, xbee"):
-        image_path("zigbee")

@@ -3,14 +3,13 @@
 import contextlib
 import json
 import math
-import re
 import xml.etree.ElementTree
 from pathlib import Path
 
 import pytest
 
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.view.live_json import LONGEST, LiveJson, key, texts
+from mrl_driver.view.live_json import LONGEST, LiveJson, texts
 from sim_arduino.serve import factory
 
 AHEAD_S = 1.7e9
@@ -114,39 +113,3 @@ def test_a_board_without_motors_has_an_object_for_each_answer_of_a_sensor():
         [AHEAD_S + each.reading.stamp_s for each in answers], abs=1e-6
     )
     assert seen[-1][1]["/light_count"] == 500 and "/x_m" not in seen[-1][1]
-
-
-def test_a_sensor_that_is_heard_later_is_added(drive):
-    """Within a second; a robot may come back with another board."""
-    listeners, sent = [], []
-
-    class Later:
-        """The driver of `drive`, with another sonar."""
-
-        on_telemetry = staticmethod(listeners.append)
-        ranges = drive.driver.ranges
-
-        def __getattr__(self, name):
-            return getattr(drive.driver, name)
-
-    later, last = Later(), drive.telemetry[-1]
-    LiveJson(later, sent.append, AHEAD_S)
-    more = {**last.ranges, "rear": 0.5}
-    for after_s in (0.0, 0.5, 1.0):
-        listeners[0](last._replace(stamp_s=last.stamp_s + after_s, ranges=more if after_s else last.ranges))
-    assert [read(text)[1].get("/sonar_rear_m") for text in sent] == [None, None, 0.5]
-
-
-@pytest.mark.parametrize("robot", ["traxbot", "omni", "pioneer"])
-def test_keys_are_words_and_each_is_there_once(robot):
-    with Streamed(robot=robot) as streamed:
-        streamed.driver.wait(1.2)
-    names = list(json.loads(streamed.sent[-1]))
-    assert len(set(names)) == len(names) and all(re.fullmatch(r"[a-z0-9_]+", name) for name in names)
-
-
-def test_units_stand_behind_the_name():
-    found = [
-        key(name) for name in (("imu acceleration x", "m/s2"), ("temperature", "degC"), ("frames lost", ""))
-    ]
-    assert found == ["imu_acceleration_x_m_s2", "temperature_c", "frames_lost"]

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver.errors import LinkLost
 from mrl_driver.geometry import Pose
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.events import Reconnected
@@ -42,14 +41,6 @@ def test_the_path_and_the_rate_come_from_the_telemetry():
     assert shown.distance_m == pytest.approx(0.9)
 
 
-def test_a_board_without_motors_has_the_rate_of_its_stream():
-    robot = Robot(model=SimpleNamespace(drives=False), statistics=SimpleNamespace(streamed=0))
-    model = model_of(robot)
-    model.shown(100.0)
-    robot.statistics.streamed = 3
-    assert model.shown(100.5).rate_hz == 6.0
-
-
 def test_the_most_important_message_is_shown():
     robot = Robot(warning="old firmware")
     model = model_of(robot, remedy="release and press again")
@@ -67,21 +58,6 @@ def test_the_most_important_message_is_shown():
         "too slow",
         f"{robot.mismatch}; release and press again",
     ]
-
-
-def test_the_error_that_ended_the_driver_is_shown():
-    robot = Robot()
-    model = model_of(robot)
-    robot.tell(LinkLost("the port went away"))
-    assert model.shown(100.0).notice == "the port went away"
-
-
-def test_a_recording_that_loses_lines_is_incomplete():
-    robot = Robot(recorder=SimpleNamespace(loss=""))
-    model = model_of(robot)
-    before = model.shown(100.0).incomplete
-    robot.recorder.loss = "the disk is full"
-    assert (before, model.shown(100.0).incomplete) == (False, True)
 
 
 def test_the_delay_is_the_sum_of_what_is_known():

@@ -7,9 +7,8 @@ import pytest
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.odometry import OmniTwist, Twist
 from mrl_driver.view.live_model import Shown
-from mrl_driver.view.rows import STYLES, sections
+from mrl_driver.view.rows import sections
 from mrl_driver.view.shown_state import Bar, Row, ShownState, line_of
-from mrl_driver.view.words import ELSEWHERE
 from tests.models import model as load
 
 STATE = ShownState(
@@ -37,10 +36,6 @@ def told(state=STATE, delays_s=(math.nan,) * 3, **others):
     return {section.title: {row.name: row for row in section.rows} for section in sections(shown)}
 
 
-def test_each_section_is_there():
-    assert list(told()) == ["motion", "sonars", "sensors", "board", "link"]
-
-
 def test_a_board_without_motors_has_sensors_and_a_link():
     quiet = told(model=load("pioneer"), ranges={}, battery_v=math.nan, board=[])
     assert list(quiet) == ["sensors", "link"]
@@ -66,11 +61,6 @@ def test_a_stopped_robot_says_why():
     assert asked == Row("asked", "stopped: the computer that drives the robot was too busy", "yellow")
 
 
-def test_a_robot_that_another_program_drives_is_not_told_as_stopped():
-    asked = told(command=None, stop_reason=ELSEWHERE)["motion"]["asked"]
-    assert asked == Row("asked", "by another program")
-
-
 def test_sonars_come_as_seen_from_above_with_bars():
     assert list(told()["sonars"].values()) == [
         Row("left", "no reading", bar=Bar(0.0, "cyan")),
@@ -78,14 +68,6 @@ def test_sonars_come_as_seen_from_above_with_bars():
         Row("right", "0.20 m", bar=Bar(pytest.approx(0.0667, abs=1e-3), "red")),
         Row("rear", "1.50 m", bar=Bar(0.5, "cyan")),
     ]
-
-
-def test_a_low_battery_is_told_in_yellow():
-    assert told()["board"]["battery"] == Row("battery", "11.4 V low", "yellow", Bar(0.5, "yellow"))
-
-
-def test_a_charge_that_is_unknown_has_an_empty_bar():
-    assert told(battery_share=math.nan)["board"]["battery"].bar == Bar(0.0, "yellow")
 
 
 def test_silence_is_told_in_red():
@@ -102,13 +84,6 @@ def test_the_speed_of_a_silent_robot_is_unknown():
 def test_delays_are_told_by_their_parts():
     values = [told(delays_s=each)["link"]["delay"].value for each in ((0.042, 0.012, 0.03), (math.nan,) * 3)]
     assert values == ["42 ms: key 12, link 30", "unknown: key ?, link ?"]
-
-
-def test_styles_are_those_of_the_list():
-    states = [STATE, STATE._replace(command=None, ready=False, battery_state="empty")]
-    rows = [row for state in states for section in told(state).values() for row in section.values()]
-    used = {row.style for row in rows} | {row.bar.style for row in rows if row.bar is not None}
-    assert used <= set(STYLES) and len(used) > 4
 
 
 def test_the_line_shows_no_sign_of_a_number_that_rounds_to_zero():

@@ -12,7 +12,6 @@ from mrl_driver.robot.odometry import Twist
 from mrl_driver.view.series import Series
 from mrl_driver.view.shown_state import SILENT_S
 from sim_arduino.serve import factory
-from tests.models import model as load
 
 
 @contextlib.contextmanager
@@ -52,10 +51,6 @@ def test_motion_has_pose_speeds_and_command(values):
     assert values["x"] > 0.15 and seen == [near(each) for each in (0.0, 0.2, 0.0, 0.2, 0.0)]
 
 
-def test_wheels_have_speeds(values):
-    assert [values["right wheel"], values["left wheel"]] == [near(0.2)] * 2
-
-
 def test_the_imu_has_rates_acceleration_and_bias(values):
     assert values["imu acceleration z"] == pytest.approx(9.8, abs=0.2)
     assert (values["imu yaw rate"], values["imu bias"]) == (near(0.0), near(0.0))
@@ -90,26 +85,11 @@ def behind_topics(**values):
     return SimpleNamespace(**{**usual, "battery_v": 12.0, "age_s": 0.0, "link_delay_s": math.nan, **values})
 
 
-def test_a_stopped_robot_is_asked_for_nothing():
-    series = Series(behind_topics(model=load("traxbot")))
-    found = dict(zip((name for name, _ in series.names), series.values()))
-    assert (found["asked speed"], found["asked turn rate"]) == (0.0, 0.0)
-
-
 @pytest.mark.parametrize("silence", [{"age_s": SILENT_S + 0.01}, {"ready": False}], ids=["old", "not ready"])
 def test_a_silent_robot_has_no_speed_and_no_ranges(silence):
     series = Series(behind_topics(ranges={"front": 1.0}, **silence))
     found = dict(zip((name for name, _ in series.names), series.values()))
     assert all(math.isnan(found[name]) for name in ("speed", "turn rate", "sonar front"))
-
-
-def test_a_sonar_that_is_heard_for_the_first_time_makes_other_series():
-    robot = behind_topics()
-    series = Series(robot)
-    before = series.outdated()
-    robot.ranges = {"front": 1.0}
-    assert (before, series.outdated()) == (False, True)
-    assert len(series.values()) == len(series.names)
 
 
 def test_a_board_without_motors_has_its_sensors():

@@ -14,18 +14,6 @@ def test_every_reason_has_words():
     assert reasons - set(words.STOPS) == set()
 
 
-def test_a_reason_is_told_in_a_sentence():
-    assert words.stopped_text("command_timeout") == "stopped: no new command arrived in time"
-
-
-def test_a_wanted_stop_needs_no_reason():
-    assert {words.stopped_text(reason) for reason in ("none", "user", "host")} == {"stopped"}
-
-
-def test_a_reason_of_a_later_version_is_told_as_it_is():
-    assert words.stopped_text("over_heated") == "stopped: over heated"
-
-
 MISMATCH, HELD = Mismatch("left", DEAD, 0.037, 0.0), Hold("held", 1, 0, 0, 0x0013A200408B0001)
 
 

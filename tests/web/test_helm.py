@@ -11,14 +11,11 @@ from mrl_driver.web.helm import (
     GIVEN_UP,
     HAND_OVER_S,
     HANDED_OVER,
-    LATCHED,
     LEFT,
     LET_GO,
     LOST,
-    PRESS_AGAIN,
     RELEASED,
     RELEASES,
-    SENT_S,
     TAKE_FIRST,
     WATCHES,
     Drive,
@@ -115,35 +112,11 @@ def test_a_held_goal_is_driven_to(bench):
     assert bench.push(page, Goal(1.0, 2.0))[0] == Go(1.0, 2.0, None, 0.0)
 
 
-def test_each_fresh_command_is_passed_on_once(driving):
-    bench, one, _ = driving
-    for speed in (0.1, 0.2, 0.3):
-        bench.later()
-        assert bench.repeat(one, linear_m_s=speed) == [Drive(speed, 0.0, 0.0, 0.0)]
-    bench.later()
-    assert bench.helm.tick(bench.now_s) == [] and bench.helm.state().age_s == 0.0
-
-
 def test_a_released_control_stops_at_once(driving):
     bench, one, _ = driving
     bench.later()
     assert bench.rest(one) == [Halt(RELEASED), Tell()]
     assert not bench.helm.state().driving
-
-
-def test_the_next_press_may_follow_a_release_at_once(driving):
-    """Before the page has heard that the robot was stopped."""
-    bench, one, _ = driving
-    bench.now_s += 0.02
-    bench.arrives(one, one.lift(bench.now_s))
-    assert kinds(bench.push(one)) == ["Drive"]
-
-
-def test_the_same_press_does_not_drive_after_its_release(driving):
-    bench, one, _ = driving
-    bench.rest(one)
-    one.held = True
-    assert bench.repeat(one) == [Refuse(1, PRESS_AGAIN)] or not bench.drives(one)
 
 
 def test_a_goal_may_not_become_another_one_while_it_is_held(bench):
@@ -152,13 +125,6 @@ def test_a_goal_may_not_become_another_one_while_it_is_held(bench):
     page.goal = Goal(-1.0, 2.0)
     assert bench.repeat(page) == [Halt(CHANGED), Tell()]
     assert not bench.drives(page) and bench.presses_again(page)
-
-
-def test_a_goal_may_not_become_speeds_while_it_is_held(bench):
-    page = bench.page(takes=True)
-    bench.push(page, Goal(1.0, 2.0))
-    page.goal = None
-    assert kinds(bench.repeat(page)) == ["Halt"] and not bench.drives(page)
 
 
 # -- time
@@ -201,13 +167,6 @@ def test_a_page_with_slow_commands_is_told_once_in_a_press(bench):
     assert bench.helm.state().late == 3
 
 
-def test_late_commands_do_not_keep_the_robot_driving(driving):
-    bench, one, _ = driving
-    sent = one.message(bench.now_s - 0.1)
-    bench.now_s += 0.1
-    assert bench.arrives(one, sent) == [] and bench.helm.due_s < bench.now_s + 0.051
-
-
 def test_a_burst_after_a_stall_does_not_drive(driving):
     """Messages of 2 s arrive at once; the newest are fresh, but the robot was stopped meanwhile."""
     bench, one, _ = driving
@@ -215,21 +174,6 @@ def test_a_burst_after_a_stall_does_not_drive(driving):
     bench.now_s += 2.0
     acts = [act for message in waiting for act in bench.arrives(one, message)]
     assert "Drive" not in kinds(acts) and kinds(acts)[0] == "Halt"
-    assert bench.presses_again(one)
-
-
-def test_after_a_stall_of_the_server_nothing_drives_before_the_stop(driving):
-    """SIGSTOP, or a suspended computer: nobody called `tick`, and the press goes on."""
-    bench, one, _ = driving
-    bench.now_s += 10.0
-    assert kinds(bench.repeat(one)) == ["Halt"] and not bench.drives(one)
-
-
-def test_after_a_time_out_the_same_press_does_not_drive(driving):
-    bench, one, _ = driving
-    bench.helm.tick(bench.helm.due_s)
-    bench.later(0.2)
-    assert not bench.drives(one) and bench.helm.state().spent[1] == one.press
     assert bench.presses_again(one)
 
 
@@ -241,18 +185,6 @@ def test_a_page_that_never_heard_of_us_cannot_drive(bench):
     )
 
 
-def test_a_page_whose_clock_stands_still_is_stopped(driving):
-    """Its messages look older and older."""
-    bench, one, _ = driving
-    frozen = one.message(bench.now_s)
-    while bench.now_s < START_S + 0.3:
-        bench.now_s += ROUND_S
-        acts = bench.arrives(one, frozen._replace(seq=frozen.seq + int(bench.now_s * 100)))
-        if "Halt" in kinds(acts):
-            break
-    assert bench.now_s - START_S <= SENT_S + ERROR_S
-
-
 # -- order
 
 
@@ -261,26 +193,6 @@ def test_a_message_that_comes_twice_counts_once(driving):
     sent = one.message(bench.now_s)
     assert kinds(bench.arrives(one, sent)) == ["Drive"]
     assert [bench.arrives(one, sent) for _ in range(2)] == [[], []] and bench.helm.state().repeated == 2
-
-
-def test_a_release_that_comes_twice_counts_once(driving):
-    bench, one, _ = driving
-    sent = one.lift(bench.now_s)
-    assert kinds(bench.arrives(one, sent)) == ["Halt"]
-    assert [bench.arrives(one, sent) for _ in range(2)] == [[], []] and bench.helm.state().repeated == 2
-
-
-def test_a_command_that_was_overtaken_by_a_newer_one_is_dropped(driving):
-    bench, one, _ = driving
-    old, new = one.message(bench.now_s, linear_m_s=0.3), one.message(bench.now_s, linear_m_s=0.1)
-    bench.arrives(one, new)
-    assert bench.arrives(one, old) == []
-
-
-def test_a_command_that_was_overtaken_by_its_release_is_dropped(driving):
-    bench, one, _ = driving
-    old, release = one.message(bench.now_s), one.lift(bench.now_s)
-    assert kinds(bench.arrives(one, release)) == ["Halt"] and bench.arrives(one, old) == []
 
 
 def test_a_release_that_was_overtaken_still_ends_its_press(driving):
@@ -305,23 +217,6 @@ def test_a_late_release_stops_too(driving):
     assert kinds(bench.arrives(one, sent)) == ["Halt"]
 
 
-def test_press_numbers_only_grow(driving):
-    bench, one, _ = driving
-    first = one.press
-    one.press += 2
-    assert bench.drives(one) and bench.helm.state().spent[1] == first
-    one.press -= 1
-    assert not bench.drives(one)
-
-
-def test_a_press_that_never_drove_is_over_with_its_release(bench):
-    page = bench.page(takes=True)
-    bench.arrives(page, page.push(bench.now_s - 0.2))
-    bench.rest(page)
-    page.held = True
-    assert not bench.drives(page)
-
-
 # -- who drives
 
 
@@ -337,51 +232,10 @@ def test_a_watching_page_neither_takes_nor_drives(bench):
     assert bench.push(page)[0] == Refuse(1, WATCHES)
 
 
-@pytest.mark.parametrize("ask", ["take", "release"])
-def test_who_has_not_joined_gets_nothing(bench, ask):
-    assert kinds(getattr(bench.helm, ask)(7, bench.now_s)) == ["Refuse"]
-
-
-def test_a_press_from_before_the_helm_was_taken_does_not_drive(bench):
-    page = bench.page()
-    bench.push(page)
-    bench.later()
-    bench.helm.take(1, bench.now_s)
-    bench.later()
-    assert not bench.drives(page) and bench.presses_again(page)
-
-
-def test_a_control_that_was_held_when_the_page_connected_does_not_drive(bench):
-    bench.helm.join(1, True, bench.now_s)
-    bench.helm.take(1, bench.now_s)
-    page = Page(1)
-    page.hear(bench.now_s)
-    assert "Drive" not in kinds(bench.push(page))
-    bench.rest(page)
-    assert "Drive" in kinds(bench.push(page))
-
-
 def test_a_driver_that_leaves_stops_the_robot_and_frees_the_helm(driving):
     bench, _, _ = driving
     assert bench.helm.leave(1, bench.now_s) == [Halt(LEFT), Tell()]
     assert bench.helm.state().driver is None
-
-
-def test_messages_of_one_that_left_do_nothing(driving):
-    bench, one, _ = driving
-    bench.helm.leave(1, bench.now_s)
-    assert bench.repeat(one) == []
-
-
-def test_one_that_comes_back_with_its_finger_down_does_not_drive(driving):
-    bench, one, _ = driving
-    bench.helm.leave(1, bench.now_s)
-    bench.later(2.0)
-    one.number = 9
-    bench.helm.join(9, True, bench.now_s)
-    bench.helm.take(9, bench.now_s)
-    bench.later()
-    assert not bench.drives(one) and bench.presses_again(one)
 
 
 def test_the_helm_changes_hands_when_the_robot_stands(bench):
@@ -424,24 +278,6 @@ def test_the_wish_for_the_helm_comes_true_with_every_stop(driving, stop):
     assert bench.helm.state().driver == 2 and not bench.drives(one)
 
 
-def test_the_one_before_does_not_drive_while_the_helm_changes_hands(bench):
-    one, _ = bench.page(takes=True), bench.page()
-    bench.helm.take(2, bench.now_s)
-    assert not bench.presses_again(one)
-
-
-def test_a_page_that_drives_does_not_drive_on_after_a_hand_over_to_it(bench):
-    """It held its control before it got the helm."""
-    bench.page(takes=True)
-    two = bench.page()
-    bench.helm.take(2, bench.now_s)
-    bench.push(two)
-    bench.later()
-    bench.helm.stands(bench.now_s)
-    bench.later()
-    assert not bench.drives(two) and bench.presses_again(two)
-
-
 def test_only_one_can_wait_for_the_helm(driving):
     bench, _, _ = driving
     bench.page()
@@ -464,11 +300,6 @@ def test_giving_up_the_helm_stops_the_robot(driving):
     assert bench.helm.state().driver is None and not bench.drives(one)
 
 
-def test_giving_up_without_the_helm_changes_nothing(driving):
-    bench, one, _ = driving
-    assert bench.helm.yield_(2, bench.now_s) == [Refuse(2, "you do not have the helm")] and bench.drives(one)
-
-
 # -- stops
 
 
@@ -480,25 +311,6 @@ def test_anybody_can_stop(driving, may_drive):
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.driving, state.why) == (True, 3, False, EMERGENCY)
     assert not bench.drives(one)
-
-
-def test_a_stop_of_one_that_has_left_counts_too(driving):
-    bench, _, _ = driving
-    bench.helm.leave(2, bench.now_s)
-    assert Latch(2) in bench.helm.stop(2, bench.now_s)
-
-
-def test_a_stop_is_passed_on_each_time(bench):
-    bench.page()
-    assert [kinds(bench.helm.stop(1, bench.now_s)) for _ in range(2)] == [["Latch"], ["Latch"]]
-
-
-def test_nothing_drives_while_the_stop_is_latched(driving):
-    bench, one, _ = driving
-    bench.helm.stop(2, bench.now_s)
-    bench.later()
-    bench.rest(one)
-    assert bench.push(one) == [Refuse(1, LATCHED), Tell()] and not bench.drives(one)
 
 
 @pytest.mark.parametrize(
@@ -535,36 +347,6 @@ def test_a_stop_that_is_newer_than_the_click_is_not_released(driving):
     assert kinds(bench.helm.release(1, bench.now_s)) == ["Unlatch"]
 
 
-def test_after_the_release_a_new_press_drives(driving):
-    bench, one, _ = driving
-    bench.helm.stop(2, bench.now_s)
-    bench.later()
-    bench.rest(one)
-    bench.helm.release(1, bench.now_s)
-    assert bench.presses_again(one)
-
-
-def test_a_press_that_began_while_the_stop_was_latched_does_not_drive_after_it(driving):
-    """Its first message is overtaken by the release of the stop."""
-    bench, one, _ = driving
-    bench.helm.stop(2, bench.now_s)
-    bench.later()
-    bench.rest(one)
-    press = one.push(bench.now_s)
-    bench.now_s += 0.01
-    bench.helm.release(1, bench.now_s)
-    assert "Drive" not in kinds(bench.arrives(one, press)) and not bench.drives(one)
-
-
-def test_who_takes_a_free_helm_may_release_the_stop(bench):
-    page = bench.page()
-    bench.helm.stop(1, bench.now_s)
-    bench.later(HAND_OVER_S)
-    bench.helm.take(1, bench.now_s)
-    bench.rest(page)
-    assert kinds(bench.helm.release(1, bench.now_s)) == ["Unlatch"] and bench.presses_again(page)
-
-
 def test_a_robot_that_stops_by_itself_ends_the_press(driving):
     bench, one, _ = driving
     bench.later()
@@ -588,12 +370,6 @@ def test_a_press_from_before_a_stop_that_arrives_after_it_does_not_drive(driving
     assert not bench.drives(one) and bench.presses_again(one)
 
 
-def test_a_robot_that_stops_while_nobody_drives_ends_no_press(bench):
-    page = bench.page(takes=True)
-    assert bench.helm.robot_stopped("battery", bench.now_s) == []
-    assert kinds(bench.push(page)) == ["Drive"]
-
-
 def test_a_stop_that_another_program_latches_counts(driving):
     bench, one, _ = driving
     assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Halt(EMERGENCY), Tell()]
@@ -601,14 +377,6 @@ def test_a_stop_that_another_program_latches_counts(driving):
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.latched_by_other) == (True, None, "another program")
     assert not bench.presses_again(one)
-
-
-def test_a_stop_that_another_program_latches_while_nobody_drives_is_shown(bench):
-    bench.page(takes=True)
-    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Tell()]
-    assert bench.helm.state().why == EMERGENCY
-    bench.helm.robot_latched(False, "another program", bench.now_s)
-    assert bench.helm.state().latched_by_other == ""
 
 
 def test_a_stop_of_another_program_is_released_after_the_page_has_shown_it(bench):
@@ -660,9 +428,3 @@ def test_what_echoes_the_future_is_no_release(driving):
     bench.arrives(one, one.message(bench.now_s)._replace(heard_s=None, heard_t_s=None))
     bench.helm.release(1, bench.now_s)
     assert "Drive" not in kinds(bench.push(one))
-
-
-def test_a_message_that_cannot_be_read_is_counted(bench):
-    bench.helm.malformed()
-    bench.helm.malformed()
-    assert bench.helm.state().malformed == 2

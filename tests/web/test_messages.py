@@ -40,10 +40,6 @@ def read(**fields):
     return parse(json.dumps(fields))
 
 
-def test_control_at_rest():
-    assert read(**CONTROL) == Control(3, 2.5005, 1.0, 2.0, 1, False)
-
-
 def test_control_with_speeds():
     assert read(**SPEEDS) == Control(3, 2.5005, 1.0, 2.0, 1, True, 0.2, -1.0, 0.0)
 
@@ -56,17 +52,6 @@ def test_control_with_a_goal(goal, read_as):
 def test_a_page_that_has_heard_nothing_says_so():
     found = read(**{**CONTROL, "heard": None, "heard_t": None})
     assert (found.heard_s, found.heard_t_s) == (None, None)
-
-
-@pytest.mark.parametrize("kind", ["take", "yield", "stop", "release"])
-def test_messages_without_fields(kind):
-    assert type(read(type=kind)).__name__.lower() == kind
-
-
-def test_hello_ping_and_record():
-    assert read(type="hello", token="", name="Zoë") == ("", "Zoë")
-    assert read(type="ping", t=1, heard=None, heard_t=None) == (0.001, None, None)
-    assert read(type="record", on=True).on is True
 
 
 def test_phone():
@@ -178,10 +163,6 @@ def test_any_bytes_are_refused_in_one_line(data):
 # -- ours
 
 
-def test_a_message_has_its_type_and_time():
-    assert json.loads(messages.refused(12.3456789, "no")) == {"type": "refused", "at": 12345.679, "why": "no"}
-
-
 def test_numbers_that_json_lacks():
     text = messages.sample(1.0, [1 / 3, math.nan, math.inf, -math.inf])
     assert json.loads(text)["v"] == [0.333333, None, "inf", "-inf"]
@@ -215,14 +196,3 @@ def test_welcome():
     assert found["robot"]["drive"] == "differential"
     assert found["robot"]["limits"]["linear"] == model.limits.linear_m_s
     assert found["robot"]["sonars"]["left"] == pytest.approx([*model.sonars["left"].pose, math.radians(36)])
-
-
-def test_an_omni_robot_can_move_sideways_as_fast_as_forward():
-    model = load("omni")
-    facts = messages.robot_facts("omni 21", model, model.limits)
-    assert facts["drive"] == "omni"
-    assert facts["limits"]["lateral"] == (model.limits.lateral_m_s or model.limits.linear_m_s)
-
-
-def test_a_robot_that_is_not_known_yet():
-    assert messages.robot_facts("robot", None, None)["body"] is None

@@ -118,28 +118,11 @@ def test_handing_over_stops_the_robot_first(visit, robot, still_stands):
     moves_and_stops(robot, second, *key(second, "w"))
 
 
-def test_who_asks_for_the_helm_gets_it_when_the_finger_is_lifted(visit, robot):
-    first, second = visit(PHONE).take(), visit(DESK)
-    second.arrive().wait(helm="other")
-    first.push_until(lambda: robot.moves)
-    second.tab.press("take")
-    first.tab.lift()
-    second.wait(helm="mine")
-    wait_until(lambda: not robot.moves)
-
-
 def test_a_watch_only_page_has_a_stop_and_nothing_to_drive_with(visit):
     page = visit(DESK, link=1)
     page.arrive().wait(role="watch")
     shown = [name for name in ("joystick", "forward", "go", "take", "release", "speed") if page.shows(name)]
     assert shown == [] and page.usable("stop")
-
-
-def test_a_wrong_token_is_refused_in_words(visit, shared, browser):
-    page = RobotPage(browser, shared.links[0][:-4] + "0000")
-    page.wait(link="refused")
-    assert "link is not valid" in page.text("why") and not page.shows("joystick")
-    page.tab.close()
 
 
 def test_a_page_without_a_place_sends_its_stop_when_there_is_one(visit):

@@ -120,22 +120,3 @@ def test_the_review_of_a_drive_opens_offline_and_a_click_on_a_finding_moves_its_
     ]
     assert [url for url in tab.run("return asked()") if url != file.as_uri()] == []
     tab.close()
-
-
-def test_a_printed_review_has_the_map_in_the_size_of_the_paper(browser, tmp_path):
-    file = tmp_path / "drive.html"
-    file.write_text(render(drive(), [FINDING]), encoding="utf-8")
-    tab = browser.open(file.as_uri(), DESK)
-    tab.wait("document.documentElement.dataset.ready === 'yes'")
-    tab.run(
-        """
-        const map = document.getElementById("map");
-        matchMedia("print").addEventListener("change", ({ matches }) => {
-          if (matches) window.drawn = [map.width, map.clientWidth, map.height, map.clientHeight];
-        });
-        """
-    )
-    tab.tell("Page.printToPDF")
-    width, shown_width, height, shown_height = tab.run("return window.drawn")
-    assert (width, height) == (shown_width, shown_height)
-    tab.close()

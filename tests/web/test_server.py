@@ -2,11 +2,9 @@
 
 import asyncio
 import contextlib
-import errno
 import itertools
 import json
 import socket
-import threading
 import time
 from types import SimpleNamespace
 from unittest import mock
@@ -15,7 +13,7 @@ import pytest
 
 from mrl_driver.errors import ConfigError, PortBusy
 from mrl_driver.host.access import Tokens
-from mrl_driver.web import assets, client, listening, messages
+from mrl_driver.web import assets, client, listening
 from mrl_driver.web.helm import Helm
 from mrl_driver.web.robot import Recorded
 from tests.waiting import PATIENCE_S
@@ -174,40 +172,11 @@ async def test_a_page_is_welcomed_with_its_role_the_robot_and_the_names_of_value
 
 
 @pages
-async def test_a_robot_whose_model_becomes_known_is_told_again(site, page):
-    """As behind topics: until then nobody knows how it can move."""
-    assert (await page.next("welcome"))["robot"]["drive"] == "differential"
-    site.robot.model, known = None, site.robot.model
-    assert (await page.next("welcome"))["robot"]["drive"] == "none"
-    site.robot.model = known
-    assert (await page.next("welcome"))["robot"]["drive"] == "differential"
-
-
-def test_a_page_that_joins_keeps_no_news_from_the_others(monkeypatch):
-    monkeypatch.setattr("mrl_driver.web.server.VIEW_S", 1e9)
-
-    async def scenario(site):
-        async with site.page() as page:
-            await page.next("welcome")
-            site.robot.names = [("y", "m"), ("x", "m"), ("sonar front", "m")]
-            async with site.page():
-                assert (await page.next("welcome"))["series"][0] == ["y", "m"]
-
-    serving(scenario)
-
-
-@pages
 async def test_each_report_of_the_robot_is_a_sample(site, page):
     await page.next("view")
     site.robot.values = [0.5, float("nan"), float("inf")]
     site.robot.changed()
     assert (await page.next("sample", lambda sample: sample["v"][0] == 0.5))["v"] == [0.5, None, "inf"]
-
-
-@pages
-async def test_a_robot_that_reports_nothing_has_samples_too(site, page):
-    """Otherwise the page would show its last speed for ever."""
-    await page.next("sample")
 
 
 @pages
@@ -217,19 +186,6 @@ async def test_a_view_that_changes_is_sent_ten_times_a_second(site, page):
         times_ms.append((await page.next("view"))["at"])
         site.robot.ranges = {"front": range_m}
     assert min(later - earlier for earlier, later in zip(times_ms[1:], times_ms[2:])) > 74
-
-
-@pages
-async def test_a_new_page_gets_the_path_so_far_thinned_out(site, page):
-    assert len((await page.next("path"))["poses"]) == 1000
-
-
-@pages
-async def test_obstacles_near_the_sonars_become_cells(site, page):
-    await page.next("view")
-    site.robot.ranges = {"front": 0.4}
-    site.robot.changed()
-    assert (await page.next("cells"))["taken"]
 
 
 # -- driving
@@ -254,15 +210,6 @@ async def test_a_held_goal_is_followed(site, page):
 
 
 @pages
-async def test_a_robot_that_refuses_a_command_spends_the_press(site, page):
-    site.robot.refuses = "the battery is empty"
-    await page.take()
-    await page.control(7, True)
-    state = await page.next("helm", lambda state: 7 in state["spent"].values())
-    assert state["why"] == "the battery is empty"
-
-
-@pages
 async def test_a_robot_that_stops_by_itself_spends_the_press(site, page):
     await page.take()
     await page.control(7, True)
@@ -270,13 +217,6 @@ async def test_a_robot_that_stops_by_itself_spends_the_press(site, page):
     site.robot.stopped_by = "a wheel did not follow"
     site.robot.changed()
     assert (await page.next("helm", lambda state: not state["driving"]))["why"] == "a wheel did not follow"
-
-
-@pages
-async def test_a_stop_that_another_program_has_latched_is_shown(site, page):
-    await page.next("helm")
-    site.robot.latched = True
-    assert (await page.next("helm", lambda state: state["latched"]))["latched_by"] is None
 
 
 @pages
@@ -327,15 +267,6 @@ def test_a_watch_only_page_stops_the_robot_and_cannot_drive():
     serving(scenario, GUARDED)
 
 
-def test_a_watch_only_page_cannot_record():
-    async def scenario(site):
-        async with site.page(TOKENS.watch) as page:
-            await page.send("record", on=True)
-            assert "watch-only" in (await page.next("refused"))["why"]
-
-    serving(scenario, GUARDED)
-
-
 # -- clients that are slow, silent or too many
 
 
@@ -376,34 +307,6 @@ def test_a_page_that_is_slow_gets_the_newest_message_of_a_kind():
     assert asyncio.run(run()) == (["c", "h"], 2)
 
 
-def test_the_end_of_a_connection_that_has_just_ended_is_no_error():
-    """The TLS transport of Python 3.11 fails if it is aborted after its end, and does not always say that it ended."""
-
-    def abort():
-        raise AttributeError("'NoneType' object has no attribute '_abort'")
-
-    async def run():
-        page = client.Client(1, "drive", "page")
-        page.end("")
-        ended = SimpleNamespace(get_write_buffer_size=lambda: 0, is_closing=lambda: False, abort=abort)
-        await page.pump(None, ended, str)
-        page.abort()
-
-    asyncio.run(run())
-
-
-def test_a_page_that_does_not_say_hello_is_told_why_it_is_closed(monkeypatch):
-    monkeypatch.setattr(messages, "HELLO_S", 0.01)
-
-    async def scenario(site):
-        async with site.session.ws_connect(f"{site.url}/ws") as link:
-            assert "hello" in (await link.receive_json())["why"]
-            await link.receive()
-            assert link.close_code == 4403
-
-    serving(scenario)
-
-
 def test_a_session_that_is_silent_is_closed():
     async def scenario(site):
         async with site.posting_page() as page:
@@ -426,21 +329,6 @@ def test_one_page_too_many_is_told_why_and_may_come_again(monkeypatch):
                 assert "1 pages show this robot already" in closed["why"] and closed["again"]
             async with site.session.post(f"{site.url}/session", data=HELLO) as answer:
                 assert (answer.status, json.loads(await answer.text())["why"]) == (503, closed["why"])
-
-    serving(scenario)
-
-
-def test_a_silent_page_gives_its_place_to_the_next(monkeypatch):
-    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
-
-    async def scenario(site):
-        async with site.page(name="silent") as silent:
-            await silent.next("welcome")
-            monkeypatch.setattr("mrl_driver.web.server.SILENT_S", 0.0)
-            async with site.page(name="next") as page:
-                await page.next("welcome")
-                assert "needed its place" in (await silent.next("closed"))["why"]
-                assert site.server.clients == 1
 
     serving(scenario)
 
@@ -502,24 +390,6 @@ def test_a_connection_counts_before_its_handshake(tmp_path, monkeypatch):
     serving(scenario, settings)
 
 
-def test_without_a_free_descriptor_the_server_accepts_later(monkeypatch):
-    async def scenario(site):
-        accept, fails = site.server._socket.accept, [OSError(errno.EMFILE, "Too many open files")]
-        ear = mock.Mock(
-            wraps=site.server._socket, accept=lambda: accept() if not fails else throw(fails.pop())
-        )
-        monkeypatch.setattr(site.server, "_socket", ear)
-        async with site.page() as page:
-            await page.next("welcome")
-        assert not fails
-
-    serving(scenario)
-
-
-def throw(error):
-    raise error
-
-
 async def ended(reader):
     """The server has closed a connection on which it sent nothing."""
     with contextlib.suppress(ConnectionError):
@@ -576,14 +446,6 @@ async def answer_to(site, request_bytes):
     return answer
 
 
-def test_the_answer_to_a_long_request_that_cannot_be_read_is_short():
-    async def scenario(site):
-        answer = await answer_to(site, LONG_CHUNK)
-        assert b" 400 " in answer and len(answer) < 2000
-
-    serving(scenario)
-
-
 def test_a_long_request_that_cannot_be_read_is_one_short_line_of_the_log(caplog, monkeypatch):
     monkeypatch.setattr("mrl_driver.web.server.LOG_S", 0.0)
 
@@ -591,18 +453,6 @@ def test_a_long_request_that_cannot_be_read_is_one_short_line_of_the_log(caplog,
         await answer_to(site, LONG_CHUNK)
         assert "BadHttpMessage" in caplog.text and len(caplog.text) < 2000
         assert len(caplog.text.splitlines()) == 1
-
-    serving(scenario)
-
-
-def test_requests_that_cannot_be_read_are_few_lines_of_the_log(caplog, monkeypatch):
-    async def scenario(site):
-        for least_s, count in ((0.0, 1), (LONG_S, 3), (0.0, 1)):
-            monkeypatch.setattr("mrl_driver.web.server.LOG_S", least_s)
-            for _ in range(count):
-                await answer_to(site, LONG_CHUNK)
-        _, last = caplog.messages
-        assert last.endswith("; 3 more since the last such line")
 
     serving(scenario)
 
@@ -640,28 +490,6 @@ def test_a_page_that_floods_the_server_is_closed_but_its_stop_counts(monkeypatch
             await page.send("ping", t=0, heard=None, heard_t=None)
             assert "too many" in (await page.next("closed"))["why"]
             assert ("latch", "desk") in site.robot.calls
-
-    serving(scenario)
-
-
-def test_five_refused_messages_in_a_row_close_the_page():
-    async def scenario(site):
-        async with site.page() as page:
-            for _ in range(5):
-                await page.send("nonsense")
-            assert "nonsense" in (await page.next("closed"))["why"]
-
-    serving(scenario)
-
-
-def test_a_message_that_is_too_long_closes_the_page():
-    async def scenario(site):
-        async with site.page() as page:
-            await page.next("welcome")
-            await page.send("hello", token="", name="x" * messages.MOST_BYTES)
-            while not page.link.closed:
-                await page.link.receive()
-            assert page.link.close_code == 1009
 
     serving(scenario)
 
@@ -710,28 +538,6 @@ def test_other_sites_and_names_are_refused(path, headers):
             assert answer.status == 403
 
     serving(scenario)
-
-
-def test_the_page_loads_nothing_from_elsewhere_and_is_in_no_frame():
-    async def scenario(site):
-        async with site.session.get(f"{site.url}/") as answer:
-            policy = answer.headers["Content-Security-Policy"]
-            assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
-            assert answer.headers["X-Content-Type-Options"] == "nosniff"
-
-    serving(scenario)
-
-
-def test_a_watch_only_page_is_told_of_no_recording():
-    robot = FakeRobot()
-    robot.recordings = lambda: [Recorded("old.mrl", 1, False)]
-
-    async def scenario(site):
-        async with site.page(TOKENS.watch) as page:
-            assert (await page.next("welcome"))["recordings"] == []
-            assert (await page.next("recording"))["files"] == []
-
-    serving(scenario, GUARDED, robot)
 
 
 def test_a_recording_needs_the_link_to_drive_and_is_in_the_list(tmp_path):
@@ -831,37 +637,11 @@ def test_an_error_of_this_program_stops_the_robot_and_ends_the_server():
     serving(scenario, robot=robot)
 
 
-def test_serve_ends_when_it_is_asked_to():
-    from mrl_driver.web.server import serve
-
-    robot, said, threads = FakeRobot(), [], threading.active_count()
-    serve(
-        robot, FREE, lambda: "the driver has failed" if said else "", lambda server: said.append(server.port)
-    )
-    assert said and robot.calls[-1] == ("stop",)
-    assert threading.active_count() == threads
-
-
 def test_an_address_in_use_is_named():
     with socket.create_server(("127.0.0.1", 0)) as other:
         port = other.getsockname()[1]
         with pytest.raises(PortBusy, match=f"127.0.0.1:{port} is in use.*--listen 127.0.0.1:{port + 1}$"):
             listening.listening_socket("127.0.0.1", port)
-
-
-@pytest.mark.parametrize("host", ["192.0.2.1", "no.such.name.invalid"])
-def test_an_address_of_another_computer_is_refused(host):
-    with pytest.raises(ConfigError, match="address of this computer"):
-        listening.listening_socket(host, 0)
-
-
-@pytest.mark.parametrize(
-    ("text", "host", "port"),
-    [("127.0.0.2", "127.0.0.2", 8642), ("localhost:0", "localhost", 0), ("[::1]:99", "::1", 99)],
-)
-def test_addresses_to_listen_on(text, host, port):
-    settings = listening.settings_for(text)
-    assert (settings.host, settings.port, settings.tokens) == (host, port, None)
 
 
 @pytest.mark.parametrize("text", ["", ":8642", "127.0.0.1:99999", "http://127.0.0.1", "::1"])

@@ -70,26 +70,8 @@ def test_a_port_that_cannot_be_opened_yet_is_waited_for():
     assert done.returncode == 3 and "the port is tried again" in first and "[port_missing]" in last
 
 
-def test_new_tokens_need_an_address_beyond_this_computer():
-    assert "needs no token" in fails(2, "web", "--port", ANYWHERE, "--new-tokens")
-
-
 def test_a_port_that_is_not_there():
     assert "/dev/nowhere" in fails(3, "web", "--port", "/dev/nowhere", "--listen", "127.0.0.1:0")
-
-
-def test_a_missing_package_is_named_with_its_remedy(monkeypatch):
-    monkeypatch.setitem(sys.modules, "aiohttp", None)
-    monkeypatch.delitem(sys.modules, "mrl_driver.web.server", raising=False)
-    line = fails(2, "web", "--port", ANYWHERE)
-    assert "aiohttp" in line and "pip install 'mrl-driver[web]'" in line
-
-
-def test_a_page_for_this_computer_has_no_token():
-    from mrl_driver.web import listening
-
-    settings = listening.settings_for("127.0.0.1")
-    assert listening.lines_for(settings, 99) == ["http://127.0.0.1:99/"]
 
 
 def test_a_page_beyond_this_computer_has_a_link_to_drive_and_one_to_watch():
