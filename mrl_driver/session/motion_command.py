@@ -154,6 +154,11 @@ class Motion:
         if self.target is None:
             self.stop(self.stop_reason)
 
+    def repeat(self, now: float) -> None:
+        """Let the command in force, or a stop that is not confirmed, be due now if the pace allows."""
+        if (self.stopping or self.target is not None) and now - self._sent_s >= self.pace.gap_s:
+            self.due_s = min(self.due_s, now)
+
     def forget(self, reason: str) -> None:
         """Drop the command without a stop: the board is stopped already, or away."""
         if self.target is not None:

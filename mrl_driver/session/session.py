@@ -225,7 +225,7 @@ class Session:
         self._move(now)
 
     def expire(self, now: float) -> None:
-        """Stop the robot if it must not drive on, before something is sent that feeds the board's watchdog.
+        """Stop the robot if it must not drive on, else repeat the command, before something feeds the board's watchdog.
 
         The reading thread may hang in a callback meanwhile.
         """
@@ -416,10 +416,14 @@ class Session:
         self.out += _encode(code, *args, checked=checked and code != STOP, wrapped=wrapped)
 
     def _move(self, now: float, feeds: bool = False) -> None:
-        """Send the command or stop that is due.  `feeds` says that something is sent next that feeds the watchdog."""
+        """Send the command or stop that is due.  `feeds` says that something is sent next that feeds the watchdog: the
+        command or stop goes before it, because the last one may be lost.
+        """
         late = now - self.heard_s >= LATE_S
         if late and self.motion.target is not None:
             self._stop_blind(now, feeds)
+        if feeds and self._watched:
+            self.motion.repeat(now)
         if self._requested_s < math.inf:
             self._end_requested(now)
         request = self.motion.take(now, self.ready and not late)
@@ -427,12 +431,14 @@ class Session:
             self._send(*request)
 
     def _stop_blind(self, now: float, feeds: bool) -> None:
-        """Telemetry is late: stop the robot if it is stale, or if the command in force is held back and the board would
-        not stop by itself soon: it is fed, or has no watchdog.  A command of zero is a stop.
+        """Telemetry is late: stop the robot if it is stale, if its watchdog is fed, or if the command in force is held
+        back and is zero, or there is no watchdog.
+
+        A command that was sent may be lost, and telemetry does not show it; so a feed needs a stop in any case.
         """
-        motion = self.motion
-        goes_on = feeds or not self._watched or not any(motion.target or ())
-        if self._silent(now) or (motion.held_back and goes_on):
+        motion, watched = self.motion, self._watched
+        goes_on = not watched or not any(motion.target or ())
+        if self._silent(now) or (feeds and watched) or (motion.held_back and goes_on):
             motion.stop(self._cause("stale", now) if motion.wanted else "user")
 
     def _end_requested(self, now: float) -> None:

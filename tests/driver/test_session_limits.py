@@ -132,6 +132,30 @@ def test_what_feeds_the_watchdog_while_a_newer_command_is_held_back_comes_after_
     assert (held_back, fed.session.take(), fed.motion.target) == (b"", STOP_BYTES, None)
 
 
+def test_what_feeds_the_watchdog_comes_after_the_command_in_force():
+    """Which may have been lost."""
+    fed = Fed()
+    sent = fed.drive(0.05)
+    fed.session.expire(0.06)
+    assert fed.session.take() == sent
+
+
+def test_what_feeds_the_watchdog_comes_after_a_stop_that_is_not_confirmed():
+    fed = Fed()
+    fed.drive(0.05)
+    fed.session.stop(0.06)
+    fed.session.take()
+    fed.session.expire(0.07)
+    assert fed.session.take() == STOP_BYTES
+
+
+def test_while_telemetry_is_late_a_command_that_was_sent_does_not_prove_that_it_arrived():
+    fed = Fed()
+    fed.drive(0.05)
+    fed.session.expire(LATE_S)
+    assert (fed.session.take(), fed.motion.stop_reason) == (STOP_BYTES, "stale")
+
+
 @pytest.mark.parametrize("options", [{"capabilities": ()}, {"plan": Plan(watchdog_ms=0)}])
 @pytest.mark.parametrize("newer", ["a slower command", "a lower limit"])
 def test_without_a_watchdog_a_command_that_is_held_back_is_a_stop(newer, options):
@@ -172,11 +196,11 @@ def test_what_a_request_turns_is_stopped_three_seconds_after_the_last_one(capabi
 
 
 def test_a_command_whose_time_is_over_is_stopped_by_whoever_sends():
-    fed = Fed(command_timeout_s=0.1)
+    fed = Fed(command_timeout_s=0.09)
     fed.drive(0.0)
-    fed.session.expire(0.099)
+    fed.session.expire(0.089)
     assert STOP_BYTES not in fed.session.take()
-    fed.session.expire(0.1)
+    fed.session.expire(0.09)
     assert fed.session.take() == STOP_BYTES and fed.motion.stop_reason == "command_timeout"
 
 

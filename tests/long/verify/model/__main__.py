@@ -23,6 +23,7 @@ from .checker import (
     HOST,
     LINE,
     NO_BASELINE,
+    NO_COMMAND_BEFORE,
     NO_FORGET,
     NO_MOTOR_TIMEOUT,
     NO_REASON,
@@ -49,7 +50,7 @@ FIXED_POINTS: Tuple[Tuple[int, Dict[str, int]], ...] = (
     (LINE | BUS | HOST, {"OLDER": 1}),
     (LINE | BRIDGE, {}),
     (HOST | BRIDGE, {}),
-    *((CALLBACK | part, {}) for part in (HOST, BUS, PORT, BRIDGE)),
+    *((CALLBACK | part, {}) for part in (LINE, HOST, BUS, PORT, BRIDGE)),
 )
 """Runs without a bug: what may happen, and settings.  TICKS is the command timeout.  OLDER is firmware from before the
 board's own stops were final.
@@ -69,6 +70,7 @@ CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
     (7, NO_BASELINE, LINE | PORT, {}),
     (8, NO_RELEASE, BUS, {}),
     (9, FED_BLINDLY, CALLBACK, {}),
+    (9, NO_COMMAND_BEFORE, LINE | CALLBACK, {}),
 )
 """Property, the guard that is removed, what may happen, and settings."""
 SHORT_BUGS = (4, 6)
@@ -78,7 +80,7 @@ LADDER = (0, LINE, HOST, CALLBACK, LINE | PORT, BRIDGE, LINE | BUS | HOST, LINE 
 FINDINGS = (
     ("P4 over UDP", LINE, {"UDP": 1}),
     ("P2 over UDP", LINE, {"UDP": 1, "PROPERTIES": 2}),
-    ("P9 with lost bytes", LINE | CALLBACK, {"PROPERTIES": 256}),
+    ("P9 while the board restarts", BOARD | CALLBACK, {"PROPERTIES": 256}),
 )
 """What the real design does not hold; see the README."""
 

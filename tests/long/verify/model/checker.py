@@ -32,7 +32,8 @@ PARTS = {
     NO_MOTOR_TIMEOUT,
     NO_REFUSAL,
     NO_RELEASE,
-) = range(31, 40)
+    NO_COMMAND_BEFORE,
+) = range(31, 41)
 """Guards that a run can remove, besides the seeded bugs."""
 DEFINED = re.compile(r"^#define (\w+) (\d+)", re.M)
 ENDED, VIOLATED = "errors: 0", re.compile(r"^P(\d) violated$", re.M)

@@ -40,6 +40,7 @@
 #define NO_MOTOR_TIMEOUT 37
 #define NO_REFUSAL 38
 #define NO_RELEASE 39
+#define NO_COMMAND_BEFORE 40
 
 /* What may happen in a tick: to the line (OK to TWICE), to others (NACK to RADIO), and by the user. */
 #define OK 0
@@ -126,6 +127,9 @@ byte g_tick;  /* of the script */
 byte reported, w, f, fault, other, user, queue;
 bool feeds, ends, stop_wanted, dead, ran, linked, was_moving, hello, told, refuses, release;
 
+/* What other threads send comes after the command in force. */
+#define repeats (feeds && (parts & CALLBACK) && bug != NO_COMMAND_BEFORE)
+
 #define check(n, holds) \
   if \
   :: (props & (1 << (n - 1))) && !(holds) -> printf("P%d violated\n", n); assert(false) \
@@ -145,7 +149,7 @@ inline end_command(why) {
 /* Whether a stop for this reason is justified now. */
 #define is_true(reason) ( \
   (reason == USER && user != 0) || (reason == EXPIRED && g_since >= patience) || \
-  (reason == SILENT && (h_age >= STALE || (h_age >= LATE && h_held_back))) || \
+  (reason == SILENT && (h_age >= STALE || (h_age >= LATE && feeds))) || \
   (reason == UNPLUGGED && other == UNPLUG) || (reason == PAUSED && (h_gap >= PAUSE || h_hang >= PAUSE)) || (reason == BY_RADIO && t_held) || \
   (reason == BY_BOARD && t_refused))
 
@@ -415,7 +419,7 @@ inline run_driver() {
     :: else
     fi;
     if
-    :: h_target && h_age >= LATE && (h_age >= STALE || (h_held_back && feeds)) && bug != 21 -> end_command(SILENT); stop(SILENT)
+    :: h_target && h_age >= LATE && (h_age >= STALE || feeds) && bug != 21 -> end_command(SILENT); stop(SILENT)
     :: else
     fi;
     if
@@ -426,9 +430,9 @@ inline run_driver() {
       w = ((bug == 7 || bug == NO_REPEAT) && h_once -> FEED : HALT); h_once = (bug == 7 || bug == NO_REPEAT)
     :: plugged && h_ready && !release && !h_stopping && h_target ->
       if
-      :: h_repeat > 0 -> h_repeat--; w = NOTHING
-      :: h_repeat == 0 && h_age < LATE -> h_repeat = REPEAT - 1; h_held_back = 0; w = (g_allowed -> MOVE : DEAD)
-      :: h_repeat == 0 && h_age >= LATE -> w = NOTHING
+      :: h_repeat > 0 && !repeats -> h_repeat--; w = NOTHING
+      :: (h_repeat == 0 || repeats) && h_age < LATE -> h_repeat = REPEAT - 1; h_held_back = 0; w = (g_allowed -> MOVE : DEAD)
+      :: (h_repeat == 0 || repeats) && h_age >= LATE -> w = NOTHING
       fi
     :: plugged && h_ready && !release && !h_stopping && !h_target ->
       w = (feeds -> FEED : NOTHING)
@@ -538,7 +542,7 @@ inline board() {
     m_idle = 0;
     if :: !b_present -> b_present = 1; m_moves = 0; queue = NOTHING :: else fi;
     if :: stop_wanted && !(other == NACK && bug == 3) -> m_moves = 0 :: else fi;
-    if :: queue != NOTHING -> m_moves = 1; dead = (queue == DEAD); m_old = (queue == OLD) :: else fi
+    if :: queue != NOTHING -> m_moves = 1; dead = (queue == DEAD); m_old = (queue == OLD); g_old = 0 :: else fi
   fi;
   m_old = m_old && m_moves;
   if
