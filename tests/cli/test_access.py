@@ -1,11 +1,9 @@
 """Tokens and certificate of this computer: made once, private, the same for all programs."""
 
 import datetime
-import hashlib
 import os
 import ssl
 import stat
-import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -31,13 +29,6 @@ def stored(name):
 
 
 # -- tokens
-
-
-def test_other_tokens_are_made_on_request():
-    before = access.tokens()
-    after = access.tokens(renew=True)
-    assert not set(before) & set(after)
-    assert access.tokens() == after
 
 
 def test_programs_that_start_at_once_agree():
@@ -137,20 +128,6 @@ def test_a_certificate_is_one_that_browsers_accept(x509):
     assert found.signature_hash_algorithm.name == "sha256"
 
 
-def test_its_fingerprint_is_that_of_the_certificate_that_is_sent():
-    server, client = certificate.context(), ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
-    to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
-    ends = client.wrap_bio(to_client, to_server), server.wrap_bio(to_server, to_client, server_side=True)
-    for end in (*ends, *ends):
-        try:
-            end.do_handshake()
-        except ssl.SSLWantReadError:
-            continue
-    assert ends[0].version() == "TLSv1.3"
-    assert hashlib.sha256(ends[0].getpeercert(True)).hexdigest() == certificate.fingerprint()
-
-
 def test_old_versions_of_tls_are_refused():
     assert certificate.context().minimum_version == ssl.TLSVersion.TLSv1_2
 
@@ -173,9 +150,3 @@ def test_an_expired_certificate_is_made_again_and_told(monkeypatch):
     told = []
     certificate.context(tell=told.append)
     assert "has expired, so another one was made" in told[0]
-
-
-def test_without_the_library_a_line_says_how_to_get_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "cryptography", None)
-    with pytest.raises(ConfigError, match=r"pip install 'mrl-driver\[web\]'"):
-        certificate.context()

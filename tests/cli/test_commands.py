@@ -5,36 +5,28 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
-from types import SimpleNamespace
 from unittest import mock
 
-import click.testing
 import pytest
 
-from mrl_driver.cli import main
-from mrl_driver.cli.commands import shared
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.recording.recording import Recording
+from mrl_driver.recording.summary import summarise
+from mrl_driver.review import drive_data
 from mrl_driver.robot import models
-from mrl_driver.session.events import Lost, PathUnknown, Reconnected, Slowed
 from mrl_driver.session.polling import STATUS
 from mrl_driver.terminal import keyboard
+from mrl_driver.terminal.teleop_keys import HOLD_S, LINEAR_M_S, Teleop
 from tests.waiting import PATIENCE_S, wait_until
 
 from .run import fails, mrl
-from .terminal import Terminal
+from .terminal import MRL, Terminal
 
 
 def test_info_prints_json(serve):
     facts = json.loads(mrl("info", "--port", serve().path, "--json").stdout)
     assert facts["robot"] == "traxbot" and facts["battery_v"] == 12.0 and facts["protocol_version"] == 2
-
-
-def test_a_board_that_cannot_be_raised_is_said_to_stay_at_its_speed(serve):
-    done = mrl("info", "--port", serve().path, "--fast", "--json")
-    assert json.loads(done.stdout)["line_baud"] == 115200
-    assert "warning: the serial link stays at 115200 baud: the board knows no other speed" in done.stderr
 
 
 def test_info_does_not_mind_an_empty_battery(serve):
@@ -57,27 +49,10 @@ def test_a_timed_drive_begins_when_the_bias_of_the_gyro_is_known(emulated_board)
     assert json.loads(done.stdout)["imu"]["state"] == "in use"
 
 
-def test_monitor_without_a_terminal_prints_a_line_a_second(serve):
-    done = mrl("monitor", "--port", serve().path, "--seconds", "2.5")
-    assert done.returncode == 0
-    assert 2 <= done.stdout.count("\n") <= 3 and "front 1.20 m" in done.stdout
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_the_robot_first(serve, number):
     port = serve()
-    command = [
-        sys.executable,
-        "-m",
-        "mrl_driver",
-        "drive",
-        "--port",
-        port.path,
-        "--linear",
-        "0.1",
-        "--for",
-        "60",
-    ]
+    command = [*MRL, "drive", "--port", port.path, "--linear", "0.1", "--for", "60"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     wait_until(lambda: port.board.speeds == (100, 0))
     process.send_signal(number)
@@ -96,7 +71,7 @@ def is_suspended(process):
 def test_a_program_that_is_suspended_has_stopped_the_robot(serve):
     """As by Ctrl-Z; boards of 2013 would drive on."""
     port = serve(version=1)
-    command = [sys.executable, "-m", "mrl_driver", "drive", "--port", port.path]
+    command = [*MRL, "drive", "--port", port.path]
     process = subprocess.Popen(
         [*command, "--linear", "0.1", "--for", "60"],
         stderr=subprocess.PIPE,
@@ -117,7 +92,7 @@ def test_a_program_that_is_suspended_has_stopped_the_robot(serve):
 def test_a_program_with_closed_streams_watches_a_robot(serve, closed):
     """As some services start programs.  The port must not get the number of a stream: the board would get messages."""
     port = serve()
-    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path, "--seconds", "1"]
+    command = [*MRL, "monitor", "--port", port.path, "--seconds", "1"]
     done = subprocess.run(["sh", "-c", f'exec "$@" {closed}', "sh", *command], timeout=PATIENCE_S)
     assert done.returncode == 0 and b"battery" not in port.received
 
@@ -129,7 +104,7 @@ def is_watched(port):
 
 def test_unplugging_has_its_own_exit_code(serve):
     port = serve()
-    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path, "--no-reconnect"]
+    command = [*MRL, "monitor", "--port", port.path, "--no-reconnect"]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     wait_until(lambda: is_watched(port))
     port.unplug()
@@ -142,7 +117,7 @@ def test_monitor_finds_a_robot_again_that_was_unplugged(serve, tmp_path):
     link, log = str(tmp_path / "robot"), str(tmp_path / "log")
     port = serve()
     os.symlink(port.path, link)
-    command = [sys.executable, "-m", "mrl_driver", "record", "--port", link, log]
+    command = [*MRL, "record", "--port", link, log]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, text=True)
     wait_until(lambda: is_watched(port))
     os.remove(link)
@@ -157,9 +132,6 @@ def test_monitor_finds_a_robot_again_that_was_unplugged(serve, tmp_path):
     assert "the wheels could not be followed" in way
     assert (rest, process.returncode) == ("", 0)
     assert [entry.data for entry in Recording(log)].count(b"opened " + link.encode()) == 2
-
-
-# -- bad input
 
 
 @pytest.mark.parametrize(
@@ -191,7 +163,7 @@ def test_a_port_that_is_not_there():
 
 def test_a_busy_port(serve):
     port = serve()
-    command = [sys.executable, "-m", "mrl_driver", "monitor", "--port", port.path]
+    command = [*MRL, "monitor", "--port", port.path]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     wait_until(lambda: port.board.period_s is not None)
     assert f"process {process.pid}" in fails(5, "info", "--port", port.path)
@@ -210,27 +182,6 @@ def test_an_empty_battery_can_be_overridden(serve):
 def test_driving_in_a_terminal_without_a_full_screen_says_so():
     terminal = Terminal("drive", "--port", "/dev/null", term="dumb")
     assert terminal.end() == 2 and b"TERM is dumb" in terminal.seen
-
-
-def test_packages_add_sub_commands(monkeypatch):
-    @click.command()
-    def extra():
-        click.echo("from elsewhere")
-
-    class Point:
-        name = "extra"
-
-        @staticmethod
-        def load():
-            return extra
-
-    monkeypatch.setattr(main, "registered", lambda group: {"extra": Point})
-    runner = click.testing.CliRunner()
-    assert "extra" in runner.invoke(main.cli, ["--help"]).output
-    assert runner.invoke(main.cli, ["extra"]).output == "from elsewhere\n"
-
-
-# -- the keyboard and the view
 
 
 @pytest.mark.parametrize(
@@ -298,17 +249,6 @@ def test_a_blocked_wheel_has_its_own_exit_code(serve):
 
 
 @pytest.mark.parametrize(
-    "event",
-    [Lost("/dev/x", "it went away"), Reconnected("/dev/y"), Slowed(115200), PathUnknown(3.0, 0.9, 1.0)],
-)
-def test_what_happens_to_the_line_is_told_in_one_line(capsys, event):
-    listeners = []
-    shared.report_losses(SimpleNamespace(on_event=listeners.append))
-    listeners[0](event)
-    assert capsys.readouterr().err == f"mrl: {event}\n"
-
-
-@pytest.mark.parametrize(
     ("error", "words"),
     [
         (OSError(errno.EMFILE, "Too many open files"), "too many files open"),
@@ -320,3 +260,31 @@ def test_a_computer_at_its_limits_is_named_in_one_line(monkeypatch, error, words
     """Not as a full disk, nor as a traceback."""
     monkeypatch.setattr("mrl_driver.transport.port_info.facts", mock.Mock(side_effect=error))
     assert words in fails(1, "ports")
+
+
+@pytest.mark.emulated_board(robot="omni")
+def test_a_timed_drive_to_the_left(emulated_board, tmp_path):
+    """The model is found by the board's id; JSON tells the lateral speed as well, and the recording where it went."""
+    log = tmp_path / "left.mrllog"
+    done = mrl(
+        "drive", "--port", emulated_board.port, "--lateral", "0.3", "--for", "1", "--json", "--record", log
+    )
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    assert told["pose"]["y_m"] > 0.1 > abs(told["pose"]["x_m"])
+    assert set(told["twist"]) == {"linear_m_s", "angular_rad_s", "lateral_m_s"}
+    there = Recording(str(log))
+    assert summarise(there)["pose"] == pytest.approx(told["pose"], abs=2e-4)
+    seen = drive_data.read(RecordedDriver(there))
+    assert tuple(seen.poses.values[-1]) == pytest.approx(tuple(told["pose"].values()), abs=2e-4)
+    assert len(seen.ranges["front"].time_s) and [0.0, 0.0, 0.0] in seen.commands.values.tolist()
+    assert "sideways" in mrl("monitor", "--port", emulated_board.port, "--seconds", "0.2").stdout
+
+
+def test_keys_slide():
+    teleop = Teleop()
+    teleop.press(",", 0.0)
+    assert teleop.slide(0.1) == LINEAR_M_S and teleop.command(0.1) == (0.0, 0.0)
+    teleop.press(".", 0.2)
+    assert teleop.slide(0.3) == -LINEAR_M_S
+    assert teleop.slide(0.2 + HOLD_S) == 0.0

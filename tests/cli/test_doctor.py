@@ -3,7 +3,6 @@
 import contextlib
 import json
 import math
-import re
 from types import SimpleNamespace
 
 import pytest
@@ -18,11 +17,9 @@ from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Status
-from mrl_driver.transport.address import is_network
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_search import Port
 from sim_arduino.serve import factory as boards
-from sim_arduino.testing import EmulatedBoard
 from tests.waiting import PATIENCE_S
 
 from .run import fails, mrl
@@ -101,23 +98,9 @@ def test_a_2013_board_gets_the_advice_to_flash_it(quick, serve):
     assert findings["firmware"]["advice"] == f"upload the current firmware with: mrl flash --port {port.path}"
 
 
-@pytest.mark.parametrize("profile", ["2013-august", "2013-january"])
-def test_a_sound_2013_board_is_not_blamed_for_its_texts(quick, profile):
-    """It answers `get_debug` with a line of text, which a damaged line would look like."""
-    with EmulatedBoard(profile=profile) as emulated:
-        _, findings, _ = examine("--port", emulated.port)
-    assert findings["damage"]["text"] == "no frame lost or damaged"
-
-
 def test_an_id_that_is_not_set_is_told_and_the_rest_examined(quick, serve):
     code, findings, _ = examine("--port", serve(robot_id=0).path)
     assert code == 1 and "mrl set-id" in findings["board"]["advice"] and findings["battery"]["level"] == OK
-
-
-def test_the_report_can_be_pasted(quick, serve):
-    text = mrl("doctor", "--report", "--port", serve().path).stdout
-    assert re.search(r"^mrl-driver \d.*Python 3\.\d+", text, re.MULTILINE)
-    assert "verdict: " in text and "refused_by_board" in text and "\x1b" not in text
 
 
 def test_a_port_that_another_program_has_open_is_in_use(quick, serve):
@@ -127,28 +110,11 @@ def test_a_port_that_another_program_has_open_is_in_use(quick, serve):
     assert code == 5 and findings["in use"]["level"] == FAULT
 
 
-@pytest.mark.parametrize("scheme", ["tcp", "udp"])
-def test_a_poor_network_is_not_a_poor_cable(scheme):
-    poor = board.LinkFigures(30.0, 50.0, 2, {"noise": 3}, [0.08])
-    advice = {
-        each.subject: each.advice for each in board.link(poor, by_network=is_network(f"{scheme}://h:1"))
-    }
-    assert set(advice.values()) == {
-        "bring robot and access point closer together, or use a channel with less traffic"
-    }
-    assert "USB cable" in {each.subject: each.advice for each in board.link(poor)}["damage"]
-
-
 @pytest.mark.parametrize(("port", "code"), [("/dev/nowhere", 3), ("/", 3), (__file__, 3), ("/dev/null", 3)])
 def test_a_port_that_is_none(port, code):
     done, findings, _ = examine("--port", port)
     assert done == code and findings["port"]["level"] == FAULT
     assert findings["port"]["advice"].startswith(("ports there", "there is no serial port"))
-
-
-def test_options_that_do_not_go_together():
-    assert "expected one of them" in fails(2, "doctor", "--port", "/dev/null", "--json", "--report")
-    assert "not a terminal" in fails(2, "doctor", "--port", "/dev/null", "--sonars")
 
 
 # -- single checks
@@ -187,21 +153,9 @@ def test_a_robot_that_is_held_by_radio(state, level, words):
     assert all(words in each.text for each in found)
 
 
-@pytest.mark.parametrize(("count", "level"), [(None, None), (0, None), (3, NOTE)])
-def test_encoder_transitions_that_skip_a_state(count, level):
-    assert levels(board.health(HEALTHY._replace(impossible=count))).get("encoders") == level
-
-
 def test_a_battery_that_is_not_measured_is_not_empty():
     bare = GOOD._replace(battery_v=0.0, capabilities=GOOD.capabilities | {"no_battery"})
     assert levels(board.supply(bare, TRAXBOT))["battery"] == NOTE
-
-
-@pytest.mark.parametrize(
-    ("cause", "level"), [("power_on", OK), ("external", OK), ("watchdog", WARNING), ("brown_out", WARNING)]
-)
-def test_why_the_board_last_started(cause, level):
-    assert levels(board.health(HEALTHY._replace(reset_cause=cause)))["last start"] == level
 
 
 @pytest.mark.parametrize(
@@ -234,19 +188,6 @@ def test_the_use_of_an_imu(state, level, words):
     reading = SimpleNamespace(bias_known=True, bias_rad_s=math.radians(-1.5))
     (found,) = board.gyro(SimpleNamespace(imu_state=state, imu=reading))
     assert found.level == level and words in found.text + found.advice
-
-
-def test_a_sonar_without_a_reading_names_its_pin():
-    found = {
-        each.subject: each for each in board.sonars({"front": 1.0, "left": math.nan, "right": math.inf}, GOOD)
-    }
-    assert found["sonar left"].level == FAULT and "A1" in found["sonar left"].advice
-    assert found["sonar right"].text == "nothing in range"
-
-
-def test_the_build_for_environment_sensors_has_no_sonars():
-    bare = GOOD._replace(capabilities=frozenset(["check", "watchdog", "environment"]))
-    assert [each.level for each in board.sonars({"front": math.nan}, bare)] == [NOTE]
 
 
 DUO = models.load("duo")
@@ -289,39 +230,6 @@ def test_a_board_with_the_parameters_of_its_model(model):
 def test_a_parameter_that_differs_from_the_model(model, values, level, words):
     ((name, found),) = compared(model, **values).items()
     assert name in values and found.level == level and words in found.text
-
-
-@pytest.mark.parametrize(
-    ("values", "level", "words"),
-    [
-        ({"sonar_a": 12650}, WARNING, "at 1 m ranges are 7.53 % long"),
-        ({"sonar_c": -100000}, WARNING, "at 1 m ranges are 9.62 % short"),
-        ({"sonar_b": 1}, FAULT, "% short"),
-    ],
-)
-def test_another_sonar_curve_gives_other_ranges(values, level, words):
-    found = compared(TRAXBOT, **values)["sonars"]
-    assert found.level == level and words in found.text and "sonar_a 11767 sonar_b 9466" in found.advice
-
-
-def test_what_no_model_names_is_kept_in_a_file():
-    found = compared(DUO, battery_divider=3200, undervoltage=960, wiring=107)["parameters"]
-    assert found.level == NOTE and found.text.endswith(": battery_divider 3200, undervoltage 960")
-    assert found.advice == "keep them in a file: mrl config dump FILE --port PORT"
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"metres_per_count": 0.0001638}, "drive.metres_per_count of the model duo does not fit"),
-        ({"wheel_separation_m": 0.1}, "turns 50 % faster than commanded"),
-    ],
-)
-def test_odometry_that_does_not_fit_the_board(keys, words):
-    (found,) = parameters.check(
-        {**models.COMMON_BOARD, **DUO.board}, DUO._replace(drive=DUO.drive._replace(**keys))
-    )
-    assert found.level == WARNING and words in found.text
 
 
 @pytest.mark.parametrize(
@@ -421,12 +329,3 @@ def test_brltty_matters_to_adapters_whose_chips_braille_displays_have_too(monkey
     monkeypatch.setattr(computer, "programs_named", lambda name: running if name == "brltty" else [])
     assert levels_of_brltty("/dev/null", Port("/dev/null", (), 0x1A86, 0x7523)) == found
     assert levels_of_brltty("/dev/null", Port("/dev/null", (), 0x2341, 0x0043)) == []
-
-
-@pytest.mark.parametrize(("groups", "advice"), [([], "sudo usermod -aG dialout"), (["dialout"], "log out")])
-def test_without_permission_it_says_which_group(monkeypatch, groups, advice):
-    monkeypatch.setattr(computer.os, "access", lambda name, mode: False)
-    monkeypatch.setattr(computer, "group_of", lambda name: "dialout")
-    monkeypatch.setattr(computer, "groups_by_file", lambda: groups)
-    found = list(computer.check("/dev/null", Port("/dev/null")))
-    assert found[0].level == FAULT and advice in found[0].advice

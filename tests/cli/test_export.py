@@ -1,6 +1,5 @@
 """`mrl export`: recordings for other programs, read back with their libraries; with ROS where it is, and without."""
 
-import codecs
 import csv
 import errno
 import json
@@ -8,7 +7,6 @@ import math
 import os
 import subprocess
 import sys
-from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -20,7 +18,6 @@ from mrl_driver.driver.options import Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, OutputError
-from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recording
 from ros1_bridge.export import message_files
 from sim_arduino.serve import factory
 from tests.waiting import PATIENCE_S
@@ -112,21 +109,6 @@ def test_stamps_are_board_time_on_the_wall_clock(messages, telemetry, recording)
     assert stamps == pytest.approx([ahead_s + each.stamp_s for each in telemetry], abs=1e-6)
 
 
-def test_each_new_range_is_published_in_its_frame(messages, telemetry):
-    ranges = of_topic(messages, "/robot1/sonar/front")
-    assert len(ranges) == sum("front" in each.fresh for each in telemetry) > 3
-    assert {each.header.frame_id for each in ranges} == {"robot1/sonar_front"}
-
-
-def test_frames_hold_the_bytes_of_both_directions(messages, recording):
-    """All but the ends of the board's lines."""
-    frames = of_topic(messages, "/robot1/frames")
-    for name, direction in (("to_board", TO_BOARD), ("from_board", FROM_BOARD)):
-        found = b"".join(codecs.escape_decode(each.msg)[0] for each in frames if each.name == name)
-        sent = b"".join(entry.data for entry in Recording(str(recording)) if entry.direction == direction)
-        assert found == sent.translate(None, b"\r\n") and found
-
-
 def test_damaged_bytes_are_warnings_with_their_reason(tmp_path, recording):
     damaged = tmp_path / "damaged.mrl"
     damaged.write_text(recording.read_text() + "9.0 < @8,1,2,3\\xffe\\r\\n\n")
@@ -148,16 +130,6 @@ def test_without_ros_the_messages_are_the_same_byte_for_byte(recording):
     assert in_bag(with_ros) == in_bag(without) and len(in_bag(without)) > 200
 
 
-def test_a_bag_and_mcap_hold_the_same(recording, mcap):
-    with open(mcap, "rb") as file:
-        reader = make_reader(file)
-        found = [
-            (channel.topic, message.log_time, message.data) for _, channel, message in reader.iter_messages()
-        ]
-    bag = in_bag(export(recording, "drive.bag", "--name", "robot1"))
-    assert Counter((topic, time_ns, data) for topic, _, _, time_ns, data in bag) == Counter(found)
-
-
 @pytest.fixture(scope="module")
 def rows(recording):
     with open(export(recording, "drive.csv"), newline="") as file:
@@ -175,24 +147,6 @@ def test_a_cell_is_empty_while_its_value_is_not_known(rows, telemetry):
     assert math.isnan(first) and rows[0]["sonar_front_m"] == "" and rows[-1]["sonar_front_m"] != ""
 
 
-def test_a_board_without_motors_gets_a_row_for_each_reading(tmp_path):
-    path = tmp_path / "pioneer.mrl"
-    drive_without_motors(path)
-    readings, robot = [], RecordedDriver(str(path))
-    robot.on_sensor(readings.append)
-    robot.play()
-    with open(export(path, "pioneer.csv"), newline="") as file:
-        found = list(csv.DictReader(file))
-    assert len(found) == len(readings) > 3 and all(len(row) == len(found[0]) for row in found)
-    assert float(found[-1]["light_count"]) == robot.sensors["light"].values[0]
-
-
-def drive_without_motors(path):
-    board = factory.make(factory.Options(robot="pioneer")).engine
-    with SteppedDriver(board, options=Options(record=str(path))) as driver:
-        driver.wait(1.0)
-
-
 def test_a_damaged_clock_is_moved_into_the_range_of_ros(recording, tmp_path):
     header, _, rest = recording.read_text().partition("\n")
     damaged = tmp_path / "damaged.mrl"
@@ -201,11 +155,6 @@ def test_a_damaged_clock_is_moved_into_the_range_of_ros(recording, tmp_path):
 
 
 # -- errors
-
-
-def test_the_ending_says_the_format(recording, tmp_path):
-    words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.xls")
-    assert ".bag, .mcap, .csv" in words
 
 
 def test_a_file_that_exists_stays(recording, tmp_path):

@@ -12,12 +12,11 @@ import click
 import pytest
 from click.shell_completion import BashComplete
 
-from mrl_driver import errors
 from mrl_driver.cli import main
 from mrl_driver.errors import ConfigError, OutputError
 from tests.waiting import PATIENCE_S
 
-from .run import mrl
+from .terminal import MRL
 
 
 def every(command=main.cli, path=("mrl",)):
@@ -28,6 +27,18 @@ def every(command=main.cli, path=("mrl",)):
         for name in command.list_commands(ctx):
             found += every(command.get_command(ctx, name), (*path, name))
     return found
+
+
+def python(*words, path):
+    """Python with these words, in the root of the project, with a path for modules."""
+    return subprocess.run(
+        [sys.executable, *words],
+        cwd=pathlib.Path(__file__).resolve().parents[2],
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        env={**os.environ, "PYTHONPATH": str(path)},
+    )
 
 
 COMMANDS = dict(every())
@@ -90,22 +101,14 @@ def test_what_the_shell_completes(words, expected):
 def test_what_a_quick_command_does_not_load(code, heavy):
     """They start in a tenth, and in two tenths of a second of computing."""
     code = f"import sys, mrl_driver.cli.main as c\n{code}\nprint([m for m in {heavy} if m in sys.modules])"
-    root = pathlib.Path(__file__).resolve().parents[2]
-    out = subprocess.run(
-        [sys.executable, "-S", "-c", code],
-        cwd=root,
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
-    )
-    assert out.stdout.strip() == "[]"
+    assert python("-S", "-c", code, path=os.pathsep.join(sys.path)).stdout.strip() == "[]"
 
 
 def test_output_that_cannot_be_written_costs_a_line():
-    command = [sys.executable, "-m", "mrl_driver", "names"]
     with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
+        done = subprocess.run(
+            [*MRL, "names"], stdout=full, stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S
+        )
     assert done.returncode == OutputError.exit_code
     text = "the output cannot be written: No space left on device; free disk space, or choose another folder"
     assert done.stderr == f"mrl: {text}  [output_error]\n"
@@ -115,26 +118,8 @@ def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):
     (tmp_path / "click.py").write_text(
         "import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(20)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-m", "mrl_driver", "--help"],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        cwd=pathlib.Path(__file__).resolve().parents[2],
-    )
+    done = python("-m", "mrl_driver", "--help", path=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGINT, "", "")
-
-
-def test_a_hang_up_that_nohup_ignores_stays_ignored():
-    code = "import signal; from mrl_driver.cli.main import main\ntry:\n main(['--version'])\nexcept SystemExit: pass\n"
-    code += "print(signal.getsignal(signal.SIGHUP) is signal.SIG_IGN)"
-    ignoring = "import signal, os, sys; signal.signal(signal.SIGHUP, signal.SIG_IGN); "
-    ignoring += f"os.execv(sys.executable, [sys.executable, '-c', {code!r}])"
-    done = subprocess.run(
-        [sys.executable, "-c", ignoring], capture_output=True, text=True, timeout=PATIENCE_S
-    )
-    assert done.stdout.endswith("True\n"), done
 
 
 @pytest.mark.parametrize(
@@ -148,23 +133,10 @@ def test_a_hang_up_that_nohup_ignores_stays_ignored():
 def test_a_package_that_is_missing_costs_a_line(tmp_path, missing, package, words):
     """As with catkin's `mrl` and `mrl-sim`, which come without the dependencies that pip would install."""
     (tmp_path / f"{missing}.py").write_text(f"raise ModuleNotFoundError('No module', name='{missing}')\n")
-    done = subprocess.run(
-        [sys.executable, "-m", *words],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        cwd=pathlib.Path(__file__).resolve().parents[2],
-    )
+    done = python("-m", *words, path=tmp_path)
     name = {"mrl_driver": "mrl", "sim_arduino": "mrl-sim"}[words[0]]
     assert (done.returncode, done.stdout) == (ConfigError.exit_code, "")
     assert done.stderr == (
         f"{name}: the Python package {missing} is missing; install it with: sudo apt install python3-{missing}, "
         f"or: pip install {package}\n"
     )
-
-
-def test_the_help_names_the_exit_code_of_each_error():
-    text = mrl("--help").stdout
-    codes = {each.exit_code for each in vars(errors).values() if isinstance(each, type)}
-    assert codes and [code for code in codes if not re.search(rf"(^|\s){code} [a-z]", text)] == []

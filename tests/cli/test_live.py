@@ -20,7 +20,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.terminal import live_panels, live_view
-from mrl_driver.terminal.canvas import Canvas, View, fit
+from mrl_driver.terminal.canvas import Canvas, fit
 from mrl_driver.terminal.frame_log import MOST_LINES, FrameLog
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.live_panels import render
@@ -181,18 +181,6 @@ def test_keys_drive_only_after_enter(watched):
     assert driver.command is None
 
 
-@pytest.mark.parametrize("key", ["\n", "space"])
-def test_enter_and_space_stop(watched, key):
-    driver, _, log = watched
-    screen = Screen(driver, Settings(keys_drive=True), log)
-    screen.press("w", 0.0)
-    screen.steer(0.0)
-    assert driver.command is not None
-    screen.press(key, 0.1)
-    screen.steer(0.1)
-    assert driver.command is None
-
-
 def test_an_empty_battery_cannot_be_driven_by_keys():
     emulated = factory.make(factory.Options(robot="traxbot"))
     with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
@@ -243,13 +231,6 @@ def test_every_point_is_in_view(points, columns, rows):
         assert 0 <= column < columns * 2 and 0 <= row < rows * 4
 
 
-def test_a_line_on_the_canvas():
-    """From the lower left to the lower right: the lowest dots of both characters."""
-    canvas = Canvas(2, 1, View(0.0, 0.0, 1.0))
-    canvas.line((-2.0, -1.5), (1.5, -1.5), "")
-    assert canvas.text().plain == "\u28c0\u28c0"
-
-
 # -- the frame log
 
 
@@ -273,14 +254,6 @@ def test_pieces_do_not_matter(data):
         pieces.add_bytes("<", wire[start:end], 0.0)
     frames = [line for line in whole.lines() if line.name != "text"]
     assert [line for line in pieces.lines() if line.name != "text"] == frames and len(frames) == 3
-
-
-@given(st.binary(max_size=400))
-def test_any_bytes_are_shown_in_printable_characters(data):
-    log = FrameLog()
-    for direction in "<>":
-        log.add_bytes(direction, data + b"e", 0.0)
-    assert log.lines() and all(line.text.isprintable() for line in log.lines())
 
 
 def test_the_log_does_not_grow():

@@ -18,16 +18,6 @@ def write(text):
         file.write(text)
 
 
-def test_a_name_stands_for_port_model_and_baud(serve):
-    port = serve(robot_id=2).path
-    mrl("names", "add", "lab3", "--port", port, "--model", "traxbot", "--baud", "57600")
-    facts = json.loads(mrl("--robot", "lab3", "info", "--json").stdout)
-    assert (facts["port"], facts["robot_id"]) == (port, 2)
-    assert json.loads(mrl("names", "--json").stdout) == {
-        "lab3": {"port": port, "model": "traxbot", "baud": 57600, "id": 2}
-    }
-
-
 @pytest.fixture
 def link(serve, tmp_path):
     """A link that leads to robot 1, as udev's of an adapter whose serial number another one has, too."""
@@ -98,34 +88,20 @@ def test_an_explicit_port_wins_over_the_name_and_the_name_over_the_environment(m
     assert "'/dev/two' does not exist" in fails(3, "info")
 
 
-def test_a_name_is_forgotten():
-    write("lab3: {port: /dev/one}\nlab4: {port: /dev/two}\n")
-    assert mrl("names", "remove", "lab3").returncode == 0
-    assert list(named_robots.read()) == ["lab4"]
-    assert "expected lab4" in fails(2, "names", "remove", "lab3")
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("lab3: {prot: /dev/one}\n", "key lab3.prot is unknown, expected port, model, baud, id"),
         ("lab3: {model: traxbot}\n", "key lab3.port is missing"),
         ("lab3: {port: 7}\n", "lab3.port is 7, expected a serial port"),
-        ("lab3: {port: ''}\n", "lab3.port is ''"),
         ("lab3: {port: /dev/one, baud: fast}\n", "lab3.baud is 'fast', expected a whole number from 300"),
-        ("lab3: {port: /dev/one, baud: true}\n", "lab3.baud is True"),
-        ("lab3: {port: /dev/one, baud: 0}\n", "lab3.baud is 0"),
         ("lab3: {port: /dev/one, baud: .nan}\n", "lab3.baud is nan"),
         ("lab3: {port: /dev/one, id: 0}\n", "lab3.id is 0"),
-        ("lab3: {port: /dev/one, id: two}\n", "lab3.id is 'two'"),
-        ("lab3: {port: /dev/one, model: [1]}\n", "lab3.model is [1]"),
         ("lab3: /dev/one\n", "lab3 is '/dev/one', expected a mapping"),
         ("- lab3\n", "expected a mapping of names, each with a port"),
         ("traxbot: {port: /dev/one}\n", "name 'traxbot' is a robot model"),
         ("'a b': {port: /dev/one}\n", "name is 'a b'"),
-        ("lab3:\n\tport: /dev/one\n", "no YAML"),
         ("lab3: {port: [\n", "no YAML"),
-        ("lab3: {port: 2020-01-99}\n", "no YAML"),
         pytest.param("[" * 5000, "no YAML", id="deep"),
     ],
 )

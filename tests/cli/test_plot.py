@@ -1,17 +1,18 @@
 """`mrl plot`: recordings to columns and pictures."""
 
-import builtins
 import json
 import math
 
 import pytest
 
+from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.protocol.table import CAPABILITIES
 from mrl_driver.recording.recording import Recording
 from mrl_driver.review import drive_data
-from mrl_driver.robot import models
+from sim_arduino.serve import factory
 
 from .run import fails, mrl
 
@@ -78,15 +79,6 @@ def test_columns_of_a_recording(recorded):
     assert found.battery.values[0][0] == 12.0 and (found.model.name, found.robot_id) == ("traxbot", 1)
 
 
-@pytest.mark.parametrize("text", [b"[INFO] @5e", b"[INFO] @8e"])
-def test_text_that_resembles_a_reply_is_left_out(recorded, text):
-    """Boards in debug mode send such lines; the table knows how many values a reply has."""
-    before = columns(recorded)
-    with open(recorded, "a", encoding="utf-8") as file:
-        file.write("3.000000 ! plain\n" + entry(3.1, "<", text))
-    assert columns(recorded) == before
-
-
 def record(path, *greeting):
     """A recording of a board that greets with these replies, and then sends counts and three more values."""
     frames = [*greeting, *(encode_reply(8, i, i, 100, 200, 645) for i in range(9))]
@@ -101,11 +93,6 @@ def test_values_of_a_board_that_says_it_has_no_sonars_are_not_ranges(tmp_path):
     assert found.ranges == {} and len(found.poses.time_s)
 
 
-def test_values_of_a_2013_board_whose_id_has_environment_sensors_are_not_ranges(tmp_path):
-    found = read(record(tmp_path / "a.mrl", encode_reply(5, 2500, 172, 1200, 1, 7)), models.load("traxbot"))
-    assert found.ranges == {} and len(found.poses.time_s)
-
-
 @pytest.mark.parametrize(
     "greeting", [[], [encode_reply(5, 2500, 172, 1200, 1, 1)]], ids=["without-greeting", "2013"]
 )
@@ -117,39 +104,11 @@ def test_ranges_that_may_be_other_values_are_drawn_with_a_warning(tmp_path, gree
     assert "build: environment" in done.stderr
 
 
-def test_a_port_that_was_opened_again_moves_nothing(recorded):
-    with open(recorded, "a", encoding="utf-8") as file:
-        file.write("3.000000 ! opened x\n3.000001 ! checked\n")
-        file.write(entry(3.1, "<", encode_reply(8, 0, 0, 100, 200, 645, stamp=Stamp(0, 0), checked=True)))
-    assert read(recorded).poses.values[-1][0] == pytest.approx(0.5, abs=1e-4)
-
-
 def test_a_picture_beside_the_recording(recorded):
     done = mrl("plot", recorded)
     picture = recorded.with_suffix(".png")
     assert done.stdout == f"{picture}\n" and picture.read_bytes().startswith(b"\x89PNG")
     assert ":119: skipped: time is b'what'" in done.stderr
-
-
-def test_parts_and_other_formats(recorded, tmp_path):
-    target = tmp_path / "path.svg"
-    named = recorded.rename(recorded.with_name("$x_{$.mrl"))  # half a formula to matplotlib
-    figures = json.loads(mrl("plot", named, "--part", "path", "-o", target, "--json").stdout)
-    text = target.read_text()
-    assert figures["path_m"] == pytest.approx(0.5, abs=1e-3) and figures["skipped_lines"] == 1
-    assert "<svg" in text
-
-
-def test_without_matplotlib_one_line_says_how_to_get_it(monkeypatch, recorded):
-    real = builtins.__import__
-
-    def without(name, *args, **kwargs):
-        if name.startswith("matplotlib"):
-            raise ImportError(name)
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    assert "pip install 'mrl-driver[plot]'" in fails(2, "plot", recorded)
 
 
 @pytest.mark.parametrize(
@@ -167,19 +126,37 @@ def test_what_cannot_be_drawn(args, words, monkeypatch, tmp_path):
     assert words in fails(2, "plot", *args)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "holds nothing"),
-        ("0.0 < @5,2500,172,1200,2,99e\\r\\n\n", "no packaged model lists robot id 99"),
-    ],
-)
-def test_a_recording_without_odometry(tmp_path, text, words):
-    path = tmp_path / "empty.mrl"
-    path.write_text("#mrl-recording 1 {}\n" + text)
-    assert words in fails(2, "plot", path)
-
-
 def test_a_port_is_not_read_as_a_recording(serve):
     """It would wait for bytes, and take them from the program that drives the robot."""
     assert "is not a plain file; give a recording" in fails(2, "plot", serve().path, "-o", "p.png")
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    """Two seconds ahead in simulated time, and a stop."""
+    path = tmp_path_factory.mktemp("drive") / "drive.mrl"
+    emulated = factory.make(factory.Options(robot="traxbot", seed=1))
+    with SteppedDriver(emulated.engine, options=Options(record=str(path))) as robot:
+        for _ in range(20):
+            robot.drive(0.2, 0.0)
+            robot.wait(0.1)
+        robot.stop()
+        robot.wait(0.3)
+    emulated.close()
+    return path
+
+
+def test_programs_get_findings_and_stops(recording, tmp_path):
+    page = tmp_path / "page.html"
+    done = mrl("review", recording, "-o", page, "--json")
+    found = json.loads(done.stdout)
+    assert (found["page"], found["robot"], found["findings"]) == (str(page), "traxbot", [])
+    stop = found["stops"][0]
+    assert (stop["reason"], stop["direction"], stop["data"]) == ("user", ">", "@13e")
+    assert stop["time_s"] == pytest.approx(2.0, abs=0.2) and page.exists()
+
+
+def test_the_page_never_replaces_the_recording(recording):
+    before = recording.read_bytes()
+    assert "would replace the recording" in fails(2, "review", recording, "-o", recording)
+    assert recording.read_bytes() == before

@@ -11,7 +11,7 @@ from mrl_driver.transport import port_info
 from mrl_driver.transport.link import SerialLink
 from mrl_driver.transport.port_search import Port
 
-from .run import fails, mrl
+from .run import mrl
 
 UNO = Port("/dev/ttyACM7", ("/dev/serial/by-id/usb-Arduino_7",), 0x2341, 0x0043, "7")
 COPY = Port("/dev/ttyUSB7", (), 0x1A86, 0x7523, None)
@@ -59,11 +59,6 @@ def test_a_port_in_use_is_never_opened(there, serve):
     assert not row["asked"] and "process" in row["used_by"] and not port.received
 
 
-def test_no_port_at_all(there):
-    there()
-    assert all(words in mrl("ports").stdout for words in ("plug the board in", "mrl-sim --link"))
-
-
 def test_a_port_that_a_program_opens_while_others_are_asked_is_not_opened(serve, monkeypatch):
     port, asked = serve(), []
     monkeypatch.setattr(probe, "probe", lambda *given: asked.append(given))
@@ -73,10 +68,6 @@ def test_a_port_that_a_program_opens_while_others_are_asked_is_not_opened(serve,
     finally:
         link.close()
     assert "in use by" in answer.error and not asked
-
-
-def test_a_port_without_probe():
-    assert "--probe" in fails(2, "ports", "/dev/null")
 
 
 def test_a_usb_port_has_time_for_boot_loader_and_old_firmware(there, serve, monkeypatch):

@@ -4,7 +4,6 @@ import contextlib
 import os
 import signal
 import subprocess
-import sys
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -23,6 +22,7 @@ from tests.driver.conftest import Cable
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 from .run import fails
+from .terminal import MRL
 
 ADDRESS = "127.0.0.1:0"
 
@@ -256,11 +256,6 @@ def test_a_board_that_is_not_the_named_robot_is_not_served_at_the_start(cable):
         robot.find()
 
 
-def test_without_time_a_port_that_is_not_there_ends_the_command():
-    words = ("--listen", f"tcp://{ADDRESS}", "--port-timeout", "0")
-    assert "does not exist" in fails(3, "serve", "--port", "/dev/nowhere", *words)
-
-
 @pytest.mark.parametrize(
     ("url", "code", "words"),
     [
@@ -273,37 +268,15 @@ def test_an_address_that_cannot_be_listened_on_is_refused(url, code, words):
     assert words in fails(code, "serve", "--port", "/dev/ttyACM0", "--listen", url, "--insecure")
 
 
-def test_an_address_in_use_is_refused():
-    listener = listen(f"tcp://{ADDRESS}")
-    assert "in use" in fails(5, "serve", "--port", "/dev/ttyACM0", "--listen", str(listener.address))
-    listener.close()
-
-
 @pytest.mark.parametrize("listen", ["udp://0.0.0.0:0", "tcp://10.0.0.7:7000"])
 def test_an_address_beyond_this_computer_needs_a_word(listen):
     line = fails(2, "serve", "--port", "/dev/nowhere", "--listen", listen)
     assert "everybody on the network" in line and "a tunnel (ssh -L), or add --insecure" in line
 
 
-@pytest.mark.parametrize("listen", ["udp://0.0.0.0:0", "tcp://0.0.0.0:0"])
-def test_that_word_allows_it(listen):
-    assert "does not exist" in fails(
-        3, "serve", "--port", "/dev/nowhere", "--listen", listen, "--insecure", "--port-timeout", 0
-    )
-
-
 def test_a_bridge_is_not_suspended(serve):
     """Ctrl-Z would leave its client without a stop."""
-    command = [
-        sys.executable,
-        "-m",
-        "mrl_driver",
-        "serve",
-        "--port",
-        serve().path,
-        "--listen",
-        f"tcp://{ADDRESS}",
-    ]
+    command = [*MRL, "serve", "--port", serve().path, "--listen", f"tcp://{ADDRESS}"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert "serves" in process.stdout.readline()
         (ignored,) = (

@@ -6,7 +6,6 @@ import socket
 import pytest
 
 from mrl_driver.cli.commands import monitor
-from mrl_driver.terminal import live_view
 from tests.waiting import PATIENCE_S, wait_until
 
 from .run import mrl
@@ -48,14 +47,6 @@ def test_telemetry_goes_to_another_program_beside_what_is_printed(serve, receive
     monkeypatch.setattr(monitor, name, lambda driver: received(receiver)[1]["battery_v"])
     done = mrl("monitor", "--port", serve().path, "--seconds", "0.05", "--udp", address_of(receiver), *option)
     assert (done.returncode, done.stderr) == (0, "") and done.stdout.splitlines()[0] == "12.0"
-
-
-def test_telemetry_goes_to_another_program_beside_the_live_view(serve, receiver, monkeypatch):
-    seen = []
-    monkeypatch.setattr(monitor, "full_screen", lambda: True)
-    monkeypatch.setattr(live_view, "show", lambda *_: seen.extend(received(receiver)))
-    assert mrl("monitor", "--port", serve().path, "--udp", address_of(receiver)).returncode == 0
-    assert seen[0]["battery_v"] == 12.0 and seen[0]["timestamp"] < seen[1]["timestamp"]
 
 
 @pytest.mark.usefixtures("sent")

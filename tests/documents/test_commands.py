@@ -16,27 +16,6 @@ from .test_robot_recipe import TEXT
 
 SHOWN = shown()
 PORT = "/dev/ttyACM0"
-OUTSIDE = {
-    "apt",
-    "ssh",
-    *(
-        ".",
-        "cd",
-        "cp",
-        "echo",
-        "export",
-        "git",
-        "grep",
-        "python3",
-        "sleep",
-        "source",
-        "tail",
-        "timeout",
-        "usermod",
-    ),
-}
-OF_ROS = ("catkin", "ros", "rqt", "rviz")
-"""Programs of other projects: all of the name, all that begin so."""
 ENDS = {
     "info": [],
     "monitor": ["--seconds", "0.5"],
@@ -68,13 +47,6 @@ def place(tmp_path, monkeypatch):
     (tmp_path / "gas.yaml").write_text(f"{traxbot}build: environment\n")
     (folder.parent / "robots.yaml").write_text(f"lab3: {{port: {PORT}}}\n")
     (tmp_path / "drive.log").write_text('#mrl-recording 1 {"port": "x"}\n0.0 < @5,2500,172,1180,2,1e\\r\\n\n')
-
-
-def test_every_command_is_of_a_known_kind():
-    """One that is not has no test."""
-    tested = {"make", "mrl", "mrl-sim", "pip", "pytest", "python"} | OUTSIDE
-    names = {each.words[0].rpartition("/")[2] for each in SHOWN}
-    assert {name for name in names if not name.startswith(OF_ROS)} <= tested
 
 
 @of("make")
@@ -131,23 +103,6 @@ def test_emulators_options_are_read(words):
         mrl_sim.make_context("mrl-sim", words[1:])
     except click.exceptions.Exit as ended:
         assert ended.exit_code == 0
-
-
-def words_of(program):
-    found = [each.words for each in SHOWN if each.words[0].rpartition("/")[2] == program]
-    assert found
-    return found
-
-
-def test_folders_of_tests_exist():
-    for words in words_of("pytest"):
-        assert all((ROOT / word).is_dir() for word in words[1:] if word.startswith("tests"))
-
-
-def test_extras_exist():
-    text = (ROOT / "setup.py").read_text()
-    extras = {extra for words in words_of("pip") for extra in re.findall(r"\[(\w+)\]", " ".join(words))}
-    assert extras and all(f'"{extra}": [' in text for extra in extras)
 
 
 def launch_file(words):

@@ -5,7 +5,6 @@ import pytest
 from mrl_driver.driver.eeprom import save_model
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardRefused
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot import models
 from sim_arduino.board import parameter_store
@@ -63,22 +62,6 @@ def test_a_blank_board_becomes_one(home):
         save_model(robot, IDS[0], model)
     values = parameter_store.Config(board.eeprom)
     assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == IDS[0]
-
-
-def test_a_board_that_restarts_before_it_saves_is_told_of(home, monkeypatch):
-    model, board = models.load(NAME), factory.make(factory.Options(robot="traxbot", robot_id=0)).engine
-    with SteppedDriver(board, model, Options(any_id=True)) as robot:
-        ask = robot.ask
-
-        def restart_first(code, *args, **options):
-            if code == BY_NAME["save_config"].code:
-                board.reset()
-                robot.wait(2.0)
-            return ask(code, *args, **options)
-
-        monkeypatch.setattr(robot, "ask", restart_first)
-        with pytest.raises(BoardRefused, match=f"has robot_id 0, expected {IDS[0]}"):
-            save_model(robot, IDS[0], model)
 
 
 def test_a_users_file_comes_before_the_packaged_one(home):

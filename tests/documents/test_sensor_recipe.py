@@ -24,12 +24,6 @@ PARTS = (
 )
 STEP_C = 0.0625
 """One count of the example's wire [degC]."""
-MOST_FLASH = {"5.4.0": 21504}
-"""Room that the image may take, by version of avr-gcc [byte]."""
-UNO_FLASH = 30720
-"""With another compiler it must fit beside the largest bootloader [byte]."""
-
-
 _TAKEN = {row.i2c.address for row in SENSORS if row.i2c}
 ADDRESS = next(each for each in range(0x48, 0x50) if each not in _TAKEN)
 NAME = "recipe_temperature"
@@ -102,9 +96,3 @@ def test_it_is_shown_recorded_and_a_topic(result, place, shown):
 
 def test_a_board_without_it_has_no_fault(result):
     assert result["absent"] == {"faults": [], "read": False}
-
-
-def test_the_firmware_stays_small(tree, result):
-    size = run(tree, "avr-size", "-B", "build/firmware/mrl_firmware.elf").splitlines()[1].split()
-    version = run(tree, "avr-gcc", "-dumpversion").strip()
-    assert int(size[0]) + int(size[1]) <= MOST_FLASH.get(version, UNO_FLASH)

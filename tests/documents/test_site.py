@@ -1,15 +1,38 @@
-"""The documentation site (`make docs`) has every document, and the modules that programs import."""
+"""Documents, their links, limits and public names, and the site that has them all (`make docs`)."""
 
+import functools
 import importlib
 import re
 
+import pytest
 import yaml
 
-from .blocks import ROOT
-from .test_public_names import PUBLIC
+import mrl_driver
+from mrl_driver.protocol.table import MOST_HOLDERS
+from ros1_bridge.relay import relay_frames, topic_sender
+
+from .blocks import ROOT, blocks
 
 SITE = ROOT / "docs" / "site"
 PAGES = SITE / "pages"
+PUBLIC = {
+    "mrl_driver.driver": ["Driver", "Options", "Telemetry", "Board"],
+    "mrl_driver.stepped": ["SteppedDriver"],
+    "mrl_driver.robots": ["load", "RobotModel"],
+    "mrl_driver.errors": ["MrlError", "BoardTimeout", "LinkLost"],
+    "mrl_driver.table": ["COMMANDS"],
+    "mrl_driver.terminal.shown_state": ["line", "snapshot"],
+    "mrl_driver.terminal.trail": ["Trail"],
+    "mrl_driver.codec": ["FrameDecoder", "encode_reply", "encode_request"],
+    "sim_arduino.board": ["PythonBoard"],
+    "sim_arduino.boards": ["make", "Options"],
+    "sim_arduino.grid_map": ["draw", "write"],
+    "sim_arduino.laser": ["LaserScanner"],
+    "sim_arduino.plant": ["Plant"],
+    "sim_arduino.testing": ["EmulatedBoard"],
+    "sim_arduino.world_file": ["load"],
+}
+"""What the documents of this version and of earlier ones import, by module."""
 FOLDERS = ("docs", "firmware", "mrl_driver", "ros1_bridge", "sim_arduino", "tests")
 
 
@@ -27,11 +50,8 @@ NAMED = named(SETTINGS["nav"])
 def test_the_site_names_every_document():
     found = [*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.md"))]
     documents = {path.relative_to(ROOT).as_posix() for path in found if SITE not in path.parents}
+    documents |= {path.relative_to(PAGES).as_posix() for path in PAGES.rglob("*.md")}
     assert documents - set(NAMED) == set()
-
-
-def test_the_site_names_its_own_pages():
-    assert {path.relative_to(PAGES).as_posix() for path in PAGES.rglob("*.md")} - set(NAMED) == set()
 
 
 def test_the_search_works_from_the_disk_without_another_host():
@@ -44,3 +64,61 @@ def test_the_site_describes_each_public_module():
     pages = [path.read_text(encoding="utf-8") for path in PAGES.rglob("*.md")]
     described = {module for page in pages for module in re.findall(r"^::: (\S+)$", page, re.M)}
     assert {importlib.import_module(module).__name__ for module in PUBLIC} - described == set()
+
+
+@pytest.mark.parametrize("module, name", [(m, n) for m, names in PUBLIC.items() for n in names])
+def test_a_documented_name_is_there(module, name):
+    assert hasattr(importlib.import_module(module), name)
+
+
+def test_the_packages_example_is_the_readmes():
+    example = next(each.text for each in blocks("README.md") if each.language == "python")
+    assert example in (mrl_driver.__doc__ or "")
+
+
+PATHS = sorted((*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("[frst]*/*.md")))
+
+
+@functools.lru_cache(maxsize=None)
+def anchors(path):
+    """The anchors of a document, as GitHub makes them from its headings, and those that it sets itself."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.S | re.M)
+    headings = re.findall(r"^#+ (.*)$", text, re.M)
+    made = {re.sub(r"[^\w\- ]", "", each.lower()).replace(" ", "-") for each in headings}
+    return made | set(re.findall(r'<a id="(\w+)">', text))
+
+
+@pytest.mark.parametrize("path", PATHS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(path):
+    wrong = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", path.read_text(encoding="utf-8")):
+        file, _, anchor = link.partition("#")
+        target = path.parent / file if file else path
+        if not link.startswith("http"):
+            known = target.exists() and (not anchor or anchor in anchors(target.resolve()))
+            wrong += [] if known else [link]
+    assert wrong == []
+
+
+def number(file, name):
+    """A constant of a module that needs optional packages."""
+    return int(re.search(rf"^(?:\w+, )*{name}\b.*?= .*?(\d+)", (ROOT / file).read_text(), re.M)[1])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        f"at most {number('mrl_driver/web/messages.py', 'MOST_BYTES')} bytes",
+        f"16 pages, 100 connections, {number('mrl_driver/web/client.py', 'MOST_PER_S')} messages/s from each",
+        f"{topic_sender.MOST_RECEIVERS} connections",
+        f"frames of at most {relay_frames.LONGEST_BYTES // (1 << 20)} MB",
+        {4: "at most four holders"}[MOST_HOLDERS],
+    ],
+)
+def test_limits_in_the_security_notes_are_those_of_the_code(words):
+    assert words in (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+
+
+def test_pages_and_connections_are_limited_as_it_says():
+    source = (ROOT / "mrl_driver/web/server.py").read_text()
+    assert "MOST_CLIENTS, MOST_CONNECTIONS = 16, 100" in source

@@ -51,14 +51,6 @@ def sources():
     return "\n".join(text.replace("\n", " ") for text in found)
 
 
-def calls(folder, name):
-    """The calls of a function in the modules of a folder."""
-    for path in sorted((ROOT / folder).rglob("*.py")):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == name:
-                yield node
-
-
 MESSAGES = [(row.code, text) for row in PROBLEMS.values() for text in (row.message, *row.also)]
 STOPPED = {stopped_text(reason) for reason in STOPS}
 
@@ -77,18 +69,6 @@ def test_the_messages_are_those_that_users_see():
 def test_an_errors_code_is_a_row(kind):
     assert not kind.code or kind.code in PROBLEMS
     assert kind("text").line == (f"text  [{kind.code}]" if kind.code else "text")
-
-
-@pytest.mark.parametrize(
-    "folder, name, at", [("mrl_driver/cli", "problem", 1), ("mrl_driver/review/findings", "Finding", 0)]
-)
-def test_codes_of_findings_are_rows(folder, name, at):
-    found = {call.args[at].value for call in calls(folder, name) if isinstance(call.args[at], ast.Constant)}
-    assert len(found) > 9 and found <= set(PROBLEMS)
-
-
-def test_every_unwanted_stop_is_explained():
-    assert {reason for reason, stop in STOPS.items() if stop.why and stop.code not in PROBLEMS} == set()
 
 
 @pytest.mark.parametrize("word", ["port_busy", "[port_busy]", "port-busy"])

@@ -71,13 +71,6 @@ def test_each_telemetry_has_an_object_with_its_own_values(drive):
         assert seen["/speed_m_s"] == pytest.approx(telemetry.twist.linear_m_s, abs=1e-6)
 
 
-def test_what_is_asked_and_measured_has_a_name_with_its_unit(drive):
-    _, seen = read(drive.sent[-1])
-    assert (seen["/asked_speed_m_s"], seen["/asked_turn_rate_rad_s"]) == (0.2, 0.3)
-    assert 9 < seen["/battery_v"] < 14 and 0 < seen["/sonar_front_m"] < 5 and seen["/temperature_c"] == 25
-    assert seen["/imu_acceleration_z_m_s2"] == pytest.approx(9.8, abs=0.2)
-
-
 def test_the_layout_for_plotjuggler_shows_values_of_the_stream(drive):
     _, seen = read(drive.sent[-1])
     shown = {

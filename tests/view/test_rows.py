@@ -1,12 +1,19 @@
 """The sections and rows of a live view."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.odometry import OmniTwist, Twist
-from mrl_driver.view.live_model import Shown
+from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.robot.hold import Hold
+from mrl_driver.robot.odometry import Twist
+from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
+from mrl_driver.session.events import Reconnected
+from mrl_driver.session.motion_command import STOPS
+from mrl_driver.view import words
+from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.rows import sections
 from mrl_driver.view.shown_state import Bar, Row, ShownState, line_of
 from tests.models import model as load
@@ -36,11 +43,6 @@ def told(state=STATE, delays_s=(math.nan,) * 3, **others):
     return {section.title: {row.name: row for row in section.rows} for section in sections(shown)}
 
 
-def test_a_board_without_motors_has_sensors_and_a_link():
-    quiet = told(model=load("pioneer"), ranges={}, battery_v=math.nan, board=[])
-    assert list(quiet) == ["sensors", "link"]
-
-
 def test_motion_is_told_in_numbers_with_units():
     assert [row.value for row in told()["motion"].values()] == [
         "x +1.000  y -0.250 m",
@@ -49,11 +51,6 @@ def test_motion_is_told_in_numbers_with_units():
         "+0.250 m/s  +0 deg/s",
         "3.20 m",
     ]
-
-
-def test_a_robot_that_moves_sideways_has_a_third_speed():
-    asked = told(command=OmniTwist(0.1, 0.2, -0.3))["motion"]["asked"]
-    assert asked.value == "+0.100 m/s  +11 deg/s  -0.300 m/s to the left"
 
 
 def test_a_stopped_robot_says_why():
@@ -89,3 +86,116 @@ def test_delays_are_told_by_their_parts():
 def test_the_line_shows_no_sign_of_a_number_that_rounds_to_zero():
     state = STATE._replace(pose=Pose(0.0, -0.0004, -1e-9), twist=Twist(-0.0004, -0.0))
     assert "-" not in line_of(state)
+
+
+def test_every_reason_has_words():
+    reasons = {reason.replace("_", " ") for reason in (*STOPS, *STOP_REASONS)}
+    assert reasons - set(words.STOPS) == set()
+
+
+MISMATCH, HELD = Mismatch("left", DEAD, 0.037, 0.0), Hold("held", 1, 0, 0, 0x0013A200408B0001)
+
+
+def robot(**values):
+    """What the words use of a Driver."""
+    usual = {"ready": True, "battery_state": "ok", "battery_v": 11.0, "mismatch": None, "hold": None}
+    return SimpleNamespace(**{**usual, "stop_reason": "none", **values})
+
+
+def test_a_stop_is_told_in_full():
+    told = [
+        words.stopped_by(robot(**values))
+        for values in (
+            {"stop_reason": "user"},
+            {"stop_reason": "battery"},
+            {"stop_reason": "wheel_mismatch", "mismatch": MISMATCH},
+            {"stop_reason": "radio_hold", "hold": HELD},
+        )
+    ]
+    assert told == [
+        "stopped",
+        "stopped: the battery is empty or switched off; switch motor power on, or connect the battery",
+        f"stopped: {MISMATCH}",
+        f"stopped: {HELD}",
+    ]
+
+
+def test_a_refusal_says_why_and_what_to_do():
+    told = [
+        words.why_refused(robot(**values), "turn the key")
+        for values in (
+            {"ready": False},
+            {"battery_state": "empty", "battery_v": 8.9},
+            {"mismatch": MISMATCH},
+            {"hold": HELD},
+            {"hold": HELD._replace(state="free")},
+        )
+    ]
+    assert told == [
+        "the robot sends no data or is just starting; when its data are back, turn the key",
+        "the battery is empty at 8.9 V; charge it",
+        f"{MISMATCH}; turn the key",
+        str(HELD),
+        "the robot takes no commands now; turn the key",
+    ]
+
+
+class Robot:
+    """What a view uses of a Driver."""
+
+    def __init__(self, **values):
+        self.model = self.mismatch = self.recorder = None
+        self.warning, self.link_delay_s = "", math.nan
+        vars(self).update(values)
+
+    def on_telemetry(self, listener):
+        self.move = lambda x_m: listener(SimpleNamespace(pose=Pose(x_m, 0.0, 0.0)))
+
+    def on_event(self, listener):
+        self.tell = listener
+
+
+def model_of(robot, **options):
+    return LiveModel(robot, 100.0, lambda: "state", **options)
+
+
+def test_the_path_and_the_rate_come_from_the_telemetry():
+    robot = Robot()
+    model = model_of(robot)
+    model.shown(100.0)
+    for i in range(10):
+        robot.move(0.1 * i)
+    shown = model.shown(100.5)
+    assert (shown.rate_hz, shown.elapsed_s, len(shown.trail)) == (20.0, 0.5, 10)
+    assert shown.distance_m == pytest.approx(0.9)
+
+
+def test_the_most_important_message_is_shown():
+    robot = Robot(warning="old firmware")
+    model = model_of(robot, remedy="release and press again")
+    seen = [model.shown(100.0).notice]
+    robot.tell(Reconnected("/dev/y"))
+    seen.append(model.shown(100.0).notice)
+    robot.recorder = SimpleNamespace(loss="the disk is full")
+    seen += [model.shown(100.0).notice, model.shown(100.0, warning="too slow").notice]
+    robot.mismatch = Mismatch("left", DEAD, 0.037, 0.0)
+    seen.append(model.shown(100.0, warning="too slow").notice)
+    assert seen == [
+        "old firmware",
+        "the robot answers again, on /dev/y",
+        "the disk is full",
+        "too slow",
+        f"{robot.mismatch}; release and press again",
+    ]
+
+
+def test_the_delay_is_the_sum_of_what_is_known():
+    nan = math.nan
+    for input_s, link_s, total_s in (
+        (0.012, 0.03, 0.042),
+        (nan, 0.03, 0.03),
+        (0.012, nan, 0.012),
+        (nan,) * 3,
+    ):
+        model = model_of(Robot(link_delay_s=link_s))
+        assert model.delays_s(input_s) == pytest.approx((total_s, input_s, link_s), nan_ok=True)

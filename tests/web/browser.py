@@ -80,13 +80,6 @@ if (holds()) done(); else {
 """
 
 
-_NOTE_CLICK = """
-const e = document.getElementById(arguments[0]) || document.querySelector(arguments[0]);
-window.hit = false;
-e.addEventListener("click", () => { window.hit = true; }, {once: true, capture: true});
-"""
-
-
 class Size(NamedTuple):
     """A window [px]; a phone is touched, a desk has a mouse."""
 
@@ -99,21 +92,10 @@ PHONE, DESK, PROJECTOR = Size(360, 740, True), Size(1280, 800, False), Size(1920
 
 
 class Browser:
-    """Chromium until `close`.
-
-    Attributes:
-        downloads: Folder of downloaded files.
-
-    Raises:
-        AssertionError: Chromium or its driver is not installed.
-    """
+    """Chromium until `close`; what it downloads goes to the folder `downloads`."""
 
     def __init__(self, folder: Path) -> None:
-        from selenium.webdriver import (
-            Chrome,
-            ChromeOptions,
-            ChromeService,
-        )  # slow to import, and few tests need it
+        from selenium.webdriver import Chrome, ChromeOptions, ChromeService  # slow to import
 
         for program in (CHROMIUM, DRIVER):
             assert shutil.which(program), (
@@ -200,11 +182,7 @@ class Tab:
         return self._look().execute_script(script, *args)
 
     def wait(self, condition: str) -> None:
-        """Waits until a JavaScript expression about the document is true; looks at each change of the document.
-
-        Raises:
-            AssertionError: it stays false; the message holds what the page says of itself.
-        """
+        """Waits until a JavaScript expression about the document is true; looks at each change of the document."""
         try:
             self._look().execute_async_script(_WAIT % condition)
         except Exception as error:

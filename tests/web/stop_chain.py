@@ -2,13 +2,9 @@
 
 A page sends a command every 50 ms.  Then one thing fails, and the links that are left must stop the robot.  Time is
 counted from the sending of the page's last fresh command to the stop at the motor board.
-
-    python -m tests.web.stop_chain        prints the table
 """
 
 import math
-import statistics
-import sys
 from collections import deque
 from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Sequence
 
@@ -52,13 +48,10 @@ class Chain:
     Args:
         links: of `page` (it tells that its control was released), `server` (150 ms without a fresh command), `driver`
             (command timeout), `board` (watchdog).
-        way_s: From the page to the server [s].
     """
 
-    def __init__(
-        self, links: Iterable[str], robot: str = "traxbot", engine: str = "python", way_s: float = WAY_S
-    ) -> None:
-        self.links, self.way_s = frozenset(links), way_s
+    def __init__(self, links: Iterable[str], robot: str = "traxbot", engine: str = "python") -> None:
+        self.links = frozenset(links)
         self._emulated = factory.make(factory.Options(robot=robot, engine=engine))
         self.robot = SteppedDriver(
             self._emulated.engine,
@@ -96,7 +89,7 @@ class Chain:
 
     def arrive(self, message: Any) -> None:
         """A message that the page sends now arrives."""
-        self.wait(self.way_s)
+        self.wait(WAY_S)
         self.receive(message)
 
     def receive(self, message: Any) -> None:
@@ -117,7 +110,7 @@ class Chain:
         sends = [begins_s + PERIOD_S * number for number in range(int(seconds / PERIOD_S) + 1)]
         coming: Deque[Any] = deque()
         for time_s, sends_now in sorted(
-            [(each, True) for each in sends] + [(each + self.way_s, False) for each in sends]
+            [(each, True) for each in sends] + [(each + WAY_S, False) for each in sends]
         ):
             self.wait(time_s - self.now_s)
             if sends_now:
@@ -135,11 +128,11 @@ class Chain:
             phase: When it fails, from 0 (at the last command) to 1 (when the next one would come).
         """
         sent_s = self.drive(DRIVES_S + phase * POLLED_S)
-        fails_s = sent_s + self.way_s + phase * PERIOD_S
+        fails_s = sent_s + WAY_S + phase * PERIOD_S
         if fault is SILENT:
             self.wait(WATCH_S)
         elif fault is LIFTED:
-            self.wait(fails_s - self.way_s - self.now_s)
+            self.wait(fails_s - WAY_S - self.now_s)
             release = self.page.lift(self.now_s)
             if PAGE in self.links:
                 self.arrive(release)
@@ -166,10 +159,9 @@ def stop_times(
     robot: str = "traxbot",
     engine: str = "python",
     runs: int = 20,
-    way_s: float = WAY_S,
 ) -> List[float]:
     """Times from the last fresh command to the stop at the motor board [s], with phases spread evenly."""
-    chain = Chain(links, robot, engine, way_s)
+    chain = Chain(links, robot, engine)
     try:
         return [chain.stop_s(fault, (run + 0.5) / runs) for run in range(runs)]
     finally:
@@ -185,16 +177,3 @@ def figures(engine: str = "python", runs: int = 20) -> Dict[str, List[float]]:
             by = "all" if len(links) == 4 else ", ".join(links) or "none"
             found[f"{fault.name}: {by}"] = stop_times(links, fault, engine=engine, runs=runs if links else 1)
     return found
-
-
-def table(engine: str = "python", runs: int = 20) -> List[str]:
-    """The figures as lines of text [ms]."""
-    lines = [f"{'fault: links':32}  median  largest [ms], {engine} board, {runs} runs"]
-    for name, times in figures(engine, runs).items():
-        median, largest = (1000 * value for value in (statistics.median(times), max(times)))
-        lines.append(f"{name:32}  {median:6.0f}  {largest:7.0f}")
-    return lines
-
-
-if __name__ == "__main__":
-    print(*table(*sys.argv[1:2]), sep="\n")

@@ -4,11 +4,9 @@ import math
 
 import pytest
 
-from mrl_driver.safety.operator_delay import delay_text
 from mrl_driver.web.helm import (
     CHANGED,
     EMERGENCY,
-    GIVEN_UP,
     HAND_OVER_S,
     HANDED_OVER,
     LEFT,
@@ -16,7 +14,6 @@ from mrl_driver.web.helm import (
     LOST,
     RELEASED,
     RELEASES,
-    TAKE_FIRST,
     WATCHES,
     Drive,
     Go,
@@ -107,11 +104,6 @@ def test_a_held_control_drives_at_its_speeds(bench):
     assert bench.helm.state().driving and bench.helm.state().why == ""
 
 
-def test_a_held_goal_is_driven_to(bench):
-    page = bench.page(takes=True)
-    assert bench.push(page, Goal(1.0, 2.0))[0] == Go(1.0, 2.0, None, 0.0)
-
-
 def test_a_released_control_stops_at_once(driving):
     bench, one, _ = driving
     bench.later()
@@ -156,17 +148,6 @@ def test_a_command_that_is_older_than_150_ms_does_not_drive(bench):
     assert bench.helm.state().late == 1
 
 
-def test_a_page_with_slow_commands_is_told_once_in_a_press(bench):
-    page = bench.page(takes=True)
-    told = []
-    for _ in range(3):
-        sent = page.message(bench.now_s) if page.held else page.push(bench.now_s)
-        bench.now_s += 0.2
-        told += bench.arrives(page, sent)
-    assert told == [Refuse(1, "the delay of this page's commands is 200 ms, expected at most 150 ms")]
-    assert bench.helm.state().late == 3
-
-
 def test_a_burst_after_a_stall_does_not_drive(driving):
     """Messages of 2 s arrive at once; the newest are fresh, but the robot was stopped meanwhile."""
     bench, one, _ = driving
@@ -177,22 +158,7 @@ def test_a_burst_after_a_stall_does_not_drive(driving):
     assert bench.presses_again(one)
 
 
-def test_a_page_that_never_heard_of_us_cannot_drive(bench):
-    page = bench.page(takes=True)
-    (act,) = bench.arrives(page, page.push(bench.now_s)._replace(heard_s=None, heard_t_s=None))
-    assert act == Refuse(
-        1, f"the delay of this page's commands is {delay_text(math.nan)}, expected at most 150 ms"
-    )
-
-
 # -- order
-
-
-def test_a_message_that_comes_twice_counts_once(driving):
-    bench, one, _ = driving
-    sent = one.message(bench.now_s)
-    assert kinds(bench.arrives(one, sent)) == ["Drive"]
-    assert [bench.arrives(one, sent) for _ in range(2)] == [[], []] and bench.helm.state().repeated == 2
 
 
 def test_a_release_that_was_overtaken_still_ends_its_press(driving):
@@ -218,12 +184,6 @@ def test_a_late_release_stops_too(driving):
 
 
 # -- who drives
-
-
-def test_nobody_drives_without_the_helm(bench):
-    page = bench.page()
-    assert bench.push(page) == [Refuse(1, TAKE_FIRST), Tell()]
-    assert bench.repeat(page) == []
 
 
 def test_a_watching_page_neither_takes_nor_drives(bench):
@@ -278,26 +238,12 @@ def test_the_wish_for_the_helm_comes_true_with_every_stop(driving, stop):
     assert bench.helm.state().driver == 2 and not bench.drives(one)
 
 
-def test_only_one_can_wait_for_the_helm(driving):
-    bench, _, _ = driving
-    bench.page()
-    bench.helm.take(2, bench.now_s)
-    assert bench.helm.take(3, bench.now_s) == [Refuse(3, "somebody else has asked for the helm already")]
-    assert bench.helm.state().wants == 2
-
-
 @pytest.mark.parametrize("withdraw", ["leave", "yield_"])
 def test_a_wish_for_the_helm_can_be_withdrawn(driving, withdraw):
     bench, one, _ = driving
     bench.helm.take(2, bench.now_s)
     getattr(bench.helm, withdraw)(2, bench.now_s)
     assert bench.helm.state().wants is None and bench.drives(one)
-
-
-def test_giving_up_the_helm_stops_the_robot(driving):
-    bench, one, _ = driving
-    assert bench.helm.yield_(1, bench.now_s) == [Halt(GIVEN_UP), Tell()]
-    assert bench.helm.state().driver is None and not bench.drives(one)
 
 
 # -- stops

@@ -11,7 +11,7 @@ from mrl_driver.robot.models import load
 from mrl_driver.web import messages
 from mrl_driver.web.helm import Control, Goal, Helm
 from mrl_driver.web.messages import Malformed, parse
-from mrl_driver.web.robot import PhoneReading, Recorded
+from mrl_driver.web.robot import Recorded
 
 CONTROL = {
     "type": "control",
@@ -49,32 +49,18 @@ def test_control_with_a_goal(goal, read_as):
     assert read(**{**GOAL, "goal": goal}).goal == read_as
 
 
-def test_a_page_that_has_heard_nothing_says_so():
-    found = read(**{**CONTROL, "heard": None, "heard_t": None})
-    assert (found.heard_s, found.heard_t_s) == (None, None)
-
-
-def test_phone():
-    reading = read(**PHONE).reading
-    assert math.isnan(reading.beta_deg)
-    assert reading == PhoneReading(0.04, 10.0, reading.beta_deg, -3.0, False, (0.0, 0.0, 9.8), None)
-
-
 WRONG = [
     ({**SPEEDS, "goal": [1, 2]}, "control has a field 'linear', expected"),
     ({**SPEEDS, "linear": "0.2"}, "control: linear is '0.2', expected a number from -100 to 100"),
     ({**SPEEDS, "linear": True}, "control: linear is True, expected a number"),
-    ({**SPEEDS, "linear": None}, "control: linear is None, expected a number"),
     ({**SPEEDS, "angular": 1e300}, "control: angular is 1e+300, expected a number"),
     ({**SPEEDS, "angular": 10**400}, "control: angular is 10"),
     ({**CONTROL, "linear": 0.2}, "control has a field 'linear', expected"),
     ({**CONTROL, "seq": 1.5}, "control: seq is 1.5, expected a whole number"),
     ({**CONTROL, "seq": -1}, "control: seq is -1, expected a whole number"),
-    ({**CONTROL, "press": True}, "control: press is True, expected a whole number"),
     ({**CONTROL, "held": 1}, "control: held is 1, expected true or false"),
     ({**CONTROL, "t": None}, "control: t is None, expected a number"),
     ({**GOAL, "goal": [1]}, "control: goal is [1], expected a list of 2 or 3"),
-    ({**GOAL, "goal": [1, "2"]}, "control: goal is '2', expected a number"),
     ({**GOAL, "goal": [1, 2e4]}, "control: goal is 20000.0, expected a number"),
     ({**GOAL, "goal": [1, 2, 101]}, "control: goal is [1, 2, 101], expected a yaw of at most 100 rad"),
     ({"type": "control"}, "control has no seq, expected"),
@@ -84,8 +70,6 @@ WRONG = [
     ({}, "type is None, expected one of"),
     ({"type": "hello", "token": "", "name": "x" * 41}, "expected at most 40 printable characters"),
     ({"type": "hello", "token": "", "name": "a\nb"}, "expected at most 40 printable characters"),
-    ({"type": "hello", "token": "", "name": "\u202eabc"}, "expected at most 40 printable characters"),
-    ({"type": "hello", "token": "", "name": "\ud800"}, "expected at most 40 printable characters"),
     ({**PHONE, "alpha": 361}, "phone: alpha is 361, expected a number from -360 to 360"),
     ({**PHONE, "rotation": [1, 2]}, "phone: rotation is [1, 2], expected a list of 3"),
 ]

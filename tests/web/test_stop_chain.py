@@ -30,8 +30,3 @@ def test_all_links_together_stop_it_after_the_first(engine, runs):
 @pytest.mark.parametrize("fault", FAULTS, ids=name)
 def test_without_any_link_the_robot_drives_on(fault):
     assert stop_times([], fault, runs=1) == [math.inf]
-
-
-def test_a_slow_line_makes_the_stop_250_ms_after_the_last_command_was_sent():
-    """Each command is 140 ms under way."""
-    assert max(stop_times([SERVER], SILENT, runs=3, way_s=0.14)) <= 0.26
