@@ -37,18 +37,6 @@ def test_a_steady_frame_takes_few_calls(serve, speed_m_s):
     assert len(step.values) <= MOST_VALUES, listed(step)
 
 
-def test_a_reading_of_an_imu_and_a_frame_between_readings_take_few_calls(serve):
-    """A machine that is held up reads both at once, which is another step."""
-    board = serve()
-    board.board.capabilities.add("imu")
-    frames = frames_of(board, 0.2, 40)
-    parts = "mrl_driver/robot/imu.py:update", "mrl_driver/robot/odometry.py:update"
-    for part, other in (parts, parts[::-1]):
-        step = frames.steady(part, without=other)
-        print(listed(step))
-        assert len(step.calls) <= MOST_CALLS, listed(step)
-
-
 def test_a_command_takes_few_calls(serve):
     lists = CallLists(DRIVE)
     with Driver(serve().path, "traxbot", options=LASTING) as robot:

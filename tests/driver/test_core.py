@@ -333,12 +333,6 @@ def test_the_board_streams_every_50_ms_or_faster(period_ms, board_ms):
     assert robot.board.period_s == pytest.approx(board_ms / 1000)
 
 
-def test_the_first_telemetry_that_listeners_get_is_as_late_as_all_others():
-    robot = Robot(load("traxbot"), options=DEFAULTS._replace(period_ms=200))
-    robot.until(lambda: robot.seen(Telemetry))
-    assert robot.core.session.counters.streamed == 4
-
-
 def test_a_new_range_in_a_frame_that_is_left_out_comes_with_the_next_one():
     robot = Robot(load("traxbot"), options=DEFAULTS._replace(period_ms=200))
     robot.events.clear()
@@ -565,24 +559,6 @@ def test_a_wheel_is_judged_by_its_speed_whether_the_robot_drives_or_turns():
     speed_m_s = 0.027
     driven_m, turned_m = expected_m(speed_m_s, 0.0), expected_m(0.0, speed_m_s * 2 / SEPARATION_M)
     assert driven_m == pytest.approx(turned_m, rel=1e-4)
-
-
-def test_wheels_that_did_not_follow_a_board_that_had_stopped_before_have_its_reason(robot):
-    """The board has named this reason before, so it says nothing new."""
-    watchdog = STOP_REASONS.index("link_watchdog")
-    robot.run(STATUS_S)
-    robot.board.stop_reason = watchdog
-    robot.until(
-        lambda: robot.core.session.status and robot.core.session.status.stop_reason == "link_watchdog"
-    )
-    robot.drive(0.2)
-    robot.run(FRAME_S)
-    robot.core.stop(robot.now, "wheel_mismatch")
-    robot.core.mismatch = Mismatch("both", POWERLESS, 0.05, 0.0)
-    robot.until(lambda: not robot.motion.stopping)
-    robot.board.stop_reason = watchdog
-    robot.until(lambda: robot.core.mismatch is None, STATUS_S)
-    assert stands(robot, "link_watchdog")
 
 
 @pytest.fixture

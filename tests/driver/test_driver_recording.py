@@ -10,7 +10,6 @@ import pytest
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.errors import ConfigError, PortMissing
-from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.transport.link import SerialLink
@@ -34,19 +33,6 @@ def joined(entries, way):
 def test_what_went_to_the_board_is_recorded(recorded):
     entries, board, _ = recorded
     wait_until(lambda: bytes(board.received) == joined(entries, TO_BOARD))
-
-
-def test_what_came_from_the_board_is_recorded(recorded):
-    """Plain until the check value is switched on."""
-    entries, _, _ = recorded
-    switch = next(i for i, entry in enumerate(entries) if entry.data == b"checked")
-    frames = [
-        event
-        for part, checked in ((entries[:switch], False), (entries[switch:], True))
-        for event in FrameDecoder(REPLIES, checked).feed(joined(part, FROM_BOARD))
-    ]
-    assert all(isinstance(event, Frame) for event in frames)
-    assert len([frame for frame in frames if frame.code == 8]) > 3
 
 
 def test_a_summary_counts_the_frames_that_the_driver_counted(prompt, serve, tmp_path):

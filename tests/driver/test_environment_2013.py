@@ -12,7 +12,6 @@ from mrl_driver.robot import models
 from sim_arduino.serve import factory
 from tests.models import model as packaged_model
 
-PROFILES = ("2013-august", "2013-january")
 MOST_COMMANDS = 26
 """More commands a second than this get lost on a board of 2013 that streams."""
 DRIVEN_S = 3.0
@@ -141,13 +140,6 @@ def test_telemetry_begins_again_after_a_reset():
         assert driver.pose.x_m == pytest.approx(before.x_m, abs=0.2) and driver.ranges == {}
 
 
-def test_telemetry_begins_again_after_another_stream_took_its_place():
-    with Watched() as driver:
-        driver.request(27)
-        driver.wait(3.0)
-        assert driver.ready and driver.age_s < 0.05
-
-
 def test_january_has_odometry_and_a_warning_but_no_sensors():
     with Watched(profile="2013-january") as driver:
         driver.drive(0.2, 0.0)
@@ -181,12 +173,9 @@ def test_board_that_returns_without_sonars_leaves_no_old_ranges():
     other.emulated.close()
 
 
-def test_build_of_the_model_cannot_be_taken_back(tmp_path):
+def test_build_that_the_model_or_the_pins_of_its_bridge_exclude_is_refused(tmp_path):
     with pytest.raises(ConfigError, match="has build: environment and no sonars, expected environment"):
         models.with_build(models.load(own_model(tmp_path, 2, "\nbuild: environment")), "sonar")
-
-
-def test_robot_with_an_h_bridge_has_no_pins_for_environment_sensors():
     with pytest.raises(ConfigError, match="has an H-bridge on the same pins, expected sonar"):
         models.with_build(packaged_model("duo"), "environment")
 
@@ -204,19 +193,22 @@ def told_ranges(model, **board):
         emulated.close()
 
 
-@pytest.mark.parametrize("profile", PROFILES)
-def test_build_of_the_model_leaves_no_ranges(tmp_path, profile):
-    model = own_model(tmp_path, 2, "\nbuild: environment")
-    assert told_ranges(model, robot_id=2, profile=profile, environment=True) == ({}, False)
+BUILD = "\nbuild: environment"
 
 
-@pytest.mark.parametrize("robot_id", [6, 10])
-def test_ids_of_sensor_boards_leave_no_ranges(tmp_path, robot_id):
-    model = own_model(tmp_path, robot_id)
-    board = {"robot_id": robot_id, "profile": "2013-august", "environment": True}
-    assert told_ranges(model, **board) == ({}, False)
-
-
-def test_board_that_tells_its_build_is_believed_whatever_its_id(tmp_path):
-    ranges, has_sonars = told_ranges(own_model(tmp_path, 7), robot_id=7)
-    assert set(ranges) == {"front", "left", "right"} and has_sonars
+@pytest.mark.parametrize(
+    ("robot_id", "build", "board", "sonars"),
+    [
+        (2, BUILD, {"profile": "2013-august", "environment": True}, set()),
+        (2, BUILD, {"profile": "2013-january", "environment": True}, set()),
+        (6, "", {"profile": "2013-august", "environment": True}, set()),
+        (10, "", {"profile": "2013-august", "environment": True}, set()),
+        (2, "", {"profile": "2013-august"}, {"front", "left", "right"}),
+        (7, "", {}, {"front", "left", "right"}),
+    ],
+)
+def test_build_of_the_model_or_ids_of_sensor_boards_leave_no_ranges_unless_the_board_tells_its_build(
+    tmp_path, robot_id, build, board, sonars
+):
+    ranges, has_sonars = told_ranges(own_model(tmp_path, robot_id, build), robot_id=robot_id, **board)
+    assert (set(ranges), has_sonars) == (sonars, bool(sonars))

@@ -90,25 +90,16 @@ def test_a_robot_that_may_have_driven_on_in_a_silence_has_lost_its_way(make, opt
     assert 3.5 < lost[0].gap_s < 6.0 and lost[0].turn_rad == math.pi
 
 
-def test_a_board_that_restarts_loses_no_more_than_the_wheels_can_coast():
+@pytest.mark.parametrize("silent_s", [0.0, 5.0])
+def test_a_board_that_restarts_loses_what_the_wheels_coast_until_its_watchdog_acts_and_no_more(silent_s):
     state, talk = RobotState(load("traxbot")), Talk(FakeBoard()).until_ready().run(0.5)
-    talk.board.reset(talk.now)
-    talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
-    events = [found for event in talk.events for found in state.digest(event, talk.now)]
-    lost = [event for event in events if isinstance(event, PathUnknown)]
-    assert len(lost) == 1 and 0.28 < lost[0].gap_s < 1.0
-    assert lost[0].distance_m == pytest.approx(state.model.limits.linear_m_s * lost[0].gap_s)
-
-
-def test_a_board_that_restarts_in_a_long_silence_loses_what_the_wheels_coast_until_its_watchdog_acts():
-    state, talk = RobotState(load("traxbot")), Talk(FakeBoard()).until_ready().run(0.5)
-    talk.board.mute = True
-    talk.run(5.0)
+    talk.board.mute = silent_s > 0.0
+    talk.run(silent_s)
     talk.board.mute = False
     talk.board.reset(talk.now)
     talk.until(lambda: len(talk.seen(Ready)) == 2).run(0.2)
     events = [found for event in talk.events for found in state.digest(event, talk.now)]
     lost = [event for event in events if isinstance(event, PathUnknown)]
-    assert len(lost) == 1 and lost[0].gap_s > 5.0
-    coast_s = DEFAULTS.watchdog_ms / 1000 + STOPPING_S
+    assert len(lost) == 1 and max(0.28, silent_s) < lost[0].gap_s < silent_s + 1.0
+    coast_s = min(lost[0].gap_s, DEFAULTS.watchdog_ms / 1000 + STOPPING_S)
     assert lost[0].distance_m == pytest.approx(state.model.limits.linear_m_s * coast_s)

@@ -11,9 +11,7 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.handshake import (
     ALIKE,
-    ALIKE_TO_REFUSE,
     RETRY_S,
-    Handshake,
     Plan,
 )
 from mrl_driver.session.session import Info, Ready, Session, Stale
@@ -235,59 +233,6 @@ def test_plain_sonars_before_the_first_answer_are_no_error():
     state, session = RobotState(None), Session(lambda board: None, 0.0)
     events = session.receive(b"@7,100,100,100e\r\n", 0.1)
     assert [found for event in events for found in state.digest(event, 0.1)] == []
-
-
-# -- the conversation alone, without a session
-
-INFO, OLD_PROTOCOL, PROTOCOL = Frame(5, (2500, 172, 1200, 2, 1)), Frame(29, (3, 30)), Frame(29, (2, 31))
-PLAIN, CHECKED = False, True
-
-
-class Hello(Handshake):
-    """A handshake that keeps what it sends."""
-
-    def __init__(self, plan=Plan(), admit=lambda board: None):  # noqa: B008
-        self.sent = []
-        super().__init__(plan, lambda *words, **_: self.sent.append(words), admit, 0.0)
-
-    def hear(self, checked, *frames):
-        for frame in frames:
-            self.on_frame(frame, self.due_s, checked)
-        return self
-
-    def be_silent(self, seconds, checked=PLAIN):
-        """Goes from one request to the next; nothing answers."""
-        end_s = self.due_s + seconds
-        while self.due_s <= end_s:
-            self.tick(self.due_s, checked)
-        return self
-
-
-def test_plain_answers_after_one_under_the_checksum_are_not_believed():
-    hello = Hello().hear(CHECKED, INFO).hear(PLAIN, *[OLD_PROTOCOL] * ALIKE_TO_REFUSE).hear(CHECKED, PROTOCOL)
-    assert "watchdog" in hello.board.capabilities
-
-
-def test_plain_answers_are_no_answer_to_who_is_there_under_the_checksum():
-    """The board was reset just after the checksum had been turned on."""
-    hello = Hello().hear(PLAIN, PROTOCOL, *[INFO] * ALIKE, PROTOCOL, Frame(32, (1,)))
-    hello.hear(PLAIN, *[INFO] * ALIKE_TO_REFUSE).tick(0.0, CHECKED)
-    assert hello.sent[-1] == INFO[:1]
-
-
-def test_a_board_that_answered_under_the_checksum_is_not_tried_as_one_of_2013():
-    hello = Hello().hear(CHECKED, INFO)
-    hello.be_silent(4 * RETRY_S, CHECKED)
-    assert set(hello.sent[1:]) == {PROTOCOL[:1]}
-
-
-@pytest.mark.parametrize("jump", [(600, 0, 0), (0, 0, 60)], ids=["temperature", "battery"])
-def test_plain_answers_whose_readings_jump_are_not_believed(jump):
-    hello = Hello()
-    for number in range(ALIKE_TO_REFUSE):
-        readings = tuple(value + number * step for value, step in zip(INFO.args, jump))
-        hello.hear(PLAIN, Frame(5, (*readings, *INFO.args[3:])))
-    assert hello.board is None
 
 
 # -- what a session tells of it

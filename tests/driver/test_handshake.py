@@ -277,24 +277,22 @@ def test_the_thermopile_is_named_for_a_board_of_2013_that_may_hang_on_it(info, s
     )
 
 
+NO_ANSWER = "the {} of robot 1 does not answer its Arduino: check its power and the I2C wires"
+
+
 @pytest.mark.parametrize(
-    "stream, faults, name",
-    [(None, FAULT_MOTOR_BOARD, "motor board"), (SENSOR_STREAM, FAULT_SENSOR, "thermopile")],
+    "stream, faults, words",
+    [
+        (None, FAULT_MOTOR_BOARD, NO_ANSWER.format("motor board")),
+        (SENSOR_STREAM, FAULT_SENSOR, NO_ANSWER.format("thermopile")),
+        (None, FAULT_SENSOR, "does not answer request 29"),
+        (SENSOR_STREAM, FAULT_MOTOR_BOARD, "does not answer request 29"),
+    ],
 )
-def test_a_fault_that_keeps_the_stream_from_starting_is_named(stream, faults, name):
+def test_a_fault_is_named_if_it_keeps_the_stream_from_starting(stream, faults, words):
     hello = Hello(Plan(check=False), lambda board: stream)
     hello.hear(CHECKED, INFO, protocol(0), status(faults))
-    assert hello.ends_at(CHECKED) == (
-        TO_ASK_S,
-        f"the {name} of robot 1 does not answer its Arduino: check its power and the I2C wires",
-    )
-
-
-@pytest.mark.parametrize("stream, faults", [(None, FAULT_SENSOR), (SENSOR_STREAM, FAULT_MOTOR_BOARD)])
-def test_a_fault_that_keeps_no_stream_from_starting_is_not_the_cause(stream, faults):
-    hello = Hello(Plan(check=False), lambda board: stream)
-    hello.hear(CHECKED, INFO, protocol(0), status(faults))
-    assert "does not answer request 29" in hello.ends_at(CHECKED)[1]
+    assert words in hello.ends_at(CHECKED)[1]
 
 
 # -- who is believed
@@ -364,6 +362,26 @@ def test_a_plain_protocol_is_believed_at_once_only_if_it_is_asked_for_again(chec
     assert hello.hear(PLAIN, protocol(bits)).board.capabilities == capabilities_of(bits)
 
 
+def test_plain_answers_after_one_under_the_checksum_are_not_believed():
+    hello = Hello().hear(CHECKED, INFO).hear(PLAIN, *[protocol(CHECK, 3)] * ALIKE_TO_REFUSE)
+    assert "watchdog" in hello.hear(CHECKED, protocol()).board.capabilities
+
+
+def test_plain_answers_are_no_answer_to_who_is_there_under_the_checksum():
+    """The board was reset just after the checksum had been turned on."""
+    hello = greeted().hear(PLAIN, protocol(), Frame(SET_CHECK, (1,)))
+    assert hello.hear(PLAIN, *[INFO] * ALIKE_TO_REFUSE).ask(1, CHECKED) == [[INFO.code]]
+
+
+@pytest.mark.parametrize("jump", [(600, 0, 0), (0, 0, 60)], ids=["temperature", "battery"])
+def test_plain_answers_whose_readings_jump_are_not_believed(jump):
+    hello = Hello()
+    for number in range(ALIKE_TO_REFUSE):
+        readings = tuple(value + number * step for value, step in zip(INFO.args, jump))
+        hello.hear(PLAIN, Frame(5, (*readings, *INFO.args[3:])))
+    assert hello.board is None
+
+
 def test_a_plain_protocol_that_differs_begins_the_count_again():
     hello = greeted(Plan(check=False))
     hello.hear(PLAIN, protocol(3), protocol(3), protocol(2), protocol(2))
@@ -414,19 +432,17 @@ def begun(stream, bits, plan=Plan(check=False)):  # noqa: B008
 
 
 @pytest.mark.parametrize(
-    "stream, bits, code",
-    [(None, 0, 18), ("start_omni_stream", OMNI, OMNI_STREAM), (SENSOR_STREAM, ENVIRONMENT, SENSING)],
+    "stream, bits, code, frame",
+    [
+        (None, 0, 18, 8),
+        ("start_omni_stream", OMNI, OMNI_STREAM, OMNI_STREAM),
+        (SENSOR_STREAM, ENVIRONMENT, SENSING, SENSING),
+    ],
 )
-def test_the_stream_of_the_model_is_started(stream, bits, code):
-    assert begun(stream, bits).ask() == [[code]]
-
-
-@pytest.mark.parametrize(
-    "stream, bits, frame",
-    [("start_omni_stream", OMNI, OMNI_STREAM), (SENSOR_STREAM, ENVIRONMENT, SENSING), (None, 0, 8)],
-)
-def test_the_first_frame_of_the_stream_ends_the_greeting(stream, bits, frame):
-    assert begun(stream, bits).hear(CHECKED, Frame(frame, (0,) * 6)).done
+def test_the_stream_of_the_model_is_started_and_its_first_frame_ends_the_greeting(stream, bits, code, frame):
+    hello = begun(stream, bits)
+    assert hello.ask() == [[code]] and not hello.done
+    assert hello.hear(CHECKED, Frame(frame, (0,) * 6)).done
 
 
 @pytest.mark.parametrize("stream, bits", [("start_omni_stream", 0), (SENSOR_STREAM, SONARS)])

@@ -28,17 +28,39 @@ def found(*there, name=NAME, lost=ROBOT, device=None):
     return candidates(name, device or name, lost, there)
 
 
-def test_the_name_of_before_comes_first():
-    assert found(SISTER, ROBOT) == [NAME, "/dev/ttyACM1"]
+PLAIN = ROBOT._replace(serial=None)
+PLACED = ROBOT._replace(location="1-2")
 
 
-def test_the_same_device_leads_under_another_name():
-    assert found(SISTER, MOVED)[0] == "/dev/ttyACM3"
-
-
-def test_the_same_device_leads_even_where_another_took_its_name():
-    sister = SISTER._replace(device=NAME)
-    assert found(sister, MOVED) == ["/dev/ttyACM3", NAME]
+@pytest.mark.parametrize(
+    ("there", "options", "names"),
+    [
+        ((SISTER, ROBOT), {}, [NAME, SISTER.device]),
+        ((SISTER, MOVED), {}, [MOVED.device, NAME, SISTER.device]),
+        ((SISTER._replace(device=NAME), MOVED), {}, [MOVED.device, NAME]),
+        ((GPS._replace(device=NAME), SISTER), {}, [SISTER.device, NAME]),
+        (
+            (ROBOT, SISTER, Port("/dev/ttyS0")),
+            {"name": "/run/robot", "lost": Port("/dev/pts/3")},
+            ["/run/robot"],
+        ),
+        (
+            (SISTER._replace(serial=None), PLAIN._replace(device=MOVED.device)),
+            {"lost": PLAIN},
+            [MOVED.device, NAME, SISTER.device],
+        ),
+        (
+            (PLACED._replace(location="1-1"), PLACED._replace(device=MOVED.device)),
+            {"lost": PLACED},
+            [MOVED.device, NAME],
+        ),
+        ((ROBOT, SISTER), {"name": BY_ID, "device": NAME}, [BY_ID, SISTER.device]),
+    ],
+    ids=["name of before", "moved", "name taken", "foreign under the name", "no USB ids", "told by link"]
+    + ["told by socket", "name is a link"],
+)
+def test_the_same_device_leads_then_the_name_then_its_like(there, options, names):
+    assert found(*there, **options) == names
 
 
 def test_other_vendors_and_products_are_never_opened():
@@ -46,22 +68,9 @@ def test_other_vendors_and_products_are_never_opened():
     assert found(GPS, other_product, Port("/dev/ttyS0")) == [NAME]
 
 
-def test_a_foreign_device_under_the_name_that_the_user_gave_comes_last():
-    assert found(GPS._replace(device=NAME), SISTER) == ["/dev/ttyACM1", NAME]
-
-
-def test_a_port_without_usb_ids_is_searched_by_its_name_alone():
-    lost = Port("/dev/pts/3")
-    assert found(ROBOT, SISTER, Port("/dev/ttyS0"), name="/run/robot", lost=lost) == ["/run/robot"]
-
-
-def test_devices_without_serial_number_are_told_by_their_link():
-    plain = [ROBOT._replace(serial=None), SISTER._replace(serial=None)]
-    assert found(plain[1], plain[0]._replace(device="/dev/ttyACM3"), lost=plain[0])[0] == "/dev/ttyACM3"
-
-
-@pytest.mark.parametrize("serial", ["0001", "0", "00000000"])
+@pytest.mark.parametrize("serial", ["0001", "0", "00000000", None])
 def test_devices_with_the_serial_number_of_all_their_kind_are_told_by_their_socket(serial):
+    """Or with none: copies share one link, which leads to the one that was plugged in last."""
     plain = ROBOT._replace(serial=serial, location="1-2")
     assert plain.is_same(plain._replace(device="/dev/ttyACM3"))
     assert not plain.is_same(plain._replace(location="1-3"))
@@ -70,23 +79,6 @@ def test_devices_with_the_serial_number_of_all_their_kind_are_told_by_their_sock
 def test_two_devices_without_serial_number_and_link_are_alike():
     plain = ROBOT._replace(serial=None, links=())
     assert not plain.is_same(plain) and plain.is_like(plain)
-
-
-def test_devices_without_serial_number_are_told_by_their_socket_rather_than_their_link():
-    """Copies share one link, which leads to the one that was plugged in last."""
-    plain = ROBOT._replace(serial=None, location="1-2")
-    assert plain.is_same(plain._replace(device="/dev/ttyACM3"))
-    assert not plain.is_same(plain._replace(location="1-3"))
-
-
-def test_of_two_with_the_same_serial_number_the_one_in_the_socket_of_before_leads():
-    lost = ROBOT._replace(location="1-2")
-    twins = [lost._replace(location="1-1"), lost._replace(device="/dev/ttyACM3")]
-    assert found(*twins, lost=lost) == ["/dev/ttyACM3", NAME]
-
-
-def test_a_link_given_as_name_leads_to_its_device_once():
-    assert found(ROBOT, SISTER, name=BY_ID, device=ROBOT.device) == [BY_ID, "/dev/ttyACM1"]
 
 
 PORTS = st.lists(
@@ -255,11 +247,6 @@ def pseudo_terminal():
 def test_a_device_that_another_program_holds_is_in_use():
     with held("/dev/full") as number:
         assert opened_by("/dev/full").endswith(f"(process {number})")
-
-
-def test_a_pseudo_terminal_that_another_program_reads_is_in_use(pseudo_terminal):
-    with held(pseudo_terminal) as number:
-        assert opened_by(pseudo_terminal).endswith(f"(process {number})")
 
 
 def test_a_port_that_another_program_has_open_is_not_opened(pseudo_terminal):

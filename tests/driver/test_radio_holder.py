@@ -126,16 +126,6 @@ def test_texts_of_others_are_no_answers(air, data):
     assert set(air.holder.unanswered(air.now_s)) == {ONE, TWO}
 
 
-def test_numbers_wrap(air):
-    for address in (ONE, TWO):
-        air.boards[address].receive(OWN, HoldText("hold", 0xFFFF).data, air.now_s)
-        air.boards[address].receive(OWN, HoldText("free", 0xFFFF).data, air.now_s)
-        air.boards[address].answers()
-    air.holder.hold()
-    air.exchange()
-    assert air.holds_all and air.held == {ONE, TWO}
-
-
 @pytest.mark.parametrize("addresses", [[], [ONE, ONE], list(range(1, 10)), [BROADCAST]])
 def test_wrong_addresses_are_refused(addresses):
     with pytest.raises(ConfigError, match="expected 1 to 8|cannot be held"):

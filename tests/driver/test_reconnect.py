@@ -144,16 +144,6 @@ def test_another_robot_is_not_taken(robot, cable):
     assert cable.port.board.period_s is None
 
 
-def test_a_terminal_that_somebody_works_in_is_left_alone(robot, cable, monkeypatch):
-    """The name of before may be another program's pseudo terminal by now."""
-    looks = []
-    monkeypatch.setattr(reconnect, "opened_by", lambda name: looks.append(name) or "cat")
-    cable.unplug()
-    cable.plug()
-    wait_until(lambda: len(looks) > 3)
-    assert not cable.port.received
-
-
 @pytest.mark.realtime
 def test_closing_in_the_search(serve, tmp_path):
     times = []
@@ -184,33 +174,6 @@ def test_a_line_that_cannot_be_raised_in_the_search_is_tried_again(cable, monkey
         cable.unplug()
         cable.plug()
         wait_until(lambda: not failures and robot.ready)
-
-
-def test_a_close_ends_the_raising_of_a_line(cable, monkeypatch):
-    """In the search, where it may take seconds with a board that never answers."""
-    begun, ended = [], []
-
-    def speed_up(link):
-        begun.append(link)
-        wait_until(lambda: link.closed)
-        ended.append(link)
-        return False
-
-    with Driver(cable.path, options=Options(reconnect=True, fast=True)) as robot:
-        monkeypatch.setattr("mrl_driver.driver.link_source.speed_up", speed_up)
-        cable.unplug()
-        cable.plug()
-        wait_until(lambda: begun)
-        robot.close()
-    assert ended == begun
-
-
-def test_a_request_in_the_search_says_so(robot, cable):
-    cable.unplug()
-    wait_until(lambda: heard(robot, Lost))
-    with pytest.raises(LinkLost, match="is searched"):
-        robot.request(14)
-    robot.stop()
 
 
 def test_a_write_that_fails_on_the_lost_link_does_not_break_the_new_one(robot, cable, monkeypatch):

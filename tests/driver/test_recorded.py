@@ -20,13 +20,11 @@ from mrl_driver.recording.recorded_frames import replies
 from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
-from mrl_driver.robot.imu import IN_USE
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Reconnected
 from sim_arduino.serve import factory
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
-from .emulator import Emulator
 from .test_reconnect import Cable
 from .test_uncommanded_motion import MOVE_MOTORS, close, stopped
 
@@ -198,23 +196,6 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         again = replayed[sequence]
         assert tuple(again.pose) == pytest.approx(tuple(telemetry.pose), abs=POSE_ERROR)
         assert again.stamp_s == pytest.approx(telemetry.stamp_s, abs=STAMP_ERROR_S)
-
-
-def test_one_that_begins_in_mid_run_knows_the_bias_of_the_gyro(tmp_path):
-    """So the gyro gives the heading from its beginning on."""
-    path, emulated = str(tmp_path / "later.mrl"), Emulator("traxbot", imu=True)
-    try:
-        with Driver(emulated.path, options=LASTING) as robot:
-            wait_until(lambda: robot.imu_state == IN_USE)
-            drive_until(robot, 0.0, 1.0, lambda: robot.twist.angular_rad_s > 0.8)
-            robot.start_recording(path)
-            turned_rad = robot.pose.yaw_rad + 0.4
-            drive_until(robot, 0.0, 1.0, lambda: robot.pose.yaw_rad > turned_rad)
-    finally:
-        emulated.close()
-    played, replayed = replay(path)
-    assert sum(not each.gyro for each in of_kind(replayed, Telemetry)) < 5
-    assert played.pose.yaw_rad == pytest.approx(robot.pose.yaw_rad, abs=YAW_ERROR_RAD)
 
 
 def test_a_lost_port_is_replayed_to_the_last_bit(serve, tmp_path, monkeypatch):

@@ -77,12 +77,6 @@ def test_a_thread_that_pauses_while_it_records_keeps_the_order(tmp_path, monkeyp
     assert recorded_late(tmp_path / "log", monkeypatch, lambda: None) == ([b"late", b"other"], 0)
 
 
-def test_a_line_that_missed_its_turn_is_read(tmp_path, monkeypatch):
-    path = tmp_path / "log"
-    written = lambda: wait_until(lambda: b"other" in path.read_bytes())  # noqa: E731
-    assert recorded_late(path, monkeypatch, written) == ([b"other", b"late"], 0)
-
-
 def test_a_line_waits_for_an_older_one_of_another_thread(tmp_path, monkeypatch):
     """Each line keeps its own time, which a replay needs."""
     monkeypatch.setattr(recording, "FLUSH_S", 0.002)
@@ -142,21 +136,6 @@ def test_the_reason_of_a_loss_is_kept_when_there_is_room_again(tmp_path, monkeyp
     recorder.add(FROM_BOARD, b"kept")
     recorder.close()
     assert f"lacks 1 lines: {os.strerror(errno.ENOSPC)}" in recorder.loss
-
-
-def test_a_disk_that_is_too_slow_is_named(tmp_path, monkeypatch):
-    recorder, write, room = Recorder(str(tmp_path / "log")), os.write, threading.Event()
-
-    def write_later(fd, data):
-        assert room.wait(PATIENCE_S)
-        return write(fd, data)
-
-    monkeypatch.setattr(os, "write", write_later)
-    while not recorder.lost:
-        recorder.add(FROM_BOARD, b"")
-    room.set()
-    recorder.close()
-    assert "lacks 1 lines: the disk is too slow" in recorder.loss
 
 
 def test_a_pipe_that_nobody_reads_is_refused(tmp_path):

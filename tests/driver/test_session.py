@@ -9,7 +9,7 @@ from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
 from mrl_driver.session.events import status_of
 from mrl_driver.session.handshake import Plan
 from mrl_driver.session.motion_command import SLOW
-from mrl_driver.session.session import Info, Ready, Reply, Stale, Status
+from mrl_driver.session.session import Ready, Reply, Stale, Status
 from tests.fake_board import FakeBoard
 
 from .talk import Talk
@@ -184,33 +184,6 @@ def test_board_time_runs_on_over_its_wrap():
     assert min(gaps) > 0.015 and max(gaps) < 0.025
 
 
-def test_stamps_of_a_2013_board_increase_though_frames_come_in_bursts():
-    talk, held = Talk(FakeBoard(version=1)).until_ready(), bytearray()
-
-    def burst(data):
-        held.extend(data)
-        if len(held) < 200:
-            return b""
-        data = bytes(held)
-        held.clear()
-        return data
-
-    talk.to_host = burst
-    stamps = [event.stamp_s for event in talk.run(1.0).counts]
-    assert len(stamps) > 50 and all(a < b for a, b in zip(stamps, stamps[1:]))
-
-
-def test_numbers_that_went_once_round_in_a_silence_keep_no_frame_out():
-    """22 minutes at 50 Hz: the first one after it looks like one of the second before."""
-    talk = Talk().until_ready().run(1.0)
-    talk.board.mute = True
-    talk.run(1.0)
-    talk.board.mute = False
-    talk.board.sequence = ((talk.board.sequence - 500 + 0x8000) & 0xFFFF) - 0x8000
-    before = len(talk.counts)
-    assert len(talk.run(2.0).counts) - before > 50
-
-
 def test_damaged_frames_are_counted_by_reason_and_never_used():
     talk = Talk().until_ready()
     talk.to_host = lambda data: data.replace(b",120,", b",121,")
@@ -228,12 +201,6 @@ def test_counters_that_were_requested_are_a_reply_and_no_telemetry():
     talk.until(lambda: any(event.frame.code == 6 for event in talk.seen(Reply)))
     talk.run(1)
     assert 7 not in codes(talk) and talk.counts and all(counts.sonars for counts in talk.counts)
-
-
-def test_status_and_battery_are_asked_for():
-    talk = Talk().until_ready().run(3)
-    assert len(talk.seen(Status)) >= 5
-    assert len(talk.seen(Info)) >= 3
 
 
 def test_unanswered_requests_are_counted():
@@ -354,19 +321,6 @@ def test_one_frame_that_lost_its_check_value_is_not_believed():
     talk.run(0.5)
     assert talk.session.checked and talk.session.counters.restarts == 0
     assert len(talk.counts) > before
-
-
-def test_each_frame_is_counted_once_as_a_frame_or_as_garbage():
-    """Also those without checksum: one that a fault has made, and those of a board that has restarted."""
-    talk, sent = Talk(), []
-    talk.to_host = lambda data: sent.append(data) or data
-    talk.until_ready().run(0.5)
-    talk.session.receive(talk.to_host(encode_reply(8, 1000, 1000, 1, 1, 1)), talk.now)
-    talk.run(0.5)
-    talk.board.reset(talk.now)
-    talk.until(lambda: len(talk.seen(Ready)) == 2)
-    counters = talk.session.counters
-    assert counters.frames + sum(counters.garbage.values()) == b"".join(sent).count(b"@")
 
 
 def test_a_dead_board_is_greeted_for_ever():

@@ -102,25 +102,6 @@ def test_what_restricts_commands_is_given_speeds_and_the_drivers_time(robot):
     assert robot.command == (0.2, 0.5)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"linear_m_s": 0.0},
-        {"linear_m_s": -0.1},
-        {"angular_rad_s": math.nan},
-        {"linear_m_s": 33.0},
-        {"linear_acceleration_m_s2": 0.0},
-        {"angular_acceleration_rad_s2": math.nan},
-        {"lateral_m_s": -0.1},
-    ],
-)
-def test_limits_that_are_none_are_refused_and_the_former_stay(robot, wrong):
-    limits = robot.limits
-    with pytest.raises(ConfigError, match=f"limit {next(iter(wrong))} is .*, expected more than 0"):
-        robot.limits = limits._replace(**wrong)
-    assert robot.limits == limits
-
-
 def test_a_lower_limit_holds_from_the_next_frame_on(emulated):
     """Also if no other command ever comes."""
     with SteppedDriver(emulated.engine, options=Options(command_timeout_s=None)) as robot:

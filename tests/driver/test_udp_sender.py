@@ -71,16 +71,14 @@ def test_a_name_with_several_addresses_means_the_ipv4_one(monkeypatch):
 @pytest.mark.parametrize(
     "to",
     [
-        "",
-        "9870",
-        "127.0.0.1",
-        "127.0.0.1:",
-        "127.0.0.1:0",
-        "127.0.0.1:65536",
-        "::1:9870",
-        "tcp://127.0.0.1:9870",
-    ]
-    + ["127.0.0.1:9870/robot", "127.0.0.1:9870?bind=127.0.0.1:1", "me@127.0.0.1:9870"],
+        *("", "9870", "127.0.0.1", "127.0.0.1:", "127.0.0.1:0", "127.0.0.1:65536", "::1:9870"),
+        *(
+            "tcp://127.0.0.1:9870",
+            "127.0.0.1:9870/robot",
+            "127.0.0.1:9870?bind=127.0.0.1:1",
+            "me@127.0.0.1:9870",
+        ),
+    ],
 )
 def test_what_is_no_address_is_refused_with_an_example(to):
     with pytest.raises(ConfigError) as refused:

@@ -216,17 +216,6 @@ def test_a_line_is_text_while_its_bytes_are_printable(byte, reason):
     assert decoder.feed(byte + b"\r\n") == [Garbage(byte, reason)]
 
 
-@pytest.mark.parametrize("start", [b"?", b"\r\n?", b"\xff"])
-def test_a_byte_in_front_of_a_cut_frame_is_garbage_at_once(start):
-    decoder = FrameDecoder(REPLIES, True)
-    assert decoder.feed(start + b"@6,1") == [Garbage(start.lstrip(), "noise" if start == b"\xff" else "text")]
-
-
-def test_text_in_front_of_many_frames_hides_the_first_one_alone():
-    events = FrameDecoder(REPLIES).feed(b"?" + RUN)
-    assert events == [Garbage(b"?" + COUNTS[:-2], "text"), *[Frame(6, (1, 20))] * 39]
-
-
 def test_a_request_repeated_in_text_is_text():
     request = encode_request(33, 250, checked=True)
     assert FrameDecoder(REPLIES, True).feed(b"received " + request) == [
