@@ -269,16 +269,6 @@ def test_the_tables_have_all_options():
     assert {*OPTIONS} == {*Options._fields}
 
 
-@pytest.mark.parametrize("value", [Decimal("0.25"), Fraction(1, 4), np.float32(0.25)], ids=repr)
-def test_numbers_of_all_kinds_are_options(value):
-    with SteppedDriver(Engine(RadioBoard()), options=Options(command_timeout_s=value)) as driver:
-        driver.drive(0.1, 0.0)
-        driver.wait(0.2)
-        assert driver.command is not None
-        driver.wait(0.1)
-        assert driver.command is None
-
-
 def test_the_tables_have_all_calls_with_arguments():
     public = {
         name

@@ -3,13 +3,10 @@
 import json
 import math
 import pathlib
-import subprocess
-import sys
 
 import pytest
 
 from mrl_driver.driver import Driver
-from mrl_driver.errors import WrongRobot
 from mrl_driver.robot.models import load
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.session import Ready
@@ -18,7 +15,7 @@ from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.board.board2013 import Board2013
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import Wall, World
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import wait_until
 
 from .talk import Talk
 
@@ -191,14 +188,3 @@ def test_a_drive_on_a_pty_ends_at_the_true_pose(mrl_sim, tmp_path, engine, speed
     assert pose.x_m == pytest.approx(x_m, abs=POSE_M)
     assert pose.y_m == pytest.approx(y_m, abs=POSE_M)
     assert pose.yaw_rad == pytest.approx(yaw_rad, abs=YAW_RAD)
-
-
-@ON_BOTH_ENGINES
-def test_a_board_without_id_gets_one(mrl_sim, engine, speed):
-    path = mrl_sim("--id", 0, "--engine", engine, "--speed", speed)
-    with pytest.raises(WrongRobot, match="not set"):
-        Driver(path).connect()
-    command = [sys.executable, "-m", "mrl_driver", "set-id", "2", "--port", path, "--yes"]
-    subprocess.run(command, check=True, timeout=PATIENCE_S)
-    with Driver(path) as robot:
-        assert robot.board.robot_id == 2

@@ -1,16 +1,14 @@
 """The greeting on a line that damages what passes: each single fault of each reply, one after the other."""
 
 import functools
-import itertools
 import math
 
 import pytest
 
 from mrl_driver.errors import BatteryDead, WrongRobot
-from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.handshake import (
-    ALIKE,
     RETRY_S,
     Plan,
 )
@@ -135,29 +133,6 @@ def test_no_fault_of_a_reply_while_greeting_again_ends_the_session(instead):
         assert talk.session.board.robot_id == 1
 
 
-def test_what_a_board_says_under_the_check_value_counts():
-    """All its plain answers were those of another robot."""
-    talk = Talk(FakeBoard())
-    talk.to_host = lambda data: data.replace(b"@5,2500,172,1200,2,1e", b"@5,2500,172,1200,2,4e")
-    assert talk.until_ready().session.board.robot_id == 1
-
-
-@pytest.mark.parametrize("version", [1, 2])
-def test_a_plain_board_that_answers_differently_each_time_is_not_believed(version):
-    admitted, answers = [], itertools.count(1)
-    talk = Talk(FakeBoard(version=version), admitted.append)
-
-    def another(data):
-        return b"".join(
-            encode_reply(5, 2500, 172, 1200, version, next(answers)) if reply.startswith(b"@5,") else reply
-            for reply in data.splitlines(keepends=True)
-        )
-
-    talk.to_host = another
-    talk.run(3.0)
-    assert not admitted
-
-
 def without_measurements(*, checks=True):
     """An H-bridge board without a divider: it sends 0 for battery and temperature."""
     board = FakeBoard()
@@ -185,47 +160,6 @@ def test_a_board_that_measures_0_volts_is_refused(checks):
     board.capabilities.remove("no_battery")
     with pytest.raises(BatteryDead, match="reads 0.00 V"):
         Talk(board, RobotState(None).admit).run(3.0)
-
-
-@pytest.mark.parametrize(
-    ("good", "damaged"),
-    [
-        (b"@5,2500,172,1200,2,1e", b"@5,2500,172,120,2,1e"),
-        (b"@5,2500,172,1200,2,1e", b"@5,2500,172,1200,2,99e"),
-        (b"@29,2,31e", b"@29,3,30e"),
-    ],
-    ids=["battery", "robot id", "protocol"],
-)
-def test_three_damaged_answers_that_agree_refuse_no_board(good, damaged):
-    """The line spoils each of the first answers in the same way."""
-    talk, spoiled = Talk(FakeBoard(), RobotState(None).admit), []
-
-    def spoil(data):
-        if good in data and len(spoiled) < ALIKE:
-            spoiled.append(data)
-            return data.replace(good, damaged)
-        return data
-
-    talk.to_host = spoil
-    talk.until_ready()
-    assert (len(spoiled), talk.session.board.robot_id) == (ALIKE, 1)
-
-
-def test_a_refusal_under_the_check_value_needs_one_answer():
-    """Plain answers said 12 V; the board says 1.2 V."""
-    board = FakeBoard()
-    board.battery = 120
-    talk, checked = Talk(board, RobotState(None).admit), []
-
-    def spoil(data):
-        if talk.session.checked and b"@5," in data:
-            checked.append(data)
-        return data.replace(b"@5,2500,172,120,2,1e", b"@5,2500,172,1200,2,1e")
-
-    talk.to_host = spoil
-    with pytest.raises(BatteryDead):
-        talk.run(3.0)
-    assert len(checked) == 1
 
 
 def test_plain_sonars_before_the_first_answer_are_no_error():

@@ -122,19 +122,6 @@ def test_the_pose_goes_on_where_it_was(robot, cable):
     drive_until(robot, 0.3, 0, lambda: math.dist(robot.pose[:2], before[:2]) > 0.02)
 
 
-def test_the_same_board_that_ran_on_bridges_the_gap(robot, cable):
-    """It still speaks with check values, so its counters and its clock go on."""
-    drive_until(robot, 0.1, 0, lambda: robot.pose.x_m > 0.02)
-    board = cable.port.board
-    cable.unplug()
-    wait_until(lambda: heard(robot, Lost))
-    cable.plug()
-    cable.port.board = board
-    wait_until(lambda: heard(robot, Reconnected))
-    true_m = (board.right + board.left) / 2 * 0.000087512033
-    wait_until(lambda: robot.pose.x_m == pytest.approx(true_m, abs=0.001))
-
-
 def test_another_robot_is_not_taken(robot, cable):
     cable.unplug()
     wait_until(lambda: heard(robot, Lost))

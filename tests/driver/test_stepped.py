@@ -38,15 +38,6 @@ def test_a_wait_lasts_as_long_as_it_says(robot):
     assert robot.now_s == pytest.approx(start_s + 1.25, abs=1e-9)
 
 
-def test_the_board_refuses_nothing_in_a_greeting_but_requests_for_boards_of_2013(robot):
-    """Its counters would otherwise grow with each program."""
-    row = BY_NAME["read_counters"]
-    assert {field.name for field, count in zip(row.reply, robot.ask(row.code)) if count} <= {
-        "noise",
-        "beyond_int16",
-    }
-
-
 def test_the_pose_is_the_true_one(robot, emulated):
     robot.drive(0.2, 0.0)
     robot.wait(2.0)

@@ -331,12 +331,6 @@ def test_whole(direction: str):
 
 
 @each_direction
-def test_byte_by_byte(direction: str):
-    events = decoded(direction, lambda vector: [bytes([byte]) for byte in vector.wire])
-    assert events == {vector.name: vector.events for vector in VECTORS[direction]}
-
-
-@each_direction
 def test_amid_noise(direction: str):
     """Binary noise and line ends around the vector add one noise event in front, and change nothing else."""
     noise = Garbage(b"\x80\xfe", "noise")

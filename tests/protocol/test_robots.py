@@ -12,10 +12,19 @@ from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import models
 
 
-@pytest.fixture
-def traxbot():
-    with open(models.__file__.replace("__init__.py", "traxbot.yaml"), encoding="utf-8") as file:
-        return yaml.safe_load(file)
+def packaged(name, changes=()):
+    """The data of a packaged model; `changes` has values by dotted key, or None for one that is taken out."""
+    with open(os.path.join(os.path.dirname(models.__file__), f"{name}.yaml"), encoding="utf-8") as file:
+        data = yaml.safe_load(file)
+    for path, value in dict(changes).items():
+        *sections, key = path.split(".")
+        place = data
+        for section in sections:
+            place = place.setdefault(section, {})
+        place[key] = value
+        if value is None:
+            del place[key]
+    return data
 
 
 def load(tmp_path, data):
@@ -33,9 +42,8 @@ def test_packaged_models_load():
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
 def test_metres_per_count_gives_the_wheel_radius(name, radius_m):
     """2796.8 counts a turn."""
-    assert models.load(name).drive.metres_per_count * 2796.8 / (2 * math.pi) == pytest.approx(
-        radius_m, abs=1e-4
-    )
+    per_turn_m = models.load(name).drive.metres_per_count * 2796.8
+    assert per_turn_m / (2 * math.pi) == pytest.approx(radius_m, abs=1e-4)
 
 
 def test_metres_per_count_of_duo_gives_its_wheel():
@@ -57,68 +65,110 @@ def test_unknown_name_lists_the_known():
         models.load("traxbt")
 
 
-@pytest.mark.parametrize(
-    "section, key, value, message",
-    [
-        ("drive", "wheel_separation_m", "wide", "drive.wheel_separation_m is 'wide', expected a number from"),
-        ("drive", "wheel_separation_m", 180, "is 180, expected a number from 0.02 to 5 "),
+WRONG = {
+    "traxbot": [
+        ({"drive.wheel_separation_m": "wide"}, "drive.wheel_separation_m is 'wide', expected a number from"),
+        ({"drive.wheel_separation_m": 180}, "is 180, expected a number from 0.02 to 5 "),
         (
-            "drive",
-            "wheel_separation_m",
-            0.4,
+            {"drive.wheel_separation_m": 0.4},
             r"is 0.4, expected about 0.174, to fit board.axis_radius \[0.01 mm\]",
         ),
-        ("drive", "wheel_separation_m", "0,18", "is '0,18', expected .*; write 0.18 "),
-        ("drive", "metres_per_count", "1e-4", "is '1e-4', expected .*; write 0.0001 "),
+        ({"drive.wheel_separation_m": "0,18"}, "is '0,18', expected .*; write 0.18 "),
+        ({"drive.wheel_separation_m": True}, "drive.wheel_separation_m is True"),
+        ({"drive.wheel_seperation_m": 0.2}, "key drive.wheel_seperation_m is unknown"),
+        ({"drive.metres_per_count": "1e-4"}, "is '1e-4', expected .*; write 0.0001 "),
+        ({"drive.metres_per_count": 0.00875}, "expected about 6.07e-05, to fit board.wheel_radius"),
+        ({"drive.metres_per_count": 0}, "drive.metres_per_count is 0"),
+        ({"drive.metres_per_count": math.nan}, "drive.metres_per_count is nan"),
+        ({"drive.metres_per_count": None}, "key drive.metres_per_count is missing"),
+        ({"board.wheel_radius": 7800}, "expected about 0.000175, to fit board.wheel_radius"),
+        ({"drive.wheel_offset": 0.3}, "drive.wheel_offset is 0.3, expected a number from -0.2 to 0.2"),
+        ({"drive.turn_slip": 1.0}, "drive.turn_slip is 1.0, expected a number from -0.5 to 0.9"),
+        ({"drive.kind": "tracked"}, "key drive.turn_slip is missing, tracked drives need it"),
         (
-            "drive",
-            "metres_per_count",
-            0.00875,
-            "is 0.00875, expected about 6.07e-05, to fit board.wheel_radius",
+            {"drive.kind": "tracked", "drive.turn_slip": 0.1, "body.tracks": False},
+            "body.tracks is False, expected true for a tracked drive",
         ),
-        ("board", "wheel_radius", 7800, "expected about 0.000175, to fit board.wheel_radius"),
-        ("body", "width_m", 2.04, "body.width_m is 2.04, expected about 0.18, to fit the wheels"),
+        ({"body.tracks": 1}, "body.tracks is 1, expected true or false"),
+        ({"body.width_m": 2.04}, "body.width_m is 2.04, expected about 0.18, to fit the wheels"),
+        ({"sonars.front.x_m": 10}, "sonars.front.x_m is 10.0, expected at most 0.45"),
         (
-            "sonars",
-            "front",
-            {"x_m": 10, "y_m": 0, "yaw_deg": 0},
-            "sonars.front.x_m is 10.0, expected at most 0.45",
+            {"sonars.back": {"x_m": 0, "y_m": 0, "yaw_deg": 180}},
+            "key sonars.back is unknown, expected front, left",
         ),
-        ("drive", "wheel_separation_m", True, "drive.wheel_separation_m is True"),
-        ("drive", "wheel_separation_m", [0.1], r"drive.wheel_separation_m is \[0.1\]"),
-        ("drive", "wheel_offset", 0.3, "drive.wheel_offset is 0.3, expected a number from -0.2 to 0.2"),
-        ("drive", "turn_slip", 1.0, "drive.turn_slip is 1.0, expected a number from -0.5 to 0.9"),
-        ("drive", "metres_per_count", 0, "drive.metres_per_count is 0"),
-        ("drive", "metres_per_count", -1.0, "drive.metres_per_count is -1.0"),
-        ("drive", "metres_per_count", math.nan, "drive.metres_per_count is nan"),
-        ("drive", "metres_per_count", math.inf, "drive.metres_per_count is inf"),
-        ("board", "kp", 700.5, "board.kp is 700.5, expected a whole number from 0 to 32767"),
-        ("board", "kp", 40000, "board.kp is 40000"),
-        ("body", "tracks", 1, "body.tracks is 1, expected true or false"),
-        ("imu", "gyro_scale", -1.0, "imu.gyro_scale is -1.0, expected a number from 0.8 to 1.25"),
-        ("imu", "gyro_scale_sd", 0.0, "imu.gyro_scale_sd is 0.0, expected a number from 1e-05 to 0.25"),
-        ("imu", "roll_deg", 181, "imu.roll_deg is 181, expected a number from -180 to 180"),
-        ("imu", "z_m", "high", "imu.z_m is 'high', expected a number from -10 to 10"),
-        ("laser", "yaw_deg", 181, "laser.yaw_deg is 181, expected a number from -180 to 180"),
-        ("imu", "chip", "MPU-6050", "key imu.chip is unknown, expected x_m, y_m, z_m, roll_deg"),
+        ({"board.kp": 700.5}, "board.kp is 700.5, expected a whole number from 0 to 32767"),
+        ({"board.kp": 40000}, "board.kp is 40000"),
+        ({"imu.gyro_scale": -1.0}, "imu.gyro_scale is -1.0, expected a number from 0.8 to 1.25"),
+        ({"imu.gyro_scale_sd": 0.0}, "imu.gyro_scale_sd is 0.0, expected a number from 1e-05 to 0.25"),
+        ({"imu.roll_deg": 181}, "imu.roll_deg is 181, expected a number from -180 to 180"),
+        ({"imu.z_m": "high"}, "imu.z_m is 'high', expected a number from -10 to 10"),
+        ({"imu.chip": "MPU-6050"}, "key imu.chip is unknown, expected x_m, y_m, z_m, roll_deg"),
+        ({"laser.yaw_deg": 181}, "laser.yaw_deg is 181, expected a number from -180 to 180"),
+        (
+            {"battery.full_v": 8.5},
+            "battery is .*8.5.*, expected full_v above low_v above empty_v above off_v",
+        ),
+        ({"battery.low_v": 14.0}, "battery is"),
+        ({"battery.empty_v": 9.0}, "battery is"),
+        ({"battery.off_v": 8.5}, "battery is"),
+        (
+            {"limits.linear_m_s": 0.66},
+            "limits.linear_m_s is 0.66, expected at most 0.65, the board.linear_ceiling",
+        ),
+        ({"limits.angular_rad_s": 5.1}, "limits.angular_rad_s is 5.1, expected at most 5, the"),
+        ({"limits.lateral_m_s": 0.1}, "limits.lateral_m_s is 0.1, expected 0: a base with two wheels"),
+        ({"ids": [7, 8, 7]}, r"ids is \[7, 8, 7\], expected each id once"),
     ],
+    "omni": [
+        ({"drive.kind": "omnni"}, "drive.kind is 'omnni', expected differential, tracked, omni, mecanum"),
+        ({"drive.kind": ["omni"]}, r"drive.kind is \['omni'\], expected differential, "),
+        ({"drive.radius_m": None}, r"key drive.radius_m is missing \(kind omni\)"),
+        (
+            {"drive.wheel_separation_m": 0.2},
+            r"wheel_separation_m is unknown, expected radius_m, .*\(kind omni\)",
+        ),
+        (
+            {"drive.kind": None},
+            r"angles_deg is unknown, expected wheel_separation_m, .*\(kind differential\)",
+        ),
+        ({"drive.angles_deg": [0, 90, 180]}, r"is \[0, 90, 180\], expected three angles, each 120 deg on"),
+        ({"drive.angles_deg": [60, 180]}, "expected three angles"),
+        (
+            {"drive.angles_deg": [60, "left", 300]},
+            "drive.angles_deg is 'left', expected a number from -360 to 360",
+        ),
+        ({"drive.full_speed_m_s": 0}, "drive.full_speed_m_s is 0"),
+        ({"board.bridge": "tb6612"}, "drive.kind is 'omni', expected differential or tracked for a board"),
+    ],
+    "duo": [
+        *(
+            ({"board.bridge": bridge}, f"board.bridge is {bridge!r}, expected vnh5019, cytron, l298n, ")
+            for bridge in ("l293d", "unset", 0, 7, True, 3.0)
+        ),
+        ({"board.encoder_counts": 0}, "board.encoder_counts is 0, expected a whole number from 1"),
+        ({"board.gearbox": 0}, "board.gearbox is 0, expected a whole number from 1"),
+        (
+            {"board.gearbox": 9, "board.encoder_counts": 11},
+            "give 0.99 counts a wheel turn, expected at least 1",
+        ),
+        ({"build": "environment"}, "build is 'environment', expected sonar: .* pins that the board.bridge"),
+    ],
+    "pioneer": [
+        ({"limits.linear_m_s": 0.3}, "key limits is unknown, expected name, ids, drive, build"),
+        ({"sonars": {}}, "key sonars is unknown, expected name, ids, drive, build"),
+        ({"build": "sonar"}, "build is 'sonar', expected environment for a board without motors"),
+        ({"drive": "nothing"}, "key board is missing"),
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    "name, changes, message", [(name, *row) for name, rows in WRONG.items() for row in rows], ids=str
 )
-def test_wrong_value_names_key_value_and_range(tmp_path, traxbot, section, key, value, message):
-    traxbot.setdefault(section, {})[key] = value
-    with pytest.raises(ConfigError, match=message):
-        load(tmp_path, traxbot)
-
-
-def test_misspelt_key_is_named(tmp_path, traxbot):
-    traxbot["drive"]["wheel_seperation_m"] = 0.2
-    with pytest.raises(ConfigError, match="key drive.wheel_seperation_m is unknown"):
-        load(tmp_path, traxbot)
-
-
-def test_missing_key_is_named(tmp_path, traxbot):
-    del traxbot["drive"]["metres_per_count"]
-    with pytest.raises(ConfigError, match="key drive.metres_per_count is missing"):
-        load(tmp_path, traxbot)
+def test_wrong_value_names_key_value_and_range(tmp_path, name, changes, message):
+    with pytest.raises(ConfigError, match=message) as caught:
+        load(tmp_path, packaged(name, changes))
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("text", ["", "5", "- a"])
@@ -127,17 +177,43 @@ def test_what_is_no_mapping_is_refused(tmp_path, text):
         load(tmp_path, text)
 
 
-def test_noise_of_a_model_without_one_is_that_of_its_wheels_or_tracks(tmp_path, traxbot):
-    assert load(tmp_path, traxbot).noise == models.ON_TRACKS
-    traxbot["body"]["tracks"] = False
-    assert load(tmp_path, traxbot).noise == models.ON_WHEELS
+FOURTH = (
+    r"key sonars.rear is unknown, expected front, left, right: a board reads .* firmware/SENSORS.md shows how"
+)
 
 
-def test_calibrated_keys_are_read(tmp_path, traxbot):
-    traxbot["drive"].update(wheel_offset=-0.01, turn_slip=0.1)
-    traxbot["noise"] = {"wheel_m2_per_m": 2e-5, "turn_rad2_per_rad": 0.001}
-    model = load(tmp_path, traxbot)
-    assert model.noise == models.ON_TRACKS._replace(wheel_m2_per_m=2e-5, turn_rad2_per_rad=0.001)
+def test_fourth_sonar_is_refused_with_what_to_do(tmp_path):
+    rear = {"x_m": -0.1, "y_m": 0.0, "yaw_deg": 180}
+    with pytest.raises(ConfigError, match=f"robot.yaml: {FOURTH}"):
+        load(tmp_path, packaged("traxbot", {"sonars.rear": rear}))
+
+
+@pytest.mark.parametrize("use", [models.require_supported, lambda model: Driver("/dev/null", model)])
+def test_fourth_sonar_of_a_model_made_in_a_program_is_refused(use):
+    model = models.load("traxbot")
+    with pytest.raises(ConfigError, match=f"robot traxbot: {FOURTH}"):
+        use(model._replace(sonars={**model.sonars, "rear": model.sonars["front"]}))
+
+
+@pytest.mark.parametrize("ask", [lambda model: model.base, lambda model: model.differential])
+def test_what_needs_wheels_refuses_a_board_without_motors(ask):
+    with pytest.raises(ConfigError, match="robot pioneer is a board without motors .drive: none.: it has"):
+        ask(models.load("pioneer"))
+
+
+# -- what is read
+
+
+@pytest.mark.parametrize("tracks, noise", [(True, models.ON_TRACKS), (False, models.ON_WHEELS)])
+def test_noise_of_a_model_without_one_is_that_of_its_wheels_or_tracks(tmp_path, tracks, noise):
+    assert load(tmp_path, packaged("traxbot", {"body.tracks": tracks})).noise == noise
+
+
+def test_calibrated_keys_are_read(tmp_path):
+    noise = {"wheel_m2_per_m": 2e-5, "turn_rad2_per_rad": 0.001}
+    changes = {"drive.wheel_offset": -0.01, "drive.turn_slip": 0.1, "noise": noise}
+    model = load(tmp_path, packaged("traxbot", changes))
+    assert model.noise == models.ON_TRACKS._replace(**noise)
     assert model.drive.right_m_per_count / model.drive.left_m_per_count == pytest.approx(0.995 / 1.005)
     assert model.drive.turning_separation_m == pytest.approx(0.2)
 
@@ -157,16 +233,8 @@ def test_an_imu_is_turned_about_fixed_axes_by_roll_then_pitch_then_yaw(angles, t
     assert models.ImuMount(**angles).rotate((1.0, 2.0, 3.0)) == pytest.approx(turned)
 
 
-# ---- other bases
-
-
-@pytest.fixture
-def omni():
-    with open(os.path.join(os.path.dirname(models.__file__), "omni.yaml"), encoding="utf-8") as file:
-        return yaml.safe_load(file)
-
-
-def test_a_drive_says_its_kind_or_is_differential(tmp_path, traxbot, omni):
+def test_a_drive_says_its_kind_or_is_differential(tmp_path):
+    traxbot, omni = packaged("traxbot"), packaged("omni")
     mecanum = {"kind": "mecanum", "half_length_m": 0.2, "half_width_m": 0.15, "wheel_radius_m": 0.05}
     drives = [
         traxbot["drive"],
@@ -179,45 +247,17 @@ def test_a_drive_says_its_kind_or_is_differential(tmp_path, traxbot, omni):
     assert kinds == ["differential", "differential", "tracked", "omni", "mecanum"]
 
 
-@pytest.mark.parametrize(
-    "key, value, message",
-    [
-        ("kind", "omnni", "drive.kind is 'omnni', expected differential, tracked, omni, mecanum"),
-        ("kind", ["omni"], r"drive.kind is \['omni'\], expected differential, "),
-        ("radius_m", None, r"key drive.radius_m is missing \(kind omni\)"),
-        (
-            "wheel_separation_m",
-            0.2,
-            r"key drive.wheel_separation_m is unknown, expected radius_m, .*\(kind omni\)",
-        ),
-        (
-            "kind",
-            None,
-            r"key drive.angles_deg is unknown, expected wheel_separation_m, .*\(kind differential\)",
-        ),
-        (
-            "angles_deg",
-            [0, 90, 180],
-            r"drive.angles_deg is \[0, 90, 180\], expected three angles, each 120 deg on",
-        ),
-        ("angles_deg", [60, 180], "expected three angles"),
-        ("angles_deg", [60, "left", 300], "drive.angles_deg is 'left', expected a number from -360 to 360"),
-        ("full_speed_m_s", 0, "drive.full_speed_m_s is 0"),
-    ],
-)
-def test_wrong_drives_are_told_in_one_line(tmp_path, omni, key, value, message):
-    omni["drive"][key] = value
-    if value is None:
-        del omni["drive"][key]
-    with pytest.raises(ConfigError, match=message) as caught:
-        load(tmp_path, omni)
-    assert "\n" not in str(caught.value)
+@pytest.mark.parametrize("bridge", ["L298N", "l298n", 3])
+def test_a_bridge_is_named_by_its_chip_or_number(tmp_path, bridge):
+    model = load(tmp_path, packaged("duo", {"board.bridge": bridge}))
+    assert model.board["bridge"] == BRIDGES.index("l298n") == 3
 
 
-def test_tracks_need_their_slip(tmp_path, traxbot):
-    traxbot["drive"]["kind"] = "tracked"
-    with pytest.raises(ConfigError, match="key drive.turn_slip is missing, tracked drives need it"):
-        load(tmp_path, traxbot)
+def test_the_firmware_gives_no_bridge_by_default():
+    """A board without a bridge and a wiring of its own refuses to move."""
+    for model in models.driven_models():
+        defaults = models.firmware_defaults(model)
+        assert (defaults["bridge"], defaults["wiring"]) == (0, 0)
 
 
 # -- models of the user's own
@@ -232,15 +272,11 @@ def own(tmp_path, monkeypatch):
     return folder
 
 
-def test_a_broken_file_in_the_users_folder_is_logged_and_skipped(own, caplog):
+def test_a_broken_file_in_the_users_folder_is_logged_and_skipped_unless_it_is_named(own, caplog):
     (own / "mine.yaml").write_text("ids: [!!int x]\n")
     assert [models.by_id(1), models.by_id(5), models.by_id(77)] == ["traxbot", "stingbot", ""]
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     assert f"{own / 'mine.yaml'}: line 1" in caplog.text
-
-
-def test_a_broken_file_that_is_named_is_an_error(own):
-    (own / "mine.yaml").write_text("ids: [!!int x]\n")
     with pytest.raises(ConfigError, match="mine.yaml: line 1"):
         models.load("mine")
 
@@ -251,161 +287,3 @@ def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
     assert models.by_id(5) == "stingbot"
     with pytest.raises(ConfigError, match="traxbot.yaml: line 1"):
         models.by_id(1)
-
-
-# -- fields against each other
-
-
-@pytest.mark.parametrize(
-    "section, values, message",
-    [
-        (
-            "battery",
-            {"full_v": 8.5},
-            "battery is .*8.5.*, expected full_v above low_v above empty_v above off_v",
-        ),
-        ("battery", {"full_v": 9.0}, "battery is"),
-        ("battery", {"low_v": 14.0}, "battery is"),
-        ("battery", {"empty_v": 9.0}, "battery is"),
-        ("battery", {"off_v": 8.5}, "battery is"),
-        (
-            "limits",
-            {"linear_m_s": 0.66},
-            "limits.linear_m_s is 0.66, expected at most 0.65, the board.linear_ceiling",
-        ),
-        (
-            "limits",
-            {"angular_rad_s": 5.1},
-            "limits.angular_rad_s is 5.1, expected at most 5, the",
-        ),
-        ("limits", {"lateral_m_s": 0.1}, "limits.lateral_m_s is 0.1, expected 0: a base with two wheels"),
-        (
-            "sonars",
-            {"back": {"x_m": 0, "y_m": 0, "yaw_deg": 180}},
-            "key sonars.back is unknown, expected front, left, right",
-        ),
-    ],
-)
-def test_values_that_do_not_go_together(tmp_path, traxbot, section, values, message):
-    traxbot[section].update(values)
-    with pytest.raises(ConfigError, match=message):
-        load(tmp_path, traxbot)
-
-
-FOURTH = (
-    r"key sonars.rear is unknown, expected front, left, right: a board reads .* firmware/SENSORS.md shows how"
-)
-
-
-def test_fourth_sonar_is_refused_with_what_to_do(tmp_path, traxbot):
-    traxbot["sonars"]["rear"] = {"x_m": -0.1, "y_m": 0.0, "yaw_deg": 180}
-    with pytest.raises(ConfigError, match=f"robot.yaml: {FOURTH}"):
-        load(tmp_path, traxbot)
-
-
-@pytest.mark.parametrize("use", [models.require_supported, lambda model: Driver("/dev/null", model)])
-def test_fourth_sonar_of_a_model_made_in_a_program_is_refused(use):
-    model = models.load("traxbot")
-    with pytest.raises(ConfigError, match=f"robot traxbot: {FOURTH}"):
-        use(model._replace(sonars={**model.sonars, "rear": model.sonars["front"]}))
-
-
-def test_an_id_that_stands_twice(tmp_path, traxbot):
-    with pytest.raises(ConfigError, match=r"ids is \[7, 8, 7\], expected each id once"):
-        load(tmp_path, {**traxbot, "ids": [7, 8, 7]})
-
-
-def test_a_base_of_kind_tracked_has_tracks(tmp_path, traxbot):
-    traxbot["drive"].update(kind="tracked", turn_slip=0.1)
-    traxbot["body"]["tracks"] = False
-    with pytest.raises(ConfigError, match="body.tracks is False, expected true for a tracked drive"):
-        load(tmp_path, traxbot)
-
-
-# -- H-bridges
-
-
-@pytest.fixture
-def duo():
-    with open(models.__file__.replace("__init__.py", "duo.yaml"), encoding="utf-8") as file:
-        return yaml.safe_load(file)
-
-
-@pytest.mark.parametrize("bridge", ["L298N", "l298n", 3])
-def test_a_bridge_is_named_by_its_chip_or_number(tmp_path, duo, bridge):
-    duo["board"]["bridge"] = bridge
-    assert load(tmp_path, duo).board["bridge"] == BRIDGES.index("l298n") == 3
-
-
-@pytest.mark.parametrize("bridge", ["l293d", "unset", 0, 7, True, 3.0])
-def test_an_unknown_bridge_is_refused(tmp_path, duo, bridge):
-    duo["board"]["bridge"] = bridge
-    with pytest.raises(ConfigError, match=f"board.bridge is {bridge!r}, expected vnh5019, cytron, l298n, "):
-        load(tmp_path, duo)
-
-
-@pytest.mark.parametrize(
-    ("key", "value", "message"),
-    [
-        ("encoder_counts", 0, "board.encoder_counts is 0, expected a whole number from 1"),
-        ("encoder_counts", 0.5, "board.encoder_counts is 0.5"),
-        ("gearbox", 0, "board.gearbox is 0, expected a whole number from 1"),
-    ],
-)
-def test_a_wheel_without_counts_is_refused(tmp_path, duo, key, value, message):
-    duo["board"][key] = value
-    with pytest.raises(ConfigError, match=message):
-        load(tmp_path, duo)
-
-
-def test_less_than_one_count_a_wheel_turn_is_refused(tmp_path, duo):
-    duo["board"].update(gearbox=9, encoder_counts=11)
-    with pytest.raises(ConfigError, match="give 0.99 counts a wheel turn, expected at least 1"):
-        load(tmp_path, duo)
-
-
-def test_sensors_on_the_pins_of_the_bridge_are_refused(tmp_path, duo):
-    with pytest.raises(
-        ConfigError, match="build is 'environment', expected sonar: .* pins that the board.bridge"
-    ):
-        load(tmp_path, {**duo, "build": "environment"})
-
-
-def test_three_wheels_have_no_bridge(tmp_path, omni):
-    omni["board"]["bridge"] = "tb6612"
-    with pytest.raises(
-        ConfigError, match="drive.kind is 'omni', expected differential or tracked for a board"
-    ):
-        load(tmp_path, omni)
-
-
-def test_the_firmware_gives_no_bridge_by_default():
-    """A board without a bridge and a wiring of its own refuses to move."""
-    for model in models.driven_models():
-        defaults = models.firmware_defaults(model)
-        assert (defaults["bridge"], defaults["wiring"]) == (0, 0)
-
-
-# ---- boards without motors
-
-PIONEER = {"name": "pioneer", "ids": [11], "drive": "none", "build": "environment"}
-
-
-@pytest.mark.parametrize("ask", [lambda model: model.base, lambda model: model.differential])
-def test_what_needs_wheels_refuses_a_board_without_motors(ask):
-    with pytest.raises(ConfigError, match="robot pioneer is a board without motors .drive: none.: it has"):
-        ask(models.load("pioneer"))
-
-
-@pytest.mark.parametrize(
-    "changed, message",
-    [
-        ({"limits": {"linear_m_s": 0.3}}, "key limits is unknown, expected name, ids, drive, build"),
-        ({"sonars": {}}, "key sonars is unknown, expected name, ids, drive, build"),
-        ({"build": "sonar"}, "build is 'sonar', expected environment for a board without motors"),
-        ({"drive": "nothing"}, "key board is missing"),
-    ],
-)
-def test_board_without_motors_has_only_what_belongs_to_it(tmp_path, changed, message):
-    with pytest.raises(ConfigError, match=message):
-        load(tmp_path, {**PIONEER, **changed})
