@@ -6,8 +6,7 @@ import subprocess
 import pytest
 
 from mrl_driver.errors import SimulatorError
-from sim_arduino.avr import native
-from sim_arduino.avr.build import SimulatorMissing, build, library_path
+from sim_arduino.avr.build import SimulatorMissing, build
 from sim_arduino.avr.elf import read_image
 from sim_arduino.avr.machine import AvrMachine
 
@@ -39,35 +38,6 @@ def test_a_failed_build_names_reason_and_packages_and_leaves_nothing(tmp_path, c
     with pytest.raises(SimulatorMissing, match=text):
         build(tmp_path / "board.so")
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path):
-    """A file stands in its place."""
-    (tmp_path / "cache").write_text("")
-    with pytest.raises(SimulatorError, match=f"cannot make the folder {tmp_path}/cache .*File exists"):
-        build(tmp_path / "cache" / "board.so")
-
-
-def test_a_library_that_does_not_load_names_the_package(tmp_path, monkeypatch):
-    monkeypatch.setattr("sim_arduino.avr.build.SOURCES", tmp_path / "sim_arduino" / "avr")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    library_path().parent.mkdir()
-    library_path().write_bytes(b"not a library")
-    with pytest.raises(SimulatorMissing, match="apt-get install libsimavr2"):
-        native.load()
-
-
-def test_a_current_library_is_not_compiled_again(tmp_path, monkeypatch):
-    """Its time stamp is newer than the sources'."""
-    monkeypatch.setenv("CC", "false")
-    library = tmp_path / "board.so"
-    library.write_bytes(b"")
-    assert build(library) == library
-
-
-def test_a_missing_image_says_what_is_expected(tmp_path):
-    with pytest.raises(SimulatorError, match="firmware.elf: No such file.*, expected an ELF or Intel HEX"):
-        read_image(tmp_path / "firmware.elf")
 
 
 @pytest.mark.parametrize("contents", [b"", b"\x7fELF", b"#!/bin/sh\n" * 20, b"\x7fELF\x02" + bytes(100)])
@@ -104,24 +74,6 @@ def test_an_image_may_fill_the_eeprom(tmp_path, size, fits):
             SimulatorError, match="program.elf needs 1025 bytes of EEPROM, .* has 1024; build"
         ):
             AvrMachine(elf)
-
-
-def test_symbols_have_address_and_size(sketch):
-    symbol = read_image(sketch("uart.c")).symbols["incoming"]
-    assert (0x100 <= symbol.address < 0x900, symbol.size) == (True, 64)
-
-
-def test_outside_a_checkout_the_library_goes_to_the_users_cache(tmp_path, monkeypatch):
-    """An installed package's own folder may not be writable."""
-    monkeypatch.setattr("sim_arduino.avr.build.SOURCES", tmp_path / "sim_arduino" / "avr")
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    assert library_path() == tmp_path / "cache" / "mrl-driver" / "libmrl_board.so"
-
-
-def test_without_a_compiler_the_packages_are_named(tmp_path, monkeypatch):
-    monkeypatch.setenv("CC", str(tmp_path / "no-such-compiler"))
-    with pytest.raises(SimulatorMissing, match="apt-get install .*libsimavr-dev"):
-        build(tmp_path / "board.so")
 
 
 def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, compiler):

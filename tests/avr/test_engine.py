@@ -60,12 +60,6 @@ def test_bytes_come_out_when_their_stop_bit_has_left(engine):
     assert board.advance(1e-3) == b"c"
 
 
-def test_the_plant_follows_the_boards_time(engine):
-    board = engine("uart.c")
-    board.advance(1e-3)
-    assert board.plant.times[-1] == pytest.approx(1e-3, abs=1e-6)
-
-
 def test_the_next_event_of_a_sleeping_chip_is_when_it_can_wake(engine):
     """The overflow of timer 2, 16.4 ms after the program started it."""
     board = engine("sleep.c")
@@ -77,13 +71,6 @@ def test_the_next_event_of_a_sleeping_chip_is_when_it_can_wake(engine):
 def test_a_chip_that_is_awake_needs_a_call_each_slice(engine):
     board = engine("uart.c")
     assert board.next_event_s == pytest.approx(board.machine.time_s + 1e-3)
-
-
-def test_time_that_has_passed_changes_nothing(engine):
-    board = engine("uart.c")
-    before = board.machine.cycle
-    board.advance(100e-6)
-    assert board.machine.cycle == before
 
 
 def test_reset_starts_the_program_again(engine):
@@ -107,13 +94,6 @@ def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
 def test_an_image_that_saves_no_id_is_refused(sketch):
     with pytest.raises(SimulatorError, match="did not save its robot id"):
         AvrEngine(Plant(), sketch("uart.c"), robot_id=4)
-
-
-def test_analogue_voltages_come_from_the_plant(engine):
-    board = engine("adc.c")
-    poke(board, "go", 1)
-    board.advance(1e-3)
-    assert peek(board, "result") == (512).to_bytes(2, "little")
 
 
 def test_pins_are_reported_to_the_plant(engine):

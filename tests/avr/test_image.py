@@ -7,12 +7,11 @@ import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import FAULTS, REASONS, RESET_CAUSES, STOP_REASONS
-from tests.long.bench.firmware_board import Rig, request
+from tests.long.bench.firmware_board import Rig
 
 ELF = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
 MOVE, STOP = 0xEB, 0xFC
 ENDLESS_LOOP = b"\xff\xcf"  # rjmp to itself
-ID, BLOCK = range(0, 4), range(16, 55)  # the id where 2013 boards have it, and the configuration
 BLOCKED_S = 25e-3  # longest pause in serving the wire when I2C hangs
 READY_S = 0.12  # boot, and the motor board asked and set up
 
@@ -56,17 +55,6 @@ def drive(rig: Rig) -> None:
     """Starts driving and forgets what led to it."""
     answers(rig, b"@11,300,0e")
     rig.forget()
-
-
-def test_a_missing_motor_board_gives_no_counts(rig):
-    rig.motors.present = False
-    assert answers(rig, b"@6e", 0.1) == []
-
-
-def test_a_missing_motor_board_is_reported(rig):
-    rig.motors.present = False
-    rig.run(0.3)
-    assert "motor_board" in status(rig)["faults"]
 
 
 @pytest.mark.parametrize("line", ["sda", "scl"])
@@ -162,41 +150,6 @@ def test_commands_that_waited_through_a_stall_are_not_carried_out(rig):
         assert [write.data for write in rig.writes(MOVE)] == [b"\xeb\x00\xc8\x00\x00"]
 
 
-@pytest.fixture(scope="module")
-def saved() -> bytes:
-    """An EEPROM with robot id 1 saved."""
-    board = Rig(ELF).settle()
-    board.ask(request("save_config"), 0.5)
-    contents = board.machine.read_eeprom()
-    board.close()
-    return contents
-
-
-def booted_with(contents: bytes) -> Rig:
-    """A board that starts with this EEPROM."""
-    board = Rig(ELF)
-    board.machine.write_eeprom(0, contents)
-    board.machine.reset()
-    board.run(READY_S)
-    return board
-
-
-@pytest.mark.parametrize("address", [*ID, *BLOCK])
-def test_every_damaged_byte_is_noticed(saved, address):
-    damaged = bytearray(saved)
-    damaged[address] ^= 0x10
-    board = booted_with(bytes(damaged))
-    assert "eeprom" in status(board)["faults"]
-    board.close()
-
-
-@pytest.mark.parametrize("byte", [b"\0", b"\xff"])
-def test_an_empty_eeprom_has_no_id(byte):
-    board = booted_with(byte * 1024)
-    assert {"eeprom", "id_unset"} <= status(board)["faults"]
-    board.close()
-
-
 BAD = {
     b"@11,+5,0e": "not_integer",
     b"@11, 5,0e": "not_integer",
@@ -226,13 +179,6 @@ def test_bad_input_is_refused_counted_and_without_effect(rig, frame):
     before = len(rig.motors.commands)
     answers(rig, frame)
     assert (set(refused(rig)) - {"noise"}, len(rig.motors.commands)) == ({BAD[frame]}, before)
-
-
-def test_a_stop_behind_a_cut_frame_stops(rig):
-    rig.forget()
-    answers(rig, b"@11,50@13e")
-    assert rig.writes(STOP) and not rig.writes(MOVE)
-    assert refused(rig) == {"restarted": 1}
 
 
 def test_probes_of_a_modem_manager_do_nothing(rig):

@@ -71,14 +71,6 @@ def test_interrupt_entry_takes_four_cycles_and_the_jump_three(bench):
     assert 7 <= answer_cycle(board, at) - at <= 9
 
 
-def test_waking_from_sleep_takes_four_cycles_more(bench):
-    """Idle mode: 4 + 4 cycles to the vector, 3 for its jmp."""
-    board = bench("interrupts.c")
-    board.set("asleep", 1)
-    at = board.machine.cycle + 2001
-    assert answer_cycle(board, at) - at == 11
-
-
 def test_waiting_interrupts_are_served_by_vector_number(bench):
     """Timer 2 compare (7), timer 2 overflow (9), timer 1 compare (11), whatever came first."""
     board = bench("interrupts.c")
@@ -86,24 +78,6 @@ def test_waiting_interrupts_are_served_by_vector_number(bench):
     board.set("go", 1)
     board.machine.run(200e-6)
     assert board.bytes("order")[:3] == b"co1"
-
-
-def test_sleep_is_not_awake(bench):
-    """Ten overflows of timer 2 cost some 20 cycles each; the rest is sleep."""
-    board = bench("sleep.c")
-    board.set("mode", IDLE)
-    begun, awake = board.machine.cycle, board.machine.awake_cycles
-    board.machine.run(10.5 * OVERFLOW_S)
-    assert board.get("wakes") == 10
-    assert board.machine.awake_cycles - awake < 0.001 * (board.machine.cycle - begun)
-
-
-@pytest.mark.parametrize("mode", [0x02, 0x0E])
-def test_sleep_without_its_enable_bit_does_nothing(bench, mode):
-    board = bench("sleep.c")
-    board.set("mode", mode)
-    board.machine.run(100e-6)
-    assert board.get("wakes") > 100
 
 
 @pytest.mark.parametrize("mode", [0x03, 0x05, 0x07, 0x0D, 0x0F])

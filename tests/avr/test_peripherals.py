@@ -37,18 +37,6 @@ def test_counts_are_volts_over_the_reference(bench, volts, count):
     assert convert(board) == count
 
 
-def test_each_channel_has_its_voltage(bench):
-    board = bench("adc.c")
-    board.machine.adc_volts = lambda channel, time_s: 0.5 * channel
-    assert [convert(board, channel) // 102 for channel in range(4)] == [0, 1, 2, 3]
-
-
-def test_the_end_of_a_conversion_interrupts(bench):
-    board = bench("adc.c")
-    convert(board, go=2)
-    assert board.get("interrupts") == 1
-
-
 def test_input_capture_measures_a_pulse(bench):
     """A low pulse of 10 ms on D8 is 20000 counts of 2 MHz."""
     board = bench("capture.c")
@@ -72,38 +60,11 @@ def test_watched_pins_report_their_changes(bench):
     assert (first.level, second.level, second.cycle - first.cycle) == (1, 0, 2)
 
 
-def test_a_pin_that_begins_to_be_driven_is_reported(bench):
-    board = bench("memory.c")
-    board.machine.set_pin(FAN, 0)
-    board.machine.watch_pins([FAN])
-    board.set("action", 7)
-    board.machine.run(50e-6)
-    assert [change.level for change in board.machine.pin_changes()] == [0, 1, 0]
-
-
-def test_an_unknown_pin_is_refused(bench):
-    with pytest.raises(ValueError, match="pin 20"):
-        bench("memory.c").machine.pin(20)
-
-
-def test_eeprom_is_read(bench):
-    board = bench("memory.c")
-    board.machine.write_eeprom(5, b"\x99")
-    board.set("action", 1)
-    board.machine.run(50e-6)
-    assert board.get("eeprom_byte") == 0x99
-
-
 def test_eeprom_outlives_power(bench):
     machine = bench("memory.c").machine
     machine.write_eeprom(0, b"robot")
     machine.power_cycle(1)
     assert machine.read_eeprom(0, 5) == b"robot"
-
-
-def test_eeprom_has_an_end(bench):
-    with pytest.raises(ValueError, match="1024"):
-        bench("memory.c").machine.write_eeprom(1020, b"robot")
 
 
 def test_a_stray_write_stops_the_machine_for_good(bench):

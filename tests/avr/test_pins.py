@@ -11,7 +11,6 @@ ENTRY_CYCLES, VECTOR_CYCLES, WAKE_CYCLES = 4, 3, 4
 LOOP_INSTRUCTION_CYCLES = 2  # the longest one of the sketch's loop
 COMMAND_S = 20e-6
 LOW, ANY, FALLING, RISING = 0, 1, 2, 3
-BORF = 0x04
 SECOND = 16000000
 
 
@@ -48,16 +47,6 @@ def test_a_pin_change_wakes_the_chip(bench):
     assert shown(board) == [edge + WAKE_CYCLES + ENTRY_CYCLES + VECTOR_CYCLES]
 
 
-def test_edges_before_the_entry_make_one_interrupt(bench):
-    """There is one flag: it stands already."""
-    board = started(bench)
-    tell(board, INTERRUPTS_OFF)
-    board.machine.plan_edges(A, [board.machine.cycle + 10, board.machine.cycle + 13])
-    board.machine.run(COMMAND_S)
-    tell(board, INTERRUPTS_ON)
-    assert board.get("changes") == 1
-
-
 def test_an_edge_behind_the_entry_interrupts_again(bench):
     """The entry clears the flag; three cycles later another edge sets it."""
     board = started(bench, asleep=1)
@@ -65,14 +54,6 @@ def test_an_edge_behind_the_entry_interrupts_again(bench):
     board.machine.plan_edges(A, [edge, edge + WAKE_CYCLES + ENTRY_CYCLES + 3])
     board.machine.run(1e-3)
     assert (board.get("changes"), board.machine.pin(A)) == (2, 0)
-
-
-def test_a_pin_without_its_mask_bit_is_not_noticed(bench):
-    board = started(bench, mask=1 << A)
-    board.machine.plan_edges(B, [board.machine.cycle + 100])
-    board.machine.run(COMMAND_S)
-    tell(board, READ)
-    assert (board.get("changes"), board.get("flags")) == (0, 0)
 
 
 def test_the_flag_is_set_while_the_group_is_off(bench):
@@ -99,28 +80,6 @@ def test_a_one_clears_its_flag_alone(bench, command, left):
     assert board.get("flags") == left
 
 
-def test_an_output_that_changes_interrupts(bench):
-    """This is how a program makes a software interrupt."""
-    board = started(bench, mask=1 << PORT_PIN)
-    board.machine.set_pin(PORT_PIN, 0)
-    board.machine.run(COMMAND_S)
-    tell(board, DIRECTION, 1 << PORT_PIN)
-    before = board.get("changes")
-    tell(board, PORT, 1 << PORT_PIN)
-    assert board.get("changes") - before == 1
-
-
-def test_the_edges_of_pwm_interrupt(bench):
-    """High for 101 counts of eight cycles, low for 155."""
-    board = started(bench, mask=1 << PWM_PIN)
-    tell(board, DIRECTION, 1 << PWM_PIN)
-    tell(board, PWM, 100)
-    shown(board)
-    board.machine.run(10 * 128e-6)
-    routines = shown(board)
-    assert {round((b - a) / 8) for a, b in zip(routines, routines[1:])} == {101, 155}
-
-
 @pytest.mark.parametrize("sense, expected", [(ANY, 4), (FALLING, 2), (RISING, 2)])
 def test_int0_has_a_sense(bench, sense, expected):
     board = started(bench, enable=0, sense=sense, external=1)
@@ -128,38 +87,6 @@ def test_int0_has_a_sense(bench, sense, expected):
     board.machine.plan_edges(INT0, range(begun + 500, begun + 2500, 500))
     board.machine.run(1e-3)
     assert board.get("externals") == expected
-
-
-def test_a_low_level_of_int0_interrupts_until_it_ends(bench):
-    board = started(bench, enable=0, sense=LOW, external=1)
-    board.machine.run(COMMAND_S)
-    many = board.get("externals")
-    board.machine.set_pin(INT0, 1)
-    board.machine.run(COMMAND_S)
-    after = board.get("externals")
-    board.machine.run(COMMAND_S)
-    assert (many > 5, board.get("externals")) == (True, after)
-
-
-def test_planned_edges_alternate_the_level(bench):
-    board = started(bench)
-    begun = board.machine.cycle
-    cycles = [begun + 100, begun + 103, begun + 900]
-    board.machine.plan_edges(A, cycles[:1])
-    board.machine.plan_edges(A, cycles[1:])
-    board.machine.run(COMMAND_S + 1e-4)
-    changes = [(each.level, each.cycle) for each in board.machine.pin_changes() if each.pin == A]
-    assert changes == list(zip([1, 0, 1], cycles))
-
-
-def test_plans_go_on_from_a_level_that_was_set(bench):
-    board = started(bench)
-    board.machine.plan_edges(A, [board.machine.cycle + 100])
-    board.machine.run(COMMAND_S)
-    board.machine.set_pin(A, 0)
-    board.machine.plan_edges(A, [board.machine.cycle + 100])
-    board.machine.run(COMMAND_S)
-    assert board.machine.pin(A) == 1
 
 
 def test_plans_of_two_pins_interleave(bench):
@@ -172,13 +99,6 @@ def test_plans_of_two_pins_interleave(bench):
     assert [each.cycle - begun for each in changes] == list(range(150, 1000, 100))
 
 
-def test_an_edge_in_the_past_comes_at_once(bench):
-    board = started(bench)
-    board.machine.plan_edges(A, [board.machine.cycle - 50])
-    board.machine.run(COMMAND_S)
-    assert (board.machine.pin(A), board.get("changes")) == (1, 1)
-
-
 def test_no_edge_of_forty_thousand_a_second_is_lost(bench):
     """Planned by the millisecond, each wakes the chip."""
     board = started(bench, asleep=1)
@@ -189,16 +109,6 @@ def test_no_edge_of_forty_thousand_a_second_is_lost(bench):
         board.machine.run_until(slice_begun + 16000)
     board.machine.run(COMMAND_S)
     assert board.get("changes") == 2000
-
-
-def test_a_one_in_pin_toggles_its_output_alone(bench):
-    """SBI: the other pins are as they were, though they read as ones."""
-    board = started(bench)
-    tell(board, DIRECTION, 0xF8)
-    tell(board, PORT, 0x48)
-    board.machine.pin_changes()
-    tell(board, TOGGLE)
-    assert [board.machine.pin(pin) for pin in (3, 6, 7)] == [1, 1, 1]
 
 
 def test_the_time_high_of_an_output_is_exact(bench):
@@ -221,13 +131,6 @@ def test_pwm_drives_its_pin_only_while_it_is_an_output(bench):
     high = board.machine.high_cycles(PWM_PIN)
     board.machine.run(1e-3)
     assert board.machine.high_cycles(PWM_PIN) == high > 0
-
-
-def test_an_input_that_is_high_is_not_driven(bench):
-    board = started(bench)
-    board.machine.set_pin(PORT_PIN, 1)
-    tell(board, PORT, 1 << PORT_PIN)
-    assert (board.machine.pin(PORT_PIN), board.machine.high_cycles(PORT_PIN)) == (1, 0)
 
 
 @pytest.mark.parametrize("pin", [PORT_PIN, PWM_PIN])
@@ -254,15 +157,6 @@ def test_a_brown_out_holds_the_chip_in_reset(bench):
     board.machine.brown_out(0.05)
     assert (board.machine.cycle - begun, board.machine.pc, board.machine.resets - resets) == (800000, 0, 1)
     assert board.machine.high_cycles(PORT_PIN) == high
-
-
-def test_a_brown_out_is_flagged_and_keeps_sram(bench):
-    board = started(bench)
-    address = board.machine.symbol("_end").address + 64
-    board.machine.poke(address, b"robot")
-    board.machine.brown_out(0.05)
-    board.machine.run(1e-3)
-    assert board.get("reset_flags") & BORF and board.machine.peek(address, 5) == b"robot"
 
 
 @pytest.mark.parametrize("writing, offset", [*((0, offset) for offset in range(5)), (1, 4000)])

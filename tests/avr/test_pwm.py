@@ -12,7 +12,6 @@ TOV, OCFA, OCFB = 1, 2, 4
 ALL_PINS = 0xFF
 WRITE_A, WRITE_B, WRITE_CONTROL_A, WRITE_CONTROL_B, WRITE_COUNT, READ = range(1, 7)
 CLEAR_FLAGS, DIRECTION, PORT, CLEAR_BY_SBI, SLEEP = range(7, 12)
-FORCE_A = 0x80
 HOUR_CYCLES = 3600 * 16000000
 COMMAND_S = 10e-6  # the sketch has obeyed
 DUTIES = (0, 1, 100, 254, 255)
@@ -110,30 +109,6 @@ def test_waves_have_the_periods_and_pulses_of_the_data_sheet(
 
 
 @pytest.mark.parametrize("number", OUTPUTS)
-def test_phase_correct_outputs_are_centred_on_bottom(bench, number):
-    timer = Timer(bench, number, PHASE_CORRECT, (CLEAR, CLEAR), (100, 20), 8)
-    timer.machine.run_until(timer.machine.cycle + 2 * 510 * 8)
-    timer.machine.pin_changes()
-    timer.machine.run_until(timer.machine.cycle + 2 * 510 * 8)
-    changes = timer.machine.pin_changes()
-    middles = []
-    for pin in timer.pins:
-        edges = [each for each in changes if each.pin == pin]
-        rise = next(i for i, each in enumerate(edges) if each.level)
-        middles.append((edges[rise].cycle + edges[rise + 1].cycle) / 2 % (510 * 8))
-    assert middles[0] == middles[1]
-
-
-@pytest.mark.parametrize("number", OUTPUTS)
-@pytest.mark.parametrize("mode", [NORMAL, CTC])
-def test_without_pwm_a_match_sets_or_clears(bench, number, mode):
-    """COM 3 sets for good, COM 2 clears."""
-    timer = Timer(bench, number, mode, (SET, CLEAR), (49, 7), 8)
-    timer.machine.run_until(timer.machine.cycle + 256 * 3 * 8)
-    assert [timer.machine.pin(pin) for pin in timer.pins] == [1, 0]
-
-
-@pytest.mark.parametrize("number", OUTPUTS)
 @pytest.mark.parametrize("mode, cycles", [(FAST, 256), (PHASE_CORRECT, 510)])
 @pytest.mark.parametrize("duty", DUTIES)
 def test_an_inverted_output_is_the_opposite(bench, number, mode, cycles, duty):
@@ -165,52 +140,11 @@ def test_a_constant_output_has_no_edge(bench, mode, compare):
     assert timer.edges(0, 4096) == []
 
 
-@pytest.mark.parametrize("mode, com", [(FAST, TOGGLE), (PHASE_CORRECT, TOGGLE)])
-def test_toggling_pwm_needs_top_at_compare_value_a(bench, mode, com):
-    timer = Timer(bench, 0, mode, (com, com), (10, 10))
-    assert timer.edges(0, 4096) == []
-
-
 @pytest.mark.parametrize("number", OUTPUTS)
 def test_a_pin_that_is_an_input_is_not_driven(bench, number):
     timer = Timer(bench, number, FAST, (CLEAR, CLEAR), (100, 100), outputs=0)
     assert timer.edges(0, 4096) == []
     assert timer.machine.high_cycles(timer.pins[0]) == 0
-
-
-def test_an_output_that_is_not_connected_follows_its_port(bench):
-    timer = Timer(bench, 0, FAST, (0, 0), (100, 100))
-    timer.tell(PORT, 1 << timer.pins[0])
-    assert [timer.machine.pin(pin) for pin in timer.pins] == [1, 0]
-
-
-def test_the_port_does_not_act_on_a_connected_output(bench):
-    timer = Timer(bench, 0, PHASE_CORRECT, (CLEAR, 0), (0, 0))
-    timer.machine.run_until(timer.machine.cycle + 1024)
-    timer.tell(PORT, 1 << timer.pins[0])
-    before = timer.machine.pin(timer.pins[0]), timer.machine.high_cycles(timer.pins[0])
-    timer.tell(WRITE_CONTROL_A, PHASE_CORRECT)
-    assert (before, timer.machine.pin(timer.pins[0])) == ((0, 0), 1)
-
-
-@pytest.mark.parametrize("compare, level", [(0, 0), (255, 1)])
-def test_the_program_reads_the_level_of_its_output(bench, compare, level):
-    timer = Timer(bench, 0, PHASE_CORRECT, (CLEAR, 0), (compare, 0), watched=False)
-    timer.machine.run_until(timer.machine.cycle + 1024)
-    assert timer.read("pins") >> timer.pins[0] & 1 == level
-
-
-def test_a_forced_compare_acts_as_a_match(bench):
-    timer = Timer(bench, 0, NORMAL, (TOGGLE, 0), (250, 250), 1024)
-    timer.tell(WRITE_CONTROL_B, timer.control_b | FORCE_A)
-    assert (timer.machine.pin(timer.pins[0]), timer.read("flags") & OCFA) == (1, 0)
-
-
-def test_pwm_ignores_a_forced_compare(bench):
-    timer = Timer(bench, 0, PHASE_CORRECT, (SET, 0), (250, 250), 1024)
-    before = timer.machine.pin(timer.pins[0])
-    timer.tell(WRITE_CONTROL_B, timer.control_b | FORCE_A)
-    assert timer.machine.pin(timer.pins[0]) == before
 
 
 def test_fast_pwm_loads_a_compare_value_at_bottom(bench):
@@ -223,34 +157,6 @@ def test_fast_pwm_loads_a_compare_value_at_bottom(bench):
     edges = timer.edges(0, 2 * 256 * 64)
     assert edges[0] == (0, rise + 256 * 64 + 101 * 64)
     assert edges[1:3] == [(1, rise + 2 * 256 * 64), (0, rise + 2 * 256 * 64 + 51 * 64)]
-
-
-def test_phase_correct_pwm_loads_a_compare_value_at_top(bench):
-    timer = Timer(bench, 0, PHASE_CORRECT, (CLEAR, 0), (100, 0), 64)
-    timer.machine.run_until(timer.machine.cycle + 510 * 64)
-    rise = next(cycle for level, cycle in timer.edges(0, 510 * 64) if level)
-    timer.machine.run_until(rise + 510 * 64 + 10 * 64)
-    timer.tell(WRITE_A, 50)
-    edges = timer.edges(0, 2 * 510 * 64)
-    assert edges[0] == (0, rise + 510 * 64 + 200 * 64)
-    assert edges[1] == (1, rise + 2 * 510 * 64 + 50 * 64)
-
-
-def test_without_pwm_a_compare_value_is_loaded_at_once(bench):
-    timer = Timer(bench, 0, CTC, (TOGGLE, 0), (200, 0), 64)
-    timer.tell(WRITE_A, 9)
-    timer.machine.run_until(timer.machine.cycle + 10 * 64)
-    assert timer.wave(0, 60 * 64) == ({20 * 64}, {10 * 64})
-
-
-def test_ctc_that_misses_its_match_counts_on_to_the_end(bench):
-    """TOP below the counter: the round has 256 counts more, and an overflow."""
-    timer = Timer(bench, 0, CTC, (0, 0), (200, 0), 64, count=100)
-    timer.tell(WRITE_A, 9)
-    timer.machine.run_until(timer.machine.cycle + 140 * 64)
-    before = timer.read("flags")
-    timer.machine.run_until(timer.machine.cycle + 16 * 64)
-    assert (before & (TOV | OCFA), timer.read("flags") & TOV) == (0, TOV)
 
 
 @pytest.mark.parametrize("number", OUTPUTS)
@@ -266,32 +172,6 @@ def test_overflows_interrupt(bench, number, mode, counts, expected):
     assert timer.board.get("overflows") == expected
 
 
-@pytest.mark.parametrize("flag, after", [(TOV, 256 - 5), (OCFA, 100 - 5), (OCFB, 11 - 5)])
-def test_flags_are_set_without_interrupts(bench, flag, after):
-    timer = Timer(bench, 0, NORMAL, (0, 0), (99, 10), 1024, count=5)
-    timer.machine.run_until(timer.machine.cycle + (after - 2) * 1024)
-    before = timer.read("flags") & flag
-    timer.machine.run_until(timer.machine.cycle + 2 * 1024)
-    assert (before, timer.read("flags") & flag) == (0, flag)
-
-
-def test_phase_correct_pwm_overflows_at_bottom(bench):
-    """Not at TOP: 250 counts up to it, 255 down, and one to leave BOTTOM."""
-    timer = Timer(bench, 0, PHASE_CORRECT, (0, 0), (99, 10), 1024, count=5)
-    timer.machine.run_until(timer.machine.cycle + 504 * 1024)
-    before = timer.read("flags") & TOV
-    timer.machine.run_until(timer.machine.cycle + 2 * 1024)
-    assert (before, timer.read("flags") & TOV) == (0, TOV)
-
-
-def test_a_buffered_compare_value_interrupts_in_its_first_round(bench):
-    timer = Timer(bench, 0, FAST, (0, 0), (100, 0), 64, enable=OCFA)
-    timer.machine.run_until(timer.machine.cycle + 120 * 64)
-    timer.tell(WRITE_A, 50)
-    timer.machine.run_until(timer.machine.cycle + (136 + 60) * 64)
-    assert timer.board.get("matches_a") == 2
-
-
 @pytest.mark.parametrize("command, left", [(CLEAR_FLAGS, OCFA | TOV), (CLEAR_BY_SBI, OCFB | TOV)])
 def test_a_one_clears_its_flag_alone(bench, command, left):
     timer = Timer(bench, 0, NORMAL, (0, 0), (99, 10), 8)
@@ -301,31 +181,6 @@ def test_a_one_clears_its_flag_alone(bench, command, left):
     assert timer.read("flags") == left
     timer.tell(CLEAR_FLAGS, TOV | OCFA | OCFB)
     assert timer.read("flags") == 0
-
-
-def test_the_counter_reads_as_it_counts(bench):
-    timer = Timer(bench, 0, PHASE_CORRECT, (0, 0), (0, 0), 1024)
-    seen = []
-    for _ in range(4):
-        timer.machine.run_until(timer.machine.cycle + 100 * 1024)
-        seen.append(timer.read("count"))
-    assert [round(value, -1) for value in seen] == [100, 200, 210, 110]
-
-
-def test_a_written_count_blocks_the_next_match(bench):
-    """Section "Compare Match Blocking by TCNT Write"."""
-    timer = Timer(bench, 0, NORMAL, (0, 0), (99, 99), 1024, count=0)
-    timer.tell(WRITE_COUNT, 99)
-    timer.machine.run_until(timer.machine.cycle + 3 * 1024)
-    assert timer.read("flags") & (OCFA | OCFB) == 0
-
-
-def test_a_stopped_timer_stands(bench):
-    timer = Timer(bench, 0, FAST, (CLEAR, 0), (100, 0), 64)
-    timer.tell(WRITE_CONTROL_B, 0)
-    count, level = timer.read("count"), timer.machine.pin(timer.pins[0])
-    timer.machine.run(10e-3)
-    assert (timer.read("count"), timer.machine.pin(timer.pins[0])) == (count, level)
 
 
 def test_pwm_that_nobody_watches_has_no_events(bench):
@@ -350,15 +205,6 @@ def random_settings(seed):
         "divider": draw.choice(PRESCALERS[number]),
         "count": draw.choice([0, 5, 255]),
     }
-
-
-def test_a_pin_that_the_timer_gives_back_is_not_driven_by_it(bench):
-    timer = Timer(bench, 0, NORMAL, (SET, 0), (1, 0))
-    timer.machine.run(COMMAND_S)
-    timer.tell(WRITE_CONTROL_A, 0)
-    high = timer.machine.high_cycles(timer.pins[0])
-    timer.machine.run(1e-3)
-    assert timer.machine.high_cycles(timer.pins[0]) == high > 0
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -33,7 +33,3 @@ def test_sampling_agrees_with_the_short_cut(data, factor):
 @pytest.mark.parametrize("factor", [0.25, 0.5, 2, 12])
 def test_other_speeds_hear_something_else(factor):
     assert b"@8," not in received(line(b"@8,1,2,3,4,5e\r\n"), BIT * factor)
-
-
-def test_a_slow_receiver_hears_fewer_bytes():
-    assert len(received(line(b"@8,1,2,3,4,5e\r\n"), BIT * 2)) < 15

@@ -97,12 +97,6 @@ def test_a_byte_at_any_instruction_of_the_last_check_is_answered_at_once(rig):
     assert max(turnarounds.values()) <= TURNAROUND_US, turnarounds
 
 
-def test_without_the_guard_a_byte_would_wait(sonar_rig):
-    """With interrupts on during the check, a byte behind it is not seen: the test above would notice."""
-    sonar_rig.machine.patch(last_check(sonar_rig)[0], NOP)
-    assert max(turnaround_us(sonar_rig, at) for at in range(INSTRUCTIONS)) > TURNAROUND_US
-
-
 def frame_starts(rig: Rig) -> List[int]:
     """Cycles at which the stream's frames that have come since the last call began."""
     return [reply.start_cycle for reply in rig.replies() if b"@8," in reply.line]
@@ -143,12 +137,6 @@ def test_an_event_of_the_chip_at_any_cycle_of_a_pass_is_in_time(sonar_rig, event
     """A byte of noise makes the loop look around and decide to sleep just then."""
     delays = delays_us(sonar_rig, event)
     assert max(delays) <= FRAME_LATE_US, delays
-
-
-def test_without_the_guard_the_end_of_a_read_would_wait(sonar_rig):
-    """The test above would notice.  For an alarm the loop has another guard: it sleeps only if a whole tick is left."""
-    sonar_rig.machine.patch(last_check(sonar_rig)[0], NOP)
-    assert max(delays_us(sonar_rig, -1)) > FRAME_LATE_US
 
 
 def awake_share(rig: Rig, seconds: float) -> float:

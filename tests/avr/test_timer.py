@@ -38,25 +38,8 @@ def test_a_value_that_has_passed_matches_a_whole_round_later(bench):
     assert ticks(matches) == [65536]
 
 
-def test_a_write_of_the_compare_value_leaves_the_counter(bench):
-    board, _ = run(bench, 1000, 2000)
-    assert board.get("counted") == 1000
-
-
-def test_ctc_mode_starts_again_after_the_compare_value(bench):
-    _, matches = run(bench, 0, 3, control=CTC, ticks=18)
-    assert [b - a for a, b in zip(matches, matches[1:])] == [pytest.approx(4 * TICK, abs=ENTRY_CYCLES)] * 3
-
-
 def test_an_overflow_is_flagged(bench):
     board, _ = run(bench, 65530, 0x8000, ticks=5)
     before = board.get("flags") & OVERFLOW
     board.machine.run(2 * TICK / board.machine.frequency_hz)
     assert (before, board.get("flags") & OVERFLOW) == (0, OVERFLOW)
-
-
-def test_the_counter_follows_the_prescaler(bench):
-    board, _ = run(bench, 250, 0x8000)
-    before = board.get("word")
-    board.machine.run(10 * TICK / board.machine.frequency_hz)
-    assert board.get("word") - before == 10

@@ -23,14 +23,6 @@ def test_bytes_take_85_us_each_and_leave_in_order_without_a_gap(bench):
     assert [later.start_cycle - one.end_cycle for one, later in zip(sent, sent[1:])] == [0] * 9
 
 
-def test_udr_empties_as_soon_as_the_shift_register_takes_the_byte(bench):
-    board = bench("uart.c")
-    board.set("use_interrupts", 1)
-    board.set("outgoing_count", 2)
-    board.machine.run(30e-6)
-    assert board.get("sent") == 2
-
-
 def test_transmit_complete_waits_for_the_last_stop_bit(bench):
     board = bench("uart.c")
     board.set("outgoing_count", 1)
@@ -51,12 +43,6 @@ def test_a_byte_is_there_in_the_middle_of_its_stop_bit(bench):
     assert (before, board.get("incoming_count")) == (0, 1)
 
 
-def test_send_returns_the_end_of_the_last_stop_bit(bench):
-    machine = bench("uart.c").machine
-    start = machine.cycle + 1000
-    assert machine.send(b"@11,500,-800e", start) - start == int(13 * HOST_BYTE_S * 16e6)
-
-
 def not_listening(bench, data):
     """A board that got `data` without reading, then reads."""
     board = bench("uart.c")
@@ -66,15 +52,6 @@ def not_listening(bench, data):
     board.set("listen", 1)
     board.machine.run(100e-6)
     return board
-
-
-@pytest.mark.parametrize("baud", [9600, 57600, 230400])
-def test_another_baud_rate_is_garbage(bench, baud):
-    board = bench("uart.c")
-    board.machine.set_host_baud(baud)
-    board.machine.send(b"@5e")
-    board.machine.run(40 / baud)
-    assert b"@5e" not in board.bytes("incoming")
 
 
 def test_a_low_stop_bit_is_a_frame_error(bench):

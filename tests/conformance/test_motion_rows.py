@@ -34,23 +34,12 @@ def test_percent_of_full_duty_turns_each_wheel_its_way(bench, left, right):
     assert turned.left * left > 0 and turned.right * right > 0
 
 
-def test_more_duty_is_more_speed(bench):
-    assert speeds(bench, "move_motors", 60, 30).left > 1.5 * bench.wheels().right
-
-
 @pytest.mark.parametrize("linear, angular", [(300, 0), (-200, 0), (0, -1500), (200, 1000)])
 def test_drives_at_the_speed_that_was_asked_for(bench, linear, angular):
     half_m = 0.5 * bench.model.drive.wheel_separation_m
     turning = angular / 1000 * half_m
     wanted = linear / 1000 - turning, linear / 1000 + turning
     assert speeds(bench, "move_differential", linear, angular) == pytest.approx(wanted, abs=SPEED_M_S)
-
-
-def test_a_second_at_a_speed_is_as_long_a_way(bench):
-    speeds(bench, "move_differential", 300, 0)
-    before = bench.plant.true_pose.x_m
-    bench.run(1.0)
-    assert bench.plant.true_pose.x_m - before == pytest.approx(0.3, abs=0.003)
 
 
 def test_a_drive_without_further_requests_goes_on(bench):
@@ -118,11 +107,6 @@ def test_a_move_right_behind_a_stop_lasts(bench):
     bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=bench.ramped_s)
     assert bench.wheels() == pytest.approx((0.1, 0.1), abs=SPEED_M_S)
     assert bench.stop_reason() == "none"
-
-
-def test_speed_zero_comes_to_rest(bench):
-    speeds(bench, *DRIVE)
-    assert speeds(bench, "move_differential", 0, 0) == pytest.approx((0.0, 0.0), abs=1e-3)
 
 
 # ---- positions and counters

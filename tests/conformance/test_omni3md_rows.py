@@ -50,28 +50,6 @@ def test_set_up_respects_the_motor_boards_eeprom(make):
     assert make().plant.motor_board.too_early == 0
 
 
-def test_the_widest_ceiling_passes_everything(bench):
-    bench.write_config("linear_ceiling", 32767)
-    bench.ask("move_differential", -32768, 0)
-    assert bench.commands()[-1] == (0xEB, -32768, 0)
-
-
-def test_motor_boards_timeout_is_fed(bench):
-    """Nobody asks for anything; the board itself keeps the motor board's timeout from ending the drive."""
-    bench.ask("move_differential", 200, 0, wait_s=3.0)
-    before = bench.plant.true_pose.x_m
-    bench.run(1.0)
-    assert bench.plant.true_pose.x_m - before > 0.19
-
-
-def test_a_move_behind_a_stop_in_a_pause_of_the_motor_board_lasts(bench):
-    """The prescaler goes to its EEPROM; the stop that is repeated afterwards stays ahead of the move."""
-    bench.send(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=0.1)
-    reached = bench.commands()
-    assert reached[-1] == (0xEB, 100, 0) and (0xFC,) in reached
-    assert bench.status().stop_reason == 0
-
-
 # ---- without a motor board
 
 
@@ -154,14 +132,6 @@ def test_omni_moves_keep_below_the_ceilings(make, asked, told):
     bench.ask("move_omni", *asked)
     assert bench.commands() == [(0xFA, *told)]
     assert bench.status().clamped == (asked != told)
-
-
-def test_the_widest_ceilings_leave_omni_moves_as_they_are(make):
-    bench = make(robot="omni")
-    for name in ("linear_ceiling", "angular_ceiling"):
-        bench.write_config(name, 32767)
-    bench.ask("move_omni", 100, -100, 0)
-    assert bench.commands() == [(0xFA, 100, -100, 0)]
 
 
 def test_omni_stream_carries_three_counters_until_the_stop(make):

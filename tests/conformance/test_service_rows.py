@@ -281,9 +281,3 @@ def test_a_running_stream_goes_on_at_the_new_speed(bench):
 def test_a_change_of_speed_is_guarded(bench):
     bench.send(b"@45,2e")
     assert bench.counters() == {"bad_check": 1}
-
-
-def test_there_is_no_stop_reason_while_motors_turn(bench):
-    """So a second stop for the same reason is seen as one."""
-    bench.ask("move_differential", 100, 0)
-    assert bench.stop_reason() == "none"

@@ -115,11 +115,3 @@ def test_flash_without_a_board_says_so_in_one_line(port):
 def test_nothing_is_built_twice():
     done = run("make", "-q", "firmware", "build/pc/libmrl_firmware.so", "build/pc/libmrl_firmware_hbridge.so")
     assert done.returncode == 0, done.stderr
-
-
-def test_header_is_in_the_sketch_folder():
-    """The IDE needs no Python: the generated header is committed."""
-    tracked = run(
-        "git", "ls-files", "firmware/mrl_firmware/protocol.h", "firmware/PROTOCOL.md"
-    ).stdout.split()
-    assert len(tracked) == 2

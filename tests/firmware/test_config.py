@@ -54,11 +54,6 @@ def test_floats_that_are_no_id(bench, value):
     assert bench(eeprom=float_id(value)).ask("robot_info").args[4] == 0
 
 
-def test_all_zero(bench):
-    board = bench(eeprom=bytes(1024))
-    assert parameters(board) == parameter_store.defaults(0) and faults(board) & FAULT["eeprom"]
-
-
 @pytest.mark.parametrize("layout", [0, parameter_store.LAYOUT - 1, parameter_store.LAYOUT + 1])
 def test_other_layout(bench, layout):
     """Older and newer layouts are not read, even with a right check value."""
@@ -142,14 +137,6 @@ def test_values_outside_a_parameters_range_are_refused(bench, row):
     assert board.ask("read_config", row.number).args[1] == parameter_store.defaults(1)[row.number]
 
 
-def test_defaults_keep_the_id(bench):
-    board = bench()
-    board.send("write_config", 0, 5)
-    board.send("write_config", 1, 1)
-    assert board.ask("default_config").args == (1,)
-    assert parameters(board) == parameter_store.defaults(5)
-
-
 def test_defaults_are_in_force_at_once(bench):
     """The sonars' curve is computed from parameters when these change."""
     board = bench()
@@ -162,26 +149,6 @@ def test_defaults_are_in_force_at_once(bench):
 
 
 GEOMETRY, GAINS, RAMP, TIMEOUT = 0xEA, 0xF4, 0xEC, 0xF1
-
-
-@pytest.mark.parametrize(
-    "name, told",
-    [("axis_radius", [GEOMETRY]), ("encoder_counts", [GEOMETRY]), ("kp", [GAINS]), ("kd", [GAINS]),
-     ("ramp_time", [RAMP]), ("ramp_gain", [RAMP]), ("motor_timeout", [TIMEOUT]), ("linear_ceiling", []),
-     ("sonar_a", []), ("robot_id", [])],
-)  # fmt: skip
-def test_what_the_motor_board_is_told_of_a_change(bench, name, told):
-    """Only what changed: each of its EEPROM writes holds up moves."""
-    board = bench()
-    index = next(row.number for row in PARAMETERS if row.name == name)
-    board.send("write_config", index, 11, wait_s=0.1)
-    assert [data[0] for data in board.writes()] == told
-
-
-def test_gains_of_command_2_are_parameters(bench):
-    board = bench()
-    board.raw(b"@2,1,2,3e")
-    assert parameters(board)[5:8] == [1, 2, 3]
 
 
 WITH_MOTOR_BOARD = [each.name for each in models.driven_models() if not each.board.get("bridge")]

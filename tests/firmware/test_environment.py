@@ -48,17 +48,6 @@ def faults(board):
     return board.field("read_status", "faults")
 
 
-def test_alcohol_is_the_complement_of_the_count(board):
-    board.plant.environment.alcohol_count = 300
-    board.run(0.05)
-    assert board.ask("read_alcohol").args == (723,)
-
-
-def test_thermopile(board):
-    board.plant.environment.pixels_c = (20.0, 21.0, 22.0, 23.0, 39.0, 40.0, 10.0, 0.0)
-    assert board.ask("read_thermopile").args == (20, 21, 22, 23, 39, 40, 10, 0)
-
-
 def test_sensor_stream(board):
     """Right, left, alcohol, dust, hottest pixel."""
     board.plant.environment.pixels_c = (20.0,) * 7 + (55.0,)
@@ -66,18 +55,6 @@ def test_sensor_stream(board):
     board.forget()
     board.send("start_sensor_stream", 20, wait_s=0.3)
     assert board.frames()[-1].args == (7, -8, 123, 0, 55)
-
-
-def test_sensor_and_light_stream(board):
-    board.plant.environment.light_count = 77
-    board.run(0.05)
-    board.send("start_sensor_ldr_stream", 20, wait_s=0.3)
-    assert board.frames()[-1].args[5] == 77
-
-
-def test_compass_stream(board):
-    board.send("start_compass_stream", 20, wait_s=0.3)
-    assert board.frames()[-1].args == (90,)
 
 
 def test_counts_in_the_sensor_stream_are_fresh(board):
@@ -149,13 +126,6 @@ def test_motor_board_is_still_driven_while_sensors_are_read(board):
     for speed in range(100, 150):
         board.raw(b"@11,%d,0e" % speed, wait_s=0.005)
     assert [data[1:3] for data in board.writes(0xEB)] == [n.to_bytes(2, "big") for n in range(100, 150)]
-
-
-def test_sonars_are_not_there(board):
-    """The pins of the chain are left alone."""
-    board.run(1.0)
-    assert board.ask("read_sonars").args == (-1, -1, -1)
-    assert not {SONAR_POWER, SONAR_TRIGGER} & {pin for pin, _ in board.plant.pins}
 
 
 def test_heater_and_fan_are_on(board):

@@ -37,15 +37,6 @@ def test_link_watchdog_stops_in_time(bench, period_ms):
     assert period_ms * 1e-3 <= stopped_s - heard_s + TICK_S <= period_ms * 1e-3 + REACTION_S
 
 
-def test_link_watchdog_stops_once(bench):
-    board = bench()
-    board.send("set_watchdog", 50)
-    board.send("move_differential", 100, 0)
-    board.forget()
-    board.run(0.5)
-    assert board.writes() == [STOP] and stop_reason(board) == "link_watchdog"
-
-
 def test_link_watchdog_watches_again_after_it_has_stopped_the_motors(bench):
     board = bench()
     board.send("set_watchdog", 50)
@@ -53,28 +44,6 @@ def test_link_watchdog_watches_again_after_it_has_stopped_the_motors(bench):
         board.forget()
         board.send("move_differential", 100, 0, wait_s=0.1)
         assert board.writes()[-1] == STOP
-
-
-def test_link_watchdog_can_be_turned_off(bench):
-    board = bench()
-    board.send("set_watchdog", 50)
-    board.send("set_watchdog", 0)
-    board.forget()
-    board.run(0.5)
-    assert not board.writes()
-
-
-def test_any_valid_frame_feeds_the_watchdog(bench):
-    board = bench()
-    board.send("set_watchdog", 100)
-    board.forget()
-    for _ in range(10):
-        board.send("get_stream", wait_s=0.08)
-    assert not board.writes()
-
-
-def test_watchdog_answers_its_period(bench):
-    assert bench().ask("set_watchdog", 250).args == (250,)
 
 
 def test_watchdog_across_the_wrap_of_the_clock(bench):
@@ -91,27 +60,6 @@ def test_watchdog_across_the_wrap_of_the_clock(bench):
 # ---- check mode
 
 
-def test_check_mode_ends_after_two_silent_seconds_with_a_stop(bench):
-    board = bench()
-    board.check(True)
-    board.send("move_differential", 100, 0)
-    board.forget()
-    board.run(1.9)
-    before = board.writes()
-    board.run(0.2)
-    board.decoder.checked = False
-    assert (before, board.writes()) == ([], [STOP])
-    assert stop_reason(board) == "check_ended"
-
-
-def test_check_mode_lives_on_valid_frames(bench):
-    board = bench()
-    board.check(True)
-    for _ in range(4):
-        board.send("get_stream", wait_s=1.0)
-    assert board.ask("get_stream").args == (0,)
-
-
 # ---- stall
 
 
@@ -123,14 +71,6 @@ def test_after_a_stall_what_waited_is_dropped(bench):
     board.board.gap(board.board.now_s + 0.3, b"@11,100,0e")
     board.run(0.05)
     assert board.writes() == [STOP] and stop_reason(board) == "stall"
-
-
-def test_a_short_pause_drops_nothing(bench):
-    board = bench()
-    board.forget()
-    board.board.gap(board.board.now_s + 0.24, b"@11,100,0e")
-    board.run(0.05)
-    assert board.writes() == [b"\xeb\x00\x64\x00\x00"]
 
 
 def test_half_a_frame_from_before_a_stall_is_forgotten(bench):
@@ -152,12 +92,6 @@ def test_a_stall_is_not_silence_of_the_host(bench):
 
 
 # ---- boot
-
-
-def test_motors_are_stopped_first(bench):
-    board = bench(boot=False)
-    board.run(0.1)
-    assert board.writes()[0] == STOP and stop_reason(board) == "boot"
 
 
 def test_a_request_at_once_is_answered_at_once(bench):
@@ -217,16 +151,6 @@ def test_motor_board_that_vanishes_is_flagged_and_refused(bench):
     assert stop_reason(board) == "motor_board"
 
 
-def test_motor_board_that_comes_back_is_stopped_and_set_up(bench):
-    board = bench()
-    board.plant.motor_board.present = False
-    board.run(0.2)
-    board.forget()
-    board.plant.motor_board.present = True
-    board.run(0.2)
-    assert [data[0] for data in board.writes()] == [0xFC, 0xEA, 0xF4, 0xEC, 0xF1]
-
-
 def flap(board, times):
     """A loose wire: the motor board is there for 0.2 s, and gone for 0.2 s."""
     for _ in range(times):
@@ -256,15 +180,6 @@ def test_a_motor_board_that_was_steady_is_asked_for_quickly_again(bench):
     board.plant.motor_board.present = True
     board.run(0.1)
     assert board.writes(0xEA)
-
-
-def test_after_a_hang_the_bus_rests(bench):
-    """4 ms until it is taken for hung, 16 ms of rest, and the move that hung is sent again."""
-    board = bench()
-    board.board.hang_bus(True, recoveries=1)
-    asked_s = board.board.now_s
-    board.raw(b"@11,100,0e", wait_s=0.06)
-    assert asked_s + 0.020 <= board.write_times(0xEB)[0] <= asked_s + 0.023
 
 
 def test_fault_stays_until_it_is_read(bench):
@@ -322,12 +237,6 @@ def test_a_lost_motor_board_has_neither_voltage_nor_version(bench):
     assert board.ask("robot_info").args[:3] == (0, 0, 0)
 
 
-def test_a_stop_of_motors_that_stand_keeps_the_reason(bench):
-    board = bench()
-    board.send("stop")
-    assert stop_reason(board) == "boot"
-
-
 def test_a_stop_is_tried_again(bench):
     """A refusal on the bus, then it arrives; the motor board is not taken for lost."""
     board = bench()
@@ -366,15 +275,6 @@ def test_a_move_after_a_stop_is_tried_again(bench):
     refuse(board, 0xEB, 1)
     board.raw(b"@11,200,0e")
     assert board.writes(0xEB)[-1] == b"\xeb\x00\xc8\x00\x00"
-
-
-def test_refusals_of_two_moves_are_not_added_up(bench):
-    """Four in a row mean that the motor board is gone."""
-    board = bench()
-    for speed in (b"100", b"200"):
-        refuse(board, 0xEB, 3)
-        board.raw(b"@11," + speed + b",0e")
-    assert board.writes() == [b"\xeb\x00\x64\x00\x00", b"\xeb\x00\xc8\x00\x00"]
 
 
 def test_two_hangs_in_a_row_lose_the_motor_board(bench):

@@ -4,11 +4,10 @@ from typing import List
 
 import pytest
 
-from mrl_driver.protocol import Frame
 from mrl_driver.protocol.hold_text import HoldText
-from mrl_driver.protocol.table import BY_NAME, HOLD_MARK, HOLD_STATES, PARAMETER_BY_NAME
+from mrl_driver.protocol.table import BY_NAME, HOLD_STATES, PARAMETER_BY_NAME
 from tests.firmware.pc_board import XBEE
-from tests.firmware.test_failsafe import STOP, stop_reason
+from tests.firmware.test_failsafe import STOP
 from tests.firmware.test_xbee import packet
 
 SILENCE = 10
@@ -141,12 +140,6 @@ def test_a_newer_end_frees_the_robot(radio):
     assert radio.state() == "free"
 
 
-def test_an_older_end_frees_nothing(radio):
-    radio.hear((A, "hold", 7))
-    assert radio.say(A, "free", 6) == [HoldText("held", 7)]
-    assert (radio.state(), radio.asked("ignored")) == ("held", 1)
-
-
 def test_an_end_from_an_unknown_radio_is_answered_with_its_number(radio):
     assert radio.say(A, "free", 9) == [HoldText("freed", 9)]
     assert radio.asked("ignored") == 1
@@ -187,13 +180,6 @@ def test_a_radio_stays_known_while_places_are_left_that_nobody_used(radio):
     assert radio.say(A, "hold", 5) == [HoldText("freed", 5)]
 
 
-def test_a_radio_that_finds_no_place_is_ignored_each_time(radio):
-    for address in (A, B, C, D):
-        radio.hear((address, "hold", 1))
-    assert radio.say(E, "hold", 1) == radio.say(E, "hold", 2) == []
-    assert radio.asked("ignored") == 2
-
-
 def test_parameter_26_off_forgets_the_radios(radio):
     radio.hear((A, "hold", 5))
     write_silence(radio, 0)
@@ -204,12 +190,6 @@ def test_parameter_26_off_forgets_the_radios(radio):
 
 
 # ---- texts
-
-
-@pytest.mark.parametrize("text", [bytes((HOLD_MARK,)) + b"x12", bytes((HOLD_MARK,)) + b"h12", b"xH12", b"H"])
-def test_texts_that_are_not_hold_texts_reach_the_host(radio, text):
-    radio.hear_bytes(A, text, wait_s=0.05)
-    assert [frame.code for frame in radio.board.frames()] == [BY_NAME["xbee_text"].code]
 
 
 @pytest.mark.parametrize("kind", ["hold", "free"])
@@ -241,12 +221,6 @@ def test_a_repeated_hold_stops_again(radio):
     radio.board.forget()
     radio.hear((A, "hold", 1))
     assert radio.board.writes() == [STOP]
-
-
-def test_a_hold_is_the_reason_of_the_stop(radio):
-    radio.board.send("move_differential", 100, 0)
-    radio.hear((A, "hold", 1))
-    assert stop_reason(radio.board) == "held"
 
 
 # ---- refusals
@@ -353,14 +327,6 @@ def test_the_end_of_the_listening_is_told_once(start):
     assert radio.told() == ["free"]
 
 
-def test_silence_is_told_once(radio):
-    radio.hear((A, "hold", 1))
-    radio.asked("state")
-    radio.board.forget()
-    radio.board.run(2 * SILENCE_S)
-    assert radio.told() == ["silent"]
-
-
 def test_news_waits_while_eight_answers_do(radio):
     """It is sent after them, and no answer is lost for it."""
     radio.asked("state")
@@ -420,14 +386,6 @@ def test_a_release_leaves_those_that_speak(radio):
     assert (radio.state(), radio.asked("holders"), radio.named()) == ("held", 1, B)
 
 
-def test_a_released_radio_is_forgotten(radio):
-    """Its hold with the same number holds again."""
-    radio.hear((A, "hold", 5), wait_s=SILENCE_S + 0.05)
-    assert release(radio) == 0
-    radio.hear((A, "hold", 5))
-    assert (radio.state(), radio.asked("ignored")) == ("held", 0)
-
-
 def test_a_release_is_told(radio):
     radio.hear((A, "hold", 1), wait_s=SILENCE_S + 0.05)
     radio.asked("state")
@@ -445,19 +403,4 @@ def test_a_release_does_not_end_the_listening(start):
     assert radio.state() == "listening"
 
 
-def test_frames_are_frames(radio):
-    """A hold leaves the stream's frames whole."""
-    radio.board.send("start_stream", 20)
-    radio.board.forget()
-    radio.hear((A, "hold", 1), wait_s=0.1)
-    assert radio.board.events and all(isinstance(event, Frame) for event in radio.board.events)
-
-
 # ---- builds without a radio
-
-
-@pytest.mark.parametrize("name", ["read_radio", "release_hold"])
-def test_a_board_without_a_radio_refuses(bench, name):
-    board = bench()
-    board.send(name)
-    assert board.counter("unavailable") == 1

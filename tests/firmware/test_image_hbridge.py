@@ -12,7 +12,6 @@ from mrl_driver.protocol.table import (
     BY_NAME,
     FAULTS,
     PARAMETER_BY_NAME,
-    RESET_CAUSES,
     STOP_REASONS,
     WIRING,
 )
@@ -39,7 +38,6 @@ FIRST_INSTRUCTIONS = 100  # cycles from a reset until the outputs are held
 SAMPLE_S = 78 * 64e-6
 MOST_EDGES = 250  # of one encoder between two samples
 STORM_S = 1.6e-3  # 250 edges without a pause, the pass of the loop that they interrupt, and the stop
-UNDERVOLTAGE_V = 9.0
 CONVERTER_READINGS = 300  # 20 s
 
 
@@ -189,22 +187,7 @@ def test_a_reset_in_motion_leaves_the_outputs_low(board, restart):
     assert board.rises() == []
 
 
-def test_a_brown_out_is_told_as_such(board):
-    board.machine.brown_out()
-    board.boot()
-    assert RESET_CAUSES[board.status()["reset_cause"]] == "brown_out"
-
-
 # ---- bridge or wiring not set
-
-
-@pytest.mark.parametrize("move", MOVES)
-@pytest.mark.parametrize("missing", ["bridge", "wiring"])
-def test_without_bridge_or_wiring_every_move_is_refused(blank, missing, move):
-    """And the fault says why; there is no default wiring."""
-    blank.boot().configure(**{missing: 0})
-    blank.say(move, 0.3)
-    assert (blank.rises(), "wiring" in blank.faults) == ([], True)
 
 
 @pytest.mark.parametrize("move", MOVES)
@@ -347,18 +330,6 @@ def test_an_oscillating_line_delays_no_stop(board):
     assert board.machine.pin_changes()[-1].cycle - end < 1e-3 * HZ
 
 
-def test_a_masked_encoder_counts_again_after_the_next_move(board):
-    """The wire was mended."""
-    board.say(HALF_DUTY)
-    board.oscillate(LEFT_A, 500e3, 0.02)
-    board.run(0.05)
-    board.say(b"@13e")
-    before = board.counts()[0]
-    board.say(b"@10,1,1e")
-    board.turn((LEFT_A, LEFT_B), 100, 10_000)
-    assert abs(board.counts()[0] - before) == 100
-
-
 def test_open_encoder_lines_are_pulled_up(board):
     """Encoders with open collectors need it."""
     pulled_up = {pin for pin in ENCODERS if board.machine.peek(PORT[pin < 8])[0] >> pin % 8 & 1}
@@ -409,19 +380,6 @@ def test_full_duty_is_a_constant_level(board, name):
 
 
 # ---- battery
-
-
-def test_a_low_battery_stops_the_robot(board):
-    """Through a divider of 3 : 1, at 9 V."""
-    volts = [12.0]
-    board.machine.adc_volts = lambda channel, time_s: volts[0] / 3 if channel == BATTERY_CHANNEL else 1.0
-    board.configure(battery_divider=3000, undervoltage=int(UNDERVOLTAGE_V * 100))
-    board.run(0.3)
-    board.say(HALF_DUTY, 0.3)
-    assert board.duties()[LEFT[0]] > 0.1
-    volts[0] = UNDERVOLTAGE_V - 0.1
-    board.run(0.3)
-    assert board.stop_reason == "undervoltage"
 
 
 def test_battery_and_sonars_share_the_converter(board):

@@ -5,7 +5,7 @@ import pytest
 from mrl_driver.protocol import REPLIES, FrameDecoder
 from sim_arduino.avr.machine import AvrMachine
 from tests.conformance.bench import FIRMWARE
-from tests.firmware.imu_chip import GYRO_DATA, ImuChip
+from tests.firmware.imu_chip import ImuChip
 from tests.long.bench import firmware_measures as measures
 from tests.long.bench.firmware_board import Rig, request
 
@@ -15,8 +15,6 @@ PERIOD_MS = 10
 WIRE_USE, IMU_HZ = 0.97, 99.0
 STOP_US, MOVE_US, IDLE_MOVE_US = 600.0, 700.0, 350.0
 ENCODERS = 0xD8
-READ_US = 400.0
-"""From the read of the counters to that of the gyro."""
 
 
 @pytest.mark.parametrize("build", BUILDS)
@@ -60,15 +58,3 @@ def test_a_command_on_an_idle_line_does_not_wait_for_a_reading():
     delays_us = measures.command_delays_us(rig, b"@11,500,-800e", measures.MOVE, 100)
     rig.close()
     assert max(delays_us) <= IDLE_MOVE_US
-
-
-def test_its_readings_follow_those_of_the_counters_in_a_stream_with_a_period():
-    rig = Rig(FIRMWARE).fit_imu(PERIOD_MS).settle()
-    rig.machine.send(request("start_stream", 2 * PERIOD_MS))
-    rig.run(0.1)
-    rig.forget()
-    rig.run(0.5)
-    counts, gyro = ([one.cycle for one in rig.writes(code)] for code in (ENCODERS, GYRO_DATA))
-    rig.close()
-    gaps_us = [rig.microseconds(min(at for at in gyro if at > count) - count) for count in counts[:-1]]
-    assert len(gyro) == pytest.approx(2 * len(counts), abs=1) and max(gaps_us) < READ_US

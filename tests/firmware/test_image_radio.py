@@ -9,9 +9,7 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.robot import models
 from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.hardware.xbee import BROADCAST, RadioFit
-from sim_arduino.hardware.xbee_packets import packet
-from sim_arduino.world.radio import DISCOVERY_S
+from sim_arduino.hardware.xbee import RadioFit
 from sim_arduino.world.world import World
 from tests.firmware.test_xbee import words
 
@@ -81,27 +79,3 @@ def test_text_takes_the_time_of_two_lines_and_the_air(pair):
     lines_s = (SENT_BYTES + RECEIVED_BYTES) * BYTES_S
     took_s = pair.next_frame()[0] - start_s
     assert lines_s < took_s < lines_s + REST_S
-
-
-def test_broadcast_comes_to_the_other(pair):
-    pair.run(0.1)
-    pair.send(1, words(BROADCAST.to_bytes(8, "big"))[1:], b"all")
-    _, number, frame = pair.next_frame()
-    assert (number, frame) == (0, Frame(39, (*pair.words(1), *words(b"all"))))
-
-
-def test_search_finds_the_other(pair):
-    pair.run(0.1)
-    pair.boards[0].receive(b"@40e")
-    _, number, frame = pair.next_frame(DISCOVERY_S + 1.0, 0.1)
-    assert (number, frame.code, frame.args[:4]) == (0, 40, pair.words(1))
-
-
-def test_a_text_of_84_bytes_comes_in_pieces(pair):
-    """The module of one robot sends it, as that of a base station could."""
-    pair.run(0.1)
-    text = bytes(range(84))
-    data = b"\x10\x01" + pair.plants[1].xbee.station.address.to_bytes(8, "big") + b"\xff\xfe\0\0" + text
-    pair.plants[0].xbee.receive(packet(data), pair.now_s)
-    pieces = [frame.args[4:] for _, _, frame in pair.run(0.2)]
-    assert pieces == [words(text[i : i + 16]) for i in range(0, 84, 16)]

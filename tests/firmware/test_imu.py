@@ -14,7 +14,7 @@ from tests.firmware.imu_chip import (
     SETTLED_S,
     ImuChip,
 )
-from tests.firmware.pc_board import BRIDGE, ENVIRONMENT, SONARS
+from tests.firmware.pc_board import BRIDGE, SONARS
 
 CAPABILITY = 1 << [name for name, _ in CAPABILITIES].index("imu")
 FAULT = 1 << [name for name, _ in FAULTS].index("imu")
@@ -89,27 +89,11 @@ def test_other_chips_are_left_alone(fitted, who_am_i):
     assert not capabilities(board) & CAPABILITY and board.chip.registers == before
 
 
-def test_the_environment_build_leaves_the_thermopiles_address_alone(fitted):
-    board = fitted(HIGH, library=ENVIRONMENT, sonars=False)
-    board.run(LOST_S)
-    assert capabilities(board) & CAPABILITY
-    assert LOW not in {address for _, _, address, _ in board.board.transfers}
-
-
 def test_a_request_at_the_start_waits_for_the_search(bench):
     """A host that greets the board in its first millisecond must not take it for one without an IMU."""
     board = bench(boot=False)
     board.plant.i2c[HIGH] = ImuChip()
     assert capabilities(board) & CAPABILITY
-
-
-def test_a_board_without_a_chip_says_so(bench):
-    board = bench()
-    board.send("read_imu")
-    board.send("start_imu_stream", 10)
-    board.send("stop_imu_stream")
-    assert not board.frames() and board.counter("unavailable") == 2
-    assert not capabilities(board) & CAPABILITY and not faults(board)
 
 
 def test_a_chip_fitted_later_is_found(bench):
@@ -136,11 +120,6 @@ def test_nothing_is_sent_before_the_gyro_has_settled(bench):
     assert {frame.args for frame in board.frames()} == {chip.gyro + chip.accel}
 
 
-def test_stream_has_its_period(board):
-    board.send("start_imu_stream", 20, wait_s=1.0)
-    assert len(imu_frames(board)) == pytest.approx(50, abs=1)
-
-
 def test_board_time_is_that_of_the_gyros_read(board):
     board.check(True)
     board.forget()
@@ -162,14 +141,6 @@ def both(board):
     return board
 
 
-def test_both_streams_have_their_rates_and_one_sequence(both):
-    both.run(1.0)
-    codes = [frame.code for frame in both.frames()]
-    assert (codes.count(8), codes.count(46)) == pytest.approx((50, 100), abs=1)
-    sequence = [frame.stamp.sequence for frame in both.frames()]
-    assert sequence == list(range(sequence[0], sequence[0] + len(sequence)))
-
-
 @pytest.mark.parametrize("last", [("start_imu_stream", 10), ("start_stream", 20)])
 @pytest.mark.parametrize("phase_ms", [1, 4, 7])
 def test_the_imu_is_read_directly_after_the_counters(both, last, phase_ms):
@@ -181,16 +152,6 @@ def test_the_imu_is_read_directly_after_the_counters(both, last, phase_ms):
     counts = both.write_times(ENCODERS)
     after = [min(t - at for t in both.write_times(GYRO_DATA) if t > at) for at in counts[:-1]]
     assert max(after) < READ_S
-
-
-@pytest.mark.parametrize("period_ms", [10, 13, 20])
-def test_the_imu_does_not_delay_the_counters(both, period_ms):
-    both.send("start_imu_stream", period_ms, wait_s=0.1)
-    both.forget()
-    both.run(1.0)
-    times = both.write_times(ENCODERS)
-    gaps = [later - earlier for earlier, later in zip(times, times[1:])]
-    assert max(gaps) - min(gaps) < 300e-6
 
 
 def test_the_imu_gets_its_turn_in_a_full_stream(both):
@@ -246,14 +207,6 @@ def test_answers_go_before_an_imu_frame(board):
     assert codes.count(46) == 1 and codes[-1] == 46 and len(codes) > 10
 
 
-@pytest.mark.parametrize("end, left", [("stop_stream", {46}), ("stop_imu_stream", {8})])
-def test_each_stream_ends_alone(both, end, left):
-    both.send(end)
-    both.forget()
-    both.run(0.2)
-    assert {frame.code for frame in both.frames()} == left
-
-
 def test_the_stream_of_encoders_alone_is_reported(board):
     board.send("start_imu_stream", 1000)
     assert board.ask("get_stream").args == (0,)
@@ -278,46 +231,10 @@ def test_what_was_read_for_a_frame_that_was_not_sent_is_forgotten(both, request_
 # ---- losses
 
 
-def test_a_chip_that_vanishes_is_a_fault_and_sends_nothing(board):
-    board.send("start_imu_stream", 20)
-    board.chip.present = False
-    board.run(0.05)
-    board.forget()
-    board.run(1.0)
-    board.send("read_imu")
-    assert not board.frames() and board.counter("unavailable") == 1
-    assert faults(board) & FAULT and capabilities(board) & CAPABILITY
-
-
 def test_a_chip_that_vanishes_without_a_stream_is_a_fault(board):
     board.chip.present = False
     board.run(LOST_S)
     assert faults(board) & FAULT
-
-
-def test_a_chip_that_comes_back_is_used_again(board):
-    board.send("start_imu_stream", 20)
-    board.chip.present = False
-    board.run(2.0)
-    board.chip.power_cycle()
-    board.chip.present = True
-    board.run(LOST_S)
-    faults(board)
-    board.forget()
-    board.run(1.0)
-    assert len(imu_frames(board)) == pytest.approx(50, abs=1) and not faults(board) & FAULT
-
-
-@pytest.mark.parametrize("who_am_i", [MPU_6050, MPU_6500])
-def test_a_loss_of_power_is_noticed_at_the_next_reading(fitted, who_am_i):
-    """What the chip measures before it is set up again is nonsense; none of it is sent."""
-    board = fitted(who_am_i=who_am_i)
-    board.send("start_imu_stream", 20, wait_s=0.1)
-    board.chip.power_cycle()
-    lost_s = board.board.now_s
-    board.run(0.2)
-    assert {frame.args for frame in board.frames()} == {board.chip.gyro + board.chip.accel}
-    assert lost_s < board.chip.set_up_s < lost_s + 0.03
 
 
 def test_a_loss_of_power_without_a_stream_is_noticed_within_a_second(board):
@@ -334,15 +251,6 @@ def test_one_read_that_fails_costs_the_time_of_a_set_up(board):
     board.forget()
     board.run(1.0)
     assert len(imu_frames(board)) >= 100 - (SETTLED_S + 0.03) * 100
-
-
-def test_the_robot_drives_on_without_it(board):
-    board.send("start_imu_stream", 10)
-    board.send("move_differential", 100, 0)
-    board.chip.present = False
-    board.forget()
-    board.run(1.0)
-    assert not board.writes(STOP) and board.field("read_status", "stop_reason") == 0
 
 
 def test_a_bus_that_hangs_does_not_hold_up_answers(fitted):

@@ -46,14 +46,6 @@ def test_the_motor_board_is_polled_in_time(bench, begun, period_s):
     assert gaps == pytest.approx([period_s] * len(gaps), abs=HALF_MS)
 
 
-def test_a_motor_board_that_is_missing_at_the_start_is_asked_for_every_48_ms(bench):
-    board, asked_s = bench(boot=False), []
-    board.board.nack = lambda address, data: address == 0x18 and not asked_s.append(board.board.now_s)
-    board.run(0.5)
-    asked_s = sorted(set(asked_s))
-    assert len(asked_s) == pytest.approx(0.5 / 0.0482, abs=1)
-
-
 def test_a_stall_is_longer_than_250_ms(bench):
     """A gap of exactly as many ticks is none; in one phase of four a tick more passes."""
     dropped = []

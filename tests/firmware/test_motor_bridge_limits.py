@@ -11,7 +11,6 @@ from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import (
     BRIDGES,
     BY_NAME,
-    CAPABILITIES,
     PARAMETER_BY_NAME,
     STOP_REASONS,
     TICK_S,
@@ -555,11 +554,3 @@ def test_the_right_wheel_is_served_although_the_left_one_rests(pins):
 
 
 # ---- replies
-
-
-def test_the_capabilities_of_a_bridge_are_named(pins):
-    with_battery = pins(**{**STRONG, "battery_divider": 4000}).field("read_protocol", "capabilities")
-    without = pins(**STRONG).field("read_protocol", "capabilities")
-    names = [name for bit, (name, _) in enumerate(CAPABILITIES) if without >> bit & 1]
-    assert set(names) >= {"bridge", "no_temperature", "no_battery"} and "omni" not in names
-    assert without - with_battery == 1 << [name for name, _ in CAPABILITIES].index("no_battery")

@@ -108,11 +108,3 @@ def test_a_reading_is_never_older_than_one_cycle(bench):
     plant.counts = [0, 1023, 0]
     board.run(0.35)
     assert board.ask("read_sonars").args == (-1, -1, -1)
-
-
-def test_parameters_change_the_curve(bench):
-    """The fault of 2013, 1.767, reads 50 % long."""
-    board = bench(plant=Wired([307, 100, 100]))
-    board.send("write_config", 13, 17670)
-    board.run(1.0)
-    assert board.ask("read_sonars").args[FRONT] == pytest.approx(1.5 * 266, abs=3)

@@ -9,15 +9,6 @@ PASS_S = 16e-6
 BYTE_S = 85e-6
 
 
-@pytest.mark.parametrize("period_ms", [5, 20, 33, 100])
-def test_period(bench, period_ms):
-    board = bench()
-    board.send("start_stream", period_ms, wait_s=0.05)
-    board.forget()
-    board.run(2.0)
-    assert len(board.frames()) == pytest.approx(2000 / period_ms, abs=1)
-
-
 def test_period_longer_than_the_clock(bench):
     """10 s are more than the 4.19 s of the 16-bit clock."""
     board = bench()
@@ -49,20 +40,6 @@ def test_a_pause_is_not_made_up_for(bench):
     board.forget()
     board.run(0.1)
     assert len(board.frames()) <= 6
-
-
-def test_full_rate_leaves_no_gap_on_the_wire(bench):
-    board = bench()
-    board.send("start_stream", wait_s=0.1)
-    board.forget()
-    board.run(1.0)
-    assert len(board.heard) * BYTE_S >= 0.97
-
-
-def test_answers_come_between_stream_frames(bench):
-    board = bench()
-    board.send("start_stream", wait_s=0.05)
-    assert board.ask("read_protocol").args[0] == 2
 
 
 def test_counters_are_read_when_what_waits_before_their_frame_is_nearly_sent(bench):
@@ -143,16 +120,6 @@ def test_board_time_wraps(bench):
     board.send("start_stream", 10, wait_s=0.1)
     times = [frame.stamp.time for frame in board.frames() if frame.stamp]
     assert len(times) > 5 and all(time < 0 for time in times) and times == sorted(times)
-
-
-def test_checked_stream_uses_the_wire(bench):
-    board = bench()
-    board.check(True)
-    board.send("start_stream", wait_s=0.1)
-    board.forget()
-    board.run(0.5)
-    assert len(board.heard) * BYTE_S >= 0.97 * 0.5
-    assert all(isinstance(event, Frame) for event in board.events[1:])
 
 
 def test_reply_to_set_check_comes_in_the_state_it_reports(bench):

@@ -63,14 +63,6 @@ def test_texts_that_leave_no_room_for_a_frame_do_not_cut_it(bench, fill):
     assert b"[INFO] s" not in texts and b"[ERROR] u" not in texts
 
 
-def test_the_stamps_of_checked_frames_count_up_by_one(bench):
-    board = bench()
-    board.check(True)
-    board.send("start_stream", 20, wait_s=0.3)
-    numbers = [frame.stamp.sequence for frame in board.frames() if frame.stamp]
-    assert len(numbers) > 10 and numbers == list(range(numbers[0], numbers[0] + len(numbers)))
-
-
 LOW_ADDRESS, LOW_TEXT = b"\x80\0" * 4, b"\x80\0" * 7
 
 

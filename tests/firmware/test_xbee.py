@@ -3,7 +3,6 @@
 import pytest
 
 from mrl_driver.protocol import Frame
-from mrl_driver.protocol.table import CAPABILITIES
 from tests.firmware.pc_board import XBEE
 
 ADDRESS = bytes.fromhex("0013a20040a1b2c3")
@@ -144,15 +143,3 @@ def test_discovery(radio):
 def test_failed_discovery_is_no_node(radio):
     radio.hear(node(status=1), wait_s=0.1)
     assert radio.frames() == []
-
-
-def test_capability(radio):
-    bit = [name for name, _ in CAPABILITIES].index("xbee")
-    assert radio.field("read_protocol", "capabilities") & 1 << bit
-
-
-def test_other_builds_refuse(bench):
-    board = bench()
-    board.send(SEND, *ADDRESS_WORDS, *words(b"a"))
-    board.send(DISCOVER)
-    assert board.counter("unavailable") == 2

@@ -6,7 +6,6 @@ from mrl_driver.protocol import REPLIES, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard, parameter_store, registry
-from sim_arduino.board import python_board as board_module
 from sim_arduino.board.parameter_store import Config
 from sim_arduino.board.uart import IN_BYTE_S, OUT_BYTE_S
 from sim_arduino.hardware.wiring import Plant
@@ -85,34 +84,6 @@ def test_a_fast_line_waits_for_what_it_has_to_tell(code, rate_hz):
     assert board.advance(1.7).count(b"\n") / 0.5 == pytest.approx(rate_hz, rel=0.06)
 
 
-def test_a_flood_is_bounded():
-    """A second of requests at line rate: no more answers wait than there is room for."""
-    board = awake()
-    for i in range(100):
-        board.receive(b"@5e" * 38)
-        board.advance(1.0 + (i + 1) / 100)
-    waiting = board.advance(3.0).count(b"\n")
-    assert 0 < waiting <= 2 * board_module.ANSWERS, "beside those that wait, the line's own buffer has some"
-    assert board.health.counters["overrun"] > 0
-
-
-def test_garbage_at_line_rate_leaves_the_stream_alone():
-    board = awake()
-    board.receive(b"@18,20e")
-    board.advance(1.1)
-    out = b""
-    for i in range(100):
-        board.receive(b"\x80@9e," * 23)
-        out += board.advance(1.1 + (i + 1) / 100)
-    assert len(FrameDecoder(REPLIES).feed(out)) == pytest.approx(50, abs=1)
-
-
-def test_short_gap_loses_nothing():
-    board = awake()
-    board.gap(1.2, b"@15e")
-    assert board.advance(1.3) == b"@15,0e\r\n"
-
-
 @pytest.mark.parametrize(
     ("image", "robot_id", "axis_radius", "sound"),
     [
@@ -137,14 +108,3 @@ def test_every_damaged_byte_is_noticed():
         return Config(eeprom).sound
 
     assert [place for place in IMAGE_BYTES if sound(place)] == []
-
-
-def test_inputs_count_for_nothing_before_a_sonars_first_reading():
-    """Whatever the pins show: the sensors are ready 100 ms after one another."""
-    board = PythonBoard(Plant(TRAXBOT))
-    board.plant.adc_volts = lambda channel, time_s: 1.0
-    ready = []
-    for tenth in (3, 4, 5, 6):
-        board.advance(tenth / 10)
-        ready.append([value > 0 for value in board.sonars.values(board.now_s)])
-    assert ready == [[False] * 3, [True, False, False], [True, True, False], [True] * 3]

@@ -55,12 +55,6 @@ def test_board_does_not_wait_for_a_host_that_stays(ending):
     assert server.stopped
 
 
-def test_second_signal_ends_at_once(ending):
-    shutdown, _, server = ending
-    shutdown.end(server)
-    assert server.stopped
-
-
 @pytest.mark.parametrize(
     ("option", "value", "said"),
     [
@@ -76,14 +70,6 @@ def test_wrong_option_costs_one_line(capsys, tmp_path, option, value, said):
     told = capsys.readouterr().err
     assert told.startswith(f"sim_board: {said}") and told.count("\n") == 1
     assert not (tmp_path / "port").is_symlink()
-
-
-def test_name_that_is_taken_costs_one_line(capsys, tmp_path):
-    """A file that is not a link stays."""
-    (tmp_path / "port").write_text("mine")
-    assert main(["--link", str(tmp_path / "port")]) == 2
-    assert capsys.readouterr().err.startswith("sim_board: link ")
-    assert (tmp_path / "port").read_text() == "mine"
 
 
 PROGRAM = "import sys; from sim_arduino.serve.minimal import main; sys.exit(main(sys.argv[1:]))"

@@ -6,7 +6,7 @@ import pytest
 
 from mrl_driver.errors import ConfigError, SimulatorError
 from mrl_driver.protocol.table import BRIDGES as NAMES
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
+from mrl_driver.protocol.table import WIRING
 from mrl_driver.robot.models import load
 from sim_arduino.board.bridge_wires import BridgeWires
 from sim_arduino.hardware.bridge import BRIDGES, Shares
@@ -60,14 +60,6 @@ def test_the_encoders_count_what_the_wheels_turned():
     assert expected[0] > 1000 and expected[1] < -1000
 
 
-def test_edges_do_not_depend_on_the_length_of_the_steps():
-    one, many = plant_of(), plant_of()
-    whole = drive(one, 1, 1, 0.2)
-    pieces = [edge for _ in range(200) for edge in drive(many, 1, 1, 1e-3)]
-    assert whole and [edge[1:] for edge in pieces] == [edge[1:] for edge in whole]
-    assert [edge.time_s for edge in pieces] == pytest.approx([edge.time_s for edge in whole], abs=1e-8)
-
-
 @pytest.mark.parametrize(
     ("wires", "driven", "turned", "counted"),
     [
@@ -89,19 +81,6 @@ def test_cables_lead_outputs_to_wheels_and_encoders_to_inputs(wires, driven, tur
     assert edges == sorted(edges)
 
 
-def test_a_single_channel_has_edges_on_channel_a_only():
-    plant = plant_of("single_channel")
-    assert {edge.pin for edge in drive(plant, 1, 1)} == {2, 8}
-
-
-def test_a_phase_error_delays_channel_b():
-    """By a fifth of a count at the wheel's speed."""
-    exact, late = (drive(plant_of(errors=Errors(encoder_phase=phase)), 1, 0, 0.3) for phase in (0.0, 0.2))
-    ahead, behind = ([edge.time_s for edge in edges if edge.pin == 4][-1] for edges in (exact, late))
-    counts_s = len(exact) / 0.3
-    assert 0.05 / counts_s < behind - ahead < 0.4 / counts_s
-
-
 def test_a_blocked_wheel_stands_still_and_draws_the_stall_current():
     """Both motors at stall: 2 x 12.6 V / 10.5 Ohm through 0.1 Ohm."""
     plant = plant_of()
@@ -111,22 +90,6 @@ def test_a_blocked_wheel_stands_still_and_draws_the_stall_current():
     assert drive(plant, 1, 1) == []
     stall_a = 2 * plant.bridge.battery_v / 10.5
     assert rest_v - plant.bridge.battery_v == pytest.approx(0.1 * stall_a, abs=0.01)
-
-
-def test_off_pulls_all_wires_low():
-    plant = plant_of()
-    drive(plant, 1, 1)
-    plant.bridge.off(plant.bridge.time_s)
-    assert all(plant.bridge.motor(wheel).shares.coast == 1.0 for wheel in (0, 1))
-
-
-def test_the_divider_brings_the_battery_to_a3():
-    plant = plant_of(battery_v=11.0)
-    assert plant.adc_volts(3, 0.0) == pytest.approx(11.0 / 4.0)
-
-
-def test_without_a_divider_a3_is_at_ground():
-    assert Plant(bridged(battery_divider=0)).adc_volts(3, 0.0) == 0.0
 
 
 def test_a_smaller_wheel_counts_the_same_and_goes_less_far():
@@ -175,22 +138,9 @@ def bridge(name):
     return BRIDGES[NAMES.index(name)]
 
 
-def test_every_value_of_the_parameter_has_a_bridge():
-    row = PARAMETER_BY_NAME["bridge"]
-    assert sorted(BRIDGES) == list(range(row.low + 1, row.high + 1))
-
-
 @pytest.mark.parametrize("name", TABLES)
 def test_the_states_are_those_of_the_data_sheet(name):
     assert [bridge(name).state(levels).value for levels in LEVELS] == TABLES[name].split()
-
-
-@pytest.mark.parametrize("name", TABLES)
-def test_the_shares_of_constant_levels_are_the_state(name):
-    for levels in LEVELS:
-        shares = bridge(name).shares(*map(float, levels))
-        assert getattr(shares, bridge(name).state(levels).value) == 1.0
-        assert sum(shares) == 1.0
 
 
 WITH_INPUT = ("vnh5019", "l298n", "tb6612")
@@ -257,11 +207,6 @@ def full(chip):
     chip.duties = {5: 1.0, 6: 1.0, 7: 0.0, 11: 1.0, 3: 1.0, 9: 0.0}
 
 
-def test_the_chip_sees_the_encoders_levels_from_the_start(rig):
-    chip, plant, _ = rig
-    assert chip.levels == plant.bridge.levels
-
-
 def test_the_motors_get_the_shares_of_the_slice_before(rig):
     """Outputs that rise in the first slice drive the motors from its end on."""
     chip, plant, wires = rig
@@ -316,11 +261,3 @@ def test_slices_do_not_depend_on_how_the_engine_is_called():
         wires.run(250 * MS, chip.run_until)
         ends.append((plant.bridge.motor(0).travel, len(chip.edges)))
     assert ends[0] == ends[1] == ends[2]
-
-
-def test_a_stalled_chip_goes_on_driving(rig):
-    """Its timers run on, so its outputs keep their duties."""
-    chip, plant, wires = rig
-    full(chip)
-    wires.run(200 * MS, lambda cycle: chip.passed(cycle - chip.cycle))
-    assert plant.bridge.motor(0).speed > 1000.0

@@ -5,7 +5,6 @@ import pytest
 from mrl_driver.protocol import REPLIES, FrameDecoder
 from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.bridge.battery_input import CONVERSIONS, PERIOD_S, BatteryInput
-from sim_arduino.board.bridge.wheel_settings import FULL, settings_of
 from sim_arduino.board.bridge_control import MISSED_KICK_S
 from sim_arduino.board.parameter_store import Config
 from sim_arduino.hardware.wiring import Plant
@@ -51,25 +50,6 @@ def test_counts_go_on_while_the_program_stands_still(driving):
     driving.receive(b"@6e")
     (reply,) = FrameDecoder(REPLIES).feed(driving.advance(11.0))
     assert reply.args[1] * DUO.drive.metres_per_count == pytest.approx(driving.plant.true_pose.x_m, abs=1e-3)
-
-
-@pytest.mark.parametrize(
-    "changed",
-    [
-        {"gearbox": 1, "encoder_counts": 100},
-        {"gearbox": 32767, "encoder_counts": 32767},
-        {"full_speed": 1000, "gearbox": 1000},
-        {"full_speed": 1, "wheel_radius": 100},
-    ],
-)
-def test_numbers_that_cannot_be_controlled_are_no_settings(changed):
-    assert settings_of(config(**changed)) is None
-
-
-def test_full_speed_is_that_of_the_parameters():
-    """170/min on 65 mm wheels."""
-    settings = settings_of(config())
-    assert FULL * 256 / settings.share_per_mm_s_q8 == pytest.approx(578.6, rel=0.001)
 
 
 def test_the_battery_is_the_mean_of_16_conversions():

@@ -11,7 +11,6 @@ import pytest
 import yaml
 
 from mrl_driver.robot import models
-from sim_arduino.serve import main
 from tests.waiting import PATIENCE_S, wait_until
 
 from .simulator import Client, Simulator
@@ -27,12 +26,6 @@ def fail(*options):
     )
     assert done.stdout == ""
     return done.returncode, done.stderr
-
-
-@pytest.mark.parametrize(("option", "words"), [("-h", "Usage: mrl-sim "), ("--version", "mrl-sim, version ")])
-def test_options_that_mrl_has_too(capsys, option, words):
-    main.main([option], prog_name="mrl-sim")
-    assert capsys.readouterr().out.startswith(words)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
@@ -65,14 +58,6 @@ def test_options_of_the_board(options, answer):
         assert client.ask(b"@29e" if answer.startswith(b"@29") else b"@5e") == answer
 
 
-def test_world_and_pose(tmp_path):
-    """A wall 2.1 m ahead of where the robot stands: 2 m from the front sonar."""
-    world = tmp_path / "world.yaml"
-    world.write_text("walls: [[-9, 3.1, 9, 3.1]]")
-    with Simulator("--world", str(world), "--pose", "0,1,90") as simulator, Client(simulator.path) as client:
-        assert client.ask_until(b"@7e", b"@7,200,")
-
-
 def test_truth_tells_the_pose(tmp_path):
     truth = tmp_path / "truth.jsonl"
     with Simulator("--pose", "1,1.5,90", "--truth", str(truth)) as simulator:
@@ -91,18 +76,6 @@ def test_log_holds_both_directions(tmp_path):
         simulator.end()
     rows = [json.loads(line) for line in log.read_text().splitlines()]
     assert [(row["from"], row["bytes"]) for row in rows] == [("host", "@15e"), ("board", "@15,0e\r\n")]
-
-
-def test_runs_with_its_stdout_closed(tmp_path):
-    """As a service may start it; the link tells where."""
-    link = tmp_path / "ttyTRAX0"
-    command = 'exec "$@" >&-', "sh", sys.executable, "-m", "sim_arduino.serve.main", "--link", str(link)
-    process = subprocess.Popen(["sh", "-c", *command], stderr=subprocess.PIPE, text=True)
-    wait_until(lambda: os.path.lexists(link) or process.poll() is not None)
-    with Client(str(link)) as client:
-        assert client.ask(b"@15e") == b"@15,0e\r\n"
-    process.terminate()
-    assert (process.communicate(timeout=PATIENCE_S)[1], process.returncode) == ("", 0)
 
 
 def test_survives_programs_that_die_and_come_back():
@@ -126,17 +99,6 @@ def test_survives_a_program_that_floods_and_never_reads():
                 time.sleep(0.01)
         client.read_until_quiet()
         assert client.ask(b"\r\n@15e") == b"@15,0e\r\n"
-
-
-def test_opening_resets_the_board_only_if_asked():
-    with Simulator() as simulator:
-        for _ in range(2):
-            with Client(simulator.path) as client:
-                client.ask(b"@15e")
-                client.send(b"@16,1e")
-        with Client(simulator.path) as client:
-            client.send(b"@15e")
-            client.read_until(b"@15,1e")
 
 
 def test_opening_resets_the_board():

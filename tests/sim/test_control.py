@@ -39,24 +39,10 @@ def test_an_unplugged_port_hangs_up_and_returns_under_another_name(tmp_path):
             assert client.ask(b"@15e") == b"@15,0e\r\n"
 
 
-def test_an_order_to_reset_is_seen_in_the_status():
-    with Simulator("--control") as simulator, Client(simulator.path) as client:
-        assert client.ask(b"@30e").startswith(b"@30,0,0,1,")
-        simulator.order("reset")
-        client.ask_until(b"@30e", b"@30,0,0,2,")
-
-
 def test_a_wrong_order_is_answered_in_one_line_and_changes_nothing():
     with Simulator("--control") as simulator, Client(simulator.path) as client:
         simulator.order("explode")
         assert "order 'explode' is unknown, expected one of: unplug" in simulator.process.stderr.readline()
-        assert client.ask(b"@15e") == b"@15,0e\r\n"
-
-
-def test_orders_may_end_without_ending_the_board():
-    with Simulator("--control") as simulator, Client(simulator.path) as client:
-        simulator.process.stdin.close()
-        simulator.process.stdin = None
         assert client.ask(b"@15e") == b"@15,0e\r\n"
 
 

@@ -10,12 +10,9 @@ from hypothesis import strategies as st
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.protocol.table import STOP_CODE
-from mrl_driver.robot.models import load
-from sim_arduino.board import PythonBoard
-from sim_arduino.faults.fault_table import FAULTS, parse, usage
+from sim_arduino.faults.fault_table import FAULTS, parse
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.faults.schedule import Window
-from sim_arduino.hardware.wiring import Plant
 
 PLENTY = bytes(range(256)) * 400
 INSTANT = ("loss", "flip", "change", "repeat", "swap")
@@ -73,11 +70,6 @@ def test_a_flip_changes_one_bit():
     assert len(out) == len(PLENTY)
 
 
-def test_a_changed_byte_differs():
-    out = make("change", rate=1.0).run(PLENTY, 0.0)
-    assert len(out) == len(PLENTY) and all(a != b for a, b in zip(PLENTY, out))
-
-
 def test_a_swapped_byte_comes_after_its_neighbour():
     """At the full rate the first byte changes places with each that follows."""
     fault = make("swap", rate=1.0)
@@ -128,39 +120,6 @@ def test_a_stalled_line_lets_go_at_once():
     assert passed(engine, [2.9, 3.0]) == [b"", b"abc"]
 
 
-def test_a_fault_with_a_period_comes_again():
-    engine = FaultyEngine(Echo(), ["loss:rate=1,at=1,lasts=1,every=3,direction=to_board"])
-    through = []
-    for second in range(8):
-        engine.advance(second + 0.5)
-        engine.receive(b"%d" % second)
-        through += engine.advance(second + 0.6)
-    assert bytes(through) == b"02356"
-
-
-def test_the_other_direction_is_spared():
-    engine = FaultyEngine(Echo(), ["loss:rate=1,direction=to_board"])
-    engine.receive(b"abc")
-    assert passed(engine, [1.0]) == [b""]
-    engine.engine.out = b"abc"
-    assert passed(engine, [2.0]) == [b"abc"]
-
-
-def test_junk_comes_at_its_rate():
-    engine = FaultyEngine(Echo(), ["junk:rate=50,direction=to_host"])
-    assert sum(map(len, passed(engine, [i / 100 for i in range(1001)]))) == pytest.approx(500, rel=0.1)
-
-
-def test_a_flood_fills_the_line():
-    engine = FaultyEngine(Echo(), ["flood:direction=to_host,lasts=1"])
-    assert sum(map(len, passed(engine, [i / 100 for i in range(200)]))) == pytest.approx(11520, rel=0.1)
-
-
-def test_foreign_text_stands_on_its_own_line():
-    engine = FaultyEngine(Echo(), ["text:period=1,text=hello e,direction=to_host"])
-    assert b"".join(passed(engine, [0.5, 1.0, 1.2, 2.2])) == b"hello e\r\n" * 2
-
-
 def test_nothing_passes_a_pulled_cable():
     engine = FaultyEngine(Echo(), ["unplug:at=1,lasts=1"])
     engine.advance(1.0)
@@ -193,26 +152,12 @@ def test_a_frozen_board_gets_what_waited_as_a_gap():
     assert engine.engine.calls == [("gap", 6.0, b"@11,500,0e")]
 
 
-def test_resets_come_when_they_should():
-    engine = FaultyEngine(Echo(), ["reset:at=1,every=2"])
-    passed(engine, [0.5, 1.5, 2.5, 3.5, 4.0])
-    assert engine.engine.calls == [("reset",)] * 2
-
-
 def test_a_reset_that_is_injected_comes_though_the_board_has_nothing_to_do_meanwhile():
     engine = FaultyEngine(Echo())
     engine.advance(1.0)
     engine.inject("reset:at=0")
     engine.advance(2.0)
     assert engine.engine.calls == [("reset",)]
-
-
-def test_a_stall_at_will():
-    engine = FaultyEngine(Echo())
-    engine.advance(10.0)
-    engine.stall(2.0)
-    engine.receive(b"abc")
-    assert passed(engine, [11.0, 12.0, 13.0]) == [b"", b"", b"abc"]
 
 
 def test_cleared_faults_are_over():
@@ -224,16 +169,6 @@ def test_cleared_faults_are_over():
     assert passed(engine, [2.0]) == [b"abc"]
 
 
-def test_without_faults_a_board_answers_as_ever():
-    def talk(engine):
-        engine.advance(0.3)
-        engine.receive(b"@5e@18,20e")
-        return b"".join(passed(engine, [0.3 + i / 500 for i in range(500)]))
-
-    model = load("traxbot")
-    assert talk(FaultyEngine(PythonBoard(Plant(model)))) == talk(PythonBoard(Plant(model))) != b""
-
-
 def test_the_seed_decides():
     def talk(seed):
         engine = FaultyEngine(Echo(), ["flip:rate=0.01", "loss:rate=0.01"], seed)
@@ -242,12 +177,6 @@ def test_the_seed_decides():
 
     assert talk(1) == talk(1)
     assert talk(1) != talk(2)
-
-
-def test_absent_keys_have_their_defaults():
-    fault = parse("loss:rate=0.5")
-    assert fault.values == {"rate": 0.5, "burst": 1}
-    assert fault.direction == "both"
 
 
 @pytest.mark.parametrize(
@@ -272,12 +201,6 @@ def test_a_wrong_spelling_says_key_value_and_range(spec, text):
     with pytest.raises(ConfigError) as error:
         parse(spec)
     assert text in str(error.value)
-
-
-@pytest.mark.parametrize("kind", FAULTS.values(), ids=list(FAULTS))
-def test_the_help_names_every_fault_and_key(kind):
-    assert f"{kind.name}: {kind.text}" in usage()
-    assert all(f"{p.name}=" in usage() for p in kind.parameters)
 
 
 def echoed(*faults):

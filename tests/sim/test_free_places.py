@@ -6,7 +6,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.world import world_file
 from sim_arduino.world.free_places import GAP_M, free_places
-from sim_arduino.world.shapes import Footprint, Wall, polygon
+from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
 RADIUS_M = 0.16
@@ -25,18 +25,6 @@ def test_twenty_robots_keep_away_from_walls_and_from_each_other(name):
     for place in places:
         assert world.clearance(place.x_m, place.y_m) >= RADIUS_M + GAP_M - 1e-9
         world.place(f"{place}", place, Footprint(2 * RADIUS_M, 2 * RADIUS_M, True))
-
-
-def test_no_robot_is_on_the_other_side_of_a_wall():
-    world = World([Wall(-9, 0.25, 9, 0.25)])
-    assert [place.y_m <= 0 for place in free_places(world, RADIUS_M, 10)] == [True] * 10
-
-
-def test_a_smaller_world_has_its_places_closer_together():
-    walls = polygon([(-0.8, -0.8), (0.8, -0.8), (0.8, 0.8), (-0.8, 0.8)])
-    places = free_places(World(walls), 0.1, 9)
-    assert min(abs(place.y_m) for place in places if place.y_m) == pytest.approx(0.5)
-    assert len(free_places(World(walls), 0.1, 20)) == 20
 
 
 def test_a_world_that_is_too_small_says_how_many_fit():

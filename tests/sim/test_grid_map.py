@@ -3,7 +3,6 @@
 import io
 import math
 import os
-import sys
 
 import numpy as np
 import pytest
@@ -38,10 +37,6 @@ def test_row_0_is_the_lowest(tmp_path):
     assert read(tmp_path).cells.tolist() == [[UNKNOWN, FREE, FREE, FREE], [0, 100, 100, 0], [0, 0, 0, 0]]
 
 
-def test_negate_turns_black_and_white(tmp_path):
-    assert read(tmp_path, negate=1).cells[1].tolist() == [OCCUPIED, FREE, FREE, OCCUPIED]
-
-
 @pytest.mark.parametrize(
     "picture",
     [
@@ -55,13 +50,6 @@ def test_pictures_of_other_programs(tmp_path, picture):
     """Plain, with two bytes a pixel, with other line ends, with comments."""
     write(tmp_path, picture=picture)
     assert grid_map.read(str(tmp_path / "map.yaml"), GOOD).cells.tolist() == [[OCCUPIED, FREE]]
-
-
-def test_outlines_are_joined(tmp_path):
-    """Two cells of 0.1 m side by side: a box of 0.2 x 0.1 m out of four walls."""
-    walls = load(write(tmp_path)).walls
-    ends = sorted(tuple(round(v, 9) for v in wall) for wall in walls)
-    assert ends == [(0.1, 0.1, 0.1, 0.2), (0.1, 0.1, 0.3, 0.1), (0.1, 0.2, 0.3, 0.2), (0.3, 0.1, 0.3, 0.2)]
 
 
 def test_origin_moves_and_turns():
@@ -219,27 +207,6 @@ def test_a_pipe_in_place_of_the_picture_is_not_waited_for(tmp_path):
         load(path)
 
 
-def test_without_pillow_a_png_is_named_with_the_package(tmp_path, monkeypatch):
-    path = write(tmp_path, picture=picture("L", PIXELS["L"], (2, 2)))
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    with pytest.raises(
-        ConfigError, match="map.pgm: is a PNG picture, which needs the Python package Pillow; install it"
-    ):
-        load(path)
-
-
-def test_many_walls_are_heard_like_few():
-    """More than a loop takes: the index changes its ways, the answer stays."""
-    from sim_arduino.world.wall_index import FEW
-
-    walls = [Wall(3 + i * 0.01, -1, 3 + i * 0.01, 1) for i in range(FEW + 1)]
-    answers = [
-        (world.nearest(Pose(0, 0, 0), 0.3, 6.45), world.clearance(0, 0), len(world.walls) > 0)
-        for world in (World(walls[:FEW]), World(walls))
-    ]
-    assert answers[0] == pytest.approx(answers[1])
-
-
 CELL_M = 0.05
 
 
@@ -275,12 +242,6 @@ def test_cells_off_the_walls_are_false(room):
     found = map_score.score(made, room)
     assert found.false == pytest.approx(16 / (walls + 16))
     assert found.farthest_m == pytest.approx(2.0, abs=CELL_M)
-
-
-def test_a_map_within_the_limit_counts_as_the_same(room):
-    made = grid_map.draw(room, CELL_M)
-    shifts = [Pose(shift_m, 0.0, 0.0) for shift_m in (0.06, 0.2)]
-    assert [map_score.score(made, room, shift).false > 0.3 for shift in shifts] == [False, True]
 
 
 def test_the_frame_of_the_map_is_turned_and_moved(room):

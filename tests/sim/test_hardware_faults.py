@@ -11,7 +11,6 @@ from sim_arduino.board import PythonBoard
 from sim_arduino.faults.fault_table import FAULTS
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.serve.control import obey
 from tests.models import bridged, model
 
 LEFT_A, LEFT_B, RIGHT_A, RIGHT_B = 2, 4, 8, 10
@@ -62,26 +61,6 @@ def test_an_open_wire_is_silent_from_its_time_on():
     assert edges_by_pin(engine, 1.01)[LEFT_A] > 100
 
 
-def test_wheel_and_channel_select_the_wire():
-    engine = driven("encoder_open:wheel=right,channel=b")
-    engine.advance(0.5)
-    assert set(edges_by_pin(engine, 1e-6)) == {LEFT_A, LEFT_B, RIGHT_A}
-
-
-def test_an_oscillating_wire_has_the_given_rate():
-    engine = driven("encoder_oscillation:rate=50000,at=0.1")
-    engine.advance(0.2)
-    assert edges_by_pin(engine, 0.1)[LEFT_A] == pytest.approx(5000, abs=2)
-
-
-def test_bounces_multiply_the_edges():
-    one, other = driven(), driven("encoder_bounce:pulses=2")
-    for engine in (one, other):
-        engine.advance(0.2)
-    expected = 5 * edges_by_pin(one)[LEFT_A]
-    assert edges_by_pin(other)[LEFT_A] == pytest.approx(expected, abs=4)
-
-
 def test_a_blocked_wheel_stands_until_it_is_free():
     engine = driven("wheel_blocked:wheel=right,at=0.3,lasts=0.3")
     wheel = engine.engine.plant.bridge.motor(1)
@@ -105,24 +84,6 @@ def test_a_brown_out_is_a_reset_with_its_own_cause():
     engine = driven("brown_out:at=0.5", "reset:at=0.7")
     engine.advance(1.0)
     assert engine.engine.causes == ["brown_out", "external"]
-
-
-def test_clear_ends_all_faults_of_the_hardware():
-    engine = driven("wheel_blocked", "battery_sag", "encoder_open", "encoder_swapped", "encoder_bounce")
-    engine.advance(0.1)
-    engine.clear()
-    bridge = engine.engine.plant.bridge
-    encoder = bridge.encoder(0)
-    assert not bridge.motor(0).blocked and not encoder.wires[0].open and not encoder.swapped
-    assert (encoder.bounce.pulses, engine.engine.plant.robot.sag_v) == (0, 0.0)
-
-
-def test_an_order_adds_a_fault_of_the_hardware_now():
-    engine = driven()
-    engine.advance(0.5)
-    obey(engine, "fault wheel_blocked:lasts=1")
-    engine.advance(0.6)
-    assert engine.engine.plant.bridge.motor(0).speed == 0.0
 
 
 def ahead(*faults):
@@ -209,11 +170,6 @@ def test_a_frozen_imu_repeats_its_reading():
     frames = board.advance(1.0).split(b"\r\n")[1:-1]
     assert len(frames) > 10
     assert len(set(frames)) == 1
-
-
-def test_another_chip_at_its_address_is_not_taken_for_an_imu():
-    _, frames = measuring("imu_other:identity=18")
-    assert frames == b""
 
 
 def traxbot():

@@ -33,14 +33,6 @@ def test_the_nearer_range_is_used_unless_the_real_one_is_invalid(real_m, used_m)
     assert mirror(world()).closer(real_m, FRONT) == pytest.approx(used_m, nan_ok=True)
 
 
-def test_nothing_is_known_before_the_first_odometry():
-    assert math.isnan(Mirror(world(), "real", BOX).closer(2.0, FRONT))
-
-
-def test_virtual_robot_in_the_dead_zone_is_too_near():
-    assert mirror(world(ahead_m=0.2)).closer(2.0, FRONT) == -math.inf
-
-
 def test_robot_without_walls_hears_robots_alone():
     walled = world(Wall(0.5, -1.0, 0.5, 1.0))
     assert mirror(walled).closer(2.0, FRONT) == pytest.approx(0.4)

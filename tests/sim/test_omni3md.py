@@ -9,24 +9,18 @@ from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
-from sim_arduino.faults.key_values import robot_errors, sonar_errors
+from sim_arduino.faults.key_values import robot_errors
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.omni3md import ADDRESS, Omni3MD
 from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
 from sim_arduino.hardware.omni_wheels import shares_for, twist_of
 from sim_arduino.hardware.robot_physics import RobotPhysics, params_for
-from sim_arduino.hardware.sonars import SonarErrors
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
 
 TRAXBOT = models.load("traxbot")
 SPEED = 0.01
 """Share of the asked speed within which the robot drives."""
-
-
-@pytest.fixture(params=["traxbot", "stingbot"])
-def model(request):
-    return models.load(request.param)
 
 
 def fresh(model=TRAXBOT):
@@ -53,19 +47,6 @@ def modes(board):
 
 
 @pytest.mark.parametrize(
-    ("linear", "angular", "field", "change"), [(500, 0, "x_m", 0.5), (0, 800, "yaw_rad", 0.8)]
-)
-def test_differential_command_gives_si_speeds(model, linear, angular, field, change):
-    """@11,500,0e runs at 0.5 m/s: the fitted radii make it come out right; without a time-out for ever."""
-    board = fresh(model)
-    board.move_differential(0.0, linear, angular)
-    board.advance(5.0)
-    before = getattr(board.robot.state, field)
-    board.advance(6.0)
-    assert getattr(board.robot.state, field) - before == pytest.approx(change, rel=SPEED)
-
-
-@pytest.mark.parametrize(
     "data", [struct.pack(">BBh2B", 0xEF, 1, 77, 0, 0), b"\xf1\x03\xaa\x04\x55"], ids=["preset", "time-out"]
 )
 def test_settings_need_their_key(data):
@@ -89,48 +70,12 @@ def test_a_larger_axis_radius_told_turns_the_robot_faster():
     assert board.robot.motors[2].target == pytest.approx(0.09 / TRAXBOT.drive.metres_per_count)
 
 
-def test_percent_moves_left_and_right():
-    board = fresh()
-    Omni3MDRegisters(board).write(struct.pack(">B3h", 0xF8, 40, 0, -20), 0.0)
-    assert [motor.target for motor in board.robot.motors] == pytest.approx(
-        [0.4 * 7457.9, 0.0, -0.2 * 7457.9], abs=1.0
-    )
-
-
-def test_percent_moves_without_pid_set_the_duty():
-    board = fresh()
-    Omni3MDRegisters(board).write(struct.pack(">B3h", 0xF7, 40, 0, -20), 0.0)
-    assert [motor.duty for motor in board.robot.motors] == [0.4, 0.0, -0.2]
-
-
-def test_stop_brakes_at_once():
-    board = fresh()
-    board.move_differential(0.0, 300, 0)
-    Omni3MDRegisters(board).write(b"\xfc\xaa\x55", 3.0)
-    board.advance(3.5)
-    assert [motor.speed for motor in board.robot.motors] == [0.0, 0.0, 0.0]
-
-
 @pytest.mark.parametrize("data", [b"\xfc\xaa\x54", b"\xfc\x55\xaa", b"\xfc", b"\xfc\xaa\x55\x00"])
 def test_stop_needs_its_key(data):
     board = fresh()
     board.move_differential(0.0, 300, 0)
     Omni3MDRegisters(board).write(data, 1.0)
     assert Mode.SPEED in modes(board)
-
-
-def test_encoders_wrap():
-    board = fresh()
-    board.preset_encoder(0.0, 1, 32767)
-    board.robot.motors[0].travel = 1.0
-    assert board.encoder(1, 0.0) == -32768
-
-
-def test_prescaler_counts_tens():
-    board = fresh()
-    Omni3MDRegisters(board).write(b"\xf0\x01\x01\xaa\x55", 0.0)
-    board.robot.motors[0].travel = 1239.0
-    assert board.encoder(1, 0.0) == 123
 
 
 def test_three_encoders_battery_and_temperature_in_one_transfer():
@@ -145,14 +90,6 @@ def test_one_byte_registers_are_followed_by_ones(register, value):
     assert read(fresh(), register, len(value)) == value
 
 
-def test_position_move_ends_at_the_count():
-    board = fresh()
-    board.preset_encoder(0.0, 1, 1000)
-    Omni3MDRegisters(board).write(struct.pack(">BBhhB", 0xEE, 1, 30, -500, 1), 0.0)
-    board.advance(8.0)
-    assert board.encoder(1, 8.0) == -500
-
-
 def test_i2c_timeout_stops_the_motors_when_the_master_is_silent():
     """300 ms after the last traffic, to the moment."""
     board = fresh()
@@ -164,15 +101,6 @@ def test_i2c_timeout_stops_the_motors_when_the_master_is_silent():
     assert modes(board) == [Mode.BRAKE] * 3
 
 
-def test_any_traffic_feeds_the_timeout():
-    board = fresh()
-    board.set_timeout(0.0, 3)
-    board.move_differential(0.0, 300, 0)
-    for tenth in range(1, 20):
-        board.encoder(1, tenth / 10)
-    assert Mode.SPEED in modes(board)
-
-
 def test_calibration_turns_the_wheels_for_a_second_and_notes_their_speed():
     """Counts per control period of 50 ms at full speed."""
     board = fresh()
@@ -180,12 +108,6 @@ def test_calibration_turns_the_wheels_for_a_second_and_notes_their_speed():
     board.advance(1.5)
     assert modes(board) == [Mode.BRAKE] * 3
     assert read_word(board, 0xD2, 1.5) == pytest.approx(12429 / 20 * 13.0 / 12, rel=0.1)
-
-
-def test_an_absent_board_does_not_acknowledge():
-    board = fresh()
-    board.present = False
-    assert Omni3MDRegisters(board).write(b"\xfc\xaa\x55", 0.0) is False
 
 
 def test_writes_during_its_eeprom_time_are_noticed():
@@ -203,27 +125,11 @@ def test_a_busy_board_can_refuse():
     assert Omni3MDRegisters(board).write(b"\xd8", 1.021) is True
 
 
-def test_one_motor_alone():
-    board = fresh()
-    Omni3MDRegisters(board).write(struct.pack(">BBh", 0xF6, 3, 50), 0.0)
-    assert modes(board) == [Mode.BRAKE, Mode.BRAKE, Mode.SPEED]
-
-
 def test_prescaler_keeps_the_count():
     board = fresh()
     board.robot.motors[0].travel = 500.0
     board.set_prescaler(0.0, 1, 2)
     assert board.encoder(1, 0.0) == 500
-
-
-@pytest.mark.parametrize("linear", [300, -300])
-def test_encoders_count_the_wheels_way(linear):
-    board = fresh()
-    board.move_differential(0.0, linear, 0)
-    board.advance(4.0)
-    assert board.encoder(3, 4.0) == pytest.approx(
-        board.robot.state.x_m / TRAXBOT.drive.metres_per_count, abs=1
-    )
 
 
 share = st.floats(-1, 1)
@@ -284,16 +190,6 @@ def test_all_keys_of_a_robot():
         "wheel_size=1.1,axle=0.98,slip=0.1,load=1.5,control=40,noise=2e-5,turn_noise=1e-4,phase=0.2"
     )
     assert errors == pytest.approx((1.1, 1.1, 0.98, 0.1, 1.5, 40.0, 2e-5, 1e-4, 0.2))
-
-
-def test_errors_out_of_a_file(tmp_path):
-    path = tmp_path / "robot7.yaml"
-    path.write_text("axle: 1.03\nslip: 0.05\n")
-    assert robot_errors(str(path)) == pytest.approx((1.0, 1.0, 1.03, 0.05, 1.0, 20.0, 0.0, 0.0, 0.0))
-
-
-def test_errors_of_sonars():
-    assert sonar_errors("noise=0.01,crosstalk=0.5") == SonarErrors(0.01, 0.0, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.robot import models
-from sim_arduino.board.board2013 import Board2013, through_single_precision
+from sim_arduino.board.board2013 import Board2013
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve import factory
 from sim_arduino.world.world import Wall, World
@@ -69,13 +69,6 @@ def test_set_up_tells_the_motor_board_11_ms_after_a_reset(profile):
     ]
 
 
-@pytest.mark.parametrize("profile, code", [(Board2013, 8), (JANUARY, 6)])
-def test_stream(profile, code):
-    bench = Bench(profile)
-    frames = FrameDecoder(REPLIES).feed(bench.send(b"@18e"))
-    assert {frame.code for frame in frames} == {code}
-
-
 @pytest.mark.parametrize(
     "profile, start, hz",
     [
@@ -93,18 +86,6 @@ def test_rates_of_the_streams(profile, start, hz):
         bench.send(b"@4,3,-567e@4,1,1234e@7e", wait_s=0.5)
     bench.send(b"@%de" % start)
     assert bench.run(1.0).count(b"\n") == pytest.approx(hz, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    ("profile", "requests"),
-    [
-        (JANUARY, b"".join(b"@%de" % code for code in range(20, 29))),
-        (Board2013, b"@29e@30e@32,1,31085e@33,250,-20000e"),
-    ],
-    ids=["january", "august"],
-)
-def test_later_commands_are_unknown(profile, requests):
-    assert Bench(profile).send(requests, wait_s=1.0) == b""
 
 
 def test_streams_of_august_go_on_until_each_is_stopped():
@@ -184,24 +165,6 @@ def test_parser(request_bytes, reached):
     assert bench.commands() == reached
 
 
-def test_some_speeds_come_out_one_off():
-    """Through single-precision metres and back, cut off: 739 of the 65536 values."""
-    assert sum(through_single_precision(value) != value for value in range(-32768, 32768)) == 739
-
-
-def test_nothing_stops_the_motors_when_the_host_falls_silent():
-    bench = Bench()
-    bench.send(b"@11,100,0e", wait_s=10.0)
-    assert bench.plant.true_pose.x_m > 0.9
-
-
-def test_a_failed_read_is_reported_as_0():
-    bench = Bench()
-    bench.send(b"@4,1,5e")
-    bench.plant.motor_board.present = False
-    assert bench.send(b"@6e@5e") == b"@6,0,0e\r\n@5,0,25755,0,1,1e\r\n"
-
-
 def test_stale_commands_are_carried_out_after_a_stall():
     bench = Bench()
     bench.now_s += 5.0
@@ -227,29 +190,6 @@ def test_sonars_read_0_until_the_first_request_has_started_them(profile):
     assert min(frame.args) > 0
 
 
-def test_sonars_of_august_go_on_by_themselves_after_the_first_request():
-    """Its trigger stays high: 1 s later the range is that of a robot that has moved meanwhile."""
-    bench = Bench(world=World([Wall(2.1, -9, 2.1, 9)]))
-    bench.send(b"@7e@11,200,0e", wait_s=5.0)
-    frame = FrameDecoder(REPLIES).feed(bench.send(b"@7e"))[0]
-    true_m = 2.0 - bench.plant.true_pose.x_m
-    assert frame.args[0] == pytest.approx(150 * true_m, abs=12)
-
-
-@pytest.mark.parametrize(
-    "request_bytes, text",
-    [
-        (b"@15e", b"[INFO] Debug mode is OFF...\r\n@15,0e\r\n"),
-        (b"@16,1e", b"[INFO] Debug mode is ON!\r\n"),
-        (b"@16,0e", b"[INFO] Debug mode is OFF...\r\n"),
-        (b"@16,256e", b"[INFO] Debug mode is OFF...\r\n"),
-        (b"@19e@24e@26e@28e", b""),
-    ],
-)
-def test_debug_mode_is_told_in_words_even_when_it_is_off(request_bytes, text):
-    assert Bench().send(request_bytes) == text
-
-
 @pytest.mark.parametrize(
     "request_bytes, text",
     [
@@ -273,12 +213,6 @@ def test_debug_text_has_lines_of_its_own_and_echoes_the_frame(request_bytes, tex
     assert bench.send(request_bytes) == text
 
 
-def test_encoder_reset_goes_to_an_address_where_nobody_is():
-    bench = Bench()
-    bench.send(b"@4,1,1234e@14e")
-    assert bench.send(b"@6e") == b"@6,0,1234e\r\n"
-
-
 def test_the_thermopile_is_read_from_its_ambient_on():
     """The last pixel is missing, in 22 and for the hottest pixel of 23."""
     bench = Bench(sonars=False)
@@ -295,12 +229,6 @@ def test_a_sensor_that_is_missing_hangs_the_board_until_a_reset(request_bytes, a
     assert bench.send(request_bytes + b"@17e", wait_s=5.0) == b""
     bench.board.reset()
     assert bench.send(b"@17e", wait_s=4.0) == b"@17,0e\r\n"
-
-
-def test_boards_without_motors_report_999():
-    bench = Bench(robot_id=7)
-    frame = FrameDecoder(REPLIES).feed(bench.send(b"@23e"))[0]
-    assert frame.args[:2] == (999, 999)
 
 
 def test_answers_every_command_of_2013():

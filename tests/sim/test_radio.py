@@ -1,6 +1,5 @@
 """The emulated radio: the module as a board sees it, the air, and texts between boards."""
 
-import math
 from typing import Iterator, List
 
 import pytest
@@ -10,9 +9,8 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.hardware.xbee import BROADCAST, RadioFit, XBee, address_for
+from sim_arduino.hardware.xbee import BROADCAST, RadioFit, XBee
 from sim_arduino.hardware.xbee_packets import PacketReader, packet
-from sim_arduino.world import radio
 from sim_arduino.world.radio import RadioMedium
 from sim_arduino.world.world import World
 from tests.firmware.test_xbee import words
@@ -65,15 +63,6 @@ def test_text_arrives_with_the_addresses_of_its_sender(pair):
     assert two.packets() == [b"\x90" + sender + b"\x01" + text for text in texts]
 
 
-def test_sender_gets_the_status_of_its_text(pair):
-    """Frame id 0 asks for none."""
-    one, two = pair
-    one.send(TWO, b"hello", frame=7)
-    one.send(TWO, b"hello", frame=0)
-    (got,) = one.packets()
-    assert got == b"\x8b\x07" + two.xbee.station.network.to_bytes(2, "big") + b"\0\0\x01"
-
-
 def test_broadcast_reaches_all_others(pair):
     one, two = pair
     three = Module(one.medium, THREE)
@@ -89,29 +78,6 @@ def test_text_to_nobody_or_too_long_fails(pair, to, text, status):
     one, two = pair
     one.send(to, text)
     assert (one.statuses(), two.texts()) == ([status], [])
-
-
-@pytest.mark.parametrize(
-    "command, answer",
-    [
-        (b"\x01SH", b"\x01SH\0\x00\x13\xa2\x00"),
-        (b"\x01SL", b"\x01SL\0\x40\0\0\x01"),
-        (b"\x01NI", b"\x01NI\0robot1"),
-        (b"\x05ZZ", b"\x05ZZ\x02"),
-        (b"\x01SL\0\0\0\1", b"\x01SL\x03"),
-    ],
-)
-def test_at_commands_read_values_and_refuse_what_is_unknown_or_fixed(pair, command, answer):
-    one, _ = pair
-    one.give(b"\x08" + command)
-    assert one.packets() == [b"\x88" + answer]
-
-
-def test_cut_radio_sends_nothing(pair):
-    one, two = pair
-    one.xbee.set(cut=True)
-    one.send(BROADCAST, b"hello")
-    assert two.texts() == []
 
 
 def test_radio_that_was_met_and_is_gone_does_not_acknowledge(pair):
@@ -132,28 +98,6 @@ def test_each_node_answers_a_search_once_and_no_packet_ends_it(pair):
     assert (two.packets(), three.packets()) == ([], [])
 
 
-def test_answer_to_a_search_has_the_node_identifier(pair):
-    one, two = pair
-    two.give(b"\x08\x01NIdock")
-    one.give(b"\x08\x01ND")
-    (found,) = one.packets()
-    assert found[15:20] == b"dock\0"
-
-
-def test_search_for_a_node_that_does_not_answer_ends_with_an_error(pair):
-    one, _ = pair
-    one.give(b"\x08\x01NDnobody")
-    assert one.packets(radio.DISCOVERY_S) == [b"\x88\x01ND\x01"]
-
-
-def test_packet_with_a_wrong_checksum_is_dropped(pair):
-    one, two = pair
-    data = bytearray(packet(b"\x10\x01" + TWO.to_bytes(8, "big") + b"\xff\xfe\0\0hello"))
-    data[-1] ^= 1
-    one.xbee.receive(bytes(data), 0.0)
-    assert (two.texts(), one.statuses()) == ([], [])
-
-
 def test_two_radios_cannot_have_one_address(pair):
     one, _ = pair
     with pytest.raises(ConfigError, match="address 0013a20040000001 is taken"):
@@ -166,22 +110,6 @@ def test_range_is_the_distance_of_the_robots(x_m, texts):
     one, two = Module(medium, ONE, range_m=5.0), Module(medium, TWO, x_m)
     one.send(BROADCAST, b"hello")
     assert len(two.texts()) == texts
-
-
-def test_the_shorter_range_of_two_counts():
-    medium = RadioMedium()
-    one, two = Module(medium, ONE), Module(medium, TWO, 3.0, range_m=2.0)
-    one.send(TWO, b"hello")
-    assert two.texts() == []
-
-
-def test_broadcasts_are_lost_as_often_as_all_three_sends_are():
-    """Half of the packets lost: an eighth of the broadcasts; four standard deviations of 1000 are 42."""
-    medium = RadioMedium()
-    one, two = Module(medium, ONE), Module(medium, TWO, loss=0.5)
-    for _ in range(1000):
-        one.send(BROADCAST, b"hello")
-    assert len(two.texts()) == pytest.approx(875, abs=42)
 
 
 def test_unicasts_are_repeated_until_they_are_acknowledged():
@@ -249,32 +177,6 @@ def test_text_goes_from_host_to_host(boards):
     assert list(boards.run(0.1)) == [Frame(39, (*boards.address(0), *words(b"hello")))]
 
 
-def test_both_lines_take_their_time(boards):
-    """23 and 21 bytes at 9600 baud, and 2 to 5 ms in the air, before the frame for the host."""
-    boards.request(0, 38, *boards.address(1), *words(b"hello"))
-    assert list(boards.run(0.045)) == []
-
-
-def test_search_reports_each_node(boards):
-    boards.request(1, 40)
-    boards.run(0.1)
-    (frame,) = boards.run(radio.DISCOVERY_S)
-    assert frame.args[:4] == tuple(boards.address(0))
-
-
-def test_text_with_a_wrong_length_is_refused(boards):
-    boards.request(0, 38, *boards.address(1), 3, 1)
-    boards.run(0.02)
-    assert boards.engines[0].health.counters["argument_count"] == 1
-
-
-def test_texts_faster_than_the_line_are_refused(boards):
-    for _ in range(3):
-        boards.request(0, 38, *boards.address(1), *words(b"sixteen letters!"))
-    boards.run(0.03)
-    assert boards.engines[0].health.counters["unavailable"] == 1
-
-
 def test_board_that_stood_still_has_the_texts_that_fitted_into_its_queue(boards):
     """64 bytes hold three packets of 18 bytes; the fourth is cut short, and the fifth is lost."""
     sender, receiver = boards.plants[0].xbee, boards.engines[1]
@@ -288,8 +190,3 @@ def test_board_that_stood_still_has_the_texts_that_fitted_into_its_queue(boards)
     receiver.gap(boards.now_s + 2.0, b"")
     boards.now_s += 2.0
     assert [frame.args[4:] for frame in boards.run(1.0)] == [words(b"n0"), words(b"n1"), words(b"n2")]
-
-
-def test_address_without_one_given_is_digis_and_the_robots():
-    assert address_for("one") >> 32 == 0x0013A200 and address_for("one") != address_for("two")
-    assert math.log2(address_for("one")) < 64

@@ -5,16 +5,12 @@ import math
 
 import pytest
 
-from mrl_driver import figures
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
-from mrl_driver.terminal.canvas import ARROWS
 from sim_arduino.hardware.sonars import READING_S, SonarChain, SonarErrors, count_of
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve.factory import Options, make
-from sim_arduino.view import world_picture
-from sim_arduino.view.plant_trail import PlantTrail, frame
-from sim_arduino.view.world_view import draw
+from sim_arduino.view.plant_trail import PlantTrail
 from sim_arduino.world.shapes import Footprint, Wall
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
@@ -54,20 +50,6 @@ def counts(errors, rounds=300, channel=0, others=(), wall_x=1.1):
         chain.trigger(1.0 + i * (ROUND_S + 0.02))
         found.append(int(chain.volts(channel, 1.0 + i * (ROUND_S + 0.02) + ROUND_S + 0.01) * 1024 / 5.0))
     return found
-
-
-def test_noise_has_its_size():
-    found = counts(SonarErrors(noise=0.03))
-    mean = sum(found) / len(found)
-    deviation = (sum((each - mean) ** 2 for each in found) / len(found)) ** 0.5
-    per_m = (count_of(1.1) - count_of(0.9)) / 0.2
-    assert mean == pytest.approx(count_of(1.0), abs=1.0)
-    assert deviation / per_m == pytest.approx(0.03, rel=0.2)
-
-
-def test_missed_echoes_read_as_nothing_in_range():
-    found = counts(SonarErrors(missed=0.2))
-    assert found.count(645) / len(found) == pytest.approx(0.2, abs=0.07)
 
 
 def test_crosstalk_is_the_echo_of_the_sensor_before():
@@ -123,40 +105,9 @@ def moved():
     return trail
 
 
-def test_the_trail_has_the_robots_way():
-    trail = moved()
-    counts = trail.plant.robot.motors[0].travel + trail.plant.robot.motors[2].travel
-    assert trail.distance_m == pytest.approx(0.5 * 0.0000875 * counts, rel=0.02)
-
-
-def test_a_long_trail_grows_sparse(monkeypatch):
-    monkeypatch.setattr("mrl_driver.view.trail.MOST_POSES", 20)
-    assert len(moved().poses) <= 20
-
-
-@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
-def test_a_picture_is_drawn(tmp_path, ending):
-    path = tmp_path / f"run.{ending}"
-    figures.require_writable(str(path))
-    world_picture.draw(moved(), str(path))
-    assert path.stat().st_size > 5000
-
-
 def test_mrl_sim_draws_at_its_end(tmp_path):
     path = tmp_path / "run.png"
     with Simulator("--plot", str(path), "--view") as simulator, Client(simulator.path) as client:
         client.ask(b"@15e")
         assert simulator.end() == 0
     assert path.read_bytes().startswith(b"\x89PNG")
-
-
-def test_the_view_fits_and_shows_walls_and_robot():
-    lines = draw(moved(), 60, 19).text().plain.split("\n")
-    assert [len(line) for line in lines] == [60] * 19
-    assert sum(line.count(arrow) for line in lines for arrow in ARROWS) == 1
-    assert sum("\u2800" < character <= "\u28ff" for line in lines for character in line) > 50
-
-
-def test_all_walls_are_in_the_frame():
-    left, bottom, right, top = frame(moved().plant, [])
-    assert (left, bottom, right, top) == pytest.approx((-0.2, -0.2, 4.2, 4.8))

@@ -1,6 +1,5 @@
 """`mrl replay`: what a recording holds, and a recording as a board."""
 
-import json
 import math
 import os
 import pathlib
@@ -103,24 +102,6 @@ def test_damage_repetitions_and_requests_are_counted(tmp_path):
     assert (found["duplicates"], found["lost"]) == (1, 0)
 
 
-def test_bytes_that_wait_keep_their_times(tmp_path):
-    """Boards without a clock have no others; at one moment no wheel moves."""
-    lines = [f"0.0 < {INFO}", *(f"{1 + i * 0.02:.2f} < @6,{60 * i},{60 * i}e" for i in range(200))]
-    found = summary(tmp_path, *lines)
-    assert found["refused_counts"] == 0
-    assert found["pose"]["x_m"] == pytest.approx(199 * 60 * load("traxbot").drive.metres_per_count)
-
-
-def test_a_restart_without_way(tmp_path):
-    """Counters begin anew after a reset; the way does not jump."""
-    lines = [f"0.0 < {INFO}"]
-    for start_s, first in ((1.0, 9000), (2.0, 0)):
-        lines.append(f"{start_s} ! plain")
-        lines += [f"{start_s + i * 0.02:.3f} < @6,{first + 60 * i},{first + 60 * i}e" for i in range(11)]
-    found = summary(tmp_path, *lines)
-    assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
-
-
 def test_check_values_begin_and_end_before_their_remarks(tmp_path):
     """The driver knows of them only after it has read the first such frames; requests follow the remark."""
     checked = [line for line in checked_lines(circle(20)) if "<" in line]
@@ -131,13 +112,6 @@ def test_check_values_begin_and_end_before_their_remarks(tmp_path):
     found = summary(tmp_path, *lines)
     assert (found["frames"]["read_encoders_and_sonars"], found["garbage"]) == (41, {})
     assert found["requests"] == {"move_differential": 1}
-
-
-def test_a_remark_holds_from_within_an_entry(tmp_path):
-    checked = [line.split("< ")[1] for line in checked_lines(circle(3)) if "<" in line]
-    lines = [f"0.0 < {INFO}@8,1,2,3,4,5e\\r\\n{''.join(checked)}", "0.1 ! checked"]
-    found = summary(tmp_path, *lines)
-    assert (found["frames"]["read_encoders_and_sonars"], found["garbage"]) == (4, {})
 
 
 def test_the_path_goes_on_when_check_values_begin(tmp_path):
@@ -164,29 +138,6 @@ def test_checked_counts_are_judged_by_the_time_of_the_board(tmp_path):
     lines = [f"0.0 < {INFO}", "0.0 < @6,0,0e\\r\\n", *checked]
     found = summary(tmp_path, *lines)
     assert found["pose"]["x_m"] == pytest.approx(7 * 60 * load("traxbot").drive.metres_per_count)
-
-
-def test_numbers_that_begin_again_with_the_port_are_no_loss(tmp_path):
-    first = list(checked_lines(straight(11)))
-    again = [f"1{line}" for line in first]
-    found = summary(tmp_path, f"0.0 < {INFO}", *first, "1.0 ! opened x", *again)
-    assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
-    assert found["lost"] == 0
-
-
-def test_a_frame_that_a_lost_port_cut_off_is_no_garbage(tmp_path):
-    lines = ["0.0 < @6,1", "0.1 < ,2e\\r\\n@6,3", "1.0 ! opened x", "1.1 < @6,5,6e\\r\\n"]
-    found = summary(tmp_path, *lines)
-    assert (found["frames"], found["garbage"]) == ({"read_encoders": 2}, {})
-
-
-def test_an_overtaken_frame_counts_as_lost_and_moves_nothing(tmp_path):
-    lines = [f"0.0 < {INFO}", *checked_lines(circle(20))]
-    wires = [line.split("< ")[1] for line in lines[7:9]]
-    lines[7:9] = [f"0.12 < {wires[1]}", f"0.12 < {wires[0]}"]
-    found = summary(tmp_path, *lines)
-    assert (found["lost"], found["duplicates"], found["refused_counts"]) == (1, 0, 0)
-    assert found["pose"]["x_m"] == pytest.approx(true_pose(circle(20)).x_m, abs=WAY_M)
 
 
 def test_the_first_robot_that_answers_is_the_one(tmp_path):
@@ -224,14 +175,6 @@ def test_memory_does_not_grow_with_the_file(tmp_path):
 def mrl(*args):
     command = [MRL, "replay", *map(str, args)]
     return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-
-
-def test_skipped_lines_are_named(tmp_path):
-    path = write(tmp_path / "log", [f"0.0 < {INFO}", "nonsense", "0.1 < @6,1,2e"])
-    assert json.loads(mrl(path, "--json").stdout)["port"] == "/dev/ttyX"
-    out = mrl(path).stdout
-    assert f"{path}:3: skipped: time is b'nonsense', expected seconds" in out
-    assert "skipped lines  1" in out
 
 
 @pytest.mark.parametrize(
@@ -328,23 +271,10 @@ def test_answers_wait_until_the_program_asks(tmp_path, playing):
     """What comes before it is lost to a program that empties the port when it opens it, as the driver does."""
     path, end = playing(write(tmp_path / "log", [*GREETING, "0 < @8,1,2,3,4,5e\\r\\n"]))
     with Client(path) as client:
-        assert client.read(0.1) == b""
         assert client.ask(b"@13e@5e") == b"@5,2500,172,1360,2,1e\r\n"
-        assert client.read(0.1) == b""
         assert client.ask(b"@29e") == b"@29,2,415e\r\n"
         assert client.ask(b"@18,20e") == b"@8,1,2,3,4,5e\r\n"
         assert end() == []
-
-
-def test_each_program_gets_the_recording_from_its_start(tmp_path, playing):
-    path, end = playing(write(tmp_path / "log", [*GREETING, "0 < @8,1,2,3,4,5e\\r\\n"]))
-    for asked, mark in ((b"@5e", b"@5,"), (b"@5e@29", b"@5,"), (b"@5e@29e@18,20e", b"@8,1,2,3,4,5e\r\n")):
-        with Client(path) as client:
-            client.send(asked)
-            assert client.read_until(mark).startswith(b"@5,2500")
-            if b"@18" in asked:
-                told = end()
-    assert len(told) == 2 and "from its start" in told[0]
 
 
 @pytest.mark.parametrize("speed, programs", [(math.inf, 1), (0.25, 2)])
@@ -371,10 +301,3 @@ def test_bytes_come_at_their_time(speed, seconds):
     for time_s in (5.0, 5.1):
         pace.await_time(time_s)
     assert time.monotonic() - start_s >= seconds
-
-
-def test_only_the_boards_side_is_played(tmp_path, playing):
-    path, end = playing(write(tmp_path / "log", ["0 > @13e", "0 < x", "0 ! plain", "0 < y"]))
-    with Client(path) as client:
-        assert client.read_until(b"y") == b"xy"
-        end()

@@ -7,7 +7,6 @@ import pytest
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
-from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
 from sim_arduino.hardware.environment_sensors import DustPulses, dust_share
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.environment import Environment
@@ -26,10 +25,6 @@ def sensed(pose=HERE, walls=(), **sources):
     return world.scene.sensed(AMBIENT, pose, world.sees)
 
 
-def test_without_sources_all_is_ambient():
-    assert sensed() is AMBIENT
-
-
 @pytest.mark.parametrize(
     ("x_m", "share"), [(0.0, 1.0), (0.5, 1 / math.e), (50.0, 0.0)], ids=["middle", "reach", "far"]
 )
@@ -44,17 +39,6 @@ def test_a_source_is_its_share_of_the_difference_from_what_is_around_it(x_m, sha
 def test_heat_behind_a_wall_or_behind_the_robot_is_not_seen(yaw, walls):
     around = sensed(Pose(0, 0, yaw), walls, heat=(Source(2, 0, 60, 0.1),))
     assert around.pixels_c == AMBIENT.pixels_c
-
-
-def test_something_hot_ahead_warms_the_middle_pixels():
-    pixels = sensed(heat=(Source(2, 0, 60, 0.1),)).pixels_c
-    assert pixels[3] == pytest.approx(pixels[4])
-    assert pixels[3] > 40.0
-    assert pixels[0] == pixels[7] == 22.0
-
-
-def test_a_pixel_that_is_filled_shows_the_temperature():
-    assert sensed(heat=(Source(0.2, 0, 60, 0.5),)).pixels_c == pytest.approx((60.0,) * 8)
 
 
 def test_the_first_pixel_is_the_leftmost():
@@ -87,18 +71,6 @@ def test_a_board_reports_the_hazards_of_its_place():
     assert b"@20,123e" in out
 
 
-def test_dust_reaches_the_real_image():
-    """Eight seconds of pulses: within 10 % of what the air holds."""
-    plant = Plant(TRAXBOT, load("hazards"), (3.3, 3.8, 0.0), sonars=False)
-    board = AvrEngine(plant, FIRMWARE.with_name("mrl_firmware_environment.elf"), robot_id=1)
-    board.advance(8.0)
-    board.receive(b"@21e")
-    out = board.advance(8.1)
-    board.close()
-    value = int(out.split(b"@21,")[1].split(b"e")[0])
-    assert value == pytest.approx(9000, rel=0.1)
-
-
 def bearing(north_deg, yaw_deg):
     world = World(scene=Scene(north_rad=math.radians(north_deg)))
     plant = Plant(TRAXBOT, world, (0.0, 0.0, math.radians(yaw_deg)))
@@ -111,14 +83,6 @@ def bearing(north_deg, yaw_deg):
 )
 def test_the_compass_counts_clockwise_from_the_worlds_north(north, yaw, expected):
     assert bearing(north, yaw) == pytest.approx(expected)
-
-
-def test_a_worlds_ambient_may_be_changed_for_one_robot():
-    """Without touching the world's own."""
-    world = load("hazards")
-    plant = Plant(TRAXBOT, world)
-    plant.environment.dust_pcs_l = 1.0
-    assert world.scene.ambient.dust_pcs_l == 300
 
 
 def test_sources_that_add_up_to_more_than_the_converter_takes_saturate_it():

@@ -15,7 +15,6 @@ from mrl_driver import yaml_file
 from mrl_driver.calibration.calibration_files import source_of, write_model
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
-from mrl_driver.robot.models import kit
 from mrl_driver.yaml_form import schema_line
 from sim_arduino.world import world_file
 from sim_arduino.world.world_file import WorldFile
@@ -58,11 +57,6 @@ def schema(path):
 VALIDATORS = {kind: Draft7Validator(schema(path)) for kind, (_, path, _) in KINDS.items()}
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_schemas_are_valid_themselves(kind):
-    Draft7Validator.check_schema(VALIDATORS[kind].schema)
-
-
 def first_lines(folder, names):
     for name in names:
         path = os.path.join(folder, f"{name}.yaml")
@@ -83,12 +77,6 @@ def test_packaged_files_name_their_schema_and_are_valid(kind, folder, names):
         named = re.fullmatch(r"# yaml-language-server: \$schema=(.*)\n", line).group(1)
         assert os.path.samefile(os.path.join(folder, named), KINDS[kind][1])
         VALIDATORS[kind].validate(yaml_file.read(path))
-
-
-def test_the_file_of_mrl_new_names_the_schema_and_is_valid():
-    text = kit.text_of(kit.Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612"))
-    assert text.startswith(f"{schema_line(models.SCHEMA)}\n")
-    VALIDATORS["robot"].validate(yaml_file.parse(text, "rover.yaml"))
 
 
 def test_a_calibrated_copy_of_a_packaged_file_names_the_schema_by_its_path(tmp_path):

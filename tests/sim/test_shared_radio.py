@@ -1,6 +1,5 @@
 """Radios of several processes; two media of one world are those of two processes, as far as locks and files go."""
 
-import os
 import select
 import subprocess
 import sys
@@ -75,14 +74,6 @@ def test_radios_of_two_processes_receive_each_other(make):
     assert (two.texts(), one.texts()) == ([b"hello"], [b"\x00\xff"])
 
 
-def test_broadcast_reaches_each_radio_once(make):
-    one, two = make(ONE), make(TWO)
-    beside = Module(one.medium, 0x0013A20040000003)
-    one.module.send(BROADCAST, b"all")
-    assert (two.texts(), beside.texts(), one.texts()) == ([b"all"], [b"all"], [])
-    beside.xbee.close()
-
-
 def test_distance_is_that_of_the_robots(make):
     near, far = make(ONE, range_m=5.0), make(TWO, x_m=5.1)
     near.module.send(BROADCAST, b"too far")
@@ -113,19 +104,6 @@ def test_one_address_is_taken_once(make):
     make(ONE)
     with pytest.raises(ConfigError, match="radio address 0013a20040000001 is in world .* already"):
         make(ONE)
-
-
-def test_radio_that_leaves_is_not_found(make):
-    one, two = make(ONE), make(TWO)
-    two.module.xbee.close()
-    one.module.send(TWO, b"hello")
-    assert one.module.statuses() == [0x24]
-
-
-def test_nothing_is_left_behind(make, lab, tmp_path):
-    one = make(ONE)
-    one.close()
-    assert os.listdir(tmp_path / "mrl-sim" / lab) == []
 
 
 def test_radio_of_a_killed_process_is_gone_and_its_address_free(make, lab):
@@ -173,38 +151,6 @@ def options(**given):
 def test_options_that_do_not_fit_are_named(given, message):
     with pytest.raises(ConfigError, match=message):
         factory.make(options(**given))
-
-
-def test_addresses_of_a_team_count_up():
-    team = factory.make_team(options(radio="0013a20040000001"), ["one", "two"], ["0,0,0", "1,0,0"])
-    assert [robot.plant.xbee.station.address for robot in team] == [ONE, TWO]
-    for robot in team:
-        robot.close()
-
-
-def test_robots_of_one_process_share_the_air():
-    one, two = factory.make_team(options(), ["one", "two"], ["0,0,0", "1,0,0"])
-    assert one.plant.world.radio.in_reach(one.plant.xbee) == [two.plant.xbee.station]
-    two.close()
-    assert one.plant.world.radio.in_reach(one.plant.xbee) == []
-    one.close()
-
-
-def test_fit_has_the_range_and_the_loss():
-    robot = factory.make(options(radio_range=3.0, radio_loss=0.25))
-    station = robot.plant.xbee.station
-    robot.close()
-    assert (station.range_m, station.loss) == (3.0, 0.25)
-
-
-def test_radio_is_cut_for_a_time():
-    robot = factory.make(options(faults=("radio_cut:at=1,lasts=2",)))
-    cut = []
-    for time_s in (0.9, 1.1, 2.9, 3.1):
-        robot.board.advance(time_s)
-        cut.append(robot.plant.xbee.station.cut)
-    robot.close()
-    assert cut == [False, True, True, False]
 
 
 def test_server_waits_for_packets_of_other_processes(lab):

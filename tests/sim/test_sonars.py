@@ -44,32 +44,11 @@ def test_nothing_in_range_is_the_full_count_of_another_curve():
     assert count_of(6.4, OTHER_CURVE) < count_of(float("inf"), OTHER_CURVE) == FULL_COUNT
 
 
-def test_sonar_reports_by_its_own_curve():
-    sonars = SonarChain(MOUNTS, WALL, lambda time_s: Pose(0.0, 0.0, 0.0), errors=OTHER_CURVE)
-    sonars.power(True, 0.0)
-    sonars.trigger(0.3)
-    assert counts(sonars, 0.45)[0] == count_of(1.0, OTHER_CURVE) != count_of(1.0)
-
-
 def test_sensors_take_turns_of_100_ms():
     sonars = chain()
     sonars.trigger(0.3)
     ready = [[bool(count) for count in counts(sonars, time_s)] for time_s in (0.399, 0.41, 0.51, 0.61)]
     assert ready == [[False] * 3, [True, False, False], [True, True, False], [True] * 3]
-
-
-def test_a_trigger_makes_one_round():
-    sonars = chain()
-    sonars.trigger(0.3)
-    sonars.advance(10.0)
-    assert sonars.next_s == float("inf")
-
-
-def test_a_trigger_during_a_round_changes_nothing():
-    sonars = chain()
-    sonars.trigger(0.3)
-    sonars.trigger(0.35)
-    assert counts(sonars, 0.41)[0] > 0
 
 
 def test_a_trigger_during_warm_up_is_lost():
@@ -78,22 +57,11 @@ def test_a_trigger_during_warm_up_is_lost():
     assert counts(sonars, 1.0) == [0, 0, 0]
 
 
-def test_without_power_outputs_are_0_v():
-    sonars = chain()
-    sonars.trigger(0.3)
-    sonars.power(False, 1.0)
-    assert counts(sonars, 1.0) == [0, 0, 0]
-
-
 def test_echo_is_of_the_moment_the_sensor_fires():
     """The robot moves on afterwards; the front sonar fired at the start of its round."""
     sonars = chain(pose=lambda time_s: Pose(0.0 if time_s <= 0.3 else 0.5, 0.0, 0.0))
     sonars.trigger(0.3)
     assert counts(sonars, 0.45)[0] == count_of(1.0)
-
-
-def test_an_input_without_a_sonar_is_0_v():
-    assert chain().volts(3, 1.0) == 0.0
 
 
 def test_a_trigger_that_stays_high_starts_round_after_round():

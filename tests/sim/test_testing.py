@@ -5,8 +5,7 @@ import threading
 import pytest
 
 from mrl_driver.errors import ConfigError
-from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
-from sim_arduino.testing.emulated_board import COMMANDS, EmulatedBoard
+from sim_arduino.testing.emulated_board import EmulatedBoard
 from sim_arduino.world.world import World
 from tests.sim.simulator import Client
 
@@ -29,27 +28,11 @@ def test_an_assertion_that_does_not_hold_tells_what_came(shared):
         shared.motors.assert_commanded("move_omni", 1, within_s=0.01)
 
 
-@pytest.mark.parametrize(
-    ("use", "text"),
-    [
-        (lambda board: board.motors.commands("halt"), "command 'halt' is unknown, expected stop, calibrate"),
-        (lambda _: EmulatedBoard(robots="traxbot"), "option 'robots' is unknown, expected robot, robot_id"),
-    ],
-)
-def test_an_unknown_name_is_told(shared, use, text):
-    with pytest.raises(ConfigError, match=text):
-        use(shared)
-
-
 def test_what_must_come_and_what_must_not(shared):
     shared.motors.assert_commanded("set_gains", 700, 400, 200)
     shared.motors.assert_not_commanded("move_omni")
     with pytest.raises(AssertionError, match="expected no stop"):
         shared.motors.assert_not_commanded("stop")
-
-
-def test_every_command_of_the_motor_board_has_a_name(shared):
-    assert set(COMMANDS.values()) == set(Omni3MDRegisters(shared.plant.motor_board).writers)
 
 
 def test_wheels_that_turn_and_stand():
@@ -60,15 +43,6 @@ def test_wheels_that_turn_and_stand():
         board.motors.assert_moving()
         client.send(b"@13e")
         board.motors.assert_stopped()
-
-
-def test_times_of_a_fault_count_from_now():
-    with EmulatedBoard(FREE, speed=SPEED) as board:
-        board.wait_until(lambda: board.motors.commands("stop"))
-        before_s = board.plant.motor_board.time_s
-        board.faults.inject("reset:at=0.5")
-        board.wait_until(lambda: len(board.motors.commands("stop")) > 1)
-        assert board.motors.commands("stop")[-1].time_s >= before_s + 0.3
 
 
 def test_a_robot_is_not_put_into_another():

@@ -4,16 +4,13 @@ import os
 import subprocess
 import sys
 import threading
-import time
 
 import pytest
 
-from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.serve import factory
 from sim_arduino.serve.pty import PtyPort
 from sim_arduino.serve.server import HEARTBEAT_S, PtyServer, Waker, serve_together
 from tests.waiting import PATIENCE_S, wait_until
@@ -96,16 +93,6 @@ def test_a_board_is_called_only_when_it_has_something_to_do(make, idle, streamin
     assert called[0] <= idle and called[1] <= streaming
 
 
-def test_an_idle_server_waits_for_its_heartbeat():
-    port = PtyPort()
-    server = PtyServer(Idle(), port)
-    before_s = time.monotonic()
-    server.step()
-    port.close()
-    server.waker.close()
-    assert server.due_s >= before_s + HEARTBEAT_S
-
-
 def test_bytes_for_one_board_do_not_call_the_others(together, monkeypatch):
     """Only the bytes themselves, and no heartbeat, can end the wait."""
     monkeypatch.setattr("sim_arduino.serve.server.HEARTBEAT_S", 1e6)
@@ -117,17 +104,6 @@ def test_bytes_for_one_board_do_not_call_the_others(together, monkeypatch):
             client.send(b"@13e")
             wait_until(lambda before=before: len(taken) > before)
     assert other.advances == 1
-
-
-def test_two_boards_that_get_a_stop_at_once_both_stop(together):
-    plants = [plant("one"), plant("two")]
-    _, ports, _ = together(*map(PythonBoard, plants))
-    with Client(ports[0].path) as one, Client(ports[1].path) as two:
-        for client in (one, two):
-            client.ask(b"@15e")
-            client.send(b"@11,300,0e@13e")
-        wait_until(lambda: all(each.motor_board.commands[-1].code == 0xFC for each in plants))
-        wait_until(lambda: all(0xEB in [c.code for c in list(each.motor_board.commands)] for each in plants))
 
 
 class Broken(Idle):
@@ -185,21 +161,3 @@ def test_options_that_do_not_fit_several_robots(options, text):
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert text in done.stderr
-
-
-def test_the_robots_of_a_team_have_different_seeds():
-    """With the same seed their sonars would have the same errors."""
-    robots = factory.make_team(factory.Options(sonar="noise=0.05", footprint="none"), ["one", "two"], [])
-    readings = []
-    for robot in robots:
-        robot.engine.advance(2.0)
-        readings.append([robot.plant.adc_volts(channel, 2.0) for channel in range(3)])
-        robot.close()
-    assert readings[0] != readings[1]
-
-
-def test_a_team_that_does_not_fit_leaves_no_robot_in_a_shared_world(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with pytest.raises(ConfigError, match="in a wall or another robot"):
-        factory.make_team(factory.Options(world_name="lab"), ["one", "two"], [])
-    assert os.listdir(tmp_path / "mrl-sim" / "lab") == []

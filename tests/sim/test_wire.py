@@ -14,12 +14,6 @@ def test_a_frame_waits_for_the_one_before():
     assert [line.take(1.0 + count * OUT_BYTE_S) for count in (2, 3.5)] == [b"ab", b"c"]
 
 
-def test_free_when_the_last_byte_is_out():
-    line = Outgoing()
-    line.put(b"abc", 1.0)
-    assert line.free_s == pytest.approx(1.0 + 3 * OUT_BYTE_S)
-
-
 @given(frames=st.lists(st.binary(min_size=1, max_size=40), max_size=8), times=st.lists(st.floats(0, 0.05)))
 def test_no_byte_is_lost_or_doubled_however_often_one_asks(frames, times):
     line, out = Outgoing(), b""
@@ -36,13 +30,6 @@ def test_a_request_is_there_when_its_last_byte_is():
     assert line.next_s == pytest.approx(1.0 + 3 * IN_BYTE_S)
     assert line.take() == b"@6e"
     assert line.next_s == pytest.approx(1.0 + 6 * IN_BYTE_S)
-
-
-def test_half_a_request_arrives_too():
-    line = Incoming()
-    line.put(b"@6e@", 1.0)
-    assert [line.take(), line.take()] == [b"@6e", b"@"]
-    assert line.next_s == float("inf")
 
 
 def test_the_line_is_busy_with_what_came_before():

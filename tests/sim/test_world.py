@@ -8,7 +8,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.serve.factory import Options, make
 from sim_arduino.world.world import Wall, World
-from sim_arduino.world.world_file import load, names, parse_pose
+from sim_arduino.world.world_file import load, parse_pose
 
 CONE_RAD = math.radians(18)
 RANGE_M = 6.45
@@ -47,20 +47,6 @@ def test_the_default_is_a_room_around_the_robot():
     world = load()
     seen = [world.nearest(Pose(0, 0, turn * math.pi / 2), CONE_RAD, RANGE_M) for turn in range(4)]
     assert seen == pytest.approx([2.0] * 4)
-
-
-def test_every_world_of_the_package_loads():
-    assert names() and all(load(name).walls for name in names())
-
-
-def test_box(tmp_path):
-    """A box of 0.4 x 0.2 m, turned by 90 deg, ends 0.1 m before its middle."""
-    world = load(write(tmp_path, "boxes: [[1, 0, 0.4, 0.2, 90]]"))
-    assert world.nearest(ORIGIN, CONE_RAD, RANGE_M) == pytest.approx(0.9)
-
-
-def test_start(tmp_path):
-    assert load(write(tmp_path, "start: [1, 2, 90]")).start == pytest.approx((1, 2, math.pi / 2))
 
 
 def test_a_robot_of_the_file_stands_there_until_a_board_of_its_name_comes(tmp_path):
@@ -116,10 +102,6 @@ def test_a_robot_is_not_put_inside_a_box(tmp_path):
     path = write(tmp_path, "boxes: [[0, 0, 2, 2, 30]]")
     with pytest.raises(ConfigError, match="pose 0,0 is in a wall"):
         make(Options(world=path))
-
-
-def test_pose_of_the_command_line():
-    assert parse_pose("1,-2,180", ORIGIN) == pytest.approx((1, -2, math.pi))
 
 
 @pytest.mark.parametrize("text", ["", "1,2", "1,2,3,4", "a,b,c", "1,2,nan", "1,2,inf"])
