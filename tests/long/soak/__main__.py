@@ -11,7 +11,6 @@ import signal
 import sys
 import time
 from collections import Counter
-from pathlib import Path
 from typing import Any, Dict, List
 
 import click
@@ -22,26 +21,12 @@ from tests.long.bench.figures import ROOT
 from . import real as real_time
 from .rows import LEAST, ROWS
 from .simulated import Job, run_one
-from .tally import Tally
+from .tally import GROWTH, Tally
 
 SESSIONS, CHIPS = 32, 4
 """A full simulated run is this many simulations of a quarter of an hour; of these many the board is the chip."""
-GROWTH_KB = 5000
 PARTS = ("simulated", "real_time")
 LEFT = ("processes_left", "descriptors_left", "threads_left", "growth_descriptors", "growth_threads")
-
-
-def write(part: str, figures: Dict[str, Any]) -> Path:
-    """Put the notes of a part into build/soak.json, with the table of all faults."""
-    path = ROOT / "build" / "soak.json"
-    path.parent.mkdir(exist_ok=True)
-    known = json.loads(path.read_text()) if path.exists() else {}
-    known[part] = figures
-    known["rows"] = table(known)
-    new = path.with_name(f".soak.{os.getpid()}")
-    new.write_text(json.dumps(known, indent=2) + "\n")
-    new.replace(path)
-    return path
 
 
 def table(known: Dict[str, Any]) -> List[Dict[str, Any]]:
@@ -61,9 +46,12 @@ def conclude(part: str, begun_s: float, tally: Tally, **more: Any) -> None:
         "took_s": round(time.monotonic() - begun_s, 1),
     }
     notes = {**about, **more, **tally.report()}
-    path = write(part, notes)
+    path = ROOT / "build" / "soak.json"
+    report.write(path, {part: notes})
+    rows = table(json.loads(path.read_text()))
+    report.write(path, {"rows": rows})
     click.echo(json.dumps(notes, indent=2))
-    few = [row["row"] for row in json.loads(path.read_text())["rows"] if not row["enough"]]
+    few = [row["row"] for row in rows if not row["enough"]]
     click.echo(f"{path}: {notes['faults']} faults, problems {notes['problems'] or 'none'}")
     report.conclude("soak", figures_of(part, notes))
     if few:
@@ -108,14 +96,13 @@ def simulated(faults: int, seed: int) -> None:
     again, first = done.pop(), done[-1]
     for one in done:
         tally.add(one["tally"])
-    if (again["digest"], again["tally"].report()["faults_by_kind"]) != (
-        first["digest"],
-        first["tally"].report()["faults_by_kind"],
-    ):
-        tally.problem("same_seed_same_run", seed=first["seed"])
-    else:
-        tally.passed("same_seed_same_run")
-    judge_growth(done, tally)
+    same = again["digest"] == first["digest"] and again["tally"].faults == first["tally"].faults
+    tally.check("same_seed_same_run", same, seed=first["seed"])
+    for process in {
+        one["pid"] for one in done
+    }:  # what it held after its first simulation and after its last one
+        mine = [one for one in done if one["pid"] == process]
+        tally.growth("simulation", mine[0], mine[-1], GROWTH)
     conclude(
         "simulated",
         begun_s,
@@ -127,27 +114,15 @@ def simulated(faults: int, seed: int) -> None:
     )
 
 
-def judge_growth(done: List[Dict[str, Any]], tally: Tally) -> None:
-    """What each process of the pool held after its first simulation and after its last one."""
-    for process in {one["pid"] for one in done}:
-        mine = [one for one in done if one["pid"] == process]
-        tally.growth(
-            "simulation", mine[0], mine[-1], {"memory_kb": GROWTH_KB, "descriptors": 0, "threads": 0}
-        )
-
-
 @main.command("real")
 @click.option("--minutes", type=click.FloatRange(0.1), default=60.0, show_default=True)
-@click.option("--faults", type=click.IntRange(1), default=100000, show_default=True, help="At most.")
 @click.option("--seed", type=int, default=1, show_default=True)
-@click.option("--rigs", default=",".join(real_time.RIGS), show_default=True)
-@click.option("--log", type=click.Path(dir_okay=False), help="A line for each fault and problem.")
-def real(minutes: float, faults: int, seed: int, rigs: str, log: str) -> None:
+def real(minutes: float, seed: int) -> None:
     """Faults of process, disk, master, subscriber and port in real time."""
-    begun_s, tally = time.monotonic(), Tally(Path(log) if log else None)
+    begun_s, tally = time.monotonic(), Tally()
     # A background job of a shell ignores SIGINT, and so would the programs that it starts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    real_time.run(60 * minutes, faults, seed, tally, tuple(real_time.RIGS[name] for name in rigs.split(",")))
+    real_time.run(60 * minutes, seed, tally)
     conclude("real_time", begun_s, tally, seed=seed)
 
 

@@ -11,11 +11,8 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tu
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError, MrlError
-from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.table import STOP_REASONS
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import QUANTUM_COUNTS
-from mrl_driver.robot.robot_state import fastest_m_s
 from mrl_driver.session.events import Ready
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.avr_board import AvrEngine
@@ -23,6 +20,7 @@ from sim_arduino.board.parameter_store import BLOCK_AT
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
+from tests.long.jumps import Jumps
 
 from .programs import ROOT, holds
 from .tally import Tally
@@ -33,7 +31,6 @@ HOST_DEAD_S = WATCHDOG_S + BOARD_S
 I2C_S = 0.3
 """The motor board stops by itself so long after the last word of a board that stands still [s]."""
 WHEEL_S = 0.5
-SLACK_S = 0.002
 HOST_STOP_S = 0.15
 """A stop that the host sent reaches the motors in this time; a newer command may overtake it [s]."""
 TIMEOUTS_S = (0.1, 0.25, 0.5, 1.0, None)
@@ -42,6 +39,13 @@ FAULT_S = 2.88
 IMAGE = str(ROOT / "build" / "firmware" / "mrl_firmware.elf")
 ENDLESS_LOOP = b"\xff\xcf"
 """The instruction that jumps to itself."""
+BAD_LINES = {
+    4: ("loss:{rate},burst=1", "loss:{rate},burst=16", "loss:{rate},burst=64"),
+    6: ("flip:{rate}", "change:{rate}", "swap:{rate}", "repeat:rate=0.1", "delay:delay=0.002,jitter=0.016"),
+    24: ("text:period=0.03,direction=to_host", "text:period=0.01,direction=to_host"),
+    30: ("flood:direction=to_host", "flood:direction=to_board", "flood:direction=both"),
+}
+"""Faults of the line by their row; lost bytes merge frames."""
 REST_S = 0.6
 """The motors run down from full speed [s]."""
 
@@ -120,37 +124,26 @@ class Simulation:
         self.driver.connect()
 
     def _watch_pose(self) -> None:
-        core = self.driver.core
+        core, jumps = self.driver.core, Jumps.of(self.model)
         on_counts, digest = core.state.on_counts, core._digest
-        self._pose, self._used_s, self._refused = ORIGIN, 0.0, 0
 
         def see(event: Any) -> Any:
             told = on_counts(event)
-            self._measure(event.time_s)
+            odometry = core.state.odometry
+            assert odometry is not None
+            jump_m = jumps.see(odometry.pose, event.time_s, odometry.baseline.refused)
+            self.tally.measured("pose_jump_m", jump_m)
+            if jump_m > 0.0:
+                self.tally.problem("pose_jump", fault=self.fault, jump_m=jump_m)
             return told
 
         def look(event: Any, now: float) -> Any:
             told = digest(event, now)
             if isinstance(event, Ready) and event.restarted:
-                self._used_s = 0.0
+                jumps.restart()
             return told
 
         core.state.on_counts, core._digest = see, look  # type: ignore[method-assign]
-
-    def _measure(self, time_s: float) -> None:
-        """How far the pose went, and how far it could at most."""
-        odometry = self.driver.core.state.odometry
-        assert odometry is not None
-        pose, refused = odometry.pose, odometry.baseline.refused
-        reach_m = fastest_m_s(self.model) * (time_s - self._used_s + SLACK_S)
-        reach_m += QUANTUM_COUNTS * self.model.base.metres_per_count
-        jump_m = math.dist(pose[:2], self._pose[:2]) - reach_m
-        self.tally.measured("pose_jump_m", jump_m)
-        if jump_m > 0.0:
-            self.tally.problem("pose_jump", fault=self.fault, jump_m=jump_m)
-        if refused == self._refused:
-            self._used_s = time_s
-        self._pose, self._refused = pose, refused
 
     @property
     def now_s(self) -> float:
@@ -218,10 +211,7 @@ class Simulation:
 
     def check(self, judge: str, good: bool, **what: Any) -> None:
         """Ask a judge."""
-        if good:
-            self.tally.passed(judge)
-        else:
-            self.tally.problem(judge, fault=self.fault, at_sim_s=round(self.now_s, 3), **what)
+        self.tally.check(judge, good, fault=self.fault, at_sim_s=round(self.now_s, 3), **what)
 
     def _look(self) -> None:
         """Judge what the wheels have done since the last look."""
@@ -281,13 +271,15 @@ class Simulation:
             self.engine.inject(spec)
         return self.now_s
 
-    def _bad_line(self, spec: str, *rows: int) -> None:
+    def bad_line(self) -> None:
         """The user drives over a line that is bad for a while, and falls silent some time."""
-        self.struck(*rows)
+        row, name = self.rng.choice([(row, name) for row, names in BAD_LINES.items() for name in names])
+        rate = f"rate={10 ** self.rng.uniform(-3, -1.5):.5f}"
+        self.struck(row)
         self.stale_s = HOST_DEAD_S
         lasts_s = self.rng.uniform(0.3, 1.2)
         self.keep(self.rng.uniform(0.1, 0.3))
-        self._inject(f"{spec},at=0,lasts={lasts_s:.3f}")
+        self._inject(f"{name.format(rate=rate)},at=0,lasts={lasts_s:.3f}")
         if self.rng.random() < 0.5:
             self.keep(lasts_s)
         else:
@@ -301,33 +293,6 @@ class Simulation:
         if self.rng.random() < 0.3:
             self.once()
         self.stop()
-
-    def lost_bytes(self) -> None:
-        """Lost bytes, which merge frames."""
-        self._bad_line(
-            f"loss:rate={10 ** self.rng.uniform(-3, -1.5):.5f},burst={self.rng.choice((1, 2, 16, 64))}", 4
-        )
-
-    def flipped_bits(self) -> None:
-        """Flipped bits and changed bytes."""
-        self._bad_line(
-            f"{self.rng.choice(('flip', 'change', 'swap'))}:rate={10 ** self.rng.uniform(-3, -1.5):.5f}", 6
-        )
-
-    def late_and_repeated(self) -> None:
-        """Jitter, repeated frames, pieces."""
-        spec = self.rng.choice(
-            ("delay:delay=0.002,jitter=0.016", "repeat:rate=0.1", "split:size=20,gap=0.002")
-        )
-        self._bad_line(spec, 6)
-
-    def garbage_flood(self) -> None:
-        """Garbage at the rate of the line."""
-        self._bad_line(f"flood:direction={self.rng.choice(('to_host', 'to_board', 'both'))}", 30)
-
-    def debug_text(self) -> None:
-        """Text with pieces of frames in it."""
-        self._bad_line("text:period=0.03,direction=to_host", 24)
 
     def probes(self) -> None:
         """ModemManager's probes arrive at the board."""
@@ -565,23 +530,6 @@ class Simulation:
         self.check("forbidden_motion", not truth.edges)
         self.wait(0.1)
 
-    def eeprom_damaged(self) -> None:
-        """A bit of the stored parameters is flipped: noticed, and the board has safe defaults."""
-        self.struck(20)
-        plant = Plant(self.model, World(), (0.0, 0.0, 0.0))
-        board = PythonBoard(plant)
-        at = BLOCK_AT + self.rng.randrange(1, 39)
-        board.eeprom[at] ^= 1 << self.rng.randrange(8)
-        board.reset()
-        truth = Truth(plant)
-        driver = SteppedDriver(board)
-        with suppress(MrlError):
-            driver.connect()
-            driver.wait(0.3)
-        self.check("eeprom_noticed", not board.config.sound and board.health.has_fault("eeprom"), at=at)
-        self.check("forbidden_motion", not truth.edges)
-        self.wait(0.1)
-
     # ---- the run
 
     def struck(self, *rows: int) -> None:
@@ -594,21 +542,19 @@ class Simulation:
 
     def deck(self) -> List[Callable[[], None]]:
         """The faults of one round."""
+        twice = (self.stalled, self.frozen, self.board_reset, self.motor_board_away, self.wheel_fails)
         return [
-            *(self.lost_bytes, self.lost_bytes, self.flipped_bits, self.flipped_bits, self.late_and_repeated),
-            *(self.garbage_flood, self.debug_text, self.probes, self.stop_behind_a_cut_frame, self.unplugged),
-            *(self.stalled, self.stalled, self.one_way, self.host_dies, self.host_pauses, self.source_silent),
+            *twice * 2,
+            *(self.bad_line,) * 7,
+            *(self.probes, self.stop_behind_a_cut_frame, self.unplugged, self.one_way, self.host_dies),
             *(
+                self.host_pauses,
+                self.source_silent,
                 self.not_a_number,
                 self.wall_clock,
-                self.frozen,
-                self.frozen,
-                self.board_reset,
-                self.board_reset,
+                self.reset_at_connect,
             ),
-            *(self.reset_at_connect, self.motor_board_away, self.motor_board_away, self.counter_wraps),
-            *(self.wheel_fails, self.wheel_fails, self.battery_fails, self.sonar_fails, self.another_board),
-            self.eeprom_damaged,
+            *(self.counter_wraps, self.battery_fails, self.sonar_fails, self.another_board),
         ]
 
     def run(self, faults: int) -> None:
@@ -662,15 +608,6 @@ class ChipSimulation(Simulation):
         self.board.machine.hang_bus(None)
         self.wait(0.4)
         self.ends_within(since_s, I2C_S + 0.02)
-        self._maybe_recover()
-
-    def read_fails(self) -> None:
-        """The motor board does not acknowledge for a few readings."""
-        self.struck(12)
-        self.once()
-        self.stale_s = HOST_DEAD_S + I2C_S
-        self._inject(f"motor_board_absent:at=0,lasts={self.rng.uniform(0.01, 0.1):.3f}")
-        self.wait(0.6)
         self._maybe_recover()
 
     def locks_up(self) -> None:
@@ -736,11 +673,11 @@ class ChipSimulation(Simulation):
     def deck(self) -> List[Callable[[], None]]:
         """Those of the hardware, and others whose answer is the firmware's."""
         return [
-            *(self.bus_hangs, self.bus_hangs, self.read_fails, self.read_fails, self.locks_up, self.locks_up),
+            *(self.bus_hangs, self.locks_up) * 2,
             *(self.millis_wrap, self.eeprom_damaged, self.sonar_fails, self.stop_behind_a_cut_frame),
-            *(self.host_dies, self.stalled, self.frozen, self.unplugged, self.lost_bytes, self.flipped_bits),
+            *(self.host_dies, self.stalled, self.frozen, self.unplugged, self.bad_line, self.bad_line),
             *(self.board_reset, self.motor_board_away, self.source_silent, self.one_way, self.probes),
-            *(self.garbage_flood, self.counter_wraps, self.wheel_fails, self.host_pauses),
+            *(self.bad_line, self.counter_wraps, self.wheel_fails, self.host_pauses),
         ]
 
 

@@ -1,21 +1,20 @@
 """What a soak has found: faults by kind and row, figures, problems; and how it becomes a report."""
 
-import json
 import threading
 import time
 from collections import Counter
-from pathlib import Path
-from typing import Any, Dict, List, Mapping, Optional
+from typing import Any, Dict, List, Mapping
 
 MOST_PROBLEMS = 200
+GROWTH = {"memory_kb": 5000, "descriptors": 0, "threads": 0}
+"""How much more a program may hold in the end."""
 
 
 class Tally:
-    """Counts from several threads; each fault and problem is also a line of `log`, if there is one."""
+    """Counts from several threads."""
 
-    def __init__(self, log: Optional[Path] = None) -> None:
+    def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._log = log
         self.faults: Counter[str] = Counter()
         self.rows: Counter[int] = Counter()
         self.judged: Counter[str] = Counter()
@@ -29,23 +28,24 @@ class Tally:
         with self._lock:
             self.faults[name] += 1
             self.rows.update(rows)
-            self._write({"fault": name, "rows": rows})
 
     def measured(self, figure: str, value: float) -> None:
         """Keep the largest value of a figure."""
         with self._lock:
             self.largest[figure] = max(value, self.largest.get(figure, value))
 
-    def passed(self, judge: str) -> None:
-        """A judge had nothing to say."""
+    def check(self, judge: str, good: bool, **what: Any) -> None:
+        """A judge has nothing to say, or reports something."""
+        if not good:
+            self.problem(judge, **what)
+            return
         with self._lock:
             self.judged[judge] += 1
 
-    def busy(self, judge: str, **what: Any) -> None:
+    def busy(self, judge: str) -> None:
         """A judge could not tell, because the computer held up the emulator."""
         with self._lock:
             self.not_judged[judge] += 1
-            self._write({"not_judged": judge, **what})
 
     def problem(self, judge: str, **what: Any) -> None:
         """A judge reports something."""
@@ -55,7 +55,6 @@ class Tally:
             row = {"problem": judge, "at_s": round(time.monotonic(), 3), **what}
             if len(self.problems) < MOST_PROBLEMS:
                 self.problems.append(row)
-            self._write(row)
 
     def growth(
         self, name: str, before: Mapping[str, Any], after: Mapping[str, Any], most: Mapping[str, int]
@@ -64,10 +63,7 @@ class Tally:
         for key, limit in most.items():
             grown = after[key] - before[key]
             self.measured(f"{key}_growth_{name}", grown)
-            if grown <= limit:
-                self.passed(f"growth_{key}")
-            else:
-                self.problem(f"growth_{key}", process=name, before=before[key], after=after[key])
+            self.check(f"growth_{key}", grown <= limit, process=name, before=before[key], after=after[key])
 
     def add(self, other: "Tally") -> None:
         """Add what another one has found."""
@@ -84,11 +80,6 @@ class Tally:
     def __setstate__(self, state: Dict[str, Any]) -> None:
         """In the other process."""
         vars(self).update(state, _lock=threading.Lock())
-
-    def _write(self, row: Dict[str, Any]) -> None:
-        if self._log:
-            with self._log.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"t": round(time.monotonic(), 3), **row}) + "\n")
 
     def report(self) -> Dict[str, Any]:
         """All of it, for JSON."""

@@ -9,9 +9,7 @@ import pytest
 from mrl_driver.robot.odometry import Baseline
 from sim_arduino.board.board_status import BoardStatus
 from tests.long.soak import truth
-from tests.long.soak.__main__ import table
 from tests.long.soak.programs import MARK, holds, left_behind
-from tests.long.soak.rows import LEAST, ROWS
 from tests.long.soak.simulated import ChipSimulation, Job, Simulation, run_one
 from tests.long.soak.tally import Tally
 
@@ -35,11 +33,6 @@ def test_faults_in_simulated_time_move_no_robot_that_should_stand_and_no_pose():
     assert tally.problems == []
     assert sum(tally.faults.values()) > FAULTS and tally.judged["forbidden_motion"] > FAULTS
     assert tally.judged["time_to_stop"] > FAULTS and tally.largest["pose_jump_m"] <= 0.0
-
-
-def test_the_same_seed_is_the_same_run():
-    runs = [run_one(Job(8, 3)) for _ in range(2)]
-    assert runs[0]["digest"] == runs[1]["digest"] and runs[0]["simulated_s"] == runs[1]["simulated_s"]
 
 
 @pytest.mark.parametrize("fault", ["locks_up", "millis_wrap", "eeprom_damaged"])
@@ -126,19 +119,3 @@ def test_a_process_that_is_left_is_reported():
         process.stdout.readline()
         assert [line.split()[0] for line in left_behind()] == [str(process.pid)]
         process.communicate(b"\n")
-
-
-def test_faults_that_struck_too_rarely_are_in_the_table():
-    rows = table({"simulated": {"rows": {"1": LEAST - 1, "2": LEAST}}, "real_time": {"rows": {"1": 1}}})
-    assert [row["row"] for row in rows if row["enough"]] == [1, 2] and len(rows) == len(ROWS)
-
-
-def test_tallies_of_several_processes_add_up():
-    one, other = Tally(), Tally()
-    one.struck("reset", 11)
-    other.struck("reset", 11, 14)
-    other.problem("pose_jump")
-    other.measured("stop_s", 0.2)
-    one.add(other)
-    assert one.report()["faults"] == 2 and one.report()["rows"] == {"11": 2, "14": 1}
-    assert one.report()["problems"] == {"pose_jump": 1} and one.largest == {"stop_s": 0.2}
