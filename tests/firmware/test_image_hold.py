@@ -8,4 +8,4 @@ LATEST_S = 0.06
 
 def test_hold_stops_the_other_robot_in_time():
     times = bench_hold.measure(bench_hold.SILENCE, 2)
-    assert len(times) == 2 and all(each.stopped_s is not None and each.stopped_s < LATEST_S for each in times)
+    assert len(times) == 2 and all(time_s is not None and time_s < LATEST_S for time_s in times)

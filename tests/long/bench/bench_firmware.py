@@ -4,8 +4,8 @@ The figures of the 2013 firmware and of rosserial in docs/figures are from an ea
 the released firmware of August 2013 and with a sketch on ros_lib; neither is in this repository.  The sketches of
 `firmware/comparison` repeat that of `@6e`.
 
-Figures with an IMU have the suffix `_imu`, those while it streams `_imu_100hz`, and those of the H-bridge image
-`_hbridge` before it.  FAST=1 is shorter.
+Figures with an IMU that streams have the suffix `_imu_100hz`, and those of the H-bridge image `_hbridge` before it.
+FAST=1 is shorter.
 """
 
 import sys
@@ -27,15 +27,13 @@ from tests.long.bench.firmware_board import Rig
 
 class Case(NamedTuple):
     """What is connected to the bus besides the motor board: the suffix of its figures, and the period of the IMU's
-    stream [ms]; 0 is an IMU that does not stream, None no IMU."""
+    stream [ms]; None is no IMU."""
 
     suffix: str
     imu_period_ms: Optional[int]
 
 
-CASES = report.either(
-    (Case("", None), Case("_imu", 0), Case("_imu_100hz", 10)), (Case("", None), Case("_imu_100hz", 10))
-)
+CASES = Case("", None), Case("_imu_100hz", 10)
 FOLDER = ROOT / "build" / "firmware"
 ELF, BRIDGE_ELF = FOLDER / "mrl_firmware.elf", FOLDER / "mrl_firmware_hbridge.elf"
 BRIDGE_EDGES_HZ = 10000

@@ -10,11 +10,11 @@ import sys
 from typing import Dict, List, Optional
 
 from mrl_driver.host.firmware_images import image_path
-from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.hold_text import HoldText
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot import models
-from mrl_driver.robot.radio import text_of, text_request
+from mrl_driver.robot.radio import text_request
 from sim_arduino.board import parameter_store
 from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.hardware.motor import Mode
@@ -41,7 +41,7 @@ class Pair:
         values = parameter_store.first(model.ids[0], model)
         values[PARAMETER_BY_NAME["radio_hold"].number] = radio_hold
         self.boards[1].machine.write_eeprom(0, parameter_store.image(values))
-        self._held, self._decoder = plants[1], FrameDecoder(REPLIES)
+        self._held = plants[1]
         self._address = plants[1].xbee.station.address
         self.now_s = 0.0
         self.run(START_S)
@@ -62,14 +62,11 @@ class Pair:
         while self.now_s < end_s:
             self.step()
 
-    def step(self) -> List[HoldText]:
-        """Runs both boards one step further; the answers that the holder's host gets."""
+    def step(self) -> None:
+        """Runs both boards one step further."""
         self.now_s += STEP_S
-        self.boards[1].advance(self.now_s)
-        frames = self._decoder.feed(self.boards[0].advance(self.now_s))
-        texts = [text_of(event) for event in frames if isinstance(event, Frame)]
-        answers = [HoldText.parse(text.data) for text in texts if text]
-        return [answer for answer in answers if answer]
+        for board in reversed(self.boards):
+            board.advance(self.now_s)
 
     @property
     def driven(self) -> bool:
@@ -83,29 +80,19 @@ class Pair:
             board.close()
 
 
-class Times:
-    """Times of one hold, from the write [s]; None is never."""
-
-    def __init__(self) -> None:
-        self.stopped_s: Optional[float] = None
-        self.answered_s: Optional[float] = None
-
-
-def hold(pair: Pair, number: int) -> Times:
-    """The driving robot is held once."""
-    begun_s, times = pair.now_s, Times()
+def hold(pair: Pair, number: int) -> Optional[float]:
+    """The driving robot is held once: the time from the write to its stop [s], None if it drives on."""
+    begun_s = pair.now_s
     pair.say(HoldText("hold", number))
-    while pair.now_s < begun_s + PATIENCE_S and (times.stopped_s is None or times.answered_s is None):
-        answers = pair.step()
-        if times.stopped_s is None and not pair.driven:
-            times.stopped_s = pair.now_s - begun_s
-        if HoldText("held", number) in answers:
-            times.answered_s = pair.now_s - begun_s
-    return times
+    while pair.now_s < begun_s + PATIENCE_S:
+        pair.step()
+        if not pair.driven:
+            return pair.now_s - begun_s
+    return None
 
 
-def measure(radio_hold: int, count: int) -> List[Times]:
-    """Holds the robot many times, each time while it drives."""
+def measure(radio_hold: int, count: int) -> List[Optional[float]]:
+    """Holds the robot many times, each time while it drives; when it stopped [s]."""
     pair, phase, out = Pair(radio_hold), random.Random(1), []
     for number in range(1, count + 1):
         pair.tell(1, "move_differential", 200, 0)
@@ -122,18 +109,14 @@ def main() -> int:
     """Measures, prints, writes."""
     print("hold", file=sys.stderr, flush=True)
     holds, controls = measure(SILENCE, HOLDS), measure(0, CONTROLS)
-    stopped_ms = [1000.0 * each.stopped_s for each in holds if each.stopped_s is not None]
-    answered_ms = [1000.0 * each.answered_s for each in holds if each.answered_s is not None]
+    stopped_ms = [1000.0 * stopped_s for stopped_s in holds if stopped_s is not None]
     figures: Dict[str, float] = {
         "holds": len(holds),
         "stopped": len(stopped_ms),
         "stopped_ms_median": statistics.median(stopped_ms),
         "stopped_ms_worst": max(stopped_ms),
-        "answered": len(answered_ms),
-        "answered_ms_median": statistics.median(answered_ms),
-        "answered_ms_worst": max(answered_ms),
         "controls": len(controls),
-        "controls_stopped": sum(each.stopped_s is not None for each in controls),
+        "controls_stopped": sum(stopped_s is not None for stopped_s in controls),
     }
     return report.conclude("hold", figures)
 

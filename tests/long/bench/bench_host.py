@@ -77,8 +77,8 @@ def bare_rate(data: bytes) -> float:
     return rate(FRAMES, work)
 
 
-def cpu_percent_50hz(module: str, *fitted: str) -> float:
-    """CPU of a process that runs `module` on an emulated board's stream of 50 frames a second [%].
+def cpu_percent_50hz(reader: str, *fitted: str) -> float:
+    """CPU of a `port_reader` of an emulated board's stream of 50 frames a second [%].
 
     `fitted` are further options of the board.
     """
@@ -90,7 +90,7 @@ def cpu_percent_50hz(module: str, *fitted: str) -> float:
     try:
         assert board.stdout is not None
         port = board.stdout.readline().split()[0]
-        command = [sys.executable, "-m", module, port, str(DRIVER_S)]
+        command = [sys.executable, "-m", "tests.long.bench.port_reader", reader, port, str(DRIVER_S)]
         return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
     finally:
         board.terminate()
@@ -123,11 +123,9 @@ def main() -> int:
         in_turn(
             DRIVER_RUNS,
             {
-                "cpu_percent_raw_read_50hz": lambda: cpu_percent_50hz("tests.long.bench.raw_read"),
-                "cpu_percent_driver_50hz": lambda: cpu_percent_50hz("tests.long.bench.driver_alone"),
-                "cpu_percent_driver_and_imu_50hz": lambda: cpu_percent_50hz(
-                    "tests.long.bench.driver_alone", "--imu"
-                ),
+                "cpu_percent_raw_read_50hz": lambda: cpu_percent_50hz("raw"),
+                "cpu_percent_driver_50hz": lambda: cpu_percent_50hz("driver"),
+                "cpu_percent_driver_and_imu_50hz": lambda: cpu_percent_50hz("driver", "--imu"),
             },
         )
     )

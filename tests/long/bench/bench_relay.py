@@ -44,18 +44,6 @@ def delay_figures() -> Dict[str, report.Measured]:
     return found
 
 
-def slow_figures() -> Dict[str, report.Measured]:
-    """Delay of the messages of the last third, over a slow cable [ms]: largest of all runs."""
-    found: Dict[str, report.Measured] = {}
-    for name, key, figure in ("slow", "relayed", "relayed"), ("one_master", "direct", "one_master"):
-        every = [run[key] for run in runs(name)]
-        last = [[1e3 * delay for at, delay in run if at > 2 * run[-1][0] / 3] for run in every]
-        found[f"{figure}_slow_delay_ms_median"] = [statistics.median(run) for run in last]
-        found[f"{figure}_slow_delay_ms_worst"] = max(map(max, last))
-        found[f"{figure}_slow_messages_hz"] = [(len(run) - 1) / run[-1][0] for run in every]
-    return found
-
-
 def cut_figures() -> Dict[str, report.Measured]:
     """Times after the cut and after the restore [ms]."""
     found: Dict[str, report.Measured] = {}
@@ -66,15 +54,11 @@ def cut_figures() -> Dict[str, report.Measured]:
             found[f"{name}_{key[:-2]}_ms_median"] = ms
             found[f"{name}_{key[:-2]}_ms_worst"] = max(ms)
         found[f"{name}_replayed"] = sum(run.get("replayed", False) for run in every)
-    for name in report.either(("short_cut", "short_cut_any_age"), ()):
-        found[f"{name}_drove_again"] = sum(run["drove_again"] for run in runs(name))
     return found
 
 
 def main() -> int:
-    return report.conclude(
-        "relay", {**delay_figures(), **cut_figures(), **report.either(slow_figures, dict)()}
-    )
+    return report.conclude("relay", {**delay_figures(), **cut_figures()})
 
 
 if __name__ == "__main__":

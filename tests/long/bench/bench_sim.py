@@ -17,7 +17,7 @@ from sim_arduino.board import PythonBoard
 from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world_file import load
-from tests.long.bench import report
+from tests.long.bench import processes, report
 
 RUNS = report.either(5, 1)
 WATCH_S = report.either(10.0, 2.0)
@@ -61,9 +61,7 @@ class Served:
 
     def cpu_s(self) -> float:
         """CPU time of its process so far [s]."""
-        with open(f"/proc/{self.process.pid}/stat", encoding="ascii") as file:
-            user, system = file.read().rsplit(")", 1)[1].split()[11:13]
-        return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+        return processes.cpu_s(self.process.pid)
 
     def take(self) -> None:
         """Reads what has come."""

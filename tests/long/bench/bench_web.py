@@ -10,7 +10,7 @@ import tempfile
 import time
 from functools import partial
 from pathlib import Path
-from typing import Callable, Dict, List
+from typing import Callable, Dict
 
 from tests.cli.terminal import Terminal
 from tests.driver.emulator import Emulator
@@ -18,10 +18,9 @@ from tests.waiting import wait_until
 from tests.web.browser import DESK, Browser
 from tests.web.robot_page import RobotPage
 from tests.web.served import Served
-from tests.web.stop_chain import figures
 from tests.web.stop_runs import StopRuns
 
-from . import report
+from . import processes, report
 
 RUNS = report.either(20, 1)
 CPU_S, CPU_RUNS, SETTLE_S = report.either((20.0, 3, 2.0), (2.0, 1, 1.0))
@@ -37,14 +36,9 @@ def local(folder: Path) -> Served:
 def cpu_percent(pid: int) -> float:
     """Share of a core that a process takes while nothing drives."""
     time.sleep(SETTLE_S)
-    begun_s, used_s = time.monotonic(), _cpu_s(pid)
+    begun_s, used_s = time.monotonic(), processes.cpu_s(pid)
     time.sleep(CPU_S)
-    return 100.0 * (_cpu_s(pid) - used_s) / (time.monotonic() - begun_s)
-
-
-def _cpu_s(pid: int) -> float:
-    user, system = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
-    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
+    return 100.0 * (processes.cpu_s(pid) - used_s) / (time.monotonic() - begun_s)
 
 
 def monitor_cpu() -> float:
@@ -94,28 +88,12 @@ def real_stops(browser: Browser, folder: Path) -> Dict[str, report.Measured]:
         runs = StopRuns(browser, served)
         for fault in runs.faults:
             times = report.repeat(fault, RUNS, partial(runs.measure, fault))
-            found.update(_figures(fault, [each.after_command_s for each in times]))
+            ms = [1000.0 * each.after_command_s for each in times]
+            key = fault.replace(" ", "_")
+            found.update({f"{key}_stop_ms_median": ms, f"{key}_stop_ms_worst": max(ms)})
     finally:
         served.close()
     return found
-
-
-def simulated_stops() -> Dict[str, report.Measured]:
-    """The same in simulated time: with all links, then with each that notices the fault alone [ms].
-
-    With none the robot drives on, which has no time.
-    """
-    found: Dict[str, report.Measured] = {}
-    for name, times in figures(runs=RUNS).items():
-        if not name.endswith(": none"):
-            found.update(_figures(f"simulated {name.replace(':', ' by')}", times))
-    return found
-
-
-def _figures(name: str, times_s: List[float]) -> Dict[str, report.Measured]:
-    ms = [1000.0 * time_s for time_s in times_s]
-    key = name.replace(" ", "_")
-    return {f"{key}_stop_ms_median": ms, f"{key}_stop_ms_worst": max(ms)}
 
 
 def cpu_figures(browser: Browser, folder: Path) -> Dict[str, report.Measured]:
@@ -140,7 +118,7 @@ def main() -> int:
             found.update(real_stops(browser, folder))
         finally:
             browser.close()
-    return report.conclude("web", {**found, **simulated_stops()})
+    return report.conclude("web", found)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,5 @@
-"""Makes a recording of a long drive, as the driver writes it: telemetry at 50 Hz with checksums, and commands at 20 Hz.
+"""Makes a recording of a long drive, as the driver writes it: telemetry at 50 Hz with checksums, commands at 20 Hz."""
 
-python -m tests.long.bench.long_recording drive.mrl --hours 10 --damaged 0.01 --pieces 2 --cut
-"""
-
-import argparse
 import codecs
 import random
 from typing import Iterator, List, Tuple
@@ -35,8 +31,8 @@ def telemetry() -> List[bytes]:
     return frames
 
 
-def entries(frames: int, pieces: int = 1) -> Iterator[Tuple[float, str, bytes]]:
-    """Time, direction and bytes of each entry; a frame comes in `pieces` reads."""
+def entries(frames: int) -> Iterator[Tuple[float, str, bytes]]:
+    """Time, direction and bytes of each entry."""
     rng, cycle = random.Random(2), telemetry()
     commands = [encode_request(11, 200, turn, checked=True) for turn in range(-300, 301)]
     info = encode_reply(5, 2500, 172, 1360, 2, 1, checked=True)
@@ -44,9 +40,7 @@ def entries(frames: int, pieces: int = 1) -> Iterator[Tuple[float, str, bytes]]:
         yield 0.0, direction, data
     for i in range(frames):
         time_s, frame = 0.1 + i * FRAME_S + rng.uniform(0.0, 0.004), cycle[i % CYCLE]
-        size = -(-len(frame) // pieces)
-        for at in range(0, len(frame), size):
-            yield time_s + 1e-4 * at / size, "<", frame[at : at + size]
+        yield time_s, "<", frame
         if i % 5 in (0, 2):
             yield time_s + 0.005, ">", commands[i % len(commands)]
         if i % 50 == 25:
@@ -54,7 +48,7 @@ def entries(frames: int, pieces: int = 1) -> Iterator[Tuple[float, str, bytes]]:
             yield time_s + 0.010, "<", info
 
 
-def write(path: str, frames: int, pieces: int = 1, damaged: float = 0.0, cut: bool = False) -> None:
+def write(path: str, frames: int, damaged: float = 0.0, cut: bool = False) -> None:
     """Write the file.
 
     Args:
@@ -65,7 +59,7 @@ def write(path: str, frames: int, pieces: int = 1, damaged: float = 0.0, cut: bo
     with open(path, "wb") as file:
         file.write(b'#mrl-recording 1 {"port": "/dev/ttyACM0", "started": "%s"}\n' % STARTED.encode())
         line = b""
-        for time_s, direction, data in entries(frames, pieces):
+        for time_s, direction, data in entries(frames):
             line = b"%.6f %s %s\n" % (time_s, direction.encode(), codecs.escape_encode(data)[0])
             if damaged and rng.random() < damaged:
                 at = rng.randrange(len(line))
@@ -73,18 +67,3 @@ def write(path: str, frames: int, pieces: int = 1, damaged: float = 0.0, cut: bo
             file.write(line)
         if cut:
             file.truncate(file.tell() - len(line) // 2)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("path")
-    parser.add_argument("--hours", type=float, default=10.0)
-    parser.add_argument("--pieces", type=int, default=1)
-    parser.add_argument("--damaged", type=float, default=0.0)
-    parser.add_argument("--cut", action="store_true")
-    options = parser.parse_args()
-    write(options.path, int(options.hours * 180000), options.pieces, options.damaged, options.cut)
-
-
-if __name__ == "__main__":
-    main()

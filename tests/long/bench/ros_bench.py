@@ -21,10 +21,11 @@ from tf2_msgs.msg import TFMessage
 
 from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child, wait_until
+from tests.long.bench import figures, processes
 from tests.long.bench.feeder import METRES_PER_COUNT
 from tests.ros.rig import free_port
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = figures.ROOT
 LOGS = ROOT / "build" / "bench" / "ros"
 NODE = [str(ROOT / "ros1_bridge" / "nodes" / "robot_node")]
 BARE = ["/usr/bin/python3", str(ROOT / "tests" / "long" / "bench" / "bare_rospy.py")]
@@ -126,15 +127,12 @@ class Bench:
         self.spaces = [f"/bench{number}_{i}" for i in range(boards)]
         self.arrived: List[List[Tuple[float, float]]] = [[] for _ in range(boards)]
         self.feeder.rate(hz)
+        commands = [
+            [*program, f"__ns:={ns}", f"_port:={port}"] for ns, port in zip(self.spaces, self.feeder.ports)
+        ]
         self.nodes = [
-            Child(
-                "node",
-                [*program, f"__ns:={ns}", f"_port:={port}"],
-                LOGS / f"node{i}.log",
-                dict(os.environ),
-                ROOT,
-            )
-            for i, (ns, port) in enumerate(zip(self.spaces, self.feeder.ports))
+            Child("node", command, LOGS / f"node{i}.log", dict(os.environ), ROOT)
+            for i, command in enumerate(commands)
         ]
         self._subscribers = [
             rospy.Subscriber(f"{ns}/odom", Odometry, self._take, callback_args=i, tcp_nodelay=True)
@@ -248,9 +246,7 @@ class Bench:
 
     def rss_mib(self) -> float:
         """Resident memory of the first node."""
-        with open(f"/proc/{self._pid()}/status", encoding="ascii", errors="replace") as file:
-            line = next(line for line in file if line.startswith("VmRSS"))
-        return int(line.split()[1]) / 1024
+        return processes.rss_mib(self._pid())
 
     def _pid(self) -> int:
         return self.nodes[0].pid

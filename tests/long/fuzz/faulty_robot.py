@@ -4,25 +4,21 @@ import math
 import random
 from typing import List, NamedTuple, Set, Tuple
 
-from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import STOP_CODE
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import QUANTUM_COUNTS
-from mrl_driver.robot.robot_state import RobotState, fastest_m_s
+from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.events import Counts, Ready
 from mrl_driver.session.session import Session
 from sim_arduino.board import PythonBoard
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
+from tests.long.jumps import Jumps
 
 STEP_S = 0.002
 FIRST_FAULT_S = 1.0
 """By then the driver is connected."""
-SLACK_S = 0.002
-"""What the odometry allows beyond the board's time between two readings."""
-
 BAD_BYTES = ("loss", "flip", "change", "swap", "repeat")
 NUISANCES = (
     "loss:rate=0.003,burst=40",
@@ -95,7 +91,6 @@ class FaultyRobot:
 
     Attributes:
         wrong: Values accepted under the check value, on either side, that the other side did not send.
-        jump_m: Largest step of the pose beyond what the wheels can do in the time.
     """
 
     def __init__(self, faults: Tuple[str, ...], seed: int) -> None:
@@ -107,10 +102,9 @@ class FaultyRobot:
         self.now = 0.0
         self.session = Session(self.state.admit, self.now)
         self.wrong: List[object] = []
-        self.jump_m = -math.inf
+        self._jumps = Jumps.of(self.model)
         self.accepted = 0
         self._asked: Set[Frame] = set()
-        self._pose, self._used_s, self._refused = ORIGIN, 0.0, 0
         self._plugged = True
 
     def run(self, seconds: float) -> "FaultyRobot":
@@ -130,7 +124,7 @@ class FaultyRobot:
         for event in events:
             self.state.digest(event, self.now)
             if isinstance(event, Ready) and event.restarted:
-                self._used_s = 0.0
+                self._jumps.restart()
             if isinstance(event, Counts):
                 self._judge(event)
         out = self.session.take()
@@ -161,17 +155,12 @@ class FaultyRobot:
             self.accepted += 1
             if (event.right, event.left, event.sonars, event.sequence) not in self.board.sent:
                 self.wrong.append(event)
-        self._measure(event.time_s)
+        self._jumps.see(self.state.odometry.pose, event.time_s, self.state.odometry.baseline.refused)
 
-    def _measure(self, time_s: float) -> None:
-        """How far the pose went, and how far it could at most."""
-        pose, refused = self.state.odometry.pose, self.state.odometry.baseline.refused
-        reach_m = fastest_m_s(self.model) * (time_s - self._used_s + SLACK_S)
-        reach_m += QUANTUM_COUNTS * self.model.drive.metres_per_count
-        self.jump_m = max(self.jump_m, math.dist(pose[:2], self._pose[:2]) - reach_m)
-        if refused == self._refused:
-            self._used_s = time_s
-        self._pose, self._refused = pose, refused
+    @property
+    def jump_m(self) -> float:
+        """Largest step of the pose beyond what the wheels can do in the time."""
+        return self._jumps.farthest_m
 
     @property
     def error_m(self) -> float:

@@ -2,7 +2,6 @@
 
 import random
 import re
-import resource
 import signal
 import subprocess
 import sys
@@ -23,7 +22,8 @@ from tests.driver.test_clock import run as jittered
 from tests.driver.test_own_stop import commanded_robot, stalled_share
 from tests.driver.test_uncommanded_motion import PERIODS_MS, close, driven_s, stopped, way_m
 from tests.fake_board import FakeBoard
-from tests.long.fuzz.faulty_robot import FIRST_FAULT_S, FaultyRobot, drive_about, scene
+from tests.long.bench import processes
+from tests.long.fuzz import faulty_robot
 from tests.waiting import PATIENCE_S, wait_until
 
 _WHOLE = re.compile(rb"\d+(,-?\d+)*e")
@@ -189,14 +189,8 @@ def stalls(_: int) -> Dict[str, float]:
 
 def jumps(count: int) -> Dict[str, float]:
     """Steps of the pose beyond what the wheels can do, over links with random faults; stepped time."""
-    farthest_m = 0.0
-    for seed in range(count):
-        rng = random.Random(seed)
-        what = scene(rng)
-        robot = FaultyRobot(what.faults, seed).run(FIRST_FAULT_S)
-        drive_about(robot, rng, 5.0, what.breaks)
-        farthest_m = max(farthest_m, robot.jump_m)
-    return {"odometry_jump_mm_max": 1000 * farthest_m}
+    farthest_m = max(faulty_robot.drive(seed, 5.0)[0].jump_m for seed in range(count))
+    return {"odometry_jump_mm_max": 1000 * max(0.0, farthest_m)}
 
 
 def stamps(count: int) -> Dict[str, float]:
@@ -287,11 +281,11 @@ def long_drive(minutes: float) -> Dict[str, float]:
     with mrl_sim() as (_, port), Driver(port, options=Options(period_ms=10)) as driver:
         rng = random.Random(0)
         _drive(driver, rng, 5.0)
-        before_mb, end_s = _memory_mb(), time.monotonic() + minutes * 60
+        before_mb, end_s = 1.048576 * processes.rss_mib(), time.monotonic() + minutes * 60
         while time.monotonic() < end_s:
             _drive(driver, rng, 1.0)
         counters = driver.statistics
-        growth_mb = _memory_mb() - before_mb
+        growth_mb = 1.048576 * processes.rss_mib() - before_mb
         lost = counters.lost + counters.duplicates + counters.refused_counts + sum(counters.garbage.values())
     return {
         "soak_minutes": minutes,
@@ -306,15 +300,3 @@ def _drive(driver: Driver, rng: random.Random, seconds: float) -> None:
     while time.monotonic() < end_s:
         driver.drive(rng.uniform(-0.2, 0.2), rng.uniform(-1.0, 1.0))
         time.sleep(0.05)
-
-
-def _memory_mb() -> float:
-    """Memory of this process that is in RAM."""
-    with open("/proc/self/statm", encoding="ascii") as file:
-        return int(file.read().split()[1]) * resource.getpagesize() / 1e6
-
-
-__all__ = [
-    "closes", "host_dead", "jumps", "long_drive", "signals", "silent", "source_dead", "stamps", "threads",
-    "unplugged",
-]  # fmt: skip

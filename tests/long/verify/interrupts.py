@@ -1,16 +1,15 @@
 """`python -m tests.long.verify.interrupts` interrupts functions that share data with interrupts at each instruction.
 
-python -m tests.long.verify.interrupts             everything; build/verify/interrupts.json, build/bench/verify.json
-python -m tests.long.verify.interrupts --no-controls
+The results are in build/verify/interrupts.json, the figures in build/bench/verify.json.
 """
 
-import argparse
 import json
 import pathlib
 import random
 import subprocess
 import sys
 import time
+from functools import partial
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Set, Tuple
 
 from sim_arduino.avr.machine import AvrMachine
@@ -499,46 +498,25 @@ def sweep(chip: Chip, case: Case) -> Figures:
 # ---- functions whose result depends on the time
 
 
-def byte_while_falling_asleep(chip: Chip) -> Figures:
-    """A byte that comes at any instruction of `sleep_until` wakes the loop at once."""
+def falling_asleep(name: str, vector: int, chip: Chip) -> Figures:
+    """A byte, or news, that comes at any instruction of `sleep_until` wakes the loop at once."""
     draw = random.Random(1)
     interrupted: Set[int] = set()
-    runs = 0
     for lead in range(-MARGIN, ASLEEP):
         chip.call("k")
         chip.shift = draw.randrange(SHIFTS)
         chip.ring("received", 0, 0)
+        if vector == COMPARE_B:
+            chip.machine.run_until(chip.sample() - 3000)
+            at = chip.sample()
         chip.machine.poke(GPIOR0, b"\0")
         tick = word(chip.call("t")) + SLEEP_TICKS & 0xFFFF
-        at = chip.byte(99)
-        interrupted.add(chip.strike(at, lead, RECEIVED, "s", tick & 255, tick >> 8))
-        runs += 1
-        _require_awake(chip, f"sleep_until, a byte {lead} cycles after the call")
-    return Figures("sleep_until, a byte", len(interrupted), len(interrupted), runs, 1)
-
-
-def sample_while_falling_asleep(chip: Chip) -> Figures:
-    """News that come at any instruction of `sleep_until` wake the loop at once."""
-    draw = random.Random(1)
-    interrupted: Set[int] = set()
-    runs = 0
-    for lead in range(-MARGIN, ASLEEP):
-        chip.call("k")
-        chip.shift = draw.randrange(SHIFTS)
-        chip.machine.run_until(chip.sample() - 3000)
-        at = chip.sample()
-        chip.machine.poke(GPIOR0, b"\0")
-        tick = word(chip.call("t")) + SLEEP_TICKS & 0xFFFF
-        interrupted.add(chip.strike(at, lead, COMPARE_B, "s", tick & 255, tick >> 8))
-        runs += 1
-        _require_awake(chip, f"sleep_until, news {lead} cycles after the call")
-    return Figures("sleep_until, news", len(interrupted), len(interrupted), runs, 1)
-
-
-def _require_awake(chip: Chip, what: str) -> None:
-    """The last call has ended within the 600 cycles behind its event."""
-    if chip.get("busy"):
-        raise Torn(f"{what}: still asleep")
+        if vector == RECEIVED:
+            at = chip.byte(99)
+        interrupted.add(chip.strike(at, lead, vector, "s", tick & 255, tick >> 8))
+        if chip.get("busy"):  # the call should have ended within the 600 cycles behind its event
+            raise Torn(f"{name} {lead} cycles after the call: still asleep")
+    return Figures(name, len(interrupted), len(interrupted), MARGIN + ASLEEP, 1)
 
 
 def alarm(chip: Chip) -> Figures:
@@ -652,8 +630,8 @@ def _level_at(edges: Sequence[Tuple[int, int]], cycle: int) -> int:
 
 
 TIMED: Tuple[Tuple[str, str, Callable[[Chip], Figures]], ...] = (
-    ("sleep_until, a byte", "", byte_while_falling_asleep),
-    ("sleep_until, news", "bridge", sample_while_falling_asleep),
+    ("sleep_until, a byte", "", partial(falling_asleep, "sleep_until, a byte", RECEIVED)),
+    ("sleep_until, news", "bridge", partial(falling_asleep, "sleep_until, news", COMPARE_B)),
     ("sleep_until, its time", "", alarm),
     ("ticks, an edge at the carry", "bridge", clock_at_its_carry),
     ("serial_write, end of a byte", "", bytes_on_their_way),
@@ -662,13 +640,29 @@ TIMED: Tuple[Tuple[str, str, Callable[[Chip], Figures]], ...] = (
 )
 
 CONTROLS: Tuple[Tuple[str, str, str, str], ...] = (
-    (
-        "hal_avr.cpp",
-        "  cli();\n  const uint16_t now = TCNT1;",
-        "  const uint16_t now = TCNT1;",
-        "ticks, an edge at the carry",
+    *(
+        (file, f"{before}  cli();\n{after}", before + after, check)
+        for file, before, after, check in (
+            ("hal_avr.cpp", "", "  const uint16_t now = TCNT1;", "ticks, an edge at the carry"),
+            ("hal_avr.cpp", "status = SREG;\n", "  if (level)", "pin_output(12), missed kick"),
+            ("hal_avr.cpp", "status = SREG;\n", "  if (level)", "pin_output(7), bit of the radio"),
+            ("hal_avr.cpp", "return 0;\n", "", "serial_overruns, another one"),
+            (
+                "hal_bridge_avr.cpp",
+                "void encoder_read(EncoderSample& sample) {\n",
+                "",
+                "encoder_read, left edge",
+            ),
+            (
+                "hal_bridge_avr.cpp",
+                "",
+                "  const uint16_t count = impossible;",
+                "impossible_transitions, both left channels",
+            ),
+            ("hal_bridge_avr.cpp", "", "  if (!missed_kicks) {", "bridge_write(0, 0, 128), missed kick"),
+            ("hal_dust_avr.cpp", "uint32_t dust_low_ticks() {\n", "", "dust_low_ticks, end of a pulse"),
+        )
     ),
-    ("hal_avr.cpp", "return 0;\n  cli();", "return 0;", "serial_overruns, another one"),
     (
         "hal_avr.cpp",
         "  sending.put(byte);\n  cli();\n  UCSR0B |= _BV(UDRIE0);\n  sei();",
@@ -684,43 +678,7 @@ CONTROLS: Tuple[Tuple[str, str, str, str], ...] = (
         "  const bool news = has_news();\n  GPIOR0 &= static_cast<uint8_t>(~_BV(0));\n  return news;",
         "take_news, sample behind none",
     ),
-    (
-        "hal_avr.cpp",
-        "status = SREG;\n  cli();\n  if (level)",
-        "status = SREG;\n  if (level)",
-        "pin_output(12), missed kick",
-    ),
-    (
-        "hal_avr.cpp",
-        "status = SREG;\n  cli();\n  if (level)",
-        "status = SREG;\n  if (level)",
-        "pin_output(7), bit of the radio",
-    ),
-    (
-        "hal_bridge_avr.cpp",
-        "void encoder_read(EncoderSample& sample) {\n  cli();",
-        "void encoder_read(EncoderSample& sample) {",
-        "encoder_read, left edge",
-    ),
-    (
-        "hal_bridge_avr.cpp",
-        "void encoder_read(EncoderSample& sample) {\n  cli();",
-        "void encoder_read(EncoderSample& sample) {",
-        "encoder_read, right edge",
-    ),
     ("hal_bridge_avr.cpp", "} while (is_new);", "} while (false);", "encoder_sample, sample behind another"),
-    (
-        "hal_bridge_avr.cpp",
-        "  cli();\n  const uint16_t count = impossible;",
-        "  const uint16_t count = impossible;",
-        "impossible_transitions, both left channels",
-    ),
-    (
-        "hal_bridge_avr.cpp",
-        "  cli();\n  if (!missed_kicks) {",
-        "  if (!missed_kicks) {",
-        "bridge_write(0, 0, 128), missed kick",
-    ),
     (
         "hal_bridge_avr.cpp",
         "  PCICR = PCICR | ",
@@ -732,12 +690,6 @@ CONTROLS: Tuple[Tuple[str, str, str, str], ...] = (
         "  speaking.put(byte);\n  cli();\n  if (!out_bits) {\n    out_frame = 1;\n    out_bits = 1;\n  }\n  sei();",
         "  if (!out_bits) {\n    out_frame = 1;\n    out_bits = 1;\n  }\n  speaking.put(byte);",
         "radio_write, bit of the radio",
-    ),
-    (
-        "hal_dust_avr.cpp",
-        "uint32_t dust_low_ticks() {\n  cli();",
-        "uint32_t dust_low_ticks() {",
-        "dust_low_ticks, end of a pulse",
     ),
     (
         "hal_dust_avr.cpp",
@@ -779,13 +731,10 @@ def find(control: Tuple[str, str, str, str], number: int = 0) -> str:
     return ""
 
 
-def main(arguments: List[str]) -> int:
+def main() -> int:
     """Run all checks and controls; the exit code is 0 if no function is torn and each defect is found."""
-    parser = argparse.ArgumentParser(prog="python -m tests.long.verify.interrupts")
-    parser.add_argument("--no-controls", action="store_true")
-    controls = [] if parser.parse_args(arguments).no_controls else list(CONTROLS)
     checks = [each for each in CHECKS.values() if not report.FAST or each.name in QUICK]
-    controls = [each for each in controls if not report.FAST or each[3] in QUICK]
+    controls = [each for each in CONTROLS if not report.FAST or each[3] in QUICK]
     chips = {kind: Chip(build(kind)) for kind in {check.build for check in checks}}
     rows: List[Dict[str, object]] = []
     good = True
@@ -816,4 +765,4 @@ def main(arguments: List[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

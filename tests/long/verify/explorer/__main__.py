@@ -27,6 +27,8 @@ from .search import Explorer, Found, Table
 from .to_model import script_of
 
 PROCESSES, TABLE_BITS, MOST = 2, 25, 1000
+LIMIT_S = 3600.0
+"""Longest time of one search."""
 NOT_HERE = {
     18: "only in a node, which needs ROS",
     19: "only in a node, which needs ROS",
@@ -52,15 +54,15 @@ def _visit(task: Tuple[str, int, str, float]) -> Tuple[int, int, float, List[Fou
     return explorer.transitions, explorer.states, time.process_time() - begun_s, explorer.found
 
 
-def explore(alphabet: str, depth: int, strict: bool, limit_s: float) -> Dict[str, Any]:
+def explore(alphabet: str, depth: int) -> Dict[str, Any]:
     """Visit all sequences of this many events with some processes; return the figures."""
     global _explorer
     table = Table(TABLE_BITS)
-    _explorer = Explorer(strict=strict, table=table)
+    _explorer = Explorer(table=table)
     begun_s = time.monotonic()
     transitions, cpu_s = 0, 0.0
     found: List[Found] = []
-    deadline_s = begun_s + limit_s
+    deadline_s = begun_s + LIMIT_S
     tasks = [(alphabet, depth, one + other, deadline_s) for one in alphabet for other in alphabet]
     first = _visit((alphabet, 2, "", deadline_s))
     transitions, cpu_s, found = first[0], first[2], list(first[3])
@@ -79,8 +81,7 @@ def explore(alphabet: str, depth: int, strict: bool, limit_s: float) -> Dict[str
         "alphabet": alphabet,
         "kinds": len(alphabet),
         "depth": depth,
-        "strict": strict,
-        "complete": seconds < limit_s and not found,
+        "complete": seconds < LIMIT_S and not found,
         "sequences": len(alphabet) ** depth,
         "events": transitions,
         "states": sum(by_depth.values()),
@@ -96,13 +97,13 @@ def found_words(found: Found) -> Dict[str, Any]:
     return {"property": found.property, "path": found.path, "events": list(words(found.path))}
 
 
-def search(library: Path, timeout_s: Optional[float], strict: bool, limit_s: float) -> Dict[str, Any]:
+def search(library: Path, timeout_s: Optional[float]) -> Dict[str, Any]:
     """Search for the shortest sequences, until one violates a property."""
     begun_s, events = time.process_time(), 0
-    deadline_s = time.monotonic() + limit_s
+    deadline_s = time.monotonic() + LIMIT_S
     for alphabet, longest in STAGES:
         for depth in range(1 if longest == 3 else longest, longest + 1):
-            explorer = Explorer(ExploredBoard(library), timeout_s, strict, Table(20))
+            explorer = Explorer(ExploredBoard(library), timeout_s, Table(20))
             explorer.most, explorer.deadline_s = 1, deadline_s
             explorer.explore(alphabet, depth)
             events += explorer.transitions
@@ -122,7 +123,7 @@ def _checkout(folder: Path, package: str) -> None:
             (folder / entry.name).symlink_to(entry)
 
 
-def patched(bug: Dict[str, Any], strict: bool, limit_s: float) -> Dict[str, Any]:
+def patched(bug: Dict[str, Any]) -> Dict[str, Any]:
     """Search the real code with one seeded bug."""
     timeout = ["--no-timeout"] if bug["number"] == AS_EFFECT else []
     with tempfile.TemporaryDirectory() as name:
@@ -140,16 +141,7 @@ def patched(bug: Dict[str, Any], strict: bool, limit_s: float) -> Dict[str, Any]
                 library = build(folder / "libboard.so", edited.parent)
         else:
             _checkout(folder, "")
-        command = [
-            sys.executable,
-            "-m",
-            "tests.long.verify.explorer",
-            "--search",
-            "--library",
-            str(library),
-            *timeout,
-        ]
-        command += ["--limit", str(limit_s)] + ([] if strict else ["--lenient"])
+        command = [sys.executable, "-m", "tests.long.verify.explorer", "--search", str(library), *timeout]
         environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
         done = subprocess.run(
             command, cwd=folder, env=environment, stdout=subprocess.PIPE, text=True, check=True
@@ -158,13 +150,13 @@ def patched(bug: Dict[str, Any], strict: bool, limit_s: float) -> Dict[str, Any]
     return result
 
 
-def bugs(numbers: List[int], strict: bool, limit_s: float) -> Iterator[Dict[str, Any]]:
+def bugs(numbers: List[int]) -> Iterator[Dict[str, Any]]:
     """Search the real code with each of these seeded bugs."""
     for bug in yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text()):
         number = bug["number"]
         if numbers and number not in numbers:
             continue
-        result = {"not_here": NOT_HERE[number]} if number in NOT_HERE else patched(bug, strict, limit_s)
+        result = {"not_here": NOT_HERE[number]} if number in NOT_HERE else patched(bug)
         print(f"bug {number}: {bug['name']}: {result}", flush=True)
         yield {"number": number, "expected": bug["breaks"], **result}
 
@@ -174,28 +166,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--alphabet", default=DEEP, help="kinds of event, by letter; `all` for all")
     parser.add_argument("--depth", type=int, default=report.either(6, 2))
-    parser.add_argument(
-        "--lenient", action="store_true", help="P4 without the stops that the board makes by itself"
-    )
-    parser.add_argument("--limit", type=float, default=3600.0, metavar="S", help="longest time of one search")
     parser.add_argument("--bug", type=int, action="append", help="only these seeded bugs, and no long search")
-    parser.add_argument("--no-bugs", action="store_true")
     parser.add_argument("--words", metavar="PATH", help="play one sequence, and print what it violates")
     parser.add_argument("--record", metavar="FILE", help="with --words: the file of its recording")
     parser.add_argument("--in-model", action="store_true", help="with --words: the model of the stop, too")
-    parser.add_argument("--search", action="store_true", help=argparse.SUPPRESS)
-    parser.add_argument("--library", type=Path, default=LIBRARY, help=argparse.SUPPRESS)
+    parser.add_argument("--search", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--no-timeout", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    strict = not options.lenient
     if options.search:
-        timeout_s = None if options.no_timeout else 0.5
-        print(json.dumps(search(options.library, timeout_s, strict, options.limit)))
+        print(json.dumps(search(options.search, None if options.no_timeout else 0.5)))
         return
     build()
     if options.words:
         print("\n".join(words(options.words)))
-        print(record(options.words, options.record, strict) or "holds")
+        print(record(options.words, options.record) or "holds")
         if options.in_model:
             print("model:", follow(compile_model(BUILD), script_of(options.words)) or "holds")
         return
@@ -204,9 +188,7 @@ def main() -> None:
     holds = True
     if not options.bug:
         alphabet = ALL if options.alphabet == "all" else options.alphabet
-        results[f"{len(alphabet)} kinds, {options.depth} events"] = figures = explore(
-            alphabet, options.depth, strict, options.limit
-        )
+        results[f"{len(alphabet)} kinds, {options.depth} events"] = figures = explore(alphabet, options.depth)
         holds = figures["complete"]
         violations = len(figures["found"])
         report.conclude("verify", {"explored_states": figures["states"], "explored_violations": violations})
@@ -214,16 +196,15 @@ def main() -> None:
         file.write_text(json.dumps(results, indent=1) + "\n")
         for each in figures["found"][:3]:
             name = BUILD / f"{each['property']}-{each['path']}.mrl"
-            record(each["path"], str(name), strict)
+            record(each["path"], str(name))
             print(f"{name}: {each['property']} is violated: {', '.join(each['events'])}")
-    if not options.no_bugs:
-        known = {each["number"]: each for each in results.get("bugs", [])}
-        for result in bugs(options.bug or report.either([], [SHORT_BUG]), strict, options.limit):
-            known[result["number"]] = result
-            results["bugs"] = [known[number] for number in sorted(known)]
-            file.write_text(json.dumps(results, indent=1) + "\n")
-        found = sum(bool(each.get("property")) for each in known.values())
-        report.conclude("verify", {"explored_bugs": len(known), "explored_bugs_found": found})
+    known = {each["number"]: each for each in results.get("bugs", [])}
+    for result in bugs(options.bug or report.either([], [SHORT_BUG])):
+        known[result["number"]] = result
+        results["bugs"] = [known[number] for number in sorted(known)]
+        file.write_text(json.dumps(results, indent=1) + "\n")
+    found = sum(bool(each.get("property")) for each in known.values())
+    report.conclude("verify", {"explored_bugs": len(known), "explored_bugs_found": found})
     if not holds:
         sys.exit("a property is violated, or the time has not sufficed: see `found` and `complete` above")
 

@@ -22,82 +22,47 @@ _TURNING = ("status::(anonymous namespace)::moving", "motor::(anonymous namespac
 """Whether the firmware has got a move since the last stop."""
 AS_IT_IS, TICKS, EIGHTHS, MICROSECONDS = range(4)
 TIMES = {
-    **dict.fromkeys(
-        (
-            *("baud::*::quiet_since", "failsafe::*::last_valid"),
-            *("motor::*::absent_since", "motor::*::last_poll", "motor::*::paused_at"),
-            *("motor::*::present_since", "hold::*::heard"),
-        ),
-        TICKS,
-    ),
-    "(anonymous namespace)::eeprom_until_us": MICROSECONDS,
+    TICKS: """
+        baud::*::quiet_since failsafe::*::last_valid motor::*::absent_since motor::*::last_poll
+        motor::*::paused_at motor::*::present_since hold::*::heard
+    """,
+    MICROSECONDS: "*::eeprom_until_us",
 }
 """Times in the firmware's memory: in the key they are ages in steps of 20 ms, up to 0.8 s."""
 IGNORED = {
-    "the clock itself": (
-        "board_clock::*",
-        "*::now_us",
-        "*::start_us",
-        "*::kicked_us",
-        "*::sample_us",
-        "*::first_tick",
-    ),
-    "what is measured, not what is done": (
-        *(
-            "sonar::*",
-            "sensors::*",
-            "imu::*",
-            "*::dust*",
-            "*::latched",
-            "motor::*::last_counts",
-            "hal::transfer",
-        ),
-        *("*::adc*", "motor::*::battery", "motor::*::temperature", "motor::*::poll_temperature"),
-        *("streams::imu", "*::radio_*", "*::longest_gap_us"),
-    ),
-    "contents of frames to the host, and their numbers": (
-        *("writer::*", "*::sending", "*::sent", "*::line_free_us", "*::out_free_us", "answers::*::last_turn"),
-    ),
-    "counters of what was refused": ("status::*::counters", "status::*::clamped", "*::overruns"),
-    "a transfer on the bus, which ends within 1.2 ms; `bus` says whether one is under way": (
-        *("bus::*::started", "bus::*::rest_from", "*::bus_until_us", "motor::*::kind"),
-    ),
-    "the sleep of the loop, which it ends by itself": ("*::asleep", "*::news"),
-    "rings and queues with old contents; ex_key adds what waits in them": (
-        *("*::received", "*::arriving", "commands::decoder", "decoder", "motor::*::queue"),
-    ),
-    "the harness": (
-        "*::motors",
-        "*::truth",
-        "*::intact_us",
-        "completed.0",
-        "guard variable*",
-        "*::found",
-        "pristine*",
-    ),
-    "H-bridge and encoders, which this build does not have": (
-        *(
-            "*::edges_left",
-            "*::impossible",
-            "*::masked",
-            "*::states",
-            "*::counts",
-            "*::edge_ticks",
-            "*::duties",
-        ),
-        *("*::newest", "*::planned", "*::is_new", "*::single", "*::acted", "*::missed"),
-    ),
-    "constants": (
-        "*::world",
-        "*::flags",
-        "*::host_baud",
-        "*::eeprom",
-        "DW.ref*",
-        "vtable*",
-        "_*",
-        "*::TAKES",
-        "*::VALUES*",
-    ),
+    "the clock itself": """
+        board_clock::* *::now_us *::start_us *::kicked_us *::sample_us *::first_tick
+    """,
+    "what is measured, not what is done": """
+        sonar::* sensors::* imu::* *::dust* *::latched motor::*::last_counts hal::transfer *::adc*
+        motor::*::battery motor::*::temperature motor::*::poll_temperature streams::imu *::radio_*
+        *::longest_gap_us
+    """,
+    "contents of frames to the host, and their numbers": """
+        writer::* *::sending *::sent *::line_free_us *::out_free_us answers::*::last_turn
+    """,
+    "counters of what was refused": """
+        status::*::counters status::*::clamped *::overruns
+    """,
+    "a transfer on the bus, which ends within 1.2 ms; `bus` says whether one is under way": """
+        bus::*::started bus::*::rest_from *::bus_until_us motor::*::kind
+    """,
+    "the sleep of the loop, which it ends by itself": """
+        *::asleep *::news
+    """,
+    "rings and queues with old contents; ex_key adds what waits in them": """
+        *::received *::arriving commands::decoder decoder motor::*::queue
+    """,
+    "the harness": """
+        *::motors *::truth *::intact_us completed.0 guard?variable* *::found pristine*
+    """,
+    "H-bridge and encoders, which this build does not have": """
+        *::edges_left *::impossible *::masked *::states *::counts *::edge_ticks *::duties *::newest
+        *::planned *::is_new *::single *::acted *::missed
+    """,
+    "constants": """
+        *::world *::flags *::host_baud *::eeprom DW.ref* vtable* _* *::TAKES *::VALUES*
+    """,
 }
 """Static variables that are not in the key, with the reason.  All others are, byte by byte, and so is a new one."""
 
@@ -155,12 +120,12 @@ def _matches(name: str, patterns: Sequence[str]) -> bool:
 
 def fields_of(found: Dict[str, Tuple[int, int]], first: int, size: int) -> List[Tuple[str, int, int, int]]:
     """Return name, offset, size and kind of each variable in the key."""
-    ignored = [pattern for patterns in IGNORED.values() for pattern in patterns]
+    ignored = " ".join(IGNORED.values()).split()
     fields = []
     for name, (address, length) in sorted(found.items(), key=lambda each: each[1]):
         if not first <= address < first + size:
             continue
-        kind = next((kind for pattern, kind in TIMES.items() if _matches(name, (pattern,))), AS_IT_IS)
+        kind = next((kind for kind, patterns in TIMES.items() if _matches(name, patterns.split())), AS_IT_IS)
         if name == "streams::main":
             fields += [(name, address - first, 4, AS_IT_IS), (name, address - first + 4, 4, EIGHTHS)]
             fields.append((name, address - first + 8, 1, AS_IT_IS))

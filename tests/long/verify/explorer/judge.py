@@ -36,9 +36,7 @@ NEVER = -math.inf
 class Judge:
     """The truth about commands and causes, and the verdict."""
 
-    def __init__(self, strict: bool) -> None:
-        self.strict = strict
-        """P4 counts the stops that the board makes by itself."""
+    def __init__(self) -> None:
         self.allowed = False
         """The user wants the robot to move now."""
         self.inhibited = self.closed = self.zero = self.late = False
@@ -110,7 +108,7 @@ class Judge:
         now_s, line, truth, timeout_s = world.board_s, world.line, world.board.truth, world.timeout_s
         stopped_s = max(truth.stopped_us, truth.quiet_us) / 1e6
         expired_s = world.host_s - self.told_s - (timeout_s or world.user_timeout_s)
-        if self.strict and stopped_s > self.before_s and stopped_s - line.stop_s > STOP_S:
+        if stopped_s > self.before_s and stopped_s - line.stop_s > STOP_S:
             self.end(stopped_s)
         elif expired_s >= 0:
             self.end(now_s - expired_s)

@@ -13,81 +13,30 @@ from .world import World
 
 AGE_S, OLDEST_S = 0.02, 1.0
 """Times are in the key as ages in steps of `AGE_S`; ages above `OLDEST_S` are alike, to come as well as gone [s]."""
-IGNORED = frozenset(
-    (
-        # what was measured or counted, and decides nothing
-        *(
-            "Counters",
-            "Stream",
-            "BoardClock",
-            "RoundTrip",
-            "SensorPoll",
-            "WheelMotion",
-            "Odometry",
-            "RadioQueue",
-        ),
-        *(
-            "NewReadings",
-            "BatteryMonitor",
-            "Core.replies",
-            "Session._last",
-            "Session.last_frame",
-            "Session.status",
-        ),
-        *(
-            "Session._lost_before",
-            "Session.board",
-            "RobotState.telemetry",
-            "RobotState.odometry",
-            "RobotState.info",
-        ),
-        *(
-            "RobotState.ranges",
-            "RobotState.model",
-            "RobotState.tracker",
-            "RobotState._used_s",
-            "RobotState._counted_s",
-        ),
-        *(
-            "RobotState._primed",
-            "RobotState.path_unknown",
-            "RobotState.imu_changed",
-            "RobotState._late_sonars",
-        ),
-        *(
-            "RobotState._new_readings",
-            "Motion.stops",
-            "Core.mismatch",
-            "Handshake._info",
-            "Handshake._protocol",
-        ),
-        *("Commander.late_commands", "Core._options", "Driver._slept_s", "SpeedLimiter._stepped_s"),
-        # settings
-        *(
-            "Motion.timeout_s",
-            "Motion.lead_s",
-            "Motion.pace",
-            "Session.lead_s",
-            "Session._greeting_s",
-            "Session._plan",
-        ),
-        *("Poll._lead_s", "Poll._info_period_s", "Handshake._plan", "Handshake.board", "Steps.answers"),
-        # how long the wheel monitor has watched, and its sums
-        *("WheelMonitor._time_s", "WheelMonitor._travel", "WheelMonitor.next_s", "WheelMonitor._targets"),
-        *(
-            "_Wheel._speeds",
-            "_Wheel._distances",
-            "_Wheel._last",
-            "_Wheel._reference",
-            "_Wheel._still",
-            "Core._monitored",
-        ),
-        "WheelMonitor._kinematics",
-        # the clocks themselves, and what the judge compares in one step
-        *("Line.board_s", "Line.slept_s", "Line.end_s", "Judge.x_m", "Judge.before_s", "Judge.told"),
-    )
-)
-"""Attributes and classes of the driver, and of the harness, that are not in the key.  All others are."""
+IGNORED = {
+    "what was measured or counted, and decides nothing": """
+        Counters Stream BoardClock RoundTrip SensorPoll WheelMotion Odometry RadioQueue NewReadings
+        BatteryMonitor Core.replies Session._last Session.last_frame Session.status Session._lost_before
+        Session.board RobotState.telemetry RobotState.odometry RobotState.info RobotState.ranges
+        RobotState.model RobotState.tracker RobotState._used_s RobotState._counted_s RobotState._primed
+        RobotState.path_unknown RobotState.imu_changed RobotState._late_sonars RobotState._new_readings
+        Motion.stops Core.mismatch Handshake._info Handshake._protocol Commander.late_commands Core._options
+        Driver._slept_s SpeedLimiter._stepped_s
+    """,
+    "settings": """
+        Motion.timeout_s Motion.lead_s Motion.pace Session.lead_s Session._greeting_s Session._plan
+        Poll._lead_s Poll._info_period_s Handshake._plan Handshake.board Steps.answers
+    """,
+    "how long the wheel monitor has watched, and its sums": """
+        WheelMonitor._time_s WheelMonitor._travel WheelMonitor.next_s WheelMonitor._targets _Wheel._speeds
+        _Wheel._distances _Wheel._last _Wheel._reference _Wheel._still Core._monitored
+        WheelMonitor._kinematics
+    """,
+    "the clocks themselves, and what the judge compares in one step": """
+        Line.board_s Line.slept_s Line.end_s Judge.x_m Judge.before_s Judge.told
+    """,
+}
+"""Attributes and classes of the driver, and of the harness, that are not in the key, with the reason."""
 
 
 def age(seconds: float) -> int:
@@ -147,16 +96,15 @@ class Explorer:
         self,
         board: Optional[ExploredBoard] = None,
         timeout_s: Optional[float] = 0.5,
-        strict: bool = True,
         table: Optional[Table] = None,
     ) -> None:
         self.world = World(board or ExploredBoard(), timeout_s)
-        self.judge = Judge(strict)
+        self.judge = Judge()
         self.world.begin()
         self.judge.settle(self.world)
         world = self.world
         self._roots: Tuple[Any, ...] = (world.driver, world.commander, world.ports, world.line, self.judge)
-        self._keys = memento.Keys(IGNORED, age)
+        self._keys = memento.Keys(frozenset(" ".join(IGNORED.values()).split()), age)
         self.table = table or Table(20)
         self.start = self.save()
         self.transitions = self.states = 0

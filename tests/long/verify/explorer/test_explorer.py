@@ -1,16 +1,14 @@
 """The explorer of the real code, in a short form; `make explore` runs all of it."""
 
 import pytest
-import yaml
 
 from mrl_driver.driver.driver import Driver
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.session.session import Session
 from ros1_bridge.control.commander import Commander
-from tests.long.verify.explorer.__main__ import NOT_HERE
-from tests.long.verify.explorer.board import ROOT, ExploredBoard, build
-from tests.long.verify.explorer.events import ALL, DEEP, EVENTS, QUICK, happen, words
+from tests.long.verify.explorer.board import ExploredBoard, build
+from tests.long.verify.explorer.events import QUICK, happen
 from tests.long.verify.explorer.from_model import path_of
 from tests.long.verify.explorer.recorded import play_on, record
 from tests.long.verify.explorer.search import Explorer
@@ -111,7 +109,7 @@ def test_a_restored_state_goes_on_as_the_one_that_was_saved(explorer, path):
 
 def test_a_sequence_becomes_a_recording(library, tmp_path):
     file = tmp_path / "path.mrl"
-    record("dLWs", str(file), True, ExploredBoard(library))
+    record("dLWs", str(file), ExploredBoard(library))
     recording = Recording(str(file))
     assert recording.header["port"] == PORT
     assert summarise(recording)["pose"]["x_m"] > COAST_M
@@ -125,16 +123,3 @@ def test_what_is_explored_agrees_with_the_emulated_robot(explorer):
         outcome = play_on("python", path)
         assert abs(outcome.travel_m) < 0.2
         assert outcome.stop_reason == explorer.world.driver.stop_reason
-
-
-def test_each_kind_of_event_has_a_name():
-    assert len(set(words(ALL))) == len(EVENTS)
-    assert len(set(DEEP)) >= 12 and set(DEEP) <= set(ALL)
-
-
-def test_only_bugs_of_nodes_cannot_be_explored():
-    bugs = {
-        bug["number"]: bug
-        for bug in yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text())
-    }
-    assert {bugs[number]["part"] for number in NOT_HERE} == {"bridge"}

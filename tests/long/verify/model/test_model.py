@@ -6,10 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from mrl_driver.session.session import Session
-from sim_arduino.board.board_status import BoardStatus
-from tests.long.verify.explorer.events import DEEP
-from tests.long.verify.explorer.to_model import KNOWN, script_of
+from tests.long.verify.explorer.to_model import script_of
 from tests.long.verify.model.__main__ import CONTROLS, ROOT
 from tests.long.verify.model.checker import (
     BRIDGE,
@@ -23,8 +20,6 @@ from tests.long.verify.model.checker import (
     follow,
     run,
 )
-from tests.long.verify.model.constants import HEADER, header, ticks
-from tests.long.verify.model.replay import events_of, play
 
 BUGS = yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text())
 PARTS_OF_THE_PRODUCT = ("firmware", "session", "driver", "bridge")
@@ -68,18 +63,6 @@ def test_a_counterexample_is_a_sequence_of_events_with_times(checker):
     )
 
 
-def test_a_counterexample_of_the_model_moves_the_real_driver_if_the_guard_is_removed_there_too(
-    checker, monkeypatch
-):
-    """The emulated board has older firmware, so that the guard of the host is alone."""
-    monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
-    events = events_of(run(checker, HOST, BUG=9, OLDER=1).trace)
-    guarded = play(events)
-    monkeypatch.setattr(Session, "_resume", lambda self, now: None)  # the edit of bug 9
-    unguarded = play(events)
-    assert guarded.travel_m < COAST_M < unguarded.travel_m
-
-
 @pytest.mark.parametrize(
     "path, bug, broken", [("dX", 1, "P1"), ("dlsW", 7, "P5"), ("id", 11, "P4"), ("ow", 13, "P7")]
 )
@@ -88,20 +71,6 @@ def test_a_sequence_that_finds_a_bug_in_the_real_code_finds_it_in_the_model_and_
 ):
     script = script_of(path)
     assert (follow(checker, script, BUG=bug), follow(checker, script)) == (broken, "")
-
-
-def test_the_model_says_that_it_cannot_follow_a_script(checker):
-    with pytest.raises(ValueError, match="cannot follow.*'PLUG'"):
-        follow(checker, [Tick(other="PLUG")])  # the port is there
-
-
-def test_all_events_of_the_longest_sequences_exist_in_the_model():
-    assert set(DEEP) <= set(KNOWN)
-
-
-def test_an_event_that_the_model_does_not_have_is_an_error():
-    with pytest.raises(ValueError, match="no events k, expected some of"):
-        script_of("dk")
 
 
 def test_a_callback_that_hangs_does_so_in_the_ticks_of_what_follows():
@@ -118,23 +87,6 @@ def test_a_fault_of_the_next_tick_joins_the_event_that_follows():
     assert script_of("lmds") == [Tick("CUT_BOTH", user="DRIVE"), Tick(user="STOP")]
 
 
-def test_what_a_closed_or_a_free_driver_ignores_is_no_event_of_the_model():
-    assert script_of("uixd") == [Tick(), Tick(user="EMERGENCY"), Tick(user="CLOSE"), Tick()]
-
-
-def test_the_constants_are_those_of_the_code():
-    assert HEADER.read_text() == header(), "render it with: python -m tests.long.verify.model.constants"
-
-
-def test_a_time_is_rounded_up_to_ticks():
-    assert [ticks(time_ms) for time_ms in (1, 50, 51, 280.00000000000006)] == [1, 1, 2, 6]
-
-
 def test_each_seeded_bug_is_one_edit_that_the_code_still_has_room_for():
     places = {bug["number"]: (ROOT / bug["file"]).read_text().count(bug["find"]) for bug in BUGS}
     assert places == {number: 1 for number in range(1, 22)}
-
-
-def test_each_part_of_the_product_has_at_least_four_seeded_bugs():
-    parts = [bug["part"] for bug in BUGS]
-    assert {part: parts.count(part) >= 4 for part in parts} == dict.fromkeys(PARTS_OF_THE_PRODUCT, True)
