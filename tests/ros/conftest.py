@@ -52,3 +52,47 @@ def _rig(folder, master):
     made = Rig(folder, master)
     yield made
     made.close()
+
+
+ROSRUN = """#!/bin/sh
+[ "$2" = need_packages ] || exec /usr/bin/rosrun "$@"
+shift 2; echo "$@"
+"""
+
+
+@pytest.fixture(scope="module")
+def config_of(tmp_path_factory):
+    """What roslaunch makes of a file and its arguments; `config_of.folder` has the packages besides ours.
+
+    Packages that Debian lacks are stood in for by empty nodes, and so are `rosversion` and `need_packages`, which
+    roslaunch runs with each file.  The checkout's path has a space and an umlaut.
+    """
+    import roslaunch
+    from roslaunch import substitution_args
+
+    from . import stand_ins
+    from .rig import ROOT
+
+    folder, made = tmp_path_factory.mktemp("packages"), {}
+    stand_ins.install(folder)
+    (folder / "my Röboter").symlink_to(ROOT)
+    for name, text in (("rosversion", "#!/bin/sh\necho 1.15.15\n"), ("rosrun", ROSRUN)):
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
+
+    def load(file, *arguments):
+        if (file, arguments) not in made:
+            given = [(str(ROOT / "ros1_bridge" / "launch" / file), list(arguments))]
+            made[file, arguments] = roslaunch.config.load_config_default(given, None, verbose=False)
+        return made[file, arguments]
+
+    load.folder = folder
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(
+            "ROS_PACKAGE_PATH", os.pathsep.join((str(folder / "my Röboter"), str(folder), "/usr/share"))
+        )
+        patch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
+        patch.setenv("ROS_LOG_DIR", str(folder))
+        patch.setenv("ROS_HOME", str(folder))
+        patch.setattr(substitution_args, "_rospack", None)
+        yield load

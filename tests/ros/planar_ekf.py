@@ -11,16 +11,11 @@ X, Y, YAW, VX, VY, VYAW, AX, AY = range(8)
 SPEEDS = (VX, VY, VYAW)
 IN_3D = (0, 1, 5, 6, 7, 11, 12, 13)
 """Places of these states among the filter's fifteen."""
-DEFAULT_NOISE = (0.05, 0.05, 0.06, 0.025, 0.025, 0.02, 0.01, 0.01)
-"""Process noise if no parameter sets it: variances per second."""
 
 
 class PlanarEkf:
-    """The filter, fed with twists.
-
-    Args:
-        noise: process noise of the eight states, variances per second.
-        dynamic: that of the pose counts times the square of the speed.
+    """The filter, fed with twists; `noise`: process noise of the eight states, variances per second; `dynamic`: that of
+    the pose counts times the square of the speed.
     """
 
     def __init__(self, noise, dynamic):

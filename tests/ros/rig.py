@@ -17,6 +17,7 @@ from xmlrpc.client import ServerProxy
 
 import rosgraph
 import rospy
+from geometry_msgs.msg import Twist, Vector3
 
 from ros1_bridge.demo.launcher import free_port  # noqa: F401
 from ros1_bridge.demo.processes import Child
@@ -85,26 +86,13 @@ class Tap:
         return self.first(code, since_s)
 
 
-class SilentPort:
-    """A port on which nobody answers."""
-
-    def __init__(self) -> None:
-        self._master, self._slave = pty.openpty()
-        tty.setraw(self._slave)
-        self.port = os.ttyname(self._slave)
-
-    def wait_for_bytes(self) -> None:
-        """Wait until somebody has sent something."""
-        wait_until(lambda: select.select([self._master], [], [], 0)[0], what="a byte")
-
-    def close(self) -> None:
-        """Give it back."""
-        os.close(self._master)
-        os.close(self._slave)
-
-
 def _holds(data: bytes, start: bytes) -> bool:
     return any(start + end in data for end in (b",", b"e"))
+
+
+def values_of(status: Any) -> Dict[str, str]:
+    """The values of a diagnostic_msgs/DiagnosticStatus by their keys."""
+    return {pair.key: pair.value for pair in status.values}
 
 
 class Topic:
@@ -187,6 +175,7 @@ class Rig:
         self.name = self.ns.strip("/")
         self._folder, self.env = folder, env
         self._ends: List[Callable[[], None]] = []
+        self._cmd_vel: Any = None
 
     def start(self, name: str, *command: str) -> Child:
         """Start a program."""
@@ -216,22 +205,27 @@ class Rig:
         self._ends.append(tap.close)
         return tap
 
-    def silent_port(self) -> SilentPort:
-        """A port without a board."""
-        port = SilentPort()
-        self._ends.append(port.close)
-        return port
-
     def node(self, port: Optional[str], *options: str) -> Child:
         """Start the robot node in the rig's namespace, with frames that carry the rig's name."""
         frames = [f"_odom_frame:={self.name}/odom", f"_base_frame:={self.name}/base_link"]
         given = [f"_port:={port}"] if port else []
         return self.start("robot_node", str(NODE), f"__ns:={self.ns}", *given, *frames, *options)
 
-    def go_to_goal(self, *options: str, ns: str = "") -> Child:
-        """Start a node that seeks goals, in the rig's namespace or another."""
-        node = str(ROOT / "ros1_bridge" / "nodes" / "go_to_goal")
-        return self.start("go_to_goal", node, f"__ns:={ns or self.ns}", *options)
+    def program(self, name: str, *options: str, ns: str = "") -> Child:
+        """Start another of the bridge's nodes, in the rig's namespace or another."""
+        return self.start(name, str(NODE.with_name(name)), f"__ns:={ns or self.ns}", *options)
+
+    def drive_until(
+        self, condition: Callable[[], Any], linear_m_s: float = 0.2, lateral_m_s: float = 0.0
+    ) -> None:
+        """Publish a command every 40 ms until something is so."""
+        self._cmd_vel = self._cmd_vel or self.publisher("cmd_vel", Twist)
+
+        def holds() -> Any:
+            self._cmd_vel.publish(Twist(Vector3(linear_m_s, lateral_m_s, 0.0), Vector3()))
+            return condition()
+
+        wait_until(holds, step_s=0.04)
 
     def topic(self, name: str, kind: type, **options: Any) -> Topic:
         """Subscribe; a relative name is one of the rig's namespace."""
@@ -245,7 +239,7 @@ class Rig:
         said = [
             status for message in diagnostics.messages for status in message.status if status.name == name
         ]
-        return {pair.key: pair.value for pair in said[-1].values} if said else {}
+        return values_of(said[-1]) if said else {}
 
     def publisher(self, name: str, kind: type) -> rospy.Publisher:
         """Advertise in the rig's namespace, and wait for the node to subscribe."""

@@ -44,7 +44,7 @@ class Offered:
     """What a node offers, with the rig's namespace taken off."""
 
     def __init__(self, rig, node="robot_node"):
-        self._ns, self._name = rig.ns, f"{rig.ns}/{node}"
+        self._ns, self._node, self._name = rig.ns, node, f"{rig.ns}/{node}"
         self._master = rosgraph.Master("/tests")
 
     def _of_node(self, index):
@@ -60,3 +60,10 @@ class Offered:
         """Name to type."""
         names = [name for name in self._of_node(2) if not LOGGERS.match(name)]
         return {name.replace(f"{self._ns}/", ""): rosservice.get_service_type(name) for name in names}
+
+    def require_topics(self, *ignored):
+        """Require the topics of the node's table, beside those that begin with one of the ignored words."""
+        rows = table(f"## Node `{self._node}`", "topic")
+        for index, way in enumerate(("out", "in")):
+            topics = {name: kind for name, kind in self.topics(index).items() if not name.startswith(ignored)}
+            assert topics == first_two([row for row in rows if row[2] == way])

@@ -1,6 +1,7 @@
-"""Timeout, zones and emergency stop of the node's commands; why the robot stands."""
+"""Timeout, zones and emergency stop of the node's commands; why the robot stands; one caller at a time."""
 
 import math
+import threading
 
 import pytest
 
@@ -8,13 +9,15 @@ from mrl_driver.driver import Options
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError, LinkLost
-from mrl_driver.problems import PROBLEMS
+from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.models import Limits
-from mrl_driver.safety.operation_mode import manual_speed_m_s, reduced
+from mrl_driver.safety.operation_mode import manual_speed_m_s
+from mrl_driver.safety.protective_zones import Scan, Zones, ZoneSettings
 from mrl_driver.safety.speed_limiter import LONGEST_STEP_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
-from mrl_driver.view import words
+from mrl_driver.session.session import STALE_S
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.robot import reconfigure
@@ -38,7 +41,7 @@ class Noted:
         self.mismatch, self.stop_reason, self.hold = None, "none", None
         self.model, self.telemetry = models.load("pioneer"), None
         self.inhibited, self.limits = set(), LIMITS
-        self.since_pause_s = math.inf
+        self.since_pause_s, self.restriction = math.inf, None
 
     def drive(self, *speeds):
         if not self.ready or self.inhibited:
@@ -58,6 +61,9 @@ class Noted:
 
     def allow(self, reason):
         self.inhibited.discard(reason)
+
+    def restrict(self, restriction):
+        self.restriction = restriction
 
 
 class Bench:
@@ -108,12 +114,6 @@ def robot(request):
     emulated.close()
 
 
-def test_an_emergency_stop_is_the_reason_named_after_a_pause_too(bench):
-    bench.driver.since_pause_s = 0.0
-    bench.commander.latch()
-    assert bench.commander.refusal() == module.REFUSALS[module.EMERGENCY]
-
-
 @pytest.fixture
 def paused(robot):
     """A robot whose node stood still while it drove."""
@@ -125,19 +125,6 @@ def paused(robot):
 def test_a_command_that_waited_while_the_node_stood_still_does_not_move_the_robot(paused):
     assert not paused.commander.drive(0.1, 0.0) and paused.commander.refusal() == module.PAUSED
     assert paused.driver.command is None
-
-
-def test_a_command_of_zero_that_waited_counts(paused):
-    assert paused.commander.drive(0.0, 0.0)
-
-
-def test_a_command_to_move_counts_a_while_after_the_pause(paused):
-    paused.run(QUEUED_S)
-    assert paused.commander.drive(0.1, 0.0)
-
-
-def test_limits_change_in_their_order():
-    assert reconfigure.limits_of(dict(REQUESTED), LIMITS) == Limits(0.1, 0.5, 0.05, 0.2)
 
 
 @pytest.mark.parametrize("name", reconfigure.LIMITS)
@@ -203,62 +190,6 @@ def test_robot_that_the_driver_stopped_waits_for_a_new_command(bench, reason):
     assert bench.driver.command and not bench.commander.dropped
 
 
-def test_command_that_only_timed_out_was_not_dropped(bench):
-    """Unless nobody could command meanwhile, for there was no telemetry."""
-    bench.run(0.2, 0.3)
-    bench.driver.command, bench.driver.stop_reason = None, "command_timeout"
-    assert not bench.commander.dropped
-    bench.now_s += module.STALE_S
-    assert bench.commander.dropped
-
-
-def test_emergency_stop_is_latched(bench):
-    bench.run(0.2, 0.3)
-    bench.commander.latch()
-    assert bench.driver.command is None
-    assert not bench.commander.drive(0.1, 0.0)
-    assert bench.commander.stopped_by == module.EMERGENCY
-    assert "release_stop" in bench.commander.refusal()
-
-
-def test_released_robot_stands_until_the_next_command(bench):
-    bench.run(0.2, 0.3)
-    bench.commander.latch()
-    bench.commander.release()
-    bench.run(0.2)
-    assert bench.driver.command is None
-    assert bench.commander.drive(0.1, 0.0)
-
-
-def test_emergency_stop_is_latched_even_when_the_link_is_gone(bench):
-    bench.driver.lost = True
-    with pytest.raises(LinkLost):
-        bench.commander.latch()
-    assert bench.commander.latched
-
-
-@pytest.mark.parametrize("stop", [Commander.latch, lambda commander: commander.enable(False)])
-def test_stop_that_stays_ends_the_drive_to_a_pose(bench, stop):
-    bench.commander.seeking = True
-    stop(bench.commander)
-    assert not bench.commander.seeking
-
-
-def test_stop_ends_the_drive_to_a_pose_even_when_the_link_is_gone(bench):
-    bench.commander.seeking, bench.driver.lost = True, True
-    with pytest.raises(LinkLost):
-        bench.commander.latch()
-    assert not bench.commander.seeking
-
-
-def test_disabled_motors_refuse(bench):
-    bench.commander.enable(False)
-    assert bench.driver.stops == 1
-    assert not bench.commander.drive(0.1, 0.0)
-    bench.commander.enable(True)
-    assert bench.commander.drive(0.1, 0.0)
-
-
 def test_command_that_is_held_back_while_telemetry_is_late_is_not_refused(bench, monkeypatch):
     drive = bench.driver.drive
     monkeypatch.setattr(bench.driver, "drive", lambda *speeds: not drive(*speeds))
@@ -272,31 +203,6 @@ def test_refused_command_is_not_taken_up_later(bench):
     bench.driver.ready = True
     bench.run(0.2)
     assert bench.driver.command is None
-
-
-def test_empty_battery_is_named(bench):
-    bench.driver.battery_state = "empty"
-    assert not bench.commander.ready
-    assert "charge it" in bench.commander.refusal()
-
-
-def test_wheel_that_does_not_follow_is_named(bench):
-    bench.driver.mismatch = Mismatch("right", DEAD, 0.037, 0.0)
-    assert bench.commander.stopped_by == module.WHEEL and not bench.commander.ready
-    assert "encoder dead" in bench.commander.refusal()
-
-
-def test_wheel_for_which_the_board_has_stopped_the_robot_is_named_with_its_remedy(bench):
-    bench.driver.mismatch = Mismatch("", "wheel_blocked")
-    assert bench.commander.stopped_by == "wheel blocked" and not bench.commander.ready
-    assert PROBLEMS["wheel_blocked"].remedy in bench.commander.refusal()
-    assert "a command of zero lets it drive again" in bench.commander.refusal()
-
-
-def test_stop_of_the_driver_is_named(bench):
-    bench.driver.stop_reason = "restarted"
-    assert bench.commander.stopped_by == "restarted"
-    assert bench.commander.ready
 
 
 def test_a_motor_board_that_was_away_is_the_reason_and_not_the_battery_that_it_measures(robot):
@@ -323,15 +229,6 @@ class Wall:
         return min(linear, self.allowed)
 
 
-def test_zones_slow_a_robot_between_two_commands(robot):
-    wall = Wall(0.3)
-    robot.commander.watch(wall)
-    robot.run(1.6, 0.3)
-    wall.allowed = 0.1
-    robot.driver.limit_again()
-    assert robot.driver.command == (0.1, 0.0)
-
-
 def test_zones_slow_a_robot_with_the_next_frame(robot):
     """Even while the node is stuck."""
     wall = Wall(0.3)
@@ -340,17 +237,6 @@ def test_zones_slow_a_robot_with_the_next_frame(robot):
     wall.allowed = 0.1
     robot.driver.wait(FRAME_S)
     assert robot.driver.command == (0.1, 0.0)
-
-
-def test_a_robot_that_the_zones_hold_may_turn_and_says_why_it_stands(robot):
-    wall = Wall(0.0)
-    robot.commander.watch(wall)
-    robot.run(1.0, 0.3, 0.5)
-    assert robot.driver.command == (0.0, 0.5)
-    assert robot.commander.stopped_by == module.ZONE and robot.commander.ready
-    wall.allowed = 1.0
-    robot.run(1.0, 0.3)
-    assert robot.driver.command[0] > 0.1 and robot.commander.stopped_by == module.NONE
 
 
 def test_a_robot_that_the_zones_hold_stops_when_commands_end(robot):
@@ -379,16 +265,6 @@ def test_a_command_that_is_not_finite_stops_the_robot_and_is_named(robot):
     assert (robot.driver.command, robot.commander.stopped_by) == (None, module.NOT_FINITE)
 
 
-def test_an_emergency_stop_holds_until_it_is_released(robot):
-    robot.run(0.2, 0.3)
-    robot.commander.latch()
-    robot.run(0.2, 0.3)
-    assert robot.driver.command is None
-    robot.commander.release()
-    robot.run(FRAME_S, 0.3)
-    assert robot.driver.command is not None
-
-
 def test_manual_mode_slows_a_robot_with_the_next_frame_on_the_same_arc(robot):
     robot.run(2.0, 0.3, 0.6)
     robot.commander.manual_m_s = 0.1
@@ -415,19 +291,6 @@ def test_after_manual_mode_the_robot_speeds_up_with_the_next_command_along_the_r
     assert max(steps) <= LIMITS.linear_acceleration_m_s2 * most_s + ROUNDING_M_S and speeds[-1] == 0.3
 
 
-def test_limits_that_change_in_manual_mode_hold_after_it(robot):
-    robot.commander.manual_m_s = 0.1
-    robot.commander.set_manual(True)
-    robot.commander.limits = LIMITS._replace(linear_m_s=0.2)
-    assert robot.driver.limits == Limits(0.1, 0.5, 0.2, 1.0)
-    robot.commander.set_manual(False)
-    assert robot.driver.limits == Limits(0.2, 1.0, 0.2, 1.0)
-
-
-def test_a_robot_that_is_slower_than_manual_mode_stays_as_slow():
-    assert reduced(LIMITS, 0.31) == LIMITS
-
-
 @pytest.mark.parametrize("model, speed_m_s", [("traxbot", 0.15), ("stingbot", 0.25)])
 def test_speed_of_manual_mode_is_half_the_robots_but_at_most_a_quarter_metre(model, speed_m_s):
     assert manual_speed_m_s(models.load(model).limits) == speed_m_s
@@ -448,10 +311,6 @@ def test_a_robot_that_is_driven_by_hand_is_not_stopped_by_manual_mode(bench):
     assert bench.driver.stops == 0 and bench.commander.driving
 
 
-def test_limits_are_lowered_never_raised():
-    assert lowered(LIMITS, 0.1, 5.0, 0.0, 0.5) == Limits(0.1, 1.0, 0.2, 0.5)
-
-
 def test_low_limit_of_the_parameters_is_not_raised_at_the_start():
     """dynamic_reconfigure raises a value to the least that is allowed."""
     start = Limits(0.005, 0.001, 0.002, 0.003)
@@ -459,6 +318,397 @@ def test_low_limit_of_the_parameters_is_not_raised_at_the_start():
     assert [offered.min[name] for name in reconfigure.LIMITS] == list(start[:4])
 
 
-def test_every_cause_has_words():
-    names = "EMERGENCY DISABLED LINK BATTERY WHEEL ADRIFT ZONE LATE TIMEOUT NOT_FINITE NONE HELD TO_MANUAL UNPAUSED"
-    assert {getattr(module, name) for name in names.split()} - set(words.STOPS) == set()
+EACH_STOP = pytest.mark.parametrize(
+    ("stop", "go_on"),
+    [
+        (Commander.latch, Commander.release),
+        (lambda commander: commander.enable(False), lambda commander: commander.enable(True)),
+        (Commander.stop, lambda commander: None),
+    ],
+    ids=["emergency", "motors", "stop"],
+)
+STOPS_THAT_STAY = pytest.mark.parametrize(
+    "stop", [Commander.latch, lambda commander: commander.enable(False)]
+)
+
+
+@pytest.fixture
+def driver(bench):
+    return bench.driver
+
+
+@pytest.fixture
+def commander(bench):
+    return bench.commander
+
+
+def test_emergency_stop_is_latched_and_a_released_robot_stands_until_the_next_command(bench):
+    bench.run(0.2, 0.3)
+    bench.commander.latch()
+    assert bench.driver.command is None
+    assert not bench.commander.drive(0.1, 0.0)
+    bench.commander.release()
+    bench.run(0.2)
+    assert bench.driver.command is None
+    assert bench.commander.drive(0.1, 0.0)
+
+
+@pytest.mark.parametrize("lost", [False, True])
+@STOPS_THAT_STAY
+def test_stop_that_stays_ends_the_drive_to_a_pose_even_when_the_link_is_gone(commander, driver, stop, lost):
+    commander.seeking, driver.lost = True, lost
+    try:
+        stop(commander)
+    except LinkLost:
+        assert lost
+    assert not commander.seeking and not commander.ready
+
+
+def test_a_new_commander_lets_commands_pass_in_automatic_mode_without_zones(commander):
+    assert (commander.stopped_by, commander.dropped, commander.ready) == ("none", False, True)
+    assert commander.drive(0.1, 0.2, 0.3) and commander._driver.command == (0.1, 0.2, 0.3)
+    assert not (commander.latched or commander.manual or commander.seeking) and commander.enabled
+    assert (commander.zones, commander.late_commands, commander.manual_m_s) == (None, 0, 0.25)
+
+
+def test_wheels_of_a_robot_whose_board_was_lost_while_it_drove_are_unknown(commander, driver):
+    driver.ready, driver.may_be_moving = False, True
+    assert (commander.wheels_turn, commander.linked) == (None, False)
+    driver.may_be_moving = False
+    assert commander.wheels_turn is False
+
+
+def test_limits_are_the_drivers_until_they_are_set_and_are_back_after_manual_mode(commander, driver):
+    assert commander.limits == commander.in_force == LIMITS
+    commander.manual_m_s = 0.15
+    commander.set_manual(True)
+    assert (commander.limits, driver.limits) == (LIMITS, Limits(0.15, 0.5, 0.2, 1.0))
+    commander.limits = LIMITS._replace(linear_m_s=0.2)
+    assert commander.in_force == driver.limits == pytest.approx(Limits(0.15, 0.75, 0.2, 1.0))
+    commander.set_manual(False)
+    assert driver.limits == LIMITS._replace(linear_m_s=0.2)
+
+
+@pytest.mark.parametrize("before", [True, False])
+@pytest.mark.parametrize("after", [True, False])
+def test_a_mode_says_whether_it_is_another_one(commander, before, after):
+    commander.set_manual(before)
+    assert commander.set_manual(after) == (before != after)
+    assert commander.manual == after
+
+
+@pytest.mark.parametrize(
+    "go_on", [lambda commander: commander.set_manual(False), lambda commander: commander.enable(True)]
+)
+def test_neither_automatic_mode_nor_enabled_motors_stop_a_robot_or_end_its_drive(commander, driver, go_on):
+    commander.drive(0.1, 0.0)
+    commander.seeking = True
+    go_on(commander)
+    assert commander.seeking and driver.stops == 0 and driver.command is not None
+
+
+@pytest.mark.parametrize(
+    ("wanted", "linear_m_s"), [(0.2, 0.2), (0.3, 0.3), (0.4, 0.3), (0.0, 0.3), (-1.0, 0.3)]
+)
+def test_a_limit_is_lowered_to_what_is_wanted_if_that_is_positive(wanted, linear_m_s):
+    assert lowered(LIMITS, wanted) == LIMITS._replace(linear_m_s=linear_m_s)
+
+
+@EACH_STOP
+def test_a_stop_takes_the_place_of_an_earlier_cause_and_drops_no_command(commander, driver, stop, go_on):
+    commander.drive(0.1, 0.0)
+    commander.stop(module.LATE)
+    assert commander.stopped_by == module.LATE
+    stop(commander)
+    go_on(commander)
+    driver.stop_reason = "user"
+    assert (driver.command, commander.dropped, commander.stopped_by) == (None, False, module.NONE)
+
+
+@EACH_STOP
+def test_a_command_was_not_dropped_even_if_the_link_is_lost_during_the_stop(commander, driver, stop, go_on):
+    commander.drive(0.1, 0.0)
+    driver.lost = True
+    with pytest.raises(LinkLost):
+        stop(commander)
+    driver.command, driver.stop_reason = None, "link_lost"
+    assert not commander.dropped
+
+
+def test_emergency_stop_and_disabled_motors_end_apart(commander):
+    commander.enable(False)
+    commander.latch()
+    assert commander.stopped_by == module.EMERGENCY
+    commander.release()
+    assert (commander.latched, commander.stopped_by) == (False, module.DISABLED)
+    assert not commander.drive(0.1, 0.0)
+    commander.latch()
+    commander.enable(True)
+    assert (commander.enabled, commander.stopped_by) == (True, module.EMERGENCY)
+    assert not commander.drive(0.1, 0.0)
+
+
+@pytest.mark.parametrize(("silent_s", "dropped"), [(STALE_S - 0.001, False), (STALE_S, True)])
+def test_a_command_that_has_timed_out_was_dropped_if_nobody_could_see_it(bench, silent_s, dropped):
+    bench.now_s = 0.0
+    bench.commander.drive(0.1, 0.0)
+    bench.driver.command, bench.driver.stop_reason, bench.now_s = None, "command_timeout", silent_s
+    assert bench.commander.dropped == dropped
+
+
+# -- why the robot stands
+
+
+MISMATCH = Mismatch("right", DEAD, 0.037, 0.0)
+HELD = Hold("held", 1, 0, 0, 0x0013A20040A1B2C3)
+CAUSES = [
+    (module.ADRIFT, {"ready": False, "may_be_moving": True}),
+    (module.EMERGENCY, {}),
+    (module.DISABLED, {}),
+    (module.LINK, {"ready": False}),
+    (module.BATTERY, {"battery_state": "empty"}),
+    (module.WHEEL, {"mismatch": MISMATCH}),
+    (module.HELD, {"hold": HELD}),
+    ("link watchdog", {"stop_reason": "link_watchdog"}),
+]
+"""The causes in their order, and what the driver says then."""
+
+
+def standing(commander, driver, places):
+    """Let these of the causes be true at once."""
+    commander.drive(0.1, 0.0)
+    driver.command = None
+    for place in sorted(places, reverse=True):
+        cause, facts = CAUSES[place]
+        vars(driver).update(facts)
+        if cause == module.EMERGENCY:
+            commander.latch()
+        elif cause == module.DISABLED:
+            commander.enable(False)
+
+
+@pytest.mark.parametrize("place", range(len(CAUSES) - 1))
+def test_of_several_causes_the_one_that_must_be_ended_first_is_named(commander, driver, place):
+    standing(commander, driver, range(place, len(CAUSES)))
+    assert commander.stopped_by == CAUSES[place][0]
+
+
+@pytest.mark.parametrize("place", range(len(CAUSES)))
+def test_the_next_command_moves_the_robot_unless_something_must_be_ended_before(commander, driver, place):
+    standing(commander, driver, [place])
+    assert commander.stopped_by == CAUSES[place][0]
+    assert commander.ready == (CAUSES[place][0] == "link watchdog")
+
+
+@pytest.mark.parametrize(("state", "named"), [("off", True), ("empty", True), ("low", False), ("ok", False)])
+def test_a_battery_stops_the_robot_when_it_is_empty_or_off(commander, driver, state, named):
+    driver.battery_state = state
+    assert (commander.stopped_by == module.BATTERY) == named
+
+
+@pytest.mark.parametrize(
+    ("state", "holders", "held"), [("listening", 1, True), ("silent", 1, True), ("free", 0, False)]
+)
+def test_a_radio_holds_the_robot_in_each_of_its_states(commander, driver, state, holders, held):
+    driver.hold = HELD._replace(state=state, holders=holders)
+    assert (commander.stopped_by == module.HELD, commander.ready) == (held, not held)
+
+
+@pytest.mark.parametrize(("command", "driving"), [(None, False), ((0.0, 0.0), False), ((0.0, 0.2), True)])
+def test_a_command_in_force_has_no_reason_whatever_stopped_the_robot_before(
+    commander, driver, command, driving
+):
+    driver.command, driver.stop_reason = command, "link_watchdog"
+    assert commander.driving is driving
+    assert commander.stopped_by == ("link watchdog" if command is None else module.NONE)
+
+
+@pytest.mark.parametrize(
+    "cause, told, stopped_by",
+    [
+        (module.NONE, "user", module.NONE),
+        (module.NONE, "not_a_number", "command not finite"),
+        (module.NONE, "command_timeout", "command timeout"),
+        (module.NOT_FINITE, "user", module.NOT_FINITE),
+        (module.NOT_FINITE, "link_watchdog", module.NOT_FINITE),
+    ],
+)
+def test_own_cause_of_a_stop_comes_before_the_drivers(commander, driver, cause, told, stopped_by):
+    commander.stop(cause)
+    driver.stop_reason = told
+    assert commander.stopped_by == stopped_by
+
+
+@pytest.mark.parametrize(
+    "facts, refusal",
+    [
+        ({"battery_state": "off", "battery_v": 9.04}, "the battery is off at 9.0 V, charge it"),
+        (
+            {"mismatch": MISMATCH},
+            f"{MISMATCH}; once that is put right, a command of zero lets it drive again",
+        ),
+        ({"hold": HELD}, str(HELD)),
+        ({"since_pause_s": 0.0}, module.PAUSED),
+        ({"since_pause_s": QUEUED_S - 0.001}, module.PAUSED),
+        (
+            {"since_pause_s": QUEUED_S, "ready": False},
+            "the board is silent or just restarting; send the command again when telemetry is back",
+        ),
+    ],
+)
+def test_a_refusal_says_why_and_what_to_do(commander, driver, facts, refusal):
+    vars(driver).update(facts)
+    assert commander.refusal() == refusal
+
+
+@STOPS_THAT_STAY
+def test_a_stop_that_stays_is_the_reason_named_whatever_else_is_wrong(commander, driver, stop):
+    driver.since_pause_s, driver.mismatch = 0.0, MISMATCH
+    stop(commander)
+    assert commander.refusal() == module.REFUSALS[commander.stopped_by]
+
+
+def test_a_board_that_has_stopped_for_a_wheel_is_named_and_the_wheel_is_a_fault(commander, driver):
+    assert not commander.wheel_fault
+    driver.mismatch = Mismatch("", "wheel_blocked")
+    assert (commander.stopped_by, commander.wheel_fault, commander.ready) == ("wheel blocked", True, False)
+
+
+# -- zones
+
+
+class Sharing:
+    """Zones that allow a share of each speed."""
+
+    def __init__(self, share):
+        self.share, self.asked_s = share, None
+
+    def limit(self, linear_m_s, now):
+        self.asked_s = now
+        return linear_m_s * self.share
+
+    def limited(self, velocity_m_s, now):
+        self.asked_s = now
+        return velocity_m_s[0] * self.share, velocity_m_s[1] * self.share
+
+
+@pytest.mark.parametrize(
+    "share, speeds, allowed, cause",
+    [
+        (0.5, (0.2, 0.7), (0.1, 0.7), module.NONE),
+        (0.5, (0.2, 0.7, -0.4), (0.1, 0.7, -0.2), module.NONE),
+        (0.5, (0.2, 0.0, 0.0), (0.1, 0.0, 0.0), module.NONE),
+        (0.5, (0.0, 0.0, 0.2), (0.0, 0.0, 0.1), module.NONE),
+        (0.0, (-0.2, 0.7), (0.0, 0.7), module.ZONE),
+        (0.0, (0.2, 0.0, 0.1), (0.0, 0.0, 0.0), module.ZONE),
+        (0.0, (0.0, 0.0, 0.1), (0.0, 0.0, 0.0), module.ZONE),
+        (0.0, (0.0, 0.7), (0.0, 0.7), module.NONE),
+        (0.0, (0.0, 0.7, 0.0), (0.0, 0.7, 0.0), module.NONE),
+    ],
+)
+def test_zones_lower_the_speed_leave_the_turn_and_are_the_reason_if_nothing_is_left(
+    commander, driver, share, speeds, allowed, cause
+):
+    zones = Sharing(share)
+    commander.watch(zones)
+    commander.drive(*speeds)
+    assert driver.restriction(speeds, 7.0) == pytest.approx(allowed)
+    assert (zones.asked_s, commander.stopped_by, commander.ready) == (7.0, cause, True)
+    driver.command, driver.stop_reason = None, "command_timeout"
+    assert commander.stopped_by == module.TIMEOUT
+
+
+# -- one caller at a time
+
+
+ENTERED_S = 0.1
+"""A call that need not wait is over long before."""
+
+
+class Intruder:
+    """Runs a call on another thread while the first one is inside, and notes whether it had to wait."""
+
+    def __init__(self, call):
+        self._call, self._thread = call, None
+        self.waited = None
+
+    def enter(self):
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._call, daemon=True)
+            self._thread.start()
+            self._thread.join(ENTERED_S)
+            self.waited = self._thread.is_alive()
+
+    def end(self):
+        self._thread.join()
+
+
+class Slow(ZoneSettings):
+    """Lets the intruder in while the zones are busy with a speed."""
+
+    intruder = None
+
+    def growth_m(self, speed_m_s):
+        if Slow.intruder is not None:
+            Slow.intruder.enter()
+        return super().growth_m(speed_m_s)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda zones: zones.on_scan(Scan((1.0,), 0.0, 0.1, 0.05, Pose(0.1, 0.0, 0.0)), 1.0),
+        lambda zones: zones.on_range("front", 1.0, 1.0),
+        lambda zones: zones.moved(0.1, 1.0),
+        lambda zones: zones.limit(0.1, 1.0),
+    ],
+    ids=["on_scan", "on_range", "moved", "limit"],
+)
+def test_zones_serve_one_caller_at_a_time(monkeypatch, call):
+    model = models.load("traxbot")
+    zones = Zones(Slow(), model.body, model.sonars, laser=True)
+    intruder = Intruder(lambda: call(zones))
+    monkeypatch.setattr(Slow, "intruder", intruder)
+    zones.limit(0.2, 1.0)
+    intruder.end()
+    assert intruder.waited
+
+
+class Inhibited(Noted):
+    """Lets the intruder in before it takes or drops a reason to refuse commands."""
+
+    def inhibit(self, reason):
+        self.intruder.enter()
+        super().inhibit(reason)
+
+    def allow(self, reason):
+        self.intruder.enter()
+        super().allow(reason)
+
+
+@pytest.mark.parametrize(
+    "first, second, refused",
+    [
+        (Commander.release, Commander.latch, module.EMERGENCY),
+        (Commander.latch, Commander.release, None),
+        (lambda it: it.enable(True), lambda it: it.enable(False), module.DISABLED),
+        (lambda it: it.enable(False), lambda it: it.enable(True), None),
+    ],
+    ids=[
+        "stop during release_stop",
+        "release_stop during stop",
+        "disable during enable",
+        "enable during disable",
+    ],
+)
+def test_what_the_commander_tells_is_what_the_driver_refuses_although_two_threads_change_it(
+    first, second, refused
+):
+    """Otherwise the emergency stop shows as latched, and the robot drives."""
+    driver = Inhibited()
+    commander = Commander(driver)
+    driver.intruder = Intruder(lambda: second(commander))
+    first(commander)
+    driver.intruder.end()
+    assert driver.inhibited == ({refused} if refused else set())
+    assert commander.stopped_by == (refused or module.NONE)

@@ -12,7 +12,6 @@ import pytest
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry
 
-from mrl_driver.errors import ConfigError
 from tests.waiting import wait_until
 
 from .rig import ROOT, START_S
@@ -65,17 +64,3 @@ def test_terminal_that_cannot_show_the_view_gets_a_line_a_second(robot, variable
         finally:
             view.kill()
             os.close(user)
-
-
-@pytest.mark.parametrize(
-    "option, words",
-    [
-        ("_duration:=long", "duration is 'long', expected a number"),
-        ("_robot:=nothing", "robot 'nothing' is unknown"),
-    ],
-)
-def test_wrong_parameter_ends_the_node_with_one_line(rig, option, words):
-    view = rig.start("demo_view", sys.executable, str(VIEW), f"__ns:={rig.ns}", option)
-    assert wait_until(lambda: view.exit_code) == ConfigError.exit_code
-    (line,) = (line for line in view.output() if line.strip())
-    assert words in line

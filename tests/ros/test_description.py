@@ -1,13 +1,12 @@
 """The URDF files: current, valid, and at one with the geometry."""
 
 import math
+import re
 import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import ImuMount, LaserMount, driven_models, load
 from ros1_bridge.description import urdf
 from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, imu_frame, sonar_frame
@@ -51,24 +50,14 @@ def test_check_urdf_accepts(path):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_masses_add_up_to_the_robot(name):
-    model = load(name)
+def test_masses_and_inertias_are_those_of_a_body(name):
+    model, inertias = load(name), list(tree(name, laser=True).iter("inertia"))
     mass = sum(float(each.get("value")) for each in tree(name).iter("mass"))
-    assert mass == pytest.approx(model.body.mass_kg + 0.005 * len(model.sonars), rel=1e-3)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_inertias_are_those_of_a_body(name):
-    inertias = list(tree(name, laser=True).iter("inertia"))
-    assert inertias
+    assert mass == pytest.approx(model.body.mass_kg + 0.005 * len(model.sonars), rel=1e-3) and inertias
     for each in inertias:
         moments = sorted(float(each.get(key)) for key in ("ixx", "iyy", "izz"))
         assert moments[0] > 0
         assert moments[0] + moments[1] >= moments[2] * 0.999
-
-
-def test_inertia_of_a_box():
-    assert urdf.inertia(urdf.LinkShape((1.0, 2.0, 3.0)), 12.0) == (13.0, 10.0, 5.0)
 
 
 @pytest.mark.parametrize("name, radius_m", [("traxbot", 0.0390), ("stingbot", 0.0327)])
@@ -103,16 +92,15 @@ def test_sonar_sits_where_the_node_publishes_it(name, sonar):
     assert numbers(origin, "rpy")[2] == pytest.approx(math.radians(mount.yaw_deg), abs=1e-5)
 
 
-def test_prefix_goes_before_each_link():
-    robot = tree("traxbot", prefix="robot1/", laser=True)
-    links = [each.get("name") for each in robot.findall("link")]
+def test_prefix_goes_before_each_link_and_laser_and_imu_are_optional():
+    with_both, bare = (
+        tree("traxbot", prefix="robot1/", laser=True, imu=True),
+        tree("traxbot", prefix="robot1/"),
+    )
+    links, own = ([each.get("name") for each in robot.findall("link")] for robot in (with_both, bare))
+    assert set(links) - set(own) == {"robot1/laser", "robot1/imu_link"}
     assert all(link.startswith("robot1/") for link in links)
     assert sonar_frame("robot1/base_link", "left") in links
-
-
-def test_laser_is_optional():
-    assert not any(each.get("name") == "laser" for each in tree("traxbot").findall("link"))
-    assert any(each.get("name") == "laser" for each in tree("traxbot", laser=True).findall("link"))
 
 
 def test_laser_is_where_the_model_says():
@@ -132,32 +120,21 @@ def test_imu_is_where_the_model_says_with_the_axes_of_the_robot():
     assert (numbers(origin, "xyz"), numbers(origin, "rpy")) == ([0.03, -0.01, 0.05], [0.0, 0.0, 0.0])
 
 
-def test_imu_is_optional():
-    assert not any(each.get("name") == "imu_link" for each in tree("traxbot").findall("link"))
-
-
 def test_node_prints_the_description():
     node = ROOT / "ros1_bridge" / "nodes" / "robot_description"
     done = subprocess.run([str(node), "stingbot"], capture_output=True, text=True, check=True)
     assert done.stdout == urdf.render(load("stingbot"))
 
 
-def test_unknown_model_costs_one_line():
+@pytest.mark.parametrize(
+    "model, words",
+    [
+        ("tank", "robot 'tank' is unknown"),
+        ("pioneer", "pioneer is a board without motors .* description:=false"),
+    ],
+)
+def test_model_without_a_description_costs_one_line(model, words):
     node = ROOT / "ros1_bridge" / "nodes" / "robot_description"
-    done = subprocess.run([str(node), "tank"], capture_output=True, text=True)
-    assert done.returncode != 0
-    assert (
-        done.stderr.startswith("robot_description: robot 'tank' is unknown") and done.stderr.count("\n") == 1
-    )
-
-
-def test_check_is_a_command():
-    command = [sys.executable, "-m", "ros1_bridge.description", "--check"]
-    assert subprocess.run(command, cwd=ROOT).returncode == 0
-
-
-def test_board_without_motors_has_no_description():
-    with pytest.raises(
-        ConfigError, match="pioneer is a board without motors .* start this one with description:=false"
-    ):
-        urdf.render(load("pioneer"))
+    done = subprocess.run([str(node), model], capture_output=True, text=True)
+    assert done.returncode != 0 and done.stderr.count("\n") == 1
+    assert re.match(f"robot_description: .*{words}", done.stderr)

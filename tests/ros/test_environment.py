@@ -13,6 +13,8 @@ from ros1_bridge.topics import sensor_topics
 from ros1_bridge.topics.sensor_topics import KINDS
 from tests.waiting import wait_until
 
+from .tables import Offered
+
 COMPASS = sensor_topics.load()["compass"]
 
 
@@ -82,26 +84,32 @@ def robot(module_rig):
     return rig
 
 
-@pytest.mark.parametrize("name", ["alcohol", "dust", "light", "thermopile", "compass"])
-def test_sensor_of_the_environment_build_is_published(robot, name):
-    robot.sensors[name].wait(2)
-
-
-def test_thermopile_has_eight_pixels(robot):
+def test_sensors_of_the_environment_build_are_published(robot):
+    for topic in robot.sensors.values():
+        topic.wait(2)
     assert len(robot.sensors["thermopile"].wait()[-1].data) == 8
 
 
-def test_streams_beside_the_odometry_lose_no_frame(robot):
-    """Sequence numbers run over all stamped frames, those of the sensors too."""
-    topic = robot.topic("/diagnostics", DiagnosticArray)
-    robot.sensors["compass"].wait(20)
-    assert wait_until(lambda: robot.diagnosed(topic, "Link"))["Lost Frames"] == "0"
-
-
-def test_odometry_goes_on_beside_the_sensors(robot):
-    """50 Hz beside the compass's 10."""
-    odometry, compass = robot.topic("odom", Odometry), robot.sensors["compass"]
+def test_odometry_goes_on_beside_the_sensors_and_no_frame_is_lost(robot):
+    """50 Hz beside the compass's 10.  Sequence numbers run over all stamped frames, those of the sensors too."""
+    diagnostics, odometry = robot.topic("/diagnostics", DiagnosticArray), robot.topic("odom", Odometry)
     odometry.wait()
-    before = len(odometry.messages), len(compass.messages)
-    compass.wait(before[1] + 20)
-    assert len(odometry.messages) - before[0] > 3 * 20
+    before = len(odometry.messages)
+    robot.sensors["compass"].wait_for_more(20)
+    assert len(odometry.messages) - before > 3 * 20
+    assert wait_until(lambda: robot.diagnosed(diagnostics, "Link"))["Lost Frames"] == "0"
+
+
+def test_board_of_2013_has_the_same_sensors_but_no_compass(rig):
+    """Its node is told of them by `build`."""
+    port = rig.board("--robot", "traxbot", "--profile", "2013-august", "--environment").port
+    kinds = {
+        name: KINDS[each.type].message for name, each in sensor_topics.load().items() if name != "compass"
+    }
+    topics = {name: rig.topic(name, kind) for name, kind in kinds.items()}
+    rig.node(port, "_build:=environment")
+    values = {name: topic.wait()[-1].data for name, topic in topics.items()}
+    assert len(values.pop("thermopile")) == 8
+    assert values == {"alcohol": 123, "dust": 300.0, "light": 500}
+    offered = Offered(rig).topics(0)
+    assert "light" in offered and not [name for name in offered if "sonar/" in name or name == "compass"]

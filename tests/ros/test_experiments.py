@@ -3,8 +3,8 @@
 import importlib.util
 import json
 import math
-import os
 from contextlib import ExitStack
+from types import SimpleNamespace
 
 import pytest
 import rosgraph
@@ -15,7 +15,6 @@ from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.waypoint_tour import DONE
-from mrl_driver.robot.models import load
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.experiments import course_node, legs, sonar_node, square_node, team_node
 from ros1_bridge.experiments.experiment_processes import Parts, environment
@@ -99,12 +98,6 @@ def test_course_through_ros_has_the_pose_of_each_reading(course):
     assert math.dist(course.path[-1][:2], course.true_path[-1][:2]) < 0.03
 
 
-def test_course_without_readings_names_the_silent_topic(master):
-    sensors = course_node.Sensors(load("traxbot"))
-    with pytest.raises(MrlError, match="sonar/left"):
-        sensors.close()
-
-
 def test_pose_of_a_message_is_between_those_before_and_after_it():
     poses = TimedPoses()
     poses.add(1.0, Pose(0.0, 1.0, 3.0))
@@ -143,15 +136,9 @@ def test_frames_and_commands_are_found_in_the_boards_log(tmp_path):
     rows = read(log, truth)
     assert sent(rows) == [102.0]
     assert commanded(rows, 0.0) == {299: pytest.approx(102.5 + 16 * 10 / 115200)}
-    assert commanded(rows, 102.55) == {299: pytest.approx(102.6 + 12 * 10 / 115200)}
-
-
-def test_odometry_belongs_to_the_frame_before_it():
     assert odometry_s([1.0, 2.0, 3.0], [1.001, 2.002, 3.009]) == pytest.approx(0.002)
-
-
-def test_command_that_was_overtaken_does_not_count():
-    assert command_s({299: 1.0, 298: 2.0}, {298: 2.003}) == pytest.approx(0.003)
+    assert command_s({299: 1.0, 298: 2.0}, {298: 2.003}) == pytest.approx(0.003), "one was overtaken"
+    assert commanded(rows, 102.55) == {299: pytest.approx(102.6 + 12 * 10 / 115200)}
 
 
 def test_what_ros_and_shared_worlds_write_is_in_the_folder():
@@ -164,12 +151,6 @@ def test_part_that_died_is_named_with_its_last_words(tmp_path):
     with Parts(str(tmp_path)) as parts, pytest.raises(MrlError, match="space/nothing .* No such file"):
         parts.node("nothing", "space").wait(START_S)
         parts.check()
-
-
-def test_failure_of_an_experiment_is_its_last_line(monkeypatch):
-    monkeypatch.setitem(legs.NODES, "turnaround", "no_such_node")
-    with pytest.raises(MrlError, match=r"^experiment turnaround: .*No module named '\S+\.no_such_node'$"):
-        legs.run("turnaround", Setting(""))
 
 
 @pytest.fixture
@@ -197,34 +178,35 @@ def experiment(monkeypatch, tmp_path):
     return run
 
 
-def test_without_ros_a_line_names_what_runs_without_it(without_ros, experiment):
-    result, through_ros = experiment("power", "mixed-team")
-    (line,) = result.stderr.splitlines()
-    assert "rospy" in line and line.endswith("mixed-team") and "install" in line
-    assert through_ros == [False, False]
-
-
-def test_an_experiment_with_ros_needs_rospy(without_ros, experiment):
-    result, _ = experiment("mixed-team", "--ros")
-    assert result.exit_code == ConfigError.exit_code
-    assert result.output.count("\n") == 1 and "rospy" in result.output
-
-
-def test_experiments_that_are_not_about_ros_do_not_ask_for_it(without_ros, experiment):
-    result, through_ros = experiment("power", "--ros")
-    assert through_ros == [False] and not result.stderr
-
-
-@pytest.mark.parametrize("words, through", [((), True), (("--no-ros",), False)])
-def test_ros_can_be_left_out(experiment, words, through):
-    assert experiment("mixed-team", *words)[1] == [through]
-
-
 def test_experiments_through_ros_are_found():
     """By the entry point; their names are experiments."""
     assert registered("mrl.experiments")["ros"].load() is legs and set(legs.NODES) <= set(cli.EXPERIMENTS)
 
 
-def test_experiment_that_is_about_ros_is_run_by_the_bridge(monkeypatch):
-    monkeypatch.setattr(legs, "run", lambda name, setting: f"{name} by {os.path.basename(setting.folder)}")
-    assert cli.timed("mixed-team", Setting("/ros", ros=True))[1] == "mixed-team by ros"
+@pytest.mark.parametrize("robot, path", [("own.yaml", "{}/own.yaml"), ("stingbot", "stingbot")])
+def test_paths_are_those_of_the_caller(monkeypatch, tmp_path, robot, path):
+    """An experiment runs in another folder.  A model's name is not a path."""
+    commands = []
+
+    def child(_, command, *__):
+        commands.append(command)
+        return SimpleNamespace(exit_code=0, output=list, signal=lambda _: None, finish=lambda _: None)
+
+    monkeypatch.setattr(legs, "Child", child)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(MrlError):
+        legs.run("step-test", Setting("build/experiments", robot=robot))
+    assert {str(tmp_path / "build" / "experiments"), path.format(tmp_path)} <= set(commands[0])
+
+
+@pytest.mark.parametrize(
+    "words, told",
+    [(["power", "mixed-team"], "mixed-team\n"), (["mixed-team", "--no-ros"], ""), (["power", "--ros"], "")],
+)
+def test_without_ros_a_line_names_what_runs_without_it(without_ros, experiment, words, told):
+    result, through_ros = experiment(*words)
+    assert not any(through_ros)
+    assert result.stderr.endswith(told) and result.stderr.count("\n") == bool(told)
+    needing, _ = experiment("mixed-team", "--ros")
+    assert needing.exit_code == ConfigError.exit_code
+    assert needing.output.count("\n") == 1 and "rospy" in needing.output

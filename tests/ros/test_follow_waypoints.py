@@ -15,7 +15,7 @@ from mrl_driver.navigation.claims import Claim, ClaimMessage
 from ros1_bridge.navigation.follow_waypoints_node import CANCELLED, ends_tour
 from tests.waiting import wait_until
 
-from .rig import ROOT
+from .rig import values_of
 
 
 def test_shared_waypoint_is_claimed_and_the_tour_pauses_when_move_base_falls_silent(rig):
@@ -27,7 +27,7 @@ def test_shared_waypoint_is_claimed_and_the_tour_pauses_when_move_base_falls_sil
     wait_until(lambda: status.messages[-1].message == "driving")
     server.started = False  # it publishes its status no longer
     wait_until(lambda: status.messages[-1].message == "move_base has fallen silent")
-    values = {pair.key: pair.value for pair in status.messages[-1].values}
+    values = values_of(status.messages[-1])
     assert (values["state"], values["waypoint"]) == ("paused", "1 of 1")
     rospy.delete_param(name)
 
@@ -40,7 +40,7 @@ def follow(rig, **team):
     server.start()
     rospy.set_param(f"{rig.ns}/follow_waypoints", {"waypoints": [[1, 0, 0]], "shared": "1", **team})
     status = rig.topic("waypoint_status", DiagnosticStatus)
-    rig.start("follow", str(ROOT / "ros1_bridge" / "nodes" / "follow_waypoints"), f"__ns:={rig.ns}")
+    rig.program("follow_waypoints")
     return server, status
 
 
@@ -82,7 +82,6 @@ def answer(rig):
         (GoalID(stamp=rospy.Time(9)), False),
         (GoalID(id="one of them"), False),
     ],
-    ids=["all goals", "all of before a later time", "all of before an earlier time", "one goal"],
 )
 def test_tour_ends_with_all_goals_of_its_time(cancel, ends):
     assert ends_tour(cancel, ordered=rospy.Time(10)) is ends
@@ -99,7 +98,7 @@ def test_cancel_of_all_goals_pauses_a_tour_that_waits_at_a_waypoint(rig):
     server.start()
     rospy.set_param(f"{rig.ns}/follow_waypoints", {"waypoints": [[1, 0, 0], [2, 0, 0]], "wait": 3600.0})
     status = rig.topic("waypoint_status", DiagnosticStatus)
-    rig.start("follow", str(ROOT / "ros1_bridge" / "nodes" / "follow_waypoints"), f"__ns:={rig.ns}")
+    rig.program("follow_waypoints")
     wait_until(lambda: status.messages and status.messages[-1].message == "waiting")
     cancel = rospy.Publisher(f"{rig.ns}/move_base/cancel", GoalID, queue_size=10)
     wait_until(lambda: cancel.get_num_connections() == 2)

@@ -23,24 +23,11 @@ ENTERED_S = 0.1
 """A call that need not wait is over long before."""
 
 
-def test_range_counts_for_a_while():
+def test_range_of_a_sonar_counts_until_it_has_been_silent_for_a_while():
     ranges = Ranges()
     ranges.hear("front", math.inf, "sonar_front", 10.0)
     assert ranges.now(10.0 + SILENT_S) == {"front": math.inf}
-
-
-def test_range_of_a_silent_sonar_expires():
-    ranges = Ranges()
-    ranges.hear("front", math.inf, "sonar_front", 10.0)
     assert math.isnan(ranges.now(10.01 + SILENT_S)["front"])
-
-
-def test_sonar_that_appears_does_not_change_the_ranges_that_are_being_read():
-    ranges = Ranges()
-    ranges.hear("front", 1.0, "sonar_front", 10.0)
-    for _ in ranges.now(10.0):
-        ranges.hear("left", 1.0, "sonar_left", 10.0)
-    assert set(ranges.now(10.0)) == {"front", "left"}
 
 
 class Intruder(str):
@@ -84,23 +71,20 @@ class Robot:
         self._range = Range(range=range_m)
         self._range.header.frame_id = frame
         self.locates = self.hears = True
-        self.odom_late_s = self.sonar_late_s = 0.0
+        self.odom_late_s = self.sonar_late_s = self.x_m = 0.0
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._publish)
         self._thread.start()
 
     def _publish(self):
         while not self._end.wait(PERIOD_S):
+            self._odometry.pose.pose.position.x = self.x_m
             if self.locates:
                 self._odometry.header.stamp = rospy.Time.now() - rospy.Duration(self.odom_late_s)
                 self._odom.publish(self._odometry)
             if self.hears:
                 self._range.header.stamp = rospy.Time.now() - rospy.Duration(self.sonar_late_s)
                 self._sonar.publish(self._range)
-
-    def locate(self, x_m):
-        """Publish this place from now on."""
-        self._odometry.pose.pose.position.x = x_m
 
     def close(self):
         self._end.set()
@@ -116,7 +100,7 @@ def robot(rig):
 
     def make(frame="sonar_front", range_m=math.inf, patience_s=3):
         robots.append(Robot(rig, f"{rig.name}/{frame}", range_m))
-        rig.go_to_goal(f"_patience:={patience_s}")
+        rig.program("go_to_goal", f"_patience:={patience_s}")
         rig.commands, rig.results = (
             rig.topic("cmd_vel", Twist),
             rig.topic("move_base/result", MoveBaseActionResult),
@@ -146,7 +130,7 @@ def ended_for(rig, why):
 
 def test_action_is_offered_after_the_first_odometry(rig):
     """A goal before it could only be refused."""
-    node, status = rig.go_to_goal(), rig.topic("move_base/status", GoalStatusArray)
+    node, status = rig.program("go_to_goal"), rig.topic("move_base/status", GoalStatusArray)
     rig.publisher("odom", Odometry)
     wait_until(lambda: any("no odometry on" in line for line in node.output()))
     assert not status.messages
@@ -154,30 +138,25 @@ def test_action_is_offered_after_the_first_odometry(rig):
         status.wait()
 
 
-@pytest.mark.parametrize("fault", [{"locates": False}, {"odom_late_s": 10.0}], ids=["silent", "late"])
-def test_robot_stands_when_its_odometry_stops_and_the_goal_is_given_up(rig, robot, fault):
-    fitted = robot()
-    wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
-    vars(fitted).update(fault)
-    wait_until(lambda: rig.commands.messages[-1] == Twist())
-    wait_until(lambda: ended_for(rig, "odometry has stopped"))
-
-
-def test_odometry_that_is_not_finite_counts_as_none(rig, robot):
-    fitted = robot()
-    wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
-    fitted.locate(math.nan)
-    wait_until(lambda: ended_for(rig, "odometry has stopped"))
-    wait_until(lambda: rig.commands.messages[-1] == Twist())
-
-
-@pytest.mark.parametrize("fault", [{"hears": False}, {"sonar_late_s": 10.0}], ids=["silent", "late"])
-def test_robot_stands_when_its_sonar_falls_silent_and_the_goal_is_given_up(rig, robot, fault):
+@pytest.mark.parametrize(
+    "fault, why",
+    [
+        ({"locates": False}, "odometry has stopped"),
+        ({"odom_late_s": 10.0}, "odometry has stopped"),
+        ({"x_m": math.nan}, "odometry has stopped"),
+        ({"hears": False}, "no valid reading of sonar front"),
+        ({"sonar_late_s": 10.0}, "no valid reading of sonar front"),
+    ],
+    ids=["odometry silent", "odometry late", "odometry not finite", "sonar silent", "sonar late"],
+)
+def test_robot_stands_when_its_odometry_stops_and_the_goal_is_given_up(rig, robot, fault, why):
+    """Or its sonar."""
     fitted = robot()
     wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
     vars(fitted).update(fault)
     wait_until(lambda: rig.commands.messages[-1].linear.x == 0.0)
-    wait_until(lambda: ended_for(rig, "no valid reading of sonar front"))
+    wait_until(lambda: ended_for(rig, why))
+    wait_until(lambda: rig.commands.messages[-1] == Twist())
 
 
 def test_sonar_that_looks_back_by_tf_does_not_turn_the_robot(rig, robot):

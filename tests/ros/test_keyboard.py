@@ -59,9 +59,3 @@ def test_ctrl_c_amid_driving_is_a_stop(keys):
     node.send_signal(signal.SIGINT)
     assert node.wait(START_S) == 0
     wait_until(lambda: rig.twists.messages[-1] == Twist())
-
-
-def test_node_without_a_terminal_says_so(rig):
-    node = rig.start("keyboard", str(NODE), f"__ns:={rig.ns}")
-    assert node.wait(START_S) and node.exit_code == 2
-    assert any("stdin is not a terminal" in line for line in node.output())

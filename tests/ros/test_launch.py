@@ -1,7 +1,6 @@
-"""Launch files: roslaunch-check finds nothing, each argument is documented, and they start what they say.
+"""Launch files: roslaunch-check finds nothing, each argument is documented and reaches what it is for.
 
-Packages that Debian lacks are stood in for by empty nodes, made for the test; what these take is in
-test_launch_packages.py.  `rosversion` and `need_packages`, which roslaunch runs with each file, are stood in for too.
+What nodes of packages that Debian lacks take is in test_launch_packages.py.
 """
 
 import os
@@ -22,58 +21,32 @@ from mrl_driver.robot import models
 from ros1_bridge.node.robot_parameters import ROWS
 from tests.waiting import PATIENCE, wait_until
 
-from . import stand_ins
 from .rig import ROOT, without_broken_connections
 
 LAUNCH = ROOT / "ros1_bridge" / "launch"
 FILES = sorted(LAUNCH.glob("*.launch"))
-ROSRUN = """#!/bin/sh
-[ "$2" = need_packages ] || exec /usr/bin/rosrun "$@"
-shift 2; echo "$@"
-"""
+OF_A_ROBOT = {"traxbot.launch": "", "stingbot.launch": "", "sim.launch": "", "team.launch": "/robot2"}
+"""And the namespace of a robot in it."""
+WITHOUT_URDFS = "description:=false"
+"""Of a team, where they are not looked at: a process renders each."""
 LINKS = (("base_link", "odom"), ("sonar_left", "base_link"), ("left_wheel", "base_link"))
 """Some frames with their parents: one of the node, one that stands still, one that turns."""
 TROUBLE = ("FAILURE", "cannot find", "unable to find", "Missing", "Traceback", "WARNING")
+A_PATH = "/home/me/my Röboter/x.yaml"
 
 
-def program(path, text):
-    """Writes an executable."""
-    path.write_text(text)
-    path.chmod(0o755)
+def values_of(config):
+    return {name: each.value for name, each in config.params.items()}
 
 
-@pytest.fixture(scope="module")
-def packages(tmp_path_factory):
-    """Environment in which this repository and the stand-ins are packages, in this process too."""
-    folder = tmp_path_factory.mktemp("packages")
-    stand_ins.install(folder)
-    program(folder / "rosversion", "#!/bin/sh\necho 1.15.15\n")
-    program(folder / "rosrun", ROSRUN)
-    own = {
-        "ROS_PACKAGE_PATH": os.pathsep.join((str(ROOT), str(folder))),
-        "PATH": os.pathsep.join((str(folder), os.environ["PATH"])),
-        "ROS_LOG_DIR": str(folder),
-        "ROS_HOME": str(folder),
-    }
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in own.items():
-            patch.setenv(name, value)
-        yield {**os.environ}
+def arguments_of(file):
+    return set(arg_dump.get_args([str(LAUNCH / file)]))
 
 
-def loaded(file, *arguments):
-    """What roslaunch makes of a file."""
-    return roslaunch.config.load_config_default([(str(LAUNCH / file), list(arguments))], None, verbose=False)
-
-
-def nodes_of(file, *arguments):
-    return {node.namespace + node.name for node in loaded(file, *arguments).nodes}
-
-
-def test_roslaunch_check_finds_nothing(packages, tmp_path):
+def test_roslaunch_check_finds_nothing(config_of, tmp_path):
     script = os.path.join(rospkg.RosPack().get_path("roslaunch"), "scripts", "roslaunch-check")
     command = [sys.executable, script, "-i", "-o", str(tmp_path / "out.xml"), str(LAUNCH)]
-    done = subprocess.run(command, env=packages, capture_output=True, text=True, timeout=100 * PATIENCE)
+    done = subprocess.run(command, env={**os.environ}, capture_output=True, text=True, timeout=100 * PATIENCE)
     said = done.stdout + done.stderr
     assert done.returncode == 0 and "passed" in said, said
     assert not any(word in said for word in TROUBLE), said
@@ -81,7 +54,7 @@ def test_roslaunch_check_finds_nothing(packages, tmp_path):
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
-def test_each_argument_is_documented_and_listed(path, packages):
+def test_each_argument_is_documented_and_listed(path, config_of):
     listed = arg_dump.get_args([str(path)])
     for argument in ElementTree.parse(path).getroot().iter("arg"):
         if argument.get("value") is None:
@@ -89,57 +62,39 @@ def test_each_argument_is_documented_and_listed(path, packages):
             assert listed[argument.get("name")][0] == argument.get("doc")
 
 
-def test_arguments_are_listed_by_the_command(packages):
-    start = "import sys, roslaunch; roslaunch.main(sys.argv)"
-    command = [sys.executable, "-c", start, "--ros-args", str(LAUNCH / "sim.launch")]
-    listed = subprocess.run(
-        command, env=packages, capture_output=True, text=True, timeout=60 * PATIENCE
-    ).stdout
-    assert "engine" in listed and "the firmware binary" in listed
-
-
-def test_parameters_of_the_launch_file_are_those_of_the_node(packages):
+def test_parameters_of_the_launch_file_are_those_of_the_node(config_of):
     """A row that robot.launch passes and the node does not know would end the node."""
-    given = {name.split("/")[-1] for name in loaded("robot.launch").params if "robot_node/" in name}
+    given = {name.split("/")[-1] for name in config_of("robot.launch").params if "robot_node/" in name}
     assert given == {row.name for row in ROWS}
 
 
 @pytest.mark.parametrize("name", [model.name for model in models.driven_models()])
-def test_description_of_a_packaged_model_is_the_committed_file(name, packages):
-    shown = loaded("describe.launch", f"robot:={name}").params["/robot_description"].value
+def test_description_of_a_packaged_model_is_the_committed_file(name, config_of):
+    shown = config_of("describe.launch", f"robot:={name}").params["/robot_description"].value
     assert shown == (ROOT / "ros1_bridge" / "urdf" / f"{name}.urdf").read_text()
 
 
-def test_board_without_motors_starts_without_a_description(packages):
-    assert nodes_of("robot.launch", "robot:=pioneer") == {"/robot_node"}
-
-
-def test_description_has_the_imu_if_it_is_asked_for(packages):
-    assert '"imu_link"' in loaded("describe.launch", "imu:=true").params["/robot_description"].value
-
-
-def test_description_of_a_models_own_file_is_rendered(packages, tmp_path):
+def test_description_of_a_models_own_file_is_rendered(config_of, tmp_path):
     own = tmp_path / "my robot.yaml"
     own.write_text((ROOT / "mrl_driver" / "robot" / "models" / "traxbot.yaml").read_text())
-    shown = loaded("robot.launch", f"robot:={own}").params["/robot_description"].value
-    assert "sonar_left" in shown
+    values = values_of(config_of("robot.launch", f"robot:={own}", "publish_imu_mount:=false"))
+    assert "sonar_left" in values["/robot_description"] and '"imu_link"' in values["/robot_description"]
+    assert values["/robot_node/publish_imu_mount"] is False
 
 
-def test_mount_of_the_imu_is_described_if_the_node_does_not_publish_it(packages):
-    params = loaded("robot.launch", "robot:=traxbot", "publish_imu_mount:=false").params
-    assert params["/robot_node/publish_imu_mount"].value is False
-    assert "imu_link" in params["/robot_description"].value
+def test_board_without_motors_starts_without_a_description(config_of):
+    assert [node.name for node in config_of("robot.launch", "robot:=pioneer").nodes] == ["robot_node"]
 
 
-def test_unknown_model_is_named(packages, capfd):
+def test_unknown_model_is_named(config_of, capfd):
     with pytest.raises(roslaunch.RLException):
-        loaded("sim.launch", "robot:=tank")
+        config_of("sim.launch", "robot:=tank")
     assert "robot 'tank' is unknown, expected" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("ns, place", [("", "/"), ("robot1", "/robot1/"), ("/deep/er/", "/deep/er/")])
-def test_bag_has_topics_by_their_full_names(ns, place, packages):
-    (node,) = loaded("record.launch", f"ns:={ns}", "topics:=odom  sonar/front").nodes
+def test_bag_has_topics_by_their_full_names(ns, place, config_of):
+    (node,) = config_of("record.launch", f"ns:={ns}", "topics:=odom  sonar/front").nodes
     assert node.args.split()[-5:] == [
         f"{place}odom",
         f"{place}sonar/front",
@@ -149,26 +104,16 @@ def test_bag_has_topics_by_their_full_names(ns, place, packages):
     ]
 
 
-def test_a_bag_is_for_its_user_alone(packages, tmp_path):
-    (node,) = loaded("record.launch").nodes
+def test_a_bag_is_for_its_user_alone(config_of, tmp_path):
+    (node,) = config_of("record.launch").nodes
     subprocess.run([*shlex.split(node.launch_prefix), "touch", str(tmp_path / "a b.bag")], check=True)
     assert (tmp_path / "a b.bag").stat().st_mode & 0o777 == 0o600
 
 
-def test_team_has_a_robot_for_each_port(packages):
-    nodes = nodes_of("team.launch", "ports:=sim,/dev/ttyACM7,sim")
-    assert {f"/robot{i}/robot_node" for i in (1, 2, 3)} <= nodes
-    assert "/sim_boards" in nodes
-
-
-def test_team_of_real_robots_has_no_emulated_board(packages):
-    assert "/sim_boards" not in nodes_of("team.launch", "ports:=/dev/ttyACM0,/dev/ttyACM1")
-
-
-def test_team_has_its_descriptions_and_frames_each(rig, packages):
+def test_team_has_its_descriptions_and_frames_each(rig, config_of):
     """Frames of robot_state_publisher meet those of the node; each has one parent."""
     unique = f"{rig.name}_{os.getpid()}"  # names of ports and world are this test's own
-    rig.env = {**packages, "USER": unique, **{key: rig.env[key] for key in ("ROS_MASTER_URI", "ROS_IP")}}
+    rig.env = {**os.environ, "USER": unique, **{key: rig.env[key] for key in ("ROS_MASTER_URI", "ROS_IP")}}
     program = "import sys, roslaunch; roslaunch.main(sys.argv)"
     launch = rig.start(
         "roslaunch",
@@ -189,3 +134,150 @@ def test_team_has_its_descriptions_and_frames_each(rig, packages):
     assert len({child for child, _ in parents()}) == len(parents())
     said = without_broken_connections("\n".join(launch.output()))
     assert not any(word in said for word in ("WARN", "ERROR", "Traceback")), said
+
+
+@pytest.mark.parametrize("file", OF_A_ROBOT)
+def test_speed_of_the_line_and_respawn_reach_the_node(config_of, file):
+    arguments, space = ["fast:=true", "respawn:=true"], OF_A_ROBOT[file]
+    if file != "sim.launch":
+        arguments.append("baud:=57600")
+    if file == "team.launch":
+        arguments += ["ports:=/dev/ttyACM0,/dev/ttyACM1", WITHOUT_URDFS]
+    config = config_of(file, *arguments)
+    (node,) = (each for each in config.nodes if each.namespace + each.name == f"{space}/robot_node")
+    values = values_of(config)
+    assert node.respawn and values[f"{space}/robot_node/fast"] is True
+    assert values[f"{space}/robot_node/baud"] == (115200 if file == "sim.launch" else 57600)
+
+
+GROUP = """
+<group ns="{name}"><include file="$(find mrl_robots)/ros1_bridge/launch/traxbot.launch">
+  <arg name="port" value="/dev/ttyACM0"/> {prefix}
+</include></group>
+"""
+
+
+@pytest.mark.parametrize("prefix, frames", [("", 1), ('<arg name="prefix" value="{name}/"/>', 2)])
+def test_robots_in_groups_need_a_prefix_to_have_frames_of_their_own(config_of, tmp_path, prefix, frames):
+    """Names in /tf are global: a namespace does not part them."""
+    groups = [GROUP.format(name=name, prefix=prefix.format(name=name)) for name in ("robot1", "robot2")]
+    file = tmp_path / "two.launch"
+    file.write_text(f"<launch>{''.join(groups)}</launch>")
+    params = config_of(str(file)).params
+    assert len({params[f"/{name}/robot_node/odom_frame"].value for name in ("robot1", "robot2")}) == frames
+
+
+@pytest.mark.parametrize(
+    "file, arguments, options, without",
+    [
+        ("sim.launch", ["imu:=true"], "--imu --imu-seed=0", "--radio"),
+        ("sim.launch", ["imu:=false"], "", "--imu"),
+        ("team.launch", ["imu:=true"], "--imu --imu-seed=0", "--radio"),
+        (
+            "sim.launch",
+            ["profile:=2013-august", "build:=environment"],
+            "--profile 2013-august --environment",
+            "--imu",
+        ),
+        (
+            "sim.launch",
+            ["radio:=true", "radio_range:=5", "radio_loss:=0.1"],
+            "--radio=auto --radio-range=5 --radio-loss=0.1",
+            "--imu",
+        ),
+        (
+            "sim.launch",
+            ["radio:=0013a20040e00012"],
+            "--radio=0013a20040e00012 --radio-range=inf --radio-loss=0",
+            "--imu",
+        ),
+    ],
+)
+def test_emulated_board_has_what_is_asked_for(config_of, file, arguments, options, without):
+    quick = [WITHOUT_URDFS] if file == "team.launch" else []
+    (board,) = (node for node in config_of(file, *arguments, *quick).nodes if node.type == "sim_board")
+    assert set(options.split()) <= set(board.args.split()) and without not in board.args
+
+
+def test_build_reaches_the_node_and_the_description(config_of):
+    """The description of a robot with environment sensors has no sonars."""
+    values = values_of(config_of("sim.launch", "profile:=2013-august", "build:=environment"))
+    assert values["/robot_node/build"] == "environment" and "sonar" not in values["/robot_description"]
+
+
+def test_robots_of_a_team_have_builds_and_frames_of_their_own(config_of):
+    config = config_of("team.launch", "ports:=sim,sim,/dev/ttyACM0", "builds:=,environment", WITHOUT_URDFS)
+    (board,) = (node for node in config.nodes if node.type == "sim_board")
+    assert "--builds=',environment'" in board.args
+    values, robots = values_of(config), [f"robot{number}" for number in (1, 2, 3)]
+    assert [values[f"/{name}/robot_node/build"] for name in robots] == ["", "environment", "environment"]
+    for key, frame in (("odom_frame", "odom"), ("base_frame", "base_link")):
+        assert [values[f"/{name}/robot_node/{key}"] for name in robots] == [
+            f"{name}/{frame}" for name in robots
+        ]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "ports"),
+    [
+        ([], "sim sim sim"),
+        (["count:=5"], "sim sim sim sim sim"),
+        (["ports:=/dev/ttyACM0,sim", "count:=4"], "/dev/ttyACM0 sim sim sim"),
+        (["ports:=/dev/ttyACM1,/dev/ttyACM0", "count:=1"], "/dev/ttyACM1 /dev/ttyACM0"),
+    ],
+)
+def test_a_team_has_as_many_robots_as_asked_or_as_ports(config_of, arguments, ports):
+    config = config_of("team.launch", *arguments, WITHOUT_URDFS)
+    given = [each.value for name, each in config.params.items() if name.endswith("/port")]
+    assert [port if "mrl_sim" not in port else "sim" for port in given] == ports.split()
+    assert len({port for port in given}) == len(given)
+    assert ("sim_boards" in {node.name for node in config.nodes}) == ("sim" in ports)
+
+
+def test_manual_speed_and_zones_of_an_emulated_robot_reach_its_node(config_of):
+    own = arguments_of("robot.launch")
+    names = sorted(name for name in own if name == "manual_speed" or name.startswith("zone_"))
+    given = {name: 0.01 * (2 + i) for i, name in enumerate(names)}
+    values = values_of(config_of("sim.launch", *(f"{name}:={value}" for name, value in given.items())))
+    assert {name: values[f"/robot_node/{name}"] for name in given} == given and len(given) == 10
+
+
+def test_the_readme_lists_the_arguments_of_a_team():
+    text = (ROOT / "ros1_bridge" / "README.md").read_text().partition("argument of `team.launch`")[2]
+    rows = text.partition("\n\n")[0].splitlines()[2:]
+    listed = {name.strip(" `") for row in rows for name in row.split("|")[1].split(",")}
+    given = ElementTree.parse(LAUNCH / "team.launch").getroot().findall("arg")
+    assert listed == {each.get("name") for each in given if each.get("value") is None} - {"index"}
+
+
+@pytest.mark.parametrize("port", ["sim", "/dev/ttyACM0"])
+def test_a_page_is_started_with_a_robot_that_stops_in_time(config_of, port):
+    config = config_of("web.launch", f"port:={port}", "zones:=sonars", "prefix:=a/")
+    node = {name.split("/")[-1]: each.value for name, each in config.params.items() if "/robot_node/" in name}
+    assert (node["cmd_vel_timeout"], node["max_command_delay"]) == (0.2, 0.15)
+    assert (node["zones"], node["odom_frame"]) == ("sonars", "a/odom")
+    boards = {each.type for each in config.nodes} - {"web_node", "robot_node", "robot_state_publisher"}
+    assert boards == ({"sim_board"} if port == "sim" else set())
+
+
+def test_a_page_alone_is_started_for_a_robots_node_that_runs(config_of):
+    (node,) = config_of("web.launch", "robot_node:=false", "cmd_vel:=joy_vel").nodes
+    assert node.type == "web_node" and node.remap_args == [["cmd_vel", "joy_vel"]]
+
+
+@pytest.mark.parametrize(
+    "file, arguments, kind",
+    [
+        ("../demo/run.launch", ["engine:=python", f"port:={A_PATH}"], "sim_board"),
+        ("sim.launch", [f"link:={A_PATH}"], "sim_board"),
+        ("sim.launch", [f"world:={A_PATH}"], "sim_board"),
+        ("team.launch", [f"world:={A_PATH}", WITHOUT_URDFS], "sim_board"),
+        ("team.launch", ["count:=1", f"models:={A_PATH}", WITHOUT_URDFS], "sim_board"),
+        ("rviz.launch", [f"config:={A_PATH}"], "rviz"),
+        ("record.launch", [f"prefix:={A_PATH}"], "record"),
+    ],
+)
+def test_a_path_with_a_space_is_one_word_of_the_node(config_of, file, arguments, kind):
+    nodes = [node for node in config_of(file, *arguments).nodes if node.type == kind]
+    words = [word.rpartition("=")[2] for node in nodes for word in shlex.split(node.args)]
+    assert A_PATH in words

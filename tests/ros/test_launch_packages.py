@@ -8,7 +8,6 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 import roslaunch
 import yaml
-from roslaunch import substitution_args
 
 from ros1_bridge.node.packages import PACKAGES, advice
 from tests.waiting import PATIENCE
@@ -19,35 +18,24 @@ from .tables import first_two, table
 
 LAUNCH = ROOT / "ros1_bridge" / "launch"
 MAP = "map:=map.yaml"
+MASTERS = ("name:=robot1", "topics:=/claims,/robot1/*", "hosts:=10.0.0.12")
 VARIANTS = [
-    ("navigation.launch", (MAP, "robot:=traxbot"), ("amcl", "map_server", "move_base")),
-    ("navigation.launch", (MAP, "robot:=stingbot"), ("amcl", "map_server", "move_base")),
-    ("navigation.launch", (MAP, "robot:=omni"), ("amcl", "map_server", "move_base")),
-    ("navigation.launch", (MAP, "robot:=duo", "localisation:=none"), ("map_server", "move_base")),
-    (
-        "navigation.launch",
-        (MAP, "sensors:=both"),
-        ("amcl", "clear_with_max_range", "map_server", "move_base"),
-    ),
-    (
-        "navigation.launch",
-        (MAP, "sensors:=sonars"),
-        ("clear_with_max_range", "map_server", "map_to_odom", "move_base"),
-    ),
-    ("laser.launch", ("driver:=urg",), ("laser",)),
-    ("laser.launch", ("driver:=rplidar",), ("laser",)),
-    ("ekf.launch", ("prefix:=robot1/",), ("ekf_localization",)),
-    ("slam.launch", ("method:=gmapping",), ("slam_gmapping",)),
-    ("slam.launch", ("method:=hector",), ("hector_mapping", "map_to_odom")),
-    (
-        "multimaster.launch",
-        ("name:=robot1", "topics:=/claims,/robot1/*", "hosts:=10.0.0.12"),
-        ("master_discovery", "master_sync"),
-    ),
-    ("mux.launch", ("mux:=twist_mux",), ("twist_mux",)),
-    ("teleop_joystick.launch", ("layout:=ps3",), ("joy_node", "teleop_joystick")),
-    ("teleop_joystick.launch", ("layout:=wiimote",), ("teleop_joystick", "wiimote_node")),
-    ("teleop_joystick.launch", ("layout:=wiimote_tilt",), ("teleop_joystick", "wiimote_node")),
+    ("navigation.launch", (MAP, "robot:=traxbot"), "amcl map_server move_base"),
+    ("navigation.launch", (MAP, "robot:=stingbot"), "amcl map_server move_base"),
+    ("navigation.launch", (MAP, "robot:=omni"), "amcl map_server move_base"),
+    ("navigation.launch", (MAP, "robot:=duo", "localisation:=none"), "map_server move_base"),
+    ("navigation.launch", (MAP, "sensors:=both"), "amcl clear_with_max_range map_server move_base"),
+    ("navigation.launch", (MAP, "sensors:=sonars"), "clear_with_max_range map_server map_to_odom move_base"),
+    ("laser.launch", ("driver:=urg",), "laser"),
+    ("laser.launch", ("driver:=rplidar",), "laser"),
+    ("ekf.launch", ("prefix:=robot1/",), "ekf_localization"),
+    ("slam.launch", ("method:=gmapping",), "slam_gmapping"),
+    ("slam.launch", ("method:=hector",), "hector_mapping map_to_odom"),
+    ("multimaster.launch", MASTERS, "master_discovery master_sync"),
+    ("mux.launch", ("mux:=twist_mux",), "twist_mux"),
+    ("teleop_joystick.launch", ("layout:=ps3",), "joy_node teleop_joystick"),
+    ("teleop_joystick.launch", ("layout:=wiimote",), "teleop_joystick wiimote_node"),
+    ("teleop_joystick.launch", ("layout:=wiimote_tilt",), "teleop_joystick wiimote_node"),
 ]
 """File, its arguments, and all nodes that it starts with them."""
 
@@ -59,47 +47,12 @@ DISPLAYS = {
     "rviz/Polygon": "geometry_msgs/PolygonStamped",
     "rviz/PoseArray": "geometry_msgs/PoseArray",
 }
-QUICK = {"rosversion": "echo 1.15.15", "rosrun": 'shift 2; echo "$@"'}
-"""Short forms of what roslaunch runs with each file: `rosrun mrl_robots need_packages` prints its arguments."""
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Where the packages are; for this process, this repository and they are all packages that there are."""
-    made = tmp_path_factory.mktemp("packages")
-    stand_ins.install(made)
-    for name, text in QUICK.items():
-        (made / name).write_text(f"#!/bin/sh\n{text}\n")
-        (made / name).chmod(0o755)
-    path = os.pathsep.join((str(ROOT), str(made), "/usr/share"))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("ROS_PACKAGE_PATH", path)
-        patch.setenv("PATH", f"{made}{os.pathsep}{os.environ['PATH']}")
-        patch.setenv("ROS_LOG_DIR", str(made))
-        patch.setattr(substitution_args, "_rospack", None)
-        yield made
-
-
-@pytest.fixture(scope="module")
-def config_of(folder):
-    """What roslaunch makes of a file and its arguments."""
-    made = {}
-
-    def load(file, arguments):
-        if (file, arguments) not in made:
-            path = str(LAUNCH / file)
-            made[file, arguments] = roslaunch.config.load_config_default(
-                [(path, list(arguments))], None, verbose=False
-            )
-        return made[file, arguments]
-
-    return load
 
 
 @pytest.fixture(params=VARIANTS, ids=lambda variant: " ".join((variant[0], *variant[1])))
 def variant(request, config_of):
     file, arguments, nodes = request.param
-    return config_of(file, arguments), nodes
+    return config_of(file, *arguments), nodes
 
 
 def private(config, node):
@@ -131,15 +84,7 @@ def needed(config):
 
 def test_file_starts_these_nodes(variant):
     config, nodes = variant
-    assert {node.name for node in config.nodes} == set(nodes)
-
-
-def test_filter_has_the_frames_of_its_robot(config_of):
-    config = config_of("ekf.launch", ("prefix:=robot1/",))
-    frames = [
-        config.params[f"/ekf_localization/{name}_frame"].value for name in ("odom", "world", "base_link")
-    ]
-    assert frames == ["robot1/odom", "robot1/odom", "robot1/base_link"]
+    assert {node.name for node in config.nodes} == set(nodes.split())
 
 
 def test_real_nodes_know_each_parameter(variant):
@@ -196,21 +141,6 @@ def test_robot_gives_and_takes_what_move_base_does():
     )
 
 
-def test_joystick_node_listens_to_what_both_drivers_publish():
-    kinds = {
-        stand_ins.table(*of).names("publishes")["joy"]
-        for of in (("joy", "joy_node"), ("wiimote", "wiimote_node.py"))
-    }
-    assert kinds == {"sensor_msgs/Joy"}
-
-
-def test_wiimotes_own_imu_is_not_the_robots(config_of):
-    (node,) = (
-        n for n in config_of("teleop_joystick.launch", ("layout:=wiimote",)).nodes if n.package == "wiimote"
-    )
-    assert dict(node.remap_args)["imu/data"] != "imu/data"
-
-
 def test_rviz_shows_what_the_real_nodes_publish():
     config = yaml.safe_load((ROOT / "ros1_bridge" / "rviz" / "robot.rviz").read_text())
     shown = {
@@ -228,6 +158,60 @@ def test_rviz_shows_what_the_real_nodes_publish():
 
 
 @pytest.mark.parametrize(
+    "file, arguments, values",
+    [
+        (
+            "ekf.launch",
+            ("prefix:=robot1/",),
+            {
+                "ekf_localization/odom_frame": "robot1/odom",
+                "ekf_localization/world_frame": "robot1/odom",
+                "ekf_localization/base_link_frame": "robot1/base_link",
+            },
+        ),
+        (
+            "navigation.launch",
+            (MAP, "x:=1", "y:=2", "yaw:=0.5"),
+            {"amcl/initial_pose_x": 1, "amcl/initial_pose_y": 2, "amcl/initial_pose_a": 0.5},
+        ),
+        (
+            "multimaster.launch",
+            MASTERS,
+            {
+                "master_sync/sync_topics": ["/claims", "/robot1/*"],
+                "master_sync/ignore_services": ["*"],  # without a list of services, master_sync shares all
+                "master_discovery/robot_hosts": ["10.0.0.12"],
+            },
+        ),
+    ],
+)
+def test_arguments_reach_the_real_nodes(config_of, file, arguments, values):
+    params = config_of(file, *arguments).params
+    assert {name: params[f"/{name}"].value for name in values} == values
+
+
+@pytest.mark.parametrize(
+    "arguments, name, words",
+    [
+        (
+            ("x:=1", "y:=2", "yaw:=0.5", "sensors:=sonars", "prefix:=robot1/"),
+            "map_to_odom",
+            "1 2 0 0.5 0 0 map robot1/odom",
+        ),
+        (("sensors:=both",), "clear_with_max_range", CLEARING),
+    ],
+)
+def test_programs_for_the_sonars_get_these_words(config_of, arguments, name, words):
+    (node,) = (each for each in config_of("navigation.launch", MAP, *arguments).nodes if each.name == name)
+    assert node.args == words
+
+
+def test_wiimotes_own_imu_is_not_the_robots(config_of):
+    nodes = config_of("teleop_joystick.launch", "layout:=wiimote").nodes
+    assert [dict(node.remap_args)["imu/data"] for node in nodes if node.package == "wiimote"] != ["imu/data"]
+
+
+@pytest.mark.parametrize(
     "file, argument, expected",
     [
         ("navigation.launch", "sensors:=lidar", "'laser': True, 'sonars': False, 'both': True"),
@@ -235,55 +219,19 @@ def test_rviz_shows_what_the_real_nodes_publish():
         ("laser.launch", "driver:=hokuyo", "'urg': 'urg_node', 'rplidar': 'rplidar_ros'"),
     ],
 )
-def test_word_that_a_launch_file_does_not_know_is_refused(folder, file, argument, expected):
-    path = str(LAUNCH / file)
+def test_word_that_a_launch_file_does_not_know_is_refused(config_of, file, argument, expected):
     with pytest.raises(roslaunch.RLException) as refusal:
-        roslaunch.config.load_config_default([(path, [MAP, argument])], None, verbose=False)
+        config_of(file, MAP, argument)
     assert argument.split(":=")[1] in str(refusal.value) and expected in str(refusal.value)
 
 
-def test_start_pose_is_amcls_and_that_of_the_fixed_transform(config_of):
-    at = (MAP, "x:=1", "y:=2", "yaw:=0.5")
-    config = config_of("navigation.launch", at)
-    assert [config.params[f"/amcl/initial_pose_{axis}"].value for axis in "xya"] == [1, 2, 0.5]
-    fixed = config_of("navigation.launch", (*at, "sensors:=sonars", "prefix:=robot1/"))
-    (node,) = (each for each in fixed.nodes if each.name == "map_to_odom")
-    assert node.args == "1 2 0 0.5 0 0 map robot1/odom"
-
-
-def test_sonars_let_the_robot_report_the_longest_range(config_of):
-    (node,) = (
-        n for n in config_of("navigation.launch", (MAP, "sensors:=both")).nodes if n.type == "dynparam"
-    )
-    assert node.args == CLEARING
-
-
-def test_masters_share_the_topics_that_are_named_and_no_service(config_of):
-    """Without a list of services, master_sync shares all."""
-    config = config_of(
-        "multimaster.launch", ("name:=robot1", "topics:=/claims,/robot1/*", "hosts:=10.0.0.12")
-    )
-    names = ("master_sync/sync_topics", "master_sync/ignore_services", "master_discovery/robot_hosts")
-    assert [config.params[f"/{name}"].value for name in names] == [
-        ["/claims", "/robot1/*"],
-        ["*"],
-        ["10.0.0.12"],
-    ]
-
-
-def test_missing_packages_are_named_in_one_line_before_anything_starts(folder, monkeypatch):
-    monkeypatch.setenv(
-        "ROS_PACKAGE_PATH", os.pathsep.join((str(ROOT), str(folder / "map_server"), "/usr/share"))
-    )
+def test_missing_packages_are_named_in_one_line_with_the_ways_to_get_them(config_of, monkeypatch):
+    path = (str(ROOT), str(config_of.folder / "map_server"), "/usr/share")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", os.pathsep.join(path))
     command = ["/usr/bin/rosrun", "mrl_robots", "need_packages", "amcl", "map_server", "range_sensor_layer"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60 * PATIENCE)
-    assert done.returncode == 1 and done.stdout == ""
-    assert done.stderr == advice(["amcl", "range_sensor_layer"]) + "\n"
-
-
-def test_advice_names_the_ways_to_get_packages():
     line = advice(["amcl", "range_sensor_layer"])
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", line + "\n") and "\n" not in line
     assert "ros-noetic-amcl (Noetic)" in line and "ros-one-amcl (ROS One)" in line
-    assert "https://github.com/DLu/navigation_layers" in line and "\n" not in line
-    assert "ros-noetic-range-sensor-layer" not in line
+    assert "https://github.com/DLu/navigation_layers" in line and "ros-noetic-range-sensor-layer" not in line
     assert "ros-one" not in advice(["amcl", "fkie_master_sync"])

@@ -44,10 +44,3 @@ def shown_by_foxglove():
 def test_each_value_is_a_number_of_a_message(shown):
     kinds = {path: kind_of(path) for path in shown()}
     assert len(kinds) > 8 and set(kinds.values()) <= {"float32", "float64"}, kinds
-
-
-def test_the_layout_for_foxglove_has_a_place_for_each_panel():
-    def panels(part):
-        return [part] if isinstance(part, str) else [*panels(part["first"]), *panels(part["second"])]
-
-    assert sorted(panels(FOXGLOVE["layout"])) == sorted(FOXGLOVE["configById"])

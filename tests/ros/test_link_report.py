@@ -1,14 +1,10 @@
 """What of a driver's events goes to the log, and what boards without a clock report."""
 
-import struct
 import time
-from types import SimpleNamespace
 
 import pytest
-from genpy import Time
 
 from mrl_driver.geometry import Pose
-from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import IN_USE, SILENT
 from mrl_driver.robot.odometry import Twist, Wheels
@@ -16,14 +12,11 @@ from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Ready, Reconnected, Reply, Stale
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Counters
-from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News, values
-from ros1_bridge.topics.publishers import Publishers
 
 BOARD = Board(1, 2, 1.72, 12.0, 25.0)
 LOST, BACK = Lost("/dev/ttyACM0", "it went away"), Reconnected("/dev/ttyACM1")
 AGAIN, RESTARTED, UNKNOWN = (Ready(BOARD, *how) for how in ((False, True), (True, True), (True, False)))
-SIMULATED_S, LATE_S = 100.0, 10.0
 
 
 def telemetry(sequence):
@@ -64,25 +57,6 @@ def test_events_are_told_once(events, levels):
 def test_latency_is_that_of_the_boards_clock(sequence, latency):
     told = values("port", 115200, BOARD, Counters().snapshot(), 0.0, telemetry(sequence))
     assert told["Computed Latency"] == latency
-
-
-class Publisher:
-    """One of rospy's, with a connection that notes what it is sent."""
-
-    def __init__(self, topic, *_, **__):
-        self.sent = []
-        to = SimpleNamespace(socket=None, write_data=self.sent.append)
-        self.impl = SimpleNamespace(connections=[to], add_subscriber_listener=lambda _: None)
-        Publisher.of = {**getattr(Publisher, "of", {}), topic: self}
-
-
-def test_odometry_is_stamped_by_the_clock_of_the_graph():
-    """Which is simulated time where the other nodes have it."""
-    parameters = check({"port": "p"}, "node")
-    out = Publishers(Publisher, OSError, parameters, models.load("traxbot"), clock=lambda: SIMULATED_S)
-    out.telemetry(telemetry(1))
-    secs, nsecs = struct.unpack_from("<II", Publisher.of["odom"].sent[0], 8)
-    assert SIMULATED_S - LATE_S < Time(secs, nsecs).to_sec() < SIMULATED_S
 
 
 def test_changes_of_a_hold_are_logged_once():

@@ -2,7 +2,7 @@
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Twist, Vector3
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Odometry
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
@@ -16,14 +16,9 @@ def test_a_node_that_does_all_at_once_takes_its_locks_in_order(rig):
     rig.env = {**rig.env, VARIABLE: "1"}
     node = rig.node(rig.board("--robot", "traxbot", "--pose", "0.3,0,0").port, "_zones:=sonars")
     odom, status = rig.topic("odom", Odometry), rig.topic("status", DiagnosticStatus)
-    cmd_vel, pose = rig.publisher("cmd_vel", Twist), rig.publisher("pose", PoseStamped)
+    pose = rig.publisher("pose", PoseStamped)
     odom.wait()
-
-    def driven():
-        cmd_vel.publish(Twist(Vector3(0.1, 0.0, 0.0), Vector3()))
-        return odom.wait_for_more(2)[-1].pose.pose.position.x > 0.02
-
-    wait_until(driven)
+    rig.drive_until(lambda: odom.messages[-1].pose.pose.position.x > 0.02, 0.1)
     goal = Pose(Point(0.2, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
 
     def arrived():

@@ -8,7 +8,6 @@ from geometry_msgs.msg import Twist, Vector3
 from sensor_msgs.msg import BatteryState, Range
 
 from mrl_driver.robot.models import SonarMount, load
-from ros1_bridge.node import tf_names
 from ros1_bridge.topics import messages
 
 STAMP = Time(5, 7)
@@ -28,13 +27,6 @@ def test_transform_equals_the_pose():
     assert yaw_of(transform.transform.rotation) == pytest.approx(3.1)
 
 
-@pytest.mark.parametrize(
-    "base, frame", [("base_link", "sonar_left"), ("robot1/base_link", "robot1/sonar_left")]
-)
-def test_sonar_frame_takes_the_prefix_of_the_base_frame(base, frame):
-    assert tf_names.sonar_frame(base, "left") == frame
-
-
 def test_mount_turns_x_along_the_beam():
     mounts = messages.new_mounts("base_link", {"left": SonarMount(0.08, 0.06, 45.0)}, STAMP)
     transform = mounts.transforms[0]
@@ -50,17 +42,14 @@ def test_range_describes_the_sonar():
     assert (message.min_range, message.max_range) == (0.15, 6.45)
 
 
-def test_nothing_in_range_may_be_the_longest_range():
+@pytest.mark.parametrize(
+    "range_m, clear, shown",
+    [(math.inf, False, math.inf), (-math.inf, False, -math.inf), (math.inf, True, 6.45)],
+)
+def test_range_follows_rep_117_unless_nothing_in_range_is_the_longest_range(range_m, clear, shown):
     message = messages.new_range("base_link", "front")
-    messages.fill_range(message, STAMP, math.inf, clear_with_max=True)
-    assert message.range == message.max_range
-
-
-@pytest.mark.parametrize("range_m", [math.inf, -math.inf, 1.5])
-def test_range_follows_rep_117(range_m):
-    message = messages.new_range("base_link", "front")
-    messages.fill_range(message, STAMP, range_m)
-    assert message.range == range_m
+    messages.fill_range(message, STAMP, range_m, clear_with_max=clear)
+    assert message.range == shown
 
 
 @pytest.mark.parametrize(
@@ -73,15 +62,11 @@ def test_charge_is_between_empty_and_full(volts, percentage):
     assert message.percentage == pytest.approx(percentage)
 
 
-def test_a_battery_that_is_not_measured_is_nan():
+def test_what_the_board_does_not_measure_is_nan():
     message = messages.new_battery("base_link", BATTERY)
     messages.fill_battery(message, STAMP, math.nan, BATTERY)
     assert math.isnan(message.voltage) and math.isnan(message.percentage)
     assert message.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN
-
-
-def test_what_the_board_does_not_measure_is_nan():
-    message = messages.new_battery("base_link", BATTERY)
     assert all(math.isnan(value) for value in (message.current, message.charge, message.capacity))
     assert message.power_supply_technology == BatteryState.POWER_SUPPLY_TECHNOLOGY_NIMH
 
@@ -99,14 +84,13 @@ def test_numbers_whose_sum_is_infinite_are_finite():
     assert messages.field_not_finite(Twist(Vector3(1e308, 1e308, 0), Vector3())) == ""
 
 
-def test_axes_that_the_robot_lacks_are_named():
-    assert messages.unused_axes(Twist(Vector3(1, 2, 0), Vector3(0, -3, 4))) == ("linear.y", "angular.y")
-
-
-def test_a_robot_that_moves_sideways_has_one_more():
-    assert messages.unused_axes(Twist(Vector3(1, 2, 0), Vector3()), sideways=True) == ()
-    assert messages.unused_axes(Twist(Vector3(1, 2, 3), Vector3()), sideways=True) == ("linear.z",)
-
-
-def test_negative_zero_is_no_movement():
-    assert messages.unused_axes(Twist(Vector3(0, -0.0, 0), Vector3())) == ()
+@pytest.mark.parametrize(
+    "linear, angular, sideways, axes",
+    [
+        ((1, 2, 0), (0, -3, 4), False, ("linear.y", "angular.y")),
+        ((1, 2, 3), (0, 0, 4), True, ("linear.z",)),
+        ((0, -0.0, 0), (0, 0, 0), False, ()),
+    ],
+)
+def test_axes_that_the_robot_lacks_are_named(linear, angular, sideways, axes):
+    assert messages.unused_axes(Twist(Vector3(*linear), Vector3(*angular)), sideways=sideways) == axes

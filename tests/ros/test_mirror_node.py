@@ -10,9 +10,11 @@ import os
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import PoseWithCovarianceStamped
+from geometry_msgs.msg import Point, PoseWithCovarianceStamped, Quaternion
+from geometry_msgs.msg import Pose as RosPose
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, Range
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import Pose
@@ -23,8 +25,6 @@ from ros1_bridge.world.mirror_node import Place, arc_of
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.world.shared_robots import SharedRegistry
 from tests.waiting import wait_until
-
-from .rig import ROOT
 
 MODEL = load("traxbot")
 BODY = footprint_for(MODEL)
@@ -98,8 +98,7 @@ class Driver:
 
 def mirror(rig, name, *options):
     """Starts the node; its robot begins at (0, 0)."""
-    node = str(ROOT / "ros1_bridge" / "nodes" / "mirror_node")
-    return rig.start("mirror", node, f"__ns:={rig.ns}", f"_world_name:={name}", "_margin:=0", *options)
+    return rig.program("mirror_node", f"_world_name:={name}", "_margin:=0", *options)
 
 
 @pytest.fixture(scope="module")
@@ -130,17 +129,18 @@ def driver(module_rig, lab):
         mounts.unregister()
 
 
-def test_range_is_that_of_the_virtual_robot_if_it_is_nearer(driver):
-    assert driver.hear(3.0).range == pytest.approx(GAP_M, abs=0.01)
+@pytest.mark.parametrize(
+    "real_m, heard_m", [(3.0, GAP_M), (0.3, 0.3), (math.nan, math.nan), (-math.inf, -math.inf)]
+)
+def test_range_is_that_of_the_virtual_robot_if_it_is_nearer_than_a_valid_one(driver, real_m, heard_m):
+    assert driver.hear(real_m).range == pytest.approx(heard_m, abs=0.01, nan_ok=True)
 
 
-def test_real_range_stays_if_it_is_nearer(driver):
-    assert driver.hear(0.3).range == pytest.approx(0.3)
-
-
-@pytest.mark.parametrize("range_m", [math.nan, -math.inf])
-def test_real_range_that_is_invalid_or_too_near_stays(driver, range_m):
-    assert driver.hear(range_m).range == pytest.approx(range_m, nan_ok=True)
+def test_range_that_arrives_late_or_not_at_all_is_invalid(driver):
+    assert math.isnan(driver.hear(3.0, late_s=10.0).range)
+    assert driver.hear(3.0).range < math.inf
+    begin = len(driver.heard.messages)
+    assert math.isnan(driver.heard.wait(begin + 1)[begin].range), "silent"
 
 
 def test_wall_of_the_virtual_room_is_not_heard(driver, lab):
@@ -161,37 +161,22 @@ def test_scan_for_the_zones_has_the_virtual_robot_where_the_sonars_look(driver):
     assert seen.looks((1.0, 0.0)) and not seen.looks((-1.0, 0.0))
 
 
-def test_robot_without_odometry_stays_in_the_world_and_hears_nothing(driver, lab):
-    driver.end()
+@pytest.mark.parametrize("late_s", [0.0, 10.0], ids=["silent", "late"])
+def test_odometry_that_arrives_late_is_as_none(driver, lab, late_s):
+    """The robot stays in the world, and hears nothing."""
+    driver.odom_late_s = late_s
+    if not late_s:
+        driver.end()
     wait_until(lambda: math.isnan(driver.hear(3.0).range), what="a range that is invalid")
     driver.status.wait_for_more(1)
     before = len(driver.scans.messages)
     driver.status.wait_for_more(2)
-    scans = driver.scans.messages[before:]
-    there = [mover.name for mover in lab.others("virtual")]
-    driver.begin()
+    scans, there = driver.scans.messages[before:], [mover.name for mover in lab.others("virtual")]
+    driver.odom_late_s = 0.0
+    if not late_s:
+        driver.begin()
     driver.said("ok", "no range")
     assert there == ["real"] and not scans
-
-
-def test_odometry_that_arrives_late_is_as_none(driver):
-    driver.odom_late_s = 10.0
-    try:
-        wait_until(lambda: math.isnan(driver.hear(3.0).range), what="a range that is invalid")
-    finally:
-        driver.odom_late_s = 0.0
-    driver.said("ok", "no range")
-
-
-def test_range_that_arrives_late_is_invalid(driver):
-    assert driver.hear(3.0).range < math.inf
-    assert math.isnan(driver.hear(3.0, late_s=10.0).range)
-
-
-def test_sonar_that_falls_silent_is_invalid(driver):
-    driver.hear(3.0)
-    begin = len(driver.heard.messages)
-    assert math.isnan(driver.heard.wait(begin + 1)[begin].range)
 
 
 def test_robot_is_in_the_world_only_when_it_is_localised(rig, lab):
@@ -201,7 +186,9 @@ def test_robot_is_in_the_world_only_when_it_is_localised(rig, lab):
     try:
         driver.said("not localised")
         before = [mover.name for mover in lab.others("virtual")]
-        _localise(place)
+        message = PoseWithCovarianceStamped(Header(frame_id="hall", stamp=rospy.Time.now()))
+        message.pose.pose = RosPose(Point(3.0, 4.0, 0.0), Quaternion(w=1.0))
+        place.publish(message)
         driver.said("ok")
     finally:
         driver.end()
@@ -220,14 +207,6 @@ def test_another_publisher_of_the_scan_makes_everything_invalid(rig, lab):
         driver.said(f"{rospy.get_name()} publishes {rig.ns}/mirror/scan too")
     finally:
         laser.unregister()
-
-
-def _localise(place):
-    message = PoseWithCovarianceStamped()
-    message.header.frame_id, message.header.stamp = "hall", rospy.Time.now()
-    message.pose.pose.position.x, message.pose.pose.position.y = 3.0, 4.0
-    message.pose.pose.orientation.w = 1.0
-    place.publish(message)
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,6 @@ from ros1_bridge.robot.operators import MOST_OPERATORS, SILENT_S, Operators
 from ros1_bridge.teleop.joystick_mapping import LAYOUTS
 from tests.waiting import wait_until
 
-from .rig import ROOT
-
 MOVE, STOP = 11, 13
 LIMIT_S, TIMEOUT_S = 1.0, 10.0
 """A busy machine answers within this time."""
@@ -42,11 +40,8 @@ def test_late_commands_are_refused_by_a_clock_that_differs():
     assert not operators.refusal("desk", 78.0 - LIMIT_S + 0.001)
     assert "late" in operators.refusal("desk", 78.0 - LIMIT_S - 0.002)
     assert operators.refused == 1
-
-
-def test_command_without_a_time_is_refused():
-    operators = Operators(LIMIT_S, Clock())
-    assert "stamp 0" in operators.refusal("desk", 0.0) and operators.refused == 1
+    assert not operators.refusal("sofa", 5.0), "each operator has a clock of his own"
+    assert "stamp 0" in operators.refusal("desk", 0.0) and operators.refused == 2
 
 
 def test_command_that_repeats_a_stamp_is_refused_after_the_limit():
@@ -55,12 +50,6 @@ def test_command_that_repeats_a_stamp_is_refused_after_the_limit():
     assert not operators.refusal("desk", 900.0)
     clock.now_s += LIMIT_S + 0.01
     assert "late" in operators.refusal("desk", 900.0)
-
-
-def test_each_operator_has_a_clock_of_his_own():
-    operators = Operators(LIMIT_S, Clock())
-    operators.late_s("desk", 900.0)
-    assert not operators.refusal("sofa", 5.0)
 
 
 @pytest.fixture
@@ -104,23 +93,11 @@ def test_name_of_an_operator_without_a_place_is_quoted_in_one_line(crowd):
     assert refusal.isprintable() and len(refusal) < 300
 
 
-def test_without_a_limit_nobody_needs_a_place(crowd):
-    operators = Operators(0.0, Clock())
-    for n in range(MOST_OPERATORS + 1):
-        assert not operators.refusal(str(n), 900.0)
-
-
-def test_operator_who_goes_on_sending_is_not_forgotten():
-    operators = Operators(LIMIT_S, Clock())
-    for name in ("desk", *map(str, range(MOST_OPERATORS - 1)), "desk", "one more"):
-        operators.late_s(name, 900.0)
-    assert "late" in operators.refusal("desk", 5.0)
-
-
-def test_without_a_limit_nothing_is_refused():
+def test_without_a_limit_nothing_is_refused_and_nobody_needs_a_place():
     operators = Operators(0.0, Clock())
     operators.late_s("desk", 900.0)
-    assert not operators.refusal("desk", 5.0)
+    names = ["desk", *map(str, range(MOST_OPERATORS))]
+    assert not any(operators.refusal(name, 5.0) for name in names)
 
 
 @pytest.fixture(scope="module")
@@ -131,11 +108,8 @@ def robot(module_rig):
     rig.process = rig.node(rig.wire.port, f"_max_command_delay:={LIMIT_S}", f"_cmd_vel_timeout:={TIMEOUT_S}")
     source = {"name": "joystick", "topic": "joy_vel", "timeout": 5.0, "priority": 100}
     rospy.set_param(f"{rig.ns}/cmd_vel_mux/topics", [source])
-    nodes, space = ROOT / "ros1_bridge" / "nodes", f"__ns:={rig.ns}"
-    rig.start("mux", str(nodes / "cmd_vel_mux"), space)
-    rig.hand = rig.start(
-        "joystick", str(nodes / "teleop_joystick"), space, "cmd_vel:=joy_vel", f"_max_delay:={LIMIT_S}"
-    )
+    rig.program("cmd_vel_mux")
+    rig.hand = rig.program("teleop_joystick", "cmd_vel:=joy_vel", f"_max_delay:={LIMIT_S}")
     rig.delay = rig.topic("teleop_joystick/delay", Float64)
     rig.echo = rig.topic("joy_vel/echo", Header)
     rig.joy, rig.stamped = rig.publisher("joy", Joy), rig.publisher("cmd_vel/stamped", TwistStamped)

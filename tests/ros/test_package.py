@@ -55,9 +55,6 @@ def test_modules_that_are_imported_are_dependencies():
     used = {name for name in used - OWN - BY_PIP if not is_pythons_own(name)}
     assert "rospy" in used
     assert {SYSTEM.get(name, name) for name in used} <= DEPENDS
-
-
-def test_what_noetics_system_lacks_is_no_dependency():
     assert not {f"python3-{name}" for name in BY_PIP} & DEPENDS
 
 

@@ -18,22 +18,9 @@ GOOD = {"port": "/dev/ttyACM0"}
 def test_only_the_port_must_be_given():
     defaults = {row.name: row.default for row in ROWS if row.name != "port"}
     assert check(GOOD, "/n") == Parameters(port="/dev/ttyACM0", **defaults)
-
-
-def test_rows_and_fields_are_the_same():
-    """The robot id comes with the name of the port."""
-    assert (*(row.name for row in ROWS), "robot_id") == Parameters._fields
-
-
-@pytest.mark.parametrize("group", GROUPS)
-def test_what_dynamic_reconfigure_left_is_no_error(group):
-    check({**GOOD, group: {"kp": 700}}, "/n")
-
-
-def test_missing_port_names_key_and_remedy():
-    expected = "parameter /n/port is missing, expected the serial port of the board, such as /dev/ttyACM0"
-    with pytest.raises(ConfigError, match=expected):
-        check({}, "/n")
+    left = {group: {"kp": 700} for group in GROUPS}  # by dynamic_reconfigure
+    given = {**GOOD, **left, "port": "tcp://10.0.0.7:3333", "cmd_vel_timeout": 1}
+    assert check(given, "/n")[:2] == ("tcp://10.0.0.7:3333", defaults["port_timeout"])
 
 
 @pytest.mark.parametrize(
@@ -41,6 +28,7 @@ def test_missing_port_names_key_and_remedy():
     [
         ("port", 7),
         ("port", ""),
+        ("build", "gas"),
         ("port", ["/dev/ttyACM0"]),
         ("baud", "fast"),
         ("baud", True),
@@ -70,39 +58,6 @@ def test_refusal_names_key_value_and_range(name, value):
     assert "\n" not in str(error.value)
 
 
-@pytest.mark.parametrize(
-    "other, words",
-    [
-        ({"port": "tcp://a:1"}, "port tcp://a:1, expected a device name"),
-        ({"baud": 9600}, "baud 9600, expected 115200"),
-    ],
-)
-def test_only_a_device_at_the_usual_speed_is_raised(other, words):
-    with pytest.raises(ConfigError, match=f"^parameter /n/fast is given with {words}"):
-        check({**GOOD, "fast": True, **other}, "/n")
-
-
-def test_misspelt_name_is_refused_with_the_names_there_are():
-    with pytest.raises(
-        ConfigError, match="/n/prot is unknown, expected port, port_timeout, baud, fast, robot"
-    ):
-        check({"prot": "/dev/ttyACM0"}, "/n")
-
-
-def test_names_that_a_node_reads_by_itself_are_among_those_there_are():
-    with pytest.raises(ConfigError, match="/n/waypoint is unknown, expected waypoints, map_frame"):
-        read(PARAMETERS, {"waypoint": []}, "/n", [LIST])
-
-
-def test_odom_and_base_frame_must_differ():
-    with pytest.raises(ConfigError, match="/n/base_frame is 'odom'"):
-        check({**GOOD, "base_frame": "odom"}, "/n")
-
-
-def test_whole_number_will_do_for_a_float():
-    assert check({**GOOD, "cmd_vel_timeout": 1}, "/n").cmd_vel_timeout == 1.0
-
-
 words = st.text("ab/ \n", max_size=4)
 anything = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(), words, st.lists(st.integers(), max_size=1)
@@ -122,17 +77,6 @@ def test_every_value_is_accepted_in_range_or_refused(given_values):
         assert row.kind is not float or row.low <= value <= row.high
 
 
-def test_a_port_may_be_an_address():
-    assert check({"port": "tcp://10.0.0.7:3333"}, "/n").port == "tcp://10.0.0.7:3333"
-
-
-def test_an_address_that_does_not_parse_is_refused():
-    with pytest.raises(
-        ConfigError, match="parameter /n/port 'tcp://10.0.0.7' does not parse, expected tcp://HOST:PORT"
-    ):
-        check({"port": "tcp://10.0.0.7"}, "/n")
-
-
 @pytest.mark.parametrize("parts", ["odometry, status", "odometry status", ["odometry", "status"]])
 def test_parts_are_a_list_or_a_text(parts):
     made = check({**GOOD, "parts": parts}, "/n")
@@ -142,6 +86,14 @@ def test_parts_are_a_list_or_a_text(parts):
 @pytest.mark.parametrize(
     "wrong, words",
     [
+        ({"prot": "/dev/ttyACM0"}, "/n/prot is unknown, expected port, port_timeout, baud, fast, robot"),
+        ({"base_frame": "odom"}, "/n/base_frame is 'odom'"),
+        (
+            {"port": "tcp://10.0.0.7"},
+            "parameter /n/port 'tcp://10.0.0.7' does not parse, expected tcp://HOST:PORT",
+        ),
+        ({"fast": True, "port": "tcp://a:1"}, "fast is given with port tcp://a:1, expected a device name"),
+        ({"fast": True, "baud": 9600}, "fast is given with baud 9600, expected 115200"),
         (
             {"parts": "odometry, wings"},
             "/n/parts is 'wings' in 'odometry, wings', expected all, or some of odometry,",
@@ -153,12 +105,17 @@ def test_parts_are_a_list_or_a_text(parts):
         ({"zones": "both", "zone_warning": math.nan}, "/n/zone_warning is nan"),
     ],
 )
-def test_parts_and_zones_that_cannot_be_are_refused(wrong, words):
+def test_what_cannot_be_together_is_refused(wrong, words):
     with pytest.raises(ConfigError, match=words):
         check({**GOOD, **wrong}, "/n")
 
 
-# -- ports
+def test_missing_port_and_unknown_names_are_told_with_what_is_expected():
+    expected = "parameter /n/port is missing, expected the serial port of the board, such as /dev/ttyACM0"
+    with pytest.raises(ConfigError, match=expected):
+        check({}, "/n")
+    with pytest.raises(ConfigError, match="/n/waypoint is unknown, expected waypoints, map_frame"):
+        read(PARAMETERS, {"waypoint": []}, "/n", [LIST])
 
 
 def test_a_port_may_be_a_name(tmp_path, monkeypatch):

@@ -51,17 +51,16 @@ class Planner:
         return "".join(lines), self.values["max_vel_x"]
 
 
-def test_planner_is_not_asked_while_the_way_is_free():
-    planner = Planner()
-    planner.step(FREE, 10.0)
-    assert planner.calls == []
-
-
-def test_zone_lowers_the_planners_speed_at_once():
-    line, speed = Planner().step(0.17)
-    assert (
-        speed == pytest.approx(0.15) and line == "a zone is entered: the planner drives at 0.15 m/s at most"
-    )
+@pytest.mark.parametrize(
+    "own, allowed, speed", [(OWN, FREE, OWN), (OWN, 0.17, 0.15), (0.12, 0.25, 0.12), (OWN, 0.0, SLOWEST)]
+)
+def test_zone_lowers_the_planners_speed_at_once_but_not_below_its_slowest(own, allowed, speed):
+    """A highest speed below its lowest one makes no sense to the planner, which is not asked while the way is free."""
+    planner = Planner(own)
+    line, now_m_s = planner.step(allowed)
+    assert now_m_s == pytest.approx(speed) and bool(planner.calls) == (allowed < FREE)
+    assert bool(line) == (speed < own)
+    assert line in ("", f"a zone is entered: the planner drives at {speed:g} m/s at most")
 
 
 def test_speed_is_given_back_when_the_zone_has_been_clear_for_a_while():
@@ -83,16 +82,6 @@ def test_planner_is_told_seldom():
     for allowed in range(290, 100, -1):
         planner.step(allowed / 1000)
     assert sum(bool(call) for call in planner.calls) == round((0.29 - 0.10) / STEP_M_S)
-
-
-def test_robot_that_a_zone_holds_leaves_the_planner_its_slowest_speed():
-    """A highest speed below its lowest one makes no sense to the planner."""
-    assert Planner().step(0.0)[1] == SLOWEST
-
-
-def test_zone_never_raises_the_planners_speed():
-    planner = Planner(own=0.12)
-    assert planner.step(0.25, 5.0)[1] == 0.12
 
 
 def test_speed_that_somebody_else_sets_meanwhile_stays():

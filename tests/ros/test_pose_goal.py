@@ -109,19 +109,6 @@ def test_an_emergency_stop_that_is_released_between_two_steps_ends_it(goal, note
     assert (goal.on_telemetry(at((0.0, 0.0, 0.0), 3.0)), noted.speeds) == ("", None)
 
 
-def test_an_emergency_stop_that_is_released_while_a_step_is_written_stops_the_robot(goal, noted):
-    goal.start(message("odom", 1.0, 0.0), HERE)
-    drive = noted.drive
-
-    def stopped_before(*speeds):
-        noted.seeking = False
-        return drive(*speeds)
-
-    noted.drive = stopped_before
-    goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
-    assert noted.stops == 1
-
-
 def test_it_drives_there_and_stops(goal, noted):
     goal.start(message("odom", 1.0, 0.0), HERE)
     assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds[0] > 0 and noted.seeking
@@ -148,8 +135,7 @@ def test_it_gives_up_when_the_driver_has_stopped_the_robot(goal, noted):
 def test_it_gives_up_when_the_robot_may_not_move(goal, noted):
     noted.willing = False
     goal.start(message("odom", 1.0, 0.0), HERE)
-    assert "motors are disabled" in goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
-    assert not noted.seeking
+    assert "motors are disabled" in goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) and not noted.seeking
 
 
 def test_it_keeps_straight_on_beside_what_a_sonar_sees_elsewhere(noted):
@@ -169,10 +155,19 @@ def test_another_command_takes_its_place(goal, noted):
     assert goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0)) == "" and noted.speeds is None
 
 
-def test_a_goal_that_is_cancelled_while_its_step_is_written_does_not_drive_on(goal, noted):
-    """As by a command of zero; the step that was computed before must not stay in force."""
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_goal_that_ends_while_its_step_is_written_does_not_drive_on(goal, noted, stopped):
+    """By a command of zero, or an emergency stop that is released: the step of before must not stay in force."""
     goal.start(message("odom", 1.0, 0.0), HERE)
     drive = noted.drive
-    noted.drive = lambda *speeds: goal.cancel() or drive(*speeds)
+
+    def ended_before(*speeds):
+        if stopped:
+            noted.seeking = False
+        else:
+            goal.cancel()
+        return drive(*speeds)
+
+    noted.drive = ended_before
     goal.on_telemetry(at((0.0, 0.0, 0.0), 1.0))
     assert noted.stops == 1

@@ -28,16 +28,14 @@ def test_text_of_a_message_is_sent():
     sent = []
     made = radio(send_text=lambda *text: sent.append(text))
     assert made.send(KeyValue(KEY, "hello")) == "" and sent == [(PEER, "hello")]
-
-
-def test_key_that_is_no_address_is_named():
-    made = radio(send_text=None)
     assert made.send(KeyValue("robot", "hello")).startswith("xbee/send: radio address is 'robot', expected")
 
 
 def test_each_radio_found_is_a_status():
     made = radio(discover_radios=lambda: [RadioNode(PEER, 0x12), RadioNode(7, 0xFFFE)])
     found = made.discover(None)
+    lost = radio(discover_radios=fail).discover(None)
+    assert (lost.passed, lost.id, lost.status) == (0, "the port is gone", [])
     values = [{pair.key: pair.value for pair in status.values} for status in found.status]
     assert (found.passed, found.id) == (1, "2 radios have answered")
     assert values == [{"address": KEY, "network": "0012"}, {"address": f"{7:016x}", "network": "fffe"}]
@@ -45,9 +43,3 @@ def test_each_radio_found_is_a_status():
 
 def fail():
     raise LinkLost("the port is gone")
-
-
-def test_search_that_fails_says_why():
-    made = radio(discover_radios=fail)
-    found = made.discover(None)
-    assert (found.passed, found.id, found.status) == (0, "the port is gone", [])

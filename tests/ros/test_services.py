@@ -1,17 +1,14 @@
 """Services, status, wheels and run-time limits of the node on an emulated board."""
 
-import contextlib
-import subprocess
-import threading
 import time
 
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from dynamic_reconfigure.client import Client
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, Vector3
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Imu, JointState, Temperature
+from sensor_msgs.msg import Imu, Temperature
 from std_msgs.msg import Bool, String
 from std_srvs.srv import SetBool, Trigger
 
@@ -19,14 +16,11 @@ from ros1_bridge.node.robot_parameters import PAUSE_S
 from ros1_bridge.topics.message_covariance import diagonal
 from tests.waiting import wait_until
 
-from .rig import START_S
+from .rig import START_S, values_of
+from .tables import Offered
 
 MOVE, STOP, CALIBRATE, GAINS = 11, 13, 1, 2
-SPEED_M_S, FRAME_HZ = 0.2, 50
-
-
-def values_of(status):
-    return {pair.key: pair.value for pair in status.values}
+FRAME_HZ = 50
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +30,6 @@ def robot(module_rig):
     rig.wire = rig.tap(rig.board("--robot", "traxbot", "--imu").port)
     rig.odom = rig.topic("odom", Odometry)
     rig.status = rig.topic("status", DiagnosticStatus)
-    rig.joints = rig.topic("joint_states", JointState)
     rig.temperature = rig.topic("board_temperature", Temperature)
     rig.diagnostics = rig.topic("/diagnostics", DiagnosticArray)
     rig.moving = rig.topic("moving", Bool)
@@ -54,71 +47,23 @@ def call(robot, name, *args):
     return rospy.ServiceProxy(f"{robot.ns}/{name}", kind)(*args)
 
 
-def command(robot, speed_m_s=SPEED_M_S):
-    robot.cmd_vel.publish(Twist(Vector3(speed_m_s, 0, 0), Vector3()))
-    robot.odom.wait_for_more(2)
-
-
-def drive_until(robot, condition, speed_m_s=SPEED_M_S):
-    """Command until something is so."""
-
-    def holds():
-        command(robot, speed_m_s)
-        return condition()
-
-    wait_until(holds)
-
-
 def refusals(robot, words):
     """How often the node has said that it refuses commands for this."""
     return sum(f"cmd_vel refused: {words}" in line for line in robot.process.output())
 
 
-@contextlib.contextmanager
-def commanded(robot, speed_m_s=SPEED_M_S):
-    """The robot rolls, and gets a command every 50 ms."""
-    drive_until(robot, lambda: rolls(robot), speed_m_s)
-    end = threading.Event()
-
-    def send():
-        while not end.wait(0.05):
-            robot.cmd_vel.publish(Twist(Vector3(speed_m_s, 0, 0), Vector3()))
-
-    thread = threading.Thread(target=send)
-    thread.start()
-    try:
-        yield
-    finally:
-        end.set()
-        thread.join()
+def speeds_since(robot, since):
+    """What speeds the board was told [mm/s]."""
+    parts = [part for at, data in robot.wire.sent if at >= since for part in data.split(b"@")]
+    return [int(part.split(b",")[1]) for part in parts if part.startswith(b"11,")]
 
 
 def drive_in_vain(robot, words):
     """Command until the node refuses; it must send no motion to the board meanwhile."""
     robot.odom.wait_for_more(2)  # the tap has passed on what the board was sent before
     since, before = time.monotonic(), refusals(robot, words)
-    drive_until(robot, lambda: refusals(robot, words) > before)
+    robot.drive_until(lambda: refusals(robot, words) > before)
     assert robot.wire.first(MOVE, since) == float("inf")
-
-
-def motions(robot, since):
-    """When the board was told what speed [mm/s]."""
-    return [
-        (at, int(part.split(b",")[1]))
-        for at, data in robot.wire.sent
-        if at >= since
-        for part in data.split(b"@")
-        if part.startswith(b"11,")
-    ]
-
-
-def speeds_since(robot, since):
-    return [speed for _, speed in motions(robot, since)]
-
-
-def rolls(robot):
-    """It is on the way; by odometry."""
-    return robot.odom.messages[-1].twist.twist.linear.x > 0.03
 
 
 def pause(robot):
@@ -144,24 +89,9 @@ def status_is(robot, **wanted):
     return wait_until(lambda: says(robot, **wanted))
 
 
-def test_covariance_grows_as_the_robot_moves(robot):
-    before = robot.odom.messages[-1].pose.covariance
-
-    def grown():
-        after = robot.odom.messages[-1].pose.covariance
-        return after[0] > before[0] and after[35] > before[35]
-
-    drive_until(robot, grown)
-    stands(robot)
-
-
-def test_status_tells_that_the_robot_moves(robot):
-    drive_until(robot, lambda: says(robot, mode="drive", moving="true", stopped_by="none"))
-    stands(robot)
-
-
-def test_measured_motion_is_on_a_topic_of_its_own(robot):
-    drive_until(robot, lambda: robot.moving.messages[-1].data)
+def test_status_and_a_topic_tell_that_the_robot_moves(robot):
+    robot.drive_until(lambda: says(robot, mode="drive", moving="true", stopped_by="none"))
+    wait_until(lambda: robot.moving.messages[-1].data)
     stands(robot)
     wait_until(lambda: not robot.moving.messages[-1].data)
 
@@ -173,18 +103,8 @@ def test_a_late_subscriber_gets_the_status_with_a_stamp_and_its_values(robot):
     assert mode[-1].data == values_of(array.status[0])["mode"]
 
 
-def test_status_tells_that_commands_ended(robot):
-    def is_told():
-        """Again if a busy machine has stopped the robot for another reason."""
-        drive_until(robot, lambda: says(robot, moving="true"))
-        status_is(robot, ready="true", moving="false")
-        return says(robot, stopped_by="command timeout")
-
-    wait_until(is_told)
-
-
 def test_emergency_stop_holds_until_released(robot):
-    drive_until(robot, lambda: rolls(robot))
+    robot.drive_until(lambda: says(robot, moving="true"))
     since = time.monotonic()
     assert call(robot, "stop").success
     robot.wire.wait_for(STOP, since)
@@ -193,7 +113,7 @@ def test_emergency_stop_holds_until_released(robot):
     assert call(robot, "release_stop").success
     pause(robot)
     since = time.monotonic()
-    drive_until(robot, lambda: robot.wire.first(MOVE, since) < float("inf"))
+    robot.drive_until(lambda: robot.wire.first(MOVE, since) < float("inf"))
     stands(robot)
 
 
@@ -212,21 +132,20 @@ def test_manual_mode_drives_slowly_and_takes_no_pose(robot):
     assert status_is(robot, operation_mode="manual")
     assert rospy.get_param(f"{robot.ns}/robot_node/operation_mode") == "manual"
     since = time.monotonic()
-    drive_until(robot, lambda: speeds_since(robot, since).count(150) >= 2, 0.3)
+    robot.drive_until(lambda: speeds_since(robot, since).count(150) >= 2, 0.3)
     assert max(speeds_since(robot, since)) == 150
     goal = PoseStamped()
     goal.pose.orientation.w = 1.0
     pose.publish(goal)
-    wait_until(
-        lambda: any("pose refused: the robot is in manual mode" in line for line in robot.process.output())
-    )
+    words = "pose refused: the robot is in manual mode"
+    wait_until(lambda: any(words in line for line in robot.process.output()))
     assert call(robot, "manual_mode", False).success and status_is(robot, operation_mode="automatic")
     wait_until(lambda: not told.messages[-1].data)
     stands(robot)
 
 
 def test_reset_sets_the_pose_to_the_origin(robot):
-    drive_until(robot, lambda: robot.odom.messages[-1].pose.pose.position.x > 0.02)
+    robot.drive_until(lambda: robot.odom.messages[-1].pose.pose.position.x > 0.02)
     stands(robot)
     assert call(robot, "reset_odometry").success
     wait_until(lambda: abs(robot.odom.messages[-1].pose.pose.position.x) < 1e-6)
@@ -250,43 +169,11 @@ def test_readings_of_the_imu_have_the_heading_of_the_odometry(robot):
     assert reading.orientation.z == pytest.approx(odometry.pose.pose.orientation.z, abs=0.01)
 
 
-def test_reset_is_refused_while_the_robot_moves(robot):
-    with commanded(robot):
-        answer = call(robot, "reset_odometry")
-    assert not answer.success and "stop it first" in answer.message
-    stands(robot)
-
-
-def test_wheels_turn_with_the_way(robot):
-    drive_until(robot, lambda: all(each > 0.2 for each in robot.joints.messages[-1].position))
-    stands(robot)
-    wait_until(lambda: not any(robot.joints.messages[-1].velocity))
-    joints, odometry = robot.joints.messages[-1], robot.odom.messages[-1]
-    assert joints.name == ["right_wheel_joint", "left_wheel_joint"]
-    assert joints.position[0] > 0
-    assert joints.position[0] == pytest.approx(joints.position[1], rel=0.2)
-    assert odometry.header.stamp.to_sec() == pytest.approx(joints.header.stamp.to_sec(), abs=0.2)
-
-
-def test_temperature_of_the_board_is_told(robot):
-    assert 0.0 < robot.temperature.wait()[-1].temperature < 80.0
-
-
-def test_speeding_up_is_limited(robot):
-    """TraxBot speeds up by 0.2 m/s2."""
-    stands(robot)
-    since = time.monotonic()
-    drive_until(robot, lambda: max(speeds_since(robot, since), default=0) > 50, 0.3)
-    assert speeds_since(robot, since)[0] < 50
-    assert all(speed < 200 * (at - since) + 50 for at, speed in motions(robot, since))
-    stands(robot)
-
-
 def test_limits_change_while_the_node_runs(robot):
     client = Client(f"{robot.ns}/robot_node/limits", timeout=START_S)
     client.update_configuration({"max_linear_speed": 0.05})
     since = time.monotonic()
-    drive_until(robot, lambda: speeds_since(robot, since).count(50) >= 2)
+    robot.drive_until(lambda: speeds_since(robot, since).count(50) >= 2)
     assert max(speeds_since(robot, since)) == 50
     assert client.update_configuration({"max_linear_speed": 5.0})["max_linear_speed"] == 0.3
     client.close()
@@ -301,12 +188,6 @@ def test_gains_go_to_the_board(robot):
     client.close()
 
 
-def test_calibration_is_refused_while_the_robot_moves(robot):
-    with commanded(robot):
-        assert not call(robot, "calibrate").success
-    stands(robot)
-
-
 def test_calibration_is_passed_on(robot):
     stands(robot)
     since = time.monotonic()
@@ -315,26 +196,20 @@ def test_calibration_is_passed_on(robot):
     robot.wire.wait_for(CALIBRATE, since)
 
 
-@pytest.mark.parametrize("part", ["Link", "Motion", "Battery", "Board", "IMU"])
-def test_diagnostics_cover(robot, part):
-    wait_until(lambda: robot.diagnosed(robot.diagnostics, part))
-
-
-@pytest.mark.parametrize(
-    "key",
-    ["Serial Port", "Serial Baud", "Firmware Version", "Protocol Version", "Device ID", "Computed Latency"],
-)
-def test_diagnostics_have_the_keys_of_rep_138(robot, key):
-    wait_until(lambda: robot.diagnosed(robot.diagnostics, "Link").get(key))
+def test_diagnostics_cover_all_parts_with_the_keys_of_rep_138(robot):
+    for part in ("Link", "Motion", "Battery", "Board", "IMU"):
+        wait_until(lambda: robot.diagnosed(robot.diagnostics, part))  # noqa: B023
+    link = robot.diagnosed(robot.diagnostics, "Link")
+    keys = "Serial Port, Serial Baud, Firmware Version, Protocol Version, Device ID, Computed Latency"
+    assert all(link[key] for key in keys.split(", ")) and link["Serial Port"] == robot.wire.port
+    assert 0.0 < robot.temperature.wait()[-1].temperature < 80.0
 
 
 def test_opt_ins_are_off_by_default(rig):
     rig.node(rig.board().port)
     rospy.wait_for_service(f"{rig.ns}/robot_node/limits/set_parameters", START_S)
-    listed = subprocess.run(["rosservice", "list"], env=rig.env, capture_output=True, text=True, check=True)
-    offered = [name for name in listed.stdout.split() if name.startswith(rig.ns)]
-    assert f"{rig.ns}/reset_odometry" in offered
-    assert not any("calibrate" in name or "gains" in name for name in offered)
+    offered = Offered(rig).services()
+    assert "reset_odometry" in offered and not any("calibrate" in name or "gains" in name for name in offered)
 
 
 def test_a_node_begins_in_the_mode_of_its_parameter(rig):

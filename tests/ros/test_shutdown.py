@@ -2,20 +2,24 @@
 
 import contextlib
 import math
+import os
+import pty
+import select
 import signal
 import subprocess
 import threading
 import time
+import tty
 from xmlrpc.client import ServerProxy
 
 import pytest
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rosgraph.xmlrpc import ThreadingXMLRPCServer
 
 from tests.waiting import PATIENCE_S, require_median, wait_until
 
-from .rig import NODE, START_S, Rig
+from .rig import START_S, Rig
 
 MOVE, STOP = 11, 13
 STOP_S, EXIT_S = 0.1, 2.0
@@ -42,22 +46,19 @@ def driving(rig):
 
 def drive(rig, wire):
     """Commands until the node drives."""
-    cmd_vel = rig.publisher("cmd_vel", Twist)
     since = time.monotonic()
-
-    def moved():
-        """Again and again: the publisher may hold a connection to a node that has ended."""
-        cmd_vel.publish(Twist(Vector3(0.2, 0, 0), Vector3()))
-        return wire.first(MOVE, since) < math.inf
-
-    wait_until(moved, step_s=0.05)
+    rig.drive_until(lambda: wire.first(MOVE, since) < math.inf)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signal_stops_the_robot_and_ends_the_node(rig, number):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, None])
+def test_signal_or_rosnode_kill_stops_the_robot_and_ends_the_node(rig, number):
     node, wire = driving(rig)
     since = time.monotonic()
-    node.signal(number)
+    if number is None:
+        kill = ["rosnode", "kill", f"{rig.ns}/robot_node"]
+        subprocess.run(kill, env=rig.env, capture_output=True, check=True)
+    else:
+        node.signal(number)
     assert node.wait(START_S)
     wire.wait_for(STOP, since)
     assert node.exit_code == 0
@@ -86,31 +87,23 @@ def test_signal_stops_the_robot_and_ends_the_node_in_time(master, tmp_path):
     require_median(ends_s, EXIT_S, "the end of the node")
 
 
-def test_rosnode_kill_stops_the_robot(rig):
-    node, wire = driving(rig)
-    since = time.monotonic()
-    subprocess.run(["rosnode", "kill", f"{rig.ns}/robot_node"], env=rig.env, capture_output=True, check=True)
-    assert node.wait(START_S)
-    wire.wait_for(STOP, since)
-    assert node.exit_code == 0
-
-
-def test_signal_during_the_greeting_ends_the_node(rig):
-    """Nobody answers on a pty without a board."""
-    silent = rig.silent_port()
-    node = rig.node(silent.port)
-    silent.wait_for_bytes()
+@pytest.mark.parametrize("silent", [True, False], ids=["greeting", "waits for senders"])
+def test_signal_while_the_node_begins_ends_it(rig, silent):
+    """While nobody answers on the port, or while it hears who sends commands already."""
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    node = rig.node(os.ttyname(theirs) if silent else rig.board().port, "_cmd_vel_pause:=5.0")
+    if silent:
+        wait_until(lambda: select.select([ours], [], [], 0)[0], what="a byte")
+    else:
+        rig.publisher("cmd_vel", Twist)
     node.signal(signal.SIGINT)
     assert node.wait(START_S)
-    assert not any("Traceback" in line for line in node.output())
-
-
-def test_signal_while_the_node_hears_who_sends_commands_already_ends_it(rig):
-    node = rig.node(rig.board().port, "_cmd_vel_pause:=5.0")
-    rig.publisher("cmd_vel", Twist)
-    node.signal(signal.SIGINT)
-    assert node.wait(START_S)
-    assert node.exit_code == 0 and not any("Traceback" in line for line in node.output()), node.output()
+    assert (silent or node.exit_code == 0) and not any("Traceback" in line for line in node.output()), (
+        node.output()
+    )
+    os.close(ours)
+    os.close(theirs)
 
 
 def test_board_that_goes_away_ends_the_node_with_its_own_code(rig):
@@ -174,7 +167,7 @@ def slow_master(rig):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("name", ["demo_view", "teleop_joystick", "go_to_goal"])
 def test_signal_while_a_node_waits_for_the_master_ends_it(rig, slow_master, name, number):
-    node = rig.start(name, str(NODE.with_name(name)), f"__ns:={rig.ns}")
+    node = rig.program(name)
     assert slow_master.called.wait(PATIENCE_S)
     node.signal(number)
     time.sleep(SIGNAL_S)

@@ -2,7 +2,6 @@
 
 import math
 
-from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState
 
@@ -16,13 +15,7 @@ def test_linear_y_drives_it_to_the_left(rig):
     odom, joints = rig.topic("odom", Odometry), rig.topic("joint_states", JointState)
     rig.node(rig.board("--robot", "omni").port)
     odom.wait()
-    cmd_vel = rig.publisher("cmd_vel", Twist)
-
-    def slid() -> bool:
-        cmd_vel.publish(Twist(Vector3(0.0, 0.2, 0.0), Vector3()))
-        return odom.messages[-1].pose.pose.position.y > 0.15
-
-    wait_until(slid, step_s=0.05)
+    rig.drive_until(lambda: odom.messages[-1].pose.pose.position.y > 0.15, 0.0, 0.2)
     message = odom.messages[-1]
     assert abs(message.pose.pose.position.x) < 0.08
     assert max(each.twist.twist.linear.y for each in odom.messages) > 0.15

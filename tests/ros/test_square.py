@@ -63,17 +63,9 @@ def driven(module_rig):
     return odom_pose(odom.messages[-1]), true_pose(board.truth)
 
 
-def test_position_equals_the_true_one(driven):
+def test_square_is_closed_and_odometry_ends_where_the_robot_is(driven):
+    """It ends where it began, as far as the brakes allow."""
     odometry, true = driven
     assert math.dist(odometry[:2], true[:2]) < POSE_M
-
-
-def test_heading_equals_the_true_one(driven):
-    odometry, true = driven
     assert abs(math.remainder(odometry[2] - true[2], 2 * math.pi)) < YAW_RAD
-
-
-def test_square_is_closed(driven):
-    """The square ends where it began, as far as the brakes allow."""
-    odometry, _ = driven
     assert math.hypot(*odometry[:2]) < CLOSED_M

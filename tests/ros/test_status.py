@@ -1,6 +1,5 @@
 """What the status says, and when it is told."""
 
-import math
 from types import SimpleNamespace
 
 import pytest
@@ -25,12 +24,11 @@ from ros1_bridge.control.commander import (
 from ros1_bridge.status.link_report import ERROR, OK, WARN
 from ros1_bridge.status.robot_status import (
     StatusTeller,
-    battery_health,
-    battery_values,
-    board_values,
     imu_health,
     imu_values,
 )
+
+from .rig import values_of
 
 
 class Told(list):
@@ -75,30 +73,6 @@ def test_a_value_is_published_at_first_and_when_it_changes():
     assert told.topics == [*begin, ("moving", True), ("mode", "pose")]
 
 
-def test_operation_mode_is_told():
-    told = Told()
-    for manual in (False, True):
-        told.tell(manual=manual)
-    assert [values_of(message)["operation mode"] for message in told] == ["automatic", "manual"]
-
-
-def test_nothing_is_published_of_zones_that_nobody_watches():
-    told = Told()
-    told.tell()
-    assert not [topic for topic, _ in told.topics if "field" in topic]
-    told.tell(zones=SimpleNamespace(outer_clear=False, warning_clear=False, protective_clear=True))
-    fields = "warning_field_clear", "outer_warning_field_clear", "protective_field_clear"
-    assert told.topics[-3:] == [*zip(fields, (False, False, True))]
-
-
-def test_no_zone_is_clear_without_telemetry():
-    told = Told()
-    told.tell(zones=SimpleNamespace(outer_clear=True, warning_clear=True, protective_clear=True))
-    assert [value for topic, value in told.topics if "field" in topic] == [True] * 3
-    told.tell(linked=False)
-    assert [value for topic, value in told.topics if "field" in topic][3:] == [False] * 3
-
-
 def test_a_robot_of_which_nobody_knows_whether_it_moves_counts_as_moving():
     """Once it has been known; a board without motors never says."""
     told = Told()
@@ -107,87 +81,6 @@ def test_a_robot_of_which_nobody_knows_whether_it_moves_counts_as_moving():
     told.tell(wheels_turn=False)
     told.tell(wheels_turn=None, stopped_by=ADRIFT)
     assert [value for topic, value in told.topics if topic == "moving"] == [False, True]
-
-
-def test_what_is_not_measured_is_no_fault():
-    assert battery_health("ok", math.nan).level == OK
-    assert battery_values(math.nan, "ok", 2.6)["Voltage"] == "not measured"
-    assert board_values(None, math.nan)["Motor Board Temperature"] == "not measured"
-
-
-def test_each_status_is_a_message_of_its_own():
-    """A latched one may be on its way to a new subscriber."""
-    told = Told()
-    told.tell(wheels_turn=True)
-    told.tell(wheels_turn=False, stopped_by=TIMEOUT)
-    assert {pair.key: pair.value for pair in told[0].values}["moving"] == "true"
-
-
-@pytest.mark.parametrize(
-    "cause, level, mode, ready",
-    [
-        (NONE, OK, "drive", "true"),
-        (TIMEOUT, OK, "drive", "true"),
-        (EMERGENCY, WARN, "emergency stop", "false"),
-        (BATTERY, ERROR, "battery", "false"),
-        ("wheel blocked", ERROR, "drive", "true"),
-        ("encoder", ERROR, "drive", "true"),
-        ("undervoltage", ERROR, "drive", "true"),
-    ],
-)
-def test_status_says_what_keeps_the_robot_from_moving(cause, level, mode, ready):
-    told = Told()
-    told.tell(stopped_by=cause)
-    values = {pair.key: pair.value for pair in told[0].values}
-    assert (told[0].level, values["mode"], values["ready"], values["stopped by"]) == (
-        level,
-        mode,
-        ready,
-        cause,
-    )
-
-
-def test_a_wheel_for_which_the_board_has_stopped_the_robot_is_a_mode_of_its_own():
-    told = Told()
-    told.tell(stopped_by="wheel blocked", wheel_fault=True)
-    values = values_of(told[0])
-    assert (values["mode"], values["ready"], values["stopped by"]) == (
-        "wheel mismatch",
-        "false",
-        "wheel blocked",
-    )
-
-
-def values_of(message):
-    return {pair.key: pair.value for pair in message.values}
-
-
-def test_zones_are_told_where_there_are_some():
-    told = Told()
-    told.tell()
-    told.tell(zones=SimpleNamespace(outer_clear=False, warning_clear=False, protective_clear=True))
-    keys = "outer warning zone clear", "warning zone clear", "protective zone clear"
-    assert [[values_of(each)[key] for key in keys] for each in told] == [
-        ["not watched"] * 3,
-        ["false", "false", "true"],
-    ]
-
-
-@pytest.mark.parametrize("cause", [NONE, "user", DISABLED, TO_MANUAL, "closed", TIMEOUT])
-def test_end_of_ordinary_driving_is_no_safety_stop(cause):
-    told = Told()
-    told.tell(stopped_by=cause)
-    assert values_of(told[0])["safety stop"] == "false"
-
-
-@pytest.mark.parametrize(
-    "cause",
-    [EMERGENCY, ZONE, LINK, ADRIFT, BATTERY, HELD, WHEEL, LATE, NOT_FINITE, "host paused", "link watchdog"],
-)
-def test_safety_stop_is_a_violated_safety_function(cause):
-    told = Told()
-    told.tell(stopped_by=cause)
-    assert values_of(told[0])["safety stop"] == "true"
 
 
 @pytest.mark.parametrize(
@@ -223,3 +116,66 @@ def test_bias_is_told_once_it_is_known(known, bias):
     told = imu_values(IN_USE, reading)
     assert told["Gyro Bias"] == bias
     assert (told["Yaw Rate"], told["Yaw Standard Deviation"]) == ("0.4700 rad/s", "0.0100 rad")
+
+
+@pytest.mark.parametrize(
+    "state, safe",
+    [
+        *((cause, "false") for cause in (NONE, "user", DISABLED, TO_MANUAL, "closed", TIMEOUT)),
+        *(
+            (cause, "true")
+            for cause in (EMERGENCY, ZONE, LINK, ADRIFT, BATTERY, HELD, WHEEL, LATE, NOT_FINITE)
+        ),
+        *((cause, "true") for cause in ("host paused", "link watchdog")),
+    ],
+)
+def test_safety_stop_is_a_violated_safety_function(state, safe):
+    """The end of ordinary driving is none."""
+    told = Told()
+    told.tell(stopped_by=state)
+    assert values_of(told[0])["safety stop"] == safe
+
+
+@pytest.mark.parametrize(
+    "state, level, values",
+    [
+        ({"manual": True}, OK, {"operation mode": "manual"}),
+        ({"stopped_by": TIMEOUT}, OK, {"mode": "drive", "ready": "true", "stopped by": TIMEOUT}),
+        ({"stopped_by": EMERGENCY}, WARN, {"mode": "emergency stop", "ready": "false"}),
+        ({"stopped_by": BATTERY}, ERROR, {"mode": "battery", "ready": "false"}),
+        ({"stopped_by": "encoder"}, ERROR, {"mode": "drive", "ready": "true"}),
+        ({"stopped_by": "undervoltage"}, ERROR, {"mode": "drive", "ready": "true"}),
+        (
+            {"stopped_by": "wheel blocked", "wheel_fault": True},
+            ERROR,
+            {"mode": "wheel mismatch", "ready": "false", "stopped by": "wheel blocked"},
+        ),
+    ],
+)
+def test_status_says_what_keeps_the_robot_from_moving(state, level, values):
+    told = Told()
+    told.tell()
+    assert (told[0].level, values_of(told[0])["operation mode"]) == (OK, "automatic")
+    told.tell(**state)
+    assert told[1].level == level and values.items() <= values_of(told[1]).items()
+    assert values_of(told[0])["stopped by"] == NONE, "a latched message may be on its way to a new subscriber"
+
+
+def test_zones_are_told_where_there_are_some_and_none_is_clear_without_telemetry():
+    told = Told()
+    told.tell()
+    assert not [topic for topic, _ in told.topics if "field" in topic]
+    for linked in (True, False):
+        told.tell(
+            zones=SimpleNamespace(outer_clear=False, warning_clear=False, protective_clear=True),
+            linked=linked,
+        )
+    keys = "outer warning zone clear", "warning zone clear", "protective zone clear"
+    assert [[values_of(each)[key] for key in keys] for each in told] == [
+        ["not watched"] * 3,
+        ["false", "false", "true"],
+        ["false", "false", "false"],
+    ]
+    fields = "warning_field_clear", "outer_warning_field_clear", "protective_field_clear"
+    shown = [pair for pair in told.topics if "field" in pair[0]]
+    assert shown == [*zip(fields, (False, False, True)), ("protective_field_clear", False)]

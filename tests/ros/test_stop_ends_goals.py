@@ -106,23 +106,24 @@ def test_planner_that_goes_on_publishing_moves_nothing_when_the_link_is_back(rob
     assert moves_nothing(robot, robot.process, since_s)
 
 
-def test_planner_that_goes_on_publishing_moves_nothing_when_the_node_starts_again(robot, planner):
-    robot.process.signal(signal.SIGKILL)
-    assert robot.process.wait(START_S)
-    since_s = time.monotonic()
-    assert moves_nothing(robot, robot.node(robot.wire.port), since_s)
-
-
-def test_planner_that_goes_on_publishing_moves_nothing_when_the_board_has_restarted(rig):
-    rig.wire = rig.tap(rig.board("--robot", "traxbot", "--fault", "reset:at=6").port)
-    rig.cancels = rig.topic("move_base/cancel", GoalID)
+@pytest.mark.parametrize("restarted", ["node", "board"])
+def test_planner_that_goes_on_publishing_moves_nothing_when_the_other_end_starts_again(rig, restarted):
+    fault = ("--fault", "reset:at=6") if restarted == "board" else ()
+    rig.wire = rig.tap(rig.board("--robot", "traxbot", *fault).port)
+    rig.cancels, odom = rig.topic("move_base/cancel", GoalID), rig.topic("odom", Odometry)
     node = rig.node(rig.wire.port)
-    rig.topic("odom", Odometry).wait()
+    odom.wait()
     planner = Planner(rig)
     try:
-        wait_until(lambda: any("the board has restarted" in line for line in node.output()))
-        since_s = time.monotonic()
-        all_cancelled(rig)
+        wait_until(lambda: rig.wire.first(MOVE, 0.0) < float("inf"))
+        if restarted == "node":
+            node.signal(signal.SIGKILL)
+            assert node.wait(START_S)
+            since_s, node = time.monotonic(), rig.node(rig.wire.port)
+        else:
+            wait_until(lambda: any("the board has restarted" in line for line in node.output()))
+            since_s = time.monotonic()
+            all_cancelled(rig)
         assert moves_nothing(rig, node, since_s)
     finally:
         planner.close()
@@ -131,7 +132,7 @@ def test_planner_that_goes_on_publishing_moves_nothing_when_the_board_has_restar
 @pytest.fixture
 def client(robot):
     """A client of go_to_goal, which drives the robot to a goal."""
-    robot.go_to_goal()
+    robot.program("go_to_goal")
     made = actionlib.SimpleActionClient(f"{robot.ns}/move_base", MoveBaseAction)
     assert made.wait_for_server(rospy.Duration(START_S))
     drive(robot, made)
@@ -153,15 +154,6 @@ def test_stop_ends_the_goal_and_a_new_goal_drives_after_the_release(robot, clien
     call(robot, "release_stop")
     time.sleep(2 * PAUSE_S)  # the planner must have been silent
     drive(robot, client)
-
-
-def test_lost_link_ends_the_goal(robot, client):
-    robot.child.child.signal(signal.SIGSTOP)
-    try:
-        assert client.wait_for_result(rospy.Duration(START_S))
-    finally:
-        robot.child.child.signal(signal.SIGCONT)
-    assert client.get_state() == GoalStatus.PREEMPTED
 
 
 def test_node_that_starts_ends_the_goals_of_before_and_no_later_ones(rig):

@@ -9,8 +9,6 @@ from geometry_msgs.msg import (
     Quaternion,
     Transform,
     TransformStamped,
-    Twist,
-    Vector3,
 )
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan
@@ -20,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 
 from tests.waiting import wait_until
 
-from .rig import START_S
+from .rig import START_S, values_of
 from .tables import Offered
 
 WALL_M, PROTECTIVE_M, BODY_M = 0.62, 0.3, 0.225
@@ -34,7 +32,7 @@ def robot(rig, tmp_path):
     board = rig.board("--robot", "traxbot", "--world", str(world))
     rig.odom, rig.status = rig.topic("odom", Odometry), rig.topic("status", DiagnosticStatus)
     rig.process = rig.node(board.port, "_zones:=sonars", f"_zone_protective:={PROTECTIVE_M}")
-    rig.cmd_vel, rig.pose = rig.publisher("cmd_vel", Twist), rig.publisher("pose", PoseStamped)
+    rig.pose = rig.publisher("pose", PoseStamped)
     rig.odom.wait()
     return rig
 
@@ -43,20 +41,12 @@ def says(robot, since=-1, **wanted):
     """Whether a status says so: the newest, or one since that number."""
 
     def so(message):
-        return wanted.items() <= {pair.key.replace(" ", "_"): pair.value for pair in message.values}.items()
+        return (
+            wanted.items()
+            <= {key.replace(" ", "_"): each for key, each in values_of(message).items()}.items()
+        )
 
     return lambda: any(so(message) for message in robot.status.messages[since:])
-
-
-def drive_until(robot, condition, speed_m_s):
-    """Command with every other odometry until something is so."""
-
-    def holds():
-        robot.cmd_vel.publish(Twist(Vector3(speed_m_s, 0, 0), Vector3()))
-        robot.odom.wait_for_more(2)
-        return condition()
-
-    wait_until(holds)
 
 
 def turns_away(robot):
@@ -82,10 +72,11 @@ def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(rob
     held = says(
         robot, stopped_by="protective zone", protective_zone_clear="false", safety_stop="true", ready="true"
     )
-    drive_until(robot, held, 0.3)
+    robot.drive_until(held, 0.3)
     wait_until(lambda: not field.messages[-1].data)
     room_m = WALL_M - BODY_M / 2 - robot.odom.messages[-1].pose.pose.position.x
     assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
+    assert sum("protective zone" in line for line in robot.process.output()) == 1, "it is logged once"
     wait_until(lambda: turns_away(robot))
     assert rospy.ServiceProxy(f"{robot.ns}/shutdown", Trigger)().success
     assert robot.process.wait(START_S) and robot.process.exit_code == 0

@@ -33,18 +33,14 @@ from tests.waiting import wait_until
 
 EVENTS = [
     Hello(PROTOCOL, "robot1", "a1", ["odom", "tf"]),
-    Source(
-        1, "odom", "/robot_node", "nav_msgs/Odometry", "cd5e73d190d741a2f92e81eda573aca7", "Header h", False
-    ),
+    Source(1, "odom", "/robot_node", "nav_msgs/Odometry", "cd5e73d190d741a2f92e", "Header h", False),
     Message(1, 7, 12.5, b"\x00body\xff"),
     Taken(3),
     Ping(1.5),
     Pong(1.5, 99.25),
 ]
-LATCHED, PLAIN = (
-    MessageType("std_msgs/String", "1", "string data"),
-    MessageType("std_msgs/Bool", "2", "bool data"),
-)
+LATCHED = MessageType("std_msgs/String", "1", "string data")
+PLAIN = MessageType("std_msgs/Bool", "2", "bool data")
 TWIST = MessageType("geometry_msgs/Twist", "3", "")
 TIMEOUT_S = 5.0
 """No connection of these tests is silent for this time, even on a busy machine."""
@@ -97,11 +93,7 @@ def leaving(box, now_s=0.0):
     return list(iter(lambda: box.next(now_s), None))
 
 
-def test_newer_message_takes_the_place_of_the_one_that_waits():
-    assert [message.sequence for message in leaving(filled(*messages(1, 9)))] == [9]
-
-
-def test_publishers_do_not_replace_each_other():
+def test_newer_message_takes_the_place_of_the_one_that_waits_of_the_same_publisher():
     box = filled(*messages(1, 2), *messages(2, 3), *messages(1, 4))
     assert [(message.number, message.sequence) for message in leaving(box)] == [(1, 4), (2, 3)]
 
@@ -116,16 +108,9 @@ def test_few_messages_of_a_publisher_are_in_transit():
     assert [message.sequence for message in leaving(box)] == [10]
 
 
-def test_few_bytes_are_in_transit_but_one_long_message_may_be():
-    box = filled(Message(1, 1, 0.0, bytes(3 * MOST_BYTES)), *messages(2, 1))
-    assert [message.number for message in leaving(box)] == [1]
-    box.taken(1, 0.0)
-    assert [message.number for message in leaving(box)] == [2]
-
-
-@pytest.mark.parametrize("rate_hz, rtt_s", [(10.0, 0.0), (4.0, 0.02), (30.0, 0.001)])
-def test_link_that_passes_fewer_messages_than_there_are_delivers_new_ones(rate_hz, rtt_s):
-    """50 messages a second on a link that passes few, one after the other; the answer takes `rtt_s`."""
+@pytest.mark.parametrize("rate_hz, rtt_s", [(10.0, 0.0), (30.0, 0.001), (1000.0, 0.07)])
+def test_slow_link_delivers_new_messages_and_a_fast_one_keeps_its_rate(rate_hz, rtt_s):
+    """50 messages a second on a link that passes them one after the other; the answer takes `rtt_s`."""
     box, free_s, answers, ages = Outbox(), 0.0, [], []
     for step in range(20000):
         now_s = step * 0.001
@@ -140,22 +125,14 @@ def test_link_that_passes_fewer_messages_than_there_are_delivers_new_ones(rate_h
             answers.append(free_s + rtt_s)
     after = ages[len(ages) // 2 :]
     assert max(after) < 3 / rate_hz + SLOWER_S + rtt_s, "a queue of 4 would take one more"
-    assert len(ages) > 0.8 * 20 / (1 / rate_hz + rtt_s)
+    assert len(ages) > (0.95 * 50 if rate_hz > 50 else 0.8 / (1 / rate_hz + rtt_s)) * 20
 
 
-def test_fast_link_with_a_long_delay_keeps_its_rate():
-    box, answers, sent = Outbox(), [], 0
-    for step in range(5000):
-        now_s = step * 0.001
-        while answers and answers[0] <= now_s:
-            answers.pop(0)
-            box.taken(sent - len(answers), now_s)
-        if step % 20 == 0:
-            box.put(Message(1, step // 20, now_s, bytes(100)))
-        for _ in leaving(box, now_s):
-            sent += 1
-            answers.append(now_s + 0.07)
-    assert sent > 0.95 * 250
+def test_few_bytes_are_in_transit_but_one_long_message_may_be():
+    box = filled(Message(1, 1, 0.0, bytes(3 * MOST_BYTES)), *messages(2, 1))
+    assert [message.number for message in leaving(box)] == [1]
+    box.taken(1, 0.0)
+    assert [message.number for message in leaving(box)] == [2]
 
 
 def test_age_is_never_too_small_whatever_the_clocks_show():
@@ -166,13 +143,10 @@ def test_age_is_never_too_small_whatever_the_clocks_show():
     assert age.age_s(stamp_s, 12.5) == pytest.approx(0.4 + 0.003)
 
 
-def test_age_is_infinite_before_a_heartbeat():
-    assert MessageAge().age_s(1.0, 1.0) == math.inf
-
-
 def test_age_is_unknown_until_the_next_heartbeat_when_the_senders_clock_was_set_ahead():
     """Otherwise a message of 9 s ago would be one of the future, and pass."""
     age = MessageAge()
+    assert age.age_s(1.0, 1.0) == math.inf, "there was no heartbeat yet"
     age.pong(10.0, 10.0)
     assert (
         age.age_s(stamp_s=11.0 + 100.0, now_s=20.0) == age.age_s(stamp_s=20.0 + 100.0, now_s=20.0) == math.inf
@@ -192,25 +166,19 @@ GOOD = {"name": "robot1"}
 
 
 def test_topics_have_the_name_of_their_relay_unless_they_get_another():
-    settings = read_settings(
-        {
-            "name": "desk",
-            "peers": "robot1=10.0.0.1:11411, robot2 = 10.0.0.2:11411".replace(" = ", "="),
-            "receive": ["robot1/odom", "robot1//tf=/tf", "robot2/odom"],
-            "send": "robot1/cmd_vel, /clock",
-        },
-        "/relay",
-    )
+    given = {
+        "name": "desk",
+        "peers": "robot1=10.0.0.1:11411, robot2=10.0.0.2:11411",
+        "send": "robot1/cmd_vel, /clock",
+    }
+    settings = read_settings({**given, "receive": ["robot1/odom", "robot1//tf=/tf", "robot2/odom"]}, "/relay")
     assert settings.receive == {
         "robot1": {"odom": "robot1/odom", "tf": "/tf"},
         "robot2": {"odom": "robot2/odom"},
     }
     assert settings.send == {"robot1/cmd_vel": "robot1/cmd_vel", "clock": "/clock"}
     assert settings.peers["robot2"] == Address("10.0.0.2", 11411)
-
-
-def test_relay_listens_on_this_computer_alone_unless_told():
-    assert read_settings(GOOD, "/relay").listen.host == "127.0.0.1"
+    assert settings.listen.host == "127.0.0.1", "on this computer alone unless told"
 
 
 @pytest.mark.parametrize(
@@ -245,16 +213,12 @@ class Ends:
     def receiver(
         self, topics=("state", "event", "cmd_vel"), peer="robot1", max_age_s=TIMEOUT_S, address=None
     ):
-        made = TopicReceiver(
-            "desk",
-            peer,
-            address or self.sender.address,
-            topics,
-            max_age_s,
-            TIMEOUT_S,
+        take, tell = (
             lambda source, body: self.got.append((source.topic, body)),
-            lambda yes, words: self.links.append((yes, words)),
+            lambda *link: self.links.append(link),
         )
+        address = address or self.sender.address
+        made = TopicReceiver("desk", peer, address, topics, max_age_s, TIMEOUT_S, take, tell)
         self._all.append(made)
         made.start()
         return made
@@ -287,6 +251,7 @@ def test_messages_arrive_with_their_age(ends):
     wait_until(lambda: ends.got == [("event", b"one")])
     counts = receiver.counts["event"]
     assert (counts.taken, counts.lost, counts.late) == (1, 0, 0)
+    assert receiver_health(receiver) == (OK, "connected")
     assert 0.0 < counts.age_s < TIMEOUT_S
 
 
@@ -315,10 +280,11 @@ def test_last_latched_message_comes_again_after_a_reconnect_and_others_do_not(en
     assert ends.got == [("state", b"new"), ("event", b"last")]
 
 
-def test_latched_command_is_not_repeated_after_a_reconnect(ends):
+@pytest.mark.parametrize("kind", ["geometry_msgs/Twist", "nav_msgs/Path", "geometry_msgs/PoseArray"])
+def test_latched_command_is_not_repeated_after_a_reconnect(ends, kind):
     """`rostopic pub` latches by default."""
     ends.sender.began_s -= SETTLE_S
-    ends.publish("cmd_vel", b"drive", TWIST, latched=True)
+    ends.publish("cmd_vel", b"drive", MessageType(kind, "3", ""), latched=True)
     ends.publish("state", b"latched", LATCHED, latched=True)
     ends.connected()
     wait_until(lambda: ends.got == [("state", b"latched")])
@@ -338,17 +304,7 @@ def test_latched_command_of_before_a_start_is_not_sent(ends, kind):
     assert any("cmd_vel of /node: not sent" in line for line in ends.told)
 
 
-@pytest.mark.parametrize("kind", ["nav_msgs/Path", "geometry_msgs/PoseArray"])
-def test_latched_waypoints_are_not_repeated_after_a_reconnect(ends, kind):
-    ends.sender.began_s -= SETTLE_S
-    ends.publish("cmd_vel", b"drive", MessageType(kind, "3", ""), latched=True)
-    ends.publish("state", b"latched", LATCHED, latched=True)
-    ends.connected()
-    wait_until(lambda: ends.got == [("state", b"latched")])
-
-
-def test_latched_message_of_a_publisher_that_has_gone_is_not_repeated():
-    ends = Ends()
+def test_latched_message_of_a_publisher_that_has_gone_is_not_repeated(ends):
     ends.sender.close()
     ends.sender = TopicSender(
         "robot1",
@@ -356,15 +312,12 @@ def test_latched_message_of_a_publisher_that_has_gone_is_not_repeated():
         {"state"},
         TIMEOUT_S,
         ends.told.append,
-        lambda topic, node: node != "/gone",
+        lambda _, node: node != "/gone",
     )
-    ends.sender.publish("state", "/gone", LATCHED, True, b"gone")
-    ends.sender.publish("state", "/there", LATCHED, True, b"there")
+    for node in ("/gone", "/there"):
+        ends.sender.publish("state", node, LATCHED, True, node.encode())
     ends.connected(topics=("state",))
-    try:
-        wait_until(lambda: ends.got == [("state", b"there")])
-    finally:
-        ends.close()
+    wait_until(lambda: ends.got == [("state", b"/there")])
 
 
 def test_relay_with_another_name_is_refused(ends):
@@ -421,22 +374,17 @@ def peer():
 EVENT = Source(1, "event", "/node", *PLAIN, False)
 
 
-def test_messages_older_than_the_limit_are_dropped_and_counted(ends, peer):
+@pytest.mark.parametrize(
+    "source", [EVENT, Source(1, "cmd_vel", "/node", *TWIST, True)], ids=["plain", "command"]
+)
+def test_messages_older_than_the_limit_are_dropped_and_counted(ends, peer, source):
     """However the clocks differ; these two differ by half a century."""
     receiver = ends.receiver(max_age_s=60.0, address=peer.address)
     peer.accept(clock_s=1.6e9)
-    peer.send(EVENT, Message(1, 1, 1.6e9 - 61.0, b"old"))
-    wait_until(lambda: receiver.counts["event"].late == 1)
+    peer.send(source, Message(1, 1, 1.6e9 - 61.0, b"old"))
+    wait_until(lambda: receiver.counts[source.topic].late == 1)
     peer.send(Message(1, 2, 1.6e9, b"new"))
-    wait_until(lambda: ends.got == [("event", b"new")])
-
-
-def test_old_commands_are_dropped_even_if_the_other_end_says_that_they_are_latched(ends, peer):
-    receiver = ends.receiver(max_age_s=60.0, address=peer.address)
-    peer.accept()
-    peer.send(Source(1, "cmd_vel", "/node", *TWIST, True), Message(1, 1, -61.0, b"drive"))
-    wait_until(lambda: receiver.counts["cmd_vel"].late == 1)
-    assert ends.got == []
+    wait_until(lambda: ends.got == [(source.topic, b"new")])
 
 
 def test_only_the_newest_of_messages_that_arrive_together_is_taken(ends, peer):
@@ -488,10 +436,6 @@ def test_silent_receiver_is_given_up():
         assert "disconnected: silent for" in told[0]
     finally:
         sender.close()
-
-
-def test_health_says_whether_a_relay_is_connected(ends):
-    assert receiver_health(ends.connected()) == (OK, "connected")
 
 
 def test_a_relay_for_which_there_is_no_thread_is_refused_and_the_next_one_served():

@@ -29,14 +29,10 @@ def bench():
     return Bench()
 
 
-def test_source_that_begins_moves_the_robot(bench):
-    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
-
-
 def test_source_that_goes_on_after_a_stop_moves_nothing_however_long_it_goes_on(bench):
-    bench.sends(1.0, PLANNER)
+    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
     bench.sources.distrust()
-    assert bench.sends(100.0, PLANNER) == {(PLANNER, False)}
+    assert bench.sends(100.0, PLANNER, HAND) == {(PLANNER, False), (HAND, True)}
 
 
 @pytest.mark.parametrize("pause_s, moves", [(PAUSE_S - 2 * STEP_S, False), (PAUSE_S, True)])
@@ -56,12 +52,6 @@ def test_pause_before_the_stop_was_released_counts(bench):
     assert bench.sends(STEP_S, HAND) == {(HAND, True)}
 
 
-def test_each_source_pauses_for_itself(bench):
-    bench.sends(1.0, PLANNER)
-    bench.sources.distrust()
-    assert bench.sends(1.0, PLANNER, HAND) == {(PLANNER, False), (HAND, True)}
-
-
 def test_operators_that_one_node_passes_on_are_several_sources(bench):
     mux, desk = Source("/mux"), Source("/mux", "desk")
     bench.sends(1.0, mux)
@@ -79,25 +69,19 @@ def test_node_that_was_there_before_must_pause_when_it_is_heard_and_others_need_
 
 
 @pytest.mark.parametrize("silent_s, moves", [(PAUSE_S - 2 * STEP_S, False), (PAUSE_S, True)])
-def test_node_that_was_there_before_is_silent_from_its_connection_on(bench, silent_s, moves):
-    bench.sources.expect([PLANNER.node])
+@pytest.mark.parametrize("operator", ["", "desk"])
+def test_node_that_was_there_before_is_silent_from_its_connection_on(bench, silent_s, moves, operator):
+    """Also of operators it passes on: one may have held a stick since before the start."""
+    source = Source(PLANNER.node, operator)
+    bench.sources.expect([source.node])
     bench.now_s += 10.0
     assert not bench.sources.connected([HAND.node], bench.now_s)
-    assert bench.sources.connected([HAND.node, PLANNER.node], bench.now_s)
-    bench.now_s += silent_s
-    assert bench.sends(1.0, PLANNER) == {(PLANNER, moves)}
-
-
-@pytest.mark.parametrize("silent_s, moves", [(STEP_S, False), (PAUSE_S, True)])
-def test_operators_are_silent_from_the_connection_on_of_the_node_that_was_there_before(
-    bench, silent_s, moves
-):
-    """One may have held a stick since before the start; another takes it into the hand much later."""
-    desk = Source("/mux", "desk")
-    bench.sources.expect([desk.node])
-    bench.sources.connected([desk.node], bench.now_s)
-    bench.sends(silent_s, Source("/mux"))
-    assert bench.sends(1.0, desk) == {(desk, moves)}
+    assert bench.sources.connected([HAND.node, source.node], bench.now_s)
+    if operator:
+        bench.sends(silent_s, PLANNER)
+    else:
+        bench.now_s += silent_s
+    assert bench.sends(1.0, source) == {(source, moves)}
 
 
 def test_sources_that_come_and_go_take_no_memory(bench):
@@ -110,11 +94,3 @@ def test_sources_that_come_and_go_take_no_memory(bench):
     grown_bytes, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert grown_bytes < 20000
-
-
-def test_without_a_pause_to_make_every_source_moves_the_robot():
-    bench = Bench(pause_s=0.0)
-    bench.sources.expect([PLANNER.node])
-    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}
-    bench.sources.distrust()
-    assert bench.sends(1.0, PLANNER) == {(PLANNER, True)}

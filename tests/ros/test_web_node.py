@@ -19,7 +19,7 @@ from tests.waiting import wait_until
 
 from .page_client import PageClient
 from .rig import ROOT
-from .tables import Offered, first_two, table
+from .tables import Offered
 
 COMMAND = re.compile(rb"@11,(-?\d+),|@13[,e]")
 """A motion command with its speed [mm/s], or a stop."""
@@ -97,27 +97,16 @@ def release(robot):
 
 
 def test_topics_are_those_of_the_table(robot):
-    rows, offered = table("## Node `web_node`", "topic"), Offered(robot, "web_node")
-    for index, way in enumerate(("out", "in")):
-        wanted = first_two([row for row in rows if row[2] == way])
-        assert {name: kind for name, kind in offered.topics(index).items() if name != "/clock"} == wanted
+    Offered(robot, "web_node").require_topics("/clock")
 
 
-def test_the_page_shows_the_robot(robot):
+def test_a_held_control_drives_and_a_page_at_rest_publishes_no_command(robot):
+    """The stop that ends a press may still be on its way."""
     welcome = robot.page.last["welcome"]
     assert welcome["role"] == "drive" and set(welcome["robot"]["sonars"]) == {"front", "left", "right"}
-    view = robot.page.after("view", lambda view: not view["silent"])  # a busy machine is silent at times
-    assert view["name"].startswith("traxbot")
-
-
-def test_a_held_control_drives_and_its_release_stops(robot):
     with driving(robot):
         pass
     wait_until(lambda: stopped(robot), step_s=0.02)
-
-
-def test_a_page_at_rest_publishes_no_command(robot):
-    """The stop that ends the press of another test may still be on its way."""
 
     def rests():
         before = [len(topic.messages) for topic in robot.commands]
@@ -149,17 +138,16 @@ def test_a_robots_node_that_stands_still_is_a_stop_by_the_board(robot):
             robot.process.signal(signal.SIGCONT)
 
 
-def test_the_stop_of_the_page_is_that_of_the_robots_node(robot):
-    robot.page.say("stop")
+@pytest.mark.parametrize("by_service", [False, True])
+def test_the_stop_of_the_page_is_that_of_the_robots_node(robot, by_service):
+    if by_service:
+        assert rospy.ServiceProxy(f"{robot.ns}/stop", Trigger)().success
+    else:
+        robot.page.say("stop")
     wait_until(lambda: "emergency stop" in robot.status.messages[-1].message)
-    release(robot)
-    wait_until(lambda: "emergency stop" not in robot.status.messages[-1].message)
-
-
-def test_a_stop_by_service_is_shown_and_released_on_the_page(robot):
-    assert rospy.ServiceProxy(f"{robot.ns}/stop", Trigger)().success
     robot.page.wait(lambda: robot.page.last["helm"]["latched"])
     release(robot)
+    wait_until(lambda: "emergency stop" not in robot.status.messages[-1].message)
 
 
 def test_a_late_robots_node_is_warned_of_on_the_page_and_in_the_log(robot):

@@ -3,8 +3,6 @@
 import re
 
 import pytest
-import rosgraph
-import rospy
 from click.testing import CliRunner
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import UInt16
@@ -15,6 +13,8 @@ from ros1_bridge.demo.demo_screen import DemoScreen
 from ros1_bridge.node.robot_parameters import check, without_motors
 from ros1_bridge.topics.topic_robot import TopicRobot
 from tests.waiting import wait_until
+
+from .tables import Offered
 
 SENSORS = {"alcohol", "compass", "dust", "light", "thermopile"}
 OF_A_MOTOR_BOARD = ("Motion", "Battery")
@@ -71,37 +71,17 @@ def robot(module_rig):
     return rig
 
 
-def own(robot, kind):
-    """Names in the rig's namespace of the topics that its node publishes (0), subscribes to (1), or services (2)."""
-    entries = rosgraph.Master(rospy.get_name()).getSystemState()[kind]
-    node = f"{robot.ns}/robot_node"
-    return {
-        name[len(robot.ns) + 1 :] if name.startswith(robot.ns) else name
-        for name, nodes in entries
-        if node in nodes
-    }
+def test_only_sensors_are_published_and_only_its_own_end_is_a_service(robot):
+    """The robot below has odom, tf, joint_states and battery of its own, and a topic `pose` of another type."""
+    offered = Offered(robot)
+    assert offered.topics(0).keys() - {"/diagnostics"} == SENSORS
+    assert offered.topics(1).keys() - {"/clock"} == set()
+    assert {name for name in offered.services() if not name.startswith("robot_node/")} == {"shutdown"}
 
 
-def test_topics_are_the_sensors_alone(robot):
-    """No odom, tf, joint_states, battery, or status of a motion: the robot below publishes its own."""
-    assert own(robot, 0) - {"/rosout", "/diagnostics"} == SENSORS
-
-
-def test_no_command_is_subscribed_to(robot):
-    """p2os publishes its odometry as `pose`, so that a subscription of that name would be of another type."""
-    assert own(robot, 1) - {"/clock"} == set()
-
-
-def test_only_its_own_end_is_a_service(robot):
-    assert {name for name in own(robot, 2) if not name.startswith("robot_node/")} == {"shutdown"}
-
-
-def test_diagnostics_know_no_motors_and_no_fault(robot):
+def test_diagnostics_know_no_motors_and_no_fault_and_the_log_says_so_once(robot):
     link, board = (robot.diagnosed(robot.diagnostics, part) for part in ("Link", "Board"))
     assert (link["Motor Board Version"], link["Device ID"], board["Faults"]) == ("none", "8", "none")
     assert not any(robot.diagnosed(robot.diagnostics, part) for part in OF_A_MOTOR_BOARD)
-
-
-def test_log_says_so_once(robot):
     words = [line for line in robot.process.output() if "no motors" in line]
     assert len(words) == 1 and "pioneer (robot id 8, firmware 2)" in words[0]

@@ -4,7 +4,6 @@ import math
 import os
 import subprocess
 
-import numpy as np
 import pytest
 import yaml
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -12,9 +11,8 @@ from sensor_msgs.msg import LaserScan
 
 from mrl_driver.geometry import Pose
 from ros1_bridge.world import world_messages
-from sim_arduino.world import grid_map, world_file
 
-from .rig import ROOT, START_S
+from .rig import ROOT
 from .tables import Offered, first_two, table
 
 
@@ -25,19 +23,8 @@ def test_speeds_are_those_between_two_poses():
     )
     assert message.twist.twist.linear.x == pytest.approx(0.2)
     assert message.twist.twist.linear.y == pytest.approx(0.0)
-
-
-def test_pose_after_a_pause_says_nothing_of_speed():
-    message = world_messages.new_truth("map", "base_link")
     world_messages.fill_truth(message, None, Pose(1.0, 0.0, 0.0), (0.0, Pose(0.0, 0.0, 0.0)), 60.0)
-    assert message.twist.twist.linear.x == 0.0
-
-
-def test_scan_angles_end_with_the_last_ray():
-    message = world_messages.new_scan("laser", -1.0, 0.5, 5, 10.0)
-    assert message.angle_max == 1.0
-    world_messages.fill_scan(message, None, np.array([1.0, math.inf, 2.0, 1.0, 1.0]), 0.02, 4.0)
-    assert message.ranges[1] == math.inf
+    assert message.twist.twist.linear.x == 0.0, "a pose after a pause says nothing of speed"
 
 
 def test_map_has_its_rows_from_below():
@@ -53,9 +40,7 @@ def world(module_rig):
     rig, name = module_rig, f"test_{os.getpid()}"
     for robot, pose in (("one", "0,0,0"), ("two", "0.8,0,180")):
         rig.board("--robot", "traxbot", "--world-name", name, "--name", robot, f"--pose={pose}")
-    rig.start(
-        "world", str(ROOT / "ros1_bridge" / "nodes" / "world_node"), f"__ns:={rig.ns}", f"_world_name:={name}"
-    )
+    rig.program("world_node", f"_world_name:={name}")
     rig.scan, rig.truth = rig.topic("one/scan", LaserScan), rig.topic("one/base_pose_ground_truth", Odometry)
     rig.two, rig.map = rig.topic("two/base_pose_ground_truth", Odometry), rig.topic("true_map", OccupancyGrid)
     for topic in rig.scan, rig.truth, rig.two, rig.map:
@@ -63,14 +48,10 @@ def world(module_rig):
     return rig
 
 
-def test_true_pose_is_that_of_the_emulator(world):
-    at = world.two.wait()[-1].pose.pose
-    assert (at.position.x, at.position.y) == (pytest.approx(0.8), pytest.approx(0.0))
-    assert abs(at.orientation.z) == pytest.approx(1.0)
-
-
 def test_laser_sees_the_other_robot(world):
     """The laser sits 0.085 m before base_link, the other's front half its length before its own."""
+    at = world.two.wait()[-1].pose.pose
+    assert (at.position.x, at.position.y) == (pytest.approx(0.8), pytest.approx(0.0))
     scan = world.scan.wait(3)[-1]
     assert scan.header.frame_id == "one/laser"
     assert len(scan.ranges) == 512
@@ -106,19 +87,6 @@ def test_map_for_map_server_is_that_of_the_node(world, tmp_path):
     assert pixels.count(bytes([254])) == list(grid.data).count(0)
 
 
-def test_saved_map_is_compared_with_the_walls(tmp_path):
-    """The mapper's frame is where its robot began; this map has the frame of the world."""
-    file, script = tmp_path / "house.yaml", ROOT / "ros1_bridge" / "nodes" / "compare_map"
-    grid_map.write(grid_map.draw(world_file.load("house"), 0.05), str(file))
-    done = subprocess.run(
-        [str(script), "house", str(file), "--frame", "0,0,0"], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.splitlines()[:2] == [
-        "walls found: 100.0 %",
-        "occupied cells off the walls: 0.0 %, at most 0.02 m off",
-    ]
-
-
 @pytest.mark.parametrize("program", ["world_node", "save_map", "compare_map"])
 def test_program_without_numpy_names_the_package(program, tmp_path):
     (tmp_path / "numpy.py").write_text("raise ImportError('No module named numpy')")
@@ -127,12 +95,3 @@ def test_program_without_numpy_names_the_package(program, tmp_path):
     done = subprocess.run(command, env=env, cwd=str(tmp_path), capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr == f"{program}: No module named numpy; install python3-numpy\n"
-
-
-def test_unknown_world_costs_one_line(rig):
-    node = rig.start(
-        "world", str(ROOT / "ros1_bridge" / "nodes" / "world_node"), f"__ns:={rig.ns}", "_world:=moon"
-    )
-    assert node.wait(START_S)
-    assert node.exit_code == 2
-    assert any("'moon' is unknown" in line for line in node.output())

@@ -52,16 +52,11 @@ def test_a_gap_in_the_stream_makes_no_way():
     assert made.zones.limit(0.1, 10.9) > 0
 
 
-def test_a_board_without_sonars_needs_a_laser():
-    with pytest.raises(
-        ConfigError, match="zones is sonars, but this board has no sonars, expected scan or none"
-    ):
+def test_a_board_without_sonars_or_whose_build_nobody_named_needs_a_laser():
+    """Voltages of gas sensors would look like ranges, and the zones would be clear in front of a wall."""
+    with pytest.raises(ConfigError, match="this board has no sonars, expected scan or none"):
         watch(has_sonars=False)
     watch(has_sonars=False, zones="scan")
-
-
-def test_a_board_whose_build_nobody_named_needs_a_laser():
-    """Voltages of gas sensors would look like ranges, and the zones would be clear in front of a wall."""
     with pytest.raises(ConfigError, match="set parameter build to sonar or environment"):
         watch(build_assumed=True)
     watch(build_assumed=True, zones="scan")
@@ -85,13 +80,6 @@ def scan_of(stamp_s):
     return scan
 
 
-def test_it_says_why_a_scan_is_ignored():
-    made, scan = watch(zones="scan"), scan_of(CLOCK_S)
-    assert made.on_scan(scan, MOUNT, CLOCK_S, 1.0) == ""
-    scan.angle_increment = math.nan
-    assert "expected finite numbers" in made.on_scan(scan, MOUNT, CLOCK_S, 1.1)
-
-
 @pytest.mark.parametrize(
     "stamp_of",
     [lambda now: now - 10.0, lambda now: now + 10.0, lambda now: CLOCK_S + 2.0, lambda now: 0.0],
@@ -110,6 +98,9 @@ def test_zones_stop_if_scans_arrive_that_are_not_of_now(stamp_of):
 
 def test_scan_counts_from_its_measurement_not_from_its_arrival():
     made = watch(zones="scan")
-    made.on_scan(scan_of(CLOCK_S), MOUNT, CLOCK_S + 0.4, 10.4)
+    assert made.on_scan(scan_of(CLOCK_S), MOUNT, CLOCK_S + 0.4, 10.4) == ""
+    broken = scan_of(CLOCK_S + 0.1)
+    broken.angle_increment = math.nan
+    assert "expected finite numbers" in made.on_scan(broken, MOUNT, CLOCK_S + 0.4, 10.4)
     assert made.zones.limit(0.3, 9.99 + STALE_S) == 0.3
     assert made.zones.limit(0.3, 10.01 + STALE_S) == 0.0

@@ -55,15 +55,8 @@ def start(rig: Rig, robot: str, *options: str) -> None:
         rig.start("master", *place, "rosmaster", "--core", "-p", "11311")
     rig.wire = rig.tap(rig.board().port)
     rig.start("node", *enter, str(NODE), f"_port:={rig.wire.port}", f"_cmd_vel_timeout:={TIMEOUT_S}")
-    there = relay_arguments(
-        "robot1",
-        ROBOT,
-        "odom, mode, shared",
-        "desk",
-        DESK,
-        "desk/cmd_vel=cmd_vel, desk/shared=shared",
-        *options,
-    )
+    topics = "desk/cmd_vel=cmd_vel, desk/shared=shared"
+    there = relay_arguments("robot1", ROBOT, "odom, mode, shared", "desk", DESK, topics, *options)
     rig.robots_relay = rig.start("robots_relay", *enter, *there)
     wait_until(lambda: master_answers(MASTER))
     topics = "robot1/odom, robot1/mode, robot1/shared=shared"

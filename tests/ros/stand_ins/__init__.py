@@ -22,7 +22,7 @@ A name that begins with ~ is in the node's private namespace.
 
 import re
 from pathlib import Path
-from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Set
+from typing import Any, Dict, List, Mapping, NamedTuple, Set
 
 from mrl_driver import yaml_file
 
@@ -175,30 +175,13 @@ def _plugins(rows: Mapping[str, Any], given: Mapping[str, Any]) -> Set[str]:
     return found
 
 
-def inputs_of(node: Table, given: Mapping[str, Any]) -> Dict[str, str]:
-    """Topics that the parameters name, with their message types; a topic without / is in the node's namespace."""
-    found = {}
-    for key, kind in node.rows.get("inputs", {}).items():
-        found.update({item["topic"]: kind for item in given.get(key, [])})
-    for pattern, kind in node.rows.get("numbered", {}).items():
-        numbered = re.compile(pattern.replace("N", r"\d+"))
-        found.update({topic: kind for name, topic in given.items() if numbered.fullmatch(name)})
-    return found
-
-
-def group_at(node: Table, given: Mapping[str, Any], space: str) -> Mapping[str, Any]:
-    """Parameters of a namespace directly below the node, or of the node itself for an empty name."""
-    rows = GROUPS[_spaces(node.rows, given)[space]] if space else node.rows
-    return rows.get("parameters", {})
-
-
-def install(folder: Path, packages: Iterable[str] = PACKAGES, program: str = "#!/bin/sh\n") -> None:
-    """Make packages in a folder; each node is an executable with this text, `{package}` and `{node}` replaced."""
-    for package in packages:
+def install(folder: Path) -> None:
+    """Make all packages in a folder, with empty programs as nodes."""
+    for package in PACKAGES:
         (folder / package).mkdir(parents=True)
         text = f"<package format='2'><name>{package}</name><version>1.0.0</version></package>"
         (folder / package / "package.xml").write_text(text)
         for node in nodes_of(package):
             path = folder / package / node
-            path.write_text(program.format(package=package, node=node))
+            path.write_text("#!/bin/sh\n")
             path.chmod(0o755)
