@@ -94,6 +94,28 @@ def _whole(code: Any, args: Sequence[Any]) -> Tuple[int, Tuple[int, ...]]:
     return require_whole("code", code, FrameError), whole
 
 
+def _require_remark(text: Any) -> None:
+    """Raise ConfigError unless it is a remark of the user."""
+    fits = isinstance(text, str) and 0 < len(text) <= LONGEST_REMARK
+    if not fits or text.split(" ")[0].encode("utf-8", "replace") in OWN_REMARKS:
+        own = ", ".join(word.decode() for word in OWN_REMARKS)
+        raise ConfigError(
+            f"the remark is {shown(text)}, expected 1 to {LONGEST_REMARK} characters that do not begin with {own}"
+        )
+
+
+def _require_spread(spread: Any) -> Spread:
+    """Return a covariance of the pose; raise ConfigError if it is none."""
+    parts = ("xx", "xy", "x-yaw", "yy", "y-yaw", "yaw-yaw")
+    numbers = cast(Spread, require_numbers("covariance", spread, parts))
+    if not is_covariance(numbers):
+        raise ConfigError(
+            f"the covariance of the pose is {numbers}, expected {' '.join(parts)} with variances from "
+            f"0 to {LARGEST_VARIANCE:g} and covariances that fit them; the odometry continues as before"
+        )
+    return numbers
+
+
 class Driver:
     """A robot on a serial port.
 
@@ -282,7 +304,8 @@ class Driver:
             ConfigError: `timeout_s` is not a number, or NaN.
             MrlError: the driver failed; this is the error, such as LinkLost.
         """
-        timeout_s = require_timeout("timeout_s", timeout_s)
+        with self._stop_if_refused():
+            timeout_s = require_timeout("timeout_s", timeout_s)
         with self._changed:
             ended = self._changed.wait_for(lambda: self._closing or self._error is not None, timeout_s)
             if self._error is not None:
@@ -366,7 +389,8 @@ class Driver:
         Raises:
             ConfigError: the reason is not a text.
         """
-        require_text("reason", reason)
+        with self._stop_if_refused():
+            require_text("reason", reason)
         with self._lock:
             self._core.inhibited.discard(reason)
 
@@ -452,8 +476,8 @@ class Driver:
             BoardTimeout: no reply within `timeout_s`, in each of three attempts.
             LinkLost: the port went away.
         """
-        wait_s = require_timeout("timeout_s", timeout_s)
         with self._stop_if_refused():
+            wait_s = require_timeout("timeout_s", timeout_s)
             code, args = _whole(code, args)
         core = self._core
         for _ in range(ATTEMPTS):
@@ -491,7 +515,9 @@ class Driver:
             MrlError: too many texts wait already.
             LinkLost: the port went away.
         """
-        self._send_by_radio(text_request(address, text))
+        with self._stop_if_refused():
+            request = text_request(address, text)
+        self._send_by_radio(request)
 
     def discover_radios(self, duration_s: float = DISCOVERY_S) -> List[RadioNode]:
         """Search for other radios, and return those that answer within `duration_s`, in the order of their answers.
@@ -503,7 +529,8 @@ class Driver:
             LinkLost: the port went away, or the driver was closed.
             MrlError: another search is under way, or too many texts wait already.
         """
-        duration_s = require_number("duration_s", duration_s)
+        with self._stop_if_refused():
+            duration_s = require_number("duration_s", duration_s)
         core = self._core
         with self._lock:
             if core.nodes is not None:
@@ -546,7 +573,8 @@ class Driver:
             ConfigError: a recording is running, the file cannot be created, or the driver was given an open `Link`.
             LinkLost: the driver is not connected, or was closed.
         """
-        require_text("path", path, "the name of a file")
+        with self._stop_if_refused():
+            require_text("path", path, "the name of a file")
         self._connected()
         self._links.start_recording(path)
         with self._changed:
@@ -594,15 +622,8 @@ class Driver:
         Raises:
             ConfigError: the text is empty, longer than `LONGEST_REMARK`, or begins like a remark of the driver.
         """
-        if (
-            not isinstance(text, str)
-            or not 0 < len(text) <= LONGEST_REMARK
-            or text.split(" ")[0].encode("utf-8", "replace") in OWN_REMARKS
-        ):
-            own = ", ".join(word.decode() for word in OWN_REMARKS)
-            raise ConfigError(
-                f"the remark is {shown(text)}, expected 1 to {LONGEST_REMARK} characters that do not begin with {own}"
-            )
+        with self._stop_if_refused():
+            _require_remark(text)
         self._remark(text.encode("utf-8", "replace"))
 
     def _remark(self, data: bytes) -> None:
@@ -617,7 +638,9 @@ class Driver:
         Raises:
             ConfigError: it is not a finite number.
         """
-        self._ahead_s, recording = require_number("ahead_s", ahead_s), self._links.recording
+        with self._stop_if_refused():
+            self._ahead_s = require_number("ahead_s", ahead_s)
+        recording = self._links.recording
         if recording is not None:
             recording.clock(self._ahead_s)
 
@@ -761,7 +784,8 @@ class Driver:
         """
         if self._core.state.info is None:
             raise BoardTimeout("not connected; call connect() first")
-        return self._core.limited(linear_m_s, angular_rad_s, lateral_m_s)
+        with self._stop_if_refused():
+            return self._core.limited(linear_m_s, angular_rad_s, lateral_m_s)
 
     @property
     def error(self) -> Optional[MrlError]:
@@ -917,14 +941,9 @@ class Driver:
         """
         if self.model is not None:
             self.model.require_motors()
-        x_m, y_m, yaw_rad = require_numbers("pose", pose, Pose._fields)
-        parts = ("xx", "xy", "x-yaw", "yy", "y-yaw", "yaw-yaw")
-        spread = cast(Spread, require_numbers("covariance", spread, parts))
-        if not is_covariance(spread):
-            raise ConfigError(
-                f"the covariance of the pose is {spread}, expected {' '.join(parts)} with variances from "
-                f" 0 to {LARGEST_VARIANCE:g} and covariances that fit them; the odometry continues as before"
-            )
+        with self._stop_if_refused():
+            x_m, y_m, yaw_rad = require_numbers("pose", pose, Pose._fields)
+            spread = _require_spread(spread)
         with self._lock:
             if self._core.state.odometry is not None:
                 pose = Pose(x_m, y_m, wrap_angle(yaw_rad))
@@ -936,34 +955,38 @@ class Driver:
 
     def on_telemetry(self, callback: Callable[[Telemetry], None]) -> None:
         """Call `callback` for each telemetry frame; boards without motors have none."""
-        self._listeners[Telemetry].append(require_function("callback", callback))
+        self._listen(self._listeners[Telemetry], callback)
 
     def on_imu(self, callback: Callable[[Imu], None]) -> None:
         """Call `callback` for each reading of the board's IMU, also while the gyro is not used; see `Imu.state`."""
-        self._listeners[Imu].append(require_function("callback", callback))
+        self._listen(self._listeners[Imu], callback)
 
     def on_status(self, callback: Callable[[Status], None]) -> None:
         """Call `callback` for each status of the board, twice a second."""
-        self._listeners[Status].append(require_function("callback", callback))
+        self._listen(self._listeners[Status], callback)
 
     def on_battery(self, callback: Callable[[Board], None]) -> None:
         """Call `callback` for each new battery voltage and temperature."""
-        self._listeners[Board].append(require_function("callback", callback))
+        self._listen(self._listeners[Board], callback)
 
     def on_sensor(self, callback: Callable[[SensorRead], None]) -> None:
         """Call `callback` with name and reading for each answer of a sensor of `table.SENSORS`."""
-        self._listeners[SensorRead].append(require_function("callback", callback))
+        self._listen(self._listeners[SensorRead], callback)
 
     def on_text(self, callback: Callable[[RadioText], None]) -> None:
         """Call `callback` for each text that the radio receives; one of more than 16 bytes comes in pieces."""
-        self._listeners[RadioText].append(require_function("callback", callback))
+        self._listen(self._listeners[RadioText], callback)
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
         """Call `callback` for each `Awaited`, `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`,
         `ImuChanged` and `Reply` of `session.events`, for a wheel's `Mismatch`, a changed `Hold`, and for the `MrlError`
         that ends the driver.
         """
-        self._on_state.append(require_function("callback", callback))
+        self._listen(self._on_state, callback)
+
+    def _listen(self, listeners: List[Listener], callback: Listener) -> None:
+        with self._stop_if_refused():
+            listeners.append(require_function("callback", callback))
 
     # -- the reading thread
 
@@ -1144,7 +1167,7 @@ class Driver:
 
     @contextlib.contextmanager
     def _stop_if_refused(self) -> Iterator[None]:
-        """Stop the robot if an argument of a call that concerns its motion is refused."""
+        """Stop the robot if an argument of a call is refused."""
         try:
             yield
         except (ConfigError, FrameError) as error:

@@ -11,8 +11,9 @@ It runs faster than real time, and each run gives exactly the same result.
 """
 
 import math
-from typing import Callable, Optional, Protocol, Tuple, Union
+from typing import Callable, Optional, Protocol, Tuple, Union, runtime_checkable
 
+from mrl_driver.arguments import require_kind
 from mrl_driver.errors import BoardTimeout, LinkError, MrlError
 from mrl_driver.recording.recording import ENDED
 from mrl_driver.robot.models import RobotModel
@@ -26,6 +27,7 @@ LEAST_STEP_S = 1e-4
 """Shortest step of the board: about one byte on the wire [s]."""
 
 
+@runtime_checkable
 class Stepped(Protocol):
     """A board in simulated time, such as an engine of the emulator."""
 
@@ -116,6 +118,7 @@ class SteppedDriver(Driver):
     def __init__(
         self, stepped: Stepped, robot: Union[str, RobotModel] = "auto", options: Options = DEFAULTS
     ) -> None:
+        require_kind("stepped", stepped, Stepped, "a board in simulated time")
         self._board = SteppedLink(stepped, float if options.record is None else whole_us)
         super().__init__(self._board, robot, options=options._replace(record=None))
         self._clock, self._record = lambda: self._board.now_s, options.record
@@ -138,7 +141,8 @@ class SteppedDriver(Driver):
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
         """As `Driver.ask`."""
-        wait_s = require_timeout("timeout_s", timeout_s)
+        with self._stop_if_refused():
+            wait_s = require_timeout("timeout_s", timeout_s)
         core = self._core
         for _ in range(ATTEMPTS):
             self.request(code, *args)
@@ -158,7 +162,8 @@ class SteppedDriver(Driver):
             ConfigError: `timeout_s` is not a number, or NaN.
             MrlError: the driver failed; this is the error.
         """
-        timeout_s = require_timeout("timeout_s", timeout_s)
+        with self._stop_if_refused():
+            timeout_s = require_timeout("timeout_s", timeout_s)
         end_s = self.now_s + (math.inf if timeout_s is None else timeout_s)
         while self.now_s < end_s and not self._closing:
             self._step(end_s)
@@ -171,7 +176,8 @@ class SteppedDriver(Driver):
             ConfigError: `seconds` is not a number from 0 to `LONGEST_PAUSE_S`.
             MrlError: the driver failed; this is the error.
         """
-        seconds = require_range("seconds", seconds, 0, LONGEST_PAUSE_S, "s", whole=False)
+        with self._stop_if_refused():
+            seconds = require_range("seconds", seconds, 0, LONGEST_PAUSE_S, "s", whole=False)
         self._connected()
         self._process(self._board.skip(seconds))
 

@@ -3,6 +3,7 @@
 from binascii import crc_hqx
 from typing import Optional, Sequence
 
+from mrl_driver.arguments import number_of, require_whole, shown
 from mrl_driver.errors import FrameError
 
 from .frames import Stamp
@@ -15,7 +16,7 @@ def encode_request(code: int, *args: int, checked: bool = False, wrapped: bool =
     Raises:
         FrameError: the table has no such request, or does not allow these arguments.
     """
-    row = BY_CODE.get(code) or _row(code)
+    row = _row(code)
     if wrapped:
         return _encode(row, row.request, row.optional, args, (), False, WRAP)
     return _encode(row, row.request, row.optional, args, (), checked or row.guarded)
@@ -39,10 +40,10 @@ def encode_reply(code: int, *args: int, stamp: Optional[Stamp] = None, checked: 
 
 
 def _row(code: int) -> Command:
-    try:
-        return BY_CODE[code]
-    except KeyError:
-        raise FrameError(f"command {code} is not in the table, expected 1 to {max(BY_CODE)}") from None
+    row = BY_CODE.get(require_whole("command", code, FrameError))
+    if row is None:
+        raise FrameError(f"command {code} is not in the table, expected 1 to {max(BY_CODE)}")
+    return row
 
 
 def _encode(
@@ -59,12 +60,13 @@ def _encode(
         raise FrameError(
             f"command {row.code} ({row.name}) takes {len(fields)} arguments, got {len(args)}: {args}"
         )
-    for field, value in zip(fields, args):
-        if not (field.low <= value <= field.high and value == int(value)):
+    numbers = [value if type(value) is int else number_of(value) for value in args]
+    for field, number, value in zip(fields, numbers, args):
+        if not (field.low <= number <= field.high and number == int(number)):
             raise FrameError(
-                f"{row.name}: {field.name} is {value}, expected {field.low} to {field.high} {field.unit}"
+                f"{row.name}: {field.name} is {shown(value)}, expected {field.low} to {field.high} {field.unit}"
             )
-    body = (b"@%d" + b",%d" * (len(args) + len(tail))) % (row.code + wrap, *args, *tail)
+    body = (b"@%d" + b",%d" * (len(args) + len(tail))) % (row.code + wrap, *numbers, *tail)
     if not checked:
         return body + b"e"
     check = crc_hqx(body, 0xFFFF)  # `frames.check_value`, without a call

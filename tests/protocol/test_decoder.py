@@ -98,6 +98,10 @@ def test_check_value_is_crc_16_ibm_3740():
         (11, (40000, 0), "move_differential: linear is 40000, expected -32768 to 32767 mm/s"),
         (33, (250.5,), "set_watchdog: period is 250.5, expected 0 to 10000 ms"),
         (9, (101, 0), "move_motors_pid: motor_1 is 101, expected -100 to 100 %"),
+        (9, (True, 0), "move_motors_pid: motor_1 is True, expected -100 to 100 %"),
+        (9, (0, "1"), "move_motors_pid: motor_3 is '1', expected -100 to 100 %"),
+        (True, (), "command is True, expected a whole number"),
+        ([1], (), "command is .1., expected a whole number"),
     ],
 )
 def test_forbidden_request_raises(code, args, message):
