@@ -277,17 +277,11 @@ def test_an_unknown_id_is_refused(serve, robot_id, words):
         Driver(serve(robot_id=robot_id).path).connect()
 
 
-@pytest.mark.parametrize(("centivolts", "words"), [(40, "motor power is off"), (840, "at least 8.5 V")])
-def test_a_dead_battery_is_refused(serve, centivolts, words):
-    port = serve()
-    port.board.battery = centivolts
-    with pytest.raises(BatteryDead, match=words):
-        Driver(port.path).connect()
-
-
-def test_a_dead_battery_may_be_ignored(serve):
+def test_a_dead_battery_is_refused_unless_it_is_ignored(serve):
     port = serve()
     port.board.battery = 840
+    with pytest.raises(BatteryDead, match="at least 8.5 V"):
+        Driver(port.path).connect()
     with Driver(port.path, options=Options(ignore_battery=True)) as driver:
         assert driver.drive(0.1, 0)
 

@@ -10,7 +10,7 @@ import pytest
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.errors import ConfigError, PortMissing
-from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, drive_until, wait_until
@@ -71,13 +71,6 @@ def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path,
     played.on_telemetry(replayed.append)
     played.play()
     assert replayed == heard and played.statistics.frames == robot.statistics.frames
-
-
-def test_remarks_tell_the_port_and_the_check_value(recorded):
-    entries, board, _ = recorded
-    remarks = [entry.data for entry in entries if entry.direction == REMARK]
-    assert remarks[:3] == [b"opened " + board.path.encode(), b"session new", b"plain"]
-    assert remarks.index(b"checked") > 2
 
 
 def test_a_full_disk_does_not_stop_the_robot(serve):

@@ -25,10 +25,9 @@ from mrl_driver.session.events import Lost, Reconnected
 from sim_arduino.serve import factory
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
-from .test_reconnect import Cable
 from .test_uncommanded_motion import MOVE_MOTORS, close, stopped
 
-POSE_ERROR, STAMP_ERROR_S, YAW_ERROR_RAD = 1e-9, 0.02, 0.01
+POSE_ERROR, STAMP_ERROR_S = 1e-9, 0.02
 LASTING = Options(command_timeout_s=None)
 NOISE = ("flip:rate=0.0005", "loss:rate=0.0005,burst=3", "delay:jitter=0.016")
 BOARDS = {
@@ -198,7 +197,7 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         assert again.stamp_s == pytest.approx(telemetry.stamp_s, abs=STAMP_ERROR_S)
 
 
-def test_a_lost_port_is_replayed_to_the_last_bit(serve, tmp_path, monkeypatch):
+def test_a_lost_port_is_replayed_to_the_last_bit(cable, tmp_path, monkeypatch):
     """What is read while the line is raised does not reach the session."""
 
     def speed_up(link):
@@ -206,7 +205,7 @@ def test_a_lost_port_is_replayed_to_the_last_bit(serve, tmp_path, monkeypatch):
         return not wait_until(lambda: link.read(0.01))
 
     monkeypatch.setattr("mrl_driver.driver.link_source.speed_up", speed_up)
-    path, cable = str(tmp_path / "lost.mrl"), Cable(serve, tmp_path / "robot")
+    path = str(tmp_path / "lost.mrl")
     robot = Driver(cable.path, options=Options(record=path, reconnect=True, fast=True))
     found = listen(robot)
     with robot:

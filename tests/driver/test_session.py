@@ -91,13 +91,10 @@ def test_junk_means_another_baud_rate_four_seconds_after_its_first_byte():
     assert talk.now == pytest.approx(5.0, abs=0.3)
 
 
-@pytest.mark.parametrize(
-    "junk", [bytes(range(128, 168)), bytes(range(128, 168)) + b"@"], ids=["bare", "with @"]
-)
-def test_forty_bytes_of_junk_are_enough(junk):
+def test_forty_bytes_of_junk_are_enough_though_half_a_frame_follows():
     board = FakeBoard()
     board.mute = True
-    talk, pieces = Talk(board), [junk]
+    talk, pieces = Talk(board), [bytes(range(128, 168)) + b"@"]
     talk.to_host = lambda data: pieces.pop() if pieces else b""
     with pytest.raises(NotARobot, match="check baud"):
         talk.run(9)

@@ -32,16 +32,8 @@ LEVEL = (0, 0, 0, 0, 0, 16384)
 class Fed:
     """A session that has joined a board, and frames of this board."""
 
-    def __init__(
-        self,
-        capabilities=OURS,
-        code=8,
-        checked=True,
-        now=0.0,
-        protocol=2,
-        admit=lambda board: None,
-        **options,
-    ):
+    def __init__(self, capabilities=OURS, code=8, checked=True, now=0.0, protocol=2, **options):
+        admit = options.pop("admit", lambda board: None)
         self.code, self.sequence, self.start_s = code, 0, now
         self.session = Session(admit, now, **options)
         board = Board(1, protocol, 1.72, 12.0, 25.0, protocol, frozenset(capabilities))
@@ -318,19 +310,13 @@ def test_a_command_before_the_greeting_is_refused():
     assert Session(lambda board: None, 0.0).drive((200, 0), 0.0) is False
 
 
-def test_the_wheels_stand_still_though_sonars_change():
-    fed = Fed()
+@pytest.mark.parametrize("moved", [(), (0,), (1,)], ids=["two wheels", "third stands", "third turns"])
+def test_the_wheels_stand_still_if_the_third_does_too_though_sonars_change(moved):
+    fed = Fed(OURS | {"omni"}, OMNI) if moved else Fed()
     for i in range(1, 11):
-        fed.at(i * 0.02, fed.frame(i * 0.02, (7, 7, 100 + i, 200 - i, 300 + i)))
-    assert not fed.motion.stopping
-
-
-@pytest.mark.parametrize("rear", [0, 1])
-def test_three_wheels_stand_still_if_the_third_does_too(rear):
-    fed = Fed(OURS | {"omni"}, OMNI)
-    for i in range(1, 11):
-        fed.at(i * 0.02, fed.frame(i * 0.02, (7, 7, rear * i, 100 + i, 200, 300)))
-    assert fed.motion.stopping == bool(rear)
+        wheels = (7, 7, *(share * i for share in moved))
+        fed.at(i * 0.02, fed.frame(i * 0.02, (*wheels, 100 + i, 200 - i, 300 + i)))
+    assert fed.motion.stopping == any(moved)
 
 
 def test_a_stop_that_the_board_was_asked_for_is_not_one_of_its_own():
@@ -427,16 +413,16 @@ def test_without_a_stream_no_telemetry_is_expected():
 
 
 @pytest.mark.parametrize(
-    ("fed", "ended"),
+    ("board", "ended"),
     [
-        (Fed(code=SENSING), {b"@19", b"@26", b"@32"}),
-        (Fed(), {b"@19", b"@32"}),
-        (Fed(OURS | {"imu"}), {b"@19", b"@32", b"@48"}),
-        (Fed((), checked=False, protocol=1), {b"@65555e"}),
+        ({"code": SENSING}, {b"@19", b"@26", b"@32"}),
+        ({}, {b"@19", b"@32"}),
+        ({"capabilities": OURS | {"imu"}}, {b"@19", b"@32", b"@48"}),
+        ({"capabilities": (), "checked": False, "protocol": 1}, {b"@65555e"}),
     ],
-    ids=["sensors", "ours", "imu", "2013"],
 )
-def test_the_end_stops_the_streams_that_run_and_asks_for_nothing_that_the_board_does_not_know(fed, ended):
+def test_the_end_stops_the_streams_that_run_and_asks_for_nothing_that_the_board_does_not_know(board, ended):
+    fed = Fed(**board)
     fed.session.take()
     fed.session.end()
     sent = fed.session.take()

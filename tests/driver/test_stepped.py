@@ -32,12 +32,6 @@ def robot(emulated):
         yield robot
 
 
-def test_a_wait_lasts_as_long_as_it_says(robot):
-    start_s = robot.now_s
-    robot.wait(1.25)
-    assert robot.now_s == pytest.approx(start_s + 1.25, abs=1e-9)
-
-
 def test_the_pose_is_the_true_one(robot, emulated):
     robot.drive(0.2, 0.0)
     robot.wait(2.0)

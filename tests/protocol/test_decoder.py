@@ -122,11 +122,6 @@ def test_the_argument_that_may_be_absent_is_counted_from_the_last():
         encode_request(18, 20, 20)
 
 
-def test_reply_without_its_stamp_raises():
-    with pytest.raises(FrameError, match="stamped"):
-        encode_reply(6, 1, 2, checked=True)
-
-
 NUMBERED = encode_reply(8, 1, 2, 3, 4, 5, stamp=Stamp(6, 7), checked=True)
 
 

@@ -32,8 +32,3 @@ def test_status_ranges_match_their_tables():
         len(table.RESET_CAUSES) - 1,
         len(table.STOP_REASONS) - 1,
     )
-
-
-def test_longest_frame_is_the_xbee_text():
-    """`@39,` + 4 addresses + length + 8 words + check: the longest row there is [byte]."""
-    assert table.MAX_FRAME == len("@39" + 4 * ",-32768" + ",16" + 8 * ",-32768" + ",-32768" + "e")

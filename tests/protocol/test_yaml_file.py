@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.yaml_file import Reader, read, read_expected
+from mrl_driver.yaml_file import read, read_expected
 
 
 def fault_of(tmp_path, text):
@@ -81,10 +81,3 @@ def test_bytes_that_are_not_text(tmp_path):
 @pytest.mark.parametrize("text", ["a:\n\t- 1", "\ta: 1", "a:\n  b: 1\n  \tc: 2", "- \ta: 1\n  b: 2"])
 def test_a_tab_is_named(tmp_path, text):
     assert "a tab, expected spaces" in fault_of(tmp_path, text)
-
-
-@pytest.mark.parametrize("text", ["", "# nothing\n"])
-def test_an_empty_file_is_called_empty(tmp_path, text):
-    (tmp_path / "robot.yaml").write_text(text)
-    with pytest.raises(ConfigError, match="robot.yaml: file is empty, expected"):
-        Reader("robot.yaml").mapping("", read(str(tmp_path / "robot.yaml")))
