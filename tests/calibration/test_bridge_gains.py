@@ -49,21 +49,6 @@ def test_a_motor_is_found_in_its_noisy_steps(seed):
     assert found.off_line < MOST_SHARE
 
 
-def test_a_step_in_the_dead_band_does_not_count():
-    rng, true = np.random.default_rng(1), MotorFit(0.4, 8000.0, 0.1, 0.0, 0.0)
-    found = bridge_gains.identify(steps_of(true, rng))
-    assert found.dead_band == pytest.approx(0.4, abs=MOST_SHARE)
-
-
-def test_a_dead_band_is_never_negative():
-    """Noise of a motor without friction may put the line's root below zero."""
-    rng, true = np.random.default_rng(2), MotorFit(0.0, 6000.0, 0.1, 0.0, 0.0)
-    steps = [
-        step._replace(travel=step.travel * (1.02 if step.duty < 0.4 else 1.0)) for step in steps_of(true, rng)
-    ]
-    assert bridge_gains.identify(steps).dead_band == 0.0
-
-
 def test_a_curve_is_told_from_a_line_and_full_speed_is_found():
     """A bridge that lets the motor coast between pulses: speed is a - b / duty; at full duty 5400 count/s."""
     rng = np.random.default_rng(3)
@@ -76,25 +61,37 @@ def test_a_curve_is_told_from_a_line_and_full_speed_is_found():
     assert found.full_counts_s == pytest.approx(5400, rel=0.06)
 
 
-def test_a_wheel_that_turns_backward_is_refused():
+def steps_with(dead_band, rng):
+    return steps_of(MotorFit(dead_band, 8000.0, 0.1, 0.0, 0.0), rng)
+
+
+def test_a_step_in_the_dead_band_does_not_count_and_a_dead_band_is_never_negative():
+    """Noise of a motor without friction may put the line's root below zero."""
+    rng = np.random.default_rng(1)
+    assert bridge_gains.identify(steps_with(0.4, rng)).dead_band == pytest.approx(0.4, abs=MOST_SHARE)
     steps = [
-        step._replace(travel=-step.travel)
-        for step in steps_of(MotorFit(0.1, 6000.0, 0.1, 0.0, 0.0), np.random)
+        step._replace(travel=step.travel * (1.02 if step.duty < 0.4 else 1.0))
+        for step in steps_with(0.0, rng)
     ]
-    with pytest.raises(ConfigError, match="expected a positive number: run mrl calibrate wiring"):
-        bridge_gains.identify(steps)
+    assert bridge_gains.identify(steps).dead_band == 0.0
 
 
-def test_a_wheel_that_turns_at_one_duty_only_is_refused():
-    steps = steps_of(MotorFit(0.6, 6000.0, 0.1, 0.0, 0.0), np.random)
-    with pytest.raises(ConfigError, match="the wheel turned at 1 of 3 duties, expected at least 2"):
-        bridge_gains.identify(steps)
+@pytest.mark.parametrize(
+    "dead_band, damage, words",
+    [
+        (0.1, lambda step: step._replace(travel=-step.travel), "a positive number: run mrl calibrate wiring"),
+        (0.6, lambda step: step, "the wheel turned at 1 of 3 duties, expected at least 2"),
+    ],
+    ids=["backward", "one duty only"],
+)
+def test_steps_that_tell_nothing_are_refused(dead_band, damage, words):
+    with pytest.raises(ConfigError, match=words):
+        bridge_gains.identify([damage(step) for step in steps_with(dead_band, np.random)])
 
 
 def test_few_readings_are_refused():
-    step = DutyStep(0.5, np.arange(5) * 0.02, np.arange(5) * 60.0)
     with pytest.raises(ConfigError, match="a step has 5 readings, expected at least 10"):
-        bridge_gains.identify([step])
+        bridge_gains.identify([DutyStep(0.5, np.arange(5) * 0.02, np.arange(5) * 60.0)])
 
 
 def test_gains_follow_the_rule_of_lambda_tuning():

@@ -66,7 +66,8 @@ def lab(monkeypatch, tmp_path, capsys):
 
 
 def test_suggested_gains_keep_a_step_within_its_limits(lab, tmp_path):
-    code, out, _ = lab.mrl("--json", "--plot", "gains.png")
+    """They go to the file and the EEPROM."""
+    code, out, _ = lab.mrl("--json", "--plot", "gains.png", "--eeprom")
     found = json.loads(out)
     assert code == 0
     for wheel in ("left", "right"):
@@ -75,29 +76,19 @@ def test_suggested_gains_keep_a_step_within_its_limits(lab, tmp_path):
         assert after["settle_s"] < SETTLED_S
         assert before["settle_s"] is None or before["settle_s"] > SETTLED_S
     assert (tmp_path / "gains.png").stat().st_size > 5000
-
-
-def test_the_file_and_the_eeprom_get_what_was_found(lab):
-    _, out, _ = lab.mrl("--json", "--eeprom")
-    found = json.loads(out)["gains_after"]
-    board = models.load("kit.yaml").board
-    assert {name: board[name] for name in found} == found
-    assert lab.in_force == BridgeGains(**found)
-
-
-def test_the_motors_are_shown_with_their_dead_band_speed_and_time_constant(lab):
-    _, out, _ = lab.mrl()
-    assert re.search(
-        r"right motor: turns from 5\.\d% duty, 17\d 1/min at full duty, time constant \d+ ms", out
-    )
-    assert "after, left wheel: rises in" in out
+    board, gains = models.load("kit.yaml").board, found["gains_after"]
+    assert {name: board[name] for name in gains} == gains
+    assert lab.in_force == BridgeGains(**gains)
 
 
 def test_the_former_gains_and_the_ramp_come_back(lab):
     ramp = lab.made.engine.config["ramp_time"]
-    code, _, _ = lab.mrl()
+    code, out, _ = lab.mrl()
     assert code == 0 and lab.in_force == SOFT
     assert lab.made.engine.config["ramp_time"] == ramp != 0
+    assert re.search(
+        r"right motor: turns from 5\.\d% duty, 17\d 1/min at full duty, time constant \d+ ms", out
+    )
 
 
 @pytest.mark.parametrize("steps", range(STEPS))

@@ -48,40 +48,41 @@ def test_an_encoder_with_one_channel_is_never_reversed():
     assert found == [(hidden & ~encoders) | SINGLE_CHANNEL for hidden in HIDDEN]
 
 
-def test_each_wiring_is_seen_differently():
-    """So no answer of one kit can be taken for that of another."""
-    assert len({tuple(trials_of(hidden)) for hidden in HIDDEN}) == len(HIDDEN)
-
-
 def test_the_encoders_alone_cannot_tell():
-    """Motors and encoders that are both exchanged count as those that are not."""
+    """Motors and encoders that are both exchanged count as those that are not; what turned tells all wirings apart."""
     both = SET | BITS["motors_swapped"] | BITS["encoders_swapped"]
     pairs = list(zip(trials_of(SET), trials_of(both)))
     assert [a[1:3] == b[1:3] and a.seen != b.seen for a, b in pairs] == [True, True]
+    assert bridge_wiring.in_words(255) == [name.replace("_", " ") for name, _ in WIRING[1:]]
 
 
 @pytest.mark.parametrize(
     ("first", "second", "words"),
     [
         (
-            ("left", 0, 9, "left", 1),
-            (),
+            Trial("left", 0, 9, "left", 1),
+            None,
             "the left wheel turned, but no encoder counted .left 9, right 0.: check",
         ),
-        (("left", 60, 140, "left", 1), (), "turned alone, but both encoders counted .left 140, right 60."),
         (
-            ("left", 0, 140, "right", 1),
-            (),
+            Trial("left", 60, 140, "left", 1),
+            None,
+            "turned alone, but both encoders counted .left 140, right 60.",
+        ),
+        (
+            Trial("left", 0, 140, "right", 1),
+            None,
             "both motor outputs turned the right wheel, expected one wheel each",
         ),
-        ((), ("right", 0, 140, "right", 1), "the left encoder input counted both wheels.* on D2 and D4"),
+        (
+            None,
+            Trial("right", 0, 140, "right", 1),
+            "the left encoder input counted both wheels.* on D2 and D4",
+        ),
     ],
 )
 def test_what_does_not_fit_together_is_said(first, second, words):
-    trials = [
-        Trial(*first) if first else trial_of(SET, "left"),
-        Trial(*second) if second else trial_of(SET, "right"),
-    ]
+    trials = [first or trial_of(SET, "left"), second or trial_of(SET, "right")]
     with pytest.raises(WheelFault, match=words) as refused:
         bridge_wiring.wiring_of(trials, COUNTS_A_TURN)
     assert "\n" not in str(refused.value)
@@ -92,11 +93,6 @@ def test_a_proof_needs_the_left_wheel_forward_and_the_right_one_back(counts):
     with pytest.raises(WheelFault, match="the wiring that was found does not hold"):
         bridge_wiring.require_proof(*counts, COUNTS_A_TURN)
     bridge_wiring.require_proof(-140, 140, COUNTS_A_TURN)
-
-
-def test_the_words_are_those_of_the_table():
-    assert bridge_wiring.in_words(SET) == []
-    assert bridge_wiring.in_words(255) == [name.replace("_", " ") for name, _ in WIRING[1:]]
 
 
 # -- the command
@@ -175,6 +171,23 @@ def test_answers_that_do_not_fit_leave_the_board_unset(bench, answers, code, wor
     assert bench.kit.saved["wiring"] == 0
 
 
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (
+            ("--answers", "left,forward,forward,yes"),
+            "Are the wheels off the ground? stdin is not a terminal; give --yes",
+        ),
+        (("--unseen", "--yes"), "the encoders of an H-bridge board do not show which wheel turned"),
+        (("--truth", "t", "--bridge", "l293d"), "vnh5019"),
+    ],
+)
+def test_nothing_moves_without_the_wheels_off_the_ground(bench, args, words):
+    code, _, err = bench.wiring(*args)
+    assert code == 2 and words in err and err.count("\n") == 1
+    assert bench.kit.seen == [] and bench.kit.config["wiring"] == 0
+
+
 @pytest.mark.parametrize("move", [1, 4, 8])
 @pytest.mark.parametrize("before", [0, 37])
 def test_an_interrupted_calibration_leaves_the_board_as_it_was(bench, move, before):
@@ -191,39 +204,24 @@ def test_an_interrupted_calibration_leaves_the_board_as_it_was(bench, move, befo
     assert bench.kit.saved["wiring"] == before
 
 
-def test_an_encoder_that_is_not_connected_is_named(bench):
-    bench.kit.dead_inputs = (0,)
+@pytest.mark.parametrize(
+    ("part", "number", "words"),
+    [
+        ("dead_inputs", 0, "the left wheel turned, but no encoder counted"),
+        ("stuck_outputs", 1, "no wheel turned when the right motor output was driven"),
+    ],
+)
+def test_what_is_not_connected_is_named(bench, part, number, words):
+    setattr(bench.kit, part, (number,))
     code, _, err = bench.wiring("--truth", "t")
-    assert code == 14 and "the left wheel turned, but no encoder counted" in err
+    assert code == 14 and words in err
     assert bench.kit.config["wiring"] == 0
-
-
-def test_a_motor_that_is_not_connected_is_named(bench):
-    bench.kit.stuck_outputs = (1,)
-    code, _, err = bench.wiring("--truth", "t")
-    assert code == 14 and "no wheel turned when the right motor output was driven" in err
-
-
-def test_nothing_moves_without_the_wheels_off_the_ground(bench):
-    code, _, err = bench.wiring("--answers", "left,forward,forward,yes")
-    assert code == 2 and "Are the wheels off the ground? stdin is not a terminal; give --yes" in err
-    assert bench.kit.seen == [] and bench.kit.config["wiring"] == 0
 
 
 def test_the_result_may_stay_in_force_until_the_board_restarts(bench):
     code, out, _ = bench.wiring("--truth", "t", "--no-eeprom")
     assert code == 0 and "the wires are as in HARDWARE.md: wiring 1, in force until" in out
     assert (bench.kit.config["wiring"], bench.kit.saved["wiring"]) == (1, 0)
-
-
-def test_the_encoders_do_not_show_which_wheel_turned(bench):
-    code, _, err = bench.wiring("--unseen", "--yes")
-    assert code == 2 and "the encoders of an H-bridge board do not show which wheel turned" in err
-
-
-def test_an_unknown_bridge_is_refused(bench):
-    code, _, err = bench.wiring("--truth", "t", "--bridge", "l293d")
-    assert code == 2 and "vnh5019" in err and err.count("\n") == 1
 
 
 # -- what else must not lose the wiring

@@ -112,10 +112,14 @@ def lap_error(lab, model):
         track, ruler = manoeuvres.Track(robot), Truth(lab.pose)
         track.begin()
         manoeuvres.square(robot, 1.0, False, manoeuvres.Speeds())
-        off = errors(
-            robot.model.drive, [Trial(manoeuvres.steps_of(track.end()), ruler.end("", lambda _: None))]
-        )[0]
+        trial = Trial(manoeuvres.steps_of(track.end()), ruler.end("", lambda _: None))
+        off = errors(robot.model.drive, [trial])[0]
         return np.hypot(*off[:2]), abs(off[2])
+
+
+def swap_encoders(board):
+    encoder = board.encoder
+    board.encoder = lambda number, time_s: encoder(4 - number, time_s)
 
 
 def test_calibration_removes_the_errors_of_a_square(lab, tmp_path):
@@ -131,6 +135,41 @@ def test_calibration_removes_the_errors_of_a_square(lab, tmp_path):
     assert (tmp_path / "ends.png").stat().st_size > 5000
     assert (tmp_path / "traxbot-1.yaml.1.bak").exists()
     assert "Araujo 2012" in (tmp_path / "traxbot-1.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "procedure", "said"),
+    [
+        ("traxbot-1.yaml", "mine", "straight", "traxbot-1.yaml already exists"),
+        (
+            "traxbot-1.calibration.json",
+            '{"version": 1',
+            "turn",
+            "not the state of a calibration; move it away",
+        ),
+    ],
+)
+def test_a_file_of_something_else_is_not_replaced(lab, tmp_path, name, text, procedure, said):
+    (tmp_path / name).write_text(text)
+    assert said in lab.refused(procedure, "--truth", "t", "--yes")
+    assert (tmp_path / name).read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (("straight", "--plot", "a.png", "--truth", "t"), "pip install 'mrl-driver[plot]'"),
+        (("turn", "--yes"), "stdin is not a terminal; give --truth FILE"),
+        (("straight", "--record", "run.mrl", "--truth", "t"), "run.mrl already exists. Replace it?"),
+        (("gains", "--recording", "lab.mrl"), "--robot is missing"),
+        (("turn", "--robot", "traxbot", "--output", "a.yaml", "--run", "lab.mrl"), "expected FILE:X,Y"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_anything_moves(lab, monkeypatch, tmp_path, args, said):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    (tmp_path / "run.mrl").write_text("precious\n")
+    assert said in lab.refused(*args)
+    assert lab.emulated is None
 
 
 def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
@@ -153,12 +192,6 @@ def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
     assert models.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=2e-3)
 
 
-def test_a_file_that_the_robot_does_not_come_from_is_not_replaced(lab, tmp_path):
-    (tmp_path / "traxbot-1.yaml").write_text("mine")
-    assert "traxbot-1.yaml already exists" in lab.refused("straight", "--truth", "t", "--yes")
-    assert (tmp_path / "traxbot-1.yaml").read_text() == "mine"
-
-
 def test_counts_that_jump_spoil_the_run(lab, tmp_path):
     """An encoder that reads 9000 more for a moment; the odometry bridges that, a calibration does not take it."""
 
@@ -169,17 +202,6 @@ def test_counts_that_jump_spoil_the_run(lab, tmp_path):
     lab.rewire = jump
     line = lab.refused("straight", "--count", 2, "--distance", 0.5, "--truth", "t", "--yes")
     assert "the counts jumped" in line and os.listdir(tmp_path) == []
-
-
-def test_swapped_encoders_are_found(lab):
-    def swap(board):
-        encoder = board.encoder
-        board.encoder = lambda number, time_s: encoder(4 - number, time_s)
-
-    lab.rewire = swap
-    code, _, lines = lab.mrl("wiring", "--truth", "t")
-    assert code == 14
-    assert lines[-1] == "mrl: encoders swapped: exchange the plugs of encoder 1 and encoder 3  [wheel_fault]"
 
 
 def test_sonar_curve_is_fitted_to_a_wall_and_saved_on_the_board(lab):
@@ -257,57 +279,36 @@ def test_the_wires_are_judged_from_a_recording_too(recorded_lab):
     assert (code, out) == (0, "the wiring of motors and encoders is right\n")
 
 
-def test_swapped_wires_are_found_in_a_recording(recorded_lab):
-    def swap(board):
-        encoder = board.encoder
-        board.encoder = lambda number, time_s: encoder(4 - number, time_s)
-
-    recorded_lab.rewire = swap
+def test_swapped_wires_are_found_and_in_a_recording_too(recorded_lab):
+    recorded_lab.rewire = swap_encoders
+    code, _, lines = recorded_lab.mrl("wiring", "--truth", "t")
+    assert code == 14
+    assert lines[-1] == "mrl: encoders swapped: exchange the plugs of encoder 1 and encoder 3  [wheel_fault]"
     code, out, _ = recorded_lab.mrl("wiring", "--unseen", "--yes", "--json")
     assert code == 14 and json.loads(out)["findings"][0].startswith("encoders or motors swapped")
     code, _, lines = recorded_lab.mrl("wiring", *FROM_RECORDING)
     assert code == 14 and "encoders or motors swapped" in lines[-1]
 
 
+STRAIGHT = ("straight", "--count", 2, "--distance", 0.5, "--truth", "t")
+UNSEEN = ("wiring", "--unseen")
+
+
 @pytest.mark.parametrize(
-    ("recorded", "wanted", "said"),
+    ("recorded", "wanted", "robot", "said"),
     [
-        (
-            ("straight", "--count", 2, "--distance", 0.5, "--truth", "t"),
-            "wiring",
-            "no motor was turned alone",
-        ),
-        (
-            ("straight", "--count", 2, "--distance", 0.5, "--truth", "t"),
-            "gains",
-            "holds no request 10 that moves",
-        ),
-        (("wiring", "--unseen"), "gains", "lab.mrl: the first step turns only one motor, expected both"),
+        (STRAIGHT, "wiring", "traxbot", "no motor was turned alone"),
+        (STRAIGHT, "gains", "traxbot", "holds no request 10 that moves"),
+        (UNSEEN, "gains", "traxbot", "lab.mrl: the first step turns only one motor, expected both"),
+        (UNSEEN, "wiring", "stingbot", "lab.mrl is a recording of robot id 1, expected a stingbot"),
+        (None, "gains", "traxbot", "lab.mrl holds 0 readings of the counters"),
     ],
 )
-def test_a_recording_of_another_calibration_is_refused(recorded_lab, recorded, wanted, said):
-    recorded_lab.mrl(*recorded, "--yes")
-    assert said in recorded_lab.refused(wanted, *FROM_RECORDING)
-
-
-def test_a_recording_of_another_robot_is_refused(recorded_lab):
-    recorded_lab.mrl("wiring", "--unseen", "--yes")
-    words = [word if word != "traxbot" else "stingbot" for word in FROM_RECORDING]
-    assert "lab.mrl is a recording of robot id 1, expected a stingbot" in recorded_lab.refused(
-        "wiring", *words
-    )
-
-
-def test_a_recording_without_counts_is_refused(lab, tmp_path):
+def test_a_recording_of_something_else_is_refused(recorded_lab, tmp_path, recorded, wanted, robot, said):
     (tmp_path / "lab.mrl").write_text("#mrl-recording 1 {}\n0.0 ! opened x\n")
-    assert "lab.mrl holds 0 readings of the counters" in lab.refused("gains", *FROM_RECORDING)
-
-
-def test_of_which_robot_a_recording_is_must_be_said(lab):
-    assert "--robot is missing" in lab.refused("gains", "--recording", "lab.mrl")
-    assert "--run is 'lab.mrl', expected FILE:X,Y" in lab.refused(
-        "turn", *FROM_RECORDING[:-2], "--run", "lab.mrl"
-    )
+    if recorded:
+        recorded_lab.mrl(*recorded, "--yes")
+    assert said in recorded_lab.refused(wanted, "--robot", robot, *FROM_RECORDING[2:])
 
 
 def test_umbmark_from_recordings(lab, tmp_path):
@@ -337,12 +338,6 @@ def test_a_recording_that_does_not_do_is_refused(lab, tmp_path, way, jump, said)
     words = ("--robot", "traxbot", "--output", "mine.yaml", "--yes")
     assert said in lab.refused("umbmark", *words, "--run", f"{file}:{end}")
     assert not (tmp_path / "mine.yaml").exists()
-
-
-def test_a_plot_without_matplotlib_is_refused_before_anything_moves(lab, monkeypatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    assert "pip install 'mrl-driver[plot]'" in lab.refused("straight", "--plot", "a.png", "--truth", "t")
-    assert lab.emulated is None
 
 
 def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab):
@@ -382,19 +377,14 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
 
 
 def test_a_sonar_that_was_not_written_down_can_be_without_driving_again(lab, monkeypatch, tmp_path):
-    lab.options = {"pose": "0.4,0,0", "footprint": "box"}
-    monkeypatch.setattr(calibrate_job, "confirm_motion", lambda question, yes: None)
-    assert "Write traxbot-1.yaml?" in lab.refused(*SONAR)
-    assert (tmp_path / "traxbot-1.sonar.csv").exists()
-    monkeypatch.setattr(manoeuvres, "straight", None)
-    assert lab.mrl(*SONAR, "--yes")[0] == 0
-
-
-def test_a_sonar_begins_again_with_restart(lab, tmp_path):
+    """It begins again with --restart, though there are points of before."""
     (tmp_path / "traxbot-1.sonar.csv").write_text("0.2,0.2\n")
     lab.options = {"pose": "0.4,0,0", "footprint": "box"}
-    code, _, lines = lab.mrl(*SONAR, "--restart", "--yes")
-    assert code == 0 and "1 of 9: 1.50 m" in lines
+    monkeypatch.setattr(calibrate_job, "confirm_motion", lambda question, yes: None)
+    assert "Write traxbot-1.yaml?" in lab.refused(*SONAR, "--restart")
+    monkeypatch.setattr(manoeuvres, "straight", None)
+    code, _, lines = lab.mrl(*SONAR, "--yes")
+    assert code == 0 and lines[0].startswith("9 of 9 distances are already in")
 
 
 def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
@@ -414,60 +404,45 @@ def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
 # -- the terminal, and what may be wrong with files
 
 
-def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, monkeypatch):
-    """A turn each way measured with a protractor, one answer mistyped."""
-    lab.options = {"error": "slip=0.1"}
+@pytest.fixture
+def person(lab, monkeypatch):
+    """Measures where the robot has come to, and answers what `answer` makes of that; returns all questions."""
     start, answers = [], []
 
-    def ask(question, **_):
-        if str(question).startswith("Press Enter"):
-            start[:] = [lab.pose()]
-            return ""
-        answers.append(question)
-        if len(answers) == 1:
-            return "0.1; 2"
-        x, y, yaw = lab.pose().relative_to(start[0])
-        return f"{x:.3f}, {y:.3f}, {math.degrees(yaw):.1f}"
+    def make(answer):
+        def ask(question, **_):
+            if str(question).startswith("Press Enter"):
+                start[:] = [lab.pose()]
+                return ""
+            answers.append(question)
+            return answer(len(answers), *lab.pose().relative_to(start[0]))
 
-    monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
-    monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
+        monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
+        monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
+        return answers
+
+    return make
+
+
+def test_a_person_is_guided_and_asked_again_after_a_slip_of_the_pen(lab, person):
+    """A turn each way measured with a protractor, one answer mistyped."""
+    lab.options = {"error": "slip=0.1"}
+    answers = person(
+        lambda n, x, y, yaw: "0.1; 2" if n == 1 else f"{x:.3f}, {y:.3f}, {math.degrees(yaw):.1f}"
+    )
     code, _, lines = lab.mrl("turn", "--count", 2, "--turns", 1, "--yes")
     assert code == 0 and any(line.startswith("got '0.1; 2', expected x y [m]") for line in lines)
     assert len(answers) == 3
     assert models.load("traxbot-1.yaml").drive.turn_slip == pytest.approx(0.1, abs=5e-3)
 
 
-def test_a_measurement_that_cannot_be_is_asked_for_again(lab, monkeypatch):
+def test_a_measurement_that_cannot_be_is_asked_for_again(lab, person):
     """Metres for centimetres, in the second run: neither it nor the first has to be driven again."""
-    start, answers = [], []
-
-    def ask(question, **_):
-        if str(question).startswith("Press Enter"):
-            start[:] = [lab.pose()]
-            return ""
-        answers.append(question)
-        x, y, _ = lab.pose().relative_to(start[0])
-        return f"{100 * x:.3f} {100 * y:.3f}" if len(answers) == 2 else f"{x:.3f} {y:.3f}"
-
-    monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
-    monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
+    answers = person(lambda n, x, y, yaw: f"{100 * x:.3f} {100 * y:.3f}" if n == 2 else f"{x:.3f} {y:.3f}")
     code, _, lines = lab.mrl("straight", "--count", 2, "--distance", 0.5, "--yes")
     assert code == 0 and len(answers) == 3
-    assert any(
-        "m from the end by the counts, expected at most" in line and "; measure again" in line
-        for line in lines
-    )
-
-
-def test_without_a_terminal_nothing_is_asked_and_nothing_moves(lab):
-    assert "stdin is not a terminal; give --truth FILE" in lab.refused("turn", "--yes")
-    assert lab.emulated is None
-
-
-def test_a_recording_is_not_replaced_without_a_question(lab, tmp_path):
-    (tmp_path / "run.mrl").write_text("precious\n")
-    line = lab.refused("straight", "--record", "run.mrl", "--truth", "t")
-    assert "run.mrl already exists. Replace it?" in line and lab.emulated is None
+    words = "m from the end by the counts, expected at most"
+    assert any(words in line and "; measure again" in line for line in lines)
 
 
 def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
@@ -479,12 +454,6 @@ def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
         taken = part_procedures.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
     speeds = np.diff(taken.right) / np.diff(taken.times_s)
     assert taken.right[0] == 0 and speeds[10:].min() > 4000
-
-
-def test_a_damaged_state_is_not_written_over(lab, tmp_path):
-    (tmp_path / "traxbot-1.calibration.json").write_text('{"version": 1')
-    assert "not the state of a calibration; move it away" in lab.refused("turn", "--truth", "t", "--yes")
-    assert (tmp_path / "traxbot-1.calibration.json").read_text() == '{"version": 1'
 
 
 def test_a_yaml_that_cannot_be_edited_line_by_line_stays(tmp_path):
