@@ -22,32 +22,33 @@ _REVERSED = {
 }
 
 
+def _crossed(wiring: int, bit: str, pair: Tuple[float, float]) -> Tuple[float, float]:
+    return (pair[1], pair[0]) if wiring & BITS[bit] else pair
+
+
+def _signed(wiring: int, part: str, pair: Tuple[float, float]) -> Tuple[float, float]:
+    left, right = (-each if wiring & bit else each for each, bit in zip(pair, _REVERSED[part]))
+    return left, right
+
+
 def driven(wiring: int, wheels: Tuple[float, float]) -> Tuple[float, float]:
-    """Duties of the outputs, left and right, that drive the wheels of a kit with this wiring so; its own inverse."""
-    turned = [-wheels[each] if wiring & _REVERSED["motor"][each] else wheels[each] for each in (LEFT, RIGHT)]
-    return (turned[1], turned[0]) if wiring & BITS["motors_swapped"] else (turned[0], turned[1])
+    """Duties of the outputs, left and right, that drive the wheels of a kit with this wiring so."""
+    return _crossed(wiring, "motors_swapped", _signed(wiring, "motor", wheels))
 
 
 def turned_by(wiring: int, outputs: Tuple[float, float]) -> Tuple[float, float]:
     """Speeds of the wheels when the outputs have these duties."""
-    if wiring & BITS["motors_swapped"]:
-        outputs = outputs[1], outputs[0]
-    left, right = (-outputs[i] if wiring & _REVERSED["motor"][i] else outputs[i] for i in (LEFT, RIGHT))
-    return left, right
+    return _signed(wiring, "motor", _crossed(wiring, "motors_swapped", outputs))
 
 
 def counted(wiring: int, wheels: Tuple[float, float]) -> Tuple[float, float]:
     """Counts at the inputs, left and right, when the wheels turn so."""
-    left, right = (-wheels[i] if wiring & _REVERSED["encoder"][i] else wheels[i] for i in (LEFT, RIGHT))
-    return (right, left) if wiring & BITS["encoders_swapped"] else (left, right)
+    return _crossed(wiring, "encoders_swapped", _signed(wiring, "encoder", wheels))
 
 
 def understood(wiring: int, inputs: Tuple[float, float]) -> Tuple[float, float]:
     """Counts of the wheels that a board with this wiring makes of those at its inputs."""
-    if wiring & BITS["encoders_swapped"]:
-        inputs = inputs[1], inputs[0]
-    left, right = (-inputs[i] if wiring & _REVERSED["encoder"][i] else inputs[i] for i in (LEFT, RIGHT))
-    return left, right
+    return _signed(wiring, "encoder", _crossed(wiring, "encoders_swapped", inputs))
 
 
 class Kit(FakeBoard):

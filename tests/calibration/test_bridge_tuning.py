@@ -12,14 +12,12 @@ from mrl_driver.calibration.bridge_gains import BridgeGains
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job
 from mrl_driver.driver import eeprom
-from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.robot import models
 from sim_arduino.serve import factory
 
-from .test_commands import Recorded
+from .test_commands import recorded
 
 OVERSHOOT, SETTLED_S, OFFSET = 0.05, 0.25, 0.01
 """Limits of a step of the speed, as for the firmware; the speeds are means over 50 ms."""
@@ -37,8 +35,8 @@ class Lab:
 
     @contextlib.contextmanager
     def connect(self, job):
-        engine = Recorded(self.made.engine, self.record) if self.record else self.made.engine
-        with SteppedDriver(engine, "duo", Options(check=self.record is None)) as robot:
+
+        with SteppedDriver(self.made.engine, "duo", recorded(self.record)) as robot:
             eeprom.write(robot, SOFT._asdict())
             yield robot
 
@@ -124,14 +122,6 @@ def test_a_recording_gives_the_gains_of_its_drive(lab, tmp_path):
     board = models.load("kit.yaml").board
     assert code == 0, lines
     assert {name: board[name] for name in driven} == pytest.approx(driven, rel=0.03)
-
-
-def test_a_recording_without_steps_of_both_motors_is_refused(lab, tmp_path):
-    lab.record = tmp_path / "drive.mrl"
-    with lab.connect(None) as robot:
-        manoeuvres.spin_motors(robot, manoeuvres.MOVE, 30, 0, 0.5)
-    with pytest.raises(ConfigError, match="no step turns both motors, expected a recording of mrl calibrate"):
-        bridge_procedures.recorded(str(lab.record), models.load("duo"))
 
 
 def test_a_request_without_duty_ends_a_step_and_begins_none():

@@ -1,17 +1,15 @@
 """`mrl calibrate` as a whole, on emulated boards in simulated time."""
 
-import codecs
 import contextlib
 import json
 import math
 import os
-import pathlib
 import sys
 
 import numpy as np
 import pytest
 
-from mrl_driver.calibration import calibration_files, manoeuvres, part_procedures
+from mrl_driver.calibration import manoeuvres, part_procedures
 from mrl_driver.calibration.gains import Gains
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
@@ -20,7 +18,6 @@ from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol import encode_reply
 from mrl_driver.robot import models
@@ -32,34 +29,8 @@ END_M, END_RAD = 0.01, math.radians(0.5)
 BELIEVED = models.load("traxbot").drive
 
 
-class Recorded:
-    """An engine of which every byte is written down, as on a port with --record."""
-
-    def __init__(self, engine, path):
-        self._engine, self._path, self._now_s = engine, path, 0.0
-        path.write_text("#mrl-recording 1 {}\n")
-
-    @property
-    def next_event_s(self):
-        return self._engine.next_event_s
-
-    def receive(self, data):
-        self._note(">", data)
-        self._engine.receive(data)
-
-    def advance(self, to_s):
-        data, self._now_s = self._engine.advance(to_s), to_s
-        if data:
-            self._note("<", data)
-        return data
-
-    def _note(self, way, data):
-        with open(self._path, "a") as file:
-            file.write(f"{self._now_s:.6f} {way} {codecs.escape_encode(data)[0].decode()}\n")
-
-
 class Lab:
-    """Emulated robots, a new one for each command, and the command line."""
+    """Emulated robots, a new one for each command, and the command line; robots are recorded to `recording`."""
 
     def __init__(self, capsys):
         self.options, self.rewire, self.emulated, self.recording = {}, None, None, None
@@ -71,12 +42,12 @@ class Lab:
             yield robot
 
     def robot(self, model, period_ms=100):
-        options = {"footprint": "none", **self.options}
-        self.emulated = factory.make(factory.Options(robot="traxbot", **options))
+        self.emulated = factory.make(
+            factory.Options(robot="traxbot", **{"footprint": "none", **self.options})
+        )
         if self.rewire:
             self.rewire(self.emulated.plant.motor_board)
-        engine = Recorded(self.emulated.engine, self.recording) if self.recording else self.emulated.engine
-        return SteppedDriver(engine, model, Options(period_ms=period_ms, check=self.recording is None))
+        return SteppedDriver(self.emulated.engine, model, recorded(self.recording, period_ms=period_ms))
 
     def pose(self):
         return Pose(*self.emulated.plant.true_pose)
@@ -94,6 +65,13 @@ class Lab:
         code, _, lines = self.mrl(*args)
         assert code == 2, lines
         return lines[-1]
+
+
+def recorded(path, **options):
+    """Options of a driver that is recorded to a new file, or not at all."""
+    if path and path.exists():
+        path.unlink()
+    return Options(check=path is None, record=path and str(path), **options)
 
 
 @pytest.fixture
@@ -214,13 +192,6 @@ def test_sonar_curve_is_fitted_to_a_wall_and_saved_on_the_board(lab):
     assert lab.emulated.engine.config["sonar_a"] == board["sonar_a"] != 11767
 
 
-def test_without_a_wall_nothing_is_written(lab, tmp_path):
-    (tmp_path / "empty.yaml").write_text("walls: []\n")
-    lab.options = {"world": str(tmp_path / "empty.yaml")}
-    line = lab.refused("sonar", "--start", 1.0, "--step", 0.1, "--yes")
-    assert "missed the wall" in line and not (tmp_path / "traxbot-1.yaml").exists()
-
-
 def test_gains_are_suggested_and_the_ramp_comes_back(lab):
     code, out, _ = lab.mrl("gains", "--yes", "--json", "--plot", "gains.png")
     found = json.loads(out)
@@ -319,33 +290,33 @@ def test_umbmark_from_recordings(lab, tmp_path):
         for i in (1, 2)
         for word in run(tmp_path / f"{left}{i}.mrl", paths.square(left=left), true)
     ]
-    code, _, lines = lab.mrl("umbmark", "--robot", "traxbot", "--output", "mine.yaml", "--yes", *runs)
+    words = ("umbmark", "--robot", "traxbot", "--output", "mine.yaml", "--yes")
+    for way, jump, end, said in (
+        (paths.straight(1.0), 0, "1,0", "went straight, expected a run of mrl calibrate umbmark"),
+        (paths.square(), 9000, "0,0", "the counts jump 2 times"),
+        (paths.square(), 0, "0,0", "there are 1 counter-clockwise laps, expected 2 to 50"),
+    ):
+        file = record(tmp_path / "a.mrl", way, jump=jump)
+        assert said in lab.refused(*words, "--run", f"{file}:{end}")
+        assert not (tmp_path / "mine.yaml").exists()
+    code, _, lines = lab.mrl(*words, *runs)
     assert code == 0, lines
     assert models.load("mine.yaml").drive == pytest.approx(true, abs=2e-4)
 
 
 @pytest.mark.parametrize(
-    "way, jump, said",
-    [
-        (paths.straight(1.0), 0, "went straight, expected a run of mrl calibrate umbmark"),
-        (paths.square(), 9000, "the counts jump 2 times"),
-        (paths.square(), 0, "there are 1 counter-clockwise laps, expected 2 to 50"),
-    ],
+    ("x_m", "world", "said"),
+    [(1.1, None, "the front sonar measures 0.8"), (0.0, "walls: []\n", "missed the wall")],
+    ids=["0.8 m away, said to be 1.5", "no wall"],
 )
-def test_a_recording_that_does_not_do_is_refused(lab, tmp_path, way, jump, said):
-    end = "1,0" if way == paths.straight(1.0) else "0,0"
-    file = record(tmp_path / "a.mrl", way, jump=jump)
-    words = ("--robot", "traxbot", "--output", "mine.yaml", "--yes")
-    assert said in lab.refused("umbmark", *words, "--run", f"{file}:{end}")
-    assert not (tmp_path / "mine.yaml").exists()
-
-
-def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab):
-    """0.8 m away, said to be 1.5."""
-    lab.options = {"pose": "1.1,0,0", "footprint": "box"}
-    line = lab.refused("sonar", "--start", 1.5, "--step", 0.15, "--yes")
-    assert "the front sonar measures 0.8" in line and "about 1.50 m" in line
-    assert lab.pose().x_m == pytest.approx(1.1, abs=END_M)
+def test_a_robot_that_was_put_too_near_to_the_wall_does_not_drive_into_it(lab, tmp_path, x_m, world, said):
+    lab.options = {"pose": f"{x_m},0,0", "footprint": "box"}
+    if world:
+        (tmp_path / "empty.yaml").write_text(world)
+        lab.options["world"] = str(tmp_path / "empty.yaml")
+    assert said in lab.refused("sonar", "--start", 1.5, "--step", 0.15, "--yes")
+    assert not (tmp_path / "traxbot-1.yaml").exists()
+    assert world or lab.pose().x_m == pytest.approx(1.1, abs=END_M)
 
 
 SONAR_M = 0.01
@@ -385,20 +356,6 @@ def test_a_sonar_that_was_not_written_down_can_be_without_driving_again(lab, mon
     monkeypatch.setattr(manoeuvres, "straight", None)
     code, _, lines = lab.mrl(*SONAR, "--yes")
     assert code == 0 and lines[0].startswith("9 of 9 distances are already in")
-
-
-def test_points_of_a_sonar_are_read_from_a_file(lab, tmp_path):
-    distances = np.arange(0.2, 2.0, 0.1)
-    (tmp_path / "wall.csv").write_text(
-        "# distance,reading\n" + "".join(f"{d:.2f},{1.2 * d:.3f}\n" for d in distances)
-    )
-    words = ("sonar", "--robot", "traxbot", "--output", "mine.yaml", "--points", "wall.csv", "--yes")
-    assert lab.mrl(*words)[0] == 0
-    assert models.load("mine.yaml").board["sonar_a"] == pytest.approx(11767 / 1.2, rel=0.05)
-    (tmp_path / "wall.csv").write_text("0.2,0.2\n0.3;0.3\n")
-    assert "wall.csv:2: got '0.3;0.3', expected distance,reading" in lab.refused(
-        *words[:-3], "--points", "wall.csv", "--output", "b.yaml"
-    )
 
 
 # -- the terminal, and what may be wrong with files
@@ -454,14 +411,3 @@ def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
         taken = part_procedures.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
     speeds = np.diff(taken.right) / np.diff(taken.times_s)
     assert taken.right[0] == 0 and speeds[10:].min() > 4000
-
-
-def test_a_yaml_that_cannot_be_edited_line_by_line_stays(tmp_path):
-    file = tmp_path / "flow.yaml"
-    text = pathlib.Path(calibration_files.source_of("traxbot")).read_text()
-    head, rest = text[: text.index("drive:")], text[text.index("board:") :]
-    file.write_text(f"{head}drive: {{wheel_separation_m: 0.18, metres_per_count: 0.0000875}}\n{rest}")
-    before = file.read_text()
-    with pytest.raises(ConfigError, match="nothing was changed"):
-        calibration_files.write_model(str(file), str(file), {("drive", "turn_slip"): 0.1}, "test")
-    assert file.read_text() == before and os.listdir(tmp_path) == ["flow.yaml"]

@@ -1,7 +1,5 @@
 """Geometry and noise out of where runs ended."""
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -71,12 +69,6 @@ def test_an_end_measured_wrong_is_named_with_what_drives_it_again():
         geometry_procedures.evaluate(geometry_procedures.UMBMARK, runs, TRAXBOT)
 
 
-def test_runs_without_any_measured_end_tell_nothing():
-    runs = [run._replace(end=Pose(math.nan, math.nan, math.nan)) for run in laps(BELIEVED)]
-    with pytest.raises(ConfigError, match="do not determine wheel_offset"):
-        fit.fit(runs, BELIEVED, [fit.OFFSET], TRAXBOT.noise)
-
-
 def test_spread_of_a_whole_run_is_that_of_its_steps():
     """The matrix form for recordings and the step by step form for the bridge are one."""
     steps = paths.counts(paths.square() + paths.turn(-2.0) + paths.straight(-0.4), BELIEVED)
@@ -107,21 +99,6 @@ def test_noise_comes_out_of_the_runs_and_the_errors_of_a_hundred_others_agree_wi
         cover = spread(found.drive, steps, noise)
         squared.append(error_squared(tuple(cover[np.triu_indices(3)]), *errors(found.drive, [run])[0]))
     assert 2.54 < np.mean(squared) < 3.50
-
-
-def test_a_fit_is_as_sure_as_its_errors_are_small():
-    """Slip from six turns, on 60 robots with random errors, measured with a tape: errors over their deviations."""
-    true, squared = BELIEVED._replace(turn_slip=0.1), []
-    for seed in range(60):
-        rng, runs = np.random.default_rng(seed), []
-        for sign in (1, -1) * 3:
-            run = paths.driven(paths.turn(4 * math.pi * sign), BELIEVED, true, TRAXBOT.noise, rng)
-            off = rng.normal(size=3) * np.sqrt(fit.BY_TAPE.variances)
-            runs.append(run._replace(end=Pose(*np.add(run.end, off))))
-        found = fit.fit(runs, true, [fit.SLIP], TRAXBOT.noise)
-        sd = fit.scale_deviations(found, [fit.SLIP])["turn_scale_sd"]
-        squared.append(((found.drive.turn_slip - 0.1) / 0.9 / sd) ** 2)
-    assert 0.5 < np.mean(squared) < 2.0
 
 
 def test_a_calibration_writes_how_sure_it_is_of_what_it_measured():

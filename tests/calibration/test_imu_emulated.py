@@ -7,14 +7,14 @@ import pathlib
 
 import pytest
 
-from mrl_driver.calibration import calibration_files, imu_fit, imu_procedures, manoeuvres
+from mrl_driver.calibration import calibration_files, manoeuvres
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot import models
-from mrl_driver.robot.models import ImuMount, kit
+from mrl_driver.robot.models import ImuMount
 from mrl_driver.yaml_form import with_schema_line
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.serve import factory
@@ -136,42 +136,14 @@ def test_a_person_types_the_heading_or_turns_the_robot_back_to_the_line(bench, m
     assert abs(found.gyro_scale - 1 / ImuErrors.drawn(SEED).gyro_scale[2]) < 4 * found.gyro_scale_sd
 
 
-def test_a_track_begins_when_the_robot_stands(bench):
-    """What a robot turned before, because somebody put it down, is not a part of its run."""
-    with bench.robot("traxbot") as robot:
-        track = imu_procedures.ImuTrack(robot)
-        robot.drive(0.0, 0.8)
-        rest = imu_procedures.stand(robot, track, 2.0, begin=True)
-        assert abs(bench.pose().yaw_rad) > 0.1
-        assert len(track.readings()) == rest.readings and imu_fit.is_still(track.readings())
-
-
-def test_calibrations_of_the_wheels_do_not_see_the_gyro(monkeypatch):
-    """Its heading would hide the error of theirs."""
-    seen = []
-    monkeypatch.setattr(calibrate_job, "connected", lambda target, **options: seen.append(options))
-    job = calibrate_job.Job(**dict.fromkeys(calibrate_job.Job._fields))
-    calibrate_job.connect(job)
-    calibrate_job.connect(job, imu_period_ms=20)
-    assert [options["imu_period_ms"] for options in seen] == [0, 20]
-
-
 # -- the file
 
 MEASURED = ImuMount(0.0, 0.0, 0.0, 179.25, -3.5, -90.1, 1.01234, 0.00045)
 
 
-@pytest.mark.parametrize("kind", ["traxbot", "kit"])
-def test_a_measured_imu_is_read_back_as_it_was_written(tmp_path, kind):
-    """A second calibration replaces the numbers of the first; comments and all other numbers stay.  The schema is named
-    by its whole path, because the file lies elsewhere.
-    """
-    rover = kit.Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612")
-    text = (
-        pathlib.Path(calibration_files.source_of("traxbot")).read_text()
-        if kind == "traxbot"
-        else kit.text_of(rover)
-    )
+def test_a_measured_imu_is_read_back_as_it_was_written(tmp_path):
+    """A second calibration replaces the numbers of the first; comments and all other numbers stay."""
+    text = pathlib.Path(calibration_files.source_of("traxbot")).read_text()
     path = str(tmp_path / "robot.yaml")
     pathlib.Path(path).write_text(text)
     before = models.load(path)
@@ -181,5 +153,4 @@ def test_a_measured_imu_is_read_back_as_it_was_written(tmp_path, kind):
         values = {("imu", name): getattr(mount, name) for name in names}
         calibration_files.write_model(path, path, values, "mrl calibrate imu")
     assert models.load(path) == before._replace(imu=MEASURED)
-    written = pathlib.Path(path).read_text()
-    assert written.startswith(with_schema_line(text, models.SCHEMA).rstrip())
+    assert pathlib.Path(path).read_text().startswith(with_schema_line(text, models.SCHEMA).rstrip())

@@ -70,22 +70,22 @@ def test_suggested_gains_reach_the_speed_without_much_overshoot(tau):
 
 
 @pytest.mark.parametrize(
-    "trials, finding",
+    "left, right, finding",
     [
-        ([(LEFT, 0, 900, LEFT, 1), (RIGHT, 900, 0, RIGHT, 1)], None),
-        ([(LEFT, 0, 900, RIGHT, 1), (RIGHT, 900, 0, LEFT, 1)], "motors swapped"),
-        ([(LEFT, 900, 0, LEFT, 1), (RIGHT, 0, 900, RIGHT, 1)], "encoders swapped"),
-        ([(LEFT, 0, -900, LEFT, 1), (RIGHT, 900, 0, RIGHT, 1)], "left encoder reversed"),
-        ([(LEFT, 0, -900, LEFT, -1), (RIGHT, 900, 0, RIGHT, 1)], "left motor runs backward"),
-        ([(LEFT, 0, 0, LEFT, 1), (RIGHT, 900, 0, RIGHT, 1)], "left encoder does not count"),
-        ([(LEFT, 0, 0, LEFT, 0), (RIGHT, 900, 0, RIGHT, 1)], "left motor does not turn"),
-        ([(LEFT, 0, 0), (RIGHT, 0, 0)], "no wheel moved"),
-        ([(LEFT, 900, 0), (RIGHT, 0, 900)], "encoders or motors swapped"),
-        ([(LEFT, 0, 900), (RIGHT, -900, 0)], "right encoder or motors reversed"),
+        ((0, 900, LEFT, 1), (900, 0, RIGHT, 1), None),
+        ((0, 900, RIGHT, 1), (900, 0, LEFT, 1), "motors swapped"),
+        ((900, 0, LEFT, 1), (0, 900, RIGHT, 1), "encoders swapped"),
+        ((0, -900, LEFT, 1), (900, 0, RIGHT, 1), "left encoder reversed"),
+        ((0, -900, LEFT, -1), (900, 0, RIGHT, 1), "left motor runs backward"),
+        ((0, 0, LEFT, 1), (900, 0, RIGHT, 1), "left encoder does not count"),
+        ((0, 0, LEFT, 0), (900, 0, RIGHT, 1), "left motor does not turn"),
+        ((0, 0), (0, 0), "no wheel moved"),
+        ((900, 0), (0, 900), "encoders or motors swapped"),
+        ((0, 900), (-900, 0), "right encoder or motors reversed"),
     ],
 )
-def test_wires_are_told_from_what_turned_and_what_counted(trials, finding):
-    found = diagnose([Trial(*trial) for trial in trials])
+def test_wires_are_told_from_what_turned_and_what_counted(left, right, finding):
+    found = diagnose([Trial(LEFT, *left), Trial(RIGHT, *right)])
     assert (found == []) if finding is None else any(line.startswith(finding) for line in found)
 
 

@@ -19,6 +19,7 @@ from sim_arduino.board.board_status import BoardStatus
 from sim_arduino.faults import hardware_faults
 from tests.conformance.bench import Bench
 from tests.fake_board import FakeBoard
+from tests.scripted_line import ScriptedLine
 
 from .talk import Talk
 
@@ -34,28 +35,10 @@ PHASE_S = 0.04
 STATUS = BY_NAME["read_status"].code
 
 
-class Line:
-    """A board behind a line that may lose the bytes to it."""
-
-    def __init__(self, board):
-        self._board, self.whole = board, True
-
-    @property
-    def next_event_s(self):
-        return self._board.next_event_s
-
-    def receive(self, data):
-        if self.whole:
-            self._board.receive(data)
-
-    def advance(self, to_s):
-        return self._board.advance(to_s)
-
-
 def commanded_robot(engine="python", motors="omni3md", **options):
     """A robot that can `drive` at 0.2 m/s with a command in force for 10 s."""
     bench = Bench(engine, motors, battery_v=12.0)
-    line = Line(bench.board)
+    line = ScriptedLine(bench.board)
     driver = SteppedDriver(line, bench.model, options=Options(command_timeout_s=10.0, **options))
     driver.connect()
     return SimpleNamespace(driver=driver, bench=bench, line=line)
@@ -77,9 +60,9 @@ def robots():
 
 
 def lose_bytes(robot, seconds=LOSS_S):
-    robot.line.whole = False
+    robot.line.to_board = lambda data: b""
     robot.driver.wait(seconds)
-    robot.line.whole = True
+    robot.line.to_board = lambda data: data
 
 
 def take_motor_board_away(robot):
@@ -161,20 +144,6 @@ def test_the_voltage_that_a_missing_motor_board_does_not_measure_empties_no_batt
             states.add(robot.driver.battery_state)
     assert states == {"ok"} and robot.driver.stop_reason == "motor_board"
     assert any(map(math.isnan, volts)) and 0.0 not in volts and volts[-1] == 12.0
-
-
-def test_a_replay_of_such_a_stop_is_exact(robots, tmp_path):
-    path = str(tmp_path / "drive.mrl")
-    robot = robots(record=path)
-    heard, again = [], []
-    robot.driver.on_telemetry(lambda each: heard.append((each, robot.driver.stop_reason == "link_watchdog")))
-    travel_m(robot, lose_bytes, 0.0)
-    told = heard[:]
-    robot.driver.close()
-    played = RecordedDriver(path)
-    played.on_telemetry(lambda each: again.append((each, played.stop_reason == "link_watchdog")))
-    played.play()
-    assert repr(again[-len(heard) :][: len(told)]) == repr(told) and told[-1][1]
 
 
 # -- a wheel that is blocked, and a program that goes on sending

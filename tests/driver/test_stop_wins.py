@@ -15,6 +15,7 @@ from mrl_driver.session import session
 from mrl_driver.session.polling import BUSY_S
 from tests.conformance.bench import Bench
 from tests.radio_board import PEER
+from tests.scripted_line import ScriptedLine
 from tests.waiting import PATIENCE_S, wait_until
 
 from .line import Line
@@ -25,25 +26,16 @@ NOISE_M_S = 0.003
 """A wheel that is slower stands still."""
 
 
-class OneWay:
-    """A board whose line loses what goes to the board, or to the host, or accepts nothing."""
+def whole(data):
+    return data
 
-    def __init__(self, board):
-        self._board, self.deaf, self.silent, self.full = board, False, False, False
 
-    @property
-    def next_event_s(self):
-        return self._board.next_event_s
+def cut(data):
+    return b""
 
-    def receive(self, data):
-        if self.full:
-            raise BoardTimeout("the port has accepted no data for 100 ms")
-        if not self.deaf:
-            self._board.receive(data)
 
-    def advance(self, to_s):
-        heard = self._board.advance(to_s)
-        return b"" if self.silent else heard
+def full(data):
+    raise BoardTimeout("the port has accepted no data for 100 ms")
 
 
 class Stepped:
@@ -51,7 +43,7 @@ class Stepped:
 
     def __init__(self, environment=False, **options):
         self.bench = Bench("python", environment=environment, battery_v=12.0)
-        self.line = OneWay(self.bench.board)
+        self.line = ScriptedLine(self.bench.board)
         self.driver = SteppedDriver(self.line, self.bench.model, options=Options(**options))
         self.driver.connect()
 
@@ -103,7 +95,7 @@ def test_a_command_of_zero_while_telemetry_is_late_is_a_stop():
     """A command would not be sent then."""
     robot = Stepped()
     robot.drive()
-    robot.line.silent = True
+    robot.line.to_host = cut
     robot.driver.wait(0.12)
     robot.driver.drive(0.0, 0.0)
     robot.driver.wait(0.01)
@@ -114,9 +106,9 @@ def test_a_command_that_the_port_did_not_accept_is_held_back_while_telemetry_is_
     """The request would let the board go on with the command from before."""
     robot = Stepped()
     robot.drive()
-    robot.line.full = True
+    robot.line.to_board = full
     assert not robot.driver.drive(0.02, 0.0)
-    robot.line.full, robot.line.silent = False, True
+    robot.line.to_board, robot.line.to_host = whole, cut
     robot.driver.wait(0.12)
     robot.driver.request(COUNTERS)
     robot.driver.wait(0.01)
@@ -126,11 +118,11 @@ def test_a_command_that_the_port_did_not_accept_is_held_back_while_telemetry_is_
 def test_a_robot_whose_line_was_cut_is_not_called_stopped_while_it_may_turn():
     robot = Stepped(command_timeout_s=2.0)
     robot.drive()
-    robot.line.deaf = robot.line.silent = True
+    robot.line.to_board = robot.line.to_host = cut
     robot.driver.wait(0.3)
     assert robot.driver.command is None and robot.turning and not robot.driver.stopped
     robot.driver.wait(1.0)
-    robot.line.deaf = robot.line.silent = False
+    robot.line.to_board = robot.line.to_host = whole
     robot.driver.wait(2.0)
     assert robot.driver.stopped
 

@@ -1,5 +1,6 @@
 """Wheels that turn although nothing asks them to: the robot is stopped again."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -10,6 +11,7 @@ from mrl_driver.protocol.table import BY_NAME, STOP_CODE
 from mrl_driver.session.session import Session
 from tests.conformance.bench import Bench
 from tests.long.soak.truth import Truth
+from tests.scripted_line import ScriptedLine
 
 MOVE = b"@%d," % BY_NAME["move_differential"].code
 STOP = b"@%de" % STOP_CODE
@@ -21,45 +23,29 @@ PERIODS_MS = (10, 20, 50)
 """Of the telemetry."""
 
 
-class Line:
-    """A board behind a line that keeps back the first move while `keeps`, as a network may, until it is delivered."""
-
-    def __init__(self, board):
-        self._board, self.keeps, self.kept, self.stops = board, False, b"", 0
-        self.silent = False
-
-    @property
-    def next_event_s(self):
-        return self._board.next_event_s
-
-    def receive(self, data):
-        self.stops += data.count(STOP)
-        if self.keeps and MOVE in data and not self.kept:
-            self.kept = data
-        else:
-            self._board.receive(data)
-
-    def advance(self, to_s):
-        heard = self._board.advance(to_s)
-        return b"" if self.silent else heard
-
-    def deliver(self):
-        self._board.receive(self.kept)
-
-
 def stopped(period_ms, motors="omni3md", record=None, after_s=1.0):
-    """A robot that has stopped, and whose line still has one of its moves; `after_s` after the stop."""
+    """A robot that has stopped, `after_s` after the stop; a line that may `deliver` a move which it has kept back."""
     bench = Bench("python", motors, battery_v=12.0)
-    line = Line(bench.board)
+    line, kept = ScriptedLine(bench.board), []
+
+    def keep_a_move(data):
+        """As a network may."""
+        if MOVE in data and not kept:
+            kept.append(data)
+            return b""
+        return data
+
     driver = SteppedDriver(line, bench.model, options=Options(period_ms=period_ms, record=record))
     driver.connect()
-    for line.keeps in (False,) * 20 + (True,) * 4:
+    for to_board in (line.to_board,) * 20 + (keep_a_move,) * 4:
+        line.to_board = to_board
         driver.drive(0.2, 0.0)
         driver.wait(0.05)
     driver.stop()
     driver.wait(after_s)
-    assert line.kept
-    return SimpleNamespace(driver=driver, bench=bench, plant=bench.plant, line=line)
+    (move,) = kept
+    deliver = partial(bench.board.receive, move)
+    return SimpleNamespace(driver=driver, bench=bench, plant=bench.plant, line=line, deliver=deliver)
 
 
 def close(robot):
@@ -77,7 +63,7 @@ def robot(request):
 def driven_s(robot):
     """How long the motors are driven after the line has delivered the move."""
     truth = Truth(robot.plant)
-    robot.line.deliver()
+    robot.deliver()
     robot.driver.wait(1.0)
     begun, ended = truth.edges
     return ended.time_s - begun.time_s
@@ -86,7 +72,7 @@ def driven_s(robot):
 def way_m(robot):
     """How far the robot goes after the line has delivered the move."""
     before_m = robot.plant.true_pose.x_m
-    robot.line.deliver()
+    robot.deliver()
     robot.driver.wait(1.0)
     return robot.plant.true_pose.x_m - before_m
 
@@ -120,17 +106,17 @@ def test_each_motion_is_counted_once_and_the_reason_of_the_stop_stays(robot):
 
 
 def test_a_robot_that_is_pushed_by_hand_still_counts_as_stopped_and_gets_a_stop_every_50_ms_at_most(robot):
-    before = robot.line.stops
+    before = len(robot.line.sent)
     for _ in range(100):
         robot.plant.robot.motors[0].travel += 7.0
         robot.driver.wait(0.01)
         assert robot.driver.stopped
-    assert 10 <= robot.line.stops - before <= 21
+    assert 10 <= sum(data.count(STOP) for _, data in robot.line.sent[before:]) <= 21
 
 
 def test_a_board_that_is_greeted_again_after_such_a_request_is_guarded_again(robot):
     robot.driver.request(MOVE_MOTORS, 20, 20)
-    for robot.line.silent in (True, False):
+    for robot.line.to_host in (lambda data: b"", lambda data: data):
         robot.driver.wait(1.0)
     assert robot.driver.ready and driven_s(robot) < STOPPED_S
 

@@ -24,33 +24,19 @@ def test_a_robot_is_known_by_its_seed_and_name():
     assert len({disturbances.error(seed, name) for seed in (3, 4) for name in ("robot1", "robot2")}) == 4
 
 
-def test_wheel_ratios_spread_as_stated():
+def test_errors_spread_as_stated():
     assert pstdev(map(ratio, SEEDS)) == pytest.approx(disturbances.WHEEL_RATIO_SD, rel=0.15)
-
-
-def test_slip_is_a_robots_own():
     slips = [robot_errors(disturbances.error(seed)).turn_slip for seed in SEEDS]
     assert 0 <= min(slips) < 0.001 and 0.019 < max(slips) <= disturbances.MAX_SLIP
+    found = [disturbances.placed(Pose(2.0, 1.0, math.pi), seed) for seed in SEEDS]
+    assert pstdev(pose.x_m for pose in found) == pytest.approx(disturbances.PLACED_M, rel=0.15)
+    assert all(abs(pose.y_m - 1.0) < 0.03 and abs(pose.yaw_rad) > 3.0 for pose in found)
+    rng = random.Random(1)
+    assert pstdev(disturbances.measured(ORIGIN, rng).x_m for _ in SEEDS) == pytest.approx(0.002, rel=0.15)
+
+
 
 
 def test_given_errors_are_not_drawn():
     errors = robot_errors(disturbances.error(1, slip=0.05, wheel_ratio=1.0, wheel_size=1.01))
     assert (errors.turn_slip, errors.left_scale, errors.right_scale) == (0.05, 1.01, 1.01)
-
-
-def test_the_published_curve_is_one_of_many():
-    """At 2 m they spread as far as the published one is from 1 cm per count: 11 %."""
-    curves = [sonar_errors(disturbances.option(**disturbances.sonar_curve(seed))) for seed in SEEDS]
-    off = [count_of(2.0, curve) / count_of(2.0) - 1 for curve in curves]
-    assert abs(sum(off) / len(off)) < 0.03 and pstdev(off) == pytest.approx(0.11, abs=0.02)
-
-
-def test_a_robot_stands_near_its_mark():
-    found = [disturbances.placed(Pose(2.0, 1.0, math.pi), seed) for seed in SEEDS]
-    assert pstdev(pose.x_m for pose in found) == pytest.approx(disturbances.PLACED_M, rel=0.15)
-    assert all(abs(pose.y_m - 1.0) < 0.03 and abs(pose.yaw_rad) > 3.0 for pose in found)
-
-
-def test_a_tape_measures_to_2_mm():
-    rng = random.Random(1)
-    assert pstdev(disturbances.measured(ORIGIN, rng).x_m for _ in SEEDS) == pytest.approx(0.002, rel=0.15)

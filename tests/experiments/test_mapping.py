@@ -23,14 +23,6 @@ def written(folder, text):
     return str(path)
 
 
-def test_presses_are_read_in_their_order(tmp_path):
-    assert key_presses.read(written(tmp_path, "time_s,key\n0.5,up\n0.5,space\n2,w\n")) == [
-        KeyPress(0.5, "up"),
-        KeyPress(0.5, "space"),
-        KeyPress(2.0, "w"),
-    ]
-
-
 class Clockwork:
     """A robot whose time passes in ticks, and the speeds that it gets."""
 
@@ -74,6 +66,7 @@ def test_packaged_recording_begins_with_a_rest_and_ends_with_a_stop():
     """The gyro's bias is learned in the rest."""
     presses = key_presses.read(mapping.KEYS)
     assert presses[0].time_s >= 1.0 and presses[-1].key == "space"
+    assert len(presses) > 100 and presses == sorted(presses, key=lambda press: press.time_s)
 
 
 def test_a_pose_between_two_times_is_between_the_poses():
@@ -84,37 +77,19 @@ def test_a_pose_between_two_times_is_between_the_poses():
     assert [mapping.pose_at(path, at).x_m for at in (0.0, 3.0)] == [0.0, 1.0]
 
 
-@pytest.fixture(scope="module")
-def figures(tmp_path_factory):
-    """Of drives in which the robot turns on the spot."""
-    folder = tmp_path_factory.mktemp("mapping")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mapping, "SEEDS", 1)
-        patch.setattr(mapping, "KEYS", written(folder, SPIN))
-        result = mapping.run(Setting(str(folder)))
-    assert all((folder / name).exists() for name in ("mapping.png", "mapping-laser-wheels-alone.yaml"))
-    return {row.key: row for row in result.rows}
-
-
-def test_a_gyro_knows_the_heading_that_the_wheels_lose(figures):
+def test_a_gyro_knows_the_heading_that_the_wheels_lose_and_improves_the_map(tmp_path, monkeypatch):
+    """In drives in which the robot turns on the spot.  The control of a gyro is the wheels alone."""
+    monkeypatch.setattr(mapping, "SEEDS", 1)
+    monkeypatch.setattr(mapping, "KEYS", written(tmp_path, SPIN))
+    figures = {row.key: row for row in mapping.run(Setting(str(tmp_path))).rows}
+    assert all((tmp_path / name).exists() for name in ("mapping.png", "mapping-laser-wheels-alone.yaml"))
     assert figures["heading_wheels_deg"].ours > LOST_DEG and figures["heading_wheels_deg"].put_in
     assert figures["heading_gyro_deg"].ours < KNOWN_DEG
     assert figures["heading_calibrated_deg"].ours < CALIBRATED_DEG
-
-
-@pytest.mark.parametrize("poses", ["gyro", "calibrated", "true"])
-def test_the_map_by_laser_is_better_than_by_wheels_that_slip(figures, poses):
     wheels = figures["laser_wheels_false_percent"].ours
-    assert figures[f"laser_{poses}_false_percent"].ours < 0.5 * wheels
+    for poses in ("gyro", "calibrated", "true"):
+        assert figures[f"laser_{poses}_false_percent"].ours < 0.5 * wheels
+    for figure in ("heading_gyro_deg", "sonars_gyro_found_percent", "laser_calibrated_false_percent"):
+        assert figures[figure].control == figures[re.sub("gyro|calibrated", "wheels", figure)].ours
 
 
-@pytest.mark.parametrize(
-    "figure", ["heading_gyro_deg", "sonars_gyro_found_percent", "laser_calibrated_false_percent"]
-)
-def test_control_of_a_gyro_is_the_wheels_alone(figures, figure):
-    assert figures[figure].control == figures[re.sub("gyro|calibrated", "wheels", figure)].ours
-
-
-def test_only_the_robot_of_the_recording_is_driven(tmp_path):
-    with pytest.raises(ConfigError, match="got --robot stingbot; leave it out"):
-        mapping.run(Setting(str(tmp_path), robot="stingbot"))

@@ -7,7 +7,7 @@ import pytest
 from mrl_driver.errors import BoardTimeout
 from sim_arduino.experiments import message_times, trials, turnaround
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.message_times import CHECKED, PLAIN, ROSSERIAL, TIMING_2013
+from sim_arduino.experiments.message_times import PLAIN, ROSSERIAL, TIMING_2013
 
 EARLIER_US = {TIMING_2013: 2445.0, ROSSERIAL: 2896.0}
 """Turnaround of the released firmware and of ros_lib: README, "The firmware, measured" [us]."""
@@ -15,32 +15,18 @@ AS_EARLIER = 0.03
 MESSAGES = 3
 
 
-@pytest.fixture(scope="module")
-def rows(tmp_path_factory):
-    setting = Setting(str(tmp_path_factory.mktemp("turnaround")))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trials, "SEEDS", 1)
-        result = turnaround.run(setting, turnaround.Topics(1.0, 2.0))
+def test_messages_take_less_time_than_those_of_the_sketch_in_the_same_mode(tmp_path, monkeypatch):
+    """20 checked messages, and 20 times the time from frame to topic; rosserial has the same baud rate."""
+    monkeypatch.setattr(trials, "SEEDS", 1)
+    result = turnaround.run(Setting(str(tmp_path)), turnaround.Topics(1.0, 2.0))
     assert result.pictures == ["turnaround.png"]
-    return {row.key: row for row in result.rows}
-
-
-@pytest.mark.parametrize("mode", ["plain", "checked"])
-def test_messages_take_less_time_than_those_of_the_sketch_in_the_same_mode(rows, mode):
-    row = rows[f"{mode}_20_ms"]
-    assert row.ours <= row.worst < row.control
-
-
-def test_checked_messages_are_those_to_a_topic_and_compared_with_rosserial_at_the_same_baud_rate(rows):
-    """20 checked messages, and 20 times the time from frame to topic."""
+    rows = {row.key: row for row in result.rows}
+    for row in (rows["plain_20_ms"], rows["checked_20_ms"]):
+        assert row.ours <= row.worst < row.control
     assert rows["checked_20_ms"].control == rows["rosserial_115200_20_ms"].ours
     assert rows["ros_20_ms"].ours == rows["checked_20_ms"].ours + 20.0
-
-
-def test_published_time_is_shorter_than_the_serial_link_needs(rows):
-    assert (
-        turnaround.PUBLISHED_MS * (1 - turnaround.LESS) < rows["link_20_ms"].ours < rows["plain_20_ms"].ours
-    )
+    link_ms = rows["link_20_ms"].ours
+    assert turnaround.PUBLISHED_MS * (1 - turnaround.LESS) < link_ms < rows["plain_20_ms"].ours
 
 
 @pytest.mark.parametrize("sketch", EARLIER_US, ids=lambda sketch: sketch.key)
@@ -49,11 +35,6 @@ def test_sketch_needs_the_time_of_the_earlier_measurement(sketch):
     assert 1e6 * median(message.reply_s for message in found) == pytest.approx(
         EARLIER_US[sketch], rel=AS_EARLIER
     )
-
-
-def test_seed_draws_the_phases():
-    first, same, other = (message_times.measure(Setting("", seed=seed), CHECKED, 1) for seed in (1, 1, 2))
-    assert first == same != other
 
 
 def test_rows_of_sketches_that_are_not_built_are_missing_and_named(tmp_path, monkeypatch):

@@ -44,29 +44,24 @@ def is_alive(pid):
         return False
 
 
-def test_an_interrupt_ends_what_is_begun_and_what_waits(tmp_path):
-    first, second = tmp_path / "first", tmp_path / "second"
-    with pytest.raises(KeyboardInterrupt), pool(1) as submit:
-        for folder in (first, second):
-            folder.mkdir()
-            submit(work, folder)
-        wait_until((first / "begun").exists)
-        raise KeyboardInterrupt
-    assert (first / "ended").exists() and not (first / "done").exists() and not list(second.iterdir())
+def worker_of(folder):
+    """The process that has begun the work of this folder."""
+    begun = folder / "begun"
+    return int(wait_until(lambda: begun.exists() and begun.read_text()))
+
+
 
 
 def test_a_worker_that_is_told_to_end_ends_its_work_and_itself(tmp_path):
     """`timeout` sends its signal to the workers, too; one that waited for more work would keep its parent for ever."""
     with pool(1) as submit:
         future = submit(work, tmp_path)
-        begun = tmp_path / "begun"
-        wait_until(lambda: begun.exists() and begun.read_text())
-        os.kill(int(begun.read_text()), signal.SIGTERM)
-        with pytest.raises(MrlError, match="a worker process has ended early"):
-            future.result(PATIENCE_S)
-        with pytest.raises(MrlError, match="a worker process has ended early"):
-            submit(work, tmp_path).result(PATIENCE_S)
-    assert (tmp_path / "ended").exists() and not is_alive(int(begun.read_text()))
+        worker = worker_of(tmp_path)
+        os.kill(worker, signal.SIGTERM)
+        for each in (future, submit(work, tmp_path)):
+            with pytest.raises(MrlError, match="a worker process has ended early"):
+                each.result(PATIENCE_S)
+    assert (tmp_path / "ended").exists() and not is_alive(worker)
 
 
 def stay(folder):
@@ -81,10 +76,9 @@ def test_work_that_does_not_end_is_killed(tmp_path, monkeypatch):
     monkeypatch.setattr(workers, "GRACE_S", 0.3)
     with pytest.raises(KeyboardInterrupt), pool(1) as submit:
         submit(stay, tmp_path)
-        begun = tmp_path / "begun"
-        wait_until(lambda: begun.exists() and begun.read_text())
+        worker = worker_of(tmp_path)
         raise KeyboardInterrupt
-    assert not is_alive(int(begun.read_text()))
+    assert not is_alive(worker)
 
 
 def clean_up(folder):
@@ -98,16 +92,6 @@ def clean_up(folder):
         (folder / "ended").touch()
 
 
-def test_a_second_signal_does_not_interrupt_the_end_of_the_work(tmp_path):
-    """The signal that `timeout` sends to a worker, and then that of the worker's parent."""
-    with pytest.raises(KeyboardInterrupt), pool(1) as submit:
-        submit(clean_up, tmp_path)
-        begun = tmp_path / "begun"
-        wait_until(lambda: begun.exists() and begun.read_text())
-        os.kill(int(begun.read_text()), signal.SIGTERM)
-        wait_until((tmp_path / "ending").exists)
-        raise KeyboardInterrupt
-    assert (tmp_path / "ended").exists()
 
 
 @pytest.fixture
@@ -146,9 +130,8 @@ def test_results_and_errors_come_back_with_the_place_of_the_error():
         results = [submit(divide, each, 2) for each in range(5)]
         wrong, unknown = submit(divide, 1, 0), submit(lambda: None)
     assert [future.result() for future in results] == [0.0, 0.5, 1.0, 1.5, 2.0]
-    assert isinstance(wrong.exception(), ZeroDivisionError) and "in divide" in str(
-        wrong.exception().__cause__
-    )
+    error = wrong.exception()
+    assert isinstance(error, ZeroDivisionError) and "in divide" in str(error.__cause__)
     assert isinstance(unknown.exception(), (AttributeError, pickle.PicklingError))
 
 
@@ -158,10 +141,9 @@ def test_worker_whose_parent_is_killed_ends_its_work_and_itself(tmp_path):
         "from tests.experiments.test_workers import work\n"
         "with pool(1) as submit: submit(work, pathlib.Path(sys.argv[1])).result()"
     )
-    begun = tmp_path / "begun"
     parent = subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stderr=subprocess.DEVNULL)
-    wait_until(lambda: begun.exists() and begun.read_text())
+    worker = worker_of(tmp_path)
     parent.send_signal(signal.SIGKILL)
     parent.wait()
     wait_until((tmp_path / "ended").exists)
-    wait_until(lambda: not is_alive(int(begun.read_text())))
+    wait_until(lambda: not is_alive(worker))

@@ -58,20 +58,22 @@ def test_poses_counts_and_stamps_are_those_of_the_driver(driven):
     assert data.poses.values[-1].tolist() == list(had.pose)
     assert data.counts.values[-1].tolist() == list(had.counts)
     assert data.stamps_s[-1] == pytest.approx(had.stamp_s, abs=1e-9)
-    assert data.poses.values.shape[1] == 3
-
-
-def test_readings_of_a_sonar_are_each_there_once(driven):
-    times_s = driven.data.ranges["front"].time_s
-    assert 0.25 < np.median(np.diff(times_s)) < 0.35
-    assert set(driven.data.ranges) == {"front", "left", "right"}
-
-
-def test_commands_are_those_that_were_sent_and_a_stop_is_zeros(driven):
-    commands = driven.data.commands
+    commands = data.commands
     assert commands.values.max(axis=0).tolist() == pytest.approx([0.2, 0.0, 0.0])
-    assert commands.values[-1].tolist() == [0.0, 0.0, 0.0]
+    assert commands.values[-1].tolist() == [0.0, 0.0, 0.0], "a stop"
     assert np.all(np.diff(commands.time_s) >= 0.0)
+
+
+def test_sensors_and_delays_are_those_of_the_wire(driven):
+    """Readings of a sonar are each there once; the bias of the gyro is unknown until it is learned."""
+    data = driven.data
+    assert set(data.ranges) == {"front", "left", "right"}
+    assert 0.25 < np.median(np.diff(data.ranges["front"].time_s)) < 0.35
+    bias = data.imu.values[:, 4]
+    assert np.isnan(bias[0]) and not np.isnan(bias[-1])
+    assert data.imu.values[-1, 3] == pytest.approx(9.8, abs=0.2)
+    assert 0.0 < np.median(data.round_trips.values) < 0.02
+    assert 0.0 <= data.delays.values.min() and np.median(data.delays.values) < 0.01
 
 
 def test_each_stop_has_its_cause_once_and_the_frame_that_proves_it(driven):
@@ -83,12 +85,6 @@ def test_each_stop_has_its_cause_once_and_the_frame_that_proves_it(driven):
     assert "left wheel moved" in driven.data.stops[-1].text
 
 
-def test_the_bias_of_the_gyro_is_unknown_until_it_is_learned(driven):
-    bias = driven.data.imu.values[:, 4]
-    assert np.isnan(bias[0]) and not np.isnan(bias[-1])
-    assert driven.data.imu.values[-1, 3] == pytest.approx(9.8, abs=0.2)
-
-
 def test_all_frames_are_kept_with_their_bytes(driven):
     data = driven.data
     first = data.heard.at(0.0)
@@ -96,12 +92,6 @@ def test_all_frames_are_kept_with_their_bytes(driven):
     assert len(data.heard) == sum(data.frames.values())
     assert data.sent.at(math.inf, 13).startswith(STOP)
     assert data.garbage == [] and len(data.lost.time_s) == 0 and data.skipped_lines == 0
-
-
-def test_round_trips_and_delays_are_milliseconds(driven):
-    data = driven.data
-    assert 0.0 < np.median(data.round_trips.values) < 0.02
-    assert 0.0 <= data.delays.values.min() and np.median(data.delays.values) < 0.01
 
 
 def test_the_frame_at_a_time_is_the_next_one_else_the_last():
@@ -151,18 +141,13 @@ def test_a_damaged_recording_is_read_and_searched(driven, tmp_path, seed):
     assert all(each.text and each.remedy for each in found)
 
 
-def test_damage_without_end_is_refused(driven, tmp_path, monkeypatch):
+def test_damage_without_end_is_refused_and_readings_of_a_phone_take_no_memory(driven, tmp_path, monkeypatch):
     """A recording of another baud rate; each damaged piece takes more memory than its bytes."""
     monkeypatch.setattr("mrl_driver.review.drive_data.MOST_KEPT", 1000)
-    path = tmp_path / "drive.mrl"
-    path.write_bytes(driven.raw + b"%.6f < " % (driven.data.duration_s + 1.0) + b"z@6,e@" * 1000 + b"\n")
-    with pytest.raises(
-        ConfigError, match="more than 1000 damaged pieces and events .* check port and baud rate"
-    ):
-        read(RecordedDriver(str(path)))
-
-
-def test_readings_of_a_phone_take_no_memory(driven, tmp_path):
-    path = tmp_path / "drive.mrl"
-    path.write_bytes(driven.raw + b'%.6f ! phone {"time_s": 1}\n' % (driven.data.duration_s + 1.0))
+    path, after = tmp_path / "drive.mrl", b"%.6f " % (driven.data.duration_s + 1.0)
+    path.write_bytes(driven.raw + after + b'! phone {"time_s": 1}\n')
     assert read(RecordedDriver(str(path))).remarks == driven.data.remarks
+    path.write_bytes(driven.raw + after + b"< " + b"z@6,e@" * 1000 + b"\n")
+    words = "more than 1000 damaged pieces and events .* check port and baud rate"
+    with pytest.raises(ConfigError, match=words):
+        read(RecordedDriver(str(path)))

@@ -82,19 +82,16 @@ def curve_of(found, title, name):
 
 def test_the_page_has_findings_and_stops_without_javascript():
     text = Tags(render(drive(), [FINDING])).text
+    finding = (FINDING.title, FINDING.text, FINDING.remedy, "At 42.00 s")
     for words in (
-        FINDING.title,
-        FINDING.text,
-        FINDING.remedy,
+        *finding,
         "no new command arrived in time",
-        "At 42.00 s",
+        "@8,2000,1900,100,200,645e",
+        "right 2000 count",
     ):
         assert words in text
-    assert "@8,2000,1900,100,200,645e" in text and "right 2000 count" in text
-
-
-def test_a_good_drive_says_so():
-    assert "No fault was found" in Tags(render(drive(), [])).text
+    page = render(drive(path="drive\udcff.mrl"), []).encode()
+    assert b"No fault was found" in page and b"drive?.mrl" in page
 
 
 def test_the_page_names_no_other_file_and_runs_only_its_own_scripts():
@@ -136,14 +133,6 @@ def test_texts_of_a_recording_add_no_element_to_the_page():
     ]
 
 
-def test_a_file_name_that_is_not_utf_8_does_no_harm():
-    assert b"drive?.mrl" in render(drive(path="drive\udcff.mrl"), []).encode()
-
-
-def test_ten_minutes_are_below_a_megabyte(ten_minutes):
-    assert len(render(ten_minutes, [FINDING]).encode()) < MOST_BYTES
-
-
 def test_the_longest_and_noisiest_drive_is_below_a_megabyte(ten_minutes):
     chance, t = np.random.default_rng(1), ten_minutes.poses.time_s
 
@@ -173,24 +162,17 @@ def test_the_longest_and_noisiest_drive_is_below_a_megabyte(ten_minutes):
     )
 
 
-def test_a_peak_of_one_frame_is_kept(ten_minutes):
+def test_a_peak_of_one_frame_is_kept_and_all_telemetry_near_a_finding(ten_minutes):
     speeds = ten_minutes.speeds.values.copy()
     speeds[12345] = 1.234, -3.0, 0.0
     spiked = ten_minutes._replace(speeds=ten_minutes.speeds._replace(values=speeds))
-    times, driven = curve_of(reduced(spiked, []), "Speed", "driven")
+    times, driven = curve_of(reduced(spiked, [FINDING.time_s]), "Speed", "driven")
     assert np.max(driven) == pytest.approx(1.234)
     assert times[np.argmax(driven)] == pytest.approx(ten_minutes.speeds.time_s[12345], abs=0.2)
-
-
-def test_near_a_finding_all_telemetry_is_kept(ten_minutes):
-    times, driven = curve_of(reduced(ten_minutes, [FINDING.time_s]), "Speed", "driven")
     near = np.abs(ten_minutes.speeds.time_s - FINDING.time_s) < NEAR_S - 0.1
     kept = np.isin(np.rint(times * 1000), np.rint(ten_minutes.speeds.time_s[near] * 1000))
     assert np.count_nonzero(kept) == np.count_nonzero(near) > 0
     assert driven[kept] == pytest.approx(ten_minutes.speeds.values[near, 0], abs=0.0006)
-
-
-def test_times_never_go_back(ten_minutes):
     times = unpacked(reduced(ten_minutes, [1.0, 42.0, 599.9, 42.5])["times"], 0.001)
     assert np.all(np.diff(times) >= 0) and times[0] == 0.0
 
@@ -207,13 +189,10 @@ def test_a_gap_in_the_telemetry_is_a_gap_in_the_chart(ten_minutes):
     assert np.all(gap[(times > 298.7) & (times < 301.8)])
 
 
-def test_values_come_back_from_their_text():
-    values = np.array([math.nan, 1.0, 1.0, math.inf, 1.5, -math.inf, -2.0, math.nan, -2.0])
-    assert unpacked(packed(values, 0.5), 0.5) == pytest.approx(values, nan_ok=True)
-    assert packed(np.array([3.0, 3.0, 3.0]), 1.0) == "3,,"
 
 
 def test_a_board_without_motors_has_a_page_of_its_sensors(standing):
+    assert "The robot was not stopped" in render(standing, [])
     t = np.arange(1.0, 60.0)
     sensors, stopped = {"light": Column(t, (100.0 + t)[:, None])}, Column(t, np.zeros((len(t), 3)))
     found = standing._replace(sensors=sensors, commands=stopped, model=models.load("pioneer"))
@@ -221,10 +200,6 @@ def test_a_board_without_motors_has_a_page_of_its_sensors(standing):
     times, light = curve_of(reduced(found, []), "Light", chart.curves[0].name)
     assert light[times == 30.0] == pytest.approx([130.0])
     assert "Light" in render(found, [])
-
-
-def test_a_recording_without_telemetry_has_a_page(standing):
-    assert "The robot was not stopped" in render(standing, [])
 
 
 @pytest.mark.parametrize(
@@ -240,13 +215,7 @@ def test_a_recording_without_telemetry_has_a_page(standing):
             encode_request(11, 250, -100, checked=True),
             "move_differential: linear 250 mm/s, angular -100 mrad/s",
         ),
-        ("<", encode_reply(5, 2500, 172, 1180, 2, 1), "robot_info: "),
-        (">", encode_request(13), "stop"),
-        (
-            "<",
-            encode_reply(30, 0, 20, 1, 8, 5, 0),
-            "read_status: uptime_high 0, uptime 20 s, reset_cause power_on, ",
-        ),
+        ("<", encode_reply(30, 0, 20, 1, 8, 5, 0), "uptime 20 s, reset_cause power_on, "),
         (
             "<",
             encode_reply(30, 0, 20, 1, 8, 5, 0),
