@@ -142,21 +142,6 @@ def test_wall_at_a_constant_distance_beside_the_way_is_drawn_all_along():
     assert all(floor.is_near((x_m, 0.3)) and not floor.is_near((x_m, -0.3)) for x_m in (0.0, 1.0, 2.0))
 
 
-def beside_a_wall(now_s):
-    """A seeker that has driven 1 m beside a wall by readings that all came out the same, one in each 50 ms."""
-    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, {"left": SonarMount(0.0, 0.0, 90.0)})
-    for step in range(round(now_s / STEP_S)):
-        seeker.command((0.25 * step * STEP_S, 0.0, 0.0), {"left": 0.3}, step * STEP_S)
-    return seeker
-
-
-def test_equal_readings_are_drawn_once_in_a_cycle_of_the_sonars(monkeypatch):
-    drawn = []
-    monkeypatch.setattr(FloorMap, "see", lambda _, pose, readings: drawn.extend(readings))
-    beside_a_wall(3.0)
-    assert len(drawn) == 10
-
-
 @pytest.mark.parametrize("name", ["front", "left", "right"])
 @pytest.mark.parametrize("silent", [(), (math.nan,)], ids=["absent", "nan"])
 def test_robot_stands_when_a_sonar_falls_silent(name, silent):
@@ -208,10 +193,3 @@ def test_goal_is_given_up_if_the_robot_does_not_turn_to_its_yaw():
         speeds = seeker.command((0.0, 0.0, 0.95), {}, float(time_s))
     assert seeker.blocked and speeds == (0.0, 0.0)
     assert seeker.why == "it is there, but has not turned further to the goal's yaw for 5 s"
-
-
-def test_last_range_counts_while_a_reading_is_invalid():
-    """The robot drives at half speed beside something; for the next half second the sonar says nothing."""
-    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, {"left": SonarMount(0.0, 0.1, 90.0)})
-    seeker.command((0.0, 0.0, 0.0), {"left": 0.25}, 0.0)
-    assert seeker.command((0.0, 0.0, 0.0), {"left": math.nan}, 0.5) == (0.5 * LIMITS.linear_m_s, 0.0)

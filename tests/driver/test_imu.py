@@ -75,16 +75,6 @@ def codes(talk):
 # -- board time
 
 
-def test_a_frame_that_waited_has_the_earlier_time():
-    clock = BoardClock()
-    assert clock.beside(1000, 10.0) == (0.0, 10.0)  # nothing is known of the board's clock
-    clock.update(1000, 10.0)
-    assert clock.beside(980, 10.001, True)[0] == pytest.approx(-20 * TICK_S)
-    clock.beside(1100, 10.01, True)
-    clock.update(1090, 10.011, True)  # no wrap later
-    assert clock.board_s == pytest.approx(90 * TICK_S)
-
-
 def test_readings_keep_the_count_of_wraps_while_the_counters_are_silent():
     """The numbers are without a gap, so the host's clock is not asked; 5 s are more than a wrap."""
     clock = BoardClock()
@@ -389,39 +379,22 @@ def test_a_robot_without_one_shows_none(make, options, expected):
 # -- recordings
 
 
-class Recorded(Robot):
-    """Keeps the lines of a recording of what the board sends."""
-
-    def __init__(self, **kwargs):
-        self.lines, self._checked = [], False
-        super().__init__(load("traxbot"), to_host=self._keep, **kwargs)
-
-    def _keep(self, data):
-        if data:
-            wire = data.decode().replace("\r", "\\r").replace("\n", "\\n")
-            self.lines.append(f"{self.now:.6f} < {wire}\n")
-        return data
-
-    def step(self):
-        super().step()
-        if self.core.session.checked != self._checked:
-            self._checked = self.core.session.checked
-            self.lines.append(f"{self.now:.6f} ! checked\n")
-
-    def recording(self, folder):
-        (folder / "drive.mrl").write_text("#mrl-recording 1 {}\n" + "".join(self.lines))
-        return Recording(str(folder / "drive.mrl"))
-
-
 def test_a_recording_has_the_drivers_pose_and_the_gyros_yaw_rate(tmp_path):
-    recorded = Recorded(board=with_imu())
-    recorded.board.slip = 0.1
-    recorded.run(BIAS_S)
-    turn(recorded, 1.0)
-    found = summarise(recorded.recording(tmp_path))
-    assert found["pose"]["yaw_rad"] == pytest.approx(yaw_rad(recorded), abs=1e-3)
+    path, board, heard = str(tmp_path / "drive.mrl"), with_imu(), []
+    board.slip = 0.1
+    with SteppedDriver(
+        InSteps(board), "traxbot", DEFAULTS._replace(record=path, command_timeout_s=None)
+    ) as driver:
+        driver.on_imu(heard.append)
+        driver.wait(BIAS_S)
+        driver.drive(0.0, TURN_RAD_S)
+        driver.wait(1.0)
+        driver.stop()
+        driver.wait(0.2)
+        yaw_rad = driver.pose.yaw_rad
+    found = summarise(Recording(path))
+    assert found["pose"]["yaw_rad"] == pytest.approx(yaw_rad, abs=1e-3)
     assert (found["imu"], found["lost"]) == (IN_USE, 0)
-    assert found["frames"]["read_imu"] == len(recorded.seen(Imu))
-    rates = drive_data.read(RecordedDriver(recorded.recording(tmp_path))).imu.values[:, 0]
-    assert len(rates) == len(recorded.seen(Imu))
+    rates = drive_data.read(RecordedDriver(path)).imu.values[:, 0]
+    assert len(rates) == pytest.approx(len(heard), abs=1) and found["frames"]["read_imu"] == len(rates)
     assert max(rates) == pytest.approx(0.9 * TURN_RAD_S, abs=TURN_ERROR_RAD)

@@ -107,29 +107,6 @@ def test_two_counters_that_were_requested_do_not_move_it(robot):
     assert all(one.y_m <= next.y_m for one, next in zip(poses, poses[1:]))
 
 
-def test_silence_of_the_program_stops_it_too(robot):
-    """The stop is the same one: row 13, confirmed by three counters."""
-    driver = robot.driver
-    driver.drive(0.0, 0.0, 0.3)
-    driver.wait(1.0)
-    driver.stop()
-    assert not driver.stopped
-    driver.wait(1.5)
-    assert driver.stopped
-    assert [each.code for each in robot.motor_board.commands][-1] == 0xFC
-    assert max(abs(motor.speed) for motor in robot.robot.motors) == 0.0
-
-
-def test_commands_are_repeated_and_the_latest_wins(robot):
-    driver, before = robot.driver, len(robot.motor_board.commands)
-    for percent in range(20):
-        driver.drive(0.0, 0.0, 0.01 * percent)
-    driver.wait(1.0)
-    moves = [each.values for each in list(robot.motor_board.commands)[before:] if each.code == 0xFA]
-    assert moves[-1] == (38, 0, 90)
-    assert 8 <= len(moves) <= 14  # every 100 ms, which feeds the watchdog
-
-
 def test_a_blocked_rear_wheel_stops_it(robot):
     """Its encoder alone shows it: going straight ahead it rests, to the side it turns fastest."""
     driver, motor = robot.driver, robot.robot.motors[1]
@@ -249,15 +226,17 @@ def test_not_a_number_sideways_stops(robot):
 MECANUM = OMNI._replace(drive=models.MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0))
 
 
-def test_a_base_that_no_board_moves():
+@pytest.mark.parametrize(
+    "use",
+    [
+        lambda model: Core(model, DEFAULTS),
+        lambda model: RobotState(model).admit(Board(21, 2, 1.72, 12.0, 25.0)),
+    ],
+    ids=["given", "known when its board answers"],
+)
+def test_a_base_that_no_board_moves_is_refused(use):
     with pytest.raises(ConfigError, match="drive of kind mecanum, which no board with three motors moves"):
-        Core(MECANUM, DEFAULTS)
-
-
-def test_a_base_that_no_board_moves_is_refused_when_its_board_answers():
-    """A model that is found by the board's id is known only then."""
-    with pytest.raises(ConfigError, match="drive of kind mecanum, which no board with three motors moves"):
-        RobotState(MECANUM).admit(Board(21, 2, 1.72, 12.0, 25.0))
+        use(MECANUM)
 
 
 @pytest.mark.parametrize("version", [1, 2])

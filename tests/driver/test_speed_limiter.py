@@ -47,11 +47,6 @@ def bench():
     return Bench()
 
 
-def test_first_command_is_in_force_at_once(bench):
-    assert bench.drive(0.3, 0.0)
-    assert bench.speeds == (pytest.approx(0.2 * FRAME_S), 0.0)
-
-
 @pytest.mark.parametrize("again", [(0.3,), ()], ids=["repeated", "single command"])
 def test_speeding_up_takes_as_long_as_the_limit_says(bench, again):
     bench.drive(0.3, 0.0)
@@ -83,6 +78,23 @@ def test_largest_number_is_clamped(bench):
     assert bench.speeds == (pytest.approx(0.3), 0.0)
 
 
+@pytest.mark.parametrize(
+    "before, wanted, after",
+    [
+        ((0.0, 0.0), (0.3, 0.5), (0.2 * FRAME_S, 0.2 * FRAME_S * 5 / 3)),
+        ((0.0, 0.0, 0.2), (0.2, 0.0, 0.0), (0.2 * FRAME_S, 0.0, 0.0)),
+        ((0.0, 0.0, 0.0), (0.0, 1.0, 0.1), (0.0, 0.02, 0.002)),
+    ],
+    ids=[
+        "the slower of way and turn decides",
+        "a slide at right angles to the last one",
+        "a slide that turns",
+    ],
+)
+def test_a_step_of_the_ramp(before, wanted, after):
+    assert ramp(before, wanted, LIMITS, FRAME_S) == pytest.approx(after)
+
+
 @given(st.floats(-1, 1), st.floats(0.001, 1))
 def test_speed_approaches_no_number_by_becoming_none(speed, dt_s):
     """Which the driver refuses."""
@@ -109,14 +121,6 @@ def test_robot_at_rest_speeds_up_on_the_commanded_arc(linear, angular):
         assert forward * angular == pytest.approx(turn * linear, abs=1e-9)
         bench.now_s += FRAME_S
         bench.drive(linear, angular)
-
-
-def test_slower_of_way_and_turn_decides_how_long_speeding_up_takes(bench):
-    """0.3 m/s at 0.2 m/s2 take 1.5 s, and so does 0.5 rad/s, for which 0.5 s would do."""
-    bench.run(0.75, 0.3, 0.5)
-    assert bench.speeds == (pytest.approx(0.15, abs=0.01), pytest.approx(0.25, abs=0.02))
-    bench.run(0.77, 0.3, 0.5)
-    assert bench.speeds == (0.3, 0.5)
 
 
 @pytest.mark.parametrize("linear", [0.3, 0.1])
@@ -172,18 +176,14 @@ def test_a_slide_speeds_up_as_the_limit_says_and_turns_its_direction_at_once(ben
 
 
 def test_what_restricts_the_speeds_is_asked_with_every_frame(bench):
+    """After a restriction the robot speeds up by the ramp."""
     bench.run(1.6, 0.3)
     bench.limiter.restrict = lambda speeds, now: (min(0.1, speeds[0]), speeds[1])
     bench.run(FRAME_S)
     assert bench.speeds == (0.1, 0.0)
-
-
-def test_after_a_restriction_the_robot_speeds_up_by_the_ramp(bench):
-    bench.limiter.restrict = lambda speeds, now: (0.0, speeds[1])
-    bench.run(1.0, 0.3)
     bench.limiter.restrict = None
     bench.run(FRAME_S)
-    assert bench.speeds == (pytest.approx(0.2 * FRAME_S), 0.0)
+    assert bench.speeds == (pytest.approx(0.1 + 0.2 * FRAME_S), 0.0)
 
 
 TIGHT = Limits(0.3, 2.0, 0.2, 1.0)
@@ -207,26 +207,12 @@ def test_either_speed_beyond_its_limit_scales_both(bench, limits, wanted, speeds
 
 
 def test_new_limits_lower_the_command_in_force(bench):
+    bench.limiter.change(TIGHT)
+    assert (bench.limiter.limits, bench.limiter.target) == (TIGHT, None)
     bench.run(2.0, 0.3)
     bench.limiter.change(LIMITS._replace(linear_m_s=0.1))
     bench.tick()
     assert bench.speeds == (0.1, 0.0)
-
-
-def test_new_limits_of_a_robot_that_is_stopped_command_nothing():
-    limiter = SpeedLimiter()
-    limiter.change(TIGHT)
-    assert (limiter.limits, limiter.target) == (TIGHT, None)
-
-
-def test_a_slide_at_right_angles_to_the_last_one_starts_from_standstill():
-    assert ramp((0.0, 0.0, 0.2), (0.2, 0.0, 0.0), LIMITS, FRAME_S) == pytest.approx((0.2 * FRAME_S, 0.0, 0.0))
-
-
-def test_a_slide_that_turns_speeds_up_its_turn_as_well():
-    """A turn of 1 rad/s is 50 steps of 0.02 rad/s, and sets the pace of the slide."""
-    next_speeds = ramp((0.0, 0.0, 0.0), (0.0, 1.0, 0.1), LIMITS, FRAME_S)
-    assert next_speeds == pytest.approx((0.0, 0.02, 0.002))
 
 
 def test_after_a_pause_a_step_accelerates_for_a_tenth_of_a_second(bench):

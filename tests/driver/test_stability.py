@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import GRAVITY_M_S2
-from mrl_driver.robot import models
 from mrl_driver.tip_over import sweep, vehicle_file
 from mrl_driver.tip_over.margin import (
     DIRECTIONS,
@@ -66,29 +65,6 @@ def test_it_tips_at_g_half_base_by_height(half_length_m, half_width_m, height_m,
     assert greatest_acceleration_anywhere(made) == pytest.approx(min(limits(made).values()), rel=1e-9)
 
 
-def test_vehicle_whose_axes_lie_askew_tips_over_first_between_the_named_directions():
-    """Its four contacts are in front, behind and at the sides, so the nearest axes are 45 deg from its own."""
-    diamond = Vehicle("diamond", ((0.2, 0), (0, 0.2), (-0.2, 0), (0, -0.2)), Mass(10.0, 0, 0, 0.3), {})
-    anywhere = GRAVITY_M_S2 * 0.2 / 0.3 * math.sqrt(0.5)
-    assert greatest_acceleration_anywhere(diamond) == pytest.approx(anywhere, rel=1e-9)
-    assert min(limits(diamond).values()) == pytest.approx(anywhere * math.sqrt(2), rel=1e-9)
-
-
-def test_a_slope_turns_the_weight():
-    """Uphill by s, the margin to the axis behind is smaller by s."""
-    made, slope_rad = box(0.3, 0.2, 0.25), math.radians(10)
-    behind = least(margins(made, slope=(-math.sin(slope_rad), 0.0))).angle_rad
-    across = math.atan(0.2 / 0.25)
-    assert behind == pytest.approx(min(across, math.atan(0.3 / 0.25) - slope_rad), abs=1e-2)
-    assert greatest_acceleration(made, (1.0, 0.0), 0.0, math.atan(0.3 / 0.25) + 0.01) == 0
-
-
-def test_a_push_at_the_centre_tips_as_the_inertia_does():
-    made = box(0.3, 0.2, 0.25)
-    by_push, by_inertia = margins(made, force_n=(0.0, 30.0, 0.0)), margins(made, (0.0, -3.0))
-    assert [a.angle_rad for a in by_push] == pytest.approx([b.angle_rad for b in by_inertia])
-
-
 def test_payload_and_arm_move_the_centre_of_mass():
     loaded = box(0.3, 0.2, 0.1, {"arm": Mass(10.0, 0.2, 0.0, 0.5)})
     assert loaded.whole == Mass(20.0, pytest.approx(0.1), 0.0, pytest.approx(0.3))
@@ -119,11 +95,6 @@ def test_a_force_tips_a_box_by_its_moment_about_the_lower_edge(at, direction, fo
     assert greatest_force(box(*BOX), Push(0.0, at, direction)) == pytest.approx(force_n)
 
 
-def test_the_worst_direction_of_a_push_is_at_right_angles_to_its_arm():
-    found = worst(box(*BOX), push=Push(WEIGHT_N * 0.2 / ASLANT_M, (0.0, 0.0, 0.4))).push
-    assert (abs(found[1]), found[2]) == pytest.approx((0.4 / ASLANT_M, 0.2 / ASLANT_M), abs=1e-6)
-
-
 def test_a_level_push_and_an_acceleration_add_their_moments():
     """Sideways: weight * b = m * a * height + force * its height."""
     push = Push(20.0, (0.0, 0.0, 0.4), (0.0, -1.0, 0.0))
@@ -131,13 +102,20 @@ def test_a_level_push_and_an_acceleration_add_their_moments():
     assert limits(box(*BOX), push=push)["left"] == pytest.approx(expected)
 
 
-def test_a_push_at_the_centre_of_mass_is_a_force_without_a_moment():
-    made, force_n = box(*BOX), (3.0, -20.0, 5.0)
-    size = math.sqrt(sum(each * each for each in force_n))
-    push = Push(size, (0.0, 0.0, 0.25), tuple(each / size for each in force_n))
-    assert [each.angle_rad for each in margins(made, push=push)] == pytest.approx(
-        [each.angle_rad for each in margins(made, force_n=force_n)]
-    )
+def test_a_push_at_the_centre_of_mass_is_a_force_without_a_moment_and_tips_as_the_inertia_does():
+    made, force_n = box(*BOX), (0.0, -20.0, 0.0)
+    push = Push(20.0, (0.0, 0.0, 0.25), (0.0, -1.0, 0.0))
+    expected = pytest.approx([each.angle_rad for each in margins(made, force_n=force_n)])
+    assert [each.angle_rad for each in margins(made, push=push)] == expected
+    assert [each.angle_rad for each in margins(made, (0.0, 2.0))] == expected
+
+
+def test_a_slope_turns_the_weight():
+    """Uphill by s, the margin to the axis behind is smaller by s."""
+    made, slope_rad = box(*BOX), math.radians(10)
+    behind = least(margins(made, slope=(-math.sin(slope_rad), 0.0))).angle_rad
+    assert behind == pytest.approx(min(math.atan(0.2 / 0.25), math.atan(0.3 / 0.25) - slope_rad), abs=1e-2)
+    assert greatest_acceleration(made, (1.0, 0.0), 0.0, math.atan(0.3 / 0.25) + 0.01) == 0
 
 
 @given(FORCES, st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(0.05, 1.0), ANGLES, st.floats(-1.0, 1.0))
@@ -150,15 +128,6 @@ def test_no_direction_leaves_less_margin_than_the_worst(share, x_m, y_m, height_
     direction = (level * math.cos(heading), level * math.sin(heading), up)
     given_direction = least(margins(made, push=Push(force_n, at, direction))).angle_rad
     assert worst(made, push=Push(force_n, at)).angle_rad <= given_direction + EXACT
-
-
-@given(st.floats(0.0, 3.0), st.floats(0.0, 0.3), ANGLES)
-@settings(max_examples=30)
-def test_no_direction_of_acceleration_and_slope_is_worse_than_the_worst(acceleration, slope_rad, heading):
-    made, out = box(*BOX), (math.cos(heading), math.sin(heading))
-    slope = (out[0] * math.sin(slope_rad), out[1] * math.sin(slope_rad))
-    found = least(margins(made, (-out[0] * acceleration, -out[1] * acceleration), slope=slope))
-    assert worst(made, acceleration, slope_rad).angle_rad <= found.angle_rad + EXACT
 
 
 # -- an arm, and sweeps
@@ -191,18 +160,6 @@ def test_a_sweep_over_the_arms_angle_finds_where_a_load_on_its_tip_tips_the_box(
     assert moment == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize(
-    "text, push, expected",
-    [
-        ("acceleration=0:10", {}, GRAVITY_M_S2 * 0.2 / 0.25),
-        ("force=0:90", {"push": Push(0.0, (0.0, 0.0, 0.4))}, WEIGHT_N * 0.2 / ASLANT_M),
-    ],
-)
-def test_a_sweep_crosses_zero_where_the_box_tips(text, push, expected):
-    situation, over = sweep.Situation(box(*BOX), **push), sweep.parse(text)
-    assert sweep.crossings(situation, over, sweep.sweep(situation, over)) == pytest.approx([expected])
-
-
 # -- files
 
 
@@ -211,12 +168,6 @@ def test_the_worked_example():
     made = vehicle_file.load("mecanum-arm")
     height_m = (20 * 0.08 + 6 * 0.5) / 26
     assert limits(made)["left"] == pytest.approx(GRAVITY_M_S2 * 0.15 / height_m)
-
-
-@pytest.mark.parametrize("name", ["traxbot", "omni"])
-def test_a_robot_model_is_a_vehicle(name):
-    model = models.load(name)
-    assert vehicle_file.load(name).whole.mass_kg == model.body.mass_kg
 
 
 GOOD = {
@@ -231,24 +182,15 @@ GOOD = {
     [
         ({"contacts": [[0, 0], [1, 1], [2, 2]]}, "span an area"),
         ({"contacts": [[0, 0], [1, 1]]}, "contacts is .* expected a list of three to 100 points"),
-        (
-            {"contacts": [[0, 0], [1, 1], [0, 1]] * 34},
-            "contacts is .* expected a list of three to 100 points",
-        ),
-        ({"contacts": [[0, 0], [1, "a"], [2, 0]]}, r"contacts\[1\] is 'a', expected a number"),
         ({"contacts": [[0, 0], [1, math.nan], [2, 0]]}, r"contacts\[1\] is nan"),
         ({"body": {**GOOD["body"], "mass_kg": 0}}, "body.mass_kg is 0, expected a number from"),
-        ({"body": {"mass_kg": 1}}, "key body.x_m is missing"),
         ({"payloads": {"arm": {**GOOD["body"], "hight_m": 1}}}, "key payloads.arm.hight_m is unknown"),
-        ({"payloads": 3}, "payloads is 3"),
-        ({"wheels": 4}, "key wheels is unknown"),
         ({"arm": {"mass_kg": 1}}, "key arm.x_m is missing"),
         (
             {"arm": {**ARM._asdict(), "angle_deg": 200}},
             "arm.angle_deg is 200, expected a number from 0 to 180",
         ),
         ({"arm": {**ARM._asdict(), "centre_m": 0.9}}, "arm.centre_m is 0.9, expected a place on the arm"),
-        ({"name": ""}, "name is ''"),
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(wrong, words):

@@ -17,7 +17,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, ConfigError, LinkError, LinkLost, NotARobot, PortMissing
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.session.events import Lost, Ready, Slowed, Stale
-from mrl_driver.transport import baud_upgrade, sockets
+from mrl_driver.transport import baud_upgrade
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP_2013
 from sim_arduino.serve import factory
@@ -101,6 +101,7 @@ def test_a_board_that_was_out_of_reach_has_not_restarted():
     watched.robot.wait(9.0 - watched.robot.now_s)
     assert [event.restarted for event in watched.events if isinstance(event, Ready)] == [False]
     watched.close()
+
 
 
 def test_an_overtaken_status_is_no_restart():
@@ -278,15 +279,6 @@ def test_what_pyserial_does_not_open_is_told(url, error, words):
         open_link(url)
 
 
-def test_a_device_behind_a_url_that_goes_away_is_told():
-    with closing(socket.create_server(("127.0.0.1", 0))) as server:
-        link = open_link(f"socket://127.0.0.1:{server.getsockname()[1]}")
-        server.accept()[0].close()
-        with closing(link), pytest.raises(LinkLost, match="the other end closed the connection"):
-            while True:
-                link.read(1.0)
-
-
 @pytest.mark.parametrize(
     "use, words",
     [
@@ -355,15 +347,6 @@ def test_a_refused_connection_says_what_to_do(scheme, kind, error):
             free.close()
         with pytest.raises(error, match=r"connection refused\): nothing listens there"):
             Driver(f"{scheme}://127.0.0.1:{port}").connect()
-
-
-def test_a_name_that_does_not_resolve_is_told(monkeypatch):
-    def fail(*_, **__):
-        raise socket.gaierror(-2, "Name or service not known")
-
-    monkeypatch.setattr(sockets.socket, "getaddrinfo", fail)
-    with pytest.raises(PortMissing, match="'robot.lan': name or service not known.: check the name"):
-        Driver("tcp://robot.lan:3333").connect()
 
 
 def test_a_host_that_does_not_answer_is_given_up():
