@@ -13,7 +13,7 @@ from mrl_driver.robot import models
 from tests.fake_board import FakeBoard
 
 MODEL = models.load("duo")
-LEFT, RIGHT = 0, 1
+
 _NAMES = ("move_motors", "read_config", "write_config", "save_config", "default_config")
 _CODES = {BY_NAME[name].code: name for name in _NAMES}
 _REVERSED = {

@@ -12,7 +12,7 @@ from mrl_driver.robot.models import ImuMount, Noise, load
 NOTHING = (0.0,) * 6
 STEPS, STEP_M, STEP_S = 200, 0.005, 0.02
 BIAS_VARIANCE = 1e-6
-XX, XT, YY, YT, TT = 0, 2, 3, 4, 5
+XX, YY, YT, TT = 0, 3, 4, 5
 
 
 def sure(**noise):
@@ -36,19 +36,19 @@ def gyro():
     return SimpleNamespace(kept=1.0, bias_variance=BIAS_VARIANCE, noise_rad2_s=0.0, unseen_rad2=0.0)
 
 
-def test_scale_of_the_distance_grows_with_the_way_and_cancels_on_the_way_back():
-    made = sure(distance_scale_sd=0.01)
-    pose = drive(made)
-    assert made.spread[XX] == pytest.approx(0.01**2)
-    drive(made, pose, step_m=-STEP_M)
-    assert made.spread == pytest.approx(NOTHING, abs=1e-15)
-
-
-def test_scale_of_turns_grows_with_the_turn_and_cancels_on_the_turn_back():
-    made = sure(turn_scale_sd=0.1)
-    pose = drive(made, step_m=0.0, turn_rad=0.01)
-    assert made.spread[TT] == pytest.approx((0.1 * 2.0) ** 2)
-    drive(made, pose, step_m=0.0, turn_rad=-0.01)
+@pytest.mark.parametrize(
+    "noise, way, at, variance",
+    [
+        ({"distance_scale_sd": 0.01}, {}, XX, 0.01**2),
+        ({"turn_scale_sd": 0.1}, {"step_m": 0.0, "turn_rad": 0.01}, TT, (0.1 * 2.0) ** 2),
+    ],
+    ids=["distance", "turns"],
+)
+def test_a_scale_grows_with_the_way_and_cancels_on_the_way_back(noise, way, at, variance):
+    made, way = sure(**noise), {"step_m": STEP_M, **way}
+    pose = drive(made, **way)
+    assert made.spread[at] == pytest.approx(variance)
+    drive(made, pose, **{name: -each for name, each in way.items()})
     assert made.spread == pytest.approx(NOTHING, abs=1e-12)
 
 
@@ -62,12 +62,19 @@ def test_unequal_wheels_bend_a_straight_way():
 
 
 def test_bias_turns_the_yaw_with_the_time_and_moves_the_end_with_its_square():
-    made = sure()
+    """The yaw is off by what the bias has made of it, over the whole way that the wheels alone continue."""
+    seconds, made, before = STEPS * STEP_S, sure(), sure(turn_scale_sd=0.1, wheel_ratio_sd=0.01)
     drive(made, gyro=gyro())
-    seconds = STEPS * STEP_S
     assert made.spread[TT] == pytest.approx(BIAS_VARIANCE * seconds**2)
     assert made.spread[YY] == pytest.approx(BIAS_VARIANCE * (seconds / 2) ** 2, rel=1e-3)  # over a way of 1 m
     assert made.spread[YT] == pytest.approx(BIAS_VARIANCE * seconds**2 / 2, rel=1e-3)
+    made = sure()
+    drive(made, drive(made, step_m=0.0, gyro=gyro()))
+    assert made.spread[YY] == pytest.approx(BIAS_VARIANCE * seconds**2, rel=1e-3)
+    drive(before, turn_rad=0.01, gyro=SimpleNamespace(**{**vars(gyro()), "bias_variance": 0.0}))
+    assert before.spread == pytest.approx(NOTHING, abs=1e-15), (
+        "the errors of the wheels' turn are not the gyro's"
+    )
 
 
 def test_bias_that_was_measured_anew_errs_independently_of_before():
@@ -77,22 +84,6 @@ def test_bias_that_was_measured_anew_errs_independently_of_before():
     chip.kept = 0.0
     drive(made, pose, gyro=chip)
     assert made.spread[TT] == pytest.approx(2 * BIAS_VARIANCE * seconds**2)
-
-
-def test_error_of_the_bias_moves_the_end_of_a_way_that_the_wheels_alone_continue():
-    """The yaw is off by what the bias has made of it, over the whole way after that."""
-    made, seconds = sure(), STEPS * STEP_S
-    pose = drive(made, step_m=0.0, gyro=gyro())
-    drive(made, pose)
-    assert made.spread[YY] == pytest.approx(BIAS_VARIANCE * seconds**2, rel=1e-3)
-
-
-def test_gyros_turn_has_not_the_errors_of_the_wheels_turn():
-    made = sure(turn_scale_sd=0.1, wheel_ratio_sd=0.01)
-    chip = gyro()
-    chip.bias_variance = 0.0
-    drive(made, turn_rad=0.01, gyro=chip)
-    assert made.spread == pytest.approx(NOTHING, abs=1e-15)
 
 
 def test_scales_of_omni_wheels_err_as_the_way_of_larger_wheels():

@@ -36,6 +36,10 @@ speed = st.floats(-2, 2)
 twists = st.builds(Planar, speed, speed, speed)
 
 
+def huge(twist):
+    return Planar(*(1e30 * each for each in twist))
+
+
 def possible(base: Kinematics, twist: Planar) -> Planar:
     return twist if base.sideways else twist._replace(left=0.0)
 
@@ -78,16 +82,10 @@ def test_closed_form_of_four_mecanum_wheels(ways):
 
 
 @pytest.mark.parametrize("base", BASES.values(), ids=BASES)
-@pytest.mark.parametrize("size", [1e30, 1.7e308])
-def test_saturation_keeps_the_direction_of_the_largest_twists(base, size):
-    kept = base.saturated(Planar(size, size if base.sideways else 0.0, -size / 2), 0.3)
-    assert kept.forward > 0 and kept.turn == pytest.approx(-kept.forward / 2)
-    assert kept.left == (kept.forward if base.sideways else 0.0)
-    assert max(map(abs, base.wheel_steps(kept))) == pytest.approx(0.3)
-
-
-@pytest.mark.parametrize("base", BASES.values(), ids=BASES)
-@given(twist=twists, most=st.floats(0.05, 1.0))
+@given(
+    twist=st.one_of(twists, twists.map(lambda twist: Planar(*(1e30 * each for each in twist)))),
+    most=st.floats(0.05, 1.0),
+)
 def test_saturation_keeps_the_direction(base, twist, most):
     told = possible(base, twist)
     kept = base.saturated(told, most)

@@ -76,17 +76,22 @@ def test_a_stop_is_repeated_until_the_wheels_stand_still():
     assert drain(motion, 0.7, 1.5) == [] and motion.due_s == math.inf
 
 
-def test_wheels_that_turn_confirm_no_stop():
-    motion = stopping()
-    for i in range(20):
-        motion.observe(i % 3 == 0, 0.02 * i)
-    assert motion.stopping
-
-
-def test_readings_before_the_stop_was_sent_confirm_nothing():
+def test_wheels_that_turn_and_readings_before_the_stop_was_sent_confirm_no_stop():
     motion = Motion()
     motion.stop()
     assert stand(motion, *(0.02 * i for i in range(20))).stopping
+    motion.take(0.4)
+    for i in range(20):
+        motion.observe(i % 3 == 0, 0.4 + 0.02 * i)
+    assert motion.stopping
+
+
+def test_a_robot_that_stood_has_nothing_to_confirm():
+    motion = Motion()
+    assert (motion.stops, motion.unconfirmed, motion.stopping, motion.settling) == (0, False, False, False)
+    motion.forget("link_lost")
+    assert not motion.unconfirmed
+    assert not driven(speeds=(0, 0)).settling
 
 
 def test_late_telemetry_holds_motion_back_but_no_stop():
@@ -172,11 +177,6 @@ def test_a_gentle_stop_obeys_a_limit_but_is_never_raised(speeds, faded):
     assert motion.settling == (faded == 0)
 
 
-def test_a_new_motion_has_stopped_nothing():
-    motion = Motion()
-    assert (motion.stops, motion.unconfirmed, motion.stopping, motion.settling) == (0, False, False, False)
-
-
 def test_only_commands_that_were_in_force_count_as_stopped():
     motion = Motion()
     for stops in (1, 2):
@@ -193,10 +193,6 @@ def test_a_command_of_zero_settles_after_motion_and_stays():
     assert motion.settling
     assert not settle(motion, 0.1).settling
     assert motion.take(1.0) == (MOVE, 0, 0)
-
-
-def test_a_command_of_zero_after_standstill_has_nothing_to_settle():
-    assert not driven(speeds=(0, 0)).settling
 
 
 def test_a_command_of_zero_goes_on_with_what_a_stop_has_to_confirm():
@@ -277,12 +273,6 @@ def test_a_link_that_is_lost_while_stopped_keeps_the_reason():
     motion.forget("link_lost")
     assert (motion.stop_reason, motion.stops) == ("battery", 1)
     assert not motion.stopping and not motion.settling
-
-
-def test_a_robot_that_stood_has_no_stop_to_make_up_for():
-    motion = Motion()
-    motion.forget("link_lost")
-    assert not motion.unconfirmed
 
 
 @pytest.mark.parametrize("losses", [1, 2])

@@ -77,15 +77,12 @@ def test_stop_that_may_not_have_arrived_is_an_error_and_is_sent_when_the_board_i
     bench.driver.stop()
 
 
-def test_view_goes_on_when_its_stop_may_not_have_arrived(cut):
+def test_robot_that_is_cut_off_again_when_it_stands_is_not_moving(cut):
+    """A view goes on when its stop may not have arrived."""
     bench = cut("2013-august")
     screen = Screen(bench.driver, Settings(), None)
     screen.press("space", 0.0)
     assert not screen.ended and screen.shown(0.0).notice == f"no telemetry arrives: {MAY_MOVE}"
-
-
-def test_robot_that_is_cut_off_again_when_it_stands_is_not_moving(cut):
-    bench = cut("2013-august")
     bench.line.plug()
     bench.driver.wait(5.0)
     bench.line.unplug()

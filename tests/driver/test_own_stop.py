@@ -114,11 +114,6 @@ def test_wheels_that_the_watchdog_has_stopped_are_no_mismatch(robots, angular_ra
     assert any(found)
 
 
-def test_without_the_refusal_it_drives_on(robots, monkeypatch):
-    """The control: a board with older firmware."""
-    monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
-    robot = robots()
-    assert max(travel_m(robot, lose_bytes, PHASE_S) for _ in range(6)) > 10 * STILL_M
 
 
 @pytest.mark.parametrize("engine", ["python", "pc"])

@@ -12,9 +12,6 @@ from mrl_driver.safety.wheel_monitor import (
     GAP_S,
     POWERLESS,
     REVERSED,
-    STILL_TICKS,
-    TICK_S,
-    WheelMonitor,
     monitor_of,
 )
 from mrl_driver.session.motion_command import QUICK, SLOW
@@ -27,8 +24,6 @@ FRAME_S, FRAME_2013_S = 0.02, 1 / 325
 LOOKED_AT_S, LOOKED_AT_2013_S = 3 * FRAME_S, 17 * FRAME_2013_S
 """The frames that the watch looks at: the first ones after TICK_S."""
 MODELS = ("traxbot", "stingbot")
-LATENCY_TICKS = 3
-LATENCY_S = (LATENCY_TICKS - 0.5) * TICK_S
 
 
 def sound(right, left):
@@ -189,69 +184,3 @@ def test_after_a_gap_the_watch_begins_anew():
     drive.now += GAP_S + 0.1
     drive.command(0.3, 0.0)
     assert drive.run(3.0) is None
-
-
-class Bare:
-    """A watch that is told commands and ways, without motors."""
-
-    def __init__(self, acceleration_m_s2=0.2):
-        self.drive = load("traxbot").drive
-        self.watch = WheelMonitor(self.drive, acceleration_m_s2, LATENCY_S)
-        self.now, self.right_m, self.left_m = 0.0, 0.0, 0.0
-
-    def look(self, linear_m_s, angular_rad_s=0.0):
-        counts = (round(way / self.drive.metres_per_count) for way in (self.right_m, self.left_m))
-        return self.watch.update(linear_m_s, angular_rad_s, Wheels(*counts), self.now)
-
-    def tick(self, command_m_s, right_m_s, left_m_s, ticks=1):
-        """What it says first while the wheels run at these speeds."""
-        found = None
-        for _ in range(ticks):
-            self.now += 1.001 * TICK_S
-            self.right_m += right_m_s * TICK_S
-            self.left_m += left_m_s * TICK_S
-            found = found or self.look(command_m_s)
-        return found
-
-
-def test_a_wheel_that_turns_round_keeps_its_time_over_a_pause_in_the_command():
-    """It still runs back slowly when it is sent forward for the second time."""
-    watch = Bare()
-    assert watch.tick(-0.3, -0.3, -0.3, ticks=40) is None
-    assert watch.tick(0.3, -0.02, -0.02, ticks=8) is None
-    assert watch.tick(0.0, -0.02, -0.02, ticks=2) is None
-    assert watch.tick(0.3, -0.02, -0.02, ticks=15) is None
-
-
-def test_a_wheel_that_was_fast_before_a_pause_in_the_command_may_start_from_rest():
-    """The pause reaches the motors late."""
-    watch = Bare()
-    assert watch.tick(0.3, 0.3, 0.3, ticks=40) is None
-    assert watch.tick(0.0, 0.3, 0.3) is None
-    assert watch.tick(0.3, 0.3, 0.3) is None
-    assert watch.tick(0.3, 0.0, 0.0, ticks=LATENCY_TICKS + 5) is None
-
-
-def test_a_robot_that_has_stood_for_long_and_cannot_start_is_noticed():
-    watch = Bare()
-    assert watch.tick(0.0, 0.0, 0.0, ticks=40) is None
-    assert watch.tick(0.3, 0.0, 0.0, ticks=20).cause == POWERLESS
-
-
-def test_a_wheel_that_rests_for_half_a_second_while_it_turns_round_is_judged_from_then_on():
-    """As one that starts then."""
-    starts, turns = Bare(), Bare()
-    starts.tick(0.0, 0.0, 0.0, ticks=40)
-    turns.tick(-0.3, -0.3, -0.3, ticks=40)
-    ticks = [next(n for n in range(1, 60) if watch.tick(0.3, 0.0, 0.0)) for watch in (starts, turns)]
-    assert ticks[1] - ticks[0] == STILL_TICKS - LATENCY_TICKS
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_a_wheel_that_was_sent_back_for_a_moment_may_go_back_first(side):
-    """The command was replaced before the next comparison."""
-    watch = Bare()
-    watch.tick(0.0, 0.0, 0.0, ticks=10)
-    watch.look(-0.3)
-    speeds = {"right": 0.3, "left": 0.3, side: -0.05}
-    assert watch.tick(0.3, speeds["right"], speeds["left"], ticks=20) is None

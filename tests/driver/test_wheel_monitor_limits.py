@@ -9,7 +9,16 @@ from mrl_driver.problems import PROBLEMS
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import Drive
 from mrl_driver.robot.odometry import OmniWheels, Wheels
-from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, REVERSED, Mismatch, WheelMonitor, monitor_of
+from mrl_driver.safety.wheel_monitor import (
+    DEAD,
+    POWERLESS,
+    REVERSED,
+    STILL_TICKS,
+    TICK_S,
+    Mismatch,
+    WheelMonitor,
+    monitor_of,
+)
 from mrl_driver.session.motion_command import QUICK
 from tests.models import model
 
@@ -20,6 +29,7 @@ SPEED_M_S = 0.125
 STEP_M = SPEED_M_S * DT_S
 MICROMETRE = 1e-6
 WINDOW_READINGS = 5
+LATENCY_TICKS = 3
 TWENTIETHS_S = [number / 20 for number in range(6)]
 
 
@@ -55,6 +65,16 @@ def started(*args, **kwargs):
     watch = Watch(*args, **kwargs)
     watch.read(0.0)
     return watch
+
+
+def ticked(*moves):
+    """A monitor with a late model at its own pace, and what it says first: command, speed of both wheels, ticks."""
+    watch = Watch(0.2, latency_s=(LATENCY_TICKS - 0.5) * TICK_S)
+    watch.tick = lambda command, speed: watch.read(
+        command, round(speed * TICK_S / MICROMETRE), 1.001 * TICK_S
+    )
+    found = [watch.tick(command, speed) for command, speed, ticks in moves for _ in range(ticks)]
+    return watch, next(filter(None, found), None)
 
 
 # -- when a wheel is judged
@@ -215,6 +235,38 @@ def test_rest_is_counted_from_the_first_comparison():
     watch = Watch()
     watch.read(-SPEED_M_S)
     assert watch.first(SPEED_M_S)[0] == 10 + WINDOW_READINGS
+
+
+@pytest.mark.parametrize(
+    ("moves", "cause"),
+    [
+        ([(-0.3, -0.3, 40), (0.3, -0.02, 8), (0.0, -0.02, 2), (0.3, -0.02, 15)], None),
+        ([(0.3, 0.3, 40), (0.0, 0.3, 1), (0.3, 0.3, 1), (0.3, 0.0, LATENCY_TICKS + 5)], None),
+        ([(0.0, 0.0, 40), (0.3, 0.0, 20)], POWERLESS),
+    ],
+    ids=[
+        "turns round, and keeps its time over a pause in the command",
+        "was fast before a pause in the command, which reaches the motors late",
+        "has stood for long and cannot start",
+    ],
+)
+def test_a_wheel_has_its_time_over_a_pause_in_the_command(moves, cause):
+    found = ticked(*moves)[1]
+    assert (found and found.cause) == cause
+
+
+def test_a_wheel_that_rests_for_half_a_second_while_it_turns_round_is_judged_from_then_on():
+    """As one that starts then."""
+    watches = [ticked((0.0, 0.0, 40))[0], ticked((-0.3, -0.3, 40))[0]]
+    ticks = [next(n for n in range(1, 60) if watch.tick(0.3, 0.0)) for watch in watches]
+    assert ticks[1] - ticks[0] == STILL_TICKS - LATENCY_TICKS
+
+
+def test_a_wheel_that_was_sent_back_for_a_moment_may_go_back_first():
+    """The command was replaced before the next comparison."""
+    watch = ticked((0.0, 0.0, 10))[0]
+    watch.read(-0.3, 0, 0.0)
+    assert [watch.tick(0.3, -0.05) for _ in range(20)] == [None] * 20
 
 
 # -- the cause

@@ -52,21 +52,15 @@ def with_laser(kind=ZONES):
 
 @pytest.mark.parametrize("front", [0.25, 0.5, 1.0, 2.0, math.inf, math.nan, -math.inf])
 def test_speed_that_is_allowed_ahead_is_that_of_a_command_that_is_too_fast(front):
+    """The question changes nothing; without a valid reading the robot is slow."""
     zones = told(zones_of(), front)
     allowed = zones.allowed_ahead_m_s(0.1)
-    assert zones.limit(99.0, 0.1) == min(allowed, 99.0)
-
-
-def test_question_what_is_allowed_ahead_changes_nothing():
-    zones = told(zones_of(), 0.1)
-    zones.allowed_ahead_m_s(0.1)
     assert not zones.warning_clear and zones.limit(-0.1, 0.1) == -0.1
-
-
-def test_far_from_everything_the_robot_does_what_it_is_asked():
-    zones = told(zones_of(), math.inf)
-    assert zones.limit(0.3, 0.1) == 0.3
-    assert zones.warning_clear and zones.protective_clear
+    assert zones.limit(99.0, 0.1) == min(allowed, 99.0)
+    assert not math.isnan(front) or allowed == ZONES.slow_m_s
+    assert front != math.inf or (
+        zones.limit(0.3, 0.1) == 0.3 and zones.warning_clear and zones.protective_clear
+    )
 
 
 @pytest.mark.parametrize("odd", [math.nan, math.inf])
@@ -83,16 +77,6 @@ def test_the_outer_zone_only_warns_unless_it_has_a_speed(room_m):
     outer = max(0.15, ZONES.speed_m_s(room_m - 2 * ZONES.warning_m))
     zones = with_laser(ZONES._replace(outer_slow_m_s=0.15))
     assert saw(zones, room_m).limit(9.0, 0.1) == pytest.approx(min(slowed, outer))
-
-
-def test_the_outer_zone_is_entered_first_and_is_twice_as_long():
-    zones = with_laser()
-    edge_m = 2 * ZONES.warning_m + ZONES.growth_m(0.1)
-    states = []
-    for more in (0.01, -0.01, 0.04, 0.06):  # the hysteresis is 0.05
-        saw(zones, edge_m + more).limit(0.1, 0.0)
-        states.append((zones.outer_clear, zones.warning_clear))
-    assert states == [(True, True), (False, True), (False, True), (True, True)]
 
 
 def test_zones_that_are_not_known_to_be_free_are_not_clear():
@@ -118,10 +102,12 @@ def test_the_protective_zone_stops_and_lets_go_by_the_hysteresis_later():
     assert moves == [True, False, False, False, True, True]
 
 
-def test_before_a_wall_the_robot_may_drive_away():
-    zones = told(zones_of(), -math.inf)
+def test_before_a_wall_the_robot_may_drive_away_and_turn():
+    zones = told(zones_of(), -math.inf, -math.inf, -math.inf)
     assert zones.limit(0.2, 0.0) == 0 and not zones.protective_clear
     assert zones.limit(-0.2, 0.0) == -ZONES.slow_m_s and zones.protective_clear
+    assert zones.limited((0.0, 0.0), 0.0) == (0.0, 0.0)
+    assert zones.limited((0.0, 0.1), 0.0)[1] == 0
 
 
 def test_a_sonar_behind_frees_the_way_back():
@@ -130,10 +116,6 @@ def test_a_sonar_behind_frees_the_way_back():
     assert zones.limit(-0.3, 0.0) == -0.3
     zones.on_range("back", 0.2, 0.0)
     assert zones.limit(-0.3, 0.0) == 0
-
-
-def test_a_sonar_without_a_valid_reading_means_slow():
-    assert told(zones_of(), math.nan).limit(0.3, 0.0) == ZONES.slow_m_s
 
 
 def test_a_silent_sonar_stops_the_robot():
@@ -250,12 +232,6 @@ def test_way_made_to_the_side_counts():
 def test_a_side_that_a_sonar_sees_only_slantwise_is_slow():
     zones = told(zones_of(), math.inf)
     assert zones.limited((0.0, 0.3), 0.0) == (0.0, ZONES.slow_m_s)
-
-
-def test_a_turn_in_place_before_a_wall_is_not_held():
-    zones = told(zones_of(), -math.inf, -math.inf, -math.inf)
-    assert zones.limited((0.0, 0.0), 0.0) == (0.0, 0.0)
-    assert zones.limited((0.0, 0.1), 0.0)[1] == 0
 
 
 # -- laws
@@ -414,8 +390,3 @@ def test_three_wheels_stop_before_a_wall_beside_them(tmp_path):
     room_m = 1.0 - models.load("omni").body.width_m / 2 - max(ys)
     assert ZONES.protective_m <= room_m < 0.5
     assert max(ys) - ys[-20] < 0.01 and max(ys) > 0.2
-
-
-def test_three_wheels_pass_sideways_before_a_wall(tmp_path):
-    ys = Course(tmp_path, "[[0.7, -2, 0.7, 2]]", lambda _: (0.0, 0.0, 0.3), 10.0, "omni").ys
-    assert max(ys) > 0.5

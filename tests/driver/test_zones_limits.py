@@ -236,7 +236,3 @@ def test_the_warning_zone_must_be_longer_than_the_protective_zone_with_its_hyste
     require_settings(settings._replace(warning_m=0.5 + JUST_MORE))
     with pytest.raises(ConfigError, match="warning_m is 0.5, expected more than 0.5"):
         require_settings(settings._replace(warning_m=0.5))
-
-
-def test_the_outer_zone_may_be_as_slow_as_the_warning_zone():
-    require_settings(SETTINGS._replace(slow_m_s=0.2, outer_slow_m_s=0.2))

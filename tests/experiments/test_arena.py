@@ -9,8 +9,6 @@ from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.experiments import arena, arena_sweep, trials
 from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, Drive, Sample, Spots
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.hardware.environment_sensors import EnvironmentErrors, SpoiltReadings
-from sim_arduino.world.environment import Environment
 
 SEEDS = range(1000, 1004)
 FOUND_M = 0.5
@@ -101,8 +99,6 @@ def test_objects_are_peaks_and_places_that_are_no_source_count_as_much_as_missed
     one, two = np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
     assert arena_sweep.apart_m(one, two) == arena_sweep.apart_m(two, one) == 3.0
     assert arena_sweep.apart_m(one, np.empty((0, 2))) == math.inf
-
-
 
 
 def test_a_sweep_does_not_collide_and_noise_alone_gives_no_alert(tmp_path, monkeypatch):

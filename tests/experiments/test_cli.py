@@ -1,6 +1,5 @@
 """`mrl experiment` on the command line."""
 
-import contextlib
 import os
 import re
 from unittest import mock
@@ -11,7 +10,7 @@ from click.testing import CliRunner
 from mrl_driver.errors import ConfigError, LinkLost, OutputError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import load
-from sim_arduino.experiments import cli, experiment_report, sonar_approach, step_test, workers
+from sim_arduino.experiments import cli, experiment_report, step_test, workers
 from sim_arduino.experiments.experiment_robot import Setting
 from tests.experiments.pools import at_once
 
@@ -67,8 +66,6 @@ def test_figures_that_cannot_be_written_are_named(tmp_path):
         experiment_report.save(experiment_report.Result("power", "Circles", []), str(tmp_path))
 
 
-
-
 def test_a_real_robot_is_driven_by_this_process(started, tmp_path):
     """So that a signal which ends it stops the robot too."""
     assert run("square", "--port", "/dev/ttyACM0", "--yes", "--out", str(tmp_path)).exit_code == 0
@@ -99,5 +96,3 @@ def test_others_go_on_when_one_fails(started, tmp_path, monkeypatch):
     assert experiment_report.read(str(tmp_path), "l-course") and not experiment_report.read(
         str(tmp_path), "power"
     )
-
-

@@ -8,8 +8,7 @@ import pytest
 
 from mrl_driver.geometry import ORIGIN, Pose
 from sim_arduino.experiments import disturbances
-from sim_arduino.faults.key_values import robot_errors, sonar_errors
-from sim_arduino.hardware.sonars import count_of
+from sim_arduino.faults.key_values import robot_errors
 
 SEEDS = range(200)
 
@@ -33,8 +32,6 @@ def test_errors_spread_as_stated():
     assert all(abs(pose.y_m - 1.0) < 0.03 and abs(pose.yaw_rad) > 3.0 for pose in found)
     rng = random.Random(1)
     assert pstdev(disturbances.measured(ORIGIN, rng).x_m for _ in SEEDS) == pytest.approx(0.002, rel=0.15)
-
-
 
 
 def test_given_errors_are_not_drawn():

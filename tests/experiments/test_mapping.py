@@ -91,5 +91,3 @@ def test_a_gyro_knows_the_heading_that_the_wheels_lose_and_improves_the_map(tmp_
         assert figures[f"laser_{poses}_false_percent"].ours < 0.5 * wheels
     for figure in ("heading_gyro_deg", "sonars_gyro_found_percent", "laser_calibrated_false_percent"):
         assert figures[figure].control == figures[re.sub("gyro|calibrated", "wheels", figure)].ours
-
-

@@ -50,8 +50,6 @@ def worker_of(folder):
     return int(wait_until(lambda: begun.exists() and begun.read_text()))
 
 
-
-
 def test_a_worker_that_is_told_to_end_ends_its_work_and_itself(tmp_path):
     """`timeout` sends its signal to the workers, too; one that waited for more work would keep its parent for ever."""
     with pool(1) as submit:
@@ -90,8 +88,6 @@ def clean_up(folder):
         (folder / "ending").touch()
         time.sleep(0.2)
         (folder / "ended").touch()
-
-
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 
 from mrl_driver.protocol import encode_reply, encode_request
 from mrl_driver.protocol.table import SENSOR_BY_NAME
-from mrl_driver.review.charts import NEAR_S, charts_of, packed, reduced
+from mrl_driver.review.charts import NEAR_S, charts_of, reduced
 from mrl_driver.review.drive_data import Column, Stop
 from mrl_driver.review.page import MOST_LISTED, MOST_REMARKS, frame_text, render
 from mrl_driver.robot import models
@@ -187,8 +187,6 @@ def test_a_gap_in_the_telemetry_is_a_gap_in_the_chart(ten_minutes):
         302, abs=0.2
     )
     assert np.all(gap[(times > 298.7) & (times < 301.8)])
-
-
 
 
 def test_a_board_without_motors_has_a_page_of_its_sensors(standing):
