@@ -110,32 +110,6 @@ def test_a_board_without_a_chip_is_refused_before_anything_moves(bench):
     assert bench.pose() == Pose(0.0, 0.0, 0.0)
 
 
-def test_a_person_types_the_heading_or_turns_the_robot_back_to_the_line(bench, monkeypatch):
-    """In the first run an answer without a number, one that is 40 degrees off, and a good one; in the second, Enter."""
-    start, answers = [], []
-
-    def ask(question, default, **_):
-        if str(question).startswith("Press Enter"):
-            start[:] = [bench.pose()]
-            return default
-        answers.append(question)
-        yaw_rad = bench.pose().relative_to(start[0]).yaw_rad
-        if len(answers) == 4:
-            manoeuvres.turn(bench.driver, -yaw_rad, manoeuvres.Speeds())  # in place of a hand
-            return default
-        return "left" if len(answers) == 1 else f"{math.degrees(yaw_rad) + 40 * (len(answers) == 2):.1f}"
-
-    monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
-    monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
-    code, _, lines = bench.mrl("--turns", 1, "--count", 2, "--distance", 0, "--yes")
-    assert code == 0 and len(answers) == 4
-    assert any(line.startswith("got 'left', expected a heading in degrees") for line in lines)
-    assert any("a scale of" in line and "; measure again" in line for line in lines)
-    found = models.load("traxbot-1.yaml").imu
-    assert found.yaw_deg == 0.0
-    assert abs(found.gyro_scale - 1 / ImuErrors.drawn(SEED).gyro_scale[2]) < 4 * found.gyro_scale_sd
-
-
 # -- the file
 
 MEASURED = ImuMount(0.0, 0.0, 0.0, 179.25, -3.5, -90.1, 1.01234, 0.00045)

@@ -83,12 +83,6 @@ class Drawn:
         )
 
 
-
-
-
-
-
-
 @pytest.mark.parametrize(
     "name, gyro, slip",
     [
@@ -114,7 +108,3 @@ def of_speeds(robots, axis):
     squared = sorted(each[axis] for robot in robots for each in robot.twists)
     kept = squared[: round(0.99 * len(squared))]
     return sum(kept) / len(kept)
-
-
-
-

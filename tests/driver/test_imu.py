@@ -112,27 +112,6 @@ def test_a_reading_is_in_si_units_with_the_time_of_the_counters():
     assert abs(reading.stamp_s - counts.stamp_s) <= 0.02
 
 
-def test_a_request_that_is_lost_is_sent_again():
-    board = with_imu()
-    board.unknown.add(47)
-    found = talk(board).run(0.5)
-    board.unknown.clear()
-    assert found.run(1.0).seen(ImuReading)
-
-
-@pytest.mark.parametrize(
-    "end",
-    [lambda found: setattr(found.board, "imu_s", math.inf), lambda found: found.board.reset(found.now)],
-    ids=["falls silent", "board restarts"],
-)
-def test_a_stream_that_ends_is_started_again(end):
-    found = talk().run(0.5)
-    end(found)
-    before = len(found.seen(ImuReading))
-    found.run(3.0)
-    assert len(found.seen(ImuReading)) > before
-
-
 def test_the_end_of_the_session_ends_it():
     found = talk().run(0.5)
     found.session.end()
@@ -146,12 +125,10 @@ def test_a_period_out_of_range_is_refused(period_ms):
         Driver("/dev/null", options=DEFAULTS._replace(imu_period_ms=period_ms))
 
 
-@pytest.mark.parametrize("baud, expected_ms", [(115200, 10), (57600, 25), (9600, 0)])
-def test_a_slow_line_has_room_for_fewer_readings(baud, expected_ms):
+@pytest.mark.parametrize("baud, expected_ms, within_ms", [(115200, 10, 0), (57600, 25, 15), (9600, 0, 0)])
+def test_a_slow_line_has_room_for_fewer_readings(baud, expected_ms, within_ms):
     stream_ms = max(20, least_period_ms(baud))
-    assert least_imu_period_ms(baud, stream_ms) == pytest.approx(
-        expected_ms, abs=15 if expected_ms > 10 else 0
-    )
+    assert least_imu_period_ms(baud, stream_ms) == pytest.approx(expected_ms, abs=within_ms)
 
 
 # -- checks

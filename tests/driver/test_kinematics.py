@@ -83,7 +83,7 @@ def test_closed_form_of_four_mecanum_wheels(ways):
 
 @pytest.mark.parametrize("base", BASES.values(), ids=BASES)
 @given(
-    twist=st.one_of(twists, twists.map(lambda twist: Planar(*(1e30 * each for each in twist)))),
+    twist=st.one_of(twists, twists.map(huge)),
     most=st.floats(0.05, 1.0),
 )
 def test_saturation_keeps_the_direction(base, twist, most):

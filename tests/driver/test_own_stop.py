@@ -15,7 +15,6 @@ from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.handshake import DEFAULT_PLAN
 from mrl_driver.session.session import REFUSED_S
 from mrl_driver.view.words import stopped_by
-from sim_arduino.board.board_status import BoardStatus
 from sim_arduino.faults import hardware_faults
 from tests.conformance.bench import Bench
 from tests.fake_board import FakeBoard
@@ -112,8 +111,6 @@ def test_wheels_that_the_watchdog_has_stopped_are_no_mismatch(robots, angular_ra
         assert robot.driver.drive(0.2, 0.0)
         assert (robot.driver.mismatch, robot.driver.stop_reason) == (None, "link_watchdog")
     assert any(found)
-
-
 
 
 @pytest.mark.parametrize("engine", ["python", "pc"])

@@ -1,10 +1,16 @@
-"""Which waypoint follow_waypoints drives to next."""
+"""Which waypoint follow_waypoints drives to next, claims of shared ones, idleness, and courses along straight legs."""
+
+import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from mrl_driver.navigation.claims import LATE_S, REPEAT_S, SILENT_S, Claim
+from mrl_driver.errors import ConfigError
+from mrl_driver.navigation.claims import LATE_S, REPEAT_S, SILENT_S, Claim, ClaimMessage
+from mrl_driver.navigation.idleness import Idleness
+from mrl_driver.navigation.line_follower import Course
 from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, DRIVING, IDLE, PAUSED, WAITING, WaypointTour
 
 
@@ -210,3 +216,249 @@ def test_robot_that_is_stopped_on_its_way_keeps_the_claim(sharing, other):
     tour.tick(1.0)
     tour.end()
     assert claim.held
+
+
+NAMES = ("a", "b", "c")
+
+
+class Talk:
+    """Three robots and the messages between them, under way until they are delivered."""
+
+    def __init__(self, names=NAMES):
+        self.now_s = 0.0
+        self.claims = {name: Claim(name, [each for each in names if each != name], -LATE_S) for name in names}
+        self.under_way = []
+        self.dead = set()
+
+    def send(self):
+        """All robots send what is due."""
+        for name, claim in self.claims.items():
+            if name not in self.dead:
+                self.under_way += claim.messages(self.now_s)
+
+    def deliver(self, message):
+        if message.to not in self.dead:
+            self.claims[message.to].receive(ClaimMessage.parse(message.text), self.now_s)
+
+    def exchange(self, times=3):
+        """Messages go to and fro without delay."""
+        for _ in range(times):
+            self.now_s += REPEAT_S
+            self.send()
+            under_way, self.under_way = self.under_way, []
+            for message in under_way:
+                self.deliver(message)
+
+    @property
+    def holders(self):
+        return [name for name, claim in self.claims.items() if claim.held]
+
+
+@pytest.fixture
+def three():
+    made = Talk()
+    made.exchange()
+    return made
+
+
+def test_first_claim_wins_and_the_next_follows_after_the_release(three):
+    """Release and the grant of the next claim are one message."""
+    three.claims["c"].want()
+    three.exchange(1)
+    three.claims["a"].want()
+    three.exchange()
+    assert three.holders == ["c"]
+    three.claims["c"].release()
+    for message in three.claims["c"].messages(three.now_s):
+        three.deliver(message)
+    three.exchange(1)
+    assert three.holders == ["a"]
+
+
+@pytest.mark.parametrize("dead, holders", [("c", []), ("a", ["a"])], ids=["before its answer", "as holder"])
+def test_a_robot_that_vanished_blocks_the_place_and_is_named_until_it_is_heard_again(three, dead, holders):
+    if holders:
+        three.claims["a"].want()
+        three.exchange()
+    three.dead.add(dead)
+    three.claims["b"].want()
+    three.exchange(100)
+    assert three.holders == holders and three.claims["b"].silent(three.now_s) == (dead,)
+    three.dead.clear()
+    three.claims["a"].release()
+    three.exchange()
+    assert three.holders == ["b"]
+
+
+def test_robot_is_silent_after_the_limit_and_repeats_its_messages_before():
+    claim = Claim("a", ["b"], 10.0)
+    assert not claim.silent(10.0 + SILENT_S) and claim.silent(10.1 + SILENT_S) == ("b",)
+    claim = Claim("a", ["b"], 0.0)
+    assert claim.messages(0.0) and not claim.messages(REPEAT_S - 0.1) and claim.messages(REPEAT_S)
+
+
+def test_claims_at_the_same_time_are_decided_by_name(three):
+    for name in ("c", "b", "a"):
+        three.claims[name].want()
+    three.exchange()
+    assert three.holders == ["a"]
+
+
+def test_robot_that_started_again_does_not_claim_by_a_message_from_before_its_start():
+    """It granted the claim of a, and has forgotten that; by the late message its own claim would be better."""
+    three = Talk(("a", "b"))
+    three.exchange()
+    late = ClaimMessage("a", 0, "b", 0)
+    for _ in range(2):
+        three.claims["a"].want()
+        three.exchange()
+        three.claims["a"].release()
+    three.claims["a"].want()
+    three.exchange()
+    three.claims["b"] = Claim("b", ["a"], three.now_s)
+    three.claims["b"].want()
+    three.deliver(late)
+    three.exchange(10)
+    assert three.holders == ["a"]
+
+
+def test_message_that_was_overtaken_does_not_take_the_place_away(three):
+    late = ClaimMessage("b", 0, "a", 0)
+    three.claims["a"].want()
+    three.exchange()
+    three.deliver(late)
+    assert three.holders == ["a"]
+
+
+def test_message_of_a_stranger_or_for_another_robot_is_ignored():
+    claim = Claim("a", ["b"], 0.0)
+    claim.want()
+    for message in (ClaimMessage("x", 0, "a", 1), ClaimMessage("b", 0, "c", 1)):
+        claim.receive(message, 0.0)
+    assert claim.messages(0.0) == [ClaimMessage("a", 0, "b", 0)] and not claim.held
+
+
+@pytest.mark.parametrize("text", ["", "a 1 b", "a 1 b 2 3", "a -1 b 2", "a x b 2", "a 1 b 1234567890"])
+def test_other_texts_are_refused(text):
+    with pytest.raises(ValueError, match="expected SENDER CLAIM RECEIVER GRANTED"):
+        ClaimMessage.parse(text)
+    message = ClaimMessage("1", 9999, "2", 9998)
+    assert ClaimMessage.parse(message.text) == message and len(message.text) <= 16
+
+
+@pytest.mark.parametrize("names", [("a", "a"), ("a b", "c"), ("", "c")])
+def test_names_that_messages_cannot_carry_are_refused(names):
+    with pytest.raises(ConfigError, match="expected"):
+        Claim(names[0], names[1:], 0.0)
+
+
+SHARED, COUNT = (0, 1), 3
+ROBOTS = st.sampled_from(NAMES)
+
+
+class SharedPlace(RuleBasedStateMachine):
+    """A robot is at the place from when its tour lets it drive there until it has reached a waypoint elsewhere."""
+
+    def __init__(self):
+        super().__init__()
+        self.now_s = 0.0
+        self.under_way = []
+        self.at_place = set()
+        self.claims, self.tours = {}, {}
+        for name in NAMES:
+            self.start(name)
+        self.exchange(10)
+
+    @rule(name=ROBOTS)
+    def start(self, name):
+        """Start a robot, or start it again; somebody has taken it away from the place."""
+        self.at_place.discard(name)
+        self.claims[name] = Claim(name, [each for each in NAMES if each != name], self.now_s)
+        self.tours[name] = WaypointTour(True, True, claim=self.claims[name], shared=SHARED)
+
+    @rule(name=ROBOTS)
+    def begin(self, name):
+        self.tours[name].begin(COUNT, self.now_s)
+
+    @rule(name=ROBOTS)
+    def reach(self, name):
+        target = self.tours[name].target
+        if target:
+            self.tours[name].reached(target.attempt, self.now_s)
+            if target.place not in SHARED:
+                self.at_place.discard(name)
+
+    @rule(name=ROBOTS, act=st.sampled_from(["pause", "resume", "skip", "end", "failed", "interrupt"]))
+    def command_or_report(self, name, act):
+        tour = self.tours[name]
+        if act not in ("failed", "interrupt"):
+            getattr(tour, act)()
+        elif tour.target:
+            getattr(tour, act)(tour.target.attempt, "why")
+
+    @rule(repeats=st.integers(1, 8))
+    def pass_time(self, repeats):
+        """Time passes; messages that are too late for a start are lost."""
+        for _ in range(repeats):
+            self.now_s += REPEAT_S
+            for name in NAMES:
+                self.under_way += [(self.now_s, each) for each in self.claims[name].messages(self.now_s)]
+            self.under_way = [each for each in self.under_way if self.now_s - each[0] <= LATE_S]
+
+    @rule(number=st.integers(0, 10**6), fate=st.sampled_from(["arrives", "arrives twice", "is lost"]))
+    def one_message(self, number, fate):
+        """Messages arrive in any order."""
+        if self.under_way:
+            sent = self.under_way.pop(number % len(self.under_way))
+            if fate != "is lost":
+                self.claims[sent[1].to].receive(sent[1], self.now_s)
+            if fate == "arrives twice":
+                self.under_way.append(sent)
+
+    @rule(repeats=st.integers(1, 3))
+    def exchange(self, repeats):
+        """Time passes, and all messages arrive."""
+        for _ in range(repeats):
+            self.pass_time(1)
+            while self.under_way:
+                self.one_message(0, "arrives")
+
+    @invariant()
+    def one_robot_is_there(self):
+        for name, tour in self.tours.items():
+            tour.tick(self.now_s)
+            if tour.target and tour.target.place in SHARED:
+                self.at_place.add(name)
+        assert len(self.at_place) <= 1
+
+
+TestSharedPlace = SharedPlace.TestCase
+TestSharedPlace.settings = settings(max_examples=40, stateful_step_count=50)
+
+
+def test_idleness_is_the_time_since_the_last_visit():
+    """Two waypoints, visited at 10 s and at 20 s; the first again at 21 s, by another robot."""
+    visited = Idleness(2, 0.0)
+    assert (visited.mean_s(0.0), visited.worst_s(0.0)) == (0.0, 0.0)
+    visited.visit(0, 10.0)
+    visited.visit(1, 20.0)
+    assert visited.mean_s(20.0) == pytest.approx((100 + 200) / 20 / 2)  # areas of 100 and 200 s2 in 20 s
+    assert (visited.worst_s(20.0), visited.worst_s(45.0)) == (20.0, 35.0)
+    visited.visit(0, 21.0)
+    assert (visited.visits, visited.worst_s(21.0)) == (3, 20.0)
+
+
+HERE = (2.0, 1.0, math.pi / 2)
+"""A robot that looks to the left of the x axis."""
+
+
+@pytest.mark.parametrize("points", [[(2.0, 1.0), (2.0, 3.0)], [(2.0, 1.001), (2.0, 1.0), (2.0, 3.0)]])
+def test_leg_without_length_is_passed_without_a_turn(points):
+    course = Course(points)
+    speeds = [course.command(HERE) for _ in range(5)]
+    assert all(abs(angular) < 1e-9 for _, angular in speeds) and speeds[-1][0] > 0
+
+
+def test_course_that_ends_where_it_begins_is_done_at_once():
+    course = Course([HERE[:2]])
+    assert [course.command(HERE) for _ in range(2)] == [(0.0, 0.0)] * 2 and course.done

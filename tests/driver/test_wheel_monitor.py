@@ -1,4 +1,7 @@
-"""Wheels that do not do what they are told, and all the driving in which they do, on the emulated motors."""
+"""Wheels that do not do what they are told, and all the driving in which they do, on the emulated motors.
+
+The limits need no motors: readings are `DT_S` apart there, so that numbers are exact.
+"""
 
 import math
 
@@ -6,12 +9,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.robot.odometry import Wheels
+from mrl_driver.problems import PROBLEMS
+from mrl_driver.robot.kinematics import Planar, kinematics_of
+from mrl_driver.robot.models import Drive
+from mrl_driver.robot.odometry import OmniWheels, Wheels
 from mrl_driver.safety.wheel_monitor import (
     DEAD,
     GAP_S,
     POWERLESS,
     REVERSED,
+    STILL_TICKS,
+    TICK_S,
+    Mismatch,
+    WheelMonitor,
     monitor_of,
 )
 from mrl_driver.session.motion_command import QUICK, SLOW
@@ -53,7 +63,7 @@ FAULTS = [
 ]
 
 
-class Drive:
+class Motors:
     """A robot's motors and board, its counts as the driver gets them, and the watch."""
 
     def __init__(self, name="traxbot", control_hz=20, frame_s=FRAME_S, pace=QUICK, volts=12.0):
@@ -103,7 +113,7 @@ SPEEDS = [(0.3, 0.0), (-0.2, 0.0), (0.0, 1.0), (0.2, -0.5), (0.05, 0.0)]
 @pytest.mark.parametrize("speeds", SPEEDS)
 @pytest.mark.parametrize(("fault", "wheel", "cause"), FAULTS)
 def test_a_wheel_that_fails_on_the_move_is_named_in_time(name, speeds, fault, wheel, cause):
-    drive = Drive(name)
+    drive = Motors(name)
     drive.command(*speeds)
     assert drive.run(4.0) is None
     drive.fault, failed_s = fault(drive), drive.now
@@ -124,7 +134,7 @@ def test_a_wheel_that_fails_on_the_move_is_named_in_time(name, speeds, fault, wh
 )
 def test_the_moment_of_the_fault_does_not_matter(phase, frame_s, pace, noticed_s):
     """Board times are whole ticks, so that some frames of a stream at the monitor's period come a little early."""
-    drive = Drive(frame_s=frame_s, pace=pace)
+    drive = Motors(frame_s=frame_s, pace=pace)
     drive.command(0.2, 0.0)
     assert drive.run(4.0 + phase * 0.005) is None
     drive.fault, failed_s = frozen_left(drive), drive.now
@@ -135,7 +145,7 @@ def test_the_moment_of_the_fault_does_not_matter(phase, frame_s, pace, noticed_s
 @pytest.mark.parametrize(("fault", "wheel", "cause"), FAULTS)
 def test_a_robot_that_cannot_start_is_noticed_within_a_second(fault, wheel, cause):
     """The ramp takes 2.5 s to full speed, so there is little to see at first."""
-    drive = Drive()
+    drive = Motors()
     drive.fault = fault(drive)
     drive.command(0.3, 0.0)
     assert drive.run(1.0) is not None
@@ -159,7 +169,7 @@ COMMANDS = st.lists(
 def test_no_driving_is_a_mismatch(commands, name, control_hz, old, volts):
     """Ramps, reversals, turns in place, creeping, late commands, at each control rate and state of charge."""
     frame_s, pace, late_s = (LOOKED_AT_2013_S, SLOW, 0.5) if old else (LOOKED_AT_S, QUICK, 0.12)
-    drive = Drive(name, control_hz, frame_s, pace, volts)
+    drive = Motors(name, control_hz, frame_s, pace, volts)
     for linear, angular, seconds, lateness in commands:
         assert drive.run(seconds, (min(late_s * lateness, seconds), linear, angular)) is None
 
@@ -167,7 +177,7 @@ def test_no_driving_is_a_mismatch(commands, name, control_hz, old, volts):
 @pytest.mark.parametrize("name", MODELS)
 def test_a_motor_that_breaks_loose_late_is_no_mismatch(name):
     """Friction holds it until the control has built up voltage."""
-    drive = Drive(name)
+    drive = Motors(name)
     drive.fault = both_frozen(drive)
     drive.command(0.3, 0.0)
     assert drive.run(0.45) is None
@@ -177,10 +187,328 @@ def test_a_motor_that_breaks_loose_late_is_no_mismatch(name):
 
 def test_after_a_gap_the_watch_begins_anew():
     """The board may have stopped the robot meanwhile, and starts it again on the next command."""
-    drive = Drive()
+    drive = Motors()
     drive.command(0.3, 0.0)
     drive.run(3.0)
     drive.motors.stop(drive.now)
     drive.now += GAP_S + 0.1
     drive.command(0.3, 0.0)
     assert drive.run(3.0) is None
+
+
+DT_S = 0.0625
+FAST_M_S2, SLOW_M_S2 = 4.0, 0.4
+"""Accelerations by the model.  With the first, a wheel is expected to be at SPEED_M_S at the next reading."""
+SPEED_M_S = 0.125
+STEP_M = SPEED_M_S * DT_S
+MICROMETRE = 1e-6
+WINDOW_READINGS = 5
+LATENCY_TICKS = 3
+TWENTIETHS_S = [number / 20 for number in range(6)]
+
+
+class Watch:
+    """A monitor of two wheels, with what it is given."""
+
+    def __init__(self, acceleration_m_s2=FAST_M_S2, latency_s=0.05, metres_per_count=MICROMETRE):
+        self.monitor = WheelMonitor(Drive(0.5, metres_per_count), acceleration_m_s2, latency_s)
+        self.now_s, self.travel = 0.0, 0
+
+    def read(self, command_m_s, counts=0, dt_s=DT_S):
+        """Return what it says of a reading after `dt_s`, in which both wheels made these counts."""
+        self.now_s += dt_s
+        self.travel += counts
+        return self.monitor.update(command_m_s, 0.0, Wheels(self.travel, self.travel), self.now_s)
+
+    def follow(self, command_m_s, readings=20):
+        """The wheels run at the commanded speed."""
+        for _ in range(readings):
+            assert self.read(command_m_s, round(command_m_s * DT_S / MICROMETRE)) is None
+
+    def first(self, command_m_s, counts=0, dt_s=DT_S):
+        """Return at which reading a mismatch is found, from 1, and the mismatch."""
+        for number in range(1, 100):
+            found = self.read(command_m_s, counts, dt_s)
+            if found:
+                return number, found
+        return None, None
+
+
+def started(*args, **kwargs):
+    """A monitor that has had its first reading, of a robot that stands without a command."""
+    watch = Watch(*args, **kwargs)
+    watch.read(0.0)
+    return watch
+
+
+def ticked(*moves):
+    """A monitor with a late model at its own pace, and what it says first: command, speed of both wheels, ticks."""
+    watch = Watch(0.2, latency_s=(LATENCY_TICKS - 0.5) * TICK_S)
+    watch.tick = lambda command, speed: watch.read(
+        command, round(speed * TICK_S / MICROMETRE), 1.001 * TICK_S
+    )
+    found = [watch.tick(command, speed) for command, speed, ticks in moves for _ in range(ticks)]
+    return watch, next(filter(None, found), None)
+
+
+@pytest.mark.parametrize(("latency_s", "readings"), [(0.0, 0), (0.05, 1), (0.051, 2), (0.1, 2), (0.31, 7)])
+def test_a_wheel_that_does_not_start_is_judged_five_readings_after_the_latest_arrival_of_its_command(
+    latency_s, readings
+):
+    assert started(latency_s=latency_s).first(SPEED_M_S)[0] == readings + WINDOW_READINGS
+
+
+def test_the_latency_of_a_model_is_the_repetition_of_its_commands_and_a_twentieth_of_a_second():
+    """0.17 s are four readings."""
+    monitor, now_s = monitor_of(load("traxbot"), QUICK._replace(repeat_s=0.12)), 0.0
+    monitor.update(0.3, 0.0, Wheels(0, 0), now_s)
+    for reading in range(1, 4 + WINDOW_READINGS + 1):
+        found = monitor.update(0.3, 0.0, Wheels(0, 0), reading * DT_S)
+        assert bool(found) == (reading == 4 + WINDOW_READINGS)
+
+
+@pytest.mark.parametrize(("period_s", "readings"), [(0.0496, 5), (0.0494, 10)])
+def test_a_reading_half_a_millisecond_early_is_on_time_and_an_earlier_one_is_left_out(period_s, readings):
+    assert started(latency_s=0.0).first(SPEED_M_S, dt_s=period_s)[0] == readings
+
+
+def test_a_reading_at_the_time_of_the_next_comparison_is_compared():
+    watch = started(latency_s=0.0)
+    found = [watch.monitor.update(SPEED_M_S, 0.0, Wheels(0, 0), watch.monitor.next_s) for _ in range(5)]
+    assert found[4] and not any(found[:4])
+
+
+@pytest.mark.parametrize(("gap_s", "readings"), [(0.15, 15), (0.1501, 16)])
+def test_a_gap_of_150_ms_is_bridged_and_after_a_longer_one_the_monitor_starts_again(gap_s, readings):
+    """Either way the command before the gap is remembered: a wheel that still follows it may stand for ten readings."""
+    watch = Watch(latency_s=0.0)
+    watch.read(-SPEED_M_S, dt_s=0.0)
+    assert watch.read(SPEED_M_S, dt_s=gap_s) is None
+    assert watch.first(SPEED_M_S)[0] == readings - 1
+
+
+def test_a_pause_in_the_command_begins_a_new_window():
+    watch = started()
+    for _ in range(1 + WINDOW_READINGS - 1):
+        assert watch.read(SPEED_M_S) is None
+    assert watch.read(0.0) is None
+    assert watch.first(SPEED_M_S)[0] == 1 + WINDOW_READINGS
+
+
+def test_a_command_that_reverses_at_once_begins_a_new_window():
+    """It begins when the wheel must have turned around, 26 readings later."""
+    watch = started(latency_s=0.0)
+    for _ in range(WINDOW_READINGS - 1):
+        assert watch.read(SPEED_M_S) is None
+    assert watch.first(-SPEED_M_S, counts=1000)[0] == 26 + WINDOW_READINGS - 1
+
+
+@pytest.mark.parametrize(("count_m", "followed"), [(2**-8, True), (0.999 * 2**-8, False)])
+def test_a_wheel_that_makes_a_tenth_of_the_distance_follows(count_m, followed):
+    """One count in five readings, of 5 x 2^-7 m expected."""
+    watch = started(latency_s=0.0, metres_per_count=count_m)
+    found = [watch.read(SPEED_M_S, counts) for counts in (0, 0, 0, 0, 1)]
+    assert (found[4] is None) == followed
+
+
+@pytest.mark.parametrize(("speed_m_s", "judged"), [(0.024, True), (0.02399, False)])
+def test_a_wheel_is_judged_if_at_least_6_mm_are_expected(speed_m_s, judged):
+    """That is a wheel at 24 mm/s, in five readings of 50 ms."""
+    monitor = WheelMonitor(Drive(0.5, MICROMETRE), FAST_M_S2, 0.0)
+    found = [monitor.update(speed_m_s, 0.0, Wheels(0, 0), now_s) for now_s in TWENTIETHS_S]
+    assert bool(found[-1]) == judged
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_wheel_must_accelerate_half_as_fast_as_in_the_model(way):
+    found = started(SLOW_M_S2).first(way * 0.3)[1]
+    assert found.expected_m == pytest.approx(0.2 * (1 + 2 + 3 + 4 + 5) * DT_S**2)
+
+
+@pytest.mark.parametrize(
+    ("name", "board", "acceleration_m_s2"),
+    [
+        ("traxbot", {"linear_ceiling": 800, "ramp_time": 1600}, 0.5),
+        ("traxbot", {"linear_ceiling": 800, "ramp_time": 500}, 1.6),
+        ("traxbot", {"linear_ceiling": 800, "ramp_time": 0}, 1.6),
+        ("omni", {"ramp_time": 1600}, 0.5),
+    ],
+)
+def test_the_acceleration_of_a_model_is_its_full_speed_in_the_time_of_its_ramp(
+    name, board, acceleration_m_s2
+):
+    """A ramp of less than half a second counts as half a second."""
+    robot = load(name)
+    drive = robot.drive._replace(full_speed_m_s=0.8) if name == "omni" else robot.drive
+    monitor = monitor_of(robot._replace(board={**robot.board, **board}, drive=drive), QUICK)
+    still = (0,) * (3 if name == "omni" else 2)
+    found = [monitor.update(2.0, 0.0, still, number * DT_S) for number in range(20)]
+    first = next(each for each in found if each)
+    assert first.expected_m == pytest.approx(acceleration_m_s2 / 2 * 15 * DT_S**2)
+
+
+def test_a_wheel_that_reverses_may_go_on_accelerating_for_800_ms_and_then_slows_down_at_the_slow_rate():
+    """From 0.1 m/s back it may reach 0.42 m/s, and 34 readings later it must run forward."""
+    watch = started(SLOW_M_S2)
+    watch.follow(-0.1)
+    number, found = watch.first(0.1, -6250)
+    assert number == 1 + 34 + WINDOW_READINGS - 1
+    assert found.cause == REVERSED
+    assert found.expected_m == pytest.approx((0.005 + 0.0175 + 0.03 + 0.0425 + 0.055) * DT_S)
+
+
+def test_a_wheel_that_has_reversed_once_has_no_such_time_at_its_next_start():
+    watch = started()
+    watch.follow(-SPEED_M_S)
+    assert [watch.read(SPEED_M_S) for _ in range(12)] == [None] * 12
+    watch.follow(SPEED_M_S)
+    watch.follow(0.0)
+    assert watch.first(SPEED_M_S)[0] == 1 + WINDOW_READINGS
+
+
+def test_a_wheel_that_is_pushed_back_starts_from_its_speed_when_the_command_was_given():
+    """0.104 m/s, and half of it one reading later, when the command has arrived."""
+    watch = started(SLOW_M_S2)
+    assert watch.read(0.0, -6500) is None
+    assert watch.read(0.3, -6500) is None
+    assert watch.read(0.3, -3250) is None
+    number, found = watch.first(0.3)
+    assert number == 8 + WINDOW_READINGS - 1
+    assert found.expected_m == pytest.approx((0.0085 + 0.021 + 0.0335 + 0.046 + 0.0585) * DT_S)
+
+
+def test_a_wheel_that_rolls_back_at_its_very_first_command_starts_from_that_speed():
+    watch = Watch(SLOW_M_S2, latency_s=0.0)
+    watch.read(0.3)
+    found = watch.first(0.3, -6500)
+    assert found[0] == 9 + WINDOW_READINGS - 1
+    assert found[1].expected_m == pytest.approx((0.0085 + 0.021 + 0.0335 + 0.046 + 0.0585) * DT_S)
+
+
+@pytest.mark.parametrize(("counts", "readings"), [(0, 15), (1, 15), (2, 31)])
+def test_a_wheel_that_makes_less_than_a_fifth_of_a_millimetre_in_ten_readings_each_has_come_to_rest(
+    counts, readings
+):
+    """Counts of 0.1 mm.  It starts from rest then, and not from the speed that it may still have had."""
+    watch = started(metres_per_count=1e-4)
+    for _ in range(10):
+        assert watch.read(-SPEED_M_S, -80) is None
+    assert watch.first(SPEED_M_S, counts)[0] == readings
+
+
+def test_rest_is_counted_from_the_first_comparison():
+    watch = Watch()
+    watch.read(-SPEED_M_S)
+    assert watch.first(SPEED_M_S)[0] == 10 + WINDOW_READINGS
+
+
+@pytest.mark.parametrize(
+    ("moves", "cause"),
+    [
+        ([(-0.3, -0.3, 40), (0.3, -0.02, 8), (0.0, -0.02, 2), (0.3, -0.02, 15)], None),
+        ([(0.3, 0.3, 40), (0.0, 0.3, 1), (0.3, 0.3, 1), (0.3, 0.0, LATENCY_TICKS + 5)], None),
+        ([(0.0, 0.0, 40), (0.3, 0.0, 20)], POWERLESS),
+    ],
+    ids=[
+        "turns round, and keeps its time over a pause in the command",
+        "was fast before a pause in the command, which reaches the motors late",
+        "has stood for long and cannot start",
+    ],
+)
+def test_a_wheel_has_its_time_over_a_pause_in_the_command(moves, cause):
+    found = ticked(*moves)[1]
+    assert (found and found.cause) == cause
+
+
+def test_a_wheel_that_rests_for_half_a_second_while_it_turns_round_is_judged_from_then_on():
+    """As one that starts then."""
+    watches = [ticked((0.0, 0.0, 40))[0], ticked((-0.3, -0.3, 40))[0]]
+    ticks = [next(n for n in range(1, 60) if watch.tick(0.3, 0.0)) for watch in watches]
+    assert ticks[1] - ticks[0] == STILL_TICKS - LATENCY_TICKS
+
+
+def test_a_wheel_that_was_sent_back_for_a_moment_may_go_back_first():
+    """The command was replaced before the next comparison."""
+    watch = ticked((0.0, 0.0, 10))[0]
+    watch.read(-0.3, 0, 0.0)
+    assert [watch.tick(0.3, -0.05) for _ in range(20)] == [None] * 20
+
+
+@pytest.mark.parametrize(
+    ("newest", "cause"),
+    [((8, -10, -10), REVERSED), ((-10, -10, 8), DEAD), ((-40, -9, -10), DEAD), ((0, -9, -11), REVERSED)],
+)
+def test_the_two_newest_readings_decide_whether_a_wheel_runs_back(newest, cause):
+    """Of 32 counts expected in each."""
+    watch = started(latency_s=0.0, metres_per_count=STEP_M / 32)
+    found = [watch.monitor.update(SPEED_M_S, 0.0, Wheels(0, 0), watch.now_s + DT_S * i) for i in (1, 2)]
+    assert found == [None, None]
+    right = 0
+    for number, counts in enumerate(newest, 3):
+        right += counts
+        last = watch.monitor.update(
+            SPEED_M_S, 0.0, Wheels(right, 32 * (number - 2)), watch.now_s + DT_S * number
+        )
+    assert (last.wheel, last.cause) == ("right", cause)
+
+
+@pytest.mark.parametrize(("count_m", "cause"), [(0.3 * STEP_M, POWERLESS), (0.301 * STEP_M, REVERSED)])
+def test_a_wheel_that_goes_back_by_three_tenths_of_its_way_does_not_run_in_reverse_yet(count_m, cause):
+    watch = started(latency_s=0.0, metres_per_count=count_m)
+    assert [watch.read(SPEED_M_S, counts) for counts in (0, 0, 0, -1, -1)][4].cause == cause
+
+
+def run_omni(twist, *dead):
+    """Return what is said of a base with three wheels that drives so."""
+    drive = load("omni").drive
+    monitor = monitor_of(load("omni"), QUICK)
+    left, rear, right = kinematics_of(drive).wheel_steps(twist)
+    speeds = {"left": left, "rear": rear, "right": right, **dict.fromkeys(dead, 0.0)}
+    for number in range(40):
+        ways = (speeds[name] * number * DT_S / drive.metres_per_count for name in OmniWheels._fields)
+        counts = OmniWheels(*map(round, ways))
+        found = monitor.update(twist.forward, twist.turn, counts, number * DT_S, twist.left)
+        if found:
+            return found.wheel, found.cause
+    return None
+
+
+FORWARD, LEFT, TURN = Planar(0.2, 0.0, 0.0), Planar(0.0, 0.2, 0.0), Planar(0.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("twist", "dead", "found"),
+    [
+        (FORWARD, "", None),
+        (LEFT, "", None),
+        *((FORWARD, name, (name, DEAD)) for name in ("right", "left")),
+        *((LEFT, name, (name, DEAD)) for name in ("right", "left", "rear")),
+        (TURN, "right rear", ("several", DEAD)),
+        (TURN, "right left rear", ("several", POWERLESS)),
+    ],
+)
+def test_each_of_three_wheels_has_its_own_command(twist, dead, found):
+    assert run_omni(twist, *dead.split()) == found
+
+
+@pytest.mark.parametrize(
+    ("wheel", "cause", "words"),
+    [
+        ("right", REVERSED, "right wheel moved -20 mm, expected at least 50 mm: encoder or motor wires swapped: it"),
+        ("both", POWERLESS, "both wheels moved -20 mm, expected at least 50 mm: motor power off, or the motor board"),
+        ("several", DEAD, "several wheels moved -20 mm, expected at least 50 mm: encoder dead or unplugged, or the"),
+    ],
+)  # fmt: skip
+def test_the_words_say_how_many_wheels(wheel, cause, words):
+    found = Mismatch(wheel, cause, 0.05, -0.02)
+    assert str(found).startswith(words) and found.reason == "wheel_mismatch"
+
+
+@pytest.mark.parametrize(
+    ("reason", "code"),
+    [("wheel_blocked", "wheel_blocked"), ("encoder", "encoder_dead"), ("another", "wheel_fault")],
+)
+def test_a_stop_by_the_board_is_told_with_the_problem_and_its_remedy(reason, code):
+    row, stop = PROBLEMS[code], Mismatch("", reason)
+    assert str(stop) == f"{row.message[0].lower()}{row.message[1:]}: {row.remedy}"
+    assert (stop.reason, stop.expected_m, stop.moved_m) == (reason, 0.0, 0.0)

@@ -103,7 +103,6 @@ def test_a_board_that_was_out_of_reach_has_not_restarted():
     watched.close()
 
 
-
 def test_an_overtaken_status_is_no_restart():
     """Its uptime is smaller than the one that came before."""
     talk = Talk().until_ready().run(3.0)

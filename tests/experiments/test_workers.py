@@ -7,7 +7,6 @@ import pickle
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import pytest
@@ -77,44 +76,6 @@ def test_work_that_does_not_end_is_killed(tmp_path, monkeypatch):
         worker = worker_of(tmp_path)
         raise KeyboardInterrupt
     assert not is_alive(worker)
-
-
-def clean_up(folder):
-    """Takes a moment to end."""
-    try:
-        (folder / "begun").write_text(str(os.getpid()))
-        sleep_long()
-    finally:
-        (folder / "ending").touch()
-        time.sleep(0.2)
-        (folder / "ended").touch()
-
-
-@pytest.fixture
-def sigterm():
-    """SIGTERM ends this thread as it ends `mrl`."""
-    before = signal.signal(signal.SIGTERM, lambda *_: sys.exit(workers.TERMINATED))
-    yield
-    signal.signal(signal.SIGTERM, before)
-
-
-def test_a_signal_that_comes_twice_leaves_the_work_its_time_to_end(tmp_path, monkeypatch, sigterm):
-    """`timeout` sends its signal to the program and then to the program's group."""
-    monkeypatch.setattr(workers, "TWICE_S", PATIENCE_S)
-    me = threading.get_ident()
-
-    def again():
-        wait_until((tmp_path / "ending").exists)
-        signal.pthread_kill(me, signal.SIGTERM)
-
-    second = threading.Thread(target=again)
-    with pytest.raises(SystemExit), pool(1) as submit:
-        submit(clean_up, tmp_path)
-        wait_until((tmp_path / "begun").exists)
-        second.start()
-        signal.raise_signal(signal.SIGTERM)
-    second.join()
-    assert (tmp_path / "ended").exists()
 
 
 def divide(numerator, denominator):
