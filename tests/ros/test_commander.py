@@ -1,35 +1,25 @@
-"""Timeout, zones and emergency stop of the node's commands; why the robot stands; one caller at a time."""
+"""Stops, limits and zones of the node's commands; why the robot stands; one caller at a time."""
 
 import math
 import threading
 
 import pytest
 
-from mrl_driver.driver import Options
 from mrl_driver.driver.options import QUEUED_S
-from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import FrameError, LinkLost
+from mrl_driver.errors import LinkLost
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.models import Limits
 from mrl_driver.safety.operation_mode import manual_speed_m_s
 from mrl_driver.safety.protective_zones import Scan, Zones, ZoneSettings
-from mrl_driver.safety.speed_limiter import LONGEST_STEP_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.session import STALE_S
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander, lowered
-from ros1_bridge.robot import reconfigure
-from ros1_bridge.status.robot_status import state_of
-from sim_arduino.faults import hardware_faults
-from sim_arduino.serve import factory
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
-REQUESTED = dict(zip(reconfigure.LIMITS, (0.1, 0.5, 0.05, 0.2)))
-TIMEOUT_S, FRAME_S = 0.5, 0.02
-ROUNDING_M_S = 0.001
-"""Of speeds on the wire."""
+FRAME_S = 0.02
 
 
 class Noted:
@@ -82,84 +72,9 @@ class Bench:
                 self.commander.drive(linear, angular, *lateral)
 
 
-class Robot:
-    """A commander and its driver on an emulated robot, in simulated time."""
-
-    def __init__(self, driver):
-        self.driver, self.commander = driver, Commander(driver, lambda: driver.now_s)
-        self.commander.limits = LIMITS
-
-    def run(self, seconds, linear=None, angular=0.0, *lateral):
-        """Time passes, with a command for each frame where there is one."""
-        for _ in range(round(seconds / FRAME_S)):
-            if linear is not None:
-                self.commander.drive(linear, angular, *lateral)
-            self.driver.wait(FRAME_S)
-
-
 @pytest.fixture
 def bench():
     return Bench()
-
-
-@pytest.fixture(params=["traxbot"])
-def robot(request):
-    emulated = factory.make(factory.Options(robot=request.param))
-    with SteppedDriver(
-        emulated.engine, options=Options(command_timeout_s=TIMEOUT_S, queued_s=QUEUED_S)
-    ) as driver:
-        made = Robot(driver)
-        made.plant = emulated.plant
-        yield made
-    emulated.close()
-
-
-@pytest.fixture
-def paused(robot):
-    """A robot whose node stood still while it drove."""
-    robot.run(1.0, 0.1)
-    robot.driver.pause(0.4)
-    return robot
-
-
-def test_a_command_that_waited_while_the_node_stood_still_does_not_move_the_robot(paused):
-    assert not paused.commander.drive(0.1, 0.0) and paused.commander.refusal() == module.PAUSED
-    assert paused.driver.command is None
-
-
-@pytest.mark.parametrize("name", reconfigure.LIMITS)
-def test_limit_that_is_no_number_stays_as_it_was(name):
-    """And the answer says so."""
-    config = {**REQUESTED, name: math.nan}
-    at = reconfigure.LIMITS.index(name)
-    assert reconfigure.limits_of(config, LIMITS)[at] == config[name] == LIMITS[at]
-
-
-def test_robot_stops_when_commands_end(robot):
-    """Not earlier than the timeout, nor a frame later; the driver does it, whatever the node does."""
-    robot.run(0.2, 0.3)
-    commanded_s = robot.driver.now_s - FRAME_S
-    while robot.driver.command is not None:
-        robot.driver.wait(0.001)
-    assert TIMEOUT_S <= robot.driver.now_s - commanded_s < TIMEOUT_S + FRAME_S
-    assert robot.commander.stopped_by == module.TIMEOUT
-
-
-def test_robot_that_is_still_speeding_up_stops_when_commands_end(robot):
-    """One command; the steps of the ramp are no commands."""
-    robot.commander.drive(0.3, 0.0)
-    robot.driver.wait(TIMEOUT_S - FRAME_S)
-    assert 0.0 < robot.driver.command[0] < 0.3
-    robot.driver.wait(2 * FRAME_S)
-    assert robot.driver.command is None and robot.commander.stopped_by == module.TIMEOUT
-
-
-def test_robot_that_was_told_to_stand_is_not_stopped_by_the_timeout(robot):
-    """As a joystick does: one zero, then silence."""
-    robot.run(0.5, 0.2)
-    robot.run(FRAME_S, 0.0)
-    robot.run(2 * TIMEOUT_S)
-    assert (robot.driver.command, robot.commander.stopped_by) == (None, module.NONE)
 
 
 @pytest.mark.parametrize("before", ["boot", "command_timeout", "link_watchdog"])
@@ -205,92 +120,6 @@ def test_refused_command_is_not_taken_up_later(bench):
     assert bench.driver.command is None
 
 
-def test_a_motor_board_that_was_away_is_the_reason_and_not_the_battery_that_it_measures(robot):
-    """Whenever within a second the voltage is asked for."""
-    causes = set()
-    for _ in range(6):
-        robot.run(0.3, 0.2)
-        hardware_faults.motor_board_absent(robot.plant, True)
-        robot.run(0.15)
-        hardware_faults.motor_board_absent(robot.plant, False)
-        for _ in range(40):
-            robot.run(FRAME_S)
-            causes.add(robot.commander.stopped_by)
-    assert causes == {"motor board"}
-
-
-class Wall:
-    """Zones that allow so much ahead."""
-
-    def __init__(self, allowed):
-        self.allowed = allowed
-
-    def limit(self, linear, now):
-        return min(linear, self.allowed)
-
-
-def test_zones_slow_a_robot_with_the_next_frame(robot):
-    """Even while the node is stuck."""
-    wall = Wall(0.3)
-    robot.commander.watch(wall)
-    robot.run(1.6, 0.3)
-    wall.allowed = 0.1
-    robot.driver.wait(FRAME_S)
-    assert robot.driver.command == (0.1, 0.0)
-
-
-def test_a_robot_that_the_zones_hold_stops_when_commands_end(robot):
-    robot.commander.watch(Wall(0.0))
-    robot.run(0.2, 0.3)
-    robot.driver.wait(2 * TIMEOUT_S)
-    assert robot.driver.command is None and robot.commander.stopped_by == module.TIMEOUT
-
-
-@pytest.mark.parametrize("robot", ["omni"], indirect=True)
-def test_zones_slow_a_robot_that_goes_sideways_in_its_direction(robot):
-    wall = Wall(0.0)
-    wall.limited = lambda velocity, now: (velocity[0] / 2, velocity[1] / 2)
-    robot.commander.watch(wall)
-    robot.run(2.0, 0.1, 0.5, -0.2)
-    assert robot.driver.command == pytest.approx((0.05, 0.5, -0.1))
-    wall.limited = lambda velocity, now: (0.0, 0.0)
-    robot.driver.limit_again()
-    assert robot.driver.command == (0.0, 0.5, 0.0) and robot.commander.stopped_by == module.ZONE
-
-
-def test_a_command_that_is_not_finite_stops_the_robot_and_is_named(robot):
-    robot.run(0.2, 0.3)
-    with pytest.raises(FrameError):
-        robot.commander.drive(math.nan, 0.0)
-    assert (robot.driver.command, robot.commander.stopped_by) == (None, module.NOT_FINITE)
-
-
-def test_manual_mode_slows_a_robot_with_the_next_frame_on_the_same_arc(robot):
-    robot.run(2.0, 0.3, 0.6)
-    robot.commander.manual_m_s = 0.1
-    robot.commander.set_manual(True)
-    robot.driver.wait(FRAME_S)
-    assert robot.driver.command == pytest.approx((0.1, 0.2))
-    robot.run(1.0, -9.0)
-    assert robot.driver.command == (-0.1, 0.0)
-
-
-def test_after_manual_mode_the_robot_speeds_up_with_the_next_command_along_the_ramp(robot):
-    robot.commander.manual_m_s = 0.1
-    robot.commander.set_manual(True)
-    robot.run(1.0, 0.3)
-    robot.commander.set_manual(False)
-    robot.run(0.2)
-    assert robot.driver.command == (0.1, 0.0)
-    speeds = []
-    for _ in range(60):
-        robot.run(FRAME_S, 0.3)
-        speeds.append(robot.driver.command[0])
-    steps = [after - before for before, after in zip([0.1, *speeds], speeds)]
-    most_s = LONGEST_STEP_S + FRAME_S  # the step of the command, and that of the frame after it
-    assert max(steps) <= LIMITS.linear_acceleration_m_s2 * most_s + ROUNDING_M_S and speeds[-1] == 0.3
-
-
 @pytest.mark.parametrize("model, speed_m_s", [("traxbot", 0.15), ("stingbot", 0.25)])
 def test_speed_of_manual_mode_is_half_the_robots_but_at_most_a_quarter_metre(model, speed_m_s):
     assert manual_speed_m_s(models.load(model).limits) == speed_m_s
@@ -302,20 +131,6 @@ def test_manual_mode_ends_the_drive_to_a_pose_which_is_no_safety_stop(bench):
     bench.commander.set_manual(True)
     assert (bench.driver.stops, bench.commander.seeking) == (1, False)
     assert bench.commander.stopped_by == module.TO_MANUAL and bench.commander.ready
-    assert not state_of(bench.commander).safety_stop
-
-
-def test_a_robot_that_is_driven_by_hand_is_not_stopped_by_manual_mode(bench):
-    bench.run(0.2, 0.3)
-    bench.commander.set_manual(True)
-    assert bench.driver.stops == 0 and bench.commander.driving
-
-
-def test_low_limit_of_the_parameters_is_not_raised_at_the_start():
-    """dynamic_reconfigure raises a value to the least that is allowed."""
-    start = Limits(0.005, 0.001, 0.002, 0.003)
-    offered = reconfigure.limits_description(models.load("traxbot"), start)
-    assert [offered.min[name] for name in reconfigure.LIMITS] == list(start[:4])
 
 
 EACH_STOP = pytest.mark.parametrize(
@@ -371,13 +186,6 @@ def test_a_new_commander_lets_commands_pass_in_automatic_mode_without_zones(comm
     assert (commander.zones, commander.late_commands, commander.manual_m_s) == (None, 0, 0.25)
 
 
-def test_wheels_of_a_robot_whose_board_was_lost_while_it_drove_are_unknown(commander, driver):
-    driver.ready, driver.may_be_moving = False, True
-    assert (commander.wheels_turn, commander.linked) == (None, False)
-    driver.may_be_moving = False
-    assert commander.wheels_turn is False
-
-
 def test_limits_are_the_drivers_until_they_are_set_and_are_back_after_manual_mode(commander, driver):
     assert commander.limits == commander.in_force == LIMITS
     commander.manual_m_s = 0.15
@@ -387,14 +195,6 @@ def test_limits_are_the_drivers_until_they_are_set_and_are_back_after_manual_mod
     assert commander.in_force == driver.limits == pytest.approx(Limits(0.15, 0.75, 0.2, 1.0))
     commander.set_manual(False)
     assert driver.limits == LIMITS._replace(linear_m_s=0.2)
-
-
-@pytest.mark.parametrize("before", [True, False])
-@pytest.mark.parametrize("after", [True, False])
-def test_a_mode_says_whether_it_is_another_one(commander, before, after):
-    commander.set_manual(before)
-    assert commander.set_manual(after) == (before != after)
-    assert commander.manual == after
 
 
 @pytest.mark.parametrize(

@@ -120,12 +120,6 @@ def test_imu_is_where_the_model_says_with_the_axes_of_the_robot():
     assert (numbers(origin, "xyz"), numbers(origin, "rpy")) == ([0.03, -0.01, 0.05], [0.0, 0.0, 0.0])
 
 
-def test_node_prints_the_description():
-    node = ROOT / "ros1_bridge" / "nodes" / "robot_description"
-    done = subprocess.run([str(node), "stingbot"], capture_output=True, text=True, check=True)
-    assert done.stdout == urdf.render(load("stingbot"))
-
-
 @pytest.mark.parametrize(
     "model, words",
     [

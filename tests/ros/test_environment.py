@@ -13,7 +13,7 @@ from ros1_bridge.topics import sensor_topics
 from ros1_bridge.topics.sensor_topics import KINDS
 from tests.waiting import wait_until
 
-from .tables import Offered
+from .tables import Offered, first_two, table
 
 COMPASS = sensor_topics.load()["compass"]
 
@@ -88,6 +88,9 @@ def test_sensors_of_the_environment_build_are_published(robot):
     for topic in robot.sensors.values():
         topic.wait(2)
     assert len(robot.sensors["thermopile"].wait()[-1].data) == 8
+    topics = Offered(robot).topics(0)
+    assert first_two(table("in place of the sonars", "topic")).items() <= topics.items()
+    assert not any(name.startswith("sonar/") for name in topics)
 
 
 def test_odometry_goes_on_beside_the_sensors_and_no_frame_is_lost(robot):

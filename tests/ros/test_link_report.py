@@ -37,16 +37,6 @@ def telemetry(sequence):
         ((Reply(()),), [None]),
         ((ImuChanged(False, SILENT, "lost"), ImuChanged(True, IN_USE, "back")), [WARN, OK]),
     ],
-    ids=[
-        "silent",
-        "restarted",
-        "silent, no check value",
-        "lost",
-        "restarted later",
-        "lost way",
-        "a reply",
-        "IMU",
-    ],
 )
 def test_events_are_told_once(events, levels):
     news = News()

@@ -8,9 +8,12 @@ from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
+from mrl_driver.robot import models
+from mrl_driver.robot.models import Limits
 from ros1_bridge.navigation.follow_waypoints_node import LIST, PARAMETERS
 from ros1_bridge.node.parameters import read
 from ros1_bridge.node.robot_parameters import GROUPS, PARTS, ROWS, Parameters, check
+from ros1_bridge.robot import reconfigure
 
 GOOD = {"port": "/dev/ttyACM0"}
 
@@ -124,3 +127,21 @@ def test_a_port_may_be_a_name(tmp_path, monkeypatch):
     found = check({"port": "lab3"}, "/robot_node")
     assert (found.port, found.robot_id) == ("tcp://10.0.0.7:7000", 3)
     assert check({"port": "lab4"}, "/robot_node").port == "lab4"
+
+
+OWN = Limits(0.3, 1.0, 0.2, 1.0)
+
+
+@pytest.mark.parametrize("name", reconfigure.LIMITS)
+def test_limit_that_is_no_number_stays_as_it_was(name):
+    """And the answer says so."""
+    config = {**dict(zip(reconfigure.LIMITS, (0.1, 0.5, 0.05, 0.2))), name: math.nan}
+    at = reconfigure.LIMITS.index(name)
+    assert reconfigure.limits_of(config, OWN)[at] == config[name] == OWN[at]
+
+
+def test_low_limit_of_the_parameters_is_not_raised_at_the_start():
+    """dynamic_reconfigure raises a value to the least that is allowed."""
+    start = Limits(0.005, 0.001, 0.002, 0.003)
+    offered = reconfigure.limits_description(models.load("traxbot"), start)
+    assert [offered.min[name] for name in reconfigure.LIMITS] == list(start[:4])

@@ -5,7 +5,6 @@ import re
 import pytest
 import rospy
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
 from ros1_bridge.navigation import follow_waypoints_node, go_to_goal_node, map_to_odom_node
@@ -59,16 +58,6 @@ def test_frames_are_those_of_the_table(offered):
         return {t.child_frame_id.split("/")[1]: t.header.frame_id.split("/")[1] for t in own}
 
     wait_until(lambda: seen() == wanted), seen()
-
-
-def test_environment_topics_are_those_of_the_table(rig):
-    rig.node(rig.board("--environment", "--robot", "traxbot").port)
-    rig.topic("compass", Imu).wait()
-    rospy.wait_for_service(f"{rig.ns}/robot_node/limits/set_parameters", START_S)
-    wanted = first_two(table("in place of the sonars", "topic"))
-    topics = Offered(rig).topics(0)
-    assert wanted.items() <= topics.items()
-    assert not any(name.startswith("sonar/") for name in topics)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """What the status says, and when it is told."""
 
+import math
 from types import SimpleNamespace
 
 import pytest
@@ -24,6 +25,9 @@ from ros1_bridge.control.commander import (
 from ros1_bridge.status.link_report import ERROR, OK, WARN
 from ros1_bridge.status.robot_status import (
     StatusTeller,
+    battery_health,
+    battery_values,
+    board_values,
     imu_health,
     imu_values,
 )
@@ -36,16 +40,8 @@ class Told(list):
 
     def __init__(self):
         super().__init__()
-        self.commander = SimpleNamespace(
-            driving=False,
-            wheels_turn=False,
-            stopped_by=NONE,
-            seeking=False,
-            zones=None,
-            manual=False,
-            linked=True,
-            wheel_fault=False,
-        )
+        off = dict.fromkeys(("driving", "wheels_turn", "seeking", "manual", "wheel_fault"), False)
+        self.commander = SimpleNamespace(stopped_by=NONE, zones=None, linked=True, **off)
         self.topics = []
         self._teller = StatusTeller(self.commander, self._publish, "/robot_node", "port robot 1")
 
@@ -56,6 +52,12 @@ class Told(list):
     def tell(self, **state):
         vars(self.commander).update(state)
         self._teller.tell()
+
+
+def test_what_is_not_measured_is_no_fault():
+    assert battery_health("ok", math.nan).level == OK
+    assert battery_values(math.nan, "ok", 2.6)["Voltage"] == "not measured"
+    assert board_values(None, math.nan)["Motor Board Temperature"] == "not measured"
 
 
 def test_state_is_told_once():
@@ -99,20 +101,11 @@ def test_source_of_the_heading_is_told(state, level, words):
 
 
 @pytest.mark.parametrize(
-    "known, bias",
-    [
-        (True, "0.03000 rad/s, standard deviation 0.00100 rad/s"),
-        (False, "not known yet"),
-    ],
+    "known, bias", [(True, "0.03000 rad/s, standard deviation 0.00100 rad/s"), (False, "not known yet")]
 )
 def test_bias_is_told_once_it_is_known(known, bias):
-    reading = SimpleNamespace(
-        bias_rad_s=0.03,
-        bias_sd_rad_s=0.001,
-        bias_known=known,
-        yaw_variance_rad2=0.0001,
-        angular_velocity_rad_s=(0.0, 0.0, 0.5),
-    )
+    told = {"bias_rad_s": 0.03, "bias_sd_rad_s": 0.001, "bias_known": known, "yaw_variance_rad2": 0.0001}
+    reading = SimpleNamespace(angular_velocity_rad_s=(0.0, 0.0, 0.5), **told)
     told = imu_values(IN_USE, reading)
     assert told["Gyro Bias"] == bias
     assert (told["Yaw Rate"], told["Yaw Standard Deviation"]) == ("0.4700 rad/s", "0.0100 rad")
