@@ -46,17 +46,11 @@ def robot(request):
     emulated.close()
 
 
-@pytest.fixture
-def paused(robot):
-    """A robot whose node stood still while it drove."""
+def test_a_command_that_waited_while_the_node_stood_still_does_not_move_the_robot(robot):
     robot.run(1.0, 0.1)
     robot.driver.pause(0.4)
-    return robot
-
-
-def test_a_command_that_waited_while_the_node_stood_still_does_not_move_the_robot(paused):
-    assert not paused.commander.drive(0.1, 0.0) and paused.commander.refusal() == module.PAUSED
-    assert paused.driver.command is None
+    assert not robot.commander.drive(0.1, 0.0) and robot.commander.refusal() == module.PAUSED
+    assert robot.driver.command is None
 
 
 def test_robot_stops_when_commands_end(robot):

@@ -4,7 +4,6 @@ import signal
 import socket
 from types import SimpleNamespace
 
-import pytest
 import rospy
 from nav_msgs.msg import Odometry
 
@@ -22,50 +21,22 @@ rospy.spin()
 """
 
 
-@pytest.fixture
-def pair():
-    """Two ends of a TCP connection."""
+def test_connection_that_nobody_reads_drops_whole_messages():
+    """A write that waits for the reader would wait for good.  Rospy is told what was sent."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         near = socket.create_connection(server.getsockname())
         far, _ = server.accept()
-    yield near, far
-    near.close()
-    far.close()
-
-
-class Transport:
-    """A connection of rospy's, as far as it is used."""
-
-    stat_bytes = stat_num_msg = 0
-
-    def __init__(self, near):
-        self.socket = near
-
-
-def writer(near):
-    """A publisher's connection through this socket."""
-
-    class WithConnection:
-        def __init__(self, *_, **__):
-            self.impl, self.connections = self, [Transport(near)]
-
-        def add_subscriber_listener(self, listener):
-            self.listener = listener
-
-    publisher = direct_publisher(WithConnection, "odom", Odometry)
-    publisher.listener.peer_subscribe("odom", None, None)
-    return publisher.connections[0]
-
-
-def test_connection_that_nobody_reads_drops_whole_messages(pair):
-    """A write that waits for the reader would wait for good.  Rospy is told what was sent."""
-    near, far = pair
-    transport = writer(near)
-    for _ in range(MESSAGES):
-        transport.write_data(bytes(1000))
-    assert BACKLOG_BYTES / 1000 < transport.stat_num_msg < MESSAGES
-    near.shutdown(socket.SHUT_WR)
-    received = sum(iter(lambda: len(far.recv(65536)), 0))
+    transport, listeners = SimpleNamespace(socket=near, stat_bytes=0, stat_num_msg=0), []
+    given = SimpleNamespace(connections=[transport], add_subscriber_listener=listeners.append)
+    given.impl = given
+    direct_publisher(lambda *_, **__: given, "odom", Odometry)
+    listeners[0].peer_subscribe("odom", None, None)
+    with near, far:
+        for _ in range(MESSAGES):
+            given.connections[0].write_data(bytes(1000))
+        assert BACKLOG_BYTES / 1000 < transport.stat_num_msg < MESSAGES
+        near.shutdown(socket.SHUT_WR)
+        received = sum(iter(lambda: len(far.recv(65536)), 0))
     assert received % 1000 == 0 and BACKLOG_BYTES < received <= transport.stat_bytes
 
 

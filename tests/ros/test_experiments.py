@@ -71,19 +71,14 @@ def test_lap_through_ros_ends_where_its_odometry_does_not(parts, monkeypatch):
     assert error.yaw_rad == pytest.approx(-0.11, abs=0.02) and error.y_m == pytest.approx(-0.022, abs=0.006)
 
 
-@pytest.fixture
-def course(parts, monkeypatch):
-    """The record of the first 20 cm of the L-course."""
-    monkeypatch.setattr(l_course, "WAYPOINTS", ((0.5, 0.5),))
-    monkeypatch.setattr(course_node, "STOP_S", 0.3)
-    return course_node.drive(parts, Setting("", seed=1))
-
-
-def test_course_through_ros_has_the_pose_of_each_reading(course):
+def test_course_through_ros_has_the_pose_of_each_reading(parts, monkeypatch):
     """The wall ahead is at 2 m, the side walls at 0 and 1 m; a sonar measures along the side of its cone.
 
-    The first message of a sonar may be NaN, because it has not measured yet.
+    The first message of a sonar may be NaN, because it has not measured yet.  Of the course the first 20 cm are driven.
     """
+    monkeypatch.setattr(l_course, "WAYPOINTS", ((0.5, 0.5),))
+    monkeypatch.setattr(course_node, "STOP_S", 0.3)
+    course = course_node.drive(parts, Setting("", seed=1))
     beyond_m = [
         true.x_m + ranges[len(ranges) // 2] * math.cos(true.yaw_rad) for _, ranges, true in course.scans
     ]
@@ -154,12 +149,6 @@ def test_part_that_died_is_named_with_its_last_words(tmp_path):
 
 
 @pytest.fixture
-def without_ros(monkeypatch):
-    found = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "rospy" else found(name))
-
-
-@pytest.fixture
 def experiment(monkeypatch, tmp_path):
     """Runs `mrl experiment` with experiments that do nothing but tell whether they go through ROS."""
     through_ros = []
@@ -203,7 +192,9 @@ def test_paths_are_those_of_the_caller(monkeypatch, tmp_path, robot, path):
     "words, told",
     [(["power", "mixed-team"], "mixed-team\n"), (["mixed-team", "--no-ros"], ""), (["power", "--ros"], "")],
 )
-def test_without_ros_a_line_names_what_runs_without_it(without_ros, experiment, words, told):
+def test_without_ros_a_line_names_what_runs_without_it(monkeypatch, experiment, words, told):
+    found = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "rospy" else found(name))
     result, through_ros = experiment(*words)
     assert not any(through_ros)
     assert result.stderr.endswith(told) and result.stderr.count("\n") == bool(told)

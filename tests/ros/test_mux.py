@@ -125,17 +125,10 @@ def test_wrong_configuration_is_refused_in_one_line(given, said):
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
-@pytest.fixture
-def node(rig):
-    """The node with the shipped configuration."""
-    name = f"{rig.ns}/cmd_vel_mux"
-    rospy.set_param(name, SHIPPED)
-    child = rig.program("cmd_vel_mux")
-    yield child
-    rospy.delete_param(name)
-
-
-def test_node_passes_on_by_priority_and_stops_when_it_ends(rig, node):
+def test_node_passes_on_by_priority_and_stops_when_it_ends(rig):
+    """With the shipped configuration."""
+    rospy.set_param(f"{rig.ns}/cmd_vel_mux", SHIPPED)
+    node = rig.program("cmd_vel_mux")
     twists, active = rig.topic("cmd_vel", Twist), rig.topic("active_source", String)
     plan, lock = rig.publisher("nav_vel", Twist), rig.publisher("lock_cmd_vel", Bool)
     twists.wait_for_publisher()
@@ -156,3 +149,4 @@ def test_node_passes_on_by_priority_and_stops_when_it_ends(rig, node):
     node.signal(signal.SIGINT)
     wait_until(lambda: node.exit_code is not None)
     assert twists.messages[-1] == Twist()
+    rospy.delete_param(f"{rig.ns}/cmd_vel_mux")

@@ -106,21 +106,13 @@ def start(tmp_path, master):
         yield starter
 
 
-@pytest.fixture(scope="module")
-def ended(tmp_path_factory, master):
-    """A run of the firmware's image that has come to its end; its exit code, output and what it left running."""
-    with starting(tmp_path_factory.mktemp("run"), master) as starter:
-        run = starter("--duration", "1", alone=True)
-        output = run.end()
-        yield run.process.returncode, output, run.alive()
-
-
-def test_duration_ends_the_run_with_a_summary_and_nothing_left(ended):
-    code, output, alive = ended
-    assert code == 0, output
+def test_duration_ends_the_run_of_the_firmwares_image_with_a_summary_and_nothing_left(start):
+    run = start("--duration", "1", alone=True)
+    output = run.end()
+    assert run.process.returncode == 0, output
     assert re.match(r"ran [1-9]\d*\.\d s: pose x ", output.splitlines()[-1])
     assert re.search(r"\b\d+ link errors", output) and "emulated in Python" not in output
-    assert alive == []
+    assert run.alive() == []
 
 
 def test_killed_supervisor_leaves_nothing(start):
@@ -140,36 +132,25 @@ def shown(user, words, key=b""):
         seen += os.read(user, 65536)
 
 
-@pytest.fixture(scope="module")
-def of_real_robot(tmp_path_factory, master, module_rig):
-    """A run with a port, on a terminal, while a roscore is there: left alone at first, driven by a key, ended by q.
-
-    Its exit code, what the board was sent before the key, and the terminal's settings before and after.
-    """
+def test_real_robot_is_driven_by_keys_alone_and_q_gives_back_the_terminal(start, rig, master):
+    """On a terminal, while a roscore is there, which is left running; nothing moves before a key is pressed."""
     user, program = pty.openpty()
     fcntl.ioctl(program, termios.TIOCSWINSZ, struct.pack("HHHH", 30, 100, 0, 0))
-    settings = termios.tcgetattr(program)
-    wire = module_rig.tap(module_rig.board().port)
-    with starting(tmp_path_factory.mktemp("run"), master) as starter:
-        run = starter("--port", wire.port, terminal=program)
-        for _ in range(LOOKS):
-            shown(user, b" Hz, ")
-        unasked, since = [data for _, data in wire.sent], time.monotonic()
-        shown(user, b"+0.250 m/s", key=b"w")
-        wire.wait_for(MOVE, since)
-        shown(user, b"stopped")
-        os.write(user, b"q")
-        shown(user, b"ran ")
-        yield run.process.wait(START_S), unasked, (settings, termios.tcgetattr(program))
+    settings, wire = termios.tcgetattr(program), rig.tap(rig.board().port)
+    run = start("--port", wire.port, terminal=program)
+    for _ in range(LOOKS):
+        shown(user, b" Hz, ")
+    unasked, since = [data for _, data in wire.sent], time.monotonic()
+    assert unasked and not any(b"@11," in data for data in unasked)
+    shown(user, b"+0.250 m/s", key=b"w")
+    wire.wait_for(MOVE, since)
+    shown(user, b"stopped")
+    os.write(user, b"q")
+    shown(user, b"ran ")
+    assert run.process.wait(START_S) == 0 and termios.tcgetattr(program) == settings
+    assert master_answers(master["ROS_MASTER_URI"])
     os.close(user)
     os.close(program)
-
-
-def test_real_robot_is_driven_by_keys_alone_and_q_gives_back_the_terminal(of_real_robot, master):
-    """A foreign roscore is left running."""
-    code, unasked, (before, after) = of_real_robot
-    assert code == 0 and before == after and master_answers(master["ROS_MASTER_URI"])
-    assert unasked and not any(b"@11," in data for data in unasked)
 
 
 @pytest.mark.parametrize(

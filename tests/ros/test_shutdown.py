@@ -37,13 +37,6 @@ def started(rig):
     return node, wire
 
 
-def driving(rig):
-    """A node that drives, and the tap on its wire."""
-    node, wire = started(rig)
-    drive(rig, wire)
-    return node, wire
-
-
 def drive(rig, wire):
     """Commands until the node drives."""
     since = time.monotonic()
@@ -52,7 +45,8 @@ def drive(rig, wire):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, None])
 def test_signal_or_rosnode_kill_stops_the_robot_and_ends_the_node(rig, number):
-    node, wire = driving(rig)
+    node, wire = started(rig)
+    drive(rig, wire)
     since = time.monotonic()
     if number is None:
         kill = ["rosnode", "kill", f"{rig.ns}/robot_node"]

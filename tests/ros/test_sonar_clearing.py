@@ -2,7 +2,6 @@
 
 import math
 
-import pytest
 import roslib.packages
 import rospy
 from sensor_msgs.msg import Range
@@ -13,16 +12,12 @@ from .rig import START_S
 from .test_launch_packages import CLEARING
 
 
-@pytest.fixture
-def sonar(rig, tmp_path):
-    """The front sonar of a robot on a floor without end."""
+def test_running_node_reports_the_longest_range_when_it_is_requested(rig, tmp_path):
+    """On a floor without end."""
     world = tmp_path / "far.yaml"
     world.write_text("walls: [[99, -9, 99, 9]]\n")
     rig.node(rig.board("--robot", "traxbot", "--world", str(world)).port)
-    return rig.topic("sonar/front", Range)
-
-
-def test_running_node_reports_the_longest_range_when_it_is_requested(rig, sonar):
+    sonar = rig.topic("sonar/front", Range)
     assert sonar.wait()[-1].range == math.inf
     (program,) = roslib.packages.find_node("dynamic_reconfigure", "dynparam")
     child = rig.start(

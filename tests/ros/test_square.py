@@ -3,7 +3,6 @@
 import json
 import math
 
-import pytest
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
@@ -37,17 +36,11 @@ def true_pose(path):
     return dx * cos + dy * sin, dy * cos - dx * sin, math.remainder(last["yaw"] - first["yaw"], 2 * math.pi)
 
 
-def is_still(messages):
-    return len({odom_pose(message) for message in messages}) == 1
-
-
-@pytest.fixture(scope="module")
-def driven(module_rig):
-    """Odometry's and the true pose after a square."""
-    board = module_rig.board("--robot", MODEL, "--speed", str(SPEED))
-    module_rig.node(board.port)
-    odom = module_rig.topic("odom", Odometry)
-    cmd_vel = module_rig.publisher("cmd_vel", Twist)
+def test_square_is_closed_and_odometry_ends_where_the_robot_is(rig):
+    """It ends where it began, as far as the brakes allow."""
+    board, odom = rig.board("--robot", MODEL, "--speed", str(SPEED)), rig.topic("odom", Odometry)
+    rig.node(board.port)
+    cmd_vel = rig.publisher("cmd_vel", Twist)
     odom.wait()
     square = Square(SIDE_M, LIMITS)
 
@@ -59,13 +52,8 @@ def driven(module_rig):
 
     wait_until(driven_on, 60.0, what="the fourth corner")
     cmd_vel.publish(Twist())
-    wait_until(lambda: is_still(odom.messages[-STILL_MESSAGES:]))
-    return odom_pose(odom.messages[-1]), true_pose(board.truth)
-
-
-def test_square_is_closed_and_odometry_ends_where_the_robot_is(driven):
-    """It ends where it began, as far as the brakes allow."""
-    odometry, true = driven
+    wait_until(lambda: len(set(map(odom_pose, odom.messages[-STILL_MESSAGES:]))) == 1)
+    odometry, true = odom_pose(odom.messages[-1]), true_pose(board.truth)
     assert math.dist(odometry[:2], true[:2]) < POSE_M
     assert abs(math.remainder(odometry[2] - true[2], 2 * math.pi)) < YAW_RAD
     assert math.hypot(*odometry[:2]) < CLOSED_M
