@@ -13,7 +13,7 @@ from mrl_driver.errors import ConfigError
 from ros1_bridge.teleop.velocity_mux import Input, VelocityMux, read_inputs
 from tests.waiting import wait_until
 
-from .rig import ROOT
+from .rig import ROOT, START_S
 from .tables import Offered
 
 SHIPPED = yaml.safe_load((ROOT / "ros1_bridge" / "teleop" / "twist_mux.yaml").read_text())
@@ -123,6 +123,15 @@ def test_wrong_configuration_is_refused_in_one_line(given, said):
     with pytest.raises(ConfigError) as caught:
         read_inputs(given, "/mux")
     assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_node_refuses_a_source_on_its_own_topic(rig):
+    """It would hear itself."""
+    rospy.set_param(f"{rig.ns}/cmd_vel_mux", {"topics": [{**ROW, "topic": "cmd_vel"}]})
+    child = rig.program("cmd_vel_mux")
+    assert child.wait(START_S) and child.exit_code == ConfigError.exit_code
+    assert "source hand has the topic cmd_vel" in child.last_words()
+    rospy.delete_param(f"{rig.ns}/cmd_vel_mux")
 
 
 def test_node_passes_on_by_priority_and_stops_when_it_ends(rig):

@@ -82,10 +82,11 @@ def test_the_difference_of_the_clocks_is_noted_when_it_changes():
 
 
 @settings(max_examples=50)
-@given(st.lists(st.floats(0, 0.9), min_size=1))
-def test_stamps_increase_whatever_the_jitter(earlier):
-    """Below a second; also in simulated time that stands still."""
+@given(st.lists(st.floats(0, 0.9), min_size=1), st.sampled_from([1000.0, -50.0]))
+def test_stamps_increase_whatever_the_jitter(earlier, wall_ahead_s):
+    """Below a second; also in simulated time that stands at its start."""
     topics, clocks = Topics("odom"), Clocks()
+    clocks.wall_ahead_s = wall_ahead_s
     out = Publishers(topics, OSError, check({"port": "p"}, "node"), MODEL, clocks.wall, clocks.monotonic)
     for each in earlier:
         out.telemetry(

@@ -137,10 +137,13 @@ def warned(robot, words, message):
     return warnings() - before, time.monotonic() - since
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_command_that_is_no_number_stops_the_robot_with_one_warning_a_second(robot, value):
+@pytest.mark.parametrize(
+    "wrong", [{"speed_m_s": math.nan}, {"speed_m_s": math.inf}, {"speed_m_s": 0.1, "y": math.nan}]
+)
+def test_command_that_is_no_number_stops_the_robot_with_one_warning_a_second(robot, wrong):
+    """Also in a field that the robot does not use."""
     moved = moves(robot, forward(0.1))
-    count, took_s = warned(robot, "expected a finite number; the robot was stopped", forward(value))
+    count, took_s = warned(robot, "expected a finite number; the robot was stopped", forward(**wrong))
     robot.wire.wait_for(STOP, moved)
     wait_until(lambda: stopped_by(robot) == NOT_FINITE)
     assert count <= 1 + took_s / WARN_EVERY_S
