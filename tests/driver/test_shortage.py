@@ -2,6 +2,7 @@
 
 import contextlib
 import socket
+from types import SimpleNamespace
 
 import pytest
 
@@ -28,40 +29,34 @@ def driver(port, **options):
     return made
 
 
+OPENERS = {
+    "device": lambda use: open_link(use.port),
+    "tcp": lambda use: open_link(use.tcp),
+    "udp": lambda use: open_link("udp://127.0.0.1:9"),
+    "url": lambda use: open_link("loop://"),
+    "driver": lambda use: driver(use.port),
+    "recording driver": lambda use: driver(use.port, record=use.file),
+    "recorder": lambda use: Recorder(use.file),
+    "tcp listener": lambda use: bound(TcpListener, "tcp"),
+    "udp listener": lambda use: bound(UdpListener, "udp"),
+    "udp sender": lambda use: UdpSender("127.0.0.1:9"),
+    "emulated port": lambda use: PtyPort(),
+}
+"""Everything that is opened in steps: a call that returns what can be closed."""
+
+
 @pytest.fixture
-def openers(serve, tmp_path):
-    """Everything that is opened in steps, by name: a call that returns what can be closed."""
-    port, listener, record = (
-        serve().path,
-        socket.create_server(("127.0.0.1", 0), backlog=MOST),
-        str(tmp_path / "drive.mrl"),
-    )
-    yield {
-        "device": lambda: open_link(port),
-        "tcp": lambda: open_link(f"tcp://127.0.0.1:{listener.getsockname()[1]}"),
-        "udp": lambda: open_link("udp://127.0.0.1:9"),
-        "url": lambda: open_link("loop://"),
-        "driver": lambda: driver(port),
-        "recording driver": lambda: driver(port, record=record),
-        "recorder": lambda: Recorder(record),
-        "tcp listener": lambda: bound(TcpListener, "tcp"),
-        "udp listener": lambda: bound(UdpListener, "udp"),
-        "udp sender": lambda: UdpSender("127.0.0.1:9"),
-        "emulated port": PtyPort,
-    }
-    listener.close()
-
-
-NAMES = (
-    *("device", "tcp", "udp", "url", "driver", "recording driver", "recorder"),
-    *("tcp listener", "udp listener", "udp sender", "emulated port"),
-)
+def use(serve, tmp_path):
+    """A port, an address that accepts connections, and the name of a file."""
+    with socket.create_server(("127.0.0.1", 0), backlog=MOST) as listener:
+        tcp = f"tcp://127.0.0.1:{listener.getsockname()[1]}"
+        yield SimpleNamespace(port=serve().path, tcp=tcp, file=str(tmp_path / "drive.mrl"))
 
 
 @pytest.mark.parametrize("left", [descriptors_left, threads_left])
-@pytest.mark.parametrize("name", NAMES)
-def test_what_is_opened_in_steps_leaves_nothing_open_if_a_step_fails(openers, name, left):
-    errors = errors_of_each_step(openers[name], left, MrlError)
+@pytest.mark.parametrize("name", OPENERS)
+def test_what_is_opened_in_steps_leaves_nothing_open_if_a_step_fails(use, name, left):
+    errors = errors_of_each_step(lambda: OPENERS[name](use), left, MrlError)
     assert all("too many files open" in str(error) or "no thread" in str(error) for error in errors)
 
 
