@@ -18,7 +18,7 @@ fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random fo
 
 fuzz: fuzz-readers ## The same, then damage frames and feed the decoders random bytes for MINUTES=n each; build/bench/reliability.json
 	$(PY) -m tests.long.fuzz --minutes $(MINUTES)
-	$(PY) -m tests.long.fuzz.greetings --board pc --board bridge --board august --board january $(if $(FAST),--greetings 2)
+	$(PY) -m tests.long.fuzz.greetings
 	cd $(PC_BUILD) && for fuzzer in ./fuzz_firmware ./fuzz_firmware_hbridge; do \
 	  $$fuzzer -max_total_time=$(if $(FAST),1,$$(( $(MINUTES) * 60 ))) -print_final_stats=1 || exit 1; done
 

@@ -26,7 +26,6 @@ class Jumps:
 
     @classmethod
     def of(cls, model: RobotModel) -> "Jumps":
-        """With the reach of this model."""
         return cls(fastest_m_s(model), QUANTUM_COUNTS * model.base.metres_per_count)
 
     def begin_anew(self) -> None:
@@ -36,7 +35,6 @@ class Jumps:
         self.restart()
 
     def restart(self) -> None:
-        """The board's clock begins again."""
         self.used_s = 0.0
 
     def see(self, pose: Sequence[float], time_s: float, refused: int = 0) -> float:

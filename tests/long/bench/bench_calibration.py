@@ -49,7 +49,6 @@ class Emulated:
         self._model = model
 
     def drive(self, legs: List[geometry_procedures.Leg]) -> Runs:
-        """Drives and measures all of them."""
         runs: Runs = []
         ruler = Truth(lambda: Pose(*self._made.plant.true_pose))
         geometry_procedures.gather(self._driver, legs, ruler, runs.append, self._track)

@@ -41,7 +41,6 @@ SHORT: Tuple[Tuple[Any, Dict[str, Any]], ...] = (
 
 
 def figures_of(name: str) -> Dict[str, Any]:
-    """The figures of an experiment."""
     module = importlib.import_module(f"sim_arduino.experiments.{EXPERIMENTS[name].module}")
     for shortened, others in SHORT * report.FAST:
         vars(shortened).update(others)

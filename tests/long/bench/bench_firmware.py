@@ -81,7 +81,6 @@ def timed(name: str, measure: Measure) -> Dict[str, float]:
 
 
 def with_imu(make: Callable[[], RigOfCase], case: Case) -> RigOfCase:
-    """A rig with what the case connects."""
     rig = make()
     if case.imu_period_ms is not None:
         rig.fit_imu(case.imu_period_ms)

@@ -51,7 +51,6 @@ class Team:
         self.start_s = max(times[0] for times in self.odom.values()) - begun_s
 
     def close(self) -> None:
-        """End all nodes."""
         self._launch.signal(signal.SIGINT)
         self._launch.finish(END_S)
         for subscriber in self._subscribers:
@@ -86,7 +85,6 @@ def cpu_s() -> Dict[str, float]:
 
 
 def measure(robots: int) -> Dict[str, float]:
-    """Figures of one run."""
     with running(robots) as team:
         time.sleep(SETTLE_S)
         before, begin_s = cpu_s(), time.monotonic()

@@ -48,34 +48,28 @@ class Pair:
         self.tell(1, "start_stream", STREAM_MS)
 
     def tell(self, board: int, name: str, *args: int) -> None:
-        """A request of a board's host."""
         self.boards[board].receive(encode_request(BY_NAME[name].code, *args))
 
     def say(self, text: HoldText) -> None:
-        """The holder's host writes a text."""
         code, *fields = text_request(self._address, text.data)
         self.boards[0].receive(encode_request(code, *fields))
 
     def run(self, seconds: float) -> None:
-        """Runs both boards."""
         end_s = self.now_s + seconds
         while self.now_s < end_s:
             self.step()
 
     def step(self) -> None:
-        """Runs both boards one step further."""
         self.now_s += STEP_S
         for board in reversed(self.boards):
             board.advance(self.now_s)
 
     @property
     def driven(self) -> bool:
-        """The motor board of the held robot drives."""
         motors = self._held.robot.motors
         return any(motors[n].mode is not Mode.BRAKE for n in (0, 2))
 
     def close(self) -> None:
-        """Ends both boards."""
         for board in self.boards:
             board.close()
 

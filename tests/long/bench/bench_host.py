@@ -40,7 +40,6 @@ def stream(checked: bool) -> bytes:
 
 
 def rate(count: int, work: Callable[[], None]) -> float:
-    """Units of work a second of CPU time."""
     start_s = time.process_time()
     work()
     return count / (time.process_time() - start_s)
@@ -104,7 +103,6 @@ def in_turn(runs: int, measures: Dict[str, Callable[[], float]]) -> Dict[str, Li
 
 
 def over(ours: List[float], reference: List[float]) -> List[float]:
-    """The ratio of each round."""
     return [one / other for one, other in zip(ours, reference)]
 
 

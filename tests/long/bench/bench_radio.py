@@ -67,7 +67,6 @@ def _step(
 
 
 def summary(name: str, delivered: List[float]) -> Dict[str, float]:
-    """The figures of several runs."""
     return {
         f"{name}_delivered_per_1000_median": statistics.median(delivered),
         f"{name}_delivered_per_1000_worst": min(delivered),

@@ -21,7 +21,6 @@ RUNS = report.either(5, 1)
 
 
 def measured(name: str) -> Any:
-    """One measurement in networks of its own."""
     with tempfile.TemporaryDirectory() as folder:
         command = [*own_network(), sys.executable, "-m", "tests.long.bench.relay_measures", folder, name]
         done = subprocess.run(command, cwd=str(ROOT), stdout=subprocess.PIPE, text=True, check=True)

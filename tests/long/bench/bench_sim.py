@@ -64,7 +64,6 @@ class Served:
         return processes.cpu_s(self.process.pid)
 
     def take(self) -> None:
-        """Reads what has come."""
         for fd in self.frames:
             try:
                 self.frames[fd] += os.read(fd, 65536).count(b"e")
@@ -72,7 +71,6 @@ class Served:
                 pass
 
     def close(self) -> None:
-        """Ends it."""
         for fd in self.frames:
             os.close(fd)
         self.process.send_signal(signal.SIGTERM)
@@ -80,7 +78,6 @@ class Served:
 
 
 def watch(served: List[Served], seconds: float) -> None:
-    """Reads all boards' streams for a time."""
     end_s = time.monotonic() + seconds
     while time.monotonic() < end_s:
         time.sleep(READ_S)

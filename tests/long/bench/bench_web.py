@@ -69,7 +69,6 @@ def web_cpu(browser: Browser, folder: Path, viewers: int) -> float:
 
 
 def first_load(browser: Browser, folder: Path) -> int:
-    """Bytes to the browser until the page is connected."""
     served = local(folder)
     try:
         page = RobotPage(browser, served.links[0], DESK)

@@ -47,7 +47,6 @@ class _Wheel:
         self._cycle, self._per_cycle = cycle, per_cycle
 
     def plan(self, machine: AvrMachine, cycle: int) -> None:
-        """Plans the edges up to a cycle."""
         if not self._per_cycle:
             return
         place = self._place + self._per_cycle * (cycle - self._cycle)
@@ -77,7 +76,6 @@ class TurningMachine(AvrMachine):
             wheel.turn(hertz / self.frequency_hz, max(self.cycle, self._planned))
 
     def run_until(self, cycle: int) -> None:
-        """As the base class."""
         slices = range(self.cycle + SLICE_CYCLES, int(cycle), SLICE_CYCLES)
         for end in (*slices, int(cycle)):
             until = end + AHEAD_CYCLES

@@ -33,7 +33,6 @@ LOOK_CYCLES, LOOK_STEP = 2000, 8
 
 
 def answer(rig: Rig, name: str, *args: int) -> Tuple[int, ...]:
-    """Values of the reply to a request by its row's name."""
     line = rig.ask(request(name, *args)).line
     return tuple(int(value) for value in line[1 : line.index(b"e")].split(b",")[1:])
 
@@ -124,7 +123,6 @@ def outputs_settled(rig: Rig, after: int) -> int:
 
 
 def watch_outputs(rig: Rig) -> None:
-    """Reports the changes of all outputs of the bridges."""
     rig.machine.watch_pins(pin for pins in OUTPUTS for pin in pins)
 
 
@@ -196,7 +194,6 @@ class Duo:
         self.send(request("write_config", 8, 0))
 
     def send(self, data: bytes) -> None:
-        """Sends a request and lets the board take it."""
         self._made.engine.receive(data)
         self.run(0.02)
 
@@ -216,7 +213,6 @@ class Duo:
         return self.run(seconds)
 
     def close(self) -> None:
-        """Frees the chip."""
         self._made.close()
 
 

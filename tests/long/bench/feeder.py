@@ -54,7 +54,6 @@ class Board:
         self.moves: List[Tuple[float, int, int]] = []
 
     def receive(self) -> None:
-        """Answer what has come."""
         data, now = os.read(self.master, 4096), time.monotonic()
         for event in self._decoder.feed(data):
             if isinstance(event, Frame):
@@ -119,7 +118,6 @@ def _int16(value: int) -> int:
 
 
 def serve(boards: List[Board]) -> None:
-    """Until stdin ends."""
     masters = {board.master: board for board in boards}
     gap_s, turn, due_s = float("inf"), 0, float("inf")
     while True:

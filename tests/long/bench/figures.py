@@ -85,7 +85,6 @@ def catalogue() -> Any:
 
 @functools.lru_cache(maxsize=None)
 def tables() -> Dict[str, Table]:
-    """All tables by name."""
     found = {}
     for name, one in catalogue()["tables"].items():
         rows = [
@@ -114,7 +113,6 @@ def number(value: float) -> str:
 
 
 def shown_figure(figure: Mapping[str, Any]) -> str:
-    """A figure and the spread of its runs."""
     spread = " to ".join(map(number, figure.get("spread", ())))
     if figure["value"] is None or isinstance(figure["value"], str):
         return figure["value"] or spread
@@ -165,7 +163,6 @@ def shown(file: str, records: Records) -> Iterator[str]:
 
 
 def missed(file: str, records: Records) -> List[str]:
-    """Keys of the figures that miss their goals."""
     return [
         key
         for table in tables().values()
@@ -202,7 +199,6 @@ def has_changed(commit: str, subject: Tuple[str, ...]) -> bool:
 
 
 def commits(table: Table, figures: Sequence[Mapping[str, Any]]) -> str:
-    """The commits that figures of changed subjects are of."""
     return ", ".join(
         sorted({each["commit"] for each in figures if has_changed(each["commit"], tuple(table.subject))})
     )
@@ -253,7 +249,6 @@ def _filled(found: "re.Match[str]") -> str:
 
 
 def with_tables(text: str) -> str:
-    """A document with all its tables rendered."""
     return _REGION.sub(lambda found: f"{found[1]}{rendered(found[2])}\n{found[3]}", text)
 
 

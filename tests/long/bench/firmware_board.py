@@ -28,7 +28,6 @@ class Reply(NamedTuple):
 
 
 def request(name: str, *args: int, checked: bool = False) -> bytes:
-    """The bytes of a request by its row's name."""
     return encode_request(BY_NAME[name].code, *args, checked=checked)
 
 
@@ -57,7 +56,6 @@ class MotorBoard:
         return True
 
     def read(self, count: int, time_s: float) -> bytes:
-        """What stands from the addressed register on."""
         if self._register == ENCODERS:
             self._note_read(time_s)
         single = {VERSION: b"\x01", VERSION_DECIMALS: b"\x48", CONTROL_RATE: b"\x14"}
@@ -104,7 +102,6 @@ class Rig:
         return self
 
     def _powered(self, elf: Path, seed: int) -> AvrMachine:
-        """The chip and what is connected to it."""
         machine = AvrMachine(elf, seed=seed)
         self.motors = MotorBoard()
         machine.i2c[MOTOR_BOARD] = self.motors
@@ -131,11 +128,9 @@ class Rig:
         return self
 
     def close(self) -> None:
-        """Frees the chip."""
         self.machine.close()
 
     def run(self, seconds: float) -> None:
-        """Lets simulated time pass."""
         self.machine.run(seconds)
 
     def microseconds(self, cycles: int) -> float:
@@ -148,7 +143,6 @@ class Rig:
         return self.machine.send(request, self.machine.cycle + wait)
 
     def replies(self) -> List[Reply]:
-        """The whole lines that have come since the last call."""
         lines: List[Reply] = []
         for byte in self.machine.sent():
             self._partial.append(byte)

@@ -30,7 +30,6 @@ MakeRig = Callable[[], Rig]
 
 
 def turnarounds_us(rig: Rig, asked: bytes) -> List[float]:
-    """Turnaround of requests on an idle line."""
     times = []
     for _ in range(REQUESTS):
         rig.hold_counts()
@@ -44,7 +43,6 @@ def turnarounds_us(rig: Rig, asked: bytes) -> List[float]:
 
 
 def turnaround_figures(make: MakeRig) -> Dict[str, float]:
-    """Medians of the three requests of the table."""
     rig = make().settle()
     keys = {"encoders": b"@6e", "encoders_sonars": b"@8e", "info": b"@5e"}
     figures = {
@@ -124,7 +122,6 @@ def count_age_figures(make: MakeRig) -> Dict[str, float]:
 
 
 def counts_of(frame: Reply) -> Tuple[int, int]:
-    """Right and left count of an encoder frame."""
     values = frame.line.split(b"e")[0].split(b",")
     return int(values[1]), int(values[2])
 

@@ -17,7 +17,6 @@ from nav_msgs.msg import Odometry
 
 
 def talk(topic: str, hz: float) -> None:
-    """Publish until the end."""
     out = rospy.Publisher(topic, Odometry, queue_size=10, tcp_nodelay=True)
     message, rate = Odometry(child_frame_id="base_link"), rospy.Rate(hz)
     while not rospy.is_shutdown():

@@ -24,7 +24,6 @@ DELAYS_S = either(20.0, 3.0)
 
 
 def enter(robot: str) -> List[str]:
-    """Starts a program in the robot's network."""
     return ["nsenter", f"--net=/proc/{robot}/ns/net"]
 
 
@@ -39,13 +38,11 @@ def two_relays(rig: Rig, robot: str) -> None:
 
 
 def heard(rig: Rig, place: List[str], topic: str, seconds: float, env: Dict[str, str]) -> Any:
-    """A started listener."""
     command = [*place, *ENDS, "listen", topic, str(seconds)]
     return subprocess.Popen(command, env=env, stdout=subprocess.PIPE, text=True)
 
 
 def delays_of(listener: Any) -> List[List[float]]:
-    """What a listener prints."""
     return json.loads(listener.communicate()[0])
 
 
@@ -58,13 +55,11 @@ def delays(rig: Rig, robot: str) -> Dict[str, List[List[float]]]:
 
 
 def cut(rig: Rig, robot: str) -> Dict[str, Any]:
-    """The trial of the tests."""
     two_masters.start(rig, robot)
     return two_masters.trial(rig)
 
 
 def plain_cut(rig: Rig, robot: str) -> Dict[str, Any]:
-    """The trial of the tests with one master."""
     two_machines.start(rig, robot)
     return two_machines.trial(rig)
 

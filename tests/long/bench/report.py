@@ -40,7 +40,6 @@ def repeat(name: str, runs: int, measure: Callable[[], Item]) -> List[Item]:
 
 
 def by_key(runs: Iterable[Mapping[str, Number]]) -> Dict[str, Measured]:
-    """The values of each key in all runs."""
     found: Dict[str, List[Number]] = {}
     for run in runs:
         for key, value in run.items():

@@ -101,7 +101,6 @@ class Feeder:
         self._process.stdin.flush()
 
     def close(self) -> None:
-        """End it."""
         assert self._process.stdin is not None and self._process.stdout is not None
         self._process.stdin.close()
         self._process.wait()
@@ -179,7 +178,6 @@ class Bench:
         self.arrived[board].append((time.monotonic(), message.pose.pose.position.x))
 
     def drive(self, linear_m_s: float) -> None:
-        """Command this speed to all robots."""
         for publisher in self._commands:
             publisher.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3()))
 
@@ -245,7 +243,6 @@ class Bench:
             return 100 * (self._cpu_s() - used_s) / (time.monotonic() - begin_s)
 
     def rss_mib(self) -> float:
-        """Resident memory of the first node."""
         return processes.rss_mib(self._pid())
 
     def _pid(self) -> int:
@@ -271,7 +268,6 @@ class Bench:
 
 
 def _first(places: Iterable[int], notes: Iterable[Tuple[float, Any]]) -> Dict[int, float]:
-    """When each place was noted first."""
     first: Dict[int, float] = {}
     for place, (at, _) in zip(places, notes):
         first.setdefault(place, at)

@@ -57,7 +57,6 @@ def judge(names: Sequence[str], folder: Path) -> Iterator[str]:
 
 
 def run(target: str, row: Mapping[str, Any], folder: Path = FOLDER) -> Outcome:
-    """Run a target and judge what it leaves."""
     figures, log = folder / target, folder / f"{target}.log"
     shutil.rmtree(figures, ignore_errors=True)
     figures.mkdir(parents=True)

@@ -34,19 +34,16 @@ class Tally(NamedTuple):
 
 
 def flip_bit(wire: bytes, rng: random.Random) -> bytes:
-    """One bit turned over."""
     i = rng.randrange(len(wire))
     return wire[:i] + bytes([wire[i] ^ 1 << rng.randrange(8)]) + wire[i + 1 :]
 
 
 def change_byte(wire: bytes, rng: random.Random) -> bytes:
-    """One byte replaced by another."""
     i = rng.randrange(len(wire))
     return wire[:i] + bytes([wire[i] ^ rng.randrange(1, 256)]) + wire[i + 1 :]
 
 
 def lose_byte(wire: bytes, rng: random.Random) -> bytes:
-    """One byte missing."""
     i = rng.randrange(len(wire))
     return wire[:i] + wire[i + 1 :]
 
@@ -58,13 +55,11 @@ def lose_burst(wire: bytes, rng: random.Random) -> bytes:
 
 
 def swap_bytes(wire: bytes, rng: random.Random) -> bytes:
-    """Two neighbours exchanged."""
     i = rng.randrange(len(wire) - 1)
     return wire[:i] + wire[i + 1 : i + 2] + wire[i : i + 1] + wire[i + 2 :]
 
 
 def random_stream_frame(rng: random.Random, checked: bool) -> bytes:
-    """A stream frame as a driving robot sends it."""
     counts = (rng.randrange(-32768, 32768), rng.randrange(-32768, 32768))
     sonars = [rng.randrange(15, 646) for _ in range(3)]
     stamp = Stamp(rng.randrange(-32768, 32768), rng.randrange(-32768, 32768))
@@ -114,7 +109,6 @@ def every_fault(wire: bytes) -> Iterator[bytes]:
 
 
 def count_wrong(direction: Direction, checked: bool, sent: List[Event], received: bytes) -> int:
-    """Accepted frames that were not sent."""
     found = FrameDecoder(direction, checked).feed(received)
     return sum(type(event) is Frame and event not in sent and event != STOP for event in found)
 

@@ -42,7 +42,6 @@ class Scene(NamedTuple):
 
 
 def scene(rng: random.Random) -> Scene:
-    """A random choice of faults."""
     faults = [f"{rng.choice(BAD_BYTES)}:rate={10 ** rng.uniform(-4, -2):.5f},at={FIRST_FAULT_S}"]
     for fault in rng.sample(NUISANCES, rng.randint(0, 2)):
         faults.append(fault if "at=" in fault else f"{fault},at={FIRST_FAULT_S}")
@@ -70,13 +69,11 @@ class WatchedBoard(PythonBoard):
         return data
 
     def carry_out(self, frame: Frame) -> None:
-        """As the board's; noted."""
         if self.checked:
             self.carried_out.append(frame)
         super().carry_out(frame)
 
     def set_check(self, on: bool) -> None:
-        """As the board's; noted."""
         self.checked = on
         super().set_check(on)
 
@@ -108,7 +105,6 @@ class FaultyRobot:
         self._plugged = True
 
     def run(self, seconds: float) -> "FaultyRobot":
-        """Both run for a time."""
         end = self.now + seconds
         while self.now < end:
             self._step()
@@ -169,7 +165,6 @@ class FaultyRobot:
         return math.dist(self.state.odometry.pose[:2], (true.x_m, true.y_m))
 
     def moves(self, seconds: float = 0.2) -> bool:
-        """Whether the robot moves within a time."""
         before = self.plant.true_pose
         self.run(seconds)
         return math.dist(before[:2], self.plant.true_pose[:2]) > 1e-5

@@ -5,11 +5,8 @@ move the robot.  The figures go to build/bench/reliability.json.
 """
 
 import multiprocessing
-import os
 import sys
-from typing import Any, Dict, List, NamedTuple, Tuple
-
-import click
+from typing import Any, Dict, NamedTuple, Tuple
 
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import MrlError
@@ -31,6 +28,8 @@ MOTION_S = 0.5
 KINDS = ("loss", "flip", "change", "swap")
 """Bytes are lost, get a wrong bit, are replaced, and change places with the next one."""
 RATES = (0.001, 0.01)
+GREETINGS = report.either(3000, 2)
+"""Of each board on each line."""
 
 
 class Kind(NamedTuple):
@@ -43,36 +42,21 @@ class Kind(NamedTuple):
 
 
 def pc_board(plant: Plant, eeprom: bytes) -> Any:
-    """The firmware on the PC."""
     return PcBoard(plant, eeprom, BRIDGE if plant.bridge else SONARS)
-
-
-def python_board(plant: Plant, eeprom: bytes) -> Any:
-    """The firmware's behaviour in Python."""
-    return PythonBoard(plant, eeprom=bytearray(eeprom))
-
-
-def august(plant: Plant, _: bytes) -> Any:
-    """A board with the firmware of August 2013."""
-    return Board2013(plant)
-
-
-def january(plant: Plant, _: bytes) -> Any:
-    """A board with the firmware of January 2013."""
-    return Board2013(plant, january=True)
 
 
 BOARDS = {
     "pc": Kind(pc_board),
     "bridge": Kind(pc_board, "duo"),
-    "python": Kind(python_board),
-    "august": Kind(august, booted_s=BOOTED_2013_S),
-    "january": Kind(january, booted_s=BOOTED_2013_S),
+    "python": Kind(lambda plant, eeprom: PythonBoard(plant, eeprom=bytearray(eeprom))),
+    "august": Kind(lambda plant, _: Board2013(plant), booted_s=BOOTED_2013_S),
+    "january": Kind(lambda plant, _: Board2013(plant, january=True), booted_s=BOOTED_2013_S),
 }
+TRIED = ("pc", "bridge", "august", "january")
+"""In the long run; the others are emulated like these."""
 
 
 def eeprom_of(robot: RobotModel, plain_calibrate: bool) -> bytes:
-    """The EEPROM of a robot that is ready to drive."""
     values = parameter_store.first(robot.ids[0], robot)
     values[PARAMETER_BY_NAME["plain_calibrate"].number] = int(plain_calibrate)
     return parameter_store.image(values)
@@ -87,11 +71,9 @@ class Booted:
 
     @property
     def next_event_s(self) -> float:
-        """As the engine's, of this time."""
         return self._engine.next_event_s - self._booted_s
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host."""
         self._engine.receive(data)
 
     def advance(self, to_s: float) -> bytes:
@@ -146,15 +128,12 @@ def greet(name: str, faults: Tuple[str, ...], seed: int, plain_calibrate: bool =
 
 
 def faults_of(rate: float) -> Tuple[str, ...]:
-    """Faults of all kinds that damage this share of the bytes."""
     return tuple(f"{kind}:rate={rate / len(KINDS)}" for kind in KINDS)
 
 
-def try_many(job: Tuple[str, float, range]) -> Tally:
-    """Greet a board once for each seed, on a line that damages this share of the bytes."""
-    name, rate, seeds = job
+def tally_of(name: str, found: Dict[int, Outcome]) -> Tally:
+    """What came of greetings of a board, by seed."""
     right = greet(name, (), 0).session
-    found = {seed: greet(name, faults_of(rate), seed) for seed in seeds}
     return Tally(
         len(found),
         sum(not each.error and each.session != right for each in found.values()),
@@ -163,54 +142,26 @@ def try_many(job: Tuple[str, float, range]) -> Tally:
     )
 
 
-def total(tallies: List[Tally]) -> Tally:
-    """Their sum."""
-    return Tally(
-        sum(t.greetings for t in tallies),
-        sum(t.wrong for t in tallies),
-        tuple(sorted(seed for t in tallies for seed in t.moved)),
-        tuple(words for t in tallies for words in t.errors),
-    )
-
-
-def figures_of(board: str, tally: Tally) -> Dict[str, int]:
-    """Figures of build/bench/reliability.json."""
-    whose = "_2013" if BOARDS[board].booted_s == BOOTED_2013_S else ""
-    return {f"greetings{whose}_tried": tally.greetings, f"greetings{whose}_moved": len(tally.moved)}
-
-
-@click.command()
-@click.option(
-    "--board", "boards", type=click.Choice(list(BOARDS)), multiple=True, default=["pc"], show_default=True
-)
-@click.option("--rate", "rates", type=float, multiple=True, default=RATES, show_default=True)
-@click.option("--greetings", type=click.IntRange(1), default=3000, show_default=True)
-@click.option("--seed", type=int, default=1, show_default=True)
-def main(boards: Tuple[str, ...], rates: Tuple[float, ...], greetings: int, seed: int) -> None:
-    """Greet boards on bad lines; exit code 1 if a session is wrong, ends with an error, or moves a robot."""
-    processes = os.cpu_count() or 1
+def main() -> int:
+    """Greet boards on bad lines; 1 if a session is wrong, ends with an error, or moves a robot."""
     figures: Dict[str, int] = {}
-    failed = False
-    with multiprocessing.Pool(processes) as pool:
-        for board in boards:
-            for rate in rates:
-                seeds = range(seed, seed + greetings)
-                tally = total(
-                    pool.map(try_many, [(board, rate, seeds[i::processes]) for i in range(processes)])
-                )
+    failed, seeds = False, range(1, GREETINGS + 1)
+    with multiprocessing.Pool() as pool:
+        for board in TRIED:
+            kind = "_2013" if BOARDS[board].booted_s == BOOTED_2013_S else ""
+            for rate in RATES:
+                jobs = [(board, faults_of(rate), seed) for seed in seeds]
+                tally = tally_of(board, dict(zip(seeds, pool.starmap(greet, jobs))))
                 failed = failed or bool(tally.wrong or tally.moved or tally.errors)
-                for key, count in figures_of(board, tally).items():
-                    figures[key] = figures.get(key, 0) + count
-                click.echo(
-                    f"{board}, {rate:.1%} of the bytes damaged: {tally.greetings} greetings, {len(tally.moved)} moved "
-                    f"the robot, {tally.wrong} wrong sessions, {len(tally.errors)} errors"
+                for key, count in (("tried", tally.greetings), ("moved", len(tally.moved))):
+                    figures[f"greetings{kind}_{key}"] = figures.get(f"greetings{kind}_{key}", 0) + count
+                print(
+                    f"{board}, {rate:.1%} of the bytes damaged: {tally.greetings} greetings, {tally.wrong} wrong "
+                    f"sessions, {len(tally.errors)} errors; seeds that moved the robot: {tally.moved or 'none'}"
                 )
-                if tally.moved:
-                    click.echo(f"  seeds that moved it: {tally.moved}")
-                for words in sorted(set(tally.errors)):
-                    click.echo(f"  {words}")
-    sys.exit(report.conclude("reliability", figures) or failed)
+                print("".join(f"  {words}\n" for words in sorted(set(tally.errors))), end="")
+    return report.conclude("reliability", figures) or failed
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

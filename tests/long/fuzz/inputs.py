@@ -47,7 +47,6 @@ class Findings(NamedTuple):
 
 
 def search(name: str, seconds: float, seed: int) -> Findings:
-    """Change the inputs of one row for this time."""
     input_, rng = BY_INPUT[name], random.Random(f"{name} {seed}")
     pool, seeds = list(corpus(input_).values()), list(corpus(input_).values())
     shapes, problems, kinds, tried = set(), {}, set(), 0
@@ -83,7 +82,6 @@ def _limit() -> None:
 
 
 def _current(name: str) -> Path:
-    """Path of the input that a process tries now."""
     return BUILD / f"{name}.current"
 
 
@@ -100,7 +98,6 @@ def limit_memory() -> None:
 
 
 def _work(name: str, seconds: float, seed: int, results: Any) -> None:
-    """One process."""
     limit_memory()
     for each in (signal.SIGALRM, signal.SIGVTALRM):
         signal.signal(each, signal.SIG_DFL)

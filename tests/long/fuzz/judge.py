@@ -74,7 +74,6 @@ def wrong_words(text: str) -> str:
 
 
 def require_line(text: str) -> None:
-    """Raise Forbidden if a message for people is not one line."""
     problem = wrong_words(text)
     if problem:
         raise Forbidden(problem)

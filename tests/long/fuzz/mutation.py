@@ -42,13 +42,11 @@ def _number(data: bytes, rng: random.Random, others: Sequence[bytes], tokens: Se
 
 
 def _token(data: bytes, rng: random.Random, others: Sequence[bytes], tokens: Sequence[bytes]) -> bytes:
-    """A word of the format somewhere."""
     i = rng.randrange(len(data) + 1)
     return data[:i] + rng.choice((*_TOKENS, *tokens)) + data[i:]
 
 
 def _word(data: bytes, rng: random.Random, others: Sequence[bytes], tokens: Sequence[bytes]) -> bytes:
-    """Another word in place of one."""
     words = list(re.finditer(rb"\w+", data))
     if not words:
         return data
@@ -57,20 +55,17 @@ def _word(data: bytes, rng: random.Random, others: Sequence[bytes], tokens: Sequ
 
 
 def _repeat(data: bytes, rng: random.Random, others: Sequence[bytes], tokens: Sequence[bytes]) -> bytes:
-    """A piece many times."""
     i = rng.randrange(len(data))
     piece = data[i : i + rng.choice((1, 1, 2, 5, 20, 100))]
     return data[:i] + piece * rng.choice((2, 3, 10, 40, 2000)) + data[i:]
 
 
 def _splice(data: bytes, rng: random.Random, others: Sequence[bytes], tokens: Sequence[bytes]) -> bytes:
-    """The beginning of this input and the end of another."""
     other = rng.choice(others)
     return data[: rng.randrange(len(data))] + other[rng.randrange(len(other) + 1) :]
 
 
 def _cut(data: bytes, rng: random.Random, others: Sequence[bytes], tokens: Sequence[bytes]) -> bytes:
-    """The beginning alone."""
     return data[: rng.randrange(len(data))]
 
 

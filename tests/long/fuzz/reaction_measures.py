@@ -44,7 +44,6 @@ def time_of(condition: Callable[[], bool]) -> float:
 
 @contextmanager
 def emulator() -> Iterator[Emulator]:
-    """A robot in this process."""
     robot = Emulator()
     try:
         yield robot

@@ -6,7 +6,8 @@ From 10 minutes on every count is the full one; a shorter run does its share.
 import signal
 import sys
 import time
-from typing import Callable, Dict, Iterator, NamedTuple, Tuple
+from functools import partial
+from typing import Callable, Dict, Iterator
 
 import click
 
@@ -19,47 +20,36 @@ FAILED = "failed"
 """Not a figure, but that a part could not be measured."""
 
 
-class Part(NamedTuple):
-    """One measure, and how often it is repeated in a full run."""
-
-    measure: Callable[[int], Dict[str, float]]
-    count: int
-
-
-PARTS: Tuple[Part, ...] = (
-    Part(measures.host_dead, 40),
-    Part(measures.source_dead, 40),
-    Part(measures.unplugged, 40),
-    Part(measures.silent, 20),
-    Part(measures.late_moves, 24),
-    Part(measures.stalls, 1),
-    Part(measures.jumps, 200),
-    Part(measures.stamps, 50),
-    Part(measures.signals, 100),
-    Part(measures.threads, 100000),
-    Part(measures.closes, 1000),
-)
+PARTS: Dict[Callable[[int], Dict[str, float]], int] = {
+    measures.host_dead: 40,
+    measures.source_dead: 40,
+    measures.unplugged: 40,
+    measures.silent: 20,
+    measures.late_moves: 24,
+    measures.stalls: 1,
+    measures.jumps: 200,
+    measures.stamps: 50,
+    measures.signals: 100,
+    measures.threads: 100000,
+    measures.closes: 1000,
+}
+"""How often each is repeated in a full run."""
 
 
 def run(minutes: float) -> Iterator[Dict[str, float]]:
     """The figures of one part after the other; none of one that fails, which `FAILED` then says."""
     share = min(1.0, minutes / FULL_MINUTES)
-    for part in PARTS:
-        count = max(report.either(3, 2), round(part.count * share))
-        yield attempt(part.measure.__name__, lambda measure=part.measure, count=count: measure(count))
-    yield attempt("long_drive", lambda: measures.long_drive(minutes))
-
-
-def attempt(name: str, measure: Callable[[], Dict[str, float]]) -> Dict[str, float]:
-    """What a part measures, with its time on the console; the others go on where it fails."""
-    begun_s = time.monotonic()
-    try:
-        figures = measure()
-    except (MrlError, AssertionError) as error:
-        click.echo(f"{name} FAILED: {error}", err=True)
-        return {FAILED: 1}
-    click.echo(f"{name}: {time.monotonic() - begun_s:.0f} s", err=True)
-    return figures
+    parts = [
+        partial(measure, max(report.either(3, 2), round(count * share))) for measure, count in PARTS.items()
+    ]
+    for part in (*parts, partial(measures.long_drive, minutes)):
+        begun_s = time.monotonic()
+        try:
+            yield part()
+        except (MrlError, AssertionError) as error:
+            click.echo(f"{part.func.__name__} FAILED: {error}", err=True)
+            yield {FAILED: 1}
+        click.echo(f"{part.func.__name__}: {time.monotonic() - begun_s:.0f} s", err=True)
 
 
 @click.command()

@@ -102,7 +102,6 @@ def _page(path: str) -> str:
 
 @functools.lru_cache(maxsize=None)
 def _scripts() -> int:
-    """Number of scripts in the page of a good recording."""
     return _page(str(CORPORA / "recording" / "drive.mrl")).count("<script")
 
 
@@ -307,7 +306,6 @@ def eeprom(data: bytes, folder: Path) -> None:
 
 
 def _sign(image: bytearray) -> None:
-    """Give the block of parameters its checksum."""
     from binascii import crc_hqx
 
     at = parameter_store.BLOCK_AT
@@ -390,75 +388,19 @@ def control(data: bytes, folder: Path) -> None:
         os.close(reading)
 
 
-_YAML = (
-    b"- ",
-    b"~",
-    b"? ",
-    b"&x ",
-    b"*x",
-    b"<<: ",
-    b"!!int ",
-    b"!!float ",
-    b"|",
-    b">",
-    b"{}",
-    b"[]",
-    b"---\n",
-)
-_WORLD = (
-    b"walls",
-    b"boxes",
-    b"robots",
-    b"map",
-    b"image",
-    b"heat",
-    b"ambient",
-    b"north",
-    b"[0, 0, 0]",
-    *_YAML,
-)
-_ROBOT = (b"drive", b"none", b"omni", b"mecanum", b"tracked", b"sonars", b"imu", b"laser", b"build", *_YAML)
+_YAML = b"- ;~;? ;&x ;*x;<<: ;!!int ;!!float ;|;>;{};[];---\n".split(b";")
+_WORLD = b"walls;boxes;robots;map;image;heat;ambient;north;[0, 0, 0]".split(b";") + _YAML
+_ROBOT = b"drive;none;omni;mecanum;tracked;sonars;imu;laser;build".split(b";") + _YAML
 _REMARKS = (
-    *(
-        b"model ",
-        b"session ",
-        b"pose ",
-        b"stop ",
-        b"phone ",
-        b"checked",
-        b"plain",
-        b"opened ",
-        b"lost",
-        b"</script><script>",
-    ),
-    *(b" > ", b" < ", b" ! ", b"\\x00", b"\\n", b"@8,1,2,3,4,5e", b"@11,100,0e", b"@13e", b"@12e"),
-)
-_JSON = (b'{"', b'":', b"[[1]]", b"NaN", b"Infinity", b'"type":', b'"held":true', b'"goal":[1,2]', b"null")
-_FRAMES = (b"@", b"e", b",", b"@13e", b"@11,100,0e", b"@8,1,2,3,4,5e", b"@e", b"-", b"\r\n")
+    b"model ;session ;pose ;stop ;phone ;checked;plain;opened ;lost;</script><script>; > ; < ;"
+    b" ! ;\\x00;\\n;@8,1,2,3,4,5e;@11,100,0e;@13e;@12e"
+).split(b";")
+_JSON = b'{";":;[[1]];NaN;Infinity;"type":;"held":true;"goal":[1,2];null'.split(b";")
+_FRAMES = b"@;e;,;@13e;@11,100,0e;@8,1,2,3,4,5e;@e;-;\r\n".split(b";")
 _FAULTS = (
-    *(
-        b"fault ",
-        b"unplug",
-        b"plug",
-        b"reset",
-        b"stall ",
-        b"freeze ",
-        b"clear",
-        b"at=",
-        b"lasts=",
-        b"every=",
-        b"rate=",
-    ),
-    *(
-        b"loss:",
-        b"flood:",
-        b"text:period=0.001",
-        b"split:gap=0,size=1",
-        b"repeat:",
-        b"delay:",
-        b"direction=to_host",
-    ),
-)
+    b"fault ;unplug;plug;reset;stall ;freeze ;clear;at=;lasts=;every=;rate=;loss:;flood:;"
+    b"text:period=0.001;split:gap=0,size=1;repeat:;delay:;direction=to_host"
+).split(b";")
 FILES: Dict[str, Tuple[str, Callable[[str], object]]] = {
     "robot_yaml": ("own.yaml", models.load),
     "world_yaml": ("world.yaml", world),

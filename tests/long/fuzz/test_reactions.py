@@ -7,9 +7,7 @@ import pytest
 
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout
 from sim_arduino.serve import factory
-from tests.long.fuzz import reactions
 from tests.long.fuzz.reaction_measures import sorted_out
 
 LEAK_BYTES = 25000
@@ -53,15 +51,3 @@ def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
 )
 def test_a_frame_cut_in_two_by_another_is_found_even_among_blocked_writes(received, blocked, mixed):
     assert sorted_out(received, blocked)[1] == mixed
-
-
-def test_a_part_that_fails_is_a_miss_and_does_not_end_the_others(monkeypatch):
-    def fail(count):
-        raise BoardTimeout("no answer")
-
-    def closes(count):
-        return {"close_ms_max": 3}
-
-    monkeypatch.setattr(reactions, "PARTS", (reactions.Part(fail, 1), reactions.Part(closes, 1)))
-    monkeypatch.setattr(reactions.measures, "long_drive", lambda minutes: {"soak_minutes": minutes})
-    assert list(reactions.run(1.0)) == [{reactions.FAILED: 1}, {"close_ms_max": 3}, {"soak_minutes": 1.0}]

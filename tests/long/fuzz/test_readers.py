@@ -43,7 +43,6 @@ def _judge_apart(input_, data, folder, verdicts):
     ("name", "make"), [pytest.param(name, make, id=f"{name}: {what}") for name, what, make in HOSTILE]
 )
 def test_a_file_of_strangers_takes_neither_memory_nor_time(name, make, tmp_path):
-    """Sizes are checked before memory is taken for them."""
     context = multiprocessing.get_context("fork")
     verdicts = context.SimpleQueue()
     process = context.Process(target=_judge_apart, args=(BY_INPUT[name], make(), tmp_path, verdicts))

@@ -78,7 +78,6 @@ class Source:
             self._visit(tree)
 
     def changed(self) -> str:
-        """The text with all mutants in it."""
         out, at = [], 0
         for place, _, _, _, length, text in sorted(self._events):
             out += [self.text[at:place], text.encode()]
@@ -203,7 +202,6 @@ class Source:
         self._events += [(*each[:5], each[5].replace("#", str(number))) for each in found]
 
     def _with(self, node: Node, place: int, other: str) -> str:
-        """The text of an expression with another operator."""
         begin, end = self._span(node) or (0, 0)
         rest = self.text[place + len(node["opcode"]) : end]
         return (self.text[begin:place] + other.encode() + rest).decode()
@@ -272,7 +270,6 @@ def _unit(node: Node) -> int:
 
 
 def build(sources: Sequence[str]) -> List[Mutant]:
-    """Builds the libraries with the mutants of these sources."""
     shutil.rmtree(str(WORK), ignore_errors=True)
     shutil.copytree(str(FIRMWARE), str(WORK / "source"), ignore=shutil.ignore_patterns("*_avr.cpp", "*.ino"))
     shutil.copy(str(ROOT / "tests/long/mutants/mutant.h"), str(WORK / "source"))
@@ -305,7 +302,6 @@ class Trial:
         """How many mutants of a file each test has noticed: such tests come first."""
 
     def pytest_runtestloop(self, session: Any) -> bool:
-        """Takes the place of pytest's own loop."""
         for item in session.items:
             if getattr(item, "callspec", None) is None or item.callspec.params.get("engine", "pc") == "pc":
                 self._items[item.nodeid] = item

@@ -87,7 +87,6 @@ def _lay_out(work: pathlib.Path) -> None:
 
 
 def _numbers(node: ast.AST) -> Iterator[ast.Constant]:
-    """The numbers outside functions."""
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Constant) and type(child.value) in (int, float):
             yield child

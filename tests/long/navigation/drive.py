@@ -18,7 +18,6 @@ END_S = 5.0
 
 
 def message_of(goal: Goal, frame: str) -> MoveBaseGoal:
-    """A goal for the action."""
     pose = PoseStamped()
     pose.header.frame_id, pose.header.stamp = frame, rospy.Time.now()
     pose.pose.position.x, pose.pose.position.y = goal[0], goal[1]

@@ -78,7 +78,6 @@ class Judge:
         self.contact = self.contact or bool(self._world.touching(pose, self._body))
 
     def distance_m(self, goal: Goal) -> float:
-        """True distance to a goal."""
         return math.hypot(self.pose.x_m - goal[0], self.pose.y_m - goal[1])
 
 
@@ -97,7 +96,6 @@ def row_of(robot: str, world: str, outcomes: Sequence[Outcome]) -> Dict[str, obj
 
 
 def table_of(rows: Sequence[Dict[str, object]]) -> str:
-    """The rows as a table in Markdown."""
     lines: List[str] = ["| robot, world | reached | mean error | goals with contact |", "|---|---|---|---|"]
     for row in rows:
         error = "" if row["mean_error_cm"] is None else f"{row['mean_error_cm']} cm"

@@ -60,7 +60,6 @@ def conclude(part: str, begun_s: float, tally: Tally, **more: Any) -> None:
 
 
 def figures_of(part: str, notes: Dict[str, Any]) -> Dict[str, float]:
-    """The figures of a part."""
     judged, problems, largest = (Counter(notes[name]) for name in ("judged", "problems", "largest"))
     growth = [value for key, value in largest.items() if key.startswith("memory_kb_growth")]
     figures = {

@@ -50,12 +50,10 @@ class Operator(Obedient):
         self.wanted.linear.x, self.wanted.linear.y = x, y
 
     def command(self) -> None:
-        """Publish."""
         self._publisher.publish(self.wanted)
         self.last_s = time.monotonic()  # only now: a busy computer may hold this process up before
 
     def state(self) -> Dict[str, Any]:
-        """What was received."""
         connected = self._publisher.get_num_connections()
         return {"messages": self._messages, "jump_m": self._jumps.farthest_m, "connected": connected}
 

@@ -53,11 +53,9 @@ class Rig:
         self.ended = False
 
     def deck(self) -> List[Fault]:
-        """The faults of one round."""
         raise NotImplementedError
 
     def begin(self) -> None:
-        """Start what drives the robot."""
         raise NotImplementedError
 
     def recover(self) -> None:
@@ -65,11 +63,9 @@ class Rig:
         raise NotImplementedError
 
     def end(self) -> None:
-        """End it."""
         self.robot.close()
 
     def run(self, until_s: float) -> None:
-        """Strike until a time."""
         self.begin()
         while True:
             deck = self.deck()
@@ -87,11 +83,9 @@ class Rig:
                     self.recover()
 
     def struck(self, *rows: int) -> None:
-        """Count the fault."""
         self.tally.struck(self.fault, *rows)
 
     def check(self, judge: str, good: bool, **what: Any) -> None:
-        """Ask a judge."""
         self.tally.check(judge, good, fault=self.fault, rig=self.name, **what)
 
     def check_stop(self, from_s: float, limit_s: float, until_s: Optional[float] = None) -> None:
@@ -133,7 +127,6 @@ class Rig:
         self.check(judge, value <= limit, value=round(value, 4), limit=limit)
 
     def check_jump(self, jump_m: float) -> None:
-        """Judge the steps of the pose."""
         self.check("pose_jump", jump_m <= 0.0, jump_m=jump_m)
         self.tally.measured("pose_jump_m", jump_m)
 
@@ -142,25 +135,21 @@ class DriverRig(Rig):
     """A user's program with a `Driver`, whose commands stay in force until a stop."""
 
     def begin(self) -> None:
-        """Start the program."""
         command = [PYTHON, "-m", "tests.long.soak.worker", self.robot.link, "0"]
         self.worker = Program(command, self.folder / "worker.log")
         self.worker.await_word("ready", True)
 
     def recover(self) -> None:
-        """Another program."""
         self.worker.end()
         self.begin()
 
     def close_worker(self) -> None:
-        """The program closes its driver and ends."""
         self.worker.send("end")
         with suppress(AssertionError):
             self.check_jump(self.worker.await_word("closed", True)["jump_m"])
         self.worker.end(signal.SIGTERM)
 
     def end(self) -> None:
-        """End the program."""
         self.close_worker()
         super().end()
 
@@ -189,7 +178,6 @@ class LiveRig(DriverRig):
     name = "live"
 
     def begin(self) -> None:
-        """What the program holds counts from here."""
         super().begin()
         self._settled = 0
         self._before: Optional[Dict[str, int]] = None
@@ -205,7 +193,6 @@ class LiveRig(DriverRig):
             self._before = holds(self.worker.process.pid)
 
     def end(self) -> None:
-        """Judge what the program holds."""
         with suppress(AssertionError):
             self.settle()
             if self._before is not None:
@@ -214,7 +201,6 @@ class LiveRig(DriverRig):
         super().end()
 
     def deck(self) -> List[Fault]:
-        """All that a program survives."""
         return [
             *(self.unplugged, self.unplugged, self.suspended, self.suspended, self.bad_line),
             *(self.write_blocked, self.disk_full, self.second_program, self.reopened),
@@ -313,7 +299,6 @@ class DeathRig(DriverRig):
     name = "death"
 
     def deck(self) -> List[Fault]:
-        """All that ends the program."""
         return [self.killed, self.killed, self.killed_recording, self.command_line_signalled]
 
     def killed(self) -> None:
@@ -365,7 +350,6 @@ class RosRig(Rig):
     name = "ros"
 
     def begin(self) -> None:
-        """Start all of it."""
         from ros1_bridge.demo.launcher import free_port, master_answers
 
         self._programs: List[Program] = []
@@ -415,7 +399,6 @@ class RosRig(Rig):
         self._settle()
 
     def recover(self) -> None:
-        """All of it anew."""
         self._stop_all()
         self.begin()
 
@@ -424,7 +407,6 @@ class RosRig(Rig):
             program.end()
 
     def end(self) -> None:
-        """End all of it."""
         self._judge_node()
         self._stop_all()
         super().end()
@@ -502,7 +484,6 @@ class RosRig(Rig):
         self._settle()
 
     def two_sources(self) -> None:
-        """Two publishers at once."""
         self._drive()
         self.struck(26)
         self._listener.ask("keep 0.1")
@@ -529,7 +510,6 @@ class RosRig(Rig):
         self._end_node(signal.SIGKILL, 1, HOST_DEAD_S)
 
     def node_ended(self) -> None:
-        """SIGTERM at the node."""
         self._end_node(signal.SIGTERM, 21, SIGNAL_S)
 
     def _end_node(self, number: int, row: int, limit_s: float) -> None:
@@ -560,7 +540,6 @@ RIGS = (LiveRig, DeathRig, RosRig)
 
 
 def own_holds() -> Dict[str, int]:
-    """What this process holds."""
     gc.collect()
     return {**holds(os.getpid()), "threads": threading.active_count()}
 

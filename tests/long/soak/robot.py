@@ -30,7 +30,6 @@ class Server(PtyServer):
         return not self.deaf and super()._link_ready()
 
     def step(self) -> None:
-        """As the server's."""
         if self.due_s:
             self.latest_s = max(self.latest_s, time.monotonic() - self.due_s)
         super().step()
@@ -66,7 +65,6 @@ class SoakRobot:
         self.server.wake()
 
     def mend(self) -> None:
-        """End all faults."""
         with self.server.lock:
             self.engine.clear()
             self.server.deaf = False
@@ -82,7 +80,6 @@ class SoakRobot:
 
     @property
     def driven(self) -> bool:
-        """Whether the motors are driven."""
         return self.truth.driven
 
     def judge(self, from_s: float, to_s: float, late_s: float = 0.0) -> Window:
@@ -91,7 +88,6 @@ class SoakRobot:
             return judge(self.truth, from_s - self.start_s, to_s - self.start_s, ON_THE_WAY_S + late_s)
 
     def close(self) -> None:
-        """Unplug it for good."""
         self.server.stop()
         self._thread.join(10.0)
         self._link.remove()

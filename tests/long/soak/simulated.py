@@ -112,7 +112,6 @@ class Simulation:
     # ---- the driver
 
     def connect(self) -> None:
-        """A new program connects."""
         self.timeout_s: Optional[float] = self.rng.choice(TIMEOUTS_S)
         options = Options(
             period_ms=self.period_ms,
@@ -160,7 +159,6 @@ class Simulation:
         return taken
 
     def speeds(self) -> Tuple[float, float]:
-        """Speeds at which the wheels are watched."""
         return self.rng.choice((-0.3, -0.2, 0.1, 0.2, 0.3)), self.rng.choice((0.0, 0.0, 0.4, -0.8))
 
     def wait(self, seconds: float) -> None:
@@ -169,7 +167,6 @@ class Simulation:
         self._look()
 
     def keep(self, seconds: float, speeds: Optional[Tuple[float, float]] = None) -> None:
-        """The user commands again and again."""
         speeds = speeds or self.speeds()
         end_s, period_s = self.now_s + seconds, self.rng.choice((0.02, 0.05, 0.08))
         while self.now_s < end_s:
@@ -201,7 +198,6 @@ class Simulation:
         self.driver.stop()
 
     def until_ready(self, longest_s: float = 8.0) -> None:
-        """The driver has its telemetry again."""
         end_s = self.now_s + longest_s
         while not self.driver.ready and self.now_s < end_s:
             self.wait(0.05)
@@ -210,11 +206,9 @@ class Simulation:
     # ---- the judges
 
     def check(self, judge: str, good: bool, **what: Any) -> None:
-        """Ask a judge."""
         self.tally.check(judge, good, fault=self.fault, at_sim_s=round(self.now_s, 3), **what)
 
     def _look(self) -> None:
-        """Judge what the wheels have done since the last look."""
         for edge in self.truth.since(self._judged_s):
             self._judged_s = edge.time_s
             self.digest.update(repr((round(edge.time_s, 9), edge.driven)).encode())
@@ -248,7 +242,6 @@ class Simulation:
         )
 
     def _judge_fall(self, time_s: float) -> None:
-        """Motion ends in time after the last command."""
         if self.timeout_s is None:
             return
         beyond_s = time_s - self._last_move_s(time_s) - self.timeout_s
@@ -256,7 +249,6 @@ class Simulation:
         self.check("time_to_stop", beyond_s <= self.stale_s, beyond_s=beyond_s, limit_s=self.stale_s)
 
     def ends_within(self, since_s: float, limit_s: float) -> None:
-        """The motion has ended in time after a fault."""
         falls = [edge.time_s for edge in self.truth.since(since_s) if not edge.driven]
         took_s = falls[0] - since_s if falls else math.inf
         if not falls and not self.truth.driven:
@@ -288,14 +280,12 @@ class Simulation:
         self._maybe_recover()
 
     def _maybe_recover(self) -> None:
-        """Commands that go on move the robot again."""
         self.until_ready()
         if self.rng.random() < 0.3:
             self.once()
         self.stop()
 
     def probes(self) -> None:
-        """ModemManager's probes arrive at the board."""
         self.struck(23)
         self.keep(0.3)
         for probe in (b"AT\r", b"+++", b"ATI\r\n", b"\x7e\x00~"):
@@ -342,7 +332,6 @@ class Simulation:
         self._maybe_recover()
 
     def one_way(self) -> None:
-        """Nothing arrives in one direction for a while."""
         self.struck(14)
         self.once()
         self.stale_s = HOST_DEAD_S + 0.28
@@ -385,7 +374,6 @@ class Simulation:
         self._maybe_recover()
 
     def source_silent(self) -> None:
-        """The user gives no command any more."""
         self.struck(2)
         self.keep(0.4)
         self.wait((self.timeout_s or 0.2) + 0.2)
@@ -470,7 +458,6 @@ class Simulation:
         self._maybe_recover()
 
     def counter_wraps(self) -> None:
-        """The encoders' counters are near the wrap."""
         self.struck(10)
         self.wait(0.1)
         for encoder in (1, 3):
@@ -483,7 +470,6 @@ class Simulation:
         self.stop()
 
     def wheel_fails(self) -> None:
-        """A wheel or its encoder fails on the move."""
         self.struck(34)
         wheel = self.rng.choice(("left", "right"))
         self.keep(1.2, (0.25, 0.0))
@@ -505,7 +491,6 @@ class Simulation:
         self.until_ready()
 
     def sonar_fails(self) -> None:
-        """A sonar is dead or stuck."""
         self.struck(31)
         name = self.rng.choice(("front", "left", "right"))
         self._inject(f"sonar_failed:sonar={name},state=dead,at=0,lasts=1.0")
@@ -533,15 +518,12 @@ class Simulation:
     # ---- the run
 
     def struck(self, *rows: int) -> None:
-        """Count the fault."""
         self.tally.struck(self.fault, *rows)
 
     def struck_too(self, name: str, *rows: int) -> None:
-        """Count a second fault that came with it."""
         self.tally.struck(name, *rows)
 
     def deck(self) -> List[Callable[[], None]]:
-        """The faults of one round."""
         twice = (self.stalled, self.frozen, self.board_reset, self.motor_board_away, self.wheel_fails)
         return [
             *twice * 2,
@@ -598,7 +580,6 @@ class ChipSimulation(Simulation):
         return ""
 
     def bus_hangs(self) -> None:
-        """A line of the bus is held low."""
         self.struck(8)
         self.once()
         self.stale_s = HOST_DEAD_S + I2C_S

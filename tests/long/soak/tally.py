@@ -30,7 +30,6 @@ class Tally:
             self.rows.update(rows)
 
     def measured(self, figure: str, value: float) -> None:
-        """Keep the largest value of a figure."""
         with self._lock:
             self.largest[figure] = max(value, self.largest.get(figure, value))
 
@@ -48,7 +47,6 @@ class Tally:
             self.not_judged[judge] += 1
 
     def problem(self, judge: str, **what: Any) -> None:
-        """A judge reports something."""
         with self._lock:
             self.judged[judge] += 1
             self.kinds[judge] += 1
@@ -66,7 +64,6 @@ class Tally:
             self.check(f"growth_{key}", grown <= limit, process=name, before=before[key], after=after[key])
 
     def add(self, other: "Tally") -> None:
-        """Add what another one has found."""
         for name in ("faults", "rows", "judged", "not_judged", "kinds"):
             getattr(self, name).update(getattr(other, name))
         self.problems = (self.problems + other.problems)[:MOST_PROBLEMS]
@@ -78,7 +75,6 @@ class Tally:
         return {key: value for key, value in vars(self).items() if key != "_lock"}
 
     def __setstate__(self, state: Dict[str, Any]) -> None:
-        """In the other process."""
         vars(self).update(state, _lock=threading.Lock())
 
     def report(self) -> Dict[str, Any]:

@@ -17,7 +17,6 @@ FAULTS = 16
 
 
 def struck(fault, seed=1, kind=Simulation, times=1):
-    """What the judges say after a fault."""
     tally = Tally()
     simulation = kind(seed, tally)
     for _ in range(times):

@@ -57,7 +57,6 @@ class Truth:
 
     @property
     def turning(self) -> bool:
-        """Whether a wheel turns."""
         return any(motor.speed != 0.0 for motor in self.plant.robot.motors)
 
     def since(self, time_s: float) -> List[Edge]:

@@ -51,7 +51,6 @@ class Obedient:
         return True
 
     def command(self) -> None:
-        """Command what is wanted."""
         raise NotImplementedError
 
     def silent(self) -> None:
@@ -87,7 +86,6 @@ class Worker(Obedient):
         say(closed=True, jump_m=self._jumps.farthest_m)
 
     def command(self) -> None:
-        """Drive."""
         self.last_s = time.monotonic()
         self._driver.drive(*self.wanted)
 
@@ -96,27 +94,22 @@ class Worker(Obedient):
         self.wanted = float(linear), float(angular)
 
     def once(self, linear: str, angular: str) -> None:
-        """Command them once."""
         self.wanted = None
         self._driver.drive(float(linear), float(angular))
 
     def stop(self) -> None:
-        """Stop."""
         self.wanted = None
         self._driver.stop()
 
     def record(self, path: str) -> None:
-        """Begin a recording."""
         with suppress(MrlError):
             self._driver.start_recording(path)
 
     def unrecord(self) -> None:
-        """End it."""
         with suppress(MrlError):
             self._driver.stop_recording()
 
     def flood(self, count: str) -> None:
-        """Send so many requests as fast as possible."""
         for _ in range(int(count)):
             with suppress(MrlError):
                 self._driver.request(30)
@@ -132,14 +125,12 @@ class Worker(Obedient):
         return {"close_s": close_s}
 
     def state(self) -> Dict[str, Any]:
-        """What the driver says."""
         driver = self._driver
         blocked, frames = driver.statistics.blocked_writes, driver.statistics.frames
         return {"is_ready": driver.ready, "age_s": driver.age_s, "blocked": blocked, "frames": frames}
 
 
 def say(**what: Any) -> None:
-    """One line for the soak."""
     os.write(1, json.dumps(what).encode() + b"\n")
 
 

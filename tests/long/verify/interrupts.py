@@ -15,6 +15,7 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Se
 from sim_arduino.avr.machine import AvrMachine
 from tests.long.bench import report
 from tests.long.bench.figures import ROOT
+from tests.long.verify.edits import edited
 
 BUILD = ROOT / "build" / "verify"
 SOURCE = ROOT / "firmware" / "mrl_firmware"
@@ -78,11 +79,8 @@ def build(kind: str, edit: Optional[Tuple[str, str, str]] = None, name: str = ""
     sources = []
     for path in sorted(SOURCE.glob("hal_*.cpp")):
         if edit and path.name == edit[0]:
-            text = path.read_text()
-            if text.count(edit[1]) != 1:
-                raise ValueError(f"{path.name} has {text.count(edit[1])} times {edit[1]!r}, expected once")
+            (folder / path.name).write_text(edited(path, *edit[1:]))
             path = folder / path.name
-            path.write_text(text.replace(edit[1], edit[2]))
         sources.append(str(path))
     target = folder / "image.elf"
     main = str(ROOT / "tests" / "long" / "verify" / "interrupts.cpp")
@@ -132,7 +130,6 @@ class Chip:
         self.machine.poke(self.at(name) + offset, data)
 
     def ring(self, name: str, head: int, tail: int, data: bytes = b"") -> None:
-        """Sets a queue's indices and the bytes from its tail on."""
         self.put(name, bytes([head, tail]))
         for index, value in enumerate(data):
             self.put(name, bytes([value]), 2 + (tail + index) % 64)
@@ -140,7 +137,6 @@ class Chip:
     # ---- calls
 
     def align(self) -> None:
-        """Runs on to the start of the idle loop."""
         while self.machine.pc != self._idle:
             self.machine.run_until(self.machine.cycle + 1)
 
@@ -346,7 +342,6 @@ def sample_case(waiting: bool) -> Case:
 
 
 def news_case(waiting: int) -> Case:
-    """News that come while the loop asks for them."""
 
     def prepare(chip: Chip) -> None:
         chip.machine.run_until(chip.sample() - 1500)
@@ -405,7 +400,6 @@ def watchdog_cases() -> Iterator[Case]:
 
 
 def dust_cases() -> Iterator[Case]:
-    """An edge of the dust sensor while its time is being read."""
 
     def low(chip: Chip) -> None:
         machine = chip.machine

@@ -18,6 +18,7 @@ from typing import Any, Dict, Iterator, List, Optional, Tuple
 import yaml
 
 from tests.long.bench import report
+from tests.long.verify.edits import edited
 from tests.long.verify.model.checker import compile_model, follow
 
 from .board import BUILD, LIBRARY, ROOT, ExploredBoard, build
@@ -93,7 +94,6 @@ def explore(alphabet: str, depth: int) -> Dict[str, Any]:
 
 
 def found_words(found: Found) -> Dict[str, Any]:
-    """Return a finding for the file of results."""
     return {"property": found.property, "path": found.path, "events": list(words(found.path))}
 
 
@@ -124,21 +124,16 @@ def _checkout(folder: Path, package: str) -> None:
 
 
 def patched(bug: Dict[str, Any]) -> Dict[str, Any]:
-    """Search the real code with one seeded bug."""
     timeout = ["--no-timeout"] if bug["number"] == AS_EFFECT else []
     with tempfile.TemporaryDirectory() as name:
         folder, library = Path(name), LIBRARY
         if not timeout:
             package = Path(bug["file"]).parts[0]
             _checkout(folder, package)
-            edited = folder / bug["file"]
-            text = edited.read_text()
-            assert text.count(bug["find"]) == 1, (
-                f"bug {bug['number']}: its place in {bug['file']} has changed"
-            )
-            edited.write_text(text.replace(bug["find"], bug["replace"]))
+            source = folder / bug["file"]
+            source.write_text(edited(source, bug["find"], bug["replace"]))
             if package == "firmware":
-                library = build(folder / "libboard.so", edited.parent)
+                library = build(folder / "libboard.so", source.parent)
         else:
             _checkout(folder, "")
         command = [sys.executable, "-m", "tests.long.verify.explorer", "--search", str(library), *timeout]
@@ -151,7 +146,6 @@ def patched(bug: Dict[str, Any]) -> Dict[str, Any]:
 
 
 def bugs(numbers: List[int]) -> Iterator[Dict[str, Any]]:
-    """Search the real code with each of these seeded bugs."""
     for bug in yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text()):
         number = bug["number"]
         if numbers and number not in numbers:
@@ -162,7 +156,6 @@ def bugs(numbers: List[int]) -> Iterator[Dict[str, Any]]:
 
 
 def main() -> None:
-    """Run it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--alphabet", default=DEEP, help="kinds of event, by letter; `all` for all")
     parser.add_argument("--depth", type=int, default=report.either(6, 2))

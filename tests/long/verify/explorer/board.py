@@ -100,7 +100,6 @@ def build(library: Path = LIBRARY, firmware: Optional[Path] = None, optimise: st
 
 
 def symbols(library: Path) -> Dict[str, Tuple[int, int]]:
-    """Return address and size of each static variable by name."""
     text = subprocess.run(["nm", "-SC", str(library)], check=True, stdout=subprocess.PIPE, text=True).stdout
     found: Dict[str, Tuple[int, int]] = {}
     for line in text.splitlines():
@@ -184,12 +183,10 @@ class ExploredBoard:
 
     @property
     def stop_reason(self) -> int:
-        """The number of the reason that the board reports."""
         return self._reason.value
 
     @property
     def expects_motion(self) -> bool:
-        """The firmware has got a move since the last stop."""
         return bool(self._turning.value)
 
     @property
@@ -198,7 +195,6 @@ class ExploredBoard:
         return float(self._native.ex_intact_us()) * 1e-6
 
     def receive(self, data: bytes, intact: bool = True) -> None:
-        """Put bytes from the host on the line."""
         self._native.ex_receive(data, len(data), intact)
 
     def run(self, to_s: float) -> bytes:
@@ -207,21 +203,17 @@ class ExploredBoard:
         return self._buffer[:count]
 
     def save(self) -> bytes:
-        """Return the whole state."""
         self._native.ex_save(self._image)
         return self._image.raw
 
     def restore(self, state: bytes) -> None:
-        """Take a saved state."""
         self._native.ex_restore(state)
 
     def key(self) -> bytes:
-        """Return the state in the form in which two are alike."""
         count = self._native.ex_key(self._fields, len(self._fields), self._ticks.value, self._key)
         return self._key[:count]
 
     def reset(self) -> None:
-        """The reset line."""
         self._native.ex_reset()
 
     def exchange(self, other: bytes, counts: int) -> None:
@@ -229,7 +221,6 @@ class ExploredBoard:
         self._native.ex_exchange(other, counts)
 
     def refuse_stops(self, count: int) -> None:
-        """The motor board does not acknowledge its next stops."""
         self._native.ex_refuse_stops(count)
 
     def set_absent(self, on: bool) -> None:

@@ -257,5 +257,4 @@ def _pass(world: World, judge: Judge, steps: int) -> str:
 
 
 def words(path: str) -> Tuple[str, ...]:
-    """Return the names of the events."""
     return tuple(EVENTS[letter].name for letter in path)

@@ -56,7 +56,6 @@ class Judge:
         self.x_m = 0.0
 
     def command(self, world: World, moves: bool) -> None:
-        """The user's command was accepted."""
         self.told_s, self.zero, self.late = world.host_s, not moves, False
         if moves and not self.inhibited and not self.closed:
             self.allowed, self.commanded_s = True, world.board_s
@@ -70,12 +69,10 @@ class Judge:
             self.allowed, self.ended_s = False, at_s
 
     def settle(self, world: World) -> None:
-        """Begin to judge."""
         self.before_s, self.told = world.board_s, world.driver.stop_reason
         self.look(world)
 
     def look(self, world: World) -> None:
-        """Remember what the next step is compared with."""
         board = world.board
         self.before_s, self.reason, self.expected = world.board_s, board.stop_reason, board.expects_motion
         self.told = world.driver._core.session.motion.stop_reason

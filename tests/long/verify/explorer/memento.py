@@ -73,7 +73,6 @@ def save(roots: Tuple[Any, ...]) -> Saved:
 
 
 def restore(saved: Saved) -> None:
-    """Give all objects the contents that they had."""
     for each, content in saved:
         kind = _KINDS[type(each)]
         if kind == _OBJECT:

@@ -40,7 +40,6 @@ IGNORED = {
 
 
 def age(seconds: float) -> int:
-    """Return an age in the form of the key."""
     if seconds >= OLDEST_S:
         return 99
     if seconds > -OLDEST_S:
@@ -113,11 +112,9 @@ class Explorer:
         self.deadline_s = math.inf
 
     def save(self) -> Tuple[bytes, memento.Saved]:
-        """Return the whole state."""
         return self.world.board.save(), memento.save(self._roots)
 
     def restore(self, state: Tuple[bytes, memento.Saved]) -> None:
-        """Take a saved state."""
         self.world.board.restore(state[0])
         memento.restore(state[1])
 

@@ -89,19 +89,15 @@ class Clock:
         self._world = world
 
     def monotonic_ns(self) -> int:
-        """As of `time`, in whole microseconds."""
         return round(self._world.host_s * 1e6) * 1000
 
     def monotonic(self) -> float:
-        """As of `time`."""
         return self._world.host_s
 
     def clock_gettime(self, _: int) -> float:
-        """As of `time`, for `CLOCK_BOOTTIME`."""
         return self._world.host_s + self._world.slept_s
 
     def sleep(self, seconds: float) -> None:
-        """As of `time`."""
         self._world.pass_time(seconds)
 
 
@@ -139,16 +135,13 @@ class Ports:
         self.link: Any = None
 
     def lose(self, error: MrlError, now: float, may_be_moving: bool) -> Optional[Lost]:
-        """As of `LinkSource`."""
         first, self.searching = not self.searching, True
         return Lost(PORT, str(error), may_be_moving) if first else None
 
     def look(self) -> Any:
-        """As of `LinkSource`."""
         return self.link if self.plugged else None
 
     def judge(self, session: Any, now: float) -> Optional[Reconnected]:
-        """As of `LinkSource`."""
         if not session.ready:
             return None
         self.searching = False
@@ -159,7 +152,6 @@ class Ports:
         """As of `LinkSource`."""
 
     def end_recording(self) -> None:
-        """As of `LinkSource`."""
         if self.recording is not None:
             self.recording.close()
 
@@ -174,11 +166,9 @@ class Link:
         self._world = world
 
     def read(self, timeout_s: float) -> bytes:
-        """As `Link.read` of the transport; time passes."""
         return self._world.read(timeout_s)
 
     def write(self, data: bytes) -> None:
-        """As `Link.write` of the transport."""
         self._world.write(data)
 
     def wake(self) -> None:
@@ -286,7 +276,6 @@ class World:
             raise StepEnd
 
     def run(self, seconds: float) -> None:
-        """Let the driver do its work for so long."""
         line, driver = self.line, self.driver
         line.end_s = round(line.board_s + seconds, 6)
         if line.ended:
@@ -336,12 +325,10 @@ class World:
     # -- bytes
 
     def heard(self, data: bytes) -> bytes:
-        """Return what arrives of these bytes."""
         line = self.line
         return b"" if line.board_s <= line.mute_until or not self.ports.plugged else data
 
     def read(self, timeout_s: float) -> bytes:
-        """Return the next bytes for the host."""
         line = self.line
         if not self.ports.plugged:
             raise LinkLost(f"{PORT} is gone")
@@ -382,7 +369,6 @@ class World:
         self.driver._writer = (-1, self.driver._link)
 
     def unblock(self) -> None:
-        """That write has ended."""
         driver = self.driver
         if driver._writer is not None and driver._writer[0] == -1:
             driver._writer = None

@@ -64,7 +64,6 @@ class Tick(NamedTuple):
 
 
 def words(parts: int) -> str:
-    """Return the names of what may happen."""
     return ", ".join(name for name, bit in PARTS.items() if parts & bit) or "commands alone"
 
 
