@@ -46,7 +46,6 @@ class Emulated:
         self._driver = SteppedDriver(self._made.engine, model, Options(period_ms=PERIOD_MS))
         self._driver.connect()
         self._track = Track(self._driver)
-        self._model = model
 
     def drive(self, legs: List[geometry_procedures.Leg]) -> Runs:
         runs: Runs = []

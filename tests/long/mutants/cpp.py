@@ -20,11 +20,14 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Se
 
 import pytest
 
+from tests.long.bench.report import either
+
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 FIRMWARE, WORK = ROOT / "firmware/mrl_firmware", ROOT / "build/mutants/firmware"
 BUILDS = {
-    "": "", "_environment": "-DMRL_ENVIRONMENT=1", "_xbee": "-DMRL_XBEE=1", "_hbridge": "-DMRL_BRIDGE=1",
-}  # fmt: skip
+    "_environment": "-DMRL_ENVIRONMENT=1",
+    **either({"": "", "_xbee": "-DMRL_XBEE=1", "_hbridge": "-DMRL_BRIDGE=1"}, {}),
+}
 """What is behind the name of the library, and its define."""
 COMPILE = "g++ -std=gnu++11 -O1 -w -fPIC -shared"
 TREE = "clang++ -std=gnu++11 -fsyntax-only -w -x c++ -Xclang -ast-dump=json"
@@ -380,7 +383,7 @@ def _forked(work: Callable[[], None], **environment: str) -> int:
     return process.exitcode or 0
 
 
-def run(sources: Sequence[str], workers: int) -> Iterator[Tuple[str, int, List[str]]]:
+def run(sources: Sequence[str], tests: Sequence[str], workers: int) -> Iterator[Tuple[str, int, List[str]]]:
     """Yield each source with its number of mutants and what survived."""
     os.environ.pop("MRL_TEST_PATIENCE", None)  # it needs the plugin for time-outs
     from tests.firmware import pc_board
@@ -389,7 +392,7 @@ def run(sources: Sequence[str], workers: int) -> Iterator[Tuple[str, int, List[s
     pc_board.load = lambda library: usual(WORK / library.name)
     os.chdir(str(ROOT))
     options = ["--tier=quick", "-q", "--no-header", "--no-summary", *(f"-pno:{name}" for name in WITHOUT)]
-    if pytest.main([*options, "tests/firmware", "tests/conformance"], plugins=[trial]) not in (0, 5):
+    if pytest.main([*options, *tests], plugins=[trial]) not in (0, 5):
         raise SystemExit("the tests of the firmware cannot be collected")
     for source in sources:
         alive = [f"line {each.line}: {each.text}" for each in trial.alive if each.file == source]

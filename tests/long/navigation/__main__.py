@@ -76,18 +76,8 @@ def main(arguments: List[str]) -> int:
 
 def in_own_process(robot: str, world: str, setup: Path) -> List[Outcome]:
     """The same as `ten_goals`: each run has a ROS master of its own."""
-    command = [
-        sys.executable,
-        "-m",
-        "tests.long.navigation",
-        "--source",
-        ".",
-        "--robot",
-        robot,
-        "--world",
-        world,
-    ]
-    command += ["--one", str(setup)]
+    command = [sys.executable, "-m", "tests.long.navigation", "--source", ".", "--one", str(setup)]
+    command += ["--robot", robot, "--world", world]
     done = subprocess.run(command, cwd=str(ROOT), stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
         raise MrlError(f"{robot} in {world}: the run failed with exit code {done.returncode}")

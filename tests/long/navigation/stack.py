@@ -14,16 +14,8 @@ from sim_arduino.world.world import World
 
 ROOT = Path(__file__).resolve().parents[3]
 NEEDED = ("amcl", "map_server", "move_base")
-PARTS = (
-    "package.xml",
-    "CMakeLists.txt",
-    "setup.py",
-    "LICENSE",
-    "README.md",
-    "mrl_driver",
-    "sim_arduino",
-    "ros1_bridge",
-)
+FILES = ("package.xml", "CMakeLists.txt", "setup.py", "LICENSE", "README.md")
+PARTS = ("mrl_driver", "sim_arduino", "ros1_bridge", *FILES)
 """What belongs to the package of this repository."""
 START_S = 60.0
 END_S = 20.0

@@ -46,6 +46,15 @@ BAD_LINES = {
     30: ("flood:direction=to_host", "flood:direction=to_board", "flood:direction=both"),
 }
 """Faults of the line by their row; lost bytes merge frames."""
+OUTAGES = {
+    "unplug:": ((7,), HOST_DEAD_S, HOST_DEAD_S),
+    "stall:": ((13,), HOST_DEAD_S, HOST_DEAD_S),
+    "freeze:": ((13, 14), HOST_DEAD_S + I2C_S, I2C_S + 0.02),
+    "loss:rate=1,burst=1024,direction=to_host,": ((14,), HOST_DEAD_S + 0.28, math.inf),
+    "loss:rate=1,burst=1024,direction=to_board,": ((14,), HOST_DEAD_S + 0.28, HOST_DEAD_S + 0.28),
+}
+"""What is away for a while: rows, the time in which commands may still act, and that in which the motion ends [s].  A
+line that holds all back delivers it at once; the motor board of a frozen board stops by itself."""
 REST_S = 0.6
 """The motors run down from full speed [s]."""
 
@@ -305,40 +314,24 @@ class Simulation:
         self.ends_within(since_s, BEYOND_S)
         self.stop()
 
-    def unplugged(self) -> None:
-        """The cable is pulled, and plugged in again."""
-        self.struck(7)
+    def outage(self, kind: str = "") -> None:
+        """Cable, line or board are away for a while; commands may go on meanwhile."""
+        kind = kind or self.rng.choice(list(OUTAGES))
+        rows, stale_s, limit_s = OUTAGES[kind]
+        self.fault = kind.partition(":")[0]
+        self.struck(*rows)
         self.once()
-        self.stale_s = HOST_DEAD_S
-        lasts_s = self.rng.uniform(0.05, 1.5)
-        since_s = self._inject(f"unplug:at=0,lasts={lasts_s:.3f}")
-        self.wait(lasts_s + 0.02)
-        self.until_ready()
-        self.wait(0.3)
-        self.ends_within(since_s, HOST_DEAD_S)
-        self._maybe_recover()
-
-    def stalled(self) -> None:
-        """The line holds everything back, then delivers it at once."""
-        self.struck(13)
-        self.once()
-        self.stale_s = HOST_DEAD_S
+        self.stale_s = stale_s
         lasts_s = self.rng.uniform(0.05, 2.0)
-        since_s = self._inject(f"stall:at=0,lasts={lasts_s:.3f}")
-        self.keep(lasts_s / 2) if self.rng.random() < 0.4 else self.wait(lasts_s / 2)
+        since_s = self._inject(f"{kind}at=0,lasts={lasts_s:.3f}")
+        if kind in ("stall:", "freeze:") and self.rng.random() < 0.4:
+            self.keep(lasts_s / 2)
+        else:
+            self.wait(lasts_s / 2)
         self.wait(lasts_s / 2 + 0.5)
-        if lasts_s > HOST_DEAD_S:
-            self.ends_within(since_s, HOST_DEAD_S)
-        self._maybe_recover()
-
-    def one_way(self) -> None:
-        self.struck(14)
-        self.once()
-        self.stale_s = HOST_DEAD_S + 0.28
-        lasts_s = self.rng.uniform(0.3, 1.0)
-        way = self.rng.choice(("to_host", "to_board"))
-        self._inject(f"loss:rate=1,burst=1024,at=0,lasts={lasts_s:.3f},direction={way}")
-        self.wait(lasts_s + 0.5)
+        if lasts_s > limit_s or kind == "unplug:":  # a port that is back waits for a new command
+            self.until_ready()
+            self.ends_within(since_s, limit_s)
         self._maybe_recover()
 
     # ---- faults of the host
@@ -409,19 +402,6 @@ class Simulation:
         self.stop()
 
     # ---- faults of the board
-
-    def frozen(self) -> None:
-        """The board stands still; its motor board stops by itself."""
-        self.struck(13, 14)
-        self.once()
-        self.stale_s = HOST_DEAD_S + I2C_S
-        lasts_s = self.rng.uniform(0.05, 2.0)
-        since_s = self._inject(f"freeze:at=0,lasts={lasts_s:.3f}")
-        self.keep(lasts_s / 2) if self.rng.random() < 0.4 else self.wait(lasts_s / 2)
-        self.wait(lasts_s / 2 + 0.4)
-        if lasts_s > I2C_S + 0.02:
-            self.ends_within(since_s, I2C_S + 0.02)
-        self._maybe_recover()
 
     def board_reset(self) -> None:
         """The button, or the supply voltage."""
@@ -524,11 +504,11 @@ class Simulation:
         self.tally.struck(name, *rows)
 
     def deck(self) -> List[Callable[[], None]]:
-        twice = (self.stalled, self.frozen, self.board_reset, self.motor_board_away, self.wheel_fails)
+        twice = (self.board_reset, self.motor_board_away, self.wheel_fails)
         return [
             *twice * 2,
-            *(self.bad_line,) * 7,
-            *(self.probes, self.stop_behind_a_cut_frame, self.unplugged, self.one_way, self.host_dies),
+            *(self.bad_line, self.outage) * 7,
+            *(self.probes, self.stop_behind_a_cut_frame, self.host_dies),
             *(
                 self.host_pauses,
                 self.source_silent,
@@ -656,9 +636,9 @@ class ChipSimulation(Simulation):
         return [
             *(self.bus_hangs, self.locks_up) * 2,
             *(self.millis_wrap, self.eeprom_damaged, self.sonar_fails, self.stop_behind_a_cut_frame),
-            *(self.host_dies, self.stalled, self.frozen, self.unplugged, self.bad_line, self.bad_line),
-            *(self.board_reset, self.motor_board_away, self.source_silent, self.one_way, self.probes),
-            *(self.bad_line, self.counter_wraps, self.wheel_fails, self.host_pauses),
+            *(self.bad_line, self.outage) * 4,
+            *(self.host_dies, self.board_reset, self.motor_board_away, self.source_silent, self.probes),
+            *(self.counter_wraps, self.wheel_fails, self.host_pauses),
         ]
 
 

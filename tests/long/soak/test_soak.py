@@ -16,12 +16,12 @@ from tests.long.soak.tally import Tally
 FAULTS = 16
 
 
-def struck(fault, seed=1, kind=Simulation, times=1):
+def struck(fault, *details, seed=1, kind=Simulation, times=1):
     tally = Tally()
     simulation = kind(seed, tally)
     for _ in range(times):
         simulation.fault = fault
-        getattr(simulation, fault)()
+        getattr(simulation, fault)(*details)
     simulation.engine.close()
     return tally
 
@@ -54,9 +54,9 @@ def test_a_robot_without_a_watchdog_is_reported():
 
 
 def test_a_board_that_moves_again_after_its_own_stop_is_reported(monkeypatch):
-    assert struck("stalled", times=3).kinds["forbidden_motion"] == 0
+    assert struck("outage", "stall:", times=3).kinds["forbidden_motion"] == 0
     monkeypatch.setattr(BoardStatus, "refuses_move", lambda self: False)
-    assert struck("stalled", times=3).kinds["forbidden_motion"] > 0
+    assert struck("outage", "stall:", times=3).kinds["forbidden_motion"] > 0
 
 
 @pytest.mark.parametrize("pulse_s, again, pulses", [(truth.PULSE_S, 0, 1), (0.0, 1, 0)])

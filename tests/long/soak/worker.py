@@ -63,7 +63,7 @@ class Worker(Obedient):
 
     def __init__(self, port: str, timeout_s: Optional[float]) -> None:
         self._port, self._options = port, Options(reconnect=True, command_timeout_s=timeout_s)
-        self._jumps, self._stamp_s = Jumps.of(load("traxbot")), 0.0
+        self._jumps = Jumps.of(load("traxbot"))
         self._driver = self._connect()
 
     def _connect(self) -> Driver:

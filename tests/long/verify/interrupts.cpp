@@ -43,8 +43,6 @@ void carry_out(char what) {
       return hal::sleep_until(word());
     case 'k':
       return hal::watchdog_kick();
-    case 'E':
-      return hal::eeprom_write(word(), argument[2]);
     case 'j':  // shifts the calls that follow against the chip's other clocks
       for (uint8_t i = argument[0]; i; i--) asm volatile("");
       return;
@@ -73,8 +71,6 @@ void carry_out(char what) {
       return hal::bridge_write(argument[0], static_cast<hal::BridgePin>(argument[1]), argument[2]);
 #endif
 #if MRL_XBEE
-    case 'R':
-      return answer(hal::radio_read());
     case 'W':
       return hal::radio_write(argument[0]);
 #endif

@@ -189,11 +189,6 @@ class ExploredBoard:
     def expects_motion(self) -> bool:
         return bool(self._turning.value)
 
-    @property
-    def intact_s(self) -> float:
-        """When the last undamaged frame has arrived [s]."""
-        return float(self._native.ex_intact_us()) * 1e-6
-
     def receive(self, data: bytes, intact: bool = True) -> None:
         self._native.ex_receive(data, len(data), intact)
 

@@ -22,7 +22,6 @@ from tests.long.verify.model.checker import (
 )
 
 BUGS = yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text())
-PARTS_OF_THE_PRODUCT = ("firmware", "session", "driver", "bridge")
 QUICK_BUGS = ((4, LINE), (6, 0), (10, LINE | PORT), (11, BRIDGE), (21, CALLBACK))
 """Seeded bugs that are found within a tenth of a second, and what may happen then."""
 COAST_M = 0.01
