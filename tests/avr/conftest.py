@@ -34,7 +34,6 @@ class Bench:
         self.machine = machine
 
     def set(self, name: str, value: int) -> None:
-        """Sets an integer variable."""
         symbol = self.machine.symbol(name)
         self.machine.poke(symbol.address, value.to_bytes(symbol.size, "little"))
 
@@ -43,12 +42,10 @@ class Bench:
         return int.from_bytes(self.bytes(name), "little")
 
     def bytes(self, name: str) -> bytes:
-        """Contents of a variable."""
         symbol = self.machine.symbol(name)
         return self.machine.peek(symbol.address, symbol.size)
 
     def words(self, name: str) -> List[int]:
-        """Contents of an array of uint16_t."""
         raw = self.bytes(name)
         return [int.from_bytes(raw[at : at + 2], "little") for at in range(0, len(raw), 2)]
 

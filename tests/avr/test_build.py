@@ -42,7 +42,6 @@ def test_a_failed_build_names_reason_and_packages_and_leaves_nothing(tmp_path, c
 
 @pytest.mark.parametrize("contents", [b"", b"\x7fELF", b"#!/bin/sh\n" * 20, b"\x7fELF\x02" + bytes(100)])
 def test_another_file_is_no_image(tmp_path, contents):
-    """Empty, torn, text, ELF of another machine."""
     path = tmp_path / "firmware.elf"
     path.write_bytes(contents)
     with pytest.raises(SimulatorError, match="not an AVR ELF or Intel HEX file"):
@@ -50,7 +49,6 @@ def test_another_file_is_no_image(tmp_path, contents):
 
 
 def test_an_image_for_a_larger_chip_is_refused(tmp_path):
-    """simavr ends the whole process for code beyond its flash."""
     path = tmp_path / "firmware.hex"
     path.write_text(":020000040010EA\n:02000000FFCF30\n:00000001FF\n")
     with pytest.raises(

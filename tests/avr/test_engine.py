@@ -43,12 +43,10 @@ def engine(sketch):
 
 
 def poke(engine, name, value):
-    """Sets a one-byte variable of the program."""
     engine.machine.poke(engine.machine.symbol(name).address, bytes([value]))
 
 
 def peek(engine, name):
-    """Contents of a variable of the program."""
     symbol = engine.machine.symbol(name)
     return engine.machine.peek(symbol.address, symbol.size)
 
@@ -73,16 +71,6 @@ def test_a_chip_that_is_awake_needs_a_call_each_slice(engine):
     assert board.next_event_s == pytest.approx(board.machine.time_s + 1e-3)
 
 
-def test_reset_starts_the_program_again(engine):
-    """Its variables are initialised anew, time goes on."""
-    board = engine("uart.c")
-    board.receive(b"x")
-    board.advance(1e-3)
-    board.reset()
-    board.advance(2e-3)
-    assert peek(board, "incoming_count") == b"\0"
-
-
 @pytest.mark.parametrize("bootloader, flags", [(True, 0), (False, 1)])
 def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
     board = AvrEngine(Plant(), sketch("watchdog.c"), bootloader=bootloader)
@@ -94,13 +82,6 @@ def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
 def test_an_image_that_saves_no_id_is_refused(sketch):
     with pytest.raises(SimulatorError, match="did not save its robot id"):
         AvrEngine(Plant(), sketch("uart.c"), robot_id=4)
-
-
-def test_pins_are_reported_to_the_plant(engine):
-    board = engine("memory.c")
-    poke(board, "action", 7)
-    board.advance(1e-3)
-    assert board.plant.pins[-2:] == [(FAN, 1), (FAN, 0)]
 
 
 def test_after_a_gap_the_line_has_run_full(engine):

@@ -131,7 +131,6 @@ def test_a_hung_line_reads_low_on_its_pin(bench, line, pins):
 
 
 def test_switching_the_interface_off_releases_the_bus(bench):
-    """The next START is none of a transfer under way."""
     board = run_script(bench, [START, send(0x30), (0, 0), START, STOP], Slave())
     assert list(board.bytes("status")[:4]) == [0x08, 0x18, 0xF8, 0x08]
 

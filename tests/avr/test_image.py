@@ -18,7 +18,6 @@ READY_S = 0.12  # boot, and the motor board asked and set up
 
 @pytest.fixture
 def rig() -> Iterator[Rig]:
-    """The image, booted, with a motor board and sonars."""
     board = Rig(ELF)
     board.run(READY_S)
     yield board
@@ -26,7 +25,6 @@ def rig() -> Iterator[Rig]:
 
 
 def answers(rig: Rig, asked: bytes, within_s: float = 20e-3) -> List[Frame]:
-    """Frames that come while and after a request is sent."""
     rig.replies()
     rig.machine.run_until(rig.machine.send(asked))
     rig.run(within_s)
@@ -52,7 +50,6 @@ def refused(rig: Rig) -> dict:
 
 
 def drive(rig: Rig) -> None:
-    """Starts driving and forgets what led to it."""
     answers(rig, b"@11,300,0e")
     rig.forget()
 
@@ -80,7 +77,6 @@ def test_a_hanging_bus_holds_up_no_answer_for_long(rig, line):
 
 
 def test_a_slave_that_holds_sda_is_clocked_out(rig):
-    """Nine pulses by hand are enough for one that waits for eight."""
     rig.machine.hang_bus("sda", release_clocks=8)
     rig.run(0.3)
     assert answers(rig, b"@6e") == [Frame(6, (1234, -567))]
@@ -109,7 +105,6 @@ def test_a_lock_up_ends_in_a_reset_within_half_a_second(rig):
 
 @pytest.mark.parametrize("flags", [0, None])
 def test_a_lock_up_is_told_as_such(rig, flags):
-    """Also behind a bootloader that clears the chip's flags."""
     rig.machine.set_reset_flags(flags)
     lock_up(rig)
     rig.run(READY_S)
@@ -127,7 +122,6 @@ def test_after_a_lock_up_the_motors_are_stopped(rig):
 @pytest.mark.parametrize("restart, cause", [("reset", "external"), ("power_cycle", "power_on")])
 @pytest.mark.parametrize("flags", [0, None])
 def test_other_resets_are_told_apart(rig, restart, cause, flags):
-    """By what RAM still holds where the flags are gone."""
     rig.machine.set_reset_flags(flags)
     getattr(rig.machine, restart)()
     rig.run(READY_S)

@@ -1,56 +1,11 @@
 """Cycle counts of instructions and interrupt entry, against the ATmega328P datasheet."""
 
-from typing import List
-
 import pytest
 
 from sim_arduino.avr.machine import MachineCrashed
 
-MARK_CYCLES = 2  # sbi
 IDLE = 1  # SMCR: sleep enable, idle mode
 OVERFLOW_S = 256 * 1024 / 16e6
-CYCLES = {
-    "nop": (1, 1),
-    "lds": (2, 2),
-    "sts": (3, 2),
-    "push": (4, 2),
-    "pop": (5, 2),
-    "rcall, ret": (6, 7),
-    "call, ret": (7, 8),
-    "mul": (8, 2),
-    "adiw": (9, 2),
-    "ld": (10, 2),
-    "st": (11, 2),
-    "rjmp": (12, 2),
-    "lpm": (13, 3),
-    "skip of one word": (14, 2),
-    "skip of two words": (15, 3),
-    "branch not taken": (16, 2),
-    "branch taken": (17, 3),
-    "ldd": (18, 2),
-    "in": (19, 1),
-    "icall, ret": (21, 9),
-    "jmp": (22, 3),
-}
-
-
-@pytest.fixture
-def gaps(bench) -> List[int]:
-    """Cycles between the marks of cycles.S, the marks' own taken off."""
-    machine = bench("cycles.S").machine
-    machine.watch_pins([13])
-    machine.reset()
-    machine.pin_changes()
-    machine.run(100e-6)
-    cycles = [change.cycle for change in machine.pin_changes()][1:]
-    return [later - earlier - MARK_CYCLES for earlier, later in zip(cycles, cycles[1:])]
-
-
-def test_instructions_take_the_cycles_of_the_datasheet(gaps):
-    """Section "Instruction Set Summary"; call, ret and reti with a 16-bit program counter."""
-    assert {name: gaps[index] for name, (index, _) in CYCLES.items()} == {
-        name: cycles for name, (_, cycles) in CYCLES.items()
-    }
 
 
 def answer_cycle(board, at: int) -> int:
@@ -82,7 +37,6 @@ def test_waiting_interrupts_are_served_by_vector_number(bench):
 
 @pytest.mark.parametrize("mode", [0x03, 0x05, 0x07, 0x0D, 0x0F])
 def test_a_sleep_mode_that_is_not_simulated_is_refused(bench, mode):
-    """Those that stop the clocks of timers and serial port."""
     board = bench("sleep.c")
     board.set("mode", mode)
     with pytest.raises(MachineCrashed, match=f"SMCR is 0x{mode:02x}, but only idle mode"):

@@ -2,10 +2,7 @@
 
 import pytest
 
-from mrl_driver.errors import SimulatorError
-from mrl_driver.host.firmware_images import image_path
 from sim_arduino.avr import intel_hex
-from sim_arduino.avr.elf import read_image
 
 END = ":00000001FF"
 
@@ -30,11 +27,3 @@ def test_records_are_pieces_at_their_addresses():
 def test_what_is_damaged_is_refused(text, reason):
     with pytest.raises(ValueError, match=reason):
         intel_hex.read(text)
-
-
-def test_a_damaged_image_is_an_error_of_the_simulator(tmp_path):
-    with open(image_path(), encoding="ascii") as file:
-        text = file.read()
-    (tmp_path / "cut.hex").write_text(text[: len(text) // 2])
-    with pytest.raises(SimulatorError, match="not an AVR ELF or Intel HEX file"):
-        read_image(tmp_path / "cut.hex")

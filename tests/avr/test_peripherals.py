@@ -49,7 +49,6 @@ def test_input_capture_measures_a_pulse(bench):
 
 
 def test_watched_pins_report_their_changes(bench):
-    """Up and down with two cycles of sbi between."""
     board, called = bench("memory.c"), []
     board.machine.on_pin = lambda pin, level, time_s: called.append((pin, level))
     board.machine.watch_pins([FAN])
@@ -78,19 +77,6 @@ def test_a_stray_write_stops_the_machine_for_good(bench):
     assert told[0] == told[1]
 
 
-def test_untouched_sram_shrinks_with_the_stack(bench):
-    """Calls that go 640 bytes deeper leave 640 bytes less, give or take their own frames."""
-    board = bench("memory.c")
-    board.set("depth", 32)
-    board.set("action", 4)
-    board.machine.run(200e-6)
-    shallow = board.machine.sram_untouched()
-    board.set("depth", 32 * 11)
-    board.set("action", 4)
-    board.machine.run(2e-3)
-    assert 320 <= shallow - board.machine.sram_untouched() <= 640
-
-
 def test_the_same_inputs_give_the_same_cycles(sketch):
     def run():
         with AvrMachine(sketch("uart.c"), seed=3) as machine:
@@ -103,7 +89,6 @@ def test_the_same_inputs_give_the_same_cycles(sketch):
 
 
 def test_writing_eeprom_takes_3_4_ms(bench):
-    """EEPE stays set meanwhile."""
     board = bench("memory.c")
     board.set("action", 2)
     board.machine.run(5e-3)

@@ -47,7 +47,6 @@ class Timer:
         self.machine.run(COMMAND_S)
 
     def tell(self, command, value=0):
-        """Lets the sketch obey a command."""
         self.board.set("value", value)
         self.board.set("command", command)
         self.machine.run(COMMAND_S)
@@ -133,20 +132,6 @@ def test_the_time_high_of_phase_correct_pwm(bench, number, duty):
     assert timer.shares_high(510) == [duty / 255, (255 - duty) / 255]
 
 
-@pytest.mark.parametrize("mode, compare", [(FAST, 255), (PHASE_CORRECT, 255), (PHASE_CORRECT, 0)])
-def test_a_constant_output_has_no_edge(bench, mode, compare):
-    timer = Timer(bench, 0, mode, (CLEAR, CLEAR), (compare, compare))
-    timer.machine.run_until(timer.machine.cycle + 1024)
-    assert timer.edges(0, 4096) == []
-
-
-@pytest.mark.parametrize("number", OUTPUTS)
-def test_a_pin_that_is_an_input_is_not_driven(bench, number):
-    timer = Timer(bench, number, FAST, (CLEAR, CLEAR), (100, 100), outputs=0)
-    assert timer.edges(0, 4096) == []
-    assert timer.machine.high_cycles(timer.pins[0]) == 0
-
-
 def test_fast_pwm_loads_a_compare_value_at_bottom(bench):
     timer = Timer(bench, 0, FAST, (CLEAR, 0), (100, 0), 64)
     timer.machine.run_until(timer.machine.cycle + 256 * 64)
@@ -172,19 +157,7 @@ def test_overflows_interrupt(bench, number, mode, counts, expected):
     assert timer.board.get("overflows") == expected
 
 
-@pytest.mark.parametrize("command, left", [(CLEAR_FLAGS, OCFA | TOV), (CLEAR_BY_SBI, OCFB | TOV)])
-def test_a_one_clears_its_flag_alone(bench, command, left):
-    timer = Timer(bench, 0, NORMAL, (0, 0), (99, 10), 8)
-    timer.machine.run_until(timer.machine.cycle + 256 * 8)
-    timer.tell(WRITE_CONTROL_B, 0)
-    timer.tell(command, OCFB)
-    assert timer.read("flags") == left
-    timer.tell(CLEAR_FLAGS, TOV | OCFA | OCFB)
-    assert timer.read("flags") == 0
-
-
 def test_pwm_that_nobody_watches_has_no_events(bench):
-    """The chip could sleep for ever."""
     ends = []
     for watched in (False, True):
         timer = Timer(bench, 0, FAST, (CLEAR, CLEAR), (100, 100), watched=watched)
@@ -194,7 +167,6 @@ def test_pwm_that_nobody_watches_has_no_events(bench):
 
 
 def random_settings(seed):
-    """Arguments of a Timer, drawn from a seed."""
     draw = random.Random(seed)
     number = draw.choice([0, 2])
     return {

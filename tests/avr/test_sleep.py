@@ -26,7 +26,6 @@ IDLE_AWAKE, STREAMING_AWAKE = 0.05, 0.12  # shares of the time
 
 
 def rig_of(image: Path) -> Iterator[Rig]:
-    """An image, booted and set up."""
     board = Rig(image).settle()
     yield board
     board.close()
@@ -40,7 +39,6 @@ def rig(request: pytest.FixtureRequest) -> Iterator[Rig]:
 
 @pytest.fixture
 def sonar_rig() -> Iterator[Rig]:
-    """The sonar image."""
     yield from rig_of(SONARS)
 
 
@@ -92,7 +90,6 @@ def turnaround_us(rig: Rig, instructions: int) -> float:
 
 
 def test_a_byte_at_any_instruction_of_the_last_check_is_answered_at_once(rig):
-    """The chip does not sleep on until something else happens."""
     turnarounds = {at: turnaround_us(rig, at) for at in range(INSTRUCTIONS)}
     assert max(turnarounds.values()) <= TURNAROUND_US, turnarounds
 
@@ -147,7 +144,6 @@ def awake_share(rig: Rig, seconds: float) -> float:
 
 
 def test_an_idle_board_sleeps(rig):
-    """Its sensors and the motor board's battery are read."""
     assert awake_share(rig, 2.0) <= IDLE_AWAKE
 
 
@@ -159,7 +155,6 @@ def test_a_streaming_board_sleeps(rig):
 
 
 def test_a_sleeping_board_is_not_reset(sonar_rig):
-    """The loop wakes in time to kick the watchdog."""
     sonar_rig.motors.present = False
     before = sonar_rig.machine.resets
     sonar_rig.run(3.0)

@@ -63,16 +63,6 @@ def test_a_low_stop_bit_is_a_frame_error(bench):
     assert board.bytes("statuses")[0] & FRAME_ERROR
 
 
-def test_receiving_by_interrupt_reads_every_byte(bench):
-    board = bench("uart.c")
-    board.set("use_interrupts", 1)
-    board.machine.run(20e-6)
-    board.machine.send(bytes(range(50)))
-    board.machine.run(52 * HOST_BYTE_S)
-    assert board.bytes("incoming")[:50] == bytes(range(50))
-    assert board.bytes("statuses")[0] & RXC
-
-
 @pytest.mark.parametrize(
     "data, kept, lost, overrun", [(b"abc", b"abc", 0, [0, 0, 0]), (b"abcd", b"abd", 1, [DATA_OVERRUN, 0, 0])]
 )

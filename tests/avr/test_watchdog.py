@@ -96,7 +96,6 @@ def test_after_its_reset_the_watchdog_runs_on_at_its_shortest_period(bench):
 
 
 def test_the_watchdog_cannot_be_stopped_while_its_flag_stands(bench):
-    """WDRF holds WDE."""
     board = in_mode(bench, RESET_ONLY)
     board.set("stay_off", TOO_EARLY)
     board.machine.run(16.5e-3)
@@ -104,7 +103,6 @@ def test_the_watchdog_cannot_be_stopped_while_its_flag_stands(bench):
 
 
 def test_the_period_changes_only_behind_the_timed_sequence(bench):
-    """A bare write leaves WDE and the period as they were."""
     assert in_mode(bench, NO_SEQUENCE).get("control_now") == WDE | WDP2
 
 
@@ -114,13 +112,3 @@ def test_other_resets_have_their_own_flags(bench, action, flags):
     getattr(board.machine, action)()
     board.machine.run(100e-6)
     assert board.get("flags_at_start") == flags
-
-
-def test_power_cycles_leave_noise_in_sram(bench):
-    seen = set()
-    board = bench("watchdog.c")
-    for seed in range(4):
-        board.machine.power_cycle(seed)
-        board.machine.run(100e-6)
-        seen.add(board.get("marker_at_start"))
-    assert len(seen) > 1

@@ -35,8 +35,6 @@ CAPABILITIES = {
 
 
 class Status(NamedTuple):
-    """The reply to read_status."""
-
     uptime_high: int
     uptime: int
     reset_cause: int
@@ -173,7 +171,6 @@ class Bench:
         return [(each.code, *each.values) for each in new]
 
     def wheels(self) -> Wheels:
-        """True speeds of the wheels."""
         left, _, right = (motor.speed for motor in self.plant.robot.motors)
         drive = self.model.drive
         return Wheels(left * drive.left_m_per_count, right * drive.right_m_per_count)
@@ -220,7 +217,6 @@ class Bench:
         assert self.reply("write_config", number, value) == (number, value)
 
     def brown_out(self) -> None:
-        """The supply voltage drops, and comes back."""
         if isinstance(self.board, PcBoard):
             self.board.reset(BROWN_OUT)
         else:

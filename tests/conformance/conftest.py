@@ -12,7 +12,6 @@ def engine(request):
 
 @pytest.fixture(params=sorted(ROBOTS))
 def motors(request):
-    """The motor back end."""
     return request.param
 
 

@@ -57,7 +57,6 @@ def test_without_wiring_counters_can_be_read(make):
 
 
 def test_a_blank_eeprom_has_no_wiring(make):
-    """The board never assumes one."""
     bench = make(blank=True)
     bench.ask("move_differential", 100, 0)
     assert bench.status().faults & WIRING_FAULT and bench.counters() == {"unavailable": 1}
@@ -124,15 +123,41 @@ def test_wires_that_the_board_knows_drive_the_right_wheels(make, names):
 # ---- what stops the motors
 
 
-def test_an_encoder_that_counts_in_the_wrong_direction_stops_the_motors(make):
+@pytest.mark.parametrize("wheel, linear", [(0, 200), (1, -20)])
+def test_an_encoder_that_counts_in_the_wrong_direction_stops_the_motors(make, wheel, linear):
     """Within 100 ms of the first wrong edge."""
-    bench = make(wiring=CORRECT + BITS["left_encoder_reversed"])
-    bench.ask("move_differential", 200, 0, wait_s=0.02)
-    while bench.wheels().left < 0.003:
+    bench = make(wiring=CORRECT + BITS[("left_encoder_reversed", "right_encoder_reversed")[wheel]])
+    bench.ask("move_differential", linear, 0, wait_s=0.02)
+    while abs(bench.wheels()[wheel]) < 0.003:
         bench.run(1e-3)
     turning_s = bench.now_s
     assert bench.run_until_released(1.0) - turning_s <= ENCODER_S + 0.02
     assert bench.stop_reason() == "encoder"
+
+
+def test_open_loop_moves_bear_reversed_encoders(make):
+    """`mrl calibrate wiring` turns motors whose encoders it does not know yet."""
+    bench = make(wiring=CORRECT + BITS["left_encoder_reversed"])
+    bench.ask("move_motors", 30, 30, wait_s=0.5)
+    assert bench.wheels().left > 0.1 and bench.stop_reason() == "none"
+
+
+@pytest.mark.parametrize("linear, angular", [(300, 0), (5, 0), (0, 3000)])
+def test_sound_wheels_do_not_stop(bench, linear, angular):
+    for sign in (1, -1, 1):
+        bench.ask("move_differential", sign * linear, sign * angular, wait_s=0.7)
+    assert bench.stop_reason() == "none"
+
+
+@pytest.mark.parametrize("engine", ["python", "pc"])
+def test_a_wheel_that_still_rolls_after_a_reversal_is_not_a_wrong_encoder(make):
+    """It coasts for over 100 ms against a drive that is too weak to turn it back."""
+    weak = {"stop_mode": 1, "kp": 0, "ki": 0, "friction_duty": 0, "ramp_time": 0}
+    bench = make(board={"bridge": BRIDGES.index("vnh5019"), **weak})
+    bench.ask("move_differential", 500, 0, wait_s=0.8)
+    bench.ask("move_differential", -20, 0, wait_s=0.15)
+    assert bench.wheels().left > 0.05
+    assert bench.is_driven() and bench.stop_reason() == "none"
 
 
 def test_a_silent_encoder_stops_the_motors(bench):
@@ -152,7 +177,6 @@ def test_an_encoder_line_that_oscillates_stops_the_motors(bench):
 
 
 def test_a_broken_channel_stops_the_motors(bench):
-    """The counter goes to and fro at the edges of the other one."""
     bench.plant.bridge.encoders[1].open(0, True)
     bench.ask("move_differential", 200, 0, wait_s=0.1)
     assert bench.is_driven()
@@ -240,19 +264,31 @@ def test_the_third_counter_of_the_omni_stream_is_0(bench):
 # ---- parameters
 
 
-def test_coasting_rolls_further_than_braking(make):
-    ways = []
-    for mode in (0, 1):
-        bench = make(stored={"stop_mode": mode})
-        bench.ask("move_differential", 300, 0, wait_s=DRIVE_S)
-        before = bench.plant.true_pose.x_m
-        bench.ask("stop", wait_s=2.0)
-        ways.append(bench.plant.true_pose.x_m - before)
-    assert ways[1] > 1.5 * ways[0]
+COASTING = ("vnh5019", "l298n", "tb6612", "drv8833")
+
+
+@pytest.mark.parametrize("mode", [0, 1])
+@pytest.mark.parametrize("chip", BRIDGES[1:])
+def test_a_stop_brakes_or_coasts_if_the_chip_can_and_may(make, chip, mode):
+    bench = make(board={"bridge": BRIDGES.index(chip)}, stored={"stop_mode": mode})
+    bench.ask("move_motors", 60, -60, wait_s=0.1)
+    bench.ask("stop")
+    shares = [bench.plant.bridge.motor(wheel).shares for wheel in (0, 1)]
+    coasts = mode == 1 and chip in COASTING
+    assert [each.coast if coasts else each.brake for each in shares] == [1.0, 1.0]
+
+
+def test_a_position_is_reached_with_a_ramp_without_going_beyond(make):
+    """The ramp limits how fast the wheel becomes faster, not how fast it becomes slower."""
+    bench, counts = make(stored={"ramp_time": 3000}), []
+    bench.ask("move_to_position", 1, 100, 1500)
+    for _ in range(300):
+        bench.run(0.01)
+        counts.append(bench.plant.bridge.motor(0).travel)
+    assert max(counts) < 1510 and counts[-1] > 1490
 
 
 def test_a_reversal_rests_at_zero(make):
-    """No drive for the time of the parameter."""
     bench = make(stored={"reversal_pause": 300, "ramp_time": 0})
     bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
     bench.ask("move_differential", -200, 0, wait_s=0.0)

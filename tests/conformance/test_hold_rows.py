@@ -75,7 +75,6 @@ def drives(bench) -> bool:
 
 
 def states_sent(bench, seconds: float) -> List[str]:
-    """The states that the board sends by itself."""
     frames = FrameDecoder(REPLIES).feed(bench.run(seconds))
     return [HOLD_STATES[frame.args[0]][0] for frame in frames if frame.code == READ_RADIO]
 
@@ -122,11 +121,6 @@ def test_parameter_off_the_text_is_for_the_host_and_the_robot_drives_on(benches)
     assert bench.is_driven()
     assert b"@39,19,-24064,16384,2,4,-1976,1e" in bench.text
     assert state(bench) == "off"
-
-
-def test_board_without_the_parameter_counts_as_before(benches):
-    """A host that does not know the last reason takes the reply."""
-    assert len(radio_bench(benches).reply("read_counters")) == 11
 
 
 @pytest.mark.parametrize("data", [b"\xf8H\0", b"\xf8H\0\1x", b"HOLD", b"\xf8h\0\1", b"\xf8X\0\1"])
@@ -180,7 +174,6 @@ def test_each_holder_must_end_its_hold(bench, robot):
 
 
 def test_fifth_holder_gets_no_answer(bench):
-    """It must not enter; the robot is held anyway."""
     robots = [Robot(bench, OTHER + n) for n in range(5)]
     answers = [robot.say("hold", 1) for robot in robots]
     assert answers == [[HoldText("held", 1)]] * 4 + [[]]

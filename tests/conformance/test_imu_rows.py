@@ -24,7 +24,6 @@ BACK_S = 1.15
 
 @pytest.fixture
 def fitted(benches):
-    """A TraxBot with an IMU without errors."""
     return benches("omni3md", imu=True, imu_errors=SILENT)
 
 
@@ -37,7 +36,6 @@ def count(events, code):
 
 
 def steps(times):
-    """Differences of board times [s]."""
     return [(after - before) % 65536 * TICK_S for before, after in zip(times, times[1:])]
 
 

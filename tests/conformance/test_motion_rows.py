@@ -43,7 +43,6 @@ def test_drives_at_the_speed_that_was_asked_for(bench, linear, angular):
 
 
 def test_a_drive_without_further_requests_goes_on(bench):
-    """The link watchdog is off; a motor board's own timeout is fed."""
     bench.ask("move_differential", 200, 0, wait_s=3.0)
     before = bench.plant.true_pose.x_m
     bench.run(1.0)
@@ -158,7 +157,6 @@ def test_gains_are_parameters(bench):
 
 
 def test_other_gains_are_in_force_at_once(make):
-    """A wheel takes another course to its speed."""
     plain, changed = make(), make()
     changed.ask("set_pid_gains", 0, 0, 0, wait_s=0.1)
     plain.run(0.1)

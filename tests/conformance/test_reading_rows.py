@@ -151,7 +151,6 @@ def test_thermopile(sensors):
 
 
 def test_light_and_compass_by_request(sensors):
-    """Facing the world's x, east."""
     sensors.plant.environment.light_count = 321
     sensors.run(0.1)
     assert sensors.reply("read_light") == (321,)
@@ -186,7 +185,6 @@ def test_sensor_stream_with_light(sensors):
 
 
 def test_compass_runs_clockwise_from_north(sensors):
-    """Facing the world's x, east."""
     sensors.ask("start_compass_stream", 100)
     sensors.run(0.5)
     assert frames(sensors, 0.5)[-1] == Frame(27, (90,))

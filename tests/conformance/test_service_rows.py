@@ -262,7 +262,6 @@ def test_the_speed_changes_once_the_answer_has_left(bench, rate):
 
 
 def test_a_speed_that_the_host_does_not_follow_is_left_again(bench):
-    """Bytes at another speed are no valid frames."""
     bench.reply("set_baud", 2)
     for _ in range(4):
         assert not any(isinstance(event, Frame) for event in bench.ask("read_protocol", wait_s=0.2))

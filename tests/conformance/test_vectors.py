@@ -22,7 +22,6 @@ def counted(bench, vector):
 
 
 def test_refusals_are_counted_by_reason(engine, motors):
-    """Each vector by a board that has just woken up."""
     for vector in VECTORS:
         refused = Counter(event.reason for event in vector.events_at_line_end if isinstance(event, Garbage))
         with contextlib.closing(Bench(engine, motors)) as bench:

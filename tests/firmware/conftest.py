@@ -5,7 +5,7 @@ from typing import Callable, Dict, Iterator, List
 import pytest
 
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
 from sim_arduino.hardware.wiring import Plant
 from tests import models
 from tests.firmware.pc_board import PcBoard
@@ -65,12 +65,17 @@ class Bench:
         return [event for event in self.events if isinstance(event, Frame)]
 
     def field(self, row: str, name: str, *args: int) -> int:
-        """One field of a reply."""
         names = [field.name for field in BY_NAME[row].reply]
         return self.ask(row, *args).args[names.index(name)]
 
     def counter(self, name: str) -> int:
         return self.field("read_counters", name)
+
+    def stop_reason(self) -> str:
+        return STOP_REASONS[self.field("read_status", "stop_reason")]
+
+    def faults(self) -> int:
+        return self.field("read_status", "faults")
 
     def writes(self, code: int = -1) -> List[bytes]:
         """What was written to the motor board, polls left out."""
@@ -86,7 +91,6 @@ class Bench:
 
 @pytest.fixture
 def bench() -> Iterator[Callable[..., Bench]]:
-    """Makes benches and unloads them."""
     made: Dict[int, Bench] = {}
 
     def make(**options) -> Bench:

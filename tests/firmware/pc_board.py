@@ -156,7 +156,6 @@ class PcBoard:
 
     @property
     def now_s(self) -> float:
-        """The board's time [s]."""
         return self.native.pc_now_us() * 1e-6
 
     @property
@@ -177,7 +176,6 @@ class PcBoard:
         self._start(now_s, flags, eeprom)
 
     def close(self) -> None:
-        """Unloads the firmware."""
         if self.native is not None:
             handle, self.native = self.native.handle, None
             _SYSTEM.dlclose(handle)
@@ -186,7 +184,6 @@ class PcBoard:
 
     @property
     def eeprom(self) -> bytes:
-        """What stands in EEPROM."""
         return bytes(self.native.pc_eeprom()[:EEPROM_SIZE])
 
     def radio_sent(self) -> bytes:

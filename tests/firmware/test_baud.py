@@ -15,7 +15,6 @@ FED_S = 0.1
 
 @pytest.fixture(scope="module")
 def rig():
-    """A board that streams at full rate."""
     rig = Rig(FIRMWARE).settle()
     rig.machine.send(request("set_baud", ROW))
     rig.run(0.01)

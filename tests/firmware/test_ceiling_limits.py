@@ -17,8 +17,6 @@ def word(value: int) -> bytes:
 
 @pytest.fixture
 def limited(bench):
-    """Makes boards with these parameters."""
-
     def make(**parameters: int):
         board = bench()
         for name, value in parameters.items():

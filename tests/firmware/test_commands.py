@@ -4,11 +4,9 @@ import pytest
 
 from mrl_driver.protocol.table import (
     BY_NAME,
-    STOP_REASONS,
     TICK_S,
 )
-
-STOP, KEYS = 0xFC, b"\xaa\x55"
+from tests.firmware.test_failsafe import STOP
 
 
 def word(value: int) -> bytes:
@@ -16,7 +14,6 @@ def word(value: int) -> bytes:
 
 
 def test_every_move_is_carried_out_in_order(bench):
-    """One hundred commands as fast as the wire carries them."""
     board = bench()
     board.raw(b"".join(b"@11,%d,0e" % (n + 100) for n in range(100)), wait_s=0.2)
     assert board.writes(0xEB) == [b"\xeb" + word(n + 100) + word(0) for n in range(100)]
@@ -29,7 +26,7 @@ def test_a_move_behind_the_stop_is_carried_out_after_its_repetition(bench):
         board.run(phase * TICK_S / 2)
         board.raw(b"@3,1,0e@11,200,0e@13e@11,100,0e", wait_s=0.05)
         moved = b"\xeb" + word(100) + word(0)
-        assert board.writes()[1:] == [b"\xfc" + KEYS, b"\xfc" + KEYS, moved]
+        assert board.writes()[1:] == [STOP, STOP, moved]
 
 
 @pytest.mark.parametrize("name, args", [("set_pid_gains", (1, 2, 3)), ("default_config", ())])
@@ -39,7 +36,7 @@ def test_a_stop_in_a_pause_is_repeated_at_the_end_of_that_pause(bench, name, arg
     board.send(name, *args, wait_s=0.003)
     board.forget()
     board.raw(b"@13e", wait_s=0.1)
-    assert [data[0] for data in board.writes()[:2]] == [STOP, STOP]
+    assert board.writes()[:2] == [STOP, STOP]
 
 
 def test_a_stop_reaches_a_board_that_refuses_everything_in_a_pause(bench):
@@ -51,11 +48,8 @@ def test_a_stop_reaches_a_board_that_refuses_everything_in_a_pause(bench):
         board.send("move_differential", 100, 0)
         board.send("set_pid_gains", 1, 2, 3, wait_s=ticks * TICK_S)
         board.raw(b"@13e", wait_s=0.018)
-        assert motors.commands[-1].code == STOP
-        status = dict(
-            zip((field.name for field in BY_NAME["read_status"].reply), board.ask("read_status").args)
-        )
-        assert (status["faults"], STOP_REASONS[status["stop_reason"]]) == (0, "host")
+        assert motors.commands[-1].code == STOP[0]
+        assert (board.faults(), board.stop_reason()) == (0, "host")
 
 
 def test_the_last_move_survives_a_crowd(bench):
@@ -76,25 +70,10 @@ def test_pauses_of_the_motor_boards_eeprom_are_kept(bench):
     assert board.plant.motor_board.too_early == 0
 
 
-# ---- ceiling
-
-
-# ---- answers
-
-
-# ---- refusals
-
-
 def test_counters_stay_at_their_maximum(bench):
     board = bench()
     board.raw(b"@" * 32800 + b"13e", wait_s=2.9)
     assert board.counter("restarted") == 32767
-
-
-# ---- no motor board
-
-
-# ---- debug
 
 
 def test_debug_text_never_cuts_an_answer_that_has_begun(bench):
@@ -115,3 +94,53 @@ def test_a_request_behind_several_that_fail_is_answered_at_once(bench):
     board.raw(b"@31e@6e@6e@6e@17e")
     board.run(0.05)
     assert [frame.code for frame in board.frames()] == [31, 17]
+
+
+PRESET_WIRE, STOP_WIRE = b"@4,1,5e", b"@13e"
+
+
+PRESET = b"\xef\x01\x00\x05\xaa\x55"
+
+
+AT_ONCE = 16
+"""Bytes that are taken before the motor board is served [byte]."""
+
+
+@pytest.mark.parametrize("size, first", [(AT_ONCE, STOP), (AT_ONCE + 1, PRESET)])
+def test_a_stop_within_the_first_16_bytes_overtakes_a_command(bench, size, first):
+    board = bench()
+    fill = b"\r" * (size - len(PRESET_WIRE + STOP_WIRE))
+    board.board.gap(board.board.now_s + 0.01, PRESET_WIRE + fill + STOP_WIRE)
+    board.run(0.01)
+    assert sorted(board.writes()) == sorted([PRESET, STOP]) and board.writes()[0] == first
+
+
+@pytest.mark.parametrize("waiting", [3, 4, 17, 33, 49, 64])
+def test_a_stop_behind_any_number_of_waiting_bytes_is_carried_out_within_two_passes(bench, waiting):
+    """64 bytes at most wait for the loop; a pass takes them in four parts."""
+    board = bench()
+    board.board.gap(board.board.now_s + 0.02, b"\r" * (waiting - len(STOP_WIRE)) + STOP_WIRE[-waiting:])
+    begun_s = board.board.now_s
+    board.run(0.001)
+    assert bool(board.writes()) == (waiting >= len(STOP_WIRE))
+    assert all(t - begun_s < 0.2e-3 for t in board.write_times(STOP[0]))
+
+
+@pytest.mark.parametrize("byte", [0x00, 0x01, 0x7F, 0x80, 0xFF])
+def test_no_byte_within_a_frame_is_left_out(bench, byte):
+    board = bench()
+    board.raw(b"@1" + bytes([byte]) + b"3e")
+    assert board.writes() == [] and board.counter("not_integer") == 1
+
+
+@pytest.mark.parametrize("waiting", [20, 36, 52, 64])
+def test_a_stream_that_is_started_late_in_a_pass_begins_at_once(bench, waiting):
+    """The loop does not sleep before it has asked all tasks again; its first frame takes less than 1 ms to begin."""
+    for phase in range(4):
+        board = bench(sonars=False)
+        board.run(0.01 * phase)
+        board.forget()
+        wire = b"@%d,100e" % BY_NAME["start_stream"].code
+        board.board.gap(board.board.now_s + 0.02, b"\r" * (waiting - len(wire)) + wire)
+        board.run(1e-3)
+        assert board.heard[:1] == b"@"

@@ -21,10 +21,6 @@ def parameters(board):
     return [board.ask("read_config", row.number).args[1] for row in PARAMETERS]
 
 
-def faults(board):
-    return board.field("read_status", "faults")
-
-
 def float_id(value: float) -> bytes:
     return struct.pack("<f", value) + BLANK[4:]
 
@@ -32,21 +28,20 @@ def float_id(value: float) -> bytes:
 @pytest.mark.parametrize("robot_id", [1, 3, 4, 5])
 def test_sound_image(bench, robot_id):
     board = bench(robot_id=robot_id)
-    assert parameters(board) == parameter_store.defaults(robot_id) and faults(board) == 0
+    assert parameters(board) == parameter_store.defaults(robot_id) and board.faults() == 0
 
 
 def test_blank_eeprom(bench):
-    """Id unset, TraxBot's defaults, both faults."""
     board = bench(eeprom=BLANK)
     assert parameters(board) == parameter_store.defaults(0)
-    assert faults(board) == FAULT["eeprom"] | FAULT["id_unset"]
+    assert board.faults() == FAULT["eeprom"] | FAULT["id_unset"]
 
 
 @pytest.mark.parametrize("robot_id", [1, 4, 7, 11])
 def test_board_of_2013_keeps_its_id(bench, robot_id):
     """The float at address 0 alone: defaults of that model."""
     board = bench(eeprom=float_id(robot_id))
-    assert parameters(board) == parameter_store.defaults(robot_id) and faults(board) == FAULT["eeprom"]
+    assert parameters(board) == parameter_store.defaults(robot_id) and board.faults() == FAULT["eeprom"]
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 0.0, 1.5, 40000.0, 1e30])
@@ -63,7 +58,7 @@ def test_other_layout(bench, layout):
     image[16 : 16 + len(body)] = body
     struct.pack_into("<H", image, 16 + len(body), crc_hqx(body, 0xFFFF))
     board = bench(eeprom=bytes(image))
-    assert parameters(board) == parameter_store.defaults(1) and faults(board) == FAULT["eeprom"]
+    assert parameters(board) == parameter_store.defaults(1) and board.faults() == FAULT["eeprom"]
 
 
 def test_impossible_values_with_a_right_check_value(bench):
@@ -71,7 +66,7 @@ def test_impossible_values_with_a_right_check_value(bench):
     values = parameter_store.defaults(1)
     values[1] = 0
     board = bench(eeprom=parameter_store.image(values))
-    assert parameters(board) == parameter_store.defaults(1) and faults(board) == FAULT["eeprom"]
+    assert parameters(board) == parameter_store.defaults(1) and board.faults() == FAULT["eeprom"]
 
 
 @pytest.mark.parametrize("place", USED)
@@ -83,7 +78,7 @@ def test_every_damaged_byte_is_caught(bench, place):
     for flip in (0x01, 0x80, 0xFF):
         image[place] ^= flip
         board = bench(eeprom=bytes(image))
-        assert faults(board) == FAULT["eeprom"]
+        assert board.faults() == FAULT["eeprom"]
         assert parameters(board) == parameter_store.defaults(4)
         image[place] ^= flip
 
@@ -117,14 +112,14 @@ def test_eeprom_that_takes_nothing_is_reported(bench):
     board = bench()
     board.board.native.pc_break_eeprom(1)
     board.send("write_config", 10, 300)
-    assert board.ask("save_config", wait_s=SAVED_S).args == (0,) and faults(board) & FAULT["eeprom"]
+    assert board.ask("save_config", wait_s=SAVED_S).args == (0,) and board.faults() & FAULT["eeprom"]
 
 
 def test_saving_clears_the_fault(bench):
     board = bench(eeprom=float_id(1))
-    faults(board)
+    board.faults()
     board.send("save_config", wait_s=SAVED_S)
-    assert faults(board) == 0
+    assert board.faults() == 0
 
 
 @pytest.mark.parametrize("row", PARAMETERS, ids=lambda row: row.name)

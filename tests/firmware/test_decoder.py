@@ -44,7 +44,6 @@ def test_long_noise(length):
 
 
 def test_every_byte_in_a_number():
-    """Ten of them are digits."""
     for byte in range(256):
         wire = b"@11,1" + bytes([byte]) + b",0e@13e"
         assert TwinDecoder().feed(wire) == FrameDecoder(REQUESTS).feed(wire)

@@ -4,25 +4,19 @@ import ctypes
 
 import pytest
 
-from mrl_driver.protocol.table import FAULTS, RESET_CAUSES, STOP_REASONS, TICK_S
+from mrl_driver.protocol import encode_request
+from mrl_driver.protocol.table import BY_NAME, FAULTS, RESET_CAUSES, TICK_S
 from mrl_driver.robot import models
 from sim_arduino.hardware.wiring import Plant
 from tests.firmware import pc_board
 
 STOP = b"\xfc\xaa\x55"
+
+
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
+
+
 REACTION_S = 1e-3
-
-
-def stop_reason(board):
-    return STOP_REASONS[board.field("read_status", "stop_reason")]
-
-
-def faults(board):
-    return board.field("read_status", "faults")
-
-
-# ---- link watchdog
 
 
 @pytest.mark.parametrize("period_ms", [50, 250, 1000, 10000])
@@ -57,12 +51,6 @@ def test_watchdog_across_the_wrap_of_the_clock(bench):
     assert (early, board.writes()) == ([], [STOP])
 
 
-# ---- check mode
-
-
-# ---- stall
-
-
 def test_after_a_stall_what_waited_is_dropped(bench):
     """The loop stood still for 300 ms; a move came meanwhile."""
     board = bench()
@@ -70,7 +58,7 @@ def test_after_a_stall_what_waited_is_dropped(bench):
     board.forget()
     board.board.gap(board.board.now_s + 0.3, b"@11,100,0e")
     board.run(0.05)
-    assert board.writes() == [STOP] and stop_reason(board) == "stall"
+    assert board.writes() == [STOP] and board.stop_reason() == "stall"
 
 
 def test_half_a_frame_from_before_a_stall_is_forgotten(bench):
@@ -89,9 +77,6 @@ def test_a_stall_is_not_silence_of_the_host(bench):
     board.board.gap(board.board.now_s + 2.5, b"")
     board.run(1.9)
     assert board.ask("get_stream").args == (0,)
-
-
-# ---- boot
 
 
 def test_a_request_at_once_is_answered_at_once(bench):
@@ -119,9 +104,6 @@ def test_reset_cause(bench, flags, cause):
     assert RESET_CAUSES[board.field("read_status", "reset_cause")] == cause
 
 
-# ---- motor board
-
-
 def test_motor_board_gets_its_timeout(bench):
     """300 ms by default, never 0."""
     board = bench(boot=False)
@@ -147,8 +129,8 @@ def test_motor_board_that_vanishes_is_flagged_and_refused(bench):
     board.plant.motor_board.present = False
     board.run(0.2)
     board.raw(b"@11,100,0e")
-    assert faults(board) & FAULT["motor_board"] and board.counter("unavailable") == 1
-    assert stop_reason(board) == "motor_board"
+    assert board.faults() & FAULT["motor_board"] and board.counter("unavailable") == 1
+    assert board.stop_reason() == "motor_board"
 
 
 def flap(board, times):
@@ -183,17 +165,15 @@ def test_a_motor_board_that_was_steady_is_asked_for_quickly_again(bench):
 
 
 def test_fault_stays_until_it_is_read(bench):
-    """A motor board that was away for a moment shows once."""
     board = bench()
     board.plant.motor_board.present = False
     board.run(0.2)
     board.plant.motor_board.present = True
     board.run(0.2)
-    assert (faults(board), faults(board)) == (FAULT["motor_board"], 0)
+    assert (board.faults(), board.faults()) == (FAULT["motor_board"], 0)
 
 
 def test_a_move_is_tried_again(bench):
-    """Two refusals on the bus, then it arrives."""
     board = bench()
     refusals = [True, True]
     board.board.nack = lambda address, data: data[0] == 0xEB and bool(refusals) and refusals.pop()
@@ -202,7 +182,6 @@ def test_a_move_is_tried_again(bench):
 
 
 def test_a_move_that_a_lost_motor_board_never_got_is_forgotten(bench):
-    """It is not carried out when the motor board comes back."""
     board = bench()
     board.board.nack = lambda address, data: True
     board.raw(b"@11,100,0e", wait_s=0.02)
@@ -220,7 +199,6 @@ def test_a_question_for_counts_is_given_up_when_the_motor_board_is_lost(bench):
 
 
 def test_a_stop_asks_at_once_for_a_motor_board_that_was_lost(bench):
-    """It need not wait for the next attempt, up to a second away."""
     board = bench()
     flap(board, 10)
     board.run(1.2)
@@ -243,15 +221,7 @@ def test_a_stop_is_tried_again(bench):
     refusals = [True]
     board.board.nack = lambda address, data: data[0] == 0xFC and bool(refusals) and refusals.pop()
     board.raw(b"@11,100,0e@13e", wait_s=0.01)
-    assert board.writes()[1:] == [STOP] and stop_reason(board) == "host"
-
-
-def test_a_stop_drops_the_move_that_is_being_tried_again(bench):
-    board = bench()
-    refusals = [True, True, True]
-    board.board.nack = lambda address, data: data[0] == 0xEB and bool(refusals) and refusals.pop()
-    board.raw(b"@11,100,0e@13e", wait_s=0.03)
-    assert board.writes() == [STOP]
+    assert board.writes()[1:] == [STOP] and board.stop_reason() == "host"
 
 
 def refuse(board, code, times):
@@ -278,7 +248,6 @@ def test_a_move_after_a_stop_is_tried_again(bench):
 
 
 def test_two_hangs_in_a_row_lose_the_motor_board(bench):
-    """Its move is not carried out when the bus is free again."""
     board = bench()
     board.board.hang_bus(True, recoveries=2)
     board.raw(b"@11,100,0e", wait_s=0.3)
@@ -286,7 +255,6 @@ def test_two_hangs_in_a_row_lose_the_motor_board(bench):
 
 
 def test_moves_that_wait_when_the_motor_board_is_lost_are_counted(bench):
-    """The first of three is on the bus."""
     board = bench()
     board.board.nack = lambda address, data: True
     board.raw(b"@11,100,0e@11,110,0e@11,120,0e", wait_s=0.03)
@@ -322,15 +290,15 @@ def test_a_hung_bus_is_flagged_and_does_not_block(bench):
     board.raw(b"@6e", wait_s=0.3)
     assert board.ask("get_stream").args == (0,)
     both = FAULT["motor_board"] | FAULT["bus_hung"]
-    assert faults(board) & both == both and board.board.longest_pass_s < 0.025
+    assert board.faults() & both == both and board.board.longest_pass_s < 0.025
 
 
 def test_a_bus_that_comes_free_is_used_again(bench):
     board = bench()
     board.board.hang_bus(True, recoveries=2)
     board.run(0.5)
-    faults(board)
-    assert faults(board) == 0 and board.ask("read_encoders").args == (0, 0)
+    board.faults()
+    assert board.faults() == 0 and board.ask("read_encoders").args == (0, 0)
 
 
 def test_a_stop_during_a_hang_reaches_the_board_afterwards(bench):
@@ -358,9 +326,6 @@ def test_a_traxbot_without_its_motor_board_sends_no_999(bench):
     board = bench(plant=plant, robot_id=1, library=pc_board.ENVIRONMENT)
     board.send("start_sensor_stream", 50, wait_s=0.3)
     assert not board.frames()
-
-
-# ---- days
 
 
 def let_hours_pass(board, hours):
@@ -402,3 +367,71 @@ def test_uptime_beyond_int16(bench):
     let_hours_pass(board, 10.0)
     high, low = board.ask("read_status").args[:2]
     assert high * 32768 + low == pytest.approx(36000, abs=2)
+
+
+HALF_MS = 0.5e-3
+
+
+STALL_TICKS = 3906
+
+
+BYTE_S = 10 / 115200
+
+
+READ_BATTERY, READ_TEMPERATURE = 0xD5, 0xD4
+
+
+@pytest.mark.parametrize("gap_s, dropped", [(0.25 - HALF_MS, False), (0.25 + HALF_MS, True)])
+def test_a_stall_is_a_gap_of_250_ms(bench, gap_s, dropped):
+    board = bench()
+    board.forget()
+    board.board.gap(board.board.now_s + gap_s, b"@11,100,0e")
+    board.run(0.05)
+    assert (not board.writes(0xEB)) == dropped
+
+
+def test_check_mode_ends_2_s_after_the_last_frame(bench):
+    board = bench()
+    board.check(True)
+    board.send("move_differential", 100, 0, wait_s=0.1)
+    board.forget()
+    begun_s = board.board.now_s
+    board.send("get_stream", wait_s=2.1)
+    heard_s = begun_s + len(encode_request(BY_NAME["get_stream"].code, checked=True)) * BYTE_S
+    assert board.write_times(STOP[0])[0] - heard_s == pytest.approx(2.0, abs=HALF_MS)
+    board.decoder.checked = False
+    assert board.stop_reason() == "check_ended"
+
+
+@pytest.mark.parametrize("begun, period_s", [(b"", 0.040), (b"@11,1", 0.064)])
+def test_the_motor_board_is_polled_in_time(bench, begun, period_s):
+    """Every 40 ms; while a request arrives, every 64 ms."""
+    board = bench()
+    board.raw(begun, wait_s=0.2)
+    board.forget()
+    board.run(1.0)
+    polls = sorted(board.write_times(READ_BATTERY) + board.write_times(READ_TEMPERATURE))
+    gaps = [after - before for before, after in zip(polls, polls[1:])]
+    assert gaps == pytest.approx([period_s] * len(gaps), abs=HALF_MS)
+
+
+def test_a_stall_is_longer_than_250_ms(bench):
+    """A gap of exactly as many ticks is none; in one phase of four a tick more passes."""
+    dropped = []
+    for phase in range(4):
+        board = bench()
+        board.run(phase * TICK_S / 4)
+        board.forget()
+        board.board.gap(board.board.now_s + STALL_TICKS * TICK_S, b"@11,100,0e")
+        board.run(0.05)
+        dropped.append(not board.writes(0xEB))
+    assert sum(dropped) <= 1
+
+
+@pytest.mark.parametrize("after_s, baud", [(1.0 - HALF_MS, 500000), (1.0 + HALF_MS, 115200)])
+def test_the_line_is_slow_again_1_s_after_the_last_frame(bench, after_s, baud):
+    board = bench()
+    wire = encode_request(BY_NAME["set_baud"].code, 2)
+    board.raw(wire, wait_s=len(wire) * BYTE_S + after_s)
+    board.board.set_host_baud(baud)
+    assert board.ask("get_stream").args == (0,)

@@ -79,7 +79,6 @@ class Board(Rig):
         return [event for event in FrameDecoder(REPLIES).feed(received) if isinstance(event, Frame)]
 
     def status(self) -> Dict[str, int]:
-        """The answer to read_status by field."""
         (frame,) = self.say(request("read_status"))
         return dict(zip((field.name for field in BY_NAME["read_status"].reply), frame.args))
 
@@ -93,12 +92,10 @@ class Board(Rig):
         return {name for bit, (name, _) in enumerate(FAULTS) if present >> bit & 1}
 
     def counts(self) -> List[int]:
-        """Left and right counter."""
         (frame,) = self.say(b"@6e")
         return [frame.args[1], frame.args[0]]
 
     def levels(self) -> Set[int]:
-        """Outputs that are high now."""
         return {pin for pin in OUTPUTS if self.machine.pin(pin)}
 
     def rises(self) -> List[int]:
@@ -137,7 +134,6 @@ class Board(Rig):
 
 @pytest.fixture
 def board() -> Iterator[Board]:
-    """A board with a TB6612, ready to drive."""
     each = Board().boot().configure()
     yield each
     each.close()
@@ -145,7 +141,6 @@ def board() -> Iterator[Board]:
 
 @pytest.fixture
 def blank() -> Iterator[Board]:
-    """A board with a blank EEPROM, from its power-up on."""
     each = Board()
     yield each
     each.close()
@@ -153,7 +148,6 @@ def blank() -> Iterator[Board]:
 
 @pytest.fixture(scope="module")
 def saved() -> bytes:
-    """The EEPROM of a board whose configuration has been saved."""
     each = Board().boot().configure()
     each.say(request("save_config"), 0.5)
     contents = each.machine.read_eeprom()
@@ -171,14 +165,12 @@ def test_no_output_rises_before_the_first_move(blank):
 
 
 def test_the_first_instructions_hold_the_outputs_low(blank):
-    """All six are outputs, and low."""
     blank.machine.run_until(blank.machine.cycle + FIRST_INSTRUCTIONS)
     assert {change.pin for change in blank.machine.pin_changes()} == set(OUTPUTS)
 
 
 @pytest.mark.parametrize("restart", ["reset", "brown_out"])
 def test_a_reset_in_motion_leaves_the_outputs_low(board, restart):
-    """The resistors hold them, then the program does."""
     board.say(HALF_DUTY)
     assert board.rises()
     getattr(board.machine, restart)()
@@ -192,7 +184,6 @@ def test_a_reset_in_motion_leaves_the_outputs_low(board, restart):
 
 @pytest.mark.parametrize("move", MOVES)
 def test_with_a_damaged_eeprom_every_move_is_refused(saved, move):
-    """One bit of the stored configuration is wrong."""
     damaged = bytearray(saved)
     damaged[20] ^= 0x10
     board = Board(bytes(damaged)).boot()
@@ -202,7 +193,6 @@ def test_with_a_damaged_eeprom_every_move_is_refused(saved, move):
 
 
 def test_a_saved_configuration_drives_after_power_up(saved):
-    """The counterpart of the test above."""
     board = Board(saved).boot()
     board.say(HALF_DUTY)
     assert board.duties()[LEFT[0]] > 0.1
@@ -273,14 +263,12 @@ def test_a_loop_that_goes_on_after_a_missed_kick_drives_again(board):
 @pytest.mark.parametrize("wheel", [0, 1])
 @pytest.mark.parametrize("way, sign", [(1, 1), (-1, -1)])
 def test_each_edge_is_a_count(board, wheel, way, sign):
-    """Forward, channel A comes before B."""
     pins = ENCODERS[2 * wheel : 2 * wheel + 2][::way]
     board.turn(pins, 1000, 10_000)
     assert board.counts()[wheel] == sign * 1000
 
 
 def test_a_step_of_both_channels_is_counted_as_impossible(board):
-    """And moves no counter."""
     at = board.machine.cycle + 1000
     for pin in (LEFT_A, LEFT_B):
         board.machine.plan_edges(pin, [at])
@@ -289,7 +277,6 @@ def test_a_step_of_both_channels_is_counted_as_impossible(board):
 
 
 def test_an_encoder_of_one_channel_counts_both_edges_of_it(board):
-    """Upwards; channel B, which may be open, is not looked at."""
     board.configure(wiring=SET + SINGLE_CHANNEL)
     board.oscillate(LEFT_B, 300e3, 0.1)
     gap = HZ // 1000
@@ -331,19 +318,11 @@ def test_an_oscillating_line_delays_no_stop(board):
 
 
 def test_open_encoder_lines_are_pulled_up(board):
-    """Encoders with open collectors need it."""
     pulled_up = {pin for pin in ENCODERS if board.machine.peek(PORT[pin < 8])[0] >> pin % 8 & 1}
     assert pulled_up == set(ENCODERS)
 
 
 # ---- sleep
-
-
-def test_an_idle_board_sleeps(board):
-    """It looks at its wheels 200 times a second."""
-    begun, awake = board.machine.cycle, board.machine.awake_cycles
-    board.run(1.0)
-    assert board.machine.awake_cycles - awake <= 0.05 * (board.machine.cycle - begun)
 
 
 # ---- PWM
@@ -360,7 +339,6 @@ PWM_HZ = {
 
 @pytest.mark.parametrize("name", BRIDGES[1:])
 def test_each_bridge_has_its_pwm_rate(board, name):
-    """The table of HARDWARE.md."""
     board.configure(bridge=BRIDGES.index(name))
     board.say(HALF_DUTY)
     board.machine.pin_changes()
@@ -371,7 +349,6 @@ def test_each_bridge_has_its_pwm_rate(board, name):
 
 @pytest.mark.parametrize("name", BRIDGES[1:])
 def test_full_duty_is_a_constant_level(board, name):
-    """Without a gap at the timer's turn."""
     board.configure(bridge=BRIDGES.index(name))
     board.say(b"@10,100,100e", 0.02)
     board.machine.pin_changes()

@@ -53,7 +53,6 @@ def test_commands_are_carried_out_in_time(rig, command, code, limit_us):
 
 
 def test_a_command_on_an_idle_line_does_not_wait_for_a_reading():
-    """A reading waits while a request arrives."""
     rig = Rig(FIRMWARE).fit_imu(PERIOD_MS).settle()
     delays_us = measures.command_delays_us(rig, b"@11,500,-800e", measures.MOVE, 100)
     rig.close()

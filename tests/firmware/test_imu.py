@@ -52,10 +52,6 @@ def capabilities(board):
     return board.field("read_protocol", "capabilities")
 
 
-def faults(board):
-    return board.field("read_status", "faults")
-
-
 def imu_frames(board):
     return [frame for frame in board.frames() if frame.code == 46]
 
@@ -154,24 +150,6 @@ def test_the_imu_is_read_directly_after_the_counters(both, last, phase_ms):
     assert max(after) < READ_S
 
 
-def test_the_imu_gets_its_turn_in_a_full_stream(both):
-    """At full rate, with the line full all the time."""
-    both.send("start_stream", wait_s=0.1)
-    both.forget()
-    both.run(1.0)
-    assert len(imu_frames(both)) == pytest.approx(100, abs=2)
-    assert len(both.heard) * BYTE_S >= 0.97
-
-
-def test_a_full_stream_lets_the_imu_pass_at_once(both):
-    """Not only when it is late, half a period after it was due."""
-    both.send("stop_imu_stream")
-    both.send("start_stream", wait_s=0.05)
-    both.forget()
-    both.send("start_imu_stream", 10000, wait_s=0.05)
-    assert imu_frames(both)
-
-
 def test_the_imu_gets_its_turn_between_encoder_frames_that_leave_it_no_gap(both):
     """The serial link has room for both streams, but not for a whole IMU frame between two others."""
     both.check(False)
@@ -190,7 +168,6 @@ def test_a_flood_of_questions_does_not_starve_the_imu(board):
 
 
 def test_a_frame_that_never_ends_does_not_starve_the_imu(board):
-    """Its readings wait for the end of a request, but not for long."""
     board.send("start_imu_stream", 20, wait_s=0.05)
     board.raw(b"@")
     board.forget()
@@ -214,7 +191,6 @@ def test_the_stream_of_encoders_alone_is_reported(board):
 
 @pytest.mark.parametrize("request_", [("start_imu_stream", 100), ("read_imu",)])
 def test_what_was_read_for_a_frame_that_was_not_sent_is_forgotten(both, request_):
-    """The streams end between a reading and its frame."""
     both.check(False)
     both.forget()
     gyro, counts = [], []
@@ -234,7 +210,7 @@ def test_what_was_read_for_a_frame_that_was_not_sent_is_forgotten(both, request_
 def test_a_chip_that_vanishes_without_a_stream_is_a_fault(board):
     board.chip.present = False
     board.run(LOST_S)
-    assert faults(board) & FAULT
+    assert board.faults() & FAULT
 
 
 def test_a_loss_of_power_without_a_stream_is_noticed_within_a_second(board):

@@ -73,15 +73,6 @@ def test_not_ready_at_first(bench):
     assert first == (-1, -1, -1) and second[1:] == (-1, -1) and -1 not in board.ask("read_sonars").args
 
 
-def test_power_comes_250_ms_before_the_first_trigger(bench):
-    plant = Wired([100] * 3)
-    board = bench(plant=plant)
-    board.run(0.5)
-    on = next(t for pin, level, t in plant.pins if (pin, level) == (POWER, 1))
-    trigger = next(t for pin, level, t in plant.pins if (pin, level) == (TRIGGER, 1))
-    assert trigger - on >= 0.25
-
-
 def test_trigger_is_a_pulse(bench):
     """20 us at least, and over before the chain's end."""
     plant = Wired([100] * 3)
@@ -92,7 +83,6 @@ def test_trigger_is_a_pulse(bench):
 
 
 def test_chain_starts_again_after_three_readings(bench):
-    """No sensor fires while another listens."""
     plant = Wired([100] * 3)
     board = bench(plant=plant)
     board.run(3.0)

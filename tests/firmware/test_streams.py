@@ -72,7 +72,7 @@ def test_failed_reads_leave_no_stream_frame(bench):
     assert not board.heard
     board.board.nack = lambda address, data: False
     board.run(0.2)
-    assert board.field("read_status", "faults") & 1 and board.frames()
+    assert board.faults() & 1 and board.frames()
 
 
 def test_a_reply_whose_read_fails_stays_unfinished(bench):
@@ -104,7 +104,6 @@ def test_checked_stream_carries_sequence_without_gap(bench):
 
 
 def test_board_time_is_that_of_the_read(bench):
-    """Within two passes of when the counters were fetched."""
     board = bench()
     board.check(True)
     board.forget()

@@ -48,7 +48,6 @@ class Parts:
         self.native.pc_wheel_travel.restype = ctypes.c_int32
 
     def is_driven_by(self, command: str, *args: int) -> None:
-        """Gives a command to the wheel."""
         getattr(self.native, f"pc_wheel_{command}")(*args)
 
 
@@ -70,7 +69,6 @@ EDGES: Dict[str, List[int]] = {
 
 @pytest.mark.parametrize("name", EDGES)
 def test_settings_are_those_of_the_parameters(name):
-    """Also where they cannot be controlled any more."""
     for value in EDGES[name]:
         parts = Parts(**{**KIT, name: value})
         assert parts.found == parts.settings, value
@@ -199,7 +197,6 @@ def test_a_speed_is_estimated_as_by_the_emulated_board():
 
 
 def test_a_counter_reads_as_the_emulated_one():
-    """Presets, prescalers and positions, forward and backward."""
     chance, parts, counter, travel = random.Random(9), Parts(**KIT), EncoderCounter(), 0
     for step in range(4000):
         travel += round(chance.choice((1, 10, 1000)) * chance.gauss(0, 1))

@@ -181,7 +181,6 @@ class Turned:
 
     @property
     def direction(self) -> int:
-        """The last direction of the drive."""
         return int(self.parts.native.pc_wheel_last_direction())
 
     def speed_of(self, counts: int) -> int:
@@ -221,7 +220,6 @@ def test_the_sign_of_the_speed_to_a_position_does_not_matter(speed):
 
 
 def test_the_speed_to_a_position_grows_no_more_beyond_5000_counts():
-    """Only the fastest wheels are not at full speed there."""
     wheel = Turned(**OPEN, **FASTEST_COUNTS)
     wheel.give("go_to", 5000, FULL)
     near = wheel.run(50)
@@ -237,7 +235,6 @@ def test_the_integral_begins_at_zero_with_a_new_mode():
 
 
 def test_the_integral_begins_at_zero_after_a_stop():
-    """Also if a new speed comes before the next period."""
     wheel = Turned(**SLOW_INTEGRAL)
     wheel.give("set_speed", wheel.speed_of(10) + 100)
     wheel.run(5, moved=10)
@@ -265,7 +262,6 @@ def watch_the_least_error(wheel: Turned) -> None:
 
 
 def test_the_ramp_begins_at_zero_after_a_stop():
-    """Also if a new duty comes before the next period."""
     wheel = Turned(ramp_time=RAMP_TIME)
     wheel.give("set_duty", FULL)
     wheel.run(50)

@@ -79,7 +79,6 @@ def test_long_text_comes_in_pieces(radio):
 
 
 def test_texts_behind_each_other(radio):
-    """The second waits until the host has got the first."""
     radio.hear(received(b"one") + received(b"two"), wait_s=0.2)
     assert [frame.args[4:] for frame in radio.frames()] == [words(b"one"), words(b"two")]
 
@@ -118,7 +117,6 @@ def test_noise_before_a_packet(radio, noise):
 
 @pytest.mark.parametrize("length", [97, 200, 255])
 def test_packet_longer_than_any_is_not_waited_for(radio, length):
-    """Its length is wrong: what follows is looked at again."""
     radio.hear(b"\x7e\x00" + bytes([length]) + received(b"next"), wait_s=0.04)
     assert [frame.args[4:] for frame in radio.frames()] == [words(b"next")]
 

@@ -25,7 +25,6 @@ class TwinDecoder:
         self._seen = bytearray()
 
     def feed(self, data: bytes) -> List[Event]:
-        """Frames and garbage completed by `data`."""
         events: List[Event] = []
         for byte in data:
             verdict = self._native.pc_decoder_feed(byte)

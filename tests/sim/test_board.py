@@ -43,7 +43,6 @@ def drives(request):
 
 
 def test_a_reset_stops_the_motors_within_2_ms(drives):
-    """The bootloader's second on a real Uno comes before."""
     drives.engine.reset()
     drives.engine.advance(0.502)
     assert [command.code for command in drives.plant.motor_board.commands][:1] == [0xFC]

@@ -7,7 +7,6 @@ import sys
 
 import pytest
 
-from mrl_driver.errors import ConfigError
 from sim_arduino.serve import factory
 from sim_arduino.serve.minimal import CLOSE_WAIT_S, Shutdown, Team, main
 
@@ -59,10 +58,7 @@ def test_board_does_not_wait_for_a_host_that_stays(ending):
     ("option", "value", "said"),
     [
         ("--world", "moon", "world 'moon' is unknown, expected corridor"),
-        ("--robot", "moon", "robot 'moon' is unknown, expected duo, omni"),
-        ("--engine", "simavr", "engine is 'simavr', expected python, avr"),
         ("--pose", "1,2", "pose is '1,2', expected X,Y,YAW"),
-        ("--imu-seed", "3", "errors of an IMU are given without an IMU, expected --imu too"),
     ],
 )
 def test_wrong_option_costs_one_line(capsys, tmp_path, option, value, said):
@@ -77,7 +73,6 @@ PROGRAM = "import sys; from sim_arduino.serve.minimal import main; sys.exit(main
 
 @pytest.fixture
 def board(tmp_path):
-    """The process, serving at `tmp_path / "port"`."""
     command = [sys.executable, "-c", PROGRAM, "--link", str(tmp_path / "port")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -101,18 +96,3 @@ def test_a_team_has_the_emulated_robots_by_their_numbers():
     assert [each.robot for each in team.options] == ["traxbot", "stingbot", "stingbot"]
     assert [each.environment for each in team.options] == [False, False, False]
     assert team.places == [0, 2, 3]
-
-
-def test_a_team_without_an_emulated_robot_is_refused():
-    with pytest.raises(ConfigError, match=r"no port of '/dev/ttyACM0' is sim"):
-        Team.of("/dev/ttyACM0", factory.Options())
-
-
-def test_each_robot_of_a_team_has_a_place_of_its_own():
-    team = Team.of(",".join(["sim"] * 20), factory.Options())
-    robots = factory.make_all(team.options, team.places)
-    poses = [robot.plant.true_pose for robot in robots]
-    for robot in robots:
-        robot.close()
-    gaps = [math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) for i, a in enumerate(poses) for b in poses[:i]]
-    assert min(gaps) == pytest.approx(0.5, abs=1e-3)

@@ -12,7 +12,6 @@ from sim_arduino.board.bridge_wires import BridgeWires
 from sim_arduino.hardware.bridge import BRIDGES, Shares
 from sim_arduino.hardware.bridge_plant import ENCODER_PINS, motor_of, motor_params
 from sim_arduino.hardware.omni3md import ADDRESS
-from sim_arduino.hardware.robot_physics import Errors
 from sim_arduino.hardware.wiring import Plant
 from tests.models import bridged
 
@@ -79,24 +78,6 @@ def test_cables_lead_outputs_to_wheels_and_encoders_to_inputs(wires, driven, tur
     assert signs(plant.bridge.motor(wheel).speed for wheel in (0, 1)) == turned
     assert signs(counts(edges)) == counted
     assert edges == sorted(edges)
-
-
-def test_a_blocked_wheel_stands_still_and_draws_the_stall_current():
-    """Both motors at stall: 2 x 12.6 V / 10.5 Ohm through 0.1 Ohm."""
-    plant = plant_of()
-    for wheel in (0, 1):
-        plant.bridge.motor(wheel).blocked = True
-    rest_v = plant.bridge.battery_v
-    assert drive(plant, 1, 1) == []
-    stall_a = 2 * plant.bridge.battery_v / 10.5
-    assert rest_v - plant.bridge.battery_v == pytest.approx(0.1 * stall_a, abs=0.01)
-
-
-def test_a_smaller_wheel_counts_the_same_and_goes_less_far():
-    plant = plant_of(errors=Errors(left_scale=0.96, right_scale=0.96))
-    other = plant_of()
-    assert counts(drive(plant, 1, 1)) == pytest.approx(counts(drive(other, 1, 1)), rel=0.01)
-    assert plant.true_pose.x_m == pytest.approx(0.96 * other.true_pose.x_m, rel=0.01)
 
 
 def test_the_full_speed_of_a_model_is_its_motors_no_load_speed():
@@ -203,21 +184,7 @@ def rig():
 
 
 def full(chip):
-    """Left and right forward at full duty (TB6612)."""
     chip.duties = {5: 1.0, 6: 1.0, 7: 0.0, 11: 1.0, 3: 1.0, 9: 0.0}
-
-
-def test_the_motors_get_the_shares_of_the_slice_before(rig):
-    """Outputs that rise in the first slice drive the motors from its end on."""
-    chip, plant, wires = rig
-    full(chip)
-    chip.duties[5] = 0.25
-    still = wires.moving
-    wires.run(MS, chip.run_until)
-    assert [plant.bridge.motor(wheel).shares.forward for wheel in (0, 1)] == pytest.approx([0.25, 1.0])
-    wires.run(2 * MS, chip.run_until)
-    assert plant.bridge.motor(1).speed > 0.0
-    assert (still, wires.moving) == (False, True)
 
 
 def test_edges_are_planned_ahead_of_the_chip_and_none_is_missing(rig):
@@ -231,22 +198,6 @@ def test_edges_are_planned_ahead_of_the_chip_and_none_is_missing(rig):
         assert cycles == sorted(cycles)
     turned = plant.bridge.motor(0).travel + plant.bridge.motor(1).travel
     assert len(chip.edges) == pytest.approx(turned, abs=2) and turned > 100
-
-
-def test_no_edge_is_planned_in_the_past(rig):
-    """A wire that breaks jumps at the end of a slice, which the chip has passed by some cycles."""
-    chip, plant, wires = rig
-    wires.run(MS, chip.run_until)
-    plant.bridge.encoder(0).open(0, True)
-    wires.run(2 * MS, chip.run_until)
-    assert chip.edges == [(2 * MS + chip.overshoot, 2, 2 * MS + chip.overshoot)]
-
-
-def test_the_motors_are_at_most_one_slice_ahead(rig):
-    chip, plant, wires = rig
-    for cycle in (1, 100, MS - 10, MS, MS + 1, 5 * MS + 7):
-        wires.run(cycle, chip.run_until)
-        assert 0.0 <= plant.bridge.time_s - chip.cycle / MHZ <= 1e-3
 
 
 def test_slices_do_not_depend_on_how_the_engine_is_called():

@@ -24,7 +24,6 @@ def config(**changed):
 
 @pytest.fixture
 def driving():
-    """A duo at 0.2 m/s since 2 s."""
     board = PythonBoard(Plant(DUO, World()))
     board.advance(0.1)
     board.receive(b"@11,200,0e")
@@ -37,7 +36,6 @@ def is_driven(board):
 
 
 def test_the_watchdog_switches_the_outputs_of_a_standing_program_off(driving):
-    """It drives on until then, and rolls out."""
     before_m = driving.plant.true_pose.x_m
     driving.gap(10.0, b"")
     way_m = driving.plant.true_pose.x_m - before_m

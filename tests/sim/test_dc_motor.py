@@ -34,7 +34,6 @@ def test_the_data_of_a_motor_and_its_load_give_its_equations():
 @pytest.mark.parametrize("u", [1e-6, 0.9e-3, 1.1e-3, 0.5, 3.0])
 @pytest.mark.parametrize("time_s", [0.1, 2.0])
 def test_a_piece_of_motion_is_the_integral_of_its_exponential(time_s, u):
-    """Speed and travel as power series in rate x time."""
     first = time_s * math.fsum((-u) ** n / math.factorial(n + 1) for n in range(40))
     second = time_s**2 * math.fsum((-u) ** n / math.factorial(n + 2) for n in range(40))
     travel, speed = Motion(0.0, time_s, 0.0, 0.0, 5.0, u / time_s).after(time_s)

@@ -61,7 +61,6 @@ class Duo:
             self.run(0.01)
 
     def status(self):
-        """The reply to `read_status`, by field."""
         self.send("read_status")
         row = BY_NAME["read_status"]
         (args,) = [frame.args for frame in self.run(0.02) if frame.code == row.code]
@@ -85,7 +84,6 @@ class Duo:
 
 @pytest.fixture(params=ENGINES)
 def duo(request):
-    """Makes a robot, with options of `Duo`."""
     made = []
 
     def make(**options):
@@ -99,7 +97,6 @@ def duo(request):
 
 @pytest.mark.parametrize("phase", [0.0, 0.2])
 def test_a_step_to_300_mm_s_is_quick_and_exact(duo, phase):
-    """Without a ramp; the encoders' phase error costs nothing."""
     robot = duo(errors=Errors(encoder_phase=phase))
     robot.set(ramp_time=0)
     robot.send("move_differential", 300, 0)

@@ -18,7 +18,6 @@ ORDER = {(0, 0): (1, 0), (1, 0): (1, 1), (1, 1): (0, 1), (0, 1): (0, 0)}
 
 
 def steady(counts_s, duration_s, travel=0.0):
-    """A motion at one speed."""
     return Motion(0.0, duration_s, travel, counts_s, 0.0, 0.0)
 
 
@@ -87,7 +86,6 @@ def test_an_open_wire_is_pulled_up_and_silent():
 
 
 def test_a_mended_wire_shows_the_encoder_again():
-    """The level jumps to the encoder's, and counting goes on."""
     encoder = Quadrature()
     encoder.open(A, True)
     encoder.follow(0.0, 1.0, [])
@@ -140,7 +138,6 @@ FORWARD = ((0, 1), (1, 1), (0, 0), (1, 0))
 
 
 def edges_of(encoder, steps, start_s=0.0):
-    """Edges 1 ms apart."""
     return [
         PinEdge(start_s + 1e-3 * n, ENCODER_PINS[encoder][channel], level)
         for n, (channel, level) in enumerate(steps, 1)

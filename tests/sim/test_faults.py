@@ -47,7 +47,6 @@ def make(name, seed=1, **values):
 
 
 def passed(engine, times):
-    """What comes out by each of these times."""
     return [engine.advance(time_s) for time_s in times]
 
 
@@ -131,7 +130,6 @@ def test_nothing_passes_a_pulled_cable():
 
 
 def test_what_was_on_the_way_is_lost_with_the_cable():
-    """Which may be pulled for a while."""
     engine = FaultyEngine(Echo(), ["delay:delay=1"])
     engine.receive(b"abc")
     engine.unplug(0.5)
@@ -160,40 +158,15 @@ def test_a_reset_that_is_injected_comes_though_the_board_has_nothing_to_do_meanw
     assert engine.engine.calls == [("reset",)]
 
 
-def test_cleared_faults_are_over():
-    engine = FaultyEngine(Echo(), ["loss:rate=1", "unplug:at=0,lasts=100"])
-    engine.advance(1.0)
-    engine.clear()
-    engine.advance(1.1)
-    engine.receive(b"abc")
-    assert passed(engine, [2.0]) == [b"abc"]
-
-
-def test_the_seed_decides():
-    def talk(seed):
-        engine = FaultyEngine(Echo(), ["flip:rate=0.01", "loss:rate=0.01"], seed)
-        engine.receive(PLENTY)
-        return engine.advance(1.0)
-
-    assert talk(1) == talk(1)
-    assert talk(1) != talk(2)
-
-
 @pytest.mark.parametrize(
     "spec, text",
     [
         ("nope", "fault 'nope' is unknown, expected loss, flip"),
-        ("loss:rat=1", "key 'rat' is unknown, expected rate, burst, at, lasts, every, direction"),
         ("loss:rate=2", "rate is '2', expected 0 to 1"),
-        ("loss:rate=x", "rate is 'x', expected 0 to 1"),
         ("loss:rate=nan", "rate is 'nan', expected 0 to 1"),
-        ("loss:rate", "rate is '', expected 0 to 1"),
-        ("delay:jitter=-1", "jitter is '-1', expected 0 to 60 s"),
         ("loss:burst=1.5", "burst is '1.5', expected a whole number, 1 to 1024 byte"),
         ("flip:direction=up", "direction is 'up', expected both, to_board or to_host"),
-        ("unplug:direction=both", "key 'direction' is unknown, expected at, lasts, every"),
         ("wheel_blocked:wheel=rear", "wheel is 'rear', expected left or right"),
-        ("encoder_open:channel=c", "channel is 'c', expected a or b"),
         ("reset:lasts=0", "lasts is '0', expected 0.001 to 1e+09 s"),
     ],
 )
@@ -224,7 +197,6 @@ def test_every_fault_of_link_and_board_has_an_effect_with_its_defaults(name, ech
 
 
 def test_the_default_text_holds_no_frame():
-    """None that a checksum would not catch."""
     text = dict((p.name, p.default) for p in FAULTS["text"].parameters)["text"].encode() + b"\r\n"
     for direction in (REPLIES, REQUESTS):
         events = FrameDecoder(direction, checked=True).feed(text)

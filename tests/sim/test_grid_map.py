@@ -12,8 +12,6 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.world import grid_map, map_score
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
-from sim_arduino.world.shapes import Wall, polygon
-from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
 GOOD = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
@@ -90,16 +88,6 @@ def test_a_world_that_is_too_large_to_draw_is_refused_before_memory_is_taken(tmp
         grid_map.draw(load(str(path)))
 
 
-def test_floor_behind_corners_is_reached_and_what_walls_enclose_is_not():
-    """A spiral, and a closed room."""
-    ends = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 1), (2, 1), (2, 2), (1, 2)]
-    spiral = [Wall(*a, *b) for a, b in zip(ends, ends[1:])]
-    room = polygon([(4, 0), (5, 0), (5, 1), (4, 1)])
-    grid = grid_map.draw(World([*spiral, *room], Pose(1.5, 1.5, 0.0)), 0.1, 0.5)
-    place = lambda x, y: grid.cells[int((y + 0.5) / 0.1), int((x + 0.5) / 0.1)]  # noqa: E731
-    assert [place(1.5, 1.5), place(0.5, 0.5), place(4.5, 0.5)] == [FREE, FREE, UNKNOWN]
-
-
 def test_a_drawn_map_comes_back(tmp_path):
     grid = grid_map.draw(load("l-course"), 0.05)
     path = str(tmp_path / "map.yaml")
@@ -114,28 +102,19 @@ def test_a_drawn_map_comes_back(tmp_path):
     [
         ({"resolution": 0}, "map.yaml: resolution is 0, expected a number from 0.001 to 10"),
         ({"origin": [0, 0]}, r"origin is \[0, 0\], expected \[x m, y m, yaw rad\]"),
-        ({"origin": [0, math.nan, 0]}, "origin is"),
-        ({"resolution": True}, "resolution is True"),
         ({"origin": 7}, "origin is 7, expected"),
         ({"image": 5}, "image is 5, expected the name of a PGM or PNG file"),
-        ({"image": "none.pgm"}, "none.pgm: No such file"),
-        ({"negate": 2}, "negate is 2, expected a number from 0 to 1"),
         ({"mode": "fine"}, "mode is 'fine', expected trinary or scale or raw"),
         ({"resolutoin": 1}, "key resolutoin is unknown, expected image, resolution"),
         ({"picture": b"\x89PNG\r\n"}, r"map.pgm: begins with b'\\x89PNG"),
         ({"picture": b"\x89PNG\r\n\x1a\n123"}, "map.pgm: .*, expected a PNG picture"),
         ({"picture": b"P5 4 3 255\n123"}, "has 3 pixels, expected 4 x 3 = 12"),
-        ({"picture": b"P5 0 3 255\n"}, "0 x 3 pixels"),
-        ({"picture": b"P2 1 1 255\nnan"}, "expected whole numbers"),
         ({"picture": b"P2 1 1 255\n" + b"9" * 30}, "expected whole numbers of at most 9 digits"),
         ({"picture": b"P2 2 1 255\n-1 0"}, "has b'-1 0' among the pixels, expected whole numbers"),
         ({"picture": b"P2 2 1 255\n999 0"}, "has pixels from 0 to 999, expected 0 to 255"),
-        ({"picture": b"P2 1 1 255\n \n"}, "has 0 pixels, expected 1 x 1 = 1"),
         ({"picture": b"P5 1 65537 255\n"}, "1 x 65537 pixels .* and sides up to 65536"),
-        ({"picture": b"P5 1 1 9\n\x0a"}, "has pixels from 10 to 10, expected 0 to 9"),
         ({"picture": b"P5 " + b"9" * 5000 + b" 1 255\n"}, "expected a PGM header"),
         ({"picture": b"P5 9000 9000 255\n"}, "9000 x 9000 pixels up to 255, expected 1 to 64000000"),
-        ({"picture": b"P5 1 1 65536\n"}, "pixels up to 65536, expected 1 to 64000000 pixels up to 65535"),
         ({"free_thresh": 0.7}, "free_thresh is 0.7, expected a number from 0 to 0.65"),
     ],
 )
@@ -150,10 +129,8 @@ def test_bad_maps_name_file_key_and_value(tmp_path, changes, message):
     "changes",
     [
         {"origin": [0.0, 0.0, "nan"]},
-        {"origin": [0.0, 0.0, "-nan"]},
         {"origin": [0.0, 0.0, math.nan]},
         {"origin": [0.0, 0.0, 0.0, 1.0]},
-        {"negate": False},
         {"occupied_thresh": 0.65, "free_thresh": 0.196, "cost_translation_table": "default"},
     ],
     ids=str,
@@ -251,14 +228,3 @@ def test_the_frame_of_the_map_is_turned_and_moved(room):
     back = Pose(0.0, 0.0, 0.0).relative_to(frame)
     turned = made._replace(origin=back.compose(*made.origin))
     assert map_score.score(turned, room, frame) == pytest.approx(map_score.score(made, room), abs=1e-6)
-
-
-def test_walls_that_nobody_can_see_do_not_count(tmp_path):
-    world = tmp_path / "world.yaml"
-    world.write_text(
-        "walls: [[-1, -1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1], [-1, 1, -1, -1], [2, 0, 3, 0]]\n"
-    )
-    made = GridMap(np.full((48, 48), FREE, np.int8), CELL_M, Pose(-1.2, -1.2, 0.0))
-    for edges in (np.s_[4, 4:44], np.s_[43, 4:44], np.s_[4:44, 4], np.s_[4:44, 43]):
-        made.cells[edges] = OCCUPIED
-    assert map_score.score(made, load(str(world))).found == 1.0

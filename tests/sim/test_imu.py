@@ -37,7 +37,6 @@ def set_up(imu, time_s=0.0):
 
 
 def measured(imu, time_s=0.0):
-    """Accelerations [m/s2] and rates [rad/s]."""
     values = struct.unpack(">7h", registers(imu, chip.ACCEL_XOUT_H, 14, time_s))
     return [n * M_S2_PER_COUNT for n in values[:3]], [n * RAD_S_PER_COUNT for n in values[4:]]
 
@@ -154,7 +153,6 @@ def test_an_imu_off_the_middle_feels_the_turn():
 
 
 def test_the_mount_turns_what_is_measured():
-    """A chip upside down, its x to the robot's left."""
     imu = alone(mount=ImuMount(roll_deg=180.0, yaw_deg=90.0))
     imu.moved(1.0, 0.0, 0.0, 1.0)
     accel, gyro = measured(imu)
@@ -193,12 +191,6 @@ def test_drawn_errors_are_repeatable_and_within_the_data_sheet():
     assert statistics.pstdev(scales) == pytest.approx(0.01, rel=0.1)
 
 
-def fitted(**options):
-    made = factory.make(factory.Options(**options))
-    made.close()
-    return made.plant.imu
-
-
 def test_each_robot_of_a_team_has_errors_of_its_own():
     robots = factory.make_team(
         factory.Options(imu=True, imu_seed=3, footprint="none"), ["one", "two"], ["0,0,0", "1,0,0"]
@@ -211,9 +203,3 @@ def test_each_robot_of_a_team_has_errors_of_its_own():
         rates.append(robot_.plant.imu.sensor.gyro_rad_s[2])
     expected = [ImuErrors.drawn(seed).gyro_bias_rad_s[2] for seed in (3, 4)]
     assert rates == pytest.approx(expected, abs=math.radians(0.3))
-
-
-def test_the_models_scale_is_the_chips():
-    imu = alone(mount=ImuMount(gyro_scale=1.02))
-    imu.moved(1.0, 0.0, 0.0, 1.02)
-    assert measured(imu)[1][2] == pytest.approx(1.0, abs=COUNT * RAD_S_PER_COUNT)

@@ -193,7 +193,6 @@ def test_a_motor_on_its_ramp_to_zero_is_not_stood_before_the_end():
 
 
 def test_a_motor_that_was_stood_begins_its_next_motion_from_nothing():
-    """Neither its integral nor its last error is left."""
     motor = Motor(PARAMS)
     motor.set_speed(6000.0)
     motor.control(TICK_S, ControlSettings(0, 400, 0, 0))
@@ -449,7 +448,6 @@ def test_a_command_that_is_repeated_changes_nothing(again):
     ],
 )
 def test_who_is_at_rest(begin, rests):
-    """Only a motor that nothing will move before the next command."""
     motor = Motor(LOADED)
     begin(motor)
     assert motor.at_rest is rests

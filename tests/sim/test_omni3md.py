@@ -50,7 +50,6 @@ def modes(board):
     "data", [struct.pack(">BBh2B", 0xEF, 1, 77, 0, 0), b"\xf1\x03\xaa\x04\x55"], ids=["preset", "time-out"]
 )
 def test_settings_need_their_key(data):
-    """The time-out's is its value twice."""
     board = fresh()
     Omni3MDRegisters(board).write(data, 0.0)
     assert (board.encoder(1, 0.0), board.timeout_s) == (0, 0.0)
@@ -197,9 +196,6 @@ def test_all_keys_of_a_robot():
     [
         ("axel=1", "--error 'axel=1': key 'axel' is unknown, expected wheel_ratio, wheel_size, axle, slip"),
         ("axle=3", "axle is '3', expected 0.5 to 2"),
-        ("axle", "axle is '', expected 0.5 to 2"),
-        ("axle=nan", "axle is 'nan'"),
-        ("slip=1", "slip is '1', expected 0 to 0.9"),
         ("slip=-0.1", "slip is '-0.1', expected 0 to 0.9"),
         ("nowhere.yaml", "No such file"),
     ],

@@ -63,7 +63,6 @@ def test_the_body_makes_up_for_23_ms_of_a_time_constant_of_80_ms(load, time_cons
 
 
 def test_a_brake_is_as_much_weaker_as_the_motor_is_slower():
-    """The torque is the same, the inertia is not."""
     motors = [params_for(TRAXBOT, Errors(load=load)).motor for load in (1.0, 3.0)]
     one, three = (motor.brake_counts_s2 * motor.time_constant_s for motor in motors)
     assert three == pytest.approx(one)
@@ -97,7 +96,6 @@ def test_each_wheel_has_its_own_size():
 
 
 def test_the_slip_of_a_robot_adds_to_that_of_its_model():
-    """What is left of a turn is the product of what both leave."""
     slipping = TRAXBOT._replace(drive=TRAXBOT.drive._replace(turn_slip=0.2))
     assert params_for(slipping, Errors(turn_slip=0.1)).turn_slip == pytest.approx(1 - 0.8 * 0.9)
 
@@ -147,7 +145,6 @@ def test_a_battery_is_steep_at_both_ends_and_flat_between(charge, volts):
     ],
 )
 def test_a_moving_robot_is_reported_in_steps_of_20_ms_that_end_at_the_ticks_of_its_board(longest_s, steps):
-    """Or in shorter ones, as requested."""
     robot = body()
     robot.motors[0].set_duty(0.5)
     seen = motions_of(robot, longest_s)
@@ -269,7 +266,6 @@ def test_an_obstacle_leaves_a_share_of_a_motion(share):
     ],
 )
 def test_an_obstacle_is_looked_for_by_pose_duration_and_the_furthest_wheel(omni, speeds, furthest_m):
-    """The rear wheel counts if there is one."""
     robot, asked = body(omni=omni), []
     turn_wheels(robot, *speeds)
     robot.allow = lambda old, furthest, after, dt: (

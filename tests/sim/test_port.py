@@ -30,7 +30,6 @@ def test_bytes_pass_unchanged_both_ways(port):
 
 
 def test_bytes_wait_until_the_opening_before_them_was_noticed(port):
-    """The opening may reset the board, and it counts once."""
     with Client(port.path) as client:
         client.send(b"@13e")
         assert port.read() == b""
@@ -122,7 +121,6 @@ def test_a_link_to_a_port_that_is_served_is_not_taken_over(port, tmp_path):
 
 
 def test_a_link_of_an_emulator_that_was_killed_may_lead_to_the_new_port_already(port, tmp_path):
-    """The system gives the number of a port out again."""
     name = str(tmp_path / "ttyTRAX0")
     os.symlink(port.path, name)
     SymbolicLink(name, port.path).remove()

@@ -115,34 +115,18 @@ def test_command_behind_a_stream_waits_for_a_frame_per_byte():
     assert command.time_s - before == pytest.approx(0.040, abs=0.004)
 
 
-@pytest.mark.parametrize(("rate_hz", "fewest", "most"), [(60, 0, 39), (20, 20, 20)])
-def test_input_buffer_overflows_behind_a_stream(rate_hz, fewest, most):
-    """Above about 26 commands a second."""
-    bench = Bench()
-    bench.send(b"@18e")
-    for i in range(rate_hz):
-        bench.send(b"@11,100,-%de" % (100 + i), wait_s=1 / rate_hz)
-    assert fewest <= len([command for command in bench.commands() if command[0] == 0xEB]) <= most
-
-
 @pytest.mark.parametrize(
     "request_bytes, reached",
     [
         (b"@11,500,-800e", [(0xEB, 500, -800)]),
         (b"@11,-1,0e", []),
-        (b"@11,5e", []),
         (b"@11,50@13e", []),
         (b"@11,50@13e@13e", [(0xFC,)]),
         (b"@13xe", [(0xFC,)]),
         (b"@1x3e", [(0xFB, 1, 0, 0)]),
-        (b"@1 3e", [(0xFB, 1, 0, 0)]),
-        (b"@1\xb23e", [(0xFB, 1, 0, 0)]),
-        (b"@x1e", []),
         (b"@ 13e", [(0xFC,)]),
-        (b"@+13e", [(0xFC,)]),
         (b"@-13e", []),
         (b"@11,5x0,0e", [(0xEB, 5, 0)]),
-        (b"@11,x,0e", [(0xEB, 0, 0)]),
         (b"@11,,5e", []),
         (b"@11,65535,0e", []),
         (b"@13,7,8e", [(0xFC,)]),
@@ -150,13 +134,10 @@ def test_input_buffer_overflows_behind_a_stream(rate_hz, fewest, most):
         (b"@11,12345678,0e", []),
         (b"@11,65636,0e", [(0xEB, 100, 0)]),
         (b"@99e", []),
-        (b"@e", []),
         (b"@11,100,200,300,400,500,600,700,800e@13e", [(0xFC,)]),
         (b"@13," + b"7" * 26 + b"e", [(0xFC,)]),
         (b"@13," + b"7" * 27 + b"e", []),
-        (b"@13," + b"7" * 28 + b"@14e", []),
         (b"@13," + b"7" * 29 + b"@13e", [(0xFC,)]),
-        (b"@14e", []),
     ],
 )
 def test_parser(request_bytes, reached):
@@ -195,31 +176,12 @@ def test_sonars_read_0_until_the_first_request_has_started_them(profile):
     [
         (b"@15e", b"[INFO] Got message: @15e\r\n[INFO] Debug mode is ON!\r\n@15,1e\r\n"),
         (b"@99e", b"[INFO] Got message: @99e\r\n[ERROR] Unknown action: 99\r\n"),
-        (
-            b"@e",
-            b"[INFO] Got message: @e\r\n[ERROR] Could not find an action in the message!\r\n"
-            b"[ERROR] Unknown action: -1\r\n",
-        ),
-        (
-            b"@11,5e",
-            b"[INFO] Got message: @11,5e\r\n[ERROR] Insufficient number of parameters for this action!\r\n",
-        ),
-        (b"@16,0e", b"[INFO] Got message: @16,0e\r\n[INFO] Debug mode is OFF...\r\n"),
     ],
 )
 def test_debug_text_has_lines_of_its_own_and_echoes_the_frame(request_bytes, text):
     bench = Bench()
     bench.send(b"@16,1e")
     assert bench.send(request_bytes) == text
-
-
-def test_the_thermopile_is_read_from_its_ambient_on():
-    """The last pixel is missing, in 22 and for the hottest pixel of 23."""
-    bench = Bench(sonars=False)
-    bench.plant.environment.ambient_c = 20.0
-    bench.plant.environment.pixels_c = (31.0, 32.0, 33.0, 34.0, 35.0, 36.0, 37.0, 99.0)
-    assert bench.send(b"@22e") == b"@22,20,31,32,33,34,35,36,37e\r\n"
-    assert bench.send(b"@23e").split(b"\r\n")[0].endswith(b",37e")
 
 
 @pytest.mark.parametrize("request_bytes, address", [(b"@22e", 0x68), (b"@27e", 0x60)])
@@ -231,22 +193,8 @@ def test_a_sensor_that_is_missing_hangs_the_board_until_a_reset(request_bytes, a
     assert bench.send(b"@17e", wait_s=4.0) == b"@17,0e\r\n"
 
 
-def test_answers_every_command_of_2013():
-    """1 to 28: what the table gives a reply is answered, nothing else is."""
-    bench = Bench()
-    answered = set()
-    for code in range(1, 29):
-        if code in (18, 23, 25, 27):
-            continue
-        count = {2: 3, 3: 2, 4: 2, 9: 2, 10: 2, 11: 2, 12: 3, 16: 1}.get(code, 0)
-        events = FrameDecoder(REPLIES).feed(bench.send(b"@%d" % code + b",1,0,3"[: 2 * count] + b"e"))
-        answered |= {event.code for event in events if isinstance(event, Frame)}
-    assert answered == {5, 6, 7, 8, 15, 17, 20, 21, 22}
-
-
 @pytest.mark.parametrize("robot_id, has_them", [(5, False), (6, True)])
 def test_robot_id_implies_environment_sensors(robot_id, has_them):
-    """Without them, the sonars are at the pins of the gas sensor."""
     emulated = factory.make(factory.Options(profile="2013-august", robot_id=robot_id))
     emulated.engine.advance(4.0)
     emulated.engine.receive(b"@20e")

@@ -4,7 +4,6 @@ from typing import Iterator, List
 
 import pytest
 
-from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
@@ -29,21 +28,18 @@ class Module:
         )
 
     def give(self, data: bytes, at_s: float = 0.0) -> None:
-        """Data of a packet from the board."""
         self.xbee.receive(packet(data), at_s)
 
     def send(self, to: int, text: bytes, at_s: float = 0.0, frame: int = 1) -> None:
         self.give(bytes([0x10, frame]) + to.to_bytes(8, "big") + b"\xff\xfe\0\0" + text, at_s)
 
     def packets(self, to_s: float = LONG_S) -> List[bytes]:
-        """Data of the packets to the board until a time."""
         return [data for each in self.xbee.take(to_s) for data in PacketReader().feed(each)]
 
     def texts(self) -> List[bytes]:
         return [each[12:] for each in self.packets() if each[0] == 0x90]
 
     def statuses(self) -> List[int]:
-        """Delivery statuses."""
         return [each[5] for each in self.packets() if each[0] == 0x8B]
 
 
@@ -96,12 +92,6 @@ def test_each_node_answers_a_search_once_and_no_packet_ends_it(pair):
     assert sorted(each[7:15] for each in found) == [each.to_bytes(8, "big") for each in (TWO, THREE)]
     assert {each[:5] for each in found} == {b"\x88\x01ND\0"}
     assert (two.packets(), three.packets()) == ([], [])
-
-
-def test_two_radios_cannot_have_one_address(pair):
-    one, _ = pair
-    with pytest.raises(ConfigError, match="address 0013a20040000001 is taken"):
-        Module(one.medium, ONE)
 
 
 @pytest.mark.parametrize("x_m, texts", [(5.0, 1), (5.01, 0)])
@@ -159,7 +149,6 @@ class Boards:
         self.engines[number].receive(encode_request(code, *values))
 
     def run(self, seconds: float) -> Iterator[Frame]:
-        """Frames of the second board."""
         self.now_s += seconds
         self.engines[0].advance(self.now_s)
         return self._decoders[1].feed(self.engines[1].advance(self.now_s))

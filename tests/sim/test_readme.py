@@ -43,7 +43,6 @@ def run_pytest(folder, texts, *options, **environment):
 
 
 def test_pytest_finds_the_fixtures_once_installed(tmp_path):
-    """By what an installation leaves behind beside the packages."""
     installed = tmp_path / "mrl_driver-0.dist-info"
     installed.mkdir()
     (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: mrl-driver\nVersion: 0\n")
@@ -63,7 +62,6 @@ QUICK = {name_of(text): text for text in TESTS if "within_s" not in text}
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory):
-    """By pytest of the README's tests without a time limit."""
     return run_pytest(tmp_path_factory.mktemp("readme"), QUICK)
 
 

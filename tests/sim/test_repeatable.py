@@ -52,13 +52,6 @@ def counts(errors, rounds=300, channel=0, others=(), wall_x=1.1):
     return found
 
 
-def test_crosstalk_is_the_echo_of_the_sensor_before():
-    """The left one sees nothing, but hears the front one's echo."""
-    found = counts(SonarErrors(crosstalk=0.3), channel=1)
-    assert set(found) == {645, count_of(1.0)}
-    assert found.count(count_of(1.0)) / len(found) == pytest.approx(0.3, abs=0.08)
-
-
 FACING, TURNED = Pose(5.0, 0.0, math.pi), Pose(5.0, 0.0, 0.0)
 
 
@@ -82,7 +75,6 @@ def test_a_robot_that_faces_away_or_stands_behind_a_wall_or_far_off_is_not_heard
 
 
 def test_the_time_of_a_fast_board_runs_ahead_of_the_hosts(tmp_path):
-    """How far is up to the machine."""
     truth = tmp_path / "truth.jsonl"
 
     def gone_s():

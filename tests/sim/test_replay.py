@@ -114,20 +114,6 @@ def test_check_values_begin_and_end_before_their_remarks(tmp_path):
     assert found["requests"] == {"move_differential": 1}
 
 
-def test_the_path_goes_on_when_check_values_begin(tmp_path):
-    """With the refused readings counted on; each part begins with a baseline of its own."""
-    readings = [(60 * i, 60 * i) for i in range(11)]
-    plain = [f"{i / 50} < @6,{right},{left}e\\r\\n" for i, (right, left) in enumerate(readings)]
-    plain.insert(5, "0.09 < @6,20000,20000e\\r\\n")
-    lines = [f"0.0 < {INFO}", *plain, "0.3 ! checked"]
-    lines += [
-        f"{i / 50 + 1} < {line.split('< ')[1]}" for i, line in enumerate([*checked_lines(readings)][1:])
-    ]
-    found = summary(tmp_path, *lines)
-    assert found["pose"]["x_m"] == pytest.approx(1200 * load("traxbot").drive.metres_per_count)
-    assert found["refused_counts"] == 1
-
-
 def straight(count, jump_at=99):
     return [(60 * i + 1000 * (i >= jump_at),) * 2 for i in range(count)]
 
@@ -180,11 +166,8 @@ def mrl(*args):
 @pytest.mark.parametrize(
     "args, text",
     [
-        (("/nowhere",), "cannot read '/nowhere'"),
-        (("FILE", "--robot", "nope"), "robot 'nope' is unknown"),
         (("FILE", "--speed", "2"), "without --pty"),
         (("FILE", "--pty", "--speed", "-1"), "'--speed': -1.0, expected 0 to 1e+06"),
-        (("FILE", "--pty", "--json"), "expected one of them"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -197,8 +180,6 @@ def test_one_line_and_exit_code_2(tmp_path, args, text):
 
 
 class Replay:
-    """`mrl replay --pty`, ready."""
-
     def __init__(self, *args):
         command = [MRL, "replay", "--pty", *map(str, args)]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -29,7 +29,6 @@ def sensed(pose=HERE, walls=(), **sources):
     ("x_m", "share"), [(0.0, 1.0), (0.5, 1 / math.e), (50.0, 0.0)], ids=["middle", "reach", "far"]
 )
 def test_a_source_is_its_share_of_the_difference_from_what_is_around_it(x_m, share):
-    """Gas lowers its count."""
     around = sensed(**{kind: (Source(x_m, 0, value, 0.5),) for kind, value in (("light", 900), ("gas", 250))})
     assert around.light_count == round(500 + 400 * share)
     assert around.alcohol_count == round(AMBIENT.alcohol_count + (250 - AMBIENT.alcohol_count) * share)

@@ -12,10 +12,8 @@ from hypothesis import strategies as st
 from jsonschema import Draft7Validator
 
 from mrl_driver import yaml_file
-from mrl_driver.calibration.calibration_files import source_of, write_model
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
-from mrl_driver.yaml_form import schema_line
 from sim_arduino.world import world_file
 from sim_arduino.world.world_file import WorldFile
 
@@ -77,12 +75,6 @@ def test_packaged_files_name_their_schema_and_are_valid(kind, folder, names):
         named = re.fullmatch(r"# yaml-language-server: \$schema=(.*)\n", line).group(1)
         assert os.path.samefile(os.path.join(folder, named), KINDS[kind][1])
         VALIDATORS[kind].validate(yaml_file.read(path))
-
-
-def test_a_calibrated_copy_of_a_packaged_file_names_the_schema_by_its_path(tmp_path):
-    path = str(tmp_path / "own.yaml")
-    write_model(source_of("traxbot"), path, {("drive", "turn_slip"): 0.1}, "test")
-    assert [line for _, line in first_lines(tmp_path, ["own"])] == [f"{schema_line(models.SCHEMA)}\n"]
 
 
 WORDS = ["", "omni", "none", "tracked", "mecanum", "environment"]

@@ -4,7 +4,6 @@ import threading
 
 import pytest
 
-from mrl_driver.errors import ConfigError
 from sim_arduino.testing.emulated_board import EmulatedBoard
 from sim_arduino.world.world import World
 from tests.sim.simulator import Client
@@ -15,7 +14,6 @@ SPEED = 5.0
 
 @pytest.fixture(scope="module")
 def shared():
-    """One board for the tests that only look."""
     with EmulatedBoard(FREE, speed=SPEED) as board:
         board.wait_until(lambda: len(board.motors.commands()) > 3)
         yield board
@@ -43,13 +41,6 @@ def test_wheels_that_turn_and_stand():
         board.motors.assert_moving()
         client.send(b"@13e")
         board.motors.assert_stopped()
-
-
-def test_a_robot_is_not_put_into_another():
-    world = World()
-    with EmulatedBoard(world, name="one"), pytest.raises(ConfigError, match=r"another robot \(one\)"):
-        EmulatedBoard(world, name="two", pose="0.1,0,0")
-    assert world.robots() == []
 
 
 def test_a_closed_board_leaves_no_thread():

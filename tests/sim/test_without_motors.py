@@ -21,7 +21,6 @@ def test_bus_has_no_motor_board_and_the_robot_stands(plant):
 
 
 def test_other_robots_pass_where_it_stands(plant):
-    """The robot that carries it is not emulated."""
     assert plant.footprint is None
     factory.make(factory.Options(pose="0.5,0.5,0"), plant.world).close()
 
@@ -37,16 +36,13 @@ def test_world_with_one_that_stands_there_is_refused(tmp_path):
     ("options", "message"),
     [
         ({"robot": "pioneer", "omni": True}, "--omni is given for robot pioneer, which has no motors"),
-        ({"robot": "pioneer", "slip": True}, "--slip is given for robot pioneer, which has no motors"),
         (
             {"robot": "pioneer", "error": "axle=1.01"},
             "--error is given for robot pioneer, which has no motors",
         ),
-        ({"robot": "pioneer", "battery": 9.0}, "--battery is given for robot pioneer, which has no motors"),
         ({"robot": "traxbot", "wiring": 1}, "robot traxbot, which has an OMNI-3MD; expected .* duo"),
         ({"robot": "duo", "wiring": 256}, "wiring is 256, expected 0 to 255"),
         ({"robot": "duo", "environment": True}, "--environment is given for robot duo"),
-        ({"robot": "duo", "omni": True}, "--omni is given for robot duo"),
         ({"robot": "duo", "profile": "2013-august"}, "boards of 2013 have no H-bridge"),
     ],
 )

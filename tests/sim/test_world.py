@@ -69,22 +69,14 @@ def test_a_board_starts_where_its_robot_stands(tmp_path):
     "text, message",
     [
         ("walls: [[0, 0, 1]]", r"walls\[0\] is \[0, 0, 1\], expected \[x1, y1, x2, y2\], 4 numbers"),
-        ("walls: [[0, 0, 1, one]]", r"walls\[0\]"),
         ("walls: [[0, 0, 1, .nan]]", "from -1000 to 1000"),
         ("walls: [[0, 0, 1, 1001]]", "from -1000 to 1000"),
-        ("walls: 5", "walls is 5, expected a list"),
-        ("boxes: [[0, 0, 1, 1]]", r"boxes\[0\]"),
         ("wals: []", "key wals is unknown, expected start, walls, boxes"),
-        ("robots: [one]", r"robots is \['one'\], expected names"),
         ("robots: {one: [0, 0]}", r"robots.one is \[0, 0\], expected \[x, y, yaw\], 3 numbers"),
         ("robots: {one: [0, 0, 0, 7]}", "robots.one is 7, expected as its model one of"),
-        ("robots: {one: [0, 0, 0, r2d2]}", "robots.one: "),
-        ("[]", "expected the keys"),
-        ("walls: [", "no YAML"),
         ("walls: [" + "[" * 9999 + "]" * 10000, "line 1: no YAML of this kind is nested deeper than 10"),
         (f"walls: [[0, 0, 1, {10**99}]]", r"is \[0, 0, 1, 10+\.\.\., expected"),
         ("robots: {a b: [0, 0, 0]}", "robots.a b is .* as its name 1 to 40 letters"),
-        ("walls:\n\t- 1", "no YAML"),
         ("walls: [[!!timestamp x, 1, 2, 3]]", "line 1: no YAML"),
         ("north: 1\nnorth: 2", "line 2: no YAML: the key 'north' stands twice"),
     ],
@@ -98,7 +90,6 @@ def test_bad_worlds_name_file_key_and_value(tmp_path, text, message):
 
 
 def test_a_robot_is_not_put_inside_a_box(tmp_path):
-    """It touches none of its sides."""
     path = write(tmp_path, "boxes: [[0, 0, 2, 2, 30]]")
     with pytest.raises(ConfigError, match="pose 0,0 is in a wall"):
         make(Options(world=path))
