@@ -34,14 +34,6 @@ def test_committed_file_is_current(path, text):
     assert path.read_text(encoding="utf-8") == text
 
 
-def test_stale_file_is_named(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(urdf, "FOLDER", tmp_path)
-    assert urdf.main(["--check"]) == 1
-    assert "traxbot.urdf is stale; render it with" in capsys.readouterr().err
-    assert urdf.main([]) == 0
-    assert urdf.main(["--check"]) == 0
-
-
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_check_urdf_accepts(path):
     done = subprocess.run(["check_urdf", str(path)], capture_output=True, text=True)

@@ -186,7 +186,7 @@ def test_robot_is_in_the_world_only_when_it_is_localised(rig, lab):
     try:
         driver.said("not localised")
         before = [mover.name for mover in lab.others("virtual")]
-        message = PoseWithCovarianceStamped(Header(frame_id="hall", stamp=rospy.Time.now()))
+        message = PoseWithCovarianceStamped(header=Header(frame_id="hall", stamp=rospy.Time.now()))
         message.pose.pose = RosPose(Point(3.0, 4.0, 0.0), Quaternion(w=1.0))
         place.publish(message)
         driver.said("ok")
