@@ -35,6 +35,7 @@ from mrl_driver.robot.radio import CAPABILITY as RADIO
 from mrl_driver.robot.radio import WAITING
 from mrl_driver.safety.operation_mode import MANUAL, manual_speed_m_s
 from mrl_driver.safety.protective_zones import Zones
+from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board
 from ros1_bridge.control.commander import LATE, ZONE, Commander, lowered
@@ -427,9 +428,10 @@ class RobotNode:
         told = self._news.of(event)
         if told is not None and not rospy.is_shutdown():
             LOG[told.level](told.message)
-        if (
+        restarted = (
             isinstance(event, Ready) and event.restarted and event.checked
-        ):  # unchecked: a restart is only assumed
+        )  # unchecked: it is only assumed
+        if restarted or isinstance(event, Mismatch):
             with contextlib.suppress(MrlError):
                 self._commander.end_goals()
         self._status.tell()

@@ -32,7 +32,7 @@ WITHOUT_URDFS = "description:=false"
 LINKS = (("base_link", "odom"), ("sonar_left", "base_link"), ("left_wheel", "base_link"))
 """Some frames with their parents: one of the node, one that stands still, one that turns."""
 TROUBLE = ("FAILURE", "cannot find", "unable to find", "Missing", "Traceback", "WARNING")
-A_PATH = "/home/me/my Röboter/x.yaml"
+A_PATH = "/home/me/my Röboter's/x.yaml"
 
 
 def values_of(config):
@@ -277,7 +277,7 @@ def test_a_page_alone_is_started_for_a_robots_node_that_runs(config_of):
         ("record.launch", [f"prefix:={A_PATH}"], "record"),
     ],
 )
-def test_a_path_with_a_space_is_one_word_of_the_node(config_of, file, arguments, kind):
+def test_a_path_with_a_space_or_an_apostrophe_is_one_word_of_the_node(config_of, file, arguments, kind):
     nodes = [node for node in config_of(file, *arguments).nodes if node.type == kind]
     words = [word.rpartition("=")[2] for node in nodes for word in shlex.split(node.args)]
     assert A_PATH in words

@@ -178,3 +178,16 @@ def test_node_that_starts_ends_the_goals_of_before_and_no_later_ones(rig):
     wait_until(lambda: len(handles) == 2)
     rig.topic("odom", Odometry).wait(20)
     assert handles[1].get_goal_status().status == GoalStatus.ACTIVE
+
+
+def test_wheel_that_does_not_follow_ends_the_goals(rig):
+    """A planner's next command of zero would clear the fault, and the one after it drive on."""
+    port = rig.board("--robot", "traxbot", "--fault", "wheel_blocked:at=6").port
+    rig.cancels, odom = rig.topic("move_base/cancel", GoalID), rig.topic("odom", Odometry)
+    rig.node(port)
+    odom.wait()
+    planner = Planner(rig)
+    try:
+        all_cancelled(rig)
+    finally:
+        planner.close()
