@@ -1,4 +1,4 @@
-"""docs/hazards.md: its tests, properties and measured times are those of the project."""
+"""docs/hazards.md: its tests, properties and links to figures are those of the project."""
 
 import re
 
@@ -49,17 +49,10 @@ def section(anchor):
 
 
 @pytest.mark.parametrize("row", [row for row in ROWS if row[5] != "test"], ids=lambda row: row[0])
-def test_measured_times_are_those_of_the_benchmarks(row):
-    sourced = re.findall(r"([^;\[\]]*(?:;[^;\[\]]*)?) \(\[(\w+)\]\)", row[5])
-    assert sourced
-    for words, source in sourced:
-        text = section(SECTIONS[source])
-        for number in re.findall(r"\d+(?: \d{3})*(?:\.\d+)?", words.split(" at 250 ms")[0]):
-            seconds = f"{float(number) / 1000:g}" if number.replace(".", "").isdigit() else number
-            assert re.search(rf"(?<![\d.])({re.escape(number)}|{re.escape(seconds)})(?![\d.])", text), (
-                number,
-                source,
-            )
+def test_what_is_measured_is_in_the_benchmarks(row):
+    """The figures are there alone."""
+    sources = row[5].split(", ")
+    assert sources and all(section(SECTIONS[source[1:-1]]) for source in sources)
 
 
 def test_all_inputs_that_are_refused_have_tests():
