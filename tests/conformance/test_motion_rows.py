@@ -136,7 +136,7 @@ def test_reset_encoders_sets_both_counters_to_0(bench):
     bench.ask("preset_encoder", 1, 1234)
     bench.ask("preset_encoder", 3, -99)
     assert bench.ask("reset_encoders", wait_s=0.1) == []
-    assert bench.reply("read_encoders") == (0, 0)
+    assert bench.reply("read_encoders") == (0, 0) and bench.counters() == {}
 
 
 def test_counters_follow_the_wheels(bench):
