@@ -124,10 +124,3 @@ def test_a_recording_gives_the_gains_of_its_drive(lab, tmp_path):
     assert {name: board[name] for name in driven} == pytest.approx(driven, rel=0.03)
 
 
-def test_a_request_without_duty_ends_a_step_and_begins_none():
-    rows = np.stack([np.arange(10.0), np.zeros(10), np.zeros(10), np.zeros(10)], axis=1)
-    requests = [(2.5, Frame(10, (30, 30))), (5.5, Frame(10, (0, 0)))]
-    ((step, percents),) = from_recording.motor_steps_of(
-        from_recording.Replayed(rows, requests), manoeuvres.MOVE
-    )
-    assert percents == (30, 30) and step[:, 0].tolist() == [2.0, 3.0, 4.0, 5.0]

@@ -347,15 +347,6 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["traxbot-1.yaml"]
 
 
-def test_a_sonar_that_was_not_written_down_can_be_without_driving_again(lab, monkeypatch, tmp_path):
-    """It begins again with --restart, though there are points of before."""
-    (tmp_path / "traxbot-1.sonar.csv").write_text("0.2,0.2\n")
-    lab.options = {"pose": "0.4,0,0", "footprint": "box"}
-    monkeypatch.setattr(calibrate_job, "confirm_motion", lambda question, yes: None)
-    assert "Write traxbot-1.yaml?" in lab.refused(*SONAR, "--restart")
-    monkeypatch.setattr(manoeuvres, "straight", None)
-    code, _, lines = lab.mrl(*SONAR, "--yes")
-    assert code == 0 and lines[0].startswith("9 of 9 distances are already in")
 
 
 # -- the terminal, and what may be wrong with files

@@ -8,7 +8,7 @@ import pytest
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import BLIND_S, PATIENCE_S, GoalSeeker
-from mrl_driver.navigation.occupancy_grid import CELL_M, MOST_CELLS, FloorMap
+from mrl_driver.navigation.occupancy_grid import FloorMap
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, SonarMount
 from sim_arduino.serve import factory
@@ -42,15 +42,6 @@ def seek(tmp_path, floor, start, goal, patience_s=60.0):
             return seeker, emulated.plant.true_pose, bumps
     finally:
         emulated.close()
-
-
-def test_the_way_to_a_far_goal_is_looked_at_only_so_far(monkeypatch):
-    """Speeds are found on the thread that reads; a pose in millimetres must not hold it up."""
-    looks = []
-    monkeypatch.setattr(FloorMap, "is_near", lambda _, point: looks.append(point))
-    assert FloorMap(SONARS).is_free((0.0, 0.0), (1e5, 0.0))
-    assert len(looks) <= MOST_CELLS + 2
-    assert looks[1] == pytest.approx((CELL_M, 0.0))
 
 
 def room(walls="", boxes=""):

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.errors import ConfigError, FrameError
+from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, advance
 from mrl_driver.robot.kinematics import (
     Kinematics,
@@ -131,13 +131,6 @@ def square(base: Kinematics, whole_counts: bool) -> float:
 def test_a_square_with_rotation(name):
     assert square(BASES[name], whole_counts=False) < UNROUNDED_M
     assert square(BASES[name], whole_counts=True) < COUNTED_M
-
-
-def test_two_wheels_cannot_go_sideways():
-    with pytest.raises(
-        FrameError, match=r"a differential base cannot move sideways \(0.2 m/s requested\); turn instead"
-    ):
-        BASES["differential"].wheel_steps(Planar(0.1, 0.2, 0.0))
 
 
 def test_wheels_that_do_not_determine_the_motion():

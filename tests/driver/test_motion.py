@@ -235,39 +235,25 @@ def test_a_gentle_stop_is_measured_from_its_start():
     motion.drive((300, -100), 10.0)
     motion.fade(10.0, 2.0)
     assert motion.take(10.5) == (MOVE, 225, -75)
-
-
-def test_a_gentle_stop_without_time_is_a_stop():
     assert fading(0.0).take(0.01) == (STOP,)
 
 
-def test_a_gentle_stop_goes_on_while_its_source_is_alive():
-    motion = fading(timeout_s=0.2)
-    motion.prolong(0.15)
-    assert motion.take(0.25) == (MOVE, 225, 0)
-    assert (motion.take(0.35), motion.stop_reason) == ((STOP,), "command_timeout")
-
-
-def test_only_a_gentle_stop_is_prolonged():
-    motion = driven(timeout_s=0.2)
-    motion.prolong(0.15)
-    assert motion.take(0.2) == (STOP,)
-
-
-def test_a_gentle_stop_without_a_timeout_is_not_prolonged():
-    motion = fading()
-    motion.prolong(0.5)
-    assert motion.take(0.5) == (MOVE, 150, 0)
+def test_a_gentle_stop_alone_goes_on_while_its_source_is_alive():
+    gentle, usual, endless = fading(timeout_s=0.2), driven(timeout_s=0.2), fading()
+    for motion in (gentle, usual, endless):
+        motion.prolong(0.15)
+    assert usual.take(0.2) == (STOP,)
+    assert gentle.take(0.25) == (MOVE, 225, 0)
+    assert (gentle.take(0.35), gentle.stop_reason) == ((STOP,), "command_timeout")
+    assert endless.take(0.5) == (MOVE, 150, 0)
 
 
 def test_a_link_that_is_lost_drops_the_command_without_a_stop():
+    """If the robot was stopped already, it keeps the reason."""
     motion = driven(sent=False)
     motion.forget("link_lost")
     assert (motion.target, motion.stop_reason, motion.stops, motion.due_s) == (None, "link_lost", 1, math.inf)
     assert drain(motion, 0.0, 0.2) == []
-
-
-def test_a_link_that_is_lost_while_stopped_keeps_the_reason():
     motion = driven()
     motion.stop("battery")
     motion.forget("link_lost")

@@ -140,15 +140,6 @@ def with_arm(**values):
     return sweep.Situation(box(*BOX)._replace(arm=ARM._replace(**values)))
 
 
-@pytest.mark.parametrize(
-    "angle_deg, heading_deg, tip",
-    [(90, 0, (0.1, 0.0, 1.1)), (180, 0, (-0.7, 0.0, 0.3)), (0, 90, (0.1, 0.8, 0.3))],
-)
-def test_an_arm_turns_about_its_lower_end(angle_deg, heading_deg, tip):
-    made = with_arm(angle_deg=angle_deg, heading_deg=heading_deg)
-    assert made.vehicle.tip == pytest.approx(tip)
-
-
 def test_a_sweep_over_the_arms_angle_finds_where_a_load_on_its_tip_tips_the_box():
     """Moments about the front edge: 10 kg * 0.3 m against 4 kg and 60 N beyond it."""
     down = Push(60.0, None, (0.0, 0.0, -1.0))
@@ -161,13 +152,6 @@ def test_a_sweep_over_the_arms_angle_finds_where_a_load_on_its_tip_tips_the_box(
 
 
 # -- files
-
-
-def test_the_worked_example():
-    """20 kg at 0.08 m and an arm of 6 kg at 0.5 m: sideways it tips at g * 0.15 / 0.177."""
-    made = vehicle_file.load("mecanum-arm")
-    height_m = (20 * 0.08 + 6 * 0.5) / 26
-    assert limits(made)["left"] == pytest.approx(GRAVITY_M_S2 * 0.15 / height_m)
 
 
 GOOD = {

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
@@ -118,21 +118,6 @@ def test_skip_drives_to_the_next_waypoint(before):
         tour.pause()
     assert tour.skip()
     assert tour.target.place == 1
-
-
-@given(st.lists(st.sampled_from(["reach", "fail", "pause", "resume", "skip", "end", "begin"])), st.booleans())
-def test_the_target_is_always_a_waypoint_of_the_list(acts, repeat):
-    tour = begun(2, repeat=repeat, skip_failed=True)
-    for act in acts:
-        target = tour.target
-        if act in ("reach", "fail") and target:
-            (arrive if act == "reach" else fail)(tour)
-        elif act in ("pause", "resume", "skip", "end"):
-            getattr(tour, act)()
-        elif act == "begin":
-            tour.begin(2, 0.0)
-        assert (tour.target is None) == (tour.state != DRIVING)
-        assert tour.target is None or 0 <= tour.target.place < tour.count
 
 
 @pytest.fixture

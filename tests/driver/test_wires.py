@@ -406,8 +406,3 @@ def test_a_peer_that_is_no_robot_is_told(greeting, hangs_up, error, words):
         Driver(peer.url, options=Options(greeting_s=0.3)).connect()
 
 
-def test_a_link_without_a_speed_says_so(scheme):
-    board = EmulatedBoard("square", listen=f"{scheme}://127.0.0.1:0")
-    refused = pytest.raises(LinkError, match="no speed that can be set")
-    with board, closing(open_link(board.port)) as link, refused:
-        link.set_baud(500000)

@@ -6,13 +6,11 @@ the next place, drives there, and stops.  The result is `house_keys.csv`; record
 
 import csv
 import math
-import sys
-from typing import List, Tuple
 
 from mrl_driver.geometry import wrap_angle
 from mrl_driver.terminal.teleop_keys import Teleop
 from sim_arduino.experiments import key_presses, mapping
-from sim_arduino.experiments.experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
+from sim_arduino.experiments.experiment_robot import TICK_S, Setting, open_robot
 from sim_arduino.experiments.key_presses import KeyPress
 from sim_arduino.world import world_file
 
@@ -36,83 +34,72 @@ PLACES = (
 class Person:
     """Drives, and keeps the key presses."""
 
-    def __init__(self, robot: ExperimentRobot) -> None:
-        self.presses: List[KeyPress] = []
+    def __init__(self, robot):
+        self.presses = []
         self._robot, self._teleop, self._start_s = robot, Teleop(), robot.driver.now_s
 
-    def wait(self) -> None:
-        """Let one tick pass."""
-        self._robot.drive(*self._teleop.command(self._now_s()))
-        self._robot.wait(TICK_S)
+    @property
+    def _now_s(self):
+        return self._robot.driver.now_s - self._start_s
 
-    def go(self, place: Tuple[float, float]) -> None:
-        """Drive to a place, which the robot reaches or passes."""
-        while self._away_m(place) > THERE_M:
-            self._turn(place)
-            self._hold("up", lambda: self._away_m(place) <= THERE_M or self._is_off(place))
+    def wait(self, seconds=TICK_S):
+        for _ in range(round(seconds / TICK_S)):
+            self._robot.drive(*self._teleop.command(self._now_s))
+            self._robot.wait(TICK_S)
 
-    def _turn(self, place: Tuple[float, float]) -> None:
-        if not self._is_off(place):
-            return
-        sign = math.copysign(1.0, self._off_rad(place))
-        self._hold("left" if sign > 0 else "right", lambda: sign * self._off_rad(place) < self._lead_rad())
+    def go(self, place):
+        """Drives to a place, which the robot reaches or passes."""
+        while self._away(place)[0] > THERE_M:
+            if self._is_off(place):
+                sign = math.copysign(1.0, self._away(place)[1])
+                key = "left" if sign > 0 else "right"
+                self._hold(key, lambda sign=sign: sign * self._away(place)[1] < self._lead_rad())
+            self._hold("up", lambda: self._away(place)[0] <= THERE_M or self._is_off(place))
 
-    def _is_off(self, place: Tuple[float, float]) -> bool:
+    def _is_off(self, place):
         """The robot would miss the place."""
-        return abs(self._off_rad(place)) > max(OFF_RAD, math.asin(min(1.0, THERE_M / self._away_m(place))))
+        away_m, off_rad = self._away(place)
+        return abs(off_rad) > max(OFF_RAD, math.asin(min(1.0, THERE_M / away_m)))
 
-    def _lead_rad(self) -> float:
+    def _lead_rad(self):
         """The robot turns on by this angle after a press of the space bar."""
-        before = self._robot.driver.twist[-1]
-        return abs(before) * ROLLS_S
+        return abs(self._robot.driver.twist[-1]) * ROLLS_S
 
-    def _hold(self, key: str, until) -> None:  # type: ignore[no-untyped-def]
+    def _hold(self, key, until):
         pressed_s = -math.inf
         while not until():
-            if self._now_s() - pressed_s >= AGAIN_S:
-                pressed_s = self._now_s()
+            if self._now_s - pressed_s >= AGAIN_S:
+                pressed_s = self._now_s
                 self._press(key)
             self.wait()
         self._press("space")
-        for _ in range(round(SETTLE_S / TICK_S)):
-            self.wait()
+        self.wait(SETTLE_S)
 
-    def _press(self, key: str) -> None:
-        now_s = self._now_s()
-        self.presses.append(KeyPress(now_s, key))
-        self._teleop.press(key, now_s)
+    def _press(self, key):
+        self.presses.append(KeyPress(self._now_s, key))
+        self._teleop.press(key, self._now_s)
 
-    def _now_s(self) -> float:
-        return self._robot.driver.now_s - self._start_s
-
-    def _off_rad(self, place: Tuple[float, float]) -> float:
+    def _away(self, place):
+        """Distance of the place, and its direction as the robot sees it."""
         pose = self._robot.true_pose
-        return wrap_angle(math.atan2(place[1] - pose.y_m, place[0] - pose.x_m) - pose.yaw_rad)
-
-    def _away_m(self, place: Tuple[float, float]) -> float:
-        pose = self._robot.true_pose
-        return math.hypot(place[0] - pose.x_m, place[1] - pose.y_m)
+        x_m, y_m = place[0] - pose.x_m, place[1] - pose.y_m
+        return math.hypot(x_m, y_m), wrap_angle(math.atan2(y_m, x_m) - pose.yaw_rad)
 
 
-def main() -> int:
-    """Record."""
-    world = world_file.load(mapping.WORLD)
-    setting = Setting("", robot=mapping.ROBOT)
+def main():
+    world, setting = world_file.load(mapping.WORLD), Setting("", robot=mapping.ROBOT)
     with open_robot(setting, world, period_ms=mapping.PERIOD_MS, slip=True) as robot:
         person = Person(robot)
-        for _ in range(round(LOOK_S / TICK_S)):
-            person.wait()
+        person.wait(LOOK_S)
         for place in PLACES:
             person.go(place)
-            for _ in range(round(0.5 * LOOK_S / TICK_S)):
-                person.wait()
+            person.wait(0.5 * LOOK_S)
     with open(mapping.KEYS, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(key_presses.COLUMNS)
         writer.writerows((f"{press.time_s:.2f}", press.key) for press in person.presses)
     print(f"{len(person.presses)} presses in {person.presses[-1].time_s:.0f} s: {mapping.KEYS}")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -77,18 +77,6 @@ def test_sources_are_found_in_true_readings(flawless, each):
     assert off_m[0] < FOUND_M < 2.0 < off_m[1]
 
 
-def test_lamp_behind_an_obstacle_is_not_ruled_out(flawless):
-    """A pixel that sees the obstacle says nothing about the cells behind it."""
-    world = flawless.world
-    lamp = np.array(world.scene.heat[0][:2])
-    behind = [sample for sample in flawless.samples if not world.sees(*sample.pose[:2], *lamp)]
-    assert behind
-    hot = found(flawless, HEAT)
-    without = found(flawless._replace(samples=[s for s in flawless.samples if s not in behind]), HEAT)
-    near = [np.sum(np.hypot(*(spots.places - lamp).T) < 0.3) for spots in (hot, without)]
-    assert near[0] == near[1] > 0
-
-
 def test_objects_are_peaks_and_places_that_are_no_source_count_as_much_as_missed_ones():
     x = np.arange(0.0, 4.0, 0.1)
     excess = 100 * np.exp(-((x - 1.0) ** 2)) + 80 * np.exp(-((x - 3.0) ** 2))

@@ -7,7 +7,7 @@ from unittest import mock
 import pytest
 from click.testing import CliRunner
 
-from mrl_driver.errors import ConfigError, LinkLost, OutputError
+from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import load
 from sim_arduino.experiments import cli, experiment_report, step_test, workers
@@ -57,13 +57,6 @@ def test_all_are_run_once(started, tmp_path, monkeypatch):
     monkeypatch.setattr(workers, "pool", at_once)
     assert run("square", "all", "--no-ros", "--out", str(tmp_path)).exit_code == 0
     assert [name for name, _ in started] == list(cli.EXPERIMENTS)
-
-
-def test_figures_that_cannot_be_written_are_named(tmp_path):
-    """The name of the file, also where the error of the system has none, as on a full disk."""
-    (tmp_path / "power.json").mkdir()
-    with pytest.raises(OutputError, match=f"{tmp_path}/power.json cannot be written: it is not a plain file"):
-        experiment_report.save(experiment_report.Result("power", "Circles", []), str(tmp_path))
 
 
 def test_a_real_robot_is_driven_by_this_process(started, tmp_path):

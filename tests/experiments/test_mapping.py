@@ -9,7 +9,6 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from sim_arduino.experiments import key_presses, mapping
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.key_presses import KeyPress
 
 SPIN = "time_s,key\n" + "".join(f"{2.0 + 0.5 * number:.1f},left\n" for number in range(14))
 """The robot stands for 2 s, and then turns on the spot for some 7 s."""
@@ -21,28 +20,6 @@ def written(folder, text):
     path = folder / "keys.csv"
     path.write_text(text)
     return str(path)
-
-
-class Clockwork:
-    """A robot whose time passes in ticks, and the speeds that it gets."""
-
-    def __init__(self, now_s):
-        self.now_s, self.driver, self.speeds = now_s, self, []
-
-    def drive(self, linear_m_s, angular_rad_s):
-        self.speeds.append((linear_m_s, angular_rad_s))
-
-    def wait(self, seconds):
-        self.now_s += seconds
-
-
-@pytest.mark.parametrize("start_s", [0.0, 1.7, 2.3, 1000.1])
-def test_presses_take_effect_at_the_tick_of_their_recording(start_s):
-    """Wherever the clock began: one tick late is 2.6 deg of a turn."""
-    robot, presses = Clockwork(start_s), [KeyPress(0.05 * tick, "up") for tick in (3, 14, 25)]
-    key_presses.replay(robot, [*presses, KeyPress(1.5, "space")], lambda: None)
-    moving = [tick for tick, (linear, _) in enumerate(robot.speeds) if linear]
-    assert moving == list(range(3, 30))
 
 
 @pytest.mark.parametrize(

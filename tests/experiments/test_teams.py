@@ -79,11 +79,6 @@ def test_first_robot_of_a_team_is_the_one_on_the_port(experiment, limit, tmp_pat
     assert board.port in result.title and shown["collided"].ours == "0 of 1"
 
 
-def test_robot_without_sonars_cannot_join_a_team(tmp_path):
-    with EmulatedBoard(robot="traxbot", environment=True) as board, pytest.raises(
-        ConfigError, match="no sonars"
-    ):
-        mixed_team.run(Setting(str(tmp_path), port=board.port))
 
 
 def test_robots_that_claim_the_shared_waypoint_do_not_collide(tmp_path, monkeypatch):
@@ -124,24 +119,5 @@ def test_orders_of_a_patrol():
     assert len({tuple(patrol.one(seed)[0].points) for seed in range(10)}) == 10
 
 
-@pytest.mark.parametrize("off_m, counted", [(0.2, 1), (0.3, 0)])
-def test_visit_counts_once_and_only_if_the_robot_is_truly_there(off_m, counted):
-    beats = patrol.one(1)
-    visits = patrol.Visits(beats)
-    x_m, y_m = beats[0].poses[0][:2]
-    for _ in range(2):
-        visits.update(0, 1, Pose(x_m + off_m, y_m, 0.0), 5.0)
-    assert visits.idleness.visits == counted and visits.off_m == pytest.approx(off_m)
 
 
-def test_claims_come_through_a_bad_channel():
-    """Messages come late, and some never."""
-    claims = [Claim(name, [each for each in "abc" if each != name], 0.0) for name in "abc"]
-    channel = Channel((0.02, 0.3), 0.5, 1)
-    for number in range(100):
-        channel.send(str(number), 0.0)
-    assert channel.arrived(0.019) == [] and 30 < len(channel.arrived(0.3)) < 70
-    claims[1].want()
-    for tick in range(600):
-        exchange(claims, channel, 0.05 * tick)
-    assert [claim.held for claim in claims] == [False, True, False]
