@@ -279,16 +279,3 @@ def test_slow_wheel_is_not_a_standing_one(counts, stands):
     assert not stands or odometry.pose.yaw_rad == pytest.approx(0.0, abs=1e-3)
 
 
-def test_gyro_makes_the_yaw_surer_than_tracks():
-    model, yaw = load("traxbot"), {}
-    for gyro in (True, False):
-        odometry = odometry_of(model, exact_time=True)
-        odometry.heading = HeadingFilter()
-        stand(odometry, 1.0)
-        for step in range(200):
-            odometry.update(20 * step, -20 * step, 1.0 + step * PERIOD_S)
-            if gyro:
-                rate = 40 * model.drive.metres_per_count / model.drive.wheel_separation_m / PERIOD_S
-                odometry.heading.on_imu(1.0 + step * PERIOD_S + FILTER_DELAY_S, BIAS_RAD_S + rate)
-        yaw[gyro] = odometry.uncertainty.spread[5]
-    assert yaw[True] < yaw[False] / 25

@@ -245,13 +245,6 @@ def test_a_second_program_is_turned_away():
         assert robot.ready
 
 
-@pytest.mark.parametrize("wire", ["socket://{0}", "spy://{1}?file={2}"])
-def test_urls_of_pyserial_are_ports(wire, serve, tmp_path):
-    log = tmp_path / "spy.txt"
-    with EmulatedBoard("square", listen="tcp://127.0.0.1:0") as board:
-        url = wire.format(board.port.partition("//")[2], serve().path, log)
-        with Driver(url, options=Options(any_id=True)) as robot:
-            wait_until(lambda: robot.telemetry is not None)
 
 
 def test_a_url_of_pyserial_brings_back_what_was_sent():

@@ -293,46 +293,36 @@ READY_S = 2.0
 """Before that the sonars have no readings."""
 
 
-class Course:
-    """A robot in zones, driven by a planner for some time: where it was, what it asked for, what was allowed."""
+def course(tmp_path, walls, planner, seconds, robot="traxbot"):
+    """True places of a robot in zones that a planner drives, and shares of its speed that were allowed."""
+    file, model = tmp_path / "world.yaml", models.load(robot)
+    file.write_text(f"start: [0, 0, 0]\nwalls: {walls}\n")
+    emulated = factory.make(factory.Options(robot=robot), world_file.load(str(file)))
+    zones = Zones(
+        ZONES._replace(braking_m_s2=model.limits.linear_acceleration_m_s2), model.body, model.sonars
+    )
+    places, shares = [], []
 
-    def __init__(self, tmp_path, walls, planner, seconds, robot="traxbot"):
-        file = tmp_path / "world.yaml"
-        file.write_text(f"start: [0, 0, 0]\nwalls: {walls}\n")
-        self._emulated = factory.make(factory.Options(robot=robot), world_file.load(str(file)))
-        model = models.load(robot)
-        kind = ZONES._replace(braking_m_s2=model.limits.linear_acceleration_m_s2)
-        self._zones = Zones(kind, model.body, model.sonars)
-        self.xs, self.ys, self.shares = [], [], []
-        try:
-            with SteppedDriver(self._emulated.engine) as self._robot:
-                self._robot.on_telemetry(self._watch)
-                while self._robot.now_s < seconds and not self._step(planner):
-                    pass
-        finally:
-            self._emulated.close()
-
-    def _watch(self, telemetry):
+    def watch(telemetry):
         for name in telemetry.fresh:
-            self._zones.on_range(name, telemetry.ranges[name], self._robot.now_s)
+            zones.on_range(name, telemetry.ranges[name], driver.now_s)
 
-    def _step(self, planner):
-        robot = self._robot
-        robot.wait(STEP_S)
-        self._zones.moved(robot.twist[0] * STEP_S, robot.now_s, sum(robot.twist[2:]) * STEP_S)
-        wanted = planner(robot)
-        if wanted is None:
-            return True
-        allowed, left = self._zones.limited((wanted[0], sum(wanted[2:])), robot.now_s)
-        robot.drive(allowed, wanted[1], left)
-        self.xs.append(self._emulated.plant.true_pose.x_m)
-        self.ys.append(self._emulated.plant.true_pose.y_m)
-        self.shares.append(allowed / wanted[0] if wanted[0] and robot.now_s > READY_S else 1.0)
-        return False
+    with SteppedDriver(emulated.engine) as driver:
+        driver.on_telemetry(watch)
+        while driver.now_s < seconds:
+            driver.wait(STEP_S)
+            zones.moved(driver.twist[0] * STEP_S, driver.now_s, sum(driver.twist[2:]) * STEP_S)
+            linear, angular, *lateral = planner(driver)
+            allowed, left = zones.limited((linear, sum(lateral)), driver.now_s)
+            driver.drive(allowed, angular, left)
+            places.append(emulated.plant.true_pose[:2])
+            shares.append(allowed / linear if linear and driver.now_s > READY_S else 1.0)
+    emulated.close()
+    return (*zip(*places), shares)
 
 
 def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
-    xs = Course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.3, 0.0), 15.0).xs
+    xs, _, _ = course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.3, 0.0), 15.0)
     room_m = 1.5 - FRONT_M - max(xs)
     assert ZONES.protective_m <= room_m < ZONES.protective_m + 0.06
     assert max(xs) - xs[-20] < 0.01
@@ -341,13 +331,13 @@ def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
 def test_a_robot_passes_a_door_that_is_just_wide_enough_slowly(tmp_path):
     """0.44 m wide, for a body of 0.2 m and what is to stay free beside it."""
     walls = "[[1.0, 0.22, 1.0, 2], [1.0, -0.22, 1.0, -2]]"
-    course = Course(tmp_path, walls, lambda robot: (0.3, -robot.pose.yaw_rad), 20.0)
-    assert course.xs[-1] > 1.5 and min(course.shares) < 0.8
+    xs, _, shares = course(tmp_path, walls, lambda robot: (0.3, -robot.pose.yaw_rad), 20.0)
+    assert xs[-1] > 1.5 and min(shares) < 0.8
 
 
 def test_three_wheels_stop_before_a_wall_beside_them(tmp_path):
     """Its sonars look 45 deg aside; what they see of the wall is nearer than the wall is."""
-    ys = Course(tmp_path, "[[-2, 1, 2, 1]]", lambda _: (0.0, 0.0, 0.3), 20.0, "omni").ys
+    _, ys, _ = course(tmp_path, "[[-2, 1, 2, 1]]", lambda _: (0.0, 0.0, 0.3), 20.0, "omni")
     room_m = 1.0 - models.load("omni").body.width_m / 2 - max(ys)
     assert ZONES.protective_m <= room_m < 0.5
     assert max(ys) - ys[-20] < 0.01 and max(ys) > 0.2

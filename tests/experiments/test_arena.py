@@ -77,16 +77,6 @@ def test_sources_are_found_in_true_readings(flawless, each):
     assert off_m[0] < FOUND_M < 2.0 < off_m[1]
 
 
-def test_objects_are_peaks_and_places_that_are_no_source_count_as_much_as_missed_ones():
-    x = np.arange(0.0, 4.0, 0.1)
-    excess = 100 * np.exp(-((x - 1.0) ** 2)) + 80 * np.exp(-((x - 3.0) ** 2))
-    objects = arena_sweep.objects(ALCOHOL, Spots(np.column_stack((x, 0 * x)), excess))
-    assert sorted(objects[:, 0]) == pytest.approx([1.0, 3.0], abs=0.2)
-    hot_cells = np.array([[1.0, 1.0], [1.1, 1.0]])
-    assert not len(arena_sweep.objects(HEAT, Spots(hot_cells, np.ones(2))))
-    one, two = np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], [3.0, 0.0]])
-    assert arena_sweep.apart_m(one, two) == arena_sweep.apart_m(two, one) == 3.0
-    assert arena_sweep.apart_m(one, np.empty((0, 2))) == math.inf
 
 
 def test_a_sweep_does_not_collide_and_noise_alone_gives_no_alert(tmp_path, monkeypatch):

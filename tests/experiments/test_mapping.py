@@ -46,12 +46,6 @@ def test_packaged_recording_begins_with_a_rest_and_ends_with_a_stop():
     assert len(presses) > 100 and presses == sorted(presses, key=lambda press: press.time_s)
 
 
-def test_a_pose_between_two_times_is_between_the_poses():
-    path = [(1.0, Pose(0.0, 0.0, 3.1)), (2.0, Pose(1.0, 2.0, -3.1))]
-    between = mapping.pose_at(path, 1.5)
-    assert between[:2] == (0.5, 1.0)
-    assert abs(between.yaw_rad) == pytest.approx(math.pi)
-    assert [mapping.pose_at(path, at).x_m for at in (0.0, 3.0)] == [0.0, 1.0]
 
 
 def test_a_gyro_knows_the_heading_that_the_wheels_lose_and_improves_the_map(tmp_path, monkeypatch):

@@ -106,17 +106,6 @@ def test_team_visits_its_waypoints_and_the_rows_have_a_control(tmp_path):
     assert shown["team_worst_s"].control == shown["one_worst_s"].ours == team_run.worst_s
 
 
-def test_orders_of_a_patrol():
-    """Random ones differ by seed and repeat no waypoint at once; robots that divide nothing each visit all of them."""
-    orders = [beat.order for seed in (1, 2) for beat in patrol.one_at_random(seed)]
-    assert len({tuple(order) for order in orders}) == 2
-    assert all(a != b for order in orders for a, b in zip(order, order[1:]))
-    for divided, alone in zip(patrol.three(1), patrol.three_alone(1)):
-        assert alone.member == divided.member and sorted(alone.order) == list(patrol.EVERYTHING)
-        assert alone.order[-1] == divided.order[-1]
-    for beats in (patrol.one(1), patrol.three(1)):
-        assert sorted(sum((list(beat.order) for beat in beats), [])) == list(patrol.EVERYTHING)
-    assert len({tuple(patrol.one(seed)[0].points) for seed in range(10)}) == 10
 
 
 

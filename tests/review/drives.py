@@ -1,5 +1,6 @@
 """Recorded drives of emulated robots in simulated time: as a user drives, with stops, turns, arcs and walls."""
 
+import contextlib
 import math
 import random
 from typing import Any, Callable, Dict, NamedTuple, Tuple
@@ -16,19 +17,18 @@ CLOSE_M = 0.35
 
 
 class Drive(NamedTuple):
-    """One drive: the robot, what is wrong with it, and how long it drives."""
+    """One drive: the robot, what is wrong with it, and how long it drives.
+
+    `expected` are kinds of findings of which one must come first, none for a good drive; `board` options of the emulated
+    board; `options` of the driver; `robot` its model; `host` does what the host does wrong, before each command.
+    """
 
     name: str
     expected: Tuple[str, ...] = ()
-    """Kinds of findings of which one must come first; empty for a good drive."""
     board: Dict[str, Any] = {}
-    """Options of the emulated board, see `factory.Options`."""
     options: Dict[str, Any] = {}
-    """Options of the driver."""
     robot: Any = "auto"
-    """Robot model of the driver."""
     host: Callable[["User"], None] = lambda user: None
-    """What the host does wrong, before each command."""
     duration_s: float = 20.0
     seed: int = 1
 
@@ -36,31 +36,28 @@ class Drive(NamedTuple):
 class User:
     """Somebody who drives the robot."""
 
-    def __init__(self, robot: SteppedDriver, drive: Drive) -> None:
+    def __init__(self, robot, drive):
         self.robot, self.drive = robot, drive
         self.rng = random.Random(f"{drive.name} {drive.seed}")
-        self.done: Dict[str, float] = {}
-        """When something was done once, by its name."""
+        self._done = set()
 
-    def once(self, name: str, at_s: float) -> bool:
-        """Return whether it is time for something that happens once."""
-        if name in self.done or self.robot.now_s < at_s:
+    def once(self, name, at_s):
+        """Whether it is time for something that happens once."""
+        if name in self._done or self.robot.now_s < at_s:
             return False
-        self.done[name] = self.robot.now_s
+        self._done.add(name)
         return True
 
-    def course(self) -> None:
-        """Drive legs, with a look around first, until the time is over."""
+    def course(self):
+        """Drives legs, with a look around first, until the time is over."""
         self._wait(1.0)
         while self.robot.now_s < self.drive.duration_s:
             self._leg()
         self.robot.stop()
         self._wait(0.7)
 
-    def _leg(self) -> None:
-        robot, rng = self.robot, self.rng
-        limits = robot.model.limits if robot.model else None
-        assert limits is not None
+    def _leg(self):
+        rng, limits = self.rng, self.robot.model.limits
         speed = limits.linear_m_s * rng.uniform(0.6, 1.0)
         rate = limits.angular_rad_s * rng.uniform(0.6, 0.9)
         self._go(speed, 0.0, rng.uniform(0.5, 1.3) / speed)
@@ -74,11 +71,11 @@ class User:
         self._go(0.0, math.copysign(rate, angle), abs(angle) / rate)
         self._stand()
 
-    def _stand(self) -> None:
+    def _stand(self):
         self.robot.stop()
         self._wait(self.rng.uniform(0.4, 0.9))
 
-    def _go(self, linear: float, angular: float, seconds: float) -> None:
+    def _go(self, linear, angular, seconds):
         robot = self.robot
         end_s = min(robot.now_s + seconds, self.drive.duration_s)
         while robot.now_s < end_s:
@@ -90,29 +87,24 @@ class User:
                 robot.drive(0.0, 0.0)
             robot.wait(STEP_S)
 
-    def _wait(self, seconds: float) -> None:
+    def _wait(self, seconds):
         end_s = self.robot.now_s + seconds
         while self.robot.now_s < end_s:
             self.drive.host(self)
             self.robot.wait(min(STEP_S, max(1e-3, end_s - self.robot.now_s)))
 
 
-def record(drive: Drive, path: str) -> bool:
-    """Drive, and record it to `path`; return whether the robot touched a wall, where its wheels slip."""
+def record(drive, path):
+    """Drives, and records it to `path`; returns whether the robot touched a wall, where its wheels slip."""
     made = {"robot": "traxbot", "name": "reviewed", "seed": drive.seed, **drive.board}
     emulated = factory.make(factory.Options(**made))
     body, touched = emulated.plant.robot.state, []
     robot = SteppedDriver(emulated.engine, drive.robot, Options(record=path, **drive.options))
     robot.on_telemetry(lambda _: touched.append(True) if body.bumped else None)
-    try:
+    with contextlib.suppress(MrlError):  # the fault ends the drive
         robot.connect()
         User(robot, drive).course()
-    except MrlError:
-        pass  # the fault ended the drive
-    finally:
-        try:
-            robot.close()
-        except MrlError:
-            pass
-        emulated.close()
+    with contextlib.suppress(MrlError):
+        robot.close()
+    emulated.close()
     return bool(touched)

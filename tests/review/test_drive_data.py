@@ -12,6 +12,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.review.drive_data import Frames, read
 from mrl_driver.review.findings import find
+from mrl_driver.review.page import render
 from sim_arduino.serve import factory
 
 STOP = b"@13e"
@@ -112,7 +113,7 @@ def test_a_recording_without_a_robot_has_no_data(tmp_path):
         read(RecordedDriver(str(path)))
 
 
-def test_a_board_without_motors_has_sensors_and_no_poses(tmp_path):
+def test_a_board_without_motors_has_sensors_no_poses_and_a_page(tmp_path):
     path = str(tmp_path / "pioneer.mrl")
     board = factory.make(factory.Options(robot="pioneer", name="sensing"))
     with SteppedDriver(board.engine, options=Options(record=path)) as robot:
@@ -122,6 +123,8 @@ def test_a_board_without_motors_has_sensors_and_no_poses(tmp_path):
     assert data.poses.values.shape == (0, 3) and data.counts.time_s.shape == (0,)
     assert len(data.sensors["thermopile"].time_s) > 1
     assert find(data) == []
+    page = render(data, [])
+    assert "The robot was not stopped" in page and "Light" in page
 
 
 @pytest.mark.parametrize("seed", range(6))
