@@ -13,7 +13,6 @@ from mrl_driver.calibration import manoeuvres, part_procedures
 from mrl_driver.calibration.gains import Gains
 from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.sonar_curve import THESIS, Curve
-from mrl_driver.calibration.trial import Trial, errors
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
@@ -25,7 +24,7 @@ from sim_arduino.serve import factory
 
 from . import paths
 
-END_M, END_RAD = 0.01, math.radians(0.5)
+END_M = 0.01
 BELIEVED = models.load("traxbot").drive
 
 
@@ -84,13 +83,9 @@ def lab(monkeypatch, tmp_path, capsys):
     return made
 
 
-
-
 def swap_encoders(board):
     encoder = board.encoder
     board.encoder = lambda number, time_s: encoder(4 - number, time_s)
-
-
 
 
 @pytest.mark.parametrize(
@@ -323,8 +318,6 @@ def test_an_interrupted_sonar_goes_on_where_it_was(lab, monkeypatch, tmp_path):
     found = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))
     assert found.range_m(THESIS.counts(distances_m)) == pytest.approx(distances_m, abs=SONAR_M)
     assert sorted(os.listdir(tmp_path)) == ["traxbot-1.yaml"]
-
-
 
 
 # -- the terminal, and what may be wrong with files

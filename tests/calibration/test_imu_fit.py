@@ -148,16 +148,14 @@ def turn_of(degrees, scale=1.02, error_deg=0.0, wheels=1.1):
     return Turned(true / scale, math.radians(0.1), true * wheels, true + math.radians(error_deg))
 
 
-@pytest.mark.parametrize("heading_deg", [0.0, 170.0, -170.0])
-def test_the_true_angle_has_the_measured_heading(heading_deg):
-    true = math.radians(3 * 360 + heading_deg)
-    assert imu_fit.true_angle(true / 1.03, math.radians(heading_deg), 1.02) == pytest.approx(true)
-
-
 def test_the_scale_is_the_mean_of_the_turns_and_long_ones_count_more():
+    """The true angle of each has the measured heading."""
     turns = [turn_of(360, error_deg=4.0), turn_of(3600), turn_of(-3600)]
     scale, sd = imu_fit.scale_of(turns, math.radians(0.5))
     assert scale == pytest.approx(1.02, abs=1e-3) and 2e-4 < sd < 1e-3
+    for heading_deg in (0.0, 170.0, -170.0):
+        true = math.radians(3 * 360 + heading_deg)
+        assert imu_fit.true_angle(true / 1.03, math.radians(heading_deg), 1.02) == pytest.approx(true)
 
 
 @pytest.mark.parametrize(
@@ -192,13 +190,11 @@ def pushed(mount, seed=1):
 
 @pytest.mark.parametrize("yaw_deg", [0.0, 90.0, -135.0, 180.0])
 def test_the_imu_accelerates_where_the_wheels_do(yaw_deg):
+    """A robot that only spins its wheels gives no yaw."""
     mount = ImuMount(roll_deg=180.0, pitch_deg=5.0, yaw_deg=yaw_deg)
-    yaw, sd = yaw_of([pushed(mount), pushed(mount, 2)])
+    pushes = [pushed(mount), pushed(mount, 2)]
+    yaw, sd = yaw_of(pushes)
     off = math.remainder(yaw - math.radians(yaw_deg), math.tau)
     assert abs(off) < 3 * sd < math.radians(15)
-
-
-def test_a_robot_that_only_spins_its_wheels_gives_no_yaw():
-    still, driven = pushed(ImuMount()), pushed(ImuMount())
     with pytest.raises(ConfigError, match="of the wheels' acceleration, expected 1 within 0.5"):
-        yaw_of([driven._replace(imu_m_s2=0.1 * still.imu_m_s2)])
+        yaw_of([each._replace(imu_m_s2=0.1 * each.imu_m_s2) for each in pushes])

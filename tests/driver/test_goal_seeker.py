@@ -10,7 +10,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import BLIND_S, PATIENCE_S, GoalSeeker
 from mrl_driver.navigation.occupancy_grid import FloorMap
 from mrl_driver.robot import models
-from mrl_driver.robot.models import Limits, SonarMount
+from mrl_driver.robot.models import Limits
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
 
@@ -119,14 +119,6 @@ def test_robot_that_rolls_on_for_a_while_still_goes_back():
     """It needs 0.16 m to stand; the way that it rolls on is one that it may go back."""
     speeds = close_on_the_left(2.0, 0.0, [0.36 + 0.01 * min(step, 32 - step) for step in range(33)])
     assert all(linear < 0 for linear, _ in speeds)
-
-
-def test_wall_at_a_constant_distance_beside_the_way_is_drawn_all_along():
-    """A sonar looks to the left, along it the robot drives: each reading comes out the same."""
-    floor = FloorMap({"left": SonarMount(0.0, 0.0, 90.0)})
-    for x_m in (0.0, 1.0, 2.0):
-        floor.see((x_m, 0.0, 0.0), {"left": 0.3})
-    assert all(floor.is_near((x_m, 0.3)) and not floor.is_near((x_m, -0.3)) for x_m in (0.0, 1.0, 2.0))
 
 
 @pytest.mark.parametrize("name", ["front", "left", "right"])

@@ -19,13 +19,11 @@ from mrl_driver.robot.heading import (
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.omni_odometry import OmniOdometry
-from mrl_driver.robot.robot_state import odometry_of
 
 PERIOD_S = 0.02
 BIAS_RAD_S = 0.05
 NOISE_RAD_S = 0.0007
 """Noise of one reading: 0.005 deg/s/sqrt(Hz) at 50 Hz."""
-QUIET_RAD_S = 2e-4
 SLIP = 0.1
 
 
@@ -96,14 +94,6 @@ def test_ten_quarter_turns_with_slip_are_right(robot):
     assert robot.wheels_rad - robot.true_rad > 1.5
     assert robot.filter.in_use
     assert abs(robot.off_rad) < math.radians(0.1)
-
-
-def test_bias_that_drifts_is_followed(robot):
-    """As far in 100 s as with ten times the random walk of a real one."""
-    for _ in range(50):
-        robot.bias_rad_s += math.radians(0.002)
-        robot.go(0.0, 2.0)
-    assert robot.filter.bias_rad_s == pytest.approx(robot.bias_rad_s, abs=5 * QUIET_RAD_S)
 
 
 def test_a_robot_that_is_carried_turns_and_learns_nothing(robot):
@@ -277,5 +267,3 @@ def test_slow_wheel_is_not_a_standing_one(counts, stands):
     odometry = stand(with_gyro(), 2.0, counts)
     assert odometry.heading.bias_known == stands
     assert not stands or odometry.pose.yaw_rad == pytest.approx(0.0, abs=1e-3)
-
-

@@ -20,7 +20,6 @@ from mrl_driver.robot.imu import (
     ABSENT,
     FROZEN,
     IN_USE,
-    LEARNING,
     OFF,
     OUT_OF_SCALE,
     RECOVERY_S,
@@ -240,16 +239,6 @@ def yaw_rad(robot):
 def wheels_rad(robot):
     right, left = robot.core.state.telemetry.counts
     return (right - left) * METRES / SEPARATION_M
-
-
-def test_the_wheels_give_the_heading_until_the_bias_is_known():
-    robot = Robot(load("traxbot"), board=with_imu())
-    robot.board.slip = 0.1
-    turn(robot, 1.0)
-    assert state(robot) == LEARNING
-    assert yaw_rad(robot) == pytest.approx(wheels_rad(robot), abs=TURN_ERROR_RAD)
-    robot.run(BIAS_S)
-    assert state(robot) == IN_USE
 
 
 @pytest.mark.parametrize("period_ms, share", [(20, 0.9), (0, 1.0)], ids=["gyro", "wheels"])

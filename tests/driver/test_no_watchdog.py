@@ -7,7 +7,7 @@ import pytest
 from mrl_driver.cli.commands.drive import drive_for
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.session.events import MAY_MOVE, WAITS, Lost, Stale
+from mrl_driver.session.events import MAY_MOVE, Stale
 from mrl_driver.session.motion_command import Motion
 from mrl_driver.terminal.live_view import Screen, Settings
 from sim_arduino.faults.faulty_engine import FaultyEngine
@@ -88,11 +88,6 @@ def test_robot_that_is_cut_off_again_when_it_stands_is_not_moving(cut):
     bench.line.unplug()
     bench.driver.wait(SILENT_S)
     assert not bench.driver.ready and not bench.driver.may_be_moving
-
-
-@pytest.mark.parametrize("may_move, words", [(True, MAY_MOVE), (False, WAITS)])
-def test_lost_port_is_told_with_what_the_robot_may_do(may_move, words):
-    assert str(Lost("/dev/ttyACM0", "it went away", may_move)).endswith(words)
 
 
 class Clock:

@@ -320,9 +320,7 @@ def test_speeds_of_readings_that_are_too_close_are_those_of_their_sum(reset, sha
     assert odometry.twist.angular_rad_s == pytest.approx(angular_rad_s)
 
 
-def test_wheels_prevent_a_speed_to_the_left():
+def test_wheels_prevent_a_speed_to_the_left_and_have_a_ceiling():
+    """Both ceilings together, and half as much."""
     assert Twist(0.2, 1.0).lateral_m_s == 0.0
-
-
-def test_no_wheel_is_faster_than_both_ceilings_together_and_half_as_much():
     assert fastest_wheel_m_s(0.5, 2.0, 0.2) == pytest.approx(1.5 * (0.5 + 0.2))

@@ -13,12 +13,10 @@ from mrl_driver.driver.options import Options as DriverOptions
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, FrameError, WrongRobot
-from mrl_driver.geometry import Pose, advance
+from mrl_driver.geometry import Pose
 from mrl_driver.protocol import Frame
 from mrl_driver.robot import models
-from mrl_driver.robot.covariance import OmniUncertainty
 from mrl_driver.robot.kinematics import Planar, kinematics_of
-from mrl_driver.robot.models import Noise
 from mrl_driver.robot.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands, OmniOdometry
 from mrl_driver.robot.robot_state import RobotState
@@ -27,8 +25,6 @@ from mrl_driver.session.handshake import Board, Handshake, Plan
 from sim_arduino.serve.factory import Options, make
 
 OMNI = models.load("omni")
-RANDOM = OMNI._replace(noise=Noise(1e-4, 0.0))
-"""Errors of its wheels are random only."""
 POSE_M, YAW_RAD = 0.002, 0.005
 """Odometry against the truth after some metres: counts round to 0.07 mm, chords of a frame to less."""
 SQUARE_M = 0.001
@@ -178,28 +174,6 @@ def test_three_counters_that_start_from_zero_again_move_nothing(exact):
     for frame, count in enumerate([2000, 2001, 2002, 2003, 0, 1, 2, 3, 4]):
         odometry.update(count, count, 0.02 * frame, count)
     assert max(map(abs, odometry.travel)) <= 6
-
-
-@pytest.mark.parametrize("turned", [0.0, 0.7])
-def test_covariance_is_carried_along_the_way(turned):
-    """In small steps straight ahead: sideways grow the errors of the wheels, of the yaw, and of both together."""
-    made, steps, pose = OmniUncertainty(RANDOM), 1000, Pose(0.0, 0.0, turned)
-    ways = kinematics_of(OMNI.drive).wheel_steps(Planar(1.0, 0.0, 0.0))
-    for _ in range(steps):
-        after = advance(pose, 1 / steps, 0.0)
-        made.update(pose, after, [way / steps for way in ways], 0.0)
-        pose = after
-    xx, xy, xt, yy, yt, tt = made.spread
-    sin, cos = math.sin(turned), math.cos(turned)
-    along = cos * cos * xx + 2 * cos * sin * xy + sin * sin * yy
-    aside = sin * sin * xx - 2 * cos * sin * xy + cos * cos * yy
-    per_m = RANDOM.noise.wheel_m2_per_m * abs(ways[2])
-    yaw = 2 * per_m / 9 / OMNI.drive.radius_m**2
-    assert along == pytest.approx(1e-6 + 2 * per_m / 3, rel=1e-3)
-    assert tt == pytest.approx(1e-6 + yaw, rel=1e-3)
-    assert aside == pytest.approx(
-        1e-6 + 1e-6 + yaw / 3 + 2 * per_m / 9 + 2 * per_m / 9 / OMNI.drive.radius_m, rel=1e-2
-    )
 
 
 # ---- bad input

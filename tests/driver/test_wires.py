@@ -245,8 +245,6 @@ def test_a_second_program_is_turned_away():
         assert robot.ready
 
 
-
-
 def test_a_url_of_pyserial_brings_back_what_was_sent():
     link = open_link("loop://")
     link.set_baud(57600)
@@ -397,5 +395,3 @@ def test_a_peer_that_is_no_robot_is_told(greeting, hangs_up, error, words):
                 while link.read(10.0):
                     pass
         Driver(peer.url, options=Options(greeting_s=0.3)).connect()
-
-

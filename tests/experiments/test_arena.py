@@ -7,7 +7,7 @@ import pytest
 
 from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.experiments import arena, arena_sweep, trials
-from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, Drive, Sample, Spots
+from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, Drive, Sample
 from sim_arduino.experiments.experiment_robot import Setting
 
 SEEDS = range(1000, 1004)
@@ -75,8 +75,6 @@ def test_sources_are_found_in_true_readings(flawless, each):
         for alert in (None, arena_sweep.IGNORED)
     ]
     assert off_m[0] < FOUND_M < 2.0 < off_m[1]
-
-
 
 
 def test_a_sweep_does_not_collide_and_noise_alone_gives_no_alert(tmp_path, monkeypatch):

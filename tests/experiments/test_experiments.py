@@ -1,13 +1,10 @@
 """The papers' experiments come out as they should; long ones are cut short."""
 
 import json
-import math
 
-import numpy as np
 import pytest
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import Pose
 from sim_arduino.experiments import (
     arena_sweep,
     disturbances,
@@ -22,8 +19,7 @@ from sim_arduino.experiments import (
     turnaround,
 )
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.occupancy import Grid
-from sim_arduino.world import grid_map, world_file
+from sim_arduino.world import world_file
 
 LAP_CM, LAP_DEG, RANGE_CM = 1.0, 0.5, 2.0
 HEADING_DEG, POSITION_CM = 1.0, 3.0
@@ -123,14 +119,3 @@ def test_result_is_read_as_it_was_saved(tmp_path):
     assert json.loads((tmp_path / "drive.json").read_text())["rows"][0]["published"] == "1 m"
     text = (tmp_path / "report.md").read_text()
     assert "A drive" in text and "Title two" in text
-
-
-def test_maps_cells_hold_what_beams_said_and_a_sonar_without_an_echo_makes_its_cone_free():
-    laser, sonar = (Grid((0.0, 0.0), (2.0, 1.0), 0.1) for _ in range(2))
-    laser.beams(Pose(0.05, 0.55, 0.0), np.array([0.0]), np.array([1.0]), 4.0)
-    cells = laser.map().cells[5]
-    assert cells[10] == grid_map.OCCUPIED and cells[3] == grid_map.FREE and cells[15] == grid_map.UNKNOWN
-    sonar.cone(Pose(0.0, 0.55, 0.0), math.radians(18), math.inf, 1.5)
-    cells = sonar.map().cells
-    found = [cells[row][column] for row, column in ((5, 10), (5, 16), (9, 3))]
-    assert found == [grid_map.FREE, grid_map.UNKNOWN, grid_map.UNKNOWN]

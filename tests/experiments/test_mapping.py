@@ -1,12 +1,10 @@
 """The mapping experiment: recorded key presses, and the maps of a drive that is cut short."""
 
-import math
 import re
 
 import pytest
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import Pose
 from sim_arduino.experiments import key_presses, mapping
 from sim_arduino.experiments.experiment_robot import Setting
 
@@ -44,8 +42,6 @@ def test_packaged_recording_begins_with_a_rest_and_ends_with_a_stop():
     presses = key_presses.read(mapping.KEYS)
     assert presses[0].time_s >= 1.0 and presses[-1].key == "space"
     assert len(presses) > 100 and presses == sorted(presses, key=lambda press: press.time_s)
-
-
 
 
 def test_a_gyro_knows_the_heading_that_the_wheels_lose_and_improves_the_map(tmp_path, monkeypatch):

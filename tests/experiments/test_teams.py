@@ -6,13 +6,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import ORIGIN, Pose
-from mrl_driver.navigation.claims import Claim
+from mrl_driver.geometry import ORIGIN
 from mrl_driver.robot import models
 from sim_arduino.experiments import mixed_team, patrol, shared_waypoint, team
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.tours import Channel, exchange
 from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.world import World
 
@@ -79,8 +76,6 @@ def test_first_robot_of_a_team_is_the_one_on_the_port(experiment, limit, tmp_pat
     assert board.port in result.title and shown["collided"].ours == "0 of 1"
 
 
-
-
 def test_robots_that_claim_the_shared_waypoint_do_not_collide(tmp_path, monkeypatch):
     """Though many messages are lost; they do if every claim is granted at once."""
     monkeypatch.setattr(shared_waypoint, "ROUNDS", 1)
@@ -104,9 +99,3 @@ def test_team_visits_its_waypoints_and_the_rows_have_a_control(tmp_path):
     shown = rows(patrol, tmp_path, over_seeds=lambda run, setting: [team_run])
     assert team_run.visits >= 2 and team_run.worst_s <= 14.0
     assert shown["team_worst_s"].control == shown["one_worst_s"].ours == team_run.worst_s
-
-
-
-
-
-

@@ -8,7 +8,7 @@ import pytest
 
 from mrl_driver.geometry import ORIGIN, Pose
 from sim_arduino.experiments import crossing, disturbances, trials
-from sim_arduino.experiments.experiment_report import Figure, cells
+from sim_arduino.experiments.experiment_report import Figure
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.faults.key_values import robot_errors
 
@@ -25,12 +25,6 @@ def test_figure_is_the_median_with_the_worst_run_and_the_median_of_the_control()
     )
     assert trials.figure("found", "", [80.0, 90.0], worst=min).worst == 80.0
     assert figure == Figure("error_cm", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=3)
-
-
-def test_cells_show_seeds_control_and_what_was_put_in():
-    figure = Figure("error", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=10, put_in=True)
-    assert cells(figure) == ["error", "2 cm (put in)", "9 cm of 10", "5 cm", "3 cm"]
-    assert cells(Figure("mean", "mean of all", 2.0, seeds=100)) == ["mean of all", "2", "", "", ""]
 
 
 SEEDS = range(200)

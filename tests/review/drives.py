@@ -19,8 +19,8 @@ CLOSE_M = 0.35
 class Drive(NamedTuple):
     """One drive: the robot, what is wrong with it, and how long it drives.
 
-    `expected` are kinds of findings of which one must come first, none for a good drive; `board` options of the emulated
-    board; `options` of the driver; `robot` its model; `host` does what the host does wrong, before each command.
+    `expected` are kinds of findings of which one must come first, none for a good drive; `board` options of the board;
+    `options` of the driver; `robot` its model; `host` does what the host does wrong, before each command.
     """
 
     name: str
