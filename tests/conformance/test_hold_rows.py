@@ -123,6 +123,10 @@ def test_parameter_off_the_text_is_for_the_host_and_the_robot_drives_on(benches)
     assert state(bench) == "off"
 
 
+def test_board_without_the_parameter_replies_without_the_reason_of_a_hold(benches):
+    assert len(radio_bench(benches).reply("read_counters")) == 11
+
+
 @pytest.mark.parametrize("data", [b"\xf8H\0", b"\xf8H\0\1x", b"HOLD", b"\xf8h\0\1", b"\xf8X\0\1"])
 def test_other_texts_do_not_hold(bench, robot, data):
     assert robot.say_bytes(data) == []
