@@ -8,7 +8,6 @@ estimation error squared of 100 drives tells whether the uncertainty is right.
 import math
 import random
 import sys
-import time
 from typing import List, Tuple
 
 import numpy as np
@@ -27,7 +26,7 @@ from sim_arduino.serve import factory
 from . import report
 
 ROBOTS = report.either(20, 1)
-END_M, END_RAD = 0.01, math.radians(0.5)
+END_CM, END_DEG = 1.0, 0.5
 PERIOD_MS = 100
 DRIVES, RUNS = report.either((100, (20, 20, 10)), (2, (4, 4, 2)))
 NOISY = "slip=0.05,wheel_ratio=1.002,noise=2e-5,turn_noise=2e-4"
@@ -110,29 +109,24 @@ def consistency() -> float:
 
 def main() -> int:
     """Calibrates `ROBOTS` robots, one line each, and writes the figures."""
-    rng, good, befores, afters, misses = random.Random(7), 0, [], [], []
-    for number in range(1, ROBOTS + 1):
-        hidden, begin_s = hidden_errors(rng), time.process_time()
+    rng, rows = random.Random(7), []
+    for _ in range(ROBOTS):
+        hidden = hidden_errors(rng)
         before, after, missed_m = calibrate(hidden)
-        before_m, after_m = (float(np.hypot(*each[:, :2].T).max()) for each in (before, after))
-        turned = float(np.abs(after[:, 2]).max())
-        good += max(after_m, missed_m) < END_M and turned < END_RAD
-        befores.append(before_m)
-        afters.append((after_m, math.degrees(turned)))
-        misses.append(missed_m)
+        before_cm, after_cm = (100 * float(np.hypot(*each[:, :2].T).max()) for each in (before, after))
+        rows.append((before_cm, after_cm, math.degrees(np.abs(after[:, 2]).max()), 100 * missed_m))
         print(
-            f"{number:2} {hidden}: {before_m * 100:.2f} cm before, {after_m * 100:.3f} cm "
-            f"{math.degrees(turned):.3f} deg after, ends {missed_m * 100:.2f} cm from its start; "
-            f"{time.process_time() - begin_s:.1f} s"
+            hidden, "cm before, cm and deg after, cm from its start:", *(f"{each:.3f}" for each in rows[-1])
         )
+    befores, afters, turns, _ = zip(*rows)
+    good = [max(row[1], row[3]) < END_CM and row[2] < END_DEG for row in rows]
     return report.conclude(
         "calibration",
         {
-            "robots_good_share": good / ROBOTS,
-            "square_before_cm_median": float(np.median(befores)) * 100,
-            "square_after_cm_max": max(each[0] for each in afters) * 100,
-            "square_after_deg_max": max(each[1] for each in afters),
-            "square_from_start_cm_max": max(misses) * 100,
+            "robots_good_share": sum(good) / ROBOTS,
+            "square_before_cm_median": float(np.median(befores)),
+            "square_after_cm_max": max(afters),
+            "square_after_deg_max": max(turns),
             "error_squared_mean_off": abs(consistency() - 3.0),
         },
     )

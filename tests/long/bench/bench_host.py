@@ -5,14 +5,14 @@ its caches, shows in the references that run between the others: a bare loop tha
 the same numbers without any check, and a driverless read of the same stream.
 """
 
-import random
+import itertools
 import subprocess
 import sys
 import time
-from typing import Callable, Dict, List, Tuple
+from typing import Callable, Dict, List
 
-from mrl_driver.protocol import REPLIES, FrameDecoder, Stamp, encode_reply
-from tests.long.bench import bench_recording, report
+from mrl_driver.protocol import REPLIES, FrameDecoder
+from tests.long.bench import bench_recording, long_recording, report
 
 FRAMES = report.either(20000, 2000)
 PIECE = 4096
@@ -20,23 +20,9 @@ RUNS = report.either(9, 1)
 DRIVER_RUNS, DRIVER_S = report.either((5, 20), (1, 2))
 
 
-def drive(count: int) -> List[Tuple[int, ...]]:
-    """Readings of a robot that drives in a room: counters run on and wrap, sonars wander."""
-    rng = random.Random(1)
-    right, left, sonars, rows = 12000, -12000, [150, 200, 80], []
-    for _ in range(count):
-        right, left = right + rng.randrange(50, 80), left + rng.randrange(45, 75)
-        sonars = [min(645, max(15, s + rng.randrange(-2, 3))) for s in sonars]
-        rows.append(((right + 32768) % 65536 - 32768, (left + 32768) % 65536 - 32768, *sonars))
-    return rows
-
-
 def stream(checked: bool) -> bytes:
     """A stream of `@8` frames, as a board sends it."""
-    stamps = (Stamp(i % 32768, (i * 312 + 32768) % 65536 - 32768) for i in range(FRAMES))
-    return b"\r\n" + b"".join(
-        encode_reply(8, *row, stamp=s, checked=checked) for row, s in zip(drive(FRAMES), stamps)
-    )
+    return b"\r\n" + b"".join(itertools.islice(long_recording.telemetry(checked), FRAMES))
 
 
 def rate(count: int, work: Callable[[], None]) -> float:

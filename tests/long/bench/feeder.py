@@ -131,9 +131,11 @@ def serve(boards: List[Board]) -> None:
                 for board in boards:
                     board.forget()
                 gap_s, due_s = 1 / float(line[1]) / len(boards), time.monotonic()
+                print(json.dumps({"done": "rate"}), flush=True)
             else:
                 gap_s = due_s = float("inf")
-                print(json.dumps([[board.written, board.moves] for board in boards]), flush=True)
+                notes = [[board.written, board.moves] for board in boards]
+                print(json.dumps({"done": "pause", "notes": notes}), flush=True)
         now = time.monotonic()
         while due_s <= now:
             boards[turn].stream(gap_s * len(boards))
@@ -146,7 +148,7 @@ def serve(boards: List[Board]) -> None:
 
 def main() -> None:
     boards = [Board(imu="imu" in sys.argv[2:]) for _ in range(int(sys.argv[1]))]
-    print(" ".join(board.port for board in boards), flush=True)
+    print(json.dumps({"ready": True, "ports": [board.port for board in boards]}), flush=True)
     serve(boards)
 
 

@@ -2,7 +2,7 @@
 
 import codecs
 import random
-from typing import Iterator, List, Tuple
+from typing import Iterator, Tuple
 
 from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.protocol.frames import to_int16
@@ -18,22 +18,21 @@ _GREETING = (
 )
 
 
-def telemetry() -> List[bytes]:
+def telemetry(checked: bool = True) -> Iterator[bytes]:
     """One cycle of `@8` frames of a robot that drives slowly in curves; the counters end where they began."""
     rng = random.Random(1)
-    frames, right, left = [], 0, 0
+    right = left = 0
     for i in range(CYCLE):
         turn = (-3, 0, 3, 0)[i * 64 // CYCLE % 4]
         right, left = right + 8 + turn, left + 8 - turn
         sonars = [rng.randrange(15, 646) for _ in range(3)]
-        stamp = Stamp(to_int16(i), to_int16(i * TICKS))
-        frames.append(encode_reply(8, to_int16(right), to_int16(left), *sonars, stamp=stamp, checked=True))
-    return frames
+        stamp = Stamp(to_int16(i), to_int16(i * TICKS)) if checked else None
+        yield encode_reply(8, to_int16(right), to_int16(left), *sonars, stamp=stamp, checked=checked)
 
 
 def entries(frames: int) -> Iterator[Tuple[float, str, bytes]]:
     """Time, direction and bytes of each entry."""
-    rng, cycle = random.Random(2), telemetry()
+    rng, cycle = random.Random(2), list(telemetry())
     commands = [encode_request(11, 200, turn, checked=True) for turn in range(-300, 301)]
     info = encode_reply(5, 2500, 172, 1360, 2, 1, checked=True)
     for direction, data in _GREETING:

@@ -2,10 +2,8 @@
 
 import contextlib
 import itertools
-import json
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -23,6 +21,7 @@ from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child, wait_until
 from tests.long.bench import figures, processes
 from tests.long.bench.feeder import METRES_PER_COUNT
+from tests.long.programs import Program
 from tests.ros.rig import free_port
 
 ROOT = figures.ROOT
@@ -68,43 +67,26 @@ class Master:
         self._child.finish(3.0)
 
 
-class Feeder:
+Notes = List[Tuple[List[Tuple[float, int]], List[Tuple[float, int, int]]]]
+"""For each board when each frame went, with its count, and when which moves came."""
+
+
+class Feeder(Program):
     """The process that plays the boards."""
 
     def __init__(self, boards: int, imu: bool) -> None:
-        more = ["imu"] if imu else []
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "tests.long.bench.feeder", str(boards), *more],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            cwd=str(ROOT),
-        )
-        assert self._process.stdout is not None
-        self.ports = self._process.stdout.readline().split()
+        command = [sys.executable, "-m", "tests.long.bench.feeder", str(boards), *["imu"] * imu]
+        super().__init__(command, LOGS / "feeder.log")
+        self.ports: List[str] = self.await_word("ready", True)["ports"]
 
     def rate(self, hz: float) -> None:
         """Stream at this rate, and note anew."""
-        self._say(f"rate {hz}")
+        self.ask(f"rate {hz}")
 
-    def pause(self) -> List[Tuple[List[Tuple[float, int]], List[Tuple[float, int, int]]]]:
-        """End the stream; for each board when each frame went, with its count, and when which moves came."""
-        self._say("pause")
-        assert self._process.stdout is not None
-        notes: List[Tuple[List[Tuple[float, int]], List[Tuple[float, int, int]]]]
-        notes = json.loads(self._process.stdout.readline())
+    def pause(self) -> Notes:
+        """End the stream; what was noted."""
+        notes: Notes = self.ask("pause")["notes"]
         return notes
-
-    def _say(self, line: str) -> None:
-        assert self._process.stdin is not None
-        self._process.stdin.write(line + "\n")
-        self._process.stdin.flush()
-
-    def close(self) -> None:
-        assert self._process.stdin is not None and self._process.stdout is not None
-        self._process.stdin.close()
-        self._process.wait()
-        self._process.stdout.close()
 
 
 class Bench:
@@ -172,7 +154,7 @@ class Bench:
             subscriber.unregister()
         for publisher in self._commands:
             publisher.unregister()
-        self.feeder.close()
+        self.feeder.end()
 
     def _take(self, message: Any, board: int) -> None:
         self.arrived[board].append((time.monotonic(), message.pose.pose.position.x))

@@ -4,21 +4,20 @@ import math
 import random
 from typing import List, NamedTuple, Set, Tuple
 
+from mrl_driver.driver.options import Options
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import STOP_CODE
 from mrl_driver.robot.models import load
-from mrl_driver.robot.robot_state import RobotState
-from mrl_driver.session.events import Counts, Ready
-from mrl_driver.session.session import Session
+from mrl_driver.session.events import Counts
 from sim_arduino.board import PythonBoard
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
 from tests.long.jumps import Jumps
+from tests.long.soak.simulated import SoakDriver
 
-STEP_S = 0.002
 FIRST_FAULT_S = 1.0
-"""By then the driver is connected."""
+"""By then the driver is connected [s]."""
 BAD_BYTES = ("loss", "flip", "change", "swap", "repeat")
 NUISANCES = (
     "loss:rate=0.003,burst=40",
@@ -91,67 +90,36 @@ class FaultyRobot:
     """
 
     def __init__(self, faults: Tuple[str, ...], seed: int) -> None:
-        self.model = load("traxbot")
-        self.plant = Plant(self.model, World(), (0.0, 0.0, 0.0))
+        model = load("traxbot")
+        self.plant = Plant(model, World(), (0.0, 0.0, 0.0))
         self.board = WatchedBoard(self.plant)
         self.engine = FaultyEngine(self.board, faults, seed)
-        self.state = RobotState(self.model)
-        self.now = 0.0
-        self.session = Session(self.state.admit, self.now)
         self.wrong: List[object] = []
-        self._jumps = Jumps.of(self.model)
         self.accepted = 0
         self._asked: Set[Frame] = set()
-        self._plugged = True
+        self._jumps, self._receive = Jumps.of(model), self.engine.receive
+        self.engine.receive = self._note_requests  # type: ignore[method-assign]
+        self.driver = SoakDriver(self.engine, Options(command_timeout_s=None))
+        self.driver.watch_pose(self._jumps, self._judge)
+        self.driver.connect()
 
     def run(self, seconds: float) -> "FaultyRobot":
-        end = self.now + seconds
-        while self.now < end:
-            self._step()
+        self.driver.wait(seconds)
+        carried_out, self.board.carried_out = self.board.carried_out, []
+        self.wrong += [f for f in carried_out if f not in self._asked and f.code != STOP_CODE]
         return self
-
-    def _step(self) -> None:
-        self.now += STEP_S
-        data = self.engine.advance(self.now)
-        self._follow_cable()
-        events = self.session.receive(data, self.now) if data else []
-        if data or self.now >= self.session.deadline(self.now):
-            events += self.session.tick(self.now)
-        for event in events:
-            self.state.digest(event, self.now)
-            if isinstance(event, Ready) and event.restarted:
-                self._jumps.restart()
-            if isinstance(event, Counts):
-                self._judge(event)
-        out = self.session.take()
-        if out and self._plugged:
-            self._note_requests(out)
-            self.engine.receive(out)
-        self._judge_board()
-
-    def _follow_cable(self) -> None:
-        """What the driver does when its port goes away, and when it is found again."""
-        if self._plugged and not self.engine.plugged:
-            self.session.lose(self.now)
-        elif self.engine.plugged and not self._plugged:
-            self.session.relink(self.now)
-        self._plugged = self.engine.plugged
 
     def _note_requests(self, out: bytes) -> None:
         for part in out.split(b"@")[1:]:
             numbers = [int(token) for token in part[:-1].split(b",")]
             self._asked.add(Frame(numbers[0], tuple(numbers[1:-1])))
+        self._receive(out)
 
-    def _judge_board(self) -> None:
-        self.wrong += [f for f in self.board.carried_out if f not in self._asked and f.code != STOP_CODE]
-        self.board.carried_out.clear()
-
-    def _judge(self, event: Counts) -> None:
+    def _judge(self, event: Counts, _: float) -> None:
         if event.sequence is not None:
             self.accepted += 1
             if (event.right, event.left, event.sonars, event.sequence) not in self.board.sent:
                 self.wrong.append(event)
-        self._jumps.see(self.state.odometry.pose, event.time_s, self.state.odometry.baseline.refused)
 
     @property
     def jump_m(self) -> float:
@@ -162,7 +130,7 @@ class FaultyRobot:
     def error_m(self) -> float:
         """Distance between the odometry's position and the true one."""
         true = self.plant.true_pose
-        return math.dist(self.state.odometry.pose[:2], (true.x_m, true.y_m))
+        return math.dist(self.driver.pose[:2], (true.x_m, true.y_m))
 
     def moves(self, seconds: float = 0.2) -> bool:
         before = self.plant.true_pose
@@ -174,18 +142,20 @@ def drive(seed: int, seconds: float) -> "Tuple[FaultyRobot, Scene]":
     """A robot that was driven about while things went wrong, and what they were."""
     rng = random.Random(seed)
     what = scene(rng)
-    robot = FaultyRobot(what.faults, seed).run(FIRST_FAULT_S)
+    robot = FaultyRobot(what.faults, seed)
     drive_about(robot, rng, seconds, what.breaks)
     return robot, what
 
 
 def drive_about(robot: FaultyRobot, rng: random.Random, seconds: float, breaks: bool) -> None:
     """Random commands, as a person gives them; with `breaks` the motor board loses its counts now and then."""
-    end = robot.now + seconds
-    while robot.now < end:
-        robot.session.drive((rng.randint(-300, 300), rng.randint(-1500, 1500)), robot.now)
+    end_s = robot.driver.now_s + seconds
+    while robot.driver.now_s < end_s:
+        robot.driver.drive(rng.uniform(-0.3, 0.3), rng.uniform(-1.5, 1.5))
         if rng.random() < 0.15:
-            robot.session.stop(robot.now)
+            robot.driver.stop()
         if breaks and rng.random() < 0.15:
-            robot.plant.motor_board.preset_encoder(robot.now, rng.choice((1, 3)), rng.randint(-32768, 32767))
+            robot.plant.motor_board.preset_encoder(
+                robot.driver.now_s, rng.choice((1, 3)), rng.randint(-32768, 32767)
+            )
         robot.run(rng.uniform(0.05, 0.6))

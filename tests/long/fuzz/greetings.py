@@ -8,7 +8,7 @@ import multiprocessing
 import sys
 from typing import Any, Dict, NamedTuple, Tuple
 
-from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.driver.options import Options
 from mrl_driver.errors import MrlError
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from mrl_driver.robot import models
@@ -20,6 +20,7 @@ from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
 from tests.firmware.pc_board import BRIDGE, SONARS, PcBoard
 from tests.long.bench import report
+from tests.long.soak.simulated import SoakDriver
 
 BOOTED_S, BOOTED_2013_S = 0.2, 4.0
 """The board has ended its start by then, one of 2013 also its bootloader [s]."""
@@ -62,25 +63,6 @@ def eeprom_of(robot: RobotModel, plain_calibrate: bool) -> bytes:
     return parameter_store.image(values)
 
 
-class Booted:
-    """An engine whose time begins when its board has booted."""
-
-    def __init__(self, engine: Any, booted_s: float) -> None:
-        self._engine, self._booted_s = engine, booted_s
-        engine.advance(booted_s)
-
-    @property
-    def next_event_s(self) -> float:
-        return self._engine.next_event_s - self._booted_s
-
-    def receive(self, data: bytes) -> None:
-        self._engine.receive(data)
-
-    def advance(self, to_s: float) -> bytes:
-        """Run to this time; what the board has sent until then."""
-        return self._engine.advance(to_s + self._booted_s)
-
-
 class Outcome(NamedTuple):
     """What came of a greeting."""
 
@@ -110,8 +92,9 @@ def greet(name: str, faults: Tuple[str, ...], seed: int, plain_calibrate: bool =
     plant = Plant(robot, World(), (0.0, 0.0, 0.0))
     board = kind.engine(plant, eeprom_of(robot, plain_calibrate))
     try:
-        line = Booted(FaultyEngine(board, faults, seed), kind.booted_s)
-        driver = SteppedDriver(line)
+        line = FaultyEngine(board, faults, seed)
+        line.advance(kind.booted_s)
+        driver = SoakDriver(line, Options())
         session, error = (), ""
         try:
             told = driver.connect()

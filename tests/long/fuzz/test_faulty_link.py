@@ -19,9 +19,8 @@ def test_a_drive_with_faults_has_no_wrong_value_and_no_jump_and_ends_stopped(see
     robot, what = drive(seed, DRIVE_S)
     assert robot.accepted > 20, what
     if seed % 2:
-        robot.session.drive((300, 0), robot.now)
-        robot.session.take()
-        robot.session.stop(robot.now)
+        robot.driver.drive(0.3, 0.0)
+        robot.driver.stop()
         robot.run(WATCHDOG_S + STOPPING_S)
     else:
         robot.engine.stall(60)
@@ -29,7 +28,7 @@ def test_a_drive_with_faults_has_no_wrong_value_and_no_jump_and_ends_stopped(see
     assert not robot.moves(), what
     robot.engine.clear()
     robot.run(SETTLE_S)
-    assert robot.session.ready, what
+    assert robot.driver.ready, what
     assert not robot.moves(), what
     assert robot.wrong == [], what
     assert robot.jump_m <= 0, what

@@ -18,14 +18,14 @@ from typing import Any, Callable, Dict, List, Optional, Tuple
 from mrl_driver.driver import Driver
 from mrl_driver.errors import MrlError
 from mrl_driver.recording.recording import Recording
+from tests.long.programs import PYTHON, ROOT, Program, holds, left_behind
 from tests.waiting import wait_until
 
-from .programs import PYTHON, ROOT, Program, holds, left_behind
 from .robot import LATE_S, SoakRobot
 from .tally import GROWTH, Tally
 
 TIMEOUT_S, BEYOND_S = 0.3, 0.05
-HOST_DEAD_S, SIGNAL_S, EXIT_S, BACK_S = 0.3, 0.1, 2.0, 2.0
+HOST_DEAD_S, SIGNAL_S, EXIT_S = 0.3, 0.1, 2.0
 RECORDING_LOST_S = 1.0
 HEARD_S = 0.04
 """Mean time between two messages that are published every 20 ms [s]."""
@@ -143,14 +143,11 @@ class DriverRig(Rig):
         self.worker.end()
         self.begin()
 
-    def close_worker(self) -> None:
+    def end(self) -> None:
         self.worker.send("end")
         with suppress(AssertionError):
             self.check_jump(self.worker.await_word("closed", True)["jump_m"])
         self.worker.end(signal.SIGTERM)
-
-    def end(self) -> None:
-        self.close_worker()
         super().end()
 
     def _speeds(self) -> str:
@@ -201,25 +198,8 @@ class LiveRig(DriverRig):
         super().end()
 
     def deck(self) -> List[Fault]:
-        return [
-            *(self.unplugged, self.unplugged, self.suspended, self.suspended, self.bad_line),
-            *(self.write_blocked, self.disk_full, self.second_program, self.reopened),
-        ]
-
-    def unplugged(self) -> None:
-        """The cable is pulled while the robot drives; the port comes back under another name."""
-        self.drive_once()
-        self.struck(7)
-        before = os.path.realpath(self.robot.link)
-        gone_s = self.robot.order("unplug")
-        time.sleep(self.rng.uniform(0.05, 0.8))
-        self.worker.await_word("event", "Lost", gone_s)
-        back_s = self.robot.order("plug")
-        self.worker.await_word("event", "Reconnected", back_s)
-        self.check_figure("reconnect_s", time.monotonic() - back_s, BACK_S)
-        self.check("other_name", os.path.realpath(self.robot.link) != before)
-        self.check_stop(gone_s, HOST_DEAD_S, time.monotonic() + AFTER_S)
-        self.settle()
+        twice = (self.suspended, self.write_blocked, self.reopened)
+        return [*twice * 2, self.disk_full, self.second_program]
 
     def suspended(self) -> None:
         """The program is suspended while the robot drives, and goes on later."""
@@ -270,18 +250,6 @@ class LiveRig(DriverRig):
         self.check_drives_on()
         self.settle()
 
-    def bad_line(self) -> None:
-        """Lost, changed and repeated bytes in both directions, or garbage at the rate of the line."""
-        self.drive()
-        fault, row = self.rng.choice(
-            (("loss:rate=0.01", 4), ("change:rate=0.01", 6), ("flood:direction=to_host", 30))
-        )
-        self.struck(row)
-        self.robot.inject(f"{fault},at=0,lasts=1")
-        time.sleep(1.0)
-        self.robot.mend()
-        self.settle()
-
     def reopened(self) -> None:
         """The driver is closed while it reads, and opened again."""
         self.drive_once()
@@ -294,20 +262,12 @@ class LiveRig(DriverRig):
 
 
 class DeathRig(DriverRig):
-    """The program is killed, ended and begun again."""
+    """The program is killed and begun again."""
 
     name = "death"
 
     def deck(self) -> List[Fault]:
-        return [self.killed, self.killed, self.killed_recording, self.command_line_signalled]
-
-    def killed(self) -> None:
-        """kill -9 while the robot drives."""
-        (self.drive if self.rng.random() < 0.5 else self.drive_once)()
-        self.struck(1)
-        killed_s = self.worker.send_signal(signal.SIGKILL)
-        self.check_stop(killed_s, HOST_DEAD_S)
-        self.recover()
+        return [self.killed_recording]
 
     def killed_recording(self) -> None:
         """kill -9 while it records: what was recorded until a second before is readable."""
@@ -323,25 +283,6 @@ class DeathRig(DriverRig):
         self.check_figure("recording_lost_s", lost_s, RECORDING_LOST_S)
         os.unlink(path)
         self.recover()
-
-    def command_line_signalled(self) -> None:
-        """Ctrl-C or SIGTERM at `mrl drive`."""
-        self.close_worker()
-        wait_until(lambda: not self.robot.driven, what="a stop")
-        words = ["drive", "--port", self.robot.link, "--linear", "0.2", "--for", "60"]
-        program = Program([PYTHON, "-m", "mrl_driver", *words], self.folder / "drive.log")
-        try:
-            wait_until(lambda: self.robot.driven, what="motion")
-            time.sleep(self.rng.uniform(0.0, 0.3))
-            self.struck(21)
-            number, code = self.rng.choice(((signal.SIGINT, 130), (signal.SIGTERM, 143)))
-            sent_s = time.monotonic()
-            self.check_figure("exit_s", program.end(number), EXIT_S)
-            self.check("exit_code", program.process.returncode == code, code=program.process.returncode)
-            self.check_stop(sent_s, SIGNAL_S)
-        finally:
-            program.end()
-        self.begin()
 
 
 class RosRig(Rig):

@@ -21,8 +21,8 @@ from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
 from tests.long.jumps import Jumps
+from tests.long.programs import ROOT, holds
 
-from .programs import ROOT, holds
 from .tally import Tally
 from .truth import Truth
 
@@ -85,6 +85,26 @@ class SoakDriver(SteppedDriver):
         """The program is killed: the board runs on."""
         self._board.skip(seconds)
 
+    def watch_pose(self, jumps: Jumps, note: Callable[[Any, float], None]) -> None:
+        """Calls `note` with each event that has counts, and with the step of the pose beyond the reach [m]."""
+        core = self.core
+        on_counts, digest = core.state.on_counts, core._digest
+
+        def see(event: Any) -> Any:
+            told = on_counts(event)
+            odometry = core.state.odometry
+            assert odometry is not None
+            note(event, jumps.see(odometry.pose, event.time_s, odometry.baseline.refused))
+            return told
+
+        def look(event: Any, now: float) -> Any:
+            told = digest(event, now)
+            if isinstance(event, Ready) and event.restarted:
+                jumps.restart()
+            return told
+
+        core.state.on_counts, core._digest = see, look  # type: ignore[method-assign]
+
 
 class Simulation:
     """One robot, its driver and its user, for a quarter of an hour or so.
@@ -132,26 +152,12 @@ class Simulation:
         self.driver.connect()
 
     def _watch_pose(self) -> None:
-        core, jumps = self.driver.core, Jumps.of(self.model)
-        on_counts, digest = core.state.on_counts, core._digest
-
-        def see(event: Any) -> Any:
-            told = on_counts(event)
-            odometry = core.state.odometry
-            assert odometry is not None
-            jump_m = jumps.see(odometry.pose, event.time_s, odometry.baseline.refused)
+        def note(_: Any, jump_m: float) -> None:
             self.tally.measured("pose_jump_m", jump_m)
             if jump_m > 0.0:
                 self.tally.problem("pose_jump", fault=self.fault, jump_m=jump_m)
-            return told
 
-        def look(event: Any, now: float) -> Any:
-            told = digest(event, now)
-            if isinstance(event, Ready) and event.restarted:
-                jumps.restart()
-            return told
-
-        core.state.on_counts, core._digest = see, look  # type: ignore[method-assign]
+        self.driver.watch_pose(Jumps.of(self.model), note)
 
     @property
     def now_s(self) -> float:

@@ -8,8 +8,8 @@ import pytest
 
 from mrl_driver.robot.odometry import Baseline
 from sim_arduino.board.board_status import BoardStatus
+from tests.long.programs import MARK, holds, left_behind
 from tests.long.soak import truth
-from tests.long.soak.programs import MARK, holds, left_behind
 from tests.long.soak.simulated import ChipSimulation, Job, Simulation, run_one
 from tests.long.soak.tally import Tally
 

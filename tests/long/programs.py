@@ -1,4 +1,4 @@
-"""Programs that the soak starts, asks, hangs and kills; each carries a mark, so that none is left behind unseen."""
+"""Programs that a long run starts, asks, hangs and kills; each carries a mark, so that none is left behind unseen."""
 
 import json
 import os
@@ -14,7 +14,7 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 from tests.waiting import wait_until
 
 MARK = "MRL_SOAK"
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 class Program:
