@@ -10,7 +10,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import BLIND_S, PATIENCE_S, GoalSeeker
 from mrl_driver.navigation.occupancy_grid import FloorMap
 from mrl_driver.robot import models
-from mrl_driver.robot.models import Limits
+from mrl_driver.robot.models import Limits, SonarMount
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
 
@@ -172,3 +172,10 @@ def test_goal_is_given_up_if_the_robot_does_not_turn_to_its_yaw():
         speeds = seeker.command((0.0, 0.0, 0.95), {}, float(time_s))
     assert seeker.blocked and speeds == (0.0, 0.0)
     assert seeker.why == "it is there, but has not turned further to the goal's yaw for 5 s"
+
+
+def test_last_range_counts_while_a_reading_is_invalid():
+    """The robot drives at half speed beside something; for the next half second the sonar says nothing."""
+    seeker = GoalSeeker((3.0, 0.0, 0.0), LIMITS, 0.0, {"left": SonarMount(0.0, 0.1, 90.0)})
+    seeker.command((0.0, 0.0, 0.0), {"left": 0.25}, 0.0)
+    assert seeker.command((0.0, 0.0, 0.0), {"left": math.nan}, 0.5) == (0.5 * LIMITS.linear_m_s, 0.0)

@@ -212,6 +212,19 @@ def test_a_command_that_waits_for_a_short_write_of_another_thread_is_sent(driver
     blocker.join()
 
 
+def test_a_command_that_the_port_does_not_accept_in_time_follows_later(driver, line, monkeypatch):
+    write, user = line.write, threading.current_thread()
+
+    def give_up(data):
+        if threading.current_thread() is user:
+            full(data)
+        write(data)
+
+    monkeypatch.setattr(line, "write", give_up)
+    assert not driver.drive(0.1, 0.0)
+    wait_until(lambda: (100, 0) in line.board.moves, what="the move")
+
+
 def test_a_command_that_waits_too_long_for_the_write_of_another_thread_follows_later(driver, line):
     blocker = block(driver, line)
     assert not driver.drive(0.1, 0.0)
