@@ -16,6 +16,7 @@ from mrl_driver.errors import (
     PortDenied,
     PortMissing,
 )
+from mrl_driver.transport.link import denied
 
 BAUDS = (115200, 57600)
 """Baud rates of bootloaders: of the Uno and the Nano, and of Nanos with the old bootloader.
@@ -36,7 +37,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "permission denied",
         PortDenied,
-        "no permission for {port}; join its group with: sudo usermod -aG dialout $USER, then log out and in",
+        "{denied}",
     ),
     (
         "resource busy|locked",
@@ -166,7 +167,7 @@ def explain(output: str, port: str, image: str) -> MrlError:
     """Return the error for avrdude's output."""
     for pattern, kind, text in _EXPLANATIONS:
         if re.search(pattern, output, re.IGNORECASE):
-            return kind(text.format(port=port, image=image))
+            return kind(text.format(port=port, image=image, denied=denied(port)))
     return MrlError(f"avrdude failed: {_last_line(output) or 'it printed no reason'}")
 
 

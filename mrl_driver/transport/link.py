@@ -8,6 +8,7 @@ import contextlib
 import errno
 import fcntl
 import glob
+import grp
 import os
 import select
 import stat
@@ -461,15 +462,40 @@ def _explain(port: str, error: Exception) -> LinkError:
             "was unplugged"
         )
     if kind is PortDenied:
-        return PortDenied(
-            f"no permission for {port}; join its group with: sudo usermod -aG dialout $USER, "
-            "then log out and in"
-        )
+        return PortDenied(denied(port))
     if kind is PortMissing:
         return PortMissing(f"{port!r} is not a serial port; {_there_are()}")
     return LinkError(
         f"{port} cannot be opened, because its device does not answer ({_words(error)}): unplug it and plug it in "
         "again; in a container, pass the device to it again"
+    )
+
+
+def group_of(device: str) -> str:
+    """Return the name of the group that owns the device; empty if it is unknown."""
+    try:
+        return grp.getgrgid(os.stat(device).st_gid).gr_name
+    except (OSError, KeyError):
+        return ""
+
+
+def opening_group(device: str) -> str:
+    """Return the name of the group whose members may open the device; empty if only root may."""
+    group, both = group_of(device), stat.S_IRGRP | stat.S_IWGRP
+    try:
+        opens = os.stat(device).st_mode & both == both
+    except OSError:
+        opens = False
+    return group if opens and group != "root" else ""
+
+
+def denied(port: str) -> str:
+    """Return why this user may not open a port, and what to do."""
+    group = opening_group(port)
+    if not group:
+        return f"only root may open {port}; let udev give serial ports to a group: sudo mrl system install"
+    return (
+        f"no permission for {port}; join its group with: sudo usermod -aG {group} $USER, then log out and in"
     )
 
 

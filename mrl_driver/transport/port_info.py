@@ -1,10 +1,9 @@
 """Information about serial ports without opening them, because opening one resets an Arduino Uno."""
 
-import grp
 import os
 from typing import Dict, List, NamedTuple
 
-from .link import described, locked_by, opened_by
+from .link import described, group_of, locked_by, opened_by
 from .port_search import Port
 from .usb_ids import ARDUINO_VENDORS, text_of
 
@@ -72,14 +71,6 @@ def user_of(device: str) -> str:
                 continue
         return f"process {number}"
     return ""
-
-
-def group_of(device: str) -> str:
-    """Return the name of the group that owns the device; empty if it is unknown."""
-    try:
-        return grp.getgrgid(os.stat(device).st_gid).gr_name
-    except (OSError, KeyError):
-        return ""
 
 
 def udev_properties(device: str) -> Dict[str, str]:

@@ -1,6 +1,8 @@
 """A serial port on the network: bytes pass between a board and one client.  When the client leaves, the robot stops."""
 
 import select
+import threading
+from concurrent.futures import Future, wait
 from typing import Callable, List, Optional
 
 from mrl_driver.errors import BoardTimeout, LinkLost
@@ -20,6 +22,8 @@ LOOK_S = 0.5
 """Time between two checks whether a UDP client is silent [s]."""
 SEARCH_S = 0.1
 """Time between two looks for the board [s]."""
+ANSWERS_S = 3.0
+"""Most boards answer within this time after their port is opened, and clients wait for that [s]."""
 STOPS, STOP_AGAIN_S = 3, 0.05
 """Number of stops and time between them [s].  A stop may fall into an incomplete frame, so it is repeated."""
 
@@ -84,8 +88,13 @@ class Bridge:
                 self._tell.close()
 
     def _search(self) -> None:
-        """Look for the board; send clients away until it is there."""
-        link = self._find()
+        """Look for the board once, on a thread, for it may take 8 s; send clients away until it is there."""
+        found: Future[Optional[Link]] = Future()
+        threading.Thread(target=self._look, args=(found,), name="mrl-look", daemon=True).start()
+        wait([found], ANSWERS_S)
+        while not wait([found], SEARCH_S).done:
+            self._send_away()
+        link = found.result()
         if link is None:
             self._send_away()
             select.select([fd for fd in (self._listener.watch,) if fd is not None], [], [], SEARCH_S)
@@ -93,6 +102,12 @@ class Bridge:
         self._listener.drop()  # what a client has sent meanwhile is old
         self._link, self._client, self._stops = link, "", 0
         self._tell(f"{link.port} answers")
+
+    def _look(self, found: "Future[Optional[Link]]") -> None:
+        try:
+            found.set_result(self._find())
+        except BaseException as error:  # noqa: BLE001 - `_search` raises it
+            found.set_exception(error)
 
     def _send_away(self) -> None:
         self._listener.read()

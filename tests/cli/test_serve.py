@@ -284,3 +284,19 @@ def test_a_bridge_is_not_suspended(serve):
         )
         process.terminate()
     assert int(ignored.split()[1], 16) >> (signal.SIGTSTP - 1) & 1
+
+
+def test_a_client_is_told_while_a_silent_board_is_asked_for_its_id(monkeypatch):
+    """That takes up to 8 s."""
+    monkeypatch.setattr("mrl_driver.transport.relay.ANSWERS_S", 0.0)
+    answers, listener, link = threading.Event(), listen(f"tcp://{ADDRESS}"), mock.Mock()
+    bridge = Bridge(lambda: answers.wait(PATIENCE_S) and bridge.stop() or link, str, listener, str)
+    serving = threading.Thread(target=bridge.run)
+    serving.start()
+    try:
+        client = open_link(str(listener.address))
+        with contextlib.closing(client), pytest.raises(LinkLost, match="the board was not found yet"):
+            wait_until(lambda: client.read(0.1) and False)
+    finally:
+        answers.set()
+        serving.join()

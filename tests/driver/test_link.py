@@ -242,12 +242,21 @@ def test_the_message_says_what_it_is_and_what_there_is(path, words):
         SerialLink(path)
 
 
-def test_a_denied_port_names_the_group(pty, monkeypatch):
+@pytest.mark.parametrize(
+    "mode, group, words",
+    [
+        *((0o620, "dialout", "only root"), (0o660, "root", "only root"), (0o600, "dialout", "only root")),
+        *((0o660, "dialout", "usermod -aG dialout "), (0o660, "uucp", "usermod -aG uucp ")),
+    ],
+)
+def test_a_denied_port_names_the_group_that_may_open_it(pty, monkeypatch, mode, group, words):
     def deny(*_, **__):
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("serial.Serial", deny)
-    with pytest.raises(PortDenied, match="dialout"):
+    monkeypatch.setattr("mrl_driver.transport.link.group_of", lambda device: group)
+    os.chmod(pty[1], mode)
+    with pytest.raises(PortDenied, match=words):
         SerialLink(pty[1])
 
 

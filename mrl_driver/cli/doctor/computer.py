@@ -7,9 +7,8 @@ import stat
 import sys
 from typing import Iterator, List
 
-from mrl_driver.transport.link import is_terminal
+from mrl_driver.transport.link import is_terminal, opening_group
 from mrl_driver.transport.port_info import (
-    group_of,
     programs_named,
     udev_properties,
     user_of,
@@ -45,10 +44,10 @@ def _permission(name: str) -> Iterator[Finding]:
             return
     except (OSError, ValueError):
         return
-    group = group_of(name)
+    group = opening_group(name)
     if os.access(name, os.R_OK | os.W_OK):
         yield Finding(OK, "permission", f"you may open {name}" + (f" (group {group})" if group else ""))
-    elif group in ("", "root"):
+    elif not group:
         yield problem(
             FAULT,
             "port_denied",
