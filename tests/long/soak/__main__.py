@@ -6,7 +6,6 @@ build/soak.json has all that they noted, and how often each fault has struck.
 import json
 import multiprocessing
 import os
-import platform
 import signal
 import sys
 import time
@@ -40,12 +39,7 @@ def table(known: Dict[str, Any]) -> List[Dict[str, Any]]:
 
 def conclude(part: str, begun_s: float, tally: Tally, **more: Any) -> None:
     """Print and keep the figures of a part; exit code 1 if a judge has reported something."""
-    about = {
-        "date": time.strftime("%Y-%m-%d %H:%M"),
-        "machine": f"{os.cpu_count()} cores, {platform.machine()}",
-        "took_s": round(time.monotonic() - begun_s, 1),
-    }
-    notes = {**about, **more, **tally.report()}
+    notes = {"took_s": round(time.monotonic() - begun_s, 1), **more, **tally.report()}
     path = ROOT / "build" / "soak.json"
     report.write(path, {part: notes})
     rows = table(json.loads(path.read_text()))

@@ -79,13 +79,11 @@ class Tally:
 
     def report(self) -> Dict[str, Any]:
         """All of it, for JSON."""
+        counts = {name: getattr(self, name) for name in ("rows", "judged", "not_judged", "largest")}
         return {
+            **{name: dict(sorted(found.items())) for name, found in counts.items()},
             "faults": sum(self.faults.values()),
             "faults_by_kind": dict(sorted(self.faults.items())),
-            "rows": {str(row): count for row, count in sorted(self.rows.items())},
-            "judged": dict(sorted(self.judged.items())),
-            "not_judged": dict(sorted(self.not_judged.items())),
             "problems": dict(sorted(self.kinds.items())),
             "first_problems": self.problems[:20],
-            "largest": {key: round(value, 4) for key, value in sorted(self.largest.items())},
         }

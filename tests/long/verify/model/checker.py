@@ -10,18 +10,10 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 from .constants import HEADER, TICK_MS
 
 FOLDER = HEADER.parent
-LINE, BUS, HOST, PORT, BOARD, HOLDS, BRIDGE, CALLBACK = (1 << bit for bit in range(8))
+NAMES = ("line", "bus", "host", "port", "board", "holds", "bridge", "callback")
+PARTS = {name: 1 << bit for bit, name in enumerate(NAMES)}
 """What may happen in a run; `stop.pml` says what each is."""
-PARTS = {
-    "line": LINE,
-    "bus": BUS,
-    "host": HOST,
-    "port": PORT,
-    "board": BOARD,
-    "holds": HOLDS,
-    "bridge": BRIDGE,
-    "callback": CALLBACK,
-}
+LINE, BUS, HOST, PORT, BOARD, HOLDS, BRIDGE, CALLBACK = PARTS.values()
 (
     NO_WATCHDOG,
     NO_TIMEOUT,
