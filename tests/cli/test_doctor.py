@@ -279,21 +279,6 @@ def test_the_sonar_with_a_hand_before_it(ranges, name):
     assert wheels.nearest(ranges) == name
 
 
-def test_swapped_sonars_are_found():
-    hands = iter([{"front": 1.0, "left": 0.3}, {"front": 0.3, "left": 1.0}])
-    now = {"front": 1.0, "left": 1.0}
-
-    def ask(question):
-        now.update(next(hands))
-        return True
-
-    found = list(wheels.sonar_order(lambda: now, ask))
-    assert [each.text for each in found] == [
-        "the left sonar detected the hand",
-        "the front sonar detected the hand",
-    ]
-
-
 def test_the_users_eyes_overrule_the_counters(monkeypatch):
     monkeypatch.setattr(
         wheels, "turn", lambda driver, side: Moved(*((0.1, 0.0) if side == "right" else (0.0, 0.1)), "")
@@ -317,15 +302,3 @@ def test_modem_manager_matters_to_usb_ports_alone(monkeypatch):
     assert levels(copy) == [WARNING]
     monkeypatch.setattr(computer, "udev_properties", lambda device: {"ID_MM_DEVICE_IGNORE": "1"})
     assert levels(copy) == [OK]
-
-
-def levels_of_brltty(name, port=None):
-    found = computer.check(name, port or Port(name))
-    return [(each.level, each.code) for each in found if each.subject == "brltty"]
-
-
-@pytest.mark.parametrize(("running", "found"), [([1], [(WARNING, "brltty")]), ([], [(OK, "")])])
-def test_brltty_matters_to_adapters_whose_chips_braille_displays_have_too(monkeypatch, running, found):
-    monkeypatch.setattr(computer, "programs_named", lambda name: running if name == "brltty" else [])
-    assert levels_of_brltty("/dev/null", Port("/dev/null", (), 0x1A86, 0x7523)) == found
-    assert levels_of_brltty("/dev/null", Port("/dev/null", (), 0x2341, 0x0043)) == []

@@ -2,8 +2,6 @@
 
 import csv
 import errno
-import json
-import math
 import os
 import subprocess
 import sys
@@ -142,11 +140,6 @@ def test_a_table_has_a_row_for_each_telemetry(rows, telemetry):
     ]
 
 
-def test_a_cell_is_empty_while_its_value_is_not_known(rows, telemetry):
-    first = telemetry[0].ranges.get("front", math.nan)
-    assert math.isnan(first) and rows[0]["sonar_front_m"] == "" and rows[-1]["sonar_front_m"] != ""
-
-
 def test_a_damaged_clock_is_moved_into_the_range_of_ros(recording, tmp_path):
     header, _, rest = recording.read_text().partition("\n")
     damaged = tmp_path / "damaged.mrl"
@@ -183,21 +176,7 @@ def test_a_message_that_cannot_be_written_ends_the_export(recording, tmp_path, m
     assert old.read_text() == "old" and os.listdir(tmp_path) == [old.name]
 
 
-def test_a_missing_library_is_named_with_its_remedy(recording, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.mcap")
-    assert "mcap is missing" in words and "pip install 'mrl-driver[export]'" in words
-    assert not os.listdir(tmp_path)
-
-
 @pytest.mark.parametrize("name", ["my robot", "r\u00f6bot", "a//b", "1st"])
 def test_a_namespace_that_ros_would_refuse_is_refused(recording, tmp_path, name):
     words = fails(ConfigError.exit_code, "export", recording, tmp_path / "drive.bag", "--name", name)
     assert f"--name is {name!r}" in words and not os.listdir(tmp_path)
-
-
-def test_a_recording_without_a_robot_leaves_no_file(tmp_path):
-    path = tmp_path / "empty.mrl"
-    path.write_text(f"#mrl-recording 1 {json.dumps({'port': 'x'})}\n0.0 ! opened x\n")
-    fails(ConfigError.exit_code, "export", path, tmp_path / "empty.csv")
-    assert os.listdir(tmp_path) == ["empty.mrl"]

@@ -40,15 +40,6 @@ def test_a_name_never_stands_for_another_board_that_its_port_leads_to(link, serv
     assert "robot id 2 answers, expected 1: another board is on this port" in line
 
 
-def test_a_name_of_a_port_that_is_not_there_says_that_it_is_any_robot(link, serve):
-    done = mrl("names", "add", "lab3", "--port", "/dev/nowhere")
-    assert (
-        "lab3 is any robot on its port (which is not there now); add it again then, or give --id"
-        in done.stderr
-    )
-    assert named_robots.read()["lab3"].id is None
-
-
 def test_another_id_for_the_board_is_the_names_from_then_on():
     with EmulatedBoard() as board:
         mrl("names", "add", "lab3", "--port", board.port)

@@ -15,7 +15,7 @@ from mrl_driver.session.motion_command import STOPS
 from mrl_driver.view import words
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.rows import sections
-from mrl_driver.view.shown_state import Bar, Row, ShownState, line_of
+from mrl_driver.view.shown_state import Bar, Row, ShownState
 from tests.models import model as load
 
 STATE = ShownState(
@@ -81,11 +81,6 @@ def test_the_speed_of_a_silent_robot_is_unknown():
 def test_delays_are_told_by_their_parts():
     values = [told(delays_s=each)["link"]["delay"].value for each in ((0.042, 0.012, 0.03), (math.nan,) * 3)]
     assert values == ["42 ms: key 12, link 30", "unknown: key ?, link ?"]
-
-
-def test_the_line_shows_no_sign_of_a_number_that_rounds_to_zero():
-    state = STATE._replace(pose=Pose(0.0, -0.0004, -1e-9), twist=Twist(-0.0004, -0.0))
-    assert "-" not in line_of(state)
 
 
 def test_every_reason_has_words():

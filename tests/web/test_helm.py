@@ -104,6 +104,15 @@ def test_a_held_control_drives_at_its_speeds(bench):
     assert bench.helm.state().driving and bench.helm.state().why == ""
 
 
+def test_each_fresh_command_is_passed_on_once(driving):
+    bench, one, _ = driving
+    for speed in (0.1, 0.2, 0.3):
+        bench.later()
+        assert bench.repeat(one, linear_m_s=speed) == [Drive(speed, 0.0, 0.0, 0.0)]
+    bench.later()
+    assert bench.helm.tick(bench.now_s) == [] and bench.helm.state().age_s == 0.0
+
+
 def test_a_released_control_stops_at_once(driving):
     bench, one, _ = driving
     bench.later()
@@ -148,6 +157,17 @@ def test_a_command_that_is_older_than_150_ms_does_not_drive(bench):
     assert bench.helm.state().late == 1
 
 
+def test_a_page_with_slow_commands_is_told_once_in_a_press(bench):
+    page = bench.page(takes=True)
+    told = []
+    for _ in range(3):
+        sent = page.message(bench.now_s) if page.held else page.push(bench.now_s)
+        bench.now_s += 0.2
+        told += bench.arrives(page, sent)
+    assert told == [Refuse(1, "the delay of this page's commands is 200 ms, expected at most 150 ms")]
+    assert bench.helm.state().late == 3
+
+
 def test_a_burst_after_a_stall_does_not_drive(driving):
     """Messages of 2 s arrive at once; the newest are fresh, but the robot was stopped meanwhile."""
     bench, one, _ = driving
@@ -159,6 +179,21 @@ def test_a_burst_after_a_stall_does_not_drive(driving):
 
 
 # -- order
+
+
+def test_after_a_stall_of_the_server_nothing_drives_before_the_stop(driving):
+    """SIGSTOP, or a suspended computer: nobody called `tick`, and the press goes on."""
+    bench, one, _ = driving
+    bench.now_s += 10.0
+    assert kinds(bench.repeat(one)) == ["Halt"] and not bench.drives(one)
+
+
+@pytest.mark.parametrize("made, does", [("message", "Drive"), ("lift", "Halt")])
+def test_a_message_that_comes_twice_counts_once(driving, made, does):
+    bench, one, _ = driving
+    sent = getattr(one, made)(bench.now_s)
+    assert kinds(bench.arrives(one, sent)) == [does]
+    assert [bench.arrives(one, sent) for _ in range(2)] == [[], []] and bench.helm.state().repeated == 2
 
 
 def test_a_release_that_was_overtaken_still_ends_its_press(driving):
@@ -186,16 +221,49 @@ def test_a_late_release_stops_too(driving):
 # -- who drives
 
 
+def test_press_numbers_only_grow(driving):
+    bench, one, _ = driving
+    first = one.press
+    one.press += 2
+    assert bench.drives(one) and bench.helm.state().spent[1] == first
+    one.press -= 1
+    assert not bench.drives(one)
+
+
+def test_a_press_that_never_drove_is_over_with_its_release(bench):
+    page = bench.page(takes=True)
+    bench.arrives(page, page.push(bench.now_s - 0.2))
+    bench.rest(page)
+    page.held = True
+    assert not bench.drives(page)
+
+
 def test_a_watching_page_neither_takes_nor_drives(bench):
     page = bench.page(may_drive=False)
     assert bench.helm.take(1, bench.now_s) == [Refuse(1, WATCHES)]
     assert bench.push(page)[0] == Refuse(1, WATCHES)
 
 
+def test_a_control_that_was_held_when_the_page_connected_does_not_drive(bench):
+    bench.helm.join(1, True, bench.now_s)
+    bench.helm.take(1, bench.now_s)
+    page = Page(1)
+    page.hear(bench.now_s)
+    assert "Drive" not in kinds(bench.push(page))
+    bench.rest(page)
+    assert "Drive" in kinds(bench.push(page))
+
+
 def test_a_driver_that_leaves_stops_the_robot_and_frees_the_helm(driving):
     bench, _, _ = driving
     assert bench.helm.leave(1, bench.now_s) == [Halt(LEFT), Tell()]
     assert bench.helm.state().driver is None
+
+
+def test_messages_of_one_that_left_do_nothing(driving):
+    bench, one, _ = driving
+    bench.helm.leave(1, bench.now_s)
+    assert bench.repeat(one) == []
 
 
 def test_the_helm_changes_hands_when_the_robot_stands(bench):
@@ -236,6 +304,14 @@ def test_the_wish_for_the_helm_comes_true_with_every_stop(driving, stop):
     getattr(bench.helm, stop)(*{"tick": (), "robot_stopped": ("battery",), "stop": (1,)}[stop], bench.now_s)
     bench.helm.stands(bench.now_s)
     assert bench.helm.state().driver == 2 and not bench.drives(one)
+
+
+def test_only_one_can_wait_for_the_helm(driving):
+    bench, _, _ = driving
+    bench.page()
+    bench.helm.take(2, bench.now_s)
+    assert bench.helm.take(3, bench.now_s) == [Refuse(3, "somebody else has asked for the helm already")]
+    assert bench.helm.state().wants == 2
 
 
 @pytest.mark.parametrize("withdraw", ["leave", "yield_"])
@@ -323,6 +399,14 @@ def test_a_stop_that_another_program_latches_counts(driving):
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.latched_by_other) == (True, None, "another program")
     assert not bench.presses_again(one)
+
+
+def test_a_stop_that_another_program_latches_while_nobody_drives_is_shown(bench):
+    bench.page(takes=True)
+    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Tell()]
+    assert bench.helm.state().why == EMERGENCY
+    bench.helm.robot_latched(False, "another program", bench.now_s)
+    assert bench.helm.state().latched_by_other == ""
 
 
 def test_a_stop_of_another_program_is_released_after_the_page_has_shown_it(bench):
