@@ -5,7 +5,7 @@ import pytest
 from mrl_driver.review.page import render
 from tests.review.page_drives import FINDING, drive
 
-from .browser import ASKED, DESK, PHONE, PROJECTOR
+from .browser import ASKED, DESK, PHONE, PROJECTOR, Size
 from .robot_page import RobotPage
 
 CONTROLS = "button, a[href], input, select, textarea, summary, [tabindex]"
@@ -43,6 +43,15 @@ def test_the_page_fits_the_window_with_stop_and_joystick_in_sight(visit, size):
     for name in ("stop", "joystick"):
         left, top, right, bottom = page.box(name)
         assert left >= 0 and top >= 0 and right <= size.width and bottom <= size.height, name
+
+
+@pytest.mark.parametrize("size", [PHONE, Size(740, 360, True)])
+def test_the_stick_keeps_its_place_when_the_page_tells_of_a_stop(visit, size):
+    page = visit(size).take()
+    before = page.box("joystick")
+    page.tab.press("stop")
+    page.wait(latched="yes")
+    assert page.box("joystick") == before
 
 
 def test_the_tab_key_reaches_every_control_and_stop_first(visit):
