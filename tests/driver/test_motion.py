@@ -2,7 +2,7 @@ import math
 
 import pytest
 
-from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, STILL_FRAMES, STILL_S, STOP, Motion
+from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, STILL_FRAMES, STILL_S, STOP, STOPS, Motion
 
 
 def drain(motion, start_s, end_s):
@@ -374,3 +374,9 @@ def test_motion_is_wanted_after_a_stop_that_is_not_the_users(reason, wanted):
     assert motion.wanted == wanted
     motion.drive((200, 0), 1.0)
     assert motion.wanted
+
+
+def test_reasons_have_the_names_that_users_see():
+    sources = {"user", "not_a_number", "command_timeout", "radio_hold", "closed", "none"}
+    causes = {"battery", "wheel_mismatch", "stale", "restarted", "link_lost", "host_paused"}
+    assert set(STOPS) == sources | causes
