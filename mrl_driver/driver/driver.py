@@ -398,8 +398,8 @@ class Driver:
         """Let `allowed(speeds, now)` reduce every command, and again with every frame; such as protective zones.
 
         Speeds are linear, angular and, if the base can, lateral [m/s, rad/s, m/s]; `now` is `now_s`.  The function is
-        called with the driver's lock held: it must be quick and must not call the driver.  If it returns something that
-        is not finite speeds, the robot stops.  None ends the restriction.
+        called with the driver's lock held: it must be quick and must not call the driver.  `limits` hold for what
+        it returns; if that is not finite speeds, the robot stops.  None ends the restriction.
 
         Raises:
             ConfigError: `allowed` is not a function; the robot was stopped.

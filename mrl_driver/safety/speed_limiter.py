@@ -80,7 +80,8 @@ class SpeedLimiter:
         assert wanted is not None and limits is not None
         if self.restrict is not None:
             parts = ("linear", "angular", "lateral")[: len(wanted)]
-            wanted = require_numbers("speed that restrict allows", self.restrict(wanted, now), parts)
+            allowed = require_numbers("speed that restrict allows", self.restrict(wanted, now), parts)
+            wanted = self.limited(allowed)
         # Another thread may have stepped a moment later already.
         dt_s = min(LONGEST_STEP_S, max(0.0, now - self._stepped_s))
         self._stepped_s = max(now, self._stepped_s)

@@ -229,3 +229,10 @@ def test_a_step_at_a_time_before_the_last_one_takes_no_time(bench):
     bench.limiter.target = (0.1, 0.0)
     bench.limiter.step(bench.now_s - 1e-6)
     assert bench.speeds == (0.1, 0.0)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.6, -0.6, 1e300])
+def test_what_restricts_the_speeds_does_not_raise_them_above_the_limits(bench, speed_m_s):
+    bench.limiter.restrict = lambda speeds, now: (speed_m_s, 0.0)
+    bench.run(3.0, 0.1)
+    assert bench.speeds == (math.copysign(0.3, speed_m_s), 0.0)
