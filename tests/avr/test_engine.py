@@ -66,11 +66,6 @@ def test_the_next_event_of_a_sleeping_chip_is_when_it_can_wake(engine):
     assert board.next_event_s == pytest.approx(200e-6 + OVERFLOW_S, abs=20e-6)
 
 
-def test_a_chip_that_is_awake_needs_a_call_each_slice(engine):
-    board = engine("uart.c")
-    assert board.next_event_s == pytest.approx(board.machine.time_s + 1e-3)
-
-
 @pytest.mark.parametrize("bootloader, flags", [(True, 0), (False, 1)])
 def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
     board = AvrEngine(Plant(), sketch("watchdog.c"), bootloader=bootloader)

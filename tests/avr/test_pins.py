@@ -87,16 +87,6 @@ def test_int0_has_a_sense(bench, sense, expected):
     assert board.get("externals") == expected
 
 
-def test_plans_of_two_pins_interleave(bench):
-    board = started(bench)
-    begun = board.machine.cycle
-    board.machine.plan_edges(B, range(begun + 250, begun + 1000, 200))
-    board.machine.plan_edges(A, range(begun + 150, begun + 1000, 200))
-    board.machine.run(COMMAND_S + 1e-4)
-    changes = [each for each in board.machine.pin_changes() if each.pin in (A, B)]
-    assert [each.cycle - begun for each in changes] == list(range(150, 1000, 100))
-
-
 def test_the_time_high_of_an_output_is_exact(bench):
     board = started(bench)
     tell(board, DIRECTION, 1 << PORT_PIN)

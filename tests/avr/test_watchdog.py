@@ -35,12 +35,6 @@ def test_a_run_with_a_reset_in_it_ends_in_time(bench):
     assert (board.get("starts"), board.machine.cycle - end < 5) == (1, True)
 
 
-def test_a_fed_watchdog_is_silent(bench):
-    board = in_mode(bench, FED)
-    board.machine.run(0.1)
-    assert (board.get("starts"), board.get("interrupts")) == (0, 0)
-
-
 def test_the_interrupt_alone_repeats_at_its_period(bench):
     board = in_mode(bench, INTERRUPT_ONLY)
     board.machine.run(0.1)

@@ -132,6 +132,14 @@ def test_values_outside_a_parameters_range_are_refused(bench, row):
     assert board.ask("read_config", row.number).args[1] == parameter_store.defaults(1)[row.number]
 
 
+def test_defaults_keep_the_id(bench):
+    board = bench()
+    board.send("write_config", 0, 5)
+    board.send("write_config", 1, 1)
+    assert board.ask("default_config").args == (1,)
+    assert parameters(board) == parameter_store.defaults(5)
+
+
 def test_defaults_are_in_force_at_once(bench):
     """The sonars' curve is computed from parameters when these change."""
     board = bench()

@@ -156,6 +156,11 @@ def test_dust_is_counted_over_half_a_minute(board):
     assert board.ask("read_dust").args[0] == pytest.approx(pieces_per_litre(2.0), rel=0.03)
 
 
+def test_dust_counts_before_the_first_half_minute_is_over(board):
+    dusty(board, 6.0, percent=2.0)
+    assert board.ask("read_dust").args[0] == pytest.approx(pieces_per_litre(2.0), rel=0.1)
+
+
 def test_old_dust_is_forgotten(board):
     dusty(board, 10.0, percent=5.0)
     board.run(31.0)

@@ -97,6 +97,16 @@ def test_texts_fill_the_transmitter_to_its_last_byte(bench):
     assert board.heard == b"[INFO] stop\r\n" * 3 + b"[ERROR] unknown_command\r\n"
 
 
+def test_a_text_that_has_no_room_for_its_end_is_left_out(bench):
+    """13 bytes each: of ten in one pass, four fit into 64 bytes."""
+    board = bench()
+    board.send("set_debug", 1)
+    board.forget()
+    board.board.gap(board.board.now_s + 0.01, b"@13e" * 10)
+    board.run(0.05)
+    assert board.heard == b"[INFO] stop\r\n" * board.heard.count(b"[INFO] stop\r\n")
+
+
 SIZES = [
     0,
     1,

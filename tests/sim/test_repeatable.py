@@ -64,16 +64,6 @@ def test_a_robot_that_faces_this_one_is_heard_now_and_then():
     assert share == pytest.approx(2 * 4.9 / 343.0 / 0.3, abs=0.04)
 
 
-BESIDE, BEHIND_US, FAR = Pose(0.0, -5.0, math.pi), Pose(-5.0, 0.0, 0.0), Pose(6.7, 0.0, math.pi)
-
-
-@pytest.mark.parametrize(
-    "other, wall_x", [(TURNED, 9.0), (FACING, 3.0), (BESIDE, 9.0), (BEHIND_US, 9.0), (FAR, 9.0)]
-)
-def test_a_robot_that_faces_away_or_stands_behind_a_wall_or_far_off_is_not_heard(other, wall_x):
-    assert len(set(counts(SonarErrors(crosstalk=1.0), 100, 0, [other], wall_x))) == 1
-
-
 def test_the_time_of_a_fast_board_runs_ahead_of_the_hosts(tmp_path):
     truth = tmp_path / "truth.jsonl"
 
