@@ -37,13 +37,6 @@ def test_a_wrong_recording_is_refused_in_one_line(tmp_path, text, said):
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_packaged_recording_begins_with_a_rest_and_ends_with_a_stop():
-    """The gyro's bias is learned in the rest."""
-    presses = key_presses.read(mapping.KEYS)
-    assert presses[0].time_s >= 1.0 and presses[-1].key == "space"
-    assert len(presses) > 100 and presses == sorted(presses, key=lambda press: press.time_s)
-
-
 def test_a_gyro_knows_the_heading_that_the_wheels_lose_and_improves_the_map(tmp_path, monkeypatch):
     """In drives in which the robot turns on the spot.  The control of a gyro is the wheels alone."""
     monkeypatch.setattr(mapping, "SEEDS", 1)
