@@ -44,9 +44,9 @@ def status(faults=0):
 class Hello(Handshake):
     """A greeting that keeps what it sends."""
 
-    def __init__(self, plan=Plan(), admit=lambda board: None, patient=False):  # noqa: B008
+    def __init__(self, plan=Plan(), admit=lambda board: None, **options):  # noqa: B008
         self.sent = []
-        super().__init__(plan, self._keep, admit, 0.0, patient)
+        super().__init__(plan, self._keep, admit, 0.0, **options)
 
     def _keep(self, code, *args, checked=None, wrapped=None):
         self.sent.append(((code + WRAP * bool(wrapped), *args), checked))

@@ -255,6 +255,10 @@ def test_while_the_board_is_greeted_a_stop_is_due_too():
     assert session.deadline(0.0) == 0.05
 
 
+def test_a_new_session_may_have_work():
+    assert Session(lambda board: None, 0.0).hurried
+
+
 def test_a_session_has_earlier_work_after_an_answer_and_not_after_telemetry():
     fed = Fed()
     fed.at(0.02, fed.frame(0.02))
