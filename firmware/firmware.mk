@@ -6,23 +6,23 @@ ARDUINO_AVR ?= /usr/share/arduino/hardware/arduino/avr
 AVRDUDE ?= avrdude
 IMAGE ?= mrl_firmware
 
-# -O2 for short answers, where every frame passes; the Arduino IDE's -Os costs some 10 us each.  -Os for all the rest.
-FW_FAST := answers board board_clock bus commands frame_decoder frame_writer imu motor_omni3md rows stream hal_%
-FW_LEVEL = $(if $(filter $(FW_FAST),$(1)),-O2,-Os)
+# The flags of the Arduino IDE, so that its binary is this one; the files that every frame passes ask for -O2 themselves.
+FW_LINK := avr-gcc -mmcu=atmega328p -Os -g -flto -fuse-linker-plugin -Wl,--gc-sections
 FW_FLAGS := -mmcu=atmega328p -DF_CPU=16000000L -DARDUINO=10819 -DARDUINO_AVR_UNO -DARDUINO_ARCH_AVR \
-  -O2 -g -flto -ffunction-sections -fdata-sections \
+  -Os -g -flto -ffunction-sections -fdata-sections \
   -I$(ARDUINO_AVR)/cores/arduino -I$(ARDUINO_AVR)/variants/standard
 FW_WARNINGS := -Wall -Wextra -Wconversion -Werror
 FW_CXX := -std=gnu++11 -fno-exceptions -fno-threadsafe-statics
 
 # The core gives main() and init(); pins, serial line and I2C are our own.
-FW_CORE := main.cpp hooks.c wiring.c
-FW_HEADERS := $(wildcard $(FW_SOURCE)/*.h)
-FW_PARTS := $(notdir $(wildcard $(FW_SOURCE)/*.cpp)) mrl_firmware.ino
+FW_CORE := hooks.c wiring.c main.cpp
+FW_HEADERS := $(wildcard $(FW_SOURCE)/*.h $(FW_SOURCE)/src/*/*.h)
+FW_CPP := $(sort $(wildcard $(FW_SOURCE)/src/*/*.cpp))
+FW_PARTS := mrl_firmware.ino $(FW_CPP:$(FW_SOURCE)/%=%)
 
 PC_BUILD := build/pc
 PC_CXX := -std=gnu++11 -g -O1 -Wall -Wextra -Wconversion -Werror -I$(FW_SOURCE)
-PC_SOURCES = $(filter-out %_avr.cpp,$(wildcard $(FW_SOURCE)/*.cpp)) tests/firmware/hal_pc.cpp tests/firmware/hal_bridge_pc.cpp \
+PC_SOURCES = $(filter-out %_avr.cpp,$(FW_CPP)) tests/firmware/hal_pc.cpp tests/firmware/hal_bridge_pc.cpp \
   tests/firmware/wheel_pc.cpp
 PC_HEADERS := tests/firmware/hal_pc.h tests/firmware/hal_bridge_pc.h
 
@@ -30,25 +30,25 @@ PC_HEADERS := tests/firmware/hal_pc.h tests/firmware/hal_bridge_pc.h
 
 # What the linker says, with the place of the function that a row of the table needs.
 FW_MISSING := avr-c++filt | sed -E \
-  -e 's|.*undefined reference to .mrl::sensors::([a-z0-9_]+)\(.*|\1() is missing, expected it in $(FW_SOURCE)/\1.cpp: firmware/SENSORS.md|' \
-  -e 's|.*undefined reference to .mrl::handlers::([a-z0-9_]+)\(.*|\1() is missing, expected it in $(FW_SOURCE): CONTRIBUTING.md, A command|'
+  -e 's|.*undefined reference to .mrl::sensors::([a-z0-9_]+)\(.*|\1() is missing, expected it in $(FW_SOURCE)/src/sensors/\1.cpp: firmware/SENSORS.md|' \
+  -e 's|.*undefined reference to .mrl::handlers::([a-z0-9_]+)\(.*|\1() is missing, expected it in $(FW_SOURCE)/src: CONTRIBUTING.md, A command|'
 
 # $(1) name of the image, $(2) its defines
 define FW_IMAGE
 FW_IMAGES += $$(FW_BUILD)/$(1).elf
-FW_OBJECTS_$(1) := $$(patsubst %,$$(FW_BUILD)/$(1).o/%.o,$$(FW_PARTS)) $$(patsubst %,$$(FW_BUILD)/core/%.o,$$(FW_CORE))
+FW_OBJECTS_$(1) := $$(patsubst %,$$(FW_BUILD)/$(1).o/%.o,$$(FW_PARTS))
 
 $$(FW_BUILD)/$(1).o/%.cpp.o: $$(FW_SOURCE)/%.cpp $$(FW_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $$(@D)
 	@echo "  $(1): $$(<F)"
-	@avr-g++ $$(FW_FLAGS) $$(call FW_LEVEL,$$*) $$(FW_CXX) $$(FW_WARNINGS) $(2) -c $$< -o $$@
+	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -c $$< -o $$@
 
 $$(FW_BUILD)/$(1).o/%.ino.o: $$(FW_SOURCE)/%.ino $$(FW_HEADERS) firmware/firmware.mk | apt
 	@mkdir -p $$(@D)
 	@avr-g++ $$(FW_FLAGS) $$(FW_CXX) $$(FW_WARNINGS) $(2) -x c++ -include Arduino.h -c $$< -o $$@
 
-$$(FW_BUILD)/$(1).elf: $$(FW_OBJECTS_$(1))
-	@set -o pipefail; avr-gcc $$(FW_FLAGS) -fuse-linker-plugin -Wl,--gc-sections $$^ -o $$@.new 2>&1 | $(FW_MISSING) >&2
+$$(FW_BUILD)/$(1).elf: $$(FW_OBJECTS_$(1)) $$(FW_BUILD)/core/core.a
+	@set -o pipefail; $(FW_LINK) $$^ -lm -o $$@.new 2>&1 | $(FW_MISSING) >&2
 	@avr-objcopy -O ihex -R .eeprom $$@.new $$(FW_BUILD)/$(1).hex
 	@mv $$@.new $$@
 	@avr-size -B $$@ | awk 'NR == 2 { printf "%-28s flash %5d of 32256, SRAM %4d of 2048 bytes before the stack\n", \
@@ -66,6 +66,9 @@ $(FW_BUILD)/core/%.o: firmware/firmware.mk | apt
 	@[ -f "$(ARDUINO_AVR)/cores/arduino/$*" ] || \
 	  { echo "no Arduino core in $(ARDUINO_AVR): apt-get install arduino-core-avr, or set ARDUINO_AVR" >&2; exit 1; }
 	@$(if $(filter %.c,$*),avr-gcc $(FW_FLAGS),avr-g++ $(FW_FLAGS) $(FW_CXX)) -w -c "$(ARDUINO_AVR)/cores/arduino/$*" -o $@
+
+$(FW_BUILD)/core/core.a: $(FW_CORE:%=$(FW_BUILD)/core/%.o)
+	@rm -f $@ && avr-gcc-ar rcs $@ $^
 
 firmware: $(FW_IMAGES) ## Build the sketch (sonar, environment-sensor, radio and H-bridge boards)
 
@@ -90,7 +93,7 @@ $(PC_LIBRARIES): $(PC_SOURCES) $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk 
 # undefined-behaviour sanitizers.
 FUZZ_SOURCES = $(PC_SOURCES) tests/firmware/fuzz.cpp
 FUZZ_NEEDS = $(FW_HEADERS) $(PC_HEADERS) firmware/firmware.mk
-vpath %.cpp $(FW_SOURCE) tests/firmware
+vpath %.cpp $(sort $(dir $(FW_CPP))) tests/firmware
 
 # $(1) what is behind the name of the image, $(2) its defines
 define FUZZ_IMAGE

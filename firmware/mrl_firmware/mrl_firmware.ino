@@ -1,6 +1,6 @@
 // Driver board of TraxBot and StingBot: OMNI-3MD motor board on I2C, or an H-bridge and encoders on the Arduino's pins;
 // sonars or environment sensors; USB serial.  Board "Arduino Uno", with an H-bridge also "Arduino Nano".  See PROTOCOL.md for the protocol, build.h for the build options, pins.h for the wiring.
-#include "board.h"
+#include "src/board/board.h"
 
 void setup() { mrl::board::begin(); }
 

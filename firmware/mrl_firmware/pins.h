@@ -3,7 +3,7 @@
 #include <stdint.h>
 
 #include "build.h"
-#include "chip.h"
+#include "src/hal/chip.h"
 
 namespace mrl {
 namespace pins {

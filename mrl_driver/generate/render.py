@@ -21,7 +21,7 @@ from .troubleshooting import troubleshooting
 ROOT = Path(__file__).resolve().parent.parent.parent
 
 FILES: Dict[str, Callable[[], str]] = {
-    "firmware/mrl_firmware/protocol.h": header,
+    "firmware/mrl_firmware/src/serial/protocol.h": header,
     "firmware/PROTOCOL.md": reference,
     "docs/troubleshooting.md": troubleshooting,
     "mrl_driver/robot/models/robot.schema.json": lambda: schema_text(

@@ -1,7 +1,7 @@
 """Bytes to frames, without I/O: no port, clock, thread or logger.
 
 `FrameDecoder.feed` takes any bytes and returns frames and garbage; each piece of garbage has a reason.  It never raises
-on input and never blocks.  The C++ version is `firmware/mrl_firmware/frame_decoder.cpp`.
+on input and never blocks.  The C++ version is `firmware/mrl_firmware/src/serial/frame_decoder.cpp`.
 
 Grammar: `'@' command { ',' argument } 'e'`.  Integers are int16 in canonical decimal form: `-1` is valid; `+5`, `007`,
 `-0` and the empty string are not.  A '@' inside a frame restarts the frame.

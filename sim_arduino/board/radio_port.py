@@ -1,6 +1,6 @@
 """The board's side of its radio module: requests become packets, and packets become frames for the host.
 
-It behaves as `firmware/mrl_firmware/xbee.cpp`; the reasons are there.
+It behaves as `firmware/mrl_firmware/src/radio/xbee.cpp`; the reasons are there.
 """
 
 import math

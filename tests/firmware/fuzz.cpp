@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "hal_pc.h"
-#include "protocol.h"
+#include "src/serial/protocol.h"
 
 namespace {
 

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <deque>
 
-#include "hal.h"
-#include "quadrature.h"
+#include "src/hal/hal.h"
+#include "src/motors/quadrature.h"
 
 namespace {
 

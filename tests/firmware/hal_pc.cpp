@@ -5,15 +5,15 @@
 #include <deque>
 #include <vector>
 
-#include "board.h"
+#include "src/board/board.h"
 #include "build.h"
-#include "dust.h"
-#include "frame_decoder.h"
-#include "hal.h"
+#include "src/sensors/dust.h"
+#include "src/serial/frame_decoder.h"
+#include "src/hal/hal.h"
 #include "hal_bridge_pc.h"
-#include "ring.h"
-#include "sonar.h"
-#include "sonar_curve.h"
+#include "src/hal/ring.h"
+#include "src/sensors/sonar.h"
+#include "src/sensors/sonar_curve.h"
 
 namespace {
 

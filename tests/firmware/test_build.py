@@ -1,6 +1,8 @@
 """The sketch as the Arduino IDE builds it, builds that must fail, and what `make` says."""
 
 import re
+import shlex
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -11,11 +13,6 @@ SKETCH = ROOT / "firmware" / "mrl_firmware"
 OBJECTS = ROOT / "build" / "firmware" / "mrl_firmware.o"
 CORE_OBJECTS = ROOT / "build" / "firmware" / "core"
 ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
-CHIP = ["-mmcu=atmega328p", "-DF_CPU=16000000L", "-DARDUINO=10819", "-DARDUINO_AVR_UNO", "-DARDUINO_ARCH_AVR"]
-INCLUDE = [f"-I{ARDUINO}/cores/arduino", f"-I{ARDUINO}/variants/standard"]
-IDE = [*CHIP, *INCLUDE, "-g", "-Os", "-w", "-std=gnu++11", "-fpermissive", "-fno-exceptions", "-ffunction-sections",
-       "-fdata-sections", "-fno-threadsafe-statics", "-flto", "-fuse-linker-plugin", "-Wl,--gc-sections"]  # fmt: skip
-FLASH_BYTES = 32256
 
 
 def run(*command, **options):
@@ -24,35 +21,74 @@ def run(*command, **options):
     )
 
 
-def flash_bytes(elf: Path) -> int:
-    text, data = run("avr-size", elf).stdout.splitlines()[1].split()[:2]
-    return int(text) + int(data)
+class Ide:
+    """The Arduino IDE's steps, as `platform.txt` and `boards.txt` of the core say."""
+
+    def __init__(self, folder: Path) -> None:
+        text = "".join((ARDUINO / name).read_text() for name in ("platform.txt", "boards.txt"))
+        self.values = dict(line.split("=", 1) for line in text.splitlines() if re.match(r"[\w.]+=", line))
+        board = {key[4:]: value for key, value in self.values.items() if key.startswith("uno.")}
+        self.values.update(board)
+        self.values.update({
+            "compiler.path": "", "build.arch": "AVR", "runtime.ide.version": "10819", "build.path": str(folder),
+            "build.project_name": "mrl_firmware.ino", "archive_file": "core.a", "archive_file_path": f"{folder}/core.a",
+            "build.extra_flags": "-DDECIMAL_DIG=__DECIMAL_DIG__",  # WString.cpp of core 1.8.7 needs it with gcc 5.4
+            "includes": f"-I{ARDUINO}/cores/arduino -I{ARDUINO}/variants/standard",
+        })  # fmt: skip
+        self.folder = folder
+
+    def step(self, recipe: str, **values: str) -> None:
+        command, before = self.values[recipe], ""
+        while command != before:
+            before = command
+            command = re.sub(r"\{([\w.]+)\}", lambda name: {**self.values, **values}[name[1]], command)
+        done = run(*shlex.split(command))
+        assert done.returncode == 0, done.stderr
+
+    def compiled(self, source: Path, number: int) -> str:
+        target = self.folder / f"{number}{source.name}.o"
+        self.step(f"recipe.{source.suffix[1:]}.o.pattern", source_file=str(source), object_file=str(target))
+        return str(target)
+
+    def built(self, sketch: Path) -> str:
+        """Compile the sketch, the files of its src folder and the core; return the hex file's text."""
+        main = self.folder / "mrl_firmware.ino.cpp"
+        main.write_text("#include <Arduino.h>\n" + (sketch / "mrl_firmware.ino").read_text())
+        shutil.copytree(sketch / "src", self.folder / "src")
+        for header in ("build.h", "pins.h"):
+            shutil.copy(sketch / header, self.folder)
+        sources = [main, *sorted((self.folder / "src").rglob("*.cpp"))]
+        objects = [self.compiled(source, 0) for source in sources]
+        core = ARDUINO / "cores/arduino"
+        for number, source in enumerate(sorted([*core.glob("*.c"), *core.glob("*.cpp")])):
+            self.step("recipe.ar.pattern", object_file=self.compiled(source, number))
+        self.step("recipe.c.combine.pattern", object_files=shlex.join(objects))
+        self.step("recipe.objcopy.hex.pattern")
+        return (self.folder / "mrl_firmware.ino.hex").read_text()
 
 
-@pytest.mark.parametrize("build", ["-DMRL_BRIDGE=0", "-DMRL_BRIDGE=1"])
-def test_arduino_ide_builds_it(tmp_path, build):
-    """Flat folder, no Python, -Os, the core's own serial port and I2C within the linker's reach."""
-    sketch = tmp_path / "mrl_firmware.ino.cpp"
-    sketch.write_text("#include <Arduino.h>\n" + (SKETCH / "mrl_firmware.ino").read_text())
-    core = [ARDUINO / "cores/arduino" / name for name in ("main.cpp", "HardwareSerial.cpp", "Print.cpp")]
-    image = tmp_path / "sketch.elf"
-    built = run("avr-g++", *IDE, build, f"-I{SKETCH}", sketch, *sorted(SKETCH.glob("*.cpp")), *core,
-                *(CORE_OBJECTS / name for name in ("hooks.c.o", "wiring.c.o")),
-                "-o", image)  # fmt: skip
-    assert built.returncode == 0, built.stderr
-    assert flash_bytes(image) < FLASH_BYTES
+@pytest.mark.parametrize("suffix, option", [("", ""), ("_hbridge", "MRL_BRIDGE")])
+def test_the_binary_of_the_arduino_ide_is_the_measured_one(tmp_path, suffix, option):
+    """Without this checkout, Python or make: a folder, and the options that a user sets in build.h."""
+    sketch, build = tmp_path / "sketch", tmp_path / "build"
+    shutil.copytree(SKETCH, sketch)
+    build.mkdir()
+    options = (sketch / "build.h").read_text()
+    (sketch / "build.h").write_text(options.replace(f"#define {option} 0", f"#define {option} 1", 1))
+    measured = ROOT / "build" / "firmware" / f"mrl_firmware{suffix}.hex"
+    assert Ide(build).built(sketch) == measured.read_text()
 
 
 def test_forgotten_handler_fails_to_link(tmp_path):
     """Without motion.cpp nobody carries out command 11."""
-    objects = [path for path in OBJECTS.glob("*.o") if path.name != "motion.cpp.o"]
+    objects = [path for path in OBJECTS.rglob("*.o") if path.name != "motion.cpp.o"]
     built = run(
         "avr-gcc",
         "-mmcu=atmega328p",
         "-flto",
         "-O1",
         *objects,
-        *CORE_OBJECTS.glob("*.o"),
+        *CORE_OBJECTS.rglob("*.o"),
         "-o",
         tmp_path / "x",
     )

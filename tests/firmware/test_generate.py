@@ -7,9 +7,9 @@ from mrl_driver.protocol.table import COMMANDS, FAULTS, PARAMETERS, REASONS
 
 
 def test_check_names_what_is_stale(monkeypatch, capsys):
-    monkeypatch.setattr(render, "FILES", {"firmware/mrl_firmware/protocol.h": lambda: "other"})
+    monkeypatch.setattr(render, "FILES", {"firmware/mrl_firmware/src/serial/protocol.h": lambda: "other"})
     assert render.main(["--check"]) == 1
-    error = "firmware/mrl_firmware/protocol.h is stale; render it with: python -m mrl_driver.generate\n"
+    error = "firmware/mrl_firmware/src/serial/protocol.h is stale; render it with: python -m mrl_driver.generate\n"
     assert capsys.readouterr().err == error
 
 

@@ -3,14 +3,14 @@
 
 #if MRL_BRIDGE
 
-#include "bridge.h"
-#include "config.h"
-#include "encoder_counter.h"
+#include "src/motors/bridge.h"
+#include "src/board/config.h"
+#include "src/motors/encoder_counter.h"
 #include "hal_pc.h"
-#include "speed_estimate.h"
-#include "wheel.h"
-#include "wheel_settings.h"
-#include "wheel_watch.h"
+#include "src/motors/speed_estimate.h"
+#include "src/motors/wheel.h"
+#include "src/motors/wheel_settings.h"
+#include "src/motors/wheel_watch.h"
 
 namespace {
 

@@ -16,9 +16,9 @@
 #include <vector>
 
 #define private public
-#include "frame_decoder.cpp"
+#include "src/serial/frame_decoder.cpp"
 #undef private
-#include "frame_writer.cpp"
+#include "src/serial/frame_writer.cpp"
 
 using namespace mrl;
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "build.h"
-#include "hal.h"
+#include "src/hal/hal.h"
 
 extern "C" {
 volatile char order;

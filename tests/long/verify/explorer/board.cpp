@@ -4,7 +4,7 @@
 // behind what the loader has made read-only; containers on the heap are written into a small area of their own.
 #include <link.h>
 
-#include "commands.h"
+#include "src/serial/commands.h"
 
 #include "../../../firmware/hal_pc.cpp"
 

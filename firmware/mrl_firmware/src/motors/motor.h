@@ -1,0 +1,67 @@
+// The robot's motors and their encoders.  build.h selects the back end: motor_omni3md.cpp or
+// motor_bridge.cpp.  Nothing here waits.
+#pragma once
+#include <stdint.h>
+
+#include "../serial/protocol.h"
+
+namespace mrl {
+namespace motor {
+
+void begin();
+void service();
+
+// False if the motors do not answer.
+bool available();
+// True once it is known whether there are motors.
+bool asked();
+// True if they have answered since the start.
+bool ever_found();
+
+// Takes over a changed parameter.
+void refresh(Parameter parameter);
+void refresh_all();
+
+// ---- moves and encoders; each returns false if it is not available
+
+// Linear speed [mm/s], angular speed [mrad/s].
+bool move_speed(int16_t linear, int16_t angular);
+// Percent of full speed if `controlled`, otherwise of full duty.
+bool move_percent(int16_t left, int16_t right, bool controlled);
+// Turns motor 1 (left), 2 (rear) or 3 (right) at `speed` [%] to a counter value, and holds it there.
+bool move_position(uint8_t motor, int16_t speed, int16_t position);
+// Three omni wheels: speed and rotation [%], direction [deg].
+bool move_omni(uint8_t speed, int16_t rotation, int16_t direction);
+// Lets the motor board measure its motors, which turns them.
+bool calibrate();
+// Encoders have the numbers of their motors.
+bool set_prescaler(uint8_t encoder, uint8_t value);
+bool preset_encoder(uint8_t encoder, int16_t count);
+bool reset_encoders();
+
+// Stops the motors before everything else, and drops waiting moves.
+void stop(StopReason reason);
+
+// ---- counters, read when a frame needs them
+
+enum class CountsState : uint8_t { idle, wanted, reading, ready, failed };
+struct Counts {
+  int16_t right, left, rear;
+  uint16_t tick;  // when they were latched
+};
+void want_counts();
+// `ready` and `failed` last until the next want_counts().
+CountsState counts_state();
+const Counts& counts();
+
+// ---- rows
+
+// What hosts must know of these motors: bits of the reply to 29.
+int16_t capabilities();
+// The row of the reply to 5.
+void report_info();
+// Adds what only some motors have to the reply to 30.
+void report_status();
+
+}  // namespace motor
+}  // namespace mrl

@@ -1,0 +1,77 @@
+#include "battery.h"
+
+#include "../board/board_clock.h"
+#include "../../build.h"
+#include "../board/config.h"
+#include "../hal/hal.h"
+#include "../../pins.h"
+#include "../serial/protocol.h"
+#include "sonar.h"
+
+namespace mrl {
+namespace battery {
+
+#if MRL_BRIDGE
+
+namespace {
+
+constexpr uint32_t PERIOD = board_clock::of_ms(8);
+constexpr uint8_t CONVERSIONS = 16;
+
+// 1024 counts are 5 V: a sum of 16 counts times a divider in thousandths, shifted by 15, is 0.01 V.
+constexpr uint8_t SUM_SHIFT = 15;
+static_assert(CONVERSIONS * 1024UL * 1000 == (1UL << SUM_SHIFT) * 500, "5 V are 500 times 0.01 V");
+
+uint32_t started_at;
+uint16_t sum, whole_sum;
+uint8_t conversions;
+bool running, known;
+
+void start() {
+  started_at = board_clock::now();
+  running = true;
+  hal::adc_start(pins::channel(pins::BATTERY));
+}
+
+void take_conversion() {
+  const int16_t count = hal::adc_result();
+  if (count < 0) return;
+  running = false;
+  sum = static_cast<uint16_t>(sum + count);
+  if (++conversions < CONVERSIONS) return;
+  whole_sum = sum;
+  known = true;
+  sum = conversions = 0;
+}
+
+}  // namespace
+
+void service() {
+  if (running) return take_conversion();
+  if (!config::get(Parameter::battery_divider)) {
+    known = false;
+  } else if (board_clock::passed(started_at, PERIOD) && !sonar::converting()) {
+    start();
+  }
+}
+
+bool converting() { return running; }
+
+bool measured() { return known; }
+
+int16_t centivolts() {
+  const uint32_t divider = static_cast<uint16_t>(config::get(Parameter::battery_divider));
+  return static_cast<int16_t>(whole_sum * divider >> SUM_SHIFT);
+}
+
+#else
+
+void service() {}
+bool converting() { return false; }
+bool measured() { return false; }
+int16_t centivolts() { return 0; }
+
+#endif
+
+}  // namespace battery
+}  // namespace mrl

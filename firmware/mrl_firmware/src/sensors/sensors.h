@@ -1,0 +1,32 @@
+// The sensors of the table.  Those on the I2C bus are read in turn in the background at 100 kHz while they are wanted.
+// Those on the Uno's own pins are read when their answer is sent.  Each sensor has its own file.
+#pragma once
+#include <stdint.h>
+
+#include "../board/bus.h"
+#include "../hal/hal.h"
+#include "../serial/rows.h"
+
+namespace mrl {
+namespace sensors {
+
+// True for the codes of the sensors.
+bool knows(uint8_t code);
+// Requests a sensor on the bus for a command or stream; its values are kept fresh for some time after each call.
+void want(uint8_t code);
+// `wait` until a sensor on the bus has answered or failed since it was first wanted; values older than half a second do
+// not count.
+rows::Readiness readiness(uint8_t code);
+// True if a wanted sensor did not answer the last time; a sensor that may be absent must have answered before.
+bool failing();
+// The row of its reply.
+void report(uint8_t code);
+// Largest value of a sensor on the bus.
+int16_t largest(uint8_t code);
+
+// ---- for the bus
+bool next_transfer(hal::Transfer& transfer);
+void transfer_ended(bus::Result result);
+
+}  // namespace sensors
+}  // namespace mrl

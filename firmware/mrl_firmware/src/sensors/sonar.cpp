@@ -1,0 +1,137 @@
+#include "sonar.h"
+
+#include "../serial/answers.h"
+#include "battery.h"
+#include "../board/board_clock.h"
+#include "../../build.h"
+#include "../board/config.h"
+#include "../serial/frame_writer.h"
+#include "../hal/hal.h"
+#include "../../pins.h"
+#include "../serial/protocol.h"
+#include "sonar_curve.h"
+
+namespace mrl {
+namespace sonar {
+
+// Below the lowest count nothing is connected, above the highest the input is saturated; the MB1300 ends its
+// range at 645 cm, which it gives as about 645 counts.
+constexpr uint16_t LOWEST_COUNT = 10, NOTHING_FROM = 640, HIGHEST_COUNT = 700;
+
+static PowerLaw curve;
+
+int16_t range_cm(uint16_t count) {
+  if (count < LOWEST_COUNT || count > HIGHEST_COUNT) return SONAR_INVALID;
+  if (count >= NOTHING_FROM) return SONAR_NOTHING;
+  return curve.at(count);
+}
+
+void configure() {
+  curve.set(config::get(Parameter::sonar_a), config::get(Parameter::sonar_b), config::get(Parameter::sonar_c));
+}
+
+#if MRL_ENVIRONMENT
+
+void begin() {}
+void service() {}
+bool converting() { return false; }
+void report() {
+  for (uint8_t i = 0; i < 3; i++) writer::add(SONAR_INVALID);
+}
+
+#else
+
+namespace {
+
+constexpr uint8_t COUNT = 3;
+constexpr uint32_t WARM_UP = board_clock::of_ms(256);
+constexpr uint32_t TRIGGER = 2;  // ticks; the MB1300 needs at least 20 us
+constexpr uint32_t READING = board_clock::of_ms(104);  // 99 ms per the data sheet
+
+enum class Step : uint8_t { warm_up, trigger, ranging, converting } step;
+int16_t ranges[COUNT];
+uint32_t since;
+uint8_t fired;    // sensors that have fired since the last trigger
+uint8_t ready;    // sensors that have fired at all
+uint8_t channel;  // input that is being converted
+
+void go(Step next) {
+  step = next;
+  since = board_clock::now();
+}
+
+void start_chain() {
+  fired = 0;
+  hal::pin_output(pins::SONAR_TRIGGER, true);
+  go(Step::trigger);
+}
+
+void convert(uint8_t which) {
+  static_assert(pins::SONAR_LEFT == pins::SONAR_FRONT + 1 && pins::SONAR_RIGHT == pins::SONAR_FRONT + 2,
+                "the chain runs front, left, right along the inputs");
+  channel = which;
+  hal::adc_start(static_cast<uint8_t>(pins::channel(pins::SONAR_FRONT) + channel));
+  step = Step::converting;
+}
+
+// A sensor holds its output until it fires again: all sensors are read after each turn.
+void take_conversion() {
+  const int16_t count = hal::adc_result();
+  if (count < 0) return;
+  if (channel < ready) ranges[channel] = range_cm(static_cast<uint16_t>(count));
+  if (channel + 1 < COUNT) return convert(static_cast<uint8_t>(channel + 1));
+  if (fired == COUNT) return start_chain();
+  since += READING;
+  step = Step::ranging;
+}
+
+void end_turn() {
+  fired++;
+  if (ready < fired) ready = fired;
+  convert(0);
+}
+
+}  // namespace
+
+void begin() {
+  for (uint8_t i = 0; i < COUNT; i++) ranges[i] = SONAR_INVALID;
+  hal::pin_output(pins::SONAR_TRIGGER, false);
+  hal::pin_output(pins::SONAR_POWER, true);
+  go(Step::warm_up);
+}
+
+void service() {
+  switch (step) {
+    case Step::warm_up:
+      if (board_clock::passed(since, WARM_UP)) start_chain();
+      break;
+    case Step::trigger:
+      if (!board_clock::passed(since, TRIGGER)) break;
+      hal::pin_output(pins::SONAR_TRIGGER, false);
+      go(Step::ranging);
+      break;
+    case Step::ranging:
+      if (board_clock::passed(since, READING) && !battery::converting()) end_turn();
+      break;
+    case Step::converting:
+      if (!answers::reading()) take_conversion();  // the curve takes 0.1 ms
+      break;
+  }
+}
+
+bool converting() { return step == Step::converting; }
+
+void report() {
+  for (uint8_t i = 0; i < COUNT; i++) writer::add(ranges[i]);
+}
+
+#endif
+
+}  // namespace sonar
+
+namespace handlers {
+
+void read_sonars(const int16_t*, uint8_t) { answers::ask(READ_SONARS); }
+
+}  // namespace handlers
+}  // namespace mrl

@@ -1,0 +1,49 @@
+#include "debug.h"
+
+#include "answers.h"
+#include "../hal/flash.h"
+#include "frame_writer.h"
+
+namespace mrl {
+namespace debug {
+namespace {
+
+#define TEXT(code, name, least, most, guarded, stamped, first) const char COMMAND_##code[] PROGMEM = #name;
+MRL_COMMANDS(TEXT, TEXT)
+#undef TEXT
+#define NAME(code, name, least, most, guarded, stamped, first) COMMAND_##code,
+const char* const COMMAND_NAMES[] PROGMEM = {MRL_COMMANDS(NAME, NAME)};
+#undef NAME
+#define TEXT(name) const char REASON_##name[] PROGMEM = #name;
+MRL_REASONS(TEXT)
+#undef TEXT
+#define NAME(name) REASON_##name,
+const char* const REASON_NAMES[] PROGMEM = {MRL_REASONS(NAME)};
+#undef NAME
+
+const char INFO[] PROGMEM = "[INFO] ";
+const char ERROR[] PROGMEM = "[ERROR] ";
+
+bool on;
+
+}  // namespace
+
+void accepted(uint8_t code) {
+  if (on) writer::text_line(INFO, flash_pointer(&COMMAND_NAMES[code - 1]));
+}
+
+void refused(Reason reason) {
+  if (on) writer::text_line(ERROR, flash_pointer(&REASON_NAMES[static_cast<uint8_t>(reason)]));
+}
+
+void report() { writer::add(on); }
+
+}  // namespace debug
+
+namespace handlers {
+
+void get_debug(const int16_t*, uint8_t) { answers::ask(GET_DEBUG); }
+void set_debug(const int16_t* args, uint8_t) { debug::on = args[0]; }
+
+}  // namespace handlers
+}  // namespace mrl

@@ -1,0 +1,126 @@
+#include "../hal/fast.h"
+#include "rows.h"
+
+#include "../board/config.h"
+#include "debug.h"
+#include "../board/failsafe.h"
+#include "../hal/flash.h"
+#include "frame_writer.h"
+#include "../sensors/imu.h"
+#include "../motors/motor.h"
+#include "../motors/omni.h"
+#include "protocol.h"
+#include "../sensors/sensors.h"
+#include "../sensors/sonar.h"
+#include "../board/status.h"
+#include "stream.h"
+#include "../radio/xbee.h"
+
+namespace mrl {
+namespace rows {
+namespace {
+
+constexpr int16_t NO_ENCODERS = 999;  // value that sensor boards have sent instead of counters since 2013
+constexpr int16_t LAST_WITH_MOTORS = 5;
+
+#define STAMPED(code, name, least, most, guarded, stamped, first) stamped,
+const uint8_t STAMPED_ROWS[] PROGMEM = {MRL_COMMANDS(STAMPED, STAMPED)};
+#undef STAMPED
+
+bool is_sensor_stream(uint8_t code) { return code == START_SENSOR_STREAM || code == START_SENSOR_LDR_STREAM; }
+
+// Boards with a robot id from 6 on may have no motors; a TraxBot or StingBot without its motor board is faulty.
+bool has_no_motors() {
+  return motor::asked() && !motor::ever_found() && config::get(Parameter::robot_id) > LAST_WITH_MOTORS;
+}
+
+// The sensor that a frame must wait for, if any.
+uint8_t sensor_of(uint8_t code) {
+  if (is_sensor_stream(code)) return READ_THERMOPILE;
+  if (code == START_COMPASS_STREAM) return READ_COMPASS;
+  return code;
+}
+
+void report_encoders(bool with_counts) {
+  const motor::Counts& counts = motor::counts();
+  writer::add(with_counts ? counts.right : NO_ENCODERS);
+  writer::add(with_counts ? counts.left : NO_ENCODERS);
+}
+
+void report_sensors(bool with_counts) {
+  report_encoders(with_counts);
+  writer::add(sensors::alcohol());
+  writer::add(sensors::dust());
+  writer::add(sensors::largest(READ_THERMOPILE));
+}
+
+}  // namespace
+
+bool needs_counts(uint8_t code) {
+  if (is_sensor_stream(code)) return !has_no_motors();
+  return code == READ_ENCODERS || code == READ_ENCODERS_AND_SONARS || code == START_OMNI_STREAM;
+}
+
+bool is_stamped(uint8_t code) { return flash_byte(&STAMPED_ROWS[code - 1]); }
+
+void want_sensors(uint8_t code) {
+  if (code >= READ_ALCOHOL) sensors::want(sensor_of(code));
+}
+
+Readiness readiness(uint8_t code) {
+  if (code == READ_PROTOCOL && !imu::asked()) return Readiness::wait;
+  if (code >= READ_ALCOHOL) return sensors::readiness(sensor_of(code));
+  return code == ROBOT_INFO && !motor::asked() ? Readiness::wait : Readiness::ready;
+}
+
+void report(uint8_t code, int16_t value, bool with_counts) {
+  switch (code) {
+    case ROBOT_INFO:
+      return motor::report_info();
+    case READ_ENCODERS:
+      return report_encoders(with_counts);
+    case READ_SONARS:
+      return sonar::report();
+    case READ_ENCODERS_AND_SONARS:
+      report_encoders(with_counts);
+      return sonar::report();
+    case START_OMNI_STREAM:
+      omni::report_encoders();
+      return sonar::report();
+    case START_SENSOR_STREAM:
+      return report_sensors(with_counts);
+    case START_SENSOR_LDR_STREAM:
+      report_sensors(with_counts);
+      return writer::add(sensors::light());
+    case START_COMPASS_STREAM:
+      return sensors::report(READ_COMPASS);
+    case GET_DEBUG:
+      return debug::report();
+    case GET_STREAM:
+      return streams::report();
+    case READ_PROTOCOL:
+      return status::report_protocol();
+    case READ_STATUS:
+      return status::report_status();
+    case READ_COUNTERS:
+      return status::report_counters();
+    case SET_WATCHDOG:
+      return failsafe::report_watchdog();
+    case READ_CONFIG:
+    case WRITE_CONFIG:
+      return config::report(value);
+    case READ_IMU:
+      return imu::report();
+    case XBEE_TEXT:
+      return xbee::report_text();
+    case DISCOVER_XBEE:
+      return xbee::report_node();
+    case READ_RADIO:
+      return xbee::report_radio();
+    default:  // 32, 36, 37, 45 and 50 answer with the value they were asked with
+      return sensors::knows(code) ? sensors::report(code) : writer::add(value);
+  }
+}
+
+}  // namespace rows
+}  // namespace mrl
