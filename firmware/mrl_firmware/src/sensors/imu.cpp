@@ -1,4 +1,3 @@
-#include "../hal/fast.h"
 #include "imu.h"
 
 #include "../serial/answers.h"
