@@ -21,7 +21,7 @@ OTHERS = (
         "docs/tutorials/*.md",
         "Makefile",
         "*/*.mk",
-        "firmware/mrl_firmware/*",
+        "firmware/mrl_firmware/**/*.*",
         "sim_arduino/avr/*.[ch]",
     ),
     *("ros1_bridge/launch/*.launch", "ros1_bridge/nodes/*", "ros1_bridge/*/*.yaml"),

@@ -280,10 +280,12 @@ def build(sources: Sequence[str]) -> List[Mutant]:
     for name in sources:
         found = Source(ROOT / name, len(mutants))
         mutants += found.mutants
-        (WORK / "source" / found.path.name).write_text('#include "mutant.h"\n' + found.changed())
+        (WORK / "source" / found.path.relative_to(FIRMWARE)).write_text(
+            '#include "mutant.h"\n' + found.changed()
+        )
     (WORK / "begin.cpp").write_text(f'#define MUTANT_BEGIN {MOST_MUTANTS}\n#include "mutant.h"\n')
     made_of = [
-        *(WORK / "source").glob("*.cpp"),
+        *(WORK / "source").rglob("*.cpp"),
         *(ROOT / "tests/firmware").glob("*_pc.cpp"),
         WORK / "begin.cpp",
     ]

@@ -12,19 +12,15 @@ from typing import Dict, List, Optional, Sequence, Tuple
 
 from tests.long.bench import report
 from tests.long.bench.figures import ROOT
-from tests.long.verify.edits import edited
+from tests.long.verify.edits import Edit, sketch
 
 BUILD = ROOT / "build" / "verify"
-SOURCE = ROOT / "firmware" / "mrl_firmware"
 HERE = ROOT / "tests" / "long" / "verify"
 SANITIZERS = ("-O2", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 QUICK = ("-O2", "-fsanitize=undefined", "-fno-sanitize-recover=all")
 """For the defects: the address sanitizer takes most of the time."""
 SHORT = "10"
 """Longest frame of the short form [byte]."""
-
-Edit = Tuple[str, str, str]
-"""A file of the firmware, what stands there, and what takes its place."""
 
 DEFECTS: Tuple[Edit, ...] = (
     ("frame_decoder.cpp", "length_ >= MAX_FRAME", "length_ > MAX_FRAME"),
@@ -58,13 +54,9 @@ def compile_search(name: str, edit: Optional[Edit] = None, flags: Sequence[str] 
     """Compile the search with the firmware's sources, or with one of them edited; return the program."""
     folder = BUILD / name
     folder.mkdir(parents=True, exist_ok=True)
-    places = [f"-I{SOURCE}"]
-    if edit:
-        file, old, new = edit
-        (folder / file).write_text(edited(SOURCE / file, old, new))
-        places.insert(0, f"-I{folder}")
     program = folder / "frames"
-    command = ["g++", "-std=gnu++14", "-Wall", "-Wextra", *flags, *places, str(HERE / "frames.cpp")]
+    include = f"-I{sketch(folder, edit)}"
+    command = ["g++", "-std=gnu++14", "-Wall", "-Wextra", *flags, include, str(HERE / "frames.cpp")]
     subprocess.run([*command, "-o", str(program)], check=True, timeout=300)
     return program
 

@@ -15,10 +15,9 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Se
 from sim_arduino.avr.machine import AvrMachine
 from tests.long.bench import report
 from tests.long.bench.figures import ROOT
-from tests.long.verify.edits import edited
+from tests.long.verify.edits import Edit, sketch
 
 BUILD = ROOT / "build" / "verify"
-SOURCE = ROOT / "firmware" / "mrl_firmware"
 COMPILE = (
     "avr-g++ -mmcu=atmega328p -DF_CPU=16000000L -O2 -g -flto -fuse-linker-plugin -ffunction-sections -fdata-sections "
     "-Wl,--gc-sections -std=gnu++11 -fno-exceptions -fno-threadsafe-statics"
@@ -72,20 +71,16 @@ class Figures(NamedTuple):
     outcomes: int
 
 
-def build(kind: str, edit: Optional[Tuple[str, str, str]] = None, name: str = "") -> pathlib.Path:
+def build(kind: str, edit: Optional[Edit] = None, name: str = "") -> pathlib.Path:
     """Compile the functions of one build; `edit` replaces text in one file: (file, old, new)."""
     folder = BUILD / (name or f"interrupts_{kind}")
     folder.mkdir(parents=True, exist_ok=True)
-    sources = []
-    for path in sorted(SOURCE.glob("hal_*.cpp")):
-        if edit and path.name == edit[0]:
-            (folder / path.name).write_text(edited(path, *edit[1:]))
-            path = folder / path.name
-        sources.append(str(path))
+    source = sketch(folder, edit)
+    sources = [str(path) for path in sorted(source.glob("src/hal/*.cpp"))]
     target = folder / "image.elf"
     main = str(ROOT / "tests" / "long" / "verify" / "interrupts.cpp")
     subprocess.run(
-        [*COMPILE.split(), *BUILDS[kind], f"-I{SOURCE}", main, *sources, "-o", str(target)],
+        [*COMPILE.split(), *BUILDS[kind], f"-I{source}", main, *sources, "-o", str(target)],
         check=True,
         timeout=120,
     )

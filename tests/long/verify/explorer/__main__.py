@@ -133,7 +133,7 @@ def patched(bug: Dict[str, Any]) -> Dict[str, Any]:
             source = folder / bug["file"]
             source.write_text(edited(source, bug["find"], bug["replace"]))
             if package == "firmware":
-                library = build(folder / "libboard.so", source.parent)
+                library = build(folder / "libboard.so", folder / "firmware" / "mrl_firmware")
         else:
             _checkout(folder, "")
         command = [sys.executable, "-m", "tests.long.verify.explorer", "--search", str(library), *timeout]

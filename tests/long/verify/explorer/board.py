@@ -89,7 +89,7 @@ def build(library: Path = LIBRARY, firmware: Optional[Path] = None, optimise: st
     """Compile the library from the firmware in this folder; return its path."""
     source = firmware or ROOT / "firmware" / "mrl_firmware"
     library.parent.mkdir(parents=True, exist_ok=True)
-    parts = [str(part) for part in sorted(source.glob("*.cpp")) if not part.name.endswith("_avr.cpp")]
+    parts = [str(part) for part in sorted(source.glob("src/*/*.cpp")) if not part.name.endswith("_avr.cpp")]
     tests = ROOT / "tests" / "firmware"
     own = [str(tests / "hal_bridge_pc.cpp"), str(Path(__file__).parent / "board.cpp")]
     new = library.with_suffix(f".{os.getpid()}")
