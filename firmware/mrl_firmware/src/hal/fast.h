@@ -1,4 +1,4 @@
-// Included first by the files that every frame passes.  Under the Arduino IDE's -Os an answer comes some 10 us later for each.
+// Included first by the files that every frame passes.  The -Os of the Arduino IDE makes answers slower by up to 30 us.
 #pragma once
 #ifdef __AVR__
 #pragma GCC optimize("O2")
