@@ -77,7 +77,11 @@ ATTEMPTS, ANSWER_S = 3, 0.5
 CLOSE_S = 0.8
 """The stop at the end waits at most this long for telemetry to confirm it [s]."""
 QUEUE_BYTES = 512
-"""While the port blocks, `request` queues at most this many bytes, so that a stop does not wait for many others."""
+"""`request` waits while more bytes than these are on the way to the board, by the baud rate, or queued because the port
+blocks, so that a stop does not wait for many others.
+"""
+BITS = 10
+"""A byte on the serial line [bit]."""
 CLOSED_EARLY = "the driver was closed while it connected"
 FLUSH_S = 1e-3
 """At the end, the driver looks this often whether another thread's write is over [s]."""
@@ -165,6 +169,8 @@ class Driver:
         self._writer: Optional[Tuple[int, Optional[Link]]] = None
         """Thread and link of the write that is under way."""
         self._asking = self._queuing = 0
+        self._line_baud, self._line_free_s = options.line_baud, -math.inf
+        """When the line will have carried all that was written [s]."""
         self._settled = False
         """Telemetry has arrived, or the driver has failed before."""
         self._seized = False
@@ -446,6 +452,7 @@ class Driver:
             if self._link is None:
                 raise LinkLost("the port went away and is searched; try again when it is back")
             stops = core.stops
+            self._await_line()
             if len(session.out) > QUEUE_BYTES and not self._await_writer(
                 lambda: len(session.out) <= QUEUE_BYTES
             ):
@@ -1210,6 +1217,7 @@ class Driver:
                     self._writer = mine
                     session.out.clear()
                     session.counters.bytes_out += len(data)
+                    self._line_free_s = max(self._line_free_s, self._clock()) + self._carries_s(len(data))
             if data and link is not None:
                 link.write(data)
         except BoardTimeout:
@@ -1239,6 +1247,21 @@ class Driver:
         in_time = self._changed.wait_for(done, WRITE_TIMEOUT_S)
         self._queuing -= 1
         return in_time
+
+    def _carries_s(self, count: int) -> float:
+        """Return how long the line needs for this many bytes [s]."""
+        return count * BITS / (FAST_BAUD if self._links.fast else self._line_baud)
+
+    def _await_line(self) -> None:
+        """Wait until the line has carried all but `QUEUE_BYTES` of what was written; with the lock.
+
+        Ports and networks accept more than the line carries.
+        """
+        while self._thread is not None and not self._closing:
+            behind_s = self._line_free_s - self._carries_s(QUEUE_BYTES) - self._clock()
+            if behind_s <= 0:
+                return
+            self._changed.wait(behind_s)
 
     def _may_write(self) -> bool:
         """Return whether this thread may write: no other does, or another cannot report that it is done."""

@@ -2,6 +2,7 @@
 
 import os
 import threading
+import time
 
 import pytest
 
@@ -9,7 +10,7 @@ from mrl_driver.driver import Driver, Options
 from mrl_driver.driver import driver as driver_module
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, MrlError
-from mrl_driver.protocol.table import BY_NAME, STOP_CODE
+from mrl_driver.protocol.table import BAUD, BY_NAME, MAX_FRAME, STOP_CODE
 from mrl_driver.recording import recording
 from mrl_driver.session import session
 from mrl_driver.session.polling import BUSY_S
@@ -231,6 +232,15 @@ def test_a_command_that_waits_too_long_for_the_write_of_another_thread_follows_l
     line.open.set()
     wait_until(lambda: (100, 0) in line.board.moves, what="the move")
     blocker.join()
+
+
+def test_requests_wait_for_the_line_so_that_a_stop_does_not_wait_for_them(driver):
+    """A port accepts more bytes than its line carries, and a network far more."""
+    sent, begun_s = driver.statistics.bytes_out, time.monotonic()
+    for _ in range(300):
+        driver.request(COUNTERS)
+    ahead = driver.statistics.bytes_out - sent - (time.monotonic() - begun_s) * BAUD / driver_module.BITS
+    assert ahead < driver_module.QUEUE_BYTES + MAX_FRAME
 
 
 def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, line):
