@@ -209,7 +209,8 @@ def test_a_command_that_waits_for_a_short_write_of_another_thread_is_sent(driver
     wait_until(lambda: driver._queuing, what="the command that waits")
     line.open.set()
     driving.join()
-    assert sent == [True] and (100, 0) in line.board.moves
+    assert sent == [True]
+    wait_until(lambda: (100, 0) in line.board.moves, what="the move, as soon as the pace allows")
     blocker.join()
 
 
