@@ -40,7 +40,7 @@ def encode_reply(code: int, *args: int, stamp: Optional[Stamp] = None, checked: 
 
 
 def _row(code: int) -> Command:
-    row = BY_CODE.get(require_whole("command", code, FrameError))
+    row = BY_CODE.get(code if type(code) is int else require_whole("command", code, FrameError))
     if row is None:
         raise FrameError(f"command {code} is not in the table, expected 1 to {max(BY_CODE)}")
     return row

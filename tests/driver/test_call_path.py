@@ -6,7 +6,7 @@ from mrl_driver.driver import Driver, Options
 from tests.call_lists import CallLists, listed
 from tests.waiting import wait_until
 
-MOST_CALLS, MOST_VALUES = 15, 3
+MOST_CALLS, MOST_VALUES = 20, 3
 FRAMES, COMMANDS = 150, 20
 READ = "mrl_driver/transport/link.py:read"
 DRIVE = "mrl_driver/driver/driver.py:drive"

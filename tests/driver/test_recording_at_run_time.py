@@ -141,9 +141,8 @@ def test_another_one_can_begin_only_when_the_first_has_ended(serve, files):
 def test_a_file_that_cannot_be_made_leaves_the_robot_driving(serve, tmp_path):
     with Driver(serve().path, options=LASTING) as robot:
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01)
-        for path in (str(tmp_path), ""):
-            with pytest.raises(ConfigError):
-                robot.start_recording(path)
+        with pytest.raises(ConfigError):
+            robot.start_recording(str(tmp_path))
         frames_later(robot)
         assert robot.command is not None and robot.recorder is None
 
