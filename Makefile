@@ -86,6 +86,12 @@ QUIET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C
 APT_GET := $(QUIET) apt-get
 .PHONY: apt
 apt:
+ifeq ($(wildcard $(VENV)/.ready),)
+	@[ -w . ] || { echo "make: got a folder that $$(id -un) may not write, expected the owner's: $$PWD" >&2; exit 1; }
+	@[[ "$$PWD" != *:* ]] || { echo "make: got a path with a colon, which no virtual environment can have; move the folder: $$PWD" >&2; exit 1; }
+	@free=$$(df -Pk . | awk 'NR == 2 { print $$4 }'); [ "$$free" -ge 500000 ] || \
+	  { echo "make: got $$((free / 1000)) MB of free disk, expected 500 MB for $(VENV): $$PWD" >&2; exit 1; }
+endif
 ifneq ($(MISSING),)
 	@[ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "installing needs root or sudo: apt-get install $(MISSING)" >&2; exit 1; }
 	@echo "Debian packages that are missing: $(MISSING)"

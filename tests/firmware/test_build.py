@@ -151,3 +151,12 @@ def test_flash_without_a_board_says_so_in_one_line(port):
 def test_nothing_is_built_twice():
     done = run("make", "-q", "firmware", "build/pc/libmrl_firmware.so", "build/pc/libmrl_firmware_hbridge.so")
     assert done.returncode == 0, done.stderr
+
+
+def test_a_path_that_no_virtual_environment_can_have_is_refused_before_anything_is_installed(tmp_path):
+    folder = tmp_path / "a:b"
+    (folder / "firmware").mkdir(parents=True)
+    for name in ("Makefile", "firmware/firmware.mk", "firmware/comparison.mk"):
+        shutil.copy(ROOT / name, folder / name)
+    done = run("make", "-C", folder, "apt")
+    assert done.returncode != 0 and "make: got a path with a colon" in done.stderr
