@@ -97,6 +97,14 @@ def driving(bench):
 # -- a press
 
 
+def test_the_next_press_may_follow_a_release_at_once(driving):
+    """Before the page has heard that the robot was stopped."""
+    bench, one, _ = driving
+    bench.now_s += 0.02
+    bench.arrives(one, one.lift(bench.now_s))
+    assert kinds(bench.push(one)) == ["Drive"]
+
+
 def test_a_held_control_drives_at_its_speeds(bench):
     page = bench.page(takes=True)
     acts = bench.arrives(page, page.push(bench.now_s)._replace(angular_rad_s=-0.5, lateral_m_s=0.1))

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import itertools
 import json
 import time
@@ -11,7 +12,7 @@ import pytest
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.access import Tokens
-from mrl_driver.web import assets, client, listening
+from mrl_driver.web import assets, client, listening, messages
 from mrl_driver.web.helm import Helm
 from mrl_driver.web.robot import Recorded
 from tests.waiting import PATIENCE_S
@@ -525,3 +526,81 @@ def test_an_error_of_this_program_stops_the_robot_and_ends_the_server():
 def test_what_is_no_address_is_refused(text):
     with pytest.raises(ConfigError, match="expected ADDRESS or ADDRESS:PORT"):
         listening.settings_for(text)
+
+
+def throw(error):
+    raise error
+
+
+def test_sockets_without_a_token_take_no_place():
+    async def scenario(site):
+        async with contextlib.AsyncExitStack() as strangers:
+            for _ in range(40):
+                await strangers.enter_async_context(site.session.ws_connect(f"{site.url}/ws"))
+            async with site.page(TOKENS.drive) as page:
+                assert (await page.next("welcome"))["role"] == "drive"
+
+    serving(scenario, GUARDED)
+
+
+def test_a_silent_page_gives_its_place_to_the_next(monkeypatch):
+    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
+
+    async def scenario(site):
+        async with site.page(name="silent") as silent:
+            await silent.next("welcome")
+            monkeypatch.setattr("mrl_driver.web.server.SILENT_S", 0.0)
+            async with site.page(name="next") as page:
+                await page.next("welcome")
+                assert "needed its place" in (await silent.next("closed"))["why"]
+                assert site.server.clients == 1
+
+    serving(scenario)
+
+
+def test_without_a_free_descriptor_the_server_accepts_later(monkeypatch):
+    async def scenario(site):
+        accept, fails = site.server._socket.accept, [OSError(errno.EMFILE, "Too many open files")]
+        ear = mock.Mock(
+            wraps=site.server._socket, accept=lambda: accept() if not fails else throw(fails.pop())
+        )
+        monkeypatch.setattr(site.server, "_socket", ear)
+        async with site.page() as page:
+            await page.next("welcome")
+        assert not fails
+
+    serving(scenario)
+
+
+def test_a_message_that_is_too_long_closes_the_page():
+    async def scenario(site):
+        async with site.page() as page:
+            await page.next("welcome")
+            await page.send("hello", token="", name="x" * messages.MOST_BYTES)
+            while not page.link.closed:
+                await page.link.receive()
+            assert page.link.close_code == 1009
+
+    serving(scenario)
+
+
+def test_the_page_loads_nothing_from_elsewhere_and_is_in_no_frame():
+    async def scenario(site):
+        async with site.session.get(f"{site.url}/") as answer:
+            policy = answer.headers["Content-Security-Policy"]
+            assert "default-src 'self'" in policy and "frame-ancestors 'none'" in policy
+            assert answer.headers["X-Content-Type-Options"] == "nosniff"
+
+    serving(scenario)
+
+
+def test_a_watch_only_page_is_told_of_no_recording():
+    robot = FakeRobot()
+    robot.recordings = lambda: [Recorded("old.mrl", 1, False)]
+
+    async def scenario(site):
+        async with site.page(TOKENS.watch) as page:
+            assert (await page.next("welcome"))["recordings"] == []
+            assert (await page.next("recording"))["files"] == []
+
+    serving(scenario, GUARDED, robot)
