@@ -119,7 +119,7 @@ class Motion(NamedTuple):
         share = -self.speed * self.rate / self.acceleration
         if share >= 1.0:
             return math.inf
-        return -math.log1p(-share) / self.rate if share > 1e-9 else -self.speed / self.acceleration
+        return -math.log1p(-share) / self.rate if share > 0.0 else -self.speed / self.acceleration
 
     def time_at(self, travel: float) -> float:
         """Time after the start at which the wheel passes `travel` [s]; it must be within the motion."""
