@@ -48,8 +48,9 @@ loses a byte is `@1e`.  Hosts of 2013 send 1 without; parameter 27 accepts it fr
 
 A stop that the board makes by itself is final: the board then refuses each move (1, 9 to 12, 43) as unavailable until
 the host sends a stop (13), and answers it with the reply to 30, which has the reason.  These are the reasons of the
-stop reason table except host and boot.  The rule begins when command 33 turns the watchdog on, and ends when 33 or 32
-is set to 0 or the checksum ends.  Hosts of 2013 send neither command, so a move always drives their robots.
+stop reason table except host and boot.  The rule begins when command 33 turns the watchdog on, and ends when the host
+sets 33 or 32 to 0.  The end of the checksum after 2 s without a frame does not end it, because a line that stalled may
+deliver an old move after that.  Hosts of 2013 send neither command, so a move always drives their robots.
 
 A move above the ceilings of parameters 10 and 11 is scaled down as a whole, so the arc keeps its radius.  The move is
 counted.  A ceiling of 32767 means no limit.  The motor board stores the prescalers of command 3.  After a loss of its

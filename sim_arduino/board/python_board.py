@@ -499,12 +499,12 @@ class PythonBoard:
     def ask_for_checks(self, on: bool) -> None:
         """The host turns the checksum on or off; moves need one until it is turned off."""
         self._decoder.asked = on
+        self.health.stops_are_final = self.health.stops_are_final and on
         self.set_check(on)
 
     def set_check(self, on: bool) -> None:
         """Turns the checksum on or off in both directions."""
         self._decoder.checked = on
-        self.health.stops_are_final = self.health.stops_are_final and on
 
     def refuse(self, reason: str) -> None:
         """Counts a refusal, and reports it in debug mode."""

@@ -2,7 +2,9 @@
 
 import pytest
 
+from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from sim_arduino.board.python_board import CHECK_SILENCE_S
 from sim_arduino.hardware.xbee import RadioFit
 
 from .test_hold_rows import BOARD, HOLDER, SILENCE, SILENCE_S, Robot
@@ -55,6 +57,33 @@ def test_a_host_of_2013_can_drive_after_the_session_of_another_has_ended_without
     bench.ask(*MOVE)
     assert bench.is_driven()
     bench.run(SILENT_S)
+    bench.ask(*MOVE)
+    assert bench.is_driven()
+
+
+def after_the_checksums(bench, watchdog_ms):
+    """A robot whose board has stopped it and ended the checksums, and a move that the line has held up meanwhile."""
+    bench.ask("set_check", 1)
+    bench.ask("set_watchdog", watchdog_ms)
+    bench.ask(*MOVE)
+    bench.run(CHECK_SILENCE_S + SILENT_S)
+    bench.checked = False
+    return encode_request(BY_NAME[MOVE[0]].code, *MOVE[1:], checked=True)
+
+
+@pytest.mark.parametrize(("watchdog_ms", "reason"), [(WATCHDOG_MS, "link_watchdog"), (5000, "check_ended")])
+def test_a_move_that_the_line_held_up_until_the_checksums_have_ended_is_refused(bench, watchdog_ms, reason):
+    held_up = after_the_checksums(bench, watchdog_ms)
+    bench.send(held_up)
+    assert not bench.is_driven() and bench.stop_reason() == reason
+    bench.ask("stop")
+    bench.send(held_up)
+    assert bench.is_driven()
+
+
+def test_a_host_that_turns_off_checksums_which_have_ended_can_drive_as_in_2013(bench):
+    after_the_checksums(bench, WATCHDOG_MS)
+    bench.send(encode_request(BY_NAME["set_check"].code, 0, checked=True))
     bench.ask(*MOVE)
     assert bench.is_driven()
 

@@ -24,7 +24,6 @@ bool silent;  // the watchdog has stopped the motors, and no valid frame has arr
 
 void set_check(bool on) {
   commands::decoder.checked = on;
-  final = final && on;
   writer::set_checked(on);
 }
 
@@ -66,6 +65,7 @@ namespace handlers {
 void set_check(const int16_t* args, uint8_t) {
   failsafe::set_check(args[0]);
   commands::decoder.asked = args[0];
+  failsafe::final = failsafe::final && args[0];
   answers::ask(SET_CHECK, args[0]);
 }
 
