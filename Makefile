@@ -29,7 +29,7 @@ else
 ROS_ENV :=
 # Ubuntu has Chromium as a snap alone, which needs a running system; Debian's is a package.
 PACKAGES_test += chromium chromium-driver
-PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros \
+PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros tf2-tools \
   python3-actionlib python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs \
   python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs ros-robot-state-publisher
 PACKAGES_test-all += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \

@@ -1,4 +1,4 @@
-"""Packages of others that launch files start, and how to get them.  Imports rospkg, and no ROS."""
+"""Packages of others that launch files start, and how to get them.  Needs no master."""
 
 import sys
 from typing import Dict, List, NamedTuple, Sequence
@@ -12,6 +12,10 @@ class Origin(NamedTuple):
     """Noetic has it as a Debian package."""
     one: bool = True
     """ROS One has it too, if it is released."""
+    program: str = ""
+    """The program that a launch file starts, if Debian has it in another package than the rest."""
+    debian: str = ""
+    """Debian's package with that program."""
 
 
 _NAVIGATION = "https://github.com/ros-planning/navigation"
@@ -29,30 +33,40 @@ PACKAGES: Dict[str, Origin] = {
     "range_sensor_layer": Origin("https://github.com/DLu/navigation_layers", released=False),
     "robot_localization": Origin("https://github.com/cra-ros-pkg/robot_localization"),
     "rplidar_ros": Origin("https://github.com/Slamtec/rplidar_ros"),
+    "tf2_ros": Origin(
+        "https://github.com/ros/geometry2", program="static_transform_publisher", debian="tf2-tools"
+    ),
     "twist_mux": Origin("https://github.com/ros-teleop/twist_mux"),
     "urg_node": Origin("https://github.com/ros-drivers/urg_node"),
     "wiimote": Origin(_JOYSTICKS),
 }
-"""Packages that Debian lacks."""
+"""Packages that Debian lacks, or has without a program that is needed."""
 
 
 def missing(needed: Sequence[str]) -> List[str]:
-    """Those of the packages that are not on ROS_PACKAGE_PATH."""
+    """Those of the packages that are not on ROS_PACKAGE_PATH, or lack their program."""
     import rospkg
+    from roslib.packages import find_node
 
     found = set(rospkg.RosPack().list())
-    return [package for package in needed if package not in found]
+    programs = {package: PACKAGES[package].program for package in needed}
+    return [
+        package
+        for package, program in programs.items()
+        if package not in found or (program and not find_node(package, program))
+    ]
 
 
 def advice(packages: Sequence[str]) -> str:
     """One line that names missing packages and how to get them."""
     released = [package for package in packages if PACKAGES[package].released]
-    ways = []
+    debian = [PACKAGES[package].debian for package in packages if PACKAGES[package].debian]
+    ways = [f"apt install {' '.join(debian)} (Debian)"] if debian else []
     if released:
         one = (("one", "ROS One"),) if all(PACKAGES[package].one for package in released) else ()
         for distro, name in (("noetic", "Noetic"), *one):
-            debian = (f"ros-{distro}-{package.replace('_', '-')}" for package in released)
-            ways.append(f"apt install {' '.join(debian)} ({name})")
+            names = (f"ros-{distro}-{package.replace('_', '-')}" for package in released)
+            ways.append(f"apt install {' '.join(names)} ({name})")
     repositories = sorted({PACKAGES[package].repository for package in packages})
     ways.append(f"build {' '.join(repositories)} in your workspace")
     noun = "package" if len(packages) == 1 else "packages"

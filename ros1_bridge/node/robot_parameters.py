@@ -6,6 +6,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot.models import BUILDS
+from mrl_driver.robot.sonar import FARTHEST_M
 from mrl_driver.safety.operation_mode import AUTOMATIC, FASTEST_MANUAL_M_S, OPERATION_MODES
 from mrl_driver.safety.operator_delay import MAX_DELAY_S
 from mrl_driver.safety.protective_zones import ZoneSettings, require_settings
@@ -123,7 +124,15 @@ ROWS = (
         0.0,
         FASTEST_MANUAL_M_S,
     ),
-    Row("clear_with_max_range", bool, False, "", "Sonars that see nothing report max_range instead of +Inf"),
+    Row(
+        "clear_range",
+        float,
+        0.0,
+        "m",
+        "Sonars report at most this distance, as max_range; 0: +Inf if they see nothing",
+        0.0,
+        FARTHEST_M,
+    ),
     Row("reconnect", bool, True, "", "Search for a lost port; false ends the node"),
     Row(
         "record",
@@ -255,7 +264,7 @@ class Parameters(NamedTuple):
     max_angular_acceleration: float
     operation_mode: str
     manual_speed: float
-    clear_with_max_range: bool
+    clear_range: float
     reconnect: bool
     record: str
     ignore_battery: bool

@@ -6,6 +6,7 @@ from typing import Any, Dict, List, Mapping, MutableMapping, Sequence
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot.models import Limits, RobotModel
 from ros1_bridge.node.parameters import Row
+from ros1_bridge.node.robot_parameters import ROWS
 
 LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
 LOWEST = 0.01
@@ -67,10 +68,10 @@ def gains_description(gains: Mapping[str, int]) -> Description:
     )
 
 
-def sonars_description(clear_with_max_range: bool) -> Description:
+def sonars_description(clear_range_m: float) -> Description:
     """What the sonars report if nothing is in range."""
-    text = "Sonars that see nothing report max_range instead of +Inf"
-    return Description((Row("clear_with_max_range", bool, clear_with_max_range, "", text, False, True),))
+    (row,) = (row for row in ROWS if row.name == "clear_range")
+    return Description((row._replace(default=clear_range_m),))
 
 
 def _parameter(value: Row) -> Dict[str, Any]:

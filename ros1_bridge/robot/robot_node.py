@@ -314,7 +314,7 @@ class RobotNode:
                     rospy.delete_param(f"~{group}")
             self._servers = [Server(reconfigure.limits_description(model, limits), self._on_limits, "limits")]
             if self._driver.has_sonars and self._parameters.has("sonars"):
-                sonars = reconfigure.sonars_description(self._publishers.clear_with_max_range)
+                sonars = reconfigure.sonars_description(self._publishers.clear_range_m)
                 self._servers.append(Server(sonars, self._on_sonars, "sonars"))
             if self._parameters.allow_gains:
                 self._gains = self._services.gains()
@@ -546,11 +546,11 @@ class RobotNode:
         return config
 
     def _on_sonars(self, config: Any, level: int) -> Any:
-        self._publishers.clear_with_max_range = config["clear_with_max_range"]
+        if math.isnan(config["clear_range"]):  # dynamic_reconfigure lets it through
+            config["clear_range"] = self._publishers.clear_range_m
+        self._publishers.clear_range_m = config["clear_range"]
         if level != -1:  # -1 is the call at the start
-            rospy.set_param(
-                "~clear_with_max_range", config["clear_with_max_range"]
-            )  # for a respawn of the node
+            rospy.set_param("~clear_range", config["clear_range"])  # for a respawn of the node
         return config
 
     def _on_gains(self, config: Any, level: int) -> Any:

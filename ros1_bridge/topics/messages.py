@@ -57,13 +57,14 @@ def new_range(base_frame: str, sonar: str) -> Range:
     return message
 
 
-def fill_range(message: Range, stamp: Time, range_m: float, clear_with_max: bool = False) -> None:
+def fill_range(message: Range, stamp: Time, range_m: float, clear_m: float = 0.0) -> None:
     """Write a range [m]: -inf is too near, NaN is invalid, +inf is nothing in range (REP-117).
 
-    With `clear_with_max`, +inf becomes max_range, because some costmap layers clear only then.
+    With `clear_m`, that is the longest range, and what is farther reads as it: some costmap layers clear only then.
     """
     message.header.stamp = stamp
-    message.range = message.max_range if clear_with_max and range_m == math.inf else range_m
+    message.max_range = clear_m or FARTHEST_M
+    message.range = clear_m if 0 < clear_m < range_m else range_m
 
 
 def new_joints(names: Sequence[str] = JOINTS) -> JointState:

@@ -80,8 +80,8 @@ class Publishers:
         odom, base = parameters.odom_frame, parameters.base_frame
         self._class, self._lost = publisher_class, lost
         self._model, self._parameters = model, parameters
-        self.clear_with_max_range = parameters.clear_with_max_range
-        """Sonars that see nothing report max_range instead of +Inf; it may be changed at any time."""
+        self.clear_range_m = parameters.clear_range
+        """The parameter `clear_range`; it may be changed at any time."""
         self._stamp, self._clock, self._monotonic = Time(), clock, monotonic
         self._ahead_s = -math.inf
         self._note_clock = note_clock
@@ -199,7 +199,7 @@ class Publishers:
             publisher = self._ranges_out.get(name)
             if publisher is not None and publisher.impl.connections:
                 message = self._ranges[name]
-                messages.fill_range(message, self._stamp, telemetry.ranges[name], self.clear_with_max_range)
+                messages.fill_range(message, self._stamp, telemetry.ranges[name], self.clear_range_m)
                 publisher.publish(message)
 
     def battery(self, board: Board, now: Time) -> None:

@@ -24,8 +24,8 @@ VARIANTS = [
     ("navigation.launch", (MAP, "robot:=stingbot"), "amcl map_server move_base"),
     ("navigation.launch", (MAP, "robot:=omni"), "amcl map_server move_base"),
     ("navigation.launch", (MAP, "robot:=duo", "localisation:=none"), "map_server move_base"),
-    ("navigation.launch", (MAP, "sensors:=both"), "amcl clear_with_max_range map_server move_base"),
-    ("navigation.launch", (MAP, "sensors:=sonars"), "clear_with_max_range map_server map_to_odom move_base"),
+    ("navigation.launch", (MAP, "sensors:=both"), "amcl clear_range map_server move_base"),
+    ("navigation.launch", (MAP, "sensors:=sonars"), "clear_range map_server map_to_odom move_base"),
     ("laser.launch", ("driver:=urg",), "laser"),
     ("laser.launch", ("driver:=rplidar",), "laser"),
     ("ekf.launch", ("prefix:=robot1/",), "ekf_localization"),
@@ -39,8 +39,9 @@ VARIANTS = [
 ]
 """File, its arguments, and all nodes that it starts with them."""
 
-CLEARING = "set robot_node/sonars clear_with_max_range true"
+CLEARING = "set robot_node/sonars clear_range 0.7"
 """Arguments of dynparam; test_sonar_clearing.py runs it."""
+DECLARED = yaml.safe_load((ROOT / "tests" / "ros" / "declared.yaml").read_text())
 DISPLAYS = {
     "rviz/Map": "nav_msgs/OccupancyGrid",
     "rviz/Path": "nav_msgs/Path",
@@ -102,14 +103,29 @@ def test_real_nodes_have_each_remapped_name(variant):
 
 def test_each_package_is_asked_for_before_it_is_needed(variant):
     config, _ = variant
-    started = {node.package for _, _, node in real_nodes(config)}
+    started = {node.package for node in config.nodes} & set(PACKAGES)
     for known, given, _ in real_nodes(config):
         started |= {stand_ins.PLUGIN_PACKAGES[plugin] for plugin in stand_ins.plugins_of(known, given)}
     assert needed(config) == started
 
 
 def test_each_package_has_a_table_and_an_origin():
-    assert set(stand_ins.PACKAGES) == set(PACKAGES)
+    assert set(stand_ins.PACKAGES) == {name for name, origin in PACKAGES.items() if not origin.debian}
+
+
+@pytest.mark.parametrize("name", DECLARED["parameters"])
+def test_stand_in_has_the_parameters_that_the_real_package_declares(name):
+    """A kind of its own is narrower than `str`, or one that no cfg file declares."""
+    nodes = {node: stand_ins.table(each, node).rows for each in stand_ins.PACKAGES for node in stand_ins.nodes_of(each)}
+    kinds = {**nodes, **stand_ins.GROUPS}[name].get("parameters", {})
+    wider = {key: "str" if isinstance(kind, list) or kind == "footprint" else kind for key, kind in kinds.items()}
+    declared = DECLARED["parameters"][name]
+    assert wider == {key: declared.get(key, "unknown") or kind for key, kind in wider.items()}
+
+
+def test_plugins_have_the_class_names_of_the_real_packages():
+    plugins = {name for name in stand_ins.GROUPS if stand_ins.is_plugin(name)}
+    assert plugins and plugins <= set(DECLARED["plugins"])
 
 
 def test_each_launch_file_with_such_a_package_is_among_the_variants():
@@ -198,7 +214,7 @@ def test_arguments_reach_the_real_nodes(config_of, file, arguments, values):
             "map_to_odom",
             "1 2 0 0.5 0 0 map robot1/odom",
         ),
-        (("sensors:=both",), "clear_with_max_range", CLEARING),
+        (("sensors:=both",), "clear_range", CLEARING),
     ],
 )
 def test_programs_for_the_sonars_get_these_words(config_of, arguments, name, words):

@@ -43,13 +43,19 @@ def test_range_describes_the_sonar():
 
 
 @pytest.mark.parametrize(
-    "range_m, clear, shown",
-    [(math.inf, False, math.inf), (-math.inf, False, -math.inf), (math.inf, True, 6.45)],
+    "range_m, clear_m, shown, most",
+    [
+        (math.inf, 0.0, math.inf, 6.45),
+        (-math.inf, 0.7, -math.inf, 0.7),
+        (0.5, 0.7, 0.5, 0.7),
+        (1.5, 0.7, 0.7, 0.7),
+        (math.inf, 0.7, 0.7, 0.7),
+    ],
 )
-def test_range_follows_rep_117_unless_nothing_in_range_is_the_longest_range(range_m, clear, shown):
+def test_range_follows_rep_117_unless_it_is_cut(range_m, clear_m, shown, most):
     message = messages.new_range("base_link", "front")
-    messages.fill_range(message, STAMP, range_m, clear_with_max=clear)
-    assert message.range == shown
+    messages.fill_range(message, STAMP, range_m, clear_m)
+    assert (message.range, message.max_range) == (shown, most)
 
 
 @pytest.mark.parametrize(

@@ -49,13 +49,18 @@ def _load() -> Dict[str, Any]:
     return {path.stem: yaml_file.read(str(path)) for path in sorted(FOLDER.glob("*.yaml"))}
 
 
+def is_plugin(group: str) -> bool:
+    """A group with the name of a class, by which pluginlib finds it; the others have words of our own."""
+    return "/" in group or "::" in group
+
+
 _FILES = _load()
 PACKAGES = tuple(_FILES)
 GROUPS: Dict[str, Any] = {
     name: group for file in _FILES.values() for name, group in file.get("groups", {}).items()
 }
 PLUGIN_PACKAGES = {
-    name: package for package, file in _FILES.items() for name in file.get("groups", {}) if "/" in name
+    name: package for package, file in _FILES.items() for name in file.get("groups", {}) if is_plugin(name)
 }
 """Plugin type to the package whose table has it."""
 
@@ -155,7 +160,7 @@ def _spaces(rows: Mapping[str, Any], given: Mapping[str, Any]) -> Dict[str, str]
         chosen = given.get(key, default)
         spaces[chosen.rsplit("/", 1)[-1]] = chosen
     for key in rows.get("listed", []):
-        spaces.update({item["name"]: item["type"].replace("::", "/") for item in given.get(key, [])})
+        spaces.update({item["name"]: item["type"] for item in given.get(key, [])})
     for key, group in rows.get("words", {}).items():
         spaces.update({name: group for name in given.get(key, "").split()})
     return spaces
@@ -163,7 +168,7 @@ def _spaces(rows: Mapping[str, Any], given: Mapping[str, Any]) -> Dict[str, str]
 
 def plugins_of(node: Table, given: Mapping[str, Any]) -> Set[str]:
     """Types of all plugins that a node loads with these private parameters."""
-    return {group for group in _plugins(node.rows, given) if "/" in group}
+    return {group for group in _plugins(node.rows, given) if is_plugin(group)}
 
 
 def _plugins(rows: Mapping[str, Any], given: Mapping[str, Any]) -> Set[str]:
