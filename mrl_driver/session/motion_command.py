@@ -211,6 +211,8 @@ class Motion:
             return _STOP_REQUEST
         self.sent = target
         self.due_s = min(now + (pace.gap_s if self._fade else pace.repeat_s), self._expires_s)
+        if self.settling and not any(target):
+            return _STOP_REQUEST  # brakes at once; a speed of 0 would follow the motor board's ramp
         if self.request_of is not None:
             return self.request_of(target)
         linear, angular = target

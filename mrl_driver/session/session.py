@@ -210,7 +210,8 @@ class Session:
             return motion.target == motion.sent is not None
         request = motion.take(now)
         if request is not None:
-            self.out += _encode(*request, checked=self._decoder.checked, wrapped=self._wrapped)
+            checked = self._decoder.checked and request[0] != STOP  # as in `_send`, without a call
+            self.out += _encode(*request, checked=checked, wrapped=self._wrapped)
         return True
 
     def adjust(self, speeds: Speeds, now: float) -> None:

@@ -173,8 +173,15 @@ def test_a_gentle_stop_obeys_a_limit_but_is_never_raised(speeds, faded):
     motion = fading()
     motion.take(0.1)
     motion.adjust(speeds)
-    assert motion.take(0.5) == (MOVE, faded, 0)
-    assert motion.settling == (faded == 0)
+    assert motion.take(0.5) == ((MOVE, faded, 0) if faded else (STOP,))
+
+
+def test_a_command_of_zero_brakes_until_the_wheels_stand_and_then_holds():
+    motion = driven()
+    motion.drive((0, 0), 0.1)
+    assert motion.take(0.1) == (STOP,)
+    settle(motion, 0.2)
+    assert motion.take(1.0) == (MOVE, 0, 0)
 
 
 def test_only_commands_that_were_in_force_count_as_stopped():
