@@ -271,7 +271,7 @@ class RobotNode:
 
     def _offer_services(self) -> None:
         parameters = self._parameters
-        services = self._services = Services(self._driver, self._commander)
+        services = self._services = Services(self._driver, self._commander, _localisers)
         triggers: Dict[str, Callable[[], Answer]] = {"shutdown": self._end_node}
         if parameters.has("odometry"):
             triggers["reset_odometry"] = services.reset_odometry
@@ -563,10 +563,18 @@ class RobotNode:
         return config
 
 
-def _publishers(topics: Sequence[str]) -> Set[str]:
-    """Names of the nodes that publish one of these topics, by the master."""
-    published = rosgraph.Master(rospy.get_name()).getSystemState()[0]
-    return {node for topic, nodes in published if topic in topics for node in nodes}
+def _publishers(topics: Sequence[str], subscribers: bool = False) -> Set[str]:
+    """Names of the nodes that publish, or subscribe to, one of these topics, by the master."""
+    connected = rosgraph.Master(rospy.get_name()).getSystemState()[int(subscribers)]
+    return {node for topic, nodes in connected if topic in topics for node in nodes}
+
+
+def _localisers() -> Set[str]:
+    """Nodes such as amcl and hector_mapping: they take the robot's pose in the map from `initialpose`."""
+    try:
+        return _publishers((rospy.resolve_name("initialpose"),), subscribers=True)
+    except (OSError, rosgraph.MasterException):  # without a master
+        return set()
 
 
 def main(argv: Optional[List[str]] = None) -> int:

@@ -1,7 +1,7 @@
 """The actions of the node's services and of `set_pose`: each returns (success, message).  No ROS."""
 
 import math
-from typing import Any, Dict, Tuple
+from typing import Any, Callable, Collection, Dict, Tuple
 
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose
@@ -21,10 +21,15 @@ UNDER_WAY = "the robot moves, or drives to a pose"
 
 
 class Services:
-    """The services of one robot."""
+    """The services of one robot.
 
-    def __init__(self, driver: Any, commander: Commander) -> None:
-        self._driver, self._commander = driver, commander
+    `localisers`: returns the names of nodes that localise the robot in a map by its odometry.
+    """
+
+    def __init__(
+        self, driver: Any, commander: Commander, localisers: Callable[[], Collection[str]] = tuple
+    ) -> None:
+        self._driver, self._commander, self._localisers = driver, commander, localisers
 
     def reset_odometry(self) -> Answer:
         """Set the pose to the origin of odom."""
@@ -43,6 +48,12 @@ class Services:
     def _set_pose(self, pose: Pose, spread: Spread) -> Answer:
         if not self._still():
             return False, f"{UNDER_WAY}; stop it first, for a pose that jumps in motion misleads filters"
+        localisers = ", ".join(sorted(self._localisers()))
+        if localisers:
+            return False, (
+                f"{localisers} would take the jump for motion; publish the robot's pose in the map on initialpose "
+                "(rviz: 2D Pose Estimate) instead, or end that node first"
+            )
         self._driver.reset_pose(pose, spread)
         return True, f"the pose is {pose.x_m:g}, {pose.y_m:g}, {pose.yaw_rad:g}"
 

@@ -116,9 +116,15 @@ def test_each_package_has_a_table_and_an_origin():
 @pytest.mark.parametrize("name", DECLARED["parameters"])
 def test_stand_in_has_the_parameters_that_the_real_package_declares(name):
     """A kind of its own is narrower than `str`, or one that no cfg file declares."""
-    nodes = {node: stand_ins.table(each, node).rows for each in stand_ins.PACKAGES for node in stand_ins.nodes_of(each)}
+    nodes = {
+        node: stand_ins.table(each, node).rows
+        for each in stand_ins.PACKAGES
+        for node in stand_ins.nodes_of(each)
+    }
     kinds = {**nodes, **stand_ins.GROUPS}[name].get("parameters", {})
-    wider = {key: "str" if isinstance(kind, list) or kind == "footprint" else kind for key, kind in kinds.items()}
+    wider = {
+        key: "str" if isinstance(kind, list) or kind == "footprint" else kind for key, kind in kinds.items()
+    }
     declared = DECLARED["parameters"][name]
     assert wider == {key: declared.get(key, "unknown") or kind for key, kind in wider.items()}
 
@@ -239,6 +245,16 @@ def test_word_that_a_launch_file_does_not_know_is_refused(config_of, file, argum
     with pytest.raises(roslaunch.RLException) as refusal:
         config_of(file, MAP, argument)
     assert argument.split(":=")[1] in str(refusal.value) and expected in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    "given, found", [("house.yaml", "/home/me/house.yaml"), ("/maps/a.yaml", "/maps/a.yaml")]
+)
+def test_map_is_found_from_the_folder_of_the_user(config_of, monkeypatch, given, found):
+    """Nodes run in another one."""
+    monkeypatch.setenv("PWD", "/home/me")
+    nodes = config_of("navigation.launch", f"map:={given}").nodes
+    assert [node.args for node in nodes if node.name == "map_server"] == [f'"{found}"']
 
 
 def test_missing_packages_are_named_in_one_line_with_the_ways_to_get_them(config_of, monkeypatch):

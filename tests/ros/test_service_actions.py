@@ -22,7 +22,7 @@ def done():
     return []
 
 
-def services(done, twist=(0.0, 0.0), driving=False, seeking=False, manual=False):
+def services(done, twist=(0.0, 0.0), driving=False, seeking=False, manual=False, localisers=()):
 
     def reset_pose(pose, spread):
         Driver("/dev/null").reset_pose(pose, spread)  # which refuses what is no covariance
@@ -34,7 +34,7 @@ def services(done, twist=(0.0, 0.0), driving=False, seeking=False, manual=False)
         request=lambda *args: done.append(args),
     )
     commander = SimpleNamespace(driving=driving, seeking=seeking, ready=True, manual=manual)
-    return Services(driver, commander)
+    return Services(driver, commander, lambda: localisers)
 
 
 def wanted(x_m=1.0, frame="odom", variances=(0.04, 0.09, 0.01)):
@@ -80,6 +80,13 @@ def test_robot_under_way_is_refused(done, action, state):
     if action is Services.calibrate:
         success, words = services(done, manual=True).calibrate()
         assert (success, done) == (False, []) and "faster than manual mode allows" in words
+
+
+@pytest.mark.parametrize("action", [Services.reset_odometry, set_pose])
+def test_pose_of_a_robot_that_is_localised_is_not_moved(done, action):
+    """A localisation would take the jump for motion: with amcl, move_base said 1.7 m off that it has arrived."""
+    success, words = action(services(done, localisers={"/amcl"}))
+    assert (success, done) == (False, []) and words.startswith("/amcl would") and "initialpose" in words
 
 
 def with_gains(gains, capabilities=("config",)):

@@ -151,6 +151,13 @@ def test_reset_sets_the_pose_to_the_origin(robot):
     wait_until(lambda: abs(robot.odom.messages[-1].pose.pose.position.x) < 1e-6)
 
 
+def test_reset_is_refused_while_a_node_localises_the_robot(robot):
+    localiser = rospy.Subscriber(f"{robot.ns}/initialpose", PoseWithCovarianceStamped, lambda pose: None)
+    answer = call(robot, "reset_odometry")
+    localiser.unregister()
+    assert not answer.success and answer.message.startswith(rospy.get_name())
+
+
 def test_pose_and_covariance_are_those_that_were_set(robot):
     stands(robot)
     wanted = PoseWithCovarianceStamped()
