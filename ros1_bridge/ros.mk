@@ -27,11 +27,5 @@ pictures: setup firmware ## Take the pictures of the live view, of rviz and of t
 	$(if $(FAST),,$(ROS_ENV) $(PY) -m tests.documents.rviz_picture $(PICTURES)/ros1_bridge/rviz_team.png team)
 
 .PHONY: test-navigation
-test-navigation: ## Ten goals a robot with the real move_base; NAVIGATION_SRC=folder has its sources; build/navigation/table.json
-ifeq ($(NAVIGATION_SRC),)
-	@echo "NAVIGATION_SRC is not set, expected a folder with the sources of https://github.com/ros-planning/navigation:" \
-	  "make test-navigation NAVIGATION_SRC=folder" >&2; exit 2
-else
-	@$(MAKE) --no-print-directory setup
-	@$(ROS_ENV) $(PY) -m tests.long.navigation --source '$(NAVIGATION_SRC)'
-endif
+test-navigation: setup ## Ten goals a run with the real move_base, installed or in the workspace of NAVIGATION_SETUP=path/setup.bash; build/navigation/table.json
+	@$(ROS_ENV) $(if $(NAVIGATION_SETUP),source '$(NAVIGATION_SETUP)' &&) $(PY) -m tests.long.navigation

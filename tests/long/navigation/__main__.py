@@ -1,35 +1,38 @@
-"""`python -m tests.long.navigation --source FOLDER` repeats the table of ten goals; `make test-navigation` calls it.
+"""`python -m tests.long.navigation`, `make test-navigation`: ten goals a run with the real navigation packages.
 
-It builds the packages of FOLDER with catkin, starts an emulated robot with them for each robot and world, sends ten
-goals, and judges them by ground truth.  It writes build/navigation/table.json.  A run of all takes about an hour.
+It starts an emulated robot with them for each robot, world and kind of sensors, and judges the goals by ground truth.
+It writes build/navigation/table.json after each run, and continues there: delete the file to begin again.  A run of all
+takes about two hours.
 """
 
 import argparse
+import itertools
 import json
 import subprocess
 import sys
-from pathlib import Path
-from typing import List
+from typing import Dict, List, Sequence
 
 from mrl_driver.errors import MrlError
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.world import world_file
 
-from .goals import GOALS, LIMIT_S, ROBOTS, Judge, Outcome, row_of, table_of
-from .stack import ROOT, Stack, build, require_sources
+from .goals import GOALS, LIMIT_S, ROBOTS, SENSORS, Judge, Outcome, row_of, table_of
+from .stack import ROOT, Stack, require_packages
 
 FOLDER = ROOT / "build" / "navigation"
+TABLE = FOLDER / "table.json"
 SERVER_S = 60.0
 
 
-def ten_goals(robot: str, world: str, setup: Path) -> List[Outcome]:
+def ten_goals(robot: str, world: str, arguments: Sequence[str]) -> List[Outcome]:
     """How the goals of a world ended for a robot; runs in a process of its own, because it is a ROS node."""
     scene = world_file.load(world)
-    with Stack(robot, world, scene, setup, FOLDER / f"{robot}_{world}"):
+    folder = FOLDER / "_".join((robot, world, *arguments)).replace(":=", "_")
+    with Stack(robot, world, scene, folder, arguments):
         import actionlib
         import rospy
-        from move_base_msgs.msg import MoveBaseAction
+        from move_base_msgs.msg import MoveBaseAction, RecoveryStatus
         from nav_msgs.msg import Odometry
 
         from ros1_bridge.node.plane_poses import planar
@@ -43,44 +46,51 @@ def ten_goals(robot: str, world: str, setup: Path) -> List[Outcome]:
         rospy.Subscriber(
             "base_pose_ground_truth", Odometry, lambda message: judge.see(planar(message.pose.pose))
         )
+        rospy.Subscriber("move_base/recovery_status", RecoveryStatus, lambda _: judge.recover())
         client = actionlib.SimpleActionClient("move_base", MoveBaseAction)
         if not client.wait_for_server(rospy.Duration(SERVER_S)):
-            raise MrlError(f"move_base offers no action after {SERVER_S:g} s, see {FOLDER}/{robot}_{world}")
+            raise MrlError(f"move_base offers no action after {SERVER_S:g} s, see {folder}")
         return drive(client, judge, GOALS[world], LIMIT_S)
 
 
 def main(arguments: List[str]) -> int:
     """Run the table; returns the exit code: 1 if a goal was not reached or something was touched."""
     parser = argparse.ArgumentParser(prog="make test-navigation", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--source", required=True, help="folder with the sources of the navigation packages")
-    parser.add_argument("--robot", choices=ROBOTS, action="append", help="only this robot; may be repeated")
+    for name, choices in (("robot", ROBOTS), ("world", sorted(GOALS)), ("sensors", SENSORS)):
+        text = f"only this {name}; may be repeated"
+        parser.add_argument(f"--{name}", choices=choices, action="append", help=text)
     parser.add_argument(
-        "--world", choices=sorted(GOALS), action="append", help="only this world; may be repeated"
+        "--with", dest="more", default=[], nargs="+", help="arguments of navigation.launch, NAME:=VALUE"
     )
-    parser.add_argument("--one", metavar="SETUP", help=argparse.SUPPRESS)
+    parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
-    robots, worlds = given.robot or ROBOTS, given.world or sorted(GOALS, reverse=True)
-    if given.one:  # a ROS node is one in its process
-        print(json.dumps(ten_goals(robots[0], worlds[0], Path(given.one))))
+    robots, worlds, sensors = given.robot or ROBOTS, given.world or sorted(GOALS), given.sensors or SENSORS
+    if given.one:
+        print(json.dumps(ten_goals(robots[0], worlds[0], (f"sensors:={sensors[0]}", *given.more))))
         return 0
-    require_sources(Path(given.source))
-    setup, rows = build(Path(given.source), FOLDER / "workspace"), []
-    for robot in robots:
-        for world in worlds:
-            rows.append(row_of(robot, world, in_own_process(robot, world, setup)))
+    for kind in sensors:
+        require_packages(kind)
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    rows: List[Dict[str, object]] = json.loads(TABLE.read_text()) if TABLE.exists() else []
+    for values in itertools.product(sensors, worlds, robots):
+        run = dict(zip(("sensors", "world", "robot"), values), more=" ".join(given.more))
+        if not any(run.items() <= row.items() for row in rows):
+            rows.append(row_of(run, in_own_process(run, given.more)))
+            TABLE.write_text(json.dumps(rows, indent=1) + "\n")
             print(table_of(rows[-1:]).splitlines()[-1], flush=True)
-    (FOLDER / "table.json").write_text(json.dumps(rows, indent=1) + "\n")
     print(table_of(rows))
     return int(any(row["reached"] != row["goals"] or row["contacts"] for row in rows))
 
 
-def in_own_process(robot: str, world: str, setup: Path) -> List[Outcome]:
+def in_own_process(run: Dict[str, str], more: Sequence[str]) -> List[Outcome]:
     """The same as `ten_goals`: each run has a ROS master of its own."""
-    command = [sys.executable, "-m", "tests.long.navigation", "--source", ".", "--one", str(setup)]
-    command += ["--robot", robot, "--world", world]
+    command = [sys.executable, "-m", "tests.long.navigation", "--one"]
+    for name in ("robot", "world", "sensors"):
+        command += [f"--{name}", run[name]]
+    command += ["--with", *more] if more else []
     done = subprocess.run(command, cwd=str(ROOT), stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
-        raise MrlError(f"{robot} in {world}: the run failed with exit code {done.returncode}")
+        raise MrlError(f"{' '.join(run.values())}: the run failed with exit code {done.returncode}")
     return [Outcome(*values) for values in json.loads(done.stdout.splitlines()[-1])]
 
 

@@ -37,12 +37,13 @@ def drive(
     """
     outcomes = []
     for goal in goals:
-        judge.contact = False
+        judge.contact, judge.recoveries = False, 0
         begun_s = time.monotonic()
         client.send_goal(message_of(goal, frame))
         if not client.wait_for_result(rospy.Duration(limit_s)):
             client.cancel_goal()
             client.wait_for_result(rospy.Duration(END_S))
         succeeded = client.get_state() == actionlib.GoalStatus.SUCCEEDED
-        outcomes.append(Outcome(succeeded, judge.distance_m(goal), judge.contact, time.monotonic() - begun_s))
+        took_s = time.monotonic() - begun_s
+        outcomes.append(Outcome(succeeded, *judge.errors(goal), judge.contact, took_s, judge.recoveries))
     return outcomes

@@ -2,9 +2,9 @@
 
 import math
 import statistics
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import Dict, Iterable, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.geometry import Pose
+from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
@@ -37,6 +37,7 @@ GOALS: Dict[str, Sequence[Goal]] = {
     ],
 }
 ROBOTS = ("traxbot", "stingbot", "omni")
+SENSORS = ("laser", "sonars", "both")
 LIMIT_S = 180.0
 """A goal takes longer than this only if the robot is stuck: the longest way in the house is 8 m."""
 REACHED_M = 0.25
@@ -52,9 +53,13 @@ class Outcome(NamedTuple):
     """What the action said."""
     error_m: float
     """True distance to the goal at the end."""
+    turn_deg: float
+    """True error of the heading at the end."""
     contact: bool
     """The body touched something on the way."""
     seconds: float
+    recoveries: int
+    """Times that move_base began to recover."""
 
     @property
     def reached(self) -> bool:
@@ -71,34 +76,45 @@ class Judge:
         self._body = Footprint(body.length_m + margin, body.width_m + margin, body.is_circle)
         self.pose = Pose(math.nan, math.nan, math.nan)
         self.contact = False
+        self.recoveries = 0
 
     def see(self, pose: Pose) -> None:
         """Take the next true pose; `contact` stays true until it is set false."""
         self.pose = pose
         self.contact = self.contact or bool(self._world.touching(pose, self._body))
 
-    def distance_m(self, goal: Goal) -> float:
-        return math.hypot(self.pose.x_m - goal[0], self.pose.y_m - goal[1])
+    def recover(self) -> None:
+        """Count a recovery of move_base."""
+        self.recoveries += 1
+
+    def errors(self, goal: Goal) -> Tuple[float, float]:
+        """Distance [m] and difference of heading [deg] to a goal."""
+        turn = wrap_angle(self.pose.yaw_rad - math.radians(goal[2]))
+        return math.hypot(self.pose.x_m - goal[0], self.pose.y_m - goal[1]), abs(math.degrees(turn))
 
 
-def row_of(robot: str, world: str, outcomes: Sequence[Outcome]) -> Dict[str, object]:
-    """The figures of one robot in one world; the error is that of the goals that were reached."""
-    errors = [outcome.error_m for outcome in outcomes if outcome.reached]
+def row_of(run: Dict[str, str], outcomes: Sequence[Outcome]) -> Dict[str, object]:
+    """The figures of a run with this robot, world and sensors; the errors are those of the goals that were reached."""
+    reached = [outcome for outcome in outcomes if outcome.reached]
+
+    def mean(values: Iterable[float]) -> Optional[float]:
+        each = list(values)
+        return round(statistics.mean(each), 1) if each else None
+
     return {
-        "robot": robot,
-        "world": world,
+        **run,
         "goals": len(outcomes),
-        "reached": len(errors),
-        "mean_error_cm": round(100 * statistics.mean(errors), 1) if errors else None,
+        "reached": len(reached),
+        "mean_error_cm": mean(100 * outcome.error_m for outcome in reached),
+        "mean_error_deg": mean(outcome.turn_deg for outcome in reached),
         "contacts": sum(outcome.contact for outcome in outcomes),
-        "mean_seconds": round(statistics.mean(outcome.seconds for outcome in outcomes), 1),
+        "recoveries": sum(outcome.recoveries for outcome in outcomes),
+        "mean_seconds": mean(outcome.seconds for outcome in outcomes),
     }
 
 
 def table_of(rows: Sequence[Dict[str, object]]) -> str:
-    lines: List[str] = ["| robot, world | reached | mean error | goals with contact |", "|---|---|---|---|"]
-    for row in rows:
-        error = "" if row["mean_error_cm"] is None else f"{row['mean_error_cm']} cm"
-        place = f"{row['robot']}, `{row['world']}`"
-        lines.append(f"| {place} | {row['reached']} of {row['goals']} | {error} | {row['contacts']} |")
-    return "\n".join(lines)
+    """The rows in Markdown."""
+    keys = list(rows[0])
+    lines = [keys, ["---"] * len(keys), *([str(row[key]) for key in keys] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
