@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 LAUNCH = ROOT / "ros1_bridge" / "launch"
 LOGS = ROOT / "build" / "picture"
 DISPLAY, PORT = ":87", 11387
-SIZE = "1200x800"
+SIZE = "1280x720"
 COLOURS = 128
 """Colours in the palette; this keeps the file below 300 KiB."""
 START_S = 60.0
