@@ -5,6 +5,7 @@ looks up map to base_link at the time of the scan.  Its own map to odom has the 
 these lookups would fail after 0.5 s.  This node publishes the transform in its place, with times in the future.
 """
 
+import math
 import threading
 import time
 from typing import List, Optional
@@ -14,7 +15,7 @@ import tf2_ros
 from geometry_msgs.msg import PoseStamped
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import correction, planar, yaw_of
 from ros1_bridge.node.run_node import run_node
@@ -25,6 +26,8 @@ from ros1_bridge.topics.fast_publisher import direct_publisher
 PERIOD_S = 0.05
 SILENT_S = 2.0
 """After a pose, the next one must come within this time; otherwise nothing is published until it comes."""
+JUMP_M, JUMP_RAD = 0.5, 0.5
+"""A pose farther from where odometry expects the robot is refused: no motion between two scans explains it."""
 TF_TIMEOUT_S = 0.2
 WARN_EVERY_S = 5.0
 PARAMETERS = (
@@ -82,7 +85,8 @@ class MapToOdom:
     def _on_pose(self, message: PoseStamped) -> None:
         try:
             trouble = self._age.trouble(message.header.stamp.to_sec(), rospy.get_time(), time.monotonic())
-            place = correction(planar(message.pose), self._odometry(message.header.stamp))
+            pose, odometry = planar(message.pose), self._odometry(message.header.stamp)
+            place, trouble = correction(pose, odometry), trouble or self._jump(pose, odometry)
         except (ValueError, tf2_ros.TransformException) as error:
             trouble = str(error)
         if trouble:
@@ -90,6 +94,22 @@ class MapToOdom:
             return
         with self._lock:
             self._place, self._heard_s = place, time.monotonic()
+
+    def _jump(self, pose: Pose, odometry: Pose) -> str:
+        """Why a pose is a jump; empty if it is none, or if the last good pose is so old that there is nothing better.
+
+        The mapper, which begins its search where odometry expects the robot, can find its way back meanwhile.
+        """
+        with self._lock:
+            expected, age_s = self._place.compose(*odometry), time.monotonic() - self._heard_s
+        off_m = math.hypot(pose.x_m - expected.x_m, pose.y_m - expected.y_m)
+        off_rad = abs(wrap_angle(pose.yaw_rad - expected.yaw_rad))
+        if not 0 <= age_s <= SILENT_S or (off_m <= JUMP_M and off_rad <= JUMP_RAD):
+            return ""
+        return (
+            f"it is {off_m:.2f} m and {math.degrees(off_rad):.0f} deg from where odometry expects the robot, expected "
+            f"at most {JUMP_M:g} m and {math.degrees(JUMP_RAD):.0f} deg; drive more slowly, or in view of more walls"
+        )
 
     def _odometry(self, stamp: rospy.Time) -> Pose:
         found = self._buffer.lookup_transform(self._odom, self._base, stamp, rospy.Duration(TF_TIMEOUT_S))

@@ -27,10 +27,13 @@ def test_transform_can_be_looked_up_at_the_time_of_the_next_scan(rig):
     """At first both frames agree; then the robot is where the mapper says it is, until the mapper falls silent."""
     map_frame, odom, base = (f"{rig.name}/{name}" for name in ("map", "odom", "base_link"))
     frames = (f"_map_frame:={map_frame}", f"_odom_frame:={odom}", f"_base_frame:={base}")
-    rig.program("map_to_odom", *frames)
+    child = rig.program("map_to_odom", *frames)
     buffer = tf2_ros.Buffer()
     listener = tf2_ros.TransformListener(buffer)
     robot = tf2_ros.TransformBroadcaster()
+
+    def refused():
+        return any("is 12.00 m and 0 deg from where" in line for line in child.output())
 
     def drive():
         """The robot is at 1, 0 by odometry, now."""
@@ -54,15 +57,18 @@ def test_transform_can_be_looked_up_at_the_time_of_the_next_scan(rig):
     wait_until(lambda: place() == (1.0, 0.0), step_s=0.02)
     poses = rig.publisher("slam_out_pose", PoseStamped)
 
-    def is_placed():
+    def is_placed(x_m=2.0):
         pose = PoseStamped()
         pose.header.frame_id, pose.header.stamp = map_frame, drive()
-        pose.pose.position.x, pose.pose.position.y = 2.0, 3.0
+        pose.pose.position.x, pose.pose.position.y = x_m, 3.0
         pose.pose.orientation.z, pose.pose.orientation.w = quaternion_of(1.0)
         poses.publish(pose)
-        return place() == (2.0, 3.0)
+        return place() == (x_m, 3.0)
 
     wait_until(is_placed, step_s=0.02)
+    wait_until(lambda: is_placed(14.0) or refused(), step_s=0.02)
+    assert refused() and place() == (2.0, 3.0)  # no motion explains 12 m
+    wait_until(lambda: is_placed(14.0), step_s=0.02)  # but no better pose has come for 2 s
     Offered(rig, "map_to_odom").require_topics()
 
     def was_there():

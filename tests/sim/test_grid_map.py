@@ -228,3 +228,13 @@ def test_the_frame_of_the_map_is_turned_and_moved(room):
     back = Pose(0.0, 0.0, 0.0).relative_to(frame)
     turned = made._replace(origin=back.compose(*made.origin))
     assert map_score.score(turned, room, frame) == pytest.approx(map_score.score(made, room), abs=1e-6)
+
+
+def test_a_map_that_is_turned_and_moved_is_fitted_to_the_walls():
+    """As those of mappers are, by 1 to 3 deg."""
+    house = load("house")
+    off = Pose(0.1, -0.15, math.radians(3))
+    made = grid_map.draw(house, CELL_M)
+    fit = map_score.fitted(made, house, off)
+    assert math.hypot(fit.x_m, fit.y_m) < 0.03 and abs(fit.yaw_rad) < math.radians(0.3)
+    assert map_score.score(made, house, off).found < 0.8 < 0.99 < map_score.score(made, house, fit).found
