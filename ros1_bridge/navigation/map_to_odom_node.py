@@ -98,7 +98,7 @@ class MapToOdom:
     def _jump(self, pose: Pose, odometry: Pose) -> str:
         """Why a pose is a jump; empty if it is none, or if the last good pose is so old that there is nothing better.
 
-        The mapper, which begins its search where odometry expects the robot, can find its way back meanwhile.
+        The mapper, which begins its search where odometry expects the robot, can find the robot again meanwhile.
         """
         with self._lock:
             expected, age_s = self._place.compose(*odometry), time.monotonic() - self._heard_s

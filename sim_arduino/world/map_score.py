@@ -65,7 +65,8 @@ def fitted(made: GridMap, world: World, frame: Pose = ORIGIN) -> Pose:
         middle, aim = occupied[near].mean(axis=0), aims[near].mean(axis=0)
         (x, y), (to_x, to_y) = (occupied[near] - middle).T, (aims[near] - aim).T
         turn = math.atan2(float(np.sum(x * to_y - y * to_x)), float(np.sum(x * to_x + y * to_y)))
-        frame = Pose(*aim, turn).compose(*frame.relative_to(Pose(*middle, 0.0)))
+        moved = frame.relative_to(Pose(middle[0], middle[1], 0.0))
+        frame = Pose(aim[0], aim[1], turn).compose(*moved)
     return frame
 
 

@@ -163,7 +163,9 @@ FIRST_COMMA, SECOND_COMMA = 6, 10
 
 def test_a_fault_of_a_move_to_a_board_of_2013_is_never_calibrate(parser):
     moves = [wire for wire in sent(OF_2013["August"]).drive if wire.startswith(b"@65547,")]
-    assert len(moves) == sum(map(any, SPEEDS_SENT)) and CALIBRATE not in {each[3] for each in outcomes(parser, moves)}
+    assert len(moves) == sum(map(any, SPEEDS_SENT)) and CALIBRATE not in {
+        each[3] for each in outcomes(parser, moves)
+    }
 
 
 def test_what_is_left_of_a_move_to_a_board_of_2013(parser):
