@@ -47,6 +47,7 @@ DISPLAYS = {
     "rviz/Path": "nav_msgs/Path",
     "rviz/Polygon": "geometry_msgs/PolygonStamped",
     "rviz/PoseArray": "geometry_msgs/PoseArray",
+    "rviz/Pose": "geometry_msgs/PoseStamped",
 }
 
 
@@ -176,7 +177,7 @@ def test_rviz_shows_what_the_real_nodes_publish():
     shown = {
         topic: DISPLAYS[kind] for topic, kind in shown.items() if topic.startswith(("move_base/", "particle"))
     }
-    assert len(shown) == 6 and shown.items() <= published.items()
+    assert len(shown) == 7 and shown.items() <= published.items()
 
 
 @pytest.mark.parametrize(
