@@ -16,7 +16,7 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
-enum { I2C_BUFFER = 64 };
+enum { I2C_BUFFER = 64, FLASH_WORDS = 0x4000 };
 
 enum run_status { RUN_DONE = 0, RUN_CRASHED = 1, RUN_STOPPED = 2 };
 
@@ -169,6 +169,8 @@ struct board {
     bool stop, reset_wanted, asleep;
     int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
     uint32_t crash_pc;
+    uint16_t skips[FLASH_WORDS]; /* skip instructions that a WDR stands for, by their place; 0 elsewhere */
+    uint8_t skipped;             /* words that such an instruction has just skipped */
     uint64_t run_until;     /* end of the running slice; 0 between slices */
     uint64_t resets, slept; /* number of program starts; cycles for which the CPU slept */
 };

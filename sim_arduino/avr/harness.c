@@ -148,7 +148,9 @@ static void run_instructions(board_t *board) {
         fall_asleep(board);
     if (avr->state != cpu_Running)
         board->crash_pc = at;
-    avr->pc = next;
+    avr->pc = next + 2 * board->skipped;
+    avr->cycle += board->skipped;
+    board->skipped = 0;
 }
 
 static void sleep_on(board_t *board) {
@@ -294,6 +296,7 @@ EXPORT void mrl_load(board_t *board, uint8_t *code, uint32_t size, uint32_t addr
     avr_loadcode(board->avr, code, size, address);
     if (board->avr->codeend < address + size)
         board->avr->codeend = address + size;
+    skips_find(board, address, address + size);
 }
 
 EXPORT void mrl_destroy(board_t *board) {

@@ -12,6 +12,8 @@ void watchdog_attach(board_t *board);
 void watchdog_reset(board_t *board);
 void watchdog_kick(board_t *board);
 uint8_t watchdog_served(uint8_t control);
+void skips_find(board_t *board, uint32_t address, uint32_t end);
+bool skips_run(board_t *board);
 void adc_attach(board_t *board);
 void eeprom_attach(board_t *board);
 bool eeprom_is_ready(const board_t *board);

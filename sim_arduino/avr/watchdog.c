@@ -68,7 +68,9 @@ static int wdr(avr_io_t *io, uint32_t control, void *param) {
     (void)param;
     if (control != AVR_IOCTL_DEF('w', 'd', 't', 'r'))
         return -1;
-    watchdog_kick(((watchdog_t *)io)->board);
+    board_t *board = ((watchdog_t *)io)->board;
+    if (!skips_run(board))
+        watchdog_kick(board);
     return 0;
 }
 

@@ -50,3 +50,15 @@ def test_an_interrupt_that_waits_at_sleep_wakes_the_chip(bench):
     board.set("mode", IDLE)
     board.machine.run(100e-6)
     assert board.get("wakes") == 1
+
+
+def test_a_skip_jumps_over_an_adiw_of_any_number(bench):
+    """First the five skips that are taken, then those that are not; one cycle more for a skip, two for `adiw`."""
+    board = bench("skips.c")
+    assert list(board.bytes("sums")) == [1] * 5 + [32] * 5
+    cycles = board.bytes("cycles")
+    assert [cycles[5 + i] - cycles[i] for i in range(5)] == [1] * 5
+
+
+def test_a_table_that_looks_like_such_a_skip_is_read_as_it_is(bench):
+    assert bench("skips.c").get("from_table") == 0xFC00

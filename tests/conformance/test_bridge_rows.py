@@ -149,12 +149,8 @@ def test_sound_wheels_do_not_stop(bench, linear, angular):
     assert bench.stop_reason() == "none"
 
 
-@pytest.mark.parametrize("engine", ["python", "pc"])
 def test_a_wheel_that_still_rolls_after_a_reversal_is_not_a_wrong_encoder(make):
-    """It coasts for over 100 ms against a drive that is too weak to turn it back.
-
-    Not on the simulated chip: simavr takes an `adiw` behind an `sbrc` for two words, and the feed-forward is lost.
-    """
+    """It coasts for over 100 ms against a drive that is too weak to turn it back."""
     weak = {"stop_mode": 1, "kp": 0, "ki": 0, "friction_duty": 0, "ramp_time": 0}
     bench = make(board={"bridge": BRIDGES.index("vnh5019"), **weak})
     bench.ask("move_differential", 500, 0, wait_s=0.8)
