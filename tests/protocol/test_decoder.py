@@ -109,6 +109,11 @@ def test_forbidden_request_raises(code, args, message):
         encode_request(code, *args)
 
 
+def test_a_reply_without_its_stamp_is_refused():
+    with pytest.raises(FrameError, match="is stamped, got no stamp"):
+        encode_reply(6, 1, 2, checked=True)
+
+
 @pytest.mark.parametrize(("speeds", "check"), [((34, -147), b"32767"), ((17, 180), b"-32768")])
 def test_a_checksum_is_written_as_int16(speeds, check):
     """The largest and the smallest that there are."""
