@@ -130,6 +130,15 @@ def test_stand_in_has_the_parameters_that_the_real_package_declares(name):
     assert wider == {key: declared.get(key, "unknown") or kind for key, kind in wider.items()}
 
 
+@pytest.mark.parametrize("name", DECLARED["topics"])
+def test_stand_in_has_the_topics_that_the_real_node_had(name):
+    """But sonars, whose names navigation.launch remaps, and amcl's map, which needs use_map_topic."""
+    topics = stand_ins.table(name, name).names("publishes", "subscribes")
+    left_out = {"map"} if name == "amcl" else {each for each in topics if "/sonars/" in each}
+    topics = {each: kind for each, kind in topics.items() if each not in left_out}
+    assert topics.items() <= DECLARED["topics"][name].items()
+
+
 def test_plugins_have_the_class_names_of_the_real_packages():
     plugins = {name for name in stand_ins.GROUPS if stand_ins.is_plugin(name)}
     assert plugins and plugins <= set(DECLARED["plugins"])
