@@ -10,16 +10,3 @@ with Driver("/dev/ttyACM0") as robot:
     print(robot.pose, robot.ranges)  # x y yaw [m m rad]; metres by sonar name
 ```
 """
-
-from .old_names import keep
-
-keep(
-    {
-        "mrl_driver.codec": "mrl_driver.protocol",
-        "mrl_driver.robots": "mrl_driver.robot.models",
-        "mrl_driver.stepped": "mrl_driver.driver.simulated",
-        "mrl_driver.table": "mrl_driver.protocol.table",
-        "mrl_driver.terminal.shown_state": "mrl_driver.view.shown_state",
-        "mrl_driver.terminal.trail": "mrl_driver.view.trail",
-    }
-)

@@ -7,17 +7,13 @@ Every fault is a row of `faults.table`, which `mrl-sim --fault` uses and its hel
 
 import math
 import random
-from typing import Any, Dict, Iterable, List, Protocol, Union
+from typing import Any, Dict, Iterable, List, Union
 
 from mrl_driver.errors import ConfigError
 from sim_arduino.board.engine import Engine
 
 from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, FaultKind, parse
 from .schedule import Chain, Window
-
-
-class _Timed(Protocol):
-    def next_s(self, now_s: float) -> float: ...
 
 
 class _Switch:
@@ -230,8 +226,9 @@ class FaultyEngine:
     def _own_s(self) -> float:
         """Time of the next event of a fault, after now [s]."""
         switches = (self._unplugged, self._frozen, self._resetting, self._browning)
-        timed: List[_Timed] = [*self._chains.values(), *switches, *self._hardware]
-        return min(each.next_s(self.now_s) for each in timed)
+        own_s = [chain.next_s(self.now_s) for chain in self._chains.values()]
+        own_s += [switch.next_s(self.now_s) for switch in switches]
+        return min(own_s + [fault.next_s(self.now_s) for fault in self._hardware])
 
     def _step(self, to_s: float) -> bytes:
         """Runs to `to_s`, then switches the faults that are due; no fault may switch before `to_s`."""

@@ -17,22 +17,22 @@ SITE = ROOT / "docs" / "site"
 PAGES = SITE / "pages"
 PUBLIC = {
     "mrl_driver.driver": ["Driver", "Options", "Telemetry", "Board"],
-    "mrl_driver.stepped": ["SteppedDriver"],
-    "mrl_driver.robots": ["load", "RobotModel"],
+    "mrl_driver.driver.simulated": ["SteppedDriver"],
+    "mrl_driver.robot.models": ["load", "RobotModel"],
     "mrl_driver.errors": ["MrlError", "BoardTimeout", "LinkLost"],
-    "mrl_driver.table": ["COMMANDS"],
-    "mrl_driver.terminal.shown_state": ["line", "snapshot"],
-    "mrl_driver.terminal.trail": ["Trail"],
-    "mrl_driver.codec": ["FrameDecoder", "encode_reply", "encode_request"],
+    "mrl_driver.protocol.table": ["COMMANDS"],
+    "mrl_driver.view.shown_state": ["line", "snapshot"],
+    "mrl_driver.view.trail": ["Trail"],
+    "mrl_driver.protocol": ["FrameDecoder", "encode_reply", "encode_request"],
     "sim_arduino.board": ["PythonBoard"],
-    "sim_arduino.boards": ["make", "Options"],
-    "sim_arduino.grid_map": ["draw", "write"],
-    "sim_arduino.laser": ["LaserScanner"],
-    "sim_arduino.plant": ["Plant"],
+    "sim_arduino.serve.factory": ["make", "Options"],
+    "sim_arduino.world.grid_map": ["draw", "write"],
+    "sim_arduino.hardware.laser": ["LaserScanner"],
+    "sim_arduino.hardware.wiring": ["Plant"],
     "sim_arduino.testing": ["EmulatedBoard"],
-    "sim_arduino.world_file": ["load"],
+    "sim_arduino.world.world_file": ["load"],
 }
-"""What the documents of this version and of earlier ones import, by module."""
+"""What the documents import, by module."""
 FOLDERS = ("docs", "firmware", "mrl_driver", "ros1_bridge", "sim_arduino", "tests")
 
 
