@@ -39,6 +39,7 @@ from mrl_driver.errors import (
 )
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.lock_order import new_lock
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD, BY_NAME, STOP_CODE
 from mrl_driver.recording.recorded_link import inner
 from mrl_driver.recording.recording import CLOSED, ENDED, OWN_REMARKS, RECONNECTED, SLOWED, Recorder, now_s
@@ -370,7 +371,7 @@ class Driver:
         """
         core = self._connected()
         with self._lock:
-            core.stop(self._clock(), "user")
+            core.stop(self._clock(), StopReason.USER)
         self._flush()
         if self.may_be_moving:
             raise BoardTimeout(f"no telemetry arrives: {MAY_MOVE}")
@@ -466,7 +467,7 @@ class Driver:
                     )
             core.expire(self._clock())
             if code == STOP_CODE:
-                core.stop(self._clock(), "user")
+                core.stop(self._clock(), StopReason.USER)
             else:
                 session.request(code, *args)
         self._flush()
@@ -726,19 +727,13 @@ class Driver:
         return self._clock() - core.session.resumed_s if core.begun else math.inf
 
     @property
-    def stop_reason(self) -> str:
+    def stop_reason(self) -> StopReason:
         """Why the robot was last stopped, as far as is known; `none` before the first stop.
 
-        Reasons of this program (`motion_command.STOPS`): `user`, `not_a_number`, `command_timeout`, `battery`,
-        `wheel_mismatch`, `stale` (no telemetry), `restarted` (the board restarted), `link_lost`, `host_paused` (this
-        program stood still, or was late just before data or commands were missing), `closed`, `radio_hold` (the board
-        has reported that a radio holds it). Reasons of the board (`table.STOP_REASONS`): `link_watchdog`, `stall`,
-        `motor_board`, `boot`, `check_ended`, `held` (by radio), and of H-bridge boards `wheel_blocked` (full drive, no
-        movement), `encoder` (silent, or counts in the wrong direction) and `undervoltage`; these are known within half
-        a second.
+        Reasons of the board are known within half a second.
         """
         motion = self._motion
-        return motion.stop_reason if motion else "none"
+        return motion.stop_reason if motion else StopReason.NONE
 
     @property
     def mismatch(self) -> Optional[Mismatch]:
@@ -1047,7 +1042,7 @@ class Driver:
                 if slept_s > self._slept_s + PAUSE_S:
                     session.resumed_s = now
                     if session.motion.target is not None:
-                        core.stop(now, "host_paused")
+                        core.stop(now, StopReason.HOST_PAUSED)
                 self._slept_s = slept_s
                 if links.recording is None:
                     events = core.turn(data, now)
@@ -1320,7 +1315,7 @@ class Driver:
                 time.sleep(0.01)
             with self._lock:
                 if not self.stopped:  # telemetry may not confirm the stop any more, so send it again
-                    core.session.stop(self._clock(), "closed")
+                    core.session.stop(self._clock(), StopReason.CLOSED)
                 core.session.end()
                 if self._links.fast:
                     core.session.request(BY_NAME["set_baud"].code, 0)
@@ -1332,7 +1327,7 @@ class Driver:
         with self._lock:
             self._core.leaving = True
             self._core.limiter.drop()
-            self._core.session.stop(self._clock(), "closed")
+            self._core.session.stop(self._clock(), StopReason.CLOSED)
         self._flush_all()
 
     def _give_up(self, error: MrlError) -> None:

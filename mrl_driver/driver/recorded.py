@@ -32,6 +32,7 @@ from mrl_driver import errors
 from mrl_driver.arguments import require_function
 from mrl_driver.errors import ConfigError, LinkLost, MrlError
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_facts import model_of, numbers_of, pose_of, session_of
 from mrl_driver.recording.recorded_frames import replies, requests
@@ -499,11 +500,11 @@ class RecordedDriver(Driver):
         core, (reason, _, detail) = self._core, data.partition(b" ")
         if not core.begun:
             return
-        motion, words = core.session.motion, reason.decode("utf-8", "replace")
+        motion, why = core.session.motion, StopReason(reason.decode("utf-8", "replace"))
         if motion.target is not None:
-            motion.stop(words)
+            motion.stop(why)
             motion.take(now)
-        motion.stop_reason = words
+        motion.stop_reason = why
         facts = _facts(detail, wheel=str, cause=str, expected_m=float, moved_m=float)
         core.mismatch = Mismatch(**facts) if facts else None
         if core.mismatch is not None:

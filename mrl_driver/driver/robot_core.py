@@ -10,6 +10,7 @@ from typing import Any, Dict, List, Optional, Set, Tuple, Type, Union
 from mrl_driver.arguments import require_number
 from mrl_driver.errors import ConfigError, FrameError, MrlError
 from mrl_driver.protocol import Frame
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
 from mrl_driver.robot.hold import CAPABILITY as HOLD
@@ -197,9 +198,9 @@ class Core:
                 self._monitor = None
             elif monitor is None or target != self._monitored or event.time_s >= monitor.next_s:
                 events += self._check_wheels(telemetry.counts, event, now)
-        if session.stopped_itself:
+        if session.stopped_itself is not StopReason.NONE:
             events += self._on_own_stop(session.stopped_itself)
-            session.stopped_itself = ""
+            session.stopped_itself = StopReason.NONE
         limiter = self.limiter
         if motion.target is None:
             limiter.target = None
@@ -254,13 +255,13 @@ class Core:
         if limiter.limits is None:
             self._require_motors()
         if lateral_m_s and state.model is not None and self._omni is None:
-            self.stop(now, "user")
+            self.stop(now, StopReason.USER)
             raise FrameError(
                 f"{cannot_sideways(lateral_m_s, kind_of(state.model.drive))}; the robot was stopped"
             )
         moves = bool(linear_m_s or angular_rad_s or lateral_m_s)
         if state.powerless and session.motion.target is not None and not moves:
-            self.stop(now, "battery")  # at once: the gentle stop ends here
+            self.stop(now, StopReason.BATTERY)  # at once: the gentle stop ends here
         if limiter.limits is None or self.leaving or state.powerless or self.inhibited:
             session.motion.prolong(now)
             return False
@@ -327,8 +328,8 @@ class Core:
             return OmniTwist(*self.limiter.limited((linear_m_s, angular_rad_s, lateral_m_s)))
         return Twist(*self.limiter.limited((linear_m_s, angular_rad_s)))
 
-    def stop(self, now: float, reason: str) -> None:
-        """Stop at once; `reason` is one of `motion_command.STOPS`."""
+    def stop(self, now: float, reason: StopReason) -> None:
+        """Stop at once."""
         self.stops += 1
         self.mismatch = self._monitor = None
         self.limiter.drop()
@@ -336,7 +337,7 @@ class Core:
 
     def refuse(self, error: MrlError, now: float) -> MrlError:
         """Stop the robot because something given cannot be used; return the error to raise."""
-        self.stop(now, "not_a_number")
+        self.stop(now, StopReason.NOT_A_NUMBER)
         return type(error)(f"{error}; the robot was stopped")
 
     def _digest(self, event: SessionEvent, now: float) -> List[DriverEvent]:
@@ -370,7 +371,7 @@ class Core:
             return []
         self.hold, self.held = hold, hold.held
         if self.held and self.session.motion.target is not None:
-            self.stop(now, "radio_hold")
+            self.stop(now, StopReason.HELD)
         return [hold]
 
     def _thin(self, telemetry: Telemetry) -> List[Telemetry]:
@@ -402,26 +403,26 @@ class Core:
         )
         if mismatch is None:
             return []
-        self.stop(now, "wheel_mismatch")
+        self.stop(now, StopReason.WHEEL_MISMATCH)
         self.mismatch = mismatch
         return [mismatch]
 
-    def _on_own_stop(self, reason: str) -> List[DriverEvent]:
+    def _on_own_stop(self, reason: StopReason) -> List[DriverEvent]:
         """The board has stopped the robot by itself: if a wheel was the reason, refuse the commands that follow.
 
         Otherwise a source that keeps sending them would stall the wheel again each time.
         """
         if reason not in BOARD_STOPS or self.mismatch is not None:
             return []
-        self.mismatch = Mismatch("", reason)
+        self.mismatch = Mismatch("", str(reason))
         return [self.mismatch]
 
-    def _explain(self, reason: str) -> None:
+    def _explain(self, reason: StopReason) -> None:
         """If the board has stopped the robot before a wheel stood still, that was the reason, and no mismatch.
 
         A board that has carried out the command would say that the host has stopped it.
         """
-        for_no_wheel = reason not in (*NOT_BY_ITSELF, *BOARD_STOPS, "stall")
+        for_no_wheel = reason not in (*NOT_BY_ITSELF, *BOARD_STOPS, StopReason.STALL)
         if for_no_wheel and self.mismatch is not None and self.mismatch.cause in (DEAD, POWERLESS):
             self.mismatch = None
             self.session.motion.stop_reason = reason
@@ -434,7 +435,7 @@ class Core:
         if motion.target is None or model is None:
             return
         if self.state.battery_state == battery.OFF:
-            self.session.stop(now, "battery")
+            self.session.stop(now, StopReason.BATTERY)
             return
         speed_m_s = math.hypot(motion.target[0], *motion.target[2:]) / 1000
         motion.fade(now, min(GENTLE_S, speed_m_s / model.limits.linear_acceleration_m_s2))

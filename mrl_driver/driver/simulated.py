@@ -15,6 +15,7 @@ from typing import Callable, Optional, Protocol, Tuple, Union, runtime_checkable
 
 from mrl_driver.arguments import require_kind
 from mrl_driver.errors import BoardTimeout, LinkError, MrlError
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.recording.recording import ENDED
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
@@ -217,7 +218,7 @@ class SteppedDriver(Driver):
         except MrlError as error:
             self._error = error
             self._remark(ENDED + f"{type(error).__name__}: {error}".encode("utf-8", "replace"))
-            self._core.session.stop(self.now_s, "closed")
+            self._core.session.stop(self.now_s, StopReason.CLOSED)
             self._flush()
             raise
         for event in events:

@@ -2,6 +2,7 @@
 
 from typing import Iterable, List, Sequence
 
+from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import (
     BRIDGES,
     CAPABILITIES,
@@ -22,7 +23,6 @@ from mrl_driver.protocol.table import (
     SONAR_INVALID,
     SONAR_NOTHING,
     STOP_CODE,
-    STOP_REASONS,
     WIRING,
     Command,
 )

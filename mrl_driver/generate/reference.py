@@ -2,6 +2,7 @@
 
 from typing import Iterable, List, Sequence, Tuple
 
+from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import (
     BRIDGES,
     CAPABILITIES,
@@ -18,7 +19,6 @@ from mrl_driver.protocol.table import (
     RESET_CAUSES,
     SENSORS,
     STAMP,
-    STOP_REASONS,
     WIRING,
     Command,
     Field,

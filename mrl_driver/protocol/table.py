@@ -349,8 +349,6 @@ WIRING: Tuple[Tuple[str, str], ...] = (
 )
 """Bits of parameter 20.  Each wheel's bits apply after the swaps: they belong to what drives or measures that wheel."""
 RESET_CAUSES: Tuple[str, ...] = ("unknown", "power_on", "external", "brown_out", "watchdog")
-STOP_REASONS: Tuple[str, ...] = ("none", "host", "link_watchdog", "stall", "motor_board", "boot", "check_ended",
-                                 "wheel_blocked", "encoder", "undervoltage", "held")
 HOLD_STATES: Tuple[Tuple[str, str], ...] = (
     ("off", "Parameter 26 is 0; hold texts reach the host as other texts do."),
     ("free", "The robot may move."),

@@ -14,6 +14,7 @@ import numpy as np
 
 from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.protocol import Frame
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.recording.recording import FROM_BOARD, OPENED, PHONE, STOP, TO_BOARD
 from mrl_driver.robot.imu import Imu
@@ -38,7 +39,7 @@ MOST_KEPT = 200_000
 """Most damaged pieces and events of a recording together, about 40 MB; eight in a second, for seven hours."""
 _TOGETHER_S = 0.5
 """A stop and its reason are written within this time of each other [s]."""
-_NOT_STOPS = ("none", "host", "boot")
+_NOT_STOPS = (StopReason.NONE, StopReason.HOST, StopReason.BOOT)
 """Reasons of the board that are not stops of their own: the host's stop is recorded as it is sent."""
 
 
@@ -55,8 +56,8 @@ class Stop(NamedTuple):
     """A stop of the robot, or of its command."""
 
     time_s: float
-    reason: str
-    """One of `motion_command.STOPS` or `table.STOP_REASONS`; `user` if the recording does not say it."""
+    reason: StopReason
+    """`user` if the recording does not say it."""
     text: str
     """The reason in words."""
     direction: str
@@ -339,7 +340,7 @@ class _Reader:
             self._mismatch = str(event)
         elif isinstance(event, Stale) and self._moves:
             self._moves = False
-            self._note_stop(self._recorded.time_s, "stale", "", "", b"")
+            self._note_stop(self._recorded.time_s, StopReason.NO_TELEMETRY, "", "", b"")
 
     # -- what was on the wire
 
@@ -352,21 +353,21 @@ class _Reader:
             self._opened.append((remark.time_s, text[len(OPENED) :]))
             self._stream.begin_anew()
         elif text.startswith(STOP.decode()):
-            reason, _, _ = text[len(STOP) :].partition(" ")
-            detail = self._mismatch if reason == "wheel_mismatch" else ""
+            reason = StopReason(text[len(STOP) :].partition(" ")[0])
+            detail = self._mismatch if reason is StopReason.WHEEL_MISMATCH else ""
             self._note_stop(remark.time_s, reason, detail, "", b"")
 
-    def _told(self, reason: str = "") -> bool:
+    def _told(self, reason: Optional[StopReason] = None) -> bool:
         """Return whether a stop was just noted, with this reason if one is given."""
         last = self._stops[-1] if self._stops else None
         return last is not None and (
-            self._recorded.time_s - last.time_s <= _TOGETHER_S and reason in ("", last.reason)
+            self._recorded.time_s - last.time_s <= _TOGETHER_S and reason in (None, last.reason)
         )
 
-    def _note_stop(self, time_s: float, reason: str, detail: str, direction: str, data: bytes) -> None:
+    def _note_stop(self, time_s: float, reason: StopReason, detail: str, direction: str, data: bytes) -> None:
         text = stopped_text(reason) + (f" ({detail})" if detail else "")
         last = self._stops[-1] if self._stops else None
-        if not data and last is not None and last.reason == "user" and self._told():
+        if not data and last is not None and last.reason is StopReason.USER and self._told():
             self._stops[-1] = last._replace(reason=reason, text=text)  # its remark comes after the frame
         elif data or not self._told(reason):
             self._stops.append(Stop(time_s, reason, text, direction, data))
@@ -401,7 +402,7 @@ class _Reader:
         if last is not None and not last.data and time_s - last.time_s <= _TOGETHER_S:
             self._stops[-1] = last._replace(direction=TO_BOARD, data=data)
         elif self._moves and not self._told():
-            self._note_stop(time_s, "user", "", TO_BOARD, data)
+            self._note_stop(time_s, StopReason.USER, "", TO_BOARD, data)
         self._command(time_s, 0.0, 0.0)
 
     def _on_heard(self, heard: "Heard") -> None:

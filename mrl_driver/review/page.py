@@ -18,10 +18,11 @@ from typing import Any, Dict, Iterator, List, Sequence, Tuple
 import numpy as np
 
 from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Frame, FrameDecoder
-from mrl_driver.protocol.table import BY_CODE, FAULTS, RESET_CAUSES, STOP_REASONS, Field
+from mrl_driver.protocol.stop_reason import STOP_REASONS, StopReason
+from mrl_driver.protocol.table import BY_CODE, FAULTS, RESET_CAUSES, Field
 from mrl_driver.recording.recording import FROM_BOARD, OWN_REMARKS, PHONE, TO_BOARD
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
-from mrl_driver.view.words import remedy_of, why_stopped
+from mrl_driver.view.words import STOPS
 
 from .charts import reduced
 from .drive_data import DriveData, Stop
@@ -42,7 +43,7 @@ MOST_LISTED = 200
 """Stops that are listed one by one; further ones are counted."""
 MOST_REMARKS = 50
 _MOST_TEXT = 160
-_ENDS = ("closed", "check_ended")
+_ENDS = (StopReason.CLOSED, StopReason.CHECK_ENDED)
 """Reasons of a stop at the end of a program."""
 _DIRECTIONS = {FROM_BOARD: "From the board", TO_BOARD: "To the board"}
 _WORDS = {"stop_reason": STOP_REASONS, "reset_cause": RESET_CAUSES}
@@ -185,7 +186,7 @@ def _finding(number: int, found: Finding) -> str:
 
 
 def _stop(stop: Stop) -> str:
-    mark, remedy = "caution" if _is_unwanted(stop) else "", remedy_of(stop.reason)
+    mark, remedy = "caution" if _is_unwanted(stop) else "", STOPS[stop.reason].remedy
     text = f"<p>To drive on: {_text(remedy)}.</p>" if remedy else ""
     return _article(mark, stop.time_s, "", _sentence(stop.text), text + _proof(stop.direction, stop.data))
 
@@ -202,7 +203,7 @@ def _article(mark: str, time_s: float, number: str, title: str, content: str) ->
 
 def _is_unwanted(stop: Stop) -> bool:
     """Neither the user stopped the robot, nor did the program end."""
-    return bool(why_stopped(stop.reason)) and stop.reason not in _ENDS
+    return bool(STOPS[stop.reason].why) and stop.reason not in _ENDS
 
 
 def _sentence(text: str) -> str:

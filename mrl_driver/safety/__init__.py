@@ -4,5 +4,5 @@
 them, `operation_mode` lowers the limits in manual mode, and `wheel_monitor` finds a wheel that does not follow.
 `driver/robot_core.py` applies them; it also stops the robot for its battery and for a command that is not finite.  The
 session below has the command timeout (`session/motion_command.py`), and stops the robot if telemetry is lost.
-`motion_command.STOPS` lists all reasons.  The firmware has a watchdog of its own (`failsafe.cpp`).
+`protocol.stop_reason` lists all reasons.  The firmware has a watchdog of its own (`failsafe.cpp`).
 """

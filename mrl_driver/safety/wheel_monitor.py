@@ -11,6 +11,7 @@ from collections import deque
 from typing import Deque, NamedTuple, Optional, Sequence, Set, Tuple, Union
 
 from mrl_driver.problems import PROBLEMS
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.kinematics import Planar, differential, kinematics_of
 from mrl_driver.robot.models import Drive, OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyWheels, OmniWheels, Wheels
@@ -48,7 +49,7 @@ GAP_S = 0.15
 DEAD = "encoder dead or unplugged, or the wheel blocked"
 REVERSED = "encoder or motor wires swapped: it counts against the command"
 POWERLESS = "motor power off, or the motor board stopped"
-BOARD_STOPS = {"wheel_blocked": "wheel_blocked", "encoder": "encoder_dead"}
+BOARD_STOPS = {StopReason.WHEEL_BLOCKED: "wheel_blocked", StopReason.ENCODER: "encoder_dead"}
 """Reasons for which a board with an H-bridge stops by itself because of a wheel, and their codes in `problems`."""
 
 
@@ -65,14 +66,14 @@ class Mismatch(NamedTuple):
     """Distance by its counts [m]; negative is against the command."""
 
     @property
-    def reason(self) -> str:
+    def reason(self) -> StopReason:
         """Reason of the stop, as in `Driver.stop_reason`."""
-        return "wheel_mismatch" if self.wheel else self.cause
+        return StopReason.WHEEL_MISMATCH if self.wheel else StopReason(self.cause)
 
     def __str__(self) -> str:
         """One line for people."""
         if not self.wheel:
-            row = PROBLEMS[BOARD_STOPS.get(self.cause, "wheel_fault")]
+            row = PROBLEMS[BOARD_STOPS.get(self.reason, "wheel_fault")]
             return f"{row.message[0].lower()}{row.message[1:]}: {row.remedy}"
         wheels = f"{self.wheel} wheel" + ("s" if self.wheel in ("both", "several") else "")
         return (

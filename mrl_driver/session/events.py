@@ -4,7 +4,8 @@ import math
 from typing import NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.protocol import Frame
-from mrl_driver.protocol.table import BY_NAME, FAULTS, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS, StopReason
+from mrl_driver.protocol.table import BY_NAME, FAULTS, RESET_CAUSES
 
 from .handshake import Board
 from .sensor_polling import Reading
@@ -86,7 +87,7 @@ class Status(NamedTuple):
 
     uptime_s: int
     reset_cause: str
-    stop_reason: str
+    stop_reason: StopReason
     faults: Tuple[str, ...]
     clamped: int
     impossible: Optional[int] = None

@@ -7,6 +7,7 @@ are due come out.
 import math
 from typing import Callable, NamedTuple, Optional, Tuple
 
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 
 MOVE, STOP = BY_NAME["move_differential"].code, BY_NAME["stop"].code
@@ -40,11 +41,6 @@ SLOWEST = Pace(0.15, 0.5, 0.15)
 """Pace for 2013 boards that stream their environment sensors: the board reads one byte for each frame that it sends,
 and sends 163 of these frames a second.
 """
-STOPS = (
-    "none", "user", "not_a_number", "command_timeout", "battery", "wheel_mismatch", "stale", "restarted", "link_lost",
-    "host_paused", "closed", "radio_hold",
-)  # fmt: skip
-"""Reasons why this program stops the robot; boards have their own, see `table.STOP_REASONS`."""
 
 
 class Motion:
@@ -65,8 +61,8 @@ class Motion:
         """Speeds that were sent last; None after a stop."""
         self.request_of: Optional[Callable[[Speeds], Request]] = None
         """Returns the request that commands these speeds; None for a base with two driven wheels or tracks."""
-        self.stop_reason = "none"
-        """Reason of the last stop; one of `STOPS`, or a reason of the board."""
+        self.stop_reason = StopReason.NONE
+        """Reason of the last stop, of this program or of the board."""
         self.stops = 0
         """Times that a command in force was dropped."""
         self.lead_s = 0.0
@@ -114,7 +110,7 @@ class Motion:
     @property
     def wanted(self) -> bool:
         """The last command was to move, and no stop of the user has followed it."""
-        return self._moves and (self.target is not None or self.stop_reason != "user")
+        return self._moves and (self.target is not None or self.stop_reason != StopReason.USER)
 
     def moves_for_s(self, now: float) -> float:
         """Time for which commands to move have been in force, one after the other [s]; 0 if none is."""
@@ -140,7 +136,7 @@ class Motion:
         else:
             self.settling = self._turning or self.stopping
 
-    def stop(self, reason: str = "user") -> None:
+    def stop(self, reason: StopReason = StopReason.USER) -> None:
         """Stop; the request is due at once and is repeated until `observe` has confirmed the stop."""
         self.stop_reason = reason
         self.stops += self.target is not None
@@ -159,7 +155,7 @@ class Motion:
         if (self.stopping or self.target is not None) and now - self._sent_s >= self.pace.gap_s:
             self.due_s = min(self.due_s, now)
 
-    def forget(self, reason: str) -> None:
+    def forget(self, reason: StopReason) -> None:
         """Drop the command without a stop: the board is stopped already, or away."""
         if self.target is not None:
             self.stop_reason = reason
@@ -198,7 +194,7 @@ class Motion:
     def take(self, now: float, allowed: bool = True) -> Optional[Request]:
         """Return the request to send now, or None.  Without `allowed` (telemetry is late) it returns only stops."""
         if self.target is not None and now >= self._expires_s:
-            self.stop("command_timeout" if self._moves else "user")
+            self.stop(StopReason.COMMAND_TIMEOUT if self._moves else StopReason.USER)
         if self._fade is not None:
             self._fade_on(now)
         target, stopping, pace = self.target, self.stopping, self.pace
@@ -225,6 +221,6 @@ class Motion:
         start_s, duration_s, speeds = self._fade
         left = 1 - (now - start_s) / duration_s if duration_s > 0 else 0.0
         if left <= 0:
-            self.stop("battery")
+            self.stop(StopReason.BATTERY)
         else:
             self.target = tuple(int(speed * left) for speed in speeds)

@@ -11,6 +11,7 @@ from typing import Callable, List, Optional, Tuple
 from mrl_driver.errors import BoardTimeout, HostBusy
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME, COMMANDS, INT16_MAX, INT16_MIN
 
 from .events import (
@@ -57,7 +58,7 @@ SAME_BOOT_S, BOOTED_S = 1.5, 3
 """If a board was up for at least `BOOTED_S` and its start time is the same as before the link was lost, to within
 `SAME_BOOT_S`, it has not restarted and its counters are still valid [s].  Uptimes are whole seconds.
 """
-NOT_BY_ITSELF = ("none", "host")
+NOT_BY_ITSELF = (StopReason.NONE, StopReason.HOST)
 """Reasons in a status with which the board has not stopped the motors by itself."""
 REFUSED_S, MOST_REFUSED_S = 0.15, 0.5
 """If the board names a stop of its own this long after a command to move, it refuses this command [s].  A status that
@@ -102,7 +103,7 @@ class Session:
         self.motion = Motion(timeout_s=command_timeout_s)
         self.board: Optional[Board] = None
         self.status: Optional[Status] = None
-        self.stopped_itself = ""
+        self.stopped_itself = StopReason.NONE
         """Reason why the board has stopped the robot by itself under a command to move; the core empties it."""
         self._stream = Stream(self.counters)
         self._last: Optional[Tuple[int, ...]] = None
@@ -219,8 +220,8 @@ class Session:
         self.motion.adjust(speeds)
         self._move(now)
 
-    def stop(self, now: float, reason: str = "user") -> None:
-        """Stop at once, and repeat the stop until telemetry confirms it; `reason` is one of `motion_command.STOPS`."""
+    def stop(self, now: float, reason: StopReason = StopReason.USER) -> None:
+        """Stop at once, and repeat the stop until telemetry confirms it."""
         self.motion.stop(reason)
         self._requested_s = math.inf
         self._move(now)
@@ -235,7 +236,7 @@ class Session:
     def lose(self, now: float) -> None:
         """The link is gone: drop the command and the bytes not yet sent."""
         self._telemetry_by_s = math.inf
-        self._greet_again(now, "link_lost")
+        self._greet_again(now, StopReason.LINK_LOST)
         self.out.clear()
 
     def relink(self, now: float, same: bool = True) -> None:
@@ -270,7 +271,7 @@ class Session:
 
     def end(self) -> None:
         """End the session: stop the stream and turn checksums off, as a 2013 host expects."""
-        self.motion.forget("closed")
+        self.motion.forget(StopReason.CLOSED)
         self._send(BY_NAME["stop_stream"].code)
         if self.stream_code == _SENSING:
             self._send(BY_NAME["stop_sensor_ldr_stream"].code)
@@ -364,7 +365,7 @@ class Session:
             except BoardTimeout as error:
                 raise self._excused(error) from None
         elif now - self.heard_s >= STALE_S:
-            self._greet_again(now, self._cause("stale", now))
+            self._greet_again(now, self._cause(StopReason.NO_TELEMETRY, now))
             events.append(Stale(now - self.heard_s, self.may_be_moving))
             self._restarted = not self.checked
         elif now - self.heard_s < LATE_S:
@@ -394,7 +395,7 @@ class Session:
         if self.motion.target is not None:
             self._busy_s = now
             if late_s > PAUSE_S:
-                self.motion.stop("host_paused")
+                self.motion.stop(StopReason.HOST_PAUSED)
 
     def _excused(self, error: BoardTimeout) -> BoardTimeout:
         """Return the error of a greeting without an answer: if this program was late, the board is not blamed."""
@@ -402,9 +403,9 @@ class Session:
         text = f"{problem.message}, and the board did not answer in time; {problem.remedy}"
         return HostBusy(text) if self._late_greeting else error
 
-    def _cause(self, reason: str, now: float) -> str:
+    def _cause(self, reason: StopReason, now: float) -> StopReason:
         """Return the reason of a stop for lack of data or commands: `host_paused` if this program was just late."""
-        return "host_paused" if now - self._busy_s < BLAMED_S else reason
+        return StopReason.HOST_PAUSED if now - self._busy_s < BLAMED_S else reason
 
     # -- out
 
@@ -440,7 +441,7 @@ class Session:
         motion, watched = self.motion, self._watched
         goes_on = not watched or not any(motion.target or ())
         if self._silent(now) or (feeds and watched) or (motion.held_back and goes_on):
-            motion.stop(self._cause("stale", now) if motion.wanted else "user")
+            motion.stop(self._cause(StopReason.NO_TELEMETRY, now) if motion.wanted else StopReason.USER)
 
     def _end_requested(self, now: float) -> None:
         """Stop what a request turns, if telemetry is stale or the last such request is long ago.
@@ -450,7 +451,9 @@ class Session:
         silent = self._silent(now)
         if silent or (now - self._asked_s >= BUSY_S and self._watched):
             self._requested_s = math.inf
-            self.motion.stop(self._cause("stale", now) if silent else "command_timeout")
+            self.motion.stop(
+                self._cause(StopReason.NO_TELEMETRY, now) if silent else StopReason.COMMAND_TIMEOUT
+            )
 
     def _pace(self) -> Pace:
         """A pace whose repeats feed the watchdog, however short its period, even if one repeat is lost."""
@@ -485,7 +488,7 @@ class Session:
         self._decoder.checked = not self.checked
         self._restarted = True
         if self._greeting is None:
-            self._greet_again(now, "restarted")
+            self._greet_again(now, StopReason.RESTARTED)
         return frame
 
     def _on_frame(self, frame: Frame, now: float, checked: bool, events: List[SessionEvent]) -> None:
@@ -597,18 +600,18 @@ class Session:
         events.append(status)
         self._restarted = self._restarted or restarted
         if restarted and self._greeting is None:
-            self._greet_again(now, "restarted")
+            self._greet_again(now, StopReason.RESTARTED)
 
-    def _on_own_stop(self, reason: str, new: bool, now: float) -> None:
+    def _on_own_stop(self, reason: StopReason, new: bool, now: float) -> None:
         """The board has stopped the robot, which must not drive on without a new command: drop the command.
 
         The board refuses all moves until it gets a stop.  Its reason may be that of a stop before the last command,
         unless that is `new` or the command is not.
         """
-        if reason == "link_watchdog":
+        if reason == StopReason.LINK_WATCHDOG:
             reason = self._cause(reason, now)
         motion, least_s = self.motion, max(REFUSED_S, min(2 * self.round_trip_s(now), MOST_REFUSED_S))
-        if new or (reason != "boot" and self._refuses(least_s, now)):
+        if new or (reason != StopReason.BOOT and self._refuses(least_s, now)):
             if motion.wanted:
                 self.stopped_itself = reason
             if motion.target is not None:
@@ -624,7 +627,7 @@ class Session:
 
     # -- greeting
 
-    def _greet_again(self, now: float, reason: str) -> None:
+    def _greet_again(self, now: float, reason: StopReason) -> None:
         """The board restarted or fell silent: drop the command and greet the board from the start."""
         self.motion.forget(reason)
         self._poll.end()

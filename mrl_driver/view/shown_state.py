@@ -4,6 +4,7 @@ import math
 from typing import TYPE_CHECKING, Any, Dict, Mapping, NamedTuple, Optional, Sequence
 
 from mrl_driver.geometry import Pose
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.robot.battery import voltage_text
 from mrl_driver.robot.imu import ABSENT, IN_USE, LEARNING, REASONS
@@ -11,7 +12,7 @@ from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyTwist
 from mrl_driver.session.sensor_polling import text
 
-from .words import ELSEWHERE, stopped_text
+from .words import stopped_text
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -46,7 +47,7 @@ class ShownState(NamedTuple):
     pose: Pose
     twist: AnyTwist
     command: Optional[AnyTwist]
-    stop_reason: str
+    stop_reason: StopReason
     ranges: Mapping[str, float]
     sensors: Mapping[str, str]
     """Readings of the other sensors as text, with unit."""
@@ -79,7 +80,7 @@ class ShownState(NamedTuple):
     @property
     def stopped(self) -> str:
         """`stopped`, with the reason unless somebody wanted it; empty while a command of any program is in force."""
-        if self.command is not None or self.stop_reason == ELSEWHERE:
+        if self.command is not None or self.stop_reason is StopReason.DRIVEN_ELSEWHERE:
             return ""
         return stopped_text(self.stop_reason)
 
@@ -134,11 +135,7 @@ def _board(driver: "Driver") -> Sequence[Row]:
     up = f"up {_span(status.uptime_s)}{warm}"
     return [
         Row("firmware", f"{driver.board.version}, {up}"),
-        *(
-            [Row("last stop", f"by {status.stop_reason.replace('_', ' ')}")]
-            if has_motors(driver.model)
-            else []
-        ),
+        *([Row("last stop", f"by {status.stop_reason.words}")] if has_motors(driver.model) else []),
         Row("faults", faults or "none", "bold red" if faults else ""),
         *_imu(driver),
     ]

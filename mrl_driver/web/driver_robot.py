@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Optional, 
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.files import create_unused
 from mrl_driver.geometry import Pose
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
@@ -20,8 +21,6 @@ from .robot import PhoneReading, Recorded
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
-EMERGENCY = "emergency stop"
-"""Why commands are inhibited while the stop of the page is latched."""
 REMEDY = "release the control and press it again"
 SUFFIX = ".mrl"
 AGE_S = 1.0
@@ -71,7 +70,7 @@ class DriverRobot:
     def _drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float) -> str:
         driver = self._driver
         if self._latched:
-            return f"the {EMERGENCY} is on; release it first"
+            return "the emergency stop is on; release it first"
         why = self.stopped_by
         if why:  # between two commands, and the server has not seen it yet
             return why
@@ -113,14 +112,14 @@ class DriverRobot:
         self._latched, self._driven = True, False
         self._goal.end()
         try:
-            self._driver.inhibit(EMERGENCY)
+            self._driver.inhibit(StopReason.EMERGENCY_STOP)
         except MrlError as error:
             self._live.notice = str(error)
 
     def release(self) -> None:
         """End the latched stop; the robot waits for a new command."""
         self._latched = False
-        self._driver.allow(EMERGENCY)
+        self._driver.allow(StopReason.EMERGENCY_STOP)
 
     @property
     def latched(self) -> bool:

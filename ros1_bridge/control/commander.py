@@ -12,6 +12,7 @@ from typing import Any, Callable, Optional, Tuple
 
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.lock_order import new_lock
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits
 from mrl_driver.safety.operation_mode import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.safety.protective_zones import Zones
@@ -20,27 +21,17 @@ from mrl_driver.session.session import STALE_S
 from .velocity_sources import Source, VelocitySources
 from .wheel_motion import WheelMotion
 
-EMERGENCY, DISABLED, LINK, BATTERY = "emergency stop", "motors disabled", "no telemetry", "battery"
-WHEEL = "wheel mismatch"
-"""The driver has found a wheel that does not follow; a board with an H-bridge has reasons of its own."""
-ADRIFT = "no telemetry, may still be moving"
-"""The link to a board without a watchdog was lost while the robot drove."""
-ZONE = "protective zone"
-LATE = "command too late"
-"""An operator's command arrived too late to be followed."""
-TIMEOUT, NOT_FINITE, NONE = "command timeout", "command not finite", "none"
-HELD = "held by radio"
-"""Another robot holds this one."""
 PAUSED = f"this node stood still, and commands that were sent meanwhile are too old; try again after {QUEUED_S:g} s"
-TO_MANUAL = "change to manual mode"
-"""It ended a drive to a pose."""
-UNPAUSED = "commands without a pause"
-"""They come from a source that has not paused since a stop, and are refused."""
+BLOCKING = (
+    StopReason.EMERGENCY_STOP, StopReason.MOTORS_DISABLED, StopReason.NO_TELEMETRY, StopReason.MAY_BE_MOVING,
+    StopReason.BATTERY, StopReason.HELD,
+)  # fmt: skip
+"""While one of them holds, no new command moves the robot."""
 LOST_S = 1.0
 """After this time without telemetry the goals of planners end: the robot must not set off when the link is back [s]."""
 REFUSALS = {
-    EMERGENCY: "the emergency stop is latched; call the service release_stop",
-    DISABLED: "the motors are disabled; call the service enable_motors with true",
+    StopReason.EMERGENCY_STOP: "the emergency stop is latched; call the service release_stop",
+    StopReason.MOTORS_DISABLED: "the motors are disabled; call the service enable_motors with true",
 }
 
 Speeds = Tuple[float, ...]
@@ -56,7 +47,7 @@ class Commander:
     def __init__(self, driver: Any, clock: Callable[[], float] = time.monotonic) -> None:
         self._driver, self._clock = driver, clock
         self._commanded_s = float("-inf")
-        self._cause = NONE
+        self._cause = StopReason.NONE
         self.latched = False
         """The emergency stop is on: nothing moves until `release`."""
         self.enabled = True
@@ -108,7 +99,7 @@ class Commander:
         try:
             if manual and self.seeking:
                 self.seeking = False
-                self.stop(TO_MANUAL)
+                self.stop(StopReason.MANUAL_MODE)
         finally:
             if changes:
                 self.cancel_goals(True)
@@ -136,15 +127,15 @@ class Commander:
             # If one is not finite, the driver stops the robot.
             moves = any(speeds) and all(map(math.isfinite, speeds))
             if moves and not self.sources.may_move(source, now):
-                self._cause = UNPAUSED
+                self._cause = StopReason.COMMANDS_UNPAUSED
                 return False
             self.seeking = False
-        self._cause, self._commanded_s = NONE, now
+        self._cause, self._commanded_s = StopReason.NONE, now
         taken = self._driver.drive(*speeds)
         self._commanded = taken or self._driver.command is not None  # held back while telemetry is late
         return self._commanded
 
-    def stop(self, cause: str = NONE) -> None:
+    def stop(self, cause: StopReason = StopReason.NONE) -> None:
         """Stop at once; the next command moves the robot again."""
         self._cause, self._commanded = cause, False
         self._driver.stop()
@@ -154,7 +145,7 @@ class Commander:
         try:
             with self._lock:  # a release on another thread comes before or after it
                 self.latched = True
-                self._inhibit(EMERGENCY)
+                self._inhibit(StopReason.EMERGENCY_STOP)
         finally:
             self.cancel_goals(True)
 
@@ -164,7 +155,7 @@ class Commander:
         """
         with self._lock:
             ends, self.latched = self.latched, False
-            self._allow(EMERGENCY, ends)
+            self._allow(StopReason.EMERGENCY_STOP, ends)
         if ends:
             self.cancel_goals(False)
 
@@ -175,18 +166,18 @@ class Commander:
             with self._lock:
                 ends, self.enabled = enabled and not self.enabled, enabled
                 if enabled:
-                    self._allow(DISABLED, ends)
+                    self._allow(StopReason.MOTORS_DISABLED, ends)
                 else:
-                    self._inhibit(DISABLED)
+                    self._inhibit(StopReason.MOTORS_DISABLED)
         finally:
             if ends or not enabled:
                 self.cancel_goals(not enabled)
 
-    def _inhibit(self, reason: str) -> None:
-        self.seeking, self._cause, self._commanded = False, NONE, False
+    def _inhibit(self, reason: StopReason) -> None:
+        self.seeking, self._cause, self._commanded = False, StopReason.NONE, False
         self._driver.inhibit(reason)
 
-    def _allow(self, reason: str, ends: bool) -> None:
+    def _allow(self, reason: StopReason, ends: bool) -> None:
         """Let the driver follow commands; `ends`: it did not."""
         if ends:
             self.sources.distrust()  # before the driver follows them
@@ -235,38 +226,39 @@ class Commander:
         if not self._commanded or self._driver.command is not None:
             return False
         silent = self._clock() - self._commanded_s >= STALE_S
-        return silent or self._driver.stop_reason != "command_timeout"
+        return silent or self._driver.stop_reason is not StopReason.COMMAND_TIMEOUT
 
     @property
-    def stopped_by(self) -> str:
+    def stopped_by(self) -> StopReason:
         """Why the robot may not move, or why it stopped; `none` if there is no reason."""
         if not self._driver.ready and self._driver.may_be_moving:
-            return ADRIFT
+            return StopReason.MAY_BE_MOVING
         if self.latched or not self.enabled:
-            return EMERGENCY if self.latched else DISABLED
+            return StopReason.EMERGENCY_STOP if self.latched else StopReason.MOTORS_DISABLED
         if not self._driver.ready:
-            return LINK
+            return StopReason.NO_TELEMETRY
         if self._driver.battery_state in ("empty", "off"):
-            return BATTERY
+            return StopReason.BATTERY
         if self._driver.mismatch is not None:
-            reason: str = self._driver.mismatch.reason
-            return reason.replace("_", " ")
+            reason: StopReason = self._driver.mismatch.reason
+            return reason
         if self._driver.hold is not None and self._driver.hold.held:
-            return HELD
-        told = self._driver.stop_reason
+            return StopReason.HELD
+        told: StopReason = self._driver.stop_reason
         if self._driver.command is not None:
-            return ZONE if self._held else NONE  # if the robot stands still, its command says so
-        if told == "boot" and self._cause == NONE and self._commanded_s == float("-inf"):
-            return NONE  # the board was switched on, and nobody has driven yet
-        if self._cause != NONE or told in ("none", "user"):
-            return self._cause
-        return NOT_FINITE if told == "not_a_number" else told.replace("_", " ")
+            return (
+                StopReason.PROTECTIVE_ZONE if self._held else StopReason.NONE
+            )  # its command says whether it stands
+        never_driven = self._cause is StopReason.NONE and self._commanded_s == float("-inf")
+        if told is StopReason.BOOT and never_driven:
+            return StopReason.NONE  # the board was switched on
+        own = self._cause is not StopReason.NONE or told in (StopReason.NONE, StopReason.USER)
+        return self._cause if own else told
 
     @property
     def ready(self) -> bool:
         """The next command would move the robot."""
-        blocked = self.wheel_fault or self.stopped_by in (EMERGENCY, DISABLED, LINK, ADRIFT, BATTERY, HELD)
-        return not blocked
+        return not self.wheel_fault and self.stopped_by not in BLOCKING
 
     @property
     def wheel_fault(self) -> bool:
@@ -276,15 +268,16 @@ class Commander:
     def refusal(self) -> str:
         """Why a command was refused, and what to do."""
         cause = self.stopped_by
-        if cause == BATTERY:
+        if cause == StopReason.BATTERY:
             driver = self._driver
             return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V, charge it"
         mismatch = self._driver.mismatch
-        if mismatch is not None and cause == mismatch.reason.replace("_", " "):
+        if mismatch is not None and cause == mismatch.reason:
             return f"{mismatch}; once that is put right, a command of zero lets it drive again"
-        if cause == HELD:
+        if cause == StopReason.HELD:
             return f"{self._driver.hold}"
-        if self._cause == UNPAUSED and cause not in (*REFUSALS, LINK, ADRIFT):
+        unlinked = (StopReason.NO_TELEMETRY, StopReason.MAY_BE_MOVING)
+        if self._cause is StopReason.COMMANDS_UNPAUSED and cause not in (*REFUSALS, *unlinked):
             return (
                 "its source has sent commands to move since before the last stop or this node's start; it may drive "
                 f"after it has been silent or zero for {self.sources.pause_s:g} s"

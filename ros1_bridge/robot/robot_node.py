@@ -28,6 +28,7 @@ from mrl_driver.driver.options import QUEUED_S, Options
 from mrl_driver.driver.suspension import stopped_while_suspended
 from mrl_driver.errors import ConfigError, FrameError, LinkLost, MrlError
 from mrl_driver.files import create_unused
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
@@ -38,7 +39,7 @@ from mrl_driver.safety.protective_zones import Zones
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board
-from ros1_bridge.control.commander import LATE, ZONE, Commander, lowered
+from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.velocity_sources import Source
@@ -413,7 +414,7 @@ class RobotNode:
 
     def _tell_zone(self) -> None:
         """Log once each time that a zone stops the robot."""
-        held, before = self._commander.stopped_by == ZONE, self._held
+        held, before = self._commander.stopped_by == StopReason.PROTECTIVE_ZONE, self._held
         self._held = held
         if held and not before:
             rospy.logwarn(
@@ -489,7 +490,7 @@ class RobotNode:
             self._pose_goal.cancel()
         if commander.driving:
             with contextlib.suppress(MrlError):
-                commander.stop(LATE)
+                commander.stop(StopReason.COMMAND_TOO_LATE)
 
     def _on_ping(self, header: Header) -> None:
         self._operators.late_s(header.frame_id, header.stamp.to_sec())

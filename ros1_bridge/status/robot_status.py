@@ -6,43 +6,27 @@ from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from mrl_driver.lock_order import new_lock
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import IN_USE, LEARNING, OFF, REASONS, Imu
 from mrl_driver.robot.radio import format_address
 from mrl_driver.safety import operation_mode
 from mrl_driver.session.events import MAY_MOVE, Status
-from ros1_bridge.control.commander import (
-    ADRIFT,
-    BATTERY,
-    DISABLED,
-    EMERGENCY,
-    HELD,
-    LINK,
-    NONE,
-    TIMEOUT,
-    TO_MANUAL,
-    UNPAUSED,
-    WHEEL,
-    Commander,
-)
+from ros1_bridge.control.commander import BLOCKING, Commander
 from ros1_bridge.topics.publishers import FIELD_TOPICS
 
 from .link_report import ERROR, OK, WARN, LinkHealth
 
-MODES = {
-    EMERGENCY: "emergency stop",
-    DISABLED: "disabled",
-    LINK: "no link",
-    ADRIFT: "no link",
-    BATTERY: "battery",
-    WHEEL: "wheel mismatch",
-    HELD: "held",
-}
-"""Mode by the reason why the robot may not move; see `State.mode`."""
-HARMLESS = (NONE, "user", DISABLED, "closed", TO_MANUAL, TIMEOUT, UNPAUSED)
+HARMLESS = (
+    StopReason.NONE, StopReason.USER, StopReason.MOTORS_DISABLED, StopReason.CLOSED, StopReason.MANUAL_MODE,
+    StopReason.COMMAND_TIMEOUT, StopReason.COMMANDS_UNPAUSED,
+)  # fmt: skip
 """Reasons for a stop that violate no safety function: the user's, and the ordinary end of commands."""
-FAULTY = ("wheel blocked", "encoder", "undervoltage")
-"""Stops by an H-bridge board that somebody must look into."""
+FAULTY = (
+    StopReason.NO_TELEMETRY, StopReason.BATTERY, StopReason.WHEEL_MISMATCH, StopReason.WHEEL_BLOCKED,
+    StopReason.ENCODER, StopReason.UNDERVOLTAGE,
+)  # fmt: skip
+"""Stops that somebody must look into."""
 FIELDS = ("warning", "outer warning", "protective")
 """The zones, in the order of `FIELD_TOPICS`."""
 Value = Union[bool, str, None]
@@ -55,7 +39,7 @@ class State(NamedTuple):
     """A command other than standstill is in force."""
     moving: Optional[bool]
     """The wheels turn, by their counts."""
-    cause: str
+    cause: StopReason
     """`Commander.stopped_by`."""
     seeking: bool
     manual: bool
@@ -66,9 +50,11 @@ class State(NamedTuple):
 
     @property
     def mode(self) -> str:
-        """`drive`, `pose` while the robot drives to one, or why it may not move."""
+        """`drive`, `pose` while the robot drives to one, or the `StopReason` for which it may not move."""
+        if self.cause in BLOCKING:
+            return str(self.cause)
         free = "pose" if self.seeking else "drive"
-        return MODES.get(self.cause, MODES[WHEEL] if self.wheel_fault else free)
+        return str(StopReason.WHEEL_MISMATCH) if self.wheel_fault else free
 
     @property
     def safety_stop(self) -> bool:
@@ -86,11 +72,11 @@ class State(NamedTuple):
         return {
             "mode": self.mode,
             "operation mode": operation_mode.MANUAL if self.manual else operation_mode.AUTOMATIC,
-            "ready": _text(self.cause not in MODES and not self.wheel_fault),
+            "ready": _text(self.cause not in BLOCKING and not self.wheel_fault),
             "moving": _text(self.moving),
             **zones,
             "safety stop": _text(self.safety_stop),
-            "stopped by": NONE if self.driving else self.cause,
+            "stopped by": str(StopReason.NONE if self.driving else self.cause),
         }
 
 
@@ -199,7 +185,7 @@ def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
             {
                 "Uptime": f"{status.uptime_s} s",
                 "Reset Cause": status.reset_cause,
-                "Last Stop Reason": status.stop_reason,
+                "Last Stop Reason": str(status.stop_reason),
                 "Faults": ", ".join(status.faults) or "none",
                 "Clamped Commands": str(status.clamped),
             }
@@ -230,19 +216,19 @@ def imu_values(state: str, imu: Optional[Imu]) -> Dict[str, str]:
     return values
 
 
-def motion_health(driving: bool, cause: str) -> LinkHealth:
+def motion_health(driving: bool, cause: StopReason) -> LinkHealth:
     """Level and message for the motion.
 
     Args:
         driving: a command other than standstill is in force.
         cause: `Commander.stopped_by`.
     """
-    if cause == ADRIFT:
+    if cause is StopReason.MAY_BE_MOVING:
         return LinkHealth(ERROR, f"no telemetry; {MAY_MOVE}")
-    if driving or cause == NONE:
+    if driving or cause is StopReason.NONE:
         return LinkHealth(OK, "driving" if driving else "ready")
-    level = ERROR if cause in (LINK, BATTERY, WHEEL, *FAULTY) else WARN if cause in MODES else OK
-    return LinkHealth(level, f"stopped by {cause}")
+    level = ERROR if cause in FAULTY else WARN if cause in BLOCKING else OK
+    return LinkHealth(level, f"stopped by {cause.words}")
 
 
 def motion_values(commander: Commander) -> Dict[str, str]:
@@ -252,7 +238,7 @@ def motion_values(commander: Commander) -> Dict[str, str]:
         "Mode": state.mode,
         "Operation Mode": state.keys()["operation mode"],
         "Moving": _text(state.moving),
-        "Stop Reason": state.cause,
+        "Stop Reason": str(state.cause),
         "Late Commands": str(commander.late_commands),
         "Linear Speed Limit": f"{limits.linear_m_s:g} m/s",
         "Angular Speed Limit": f"{limits.angular_rad_s:g} rad/s",

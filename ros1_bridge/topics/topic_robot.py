@@ -11,11 +11,11 @@ from sensor_msgs.msg import BatteryState, Range, Temperature
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose, yaw_of
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.view.shown_state import Row, ShownState, errors_row, moves_sideways
-from mrl_driver.view.words import ELSEWHERE
 
 SONARS = ("front", "left", "right")
 """The board reads no others."""
@@ -31,7 +31,7 @@ LINK, MOTION = "Link", "Motion"
 """Diagnostics of the serial link, and of the motion."""
 DRIVING = "driving"
 """What `status` says while a command other than standstill is in force."""
-NO_STOP = ("none", "user")
+NO_STOP = (StopReason.NONE, StopReason.USER)
 """Stop reasons of a robot that was not stopped, or that a user has stopped."""
 
 
@@ -122,9 +122,9 @@ class TopicRobot:
         )
 
     @property
-    def stop_reason(self) -> str:
+    def stop_reason(self) -> StopReason:
         """Why the robot stopped, as its node says (`stopped by`); `none` if it did not stop or is not known."""
-        return self.status.get("stopped by", "none")
+        return StopReason(self.status.get("stopped by", "none"))
 
     @property
     def limits(self) -> Optional[Limits]:
@@ -215,7 +215,7 @@ class TopicRobot:
             self.pose,
             self.twist,
             self.command,
-            ELSEWHERE if self.driving and self.command is None else self.stop_reason,
+            StopReason.DRIVEN_ELSEWHERE if self.driving and self.command is None else self.stop_reason,
             self.ranges,
             {},
             self.battery_v,

@@ -6,12 +6,13 @@ import time
 from typing import Callable, List, Mapping, Optional, Protocol, Tuple
 
 from mrl_driver.geometry import Pose
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import OmniTwist, Twist
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
 from mrl_driver.view.shown_state import moves_sideways
-from mrl_driver.view.words import remedy_of, stopped_text, why_stopped
+from mrl_driver.view.words import STOPS, stopped_text
 from mrl_driver.web.driver_robot import REMEDY
 from mrl_driver.web.goal_drive import GoalDrive
 from mrl_driver.web.robot import PhoneReading, Recorded
@@ -28,8 +29,6 @@ STANDS_S = 0.1
 """A robot that has stood for this time stands [s]."""
 PAUSE_S = 0.3
 """A command after a longer pause begins a new press: the page sends one every 50 ms [s]."""
-LATCHED = "emergency stop"
-"""`mode` and `stopped by` of a robot whose emergency stop is latched."""
 SILENT = "no odometry arrives; look whether the robot's node runs"
 NO_MOTORS = "this board has no motors"
 UNKNOWN = "the robot's model is not known yet; start the node with robot:=NAME"
@@ -167,7 +166,7 @@ class TopicPageRobot:
 
     def _on_status(self) -> None:
         """Look at each status: a stop that the next command ends is in one of them alone."""
-        self._emergency.on_status(self._robot.status.get("mode") == LATCHED)
+        self._emergency.on_status(self._robot.status.get("mode") == StopReason.EMERGENCY_STOP)
         with self._lock:
             if self._press is not None:
                 self._press.look(self._robot, time.monotonic())
@@ -236,11 +235,11 @@ class TopicPageRobot:
         """Return why the robot would not follow a command; empty if it would."""
         robot = self._robot
         if self.latched:
-            return _with_remedy(why_stopped(LATCHED), LATCHED)
+            return _with_remedy(STOPS[StopReason.EMERGENCY_STOP].why, StopReason.EMERGENCY_STOP)
         if robot.age_s >= STALE_S:
             return SILENT
         if robot.status.get("ready") == "false":
-            return _with_remedy(why_stopped(robot.stop_reason), robot.stop_reason)
+            return _with_remedy(STOPS[robot.stop_reason].why, robot.stop_reason)
         return "" if robot.model is None or robot.model.drives else NO_MOTORS
 
     def _send(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float) -> str:
@@ -282,7 +281,7 @@ class TopicPageRobot:
         self._recording.stop()
 
 
-def _with_remedy(why: str, cause: str) -> str:
+def _with_remedy(why: str, cause: StopReason) -> str:
     """Return why the robot does not drive, and what to do about this `stopped by` of its status."""
-    remedy = remedy_of(cause)
+    remedy = STOPS[cause].remedy
     return f"{why}; {remedy}" if remedy else why

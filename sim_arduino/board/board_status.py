@@ -2,7 +2,8 @@
 
 from typing import Callable, Dict, Tuple
 
-from mrl_driver.protocol.table import FAULTS, INT16_MAX, REASONS, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS, StopReason
+from mrl_driver.protocol.table import FAULTS, INT16_MAX, REASONS, RESET_CAUSES
 
 _BIT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 
@@ -24,7 +25,7 @@ class BoardStatus:
         self._ask = ask
         self.counters: Dict[str, int] = {reason.name: 0 for reason in REASONS}
         self.reset_cause = RESET_CAUSES.index(reset_cause)
-        self.stop_reason = STOP_REASONS.index("boot")
+        self.stop_reason = STOP_REASONS.index(StopReason.BOOT)
         self.clamped = 0
         self.stops_are_final = False
         self._turning = self._own_stop = False
@@ -41,14 +42,14 @@ class BoardStatus:
     def turned(self) -> None:
         """Notes a command that turns the motors; the next stop is a new one, even for the same reason."""
         if not self._turning:
-            self.stop_reason = STOP_REASONS.index("none")
+            self.stop_reason = STOP_REASONS.index(StopReason.NONE)
         self._turning, self._own_stop = True, False
 
-    def stopped(self, reason: str) -> None:
+    def stopped(self, reason: StopReason) -> None:
         """Notes why the motors were stopped; if they were not turning, the earlier reason stays."""
         if self._turning:
             self.stop_reason = STOP_REASONS.index(reason)
-        self._own_stop = reason != "host" and (self._own_stop or self._turning)
+        self._own_stop = reason != StopReason.HOST and (self._own_stop or self._turning)
         self._turning = False
 
     def refuses_move(self) -> bool:

@@ -3,6 +3,7 @@
 import math
 from typing import Callable, List, Optional, Tuple
 
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BRIDGES, INT16_MAX, TICK_S, WIRING
 from sim_arduino.hardware.wiring import Plant
 
@@ -109,13 +110,13 @@ class BridgeControl:
     def refresh(self, now_s: float, parameter: Optional[str] = None) -> None:
         """Takes a changed parameter; if it concerns the wires, the motors stop first."""
         if parameter in (None, "bridge", "wiring"):
-            self.stop(now_s, "host")
+            self.stop(now_s, StopReason.HOST)
             self._pins.off(now_s)
             self.encoders.single_channel = self._wired("single_channel")
         settings = settings_of(self._config) if self._config["bridge"] and self._wired("set") else None
         self._settings, self._usable = settings or self._settings, settings is not None
         if not self._usable:
-            self.stop(now_s, "host")
+            self.stop(now_s, StopReason.HOST)
         self._health.set_fault("wiring", not self._usable)
 
     def _wired(self, name: str) -> bool:
@@ -155,8 +156,8 @@ class BridgeControl:
         self._last_counts[encoder] = sample.counts[encoder]
         reason = self._wheels[wheel].update(self._settings, moved, sample.edge_ticks[encoder], sample.tick)
         if self._turning and self.encoders.masked(encoder):
-            reason = "encoder"
-        if reason == "none":
+            reason = StopReason.ENCODER
+        if reason == StopReason.NONE:
             self._write(now_s, wheel)
         else:
             self.stop(now_s, reason)
@@ -183,7 +184,7 @@ class BridgeControl:
         watched = bool(least and self._battery.measured)
         if watched and volts < least and not self._undervoltage:
             self._undervoltage = True
-            self.stop(now_s, "undervoltage")
+            self.stop(now_s, StopReason.UNDERVOLTAGE)
         if not watched or volts >= least + least // 16:
             self._undervoltage = False
 
@@ -209,11 +210,11 @@ class BridgeControl:
 
     # ---- requests
 
-    def stop(self, now_s: float, reason: str) -> None:
+    def stop(self, now_s: float, reason: StopReason) -> None:
         """Switches both outputs off at once."""
         self._health.stopped(reason)
         self._turning = False
-        if reason == "host":
+        if reason == StopReason.HOST:
             self._refused_since_s = -math.inf
         for wheel in (LEFT, RIGHT):
             self._wheels[wheel].stop()

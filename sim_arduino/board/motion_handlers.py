@@ -2,6 +2,7 @@
 
 from typing import Callable, Tuple
 
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import INT16_MAX
 
 from .motors import Motors
@@ -104,5 +105,5 @@ def _scaled(value: int, top: int, by: int) -> int:
 @request
 def stop(board: PythonBoard) -> None:
     """13."""
-    board.stop_motors("host")
+    board.stop_motors(StopReason.HOST)
     board.require_motors()

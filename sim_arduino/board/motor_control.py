@@ -3,6 +3,7 @@
 import math
 from typing import Callable, Optional, Tuple
 
+from mrl_driver.protocol.stop_reason import StopReason
 from sim_arduino.hardware.omni3md import BoardGeometry, Omni3MD
 
 from .board_status import BoardStatus
@@ -54,7 +55,7 @@ class MotorControl:
             self._set_up(now_s, None)
         elif not there and not was_gone:
             self.driver.touch(now_s)  # from now on its own time-out runs
-            self._health.stopped("motor_board")
+            self._health.stopped(StopReason.MOTOR_BOARD)
         self.driver.fed = there
         self.ever_found = self.ever_found or there
         return there
@@ -111,7 +112,7 @@ class MotorControl:
 
     # ---- requests
 
-    def stop(self, now_s: float, reason: str) -> None:
+    def stop(self, now_s: float, reason: StopReason) -> None:
         """Sends the motor board's own stop command at once."""
         self._health.stopped(reason)
         if self.there(now_s):

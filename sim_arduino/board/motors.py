@@ -2,6 +2,8 @@
 
 from typing import NamedTuple, Optional, Protocol, Tuple
 
+from mrl_driver.protocol.stop_reason import StopReason
+
 
 class Counts(NamedTuple):
     """Counters of the wheels (int16)."""
@@ -62,8 +64,8 @@ class Motors(Protocol):
     def refresh(self, now_s: float, parameter: Optional[str] = None) -> None:
         """A parameter has changed; None stands for all."""
 
-    def stop(self, now_s: float, reason: str) -> None:
-        """Stops the motors at once; `reason` is one of `table.STOP_REASONS`."""
+    def stop(self, now_s: float, reason: StopReason) -> None:
+        """Stops the motors at once."""
 
     def counts(self, now_s: float) -> Optional[Counts]:
         """The counters, or None if they cannot be read."""

@@ -9,6 +9,7 @@ from typing import Deque, NamedTuple, Optional
 
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.frames import to_int16
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, BY_NAME, TICK_S
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import Plant
@@ -185,7 +186,7 @@ class PythonBoard:
         if self.radio:
             self.radio.gap(to_s)
         self._decoder.drop()
-        self.stop_motors("stall")
+        self.stop_motors(StopReason.STALL)
 
     def reset(self) -> None:
         """Pull the reset line: RAM is cleared, EEPROM stays; the motors stop when the sketch has started."""
@@ -214,7 +215,7 @@ class PythonBoard:
         self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
         self.imu_reading: Optional[Reading] = None
         self._imu_read_s, self._imu_ahead = 0.0, False
-        hold = RadioHold(self.config, lambda: self.stop_motors("held"), self.ready_s)
+        hold = RadioHold(self.config, lambda: self.stop_motors(StopReason.HELD), self.ready_s)
         self.radio = RadioPort(self.plant.xbee, hold, self.ask, self._can_ask) if self.plant.xbee else None
         self.debug = False
         self.stream: Optional[RunningStream] = None
@@ -288,9 +289,9 @@ class PythonBoard:
             self.sonars.run(now)
         if self._watchdog_due_s() <= now:
             self._silent = True
-            self.stop_motors("link_watchdog")
+            self.stop_motors(StopReason.LINK_WATCHDOG)
         if self._check_due_s() <= now:
-            self.stop_motors("check_ended")
+            self.stop_motors(StopReason.CHECK_ENDED)
             self.set_check(False)
         if self._baud_due_s() <= now:
             self._change_baud(self._wanted_baud if self._wanted_baud != self.baud else 0)
@@ -525,7 +526,7 @@ class PythonBoard:
             self.refuse("held")
         return held
 
-    def stop_motors(self, reason: str) -> None:
+    def stop_motors(self, reason: StopReason) -> None:
         """Stops the motors at once."""
         self.motors.stop(self.now_s, reason)
 

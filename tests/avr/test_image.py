@@ -6,7 +6,8 @@ from typing import Iterator, List
 import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
-from mrl_driver.protocol.table import FAULTS, REASONS, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import FAULTS, REASONS, RESET_CAUSES
 from tests.long.bench.firmware_board import Rig
 
 ELF = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"

@@ -12,6 +12,7 @@ from mrl_driver.cli.doctor import board, computer, parameters, wheels
 from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING
 from mrl_driver.cli.doctor.wheels import Moved
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
@@ -136,7 +137,8 @@ def test_each_fault_of_the_board_has_its_advice(fault):
     [("host", None), ("wheel_blocked", WARNING), ("encoder", WARNING), ("undervoltage", WARNING)],
 )
 def test_a_stop_that_needs_attention(reason, level):
-    assert levels(board.health(HEALTHY._replace(stop_reason=reason))).get("last stop") == level
+    status = HEALTHY._replace(stop_reason=StopReason(reason))
+    assert levels(board.health(status)).get("last stop") == level
 
 
 @pytest.mark.parametrize(

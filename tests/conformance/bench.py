@@ -3,7 +3,8 @@
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import FIRMWARE, AvrEngine

@@ -3,7 +3,8 @@
 import pytest
 
 from mrl_driver.protocol import encode_request
-from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.board.python_board import CHECK_SILENCE_S
 from sim_arduino.hardware.xbee import RadioFit
 

@@ -3,7 +3,8 @@
 import pytest
 
 from mrl_driver.protocol import Frame, Garbage, encode_request
-from mrl_driver.protocol.table import BAUD, BAUDS, PARAMETER_BY_NAME, RESET_CAUSES, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BAUD, BAUDS, PARAMETER_BY_NAME, RESET_CAUSES
 
 from .bench import ANSWER_S, CAPABILITIES, STEP_S
 

@@ -4,7 +4,7 @@ import threading
 import time
 from typing import List, Optional
 
-from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.robot.models import load
 from sim_arduino.board import PythonBoard
 from sim_arduino.hardware.wiring import Plant

@@ -8,7 +8,8 @@ from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol import encode_reply
-from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.odometry import OmniTwist
 from mrl_driver.robot.radio import text_request

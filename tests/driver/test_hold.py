@@ -5,6 +5,7 @@ import pytest
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.hold_text import HoldText, is_newer
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot.hold import Hold
 from sim_arduino.board import PythonBoard
@@ -56,7 +57,7 @@ def test_hold_ends_the_command(robot):
     robot.wait(HEARD_S)
     say(robot, "hold")
     assert robot.hold == Hold("held", 1, 0, 0, HOLDER)
-    assert robot.command is None and robot.stop_reason == "radio_hold"
+    assert robot.command is None and robot.stop_reason is StopReason.HELD
 
 
 def test_held_robot_takes_no_command(robot):

@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, STILL_FRAMES, STILL_S, STOP, STOPS, Motion
+from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.session.motion_command import MOVE, QUICK, SLOW, STILL_FRAMES, STILL_S, STOP, Motion
 
 
 def drain(motion, start_s, end_s):
@@ -374,7 +375,9 @@ def test_motion_is_wanted_from_a_command_to_move_to_one_that_stands():
     assert not motion.wanted
 
 
-@pytest.mark.parametrize(("reason", "wanted"), [("user", False), ("command_timeout", True), ("stale", True)])
+@pytest.mark.parametrize(
+    ("reason", "wanted"), [("user", False), ("command_timeout", True), ("no_telemetry", True)]
+)
 def test_motion_is_wanted_after_a_stop_that_is_not_the_users(reason, wanted):
     motion = driven()
     motion.stop(reason)
@@ -384,6 +387,6 @@ def test_motion_is_wanted_after_a_stop_that_is_not_the_users(reason, wanted):
 
 
 def test_reasons_have_the_names_that_users_see():
-    sources = {"user", "not_a_number", "command_timeout", "radio_hold", "closed", "none"}
-    causes = {"battery", "wheel_mismatch", "stale", "restarted", "link_lost", "host_paused"}
-    assert set(STOPS) == sources | causes
+    sources = {"user", "not_a_number", "command_timeout", "held", "closed", "none"}
+    causes = {"battery", "wheel_mismatch", "no_telemetry", "restarted", "link_lost", "host_paused"}
+    assert {str(reason) for reason in StopReason} >= sources | causes

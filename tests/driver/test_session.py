@@ -5,7 +5,8 @@ import pytest
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.errors import BoardTimeout, HostBusy, NotARobot, WrongRobot
 from mrl_driver.protocol import encode_reply
-from mrl_driver.protocol.table import BY_CODE, BY_NAME, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.session.events import status_of
 from mrl_driver.session.handshake import Plan
 from mrl_driver.session.motion_command import SLOW
@@ -151,7 +152,7 @@ def test_a_stop_by_the_boards_watchdog_is_blamed_on_a_late_program(late_s, reaso
 
 
 @pytest.mark.parametrize("again", [False, True], ids=["", "noticed by the next command"])
-@pytest.mark.parametrize("late_s, reason", [(0.0, "stale"), (0.26, "host_paused")])
+@pytest.mark.parametrize("late_s, reason", [(0.0, "no_telemetry"), (0.26, "host_paused")])
 def test_a_silence_beside_a_late_program_is_blamed_on_the_program(late_s, reason, again):
     talk = Talk().until_ready()
     talk.session.drive((300, 0), talk.now)

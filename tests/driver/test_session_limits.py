@@ -7,7 +7,8 @@ import pytest
 
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol import Frame, Stamp, encode_reply
-from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.session.events import ImuReading, Ready, Reply, Stale, Status
 from mrl_driver.session.handshake import Board, Plan
 from mrl_driver.session.link_counters import Counters
@@ -105,7 +106,7 @@ def test_a_stale_board_gets_a_stop_by_a_thread_that_drives():
     fed = Fed()
     fed.drive(0.05)
     assert not fed.session.drive((200, 0), STALE_S)
-    assert (fed.session.take(), fed.motion.stop_reason) == (STOP_BYTES, "stale")
+    assert (fed.session.take(), fed.motion.stop_reason) == (STOP_BYTES, "no_telemetry")
 
 
 NEWER = {
@@ -147,7 +148,7 @@ def test_while_telemetry_is_late_a_command_that_was_sent_does_not_prove_that_it_
     fed = Fed()
     fed.drive(0.05)
     fed.session.expire(LATE_S)
-    assert (fed.session.take(), fed.motion.stop_reason) == (STOP_BYTES, "stale")
+    assert (fed.session.take(), fed.motion.stop_reason) == (STOP_BYTES, "no_telemetry")
 
 
 @pytest.mark.parametrize("options", [{"capabilities": ()}, {"plan": Plan(watchdog_ms=0)}])
@@ -224,7 +225,7 @@ def test_telemetry_is_stale_at_its_limit_and_its_age_is_told():
     fed.session.tick(STALE_S - 0.001)
     assert fed.session.ready
     assert fed.session.tick(STALE_S) == [Stale(STALE_S, False)]
-    assert fed.motion.stop_reason == "stale"
+    assert fed.motion.stop_reason == "no_telemetry"
 
 
 @pytest.fixture

@@ -113,7 +113,7 @@ def test_a_command_that_the_port_did_not_accept_is_held_back_while_telemetry_is_
     robot.driver.wait(0.12)
     robot.driver.request(COUNTERS)
     robot.driver.wait(0.01)
-    assert not robot.bench.is_driven() and robot.driver.stop_reason == "stale"
+    assert not robot.bench.is_driven() and robot.driver.stop_reason == "no_telemetry"
 
 
 def test_a_robot_whose_line_was_cut_is_not_called_stopped_while_it_may_turn():
@@ -183,7 +183,7 @@ def test_what_feeds_the_watchdog_while_a_callback_hangs_comes_after_a_stop(hung,
     SENDERS[sender](hung)
     codes = [frame.code for frame in line.board.heard[before:]]
     assert codes[0] == STOP_CODE and len(codes) == 2
-    assert (hung.command, hung.stop_reason) == (None, "stale")
+    assert (hung.command, hung.stop_reason) == (None, "no_telemetry")
 
 
 def test_a_slower_command_while_a_callback_hangs_is_not_called_sent(hung, line):

@@ -5,7 +5,8 @@ from typing import Callable, Dict, Iterator, List
 import pytest
 
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_NAME, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.hardware.wiring import Plant
 from tests import models
 from tests.firmware.pc_board import PcBoard

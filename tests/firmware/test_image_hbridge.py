@@ -7,12 +7,12 @@ from typing import Dict, Iterator, List, Set
 import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import (
     BRIDGES,
     BY_NAME,
     FAULTS,
     PARAMETER_BY_NAME,
-    STOP_REASONS,
     WIRING,
 )
 from sim_arduino.avr.machine import AvrMachine

@@ -8,7 +8,8 @@ from typing import Any, Dict, List, Tuple
 
 import pytest
 
-from mrl_driver.protocol.table import BRIDGES, PARAMETERS, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BRIDGES, PARAMETERS
 from sim_arduino.board import parameter_store
 from sim_arduino.board.bridge.bridge_levels import levels
 from sim_arduino.board.bridge.encoder_counter import EncoderCounter

@@ -7,7 +7,7 @@ from typing import List
 
 import pytest
 
-from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
 from sim_arduino.board.bridge.wheel import Wheel
 from sim_arduino.board.bridge.wheel_settings import FULL, PERIOD_TICKS
 from sim_arduino.board.bridge.wheel_watch import WheelWatch

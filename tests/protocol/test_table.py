@@ -1,6 +1,7 @@
 """The command table is complete and consistent."""
 
 from mrl_driver.protocol import table
+from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
 
 
@@ -30,5 +31,5 @@ def test_status_ranges_match_their_tables():
     ranges = {field.name: field.high for field in table.BY_NAME["read_status"].reply}
     assert (ranges["reset_cause"], ranges["stop_reason"]) == (
         len(table.RESET_CAUSES) - 1,
-        len(table.STOP_REASONS) - 1,
+        len(STOP_REASONS) - 1,
     )

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from mrl_driver.protocol import encode_reply, encode_request
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.review.charts import NEAR_S, reduced
 from mrl_driver.review.drive_data import Stop
@@ -105,7 +106,7 @@ def test_texts_of_a_recording_add_no_element_to_the_page():
             remarks=[(1.0, text)],
             opened=[(0.0, text), (1.0, text)],
             garbage=[(1.0, "<", text, text.encode())],
-            stops=[Stop(1.0, text, text, "<", text.encode())],
+            stops=[Stop(1.0, StopReason.STALL, text, "<", text.encode())],
             frames={text: 1},
             ranges={text: drive().ranges["front"]},
         )
@@ -136,7 +137,8 @@ def test_the_longest_and_noisiest_drive_is_below_a_megabyte(ten_minutes):
         sensors={"thermopile": column(t, *chance.uniform(0, 300, (len(PIXELS), len(t))))},
         delays=column(t, chance.uniform(0, 9, len(t))),
         stops=[
-            Stop(float(s), "stale", "stopped: silent", "<", b"\xff" * 500) for s in range(3 * MOST_LISTED)
+            Stop(float(s), StopReason.NO_TELEMETRY, "stopped: silent", "<", b"\xff" * 500)
+            for s in range(3 * MOST_LISTED)
         ],
         remarks=[(1.0, "x" * 9999)] * 999,
     )

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.errors import BoardTimeout
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.session.events import MAY_MOVE, WAITS, Stale
 from ros1_bridge.control import commander as module
@@ -25,7 +26,7 @@ def lost(may_be_moving):
         ready=False,
         may_be_moving=may_be_moving,
         command=None,
-        stop_reason="stale",
+        stop_reason=StopReason.NO_TELEMETRY,
         mismatch=None,
         inhibit=inhibit,
     )
@@ -55,5 +56,5 @@ def test_status_and_diagnostics_say_whether_it_may_be_moving(may_move, words, mo
     StatusTeller(commander, lambda status, _: told.append(status), "/robot_node", "port robot 1").tell()
     values = values_of(told[0])
     assert (told[0].message, values["moving"]) == (words, moving)
-    assert (values["mode"], values["ready"]) == ("no link", "false")
+    assert (values["mode"], values["ready"]) == ("may_be_moving" if may_move else "no_telemetry", "false")
     assert robot_status.motion_values(commander)["Moving"].lower() == moving or not may_move

@@ -8,6 +8,7 @@ import pytest
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.errors import LinkLost
 from mrl_driver.geometry import Pose
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.models import Limits
@@ -28,7 +29,7 @@ class Noted:
     def __init__(self):
         self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
         self.stops, self.lost, self.may_be_moving = 0, False, False
-        self.mismatch, self.stop_reason, self.hold = None, "none", None
+        self.mismatch, self.stop_reason, self.hold = None, StopReason.NONE, None
         self.model, self.telemetry = models.load("pioneer"), None
         self.inhibited, self.limits = set(), LIMITS
         self.since_pause_s, self.restriction = math.inf, None
@@ -79,15 +80,15 @@ def bench():
 
 @pytest.mark.parametrize("before", ["boot", "command_timeout", "link_watchdog"])
 def test_command_to_stand_ends_what_stopped_the_robot_before(bench, before):
-    bench.driver.stop_reason = before
+    bench.driver.stop_reason = StopReason(before)
     bench.run(FRAME_S, 0.0)
-    assert bench.commander.stopped_by == module.NONE
+    assert bench.commander.stopped_by == StopReason.NONE
 
 
 def test_board_that_was_switched_on_is_no_stop_until_the_robot_has_driven(bench):
     """A board that restarts on the way is one."""
-    bench.driver.stop_reason = "boot"
-    assert bench.commander.stopped_by == module.NONE
+    bench.driver.stop_reason = StopReason.BOOT
+    assert bench.commander.stopped_by == StopReason.NONE
     bench.run(FRAME_S, 0.2)
     bench.driver.command = None
     assert bench.commander.stopped_by == "boot"
@@ -97,7 +98,7 @@ def test_board_that_was_switched_on_is_no_stop_until_the_robot_has_driven(bench)
 def test_robot_that_the_driver_stopped_waits_for_a_new_command(bench, reason):
     """Though it was still speeding up, and its commands have not ended."""
     bench.run(0.2, 0.3)
-    bench.driver.command, bench.driver.stop_reason = None, reason
+    bench.driver.command, bench.driver.stop_reason = None, StopReason(reason)
     assert bench.commander.dropped
     bench.run(2 * FRAME_S)
     assert (bench.driver.command, bench.commander.dropped) == (None, True)
@@ -114,7 +115,7 @@ def test_command_that_is_held_back_while_telemetry_is_late_is_not_refused(bench,
 def test_refused_command_is_not_taken_up_later(bench):
     bench.driver.ready = False
     assert not bench.commander.drive(0.3, 0.0)
-    assert bench.commander.stopped_by == module.LINK
+    assert bench.commander.stopped_by == StopReason.NO_TELEMETRY
     bench.driver.ready = True
     bench.run(0.2)
     assert bench.driver.command is None
@@ -130,7 +131,7 @@ def test_manual_mode_ends_the_drive_to_a_pose_which_is_no_safety_stop(bench):
     bench.commander.seeking = True
     bench.commander.set_manual(True)
     assert (bench.driver.stops, bench.commander.seeking) == (1, False)
-    assert bench.commander.stopped_by == module.TO_MANUAL and bench.commander.ready
+    assert bench.commander.stopped_by == StopReason.MANUAL_MODE and bench.commander.ready
 
 
 EACH_STOP = pytest.mark.parametrize(
@@ -217,12 +218,12 @@ def test_a_limit_is_lowered_to_what_is_wanted_if_that_is_positive(wanted, linear
 @EACH_STOP
 def test_a_stop_takes_the_place_of_an_earlier_cause_and_drops_no_command(commander, driver, stop, go_on):
     commander.drive(0.1, 0.0)
-    commander.stop(module.LATE)
-    assert commander.stopped_by == module.LATE
+    commander.stop(StopReason.COMMAND_TOO_LATE)
+    assert commander.stopped_by == StopReason.COMMAND_TOO_LATE
     stop(commander)
     go_on(commander)
-    driver.stop_reason = "user"
-    assert (driver.command, commander.dropped, commander.stopped_by) == (None, False, module.NONE)
+    driver.stop_reason = StopReason.USER
+    assert (driver.command, commander.dropped, commander.stopped_by) == (None, False, StopReason.NONE)
 
 
 @EACH_STOP
@@ -231,20 +232,20 @@ def test_a_command_was_not_dropped_even_if_the_link_is_lost_during_the_stop(comm
     driver.lost = True
     with pytest.raises(LinkLost):
         stop(commander)
-    driver.command, driver.stop_reason = None, "link_lost"
+    driver.command, driver.stop_reason = None, StopReason.LINK_LOST
     assert not commander.dropped
 
 
 def test_emergency_stop_and_disabled_motors_end_apart(commander):
     commander.enable(False)
     commander.latch()
-    assert commander.stopped_by == module.EMERGENCY
+    assert commander.stopped_by == StopReason.EMERGENCY_STOP
     commander.release()
-    assert (commander.latched, commander.stopped_by) == (False, module.DISABLED)
+    assert (commander.latched, commander.stopped_by) == (False, StopReason.MOTORS_DISABLED)
     assert not commander.drive(0.1, 0.0)
     commander.latch()
     commander.enable(True)
-    assert (commander.enabled, commander.stopped_by) == (True, module.EMERGENCY)
+    assert (commander.enabled, commander.stopped_by) == (True, StopReason.EMERGENCY_STOP)
     assert not commander.drive(0.1, 0.0)
 
 
@@ -252,7 +253,7 @@ def test_emergency_stop_and_disabled_motors_end_apart(commander):
 def test_a_command_that_has_timed_out_was_dropped_if_nobody_could_see_it(bench, silent_s, dropped):
     bench.now_s = 0.0
     bench.commander.drive(0.1, 0.0)
-    bench.driver.command, bench.driver.stop_reason, bench.now_s = None, "command_timeout", silent_s
+    bench.driver.command, bench.driver.stop_reason, bench.now_s = None, StopReason.COMMAND_TIMEOUT, silent_s
     assert bench.commander.dropped == dropped
 
 
@@ -262,14 +263,14 @@ def test_a_command_that_has_timed_out_was_dropped_if_nobody_could_see_it(bench, 
 MISMATCH = Mismatch("right", DEAD, 0.037, 0.0)
 HELD = Hold("held", 1, 0, 0, 0x0013A20040A1B2C3)
 CAUSES = [
-    (module.ADRIFT, {"ready": False, "may_be_moving": True}),
-    (module.EMERGENCY, {}),
-    (module.DISABLED, {}),
-    (module.LINK, {"ready": False}),
-    (module.BATTERY, {"battery_state": "empty"}),
-    (module.WHEEL, {"mismatch": MISMATCH}),
-    (module.HELD, {"hold": HELD}),
-    ("link watchdog", {"stop_reason": "link_watchdog"}),
+    (StopReason.MAY_BE_MOVING, {"ready": False, "may_be_moving": True}),
+    (StopReason.EMERGENCY_STOP, {}),
+    (StopReason.MOTORS_DISABLED, {}),
+    (StopReason.NO_TELEMETRY, {"ready": False}),
+    (StopReason.BATTERY, {"battery_state": "empty"}),
+    (StopReason.WHEEL_MISMATCH, {"mismatch": MISMATCH}),
+    (StopReason.HELD, {"hold": HELD}),
+    ("link_watchdog", {"stop_reason": StopReason.LINK_WATCHDOG}),
 ]
 """The causes in their order, and what the driver says then."""
 
@@ -281,9 +282,9 @@ def standing(commander, driver, places):
     for place in sorted(places, reverse=True):
         cause, facts = CAUSES[place]
         vars(driver).update(facts)
-        if cause == module.EMERGENCY:
+        if cause == StopReason.EMERGENCY_STOP:
             commander.latch()
-        elif cause == module.DISABLED:
+        elif cause == StopReason.MOTORS_DISABLED:
             commander.enable(False)
 
 
@@ -297,13 +298,13 @@ def test_of_several_causes_the_one_that_must_be_ended_first_is_named(commander, 
 def test_the_next_command_moves_the_robot_unless_something_must_be_ended_before(commander, driver, place):
     standing(commander, driver, [place])
     assert commander.stopped_by == CAUSES[place][0]
-    assert commander.ready == (CAUSES[place][0] == "link watchdog")
+    assert commander.ready == (CAUSES[place][0] == "link_watchdog")
 
 
 @pytest.mark.parametrize(("state", "named"), [("off", True), ("empty", True), ("low", False), ("ok", False)])
 def test_a_battery_stops_the_robot_when_it_is_empty_or_off(commander, driver, state, named):
     driver.battery_state = state
-    assert (commander.stopped_by == module.BATTERY) == named
+    assert (commander.stopped_by == StopReason.BATTERY) == named
 
 
 @pytest.mark.parametrize(
@@ -311,31 +312,31 @@ def test_a_battery_stops_the_robot_when_it_is_empty_or_off(commander, driver, st
 )
 def test_a_radio_holds_the_robot_in_each_of_its_states(commander, driver, state, holders, held):
     driver.hold = HELD._replace(state=state, holders=holders)
-    assert (commander.stopped_by == module.HELD, commander.ready) == (held, not held)
+    assert (commander.stopped_by == StopReason.HELD, commander.ready) == (held, not held)
 
 
 @pytest.mark.parametrize(("command", "driving"), [(None, False), ((0.0, 0.0), False), ((0.0, 0.2), True)])
 def test_a_command_in_force_has_no_reason_whatever_stopped_the_robot_before(
     commander, driver, command, driving
 ):
-    driver.command, driver.stop_reason = command, "link_watchdog"
+    driver.command, driver.stop_reason = command, StopReason.LINK_WATCHDOG
     assert commander.driving is driving
-    assert commander.stopped_by == ("link watchdog" if command is None else module.NONE)
+    assert commander.stopped_by == ("link_watchdog" if command is None else StopReason.NONE)
 
 
 @pytest.mark.parametrize(
     "cause, told, stopped_by",
     [
-        (module.NONE, "user", module.NONE),
-        (module.NONE, "not_a_number", "command not finite"),
-        (module.NONE, "command_timeout", "command timeout"),
-        (module.NOT_FINITE, "user", module.NOT_FINITE),
-        (module.NOT_FINITE, "link_watchdog", module.NOT_FINITE),
+        (StopReason.NONE, "user", StopReason.NONE),
+        (StopReason.NONE, "not_a_number", "not_a_number"),
+        (StopReason.NONE, "command_timeout", "command_timeout"),
+        (StopReason.NOT_A_NUMBER, "user", StopReason.NOT_A_NUMBER),
+        (StopReason.NOT_A_NUMBER, "link_watchdog", StopReason.NOT_A_NUMBER),
     ],
 )
 def test_own_cause_of_a_stop_comes_before_the_drivers(commander, driver, cause, told, stopped_by):
     commander.stop(cause)
-    driver.stop_reason = told
+    driver.stop_reason = StopReason(told)
     assert commander.stopped_by == stopped_by
 
 
@@ -371,7 +372,7 @@ def test_a_stop_that_stays_is_the_reason_named_whatever_else_is_wrong(commander,
 def test_a_board_that_has_stopped_for_a_wheel_is_named_and_the_wheel_is_a_fault(commander, driver):
     assert not commander.wheel_fault
     driver.mismatch = Mismatch("", "wheel_blocked")
-    assert (commander.stopped_by, commander.wheel_fault, commander.ready) == ("wheel blocked", True, False)
+    assert (commander.stopped_by, commander.wheel_fault, commander.ready) == ("wheel_blocked", True, False)
 
 
 # -- zones
@@ -395,15 +396,15 @@ class Sharing:
 @pytest.mark.parametrize(
     "share, speeds, allowed, cause",
     [
-        (0.5, (0.2, 0.7), (0.1, 0.7), module.NONE),
-        (0.5, (0.2, 0.7, -0.4), (0.1, 0.7, -0.2), module.NONE),
-        (0.5, (0.2, 0.0, 0.0), (0.1, 0.0, 0.0), module.NONE),
-        (0.5, (0.0, 0.0, 0.2), (0.0, 0.0, 0.1), module.NONE),
-        (0.0, (-0.2, 0.7), (0.0, 0.7), module.ZONE),
-        (0.0, (0.2, 0.0, 0.1), (0.0, 0.0, 0.0), module.ZONE),
-        (0.0, (0.0, 0.0, 0.1), (0.0, 0.0, 0.0), module.ZONE),
-        (0.0, (0.0, 0.7), (0.0, 0.7), module.NONE),
-        (0.0, (0.0, 0.7, 0.0), (0.0, 0.7, 0.0), module.NONE),
+        (0.5, (0.2, 0.7), (0.1, 0.7), StopReason.NONE),
+        (0.5, (0.2, 0.7, -0.4), (0.1, 0.7, -0.2), StopReason.NONE),
+        (0.5, (0.2, 0.0, 0.0), (0.1, 0.0, 0.0), StopReason.NONE),
+        (0.5, (0.0, 0.0, 0.2), (0.0, 0.0, 0.1), StopReason.NONE),
+        (0.0, (-0.2, 0.7), (0.0, 0.7), StopReason.PROTECTIVE_ZONE),
+        (0.0, (0.2, 0.0, 0.1), (0.0, 0.0, 0.0), StopReason.PROTECTIVE_ZONE),
+        (0.0, (0.0, 0.0, 0.1), (0.0, 0.0, 0.0), StopReason.PROTECTIVE_ZONE),
+        (0.0, (0.0, 0.7), (0.0, 0.7), StopReason.NONE),
+        (0.0, (0.0, 0.7, 0.0), (0.0, 0.7, 0.0), StopReason.NONE),
     ],
 )
 def test_zones_lower_the_speed_leave_the_turn_and_are_the_reason_if_nothing_is_left(
@@ -414,8 +415,8 @@ def test_zones_lower_the_speed_leave_the_turn_and_are_the_reason_if_nothing_is_l
     commander.drive(*speeds)
     assert driver.restriction(speeds, 7.0) == pytest.approx(allowed)
     assert (zones.asked_s, commander.stopped_by, commander.ready) == (7.0, cause, True)
-    driver.command, driver.stop_reason = None, "command_timeout"
-    assert commander.stopped_by == module.TIMEOUT
+    driver.command, driver.stop_reason = None, StopReason.COMMAND_TIMEOUT
+    assert commander.stopped_by == StopReason.COMMAND_TIMEOUT
 
 
 # -- one caller at a time
@@ -489,9 +490,9 @@ class Inhibited(Noted):
 @pytest.mark.parametrize(
     "first, second, refused",
     [
-        (Commander.release, Commander.latch, module.EMERGENCY),
+        (Commander.release, Commander.latch, StopReason.EMERGENCY_STOP),
         (Commander.latch, Commander.release, None),
-        (lambda it: it.enable(True), lambda it: it.enable(False), module.DISABLED),
+        (lambda it: it.enable(True), lambda it: it.enable(False), StopReason.MOTORS_DISABLED),
         (lambda it: it.enable(False), lambda it: it.enable(True), None),
     ],
     ids=[
@@ -511,4 +512,4 @@ def test_what_the_commander_tells_is_what_the_driver_refuses_although_two_thread
     first(commander)
     driver.intruder.end()
     assert driver.inhibited == ({refused} if refused else set())
-    assert commander.stopped_by == (refused or module.NONE)
+    assert commander.stopped_by == (refused or StopReason.NONE)

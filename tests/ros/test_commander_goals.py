@@ -5,6 +5,7 @@ import math
 import pytest
 
 from mrl_driver.errors import FrameError, LinkLost
+from mrl_driver.protocol.stop_reason import StopReason
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.velocity_sources import Source
@@ -114,7 +115,7 @@ def test_goals_outlive_a_gap_that_is_short_or_not_of_the_link(bench, ready, age_
 
 def test_goals_outlive_a_command_timeout_and_a_limit_of_zero(bench):
     bench.plan(1.0)
-    bench.driver.command, bench.driver.stop_reason = None, "command_timeout"
+    bench.driver.command, bench.driver.stop_reason = None, StopReason.COMMAND_TIMEOUT
     bench.plan(1.0, speed_m_s=0.0)
     bench.commander.watch_link()
     assert bench.order == [] and bench.plan(1.0) == {True}
@@ -169,9 +170,9 @@ def test_release_of_what_does_not_hold_ends_nothing(bench, call):
 
 
 def test_source_without_a_pause_is_named_as_the_cause_until_somebody_drives(bench):
-    bench.driver.stop_reason = "boot"
+    bench.driver.stop_reason = StopReason.BOOT
     bench.commander.sources.expect([PLANNER.node])
     bench.plan(1.0)
-    assert bench.commander.stopped_by == module.UNPAUSED and bench.commander.ready
+    assert bench.commander.stopped_by == StopReason.COMMANDS_UNPAUSED and bench.commander.ready
     bench.plan(1.0, HAND)
-    assert bench.commander.stopped_by == module.NONE
+    assert bench.commander.stopped_by == StopReason.NONE

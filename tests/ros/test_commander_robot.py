@@ -8,6 +8,7 @@ from mrl_driver.driver import Options
 from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.safety.speed_limiter import LONGEST_STEP_S
 from ros1_bridge.control import commander as module
 from ros1_bridge.control.commander import Commander
@@ -60,7 +61,7 @@ def test_robot_stops_when_commands_end(robot):
     while robot.driver.command is not None:
         robot.driver.wait(0.001)
     assert TIMEOUT_S <= robot.driver.now_s - commanded_s < TIMEOUT_S + FRAME_S
-    assert robot.commander.stopped_by == module.TIMEOUT
+    assert robot.commander.stopped_by == StopReason.COMMAND_TIMEOUT
 
 
 def test_robot_that_is_still_speeding_up_stops_when_commands_end(robot):
@@ -69,7 +70,7 @@ def test_robot_that_is_still_speeding_up_stops_when_commands_end(robot):
     robot.driver.wait(TIMEOUT_S - FRAME_S)
     assert 0.0 < robot.driver.command[0] < 0.3
     robot.driver.wait(2 * FRAME_S)
-    assert robot.driver.command is None and robot.commander.stopped_by == module.TIMEOUT
+    assert robot.driver.command is None and robot.commander.stopped_by == StopReason.COMMAND_TIMEOUT
 
 
 def test_robot_that_was_told_to_stand_is_not_stopped_by_the_timeout(robot):
@@ -77,7 +78,7 @@ def test_robot_that_was_told_to_stand_is_not_stopped_by_the_timeout(robot):
     robot.run(0.5, 0.2)
     robot.run(FRAME_S, 0.0)
     robot.run(2 * TIMEOUT_S)
-    assert (robot.driver.command, robot.commander.stopped_by) == (None, module.NONE)
+    assert (robot.driver.command, robot.commander.stopped_by) == (None, StopReason.NONE)
 
 
 def test_a_motor_board_that_was_away_is_the_reason_and_not_the_battery_that_it_measures(robot):
@@ -91,7 +92,7 @@ def test_a_motor_board_that_was_away_is_the_reason_and_not_the_battery_that_it_m
         for _ in range(40):
             robot.run(FRAME_S)
             causes.add(robot.commander.stopped_by)
-    assert causes == {"motor board"}
+    assert causes == {"motor_board"}
 
 
 class Wall:
@@ -118,7 +119,7 @@ def test_a_robot_that_the_zones_hold_stops_when_commands_end(robot):
     robot.commander.watch(Wall(0.0))
     robot.run(0.2, 0.3)
     robot.driver.wait(2 * TIMEOUT_S)
-    assert robot.driver.command is None and robot.commander.stopped_by == module.TIMEOUT
+    assert robot.driver.command is None and robot.commander.stopped_by == StopReason.COMMAND_TIMEOUT
 
 
 @pytest.mark.parametrize("robot", ["omni"], indirect=True)
@@ -130,14 +131,16 @@ def test_zones_slow_a_robot_that_goes_sideways_in_its_direction(robot):
     assert robot.driver.command == pytest.approx((0.05, 0.5, -0.1))
     wall.limited = lambda velocity, now: (0.0, 0.0)
     robot.driver.limit_again()
-    assert robot.driver.command == (0.0, 0.5, 0.0) and robot.commander.stopped_by == module.ZONE
+    assert (
+        robot.driver.command == (0.0, 0.5, 0.0) and robot.commander.stopped_by == StopReason.PROTECTIVE_ZONE
+    )
 
 
 def test_a_command_that_is_not_finite_stops_the_robot_and_is_named(robot):
     robot.run(0.2, 0.3)
     with pytest.raises(FrameError):
         robot.commander.drive(math.nan, 0.0)
-    assert (robot.driver.command, robot.commander.stopped_by) == (None, module.NOT_FINITE)
+    assert (robot.driver.command, robot.commander.stopped_by) == (None, StopReason.NOT_A_NUMBER)
 
 
 def test_manual_mode_slows_a_robot_with_the_next_frame_on_the_same_arc(robot):

@@ -11,7 +11,7 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from sensor_msgs.msg import Joy
 from std_msgs.msg import Float64, Header
 
-from ros1_bridge.control.commander import LATE
+from mrl_driver.protocol.stop_reason import StopReason
 from ros1_bridge.node.operator_cmd_vel import operator_now_s
 from ros1_bridge.robot.operators import MOST_OPERATORS, SILENT_S, Operators
 from ros1_bridge.teleop.joystick_mapping import LAYOUTS
@@ -23,6 +23,8 @@ LIMIT_S, TIMEOUT_S = 1.0, 10.0
 SLOW_S = 2.0
 """An echo that comes at all comes within this time, even on a busy machine."""
 HELD, RELEASED = ([int(n == LAYOUTS["ps3"].dead_man and held) for n in range(17)] for held in (True, False))
+
+REASON = StopReason.COMMAND_TOO_LATE
 
 
 class Clock:
@@ -178,8 +180,8 @@ def test_command_that_arrives_late_is_a_stop_and_has_no_echo(robot):
     sent(30.0)
     robot.wire.wait_for(STOP, late_s)
     wait_until(
-        lambda: any(pair.value == LATE for message in status.messages for pair in message.values),
-        what=f"a stop by {LATE!r}",
+        lambda: any(pair.value == REASON for message in status.messages for pair in message.values),
+        what=f"a stop by {REASON}",
     )
     assert sum(echo.frame_id == "tests" for echo in echoes.messages) == count
     wait_until(  # the node logs once a second

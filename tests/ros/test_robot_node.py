@@ -11,7 +11,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Range
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.control.commander import NOT_FINITE
+from mrl_driver.protocol.stop_reason import StopReason
 from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.robot.robot_node import WARN_EVERY_S, driver_options
 from tests.waiting import require_median, wait_until
@@ -145,7 +145,7 @@ def test_command_that_is_no_number_stops_the_robot_with_one_warning_a_second(rob
     moved = moves(robot, forward(0.1))
     count, took_s = warned(robot, "expected a finite number; the robot was stopped", forward(**wrong))
     robot.wire.wait_for(STOP, moved)
-    wait_until(lambda: stopped_by(robot) == NOT_FINITE)
+    wait_until(lambda: stopped_by(robot) == StopReason.NOT_A_NUMBER)
     assert count <= 1 + took_s / WARN_EVERY_S
 
 
@@ -199,7 +199,7 @@ def test_robot_stops_when_commands_end(rig):
             return False  # a node that has just started refuses a source until it has been silent
         took = wire.wait_for(STOP, wire.wait_for(MOVE, since)) - since
         wait_until(lambda: at_rest(status.messages[said:]), what="a stop with its reason")
-        if {values_of(each)["stopped by"] for each in status.messages[said:]} == {"none", "command timeout"}:
+        if {values_of(each)["stopped by"] for each in status.messages[said:]} == {"none", "command_timeout"}:
             took_s.append(took)
         return len(took_s) == 5
 

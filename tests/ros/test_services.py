@@ -108,7 +108,7 @@ def test_emergency_stop_holds_until_released(robot):
     since = time.monotonic()
     assert call(robot, "stop").success
     robot.wire.wait_for(STOP, since)
-    assert status_is(robot, mode="emergency stop", ready="false", stopped_by="emergency stop")
+    assert status_is(robot, mode="emergency_stop", ready="false", stopped_by="emergency_stop")
     drive_in_vain(robot, "the emergency stop is latched")
     assert call(robot, "release_stop").success
     pause(robot)

@@ -5,23 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import imu
 from mrl_driver.robot.imu import FROZEN, IN_USE, LEARNING, REASONS, WAITING
-from ros1_bridge.control.commander import (
-    ADRIFT,
-    BATTERY,
-    DISABLED,
-    EMERGENCY,
-    HELD,
-    LATE,
-    LINK,
-    NONE,
-    NOT_FINITE,
-    TIMEOUT,
-    TO_MANUAL,
-    WHEEL,
-    ZONE,
-)
 from ros1_bridge.status.link_report import ERROR, OK, WARN
 from ros1_bridge.status.robot_status import (
     StatusTeller,
@@ -41,7 +27,7 @@ class Told(list):
     def __init__(self):
         super().__init__()
         off = dict.fromkeys(("driving", "wheels_turn", "seeking", "manual", "wheel_fault"), False)
-        self.commander = SimpleNamespace(stopped_by=NONE, zones=None, linked=True, **off)
+        self.commander = SimpleNamespace(stopped_by=StopReason.NONE, zones=None, linked=True, **off)
         self.topics = []
         self._teller = StatusTeller(self.commander, self._publish, "/robot_node", "port robot 1")
 
@@ -81,7 +67,7 @@ def test_a_robot_of_which_nobody_knows_whether_it_moves_counts_as_moving():
     told.tell(wheels_turn=None)
     assert "moving" not in dict(told.topics) and values_of(told[0])["moving"] == "unknown"
     told.tell(wheels_turn=False)
-    told.tell(wheels_turn=None, stopped_by=ADRIFT)
+    told.tell(wheels_turn=None, stopped_by=StopReason.MAY_BE_MOVING)
     assert [value for topic, value in told.topics if topic == "moving"] == [False, True]
 
 
@@ -111,37 +97,42 @@ def test_bias_is_told_once_it_is_known(known, bias):
     assert (told["Yaw Rate"], told["Yaw Standard Deviation"]) == ("0.4700 rad/s", "0.0100 rad")
 
 
-@pytest.mark.parametrize(
-    "state, safe",
-    [
-        *((cause, "false") for cause in (NONE, "user", DISABLED, TO_MANUAL, "closed", TIMEOUT)),
-        *(
-            (cause, "true")
-            for cause in (EMERGENCY, ZONE, LINK, ADRIFT, BATTERY, HELD, WHEEL, LATE, NOT_FINITE)
-        ),
-        *((cause, "true") for cause in ("host paused", "link watchdog")),
-    ],
-)
-def test_safety_stop_is_a_violated_safety_function(state, safe):
+HARMLESS = [
+    "none",
+    "user",
+    "motors_disabled",
+    "manual_mode",
+    "closed",
+    "command_timeout",
+    "commands_unpaused",
+]
+
+
+@pytest.mark.parametrize("reason", StopReason)
+def test_safety_stop_is_a_violated_safety_function(reason):
     """The end of ordinary driving is none."""
     told = Told()
-    told.tell(stopped_by=state)
-    assert values_of(told[0])["safety stop"] == safe
+    told.tell(stopped_by=reason)
+    assert values_of(told[0])["safety stop"] == ("false" if reason in HARMLESS else "true")
 
 
 @pytest.mark.parametrize(
     "state, level, values",
     [
         ({"manual": True}, OK, {"operation mode": "manual"}),
-        ({"stopped_by": TIMEOUT}, OK, {"mode": "drive", "ready": "true", "stopped by": TIMEOUT}),
-        ({"stopped_by": EMERGENCY}, WARN, {"mode": "emergency stop", "ready": "false"}),
-        ({"stopped_by": BATTERY}, ERROR, {"mode": "battery", "ready": "false"}),
-        ({"stopped_by": "encoder"}, ERROR, {"mode": "drive", "ready": "true"}),
-        ({"stopped_by": "undervoltage"}, ERROR, {"mode": "drive", "ready": "true"}),
         (
-            {"stopped_by": "wheel blocked", "wheel_fault": True},
+            {"stopped_by": StopReason.COMMAND_TIMEOUT},
+            OK,
+            {"mode": "drive", "ready": "true", "stopped by": StopReason.COMMAND_TIMEOUT},
+        ),
+        ({"stopped_by": StopReason.EMERGENCY_STOP}, WARN, {"mode": "emergency_stop", "ready": "false"}),
+        ({"stopped_by": StopReason.BATTERY}, ERROR, {"mode": "battery", "ready": "false"}),
+        ({"stopped_by": StopReason.ENCODER}, ERROR, {"mode": "drive", "ready": "true"}),
+        ({"stopped_by": StopReason.UNDERVOLTAGE}, ERROR, {"mode": "drive", "ready": "true"}),
+        (
+            {"stopped_by": StopReason.WHEEL_BLOCKED, "wheel_fault": True},
             ERROR,
-            {"mode": "wheel mismatch", "ready": "false", "stopped by": "wheel blocked"},
+            {"mode": "wheel_mismatch", "ready": "false", "stopped by": "wheel_blocked"},
         ),
     ],
 )
@@ -151,7 +142,9 @@ def test_status_says_what_keeps_the_robot_from_moving(state, level, values):
     assert (told[0].level, values_of(told[0])["operation mode"]) == (OK, "automatic")
     told.tell(**state)
     assert told[1].level == level and values.items() <= values_of(told[1]).items()
-    assert values_of(told[0])["stopped by"] == NONE, "a latched message may be on its way to a new subscriber"
+    assert values_of(told[0])["stopped by"] == StopReason.NONE, (
+        "a latched message may be on its way to a new subscriber"
+    )
 
 
 def test_zones_are_told_where_there_are_some_and_none_is_clear_without_telemetry():

@@ -70,7 +70,7 @@ def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(rob
     wait_until(says(robot, protective_zone_clear="true"))
     wait_until(lambda: field.messages and field.messages[-1].data)
     held = says(
-        robot, stopped_by="protective zone", protective_zone_clear="false", safety_stop="true", ready="true"
+        robot, stopped_by="protective_zone", protective_zone_clear="false", safety_stop="true", ready="true"
     )
     robot.drive_until(held, 0.3)
     wait_until(lambda: not field.messages[-1].data)

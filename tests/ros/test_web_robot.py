@@ -14,6 +14,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 
 from mrl_driver.geometry import Pose
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.web.goal_drive import REACHED
 from ros1_bridge.topics import topic_robot
 from ros1_bridge.topics.topic_robot import SILENT_S, STALE_S, STILL_M_S, TopicRobot
@@ -78,7 +79,7 @@ class Bench:
         self.topics.on_odometry(message)
 
     def status(self, cause="none", ready=True, mode="drive"):
-        level, line = (0, "ready") if cause == "none" else (1, f"stopped by {cause}")
+        level, line = (0, "ready") if cause == "none" else (1, f"stopped by {StopReason(cause).words}")
         values = {"mode": mode, "ready": str(ready).lower(), "stopped by": cause}
         self.topics.on_status(
             DiagnosticStatus(level, "", line, "", [KeyValue(*pair) for pair in values.items()])
@@ -128,10 +129,12 @@ def test_sideways_speed_is_for_robots_that_can(bench):
     assert (tracked.sent, omni.sent) == ([(0.0, 0.0, 0.0, 0.0)], [(0.0, 0.0, 0.1, 0.0)])
 
 
-OWN_STOPS = "command timeout, protective zone, command too late, battery, wheel mismatch, motors disabled, no telemetry"
+OWN_STOPS = (
+    "command_timeout protective_zone command_too_late battery wheel_mismatch motors_disabled no_telemetry"
+)
 
 
-@pytest.mark.parametrize("cause", [*OWN_STOPS.split(", "), "link watchdog"])
+@pytest.mark.parametrize("cause", [*OWN_STOPS.split(), "link_watchdog"])
 def test_after_a_stop_by_the_robots_node_the_press_is_over(bench, cause):
     page = bench()
     page.drive(3)
@@ -148,26 +151,26 @@ def test_a_stop_that_another_status_follows_at_once_counts(bench):
     """The next command may end it before the server looks."""
     page = bench()
     page.drive(2)
-    page.status("command timeout")
+    page.status("command_timeout")
     page.status()
     assert page.robot.stopped_by
 
 
 def test_a_reason_from_before_the_press_has_time_to_end(bench):
     page = bench()
-    page.status("protective zone")
+    page.status("protective_zone")
     assert page.drive() == ""
     page.status()
     assert page.drive(int(FOLLOWED_S / STEP_S) + 2) == ""
     page.robot.stop()
-    page.status("protective zone")  # the robot stands before a wall: it must not set off when that goes away
+    page.status("protective_zone")  # the robot stands before a wall: it must not set off when that goes away
     assert "obstacle" in page.drive(int(FOLLOWED_S / STEP_S) + 2) and page.sent[-1] == STOP
 
 
 def test_a_robot_that_may_not_move_is_sent_nothing_but_a_stop(bench):
     """The stop clears a wheel mismatch."""
     page = bench()
-    page.status("wheel mismatch", ready=False, mode="wheel mismatch")
+    page.status("wheel_mismatch", ready=False, mode="wheel_mismatch")
     assert "wheel" in page.drive() and page.sent == []
     page.robot.stop()
     assert page.sent == [STOP]
@@ -336,7 +339,7 @@ def test_a_call_that_raises_ends_no_later_one(bench, answers, error, words):
 
 def test_an_emergency_stop_of_somebody_else_is_shown_and_obeyed(bench):
     page = bench()
-    page.status("emergency stop", ready=False, mode="emergency stop")
+    page.status("emergency_stop", ready=False, mode="emergency_stop")
     assert page.robot.latched and "emergency stop" in page.drive() and page.sent == []
     page.status()
     assert not page.robot.latched
@@ -344,7 +347,7 @@ def test_an_emergency_stop_of_somebody_else_is_shown_and_obeyed(bench):
 
 def test_a_release_waits_for_the_status(bench):
     page = bench()
-    page.status("emergency stop", ready=False, mode="emergency stop")
+    page.status("emergency_stop", ready=False, mode="emergency_stop")
     page.robot.release()
     wait_until(lambda: page.services == ["release_stop"])
     assert page.robot.latched
@@ -389,5 +392,5 @@ def test_a_warning_is_shown_unless_there_is_something_more_important(bench):
     page = bench()
     page.warning = "robot_node/cmd_vel_timeout is 0.5 s"
     assert page.notice() == page.warning
-    page.status("wheel mismatch")
+    page.status("wheel_mismatch")
     assert "wheel mismatch" in page.notice()

@@ -6,7 +6,8 @@ import pytest
 
 from mrl_driver.host.firmware_images import image_path
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.faults.faulty_engine import FaultyEngine

@@ -6,12 +6,11 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.odometry import Twist
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.events import Reconnected
-from mrl_driver.session.motion_command import STOPS
 from mrl_driver.view import words
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.rows import sections
@@ -84,8 +83,7 @@ def test_delays_are_told_by_their_parts():
 
 
 def test_every_reason_has_words():
-    reasons = {reason.replace("_", " ") for reason in (*STOPS, *STOP_REASONS)}
-    assert reasons - set(words.STOPS) == set()
+    assert set(words.STOPS) == set(StopReason)
 
 
 MISMATCH, HELD = Mismatch("left", DEAD, 0.037, 0.0), Hold("held", 1, 0, 0, 0x0013A200408B0001)
@@ -104,7 +102,7 @@ def test_a_stop_is_told_in_full():
             {"stop_reason": "user"},
             {"stop_reason": "battery"},
             {"stop_reason": "wheel_mismatch", "mismatch": MISMATCH},
-            {"stop_reason": "radio_hold", "hold": HELD},
+            {"stop_reason": StopReason.HELD, "hold": HELD},
         )
     ]
     assert told == [

@@ -42,10 +42,11 @@ def _find(text: str) -> Problem:
     Raises:
         ConfigError: there is none.
     """
-    from mrl_driver.view.words import stop_of
+    from mrl_driver.protocol.stop_reason import StopReason
+    from mrl_driver.view.words import STOPS
 
     code = text.strip("[] ").replace(" ", "_").replace("-", "_").lower()
-    row = PROBLEMS.get(code) or PROBLEMS.get(stop_of(code).code)
+    row = PROBLEMS.get(code) or PROBLEMS.get(STOPS[StopReason(code)].code)
     if row is None:
         near = difflib.get_close_matches(code, PROBLEMS, 3, 0.4)
         expected = ", ".join(near) or "one of those that mrl explain lists"

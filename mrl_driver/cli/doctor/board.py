@@ -4,6 +4,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence
 
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME, FAULTS, REASONS, SENSOR_BY_NAME
 from mrl_driver.robot import imu
 from mrl_driver.robot.hold import Hold
@@ -11,7 +12,7 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.sensor_polling import Reading, text
 from mrl_driver.session.session import Status
-from mrl_driver.view.words import why_stopped
+from mrl_driver.view.words import STOPS
 
 from .findings import FAULT, NOTE, OK, WARNING, Finding, problem
 
@@ -27,7 +28,11 @@ SLOW_ROUND_TRIP_S = 0.05
 MIN_SHARE = 0.9
 """Smallest acceptable share of the expected stream frames."""
 _NETWORK = "bring robot and access point closer together, or use a channel with less traffic"
-_FAULTY_STOPS = {"wheel_blocked": "wheel_blocked", "encoder": "encoder_dead", "undervoltage": "undervoltage"}
+_FAULTY_STOPS = {
+    StopReason.WHEEL_BLOCKED: "wheel_blocked",
+    StopReason.ENCODER: "encoder_dead",
+    StopReason.UNDERVOLTAGE: "undervoltage",
+}
 """Stops of the board that are problems, and their codes."""
 _RESETS = {"watchdog": "firmware_hung", "brown_out": "brown_out"}
 _FAULT_CODES = {"imu": "imu_dead"}
@@ -132,7 +137,7 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
         yield Finding(OK, "last start", since)
     if status.stop_reason in _FAULTY_STOPS:
         code, reason = _FAULTY_STOPS[status.stop_reason], status.stop_reason
-        text = f"{reason.replace('_', ' ')}: {why_stopped(reason)}"
+        text = f"{reason.words}: {STOPS[reason].why}"
         yield problem(WARNING, code, "last stop", text)
     if status.impossible:
         yield problem(NOTE, "encoder_noise", "encoders", f"{status.impossible} transitions skipped a state")

@@ -3,6 +3,7 @@
 from typing import Dict, List, NamedTuple, Tuple
 
 from mrl_driver.problems import PROBLEMS
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import FAULTS
 from mrl_driver.review.drive_data import DriveData
 
@@ -52,15 +53,19 @@ _RESTART = _words(
     90,
 )
 _STOPS = {
-    "link_watchdog": _words(
+    StopReason.LINK_WATCHDOG: _words(
         "watchdog_stop",
         "The board's watchdog stopped the robot {times}: no frame of the computer arrived in time.",
         52,
     ),
-    "stall": _words("board_stalled", "The board stopped the robot {times} after a stall of its own.", 80),
-    "undervoltage": _words("undervoltage", "The board stopped the robot {times} to protect the battery.", 87),
-    "wheel_blocked": _words("wheel_blocked", "The board stopped the robot {times}.", 85),
-    "encoder": _words("encoder_dead", "The board stopped the robot {times}.", 85),
+    StopReason.STALL: _words(
+        "board_stalled", "The board stopped the robot {times} after a stall of its own.", 80
+    ),
+    StopReason.UNDERVOLTAGE: _words(
+        "undervoltage", "The board stopped the robot {times} to protect the battery.", 87
+    ),
+    StopReason.WHEEL_BLOCKED: _words("wheel_blocked", "The board stopped the robot {times}.", 85),
+    StopReason.ENCODER: _words("encoder_dead", "The board stopped the robot {times}.", 85),
 }
 
 

@@ -5,6 +5,7 @@ from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.review.drive_data import DriveData
 from mrl_driver.session.session import LATE_S, STALE_S
@@ -232,7 +233,7 @@ def _pauses(silences: List[_Silence]) -> List[_Silence]:
 def _late_host(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
     """Times in which this computer neither sent nor read: what arrived came at once afterwards."""
     paused = _pauses(silences)
-    stops = [stop for stop in drive.stops if stop.reason == "host_paused"]
+    stops = [stop for stop in drive.stops if stop.reason == StopReason.HOST_PAUSED]
     long = [each for each in paused if each.end_s - each.begin_s > STALE_S]
     if not stops and not long and len(paused) < LEAST:
         return []
@@ -257,7 +258,7 @@ def _silent(drive: DriveData, silences: List[_Silence]) -> List[Finding]:
     paused = _pauses(silences)
     long = [each for each in silences if each.end_s - each.begin_s > STALE_S and each not in paused]
     long = [each for each in long if not _covers(each, restarts(drive))]
-    lost = [stop for stop in drive.stops if stop.reason == "link_lost"]
+    lost = [stop for stop in drive.stops if stop.reason == StopReason.LINK_LOST]
     ended_s = [time_s for time_s, text in drive.remarks if text.startswith("ended LinkLost")]
     held = [each for each in long if each.held]
     short = [each for each in silences if each.held]
@@ -380,7 +381,7 @@ def _command_gaps(drive: DriveData) -> List[Finding]:
     gaps = []
     for stop in drive.stops:
         after = moving[np.searchsorted(moving, stop.time_s, side="right") :]
-        if stop.reason == "command_timeout" and len(after) and after[0] - stop.time_s <= RESUMED_S:
+        if stop.reason == StopReason.COMMAND_TIMEOUT and len(after) and after[0] - stop.time_s <= RESUMED_S:
             gaps.append(stop)
     if len(gaps) < RESUMED:
         return []

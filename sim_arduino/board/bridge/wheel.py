@@ -2,6 +2,8 @@
 
 from enum import Enum
 
+from mrl_driver.protocol.stop_reason import StopReason
+
 from .integers import INT16_MAX, limit, sign, uint16
 from .speed_estimate import SpeedEstimate
 from .wheel_settings import FULL, WheelSettings
@@ -70,7 +72,7 @@ class Wheel:
 
     # ---- one period
 
-    def update(self, settings: WheelSettings, moved: int, edge_tick: int, tick: int) -> str:
+    def update(self, settings: WheelSettings, moved: int, edge_tick: int, tick: int) -> StopReason:
         """The counts and the tick of the last edge at the end of the period; why the motors must stop, or "none"."""
         edges = edge_tick != self._edge_tick
         self._edge_tick = edge_tick

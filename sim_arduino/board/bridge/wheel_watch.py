@@ -1,5 +1,7 @@
 """Finds a wheel that does not turn, and an encoder that is silent or counts in the wrong direction."""
 
+from mrl_driver.protocol.stop_reason import StopReason
+
 from .wheel_settings import FULL, WheelSettings
 
 WRONG_PERIODS = 16
@@ -13,7 +15,7 @@ PLAY = 2
 SILENT_PERIODS, BLOCKED_PERIODS = 20, 40
 EXPECTED_Q8 = 32 << 8
 _UINT8_MAX = 255
-NONE, ENCODER, BLOCKED = "none", "encoder", "wheel_blocked"
+NONE, ENCODER, BLOCKED = StopReason.NONE, StopReason.ENCODER, StopReason.WHEEL_BLOCKED
 
 
 class WheelWatch:
@@ -36,7 +38,7 @@ class WheelWatch:
         edges: bool,
         speed: int,
         controlled: bool,
-    ) -> str:
+    ) -> StopReason:
         """One period: the drive's direction and duty, the counts, whether there were edges, and the measured speed.
 
         Returns why the motors must stop, or "none".  Wrong counts matter only if the speed is `controlled`.
@@ -84,7 +86,7 @@ class WheelWatch:
 
     def _check_movement(
         self, settings: WheelSettings, duty: int, along: int, edges: bool, controlled: bool
-    ) -> str:
+    ) -> StopReason:
         self._net += along
         if duty < DRIVEN or abs(self._net) > PLAY:
             self._restart()

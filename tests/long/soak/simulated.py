@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Tu
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import FrameError, MrlError
-from mrl_driver.protocol.table import STOP_REASONS
+from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.robot.models import load
 from mrl_driver.session.events import Ready
 from sim_arduino.board import PythonBoard

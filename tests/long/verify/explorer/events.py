@@ -3,7 +3,7 @@
 from typing import Callable, Dict, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import MrlError
-from ros1_bridge.control.commander import LATE as TOO_LATE
+from mrl_driver.protocol.stop_reason import StopReason
 
 from .board import NEW_BATTERY_V
 from .judge import STEP_S, Judge
@@ -71,7 +71,7 @@ def _drive_and_stop(world: World, judge: Judge) -> None:
 def _late(world: World, judge: Judge) -> None:
     _asked(world, judge)
     judge.late = True
-    _quietly(lambda: world.commander.stop(TOO_LATE))
+    _quietly(lambda: world.commander.stop(StopReason.COMMAND_TOO_LATE))
 
 
 def _emergency(world: World, judge: Judge) -> None:

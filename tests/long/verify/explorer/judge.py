@@ -7,8 +7,7 @@ believes counts only where a property is about that.
 import math
 from typing import Optional
 
-from mrl_driver.protocol.table import STOP_REASONS
-from ros1_bridge.control.commander import LATE as TOO_LATE
+from mrl_driver.protocol.stop_reason import STOP_REASONS, StopReason
 from tests.long.soak.truth import PULSE_S
 
 from .world import World
@@ -151,7 +150,11 @@ class Judge:
         told = world.driver._core.session.motion.stop_reason
         if told != self.told and not self._is_true(told, world):
             return "P6"
-        if world.commander.stopped_by == TOO_LATE and not self.late and world.driver.command is None:
+        if (
+            world.commander.stopped_by == StopReason.COMMAND_TOO_LATE
+            and not self.late
+            and world.driver.command is None
+        ):
             return "P6"
         return ""
 
@@ -171,7 +174,7 @@ class Judge:
         if reason == "battery":
             return self.empty
         causes = {
-            "stale": max(line.fault_s, self.hung_s),
+            "no_telemetry": max(line.fault_s, self.hung_s),
             "link_watchdog": max(line.fault_s, self.hung_s),
             "check_ended": line.fault_s,
             "link_lost": self.port_s,
