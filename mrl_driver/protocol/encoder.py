@@ -1,12 +1,11 @@
 """Frames to bytes, checked against the rows of the table."""
 
-from binascii import crc_hqx
 from typing import Optional, Sequence
 
 from mrl_driver.arguments import number_of, require_whole, shown
 from mrl_driver.errors import FrameError
 
-from .frames import Stamp
+from .frames import Stamp, check_value
 from .table import BY_CODE, WRAP, Command, Field
 
 
@@ -69,5 +68,4 @@ def _encode(
     body = (b"@%d" + b",%d" * (len(args) + len(tail))) % (row.code + wrap, *numbers, *tail)
     if not checked:
         return body + b"e"
-    check = crc_hqx(body, 0xFFFF)  # `frames.check_value`, without a call
-    return b"%s,%de" % (body, check - 65536 if check > 32767 else check)
+    return b"%s,%de" % (body, check_value(body))

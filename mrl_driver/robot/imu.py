@@ -134,20 +134,17 @@ class ImuTracker:
             ahead_s = time_s - counted_s
             if -SILENT_S < ahead_s < SILENT_S:  # the odometry is some milliseconds older or newer
                 yaw_rad += (rate[2] - heading.bias_rad_s) * ahead_s
-        self.last = _new(
-            Imu,
-            (
-                reading.stamp_s,
-                rate,
-                accel,
-                wrap_angle(yaw_rad),
-                uncertainty.spread[5] if uncertainty is not None else math.inf,
-                heading.bias_rad_s,
-                math.sqrt(heading.bias_variance),
-                heading.bias_known,
-                self.state,
-                reading,
-            ),
+        self.last = Imu(
+            reading.stamp_s,
+            rate,
+            accel,
+            wrap_angle(yaw_rad),
+            uncertainty.spread[5] if uncertainty is not None else math.inf,
+            heading.bias_rad_s,
+            math.sqrt(heading.bias_variance),
+            heading.bias_known,
+            self.state,
+            reading,
         )
         self.changed = None if self.state in (self._told, LEARNING) else self._news()
         return self.last
@@ -222,6 +219,3 @@ def state_of(tracker: Optional[ImuTracker], capabilities: FrozenSet[str]) -> str
     if tracker is not None:
         return tracker.state
     return OFF if "imu" in capabilities else ABSENT
-
-
-_new = tuple.__new__

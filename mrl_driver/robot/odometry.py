@@ -238,7 +238,7 @@ class Odometry:
         right, left, dt_s = step
         if right or left:
             travel = self.travel
-            self.travel = _new(Wheels, (travel.right + right, travel.left + left))
+            self.travel = Wheels(travel.right + right, travel.left + left)
             ds = right * self._forward[0] + left * self._forward[1]
             turn = right * self._turning[0] - left * self._turning[1]
         else:
@@ -256,7 +256,7 @@ class Odometry:
         elif uncertainty is not None:
             uncertainty.stand(dt_s, gyro)
         if dt_s > self._interval_s and self._waiting is _NOTHING:
-            self.twist = _new(Twist, (ds / dt_s, turn / dt_s))
+            self.twist = Twist(ds / dt_s, turn / dt_s)
         else:
             self._differentiate(ds, turn, dt_s)
         return True
@@ -277,6 +277,3 @@ class Odometry:
             return
         self._waiting = _NOTHING
         self.twist = Twist(ds / dt_s, turn / dt_s)
-
-
-_new = tuple.__new__

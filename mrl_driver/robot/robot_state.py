@@ -266,12 +266,9 @@ class RobotState:
         uncertainty, heading = odometry.uncertainty, odometry.heading
         assert uncertainty is not None
         gyro = heading is not None and heading.in_use
-        telemetry = self.telemetry = _new(
-            Telemetry,
-            (
-                *(event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence),
-                *(gyro, uncertainty.spread, uncertainty.variances),
-            ),
+        telemetry = self.telemetry = Telemetry(
+            *(event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence),
+            *(gyro, uncertainty.spread, uncertainty.variances),
         )
         return telemetry
 
@@ -402,6 +399,3 @@ def _wrong(board: Board, model: RobotModel) -> WrongRobot:
         f"the board is {named}, expected {model.name} (id {ids}): choose the other robot model, or set "
         "the board's id with: mrl set-id"
     )
-
-
-_new = tuple.__new__

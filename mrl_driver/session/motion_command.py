@@ -88,16 +88,11 @@ class Motion:
 
         `moves` says whether the command was to move, if its limited speeds may still be zero.
         """
-        turns = any(speeds)
-        wants = turns if moves is None else moves
+        wants = any(speeds) if moves is None else moves
         if wants and (self.target is None or not self._moves):
             self._moves_since_s = now
         self._moves = wants
-        if turns:  # as in `_set`, without a call
-            self.target, self._turning, self.settling = speeds, True, False
-            self._still_since_s, self._still = None, 0
-        else:
-            self._set(speeds)
+        self._set(speeds)
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
         self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)

@@ -211,8 +211,7 @@ class Session:
             return motion.target == motion.sent is not None
         request = motion.take(now)
         if request is not None:
-            checked = self._decoder.checked and request[0] != STOP  # as in `_send`, without a call
-            self.out += _encode(*request, checked=checked, wrapped=self._wrapped)
+            self._send(*request)
         return True
 
     def adjust(self, speeds: Speeds, now: float) -> None:
@@ -413,7 +412,7 @@ class Session:
         self, code: int, *args: int, checked: Optional[bool] = None, wrapped: Optional[bool] = None
     ) -> None:
         """Queue a request.  A stop never has a checksum, because the board accepts a plain stop in every state."""
-        checked = self.checked if checked is None else checked
+        checked = self._decoder.checked if checked is None else checked
         wrapped = self._wrapped if wrapped is None else wrapped
         self.out += _encode(code, *args, checked=checked and code != STOP, wrapped=wrapped)
 
@@ -557,7 +556,7 @@ class Session:
         elif motion.target is None and counts != self._last and self._requested_s == math.inf:
             self._on_uncommanded_motion(now)
         self._last, self.last_frame = counts, frame
-        events.append(_new(Counts, (args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear)))
+        events.append(Counts(args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear))
 
     def _on_uncommanded_motion(self, now: float) -> None:
         """The wheels turn without a command: perhaps the line has delivered a move after its stop.  Send a stop, and
@@ -666,6 +665,3 @@ class Session:
         imu = self._poll.imu_s < math.inf
         events.append(Ready(self.board, self._restarted, self.checked, coast_s, imu))
         self._restarted = False
-
-
-_new = tuple.__new__

@@ -1,7 +1,8 @@
 """Serializes the messages that come many times a second directly from numbers.  Pure.
 
-The bytes equal those of genpy, in a tenth of its time.  ROS messages are little-endian and unpadded.  A string, or an
-array without a fixed length, starts with its length (uint32).  TCPROS puts the length of the message before it.
+The bytes equal those of genpy.  They save half of the CPU of a message: 5.5 of 10.3 us for `odom` and `/tf`, medians of
+60 rounds, measured as in `fast_publisher`.  ROS messages are little-endian and unpadded.  A string, or an array without
+a fixed length, starts with its length (uint32).  TCPROS puts the length of the message before it.
 """
 
 import struct
