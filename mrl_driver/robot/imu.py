@@ -8,7 +8,7 @@ from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.session.events import GYRO_RAD_S, ImuChanged, ImuReading
 
-from .heading import HeadingFilter
+from .heading import SILENT_S, HeadingFilter
 from .models import RobotModel
 from .odometry import Odometry
 
@@ -39,8 +39,6 @@ STATES = (OFF, WAITING, LEARNING, IN_USE, *REASONS)
 second.  `in use`: the heading comes from gyro and wheels.  The others are the reasons why the gyro is not used.
 """
 
-SILENT_S = 0.1
-"""The gyro is not used if its last reading is older than this [s]."""
 REPEATS = 2
 """A reading that repeats this many times in all six numbers is frozen: noise changes some number of each reading."""
 FULL_SCALE_RAD_S = INT16_MAX * GYRO_RAD_S

@@ -7,8 +7,8 @@ from typing import Optional
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.teleop_keys import Teleop
-from mrl_driver.view.shown_state import ShownState
-from ros1_bridge.topics.topic_robot import STALE_S, TopicRobot
+from mrl_driver.view.shown_state import SILENT_S, ShownState
+from ros1_bridge.topics.topic_robot import TopicRobot
 
 CORNERS = 4
 """A square ends where it began."""
@@ -67,7 +67,7 @@ class DemoScreen(Screen):
         elif self.square.corner == CORNERS:
             self.square = None
             self._robot.stop()
-        elif self._robot.age_s < STALE_S:
+        elif self._robot.age_s < SILENT_S:
             self._robot.drive(*self.square.command(self._robot.pose))
         elif self._robot.command is not None:
             self._robot.stop()

@@ -5,7 +5,7 @@ Its unqueued publishers wait forever for a subscriber that has stopped reading. 
 sockets; a subscriber that does not read misses messages until it reads again.
 
 What it saves: CPU for one message of `odom` and one of `/tf` to one subscriber, filled in and sent, in 60 interleaved
-rounds of 400 pairs on a loaded PC, median (quartiles): rospy's unqueued publisher 19.3 us (15.1 to 24.9), `Fast.publish`
+rounds of 400 pairs on a busy PC, median (quartiles): rospy's unqueued publisher 19.3 us (15.1 to 24.9), `Fast.publish`
 10.3 us (9.5 to 12.5), `Fast.send` of bytes by `serialized_messages` 4.8 us (4.1 to 6.0).
 """
 

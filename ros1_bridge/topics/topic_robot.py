@@ -15,16 +15,13 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
-from mrl_driver.view.shown_state import Row, ShownState, errors_row, moves_sideways
+from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
+from mrl_driver.view.shown_state import SILENT_S, Row, ShownState, errors_row, moves_sideways
 
 SONARS = ("front", "left", "right")
 """The board reads no others."""
-STALE_S = 0.3
-"""Odometry that is older than this counts as none [s]."""
 LOW_SHARE = 0.1
 """With a lower charge the battery is shown as low."""
-SILENT_S = 1.0
-"""A range that is older than this counts as no reading; each sonar measures every 0.3 s [s]."""
 STILL_M_S, STILL_RAD_S = 0.005, 0.02
 """A slower robot stands."""
 LINK, MOTION = "Link", "Motion"
@@ -110,15 +107,15 @@ class TopicRobot:
 
     @property
     def ranges(self) -> Dict[str, float]:
-        """The last range of each sonar (REP 117) [m]; NaN if it is older than `SILENT_S`."""
-        oldest_s = time.monotonic() - SILENT_S
+        """The last range of each sonar (REP 117) [m]; NaN if it is older than `RANGE_STALE_S`."""
+        oldest_s = time.monotonic() - RANGE_STALE_S
         return {name: m if at_s >= oldest_s else math.nan for name, (m, at_s) in self._ranges.items()}
 
     @property
     def stands_s(self) -> float:
-        """How long odometry says that the robot stands [s]; 0 if it moves, or if odometry is older than `STALE_S`."""
+        """How long odometry says that the robot stands [s]; 0 if it moves, or if odometry is older than `SILENT_S`."""
         return (
-            self._heard_s - self._moved_s if self.age_s < STALE_S and self._moved_s < self._heard_s else 0.0
+            self._heard_s - self._moved_s if self.age_s < SILENT_S and self._moved_s < self._heard_s else 0.0
         )
 
     @property
@@ -167,7 +164,7 @@ class TopicRobot:
             OmniTwist(linear.x, angular, linear.y) if moves_sideways(self.model) else Twist(linear.x, angular)
         )
         now_s = time.monotonic()
-        if self.age_s >= STALE_S or math.hypot(linear.x, linear.y) > STILL_M_S or abs(angular) > STILL_RAD_S:
+        if self.age_s >= SILENT_S or math.hypot(linear.x, linear.y) > STILL_M_S or abs(angular) > STILL_RAD_S:
             self._moved_s = now_s
         self._heard_s = now_s
         for listener in self._listeners:
@@ -222,7 +219,7 @@ class TopicRobot:
             self._charge,
             self.battery_state,
             board,
-            age_s < STALE_S,
+            age_s < SILENT_S,
             age_s,
             errors_row(
                 int(link.get("Lost Frames", "0")),

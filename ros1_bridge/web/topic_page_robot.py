@@ -11,12 +11,12 @@ from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import OmniTwist, Twist
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
-from mrl_driver.view.shown_state import moves_sideways
+from mrl_driver.view.shown_state import SILENT_S, moves_sideways
 from mrl_driver.view.words import STOPS, stopped_text
 from mrl_driver.web.driver_robot import REMEDY
 from mrl_driver.web.goal_drive import GoalDrive
 from mrl_driver.web.robot import PhoneReading, Recorded
-from ros1_bridge.topics.topic_robot import NO_STOP, STALE_S, TopicRobot
+from ros1_bridge.topics.topic_robot import NO_STOP, TopicRobot
 
 from .bag_recording import BagRecording
 from .emergency_stop import EmergencyStop
@@ -236,7 +236,7 @@ class TopicPageRobot:
         robot = self._robot
         if self.latched:
             return _with_remedy(STOPS[StopReason.EMERGENCY_STOP].why, StopReason.EMERGENCY_STOP)
-        if robot.age_s >= STALE_S:
+        if robot.age_s >= SILENT_S:
             return SILENT
         if robot.status.get("ready") == "false":
             return _with_remedy(STOPS[robot.stop_reason].why, robot.stop_reason)

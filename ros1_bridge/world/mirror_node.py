@@ -30,6 +30,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import NAMES
 from mrl_driver.safety.free_distance import COVERED_RAD
+from mrl_driver.safety.protective_zones import STALE_S
 from mrl_driver.yaml_file import short
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import correction, planar, yaw_of
@@ -49,8 +50,6 @@ RAY_RAD = math.radians(1.0)
 LASER_NEAR_M = 0.02
 ODOM_LATE_S = 0.5
 """If odometry is older than this, the place of the robot is not known."""
-SILENT_S = 1.0
-"""A sonar that has been silent for this time has no valid range: three cycles."""
 PLACE_LATE_S = 2.0
 """The frame of the map must be on tf within this time; amcl and gmapping repeat it many times a second."""
 JUMP_M = 0.5
@@ -215,7 +214,7 @@ class MirrorNode:
         self._place = Place(given["localisation"], given["map_frame"], start, self._buffer)
         self._odometry: Optional[Odometry] = None
         self._odometry_age = StampAge(ODOM_LATE_S)
-        self._range_ages = {name: StampAge(SILENT_S) for name in NAMES}
+        self._range_ages = {name: StampAge(STALE_S) for name in NAMES}
         self._mounts: Dict[str, SonarMount] = {}
         self._heard: Dict[str, Range] = {}
         self._laser_mount: Optional[Pose] = None
@@ -245,7 +244,7 @@ class MirrorNode:
             now_s = time.monotonic()
             with self._lock:
                 trouble = self._trouble(now_s)
-                silent = [name for name in self._heard if now_s - self._range_ages[name].made_s > SILENT_S]
+                silent = [name for name in self._heard if now_s - self._range_ages[name].made_s > STALE_S]
                 scan = self._virtual_scan() if not (self._laser or trouble) else None
             for name in silent:
                 self._publish(name, self._heard[name], math.nan, rospy.Time.now())

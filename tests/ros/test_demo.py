@@ -16,8 +16,9 @@ from mrl_driver import geometry
 from mrl_driver.navigation.line_follower import FollowerLimits, Square
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, Teleop
+from mrl_driver.view.shown_state import SILENT_S
 from ros1_bridge.demo.demo_screen import PATIENCE_S, DemoScreen
-from ros1_bridge.topics.topic_robot import STALE_S, TopicRobot
+from ros1_bridge.topics.topic_robot import TopicRobot
 
 STEP_S = 0.05
 LAG = 0.4
@@ -121,7 +122,7 @@ def test_the_square_ends_where_it_began(demo):
 def test_the_square_stops_while_there_is_no_odometry(demo):
     view = demo(square=True)
     view.drive()
-    view.steer(after_s=STALE_S)
+    view.steer(after_s=SILENT_S)
     assert view.published[-1] == (0.0, 0.0) and view.robot.command is None
 
 

@@ -15,9 +15,11 @@ from sensor_msgs.msg import Range
 
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
+from mrl_driver.view.shown_state import SILENT_S
 from mrl_driver.web.goal_drive import REACHED
 from ros1_bridge.topics import topic_robot
-from ros1_bridge.topics.topic_robot import SILENT_S, STALE_S, STILL_M_S, TopicRobot
+from ros1_bridge.topics.topic_robot import STILL_M_S, TopicRobot
 from ros1_bridge.web import emergency_stop, topic_page_robot
 from ros1_bridge.web.emergency_stop import EmergencyStop
 from ros1_bridge.web.topic_page_robot import FOLLOWED_S, PAUSE_S, STANDS_S, TopicPageRobot
@@ -179,7 +181,7 @@ def test_a_robot_that_may_not_move_is_sent_nothing_but_a_stop(bench):
 def test_silent_odometry_ends_the_press(bench):
     page = bench()
     page.drive(2)
-    page.now_s += STALE_S + STEP_S
+    page.now_s += SILENT_S + STEP_S
     assert "no odometry" in page.robot.drive(*FORWARD)
     assert page.sent == [FORWARD] * 2 + [STOP]
     assert page.drive(), "odometry is back, the control is still held"
@@ -370,7 +372,7 @@ def test_an_old_range_is_no_reading(bench):
     page = bench()
     page.topics.on_range(Range(range=0.5), "front")
     assert page.robot.ranges == {"front": 0.5}
-    page.now_s += 2 * SILENT_S
+    page.now_s += 2 * RANGE_STALE_S
     assert math.isnan(page.robot.ranges["front"])
 
 
