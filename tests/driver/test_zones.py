@@ -85,6 +85,17 @@ def test_zones_that_are_not_known_to_be_free_are_not_clear():
     assert not zones.outer_clear
 
 
+@pytest.mark.parametrize(
+    ("zone", "length_m"), [("warning_clear", ZONES.warning_m), ("outer_clear", ZONES.outer_edge_m)]
+)
+def test_a_zone_that_warns_is_left_by_the_hysteresis_later(zone, length_m):
+    zones, clear = with_laser(), []
+    for more_m in (0.01, -0.01, 0.04, 0.06):
+        saw(zones, length_m + ZONES.growth_m(0.1) + more_m).limit(0.1, 0.0)
+        clear.append(getattr(zones, zone))
+    assert clear == [True, False, False, True]
+
+
 def test_the_protective_zone_stops_and_lets_go_by_the_hysteresis_later():
     zones = with_laser()
     edge_m = ZONES.protective_m + ZONES.growth_m(LEAST_M_S)
