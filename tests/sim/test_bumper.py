@@ -174,15 +174,6 @@ def test_leaning_on_a_wall_takes_few_looks(monkeypatch):
     assert 50 <= len(looks) <= 500
 
 
-def test_it_can_back_out():
-    world = World([Wall(0.5, -1, 0.5, 1)])
-    plant = driven(world)
-    plant.motor_board.move_differential(4.0, -400, 0)
-    plant.advance(9.0)
-    assert plant.true_pose.x_m < 0.3
-    assert not plant.robot.state.bumped
-
-
 def test_a_box_cannot_turn_beside_a_wall():
     """Its side is 1 mm away, its corners need 50 mm more."""
     gap = 0.5 * TRAXBOT.body.width_m + 0.001

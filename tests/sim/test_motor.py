@@ -466,14 +466,3 @@ def test_half_the_nominal_voltage_gives_half_the_no_load_speed(nominal_v):
     motor.set_duty(1.0)
     motor.move(5.0, 0.5 * nominal_v)
     assert motor.speed == pytest.approx(6000.0)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_brake_ends_at_rest(sign):
-    """After v^2 / 2a."""
-    motor = spinning(sign * 5000.0)
-    motor.move(10.0, VOLTS)
-    assert (motor.travel, motor.speed) == (
-        pytest.approx(sign * 5000.0**2 / (2 * PARAMS.brake_counts_s2)),
-        0.0,
-    )
