@@ -85,9 +85,7 @@ def test_zones_that_are_not_known_to_be_free_are_not_clear():
     assert not zones.outer_clear
 
 
-@pytest.mark.parametrize(
-    ("zone", "length_m"), [("warning_clear", ZONES.warning_m), ("outer_clear", ZONES.outer_edge_m)]
-)
+@pytest.mark.parametrize(("zone", "length_m"), [("warning_clear", 0.5), ("outer_clear", 1.0)])
 def test_a_zone_that_warns_is_left_by_the_hysteresis_later(zone, length_m):
     zones, clear = with_laser(), []
     for more_m in (0.01, -0.01, 0.04, 0.06):

@@ -89,7 +89,6 @@ def test_a_motion_passes_a_place_when_it_was_there(share, speed, acceleration, r
 
 
 def test_the_place_where_a_wheel_comes_to_rest_is_found_to_a_tenth_of_a_microsecond():
-    """Each look there but halves the error."""
     motion = Motion(0.0, math.log(2.0), 0.0, 100.0, -200.0, 1.0)
     assert motion.time_at(motion.after(math.log(2.0))[0]) == pytest.approx(math.log(2.0), abs=1e-7)
 
