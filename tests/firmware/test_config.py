@@ -86,10 +86,9 @@ def test_every_damaged_byte_is_caught(bench, place):
 def test_saved_image_is_the_documented_one(bench):
     """Id as float at 0, the block at 16, and nothing else."""
     board = bench(eeprom=BLANK)
-    for robot_id in (4, 5):  # a second save writes again
-        board.send("write_config", 0, robot_id)
-        board.send("save_config", wait_s=SAVED_S)
-        assert board.board.eeprom == parameter_store.image([robot_id, *parameter_store.defaults(0)[1:]])
+    board.send("write_config", 0, 5)
+    board.send("save_config", wait_s=SAVED_S)
+    assert board.board.eeprom == parameter_store.image([5, *parameter_store.defaults(0)[1:]])
 
 
 def test_saving_does_not_hold_up_the_loop(bench):
@@ -114,6 +113,8 @@ def test_eeprom_that_takes_nothing_is_reported(bench):
     board.board.native.pc_break_eeprom(1)
     board.send("write_config", 10, 300)
     assert board.ask("save_config", wait_s=SAVED_S).args == (0,) and board.faults() & FAULT["eeprom"]
+    board.board.native.pc_break_eeprom(0)
+    assert board.ask("save_config", wait_s=SAVED_S).args == (1,), "a second save writes again"
 
 
 def test_saving_clears_the_fault(bench):
