@@ -330,6 +330,15 @@ def test_minus_one_is_spelt_zero_for_boards_that_drop_it(skips, speeds, sent):
     assert driven(speeds=speeds, sent=False, skip_minus_one=skips).take(0.0) == (MOVE, *sent)
 
 
+def test_time_of_standstill_is_a_difference():
+    motion = Motion()
+    motion.stop()
+    motion.take(1000.0)
+    for frame in range(STILL_FRAMES + 1):
+        motion.observe(False, 1000.0 + frame * 0.001)
+    assert motion.stopping
+
+
 @pytest.mark.parametrize("set_speeds", SET_SPEEDS, ids=["drive", "adjust"])
 def test_standstill_before_a_motion_confirms_nothing_after_it(set_speeds):
     motion = driven(sent=False)

@@ -165,15 +165,6 @@ def test_a_wall_stops_the_robot_at_its_bow():
     assert slipping_m > 1.0
 
 
-def test_leaning_on_a_wall_takes_few_looks(monkeypatch):
-    """At 50 steps a second; the first contact alone is searched for."""
-    plant, looks = driven(World([Wall(0.5, -1, 0.5, 1)])), []
-    touching = World.touching
-    monkeypatch.setattr(World, "touching", lambda *args: looks.append(args) or touching(*args))
-    plant.advance(5.0)
-    assert 50 <= len(looks) <= 500
-
-
 def test_a_box_cannot_turn_beside_a_wall():
     """Its side is 1 mm away, its corners need 50 mm more."""
     gap = 0.5 * TRAXBOT.body.width_m + 0.001
