@@ -229,6 +229,9 @@ class RecordedDriver(Driver):
         ConfigError: the file is not a recording, or the robot model is unknown or invalid.
     """
 
+    _core: _RecordedCore
+    _core_kind = _RecordedCore
+
     def __init__(self, recording: Union[str, Recording], robot: Union[str, RobotModel] = "auto") -> None:
         self.recording = recording if isinstance(recording, Recording) else Recording(recording)
         header, opening = self.recording.header, _opening(self.recording)
@@ -244,9 +247,9 @@ class RecordedDriver(Driver):
         elif opening.model is not None:
             robot = opening.model
         super().__init__(_RecordedPort(str(header.get("port", ""))), robot, options=options)
-        self._core: _RecordedCore = _RecordedCore(self._core.state.model, options)
-        self._clock = lambda: self._now
-        self._closing = True  # all that would be sent is refused
+        self._connection.clock = lambda: self._now
+        self._connection.closing = True
+        self._connection.refusal = f"nothing is sent to the robot of a recording ({self.recording.path})"
         self._turns_known = self._core.has_mismatches = opening.has_turns
         self._played = self._quiet = False
         self._serving = not opening.has_turns
@@ -325,9 +328,6 @@ class RecordedDriver(Driver):
     def __enter__(self) -> "RecordedDriver":
         return self
 
-    def _refuse(self) -> NoReturn:
-        raise LinkLost(f"nothing is sent to the robot of a recording ({self.recording.path})")
-
     def _require_content(self, entries: int) -> None:
         path, robot_id = self.recording.path, self._missing.robot_id
         if not entries:
@@ -383,7 +383,7 @@ class RecordedDriver(Driver):
 
     def _tell(self, events: Sequence[Any]) -> None:
         for event in () if self._quiet else events:
-            for listener in self._listeners.get(type(event), self._on_state):
+            for listener in self._connection.listeners.get(type(event), self._connection.on_state):
                 listener(event)
 
     def _take_read(self, data: bytes, now: float) -> None:

@@ -18,10 +18,12 @@ from mrl_driver.errors import BoardTimeout, LinkError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.recording.recording import ENDED
 from mrl_driver.robot.models import RobotModel
-from mrl_driver.session.handshake import Board
 
-from .driver import ANSWER_S, ATTEMPTS, CLOSE_S, Driver
+from .connection import ANSWER_S, ATTEMPTS, CLOSE_S, Connection
+from .driver import Driver
+from .link_source import LinkSource
 from .options import DEFAULTS, Options, require_range, require_timeout
+from .robot_core import Core
 
 LONGEST_PAUSE_S = 1e6
 LEAST_STEP_S = 1e-4
@@ -104,8 +106,100 @@ class SteppedLink:
         raise LinkError(f"{self.port} has no speed")
 
 
+class SteppedConnection(Connection):
+    """A connection without a thread: it reads while the program waits.
+
+    Attributes:
+        record: file of a recording that begins with `connect`; None without one.
+    """
+
+    record: Optional[str] = None
+
+    def __init__(self, core: Core, links: LinkSource, line_baud: int, identifies: bool) -> None:
+        super().__init__(core, links, line_baud, identifies)
+        self.board: SteppedLink = links.first(self.tell)  # type: ignore[assignment]
+        self.clock = lambda: self.board.now_s
+
+    def connect(self) -> None:
+        """As `SteppedDriver.connect`."""
+        if self.core.begun:
+            raise MrlError("this driver was connected already; create another one to connect again")
+        self.link = self.board
+        if self.record is not None:
+            self.link = self.links.record_stepped(self.board, self.record, self.clock)
+        self.core.begin(self.clock())
+        while not self.core.state.settled:
+            self._step(math.inf)
+
+    def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
+        """As `Driver.ask`."""
+        with self.stop_if_refused():
+            wait_s = require_timeout("timeout_s", timeout_s)
+        core = self.core
+        for _ in range(ATTEMPTS):
+            self.request(code, *args)
+            core.replies.pop(code, None)
+            end_s = self.clock() + (math.inf if wait_s is None else wait_s)
+            while core.answer(code, args) is None and self.clock() < end_s:
+                self._step(end_s)
+            reply = core.answer(code, args)
+            if reply is not None:
+                return reply
+        raise BoardTimeout(f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s} s; try again")
+
+    def wait(self, timeout_s: Optional[float] = None) -> bool:
+        """As `SteppedDriver.wait`."""
+        with self.stop_if_refused():
+            timeout_s = require_timeout("timeout_s", timeout_s)
+        end_s = self.clock() + (math.inf if timeout_s is None else timeout_s)
+        while self.clock() < end_s and not self.closing:
+            self._step(end_s)
+        return self.closing
+
+    def close(self) -> None:
+        """Stop the robot and end the session with the board."""
+        if self.closing or not self.core.begun:
+            return
+        try:
+            self.core.leaving = True
+            if self.error is None:
+                self.stop_for_good()
+                end_s = self.clock() + CLOSE_S
+                while not self.stopped and self.clock() < end_s:
+                    self._step(end_s)
+                self.core.session.end()
+                self.flush()
+        finally:
+            self.closing = True
+            self.links.end_recording()
+
+    def _step(self, end_s: float) -> None:
+        """Advance to the next time at which board or driver has something to do, but not beyond `end_s`."""
+        core = self.connected()
+        now = self.clock()
+        due_s = min(end_s, max(core.deadline(now), now + LEAST_STEP_S))
+        self.process(self.board.read(due_s - now))
+
+    def process(self, data: bytes) -> None:
+        """Give these bytes to the core now, and call the listeners."""
+        try:
+            events = self.turn_recorded(data, self.clock())
+            self.flush()
+        except MrlError as error:
+            self.error = error
+            self.remark(ENDED + f"{type(error).__name__}: {error}".encode("utf-8", "replace"))
+            self.core.session.stop(self.clock(), StopReason.CLOSED)
+            self.flush()
+            raise
+        for event in events:
+            for listener in self.listeners.get(type(event), self.on_state):
+                listener(event)
+
+
 class SteppedDriver(Driver):
     """A robot on a `stepped` board, without a thread.  Time passes in `connect`, `wait`, `ask`, `pause` and `close`.
+
+    Errors are those of `Driver`, but for those of ports.
 
     Args:
         stepped: the board; its time starts at 0.
@@ -116,59 +210,16 @@ class SteppedDriver(Driver):
         ConfigError: the robot model is unknown or invalid, or an option is out of range.
     """
 
+    _connection: SteppedConnection
+    _connection_kind = SteppedConnection
+
     def __init__(
         self, stepped: Stepped, robot: Union[str, RobotModel] = "auto", options: Options = DEFAULTS
     ) -> None:
         require_kind("stepped", stepped, Stepped, "a board in simulated time")
-        self._board = SteppedLink(stepped, float if options.record is None else whole_us)
-        super().__init__(self._board, robot, options=options._replace(record=None))
-        self._clock, self._record = lambda: self._board.now_s, options.record
-
-    def connect(self) -> Board:
-        """As `Driver.connect`, but without the errors of ports.
-
-        Raises:
-            ConfigError: the recording cannot be written.
-        """
-        if self._core.begun:
-            raise MrlError("this driver was connected already; create another one to connect again")
-        self._link = self._board
-        if self._record is not None:
-            self._link = self._links.record_stepped(self._board, self._record, self._clock)
-        self._core.begin(self.now_s)
-        while not self._core.state.settled:
-            self._step(math.inf)
-        return self.board
-
-    def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
-        """As `Driver.ask`."""
-        with self._stop_if_refused():
-            wait_s = require_timeout("timeout_s", timeout_s)
-        core = self._core
-        for _ in range(ATTEMPTS):
-            self.request(code, *args)
-            core.replies.pop(code, None)
-            end_s = self.now_s + (math.inf if wait_s is None else wait_s)
-            while core.answer(code, args) is None and self.now_s < end_s:
-                self._step(end_s)
-            reply = core.answer(code, args)
-            if reply is not None:
-                return reply
-        raise BoardTimeout(f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s} s; try again")
-
-    def wait(self, timeout_s: Optional[float] = None) -> bool:
-        """Let `timeout_s` pass; True if the driver was closed during that time.
-
-        Raises:
-            ConfigError: `timeout_s` is not a number, or NaN.
-            MrlError: the driver failed; this is the error.
-        """
-        with self._stop_if_refused():
-            timeout_s = require_timeout("timeout_s", timeout_s)
-        end_s = self.now_s + (math.inf if timeout_s is None else timeout_s)
-        while self.now_s < end_s and not self._closing:
-            self._step(end_s)
-        return self._closing
+        board = SteppedLink(stepped, float if options.record is None else whole_us)
+        super().__init__(board, robot, options=options._replace(record=None))
+        self._connection.record = options.record
 
     def pause(self, seconds: float) -> None:
         """Simulate a suspended process: the board keeps running, and its bytes are read after `seconds`.
@@ -177,50 +228,12 @@ class SteppedDriver(Driver):
             ConfigError: `seconds` is not a number from 0 to `LONGEST_PAUSE_S`.
             MrlError: the driver failed; this is the error.
         """
-        with self._stop_if_refused():
+        connection = self._connection
+        with connection.stop_if_refused():
             seconds = require_range("seconds", seconds, 0, LONGEST_PAUSE_S, "s", whole=False)
-        self._connected()
-        self._process(self._board.skip(seconds))
-
-    def close(self) -> None:
-        """Stop the robot and end the session with the board."""
-        if self._closing or not self._core.begun:
-            return
-        try:
-            self._core.leaving = True
-            if self._error is None:
-                self._stop_for_good()
-                end_s = self.now_s + CLOSE_S
-                while not self.stopped and self.now_s < end_s:
-                    self._step(end_s)
-                self._core.session.end()
-                self._flush()
-        finally:
-            self._closing = True
-            self._links.end_recording()
+        connection.connected()
+        connection.process(connection.board.skip(seconds))
 
     def __enter__(self) -> "SteppedDriver":
         self.connect()
         return self
-
-    def _step(self, end_s: float) -> None:
-        """Advance to the next time at which board or driver has something to do, but not beyond `end_s`."""
-        core = self._connected()
-        now = self.now_s
-        due_s = min(end_s, max(core.deadline(now), now + LEAST_STEP_S))
-        self._process(self._board.read(due_s - now))
-
-    def _process(self, data: bytes) -> None:
-        """Give these bytes to the core now, and call the listeners."""
-        try:
-            events = self._turn_recorded(data, self.now_s)
-            self._flush()
-        except MrlError as error:
-            self._error = error
-            self._remark(ENDED + f"{type(error).__name__}: {error}".encode("utf-8", "replace"))
-            self._core.session.stop(self.now_s, StopReason.CLOSED)
-            self._flush()
-            raise
-        for event in events:
-            for listener in self._listeners.get(type(event), self._on_state):
-                listener(event)

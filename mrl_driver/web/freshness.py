@@ -12,7 +12,7 @@ import time
 from collections import deque
 from typing import Deque, Optional, Tuple
 
-from mrl_driver.driver.driver import CLOCK_BOOTTIME
+from mrl_driver.driver.connection import CLOCK_BOOTTIME
 from mrl_driver.safety.operator_delay import DRIFT
 
 WINDOW_S, APART_S = 10.0, 0.01

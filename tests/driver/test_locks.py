@@ -7,7 +7,7 @@ import pytest
 
 from mrl_driver import lock_order
 from mrl_driver.driver import Driver, Options
-from mrl_driver.driver.driver import QUEUE_BYTES
+from mrl_driver.driver.connection import QUEUE_BYTES
 from mrl_driver.errors import LinkLost, MrlError
 from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
 from mrl_driver.protocol.table import BY_NAME

@@ -6,8 +6,7 @@ import time
 
 import pytest
 
-from mrl_driver.driver import Driver, Options
-from mrl_driver.driver import driver as driver_module
+from mrl_driver.driver import Driver, Options, connection
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, MrlError
 from mrl_driver.protocol.table import BAUD, BY_NAME, MAX_FRAME, STOP_CODE
@@ -202,11 +201,11 @@ def block(driver, line):
 
 
 def test_a_command_that_waits_for_a_short_write_of_another_thread_is_sent(driver, line, monkeypatch):
-    monkeypatch.setattr(driver_module, "WRITE_TIMEOUT_S", PATIENCE_S)
+    monkeypatch.setattr(connection, "WRITE_TIMEOUT_S", PATIENCE_S)
     blocker, sent = block(driver, line), []
     driving = threading.Thread(target=lambda: sent.append(driver.drive(0.1, 0.0)))
     driving.start()
-    wait_until(lambda: driver._queuing, what="the command that waits")
+    wait_until(lambda: driver._connection.queuing, what="the command that waits")
     line.open.set()
     driving.join()
     assert sent == [True]
@@ -240,8 +239,8 @@ def test_requests_wait_for_the_line_so_that_a_stop_does_not_wait_for_them(driver
     sent, begun_s = driver.statistics.bytes_out, time.monotonic()
     for _ in range(300):
         driver.request(COUNTERS)
-    ahead = driver.statistics.bytes_out - sent - (time.monotonic() - begun_s) * BAUD / driver_module.BITS
-    assert ahead < driver_module.QUEUE_BYTES + MAX_FRAME
+    ahead = driver.statistics.bytes_out - sent - (time.monotonic() - begun_s) * BAUD / connection.BITS
+    assert ahead < connection.QUEUE_BYTES + MAX_FRAME
 
 
 def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, line):
@@ -254,7 +253,7 @@ def test_a_request_that_waited_for_the_line_is_not_sent_after_a_stop(driver, lin
             refused.append(str(error))
 
     blocker = block(driver, line)
-    while not driver._queuing:
+    while not driver._connection.queuing:
         waiting = threading.Thread(target=turn)
         waiting.start()
         waiting.join(0.01)

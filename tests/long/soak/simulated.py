@@ -68,10 +68,12 @@ class SoakDriver(SteppedDriver):
     def __init__(self, engine: FaultyEngine, options: Options) -> None:
         super().__init__(engine, options=options)
         self._engine, self._plugged = engine, engine.plugged
-        self._board.now_s = engine.now_s
+        self._connection.board.now_s = engine.now_s
+        self._process, self._connection.process = self._connection.process, self.process  # type: ignore
         self.core = self._core
 
-    def _process(self, data: bytes) -> None:
+    def process(self, data: bytes) -> None:
+        """Lose the link, or take it again, as the cable does, and process the bytes."""
         session = self._core.session
         if self._plugged and not self._engine.plugged:
             session.lose(self.now_s)
@@ -79,11 +81,11 @@ class SoakDriver(SteppedDriver):
             session.relink(self.now_s)
             self._core.due_s = -math.inf
         self._plugged = self._engine.plugged
-        super()._process(data)
+        self._process(data)
 
     def die(self, seconds: float) -> None:
         """The program is killed: the board runs on."""
-        self._board.skip(seconds)
+        self._connection.board.skip(seconds)
 
     def watch_pose(self, jumps: Jumps, note: Callable[[Any, float], None]) -> None:
         """Calls `note` with each event that has counts, and with the step of the pose beyond the reach [m]."""

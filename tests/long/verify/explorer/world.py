@@ -10,8 +10,8 @@ import math
 import threading
 from typing import Any, Callable, Iterator, Optional, Tuple
 
-from mrl_driver.driver import driver as driver_module
-from mrl_driver.driver.driver import Driver
+from mrl_driver.driver import Driver
+from mrl_driver.driver import connection as connection_module
 from mrl_driver.driver.options import Options
 from mrl_driver.errors import BoardError, BoardTimeout, LinkLost, MrlError
 from mrl_driver.protocol.table import BY_NAME
@@ -35,7 +35,7 @@ DAMAGE = bytes(range(256)).replace(b",", b"?").replace(b"e", b"?")
 
 
 PROGRAM = Handshake._program
-_TIME, _NOW_S = driver_module.time, driver_module.now_s
+_TIME, _NOW_S = connection_module.time, connection_module.now_s
 
 
 class StepEnd(BaseException):
@@ -202,18 +202,18 @@ class World:
         self.timeout_s, self.watchdog_s = timeout_s, 0.25
         self.user_timeout_s = timeout_s or 0.5
         clock, lock = Clock(self), Lock(self)
-        module: Any = driver_module
+        module: Any = connection_module
         kind: Any = Handshake
         module.time, module.now_s = clock, clock.monotonic
         kind._program = lambda handshake: Steps(handshake, PROGRAM)
         options = Options(command_timeout_s=timeout_s, period_ms=period_ms, reconnect=True)
         self.driver = driver = Driver(PORT, "traxbot", options=options)
-        mine: Any = driver
-        mine._clock, mine._lock, mine._changed = clock.monotonic, lock, lock
+        mine: Any = driver._connection
+        mine.clock, mine.lock, mine.changed = clock.monotonic, lock, lock
         self.ports = Ports()
         self.ports.link = Link(self)
-        mine._links = self.ports
-        driver._thread = threading.current_thread()
+        mine.links = self.ports
+        mine.thread = threading.current_thread()
         self.commander = Commander(driver, clock.monotonic)
         self.commander._lock = lock
         self.other_board = b""
@@ -222,7 +222,7 @@ class World:
 
     def end(self) -> None:
         """Give the driver's module its clock back, for those who use it after this world."""
-        module: Any = driver_module
+        module: Any = connection_module
         kind: Any = Handshake
         module.time, module.now_s, kind._program = _TIME, _NOW_S, PROGRAM
 
@@ -233,10 +233,10 @@ class World:
         driver = self.driver
         link: Any = self.ports.link
         if record is not None:
-            self.ports.recording = DriverRecording(PORT, 115200, None, {}, driver._clock)
+            self.ports.recording = DriverRecording(PORT, 115200, None, {}, driver._connection.clock)
             self.ports.recording.use(self.ports.recording.create(record))
             link = self.ports.link = self.ports.recording.begin(link)
-        driver._link = link
+        driver._connection.link = link
         driver._core.begin(self.host_s)
         self.run(SETTLE_S)
         while not (driver._core.state.settled and driver.ready and driver.stopped):
@@ -287,16 +287,16 @@ class World:
             self._hang()
             while True:
                 try:
-                    if driver._link is None:
-                        driver._seek()
+                    if driver._connection.link is None:
+                        driver._connection.seek()
                     else:
-                        driver._serve(driver._link)
+                        driver._connection.serve(driver._connection.link)
                 except LinkLost as error:
-                    driver._lose(error)
+                    driver._connection.lose(error)
                 except BoardError as error:
                     if not self.ports.searching:
                         raise
-                    driver._lose(error)
+                    driver._connection.lose(error)
         except StepEnd:
             return
         except MrlError as error:
@@ -366,13 +366,13 @@ class World:
 
     def block(self) -> None:
         """Another thread's write blocks: what is sent meanwhile waits in the session."""
-        self.driver._writer = (-1, self.driver._link)
+        self.driver._connection.writer = (-1, self.driver._connection.link)
 
     def unblock(self) -> None:
         driver = self.driver
-        if driver._writer is not None and driver._writer[0] == -1:
-            driver._writer = None
+        if driver._connection.writer is not None and driver._connection.writer[0] == -1:
+            driver._connection.writer = None
             try:
-                driver._flush()
+                driver._connection.flush()
             except (LinkLost, BoardTimeout):
                 return
