@@ -619,7 +619,7 @@ GROUPS: Dict[str, Tuple[Problem, ...]] = {
             "radio_hold",
             "another robot holds this one by radio",
             "A robot of the team has stopped this one, and has not freed it, or has fallen silent.",
-            "look whether the place is free, then release it: ROS service release_hold, or Driver.release_hold()",
+            "look whether the place is free, then release it: ROS service release_hold, or Driver.radio.release_hold()",
             ("stopped: another robot holds this one by radio",),
         ),
     ),

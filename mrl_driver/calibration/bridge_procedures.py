@@ -4,7 +4,7 @@ from typing import Callable, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.driver import Driver, eeprom
+from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import RobotModel
 
@@ -56,7 +56,7 @@ def tune(robot: Driver, model: RobotModel, track: Track, report: Callable[[str],
         ConfigError: the steps give no motor, or no gains in the range of the parameters.
         BoardTimeout: telemetry ended, or the wheels keep turning.
     """
-    present = BridgeGains(**eeprom.read(robot, *BridgeGains._fields))
+    present = BridgeGains(**robot.parameters.read(*BridgeGains._fields))
     a_turn = counts_per_turn(model)
     with ramp_off(robot):
         made = []
@@ -70,12 +70,12 @@ def tune(robot: Driver, model: RobotModel, track: Track, report: Callable[[str],
         try:
             for name, trial in (("present", present), ("suggested", wanted)):
                 report(f"step of the speed, {name} gains: {listed(trial)}")
-                eeprom.write(robot, trial._asdict())
+                robot.parameters.write(trial._asdict())
                 percent = min(100, max(1, round(100 * target_rpm / trial.full_speed)))
                 measured.append(step(robot, track, MOVE_PID, percent, STEP_S))
         finally:
             robot.stop()
-            eeprom.write(robot, present._asdict())
+            robot.parameters.write(present._asdict())
     return TunedBridge(motors, present, wanted, measured[0], measured[1], target_rpm / 60 * a_turn)
 
 

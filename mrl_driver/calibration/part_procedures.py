@@ -5,7 +5,7 @@ from typing import Callable, Dict, Iterator, List, NamedTuple, Optional, Sequenc
 
 import numpy as np
 
-from mrl_driver.driver import Driver, eeprom
+from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import Drive, RobotModel
@@ -146,9 +146,9 @@ def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[L
 
 def curve_in_force(robot: Driver) -> Curve:
     """The curve that converts counts to ranges now; ranges of 2013 boards are corrected to the thesis's curve."""
-    if not eeprom.can_configure(robot):
+    if not robot.parameters.can_save:
         return sonar_curve.THESIS
-    values = eeprom.read(robot, "sonar_a", "sonar_b", "sonar_c")
+    values = robot.parameters.read("sonar_a", "sonar_b", "sonar_c")
     return Curve(*(value / 1e4 for value in values.values()))
 
 
@@ -234,18 +234,18 @@ def tune(robot: Driver, track: Track, present: Gains, report: Callable[[str], No
 @contextlib.contextmanager
 def ramp_off(robot: Driver) -> Iterator[None]:
     """Without a ramp inside the block, if the board has a configuration; then with the former ramp again."""
-    ramped = eeprom.can_configure(robot)
-    ramp = eeprom.read(robot, "ramp_time") if ramped else {}
+    ramped = robot.parameters.can_save
+    ramp = robot.parameters.read("ramp_time") if ramped else {}
     if ramped and not ramp["ramp_time"] and robot.model is not None:
         ramp = {"ramp_time": robot.model.board["ramp_time"]}  # a run that was killed left a ramp of 0
     try:
         if ramped:
-            eeprom.write(robot, {"ramp_time": 0})
+            robot.parameters.write({"ramp_time": 0})
         yield
     finally:
         robot.stop()
         if ramped:
-            eeprom.write(robot, ramp)
+            robot.parameters.write(ramp)
 
 
 def set_gains(robot: Driver, wanted: Sequence[int]) -> None:
@@ -256,9 +256,9 @@ def set_gains(robot: Driver, wanted: Sequence[int]) -> None:
 
 def gains_in_force(robot: Driver, default: Gains) -> Gains:
     """The gains in the board's configuration; `default` if the board stores no configuration."""
-    if not eeprom.can_configure(robot):
+    if not robot.parameters.can_save:
         return default
-    return Gains(**eeprom.read(robot, *Gains._fields))
+    return Gains(**robot.parameters.read(*Gains._fields))
 
 
 # -- recordings

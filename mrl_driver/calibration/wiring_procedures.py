@@ -3,7 +3,7 @@
 import contextlib
 from typing import Iterator, List, NamedTuple, Optional, Protocol, Tuple
 
-from mrl_driver.driver import Driver, eeprom
+from mrl_driver.driver import Driver
 from mrl_driver.errors import MrlError, WheelFault
 from mrl_driver.geometry import Pose
 
@@ -56,15 +56,15 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[No
     Raises:
         BoardRefused: the board refused a parameter.
     """
-    before = eeprom.read(robot, "bridge", "wiring")
+    before = robot.parameters.read("bridge", "wiring")
     try:
-        eeprom.write(robot, {"bridge": bridge, "wiring": SET | (SINGLE_CHANNEL if single_channel else 0)})
+        robot.parameters.write({"bridge": bridge, "wiring": SET | (SINGLE_CHANNEL if single_channel else 0)})
         yield
     except BaseException:
         with contextlib.suppress(MrlError):
             robot.stop()
         with contextlib.suppress(MrlError):
-            eeprom.write(robot, before)
+            robot.parameters.write(before)
         raise
 
 

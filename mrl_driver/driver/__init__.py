@@ -1,6 +1,6 @@
 """The driver: one robot on one port, its thread and callbacks; also in simulated time.  Imports the layers below.
 
-`eeprom` reads and writes the board's parameters, and saves them in its EEPROM.
+`parameters` reads and writes the board's parameters, and saves them in its EEPROM.
 """
 
 from .driver import Board, Driver, Options, Telemetry

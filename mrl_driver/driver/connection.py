@@ -220,8 +220,7 @@ class Connection:
         core = self.connected()
         session = core.session
         with self.changed:
-            if self.link is None:
-                raise LinkLost("the port went away and is searched; try again when it is back")
+            self.require_link()
             stops = core.stops
             self._await_line()
             if len(session.out) > QUEUE_BYTES and not self.await_writer(
@@ -247,30 +246,30 @@ class Connection:
         with self.stop_if_refused():
             wait_s = require_timeout("timeout_s", timeout_s)
             code, args = _whole(code, args)
-        core = self.core
         for _ in range(ATTEMPTS):
-            with self.lock:
-                core.replies.pop(code, None)
-                self._asking += 1
-            try:
-                self.request(code, *args)
-                with self.changed:
-                    self.changed.wait_for(
-                        lambda: core.answer(code, args) or self.error or self.closing, wait_s
-                    )
-            finally:
-                with self.lock:
-                    self._asking -= 1
-            self.connected()
-            reply = core.answer(code, args)
+            reply = self._ask_once(code, args, math.inf if wait_s is None else wait_s)
             if reply is not None:
                 return reply
         raise BoardTimeout(f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s} s; try again")
 
-    def is_recorded(self) -> bool:
-        """No recording waits for the reading thread."""
-        recording = self.links.recording
-        return recording is None or not recording.due or self.link is None or self.closing
+    def _ask_once(self, code: int, args: Tuple[int, ...], wait_s: float) -> Optional[Tuple[int, ...]]:
+        """Send a request, and return its reply; None if it has not come within this time."""
+        core = self.core
+        with self.lock:
+            core.replies.pop(code, None)
+            self._asking += 1
+        try:
+            self.request(code, *args)
+            with self.changed:
+                self.changed.wait_for(
+                    lambda: core.answer(code, args) or self.error or self.closing,
+                    None if wait_s == math.inf else wait_s,
+                )
+        finally:
+            with self.lock:
+                self._asking -= 1
+        self.connected()
+        return core.answer(code, args)
 
     def exchange_link(self) -> None:
         """Go on with a link that is recorded, or not any more.  Only for the reading thread, with the lock."""
@@ -289,6 +288,18 @@ class Connection:
         recording = self.links.recording
         if recording is not None:
             recording.remark(data)
+
+    def require_link(self) -> None:
+        """Raise LinkLost while the port is searched."""
+        if self.link is None:
+            raise LinkLost("the port went away and is searched; try again when it is back")
+
+    @property
+    def board(self) -> Board:
+        """As `Driver.board`."""
+        if self.core.state.info is None:
+            raise BoardTimeout("not connected; call connect() first")
+        return self.core.state.info
 
     @property
     def ready(self) -> bool:

@@ -12,13 +12,11 @@ on the reading thread and must not call `ask` or `wait`.  `lock_order` has the t
 """
 
 import math
-import threading
-from typing import Any, Callable, Dict, List, Optional, Tuple, Type, Union, cast
+from typing import Any, Callable, Dict, Optional, Tuple, Type, Union, cast
 
 from mrl_driver.arguments import (
     require_function,
     require_kind,
-    require_number,
     require_numbers,
     require_text,
     shown,
@@ -26,22 +24,17 @@ from mrl_driver.arguments import (
 from mrl_driver.errors import (
     BoardTimeout,
     ConfigError,
-    LinkLost,
     MrlError,
 )
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD
-from mrl_driver.recording.recording import OWN_REMARKS, Recorder
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_covariance
-from mrl_driver.robot.hold import CAPABILITY as HOLD
-from mrl_driver.robot.hold import RELEASE, Hold
+from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
-from mrl_driver.robot.radio import CAPABILITY as RADIO
-from mrl_driver.robot.radio import DISCOVERY_S, SEARCH, RadioNode, RadioText, Request, text_request
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.speed_limiter import Speeds
 from mrl_driver.safety.wheel_monitor import Mismatch
@@ -55,25 +48,14 @@ from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
 from mrl_driver.transport.link import Link
 
 from .connection import ANSWER_S, Connection
+from .driver_recorder import DriverRecorder
 from .link_source import LinkSource
 from .options import DEFAULTS, Options, require_baud, require_limits, require_options
+from .parameters import Parameters
+from .radio import Radio
 from .robot_core import Core, DriverEvent
 
 __all__ = ["Board", "Driver", "Options", "Telemetry"]
-
-EXCHANGE_S = 1.0
-"""`start_recording` waits at most this long for the reading thread, which may be in a callback [s]."""
-LONGEST_REMARK = 1000
-
-
-def _require_remark(text: Any) -> None:
-    """Raise ConfigError unless it is a remark of the user."""
-    fits = isinstance(text, str) and 0 < len(text) <= LONGEST_REMARK
-    if not fits or text.split(" ")[0].encode("utf-8", "replace") in OWN_REMARKS:
-        own = ", ".join(word.decode() for word in OWN_REMARKS)
-        raise ConfigError(
-            f"the remark is {shown(text)}, expected 1 to {LONGEST_REMARK} characters that do not begin with {own}"
-        )
 
 
 def _require_spread(spread: Any) -> Spread:
@@ -98,6 +80,11 @@ class Driver:
         baud: baud rate of the serial port [Bd]; with a network address, baud rate of the serial link behind it.
             Below 115200 the board streams only as fast as the line allows.
         options: see `Options`.
+
+    Attributes:
+        radio: the board's XBee radio.
+        recorder: recordings of this driver.
+        parameters: the board's parameters, and its EEPROM.
 
     Raises:
         ConfigError: the robot model is unknown or invalid, or an option is out of range.  Raised before the
@@ -131,6 +118,9 @@ class Driver:
             self._core, LinkSource(port, baud, options), options.line_baud, options.identify
         )
         self._baud = baud
+        self.radio = Radio(self._connection)
+        self.recorder = DriverRecorder(self._connection)
+        self.parameters = Parameters(self._connection)
 
     # -- the connection
 
@@ -314,144 +304,12 @@ class Driver:
         """
         return self._connection.ask(code, *args, timeout_s=timeout_s)
 
-    # -- radio
-
-    def send_text(self, address: int, text: Union[str, bytes]) -> None:
-        """Send 1 to 16 ASCII characters, or bytes, to the radio with this 64-bit address.
-
-        `robot.radio.BROADCAST` is the address of all.
-
-        Texts follow each other as fast as the radio's line allows, about 30 in a second.  A text may be lost on the
-        air: let the receiver answer if it matters.
-
-        Raises:
-            FrameError: address or text is not valid.
-            ConfigError: the board has no radio.
-            MrlError: too many texts wait already.
-            LinkLost: the port went away.
-        """
-        with self._connection.stop_if_refused():
-            request = text_request(address, text)
-        self._send_by_radio(request)
-
-    def discover_radios(self, duration_s: float = DISCOVERY_S) -> List[RadioNode]:
-        """Search for other radios, and return those that answer within `duration_s`, in the order of their answers.
-
-        An XBee collects answers for 6 s.  Do not use it on the reading thread.
-
-        Raises:
-            ConfigError: the board has no radio.
-            LinkLost: the port went away, or the driver was closed.
-            MrlError: another search is under way, or too many texts wait already.
-        """
-        with self._connection.stop_if_refused():
-            duration_s = require_number("duration_s", duration_s)
-        core = self._core
-        with self._connection.lock:
-            if core.nodes is not None:
-                raise MrlError("a search for radios is under way; try again when it has ended")
-            core.nodes = {}
-        try:
-            self._send_by_radio((SEARCH,))
-            self.wait(duration_s)
-            self._connection.connected()
-            with self._connection.lock:
-                return list(core.nodes.values())
-        finally:
-            with self._connection.lock:
-                core.nodes = None
-
-    def require_radio(self) -> None:
-        """Raise ConfigError if the board has no radio."""
-        if RADIO not in self.board.capabilities:
-            raise ConfigError(
-                "this board has no radio, expected firmware of the radio build; flash it with: mrl flash --build xbee"
-            )
-
-    def _send_by_radio(self, request: Request) -> None:
-        core = self._connection.connected()
-        self.require_radio()
-        with self._connection.lock:
-            if self._connection.link is None:
-                raise LinkLost("the port went away and is searched; try again when it is back")
-            core.send_by_radio(request, self._connection.clock())
-        self._connection.flush()
-
-    # -- recordings
-
-    def start_recording(self, path: str) -> None:
-        """Record all bytes in both directions from now on, as the option `record`; an existing file is overwritten.
-
-        The recording begins between two frames of the board, and contains all later ones.
-
-        Raises:
-            ConfigError: a recording is running, the file cannot be created, or the driver was given an open `Link`.
-            LinkLost: the driver is not connected, or was closed.
-        """
-        with self._connection.stop_if_refused():
-            require_text("path", path, "the name of a file")
-        self._connection.connected()
-        self._connection.links.start_recording(path)
-        with self._connection.changed:
-            if threading.current_thread() is self._connection.thread:
-                self._connection.exchange_link()
-            elif self._connection.link is not None:
-                self._connection.link.wake()
-                self._connection.changed.wait_for(self._connection.is_recorded, EXCHANGE_S)
-        self._connection.flush()
-
-    def stop_recording(self) -> str:
-        """End the recording, and close its file.
-
-        Returns:
-            What the file lacks, in words, such as after a full disk; empty if it is complete.
-
-        Raises:
-            ConfigError: no recording is running.
-        """
-        recorder = self._connection.links.stop_recording()
-        if threading.current_thread() is self._connection.thread:  # it must not wait for a disk
-            try:
-                threading.Thread(target=recorder.close, name="recorder-end", daemon=True).start()
-            except RuntimeError:  # no thread can be started
-                recorder.close()
-        else:
-            recorder.close()
-        return recorder.loss
-
-    def remark(self, text: str) -> None:
-        """Write a remark into the recording; nothing happens while none is running.
-
-        Raises:
-            ConfigError: the text is empty, longer than `LONGEST_REMARK`, or begins like a remark of the driver.
-        """
-        with self._connection.stop_if_refused():
-            _require_remark(text)
-        self._connection.remark(text.encode("utf-8", "replace"))
-
-    def note_clock(self, ahead_s: float) -> None:
-        """Write into the recording, if one is running, that the wall clock is ahead of `now_s` by this much [s], from
-        the event on whose callback calls this.
-
-        Raises:
-            ConfigError: it is not a finite number.
-        """
-        with self._connection.stop_if_refused():
-            self._connection.ahead_s = require_number("ahead_s", ahead_s)
-        self._connection.note_clock()
-
     # -- what may be read at any time, from any thread
 
     @property
     def line_baud(self) -> int:
         """Current baud rate of the link: 500000 if the option `fast` has raised it, else the port's baud rate."""
         return FAST_BAUD if self._connection.links.fast else self._baud
-
-    @property
-    def recorder(self) -> Optional[Recorder]:
-        """The recorder, with the lines it `lost` and its last `error`; None without a recording."""
-        recording = self._connection.links.recording
-        return recording.recorder if recording is not None else None
 
     @property
     def _motion(self) -> Optional[Motion]:
@@ -537,22 +395,6 @@ class Driver:
         """
         return self._core.hold
 
-    def release_hold(self) -> bool:
-        """Drop the robots that hold this one and have fallen silent; True if it is free of holds.
-
-        Look first whether the place is free: a silent robot may stand there.  One that still speaks is not dropped.
-
-        Raises:
-            ConfigError: the board cannot be held by radio.
-            BoardTimeout: the board does not answer.
-            LinkLost: the port went away.
-        """
-        if HOLD not in self.board.capabilities:
-            raise ConfigError(
-                "the board cannot be held by radio, expected firmware of the radio build: mrl flash"
-            )
-        return self.ask(RELEASE) == (0,)
-
     @property
     def command(self) -> Optional[AnyTwist]:
         """The command in force, after limiting; None while stopped."""
@@ -587,9 +429,7 @@ class Driver:
         Raises:
             BoardTimeout: not connected yet.
         """
-        if self._core.state.info is None:
-            raise BoardTimeout("not connected; call connect() first")
-        return self._core.state.info
+        return self._connection.board
 
     @property
     def warning(self) -> str:
@@ -760,10 +600,6 @@ class Driver:
     def on_sensor(self, callback: Callable[[SensorRead], None]) -> None:
         """Call `callback` with name and reading for each answer of a sensor of `table.SENSORS`."""
         self._connection.listen(self._connection.listeners[SensorRead], callback)
-
-    def on_text(self, callback: Callable[[RadioText], None]) -> None:
-        """Call `callback` for each text that the radio receives; one of more than 16 bytes comes in pieces."""
-        self._connection.listen(self._connection.listeners[RadioText], callback)
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
         """Call `callback` for each `Awaited`, `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`,

@@ -11,8 +11,8 @@ from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETER_BY_NAME, PAR
 from mrl_driver.yaml_file import Reader
 from mrl_driver.yaml_form import Form, Keys, Text, Whole
 
-from . import eeprom
 from .driver import Driver
+from .parameters import CABLES
 
 LEAST_HOLD = round(FRESH_S / 0.1)
 """Smallest `radio_hold` but 0: below it, a board's host may release it while its holder still counts it as held."""
@@ -44,14 +44,14 @@ def of_driver(driver: Driver) -> ParameterFile:
         BoardTimeout: the board does not reply.
     """
     board, model = driver.board, driver.model
-    used = [row.name for row in eeprom.parameters(driver) if row in SETTABLE]
+    used = [row.name for row in driver.parameters.rows if row in SETTABLE]
     return ParameterFile(
         board.robot_id,
         model.name if model else "unknown",
         board.version,
         board.protocol,
         tuple(sorted(board.capabilities)),
-        eeprom.read(driver, *used),
+        driver.parameters.read(*used),
     )
 
 
@@ -77,7 +77,7 @@ def require_kind(file: ParameterFile, path: str, driver: Driver, other_robot: bo
 
 def values_for(robot_id: int, file: ParameterFile) -> Dict[str, int]:
     """Return the parameters of a file for a board with this id: cables are those of the file's own robot alone."""
-    others = eeprom.CABLES if robot_id != file.robot_id else ()
+    others = CABLES if robot_id != file.robot_id else ()
     return {name: value for name, value in file.values.items() if name not in others}
 
 

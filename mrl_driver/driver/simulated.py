@@ -14,12 +14,12 @@ import math
 from typing import Callable, Optional, Protocol, Tuple, Union, runtime_checkable
 
 from mrl_driver.arguments import require_kind
-from mrl_driver.errors import BoardTimeout, LinkError, MrlError
+from mrl_driver.errors import LinkError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.recording.recording import ENDED
 from mrl_driver.robot.models import RobotModel
 
-from .connection import ANSWER_S, ATTEMPTS, CLOSE_S, Connection
+from .connection import CLOSE_S, Connection
 from .driver import Driver
 from .link_source import LinkSource
 from .options import DEFAULTS, Options, require_range, require_timeout
@@ -110,6 +110,7 @@ class SteppedConnection(Connection):
     """A connection without a thread: it reads while the program waits.
 
     Attributes:
+        stepped: the link to the board; `link` records it.
         record: file of a recording that begins with `connect`; None without one.
     """
 
@@ -117,35 +118,27 @@ class SteppedConnection(Connection):
 
     def __init__(self, core: Core, links: LinkSource, line_baud: int, identifies: bool) -> None:
         super().__init__(core, links, line_baud, identifies)
-        self.board: SteppedLink = links.first(self.tell)  # type: ignore[assignment]
-        self.clock = lambda: self.board.now_s
+        self.stepped: SteppedLink = links.first(self.tell)  # type: ignore[assignment]
+        self.clock = lambda: self.stepped.now_s
 
     def connect(self) -> None:
         """As `SteppedDriver.connect`."""
         if self.core.begun:
             raise MrlError("this driver was connected already; create another one to connect again")
-        self.link = self.board
+        self.link = self.stepped
         if self.record is not None:
-            self.link = self.links.record_stepped(self.board, self.record, self.clock)
+            self.link = self.links.record_stepped(self.stepped, self.record, self.clock)
         self.core.begin(self.clock())
         while not self.core.state.settled:
             self._step(math.inf)
 
-    def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
-        """As `Driver.ask`."""
-        with self.stop_if_refused():
-            wait_s = require_timeout("timeout_s", timeout_s)
-        core = self.core
-        for _ in range(ATTEMPTS):
-            self.request(code, *args)
-            core.replies.pop(code, None)
-            end_s = self.clock() + (math.inf if wait_s is None else wait_s)
-            while core.answer(code, args) is None and self.clock() < end_s:
-                self._step(end_s)
-            reply = core.answer(code, args)
-            if reply is not None:
-                return reply
-        raise BoardTimeout(f"no answer to request {code} in {ATTEMPTS} attempts of {timeout_s} s; try again")
+    def _ask_once(self, code: int, args: Tuple[int, ...], wait_s: float) -> Optional[Tuple[int, ...]]:
+        self.request(code, *args)
+        self.core.replies.pop(code, None)
+        end_s = self.clock() + wait_s
+        while self.core.answer(code, args) is None and self.clock() < end_s:
+            self._step(end_s)
+        return self.core.answer(code, args)
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
         """As `SteppedDriver.wait`."""
@@ -178,7 +171,7 @@ class SteppedConnection(Connection):
         core = self.connected()
         now = self.clock()
         due_s = min(end_s, max(core.deadline(now), now + LEAST_STEP_S))
-        self.process(self.board.read(due_s - now))
+        self.process(self.stepped.read(due_s - now))
 
     def process(self, data: bytes) -> None:
         """Give these bytes to the core now, and call the listeners."""
@@ -232,7 +225,7 @@ class SteppedDriver(Driver):
         with connection.stop_if_refused():
             seconds = require_range("seconds", seconds, 0, LONGEST_PAUSE_S, "s", whole=False)
         connection.connected()
-        connection.process(connection.board.skip(seconds))
+        connection.process(connection.stepped.skip(seconds))
 
     def __enter__(self) -> "SteppedDriver":
         self.connect()

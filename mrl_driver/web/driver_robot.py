@@ -180,7 +180,7 @@ class DriverRobot:
             os.makedirs(self._folder, 0o700, exist_ok=True)
         path = create_unused(os.path.join(self._folder, time.strftime("%Y-%m-%d_%H%M%S") + SUFFIX))
         try:
-            self._driver.start_recording(path)
+            self._driver.recorder.start(path)
         except MrlError:
             with contextlib.suppress(OSError):
                 os.unlink(path)
@@ -191,11 +191,11 @@ class DriverRobot:
     def stop_recording(self) -> str:
         """End the recording; return what it lacks in words, empty if it is complete."""
         self._live.record = ""
-        return self._driver.stop_recording()
+        return self._driver.recorder.stop()
 
     def recordings(self) -> List[Recorded]:
         """Return the recordings of the folder, the newest first."""
-        recorder = self._driver.recorder
+        recorder = self._driver.recorder.file
         now = os.path.abspath(recorder.path) if recorder is not None else ""
         found = []
         with contextlib.suppress(OSError), os.scandir(self._folder) as entries:
@@ -222,14 +222,14 @@ class DriverRobot:
 
     def phone(self, reading: PhoneReading) -> None:
         """Write a reading of the phone's sensors into the recording, if there is one."""
-        if self._driver.recorder is None:
+        if self._driver.recorder.file is None:
             return
         facts: Dict[str, Any] = {
             name: list(value) if isinstance(value, tuple) else None if value != value else value
             for name, value in reading._asdict().items()
         }
         with contextlib.suppress(MrlError):  # the driver has ended; it says so itself
-            self._driver.remark(f"phone {json.dumps(facts)}")
+            self._driver.recorder.remark(f"phone {json.dumps(facts)}")
 
     def close(self) -> None:
         """Stop the robot; the driver stays open."""

@@ -61,7 +61,7 @@ class RecordedTopics:
         recorded.on_imu(self._on_imu)
         recorded.on_battery(self._on_battery)
         recorded.on_sensor(self._on_sensor)
-        recorded.on_text(self._on_text)
+        recorded.radio.on_text(self._on_text)
 
     def _now(self) -> Time:
         return Time(*divmod(now_ns(self._recorded), 10**9))

@@ -161,7 +161,7 @@ class RobotNode:
             parameters,
             model,
             clock,
-            note_clock=driver.note_clock,
+            note_clock=driver.recorder.note_clock,
         )
         self._topics = BoardTopics(driver, self._publishers, rospy.Publisher, parameters, rospy.Time.now)
         self._watch_zones(model, driver.has_sonars)
@@ -187,8 +187,8 @@ class RobotNode:
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
             f"{driver.line_baud} baud, {power}"
         )
-        if driver.recorder is not None:
-            rospy.loginfo(f"recording to {os.path.abspath(driver.recorder.path)}")
+        if driver.recorder.file is not None:
+            rospy.loginfo(f"recording to {os.path.abspath(driver.recorder.file.path)}")
         if driver.build_assumed:
             rospy.logwarn(
                 "this board of 2013 is taken to have sonars: set ~build to sonar, or to environment if it has gas "
@@ -355,7 +355,7 @@ class RobotNode:
 
     def _tell_loss(self) -> None:
         """Log what the recording lacks, each time that it lacks more."""
-        recorder = self._driver.recorder
+        recorder = self._driver.recorder.file
         if recorder is not None and recorder.lost > self._lacking:
             self._lacking = recorder.lost
             rospy.logerr_throttle(LOSS_EVERY_S, f"the recording is not complete: {recorder.loss}")

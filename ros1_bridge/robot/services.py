@@ -76,7 +76,7 @@ class Services:
     def release_hold(self) -> Answer:
         """Drop the robots that hold this one by radio and have fallen silent."""
         try:
-            free = self._driver.release_hold()
+            free = self._driver.radio.release_hold()
         except MrlError as error:
             return False, str(error)
         return free, "released; the robot stands until the next command" if free else str(self._driver.hold)

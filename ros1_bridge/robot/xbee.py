@@ -21,7 +21,7 @@ class Radio:
     def send(self, message: KeyValue) -> str:
         """Send the text of a message; returns why it was not sent, empty if it was."""
         try:
-            self._driver.send_text(*text_of_message(message))
+            self._driver.radio.send(*text_of_message(message))
         except MrlError as error:
             return f"{SEND}: {error}"
         return ""
@@ -29,7 +29,7 @@ class Radio:
     def discover(self, _: Any) -> SelfTestResponse:
         """Search for other radios; each one is a status with the values `address` and `network`, in hexadecimal."""
         try:
-            nodes = self._driver.discover_radios()
+            nodes = self._driver.radio.discover()
         except MrlError as error:
             return SelfTestResponse(str(error), 0, [])
         return SelfTestResponse(f"{len(nodes)} radios have answered", 1, statuses_of(nodes))

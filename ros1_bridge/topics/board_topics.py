@@ -67,7 +67,7 @@ class BoardTopics:
         if self.on_imu is not None:
             driver.on_imu(self.on_imu)
         if self.on_text is not None:
-            driver.on_text(self.on_text)
+            driver.radio.on_text(self.on_text)
 
     def on_battery(self, board: Board) -> None:
         """Publish voltage and temperature; boards without motors measure none."""

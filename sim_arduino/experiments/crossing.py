@@ -79,7 +79,7 @@ class RadioRobot:
         self.robot = robot
         self.claim = Claim(name, [each for each in RADIOS if each != name], -LATE_S, LATE_S)
         self._team, self._now_s = RadioTeam(name, RADIOS), 0.0
-        robot.driver.on_text(self._on_text)
+        robot.driver.radio.on_text(self._on_text)
 
     def _on_text(self, text: RadioText) -> None:
         message = self._team.message_of(text.address, text.text)
@@ -90,7 +90,7 @@ class RadioRobot:
         """Sends the messages that are due."""
         self._now_s = now_s
         for message in self.claim.messages(now_s):
-            self.robot.driver.send_text(*self._team.text_to(message))
+            self.robot.driver.radio.send(*self._team.text_to(message))
 
     def cut(self, cut: bool) -> None:
         """Switches the radio off or on."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from mrl_driver.calibration import part_procedures
 from mrl_driver.calibration.sonar_curve import Curve
-from mrl_driver.driver import Telemetry, eeprom
+from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.robot.models import Drive
@@ -180,7 +180,7 @@ def _emulated(
     pose = pose_option(disturbances.placed(world.start, setting.seed))
     with open_robot(setting, world, drive, error=error, sonar=sonar, pose=pose) as robot:
         if curve:
-            eeprom.write(robot.driver, part_procedures.curve_values(curve))
+            robot.driver.parameters.write(part_procedures.curve_values(curve))
         return _drive(setting, robot, world)
 
 

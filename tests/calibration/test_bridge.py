@@ -12,7 +12,6 @@ from mrl_driver.calibration.bridge_wiring import BITS, SET, SINGLE_CHANNEL
 from mrl_driver.calibration.wiring_check import Trial
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job, calibrate_view
-from mrl_driver.driver import eeprom
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import WheelFault
@@ -220,7 +219,7 @@ def test_a_new_id_leaves_bridge_and_wiring_as_they_are(model):
     kit = Kit(wiring=37, bridge=3)
     board = {name: value for name, value in model.board.items() if name != "bridge"}
     with SteppedDriver(kit, model) as driver:
-        eeprom.save_model(driver, 24, model._replace(board=board))
+        driver.parameters.save_model(24, model._replace(board=board))
     assert (kit.saved["robot_id"], kit.saved["bridge"]) == (24, 3)
     assert kit.saved["wiring"] == model.board.get("wiring", 37)
 
@@ -242,7 +241,7 @@ class Lab:
     @contextlib.contextmanager
     def connect(self, job):
         with SteppedDriver(self.made.engine, "duo", recorded(self.record)) as robot:
-            eeprom.write(robot, SOFT._asdict())
+            robot.parameters.write(SOFT._asdict())
             yield robot
 
     def mrl(self, *args):

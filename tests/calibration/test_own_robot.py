@@ -11,7 +11,6 @@ from mrl_driver.calibration.ground_truth import Truth
 from mrl_driver.calibration.trial import Trial, errors
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import calibrate_job, calibrate_view, set_id
-from mrl_driver.driver import eeprom
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
@@ -111,7 +110,7 @@ def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
     after_m, after_rad = workshop.square_error("rover")
     assert before_m > BEFORE_M and after_m < END_M and after_rad < END_RAD
     with workshop.robot("rover") as robot:
-        stored = eeprom.read(robot, "robot_id", "wiring", "kp", "wheel_radius")
+        stored = robot.parameters.read("robot_id", "wiring", "kp", "wheel_radius")
         board = models.load("rover").board
     assert stored == {
         "robot_id": 11,

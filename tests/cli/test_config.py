@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver import yaml_file
-from mrl_driver.driver import eeprom, parameter_file
+from mrl_driver.driver import parameter_file
 from mrl_driver.driver.parameter_file import SETTABLE, ParameterFile
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
@@ -178,8 +178,8 @@ def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
     monkeypatch.setitem(registry.REQUESTS, "write_config", guarded)
     with SteppedDriver(factory.make(factory.Options(robot="traxbot")).engine) as driver:
         with pytest.raises(BoardTimeout):
-            eeprom.replace(driver, {"kp": 800, "ki": 900})
-        assert eeprom.read(driver, "kp", "ki") == {"kp": 700, "ki": 400}
+            driver.parameters.replace({"kp": 800, "ki": 900})
+        assert driver.parameters.read("kp", "ki") == {"kp": 700, "ki": 400}
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 import pytest
 
-from mrl_driver.driver.eeprom import save_model
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
@@ -59,7 +58,7 @@ def test_a_blank_board_becomes_one(home):
     """The firmware's own defaults for an unknown id are TraxBot's."""
     model, board = models.load(NAME), factory.make(factory.Options(robot="traxbot", robot_id=0)).engine
     with SteppedDriver(board, model, Options(any_id=True)) as robot:
-        save_model(robot, IDS[0], model)
+        robot.parameters.save_model(IDS[0], model)
     values = parameter_store.Config(board.eeprom)
     assert {name: values[name] for name in model.board} == model.board and values["robot_id"] == IDS[0]
 

@@ -5,11 +5,14 @@ import math
 import re
 from decimal import Decimal
 from fractions import Fraction
+from operator import attrgetter
 
 import numpy as np
 import pytest
 
 from mrl_driver.driver import Driver, Options
+from mrl_driver.driver.driver_recorder import DriverRecorder
+from mrl_driver.driver.radio import Radio
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, MrlError
@@ -95,15 +98,15 @@ CALLS = {
     },
     "inhibit": {"reason": (lambda driver, bad: driver.inhibit(bad), NO_TEXT)},
     "allow": {"reason": (lambda driver, bad: driver.allow(bad), NO_TEXT)},
-    "discover_radios": {"duration_s": (lambda driver, bad: driver.discover_radios(bad), NO_SPEED)},
+    "radio.discover": {"duration_s": (lambda driver, bad: driver.radio.discover(bad), NO_SPEED)},
     "limited": {
         "linear_m_s": (lambda driver, bad: driver.limited(bad, 0.1), NO_SPEED),
         "angular_rad_s": (lambda driver, bad: driver.limited(0.1, bad), NO_SPEED),
         "lateral_m_s": (lambda driver, bad: driver.limited(0.1, 0.1, bad), NO_SPEED),
     },
-    "note_clock": {"ahead_s": (lambda driver, bad: driver.note_clock(bad), NO_SPEED)},
+    "recorder.note_clock": {"ahead_s": (lambda driver, bad: driver.recorder.note_clock(bad), NO_SPEED)},
     "pause": {"seconds": (lambda driver, bad: driver.pause(bad), {**NO_SPEED, "negative": -1})},
-    "remark": {"remark": (lambda driver, bad: driver.remark(bad), NO_TEXT)},
+    "recorder.remark": {"remark": (lambda driver, bad: driver.recorder.remark(bad), NO_TEXT)},
     "reset_pose": {
         "pose": (lambda driver, bad: driver.reset_pose(bad), NO_TEXT),
         "x_m": (lambda driver, bad: driver.reset_pose((bad, 0.0, 0.0)), NO_SPEED),
@@ -115,16 +118,16 @@ CALLS = {
             NO_SPEED,
         ),
     },
-    "send_text": {
-        "address": (lambda driver, bad: driver.send_text(bad, "x"), {**NO_WHOLE, "negative": -1}),
-        "text": (lambda driver, bad: driver.send_text(PEER, bad), NO_TEXT),
+    "radio.send": {
+        "address": (lambda driver, bad: driver.radio.send(bad, "x"), {**NO_WHOLE, "negative": -1}),
+        "text": (lambda driver, bad: driver.radio.send(PEER, bad), NO_TEXT),
     },
-    "start_recording": {"path": (lambda driver, bad: driver.start_recording(bad), NO_TEXT)},
+    "recorder.start": {"path": (lambda driver, bad: driver.recorder.start(bad), NO_TEXT)},
     "wait": {"timeout_s": (lambda driver, bad: driver.wait(bad), NO_TIME)},
     **{
-        name: {"callback": (lambda driver, bad, name=name: getattr(driver, name)(bad), NO_FUNCTION)}
+        name: {"callback": (lambda driver, bad, name=name: attrgetter(name)(driver)(bad), NO_FUNCTION)}
         for name in (
-            *("on_battery", "on_event", "on_imu", "on_sensor", "on_status", "on_telemetry", "on_text"),
+            *("on_battery", "on_event", "on_imu", "on_sensor", "on_status", "on_telemetry", "radio.on_text"),
         )
     },
 }
@@ -136,7 +139,7 @@ RECORDED = {
     )
 }
 WITHOUT_ARGUMENTS = {
-    *("connect", "close", "stop", "stop_recording", "limit_again", "release_hold", "require_radio"),
+    *("connect", "close", "stop", "limit_again", "radio.release_hold", "radio.require", "recorder.stop"),
 }
 
 
@@ -260,10 +263,14 @@ def test_the_tables_have_all_options():
     assert {*OPTIONS} == {*Options._fields}
 
 
+PLACES = {"": (Driver, SteppedDriver, RecordedDriver), "radio.": (Radio,), "recorder.": (DriverRecorder,)}
+
+
 def test_the_tables_have_all_calls_with_arguments():
     public = {
-        name
-        for kind in (Driver, SteppedDriver, RecordedDriver)
+        place + name
+        for place, kinds in PLACES.items()
+        for kind in kinds
         for name, member in inspect.getmembers(kind)
         if not name.startswith("_") and (callable(member) or getattr(member, "fset", None))
     }

@@ -75,9 +75,9 @@ def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path,
 
 def test_a_full_disk_does_not_stop_the_robot(serve):
     with Driver(serve().path, options=Options(record="/dev/full", command_timeout_s=None)) as robot:
-        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01 and robot.recorder.lost > 10)
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01 and robot.recorder.file.lost > 10)
         assert robot.command is not None
-        assert "No space" in robot.recorder.error
+        assert "No space" in robot.recorder.file.error
 
 
 def test_a_file_that_cannot_be_made_is_refused_before_the_port_is_opened(tmp_path):

@@ -134,7 +134,7 @@ def test_telemetry_begins_again_after_a_reset():
         driver.drive(0.2, 0.0)
         driver.wait(0.4)
         before = driver.pose
-        driver._connection.board._stepped.reset()
+        driver._connection.stepped._stepped.reset()
         driver.wait(6.0)
         assert driver.ready and set(driver.sensors) >= {"alcohol", "dust", "light"}
         assert driver.pose.x_m == pytest.approx(before.x_m, abs=0.2) and driver.ranges == {}

@@ -95,14 +95,14 @@ def test_silent_holder_is_released(robot):
     say(robot, "hold")
     robot.wait(SILENCE_S)
     assert "release the hold" in str(robot.hold)
-    assert robot.release_hold()
+    assert robot.radio.release_hold()
     robot.wait(HEARD_S)
     assert robot.drive(0.2, 0.0)
 
 
 def test_speaking_holder_is_not_released(robot):
     say(robot, "hold")
-    assert not robot.release_hold()
+    assert not robot.radio.release_hold()
     assert robot.hold.held
 
 
@@ -110,7 +110,7 @@ def test_board_without_a_radio_has_no_holds():
     with SteppedDriver(PythonBoard(Plant(model("traxbot"))), model("traxbot")) as robot:
         assert robot.hold is None
         with pytest.raises(ConfigError, match="radio build"):
-            robot.release_hold()
+            robot.radio.release_hold()
 
 
 @pytest.mark.parametrize("data", [b"", b"1 12 2 11", b"\xf8H\0", b"\xf8h\0\1\0", b"\xf8x\0\1"])

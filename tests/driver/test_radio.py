@@ -89,13 +89,13 @@ def robot():
 
 def test_all_radios_that_answer_are_returned(robot):
     """`ask` keeps one reply of a code."""
-    assert robot.discover_radios() == NODES
+    assert robot.radio.discover() == NODES
 
 
 def test_answers_of_an_earlier_search_do_not_count(robot):
-    robot.discover_radios(0.1)
+    robot.radio.discover(0.1)
     robot.board_.nodes = ()
-    assert robot.discover_radios(0.1) == []
+    assert robot.radio.discover(0.1) == []
 
 
 def test_two_searches_at_once_are_refused(robot):
@@ -104,17 +104,17 @@ def test_two_searches_at_once_are_refused(robot):
     def search_again(_):
         if not errors:
             with pytest.raises(MrlError) as error:
-                robot.discover_radios()
+                robot.radio.discover()
             errors.append(str(error.value))
 
     robot.on_telemetry(search_again)
-    robot.discover_radios(0.1)
+    robot.radio.discover(0.1)
     assert errors == ["a search for radios is under way; try again when it has ended"]
 
 
 def test_texts_follow_each_other_at_the_speed_of_the_radio(robot):
     for _ in range(4):
-        robot.send_text(BROADCAST, "x" * 16)
+        robot.radio.send(BROADCAST, "x" * 16)
     robot.wait(0.5)
     times = [time_s for time_s, _ in robot.board_.sent]
     gaps = [b - a for a, b in zip(times, times[1:])]
@@ -123,7 +123,7 @@ def test_texts_follow_each_other_at_the_speed_of_the_radio(robot):
 
 def test_each_received_text_is_told(robot):
     told = []
-    robot.on_text(told.append)
+    robot.radio.on_text(told.append)
     for text in ("one", "two"):
         robot.board_.hear(PEER, text)
     robot.wait(0.1)
@@ -133,7 +133,7 @@ def test_each_received_text_is_told(robot):
 def test_texts_of_the_time_before_a_silence_are_not_sent_after_it(robot):
     robot.board_.mute = True
     robot.wait(0.5)
-    robot.send_text(PEER, "old")
+    robot.radio.send(PEER, "old")
     robot.wait(OLDEST_S)
     robot.board_.mute = False
     robot.wait(1.0)
@@ -142,6 +142,6 @@ def test_texts_of_the_time_before_a_silence_are_not_sent_after_it(robot):
 
 def test_board_without_a_radio_is_named():
     with SteppedDriver(Engine(FakeBoard()), model("traxbot")) as robot:
-        for use in (lambda: robot.send_text(1, "x"), robot.discover_radios, robot.require_radio):
+        for use in (lambda: robot.radio.send(1, "x"), robot.radio.discover, robot.radio.require):
             with pytest.raises(ConfigError, match="this board has no radio"):
                 use()

@@ -47,7 +47,7 @@ def listen(robot):
     found = []
     for on in (
         *(robot.on_telemetry, robot.on_imu, robot.on_status, robot.on_battery, robot.on_sensor),
-        *(robot.on_text, robot.on_event),
+        *(robot.radio.on_text, robot.on_event),
     ):
         on(found.append)
     return found
@@ -179,7 +179,7 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
     with Driver(serve().path, options=LASTING) as robot:
         robot.reset_pose(Pose(1.0, 2.0, 0.5))
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.01)
-        robot.start_recording(path)
+        robot.recorder.start(path)
         robot.on_telemetry(found.append)
         robot.on_imu(found.append)
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.03)
@@ -216,7 +216,7 @@ def test_a_lost_port_is_replayed_to_the_last_bit(cable, tmp_path, monkeypatch):
         wait_until(lambda: of_kind(found, Reconnected))
         begin = len(found)
         wait_until(lambda: len(found) > begin + 10)
-        robot.note_clock(1234.5)
+        robot.recorder.note_clock(1234.5)
     played, replayed = replay(path)
     assert [repr(event) for event in replayed] == [repr(event) for event in found]
     assert played.statistics.frames == robot.statistics.frames

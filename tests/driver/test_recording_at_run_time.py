@@ -61,16 +61,16 @@ def frames_later(robot, number=5):
 
 
 def record(robot, path):
-    robot.start_recording(path)
+    robot.recorder.start(path)
     frames_later(robot)
-    return robot.stop_recording()
+    return robot.recorder.stop()
 
 
 def test_the_path_in_it_is_that_of_the_driver(serve, files):
     """As of a recording from the start: model and capabilities of the board are in it."""
     with Driver(serve().path, options=LASTING) as robot:
         frames_later(robot)
-        robot.start_recording(files[0])
+        robot.recorder.start(files[0])
         frames_later(robot, 10)
         robot.reset_pose()
         drive_until(robot, 0.2, 0.1, lambda: robot.pose.x_m > 0.02)
@@ -78,7 +78,7 @@ def test_the_path_in_it_is_that_of_the_driver(serve, files):
         wait_until(lambda: robot.stopped)
         frames_later(robot)
         pose = robot.pose
-        assert robot.stop_recording() == ""
+        assert robot.recorder.stop() == ""
     found = drive_data.read(RecordedDriver(files[0]))
     assert found.model.name == "traxbot" and "sonars" in found.board.capabilities
     assert tuple(found.poses.values[-1]) == pytest.approx(pose, abs=POSE_ERROR_M)
@@ -97,10 +97,10 @@ def test_no_byte_from_the_board_is_lost_or_doubled(serve, files, pieces):
 def test_what_is_sent_right_after_it_began_is_in_it(serve, files):
     with Driver(serve().path, options=LASTING) as robot:
         for _ in range(10):
-            robot.start_recording(files[0])
+            robot.recorder.start(files[0])
             robot.request(SONARS)
             frames_later(robot, 1)  # the reading thread may send it
-            robot.stop_recording()
+            robot.recorder.stop()
             assert b"@%d," % SONARS in joined(files[0], TO_BOARD)
 
 
@@ -130,21 +130,21 @@ def test_its_remarks_and_header_are_those_of_a_recording_from_the_start(serve, f
 def test_another_one_can_begin_only_when_the_first_has_ended(serve, files):
     with Driver(serve().path, options=Options(record=files[0])) as robot:
         with pytest.raises(ConfigError, match=r"one\.mrl is being recorded; stop that recording first"):
-            robot.start_recording(files[1])
-        robot.stop_recording()
+            robot.recorder.start(files[1])
+        robot.recorder.stop()
         record(robot, files[1])
         with pytest.raises(ConfigError, match="no recording is running"):
-            robot.stop_recording()
-        assert robot.recorder is None
+            robot.recorder.stop()
+        assert robot.recorder.file is None
 
 
 def test_a_file_that_cannot_be_made_leaves_the_robot_driving(serve, tmp_path):
     with Driver(serve().path, options=LASTING) as robot:
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01)
         with pytest.raises(ConfigError):
-            robot.start_recording(str(tmp_path))
+            robot.recorder.start(str(tmp_path))
         frames_later(robot)
-        assert robot.command is not None and robot.recorder is None
+        assert robot.command is not None and robot.recorder.file is None
 
 
 def test_without_one_no_frame_passes_through_it(serve, files):
@@ -172,10 +172,10 @@ def test_without_one_no_frame_passes_through_it(serve, files):
 def test_readings_of_a_phone_are_read_back_and_change_nothing_else(serve, files):
     reading = {"t": 1.5, "alpha": 90.0, "name": "Zoë\n"}
     with Driver(serve().path) as robot:
-        robot.remark("phone {}")
-        robot.start_recording(files[0])
-        robot.remark("phone " + json.dumps(reading))
-        robot.remark("phone no JSON")
+        robot.recorder.remark("phone {}")
+        robot.recorder.start(files[0])
+        robot.recorder.remark("phone " + json.dumps(reading))
+        robot.recorder.remark("phone no JSON")
         frames_later(robot)
     ((time_s, found),) = phone_readings(Recording(files[0]))
     assert found == reading and time_s >= 0.0
@@ -185,4 +185,4 @@ def test_readings_of_a_phone_are_read_back_and_change_nothing_else(serve, files)
 @pytest.mark.parametrize("text", ["", "checked", "plain", "opened /dev/ttyACM0", "x" * 1001])
 def test_a_remark_that_would_be_taken_for_the_drivers_own_is_refused(text):
     with pytest.raises(ConfigError, match="expected 1 to 1000 characters"):
-        Driver("/dev/nothing").remark(text)
+        Driver("/dev/nothing").recorder.remark(text)

@@ -169,7 +169,7 @@ NEWER = {
 }
 SENDERS = {
     "request": lambda driver: driver.request(COUNTERS),
-    "text": lambda driver: driver.send_text(PEER, "x"),
+    "text": lambda driver: driver.radio.send(PEER, "x"),
 }
 
 
@@ -279,8 +279,8 @@ def test_a_disk_that_hangs_delays_no_stop(line, monkeypatch, tmp_path):
         return usual(path, *args, **kwargs)
 
     def exchange_files():
-        driver.stop_recording()
-        driver.start_recording(str(tmp_path / "second.mrl"))
+        driver.recorder.stop()
+        driver.recorder.start(str(tmp_path / "second.mrl"))
 
     monkeypatch.setattr(recording.os, "open", slow)
     exchanging, stopping = threading.Thread(target=exchange_files), threading.Thread(target=driver.stop)

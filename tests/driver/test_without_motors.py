@@ -5,7 +5,6 @@ import math
 
 import pytest
 
-from mrl_driver.driver import eeprom
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardError, ConfigError, MrlError, WrongRobot
@@ -146,7 +145,7 @@ def test_new_board_gets_its_id_before_it_streams(engine):
     """Without an id a missing motor board is a fault, so that such a board streams nothing yet."""
     emulated = factory.make(factory.Options(robot="pioneer", engine=engine, robot_id=0))
     with SteppedDriver(emulated.engine, "pioneer", IDENTIFY) as driver:
-        eeprom.save_model(driver, 9, models.load("pioneer"))
+        driver.parameters.save_model(9, models.load("pioneer"))
     emulated.engine.reset()
     with SteppedDriver(emulated.engine) as driver:
         assert driver.board.robot_id == 9

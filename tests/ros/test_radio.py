@@ -14,8 +14,8 @@ from .fake_topics import Topics
 PEER, KEY = 0x0013A20040A1B2C3, "0013a20040a1b2c3"
 
 
-def radio(**driver):
-    return Radio(SimpleNamespace(**driver))
+def radio(**methods):
+    return Radio(SimpleNamespace(radio=SimpleNamespace(**methods)))
 
 
 def test_received_text_is_published_with_its_sender():
@@ -26,15 +26,15 @@ def test_received_text_is_published_with_its_sender():
 
 def test_text_of_a_message_is_sent():
     sent = []
-    made = radio(send_text=lambda *text: sent.append(text))
+    made = radio(send=lambda *text: sent.append(text))
     assert made.send(KeyValue(KEY, "hello")) == "" and sent == [(PEER, "hello")]
     assert made.send(KeyValue("robot", "hello")).startswith("xbee/send: radio address is 'robot', expected")
 
 
 def test_each_radio_found_is_a_status():
-    made = radio(discover_radios=lambda: [RadioNode(PEER, 0x12), RadioNode(7, 0xFFFE)])
+    made = radio(discover=lambda: [RadioNode(PEER, 0x12), RadioNode(7, 0xFFFE)])
     found = made.discover(None)
-    lost = radio(discover_radios=fail).discover(None)
+    lost = radio(discover=fail).discover(None)
     assert (lost.passed, lost.id, lost.status) == (0, "the port is gone", [])
     values = [{pair.key: pair.value for pair in status.values} for status in found.status]
     assert (found.passed, found.id) == (1, "2 radios have answered")

@@ -31,7 +31,7 @@ class Pair:
         self.one.connect()
         self.two.connect()
         self.holder = RadioHolder([TWO])
-        self.one.on_text(lambda text: self.holder.receive(text, self.one.now_s))
+        self.one.radio.on_text(lambda text: self.holder.receive(text, self.one.now_s))
         self.one.on_telemetry(lambda _: self.two.wait(max(0.0, self.one.now_s - self.two.now_s)))
 
     @property

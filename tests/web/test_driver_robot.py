@@ -106,8 +106,10 @@ def recording_driver(path=""):
     nothing = lambda *_: None  # noqa: E731
     return SimpleNamespace(
         warning="", model=None, on_telemetry=nothing, on_event=nothing, on_sensor=nothing, notes=notes,
-        remark=notes.append, start_recording=lambda path: notes.append(path), stop_recording=lambda: "2 lines lost",
-        recorder=SimpleNamespace(path=path) if path else None,
+        recorder=SimpleNamespace(
+            file=SimpleNamespace(path=path) if path else None,
+            remark=notes.append, start=notes.append, stop=lambda: "2 lines lost",
+        ),
     )  # fmt: skip
 
 

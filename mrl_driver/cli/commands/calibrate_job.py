@@ -172,17 +172,16 @@ def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> N
     Raises:
         BoardRefused: --eeprom was given, but the board keeps no configuration or refused a value.
     """
-    from mrl_driver.driver import eeprom
 
     from .calibrate_view import confirm_here
 
     wanted: Dict[str, int] = {
         name: int(value) for (section, name), value in values.items() if section == "board"
     }
-    if not wanted or job.eeprom is False or (job.eeprom is None and not eeprom.can_configure(driver)):
+    if not wanted or job.eeprom is False or (job.eeprom is None and not driver.parameters.can_save):
         return
     listed = ", ".join(f"{name} {value}" for name, value in wanted.items())
     if job.eeprom or confirm_here(f"Write {listed} to the board's EEPROM?", False):
-        eeprom.write(driver, wanted)
-        eeprom.save(driver)
+        driver.parameters.write(wanted)
+        driver.parameters.save()
         print_message(f"the board's EEPROM has {listed}")

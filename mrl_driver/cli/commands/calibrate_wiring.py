@@ -114,7 +114,6 @@ def _report(found: Any, job: Job) -> None:
 def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> None:
     """Find the wiring of an H-bridge board, prove it, and save it in the EEPROM."""
     from mrl_driver.calibration import bridge_wiring, part_procedures, wiring_procedures
-    from mrl_driver.driver import eeprom
 
     if unseen:
         raise ConfigError(
@@ -130,10 +129,10 @@ def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> No
     with wiring_procedures.uncorrected(driver, bridge, given.single_channel):
         with part_procedures.ramp_off(driver):  # a slow ramp would not reach 20 % in 0.3 s
             found = wiring_procedures.find_wiring(scene, given.single_channel)
-            eeprom.write(driver, {"wiring": found})
+            driver.parameters.write({"wiring": found})
             wiring_procedures.prove(scene)
         if job.eeprom is not False:
-            eeprom.save(driver)
+            driver.parameters.save()
     words = bridge_wiring.in_words(found)
     if job.as_json:
         print_json({"bridge": BRIDGES[bridge], "wiring": found, "differences": words})
@@ -159,11 +158,10 @@ def _bridge_of(driver: "Driver", wanted: Optional[str]) -> int:
     Raises:
         ConfigError: none is known.
     """
-    from mrl_driver.driver import eeprom
 
     if wanted is not None:
         return BRIDGES.index(wanted.lower())
-    found = eeprom.read(driver, "bridge")["bridge"] or model_of(driver).board.get("bridge", 0)
+    found = driver.parameters.read("bridge")["bridge"] or model_of(driver).board.get("bridge", 0)
     if not found:
         raise ConfigError(
             f"neither the board nor the model names its bridge; give --bridge with one of {', '.join(CHIPS)}"

@@ -72,12 +72,11 @@ def get(target: Target, names: Tuple[str, ...], as_json: bool) -> None:
       mrl config get --port /dev/ttyACM0
       mrl config get kp ki kd --robot lab3 --json
     """
-    from mrl_driver.driver import eeprom
 
     rows = [_row(name) for name in names]
     with connected(target, ignore_battery=True) as driver:
-        eeprom.require_config(driver)
-        values = [_value(driver, row) for row in rows or eeprom.parameters(driver)]
+        driver.parameters.require_eeprom()
+        values = [_value(driver, row) for row in rows or driver.parameters.rows]
     if as_json:
         print_json([_plain(each) for each in values])
     else:
@@ -103,17 +102,16 @@ def set_(target: Target, words: Tuple[str, ...], only_try: bool, yes: bool, as_j
       mrl config set linear_ceiling 500 --port /dev/ttyACM0
       mrl config set kp 800 ki 350 --robot lab3 --yes
     """
-    from mrl_driver.driver import eeprom
 
     wanted = parse(words)
     with connected(target, ignore_battery=True) as driver:
-        eeprom.require_config(driver)
-        old = eeprom.read(driver, *(row.name for row, _ in wanted))
+        driver.parameters.require_eeprom()
+        old = driver.parameters.read(*(row.name for row, _ in wanted))
         changes = ", ".join(f"{row.name} {old[row.name]} to {value}" for row, value in wanted)
         confirm(f"Change {changes} on robot {driver.board.robot_id}?", yes)
-        eeprom.write(driver, {row.name: value for row, value in wanted})
+        driver.parameters.write({row.name: value for row, value in wanted})
         if not only_try:
-            eeprom.save(driver)
+            driver.parameters.save()
         values = [_value(driver, row) for row, _ in wanted]
     if as_json:
         print_json([_plain(each) for each in values])
@@ -129,12 +127,11 @@ def save_(target: Target, yes: bool) -> None:
 
     Works on boards that do not reset when their port is opened.  An Uno resets, and loses what --try changed.
     """
-    from mrl_driver.driver import eeprom
 
     with connected(target, ignore_battery=True) as driver:
-        eeprom.require_config(driver)
+        driver.parameters.require_eeprom()
         confirm(f"Save the parameters in force on robot {driver.board.robot_id}?", yes)
-        eeprom.save(driver)
+        driver.parameters.save()
     click.echo("saved")
 
 
@@ -148,14 +145,13 @@ def defaults(target: Target, yes: bool) -> None:
     Example:
       mrl config defaults --robot lab3
     """
-    from mrl_driver.driver import eeprom
 
     with connected(target, ignore_battery=True) as driver:
-        eeprom.require_config(driver)
+        driver.parameters.require_eeprom()
         assert driver.model is not None
         robot_id, model = driver.board.robot_id, driver.model
         confirm(f"Set all parameters of robot {robot_id} but its id to those of the model {model.name}?", yes)
-        eeprom.save_model(driver, robot_id, model)
+        driver.parameters.save_model(robot_id, model)
     click.echo("the defaults are saved")
 
 
@@ -184,12 +180,12 @@ def dump(target: Target, file: Optional[str], yes: bool) -> None:
       mrl config dump lab3.yaml --robot lab3
       mrl config dump --port /dev/ttyACM0
     """
-    from mrl_driver.driver import eeprom, parameter_file
+    from mrl_driver.driver import parameter_file
     from mrl_driver.files import replace_file
 
     confirm_overwrite(file, yes)
     with connected(target, ignore_battery=True) as driver:
-        eeprom.require_config(driver)
+        driver.parameters.require_eeprom()
         found = parameter_file.of_driver(driver)
     if file is None:
         click.echo(parameter_file.text_of(found), nl=False)
@@ -216,21 +212,21 @@ def load(target: Target, file: str, only_try: bool, other_robot: bool, yes: bool
       mrl config load lab3.yaml --robot lab3
       mrl config load lab3.yaml --robot lab4 --other-robot --try
     """
-    from mrl_driver.driver import eeprom, parameter_file
+    from mrl_driver.driver import parameter_file
 
     wanted = parameter_file.read(file)
     with connected(target, ignore_battery=True) as driver:
-        eeprom.require_config(driver)
+        driver.parameters.require_eeprom()
         parameter_file.require_kind(wanted, file, driver, other_robot)
         values = parameter_file.values_for(driver.board.robot_id, wanted)
-        eeprom.require_parameters(driver, values)
+        driver.parameters.require(values)
         old = parameter_file.of_driver(driver).values
         listed = ", ".join(
             f"{name} {old[name]} to {value}" for name, value in values.items() if value != old[name]
         )
         if listed:
             confirm(f"Change {listed} on robot {driver.board.robot_id}?", yes)
-        eeprom.replace(driver, values, saved=not only_try)
+        driver.parameters.replace(values, saved=not only_try)
     kept = ", ".join(name for name in old if name not in values)
     if kept:
         print_message(f"the board keeps its own {kept}")
@@ -252,16 +248,18 @@ def diff(target: Target, file: Optional[str], as_json: bool) -> None:
       mrl config diff lab3.yaml --robot lab3
       mrl config diff --robot lab3               with the robot model
     """
-    from mrl_driver.driver import eeprom, parameter_file
+    from mrl_driver.driver import parameter_file
 
     wanted = parameter_file.read(file) if file else None
     with connected(target, ignore_battery=True) as driver:
-        eeprom.require_config(driver)
+        driver.parameters.require_eeprom()
         found, model = parameter_file.of_driver(driver), driver.model
     if wanted is not None:
         differences = _differences(found, wanted)
     else:
-        expected = eeprom.differing(found.values, model) if model else {}
+        from mrl_driver.driver.parameters import differing
+
+        expected = differing(found.values, model) if model else {}
         differences = [
             Difference(PARAMETER_BY_NAME[name], found.values[name], value) for name, value in expected.items()
         ]
@@ -338,9 +336,9 @@ def _row(name: str) -> Parameter:
 
 
 def _value(driver: "Driver", row: Parameter) -> ParameterValue:
-    from mrl_driver.driver import eeprom
+    from mrl_driver.driver.parameters import default_of
 
-    return ParameterValue(row, eeprom.read(driver, row.name)[row.name], eeprom.default_of(driver.model, row))
+    return ParameterValue(row, driver.parameters.read(row.name)[row.name], default_of(driver.model, row))
 
 
 def _plain(each: ParameterValue) -> Dict[str, Any]:

@@ -145,7 +145,6 @@ class Checkup:
 
     def _check(self, driver: "Driver", any_id: bool) -> None:
         from mrl_driver.cli.doctor import board, parameters
-        from mrl_driver.driver import eeprom
 
         if not any_id:
             self._add(board.identity(driver.board, driver.model))
@@ -162,8 +161,8 @@ class Checkup:
             "round_trips_ms": [round(each * 1000, 2) for each in seen.round_trips_s],
             "refused_by_board": counts,
         }
-        if driver.model is not None and driver.model.drives and eeprom.can_configure(driver) and not any_id:
-            values = eeprom.read(driver, *(row.name for row in eeprom.parameters(driver)))
+        if driver.model is not None and driver.model.drives and driver.parameters.can_save and not any_id:
+            values = driver.parameters.read(*(row.name for row in driver.parameters.rows))
             self.facts["parameters"] = values
             self._add(parameters.check(values, driver.model))
         self._add(board.link(seen, by_network=is_network(require_port(self.target))))

@@ -77,7 +77,7 @@ def print_nodes(driver: "Driver", seconds: float, as_json: bool) -> None:
     Raises:
         ConfigError: the board has no radio.
     """
-    nodes = driver.discover_radios(seconds)
+    nodes = driver.radio.discover(seconds)
     if as_json:
         print_json(
             [{"address": format_address(node.address), "network": f"{node.network:04x}"} for node in nodes]
@@ -105,7 +105,7 @@ def send(target: Target, address: str, text: str) -> None:
     except FrameError as error:
         raise ConfigError(str(error)) from None
     with connected(target, ignore_battery=True) as driver:
-        driver.send_text(to, text)
+        driver.radio.send(to, text)
         driver.wait(LEAVES_S)
 
 
@@ -132,9 +132,9 @@ def print_texts(driver: "Driver", seconds: float, as_json: bool) -> None:
     Raises:
         ConfigError: the board has no radio.
     """
-    driver.require_radio()
+    driver.radio.require()
     heard: List[RadioText] = []
-    driver.on_text(heard.append)
+    driver.radio.on_text(heard.append)
     end_s = driver.now_s + seconds
     while driver.now_s < end_s:
         driver.wait(min(POLL_S, end_s - driver.now_s))
@@ -159,7 +159,7 @@ def hold(target: Target, addresses: Tuple[str, ...], seconds: float) -> None:
     """
     holder = _holder(addresses)
     with connected(target, ignore_battery=True) as driver:
-        driver.on_text(lambda text: holder.receive(text, driver.now_s))
+        driver.radio.on_text(lambda text: holder.receive(text, driver.now_s))
         try:
             hold_others(driver, holder, seconds)
         finally:
@@ -176,7 +176,7 @@ def free(target: Target, addresses: Tuple[str, ...]) -> None:
     """
     holder = _holder(addresses)
     with connected(target, ignore_battery=True) as driver:
-        driver.on_text(lambda text: holder.receive(text, driver.now_s))
+        driver.radio.on_text(lambda text: holder.receive(text, driver.now_s))
         free_others(driver, holder)
 
 
@@ -193,7 +193,7 @@ def hold_others(driver: "Driver", holder: RadioHolder, seconds: float) -> None:
     Raises:
         ConfigError: the board has no radio.
     """
-    driver.require_radio()
+    driver.radio.require()
     holder.hold()
     end_s, shown = driver.now_s + seconds, ""
     while driver.now_s < end_s:
@@ -211,7 +211,7 @@ def free_others(driver: "Driver", holder: RadioHolder) -> None:
     Raises:
         BoardTimeout: a robot has not answered.
     """
-    driver.require_radio()
+    driver.radio.require()
     holder.free()
     end_s = driver.now_s + FREE_S
     while not holder.all_freed and driver.now_s < end_s:
@@ -226,5 +226,5 @@ def free_others(driver: "Driver", holder: RadioHolder) -> None:
 
 def _talk(driver: "Driver", holder: RadioHolder, end_s: float) -> None:
     for address, data in holder.texts(driver.now_s):
-        driver.send_text(address, data)
+        driver.radio.send(address, data)
     driver.wait(min(POLL_S, end_s - driver.now_s))

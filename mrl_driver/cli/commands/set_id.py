@@ -23,7 +23,6 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
     Example:
       mrl set-id 1 --port /dev/ttyACM0          TraxBot 1-3, StingBot 4-5, Pioneer 6-10
     """
-    from mrl_driver.driver import eeprom
 
     model = models.load(
         target.model if target.model != "auto" else models.by_id(robot_id) or _no_model(robot_id)
@@ -34,7 +33,7 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
         )
     with connected(target, model, ignore_battery=True, any_id=True, identify=True) as driver:
         confirm(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
-        eeprom.save_model(driver, robot_id, model)
+        driver.parameters.save_model(robot_id, model)
     if target.name:
         named = named_robots.read()
         named_robots.write({**named, target.name: named[target.name]._replace(id=robot_id)})

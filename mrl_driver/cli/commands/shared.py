@@ -203,10 +203,10 @@ def connected(
     except KeyboardInterrupt:
         raise Interrupted("interrupted; the robot was stopped") from None
     except BaseException:
-        if driver.recorder is not None and driver.recorder.loss:
+        if driver.recorder.loss:
             print_message(driver.recorder.loss)
         raise
-    if driver.recorder is not None and driver.recorder.loss:
+    if driver.recorder.loss:
         raise OutputError(driver.recorder.loss)
 
 

@@ -3,7 +3,8 @@
 import math
 from typing import Iterator, List, Mapping, Tuple
 
-from mrl_driver.driver import eeprom
+from mrl_driver.driver.parameters import CABLES, default_of
+from mrl_driver.driver.parameters import differing as differing_values
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME
 from mrl_driver.robot.models import CURVE_KEYS, Drive, RobotModel
 
@@ -26,7 +27,7 @@ _REFERENCE_M = 1.0
 
 def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
     """Compare parameters in force, by name, with those of a model with motors."""
-    differing = eeprom.differing(values, model)
+    differing = differing_values(values, model)
     named = [name for name in differing if name in model.board and name not in CURVE_KEYS]
     found = [_finding(name, values, model) for name in named]
     if any(name in differing for name in CURVE_KEYS):
@@ -49,7 +50,7 @@ def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding
         level, effect = _geometry(name, values, model)
     elif name in _CEILINGS:
         level, effect = _ceiling(name, values[name], model)
-    elif name in eeprom.CABLES:
+    elif name in CABLES:
         level, effect = FAULT, "wheels do not turn, turn backward, or count in the wrong direction"
     elif name == "battery_divider":
         share = values[name] / model.board[name] - 1 if model.board[name] else 0.0
@@ -104,7 +105,7 @@ def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
 
     from mrl_driver.calibration.sonar_curve import Curve
 
-    expected = {name: eeprom.default_of(model, PARAMETER_BY_NAME[name]) or 0 for name in CURVE_KEYS}
+    expected = {name: default_of(model, PARAMETER_BY_NAME[name]) or 0 for name in CURVE_KEYS}
     ours, theirs = (Curve(*(each[name] / 1e4 for name in CURVE_KEYS)) for each in (values, expected))
     with np.errstate(all="ignore"):  # any numbers may be on a board
         range_m = float(ours.range_m(theirs.counts(np.array([_REFERENCE_M])))[0])

@@ -68,7 +68,7 @@ class SoakDriver(SteppedDriver):
     def __init__(self, engine: FaultyEngine, options: Options) -> None:
         super().__init__(engine, options=options)
         self._engine, self._plugged = engine, engine.plugged
-        self._connection.board.now_s = engine.now_s
+        self._connection.stepped.now_s = engine.now_s
         self._process, self._connection.process = self._connection.process, self.process  # type: ignore
         self.core = self._core
 
@@ -85,7 +85,7 @@ class SoakDriver(SteppedDriver):
 
     def die(self, seconds: float) -> None:
         """The program is killed: the board runs on."""
-        self._connection.board.skip(seconds)
+        self._connection.stepped.skip(seconds)
 
     def watch_pose(self, jumps: Jumps, note: Callable[[Any, float], None]) -> None:
         """Calls `note` with each event that has counts, and with the step of the pose beyond the reach [m]."""

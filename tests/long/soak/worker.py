@@ -103,11 +103,11 @@ class Worker(Obedient):
 
     def record(self, path: str) -> None:
         with suppress(MrlError):
-            self._driver.start_recording(path)
+            self._driver.recorder.start(path)
 
     def unrecord(self) -> None:
         with suppress(MrlError):
-            self._driver.stop_recording()
+            self._driver.recorder.stop()
 
     def flood(self, count: str) -> None:
         for _ in range(int(count)):

@@ -1,0 +1,149 @@
+"""Reads, sets and saves the parameters of a board, as `Driver.parameters`."""
+
+import contextlib
+from typing import Dict, Iterable, Mapping, Optional, Tuple
+
+from mrl_driver.errors import BoardError, BoardRefused, MrlError
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
+from mrl_driver.robot.models import COMMON_BOARD, RobotModel
+
+from .connection import Connection
+
+_READ, _WRITE, _SAVE, _DEFAULTS = (
+    BY_NAME[name].code for name in ("read_config", "write_config", "save_config", "default_config")
+)
+
+CABLES = ("bridge", "wiring")
+"""Parameters that describe the cables of one robot; `mrl calibrate wiring` sets them."""
+
+
+def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
+    """Return a robot model's value of a parameter; the wiring belongs to the robot, unless its own file has it."""
+    own = model.board if model is not None else {}
+    if row.name == "wiring":
+        return own.get(row.name)
+    return own.get(row.name, COMMON_BOARD.get(row.name))
+
+
+def differing(values: Mapping[str, int], model: RobotModel) -> Dict[str, int]:
+    """Return the model's values of the parameters, by name, that differ from these values of a board."""
+    defaults = {name: default_of(model, PARAMETER_BY_NAME[name]) for name in values}
+    return {name: value for name, value in defaults.items() if value is not None and value != values[name]}
+
+
+class Parameters:
+    """The parameters of a board: those in force, and those in its EEPROM."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    @property
+    def can_save(self) -> bool:
+        """Whether the board stores a configuration; boards of 2013 do not."""
+        return "config" in self._connection.board.capabilities
+
+    def require_eeprom(self) -> None:
+        """Raise BoardRefused unless the board stores a configuration."""
+        if not self.can_save:
+            raise BoardRefused(
+                "board firmware 1 (2013) cannot store parameters or an id; upload the current firmware with: mrl flash"
+            )
+
+    @property
+    def rows(self) -> Tuple[Parameter, ...]:
+        """The parameters that the board uses; earlier firmware refuses the numbers of all others."""
+        return tuple(
+            row for row in PARAMETERS if row.capability in ("", *self._connection.board.capabilities)
+        )
+
+    def require(self, names: Iterable[str]) -> None:
+        """Raise BoardRefused unless the board uses all parameters of these names."""
+        used = {row.name for row in self.rows}
+        for name in names:
+            if name not in used:
+                raise BoardRefused(
+                    f"the board has no parameter {name}, expected firmware with the capability "
+                    f"{PARAMETER_BY_NAME[name].capability}: upload it with: mrl flash"
+                )
+
+    def read(self, *names: str) -> Dict[str, int]:
+        """Return the parameters in force, in units of the table.
+
+        Raises:
+            BoardRefused: the board does not have one of them.
+            BoardTimeout: the board does not reply.
+        """
+        self.require(names)
+        return {name: self._connection.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
+
+    def write(self, values: Mapping[str, int]) -> None:
+        """Set parameters until the board restarts.
+
+        Raises:
+            BoardRefused: the board stores no configuration, does not have a parameter, or refused a value.
+            BoardTimeout: the board does not reply.
+        """
+        self.require_eeprom()
+        self.require(values)
+        for name, value in values.items():
+            number = PARAMETER_BY_NAME[name].number
+            if self._connection.ask(_WRITE, number, value) != (number, value):
+                raise BoardRefused(f"the board refused {name} {value}; nothing was saved")
+
+    def save(self) -> None:
+        """Save the parameters in force to the EEPROM.
+
+        Raises:
+            BoardRefused: the board could not save them.
+            BoardTimeout: the board does not reply.
+        """
+        if self._connection.ask(_SAVE, timeout_s=2.0) != (1,):
+            raise BoardRefused("the board could not write its EEPROM; try again")
+
+    def save_model(self, robot_id: int, model: RobotModel) -> None:
+        """Save the id and the model's parameters (the firmware may not know this model), and check them.
+
+        A board with an H-bridge keeps its bridge and wiring, unless the model sets them: they belong to its cables.
+
+        Raises:
+            BoardRefused: the board stores no configuration, does not have a parameter, refused a value, or restarted
+                before saving.
+            BoardTimeout: the board does not reply.
+        """
+        self.require_eeprom()
+        self.require(model.board)
+        kept = self.read(*CABLES) if "bridge" in self._connection.board.capabilities else {}
+        values = {"robot_id": robot_id, **kept, **model.board}
+        self.write({"robot_id": robot_id})
+        if self._connection.ask(_DEFAULTS) != (1,):
+            raise BoardRefused("the board refused to set its defaults; try again")
+        self.write({name: value for name, value in values.items() if name != "robot_id"})
+        self.save()
+        self._require_values(values)
+
+    def replace(self, values: Mapping[str, int], saved: bool = True) -> None:
+        """Set parameters, save them unless `saved` is False, and check them.  A refusal leaves the old ones in force.
+
+        Raises:
+            BoardRefused: the board stores no configuration, does not have a parameter, refused a value, or restarted
+                before saving.
+            BoardTimeout: the board does not reply.
+        """
+        self.require_eeprom()
+        old = self.read(*values)
+        try:
+            self.write({name: value for name, value in values.items() if value != old[name]})
+        except BoardError:
+            with contextlib.suppress(MrlError):
+                self.write(old)
+            raise
+        if saved:
+            self.save()
+        self._require_values(values)
+
+    def _require_values(self, values: Mapping[str, int]) -> None:
+        for name, found in self.read(*values).items():
+            if found != values[name]:
+                raise BoardRefused(
+                    f"the board has {name} {found}, expected {values[name]}: it restarted before saving; try again"
+                )
