@@ -3,7 +3,14 @@
 Threads:
     mrl-driver: reads the port, does what is due, calls the callbacks.  It is the only one that reads.
     mrl-url: copies bytes of pyserial's URLs into a pipe (`transport.pyserial_link`).
+    mrl-look: looks for the lost port of `mrl serve` (`transport.relay`), while its loop goes on.
     recorder: writes the recording's file (`recording.recording`); bytes reach it through a queue.
+    recorder-end: closes that file if a callback has ended the recording (`driver.driver_recorder`).
+    probe: ask several ports at once who answers (`driver.probe`).
+    teller: writes the messages of `mrl serve` (`transport.teller`), so that a slow terminal delays no byte.
+    reconfigure: offers the node's limits to `dynamic_reconfigure`, which takes a second (`robot.robot_node`).
+    Timer: ends the node after its service `shutdown` has answered (`robot.robot_node`).
+    planner: tells the planner the speed that the zones allow (`robot.robot_node`).
     mrl-web-files: starts, ends and lists recordings for the page.  The page's event loop runs in the thread that calls
     `web.server.serve`; it has no lock of its own.
     Any thread of the program may call the methods of `Driver`; in the ROS node these are the main thread (status and
@@ -13,11 +20,14 @@ Locks, in the order in which a thread may take them (`ORDER`).  A thread that ho
     status: the state that the node published last.
     pose goal: the pose that the node drives to.
     limits: the node's operation mode and limits, its emergency stop and its motor switch.
+    sources: which sources of commands may move the robot (`control.velocity_sources`).
+    operators: how late the commands of each operator arrive (`robot.operators`).
     driver: the core with its session and state.  Callbacks run without it.
     links: the link that is being opened, so that `close` can interrupt it.
     zones: the readings of the protective zones; the core asks them for the speed that they allow.
     link read: one reader of a link at a time.  It is held while the reader waits for bytes.
     link write, link wake: the descriptors of a link; held for one call of the system that does not block.
+    frame log: the lines of `mrl monitor --frames`, which the link's bytes come to (`terminal.frame_log`).
 
 No lock but `limits` is held while a port may block a write, which is given up after 100 ms.  One thread writes at a
 time, which a flag under the driver's lock ensures.  What another thread wants to send meanwhile is queued, and the
@@ -30,7 +40,20 @@ import os
 import threading
 from typing import Any, List, Tuple
 
-ORDER = ("status", "pose goal", "limits", "driver", "links", "zones", "link read", "link write", "link wake")
+ORDER = (
+    "status",
+    "pose goal",
+    "limits",
+    "sources",
+    "operators",
+    "driver",
+    "links",
+    "zones",
+    "link read",
+    "link write",
+    "link wake",
+    "frame log",
+)
 VARIABLE = "MRL_CHECK_LOCKS"
 _threads = threading.local()
 

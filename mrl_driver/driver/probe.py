@@ -91,7 +91,7 @@ def probe_all(ports: Iterable[Tuple[str, int, float]]) -> Iterator[Tuple[str, An
 
     Yields the answers in order of arrival.
     """
-    with ThreadPoolExecutor(_MOST_AT_ONCE) as pool:
+    with ThreadPoolExecutor(_MOST_AT_ONCE, "probe") as pool:
         waiting = {pool.submit(_probe_unused, *each): each[0] for each in ports}
         for done in as_completed(waiting):
             yield waiting[done], done.result()

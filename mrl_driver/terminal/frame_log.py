@@ -3,9 +3,9 @@ screen.  No I/O.
 """
 
 import re
-import threading
 from typing import Dict, List, NamedTuple, Tuple
 
+from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BY_CODE, MAX_FRAME, WRAP
 
 MOST_LINES = 40
@@ -31,7 +31,7 @@ class FrameLog:
     """Keeps the latest kinds of frames; `add_bytes` and `lines` may be called from different threads."""
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
+        self._lock = new_lock("frame log")
         self._lines: Dict[Tuple[str, str], Line] = {}
         self._rest: Dict[str, bytes] = {}
 

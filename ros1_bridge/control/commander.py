@@ -2,8 +2,8 @@
 robot stands.  No ROS.
 
 The driver limits the speeds and owns the command timeout.  It also refuses commands while it is inhibited, so that no
-command overtakes an emergency stop.  One lock keeps limits and mode together, and `latched` and `enabled` with what the
-driver refuses.
+command overtakes an emergency stop.  One lock keeps limits and mode together, `latched` and `enabled` with what the
+driver refuses, and the cause of the last stop with the last command.
 """
 
 import math
@@ -66,6 +66,8 @@ class Commander:
         self._lock = new_lock("limits")
         self._limits: Optional[Limits] = None
         self._held = self._commanded = self._lost = False
+        self._stops = 0
+        """Stops so far: a command that one of them overtakes is not in force."""
         self.late_commands = 0
         """Operators' commands that arrived too late to be followed."""
         self._wheels = WheelMotion(driver)
@@ -127,18 +129,27 @@ class Commander:
             # If one is not finite, the driver stops the robot.
             moves = any(speeds) and all(map(math.isfinite, speeds))
             if moves and not self.sources.may_move(source, now):
-                self._cause = StopReason.COMMANDS_UNPAUSED
+                with self._lock:
+                    self._cause = StopReason.COMMANDS_UNPAUSED
                 return False
             self.seeking = False
-        self._cause, self._commanded_s = StopReason.NONE, now
+        with self._lock:
+            self._cause, self._commanded_s, stops = StopReason.NONE, now, self._stops
         taken = self._driver.drive(*speeds)
-        self._commanded = taken or self._driver.command is not None  # held back while telemetry is late
-        return self._commanded
+        taken = taken or self._driver.command is not None  # held back while telemetry is late
+        with self._lock:
+            self._commanded = taken and self._stops == stops
+            return self._commanded
 
     def stop(self, cause: StopReason = StopReason.NONE) -> None:
         """Stop at once; the next command moves the robot again."""
-        self._cause, self._commanded = cause, False
+        self._note_stop(cause)
         self._driver.stop()
+
+    def _note_stop(self, cause: StopReason) -> None:
+        with self._lock:
+            self._cause, self._commanded = cause, False
+            self._stops += 1
 
     def latch(self) -> None:
         """Emergency stop: stop, and refuse commands until `release`.  It ends all goals."""
@@ -174,7 +185,8 @@ class Commander:
                 self.cancel_goals(not enabled)
 
     def _inhibit(self, reason: StopReason) -> None:
-        self.seeking, self._cause, self._commanded = False, StopReason.NONE, False
+        self.seeking = False
+        self._note_stop(StopReason.NONE)
         self._driver.inhibit(reason)
 
     def _allow(self, reason: StopReason, ends: bool) -> None:

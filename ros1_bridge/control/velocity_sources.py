@@ -6,9 +6,9 @@ silent, or has sent zero, for a while.
 """
 
 import math
-import threading
 from typing import Dict, Iterable, NamedTuple, Tuple
 
+from mrl_driver.lock_order import new_lock
 from ros1_bridge.node.robot_parameters import PAUSE_S
 
 
@@ -33,7 +33,7 @@ class VelocitySources:
 
     def __init__(self, pause_s: float = PAUSE_S) -> None:
         self.pause_s = pause_s
-        self._lock = threading.Lock()
+        self._lock = new_lock("sources")
         self._stops = 0
         self._early: Dict[str, float] = {}
         """Nodes that were there before this one, and since when they are connected; infinite before."""

@@ -1,9 +1,9 @@
 """Judges how late the commands of operators arrive at the robot.  No ROS."""
 
 import math
-import threading
 from typing import Callable, Dict, Tuple
 
+from mrl_driver.lock_order import new_lock
 from mrl_driver.safety.operator_delay import Lateness, delay_text
 from mrl_driver.yaml_file import short
 
@@ -27,7 +27,7 @@ class Operators:
 
     def __init__(self, most_s: float, clock: Callable[[], float]) -> None:
         self._most_s, self._clock = most_s, clock
-        self._lock = threading.Lock()
+        self._lock = new_lock("operators")
         # with the last arrival of each; the one that is silent for longest comes first
         self._known: Dict[str, Tuple[Lateness, float]] = {}
         self.refused = 0

@@ -178,7 +178,9 @@ class RobotNode:
         if self._zones is not None and parameters.planner != "none":
             self._follow_zones(self._zones.zones)
         if parameters.has("commands"):
-            offer = threading.Thread(target=self._offer_reconfigure, args=(model, limits), daemon=True)
+            offer = threading.Thread(
+                target=self._offer_reconfigure, name="reconfigure", args=(model, limits), daemon=True
+            )
             offer.start()  # it takes a second, and `cmd_vel` and `status` should not wait
         gc.collect()
         gc.freeze()  # all present objects stay, so that garbage collections need not scan them again
@@ -365,7 +367,7 @@ class RobotNode:
 
     def _follow_zones(self, zones: Zones) -> None:
         """Start the thread for the planner; the shutdown waits until the planner has its own speed back."""
-        thread = threading.Thread(target=self._tell_planner, args=(zones,), daemon=True)
+        thread = threading.Thread(target=self._tell_planner, name="planner", args=(zones,), daemon=True)
         thread.start()
 
         def end() -> None:

@@ -1,6 +1,8 @@
 """The order in which locks are taken, and that none is held while the port blocks a write."""
 
+import ast
 import contextlib
+import re
 import threading
 
 import pytest
@@ -11,6 +13,8 @@ from mrl_driver.driver.connection import QUEUE_BYTES
 from mrl_driver.errors import LinkLost, MrlError
 from mrl_driver.lock_order import ORDER, VARIABLE, new_lock
 from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.transport.link import LOCKS
+from tests.call_lists import ROOT
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 LASTING = Options(command_timeout_s=None)
@@ -322,3 +326,42 @@ def test_a_close_after_a_write_that_failed_stops_the_robot(robot, line, monkeypa
     drive_in_vain(robot, line, monkeypatch)
     robot.close()
     assert line.board.speeds == (0, 0)
+
+
+SOURCES = [
+    path
+    for folder in (
+        "mrl_driver",
+        *(f"ros1_bridge/{layer}" for layer in ("control", "robot", "status", "topics")),
+    )
+    for path in sorted((ROOT / folder).rglob("*.py"))
+    if path.name != "lock_order.py"
+]
+
+
+def made():
+    """The names of the threads and of the locks that the driver and its node make."""
+    threads, locks = set(), {*LOCKS}
+    for path in SOURCES:
+        for call in filter(lambda node: isinstance(node, ast.Call), ast.walk(ast.parse(path.read_text()))):
+            kind, names = ast.unparse(call.func), {key.arg: key.value for key in call.keywords}
+            assert kind not in ("threading.Lock", "threading.RLock"), f"{path} makes a lock without a name"
+            if kind == "threading.Thread":
+                threads.add(ast.literal_eval(names["name"]))
+            elif kind == "threading.Timer":
+                threads.add("Timer")
+            elif kind.endswith("ThreadPoolExecutor"):
+                threads.add(ast.literal_eval(call.args[1]))
+            elif kind == "new_lock":
+                locks.add(ast.literal_eval(call.args[0]))
+    return threads, locks
+
+
+def test_the_order_names_each_thread_and_lock_of_the_code():
+    threads, locks = made()
+    named = {
+        name
+        for entry in re.findall(r"^    ([a-z, -]+|Timer): ", lock_order.__doc__, re.M)
+        for name in entry.split(", ")
+    }
+    assert locks == {*ORDER} and named == threads | locks

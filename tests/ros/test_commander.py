@@ -106,6 +106,18 @@ def test_robot_that_the_driver_stopped_waits_for_a_new_command(bench, reason):
     assert bench.driver.command and not bench.commander.dropped
 
 
+def test_emergency_stop_that_overtakes_a_command_is_why_the_robot_stands(bench, monkeypatch):
+    """The command was taken just before, and its call returns after the stop: no later release drops it again."""
+
+    def drive(*speeds):
+        bench.commander.latch()
+        return True
+
+    monkeypatch.setattr(bench.driver, "drive", drive)
+    assert not bench.commander.drive(0.2, 0.0)
+    assert (bench.commander.dropped, bench.commander.stopped_by) == (False, module.EMERGENCY)
+
+
 def test_command_that_is_held_back_while_telemetry_is_late_is_not_refused(bench, monkeypatch):
     drive = bench.driver.drive
     monkeypatch.setattr(bench.driver, "drive", lambda *speeds: not drive(*speeds))
