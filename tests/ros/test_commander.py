@@ -115,7 +115,7 @@ def test_emergency_stop_that_overtakes_a_command_is_why_the_robot_stands(bench, 
 
     monkeypatch.setattr(bench.driver, "drive", drive)
     assert not bench.commander.drive(0.2, 0.0)
-    assert (bench.commander.dropped, bench.commander.stopped_by) == (False, module.EMERGENCY)
+    assert (bench.commander.dropped, bench.commander.stopped_by) == (False, StopReason.EMERGENCY_STOP)
 
 
 def test_command_that_is_held_back_while_telemetry_is_late_is_not_refused(bench, monkeypatch):
