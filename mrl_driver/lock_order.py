@@ -6,11 +6,11 @@ Threads:
     mrl-look: looks for the lost port of `mrl serve` (`transport.relay`), while its loop goes on.
     recorder: writes the recording's file (`recording.recording`); bytes reach it through a queue.
     recorder-end: closes that file if a callback has ended the recording (`driver.driver_recorder`).
-    probe: ask several ports at once who answers (`driver.probe`).
+    probe: ask several ports at once for their boards (`driver.probe`).
     teller: writes the messages of `mrl serve` (`transport.teller`), so that a slow terminal delays no byte.
     reconfigure: offers the node's limits to `dynamic_reconfigure`, which takes a second (`robot.robot_node`).
     Timer: ends the node after its service `shutdown` has answered (`robot.robot_node`).
-    planner: tells the planner the speed that the zones allow (`robot.robot_node`).
+    planner: gives the planner the speed that the zones allow (`robot.robot_node`).
     mrl-web-files: starts, ends and lists recordings for the page.  The page's event loop runs in the thread that calls
     `web.server.serve`; it has no lock of its own.
     Any thread of the program may call the methods of `Driver`; in the ROS node these are the main thread (status and
