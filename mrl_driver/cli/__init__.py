@@ -1,1 +1,1 @@
-"""The command `mrl`: one module per sub-command, and the doctor.  May import every other folder of the driver."""
+"""The command `mrl`: one module per sub-command, and the doctor.  May import all of the driver but the apps."""

@@ -1,6 +1,6 @@
 """The command `mrl`.
 
-Sub-commands are imported when they are used.  Other packages add their own through the entry point group
+Sub-commands are imported when they are used.  The apps and other packages add theirs through the entry point group
 `mrl.commands`.  An error is one line on stderr and an exit code from `errors`.
 """
 
@@ -24,7 +24,6 @@ _GROUP_ALONE: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
 """Error of click 8.2 and later for a group without a sub-command; older versions print the help themselves."""
 
 OWN: Dict[str, str] = {
-    "calibrate": "mrl_driver.cli.commands.calibrate:calibrate",
     "completion": "mrl_driver.cli.commands.completion:completion",
     "config": "mrl_driver.cli.commands.config:config",
     "doctor": "mrl_driver.cli.commands.doctor:doctor",
@@ -36,22 +35,18 @@ OWN: Dict[str, str] = {
     "monitor": "mrl_driver.cli.commands.monitor:monitor",
     "names": "mrl_driver.cli.commands.names:names",
     "new": "mrl_driver.cli.commands.new:new",
-    "plot": "mrl_driver.cli.commands.plot:plot",
     "ports": "mrl_driver.cli.commands.ports:ports",
     "radio": "mrl_driver.cli.commands.radio:radio",
     "record": "mrl_driver.cli.commands.monitor:record",
-    "review": "mrl_driver.cli.commands.review:review",
     "serve": "mrl_driver.cli.commands.serve:serve",
     "set-id": "mrl_driver.cli.commands.set_id:set_id",
     "system": "mrl_driver.cli.commands.system:system",
-    "tip-over": "mrl_driver.cli.commands.tip_over:tip_over",
-    "web": "mrl_driver.cli.commands.web:web",
 }
-"""Name of each sub-command of this package, with its module and function."""
+"""Name of each sub-command of this folder, with its module and function."""
 
 
 class Commands(click.Group):
-    """The sub-commands of this package, and those that other packages register."""
+    """The sub-commands of this folder, and those that the apps and other packages register."""
 
     def list_commands(self, ctx: click.Context) -> List[str]:
         """Return the names of all sub-commands, sorted."""
@@ -81,9 +76,9 @@ def registered(group: str) -> Dict[str, Any]:
     """Return the entry points of all packages in a group, by name."""
     from importlib import metadata
 
-    points: Any = metadata.entry_points()
-    found = points.select(group=group) if hasattr(points, "select") else points.get(group, [])
-    return {point.name: point for point in found}
+    # Not `entry_points`: there, an old `mrl_driver.egg-info` in the working folder hides the newer one.
+    points = (point for each in metadata.distributions() for point in each.entry_points)
+    return {point.name: point for point in points if point.group == group}
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:

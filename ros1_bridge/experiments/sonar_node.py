@@ -7,12 +7,12 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Range
 
-from mrl_driver.calibration import part_procedures, sonar_curve
-from mrl_driver.calibration.part_procedures import FRESH_S
-from mrl_driver.calibration.sonar_curve import Curve
+from mrl_driver.apps.calibration import part_procedures
+from mrl_driver.apps.calibration.part_procedures import FRESH_S
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
-from mrl_driver.robot import models
+from mrl_driver.robot import models, sonar_curve
+from mrl_driver.robot.sonar_curve import Curve
 from sim_arduino.experiments import disturbances, sonar_approach
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting

@@ -3,7 +3,7 @@
 import math
 import os
 
-from mrl_driver.calibration.ground_truth import Truth, truth_file
+from mrl_driver.apps.calibration.ground_truth import Truth, truth_file
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from ros1_bridge.demo.processes import wait_until

@@ -9,8 +9,8 @@ from typing import Any, Optional, Sequence, Tuple
 
 from sensor_msgs.msg import Imu
 
+from mrl_driver.apps.web.robot import PhoneReading
 from mrl_driver.geometry import GRAVITY_M_S2
-from mrl_driver.web.robot import PhoneReading
 from ros1_bridge.topics.imu_topics import ACCELERATION_OFFSET_M_S2
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE
 

@@ -5,6 +5,9 @@ import threading
 import time
 from typing import Callable, List, Mapping, Optional, Protocol, Tuple
 
+from mrl_driver.apps.web.driver_robot import REMEDY
+from mrl_driver.apps.web.goal_drive import GoalDrive
+from mrl_driver.apps.web.robot import PhoneReading, Recorded
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits, RobotModel
@@ -13,9 +16,6 @@ from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
 from mrl_driver.view.shown_state import SILENT_S, moves_sideways
 from mrl_driver.view.words import STOPS, stopped_text
-from mrl_driver.web.driver_robot import REMEDY
-from mrl_driver.web.goal_drive import GoalDrive
-from mrl_driver.web.robot import PhoneReading, Recorded
 from ros1_bridge.topics.topic_robot import NO_STOP, TopicRobot
 
 from .bag_recording import BagRecording
@@ -66,7 +66,7 @@ class _Press:
 
 
 class TopicPageRobot:
-    """A `mrl_driver.web.robot.PageRobot` of topics.
+    """A `mrl_driver.apps.web.robot.PageRobot` of topics.
 
     Callbacks of ROS and the page's server may call it at the same time.
 

@@ -17,9 +17,9 @@ from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
+from mrl_driver.apps.web.listening import drive_link, lines_for, qr_code, settings_for
+from mrl_driver.apps.web.robot import PhoneReading
 from mrl_driver.errors import ConfigError
-from mrl_driver.web.listening import drive_link, lines_for, qr_code, settings_for
-from mrl_driver.web.robot import PhoneReading
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel, operator_now_s
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.robot_parameters import ROWS as ROBOT_ROWS
@@ -130,7 +130,7 @@ class WebNode:
             ConfigError: aiohttp is missing, the address is not one of this computer, or the board has no motors.
             LinkError: the address cannot be listened on.
         """
-        from mrl_driver.web.server import serve  # here, so that what is missing is one line of the log
+        from mrl_driver.apps.web.server import serve  # here, so that what is missing is one line of the log
 
         self._robot.subscribe(rospy.Subscriber)
         threading.Thread(target=self._look, daemon=True).start()

@@ -10,7 +10,7 @@ from typing import Any, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import manoeuvres
+from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.geometry import Pose, wrap_angles
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.protocol.table import BY_NAME

@@ -8,7 +8,7 @@ import math
 import random
 from typing import Dict, List, Tuple
 
-from mrl_driver.calibration import fit
+from mrl_driver.apps.calibration import fit
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import ImuMount
 from sim_arduino.hardware.imu import ImuErrors

@@ -4,7 +4,7 @@ import time
 from contextlib import contextmanager
 from typing import Any, Callable, Iterator, Mapping, NamedTuple, Optional, Tuple, Union
 
-from mrl_driver.calibration import manoeuvres
+from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver

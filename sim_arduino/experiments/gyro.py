@@ -6,9 +6,9 @@ import math
 import random
 from typing import Any, Callable, ContextManager, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.calibration import fit, imu_procedures, manoeuvres
-from mrl_driver.calibration.geometry_procedures import turn_legs
-from mrl_driver.calibration.ground_truth import Truth
+from mrl_driver.apps.calibration import fit, imu_procedures, manoeuvres
+from mrl_driver.apps.calibration.geometry_procedures import turn_legs
+from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import Course

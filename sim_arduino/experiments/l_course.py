@@ -8,12 +8,12 @@ from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import part_procedures
-from mrl_driver.calibration.sonar_curve import Curve
+from mrl_driver.apps.calibration import part_procedures
 from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.robot.models import Drive
+from mrl_driver.robot.sonar_curve import Curve
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world import grid_map, world_file

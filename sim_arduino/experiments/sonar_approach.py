@@ -7,10 +7,11 @@ from typing import Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
-from mrl_driver.calibration import part_procedures, sonar_curve
-from mrl_driver.calibration.manoeuvres import Speeds, Track
-from mrl_driver.calibration.sonar_curve import THESIS, Curve
+from mrl_driver.apps.calibration import part_procedures
+from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
 from mrl_driver.geometry import ORIGIN
+from mrl_driver.robot import sonar_curve
+from mrl_driver.robot.sonar_curve import THESIS, Curve
 from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world import World
 

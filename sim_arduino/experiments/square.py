@@ -4,10 +4,10 @@ import math
 import random
 from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.calibration import fit, manoeuvres
-from mrl_driver.calibration.geometry_procedures import UMBMARK, evaluate, gather, umbmark_legs
-from mrl_driver.calibration.ground_truth import Truth
-from mrl_driver.calibration.trial import LEFT, RIGHT, Trial, errors, sense
+from mrl_driver.apps.calibration import fit, manoeuvres
+from mrl_driver.apps.calibration.geometry_procedures import UMBMARK, evaluate, gather, umbmark_legs
+from mrl_driver.apps.calibration.ground_truth import Truth
+from mrl_driver.apps.calibration.trial import LEFT, RIGHT, Trial, errors, sense
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import ON_TRACKS, Drive
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from mrl_driver.calibration.trial import Trial, path
+from mrl_driver.apps.calibration.trial import Trial, path
 from mrl_driver.geometry import Pose
 
 STEP_M, STEP_RAD = 0.01, 0.04

@@ -6,12 +6,12 @@ import re
 
 import pytest
 
-from mrl_driver.calibration import bridge_procedures, bridge_wiring
-from mrl_driver.calibration.bridge_gains import BridgeGains
-from mrl_driver.calibration.bridge_wiring import BITS, SET, SINGLE_CHANNEL
-from mrl_driver.calibration.wiring_check import Trial
+from mrl_driver.apps.calibration import bridge_procedures, bridge_wiring
+from mrl_driver.apps.calibration.bridge_gains import BridgeGains
+from mrl_driver.apps.calibration.bridge_wiring import BITS, SET, SINGLE_CHANNEL
+from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
+from mrl_driver.apps.calibration.wiring_check import Trial
 from mrl_driver.cli import main
-from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import WheelFault

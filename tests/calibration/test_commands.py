@@ -9,17 +9,17 @@ import sys
 import numpy as np
 import pytest
 
-from mrl_driver.calibration import manoeuvres, part_procedures
-from mrl_driver.calibration.gains import Gains
-from mrl_driver.calibration.ground_truth import Truth
-from mrl_driver.calibration.sonar_curve import THESIS, Curve
+from mrl_driver.apps.calibration import manoeuvres, part_procedures
+from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
+from mrl_driver.apps.calibration.gains import Gains
+from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.cli import main
-from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol import encode_reply
 from mrl_driver.robot import models
+from mrl_driver.robot.sonar_curve import THESIS, Curve
 from sim_arduino.serve import factory
 
 from . import paths

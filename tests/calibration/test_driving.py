@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.calibration import manoeuvres
+from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
 from sim_arduino.serve import factory

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.calibration import fit, geometry_procedures, umbmark
-from mrl_driver.calibration.trial import Trial, errors, spread
+from mrl_driver.apps.calibration import fit, geometry_procedures, umbmark
+from mrl_driver.apps.calibration.trial import Trial, errors, spread
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, advance
 from mrl_driver.robot.covariance import Uncertainty, error_squared

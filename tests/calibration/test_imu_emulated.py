@@ -7,9 +7,9 @@ import pathlib
 
 import pytest
 
-from mrl_driver.calibration import calibration_files, manoeuvres
+from mrl_driver.apps.calibration import calibration_files, manoeuvres
+from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
 from mrl_driver.cli import main
-from mrl_driver.cli.commands import calibrate_job, calibrate_view
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose, wrap_angle

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from mrl_driver.calibration import imu_fit
-from mrl_driver.calibration.imu_fit import ACCEL, GYRO, Turned, angle, levelled, push_of, rest_of, yaw_of
+from mrl_driver.apps.calibration import imu_fit
+from mrl_driver.apps.calibration.imu_fit import ACCEL, GYRO, Turned, angle, levelled, push_of, rest_of, yaw_of
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import GRAVITY_M_S2
 from mrl_driver.robot.models import ImuMount

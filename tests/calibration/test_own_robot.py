@@ -6,11 +6,12 @@ import math
 import numpy as np
 import pytest
 
-from mrl_driver.calibration import manoeuvres
-from mrl_driver.calibration.ground_truth import Truth
-from mrl_driver.calibration.trial import Trial, errors
+from mrl_driver.apps.calibration import manoeuvres
+from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
+from mrl_driver.apps.calibration.ground_truth import Truth
+from mrl_driver.apps.calibration.trial import Trial, errors
 from mrl_driver.cli import main
-from mrl_driver.cli.commands import calibrate_job, calibrate_view, set_id
+from mrl_driver.cli.commands import set_id
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose

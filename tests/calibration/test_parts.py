@@ -7,14 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.calibration import bridge_gains, gains, sonar_curve
-from mrl_driver.calibration.bridge_gains import BridgeGains, DutyStep, MotorFit
-from mrl_driver.calibration.gains import MotorModel
-from mrl_driver.calibration.ground_truth import Truth, parse_pose, truth_file
-from mrl_driver.calibration.sonar_curve import THESIS, Curve
-from mrl_driver.calibration.wiring_check import LEFT, RIGHT, Trial, diagnose, seen_in
+from mrl_driver.apps.calibration import bridge_gains, gains
+from mrl_driver.apps.calibration.bridge_gains import BridgeGains, DutyStep, MotorFit
+from mrl_driver.apps.calibration.gains import MotorModel
+from mrl_driver.apps.calibration.ground_truth import Truth, parse_pose, truth_file
+from mrl_driver.apps.calibration.wiring_check import LEFT, RIGHT, Trial, diagnose, seen_in
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
+from mrl_driver.robot import sonar_curve
+from mrl_driver.robot.sonar_curve import THESIS, Curve
 
 DISTANCES_M = np.arange(0.20, 2.001, 0.05)
 NOISE_M, MOST_ERROR_M, LEAST_R2 = 0.01, 0.01, 0.999

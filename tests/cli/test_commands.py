@@ -10,10 +10,10 @@ from unittest import mock
 
 import pytest
 
+from mrl_driver.apps.review import drive_data
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
-from mrl_driver.review import drive_data
 from mrl_driver.robot import models
 from mrl_driver.session.polling import STATUS
 from mrl_driver.terminal import keyboard

@@ -5,13 +5,13 @@ import math
 
 import pytest
 
+from mrl_driver.apps.review import drive_data
 from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.protocol.table import CAPABILITIES
 from mrl_driver.recording.recording import Recording
-from mrl_driver.review import drive_data
 from sim_arduino.serve import factory
 
 from .run import fails, mrl

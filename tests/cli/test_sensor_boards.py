@@ -8,7 +8,8 @@ import time
 import pytest
 from rich.console import Console
 
-from mrl_driver.calibration import part_procedures
+from mrl_driver.apps.calibration import part_procedures
+from mrl_driver.apps.review import drive_data, drive_plot
 from mrl_driver.cli.commands.shared import await_sensors
 from mrl_driver.cli.doctor import board
 from mrl_driver.cli.doctor.findings import NOTE, OK
@@ -19,7 +20,6 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import encode_reply, encode_request
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
-from mrl_driver.review import drive_data, drive_plot
 from mrl_driver.terminal.frame_log import FrameLog
 from mrl_driver.terminal.live_panels import render
 from mrl_driver.terminal.live_view import Screen, Settings

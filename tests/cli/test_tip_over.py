@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mrl_driver.tip_over import sweep, vehicle_file
+from mrl_driver.apps.tip_over import sweep, vehicle_file
 from tests.documents.blocks import ROOT
 
 from .run import fails, mrl

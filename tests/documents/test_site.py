@@ -108,8 +108,8 @@ def number(file, name):
 @pytest.mark.parametrize(
     "words",
     [
-        f"at most {number('mrl_driver/web/messages.py', 'MOST_BYTES')} bytes",
-        f"16 pages, 100 connections, {number('mrl_driver/web/client.py', 'MOST_PER_S')} messages/s from each",
+        f"at most {number('mrl_driver/apps/web/messages.py', 'MOST_BYTES')} bytes",
+        f"16 pages, 100 connections, {number('mrl_driver/apps/web/client.py', 'MOST_PER_S')} messages/s from each",
         f"{topic_sender.MOST_RECEIVERS} connections",
         f"frames of at most {relay_frames.LONGEST_BYTES // (1 << 20)} MB",
         {4: "at most four holders"}[MOST_HOLDERS],
@@ -120,5 +120,5 @@ def test_limits_in_the_security_notes_are_those_of_the_code(words):
 
 
 def test_pages_and_connections_are_limited_as_it_says():
-    source = (ROOT / "mrl_driver/web/server.py").read_text()
+    source = (ROOT / "mrl_driver/apps/web/server.py").read_text()
     assert "MOST_CLIENTS, MOST_CONNECTIONS = 16, 100" in source

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver.apps.review import drive_data
 from mrl_driver.cli.commands.info import describe
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.options import DEFAULTS
@@ -15,7 +16,6 @@ from mrl_driver.geometry import wrap_angle
 from mrl_driver.protocol.table import TICK_S
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
-from mrl_driver.review import drive_data
 from mrl_driver.robot.imu import (
     ABSENT,
     FROZEN,

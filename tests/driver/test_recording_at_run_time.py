@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+from mrl_driver.apps.review import drive_data
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.errors import ConfigError
@@ -12,7 +13,6 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.decoded import phone_readings
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
-from mrl_driver.review import drive_data
 from mrl_driver.transport.link import SerialLink
 from tests.call_lists import CallLists
 from tests.waiting import drive_until, wait_until

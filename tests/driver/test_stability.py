@@ -6,10 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import GRAVITY_M_S2
-from mrl_driver.tip_over import sweep, vehicle_file
-from mrl_driver.tip_over.margin import (
+from mrl_driver.apps.tip_over import sweep, vehicle_file
+from mrl_driver.apps.tip_over.margin import (
     DIRECTIONS,
     MOST_N,
     Arm,
@@ -23,6 +21,8 @@ from mrl_driver.tip_over.margin import (
     limits,
     margins,
 )
+from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import GRAVITY_M_S2
 
 EXACT = 1e-9
 WEIGHT_N = 10.0 * GRAVITY_M_S2

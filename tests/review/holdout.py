@@ -12,9 +12,9 @@ import tempfile
 from collections import Counter
 from typing import Dict, List
 
+from mrl_driver.apps.review.drive_data import read
+from mrl_driver.apps.review.findings import Finding, find
 from mrl_driver.driver.recorded import RecordedDriver
-from mrl_driver.review.drive_data import read
-from mrl_driver.review.findings import Finding, find
 from tests.long.bench import report
 
 from .drives import Drive, record

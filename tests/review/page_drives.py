@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
+from mrl_driver.apps.review.drive_data import Column, DriveData, Frames, Stop
+from mrl_driver.apps.review.findings import Finding
 from mrl_driver.protocol import encode_reply, encode_request
-from mrl_driver.review.drive_data import Column, DriveData, Frames, Stop
-from mrl_driver.review.findings import Finding
 from mrl_driver.robot import models
 
 COUNTS = encode_reply(8, 2000, 1900, 100, 200, 645)

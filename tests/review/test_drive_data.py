@@ -6,13 +6,13 @@ import random
 import numpy as np
 import pytest
 
+from mrl_driver.apps.review.drive_data import Frames, read
+from mrl_driver.apps.review.findings import find
+from mrl_driver.apps.review.page import render
 from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.review.drive_data import Frames, read
-from mrl_driver.review.findings import find
-from mrl_driver.review.page import render
 from sim_arduino.serve import factory
 
 STOP = b"@13e"
@@ -146,7 +146,7 @@ def test_a_damaged_recording_is_read_and_searched(driven, tmp_path, seed):
 
 def test_damage_without_end_is_refused_and_readings_of_a_phone_take_no_memory(driven, tmp_path, monkeypatch):
     """A recording of another baud rate; each damaged piece takes more memory than its bytes."""
-    monkeypatch.setattr("mrl_driver.review.drive_data.MOST_KEPT", 1000)
+    monkeypatch.setattr("mrl_driver.apps.review.drive_data.MOST_KEPT", 1000)
     path, after = tmp_path / "drive.mrl", b"%.6f " % (driven.data.duration_s + 1.0)
     path.write_bytes(driven.raw + after + b'! phone {"time_s": 1}\n')
     assert read(RecordedDriver(str(path))).remarks == driven.data.remarks

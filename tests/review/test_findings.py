@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from mrl_driver.apps.review.drive_data import Column, read
+from mrl_driver.apps.review.findings import find
 from mrl_driver.driver.recorded import RecordedDriver
-from mrl_driver.review.drive_data import Column, read
-from mrl_driver.review.findings import find
 
 from .drives import Drive, record
 from .faulty_drives import faulty, good

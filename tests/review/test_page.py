@@ -9,12 +9,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from mrl_driver.apps.review.charts import NEAR_S, reduced
+from mrl_driver.apps.review.drive_data import Stop
+from mrl_driver.apps.review.page import MOST_LISTED, MOST_REMARKS, frame_text, render
 from mrl_driver.protocol import encode_reply, encode_request
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import SENSOR_BY_NAME
-from mrl_driver.review.charts import NEAR_S, reduced
-from mrl_driver.review.drive_data import Stop
-from mrl_driver.review.page import MOST_LISTED, MOST_REMARKS, frame_text, render
 
 from .page_drives import COUNTS, FINDING, column, drive
 

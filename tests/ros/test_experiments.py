@@ -10,12 +10,12 @@ import pytest
 import rosgraph
 from click.testing import CliRunner
 
-from mrl_driver.calibration.sonar_curve import THESIS
 from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.waypoint_tour import DONE
 from mrl_driver.robot.sonar import NAMES
+from mrl_driver.robot.sonar_curve import THESIS
 from ros1_bridge.experiments import course_node, legs, sonar_node, square_node, team_node
 from ros1_bridge.experiments.experiment_processes import Parts, environment
 from ros1_bridge.experiments.one_robot_node import TimedPoses

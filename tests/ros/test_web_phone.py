@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from mrl_driver.web.robot import PhoneReading
+from mrl_driver.apps.web.robot import PhoneReading
 from ros1_bridge.web import phone_imu
 
 

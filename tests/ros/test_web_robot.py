@@ -13,11 +13,11 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 
+from mrl_driver.apps.web.goal_drive import REACHED
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
 from mrl_driver.view.shown_state import SILENT_S
-from mrl_driver.web.goal_drive import REACHED
 from ros1_bridge.topics import topic_robot
 from ros1_bridge.topics.topic_robot import STILL_M_S, TopicRobot
 from ros1_bridge.web import emergency_stop, topic_page_robot

@@ -2,13 +2,13 @@
 
 import math
 
+from mrl_driver.apps.web.robot import Recorded
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Twist
 from mrl_driver.view.live_model import Shown
 from mrl_driver.view.shown_state import Row, ShownState
-from mrl_driver.web.robot import Recorded
 
 
 class FakeRobot:

@@ -2,7 +2,7 @@
 
 from typing import Any, List, Optional
 
-from mrl_driver.web.helm import Control, Goal
+from mrl_driver.apps.web.helm import Control, Goal
 
 
 class Page:

@@ -8,9 +8,9 @@ import math
 from collections import deque
 from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Sequence
 
+from mrl_driver.apps.web.helm import Drive, Halt, Helm
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.web.helm import Drive, Halt, Helm
 from sim_arduino.serve import factory
 from tests.driver.emulator import STOP
 

@@ -6,14 +6,14 @@ from types import SimpleNamespace
 
 import pytest
 
+from mrl_driver.apps.web.driver_robot import DriverRobot
+from mrl_driver.apps.web.goal_drive import REACHED, GoalDrive
+from mrl_driver.apps.web.robot import PhoneReading
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot.models import load
-from mrl_driver.web.driver_robot import DriverRobot
-from mrl_driver.web.goal_drive import REACHED, GoalDrive
-from mrl_driver.web.robot import PhoneReading
 from sim_arduino.serve import factory
 
 STEP_S = 0.05
@@ -120,7 +120,7 @@ def phone(**angles):
 
 @pytest.fixture
 def recorder(tmp_path, monkeypatch):
-    monkeypatch.setattr("mrl_driver.web.driver_robot.Series", lambda driver: None)
+    monkeypatch.setattr("mrl_driver.apps.web.driver_robot.Series", lambda driver: None)
     (tmp_path / "old.mrl").write_bytes(b"12345")
     (tmp_path / "secret.txt").write_bytes(b"1")
     driver = recording_driver(str(tmp_path / "old.mrl"))

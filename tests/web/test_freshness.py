@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrl_driver.apps.web.freshness import DEAF_S, WINDOW_S, Freshness, clock_s
 from mrl_driver.safety.operator_delay import DRIFT
-from mrl_driver.web.freshness import DEAF_S, WINDOW_S, Freshness, clock_s
 
 AHEAD_S = -1234.5
 """The page's clock is this far ahead of the server's."""

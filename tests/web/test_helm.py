@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from mrl_driver.web.helm import (
+from mrl_driver.apps.web.helm import (
     CHANGED,
     EMERGENCY,
     HAND_OVER_S,

@@ -17,8 +17,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
+from mrl_driver.apps.web.helm import RELEASED, Drive, Go, Goal, Halt, Helm, Latch, Unlatch
 from mrl_driver.safety.operator_delay import DRIFT
-from mrl_driver.web.helm import RELEASED, Drive, Go, Goal, Halt, Helm, Latch, Unlatch
 
 from .pages import Page
 

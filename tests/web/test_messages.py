@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrl_driver.apps.web import messages
+from mrl_driver.apps.web.helm import Control, Goal, Helm
+from mrl_driver.apps.web.messages import Malformed, parse
+from mrl_driver.apps.web.robot import Recorded
 from mrl_driver.robot.models import load
-from mrl_driver.web import messages
-from mrl_driver.web.helm import Control, Goal, Helm
-from mrl_driver.web.messages import Malformed, parse
-from mrl_driver.web.robot import Recorded
 
 CONTROL = {
     "type": "control",

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.review.page import render
+from mrl_driver.apps.review.page import render
 from tests.review.page_drives import FINDING, drive
 
 from .browser import ASKED, DESK, PHONE, PROJECTOR, Size

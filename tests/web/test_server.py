@@ -10,11 +10,11 @@ from unittest import mock
 
 import pytest
 
+from mrl_driver.apps.web import assets, client, listening, messages
+from mrl_driver.apps.web.helm import Helm
+from mrl_driver.apps.web.robot import Recorded
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.access import Tokens
-from mrl_driver.web import assets, client, listening, messages
-from mrl_driver.web.helm import Helm
-from mrl_driver.web.robot import Recorded
 from tests.waiting import PATIENCE_S
 
 from .fake_robot import FakeRobot
@@ -124,7 +124,7 @@ def serving(scenario, settings=FREE, robot=None, stop_s=LONG_S):
     """Serve a robot to a coroutine, which gets the `Site`.  On a busy machine no command and no session is too old."""
     import aiohttp
 
-    from mrl_driver.web.server import Server
+    from mrl_driver.apps.web.server import Server
 
     async def run():
         served = robot or FakeRobot()
@@ -137,9 +137,9 @@ def serving(scenario, settings=FREE, robot=None, stop_s=LONG_S):
         finally:
             await server.close("the test is over")
 
-    with mock.patch("mrl_driver.web.freshness.DEAF_S", LONG_S), mock.patch(
-        "mrl_driver.web.server.Helm", lambda: Helm(stop_s, LONG_S, 2 * LONG_S)
-    ), mock.patch("mrl_driver.web.server.SILENT_S", LONG_S):
+    with mock.patch("mrl_driver.apps.web.freshness.DEAF_S", LONG_S), mock.patch(
+        "mrl_driver.apps.web.server.Helm", lambda: Helm(stop_s, LONG_S, 2 * LONG_S)
+    ), mock.patch("mrl_driver.apps.web.server.SILENT_S", LONG_S):
         asyncio.run(run())
 
 
@@ -271,7 +271,7 @@ def test_a_stalled_page_delays_no_other_and_is_closed(monkeypatch):
 
 def test_one_page_too_many_is_told_why_and_may_come_again(monkeypatch):
     """One whose link was lost must get its STOP button back."""
-    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
+    monkeypatch.setattr("mrl_driver.apps.web.server.MOST_CLIENTS", 1)
 
     async def scenario(site):
         async with site.page() as first:
@@ -286,8 +286,8 @@ def test_one_page_too_many_is_told_why_and_may_come_again(monkeypatch):
 
 
 def test_pages_that_watch_leave_room_for_one_that_drives(monkeypatch):
-    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
-    monkeypatch.setattr("mrl_driver.web.server.FOR_DRIVING", 1)
+    monkeypatch.setattr("mrl_driver.apps.web.server.MOST_CLIENTS", 1)
+    monkeypatch.setattr("mrl_driver.apps.web.server.FOR_DRIVING", 1)
 
     async def scenario(site):
         async with site.page(TOKENS.watch) as watches, site.page(TOKENS.drive) as drives:
@@ -298,7 +298,7 @@ def test_pages_that_watch_leave_room_for_one_that_drives(monkeypatch):
 
 
 def test_one_connection_too_many_is_closed(monkeypatch):
-    monkeypatch.setattr("mrl_driver.web.server.MOST_CONNECTIONS", 1)
+    monkeypatch.setattr("mrl_driver.apps.web.server.MOST_CONNECTIONS", 1)
 
     async def scenario(site):
         idle, other = await asyncio.open_connection("127.0.0.1", site.server.port)
@@ -315,8 +315,8 @@ def test_one_connection_too_many_is_closed(monkeypatch):
 
 def test_a_connection_counts_before_its_handshake(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    monkeypatch.setattr("mrl_driver.web.server.MOST_CONNECTIONS", 2)
-    monkeypatch.setattr("mrl_driver.web.server.HANDSHAKE_S", LONG_S)
+    monkeypatch.setattr("mrl_driver.apps.web.server.MOST_CONNECTIONS", 2)
+    monkeypatch.setattr("mrl_driver.apps.web.server.HANDSHAKE_S", LONG_S)
     settings = listening.settings_for("0.0.0.0:0")
 
     async def scenario(site):
@@ -544,12 +544,12 @@ def test_sockets_without_a_token_take_no_place():
 
 
 def test_a_silent_page_gives_its_place_to_the_next(monkeypatch):
-    monkeypatch.setattr("mrl_driver.web.server.MOST_CLIENTS", 1)
+    monkeypatch.setattr("mrl_driver.apps.web.server.MOST_CLIENTS", 1)
 
     async def scenario(site):
         async with site.page(name="silent") as silent:
             await silent.next("welcome")
-            monkeypatch.setattr("mrl_driver.web.server.SILENT_S", 0.0)
+            monkeypatch.setattr("mrl_driver.apps.web.server.SILENT_S", 0.0)
             async with site.page(name="next") as page:
                 await page.next("welcome")
                 assert "needed its place" in (await silent.next("closed"))["why"]

@@ -75,7 +75,7 @@ def test_a_port_that_is_not_there():
 
 
 def test_a_page_beyond_this_computer_has_a_link_to_drive_and_one_to_watch():
-    from mrl_driver.web import listening
+    from mrl_driver.apps.web import listening
 
     settings = listening.settings_for("0.0.0.0:0")
     drive, *_ = listening.lines_for(settings, 99)

@@ -193,12 +193,13 @@ def _write(path: str, text: str) -> None:
 
 def _set_up(made: Kit, path: str, way: Way) -> None:
     """Upload the firmware, set the id and the parameters, and calibrate wiring and gains."""
-    from .calibrate_parts import gains
-    from .calibrate_wiring import wiring
     from .flash import HBRIDGE, flash, only_board
     from .set_id import set_id
 
     ctx = click.get_current_context()
+    commands: Any = ctx.find_root().command
+    calibrate = commands.get_command(ctx, "calibrate")
+    wiring, gains = (calibrate.get_command(ctx, name) for name in ("wiring", "gains"))
     outer = ctx.find_root().params.get("port") or os.environ.get("MRL_PORT")
     port = way.port or outer or only_board()
     robot: Dict[str, Any] = {"port": port, "robot": path, "baud": None}

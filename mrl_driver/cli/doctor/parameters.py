@@ -103,7 +103,7 @@ def _ceiling(name: str, value: int, model: RobotModel) -> Tuple[str, str]:
 def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
     import numpy as np  # late: takes long to import
 
-    from mrl_driver.calibration.sonar_curve import Curve
+    from mrl_driver.robot.sonar_curve import Curve
 
     expected = {name: default_of(model, PARAMETER_BY_NAME[name]) or 0 for name in CURVE_KEYS}
     ours, theirs = (Curve(*(each[name] / 1e4 for name in CURVE_KEYS)) for each in (values, expected))

@@ -12,10 +12,10 @@ from typing import List, Tuple
 
 import numpy as np
 
-from mrl_driver.calibration import fit, geometry_procedures, manoeuvres
-from mrl_driver.calibration.ground_truth import Truth
-from mrl_driver.calibration.manoeuvres import Speeds, Track
-from mrl_driver.calibration.trial import Trial, errors
+from mrl_driver.apps.calibration import fit, geometry_procedures, manoeuvres
+from mrl_driver.apps.calibration.ground_truth import Truth
+from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
+from mrl_driver.apps.calibration.trial import Trial, errors
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose

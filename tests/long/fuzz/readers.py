@@ -14,8 +14,14 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, Tuple
 from unittest import mock
 
-from mrl_driver.calibration import calibration_files, ground_truth
-from mrl_driver.cli.commands import calibrate_parts
+from mrl_driver.apps.calibration import calibration_files, ground_truth
+from mrl_driver.apps.calibration.commands import calibrate_parts
+from mrl_driver.apps.review import drive_data, page
+from mrl_driver.apps.review.findings import find
+from mrl_driver.apps.tip_over import vehicle_file
+from mrl_driver.apps.web import guard, messages
+from mrl_driver.apps.web.helm import Control as PageControl
+from mrl_driver.apps.web.helm import Drive, Go, Helm
 from mrl_driver.driver import parameter_file
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.errors import ConfigError
@@ -25,17 +31,11 @@ from mrl_driver.protocol.hold_text import HoldText
 from mrl_driver.protocol.table import BY_NAME, PARAMETERS, STOP_CODE
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
-from mrl_driver.review import drive_data, page
-from mrl_driver.review.findings import find
 from mrl_driver.robot import models
 from mrl_driver.session.events import Ready
-from mrl_driver.tip_over import vehicle_file
 from mrl_driver.transport import address
 from mrl_driver.transport.listener import TcpListener, UdpListener
 from mrl_driver.transport.relay import STOPS, Bridge
-from mrl_driver.web import guard, messages
-from mrl_driver.web.helm import Control as PageControl
-from mrl_driver.web.helm import Drive, Go, Helm
 from ros1_bridge.relay import relay_frames
 from ros1_bridge.relay.message_age import MessageAge
 from sim_arduino.avr.elf import read_image

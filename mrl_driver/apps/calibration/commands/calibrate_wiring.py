@@ -4,15 +4,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Optional
 
 import click
 
+from mrl_driver.cli.commands.shared import print_json, warn
 from mrl_driver.errors import ConfigError, WheelFault
 from mrl_driver.protocol.table import BRIDGES
 
 from . import calibrate_job
 from .calibrate_job import Job, confirm_drive, job_options, model_of, recorded_model
-from .shared import print_json, warn
 
 if TYPE_CHECKING:
-    from mrl_driver.calibration.wiring_procedures import Scene
+    from mrl_driver.apps.calibration.wiring_procedures import Scene
     from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
 
@@ -54,7 +54,7 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> 
       mrl calibrate wiring --port /dev/ttyACM0
       mrl calibrate wiring --robot kit --bridge l298n
     """
-    from mrl_driver.calibration.bridge_procedures import CAPABILITY
+    from mrl_driver.apps.calibration.bridge_procedures import CAPABILITY
 
     from .calibrate_view import require_terminal
 
@@ -75,7 +75,7 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> 
 
 
 def _recorded(recording: str, model: "RobotModel") -> Any:
-    from mrl_driver.calibration import part_procedures
+    from mrl_driver.apps.calibration import part_procedures
 
     if model.board.get("bridge"):
         raise ConfigError(
@@ -87,8 +87,8 @@ def _recorded(recording: str, model: "RobotModel") -> Any:
 
 def _check(driver: "Driver", job: Job, unseen: bool) -> Any:
     """Turn each wheel of a motor board, and return the faults."""
-    from mrl_driver.calibration import part_procedures
-    from mrl_driver.calibration.manoeuvres import Track
+    from mrl_driver.apps.calibration import part_procedures
+    from mrl_driver.apps.calibration.manoeuvres import Track
 
     from .calibrate_view import Unmeasured, observer_for, ruler_for
 
@@ -113,7 +113,7 @@ def _report(found: Any, job: Job) -> None:
 
 def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> None:
     """Find the wiring of an H-bridge board, prove it, and save it in the EEPROM."""
-    from mrl_driver.calibration import bridge_wiring, part_procedures, wiring_procedures
+    from mrl_driver.apps.calibration import bridge_wiring, part_procedures, wiring_procedures
 
     if unseen:
         raise ConfigError(
@@ -142,8 +142,8 @@ def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> No
 
 
 def _scene(driver: "Driver", job: Job, given: BridgeOptions) -> "Scene":
-    from mrl_driver.calibration.manoeuvres import Track
-    from mrl_driver.calibration.wiring_procedures import Scene
+    from mrl_driver.apps.calibration.manoeuvres import Track
+    from mrl_driver.apps.calibration.wiring_procedures import Scene
 
     from .calibrate_view import SeenByTruth, SeenByUser, Unmeasured, ruler_for
 

@@ -5,9 +5,9 @@ from typing import Any, List, Tuple
 
 import numpy as np
 
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD
-from mrl_driver.review.drive_data import DriveData
 from mrl_driver.session.events import Ready, Stale
 from mrl_driver.session.session import SAME_BOOT_S, STALE_S
 

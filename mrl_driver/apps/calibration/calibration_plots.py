@@ -6,12 +6,12 @@ import numpy as np
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
+from mrl_driver.robot.sonar_curve import THESIS, SonarFit
 
 from .bridge_procedures import TunedBridge
 from .gains import speeds
 from .imu_procedures import ImuOutcome
 from .part_procedures import Steps, Tuned
-from .sonar_curve import THESIS, SonarFit
 from .trial import LEFT
 
 

@@ -5,8 +5,8 @@ from typing import Any, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.problems import PROBLEMS
-from mrl_driver.review.drive_data import DriveData
 from mrl_driver.robot.heading import STEADY_RAD_S
 from mrl_driver.robot.imu import CODES
 from mrl_driver.robot.models import Drive

@@ -5,10 +5,9 @@ from typing import Optional, Tuple
 
 import click
 
+from mrl_driver.cli.commands.progress import progress
+from mrl_driver.cli.commands.shared import complete_robot, json_option, print_json, print_message
 from mrl_driver.host.named_robots import resolve
-
-from .progress import progress
-from .shared import complete_robot, json_option, print_json, print_message
 
 
 @click.command(short_help="Draw a recording: path, speeds, ranges, sensors, battery.")
@@ -44,8 +43,8 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
       mrl plot drive.mrl --part path -o path.svg
     """
     from mrl_driver import figures
+    from mrl_driver.apps.review import drive_data, drive_plot
     from mrl_driver.driver.recorded import RecordedDriver
-    from mrl_driver.review import drive_data, drive_plot
 
     picture = output or f"{os.path.splitext(file)[0]}.png"
     figures.require_writable(picture, "picture")

@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
 
 import click
 
+from mrl_driver.cli.commands.shared import Between, json_option, print_json
 from mrl_driver.errors import ConfigError
 
-from .shared import Between, json_option, print_json
-
 if TYPE_CHECKING:
-    from mrl_driver.tip_over.margin import Margin, Vector
-    from mrl_driver.tip_over.sweep import Range, Situation
+    from mrl_driver.apps.tip_over.margin import Margin, Vector
+    from mrl_driver.apps.tip_over.sweep import Range, Situation
 
 _LINES = 12
 """Most lines of a sweep that are printed."""
@@ -100,7 +99,7 @@ def tip_over(
       mrl tip-over mecanum-arm --force 30 --direction left
       mrl tip-over mecanum-arm --sweep arm-angle=0:180 --plot angle.png
     """
-    from mrl_driver.tip_over import sweep, vehicle_file
+    from mrl_driver.apps.tip_over import sweep, vehicle_file
 
     as_json = given.pop("as_json")
     situation = _situation(sweep.Situation(vehicle_file.load(vehicle)), swept, **given)
@@ -122,7 +121,7 @@ def _situation(
     arm_height: Optional[float],
 ) -> "Situation":
     """The vehicle and what acts on it, from the options."""
-    from mrl_driver.tip_over.margin import Push
+    from mrl_driver.apps.tip_over.margin import Push
 
     given = {
         "arm-angle": arm_angle,
@@ -178,11 +177,11 @@ def _direction(text: str) -> Optional["Vector"]:
 
 
 def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as_json: bool) -> None:
-    from mrl_driver.tip_over import margin
+    from mrl_driver.apps.tip_over import margin
 
     vehicle, push = situation.vehicle, situation.push
     if picture:
-        from mrl_driver.tip_over import margin_plot
+        from mrl_driver.apps.tip_over import margin_plot
 
         margin_plot.draw(vehicle, picture, reserve_rad, situation.slope_rad, push)
     made: Dict[str, Any] = {
@@ -213,7 +212,7 @@ def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as
 
 def _of_push(situation: "Situation", reserve_rad: float) -> Dict[str, Any]:
     """The force, its direction, and the largest ones."""
-    from mrl_driver.tip_over import margin
+    from mrl_driver.apps.tip_over import margin
 
     vehicle, push = situation.vehicle, situation.push
     rest = (situation.slope_rad, situation.acceleration_m_s2)
@@ -277,12 +276,12 @@ def _margin_text(angle_rad: float) -> str:
 def _show_sweep(
     situation: "Situation", over: "Range", reserve_rad: float, picture: Optional[str], as_json: bool
 ) -> None:
-    from mrl_driver.tip_over import sweep
+    from mrl_driver.apps.tip_over import sweep
 
     found = sweep.sweep(situation, over)
     turning = sweep.crossings(situation, over, found)
     if picture:
-        from mrl_driver.tip_over import margin_plot
+        from mrl_driver.apps.tip_over import margin_plot
 
         margin_plot.draw_sweep(situation, over, picture, reserve_rad)
     if as_json:

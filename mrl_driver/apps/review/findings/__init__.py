@@ -5,7 +5,7 @@ Causes weigh more than what follows from them: a board that restarts also loses 
 
 from typing import Callable, Dict, List, Set, Tuple
 
-from mrl_driver.review.drive_data import DriveData
+from mrl_driver.apps.review.drive_data import DriveData
 
 from . import board, distances, gyro, link, sonars, supply, wheels
 from .finding import Finding

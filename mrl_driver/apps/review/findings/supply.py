@@ -5,7 +5,7 @@ from typing import Any, List, Optional, Tuple
 
 import numpy as np
 
-from mrl_driver.review.drive_data import DriveData
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, BatteryMonitor
 
 from .evidence import INFO, heard, outside

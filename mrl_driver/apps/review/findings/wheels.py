@@ -4,7 +4,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
-from mrl_driver.review.drive_data import DriveData
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.models import Drive
 from mrl_driver.safety.wheel_monitor import POWERLESS, REVERSED, Mismatch
 

@@ -8,13 +8,14 @@ import numpy as np
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
+from mrl_driver.robot import sonar_curve
 from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.sonar_curve import Curve
 
-from . import from_recording, gains, manoeuvres, sonar_curve, wiring_check
+from . import from_recording, gains, manoeuvres, wiring_check
 from .gains import Gains, MotorModel, Response
 from .ground_truth import Ruler
 from .manoeuvres import MOVE, MOVE_PID, Speeds, Track
-from .sonar_curve import Curve
 
 DUTY_PERCENT, WIRING_S = 35, 0.5
 STEP_PERCENT, STEP_S = 40, 1.5

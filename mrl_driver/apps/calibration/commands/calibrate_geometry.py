@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Callable, List, Mapping, NamedTuple, Sequ
 
 import click
 
+from mrl_driver.cli.commands.shared import Between, print_json, print_message, warn
 from mrl_driver.errors import ConfigError
 
 from . import calibrate_job
@@ -18,13 +19,12 @@ from .calibrate_job import (
     recorded_model,
     write_yaml,
 )
-from .shared import Between, print_json, print_message, warn
 
 if TYPE_CHECKING:
-    from mrl_driver.calibration.calibration_files import Key, Progress
-    from mrl_driver.calibration.geometry_procedures import Leg, Outcome
-    from mrl_driver.calibration.ground_truth import Ruler
-    from mrl_driver.calibration.trial import Trial
+    from mrl_driver.apps.calibration.calibration_files import Key, Progress
+    from mrl_driver.apps.calibration.geometry_procedures import Leg, Outcome
+    from mrl_driver.apps.calibration.ground_truth import Ruler
+    from mrl_driver.apps.calibration.trial import Trial
     from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
 
@@ -41,7 +41,7 @@ class CalibrationPlan(NamedTuple):
 
 def _geometry(plan: CalibrationPlan, job: Job) -> None:
     """Drive the runs or read recordings, evaluate them, and write the result."""
-    from mrl_driver.calibration import fit, geometry_procedures
+    from mrl_driver.apps.calibration import fit, geometry_procedures
 
     from .calibrate_view import ruler_for
 
@@ -76,7 +76,7 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
 
 def _gather(plan: CalibrationPlan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
     """Drive the missing runs, and those to repeat."""
-    from mrl_driver.calibration import geometry_procedures, manoeuvres
+    from mrl_driver.apps.calibration import geometry_procedures, manoeuvres
 
     from .calibrate_view import console
 
@@ -93,8 +93,8 @@ def _gather(plan: CalibrationPlan, driver: "Driver", progress: "Progress", ruler
 
 
 def _from_recordings(plan: CalibrationPlan, job: Job) -> None:
-    from mrl_driver.calibration import from_recording, geometry_procedures
-    from mrl_driver.calibration.ground_truth import parse_pose
+    from mrl_driver.apps.calibration import from_recording, geometry_procedures
+    from mrl_driver.apps.calibration.ground_truth import parse_pose
 
     model = recorded_model(job)
     output = output_for(job, model, None)
@@ -125,8 +125,8 @@ def report(
     from .calibrate_view import facts_of, outcome_lines, show_values
 
     if job.plot is not None:
-        from mrl_driver.calibration import calibration_plots
-        from mrl_driver.calibration import trial as run
+        from mrl_driver.apps.calibration import calibration_plots
+        from mrl_driver.apps.calibration import trial as run
 
         senses = [run.sense(outcome.after, each) for each in runs]
         calibration_plots.draw_ends(job.plot, outcome.errors_before, outcome.errors_after, senses)
@@ -155,7 +155,7 @@ _speed_option = click.option(
 
 
 def _speeds(speed: float) -> Any:
-    from mrl_driver.calibration.manoeuvres import Speeds
+    from mrl_driver.apps.calibration.manoeuvres import Speeds
 
     return Speeds(linear_m_s=speed)
 
@@ -186,7 +186,7 @@ def straight(
       mrl calibrate straight --port /dev/ttyACM0 --distance 3
       mrl calibrate straight --robot traxbot --output lab3.yaml --run a.mrl:2.01,0.02 --run b.mrl:2.0,0.03
     """
-    from mrl_driver.calibration.geometry_procedures import STRAIGHT, straight_legs
+    from mrl_driver.apps.calibration.geometry_procedures import STRAIGHT, straight_legs
 
     settings = {"distance_m": distance, "count": count}
     legs = straight_legs(count, distance, _speeds(speed))
@@ -213,7 +213,7 @@ def turn(
     Example:
       mrl calibrate turn --robot lab3.yaml --port /dev/ttyACM0 --turns 3
     """
-    from mrl_driver.calibration.geometry_procedures import TURN, turn_legs
+    from mrl_driver.apps.calibration.geometry_procedures import TURN, turn_legs
 
     legs = turn_legs(count, turns, _speeds(speed))
     _geometry(CalibrationPlan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
@@ -238,8 +238,8 @@ def umbmark(
       mrl calibrate umbmark --robot lab3.yaml --port /dev/ttyACM0
       mrl calibrate umbmark --port /dev/pts/3 --truth truth.jsonl --laps 3 --yes     an emulated robot
     """
-    from mrl_driver.calibration.geometry_procedures import UMBMARK, umbmark_legs
-    from mrl_driver.calibration.umbmark import require_laps
+    from mrl_driver.apps.calibration.geometry_procedures import UMBMARK, umbmark_legs
+    from mrl_driver.apps.calibration.umbmark import require_laps
 
     require_laps(laps, "counter-clockwise")
     settings = {"side_m": side, "laps": laps}

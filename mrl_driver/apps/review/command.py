@@ -5,12 +5,11 @@ from typing import Any, Dict, Optional
 
 import click
 
+from mrl_driver.cli.commands.progress import progress
+from mrl_driver.cli.commands.shared import complete_robot, json_option, print_json
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.host.named_robots import resolve
-
-from .progress import progress
-from .shared import complete_robot, json_option, print_json
 
 
 @click.command(short_help="Make a page of a recording: what went wrong, path, charts, stops.")
@@ -38,9 +37,9 @@ def review(file: str, output: Optional[str], robot: str, as_json: bool) -> None:
       mrl review drive.mrl -o monday.html
       mrl review drive.mrl --json
     """
+    from mrl_driver.apps.review import drive_data, page
+    from mrl_driver.apps.review.findings import find
     from mrl_driver.driver.recorded import RecordedDriver
-    from mrl_driver.review import drive_data, page
-    from mrl_driver.review.findings import find
 
     written = output or f"{os.path.splitext(file)[0]}.html"
     if os.path.exists(written) and os.path.exists(file) and os.path.samefile(written, file):
@@ -62,7 +61,7 @@ def review(file: str, output: Optional[str], robot: str, as_json: bool) -> None:
 
 def _facts(drive: Any, findings: Any) -> Dict[str, Any]:
     """Return findings and stops, with frames as they are written in the recording."""
-    from mrl_driver.review.page import raw_text
+    from mrl_driver.apps.review.page import raw_text
 
     return {
         "robot": drive.model.name,

@@ -5,7 +5,7 @@ from typing import Any, List
 
 import numpy as np
 
-from mrl_driver.review.drive_data import DriveData
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M, NEAREST_M
 
 from .evidence import TELEMETRY, heard, interruptions, outside, ready_s, runs

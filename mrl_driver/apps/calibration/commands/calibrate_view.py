@@ -10,11 +10,11 @@ from rich.prompt import Confirm, Prompt
 from rich.table import Table
 from rich.text import Text
 
-from mrl_driver.calibration.calibration_files import Key
-from mrl_driver.calibration.gains import Response
-from mrl_driver.calibration.geometry_procedures import Outcome
-from mrl_driver.calibration.ground_truth import Check, Ruler, Truth, parse_pose, truth_file
-from mrl_driver.calibration.wiring_check import LEAST_RAD, seen_in
+from mrl_driver.apps.calibration.calibration_files import Key
+from mrl_driver.apps.calibration.gains import Response
+from mrl_driver.apps.calibration.geometry_procedures import Outcome
+from mrl_driver.apps.calibration.ground_truth import Check, Ruler, Truth, parse_pose, truth_file
+from mrl_driver.apps.calibration.wiring_check import LEAST_RAD, seen_in
 from mrl_driver.errors import ConfigError, WheelFault
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import RobotModel

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, Optional, Sequence, 
 
 import click
 
+from mrl_driver.cli.commands.shared import print_json, print_message, warn
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.files import read_plain, replace_file
 from mrl_driver.robot import models
@@ -24,18 +25,17 @@ from .calibrate_job import (
     recorded_model,
     write_yaml,
 )
-from .shared import print_json, print_message, warn
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from mrl_driver.calibration.bridge_gains import MotorFit
-    from mrl_driver.calibration.calibration_files import Key
-    from mrl_driver.calibration.gains import Response
-    from mrl_driver.calibration.part_procedures import SonarPlan
-    from mrl_driver.calibration.sonar_curve import Curve
+    from mrl_driver.apps.calibration.bridge_gains import MotorFit
+    from mrl_driver.apps.calibration.calibration_files import Key
+    from mrl_driver.apps.calibration.gains import Response
+    from mrl_driver.apps.calibration.part_procedures import SonarPlan
     from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
+    from mrl_driver.robot.sonar_curve import Curve
 
 Points = Tuple[List[float], List[float]]
 """Readings and distances [m]."""
@@ -75,8 +75,8 @@ def sonar(
       mrl calibrate sonar --robot lab3.yaml --port /dev/ttyACM0 --start 2
       mrl calibrate sonar --robot lab3.yaml --points wall.csv --plot curve.png
     """
-    from mrl_driver.calibration import part_procedures
-    from mrl_driver.calibration.sonar_curve import THESIS
+    from mrl_driver.apps.calibration import part_procedures
+    from mrl_driver.robot.sonar_curve import THESIS
 
     plan = part_procedures.SonarPlan(start, stop, step)
     plan.distances()
@@ -101,7 +101,7 @@ def sonar(
 
 
 def _recorded_points(path: str, model: "RobotModel", start_m: float) -> Points:
-    from mrl_driver.calibration import from_recording, part_procedures
+    from mrl_driver.apps.calibration import from_recording, part_procedures
 
     rows = from_recording.read(path, model).rows
     return part_procedures.readings_at_stops(rows, model.differential, start_m)
@@ -109,8 +109,8 @@ def _recorded_points(path: str, model: "RobotModel", start_m: float) -> Points:
 
 def _approach(driver: "Driver", plan: "SonarPlan", kept: str, job: Job) -> Points:
     """Drive up to the wall, on from the readings in the file `kept`, and add the new ones to it."""
-    from mrl_driver.calibration.manoeuvres import Speeds, Track
-    from mrl_driver.calibration.part_procedures import approach_wall, readings_at_stops
+    from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
+    from mrl_driver.apps.calibration.part_procedures import approach_wall, readings_at_stops
 
     from .calibrate_view import console
 
@@ -159,7 +159,7 @@ def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float])
 
 def _model_curve(model: "RobotModel") -> Optional["Curve"]:
     """Return the model's own curve; None if it has none."""
-    from mrl_driver.calibration.sonar_curve import Curve
+    from mrl_driver.robot.sonar_curve import Curve
 
     coefficients = [model.board.get(name) for name in models.CURVE_KEYS]
     if None in coefficients:
@@ -196,14 +196,15 @@ def _fit_sonar(ranges: List[float], distances: List[float], present: "Curve", jo
     """Fit the curve, show the errors before and after, draw; return the values for the YAML file."""
     import numpy as np
 
-    from mrl_driver.calibration import part_procedures, sonar_curve
+    from mrl_driver.apps.calibration import part_procedures
+    from mrl_driver.robot import sonar_curve
 
     reading, truth = np.array(ranges), np.array(distances)
     counts = present.counts(reading)
     fit = sonar_curve.fit(counts.tolist(), distances)
     wire = fit.curve.on_wire()
     if job.plot is not None:
-        from mrl_driver.calibration import calibration_plots
+        from mrl_driver.apps.calibration import calibration_plots
 
         calibration_plots.draw_sonar(job.plot, counts, truth, fit)
     off_m = float(np.abs(reading - truth)[fit.used].max())
@@ -240,7 +241,7 @@ def gains(job: Job, recording: Optional[str]) -> None:
     Example:
       mrl calibrate gains --port /dev/ttyACM0 --plot gains.png
     """
-    from mrl_driver.calibration import bridge_procedures
+    from mrl_driver.apps.calibration import bridge_procedures
 
     if recording is not None:
         model = recorded_model(job)
@@ -260,7 +261,7 @@ def gains(job: Job, recording: Optional[str]) -> None:
 
 def _recorded_gains(recording: str, model: "RobotModel") -> Mapping[str, int]:
     """Show the recorded motors, and return the gains for them."""
-    from mrl_driver.calibration import bridge_procedures, part_procedures
+    from mrl_driver.apps.calibration import bridge_procedures, part_procedures
 
     if model.board.get("bridge"):
         motors, found = bridge_procedures.recorded(recording, model)
@@ -273,9 +274,9 @@ def _recorded_gains(recording: str, model: "RobotModel") -> Mapping[str, int]:
 
 
 def _tune(driver: "Driver", model: "RobotModel", job: Job) -> Mapping[str, int]:
-    from mrl_driver.calibration import part_procedures
-    from mrl_driver.calibration.gains import Gains
-    from mrl_driver.calibration.manoeuvres import Track
+    from mrl_driver.apps.calibration import part_procedures
+    from mrl_driver.apps.calibration.gains import Gains
+    from mrl_driver.apps.calibration.manoeuvres import Track
 
     from .calibrate_view import console
 
@@ -290,8 +291,8 @@ def _tune(driver: "Driver", model: "RobotModel", job: Job) -> Mapping[str, int]:
 
 
 def _tune_bridge(driver: "Driver", model: "RobotModel", job: Job) -> Mapping[str, int]:
-    from mrl_driver.calibration import bridge_procedures
-    from mrl_driver.calibration.manoeuvres import Track
+    from mrl_driver.apps.calibration import bridge_procedures
+    from mrl_driver.apps.calibration.manoeuvres import Track
 
     from .calibrate_view import console
 
@@ -308,7 +309,7 @@ def _tune_bridge(driver: "Driver", model: "RobotModel", job: Job) -> Mapping[str
 
 def _show_motors(motors: Sequence["MotorFit"], model: "RobotModel") -> None:
     """Print the motors of an H-bridge board, and a warning if their speed is not a line over the duty."""
-    from mrl_driver.calibration import bridge_gains, bridge_procedures
+    from mrl_driver.apps.calibration import bridge_gains, bridge_procedures
 
     a_turn = bridge_procedures.counts_per_turn(model)
     for name, motor in zip(("right", "left"), motors):
@@ -340,7 +341,7 @@ def _report_gains(tuned: Any, found: Mapping[str, Mapping[str, "Response"]], job
     from .calibrate_view import response_line
 
     if job.plot is not None:
-        from mrl_driver.calibration import calibration_plots
+        from mrl_driver.apps.calibration import calibration_plots
 
         calibration_plots.draw_gains(job.plot, tuned)
     if job.as_json:

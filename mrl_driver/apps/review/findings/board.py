@@ -2,10 +2,10 @@
 
 from typing import Dict, List, NamedTuple, Tuple
 
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import FAULTS
-from mrl_driver.review.drive_data import DriveData
 
 from .evidence import INFO, STATUS, heard, restarts, times
 from .finding import Finding

@@ -12,7 +12,7 @@ from typing import Any, List, NamedTuple, Tuple
 
 import numpy as np
 
-from mrl_driver.review.drive_data import DriveData
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
 from .evidence import TELEMETRY, heard, interruptions, outside

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Any, Dict, List
 
 import click
 
+from mrl_driver.cli.commands.shared import Between, print_json, print_message, warn
+
 from . import calibrate_job
 from .calibrate_job import Job, confirm_drive, job_options, model_of, output_for, write_yaml
-from .shared import Between, print_json, print_message, warn
 
 if TYPE_CHECKING:
-    from mrl_driver.calibration.imu_procedures import ImuOutcome
+    from mrl_driver.apps.calibration.imu_procedures import ImuOutcome
 
 IMU_PERIOD_MS = 20
 """Time between two readings of the IMU."""
@@ -50,8 +51,8 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
       mrl calibrate imu --robot traxbot-1.yaml --port /dev/ttyACM0
       mrl calibrate imu --port /dev/pts/3 --truth truth.jsonl --yes     an emulated robot
     """
-    from mrl_driver.calibration import fit, geometry_procedures, imu_procedures
-    from mrl_driver.calibration.manoeuvres import Speeds
+    from mrl_driver.apps.calibration import fit, geometry_procedures, imu_procedures
+    from mrl_driver.apps.calibration.manoeuvres import Speeds
 
     from .calibrate_view import console, ruler_for, show_values
 
@@ -71,7 +72,7 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
         outcome = imu_procedures.calibrate(driver, track, ruler, plan, measured, console.print)
         values = imu_procedures.values_for(outcome)
         if job.plot is not None:
-            from mrl_driver.calibration import calibration_plots
+            from mrl_driver.apps.calibration import calibration_plots
 
             calibration_plots.draw_gyro(job.plot, outcome)
         if outcome.trouble:

@@ -6,11 +6,7 @@ from typing import TYPE_CHECKING, Any, Callable, ContextManager, Dict, Mapping, 
 
 import click
 
-from mrl_driver.errors import ConfigError
-from mrl_driver.host.named_robots import Target
-from mrl_driver.robot import models
-
-from .shared import (
+from mrl_driver.cli.commands.shared import (
     battery_option,
     confirm,
     confirm_motion,
@@ -21,9 +17,12 @@ from .shared import (
     robot_options,
     yes_option,
 )
+from mrl_driver.errors import ConfigError
+from mrl_driver.host.named_robots import Target
+from mrl_driver.robot import models
 
 if TYPE_CHECKING:
-    from mrl_driver.calibration.calibration_files import Key, Progress
+    from mrl_driver.apps.calibration.calibration_files import Key, Progress
     from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
 
@@ -75,7 +74,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
 
             figures.require_writable(job.plot)
         if job.output is not None:
-            from mrl_driver.calibration.calibration_files import require_writable
+            from mrl_driver.apps.calibration.calibration_files import require_writable
 
             require_writable(job.output)
         confirm_overwrite(job.record, job.yes)
@@ -129,7 +128,7 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
     Raises:
         ConfigError: it would replace a file that is not the robot's own.
     """
-    from mrl_driver.calibration.calibration_files import require_writable
+    from mrl_driver.apps.calibration.calibration_files import require_writable
 
     own = job.target.model if job.target.model.endswith((".yaml", ".yml")) else None
     if job.output is None and own is None and robot_id is None:
@@ -145,7 +144,7 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
 
 def open_progress(output: str, model: "RobotModel", robot_id: int) -> "Progress":
     """Return the runs so far, from a file next to the output."""
-    from mrl_driver.calibration.calibration_files import Progress
+    from mrl_driver.apps.calibration.calibration_files import Progress
 
     return Progress(f"{os.path.splitext(output)[0]}.calibration.json", f"{model.name} {robot_id}")
 
@@ -154,7 +153,7 @@ def write_yaml(
     procedure: str, values: Mapping["Key", float], output: str, job: Job, model: "RobotModel"
 ) -> None:
     """Write the robot's YAML after asking."""
-    from mrl_driver.calibration import calibration_files
+    from mrl_driver.apps.calibration import calibration_files
 
     confirm(f"Write {output}?", job.yes)
     source = job.target.model if job.target.model != "auto" else model.name

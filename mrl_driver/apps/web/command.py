@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any, Iterator, Optional
 import click
 
 from mrl_driver import folders
-from mrl_driver.host.named_robots import Target
-
-from .shared import (
+from mrl_driver.cli.commands.shared import (
     battery_option,
     connected,
     fast_option,
@@ -22,11 +20,12 @@ from .shared import (
     robot_options,
     warn,
 )
+from mrl_driver.host.named_robots import Target
 
 if TYPE_CHECKING:
+    from mrl_driver.apps.web.listening import Settings
+    from mrl_driver.apps.web.server import Server
     from mrl_driver.driver import Driver
-    from mrl_driver.web.listening import Settings
-    from mrl_driver.web.server import Server
 
 COMMAND_TIMEOUT_S = 0.2
 """The driver stops the robot this long after the last fresh command of a page [s]; the page sends one every 50 ms."""
@@ -76,10 +75,10 @@ def web(
       mrl web --robot lab3 --listen 0.0.0.0           for phones in the same network
       mrl web --robot lab3 --listen 0.0.0.0 --new-tokens
     """
+    from mrl_driver.apps.web.driver_robot import DriverRobot
+    from mrl_driver.apps.web.listening import listening_socket, settings_for
+    from mrl_driver.apps.web.server import serve
     from mrl_driver.driver.options import QUEUED_S
-    from mrl_driver.web.driver_robot import DriverRobot
-    from mrl_driver.web.listening import listening_socket, settings_for
-    from mrl_driver.web.server import serve
 
     settings = settings_for(listen, new_tokens, print_message)
     folder = recordings or os.path.join(folders.data(), "recordings")
@@ -105,8 +104,8 @@ def web(
 
 def _print_links(settings: "Settings", port: int, driver: "Driver") -> None:
     """Print where the page is."""
+    from mrl_driver.apps.web.listening import drive_link, lines_for, qr_code
     from mrl_driver.view.shown_state import state_of
-    from mrl_driver.web.listening import drive_link, lines_for, qr_code
 
     first, *others = lines_for(settings, port)
     if settings.tokens is None:

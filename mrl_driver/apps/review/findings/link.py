@@ -5,9 +5,9 @@ from typing import List, NamedTuple, Tuple
 
 import numpy as np
 
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.recording.recording import FROM_BOARD
-from mrl_driver.review.drive_data import DriveData
 from mrl_driver.session.session import LATE_S, STALE_S
 
 from .evidence import (

@@ -1,0 +1,1 @@
+"""`mrl calibrate`: one module per group of procedures."""
