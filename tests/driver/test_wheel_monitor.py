@@ -506,7 +506,7 @@ def test_the_words_say_how_many_wheels(wheel, cause, words):
 
 @pytest.mark.parametrize(
     ("reason", "code"),
-    [("wheel_blocked", "wheel_blocked"), ("encoder", "encoder_dead"), ("another", "wheel_fault")],
+    [("wheel_blocked", "wheel_blocked"), ("encoder", "encoder_dead"), ("unknown", "wheel_fault")],
 )
 def test_a_stop_by_the_board_is_told_with_the_problem_and_its_remedy(reason, code):
     row, stop = PROBLEMS[code], Mismatch("", reason)
