@@ -96,7 +96,8 @@ def test_a_zone_that_warns_is_left_by_the_hysteresis_later(zone, length_m):
 
 def test_at_the_very_edge_of_the_protective_zone_the_robot_still_moves():
     edge_m = SETTINGS.protective_m + SETTINGS.growth_m(0.02)
-    assert point_saw(point_zones(), edge_m).limit(ASKED_M_S, 0.0) == pytest.approx(0.02)
+    zones = point_saw(point_zones(), edge_m)
+    assert zones.limit(ASKED_M_S, 0.0) == pytest.approx(0.02) and zones.protective_clear
 
 
 def test_the_protective_zone_stops_and_lets_go_by_the_hysteresis_later():
