@@ -20,7 +20,10 @@ HERE, RESULTS = pathlib.Path(__file__).parent, python.ROOT / "build" / "mutants"
 GOALS = {"safety": 0.95, "other": 0.90}
 SHORT = [
     {"other": ["sim_arduino/avr/intel_hex.py"], "tests": ["tests/avr/test_intel_hex.py"]},
-    {"other": ["firmware/mrl_firmware/compass.cpp"], "tests": ["tests/firmware/test_environment.py"]},
+    {
+        "other": ["firmware/mrl_firmware/src/sensors/compass.cpp"],
+        "tests": ["tests/firmware/test_environment.py"],
+    },
 ]
 """With FAST=1: a source of each language."""
 

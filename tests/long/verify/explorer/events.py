@@ -88,7 +88,7 @@ def _release(world: World, judge: Judge) -> None:
 def _close(world: World, judge: Judge) -> None:
     _asked(world, judge)
     judge.closed = True
-    _quietly(world.driver._stop_for_good)
+    _quietly(world.driver._connection.stop_for_good)
 
 
 def _zones(world: World, judge: Judge) -> None:

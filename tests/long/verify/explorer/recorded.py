@@ -21,10 +21,10 @@ def record(path: str, file: Optional[str], board: Optional[ExploredBoard] = None
     judge.settle(world)
     broken = ""
     for letter in path:
-        world.driver._remark(f"event {EVENTS[letter].name}".encode())
+        world.driver._connection.remark(f"event {EVENTS[letter].name}".encode())
         broken = broken or happen(world, judge, letter)
     if broken:
-        world.driver._remark(f"violated {broken}".encode())
+        world.driver._connection.remark(f"violated {broken}".encode())
     world.run(AFTER_S)
     world.ports.end_recording()
     world.end()

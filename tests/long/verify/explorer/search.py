@@ -21,7 +21,7 @@ IGNORED = {
         RobotState.model RobotState.tracker RobotState._used_s RobotState._counted_s RobotState._primed
         RobotState.path_unknown RobotState.imu_changed RobotState._late_sonars RobotState._new_readings
         Motion.stops Core.mismatch Handshake._info Handshake._protocol Commander.late_commands Core._options
-        Driver._slept_s SpeedLimiter._stepped_s
+        Connection._slept_s SpeedLimiter._stepped_s
     """,
     "settings": """
         Motion.timeout_s Motion.lead_s Motion.pace Session.lead_s Session._greeting_s Session._plan

@@ -2,7 +2,7 @@
 
 import pytest
 
-from mrl_driver.driver.driver import Driver
+from mrl_driver.driver.connection import Connection
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.session.session import Session
@@ -61,7 +61,7 @@ def test_a_command_without_an_end_violates_a_property_only_without_a_timeout(exp
     "owner, guard, path",
     [
         (Commander, "latch", "id"),
-        (Driver, "_stop_for_good", "dxw"),
+        (Connection, "stop_for_good", "dxw"),
         (Ports, "same_board", "dWoWW"),
         (Session, "_stop_blind", "dhW"),
     ],

@@ -1,7 +1,7 @@
 """The real `Driver` and `Commander` on an explored board, in simulated time and in one thread.
 
 The driver's own code serves the link, loses it and finds it again; only its clock, its locks and its ports are
-replaced.  A call of `World.run` goes on where the last one ended, in the middle of `Driver._serve`: the link raises
+replaced.  A call of `World.run` goes on where the last one ended, in the middle of `Connection.serve`: the link raises
 `StepEnd` when it would wait beyond the end of the step.
 """
 
@@ -301,7 +301,7 @@ class World:
             return
         except MrlError as error:
             line.ended = f"{type(error).__name__}: {error}"
-            driver._stop_for_good()
+            driver._connection.stop_for_good()
         finally:
             self.running = False
 
@@ -349,7 +349,7 @@ class World:
     def write(self, data: bytes) -> None:
         """Put the host's bytes on the line, with its faults."""
         line, now_s = self.line, self.line.board_s
-        if not self.ports.plugged or self.driver._broken is not None:
+        if not self.ports.plugged or self.driver._connection._broken is not None:
             raise LinkLost(f"{PORT} is gone")
         if now_s < line.lost_until:
             return
