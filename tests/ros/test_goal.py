@@ -177,6 +177,7 @@ def test_goal_of_another_client_takes_the_place_of_the_first(robot):
 
 def test_goal_is_given_up_when_the_robot_comes_no_nearer(robot):
     assert rospy.ServiceProxy(f"{robot.ns}/stop", Trigger)().success
+    robot.odom.wait_for_more(round(PAUSE_S * FRAME_HZ))  # the stop's cancel ends no later goal
     state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 2.0, 0.1)), rospy.Duration(START_S))
     assert rospy.ServiceProxy(f"{robot.ns}/release_stop", Trigger)().success
     robot.odom.wait_for_more(
