@@ -122,7 +122,7 @@ class Uncertainty:
         dt_s: float = 0.0,
         gyro: Optional[HeadingFilter] = None,
     ) -> None:
-        """Process a step of the odometry.  It runs for each frame; so it is one function without calls.
+        """Process a step of the odometry.
 
         Args:
             before, after: poses before and after the step.
@@ -147,7 +147,7 @@ class Uncertainty:
         if gyro is None and self._bias[2] == 0.0:  # no gyro so far
             whole, half = self._random[5] + turning / 4, self._random[5] + turning / 2
             xx, xy, xt, yy, yt, tt = self._random
-            xx, xy, xt, yy, yt, tt = self._random = (
+            self._random = (
                 xx - 2 * dy * xt + dy * dy * whole + cos * cos * along - dy * cos * both,
                 xy
                 - dy * yt
@@ -162,8 +162,14 @@ class Uncertainty:
             )
         else:
             of_step = cos * cos * along, cos * sin * along, cos * both, sin * sin * along, sin * both, turning
-            xx, xy, xt, yy, yt, tt = self._random = self._with_gyro(dx, dy, of_step, dt_s, gyro)
-        # constant errors
+            self._random = self._with_gyro(dx, dy, of_step, dt_s, gyro)
+        self.spread = self._with_constants(dx, dy, changes)
+        if dt_s > self._least_s:
+            self._note_speeds(forward_m, turn_rad, along, turning, dt_s, gyro)
+
+    def _with_constants(self, dx: float, dy: float, changes: Tuple[float, float, float]) -> Spread:
+        """Carry the effects of the constant errors over a step; return the spread with them."""
+        xx, xy, xt, yy, yt, tt = self._random
         x_m, y_m = self._moved_m = (self._moved_m[0] + dx, self._moved_m[1] + dy)
         scale = self._scale_variance
         xx, xy, yy = xx + scale * x_m * x_m, xy + scale * x_m * y_m, yy + scale * y_m * y_m
@@ -174,26 +180,35 @@ class Uncertainty:
             vx, vy = variance * x, variance * y
             xx, xy, xt = xx + vx * x, xy + vx * y, xt + vx * t
             yy, yt, tt = yy + vy * y, yt + vy * t, tt + variance * t * t
-        self.spread = (xx, xy, xt, yy, yt, tt)
-        # speeds: rounding, random errors, shares of the speed
-        if dt_s > self._least_s:
-            per_s2 = 1 / (dt_s * dt_s)
-            clock = self._clock_s2 * per_s2
-            linear2, angular2 = forward_m * forward_m * per_s2, turn_rad * turn_rad * per_s2
-            if gyro is None:
-                share = (self._turn_variance + clock) * angular2 + self._constants[
-                    2
-                ] * linear2 / base_m / base_m
-                of_turn = (self._rounding[1] + turning) * per_s2 + share
-            else:
-                of_turn = gyro.noise_rad2_s / dt_s + gyro.bias_variance + self._gyro_variance * angular2
-            of_way = (self._rounding[0] + along) * per_s2 + (scale + clock) * linear2
-            linear, angular, lateral = self.variances
-            self.variances = (
-                linear + NEWEST * (of_way - linear),
-                angular + NEWEST * (of_turn - angular),
-                lateral,
-            )
+        return xx, xy, xt, yy, yt, tt
+
+    def _note_speeds(
+        self,
+        forward_m: float,
+        turn_rad: float,
+        along: float,
+        turning: float,
+        dt_s: float,
+        gyro: Optional[HeadingFilter],
+    ) -> None:
+        """Take the variances of the speeds of a step: rounding, random errors, shares of the speed."""
+        per_s2 = 1 / (dt_s * dt_s)
+        clock = self._clock_s2 * per_s2
+        linear2, angular2 = forward_m * forward_m * per_s2, turn_rad * turn_rad * per_s2
+        if gyro is None:
+            share = (self._turn_variance + clock) * angular2 + self._constants[
+                2
+            ] * linear2 / self._base_m / self._base_m
+            of_turn = (self._rounding[1] + turning) * per_s2 + share
+        else:
+            of_turn = gyro.noise_rad2_s / dt_s + gyro.bias_variance + self._gyro_variance * angular2
+        of_way = (self._rounding[0] + along) * per_s2 + (self._scale_variance + clock) * linear2
+        linear, angular, lateral = self.variances
+        self.variances = (
+            linear + NEWEST * (of_way - linear),
+            angular + NEWEST * (of_turn - angular),
+            lateral,
+        )
 
     def _with_gyro(
         self, dx: float, dy: float, of_step: Spread, dt_s: float, gyro: Optional[HeadingFilter]

@@ -66,7 +66,7 @@ def run(sources: Sequence[str], tests: Sequence[str], workers: int) -> Iterator[
         numbers = list(_numbers(ast.parse((ROOT / source).read_text())))
         alive += [text for each in numbers for text in _tried(each, source, files, work / "mutants")]
         yield source, len(codes) + len(numbers), alive
-    (work / "mutants" / "build").unlink()  # a loop, over which rosrun stumbles
+    shutil.rmtree(str(work))  # roslaunch and rosrun would find the nodes of these copies
 
 
 def _files(path: pathlib.Path) -> List[str]:
