@@ -127,14 +127,15 @@ VERDICT = [ -z "$$failed" ] || { echo "$@ failed:$${failed\#,}" >&2; exit 1; }; 
 test: apt ## Set up what is missing, then run checks and tests, but for those of `make test-rest`
 	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware comparison $(PC_LIBRARIES)
 	@failed=; $(call RUN,$(MAKE) --no-print-directory check,checks); \
-	$(call RUN,$(PYTEST) --tier test -n 5 --dist loadfile,tests); \
+	$(call RUN,$(PYTEST) --tier test -m 'not realtime' -n 5 --dist loadfile,tests); \
+	$(call RUN,$(PYTEST) --tier test -m realtime -n 0 tests/web,tests in real time); \
 	$(VERDICT)
 
 test-rest: apt ## Run what `make test` leaves out: all of ROS, image and browser, limits in real time, a short form of each long run
 	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware comparison pc-firmware
 	@export MRL_TEST_SEED=$(SEED); failed=; \
 	$(call RUN,$(PYTEST) --tier rest -m 'not realtime' -n 5 --dist loadfile,tests); \
-	$(call RUN,$(PYTEST) -m realtime -n 0 $$(grep -rl --include='test_*.py' mark.realtime tests),tests in real time); \
+	$(call RUN,$(PYTEST) --tier rest -m realtime -n 0 $$(grep -rl --include='test_*.py' mark.realtime tests),tests in real time); \
 	$(call RUN,$(MAKE) --no-print-directory smoke,short forms of long runs); \
 	$(VERDICT)
 

@@ -78,7 +78,11 @@ class RobotPage:
             return moves()
 
         begin()
-        wait_until(moved, step_s=0.01, what="motion")
+        try:
+            wait_until(moved, step_s=0.01, what="motion")
+        except AssertionError as error:
+            words = [self.text(element) for element in ("link", "state", "notice", "why")]
+            raise AssertionError(f"{error}; the page says {self.state} and {words}") from None
 
     def push_until(self, moves: Callable[[], bool]) -> None:
         """Pushes the joystick until the robot moves."""
