@@ -2,17 +2,18 @@
 
     engine = FaultyEngine(PythonBoard(plant), ["loss:rate=0.001", "unplug:at=5,lasts=2"], seed=1)
 
-Every fault is a row of `faults.table`, which `mrl-sim --fault` uses and its help lists.
+Every fault is one of `fault_table.FAULTS`, which `mrl-sim --fault` uses and its help lists.
 """
 
 import math
 import random
-from typing import Any, Dict, Iterable, List, Union
+from typing import Any, Iterable, List, Union
 
 from mrl_driver.errors import ConfigError
 from sim_arduino.board.engine import Engine
 
-from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, FaultKind, parse
+from .fault_kind import FaultKind
+from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, parse
 from .schedule import Chain, Window
 
 
@@ -22,15 +23,19 @@ class _Switch:
     def __init__(self) -> None:
         self.windows: List[Window] = []
         self.until_s = -math.inf
+        self.is_on = False
 
-    def on(self, now_s: float) -> bool:
-        return any([window.on(now_s) for window in self.windows]) or now_s < self.until_s
+    def turns_on(self, now_s: float) -> bool:
+        """Sets `is_on` for this time; whether it was off before and is on now."""
+        was_on = self.is_on
+        self.is_on = any([window.on(now_s) for window in self.windows]) or now_s < self.until_s
+        return self.is_on and not was_on
 
     def next_s(self, now_s: float) -> float:
         asked_s = self.until_s if now_s < self.until_s else math.inf
         return min([asked_s, *(window.next_s(now_s) for window in self.windows)])
 
-    def off(self) -> None:
+    def clear(self) -> None:
         self.windows.clear()
         self.until_s = -math.inf
 
@@ -38,22 +43,16 @@ class _Switch:
 class _HardwareFault:
     """A fault of the hardware in its window."""
 
-    def __init__(self, kind: FaultKind, values: Dict[str, Any], window: Window) -> None:
-        assert kind.switch
-        self._switch_it, self._values, self._window = kind.switch, values, window
+    def __init__(self, fault: Fault, plant: Any) -> None:
+        self._fault, self._plant, self.window = fault, plant, Window(*fault.window)
         self._is_on = False
 
-    def next_s(self, now_s: float) -> float:
-        return self._window.next_s(now_s)
-
-    def update(self, plant: Any, on: bool) -> None:
+    def update(self, on: bool) -> None:
         """Switches the fault if it must change."""
         if on != self._is_on:
             self._is_on = on
-            self._switch_it(plant, on, **self._values)
-
-    def switch(self, plant: Any, now_s: float) -> None:
-        self.update(plant, self._window.on(now_s))
+            assert self._fault.kind.switch
+            self._fault.kind.switch(self._plant, on, **self._fault.values)
 
 
 class FaultyEngine:
@@ -73,13 +72,10 @@ class FaultyEngine:
         self.now_s = 0.0
         self._seed, self._count = seed, 0
         self._chains = {TO_BOARD: Chain(), TO_HOST: Chain()}
-        self._unplugged, self._frozen, self._resetting = _Switch(), _Switch(), _Switch()
-        self._browning = _Switch()
+        self._switches = {name: _Switch() for name in ("unplug", "freeze", "reset", "brown_out")}
+        self._unplugged, self._frozen, self._resetting, self._browning = self._switches.values()
         self._hardware: List[_HardwareFault] = []
-        self._was_frozen = self._was_resetting = self._was_browning = False
         self._waiting = b""
-        self.plugged = True
-        """Whether the host has a port."""
         for fault in faults:
             self.add(fault)
 
@@ -91,49 +87,43 @@ class FaultyEngine:
         Raises:
             ConfigError: the text is not a fault, or the robot lacks the hardware that it needs.
         """
-        kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
+        found = parse(fault) if isinstance(fault, str) else fault
+        kind, values, direction, times = found
         self._count += 1
         if kind.switch is not None:
             self._require_hardware(kind)
-            self._hardware.append(_HardwareFault(kind, values, Window(*times)))
-            self._hardware[-1].switch(self._plant, self.now_s)
-            return
-        if kind.make is None:
-            switches = {
-                "unplug": self._unplugged,
-                "freeze": self._frozen,
-                "reset": self._resetting,
-                "brown_out": self._browning,
-            }
-            switches[kind.name].windows.append(Window(*times))
-            return
-        for name, chain in self._chains.items():
-            if direction in (BOTH, name):
-                rng = random.Random(f"{self._seed} {self._count} {name}")
-                chain.add(kind.make(rng, **values), Window(*times))
+            self._hardware.append(_HardwareFault(found, self._plant))
+            self._hardware[-1].update(self._hardware[-1].window.on(self.now_s))
+        elif kind.make is None:
+            self._switches[kind.name].windows.append(Window(*times))
+        else:
+            for name, chain in self._chains.items():
+                if direction in (BOTH, name):
+                    rng = random.Random(f"{self._seed} {self._count} {name}")
+                    chain.add(kind.make(rng, **values), Window(*times))
 
     def _require_hardware(self, kind: FaultKind) -> None:
         plant, name = self._plant, self._plant.model.name
-        if kind.needs in ("motors", "omni3md") and not plant.model.drives:
-            raise ConfigError(
-                f"fault {kind.name!r} needs motors, robot {name} has none; expected another robot"
-            )
-        if kind.needs == "omni3md" and plant.bridge is not None:
-            raise ConfigError(
-                f"fault {kind.name!r} needs an OMNI-3MD, robot {name} has motors on an H-bridge; "
-                "expected another robot, such as traxbot"
-            )
-        if kind.needs == "bridge" and plant.bridge is None:
-            raise ConfigError(
-                f"fault {kind.name!r} needs motors on an H-bridge, robot {name} has an OMNI-3MD; "
-                "expected another robot, such as duo"
-            )
-        if kind.needs == "sonars" and not plant.sonars_fitted:
-            raise ConfigError(f"fault {kind.name!r} needs sonars, the robot has environment sensors instead")
-        if kind.needs == "imu" and plant.imu is None:
-            raise ConfigError(f"fault {kind.name!r} needs an IMU, the robot has none; expected --imu too")
-        if kind.needs == "radio" and plant.xbee is None:
-            raise ConfigError(f"fault {kind.name!r} needs a radio, the robot has none; expected --radio too")
+        bridge, another = plant.bridge is not None, "expected another robot"
+        checks = (
+            ("motors omni3md", not plant.model.drives, f"motors, robot {name} has none; {another}"),
+            (
+                "omni3md",
+                bridge,
+                f"an OMNI-3MD, robot {name} has motors on an H-bridge; {another}, such as traxbot",
+            ),
+            (
+                "bridge",
+                not bridge,
+                f"motors on an H-bridge, robot {name} has an OMNI-3MD; {another}, such as duo",
+            ),
+            ("sonars", not plant.sonars_fitted, "sonars, the robot has environment sensors instead"),
+            ("imu", plant.imu is None, "an IMU, the robot has none; expected --imu too"),
+            ("radio", plant.xbee is None, "a radio, the robot has none; expected --radio too"),
+        )
+        for needs, lacks, text in checks:
+            if lacks and kind.needs in needs.split():
+                raise ConfigError(f"fault {kind.name!r} needs {text}")
 
     @property
     def _plant(self) -> Any:
@@ -155,10 +145,10 @@ class FaultyEngine:
         """Removes all faults; bytes that they held back are lost."""
         for chain in self._chains.values():
             chain.clear()
-        for switch in (self._unplugged, self._frozen, self._resetting, self._browning):
-            switch.off()
+        for switch in self._switches.values():
+            switch.clear()
         for fault in self._hardware:
-            fault.update(self._plant, False)
+            fault.update(False)
         self._hardware.clear()
         self._switch()
 
@@ -169,7 +159,7 @@ class FaultyEngine:
 
     def plug(self) -> None:
         """Plugs the cable in."""
-        self._unplugged.off()
+        self._unplugged.clear()
         self._switch()
 
     def stall(self, seconds: float) -> None:
@@ -182,6 +172,11 @@ class FaultyEngine:
         self._switch()
 
     # ---- the Engine interface
+
+    @property
+    def plugged(self) -> bool:
+        """Whether the host has a port."""
+        return not self._unplugged.is_on
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host, at the time of the last `advance`."""
@@ -198,7 +193,7 @@ class FaultyEngine:
     @property
     def next_event_s(self) -> float:
         """Time of the next call of `advance` if no bytes come [s]."""
-        return self._own_s() if self._was_frozen else min(self._own_s(), self.engine.next_event_s)
+        return self._own_s() if self._frozen.is_on else min(self._own_s(), self.engine.next_event_s)
 
     def set_host_baud(self, baud: float) -> None:
         """Sets the host's baud rate, if the engine supports baud rates."""
@@ -208,7 +203,7 @@ class FaultyEngine:
         """The board did not run until `to_s`; `waiting` holds the bytes sent meanwhile."""
         self.now_s = max(self.now_s, to_s)
         waiting = self._chains[TO_BOARD].run(waiting, self.now_s) if self.plugged else b""
-        if self._was_frozen:
+        if self._frozen.is_on:
             self._waiting += waiting
         else:
             self.engine.gap(to_s, waiting)
@@ -225,14 +220,13 @@ class FaultyEngine:
 
     def _own_s(self) -> float:
         """Time of the next event of a fault, after now [s]."""
-        switches = (self._unplugged, self._frozen, self._resetting, self._browning)
         own_s = [chain.next_s(self.now_s) for chain in self._chains.values()]
-        own_s += [switch.next_s(self.now_s) for switch in switches]
-        return min(own_s + [fault.next_s(self.now_s) for fault in self._hardware])
+        own_s += [switch.next_s(self.now_s) for switch in self._switches.values()]
+        return min(own_s + [fault.window.next_s(self.now_s) for fault in self._hardware])
 
     def _step(self, to_s: float) -> bytes:
         """Runs to `to_s`, then switches the faults that are due; no fault may switch before `to_s`."""
-        sent = b"" if self._was_frozen else self.engine.advance(to_s)
+        sent = b"" if self._frozen.is_on else self.engine.advance(to_s)
         self.now_s = to_s
         out = self._chains[TO_HOST].run(sent if self.plugged else b"", to_s)
         self._switch()
@@ -240,34 +234,25 @@ class FaultyEngine:
         return out
 
     def _switch(self) -> None:
-        self._freeze(self._frozen.on(self.now_s))
-        self._plug(not self._unplugged.on(self.now_s))
-        resetting = self._resetting.on(self.now_s)
-        if resetting and not self._was_resetting:
-            self.engine.reset()
-        self._was_resetting = resetting
-        browning = self._browning.on(self.now_s)
-        if browning and not self._was_browning:
-            getattr(self.engine, "brown_out", self.engine.reset)()
-        self._was_browning = browning
-        for fault in self._hardware:
-            fault.switch(self._plant, self.now_s)
-
-    def _freeze(self, frozen: bool) -> None:
-        if self._was_frozen and not frozen:
+        was_frozen = self._frozen.is_on
+        self._frozen.turns_on(self.now_s)
+        if was_frozen and not self._frozen.is_on:
             self.engine.gap(self.now_s, self._waiting)
             self._waiting = b""
-        self._was_frozen = frozen
-
-    def _plug(self, plugged: bool) -> None:
-        if not plugged:
+        self._unplugged.turns_on(self.now_s)
+        if not self.plugged:
             for chain in self._chains.values():
                 chain.empty()
-        self.plugged = plugged
+        if self._resetting.turns_on(self.now_s):
+            self.engine.reset()
+        if self._browning.turns_on(self.now_s):
+            getattr(self.engine, "brown_out", self.engine.reset)()
+        for fault in self._hardware:
+            fault.update(fault.window.on(self.now_s))
 
     def _arrive(self, data: bytes) -> None:
         """Passes on bytes that reach the board's end of the line."""
-        if self._was_frozen:
+        if self._frozen.is_on:
             self._waiting += data
         elif data:
             self.engine.receive(data)

@@ -10,12 +10,11 @@
 
 import threading
 import time
-from contextlib import contextmanager
-from typing import Any, Callable, Iterator, List, Optional, Union
+from functools import wraps
+from typing import Any, Callable, ContextManager, List, Optional, TypeVar, Union, cast
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from sim_arduino.faults.fault_table import Fault
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.omni3md import MotorCommand
 from sim_arduino.serve import factory
@@ -47,9 +46,10 @@ COMMANDS = {
 }
 """The motor board's commands by name, and the register of each."""
 _STILL_M_S = 0.005
+_Method = TypeVar("_Method", bound=Callable[..., None])
 
 
-class EmulatedBoard:
+class EmulatedBoard(ContextManager["EmulatedBoard"]):
     """A board on a virtual serial port; a context manager.
 
     Args:
@@ -150,66 +150,32 @@ class EmulatedBoard:
         self._port.close()
         self._robot.close()
 
-    def __enter__(self) -> "EmulatedBoard":
-        """Returns the board itself."""
-        return self
-
     def __exit__(self, *_: object) -> None:
         """Closes the board."""
         self.close()
 
 
+def _held(method: _Method) -> _Method:
+    """A method of the engine, called while the board is held; then the board runs to now."""
+
+    @wraps(method)
+    def call(faults: "Faults", *args: Any, **options: Any) -> None:
+        with faults.server.lock:
+            method(faults.board, *args, **options)
+        faults.server.wake()
+
+    return cast(_Method, call)
+
+
 class Faults:
-    """Injects faults into a running board."""
+    """Injects faults into a running board, as `FaultyEngine` does; their times count from now."""
 
     def __init__(self, board: FaultyEngine, server: PtyServer) -> None:
-        self._board, self._server = board, server
+        self.board, self.server = board, server
 
-    @contextmanager
-    def _held(self) -> Iterator[None]:
-        """Holds the board, then makes it run to now."""
-        with self._server.lock:
-            yield
-        self._server.wake()
-
-    def inject(self, fault: Union[Fault, str]) -> None:
-        """Adds a fault, in the form of `mrl-sim --fault`; its times count from now.
-
-        Raises:
-            ConfigError: the text is not a fault.
-        """
-        with self._held():
-            self._board.inject(fault)
-
-    def clear(self) -> None:
-        """Removes all faults."""
-        with self._held():
-            self._board.clear()
-
-    def unplug(self, seconds: float = 1e9) -> None:
-        """Unplugs the cable, and plugs it in after `seconds`, with another port name."""
-        with self._held():
-            self._board.unplug(seconds)
-
-    def plug(self) -> None:
-        """Plugs the cable in."""
-        with self._held():
-            self._board.plug()
-
-    def freeze(self, seconds: float) -> None:
-        """Freezes the board for `seconds`; its motor board runs on."""
-        with self._held():
-            self._board.freeze(seconds)
-
-    def stall(self, seconds: float) -> None:
-        """Makes the line hold all bytes for `seconds`; then they come at once."""
-        with self._held():
-            self._board.stall(seconds)
-
-    def reset(self) -> None:
-        """Presses the reset button."""
-        with self._held():
-            self._board.reset()
+    inject, clear = _held(FaultyEngine.inject), _held(FaultyEngine.clear)
+    unplug, plug = _held(FaultyEngine.unplug), _held(FaultyEngine.plug)
+    freeze, stall, reset = _held(FaultyEngine.freeze), _held(FaultyEngine.stall), _held(FaultyEngine.reset)
 
 
 class Motors:
@@ -233,10 +199,8 @@ class Motors:
     def last(self, count: int = 1) -> str:
         """The last commands as text."""
         names = {code: name for name, code in COMMANDS.items()}
-        found = self.commands()[-count:]
-        return (
-            ", ".join(f"{names[each.code]}{each.values} at {each.time_s:.3f} s" for each in found) or "none"
-        )
+        said = [f"{names[c.code]}{c.values} at {c.time_s:.3f} s" for c in self.commands()[-count:]]
+        return ", ".join(said) or "none"
 
     def assert_commanded(self, name: str, *values: int, within_s: float = PATIENCE_S) -> None:
         """Asserts that a command with this name, and these values if given, has come or comes within a time.

@@ -262,28 +262,18 @@ def walls_of(grid: GridMap) -> List[Wall]:
     for upright in (False, True):
         change = np.diff(full.T if upright else full, axis=0)[:, 1:-1]
         for sign in (1, -1):
-            steps = _steps(change == sign)
+            steps = np.diff(np.pad(change == sign, ((0, 0), (1, 1))).view(np.int8), axis=1)
             count += np.count_nonzero(steps == 1)
             if count > _MOST_WALLS:
                 raise ConfigError(f"the map has more than {_MOST_WALLS} outlines, expected walls and rooms")
-            found.append((upright, _runs(steps)))
+            lines, begins = (steps == 1).nonzero()
+            found.append((upright, (lines, begins, (steps == -1).nonzero()[1])))
     walls: List[Wall] = []
     for upright, runs in found:
         for line, begin, end in zip(*(each.tolist() for each in runs)):
             a, b = ((line, begin), (line, end)) if upright else ((begin, line), (end, line))
             walls.append(_placed(grid, a, b))
     return walls
-
-
-def _steps(cells: Any) -> Any:
-    """1 where a run of True begins in a row, -1 behind its end: `(height, width + 1)`."""
-    return np.diff(np.pad(cells, ((0, 0), (1, 1))).view(np.int8), axis=1)
-
-
-def _runs(steps: Any) -> Tuple[Any, Any, Any]:
-    """Row, begin and end of each run, three arrays."""
-    rows, begins = (steps == 1).nonzero()
-    return rows, begins, (steps == -1).nonzero()[1]
 
 
 def _placed(grid: GridMap, a: Tuple[int, int], b: Tuple[int, int]) -> Wall:
@@ -315,44 +305,29 @@ def draw(world: World, resolution_m: float = 0.025, margin_m: float = 0.25) -> G
         x = ((wall.x1 + t * (wall.x2 - wall.x1) - origin.x_m) / resolution_m).astype(int)
         y = ((wall.y1 + t * (wall.y2 - wall.y1) - origin.y_m) / resolution_m).astype(int)
         cells[y, x] = OCCUPIED
-    seed = (
-        int((world.start.y_m - origin.y_m) / resolution_m),
-        int((world.start.x_m - origin.x_m) / resolution_m),
-    )
-    cells[_reached(cells != OCCUPIED, seed)] = FREE
+    x, y = (int(each / resolution_m) for each in (world.start.x_m - origin.x_m, world.start.y_m - origin.y_m))
+    cells[_reached(cells != OCCUPIED, (y, x))] = FREE
     return GridMap(cells, resolution_m, origin)
 
 
 def _reached(open_cells: Any, seed: Tuple[int, int]) -> Any:
-    """Open cells that are connected with `seed` by edges: the runs of a row reach those of the next that they touch."""
-    steps = _steps(open_cells)
-    rows, begins, ends = _runs(steps)
-    pitch = steps.shape[1]
-    first, last = rows * pitch + begins, rows * pitch + ends
-    spans = [
-        (
-            memoryview(np.searchsorted(last, first + by, "right")),
-            memoryview(np.searchsorted(first, last + by)),
-        )
-        for by in (-pitch, pitch)
-    ]
-    start = int(np.searchsorted(last, seed[0] * pitch + seed[1], "right"))
-    reached, todo = bytearray(len(first)), []
-    if open_cells[seed]:
-        reached[start] = True
-        todo = [start]
-    while todo:
-        run = todo.pop()
-        for low, high in spans:
-            for each in range(low[run], high[run]):
-                if not reached[each]:
-                    reached[each] = True
-                    todo.append(each)
-    edges = np.zeros(steps.size, np.int8)
-    chosen = np.frombuffer(reached, bool)
-    edges[first[chosen]] += 1
-    edges[last[chosen]] -= 1
-    return np.cumsum(edges, dtype=np.int8).reshape(steps.shape)[:, :-1].astype(bool)
+    """Open cells that are connected with `seed` by edges: runs of rows and of columns that touch, in turn."""
+    height, width = open_cells.shape
+    closed = ~open_cells
+    along_x = np.cumsum(closed, axis=1, dtype=np.int32) + np.arange(height, dtype=np.int32)[:, None] * (
+        width + 1
+    )
+    along_y = np.cumsum(closed, axis=0, dtype=np.int32) + np.arange(width, dtype=np.int32) * (height + 1)
+    reached = np.zeros(open_cells.shape, bool)
+    reached[seed] = open_cells[seed]
+    count = 0
+    while count < np.count_nonzero(reached):
+        count = np.count_nonzero(reached)
+        for run in (along_x, along_y):
+            touched = np.zeros((height + 1) * (width + 1), bool)
+            touched[run[reached]] = True
+            reached = touched[run] & open_cells
+    return reached
 
 
 def write(grid: GridMap, yaml_path: str) -> None:

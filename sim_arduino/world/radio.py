@@ -102,13 +102,6 @@ class Found(NamedTuple):
     delay_s: float
 
 
-class _Hop(NamedTuple):
-    """One packet with its repetitions: when it arrived, if it did, and when the sender stopped to send it [s]."""
-
-    arrived_s: Optional[float]
-    ended_s: float
-
-
 class RadioMedium:
     """The radios of one process; radios of several threads may use it."""
 
@@ -187,12 +180,12 @@ class RadioMedium:
         packet = RadioPacket(own.address, own.network, False, text)
         for attempt in range(ATTEMPTS):
             start_s = attempt * ATTEMPT_S
-            there = _hop(start_s, len(text), own.loss, other.loss, rng)
-            if there.arrived_s is None or not self._deliver(other, packet, at_s, there.arrived_s):
+            arrived_s, ended_s = _hop(start_s, len(text), own.loss, other.loss, rng)
+            if arrived_s is None or not self._deliver(other, packet, at_s, arrived_s):
                 continue
-            back = _hop(there.ended_s, 0, other.loss, own.loss, rng)
-            if back.arrived_s is not None and back.arrived_s < start_s + ATTEMPT_S:
-                return Delivery(other, True, attempt, back.arrived_s)
+            back_s, _ = _hop(ended_s, 0, other.loss, own.loss, rng)
+            if back_s is not None and back_s < start_s + ATTEMPT_S:
+                return Delivery(other, True, attempt, back_s)
         return Delivery(other, False, ATTEMPTS - 1, ATTEMPTS * ATTEMPT_S)
 
     def broadcast(self, sender: Radio, text: bytes, at_s: float, rng: random.Random) -> float:
@@ -214,11 +207,10 @@ class RadioMedium:
             received_s = _first_received(sends, other.loss, rng)
             if received_s is None:
                 continue
-            back = _hop(
-                received_s + rng.uniform(0.0, DISCOVERY_S), len(other.node), other.loss, own.loss, rng
-            )
-            if back.arrived_s is not None and back.arrived_s < DISCOVERY_S:
-                found.append(Found(other, back.arrived_s))
+            asked_s = received_s + rng.uniform(0.0, DISCOVERY_S)
+            back_s, _ = _hop(asked_s, len(other.node), other.loss, own.loss, rng)
+            if back_s is not None and back_s < DISCOVERY_S:
+                found.append(Found(other, back_s))
         return found
 
 
@@ -227,17 +219,22 @@ def _on_air_s(size: int, rng: random.Random) -> float:
     return rng.randint(0, BACKOFFS) * BACKOFF_S + (HEADERS + size) * BYTE_S
 
 
-def _hop(start_s: float, size: int, loss: float, loss_there: float, rng: random.Random) -> _Hop:
-    """Sends one packet until it is acknowledged; `loss` is that of the sender."""
+def _hop(
+    start_s: float, size: int, loss: float, loss_there: float, rng: random.Random
+) -> Tuple[Optional[float], float]:
+    """Sends one packet until it is acknowledged: when it arrived, if it did, and when its sender stopped [s].
+
+    `loss` is that of the sender.
+    """
     arrived_s, now_s = None, start_s
     for _ in range(MAC_SENDS):
         now_s += _on_air_s(size, rng)
         if rng.random() >= loss_there:
             arrived_s = now_s if arrived_s is None else arrived_s
             if rng.random() >= loss:
-                return _Hop(arrived_s, now_s + ACK_S)
+                return arrived_s, now_s + ACK_S
         now_s += ACK_WAIT_S
-    return _Hop(arrived_s, now_s)
+    return arrived_s, now_s
 
 
 def _broadcast_times(size: int, rng: random.Random) -> List[float]:

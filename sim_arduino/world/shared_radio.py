@@ -7,7 +7,6 @@ Packets of other processes come through the socket.  Distances come from the pos
 """
 
 import contextlib
-import fcntl
 import json
 import os
 import socket
@@ -19,7 +18,7 @@ from mrl_driver.errors import ConfigError
 
 from .radio import Place, Radio, RadioMedium, RadioPacket, Station
 from .robots import RobotRegistry
-from .shared_robots import folder_of, is_held, is_locked
+from .shared_robots import folder_of, held_file, is_held, is_locked
 
 _SUFFIX = ".radio"
 _ROW_BYTES = 512
@@ -74,18 +73,14 @@ class SharedRadioMedium(RadioMedium):
             raise ConfigError(
                 f"radio address {address:016x} is in world {self._world_name!r} already, expected another one"
             )
-        temporary = os.path.join(self._folder, f".{address:016x}.{os.getpid()}")
         with contextlib.ExitStack() as undo:
             super().join(radio)
             undo.callback(super().leave, radio)
-            fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
-            undo.callback(os.close, fd)
-            fcntl.flock(fd, fcntl.LOCK_EX)
-            os.pwrite(fd, _row(radio.station), 0)
-            own = _Own(fd, path, self._bind(address), os.path.join(self._folder, f"{address:016x}"))
+            bound = self._bind(address)
+            undo.callback(bound.close)
+            fd = held_file(path, _row(radio.station))
             undo.pop_all()
-        self._own[address] = own
-        os.rename(temporary, path)
+        self._own[address] = _Own(fd, path, bound, os.path.join(self._folder, f"{address:016x}"))
 
     def leave(self, radio: Radio) -> None:
         """Removes a radio of this process, if it is there."""
@@ -108,12 +103,9 @@ class SharedRadioMedium(RadioMedium):
 
     def stations(self) -> List[Station]:
         """All radios of all processes."""
-        return super().stations() + [each for each in self._foreign() if each.address not in self._own]
-
-    def _foreign(self) -> List[Station]:
         names = sorted(name for name in os.listdir(self._folder) if name.endswith(_SUFFIX))
         found = (_read(os.path.join(self._folder, name)) for name in names)
-        return [each for each in found if each is not None]
+        return super().stations() + [each for each in found if each and each.address not in self._own]
 
     def _place_of(self, station: Station) -> Optional[Place]:
         if station.address in self._own:

@@ -4,6 +4,7 @@ The files are in a folder with the world's name that only this user can enter.  
 holds the lock on its file, so that a killed process leaves no robot behind.
 """
 
+import contextlib
 import fcntl
 import mmap
 import os
@@ -29,10 +30,9 @@ _TRIES = 20
 
 
 class _Row:
-    """A mapped file, and the robot in it as it was read or written last."""
+    """A mapped file, and the robot in it as it was read or written last; `access` is one of `mmap.ACCESS_*`."""
 
     def __init__(self, fd: int, access: int) -> None:
-        """Maps an open file, and closes it if that fails; `access` is one of `mmap.ACCESS_*`."""
         self.fd = fd
         try:
             self.memory = mmap.mmap(fd, _ROW.size, access=access)
@@ -144,17 +144,13 @@ class SharedRegistry(RobotRegistry):
         return os.path.join(self._folder, name + _SUFFIX)
 
     def _join(self, name: str, pose: Pose, footprint: Footprint) -> None:
-        """Creates the robot's file; it is locked and filled before other processes can see it."""
+        """Creates the robot's file."""
         path = self._path(_checked("robot name", name))
         if is_held(path):
             raise ConfigError(
                 f"robot {name!r} is in world {self._world_name!r} already, expected another name"
             )
-        temporary = os.path.join(self._folder, f".{name}.{os.getpid()}")
-        fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
-        fcntl.flock(fd, fcntl.LOCK_EX)
-        os.write(fd, _ROW.pack(0, *pose, *footprint))
-        os.rename(temporary, path)
+        fd = held_file(path, _ROW.pack(0, *pose, *footprint))
         row = self._mine[name] = _Row(fd, mmap.ACCESS_WRITE)
         row.version, row.mover = 0, Mover(name, pose, footprint)
         self._look_due_s = 0.0
@@ -188,10 +184,8 @@ class SharedRegistry(RobotRegistry):
         if is_locked(fd):
             return _Row(fd, mmap.ACCESS_READ)
         os.close(fd)
-        try:
+        with contextlib.suppress(OSError):
             os.unlink(self._path(name))
-        except OSError:
-            pass
         return None
 
     def _read(self, name: str, row: _Row) -> None:
@@ -201,6 +195,20 @@ class SharedRegistry(RobotRegistry):
             if version % 2 == 0 and _VERSION.unpack_from(row.memory)[0] == version:
                 row.version, row.mover = version, Mover(name, Pose(x, y, yaw), Footprint(*sizes))
                 break
+
+
+def held_file(path: str, data: bytes) -> int:
+    """Creates a file, locked and filled before other processes can see it; returns its descriptor."""
+    folder, name = os.path.split(path)
+    temporary = os.path.join(folder, f".{name}.{os.getpid()}")
+    fd = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC, 0o600)
+    with contextlib.ExitStack() as undo:
+        undo.callback(os.close, fd)
+        fcntl.flock(fd, fcntl.LOCK_EX)
+        os.write(fd, data)
+        os.rename(temporary, path)
+        undo.pop_all()
+    return fd
 
 
 def is_held(path: str) -> bool:

@@ -161,7 +161,7 @@ def test_a_reset_that_is_injected_comes_though_the_board_has_nothing_to_do_meanw
 @pytest.mark.parametrize(
     "spec, text",
     [
-        ("nope", "fault 'nope' is unknown, expected loss, flip"),
+        ("nope", "fault 'nope' is unknown, expected loss, change"),
         ("loss:rate=2", "rate is '2', expected 0 to 1"),
         ("loss:rate=nan", "rate is 'nan', expected 0 to 1"),
         ("loss:burst=1.5", "burst is '1.5', expected a whole number, 1 to 1024 byte"),
