@@ -278,15 +278,16 @@ class Driver:
         """Send any other request of the command table; `on_event` gets the reply.  The request of a stop is `stop()`.
 
         What a request turns is stopped 3 s after the last such request, at the latest.  Boards without a watchdog
-        (2013) go on.
+        (2013) go on.  The board would not keep lower `limits` than the model's, nor what `restrict` allows: while one
+        of them is in force, a request that would turn motors is refused.
 
         Raises:
             FrameError: the command table does not allow the request; the robot was stopped.
             BoardTimeout: the request would turn motors, and the board is silent; it was not sent.
             LinkLost: the port went away.
             ConfigError: the request would turn motors, and the board has none.
-            MrlError: the request would turn motors, and commands are inhibited, the driver is being closed, or a stop
-                came while the request waited for the line; it was not sent.
+            MrlError: the request would turn motors, and commands are limited or inhibited, the driver is being closed,
+                or a stop came while the request waited for the line; it was not sent.
         """
         self._connection.request(code, *args)
 

@@ -298,6 +298,11 @@ class Core:
                 f"{BY_CODE[code].name} is refused while commands are inhibited ({why}), nothing was sent; "
                 "try again after that has ended"
             )
+        if self.state.model is not None and self.limiter.is_below(self.state.model.limits):
+            raise MrlError(
+                f"{BY_CODE[code].name} is refused, nothing was sent: lower limits of speed, or a restriction, are in "
+                "force, and the board would not keep them; use drive(), or end them first"
+            )
 
     def _require_motors(self) -> None:
         """Raise ConfigError if the board has no motors."""

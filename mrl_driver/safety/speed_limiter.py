@@ -5,6 +5,7 @@ once, so that a stop is never delayed.
 """
 
 import math
+import operator
 from typing import Callable, Optional, Tuple
 
 from mrl_driver.arguments import require_numbers
@@ -47,6 +48,15 @@ class SpeedLimiter:
         self.limits = limits
         if self.target is not None:
             self.target = self.limited(self.target)
+
+    def is_below(self, usual: Limits) -> bool:
+        """Return whether a restriction is in force, or a speed is limited to less than usual."""
+
+        def speeds(limits: Limits) -> Speeds:
+            return limits.linear_m_s, limits.angular_rad_s, limits.lateral_m_s or limits.linear_m_s
+
+        lower = self.limits is not None and any(map(operator.lt, speeds(self.limits), speeds(usual)))
+        return lower or self.restrict is not None
 
     def drop(self) -> None:
         """The robot was stopped: the next command starts from standstill."""

@@ -82,6 +82,21 @@ def test_requests_that_go_on_turn_the_motors_on():
     assert robot.turning and robot.driver.stop_reason != "command_timeout"
 
 
+def lower(driver):
+    driver.limits = driver.limits._replace(angular_rad_s=0.5)
+
+
+@pytest.mark.parametrize("limit", [lower, lambda driver: driver.restrict(lambda speeds, now: (0.0, 0.0))])
+def test_a_request_that_turns_motors_is_refused_while_speeds_are_limited(limit):
+    """The board would turn them faster."""
+    robot = Stepped()
+    limit(robot.driver)
+    with pytest.raises(MrlError, match=r"use drive\(\)"):
+        robot.driver.request(MOVE_MOTORS, 20, 20)
+    robot.driver.wait(1.0)
+    assert not robot.turning
+
+
 def test_a_request_of_a_stop_stops():
     """Otherwise the next repeat would send the old command."""
     robot = Stepped()
