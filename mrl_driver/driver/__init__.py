@@ -3,6 +3,6 @@
 `parameters` reads and writes the board's parameters, and saves them in its EEPROM.
 """
 
-from .driver import Board, Driver, Options, Telemetry
+from .driver import Board, Driver, Imu, Options, SensorRead, Status, Telemetry
 
-__all__ = ["Board", "Driver", "Options", "Telemetry"]
+__all__ = ["Board", "Driver", "Imu", "Options", "SensorRead", "Status", "Telemetry"]

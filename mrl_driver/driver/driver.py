@@ -11,8 +11,7 @@ at the end of the `with` block and at the end of the program.  All methods may b
 on the reading thread and must not call `ask` or `wait`.  `lock_order` has the threads and the order of the locks.
 """
 
-import math
-from typing import Any, Callable, Dict, Optional, Tuple, Type, Union, cast
+from typing import Any, Callable, Dict, Optional, Tuple, Type, TypeVar, Union, cast
 
 from mrl_driver.arguments import (
     require_function,
@@ -31,7 +30,6 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_covariance
-from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
@@ -40,22 +38,22 @@ from mrl_driver.safety.speed_limiter import Speeds
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import MAY_MOVE, SensorRead, Status
 from mrl_driver.session.handshake import Board
-from mrl_driver.session.link_counters import Statistics
 from mrl_driver.session.motion_command import Motion
 from mrl_driver.session.sensor_polling import Reading
 from mrl_driver.transport.address import require_port
-from mrl_driver.transport.baud_rates import FAST_BAUD, require_raisable
+from mrl_driver.transport.baud_rates import require_raisable
 from mrl_driver.transport.link import Link
 
 from .connection import ANSWER_S, Connection
 from .driver_recorder import DriverRecorder
 from .link_source import LinkSource
+from .link_status import LinkStatus
 from .options import DEFAULTS, Options, require_baud, require_limits, require_options
 from .parameters import Parameters
 from .radio import Radio
 from .robot_core import Core, DriverEvent
 
-__all__ = ["Board", "Driver", "Options", "Telemetry"]
+Told = TypeVar("Told", Board, Imu, SensorRead, Status)
 
 
 def _require_spread(spread: Any) -> Spread:
@@ -82,6 +80,7 @@ class Driver:
         options: see `Options`.
 
     Attributes:
+        link: speed, delays and counters of the link to the board.
         radio: the board's XBee radio.
         recorder: recordings of this driver.
         parameters: the board's parameters, and its EEPROM.
@@ -117,7 +116,7 @@ class Driver:
         self._connection = self._connection_kind(
             self._core, LinkSource(port, baud, options), options.line_baud, options.identify
         )
-        self._baud = baud
+        self.link = LinkStatus(self._connection, baud)
         self.radio = Radio(self._connection)
         self.recorder = DriverRecorder(self._connection)
         self.parameters = Parameters(self._connection)
@@ -183,10 +182,11 @@ class Driver:
         Returns:
             True if the port has accepted the command, or does so as soon as the pace of commands allows (5 ms, with
             boards of 2013 0.15 s).  False if the board is silent or being greeted, the port is lost, the battery is
-            empty, a wheel does not follow its command (see `mismatch`), another robot holds this one by radio (see
-            `hold`), commands are inhibited, the program has just gone on after a pause (with the option `queued_s`), or
-            the driver is being closed.  Also False if telemetry is older than 0.1 s, or the port accepts no data for
-            0.1 s: then the command may still be in force (see `command`) and is sent as soon as possible.
+            empty, a wheel does not follow its command (see `mismatch`), another robot holds this one (see
+            `radio.hold`), commands are inhibited, the program has just gone on after a pause (with the option
+            `queued_s`), or the driver is being closed.  Also False if telemetry is older than 0.1 s, or the port
+            accepts no data for 0.1 s: then the command may still be in force (see `command`) and is sent as soon as
+            possible.
 
         Raises:
             FrameError: a speed is not a finite number, or the base cannot move sideways; the robot was stopped.
@@ -308,11 +308,6 @@ class Driver:
     # -- what may be read at any time, from any thread
 
     @property
-    def line_baud(self) -> int:
-        """Current baud rate of the link: 500000 if the option `fast` has raised it, else the port's baud rate."""
-        return FAST_BAUD if self._connection.links.fast else self._baud
-
-    @property
     def _motion(self) -> Optional[Motion]:
         return self._core.session.motion if self._core.begun else None
 
@@ -363,15 +358,6 @@ class Driver:
         return self._core.begun and self._core.session.may_be_moving
 
     @property
-    def since_pause_s(self) -> float:
-        """How long ago this program went on after a pause of 0.25 s or longer [s]; infinity if it never stood still.
-
-        Commands that come just after that may have waited in a queue; see `Options.queued_s`.
-        """
-        core = self._core
-        return self._connection.clock() - core.session.resumed_s if core.begun else math.inf
-
-    @property
     def stop_reason(self) -> StopReason:
         """Why the robot was last stopped, as far as is known; `none` before the first stop.
 
@@ -387,14 +373,6 @@ class Driver:
         commands are refused.
         """
         return self._core.mismatch
-
-    @property
-    def hold(self) -> Optional[Hold]:
-        """Whether other robots hold this one by radio; None without a radio, or before the board has said so.
-
-        After a hold, the robot waits for a new command.
-        """
-        return self._core.hold
 
     @property
     def command(self) -> Optional[AnyTwist]:
@@ -510,57 +488,15 @@ class Driver:
             return self._core.session.sensors.fresh(self.now_s) if self._core.begun and self.ready else {}
 
     @property
-    def battery_v(self) -> float:
-        """Battery voltage, at most 2 s old; NaN before it is known, and if the board does not measure it, as without
-        motors.
-        """
-        return self._core.state.info.battery_v if self._core.state.info else math.nan
-
-    @property
     def battery_state(self) -> str:
         """`ok`, `low`, `empty` or `off`, see `robot.battery`; `ok` if the board does not measure its battery."""
         return self._core.state.battery_state
-
-    @property
-    def temperature_c(self) -> float:
-        """Temperature of the motor board; NaN before it is known, and if the board does not measure it."""
-        return self._core.state.info.temperature_c if self._core.state.info else math.nan
 
     @property
     def status(self) -> Optional[Status]:
         """Uptime, stop reason, faults and clamped commands; None with 2013 boards."""
         status = self._core.session.status if self._core.begun else None
         return self._core.state.told(status) if status is not None else None
-
-    @property
-    def age_s(self) -> float:
-        """Time since the last telemetry arrived; infinity before the first, and with the option `identify`."""
-        streams = self._core.begun and not self._connection.identifies
-        return self.now_s - self._core.session.heard_s if streams else math.inf
-
-    @property
-    def link_delay_s(self) -> float:
-        """Time from a request to the board's answer [s]: a command takes less.  Measured once a second, with boards of
-        2013 every 2 s.  NaN until then, and while the board is not ready.
-        """
-        return self._core.session.round_trip_s(self.now_s) if self._core.begun else math.nan
-
-    @property
-    def statistics(self) -> Statistics:
-        """Counters of the link.
-
-        Raises:
-            BoardTimeout: not connected yet.
-        """
-        with self._connection.lock:
-            if not self._core.begun:
-                raise BoardTimeout("not connected; call connect() first")
-            counters = self._core.session.counters
-            counters.refused_counts = (
-                self._core.state.odometry.baseline.refused if self._core.state.odometry else 0
-            )
-            counters.texts_dropped = self._core.radio_queue.dropped
-            return counters.snapshot()
 
     def reset_pose(self, pose: Pose = ORIGIN, spread: Spread = AT_START) -> None:
         """Continue the odometry from `pose`, which has the covariance `spread`; counters and speeds do not change.
@@ -586,21 +522,23 @@ class Driver:
         """Call `callback` for each telemetry frame; boards without motors have none."""
         self._connection.listen(self._connection.listeners[Telemetry], callback)
 
-    def on_imu(self, callback: Callable[[Imu], None]) -> None:
-        """Call `callback` for each reading of the board's IMU, also while the gyro is not used; see `Imu.state`."""
-        self._connection.listen(self._connection.listeners[Imu], callback)
+    def on(self, kind: Type[Told], callback: Callable[[Told], None]) -> None:
+        """Call `callback` for each event of one kind.
 
-    def on_status(self, callback: Callable[[Status], None]) -> None:
-        """Call `callback` for each status of the board, twice a second."""
-        self._connection.listen(self._connection.listeners[Status], callback)
+        Args:
+            kind: `Imu`, a reading of the board's IMU, also while the gyro is not used (see `Imu.state`); `SensorRead`,
+                the answer of a sensor of `table.SENSORS`; `Status`, the board's status, twice a second; or `Board`, a
+                new battery voltage and temperature.
+            callback: takes the event.
 
-    def on_battery(self, callback: Callable[[Board], None]) -> None:
-        """Call `callback` for each new battery voltage and temperature."""
-        self._connection.listen(self._connection.listeners[Board], callback)
-
-    def on_sensor(self, callback: Callable[[SensorRead], None]) -> None:
-        """Call `callback` with name and reading for each answer of a sensor of `table.SENSORS`."""
-        self._connection.listen(self._connection.listeners[SensorRead], callback)
+        Raises:
+            ConfigError: there are no such events, or `callback` is not a function; the robot was stopped.
+        """
+        with self._connection.stop_if_refused():
+            if kind not in self._connection.listeners:
+                names = " or ".join(each.__name__ for each in self._connection.listeners)
+                raise ConfigError(f"kind is {shown(kind)}, expected {names}")
+        self._connection.listen(self._connection.listeners[kind], callback)
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
         """Call `callback` for each `Awaited`, `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`,
@@ -608,9 +546,3 @@ class Driver:
         that ends the driver.
         """
         self._connection.listen(self._connection.on_state, callback)
-
-    # -- the reading thread
-
-    # -- what is sent
-
-    # -- the end

@@ -39,7 +39,7 @@ class Options(NamedTuple):
     force until `stop`, `close` or the end of the program: the robot keeps driving if the program hangs.
     """
     queued_s: float = 0.0
-    """After a pause of this program (`Driver.since_pause_s`), refuse commands to move for this time, 0 to 10 [s].  A
+    """After a pause of this program (`Driver.link`), refuse commands to move for this time, 0 to 10 [s].  A
     program whose commands come through a queue, such as a subscriber's, sets `QUEUED_S`: what waited there is too old.
     """
     ignore_battery: bool = False

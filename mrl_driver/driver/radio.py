@@ -1,11 +1,11 @@
 """The board's XBee radio, as `Driver.radio`; texts have 1 to 16 characters."""
 
-from typing import Callable, List, Union
+from typing import Callable, List, Optional, Union
 
 from mrl_driver.arguments import require_number
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.robot.hold import CAPABILITY as HOLD
-from mrl_driver.robot.hold import RELEASE
+from mrl_driver.robot.hold import RELEASE, Hold
 from mrl_driver.robot.radio import (
     CAPABILITY,
     DISCOVERY_S,
@@ -77,6 +77,14 @@ class Radio:
             raise ConfigError(
                 "this board has no radio, expected firmware of the radio build; flash it with: mrl flash --build xbee"
             )
+
+    @property
+    def hold(self) -> Optional[Hold]:
+        """Whether other robots hold this one by radio; None without a radio, or before the board has said so.
+
+        After a hold, the robot waits for a new command.
+        """
+        return self._connection.core.hold
 
     def release_hold(self) -> bool:
         """Drop the robots that hold this one and have fallen silent; True if it is free of holds.

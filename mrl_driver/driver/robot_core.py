@@ -8,7 +8,7 @@ import math
 from typing import Any, Dict, List, Optional, Set, Tuple, Type, Union
 
 from mrl_driver.arguments import require_number
-from mrl_driver.errors import ConfigError, FrameError, MrlError
+from mrl_driver.errors import BoardTimeout, ConfigError, FrameError, MrlError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_CODE, COMMANDS
@@ -37,6 +37,7 @@ from mrl_driver.session.events import (
     Status,
 )
 from mrl_driver.session.handshake import Board, Plan
+from mrl_driver.session.link_counters import Statistics
 from mrl_driver.session.session import LATE_S, NOT_BY_ITSELF, Session, SessionEvent
 from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, least_period_ms
 
@@ -332,6 +333,15 @@ class Core:
         if self._omni is not None:
             return OmniTwist(*self.limiter.limited((linear_m_s, angular_rad_s, lateral_m_s)))
         return Twist(*self.limiter.limited((linear_m_s, angular_rad_s)))
+
+    def statistics(self) -> Statistics:
+        """Return the counters of the link; raise BoardTimeout before `begin`."""
+        if not self.begun:
+            raise BoardTimeout("not connected; call connect() first")
+        counters, odometry = self.session.counters, self.state.odometry
+        counters.refused_counts = odometry.baseline.refused if odometry else 0
+        counters.texts_dropped = self.radio_queue.dropped
+        return counters.snapshot()
 
     def stop(self, now: float, reason: StopReason) -> None:
         """Stop at once."""

@@ -55,7 +55,7 @@ class LiveJson:
         if has_motors(driver.model):
             driver.on_telemetry(self._on_telemetry)
         else:
-            driver.on_sensor(self._on_sensor)
+            driver.on(SensorRead, self._on_sensor)
 
     def _take_names(self) -> None:
         self._series = Series(self._robot)

@@ -106,14 +106,14 @@ class LiveModel:
 
         A part that is not known yet is NaN and does not count.
         """
-        link_s = self._robot.link_delay_s
+        link_s = self._robot.link.delay_s
         known = [part for part in (input_s, link_s) if not math.isnan(part)]
         return math.fsum(known) if known else math.nan, input_s, link_s
 
     @property
     def _streamed(self) -> int:
         """Number of frames so far; boards without motors have no telemetry that could be counted."""
-        count: int = self.frames if self._moves else self._robot.statistics.streamed
+        count: int = self.frames if self._moves else self._robot.link.statistics.streamed
         return count
 
     def shown(self, now_s: float, input_s: float = math.nan, warning: str = "") -> Shown:

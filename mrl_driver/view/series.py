@@ -76,7 +76,7 @@ def _groups(robot: Any) -> List[_Group]:
 
 def _is_silent(robot: Any) -> bool:
     """Return whether no telemetry arrives.  A driver has speeds of zero then, which nobody has measured."""
-    return robot.age_s > SILENT_S or not getattr(robot, "ready", True)
+    return robot.link.age_s > SILENT_S or not getattr(robot, "ready", True)
 
 
 def _motion(robot: Any, model: Optional[RobotModel]) -> List[_Group]:
@@ -144,9 +144,13 @@ def _board(robot: Any, model: Optional[RobotModel]) -> List[_Group]:
     """Return what a motor board measures."""
     if not has_motors(model):
         return []
-    groups = [_Group([("battery", "V")], lambda: (robot.battery_v,))]
-    if hasattr(robot, "temperature_c"):
-        groups.append(_Group([("temperature", "degC")], lambda: (robot.temperature_c,)))
+
+    def measured() -> Any:
+        return getattr(robot, "board", robot)  # a robot of ROS topics has no board
+
+    groups = [_Group([("battery", "V")], lambda: (measured().battery_v,))]
+    if hasattr(measured(), "temperature_c"):
+        groups.append(_Group([("temperature", "degC")], lambda: (measured().temperature_c,)))
     return groups
 
 
@@ -167,12 +171,14 @@ def _imu(robot: Any) -> List[_Group]:
 
 
 def _link(robot: Any) -> List[_Group]:
-    groups = [_Group([("link age", "s"), ("link delay", "s")], lambda: (robot.age_s, robot.link_delay_s))]
-    if not hasattr(robot, "statistics"):
+    groups = [
+        _Group([("link age", "s"), ("link delay", "s")], lambda: (robot.link.age_s, robot.link.delay_s))
+    ]
+    if not hasattr(robot.link, "statistics"):
         return groups
 
     def read() -> Sequence[float]:
-        seen = robot.statistics
+        seen = robot.link.statistics
         return seen.lost, sum(seen.garbage.values())
 
     return [*groups, _Group([("frames lost", ""), ("frames damaged", "")], read)]

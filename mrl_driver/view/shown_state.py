@@ -93,7 +93,7 @@ def errors_row(lost: int, damaged: int, restarts: int) -> Row:
 
 def state_of(driver: "Driver") -> ShownState:
     """Return the state of a driver's robot."""
-    model, seen = driver.model, driver.statistics
+    model, seen = driver.model, driver.link.statistics
     return ShownState(
         f"{model.name if model else 'robot'} {driver.board.robot_id}",
         model,
@@ -103,12 +103,12 @@ def state_of(driver: "Driver") -> ShownState:
         driver.stop_reason,
         driver.ranges,
         sensor_texts(driver),
-        driver.battery_v,
-        model.battery.charge(driver.battery_v) if model else 0.0,
+        driver.board.battery_v,
+        model.battery.charge(driver.board.battery_v) if model else 0.0,
         driver.battery_state,
         _board(driver),
         driver.ready,
-        driver.age_s,
+        driver.link.age_s,
         errors_row(seen.lost, sum(seen.garbage.values()), seen.restarts),
         "" if driver.imu_state == ABSENT else driver.imu_state,
     )
@@ -131,7 +131,7 @@ def _board(driver: "Driver") -> Sequence[Row]:
     if status is None:
         return [Row("firmware", "1 (2013), no watchdog" if has_motors(driver.model) else "1 (2013)")]
     faults = ", ".join(status.faults).replace("_", " ")
-    warm = "" if math.isnan(driver.temperature_c) else f", {driver.temperature_c:.0f} degC"
+    warm = "" if math.isnan(driver.board.temperature_c) else f", {driver.board.temperature_c:.0f} degC"
     up = f"up {_span(status.uptime_s)}{warm}"
     return [
         Row("firmware", f"{driver.board.version}, {up}"),
@@ -219,7 +219,7 @@ def snapshot(driver: "Driver") -> Dict[str, Any]:
 
     A board without motors has no pose and no twist.
     """
-    seen, command, moves = driver.statistics, driver.command, has_motors(driver.model)
+    seen, command, moves = driver.link.statistics, driver.command, has_motors(driver.model)
     return {
         "pose": driver.pose._asdict() if moves else None,
         "twist": driver.twist._asdict() if moves else None,
@@ -227,12 +227,12 @@ def snapshot(driver: "Driver") -> Dict[str, Any]:
         "ranges_m": driver.ranges,
         "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
         "imu": imu_facts(driver),
-        "battery_v": driver.battery_v,
+        "battery_v": driver.board.battery_v,
         "battery_state": driver.battery_state,
-        "temperature_c": driver.temperature_c,
+        "temperature_c": driver.board.temperature_c,
         "ready": driver.ready,
-        "age_s": driver.age_s,
-        "link_delay_s": driver.link_delay_s,
+        "age_s": driver.link.age_s,
+        "link_delay_s": driver.link.delay_s,
         "stop_reason": driver.stop_reason,
         "frames": seen.frames,
         "lost": seen.lost,

@@ -71,8 +71,8 @@ def stopped_by(driver: "Driver") -> str:
     """Return why the driver's robot stopped, in full: the wheel, or the radio that holds it, and what to do."""
     if driver.mismatch is not None:
         return f"stopped: {driver.mismatch}"
-    if driver.hold is not None and driver.hold.held:
-        return f"stopped: {driver.hold}"
+    if driver.radio.hold is not None and driver.radio.hold.held:
+        return f"stopped: {driver.radio.hold}"
     remedy = STOPS[driver.stop_reason].remedy
     return stopped_text(driver.stop_reason) + (f"; {remedy}" if remedy else "")
 
@@ -90,9 +90,9 @@ def why_refused(driver: "Driver", again: str = "press again") -> str:
     if not driver.ready:
         return f"the robot sends no data or is just starting; when its data are back, {again}"
     if driver.battery_state in ("empty", "off"):
-        return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V; charge it"
+        return f"the battery is {driver.battery_state} at {driver.board.battery_v:.1f} V; charge it"
     if driver.mismatch is not None:
         return f"{driver.mismatch}; {again}"
-    if driver.hold is not None and driver.hold.held:
-        return str(driver.hold)
+    if driver.radio.hold is not None and driver.radio.hold.held:
+        return str(driver.radio.hold)
     return f"the robot takes no commands now; {again}"

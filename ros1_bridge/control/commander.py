@@ -197,7 +197,7 @@ class Commander:
 
     def watch_link(self) -> None:
         """End all goals once telemetry has been silent for `LOST_S`; to be called some times a second."""
-        lost = not self._driver.ready and self._driver.age_s > LOST_S
+        lost = not self._driver.ready and self._driver.link.age_s > LOST_S
         if lost and not self._lost:
             self.end_goals()
         self._lost = lost
@@ -254,7 +254,7 @@ class Commander:
         if self._driver.mismatch is not None:
             reason: StopReason = self._driver.mismatch.reason
             return reason
-        if self._driver.hold is not None and self._driver.hold.held:
+        if self._driver.radio.hold is not None and self._driver.radio.hold.held:
             return StopReason.HELD
         told: StopReason = self._driver.stop_reason
         if self._driver.command is not None:
@@ -282,19 +282,19 @@ class Commander:
         cause = self.stopped_by
         if cause == StopReason.BATTERY:
             driver = self._driver
-            return f"the battery is {driver.battery_state} at {driver.battery_v:.1f} V, charge it"
+            return f"the battery is {driver.battery_state} at {driver.board.battery_v:.1f} V, charge it"
         mismatch = self._driver.mismatch
         if mismatch is not None and cause == mismatch.reason:
             return f"{mismatch}; once that is put right, a command of zero lets it drive again"
         if cause == StopReason.HELD:
-            return f"{self._driver.hold}"
+            return f"{self._driver.radio.hold}"
         unlinked = (StopReason.NO_TELEMETRY, StopReason.MAY_BE_MOVING)
         if self._cause is StopReason.COMMANDS_UNPAUSED and cause not in (*REFUSALS, *unlinked):
             return (
                 "its source has sent commands to move since before the last stop or this node's start; it may drive "
                 f"after it has been silent or zero for {self.sources.pause_s:g} s"
             )
-        if cause not in REFUSALS and self._driver.since_pause_s < QUEUED_S:
+        if cause not in REFUSALS and self._driver.link.since_pause_s < QUEUED_S:
             return PAUSED
         return REFUSALS.get(
             cause, "the board is silent or just restarting; send the command again when telemetry is back"

@@ -58,9 +58,9 @@ class RecordedTopics:
         recorded.on_heard(self._on_heard)
         recorded.on_remark(self._on_remark)
         recorded.on_telemetry(self._on_telemetry)
-        recorded.on_imu(self._on_imu)
-        recorded.on_battery(self._on_battery)
-        recorded.on_sensor(self._on_sensor)
+        recorded.on(Imu, self._on_imu)
+        recorded.on(Board, self._on_battery)
+        recorded.on(SensorRead, self._on_sensor)
         recorded.radio.on_text(self._on_text)
 
     def _now(self) -> Time:

@@ -41,7 +41,7 @@ class _Table:
         self._robot: Any = None
         self._series: Optional[Series] = None
         recorded.on_telemetry(self._on_telemetry)
-        recorded.on_sensor(self._on_sensor)
+        recorded.on(SensorRead, self._on_sensor)
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         if self._robot is None:

@@ -187,7 +187,7 @@ class RobotNode:
         power = f"battery {voltage_text(board.battery_v)}" if model.drives else SENSORS_ALONE
         rospy.loginfo(
             f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {parameters.port} at "
-            f"{driver.line_baud} baud, {power}"
+            f"{driver.link.baud} baud, {power}"
         )
         if driver.recorder.file is not None:
             rospy.loginfo(f"recording to {os.path.abspath(driver.recorder.file.path)}")
@@ -222,7 +222,7 @@ class RobotNode:
         self._topics.listen(driver)
         if self._zones is not None:
             driver.on_telemetry(self._on_zone_readings)
-        driver.on_battery(self._on_battery)
+        driver.on(Board, self._on_battery)
         driver.on_event(self._on_event)
         if self._parameters.has("sensors") and RADIO in board.capabilities:
             self._offer_radio()

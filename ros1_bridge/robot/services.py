@@ -79,7 +79,9 @@ class Services:
             free = self._driver.radio.release_hold()
         except MrlError as error:
             return False, str(error)
-        return free, "released; the robot stands until the next command" if free else str(self._driver.hold)
+        return free, "released; the robot stands until the next command" if free else str(
+            self._driver.radio.hold
+        )
 
     def enable_motors(self, enabled: bool) -> Answer:
         """Follow commands, or stop and refuse them."""

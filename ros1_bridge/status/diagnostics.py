@@ -34,10 +34,15 @@ class Diagnostics:
 
     def _link(self, status: Wrapper) -> Wrapper:
         driver, parameters = self._driver, self._parameters
-        slowed = parameters.fast and driver.line_baud != FAST_BAUD
-        health = link_report.health(driver.ready, driver.age_s, slowed)
+        slowed = parameters.fast and driver.link.baud != FAST_BAUD
+        health = link_report.health(driver.ready, driver.link.age_s, slowed)
         values = link_report.values(
-            parameters.port, driver.line_baud, driver.board, driver.statistics, driver.age_s, driver.telemetry
+            parameters.port,
+            driver.link.baud,
+            driver.board,
+            driver.link.statistics,
+            driver.link.age_s,
+            driver.telemetry,
         )
         return _filled(status, health, values)
 
@@ -49,13 +54,13 @@ class Diagnostics:
     def _battery(self, status: Wrapper) -> Wrapper:
         driver = self._driver
         assert driver.model is not None
-        state, volts = driver.battery_state, driver.battery_v
+        state, volts = driver.battery_state, driver.board.battery_v
         values = robot_status.battery_values(volts, state, driver.model.battery.capacity_ah)
         return _filled(status, robot_status.battery_health(state, volts), values)
 
     def _board(self, status: Wrapper) -> Wrapper:
         report = self._driver.status
-        values = robot_status.board_values(report, self._driver.temperature_c)
+        values = robot_status.board_values(report, self._driver.board.temperature_c)
         return _filled(status, robot_status.board_health(report), values)
 
     def _imu(self, status: Wrapper) -> Wrapper:
@@ -63,7 +68,7 @@ class Diagnostics:
         return _filled(status, robot_status.imu_health(state), robot_status.imu_values(state, imu))
 
     def _radio(self, status: Wrapper) -> Wrapper:
-        hold = self._driver.hold
+        hold = self._driver.radio.hold
         if hold is None:
             return _filled(
                 status, link_report.LinkHealth(link_report.WARN, "the board has not answered yet"), {}

@@ -61,11 +61,11 @@ class BoardTopics:
     def listen(self, driver: Driver) -> None:
         """Let the driver call this."""
         driver.on_telemetry(self.on_telemetry)
-        driver.on_battery(self.on_battery)
+        driver.on(Board, self.on_battery)
         if self.on_sensor is not None:
-            driver.on_sensor(self.on_sensor)
+            driver.on(SensorRead, self.on_sensor)
         if self.on_imu is not None:
-            driver.on_imu(self.on_imu)
+            driver.on(Imu, self.on_imu)
         if self.on_text is not None:
             driver.radio.on_text(self.on_text)
 

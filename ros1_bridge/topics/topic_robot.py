@@ -3,7 +3,7 @@
 import math
 import re
 import time
-from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
@@ -30,6 +30,15 @@ DRIVING = "driving"
 """What `status` says while a command other than standstill is in force."""
 NO_STOP = (StopReason.NONE, StopReason.USER)
 """Stop reasons of a robot that was not stopped, or that a user has stopped."""
+
+
+class LinkDelays(NamedTuple):
+    """Delays of the topics, as `Driver.link` has those of the serial link."""
+
+    age_s: float
+    """Age of the newest odometry [s]; infinite before the first."""
+    delay_s: float
+    """Time from sending speeds to the echo of the robot's node [s]; NaN if unknown."""
 
 
 class TopicRobot:
@@ -146,9 +155,9 @@ class TopicRobot:
         return time.monotonic() - self._heard_s
 
     @property
-    def link_delay_s(self) -> float:
-        """Time from sending speeds to the echo of the robot's node [s]; NaN if unknown."""
-        return self._delay()
+    def link(self) -> LinkDelays:
+        """Delays of the topics now."""
+        return LinkDelays(self.age_s, self._delay())
 
     @property
     def errors(self) -> int:

@@ -124,7 +124,7 @@ def _circle(setting: Setting, speed_mm_s: int, end_v: float, steady: bool = Fals
     driven = Discharge(speed_mm_s, [], [], math.inf)
     with open_robot(setting, "square", period_ms=PERIOD_MS, command_timeout_s=2 * READ_PERIOD_S) as robot:
         driver, packs = robot.driver, _EmulatedPacks(robot, setting, speed_mm_s, steady)
-        if math.isnan(driver.battery_v):
+        if math.isnan(driver.board.battery_v):
             raise ConfigError(
                 "the board does not measure its battery, which this experiment plots; expected one that does"
             )
@@ -134,9 +134,9 @@ def _circle(setting: Setting, speed_mm_s: int, end_v: float, steady: bool = Fals
                 raise MrlError(
                     f"the robot refuses commands ({driver.stop_reason}, battery {driver.battery_state}); see mrl doctor"
                 )
-            time_s += packs.wait(driver.battery_v)
+            time_s += packs.wait(driver.board.battery_v)
             driven.hours.append(time_s / 3600)
-            driven.volts.append(driver.battery_v)
+            driven.volts.append(driver.board.battery_v)
             if driver.battery_state != battery.OK:
                 driven = driven._replace(warned_h=min(driven.warned_h, driven.hours[-1]))
             if time_s > TIME_LIMIT_S:

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mrl_driver.driver import Driver
+from mrl_driver.driver.link_status import LinkStatus
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
@@ -75,11 +76,15 @@ def test_the_terminal_says_what_every_view_says(watched):
 def test_nothing_that_went_wrong_is_cut(watched, monkeypatch, size):
     """However long it is."""
     driver, _, log = watched
-    wrong = driver.statistics._replace(lost=12345, garbage={"checksum": 678}, restarts=12)
+    wrong = driver.link.statistics._replace(lost=12345, garbage={"checksum": 678}, restarts=12)
     status = driver.status._replace(faults=("motor_board", "bus_hung", "eeprom", "id_unset"))
     cause = Mismatch("both", DEAD, 0.037, 0.0)
-    for name, value in (("statistics", wrong), ("status", status), ("mismatch", cause)):
-        monkeypatch.setattr(Driver, name, value)
+    for kind, name, value in (
+        (LinkStatus, "statistics", wrong),
+        (Driver, "status", status),
+        (Driver, "mismatch", cause),
+    ):
+        monkeypatch.setattr(kind, name, value)
     text = picture(Screen(driver, Settings("/dev/" + "x" * 80 + "-if00", "d" * 80 + ".mrl"), log), *size)
     words = f"12345 lost, 678 bad, 12 resets id unset {cause}; space goes on quit -if00 .mrl 00:00"
     assert [word for word in words.split() if word not in text] == []
@@ -89,7 +94,8 @@ class Delayed:
     """The driver's place behind a link with a delay."""
 
     def __init__(self, driver):
-        self._driver, self.link_delay_s = driver, 0.03
+        self._driver = driver
+        self.link = SimpleNamespace(delay_s=0.03, age_s=0.0, statistics=driver.link.statistics)
 
     def __getattr__(self, name):
         return getattr(self._driver, name)
@@ -116,11 +122,11 @@ def test_keys_stop_driving_above_the_longest_delay_until_they_are_released(delay
     screen, driver = delayed
     hold(screen, driver, 0.1)
     assert driver.command is not None
-    driver.link_delay_s = 0.51
+    driver.link.delay_s = 0.51
     hold(screen, driver, 0.05)
     assert driver.command is None
     assert "above the limit of 500 ms (--max-delay); release and press again" in picture(screen, 100, 30)
-    driver.link_delay_s = 0.03
+    driver.link.delay_s = 0.03
     hold(screen, driver, 0.5)
     assert driver.command is None
     hold(screen, driver, HOLD_S + 0.1, key="f")

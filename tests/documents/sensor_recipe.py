@@ -6,6 +6,7 @@ import sys
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import SENSOR_BY_NAME
+from mrl_driver.session.events import SensorRead
 from mrl_driver.view.shown_state import line
 from ros1_bridge.topics import sensor_topics
 from sim_arduino.serve import factory
@@ -46,13 +47,13 @@ def seen(engine, pose):
         topics = sensor_topics.SensorTopics(
             None, "one/base_link", robot.board.capabilities, robot.board.version, lambda: 7
         )
-        robot.on_sensor(topics.on_sensor)
+        robot.on(SensorRead, topics.on_sensor)
         robot.wait(RUN_S)
         result = {
             "values": robot.sensors[NAME].values,
             "line": line(robot),
             "faults": robot.status.faults,
-            "lost": robot.statistics.lost,
+            "lost": robot.link.statistics.lost,
         }
     frames = [
         each for each in FrameDecoder(REPLIES, checked=True).feed(heard.data) if isinstance(each, Frame)

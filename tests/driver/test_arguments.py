@@ -10,7 +10,7 @@ from operator import attrgetter
 import numpy as np
 import pytest
 
-from mrl_driver.driver import Driver, Options
+from mrl_driver.driver import Driver, Options, Status
 from mrl_driver.driver.driver_recorder import DriverRecorder
 from mrl_driver.driver.radio import Radio
 from mrl_driver.driver.recorded import RecordedDriver
@@ -122,13 +122,15 @@ CALLS = {
         "address": (lambda driver, bad: driver.radio.send(bad, "x"), {**NO_WHOLE, "negative": -1}),
         "text": (lambda driver, bad: driver.radio.send(PEER, bad), NO_TEXT),
     },
+    "on": {
+        "kind": (lambda driver, bad: driver.on(bad, print), NO_TEXT),
+        "callback": (lambda driver, bad: driver.on(Status, bad), NO_FUNCTION),
+    },
     "recorder.start": {"path": (lambda driver, bad: driver.recorder.start(bad), NO_TEXT)},
     "wait": {"timeout_s": (lambda driver, bad: driver.wait(bad), NO_TIME)},
     **{
         name: {"callback": (lambda driver, bad, name=name: attrgetter(name)(driver)(bad), NO_FUNCTION)}
-        for name in (
-            *("on_battery", "on_event", "on_imu", "on_sensor", "on_status", "on_telemetry", "radio.on_text"),
-        )
+        for name in (*("on_event", "on_telemetry", "radio.on_text"),)
     },
 }
 """By method and argument, the call with a value, and the values that it cannot use."""
@@ -275,3 +277,4 @@ def test_the_tables_have_all_calls_with_arguments():
         if not name.startswith("_") and (callable(member) or getattr(member, "fset", None))
     }
     assert public == {*CALLS, *RECORDED, *WITHOUT_ARGUMENTS}
+    assert sum(not name.startswith("_") for name in dir(Driver("/nowhere"))) <= 45, "a user can learn these"

@@ -39,14 +39,14 @@ def test_a_summary_counts_the_frames_that_the_driver_counted(prompt, serve, tmp_
     """Also those around the beginning and the end of the check value, which the remark comes behind."""
     board, path = serve(), str(tmp_path / "drive.mrl")
     with Driver(board.path, options=Options(record=path)) as robot:
-        wait_until(lambda: robot.statistics.frames > 20)
+        wait_until(lambda: robot.link.statistics.frames > 20)
         board.board.reset(time.monotonic())
-        wait_until(lambda: robot.statistics.restarts == 1 and robot.ready)
-        before = robot.statistics
-        wait_until(lambda: robot.statistics.frames > before.frames + 20)
+        wait_until(lambda: robot.link.statistics.restarts == 1 and robot.ready)
+        before = robot.link.statistics
+        wait_until(lambda: robot.link.statistics.frames > before.frames + 20)
     found = summarise(Recording(path))
     assert found["garbage"] == {}
-    assert sum(found["frames"].values()) == robot.statistics.frames
+    assert sum(found["frames"].values()) == robot.link.statistics.frames
 
 
 def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path, monkeypatch):
@@ -66,11 +66,11 @@ def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path,
     leaving.set()
     wait_until(held.is_set)
     robot.close()
-    assert sum(summarise(Recording(path))["frames"].values()) == robot.statistics.frames
+    assert sum(summarise(Recording(path))["frames"].values()) == robot.link.statistics.frames
     played = RecordedDriver(path)
     played.on_telemetry(replayed.append)
     played.play()
-    assert replayed == heard and played.statistics.frames == robot.statistics.frames
+    assert replayed == heard and played.link.statistics.frames == robot.link.statistics.frames
 
 
 def test_a_full_disk_does_not_stop_the_robot(serve):

@@ -9,6 +9,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import REQUESTS_TO_ANY, Frame, FrameDecoder
 from mrl_driver.robot import models
+from mrl_driver.session.events import SensorRead
 from sim_arduino.serve import factory
 from tests.models import model as packaged_model
 
@@ -64,13 +65,17 @@ def driven():
     watched.emulated.plant.environment.dust_pcs_l = 40000.0
     watched.told, watched.telemetry = [], []
     with watched as driver:
-        driver.on_sensor(lambda event: watched.told.append((driver.now_s, event)))
+        driver.on(SensorRead, lambda event: watched.told.append((driver.now_s, event)))
         driver.on_telemetry(watched.telemetry.append)
         watched.begin_s = driver.now_s
         for i in range(round(DRIVEN_S / 0.02)):
             driver.drive(-0.2, -0.1 * (i % 7))
             driver.wait(0.02)
-        watched.sensors, watched.statistics, watched.board = driver.sensors, driver.statistics, driver.board
+        watched.sensors, watched.statistics, watched.board = (
+            driver.sensors,
+            driver.link.statistics,
+            driver.board,
+        )
         driver.stop()
         driver.wait(0.5)
         watched.pose, watched.true_pose = driver.pose, watched.emulated.plant.true_pose

@@ -91,7 +91,7 @@ def test_a_board_that_stood_still_for_5_s_carries_out_nothing_that_waited():
 def test_a_silent_board_is_stale_within_300_ms_whatever_the_period(period_ms):
     bench = Bench(period_ms=period_ms)
     bench.drive(2.0)
-    last_s = bench.robot.now_s - bench.robot.age_s
+    last_s = bench.robot.now_s - bench.robot.link.age_s
     bench.engine.freeze(1.0)
     bench.robot.wait(0.5)
     assert bench.told(Stale)[0] - last_s <= STALE_S
@@ -147,7 +147,7 @@ def test_a_flood_of_garbage_leaves_commands_and_telemetry_their_period(garbage):
         assert len(times) == pytest.approx(FLOOD_S / period_s, rel=0.1, abs=1)
         assert all(b - a == pytest.approx(period_s, rel=0.1) for a, b in zip(times, times[1:]))
     assert len(told) == pytest.approx(FLOOD_S / 0.02, rel=0.1)
-    assert robot.ready and robot.command == (0.2, 0.0) and robot.statistics.unanswered == 0
+    assert robot.ready and robot.command == (0.2, 0.0) and robot.link.statistics.unanswered == 0
 
 
 def test_a_line_that_stalls_drops_the_command():

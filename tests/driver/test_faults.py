@@ -125,7 +125,7 @@ def test_a_port_that_takes_no_bytes_blocks_nobody_for_long(serve):
 
         def blocked():
             driver.request(30)
-            return driver.statistics.blocked_writes
+            return driver.link.statistics.blocked_writes
 
         wait_until(blocked, step_s=0.0)
         port.held.clear()
@@ -179,7 +179,7 @@ def test_the_wall_clock_may_jump(serve, monkeypatch, jump_s):
 
         wait_until(driven_through_a_jump)
         assert all(0.1 < each.twist.linear_m_s < 0.3 for each in seen)
-        assert driver.age_s < 1.0
+        assert driver.link.age_s < 1.0
 
 
 def test_nothing_in_the_driver_asks_for_the_time_of_day():

@@ -67,7 +67,7 @@ def real_image(plant):
 def test_heavy_damage_neither_loses_the_way_nor_makes_restarts(kind, seed, make):
     drive = Drive(f"{kind}:rate=0.03,direction=to_host,at=1", make, seed=seed).run(12.0)
     assert drive.error_m < DAMAGED_ERROR_M
-    assert drive.robot.statistics.restarts == 0 and not drive.seen(PathUnknown)
+    assert drive.robot.link.statistics.restarts == 0 and not drive.seen(PathUnknown)
 
 
 @pytest.mark.parametrize("make", [PythonBoard, real_image])

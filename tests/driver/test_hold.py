@@ -49,14 +49,14 @@ def say(robot, kind, number=1):
 def test_started_board_is_known_to_listen():
     with stepped(SILENCE) as robot:
         robot.wait(HEARD_S)
-        assert robot.hold.state == "listening" and not robot.drive(0.1, 0.0)
+        assert robot.radio.hold.state == "listening" and not robot.drive(0.1, 0.0)
 
 
 def test_hold_ends_the_command(robot):
     robot.drive(0.2, 0.0)
     robot.wait(HEARD_S)
     say(robot, "hold")
-    assert robot.hold == Hold("held", 1, 0, 0, HOLDER)
+    assert robot.radio.hold == Hold("held", 1, 0, 0, HOLDER)
     assert robot.command is None and robot.stop_reason is StopReason.HELD
 
 
@@ -88,13 +88,13 @@ def test_host_that_connects_to_a_held_board_knows_it(robot):
     say(robot, "hold")
     robot._core.hold, robot._core.held = None, False
     robot.wait(POLLED_S)
-    assert robot.hold.held
+    assert robot.radio.hold.held
 
 
 def test_silent_holder_is_released(robot):
     say(robot, "hold")
     robot.wait(SILENCE_S)
-    assert "release the hold" in str(robot.hold)
+    assert "release the hold" in str(robot.radio.hold)
     assert robot.radio.release_hold()
     robot.wait(HEARD_S)
     assert robot.drive(0.2, 0.0)
@@ -103,12 +103,12 @@ def test_silent_holder_is_released(robot):
 def test_speaking_holder_is_not_released(robot):
     say(robot, "hold")
     assert not robot.radio.release_hold()
-    assert robot.hold.held
+    assert robot.radio.hold.held
 
 
 def test_board_without_a_radio_has_no_holds():
     with SteppedDriver(PythonBoard(Plant(model("traxbot"))), model("traxbot")) as robot:
-        assert robot.hold is None
+        assert robot.radio.hold is None
         with pytest.raises(ConfigError, match="radio build"):
             robot.radio.release_hold()
 

@@ -320,7 +320,7 @@ class InSteps:
 def test_users_see_readings_and_state():
     with SteppedDriver(InSteps(with_imu()), "traxbot") as driver:
         heard = []
-        driver.on_imu(heard.append)
+        driver.on(Imu, heard.append)
         driver.wait(BIAS_S)
         assert heard[-1] is driver.imu and len(heard) == pytest.approx(50 * BIAS_S, abs=2)
         assert describe(driver, "/dev/x")["imu"] == IN_USE and f"imu {IN_USE}" in line(driver)
@@ -351,7 +351,7 @@ def test_a_recording_has_the_drivers_pose_and_the_gyros_yaw_rate(tmp_path):
     with SteppedDriver(
         InSteps(board), "traxbot", DEFAULTS._replace(record=path, command_timeout_s=None)
     ) as driver:
-        driver.on_imu(heard.append)
+        driver.on(Imu, heard.append)
         driver.wait(BIAS_S)
         driver.drive(0.0, TURN_RAD_S)
         driver.wait(1.0)

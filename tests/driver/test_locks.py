@@ -62,7 +62,14 @@ def test_while_a_write_blocks_the_state_is_read_and_a_stop_returns(line, writer)
         wait_until(lambda: line.blocked)
         assert line.blocked == [writer]
         aside(
-            lambda: (robot.pose, robot.command, robot.statistics, robot.stopped, robot.sensors, robot.age_s)
+            lambda: (
+                robot.pose,
+                robot.command,
+                robot.link.statistics,
+                robot.stopped,
+                robot.sensors,
+                robot.link.age_s,
+            )
         )
         aside(robot.stop)
         assert robot.command is None and line.blocked == [writer]
@@ -133,7 +140,7 @@ def test_a_stop_does_not_wait_for_a_flood_of_requests(line):
                 robot.request(STATUS)
 
         threading.Thread(target=flood, daemon=True).start()
-        wait_until(lambda: robot.statistics.blocked_writes)
+        wait_until(lambda: robot.link.statistics.blocked_writes)
         aside(robot.stop)
         before = len(line.board.heard)
         end.set()
@@ -182,7 +189,7 @@ def test_a_driver_takes_its_locks_in_order(serve):
                     robot.ask(BY_NAME["read_counters"].code)
                     robot.limit_again()
                     robot.reset_pose()
-                    assert robot.statistics and robot.sensors is not None
+                    assert robot.link.statistics and robot.sensors is not None
                     robot.stop()
             except (MrlError, RuntimeError) as error:
                 errors.append(error)

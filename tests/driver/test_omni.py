@@ -68,7 +68,7 @@ def test_it_goes_where_odometry_says(robot):
     driver.stop()
     driver.wait(1.0)
     assert off_m(robot, start, driver.pose) < POSE_M and off_rad(robot, start) < YAW_RAD
-    assert driver.stopped and driver.mismatch is None and driver.statistics.refused_counts == 0
+    assert driver.stopped and driver.mismatch is None and driver.link.statistics.refused_counts == 0
     assert isinstance(driver.telemetry.counts, OmniWheels)
 
 
@@ -99,7 +99,7 @@ def test_two_counters_that_were_requested_do_not_move_it(robot):
     driver.on_telemetry(lambda telemetry: poses.append(telemetry.pose))
     driver.request(8)
     driver.wait(0.2)
-    assert driver.statistics.refused_counts == 0
+    assert driver.link.statistics.refused_counts == 0
     assert all(one.y_m <= next.y_m for one, next in zip(poses, poses[1:]))
 
 

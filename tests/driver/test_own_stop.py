@@ -13,7 +13,7 @@ from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.session.handshake import DEFAULT_PLAN
+from mrl_driver.session.handshake import DEFAULT_PLAN, Board
 from mrl_driver.session.session import REFUSED_S
 from mrl_driver.view.words import stopped_by
 from sim_arduino.faults import hardware_faults
@@ -125,7 +125,7 @@ def test_the_voltage_that_a_missing_motor_board_does_not_measure_empties_no_batt
     """On the wire it is 0 V, which would be motor power that is off."""
     robot = robots()
     volts = []
-    robot.driver.on_battery(lambda board: volts.append(board.battery_v))
+    robot.driver.on(Board, lambda board: volts.append(board.battery_v))
     robot.driver.drive(0.2, 0.0)
     robot.driver.wait(TURN_S)
     hardware_faults.motor_board_absent(robot.bench.plant, True)

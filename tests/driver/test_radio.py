@@ -137,7 +137,7 @@ def test_texts_of_the_time_before_a_silence_are_not_sent_after_it(robot):
     robot.wait(OLDEST_S)
     robot.board_.mute = False
     robot.wait(1.0)
-    assert robot.ready and not robot.board_.sent and robot.statistics.texts_dropped == 1
+    assert robot.ready and not robot.board_.sent and robot.link.statistics.texts_dropped == 1
 
 
 def test_board_without_a_radio_is_named():

@@ -31,8 +31,8 @@ def robot(cable):
 
 def further(robot, frames=15):
     """Waits for telemetry: what was sent before it has arrived."""
-    until = robot.statistics.frames + frames
-    wait_until(lambda: robot.statistics.frames > until)
+    until = robot.link.statistics.frames + frames
+    wait_until(lambda: robot.link.statistics.frames > until)
 
 
 def heard(robot, kind):
@@ -74,7 +74,7 @@ def test_a_robot_comes_back_under_another_name(robot, cable):
     taken = take_up_to(before)
     cable.plug()
     wait_until(lambda: heard(robot, Reconnected))
-    assert robot.ready and robot.statistics.reconnects == 1
+    assert robot.ready and robot.link.statistics.reconnects == 1
     assert cable.port.path != before
     for descriptor in taken:
         os.close(descriptor)

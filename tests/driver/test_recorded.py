@@ -20,8 +20,10 @@ from mrl_driver.recording.recorded_frames import replies
 from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
+from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.session.events import Lost, Reconnected
+from mrl_driver.session.events import Lost, Reconnected, SensorRead, Status
+from mrl_driver.session.handshake import Board
 from sim_arduino.serve import factory
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
@@ -45,11 +47,10 @@ BOARDS = {
 def listen(robot):
     """A list that gets all that the listeners of this driver get."""
     found = []
-    for on in (
-        *(robot.on_telemetry, robot.on_imu, robot.on_status, robot.on_battery, robot.on_sensor),
-        *(robot.radio.on_text, robot.on_event),
-    ):
+    for on in (robot.on_telemetry, robot.radio.on_text, robot.on_event):
         on(found.append)
+    for kind in (Imu, Status, Board, SensorRead):
+        robot.on(kind, found.append)
     return found
 
 
@@ -181,7 +182,7 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.01)
         robot.recorder.start(path)
         robot.on_telemetry(found.append)
-        robot.on_imu(found.append)
+        robot.on(Imu, found.append)
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.03)
     played, replayed = replay(path)
     assert tuple(summarise(played.recording)["pose"].values()) == pytest.approx(played.pose, abs=POSE_ERROR)
@@ -219,7 +220,7 @@ def test_a_lost_port_is_replayed_to_the_last_bit(cable, tmp_path, monkeypatch):
         robot.recorder.note_clock(1234.5)
     played, replayed = replay(path)
     assert [repr(event) for event in replayed] == [repr(event) for event in found]
-    assert played.statistics.frames == robot.statistics.frames
+    assert played.link.statistics.frames == robot.link.statistics.frames
     assert played.clock_ahead_s == 1234.5
 
 
@@ -379,4 +380,4 @@ def test_a_request_that_turned_motors_plays_without_a_stop(tmp_path):
     close(robot)
     played = RecordedDriver(path)
     played.play()
-    assert played.statistics.uncommanded_motions == 0
+    assert played.link.statistics.uncommanded_motions == 0

@@ -56,8 +56,8 @@ def joined(path, way):
 
 def frames_later(robot, number=5):
     """Wait until the driver has read so many more frames."""
-    before = robot.statistics.frames
-    wait_until(lambda: robot.statistics.frames >= before + number)
+    before = robot.link.statistics.frames
+    wait_until(lambda: robot.link.statistics.frames >= before + number)
 
 
 def record(robot, path):

@@ -3,6 +3,7 @@
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
+from mrl_driver.session.events import SensorRead
 from mrl_driver.session.sensor_polling import ABSENT_S, Reading, SensorPoll, of_board, reading, text
 from mrl_driver.view.shown_state import line
 from sim_arduino.serve import factory
@@ -16,7 +17,7 @@ def test_all_sensors_of_the_board_are_read_beside_the_odometry():
     emulated, told = factory.make(factory.Options(environment=True)), []
     emulated.plant.environment.light_count = 321
     with SteppedDriver(emulated.engine) as robot:
-        robot.on_sensor(told.append)
+        robot.on(SensorRead, told.append)
         robot.wait(2.0)
         values = {name: found.values for name, found in robot.sensors.items()}
         expected = {
@@ -28,7 +29,7 @@ def test_all_sensors_of_the_board_are_read_beside_the_odometry():
         }
         assert {name: values[name] for name in expected} == expected
         assert set(values) == {row.name for row in SENSORS}
-        assert (robot.statistics.lost, robot.ready) == (0, True)
+        assert (robot.link.statistics.lost, robot.ready) == (0, True)
         names = [name for name, _ in told]
         assert names.count("compass") > 4 * names.count("light") > 4
         assert "light 321 count" in line(robot)

@@ -151,6 +151,6 @@ def test_a_pause_is_known_until_the_next_one(robot, speeds):
     if speeds is not None:
         robot.drive(*speeds)
     robot.pause(0.3)
-    assert robot.since_pause_s < 0.05
+    assert robot.link.since_pause_s < 0.05
     robot.wait(1.0)
-    assert robot.since_pause_s == pytest.approx(1.0, abs=0.05)
+    assert robot.link.since_pause_s == pytest.approx(1.0, abs=0.05)

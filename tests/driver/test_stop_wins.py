@@ -171,7 +171,7 @@ def hung(driver, line):
     wait_until(lambda: line.board.moves, what="the move")
     driver.on_telemetry(hang)
     assert hangs.wait(30.0)
-    wait_until(lambda: driver.age_s >= session.LATE_S, what="late telemetry")
+    wait_until(lambda: driver.link.age_s >= session.LATE_S, what="late telemetry")
     yield driver
     goes_on.set()
 
@@ -180,7 +180,7 @@ NEWER = {
     "slower": lambda driver: driver.drive(0.02, 0.0),
     "in the zone": lambda driver: driver.restrict(lambda speeds, now: (0.0, 0.0)),
     "lower limit": lambda driver: setattr(driver, "limits", driver.limits._replace(linear_m_s=0.02)),
-    "none": lambda driver: wait_until(lambda: driver.age_s >= session.STALE_S, what="stale telemetry"),
+    "none": lambda driver: wait_until(lambda: driver.link.age_s >= session.STALE_S, what="stale telemetry"),
 }
 SENDERS = {
     "request": lambda driver: driver.request(COUNTERS),
@@ -251,10 +251,10 @@ def test_a_command_that_waits_too_long_for_the_write_of_another_thread_follows_l
 
 def test_requests_wait_for_the_line_so_that_a_stop_does_not_wait_for_them(driver):
     """A port accepts more bytes than its line carries, and a network far more."""
-    sent, begun_s = driver.statistics.bytes_out, time.monotonic()
+    sent, begun_s = driver.link.statistics.bytes_out, time.monotonic()
     for _ in range(300):
         driver.request(COUNTERS)
-    ahead = driver.statistics.bytes_out - sent - (time.monotonic() - begun_s) * BAUD / connection.BITS
+    ahead = driver.link.statistics.bytes_out - sent - (time.monotonic() - begun_s) * BAUD / connection.BITS
     assert ahead < connection.QUEUE_BYTES + MAX_FRAME
 
 
@@ -303,8 +303,8 @@ def test_a_disk_that_hangs_delays_no_stop(line, monkeypatch, tmp_path):
     exchanging.start()
     try:
         assert opens.wait(30.0)
-        frames = driver.statistics.frames
-        wait_until(lambda: driver.statistics.frames > frames + 3, what="telemetry")
+        frames = driver.link.statistics.frames
+        wait_until(lambda: driver.link.statistics.frames > frames + 3, what="telemetry")
         stopping.start()
         wait_until(lambda: not stopping.is_alive(), what="the stop")
     finally:

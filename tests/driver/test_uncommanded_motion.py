@@ -101,7 +101,7 @@ def test_each_motion_is_counted_once_and_the_reason_of_the_stop_stays(robot):
     for motions in (1, 2):
         driven_s(robot)
         robot.driver.wait(1.0)
-        assert robot.driver.statistics.uncommanded_motions == motions
+        assert robot.driver.link.statistics.uncommanded_motions == motions
     assert robot.driver.stop_reason == "user"
 
 
@@ -125,7 +125,7 @@ def test_a_request_that_turns_motors_is_not_stopped(robot):
     truth = Truth(robot.plant)
     robot.driver.request(MOVE_MOTORS, 20, 20)
     robot.driver.wait(0.2)
-    assert truth.driven and robot.driver.statistics.uncommanded_motions == 0
+    assert truth.driven and robot.driver.link.statistics.uncommanded_motions == 0
 
 
 def test_a_command_after_such_a_request_is_guarded_again(robot):

@@ -80,7 +80,7 @@ def test_the_pose_over_bad_datagrams_is_the_true_one(driven):
     assert len(pairs) > 100
     assert all(b.counts.left >= a.counts.left and b.counts.right >= a.counts.right for a, b in pairs)
     assert all(b.stamp_s > a.stamp_s for a, b in pairs)
-    seen = driven.robot.statistics
+    seen = driven.robot.link.statistics
     assert min(seen.lost, seen.duplicates, seen.overtaken) > 30
     assert (seen.garbage, seen.refused_counts, seen.restarts) == ({}, 0, 0)
 
@@ -153,18 +153,18 @@ def test_the_line_is_raised_and_left_as_it_was(monkeypatch):
 
     def is_raised():
         with Driver(board.port, options=Options(fast=True)) as robot:
-            if robot.line_baud != 500000:
+            if robot.link.baud != 500000:
                 return False
             # a held-up host asks twice, and one answer may come at the wrong rate
-            at_change = dict(robot.statistics.garbage)
+            at_change = dict(robot.link.statistics.garbage)
             drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.02)
-            assert robot.statistics.garbage == at_change and robot.line_baud == 500000
+            assert robot.link.statistics.garbage == at_change and robot.link.baud == 500000
             return True
 
     with EmulatedBoard("square") as board:
         wait_until(is_raised)
         with Driver(board.port) as usual:
-            assert usual.ready and usual.line_baud == 115200
+            assert usual.ready and usual.link.baud == 115200
 
 
 def test_a_raised_line_that_fails_goes_back():
@@ -176,7 +176,7 @@ def test_a_raised_line_that_fails_goes_back():
         wait_until(lambda: any(isinstance(event, Slowed) for event in heard))
         board.faults.clear()
         wait_until(lambda: robot.drive(0.1, 0.0))
-        assert robot.line_baud == 115200
+        assert robot.link.baud == 115200
         assert [str(event) for event in heard if isinstance(event, Slowed)] == [
             "the line shows errors at its higher speed and goes back to 115200 baud"
         ]

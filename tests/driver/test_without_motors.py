@@ -10,6 +10,8 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardError, ConfigError, MrlError, WrongRobot
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder
 from mrl_driver.robot import models
+from mrl_driver.session.events import SensorRead
+from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import TURNING, Stale
 from sim_arduino.hardware.environment_sensors import THERMOPILE_ADDRESS
 from sim_arduino.serve import factory
@@ -35,8 +37,8 @@ class Watched:
         self._sent = b""
         self.driver = SteppedDriver(self)
         self.driver.on_telemetry(self.telemetry.append)
-        self.driver.on_battery(self.batteries.append)
-        self.driver.on_sensor(lambda event: self.read.add(event.name))
+        self.driver.on(Board, self.batteries.append)
+        self.driver.on(SensorRead, lambda event: self.read.add(event.name))
         self.driver.connect()
         self.driver.wait(WATCHED_S)
 
@@ -72,15 +74,19 @@ def test_its_model_is_found_by_its_id_and_its_sensors_are_read(watched):
 def test_its_counters_are_never_odometry(watched):
     """999 in both counters stands for: there are none."""
     driver = watched.driver
-    assert driver.statistics.streamed > 40 * WATCHED_S
+    assert driver.link.statistics.streamed > 40 * WATCHED_S
     assert (watched.telemetry, driver.telemetry, tuple(driver.pose)) == ([], None, (0.0, 0.0, 0.0))
-    assert driver.statistics.refused_counts == 0 and driver.ranges == {}
+    assert driver.link.statistics.refused_counts == 0 and driver.ranges == {}
 
 
 def test_nothing_of_a_motor_board_is_told(watched):
     """Neither 0 V nor 0 degC, and no missing motor board."""
     driver = watched.driver
-    assert all(map(math.isnan, (driver.battery_v, driver.temperature_c, driver.board.motor_board_version)))
+    assert all(
+        map(
+            math.isnan, (driver.board.battery_v, driver.board.temperature_c, driver.board.motor_board_version)
+        )
+    )
     assert (watched.batteries, driver.battery_state, driver.warning) == ([], "ok", "")
     assert driver.status is None or driver.status.faults == ()
 
@@ -159,7 +165,7 @@ def test_identified_board_stays_ready_without_telemetry(robot):
         driver.on_event(told.append)
         driver.wait(2.0)
         assert driver.ready and not [each for each in told if isinstance(each, Stale)]
-        assert driver.statistics.streamed == 0 and emulated.engine.imu_stream is None
+        assert driver.link.statistics.streamed == 0 and emulated.engine.imu_stream is None
         assert driver.ask(34, 0) == (0, models.load(robot).ids[0])
     emulated.close()
 
@@ -176,4 +182,4 @@ def test_identified_robot_is_not_driven_without_telemetry(profile):
                 MrlError, match="refused while commands are inhibited .the board is only identified"
             ):
                 driver.request(code)
-        assert emulated.plant.true_pose.x_m == 0.0 and driver.age_s == math.inf
+        assert emulated.plant.true_pose.x_m == 0.0 and driver.link.age_s == math.inf

@@ -27,6 +27,7 @@ class Noted:
     """A driver's commands, and what it would say of itself."""
 
     def __init__(self):
+        self.link = self.radio = self.board = self
         self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
         self.stops, self.lost, self.may_be_moving = 0, False, False
         self.mismatch, self.stop_reason, self.hold = None, StopReason.NONE, None
@@ -323,7 +324,7 @@ def test_a_battery_stops_the_robot_when_it_is_empty_or_off(commander, driver, st
     ("state", "holders", "held"), [("listening", 1, True), ("silent", 1, True), ("free", 0, False)]
 )
 def test_a_radio_holds_the_robot_in_each_of_its_states(commander, driver, state, holders, held):
-    driver.hold = HELD._replace(state=state, holders=holders)
+    driver.radio.hold = HELD._replace(state=state, holders=holders)
     assert (commander.stopped_by == StopReason.HELD, commander.ready) == (held, not held)
 
 
@@ -376,7 +377,7 @@ def test_a_refusal_says_why_and_what_to_do(commander, driver, facts, refusal):
 
 @STOPS_THAT_STAY
 def test_a_stop_that_stays_is_the_reason_named_whatever_else_is_wrong(commander, driver, stop):
-    driver.since_pause_s, driver.mismatch = 0.0, MISMATCH
+    driver.link.since_pause_s, driver.mismatch = 0.0, MISMATCH
     stop(commander)
     assert commander.refusal() == module.REFUSALS[commander.stopped_by]
 

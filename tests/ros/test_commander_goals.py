@@ -21,7 +21,7 @@ class Planned(Bench):
 
     def __init__(self):
         super().__init__()
-        self.order, self.driver.age_s = [], 0.0
+        self.order, self.driver.link.age_s = [], 0.0
         stop = self.driver.stop
         self.driver.stop = lambda: self.order.append("stop") or stop()
         self.commander.cancel_goals = self.order.append
@@ -39,9 +39,9 @@ class Planned(Bench):
         self.driver.ready, self.driver.command, begun_s = False, None, self.now_s
         while self.now_s < begun_s + seconds:
             self.plan(0.2)
-            self.driver.age_s = self.now_s - begun_s
+            self.driver.link.age_s = self.now_s - begun_s
             self.commander.watch_link()
-        self.driver.ready, self.driver.age_s = True, 0.0
+        self.driver.ready, self.driver.link.age_s = True, 0.0
         self.commander.watch_link()
 
 
@@ -107,7 +107,7 @@ def test_goals_are_cancelled_though_the_stop_cannot_leave(bench, stop):
 def test_goals_outlive_a_gap_that_is_short_or_not_of_the_link(bench, ready, age_s, ended):
     """A longer one ends them while the link is still away."""
     bench.plan(1.0)
-    bench.driver.ready, bench.driver.age_s = ready, age_s
+    bench.driver.ready, bench.driver.link.age_s = ready, age_s
     bench.commander.watch_link()
     bench.driver.ready = True
     assert bench.order == ended and bench.plan(1.0) == {not ended}

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.session.events import SensorRead
 from mrl_driver.view.live_json import LONGEST, LiveJson, texts
 from sim_arduino.serve import factory
 
@@ -99,7 +100,7 @@ def test_values_that_do_not_fit_into_one_datagram_get_more(count):
 def test_a_board_without_motors_has_an_object_for_each_answer_of_a_sensor():
     with Streamed(robot="pioneer") as streamed:
         answers = []
-        streamed.driver.on_sensor(answers.append)
+        streamed.driver.on(SensorRead, answers.append)
         streamed.driver.wait(2.0)
     seen = [read(text) for text in streamed.sent]
     assert [time_s for time_s, _ in seen] == pytest.approx(

@@ -92,7 +92,9 @@ MISMATCH, HELD = Mismatch("left", DEAD, 0.037, 0.0), Hold("held", 1, 0, 0, 0x001
 def robot(**values):
     """What the words use of a Driver."""
     usual = {"ready": True, "battery_state": "ok", "battery_v": 11.0, "mismatch": None, "hold": None}
-    return SimpleNamespace(**{**usual, "stop_reason": "none", **values})
+    fake = SimpleNamespace(**{**usual, "stop_reason": "none", **values})
+    fake.board = fake.radio = fake
+    return fake
 
 
 def test_a_stop_is_told_in_full():
@@ -138,7 +140,7 @@ class Robot:
 
     def __init__(self, **values):
         self.model = self.mismatch = self.recorder = None
-        self.warning, self.link_delay_s = "", math.nan
+        self.warning, self.link = "", SimpleNamespace(delay_s=math.nan)
         vars(self).update(values)
 
     def on_telemetry(self, listener):
@@ -190,5 +192,5 @@ def test_the_delay_is_the_sum_of_what_is_known():
         (0.012, nan, 0.012),
         (nan,) * 3,
     ):
-        model = model_of(Robot(link_delay_s=link_s))
+        model = model_of(Robot(link=SimpleNamespace(delay_s=link_s)))
         assert model.delays_s(input_s) == pytest.approx((total_s, input_s, link_s), nan_ok=True)

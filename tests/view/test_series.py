@@ -82,7 +82,8 @@ def test_what_is_not_measured_any_more_is_not_known(fault, unknown):
 def behind_topics(**values):
     """A robot with some of a driver's properties."""
     usual = {"model": None, "pose": ORIGIN, "twist": Twist(0.0, 0.0), "command": None, "ranges": {}}
-    return SimpleNamespace(**{**usual, "battery_v": 12.0, "age_s": 0.0, "link_delay_s": math.nan, **values})
+    link = SimpleNamespace(age_s=values.pop("age_s", 0.0), delay_s=math.nan)
+    return SimpleNamespace(**{**usual, "battery_v": 12.0, "link": link, **values})
 
 
 @pytest.mark.parametrize("silence", [{"age_s": SILENT_S + 0.01}, {"ready": False}], ids=["old", "not ready"])

@@ -57,7 +57,7 @@ class ImuTrack:
         self._readings: List[Tuple[float, ...]] = []
         self._ways: List[Tuple[float, ...]] = []
         self._on = False
-        robot.on_imu(self._note_reading)
+        robot.on(Imu, self._note_reading)
         robot.on_telemetry(self._note_way)
 
     def _note_reading(self, imu: Imu) -> None:

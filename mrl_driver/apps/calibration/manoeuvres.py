@@ -65,7 +65,7 @@ class Track:
         """Start to record."""
         telemetry = self._robot.telemetry
         self._rows = [_row(telemetry)] if telemetry else []
-        self._refused = self._robot.statistics.refused_counts
+        self._refused = self._robot.link.statistics.refused_counts
         self._on = True
 
     def end(self) -> np.ndarray:
@@ -79,7 +79,7 @@ class Track:
         Raises:
             ConfigError: the counts jumped, which makes the run unusable.
         """
-        jumps = self._robot.statistics.refused_counts - self._refused
+        jumps = self._robot.link.statistics.refused_counts - self._refused
         if jumps:
             raise ConfigError(
                 f"the counts jumped {jumps} times in this run, expected no jump: check encoder plugs and motor power, "
@@ -132,7 +132,7 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
             `patience_s`.
     """
     waited_s = refused_s = 0.0
-    restarts = robot.statistics.restarts
+    restarts = robot.link.statistics.restarts
     while True:
         command = steer(robot.pose)
         if command is None:
@@ -140,7 +140,7 @@ def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -
         refused_s = 0.0 if robot.drive(*command) else refused_s + TICK_S
         if robot.mismatch is not None:
             raise WheelFault(f"stopped early: {robot.mismatch}; run mrl calibrate wiring")
-        if refused_s > HELD_UP_S or robot.statistics.restarts != restarts:
+        if refused_s > HELD_UP_S or robot.link.statistics.restarts != restarts:
             error = stop_error(robot, "the robot accepted no command")
             robot.stop()
             raise error

@@ -216,10 +216,10 @@ class _Reader:
     def read(self, advance: Callable[[float], None]) -> DriveData:
         recorded = self._recorded
         recorded.on_telemetry(self._on_telemetry)
-        recorded.on_imu(self._on_imu)
-        recorded.on_status(self._on_status)
-        recorded.on_battery(self._on_battery)
-        recorded.on_sensor(self._on_sensor)
+        recorded.on(Imu, self._on_imu)
+        recorded.on(Status, self._on_status)
+        recorded.on(Board, self._on_battery)
+        recorded.on(SensorRead, self._on_sensor)
         recorded.on_event(self._on_event)
         recorded.on_sent(self._on_sent)
         recorded.on_heard(self._on_heard)

@@ -11,6 +11,7 @@ from mrl_driver.files import create_unused
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits, RobotModel
+from mrl_driver.session.events import SensorRead
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
 from mrl_driver.view.words import stopped_by, why_refused
@@ -165,7 +166,7 @@ class DriverRobot:
         if driver.model is not None and driver.model.drives:
             driver.on_telemetry(wake)
         else:
-            driver.on_sensor(wake)
+            driver.on(SensorRead, wake)
         driver.on_event(wake)
 
     # -- recordings

@@ -167,7 +167,7 @@ class Checkup:
             self._add(parameters.check(values, driver.model))
         self._add(board.link(seen, by_network=is_network(require_port(self.target))))
         self._add(board.refusals(counts, driver.model is None or driver.model.drives))
-        self._add(board.hold(driver.hold))
+        self._add(board.hold(driver.radio.hold))
         self._add(board.gyro(driver))
         self._add(board.build(driver))
         self._add(board.sonars(_settled_ranges(driver), driver.board))

@@ -169,10 +169,10 @@ def require_driving(driver: "Driver") -> None:
         return
     if driver.mismatch is not None:
         raise WheelFault(f"stopped early: {driver.mismatch}")
-    if driver.hold is not None and driver.hold.held:
-        raise MrlError(f"stopped early: {driver.hold}")
+    if driver.radio.hold is not None and driver.radio.hold.held:
+        raise MrlError(f"stopped early: {driver.radio.hold}")
     if driver.may_be_moving:
-        raise BoardTimeout(f"no telemetry for {driver.age_s * 1000:.0f} ms; {MAY_MOVE}")
+        raise BoardTimeout(f"no telemetry for {driver.link.age_s * 1000:.0f} ms; {MAY_MOVE}")
     raise stop_error(driver, "stopped early")
 
 

@@ -56,7 +56,7 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
     board, status = driver.board, driver.status
     facts: Dict[str, Any] = {
         "port": port,
-        "line_baud": driver.line_baud,
+        "line_baud": driver.link.baud,
         "robot": driver.model.name if driver.model else None,
         "robot_id": board.robot_id,
         "drive": kind_of(driver.model.drive) if driver.model else None,
@@ -73,10 +73,10 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
     }
     if driver.imu is not None and driver.imu.bias_known:
         facts["gyro_bias_rad_s"] = driver.imu.bias_rad_s
-    if driver.hold is not None:
-        facts["hold"] = driver.hold.state
-        if driver.hold.holders:
-            facts["holder"] = format_address(driver.hold.holder)
+    if driver.radio.hold is not None:
+        facts["hold"] = driver.radio.hold.state
+        if driver.radio.hold.holders:
+            facts["holder"] = format_address(driver.radio.hold.holder)
     if status is not None:
         facts.update(
             uptime_s=status.uptime_s,

@@ -193,8 +193,8 @@ def connected(
     driver.on_event(_report_wait)
     try:
         with driver, stopped_while_suspended(driver):
-            if options.get("fast") and driver.line_baud != FAST_BAUD:
-                print_message(f"warning: the serial link stays at {driver.line_baud} baud: {SLOW}")
+            if options.get("fast") and driver.link.baud != FAST_BAUD:
+                print_message(f"warning: the serial link stays at {driver.link.baud} baud: {SLOW}")
             if moves and driver.model is not None:
                 driver.model.require_motors()
             yield driver

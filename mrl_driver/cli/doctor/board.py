@@ -159,11 +159,11 @@ def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS
         BoardTimeout: the board stopped answering.
         LinkLost: the port went away.
     """
-    before = driver.statistics
+    before = driver.link.statistics
     driver.wait(seconds)
-    count = driver.statistics.streamed - before.streamed
+    count = driver.link.statistics.streamed - before.streamed
     times = sorted(_round_trip_s(driver) for _ in range(trips))
-    seen = driver.statistics
+    seen = driver.link.statistics
     garbage = {
         reason: number - before.garbage.get(reason, 0)
         for reason, number in seen.garbage.items()

@@ -242,7 +242,7 @@ def threads(count: int) -> Dict[str, float]:
             end.set()
             for worker in workers:
                 worker.join()
-            blocked = driver.statistics.blocked_writes
+            blocked = driver.link.statistics.blocked_writes
     finally:
         board.close()
     whole, mixed = sorted_out(bytes(board.received), blocked)
@@ -283,7 +283,7 @@ def long_drive(minutes: float) -> Dict[str, float]:
         before_mb, end_s = 1.048576 * processes.rss_mib(), time.monotonic() + minutes * 60
         while time.monotonic() < end_s:
             _drive(driver, rng, 1.0)
-        counters = driver.statistics
+        counters = driver.link.statistics
         growth_mb = 1.048576 * processes.rss_mib() - before_mb
         lost = counters.lost + counters.duplicates + counters.refused_counts + sum(counters.garbage.values())
     return {

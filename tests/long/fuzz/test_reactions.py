@@ -27,7 +27,7 @@ def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
         gc.collect()
         grown = tracemalloc.get_traced_memory()[0] - before
         tracemalloc.stop()
-        counters = robot.statistics
+        counters = robot.link.statistics
         assert counters.frames > 750
         assert (
             counters.lost + counters.duplicates + counters.refused_counts + sum(counters.garbage.values())

@@ -126,8 +126,8 @@ class Worker(Obedient):
 
     def state(self) -> Dict[str, Any]:
         driver = self._driver
-        blocked, frames = driver.statistics.blocked_writes, driver.statistics.frames
-        return {"is_ready": driver.ready, "age_s": driver.age_s, "blocked": blocked, "frames": frames}
+        blocked, frames = driver.link.statistics.blocked_writes, driver.link.statistics.frames
+        return {"is_ready": driver.ready, "age_s": driver.link.age_s, "blocked": blocked, "frames": frames}
 
 
 def say(**what: Any) -> None:
