@@ -44,17 +44,14 @@ from .robot_core import Core, DriverEvent
 
 ATTEMPTS, ANSWER_S = 3, 0.5
 """`ask` sends a request at most this many times and waits this long for each reply [s]."""
-CLOSE_S = 0.8
-"""The stop at the end waits at most this long for telemetry to confirm it [s]."""
+CLOSE_S = 0.8  # the stop at the end waits at most this long for telemetry to confirm it [s]
 QUEUE_BYTES = 512
 """`request` waits while more bytes than these are on the way to the board, by the baud rate, or queued because the port
 blocks, so that a stop does not wait for many others.
 """
-BITS = 10
-"""A byte on the serial line [bit]."""
+BITS = 10  # a byte on the serial line [bit]
 CLOSED_EARLY = "the driver was closed while it connected"
-FLUSH_S = 1e-3
-"""At the end, the driver looks this often whether another thread's write is over [s]."""
+FLUSH_S = 1e-3  # at the end, the driver looks this often whether another thread's write is over [s]
 CLOCK_BOOTTIME = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 Listener = Callable[[Any], None]
 
@@ -99,10 +96,8 @@ class Connection:
         self._asking = self.queuing = 0
         self._line_baud, self._line_free_s = line_baud, -math.inf
         """When the line will have carried all that was written [s]."""
-        self._settled = False
-        """Telemetry has arrived, or the driver has failed before."""
-        self._seized = False
-        """A signal handler closes the driver while its own thread holds the lock."""
+        self._settled = False  # telemetry has arrived, or the driver has failed before
+        self._seized = False  # a signal handler closes the driver while its own thread holds the lock
         self._slept_s = math.inf
         self.ahead_s: Optional[float] = None
         """Time by which the wall clock is ahead of `now_s`, if it is known [s]."""

@@ -9,8 +9,7 @@ from mrl_driver.recording.recording import OWN_REMARKS, Recorder
 
 from .connection import Connection
 
-EXCHANGE_S = 1.0
-"""`start` waits at most this long for the reading thread, which may be in a callback [s]."""
+EXCHANGE_S = 1.0  # `start` waits at most this long for the reading thread, which may be in a callback [s]
 LONGEST_REMARK = 1000
 
 

@@ -43,11 +43,9 @@ class LinkSource:
         self.fast = self.searching = False
         self._reconnection: Optional[Reconnection] = None
         self._well_s = 0.0
-        self._begun: Optional[Tuple[int, int]] = None
-        """Frames and damages when the count of damages started."""
+        self._begun: Optional[Tuple[int, int]] = None  # frames and damages when the count of damages started
         self._lock = new_lock("links")
-        self._creating = ""
-        """Path of a recording that is being created."""
+        self._creating = ""  # path of a recording that is being created
         self._trial: Optional[Link] = None
         self._closed = False
 

@@ -27,14 +27,11 @@ class ParameterFile(NamedTuple):
     """The content of a file."""
 
     robot_id: int
-    model: str
-    """Name of the robot's model."""
+    model: str  # name of the robot's model
     firmware: int
     protocol: int
-    capabilities: Tuple[str, ...]
-    """Of the board, sorted."""
-    values: Dict[str, int]
-    """Parameters but the id, by name, in units of the table."""
+    capabilities: Tuple[str, ...]  # of the board, sorted
+    values: Dict[str, int]  # parameters but the id, by name, in units of the table
 
 
 def of_driver(driver: Driver) -> ParameterFile:

@@ -26,16 +26,12 @@ An emulated board of 2013 that is reset answers after 3.4 s.
 class Answer(NamedTuple):
     """The board found on a port."""
 
-    robot_id: Optional[int] = None
-    """None if no robot answers."""
-    model: str = ""
-    """Packaged model that lists the robot id; empty if there is none."""
+    robot_id: Optional[int] = None  # none if no robot answers
+    model: str = ""  # packaged model that lists the robot id; empty if there is none
     firmware_version: Optional[int] = None
-    battery_v: Optional[float] = None
-    """NaN if the board does not measure it."""
+    battery_v: Optional[float] = None  # NaN if the board does not measure it
     capabilities: Tuple[str, ...] = ()
-    error: str = ""
-    """Why there is no answer; empty if there is one."""
+    error: str = ""  # why there is no answer; empty if there is one
 
 
 def patience_s(resets: bool) -> float:

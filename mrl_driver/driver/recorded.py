@@ -69,13 +69,10 @@ from .driver import Driver
 from .options import DEFAULTS, HEARD, Options, require_options
 from .robot_core import Core, DriverEvent
 
-LINE_BYTES = 12
-"""A line of the file takes about this many bytes besides its data."""
+LINE_BYTES = 12  # a line of the file takes about this many bytes besides its data
 _REPORT_EVERY = 2000
-_OPENING_ENTRIES = 2000
-"""The remarks that hold for a whole recording are looked for in this many entries."""
-_MOST_TURNS = 200
-"""Between two entries of an older file, at most this many turns are made."""
+_OPENING_ENTRIES = 2000  # the remarks that hold for a whole recording are looked for in this many entries
+_MOST_TURNS = 200  # between two entries of an older file, at most this many turns are made
 _LEAST_FRAMES = _LEAST_MOVES = 3
 _GREETING_S, _LONG_GREETING_S = 1.0, 5.0
 """A greeting that does not end while the board streams for this time is incomplete in the file: the session goes on
@@ -96,28 +93,23 @@ _GREETING = {
 class Sent(NamedTuple):
     """A frame, or garbage, that the host sent."""
 
-    time_s: float
-    """Time since the recording began [s]."""
+    time_s: float  # time since the recording began [s]
     event: Event
-    data: bytes
-    """The bytes of this frame, or of the garbage."""
+    data: bytes  # the bytes of this frame, or of the garbage
 
 
 class Heard(NamedTuple):
     """A frame, or garbage, that the board sent."""
 
-    time_s: float
-    """Time since the recording began [s]."""
+    time_s: float  # time since the recording began [s]
     event: Event
-    data: bytes
-    """The bytes of this frame, or of the garbage."""
+    data: bytes  # the bytes of this frame, or of the garbage
 
 
 class Remark(NamedTuple):
     """A remark of the driver, or of its user."""
 
-    time_s: float
-    """Time since the recording began [s]."""
+    time_s: float  # time since the recording began [s]
     text: str
 
 
@@ -164,8 +156,7 @@ class _RecordedCore(Core):
 
     session: _RecordedSession
     session_kind = _RecordedSession
-    has_mismatches = False
-    """The recording holds them."""
+    has_mismatches = False  # the recording holds them
 
     def _check_wheels(self, travel: AnyWheels, event: Counts, now: float) -> List[DriverEvent]:
         return [] if self.has_mismatches else super()._check_wheels(travel, event, now)
@@ -206,12 +197,9 @@ class _Opening(NamedTuple):
 
     model: Optional[RobotModel]
     ahead_s: Optional[float]
-    has_turns: bool
-    """The file holds the times of the driver's turns."""
-    is_cut: bool
-    """The file does not begin with a port that was opened."""
-    frames: List[Frame]
-    """Replies that describe the board, if the file is cut."""
+    has_turns: bool  # the file holds the times of the driver's turns
+    is_cut: bool  # the file does not begin with a port that was opened
+    frames: List[Frame]  # replies that describe the board, if the file is cut
 
 
 class RecordedDriver(Driver):

@@ -45,8 +45,7 @@ from .options import Options
 
 DriverEvent = Union[RobotEvent, SensorRead, RadioText, Hold, Mismatch, Awaited, Lost, Reconnected, Slowed]
 """What a driver reports to its listeners, besides the `MrlError` that ends it."""
-GENTLE_S = 3.0
-"""Longest duration of a gentle stop [s]."""
+GENTLE_S = 3.0  # longest duration of a gentle stop [s]
 SLOWEST_MS = 50
 """Longest stream period [ms], so that the driver notices silence in time.  Listeners that want fewer frames get every
 n-th one.
@@ -75,8 +74,7 @@ def _speeds(linear_m_s: Any, angular_rad_s: Any, lateral_m_s: Any) -> Tuple[floa
 class Core:
     """One robot.  If `model` is None, the packaged model that lists the board's robot id is used."""
 
-    session: Session
-    """The conversation with the board, after `begin`."""
+    session: Session  # the conversation with the board, after `begin`
     session_kind: Type[Session] = Session
 
     def __init__(self, model: Optional[RobotModel], options: Options) -> None:
@@ -84,8 +82,7 @@ class Core:
             require_supported(model)
         self._options = options
         self._omni: Optional[OmniCommands] = None
-        self.begun = False
-        """`begin` was called: there is a session."""
+        self.begun = False  # `begin` was called: there is a session
         self.state = RobotState(
             model, options.ignore_battery, options.any_id, options.build, options.robot_id
         )
@@ -94,22 +91,17 @@ class Core:
         """While there are reasons in it, commands are refused; see `Driver.inhibit`."""
         self.mismatch: Optional[Mismatch] = None
         """The wheel that did not follow its command, or why the board has stopped the robot for a wheel; or None."""
-        self.replies: Dict[int, Tuple[int, ...]] = {}
-        """Fields of the last `Reply`, by command code."""
+        self.replies: Dict[int, Tuple[int, ...]] = {}  # fields of the last `Reply`, by command code
         self.hold: Optional[Hold] = None
         """Whether the radio holds the robot; None before the board has said so."""
         self.held = False
         """Other robots hold this one by radio, or the board listens for them; it refuses to move."""
-        self.radio_queue = RadioQueue()
-        """Texts that wait for the radio."""
+        self.radio_queue = RadioQueue()  # texts that wait for the radio
         self.nodes: Optional[Dict[int, RadioNode]] = None
         """The radios that have answered, by address, while a search is under way."""
-        self.stops = 0
-        """Times that `stop` was called."""
-        self.leaving = False
-        """The driver is closing: it refuses new commands."""
-        self.due_s = -math.inf
-        """Latest time of the next `turn` if no bytes arrive before [s]."""
+        self.stops = 0  # times that `stop` was called
+        self.leaving = False  # the driver is closing: it refuses new commands
+        self.due_s = -math.inf  # latest time of the next `turn` if no bytes arrive before [s]
         self._monitor: Optional[WheelMonitor] = None
         self._monitored: Optional[Tuple[int, ...]] = None
         least_ms = least_period_ms(options.line_baud)

@@ -30,8 +30,7 @@ from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
 
-REPEAT_S = 0.5
-"""Each message is repeated after this time [s]."""
+REPEAT_S = 0.5  # each message is repeated after this time [s]
 SILENT_S = 3.0
 """A robot that was not heard for this time counts as silent [s]: five repetitions in a row were lost."""
 LATE_S = 3.0

@@ -24,12 +24,10 @@ each side [m].
 """
 SLOW_BESIDE_M = 0.3
 """With an obstacle closer than this on one side, the robot drives at half speed, to see more of it [m]."""
-TURN_FIRST_RAD = 0.5
-"""If the yaw error is larger than this, the robot turns on the spot."""
+TURN_FIRST_RAD = 0.5  # if the yaw error is larger than this, the robot turns on the spot
 HEADING_GAIN = 2.0
 SLOWING_M = 0.5
-SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15
-"""At lower speeds the motors may not turn at all."""
+SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15  # at lower speeds the motors may not turn at all
 TIGHT_M, RETREAT_M, BESIDE_TRAIL_M = 0.2, 0.2, 0.05
 """With an obstacle closer than `TIGHT_M` on one side, the robot's corners have no room to turn on the spot.  It first
 goes back by `RETREAT_M`, if its own trail passes within `BESIDE_TRAIL_M` of that place.

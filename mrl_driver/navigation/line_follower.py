@@ -8,16 +8,12 @@ from mrl_driver.geometry import Pose, wrap_angle
 ARRIVED_M = 0.003
 """A corner counts as reached within this distance along the leg, or when it lies behind the robot [m]."""
 ALIGNED_RAD = math.radians(0.3)
-MINIMUM_LINEAR_M_S, MINIMUM_ANGULAR_RAD_S = 0.02, 0.1
-"""At lower speeds the motors may not turn at all."""
-HEADING_GAIN = 3.0
-"""Yaw rate per heading error while driving a leg [1/s]."""
+MINIMUM_LINEAR_M_S, MINIMUM_ANGULAR_RAD_S = 0.02, 0.1  # at lower speeds the motors may not turn at all
+HEADING_GAIN = 3.0  # yaw rate per heading error while driving a leg [1/s]
 OFFSET_GAIN = 3.0
 """Heading towards the leg per distance from it [rad/m]; with both gains the robot settles within about 0.3 m."""
-MOST_HEADING_RAD = 0.4
-"""Largest angle between the heading and the leg's direction."""
-DELAY_S = 0.25
-"""Delay from a command to the wheels' motion [s]; braking starts earlier by this time."""
+MOST_HEADING_RAD = 0.4  # largest angle between the heading and the leg's direction
+DELAY_S = 0.25  # delay from a command to the wheels' motion [s]; braking starts earlier by this time
 
 Point = Tuple[float, float]
 
@@ -49,10 +45,8 @@ class Course:
         self._points: List[Point] = list(points)
         self._begin: Optional[Point] = None
         self._turning = True
-        self.corner = 0
-        """Number of points reached."""
-        self.done = False
-        """The last point is reached."""
+        self.corner = 0  # number of points reached
+        self.done = False  # the last point is reached
 
     def command(self, pose: Pose) -> Tuple[float, float]:
         """Return the speeds (linear [m/s], angular [rad/s]) at this pose; zero when done."""

@@ -13,24 +13,18 @@ from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
 CELL_M = 0.05
-NEAR_M = 0.6
-"""An echo within this range is drawn; a farther echo only frees the cone up to here [m]."""
-SURE_M = 0.35
-"""An echo within this range is accepted at once [m]."""
-TOO_NEAR_M = 0.1
-"""Assumed range of an object that is too near to be measured [m]."""
+NEAR_M = 0.6  # an echo within this range is drawn; a farther echo only frees the cone up to here [m]
+SURE_M = 0.35  # an echo within this range is accepted at once [m]
+TOO_NEAR_M = 0.1  # assumed range of an object that is too near to be measured [m]
 CLEARED_RAD = 0.7 * FIELD_OF_VIEW_RAD / 2
 """Ignore "free" readings beyond this angle from the axis: an object at the edge of the cone may give no echo."""
-SCORE = 3
-"""Largest and (negative) smallest score of a cell."""
+SCORE = 3  # largest and (negative) smallest score of a cell
 ZONES: Tuple[Tuple[float, float], ...] = ((0.13, 60.0), (0.20, 5.0), (0.34, 2.0))
 """Distance of the robot's centre from an obstacle [m], and the extra cost of each cell within it [cells].  First zone:
 the body hardly fits.  Second: it passes but cannot turn.  Third: more clearance is worth a small detour.
 """
-FREE_ZONE = 1
-"""Index in `ZONES`: a straight path must stay out of the zones up to this one."""
-MOST_CELLS = 3000
-"""A search ends after this number of cells; about 10 us each."""
+FREE_ZONE = 1  # index in `ZONES`: a straight path must stay out of the zones up to this one
+MOST_CELLS = 3000  # a search ends after this number of cells; about 10 us each
 
 Cell = Tuple[int, int]
 Point = Tuple[float, float]

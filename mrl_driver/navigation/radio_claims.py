@@ -13,8 +13,7 @@ from mrl_driver.robot.radio import BROADCAST, TEXT_BYTES, format_address, parse_
 
 from .claims import ClaimMessage
 
-LARGEST_CLAIM = 9999
-"""Messages of a team fit into a text up to this number at least."""
+LARGEST_CLAIM = 9999  # messages of a team fit into a text up to this number at least
 LATE_S = 6.0
 """A text that was sent before a robot's start arrives within this time, or never [s]: it waits for the line for at most
 1 s, and an XBee repeats it until 4.8 s have passed."""

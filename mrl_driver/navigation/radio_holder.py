@@ -23,12 +23,9 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.hold_text import HoldText, is_newer
 from mrl_driver.robot.radio import BROADCAST, RadioText, format_address
 
-REPEAT_S = 0.5
-"""Each text is repeated after this time [s]."""
-FRESH_S = 1.5
-"""An answer counts for this time [s]: two in a row may be lost."""
-MOST_ROBOTS = 8
-"""Texts to eight robots take 0.2 s on the line to the radio."""
+REPEAT_S = 0.5  # each text is repeated after this time [s]
+FRESH_S = 1.5  # an answer counts for this time [s]: two in a row may be lost
+MOST_ROBOTS = 8  # texts to eight robots take 0.2 s on the line to the radio
 
 
 class RadioHolder:

@@ -57,8 +57,7 @@ class FrameDecoder:
         self._lines = bool(direction and direction.lines)
         self._frame = bytearray()
         self._noise = bytearray()
-        self._line = ""
-        """Content of the current line outside frames: empty, `text` or `noise`."""
+        self._line = ""  # content of the current line outside frames: empty, `text` or `noise`
 
     @property
     def pending(self) -> bytes:

@@ -25,12 +25,9 @@ class _Form(NamedTuple):
     code: int
     spelling: bytes
     """Format for the numbers after the code: the arguments, and with a checksum also the stamp and the checksum."""
-    begin: int
-    """Position of the '@'."""
-    pack: Callable[..., bytes]
-    """Raises unless the count of numbers is right and all are int16."""
-    narrow: Narrow
-    """Index and range of the arguments whose range is smaller than int16."""
+    begin: int  # position of the '@'
+    pack: Callable[..., bytes]  # raises unless the count of numbers is right and all are int16
+    narrow: Narrow  # index and range of the arguments whose range is smaller than int16
     stamped: bool
 
 
@@ -86,8 +83,7 @@ class Direction:
 
 
 _REQUESTS = [_shape(row, row.request, row.optional, True) for row in COMMANDS if row.name != "xbee_text"]
-REQUESTS = Direction(_REQUESTS)
-"""Host to a board with our firmware."""
+REQUESTS = Direction(_REQUESTS)  # host to a board with our firmware
 REQUESTS_TO_ANY = Direction(_REQUESTS, wrapped=True)
 """Host to any board, as recordings have it: those of 2013 get other codes, see `WRAP`."""
 REPLIES = Direction(

@@ -10,8 +10,7 @@ class StopReason(str, Enum):
     `view.words` has the sentence for each, and what to do.
     """
 
-    NONE = "none"
-    """There was no stop, or the reason is not known."""
+    NONE = "none"  # there was no stop, or the reason is not known
     # The board, by its status:
     HOST = "host"
     LINK_WATCHDOG = "link_watchdog"
@@ -22,8 +21,7 @@ class StopReason(str, Enum):
     WHEEL_BLOCKED = "wheel_blocked"
     ENCODER = "encoder"
     UNDERVOLTAGE = "undervoltage"
-    HELD = "held"
-    """Another robot holds this one by radio; also the driver's reason."""
+    HELD = "held"  # another robot holds this one by radio; also the driver's reason
     # The driver:
     USER = "user"
     NOT_A_NUMBER = "not_a_number"
@@ -39,19 +37,16 @@ class StopReason(str, Enum):
     # The ROS node, and the page's latched stop:
     EMERGENCY_STOP = "emergency_stop"
     MOTORS_DISABLED = "motors_disabled"
-    MAY_BE_MOVING = "may_be_moving"
-    """The link to a board without a watchdog was lost while the robot drove."""
+    MAY_BE_MOVING = "may_be_moving"  # the link to a board without a watchdog was lost while the robot drove
     PROTECTIVE_ZONE = "protective_zone"
     COMMAND_TOO_LATE = "command_too_late"
-    MANUAL_MODE = "manual_mode"
-    """The change to manual mode ended a drive to a pose."""
+    MANUAL_MODE = "manual_mode"  # the change to manual mode ended a drive to a pose
     COMMANDS_UNPAUSED = "commands_unpaused"
     """Commands of a source that has not paused since a stop; they are refused."""
     # Live views:
     DRIVEN_ELSEWHERE = "driven_elsewhere"
     """In place of a reason: the robot drives by commands that this program does not see."""
-    UNKNOWN = "unknown"
-    """A text of another version."""
+    UNKNOWN = "unknown"  # a text of another version
 
     __hash__ = str.__hash__
 

@@ -66,8 +66,7 @@ class Scan(NamedTuple):
     first_rad: float
     step_rad: float
     near_m: float
-    mount: Pose
-    """In base_link."""
+    mount: Pose  # in base_link
 
     @property
     def trouble(self) -> str:

@@ -14,8 +14,7 @@ from typing import Deque
 
 MAX_DELAY_S = 0.5
 """Default limit [s], the same as the timeout of commands: at 0.25 m/s the robot covers 13 cm in this time."""
-DRIFT = 1e-3
-"""Largest drift between two clocks [s/s]: NTP slews each by at most 500 ppm."""
+DRIFT = 1e-3  # largest drift between two clocks [s/s]: NTP slews each by at most 500 ppm
 _MOST_WAITING = 1000
 _SAME_S = 1e-6
 

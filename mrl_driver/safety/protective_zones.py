@@ -43,13 +43,10 @@ from .free_distance import (
     sonar_room,
 )
 
-STALE_S = 1.0
-"""A sensor without a message for this time is silent [s]: three cycles of the sonars, ten scans."""
-LEAST_M_S = 0.02
-"""If only this speed or less is allowed, the robot stops instead of creeping on."""
+STALE_S = 1.0  # a sensor without a message for this time is silent [s]: three cycles of the sonars, ten scans
+LEAST_M_S = 0.02  # if only this speed or less is allowed, the robot stops instead of creeping on
 LASER = "laser"
-SECTORS = 8
-"""The hysteresis of the zones is kept for this number of sectors around the robot."""
+SECTORS = 8  # the hysteresis of the zones is kept for this number of sectors around the robot
 
 
 class ZoneSettings(NamedTuple):
@@ -57,17 +54,12 @@ class ZoneSettings(NamedTuple):
 
     warning_m: float = 0.5
     protective_m: float = 0.2
-    slow_m_s: float = 0.1
-    """The warning zone does not slow the robot below this."""
-    braking_m_s2: float = 0.2
-    """Braking deceleration that the robot always reaches."""
-    reaction_s: float = 0.5
-    """Twice the sum of the delays of sensors and commands."""
+    slow_m_s: float = 0.1  # the warning zone does not slow the robot below this
+    braking_m_s2: float = 0.2  # braking deceleration that the robot always reaches
+    reaction_s: float = 0.5  # twice the sum of the delays of sensors and commands
     hysteresis_m: float = 0.05
-    clearance_m: float = 0.05
-    """Obstacles within this distance of the swept path count as in the way."""
-    outer_m: float = 0.0
-    """Length of the outer warning zone; 0 for twice `warning_m`."""
+    clearance_m: float = 0.05  # obstacles within this distance of the swept path count as in the way
+    outer_m: float = 0.0  # length of the outer warning zone; 0 for twice `warning_m`
     outer_slow_m_s: float = 0.0
     """The outer warning zone slows the robot as the warning zone does, but not below this; 0: it only warns."""
 

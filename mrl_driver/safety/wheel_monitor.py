@@ -17,29 +17,22 @@ from mrl_driver.robot.models import Drive, OmniDrive, RobotModel
 from mrl_driver.robot.odometry import AnyWheels, OmniWheels, Wheels
 from mrl_driver.session.motion_command import Pace
 
-TICK_S = 0.05
-"""Period of the comparison [s]; frames in between cost nothing."""
+TICK_S = 0.05  # period of the comparison [s]; frames in between cost nothing
 ROUNDING_S = 0.0005
 """A frame that is this much early counts as on time [s]: the board's times are rounded, and a stream of `TICK_S` would
 otherwise be compared at every second frame."""
-WINDOW = 5
-"""Number of ticks over which the motion is compared."""
-LEAST_SHARE = 0.1
-"""Less than this share of the expected distance is a mismatch."""
+WINDOW = 5  # number of ticks over which the motion is compared
+LEAST_SHARE = 0.1  # less than this share of the expected distance is a mismatch
 REVERSED_SHARE = -0.3
 """A wheel that moved backwards by more than this share of the expected distance in the newest ticks runs in reverse."""
 NEWEST = 2
 LEAST_DISTANCE_M = 0.006
 """Smallest expected distance over the window that is judged [m]: 24 mm/s.  A slower motor may stick for half a second.
 """
-SLOWNESS = 0.5
-"""The wheel may accelerate this much more slowly than in the model (factor)."""
-HIDDEN_S = 0.8
-"""After a reversal, a wheel may keep accelerating in the old direction for this time [s]."""
-LEAST_RAMP_MS = 500
-"""Shortest ramp to full speed that is assumed for a motor [ms]."""
-DELAY_S = 0.05
-"""Delay of a command from the driver to the motors if none is lost [s]."""
+SLOWNESS = 0.5  # the wheel may accelerate this much more slowly than in the model (factor)
+HIDDEN_S = 0.8  # after a reversal, a wheel may keep accelerating in the old direction for this time [s]
+LEAST_RAMP_MS = 500  # shortest ramp to full speed that is assumed for a motor [ms]
+DELAY_S = 0.05  # delay of a command from the driver to the motors if none is lost [s]
 STILL_M, STILL_TICKS = 0.0002, 10
 """A wheel that moves less than this per tick [m], for this many ticks, has come to rest.  A wheel that reverses sticks
 for up to 0.5 s, until the speed control has overcome friction at a control rate of 10 Hz."""
@@ -58,12 +51,10 @@ class Mismatch(NamedTuple):
 
     wheel: str
     """`right`, `left`, `rear`, or `both` or `several` of them; empty if the board has stopped the robot."""
-    cause: str
-    """The most likely cause; if the board has stopped the robot, its reason: one of `BOARD_STOPS`."""
+    cause: str  # the most likely cause; if the board has stopped the robot, its reason: one of `BOARD_STOPS`
     expected_m: float = 0.0
     """Smallest distance that the wheel should have made in the last quarter of a second [m]."""
-    moved_m: float = 0.0
-    """Distance by its counts [m]; negative is against the command."""
+    moved_m: float = 0.0  # distance by its counts [m]; negative is against the command
 
     @property
     def reason(self) -> StopReason:
@@ -162,8 +153,7 @@ class WheelMonitor:
         self._metres = drive.metres_per_count
         self._make = (acceleration_m_s2, math.ceil(latency_s / TICK_S))
         self._names: Tuple[str, ...] = Wheels._fields
-        self._order: Tuple[int, ...] = (0, 1)
-        """Index of each wheel in the numbers of the kinematics."""
+        self._order: Tuple[int, ...] = (0, 1)  # index of each wheel in the numbers of the kinematics
         if isinstance(drive, OmniDrive):
             self._kinematics, self._names, self._order = kinematics_of(drive), OmniWheels._fields, (2, 0, 1)
         else:

@@ -11,8 +11,7 @@ from typing import List, Optional, Tuple
 
 from mrl_driver.protocol.table import TICK_S
 
-MAX_DRIFT = 0.01
-"""Largest drift accepted [s/s]; the Uno's ceramic resonator is accurate to 0.5 %."""
+MAX_DRIFT = 0.01  # largest drift accepted [s/s]; the Uno's ceramic resonator is accurate to 0.5 %
 _BUCKET_S = 0.25
 _BUCKETS, _SPARE = 80, 20
 """The window is 80 buckets (20 s).  It may grow by a quarter before its oldest part is dropped and the hull rebuilt."""
@@ -36,8 +35,7 @@ class BoardClock:
     def __init__(self) -> None:
         self._ticks: Optional[int] = None
         self._time = 0
-        self._mixed = False
-        """The last frame belongs to the other stream."""
+        self._mixed = False  # the last frame belongs to the other stream
         self._arrival_s = 0.0
         self._stamp_s = float("-inf")
         self._lows: List[_Point] = []

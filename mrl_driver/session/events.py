@@ -15,15 +15,12 @@ class Ready(NamedTuple):
     """The greeting is complete and the board streams."""
 
     board: Board
-    restarted: bool
-    """The board restarted: counters and board time have a new baseline."""
-    checked: bool
-    """Frames carry a checksum, a sequence number and board time."""
+    restarted: bool  # the board restarted: counters and board time have a new baseline
+    checked: bool  # frames carry a checksum, a sequence number and board time
     coast_s: float = math.inf
     """The wheels stand still at most this long after the last telemetry, because the board's watchdog stops
     them [s]."""
-    imu: bool = False
-    """The board has an IMU, and its stream was started."""
+    imu: bool = False  # the board has an IMU, and its stream was started
 
 
 class Counts(NamedTuple):
@@ -32,38 +29,30 @@ class Counts(NamedTuple):
     right: int
     left: int
     sonars: Optional[Tuple[int, ...]]
-    time_s: float
-    """Board time if `sequence` is set, else arrival time [s]."""
+    time_s: float  # board time if `sequence` is set, else arrival time [s]
     stamp_s: float
     """Time when the counters were read [s, caller's clock]; the arrival time if the board sends no time."""
     arrival_s: float
     sequence: Optional[int]
-    rear: Optional[int] = None
-    """Counter of the third wheel; None without one."""
+    rear: Optional[int] = None  # counter of the third wheel; None without one
 
 
 class ImuReading(NamedTuple):
     """One reading of the IMU, in the axes of the chip: x y z."""
 
-    time_s: float
-    """Board time, on the same axis as `Counts.time_s` [s]."""
-    stamp_s: float
-    """Time of the reading [s, caller's clock]."""
-    arrival_s: float
-    """Time when the frame arrived [s, same clock]."""
+    time_s: float  # board time, on the same axis as `Counts.time_s` [s]
+    stamp_s: float  # time of the reading [s, caller's clock]
+    arrival_s: float  # time when the frame arrived [s, same clock]
     gyro_rad_s: Tuple[float, float, float]
-    accel_m_s2: Tuple[float, float, float]
-    """Acceleration; at rest it is that of gravity, upward."""
+    accel_m_s2: Tuple[float, float, float]  # acceleration; at rest it is that of gravity, upward
 
 
 class ImuChanged(NamedTuple):
     """The gyro is not used for the heading, or is used again."""
 
     in_use: bool
-    state: str
-    """The IMU's state now, one of `robot.imu.STATES`."""
-    text: str
-    """One line for people: the reason, and what to do."""
+    state: str  # the IMU's state now, one of `robot.imu.STATES`
+    text: str  # one line for people: the reason, and what to do
 
     def __str__(self) -> str:
         """One line for people."""
@@ -105,8 +94,7 @@ class Stale(NamedTuple):
     """No telemetry for `age_s`; the session stops the robot and greets the board again."""
 
     age_s: float
-    may_move: bool = False
-    """The robot was driving, and its board has no watchdog to stop it."""
+    may_move: bool = False  # the robot was driving, and its board has no watchdog to stop it
 
 
 class Awaited(NamedTuple):
@@ -125,8 +113,7 @@ class Lost(NamedTuple):
 
     port: str
     reason: str
-    may_move: bool = False
-    """The robot was driving, and its board has no watchdog to stop it."""
+    may_move: bool = False  # the robot was driving, and its board has no watchdog to stop it
 
     def __str__(self) -> str:
         """One line for people."""
@@ -156,12 +143,9 @@ class Slowed(NamedTuple):
 class PathUnknown(NamedTuple):
     """The robot may have moved while its counters could not be followed; the pose does not contain that motion."""
 
-    gap_s: float
-    """Time between the last reading before and the first after [s]."""
-    distance_m: float
-    """Largest possible position error [m]."""
-    turn_rad: float
-    """Largest possible yaw error [rad]; at most pi."""
+    gap_s: float  # time between the last reading before and the first after [s]
+    distance_m: float  # largest possible position error [m]
+    turn_rad: float  # largest possible yaw error [rad]; at most pi
 
     def __str__(self) -> str:
         """One line for people."""

@@ -47,8 +47,7 @@ ECHOES = 3
 """This many of this program's own requests come back only if something echoes them.  Lines of a debug text, which begin
 with '[', quote requests.
 """
-SAID_BYTES = 2048
-"""An echo is searched in this many of the first bytes."""
+SAID_BYTES = 2048  # an echo is searched in this many of the first bytes
 _FAULT = {name: bit for bit, (name, _) in enumerate(FAULTS)}
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
 _CODE = {name: row.code for name, row in BY_NAME.items()}
@@ -86,10 +85,8 @@ class Plan(NamedTuple):
     late; longer only on a slow serial link.
     """
     check: bool = True
-    gap_s: float = 0.0
-    """Minimum time between two commands on a slow serial link [s]."""
-    imu_period_ms: int = 20
-    """Period of the IMU's stream [ms]; 0 turns it off."""
+    gap_s: float = 0.0  # minimum time between two commands on a slow serial link [s]
+    imu_period_ms: int = 20  # period of the IMU's stream [ms]; 0 turns it off
     stream: bool = True
     """Start the stream.  Without it there is no telemetry, and the board's silence goes unnoticed."""
 
@@ -154,12 +151,10 @@ class Handshake:
     ) -> None:
         self._plan, self._send, self._admit, self._patient = plan, send, admit, patient
         self._give_up_s = now + timeout_s
-        self.due_s = now
-        """Time of the next `tick` [s]."""
+        self.due_s = now  # time of the next `tick` [s]
         self.board: Optional[Board] = None
         self.done = False
-        self.stream = "start_stream"
-        """Row of the stream that the robot model needs."""
+        self.stream = "start_stream"  # row of the stream that the robot model needs
         self.of_2013: Optional[bool] = None
         """The board is one of 2013, or has no `read_protocol` either; None before it has answered."""
         self._steps: Iterator[Tuple[int, ...]] = iter(())
@@ -170,10 +165,8 @@ class Handshake:
         self._silent: Optional[Board] = None
         self._deaf = self._alike = 0
         self._info: Optional[Board] = None
-        self._protocol: Tuple[int, ...] = ()
-        """The last answers, accepted or not."""
-        self._sure = False
-        """The board identified itself in a frame with a checksum."""
+        self._protocol: Tuple[int, ...] = ()  # the last answers, accepted or not
+        self._sure = False  # the board identified itself in a frame with a checksum
         self._junk: List[float] = []
         self._said, self._strange, self._faults = b"", 0, 0
 

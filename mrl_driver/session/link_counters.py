@@ -8,28 +8,18 @@ class Statistics(NamedTuple):
 
     bytes_in: int
     bytes_out: int
-    frames: int
-    """Accepted frames of any kind."""
-    garbage: Dict[str, int]
-    """Pieces that were not frames, by reason (names of `table.REASONS`, and `text`)."""
-    lost: int
-    """Stream frames missing by their sequence numbers (boards with checksums)."""
-    duplicates: int
-    """Stream frames that arrived twice."""
+    frames: int  # accepted frames of any kind
+    garbage: Dict[str, int]  # pieces that were not frames, by reason (names of `table.REASONS`, and `text`)
+    lost: int  # stream frames missing by their sequence numbers (boards with checksums)
+    duplicates: int  # stream frames that arrived twice
     overtaken: int
     """Stream frames that arrived after a later one (datagrams may); they are not used and also count as lost."""
-    refused_counts: int
-    """Readings that no wheel could have made; never used."""
-    restarts: int
-    """Times the board restarted, or may have, and was greeted again."""
-    unanswered: int
-    """Requests without an answer in time."""
-    blocked_writes: int
-    """Writes that the port did not accept within 100 ms."""
-    reconnects: int
-    """Times the port was lost and the robot found again."""
-    streamed: int = 0
-    """Frames of the stream that were used."""
+    refused_counts: int  # readings that no wheel could have made; never used
+    restarts: int  # times the board restarted, or may have, and was greeted again
+    unanswered: int  # requests without an answer in time
+    blocked_writes: int  # writes that the port did not accept within 100 ms
+    reconnects: int  # times the port was lost and the robot found again
+    streamed: int = 0  # frames of the stream that were used
     texts_dropped: int = 0
     """Texts for the radio that were not sent, because the board was silent for too long."""
     uncommanded_motions: int = 0

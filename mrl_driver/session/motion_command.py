@@ -25,16 +25,12 @@ STILL_FRAMES = 3
 class Pace(NamedTuple):
     """How often commands are sent [s]."""
 
-    gap_s: float
-    """Minimum time between two commands; a newer command replaces one that waits."""
-    repeat_s: float
-    """The last command is sent again after this time, which feeds the board's watchdog."""
-    stop_s: float
-    """An unconfirmed stop is sent again after this time."""
+    gap_s: float  # minimum time between two commands; a newer command replaces one that waits
+    repeat_s: float  # the last command is sent again after this time, which feeds the board's watchdog
+    stop_s: float  # an unconfirmed stop is sent again after this time
 
 
-QUICK = Pace(0.005, 0.1, 0.05)
-"""Pace for this project's firmware, which executes about 880 commands a second."""
+QUICK = Pace(0.005, 0.1, 0.05)  # pace for this project's firmware, which executes about 880 commands a second
 SLOW = Pace(0.1, 0.5, 0.15)
 """Pace for 2013 boards: they lose commands above 26 a second while they stream, and have no watchdog to feed."""
 SLOWEST = Pace(0.15, 0.5, 0.15)
@@ -55,26 +51,20 @@ class Motion:
         self.pace = pace
         self.timeout_s = timeout_s
         self.skip_minus_one = skip_minus_one
-        self.target: Optional[Speeds] = None
-        """Speeds in force [mm/s, mrad/s]; None while stopped."""
-        self.sent: Optional[Speeds] = None
-        """Speeds that were sent last; None after a stop."""
+        self.target: Optional[Speeds] = None  # speeds in force [mm/s, mrad/s]; None while stopped
+        self.sent: Optional[Speeds] = None  # speeds that were sent last; None after a stop
         self.request_of: Optional[Callable[[Speeds], Request]] = None
         """Returns the request that commands these speeds; None for a base with two driven wheels or tracks."""
-        self.stop_reason = StopReason.NONE
-        """Reason of the last stop, of this program or of the board."""
-        self.stops = 0
-        """Times that a command in force was dropped."""
+        self.stop_reason = StopReason.NONE  # reason of the last stop, of this program or of the board
+        self.stops = 0  # times that a command in force was dropped
         self.lead_s = 0.0
         """`take` repeats a command this long before it is due, to use a call that happens anyway [s]."""
         self.unconfirmed = False
         """A command was dropped while the robot moved, and no standstill was observed since."""
-        self.stopping = False
-        """A stop is not confirmed yet."""
+        self.stopping = False  # a stop is not confirmed yet
         self.settling = False
         """After a stop or a command of zero: `observe` has not confirmed that the wheels stand still."""
-        self.due_s = math.inf
-        """Time when `take` next has something to send [s]; infinity while stopped."""
+        self.due_s = math.inf  # time when `take` next has something to send [s]; infinity while stopped
         self._new = self._moves = self._turning = False
         self._moves_since_s = math.inf
         self._expires_s = math.inf

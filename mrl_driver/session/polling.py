@@ -22,8 +22,7 @@ watchdog.
 """
 IMU_S = 1.0
 """If the IMU's stream is silent for this time, it is started again [s]: a request may be lost on the line."""
-LOST_S = 2.0
-"""Without an answer for this time, a `robot_info` counts as lost and is sent again [s]."""
+LOST_S = 2.0  # without an answer for this time, a `robot_info` counts as lost and is sent again [s]
 INFO, STATUS, SONARS = (BY_NAME[n].code for n in ("robot_info", "read_status", "read_sonars"))
 RADIO = BY_NAME["read_radio"].code
 START_IMU, STOP_IMU = (BY_NAME[n].code for n in ("start_imu_stream", "stop_imu_stream"))
@@ -72,12 +71,10 @@ class Poll:
     def __init__(self, send: Callable[..., None], counters: Counters, lead_s: float) -> None:
         self._send, self._counters, self._lead_s = send, counters, lead_s
         self.sensors = SensorPoll()
-        self.due_s = -math.inf
-        """No request is due before this time [s]."""
+        self.due_s = -math.inf  # no request is due before this time [s]
         self._asked: Set[int] = set()
         self._status_s = self._info_s = self._sonar_s = self._radio_s = math.inf
-        self.imu_s = math.inf
-        """The IMU's stream is started then; `IMU_S` after its last frame [s]."""
+        self.imu_s = math.inf  # the IMU's stream is started then; `IMU_S` after its last frame [s]
         self._imu_period_ms = 0
         self._info_period_s = INFO_S
         self._sonars = True

@@ -10,11 +10,9 @@ from typing import Dict, FrozenSet, List, NamedTuple, Tuple
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME, SENSOR_BY_NAME, SENSORS, Sensor
 
-ABSENT_S = 10.0
-"""Period of the requests to a sensor that has not answered and may be absent [s]."""
+ABSENT_S = 10.0  # period of the requests to a sensor that has not answered and may be absent [s]
 PATIENCE = 2
-OLD_S = 2.0
-"""A reading older than this plus two periods is ignored [s]."""
+OLD_S = 2.0  # a reading older than this plus two periods is ignored [s]
 LEAST_2013_S = 1.0
 """Shortest period of the requests to one sensor of a 2013 board, which executes few requests while it streams [s]."""
 BY_CODE: Dict[int, Sensor] = {row.code: row for row in SENSORS}
@@ -29,8 +27,7 @@ STREAMED: Dict[str, int] = {
 """Position in a frame of `SENSOR_STREAM` of each sensor that is in it: alcohol, dust, light.  The hottest pixel is left
 out, because the thermopile has all pixels.
 """
-LAST_2013 = 28
-"""Last command code of 2013 boards."""
+LAST_2013 = 28  # last command code of 2013 boards
 
 
 class Reading(NamedTuple):

@@ -8,8 +8,7 @@ from mrl_driver.protocol.table import INT16_MAX, INT16_MIN
 from .board_clock import BoardClock
 from .link_counters import Counters
 
-STAMP_STEP_S = 1e-6
-"""Frames without board time that arrive together get stamps that differ by this [s]."""
+STAMP_STEP_S = 1e-6  # frames without board time that arrive together get stamps that differ by this [s]
 _OVERTAKEN = 0x10000 - 1024
 """A frame with a number up to 1024 before the last one was overtaken by a later frame (datagrams may be).  A number
 further back is a gap, because the numbers wrap.

@@ -36,8 +36,7 @@ from .sequence import Stream
 
 __all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonars", "Stale", "Status"]
 
-LATE_S = 0.1
-"""If telemetry is older than this, no motion commands are sent [s]; see `Session._stop_blind`."""
+LATE_S = 0.1  # if telemetry is older than this, no motion commands are sent [s]; see `Session._stop_blind`
 STALE_S = 0.28
 """If telemetry is older than this, the session reports `Stale` (so the caller knows within 300 ms), drops the command
 and greets the board again [s].
@@ -63,8 +62,7 @@ NOT_BY_ITSELF = (StopReason.NONE, StopReason.HOST)
 REFUSED_S, MOST_REFUSED_S = 0.15, 0.5
 """If the board names a stop of its own this long after a command to move, it refuses this command [s].  A status that
 was in transit before the command arrives within this time, or within two round trips up to `MOST_REFUSED_S` [s]."""
-STOPPING_S = 1.0
-"""The robot stands still within this time after a stop, or after the watchdog's period [s]."""
+STOPPING_S = 1.0  # the robot stands still within this time after a stop, or after the watchdog's period [s]
 PLAIN_FRAMES = 3
 """This many frames in a row without a checksum mean that the board restarted; fewer may be damaged frames."""
 
@@ -76,8 +74,7 @@ _CHECK, _IMU, _PROTOCOL = (BY_NAME[n].code for n in ("set_check", "read_imu", "r
 
 _encode = lru_cache(maxsize=32)(encode_request)
 """Cached, because polls, repeats and stops are often the same bytes."""
-TURNING = {row.code for row in COMMANDS if row.turns}
-"""Requests that turn motors."""
+TURNING = {row.code for row in COMMANDS if row.turns}  # requests that turn motors
 
 
 class Session:
@@ -97,8 +94,7 @@ class Session:
     ) -> None:
         self._admit, self._plan = admit, plan
         self._decoder, self._other = FrameDecoder(REPLIES), 0
-        self.out = bytearray()
-        """Bytes to send; see `take`."""
+        self.out = bytearray()  # bytes to send; see `take`
         self.counters = Counters()
         self.motion = Motion(timeout_s=command_timeout_s)
         self.board: Optional[Board] = None
@@ -106,23 +102,17 @@ class Session:
         self.stopped_itself = StopReason.NONE
         """Reason why the board has stopped the robot by itself under a command to move; the core empties it."""
         self._stream = Stream(self.counters)
-        self._last: Optional[Tuple[int, ...]] = None
-        """Counters of the last telemetry; None before the first."""
-        self.last_frame: Optional[Frame] = None
-        """Frame of the last telemetry; None before the first."""
-        self._telemetry_by_s = math.inf
-        """Latest time of the first telemetry [s]."""
+        self._last: Optional[Tuple[int, ...]] = None  # counters of the last telemetry; None before the first
+        self.last_frame: Optional[Frame] = None  # frame of the last telemetry; None before the first
+        self._telemetry_by_s = math.inf  # latest time of the first telemetry [s]
         self._greeting_s = greeting_s
-        self.stream_code = _BOTH
-        """Code of the stream's frames; other counters are replies to requests."""
-        self.heard_s = -math.inf
-        """Arrival of the last telemetry [s]."""
+        self.stream_code = _BOTH  # code of the stream's frames; other counters are replies to requests
+        self.heard_s = -math.inf  # arrival of the last telemetry [s]
         self._wrapped = True
         """Requests have the form for boards of 2013, see `table.WRAP`; it is used until the board is known."""
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted = True
-        self._lost_before = 0
-        """Frames lost before the greeting."""
+        self._lost_before = 0  # frames lost before the greeting
         self._status_heard_s = -math.inf
         self._boot_s = self._boot_before_s = math.nan
         """Start time of the board [s], from its last status and from the last status before the greeting."""
@@ -130,8 +120,7 @@ class Session:
         """Work due within this time is done together with the current frame, which saves a wake-up [s]."""
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
-        self.reads_imu = True
-        """Start the stream of the board's IMU, if it has one."""
+        self.reads_imu = True  # start the stream of the board's IMU, if it has one
         self._attended_s, self.resumed_s, self._busy_s = now, -math.inf, -math.inf
         self._late_greeting = False
         """When this program last attended to the board, and when it last went on after a pause [s]."""

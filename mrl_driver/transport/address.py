@@ -8,21 +8,17 @@ from mrl_driver.errors import ConfigError
 TCP, UDP = ("tcp", "socket"), ("udp",)
 """Schemes of connections and of datagrams.  pyserial's `socket` is a plain TCP connection."""
 NETWORK = TCP + UDP
-OF_PYSERIAL = ("rfc2217", "spy", "loop", "alt", "hwgrep")
-"""Schemes that pyserial opens."""
+OF_PYSERIAL = ("rfc2217", "spy", "loop", "alt", "hwgrep")  # schemes that pyserial opens
 _EXAMPLE = "expected {scheme}://HOST:PORT, such as {scheme}://192.168.4.1:3333"
 
 
 class Address(NamedTuple):
     """One end of a network connection."""
 
-    scheme: str
-    """One of `NETWORK`."""
-    host: str
-    """Host name, or numeric address without brackets."""
+    scheme: str  # one of `NETWORK`
+    host: str  # host name, or numeric address without brackets
     port: int
-    bind: Tuple[str, int] = ("", 0)
-    """Local address and port, if they matter; 0 for any port."""
+    bind: Tuple[str, int] = ("", 0)  # local address and port, if they matter; 0 for any port
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host

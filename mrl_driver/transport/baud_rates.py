@@ -11,14 +11,12 @@ from mrl_driver.protocol.table import BAUD, BAUDS
 
 from .address import is_url
 
-FAST_BAUD = BAUDS[2]
-"""Raised baud rate of a serial link."""
+FAST_BAUD = BAUDS[2]  # raised baud rate of a serial link
 SLOW = "the board knows no other speed, or errors showed: update its firmware, or check cable and adapter"
 """Why a link could not be raised to a higher baud rate, and what to do."""
 FRAME_BYTES, COMMAND_BYTES = 50, 24
 """Nearly the longest stream frame (with stamp, checksum and line end) and the longest motion command [byte]."""
-IMU_BYTES = 60
-"""Usual length of an IMU's frame [byte]."""
+IMU_BYTES = 60  # usual length of an IMU's frame [byte]
 SLOWEST_IMU_MS = 40
 """Longest period of the IMU's stream [ms]: the gyro's filter passes 42 Hz, and a reading may be lost."""
 SLOWEST_BAUD = 4800

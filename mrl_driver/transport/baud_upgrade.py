@@ -19,8 +19,7 @@ ANSWER_S, PATIENCE_S = 0.25, 3.0
 """A request is repeated after `ANSWER_S`.  A board that was reset by opening its port may need `PATIENCE_S` [s]."""
 CHANGE_S = 0.02
 """Wait after the change [s]: the board changes 0.3 ms after its answer; a USB bridge delays bytes by up to 16 ms."""
-BACK_S = 1.1
-"""After this time without a valid frame the board is at 115200 again [s]."""
+BACK_S = 1.1  # after this time without a valid frame the board is at 115200 again [s]
 PROOFS, PROOF_S = 20, 0.1
 """The test of the link: `PROOFS` replies in a row, each within `PROOF_S` [s]; one exchange takes 2 ms."""
 _BAUD, _INFO, _PROTOCOL, _STOP, _STOP_STREAM = (

@@ -32,8 +32,7 @@ WRITE_TIMEOUT_S = 0.1
 """If a port accepts no bytes for this time, that is an error [s].  Frames are short, and the system buffers thousands
 of bytes.
 """
-READ_SIZE = 4096
-"""Largest number of bytes that a terminal returns at once."""
+READ_SIZE = 4096  # largest number of bytes that a terminal returns at once
 PTY_MAJORS = range(136, 144)
 LOCKS = ("link read", "link write", "link wake")
 _ERRORS = {
@@ -234,8 +233,7 @@ class DescriptorLink:
         self._reading, self._writing, self._waking = map(new_lock, LOCKS)
         self._writer_done = threading.Condition(self._writing)
         self._unsent = b""
-        self._writer: Optional[int] = None
-        """Thread that writes."""
+        self._writer: Optional[int] = None  # thread that writes
 
     def _abandon(self) -> None:
         """In a forked child: close the copies of the descriptors; port, TIOCEXCL and lock stay with the parent."""

@@ -18,16 +18,12 @@ SILENT_S = 2.0
 """A UDP client that sends nothing for this time counts as gone [s]; a driver sends something every 0.5 s."""
 GONE_S = 2
 READ_SIZE = 4096
-LONGEST = 1400
-"""Longest datagram [byte]; Ethernet would split a longer one."""
-NO_BOARD = b"\r\nmrl serve: "
-"""Begin of the line with which a bridge tells its client that the board is away."""
+LONGEST = 1400  # longest datagram [byte]; Ethernet would split a longer one
+NO_BOARD = b"\r\nmrl serve: "  # begin of the line with which a bridge tells its client that the board is away
 MOST_DATAGRAMS = 32
 """At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
-MOST_WAITING = 10_000
-"""More datagrams than the system keeps."""
-_KEPT = 65536
-"""At most this many bytes of an incomplete frame are kept; older ones are dropped."""
+MOST_WAITING = 10_000  # more datagrams than the system keeps
+_KEPT = 65536  # at most this many bytes of an incomplete frame are kept; older ones are dropped
 
 
 class Listener(Protocol):

@@ -23,8 +23,7 @@ class Opening:
 
     def __init__(self, open_port: Callable[[], Link], timeout_s: float) -> None:
         self._open_port, self._until_s = open_port, time.monotonic() + timeout_s
-        self.reason = ""
-        """Why the last attempt failed."""
+        self.reason = ""  # why the last attempt failed
 
     def attempt(self) -> Optional[Link]:
         """Open the port; None to try again soon.

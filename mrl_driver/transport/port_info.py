@@ -14,22 +14,14 @@ class PortFacts(NamedTuple):
     """One serial port."""
 
     device: str
-    kind: str
-    """Kind of the device in words."""
-    arduino: bool
-    """Its USB vendor is Arduino: a search may open it."""
-    link: str
-    """Permanent name under /dev/serial/by-id; empty if there is none."""
-    usb: str
-    """Vendor and product id in hexadecimal, such as `2341:0043`; empty if it is not a USB device."""
-    serial: str
-    """USB serial number; empty if the device has none."""
-    used_by: str
-    """Program that has it open, as far as this user can see; empty if there is none."""
-    permitted: bool
-    """This user may open it."""
-    group: str
-    """Group that may open it."""
+    kind: str  # kind of the device in words
+    arduino: bool  # its USB vendor is Arduino: a search may open it
+    link: str  # permanent name under /dev/serial/by-id; empty if there is none
+    usb: str  # vendor and product id in hexadecimal, such as `2341:0043`; empty if it is not a USB device
+    serial: str  # USB serial number; empty if the device has none
+    used_by: str  # program that has it open, as far as this user can see; empty if there is none
+    permitted: bool  # this user may open it
+    group: str  # group that may open it
 
 
 def facts() -> List[PortFacts]:

@@ -7,10 +7,8 @@ the USB vendor and product of the lost port: opening resets an Uno, and other de
 import math
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple
 
-AGAIN_S = 1.0
-"""Wait before a port that could not be opened, or stayed silent, is tried again [s]."""
-AGAIN_SOON_S = 0.2
-"""The same for a network address, where a trial resets nothing [s]."""
+AGAIN_S = 1.0  # wait before a port that could not be opened, or stayed silent, is tried again [s]
+AGAIN_SOON_S = 0.2  # the same for a network address, where a trial resets nothing [s]
 WRONG_AGAIN_S = 10.0
 """The same for the user's port name if another robot answers on it [s].  Any other port with a wrong robot is not tried
 again until it is unplugged.
@@ -28,18 +26,13 @@ def tells_apart(serial: Optional[str]) -> bool:
 class Port(NamedTuple):
     """A serial port as the system describes it."""
 
-    device: str
-    """Name under /dev, with symbolic links resolved."""
-    links: Tuple[str, ...] = ()
-    """Names under /dev/serial/by-id that lead to it."""
-    vendor: Optional[int] = None
-    """USB vendor id; None if the port is not a USB device."""
+    device: str  # name under /dev, with symbolic links resolved
+    links: Tuple[str, ...] = ()  # names under /dev/serial/by-id that lead to it
+    vendor: Optional[int] = None  # USB vendor id; None if the port is not a USB device
     product: Optional[int] = None
-    serial: Optional[str] = None
-    """USB serial number; None if the device has none."""
+    serial: Optional[str] = None  # USB serial number; None if the device has none
 
-    location: Optional[str] = None
-    """USB socket that it is plugged into; None if unknown."""
+    location: Optional[str] = None  # USB socket that it is plugged into; None if unknown
 
     @property
     def identity(self) -> Tuple[str, Optional[str], Optional[str]]:

@@ -10,8 +10,7 @@ from .address import is_url
 from .link import Link, described, opened_by
 from .port_search import Port, Search, described_as
 
-LOOK_S = 0.1
-"""Time between two looks for a lost port [s]; one look takes 1 to 3 ms."""
+LOOK_S = 0.1  # time between two looks for a lost port [s]; one look takes 1 to 3 ms
 
 
 class _PseudoTerminal(NamedTuple):
@@ -19,8 +18,7 @@ class _PseudoTerminal(NamedTuple):
 
     name: Tuple[int, float]
     """Inode and time of the name under which it is known, which may be a symbolic link."""
-    device: Tuple[int, float]
-    """Inode and time of the terminal itself."""
+    device: Tuple[int, float]  # inode and time of the terminal itself
 
 
 def _pseudo_terminal(name: str) -> Optional[_PseudoTerminal]:
@@ -53,10 +51,8 @@ class Reconnection:
         self._note(name)
         self._search: Optional[Search] = None
         self._trial_ends_s = 0.0
-        self.port = name
-        """The name that was opened last."""
-        self.same_board = True
-        """No other board answered since the port was lost."""
+        self.port = name  # the name that was opened last
+        self.same_board = True  # no other board answered since the port was lost
 
     def _note(self, name: str) -> None:
         """Remember the robot's port, and the other ports of the same kind."""

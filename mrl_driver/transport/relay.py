@@ -18,10 +18,8 @@ TO_2013 = STOP_2013[:3]
 """How a request to a board of 2013 begins, see `table.WRAP`; none to another board does.  A driver that greets a board
 sends such requests until it knows which board it is.
 """
-LOOK_S = 0.5
-"""Time between two checks whether a UDP client is silent [s]."""
-SEARCH_S = 0.1
-"""Time between two looks for the board [s]."""
+LOOK_S = 0.5  # time between two checks whether a UDP client is silent [s]
+SEARCH_S = 0.1  # time between two looks for the board [s]
 ANSWERS_S = 3.0
 """Most boards answer within this time after their port is opened, and clients wait for that [s]."""
 STOPS, STOP_AGAIN_S = 3, 0.05

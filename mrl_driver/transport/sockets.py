@@ -26,8 +26,7 @@ _REMEDY = {
 }
 
 
-HEARD = 24
-"""Number of first bytes that the error quotes if the connection ends without a frame."""
+HEARD = 24  # number of first bytes that the error quotes if the connection ends without a frame
 
 
 class SocketLink(DescriptorLink):

@@ -5,10 +5,8 @@ import queue
 import threading
 from typing import Callable, Optional
 
-MOST_LINES = 100
-"""At most this many lines wait; further ones are counted."""
-END_S = 0.5
-"""At the end, lines that wait are passed on for this time [s]."""
+MOST_LINES = 100  # at most this many lines wait; further ones are counted
+END_S = 0.5  # at the end, lines that wait are passed on for this time [s]
 
 
 class Teller:
