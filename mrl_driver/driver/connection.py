@@ -528,12 +528,10 @@ class Connection:
                 wake = due_s < core.due_s
                 if wake:
                     core.due_s = due_s
-                accepted = not session.out or self.writer is None or self.may_write()
+                accepted = not session.out or self.may_write()
                 if session.out and accepted:
-                    data = bytes(session.out)
                     self.writer = mine
-                    session.out.clear()
-                    session.counters.bytes_out += len(data)
+                    data = session.take()
                     self._line_free_s = max(self._line_free_s, self.clock()) + self._carries_s(len(data))
             if data and link is not None:
                 link.write(data)
@@ -546,17 +544,22 @@ class Connection:
                 self._on_broken(link, error)
         finally:
             if data:
-                with self.lock:
-                    if self.writer is mine:
-                        self.writer = None
-                    link = self.link
-                    if self.queuing:
-                        self.changed.notify_all()
-                    if session.out:
-                        core.due_s, wake = -math.inf, True
+                wake = self._end_write(mine) or wake
+        link = self.link
         if wake and link is not None and threading.current_thread() is not self.thread:
             link.wake()
         return accepted
+
+    def _end_write(self, mine: Tuple[int, Optional[Link]]) -> bool:
+        """Let others write; return whether they have left bytes, which the reading thread sends."""
+        with self.lock:
+            if self.writer is mine:
+                self.writer = None
+            if self.queuing:
+                self.changed.notify_all()
+            if self.core.session.out:
+                self.core.due_s = -math.inf
+            return bool(self.core.session.out)
 
     def await_writer(self, done: Callable[[], bool]) -> bool:
         """Wait for the write of another thread, which takes long only if the port blocks; with the lock."""

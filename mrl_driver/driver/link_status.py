@@ -2,7 +2,7 @@
 
 import math
 
-from mrl_driver.session.link_counters import Statistics
+from mrl_driver.session.link_counters import Counters
 from mrl_driver.transport.baud_rates import FAST_BAUD
 
 from .connection import Connection
@@ -44,7 +44,7 @@ class LinkStatus:
         return self._connection.clock() - core.session.resumed_s if core.begun else math.inf
 
     @property
-    def statistics(self) -> Statistics:
+    def statistics(self) -> Counters:
         """Counters of the link.
 
         Raises:

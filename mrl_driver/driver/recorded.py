@@ -30,7 +30,7 @@ from typing import (
 
 from mrl_driver import errors
 from mrl_driver.arguments import require_function
-from mrl_driver.errors import ConfigError, LinkLost, MrlError
+from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
@@ -64,6 +64,7 @@ from mrl_driver.session.handshake import Board, board_of, capabilities_of
 from mrl_driver.session.motion_command import MOVE
 from mrl_driver.session.motion_command import STOP as STOP_CODE
 from mrl_driver.session.session import STREAMS, Session
+from mrl_driver.transport.link import Link
 
 from .driver import Driver
 from .options import DEFAULTS, HEARD, Options, require_options
@@ -88,6 +89,8 @@ _GREETING = {
     *(BY_NAME[name].code for name in ("stop_stream", "start_stream", "start_omni_stream", "read_protocol")),
 }
 """Requests of a greeting."""
+_OWN_REMARKS = (OPENED, SESSION, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED)
+"""`RecordedDriver` has a method for each: `_on_opened` and so on."""
 
 
 class Sent(NamedTuple):
@@ -165,7 +168,7 @@ class _RecordedCore(Core):
         return []
 
 
-class _RecordedPort:
+class _RecordedPort(Link):
     """The link of a driver that sends nothing, and whose bytes come from a file."""
 
     def __init__(self, port: str) -> None:
@@ -177,19 +180,6 @@ class _RecordedPort:
 
     def write(self, data: bytes) -> None:
         """Send nothing."""
-
-    def wake(self) -> None:
-        """Nobody waits."""
-
-    def close(self) -> None:
-        """There is nothing to close."""
-
-    def fileno(self) -> int:
-        """Raise LinkLost: there is no descriptor."""
-        raise LinkLost("a recording has no descriptor")
-
-    def set_baud(self, baud: int) -> None:
-        """There is no speed."""
 
 
 class _Opening(NamedTuple):
@@ -227,9 +217,8 @@ class RecordedDriver(Driver):
         self.time_s = 0.0
         self._start_us = self.recording.start_us
         self._now = self._start_us / 1e6
-        self._clock_ahead_s = (
-            opening.ahead_s if opening.ahead_s is not None else started_s(header) - self._now
-        )
+        started_ahead_s = started_s(header) - self._now
+        self._clock_ahead_s = opening.ahead_s if opening.ahead_s is not None else started_ahead_s
         if robot != "auto":
             options = options._replace(any_id=True)
         elif opening.model is not None:
@@ -242,27 +231,16 @@ class RecordedDriver(Driver):
         self._played = self._quiet = False
         self._serving = not opening.has_turns
         """The bytes of the board go to the driver; not those of the time in which the port was opened."""
-        self._failures = 0
         self._requests, self._replies, self._missing = requests(), replies(), _MissingGreeting()
         for frame in opening.frames:
             self._missing.heard(frame, -math.inf)
         if opening.is_cut and self._missing.robot_id is None and self.model is not None:
             self._missing.assume(self.model)
         self._missing.end(greeted=False)
+        self._failures = 0
         self._on_sent: List[Callable[[Sent], None]] = []
         self._on_heard: List[Callable[[Heard], None]] = []
         self._on_remark: List[Callable[[Remark], None]] = []
-        self._remarks: Dict[bytes, Callable[[bytes, float], None]] = {
-            OPENED: self._on_opened,
-            SESSION: self._on_session,
-            POSE: self._on_pose,
-            STOP: self._on_stop,
-            CLOCK: self._on_clock,
-            LOST: self._on_lost,
-            RECONNECTED: self._on_reconnected,
-            SLOWED: self._on_slowed,
-            ENDED: self._on_ended,
-        }
 
     # -- for users
 
@@ -448,9 +426,8 @@ class RecordedDriver(Driver):
 
     def _take_remark(self, data: bytes, now: float) -> None:
         word, space, rest = data.partition(b" ")
-        take = self._remarks.get(word + space)
-        if take is not None:
-            take(rest, now)
+        if word + space in _OWN_REMARKS:
+            getattr(self, "_on_" + word.decode())(rest, now)
         for listener in self._on_remark:
             listener(Remark(self.time_s, data.decode("utf-8", "replace")))
 

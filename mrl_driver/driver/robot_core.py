@@ -29,6 +29,7 @@ from mrl_driver.session.events import (
     ImuReading,
     Info,
     Lost,
+    OwnStop,
     Ready,
     Reconnected,
     Reply,
@@ -37,7 +38,7 @@ from mrl_driver.session.events import (
     Status,
 )
 from mrl_driver.session.handshake import Board, Plan
-from mrl_driver.session.link_counters import Statistics
+from mrl_driver.session.link_counters import Counters
 from mrl_driver.session.session import LATE_S, NOT_BY_ITSELF, Session, SessionEvent
 from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, least_period_ms
 
@@ -64,6 +65,10 @@ INDEXED = {
 
 def _speeds(linear_m_s: Any, angular_rad_s: Any, lateral_m_s: Any) -> Tuple[float, float, float]:
     """Return the arguments of `drive` as floats; raise FrameError if one is not a finite number."""
+    if type(linear_m_s) is type(angular_rad_s) is type(lateral_m_s) is float and math.isfinite(
+        linear_m_s + angular_rad_s + lateral_m_s
+    ):
+        return linear_m_s, angular_rad_s, lateral_m_s  # the common case
     return (
         require_number("linear_m_s", linear_m_s, FrameError),
         require_number("angular_rad_s", angular_rad_s, FrameError),
@@ -191,9 +196,6 @@ class Core:
                 self._monitor = None
             elif monitor is None or target != self._monitored or event.time_s >= monitor.next_s:
                 events += self._check_wheels(telemetry.counts, event, now)
-        if session.stopped_itself is not StopReason.NONE:
-            events += self._on_own_stop(session.stopped_itself)
-            session.stopped_itself = StopReason.NONE
         limiter = self.limiter
         if motion.target is None:
             limiter.target = None
@@ -237,14 +239,10 @@ class Core:
             ConfigError: the board has no motors, or `restrict` has not returned finite speeds; the robot was stopped.
         """
         session, state, limiter = self.session, self.state, self.limiter
-        if not (
-            type(linear_m_s) is type(angular_rad_s) is type(lateral_m_s) is float
-            and math.isfinite(linear_m_s + angular_rad_s + lateral_m_s)
-        ):  # the common case, without a call
-            try:
-                linear_m_s, angular_rad_s, lateral_m_s = _speeds(linear_m_s, angular_rad_s, lateral_m_s)
-            except FrameError as error:
-                raise self.refuse(error, now) from None
+        try:
+            wanted = linear_m_s, angular_rad_s, lateral_m_s = _speeds(linear_m_s, angular_rad_s, lateral_m_s)
+        except FrameError as error:
+            raise self.refuse(error, now) from None
         if limiter.limits is None:
             self._require_motors()
         if lateral_m_s and state.model is not None and self._omni is None:
@@ -263,10 +261,7 @@ class Core:
         self.mismatch = None
         if session.motion.target is None:
             limiter.drop()
-        wanted = (
-            (linear_m_s, angular_rad_s) if self._omni is None else (linear_m_s, angular_rad_s, lateral_m_s)
-        )
-        limiter.target = limiter.limited(wanted)
+        limiter.target = limiter.limited(wanted if self._omni is not None else wanted[:2])
         try:
             linear, angular, *others = limiter.step(now)
         except ConfigError as error:
@@ -326,7 +321,7 @@ class Core:
             return OmniTwist(*self.limiter.limited((linear_m_s, angular_rad_s, lateral_m_s)))
         return Twist(*self.limiter.limited((linear_m_s, angular_rad_s)))
 
-    def statistics(self) -> Statistics:
+    def statistics(self) -> Counters:
         """Return the counters of the link; raise BoardTimeout before `begin`."""
         if not self.begun:
             raise BoardTimeout("not connected; call connect() first")
@@ -349,6 +344,8 @@ class Core:
 
     def _digest(self, event: SessionEvent, now: float) -> List[DriverEvent]:
         """Update the robot's state from an event, and stop the robot if its battery is empty or off."""
+        if isinstance(event, OwnStop):
+            return self._on_own_stop(event.reason)
         events: List[DriverEvent] = [*self.state.digest(event, now)]
         if isinstance(event, Ready):
             self.state.settled = self.state.settled or self._options.identify

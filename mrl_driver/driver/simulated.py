@@ -14,10 +14,11 @@ import math
 from typing import Callable, Optional, Protocol, Tuple, Union, runtime_checkable
 
 from mrl_driver.arguments import require_kind
-from mrl_driver.errors import LinkError, MrlError
+from mrl_driver.errors import MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.recording.recording import ENDED
 from mrl_driver.robot.models import RobotModel
+from mrl_driver.transport.link import Link
 
 from .connection import CLOSE_S, Connection
 from .driver import Driver
@@ -51,7 +52,7 @@ def whole_us(time_s: float) -> float:
     return rounded_s if rounded_s >= time_s else (math.ceil(time_s * 1e6) + 1) / 1e6
 
 
-class SteppedLink:
+class SteppedLink(Link):
     """A link to a stepped board; its time passes while it is read.
 
     Args:
@@ -82,28 +83,6 @@ class SteppedLink:
     def write(self, data: bytes) -> None:
         """As `Link.write`."""
         self._stepped.receive(data)
-
-    def wake(self) -> None:
-        """As `Link.wake`: nobody waits."""
-
-    def close(self) -> None:
-        """As `Link.close`: there is nothing to close."""
-
-    def fileno(self) -> int:
-        """As `Link.fileno`.
-
-        Raises:
-            LinkError: always.
-        """
-        raise LinkError(f"{self.port} has no descriptor")
-
-    def set_baud(self, baud: int) -> None:
-        """As `Link.set_baud`.
-
-        Raises:
-            LinkError: always.
-        """
-        raise LinkError(f"{self.port} has no speed")
 
 
 class SteppedConnection(Connection):

@@ -83,6 +83,12 @@ class Status(NamedTuple):
     """Encoder transitions that skip a state; None if the board does not count them."""
 
 
+class OwnStop(NamedTuple):
+    """The board has stopped the robot by itself, under a command to move."""
+
+    reason: StopReason
+
+
 GYRO_RAD_S, ACCEL_M_S2 = (BY_NAME["read_imu"].reply[i].scale for i in (0, 3))
 """One count of the IMU's gyro [rad/s] and accelerometer [m/s2]."""
 
@@ -168,7 +174,7 @@ class SensorRead(NamedTuple):
     reading: Reading
 
 
-SessionEvent = Union[Ready, Counts, ImuReading, Sonars, Info, Status, Stale, Reply, SensorRead]
+SessionEvent = Union[Ready, Counts, ImuReading, Sonars, Info, Status, OwnStop, Stale, Reply, SensorRead]
 """What a session reports."""
 
 

@@ -192,7 +192,9 @@ class Handshake:
         if not self._patient:
             self._judge(now)
         if self.board is not None and now >= self._give_up_s:
-            self._begin_again(now)
+            self._silent, self.board, self._sure = self.board, None, False
+            self._forget()
+            self._ask(self._step, now)
         if self.board is None:
             self._ask_who(checked)
         elif self._step[0] == _CODE[SENSOR_STREAM] and self._attempts and not self._sure:
@@ -218,12 +220,6 @@ class Handshake:
         """Send a request in the form that the board understands; `read_protocol` is the question which one that is."""
         self._send(code, *args, checked=checked, wrapped=code != _CODE["read_protocol"] and self.of_2013)
 
-    def _begin_again(self, now: float) -> None:
-        """Begin with the first question again, with and without a checksum."""
-        self._silent, self.board, self._sure = self.board, None, False
-        self._forget()
-        self._ask(self._step, now)
-
     def _forget(self) -> None:
         """Begin with the first question; another board may answer."""
         self.of_2013, self._step, self._attempts, self._alike = None, (_CODE["read_protocol"],), 0, 0
@@ -238,17 +234,12 @@ class Handshake:
         self._answered = True
         self.due_s = min(self.due_s, now)
 
-    def _echoes(self) -> int:
-        """Return how many of this program's own requests came back."""
-        lines = (line for line in self._said.split(b"\n") if not line.startswith(b"["))
-        return sum(type(event) is Frame for event in FrameDecoder(REQUESTS).feed(b"\n".join(lines)))
-
     def _judge(self, now: float) -> None:
         board = self.board or self._silent
         if board is not None:
             if now >= self._give_up_s and (self._silent or self._silencer()):
                 raise self._mute(board)
-        elif self._echoes() >= ECHOES:
+        elif _requests_in(self._said) >= ECHOES:
             raise NotARobot(
                 f"the bytes that were sent come back ({self._said[:24]!r}): a login prompt, or an adapter that echoes, "
                 "is on this port, or TX is connected to RX; end that, or check the wires"
@@ -321,7 +312,8 @@ class Handshake:
         if code == _CODE["robot_info"]:
             self._on_info(board_of(frame.args), now, checked)
         elif code == _CODE["read_protocol"] and self.of_2013 is None:
-            self._on_our_board(now)
+            self.of_2013 = False  # the board knows `read_protocol`: ask for its identity, in the same time
+            self._step, self._attempts, self._alike, self.due_s = (_CODE["robot_info"],), 0, 0, now
         elif code == self._step[0] == _CODE["read_protocol"]:
             self._on_protocol(frame.args, now, checked)
         elif code in _ANSWERS.get(self._step[0], ()):
@@ -331,11 +323,6 @@ class Handshake:
             elif code == _CODE[SENSOR_STREAM] and self.board.protocol < 2:
                 self.board = self.board._replace(capabilities=frozenset({"environment"}))
             self._next(now)
-
-    def _on_our_board(self, now: float) -> None:
-        """The board knows `read_protocol`: ask for its identity, in the same time."""
-        self.of_2013 = False
-        self._step, self._attempts, self._alike, self.due_s = (_CODE["robot_info"],), 0, 0, now
 
     def _on_info(self, board: Board, now: float, checked: bool) -> None:
         if self._step[0] == _CODE[SENSOR_STREAM] and not checked:
@@ -370,28 +357,24 @@ class Handshake:
     def _on_protocol(self, args: Tuple[int, ...], now: float, checked: bool) -> None:
         self._alike = self._alike + 1 if args == self._protocol else 1
         self._protocol = args
-        enough = ALIKE if args[0] == PROTOCOL_VERSION else ALIKE_TO_REFUSE
-        if not checked and self._alike < enough and not (self._plan.check and _can_check(args)):
+        protocol, bits = args
+        known, capabilities = protocol == PROTOCOL_VERSION, capabilities_of(bits)
+        asked_again = known and self._plan.check and "check" in capabilities  # with a checksum
+        if not checked and self._alike < (ALIKE if known else ALIKE_TO_REFUSE) and not asked_again:
             self.hurry(now)
             return
-        self._learn(args)
-        assert self.board is not None
-        if checked or self._alike >= ALIKE:
-            self.stream = self._admit(self.board) or "start_stream"
-        self._next(now)
-
-    def _learn(self, args: Tuple[int, ...]) -> None:
-        assert self.board is not None
-        protocol, bits = args
-        if protocol != PROTOCOL_VERSION:
+        if not known:
             raise WrongRobot(
                 f"the board speaks protocol {protocol}, this driver {PROTOCOL_VERSION}: update the older "
                 "one (the board with: mrl flash --port PORT)"
             )
-        capabilities = capabilities_of(bits)
+        assert self.board is not None
         self.board = with_measured(self.board, capabilities)._replace(
             protocol=protocol, capabilities=capabilities
         )
+        if checked or self._alike >= ALIKE:
+            self.stream = self._admit(self.board) or "start_stream"
+        self._next(now)
 
     def _next(self, now: float) -> None:
         """Go to the next request that gets an answer; send those before it that get none."""
@@ -411,7 +394,11 @@ class Handshake:
         assert self.board is not None
         yield (_CODE["stop_stream"],)
         if self.of_2013:
-            self._require_known()
+            if self.board.version > PROTOCOL_VERSION:
+                raise WrongRobot(
+                    f"the board has firmware {self.board.version} and does not tell its protocol, this driver knows "
+                    f"firmware up to {PROTOCOL_VERSION}: flash it with: mrl flash --port PORT, or update the driver"
+                )
             yield from self._plain_program()
             return
         yield (_CODE["read_protocol"],)
@@ -437,21 +424,8 @@ class Handshake:
             yield (_CODE["stop_compass_stream"],)
         yield (_CODE[self.stream],)
 
-    def _require_known(self) -> None:
-        """Raise WrongRobot if the firmware is newer than this driver."""
-        assert self.board is not None
-        if self.board.version > PROTOCOL_VERSION:
-            raise WrongRobot(
-                f"the board has firmware {self.board.version} and does not tell its protocol, this driver knows "
-                f"firmware up to {PROTOCOL_VERSION}: flash it with: mrl flash --port PORT, or update the driver"
-            )
-
     def _require_stream(self) -> None:
-        """Check that the board has the stream that the robot model needs.
-
-        Raises:
-            WrongRobot: it does not.
-        """
+        """Raise WrongRobot unless the board has the stream that the robot model needs."""
         assert self.board is not None
         if self.stream == "start_omni_stream" and "omni" not in self.board.capabilities:
             raise WrongRobot(
@@ -465,7 +439,7 @@ class Handshake:
             )
 
 
-def _can_check(args: Tuple[int, ...]) -> bool:
-    """Return whether a `read_protocol` reply names this driver's protocol and the capability `check` (checksums)."""
-    protocol, bits = args
-    return protocol == PROTOCOL_VERSION and bool(bits & 1)
+def _requests_in(data: bytes) -> int:
+    """Return how many of this program's own requests came back."""
+    lines = (line for line in data.split(b"\n") if not line.startswith(b"["))
+    return sum(type(event) is Frame for event in FrameDecoder(REQUESTS).feed(b"\n".join(lines)))

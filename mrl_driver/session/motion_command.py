@@ -11,7 +11,6 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 
 MOVE, STOP = BY_NAME["move_differential"].code, BY_NAME["stop"].code
-_STOP_REQUEST = (STOP,)
 
 Speeds = Tuple[int, ...]
 """Linear and angular speed [mm/s, mrad/s], and lateral speed [mm/s] if the base can move sideways."""
@@ -189,11 +188,11 @@ class Motion:
         self._sent_s, self._new = now, False
         if target is None:
             self.due_s = now + pace.stop_s
-            return _STOP_REQUEST
+            return (STOP,)
         self.sent = target
         self.due_s = min(now + (pace.gap_s if self._fade else pace.repeat_s), self._expires_s)
         if self.settling and not any(target):
-            return _STOP_REQUEST  # brakes at once; a speed of 0 would follow the motor board's ramp
+            return (STOP,)  # brakes at once; a speed of 0 would follow the motor board's ramp
         if self.request_of is not None:
             return self.request_of(target)
         linear, angular = target

@@ -3,7 +3,7 @@ the stream of its IMU.
 """
 
 import math
-from typing import Callable, Set
+from typing import Callable, Dict, Set
 
 from mrl_driver.protocol.table import BY_NAME
 
@@ -72,11 +72,11 @@ class Poll:
         self._send, self._counters, self._lead_s = send, counters, lead_s
         self.sensors = SensorPoll()
         self.due_s = -math.inf  # no request is due before this time [s]
+        self._next_s: Dict[int, float] = {}  # when each of the requests is due [s]
+        self._period_s = {STATUS: STATUS_S, RADIO: STATUS_S, INFO: INFO_S, SONARS: SONAR_2013_S}
         self._asked: Set[int] = set()
-        self._status_s = self._info_s = self._sonar_s = self._radio_s = math.inf
         self.imu_s = math.inf  # the IMU's stream is started then; `IMU_S` after its last frame [s]
         self._imu_period_ms = 0
-        self._info_period_s = INFO_S
         self._sonars = True
         self._busy = False
         self._busy_until_s = -math.inf
@@ -95,10 +95,11 @@ class Poll:
         `sensors_streamed` says that the telemetry is `SENSOR_STREAM`; without `sonars` they are never requested.
         """
         old = board.protocol < 2
-        self._info_period_s = POLL_2013_S if old else INFO_S
-        self._status_s = math.inf if old else now + STATUS_S
-        self._info_s = now + self._info_period_s
-        self._radio_s = now if "hold" in board.capabilities else math.inf
+        self._period_s[INFO] = POLL_2013_S if old else INFO_S
+        self._next_s = {} if old else {STATUS: now + STATUS_S}
+        if "hold" in board.capabilities:
+            self._next_s[RADIO] = now
+        self._next_s[INFO] = now + self._period_s[INFO]
         self.round_trip = RoundTrip()
         self._sonars = sonars
         self.sensors.begin(board.capabilities, board.protocol, now, sensors_streamed)
@@ -112,23 +113,24 @@ class Poll:
     def end(self) -> None:
         """Stop: nothing more is requested, and no answer is expected."""
         self._asked.clear()
+        self._next_s.clear()
         self.sensors.end()
-        self._status_s = self._info_s = self._sonar_s = self._radio_s = self.imu_s = math.inf
+        self.imu_s = math.inf
 
     def add_sonars(self, now: float) -> None:
         """Request the sonars as well, because the stream does not carry them."""
-        if self._sonars and self._sonar_s == math.inf:
-            self._sonar_s, self.due_s = now, -math.inf
+        if self._sonars and SONARS not in self._next_s:
+            self._next_s[SONARS], self.due_s = now, -math.inf
 
     def hurry(self) -> None:
         """A motion begins during which only these requests feed the watchdog: read the status more often."""
-        if self._status_s < math.inf:
-            self._busy, self._status_s, self.due_s = True, -math.inf, -math.inf
+        if STATUS in self._next_s:
+            self._busy, self._next_s[STATUS], self.due_s = True, -math.inf, -math.inf
 
     def ask_info(self) -> None:
         """Send `robot_info` soon, unless one may still be answered."""
-        if self._info_s < math.inf:
-            self._info_s = self.due_s = -math.inf
+        if INFO in self._next_s:
+            self._next_s[INFO] = self.due_s = -math.inf
 
     def answered(self, code: int, now: float) -> None:
         """A frame with this code arrived."""
@@ -142,37 +144,29 @@ class Poll:
         if self._busy:
             self._busy, self._busy_until_s = False, now + BUSY_S
         soon = now + self._lead_s
-        if soon >= self._status_s:
-            period_s = quick_s if now < self._busy_until_s else STATUS_S
-            self._status_s = self._ask(STATUS, self._status_s, now, period_s)
-        if soon >= self._radio_s:
-            self._radio_s = self._ask(RADIO, self._radio_s, now, STATUS_S)
-        if soon >= self._info_s:
-            self._ask_info(now)
-        if soon >= self._sonar_s:
-            self._sonar_s = self._ask(SONARS, self._sonar_s, now, SONAR_2013_S)
+        self._period_s[STATUS] = quick_s if now < self._busy_until_s else STATUS_S
+        for code, due_s in self._next_s.items():
+            if soon >= due_s:
+                self._next_s[code] = self._ask(code, due_s, now)
         if soon >= self.sensors.next_s:
             for code in self.sensors.take(soon):
                 self._send(code)
         if now >= self.imu_s:
             self._send(START_IMU, self._imu_period_ms)
             self.imu_s = now + IMU_S
-        self.due_s = min(
-            self._status_s, self._info_s, self._sonar_s, self._radio_s, self.sensors.next_s, self.imu_s
-        )
+        self.due_s = min(self.sensors.next_s, self.imu_s, *self._next_s.values())
 
-    def _ask_info(self, now: float) -> None:
-        """Send `robot_info`, which measures the round trip, unless the last one may still be answered."""
-        lost_s = self.round_trip.begun_s + LOST_S
-        if INFO in self._asked and now < lost_s:
-            self._info_s = lost_s
-            return
-        self.round_trip.begin(now, certain=INFO not in self._asked)
-        self._info_s = self._ask(INFO, self._info_s, now, self._info_period_s)
+    def _ask(self, code: int, due_s: float, now: float) -> float:
+        """Send a request and return when it is due again [s]; count the last one as lost if its answer is missing.
 
-    def _ask(self, code: int, due_s: float, now: float, period_s: float) -> float:
-        """Send a request and return when it is due again [s]; count the last one as lost if its answer is missing."""
+        The request of `INFO` measures the round trip: it waits while the last one may still be answered.
+        """
+        if code == INFO:
+            lost_s = self.round_trip.begun_s + LOST_S
+            if code in self._asked and now < lost_s:
+                return lost_s
+            self.round_trip.begin(now, certain=code not in self._asked)
         self._counters.unanswered += code in self._asked
         self._asked.add(code)
         self._send(code)
-        return max(now, due_s) + period_s
+        return max(now, due_s) + self._period_s[code]

@@ -12,11 +12,12 @@ from mrl_driver.errors import BoardTimeout, HostBusy
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, Garbage, encode_request
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import BY_NAME, COMMANDS, INT16_MAX, INT16_MIN
+from mrl_driver.protocol.table import BY_NAME, COMMANDS
 
 from .events import (
     Counts,
     Info,
+    OwnStop,
     Ready,
     Reply,
     SensorRead,
@@ -33,8 +34,6 @@ from .motion_command import QUICK, SLOW, SLOWEST, STOP, Motion, Pace, Speeds
 from .polling import BUSY_S, IMU_S, INFO, SONARS, STATUS, STOP_IMU, Poll
 from .sensor_polling import SENSOR_STREAM
 from .sequence import Stream
-
-__all__ = ["Counts", "Info", "Ready", "Reply", "Session", "SessionEvent", "Sonars", "Stale", "Status"]
 
 LATE_S = 0.1  # if telemetry is older than this, no motion commands are sent [s]; see `Session._stop_blind`
 STALE_S = 0.28
@@ -84,6 +83,13 @@ class Session:
     table row of the stream to start, or None for the usual one.
     """
 
+    reads_imu = True  # start the stream of the board's IMU, if it has one
+    queued_s = 0.0  # commands to move are refused so long after a pause, see `Options.queued_s` [s]
+    board: Optional[Board] = None
+    status: Optional[Status] = None
+    last_frame: Optional[Frame] = None  # frame of the last telemetry; None before the first
+    _last: Optional[Tuple[int, ...]] = None  # its counters
+
     def __init__(
         self,
         admit: Callable[[Board], Optional[str]],
@@ -97,43 +103,30 @@ class Session:
         self.out = bytearray()  # bytes to send; see `take`
         self.counters = Counters()
         self.motion = Motion(timeout_s=command_timeout_s)
-        self.board: Optional[Board] = None
-        self.status: Optional[Status] = None
-        self.stopped_itself = StopReason.NONE
-        """Reason why the board has stopped the robot by itself under a command to move; the core empties it."""
         self._stream = Stream(self.counters)
-        self._last: Optional[Tuple[int, ...]] = None  # counters of the last telemetry; None before the first
-        self.last_frame: Optional[Frame] = None  # frame of the last telemetry; None before the first
-        self._telemetry_by_s = math.inf  # latest time of the first telemetry [s]
         self._greeting_s = greeting_s
+        self._telemetry_by_s = math.inf  # latest time of the first telemetry [s]
         self.stream_code = _BOTH  # code of the stream's frames; other counters are replies to requests
-        self.heard_s = -math.inf  # arrival of the last telemetry [s]
-        self._wrapped = True
-        """Requests have the form for boards of 2013, see `table.WRAP`; it is used until the board is known."""
+        self.heard_s = self._status_heard_s = -math.inf  # arrival of the last telemetry and status [s]
+        self._wrapped = (
+            True  # requests have the form for boards of 2013 until the board is known: `table.WRAP`
+        )
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
-        self._restarted = True
-        self._lost_before = 0  # frames lost before the greeting
-        self._status_heard_s = -math.inf
+        self._restarted, self._lost_before = True, 0  # frames lost before the greeting
+        # Start time of the board [s], from its last status, and from the last one before the greeting.
         self._boot_s = self._boot_before_s = math.nan
-        """Start time of the board [s], from its last status and from the last status before the greeting."""
+        # Work due within this time is done together with the current frame, which saves a wake-up [s].
         self.lead_s = self.motion.lead_s = plan.period_ms / 2000
-        """Work due within this time is done together with the current frame, which saves a wake-up [s]."""
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
-        self.reads_imu = True  # start the stream of the board's IMU, if it has one
-        self._attended_s, self.resumed_s, self._busy_s = now, -math.inf, -math.inf
-        self._late_greeting = False
-        """When this program last attended to the board, and when it last went on after a pause [s]."""
-        self._pause_s = max(PAUSE_S, 2 * plan.period_ms / 1000)
-        """A gap of this length is a pause without a command in force, too [s]."""
-        self.queued_s = 0.0
-        """Commands to move are refused for this time after a pause, see `Options.queued_s` [s]."""
+        # When this program last attended to the board, when it last went on after a pause, and was late [s].
+        self._attended_s, self.resumed_s, self._busy_s, self._late_greeting = now, -math.inf, -math.inf, False
+        self._pause_s = max(PAUSE_S, 2 * plan.period_ms / 1000)  # also without a command in force [s]
+        # Times of the first and of the last request that turns motors since the last stop or command [s].
         self._requested_s = self._asked_s = math.inf
-        """Times of the first and of the last request that turns motors since the last stop or command [s]."""
+        # When the wheels turned last without a command, and when the last stop was sent for that [s].
         self._turned_s = self._stopped_again_s = -math.inf
-        """When the wheels turned last without a command, and when the last stop was sent for that [s]."""
-        self.hurried = True
-        """Work may be due earlier than `deadline` said last; the time of `motion` not counted."""
+        self.hurried = True  # work, but that of `motion`, may be due earlier than `deadline` said last
 
     @property
     def ready(self) -> bool:
@@ -166,7 +159,7 @@ class Session:
         return self._decoder.pending
 
     def take(self) -> bytes:
-        """Return the bytes to send now, and forget them; `Driver` does the same without this call."""
+        """Return the bytes to send now, and forget them."""
         if not self.out:
             return b""
         data = bytes(self.out)
@@ -512,13 +505,9 @@ class Session:
         args, stamp, stream = frame.args, frame.stamp, self._stream
         if stamp is not None and self._decoder.checked:
             sequence, board_time = stamp
-            missing = 0
-            if sequence == stream.expected:  # the common case
-                stream.expected = sequence + 1 if sequence < INT16_MAX else INT16_MIN
-            else:
-                missing = stream.missing(sequence, self._silent(now))
-                if missing < 0:
-                    return
+            missing = stream.missing(sequence, now - self.heard_s >= STALE_S)
+            if missing < 0:
+                return
             stamp_s = stream.clock.update(board_time, now, not missing)
             time_s = stream.clock.board_s
         else:
@@ -562,13 +551,9 @@ class Session:
         stamp, stream = frame.stamp, self._stream
         if stamp is None:
             return
-        sequence, missing = stamp.sequence, 0
-        if sequence == stream.expected:  # the common case
-            stream.expected = sequence + 1 if sequence < INT16_MAX else INT16_MIN
-        else:
-            missing = stream.missing(sequence, self._silent(now))
-            if missing < 0:
-                return
+        missing = stream.missing(stamp.sequence, self._silent(now))
+        if missing < 0:
+            return
         self._poll.imu_s = now + IMU_S
         events.append(imu_reading(frame.args, *stream.clock.beside(stamp.time, now, not missing), now))
 
@@ -581,16 +566,15 @@ class Session:
         if restarted and status.uptime_s > now - before_s + 1.0:
             return  # older than the status before, which overtook it
         self.status, self._status_heard_s, self._boot_s = status, now, now - status.uptime_s
-        if status.stop_reason not in NOT_BY_ITSELF:
-            self._on_own_stop(
-                status.stop_reason, before is None or before.stop_reason != status.stop_reason, now
-            )
         events.append(status)
+        if status.stop_reason not in NOT_BY_ITSELF:
+            new = before is None or before.stop_reason != status.stop_reason
+            self._on_own_stop(status.stop_reason, new, now, events)
         self._restarted = self._restarted or restarted
         if restarted and self._greeting is None:
             self._greet_again(now, StopReason.RESTARTED)
 
-    def _on_own_stop(self, reason: StopReason, new: bool, now: float) -> None:
+    def _on_own_stop(self, reason: StopReason, new: bool, now: float, events: List[SessionEvent]) -> None:
         """The board has stopped the robot, which must not drive on without a new command: drop the command.
 
         The board refuses all moves until it gets a stop.  Its reason may be that of a stop before the last command,
@@ -601,7 +585,7 @@ class Session:
         motion, least_s = self.motion, max(REFUSED_S, min(2 * self.round_trip_s(now), MOST_REFUSED_S))
         if new or (reason != StopReason.BOOT and self._refuses(least_s, now)):
             if motion.wanted:
-                self.stopped_itself = reason
+                events.append(OwnStop(reason))
             if motion.target is not None:
                 motion.stop(reason)
             motion.stop_reason = reason

@@ -198,7 +198,12 @@ class Link(Protocol):
         """Close the port.  A `read` in another thread returns at once with no bytes."""
 
     def fileno(self) -> int:
-        """Return the descriptor that becomes readable when data arrive."""
+        """Return the descriptor that becomes readable when data arrive.
+
+        Raises:
+            LinkError: there is none.
+        """
+        raise LinkError(f"{self.port} has no descriptor")
 
     def set_baud(self, baud: int) -> None:
         """Change the port's speed after all bytes have been sent.
@@ -207,9 +212,10 @@ class Link(Protocol):
             LinkError: the speed of this link cannot be changed.
             LinkLost: the port went away.
         """
+        raise LinkError(f"{self.port} has no speed that can be set from here: set it at the other end")
 
 
-class DescriptorLink:
+class DescriptorLink(Link):
     """A link over one descriptor that never blocks."""
 
     def _begin(self, port: str, fd: int) -> None:
@@ -352,10 +358,6 @@ class DescriptorLink:
     def fileno(self) -> int:
         """As `Link.fileno`."""
         return self._fd
-
-    def set_baud(self, baud: int) -> None:
-        """As `Link.set_baud`."""
-        raise LinkError(f"{self.port} has no speed that can be set from here: set it at the other end")
 
     def _lost(self, why: Optional[str]) -> LinkLost:
         return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")

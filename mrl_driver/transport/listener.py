@@ -8,7 +8,7 @@ import contextlib
 import errno
 import socket
 import time
-from typing import Any, List, Optional, Protocol, Tuple, Union
+from typing import Any, List, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError, LinkError, MrlError, PortBusy, PortDenied, shortage
 
@@ -26,43 +26,12 @@ MOST_WAITING = 10_000  # more datagrams than the system keeps
 _KEPT = 65536  # at most this many bytes of an incomplete frame are kept; older ones are dropped
 
 
-class Listener(Protocol):
-    """The listening end of a connection.  Nothing here blocks.
+class TcpListener:
+    """Accepts TCP connections.
 
     Attributes:
         address: address of the listener; if port 0 was requested, with the port that the system chose.
         client: address of the connected client; empty without one.
-    """
-
-    address: Address
-    client: str
-
-    @property
-    def watch(self) -> Optional[int]:
-        """Descriptor that becomes readable when a client connects; None if `data` does."""
-
-    @property
-    def data(self) -> Optional[int]:
-        """Descriptor that becomes readable when data arrive; None without a client."""
-
-    def attend(self) -> bool:
-        """Accept waiting connections; return True if there is a new client."""
-
-    def read(self, limit: int = READ_SIZE) -> bytes:
-        """Return the client's bytes; drop the client if it has left."""
-
-    def write(self, data: bytes) -> int:
-        """Send as many bytes as there is room for; return their number."""
-
-    def drop(self) -> None:
-        """Close the connection of the client; what it has sent is lost."""
-
-    def close(self) -> None:
-        """Listen no more."""
-
-
-class TcpListener:
-    """Accepts TCP connections.
 
     Raises:
         ConfigError: the address does not belong to this computer.
@@ -78,7 +47,9 @@ class TcpListener:
 
     @property
     def watch(self) -> Optional[int]:
-        """As `Listener.watch`; None after a connection could not be accepted, as without descriptors."""
+        """Descriptor that becomes readable when a client connects; None if `data` does, as with datagrams, and after a
+        connection could not be accepted, as without descriptors.
+        """
         return self._listening.fileno() if self._accepts else None
 
     @property
@@ -145,7 +116,7 @@ class TcpListener:
             return 0
 
     def drop(self) -> None:
-        """Close the connection of the client."""
+        """Close the connection of the client; what it has sent is lost."""
         if self._end is not None:
             self._end.close()
         self._end, self.client = None, ""
@@ -226,7 +197,10 @@ class UdpListener:
         self._socket.close()
 
 
-def listen(url: str) -> Union[TcpListener, UdpListener]:
+Listener = Union[TcpListener, UdpListener]
+
+
+def listen(url: str) -> Listener:
     """Listen on `tcp://ADDRESS:PORT` or `udp://ADDRESS:PORT`.
 
     Raises:

@@ -18,7 +18,7 @@ from mrl_driver.session.events import (
     Stale,
 )
 from mrl_driver.session.handshake import Board
-from mrl_driver.session.link_counters import Statistics
+from mrl_driver.session.link_counters import Counters
 from mrl_driver.transport.baud_rates import SLOW
 
 OK, WARN, ERROR = 0, 1, 2
@@ -75,7 +75,7 @@ class News:
         return LinkHealth(level, str(hold)) if known or hold.held else None
 
 
-def error_count(statistics: Statistics) -> int:
+def error_count(statistics: Counters) -> int:
     """Number of all errors on the link."""
     return (
         sum(statistics.garbage.values()) + statistics.lost + statistics.duplicates + statistics.refused_counts
@@ -93,7 +93,7 @@ def health(ready: bool, age_s: float, slowed: bool = False) -> LinkHealth:
 
 
 def values(
-    port: str, baud: int, board: Board, statistics: Statistics, age_s: float, telemetry: Optional[Telemetry]
+    port: str, baud: int, board: Board, statistics: Counters, age_s: float, telemetry: Optional[Telemetry]
 ) -> Dict[str, str]:
     """Keys and values; names are those of REP-138 where it defines one.
 

@@ -6,6 +6,7 @@ import os
 import pty
 import select
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -76,7 +77,7 @@ def test_the_terminal_says_what_every_view_says(watched):
 def test_nothing_that_went_wrong_is_cut(watched, monkeypatch, size):
     """However long it is."""
     driver, _, log = watched
-    wrong = driver.link.statistics._replace(lost=12345, garbage={"checksum": 678}, restarts=12)
+    wrong = replace(driver.link.statistics, lost=12345, garbage={"checksum": 678}, restarts=12)
     status = driver.status._replace(faults=("motor_board", "bus_hung", "eeprom", "id_unset"))
     cause = Mismatch("both", DEAD, 0.037, 0.0)
     for kind, name, value in (

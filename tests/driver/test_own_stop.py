@@ -13,6 +13,7 @@ from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.safety.wheel_monitor import Mismatch
+from mrl_driver.session.events import OwnStop
 from mrl_driver.session.handshake import DEFAULT_PLAN, Board
 from mrl_driver.session.session import REFUSED_S
 from mrl_driver.view.words import stopped_by
@@ -286,7 +287,7 @@ def test_a_stop_of_the_user_before_the_news_of_the_boards_stop_is_enough(talk, e
     talk.board.stop_reason = STOP_REASONS.index("encoder")
     talk.session.request(STATUS)
     talk.run(0.01)
-    assert talk.session.stopped_itself == ("encoder" if end == "timeout" else "none")
+    assert talk.seen(OwnStop) == ([OwnStop("encoder")] if end == "timeout" else [])
 
 
 def test_a_request_that_turns_motors_and_is_refused_gets_one_stop(talk):

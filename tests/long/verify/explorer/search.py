@@ -25,7 +25,7 @@ IGNORED = {
     """,
     "settings": """
         Motion.timeout_s Motion.lead_s Motion.pace Session.lead_s Session._greeting_s Session._plan
-        Poll._lead_s Poll._info_period_s Handshake._plan Handshake.board Steps.answers
+        Poll._lead_s Poll._period_s Handshake._plan Handshake.board Steps.answers
     """,
     "how long the wheel monitor has watched, and its sums": """
         WheelMonitor._time_s WheelMonitor._travel WheelMonitor.next_s WheelMonitor._targets _Wheel._speeds
