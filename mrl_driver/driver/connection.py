@@ -45,10 +45,9 @@ from .robot_core import Core, DriverEvent
 ATTEMPTS, ANSWER_S = 3, 0.5
 """`ask` sends a request at most this many times and waits this long for each reply [s]."""
 CLOSE_S = 0.8  # the stop at the end waits at most this long for telemetry to confirm it [s]
+# `request` waits while more bytes than these are on the way to the board, by the baud rate, or queued because the port
+# blocks, so that a stop does not wait for many others.
 QUEUE_BYTES = 512
-"""`request` waits while more bytes than these are on the way to the board, by the baud rate, or queued because the port
-blocks, so that a stop does not wait for many others.
-"""
 BITS = 10  # a byte on the serial line [bit]
 CLOSED_EARLY = "the driver was closed while it connected"
 FLUSH_S = 1e-3  # at the end, the driver looks this often whether another thread's write is over [s]

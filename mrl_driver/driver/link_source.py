@@ -21,10 +21,9 @@ from mrl_driver.transport.reconnect import LOOK_S, Reconnection
 
 from .options import Options, heard_options
 
+# A link at 500000 baud goes back to 115200 after more than `ERRORS` damages plus one per `ERROR_SHARE` frames.  The
+# count starts again after `COUNTED_FRAMES` frames, a minute of driving, so that hours without damage do not hide it.
 ERRORS, ERROR_SHARE, COUNTED_FRAMES = 20, 100, 3000
-"""A link at 500000 baud goes back to 115200 after more than `ERRORS` damages plus one per `ERROR_SHARE` frames.  The
-count starts again after `COUNTED_FRAMES` frames, a minute of driving, so that hours without damage do not hide it.
-"""
 
 
 class LinkSource:

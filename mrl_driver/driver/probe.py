@@ -17,10 +17,9 @@ from .options import Options
 
 _ANY_MODEL = "traxbot"
 _MOST_AT_ONCE = 16
+# Time for the first answer of a board that opening the port does not reset [s]: less than five seconds for all boards.
+# An emulated board of 2013 that is reset answers after 3.4 s.
 RUNNING_S = 4.0
-"""Time for the first answer of a board that opening the port does not reset [s]: less than five seconds for all boards.
-An emulated board of 2013 that is reset answers after 3.4 s.
-"""
 
 
 class Answer(NamedTuple):

@@ -47,10 +47,9 @@ from .options import Options
 DriverEvent = Union[RobotEvent, SensorRead, RadioText, Hold, Mismatch, Awaited, Lost, Reconnected, Slowed]
 """What a driver reports to its listeners, besides the `MrlError` that ends it."""
 GENTLE_S = 3.0  # longest duration of a gentle stop [s]
+# Longest stream period [ms], so that the driver notices silence in time.  Listeners that want fewer frames get every
+# n-th one.
 SLOWEST_MS = 50
-"""Longest stream period [ms], so that the driver notices silence in time.  Listeners that want fewer frames get every
-n-th one.
-"""
 
 ONLY_IDENTIFIED = "the board is only identified"
 """Reason to refuse commands with the option `identify`: without telemetry nobody sees what the robot does."""

@@ -18,29 +18,26 @@ from .occupancy_grid import FloorMap, Point
 Speeds = Tuple[float, float]
 
 ARRIVED_M, ALIGNED_RAD = 0.03, math.radians(3.0)
+# Front range below which the robot slows down, front range below which it only turns, and distance that it keeps to
+# each side [m].
 NEAR_M, STOP_M, SIDE_M = 0.55, 0.25, 0.16
-"""Front range below which the robot slows down, front range below which it only turns, and distance that it keeps to
-each side [m].
-"""
 SLOW_BESIDE_M = 0.3
 """With an obstacle closer than this on one side, the robot drives at half speed, to see more of it [m]."""
 TURN_FIRST_RAD = 0.5  # if the yaw error is larger than this, the robot turns on the spot
 HEADING_GAIN = 2.0
 SLOWING_M = 0.5
 SLOWEST_M_S, SLOWEST_RAD_S = 0.03, 0.15  # at lower speeds the motors may not turn at all
+# With an obstacle closer than `TIGHT_M` on one side, the robot's corners have no room to turn on the spot.  It first
+# goes back by `RETREAT_M`, if its own trail passes within `BESIDE_TRAIL_M` of that place.
 TIGHT_M, RETREAT_M, BESIDE_TRAIL_M = 0.2, 0.2, 0.05
-"""With an obstacle closer than `TIGHT_M` on one side, the robot's corners have no room to turn on the spot.  It first
-goes back by `RETREAT_M`, if its own trail passes within `BESIDE_TRAIL_M` of that place.
-"""
 STRIDE_M, TRAIL = 0.03, 20
 AHEAD_M = 0.4
 """The robot steers for the farthest point of its path within this distance that it can reach in a straight line [m]."""
 REPLAN_S, AGAIN_S = 0.5, 2.0
 """Time between two path searches while the straight path is blocked, and after a search without a result [s]."""
+# Give up when the robot has not come this much closer to the goal, or turned further to its yaw, for this long, unless
+# the caller says otherwise.
 PROGRESS_M, PATIENCE_S = 0.1, 60.0
-"""Give up when the robot has not come this much closer to the goal, or turned further to its yaw, for this long, unless
-the caller says otherwise.
-"""
 BLIND_S = 1.0
 """The robot stops if a sonar has given no valid reading for this time [s]: three cycles of the sonars."""
 

@@ -19,10 +19,9 @@ TOO_NEAR_M = 0.1  # assumed range of an object that is too near to be measured [
 CLEARED_RAD = 0.7 * FIELD_OF_VIEW_RAD / 2
 """Ignore "free" readings beyond this angle from the axis: an object at the edge of the cone may give no echo."""
 SCORE = 3  # largest and (negative) smallest score of a cell
+# Distance of the robot's centre from an obstacle [m], and the extra cost of each cell within it [cells].  First zone:
+# the body hardly fits.  Second: it passes but cannot turn.  Third: more clearance is worth a small detour.
 ZONES: Tuple[Tuple[float, float], ...] = ((0.13, 60.0), (0.20, 5.0), (0.34, 2.0))
-"""Distance of the robot's centre from an obstacle [m], and the extra cost of each cell within it [cells].  First zone:
-the body hardly fits.  Second: it passes but cannot turn.  Third: more clearance is worth a small detour.
-"""
 FREE_ZONE = 1  # index in `ZONES`: a straight path must stay out of the zones up to this one
 MOST_CELLS = 3000  # a search ends after this number of cells; about 10 us each
 

@@ -86,10 +86,9 @@ _REQUESTS = [_shape(row, row.request, row.optional, True) for row in COMMANDS if
 REQUESTS = Direction(_REQUESTS)  # host to a board with our firmware
 REQUESTS_TO_ANY = Direction(_REQUESTS, wrapped=True)
 """Host to any board, as recordings have it: those of 2013 get other codes, see `WRAP`."""
+# Board to host.  Boards also print free text, which may repeat requests.  So a frame after text on the same line counts
+# only if it has a checksum and cannot be a request.  A line with unprintable bytes is noise.
 REPLIES = Direction(
     [_shape(row, row.reply, row.optional_reply, False) for row in COMMANDS if row.reply],
     lines=True,
 )
-"""Board to host.  Boards also print free text, which may repeat requests.  So a frame after text on the same line
-counts only if it has a checksum and cannot be a request.  A line with unprintable bytes is noise.
-"""

@@ -26,9 +26,8 @@ LEAST_SHARE = 0.1  # less than this share of the expected distance is a mismatch
 REVERSED_SHARE = -0.3
 """A wheel that moved backwards by more than this share of the expected distance in the newest ticks runs in reverse."""
 NEWEST = 2
+# Smallest expected distance over the window that is judged [m]: 24 mm/s.  A slower motor may stick for half a second.
 LEAST_DISTANCE_M = 0.006
-"""Smallest expected distance over the window that is judged [m]: 24 mm/s.  A slower motor may stick for half a second.
-"""
 SLOWNESS = 0.5  # the wheel may accelerate this much more slowly than in the model (factor)
 HIDDEN_S = 0.8  # after a reversal, a wheel may keep accelerating in the old direction for this time [s]
 LEAST_RAMP_MS = 500  # shortest ramp to full speed that is assumed for a motor [ms]

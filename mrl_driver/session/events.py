@@ -17,9 +17,8 @@ class Ready(NamedTuple):
     board: Board
     restarted: bool  # the board restarted: counters and board time have a new baseline
     checked: bool  # frames carry a checksum, a sequence number and board time
+    # The wheels stand still at most this long after the last telemetry, because the board's watchdog stops them [s].
     coast_s: float = math.inf
-    """The wheels stand still at most this long after the last telemetry, because the board's watchdog stops
-    them [s]."""
     imu: bool = False  # the board has an IMU, and its stream was started
 
 

@@ -22,19 +22,16 @@ from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, FAULTS, PROTOCOL_VE
 from .sensor_polling import SENSOR_STREAM
 
 RETRY_S = 0.25
+# Time for the first answer [s].  A 2013 board with its bootloader needs up to 5.4 s; row 16 of the fault table allows 8
+# s.
 TIMEOUT_S = 8.0
-"""Time for the first answer [s].  A 2013 board with its bootloader needs up to 5.4 s; row 16 of the fault table allows
-8 s.
-"""
+# A board that has identified itself and is then silent for this time is greeted again from the start [s].  It may have
+# restarted, or turned checksums off, while this program was not running.
 STEP_TIMEOUT_S = 2.0
-"""A board that has identified itself and is then silent for this time is greeted again from the start [s].  It may have
-restarted, or turned checksums off, while this program was not running.
-"""
 MOST_ATTEMPTS = int(STEP_TIMEOUT_S / RETRY_S)
+# After this many `robot_info` replies without a frame of `SENSOR_STREAM`, start the usual stream instead: a 2013 board
+# may not know the other one.
 DEAF = 6
-"""After this many `robot_info` replies without a frame of `SENSOR_STREAM`, start the usual stream instead: a 2013 board
-may not know the other one.
-"""
 ALIKE, ALIKE_TO_REFUSE = 3, 5
 """Number of equal answers in a row required to accept, or to refuse, a board that answers without a checksum."""
 NEAR_V, NEAR_DEGC = 0.5, 5.0
@@ -43,10 +40,9 @@ JUNK_S = 4.0
 JUNK_BYTES = 32
 """This many bytes that are not text, and no frame within `JUNK_S` of the first byte [s], mean another baud rate.
 A board of August 2013 is silent for 3.35 s after its bootloader."""
+# This many of this program's own requests come back only if something echoes them.  Lines of a debug text, which begin
+# with '[', quote requests.
 ECHOES = 3
-"""This many of this program's own requests come back only if something echoes them.  Lines of a debug text, which begin
-with '[', quote requests.
-"""
 SAID_BYTES = 2048  # an echo is searched in this many of the first bytes
 _FAULT = {name: bit for bit, (name, _) in enumerate(FAULTS)}
 _TEXT = bytes(range(0x20, 0x7F)) + b"\r\n\t"
@@ -80,10 +76,9 @@ class Plan(NamedTuple):
     """Settings for a board that supports them."""
 
     watchdog_ms: int = 250
+    # Period of the stream [ms].  At most 50, so that two frames are sent within the 100 ms after which telemetry is
+    # late; longer only on a slow serial link.
     period_ms: int = 20
-    """Period of the stream [ms].  At most 50, so that two frames are sent within the 100 ms after which telemetry is
-    late; longer only on a slow serial link.
-    """
     check: bool = True
     gap_s: float = 0.0  # minimum time between two commands on a slow serial link [s]
     imu_period_ms: int = 20  # period of the IMU's stream [ms]; 0 turns it off

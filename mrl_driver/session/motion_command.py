@@ -32,10 +32,9 @@ class Pace(NamedTuple):
 QUICK = Pace(0.005, 0.1, 0.05)  # pace for this project's firmware, which executes about 880 commands a second
 SLOW = Pace(0.1, 0.5, 0.15)
 """Pace for 2013 boards: they lose commands above 26 a second while they stream, and have no watchdog to feed."""
+# Pace for 2013 boards that stream their environment sensors: the board reads one byte for each frame that it sends, and
+# sends 163 of these frames a second.
 SLOWEST = Pace(0.15, 0.5, 0.15)
-"""Pace for 2013 boards that stream their environment sensors: the board reads one byte for each frame that it sends,
-and sends 163 of these frames a second.
-"""
 
 
 class Motion:

@@ -16,10 +16,9 @@ STATUS_S = 0.5
 INFO_S = 1.0
 POLL_2013_S = 2.0
 SONAR_2013_S = 0.3
+# After a motion request such as `calibrate`, the status is read more often for this time [s], to feed the board's
+# watchdog.
 BUSY_S = 3.0
-"""After a motion request such as `calibrate`, the status is read more often for this time [s], to feed the board's
-watchdog.
-"""
 IMU_S = 1.0
 """If the IMU's stream is silent for this time, it is started again [s]: a request may be lost on the line."""
 LOST_S = 2.0  # without an answer for this time, a `robot_info` counts as lost and is sent again [s]

@@ -18,15 +18,14 @@ LEAST_2013_S = 1.0
 BY_CODE: Dict[int, Sensor] = {row.code: row for row in SENSORS}
 SENSOR_STREAM = "start_sensor_ldr_stream"
 """Row of the stream that has counters and sensors; the telemetry of 2013 boards with environment sensors."""
+# Position in a frame of `SENSOR_STREAM` of each sensor that is in it: alcohol, dust, light.  The hottest pixel is left
+# out, because the thermopile has all pixels.
 STREAMED: Dict[str, int] = {
     row.name: at
     for row in SENSORS
     for at, field in enumerate(BY_NAME[SENSOR_STREAM].reply)
     if row.fields == (field,)
 }
-"""Position in a frame of `SENSOR_STREAM` of each sensor that is in it: alcohol, dust, light.  The hottest pixel is left
-out, because the thermopile has all pixels.
-"""
 LAST_2013 = 28  # last command code of 2013 boards
 
 

@@ -9,10 +9,9 @@ from .board_clock import BoardClock
 from .link_counters import Counters
 
 STAMP_STEP_S = 1e-6  # frames without board time that arrive together get stamps that differ by this [s]
+# A frame with a number up to 1024 before the last one was overtaken by a later frame (datagrams may be).  A number
+# further back is a gap, because the numbers wrap.
 _OVERTAKEN = 0x10000 - 1024
-"""A frame with a number up to 1024 before the last one was overtaken by a later frame (datagrams may be).  A number
-further back is a gap, because the numbers wrap.
-"""
 
 
 class Stream:

@@ -36,26 +36,23 @@ from .sensor_polling import SENSOR_STREAM
 from .sequence import Stream
 
 LATE_S = 0.1  # if telemetry is older than this, no motion commands are sent [s]; see `Session._stop_blind`
+# If telemetry is older than this, the session reports `Stale` (so the caller knows within 300 ms), drops the command
+# and greets the board again [s].
 STALE_S = 0.28
-"""If telemetry is older than this, the session reports `Stale` (so the caller knows within 300 ms), drops the command
-and greets the board again [s].
-"""
 ATTENTION_S = 0.1
 PAUSE_S = 0.25
 """With a command in force, `tick` is due at least every `ATTENTION_S`.  If this program itself paused for longer than
 `PAUSE_S` (stopped process, suspended machine), the command is stale and the board's watchdog has stopped the robot [s].
 """
+# With a command in force, a program that is not run for `LATE_HOST_S` may let the board's watchdog stop the robot. For
+# `BLAMED_S` after that, a stop for lack of data or commands counts as `host_paused` [s].
 LATE_HOST_S, BLAMED_S = 0.15, 1.0
-"""With a command in force, a program that is not run for `LATE_HOST_S` may let the board's watchdog stop the robot.
-For `BLAMED_S` after that, a stop for lack of data or commands counts as `host_paused` [s].
-"""
 LATE_GREETING_S = 0.5
 """In a greeting this program is due every 0.25 s; if it was late by as much again, a board without an answer is excused
 [s]."""
+# If a board was up for at least `BOOTED_S` and its start time is the same as before the link was lost, to within
+# `SAME_BOOT_S`, it has not restarted and its counters are still valid [s].  Uptimes are whole seconds.
 SAME_BOOT_S, BOOTED_S = 1.5, 3
-"""If a board was up for at least `BOOTED_S` and its start time is the same as before the link was lost, to within
-`SAME_BOOT_S`, it has not restarted and its counters are still valid [s].  Uptimes are whole seconds.
-"""
 NOT_BY_ITSELF = (StopReason.NONE, StopReason.HOST)
 """Reasons in a status with which the board has not stopped the motors by itself."""
 REFUSED_S, MOST_REFUSED_S = 0.15, 0.5

@@ -28,10 +28,9 @@ from mrl_driver.protocol.table import BAUD
 from . import fork_guard
 from .port_search import Port, described_as
 
+# If a port accepts no bytes for this time, that is an error [s].  Frames are short, and the system buffers thousands of
+# bytes.
 WRITE_TIMEOUT_S = 0.1
-"""If a port accepts no bytes for this time, that is an error [s].  Frames are short, and the system buffers thousands
-of bytes.
-"""
 READ_SIZE = 4096  # largest number of bytes that a terminal returns at once
 PTY_MAJORS = range(136, 144)
 LOCKS = ("link read", "link write", "link wake")

@@ -9,10 +9,9 @@ from mrl_driver.protocol.table import BAUD
 from .address import TCP, UDP, is_url, scheme_of
 from .link import Link, SerialLink
 
+# Time for a host to accept a connection, at first and in a search [s].  The system repeats a lost first packet after 1
+# s.
 CONNECT_S, AGAIN_S = 3.0, 0.8
-"""Time for a host to accept a connection, at first and in a search [s].  The system repeats a lost first packet after
-1 s.
-"""
 
 
 class Opening:

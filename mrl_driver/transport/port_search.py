@@ -9,10 +9,9 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Set, Tu
 
 AGAIN_S = 1.0  # wait before a port that could not be opened, or stayed silent, is tried again [s]
 AGAIN_SOON_S = 0.2  # the same for a network address, where a trial resets nothing [s]
+# The same for the user's port name if another robot answers on it [s].  Any other port with a wrong robot is not tried
+# again until it is unplugged.
 WRONG_AGAIN_S = 10.0
-"""The same for the user's port name if another robot answers on it [s].  Any other port with a wrong robot is not tried
-again until it is unplugged.
-"""
 
 
 def tells_apart(serial: Optional[str]) -> bool:

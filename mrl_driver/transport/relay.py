@@ -14,10 +14,9 @@ from .listener import NO_BOARD, Listener
 from .teller import Teller
 
 STOP, STOP_2013 = (encode_request(STOP_CODE, wrapped=wrapped) for wrapped in (False, True))
+# How a request to a board of 2013 begins, see `table.WRAP`; none to another board does.  A driver that greets a board
+# sends such requests until it knows which board it is.
 TO_2013 = STOP_2013[:3]
-"""How a request to a board of 2013 begins, see `table.WRAP`; none to another board does.  A driver that greets a board
-sends such requests until it knows which board it is.
-"""
 LOOK_S = 0.5  # time between two checks whether a UDP client is silent [s]
 SEARCH_S = 0.1  # time between two looks for the board [s]
 ANSWERS_S = 3.0
