@@ -6,8 +6,7 @@
 
 A recording that begins before the greeting (option `record`) gives the listeners exactly what those of the recorded
 driver got, to the last bit.  One that begins later (`start_recording`, or a damaged file) gives the same poses; the
-board's time is matched to the host's clock again, so that stamps differ by milliseconds.  Files of older versions lack
-the times of the driver's turns, and poses that were set; those turns are made when they were due.
+board's time is matched to the host's clock again, so that stamps differ by milliseconds.
 """
 
 import json
@@ -73,7 +72,6 @@ from .robot_core import Core, DriverEvent
 LINE_BYTES = 12  # a line of the file takes about this many bytes besides its data
 _REPORT_EVERY = 2000
 _OPENING_ENTRIES = 2000  # the remarks that hold for a whole recording are looked for in this many entries
-_MOST_TURNS = 200  # between two entries of an older file, at most this many turns are made
 _LEAST_FRAMES = _LEAST_MOVES = 3
 _GREETING_S, _LONG_GREETING_S = 1.0, 5.0
 """A greeting that does not end while the board streams for this time is incomplete in the file: the session goes on
@@ -155,14 +153,13 @@ class _RecordedSession(Session):
 
 
 class _RecordedCore(Core):
-    """A core that gets a wheel's mismatch from the recording, unless the file is of an older version."""
+    """A core that gets a wheel's mismatch from the recording."""
 
     session: _RecordedSession
     session_kind = _RecordedSession
-    has_mismatches = False  # the recording holds them
 
     def _check_wheels(self, travel: AnyWheels, event: Counts, now: float) -> List[DriverEvent]:
-        return [] if self.has_mismatches else super()._check_wheels(travel, event, now)
+        return []
 
     def _on_own_stop(self, reason: str) -> List[DriverEvent]:
         return []
@@ -187,7 +184,7 @@ class _Opening(NamedTuple):
 
     model: Optional[RobotModel]
     ahead_s: Optional[float]
-    has_turns: bool  # the file holds the times of the driver's turns
+    has_session: bool  # the file holds where its sessions begin
     is_cut: bool  # the file does not begin with a port that was opened
     frames: List[Frame]  # replies that describe the board, if the file is cut
 
@@ -227,9 +224,9 @@ class RecordedDriver(Driver):
         self._connection.clock = lambda: self._now
         self._connection.closing = True
         self._connection.refusal = f"nothing is sent to the robot of a recording ({self.recording.path})"
-        self._turns_known = self._core.has_mismatches = opening.has_turns
+        self._session_known = opening.has_session
         self._played = self._quiet = False
-        self._serving = not opening.has_turns
+        self._serving = not opening.has_session
         """The bytes of the board go to the driver; not those of the time in which the port was opened."""
         self._requests, self._replies, self._missing = requests(), replies(), _MissingGreeting()
         for frame in opening.frames:
@@ -311,10 +308,8 @@ class RecordedDriver(Driver):
         if direction == REMARK:
             self._take_remark(data, now)
             return
-        if not self._core.begun and not self._turns_known:
+        if not self._core.begun and not self._session_known:
             self._begin(now)
-        if not self._turns_known:
-            self._make_turns(now)
         if direction == FROM_BOARD:
             self._take_read(data, now)
         else:
@@ -326,15 +321,6 @@ class RecordedDriver(Driver):
         self._core.session.relink(now, same=False)
         self._serving = True
 
-    def _make_turns(self, until_s: float) -> None:
-        """Do what was due before this time, as the recorded driver did without bytes."""
-        core, now = self._core, -math.inf
-        for _ in range(_MOST_TURNS):
-            now = max(core.deadline(until_s), now + 1e-3)
-            if now >= until_s:
-                return
-            self._tell(self._turn(b"", now))
-
     def _turn(self, data: bytes, now: float) -> Sequence[DriverEvent]:
         core = self._core
         try:
@@ -342,7 +328,7 @@ class RecordedDriver(Driver):
             self._failures = 0
         except MrlError:  # a remark says what became of it
             events, self._failures = (), self._failures + 1
-            if not self._turns_known or self._failures > _MOST_FAILURES:
+            if not self._session_known or self._failures > _MOST_FAILURES:
                 core.session.relink(now, same=False)
         core.session.out.clear()
         return events
@@ -374,7 +360,7 @@ class RecordedDriver(Driver):
     def _go_on(self, now: float) -> Sequence[DriverEvent]:
         """Go on without a greeting if the board streams and the greeting is not in the file."""
         core = self._core
-        board = self._missing.board(now, self._turns_known)
+        board = self._missing.board(now, self._session_known)
         if board is None:
             return ()
         if not core.begun or not self._serving:
@@ -432,7 +418,7 @@ class RecordedDriver(Driver):
             listener(Remark(self.time_s, data.decode("utf-8", "replace")))
 
     def _on_opened(self, _: bytes, now: float) -> None:
-        if self._turns_known:
+        if self._session_known:
             self._serving = False
         elif not self._core.begun:
             self._begin(now)
@@ -441,7 +427,7 @@ class RecordedDriver(Driver):
 
     def _on_session(self, data: bytes, now: float) -> None:
         core, (kind, _, rest) = self._core, data.partition(b" ")
-        self._turns_known = core.has_mismatches = self._serving = True
+        self._session_known = self._serving = True
         self._failures = 0
         if not core.begun:
             core.begin(now)
@@ -556,12 +542,12 @@ class _MissingGreeting:
             if len(frame.args) > 3:
                 self._capabilities.add("sonars")
 
-    def board(self, now: float, turns_known: bool) -> Optional[Board]:
+    def board(self, now: float, session_known: bool) -> Optional[Board]:
         """Return the board, if its greeting is missing; None otherwise, or while it is not known."""
         info = self._info
         if info is None or self._frames < _LEAST_FRAMES:
             return None
-        patience_s = _LONG_GREETING_S if turns_known else _GREETING_S if self._greeted else 0.0
+        patience_s = _LONG_GREETING_S if session_known else _GREETING_S if self._greeted else 0.0
         if self._moves < _LEAST_MOVES and now - self._since_s < patience_s:
             return None
         if info.version < 2:
@@ -579,7 +565,7 @@ class _MissingGreeting:
 
 def _opening(recording: Recording) -> _Opening:
     """Read the first entries; the model comes when the board has answered, the clock when there is a node."""
-    model, ahead_s, has_turns, is_cut = None, None, False, False
+    model, ahead_s, has_session, is_cut = None, None, False, False
     frames: List[Frame] = []
     reader = replies()
     for number, (_, direction, data) in enumerate(recording):
@@ -590,12 +576,12 @@ def _opening(recording: Recording) -> _Opening:
             frames += [event for event, _ in reader.read(data, None, True) if isinstance(event, Frame)]
         if direction != REMARK:
             continue
-        has_turns = has_turns or data.startswith(SESSION)
+        has_session = has_session or data.startswith(SESSION)
         if data.startswith(MODEL) and model is None:
             model = model_of(data[len(MODEL) :].decode("utf-8", "replace"))
         if data.startswith(CLOCK) and ahead_s is None:
             ahead_s = next(iter(numbers_of(data[len(CLOCK) :])), None)
-    return _Opening(model, ahead_s, has_turns, is_cut, frames)
+    return _Opening(model, ahead_s, has_session, is_cut, frames)
 
 
 def _clock_first(entries: Iterable[Entry]) -> Iterator[Entry]:
