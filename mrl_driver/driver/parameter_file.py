@@ -9,7 +9,6 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.navigation.radio_holder import FRESH_S
 from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.yaml_file import Reader
-from mrl_driver.yaml_form import Form, Keys, Text, Whole
 
 from .driver import Driver
 from .parameters import CABLES
@@ -92,39 +91,17 @@ def require_hold(value: int, place: str) -> None:
         )
 
 
-class _Bridge(Form):
-    """A bridge by the name of its chip, or by its number."""
-
-    def read(self, reader: Reader, key: str, value: Any) -> int:
-        if isinstance(value, str) and value in BRIDGES:
-            return BRIDGES.index(value)
-        if isinstance(value, str):
+def _value(reader: Reader, row: Parameter, value: Any) -> int:
+    """Return a parameter's value; a bridge may have the name of its chip."""
+    key = f"parameters.{row.name}"
+    if row.name == "bridge" and isinstance(value, str):
+        if value not in BRIDGES:
             raise reader.fail(key, value, ", ".join(BRIDGES))
-        return reader.whole(key, value, 0, len(BRIDGES) - 1)
-
-
-class _Hold(Whole):
-    """The time after which a holder counts as silent."""
-
-    def read(self, reader: Reader, key: str, value: Any) -> int:
-        found = super().read(reader, key, value)
-        require_hold(found, f"{reader.path}: {key}")
-        return found
-
-
-class _Names(Form):
-    """A list of names."""
-
-    def read(self, reader: Reader, key: str, value: Any) -> Tuple[str, ...]:
-        if not isinstance(value, list):
-            raise reader.fail(key, value, "a list of names")
-        return tuple(Text().read(reader, key, each) for each in value)
-
-
-def _form(row: Parameter) -> Form:
-    if row.name == "bridge":
-        return _Bridge()
-    return (_Hold if row.name == "radio_hold" else Whole)(row.low, row.high)
+        return BRIDGES.index(value)
+    number = reader.whole(key, value, row.low, row.high)
+    if row.name == "radio_hold":
+        require_hold(number, f"{reader.path}: {key}")
+    return number
 
 
 def parse(data: Any, path: str) -> ParameterFile:
@@ -133,20 +110,25 @@ def parse(data: Any, path: str) -> ParameterFile:
     Raises:
         ConfigError: a key is missing, unknown, of the wrong type or out of range.
     """
-    reader, number = Reader(path), Whole(0, INT16_MAX)
-    forms: Dict[str, Form] = {
-        "robot_id": number,
-        "model": Text(),
-        "firmware": number,
-        "protocol": number,
-        "capabilities": _Names(),
-    }
-    known = (*forms, "parameters")
-    found = reader.keys("", data, known)
-    head = Keys(forms).read(reader, "", {name: found[name] for name in forms})
-    others = [row.name for row in SETTABLE if row.capability not in ("", *head["capabilities"])]
-    parameters = Keys({row.name: _form(row) for row in SETTABLE}, others)
-    return ParameterFile(**head, values=parameters.read(reader, "parameters", found["parameters"]))
+    reader = Reader(path)
+    found = reader.keys("", data, ParameterFile._fields[:-1] + ("parameters",))
+    capabilities = found["capabilities"]
+    if not isinstance(capabilities, list):
+        raise reader.fail("capabilities", capabilities, "a list of names")
+    names = tuple(reader.text("capabilities", each) for each in capabilities)
+    others = [row.name for row in SETTABLE if row.capability not in ("", *names)]
+    values = reader.keys("parameters", found["parameters"], [row.name for row in SETTABLE], others)
+    robot_id, firmware, protocol = (
+        reader.whole(key, found[key], 0, INT16_MAX) for key in ("robot_id", "firmware", "protocol")
+    )
+    return ParameterFile(
+        robot_id,
+        reader.text("model", found["model"]),
+        firmware,
+        protocol,
+        names,
+        {row.name: _value(reader, row, values[row.name]) for row in SETTABLE if row.name in values},
+    )
 
 
 def read(path: str) -> ParameterFile:
@@ -164,7 +146,7 @@ def text_of(file: ParameterFile) -> str:
     lines = [
         f"# Parameters of robot {file.robot_id}, by mrl config dump at {moment}; for mrl config load and diff.",
         f"robot_id: {file.robot_id}",
-        f"model: {_quoted(file.model)}",
+        f"model: {json.dumps(file.model, ensure_ascii=False)}",  # quoted: a name may look like a number
         f"firmware: {file.firmware}",
         f"protocol: {file.protocol}",
         f"capabilities: [{', '.join(file.capabilities)}]",
@@ -181,8 +163,3 @@ def _rows(values: Dict[str, int]) -> List[str]:
             unit = f"[{row.unit}] " if row.unit else ""
             rows.append(f"  {row.name + ':':<17}{value:<8} # {unit}{row.text}")
     return rows
-
-
-def _quoted(name: str) -> str:
-    """Return a text as YAML reads it back, in double quotes: a name may look like a number."""
-    return json.dumps(name, ensure_ascii=False)

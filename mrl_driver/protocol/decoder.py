@@ -24,11 +24,7 @@ LEAST_RUN = 400
 
 
 def _parse(token: bytes) -> int:
-    """Return the canonical int16 in `token`.
-
-    Raises:
-        ValueError: `token` is not a canonical int16.
-    """
+    """Return the canonical int16 in `token`; raise ValueError if it is none."""
     value = int(token)
     if token != b"%d" % value or not INT16_MIN <= value <= INT16_MAX:
         raise ValueError(token)

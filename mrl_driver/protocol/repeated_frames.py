@@ -54,13 +54,9 @@ class Run:
         return self._join(columns)
 
     def _numbers(self, inside: bytes, count: int) -> List[int]:
-        """Return all numbers.
+        """Return all numbers; raise ValueError or StructError if one is not a canonical int16.
 
         Two frames may only be separated by `_between`; otherwise an '@' is left, which is not a number.
-
-        Raises:
-            ValueError: a number is not canonical.
-            StructError: a number is not an int16.
         """
         values, _ = _array(f"[{inside.replace(self._between, b',').decode()}]")
         pack(f"{count * self._width}h", *values)

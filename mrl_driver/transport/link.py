@@ -56,16 +56,10 @@ def described() -> List[Port]:
     links: Dict[str, List[str]] = {}
     for link in sorted(glob.glob("/dev/serial/by-id/*")):
         links.setdefault(os.path.realpath(link), []).append(link)
+    found = ((port, tuple(links.get(os.path.realpath(port.device), ()))) for port in list_ports.comports())
     return [
-        Port(
-            port.device,
-            tuple(links.get(os.path.realpath(port.device), ())),
-            port.vid,
-            port.pid,
-            port.serial_number,
-            port.location,
-        )
-        for port in list_ports.comports()
+        Port(port.device, names, port.vid, port.pid, port.serial_number, port.location)
+        for port, names in found
     ]
 
 
@@ -112,7 +106,7 @@ def _has_opened(process: str, there: os.stat_result) -> bool:
     if not any(os.path.samestat(_stat(fd), there) for fd in devices):
         return False
     index = f"tty-index:\t{os.minor(there.st_rdev)}\n"
-    return not any(index in _text_of(fd.replace("/fd/", "/fdinfo/")) for fd in devices)
+    return not any(index in read_text(fd.replace("/fd/", "/fdinfo/")) for fd in devices)
 
 
 def _stat(path: str) -> os.stat_result:
@@ -122,7 +116,8 @@ def _stat(path: str) -> os.stat_result:
         return os.stat_result([0] * 10)
 
 
-def _text_of(path: str) -> str:
+def read_text(path: str) -> str:
+    """Return the text of a file of the system; empty if it cannot be read."""
     try:
         with open(path, encoding="utf-8", errors="replace") as file:
             return file.read()
@@ -132,7 +127,7 @@ def _text_of(path: str) -> str:
 
 def _program(number: str) -> str:
     """Return name and id of a process."""
-    name = _text_of(f"/proc/{int(number)}/comm").strip()
+    name = read_text(f"/proc/{int(number)}/comm").strip()
     return f"{name} (process {number})" if name else f"process {number}"
 
 
@@ -151,7 +146,7 @@ def _works_in(process: str, device: str, there: os.stat_result) -> bool:
 def _terminal(stat_path: str) -> int:
     """Return the device number of a process's controlling terminal; 0 if it has none."""
     try:
-        return int(_text_of(stat_path).rpartition(")")[2].split()[4])
+        return int(read_text(stat_path).rpartition(")")[2].split()[4])
     except (IndexError, ValueError):
         return 0
 
@@ -305,14 +300,10 @@ class DescriptorLink(Link):
                     pass
                 except OSError as error:
                     raise self._lost(error.strerror) from None
-            self._await_room(deadline)
-
-    def _await_room(self, deadline: float) -> None:
-        poll = select.poll()
-        poll.register(self._fd, select.POLLOUT)
-        left_s = deadline - time.monotonic()
-        if left_s <= 0 or not poll.poll(left_s * 1000):
-            raise self._stalled()
+            room, left_s = select.poll(), deadline - time.monotonic()
+            room.register(self._fd, select.POLLOUT)
+            if left_s <= 0 or not room.poll(left_s * 1000):
+                raise self._stalled()
 
     def _stalled(self) -> BoardTimeout:
         return BoardTimeout(
@@ -324,13 +315,8 @@ class DescriptorLink(Link):
         """As `Link.wake`."""
         with self._waking:
             if self._open:
-                self._nudge()
-
-    def _nudge(self) -> None:
-        try:
-            os.write(self._wake_in, b"w")
-        except BlockingIOError:
-            return  # the pipe is full of wake-ups already
+                with contextlib.suppress(BlockingIOError):  # the pipe is full of wake-ups already
+                    os.write(self._wake_in, b"w")
 
     def close(self) -> None:
         """As `Link.close`."""
@@ -560,7 +546,5 @@ def _exclude(fd: int, on: bool) -> None:
     """
     if os.major(os.fstat(fd).st_rdev) in PTY_MAJORS:
         return
-    try:
+    with contextlib.suppress(OSError):
         fcntl.ioctl(fd, termios.TIOCEXCL if on else termios.TIOCNXCL)
-    except OSError:
-        return

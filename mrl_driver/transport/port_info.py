@@ -3,7 +3,7 @@
 import os
 from typing import Dict, List, NamedTuple
 
-from .link import described, group_of, locked_by, opened_by
+from .link import described, group_of, locked_by, opened_by, read_text
 from .port_search import Port
 from .usb_ids import ARDUINO_VENDORS, text_of
 
@@ -83,12 +83,5 @@ def udev_properties(device: str) -> Dict[str, str]:
 
 def programs_named(name: str) -> List[int]:
     """Return the process ids of the programs with this name."""
-    return [int(number) for number in os.listdir("/proc") if number.isdigit() and _comm(number) == name]
-
-
-def _comm(number: str) -> str:
-    try:
-        with open(f"/proc/{number}/comm", encoding="utf-8", errors="replace") as file:
-            return file.read().rstrip("\n")
-    except OSError:
-        return ""
+    numbers = filter(str.isdigit, os.listdir("/proc"))
+    return [int(number) for number in numbers if read_text(f"/proc/{number}/comm").rstrip("\n") == name]
