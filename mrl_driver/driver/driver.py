@@ -53,6 +53,7 @@ from .parameters import Parameters
 from .radio import Radio
 from .robot_core import Core, DriverEvent
 
+AnyDriver = TypeVar("AnyDriver", bound="Driver")
 Told = TypeVar("Told", Board, Imu, SensorRead, Status)
 
 
@@ -148,7 +149,7 @@ class Driver:
         """
         self._connection.close()
 
-    def __enter__(self) -> "Driver":
+    def __enter__(self: AnyDriver) -> AnyDriver:
         self.connect()
         return self
 

@@ -205,7 +205,3 @@ class SteppedDriver(Driver):
             seconds = require_range("seconds", seconds, 0, LONGEST_PAUSE_S, "s", whole=False)
         connection.connected()
         connection.process(connection.stepped.skip(seconds))
-
-    def __enter__(self) -> "SteppedDriver":
-        self.connect()
-        return self

@@ -179,7 +179,9 @@ class GoalSeeker:
         return found
 
     def _approach(self, pose: Pose, target: Point, away_m: float) -> Speeds:
-        front, left, right = (self._room(name) for name in ("front", "left", "right"))
+        front, left, right = (
+            room(self._drawn.get(name, (math.nan,))[0]) for name in ("front", "left", "right")
+        )
         error = wrap_angle(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
         if abs(error) > TURN_FIRST_RAD:
             if min(left, right) < TIGHT_M and self._came_from_behind(pose, RETREAT_M):
@@ -193,7 +195,8 @@ class GoalSeeker:
         if min(left, right) < SLOW_BESIDE_M:
             share *= 0.5
         linear = max(SLOWEST_M_S, self._limits.linear_m_s * share)
-        return linear, self._bounded(HEADING_GAIN * error + self._shy(left, right))
+        push = max(0.0, SIDE_M - right) - max(0.0, SIDE_M - left)  # away from an obstacle that is too near
+        return linear, self._bounded(HEADING_GAIN * error + 4.0 * self._limits.angular_rad_s * push)
 
     def _retreats(self, pose: Pose) -> bool:
         """Return whether the robot must go back from an obstacle.  Also extend the trail, even while the robot still
@@ -209,18 +212,9 @@ class GoalSeeker:
             self._trail.clear()
         return False
 
-    def _room(self, name: str) -> float:
-        """Return the free distance ahead of a sonar from its last valid reading [m]."""
-        return room(self._drawn.get(name, (math.nan, 0.0))[0])
-
     def _came_from_behind(self, pose: Pose, distance_m: float) -> bool:
         behind = pose.compose(-distance_m, 0.0)[:2]
         return any(_away_m(behind, point) < BESIDE_TRAIL_M for point in self._trail)
-
-    def _shy(self, left: float, right: float) -> float:
-        """Return the yaw rate away from an obstacle that is too near on one side [rad/s]."""
-        push = max(0.0, SIDE_M - right) - max(0.0, SIDE_M - left)
-        return 4.0 * self._limits.angular_rad_s * push
 
     def _turn(self, error: float) -> float:
         return math.copysign(max(SLOWEST_RAD_S, abs(self._bounded(HEADING_GAIN * error))), error)

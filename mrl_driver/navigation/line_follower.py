@@ -103,24 +103,19 @@ class Square(Course):
     def __init__(self, side_m: float = 1.0, limits: FollowerLimits = DEFAULT_LIMITS) -> None:
         super().__init__((), limits)
         self._side_m = side_m
-        self._round: List[Point] = []
+        self._round: List[Point] = []  # the corners in driving order; the first side is ahead of the robot
 
     def command(self, pose: Pose) -> Tuple[float, float]:
         """Return the speeds (linear [m/s], angular [rad/s]) at this pose."""
         if not self._round:
-            self._round = _square(pose, self._side_m)
+            corner = Pose(*pose)
+            for _ in range(3):
+                corner = corner.compose(self._side_m, 0.0, math.pi / 2)
+                self._round.append(corner[:2])
+            self._round.append((pose[0], pose[1]))
         if self.corner == len(self._points):
             self._points += self._round
         return super().command(pose)
-
-
-def _square(start: Pose, side_m: float) -> List[Point]:
-    """Return the corners of a square in driving order; the first side is ahead of the robot, the start comes last."""
-    corner, corners = Pose(*start), []
-    for _ in range(3):
-        corner = corner.compose(side_m, 0.0, math.pi / 2)
-        corners.append(corner[:2])
-    return [*corners, (start[0], start[1])]
 
 
 def _clamped(value: float, most: float) -> float:

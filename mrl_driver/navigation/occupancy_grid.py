@@ -127,17 +127,18 @@ class FloorMap:
             done.add(cell)
             for i, j, length in _STEPS:
                 step = cell[0] + i, cell[1] + j
-                if step in done or self._is_closed(cell, step):
+                passed = (
+                    step,
+                    (step[0], cell[1]),
+                    (cell[0], step[1]),
+                )  # a corner of an occupied cell is closed, too
+                if step in done or not self._taken.isdisjoint(passed):
                     continue
                 cost = costs[cell] + length + self._penalty(step)
                 if cost < costs.get(step, math.inf):
                     costs[step], before[step] = cost, cell
                     heapq.heappush(queue, (cost + math.hypot(step[0] - last[0], step[1] - last[1]), step))
         return None
-
-    def _is_closed(self, cell: Cell, step: Cell) -> bool:
-        """Return whether the step enters an occupied cell or passes the corner of one."""
-        return not self._taken.isdisjoint((step, (step[0], cell[1]), (cell[0], step[1])))
 
     def _penalty(self, cell: Cell) -> float:
         for around, (_, cost) in zip(self._around, ZONES):

@@ -105,7 +105,8 @@ class RadioHolder:
         answer = HoldText.parse(text.data)
         if answer is None or answer.kind not in ("held", "freed") or text.address not in self._answers:
             return
-        if self._is_ahead(answer):  # the board remembers a later hold, from before this program's start
+        ended = self._kind == "hold" and answer.kind == "freed" and answer.number == self._number & 0xFFFF
+        if ended or is_newer(answer.number, self._number):  # a later hold, from before this program's start
             self._number = answer.number + (self._kind == "hold")
             self._begin(self._kind)
             return
@@ -114,11 +115,6 @@ class RadioHolder:
     @property
     def _expected(self) -> HoldText:
         return HoldText("held" if self._kind == "hold" else "freed", self._number & 0xFFFF)
-
-    def _is_ahead(self, answer: HoldText) -> bool:
-        """Whether the board needs a larger number than this hold has."""
-        ended = self._kind == "hold" and answer.kind == "freed" and answer.number == self._number & 0xFFFF
-        return ended or is_newer(answer.number, self._number)
 
     def _begin(self, kind: str) -> None:
         self._kind, self._due_s = kind, -math.inf

@@ -103,7 +103,11 @@ class BoardClock:
         if point[0] >= self._bucket_end_s:
             self._bucket_end_s = point[0] + _BUCKET_S
             self._lows.append(point)
-            self._shorten()
+            if len(self._lows) > _BUCKETS + _SPARE:  # drop what is older than the window
+                del self._lows[:-_BUCKETS]
+                self._hull.clear()
+                for low in self._lows[:-1]:
+                    _append(self._hull, low)
             fits = False
         else:
             self._lows[-1] = point
@@ -113,14 +117,6 @@ class BoardClock:
         if not fits:
             self._fit()
         self._low = point[1] - self.drift * point[0]
-
-    def _shorten(self) -> None:
-        """Drop the points older than the window, and rebuild the hull from all points except the newest."""
-        if len(self._lows) > _BUCKETS + _SPARE:
-            del self._lows[:-_BUCKETS]
-            self._hull.clear()
-            for low in self._lows[:-1]:
-                _append(self._hull, low)
 
     def _fit(self) -> None:
         hull = self._hull
@@ -135,10 +131,9 @@ class BoardClock:
 
 def _append(hull: List[_Point], point: _Point) -> None:
     """Add a point to a lower convex hull; the point must lie to the right of all others."""
-    while len(hull) > 1 and _turn(hull[-2], hull[-1], point) <= 0:
+    while len(hull) > 1:
+        (x0, y0), (x1, y1) = hull[-2:]
+        if (x1 - x0) * (point[1] - y0) > (y1 - y0) * (point[0] - x0):  # the last point is below the line
+            break
         hull.pop()
     hull.append(point)
-
-
-def _turn(a: _Point, b: _Point, c: _Point) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

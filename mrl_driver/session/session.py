@@ -30,7 +30,7 @@ from .events import (
 )
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .link_counters import Counters
-from .motion_command import QUICK, SLOW, SLOWEST, STOP, Motion, Pace, Speeds
+from .motion_command import QUICK, SLOW, SLOWEST, STOP, Motion, Speeds
 from .polling import BUSY_S, IMU_S, INFO, SONARS, STATUS, STOP_IMU, Poll
 from .sensor_polling import SENSOR_STREAM
 from .sequence import Stream
@@ -433,12 +433,6 @@ class Session:
                 self._cause(StopReason.NO_TELEMETRY, now) if silent else StopReason.COMMAND_TIMEOUT
             )
 
-    def _pace(self) -> Pace:
-        """A pace whose repeats feed the watchdog, however short its period, even if one repeat is lost."""
-        watchdog_s = self._plan.watchdog_ms / 1000
-        repeat_s = min(QUICK.repeat_s, watchdog_s / 2.5) if watchdog_s else QUICK.repeat_s
-        return QUICK._replace(repeat_s=repeat_s, gap_s=max(QUICK.gap_s, self._plan.gap_s))
-
     # -- in
 
     def _reread(self, event: Event, now: float) -> Optional[Frame]:
@@ -618,7 +612,11 @@ class Session:
             self._telemetry_by_s = now + self._greeting_s
         old = self.board.protocol < 2
         sensing = self.stream_code == _SENSING
-        pace = (SLOWEST if sensing else SLOW) if old else self._pace()
+        watchdog_s = self._plan.watchdog_ms / 1000
+        # Its repeats feed the watchdog, however short its period, even if one is lost.
+        repeat_s = min(QUICK.repeat_s, watchdog_s / 2.5) if watchdog_s else QUICK.repeat_s
+        quick = QUICK._replace(repeat_s=repeat_s, gap_s=max(QUICK.gap_s, self._plan.gap_s))
+        pace = (SLOWEST if sensing else SLOW) if old else quick
         self.motion.pace, self.motion.skip_minus_one = pace, old
         read = self.checked and self.reads_imu  # only checked frames have board time
         imu_period_ms = self._plan.imu_period_ms if read else 0
