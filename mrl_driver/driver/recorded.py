@@ -30,7 +30,7 @@ from typing import (
 from mrl_driver import errors
 from mrl_driver.arguments import require_function
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder
+from mrl_driver.protocol import Event, Frame
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recorded_facts import model_of, numbers_of, pose_of, session_of
@@ -99,12 +99,8 @@ class Sent(NamedTuple):
     data: bytes  # the bytes of this frame, or of the garbage
 
 
-class Heard(NamedTuple):
+class Heard(Sent):
     """A frame, or garbage, that the board sent."""
-
-    time_s: float  # time since the recording began [s]
-    event: Event
-    data: bytes  # the bytes of this frame, or of the garbage
 
 
 class Remark(NamedTuple):
@@ -114,33 +110,8 @@ class Remark(NamedTuple):
     text: str
 
 
-class _KeptFrames(FrameDecoder):
-    """A decoder that keeps what it has made of the last bytes."""
-
-    kept: Sequence[Event] = ()
-
-    def feed(self, data: bytes) -> List[Event]:
-        self.kept = found = super().feed(data)
-        return found
-
-
 class _RecordedSession(Session):
-    """A session that never paused, is never refused and stops no motion: the recording has the program's stops.
-
-    `frames` is what its decoder has made of the last bytes.
-    """
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self._decoder = _KeptFrames(REPLIES)
-
-    @property
-    def frames(self) -> Sequence[Event]:
-        return self._decoder.kept if isinstance(self._decoder, _KeptFrames) else ()
-
-    def relink(self, now: float, same: bool = True) -> None:
-        super().relink(now, same)
-        self._decoder = _KeptFrames(REPLIES, self.checked)
+    """A session that never paused, is never refused and stops no motion: the recording has the program's stops."""
 
     def _resume(self, now: float) -> None:
         pass
@@ -345,8 +316,7 @@ class RecordedDriver(Driver):
         checked = core.begun and core.session.checked
         ready = core.begun and self._serving and core.session.ready
         if data and (self._on_heard or not ready):
-            frames = core.session.frames if self._serving and core.begun else ()
-            for event, raw in self._replies.read(data, before, checked != before or greets, frames):
+            for event, raw in self._replies.read(data, before, checked != before or greets):
                 for listener in self._on_heard:
                     listener(Heard(self.time_s, event, raw))
                 if isinstance(event, Frame) and not ready:

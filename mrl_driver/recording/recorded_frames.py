@@ -1,14 +1,12 @@
 """Frames and garbage in the bytes of a recording, each with its bytes."""
 
-from typing import List, Optional, Sequence, Tuple
+from typing import List, Optional, Tuple
 
 from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Event, Frame, FrameDecoder, Garbage
 from mrl_driver.protocol.directions import Direction
 
 _OTHER_FORM = ("bad_check", "argument_count")
 """Garbage of these reasons may be a frame with a checksum, or without one, unlike the frames before it."""
-
-_LINE_ENDS = (b"\r\n", b"\r", b"\n")
 
 
 class FrameReader:
@@ -17,26 +15,15 @@ class FrameReader:
     def __init__(self, direction: Direction) -> None:
         self._direction = direction
         self._decoder = FrameDecoder(direction)
-        self._empty = True
-        """A line has ended, and no bytes wait for the rest of their frame."""
 
-    def read(
-        self, data: bytes, checked: Optional[bool], turned: bool, known: Sequence[Event] = ()
-    ) -> List[Tuple[Event, bytes]]:
+    def read(self, data: bytes, checked: Optional[bool], turned: bool) -> List[Tuple[Event, bytes]]:
         """Return what these bytes complete.
 
         `checked` says whether frames carry a checksum, None that they are as before; with `turned`, frames of the other
-        form are accepted, and after the first one they are the rule.  `known` is what another decoder has made of these
-        bytes: a single frame is not decoded again.
+        form are accepted, and after the first one they are the rule.
         """
         decoder = self._decoder
         decoder.checked = decoder.checked if checked is None else checked
-        end = data.find(b"e") + 1
-        if self._empty and data[end:] in _LINE_ENDS:  # the common case: one whole frame, or its line end
-            if not end:
-                return []
-            if len(known) == 1 and type(known[0]) is Frame and not turned:
-                return [(known[0], data[data.rfind(b"@") : end])]
         found: List[Tuple[Event, bytes]] = []
         *pieces, rest = data.split(b"e")
         for piece in [*(piece + b"e" for piece in pieces), rest]:
@@ -48,7 +35,6 @@ class FrameReader:
                     found.append((event, event.data))
                 else:
                     found.append((event, whole[whole.rfind(b"@") :]))
-        self._empty = data[-1:] in _LINE_ENDS and not decoder.pending
         return found
 
     def _reread(self, garbage: Garbage) -> Event:
