@@ -111,7 +111,7 @@ class Connection:
             raise MrlError("this driver was connected already; create another one to connect again")
         self._beginning = True
         try:
-            self._start(self.links.first(self.tell))
+            self._start(self.links.first(self.report))
         finally:
             self._beginning = False
         fork_guard.leave_to_parent(self._abandon)
@@ -378,9 +378,7 @@ class Connection:
                 self.flush()
             if not self._settled and core.state.settled:
                 self._settle()
-            for event in events:
-                for listener in self.listeners.get(type(event), self.on_state):
-                    listener(event)
+            self.report(events)
 
     def turn_recorded(self, data: bytes, now: float) -> List[DriverEvent]:
         """As `Core.turn`, and record what a replay needs to do the same; with the lock."""
@@ -456,7 +454,7 @@ class Connection:
             self.links.recording.lost(event, lost is not None, now)
         link.close()
         if lost is not None:
-            self.tell(lost)
+            self.report([lost])
 
     def _may_search(self) -> bool:
         """The driver searches a lost port: not before the first connection, and only with the option `reconnect`."""
@@ -481,10 +479,11 @@ class Connection:
         if closing:
             link.close()
 
-    def tell(self, event: object) -> None:
-        """Call the listeners of all events without a type of their own."""
-        for listener in self.on_state:
-            listener(event)
+    def report(self, events: Sequence[object]) -> None:
+        """Call the listeners of these events."""
+        for event in events:
+            for listener in self.listeners.get(type(event), self.on_state):
+                listener(event)
 
     @contextlib.contextmanager
     def stop_if_refused(self) -> Iterator[None]:
@@ -683,4 +682,4 @@ class Connection:
             self.error = error
             self._settle()
         self.remark(ENDED + f"{type(error).__name__}: {error}".encode("utf-8", "replace"))
-        self.tell(error)
+        self.report([error])

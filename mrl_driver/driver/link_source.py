@@ -4,7 +4,7 @@ A recording goes on over all of them.  With the option `fast` each line is raise
 """
 
 import time
-from typing import Callable, Optional, Tuple, Union
+from typing import Callable, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import BoardTimeout, ConfigError, LinkLost, MrlError, NotARobot
 from mrl_driver.lock_order import new_lock
@@ -48,8 +48,8 @@ class LinkSource:
         self._trial: Optional[Link] = None
         self._closed = False
 
-    def first(self, awaited: Callable[[Awaited], None]) -> Link:
-        """Open the driver's port; `awaited` is called with each new reason to wait for it.
+    def first(self, report: Callable[[Sequence[object]], None]) -> Link:
+        """Open the driver's port; `report` gets an `Awaited` for each new reason to wait for it.
 
         Raises:
             ConfigError: the recording cannot be written.
@@ -63,7 +63,7 @@ class LinkSource:
             if record is not None:
                 self.recording.use(self.recording.create(record))
         try:
-            link = self._await(port, awaited)
+            link = self._await(port, report)
         except BaseException:
             self.end_recording()
             raise
@@ -71,7 +71,7 @@ class LinkSource:
             self._reconnection = Reconnection(port, self._open, self._options.greeting_s)
         return link
 
-    def _await(self, port: str, awaited: Callable[[Awaited], None]) -> Link:
+    def _await(self, port: str, report: Callable[[Sequence[object]], None]) -> Link:
         """Open the port as soon as that is possible, within the time of the options."""
         opening, told = Opening(lambda: self._open(port, CONNECT_S), self._options.port_timeout_s), ""
         while True:
@@ -80,7 +80,7 @@ class LinkSource:
                 return link
             if opening.reason != told:
                 told = opening.reason
-                awaited(Awaited(port, told))
+                report([Awaited(port, told)])
             time.sleep(LOOK_S)
             if self._closed:
                 raise LinkLost("the driver was closed")

@@ -305,9 +305,8 @@ class RecordedDriver(Driver):
         return events
 
     def _tell(self, events: Sequence[Any]) -> None:
-        for event in () if self._quiet else events:
-            for listener in self._connection.listeners.get(type(event), self._connection.on_state):
-                listener(event)
+        if not self._quiet:
+            self._connection.report(events)
 
     def _take_read(self, data: bytes, now: float) -> None:
         core = self._core
@@ -556,29 +555,20 @@ def _opening(recording: Recording) -> _Opening:
 
 def _clock_first(entries: Iterable[Entry]) -> Iterator[Entry]:
     """The entries; a remark on the clock comes before the bytes of the same time, whose listeners used it first."""
-    held: Optional[Entry] = None
-    later: List[Entry] = []
+    group: List[Entry] = []  # bytes of the board, and the remarks of the same time that follow them
     for entry in entries:
-        time_s, direction, data = entry
-        if held is not None:
-            if direction == REMARK and time_s == held[0]:
-                if data.startswith(CLOCK):
-                    yield entry
-                else:
-                    later.append(entry)
-                continue
-            yield held
-            held = None
-            if later:
-                yield from later
-                later.clear()
-        if direction == FROM_BOARD:
-            held = entry
+        if group and not (entry.direction == REMARK and entry.time_s == group[0].time_s):
+            yield from sorted(group, key=_after_clock)
+            group.clear()
+        if group or entry.direction == FROM_BOARD:
+            group.append(entry)
         else:
             yield entry
-    if held is not None:
-        yield held
-    yield from later
+    yield from sorted(group, key=_after_clock)
+
+
+def _after_clock(entry: Entry) -> bool:
+    return not (entry.direction == REMARK and entry.data.startswith(CLOCK))
 
 
 def _options(header: Dict[str, Any]) -> Options:

@@ -97,7 +97,7 @@ class SteppedConnection(Connection):
 
     def __init__(self, core: Core, links: LinkSource, line_baud: int, identifies: bool) -> None:
         super().__init__(core, links, line_baud, identifies)
-        self.stepped: SteppedLink = links.first(self.tell)  # type: ignore[assignment]
+        self.stepped: SteppedLink = links.first(self.report)  # type: ignore[assignment]
         self.clock = lambda: self.stepped.now_s
 
     def connect(self) -> None:
@@ -163,9 +163,7 @@ class SteppedConnection(Connection):
             self.core.session.stop(self.clock(), StopReason.CLOSED)
             self.flush()
             raise
-        for event in events:
-            for listener in self.listeners.get(type(event), self.on_state):
-                listener(event)
+        self.report(events)
 
 
 class SteppedDriver(Driver):
