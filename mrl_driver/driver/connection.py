@@ -191,7 +191,7 @@ class Connection:
         self.link = self.thread = None
         self.closing = True
         self.error = LinkLost(
-            "this process was forked from the one that drives the robot; connect in one of them"
+            "this process is a fork of the one that drives the robot; connect in one of them"
         )
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
@@ -217,9 +217,7 @@ class Connection:
             self.require_link()
             stops = core.stops
             self._await_line()
-            if len(session.out) > QUEUE_BYTES and not self.await_writer(
-                lambda: len(session.out) <= QUEUE_BYTES
-            ):
+            if not self.await_writer(lambda: len(session.out) <= QUEUE_BYTES):
                 session.counters.blocked_writes += 1
                 return
             if code in TURNING:

@@ -13,18 +13,8 @@ on the reading thread and must not call `ask` or `wait`.  `lock_order` has the t
 
 from typing import Any, Callable, Dict, Optional, Tuple, Type, TypeVar, Union, cast
 
-from mrl_driver.arguments import (
-    require_function,
-    require_kind,
-    require_numbers,
-    require_text,
-    shown,
-)
-from mrl_driver.errors import (
-    BoardTimeout,
-    ConfigError,
-    MrlError,
-)
+from mrl_driver.arguments import require_function, require_kind, require_numbers, require_text, shown
+from mrl_driver.errors import BoardTimeout, ConfigError, MrlError
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD
@@ -457,9 +447,8 @@ class Driver:
     @property
     def twist(self) -> AnyTwist:
         """Measured speeds in base_link; zero while the board is not ready."""
-        return (
-            self._core.state.odometry.twist if self._core.state.odometry and self.ready else Twist(0.0, 0.0)
-        )
+        odometry = self._core.state.odometry
+        return odometry.twist if odometry and self.ready else Twist(0.0, 0.0)
 
     @property
     def imu(self) -> Optional[Imu]:

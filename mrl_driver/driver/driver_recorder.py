@@ -50,15 +50,12 @@ class DriverRecorder:
                 connection.exchange_link()
             elif connection.link is not None:
                 connection.link.wake()
-                links = connection.links
-                connection.changed.wait_for(
-                    lambda: (
-                        not (links.recording and links.recording.due and connection.link)
-                        or connection.closing
-                    ),
-                    EXCHANGE_S,
-                )
+                connection.changed.wait_for(self._has_begun, EXCHANGE_S)
         connection.flush()
+
+    def _has_begun(self) -> bool:
+        connection, recording = self._connection, self._connection.links.recording
+        return not (recording and recording.due and connection.link) or connection.closing
 
     def stop(self) -> str:
         """End the recording, and close its file.

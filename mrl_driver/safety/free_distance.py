@@ -122,25 +122,14 @@ def sonar_room(outline: Outline, mount: SonarMount, range_m: float, direction: P
         return math.inf if range_m > 0 else 0.0
     yaw, heading = math.radians(mount.yaw_deg), math.atan2(direction[1], direction[0])
     half = FIELD_OF_VIEW_RAD / 2
-    angles = [yaw - half, yaw, yaw + half]
-    for side_m in outline.sides(
-        direction
-    ):  # between these angles the nearest point of the arc is one of its ends
-        sine = (
-            (side_m - direction[0] * mount.y_m + direction[1] * mount.x_m) / range_m
-            if range_m > 0
-            else math.inf
-        )
+    angles = [yaw - half, yaw, yaw + half]  # between these and those of the sides the nearest point is an end
+    for side_m in outline.sides(direction) if range_m > 0 else ():
+        sine = (side_m - direction[0] * mount.y_m + direction[1] * mount.x_m) / range_m
         if abs(sine) <= 1:
             angles += [heading + math.asin(sine), heading + math.pi - math.asin(sine)]
-    rooms_m = [
-        outline.room(
-            (mount.x_m + range_m * math.cos(angle), mount.y_m + range_m * math.sin(angle)), direction
-        )
-        for angle in angles
-        if abs(wrap_angle(angle - yaw)) <= half + _ROUNDING
-    ]
-    return min(rooms_m, default=math.inf)
+    seen = (angle for angle in angles if abs(wrap_angle(angle - yaw)) <= half + _ROUNDING)
+    points = ((mount.x_m + range_m * math.cos(at), mount.y_m + range_m * math.sin(at)) for at in seen)
+    return min((outline.room(point, direction) for point in points), default=math.inf)
 
 
 def slant_room(outline: Outline, mount: SonarMount, range_m: float, direction: Point) -> float:

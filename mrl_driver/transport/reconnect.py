@@ -74,10 +74,8 @@ class Reconnection:
     def lose(self, error: MrlError, now: float) -> bool:
         """The link is gone, or another board answers; return False if `error` is not news for the user."""
         if self._search is None:
-            self._search, self.same_board = (
-                Search(self._name, self._described, self._others, may_be_there),
-                True,
-            )
+            self._search = Search(self._name, self._described, self._others, may_be_there)
+            self.same_board = True
             return True
         if isinstance(error, _Undecided):
             self.same_board = False
@@ -108,9 +106,7 @@ class Reconnection:
     def _is_foreign(self, name: str) -> bool:
         """Return whether a pseudo terminal has only the number of the lost one: it may be anybody's shell."""
         lost, there = self._terminal, _pseudo_terminal(name)
-        return (
-            lost is not None and there is not None and there.name == lost.name and there.device != lost.device
-        )
+        return bool(lost and there) and there.name == lost.name and there.device != lost.device
 
     def judge(self, ready: bool, now: float) -> bool:
         """Return whether the robot is found on the port that was opened last.
