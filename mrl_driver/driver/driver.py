@@ -525,7 +525,7 @@ class Driver:
             ConfigError: there are no such events, or `callback` is not a function; the robot was stopped.
         """
         with self._connection.stop_if_refused():
-            if kind not in self._connection.listeners:
+            if not (isinstance(kind, type) and kind in self._connection.listeners):
                 names = " or ".join(each.__name__ for each in self._connection.listeners)
                 raise ConfigError(f"kind is {shown(kind)}, expected {names}")
         self._connection.listen(self._connection.listeners[kind], callback)

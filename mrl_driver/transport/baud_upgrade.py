@@ -34,20 +34,20 @@ that this is not one."""
 _BIT = 1 << [name for name, _ in CAPABILITIES].index("baud")
 
 
-def speed_up(link: Link, baud: int = FAST_BAUD) -> bool:
-    """Set board and link to `baud`; return False, with both at 115200, if that does not work.
+def speed_up(link: Link) -> bool:
+    """Set board and link to `FAST_BAUD`; return False, with both at 115200, if that does not work.
 
     Raises:
         LinkLost: the port went away.
     """
     if not _is_able(link):
         return False
-    rate = BAUDS.index(baud)
+    rate = BAUDS.index(FAST_BAUD)
     answer = _ask(link, ANSWER_S, _BAUD, rate)
     if answer != (rate,):
         time.sleep(BACK_S)
         return False
-    link.set_baud(baud)
+    link.set_baud(FAST_BAUD)
     time.sleep(CHANGE_S)
     if all(_ask(link, PROOF_S, _BAUD, rate) == (rate,) for _ in range(PROOFS)):
         return True
