@@ -62,7 +62,7 @@ def _whole(code: Any, args: Sequence[Any]) -> Tuple[int, Tuple[int, ...]]:
 
 
 class Connection:
-    """A driver's core on its links.
+    """A driver's core on its links.  `connect`, `close`, `wait`, `request`, `ask` and `board` are those of `Driver`.
 
     Attributes:
         core: the driver without I/O; used with `lock` held.
@@ -106,7 +106,6 @@ class Connection:
         }
 
     def connect(self) -> None:
-        """As `Driver.connect`."""
         if self.thread is not None or self.closing:
             raise MrlError("this driver was connected already; create another one to connect again")
         self._beginning = True
@@ -147,7 +146,6 @@ class Connection:
             raise
 
     def close(self) -> None:
-        """As `Driver.close`."""
         self._seized = self._seized or self._holds_lock()
         with self.lock:
             thread = self.thread
@@ -195,7 +193,6 @@ class Connection:
         )
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
-        """As `Driver.wait`."""
         with self.stop_if_refused():
             timeout_s = require_timeout("timeout_s", timeout_s)
         with self.changed:
@@ -205,7 +202,6 @@ class Connection:
             return ended
 
     def request(self, code: int, *args: int) -> None:
-        """As `Driver.request`."""
         self.connected()
         with self.stop_if_refused():
             self._request(*_whole(code, args))
@@ -234,7 +230,6 @@ class Connection:
         self.flush()
 
     def ask(self, code: int, *args: int, timeout_s: float = ANSWER_S) -> Tuple[int, ...]:
-        """As `Driver.ask`."""
         with self.stop_if_refused():
             wait_s = require_timeout("timeout_s", timeout_s)
             code, args = _whole(code, args)
@@ -288,7 +283,6 @@ class Connection:
 
     @property
     def board(self) -> Board:
-        """As `Driver.board`."""
         if self.core.state.info is None:
             raise BoardTimeout("not connected; call connect() first")
         return self.core.state.info

@@ -81,7 +81,6 @@ class SteppedLink(Link):
         return self._stepped.advance(self.now_s)
 
     def write(self, data: bytes) -> None:
-        """As `Link.write`."""
         self._stepped.receive(data)
 
 
@@ -101,7 +100,6 @@ class SteppedConnection(Connection):
         self.clock = lambda: self.stepped.now_s
 
     def connect(self) -> None:
-        """As `SteppedDriver.connect`."""
         if self.core.begun:
             raise MrlError("this driver was connected already; create another one to connect again")
         self.link = self.stepped
@@ -120,7 +118,6 @@ class SteppedConnection(Connection):
         return self.core.answer(code, args)
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
-        """As `SteppedDriver.wait`."""
         with self.stop_if_refused():
             timeout_s = require_timeout("timeout_s", timeout_s)
         end_s = self.clock() + (math.inf if timeout_s is None else timeout_s)

@@ -42,31 +42,25 @@ class RecordedLink:
         self.port, self.link, self._tap = link.port, link, tap
 
     def read(self, timeout_s: float) -> bytes:
-        """As `Link.read`."""
         data = self.link.read(timeout_s)
         if data:
             self._tap(FROM_BOARD, data)
         return data
 
     def write(self, data: bytes) -> None:
-        """As `Link.write`."""
         self._tap(TO_BOARD, data)
         self.link.write(data)
 
     def wake(self) -> None:
-        """As `Link.wake`."""
         self.link.wake()
 
     def close(self) -> None:
-        """As `Link.close`."""
         self.link.close()
 
     def fileno(self) -> int:
-        """As `Link.fileno`."""
         return self.link.fileno()
 
     def set_baud(self, baud: int) -> None:
-        """As `Link.set_baud`."""
         self.link.set_baud(baud)
 
 

@@ -61,7 +61,6 @@ class Mismatch(NamedTuple):
         return StopReason.WHEEL_MISMATCH if self.wheel else StopReason(self.cause)
 
     def __str__(self) -> str:
-        """One line for people."""
         if not self.wheel:
             row = PROBLEMS[BOARD_STOPS.get(self.reason, "wheel_fault")]
             return f"{row.message[0].lower()}{row.message[1:]}: {row.remedy}"

@@ -54,7 +54,6 @@ class ImuChanged(NamedTuple):
     text: str  # one line for people: the reason, and what to do
 
     def __str__(self) -> str:
-        """One line for people."""
         return self.text
 
 
@@ -109,7 +108,6 @@ class Awaited(NamedTuple):
     reason: str
 
     def __str__(self) -> str:
-        """One line for people."""
         return f"{self.reason}; the port is tried again"
 
 
@@ -121,7 +119,6 @@ class Lost(NamedTuple):
     may_move: bool = False  # the robot was driving, and its board has no watchdog to stop it
 
     def __str__(self) -> str:
-        """One line for people."""
         return f"{self.reason}; the port is searched; {MAY_MOVE if self.may_move else WAITS}"
 
 
@@ -131,7 +128,6 @@ class Reconnected(NamedTuple):
     port: str
 
     def __str__(self) -> str:
-        """One line for people."""
         return f"the robot answers again, on {self.port}"
 
 
@@ -141,7 +137,6 @@ class Slowed(NamedTuple):
     baud: int
 
     def __str__(self) -> str:
-        """One line for people."""
         return f"the line shows errors at its higher speed and goes back to {self.baud} baud"
 
 
@@ -153,7 +148,6 @@ class PathUnknown(NamedTuple):
     turn_rad: float  # largest possible yaw error [rad]; at most pi
 
     def __str__(self) -> str:
-        """One line for people."""
         return (
             f"the wheels could not be followed for {self.gap_s:.1f} s: the pose may be off by up to "
             f"{self.distance_m:.2f} m and {self.turn_rad:.2f} rad"

@@ -245,7 +245,6 @@ class DescriptorLink(Link):
             self._release()
 
     def read(self, timeout_s: float) -> bytes:
-        """As `Link.read`."""
         with self._reading:
             if self.closed:
                 return b""
@@ -268,7 +267,6 @@ class DescriptorLink(Link):
         raise self._lost("hung up")
 
     def write(self, data: bytes) -> None:
-        """As `Link.write`."""
         thread = threading.get_ident()
         interrupted = self._writer == thread  # this write is a signal handler's
         try:
@@ -312,14 +310,12 @@ class DescriptorLink(Link):
         )
 
     def wake(self) -> None:
-        """As `Link.wake`."""
         with self._waking:
             if self._open:
                 with contextlib.suppress(BlockingIOError):  # the pipe is full of wake-ups already
                     os.write(self._wake_in, b"w")
 
     def close(self) -> None:
-        """As `Link.close`."""
         if self.closed:
             return
         self.closed = True
@@ -341,7 +337,6 @@ class DescriptorLink(Link):
         raise NotImplementedError
 
     def fileno(self) -> int:
-        """As `Link.fileno`."""
         return self._fd
 
     def _lost(self, why: Optional[str]) -> LinkLost:
@@ -383,7 +378,6 @@ class SerialLink(DescriptorLink):
         self._serial.close()
 
     def set_baud(self, baud: int) -> None:
-        """As `Link.set_baud`."""
         try:
             _drop_unsent(self._fd)
             if not unsent(self._fd):  # otherwise the adapter hangs, and tcdrain would wait for ever

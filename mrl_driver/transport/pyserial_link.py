@@ -72,7 +72,6 @@ class UrlLink(DescriptorLink):
             raise self._lost(_words(error)) from None
 
     def set_baud(self, baud: int) -> None:
-        """As `Link.set_baud`."""
         try:
             self._serial.baudrate = baud
         except Exception as error:  # noqa: BLE001 - as in _feed

@@ -63,7 +63,6 @@ class TcpLink(SocketLink):
         self._begin(port, self._socket.fileno())
 
     def read(self, timeout_s: float) -> bytes:
-        """As `Link.read`."""
         data = super().read(timeout_s)
         if data:
             self._last = data
