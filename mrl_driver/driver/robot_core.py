@@ -343,8 +343,6 @@ class Core:
 
     def _digest(self, event: SessionEvent, now: float) -> List[DriverEvent]:
         """Update the robot's state from an event, and stop the robot if its battery is empty or off."""
-        if isinstance(event, OwnStop):
-            return self._on_own_stop(event.reason)
         events: List[DriverEvent] = [*self.state.digest(event, now)]
         if isinstance(event, Ready):
             self.state.settled = self.state.settled or self._options.identify
@@ -353,6 +351,8 @@ class Core:
                 self.hold, self.held = None, False
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
+        elif isinstance(event, OwnStop):
+            events += self._on_own_stop(event.reason)
         elif isinstance(event, Status):
             self._explain(event.stop_reason)
         elif isinstance(event, Reply):

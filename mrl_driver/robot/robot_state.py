@@ -10,6 +10,7 @@ from mrl_driver.session.events import (
     ImuChanged,
     ImuReading,
     Info,
+    OwnStop,
     PathUnknown,
     Ready,
     Reply,
@@ -190,7 +191,7 @@ class RobotState:
             return [event, changed] if changed else [event]
         if isinstance(event, Status):
             return [self.told(event)]
-        return [event]
+        return [] if isinstance(event, OwnStop) else [event]  # the driver says what it makes of that
 
     def told(self, status: Status) -> Status:
         """Return a status as it applies to this robot: a board without motors needs no motor board."""

@@ -187,9 +187,11 @@ class Link(Protocol):
 
     def wake(self) -> None:
         """Make a waiting `read` return at once."""
+        return  # by default nobody waits
 
     def close(self) -> None:
         """Close the port.  A `read` in another thread returns at once with no bytes."""
+        return  # by default nothing is open
 
     def fileno(self) -> int:
         """Return the descriptor that becomes readable when data arrive.

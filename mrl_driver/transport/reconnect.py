@@ -106,7 +106,9 @@ class Reconnection:
     def _is_foreign(self, name: str) -> bool:
         """Return whether a pseudo terminal has only the number of the lost one: it may be anybody's shell."""
         lost, there = self._terminal, _pseudo_terminal(name)
-        return bool(lost and there) and there.name == lost.name and there.device != lost.device
+        if lost is None or there is None:
+            return False
+        return there.name == lost.name and there.device != lost.device
 
     def judge(self, ready: bool, now: float) -> bool:
         """Return whether the robot is found on the port that was opened last.
