@@ -44,7 +44,7 @@ from .radio import Radio
 from .robot_core import Core, DriverEvent
 
 AnyDriver = TypeVar("AnyDriver", bound="Driver")
-Told = TypeVar("Told", Board, Imu, SensorRead, Status)
+Heard = TypeVar("Heard", Board, Imu, SensorRead, Status)
 
 
 def _require_spread(spread: Any) -> Spread:
@@ -512,7 +512,7 @@ class Driver:
         """Call `callback` for each telemetry frame; boards without motors have none."""
         self._connection.listen(self._connection.listeners[Telemetry], callback)
 
-    def on(self, kind: Type[Told], callback: Callable[[Told], None]) -> None:
+    def on(self, kind: Type[Heard], callback: Callable[[Heard], None]) -> None:
         """Call `callback` for each event of one kind.
 
         Args:

@@ -191,7 +191,7 @@ class RobotState:
             return [event, changed] if changed else [event]
         if isinstance(event, Status):
             return [self.told(event)]
-        return [] if isinstance(event, OwnStop) else [event]  # the driver says what it makes of that
+        return [] if isinstance(event, OwnStop) else [event]  # the core reports what follows
 
     def told(self, status: Status) -> Status:
         """Return a status as it applies to this robot: a board without motors needs no motor board."""

@@ -81,7 +81,7 @@ class Session:
     """
 
     reads_imu = True  # start the stream of the board's IMU, if it has one
-    queued_s = 0.0  # commands to move are refused so long after a pause, see `Options.queued_s` [s]
+    queued_s = 0.0  # commands to move are refused for this time after a pause, see `Options.queued_s` [s]
     board: Optional[Board] = None
     status: Optional[Status] = None
     last_frame: Optional[Frame] = None  # frame of the last telemetry; None before the first
