@@ -189,25 +189,9 @@ class MirrorNode:
             ConfigError: a parameter is wrong, the model has no body, or the robot's name is taken.
         """
         given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
-        footprint = footprint_for(models.load(given["robot"]), given["footprint"])
-        if footprint is None:
-            raise ConfigError(
-                f"robot {given['robot']} with footprint {given['footprint']} has no body, "
-                "expected a ~footprint such as circle:0.2"
-            )
-        self._world: World = world_file.load(given["world"])
-        self._registry = self._world.registry = SharedRegistry(given["world_name"])
-        if not given["walls"]:
-            self._world = self._world.without_walls()
-        self._name = given["name"]
         start = world_file.parse_pose(given["pose"], ORIGIN)
-        self._mirror = Mirror(
-            self._world, self._name, footprint, start, Margin(given["margin"], given["drift"])
-        )
-        self._mirror.moved(*ORIGIN)
-        if given["localisation"] != START:  # its name is free; its place is not known yet
-            self._mirror.close()
-            self._mirror.locate(start)
+        self._name, self._laser = given["name"], given["laser"]
+        self._join(given, start)
         self._lock = threading.Lock()  # guards mirror, world and the next lines
         self._buffer = tf2_ros.Buffer()
         self._listener = tf2_ros.TransformListener(self._buffer)
@@ -221,20 +205,36 @@ class MirrorNode:
         self._said: Optional[bool] = None
         self._rival = ""
         self._status_out = rospy.Publisher("mirror/status", DiagnosticStatus, queue_size=10, latch=True)
-        self._ranges_out = {
-            name: rospy.Publisher(f"mirror/sonar/{name}", Range, queue_size=1, tcp_nodelay=True)
-            for name in NAMES
-        }
-        self._scan_out = rospy.Publisher("mirror/scan", LaserScan, queue_size=1, tcp_nodelay=True)
-        self._laser = given["laser"]
+        fast = {"queue_size": 1, "tcp_nodelay": True}
+        self._ranges_out = {name: rospy.Publisher(f"mirror/sonar/{name}", Range, **fast) for name in NAMES}
+        self._scan_out = rospy.Publisher("mirror/scan", LaserScan, **fast)
         if given["localisation"] == POSE:
             rospy.Subscriber("amcl_pose", PoseWithCovarianceStamped, self._on_pose, queue_size=1)
-        rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
+        rospy.Subscriber("odom", Odometry, self._on_odometry, **fast)
         for name in NAMES:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
         rospy.Subscriber("mirror/scan", rospy.AnyMsg, self._on_own_scan, queue_size=1)
         if self._laser:
-            rospy.Subscriber("scan", LaserScan, self._on_scan, queue_size=1, tcp_nodelay=True)
+            rospy.Subscriber("scan", LaserScan, self._on_scan, **fast)
+
+    def _join(self, given: Dict[str, Any], start: Pose) -> None:
+        """Puts the robot into the world."""
+        footprint = footprint_for(models.load(given["robot"]), given["footprint"])
+        if footprint is None:
+            raise ConfigError(
+                f"robot {given['robot']} with footprint {given['footprint']} has no body, "
+                "expected a ~footprint such as circle:0.2"
+            )
+        self._world: World = world_file.load(given["world"])
+        self._registry = self._world.registry = SharedRegistry(given["world_name"])
+        if not given["walls"]:
+            self._world = self._world.without_walls()
+        margin = Margin(given["margin"], given["drift"])
+        self._mirror = Mirror(self._world, self._name, footprint, start, margin)
+        self._mirror.moved(*ORIGIN)
+        if given["localisation"] != START:  # its name is free; its place is not known yet
+            self._mirror.close()
+            self._mirror.locate(start)
 
     def run(self) -> None:
         """Publish scans, silent sonars and the status until the shutdown."""
@@ -377,14 +377,8 @@ class MirrorNode:
                 self._laser_mount = self._on_robot(message.header.frame_id)
             if self._laser_mount is None or self._trouble(time.monotonic()):
                 return
-            virtual = self._mirror.scan(
-                self._laser_mount,
-                message.angle_min,
-                message.angle_increment,
-                len(message.ranges),
-                message.range_max,
-                message.range_min,
-            )
+            rays = message.angle_min, message.angle_increment, len(message.ranges)
+            virtual = self._mirror.scan(self._laser_mount, *rays, message.range_max, message.range_min)
         message.ranges = np.minimum(message.ranges, virtual).tolist()
         _send(self._scan_out, message)
 
@@ -400,13 +394,9 @@ class MirrorNode:
         self._said = bool(trouble)
         level = DiagnosticStatus.WARN if trouble or silent else DiagnosticStatus.OK
         words = trouble or (f"no range of {', '.join(silent)}" if silent else "ok")
-        values = {
-            "x": f"{pose.x_m:.3f}",
-            "y": f"{pose.y_m:.3f}",
-            "yaw": f"{math.degrees(pose.yaw_rad):.1f}",
-            "margin": f"{margin_m:.2f}",
-            "others": ", ".join(mover.name for mover in others),
-        }
+        x, y, yaw = f"{pose.x_m:.3f}", f"{pose.y_m:.3f}", f"{math.degrees(pose.yaw_rad):.1f}"
+        names = ", ".join(mover.name for mover in others)
+        values = {"x": x, "y": y, "yaw": yaw, "margin": f"{margin_m:.2f}", "others": names}
         pairs = [KeyValue(key, value) for key, value in values.items()]
         _send(self._status_out, DiagnosticStatus(level, "mirror", words, self._name, pairs))
 

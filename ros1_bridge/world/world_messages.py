@@ -1,12 +1,13 @@
 """Fills the messages of the simulated world from values.  Plain functions."""
 
-from typing import Any, Sequence, Tuple
+from typing import Any, Tuple
 
 from genpy import Time
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
 from mrl_driver.geometry import Pose, quaternion_of, wrap_angle
+from sim_arduino.world.grid_map import GridMap
 
 STILL_S = 1.0
 """If two poses are further apart in time than this, the speed is unknown."""
@@ -52,15 +53,13 @@ def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, 
     twist.angular.z = wrap_angle(pose.yaw_rad - then.yaw_rad) / dt_s
 
 
-def new_map(
-    frame: str, stamp: Time, cells: Sequence[Sequence[int]], resolution_m: float, x: float, y: float
-) -> OccupancyGrid:
-    """A map of `cells` (rows from the smallest y): 100 occupied, 0 free, -1 unknown; its corner is at x, y [m]."""
+def new_map(frame: str, stamp: Time, grid: GridMap) -> OccupancyGrid:
+    """A map as a message."""
     message = OccupancyGrid()
     message.header.frame_id, message.header.stamp = frame, stamp
-    message.info.map_load_time, message.info.resolution = stamp, resolution_m
-    message.info.height, message.info.width = len(cells), len(cells[0])
-    message.info.origin.position.x, message.info.origin.position.y = x, y
+    message.info.map_load_time, message.info.resolution = stamp, grid.resolution_m
+    message.info.height, message.info.width = grid.cells.shape
+    message.info.origin.position.x, message.info.origin.position.y = grid.origin.x_m, grid.origin.y_m
     message.info.origin.orientation.w = 1.0
-    message.data = [int(cell) for row in cells for cell in row]
+    message.data = grid.cells.ravel().tolist()
     return message

@@ -8,7 +8,7 @@ true position of each robot's odom frame in the map.
 
 import math
 import time
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Dict, List, Optional, Tuple
 
 import rospy
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -44,26 +44,19 @@ PARAMETERS = (
 
 
 class RobotTopics:
-    """Topics of one robot."""
+    """Topics of one robot in the world of a node."""
 
-    def __init__(
-        self,
-        world: Any,
-        name: str,
-        space: str,
-        prefix: str,
-        map_frame: str,
-        localise: bool,
-        mount: models.LaserMount,
-    ) -> None:
+    def __init__(self, node: "WorldNode", name: str) -> None:
+        space, prefix = ("", node.given["prefix"]) if node.given["only"] else (f"{name}/", f"{name}/")
+        map_frame = node.given["map_frame"]
         self._name = name
         self._odometry: Optional[Odometry] = None
         self._place = messages.new_transform(map_frame, f"{prefix}odom")
         self._place_out = None
-        if localise:
+        if node.given["localise"]:
             self._place_out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
             rospy.Subscriber(f"{space}odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
-        self._scanner = LaserScanner(world, URG_04LX._replace(mount=mount), sum(name.encode()))
+        self._scanner = LaserScanner(node.world, node.laser, sum(name.encode()))
         laser = self._scanner.laser
         self._scan = world_messages.new_scan(
             f"{prefix}laser", laser.first_rad, laser.step_rad, laser.rays, laser.rate_hz
@@ -89,10 +82,8 @@ class RobotTopics:
             messages.fill_transform(self._place, stamp, correction(pose, measured))
             self._place_out.publish(self._place)
         if self._scan_out.impl.has_connections():
-            ranges = self._scanner.scan(pose, without=self._name)
-            world_messages.fill_scan(
-                self._scan, stamp, ranges, self._scanner.laser.near_m, self._scanner.laser.far_m
-            )
+            ranges, laser = self._scanner.scan(pose, without=self._name), self._scanner.laser
+            world_messages.fill_scan(self._scan, stamp, ranges, laser.near_m, laser.far_m)
             self._scan_out.publish(self._scan)
 
 
@@ -105,41 +96,25 @@ class WorldNode:
         Raises:
             ConfigError: a parameter is wrong, or there is no such world or robot model.
         """
-        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
-        self._world = world_file.load(given["world"])
-        self._world.registry = SharedRegistry(given["world_name"])
-        self._only, self._prefix, self._localise = given["only"], given["prefix"], given["localise"]
-        self._frame, self._mount = given["map_frame"], models.load(given["robot"]).laser
+        self.given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+        self.laser = URG_04LX._replace(mount=models.load(self.given["robot"]).laser)
+        self.world = world_file.load(self.given["world"])
+        self.world.registry = SharedRegistry(self.given["world_name"])
         self._robots: Dict[str, RobotTopics] = {}
-        grid = grid_map.draw(self._world, given["resolution"])
+        grid = grid_map.draw(self.world, self.given["resolution"])
         self._map_out = direct_publisher(rospy.Publisher, "true_map", OccupancyGrid, latch=True)
-        self._map_out.publish(
-            world_messages.new_map(
-                self._frame,
-                rospy.Time.now(),
-                grid.cells,
-                grid.resolution_m,
-                grid.origin.x_m,
-                grid.origin.y_m,
-            )
-        )
+        self._map_out.publish(world_messages.new_map(self.given["map_frame"], rospy.Time.now(), grid))
 
     def run(self) -> None:
         """Publish until the shutdown; robots may come and go meanwhile."""
         rate = rospy.Rate(URG_04LX.rate_hz)
         while not rospy.is_shutdown():
-            for mover in self._world.robots():
-                if self._only in ("", mover.name):
-                    self._robot(mover.name).publish(mover.pose)
+            for mover in self.world.robots():
+                if self.given["only"] in ("", mover.name):
+                    if mover.name not in self._robots:
+                        self._robots[mover.name] = RobotTopics(self, mover.name)
+                    self._robots[mover.name].publish(mover.pose)
             rate.sleep()
-
-    def _robot(self, name: str) -> RobotTopics:
-        if name not in self._robots:
-            space, prefix = ("", self._prefix) if self._only else (f"{name}/", f"{name}/")
-            self._robots[name] = RobotTopics(
-                self._world, name, space, prefix, self._frame, self._localise, self._mount
-            )
-        return self._robots[name]
 
 
 def main(argv: Optional[List[str]] = None) -> int:

@@ -4,6 +4,7 @@ import math
 import os
 import subprocess
 
+import numpy as np
 import pytest
 import yaml
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -11,6 +12,7 @@ from sensor_msgs.msg import LaserScan
 
 from mrl_driver.geometry import Pose
 from ros1_bridge.world import world_messages
+from sim_arduino.world.grid_map import GridMap
 
 from .rig import ROOT
 from .tables import Offered, first_two, table
@@ -28,7 +30,8 @@ def test_speeds_are_those_between_two_poses():
 
 
 def test_map_has_its_rows_from_below():
-    message = world_messages.new_map("map", None, [[0, 100, 0], [-1, 0, 0]], 0.05, -1.0, -2.0)
+    grid = GridMap(np.array([[0, 100, 0], [-1, 0, 0]], np.int8), 0.05, Pose(-1.0, -2.0, 0.0))
+    message = world_messages.new_map("map", None, grid)
     assert (message.info.width, message.info.height) == (3, 2)
     assert list(message.data) == [0, 100, 0, -1, 0, 0]
     assert message.info.origin.position.y == -2.0
