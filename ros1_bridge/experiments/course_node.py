@@ -12,7 +12,6 @@ from mrl_driver.geometry import Pose
 from mrl_driver.navigation.line_follower import Course
 from mrl_driver.robot import models
 from sim_arduino.experiments import disturbances, l_course
-from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.l_course import CourseRecord
 from sim_arduino.experiments.team import pose_option
@@ -24,13 +23,6 @@ from .one_robot_node import RATE_HZ, ROBOT, OdometryRobot, TimedPoses, follow, h
 STOP_S = 1.0
 
 
-def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Maps the course once through ROS, ends all programs, and then runs the experiment in simulated time."""
-    live = drive(parts, setting)
-    parts.close()
-    return l_course.run(setting, live)
-
-
 def drive(parts: Parts, setting: Setting) -> CourseRecord:
     """Drives through the course with a robot that has random errors alone; the record has the topics' readings.
 
@@ -39,7 +31,7 @@ def drive(parts: Parts, setting: Setting) -> CourseRecord:
     """
     start = world_file.load(l_course.WORLD).start
     _start(parts, setting, start)
-    truth = heard("base_pose_ground_truth")
+    truth = heard(f"/{ROBOT}/base_pose_ground_truth")
     robot = wait_for(parts, truth)
     robot.reset_pose(start)
     sensors = Sensors(models.load(setting.robot))
@@ -58,8 +50,8 @@ def _start(parts: Parts, setting: Setting, start: Pose) -> None:
     """Starts the board, its robot node, and the world node, which is the laser."""
     pose = pose_option(disturbances.placed(start, setting.seed))
     errors = ("--error", disturbances.WANDER, "--sonar", disturbances.SONAR, "--seed", str(setting.seed))
-    options = ("--robot", setting.robot, "--world", l_course.WORLD, "--world-name", ROBOT, "--pose", pose)
-    parts.robot(ROBOT, parts.board(ROBOT, *options, *errors), setting.robot, RATE_HZ)
+    place = ("--world", l_course.WORLD, "--world-name", ROBOT, "--pose", pose)
+    parts.robot(ROBOT, setting.robot, RATE_HZ, *place, *errors)
     world = {"world": l_course.WORLD, "world_name": ROBOT, "robot": setting.robot}
     parts.node("world_node", ROBOT, only=ROBOT, localise=False, **world)
 

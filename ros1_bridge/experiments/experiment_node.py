@@ -10,31 +10,40 @@ import rospy
 
 from mrl_driver.errors import MrlError
 from sim_arduino.experiments import experiment_report
+from sim_arduino.experiments.cli import EXPERIMENTS
 from sim_arduino.experiments.experiment_robot import Setting
 
 from .experiment_processes import Parts
+from .legs import NODES
 
 TERMINATED = 143
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Starts the master, makes this process a node, runs the experiment, and saves the result next to the logs.
+    """Starts the master, makes this process a node, and runs the part through ROS; ends all programs.
+
+    Then runs the experiment in simulated time, and saves the result next to the logs.
 
     Args:
-        arguments: Module and name of the experiment, folder of the pictures, robot model, seed.
+        arguments: Name of the experiment, folder of the pictures, robot model, seed, number of seeds.
 
     Returns:
         The exit code.
     """
-    node, name, folder, robot, seed = arguments
-    module = importlib.import_module(f"{__package__}.{node}")
+    name, folder, robot, seed, seeds = arguments
+    setting = Setting(folder, None, robot, int(seed), True, int(seeds))
+    node, function = NODES[name]
+    through_ros = getattr(importlib.import_module(f"{__package__}.{node}"), function)
+    experiment = importlib.import_module(f"sim_arduino.experiments.{EXPERIMENTS[name].module}")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
     try:
         with Parts(os.environ["ROS_HOME"]) as parts:
             parts.master()
             rospy.init_node("experiment", disable_signals=True)
             try:
-                result = module.play(name, parts, Setting(folder, None, robot, int(seed), True))
+                live = through_ros(parts, setting)
+                parts.close()
+                result = experiment.run(setting, live)
             finally:
                 rospy.signal_shutdown("the experiment is over")
             experiment_report.save(result, str(parts.folder))

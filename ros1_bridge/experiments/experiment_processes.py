@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 from pathlib import Path
-from typing import Dict, List, Optional
+from typing import ContextManager, Dict, List
 
 from mrl_driver.errors import MrlError
 from ros1_bridge.demo.launcher import free_port, master_answers
@@ -36,7 +36,7 @@ def end(*children: Child) -> None:
         child.finish(END_S)
 
 
-class Parts:
+class Parts(ContextManager["Parts"]):
     """The programs of an experiment; a context manager that ends nodes, then boards, then the master.
 
     Args:
@@ -52,9 +52,8 @@ class Parts:
     def _start(self, name: str, command: List[str], among: List[Child]) -> Child:
         """Starts a program with a log."""
         log = self.folder / f"{name.replace('/', '_')}.log"
-        child = Child(name, command, log, dict(os.environ), ROOT)
-        among.append(child)
-        return child
+        among.append(Child(name, command, log, dict(os.environ), ROOT))
+        return among[-1]
 
     def master(self) -> None:
         """Starts the ROS master that the environment names, and waits for it.
@@ -68,13 +67,6 @@ class Parts:
         self.check()
         if not master_answers(uri):
             raise MrlError(f"no ROS master answers at {uri} after {START_S:g} s; is rosmaster sound?")
-
-    def board(self, name: str, *options: str) -> str:
-        """Starts an emulated board; returns its port, which appears a moment later."""
-        port = str(self.folder / f"{name}.port")
-        command = [sys.executable, "-m", "sim_arduino.serve.main", "--link", port, "--name", name, *options]
-        self._start(f"{name}-board", command, self._boards)
-        return port
 
     def node(self, kind: str, space: str, *names: str, **parameters: object) -> Child:
         """Starts a node of this package in a namespace.
@@ -93,46 +85,30 @@ class Parts:
         command = [sys.executable, node, f"__ns:=/{space}", *names, *given]
         return self._start(f"{space}/{kind}", command, self._nodes)
 
-    def robot(self, name: str, port: str, model: str, rate: int, **parameters: object) -> Child:
-        """Starts the robot node of a board, in the namespace and with the frames of the robot."""
-        return self.node(
-            "robot_node",
-            name,
-            port=port,
-            port_timeout=START_S,
-            robot=model,
-            rate=rate,
-            odom_frame=f"{name}/odom",
-            base_frame=f"{name}/base_link",
-            **parameters,
-        )
+    def robot(self, name: str, model: str, rate: int, *options: str) -> None:
+        """Starts an emulated board and its robot node, in the namespace and with the frames of the robot.
+
+        Args:
+            options: Options of the board, as of `mrl-sim`.
+        """
+        port = str(self.folder / f"{name}.port")
+        command = [sys.executable, "-m", "sim_arduino.serve.main", "--link", port, "--name", name]
+        self._start(f"{name}-board", [*command, "--robot", model, *options], self._boards)
+        frames = {"odom_frame": f"{name}/odom", "base_frame": f"{name}/base_link"}
+        self.node("robot_node", name, port=port, port_timeout=START_S, robot=model, rate=rate, **frames)
 
     def check(self) -> None:
         """Raises MrlError if a program has ended."""
         for child in self._masters + self._boards + self._nodes:
             if child.exit_code is not None:
-                raise MrlError(f"{child.name} ended with exit code {child.exit_code}: {_last(child)}")
+                raise MrlError(child.last_words())
 
     def close(self) -> None:
         """Ends all programs: first the nodes, which stop their robots, then the boards, then the master."""
         for children in (self._nodes, self._boards, self._masters):
-            _end_all(children)
-
-    def __enter__(self) -> "Parts":
-        """Returns the object itself."""
-        return self
+            end(*children)
+            children.clear()
 
     def __exit__(self, *_: object) -> None:
         """Ends all programs."""
         self.close()
-
-
-def _end_all(children: List[Child]) -> None:
-    end(*children)
-    children.clear()
-
-
-def _last(child: Child) -> Optional[str]:
-    """The last line of a program's output; None if it has none."""
-    lines = [line for line in child.output() if line.strip()]
-    return lines[-1].strip() if lines else None

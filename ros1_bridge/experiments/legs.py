@@ -6,7 +6,7 @@ import shutil
 import sys
 import tempfile
 from pathlib import Path
-from typing import Dict
+from typing import List
 
 from mrl_driver.errors import MrlError
 from ros1_bridge.demo.processes import Child, wait_until
@@ -17,16 +17,16 @@ from sim_arduino.experiments.experiment_robot import Setting
 from .experiment_processes import ROOT, end, environment
 
 NODES = {
-    "square": "square_node",
-    "sonar-calibration": "sonar_node",
-    "l-course": "course_node",
-    "step-test": "step_node",
-    "mixed-team": "team_node",
-    "shared-waypoint": "team_node",
-    "patrol": "team_node",
-    "turnaround": "turnaround_node",
+    "square": ("square_node", "lap"),
+    "sonar-calibration": ("sonar_node", "approach"),
+    "l-course": ("course_node", "drive"),
+    "step-test": ("step_node", "drive"),
+    "mixed-team": ("team_node", "wander_team"),
+    "shared-waypoint": ("team_node", "share_waypoint"),
+    "patrol": ("team_node", "patrol_team"),
+    "turnaround": ("turnaround_node", "measure"),
 }
-"""Experiments by name, and the module whose `play` runs each."""
+"""Experiments by name; module and function of the part that runs through ROS, whose result the experiment gets."""
 NEEDED = ("rospy", "tf2_ros", "actionlib", "move_base_msgs", "nav_msgs", "sensor_msgs")
 REMEDY = "install ROS Noetic, or Debian's ros-base, python3-tf2-ros and python3-move-base-msgs"
 MOST_S = 1800.0
@@ -47,7 +47,9 @@ def run(name: str, setting: Setting) -> Result:
         MrlError: the experiment failed; the message holds its last line of output.
     """
     with tempfile.TemporaryDirectory(prefix="mrl-experiment-") as folder:
-        child = Child(name, _command(name, setting), Path(folder) / "log", _environment(folder), ROOT)
+        given = {**os.environ, "PYTHONUNBUFFERED": "1"}
+        log, own = Path(folder) / "log", environment(folder, given)
+        child = Child(name, _command(name, setting), log, own, ROOT)
         try:
             wait_until(lambda: child.exit_code is not None, MOST_S)
         finally:
@@ -59,22 +61,8 @@ def run(name: str, setting: Setting) -> Result:
         return result
 
 
-def _command(name: str, setting: Setting) -> list:
+def _command(name: str, setting: Setting) -> List[str]:
     """The command line of the child; paths are absolute, as the child gets another folder for its files."""
-    module = f"{__package__}.experiment_node"
     robot = os.path.abspath(setting.robot) if setting.robot.endswith((".yaml", ".yml")) else setting.robot
-    return [
-        sys.executable,
-        "-m",
-        module,
-        NODES[name],
-        name,
-        os.path.abspath(setting.folder),
-        robot,
-        str(setting.seed),
-    ]
-
-
-def _environment(folder: str) -> Dict[str, str]:
-    """The child's environment, with its own master; all files that the parts write go into the folder."""
-    return environment(folder, {**os.environ, "PYTHONUNBUFFERED": "1"})
+    words = (name, os.path.abspath(setting.folder), robot, str(setting.seed), str(setting.seeds))
+    return [sys.executable, "-m", f"{__package__}.experiment_node", *words]

@@ -1,77 +1,73 @@
-"""The part of nodes that drives a single emulated robot by `cmd_vel`, and knows its poses at the times of messages."""
+"""The part of nodes that drives emulated robots by `cmd_vel`, and knows their poses at the times of messages."""
 
 import time
-from typing import List, Sequence, Tuple
+from typing import Callable, List, Sequence, Tuple
 
-import numpy as np
 import rospy
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
 from mrl_driver.errors import MrlError
-from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.navigation.line_follower import Course
 from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.plane_poses import planar
+from sim_arduino.experiments.mapping import pose_at
 
 from .experiment_processes import START_S, Parts
 
 ROBOT = "robot"
-"""Its namespace."""
+"""Namespace of a single robot."""
 RATE_HZ = 20
 MOST_S = 180.0
 """Time limit of a course [s]."""
 
 
-class TimedPoses:
-    """Poses and their times."""
-
-    def __init__(self) -> None:
-        self._rows: List[Tuple[float, ...]] = []
-
-    def add(self, stamp_s: float, pose: Pose) -> None:
-        """Adds a pose; times rise."""
-        self._rows.append((stamp_s, *pose))
-
-    def __len__(self) -> int:
-        """Number of poses."""
-        return len(self._rows)
+class TimedPoses(List[Tuple[float, Pose]]):
+    """Poses and their times [s], which rise."""
 
     @property
     def last(self) -> Pose:
         """The last pose."""
-        return Pose(*self._rows[-1][1:])
-
-    @property
-    def stamps_s(self) -> List[float]:
-        """The times of all poses [s]."""
-        return [row[0] for row in self._rows]
+        return self[-1][1]
 
     def at(self, stamps_s: Sequence[float]) -> List[Pose]:
         """Poses at these times, linear between two of them; the first before all, the last after all."""
-        known_s, x_m, y_m, yaw_rad = np.array(self._rows).T
-        columns = (np.interp(stamps_s, known_s, values) for values in (x_m, y_m, np.unwrap(yaw_rad)))
-        return [Pose(x, y, wrap_angle(yaw)) for x, y, yaw in zip(*(column.tolist() for column in columns))]
+        return [pose_at(self, stamp_s) for stamp_s in stamps_s]
 
 
-def heard(topic: str) -> TimedPoses:
-    """The poses of a topic with Odometry of the robot, from now on."""
+def heard(topic: str, then: Callable[[Odometry], None] = lambda message: None) -> TimedPoses:
+    """The poses of a topic with Odometry, from now on; `then` gets each message."""
     poses = TimedPoses()
 
     def keep(message: Odometry) -> None:
-        poses.add(message.header.stamp.to_sec(), planar(message.pose.pose))
+        poses.append((message.header.stamp.to_sec(), planar(message.pose.pose)))
+        then(message)
 
-    rospy.Subscriber(f"/{ROBOT}/{topic}", Odometry, keep, tcp_nodelay=True)
+    rospy.Subscriber(topic, Odometry, keep, tcp_nodelay=True)
     return poses
 
 
 class OdometryRobot:
-    """A robot reached through `cmd_vel` and `odom`."""
+    """A robot reached through `cmd_vel` and `odom`.
 
-    def __init__(self) -> None:
-        self._odometry = heard("odom")
+    Args:
+        space: Its namespace, with the leading slash.
+        driven: Whether this node drives it.
+        then: Gets each odometry message.
+    """
+
+    def __init__(
+        self,
+        space: str = f"/{ROBOT}",
+        driven: bool = True,
+        then: Callable[[Odometry], None] = lambda message: None,
+    ) -> None:
         self._first, self._mark = ORIGIN, ORIGIN
-        self._cmd_vel = rospy.Publisher(f"/{ROBOT}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
+        self._odometry = heard(f"{space}/odom", then)
+        self._cmd_vel = (
+            rospy.Publisher(f"{space}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True) if driven else None
+        )
 
     @property
     def known(self) -> bool:
@@ -86,7 +82,7 @@ class OdometryRobot:
     @property
     def stamps_s(self) -> List[float]:
         """The times of all poses by odometry [s]."""
-        return self._odometry.stamps_s
+        return [stamp_s for stamp_s, _ in self._odometry]
 
     def poses_at(self, stamps_s: Sequence[float]) -> List[Pose]:
         """Poses by odometry at these times [s]."""
@@ -100,8 +96,9 @@ class OdometryRobot:
         return self._mark.compose(*pose.relative_to(self._first))
 
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Publishes these speeds."""
-        self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
+        """Publishes these speeds, unless another node drives."""
+        if self._cmd_vel is not None:
+            self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
 
 
 def wait_for(parts: Parts, *known: TimedPoses) -> OdometryRobot:

@@ -14,7 +14,6 @@ from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.robot import models, sonar_curve
 from mrl_driver.robot.sonar_curve import Curve
 from sim_arduino.experiments import disturbances, sonar_approach
-from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.sonar_approach import SonarRun
 from sim_arduino.experiments.team import pose_option
@@ -27,13 +26,6 @@ PLAN = part_procedures.SonarPlan(step_m=0.15)
 LIMITS = FollowerLimits(linear_m_s=0.2)
 READ_S = 1.0
 """Readings of a stop: the sonar measures every 0.3 s."""
-
-
-def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Approaches the wall once through ROS, ends all programs, and then runs the experiment in simulated time."""
-    live = approach(parts, setting)
-    parts.close()
-    return sonar_approach.run(setting, live)
 
 
 def approach(parts: Parts, setting: Setting) -> SonarRun:
@@ -61,10 +53,10 @@ def _start(parts: Parts, setting: Setting) -> None:
     wall_m, wide_m = sonar_approach.SONAR_X_M + PLAN.start_m, sonar_approach.WIDE_M
     world.write_text(f"start: [0, 0, 0]\nwalls:\n  - [{wall_m}, {-wide_m}, {wall_m}, {wide_m}]\n")
     pose = pose_option(disturbances.placed(ORIGIN, setting.seed))
-    options = ("--robot", setting.robot, "--world", str(world), "--pose", pose, "--seed", str(setting.seed))
+    place = ("--world", str(world), "--pose", pose, "--seed", str(setting.seed))
     sonar = sonar_approach.sonar_errors(disturbances.sonar_curve(setting.seed))
     errors = ("--error", disturbances.error(setting.seed), "--sonar", sonar)
-    parts.robot(ROBOT, parts.board(ROBOT, *options, *errors), setting.robot, RATE_HZ)
+    parts.robot(ROBOT, setting.robot, RATE_HZ, *place, *errors)
 
 
 def readings(parts: Parts, setting: Setting) -> Tuple[List[float], List[float]]:

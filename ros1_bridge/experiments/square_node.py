@@ -1,6 +1,5 @@
 """The node that drives one lap of a square: it reads `odom` and publishes `cmd_vel`; the emulator logs the truth."""
 
-import math
 import os
 
 from mrl_driver.apps.calibration.ground_truth import Truth, truth_file
@@ -8,7 +7,6 @@ from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from ros1_bridge.demo.processes import wait_until
 from sim_arduino.experiments import disturbances, square
-from sim_arduino.experiments.experiment_report import Figure, Result
 from sim_arduino.experiments.experiment_robot import Setting
 
 from .experiment_processes import START_S, Parts
@@ -18,25 +16,6 @@ STOP_S = 2.0
 POINTS = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.05, 0.0))
 """A counter-clockwise lap; the last point makes the robot turn to its first heading."""
 LIMITS = FollowerLimits(square.SPEEDS.linear_m_s, square.SPEEDS.angular_rad_s)
-
-
-def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Runs the experiment in simulated time, and then one lap through ROS."""
-    simulated = square.run(setting)
-    error = lap(parts, setting)
-    cm, deg = square.PUBLISHED[square.LEFT]
-    rows = [
-        Figure(
-            "ros_before_cm",
-            "a robot like the published one, through ROS, counter-clockwise",
-            100 * math.hypot(error.x_m, error.y_m),
-            "cm",
-            f"{cm} cm",
-        ),
-        Figure("ros_before_deg", "", math.degrees(error.yaw_rad), "deg", f"{deg} deg", put_in=True),
-    ]
-    remark = f"{simulated.remark} The lap through ROS is in real time and not calibrated."
-    return simulated._replace(rows=[*simulated.rows, *rows], remark=remark)
 
 
 def lap(parts: Parts, setting: Setting) -> Pose:
@@ -49,8 +28,8 @@ def lap(parts: Parts, setting: Setting) -> Pose:
     """
     true_file = str(parts.folder / "truth.jsonl")
     error = disturbances.error(setting.seed, "square", **square.LIKE_PUBLISHED)
-    options = ("--robot", setting.robot, "--world", "square", "--error", error, "--seed", str(setting.seed))
-    parts.robot(ROBOT, parts.board(ROBOT, *options, "--truth", true_file), setting.robot, RATE_HZ)
+    options = ("--world", "square", "--error", error, "--seed", str(setting.seed), "--truth", true_file)
+    parts.robot(ROBOT, setting.robot, RATE_HZ, *options)
     robot = wait_for(parts)
     wait_until(lambda: os.path.isfile(true_file), START_S)
     robot.reset_pose(ORIGIN)

@@ -1,18 +1,16 @@
 """The node that runs the step test: `follow_waypoints` drives the robot; a mirror in another process follows `odom`."""
 
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 
 import rospy
 from nav_msgs.msg import Odometry
 
-from mrl_driver.errors import MrlError
 from mrl_driver.navigation.waypoint_tour import DONE, PAUSED
 from ros1_bridge.node.plane_poses import planar
 from sim_arduino.experiments import step_test
-from sim_arduino.experiments.experiment_report import Result
-from sim_arduino.experiments.experiment_robot import TICK_S, Setting
-from sim_arduino.experiments.step_test import START, Mirrored, StepRecord
+from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.experiments.step_test import START, Live, Mirrored, StepDrive
 from sim_arduino.experiments.team import Member, Team
 
 from .experiment_processes import Parts
@@ -22,18 +20,10 @@ NAME, MOST_S = "robot", 300.0
 """The robot's namespace, and the longest drive [s]."""
 
 
-def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Drives the steps once through ROS, then those in simulated time.
+def drive(parts: Parts, setting: Setting) -> Live:
+    """Drives the steps; the mirror receives the pose of each odometry message.
 
     The delay is that of a pose from the board, which read its counters at the message's stamp, to the mirror.
-    """
-    live = drive(parts, setting)
-    parts.close()
-    return step_test.run(setting, live)
-
-
-def drive(parts: Parts, setting: Setting) -> StepRecord:
-    """Drives the steps; the mirror receives the pose of each odometry message.
 
     Raises:
         MrlError: a part has failed, or a waypoint is not reached.
@@ -42,20 +32,17 @@ def drive(parts: Parts, setting: Setting) -> StepRecord:
         members = [Member(NAME, START, virtual=False, robot=setting.robot)]
         team = gather(stack, parts, setting, members, navigated=True, world=step_test.WORLD)
         (player,) = team.players
-        assert isinstance(player.robot, TopicRobot)
-        mirror = Mirrored(setting.robot)
-        try:
-            _drive(parts, team, player.robot, mirror)
-        finally:
-            player.robot.on_odometry = ignore
-            mirror.close()
-    odometry, true = ([tuple(pose) for pose in path] for path in (player.odometry_path, player.path))
-    return StepRecord(odometry, true, mirror.poses, mirror.delays_s, player.bumps * TICK_S)
+        with closing(Mirrored(setting.robot)) as mirror:
+            try:
+                _drive(parts, team, player.robot, mirror)
+            finally:
+                player.robot.on_odometry = ignore
+    return StepDrive(player.path, player.odometry_path, player.bumps, player.robot.visits), mirror
 
 
 def _drive(parts: Parts, team: Team, robot: TopicRobot, mirror: Mirrored) -> None:
     robot.on_odometry = lambda message: mirror.send(
-        tuple(START.compose(*planar(message.pose.pose))), _monotonic_s(message)
+        START.compose(*planar(message.pose.pose)), _monotonic_s(message)
     )
     mirror.wait()
     begin_tour(parts, NAME, step_test.goals())
@@ -65,11 +52,7 @@ def _drive(parts: Parts, team: Team, robot: TopicRobot, mirror: Mirrored) -> Non
         return robot.tour in (DONE, PAUSED)
 
     watch(team, MOST_S, over)
-    if robot.tour != DONE:
-        raise MrlError(
-            f"{robot.visits} of {len(step_test.WAYPOINTS)} waypoints were reached, the robot is at {robot.pose}; "
-            "clear the path"
-        )
+    step_test.require_end(robot.visits, robot.pose)
 
 
 def _monotonic_s(message: Odometry) -> float:

@@ -10,46 +10,43 @@ import math
 import os
 import time
 from contextlib import ExitStack
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, Dict, Mapping, Sequence
 
 import rospy
 import tf2_ros
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import TransformStamped, Twist, Vector3
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 from std_msgs.msg import Header
 
 from mrl_driver.errors import MrlError
-from mrl_driver.geometry import ORIGIN, Pose, quaternion_of
+from mrl_driver.geometry import Pose, quaternion_of
 from mrl_driver.navigation.waypoint_tour import DONE, PAUSED
 from mrl_driver.robot import models
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.demo.processes import wait_until
-from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.node.tf_names import sonar_frame
 from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint
-from sim_arduino.experiments.experiment_report import Result
-from sim_arduino.experiments.experiment_robot import TICK_S, Setting, Step
-from sim_arduino.experiments.mixed_team import TeamRun, outcome, wander
+from sim_arduino.experiments.experiment_robot import TICK_S, Pace, Setting
 from sim_arduino.experiments.patrol import PatrolRun
-from sim_arduino.experiments.shared_waypoint import SharedRun
-from sim_arduino.experiments.team import Member, Player, Team, footprint_of, pose_option
+from sim_arduino.experiments.team import WORLD, Member, Player, Team, footprint_of, pose_option
+from sim_arduino.experiments.tours import TourRun
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
 from .experiment_processes import START_S, Parts
+from .one_robot_node import RATE_HZ, OdometryRobot, heard
 
-RATE_HZ = 20
 WANDER_S, PATROL_S, ROUNDS, MOST_S = 60.0, 40.0, 1, 200.0
 """These runs are in real time and therefore shorter than the simulated ones; `MOST_S` limits the rounds [s]."""
 TOUCH_M = 0.005
 """A body that is closer to an object than this counts as a collision."""
 
 
-class TopicRobot:
-    """A robot reached through its topics; it has the interface `team.RobotInterface`.
+class TopicRobot(OdometryRobot):
+    """A robot reached through its topics, as a `team.Player` needs it.
 
     Args:
         member: The robot's role in the team; its name is its namespace.
@@ -60,37 +57,21 @@ class TopicRobot:
     def __init__(self, member: Member, truth: World, navigated: bool) -> None:
         self.member, self.model = member, models.load(member.robot)
         self.ranges: Dict[str, float] = {}
-        self._stamps: Dict[str, rospy.Time] = {}
-        self._truth, self._origin = truth, ORIGIN
-        self._status: Dict[str, str] = {}
-        body = footprint_of(member)
-        self._body = body
-        self._grown = body._replace(length_m=body.length_m + 2 * TOUCH_M, width_m=body.width_m + 2 * TOUCH_M)
-        self._odom: Optional[Pose] = None
-        self._true: Optional[Pose] = None
-        self._due_s = time.monotonic()
         self.on_odometry: Callable[[Odometry], None] = ignore
         """Called with each odometry message."""
-        space = f"/{member.name}"
-        self._cmd_vel = (
-            None if navigated else rospy.Publisher(f"{space}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
-        )
+        self._stamps: Dict[str, rospy.Time] = {}
+        self._truth, self._body = truth, footprint_of(member)
+        self._status: Dict[str, str] = {}
+        self._pace = Pace()
+        space, world = f"/{member.name}", "virtual" if member.virtual else "real"
+        super().__init__(space, not navigated, lambda message: self.on_odometry(message))
+        self._true = heard(f"/{world}{space}/base_pose_ground_truth")
         self._heard = {
             name: rospy.Publisher(f"{space}/heard/{name}", Range, queue_size=1) for name in NAMES if navigated
         }
-        rospy.Subscriber(f"{space}/odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         rospy.Subscriber(f"{space}/waypoint_status", DiagnosticStatus, self._on_status, queue_size=10)
-        world = "virtual" if member.virtual else "real"
-        rospy.Subscriber(f"/{world}{space}/base_pose_ground_truth", Odometry, self._on_truth, queue_size=1)
         for name in NAMES:
             rospy.Subscriber(f"{space}/sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
-
-    def _on_odometry(self, message: Odometry) -> None:
-        self._odom = Pose(*planar(message.pose.pose))
-        self.on_odometry(message)
-
-    def _on_truth(self, message: Odometry) -> None:
-        self._true = Pose(*planar(message.pose.pose))
 
     def _on_status(self, message: DiagnosticStatus) -> None:
         self._status = {pair.key: pair.value for pair in message.values}
@@ -112,39 +93,21 @@ class TopicRobot:
     @property
     def ready(self) -> bool:
         """A message has come on every topic."""
-        return None not in (self._odom, self._true) and len(self.ranges) == len(NAMES)
-
-    @property
-    def pose(self) -> Pose:
-        """Pose by odometry, in the world frame."""
-        assert self._odom is not None
-        return self._origin.compose(*self._odom)
+        return self.known and len(self._true) > 0 and len(self.ranges) == len(NAMES)
 
     @property
     def true_pose(self) -> Pose:
         """True pose in the world."""
-        assert self._true is not None
-        return self._true
+        return self._true.last
 
     @property
     def bumped(self) -> bool:
         """The robot's body touches an object."""
-        return bool(self._truth.touching(self.true_pose, self._grown, self.member.name))
-
-    def reset_pose(self, pose: Pose) -> None:
-        """Set the pose at which the robot's odometry began."""
-        self._origin = pose
-
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Publish these speeds, unless `go_to_goal` drives."""
-        if self._cmd_vel is not None:
-            self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
+        return bool(self._truth.touching(self.true_pose, self._body.grown(TOUCH_M), self.member.name))
 
     def wait(self, seconds: float) -> None:
         """Sleep until `seconds` after the end of the previous wait."""
-        now_s = time.monotonic()
-        self._due_s = max(self._due_s + seconds, now_s)
-        time.sleep(self._due_s - now_s)
+        time.sleep(self._pace.rest_s(seconds))
         if not self.member.virtual:
             self._truth.place(self.member.name, self.true_pose, self._body)
 
@@ -155,26 +118,9 @@ class TopicRobot:
             header = Header(stamp=self._stamps[name], frame_id=frame)
             self._heard[name].publish(Range(header=header, range=range_m))
 
-    def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
-        """Refused: `follow_waypoints` sends the goals.
-
-        Raises:
-            NotImplementedError: always.
-        """
-        raise NotImplementedError(f"goal {goal} for {self.member.name}: follow_waypoints sends the goals")
-
-    def stop(self) -> None:
-        """Stop the robot, unless `go_to_goal` drives: it stops when its client ends."""
-        self.drive(0.0, 0.0)
-
 
 def ignore(_: Odometry) -> None:
     """Ignore a message."""
-
-
-def _write(pose: Pose, at: Any, turn: Any) -> None:
-    at.x, at.y = pose.x_m, pose.y_m
-    turn.z, turn.w = quaternion_of(pose.yaw_rad)
 
 
 def gather(
@@ -183,7 +129,7 @@ def gather(
     setting: Setting,
     members: Sequence[Member],
     navigated: bool,
-    world: str = mixed_team.WORLD,
+    world: str = WORLD,
 ) -> Team:
     """Starts boards and nodes of a team in a real and a virtual world, and waits until all are ready.
 
@@ -201,7 +147,7 @@ def gather(
     places.sendTransform([_place(member) for member in members])
     robots = [TopicRobot(each, virtual if each.virtual else truth, navigated) for each in members]
     for robot in robots:
-        stack.callback(robot.stop)
+        stack.callback(robot.drive, 0.0, 0.0)
     wait_until(lambda: parts.check() or all(robot.ready for robot in robots), START_S)  # type: ignore[func-returns-value]
     late = [robot.member.name for robot in robots if not robot.ready]
     if late:
@@ -219,9 +165,8 @@ def _start(parts: Parts, member: Member, world: str, seed: int, number: int, nav
     space = _shared("virtual" if member.virtual else "real")
     pose = pose_option(disturbances.placed(member.start, seed, member.name))
     errors = ("--error", disturbances.WANDER, "--sonar", disturbances.SONAR, "--seed", str(seed + number))
-    options = ("--world", world, "--world-name", space, "--pose", pose)
-    port = parts.board(member.name, "--robot", member.robot, *errors, *options)
-    parts.robot(member.name, port, member.robot, RATE_HZ)
+    place = ("--world", world, "--world-name", space, "--pose", pose)
+    parts.robot(member.name, member.robot, RATE_HZ, *errors, *place)
     if navigated:
         parts.node("go_to_goal", member.name, *(f"sonar/{name}:=heard/{name}" for name in NAMES))
 
@@ -229,7 +174,9 @@ def _start(parts: Parts, member: Member, world: str, seed: int, number: int, nav
 def _place(member: Member) -> TransformStamped:
     """Transform from the map to the start of a robot's odometry."""
     message = TransformStamped(header=Header(frame_id="map"), child_frame_id=f"{member.name}/odom")
-    _write(member.start, message.transform.translation, message.transform.rotation)
+    at, turn = message.transform.translation, message.transform.rotation
+    at.x, at.y = member.start[:2]
+    turn.z, turn.w = quaternion_of(member.start.yaw_rad)
     return message
 
 
@@ -246,26 +193,26 @@ def watch(team: Team, seconds: float, over: Callable[[float], bool]) -> float:
     ticks = 0
     while not over(ticks * TICK_S) and ticks * TICK_S < seconds:
         for player in team.players:
-            player.robot.pass_on(player.ranges())  # type: ignore[attr-defined]
+            player.robot.pass_on(player.ranges())
         team.tick([(0.0, 0.0)] * len(team.players))
         ticks += 1
     return ticks * TICK_S
 
 
-def share_waypoint(parts: Parts, setting: Setting) -> SharedRun:
+def share_waypoint(parts: Parts, setting: Setting) -> TourRun:
     """The rounds of `shared-waypoint`, with claims on the topic `/claims`."""
     with ExitStack() as stack:
         members = shared_waypoint.MEMBERS
-        team = gather(stack, parts, setting, members, navigated=True, world=shared_waypoint.WORLD)
+        team = gather(stack, parts, setting, members, navigated=True)
         names = ",".join(member.name for member in members)
         for member in members:
             poses = shared_waypoint.tour_of(member.name, ROUNDS)
             places = sorted(shared_waypoint.shared_of(poses))
             shared = ",".join(str(place + 1) for place in places)
             begin_tour(parts, member.name, poses, shared=shared, team=names)
-        robots: List[Any] = [player.robot for player in team.players]
+        robots = [player.robot for player in team.players]
         lasted_s = watch(team, MOST_S, lambda _: all(robot.tour in (DONE, PAUSED) for robot in robots))
-        return SharedRun(outcome(team), sum(robot.visits // 2 for robot in robots), 0.0, lasted_s)
+        return TourRun(team, [robot.visits for robot in robots], 0.0, lasted_s, len(robots))
 
 
 def patrol_team(parts: Parts, setting: Setting) -> PatrolRun:
@@ -273,37 +220,21 @@ def patrol_team(parts: Parts, setting: Setting) -> PatrolRun:
     with ExitStack() as stack:
         beats = patrol.three(setting.seed)
         members = [beat.member for beat in beats]
-        team = gather(stack, parts, setting, members, navigated=True, world=patrol.WORLD)
+        team = gather(stack, parts, setting, members, navigated=True)
         for beat in beats:
             begin_tour(parts, beat.member.name, beat.poses, repeat=True)
         visits = patrol.Visits(beats)
 
         def count(now_s: float) -> bool:
             for index, player in enumerate(team.players):
-                reached = player.robot.visits  # type: ignore[attr-defined]
-                visits.update(index, reached, player.robot.true_pose, now_s)
+                visits.update(index, player.robot.visits, player.robot.true_pose, now_s)
             return False
 
         return visits.outcome(team, watch(team, PATROL_S, count))
 
 
-def wander_team(parts: Parts, setting: Setting) -> TeamRun:
+def wander_team(parts: Parts, setting: Setting) -> Team:
     """The run of `mixed-team`."""
     with ExitStack() as stack:
-        return wander(gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False), WANDER_S)
-
-
-RUNS: Dict[str, Tuple[Callable[..., Any], Callable[..., Result]]] = {
-    "mixed-team": (wander_team, mixed_team.run),
-    "shared-waypoint": (share_waypoint, shared_waypoint.run),
-    "patrol": (patrol_team, patrol.run),
-}
-"""The run through ROS of each experiment, and the experiment itself."""
-
-
-def play(name: str, parts: Parts, setting: Setting) -> Result:
-    """Runs an experiment once through ROS, ends all programs, and then runs it in simulated time."""
-    through_ros, in_simulated_time = RUNS[name]
-    made: Any = through_ros(parts, setting)
-    parts.close()
-    return in_simulated_time(setting, made)
+        team = gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False)
+        return mixed_team.wander(team, WANDER_S)

@@ -4,23 +4,28 @@ An emulated board in its own process logs the bytes at its port with their times
 each command, and when each Odometry message came.
 """
 
+import json
+import re
+import statistics
 import time
-from typing import Dict, List
+from pathlib import Path
+from typing import Dict, List, NamedTuple, Sequence
 
 import rospy
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 
 from mrl_driver.errors import MrlError
+from mrl_driver.protocol.table import BY_NAME
 from ros1_bridge.demo.processes import wait_until
-from sim_arduino.experiments import turnaround
-from sim_arduino.experiments.experiment_report import Result
+from sim_arduino.board.uart import IN_BYTE_S
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.turnaround import Topics
 
 from .experiment_processes import START_S, Parts
-from .wire_log import command_s, commanded, odometry_s, read, sent
 
+_MOVE = re.compile(rb"@%d,(-?\d+),[^@e]*e" % BY_NAME["move_differential"].code)
+_STREAMED = b"@%d," % BY_NAME["read_encoders_and_sonars"].code
 SPACE = "robot"
 RATE_HZ, MESSAGES = 50, 200
 FASTEST_MM_S = 300
@@ -64,26 +69,68 @@ def _twist(speed_mm_s: int) -> Twist:
     return Twist(Vector3(speed_mm_s / 1000, 0, 0), Vector3())
 
 
-def measure(parts: Parts, robot: str, messages: int = MESSAGES) -> Topics:
-    """Drives an emulated board through topics, and measures the delays of the messages [ms].
+def measure(parts: Parts, setting: Setting, messages: int = MESSAGES) -> Topics:
+    """Drives an emulated board through topics, in the driver's default mode; the delays of the messages [ms].
 
     Raises:
         MrlError: a part has failed.
     """
     log, truth = parts.folder / "wire.json", parts.folder / "truth.json"
-    options = ("--robot", robot, "--world", "square", "--log", str(log), "--truth", str(truth))
-    parts.robot(SPACE, parts.board(SPACE, *options), robot, RATE_HZ)
+    parts.robot(SPACE, setting.robot, RATE_HZ, "--world", "square", "--log", str(log), "--truth", str(truth))
     timed = Timed(parts)
     timed.run(messages)
     rows = read(log, truth)
-    return Topics(
-        1000 * odometry_s(sent(rows), timed.arrived),
-        1000 * command_s(timed.published, commanded(rows, min(timed.published.values()))),
+    commands = commanded(rows, min(timed.published.values()))
+    return Topics(1000 * odometry_s(sent(rows), timed.arrived), 1000 * command_s(timed.published, commands))
+
+
+# -- the log of bytes at the board's port; all times are the monotonic clock of the host
+
+
+class Passed(NamedTuple):
+    """Bytes at the port, sent by `host` or `board`."""
+
+    at_s: float
+    who: str
+    data: bytes
+
+
+def read(log: Path, truth: Path) -> List[Passed]:
+    """The log of `mrl-sim --log`; the file of `--truth` from the same run gives the offset to monotonic time."""
+    with truth.open(encoding="utf-8") as file:
+        row = json.loads(file.readline())
+    start_s = row["host_monotonic"] - row["t"]
+    with log.open(encoding="utf-8") as file:
+        rows = [json.loads(line) for line in file if line.endswith("\n")]
+    return [Passed(start_s + row["t"], row["from"], row["bytes"].encode("latin-1")) for row in rows]
+
+
+def sent(rows: Sequence[Passed]) -> List[float]:
+    """Times at which the frames with counters left the board [s]."""
+    return [row.at_s for row in rows if row.who == "board" and _STREAMED in row.data]
+
+
+def commanded(rows: Sequence[Passed], since_s: float) -> Dict[int, float]:
+    """Speed [mm/s] to the time at which the motor board first had it [s], the end of its frame on the wire."""
+    found: Dict[int, float] = {}
+    for row in rows:
+        if row.who == "host" and row.at_s >= since_s:
+            for frame in _MOVE.finditer(row.data):
+                found.setdefault(int(frame.group(1)), row.at_s + frame.end() * IN_BYTE_S)
+    return found
+
+
+def odometry_s(frames_s: Sequence[float], arrived_s: Sequence[float]) -> float:
+    """Median time from a frame to its Odometry message [s]; a message belongs to the last frame before it."""
+    delays_s = (at - max(each for each in frames_s if each <= at) for at in arrived_s)
+    return statistics.median(delays_s)
+
+
+def command_s(published_s: Dict[int, float], commanded_s: Dict[int, float]) -> float:
+    """Median time from publishing a speed until the motor board has it [s].
+
+    Speeds that the board never received, because a later one replaced them, do not count.
+    """
+    return statistics.median(
+        commanded_s[speed] - at for speed, at in published_s.items() if speed in commanded_s
     )
-
-
-def play(_: str, parts: Parts, setting: Setting) -> Result:
-    """Measures the delays through ROS, in the driver's default mode, then those on the simulated chip."""
-    topics = measure(parts, setting.robot)
-    parts.close()
-    return turnaround.run(setting, topics)

@@ -6,7 +6,8 @@ with a Wiimote steers it by eye; the map has the poses of its odometry.
 
 import math
 import random
-from typing import Any, List, NamedTuple, Sequence, Tuple
+from functools import partial
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from . import arena, disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import PATIENCE_S, ExperimentRobot, Setting, open_robot, require_emulated
 from .team import pose_option
+from .trials import Measure
 
 EVERY_TICKS = 6
 CELL_M, VIEWS, SHARE = 0.1, 6, 0.5
@@ -115,25 +117,17 @@ def run(setting: Setting) -> Result:
     drives = trials.over_seeds(_drive, setting, trials.SEEDS)
     empty = trials.over_seeds(_drive_without_sources, setting, trials.SEEDS)
     rows = [row for index in range(len(VARIABLES)) for row in _evaluate(index, drives, empty)]
-    rows += [
-        trials.figure("collisions", "collisions with obstacles", [drive.bumps for drive in drives + empty]),
-        trials.figure(
-            "off_cm", "odometry, wheels and gyro, at the end", [100 * drive.off_m for drive in drives], "cm"
-        ),
-    ]
+    collisions = Measure("collisions", "collisions with obstacles", of=lambda drive: drive.bumps)
+    off = Measure("off_cm", "odometry, wheels and gyro, at the end", "cm", lambda drive: 100 * drive.off_m)
+    rows += [collisions.figure(drives + empty), off.figure(drives)]
     remark = (
         "Control: each reading counts as an alert. The fields around the sources, their values and the alert level of "
         "alcohol are assumed; the levels of heat and dust are published. The sweep is autonomous, with the plan of the "
         "arena known; the paper's robot was driven with a Wiimote. Published: the map of the three variables matches "
         "the scene, but not the sources' positions."
     )
-    return Result(
-        "environment",
-        "Map of heat, dust and alcohol in the arena",
-        rows,
-        [_draw(setting, drives[0])],
-        remark,
-    )
+    title = "Map of heat, dust and alcohol in the arena"
+    return Result("environment", title, rows, [_draw(setting, drives[0])], remark)
 
 
 # -- the drive
@@ -153,15 +147,9 @@ def _sweep(setting: Setting, world: World, twice: bool = True, **imu: Any) -> Dr
     """A sweep of a robot that a person put on the arena's mark, with errors of its own in wheels and sensors."""
     start, seed = disturbances.placed(world.start, setting.seed), setting.seed
     course = Course(arena.sweep(world, twice), SPEEDS)
-    with open_robot(
-        setting,
-        world,
-        environment=True,
-        environment_errors=ERRORS,
-        error=disturbances.error(seed),
-        pose=pose_option(start),
-        **imu,
-    ) as robot:
+    sensors: Dict[str, Any] = {"environment": True, "environment_errors": ERRORS}
+    error, pose = disturbances.error(seed), pose_option(start)
+    with open_robot(setting, world, error=error, pose=pose, **sensors, **imu) as robot:
         robot.wait(STAND_S)
         robot.reset_pose(world.start)
         samples, bumps = _follow(robot, course)
@@ -265,44 +253,35 @@ def _false(each: Variable, drive: Drive, found: Spots) -> int:
 
 def _evaluate(index: int, drives: Sequence[Drive], empty: Sequence[Drive]) -> List[Figure]:
     """Distance of the sources from what was found, false alerts, and alerts in the arenas without sources."""
-    each = VARIABLES[index]
-    found = [spots(index, drive, each.alert) for drive in drives]
-    anywhere = [spots(index, drive, IGNORED) for drive in drives]
-    away, control = (
-        [apart_m(_sources(each, drive), objects(each, places)) for drive, places in zip(drives, all_of)]
-        for all_of in (found, anywhere)
+    each, title = VARIABLES[index], VARIABLES[index].title
+    alert = f"alert from {each.alert:g}" if each is not ALCOHOL else ""
+    away, far = (
+        f"{title}: largest distance between sources and places found",
+        f"more than {FALSE_M:g} m from all",
     )
-    most = [max(max(sample.values[index]) for sample in drive.samples) for drive in drives]
-    none = [spots(index, drive, each.alert) for drive in empty]
-    return [
-        trials.figure(
-            f"{each.title}_most",
-            f"largest {each.title}",
-            most,
-            each.unit,
-            worst=min,
-            published=f"alert from {each.alert:g}" if each is not ALCOHOL else "",
-            put_in=True,
-        ),
-        trials.figure(
-            f"{each.title}_distance_m",
-            f"{each.title}: largest distance between sources and places found",
-            away,
-            "m",
-            control,
-        ),
-        trials.figure(
-            f"{each.title}_false",
-            f"{each.title}: alerts more than {FALSE_M:g} m from all sources",
-            [_false(each, drive, places) for drive, places in zip(drives, found)],
-            control=[_false(each, drive, places) for drive, places in zip(drives, anywhere)],
-        ),
-        trials.figure(
-            f"{each.title}_without_sources",
-            f"{each.title}: alerts in an arena without sources",
-            [len(places.places) for places in none],
-        ),
-    ]
+    alerts = f"{title}: alerts in an arena without sources"
+    most = Measure(
+        f"{title}_most", f"largest {title}", each.unit, partial(_most, index), min, alert, put_in=True
+    )
+    measures = (
+        Measure(f"{title}_distance_m", away, "m", lambda pair: _apart_m(each, *pair)),
+        Measure(f"{title}_false", f"{title}: alerts {far} sources", of=lambda pair: _false(each, *pair)),
+    )
+    none = Measure(
+        f"{title}_without_sources", alerts, of=lambda drive: len(spots(index, drive, each.alert).places)
+    )
+    found, anywhere = (
+        [(drive, spots(index, drive, level)) for drive in drives] for level in (each.alert, IGNORED)
+    )
+    return [most.figure(drives), *trials.figures(measures, found, anywhere), none.figure(empty)]
+
+
+def _most(index: int, drive: Drive) -> int:
+    return max(max(sample.values[index]) for sample in drive.samples)
+
+
+def _apart_m(each: Variable, drive: Drive, found: Spots) -> float:
+    return apart_m(_sources(each, drive), objects(each, found))
 
 
 # -- the picture

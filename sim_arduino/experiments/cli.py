@@ -1,10 +1,9 @@
-"""`mrl experiment`: the papers' experiments, one after the other or two at a time."""
+"""`mrl experiment`: the papers' experiments, one after the other."""
 
-import contextlib
 import importlib
 import os
 import time
-from typing import TYPE_CHECKING, Any, Generator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Sequence
 
 import click
 
@@ -15,7 +14,6 @@ from mrl_driver.errors import ConfigError, MrlError
 from sim_arduino.serve.one_line import OneLine
 
 if TYPE_CHECKING:  # `mrl --help` loads this module
-    from rich.console import Console
     from rich.table import Table
 
     from .experiment_report import Result
@@ -23,7 +21,7 @@ if TYPE_CHECKING:  # `mrl --help` loads this module
 
 
 class Experiment(NamedTuple):
-    """An experiment; its `module` has `run(setting)`."""
+    """An experiment; its `module` has `run(setting)`, and if it can run through ROS `run(setting, live)`."""
 
     module: str
     text: str
@@ -46,16 +44,10 @@ EXPERIMENTS = {
     "environment": Experiment("arena_sweep", "map of heat, dust and alcohol in the arena"),
     "turnaround": Experiment("turnaround", "time of messages between PC, or topic, and motor board"),
 }
-WORKERS = 2
-
-
-def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Names of the experiments, for shell completion."""
-    return [name for name in ("all", *EXPERIMENTS) if name.startswith(incomplete)]
 
 
 @click.command("experiment", cls=OneLine, short_help="Repeat an experiment of the papers.")
-@click.argument("names", nargs=-1, metavar="[NAME|all]...", shell_complete=_complete)
+@click.argument("names", nargs=-1, metavar="[NAME|all]...", type=click.Choice(["all", *EXPERIMENTS]))
 @click.option("--list", "listed", is_flag=True, help="List the experiments.")
 @click.option(
     "--port",
@@ -103,37 +95,16 @@ def main(
       mrl experiment all
     """
     if listed or not names:
-        _list()
+        width = max(map(len, EXPERIMENTS))
+        click.echo("\n".join(f"{name:{width}}  {each.text}" for name, each in EXPERIMENTS.items()))
         return
-    chosen = _chosen(names)
+    chosen = list(EXPERIMENTS if "all" in names else dict.fromkeys(names))
     figures.require_matplotlib("mrl experiment")
     if port is not None:
         confirm_motion(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
-    from rich.console import Console
-
-    from .experiment_report import save
     from .experiment_robot import Setting
 
-    setting = Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros), seeds)
-    console = Console()
-    with contextlib.closing(_results(chosen, setting, console)) as results:
-        for name, result, seconds in results:
-            save(result, setting.folder)
-            console.print(_table(name, result, seconds, setting.folder))
-    console.print(f"report: {os.path.join(setting.folder, 'report.md')}", soft_wrap=True)
-
-
-def _list() -> None:
-    width = max(map(len, EXPERIMENTS))
-    for name, experiment in EXPERIMENTS.items():
-        click.echo(f"{name:{width}}  {experiment.text}")
-
-
-def _chosen(names: Sequence[str]) -> List[str]:
-    unknown = [name for name in names if name not in EXPERIMENTS and name != "all"]
-    if unknown:
-        raise ConfigError(f"experiment {unknown[0]!r} is unknown, expected all, {', '.join(EXPERIMENTS)}")
-    return list(EXPERIMENTS) if "all" in names else list(dict.fromkeys(names))
+    _run(chosen, Setting(_folder(out), port, robot, seed, port is None and _through_ros(chosen, ros), seeds))
 
 
 def _ros_experiments() -> Any:
@@ -174,54 +145,44 @@ def _folder(out: str) -> str:
     return out
 
 
-def _results(
-    chosen: Sequence[str], setting: "Setting", console: "Console"
-) -> Generator[Tuple[str, "Result", float], None, None]:
-    """Each result as soon as it is ready, with its duration [s]; emulated experiments run two at a time.
+def _run(chosen: Sequence[str], setting: "Setting") -> None:
+    """Runs experiments, and prints and saves their results.  Of emulated robots, the others go on when one fails.
 
-    This process drives a real robot itself, so that any signal stops the robot; a child process might drive on.
+    Raises:
+        MrlError: what failed, with the exit code of the first failure.
     """
-    if setting.port is not None:
-        yield from (timed(name, setting) for name in chosen)
-        return
-    import concurrent.futures
+    from rich.console import Console
 
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from .experiment_report import save
 
-    from .workers import pool
-
-    failures: List[MrlError] = []
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress, pool(
-        min(WORKERS, len(chosen))
-    ) as submit:
-        waiting = {submit(timed, name, setting): progress.add_task(name) for name in chosen}
-        for future in concurrent.futures.as_completed(waiting):
-            progress.remove_task(waiting[future])
-            try:
-                yield future.result()
-            except MrlError as error:
-                failures.append(error)
+    console, failures = Console(), []
+    for name in chosen:
+        start_s = time.monotonic()
+        try:
+            with console.status(name):
+                result = run(name, setting)
+        except MrlError as error:
+            if setting.port is not None:
+                raise
+            failures.append(error)
+            continue
+        save(result, setting.folder)
+        console.print(_table(name, result, time.monotonic() - start_s, setting.folder))
     if failures:
-        raise _joined(failures)
+        joined = MrlError("; ".join(map(str, failures)))
+        joined.exit_code = failures[0].exit_code
+        raise joined
+    console.print(f"report: {os.path.join(setting.folder, 'report.md')}", soft_wrap=True)
 
 
-def _joined(failures: Sequence[MrlError]) -> MrlError:
-    """Several errors joined into one, with the exit code of the first."""
-    joined = MrlError("; ".join(map(str, failures)))
-    joined.exit_code = failures[0].exit_code
-    return joined
-
-
-def timed(name: str, setting: "Setting") -> Tuple[str, "Result", float]:
-    """One experiment's name, result and duration [s]."""
-    start_s = time.monotonic()
+def run(name: str, setting: "Setting") -> "Result":
+    """Runs one experiment, in this process: any signal stops a real robot."""
     ros_experiments = _ros_experiments() if setting.ros else None
     if ros_experiments and name in ros_experiments.NODES:
         result: Result = ros_experiments.run(name, setting)
     else:
         result = importlib.import_module(f"{__package__}.{EXPERIMENTS[name].module}").run(setting)
-    return name, result, time.monotonic() - start_s
+    return result
 
 
 def _table(name: str, result: "Result", seconds: float, folder: str) -> "Table":

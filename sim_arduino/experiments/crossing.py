@@ -13,17 +13,17 @@ from typing import Dict, List, Mapping, NamedTuple, Sequence
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import Claim
 from mrl_driver.navigation.radio_claims import LATE_S, RadioTeam
-from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, WaypointTour
+from mrl_driver.navigation.waypoint_tour import CLAIMING, WaypointTour
 from mrl_driver.robot.radio import RadioText
 from sim_arduino.world.world import World
 
 from . import disturbances
 from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot, require_emulated
-from .mixed_team import TeamRun, draw, outcome, rows_of
+from .mixed_team import result, rows_of
 from .team import Member, Player, Team, pose_option
-from .tours import TourDriver
-from .trials import figure, over_seeds
+from .tours import DURATION, TourDriver, TourRun, drive_tours
+from .trials import Measure, figures, over_seeds
 
 RADIOS: Dict[str, int] = {"1": 0x0013A20040000001, "2": 0x0013A20040000002}
 """Name and radio address of each robot."""
@@ -37,6 +37,16 @@ LOSS = 0.1
 CUT_S, CUT_FOR_S = (0.5, 12.0), 15.0
 """The radio of one robot fails at a time between these, for this time [s]."""
 TIME_LIMIT_S = 90.0
+MEASURES = (
+    Measure("crossed", "robots that crossed", of=lambda run: run.tours.arrived, worst=min),
+    Measure("waited_s", "time before the crossing", "s", lambda run: run.tours.waited_s),
+    DURATION._replace(of=lambda run: run.tours.duration_s),
+)
+CUT_MEASURES = (
+    Measure("entered", "claims that were granted during the cut"),
+    Measure("unnamed", "robots that did not name the silent one"),
+)
+NAMED = Measure("named_s", "time until a waiting robot names the silent one", "s")
 REMARK = (
     f"In simulated time; each radio loses {LOSS:.0%} of the packets. The robots use no sonars. In the control every "
     "claim is granted at once; its runs end with the first collision. In the runs with a cut, one radio is off for "
@@ -48,18 +58,13 @@ class CrossingRun(NamedTuple):
     """What came out of one run.
 
     Attributes:
-        crossed: Number of robots that arrived at the end of their lane.
-        waited_s: Time that the robots stood before the crossing together [s].
-        entered_cut: Number of robots that got the crossing while the radio was cut.
+        entered: Number of robots that got the crossing while the radio was cut.
         named_s: Time from the cut until each robot that waited had named the other one as silent [s]; the longest.
         unnamed: Number of robots that waited during the whole cut and did not name the other one.
     """
 
-    team: TeamRun
-    crossed: int
-    waited_s: float
-    duration_s: float
-    entered_cut: int
+    tours: TourRun
+    entered: int
     named_s: float
     unnamed: int
 
@@ -101,55 +106,33 @@ class RadioRobot:
 def run(setting: Setting) -> Result:
     """Lets two robots meet at the crossing with many seeds, and draws the paths of the first run."""
     require_emulated(setting, "crossing")
-    runs, control = over_seeds(claimed, setting), over_seeds(granted_at_once, setting)
-    cut = over_seeds(partial(claimed, cut=True), setting)
-    rows = rows_of([each.team for each in runs], [each.team for each in control])
-    rows += _rows(runs)
-    for row in [*rows_of([each.team for each in cut], []), *_rows(cut), *_cut_rows(cut)]:
-        rows.append(row._replace(key=f"cut_{row.key}", text=f"radio cut: {row.text}"))
+    runs, control = over_seeds(cross, setting), over_seeds(partial(cross, claims=False), setting)
+    cut = over_seeds(partial(cross, cut=True), setting)
+    rows, named = _rows(runs, control), [each for each in cut if each.named_s > 0]
+    cut_rows = [*_rows(cut), *figures(CUT_MEASURES, cut), *([NAMED.figure(named)] if named else [])]
+    rows += [row._replace(key=f"cut_{row.key}", text=f"radio cut: {row.text}") for row in cut_rows]
     rows = [row._replace(published="") for row in rows]
-    picture = draw(setting, runs[0].team.players, "crossing", "room")
-    return Result("crossing", "Two robots at a blind crossing, by radio alone", rows, [picture], REMARK)
+    title = "Two robots at a blind crossing, by radio alone"
+    return result("crossing", title, rows, runs[0].tours.team, setting, REMARK)
 
 
-def _rows(runs: Sequence[CrossingRun]) -> List[Figure]:
-    return [
-        figure("crossed", "robots that crossed", [each.crossed for each in runs], worst=min),
-        figure("waited_s", "time before the crossing", [each.waited_s for each in runs], "s"),
-        figure("duration_s", "duration", [each.duration_s for each in runs], "s"),
-    ]
+def _rows(runs: Sequence[CrossingRun], control: Sequence[CrossingRun] = ()) -> List[Figure]:
+    teams, others = ([each.tours.team for each in some] for some in (runs, control))
+    return [*rows_of(teams, others), *figures(MEASURES, runs)]
 
 
-def _cut_rows(runs: Sequence[CrossingRun]) -> List[Figure]:
-    named = [each.named_s for each in runs if each.named_s > 0]
-    rows = [
-        figure("entered", "claims that were granted during the cut", [each.entered_cut for each in runs]),
-        figure("unnamed", "robots that did not name the silent one", [each.unnamed for each in runs]),
-    ]
-    if named:
-        rows.append(figure("named_s", "time until a waiting robot names the silent one", named, "s"))
-    return rows
-
-
-def claimed(setting: Setting, cut: bool = False) -> CrossingRun:
+def cross(setting: Setting, cut: bool = False, claims: bool = True) -> CrossingRun:
     """A run in which the robots claim the crossing by radio.
 
     Args:
         cut: The radio of one robot fails for a while.
+        claims: False to grant each claim at once, until the first collision.
     """
-    return _cross(setting, cut, claims=True)
-
-
-def granted_at_once(setting: Setting) -> CrossingRun:
-    """A run in which every claim is granted at once, until the first collision."""
-    return _cross(setting, cut=False, claims=False)
-
-
-def _cross(setting: Setting, cut: bool, claims: bool) -> CrossingRun:
     rng = random.Random(f"crossing {setting.seed}")
     with ExitStack() as stack:
         team = _gather(stack, setting, rng)
-        talkers = {p.member.name: RadioRobot(p.member.name, p.robot) for p in team.players}  # type: ignore[arg-type]
+        names = [player.member.name for player in team.players]
+        talkers = {name: RadioRobot(name, player.robot) for name, player in zip(names, team.players)}
         cut_s = rng.uniform(*CUT_S) if cut else math.inf
         return _Run(team, talkers if claims else {}, cut_s, rng.choice(list(RADIOS))).run()
 
@@ -167,13 +150,7 @@ def _gather(stack: ExitStack, setting: Setting, rng: random.Random) -> Team:
         pose = pose_option(disturbances.placed(member.start, setting.seed, name))
         its = setting._replace(seed=setting.seed + number)
         made = open_robot(
-            its,
-            world,
-            name=name,
-            pose=pose,
-            error=disturbances.WANDER,
-            radio=f"{address:x}",
-            radio_loss=LOSS,
+            its, world, name=name, pose=pose, error=disturbances.WANDER, radio=f"{address:x}", radio_loss=LOSS
         )
         players.append(BlindPlayer(member, stack.enter_context(made), world, World()))
     return Team(players)
@@ -185,30 +162,20 @@ class _Run:
     def __init__(self, team: Team, claims: Mapping[str, RadioRobot], cut_s: float, cut_name: str) -> None:
         self._team, self._claims = team, claims
         self._cut_s, self._cut_name = cut_s, cut_name
-        self._cut = False
+        self._cut, self._entered = False, 0
+        self._held: List[str] = []
         self._named: Dict[str, float] = {}
         self._waits: Dict[str, float] = {}
-        self._entered = 0
+        self._drivers = [self._driver(player) for player in team.players]
 
     def run(self) -> CrossingRun:
         """Runs until both robots have crossed; without claims at most until the first collision."""
-        drivers = [self._driver(player) for player in self._team.players]
-        now_s, waited_s = 0.0, 0.0
-        while any(d.tour.state != DONE for d in drivers) and now_s < TIME_LIMIT_S:
-            before = self._holders()
-            self._talk(now_s)
-            self._team.tick([driver.command(now_s) for driver in drivers])
-            self._watch(drivers, before, now_s)
-            waited_s += TICK_S * sum(driver.tour.state == CLAIMING for driver in drivers)
-            now_s += TICK_S
-            if self._team.collisions and not self._claims:
-                break
-        crossed = sum(driver.tour.state == DONE for driver in drivers)
-        unnamed = sum(
-            wait_s > CUT_FOR_S - TICK_S for name, wait_s in self._waits.items() if name not in self._named
+        tours = drive_tours(
+            self._team, self._drivers, TIME_LIMIT_S, not self._claims, self._talk, self._watch
         )
-        named_s = max(self._named.values(), default=0.0)
-        return CrossingRun(outcome(self._team), crossed, waited_s, now_s, self._entered, named_s, unnamed)
+        long = [name for name, wait_s in self._waits.items() if wait_s > CUT_FOR_S - TICK_S]
+        unnamed = sum(name not in self._named for name in long)
+        return CrossingRun(tours, self._entered, max(self._named.values(), default=0.0), unnamed)
 
     def _driver(self, player: Player) -> TourDriver:
         name = player.member.name
@@ -217,6 +184,7 @@ class _Run:
         return TourDriver(player, WaypointTour(claim=claim, shared={1}), poses, 0.0)
 
     def _talk(self, now_s: float) -> None:
+        self._held = self._holders()
         cut = self._cut_s <= now_s < self._cut_s + CUT_FOR_S
         if cut != self._cut:
             self._cut = cut
@@ -227,12 +195,12 @@ class _Run:
     def _holders(self) -> List[str]:
         return [name for name, each in self._claims.items() if each.claim.held]
 
-    def _watch(self, drivers: Sequence[TourDriver], before: Sequence[str], now_s: float) -> None:
+    def _watch(self, now_s: float) -> None:
         """Notes the claims that are granted, and the robots that are named as silent, while the radio is cut."""
         if not self._cut:
             return
-        self._entered += len(set(self._holders()) - set(before))
-        for driver in drivers:
+        self._entered += len(set(self._holders()) - set(self._held))
+        for driver in self._drivers:
             name = driver.player.member.name
             if driver.tour.state == CLAIMING:
                 self._waits[name] = self._waits.get(name, 0.0) + TICK_S

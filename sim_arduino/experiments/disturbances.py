@@ -1,7 +1,8 @@
-"""Errors of the robots in all experiments: their sizes and sources, and the options that give one robot its errors.
+"""Errors of the robots in all experiments, and the options that give one robot its errors.
 
 A robot has systematic errors, which its model does not know and which stay the same in a drive, and random ones, which
-are new in each step.  A robot is one name with one seed: the same seed gives the same errors.
+are new in each step.  A robot is one name with one seed: the same seed gives the same errors.  The sources of their
+sizes are in docs/experiments.md; the `_SD` are standard deviations, divided by the model's value if they have no unit.
 """
 
 import math
@@ -13,35 +14,20 @@ from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import ImuMount
 from sim_arduino.hardware.imu import ImuErrors
 
-WHEEL_M2_PER_M = 1e-6
-"""Variance of a wheel's distance per distance: 1 mm over 1 m.  Assumed, for a smooth floor."""
-TURN_RAD2_PER_RAD = 1e-4
-"""Variance of the yaw per angle turned, because slip varies within a drive: 0.6 deg over 1 rad.  Assumed; with the
-wheels it spreads the ends of equal laps of a 1 m square by 1 to 3 cm.
-"""
-WHEEL_RATIO_SD, AXLE_SD = 0.005, 0.005
-"""Standard deviations of wheel ratio and wheel separation, divided by the model's.  Assumed: with `MAX_SLIP` a lap of a
-1 m square ends some 10 cm off, as the published ones (Araujo 2012).
-"""
-WHEEL_SIZE_SD = 0.002
-"""Standard deviation of the size of both wheels, divided by the model's: 2 mm over 1 m, as a tape measures
-(`fit.BY_TAPE`).
-"""
+WHEEL_M2_PER_M, TURN_RAD2_PER_RAD = 1e-6, 1e-4
+"""Variance of a wheel's distance per distance, and of the yaw per angle turned."""
+WHEEL_RATIO_SD, AXLE_SD, WHEEL_SIZE_SD = 0.005, 0.005, 0.002
 MAX_SLIP = 0.02
 """Largest mean share of a turn that a robot loses; each robot has its own."""
 PLACED_M, PLACED_RAD = 0.005, math.radians(1.0)
-"""Standard deviations, along each axis and in heading, of a robot that a person puts on a mark.  Assumed."""
+"""Standard deviations, along each axis and in heading, of a robot that a person puts on a mark."""
 SONAR_NOISE_M = 0.01
-"""Standard deviation of a range: the resolution of the MB1300 (data sheet).  That noise is as large is assumed."""
+"""Standard deviation of a range."""
 CURVE_GAIN_SD, CURVE_EXPONENT_SD, CURVE_OFFSET_SD_M = 0.05, 0.02, 0.005
-"""Standard deviations of a sonar's own curve from the published one: factor and exponent, divided by the published
-ones, and constant.  Assumed: at 2 m they add up to 11 %, by which the published curve differs from the data sheet's
-1 cm per count.
-"""
+"""Of a sonar's own curve from the published one: factor, exponent and constant."""
 GYRO_SCALE_SD = 0.0003
 """Error of the gyro's scale after `mrl calibrate imu`: five turns to a mark that is read to 0.01 rad."""
-PACK_CAPACITY_SD, PACK_RESISTANCE_SD = 0.05, 0.2
-"""Standard deviations of the capacity and resistance of battery packs, divided by the model's.  Assumed."""
+PACK_CAPACITY_SD, PACK_RESISTANCE_SD = 0.05, 0.2  # assumed
 BATTERY_NOISE_V = 0.03
 """Standard deviation of a reading of the battery, from ripple and a converter of 10 bits.  Assumed."""
 

@@ -2,7 +2,7 @@
 
 import time
 from contextlib import contextmanager
-from typing import Any, Callable, Iterator, Mapping, NamedTuple, Optional, Tuple, Union
+from typing import Any, Callable, Iterator, Mapping, NamedTuple, Optional, Union
 
 from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.driver import Driver
@@ -42,14 +42,6 @@ class Setting(NamedTuple):
     seed: int = 1
     ros: bool = False
     seeds: int = 0
-
-
-class Step(NamedTuple):
-    """A step of a robot on the path to a goal."""
-
-    speeds: Tuple[float, float]
-    reached: bool
-    blocked: bool
 
 
 class Pace:
@@ -111,25 +103,13 @@ class ExperimentRobot(NamedTuple):
         """Lets time pass."""
         self.driver.wait(self.pace.rest_s(seconds) if self.pace else seconds)
 
-    def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], "Step"]:
-        """A function that takes the robot to a goal: from ranges [m] it computes the next step."""
-        seeker = GoalSeeker(goal, self.model.limits, self.driver.now_s, self.model.sonars)
-
-        def step(ranges: Mapping[str, float]) -> Step:
-            speeds = seeker.command(self.pose, ranges, self.driver.now_s)
-            return Step(speeds, seeker.reached, seeker.blocked)
-
-        return step
+    def seeker(self, goal: Pose) -> GoalSeeker:
+        """Drives the robot to a goal."""
+        return GoalSeeker(goal, self.model.limits, self.driver.now_s, self.model.sonars)
 
     def reset_pose(self, pose: Pose) -> None:
         """Sets the pose of the odometry."""
         self.driver.reset_pose(pose)
-
-    def place(self, pose: Pose) -> None:
-        """Puts an emulated robot somewhere else."""
-        assert self.plant is not None
-        state = self.plant.robot.state
-        state.x_m, state.y_m, state.yaw_rad = pose
 
 
 @contextmanager

@@ -4,7 +4,8 @@ of the pose describes its errors.
 
 import math
 import random
-from typing import Any, Callable, ContextManager, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from functools import partial
+from typing import Any, ContextManager, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.apps.calibration import fit, imu_procedures, manoeuvres
 from mrl_driver.apps.calibration.geometry_procedures import turn_legs
@@ -19,16 +20,17 @@ from mrl_driver.robot.robot_state import odometry_of
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.world import world_file
 
-from . import l_course, plot_style, trials
+from . import disturbances, l_course, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, follow, open_robot, require_emulated
+from .trials import Measure
 
 SEEDS, RUNS = 20, 100
 TURNS, SLIP = 10, 0.1
 PERIOD_MS = 20
 STAND_S = 2.0
 SPEEDS = manoeuvres.Speeds()
-COURSE, COURSE_POINTS = "l-course", l_course.WAYPOINTS
+COURSE = "l-course"
 CALIBRATION_LEGS, CALIBRATION_TURNS = 3, 5
 """Legs of `mrl calibrate imu`: two of one turn, and one of five."""
 DRIVE = (
@@ -65,22 +67,22 @@ class Errors(NamedTuple):
     position_cm: float
 
 
-class Consistency(NamedTuple):
-    """Normalised errors squared of poses, by the fused heading and by the wheels alone, of the same drives."""
-
-    gyro: List[float]
-    wheels: List[float]
-
-
 def run(setting: Setting) -> Result:
     """Drives with and without the gyro, and compares the poses with the true ones."""
     require_emulated(setting, "gyro")
     with_gyro = trials.over_seeds(lambda each: _errors(each, _calibrated(each)), setting, SEEDS)
     without = [_errors(setting, None)]  # nothing in it is drawn
-    rows = _rows(with_gyro, without)
-    found: Dict[str, List[float]] = {}
+    text = f"error of the heading after {TURNS} turns of 90 deg, {SOURCES['gyro']}"
+    measures = (
+        Measure("gyro_heading_deg", text, "deg", lambda errors: errors.heading_deg),
+        Measure(
+            "gyro_position_cm", "error of the position after the L-course", "cm", lambda e: e.position_cm
+        ),
+    )
+    rows = trials.figures(measures, with_gyro, without)
+    found: Dict[str, Sequence[float]] = {}
     for case in CASES:
-        for source, squared in zip(Consistency._fields, _consistency(setting, case)):
+        for source, squared in zip(SOURCES, zip(*_consistency(setting, case))):
             found[f"{SOURCES[source]}, {case.text}"] = squared
             rows += _nees_rows(source, case, squared)
     remark = (
@@ -91,40 +93,17 @@ def run(setting: Setting) -> Result:
         "model's `noise`, and nothing is calibrated; poses with a right covariance have a mean of 3, and 95 % within "
         "the bounds."
     )
-    return Result(
-        "gyro", "Heading by gyro and wheels", rows, [_draw(setting, with_gyro, without, found)], remark
-    )
-
-
-def _rows(errors: Sequence[Errors], control: Sequence[Errors]) -> List[Figure]:
-    (heading, position), (control_heading, control_position) = (
-        [[each[i] for each in runs] for i in range(2)] for runs in (errors, control)
-    )
-    return [
-        trials.figure(
-            "gyro_heading_deg",
-            f"error of the heading after {TURNS} turns of 90 deg, {SOURCES['gyro']}",
-            heading,
-            "deg",
-            control_heading,
-        ),
-        trials.figure(
-            "gyro_position_cm",
-            "error of the position after the L-course",
-            position,
-            "cm",
-            control_position,
-        ),
-    ]
+    picture = _draw(setting, with_gyro, without, found)
+    return Result("gyro", "Heading by gyro and wheels", rows, [picture], remark)
 
 
 def _nees_rows(source: str, case: Case, squared: Sequence[float]) -> List[Figure]:
-    key = f"nees_{case.key}_{source}"
-    inside = 100 * sum(WITHIN[0] <= each <= WITHIN[1] for each in squared) / len(squared)
-    text = f"NEES, {SOURCES[source]}, {case.text}: mean of {len(squared)} drives"
+    key, count = f"nees_{case.key}_{source}", len(squared)
+    inside = 100 * sum(WITHIN[0] <= each <= WITHIN[1] for each in squared) / count
+    text = f"NEES, {SOURCES[source]}, {case.text}: mean of {count} drives"
     return [
-        Figure(f"{key}_mean", text, sum(squared) / len(squared), seeds=len(squared)),
-        Figure(f"{key}_within_percent", "share within the 95 % bounds", inside, "%", seeds=len(squared)),
+        Figure(f"{key}_mean", text, sum(squared) / count, seeds=count),
+        Figure(f"{key}_within_percent", "share within the 95 % bounds", inside, "%", seeds=count),
     ]
 
 
@@ -134,7 +113,6 @@ def _nees_rows(source: str, case: Case, squared: Sequence[float]) -> List[Figure
 def _calibrated(setting: Setting) -> ImuMount:
     """The IMU of this seed, as `mrl calibrate imu` finds it."""
     rng = random.Random(f"mark {setting.seed}")
-
     with _open(setting, ImuMount()) as robot:
 
         def look() -> Pose:
@@ -142,33 +120,20 @@ def _calibrated(setting: Setting) -> ImuMount:
             return Pose(x_m, y_m, wrap_angle(yaw_rad + rng.gauss(0.0, fit.BY_TAPE.heading_rad)))
 
         legs = turn_legs(CALIBRATION_LEGS, CALIBRATION_TURNS, SPEEDS)
-        plan = imu_procedures.ImuPlan(legs, 0.0, SPEEDS)
-        track = imu_procedures.ImuTrack(robot.driver)
-        return imu_procedures.calibrate(
-            robot.driver,
-            track,
-            Truth(look),
-            plan,
-            fit.BY_TAPE,
-            lambda _: None,
-        ).after
+        plan, driver = imu_procedures.ImuPlan(legs, 0.0, SPEEDS), robot.driver
+        track = imu_procedures.ImuTrack(driver)
+        done = imu_procedures.calibrate(driver, track, Truth(look), plan, fit.BY_TAPE, lambda _: None)
+        return done.after
 
 
 def _open(setting: Setting, mount: Optional[ImuMount], **wrong: float) -> ContextManager[ExperimentRobot]:
     """A robot with slip, and with an IMU if `mount` is not None; `wrong` has its other errors."""
-    errors = {"slip": SLIP, **wrong}
-    option = ",".join(f"{key}={value:.6g}" for key, value in errors.items())
+    error = disturbances.option(**{"slip": SLIP, **wrong})
     imu: Dict[str, Any] = {}
     if mount is not None:
         imu = {"imu": True, "imu_errors": ImuErrors.drawn(setting.seed)}
     return open_robot(
-        setting,
-        COURSE,
-        imu_mount=mount,
-        period_ms=PERIOD_MS,
-        error=option,
-        footprint="none",
-        **imu,
+        setting, COURSE, imu_mount=mount, period_ms=PERIOD_MS, error=error, footprint="none", **imu
     )
 
 
@@ -183,10 +148,9 @@ def _errors(setting: Setting, mount: Optional[ImuMount]) -> Errors:
         heading_deg = math.degrees(abs(_between(robot.pose, robot.true_pose)[2]))
         start = robot.true_pose
         robot.reset_pose(start)
-        points = [
-            Pose(*point, 0.0).relative_to(world_file.load(COURSE).start) for point in l_course.WAYPOINTS
-        ]
-        follow(robot, Course([start.compose(*point)[:2] for point in points]), lambda: None)
+        first = world_file.load(COURSE).start
+        points = [start.compose(*Pose(*each, 0.0).relative_to(first)) for each in l_course.WAYPOINTS]
+        follow(robot, Course([point[:2] for point in points]), lambda: None)
         robot.wait(STAND_S)
         return Errors(heading_deg, 100 * math.hypot(*_between(robot.pose, robot.true_pose)[:2]))
 
@@ -199,15 +163,14 @@ def _between(pose: Pose, true: Pose) -> Tuple[float, float, float]:
 # -- covariance
 
 
-def _consistency(setting: Setting, case: Case) -> Consistency:
+def _consistency(setting: Setting, case: Case) -> List[Tuple[float, float]]:
+    """Normalised errors squared of the poses of drives, by the fused heading and by the wheels alone."""
     noise = load(case.robot).noise
 
     def drive(each: Setting) -> Tuple[float, float]:
-        rng = random.Random(f"{case.robot} {each.seed}")
-        return _drive(each, _drawn(noise, rng, case.slip))
+        return _drive(each, _drawn(noise, random.Random(f"{case.robot} {each.seed}"), case.slip))
 
-    squared = trials.over_seeds(drive, setting._replace(robot=case.robot), RUNS)
-    return Consistency(*(list(each) for each in zip(*squared)))
+    return trials.over_seeds(drive, setting._replace(robot=case.robot), RUNS)
 
 
 def _drawn(noise: Noise, rng: random.Random, slip: Optional[float]) -> Dict[str, float]:
@@ -231,7 +194,7 @@ def _drive(setting: Setting, wrong: Dict[str, float]) -> Tuple[float, float]:
         robot.reset_pose(robot.true_pose)
         alone = odometry_of(robot.model, exact_time=True)
         alone.set_pose(robot.true_pose)
-        robot.driver.on_telemetry(_following(alone))
+        robot.driver.on_telemetry(partial(_follow, alone))
         for linear, angular, seconds in (*DRIVE, (0.0, 0.0, STAND_S)):
             for _ in range(round(seconds / 0.1)):
                 robot.drive(linear, angular)
@@ -242,18 +205,17 @@ def _drive(setting: Setting, wrong: Dict[str, float]) -> Tuple[float, float]:
         return by_gyro, error_squared(sure.spread, *_between(alone.pose, robot.true_pose))
 
 
-def _following(odometry: Odometry) -> Callable[[Telemetry], None]:
-    """A function that gives the counts of telemetry to a second odometry."""
-
-    def update(telemetry: Telemetry) -> None:
-        right, left = ((int(count) + 0x8000 & 0xFFFF) - 0x8000 for count in telemetry.counts[:2])
-        odometry.update(right, left, telemetry.stamp_s)
-
-    return update
+def _follow(odometry: Odometry, telemetry: Telemetry) -> None:
+    """Gives the counts of telemetry to a second odometry."""
+    right, left = ((int(count) + 0x8000 & 0xFFFF) - 0x8000 for count in telemetry.counts[:2])
+    odometry.update(right, left, telemetry.stamp_s)
 
 
 def _draw(
-    setting: Setting, with_gyro: Sequence[Errors], without: Sequence[Errors], found: Dict[str, List[float]]
+    setting: Setting,
+    with_gyro: Sequence[Errors],
+    without: Sequence[Errors],
+    found: Dict[str, Sequence[float]],
 ) -> str:
     made, (ends, shares) = plot_style.figure(2, 10.5, 5.2)
     for errors, colour, mark, label in (

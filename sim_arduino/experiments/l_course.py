@@ -18,30 +18,33 @@ from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world import grid_map, world_file
 from sim_arduino.world.grid_map import OCCUPIED, GridMap
-from sim_arduino.world.map_score import points, share_near
+from sim_arduino.world.map_score import MapScore, points, share_near
 from sim_arduino.world.world import World
 
-from . import disturbances, plot_style, sonar_approach, square, trials
+from . import disturbances, occupancy, sonar_approach, square, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
-from .occupancy import Grid
+from .occupancy import SONAR_FAR_M, score_rows
 from .team import pose_option
 
 WORLD = "l-course"
 SEEDS = trials.SEEDS
 SIDES = ("left", "right")
 """The front sonar only serves to avoid obstacles, as in the thesis."""
-SONAR_FAR_M = 2.5
-"""Largest range used; the course is smaller [m]."""
 NEAR_M = 0.05
 """A wall cell counts as mapped if an occupied cell is within this distance [m]."""
-MARGIN_M = 0.3
+MARGIN_M, CELL_M = 0.3, 0.025
 WAYPOINTS = ((1.5, 0.5), (1.5, 1.25), (1.5, 0.5), (0.35, 0.5), (1.0, 0.5))
 SLOW = FollowerLimits(linear_m_s=0.12, angular_rad_s=0.35)
 """Slow enough that each sonar, which measures every 0.3 s, does so every few degrees and centimetres."""
 OCCUPIED_FROM = {"sonars": 0.9, "laser": 6.0}
 """Smallest log odds of a wall cell: two arcs without contradiction, or six beams."""
-VIEW_RAYS = 73
+VIEWS = {
+    "sonars": (-HALF_CONE_RAD, 2 * HALF_CONE_RAD / 72, 73, SONAR_FAR_M),
+    "laser": (URG_04LX.first_rad, URG_04LX.step_rad, URG_04LX.rays, URG_04LX.far_m),
+}
+"""Rays of each kind of sensor: first direction, step [rad], number, and largest range [m]."""
+DRIFT = trials.Measure("drift_cm", "largest error of a position by odometry", "cm")
 
 
 class CourseRecord(NamedTuple):
@@ -60,28 +63,13 @@ class CourseRecord(NamedTuple):
         return self._replace(path=self.true_path, cones=cones, scans=scans)
 
 
-class CourseScore(NamedTuple):
-    """Share of the wall cells in view that were found, and of the occupied cells that lie off the walls [%]."""
-
-    found: float
-    false: float
-
-
 class CourseRun(NamedTuple):
     """The maps of a drive and their scores by the kind of sensor, and the largest error of a position by odometry."""
 
     path: List[Pose]
     maps: Dict[str, GridMap]
-    scores: Dict[str, CourseScore]
+    scores: Dict[str, MapScore]
     drift_cm: float
-
-
-class CourseTrial(NamedTuple):
-    """One robot: after its calibrations, then with true poses in place of the odometry's, and without calibrations."""
-
-    calibrated: CourseRun
-    true: CourseRun
-    uncalibrated: CourseRun
 
 
 def run(setting: Setting, live: Optional[CourseRecord] = None) -> Result:
@@ -90,13 +78,13 @@ def run(setting: Setting, live: Optional[CourseRecord] = None) -> Result:
     if setting.port is not None:
         return _of_port(setting, title)
     trialled = trials.over_seeds(_trial, setting, SEEDS)
-    rows = [row for sensor in OCCUPIED_FROM for row in _rows(sensor, trialled)]
-    drift, control = ([each.drift_cm for each in runs] for runs in list(zip(*trialled))[::2])
-    rows.append(trials.figure("drift_cm", "largest error of a position by odometry", drift, "cm", control))
+    calibrated, true, uncalibrated = zip(*trialled)
+    rows = [row for sensor in OCCUPIED_FROM for row in _rows(sensor, calibrated, true, uncalibrated)]
+    rows.append(DRIFT.figure(calibrated, uncalibrated))
     rows += _live_rows(live) if live else []
-    shown = {"calibrated": trialled[0].calibrated, "not calibrated": trialled[0].uncalibrated}
-    for name, made in trialled[0].calibrated.maps.items():
+    for name, made in calibrated[0].maps.items():
         grid_map.write(made, f"{setting.folder}/l-course-{name}.yaml")
+    picture = _draw(setting, {"calibrated": calibrated[0], "not calibrated": uncalibrated[0]})
     remark = (
         f"A wall cell is found if an occupied cell is within {100 * NEAR_M:g} cm; a false cell has no wall within this "
         "distance. Wheels, sonars and the start by hand have errors. The robots were calibrated as by `mrl calibrate "
@@ -105,7 +93,7 @@ def run(setting: Setting, live: Optional[CourseRecord] = None) -> Result:
         "map_server's format."
     )
     remark += " The run through ROS is in real time, with a start by hand." if live else ""
-    return Result("l-course", title, rows, [_draw(setting, shown)], remark)
+    return Result("l-course", title, rows, [picture], remark)
 
 
 def _of_port(setting: Setting, title: str) -> Result:
@@ -114,48 +102,29 @@ def _of_port(setting: Setting, title: str) -> Result:
     with open_robot(setting) as robot:
         made = _mapped(_drive(setting, robot, world), world, ("sonars",))
     grid_map.write(made.maps["sonars"], f"{setting.folder}/l-course-sonars.yaml")
-    rows = _score_rows("sonars", "sonars, poses by odometry", [made.scores["sonars"]])
+    rows = score_rows("sonars", "sonars, poses by odometry", [made.scores["sonars"]])
     return Result("l-course", title, rows, [_draw(setting, {"poses by odometry": made})])
 
 
-def _rows(sensor: str, trialled: Sequence[CourseTrial]) -> List[Figure]:
+def _rows(sensor: str, *trialled: Sequence[CourseRun]) -> List[Figure]:
     """Figures of one kind of sensor: with the poses by odometry next to the control, and with true poses."""
-    calibrated, true, uncalibrated = ([each.scores[sensor] for each in runs] for runs in zip(*trialled))
+    calibrated, true, uncalibrated = ([each.scores[sensor] for each in runs] for runs in trialled)
     return [
-        *_score_rows(sensor, f"{sensor}, poses by odometry", calibrated, uncalibrated),
-        *_score_rows(f"{sensor}_true", f"{sensor}, true poses", true),
+        *score_rows(sensor, f"{sensor}, poses by odometry", calibrated, uncalibrated),
+        *score_rows(f"{sensor}_true", f"{sensor}, true poses", true),
     ]
 
 
 def _live_rows(live: CourseRecord) -> List[Figure]:
     """Figures of a drive through ROS, with a robot that has random errors alone."""
-    made = _mapped(live, world_file.load(WORLD))
-    rows = [
-        row
-        for sensor, score in made.scores.items()
-        for row in _score_rows(
-            f"ros_{sensor}", f"{sensor}, one robot with random errors alone, through ROS", [score]
-        )
-    ]
-    drift = Figure(
-        "ros_drift_cm", "largest error of a position by odometry, through ROS", made.drift_cm, "cm"
-    )
-    return [*(row._replace(worst=None) for row in rows), drift]
+    made, text = _mapped(live, world_file.load(WORLD)), "one robot with random errors alone, through ROS"
+    scores = [score_rows(f"ros_{name}", f"{name}, {text}", [score]) for name, score in made.scores.items()]
+    drift = DRIFT.figure([made])._replace(key="ros_drift_cm", text=f"{DRIFT.text}, through ROS")
+    return [row._replace(worst=None) for row in (*scores[0], *scores[1], drift)]
 
 
-def _score_rows(
-    key: str, text: str, scores: Sequence[CourseScore], control: Sequence[CourseScore] = ()
-) -> List[Figure]:
-    found, false = ([each[i] for each in scores] for i in range(2))
-    found_control, false_control = ([each[i] for each in control] for i in range(2))
-    return [
-        trials.figure(f"{key}_found_percent", f"{text}: walls found", found, "%", found_control, worst=min),
-        trials.figure(f"{key}_false_percent", "false cells", false, "%", false_control),
-    ]
-
-
-def _trial(setting: Setting) -> CourseTrial:
-    """Calibrates a robot, and drives through the course with and without the calibrations."""
+def _trial(setting: Setting) -> Tuple[CourseRun, ...]:
+    """One robot: after its calibrations, then with true poses in place of the odometry's, and without calibrations."""
     error, curve = disturbances.error(setting.seed), disturbances.sonar_curve(setting.seed)
     drive = square.calibrated(setting, error)
     fitted = sonar_approach.approach(setting, curve, error).fit.curve
@@ -165,7 +134,7 @@ def _trial(setting: Setting) -> CourseTrial:
     calibrated = _emulated(unseen, world, error, sonar, drive, fitted)
     uncalibrated = _emulated(unseen, world, error, sonar)
     records = (calibrated, calibrated.by_true_poses(), uncalibrated)
-    return CourseTrial(*(_mapped(each, world) for each in records))
+    return tuple(_mapped(each, world) for each in records)
 
 
 def _emulated(
@@ -211,58 +180,33 @@ def _drive(setting: Setting, robot: ExperimentRobot, world: World) -> CourseReco
 
 def _mapped(drive: CourseRecord, world: World, sensors: Sequence[str] = tuple(OCCUPIED_FROM)) -> CourseRun:
     """The maps of a drive."""
-    grids = {sensor: _grid(world) for sensor in sensors}
-    for pose, range_m, _ in drive.cones:
-        grids["sonars"].cone(pose, HALF_CONE_RAD, range_m, SONAR_FAR_M)
-    for pose, ranges, _ in drive.scans if "laser" in grids else ():
-        grids["laser"].beams(pose, _angles(), ranges, URG_04LX.far_m)
-    maps = {sensor: grid.map(OCCUPIED_FROM[sensor]) for sensor, grid in grids.items()}
-    views = {"sonars": _cones_view, "laser": _scans_view}
-    scores = {sensor: _score(made, views[sensor](world, drive), world) for sensor, made in maps.items()}
+    cones, scans = ([(pose, value) for pose, value, _ in each] for each in (drive.cones, drive.scans))
+    occupied_from = {sensor: OCCUPIED_FROM[sensor] for sensor in sensors}
+    maps = occupancy.maps(world, cones, scans, occupied_from, MARGIN_M, CELL_M)
+    readings = {"sonars": drive.cones, "laser": drive.scans}
+    views = {sensor: _seen(world, readings[sensor], *VIEWS[sensor]) for sensor in maps}
+    scores = {sensor: _score(made, views[sensor], world) for sensor, made in maps.items()}
     off_m = [math.hypot(a.x_m - b.x_m, a.y_m - b.y_m) for a, b in zip(drive.path, drive.true_path)]
     return CourseRun(drive.path, maps, scores, 100 * max(off_m))
 
 
-def _grid(world: World) -> Grid:
-    left, bottom, right, top = world.bounds()
-    return Grid((left - MARGIN_M, bottom - MARGIN_M), (right + MARGIN_M, top + MARGIN_M))
-
-
-def _angles() -> Any:
-    return URG_04LX.first_rad + np.arange(URG_04LX.rays) * URG_04LX.step_rad
-
-
 def _seen(
-    world: World, poses: List[Pose], first_rad: float, step_rad: float, count: int, far_m: float
+    world: World, readings: Sequence[Any], first_rad: float, step_rad: float, count: int, far_m: float
 ) -> Any:
-    """Points at which rays from these poses hit walls, `(N, 2)` [m]."""
-    angles = first_rad + np.arange(count) * step_rad
-    found = []
-    for pose in poses:
+    """Points at which rays from the true poses of readings hit walls, `(N, 2)` [m]."""
+    found, angles = [], first_rad + np.arange(count) * step_rad
+    for _, _, pose in readings:
         ranges = world.scan(pose, first_rad, step_rad, count, far_m, without="robot")
         hit = np.isfinite(ranges)
-        headings = angles[hit] + pose.yaw_rad
+        along, headings = ranges[hit], angles[hit] + pose.yaw_rad
         found.append(
-            np.column_stack(
-                (pose.x_m + ranges[hit] * np.cos(headings), pose.y_m + ranges[hit] * np.sin(headings))
-            )
+            np.column_stack((pose.x_m + along * np.cos(headings), pose.y_m + along * np.sin(headings)))
         )
     return np.concatenate(found)
 
 
-def _cones_view(world: World, drive: CourseRecord) -> Any:
-    step = 2 * HALF_CONE_RAD / (VIEW_RAYS - 1)
-    return _seen(world, [true for _, _, true in drive.cones], -HALF_CONE_RAD, step, VIEW_RAYS, SONAR_FAR_M)
-
-
-def _scans_view(world: World, drive: CourseRecord) -> Any:
-    laser = URG_04LX
-    poses = [true for _, _, true in drive.scans]
-    return _seen(world, poses, laser.first_rad, laser.step_rad, laser.rays, laser.far_m)
-
-
-def _score(made: GridMap, view: Any, world: World) -> CourseScore:
-    """How good a map is, given the points `(N, 2)` [m] at which its sensor saw walls."""
+def _score(made: GridMap, view: Any, world: World) -> MapScore:
+    """How good a map is, given the points `(N, 2)` [m] at which its sensor saw walls; without the farthest cell."""
     true = grid_map.draw(world, made.resolution_m, MARGIN_M)
     walls = points(true.cells == OCCUPIED, true)
     occupied = points(made.cells == OCCUPIED, made)
@@ -270,7 +214,7 @@ def _score(made: GridMap, view: Any, world: World) -> CourseScore:
     spots = (np.array(sorted(cells)) + 0.5) * made.resolution_m
     in_view = walls[[np.min(np.hypot(*(spots - wall).T)) <= made.resolution_m for wall in walls]]
     found, sound = share_near(in_view, occupied, NEAR_M), share_near(occupied, walls, NEAR_M)
-    return CourseScore(100 * found, 100 * (1 - sound))
+    return MapScore(found, 1 - sound, math.nan)
 
 
 def _draw(setting: Setting, shown: Dict[str, CourseRun]) -> str:
@@ -281,13 +225,4 @@ def _draw(setting: Setting, shown: Dict[str, CourseRun]) -> str:
         for name, each in shown.items()
         if sensor in each.maps
     ]
-    made, axes = plot_style.figure(len(panels), 3.8 * len(panels), 3.5)
-    for axis, (title, grid, path) in zip(axes, panels):
-        plot_style.grid(axis, grid)
-        for wall in world_file.load(WORLD).walls:
-            axis.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=1.0)
-        plot_style.path(axis, path, plot_style.BLUE, "path by odometry")
-        plot_style.floor(axis, title)
-        axis.grid(False)
-    axes[0].legend(loc="upper left", fontsize="small")
-    return plot_style.save(made, setting.folder, "l-course")
+    return occupancy.draw(setting, "l-course", world_file.load(WORLD), panels, 3.5)

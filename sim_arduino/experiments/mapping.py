@@ -8,25 +8,22 @@ poses.
 import math
 import os
 from bisect import bisect_left
-from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
-
-import numpy as np
+from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.driver import Telemetry
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, wrap_angle
+from mrl_driver.robot import models
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
-from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world import grid_map, map_score, world_file
 from sim_arduino.world.grid_map import GridMap
 from sim_arduino.world.map_score import MapScore
 from sim_arduino.world.world import World
 
-from . import disturbances, key_presses, plot_style, trials
+from . import disturbances, key_presses, occupancy, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emulated
-from .occupancy import Grid
 
 KEYS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "house_keys.csv")
 """Made by `python -m tests.experiments.record_house_keys`."""
@@ -39,7 +36,6 @@ no gyro can follow them, and much larger ones would hide what it does.
 PERIOD_MS = 20
 SCAN_EVERY = 8
 """A scan counts after this many ticks: 2.5 a second."""
-SONAR_FAR_M = 2.5
 STEADY_RAD_S = 0.3
 """Ranges of the sonars count while the robot turns more slowly: their time is uncertain by the 0.3 s of a round."""
 MARGIN_M, CELL_M = 1.0, 0.05
@@ -95,7 +91,8 @@ def run(setting: Setting) -> Result:
     for name, made in shown.items():
         file = name.replace(", ", "-").replace(" ", "-")
         grid_map.write(made, os.path.join(setting.folder, f"mapping-{file}.yaml"))
-    rows = _heading_rows(runs) + [row for key in runs[0].maps for row in _score_rows(key, runs)]
+    rows = [_heading(poses, runs) for poses in DRIVEN]
+    rows += [row for sensor, kind in runs[0].maps for row in _score_rows(sensor, kind, runs)]
     remark = (
         f"{SEEDS} drives of {presses[-1].time_s:.0f} s. A wall cell is found if an occupied cell is within "
         f"{100 * map_score.NEAR_M:g} cm, and a false cell has no wall within the same distance. TraxBot loses 10 % of "
@@ -103,7 +100,10 @@ def run(setting: Setting) -> Result:
         "same figures for a saved map of a mapper."
     )
     title = "House mapped by recorded key presses, without and with a gyro"
-    return Result("mapping", title, rows, [_draw(setting, world, shown)], remark)
+    panels = [
+        (name, shown[name], None) for name in (f"{s}, {POSES[k]}" for s in OCCUPIED_FROM for k in SHOWN)
+    ]
+    return Result("mapping", title, rows, [occupancy.draw(setting, "mapping", world, panels, 4.2)], remark)
 
 
 def _mapped(setting: Setting, world: World, presses: Sequence[key_presses.KeyPress]) -> HouseRun:
@@ -123,27 +123,23 @@ def _mapped(setting: Setting, world: World, presses: Sequence[key_presses.KeyPre
 
 def _drive(setting: Setting, world: World, presses: Sequence[key_presses.KeyPress], poses: str) -> HouseDrive:
     """One drive, with the seed of the setting and the IMU that gives such poses."""
-    drive, ticks = HouseDrive([], [], [], []), [0]
-    scanner = LaserScanner(world, seed=setting.seed)
-    with open_robot(
-        setting,
-        world,
-        period_ms=PERIOD_MS,
-        sonar=disturbances.SONAR,
-        slip=True,
-        error=WANDER,
-        **_imu(poses, setting.seed),
-    ) as robot:
+    drive, scanner = HouseDrive([], [], [], []), LaserScanner(world, seed=setting.seed)
+    errors: Dict[str, Any] = {"sonar": disturbances.SONAR, "slip": True, "error": WANDER}
+    with open_robot(setting, world, period_ms=PERIOD_MS, **errors, **_imu(poses, setting.seed)) as robot:
         robot.reset_pose(world.start)
-        robot.driver.on_telemetry(_keeper(drive))
+
+        def keep(telemetry: Telemetry) -> None:
+            drive.path.append((telemetry.stamp_s, telemetry.pose))
+            turn, ranges = abs(telemetry.twist[-1]), telemetry.ranges
+            drive.ranges.extend((telemetry.stamp_s, name, ranges[name], turn) for name in telemetry.fresh)
 
         def tick() -> None:
             now_s = robot.driver.now_s
             drive.true.append((now_s, robot.true_pose))
-            ticks[0] += 1
-            if ticks[0] % SCAN_EVERY == 0:
+            if len(drive.true) % SCAN_EVERY == 0:
                 drive.scans.append((now_s, scanner.scan(robot.true_pose, "robot")))
 
+        robot.driver.on_telemetry(keep)
         key_presses.replay(robot, presses, tick)
         _require_round(robot, world)
     return drive
@@ -158,25 +154,10 @@ def _imu(poses: str, seed: int) -> Dict[str, Any]:
     return {"imu": True, "imu_errors": errors, "imu_mount": mount}
 
 
-def _keeper(drive: HouseDrive) -> Callable[[Telemetry], None]:
-    def keep(telemetry: Telemetry) -> None:
-        drive.path.append((telemetry.stamp_s, telemetry.pose))
-        turn = abs(telemetry.twist[-1])
-        drive.ranges.extend(
-            (telemetry.stamp_s, name, telemetry.ranges[name], turn) for name in telemetry.fresh
-        )
-
-    return keep
-
-
 def _require_round(robot: ExperimentRobot, world: World) -> None:
-    """Check that the robot has come back to the room in which it began.
-
-    Raises:
-        ConfigError: it has not.
-    """
+    """Raises ConfigError if the robot has not come back to the room in which it began."""
     end = robot.true_pose
-    if math.hypot(end.x_m - world.start.x_m, end.y_m - world.start.y_m) > 1.0:
+    if math.dist(end[:2], world.start[:2]) > 1.0:
         raise ConfigError(
             f"the drive by {KEYS} ends at {end.x_m:.1f}, {end.y_m:.1f}, expected the room of the start: robot or world "
             "have changed; record the key presses again"
@@ -185,11 +166,8 @@ def _require_round(robot: ExperimentRobot, world: World) -> None:
 
 def _heading_error_deg(drive: HouseDrive) -> float:
     """The largest error of the heading in the drive [deg]."""
-    return math.degrees(
-        max(
-            abs(wrap_angle(pose_at(drive.path, time_s).yaw_rad - true.yaw_rad)) for time_s, true in drive.true
-        )
-    )
+    off_rad = (wrap_angle(pose_at(drive.path, time_s).yaw_rad - true.yaw_rad) for time_s, true in drive.true)
+    return math.degrees(max(map(abs, off_rad)))
 
 
 def pose_at(path: Sequence[Tuple[float, Pose]], time_s: float) -> Pose:
@@ -209,74 +187,26 @@ def pose_at(path: Sequence[Tuple[float, Pose]], time_s: float) -> Pose:
 
 def _maps(drive: HouseDrive, world: World, path: Sequence[Tuple[float, Pose]]) -> Dict[str, GridMap]:
     """The map of each kind of sensor, from poses on a path."""
-    left, bottom, right, top = world.bounds()
-    low, high = (left - MARGIN_M, bottom - MARGIN_M), (right + MARGIN_M, top + MARGIN_M)
-    grids = {name: Grid(low, high, CELL_M) for name in ("sonars", "laser")}
-    mounts = _mounts()
-    for time_s, name, range_m, turn_rad_s in drive.ranges:
-        if turn_rad_s < STEADY_RAD_S:
-            pose = pose_at(path, time_s).compose(*mounts[name])
-            grids["sonars"].cone(pose, HALF_CONE_RAD, range_m, SONAR_FAR_M)
-    angles = URG_04LX.first_rad + np.arange(URG_04LX.rays) * URG_04LX.step_rad
-    mount = URG_04LX.mount
-    for time_s, ranges in drive.scans:
-        pose = pose_at(path, time_s).compose(mount.x_m, mount.y_m)
-        grids["laser"].beams(pose, angles, ranges, URG_04LX.far_m)
-    return {name: grid.map(OCCUPIED_FROM[name]) for name, grid in grids.items()}
-
-
-def _mounts() -> Dict[str, Pose]:
-    from mrl_driver.robot import models
-
-    return {name: mount.pose for name, mount in models.load(ROBOT).sonars.items()}
-
-
-def _heading_rows(runs: Sequence[HouseRun]) -> List[Figure]:
-    wheels = [each.heading_deg["wheels"] for each in runs]
-    return [
-        trials.figure(
-            f"heading_{poses}_deg",
-            f"largest heading error in the drive, {POSES[poses]}",
-            [each.heading_deg[poses] for each in runs],
-            "deg",
-            control=() if poses == "wheels" else wheels,
-            put_in=poses == "wheels",
-        )
-        for poses in DRIVEN
+    mounts, laser = models.load(ROBOT).sonars, URG_04LX.mount
+    cones = [
+        (pose_at(path, time_s).compose(*mounts[name].pose), range_m)
+        for time_s, name, range_m, turn_rad_s in drive.ranges
+        if turn_rad_s < STEADY_RAD_S
     ]
+    scans = ((pose_at(path, time_s).compose(laser.x_m, laser.y_m), ranges) for time_s, ranges in drive.scans)
+    return occupancy.maps(world, cones, scans, OCCUPIED_FROM, MARGIN_M, CELL_M)
 
 
-def _score_rows(key: Tuple[str, str], runs: Sequence[HouseRun]) -> List[Figure]:
+def _heading(poses: str, runs: Sequence[HouseRun]) -> Figure:
+    wheels = poses == "wheels"
+    text = f"largest heading error in the drive, {POSES[poses]}"
+    errors, control = ([run.heading_deg[kind] for run in runs] for kind in (poses, "wheels"))
+    measure = trials.Measure(f"heading_{poses}_deg", text, "deg", float, put_in=wheels)
+    return measure.figure(errors, () if wheels else control)
+
+
+def _score_rows(sensor: str, kind: str, runs: Sequence[HouseRun]) -> List[Figure]:
     """Figures of the maps by one kind of sensor and of poses; true poses have no control."""
-    sensor, kind = key
-    control = [] if kind in ("wheels", "true") else [each.scores[sensor, "wheels"] for each in runs]
-    scores = [each.scores[key] for each in runs]
-    return [
-        trials.figure(
-            f"{sensor}_{kind}_found_percent",
-            f"{sensor}, {POSES[kind]}: walls found",
-            [100 * each.found for each in scores],
-            "%",
-            [100 * each.found for each in control],
-            worst=min,
-        ),
-        trials.figure(
-            f"{sensor}_{kind}_false_percent",
-            "false cells",
-            [100 * each.false for each in scores],
-            "%",
-            [100 * each.false for each in control],
-        ),
-    ]
-
-
-def _draw(setting: Setting, world: World, shown: Dict[str, GridMap]) -> str:
-    names = [f"{sensor}, {POSES[kind]}" for sensor in ("sonars", "laser") for kind in SHOWN]
-    made, axes = plot_style.figure(len(names), 15.0, 4.2)
-    for each, name in zip(axes, names):
-        plot_style.grid(each, shown[name])
-        for wall in world.walls:
-            each.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=0.8)
-        plot_style.floor(each, name)
-        each.grid(False)
-    return plot_style.save(made, setting.folder, "mapping")
+    scores, wheels = ([run.scores[sensor, each] for run in runs] for each in (kind, "wheels"))
+    control = () if kind in ("wheels", "true") else wheels
+    return occupancy.score_rows(f"{sensor}_{kind}", f"{sensor}, {POSES[kind]}", scores, control)

@@ -49,14 +49,14 @@ class Subject(NamedTuple):
     """A firmware in one of its modes.
 
     Attributes:
-        image: Name of the image in `FOLDER`; empty for our own firmware.
+        sketch: It is a sketch, whose image in `FOLDER` has the name `key`; else our own firmware.
         rosserial: It speaks the protocol of rosserial instead of frames.
         checked: Frames carry a checksum, and replies a sequence number and board time too.
     """
 
     key: str
     text: str
-    image: str = ""
+    sketch: bool = True
     baud: int = BAUD
     rosserial: bool = False
     checked: bool = False
@@ -64,29 +64,18 @@ class Subject(NamedTuple):
     @property
     def path(self) -> Optional[str]:
         """The ELF file of a sketch; None for our own firmware, which the emulator finds by itself."""
-        return os.path.join(FOLDER, f"{self.image}.elf") if self.image else None
-
-    @property
-    def built(self) -> bool:
-        """Whether the image is there."""
-        return self.path is None or os.path.isfile(self.path)
+        return os.path.join(FOLDER, f"{self.key}.elf") if self.sketch else None
 
 
-PLAIN = Subject("plain", "frames")
-CHECKED = Subject("checked", "frames with checksum, sequence number and board time", checked=True)
-TIMING_2013 = Subject("timing_2013", "frames, our sketch with 2013's timing", "timing_2013")
-ROSSERIAL = Subject(
-    "rosserial_115200",
-    "our sketch with rosserial's protocol at 115200 baud",
-    "rosserial_115200",
-    rosserial=True,
+_ROSSERIAL_TEXT = "our sketch with rosserial's protocol at {} baud"
+PLAIN = Subject("plain", "frames", sketch=False)
+TIMING_2013 = Subject("timing_2013", "frames, our sketch with 2013's timing")
+CHECKED = Subject(
+    "checked", "frames with checksum, sequence number and board time", sketch=False, checked=True
 )
-ROSSERIAL_DEFAULT = Subject(
-    "rosserial_57600",
-    "our sketch with rosserial's protocol at 57600 baud, its default",
-    "rosserial_57600",
-    57600,
-    rosserial=True,
+ROSSERIAL = Subject("rosserial_115200", _ROSSERIAL_TEXT.format(115200), rosserial=True)
+ROSSERIAL_DEFAULT = ROSSERIAL._replace(
+    key="rosserial_57600", text=f"{_ROSSERIAL_TEXT.format(57600)}, its default", baud=57600
 )
 SUBJECTS = (PLAIN, TIMING_2013, CHECKED, ROSSERIAL, ROSSERIAL_DEFAULT)
 
@@ -152,7 +141,7 @@ def measure(
     """
     options = factory.Options(robot=setting.robot, engine="avr", seed=setting.seed, elf=subject.path)
     # A sketch has no parameters in its EEPROM; id 0 leaves it blank.
-    made = factory.make(options._replace(robot_id=0) if subject.image else options)
+    made = factory.make(options._replace(robot_id=0) if subject.sketch else options)
     rng = random.Random(f"phase {setting.seed}")
     try:
         engine = made.board.engine

@@ -8,7 +8,7 @@ import math
 import random
 from contextlib import ExitStack
 from functools import partial
-from typing import Callable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, List, Mapping, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.goal_seeker import room
@@ -19,15 +19,14 @@ from sim_arduino.world import world_file
 from . import disturbances, plot_style
 from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, Setting
-from .team import Member, Player, Team, gather
-from .trials import figure, over_seeds
+from .team import WORLD, Member, Team, gather
+from .trials import Measure, figures, over_seeds
 
 MEMBERS = (
     Member("real1", Pose(-1.2, -1.2, 0.7), virtual=False),
     Member("real2", Pose(1.2, 1.0, -2.0), virtual=False, robot="stingbot"),
     Member("virtual", Pose(1.2, -1.2, 2.2), virtual=True),
 )
-WORLD = "room"
 DURATION_S, CONTROL_S = 300.0, 60.0
 """Duration of a run, and largest duration of one in which the robots do not see each other [s]."""
 SLIPPING_S = 120.0
@@ -50,30 +49,11 @@ ON_PORT = (
     "others are virtual. Its own sonars see the real walls. All distances are by odometry."
 )
 NEAR_M, STOP_M, SIDE_M = 0.9, 0.45, 0.5
+NEAREST = Measure("nearest_m", "smallest distance between two robots' centres", "m", worst=min)
+DRIVEN = Measure("distance_m", "distance driven by all robots", "m", lambda team: team.driven_m, min)
+DRIFT = Measure("drift_m", "largest distance of a mirror from its robot", "m")
 SHARE = 0.5
 """Share of the robot's speed limit: two robots approach each other at twice their speed, and sonars are slow."""
-
-
-class TeamRun(NamedTuple):
-    """What came out of one run of a team.
-
-    Attributes:
-        collisions: Number of ticks in which a robot touched another one or a wall.
-        nearest_m: Smallest distance between the centres of two robots.
-        drift_m: Largest distance of a mirror from its real robot.
-        beyond_m: Largest distance of a mirror from its real robot beyond its margin; negative if it was always within.
-        true_touches: Number of ticks in which two robots touched each other at their true poses.
-        truly_nearest_m: Smallest distance between the centres of two robots at their true poses.
-    """
-
-    collisions: int
-    nearest_m: float
-    driven_m: float
-    drift_m: float
-    beyond_m: float
-    true_touches: int
-    truly_nearest_m: float
-    players: Sequence[Player]
 
 
 class Wanderer:
@@ -102,38 +82,23 @@ class Wanderer:
         return min(0.5, share) * self._linear, self._side * self._angular
 
 
-def run(setting: Setting, through_ros: Optional[TeamRun] = None) -> Result:
+def run(setting: Setting, through_ros: Optional[Team] = None) -> Result:
     """Lets the team wander with many seeds, and draws the paths of the first run.
 
     Args:
         through_ros: A run through ROS, in real time.
     """
     if setting.port is not None:
-        return _on_port(setting)
-    runs = over_seeds(_mirrored, setting)
-    rows = rows_of(runs, over_seeds(_blind, setting))
-    rows += [
-        figure(
-            "distance_m", "distance driven by all robots", [each.driven_m for each in runs], "m", worst=min
-        ),
-        figure(
-            "drift_m", "largest distance of a mirror from its robot", [each.drift_m for each in runs], "m"
-        ),
-        *_slip_rows(setting),
-        *ros_rows(through_ros),
-    ]
+        with ExitStack() as stack:
+            done = wander(gather(stack, setting, MEMBERS), SLIPPING_S)
+        rows = [*rows_of([done]), DRIVEN.figure([done])._replace(worst=None)]
+        title = f"The robot on {setting.port} and two virtual ones wander in one arena for {SLIPPING_S:g} s"
+        return result("mixed-team", title, rows, done, setting, on_port(MEMBERS[0]))
+    runs = over_seeds(_wander, setting)
+    rows = rows_of(runs, over_seeds(partial(_wander, mirrored=False), setting))
+    rows += [*figures((DRIVEN, DRIFT), runs), *_slip_rows(setting), *ros_rows(through_ros)]
     title = f"Two real robots and a virtual one wander in one arena for {DURATION_S:g} s"
-    picture = draw(setting, runs[0].players, "mixed-team", WORLD)
-    return Result("mixed-team", title, rows, [picture], REMARK)
-
-
-def _on_port(setting: Setting) -> Result:
-    with ExitStack() as stack:
-        done = wander(gather(stack, setting, WORLD, MEMBERS), SLIPPING_S)
-    rows = [*rows_of([done], []), Figure("distance_m", "distance driven by all robots", done.driven_m, "m")]
-    title = f"The robot on {setting.port} and two virtual ones wander in one arena for {SLIPPING_S:g} s"
-    picture = draw(setting, done.players, "mixed-team", WORLD)
-    return Result("mixed-team", title, rows, [picture], on_port(MEMBERS[0]))
+    return result("mixed-team", title, rows, runs[0], setting, REMARK)
 
 
 def on_port(member: Member) -> str:
@@ -147,47 +112,29 @@ def _slip_rows(setting: Setting) -> List[Figure]:
     runs = over_seeds(partial(slipping, margin=Margin()), setting)
     bare = over_seeds(slipping, setting)
     control = over_seeds(partial(slipping, mirrored=False), setting)
-    text, nearest = f"{disturbances.SLIP:.0%} slip, {SLIPPING_S:g} s", [each.truly_nearest_m for each in runs]
-    others = [each.truly_nearest_m for each in control]
+    text = f"{disturbances.SLIP:.0%} slip, {SLIPPING_S:g} s"
+    nearest, touched = "smallest true distance of the centres", "runs with a contact"
+    each_m, others_m = (
+        ", ".join(f"{team.truly_nearest_m:.2f}" for team in teams) for teams in (runs, control)
+    )
+
+    def true(key: str, what: str) -> Measure:
+        return Measure(key, f"{text}{what}: {nearest}", "m", lambda team: team.truly_nearest_m, min)
+
     return [
-        Figure("slip_touched", f"{text}: runs with a contact", _touched(runs), control=_touched(control)),
-        figure(
-            "slip_nearest_m",
-            f"{text}: smallest true distance of the centres",
-            nearest,
-            "m",
-            others,
-            worst=min,
-        ),
-        Figure(
-            "slip_each_m",
-            f"{text}: smallest true distance [m] of each run",
-            _each(nearest),
-            control=_each(others),
-        ),
-        Figure("bare_touched", f"{text}, no margin: runs with a contact", _touched(bare)),
-        figure(
-            "bare_nearest_m",
-            f"{text}, no margin: smallest true distance of the centres",
-            [each.truly_nearest_m for each in bare],
-            "m",
-            worst=min,
-        ),
-        figure("slip_drift_m", f"{text}: largest drift of the mirror", [each.drift_m for each in runs], "m"),
-        figure(
-            "slip_beyond_m",
-            f"{text}: largest drift beyond the margin (negative: within)",
-            [each.beyond_m for each in runs],
-            "m",
-        ),
+        Figure("slip_touched", f"{text}: {touched}", _touched(runs), control=_touched(control)),
+        true("slip_nearest_m", "").figure(runs, control),
+        Figure("slip_each_m", f"{text}: smallest true distance [m] of each run", each_m, control=others_m),
+        Figure("bare_touched", f"{text}, no margin: {touched}", _touched(bare)),
+        true("bare_nearest_m", ", no margin").figure(bare),
+        DRIFT.figure(runs)._replace(key="slip_drift_m", text=f"{text}: largest drift of the mirror"),
+        Measure("beyond_m", f"{text}: largest drift beyond the margin (negative: within)", "m")
+        .figure(runs)
+        ._replace(key="slip_beyond_m"),
     ]
 
 
-def _each(values: Sequence[float]) -> str:
-    return ", ".join(f"{value:.2f}" for value in values)
-
-
-def _touched(runs: Sequence[TeamRun]) -> str:
+def _touched(runs: Sequence[Team]) -> str:
     return f"{sum(each.true_touches > 0 for each in runs)} of {len(runs)}"
 
 
@@ -202,92 +149,69 @@ def pair(seed: int) -> Tuple[Member, Member]:
     return members[0], members[1]
 
 
-def slipping(setting: Setting, margin: Margin = NO_MARGIN, mirrored: bool = True) -> TeamRun:
+def slipping(setting: Setting, margin: Margin = NO_MARGIN, mirrored: bool = True) -> Team:
     """A run of a pair whose real robot slips; if not `mirrored`, at most until the first true contact."""
     with ExitStack() as stack:
-        team = gather(stack, setting, WORLD, pair(setting.seed), mirrored, disturbances.SLIP, margin)
+        team = gather(stack, setting, pair(setting.seed), mirrored, disturbances.SLIP, margin)
         return wander(team, SLIPPING_S, lambda: not mirrored and team.true_touches > 0)
 
 
-def _mirrored(setting: Setting) -> TeamRun:
+def _wander(setting: Setting, mirrored: bool = True) -> Team:
+    """A run of the team; if real and virtual robots do not see each other, at most until the first collision."""
     with ExitStack() as stack:
-        return wander(gather(stack, setting, WORLD, MEMBERS), DURATION_S)
+        team = gather(stack, setting, MEMBERS, mirrored)
+        return wander(
+            team, DURATION_S if mirrored else CONTROL_S, lambda: not mirrored and team.collisions > 0
+        )
 
 
-def _blind(setting: Setting) -> TeamRun:
-    """A run in which real and virtual robots do not see each other."""
-    with ExitStack() as stack:
-        team = gather(stack, setting, WORLD, MEMBERS, mirrored=False)
-        return wander(team, CONTROL_S, lambda: team.collisions > 0)
-
-
-def wander(team: Team, duration_s: float, until: Callable[[], bool] = lambda: False) -> TeamRun:
+def wander(team: Team, duration_s: float, until: Callable[[], bool] = lambda: False) -> Team:
     """Lets a team wander, at most until `until` returns True after a tick."""
     wanderers = [Wanderer(player.robot.model.limits) for player in team.players]
     for _ in range(round(duration_s / TICK_S)):
         team.tick([each.command(player.ranges()) for each, player in zip(wanderers, team.players)])
         if until():
             break
-    return outcome(team)
+    return team
 
 
-def outcome(team: Team) -> TeamRun:
-    """What came out of the run of a team."""
-    return TeamRun(
-        team.collisions,
-        team.nearest_m,
-        team.driven_m,
-        team.drift_m,
-        team.beyond_m,
-        team.true_touches,
-        team.truly_nearest_m,
-        team.players,
-    )
-
-
-def rows_of(runs: Sequence[TeamRun], control: Sequence[TeamRun]) -> List[Figure]:
+def rows_of(runs: Sequence[Team], control: Sequence[Team] = ()) -> List[Figure]:
     """Collisions and nearest distances of many runs."""
-    others = _share(control) if control else None
+    collided, others = (
+        f"{sum(each.collisions > 0 for each in teams)} of {len(teams)}" for teams in (runs, control)
+    )
+    beside = others if control else None
     return [
-        Figure("collided", "runs with a collision", _share(runs), "", "none", control=others),
-        figure(
-            "nearest_m",
-            "smallest distance between two robots' centres",
-            [each.nearest_m for each in runs],
-            "m",
-            [each.nearest_m for each in control],
-            worst=min,
-        ),
+        Figure("collided", "runs with a collision", collided, "", "none", control=beside),
+        NEAREST.figure(runs, control),
     ]
 
 
-def _share(runs: Sequence[TeamRun]) -> str:
-    return f"{sum(each.collisions > 0 for each in runs)} of {len(runs)}"
-
-
-def ros_rows(run: Optional[TeamRun]) -> List[Figure]:
+def ros_rows(team: Optional[Team]) -> List[Figure]:
     """Figures of a run through ROS, if there was one."""
-    if run is None:
+    if team is None:
         return []
     return [
-        Figure("ros_collisions", "through ROS: ticks of 50 ms with a collision", run.collisions, "", "none"),
-        Figure("ros_nearest_m", "through ROS: smallest distance between centres", run.nearest_m, "m"),
-        Figure("ros_distance_m", "through ROS: distance driven by all robots", run.driven_m, "m"),
+        Figure("ros_collisions", "through ROS: ticks of 50 ms with a collision", team.collisions, "", "none"),
+        Figure("ros_nearest_m", "through ROS: smallest distance between centres", team.nearest_m, "m"),
+        Figure("ros_distance_m", "through ROS: distance driven by all robots", team.driven_m, "m"),
     ]
 
 
-def draw(setting: Setting, players: Sequence[Player], name: str, world: str) -> str:
-    """Paths of a team in its world."""
+def result(
+    name: str, title: str, rows: Sequence[Figure], shown: Team, setting: Setting, remark: str
+) -> Result:
+    """The result of an experiment with a team, with a picture of the paths of one run."""
     made, (axes,) = plot_style.figure(1, 6.0, 6.0)
-    plot_style.walls(axes, world_file.load(world).walls)
-    for index, player in enumerate(players):
+    plot_style.walls(axes, world_file.load(WORLD).walls)
+    for index, player in enumerate(shown.players):
         plot_style.band(axes, player.odometry_path, "by odometry" if index == 0 else None)
     for player, colour, line in zip(
-        players, (plot_style.BLUE, plot_style.GREEN, plot_style.ORANGE), plot_style.LINES
+        shown.players, (plot_style.BLUE, plot_style.GREEN, plot_style.ORANGE), plot_style.LINES
     ):
         plot_style.path(axes, player.path, colour, f"{player.member.name} ({player.member.robot})", line)
         axes.plot(*player.path[0][:2], "o", color=colour, markersize=5)
     axes.plot([], [], "o", color=plot_style.GREY, markersize=5, label="starts")
     plot_style.floor(axes)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=3, fontsize="small")
-    return plot_style.save(made, setting.folder, name)
+    return Result(name, title, rows, [plot_style.save(made, setting.folder, name)], remark)

@@ -1,4 +1,4 @@
-"""Occupancy grids from ranges and known poses: beams of a laser, cones of a sonar.
+"""Occupancy grids from ranges and known poses: beams of a laser, cones of a sonar; their scores and pictures.
 
 Cells hold log odds.  A laser beam ends in an occupied cell, and the cells before it are free.  A sonar measures the
 nearest object in its cone: no object in the cone is closer, and one is somewhere on the arc.  Its position follows
@@ -6,13 +6,25 @@ after many cones have marked the free cells.
 """
 
 import math
-from typing import Any, NamedTuple, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
 from mrl_driver.geometry import Pose, wrap_angles
+from sim_arduino.hardware.laser import URG_04LX
+from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
+from sim_arduino.world.world import World
 
+from . import plot_style
+from .experiment_report import Figure
+from .experiment_robot import Setting
+from .trials import Measure, figures
+
+SONAR_FAR_M = 2.5
+"""Largest range of a sonar that is used [m]."""
+LASER_RAD = URG_04LX.first_rad + np.arange(URG_04LX.rays) * URG_04LX.step_rad
+"""Directions of the laser's beams."""
 MAX_LOG_ODDS = 12.0
 """Limit of the log odds, so that new readings can change a cell."""
 
@@ -102,3 +114,58 @@ class Grid:
         """The map: cells above `occupied` are walls, cells below 0 are free."""
         cells = np.where(self.odds > occupied, OCCUPIED, np.where(self.odds < 0, FREE, UNKNOWN))
         return GridMap(cells.astype(np.int8), self.resolution_m, Pose(*self._low, 0.0))
+
+
+def maps(
+    world: World,
+    cones: Sequence[Tuple[Pose, float]],
+    scans: Iterable[Tuple[Pose, Any]],
+    occupied_from: Mapping[str, float],
+    margin_m: float,
+    cell_m: float,
+) -> Dict[str, GridMap]:
+    """The maps by "sonars" and "laser", those that `occupied_from` has with the smallest log odds of a wall cell.
+
+    Args:
+        cones: Pose of a sonar and its range [m].
+        scans: Pose of the laser and its ranges, `(rays,)` [m].
+    """
+    left, bottom, right, top = world.bounds()
+    low, high = (left - margin_m, bottom - margin_m), (right + margin_m, top + margin_m)
+    grids = {sensor: Grid(low, high, cell_m) for sensor in occupied_from}
+    for pose, range_m in cones:
+        grids["sonars"].cone(pose, HALF_CONE_RAD, range_m, SONAR_FAR_M)
+    for pose, ranges in scans if "laser" in grids else ():
+        grids["laser"].beams(pose, LASER_RAD, ranges, URG_04LX.far_m)
+    return {sensor: grid.map(occupied_from[sensor]) for sensor, grid in grids.items()}
+
+
+def score_rows(key: str, text: str, scores: Sequence[Any], control: Sequence[Any] = ()) -> List[Figure]:
+    """Figures of maps whose scores have the shares `found` and `false`."""
+    measures = (
+        Measure(f"{key}_found_percent", f"{text}: walls found", "%", lambda score: 100 * score.found, min),
+        Measure(f"{key}_false_percent", "false cells", "%", lambda score: 100 * score.false),
+    )
+    return figures(measures, scores, control)
+
+
+def draw(
+    setting: Setting,
+    name: str,
+    world: World,
+    panels: Sequence[Tuple[str, GridMap, Optional[Sequence[Pose]]]],
+    height_in: float,
+) -> str:
+    """Draws maps side by side, each with a title, the walls, and perhaps a path by odometry."""
+    made, axes = plot_style.figure(len(panels), 3.8 * len(panels), height_in)
+    for axis, (title, grid, path) in zip(axes, panels):
+        plot_style.grid(axis, grid)
+        for wall in world.walls:
+            axis.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=0.8)
+        if path is not None:
+            plot_style.path(axis, path, plot_style.BLUE, "path by odometry")
+        plot_style.floor(axis, title)
+        axis.grid(False)
+    if panels[0][2] is not None:
+        axes[0].legend(loc="upper left", fontsize="small")
+    return plot_style.save(made, setting.folder, name)

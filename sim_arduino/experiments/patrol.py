@@ -8,35 +8,33 @@ import math
 import random
 from contextlib import ExitStack
 from functools import partial
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
 
-from mrl_driver.geometry import Pose
+from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.navigation.idleness import Idleness
 from mrl_driver.navigation.waypoint_tour import WaypointTour
 
 from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, Setting, require_emulated
-from .mixed_team import TeamRun, draw, outcome, rows_of
+from .mixed_team import result, rows_of
 from .team import Member, Team, gather
 from .tours import Point, TourDriver, poses_of
-from .trials import figure, over_seeds
+from .trials import Measure, figures, over_seeds
 
-WORLD = "room"
 DURATION_S = 80.0
 POINTS: Sequence[Point] = ((-1.0, -0.9), (0.0, -0.9), (1.0, -0.9), (1.0, 0.9), (0.0, 0.9), (-1.0, 0.9))
 """The waypoints in the order of one robot's round, before the seed moves them."""
 MOVED_M = 0.2
 """The seed moves each waypoint by at most this, along each axis."""
-EVERYTHING = tuple(range(len(POINTS)))
 SHARES: Dict[str, Sequence[int]] = {"robot1": (0, 1), "robot2": (2, 3), "robot3": (4, 5)}
 """Places in `POINTS` of each robot's waypoints, when three robots divide them."""
 NEAR_M = 0.25
 """A visit counts if the robot is truly this near to the waypoint."""
-MEASURES: Sequence[Tuple[str, str, str, Callable[[Sequence[float]], float]]] = (
-    ("mean_s", "mean idleness", "s", max),
-    ("worst_s", "worst idleness", "s", max),
-    ("visits", "visits", "", min),
-    ("off_m", "largest true distance from a waypoint at its visit", "m", max),
+MEASURES = (
+    Measure("mean_s", "mean idleness", "s"),
+    Measure("worst_s", "worst idleness", "s"),
+    Measure("visits", "visits", worst=min),
+    Measure("off_m", "largest true distance from a waypoint at its visit", "m"),
 )
 ORDERS = 200
 """Length of a random order; longer than any run."""
@@ -63,11 +61,7 @@ class Beat(NamedTuple):
     @property
     def poses(self) -> List[Pose]:
         """The waypoints in the order of its visits."""
-        return _poses(self.order, self.points)
-
-
-def _poses(places: Sequence[int], points: Sequence[Point]) -> List[Pose]:
-    return poses_of([points[place] for place in places])
+        return poses_of([self.points[place] for place in self.order])
 
 
 def drawn_points(seed: int) -> List[Point]:
@@ -78,7 +72,7 @@ def drawn_points(seed: int) -> List[Point]:
 
 def one(seed: int) -> List[Beat]:
     """One robot that visits all waypoints."""
-    return [_beat("robot1", EVERYTHING, seed)]
+    return [_beat("robot1", range(len(POINTS)), seed)]
 
 
 def one_at_random(seed: int) -> List[Beat]:
@@ -94,20 +88,17 @@ def three(seed: int) -> List[Beat]:
 
 def three_alone(seed: int) -> List[Beat]:
     """Three robots, each of which drives a tour of all waypoints; they start as those that divide them."""
-    return [beat._replace(order=_from(beat.order[-1] + 1)) for beat in three(seed)]
-
-
-def _from(place: int) -> List[int]:
-    return [(place + i) % len(POINTS) for i in EVERYTHING]
+    count = len(POINTS)
+    return [
+        beat._replace(order=[(beat.order[-1] + 1 + i) % count for i in range(count)]) for beat in three(seed)
+    ]
 
 
 def _beat(name: str, places: Sequence[int], seed: int) -> Beat:
     """A robot that starts at one of its waypoints, drawn by the seed."""
-    rng = random.Random(f"patrol {seed} {name}")
-    first = rng.randrange(len(places))
-    order, points = [*places[first:], *places[:first]], drawn_points(seed)
-    start = _poses(order, points)[-1]
-    return Beat(Member(name, start, virtual=False), order, points)
+    first = random.Random(f"patrol {seed} {name}").randrange(len(places))
+    beat = Beat(Member(name, ORIGIN, virtual=False), [*places[first:], *places[:first]], drawn_points(seed))
+    return beat._replace(member=beat.member._replace(start=beat.poses[-1]))
 
 
 def _random_order(place: int, rng: random.Random) -> List[int]:
@@ -145,13 +136,13 @@ class Visits:
     def outcome(self, team: Team, now_s: float) -> "PatrolRun":
         """What came out of the patrol."""
         found = self.idleness
-        return PatrolRun(outcome(team), found.mean_s(now_s), found.worst_s(now_s), found.visits, self.off_m)
+        return PatrolRun(team, found.mean_s(now_s), found.worst_s(now_s), found.visits, self.off_m)
 
 
 class PatrolRun(NamedTuple):
     """What came out of one run; idleness in [s]."""
 
-    team: TeamRun
+    team: Team
     mean_s: float
     worst_s: float
     visits: int
@@ -178,18 +169,14 @@ def run(setting: Setting, through_ros: Optional[PatrolRun] = None) -> Result:
             Figure("ros_mean_s", "three robots through ROS: mean idleness", through_ros.mean_s, "s"),
             Figure("ros_worst_s", "three robots through ROS: worst idleness", through_ros.worst_s, "s"),
         ]
-    picture = draw(setting, runs[0].team.players, "patrol", WORLD)
     title = f"Patrol of {len(POINTS)} waypoints for {DURATION_S:g} s, by one robot and by three"
-    return Result("patrol", title, rows, [picture], REMARK)
+    return result("patrol", title, rows, runs[0].team, setting, REMARK)
 
 
 def _rows(key: str, title: str, runs: Sequence[PatrolRun], control: Sequence[PatrolRun]) -> List[Figure]:
-    rows = []
-    for name, text, unit, worst in MEASURES:
-        values, others = ([getattr(each, name) for each in which] for which in (runs, control))
-        rows.append(figure(f"{key}_{name}", f"{title}: {text}", values, unit, others, worst=worst))
-    (collided,) = rows_of([each.team for each in runs], [each.team for each in control])[:1]
-    return [*rows, collided._replace(key=f"{key}_collided", text=f"{title}: {collided.text}", published="")]
+    collided = rows_of([each.team for each in runs], [each.team for each in control])[0]
+    rows = [*figures(MEASURES, runs, control), collided._replace(published="")]
+    return [row._replace(key=f"{key}_{row.key}", text=f"{title}: {row.text}") for row in rows]
 
 
 def patrolled(setting: Setting, beats_of: Callable[[int], List[Beat]]) -> PatrolRun:
@@ -197,7 +184,7 @@ def patrolled(setting: Setting, beats_of: Callable[[int], List[Beat]]) -> Patrol
     beats = beats_of(setting.seed)
     visits = Visits(beats)
     with ExitStack() as stack:
-        team = gather(stack, setting, WORLD, [beat.member for beat in beats])
+        team = gather(stack, setting, [beat.member for beat in beats])
         drivers = [
             TourDriver(player, WaypointTour(repeat=True), beat.poses, 0.0)
             for player, beat in zip(team.players, beats)

@@ -44,6 +44,14 @@ def path(axes: Any, points: Sequence[Sequence[float]], colour: str, label: str, 
     axes.plot([p[0] for p in points], [p[1] for p in points], line, color=colour, linewidth=1.3, label=label)
 
 
+def paths(
+    axes: Any, each: Iterable[Sequence[Sequence[float]]], colour: str, label: str, line: str = "-"
+) -> None:
+    """Draws paths of one kind, with one label."""
+    for number, points in enumerate(each):
+        path(axes, points, colour, "" if number else label, line)
+
+
 def band(axes: Any, points: Sequence[Sequence[float]], label: Optional[str]) -> None:
     """Draws a path as a pale band below other paths."""
     axes.plot([p[0] for p in points], [p[1] for p in points], color="#d0d0d0", linewidth=4.0, label=label)

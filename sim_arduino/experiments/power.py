@@ -4,14 +4,15 @@ the driver's warning.
 
 import math
 import random
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence
 
 from mrl_driver.errors import BoardError, ConfigError, MrlError
 from mrl_driver.robot import battery
 
 from . import disturbances, plot_style, trials
-from .experiment_report import Figure, Result
+from .experiment_report import Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot
+from .trials import Measure
 
 SEEDS = trials.SEEDS
 SPEEDS_MM_S = (50, 100, 200)
@@ -61,52 +62,35 @@ Packs = List[Discharge]
 def run(setting: Setting) -> Result:
     """Drives each speed with full packs, and draws the voltages."""
     if setting.port is not None:
-        return _real(setting)
+        real = [[_circle(setting, speed, EMPTY_V) for speed in SPEEDS_MM_S]]
+        rows = [
+            _lasts(number).figure(real)._replace(worst=None, put_in=False) for number in range(len(real[0]))
+        ]
+        return Result("power", TITLE, rows, [_draw(setting, real)])
     packs = trials.over_seeds(_discharges, setting, SEEDS)
     level = trials.over_seeds(_level, setting, SEEDS)
-    rows = [_hours(number, packs) for number in range(len(SPEEDS_MM_S))]
-    rows += [_ratio(packs, level), _left(packs)]
+    first, last = SPEEDS_MM_S[0], SPEEDS_MM_S[-1]
+    ratio = f"duration at {first} mm/s over that at {last} mm/s"
+    left = f"distance from the driver's warning to {STOP_V:g} V, where it stops the robot, at {last} mm/s"
+    rows = [_lasts(number).figure(packs) for number in range(len(SPEEDS_MM_S))]
+    rows += [
+        Measure("ratio", ratio, "", _ratio, min, "above 1", put_in=True).figure(packs, level),
+        Measure("left_m", left, "m", lambda packs: packs[-1].left_m, min, put_in=True).figure(packs),
+    ]
     return Result("power", TITLE, rows, [_draw(setting, packs)], REMARK)
 
 
-def _real(setting: Setting) -> Result:
-    packs = [_circle(setting, speed, EMPTY_V) for speed in SPEEDS_MM_S]
-    rows = [Figure(*_named(each.speed_mm_s), each.duration_h, "h", "2-3 h") for each in packs]
-    return Result("power", TITLE, rows, [_draw(setting, [packs])])
-
-
-# -- figures
-
-
-def _named(speed_mm_s: int) -> Tuple[str, str]:
-    """Key and text of a duration."""
-    return f"hours_{speed_mm_s}_mm_s", f"packs last at {speed_mm_s} mm/s"
-
-
-def _hours(number: int, packs: Sequence[Packs]) -> Figure:
-    values = [each[number].duration_h for each in packs]
-    named = _named(SPEEDS_MM_S[number])
-    return trials.figure(*named, values, "h", worst=min, published="2-3 h", put_in=True)
-
-
-def _ratio(packs: Sequence[Packs], level: Sequence[Packs]) -> Figure:
-    ours, control = ([each[0].duration_h / each[-1].duration_h for each in some] for some in (packs, level))
-    text = f"duration at {SPEEDS_MM_S[0]} mm/s over that at {SPEEDS_MM_S[-1]} mm/s"
-    return trials.figure("ratio", text, ours, control=control, worst=min, published="above 1", put_in=True)
-
-
-def _left(packs: Sequence[Packs]) -> Figure:
-    return trials.figure(
-        "left_m",
-        f"distance from the driver's warning to {STOP_V:g} V, where it stops the robot, at {SPEEDS_MM_S[-1]} mm/s",
-        [one[-1].left_m for one in packs],
-        "m",
-        worst=min,
-        put_in=True,
+def _lasts(number: int) -> Measure:
+    """How long packs last at a speed [h]."""
+    speed = f"{SPEEDS_MM_S[number]} mm/s"
+    key = f"hours_{SPEEDS_MM_S[number]}_mm_s"
+    return Measure(
+        key, f"packs last at {speed}", "h", lambda packs: packs[number].duration_h, min, "2-3 h", put_in=True
     )
 
 
-# -- drives
+def _ratio(packs: Packs) -> float:
+    return packs[0].duration_h / packs[-1].duration_h
 
 
 def _discharges(setting: Setting) -> Packs:
@@ -156,13 +140,11 @@ class _EmulatedPacks:
             return
         self._rng = random.Random(f"readings {setting.seed} {speed_mm_s} {steady}")
         params = self._body.params
+        if steady:
+            params = params._replace(running_a=0.0, starting_a=0.0)
         capacity, resistance = disturbances.packs(setting.seed)
         self._capacity_ah = params.capacity_ah * capacity
-        self._body.params = params._replace(
-            resistance_ohm=params.resistance_ohm * resistance,
-            running_a=0.0 if steady else params.running_a,
-            starting_a=0.0 if steady else params.starting_a,
-        )
+        self._body.params = params._replace(resistance_ohm=params.resistance_ohm * resistance)
 
     def wait(self, volts: float) -> float:
         """Lets time pass until the next reading; returns how long a pack of full capacity takes for it [s]."""
@@ -175,9 +157,6 @@ class _EmulatedPacks:
         self._body.sag(self._rng.gauss(0.0, disturbances.BATTERY_NOISE_V))
         driver.wait(EMULATED_READ_S)
         return factor * (driver.now_s - start_s)
-
-
-# -- picture
 
 
 def _draw(setting: Setting, packs: Sequence[Packs]) -> str:

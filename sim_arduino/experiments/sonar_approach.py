@@ -3,7 +3,8 @@
 Each emulated robot has a sonar with a curve of its own, which the calibration has to find.
 """
 
-from typing import Dict, List, NamedTuple, Optional, Sequence
+from functools import partial
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import Setting, open_robot
 from .team import pose_option
+from .trials import Measure
 
 PLAN = part_procedures.SonarPlan()
 SEEDS = trials.SEEDS
@@ -61,36 +63,28 @@ def run(setting: Setting, live: Optional[SonarRun] = None) -> Result:
 
 def _coefficient_rows(fit: sonar_curve.SonarFit) -> List[Figure]:
     rows = [
-        Figure(name, f"{name} of a s^b + c [cm]", getattr(fit.curve, name), "", f"{getattr(THESIS, name)}")
-        for name in Curve._fields
+        Figure(name, f"{name} of a s^b + c [cm]", ours, "", f"{getattr(THESIS, name)}")
+        for name, ours in fit.curve._asdict().items()
     ]
     return [*rows, Figure("r2", "R2", round(fit.r2, 5), "", f"{THESIS_R2}")]
 
 
 def _rows(runs: Sequence[SonarRun]) -> List[Figure]:
     """How well the hidden curves were found; the control is the published curve."""
-    curves = [(each.fit.curve.on_wire(), each.hidden) for each in runs if each.hidden]
-    rows = [
-        trials.figure(
-            "error_cm",
-            "largest error of a range, 20 to 200 cm",
-            [_largest_cm(curve, hidden) for curve, hidden in curves],
-            "cm",
-            control=[_largest_cm(THESIS, hidden) for _, hidden in curves],
-        )
+    measures = [
+        Measure("error_cm", "largest error of a range, 20 to 200 cm", "cm", lambda pair: _largest_cm(*pair))
     ]
-    for name in Curve._fields:
-        found, true = ([getattr(each, name) for each in side] for side in zip(*curves))
-        rows.append(
-            trials.figure(
-                f"{name}_error",
-                f"error of {name} of a s^b + c [cm]",
-                [abs(a - b) for a, b in zip(found, true)],
-                control=[abs(getattr(THESIS, name) - b) for b in true],
-            )
-        )
-    r2 = [round(each.fit.r2, 5) for each in runs]
-    return [*rows, trials.figure("r2", "R2", r2, worst=min, published=f"{THESIS_R2}", put_in=True)]
+    measures += [
+        Measure(f"{name}_error", f"error of {name} of a s^b + c [cm]", of=partial(_coefficient_error, number))
+        for number, name in enumerate(Curve._fields)
+    ]
+    found = [(run.fit.curve.on_wire(), run.hidden) for run in runs]
+    r2 = Measure("r2", "R2", "", lambda run: round(run.fit.r2, 5), min, f"{THESIS_R2}", put_in=True)
+    return [*trials.figures(measures, found, [(THESIS, run.hidden) for run in runs]), r2.figure(runs)]
+
+
+def _coefficient_error(number: int, pair: Tuple[Curve, Curve]) -> float:
+    return abs(pair[0][number] - pair[1][number])
 
 
 def _live_rows(live: SonarRun) -> List[Figure]:
@@ -108,8 +102,9 @@ def _largest_cm(curve: Curve, hidden: Curve) -> float:
     return float(np.abs(_errors_cm(curve, hidden)).max())
 
 
-def _errors_cm(curve: Curve, hidden: Curve) -> np.ndarray:
+def _errors_cm(curve: Curve, hidden: Optional[Curve]) -> np.ndarray:
     """Ranges by a curve at `CHECKED_M`, minus the true ones, of a sonar with a hidden curve [cm]."""
+    assert hidden is not None
     return 100 * (curve.range_m(hidden.counts(CHECKED_M)) - CHECKED_M)
 
 
@@ -170,14 +165,13 @@ def _draw(setting: Setting, shown: SonarRun, runs: Sequence[SonarRun]) -> str:
     errors.axhline(0.0, color="black", linewidth=0.8)
     if not runs:
         errors.plot(distances_cm, 100 * fit.errors_m, "o", color=plot_style.BLUE, fillstyle="none")
-    for number, each in enumerate(runs):
-        assert each.hidden is not None
-        for used, colour, label in (
-            (THESIS, plot_style.ORANGE, "by the published curve"),
-            (each.fit.curve.on_wire(), plot_style.BLUE, "by the calibrated curve"),
-        ):
-            off = list(zip(100 * CHECKED_M, _errors_cm(used, each.hidden)))
-            plot_style.path(errors, off, colour, label if number == 0 else "")
+    looks = (
+        (THESIS, plot_style.ORANGE, "by the published curve"),
+        (None, plot_style.BLUE, "by the calibrated curve"),
+    )
+    for used, colour, label in looks:
+        offs = [_errors_cm(used or each.fit.curve.on_wire(), each.hidden) for each in runs]
+        plot_style.paths(errors, [list(zip(100 * CHECKED_M, off)) for off in offs], colour, label)
     errors.set(xlabel="distance [cm]", ylabel="error of the range [cm]", title=f"{len(runs)} sonars")
     if runs:
         errors.legend(loc="upper left", fontsize="small")

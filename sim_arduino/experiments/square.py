@@ -14,6 +14,7 @@ from mrl_driver.robot.models import ON_TRACKS, Drive
 from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emulated
+from .trials import Measure
 
 SIDE_M = 1.0
 LAPS = 5
@@ -73,12 +74,17 @@ class RobotLaps(NamedTuple):
     after: Sequence[Lap]
 
 
-def run(setting: Setting) -> Result:
-    """Calibrates each robot, and drives the same laps without and with the calibration."""
+def run(setting: Setting, live: Optional[Pose] = None) -> Result:
+    """Calibrates each robot, and drives the same laps without and with the calibration.
+
+    Args:
+        live: Error of one more lap, through ROS.
+    """
     require_emulated(setting, "square")
     like = _robots(setting, CASES[0])
     rows = [row for number in range(2) for row in _direction_rows(like, number)]
     rows += [row for case in CASES[1:] for row in _case_rows(case, _robots(setting, case))]
+    rows += _live_rows(Lap(LEFT, live, [])) if live else []
     remark = (
         "An error is the true end of a lap minus the end by odometry. UMBmark: "
         f"{LAPS} laps in each direction, whose ends are measured by tape. The laps of the figures are others. Control: "
@@ -86,6 +92,7 @@ def run(setting: Setting) -> Result:
         "that give the published angles; the distances are not put in. Of other robots, the worse of both directions "
         f"counts. Random errors: {disturbances.WANDER}; as in a track's model: {disturbances.option(**ROUGH)}."
     )
+    remark += " The lap through ROS is in real time and not calibrated." if live else ""
     return Result("square", "Square of 1 m by odometry alone", rows, [_draw(setting, like)], remark)
 
 
@@ -93,28 +100,29 @@ def _robots(setting: Setting, case: Case) -> List[RobotLaps]:
     return trials.over_seeds(lambda each: _robot(each, case), setting, SEEDS)
 
 
+def _rows(
+    key: str, text: str, laps: Sequence[Sequence[Lap]], control: Sequence[Sequence[Lap]], cm: str = ""
+) -> List[Figure]:
+    """Distance and angle of the worst of each robot's laps; the control are its laps without the calibration."""
+    measures = (
+        Measure(f"{key}_cm", text, "cm", lambda some: max(lap.error_cm for lap in some), published=cm),
+        Measure(f"{key}_deg", "", "deg", lambda some: max(abs(lap.error_deg) for lap in some)),
+    )
+    return trials.figures(measures, laps, control)
+
+
 def _direction_rows(robots: Sequence[RobotLaps], number: int) -> List[Figure]:
     """Figures of the laps in one direction; published angles have signs."""
-    before, after = [robot.before[number] for robot in robots], [robot.after[number] for robot in robots]
-    (cm, deg), key = PUBLISHED[before[0].sense], before[0].sense.replace("-", "_")
-    of_cm, of_deg = [lap.error_cm for lap in before], [abs(lap.error_deg) for lap in before]
+    before, after = ([laps[i][number : number + 1] for laps in robots] for i in range(2))
+    turn = before[0][0].sense
+    (cm, deg), key = PUBLISHED[turn], turn.replace("-", "_")
+    angle = Measure(
+        f"{key}_before_deg", "", "deg", lambda laps: laps[0].error_deg, _farthest, f"{deg} deg", True
+    )
     return [
-        trials.figure(
-            f"{key}_before_cm", f"{CASES[0].text}, {before[0].sense}", of_cm, "cm", published=f"{cm} cm"
-        ),
-        trials.figure(
-            f"{key}_before_deg",
-            "",
-            [lap.error_deg for lap in before],
-            "deg",
-            worst=_farthest,
-            published=f"{deg} deg",
-            put_in=True,
-        ),
-        trials.figure(
-            f"{key}_after_cm", "after the calibration", [lap.error_cm for lap in after], "cm", control=of_cm
-        ),
-        trials.figure(f"{key}_after_deg", "", [abs(lap.error_deg) for lap in after], "deg", control=of_deg),
+        _rows(f"{key}_before", f"{CASES[0].text}, {turn}", before, [], f"{cm} cm")[0],
+        angle.figure(before),
+        *_rows(f"{key}_after", "after the calibration", after, before),
     ]
 
 
@@ -123,21 +131,18 @@ def _farthest(values: Sequence[float]) -> float:
 
 
 def _case_rows(case: Case, robots: Sequence[RobotLaps]) -> List[Figure]:
-    """Figures of the worse lap of each robot after the calibration, next to its worse lap without."""
-    (cm, deg), (cm_before, deg_before) = (
-        zip(*(_worse(getattr(robot, when)) for robot in robots)) for when in ("after", "before")
-    )
+    """Figures of the worse lap of each robot."""
+    before, after = ([laps[i] for laps in robots] for i in range(2))
+    return _rows(f"{case.key}_after", f"{case.text}, after the calibration", after, before)
+
+
+def _live_rows(lap: Lap) -> List[Figure]:
+    cm, deg = PUBLISHED[lap.sense]
+    text = f"a robot like the published one, through ROS, {lap.sense}"
     return [
-        trials.figure(
-            f"{case.key}_after_cm", f"{case.text}, after the calibration", cm, "cm", control=cm_before
-        ),
-        trials.figure(f"{case.key}_after_deg", "", deg, "deg", control=deg_before),
+        Figure("ros_before_cm", text, lap.error_cm, "cm", f"{cm} cm"),
+        Figure("ros_before_deg", "", lap.error_deg, "deg", f"{deg} deg", put_in=True),
     ]
-
-
-def _worse(laps: Sequence[Lap]) -> Tuple[float, float]:
-    """The largest distance [cm] and the largest angle [deg] of laps."""
-    return max(lap.error_cm for lap in laps), max(abs(lap.error_deg) for lap in laps)
 
 
 def _robot(setting: Setting, case: Case) -> RobotLaps:
@@ -161,7 +166,7 @@ def _shown_laps(setting: Setting, error: str, drive: Optional[Drive]) -> List[La
     """One lap in each direction, with a drive in place of the model's if it is not None."""
     with open_robot(setting, error=error, drive=drive) as robot:
         used = robot.model.differential
-        return [_lap(used, *each) for each in _laps(robot, 1)]
+        return [Lap(sense(used, run), Pose(*errors(used, [run])[0]), true) for run, true in _laps(robot, 1)]
 
 
 def _laps(robot: ExperimentRobot, count: int) -> List[Tuple[Trial, List[Pose]]]:
@@ -177,10 +182,6 @@ def _laps(robot: ExperimentRobot, count: int) -> List[Tuple[Trial, List[Pose]]]:
 
     gather(robot.driver, umbmark_legs(count, SIDE_M, SPEEDS), truth, keep)
     return list(zip(runs, paths))
-
-
-def _lap(drive: Drive, driven: Trial, true: List[Pose]) -> Lap:
-    return Lap(sense(drive, driven), Pose(*errors(drive, [driven])[0]), true)
 
 
 def _draw(setting: Setting, robots: Sequence[RobotLaps]) -> str:

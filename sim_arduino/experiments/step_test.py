@@ -11,19 +11,17 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import closing
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from mrl_driver.driver import Driver
-from mrl_driver.driver.options import Options
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.goal_seeker import GoalSeeker
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 
 from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import PERIOD_MS, TICK_S, ExperimentRobot, Setting, open_robot
+from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 from .team import pose_option
 
 SEEDS = trials.SEEDS
@@ -40,6 +38,12 @@ START_S = 10.0
 LOOP_POSES, LOOP_HZ = 100, 20.0
 """Poses that the loop without a robot sends, and their rate."""
 TITLE = "Steps over a 400 x 400 mm grid, around two boxes, mirrored live"
+END_ERROR = "distance of the true end from the last waypoint"
+MEASURES = (
+    trials.Measure("touched_s", "time in contact with a box", "s"),
+    trials.Measure("end_error_cm", END_ERROR, "cm", lambda drive: drive.error_cm),
+)
+REACHED = trials.Measure("reached", f"waypoints of {len(WAYPOINTS)} that were reached by odometry", worst=min)
 REMARK = (
     "Drives in simulated time with two boxes on the floor; a waypoint counts as reached within 3 cm by odometry, which "
     "is not calibrated. Their control drives without sonars. The mirror is another process on the same computer; the "
@@ -47,19 +51,8 @@ REMARK = (
 )
 
 
-class StepRecord(NamedTuple):
-    """Poses by odometry, true poses, poses of the mirror, and the mirror's delays [s]."""
-
-    odometry: List[Tuple[float, ...]]
-    true: List[Tuple[float, ...]]
-    mirrored: List[Tuple[float, ...]]
-    delays_s: List[float]
-    touched_s: float = 0.0
-    """Time in contact with an object [s]."""
-
-
 class StepDrive(NamedTuple):
-    """A drive in simulated time: true path, poses by odometry, ticks in contact with an object, waypoints reached."""
+    """A drive: true path, poses by odometry, ticks in contact with an object, and number of waypoints reached."""
 
     true: List[Pose]
     odometry: List[Pose]
@@ -82,54 +75,43 @@ class Mirrored:
 
     def __init__(self, robot: str) -> None:
         self._name = f"step-test-{os.getpid()}"
-        command = [
-            sys.executable,
-            "-m",
-            "sim_arduino.replay.mirror",
-            "--world-name",
-            self._name,
-            "--name",
-            "mirror",
-        ]
-        self._process = subprocess.Popen([*command, "--robot", robot], stdin=subprocess.PIPE, text=True)
+        words = ("--world-name", self._name, "--name", "mirror", "--robot", robot)
+        command = [sys.executable, "-m", "sim_arduino.replay.mirror", *words]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin
         self._registry = SharedRegistry(self._name)
-        self._sent: Dict[Tuple[float, ...], float] = {}
+        self._sent: Dict[Pose, float] = {}
         self._ending = False
-        self.poses: List[Tuple[float, ...]] = []
+        self.poses: List[Pose] = []
         self.delays_s: List[float] = []
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
 
-    def send(self, pose: Tuple[float, ...], stamp_s: float) -> None:
+    def send(self, pose: Pose, stamp_s: float) -> None:
         """Sends a pose to the mirror; `stamp_s` is its time [s, monotonic]."""
         if pose not in self._sent and self._process.poll() is None:
             self._sent[pose] = stamp_s
-            self._pipe.write(json.dumps(dict(zip(("x_m", "y_m", "yaw_rad"), pose))) + "\n")
+            self._pipe.write(json.dumps(pose._asdict()) + "\n")
             self._pipe.flush()
 
     def _watch(self) -> None:
         last = None
         while not self._ending:
             for mover in self._registry.others(""):
-                pose = tuple(mover.pose)
-                if pose != last and pose in self._sent:
-                    self.delays_s.append(time.monotonic() - self._sent[pose])
-                    self.poses.append(pose)
-                last = pose
+                if mover.pose != last and mover.pose in self._sent:
+                    self.delays_s.append(time.monotonic() - self._sent[mover.pose])
+                    self.poses.append(mover.pose)
+                last = mover.pose
             time.sleep(POLL_S)
 
     def wait(self) -> None:
         """Waits until the process shows poses; the delays up to then do not count."""
-        self._wait_for(lambda: bool(self.poses))
+        self.wait_for(lambda: bool(self.poses))
         self.delays_s.clear()
 
-    def wait_for(self, pose: Tuple[float, ...]) -> None:
-        """Waits until the process shows a pose that was sent."""
-        self._wait_for(lambda: pose in self.poses[-1:])
-
-    def _wait_for(self, done: Callable[[], bool]) -> None:
+    def wait_for(self, done: Callable[[], bool]) -> None:
+        """Waits until `done` returns True, at most `START_S`."""
         end_s = time.monotonic() + START_S
         while not done() and time.monotonic() < end_s:
             time.sleep(0.05)
@@ -143,95 +125,76 @@ class Mirrored:
         self._registry.close()
 
 
-def run(setting: Setting, live: Optional[StepRecord] = None) -> Result:
-    """Drives the steps, and draws robots and mirror; `live` is a drive in real time through ROS.
+Live = Tuple[StepDrive, Mirrored]
+"""A drive in real time, and its mirror."""
+
+
+def run(setting: Setting, live: Optional[Live] = None) -> Result:
+    """Drives the steps, and draws robots and mirror; `live` is a drive through ROS.
 
     Raises:
-        MrlError: the mirror showed no pose.
+        MrlError: the mirror showed no pose, or the robot on the port did not reach a waypoint.
     """
     if setting.port is not None:
-        live = _real(setting)
-        end = 100 * math.dist(live.true[-1][:2], WAYPOINTS[-1])
-        rows = [Figure("end_error_cm", "distance of the end by odometry from the last waypoint", end, "cm")]
-        return Result("step-test", TITLE, rows + _delay_rows(live, []), [_draw(setting, [], [], live)])
+        driven, mirror = _real(setting)
+        end = Figure(
+            "end_error_cm", "distance of the end by odometry from the last waypoint", driven.error_cm, "cm"
+        )
+        picture = _draw(setting, [], [], mirror, live=True)
+        return Result("step-test", TITLE, [end, *_delay_rows(mirror, [])], [picture])
     drives = trials.over_seeds(_simulated, setting, SEEDS)
     blind = trials.over_seeds(lambda each: _simulated(each, sonars=False), setting, SEEDS)
     loop = _loop(setting, drives[0].odometry)
-    rows = [*_rows(drives, blind), *(_live_rows(live, loop) if live else _delay_rows(loop, []))]
-    return Result("step-test", TITLE, rows, [_draw(setting, drives, blind, live or loop)], REMARK)
+    rows = [*trials.figures(MEASURES, drives, blind), REACHED.figure(drives)]
+    rows += _live_rows(live, loop) if live else _delay_rows(loop, [])
+    picture = _draw(setting, drives, blind, live[1] if live else loop, bool(live))
+    return Result("step-test", TITLE, rows, [picture], REMARK)
 
 
-def _rows(drives: Sequence[StepDrive], blind: Sequence[StepDrive]) -> List[Figure]:
-    return [
-        trials.figure(
-            "touched_s",
-            "time in contact with a box",
-            [each.touched_s for each in drives],
-            "s",
-            [each.touched_s for each in blind],
-        ),
-        trials.figure(
-            "end_error_cm",
-            "distance of the true end from the last waypoint",
-            [each.error_cm for each in drives],
-            "cm",
-            [each.error_cm for each in blind],
-        ),
-        trials.figure(
-            "reached",
-            f"waypoints of {len(WAYPOINTS)} that were reached by odometry",
-            [each.reached for each in drives],
-            worst=min,
-        ),
-    ]
+def _live_rows(live: Live, loop: Mirrored) -> List[Figure]:
+    driven, mirror = live
+    rows = (Figure(m.key, m.text, getattr(driven, m.key), m.unit) for m in MEASURES)
+    through_ros = [row._replace(key=f"live_{row.key}", text=f"{row.text}, through ROS") for row in rows]
+    return [*through_ros, *_delay_rows(mirror, loop.delays_s)]
 
 
-def _live_rows(live: StepRecord, loop: StepRecord) -> List[Figure]:
-    end = 100 * math.dist(live.true[-1][:2], WAYPOINTS[-1])
-    return [
-        Figure("live_touched_s", "time in contact with a box, through ROS", live.touched_s, "s"),
-        Figure(
-            "live_end_error_cm", "distance of the true end from the last waypoint, through ROS", end, "cm"
-        ),
-        *_delay_rows(live, loop.delays_s),
-    ]
-
-
-def _delay_rows(live: StepRecord, control: Sequence[float]) -> List[Figure]:
-    delays = sorted(1000 * delay for delay in live.delays_s)
+def _delay_rows(mirror: Mirrored, control: Sequence[float]) -> List[Figure]:
+    delays, others = (sorted(1000 * delay for delay in each) for each in (mirror.delays_s, control))
     if not delays:
         raise MrlError("the mirror showed no pose; check that the folder of shared worlds has free space")
-    loop = sorted(1000 * delay for delay in control)
-    middle, most = (loop[len(loop) // 2], loop[-1]) if loop else (None, None)
-    what = "delay of the mirror" if loop else "delay of the mirror alone, without a robot"
-    named = (("median", delays[len(delays) // 2], middle), ("max", delays[-1], most))
+    what = "delay of the mirror" if others else "delay of the mirror alone, without a robot"
+    named = {"median": ("median", len(delays) // 2, len(others) // 2), "max": ("largest", -1, -1)}
     return [
         Figure(
             f"mirror_delay_ms_{name}",
-            f"{what}, {'largest' if name == 'max' else name} of {len(delays)} poses",
-            value,
+            f"{what}, {text} of {len(delays)} poses",
+            delays[place],
             "ms",
             "below 1 s",
-            control=beside,
+            control=others[beside] if others else None,
         )
-        for name, value, beside in named
+        for name, (text, place, beside) in named.items()
     ]
 
 
-# -- in simulated time
+# -- drives
 
 
 def _simulated(setting: Setting, sonars: bool = True) -> StepDrive:
-    """Drives all waypoints, or up to the first one that is not reached."""
-    driven = StepDrive([], [], 0, 0)
     error, start = disturbances.error(setting.seed), pose_option(disturbances.placed(START, setting.seed))
     with open_robot(setting, WORLD, error=error, sonar=disturbances.SONAR, pose=start) as robot:
         robot.reset_pose(START)
-        for waypoint in WAYPOINTS:
-            touched, reached = _seek(robot, waypoint, sonars, driven)
-            driven = driven._replace(touched=driven.touched + touched, reached=driven.reached + reached)
-            if not reached:
-                break
+        return _drive(robot, sonars)
+
+
+def _drive(robot: ExperimentRobot, sonars: bool = True) -> StepDrive:
+    """Drives all waypoints, or up to the first one that is not reached."""
+    driven = StepDrive([], [], 0, 0)
+    for waypoint in WAYPOINTS:
+        touched, reached = _seek(robot, waypoint, sonars, driven)
+        driven = driven._replace(touched=driven.touched + touched, reached=driven.reached + reached)
+        if not reached:
+            break
     return driven
 
 
@@ -239,18 +202,18 @@ def _seek(
     robot: ExperimentRobot, waypoint: Tuple[float, float], sonars: bool, driven: StepDrive
 ) -> Tuple[int, bool]:
     """Drives to a waypoint; returns the ticks in contact, and whether it was reached."""
-    seek, end_s, touched = robot.seek(_goal(robot.pose, waypoint)), robot.driver.now_s + TIME_LIMIT_S, 0
-    step = seek(robot.ranges if sonars else {})
-    while not step.reached:
-        if step.blocked or robot.driver.now_s > end_s:
+    seeker, end_s, touched = robot.seeker(_goal(robot.pose, waypoint)), robot.driver.now_s + TIME_LIMIT_S, 0
+    while True:
+        speeds = seeker.command(robot.pose, robot.ranges if sonars else {}, robot.driver.now_s)
+        if seeker.reached:
+            return touched, True
+        if seeker.blocked or robot.driver.now_s > end_s:
             return touched, False
-        robot.drive(*step.speeds)
+        robot.drive(*speeds)
         robot.wait(TICK_S)
         touched += robot.bumped
         driven.true.append(robot.true_pose)
         driven.odometry.append(robot.pose)
-        step = seek(robot.ranges if sonars else {})
-    return touched, True
 
 
 def goals() -> List[Pose]:
@@ -267,75 +230,60 @@ def _goal(pose: Pose, waypoint: Tuple[float, float]) -> Pose:
 # -- in real time
 
 
-def _loop(setting: Setting, poses: Sequence[Pose]) -> StepRecord:
+def _loop(setting: Setting, poses: Sequence[Pose]) -> Mirrored:
     """Sends poses to the mirror at a constant rate, without a robot."""
-    sent = list(dict.fromkeys(tuple(pose) for pose in poses))[: LOOP_POSES + 1]
-    mirror = Mirrored(setting.robot)
-    try:
-        mirror.send(sent[0], time.monotonic())
+    first, *others = list(dict.fromkeys(poses))[: LOOP_POSES + 1]
+    with closing(Mirrored(setting.robot)) as mirror:
+        mirror.send(first, time.monotonic())
         mirror.wait()
-        for pose in sent[1:]:
+        for pose in others:
             mirror.send(pose, time.monotonic())
             time.sleep(1 / LOOP_HZ)
-        mirror.wait_for(sent[-1])
-    finally:
-        mirror.close()
-    return StepRecord([], [], mirror.poses, mirror.delays_s)
+        mirror.wait_for(lambda: others[-1] in mirror.poses[-1:])
+    return mirror
 
 
-def _real(setting: Setting) -> StepRecord:
+def _real(setting: Setting) -> Live:
     """Drives the robot on a port; its true poses are those by odometry."""
-    assert setting.port is not None
-    path: List[Tuple[float, ...]] = []
-    mirror = Mirrored(setting.robot)
-    try:  # stop the robot before the slow end of the mirror
-        with Driver(setting.port, setting.robot, options=Options(period_ms=PERIOD_MS)) as driver:
-            driver.reset_pose(START)
-            driver.on_telemetry(lambda each: mirror.send(tuple(each.pose), each.stamp_s))
-            mirror.wait()
-            for waypoint in WAYPOINTS:
-                _go(driver, waypoint, path)
-            driver.stop()
-            driver.wait(0.5)
-    finally:
-        mirror.close()
-    return StepRecord(path, path, mirror.poses, mirror.delays_s)
+    # the robot stops before the slow end of the mirror
+    with closing(Mirrored(setting.robot)) as mirror, open_robot(setting) as robot:
+        robot.reset_pose(START)
+        robot.driver.on_telemetry(lambda each: mirror.send(each.pose, each.stamp_s))
+        mirror.wait()
+        driven = _drive(robot)
+        robot.driver.stop()
+        robot.wait(0.5)
+        require_end(driven.reached, robot.pose)
+    return driven, mirror
 
 
-def _go(driver: Driver, waypoint: Tuple[float, float], path: List[Tuple[float, ...]]) -> None:
-    assert driver.model is not None
-    seeker = GoalSeeker(_goal(driver.pose, waypoint), driver.model.limits, driver.now_s, driver.model.sonars)
-    end_s = driver.now_s + TIME_LIMIT_S
-    while not seeker.reached:
-        if seeker.blocked or driver.now_s > end_s:
-            raise MrlError(
-                f"waypoint {waypoint} was not reached, the robot is at {driver.pose}; clear the path"
-            )
-        driver.drive(*seeker.command(driver.pose, driver.ranges, driver.now_s))
-        driver.wait(TICK_S)
-        path.append(tuple(driver.pose))
+def require_end(reached: int, pose: Pose) -> None:
+    """Raises MrlError if a robot at this pose has not reached all waypoints."""
+    if reached < len(WAYPOINTS):
+        raise MrlError(
+            f"{reached} of {len(WAYPOINTS)} waypoints were reached, the robot is at {pose}; clear the path"
+        )
 
 
 # -- picture
 
 
-def _draw(setting: Setting, drives: Sequence[StepDrive], blind: Sequence[StepDrive], live: StepRecord) -> str:
+def _draw(
+    setting: Setting, drives: Sequence[StepDrive], blind: Sequence[StepDrive], mirror: Mirrored, live: bool
+) -> str:
     made, (floor, late) = plot_style.figure(2, 11.0, 4.6)
     plot_style.walls(floor, [wall for solid in world_file.load(WORLD).solids for wall in solid], "boxes")
-    for number, each in enumerate(blind):
-        label = "true paths without sonars" if number == 0 else ""
-        plot_style.path(floor, each.true, plot_style.GREY, label, ":")
-    for number, each in enumerate(drives):
-        plot_style.path(floor, each.true, plot_style.BLUE, "true paths" if number == 0 else "")
-    if live.true:
-        plot_style.path(floor, live.mirrored, plot_style.ORANGE, "mirror", "--")
+    plot_style.paths(floor, [each.true for each in blind], plot_style.GREY, "true paths without sonars", ":")
+    plot_style.paths(floor, [each.true for each in drives], plot_style.BLUE, "true paths")
+    if live:
+        plot_style.path(floor, mirror.poses, plot_style.ORANGE, "mirror", "--")
     floor.plot(
         *zip(*WAYPOINTS), "s", color=plot_style.GREEN, markersize=7, fillstyle="none", label="waypoints"
     )
     plot_style.floor(floor)
     floor.legend(loc="upper left", fontsize="small")
     late.hist(
-        [1000 * delay for delay in live.delays_s], bins=40, color=plot_style.SKY, edgecolor=plot_style.BLUE
+        [1000 * delay for delay in mirror.delays_s], bins=40, color=plot_style.SKY, edgecolor=plot_style.BLUE
     )
     late.set(xlabel="delay of the mirror [ms]", ylabel="poses")
     return plot_style.save(made, setting.folder, "step-test")

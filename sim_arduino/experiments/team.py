@@ -12,18 +12,8 @@ of a virtual robot is then a place on the real floor.
 import math
 from contextlib import ExitStack
 from functools import partial
-from typing import (
-    Callable,
-    ContextManager,
-    Dict,
-    Iterator,
-    List,
-    Mapping,
-    NamedTuple,
-    Protocol,
-    Sequence,
-    Tuple,
-)
+from itertools import combinations
+from typing import Any, ContextManager, Dict, List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
@@ -35,7 +25,10 @@ from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
 from . import disturbances
-from .experiment_robot import TICK_S, ExperimentRobot, Pace, Setting, Step, open_robot
+from .experiment_robot import TICK_S, ExperimentRobot, Pace, Setting, open_robot
+
+WORLD = "room"
+"""The packaged world of all teams."""
 
 
 class Member(NamedTuple):
@@ -47,46 +40,11 @@ class Member(NamedTuple):
     robot: str = "traxbot"
 
 
-class RobotInterface(Protocol):
-    """The robot interface of the experiments; `ExperimentRobot` has it, and a robot reached through topics."""
-
-    @property
-    def model(self) -> models.RobotModel:
-        """Model of the robot."""
-
-    @property
-    def pose(self) -> Pose:
-        """Pose by odometry, in the world's frame."""
-
-    @property
-    def true_pose(self) -> Pose:
-        """True pose."""
-
-    @property
-    def ranges(self) -> Mapping[str, float]:
-        """Ranges of the sonars: name to range [m]."""
-
-    @property
-    def bumped(self) -> bool:
-        """Whether an obstacle blocks the robot."""
-
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Commands these speeds."""
-
-    def wait(self, seconds: float) -> None:
-        """Lets time pass."""
-
-    def seek(self, goal: Pose) -> Callable[[Mapping[str, float]], Step]:
-        """A function that computes the next step to a goal from the ranges [m]."""
-
-    def reset_pose(self, pose: Pose) -> None:
-        """Set the pose at which the odometry begins."""
-
-
 class Player:
     """A member of the team and its robot.
 
     Args:
+        robot: An `ExperimentRobot`, or a robot reached through topics with the same attributes.
         world: The world in which the robot can touch others: the real one, or the one with the mirrors.
         virtual_world: The world with the virtual robots and the mirrors of the real ones.
         mirrored: Whether real and virtual robots see each other.
@@ -103,7 +61,7 @@ class Player:
     def __init__(
         self,
         member: Member,
-        robot: RobotInterface,
+        robot: Any,
         world: World,
         virtual_world: World,
         mirrored: bool = True,
@@ -151,10 +109,10 @@ class Player:
 
 
 class Team:
-    """The robots of a team.
+    """The robots of a team, and what came out of their run so far.
 
     Attributes:
-        nearest_m: Smallest distance so far between any two of them.
+        nearest_m: Smallest distance between the centres of two robots.
         truly_nearest_m: The same by their true poses.
         true_touches: Number of ticks in which two robots truly touched each other.
     """
@@ -168,7 +126,7 @@ class Team:
         """Drives all robots for a tick."""
         for player, each in zip(self.players, speeds):
             player.step(each)
-        for a, b in pairs(self.players):
+        for a, b in combinations(self.players, 2):
             both_real = not (a.member.virtual or b.member.virtual)
             one, other = (a.path[-1], b.path[-1]) if both_real else (a.met, b.met)
             self.nearest_m = min(self.nearest_m, math.dist(one[:2], other[:2]))
@@ -206,13 +164,6 @@ def _overlap(a: Player, b: Player) -> bool:
     return any(map(partial(a.footprint.touches, a.path[-1]), sides))
 
 
-def pairs(players: Sequence[Player]) -> Iterator[Tuple[Player, Player]]:
-    """Each pair of robots, once."""
-    for index, player in enumerate(players):
-        for other in players[index + 1 :]:
-            yield player, other
-
-
 def footprint_of(member: Member) -> Footprint:
     """The robot's body from above."""
     footprint = footprint_for(models.load(member.robot))
@@ -225,12 +176,21 @@ def pose_option(pose: Pose) -> str:
     return f"{pose.x_m},{pose.y_m},{math.degrees(pose.yaw_rad)}"
 
 
-def _with_port(stack: ExitStack, setting: Setting, world: str, members: Sequence[Member]) -> Team:
+def _emulated(
+    setting: Setting, member: Member, number: int, place: World, slip: float = 0.0
+) -> ContextManager[ExperimentRobot]:
+    its = setting._replace(robot=member.robot, seed=setting.seed + number)
+    pose = pose_option(disturbances.placed(member.start, setting.seed, member.name))
+    error = disturbances.wander(slip)
+    return open_robot(its, place, name=member.name, pose=pose, error=error, sonar=disturbances.SONAR)
+
+
+def _with_port(stack: ExitStack, setting: Setting, members: Sequence[Member]) -> Team:
     """A team of the robot on the port and virtual ones, which keep pace with it.
 
     The port's robot is the first member.  Its true pose is not known: its odometry stands for it.
     """
-    virtual, alone = world_file.load(world), setting._replace(port=None)
+    virtual, alone = world_file.load(WORLD), setting._replace(port=None)
     first, others = members[0]._replace(robot=setting.robot), members[1:]
     robot = stack.enter_context(open_robot(setting, virtual))._replace(pace=Pace())
     if not robot.driver.has_sonars:
@@ -242,25 +202,15 @@ def _with_port(stack: ExitStack, setting: Setting, world: str, members: Sequence
     return Team(players)
 
 
-def _emulated(
-    setting: Setting, member: Member, number: int, place: World, slip: float = 0.0
-) -> ContextManager[ExperimentRobot]:
-    its = setting._replace(robot=member.robot, seed=setting.seed + number)
-    pose = pose_option(disturbances.placed(member.start, setting.seed, member.name))
-    error = disturbances.wander(slip)
-    return open_robot(its, place, name=member.name, pose=pose, error=error, sonar=disturbances.SONAR)
-
-
 def gather(
     stack: ExitStack,
     setting: Setting,
-    world: str,
     members: Sequence[Member],
     mirrored: bool = True,
     slip: float = 0.0,
     margin: Margin = NO_MARGIN,
 ) -> Team:
-    """Puts a team into a packaged world, and the mirrors of its real robots into the virtual one.
+    """Puts a team into its world, and the mirrors of its real robots into the virtual one.
 
     The robots are calibrated: their odometry has random errors and the error of placing, and no systematic ones but
     `slip`.
@@ -274,9 +224,9 @@ def gather(
         ConfigError: the robot on the port has no sonars.
     """
     if setting.port is not None:
-        return _with_port(stack, setting, world, members)
-    real, virtual = world_file.load(world), world_file.load(world)
-    seen = virtual if mirrored else world_file.load(world)
+        return _with_port(stack, setting, members)
+    real, virtual = world_file.load(WORLD), world_file.load(WORLD)
+    seen = virtual if mirrored else world_file.load(WORLD)
     players = []
     for number, member in enumerate(members):
         place = seen if member.virtual else real

@@ -3,16 +3,19 @@
 import heapq
 import math
 import random
-from typing import Callable, List, Mapping, Optional, Sequence, Tuple
+from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import Claim, ClaimMessage
-from mrl_driver.navigation.waypoint_tour import Target, WaypointTour
+from mrl_driver.navigation.goal_seeker import GoalSeeker
+from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, Target, WaypointTour
 
-from .experiment_robot import Step
-from .team import Player
+from .experiment_robot import TICK_S
+from .team import Player, Team
+from .trials import Measure
 
 Point = Tuple[float, float]
+DURATION = Measure("duration_s", "duration", "s")
 
 
 def poses_of(points: Sequence[Point]) -> List[Pose]:
@@ -67,7 +70,7 @@ class TourDriver:
         self.player, self.tour = player, tour
         self._poses = poses
         self._target: Optional[Target] = None
-        self._seek: Optional[Callable[[Mapping[str, float]], Step]] = None
+        self._seeker: Optional[GoalSeeker] = None
         tour.begin(len(poses), now_s)
 
     def command(self, now_s: float) -> Tuple[float, float]:
@@ -77,11 +80,54 @@ class TourDriver:
         if target is None:
             self._target = None
             return 0.0, 0.0
-        if self._seek is None or target != self._target:
-            self._target, self._seek = target, self.player.robot.seek(self._poses[target.place])
-        step = self._seek(self.player.ranges())
-        if step.reached:
+        robot = self.player.robot
+        if self._seeker is None or target != self._target:
+            self._target, self._seeker = target, robot.seeker(self._poses[target.place])
+        speeds = self._seeker.command(robot.pose, self.player.ranges(), robot.driver.now_s)
+        if self._seeker.reached:
             self.tour.reached(target.attempt, now_s)
-        elif step.blocked:
+        elif self._seeker.blocked:
             self.tour.failed(target.attempt, "the path is blocked")
-        return (0.0, 0.0) if step.reached or step.blocked else step.speeds
+        return (0.0, 0.0) if self._seeker.reached or self._seeker.blocked else speeds
+
+
+class TourRun(NamedTuple):
+    """What came out of tours.
+
+    Attributes:
+        visits: Number of waypoints that each robot has reached.
+        waited_s: Time that all robots waited for claims together [s].
+        arrived: Number of robots that finished their tour.
+    """
+
+    team: Team
+    visits: Sequence[int]
+    waited_s: float
+    duration_s: float
+    arrived: int
+
+
+def drive_tours(
+    team: Team,
+    drivers: Sequence[TourDriver],
+    limit_s: float,
+    crash_ends: bool,
+    before: Callable[[float], None],
+    after: Callable[[float], None] = lambda now_s: None,
+) -> TourRun:
+    """Drives until all robots have finished their tours, at most for a time, or until the first collision.
+
+    Args:
+        before: Called with the time [s] before each tick; `after` after it.
+    """
+    now_s = waited_s = 0.0
+    while any(driver.tour.state != DONE for driver in drivers) and now_s < limit_s:
+        before(now_s)
+        team.tick([driver.command(now_s) for driver in drivers])
+        after(now_s)
+        waited_s += TICK_S * sum(driver.tour.state == CLAIMING for driver in drivers)
+        now_s += TICK_S
+        if team.collisions and crash_ends:
+            break
+    arrived = sum(driver.tour.state == DONE for driver in drivers)
+    return TourRun(team, [driver.tour.idleness.visits for driver in drivers], waited_s, now_s, arrived)

@@ -1,7 +1,7 @@
 """Runs of an experiment over many seeds, and their median and worst value next to those of a control."""
 
 from statistics import median
-from typing import Any, Callable, List, Sequence, TypeVar
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, TypeVar
 
 from .experiment_report import Figure
 from .experiment_robot import Setting
@@ -19,30 +19,36 @@ def over_seeds(run: Callable[[Setting], _T], setting: Setting, count: int = SEED
     return [run(setting._replace(seed=_APART * setting.seed + number)) for number in numbers]
 
 
-def figure(
-    key: str,
-    text: str,
-    values: Sequence[float],
-    unit: str = "",
-    control: Sequence[float] = (),
-    worst: Callable[[Sequence[float]], float] = max,
-    **others: Any,
-) -> Figure:
-    """The figure of many runs: their median and their worst value.
+class Measure(NamedTuple):
+    """A figure of many runs.
 
-    Args:
-        values: One value of each seed.
-        control: The values of the runs without the feature under test; empty if there are none.
+    Attributes:
+        of: Computes its value of a run; by default it is the attribute `key` of the run.
         worst: Picks the worst value: `max` for errors, `min` for shares found.
-        others: More attributes of the figure.
+        published, put_in: As in `Figure`.
     """
-    return Figure(
-        key,
-        text,
-        median(values),
-        unit,
-        worst=worst(values),
-        control=median(control) if control else None,
-        seeds=len(values),
-        **others,
-    )
+
+    key: str
+    text: str
+    unit: str = ""
+    of: Optional[Callable[[Any], float]] = None
+    worst: Callable[[Sequence[float]], float] = max
+    published: str = ""
+    put_in: bool = False
+
+    def figure(self, runs: Sequence[Any], control: Sequence[Any] = ()) -> Figure:
+        """Median and worst value of runs; `control` are the runs without the feature under test, if there are any."""
+        values, others = ([self._value(run) for run in each] for each in (runs, control))
+        beside = median(others) if others else None
+        worst, middle = self.worst(values), median(values)
+        return Figure(
+            self.key, self.text, middle, self.unit, self.published, worst, beside, len(values), self.put_in
+        )
+
+    def _value(self, run: Any) -> Any:
+        return self.of(run) if self.of else getattr(run, self.key)
+
+
+def figures(measures: Sequence[Measure], runs: Sequence[Any], control: Sequence[Any] = ()) -> List[Figure]:
+    """The figures of runs, one for each measure."""
+    return [each.figure(runs, control) for each in measures]

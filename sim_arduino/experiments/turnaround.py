@@ -1,5 +1,6 @@
 """Measures the time of messages between the PC and the motor board, of ours and of sketches in the same mode."""
 
+import os
 from itertools import accumulate
 from statistics import median
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence
@@ -9,15 +10,12 @@ from .experiment_report import Figure, Result
 from .experiment_robot import Setting, require_emulated
 from .message_times import (
     CHECKED,
-    LONG,
     PLAIN,
     RATE_HZ,
     ROSSERIAL,
     ROSSERIAL_DEFAULT,
-    SHORT,
     SUBJECTS,
     TIMING_2013,
-    Counts,
     Message,
     Subject,
 )
@@ -62,84 +60,59 @@ class Topics(NamedTuple):
 def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
     """Sends messages at random phases, and draws their total time; with the times of ROS, if given."""
     require_emulated(setting, "turnaround")
-    runs = {subject: _runs(setting, subject) for subject in SUBJECTS if subject.built}
+    built = [subject for subject in SUBJECTS if subject.path is None or os.path.isfile(subject.path)]
+    runs = {subject: _runs(setting, subject) for subject in built}
     rows = [_row(subject, runs) for subject in runs] + _link_rows(setting, runs[PLAIN])
     if topics:
-        rows += _ros_rows(topics, _totals_ms(runs[CHECKED]))
-    missing = [subject.text for subject in SUBJECTS if subject not in runs]
-    remarks = [REMARK, NOT_BUILT + "; ".join(missing) + "." if missing else "", TO_TOPICS if topics else ""]
-    return Result(
-        "turnaround",
-        "Time of messages between PC and motor board",
-        rows,
-        [_draw(setting, runs, topics)],
-        " ".join(filter(None, remarks)),
-    )
+        rows += _ros_rows(topics, _total(CHECKED.key).figure(runs[CHECKED]))
+    missing = "; ".join(subject.text for subject in SUBJECTS if subject not in runs)
+    remarks = [REMARK, f"{NOT_BUILT}{missing}." if missing else "", TO_TOPICS if topics else ""]
+    picture, title = _draw(setting, runs, topics), "Time of messages between PC and motor board"
+    return Result("turnaround", title, rows, [picture], " ".join(filter(None, remarks)))
 
 
-def _runs(setting: Setting, subject: Subject, counts: Counts = LONG) -> List[List[Message]]:
+def _runs(setting: Setting, subject: Subject, **others: Any) -> List[List[Message]]:
     return trials.over_seeds(
-        lambda seeded: message_times.measure(seeded, subject, RATE_HZ, counts), setting, trials.SEEDS
+        lambda seeded: message_times.measure(seeded, subject, **others), setting, trials.SEEDS
     )
 
 
-def _totals_ms(runs: Sequence[Sequence[Message]]) -> List[float]:
-    """The total time of `COUNT` messages, of each seed [ms]."""
-    return [1000 * sum(message.total_s for message in messages[:COUNT]) for messages in runs]
+def _total(key: str, text: str = "", published: str = "") -> trials.Measure:
+    """The total time of `COUNT` messages [ms]."""
+
+    def total_ms(messages: Sequence[Message]) -> float:
+        return 1000 * sum(message.total_s for message in messages[:COUNT])
+
+    return trials.Measure(
+        f"{key}_{COUNT}_ms", f"{COUNT} messages {text}", "ms", total_ms, published=published
+    )
 
 
 def _row(subject: Subject, runs: Runs) -> Figure:
     control = runs.get(RIVALS[subject], []) if subject in RIVALS else []
-    return trials.figure(
-        f"{subject.key}_{COUNT}_ms",
-        f"{COUNT} messages to the motor board and back, {subject.text}",
-        _totals_ms(runs[subject]),
-        "ms",
-        _totals_ms(control),
-        published=PUBLISHED.get(subject, ""),
-    )
+    text = f"to the motor board and back, {subject.text}"
+    return _total(subject.key, text, PUBLISHED.get(subject, "")).figure(runs[subject], control)
 
 
 def _link_rows(setting: Setting, plain: Sequence[Sequence[Message]]) -> List[Figure]:
     """What the serial link alone needs for the plain messages, and messages with shorter numbers."""
     link_ms = 1000 * sum(message.link_s for message in plain[0][:COUNT])
-    return [
-        Figure(
-            f"link_{COUNT}_ms", f"of {COUNT} messages by frames, the bytes on the serial link", link_ms, "ms"
-        ),
-        trials.figure(
-            f"short_{COUNT}_ms",
-            f"{COUNT} messages by frames, both counters at 0",
-            _totals_ms(_runs(setting, PLAIN, SHORT)),
-            "ms",
-            published=PUBLISHED[PLAIN],
-        ),
-    ]
+    text = f"of {COUNT} messages by frames, the bytes on the serial link"
+    short = _total("short", "by frames, both counters at 0", PUBLISHED[PLAIN])
+    runs = _runs(setting, PLAIN, counts=message_times.SHORT)
+    return [Figure(f"link_{COUNT}_ms", text, link_ms, "ms"), short.figure(runs)]
 
 
-def _ros_rows(topics: Topics, checked_ms: Sequence[float]) -> List[Figure]:
+def _ros_rows(topics: Topics, checked: Figure) -> List[Figure]:
     """Figures of the messages through ROS, in the default mode."""
     odometry_ms, commands_ms = COUNT * topics.odometry_ms, COUNT * topics.command_ms
-    return [
-        Figure(
-            f"ros_odometry_{COUNT}_ms",
-            f"{COUNT} frames from the board to Odometry in a subscriber, with checksum",
-            odometry_ms,
-            "ms",
-        ),
-        Figure(
-            f"ros_commands_{COUNT}_ms",
-            f"{COUNT} commands from cmd_vel to the end of the serial link, with checksum",
-            commands_ms,
-            "ms",
-        ),
-        Figure(
-            f"ros_{COUNT}_ms",
-            f"{COUNT} messages to the motor board, back and on to a topic, with checksum",
-            median(checked_ms) + odometry_ms,
-            "ms",
-        ),
-    ]
+    whole_ms = float(checked.ours) + odometry_ms
+    rows = (
+        ("ros_odometry", "frames from the board to Odometry in a subscriber", odometry_ms),
+        ("ros_commands", "commands from cmd_vel to the end of the serial link", commands_ms),
+        ("ros", "messages to the motor board, back and on to a topic", whole_ms),
+    )
+    return [Figure(f"{key}_{COUNT}_ms", f"{COUNT} {text}, with checksum", ms, "ms") for key, text, ms in rows]
 
 
 def _draw(setting: Setting, runs: Runs, topics: Optional[Topics]) -> str:
@@ -160,7 +133,8 @@ def _draw(setting: Setting, runs: Runs, topics: Optional[Topics]) -> str:
             ("ROS: frame to odom", topics.odometry_ms, plot_style.SKY),
         ):
             plot_style.path(axes, [(0, 0), (RATE_HZ, RATE_HZ * each_ms)], colour, label, "--")
-    _draw_published(axes)
+    for name, mark, each_ms in (("rosserial", "s", PUBLISHED_MS), ("frames", "^", PUBLISHED_MS * (1 - LESS))):
+        axes.plot(COUNT, each_ms, mark, color=plot_style.GREEN, label=f"published: {name}")
     axes.set(xlabel="messages", ylabel="total time [ms]", xlim=(0, None), ylim=(0, None))
     axes.legend(loc="upper left", fontsize="small")
     return plot_style.save(made, setting.folder, "turnaround")
@@ -170,11 +144,3 @@ def _points(runs: Sequence[Sequence[Message]]) -> List[Any]:
     """Total time over the number of messages, the median of all seeds [ms]."""
     totals = zip(*(accumulate(1000 * message.total_s for message in messages) for messages in runs))
     return [(0, 0.0), *((number + 1, median(total)) for number, total in enumerate(totals))]
-
-
-def _draw_published(axes: Any) -> None:
-    for name, mark, milliseconds in (
-        ("rosserial", "s", PUBLISHED_MS),
-        ("frames", "^", PUBLISHED_MS * (1 - LESS)),
-    ):
-        axes.plot(COUNT, milliseconds, mark, color=plot_style.GREEN, label=f"published: {name}")

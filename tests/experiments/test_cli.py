@@ -1,7 +1,5 @@
 """`mrl experiment` on the command line."""
 
-import os
-import re
 from unittest import mock
 
 import pytest
@@ -10,9 +8,8 @@ from click.testing import CliRunner
 from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import load
-from sim_arduino.experiments import cli, experiment_report, step_test, workers
+from sim_arduino.experiments import cli, experiment_report, experiment_robot, step_test
 from sim_arduino.experiments.experiment_robot import Setting
-from tests.experiments.pools import at_once
 
 
 def run(*args):
@@ -21,16 +18,16 @@ def run(*args):
 
 @pytest.fixture
 def started(monkeypatch):
-    """Experiments that do nothing are started; who starts which, and those that fail but for the L-course."""
+    """Experiments that do nothing are started; which, and those fail but for the L-course."""
     calls = []
 
-    def timed(name, setting):
-        calls.append((name, os.getpid()))
+    def run_one(name, setting):
+        calls.append(name)
         if setting.robot == "stingbot" and name != "l-course":
             raise ConfigError(f"{name}: no")
-        return name, experiment_report.Result(name, name, []), 0.0
+        return experiment_report.Result(name, name, [])
 
-    monkeypatch.setattr(cli, "timed", timed)
+    monkeypatch.setattr(cli, "run", run_one)
     return calls
 
 
@@ -53,16 +50,9 @@ def test_what_cannot_be_run_is_one_line(tmp_path):
         assert result.output.count("\n") == 1 and said in result.output
 
 
-def test_all_are_run_once(started, tmp_path, monkeypatch):
-    monkeypatch.setattr(workers, "pool", at_once)
+def test_all_are_run_once(started, tmp_path):
     assert run("square", "all", "--no-ros", "--out", str(tmp_path)).exit_code == 0
-    assert [name for name, _ in started] == list(cli.EXPERIMENTS)
-
-
-def test_a_real_robot_is_driven_by_this_process(started, tmp_path):
-    """So that a signal which ends it stops the robot too."""
-    assert run("square", "--port", "/dev/ttyACM0", "--yes", "--out", str(tmp_path)).exit_code == 0
-    assert started == [("square", os.getpid())]
+    assert started == list(cli.EXPERIMENTS)
 
 
 def test_a_step_test_that_fails_stops_the_robot_before_it_ends_the_mirror(monkeypatch):
@@ -73,19 +63,24 @@ def test_a_step_test_that_fails_stops_the_robot_before_it_ends_the_mirror(monkey
     robot.model, robot.pose, robot.ranges, robot.now_s = load("traxbot"), Pose(0.0, 0.0, 0.0), {}, 0.0
     robot.drive.side_effect = LinkLost("it went away")
     mirror.return_value.close.side_effect = lambda: ended.append("mirror")
-    monkeypatch.setattr(step_test, "Driver", driver)
+    monkeypatch.setattr(experiment_robot, "Driver", driver)
     monkeypatch.setattr(step_test, "Mirrored", mirror)
     with pytest.raises(LinkLost):
         step_test.run(Setting("", port="/dev/ttyACM0"))
     assert ended == ["robot", "mirror"]
 
 
-def test_others_go_on_when_one_fails(started, tmp_path, monkeypatch):
+def test_others_go_on_when_one_fails(started, tmp_path):
     """The failure comes when all are done, in one line."""
-    monkeypatch.setattr(workers, "pool", at_once)
     result = run("power", "square", "l-course", "--robot", "stingbot", "--out", str(tmp_path))
     assert result.exit_code == ConfigError.exit_code
-    assert re.search("(power|square): no; (power|square): no\n$", result.output)
+    assert result.output.endswith("power: no; square: no\n")
     assert experiment_report.read(str(tmp_path), "l-course") and not experiment_report.read(
         str(tmp_path), "power"
     )
+
+
+def test_a_real_robot_is_not_driven_on_after_a_failure(started, tmp_path):
+    words = ("--port", "/dev/ttyACM0", "--yes", "--robot", "stingbot", "--out", str(tmp_path))
+    assert run("power", "square", *words).exit_code == ConfigError.exit_code
+    assert started == ["power"]

@@ -97,7 +97,7 @@ def test_sonars_keep_the_robot_off_a_box_that_it_touches_without_them(tmp_path):
 
 
 def test_gyro_keeps_the_heading_of_a_robot_that_slips(tmp_path):
-    cut = {"CALIBRATION_LEGS": 2, "CASES": gyro.CASES[:1], "COURSE_POINTS": gyro.COURSE_POINTS[:1]}
+    cut = {"CALIBRATION_LEGS": 2, "CASES": gyro.CASES[:1]}
     figures = rows(gyro, tmp_path, SEEDS=1, RUNS=1, TURNS=4, **cut)
     heading, position = figures["gyro_heading_deg"], figures["gyro_position_cm"]
     assert heading.ours < HEADING_DEG and position.ours < POSITION_CM

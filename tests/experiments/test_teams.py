@@ -80,11 +80,12 @@ def test_robots_that_claim_the_shared_waypoint_do_not_collide(tmp_path, monkeypa
     """Though many messages are lost; they do if every claim is granted at once."""
     monkeypatch.setattr(shared_waypoint, "ROUNDS", 1)
     setting = Setting("/nowhere", seed=SEED)
-    claimed, control = shared_waypoint.claimed(setting, loss=0.5), shared_waypoint.granted_at_once(setting)
-    assert (claimed.team.collisions, claimed.rounds) == (0, 3) and control.team.collisions
+    claimed = shared_waypoint.drive(setting, loss=0.5)
+    control = shared_waypoint.drive(setting, claims=False)
+    assert (claimed.team.collisions, claimed.arrived) == (0, 3) and control.team.collisions
 
     def over_seeds(run, _):
-        return [control if run is shared_waypoint.granted_at_once else claimed]
+        return [control if "claims" in getattr(run, "keywords", ()) else claimed]
 
     monkeypatch.setattr(shared_waypoint, "over_seeds", over_seeds)
     shown = {row.key: row for row in shared_waypoint.run(Setting(str(tmp_path)), claimed).rows}

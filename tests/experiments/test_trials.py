@@ -20,11 +20,11 @@ def test_each_run_has_a_seed_of_its_own():
 
 
 def test_figure_is_the_median_with_the_worst_run_and_the_median_of_the_control():
-    figure = trials.figure(
-        "error_cm", "error", [1.0, 9.0, 2.0], "cm", control=[4.0, 5.0, 6.0], published="3 cm"
-    )
-    assert trials.figure("found", "", [80.0, 90.0], worst=min).worst == 80.0
-    assert figure == Figure("error_cm", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=3)
+    measure = trials.Measure("real", "error", "cm", published="3 cm")
+    figure = measure.figure([1.0, 9.0, 2.0], [4.0, 5.0, 6.0])
+    assert figure == Figure("real", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=3)
+    found = trials.Measure("found", "", of=lambda share: 100 * share, worst=min)
+    assert found.figure([0.75, 0.5]).worst == 50.0
 
 
 SEEDS = range(200)
@@ -61,15 +61,18 @@ SETTING = Setting("/nowhere", seed=1000)
 
 def test_second_robot_waits_until_the_first_has_left(tmp_path, monkeypatch):
     """Nobody gets the crossing while the radio is cut, and a silent robot is named."""
-    by_radio, cut = (crossing.claimed(SETTING, cut=cut) for cut in (False, True))
-    control = crossing.granted_at_once(SETTING)
-    assert (by_radio.team.collisions, by_radio.crossed) == (0, 2) and by_radio.waited_s > 5.0
-    assert control.team.collisions and control.crossed == 0
-    assert cut.crossed == 2, "after the radio is back"
-    assert (cut.entered_cut, cut.unnamed, cut.team.collisions) == (0, 0, 0) and 0 < cut.named_s < 6.0
+    by_radio, cut = (crossing.cross(SETTING, cut=cut) for cut in (False, True))
+    control = crossing.cross(SETTING, claims=False)
+    assert (by_radio.tours.team.collisions, by_radio.tours.arrived) == (
+        0,
+        2,
+    ) and by_radio.tours.waited_s > 5.0
+    assert control.tours.team.collisions and control.tours.arrived == 0
+    assert cut.tours.arrived == 2, "after the radio is back"
+    assert (cut.entered, cut.unnamed, cut.tours.team.collisions) == (0, 0, 0) and 0 < cut.named_s < 6.0
 
     def over_seeds(run, _):
-        return [{crossing.claimed: by_radio, crossing.granted_at_once: control}.get(run, cut)]
+        return [by_radio if run is crossing.cross else control if "claims" in run.keywords else cut]
 
     monkeypatch.setattr(crossing, "over_seeds", over_seeds)
     result = crossing.run(Setting(str(tmp_path)))

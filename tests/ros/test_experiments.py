@@ -19,13 +19,12 @@ from mrl_driver.robot.sonar_curve import THESIS
 from ros1_bridge.experiments import course_node, legs, sonar_node, square_node, team_node
 from ros1_bridge.experiments.experiment_processes import Parts, environment
 from ros1_bridge.experiments.one_robot_node import TimedPoses
-from ros1_bridge.experiments.wire_log import command_s, commanded, odometry_s, read, sent
-from sim_arduino.experiments import cli, disturbances, l_course, sonar_approach, square, workers
+from ros1_bridge.experiments.turnaround_node import command_s, commanded, odometry_s, read, sent
+from sim_arduino.experiments import cli, disturbances, l_course, sonar_approach, square
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.team import Member
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
-from tests.experiments.pools import at_once
 from tests.waiting import wait_until
 
 from .rig import START_S
@@ -95,8 +94,7 @@ def test_course_through_ros_has_the_pose_of_each_reading(parts, monkeypatch):
 
 def test_pose_of_a_message_is_between_those_before_and_after_it():
     poses = TimedPoses()
-    poses.add(1.0, Pose(0.0, 1.0, 3.0))
-    poses.add(2.0, Pose(1.0, 1.0, -3.0))
+    poses += [(1.0, Pose(0.0, 1.0, 3.0)), (2.0, Pose(1.0, 1.0, -3.0))]
     (at,) = poses.at([1.25])
     assert tuple(at) == pytest.approx((0.25, 1.0, 3.0 + (2 * math.pi - 6.0) / 4))
 
@@ -153,12 +151,11 @@ def experiment(monkeypatch, tmp_path):
     """Runs `mrl experiment` with experiments that do nothing but tell whether they go through ROS."""
     through_ros = []
 
-    def timed(name, setting):
+    def run_one(name, setting):
         through_ros.append(setting.ros)
-        return name, Result(name, name, []), 0.0
+        return Result(name, name, [])
 
-    monkeypatch.setattr(cli, "timed", timed)
-    monkeypatch.setattr(workers, "pool", at_once)
+    monkeypatch.setattr(cli, "run", run_one)
 
     def run(*words):
         result = CliRunner().invoke(cli.main, [*words, "--out", str(tmp_path)])
