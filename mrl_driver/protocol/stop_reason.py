@@ -43,6 +43,16 @@ class StopReason(str, Enum):
     MANUAL_MODE = "manual_mode"  # the change to manual mode ended a drive to a pose
     COMMANDS_UNPAUSED = "commands_unpaused"
     """Commands of a source that has not paused since a stop; they are refused."""
+    # The page:
+    RELEASED = "released"
+    """The control was released."""
+    GOAL_REACHED = "goal_reached"
+    GOAL_BLOCKED = "goal_blocked"
+    GOAL_CHANGED = "goal_changed"
+    """The goal changed while the control was held."""
+    PAGE_LEFT = "page_left"
+    HELM_GIVEN_UP = "helm_given_up"
+    HELM_HANDED_OVER = "helm_handed_over"
     # Live views:
     DRIVEN_ELSEWHERE = "driven_elsewhere"
     """In place of a reason: the robot drives by commands that this program does not see."""

@@ -56,6 +56,13 @@ STOPS: Dict[StopReason, Stop] = {
     _S.PROTECTIVE_ZONE: _stop("an obstacle is too close", "protective_zone"),
     _S.MANUAL_MODE: _stop("the robot was switched to manual mode", "manual_mode"),
     _S.COMMANDS_UNPAUSED: _stop("a program went on sending commands after a stop", "commands_unpaused"),
+    _S.RELEASED: Stop("the control was released"),
+    _S.GOAL_REACHED: Stop("the goal is reached"),
+    _S.GOAL_BLOCKED: Stop("the goal was not reached"),
+    _S.GOAL_CHANGED: Stop("the goal changed while the control was held"),
+    _S.PAGE_LEFT: Stop("the driving page has left"),
+    _S.HELM_GIVEN_UP: Stop("the helm was given up"),
+    _S.HELM_HANDED_OVER: Stop("the helm changes hands"),
     _S.DRIVEN_ELSEWHERE: Stop("another program drives"),
     _S.UNKNOWN: Stop("for a reason that this version does not know"),
 }

@@ -10,22 +10,21 @@ The relay that receives topics connects to the one that sends them:
     sender    Message  a message of that publisher, as ROS serialized it
     receiver  Taken    how many messages have arrived on this connection
 
-A frame is the kind (1 byte), the length of the rest (4 bytes, little-endian), and the rest: JSON for Hello and Source,
-packed numbers for the others.
+A frame is the kind (1 byte), the length of the rest (4 bytes, little-endian), and the rest: a JSON list, or for Message
+packed numbers and the bytes.
 """
 
 import json
 import math
 import struct
-from typing import Any, Dict, List, NamedTuple, Tuple, Type, Union
+from typing import Any, List, NamedTuple, Tuple, Type, Union, get_type_hints
 
 from mrl_driver.errors import MrlError
 
 PROTOCOL = 1
 LONGEST_BYTES = 16 * 1024 * 1024
 """A frame has at most this many bytes after its header; a longer message is not sent."""
-_LONGEST_FIRST = 64 * 1024
-"""The first frame of a connection is at most this long: anyone may connect."""
+_LONGEST_FIRST = 64 * 1024  # The first frame of a connection is at most this long: anyone may connect
 _LONGEST_NAME = 255
 _HEADER = struct.Struct("<BI")
 
@@ -108,33 +107,19 @@ _COMMANDS = (
 )
 
 Event = Union[Hello, Source, Message, Taken, Ping, Pong]
-_JSON: Dict[int, Type[Any]] = {1: Hello, 2: Source}
-_PACKED: Dict[int, Tuple[Type[Any], struct.Struct]] = {
-    4: (Taken, struct.Struct("<Q")),
-    5: (Ping, struct.Struct("<d")),
-    6: (Pong, struct.Struct("<dd")),
-}
-_MESSAGE, _MESSAGE_START = 3, struct.Struct("<IQd")
-_KINDS = {**{kind: key for key, kind in _JSON.items()}, **{kind: key for key, (kind, _) in _PACKED.items()}}
-_TYPES: Dict[str, Type[Any]] = {
-    **dict.fromkeys(("name", "run", "topic", "publisher", "type", "md5sum", "definition"), str),
-    **dict.fromkeys(("protocol", "number"), int),
-    "latched": bool,
-    "topics": list,
-}
+_KINDS: Tuple[Type[Any], ...] = (Hello, Source, Message, Taken, Ping, Pong)
+"""The kind of a frame is the place in this list, from 1."""
+_TYPES = {kind: get_type_hints(kind) for kind in _KINDS}
+_MESSAGE_START = struct.Struct("<IQd")
 
 
 def encode(event: Event) -> bytes:
     """The frame of an event."""
     if isinstance(event, Message):
-        start = _MESSAGE_START.pack(event.number, event.sequence, event.stamp_s)
-        return _HEADER.pack(_MESSAGE, len(start) + len(event.body)) + start + event.body
-    kind = _KINDS[type(event)]
-    if kind in _JSON:
-        rest = json.dumps(event._asdict()).encode()
+        rest = _MESSAGE_START.pack(event.number, event.sequence, event.stamp_s) + event.body
     else:
-        rest = _PACKED[kind][1].pack(*event)
-    return _HEADER.pack(kind, len(rest)) + rest
+        rest = json.dumps(event).encode()
+    return _HEADER.pack(_KINDS.index(type(event)) + 1, len(rest)) + rest
 
 
 class FrameReader:
@@ -155,7 +140,7 @@ class FrameReader:
         start = 0
         while len(self._rest) - start >= _HEADER.size:
             kind, length = _HEADER.unpack_from(self._rest, start)
-            if kind not in _JSON and kind not in _PACKED and kind != _MESSAGE:
+            if not 1 <= kind <= len(_KINDS):
                 raise RelayError(f"got a frame of kind {kind}, expected the frames of a topic_relay")
             if length > self._longest:
                 raise RelayError(f"got a frame of {length} bytes, expected at most {self._longest}")
@@ -169,35 +154,27 @@ class FrameReader:
 
 
 def _event(kind: int, rest: bytes) -> Event:
+    made = _KINDS[kind - 1]
     try:
-        if kind == _MESSAGE:
+        if made is Message:
             number, sequence, stamp_s = _MESSAGE_START.unpack_from(rest)
-            return Message(number, sequence, _finite(stamp_s), rest[_MESSAGE_START.size :])
-        if kind in _PACKED:
-            made, packed = _PACKED[kind]
-            return made(*map(_finite, packed.unpack(rest)))
-        return _checked(_JSON[kind], json.loads(rest.decode()))
+            return Message(number, sequence, _checked("stamp_s", float, stamp_s), rest[_MESSAGE_START.size :])
+        found = made(*json.loads(rest.decode()))
+        for name, value in found._asdict().items():
+            _checked(name, _TYPES[made][name], value)
     except (struct.error, ValueError, TypeError, RecursionError) as error:
         raise RelayError(
             f"got a frame of kind {kind} that does not parse ({error}), expected a topic_relay"
         ) from None
+    return found
 
 
-def _finite(number: Any) -> Any:
-    """The number, if it is finite: a time without an end would make every message new."""
-    if not math.isfinite(number):
-        raise ValueError(f"a number is {number}")
-    return number
-
-
-def _checked(kind: Type[Any], fields: Any) -> Event:
-    """The event, if each field has its type."""
-    made = kind(**fields)
-    for name, value in made._asdict().items():
-        if type(value) is not _TYPES[name]:
-            raise TypeError(f"{name} is {value!r}")
-    if isinstance(made, Hello) and not all(isinstance(topic, str) for topic in made.topics):
-        raise TypeError(f"topics are {made.topics!r}")
-    if isinstance(made, Hello) and not (made.name.isprintable() and len(made.name) <= _LONGEST_NAME):
-        raise TypeError("its name cannot be printed in a line")
-    return made
+def _checked(name: str, kind: Any, value: Any) -> Any:
+    """The value, if it has this type and, as a number, an end: an endless time would make every message new."""
+    if kind == List[str]:
+        fits = isinstance(value, list) and all(isinstance(each, str) for each in value)
+    else:
+        fits = type(value) is kind and (kind is not float or math.isfinite(value))
+    if not fits or (name == "name" and not (value.isprintable() and len(value) <= _LONGEST_NAME)):
+        raise TypeError(f"{name} is {value!r}")
+    return value

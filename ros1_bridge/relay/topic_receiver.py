@@ -5,9 +5,11 @@ import select
 import socket
 import threading
 import time
+from dataclasses import dataclass
 from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
-from .message_age import MessageAge
+from mrl_driver.safety.message_age import MessageAge, clock_s
+
 from .relay_frames import (
     PROTOCOL,
     FrameReader,
@@ -22,33 +24,24 @@ from .relay_frames import (
     is_command,
 )
 from .relay_settings import Address
-from .topic_sender import relay_now_s
 
-PING_S = 0.1
-"""Time between heartbeats; less than the shortest time after which either end counts as silent."""
+PING_S = 0.1  # Time between heartbeats; less than the shortest time after which either end counts as silent
 RETRY_S = 0.25
+WINDOW_S = 60.0  # Heartbeats older than this are forgotten: clocks drift, by less than 0.01 % of it [s]
+AHEAD_S = 0.1  # A message that seems to be from so far in the future shows that a clock was set [s]
+OK, WARN, ERROR = 0, 1, 2  # Levels of diagnostic_msgs/DiagnosticStatus
 _READ_BYTES = 65536
 
 
+@dataclass
 class TopicCounts:
-    """What has become of the messages of one topic.
+    """What has become of the messages of one topic."""
 
-    Attributes:
-        taken: Messages that arrived in time.
-        lost: Messages that newer ones replaced, or that were sent while there was no connection.
-        late: Messages that were older than the limit, and dropped.
-        age_s: Age of the last message that was taken.
-        oldest_s: The largest such age since `reset_oldest`.
-    """
-
-    def __init__(self) -> None:
-        self.taken = self.lost = self.late = 0
-        self.age_s = self.oldest_s = 0.0
-
-    def reset_oldest(self) -> float:
-        """The largest age of a message that was taken since the last call [s]."""
-        oldest_s, self.oldest_s = self.oldest_s, 0.0
-        return oldest_s
+    taken: int = 0  # Messages that arrived in time
+    lost: int = 0  # Messages that newer ones replaced, or that were sent while there was no connection
+    late: int = 0  # Messages that were older than the limit, and dropped
+    age_s: float = 0.0  # Age of the last message that was taken [s]
+    oldest_s: float = 0.0  # The largest such age since the last report [s]
 
 
 class TopicReceiver:
@@ -102,25 +95,35 @@ class TopicReceiver:
                 connection.shutdown(socket.SHUT_RDWR)
         self._thread.join()
 
-    def forget_other_runs(self, run: str) -> None:
-        """The other relay has started again: its numbers mean other messages."""
-        self._known = {key: last for key, last in self._known.items() if key[0] == run}
+    @property
+    def health(self) -> Tuple[int, str]:
+        """Level and message about the connection."""
+        if not self.is_connected:
+            return ERROR, f"not connected: {self.reason}"
+        return (WARN, f"does not send {', '.join(self.missing)}") if self.missing else (OK, "connected")
+
+    def report(self) -> Dict[str, str]:
+        """What has become of each topic, as keys and values; ages are those since the last report."""
+        values = {"Address": str(self.address)}
+        for topic, counts in self.counts.items():
+            values[f"{topic} Received"] = str(counts.taken)
+            values[f"{topic} Lost"] = str(counts.lost)
+            values[f"{topic} Late"] = str(counts.late)
+            values[f"{topic} Age [ms]"] = f"{1e3 * counts.age_s:.1f}"
+            values[f"{topic} Oldest [ms]"] = f"{1e3 * counts.oldest_s:.1f}"
+            counts.oldest_s = 0.0
+        return values
 
     def _run(self) -> None:
         while not self._ends.is_set():
             try:
-                with self._connect() as connection:
+                with socket.create_connection(self.address, timeout=self._timeout_s) as connection:
+                    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     self._connection = connection
                     _Session(self, connection).exchange()
             except (OSError, RelayError) as error:
                 self._lose(str(error))
             self._ends.wait(RETRY_S)
-
-    def _connect(self) -> socket.socket:
-        connection = socket.create_connection(self.address, timeout=self._timeout_s)
-        connection.settimeout(self._timeout_s)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return connection
 
     def _lose(self, reason: str) -> None:
         was, self.is_connected, self.reason = self.is_connected, False, reason
@@ -134,7 +137,7 @@ class _Session:
 
     def __init__(self, receiver: TopicReceiver, connection: socket.socket) -> None:
         self._of, self._socket = receiver, connection
-        self._frames, self._age = FrameReader(), MessageAge()
+        self._frames, self._age = FrameReader(), MessageAge(WINDOW_S, AHEAD_S)
         self._run = ""
         self._count = 0
         self._sources: Dict[int, Source] = {}
@@ -154,7 +157,7 @@ class _Session:
         while not self._of._ends.is_set():
             now_s = time.monotonic()
             if now_s >= ping_s:
-                self._socket.sendall(encode(Ping(relay_now_s())))
+                self._socket.sendall(encode(Ping(clock_s())))
                 ping_s = now_s + PING_S
             if select.select([self._socket], [], [], max(0.0, ping_s - now_s))[0]:
                 heard_s = time.monotonic()
@@ -174,7 +177,7 @@ class _Session:
             elif isinstance(event, Hello):
                 self._greet(event)
             elif isinstance(event, Pong):
-                self._age.pong(event.sent_s, event.answered_s)
+                self._age.heard(*event)
                 self._connected()
             elif isinstance(event, Source):
                 self._sources[event.number] = event._replace(
@@ -194,8 +197,8 @@ class _Session:
             raise RelayError(
                 f"the relay there is {hello.name!r}, expected {self._of.peer!r}: see ~peers and ~name"
             )
-        self._run = hello.run
-        self._of.forget_other_runs(hello.run)
+        self._run = hello.run  # after another start of the sender, its numbers mean other messages
+        self._of._known = {key: last for key, last in self._of._known.items() if key[0] == hello.run}
         self._of.missing = [topic for topic in self._of.counts if topic not in hello.topics]
 
     def _connected(self) -> None:
@@ -221,7 +224,7 @@ class _Session:
         before = self._of._known.get((self._run, message.number), message.sequence - 1)
         counts.lost += max(0, message.sequence - before - 1)
         self._of._known[self._run, message.number] = max(before, message.sequence)
-        age_s = self._age.age_s(message.stamp_s, relay_now_s())
+        age_s = self._age.age_s(message.stamp_s, clock_s())
         if not source.latched and not age_s <= self._of._max_age_s:
             counts.late += 1
             return

@@ -18,7 +18,6 @@ from ros1_bridge.node.run_node import run_node
 from ros1_bridge.topics.fast_publisher import direct_publisher
 
 from .relay_frames import Source
-from .relay_report import receiver_health, receiver_values, sender_values
 from .relay_settings import Settings, read_settings
 from .topic_receiver import TopicReceiver
 from .topic_sender import MessageType, TopicSender
@@ -106,7 +105,7 @@ class TopicRelay:
             ConfigError: the address to listen at cannot be used.
         """
         self._settings = settings
-        self._sender = self._listen(self._settings)
+        self._sender = self._listen()
         self._subscribers: Dict[str, rospy.Subscriber] = {}
         for there, here in self._settings.send.items():
             self._subscribers[there] = rospy.Subscriber(
@@ -117,9 +116,12 @@ class TopicRelay:
         self._receivers = [self._receiver(peer) for peer in self._settings.peers]
         self._updater = diagnostic_updater.Updater()
         self._updater.setHardwareID(self._settings.name)
-        self._updater.add("Sends", self._report_sender)
+        where = 0, f"listens at {self._sender.address}"
+        self._updater.add("Sends", lambda status: _filled(status, where, self._sender.report()))
         for receiver in self._receivers:
-            self._updater.add(receiver.peer, lambda status, of=receiver: _report_receiver(of, status))
+            self._updater.add(
+                receiver.peer, lambda status, of=receiver: _filled(status, of.health, of.report())
+            )
             receiver.start()
 
     def run(self) -> None:
@@ -135,16 +137,11 @@ class TopicRelay:
             receiver.close()
         self._sender.close()
 
-    def _listen(self, settings: Settings) -> TopicSender:
+    def _listen(self) -> TopicSender:
+        settings = self._settings
+        own = settings.name, settings.listen, set(settings.send), settings.timeout_s
         try:
-            return TopicSender(
-                settings.name,
-                settings.listen,
-                set(settings.send),
-                settings.timeout_s,
-                rospy.loginfo,
-                self._publishes,
-            )
+            return TopicSender(*own, rospy.loginfo, self._publishes)
         except OSError as error:
             raise ConfigError(
                 f"parameter {rospy.get_name()}/listen is {settings.listen}, which cannot be used ({error}), expected "
@@ -171,16 +168,8 @@ class TopicRelay:
             with contextlib.suppress(rospy.ROSException):  # the node ends meanwhile
                 shown.publish(yes)
 
-        return TopicReceiver(
-            settings.name,
-            peer,
-            settings.peers[peer],
-            list(here),
-            settings.max_age_s,
-            settings.timeout_s,
-            take,
-            connected,
-        )
+        there, times = (peer, settings.peers[peer], list(here)), (settings.max_age_s, settings.timeout_s)
+        return TopicReceiver(settings.name, *there, *times, take, connected)
 
     def _on_message(self, message: rospy.AnyMsg, topic: str) -> None:
         header = message._connection_header
@@ -195,17 +184,9 @@ class TopicRelay:
         connections = subscriber.impl.connections if subscriber else []
         return publisher in {connection.callerid_pub for connection in connections}
 
-    def _report_sender(self, status: Any) -> Any:
-        status.summary(0, f"listens at {self._sender.address}")
-        return _filled(status, sender_values(self._sender))
 
-
-def _report_receiver(receiver: TopicReceiver, status: Any) -> Any:
-    status.summary(*receiver_health(receiver))
-    return _filled(status, receiver_values(receiver))
-
-
-def _filled(status: Any, values: Dict[str, str]) -> Any:
+def _filled(status: Any, summary: Tuple[int, str], values: Dict[str, str]) -> Any:
+    status.summary(*summary)
     for key, value in values.items():
         status.add(key, value)
     return status

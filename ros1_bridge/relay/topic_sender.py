@@ -9,6 +9,7 @@ import time
 from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 
 from mrl_driver.errors import shortage
+from mrl_driver.safety.message_age import clock_s
 
 from .outbox import Outbox
 from .relay_frames import (
@@ -28,16 +29,10 @@ from .relay_frames import (
 )
 from .relay_settings import Address
 
-MOST_RECEIVERS = 32
-"""More relays than these are refused."""
+MOST_RECEIVERS = 32  # More relays than these are refused
 SETTLE_S = 2.0
 """A latched command that comes within this time after the start may be one of before: it is not sent."""
 _READ_BYTES = 65536
-
-
-def relay_now_s() -> float:
-    """The clock of stamps and heartbeats [s]; it goes on while the machine is suspended."""
-    return time.clock_gettime(getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
 
 
 class MessageType(NamedTuple):
@@ -76,7 +71,7 @@ class TopicSender:
         self.run = os.urandom(8).hex()
         self.too_long = 0
         """Messages that were longer than `LONGEST_BYTES`, and not sent."""
-        self.began_s = relay_now_s()
+        self.began_s = clock_s()
         self._publishes = publishes
         self._sources: Dict[Tuple[str, str], Source] = {}
         self._sequences: Dict[int, int] = {}
@@ -91,7 +86,7 @@ class TopicSender:
 
     def publish(self, topic: str, publisher: str, kind: MessageType, latched: bool, body: bytes) -> None:
         """Send a serialized message to all receivers that ask for the topic."""
-        stamp_s = relay_now_s()
+        stamp_s = clock_s()
         if latched and is_command(kind.type) and stamp_s < self.began_s + SETTLE_S:
             self.tell(
                 f"{topic} of {publisher}: not sent: a latched command may be one of before this start; send it again"
@@ -117,10 +112,16 @@ class TopicSender:
             kept = [(sources[number], message) for number, message in self._latched.items()]
         return [pair for pair in kept if self._publishes(pair[0].topic, pair[0].publisher)]
 
-    def receivers(self) -> List[str]:
-        """Name and address of each receiver."""
+    def report(self) -> Dict[str, str]:
+        """Which topics are sent, and which relays get them, as keys and values."""
         with self._lock:
-            return [each.words for each in self._receivers if each.words]
+            receivers = [each.words for each in self._receivers if each.words]
+        return {
+            "Address": str(self.address),
+            "Topics": ", ".join(sorted(self.topics)),
+            "Receivers": ", ".join(receivers),
+            "Too Long": str(self.too_long),
+        }
 
     def close(self) -> None:
         """End all connections."""
@@ -162,23 +163,19 @@ class TopicSender:
                 time.sleep(0.1)  # no free file descriptor
                 continue
             with self._lock:
-                if self._closed or len(self._receivers) >= MOST_RECEIVERS:
-                    connection.close()
-                    self.tell(
-                        f"{Address(*address[:2])}: refused: {len(self._receivers)} relays are connected"
-                    )
-                    continue
                 try:
+                    if self._closed or len(self._receivers) >= MOST_RECEIVERS:
+                        raise RelayError(f"{len(self._receivers)} relays are connected")
                     receiver = _Receiver(self, connection, Address(*address[:2]))
                     receiver.start()
+                    self._receivers.append(receiver)
                 except (
                     OSError,
                     RuntimeError,
-                ) as error:  # no descriptor or thread, or the connection has ended
+                    RelayError,
+                ) as error:  # or no descriptor, no thread, no connection
                     connection.close()
                     self.tell(f"{Address(*address[:2])}: refused: {shortage(error) or error}")
-                    continue
-                self._receivers.append(receiver)
 
 
 class _Receiver:
@@ -280,12 +277,12 @@ class _Receiver:
             raise RelayError(f"got {type(event).__name__}, expected Hello first")
         elif isinstance(event, Ping):
             with self._lock:
-                self._unsent += encode(Pong(event.sent_s, relay_now_s()))
+                self._unsent += encode(Pong(event.sent_s, clock_s()))
             if not self._open:
                 self._begin()
         elif isinstance(event, Taken):
             with self._lock:
-                self._outbox.taken(event.messages, relay_now_s())
+                self._outbox.taken(event.messages, clock_s())
         else:
             raise RelayError(f"got {type(event).__name__}, expected Ping or Taken")
 
@@ -308,7 +305,7 @@ class _Receiver:
         """Send what the socket and the window allow."""
         while True:
             if not self._unsent:
-                message = self._outbox.next(relay_now_s())
+                message = self._outbox.next(clock_s())
                 if message is None:
                     return
                 if message.number not in self._declared:

@@ -115,6 +115,11 @@ class TopicRobot:
         return self._ended()
 
     @property
+    def now_s(self) -> float:
+        """The clock of this robot's times [s]."""
+        return time.monotonic()
+
+    @property
     def ranges(self) -> Dict[str, float]:
         """The last range of each sonar (REP 117) [m]; NaN if it is older than `RANGE_STALE_S`."""
         oldest_s = time.monotonic() - RANGE_STALE_S

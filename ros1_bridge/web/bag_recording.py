@@ -8,24 +8,16 @@ import os
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, Iterable, List, Mapping, NamedTuple, Optional
+from types import SimpleNamespace
+from typing import Any, Callable, Iterable, List, Optional
 
+from mrl_driver.apps.web.robot import Recorded
 from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.files import create_unused
 
 SUFFIX, ACTIVE = ".bag", ".active"
 Unsubscribe = Callable[[], None]
 Subscribe = Callable[[str, Callable[[Any], None]], Unsubscribe]
-
-
-class Bag(NamedTuple):
-    """A bag in the folder."""
-
-    name: str
-    size: int
-    """[byte]"""
-    on: bool
-    """It is being written."""
 
 
 class BagRecording:
@@ -99,24 +91,23 @@ class BagRecording:
                 self.loss = f"{name} could not be closed: {error}; try `rosbag reindex {self._active(name)}`"
             return self.loss
 
-    def bags(self) -> List[Bag]:
+    def files(self) -> List[Recorded]:
         """Return the bags in the folder, the newest first; one that another program writes is not among them."""
         name = self.name
         found = [
-            Bag(path.name, path.stat().st_size, on=False)
+            Recorded(path.name, path.stat().st_size, on=False)
             for path in sorted(self._folder.glob(f"*{SUFFIX}"), reverse=True)
         ]
-        return [Bag(name, self._active(name).stat().st_size, on=True), *found] if name else found
+        return [Recorded(name, self._active(name).stat().st_size, on=True), *found] if name else found
 
-    def path(self, name: str) -> Path:
+    def path(self, name: str) -> str:
         """Return the file of a bag that is complete.
 
         Raises:
             ConfigError: it does not exist, or is being written.
         """
-        for bag in self.bags():
-            if bag.name == name and not bag.on:
-                return self._folder / name
+        if any(each.name == name and not each.on for each in self.files()):
+            return str(self._folder / name)
         raise ConfigError(f"recording {name!r} does not exist, expected one of those in the list")
 
     def _active(self, name: str) -> Path:
@@ -127,10 +118,10 @@ class BagRecording:
 
         def write(message: Any) -> None:
             header = dict(message._connection_header, topic=topic)
-            raw = hasattr(
-                message, "_buff"
-            )  # a topic that the node itself subscribes to has messages of its type
-            content = (header["type"], message._buff, header["md5sum"], _Class(header)) if raw else message
+            # a topic that the node itself subscribes to has messages of its type
+            raw = hasattr(message, "_buff")
+            kind = SimpleNamespace(_md5sum=header["md5sum"], _full_text=header["message_definition"])
+            content = (header["type"], message._buff, kind._md5sum, kind) if raw else message
             with self._lock:
                 if self._bag is None:
                     return
@@ -141,10 +132,3 @@ class BagRecording:
                     self.loss = f"{self.lost} messages are missing: {error.strerror or error}"
 
         return write
-
-
-class _Class:
-    """What rosbag reads of a message's class."""
-
-    def __init__(self, header: Mapping[str, str]) -> None:
-        self._md5sum, self._full_text = header["md5sum"], header["message_definition"]

@@ -11,8 +11,7 @@ much [s].
 """
 MOST_CALLS = 100
 """At most this many calls may be under way; a stop reaches it when the node has not answered for 40 minutes."""
-TOLD_S = 0.5
-"""The node answers, and its status says so, within this time, or something is wrong [s]."""
+TOLD_S = 0.5  # The node answers, and its status says so, within this time, or something is wrong [s]
 STOP, RELEASE = "stop", "release_stop"
 WORDS = {STOP: "emergency stop", RELEASE: "release of the emergency stop"}
 Call = Callable[[str], Tuple[bool, str]]
@@ -30,12 +29,11 @@ class EmergencyStop:
 
     def __init__(self, call: Call) -> None:
         self._call = call
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
         self._wanted = self._newest = self._why = ""
         self._wishes = self._calls = 0
         self._asked_s = self._done_s = -math.inf
         self._told = self._ended = False
-        threading.Thread(target=self._serve, name="emergency stop", daemon=True).start()
 
     @property
     def latched(self) -> bool:
@@ -65,36 +63,32 @@ class EmergencyStop:
         self._told = latched
 
     def close(self) -> None:
-        """End the thread; a call that is under way is not waited for."""
-        with self._changed:
-            self._ended = True
-            self._changed.notify()
+        """Ask no more; a call that is under way is not waited for."""
+        self._ended = True
 
     def _want(self, service: str) -> None:
-        with self._changed:
+        with self._lock:
             self._wanted = self._newest = service
             self._why, self._asked_s = "", time.monotonic()
             self._wishes += 1
-            self._changed.notify()
+            self._begin_call(service, self._wishes)
 
-    def _serve(self) -> None:
-        with self._changed:
-            while not self._ended:
-                if self._wanted:
-                    self._begin_call()
-                else:
-                    self._changed.wait()
-
-    def _begin_call(self) -> None:
-        """Begin a call, and wait until something else is wanted, or it is time to ask for a stop again."""
-        wish, service = self._wishes, self._wanted
+    def _begin_call(self, service: str, wish: int) -> None:
+        """Begin a call, and later another one if a stop is not confirmed by then."""
+        if self._ended:
+            return
         if self._calls < MOST_CALLS:
             self._calls += 1
             threading.Thread(target=self._ask, args=(service, wish), name=service, daemon=True).start()
-        self._changed.wait_for(
-            lambda: wish != self._wishes or not self._wanted or self._ended,
-            AGAIN_S * self._calls if service == STOP else None,
-        )
+        if service == STOP:
+            again = threading.Timer(AGAIN_S * self._calls, self._ask_again, (wish,))
+            again.daemon = True
+            again.start()
+
+    def _ask_again(self, wish: int) -> None:
+        with self._lock:
+            if wish == self._wishes and self._wanted:
+                self._begin_call(STOP, wish)
 
     def _ask(self, service: str, wish: int) -> None:
         """Call the service, and note the answer, unless something else has been wanted since."""
@@ -102,7 +96,7 @@ class EmergencyStop:
             done, why = self._call(service)
         except Exception as error:  # noqa: BLE001 - a service and rospy raise whatever they do
             done, why = False, str(error) or type(error).__name__
-        with self._changed:
+        with self._lock:
             self._calls -= 1
             if wish == self._wishes and self._wanted:
                 self._why = "" if done else why
@@ -110,6 +104,5 @@ class EmergencyStop:
                     self._done_s = time.monotonic() if service == STOP else -math.inf
                 if done or service == RELEASE:
                     self._wanted = ""
-                    self._changed.notify()
             elif service == RELEASE and self._newest == STOP:
                 self._want(STOP)  # the node may have done this release after the stop

@@ -3,17 +3,13 @@
 import math
 import threading
 import time
-from typing import Callable, List, Mapping, Optional, Protocol, Tuple
+from typing import Any, Callable, Optional
 
-from mrl_driver.apps.web.driver_robot import REMEDY
-from mrl_driver.apps.web.goal_drive import GoalDrive
-from mrl_driver.apps.web.robot import PhoneReading, Recorded
-from mrl_driver.geometry import Pose
+from mrl_driver.apps.web.helm import Goal, Why
+from mrl_driver.apps.web.robot import NO_MOTORS, PageRobot, PhoneReading
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import OmniTwist, Twist
-from mrl_driver.view.live_model import LiveModel, Shown
-from mrl_driver.view.series import Series
+from mrl_driver.view.live_model import Shown
 from mrl_driver.view.shown_state import SILENT_S, moves_sideways
 from mrl_driver.view.words import STOPS, stopped_text
 from ros1_bridge.topics.topic_robot import NO_STOP, TopicRobot
@@ -25,54 +21,39 @@ FOLLOWED_S = 0.5
 """A robot that stood for a reason follows a new command within this time, or the reason still holds: `status` shows a
 change after 0.2 s at most [s].
 """
-STANDS_S = 0.1
-"""A robot that has stood for this time stands [s]."""
-PAUSE_S = 0.3
-"""A command after a longer pause begins a new press: the page sends one every 50 ms [s]."""
-SILENT = "no odometry arrives; look whether the robot's node runs"
-NO_MOTORS = "this board has no motors"
-UNKNOWN = "the robot's model is not known yet; start the node with robot:=NAME"
-
-
-class Commands(Protocol):
-    """Sends the page's commands; no method blocks."""
-
-    def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float) -> str:
-        """Send speeds of an input that is `age_s` old; returns why the robot was stopped instead, or ''."""
-
-    def stop(self) -> None:
-        """Send a stop; after it commands count again."""
+STANDS_S = 0.1  # A robot that has stood for this time stands [s]
+SILENT = Why(StopReason.NO_TELEMETRY, "no odometry arrives; look whether the robot's node runs")
 
 
 class _Press:
     """Commands from the first one until a stop: what the robot's node has said of them."""
 
     def __init__(self, now_s: float) -> None:
-        self.begun_s = self.last_s = now_s
+        self.begun_s = now_s
         self.followed = False
-        self.ended = ""
-        """Why these commands count no longer; empty while they do."""
+        self.ended: Optional[Why] = None
+        """Why these commands count no longer; None while they do."""
 
-    def look(self, robot: TopicRobot, now_s: float) -> str:
-        """Return why the robot has stopped by itself since the first command; empty if it has not."""
+    def look(self, robot: TopicRobot, now_s: float) -> Optional[Why]:
+        """Return why the robot has stopped by itself since the first command; None if it has not."""
         cause = robot.stop_reason
-        if self.ended:
+        if self.ended is not None:
             return self.ended
         if cause in NO_STOP:
             self.followed = True
         elif self.followed or now_s - self.begun_s > FOLLOWED_S:
-            self.ended = _with_remedy(stopped_text(cause), cause)
+            self.ended = _why(cause, stopped_text(cause))
         return self.ended
 
 
-class TopicPageRobot:
-    """A `mrl_driver.apps.web.robot.PageRobot` of topics.
-
-    Callbacks of ROS and the page's server may call it at the same time.
+class TopicPageRobot(PageRobot):
+    """The page's robot of topics.  Callbacks of ROS and the page's server may call it at the same time.
 
     Args:
         robot: keeps the newest messages.
-        commands: sends the page's commands.
+        commands: sends the page's commands without blocking: `drive(linear, angular, lateral, age)` [m/s, rad/s, m/s,
+            s], which returns why the robot was stopped instead, or an empty text; and `stop()`, after which commands
+            count again.
         emergency: the emergency stop of the robot's node.
         recording: records the robot's topics.
         phone: publishes a reading of the phone.
@@ -82,82 +63,45 @@ class TopicPageRobot:
     def __init__(
         self,
         robot: TopicRobot,
-        commands: Commands,
+        commands: Any,
         emergency: EmergencyStop,
         recording: BagRecording,
         phone: Callable[[PhoneReading], None],
         warning: Callable[[], str] = lambda: "",
     ) -> None:
+        super().__init__(robot, recording, robot.state)
         self._robot, self._commands, self._emergency = robot, commands, emergency
         self._recording, self._phone, self._warning = recording, phone, warning
         self._lock = threading.RLock()
-        self._goal = GoalDrive()
         self._press: Optional[_Press] = None
-        self._age_s, self._stopped_s, self._notice = math.nan, -math.inf, ""
-        self._live = LiveModel(robot, time.monotonic(), robot.state, "page", REMEDY)
-        self._series = Series(robot)
+        self._stopped_s = -math.inf
         robot.after_status(self._on_status)
 
     # -- what the robot is and does
 
     @property
-    def model(self) -> Optional[RobotModel]:
-        """The robot's model; None before the board's id is known."""
-        return self._robot.model
-
-    @property
-    def limits(self) -> Optional[Limits]:
-        """The speed limits that the robot's node applies."""
-        return self._robot.limits
-
-    @property
-    def pose(self) -> Pose:
-        """Pose in the frame of `odom`."""
-        return self._robot.pose
-
-    @property
-    def ranges(self) -> Mapping[str, float]:
-        """Range of each sonar (REP 117) [m]."""
-        return self._robot.ranges
-
-    @property
     def latched(self) -> bool:
-        """The emergency stop is on; any program may have latched it."""
         return self._emergency.latched
 
     @property
     def stands(self) -> bool:
-        """Odometry says that the robot stands, also since the last stop."""
         since_s = time.monotonic() - self._robot.age_s - self._stopped_s
         return self._press is None and min(self._robot.stands_s, since_s) >= STANDS_S
 
     @property
-    def stopped_by(self) -> str:
-        """Why the robot stopped by itself since the first command after a stop of this page; empty if it did not."""
+    def stopped_by(self) -> Optional[Why]:
         with self._lock:
-            return self._press.look(self._robot, time.monotonic()) if self._press is not None else ""
+            return self._press.look(self._robot, time.monotonic()) if self._press is not None else None
 
     def shown(self, now_s: float) -> Shown:
-        """Return what the page shows now."""
-        self._live.record = self._recording.name
         news = (
             self._emergency.trouble,
             self._robot.notice,
-            self._notice,
+            self._live.notice,
             self._recording.loss,
             self._warning(),
         )
-        return self._live.shown(now_s, self._age_s, next(filter(None, news), ""))
-
-    def series(self) -> List[Tuple[str, str]]:
-        """Return names and units of the numbers of `sample`."""
-        if self._series.outdated():
-            self._series = Series(self._robot)
-        return self._series.names
-
-    def sample(self) -> List[float]:
-        """Return the numbers now."""
-        return self._series.values()
+        return super().shown(now_s)._replace(notice=next(filter(None, news), ""))
 
     def listen(self, changed: Callable[[], None]) -> None:
         """Call `changed` after each message of odometry or status, from any thread."""
@@ -167,32 +111,29 @@ class TopicPageRobot:
     def _on_status(self) -> None:
         """Look at each status: a stop that the next command ends is in one of them alone."""
         self._emergency.on_status(self._robot.status.get("mode") == StopReason.EMERGENCY_STOP)
-        with self._lock:
-            if self._press is not None:
-                self._press.look(self._robot, time.monotonic())
+        _ = self.stopped_by
 
     # -- commands
 
-    def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float) -> str:
-        """Send speeds of an input that is `age_s` old; returns why the robot does not drive, or an empty string."""
+    def _drive(
+        self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float
+    ) -> Optional[Why]:
+        aside = moves_sideways(self._robot.model)
         with self._lock:
-            self._goal.end()
-            return self._begin() or self._send(linear_m_s, angular_rad_s, lateral_m_s, age_s)
-
-    def go(self, goal: Pose, has_yaw: bool, age_s: float) -> str:
-        """Send speeds of one step towards a goal in the frame of `odom`; returns why the robot does not drive."""
-        with self._lock:
-            model, limits = self.model, self.limits
-            why = self._begin() or ("" if model and limits else UNKNOWN)
-            if why:
+            why = self._refusal()
+            if why is not None:
                 return why
-            assert model is not None and limits is not None
-            now_s = time.monotonic()
-            step = self._goal.step(goal, has_yaw, self.pose, self.ranges, limits, model.sonars, now_s)
-            self._notice = step.ended or step.notice
-            if step.ended:
-                return self._refuse(step.ended)
-            return self._send(step.linear_m_s, step.angular_rad_s, 0.0, age_s)
+            self._robot.command = (
+                OmniTwist(linear_m_s, angular_rad_s, lateral_m_s)
+                if aside
+                else Twist(linear_m_s, angular_rad_s)
+            )
+            self._age_s = age_s
+            late = self._commands.drive(linear_m_s, angular_rad_s, lateral_m_s if aside else 0.0, age_s)
+            return self._refuse(Why(StopReason.COMMAND_TOO_LATE, late)) if late else None
+
+    def go(self, goal: Goal, age_s: float) -> Optional[Why]:
+        return self._refuse(super().go(goal, age_s))
 
     def stop(self) -> None:
         """Send a stop, if this page has driven since the last one."""
@@ -209,69 +150,37 @@ class TopicPageRobot:
         self._emergency.latch()
 
     def release(self) -> None:
-        """Release the emergency stop; the robot stands until the next command."""
         self._emergency.release()
 
-    def _begin(self) -> str:
-        """Take the next command of a press, or the first of a new one; returns why it is refused."""
+    def _refusal(self) -> Optional[Why]:
+        """Take the next command of a press, or the first of a new one; return why it is refused."""
         now_s = time.monotonic()
-        press = self._press
-        if press is None or now_s - press.last_s > PAUSE_S:
-            press = self._press = _Press(now_s)
-            self._notice = ""
-        press.last_s = now_s
-        return self._refuse(press.look(self._robot, now_s) or self._refusal())
+        with self._lock:
+            if self._press is None:
+                self._press, self._live.notice = _Press(now_s), ""
+            return self._refuse(self._press.look(self._robot, now_s) or self._hindrance())
 
-    def _refuse(self, why: str) -> str:
+    def _refuse(self, why: Optional[Why]) -> Optional[Why]:
         """Stop the robot, and refuse the rest of the press, if there is a reason."""
-        if why and self._press is not None:
+        if why is not None and self._press is not None:
             self._press.ended = why
             if self._robot.command is not None:
                 self._robot.command = None
                 self._commands.stop()
         return why
 
-    def _refusal(self) -> str:
-        """Return why the robot would not follow a command; empty if it would."""
+    def _hindrance(self) -> Optional[Why]:
+        """Return why the robot would not follow a command; None if it would."""
         robot = self._robot
         if self.latched:
-            return _with_remedy(STOPS[StopReason.EMERGENCY_STOP].why, StopReason.EMERGENCY_STOP)
+            return _why(StopReason.EMERGENCY_STOP)
         if robot.age_s >= SILENT_S:
             return SILENT
-        if robot.status.get("ready") == "false":
-            return _with_remedy(STOPS[robot.stop_reason].why, robot.stop_reason)
-        return "" if robot.model is None or robot.model.drives else NO_MOTORS
-
-    def _send(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float) -> str:
-        aside = moves_sideways(self.model)
-        self._robot.command = (
-            OmniTwist(linear_m_s, angular_rad_s, lateral_m_s) if aside else Twist(linear_m_s, angular_rad_s)
-        )
-        self._age_s = age_s
-        return self._refuse(
-            self._commands.drive(linear_m_s, angular_rad_s, lateral_m_s if aside else 0.0, age_s)
-        )
-
-    # -- recordings, phone
-
-    def start_recording(self) -> str:
-        """Begin a bag; returns its name."""
-        return self._recording.start()
-
-    def stop_recording(self) -> str:
-        """End the bag; returns why it is incomplete, or an empty string."""
-        return self._recording.stop()
-
-    def recordings(self) -> List[Recorded]:
-        """Return the bags, the newest first."""
-        return [Recorded(*bag) for bag in self._recording.bags()]
-
-    def recording_path(self, name: str) -> str:
-        """Return the file of a bag."""
-        return str(self._recording.path(name))
+        if robot.status.get("ready") == "false" and STOPS[robot.stop_reason].why:
+            return _why(robot.stop_reason)
+        return None if robot.model is None or robot.model.drives else NO_MOTORS
 
     def phone(self, reading: PhoneReading) -> None:
-        """Publish a reading of the phone's sensors."""
         self._phone(reading)
 
     def close(self) -> None:
@@ -281,7 +190,7 @@ class TopicPageRobot:
         self._recording.stop()
 
 
-def _with_remedy(why: str, cause: StopReason) -> str:
+def _why(cause: StopReason, words: str = "") -> Why:
     """Return why the robot does not drive, and what to do about this `stopped by` of its status."""
-    remedy = STOPS[cause].remedy
-    return f"{why}; {remedy}" if remedy else why
+    why, remedy, _ = STOPS[cause]
+    return Why(cause, "; ".join(filter(None, (words or why, remedy))))

@@ -4,7 +4,6 @@ The page drives as an operator does: its commands carry the time of the input, a
 nobody drives, the node publishes nothing on `cmd_vel`.
 """
 
-import contextlib
 import sys
 import threading
 import time
@@ -17,8 +16,8 @@ from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
-from mrl_driver.apps.web.listening import drive_link, lines_for, qr_code, settings_for
-from mrl_driver.apps.web.robot import PhoneReading
+from mrl_driver.apps.web.listening import lines_for, settings_for
+from mrl_driver.apps.web.robot import NO_MOTORS, PhoneReading
 from mrl_driver.errors import ConfigError
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel, operator_now_s
 from ros1_bridge.node.parameters import Row, read
@@ -29,19 +28,15 @@ from ros1_bridge.topics.topic_robot import TopicRobot
 from . import phone_imu
 from .bag_recording import BagRecording, Unsubscribe
 from .emergency_stop import EmergencyStop
-from .topic_page_robot import NO_MOTORS, TopicPageRobot
+from .topic_page_robot import TopicPageRobot
 
-ROBOT = "robot_node"
-"""Name of the robot's node, in the namespace of this one."""
-STOPS_S = 0.2
-"""The robot's node must stop the robot this long after the last command of the page [s]."""
+ROBOT = "robot_node"  # Name of the robot's node, in the namespace of this one
+STOPS_S = 0.2  # The robot's node must stop the robot this long after the last command of the page [s]
 MAX_DELAY_S = 0.25
 """Default of `~max_delay`: the page's part of it is at most 0.15 s, or the server drops the command [s]."""
-LOOK_S = 2.0
-"""Time between two looks at the parameter that says so [s]."""
+LOOK_S = 2.0  # Time between two looks at the parameter that says so [s]
 NOT_RECORDED = ("/rosout", "/rosout_agg")
-USUAL = "~/.local/share/mrl-driver/recordings"
-"""Where `mrl web` has its recordings, too."""
+USUAL = "~/.local/share/mrl-driver/recordings"  # Where `mrl web` has its recordings, too
 PARAMETERS = (
     Row(
         "listen",
@@ -144,16 +139,12 @@ class WebNode:
     def _ended(self) -> str:
         """Return why the page is to end; empty while it is not."""
         if self._robot.model is not None and not self._robot.model.drives:
-            return NO_MOTORS
+            return NO_MOTORS.words
         return "the node has ended" if rospy.is_shutdown() else ""
 
     def _tell(self, server: Any) -> None:
         """Print the links: on stdout, because anybody can read the log of a ROS system."""
-        lines = lines_for(self._settings, server.port)
-        if self._settings.tokens is not None:
-            with contextlib.suppress(ConfigError):  # no package for it: the links will do
-                lines.append(qr_code(drive_link(self._settings, server.port)))
-        sys.stdout.write("\n".join(lines) + "\n")
+        sys.stdout.write("\n".join(lines_for(self._settings, server.port, picture=True)) + "\n")
         sys.stdout.flush()
         rospy.loginfo(f"the page is served at port {server.port}")
 

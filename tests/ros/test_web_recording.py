@@ -84,12 +84,12 @@ def test_a_bag_that_is_written_is_listed_and_cannot_be_fetched(bench):
     assert set(bench.topics) == {"/odom", "/cmd_vel"}
     with pytest.raises(ConfigError, match="stop it first"):
         bench.recording.start()
-    (bag,) = bench.recording.bags()
+    (bag,) = bench.recording.files()
     assert (bag.name, bag.on) == (name, True)
     with pytest.raises(ConfigError, match="does not exist"):
         bench.recording.path(name)
     bench.recording.stop()
-    assert not bench.recording.bags()[0].on and not bench.topics
+    assert not bench.recording.files()[0].on and not bench.topics
 
 
 @pytest.mark.parametrize("name", ["", "..", "../secret.bag", "/etc/passwd"])
@@ -105,7 +105,7 @@ def test_bags_of_one_second_have_different_names_and_are_for_their_user_alone(be
     for _ in range(3):
         made.add(bench.recording.start())
         bench.recording.stop()
-    assert len(made) == len(bench.recording.bags()) == 3
+    assert len(made) == len(bench.recording.files()) == 3
     files = [tmp_path / "bags", *(tmp_path / "bags").iterdir()]
     assert [file.stat().st_mode & 0o777 for file in files] == [0o700, 0o600, 0o600, 0o600]
 

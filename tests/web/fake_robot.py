@@ -5,29 +5,55 @@ import math
 from mrl_driver.apps.web.robot import Recorded
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Twist
 from mrl_driver.view.live_model import Shown
 from mrl_driver.view.shown_state import Row, ShownState
 
 
+class FakeRecordings:
+    """Their files are made when they are asked for."""
+
+    def __init__(self, folder):
+        self.name, self.folder, self.sizes = "", folder, {}
+
+    def start(self):
+        if self.name:
+            raise ConfigError("a recording is being written already")
+        self.name = "new.mrl"
+        self.sizes[self.name] = 5
+        return self.name
+
+    def stop(self):
+        self.name = ""
+        return ""
+
+    def files(self):
+        return [Recorded(name, size, name == self.name) for name, size in self.sizes.items()]
+
+    def path(self, name):
+        path = self.folder / name
+        path.write_bytes(bytes(self.sizes[name]))
+        return str(path)
+
+
 class FakeRobot:
     """Stands still; `calls` has what it was told, in order."""
 
     def __init__(self, folder=""):
+        self.source = self
         self.model = load("traxbot")
         self.limits = self.model.limits
         self.pose, self.ranges = ORIGIN, {}
         self.calls = []
-        self.refuses = ""
+        self.refuses = None
         self.latched = False
         self.stands = True
-        self.stopped_by = ""
+        self.stopped_by = None
         self.values = [0.0, math.nan, math.inf]
         self.names = [("x", "m"), ("y", "m"), ("sonar front", "m")]
-        self.files = {}
-        self.folder = folder
-        self.recording = ""
+        self.recordings = FakeRecordings(folder)
         self.readings = []
         self.changed = lambda: None
 
@@ -35,8 +61,8 @@ class FakeRobot:
         self.calls.append(("drive", linear_m_s, angular_rad_s, lateral_m_s))
         return self.refuses
 
-    def go(self, goal, has_yaw, age_s):
-        self.calls.append(("go", goal, has_yaw))
+    def go(self, goal, age_s):
+        self.calls.append(("go", goal))
         return self.refuses
 
     def stop(self):
@@ -52,8 +78,8 @@ class FakeRobot:
 
     def shown(self, now_s):
         state = ShownState(
-            "traxbot 1", self.model, self.pose, Twist(0.0, 0.0), None, "user", self.ranges, {}, 11.0, 0.5, "ok", [],
-            True, 0.01, Row("errors", "0 lost"),
+            "traxbot 1", self.model, self.pose, Twist(0.0, 0.0), None, StopReason.USER, self.ranges, {}, 11.0, 0.5,
+            "ok", [], True, 0.01, Row("errors", "0 lost"),
         )  # fmt: skip
         return Shown(state, now_s, 1.0, 50.0, [Pose(i / 100, 0.0, 0.0) for i in range(3000)], 0.0, "")
 
@@ -66,27 +92,5 @@ class FakeRobot:
     def listen(self, changed):
         self.changed = changed
 
-    def start_recording(self):
-        if self.recording:
-            raise ConfigError("a recording is being written already")
-        self.recording = "new.mrl"
-        self.files[self.recording] = b"bytes"
-        return self.recording
-
-    def stop_recording(self):
-        self.recording = ""
-        return ""
-
-    def recordings(self):
-        return [Recorded(name, len(data), name == self.recording) for name, data in self.files.items()]
-
-    def recording_path(self, name):
-        path = self.folder / name
-        path.write_bytes(self.files[name])
-        return str(path)
-
     def phone(self, reading):
         self.readings.append(reading)
-
-    def close(self):
-        self.calls.append(("close",))

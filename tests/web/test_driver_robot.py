@@ -7,12 +7,14 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.apps.web.driver_robot import DriverRobot
-from mrl_driver.apps.web.goal_drive import REACHED, GoalDrive
+from mrl_driver.apps.web.goal_drive import GoalDrive
+from mrl_driver.apps.web.helm import Goal, why_of
 from mrl_driver.apps.web.robot import PhoneReading
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import ORIGIN, Pose
+from mrl_driver.geometry import ORIGIN
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import load
 from sim_arduino.serve import factory
 
@@ -33,10 +35,10 @@ class Robot:
         end_s = self.driver.now_s + seconds
         while self.driver.now_s < end_s:
             why = command()
-            if why:
+            if why is not None:
                 return why
             self.driver.wait(STEP_S)
-        return ""
+        return None
 
     def close(self):
         self.driver.close()
@@ -51,32 +53,32 @@ def robot(tmp_path):
 
 
 def test_it_drives_while_commands_come_and_stops_0_2_s_after_the_last(robot):
-    assert robot.follow(lambda: robot.page.drive(0.2, 0.0, 0.0, 0.01), 0.5) == ""
+    assert robot.follow(lambda: robot.page.drive(0.2, 0.0, 0.0, 0.01), 0.5) is None
     robot.driver.wait(0.14)
-    assert robot.page.stopped_by == "" and robot.driver.command is not None
+    assert robot.page.stopped_by is None and robot.driver.command is not None
     robot.driver.wait(0.07)
-    assert "no new command arrived in time" in robot.page.stopped_by
+    assert "no new command arrived in time" in robot.page.stopped_by.words
 
 
 def test_a_stop_between_two_commands_is_not_overridden_by_the_next(robot):
     robot.page.drive(0.2, 0.0, 0.0, 0.01)
     robot.driver.wait(0.3)
-    assert "no new command arrived in time" in robot.page.drive(0.2, 0.0, 0.0, 0.01)
+    assert "no new command arrived in time" in robot.page.drive(0.2, 0.0, 0.0, 0.01).words
     robot.page.stop()
-    assert robot.page.drive(0.2, 0.0, 0.0, 0.01) == ""
+    assert robot.page.drive(0.2, 0.0, 0.0, 0.01) is None
 
 
 def test_a_latched_stop_refuses_commands_until_it_is_released(robot):
     robot.page.latch("phone")
-    assert "release it" in robot.page.drive(0.2, 0.0, 0.0, 0.01)
+    assert "release it" in robot.page.drive(0.2, 0.0, 0.0, 0.01).words
     assert robot.page.latched and robot.driver.command is None
     robot.page.release()
-    assert robot.page.drive(0.2, 0.0, 0.0, 0.01) == ""
+    assert robot.page.drive(0.2, 0.0, 0.0, 0.01) is None
 
 
 def test_a_held_goal_is_reached(robot):
-    goal = Pose(0.3, 0.0, 0.0)
-    assert robot.follow(lambda: robot.page.go(goal, False, 0.01), 20.0) == REACHED
+    goal = Goal(0.3, 0.0)
+    assert robot.follow(lambda: robot.page.go(goal, 0.01), 20.0) == why_of(StopReason.GOAL_REACHED)
     robot.page.stop()
     robot.driver.wait(1.0)
     assert robot.driver.pose.x_m == pytest.approx(0.3, abs=0.05)
@@ -86,9 +88,9 @@ def test_a_held_goal_is_reached(robot):
 def test_after_a_stop_the_next_step_begins_a_new_search(stopped):
     """Otherwise time without progress would count while nobody held the control."""
     drive, model = GoalDrive(), load("traxbot")
-    goal = Pose(5.0, 0.0, 0.0)
+    goal = Goal(5.0, 0.0)
     for now_s in (0.0, 120.0):
-        step = drive.step(goal, False, ORIGIN, {}, model.limits, model.sonars, now_s)
+        step = drive.step(goal, ORIGIN, {}, model.limits, model.sonars, now_s)
         if stopped:
             drive.end()
     assert bool(step.ended) is not stopped
@@ -96,7 +98,7 @@ def test_after_a_stop_the_next_step_begins_a_new_search(stopped):
 
 def test_a_board_without_motors_has_no_goal(tmp_path):
     robot = Robot(tmp_path, robot="pioneer", robot_id=7)
-    assert "no motors" in robot.page.go(Pose(1.0, 0.0, 0.0), False, 0.01)
+    assert "no motors" in robot.page.go(Goal(1.0, 0.0), 0.01).words
     robot.close()
 
 
@@ -120,7 +122,7 @@ def phone(**angles):
 
 @pytest.fixture
 def recorder(tmp_path, monkeypatch):
-    monkeypatch.setattr("mrl_driver.apps.web.driver_robot.Series", lambda driver: None)
+    monkeypatch.setattr("mrl_driver.apps.web.robot.Series", lambda driver: None)
     (tmp_path / "old.mrl").write_bytes(b"12345")
     (tmp_path / "secret.txt").write_bytes(b"1")
     driver = recording_driver(str(tmp_path / "old.mrl"))
@@ -137,10 +139,10 @@ def test_readings_of_the_phone_go_into_the_recording(recorder):
 
 def test_only_recordings_are_listed_and_found(recorder):
     _, robot = recorder
-    assert robot.recordings() == [("old.mrl", 5, True)]
+    assert robot.recordings.files() == [("old.mrl", 5, True)]
     for name in ("secret.txt", "../old.mrl", ""):
         with pytest.raises(ConfigError, match="no recording"):
-            robot.recording_path(name)
+            robot.recordings.path(name)
 
 
 @pytest.mark.parametrize("clock", ["11", "121"], ids=["one second", "clock set back"])
@@ -148,4 +150,4 @@ def test_no_recording_replaces_another(recorder, monkeypatch, clock):
     _, robot = recorder
     seconds = iter(clock)
     monkeypatch.setattr("time.strftime", lambda form: next(seconds))
-    assert len({robot.start_recording() for _ in clock}) == len(clock)
+    assert len({robot.recordings.start() for _ in clock}) == len(clock)

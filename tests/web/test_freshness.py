@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.apps.web.freshness import DEAF_S, WINDOW_S, Freshness, clock_s
+from mrl_driver.apps.web.freshness import DEAF_S, WINDOW_S, Freshness
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import DRIFT
 
 AHEAD_S = -1234.5

@@ -5,14 +5,8 @@ import math
 import pytest
 
 from mrl_driver.apps.web.helm import (
-    CHANGED,
-    EMERGENCY,
     HAND_OVER_S,
-    HANDED_OVER,
-    LEFT,
     LET_GO,
-    LOST,
-    RELEASED,
     RELEASES,
     WATCHES,
     Drive,
@@ -24,11 +18,14 @@ from mrl_driver.apps.web.helm import (
     Refuse,
     Tell,
     Unlatch,
+    why_of,
 )
+from mrl_driver.protocol.stop_reason import StopReason
 
 from .pages import Page, kinds
 
 START_S = 5000.0
+EMERGENCY, WHY = StopReason.EMERGENCY_STOP, why_of(StopReason.WHEEL_MISMATCH)
 ROUND_S = 0.05
 ERROR_S = 1e-6
 """Rounding of sums of times."""
@@ -109,7 +106,7 @@ def test_a_held_control_drives_at_its_speeds(bench):
     page = bench.page(takes=True)
     acts = bench.arrives(page, page.push(bench.now_s)._replace(angular_rad_s=-0.5, lateral_m_s=0.1))
     assert acts == [Drive(0.2, -0.5, 0.1, 0.0), Tell()]
-    assert bench.helm.state().driving and bench.helm.state().why == ""
+    assert bench.helm.state().driving and bench.helm.state().why == why_of(StopReason.NONE)
 
 
 def test_each_fresh_command_is_passed_on_once(driving):
@@ -124,7 +121,7 @@ def test_each_fresh_command_is_passed_on_once(driving):
 def test_a_released_control_stops_at_once(driving):
     bench, one, _ = driving
     bench.later()
-    assert bench.rest(one) == [Halt(RELEASED), Tell()]
+    assert bench.rest(one) == [Halt(StopReason.RELEASED), Tell()]
     assert not bench.helm.state().driving
 
 
@@ -132,7 +129,7 @@ def test_a_goal_may_not_become_another_one_while_it_is_held(bench):
     page = bench.page(takes=True)
     bench.push(page, Goal(1.0, 2.0))
     page.goal = Goal(-1.0, 2.0)
-    assert bench.repeat(page) == [Halt(CHANGED), Tell()]
+    assert bench.repeat(page) == [Halt(StopReason.GOAL_CHANGED), Tell()]
     assert not bench.drives(page) and bench.presses_again(page)
 
 
@@ -144,8 +141,8 @@ def test_the_robot_stops_150_ms_after_the_last_command(driving):
     due_s = bench.helm.due_s
     assert due_s == pytest.approx(bench.now_s + 0.15, abs=ERROR_S)
     assert bench.helm.tick(due_s - 1e-4) == []
-    assert bench.helm.tick(due_s) == [Halt(LOST), Tell()]
-    assert bench.helm.due_s == math.inf and bench.helm.state().why == LOST
+    assert bench.helm.tick(due_s) == [Halt(StopReason.COMMAND_TIMEOUT), Tell()]
+    assert bench.helm.due_s == math.inf and bench.helm.state().why.reason is StopReason.COMMAND_TIMEOUT
 
 
 def test_the_robot_stops_250_ms_after_the_page_has_sent_the_last_command(driving):
@@ -264,7 +261,7 @@ def test_a_control_that_was_held_when_the_page_connected_does_not_drive(bench):
 
 def test_a_driver_that_leaves_stops_the_robot_and_frees_the_helm(driving):
     bench, _, _ = driving
-    assert bench.helm.leave(1, bench.now_s) == [Halt(LEFT), Tell()]
+    assert bench.helm.leave(1, bench.now_s) == [Halt(StopReason.PAGE_LEFT), Tell()]
     assert bench.helm.state().driver is None
 
 
@@ -277,7 +274,7 @@ def test_messages_of_one_that_left_do_nothing(driving):
 def test_the_helm_changes_hands_when_the_robot_stands(bench):
     bench.page(takes=True)
     two = bench.page()
-    assert bench.helm.take(2, bench.now_s) == [Halt(HANDED_OVER), Tell()]
+    assert bench.helm.take(2, bench.now_s) == [Halt(StopReason.HELM_HANDED_OVER), Tell()]
     assert bench.helm.state().driver is None and bench.helm.state().wants == 2 and bench.helm.waits
     bench.later(0.3)
     bench.helm.stands(bench.now_s)
@@ -309,7 +306,7 @@ def test_the_wish_for_the_helm_comes_true_with_every_stop(driving, stop):
     bench, one, _ = driving
     bench.helm.take(2, bench.now_s)
     bench.now_s += 0.2
-    getattr(bench.helm, stop)(*{"tick": (), "robot_stopped": ("battery",), "stop": (1,)}[stop], bench.now_s)
+    getattr(bench.helm, stop)(*{"tick": (), "robot_stopped": (WHY,), "stop": (1,)}[stop], bench.now_s)
     bench.helm.stands(bench.now_s)
     assert bench.helm.state().driver == 2 and not bench.drives(one)
 
@@ -339,7 +336,7 @@ def test_anybody_can_stop(driving, may_drive):
     watcher = bench.page(may_drive)
     assert bench.helm.stop(watcher.number, bench.now_s) == [Latch(3), Tell()]
     state = bench.helm.state()
-    assert (state.latched, state.latched_by, state.driving, state.why) == (True, 3, False, EMERGENCY)
+    assert (state.latched, state.latched_by, state.driving, state.why.reason) == (True, 3, False, EMERGENCY)
     assert not bench.drives(one)
 
 
@@ -354,7 +351,7 @@ def test_only_the_one_who_drives_releases_the_stop(driving, who, done):
     bench.rest(one)
     assert bench.helm.release(who, bench.now_s) == done
     state = bench.helm.state()
-    assert (state.latched, state.why) == ((False, "") if who == 1 else (True, EMERGENCY))
+    assert (state.latched, state.why.reason) == ((False, "none") if who == 1 else (True, EMERGENCY))
 
 
 def test_the_stop_is_not_released_while_a_control_is_held(driving):
@@ -380,10 +377,7 @@ def test_a_stop_that_is_newer_than_the_click_is_not_released(driving):
 def test_a_robot_that_stops_by_itself_ends_the_press(driving):
     bench, one, _ = driving
     bench.later()
-    assert bench.helm.robot_stopped("the left wheel does not turn", bench.now_s) == [
-        Halt("the left wheel does not turn"),
-        Tell(),
-    ]
+    assert bench.helm.robot_stopped(WHY, bench.now_s) == [Halt(WHY.reason), Tell()]
     bench.later()
     assert not bench.drives(one) and bench.presses_again(one)
 
@@ -393,7 +387,7 @@ def test_a_press_from_before_a_stop_that_arrives_after_it_does_not_drive(driving
     bench, one, _ = driving
     under_way = [one.lift(bench.now_s), one.push(bench.now_s)]
     bench.now_s += 0.01
-    bench.helm.robot_stopped("battery", bench.now_s)
+    bench.helm.robot_stopped(WHY, bench.now_s)
     bench.now_s += 0.01
     assert "Drive" not in kinds([act for each in under_way for act in bench.arrives(one, each)])
     bench.later()
@@ -412,7 +406,7 @@ def test_a_stop_that_another_program_latches_counts(driving):
 def test_a_stop_that_another_program_latches_while_nobody_drives_is_shown(bench):
     bench.page(takes=True)
     assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Tell()]
-    assert bench.helm.state().why == EMERGENCY
+    assert bench.helm.state().why.reason is EMERGENCY
     bench.helm.robot_latched(False, "another program", bench.now_s)
     assert bench.helm.state().latched_by_other == ""
 

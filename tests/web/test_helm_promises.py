@@ -17,7 +17,8 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
-from mrl_driver.apps.web.helm import RELEASED, Drive, Go, Goal, Halt, Helm, Latch, Unlatch
+from mrl_driver.apps.web.helm import Drive, Go, Goal, Halt, Helm, Latch, Unlatch, why_of
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.safety.operator_delay import DRIFT
 
 from .pages import Page
@@ -111,7 +112,7 @@ class Promises(RuleBasedStateMachine):
         self.ends_s = min(self.now_s + STOP_S, sent_s + SENT_S * (1 + 2 * DRIFT))
 
     def judge_stop(self, act, method, who, message):
-        if isinstance(act, Halt) and act.why == RELEASED:
+        if isinstance(act, Halt) and act.reason is StopReason.RELEASED:
             assert method == "control" and not message.held and self.press[0] == who
         else:
             self.stopped_s = self.now_s
@@ -342,7 +343,7 @@ class Promises(RuleBasedStateMachine):
     @rule()
     def stop_by_itself(self):
         self.now_s += TICK_S
-        acts = self.helm.robot_stopped("battery", self.now_s)
+        acts = self.helm.robot_stopped(why_of(StopReason.BATTERY), self.now_s)
         for act in acts:
             if isinstance(act, Halt):
                 self.judge_stop(act, "robot_stopped", None, None)

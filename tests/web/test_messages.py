@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mrl_driver.apps.web import messages
 from mrl_driver.apps.web.helm import Control, Goal, Helm
 from mrl_driver.apps.web.messages import Malformed, parse
-from mrl_driver.apps.web.robot import Recorded
+from mrl_driver.apps.web.robot import PhoneReading
 from mrl_driver.robot.models import load
 
 CONTROL = {
@@ -37,7 +37,7 @@ PHONE = {
 
 
 def read(**fields):
-    return parse(json.dumps(fields))
+    return parse(json.dumps(fields)).value
 
 
 def test_control_with_speeds():
@@ -126,10 +126,10 @@ def test_no_field_can_be_anything_that_moves_a_robot_wrongly(fields, data):
     """Either it is refused, or all numbers are finite and in range."""
     name = data.draw(st.sampled_from([*fields, "goal", "linear"]))
     try:
-        found = parse(json.dumps({**fields, name: data.draw(JSON)}))
+        found = read(**{**fields, name: data.draw(JSON)})
     except Malformed:
         return
-    assert isinstance(found, (Control, messages.Phone))
+    assert isinstance(found, (Control, PhoneReading))
     if isinstance(found, Control):
         speeds = found.linear_m_s, found.angular_rad_s, found.lateral_m_s
         assert all(abs(speed) <= 100 for speed in speeds) and isinstance(found.held, bool)
@@ -157,7 +157,7 @@ def test_helm():
     helm.join(4, True, 1.0)
     helm.take(4, 1.0)
     helm.stop(4, 1.0)
-    found = json.loads(messages.helm(1.0, helm.state(), {4: "Zoë"}, 1))
+    found = json.loads(messages.helm(1.0, helm.state(), {4: "Zoë"}))
     assert (found["driver"], found["latched_by"], found["latched_by_name"]) == (4, 4, "Zoë")
     assert (found["names"], found["spent"], found["age_ms"], found["viewers"]) == (
         {"4": "Zoë"},
@@ -167,16 +167,9 @@ def test_helm():
     )
 
 
-def test_welcome():
+def test_facts_of_a_robot():
     model = load("traxbot")
     facts = messages.robot_facts("traxbot 1", model, model.limits)
-    text = messages.welcome(
-        1.0, "watch", 7, "1.0", facts, [("x", "m")], True, None, [Recorded("a.rec", 9, False)], False
-    )
-    found = json.loads(text)
-    assert (found["role"], found["you"], found["period_ms"], found["stop_ms"]) == ("watch", 7, 50, 150)
-    assert found["series"] == [["x", "m"]]
-    assert found["recordings"] == [{"name": "a.rec", "size": 9, "on": False}]
-    assert found["robot"]["drive"] == "differential"
-    assert found["robot"]["limits"]["linear"] == model.limits.linear_m_s
-    assert found["robot"]["sonars"]["left"] == pytest.approx([*model.sonars["left"].pose, math.radians(36)])
+    assert facts["drive"] == "differential"
+    assert facts["limits"]["linear"] == model.limits.linear_m_s
+    assert facts["sonars"]["left"] == pytest.approx([*model.sonars["left"].pose, math.radians(36)])

@@ -11,10 +11,11 @@ from unittest import mock
 import pytest
 
 from mrl_driver.apps.web import assets, client, listening, messages
-from mrl_driver.apps.web.helm import Helm
+from mrl_driver.apps.web.helm import Helm, Why, why_of
 from mrl_driver.apps.web.robot import Recorded
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.access import Tokens
+from mrl_driver.protocol.stop_reason import StopReason
 from tests.waiting import PATIENCE_S
 
 from .fake_robot import FakeRobot
@@ -183,11 +184,11 @@ async def test_a_held_control_drives_and_its_release_stops(site, page):
 
 @pages
 async def test_a_robot_that_refuses_a_command_spends_the_press(site, page):
-    site.robot.refuses = "the battery is empty"
+    site.robot.refuses = Why(StopReason.BATTERY, "the battery is empty")
     await page.take()
     await page.control(7, True)
     state = await page.next("helm", lambda state: 7 in state["spent"].values())
-    assert state["why"] == "the battery is empty"
+    assert (state["why"], state["reason"]) == ("the battery is empty", "battery")
 
 
 @pages
@@ -195,9 +196,9 @@ async def test_a_robot_that_stops_by_itself_spends_the_press(site, page):
     await page.take()
     await page.control(7, True)
     await page.next("helm", lambda state: state["driving"])
-    site.robot.stopped_by = "a wheel did not follow"
+    site.robot.stopped_by = why_of(StopReason.WHEEL_MISMATCH)
     site.robot.changed()
-    assert (await page.next("helm", lambda state: not state["driving"]))["why"] == "a wheel did not follow"
+    assert (await page.next("helm", lambda state: not state["driving"]))["reason"] == "wheel_mismatch"
 
 
 @pages
@@ -215,7 +216,7 @@ def test_the_robot_stops_when_its_page_sends_nothing_more():
         async with site.page() as page:
             await page.take()
             await page.control(1, True)
-            await page.next("helm", lambda state: state["why"] == "no fresh command arrived in time")
+            await page.next("helm", lambda state: state["reason"] == "command_timeout")
             assert site.robot.calls == [("drive", 0.2, 0.0, 0.0), ("stop",)]
 
     serving(scenario, stop_s=0.05)
@@ -229,7 +230,7 @@ def test_a_page_that_goes_away_stops_its_robot():
                 await page.control(1, True)
                 await page.next("helm", lambda state: state["driving"])
             state = await other.next("helm", lambda state: state["why"])
-            assert (state["why"], state["driver"]) == ("the driving page has left", None)
+            assert (state["reason"], state["driver"]) == ("page_left", None)
             assert site.robot.calls[-1] == ("stop",)
 
     serving(scenario)
@@ -358,8 +359,8 @@ UPGRADE = (
 )
 def test_a_request_that_cannot_be_served_is_refused_and_the_server_goes_on(request_bytes):
     robot = FakeRobot()
-    robot.recordings = lambda: [Recorded("gone.mrl", 1, False)]
-    robot.recording_path = mock.Mock(side_effect=ConfigError("there is no recording"))
+    robot.recordings.files = lambda: [Recorded("gone.mrl", 1, False)]
+    robot.recordings.path = mock.Mock(side_effect=ConfigError("there is no recording"))
 
     async def scenario(site):
         reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
@@ -486,7 +487,7 @@ def test_beyond_this_computer_the_page_is_encrypted(tmp_path, monkeypatch):
 def test_no_name_leads_out_of_the_folder_of_the_page(tmp_path, name):
     (tmp_path / "secret").write_text("x")
     (tmp_path / "page").mkdir()
-    assert assets.Assets(tmp_path / "page").get(name) is None
+    assert name not in assets.load(tmp_path / "page")
 
 
 # -- the end
@@ -596,11 +597,10 @@ def test_the_page_loads_nothing_from_elsewhere_and_is_in_no_frame():
 
 def test_a_watch_only_page_is_told_of_no_recording():
     robot = FakeRobot()
-    robot.recordings = lambda: [Recorded("old.mrl", 1, False)]
+    robot.recordings.files = lambda: [Recorded("old.mrl", 1, False)]
 
     async def scenario(site):
         async with site.page(TOKENS.watch) as page:
-            assert (await page.next("welcome"))["recordings"] == []
             assert (await page.next("recording"))["files"] == []
 
     serving(scenario, GUARDED, robot)

@@ -7,12 +7,9 @@ from typing import Any, Awaitable, Callable, Dict, Optional
 
 CONGESTED_BYTES = 16384
 """With more unsent bytes than this in the program, messages wait, and newer ones replace them."""
-STALLED_S = 5.0
-"""A client that accepts nothing for this time is closed [s]."""
-LOOK_S = 0.05
-"""Time between two looks at a connection that is congested [s]."""
-MOST_PER_S = 200
-"""More messages of one client in a second close it; the page sends at most 80."""
+STALLED_S = 5.0  # A client that accepts nothing for this time is closed [s]
+LOOK_S = 0.05  # Time between two looks at a connection that is congested [s]
+MOST_PER_S = 200  # More messages of one client in a second close it; the page sends at most 80
 
 Send = Callable[[str], Awaitable[Any]]
 
@@ -34,8 +31,6 @@ class Client:
         self.number, self.role, self.name = number, role, name
         self.heard_s = time.monotonic()
         """When its last message arrived [s]."""
-        self.dropped = 0
-        """Messages that a newer one of their kind has replaced, because the connection was slow."""
         self.refused = 0
         """Messages in a row that were refused."""
         self.last = ""
@@ -49,8 +44,6 @@ class Client:
 
     def put(self, kind: str, text: str) -> None:
         """Send this as soon as possible, in place of the message of this kind that still waits."""
-        if kind in self._waiting:
-            self.dropped += 1
         self._waiting[kind] = text
         self._ready.set()
 

@@ -23,9 +23,7 @@ from mrl_driver.cli.commands.shared import (
 from mrl_driver.host.named_robots import Target
 
 if TYPE_CHECKING:
-    from mrl_driver.apps.web.listening import Settings
     from mrl_driver.apps.web.server import Server
-    from mrl_driver.driver import Driver
 
 COMMAND_TIMEOUT_S = 0.2
 """The driver stops the robot this long after the last fresh command of a page [s]; the page sends one every 50 ms."""
@@ -52,15 +50,7 @@ COMMAND_TIMEOUT_S = 0.2
 @port_timeout_option
 @battery_option
 @fast_option
-def web(
-    target: Target,
-    listen: str,
-    new_tokens: bool,
-    recordings: Optional[str],
-    port_timeout_s: float,
-    ignore_battery: bool,
-    fast: bool,
-) -> None:
+def web(target: Target, listen: str, new_tokens: bool, recordings: Optional[str], **options: Any) -> None:
     """Show and drive a robot on a web page, on a phone or a desk.
 
     The page shows map, speeds, battery, link and time series.  One person drives; everybody who sees the page can stop
@@ -76,43 +66,29 @@ def web(
       mrl web --robot lab3 --listen 0.0.0.0 --new-tokens
     """
     from mrl_driver.apps.web.driver_robot import DriverRobot
-    from mrl_driver.apps.web.listening import listening_socket, settings_for
+    from mrl_driver.apps.web.listening import lines_for, listening_socket, settings_for
     from mrl_driver.apps.web.server import serve
     from mrl_driver.driver.options import QUEUED_S
+    from mrl_driver.view.shown_state import state_of
 
     settings = settings_for(listen, new_tokens, print_message)
     folder = recordings or os.path.join(folders.data(), "recordings")
+    options.update(reconnect=True, command_timeout_s=COMMAND_TIMEOUT_S, queued_s=QUEUED_S)
     with listening_socket(settings.host, settings.port) as ear, connected(
-        target,
-        ignore_battery=ignore_battery,
-        port_timeout_s=port_timeout_s,
-        reconnect=True,
-        fast=fast,
-        command_timeout_s=COMMAND_TIMEOUT_S,
-        queued_s=QUEUED_S,
+        target, **options
     ) as driver, contextlib.ExitStack() as signals:
         warn(driver)
         report_losses(driver)
 
         def begun(server: "Server") -> None:
             signals.enter_context(_ended_by_signals(server))
-            _print_links(settings, server.port, driver)
+            lines = lines_for(settings, server.port, picture=full_screen())
+            if settings.tokens is None:
+                lines[0] += f" shows {state_of(driver).name}; Ctrl-C ends it"
+            click.echo("\n".join(lines))
 
         serve(DriverRobot(driver, folder), settings, lambda: str(driver.error or ""), begun, ear)
         driver.wait(0)
-
-
-def _print_links(settings: "Settings", port: int, driver: "Driver") -> None:
-    """Print where the page is."""
-    from mrl_driver.apps.web.listening import drive_link, lines_for, qr_code
-    from mrl_driver.view.shown_state import state_of
-
-    first, *others = lines_for(settings, port)
-    if settings.tokens is None:
-        click.echo(f"{first} shows {state_of(driver).name}; Ctrl-C ends it")
-        return
-    code = qr_code(drive_link(settings, port)) if full_screen() else ""
-    click.echo("\n".join((first, *others, *(code.splitlines()))))
 
 
 @contextlib.contextmanager

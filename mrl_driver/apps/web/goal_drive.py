@@ -1,15 +1,17 @@
 """A goal that is held on the page: each fresh command is one step towards it.  No I/O."""
 
 import math
-from typing import Mapping, NamedTuple, Optional, Tuple
+from typing import Mapping, NamedTuple, Optional
 
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits, SonarMount
+
+from .helm import Goal, Why, why_of
 
 LOOK_RAD = 4 * math.pi
 """The robot turns twice on the spot in search of a free path before the goal counts as blocked, as in `mrl goto`."""
-REACHED = "the goal is reached"
 
 
 class Step(NamedTuple):
@@ -17,10 +19,8 @@ class Step(NamedTuple):
 
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
-    ended: str = ""
-    """Why the robot stops here: the goal is reached, or blocked; empty before that."""
-    notice: str = ""
-    """Why the robot waits now; empty if it does not."""
+    ended: Optional[Why] = None  # Why the robot stops here: the goal is reached, or blocked; None before that
+    notice: str = ""  # Why the robot waits now, or has stopped; empty while it drives
 
 
 class GoalDrive:
@@ -31,12 +31,7 @@ class GoalDrive:
 
     def __init__(self) -> None:
         self._seeker: Optional[GoalSeeker] = None
-        self._goal: Optional[Tuple[Pose, bool]] = None
-
-    @property
-    def goal(self) -> Optional[Pose]:
-        """The goal that the robot drives to; None without one."""
-        return self._goal[0] if self._goal else None
+        self._goal: Optional[Goal] = None
 
     def end(self) -> None:
         """Forget the goal: the robot was stopped, or the control was released."""
@@ -44,24 +39,26 @@ class GoalDrive:
 
     def step(
         self,
-        goal: Pose,
-        has_yaw: bool,
+        goal: Goal,
         pose: Pose,
         ranges: Mapping[str, float],
         limits: Limits,
         sonars: Mapping[str, SonarMount],
         now_s: float,
     ) -> Step:
-        """Return the speeds now.  Without `has_yaw` the robot arrives in the direction from here to the goal."""
-        if self._seeker is None or self._goal != (goal, has_yaw):
-            self._goal = goal, has_yaw
-            yaw_rad = goal.yaw_rad if has_yaw else math.atan2(goal.y_m - pose.y_m, goal.x_m - pose.x_m)
+        """Return the speeds now.  Without a yaw the robot arrives in the direction from here to the goal."""
+        if self._seeker is None or self._goal != goal:
+            self._goal = goal
+            yaw_rad = (
+                math.atan2(goal.y_m - pose.y_m, goal.x_m - pose.x_m) if goal.yaw_rad is None else goal.yaw_rad
+            )
             target = Pose(goal.x_m, goal.y_m, yaw_rad)
             self._seeker = GoalSeeker(target, limits, now_s, sonars, look_rad=LOOK_RAD)
         seeker = self._seeker
         linear_m_s, angular_rad_s = seeker.command(pose, ranges, now_s)
-        if seeker.reached:
-            return Step(ended=REACHED)
-        if seeker.blocked:
-            return Step(ended=f"the goal was not reached: {seeker.why}")
-        return Step(linear_m_s, angular_rad_s, notice=f"waits: {seeker.why}" if seeker.blind else "")
+        if not (seeker.reached or seeker.blocked):
+            return Step(linear_m_s, angular_rad_s, notice=f"waits: {seeker.why}" if seeker.blind else "")
+        ended = why_of(StopReason.GOAL_REACHED)
+        if not seeker.reached:
+            ended = Why(StopReason.GOAL_BLOCKED, f"the goal was not reached: {seeker.why}")
+        return Step(ended=ended, notice=ended.words)

@@ -9,20 +9,19 @@ The latched emergency stop may come from every client at any time.
 """
 
 import math
+from dataclasses import dataclass, field, replace
 from typing import Dict, List, NamedTuple, Optional, Union
 
+from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.safety.operator_delay import delay_text
+from mrl_driver.view.words import STOPS
 
 from .freshness import SAME_S, Freshness
 
-STOP_S = 0.15
-"""The robot stops after this time without a fresh command [s]."""
-OLDEST_S = 0.15
-"""Commands older than this are dropped [s]."""
-SENT_S = 0.25
-"""The robot stops at the latest this long after its page has sent the last fresh command [s]."""
-HAND_OVER_S = 1.0
-"""The helm changes hands when the robot stands, at the latest this long after its stop [s]."""
+STOP_S = 0.15  # The robot stops after this time without a fresh command [s]
+OLDEST_S = 0.15  # Commands older than this are dropped [s]
+SENT_S = 0.25  # The robot stops at the latest this long after its page has sent the last fresh command [s]
+HAND_OVER_S = 1.0  # The helm changes hands when the robot stands, at the latest this long after its stop [s]
 
 WATCHES, TAKE_FIRST = "this link is for watching only", "take the helm first"
 LATCHED, PRESS_AGAIN = (
@@ -31,9 +30,21 @@ LATCHED, PRESS_AGAIN = (
 )
 RELEASES = "only the driving page can release the emergency stop: take the helm first"
 LET_GO = "let go of all controls, then release the emergency stop again"
-RELEASED, LOST = "the control was released", "no fresh command arrived in time"
-LEFT, GIVEN_UP, HANDED_OVER = "the driving page has left", "the helm was given up", "the helm changes hands"
-EMERGENCY, CHANGED = "emergency stop", "the goal changed while the control was held"
+
+
+class Why(NamedTuple):
+    """Why the robot stands, or does not follow a command: for programs, and in words for people."""
+
+    reason: StopReason
+    words: str
+
+
+def why_of(reason: StopReason) -> Why:
+    """Return a reason with its usual words."""
+    return Why(reason, STOPS[reason].why)
+
+
+GOING = why_of(StopReason.NONE)
 
 
 class Goal(NamedTuple):
@@ -41,29 +52,22 @@ class Goal(NamedTuple):
 
     x_m: float
     y_m: float
-    yaw_rad: Optional[float] = None
-    """None: any yaw will do."""
+    yaw_rad: Optional[float] = None  # None: any yaw will do
 
 
 class Control(NamedTuple):
     """What the controls of a page command, and whether one of them is held."""
 
-    seq: int
-    """Number of the message; it grows."""
-    t_s: float
-    """When it was sent [s, the page's clock]."""
-    heard_s: Optional[float]
-    """Time of the newest message of ours that the page has [s, our clock]; None: it has none."""
-    heard_t_s: Optional[float]
-    """When that arrived there [s, the page's clock]."""
-    press: int
-    """Number of the press, or of the last one; it grows."""
+    seq: int  # Number of the message; it grows
+    t_s: float  # When it was sent [s, the page's clock]
+    heard_s: Optional[float]  # Time of our newest message that the page has [s, our clock]; None: it has none
+    heard_t_s: Optional[float]  # When that arrived there [s, the page's clock]
+    press: int  # Number of the press, or of the last one; it grows
     held: bool
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
     lateral_m_s: float = 0.0
-    goal: Optional[Goal] = None
-    """In place of speeds."""
+    goal: Optional[Goal] = None  # In place of speeds
 
 
 class Drive(NamedTuple):
@@ -78,16 +82,14 @@ class Drive(NamedTuple):
 class Go(NamedTuple):
     """Drive one step towards a goal."""
 
-    x_m: float
-    y_m: float
-    yaw_rad: Optional[float]
+    goal: Goal
     age_s: float
 
 
 class Halt(NamedTuple):
     """Stop the robot."""
 
-    why: str
+    reason: StopReason
 
 
 class Latch(NamedTuple):
@@ -114,32 +116,22 @@ class Tell(NamedTuple):
 Act = Union[Drive, Go, Halt, Latch, Unlatch, Refuse, Tell]
 
 
-class HelmState(NamedTuple):
+@dataclass
+class HelmState:
     """What all clients may know."""
 
-    driver: Optional[int]
-    """The client that has the helm."""
-    wants: Optional[int]
-    """The client that gets it next."""
-    driving: bool
-    """A press is in force."""
-    latched: bool
-    latched_by: Optional[int]
-    """The client that set the emergency stop; None: none of ours."""
-    latched_by_other: str
-    """Name of another source of the emergency stop; empty: there is none."""
-    spent: Dict[int, int]
-    """For each client the newest press that is over, and will not drive any more."""
-    why: str
-    """Why the robot was stopped last; empty while a press is in force."""
-    age_s: float
-    """Upper bound of the age of the newest command that drove [s]; NaN before the first."""
-    late: int
-    """Commands that were dropped because they were too old, or their age was not known."""
-    repeated: int
-    """Messages that were dropped because a newer one had arrived before."""
-    malformed: int
-    """Messages that could not be read."""
+    driver: Optional[int] = None  # The client that has the helm
+    wants: Optional[int] = None  # The client that gets it next
+    driving: bool = False  # A press is in force
+    latched: bool = False
+    latched_by: Optional[int] = None  # The client that set the emergency stop; None: none of ours
+    latched_by_other: str = ""  # Name of another source of the emergency stop; empty: there is none
+    spent: Dict[int, int] = field(default_factory=dict)  # The newest press of each client that is over
+    why: Why = GOING  # Why the robot was stopped last; `none` while a press is in force
+    age_s: float = math.nan  # Upper bound of the age of the newest command that drove [s]; NaN: none has
+    late: int = 0  # Commands that were dropped because they were too old, or their age was not known
+    repeated: int = 0  # Messages that were dropped because a newer one had arrived before
+    malformed: int = 0  # Messages that could not be read
 
 
 class _Client:
@@ -177,9 +169,7 @@ class Helm:
     def __init__(self, stop_s: float = STOP_S, oldest_s: float = OLDEST_S, sent_s: float = SENT_S) -> None:
         self._stop_s, self._oldest_s, self._sent_s = stop_s, oldest_s, sent_s
         self._clients: Dict[int, _Client] = {}
-        self._driver: Optional[int] = None
-        self._wants: Optional[int] = None
-        self._driving = False
+        self._state = HelmState()
         self._goal: Optional[Goal] = None
         """Of the press in force; None: it commands speeds."""
         self._press = -1
@@ -189,13 +179,9 @@ class Helm:
         """Last time at which held controls lost their effect [s]."""
         self._halted_s = -math.inf
         self._stands = True
-        self._latched_by: Optional[int] = None
         self._latched = self._robot_latched = False
         self._latched_s = -math.inf
         self._other = ""
-        self._why = ""
-        self._age_s = math.nan
-        self._late = self._repeated = self._malformed = 0
 
     # -- clients, and the one that drives
 
@@ -210,10 +196,10 @@ class Helm:
         acts = self.tick(now_s)
         if self._clients.pop(client, None) is None:
             return acts
-        if client == self._wants:
-            self._wants = None
-        if client == self._driver:
-            return acts + self._give_up(LEFT, now_s)
+        if client == self._state.wants:
+            self._state.wants = None
+        if client == self._state.driver:
+            return acts + self._give_up(StopReason.PAGE_LEFT, now_s)
         return [*acts, Tell()]
 
     def take(self, client: int, now_s: float) -> List[Act]:
@@ -225,44 +211,44 @@ class Helm:
         who = self._clients.get(client)
         if who is None or not who.may_drive:
             return [*acts, Refuse(client, WATCHES)]
-        if client in (self._driver, self._wants):
+        if client in (self._state.driver, self._state.wants):
             return [*acts, Tell()]
-        if self._wants is not None:
+        if self._state.wants is not None:
             return [*acts, Refuse(client, "somebody else has asked for the helm already")]
-        self._wants = client
-        if self._driver is not None and not self._driving:
-            return acts + self._give_up(HANDED_OVER, now_s)
+        self._state.wants = client
+        if self._state.driver is not None and not self._state.driving:
+            return acts + self._give_up(StopReason.HELM_HANDED_OVER, now_s)
         return acts + (self._hand_over(now_s) or [Tell()])
 
     def yield_(self, client: int, now_s: float) -> List[Act]:
         """A client gives up the helm, or its wish for it."""
         acts = self.tick(now_s)
-        if client == self._driver:
-            return acts + self._give_up(GIVEN_UP, now_s)
-        if client == self._wants:
-            self._wants = None
+        if client == self._state.driver:
+            return acts + self._give_up(StopReason.HELM_GIVEN_UP, now_s)
+        if client == self._state.wants:
+            self._state.wants = None
             return [*acts, Tell()]
         return [*acts, Refuse(client, "you do not have the helm")]
 
-    def _give_up(self, why: str, now_s: float) -> List[Act]:
+    def _give_up(self, reason: StopReason, now_s: float) -> List[Act]:
         """The driving client loses the helm."""
-        acts = self._halt(why, now_s)
-        self._driver = None
+        acts = self._halt(why_of(reason), now_s)
+        self._state.driver = None
         return acts
 
     def _hand_over(self, now_s: float) -> List[Act]:
         """Give the helm to the client that wants it, if it is free and the robot stands."""
         stands = self._stands or now_s >= self._halted_s + HAND_OVER_S
-        if self._wants is None or self._driver is not None or not stands:
+        if self._state.wants is None or self._state.driver is not None or not stands:
             return []
-        self._driver, self._wants = self._wants, None
+        self._state.driver, self._state.wants = self._state.wants, None
         self._since_s = now_s
         return [Tell()]
 
     @property
     def waits(self) -> bool:
         """A hand-over waits until the robot stands."""
-        return self._wants is not None and self._driver is None
+        return self._state.wants is not None and self._state.driver is None
 
     # -- commands
 
@@ -275,16 +261,16 @@ class Helm:
         if not control.held:
             return acts + self._rest(client, who, control, now_s)
         if control.seq <= who.seq:
-            self._repeated += 1
+            self._state.repeated += 1
             return acts
         age_s = who.note(control, now_s)
         why = self._why_not(client, who, control)
         if why:
             new, who.spent = control.press > who.spent, max(who.spent, control.press)
             return [*acts, Refuse(client, why), Tell()] if new else acts
-        self._age_s = age_s
+        self._state.age_s = age_s
         if age_s > self._oldest_s:
-            self._late += 1
+            self._state.late += 1
             return acts + self._complain(client, who, age_s)
         return acts + self._drive(who, control, age_s, now_s)
 
@@ -295,15 +281,15 @@ class Helm:
             if control.heard_s is not None and control.heard_s <= now_s + SAME_S:
                 who.rested_s = max(who.rested_s, control.heard_s)
         else:
-            self._repeated += 1
+            self._state.repeated += 1
             if control.press < who.press:
                 return []
             who.press, who.held = control.press, False
         who.spent = who.press
-        if client != self._driver or not self._driving:
+        if client != self._state.driver or not self._state.driving:
             return []
         since_s = self._since_s
-        acts = self._halt(RELEASED, now_s)
+        acts = self._halt(why_of(StopReason.RELEASED), now_s)
         self._since_s = since_s  # the next press is another one already
         return acts
 
@@ -311,7 +297,7 @@ class Helm:
         """Return why a held control of this client does not drive; empty if it may."""
         if not who.may_drive:
             return WATCHES
-        if client != self._driver:
+        if client != self._state.driver:
             return TAKE_FIRST
         if self._is_latched:
             return LATCHED
@@ -320,7 +306,7 @@ class Helm:
 
     def _complain(self, client: int, who: _Client, age_s: float) -> List[Act]:
         """Tell a client once in a press that its commands are too old to begin with."""
-        if self._driving or who.told == who.press:
+        if self._state.driving or who.told == who.press:
             return []
         who.told = who.press
         age, oldest = delay_text(age_s if age_s < math.inf else math.nan), delay_text(self._oldest_s)
@@ -328,18 +314,23 @@ class Helm:
 
     def _drive(self, who: _Client, control: Control, age_s: float, now_s: float) -> List[Act]:
         """Follow a fresh command."""
-        begins = not self._driving
+        begins = not self._state.driving
         if not begins and control.press == self._press and control.goal != self._goal:
-            return self._halt(CHANGED, now_s)
+            return self._halt(why_of(StopReason.GOAL_CHANGED), now_s)
         if not begins and control.press > self._press:
             who.spent = self._press
-        self._driving, self._press, self._goal, self._why = True, control.press, control.goal, ""
+        self._state.driving, self._press, self._goal, self._state.why = (
+            True,
+            control.press,
+            control.goal,
+            GOING,
+        )
         self._ends_s = now_s + min(self._stop_s, self._sent_s - age_s)
         goal = control.goal
         act: Act = (
             Drive(control.linear_m_s, control.angular_rad_s, control.lateral_m_s, age_s)
             if goal is None
-            else Go(*goal, age_s)
+            else Go(goal, age_s)
         )
         return [act, Tell()] if begins else [act]
 
@@ -348,21 +339,21 @@ class Helm:
     def stop(self, client: int, now_s: float) -> List[Act]:
         """Anybody asks for the emergency stop.  It is never refused, and never too old."""
         acts = self.tick(now_s)
-        self._latched, self._latched_by, self._latched_s = True, client, now_s
-        self._end_press(EMERGENCY, now_s)
+        self._latched, self._state.latched_by, self._latched_s = True, client, now_s
+        self._end_press(why_of(StopReason.EMERGENCY_STOP), now_s)
         return [*acts, Latch(client), Tell()]
 
     def release(self, client: int, now_s: float) -> List[Act]:
         """A client wants to end the latched stop, which its page has shown since: it may be newer than the click."""
         acts = self.tick(now_s)
         who = self._clients.get(client)
-        if who is None or client != self._driver:
+        if who is None or client != self._state.driver:
             return [*acts, Refuse(client, RELEASES)]
         if who.held or who.rested_s < self._latched_s - SAME_S:
             return [*acts, Refuse(client, LET_GO)]
         if not self._is_latched:
             return [*acts, Tell()]
-        self._latched, self._latched_by, self._since_s, self._why = False, None, now_s, ""
+        self._latched, self._state.latched_by, self._since_s, self._state.why = False, None, now_s, GOING
         return [*acts, Unlatch(), Tell()]
 
     def robot_latched(self, latched: bool, by: str, now_s: float) -> List[Act]:
@@ -376,37 +367,37 @@ class Helm:
         self._robot_latched, self._other = latched, by if latched else ""
         if latched and not self._latched:
             self._latched_s = now_s
-        if self._driving:
-            return acts + self._halt(EMERGENCY, now_s)
+        if self._state.driving:
+            return acts + self._halt(why_of(StopReason.EMERGENCY_STOP), now_s)
         self._since_s = now_s
         if latched:
-            self._why = EMERGENCY
+            self._state.why = why_of(StopReason.EMERGENCY_STOP)
         return [*acts, Tell()]
 
-    def robot_stopped(self, why: str, now_s: float) -> List[Act]:
+    def robot_stopped(self, why: Why, now_s: float) -> List[Act]:
         """The robot has stopped by itself, or refused a command."""
         acts = self.tick(now_s)
-        return acts + self._halt(why, now_s) if self._driving else acts
+        return acts + self._halt(why, now_s) if self._state.driving else acts
 
     def stands(self, now_s: float) -> List[Act]:
         """Since the last `Halt` or `Latch`, measurements have confirmed that the robot stands still."""
         self._stands = True
         return self.tick(now_s)
 
-    def _halt(self, why: str, now_s: float) -> List[Act]:
+    def _halt(self, why: Why, now_s: float) -> List[Act]:
         self._end_press(why, now_s)
-        return [Halt(why), Tell()]
+        return [Halt(why.reason), Tell()]
 
-    def _end_press(self, why: str, now_s: float) -> None:
+    def _end_press(self, why: Why, now_s: float) -> None:
         """The robot is stopped: no control that is held now drives any more, and a wish for the helm comes true."""
-        who = self._clients.get(self._driver) if self._driver is not None else None
-        if who is not None and self._driving:
+        who = self._clients.get(self._state.driver) if self._state.driver is not None else None
+        if who is not None and self._state.driving:
             who.spent = max(who.spent, self._press)
-        self._driving, self._goal, self._ends_s = False, None, math.inf
+        self._state.driving, self._goal, self._ends_s = False, None, math.inf
         self._since_s = self._halted_s = now_s
-        self._stands, self._why = False, why
-        if self._wants is not None:
-            self._driver = None
+        self._stands, self._state.why = False, why
+        if self._state.wants is not None:
+            self._state.driver = None
 
     @property
     def _is_latched(self) -> bool:
@@ -421,26 +412,15 @@ class Helm:
 
     def tick(self, now_s: float) -> List[Act]:
         """Do what is due by now."""
-        acts = self._halt(LOST, now_s) if now_s >= self._ends_s else []
+        acts = self._halt(why_of(StopReason.COMMAND_TIMEOUT), now_s) if now_s >= self._ends_s else []
         return acts + self._hand_over(now_s)
 
     def malformed(self) -> None:
         """A message could not be read."""
-        self._malformed += 1
+        self._state.malformed += 1
 
     def state(self) -> HelmState:
         """Return what all clients may know."""
-        return HelmState(
-            driver=self._driver,
-            wants=self._wants,
-            driving=self._driving,
-            latched=self._is_latched,
-            latched_by=self._latched_by,
-            latched_by_other="" if self._latched else self._other,
-            spent={client: who.spent for client, who in self._clients.items()},
-            why=self._why,
-            age_s=self._age_s,
-            late=self._late,
-            repeated=self._repeated,
-            malformed=self._malformed,
-        )
+        spent = {client: who.spent for client, who in self._clients.items()}
+        other = "" if self._latched else self._other
+        return replace(self._state, latched=self._is_latched, latched_by_other=other, spent=spent)

@@ -22,14 +22,10 @@ class Settings(NamedTuple):
     """Where the page is served, and what is needed to see it."""
 
     host: str = HOST
-    port: int = PORT
-    """0 for any free port."""
-    tokens: Optional[access.Tokens] = None
-    """None: everybody that reaches the address may drive."""
-    context: Optional[ssl.SSLContext] = None
-    """Certificate and key for TLS; None without."""
-    names: Sequence[str] = ()
-    """What this computer is called besides localhost and its numeric addresses."""
+    port: int = PORT  # 0 for any free port
+    tokens: Optional[access.Tokens] = None  # None: everybody that reaches the address may drive
+    context: Optional[ssl.SSLContext] = None  # Certificate and key for TLS; None without
+    names: Sequence[str] = ()  # What this computer is called besides localhost and its numeric addresses
 
     def role(self, token: str) -> str:
         """Return what a token permits: `drive`, `watch`, or nothing (empty)."""
@@ -69,50 +65,40 @@ def _parse(listen: str) -> Tuple[str, int]:
     return found.group("six") or found.group("host"), port
 
 
-def url_of(settings: Settings, host: str, port: int) -> str:
-    """Return the address of the page on one of the computer's addresses, without a token."""
-    return f"{'https' if settings.context else 'http'}://{_bracketed(host)}:{port}/"
-
-
 def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-def drive_link(settings: Settings, port: int) -> str:
-    """Return the link that a phone gets: the first address, with the token for driving."""
-    url = url_of(settings, access.reachable(settings.host)[0], port)
-    return url if settings.tokens is None else f"{url}#{DRIVE}={settings.tokens.drive}"
+def lines_for(settings: Settings, port: int, picture: bool = False) -> List[str]:
+    """Return the links, and how to recognise the certificate, as lines for people.
 
+    With `picture`, the first link to drive follows as a QR code for a terminal, if segno is installed.
+    """
 
-def lines_for(settings: Settings, port: int) -> List[str]:
-    """Return the links, and how to recognise the certificate, as lines for people."""
+    def url(host: str) -> str:
+        return f"{'https' if settings.context else 'http'}://{_bracketed(host)}:{port}/"
+
     if settings.tokens is None:
-        return [url_of(settings, settings.host, port)]
-    urls = [url_of(settings, host, port) for host in access.reachable(settings.host)]
+        return [url(settings.host)]
+    urls = [url(host) for host in access.reachable(settings.host)]
+    drive = [f"{url}#{DRIVE}={settings.tokens.drive}" for url in urls]
     return [
-        *(f"to drive: {url}#{DRIVE}={settings.tokens.drive}" for url in urls),
+        *(f"to drive: {link}" for link in drive),
         *(f"to watch: {url}#{WATCH}={settings.tokens.watch}" for url in urls),
         "The browser warns about the certificate once; accept it if its SHA-256 fingerprint is this one:",
         certificate.fingerprint(),
+        *(_qr_code(drive[0]) if picture else []),
     ]
 
 
-def qr_code(link: str) -> str:
-    """Return a QR code of a link, for a terminal.
-
-    Raises:
-        ConfigError: the package that draws it is not installed.
-    """
+def _qr_code(link: str) -> List[str]:
     try:
         import segno
     except ImportError:
-        raise ConfigError(
-            "the QR code needs the Python package segno, which is not installed; install it with: "
-            "pip install 'mrl-driver[web]'"
-        ) from None
+        return []
     out = io.StringIO()
     segno.make(link, error="l", micro=False).terminal(out, compact=True, border=2)
-    return out.getvalue()
+    return out.getvalue().splitlines()
 
 
 def listening_socket(host: str, port: int) -> socket.socket:

@@ -16,167 +16,125 @@ from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 from mrl_driver.view.live_model import Shown
 from mrl_driver.view.rows import sections
+from mrl_driver.view.words import STOPS
 
-from .helm import STOP_S, Control, Goal, HelmState
+from .helm import Control, Goal, HelmState
 from .robot import PhoneReading, Recorded
 
-MOST_BYTES = 4096
-"""Longest message of a page [byte]."""
-MOST_REFUSALS = 5
-"""A connection with this many malformed messages in a row is closed."""
-HELLO_S = 3.0
-"""A page introduces itself within this time [s]."""
-PERIOD_MS = 50
-"""Time between two messages of a page whose control is held [ms]."""
+MOST_BYTES = 4096  # Longest message of a page [byte]
+MOST_REFUSALS = 5  # A connection with this many malformed messages in a row is closed
+HELLO_S = 3.0  # A page introduces itself within this time [s]
 MOST_SPEED, FARTHEST_M, MOST_TURN = 100.0, 10_000.0, 100.0
 """Largest speed [m/s, rad/s], coordinate of a goal [m], and yaw of a goal [rad]."""
 _MOST_NAME, _MOST_TOKEN = 40, 200
 _LATEST_MS = 1e13
-_LARGEST_WHOLE = 2**53 - 1
-"""The largest whole number of a page's language."""
+_LARGEST_WHOLE = 2**53 - 1  # The largest whole number of a page's language
 
 
 class Malformed(MrlError):
     """A message of a page cannot be read; the text says why in one line."""
 
 
-class Hello(NamedTuple):
-    """The first message."""
+class Message(NamedTuple):
+    """A message of a page.
 
-    token: str
-    name: str
+    Attributes:
+        kind: its type.
+        value: a `Control` or a `PhoneReading`; of other kinds, its fields by name.
+    """
 
-
-class Ping(NamedTuple):
-    """The page is there; times as in `Control`."""
-
-    t_s: float
-    heard_s: Optional[float]
-    heard_t_s: Optional[float]
+    kind: str
+    value: Any
 
 
-class Take(NamedTuple):
-    """The person wants to drive."""
+# -- messages of pages: for each type its fields with their checks
 
 
-class Yield(NamedTuple):
-    """The person does not want to drive any more."""
-
-
-class Stop(NamedTuple):
-    """The emergency stop was pressed."""
-
-
-class Release(NamedTuple):
-    """The emergency stop is to end."""
-
-
-class Record(NamedTuple):
-    """A recording is to begin or to end."""
-
-    on: bool
-
-
-class Phone(NamedTuple):
-    """The phone's sensors."""
-
-    reading: PhoneReading
-
-
-Message = Union[Hello, Control, Ping, Take, Yield, Stop, Release, Record, Phone]
 Check = Callable[[str, Any], Any]
 
 
-# -- messages of pages: for each type its fields with their checks, and those that may be missing
+def _check(
+    expected: str, fits: Callable[[Any], bool], read: Callable[[Any], Any] = lambda value: value
+) -> Check:
+    """Return what reads a field: what it may be, in words and as a function, and what it is read as."""
+
+    def check(name: str, value: Any) -> Any:
+        if not fits(value):
+            raise _refuse(name, value, expected)
+        return read(value)
+
+    return check
 
 
 def _refuse(name: str, value: Any, expected: str) -> Malformed:
     return Malformed(f"{name} is {reprlib.repr(value)}, expected {expected}")
 
 
-def _number(low: float, high: float) -> Check:
-    def check(name: str, value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-            raise _refuse(name, value, f"a number from {low:g} to {high:g}")
-        return float(value)
-
-    return check
+def _is(value: Any, *kinds: type) -> bool:
+    """Whether a value has one of these types; to Python, True is a whole number, too."""
+    return isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))
 
 
-def _whole(name: str, value: Any) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= _LARGEST_WHOLE:
-        raise _refuse(name, value, f"a whole number from 0 to {_LARGEST_WHOLE}")
-    return value
-
-
-def _flag(name: str, value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise _refuse(name, value, "true or false")
-    return value
+def _number(low: float, high: float, scale: float = 1.0) -> Check:
+    return _check(
+        f"a number from {low:g} to {high:g}",
+        lambda value: _is(value, int, float) and low <= value <= high,
+        lambda value: float(value) / scale,
+    )
 
 
 def _text(most: int) -> Check:
-    def check(name: str, value: Any) -> str:
-        if not isinstance(value, str) or len(value) > most or not value.isprintable():
-            raise _refuse(name, value, f"at most {most} printable characters")
-        return value
-
-    return check
+    return _check(
+        f"at most {most} printable characters",
+        lambda value: _is(value, str) and len(value) <= most and value.isprintable(),
+    )
 
 
-def _time(name: str, value: Any) -> float:
-    return _MILLISECONDS(name, value) / 1000
+def _or_none(check: Check, none: Any = None) -> Check:
+    return lambda name, value: none if value is None else check(name, value)
 
 
-def _or_none(check: Check) -> Check:
-    return lambda name, value: None if value is None else check(name, value)
-
-
-def _list(check: Check, *sizes: int) -> Check:
-    def each(name: str, value: Any) -> List[Any]:
-        if not isinstance(value, list) or len(value) not in sizes:
-            raise _refuse(name, value, f"a list of {' or '.join(map(str, sizes))}")
-        return [check(name, part) for part in value]
-
-    return each
+def _tuple(check: Check, *sizes: int) -> Check:
+    fits = _check(
+        f"a list of {' or '.join(map(str, sizes))}", lambda value: _is(value, list) and len(value) in sizes
+    )
+    return lambda name, value: tuple(check(name, part) for part in fits(name, value))
 
 
 def _goal(name: str, value: Any) -> Goal:
-    place = _GOAL(name, value)
-    if len(place) == 3 and abs(place[2]) > MOST_TURN:
+    goal = Goal(*_PLACE(name, value))
+    if abs(goal.yaw_rad or 0.0) > MOST_TURN:
         raise _refuse(name, value, f"a yaw of at most {MOST_TURN:g} rad")
-    return Goal(*place)
+    return goal
 
 
-_MILLISECONDS = _number(-_LATEST_MS, _LATEST_MS)
-_GOAL = _list(_number(-FARTHEST_M, FARTHEST_M), 2, 3)
+_WHOLE = _check(
+    f"a whole number from 0 to {_LARGEST_WHOLE}",
+    lambda value: _is(value, int) and 0 <= value <= _LARGEST_WHOLE,
+)
+_FLAG = _check("true or false", lambda value: _is(value, bool))
+_TIME = _number(-_LATEST_MS, _LATEST_MS, scale=1000.0)
+_PLACE = _tuple(_number(-FARTHEST_M, FARTHEST_M), 2, 3)
 _SPEED = _number(-MOST_SPEED, MOST_SPEED)
-_ANGLE = _or_none(_number(-360.0, 360.0))
-_VECTOR = _or_none(_list(_number(-1e4, 1e4), 3))
-_SPEEDS = {"linear": _SPEED, "angular": _SPEED, "lateral": _SPEED}
-_ECHO = {"t": _time, "heard": _or_none(_time), "heard_t": _or_none(_time)}
-
-_FIELDS: Dict[str, Dict[str, Check]] = {
+_ANGLE = _or_none(_number(-360.0, 360.0), math.nan)
+_VECTOR = _or_none(_tuple(_number(-1e4, 1e4), 3))
+_SPEEDS: Dict[str, Check] = {"linear": _SPEED, "angular": _SPEED, "lateral": _SPEED}
+_ECHO: Dict[str, Check] = {"t": _TIME, "heard": _or_none(_TIME), "heard_t": _or_none(_TIME)}
+_FIELDS: Dict[str, Mapping[str, Check]] = {
     "hello": {"token": _text(_MOST_TOKEN), "name": _text(_MOST_NAME)},
-    "control": {"seq": _whole, "press": _whole, "held": _flag, **_ECHO},
+    "control": {"seq": _WHOLE, **_ECHO, "press": _WHOLE, "held": _FLAG},
     "ping": _ECHO,
     "take": {},
     "yield": {},
     "stop": {},
     "release": {},
-    "record": {"on": _flag},
+    "record": {"on": _FLAG},
     "phone": {
-        "t": _time,
-        "alpha": _ANGLE,
-        "beta": _ANGLE,
-        "gamma": _ANGLE,
-        "absolute": _flag,
-        "acceleration": _VECTOR,
-        "rotation": _VECTOR,
+        **{"t": _TIME, "alpha": _ANGLE, "beta": _ANGLE, "gamma": _ANGLE, "absolute": _FLAG},
+        **{"acceleration": _VECTOR, "rotation": _VECTOR},
     },
 }
-"""The fields of each type."""
-_GOES: Dict[str, Check] = {"goal": _goal}
+"""The fields of each type; those of a held control are followed by its speeds or its goal."""
 
 
 def parse(data: Union[str, bytes]) -> Message:
@@ -191,7 +149,7 @@ def parse(data: Union[str, bytes]) -> Message:
     if checks is None:
         raise _refuse("type", kind, "one of " + ", ".join(_FIELDS))
     if kind == "control" and fields.get("held") is True:
-        checks = {**checks, **(_GOES if "goal" in fields else _SPEEDS)}
+        checks = {**checks, **({"goal": _goal} if "goal" in fields else _SPEEDS)}
     for name in fields:
         if name not in checks:
             raise Malformed(
@@ -200,7 +158,11 @@ def parse(data: Union[str, bytes]) -> Message:
     for name in checks:
         if name not in fields:
             raise Malformed(f"{kind} has no {name}, expected {', '.join(checks)}")
-    return _MAKE[kind]({name: check(f"{kind}: {name}", fields[name]) for name, check in checks.items()})
+    read = {name: check(f"{kind}: {name}", fields[name]) for name, check in checks.items()}
+    if kind == "control":
+        goal = read.pop("goal", None)
+        return Message(kind, Control(*read.values())._replace(goal=goal))
+    return Message(kind, PhoneReading(*read.values()) if kind == "phone" else read)
 
 
 def _object(data: Union[str, bytes]) -> Dict[str, Any]:
@@ -223,47 +185,6 @@ def _once(pairs: List[Tuple[str, Any]]) -> Dict[str, Any]:
     if len(fields) != len(pairs):
         raise ValueError("a field is there twice")
     return fields
-
-
-def _echo(fields: Mapping[str, Any]) -> Tuple[float, Optional[float], Optional[float]]:
-    return fields["t"], fields["heard"], fields["heard_t"]
-
-
-def _control(fields: Mapping[str, Any]) -> Control:
-    linear_m_s, angular_rad_s, lateral_m_s = (fields.get(name, 0.0) for name in _SPEEDS)
-    return Control(
-        fields["seq"],
-        *_echo(fields),
-        press=fields["press"],
-        held=fields["held"],
-        linear_m_s=linear_m_s,
-        angular_rad_s=angular_rad_s,
-        lateral_m_s=lateral_m_s,
-        goal=fields.get("goal"),
-    )
-
-
-def _phone(fields: Mapping[str, Any]) -> Phone:
-    alpha_deg, beta_deg, gamma_deg = (
-        math.nan if fields[name] is None else fields[name] for name in ("alpha", "beta", "gamma")
-    )
-    acceleration, rotation = (fields[name] and tuple(fields[name]) for name in ("acceleration", "rotation"))
-    return Phone(
-        PhoneReading(fields["t"], alpha_deg, beta_deg, gamma_deg, fields["absolute"], acceleration, rotation)
-    )
-
-
-_MAKE: Dict[str, Callable[[Dict[str, Any]], Message]] = {
-    "hello": lambda fields: Hello(**fields),
-    "control": _control,
-    "ping": lambda fields: Ping(*_echo(fields)),
-    "take": lambda fields: Take(),
-    "yield": lambda fields: Yield(),
-    "stop": lambda fields: Stop(),
-    "release": lambda fields: Release(),
-    "record": lambda fields: Record(**fields),
-    "phone": _phone,
-}
 
 
 # -- our messages
@@ -294,55 +215,19 @@ def robot_facts(name: str, model: Optional[RobotModel], limits: Optional[Limits]
     return facts
 
 
-def welcome(
-    now_s: float,
-    role: str,
-    you: int,
-    version: str,
-    robot: Mapping[str, Any],
-    series: Sequence[Tuple[str, str]],
-    can_record: bool,
-    recording: Optional[str],
-    recordings: Sequence[Recorded],
-    phone: bool,
-) -> str:
-    """Our first message, and again if the robot or its series are others.
-
-    `role` is `drive` or `watch`, `you` the client's number, `robot` as from `robot_facts`, `recording` the name of the
-    recording that is being written; `phone`: the phone's sensors are wanted.
-    """
-    return encode(
-        "welcome",
-        now_s,
-        role=role,
-        you=you,
-        version=version,
-        robot=robot,
-        series=series,
-        period_ms=PERIOD_MS,
-        stop_ms=round(STOP_S * 1000),
-        can_record=can_record,
-        recording=recording,
-        recordings=[_file(each) for each in recordings],
-        phone=phone,
-    )
-
-
-def _file(recorded: Recorded) -> Dict[str, Any]:
-    return {"name": recorded.name, "size": recorded.size, "on": recorded.on}
-
-
 def sample(now_s: float, values: Iterable[float]) -> str:
     """The numbers of the series now, with six digits."""
     return encode("sample", now_s, v=[float(f"{value:.6g}") for value in values])
 
 
 def view_facts(shown: Shown) -> Dict[str, Any]:
-    """Return the fields of `view`, rounded so that they stay the same while the robot rests.
+    """Return the fields of `view`: what a live view shows, in the words of the terminal's.
 
-    A row is name, value and style, and if it has a bar, the bar's share and style.
+    Numbers are rounded so that they stay the same while the robot rests.  A row is name, value and style, and if it has
+    a bar, the bar's share and style.
     """
     state = shown.state
+    stopped = state.stopped
     return {
         "name": state.name,
         "sections": [
@@ -358,7 +243,8 @@ def view_facts(shown: Shown) -> Dict[str, Any]:
         ],
         "notice": shown.notice,
         "silent": state.silent,
-        "stopped": state.stopped,
+        "stopped": stopped,
+        "reason": state.stop_reason if stopped and STOPS[state.stop_reason].why else "",
         "command": None if state.command is None else [round(speed, 3) for speed in state.command],
         "rate_hz": round(shown.rate_hz, 1),
         "battery": {
@@ -370,11 +256,6 @@ def view_facts(shown: Shown) -> Dict[str, Any]:
     }
 
 
-def view(now_s: float, **facts: Any) -> str:
-    """What a live view shows, in the words of the terminal's; `facts` are those of `view_facts`."""
-    return encode("view", now_s, **facts)
-
-
 def path(now_s: float, poses: Iterable[Pose]) -> str:
     """The way that the robot has gone [m m rad]."""
     return encode("path", now_s, poses=[[round(part, 3) for part in pose] for pose in poses])
@@ -382,48 +263,23 @@ def path(now_s: float, poses: Iterable[Pose]) -> str:
 
 def cells(now_s: float, size_m: float, taken: Iterable[Tuple[int, int]]) -> str:
     """The occupied cells of the floor; cell (i, j) begins at (i, j) times its size [m]."""
-    return encode("cells", now_s, size=size_m, taken=[list(cell) for cell in taken])
+    return encode("cells", now_s, size=size_m, taken=list(taken))
 
 
-def helm(now_s: float, state: HelmState, names: Mapping[int, str], viewers: int) -> str:
+def helm(now_s: float, state: HelmState, names: Mapping[int, str]) -> str:
     """Which page drives, and why the robot stands; `names` are those of all clients by number."""
     other = state.latched_by_other if state.latched_by is None else names.get(state.latched_by, "")
+    facts = {**vars(state), "why": state.why.words, "reason": state.why.reason}
+    age_ms = round(facts.pop("age_s") * 1000, 1)
     return encode(
-        "helm",
-        now_s,
-        driver=state.driver,
-        names={str(number): name for number, name in names.items()},
-        wants=state.wants,
-        driving=state.driving,
-        latched=state.latched,
-        latched_by=state.latched_by,
-        latched_by_name=other,
-        spent={str(number): press for number, press in state.spent.items()},
-        why=state.why,
-        age_ms=round(state.age_s * 1000, 1),
-        viewers=viewers,
-        late=state.late,
-        repeated=state.repeated,
-        malformed=state.malformed,
+        "helm", now_s, age_ms=age_ms, latched_by_name=other, names=names, viewers=len(names), **facts
     )
-
-
-def refused(now_s: float, why: str) -> str:
-    """What the page asked for does not happen."""
-    return encode("refused", now_s, why=why)
 
 
 def recording(now_s: float, on: bool, name: str, seconds: float, loss: str, files: Sequence[Recorded]) -> str:
     """The recording that is being written, how long already, what it lacks in words; and what can be downloaded."""
-    return encode(
-        "recording",
-        now_s,
-        on=on,
-        name=name,
-        seconds=round(seconds, 1),
-        loss=loss,
-        files=[_file(each) for each in files],
-    )
+    listed = [each._asdict() for each in files]
+    return encode("recording", now_s, on=on, name=name, seconds=round(seconds, 1), loss=loss, files=listed)
 
 
 def closed(now_s: float, why: str, again: bool = True) -> str:

@@ -4,11 +4,9 @@ import math
 from typing import Dict, List, Mapping, Tuple
 
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.occupancy_grid import CELL_M, FloorMap
+from mrl_driver.navigation.occupancy_grid import FloorMap
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import CYCLE_S
-
-__all__ = ["CELL_M", "Occupancy"]
 
 
 class Occupancy:

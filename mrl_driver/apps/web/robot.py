@@ -1,23 +1,57 @@
 """What the server of the page needs of a robot; `driver_robot` has it over a driver, the ROS bridge over topics."""
 
-from typing import Callable, List, Mapping, NamedTuple, Optional, Protocol, Tuple
+import math
+import time
+from abc import ABC, abstractmethod
+from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Tuple
 
-from mrl_driver.geometry import Pose
-from mrl_driver.robot.models import Limits, RobotModel
-from mrl_driver.view.live_model import Shown
+from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.view.live_model import LiveModel, Shown
+from mrl_driver.view.series import Series
+from mrl_driver.view.shown_state import ShownState
+
+from .goal_drive import GoalDrive
+from .helm import Goal, Why
 
 Vector = Tuple[float, float, float]
+REMEDY = "release the control and press it again"
+NO_MOTORS = Why(StopReason.MOTORS_DISABLED, "this board has no motors")
+UNKNOWN = Why(StopReason.NO_TELEMETRY, "the robot's model is not known yet; start the node with robot:=NAME")
 
 
 class Recorded(NamedTuple):
     """A recording that the page can download."""
 
+    name: str  # Name of its file, without a folder
+    size: int  # Size [byte]
+    on: bool  # It is being written
+
+
+class Recordings(Protocol):
+    """The recordings of one robot."""
+
     name: str
-    """Name of its file, without a folder."""
-    size: int
-    """Size [byte]."""
-    on: bool
-    """It is being written."""
+    """File of the recording that is being written; empty without one."""
+
+    def start(self) -> str:
+        """Begin a recording and return its name.
+
+        Raises:
+            MrlError: it cannot be written, or one is being written already.
+        """
+
+    def stop(self) -> str:
+        """End the recording; return what it lacks in words, empty if it is complete."""
+
+    def files(self) -> List[Recorded]:
+        """The recordings that can be downloaded, the newest first."""
+
+    def path(self, name: str) -> str:
+        """Return the path of a recording.
+
+        Raises:
+            ConfigError: no recording has this name.
+        """
 
 
 class PhoneReading(NamedTuple):
@@ -39,94 +73,108 @@ class PhoneReading(NamedTuple):
     """Rates as `DeviceMotionEvent.rotationRate` has them: alpha, beta, gamma [deg/s]."""
 
 
-class PageRobot(Protocol):
-    """A robot behind the page.  The server's loop calls all of it, and nothing may block for long."""
+class PageRobot(ABC):
+    """A robot behind the page.  The server's loop calls all of it, and nothing may block for long.
 
-    @property
-    def model(self) -> Optional[RobotModel]:
-        """The robot's model; None while it is unknown."""
+    Args:
+        source: a Driver, or an object with the attributes of one that live views use.
+        recordings: those that the page makes and downloads.
+        state: see `LiveModel`.
+    """
 
-    @property
-    def limits(self) -> Optional[Limits]:
-        """Largest speeds; None while they are unknown."""
+    def __init__(
+        self, source: Any, recordings: Recordings, state: Optional[Callable[[], ShownState]] = None
+    ) -> None:
+        self.source, self.recordings = source, recordings
+        self._live = LiveModel(source, time.monotonic(), state, "page", REMEDY)
+        self._series, self._goal = Series(source), GoalDrive()
+        self._age_s = math.nan
+        """Age of the last command that drove [s]."""
 
-    @property
-    def pose(self) -> Pose:
-        """Pose in the odom frame."""
-
-    @property
-    def ranges(self) -> Mapping[str, float]:
-        """Range of each sonar by name [m], by REP 117."""
-
-    def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float) -> str:
+    def drive(
+        self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float
+    ) -> Optional[Why]:
         """Drive at these speeds until the command timeout.
 
-        `age_s` is an upper bound of the command's age.  Return why the robot does not drive; empty if the command is in
+        `age_s` is an upper bound of the command's age.  Return why the robot does not drive; None if the command is in
         force.
         """
+        self._goal.end()
+        return self._drive(linear_m_s, angular_rad_s, lateral_m_s, age_s)
 
-    def go(self, goal: Pose, has_yaw: bool, age_s: float) -> str:
-        """Drive one step towards a goal in the odom frame; without `has_yaw` any yaw will do.
+    def go(self, goal: Goal, age_s: float) -> Optional[Why]:
+        """Drive one step towards a goal in the odom frame.
 
-        Return why the robot does not drive; empty if the step's command is in force, or the goal is reached, of which
-        `shown` has a notice.
+        Return why the robot does not drive, which may be that it is there; None if the step's command is in force.
         """
+        source = self.source
+        if source.model is None or source.limits is None:
+            return UNKNOWN
+        why = self._refusal() if source.model.drives else NO_MOTORS
+        if why is not None:
+            return why
+        step = self._goal.step(
+            goal, source.pose, source.ranges, source.limits, source.model.sonars, source.now_s
+        )
+        self._live.notice = step.notice
+        return step.ended or self._drive(step.linear_m_s, step.angular_rad_s, 0.0, age_s)
 
+    @abstractmethod
+    def _drive(
+        self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float
+    ) -> Optional[Why]:
+        """As `drive`; the goal stays."""
+
+    @abstractmethod
+    def _refusal(self) -> Optional[Why]:
+        """Return why the robot would not follow a command now."""
+
+    @abstractmethod
     def stop(self) -> None:
-        """Stop at once, and forget the goal."""
+        """Stop at once, and forget the goal.  Any thread and any signal handler may call it."""
 
+    @abstractmethod
     def latch(self, by: str) -> None:
         """Stop, and refuse all commands until `release`; `by` names the person or program."""
 
+    @abstractmethod
     def release(self) -> None:
         """End the latched stop; the robot waits for a new command."""
 
     @property
+    @abstractmethod
     def latched(self) -> bool:
         """A latched stop is in force; another program may have set it."""
 
     @property
+    @abstractmethod
     def stands(self) -> bool:
         """Since the last `stop` or `latch`, measurements have confirmed that the robot stands still."""
 
     @property
-    def stopped_by(self) -> str:
-        """Why the robot has stopped by itself since the last `drive` or `go`; empty if it has not."""
+    @abstractmethod
+    def stopped_by(self) -> Optional[Why]:
+        """Why the robot has stopped by itself since the last `drive` or `go`; None if it has not."""
 
     def shown(self, now_s: float) -> Shown:
         """What a live view shows of the robot."""
+        self._live.record = self.recordings.name
+        return self._live.shown(now_s, self._age_s)
 
     def series(self) -> List[Tuple[str, str]]:
         """Name and unit of each number of `sample`."""
+        if self._series.outdated():
+            self._series = Series(self.source)
+        return self._series.names
 
     def sample(self) -> List[float]:
         """The numbers of `series` now; NaN: not known."""
+        return self._series.values()
 
+    @abstractmethod
     def listen(self, changed: Callable[[], None]) -> None:
         """Call `changed` after each telemetry frame, from any thread."""
 
-    def start_recording(self) -> str:
-        """Begin a recording and return its name.
-
-        Raises:
-            MrlError: it cannot be written, or one is being written already.
-        """
-
-    def stop_recording(self) -> str:
-        """End the recording; return what it lacks in words, empty if it is complete."""
-
-    def recordings(self) -> List[Recorded]:
-        """The recordings that can be downloaded, the newest first."""
-
-    def recording_path(self, name: str) -> str:
-        """Return the path of a recording.
-
-        Raises:
-            ConfigError: no recording has this name.
-        """
-
+    @abstractmethod
     def phone(self, reading: PhoneReading) -> None:
         """Pass on, or record, a reading of the phone's sensors."""
-
-    def close(self) -> None:
-        """Stop the robot and release what it uses."""

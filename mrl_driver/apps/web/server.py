@@ -13,21 +13,18 @@ import math
 import secrets
 import socket
 import time
-from collections import deque
-from typing import Any, Awaitable, Callable, Deque, Dict, Iterable, Iterator, List, Optional, Set
+from typing import Any, Awaitable, Callable, Dict, Iterable, Iterator, List, Optional, Set
 
 from mrl_driver.errors import ConfigError, MrlError, one_line
-from mrl_driver.geometry import Pose
-from mrl_driver.program import version
+from mrl_driver.navigation.occupancy_grid import CELL_M
+from mrl_driver.safety.message_age import clock_s
 
-from . import messages
-from .assets import Assets
-from .client import Client, Stalled
-from .freshness import clock_s
+from . import assets, messages
+from .client import Client, Send, Stalled
 from .guard import headers_of, why_not
-from .helm import Control, Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
+from .helm import Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
 from .listening import DRIVE, Settings, listening_socket
-from .occupancy import CELL_M, Occupancy
+from .occupancy import Occupancy
 from .robot import PageRobot, Recorded
 
 try:
@@ -39,40 +36,26 @@ except ImportError as missing:
     ) from None
 
 MOST_CLIENTS, MOST_CONNECTIONS = 16, 100
-FOR_DRIVING = 4
-"""Places of `MOST_CLIENTS` that are kept for pages that may drive."""
-SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5
-"""Least time between two samples, two views, and two occupancy grids [s]."""
-SILENT_SAMPLE_S = 0.2
-"""A robot that reports nothing for this time has a sample nevertheless: its speeds are then unknown [s]."""
-BEAT_S = 0.05
-"""The loop looks this often whether the program is to end, and at a robot that does not report [s]."""
-LEAST_VIEW_S = 1.0
-"""A view that has not changed is sent again after this time [s]."""
-SILENT_S = 2.0
-"""A session over POST that sends nothing for this time is closed [s]."""
-HEARTBEAT_S = 5.0
-"""A WebSocket is asked this often whether it is alive, and closed if it does not answer in half the time [s]."""
-ACCEPT_AGAIN_S = 0.2
-"""Without a free descriptor, the next connection is accepted after this time [s]."""
-HANDSHAKE_S = 5.0
-"""The handshake of an encrypted connection is done within this time [s]."""
-KEPT_S = 30.0
-"""A connection without a request is closed after this time [s]."""
-CLOSE_S = 0.5
-"""At the end, clients have this time to take their last message [s]."""
-LOG_S = 1.0
-"""Least time between two lines of the log about requests that failed [s]."""
-MOST_QUOTED = 300
-"""Characters of an error that may quote a request."""
-MOST_POSES = 1000
-"""Poses of the path that a client gets when it joins."""
-RECORDINGS_S = 2.0
-"""Sizes of recordings are read this often while one is written [s]."""
-REFUSED = 4403
-"""Close code of a WebSocket that is not admitted."""
+FOR_DRIVING = 4  # Places of `MOST_CLIENTS` that are kept for pages that may drive
+SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5  # Least time between two samples, views, and occupancy grids [s]
+SILENT_SAMPLE_S = 0.2  # After this time without a report there is a sample with unknown speeds [s]
+BEAT_S = 0.05  # The loop looks this often whether the program is to end, and at a silent robot [s]
+LEAST_VIEW_S = 1.0  # A view that has not changed is sent again after this time [s]
+SILENT_S = 2.0  # A session over POST that sends nothing for this time is closed [s]
+HEARTBEAT_S = (
+    5.0  # A WebSocket is asked this often for an answer, and closed without one in half the time [s]
+)
+ACCEPT_AGAIN_S = 0.2  # Without a free descriptor, the next connection is accepted after this time [s]
+HANDSHAKE_S = 5.0  # The handshake of an encrypted connection is done within this time [s]
+KEPT_S = 30.0  # A connection without a request is closed after this time [s]
+CLOSE_S = 0.5  # At the end, clients have this time to take their last message [s]
+LOG_S = 1.0  # Least time between two lines of the log about requests that failed [s]
+MOST_QUOTED = 300  # Characters of an error that may quote a request
+MOST_POSES = 1000  # Poses of the path that a client gets when it joins
+RECORDINGS_S = 2.0  # Sizes of recordings are read this often while one is written [s]
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
-PLACEHOLDER = b"<!doctype html><title>mrl</title><p>The page is missing from this installation."
+_ORDERS = {"take": Helm.take, "yield": Helm.yield_, "stop": Helm.stop, "release": Helm.release}
+"""What the helm does for a message that has only a type."""
 _WATCHES_ONLY = "a watch-only link cannot record or download; use the link for driving"
 _REFUSED_LINK = "this link is not valid; open the whole link that mrl web or web_node printed last"
 
@@ -131,7 +114,7 @@ class Server:
         self._admitted: Set[Any] = set()
         """Those of them that belong to a page, or whose token was right."""
         self._number = 0
-        self._assets = Assets()
+        self._assets = assets.load()
         self._pending = self._ending = False
         self._ended: Callable[[], str] = never
         self._failure: Optional[BaseException] = None
@@ -162,7 +145,9 @@ class Server:
         self._over: asyncio.Future[str] = self._loop.create_future()
         self._socket = self._ear or listening_socket(self._settings.host, self._settings.port)
         self._loop.set_exception_handler(self._on_failure)
-        self._runner = web.AppRunner(self._application(), handle_signals=False)
+        self._runner = web.AppRunner(
+            self._application(), access_log=None, keepalive_timeout=KEPT_S, logger=_log
+        )
         await self._runner.setup()
         self._socket.setblocking(False)
         self._listen()
@@ -206,25 +191,11 @@ class Server:
 
     async def _open(self, end: socket.socket) -> None:
         context = self._settings.context
+        assert self._runner.server is not None
         with contextlib.suppress(OSError):  # of a handshake that fails
             await self._loop.connect_accepted_socket(
-                self._protocol, end, ssl=context, ssl_handshake_timeout=HANDSHAKE_S if context else None
+                self._runner.server, end, ssl=context, ssl_handshake_timeout=HANDSHAKE_S if context else None
             )
-
-    def _protocol(self) -> asyncio.BaseProtocol:
-        """Return what serves a new connection."""
-        assert self._runner.server is not None
-        return _Connection(
-            self._runner.server,
-            loop=self._loop,
-            access_log=None,  # type: ignore[arg-type]  # means no such log
-            keepalive_timeout=KEPT_S,
-            logger=_log,
-        )
-
-    def _admit(self, transport: asyncio.BaseTransport) -> None:
-        """No stranger's connection ends this one."""
-        self._admitted.add(transport.get_extra_info("peername"))
 
     @property
     def clients(self) -> int:
@@ -318,7 +289,7 @@ class Server:
             self._was_latched = latched
             self._carry_out(helm.robot_latched(latched, "another program", now_s))
         why = robot.stopped_by
-        if why:
+        if why is not None:
             self._carry_out(helm.robot_stopped(why, now_s))
         if helm.waits and robot.stands:
             self._carry_out(helm.stands(now_s))
@@ -355,28 +326,28 @@ class Server:
 
     def _send_view(self, now_s: float) -> None:
         """Send the view if it has changed, and other values if the robot has changed."""
-        robot = self._robot
+        robot, source = self._robot, self._robot.source
         view = messages.view_facts(robot.shown(now_s))
-        series, facts = robot.series(), messages.robot_facts(view["name"], robot.model, robot.limits)
+        series, facts = robot.series(), messages.robot_facts(view["name"], source.model, source.limits)
         if series != self._series or facts != self._facts:
             self._series, self._facts = series, facts
             for client in self._clients.values():
                 client.put("welcome", self._welcome(client))
         if view != self._view or now_s >= self._told_s + LEAST_VIEW_S:
             self._view, self._told_s = view, now_s
-            self._broadcast(VIEW, messages.view(clock_s(), **view))
+            self._broadcast(VIEW, messages.encode(VIEW, clock_s(), **view))
         cells = self._occupancy.cells if self._occupancy is not None else self._cells
         if cells is not self._cells and now_s >= self._cells_s + CELLS_S:
             self._cells_s, self._cells = now_s, cells
             self._broadcast(CELLS, messages.cells(clock_s(), CELL_M, cells))
 
     def _map(self, now_s: float) -> None:
-        robot = self._robot
+        source = self._robot.source
         if self._occupancy is None:
-            if robot.model is None or not robot.model.sonars:
+            if source.model is None or not source.model.sonars:
                 return
-            self._occupancy = Occupancy(robot.model.sonars)
-        self._occupancy.see(robot.pose, robot.ranges, now_s)
+            self._occupancy = Occupancy(source.model.sonars)
+        self._occupancy.see(source.pose, source.ranges, now_s)
 
     def _broadcast(self, kind: str, text: str) -> None:
         for client in self._clients.values():
@@ -386,13 +357,14 @@ class Server:
 
     def _carry_out(self, acts: Iterable[Any]) -> None:
         """Do what the helm has decided."""
-        todo: Deque[Any] = deque(acts)
+        todo = list(acts)
         robot, tell, switched = self._robot, False, False
         while todo:
-            act = todo.popleft()
+            act = todo.pop(0)
             if isinstance(act, (Drive, Go)):
-                why = "" if self._ending else self._command(act)
-                if why:
+                drive = robot.drive if isinstance(act, Drive) else robot.go
+                why = None if self._ending else drive(*act)
+                if why is not None:
                     todo.extend(self._helm.robot_stopped(why, clock_s()))
             elif isinstance(act, Halt):
                 robot.stop()
@@ -413,13 +385,6 @@ class Server:
             self._tell()
         self._plan()
 
-    def _command(self, act: Any) -> str:
-        """Drive, or drive one step towards a goal; return why the robot does not."""
-        if isinstance(act, Drive):
-            return self._robot.drive(act.linear_m_s, act.angular_rad_s, act.lateral_m_s, act.age_s)
-        goal = Pose(act.x_m, act.y_m, act.yaw_rad or 0.0)
-        return self._robot.go(goal, act.yaw_rad is not None, act.age_s)
-
     def _plan(self) -> None:
         """Let the helm be called when something is due."""
         if self._deadline is not None:
@@ -435,35 +400,39 @@ class Server:
 
     def _tell(self) -> None:
         names = {client.number: client.name for client in self._clients.values()}
-        self._broadcast(HELM, messages.helm(clock_s(), self._helm.state(), names, len(names)))
+        self._broadcast(HELM, messages.helm(clock_s(), self._helm.state(), names))
 
     def _refuse(self, number: int, why: str) -> None:
         client = self._clients.get(number)
         if client is not None:
-            client.put(f"refused {why}", messages.refused(clock_s(), why))
+            client.put(f"refused {why}", messages.encode("refused", clock_s(), why=why))
 
     # -- clients
 
-    def _join(self, hello: messages.Hello, token: str) -> Client:
-        """Return a new client, which has its first messages.
+    def _join(self, data: Any, token: str = "") -> Client:
+        """Return a new client, which has its first messages; `data` is what it has sent first.
 
         Raises:
+            messages.Malformed: it cannot be read, or is not hello.
             ConfigError: it is not admitted; the text says why.
             _NoPlace: there is none for it now.
         """
-        role = self._settings.role(token)
+        kind, hello = messages.parse(data)
+        if kind != "hello":
+            raise messages.Malformed("the first message must be hello")
+        role = self._settings.role(token or hello["token"])
         if not role:
             raise ConfigError(_REFUSED_LINK)
         if len(self._clients) >= (MOST_CLIENTS if role == DRIVE else MOST_CLIENTS - FOR_DRIVING):
             self._make_place()
         self._number += 1
-        client = Client(self._number, role, hello.name or f"page {self._number}")
+        client = Client(self._number, role, hello["name"] or f"page {self._number}")
         now_s = time.monotonic()
         self._send_view(now_s)  # the others must not miss what has changed
         trail = list(self._robot.shown(now_s).trail)
         client.put("welcome", self._welcome(client))
         client.put("path", messages.path(clock_s(), trail[:: max(1, -(-len(trail) // MOST_POSES))]))
-        client.put(VIEW, messages.view(clock_s(), **self._view))
+        client.put(VIEW, messages.encode(VIEW, clock_s(), **self._view))
         client.put(RECORDING, self._recording(client))
         if self._occupancy is not None:
             client.put(CELLS, messages.cells(clock_s(), CELL_M, self._occupancy.cells))
@@ -492,31 +461,22 @@ class Server:
                 self._tell()
 
     def _welcome(self, client: Client) -> str:
-        return messages.welcome(
-            clock_s(),
-            client.role,
-            client.number,
-            version(),
-            self._facts,
-            self._series,
-            client.role == DRIVE,
-            self._recording_name,
-            self._listed(client),
-            True,
-        )
+        """Return our first message, which comes again if the robot or its series are others."""
+        you = {"role": client.role, "you": client.number}
+        return messages.encode("welcome", clock_s(), **you, robot=self._facts, series=self._series)
 
     def _take_message(self, client: Client, data: Any) -> None:
         """Handle one message of a client."""
         floods = client.is_flooding(time.monotonic())
         try:
             message = messages.parse(data)
-            if floods and not isinstance(message, messages.Stop):
+            if floods and message.kind != "stop":
                 client.end("the page sends too many messages")
                 return
         except messages.Malformed as error:
             self._helm.malformed()
             client.refused += 1
-            client.put(f"refused {error}", messages.refused(clock_s(), str(error)))
+            self._refuse(client.number, str(error))
             if client.refused >= messages.MOST_REFUSALS:
                 client.end(f"{messages.MOST_REFUSALS} messages in a row were refused, the last one: {error}")
             return
@@ -537,24 +497,17 @@ class Server:
             self._fail(error)
             raise
 
-    def _follow(self, client: Client, message: Any) -> None:
-        number, helm, now_s = client.number, self._helm, clock_s()
-        if isinstance(message, Control):
-            self._carry_out(helm.control(number, message, now_s))
-        elif isinstance(message, messages.Take):
-            self._carry_out(helm.take(number, now_s))
-        elif isinstance(message, messages.Yield):
-            self._carry_out(helm.yield_(number, now_s))
-        elif isinstance(message, messages.Stop):
-            self._carry_out(helm.stop(number, now_s))
-        elif isinstance(message, messages.Release):
-            self._carry_out(helm.release(number, now_s))
-        elif isinstance(message, messages.Record):
-            self._record(client, message.on)
-        elif isinstance(message, messages.Phone):
-            if helm.state().driver == number:
-                self._robot.phone(message.reading)
-        elif isinstance(message, messages.Hello):
+    def _follow(self, client: Client, message: messages.Message) -> None:
+        number, helm, (kind, value) = client.number, self._helm, message
+        if kind == "control":
+            self._carry_out(helm.control(number, value, clock_s()))
+        elif kind in _ORDERS:
+            self._carry_out(_ORDERS[kind](helm, number, clock_s()))
+        elif kind == "record":
+            self._record(client, value["on"])
+        elif kind == "phone" and helm.state().driver == number:
+            self._robot.phone(value)
+        elif kind == "hello":
             self._refuse(number, "hello was sent twice, expected it once, as the first message")
 
     # -- recordings: files are opened on a thread of their own
@@ -571,7 +524,7 @@ class Server:
             self._spawn(self._switch_recording(client.number, on))
 
     async def _switch_recording(self, number: int, on: bool) -> None:
-        act = self._robot.start_recording if on else self._robot.stop_recording
+        act = self._robot.recordings.start if on else self._robot.recordings.stop
         try:
             found = await self._loop.run_in_executor(self._files, act)
             self._recording_loss = "" if on else found
@@ -582,7 +535,7 @@ class Server:
         await self._list_recordings()
 
     async def _list_recordings(self) -> None:
-        self._recordings = await self._loop.run_in_executor(self._files, self._robot.recordings)
+        self._recordings = await self._loop.run_in_executor(self._files, self._robot.recordings.files)
         name, begun_s = self._recording_name, self._recording_s
         if name is None:
             self._recording_s = None
@@ -591,15 +544,12 @@ class Server:
         for client in self._clients.values():
             client.put(RECORDING, self._recording(client))
 
-    def _listed(self, client: Client) -> List[Recorded]:
-        """Return the recordings that a page may download."""
-        return self._recordings if client.role == DRIVE else []
-
     def _recording(self, client: Client) -> str:
         name, begun_s = self._recording_name, self._recording_s
         seconds = time.monotonic() - begun_s if name is not None and begun_s is not None else 0.0
+        files = self._recordings if client.role == DRIVE else []  # those that it may download
         return messages.recording(
-            clock_s(), name is not None, name or "", seconds, self._recording_loss, self._listed(client)
+            clock_s(), name is not None, name or "", seconds, self._recording_loss, files
         )
 
     def _spawn(self, work: Awaitable[None]) -> None:
@@ -616,7 +566,7 @@ class Server:
     # -- HTTP
 
     def _application(self) -> web.Application:
-        app = web.Application(middlewares=[self._guard()], client_max_size=messages.MOST_BYTES)
+        app = web.Application(middlewares=[self._guard], client_max_size=messages.MOST_BYTES)
         app.on_response_prepare.append(_add_headers)
         app.add_routes(
             [
@@ -631,36 +581,30 @@ class Server:
         )
         return app
 
-    def _guard(self) -> Any:
-        """Return the middleware that all requests pass."""
-
-        @web.middleware
-        async def guard(
-            request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
-        ) -> web.StreamResponse:
-            why = why_not(request.headers, self._settings.names, request.path == "/")
-            if why:
-                return _refusal(403, why)
-            try:
-                return await handler(request)
-            except ConnectionError:
-                return web.Response()  # to nobody: the page has gone
-
-        return guard
+    @web.middleware
+    async def _guard(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """All requests pass it."""
+        why = why_not(request.headers, self._settings.names, request.path == "/")
+        if why:
+            return _refusal(403, why)
+        try:
+            return await handler(request)
+        except ConnectionError:
+            return web.Response()  # to nobody: the page has gone
 
     def _role(self, request: web.Request) -> str:
         """Return what the token of a request permits; empty for nothing."""
         role = self._settings.role(_token(request))
         if role and request.transport is not None:
-            self._admit(request.transport)
+            self._admitted.add(request.transport.get_extra_info("peername"))
         return role
 
     async def _on_page(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info.get("name", "index.html")
         asset = self._assets.get(name)
         if asset is None:
-            if name == "index.html":
-                return web.Response(body=PLACEHOLDER, content_type="text/html")
             return _refusal(404, f"there is no {name!r} on this server")
         headers = {"Cache-Control": "no-cache", "ETag": asset.tag, "Vary": "Accept-Encoding"}
         if asset.tag in request.headers.get("If-None-Match", ""):
@@ -679,7 +623,7 @@ class Server:
         try:
             if name not in {each.name for each in self._recordings}:
                 raise ConfigError(f"there is no recording {name!r}")
-            path = await self._loop.run_in_executor(self._files, self._robot.recording_path, name)
+            path = await self._loop.run_in_executor(self._files, self._robot.recordings.path, name)
         except ConfigError as error:
             return _refusal(404, str(error))
         headers = {"Content-Disposition": f'attachment; filename="{name}"', "Cache-Control": "no-store"}
@@ -700,10 +644,10 @@ class Server:
             return link  # its page has gone already
         client = None if self._ending else await self._greet(link)
         if client is None:
-            await link.close(code=REFUSED)
+            await link.close()
             return link
-        self._admit(transport)
-        self._spawn(self._pump_socket(client, link, transport))
+        self._admitted.add(transport.get_extra_info("peername"))
+        self._spawn(self._pump(client, link.send_str, transport, link.close))
         try:
             async for message in link:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and not client.last:
@@ -720,10 +664,7 @@ class Server:
             first = await asyncio.wait_for(link.receive(), messages.HELLO_S)
             if first.type not in (WSMsgType.TEXT, WSMsgType.BINARY):
                 return None
-            hello = messages.parse(first.data)
-            if not isinstance(hello, messages.Hello):
-                raise ConfigError("the first message must be hello")
-            return self._join(hello, hello.token)
+            return self._join(first.data)
         except asyncio.TimeoutError:
             why = f"the page did not say hello within {messages.HELLO_S:g} s"
         except _NoPlace as error:
@@ -734,12 +675,13 @@ class Server:
             await link.send_str(messages.closed(clock_s(), why, again))
         return None
 
-    async def _pump_socket(
-        self, client: Client, link: web.WebSocketResponse, transport: asyncio.Transport
+    async def _pump(
+        self, client: Client, send: Send, transport: asyncio.Transport, close: Callable[[], Awaitable[Any]]
     ) -> None:
+        """Send what waits for a client until its connection ends."""
         try:
-            await client.pump(link.send_str, transport, lambda why: messages.closed(clock_s(), why))
-            await link.close()
+            await client.pump(send, transport, lambda why: messages.closed(clock_s(), why))
+            await close()
         except (Stalled, ConnectionError):
             client.abort()
 
@@ -747,10 +689,7 @@ class Server:
 
     async def _on_session(self, request: web.Request) -> web.StreamResponse:
         try:
-            hello = messages.parse(await _body(request))
-            if not isinstance(hello, messages.Hello):
-                return _refusal(400, "the first message must be hello")
-            client = self._join(hello, _token(request) or hello.token)
+            client = self._join(await _body(request), _token(request))
         except messages.Malformed as error:
             return _refusal(400, str(error))
         except ConfigError as error:
@@ -785,13 +724,8 @@ class Server:
         assert task is not None
         self._tasks.add(task)
         try:
-            await client.pump(
-                lambda text: response.write(f"data: {text}\n\n".encode()),
-                transport,
-                lambda why: messages.closed(clock_s(), why),
-            )
-        except (Stalled, ConnectionError):
-            client.abort()
+            send = lambda text: response.write(f"data: {text}\n\n".encode())  # noqa: E731
+            await self._pump(client, send, transport, response.write_eof)
         finally:
             self._tasks.discard(task)
             self._sessions.pop(request.match_info["session"], None)
@@ -807,43 +741,22 @@ class Server:
         return web.Response(status=204)
 
 
-class _Connection(web.RequestHandler):
-    """A connection whose answers to requests that failed are short, also if they quote the request."""
-
-    __slots__ = ()
-
-    def handle_error(
-        self,
-        request: web.BaseRequest,
-        status: int = 500,
-        exc: Optional[BaseException] = None,
-        message: Optional[str] = None,
-    ) -> web.StreamResponse:
-        """Return the answer to a request that failed."""
-        return super().handle_error(request, status, exc, _brief(message) if message else None)
-
-
 class _Brief(logging.Filter):
-    """Passes one record in `LOG_S`, as one line without a traceback, and counts the others.
+    """Passes one record in `LOG_S`, as one line without a traceback.
 
     Anybody can cause a record with a request that is wrong.
     """
 
-    def __init__(self) -> None:
-        super().__init__()
-        self._passed_s, self._left_out = -math.inf, 0
+    passed_s = -math.inf
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether the record is passed, shortened then."""
-        now_s = time.monotonic()
-        if now_s - self._passed_s < LOG_S:
-            self._left_out += 1
+        if time.monotonic() - self.passed_s < LOG_S:
             return False
         error = record.exc_info[1] if record.exc_info else None
         why = f": {type(error).__name__}: {error}" if error is not None else ""
-        more = f"; {self._left_out} more since the last such line" if self._left_out else ""
-        record.msg, record.args, record.exc_info = _brief(record.getMessage() + why) + more, (), None
-        self._passed_s, self._left_out = now_s, 0
+        record.msg, record.args, record.exc_info = _brief(record.getMessage() + why), (), None
+        self.passed_s = time.monotonic()
         return True
 
 

@@ -32,12 +32,12 @@ from mrl_driver.protocol.table import BY_NAME, PARAMETERS, STOP_CODE
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
+from mrl_driver.safety.message_age import MessageAge
 from mrl_driver.session.events import Ready
 from mrl_driver.transport import address
 from mrl_driver.transport.listener import TcpListener, UdpListener
 from mrl_driver.transport.relay import STOPS, Bridge
 from ros1_bridge.relay import relay_frames
-from ros1_bridge.relay.message_age import MessageAge
 from sim_arduino.avr.elf import read_image
 from sim_arduino.board import parameter_store
 from sim_arduino.board.radio_hold import RadioHold
@@ -157,7 +157,7 @@ def mirrored(data: bytes, folder: Path) -> None:
 
 def page_message(data: bytes, folder: Path) -> None:
     """A message of a page that does not have the helm: it moves nothing."""
-    message = messages.parse(data)
+    message = messages.parse(data).value
     helm = Helm()
     for client, may_drive in ((1, True), (2, False)):
         helm.join(client, may_drive, 0.0)
@@ -183,13 +183,13 @@ def page_request(data: bytes, folder: Path) -> None:
 
 def relay(data: bytes, folder: Path) -> None:
     """What another master's relay sends: no message without a known age counts as fresh."""
-    frames, age = relay_frames.FrameReader(), MessageAge()
+    frames, age = relay_frames.FrameReader(), MessageAge(60.0, 0.1)
     for part in (data[:7], data[7:]):
         for event in frames.feed(part):
             if isinstance(event, relay_frames.Hello) and event.name:
                 require_line(event.name)
             if isinstance(event, relay_frames.Pong):
-                age.pong(event.sent_s, event.answered_s)
+                age.heard(event.sent_s, event.answered_s)
             elif isinstance(event, relay_frames.Message) and age.age_s(event.stamp_s, 100.0) == -math.inf:
                 raise Forbidden("a message from the end of time counts as fresh")
 

@@ -1,5 +1,7 @@
 /** A control made of directions that may be held together: the keys, or the buttons with arrows. */
 
+import { holdButton } from "./hold_button.js";
+
 const WAYS = {
   forward: [1, 0, 0],
   backward: [-1, 0, 0],
@@ -45,5 +47,18 @@ export class Directions {
     const sum = [0, 0, 0];
     for (const direction of this.#held.values()) WAYS[direction].forEach((part, i) => (sum[i] += part));
     return this.#speeds.command(...sum);
+  }
+}
+
+/** The buttons with arrows: each drives while it is held. */
+export function pad(press, speeds) {
+  const directions = new Directions(press, speeds);
+  for (const button of document.querySelectorAll("[data-direction]")) {
+    const { direction } = button.dataset;
+    holdButton(
+      button,
+      () => directions.down(direction, direction),
+      () => directions.up(direction),
+    );
   }
 }

@@ -8,7 +8,7 @@ const DEAD_ZONE = 0.12;
 
 const bent = (value = 0) => (Math.abs(value) < DEAD_ZONE ? 0 : (value - Math.sign(value) * DEAD_ZONE) / (1 - DEAD_ZONE));
 
-class Gamepad {
+export class Gamepad {
   #press;
   #speeds;
   #helm;
@@ -80,5 +80,3 @@ class Gamepad {
     this.#press.end(this);
   }
 }
-
-export const gamepad = (press, speeds, helm) => new Gamepad(press, speeds, helm);

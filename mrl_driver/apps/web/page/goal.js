@@ -3,8 +3,6 @@
 import { degrees, element, setText } from "./text.js";
 import { holdButton } from "./hold_button.js";
 
-/** Why the server ends a press at the goal. */
-export const REACHED = "the goal is reached";
 const FARTHEST_M = 1000;
 
 /** The number in a field: NaN if it is empty, null if it is not a number. */

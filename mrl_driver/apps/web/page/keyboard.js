@@ -42,5 +42,4 @@ export function keyboard(press, speeds, helm) {
   document.addEventListener("freeze", () => directions.clear());
   document.addEventListener("visibilitychange", () => document.hidden && directions.clear());
   document.addEventListener("focusin", (event) => target(event).closest(FIELDS) && directions.clear());
-  return directions;
 }

@@ -3,13 +3,13 @@
 import { alarm, notice, robotNotice, say } from "./announce.js";
 import { Charts } from "./charts.js";
 import { Connection } from "./connection.js";
-import { gamepad } from "./gamepad.js";
-import { Goal, REACHED } from "./goal.js";
+import { pad } from "./directions.js";
+import { Gamepad } from "./gamepad.js";
+import { Goal } from "./goal.js";
 import { Helm } from "./helm.js";
 import { Joystick } from "./joystick.js";
 import { keyboard } from "./keyboard.js";
 import { FloorMap } from "./map.js";
-import { pad } from "./pad.js";
 import { Panels, nearestOf } from "./panels.js";
 import { Phone } from "./phone.js";
 import { Press } from "./press.js";
@@ -20,12 +20,12 @@ import { element, markOf, number, remember, remembered, setText } from "./text.j
 
 const FRAME_MS = 40;
 const WORDS_MS = 1000;
-const STARTED = "board has started"; // a reason to stand that is no fault before anything has driven
 const ANSWER_MS = 400; // the robot reports 10 times a second whether it drives
 const SHOWN_FIRST = ["speed", "asked speed"];
 const page = document.documentElement.dataset;
 
-const token = new URLSearchParams(location.hash.slice(1)).get("drive") ?? new URLSearchParams(location.hash.slice(1)).get("watch") ?? "";
+const link = new URLSearchParams(location.hash.slice(1));
+const token = link.get("drive") ?? link.get("watch") ?? "";
 const name = element("name");
 name.value = remembered("name", "") || `${matchMedia("(pointer: coarse)").matches ? "phone" : "computer"} ${Math.floor(10 + Math.random() * 90)}`;
 remember("name", name.value);
@@ -45,7 +45,7 @@ const recordings = new Recordings(connection, token);
 const phone = new Phone(connection, helm);
 keyboard(press, speeds, helm);
 pad(press, speeds);
-gamepad(press, speeds, helm);
+new Gamepad(press, speeds, helm);
 
 let view = {};
 let counts = {};
@@ -60,14 +60,14 @@ function stateNow() {
   if (!connection.isOpen) return [connection.words, connection.state === "connecting" ? "" : "bad"];
   if (helm.state.latched) return [`EMERGENCY STOP${helm.stoppedBy}${helm.release}`, "bad"];
   if (view.silent) return ["No data from the robot", "bad"];
-  if (press.source && press.why === REACHED) return [sentence(REACHED), "good"];
+  if (press.source && press.reason === "goal_reached") return [sentence(press.why), "good"];
   if (press.source && press.why) return [sentence(press.why) + (press.drove ? ". Release and press again" : ""), "caution"];
   if (connection.state === "slow" && press.held) return [connection.words, "caution"];
   const waits = view.stopped && performance.now() - heldSince > ANSWER_MS;
   if (press.held) return [waits ? sentence(view.stopped) : "You drive", waits ? "caution" : "good"];
   if (!view.stopped) return [view.command ? "The robot drives" : view.name ? "Another program drives" : "Connected", view.command ? "good" : ""];
-  if (!hasDriven && view.stopped.endsWith(STARTED)) return ["Standing", ""];
-  return [sentence(view.stopped), view.stopped === "stopped" ? "" : "caution"];
+  if (!hasDriven && view.reason === "boot") return ["Standing", ""]; // the board was switched on
+  return [sentence(view.stopped), view.reason ? "caution" : ""];
 }
 
 const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
@@ -159,12 +159,11 @@ connection.on("view", (message) => {
   robotNotice(sentence(view.notice || ""));
   if (view.silent && !before.silent) alarm("No data from the robot.");
   hasDriven ||= Boolean(view.command);
-  const changed = before.stopped !== undefined && view.stopped !== before.stopped;
-  if (view.stopped && changed && view.stopped !== "stopped") alarm(`${sentence(view.stopped)}.`);
+  if (view.reason && before.reason !== undefined && view.reason !== before.reason) alarm(`${sentence(view.stopped)}.`);
   map.ranges = view.ranges ?? {};
   map.marks = {};
   for (const { title, rows } of view.sections ?? []) {
-    if (title === "sonars") for (const [sonar, , style, bar] of rows) map.marks[sonar] = markOf((Array.isArray(bar) ? bar[1] : bar?.style) || style || "");
+    if (title === "sonars") for (const [sonar, , style, bar] of rows) map.marks[sonar] = markOf(bar?.[1] || style);
   }
   map.touch();
   if (document.hidden) return;
@@ -180,7 +179,7 @@ connection.on("refused", ({ why }) => notice(`${sentence(why)}.`));
 
 helm.taken = (message) => {
   counts = message;
-  press.answer(helm.spent, message.why || "the robot stopped");
+  press.answer(helm.spent, message);
 };
 
 /** The link between page and server, as a section of the readings. */

@@ -113,10 +113,9 @@ export class FloorMap {
     if (this.#path.length >= MOST_POINTS) {
       this.#path = this.#path.slice(MOST_POINTS / 2);
       this.#trail = new Path2D();
-      this.#path.forEach(([px, py], i) => (i ? this.#trail.lineTo(px, py) : this.#trail.moveTo(px, py)));
+      for (const point of this.#path) this.#trail.lineTo(...point);
     }
-    if (this.#path.length) this.#trail.lineTo(x, y);
-    else this.#trail.moveTo(x, y);
+    this.#trail.lineTo(x, y);
     this.#path.push([x, y]);
     this.#box = grown(this.#box, x, y);
   }
@@ -266,52 +265,50 @@ export class FloorMap {
     this.#scaleBar(step);
   }
 
+  /** Begins a path of straight lines, or of an arc around a point. */
+  #line(...points) {
+    this.#context.beginPath();
+    for (const point of points) this.#context.lineTo(...point);
+    return this.#context;
+  }
+
+  #arc(centre, radius, from = 0, to = 2 * Math.PI) {
+    this.#context.beginPath();
+    this.#context.arc(...centre, radius, from, to);
+    return this.#context;
+  }
+
   #grid(ratio) {
     const context = this.#context;
     const { clientWidth: width, clientHeight: height } = this.#canvas;
     const step = GRIDS_M.find((each) => each * this.#scale >= LEAST_GRID_PX) ?? GRIDS_M[GRIDS_M.length - 1];
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.lineWidth = 1;
-    const across = (x) => Math.round(width / 2 + (x - this.#centre[0]) * this.#scale) + 0.5;
-    const down = (y) => Math.round(height / 2 - (y - this.#centre[1]) * this.#scale) + 0.5;
     const lines = (centre, size, line) => {
       const first = Math.ceil((centre - size / 2 / this.#scale) / step);
       const last = Math.floor((centre + size / 2 / this.#scale) / step);
       for (let i = first; i <= last; i += 1) {
         context.strokeStyle = i === 0 ? this.#colours.axis : this.#colours.grid;
-        context.beginPath();
-        line(i * step);
-        context.stroke();
+        line((i * step - centre) * this.#scale).stroke();
       }
     };
-    lines(this.#centre[0], width, (x) => {
-      context.moveTo(across(x), 0);
-      context.lineTo(across(x), height);
-    });
-    lines(this.#centre[1], height, (y) => {
-      context.moveTo(0, down(y));
-      context.lineTo(width, down(y));
-    });
+    const sharp = (pixel) => Math.round(pixel) + 0.5;
+    lines(this.#centre[0], width, (x) => this.#line([sharp(width / 2 + x), 0], [sharp(width / 2 + x), height]));
+    lines(this.#centre[1], height, (y) => this.#line([0, sharp(height / 2 - y)], [width, sharp(height / 2 - y)]));
     return step;
   }
 
   #cone({ name, range, origin, length, from, to }, pixel) {
     const context = this.#context;
     const mark = this.marks[name];
-    const colour = this.#colours[mark === "bad" ? "bad" : mark === "caution" ? "caution" : "cone"];
-    context.fillStyle = context.strokeStyle = colour;
+    context.fillStyle = context.strokeStyle = this.#colours[["bad", "caution"].includes(mark) ? mark : "cone"];
     context.globalAlpha = 0.14;
-    context.beginPath();
-    context.moveTo(...origin);
-    context.arc(...origin, length, from, to);
-    context.closePath();
+    this.#arc(origin, length, from, to).lineTo(...origin);
     context.fill();
     context.globalAlpha = 1;
     if (range > LONGEST_CONE_M) return;
     context.lineWidth = 2.5 * pixel;
-    context.beginPath();
-    context.arc(...origin, length, from, to);
-    context.stroke();
+    this.#arc(origin, length, from, to).stroke();
   }
 
   #body(pixel) {
@@ -332,13 +329,8 @@ export class FloorMap {
     context.fill();
     context.stroke();
     context.fillStyle = this.#colours["body-edge"];
-    context.beginPath();
-    context.moveTo(length * 0.36, 0);
-    context.lineTo(-length * 0.12, width * 0.28);
-    context.lineTo(-length * 0.02, 0);
-    context.lineTo(-length * 0.12, -width * 0.28);
-    context.closePath();
-    context.fill();
+    const back = -length * 0.12;
+    this.#line([length * 0.36, 0], [back, width * 0.28], [-length * 0.02, 0], [back, -width * 0.28]).fill();
     context.restore();
   }
 
@@ -349,23 +341,14 @@ export class FloorMap {
     context.lineWidth = 2 * pixel;
     if (this.pose) {
       context.setLineDash([5 * pixel, 6 * pixel]);
-      context.beginPath();
-      context.moveTo(this.pose[0], this.pose[1]);
-      context.lineTo(x, y);
-      context.stroke();
+      this.#line(this.pose.slice(0, 2), [x, y]).stroke();
       context.setLineDash([]);
     }
-    context.beginPath();
-    context.arc(x, y, 9 * pixel, 0, 2 * Math.PI);
-    context.stroke();
-    context.beginPath();
-    context.arc(x, y, 3 * pixel, 0, 2 * Math.PI);
-    context.fill();
+    this.#arc([x, y], 9 * pixel).stroke();
+    this.#arc([x, y], 3 * pixel).fill();
     if (yaw === undefined) return;
-    context.beginPath();
-    context.moveTo(x + 9 * pixel * Math.cos(yaw), y + 9 * pixel * Math.sin(yaw));
-    context.lineTo(x + 22 * pixel * Math.cos(yaw), y + 22 * pixel * Math.sin(yaw));
-    context.stroke();
+    const along = (length) => [x + length * pixel * Math.cos(yaw), y + length * pixel * Math.sin(yaw)];
+    this.#line(along(9), along(22)).stroke();
   }
 
   #spot({ x, y, text, colour }) {
@@ -375,9 +358,7 @@ export class FloorMap {
     context.fillStyle = this.#colours[colour];
     context.strokeStyle = this.#colours.map;
     context.lineWidth = 2;
-    context.beginPath();
-    context.arc(...at, text ? 9 : 4.5, 0, 2 * Math.PI);
-    context.stroke();
+    this.#arc(at, text ? 9 : 4.5).stroke();
     context.fill();
     if (!text) return;
     context.fillStyle = this.#colours.map;
@@ -390,17 +371,11 @@ export class FloorMap {
 
   #scaleBar(step) {
     const context = this.#context;
-    const { clientHeight: height } = this.#canvas;
-    const length = step * this.#scale;
-    const [x, y] = [12, height - 14];
+    const [x, y] = [12, this.#canvas.clientHeight - 14];
+    const end = x + step * this.#scale;
     context.strokeStyle = context.fillStyle = this.#colours.ink;
     context.lineWidth = 1.5;
-    context.beginPath();
-    context.moveTo(x, y - 4);
-    context.lineTo(x, y);
-    context.lineTo(x + length, y);
-    context.lineTo(x + length, y - 4);
-    context.stroke();
+    this.#line([x, y - 4], [x, y], [end, y], [end, y - 4]).stroke();
     context.font = "600 13px system-ui, sans-serif";
     context.textBaseline = "bottom";
     context.fillText(step < 1 ? `${Math.round(step * 100)} cm` : `${step} m`, x + 5, y - 3);

@@ -31,7 +31,7 @@ export class Panels {
         mark(row.value, markOf(rowStyle || ""));
         row.bar.hidden = !bar;
         if (!bar) return;
-        const [share, barStyle] = Array.isArray(bar) ? bar : [bar.share, bar.style];
+        const [share, barStyle] = bar;
         row.fill.style.width = `${Math.round(Math.max(0, Math.min(1, share)) * 100)}%`;
         mark(row.bar, markOf(barStyle || ""));
       });

@@ -3,8 +3,9 @@
 import { element, setText } from "./text.js";
 
 const SILENT_MS = 2000;
-const finite = (...values) => (values.every((value) => typeof value === "number" && Number.isFinite(value)) ? values : null);
-const known = (value) => (typeof value === "number" && Number.isFinite(value) ? value : null);
+const TURNED = "ondeviceorientationabsolute" in window ? "deviceorientationabsolute" : "deviceorientation";
+const finite = (...values) => (values.every(Number.isFinite) ? values : null);
+const known = (value) => (Number.isFinite(value) ? value : null);
 
 /** iPhone and iPad (which calls itself a Mac) have the opposite sign in accelerationIncludingGravity. */
 function isApple() {
@@ -32,7 +33,7 @@ export class Phone {
   }
 
   welcome(message) {
-    element("phone-panel").hidden = !(message.phone && message.role === "drive" && "DeviceMotionEvent" in globalThis && navigator.maxTouchPoints);
+    element("phone-panel").hidden = !(message.role === "drive" && "DeviceMotionEvent" in globalThis && navigator.maxTouchPoints);
   }
 
   async #begin() {
@@ -50,20 +51,16 @@ export class Phone {
     this.#on = true;
     this.#sent = 0;
     this.#seenAt = performance.now();
-    for (const type of this.#kinds()) window.addEventListener(type, this.#turned);
+    window.addEventListener(TURNED, this.#turned);
     window.addEventListener("devicemotion", this.#moved);
     this.#timer = setInterval(() => this.#watch(), 1000);
     this.#show();
     this.#watch();
   }
 
-  #kinds() {
-    return "ondeviceorientationabsolute" in window ? ["deviceorientationabsolute"] : ["deviceorientation"];
-  }
-
   #end(why) {
     this.#on = false;
-    for (const type of this.#kinds()) window.removeEventListener(type, this.#turned);
+    window.removeEventListener(TURNED, this.#turned);
     window.removeEventListener("devicemotion", this.#moved);
     clearInterval(this.#timer);
     this.#show();

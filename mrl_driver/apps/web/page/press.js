@@ -18,6 +18,8 @@ export class Press {
   changed = () => {};
   /** Why the source does not drive although it is pressed; empty otherwise. */
   why = "";
+  /** The same as the server's stop reason; empty if this page has ended the press. */
+  reason = "";
   /** The press drove before it was spent; otherwise it never drove. */
   drove = false;
   held = false;
@@ -56,6 +58,7 @@ export class Press {
     this.#number += 1;
     this.#tickedAt = performance.now();
     this.why = document.hidden ? "the page is hidden" : this.#whyNot();
+    this.reason = "";
     this.held = this.drove = !this.why;
     this.#send();
     this.changed();
@@ -73,18 +76,19 @@ export class Press {
   }
 
   /** Ends what is held until it is released and pressed again. */
-  spend(why) {
+  spend(why, reason = "") {
     if (!this.held) return;
     this.held = false;
     this.why = why;
+    this.reason = reason;
     this.#send();
     this.changed();
   }
 
   /** Answers the helm's state: presses up to a number are spent.  Without an answer the server lets no press count. */
-  answer(spent, why) {
-    const spentWhy = spent >= this.#number ? why : this.#whyNot();
-    if (this.held && spentWhy) this.spend(spentWhy);
+  answer(spent, { why, reason }) {
+    if (this.held && spent >= this.#number) this.spend(why || "the robot stopped", reason);
+    else if (this.held && this.#whyNot()) this.spend(this.#whyNot());
     else this.#send();
   }
 

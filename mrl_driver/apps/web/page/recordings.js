@@ -9,7 +9,6 @@ function sizeText(bytes) {
 }
 
 function timeText(seconds) {
-  if (Number.isNaN(seconds)) return "";
   const whole = Math.max(0, Math.floor(seconds));
   return `, ${Math.floor(whole / 60)}:${String(whole % 60).padStart(2, "0")}`;
 }
@@ -18,6 +17,7 @@ export class Recordings {
   #connection;
   #token;
   #on = false;
+  #known = false;
   #since = 0;
   #name = "";
   #loss = "";
@@ -26,30 +26,29 @@ export class Recordings {
   constructor(connection, token) {
     this.#connection = connection;
     this.#token = token;
-    connection.on("recording", (message) => this.take(message));
+    connection.on("recording", (message) => this.#take(message));
     element("record").addEventListener("click", () => connection.send({ type: "record", on: !this.#on }));
     setInterval(() => this.#time(), 1000);
   }
 
-  /** A new connection: whether this page may record, and the recordings so far. */
-  welcome({ can_record: canRecord, recording, recordings }) {
-    element("record").hidden = !canRecord;
-    if (!canRecord) setText(element("recording-text"), "This link cannot record.");
-    this.take({ on: Boolean(recording), name: recording ?? "", files: recordings ?? [] });
+  /** A new connection: whether this page may record. */
+  welcome({ role }) {
+    const records = role === "drive";
+    element("record").hidden = !records;
+    if (!records) setText(element("recording-text"), "This link cannot record.");
   }
 
-  take({ on, name, seconds, loss, files }) {
-    if (on !== undefined) {
-      if (this.#on !== on && seconds !== undefined) notice(on ? "The recording has started." : "The recording has ended.");
-      this.#on = on;
-      this.#since = performance.now() - 1000 * (seconds ?? NaN);
-      this.#name = name ?? "";
-      this.#loss = loss ?? "";
-      document.documentElement.dataset.recording = on ? "yes" : "no";
-      setText(element("record"), on ? "Stop recording" : "Start recording");
-      this.#time();
-    }
-    if (files) this.#list(files);
+  #take({ on, name, seconds, loss, files }) {
+    if (this.#on !== on && this.#known) notice(on ? "The recording has started." : "The recording has ended.");
+    this.#on = on;
+    this.#known = true;
+    this.#since = performance.now() - 1000 * seconds;
+    this.#name = name;
+    this.#loss = loss;
+    document.documentElement.dataset.recording = on ? "yes" : "no";
+    setText(element("record"), on ? "Stop recording" : "Start recording");
+    this.#time();
+    this.#list(files);
   }
 
   #time() {

@@ -16,17 +16,13 @@ export class Samples {
     const same = JSON.stringify(series) === JSON.stringify(this.series);
     this.series = series;
     this.#index = new Map(series.map(([name], i) => [name, i]));
-    if (same && this.times.length) {
-      this.#append(this.times[this.times.length - 1] + 1, series.map(() => NaN));
-      return;
-    }
-    this.times = [];
-    this.#columns = series.map(() => []);
+    if (same && this.times.length) this.#append(this.times.at(-1) + 1, series.map(() => NaN));
+    else this.clear();
   }
 
   /** Adds the numbers of a sample, in the order of the series. */
   add(at, values) {
-    const last = this.times[this.times.length - 1];
+    const last = this.times.at(-1);
     if (at < last) this.clear(); // another server, with another clock
     if (at === last) return;
     this.#append(at, values);
