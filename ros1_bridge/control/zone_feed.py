@@ -1,18 +1,21 @@
-"""Passes a robot's telemetry and laser scans to its protective zones.  Imports no ROS."""
+"""Passes a robot's telemetry and laser scans to its protective zones.
+
+It imports no ROS before the first scan; then it looks up once in tf where the laser is mounted on the robot.
+"""
 
 import math
 from typing import Any, Optional
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, one_line
 from mrl_driver.geometry import Pose, yaw_of
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.protective_zones import Scan, Zones
+from mrl_driver.yaml_file import short
 from ros1_bridge.node.robot_parameters import Parameters, zone_sensors, zone_settings
 from ros1_bridge.node.stamp_age import StampAge
 
-LONGEST_S = 0.5
-"""After a longer gap between two frames, the distance driven meanwhile is unknown."""
+LONGEST_S = 0.5  # After a longer gap between two frames, the distance driven meanwhile is unknown
 SCAN_OLD_S = 0.5
 """An older scan is not used [s]; that of a slow laser, with five turns a second, is 0.2 s old when it is complete."""
 
@@ -78,3 +81,48 @@ def mount_of(transform: Any) -> Pose:
     if math.hypot(turn.x, turn.y) > 0.05:
         raise ValueError("the laser is tilted or upside down, expected one that lies flat and upright")
     return Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
+
+
+class MountFinder:
+    """Listens to tf from the first call until the mount is known; a mount does not change."""
+
+    def __init__(self, base_frame: str) -> None:
+        self._base = base_frame
+        self._buffer: Any = None
+        self._listener: Any = None
+        self._mount: Optional[Pose] = None
+        self._frame = ""
+        self.trouble = ""
+        """Why the mount is not known."""
+
+    def mount(self, frame: str) -> Optional[Pose]:
+        """x, y, yaw of `frame` in base_frame [m m rad].
+
+        None if it is unknown, or if the first scan had another frame; `trouble` says why.
+        """
+        if self._mount is None:
+            self._look(frame)
+        elif frame != self._frame:
+            expected = f"expected {short(self._frame)} as before: the zones watch one laser"
+            self.trouble = f"it is in frame {short(frame)}, {expected}"
+            return None
+        return self._mount
+
+    def _look(self, frame: str) -> None:
+        import tf2_ros  # late: most robots have no laser, and their node does not load tf
+        from genpy import Time
+
+        if self._buffer is None:
+            self._buffer = tf2_ros.Buffer()
+            self._listener = tf2_ros.TransformListener(self._buffer)
+        try:
+            found = self._buffer.lookup_transform(self._base, frame, Time())
+            mount = mount_of(found.transform)
+            if not all(map(math.isfinite, mount)):
+                raise ValueError(f"tf has it at {mount}, expected finite numbers")
+        except (tf2_ros.TransformException, ValueError) as error:
+            self.trouble = f"frame {short(frame)} has no place on the robot: {one_line(str(error))}"
+            return
+        self._mount, self._frame = mount, frame
+        self._listener.unregister()
+        self._listener = None

@@ -57,21 +57,8 @@ def main(
       mrl export drive.mrl drive.mcap --name robot1
       mrl export drive.mrl drive.csv
     """
-    ending = os.path.splitext(output)[1].lower()
-    if ending not in ENDINGS:
-        raise ConfigError(f"OUTPUT is {output!r}, expected a file that ends in {', '.join(ENDINGS)}")
-    if os.path.exists(output) and os.path.exists(file) and os.path.samefile(output, file):
-        raise ConfigError(f"OUTPUT is the recording {file!r} itself; give another file")
-    if ending == ".csv" and (name or odom_frame or base_frame):
-        raise ConfigError(
-            "--name, --odom-frame or --base-frame is given with .csv, which has neither topics nor frames; leave it out"
-        )
-    name = name.strip("/")
-    if name and not _NAMESPACE.fullmatch(name):
-        raise ConfigError(
-            f"--name is {name!r}, expected a namespace of ROS: words that begin with a letter, of letters, "
-            "digits and _, with / between the words"
-        )
+    ending, name = os.path.splitext(output)[1].lower(), name.strip("/")
+    _check(file, output, ending, name, bool(name or odom_frame or base_frame))
     from mrl_driver.driver.recorded import RecordedDriver
 
     recorded = RecordedDriver(file, resolve(robot).model)
@@ -92,6 +79,23 @@ def main(
     click.echo(f"{output}: {count} {what}")
     for number, reason in recorded.recording.skipped.items():
         print_message(f"{file}:{number}: skipped: {reason}")
+
+
+def _check(file: str, output: str, ending: str, name: str, names: bool) -> None:
+    """Raise ConfigError for what cannot be exported; `names`: topics or frames were named."""
+    if ending not in ENDINGS:
+        raise ConfigError(f"OUTPUT is {output!r}, expected a file that ends in {', '.join(ENDINGS)}")
+    if os.path.exists(output) and os.path.exists(file) and os.path.samefile(output, file):
+        raise ConfigError(f"OUTPUT is the recording {file!r} itself; give another file")
+    if ending == ".csv" and names:
+        raise ConfigError(
+            "--name, --odom-frame or --base-frame is given with .csv, which has neither topics nor frames; leave it out"
+        )
+    if name and not _NAMESPACE.fullmatch(name):
+        raise ConfigError(
+            f"--name is {name!r}, expected a namespace of ROS: words that begin with a letter, of letters, "
+            "digits and _, with / between the words"
+        )
 
 
 def _write_messages(

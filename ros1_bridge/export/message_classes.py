@@ -10,35 +10,19 @@ from typing import Any, Dict
 
 from mrl_driver.errors import ConfigError
 
-KINDS = (
-    "diagnostic_msgs/DiagnosticArray",
-    "diagnostic_msgs/DiagnosticStatus",
-    "diagnostic_msgs/KeyValue",
-    "geometry_msgs/TransformStamped",
-    "geometry_msgs/Twist",
-    "nav_msgs/Odometry",
-    "rosgraph_msgs/Log",
-    "sensor_msgs/BatteryState",
-    "sensor_msgs/FluidPressure",
-    "sensor_msgs/Illuminance",
-    "sensor_msgs/Imu",
-    "sensor_msgs/JointState",
-    "sensor_msgs/Range",
-    "sensor_msgs/RelativeHumidity",
-    "sensor_msgs/Temperature",
-    "std_msgs/Bool",
-    "std_msgs/Float32",
-    "std_msgs/Float32MultiArray",
-    "std_msgs/Header",
-    "std_msgs/String",
-    "std_msgs/UInt16",
-    "tf2_msgs/TFMessage",
-)
+_NAMES = {
+    "diagnostic_msgs": "DiagnosticArray DiagnosticStatus KeyValue",
+    "geometry_msgs": "TransformStamped Twist",
+    "nav_msgs": "Odometry",
+    "rosgraph_msgs": "Log",
+    "sensor_msgs": "BatteryState FluidPressure Illuminance Imu JointState Range RelativeHumidity Temperature",
+    "std_msgs": "Bool Float32 Float32MultiArray Header String UInt16",
+    "tf2_msgs": "TFMessage",
+}
+KINDS = tuple(f"{package}/{name}" for package, names in _NAMES.items() for name in names.split())
 """The types that `ros1_bridge.topics` and this folder import."""
-EXTRA = "pip install 'mrl-driver[export]'"
-"""Installs what an export needs where ROS is missing."""
-_TF_MESSAGE = "geometry_msgs/TransformStamped[] transforms\n"
-"""The one definition that rosbags lacks."""
+EXTRA = "pip install 'mrl-driver[export]'"  # Installs what an export needs where ROS is missing
+_TF_MESSAGE = "geometry_msgs/TransformStamped[] transforms\n"  # The one definition that rosbags lacks
 _LINE = "=" * 80 + "\n"
 _ENOUGH_BYTES = 1 << 16
 
@@ -50,7 +34,7 @@ def provide() -> None:
         ConfigError: neither ROS nor the packages of the extra `export` are installed.
     """
     try:
-        for package in sorted({kind.split("/")[0] for kind in KINDS}):
+        for package in _NAMES:
             importlib.import_module(f"{package}.msg")
         importlib.import_module("genpy")
     except ImportError:

@@ -43,7 +43,6 @@ class RosBag:
         self._bag, self._node, self._time = rosbag.Bag(path, "w"), node, Time
 
     def add(self, topic: str, kind: Any, latched: bool) -> Any:
-        """As `MessageFile.add`."""
         header = {
             "topic": topic,
             "type": kind._type,
@@ -55,7 +54,6 @@ class RosBag:
         return topic, kind, header
 
     def write(self, channel: Any, data: bytes, time_ns: int) -> None:
-        """As `MessageFile.write`."""
         topic, kind, header = channel
         content = kind._type, data, kind._md5sum, kind
         self._bag.write(
@@ -63,7 +61,6 @@ class RosBag:
         )
 
     def close(self) -> None:
-        """As `MessageFile.close`."""
         self._bag.close()
 
 
@@ -79,7 +76,6 @@ class LibraryBag:
         self._writer.open()
 
     def add(self, topic: str, kind: Any, latched: bool) -> Any:
-        """As `MessageFile.add`."""
         return self._writer.add_connection(
             topic,
             kind._type.replace("/", "/msg/"),
@@ -90,11 +86,9 @@ class LibraryBag:
         )
 
     def write(self, channel: Any, data: bytes, time_ns: int) -> None:
-        """As `MessageFile.write`."""
         self._writer.write(channel, time_ns, data)
 
     def close(self) -> None:
-        """As `MessageFile.close`."""
         self._writer.close()
 
 
@@ -119,7 +113,6 @@ class Mcap:
         self._writer.start(profile="ros1", library="mrl-driver")
 
     def add(self, topic: str, kind: Any, latched: bool) -> int:
-        """As `MessageFile.add`."""
         name = kind._type
         if name not in self._schemas:
             self._schemas[name] = self._writer.register_schema(name, "ros1msg", kind._full_text.encode())
@@ -134,12 +127,10 @@ class Mcap:
         return channel
 
     def write(self, channel: int, data: bytes, time_ns: int) -> None:
-        """As `MessageFile.write`."""
         self._sequences[channel] += 1
         self._writer.add_message(channel, time_ns, data, time_ns, self._sequences[channel])
 
     def close(self) -> None:
-        """As `MessageFile.close`."""
         self._writer.finish()
         self._file.close()
 

@@ -11,7 +11,6 @@ from mrl_driver.driver.recorded import Heard, RecordedDriver, Remark, Sent
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE
 from mrl_driver.robot.imu import Imu
-from mrl_driver.robot.radio import RadioText
 from mrl_driver.session.events import SensorRead
 from mrl_driver.session.handshake import Board
 from ros1_bridge.node.robot_parameters import Parameters
@@ -22,8 +21,7 @@ FRAMES = "frames"
 """The topic with all frames and remarks.  Its type, Log, has a stamp, and every tool that shows ROS's log shows it."""
 TO_BOARD, FROM_BOARD, DRIVER = "to_board", "from_board", "driver"
 """Names in the messages of `FRAMES`; the last one is that of remarks."""
-_LATEST_S = 2.0**32 - 2
-"""ROS counts seconds in 32 bits."""
+_LATEST_S = 2.0**32 - 2  # ROS counts seconds in 32 bits
 
 
 def now_ns(recorded: RecordedDriver) -> int:
@@ -58,10 +56,10 @@ class RecordedTopics:
         recorded.on_heard(self._on_heard)
         recorded.on_remark(self._on_remark)
         recorded.on_telemetry(self._on_telemetry)
-        recorded.on(Imu, self._on_imu)
-        recorded.on(Board, self._on_battery)
+        recorded.on(Imu, self._passing("on_imu"))
+        recorded.on(Board, self._passing("on_battery"))
         recorded.on(SensorRead, self._on_sensor)
-        recorded.radio.on_text(self._on_text)
+        recorded.radio.on_text(self._passing("on_text"))
 
     def _now(self) -> Time:
         return Time(*divmod(now_ns(self._recorded), 10**9))
@@ -86,14 +84,6 @@ class RecordedTopics:
         topics = self._topics or self._begin()
         topics.on_telemetry(telemetry)
 
-    def _on_imu(self, imu: Imu) -> None:
-        if self._topics is not None and self._topics.on_imu is not None:
-            self._topics.on_imu(imu)
-
-    def _on_battery(self, board: Board) -> None:
-        if self._topics is not None:
-            self._topics.on_battery(board)
-
     def _on_sensor(self, read: SensorRead) -> None:
         model, topics = self._recorded.model, self._topics
         if topics is None and model is not None and not model.drives:
@@ -101,9 +91,15 @@ class RecordedTopics:
         if topics is not None and topics.on_sensor is not None:
             topics.on_sensor(read)
 
-    def _on_text(self, text: RadioText) -> None:
-        if self._topics is not None and self._topics.on_text is not None:
-            self._topics.on_text(text)
+    def _passing(self, name: str) -> Callable[[Any], None]:
+        """Return what passes events to this method of the topics, once they have begun, if they have it."""
+
+        def take(event: Any) -> None:
+            on_event = getattr(self._topics, name, None)
+            if on_event is not None:
+                on_event(event)
+
+        return take
 
     # -- the line
 

@@ -40,10 +40,9 @@ from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board
 from ros1_bridge.control.commander import Commander, lowered
-from ros1_bridge.control.laser_mount import MountFinder
 from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.velocity_sources import Source
-from ros1_bridge.control.zone_feed import ZoneWatch
+from ros1_bridge.control.zone_feed import MountFinder, ZoneWatch
 from ros1_bridge.node.master_watch import MasterWatch
 from ros1_bridge.node.operator_cmd_vel import operator_now_s
 from ros1_bridge.node.robot_parameters import GROUPS, Parameters, check, without_motors, zone_sensors

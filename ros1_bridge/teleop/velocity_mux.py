@@ -114,24 +114,28 @@ def _inputs(key: str, rows: Any, kind: str) -> List[Input]:
 def _input(key: str, row: Any, kind: str) -> Input:
     if not isinstance(row, dict) or set(row) != set(_KEYS):
         raise ConfigError(f"parameter {key} is {row!r}, expected the keys {', '.join(_KEYS)}")
-    for name in ("name", "topic"):
-        if not isinstance(row[name], str) or not row[name]:
-            raise ConfigError(f"parameter {key}/{name} is {row[name]!r}, expected a name")
-    least, shortest = (1, "more than 0") if kind == "topics" else (0, "0")
-    priority, timeout_s = row["priority"], row["timeout"]
-    if not isinstance(priority, int) or isinstance(priority, bool) or not least <= priority <= HIGHEST:
-        raise ConfigError(
-            f"parameter {key}/priority is {priority!r}, expected a whole number from {least} to {HIGHEST}"
-        )
-    if not _is_number(timeout_s) or not 0 <= timeout_s <= LONGEST_S or (kind == "topics" and not timeout_s):
-        raise ConfigError(
-            f"parameter {key}/timeout is {timeout_s!r}, expected a number from {shortest} to {LONGEST_S:g} s"
-        )
+    drives, priority, timeout_s = kind == "topics", row["priority"], row["timeout"]
+    least = 1 if drives else 0
+    checks = {
+        "name": (_is(row["name"], str) and row["name"], "a name"),
+        "topic": (_is(row["topic"], str) and row["topic"], "a name"),
+        "priority": (
+            _is(priority, int) and least <= priority <= HIGHEST,
+            f"a whole number from {least} to {HIGHEST}",
+        ),
+        "timeout": (
+            _is(timeout_s, int, float) and 0 <= timeout_s <= LONGEST_S and (timeout_s or not drives),
+            f"a number from {'more than 0' if drives else '0'} to {LONGEST_S:g} s",
+        ),
+    }
+    for name, (fits, expected) in checks.items():
+        if not fits:
+            raise ConfigError(f"parameter {key}/{name} is {row[name]!r}, expected {expected}")
     return Input(row["name"], row["topic"], float(timeout_s), priority)
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+def _is(value: Any, *kinds: type) -> bool:
+    return isinstance(value, kinds) and not isinstance(value, bool)
 
 
 def _require_different(key: str, inputs: Sequence[Input], fields: Sequence[str]) -> None:

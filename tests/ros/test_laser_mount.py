@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 import tf2_ros
 
-from ros1_bridge.control.laser_mount import MountFinder
+from ros1_bridge.control.zone_feed import MountFinder
 
 
 @pytest.fixture
