@@ -28,14 +28,11 @@ START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
 """Variances at the start: 1 mm and 1 mrad squared, because filters refuse zeros."""
 
 AT_START: Spread = (START_POSITION_M2, 0.0, 0.0, START_POSITION_M2, 0.0, START_YAW_RAD2)
-SIDEWAYS_M2_S2 = 1e-6
-"""Variance of the speed to the left of a base whose wheels prevent sliding."""
+SIDEWAYS_M2_S2 = 1e-6  # variance of the speed to the left of a base whose wheels prevent sliding
 LARGEST_VARIANCE = 1e16
 """Largest variance of a pose that is set: that of a position unknown within 1e8 m; sums and products stay finite."""
-TOLERANCE = 1e-9
-"""Relative tolerance of a covariance whose errors depend on each other completely."""
-ROUNDING = 1 / 6
-"""Variance of the difference of two counters that are rounded down [count2]."""
+TOLERANCE = 1e-9  # relative tolerance of a covariance whose errors depend on each other completely
+ROUNDING = 1 / 6  # variance of the difference of two counters that are rounded down [count2]
 NEWEST = 0.2
 """Share of the last step in the variances of the twist; smooth ones do not favour steps that happen to be small."""
 TWIST_INTERVAL_S = 0.015

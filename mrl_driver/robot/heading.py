@@ -18,8 +18,7 @@ from mrl_driver.protocol.table import BY_NAME
 
 HOLD_S = 0.04
 """The last rate is taken as constant for at most this time after its reading [s]: two periods of the stream."""
-SILENT_S = 0.1
-"""Without a reading for longer than this, the wheels alone give the heading [s]."""
+SILENT_S = 0.1  # without a reading for longer than this, the wheels alone give the heading [s]
 STAND_S, LEAST_READINGS = 0.5, 10
 """The bias is the mean of the readings in this time [s], if there are at least this many."""
 STEADY_RAD_S = 0.01
@@ -36,11 +35,9 @@ UNSEEN_SHARE = 0.09
 """Share of the square of a bend of the rate that is an error of the angle: a sixth of it is the variance of a rate that
 jitters, and about half of that jitter is too fast for readings at 50 Hz behind a filter of 42 Hz.
 """
-UNSEEN_S = 60.0
-"""A restart of the board adds as much doubt about the bias as this time does."""
+UNSEEN_S = 60.0  # a restart of the board adds as much doubt about the bias as this time does
 _GYRO = next(field for field in BY_NAME["read_imu"].reply if field.name == "gyro_z")
-_ROUNDING = float(_GYRO.unit.split()[0]) ** 2 / 12
-"""Variance of a rate by rounding to whole counts [rad2/s2]."""
+_ROUNDING = float(_GYRO.unit.split()[0]) ** 2 / 12  # variance of a rate by rounding to whole counts [rad2/s2]
 
 
 class KnownBias(NamedTuple):
@@ -63,8 +60,7 @@ class HeadingFilter:
     def __init__(self) -> None:
         self.bias_rad_s = 0.0
         self.bias_known = False
-        self.in_use = False
-        """The last turn is that of the gyro."""
+        self.in_use = False  # the last turn is that of the gyro
         self.noise_rad2_s = 0.0
         """Growth of the yaw's variance by the gyro's noise [rad2/s]; measured at each stand."""
         self._variance = ZERO_RATE_RAD_S**2

@@ -43,16 +43,12 @@ REPEATS = 2
 """A reading that repeats this many times in all six numbers is frozen: noise changes some number of each reading."""
 FULL_SCALE_RAD_S = INT16_MAX * GYRO_RAD_S
 _GOOD = (LEARNING, IN_USE)
-LEAST_M_S2, MOST_M_S2 = 5.0, 15.0
-"""Bounds of the mean acceleration, which is that of gravity (9.8 m/s2)."""
+LEAST_M_S2, MOST_M_S2 = 5.0, 15.0  # bounds of the mean acceleration, which is that of gravity (9.8 m/s2)
 UPRIGHT = math.cos(math.radians(30))
 """The mean acceleration is at most 30 deg from the vertical: an inverted chip reverses the turns."""
-MEAN_S = 1.0
-"""Time constant of the mean acceleration [s]: longer than the robot's own accelerations."""
-START_S = 1.0
-"""The first reading comes within this time [s]."""
-RECOVERY_S = 0.5
-"""After a problem, the readings must be good for this time before they are used again [s]."""
+MEAN_S = 1.0  # time constant of the mean acceleration [s]: longer than the robot's own accelerations
+START_S = 1.0  # the first reading comes within this time [s]
+RECOVERY_S = 0.5  # after a problem, the readings must be good for this time before they are used again [s]
 
 Vector = Tuple[float, float, float]
 

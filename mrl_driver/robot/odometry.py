@@ -13,18 +13,15 @@ from .covariance import AT_START, TWIST_INTERVAL_S, Spread, Uncertainty
 from .heading import HeadingFilter
 from .models.drives import Base
 
-SPEED_MARGIN = 1.5
-"""Counts are refused if a wheel seems faster than the board's ceilings times this factor."""
+SPEED_MARGIN = 1.5  # counts are refused if a wheel seems faster than the board's ceilings times this factor
 QUANTUM_COUNTS = 3
 """Counts that a wheel may move in zero time: rounding of both readings, and one count of jitter."""
 SLACK_S = {True: 0.002, False: 0.1}
 """The true time between two readings may exceed the stated one by this [s]; key: the times come from the board."""
-NEAR_S = 0.02
-"""Arrival times cannot show a time shorter than this [s]."""
+NEAR_S = 0.02  # arrival times cannot show a time shorter than this [s]
 CONFIRMATIONS = 3
 """This many readings in a row that agree with each other, but not with the baseline, make a new baseline."""
-DITHER_COUNTS = 1
-"""The counter of a wheel that stands may change by this much."""
+DITHER_COUNTS = 1  # the counter of a wheel that stands may change by this much
 
 
 class Twist(NamedTuple):
@@ -44,8 +41,7 @@ class OmniTwist(NamedTuple):
 
     linear_m_s: float
     angular_rad_s: float
-    lateral_m_s: float
-    """Speed to the left."""
+    lateral_m_s: float  # speed to the left
 
 
 class Wheels(NamedTuple):
@@ -69,8 +65,7 @@ AnyWheels = Union[Wheels, OmniWheels]
 
 _NOTHING = (0.0, 0.0, 0.0)
 
-Reading = Tuple[Any, ...]
-"""Counters of all wheels (int16), and the time of the reading [s]."""
+Reading = Tuple[Any, ...]  # counters of all wheels (int16), and the time of the reading [s]
 Step = Tuple[Any, ...]
 """Movement of all wheels between two accepted readings [count], and the time between them [s]."""
 
@@ -100,12 +95,9 @@ class Baseline:
         self._former: Optional[Reading] = None
         self._rival: Optional[Reading] = None
         self._agreed = 0
-        self.coast_s = math.inf
-        """The wheels stand still at most this long after the last reading [s]."""
-        self.refused = 0
-        """Number of refused readings."""
-        self.primed = 0
-        """Number of new baselines; the movement before a new baseline is unknown."""
+        self.coast_s = math.inf  # the wheels stand still at most this long after the last reading [s]
+        self.refused = 0  # number of refused readings
+        self.primed = 0  # number of new baselines; the movement before a new baseline is unknown
 
     def reset(self) -> None:
         """Use the next reading as the new baseline."""
@@ -213,8 +205,7 @@ class Odometry:
         self.uncertainty: Optional[Uncertainty] = None
         self._stood: Sequence[float] = (0, 0)
         self.twist: AnyTwist = Twist(0.0, 0.0)
-        self.travel: AnyWheels = Wheels(0, 0)
-        """Counts of each wheel since the start, without wrap."""
+        self.travel: AnyWheels = Wheels(0, 0)  # counts of each wheel since the start, without wrap
 
     def reset(self) -> None:
         """The board restarted: the next reading is a new baseline; the pose does not change."""

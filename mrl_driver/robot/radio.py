@@ -12,17 +12,14 @@ from mrl_driver.protocol.table import BY_NAME
 
 CAPABILITY = "xbee"
 TEXT_BYTES = 16
-BROADCAST = 0xFFFF
-"""Address of all radios in range."""
+BROADCAST = 0xFFFF  # address of all radios in range
 DISCOVERY_S = 6.5
 """Time of a search [s]: an XBee waits 6 s for the answers of other radios (its parameter NT is 60 at first)."""
 TEXT_IN, TEXT_OUT, SEARCH = (BY_NAME[name].code for name in ("xbee_text", "send_xbee", "discover_xbee"))
-LINE_BAUD = 9600
-"""Baud rate between board and XBee [Bd]."""
+LINE_BAUD = 9600  # baud rate between board and XBee [Bd]
 PACKET_BYTES = 18
 """Bytes of a transmit request without its text: delimiter, length, type, frame id, two addresses, two options, sum."""
-WAITING = 16
-"""At most this many texts wait for the radio's line."""
+WAITING = 16  # at most this many texts wait for the radio's line
 OLDEST_S = 1.0
 """A text that has waited this long is dropped [s], because its receiver would take it for a new one."""
 Request = Tuple[int, ...]

@@ -93,10 +93,8 @@ class RobotState:
         """Checks the readings of the IMU; None unless the board has, or had, one that is read."""
         self.imu_changed: Optional[ImuChanged] = None
         """The `ImuChanged` event of the last reading of the counters; None if there is none."""
-        self.settled = False
-        """The stream has begun, so that the robot can be used."""
-        self.powerless = False
-        """The battery is empty or off, so the robot must not drive."""
+        self.settled = False  # the stream has begun, so that the robot can be used
+        self.powerless = False  # the battery is empty or off, so the robot must not drive
         self._primed, self._used_s, self._counted_s = 0, 0.0, -math.inf
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None

@@ -8,16 +8,13 @@ from typing import Tuple
 
 from mrl_driver.protocol.table import SONAR_NOTHING
 
-NAMES = ("front", "left", "right")
-"""The sonars in the order of the wire."""
-NEAREST_M = 0.15
-"""Dead zone of the MB1300 [m] (robots' data sheet)."""
+NAMES = ("front", "left", "right")  # the sonars in the order of the wire
+NEAREST_M = 0.15  # dead zone of the MB1300 [m] (robots' data sheet)
 FARTHEST_M = 6.45
 FIELD_OF_VIEW_RAD = math.radians(36.0)
 AGREE_CM = 20
 """More than the noise of a reading, and than a robot drives between two of them; less than most damaged digits make."""
-CYCLE_S = 0.3
-"""Time between two readings of one sonar [s]: three sonars take turns of 100 ms."""
+CYCLE_S = 0.3  # time between two readings of one sonar [s]: three sonars take turns of 100 ms
 
 _A_2013, _A, _B, _C = 1.767, 1.1767, 0.94657, -0.3759
 NOTHING_2013_CM = int(_A_2013 * 640**_B + _C)

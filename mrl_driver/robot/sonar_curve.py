@@ -8,8 +8,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 
 LEAST_DISTANCES = 8
-LEAST_REACH = 2.5
-"""The largest distance must be at least this many times the smallest."""
+LEAST_REACH = 2.5  # the largest distance must be at least this many times the smallest
 MISSED_M = 0.05
 """A reading that is further off the curve than this, and than `OUTLIERS` usual errors, counts as a missed wall."""
 OUTLIERS = 5.0
@@ -41,8 +40,7 @@ class Curve(NamedTuple):
         return Curve(*(min(p.high, max(p.low, round(v * 1e4))) / 1e4 for p, v in zip(limits, self)))
 
 
-THESIS = Curve(1.1767, 0.94657, -0.3759)
-"""(Araujo 2012), R2 0.9992."""
+THESIS = Curve(1.1767, 0.94657, -0.3759)  # (Araujo 2012), R2 0.9992
 
 
 class SonarFit(NamedTuple):

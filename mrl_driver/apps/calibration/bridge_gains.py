@@ -19,13 +19,11 @@ from mrl_driver.protocol.table import PARAMETER_BY_NAME
 
 from .gains import LEAST_READINGS
 
-LEAST_COUNTS = 50
-"""A step with less travel does not count: the wheel hardly turned [count]."""
+LEAST_COUNTS = 50  # a step with less travel does not count: the wheel hardly turned [count]
 LOOP_DELAY_S = 0.010
 """Delay of the board's loop: two control periods of 5 ms, one in which a speed is measured, and one half each for
 the computation and for the duty to act; assumed."""
-SPEED_UP = 3.0
-"""The closed loop is this many times as fast as the motor, if the delay allows it."""
+SPEED_UP = 3.0  # the closed loop is this many times as fast as the motor, if the delay allows it
 LEAST_LAMBDA_DELAYS = 3.0
 """Smallest lambda in delays: at low speed the board averages over a whole encoder cycle, which delays more."""
 LINEAR_WITHIN = 0.05
@@ -36,25 +34,19 @@ _LONGEST_DELAY_S = 0.2
 class DutyStep(NamedTuple):
     """A wheel's step of the duty, from rest at time 0."""
 
-    duty: float
-    """Share of full duty, positive."""
+    duty: float  # share of full duty, positive
     times_s: np.ndarray
-    travel: np.ndarray
-    """Distance in the direction of the duty [count]."""
+    travel: np.ndarray  # distance in the direction of the duty [count]
 
 
 class MotorFit(NamedTuple):
     """One motor with its part of the robot's mass."""
 
-    dead_band: float
-    """Duty at which the wheel begins to turn."""
-    gain_counts_s: float
-    """Speed per duty above the dead band [count/s]."""
+    dead_band: float  # duty at which the wheel begins to turn
+    gain_counts_s: float  # speed per duty above the dead band [count/s]
     time_constant_s: float
-    delay_s: float
-    """Mean delay from the host's command to the motion."""
-    off_line: float
-    """Largest distance of a step's speed from the line, as a share of full speed."""
+    delay_s: float  # mean delay from the host's command to the motion
+    off_line: float  # largest distance of a step's speed from the line, as a share of full speed
 
     @property
     def full_counts_s(self) -> float:

@@ -14,26 +14,21 @@ from .gains import Response
 from .manoeuvres import MOVE, MOVE_PID, Track
 from .part_procedures import Steps, ramp_off, step, steps_of_rows
 
-STEP_PERCENTS = (30, -50, 80)
-"""Duties of the steps.  The signs alternate, so that the robot turns back."""
+STEP_PERCENTS = (30, -50, 80)  # duties of the steps.  The signs alternate, so that the robot turns back.
 STEP_S = 1.0
-TARGET_SHARE = 0.5
-"""Speed of the steps under control, as a share of the fitted full speed."""
-CAPABILITY = "bridge"
-"""Boards with this capability take the gains of this module."""
+TARGET_SHARE = 0.5  # speed of the steps under control, as a share of the fitted full speed
+CAPABILITY = "bridge"  # boards with this capability take the gains of this module
 
 
 class TunedBridge(NamedTuple):
     """Result of the tuning."""
 
-    motors: Tuple[MotorFit, MotorFit]
-    """Right and left."""
+    motors: Tuple[MotorFit, MotorFit]  # right and left
     before: BridgeGains
     after: BridgeGains
     steps_before: Steps
     steps_after: Steps
-    target_counts_s: float
-    """Speed of the two steps."""
+    target_counts_s: float  # speed of the two steps
 
     def response(self, steps: Steps, left: bool) -> Response:
         """Figures of one wheel."""

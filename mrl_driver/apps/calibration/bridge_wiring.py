@@ -13,8 +13,7 @@ from .wiring_check import LEFT, RIGHT, Trial
 
 BITS: Dict[str, int] = {name: 1 << place for place, (name, _) in enumerate(WIRING)}
 SET, SINGLE_CHANNEL = BITS["set"], BITS["single_channel"]
-LEAST_TURN = 0.01
-"""Less than this share of a wheel turn counts as standing still."""
+LEAST_TURN = 0.01  # less than this share of a wheel turn counts as standing still
 OTHER_SHARE = 0.3
 """While one wheel turns, the encoder of the other may count this share: vibration moves it by a count or two."""
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}

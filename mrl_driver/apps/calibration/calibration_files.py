@@ -19,10 +19,8 @@ from mrl_driver.yaml_form import with_schema_line
 from .trial import Trial, as_json, from_json
 
 VERSION = 1
-_LONGEST = 1 << 22
-"""Longest file read [byte]; one with hundreds of runs has some hundred thousand."""
-Key = Tuple[str, str]
-"""Section and key of a number in a robot's YAML, such as ("drive", "turn_slip")."""
+_LONGEST = 1 << 22  # longest file read [byte]; one with hundreds of runs has some hundred thousand
+Key = Tuple[str, str]  # section and key of a number in a robot's YAML, such as ("drive", "turn_slip")
 
 
 class Progress:

@@ -14,8 +14,7 @@ from .trial import Trial, errors, length_m, path, spread, unit_spreads
 
 STEPS, ENOUGH = 20, 1e-10
 LEAST_RUNS_FOR_NOISE = 6
-OUTLIER = 6.0
-"""A run whose error is more than this many times the median of the others was measured wrongly."""
+OUTLIER = 6.0  # a run whose error is more than this many times the median of the others was measured wrongly
 
 SCALE, OFFSET, SLIP, AXLE = "metres_per_count", "wheel_offset", "turn_slip", "wheel_separation_m"
 _DELTA = 1e-6
@@ -174,8 +173,7 @@ def estimate_noise(
 
 
 _UNKNOWN = 1e6
-_LEAST, _MOST = -6.0, -1.0
-"""Range of the search as powers of ten; the lower end is an error of 1 mm over 1 m."""
+_LEAST, _MOST = -6.0, -1.0  # range of the search as powers of ten; the lower end is an error of 1 mm over 1 m
 
 
 def _lowest(height: Callable[[float, float], float]) -> Tuple[float, float]:

@@ -12,17 +12,14 @@ from mrl_driver.errors import ConfigError
 
 Numbers = Union[Sequence[float], np.ndarray]
 LEAST_READINGS = 10
-OVERSHOOT = 0.05
-"""Gains may overshoot by this share."""
-SIMULATED_S = 2.0
-"""Length of the simulated steps [s]."""
+OVERSHOOT = 0.05  # gains may overshoot by this share
+SIMULATED_S = 2.0  # length of the simulated steps [s]
 
 
 class MotorModel(NamedTuple):
     """One motor and its part of the robot's mass: a delay and a first-order lag."""
 
-    full_counts_s: float
-    """Speed at full duty [count/s]."""
+    full_counts_s: float  # speed at full duty [count/s]
     time_constant_s: float
     delay_s: float
 
@@ -38,14 +35,10 @@ class Gains(NamedTuple):
 class Response(NamedTuple):
     """Figures of a step of the speed."""
 
-    rise_s: float
-    """Time from 10 to 90 % of the requested speed; NaN if the speed did not reach it."""
-    overshoot: float
-    """Share of the requested speed."""
-    settle_s: float
-    """Time after which the speed stays within 5 %; NaN if it did not settle."""
-    offset: float
-    """Mean error of the last quarter, as a share of the requested speed."""
+    rise_s: float  # time from 10 to 90 % of the requested speed; NaN if the speed did not reach it
+    overshoot: float  # share of the requested speed
+    settle_s: float  # time after which the speed stays within 5 %; NaN if it did not settle
+    offset: float  # mean error of the last quarter, as a share of the requested speed
 
 
 def identify(times_s: Numbers, travel: Numbers, duty: float) -> MotorModel:

@@ -18,8 +18,7 @@ from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, requi
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
-NOT_MEASURED = Pose(np.nan, np.nan, np.nan)
-"""A pose that was not measured."""
+NOT_MEASURED = Pose(np.nan, np.nan, np.nan)  # a pose that was not measured
 
 
 class Leg(NamedTuple):
@@ -37,8 +36,7 @@ class Outcome(NamedTuple):
     after: Drive
     errors_before: np.ndarray
     errors_after: np.ndarray
-    noise: Mapping[str, float]
-    """What was measured of the model's `Noise`, by its keys."""
+    noise: Mapping[str, float]  # what was measured of the model's `Noise`, by its keys
     square: Optional[umbmark.UmbmarkResult] = None
 
 

@@ -12,8 +12,7 @@ from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 _TAIL_BYTES = 4096
 
 
-Check = Callable[[Pose], None]
-"""Raises ConfigError for an impossible end."""
+Check = Callable[[Pose], None]  # raises ConfigError for an impossible end
 
 
 class Ruler(Protocol):

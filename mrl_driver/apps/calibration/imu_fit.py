@@ -17,20 +17,15 @@ TIME, STAMP, GYRO, ACCEL = 0, 1, slice(2, 5), slice(5, 8)
 LEAST_READINGS = 50
 STILL_RAD_S, STILL_M_S2 = math.radians(0.5), 0.3
 """Largest standard deviation of the readings of a robot at rest: ten times the noise in the data sheet."""
-STEADY_RAD_S = math.radians(0.3)
-"""Largest change of the mean rate from one half of a rest to the other."""
-BIAS_RAD_S = math.radians(25.0)
-"""Largest bias of a gyro; the data sheet of the MPU-6050 says 20 deg/s."""
+STEADY_RAD_S = math.radians(0.3)  # largest change of the mean rate from one half of a rest to the other
+BIAS_RAD_S = math.radians(25.0)  # largest bias of a gyro; the data sheet of the MPU-6050 says 20 deg/s
 GRAVITY_WITHIN_M_S2 = 1.5
 """Largest error of the acceleration at rest; zero offset and scale in the data sheet add up to 1.1."""
-LONGEST_GAP_S = 0.25
-"""Longest pause between two readings; over a longer one the angle is not known."""
-FASTEST_RAD_S = math.radians(495.0)
-"""Faster rates may be beyond the range of 500 deg/s."""
+LONGEST_GAP_S = 0.25  # longest pause between two readings; over a longer one the angle is not known
+FASTEST_RAD_S = math.radians(495.0)  # faster rates may be beyond the range of 500 deg/s
 SCALE_WITHIN = 0.1
 """Largest difference of the gyro's scale from 1; three times the tolerance in the data sheet."""
-AGREE_WITHIN = 0.02
-"""Largest difference of the scales of two turns."""
+AGREE_WITHIN = 0.02  # largest difference of the scales of two turns
 LEAST_TURNS = 2
 LEAST_SD = 2e-4
 """Smallest standard deviation of the scale: one degree Celsius changes it by as much (data sheet: 2 % from -40 to
@@ -44,8 +39,7 @@ _LAG_S, _GRID_S = 0.25, 0.01
 class Rest(NamedTuple):
     """Means of the readings while the robot stood still, and standard deviations of one reading."""
 
-    time_s: float
-    """Board time in the middle."""
+    time_s: float  # board time in the middle
     gyro_rad_s: np.ndarray
     gyro_sd_rad_s: np.ndarray
     accel_m_s2: np.ndarray
@@ -60,10 +54,8 @@ class Rest(NamedTuple):
 class Turned(NamedTuple):
     """One turn in place, positive counter-clockwise [rad]."""
 
-    gyro_rad: float
-    """By the gyro, without its bias and before its scale."""
-    sd_rad: float
-    """Standard deviation of `gyro_rad` from the bias."""
+    gyro_rad: float  # by the gyro, without its bias and before its scale
+    sd_rad: float  # standard deviation of `gyro_rad` from the bias
     wheels_rad: float
     true_rad: float
 
@@ -216,8 +208,7 @@ class Push(NamedTuple):
     """Smoothed accelerations of a straight drive from rest to rest: (M,) by the wheels, (M, 2) by the IMU [m/s2]."""
 
     wheels_m_s2: np.ndarray
-    imu_m_s2: np.ndarray
-    """Along x and y, after roll and pitch."""
+    imu_m_s2: np.ndarray  # along x and y, after roll and pitch
 
 
 def push_of(rows: np.ndarray, mount: ImuMount, way: np.ndarray) -> Push:

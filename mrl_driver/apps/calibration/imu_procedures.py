@@ -21,10 +21,8 @@ from .ground_truth import Ruler
 from .imu_fit import Push, Rest, Turned
 from .manoeuvres import Speeds
 
-STAND_S, REST_S = 5.0, 3.0
-"""Time at rest at the start, and before and after each turn [s]."""
-PATIENCE_S = 20.0
-"""A robot that somebody has just put down must stand still within this time."""
+STAND_S, REST_S = 5.0, 3.0  # time at rest at the start, and before and after each turn [s]
+PATIENCE_S = 20.0  # a robot that somebody has just put down must stand still within this time
 CAPABILITY = "imu"
 
 
@@ -43,10 +41,8 @@ class ImuOutcome(NamedTuple):
     after: ImuMount
     rest: Rest
     turns: List[Turned]
-    yaw_sd_rad: float
-    """NaN if the yaw was not measured."""
-    trouble: str
-    """Why the yaw could not be measured; empty if it was, or was not asked for."""
+    yaw_sd_rad: float  # NaN if the yaw was not measured
+    trouble: str  # why the yaw could not be measured; empty if it was, or was not asked for
 
 
 class ImuTrack:

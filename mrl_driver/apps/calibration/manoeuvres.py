@@ -18,18 +18,15 @@ from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.view.words import stop_error
 
 TICK_S = 0.05
-SETTLED_S = 0.4
-"""If the counts do not change for this time, the robot is at rest."""
+SETTLED_S = 0.4  # if the counts do not change for this time, the robot is at rest
 PATIENCE_S = 5.0
 HELD_UP_S = 1.0
 """A robot stands while its driver refuses commands, as after a pause of the computer; it drives on within this time."""
 KEEP_ALIVE_S = 0.1
 """Requests that drive motors are repeated after this time, which feeds the board's watchdog."""
 ARRIVED_M, ARRIVED_RAD = 0.003, math.radians(0.4)
-LEAST_M_S, LEAST_RAD_S = 0.03, 0.15
-"""Slower than this the motors may not turn at all."""
-LATENCY_S = 0.2
-"""Delay from a command to the motion of the wheels."""
+LEAST_M_S, LEAST_RAD_S = 0.03, 0.15  # slower than this the motors may not turn at all
+LATENCY_S = 0.2  # delay from a command to the motion of the wheels
 HEADING_GAIN, OFFSET_GAIN = 3.0, 3.0
 MOVE_PID, MOVE, SET_GAINS = (
     BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "set_pid_gains")

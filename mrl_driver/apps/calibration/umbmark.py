@@ -11,8 +11,7 @@ from typing import NamedTuple, Sequence, Tuple
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import Drive
 
-LEAST_LAPS, MOST_LAPS = 2, 50
-"""Laps in each direction; fewer show no spread.  The paper drives 5."""
+LEAST_LAPS, MOST_LAPS = 2, 50  # laps in each direction; fewer show no spread.  The paper drives 5.
 
 Point = Tuple[float, float]
 
@@ -20,18 +19,12 @@ Point = Tuple[float, float]
 class UmbmarkResult(NamedTuple):
     """Result of UMBmark; angles in rad, positive counter-clockwise."""
 
-    left_centre: Point
-    """Mean error of the counter-clockwise laps [m]."""
-    right_centre: Point
-    """Mean error of the clockwise laps [m]."""
-    corner_excess_rad: float
-    """Type A: true turn of a corner minus the turn by odometry."""
-    side_bend_rad: float
-    """Type B: true turn on a straight side."""
-    wheel_ratio: float
-    """E_d: true ratio of right to left wheel, divided by the ratio in use."""
-    wheelbase_ratio: float
-    """E_b: true wheelbase divided by the one in use."""
+    left_centre: Point  # mean error of the counter-clockwise laps [m]
+    right_centre: Point  # mean error of the clockwise laps [m]
+    corner_excess_rad: float  # type A: true turn of a corner minus the turn by odometry
+    side_bend_rad: float  # type B: true turn on a straight side
+    wheel_ratio: float  # E_d: true ratio of right to left wheel, divided by the ratio in use
+    wheelbase_ratio: float  # E_b: true wheelbase divided by the one in use
     worst_m: float
     """The paper's measure of accuracy: the distance from zero of the centre that is farther away."""
 

@@ -4,8 +4,7 @@ from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 LEFT, RIGHT = "left", "right"
 _OTHER = {LEFT: RIGHT, RIGHT: LEFT}
-LEAST_COUNTS = 50
-"""Less than this counts as standing still [count]; 4 mm on a TraxBot."""
+LEAST_COUNTS = 50  # less than this counts as standing still [count]; 4 mm on a TraxBot
 
 LEAST_M, LEAST_RAD = 0.003, 0.02
 """Less than this counts as standing still, for a robot with a known true pose."""

@@ -15,16 +15,12 @@ from mrl_driver.view.rows import sonar_order
 
 from .drive_data import Column, DriveData
 
-MOST_VALUES = 130_000
-"""Values on a page; each takes two to six bytes, so that the page stays below 1 MB."""
-NEAR_S = 3.0
-"""A page keeps all telemetry this close to a moment of interest [s]."""
+MOST_VALUES = 130_000  # values on a page; each takes two to six bytes, so that the page stays below 1 MB
+NEAR_S = 3.0  # a page keeps all telemetry this close to a moment of interest [s]
 _FRAMES_S, _SLOW_S, _FOREVER_S = 0.5, 10.0, math.inf
 """A value is shown this long, until the next one [s]: of telemetry, of rare answers, of commands."""
-_JITTERED = 6
-"""Without board time, the speed of a wheel is that between frames which are this far apart."""
-_FASTEST_M_S = 5.0
-"""No robot has faster wheels; such a step is a counter that began again."""
+_JITTERED = 6  # without board time, the speed of a wheel is that between frames which are this far apart
+_FASTEST_M_S = 5.0  # no robot has faster wheels; such a step is a counter that began again
 _UNKNOWN, _NOTHING, _CLOSE = "x", "n", "c"
 
 
@@ -32,14 +28,10 @@ class Curve(NamedTuple):
     """Values over time; NaN is unknown, and infinities are those of ranges."""
 
     name: str
-    time_s: np.ndarray
-    """Shape (N,), in order."""
-    values: np.ndarray
-    """Shape (N,), in the unit of the chart."""
-    step: float
-    """The page rounds to multiples of this."""
-    hold_s: float = _FRAMES_S
-    """The page shows a value this long if no other follows [s]."""
+    time_s: np.ndarray  # shape (N,), in order
+    values: np.ndarray  # shape (N,), in the unit of the chart
+    step: float  # the page rounds to multiples of this
+    hold_s: float = _FRAMES_S  # the page shows a value this long if no other follows [s]
     stepped: bool = False
 
 

@@ -37,8 +37,7 @@ if TYPE_CHECKING:
 _STATUS, _INFO = BY_NAME["read_status"].code, BY_NAME["robot_info"].code
 MOST_KEPT = 200_000
 """Most damaged pieces and events of a recording together, about 40 MB; eight in a second, for seven hours."""
-_TOGETHER_S = 0.5
-"""A stop and its reason are written within this time of each other [s]."""
+_TOGETHER_S = 0.5  # a stop and its reason are written within this time of each other [s]
 _NOT_STOPS = (StopReason.NONE, StopReason.HOST, StopReason.BOOT)
 """Reasons of the board that are not stops of their own: the host's stop is recorded as it is sent."""
 
@@ -46,24 +45,18 @@ _NOT_STOPS = (StopReason.NONE, StopReason.HOST, StopReason.BOOT)
 class Column(NamedTuple):
     """Values over time."""
 
-    time_s: Any
-    """Array `(N,)`: seconds since the recording began."""
-    values: Any
-    """Array `(N,)` or `(N, k)`; NaN where a value is unknown."""
+    time_s: Any  # array `(N,)`: seconds since the recording began
+    values: Any  # array `(N,)` or `(N, k)`; NaN where a value is unknown
 
 
 class Stop(NamedTuple):
     """A stop of the robot, or of its command."""
 
     time_s: float
-    reason: StopReason
-    """`user` if the recording does not say it."""
-    text: str
-    """The reason in words."""
-    direction: str
-    """Direction of the frame `data`, `>` or `<`; empty without one."""
-    data: bytes
-    """The frame that proves the stop; empty if there is none."""
+    reason: StopReason  # `user` if the recording does not say it
+    text: str  # the reason in words
+    direction: str  # direction of the frame `data`, `>` or `<`; empty without one
+    data: bytes  # the frame that proves the stop; empty if there is none
 
 
 class Frames:
@@ -105,56 +98,40 @@ class DriveData(NamedTuple):
     """One drive; see the module.  Times are seconds since the recording began."""
 
     path: str
-    started: str
-    """Start time as ISO 8601; empty if the file does not hold it."""
+    started: str  # start time as ISO 8601; empty if the file does not hold it
     port: str
     model: RobotModel
     robot_id: int
-    board: Optional[Board]
-    """The board's identity; None if it did not answer."""
+    board: Optional[Board]  # the board's identity; None if it did not answer
     duration_s: float
-    poses: Column
-    """x y yaw [m m rad]."""
-    speeds: Column
-    """Driven: linear, angular, lateral [m/s rad/s m/s]."""
-    commands: Column
-    """Asked, when it was sent: linear, angular, lateral; a stop is zeros."""
+    poses: Column  # x y yaw [m m rad]
+    speeds: Column  # driven: linear, angular, lateral [m/s rad/s m/s]
+    commands: Column  # asked, when it was sent: linear, angular, lateral; a stop is zeros
     counts: Column
     """Counts of each wheel since the start, without wrap: right, left, and rear if there is one."""
     stamps_s: Any
     """Array `(N,)`: board time of each telemetry on the host's clock [s since the recording began]."""
-    ranges: Dict[str, Column]
-    """Each new reading of each sonar [m], as in REP 117."""
-    battery: Column
-    """Voltage and temperature [V degC]; NaN if not measured."""
+    ranges: Dict[str, Column]  # each new reading of each sonar [m], as in REP 117
+    battery: Column  # voltage and temperature [V degC]; NaN if not measured
     imu: Column
     """Yaw rate without bias, accelerations x y z, bias [rad/s m/s2 m/s2 m/s2 rad/s], in the axes of base_link; the
     times are those of the readings.  The bias is NaN until it is known."""
-    sensors: Dict[str, Column]
-    """Values of each sensor of `table.SENSORS`."""
+    sensors: Dict[str, Column]  # values of each sensor of `table.SENSORS`
     statuses: List[Tuple[float, Status]]
     stops: List[Stop]
-    garbage: List[Tuple[float, str, str, bytes]]
-    """Time, direction, reason, data."""
-    lost: Column
-    """Number of lost frames so far, after each loss."""
+    garbage: List[Tuple[float, str, str, bytes]]  # time, direction, reason, data
+    lost: Column  # number of lost frames so far, after each loss
     delays: Column
     """Delay of each telemetry beyond the least one [s]; of boards without board time there is none."""
-    round_trips: Column
-    """Time from a request for `robot_info` to its answer [s]."""
+    round_trips: Column  # time from a request for `robot_info` to its answer [s]
     opened: List[Tuple[float, str]]
-    remarks: List[Tuple[float, str]]
-    """Without the readings of a phone's sensors, of which there are many."""
-    frames: Dict[str, int]
-    """Number of frames from the board, by name."""
+    remarks: List[Tuple[float, str]]  # without the readings of a phone's sensors, of which there are many
+    frames: Dict[str, int]  # number of frames from the board, by name
     events: List[Tuple[float, object]]
     """The driver's events: `Ready`, `Stale`, `Mismatch`, `ImuChanged`, `PathUnknown` and others, and its errors."""
-    heard: Frames
-    """Frames from the board."""
-    sent: Frames
-    """Frames to the board."""
-    skipped_lines: int
-    """Lines of the recording that could not be read."""
+    heard: Frames  # frames from the board
+    sent: Frames  # frames to the board
+    skipped_lines: int  # lines of the recording that could not be read
 
 
 def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda part: None) -> DriveData:
@@ -199,19 +176,15 @@ class _Reader:
         self._events: List[Tuple[float, object]] = []
         self._heard, self._sent = Frames(), Frames()
         self._names: Dict[int, int] = {}
-        self._losses: List[Tuple[float, int]] = []
-        """Time, and number of lost frames so far."""
-        self._lost_before = 0
-        """Lost frames until the last telemetry."""
+        self._losses: List[Tuple[float, int]] = []  # time, and number of lost frames so far
+        self._lost_before = 0  # lost frames until the last telemetry
         self._counters = Counters()
         self._stream = Stream(self._counters)
         self._stamped_s = -math.inf
         self._asked_s = math.nan
-        self._moves = False
-        """The last command that was sent moves the robot."""
+        self._moves = False  # the last command that was sent moves the robot
         self._omni: Optional[OmniCommands] = None
-        self._mismatch = ""
-        """The last wheel that did not follow its command."""
+        self._mismatch = ""  # the last wheel that did not follow its command
 
     def read(self, advance: Callable[[float], None]) -> DriveData:
         recorded = self._recorded

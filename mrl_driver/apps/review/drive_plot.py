@@ -24,8 +24,7 @@ _SONARS = {"left": (GREEN, "--"), "front": (BLUE, "-"), "right": (ORANGE, ":")}
 _MOST_POINTS = 20000
 _ARROWS = 8
 _LEAST_SPAN_M = 0.4
-_SMOOTH_S = 0.1
-"""Measured speeds are averaged over this time: one count in one frame of 20 ms is 4 mm/s."""
+_SMOOTH_S = 0.1  # measured speeds are averaged over this time: one count in one frame of 20 ms is 4 mm/s
 
 
 def draw(drive: DriveData, path: str, parts: Sequence[str] = PARTS) -> None:

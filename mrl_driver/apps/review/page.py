@@ -39,12 +39,10 @@ _SCRIPTS = (
 )
 """Modules of the page, each after those that it imports."""
 _STYLES = (_UPLOT / "uPlot.min.css", _SHARED / "common.css", _OWN / "review.css")
-MOST_LISTED = 200
-"""Stops that are listed one by one; further ones are counted."""
+MOST_LISTED = 200  # stops that are listed one by one; further ones are counted
 MOST_REMARKS = 50
 _MOST_TEXT = 160
-_ENDS = (StopReason.CLOSED, StopReason.CHECK_ENDED)
-"""Reasons of a stop at the end of a program."""
+_ENDS = (StopReason.CLOSED, StopReason.CHECK_ENDED)  # reasons of a stop at the end of a program
 _DIRECTIONS = {FROM_BOARD: "From the board", TO_BOARD: "To the board"}
 _WORDS = {"stop_reason": STOP_REASONS, "reset_cause": RESET_CAUSES}
 _Row = Tuple[str, str]

@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from mrl_driver.apps.tip_over.margin import Margin, Vector
     from mrl_driver.apps.tip_over.sweep import Range, Situation
 
-_LINES = 12
-"""Most lines of a sweep that are printed."""
+_LINES = 12  # most lines of a sweep that are printed
 _NAMED = {
     "forward": (1.0, 0.0, 0.0),
     "back": (-1.0, 0.0, 0.0),

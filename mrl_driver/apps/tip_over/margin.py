@@ -21,10 +21,8 @@ DIRECTIONS: Dict[str, Tuple[float, float]] = {
     "right": (0.0, -1.0),
 }
 """Directions of an acceleration (x, y); braking is an acceleration backwards."""
-MOST_M_S2, MOST_N = 1000.0, 1e5
-"""Largest acceleration and force that are tried."""
-_STEPS = 48
-"""Number of bisection steps; they give the acceleration to about 4e-12 m/s2."""
+MOST_M_S2, MOST_N = 1000.0, 1e5  # largest acceleration and force that are tried
+_STEPS = 48  # number of bisection steps; they give the acceleration to about 4e-12 m/s2
 
 Vector = Tuple[float, float, float]
 Point = Tuple[float, float]
@@ -37,8 +35,7 @@ class Mass(NamedTuple):
     mass_kg: float
     x_m: float
     y_m: float
-    height_m: float
-    """Height of the centre above the ground."""
+    height_m: float  # height of the centre above the ground
 
 
 class Arm(NamedTuple):
@@ -47,15 +44,11 @@ class Arm(NamedTuple):
     mass_kg: float
     x_m: float
     y_m: float
-    height_m: float
-    """Place of its lower end; the height is above the ground."""
+    height_m: float  # place of its lower end; the height is above the ground
     length_m: float
-    centre_m: float
-    """Distance of its centre of mass from the lower end."""
-    angle_deg: float
-    """Angle above the horizontal: 0 is level and forward, 90 upright, 180 level and backward."""
-    heading_deg: float = 0.0
-    """Turns the vertical plane counter-clockwise: with 90, angle 0 is to the left."""
+    centre_m: float  # distance of its centre of mass from the lower end
+    angle_deg: float  # angle above the horizontal: 0 is level and forward, 90 upright, 180 level and backward
+    heading_deg: float = 0.0  # turns the vertical plane counter-clockwise: with 90, angle 0 is to the left
 
     def point(self, distance_m: float) -> Vector:
         """Return the point at a distance from the lower end (x, y, height) [m]."""
@@ -74,8 +67,7 @@ class Push(NamedTuple):
     force_n: float = 0.0
     at_m: Optional[Vector] = None
     """Point of attack: x, y, height above the ground; None is the tip of the vehicle's arm."""
-    direction: Optional[Vector] = None
-    """Unit vector; None is the worst direction of each tip-over axis."""
+    direction: Optional[Vector] = None  # unit vector; None is the worst direction of each tip-over axis
 
 
 NO_PUSH = Push()
@@ -85,8 +77,7 @@ class Vehicle(NamedTuple):
     """A vehicle, its payloads and its arm."""
 
     name: str
-    contacts: Tuple[Point, ...]
-    """Ground contact points [m m], in any order."""
+    contacts: Tuple[Point, ...]  # ground contact points [m m], in any order
     body: Mass
     payloads: Dict[str, Mass]
     arm: Optional[Arm] = None
@@ -122,12 +113,9 @@ class Margin(NamedTuple):
     """The margin for one tip-over axis."""
 
     axis: Tuple[Point, Point]
-    angle_rad: float
-    """The force-angle margin; below 0 the vehicle tips over."""
-    measure_n_m: float
-    """The angle times the net force times its distance from the axis (the measure of 2000)."""
-    push: Vector = NOTHING
-    """Direction of the push, a unit vector; nothing without a push."""
+    angle_rad: float  # the force-angle margin; below 0 the vehicle tips over
+    measure_n_m: float  # the angle times the net force times its distance from the axis (the measure of 2000)
+    push: Vector = NOTHING  # direction of the push, a unit vector; nothing without a push
 
 
 def margins(
@@ -309,11 +297,9 @@ class _Plane(NamedTuple):
     """The vertical plane through the centre of mass, across a tip-over axis: only forces in it tip the vehicle over."""
 
     ends: Tuple[Point, Point]
-    arm_m: float
-    """Distance of the axis from the centre of mass."""
+    arm_m: float  # distance of the axis from the centre of mass
     axis: Vector
-    towards: Vector
-    """From the centre of mass to the axis, a unit vector."""
+    towards: Vector  # from the centre of mass to the axis, a unit vector
     off: Vector
     """Perpendicular to `towards`, down and to the inside; a net force keeps the vehicle down if it has a part there."""
 

@@ -9,8 +9,7 @@ from .margin import DIRECTIONS, NO_PUSH, Push, Vehicle, greatest_acceleration, l
 from .sweep import Range, Situation, sweep
 
 _DIRECTIONS_DRAWN, _VALUES = 120, 100
-_LOWEST_DEG = -20.0
-"""Lower end of the axis of a sweep's margins; the vehicle tips over far above it."""
+_LOWEST_DEG = -20.0  # lower end of the axis of a sweep's margins; the vehicle tips over far above it
 _LINES = {
     "forward": (figures.BLUE, "-"),
     "back": (figures.ORANGE, "--"),

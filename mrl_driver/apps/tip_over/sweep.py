@@ -8,10 +8,8 @@ from mrl_driver.errors import ConfigError
 from .margin import MOST_M_S2, MOST_N, NO_PUSH, Arm, Margin, Push, Vehicle, worst
 from .vehicle_file import RANGES
 
-POINTS = 61
-"""Values of a sweep."""
-_STEPS = 40
-"""Number of bisection steps to the value at which the margin is 0."""
+POINTS = 61  # values of a sweep
+_STEPS = 40  # number of bisection steps to the value at which the margin is 0
 
 
 class Situation(NamedTuple):

@@ -10,10 +10,8 @@ from mrl_driver.yaml_form import schema_line
 
 from . import SCHEMA, RobotModel, load, load_packaged, names, parse
 
-LEAST_ID = 11
-"""Ids below belong to the robots of the papers."""
-LIKE = "duo"
-"""Model whose other numbers a new robot has until it is calibrated."""
+LEAST_ID = 11  # ids below belong to the robots of the papers
+LIKE = "duo"  # model whose other numbers a new robot has until it is calibrated
 CEILING_SHARE = 0.85
 """Ceiling of the speed as a share of full speed, so that the control has duty left; assumed."""
 DIAMETER_MM, SEPARATION_MM, COUNTS = (10.0, 650.0), (30.0, 650.0), (4.0, 100_000.0)
@@ -36,10 +34,8 @@ class Kit(NamedTuple):
     robot_id: int
     wheel_diameter_mm: float
     wheel_separation_mm: float
-    counts_per_turn: float
-    """Encoder counts of a wheel turn."""
-    bridge: str
-    """One of `table.BRIDGES`."""
+    counts_per_turn: float  # encoder counts of a wheel turn
+    bridge: str  # one of `table.BRIDGES`
 
 
 def parse_counts(text: str) -> float:

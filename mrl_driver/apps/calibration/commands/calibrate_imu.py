@@ -13,8 +13,7 @@ from .calibrate_job import Job, confirm_drive, job_options, model_of, output_for
 if TYPE_CHECKING:
     from mrl_driver.apps.calibration.imu_procedures import ImuOutcome
 
-IMU_PERIOD_MS = 20
-"""Time between two readings of the IMU."""
+IMU_PERIOD_MS = 20  # time between two readings of the IMU
 
 
 @click.command(short_help="Measure the mounting angles of the IMU, and the scale of its gyro.")

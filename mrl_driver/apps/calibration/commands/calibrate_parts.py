@@ -37,10 +37,8 @@ if TYPE_CHECKING:
     from mrl_driver.robot.models import RobotModel
     from mrl_driver.robot.sonar_curve import Curve
 
-Points = Tuple[List[float], List[float]]
-"""Readings and distances [m]."""
-_LONGEST_POINTS = 1 << 22
-"""Longest file of points read [byte]; a calibration makes some thousand."""
+Points = Tuple[List[float], List[float]]  # readings and distances [m]
+_LONGEST_POINTS = 1 << 22  # longest file of points read [byte]; a calibration makes some thousand
 _recording_option = click.option(
     "--recording", metavar="FILE", help="Instead of driving: a recording of this calibration."
 )

@@ -204,8 +204,7 @@ def confirm_here(question: str, yes: bool) -> bool:
     return sys.stdin.isatty() and Confirm.ask(Text(question), console=console)
 
 
-_THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}
-"""Names in (Araujo 2012)."""
+_THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}  # names in (Araujo 2012)
 
 
 def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:

@@ -12,8 +12,7 @@ from .finding import Finding
 
 REOPENED_S = 10.0
 """A board that restarts within this time after its port was opened was reset by that, as an Arduino Uno is [s]."""
-SKIPPED = 5
-"""An encoder is noisy if this many of its transitions skip a state.  A clean one skips none."""
+SKIPPED = 5  # an encoder is noisy if this many of its transitions skip a state.  A clean one skips none.
 
 
 class _Words(NamedTuple):
@@ -23,8 +22,7 @@ class _Words(NamedTuple):
     weight: float
 
 
-_FAULT_KINDS = {"imu": "imu_dead"}
-"""Kinds of faults that differ from their names."""
+_FAULT_KINDS = {"imu": "imu_dead"}  # kinds of faults that differ from their names
 _FAULT_WEIGHTS = {
     "motor_board": 95,
     "bus_hung": 95,

@@ -18,8 +18,7 @@ from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 from .evidence import TELEMETRY, heard, interruptions, outside
 from .finding import Finding
 
-FACTORS = np.linspace(0.6, 1.4, 41)
-"""Tried sizes of the wheels, as shares of the model's."""
+FACTORS = np.linspace(0.6, 1.4, 41)  # tried sizes of the wheels, as shares of the model's
 LEAST_FACTOR, MOST_FACTOR = 0.7, 1.3
 """A best factor beyond these is none: parallel walls alone fit together the better the shorter the path."""
 ONE_WALL = 0.8
@@ -28,17 +27,13 @@ distance along them cannot be seen. """
 WRONG, SHARPER = 0.08, 1.2
 """Wheels are of another size if the best factor differs from 1 by more than `WRONG`: two steps of `FACTORS`, and as
 much for the sonars' own curve.  Its walls must be `SHARPER` than the others; right wheels reach 1.18 by chance. """
-NEAR_M, FAR_M = 0.2, 4.0
-"""Ranges that are used [m]; farther arcs are wide and often hit corners."""
-LEAST, LEAST_M = 60, 2.0
-"""Number of readings, and distance driven [m], that give an answer."""
+NEAR_M, FAR_M = 0.2, 4.0  # ranges that are used [m]; farther arcs are wide and often hit corners
+LEAST, LEAST_M = 60, 2.0  # number of readings, and distance driven [m], that give an answer
 PART_S, PARTS = 100.0, 3
 """A drive is examined in parts of this length [s], because errors of the path grow; at most `PARTS`, spread evenly."""
-STEP_S = 0.1
-"""The path is followed in steps of at most this time [s]."""
+STEP_S = 0.1  # the path is followed in steps of at most this time [s]
 DIRECTIONS, BIN_M, MOST_M = 180, 0.03, 12.0
-READING_S = 0.05
-"""A reading is this much older than its frame, in the mean [s]."""
+READING_S = 0.05  # a reading is this much older than its frame, in the mean [s]
 
 
 class _Readings(NamedTuple):
@@ -48,8 +43,7 @@ class _Readings(NamedTuple):
     range_m: Any
     x_m: Any
     y_m: Any
-    yaw_rad: Any
-    """Pose of the sonar in base_link."""
+    yaw_rad: Any  # pose of the sonar in base_link
 
 
 class _Path(NamedTuple):
@@ -59,8 +53,7 @@ class _Path(NamedTuple):
     forward_m: Any
     left_m: Any
     turn_rad: Any
-    gyro: bool
-    """The turns are those of the gyro, whatever the size of the wheels."""
+    gyro: bool  # the turns are those of the gyro, whatever the size of the wheels
 
 
 def check(drive: DriveData) -> List[Finding]:

@@ -15,8 +15,7 @@ STATUS, INFO, IMU = (BY_NAME[name].code for name in ("read_status", "robot_info"
 TELEMETRY = tuple(row.code for row in BY_NAME.values() if row.stamped and row.code != IMU)
 FED_S = 0.25
 """Without a frame for longer than this, the board's watchdog has stopped the robot, by default [s]."""
-SETTLING_S = 0.5
-"""After a silence and after each greeting, the data may still be odd for this time [s]."""
+SETTLING_S = 0.5  # after a silence and after each greeting, the data may still be odd for this time [s]
 
 
 def heard(drive: DriveData, time_s: float, *codes: int) -> Tuple[float, str, bytes]:

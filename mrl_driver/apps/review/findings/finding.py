@@ -8,20 +8,13 @@ from mrl_driver.problems import PROBLEMS
 class Finding(NamedTuple):
     """One thing that went wrong, and the frame that proves it."""
 
-    kind: str
-    """Code of the row in `problems`, such as `sonar_dead`; the same in all versions."""
-    title: str
-    """What went wrong, in a few words."""
-    text: str
-    """What was seen, with figures, and what it means."""
-    time_s: float
-    """The moment [s since the recording began]."""
-    direction: str
-    """Direction of the frame: `>` to the board, `<` from it; empty without a frame."""
-    data: bytes
-    """The frame, or the piece of data that is not one; empty if there is none."""
-    weight: float
-    """How much it matters: findings are sorted by it, the heaviest first."""
+    kind: str  # code of the row in `problems`, such as `sonar_dead`; the same in all versions
+    title: str  # what went wrong, in a few words
+    text: str  # what was seen, with figures, and what it means
+    time_s: float  # the moment [s since the recording began]
+    direction: str  # direction of the frame: `>` to the board, `<` from it; empty without a frame
+    data: bytes  # the frame, or the piece of data that is not one; empty if there is none
+    weight: float  # how much it matters: findings are sorted by it, the heaviest first
 
     @property
     def remedy(self) -> str:

@@ -15,8 +15,7 @@ from mrl_driver.session.events import ImuChanged
 from .evidence import IMU, TELEMETRY, heard, interruptions, outside, runs
 from .finding import Finding
 
-WINDOW_S = 0.5
-"""Turns by gyro and by wheels are compared over this time [s]."""
+WINDOW_S = 0.5  # turns by gyro and by wheels are compared over this time [s]
 SLIP_RAD = 0.1
 """A wheel slips if gyro and wheels differ by more than this in a window, or in windows that follow each other [rad]:
 five times what the tracks' own noise gives."""
@@ -35,8 +34,7 @@ DRIFT_RAD_S = math.radians(0.5)
 degrees."""
 STAND_S, LEAST_RATES = 0.2, 5
 """A stand counts if it lasts this long, after a first time as long in which the body settles [s]."""
-SURE = 2.0
-"""A figure counts if it is this many standard errors beyond its threshold."""
+SURE = 2.0  # a figure counts if it is this many standard errors beyond its threshold
 
 
 def check(drive: DriveData) -> List[Finding]:
@@ -102,19 +100,16 @@ def _drift(drive: DriveData, change_rad_s: float, at_s: float) -> Finding:
 class _Compared(NamedTuple):
     """Turns of each window by gyro and by wheels, and the fit `gyro = scale turn + curve distance + drift time`."""
 
-    time_s: Any
-    """End of each window."""
+    time_s: Any  # end of each window
     turn_rad: Any
     distance_m: Any
     right_m: Any
     left_m: Any
-    rest_rad: Any
-    """What the fit does not explain."""
+    rest_rad: Any  # what the fit does not explain
     scale: float
     curve_rad_m: float
     drift_rad_s: float
-    errors: Any
-    """Standard errors of the three."""
+    errors: Any  # standard errors of the three
 
 
 def _compare(drive: DriveData) -> Optional[_Compared]:

@@ -33,17 +33,14 @@ BURSTS, BURST_S = 10, 1.0
 SLOW_S = 0.05
 """A round trip or a delay above this is slow [s], as in `mrl doctor`: the line takes 3 ms, a USB adapter up to 16 ms
 more."""
-SLOW_SHARE = 0.05
-"""Telemetry is late if more than this share of it is slower than `SLOW_S`."""
+SLOW_SHARE = 0.05  # telemetry is late if more than this share of it is slower than `SLOW_S`
 UNANSWERED_SHARE, LATE_ANSWER_S, ANSWER_S = 0.02, 0.25, 1.0
 """Requests get lost if more than this share has no answer within `ANSWER_S`, or come late if it has none within
 `LATE_ANSWER_S` [s]: in that time the board's watchdog stops the robot.
 """
 TEXTS = 3
-GAP = 5
-"""More lost frames than this in a row are a silence, not single losses."""
-AT_ONCE_S = 0.02
-"""More than `GAP` frames within this time came at once [s]: the stream has one."""
+GAP = 5  # more lost frames than this in a row are a silence, not single losses
+AT_ONCE_S = 0.02  # more than `GAP` frames within this time came at once [s]: the stream has one
 ASLEEP_S, AWAKE_S = 0.03, 0.11
 """While a command is in force, the driver repeats it every 0.1 s, but not if it received nothing for `LATE_S`.  A
 computer that is awake therefore most often sends a frame in this part of a silence [s]."""
@@ -59,14 +56,10 @@ class _Silence(NamedTuple):
     begin_s: float
     end_s: float
     moving: bool
-    asleep: bool
-    """The host sent nothing either, though it had to."""
-    unsure: bool
-    """The host sent nothing either, and had nothing to send."""
-    held: bool
-    """The frames of this time came afterwards."""
-    lost: int
-    """Frames that never came."""
+    asleep: bool  # the host sent nothing either, though it had to
+    unsure: bool  # the host sent nothing either, and had nothing to send
+    held: bool  # the frames of this time came afterwards
+    lost: int  # frames that never came
 
 
 def check(drive: DriveData) -> List[Finding]:

@@ -11,8 +11,7 @@ from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M, NEAREST_M
 from .evidence import TELEMETRY, heard, interruptions, outside, ready_s, runs
 from .finding import Finding
 
-DEAD_S = 3.0
-"""A sonar is dead if it has no reading for this time [s], ten times its period."""
+DEAD_S = 3.0  # a sonar is dead if it has no reading for this time [s], ten times its period
 SAME_M, SAME, SAME_RAD = 0.015, 10, math.radians(90.0)
 """A sonar is stuck if at least `SAME` readings differ by less than `SAME_M` [m], a step of the ADC, while the robot
 turns over a range of `SAME_RAD`: its cone has 36 deg, so that it cannot see the same wall all the time [rad]. """

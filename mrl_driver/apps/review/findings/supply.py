@@ -14,12 +14,9 @@ from .finding import Finding
 SAG_SHARE, SAG_S = 0.1, 3.0
 """A battery sags if it loses more than this share of its full voltage within this time [s].  A pack of 12 V with 0.15
 ohm loses 4 % while both motors run (3 A), and 12 % only while both stall (10 A)."""
-SETTLED_S = 1.5
-"""The voltage is not used this long before and after the motor board did not answer [s]."""
-LAGS = 3
-"""The voltage is read once a second."""
-HOT_C = 60.0
-"""Temperature of the motor board that is too high [degC], as in `mrl doctor`."""
+SETTLED_S = 1.5  # the voltage is not used this long before and after the motor board did not answer [s]
+LAGS = 3  # the voltage is read once a second
+HOT_C = 60.0  # temperature of the motor board that is too high [degC], as in `mrl doctor`
 
 
 def check(drive: DriveData) -> List[Finding]:

@@ -11,8 +11,7 @@ from mrl_driver.safety.wheel_monitor import POWERLESS, REVERSED, Mismatch
 from .evidence import TELEMETRY, command_at, heard, interruptions, outside, runs
 from .finding import Finding
 
-SETTLED_S = 0.5
-"""A wheel has its speed this long after the end of the ramp [s]."""
+SETTLED_S = 0.5  # a wheel has its speed this long after the end of the ramp [s]
 LEAST_M_S, LEAST_M = 0.05, 0.3
 """Speed and distance of a wheel from which its speed is compared with the one asked for [m/s m]."""
 WRONG_SHARE, SLOW_SHARE = 0.05, 0.1
