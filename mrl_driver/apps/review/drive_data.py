@@ -4,9 +4,11 @@ The recording plays through the driver itself (`RecordedDriver`), so that poses,
 program had that drove the robot.
 """
 
+import contextlib
 import math
 from array import array
 from bisect import bisect_left
+from collections import Counter, defaultdict
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
@@ -40,6 +42,9 @@ MOST_KEPT = 200_000
 _TOGETHER_S = 0.5  # a stop and its reason are written within this time of each other [s]
 _NOT_STOPS = (StopReason.NONE, StopReason.HOST, StopReason.BOOT)
 """Reasons of the board that are not stops of their own: the host's stop is recorded as it is sent."""
+
+
+_WIDTHS = {"poses": 3, "speeds": 3, "commands": 3, "battery": 2, "imu": 5, "delays": 0, "round_trips": 0}
 
 
 class Column(NamedTuple):
@@ -82,6 +87,10 @@ class Frames:
     def data(self, index: int) -> bytes:
         """Return the bytes of a frame."""
         return bytes(self._bytes[self._ends[index - 1] if index else 0 : self._ends[index]])
+
+    def times_of(self, *codes: int) -> Any:
+        """Return the times of the frames with these codes, as an array."""
+        return np.frombuffer(self.times_s)[np.isin(np.frombuffer(self.codes, dtype=np.int16), codes)]
 
     def at(self, time_s: float, *codes: int) -> bytes:
         """Return the first frame with one of these codes (any, if none is given) at or after a time; else the last one
@@ -144,16 +153,15 @@ def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda p
 
 
 class _Rows:
-    """Rows of numbers that grow: a time and `width` values."""
+    """Rows of numbers that grow: a time and `width` values; with a width of 0 one value, and a flat column."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int = 0) -> None:
         self._width, self._numbers = width, array("d")
         self.append = self._numbers.extend
 
-    def column(self, flat: bool = False) -> Column:
-        """The rows; `flat` gives values of shape `(N,)`."""
-        table = np.frombuffer(self._numbers, dtype=float).reshape(-1, 1 + self._width)
-        return Column(table[:, 0], table[:, 1] if flat else table[:, 1:])
+    def column(self) -> Column:
+        table = np.frombuffer(self._numbers, dtype=float).reshape(-1, 1 + (self._width or 1))
+        return Column(table[:, 0], table[:, 1:] if self._width else table[:, 1])
 
 
 class _Reader:
@@ -161,11 +169,9 @@ class _Reader:
 
     def __init__(self, recorded: "RecordedDriver") -> None:
         self._recorded = recorded
-        self._poses, self._speeds, self._commands = _Rows(3), _Rows(3), _Rows(3)
-        self._battery, self._imu, self._trips = _Rows(2), _Rows(5), _Rows(1)
-        self._counts: Optional[_Rows] = None
-        self._stamps_s, self._delays = array("d"), _Rows(1)
-        self._ranges: Dict[str, _Rows] = {}
+        self._rows = {name: _Rows(width) for name, width in _WIDTHS.items()}
+        self._stamps_s = array("d")
+        self._ranges: Dict[str, _Rows] = defaultdict(_Rows)
         self._sensors: Dict[str, _Rows] = {}
         self._statuses: List[Tuple[float, Status]] = []
         self._stops: List[Stop] = []
@@ -175,7 +181,6 @@ class _Reader:
         self._remarks: List[Tuple[float, str]] = []
         self._events: List[Tuple[float, object]] = []
         self._heard, self._sent = Frames(), Frames()
-        self._names: Dict[int, int] = {}
         self._losses: List[Tuple[float, int]] = []  # time, and number of lost frames so far
         self._lost_before = 0  # lost frames until the last telemetry
         self._counters = Counters()
@@ -198,51 +203,41 @@ class _Reader:
         recorded.on_heard(self._on_heard)
         recorded.on_remark(self._on_remark)
         recorded.play(advance)
-        return self._data()
-
-    def _data(self) -> DriveData:
-        recorded = self._recorded
-        header, model = recorded.recording.header, recorded.model
-        if model is None:
+        if recorded.model is None:
             raise ConfigError(
                 f"{recorded.recording.path} holds no answer of a robot, expected its frames: check port and baud "
                 "rate of the recorded program"
             )
-        try:
-            board: Optional[Board] = recorded.board
-        except BoardTimeout:
-            board = None
-        wheels = _Rows(2) if self._counts is None else self._counts
+        return self._data(recorded.model)
+
+    def _data(self, model: RobotModel) -> DriveData:
+        recorded, recording, board = self._recorded, self._recorded.recording, None
+        with contextlib.suppress(BoardTimeout):
+            board = recorded.board
+        codes = Counter(self._heard.codes)
         return DriveData(
-            recorded.recording.path,
-            str(header.get("started") or ""),
-            str(header.get("port") or ""),
-            model,
-            board.robot_id if board else 0,
-            board,
-            recorded.time_s,
-            self._poses.column(),
-            self._speeds.column(),
-            self._commands.column(),
-            wheels.column(),
-            np.frombuffer(self._stamps_s, dtype=float),
-            {name: rows.column(flat=True) for name, rows in self._ranges.items()},
-            self._battery.column(),
-            self._imu.column(),
-            {name: rows.column() for name, rows in self._sensors.items()},
-            self._statuses,
-            self._stops,
-            self._garbage,
-            Column(*np.array(self._losses, dtype=float).reshape(-1, 2).T),
-            self._delays.column(flat=True),
-            self._trips.column(flat=True),
-            self._opened,
-            self._remarks,
-            {BY_CODE[code].name: count for code, count in sorted(self._names.items())},
-            self._events,
-            self._heard,
-            self._sent,
-            recorded.recording.skipped_count,
+            path=recording.path,
+            started=str(recording.header.get("started") or ""),
+            port=str(recording.header.get("port") or ""),
+            model=model,
+            robot_id=board.robot_id if board else 0,
+            board=board,
+            duration_s=recorded.time_s,
+            stamps_s=np.frombuffer(self._stamps_s, dtype=float),
+            ranges={name: rows.column() for name, rows in self._ranges.items()},
+            sensors={name: rows.column() for name, rows in self._sensors.items()},
+            statuses=self._statuses,
+            stops=self._stops,
+            garbage=self._garbage,
+            lost=Column(*np.array(self._losses, dtype=float).reshape(-1, 2).T),
+            opened=self._opened,
+            remarks=self._remarks,
+            frames={BY_CODE[code].name: count for code, count in sorted(codes.items())},
+            events=self._events,
+            heard=self._heard,
+            sent=self._sent,
+            skipped_lines=recording.skipped_count,
+            **{name: rows.column() for name, rows in {"counts": _Rows(2), **self._rows}.items()},
         )
 
     def _keep(self, kept: List[Any], item: Any) -> None:
@@ -265,28 +260,25 @@ class _Reader:
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         now_s, twist, counts = self._recorded.time_s, telemetry.twist, telemetry.counts
         self._lost_before = self._counters.lost
-        self._poses.append((now_s, *telemetry.pose))
-        self._speeds.append((now_s, twist.linear_m_s, twist.angular_rad_s, twist.lateral_m_s))
-        if self._counts is None:
-            self._counts = _Rows(len(counts))
-        self._counts.append((now_s, *counts))
+        self._rows["poses"].append((now_s, *telemetry.pose))
+        self._rows["speeds"].append((now_s, twist.linear_m_s, twist.angular_rad_s, twist.lateral_m_s))
+        rows = self._rows.setdefault("counts", _Rows(len(counts)))
+        rows.append((now_s, *counts))
         delay_s = telemetry.arrival_s - telemetry.stamp_s
         self._stamps_s.append(now_s - delay_s)
         if telemetry.sequence is not None:
-            self._delays.append((now_s, delay_s))
+            self._rows["delays"].append((now_s, delay_s))
         for name in telemetry.fresh:
-            if name not in self._ranges:
-                self._ranges[name] = _Rows(1)
             self._ranges[name].append((now_s, telemetry.ranges[name]))
 
     def _on_imu(self, imu: Imu) -> None:
         bias = imu.bias_rad_s if imu.bias_known else math.nan
         rate = imu.angular_velocity_rad_s[2] - imu.bias_rad_s
         made_s = self._recorded.time_s - (imu.reading.arrival_s - imu.stamp_s)
-        self._imu.append((made_s, rate, *imu.linear_acceleration_m_s2, bias))
+        self._rows["imu"].append((made_s, rate, *imu.linear_acceleration_m_s2, bias))
 
     def _on_battery(self, board: Board) -> None:
-        self._battery.append((self._recorded.time_s, board.battery_v, board.temperature_c))
+        self._rows["battery"].append((self._recorded.time_s, board.battery_v, board.temperature_c))
 
     def _on_sensor(self, event: SensorRead) -> None:
         rows = self._sensors.setdefault(event.name, _Rows(len(event.reading.values)))
@@ -367,7 +359,7 @@ class _Reader:
             self._asked_s = time_s
 
     def _command(self, time_s: float, linear: float, angular: float, lateral: float = 0.0) -> None:
-        self._commands.append((time_s, linear, angular, lateral))
+        self._rows["commands"].append((time_s, linear, angular, lateral))
         self._moves = bool(linear or angular or lateral)
 
     def _on_stop(self, time_s: float, data: bytes) -> None:
@@ -385,9 +377,8 @@ class _Reader:
             return
         code = event.code
         self._heard.add(time_s, code, data)
-        self._names[code] = self._names.get(code, 0) + 1
         if code == _INFO and self._asked_s == self._asked_s:
-            self._trips.append((time_s, time_s - self._asked_s))
+            self._rows["round_trips"].append((time_s, time_s - self._asked_s))
             self._asked_s = math.nan
         if event.stamp is not None:
             lost = self._counters.lost

@@ -3,7 +3,7 @@
 Causes weigh more than what follows from them: a board that restarts also loses its link.
 """
 
-from typing import Callable, Dict, List, Set, Tuple
+from typing import Dict, List, Set, Tuple
 
 from mrl_driver.apps.review.drive_data import DriveData
 
@@ -12,18 +12,7 @@ from .finding import Finding
 
 __all__ = ["Finding", "find"]
 
-Check = Callable[[DriveData], List[Finding]]
-_CHECKS: Tuple[Check, ...] = (
-    board.check,
-    supply.check,
-    link.check,
-    wheels.check,
-    sonars.check,
-    gyro.check,
-    distances.check,
-)
-
-
+_PARTS = (board, supply, link, wheels, sonars, gyro, distances)
 _FOLLOWS: Tuple[Tuple[Set[str], Set[str]], ...] = (
     (
         {"wheel_dead", "wheel_blocked", "encoder_dead", "wheel_reversed", "wheels_powerless"},
@@ -35,11 +24,11 @@ _FOLLOWS: Tuple[Tuple[Set[str], Set[str]], ...] = (
             "slip",
             "pushing",
             "link_lost",
+            "board_silent",
+            "sonar_stuck",
             "board_restart",
             "brown_out",
             "firmware_hung",
-            "board_silent",
-            "sonar_stuck",
         },
         {"wheel_size"},
     ),
@@ -52,15 +41,14 @@ _FOLLOWS: Tuple[Tuple[Set[str], Set[str]], ...] = (
 )
 """If one of the first findings is there, the second ones follow from it, or cannot be judged: wheels must turn and
 count, motors need their voltage, telemetry needs the motor board, speeds need commands in time, distances need a
-whole path, the wheel size changes the turns too, and a cable that damages frames also loses them. """
+whole path, the wheel size changes the turns too, and a cable that damages frames also loses them."""
 
 
 def find(drive: DriveData) -> List[Finding]:
     """Return what went wrong in a drive, the most important first, each kind once; empty if nothing did."""
     found: Dict[str, Finding] = {}
-    for finding in sorted(
-        (each for check in _CHECKS for each in check(drive)), key=lambda each: -each.weight
-    ):
+    seen = (each for part in _PARTS for each in part.check(drive))
+    for finding in sorted(seen, key=lambda each: -each.weight):
         found.setdefault(finding.kind, finding)
     for causes, others in _FOLLOWS:
         if causes & set(found):

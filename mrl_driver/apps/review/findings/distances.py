@@ -8,7 +8,7 @@ sharpest walls.
 """
 
 import math
-from typing import Any, List, NamedTuple, Tuple
+from typing import Any, Iterator, NamedTuple, Tuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
 from .evidence import TELEMETRY, heard, interruptions, outside
-from .finding import Finding
+from .finding import Finding, finding
 
 FACTORS = np.linspace(0.6, 1.4, 41)  # tried sizes of the wheels, as shares of the model's
 LEAST_FACTOR, MOST_FACTOR = 0.7, 1.3
@@ -56,11 +56,11 @@ class _Path(NamedTuple):
     gyro: bool  # the turns are those of the gyro, whatever the size of the wheels
 
 
-def check(drive: DriveData) -> List[Finding]:
+def check(drive: DriveData) -> Iterator[Finding]:
     """Return whether the distances by the wheels fit the sonars."""
     readings, path = _readings(drive), _path(drive)
     if len(readings.time_s) < LEAST or np.abs(path.forward_m).sum() < LEAST_M:
-        return []
+        return
     count = max(1, math.ceil(drive.duration_s / PART_S))
     edges = np.linspace(0.0, drive.duration_s + 1e-6, count + 1)
     votes = np.zeros((len(FACTORS) + 1, DIRECTIONS))
@@ -71,25 +71,20 @@ def check(drive: DriveData) -> List[Finding]:
             votes += [_sharpness(some, path, factor) for factor in (1.0, *FACTORS)]
     scores = votes.sum(axis=1)
     if not scores[0]:
-        return []
+        return
     best = int(np.argmax(scores[1:]))
     factor, sharper = float(FACTORS[best]), scores[1 + best] / scores[0]
     if abs(factor - 1.0) <= WRONG or sharper < SHARPER or not LEAST_FACTOR <= factor <= MOST_FACTOR:
-        return []
+        return
     if _is_one_wall(votes[1 + best]):
-        return []
+        return
     also = "" if path.gyro else " or the wheel separation"
+    text = (
+        f"The walls that the sonars see fit together if the robot drove {factor:.0%} of the distance by its "
+        f"wheels: the wheel size{also} in the model is wrong, or the curve of the sonars."
+    )
     farthest = int(np.argmax(np.abs(path.forward_m)))
-    return [
-        Finding(
-            "wheel_size",
-            "The robot does not drive as far as its wheels say",
-            f"The walls that the sonars see fit together if the robot drove {factor:.0%} of the distance by its "
-            f"wheels: the wheel size{also} in the model is wrong, or the curve of the sonars.",
-            *heard(drive, path.time_s[farthest], *TELEMETRY),
-            61,
-        )
-    ]
+    yield finding("wheel_size", 61, text, heard(drive, path.time_s[farthest], *TELEMETRY))
 
 
 def _readings(drive: DriveData) -> _Readings:

@@ -1,6 +1,6 @@
 """What went wrong in a drive, in words for newcomers."""
 
-from typing import NamedTuple
+from typing import NamedTuple, Tuple
 
 from mrl_driver.problems import PROBLEMS
 
@@ -20,3 +20,14 @@ class Finding(NamedTuple):
     def remedy(self) -> str:
         """What to do about it."""
         return PROBLEMS[self.kind].advice
+
+
+def finding(
+    kind: str, weight: float, text: str, frame: Tuple[float, str, bytes], part: str = "", title: str = ""
+) -> Finding:
+    """Return a finding; its title is the message of its row in `problems`, about this wheel or sonar, if none is given.
+
+    `frame` is moment, direction and data of the frame that proves it.
+    """
+    title = title or PROBLEMS[kind].message.replace("SIDE", part).replace("NAME", part)
+    return Finding(kind, title, text, *frame, weight)

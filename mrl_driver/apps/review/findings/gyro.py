@@ -1,19 +1,18 @@
 """Findings from the IMU: that it failed, and where its gyro and the wheels disagree."""
 
 import math
-from typing import Any, List, NamedTuple, Optional, Tuple
+from typing import Any, Iterator, NamedTuple, Optional, Tuple
 
 import numpy as np
 
 from mrl_driver.apps.review.drive_data import DriveData
-from mrl_driver.problems import PROBLEMS
 from mrl_driver.robot.heading import STEADY_RAD_S
 from mrl_driver.robot.imu import CODES
 from mrl_driver.robot.models import Drive
 from mrl_driver.session.events import ImuChanged
 
 from .evidence import IMU, TELEMETRY, heard, interruptions, outside, runs
-from .finding import Finding
+from .finding import Finding, finding
 
 WINDOW_S = 0.5  # turns by gyro and by wheels are compared over this time [s]
 SLIP_RAD = 0.1
@@ -37,64 +36,52 @@ STAND_S, LEAST_RATES = 0.2, 5
 SURE = 2.0  # a figure counts if it is this many standard errors beyond its threshold
 
 
-def check(drive: DriveData) -> List[Finding]:
+def check(drive: DriveData) -> Iterator[Finding]:
     """Return what is wrong with the IMU, or what it shows."""
-    failed = _failed(drive)
-    if failed:
-        return failed
-    drift = _bias(drive)
+    wrong = _failed(drive) or _drift(drive)
+    if wrong is not None:
+        yield wrong
+        return
     found = _compare(drive)
-    if found is None:
-        return drift
-    return drift or [*_slips(drive, found), *_scales(drive, found)]
+    if found is not None:
+        yield from _slips(drive, found)
+        yield from _scales(drive, found)
 
 
-def _failed(drive: DriveData) -> List[Finding]:
+def _failed(drive: DriveData) -> Optional[Finding]:
     down = interruptions(drive)
     lost = [(float(t) - 1.0, float(t) + 1.0) for t in drive.lost.time_s]
     for time_s, event in drive.events:
         if not isinstance(event, ImuChanged) or event.in_use or event.state not in CODES:
             continue
-        if not outside([time_s], [*down, *lost])[0]:
-            continue
-        kind = CODES[event.state]
-        text = f"From {time_s:.1f} s on {event.text.partition(': ')[0]}."
-        return [Finding(kind, PROBLEMS[kind].message, text, *heard(drive, time_s, IMU, *TELEMETRY), 64)]
-    return []
+        if outside([time_s], [*down, *lost])[0]:
+            text = f"From {time_s:.1f} s on {event.text.partition(': ')[0]}."
+            return finding(CODES[event.state], 64, text, heard(drive, time_s, IMU, *TELEMETRY))
+    return None
 
 
-def _bias(drive: DriveData) -> List[Finding]:
+def _drift(drive: DriveData) -> Optional[Finding]:
     """Compare the gyro's rates while the wheels stand still."""
     imu = drive.imu
     if not len(imu.time_s) or len(drive.counts.time_s) < 2:
-        return []
+        return None
     raw = imu.values[:, 0] + np.nan_to_num(imu.values[:, 4])
     moved = np.any(np.abs(np.diff(drive.counts.values, axis=0)) > 1, axis=1)
-    still = runs(~moved)
     stands = []
-    for first, end in still:
+    for first, end in runs(~moved):
         begin_s, end_s = drive.stamps_s[first] + STAND_S, drive.stamps_s[end]
         rates = raw[slice(*np.searchsorted(imu.time_s, (begin_s, end_s)))]
         if end_s - begin_s >= STAND_S and len(rates) >= LEAST_RATES and np.std(rates) < STEADY_RAD_S:
             stands.append((float(end_s), float(np.mean(rates))))
-    if not stands:
-        return []
-    rates = np.array([rate for _, rate in stands])
-    far = np.abs(rates - rates[0]) > DRIFT_RAD_S
+    changes = np.array([abs(rate - stands[0][1]) for _, rate in stands])
+    far = changes > DRIFT_RAD_S
     if not far.any():
-        return []
-    return [_drift(drive, float(np.abs(rates - rates[0]).max()), stands[int(np.argmax(far))][0])]
-
-
-def _drift(drive: DriveData, change_rad_s: float, at_s: float) -> Finding:
-    return Finding(
-        "imu_drift",
-        "The gyro drifts",
-        f"While the robot stood, the rate it showed changed by {math.degrees(change_rad_s):.1f} deg/s during the "
-        "drive. The heading turns as fast.",
-        *heard(drive, at_s, IMU, *TELEMETRY),
-        62,
+        return None
+    text = (
+        f"While the robot stood, the rate it showed changed by {math.degrees(changes.max()):.1f} deg/s during the "
+        "drive. The heading turns as fast."
     )
+    return finding("imu_drift", 62, text, heard(drive, stands[int(np.argmax(far))][0], IMU, *TELEMETRY))
 
 
 class _Compared(NamedTuple):
@@ -158,7 +145,7 @@ def _fit(table: Any, gyro: Any, fit: Any) -> Tuple[Any, Any]:
     return fit, used
 
 
-def _slips(drive: DriveData, found: _Compared) -> List[Finding]:
+def _slips(drive: DriveData, found: _Compared) -> Iterator[Finding]:
     """Windows in which the robot turned otherwise than its wheels."""
     worst, at, total = 0.0, 0, 0.0
     for first, end in runs(np.abs(found.rest_rad) > AGREES_RAD):
@@ -168,25 +155,18 @@ def _slips(drive: DriveData, found: _Compared) -> List[Finding]:
             if abs(turned) > abs(worst):
                 worst, at = turned, first
     if not worst:
-        return []
-    return [_slip(drive, found, at, total, worst)]
-
-
-def _slip(drive: DriveData, found: _Compared, at: int, total_rad: float, worst_rad: float) -> Finding:
-    right, left = float(found.right_m[at]), float(found.left_m[at])
-    suspects = [name for name, sign in (("left", left), ("right", -right)) if sign * worst_rad > 0]
+        return
+    signs = (("left", float(found.left_m[at])), ("right", -float(found.right_m[at])))
+    suspects = [name for name, sign in signs if sign * worst > 0]
     which = f"The {suspects[0]} wheel" if len(suspects) == 1 else "A wheel"
-    return Finding(
-        "slip",
-        f"{which} slipped",
-        f"The gyro and the wheels disagree by {math.degrees(total_rad):.0f} deg in all: a wheel turned without "
-        "moving the robot as far.",
-        *heard(drive, found.time_s[at], *TELEMETRY),
-        63,
+    text = (
+        f"The gyro and the wheels disagree by {math.degrees(total):.0f} deg in all: a wheel turned without moving "
+        "the robot as far."
     )
+    yield finding("slip", 63, text, heard(drive, found.time_s[at], *TELEMETRY), which)
 
 
-def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
+def _scales(drive: DriveData, found: _Compared) -> Iterator[Finding]:
     """The geometry that the fit shows; figures that no robot has are slip."""
     ratio = found.curve_rad_m * drive.model.base.wheel_separation_m
     ratio_error = found.errors[1] * drive.model.base.wheel_separation_m
@@ -196,29 +176,20 @@ def _scales(drive: DriveData, found: _Compared) -> List[Finding]:
     )
     if (unequal and abs(ratio) > LARGEST_RATIO) or (scaled and abs(found.scale - 1.0) > LARGEST_SCALE):
         explained = (found.scale - 1.0) * found.turn_rad + found.curve_rad_m * found.distance_m
-        return _slips(drive, found._replace(rest_rad=found.rest_rad + explained))
-    findings = []
+        yield from _slips(drive, found._replace(rest_rad=found.rest_rad + explained))
+        return
     if unequal:
         larger, curve_deg_m = "right" if ratio > 0 else "left", math.degrees(abs(found.curve_rad_m))
-        findings.append(
-            Finding(
-                "wheel_ratio",
-                f"The {larger} wheel is larger than the other one",
-                f"It is larger by {abs(ratio):.1%}: by the gyro the robot turns {curve_deg_m:.1f} deg in each metre "
-                "while the wheels count the same.",
-                *heard(drive, found.time_s[int(np.argmax(np.abs(found.distance_m)))], *TELEMETRY),
-                56,
-            )
+        text = (
+            f"It is larger by {abs(ratio):.1%}: by the gyro the robot turns {curve_deg_m:.1f} deg in each metre while "
+            "the wheels count the same."
         )
+        at = int(np.argmax(np.abs(found.distance_m)))
+        yield finding("wheel_ratio", 56, text, heard(drive, found.time_s[at], *TELEMETRY), larger)
     if scaled:
-        findings.append(
-            Finding(
-                "track_width",
-                "The robot does not turn as far as its wheels say",
-                f"The gyro shows {found.scale:.0%} of the turn by the wheels: wheel separation or wheel size in the "
-                f"model is wrong by {abs(1 / found.scale - 1):.0%}, or the wheels slip in turns.",
-                *heard(drive, found.time_s[int(np.argmax(np.abs(found.turn_rad)))], *TELEMETRY),
-                55,
-            )
+        text = (
+            f"The gyro shows {found.scale:.0%} of the turn by the wheels: wheel separation or wheel size in the model "
+            f"is wrong by {abs(1 / found.scale - 1):.0%}, or the wheels slip in turns."
         )
-    return findings
+        at = int(np.argmax(np.abs(found.turn_rad)))
+        yield finding("track_width", 55, text, heard(drive, found.time_s[at], *TELEMETRY))

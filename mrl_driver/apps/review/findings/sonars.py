@@ -1,7 +1,7 @@
 """Findings about the sonars: no reading, always the same one, nothing in range where others see walls, pushing."""
 
 import math
-from typing import Any, List
+from typing import Any, Iterator, List, NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M, NEAREST_M
 
 from .evidence import TELEMETRY, heard, interruptions, outside, ready_s, runs
-from .finding import Finding
+from .finding import Finding, finding
 
 DEAD_S = 3.0  # a sonar is dead if it has no reading for this time [s], ten times its period
 SAME_M, SAME, SAME_RAD = 0.015, 10, math.radians(90.0)
@@ -28,48 +28,51 @@ PUSHED_M = NEAREST_M + 0.1
 [m]. """
 
 
-def check(drive: DriveData) -> List[Finding]:
+class _Sonar(NamedTuple):
+    """The readings of one sonar while the link was up."""
+
+    name: str
+    times_s: Any
+    values: Any
+    turned: Any  # heading of the robot at each reading, without wrap [rad]
+
+    def between(self, begin_s: float, end_s: float) -> Any:
+        """Return the ranges in this time [m], without those that are no reading."""
+        values = self.values[(self.times_s >= begin_s) & (self.times_s <= end_s)]
+        return values[~np.isnan(values)]
+
+
+def check(drive: DriveData) -> Iterator[Finding]:
     """Return what is wrong with the sonars."""
     if not len(drive.poses.time_s):
-        return []
+        return
     down = [*interruptions(drive), (-math.inf, ready_s(drive) + 1.0)]
-    readings = {}
+    yaws, sonars = np.unwrap(drive.poses.values[:, 2]), []
     for name, (times_s, values) in drive.ranges.items():
         kept = outside(times_s, down)
-        readings[name] = times_s[kept], values[kept]
-    yaws = np.unwrap(drive.poses.values[:, 2])
-    findings = []
-    for name, (times_s, values) in readings.items():
-        turned = np.interp(times_s, drive.poses.time_s, yaws)
-        others = [each for other, each in readings.items() if other != name]
-        found = (
-            _dead(drive, name, times_s, values)
-            or _stuck(drive, name, times_s, values, turned, others)
-            or _deaf(drive, name, times_s, values, turned, others)
-        )
-        findings += found
-    return [*_together(findings), *_pushing(drive, readings)]
+        turned = np.interp(times_s[kept], drive.poses.time_s, yaws)
+        sonars.append(_Sonar(name, times_s[kept], values[kept], turned))
+    found = []
+    for sonar in sonars:
+        others = [each for each in sonars if each is not sonar]
+        found.append(_dead(drive, sonar) or _stuck(drive, sonar, others) or _deaf(drive, sonar, others))
+    yield from _together([each for each in found if each is not None])
+    yield from (each for sonar in sonars if sonar.name == "front" for each in _pushing(drive, sonar))
 
 
-def _dead(drive: DriveData, name: str, times_s: Any, values: Any) -> List[Finding]:
-    for first, end in runs(np.isnan(values)):
+def _dead(drive: DriveData, sonar: _Sonar) -> Optional[Finding]:
+    times_s = sonar.times_s
+    for first, end in runs(np.isnan(sonar.values)):
         lasts_s = times_s[end - 1] - times_s[first] + CYCLE_S
         if lasts_s >= DEAD_S:
-            return [
-                Finding(
-                    "sonar_dead",
-                    f"The {name} sonar gave no reading",
-                    f"It was silent for {lasts_s:.0f} s: nothing is connected, or its input is saturated.",
-                    *heard(drive, times_s[first], *TELEMETRY),
-                    67,
-                )
-            ]
-    return []
+            text = f"It was silent for {lasts_s:.0f} s: nothing is connected, or its input is saturated."
+            return finding("sonar_dead", 67, text, heard(drive, times_s[first], *TELEMETRY), sonar.name)
+    return None
 
 
-def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, others: Any) -> List[Finding]:
+def _stuck(drive: DriveData, sonar: _Sonar, others: List[_Sonar]) -> Optional[Finding]:
     first, low, high = 0, math.inf, -math.inf
-    for i, value in enumerate(values):
+    for i, value in enumerate(sonar.values):
         if not value < math.inf:  # nothing in range, or no reading
             first, low, high = i + 1, math.inf, -math.inf
             continue
@@ -78,65 +81,50 @@ def _stuck(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, 
         if high - low >= SAME_M:
             first, low, high = i, near, near
             continue
-        turned_rad = np.ptp(turned[first : i + 1])
+        turned_rad = np.ptp(sonar.turned[first : i + 1])
         if i - first + 1 < SAME or turned_rad < (SAME_RAD if low > CLOSE_M else CLOSE_RAD):
             continue
-        if not _changed(others, times_s[first], times_s[i]):
-            return [_standing(drive, times_s[i], turned_rad)]
+        turned, frame = f"{math.degrees(turned_rad):.0f} deg", heard(drive, sonar.times_s[i], *TELEMETRY)
+        if not _changed(others, sonar.times_s[first], sonar.times_s[i]):
+            return _standing(turned, frame)
         reading = f"{low:.2f} m" if value > 0 else "too close"
-        return [
-            Finding(
-                "sonar_stuck",
-                f"The {name} sonar always showed the same range",
-                f"It showed {reading} in {i - first + 1} readings, while the robot turned over "
-                f"{math.degrees(turned_rad):.0f} deg: it does not measure, or something on the robot is in front of "
-                "it.",
-                *heard(drive, times_s[i], *TELEMETRY),
-                66,
-            )
-        ]
-    return []
+        text = (
+            f"It showed {reading} in {i - first + 1} readings, while the robot turned over {turned}: it does not "
+            "measure, or something on the robot is in front of it."
+        )
+        return finding("sonar_stuck", 66, text, frame, sonar.name)
+    return None
 
 
-def _changed(others: Any, begin_s: float, end_s: float) -> bool:
+def _changed(others: List[_Sonar], begin_s: float, end_s: float) -> bool:
     """Return whether another sonar saw something else in this time; True if there is no other one."""
-    seen = [values[(times_s >= begin_s) & (times_s <= end_s)] for times_s, values in others]
-    seen = [np.clip(each[~np.isnan(each)], 0.0, FARTHEST_M) for each in seen]
+    seen = [np.clip(each.between(begin_s, end_s), 0.0, FARTHEST_M) for each in others]
     return not seen or any(len(each) and np.ptp(each) >= CHANGED_M for each in seen)
 
 
-def _standing(drive: DriveData, time_s: float, turned_rad: float) -> Finding:
+def _standing(turned: str, frame: Tuple[float, str, bytes]) -> Finding:
     """All sonars show the same while the wheels turn."""
-    return Finding(
-        "pushing",
-        "The robot did not move although its wheels turned",
-        f"By its wheels it turned over {math.degrees(turned_rad):.0f} deg, while all sonars showed the same: it stood "
-        "against an obstacle, or its wheels were off the ground. The pose is off by as much.",
-        *heard(drive, time_s, *TELEMETRY),
-        68,
+    text = (
+        f"By its wheels it turned over {turned}, while all sonars showed the same: it stood against an obstacle, or "
+        "its wheels were off the ground. The pose is off by as much."
     )
+    title = "The robot did not move although its wheels turned"
+    return finding("pushing", 68, text, frame, title=title)
 
 
-def _deaf(drive: DriveData, name: str, times_s: Any, values: Any, turned: Any, others: Any) -> List[Finding]:
-    for first, end in runs(values == math.inf):
-        if end - first < SAME or np.ptp(turned[first:end]) < DEAF_RAD:
+def _deaf(drive: DriveData, sonar: _Sonar, others: List[_Sonar]) -> Optional[Finding]:
+    for first, end in runs(sonar.values == math.inf):
+        if end - first < SAME or np.ptp(sonar.turned[first:end]) < DEAF_RAD:
             continue
-        begin_s, end_s = times_s[first], times_s[end - 1]
-        seen = np.concatenate([v[(t >= begin_s) & (t <= end_s)] for t, v in others] or [np.zeros(0)])
-        seen = seen[~np.isnan(seen)]
-        if len(seen) < SAME or np.mean(seen < math.inf) < DEAF_SHARE:
-            continue
-        return [
-            Finding(
-                "sonar_deaf",
-                f"The {name} sonar saw nothing",
+        begin_s, end_s = sonar.times_s[first], sonar.times_s[end - 1]
+        seen = np.concatenate([each.between(begin_s, end_s) for each in others] or [np.zeros(0)])
+        if len(seen) >= SAME and np.mean(seen < math.inf) >= DEAF_SHARE:
+            text = (
                 f"It showed nothing in range from {begin_s:.0f} s to {end_s:.0f} s, while the others saw obstacles "
-                "in the same directions.",
-                *heard(drive, times_s[first], *TELEMETRY),
-                66,
+                "in the same directions."
             )
-        ]
-    return []
+            return finding("sonar_deaf", 66, text, heard(drive, begin_s, *TELEMETRY), sonar.name)
+    return None
 
 
 def _together(findings: List[Finding]) -> List[Finding]:
@@ -151,27 +139,17 @@ def _together(findings: List[Finding]) -> List[Finding]:
     return [one, *(each for each in findings if each.kind != "sonar_dead")]
 
 
-def _pushing(drive: DriveData, readings: Any) -> List[Finding]:
+def _pushing(drive: DriveData, front: _Sonar) -> Iterator[Finding]:
     """The wheels drive on although the front sonar is in contact."""
-    if "front" not in readings:
-        return []
-    times_s, values = readings["front"]
     moments, speeds = drive.speeds.time_s, drive.speeds.values[:, 0]
-    steps = np.append(0.0, np.diff(moments)) * np.maximum(speeds, 0.0)
-    driven = np.cumsum(steps)
-    for first, end in runs(values == -math.inf):
-        far = np.interp(times_s[first:end], moments, driven)
-        if far[-1] - far[0] < PUSHED_M:
-            continue
-        at_s = times_s[first + int(np.searchsorted(far, far[0] + PUSHED_M))]
-        return [
-            Finding(
-                "pushing",
-                "The robot pushed against an obstacle",
+    driven = np.cumsum(np.append(0.0, np.diff(moments)) * np.maximum(speeds, 0.0))
+    for first, end in runs(front.values == -math.inf):
+        far = np.interp(front.times_s[first:end], moments, driven)
+        if far[-1] - far[0] >= PUSHED_M:
+            at_s = front.times_s[first + int(np.searchsorted(far, far[0] + PUSHED_M))]
+            text = (
                 f"The wheels drove {far[-1] - far[0]:.2f} m forward, while the front sonar saw an obstacle closer "
-                f"than {NEAREST_M:g} m: they slipped, or the obstacle moved. The pose is off by as much.",
-                *heard(drive, at_s, *TELEMETRY),
-                59,
+                f"than {NEAREST_M:g} m: they slipped, or the obstacle moved. The pose is off by as much."
             )
-        ]
-    return []
+            yield finding("pushing", 59, text, heard(drive, at_s, *TELEMETRY))
+            return

@@ -1,6 +1,6 @@
 """Findings about the wheels by their counters: dead, blocked, reversed, slower or faster than asked."""
 
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Iterator, Optional, Tuple
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from mrl_driver.robot.models import Drive
 from mrl_driver.safety.wheel_monitor import POWERLESS, REVERSED, Mismatch
 
 from .evidence import TELEMETRY, command_at, heard, interruptions, outside, runs
-from .finding import Finding
+from .finding import Finding, finding
 
 SETTLED_S = 0.5  # a wheel has its speed this long after the end of the ramp [s]
 LEAST_M_S, LEAST_M = 0.05, 0.3
@@ -22,16 +22,17 @@ TURN_SHARE = 0.3
 """The gyro's rate agrees with a blocked wheel to this share of the rate that the other wheel alone gives."""
 
 
-def check(drive: DriveData) -> List[Finding]:
+def check(drive: DriveData) -> Iterator[Finding]:
     """Return what is wrong with the wheels."""
     if len(drive.poses.time_s) < 2 or not len(drive.commands.time_s):
-        return []
+        return
     for time_s, event in drive.events:
         if isinstance(event, Mismatch) and event.wheel:  # otherwise `board` has found the board's stop
             kind, title, why = _cause(drive, time_s, event)
             text = f"The {event}. {why}".strip()
-            return [Finding(kind, title, text, *heard(drive, time_s, *TELEMETRY), 85)]
-    return _speeds(drive)
+            yield finding(kind, 85, text, heard(drive, time_s, *TELEMETRY), title=title)
+            return
+    yield from _speeds(drive)
 
 
 def _cause(drive: DriveData, time_s: float, mismatch: Mismatch) -> Tuple[str, str, str]:
@@ -72,11 +73,11 @@ def _is_blocked(drive: DriveData, time_s: float, wheel: str) -> Optional[bool]:
     return abs(measured - turning) < TURN_SHARE * abs(turning)
 
 
-def _speeds(drive: DriveData) -> List[Finding]:
+def _speeds(drive: DriveData) -> Iterator[Finding]:
     """Compare the speeds of each wheel with those asked for, while they are constant."""
     base = drive.model.drive
     if not isinstance(base, Drive):
-        return []
+        return
     times_s, stamps_s = drive.poses.time_s, drive.stamps_s
     metres = np.array([base.right_m_per_count, base.left_m_per_count])
     asked = command_at(drive, times_s)
@@ -102,34 +103,19 @@ def _speeds(drive: DriveData) -> List[Finding]:
         driven_m += np.where(quick, moved * sign, 0.0)
         asked_m += np.where(quick, wanted * sign, 0.0)
         at_s = np.where(np.isnan(at_s) & quick, times_s[end - 1], at_s)
-    if np.any(asked_m < LEAST_M):
-        return []
-    return _wrong_speeds(drive, driven_m / asked_m, at_s)
+    if np.all(asked_m >= LEAST_M):
+        yield from _wrong_speeds(driven_m / asked_m, heard(drive, float(np.nanmin(at_s)), *TELEMETRY))
 
 
-def _wrong_speeds(drive: DriveData, ratios: Any, at_s: Any) -> List[Finding]:
+def _wrong_speeds(ratios: Any, frame: Tuple[float, str, bytes]) -> Iterator[Finding]:
     right, left = (float(each) for each in ratios)
-    names: Dict[str, float] = {"right": right, "left": left}
     if abs(right - left) < WRONG_SHARE and abs(0.5 * (right + left) - 1.0) > WRONG_SHARE:
-        return [
-            Finding(
-                "speed_scale",
-                "The robot does not drive as fast as asked",
-                f"By its wheels it drove {0.5 * (right + left):.0%} of the speed asked for: wheel size, gearbox or "
-                "encoder counts in the board differ from those of the robot model.",
-                *heard(drive, float(np.nanmin(at_s)), *TELEMETRY),
-                62,
-            )
-        ]
-    slow = min(names, key=lambda each: names[each])
-    if names[slow] < 1.0 - SLOW_SHARE:
-        return [
-            Finding(
-                "wheel_slow",
-                f"The {slow} wheel is slower than asked",
-                f"It reached {names[slow]:.0%} of its speed, the other wheel {max(right, left):.0%}.",
-                *heard(drive, float(np.nanmin(at_s)), *TELEMETRY),
-                58,
-            )
-        ]
-    return []
+        text = (
+            f"By its wheels it drove {0.5 * (right + left):.0%} of the speed asked for: wheel size, gearbox or "
+            "encoder counts in the board differ from those of the robot model."
+        )
+        yield finding("speed_scale", 62, text, frame)
+    elif min(right, left) < 1.0 - SLOW_SHARE:
+        slow = "right" if right <= left else "left"
+        text = f"It reached {min(right, left):.0%} of its speed, the other wheel {max(right, left):.0%}."
+        yield finding("wheel_slow", 58, text, frame, slow)
