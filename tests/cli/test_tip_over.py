@@ -5,6 +5,7 @@ import math
 import pytest
 
 from mrl_driver.apps.tip_over import sweep, vehicle_file
+from mrl_driver.apps.tip_over.margin import Situation
 from tests.documents.blocks import ROOT
 
 from .run import fails, mrl
@@ -54,7 +55,7 @@ def test_a_sweep_is_printed_and_drawn(tmp_path):
 
 def test_documented_margins_are_those_of_the_packaged_vehicle():
     def shown(name, *values):
-        found = sweep.Situation(vehicle_file.load("mecanum-arm"))
+        found = Situation(vehicle_file.load("mecanum-arm"))
         at = [sweep.QUANTITIES[name].change(found, value).margin().angle_rad for value in values]
         return " / ".join(f"{math.degrees(angle):.1f}" for angle in at)
 

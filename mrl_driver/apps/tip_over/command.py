@@ -1,7 +1,7 @@
 """`mrl tip-over`: tip-over margin of a vehicle, its largest safe acceleration, and the force that tips it over."""
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List, Optional, Tuple
+from typing import TYPE_CHECKING, Any, Dict, Optional
 
 import click
 
@@ -9,8 +9,8 @@ from mrl_driver.cli.commands.shared import Between, json_option, print_json
 from mrl_driver.errors import ConfigError
 
 if TYPE_CHECKING:
-    from mrl_driver.apps.tip_over.margin import Margin, Vector
-    from mrl_driver.apps.tip_over.sweep import Range, Situation
+    from mrl_driver.apps.tip_over.margin import Situation, Vector
+    from mrl_driver.apps.tip_over.sweep import Range
 
 _LINES = 12  # most lines of a sweep that are printed
 _NAMED = {
@@ -24,33 +24,30 @@ _NAMED = {
 """Directions of a force, by name."""
 
 
+def _number(name: str, low: float, high: float, unit: str, text: str, **options: Any) -> Any:
+    """An option that takes a number; `min_open` and `max_open` are those of `Between`."""
+    limits = {key: options.pop(key) for key in ("min_open", "max_open") if key in options}
+    shown = "default" in options
+    return click.option(
+        name, type=Between(low, high, **limits), metavar=unit, help=text, show_default=shown, **options
+    )
+
+
 @click.command("tip-over")
 @click.argument("vehicle")
-@click.option(
-    "--reserve",
-    type=Between(0, 90, max_open=True),
-    default=10.0,
-    show_default=True,
-    metavar="DEG",
-    help="Margin to keep at least [deg].",
+@_number("--reserve", 0, 90, "DEG", "Margin to keep at least [deg].", max_open=True, default=10.0)
+@_number(
+    "--slope", 0, 90, "DEG", "Slope of the ground, in the worst direction [deg].", max_open=True, default=0.0
 )
-@click.option(
-    "--slope",
-    type=Between(0, 90, max_open=True),
-    default=0.0,
-    show_default=True,
-    metavar="DEG",
-    help="Slope of the ground, in the worst direction [deg].",
-)
-@click.option(
+@_number(
     "--acceleration",
-    type=Between(0, 1000),
+    0,
+    1000,
+    "M_S2",
+    "Acceleration that acts with a force or in a sweep, in the worst direction [m/s2].",
     default=0.0,
-    show_default=True,
-    metavar="M_S2",
-    help="Acceleration that acts with a force or in a sweep, in the worst direction [m/s2].",
 )
-@click.option("--force", type=Between(0, 1e5), metavar="N", help="External force [N].")
+@_number("--force", 0, 1e5, "N", "External force [N].")
 @click.option(
     "--at",
     metavar="X,Y,HEIGHT",
@@ -63,15 +60,8 @@ _NAMED = {
     metavar="DIRECTION",
     help=f"Direction of the force: worst, {', '.join(_NAMED)}, or a vector X,Y,UP.",
 )
-@click.option(
-    "--arm-angle", type=Between(0, 180), metavar="DEG", help="Angle of the arm: 0 forward, 90 up [deg]."
-)
-@click.option(
-    "--arm-height",
-    type=Between(0, 100, min_open=True),
-    metavar="M",
-    help="Height of the arm's lower end [m].",
-)
+@_number("--arm-angle", 0, 180, "DEG", "Angle of the arm: 0 forward, 90 up [deg].")
+@_number("--arm-height", 0, 100, "M", "Height of the arm's lower end [m].", min_open=True)
 @click.option(
     "--sweep",
     "swept",
@@ -98,10 +88,10 @@ def tip_over(
       mrl tip-over mecanum-arm --force 30 --direction left
       mrl tip-over mecanum-arm --sweep arm-angle=0:180 --plot angle.png
     """
-    from mrl_driver.apps.tip_over import sweep, vehicle_file
+    from mrl_driver.apps.tip_over import margin, sweep, vehicle_file
 
     as_json = given.pop("as_json")
-    situation = _situation(sweep.Situation(vehicle_file.load(vehicle)), swept, **given)
+    situation = _situation(margin.Situation(vehicle_file.load(vehicle)), swept or "", **given)
     if swept is not None:
         _show_sweep(situation, sweep.parse(swept), math.radians(reserve), picture, as_json)
     else:
@@ -109,40 +99,27 @@ def tip_over(
 
 
 def _situation(
-    situation: "Situation",
-    swept: Optional[str],
-    slope: float,
-    acceleration: float,
-    force: Optional[float],
-    at: Optional[str],
-    direction: str,
-    arm_angle: Optional[float],
-    arm_height: Optional[float],
+    situation: "Situation", swept: str, *, at: Optional[str], direction: str, slope: float, **given: Any
 ) -> "Situation":
     """The vehicle and what acts on it, from the options."""
     from mrl_driver.apps.tip_over.margin import Push
 
-    given = {
-        "arm-angle": arm_angle,
-        "arm-height": arm_height,
-        "acceleration": acceleration or None,
-        "force": force,
-    }
-    twice = [
-        name for name, value in given.items() if value is not None and (swept or "").startswith(f"{name}=")
-    ]
+    acceleration, force = given.pop("acceleration"), given["force"]
+    named = {"acceleration": acceleration or None, **given}
+    twice = [name.replace("_", "-") for name, value in named.items() if value is not None]
+    twice = [name for name in twice if swept.startswith(f"{name}=")]
     if twice:
         raise ConfigError(f"--{twice[0]} and --sweep {swept} are given, expected one of them")
-    arm = {"angle_deg": arm_angle, "height_m": arm_height}
+    arm = {"angle_deg": given["arm_angle"], "height_m": given["arm_height"]}
     changed = {name: value for name, value in arm.items() if value is not None}
     if changed:
         situation = situation.with_arm(**changed)
-    pushed = force is not None or (swept or "").startswith("force=")
+    pushed = force is not None or swept.startswith("force=")
     if not pushed and (at is not None or direction != "worst"):
         raise ConfigError("--at and --direction are given without a force, expected --force N too")
     push = Push(force or 0.0, None if at is None else _vector("--at", at), _direction(direction))
     if pushed and push.at_m is None:
-        push = push._replace(at_m=None if swept and swept.startswith("arm") else situation.vehicle.tip)
+        push = push._replace(at_m=None if swept.startswith("arm") else situation.vehicle.tip)
     if push.at_m is not None and push.at_m[2] < 0:
         raise ConfigError(f"--at {at} is below the ground, expected a height of at least 0")
     return situation._replace(acceleration_m_s2=acceleration, slope_rad=math.radians(slope), push=push)
@@ -182,16 +159,14 @@ def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as
     if picture:
         from mrl_driver.apps.tip_over import margin_plot
 
-        margin_plot.draw(vehicle, picture, reserve_rad, situation.slope_rad, push)
+        margin_plot.draw(situation, picture, reserve_rad)
     made: Dict[str, Any] = {
         "vehicle": vehicle.name,
         "whole": vehicle.whole._asdict(),
-        "margin_rad": margin.least(margin.margins(vehicle)).angle_rad,
-        "tips_m_s2": margin.limits(vehicle, 0.0, situation.slope_rad, push),
-        "limit_m_s2": margin.limits(vehicle, reserve_rad, situation.slope_rad, push),
-        "limit_anywhere_m_s2": margin.greatest_acceleration_anywhere(
-            vehicle, reserve_rad, situation.slope_rad, push
-        ),
+        "margin_rad": margin.Situation(vehicle).margin().angle_rad,
+        "tips_m_s2": margin.limits(situation),
+        "limit_m_s2": margin.limits(situation, reserve_rad),
+        "limit_anywhere_m_s2": margin.greatest_acceleration_anywhere(situation, reserve_rad),
         "reserve_rad": reserve_rad,
         "slope_rad": situation.slope_rad,
         "picture": picture,
@@ -200,29 +175,20 @@ def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as
         made["acceleration_m_s2"] = situation.acceleration_m_s2
         made["loaded_margin_rad"] = situation.margin().angle_rad
     if push.force_n:
-        made["push"] = _of_push(situation, reserve_rad)
+        made["push"] = {
+            "force_n": push.force_n,
+            "at_m": push.at_m,
+            "worst": push.direction is None,
+            "direction": situation.margin().push,
+            "tips_n": margin.greatest_force(situation),
+            "limit_n": margin.greatest_force(situation, reserve_rad),
+        }
     if as_json:
         print_json(made)
         return
     _print(situation, made, math.degrees(reserve_rad))
     if picture:
         click.echo(picture)
-
-
-def _of_push(situation: "Situation", reserve_rad: float) -> Dict[str, Any]:
-    """The force, its direction, and the largest ones."""
-    from mrl_driver.apps.tip_over import margin
-
-    vehicle, push = situation.vehicle, situation.push
-    rest = (situation.slope_rad, situation.acceleration_m_s2)
-    return {
-        "force_n": push.force_n,
-        "at_m": push.at_m,
-        "worst": push.direction is None,
-        "direction": situation.margin().push,
-        "tips_n": margin.greatest_force(vehicle, push, 0.0, *rest),
-        "limit_n": margin.greatest_force(vehicle, push, reserve_rad, *rest),
-    }
 
 
 def _print(situation: "Situation", made: Dict[str, Any], reserve: float) -> None:
@@ -296,15 +262,11 @@ def _show_sweep(
             }
         )
         return
-    _print_sweep(over, found, turning)
-    if picture:
-        click.echo(picture)
-
-
-def _print_sweep(over: "Range", found: List[Tuple[float, "Margin"]], turning: List[float]) -> None:
     unit = over.quantity.unit
     click.echo(f"{f'{over.name} [{unit}]':>22}  least margin")
     for value, margin in found[:: (len(found) - 1) // _LINES]:
         click.echo(f"{value:22g}  {_margin_text(margin.angle_rad)}")
     for value in turning:
         click.echo(f"margin 0 at {value:.4g} {unit}")
+    if picture:
+        click.echo(picture)

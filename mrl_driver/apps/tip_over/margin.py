@@ -1,8 +1,8 @@
 """Tip-over margin of a vehicle: the force-angle stability margin.  No I/O.
 
-Source: (Papadopoulos and Rey 1996); (Papadopoulos and Rey 2000) weights the angle with the force and its arm.  Each
-edge of the polygon of ground contact points is a tip-over axis.  The margin is the angle between the net force on the
-centre of mass and the perpendicular from there to the axis.  It is 0 when the wheels on the other side lift off.
+Source: (Papadopoulos and Rey 1996); without the weights of (Papadopoulos and Rey 2000).  Each edge of the polygon of
+ground contact points is a tip-over axis.  The margin is the angle between the net force on the centre of mass and the
+perpendicular from there to the axis.  It is 0 when the wheels on the other side lift off.
 
 x is forward, y left, z up.  The ground is flat.  Friction is not considered: the wheels never slip.
 """
@@ -112,65 +112,55 @@ class Vehicle(NamedTuple):
 class Margin(NamedTuple):
     """The margin for one tip-over axis."""
 
-    axis: Tuple[Point, Point]
     angle_rad: float  # the force-angle margin; below 0 the vehicle tips over
-    measure_n_m: float  # the angle times the net force times its distance from the axis (the measure of 2000)
     push: Vector = NOTHING  # direction of the push, a unit vector; nothing without a push
 
 
+class Situation(NamedTuple):
+    """A vehicle and what acts on it; acceleration and slope are in the worst direction of each tip-over axis."""
+
+    vehicle: Vehicle
+    acceleration_m_s2: float = 0.0
+    slope_rad: float = 0.0
+    push: Push = NO_PUSH
+
+    def margin(self) -> Margin:
+        """Return the least margin.
+
+        Raises:
+            ConfigError: as `margins`.
+        """
+        found, downhill = [], math.sin(self.slope_rad)
+        for plane in _planes(self.vehicle):
+            x, y = plane.out
+            inwards = (-x * self.acceleration_m_s2, -y * self.acceleration_m_s2)
+            found.append(_margin(self.vehicle, plane, inwards, (x * downhill, y * downhill), self.push))
+        return least(found)
+
+    def with_arm(self, **values: float) -> "Situation":
+        """Return the situation with other attributes of the arm; raise ConfigError if the vehicle has none."""
+        arm = self.vehicle.arm
+        if arm is None:
+            name = self.vehicle.name
+            raise ConfigError(f"vehicle {name} has no arm, expected a vehicle's .yaml with the key arm")
+        return self._replace(vehicle=self.vehicle._replace(arm=arm._replace(**values)))
+
+
 def margins(
-    vehicle: Vehicle,
-    acceleration_m_s2: Point = (0.0, 0.0),
-    force_n: Vector = NOTHING,
-    moment_n_m: Vector = NOTHING,
-    slope: Point = (0.0, 0.0),
-    push: Push = NO_PUSH,
+    vehicle: Vehicle, acceleration_m_s2: Point = (0.0, 0.0), slope: Point = (0.0, 0.0), push: Push = NO_PUSH
 ) -> List[Margin]:
     """Return the margin of each tip-over axis, counter-clockwise.
 
     Args:
         vehicle: the vehicle.
         acceleration_m_s2: acceleration along the ground; in a curve it includes v * omega towards the inside.
-        force_n: external force on the centre of mass, such as from an arm that pushes.
-        moment_n_m: external moment about the centre of mass.
         slope: downhill direction, as a vector of length sin(slope).
         push: external force at a point.
 
     Raises:
         ConfigError: the contact points do not span an area, or the push needs an arm.
     """
-    mass = vehicle.whole
-    weight_n = mass.mass_kg * GRAVITY_M_S2
-    down = math.sqrt(max(0.0, 1 - slope[0] ** 2 - slope[1] ** 2))
-    net = (
-        weight_n * slope[0] - mass.mass_kg * acceleration_m_s2[0] + force_n[0],
-        weight_n * slope[1] - mass.mass_kg * acceleration_m_s2[1] + force_n[1],
-        -weight_n * down + force_n[2],
-    )
-    centre = (mass.x_m, mass.y_m, mass.height_m)
-    planes = (_Plane.across(first, second, centre) for first, second in _edges(vehicle.contacts))
-    if push.force_n:
-        at_m = vehicle.tip if push.at_m is None else push.at_m
-        push = push._replace(at_m=(at_m[0] - centre[0], at_m[1] - centre[1], at_m[2] - centre[2]))
-    return [_margin(plane, net, moment_n_m, push) for plane in planes]
-
-
-def worst(
-    vehicle: Vehicle, acceleration_m_s2: float = 0.0, slope_rad: float = 0.0, push: Push = NO_PUSH
-) -> Margin:
-    """Return the least margin with the acceleration and the slope in the worst direction of each tip-over axis.
-
-    Raises:
-        ConfigError: as `margins`.
-    """
-    found = []
-    for number, (first, second) in enumerate(_edges(vehicle.contacts)):
-        length_m = math.hypot(second[0] - first[0], second[1] - first[1])
-        out = (second[1] - first[1]) / length_m, (first[0] - second[0]) / length_m
-        inwards = (-out[0] * acceleration_m_s2, -out[1] * acceleration_m_s2)
-        slope = (out[0] * math.sin(slope_rad), out[1] * math.sin(slope_rad))
-        found.append(margins(vehicle, inwards, slope=slope, push=push)[number])
-    return least(found)
+    return [_margin(vehicle, plane, acceleration_m_s2, slope, push) for plane in _planes(vehicle)]
 
 
 def least(found: Sequence[Margin]) -> Margin:
@@ -178,13 +168,7 @@ def least(found: Sequence[Margin]) -> Margin:
     return min(found, key=lambda margin: margin.angle_rad)
 
 
-def greatest_acceleration(
-    vehicle: Vehicle,
-    direction: Point,
-    reserve_rad: float = 0.0,
-    slope_rad: float = 0.0,
-    push: Push = NO_PUSH,
-) -> float:
+def greatest_acceleration(now: Situation, direction: Point, reserve_rad: float = 0.0) -> float:
     """Return the largest acceleration in a direction (unit vector) at which all margins keep the reserve [m/s2].
 
     The ground slopes in the worst direction, so that weight and inertia add up.  The result is 0 if the vehicle does
@@ -193,72 +177,63 @@ def greatest_acceleration(
     Raises:
         ConfigError: as `margins`.
     """
-    slope = (-direction[0] * math.sin(slope_rad), -direction[1] * math.sin(slope_rad))
+    x, y = direction
+    slope = (-x * math.sin(now.slope_rad), -y * math.sin(now.slope_rad))
 
     def enough(value: float) -> bool:
-        found = margins(vehicle, (direction[0] * value, direction[1] * value), slope=slope, push=push)
-        return least(found).angle_rad >= reserve_rad
+        return least(margins(now.vehicle, (x * value, y * value), slope, now.push)).angle_rad >= reserve_rad
 
     return _greatest(enough, MOST_M_S2)
 
 
-def greatest_acceleration_anywhere(
-    vehicle: Vehicle, reserve_rad: float = 0.0, slope_rad: float = 0.0, push: Push = NO_PUSH
-) -> float:
+def greatest_acceleration_anywhere(now: Situation, reserve_rad: float = 0.0) -> float:
     """Return the largest acceleration at which all margins keep the reserve, whatever its direction is [m/s2].
 
     It may be less than in each of the `DIRECTIONS`: a vehicle whose tip-over axes lie askew tips over between them.
-    The slope is as in `worst`.
-
-    Raises:
-        ConfigError: as `margins`.
-    """
-    return _greatest(lambda value: worst(vehicle, value, slope_rad, push).angle_rad >= reserve_rad, MOST_M_S2)
-
-
-def greatest_force(
-    vehicle: Vehicle,
-    push: Push,
-    reserve_rad: float = 0.0,
-    slope_rad: float = 0.0,
-    acceleration_m_s2: float = 0.0,
-) -> float:
-    """Return the largest force of a push at which all margins keep the reserve [N]; slope and acceleration are as in
-    `worst`.  The result is 0 if the vehicle does not have the reserve without the force, and `MOST_N` if even that
-    keeps it.
 
     Raises:
         ConfigError: as `margins`.
     """
 
     def enough(value: float) -> bool:
-        pushed = push._replace(force_n=value)
-        return worst(vehicle, acceleration_m_s2, slope_rad, pushed).angle_rad >= reserve_rad
+        return now._replace(acceleration_m_s2=value).margin().angle_rad >= reserve_rad
+
+    return _greatest(enough, MOST_M_S2)
+
+
+def greatest_force(now: Situation, reserve_rad: float = 0.0) -> float:
+    """Return the largest force of the push at which all margins keep the reserve [N].
+
+    The result is 0 if the vehicle does not have the reserve without the force, and `MOST_N` if even that keeps it.
+
+    Raises:
+        ConfigError: as `margins`.
+    """
+
+    def enough(value: float) -> bool:
+        return now._replace(push=now.push._replace(force_n=value)).margin().angle_rad >= reserve_rad
 
     return _greatest(enough, MOST_N)
 
 
+def limits(now: Situation, reserve_rad: float = 0.0) -> Dict[str, float]:
+    """Return `greatest_acceleration` for each of the `DIRECTIONS` [m/s2]."""
+    return {name: greatest_acceleration(now, each, reserve_rad) for name, each in DIRECTIONS.items()}
+
+
 def _greatest(enough: Callable[[float], bool], high: float) -> float:
     """Return the largest value up to `high` that is enough; all smaller ones are, too."""
-    low = 0.0
-    if not enough(low):
+    if not enough(0.0):
         return 0.0
-    if enough(high):
-        return high
+    return high if enough(high) else bisect(enough, 0.0, high)
+
+
+def bisect(is_low: Callable[[float], bool], low: float, high: float) -> float:
+    """Return the value between `low` and `high` up to which `is_low` holds."""
     for _ in range(_STEPS):
         middle = (low + high) / 2
-        low, high = (middle, high) if enough(middle) else (low, middle)
+        low, high = (middle, high) if is_low(middle) else (low, middle)
     return low
-
-
-def limits(
-    vehicle: Vehicle, reserve_rad: float = 0.0, slope_rad: float = 0.0, push: Push = NO_PUSH
-) -> Dict[str, float]:
-    """Return `greatest_acceleration` for each of the `DIRECTIONS` [m/s2]."""
-    return {
-        name: greatest_acceleration(vehicle, direction, reserve_rad, slope_rad, push)
-        for name, direction in DIRECTIONS.items()
-    }
 
 
 def hull(points: Sequence[Point]) -> List[Point]:
@@ -283,62 +258,70 @@ def hull(points: Sequence[Point]) -> List[Point]:
     return corners
 
 
+def _turn(a: Point, b: Point, c: Point) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+class _Plane(NamedTuple):
+    """The vertical plane through the centre of mass, across a tip-over axis: only forces in it tip the vehicle over.
+
+    Points in it are along the line from the centre of mass to the axis, and perpendicular to it, down and to the
+    inside; a net force keeps the vehicle down if it has a part there.
+    """
+
+    mass: Mass
+    out: Point  # horizontal unit vector, out of the vehicle
+    reach_m: float  # distance of the axis from the centre of mass along `out`
+    arm_m: float  # distance of the axis from the centre of mass
+
+    def seen(self, vector: Vector) -> Point:
+        """The part of a vector in this plane."""
+        out, up = vector[0] * self.out[0] + vector[1] * self.out[1], vector[2]
+        reach, height = self.reach_m / self.arm_m, self.mass.height_m / self.arm_m
+        return out * reach - up * height, -out * height - up * reach
+
+    def vector(self, point: Point) -> Vector:
+        """The vector of a point in this plane."""
+        reach, height = self.reach_m / self.arm_m, self.mass.height_m / self.arm_m
+        out = point[0] * reach - point[1] * height
+        return out * self.out[0], out * self.out[1], -point[0] * height - point[1] * reach
+
+
 @functools.lru_cache(maxsize=8)
 def _edges(points: Tuple[Point, ...]) -> Sequence[Tuple[Point, Point]]:
     corners = hull(points)
     return tuple(zip(corners, corners[1:] + corners[:1]))
 
 
-def _turn(a: Point, b: Point, c: Point) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def _planes(vehicle: Vehicle) -> List[_Plane]:
+    mass, planes = vehicle.whole, []
+    for (x, y), (to_x, to_y) in _edges(vehicle.contacts):
+        length_m = math.hypot(to_x - x, to_y - y)
+        out = (to_y - y) / length_m, (x - to_x) / length_m
+        reach_m = (x - mass.x_m) * out[0] + (y - mass.y_m) * out[1]
+        planes.append(_Plane(mass, out, reach_m, math.hypot(reach_m, mass.height_m)))
+    return planes
 
 
-class _Plane(NamedTuple):
-    """The vertical plane through the centre of mass, across a tip-over axis: only forces in it tip the vehicle over."""
-
-    ends: Tuple[Point, Point]
-    arm_m: float  # distance of the axis from the centre of mass
-    axis: Vector
-    towards: Vector  # from the centre of mass to the axis, a unit vector
-    off: Vector
-    """Perpendicular to `towards`, down and to the inside; a net force keeps the vehicle down if it has a part there."""
-
-    @classmethod
-    def across(cls, first: Point, second: Point, centre: Vector) -> "_Plane":
-        length = math.hypot(second[0] - first[0], second[1] - first[1])
-        axis = ((second[0] - first[0]) / length, (second[1] - first[1]) / length, 0.0)
-        to_axis = _across((second[0] - centre[0], second[1] - centre[1], -centre[2]), axis)
-        arm_m = math.sqrt(_dot(to_axis, to_axis))
-        towards = (to_axis[0] / arm_m, to_axis[1] / arm_m, to_axis[2] / arm_m)
-        return cls((first, second), arm_m, axis, towards, _cross(axis, towards))
-
-    def seen(self, vector: Vector) -> Point:
-        """The part of a vector in this plane, along `towards` and `off`."""
-        return _dot(vector, self.towards), _dot(vector, self.off)
-
-
-def _margin(plane: _Plane, net: Vector, moment: Vector, push: Push) -> Margin:
-    towards, off = plane.seen(net)
-    off -= _dot(moment, plane.axis) / plane.arm_m
+def _margin(vehicle: Vehicle, plane: _Plane, acceleration_m_s2: Point, slope: Point, push: Push) -> Margin:
+    mass = plane.mass
+    weight_n = mass.mass_kg * GRAVITY_M_S2
+    net_x, net_y = (weight_n * s - mass.mass_kg * a for s, a in zip(slope, acceleration_m_s2))
+    down = math.sqrt(max(0.0, 1 - slope[0] ** 2 - slope[1] ** 2))
+    towards, off = plane.seen((net_x, net_y, -weight_n * down))
     direction = NOTHING
-    if push.force_n and push.at_m is not None:
-        at = plane.seen(push.at_m)
+    if push.force_n:
+        x, y, height = vehicle.tip if push.at_m is None else push.at_m
+        at = plane.seen((x - mass.x_m, y - mass.y_m, height - mass.height_m))
         if push.direction is None:
             seen = _worst_direction(plane, (towards, off), push.force_n, at)
-            x, y, z = (seen[0] * a + seen[1] * b for a, b in zip(plane.towards, plane.off))
-            direction = (x, y, z)
+            direction = plane.vector(seen)
         else:
             seen, direction = plane.seen(push.direction), push.direction
-        extra = _effective(plane, seen, at)
+        # on the centre of mass, this force would tip as the push does
+        extra = seen[0], seen[1] - (at[0] * seen[1] - at[1] * seen[0]) / plane.arm_m
         towards, off = towards + push.force_n * extra[0], off + push.force_n * extra[1]
-    angle = math.atan2(off, towards)
-    # |off * arm_m| is the force times the distance of its line of action from the axis
-    return Margin(plane.ends, angle, angle * abs(off * plane.arm_m), direction)
-
-
-def _effective(plane: _Plane, force: Point, at: Point) -> Point:
-    """The force on the centre of mass that tips as this one at another point does."""
-    return force[0], force[1] - (at[0] * force[1] - at[1] * force[0]) / plane.arm_m
+    return Margin(math.atan2(off, towards), direction)
 
 
 def _worst_direction(plane: _Plane, net: Point, force_n: float, at: Point) -> Point:
@@ -356,17 +339,3 @@ def _worst_direction(plane: _Plane, net: Point, force_n: float, at: Point) -> Po
     # the angle grows with the direction from here to as far beyond atan2(b, a)
     turn = math.atan2(b, a) - math.acos(-force_n * across / size)
     return math.cos(turn), math.sin(turn)
-
-
-def _across(vector: Sequence[float], axis: Vector) -> Vector:
-    """Return the part of a vector that is perpendicular to an axis (unit vector)."""
-    along = _dot(vector, axis)
-    return (vector[0] - along * axis[0], vector[1] - along * axis[1], vector[2] - along * axis[2])
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: Sequence[float], b: Sequence[float]) -> Vector:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])

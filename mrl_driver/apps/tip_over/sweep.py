@@ -5,32 +5,10 @@ from typing import Callable, Dict, List, NamedTuple, Tuple
 
 from mrl_driver.errors import ConfigError
 
-from .margin import MOST_M_S2, MOST_N, NO_PUSH, Arm, Margin, Push, Vehicle, worst
+from .margin import MOST_M_S2, MOST_N, Margin, Situation, bisect
 from .vehicle_file import RANGES
 
 POINTS = 61  # values of a sweep
-_STEPS = 40  # number of bisection steps to the value at which the margin is 0
-
-
-class Situation(NamedTuple):
-    """A vehicle and what acts on it; acceleration and slope are in the worst direction of each tip-over axis."""
-
-    vehicle: Vehicle
-    acceleration_m_s2: float = 0.0
-    slope_rad: float = 0.0
-    push: Push = NO_PUSH
-
-    def margin(self) -> Margin:
-        """Return the least margin."""
-        return worst(self.vehicle, self.acceleration_m_s2, self.slope_rad, self.push)
-
-    def with_arm(self, **values: float) -> "Situation":
-        """Return the situation with other attributes of the arm.
-
-        Raises:
-            ConfigError: the vehicle has no arm.
-        """
-        return self._replace(vehicle=self.vehicle._replace(arm=arm_of(self.vehicle)._replace(**values)))
 
 
 class Quantity(NamedTuple):
@@ -65,17 +43,6 @@ class Range(NamedTuple):
     def quantity(self) -> Quantity:
         """The quantity."""
         return QUANTITIES[self.name]
-
-
-def arm_of(vehicle: Vehicle) -> Arm:
-    """Return the vehicle's arm.
-
-    Raises:
-        ConfigError: it has none.
-    """
-    if vehicle.arm is None:
-        raise ConfigError(f"vehicle {vehicle.name} has no arm, expected a vehicle's .yaml with the key arm")
-    return vehicle.arm
 
 
 def parse(text: str) -> Range:
@@ -120,10 +87,6 @@ def crossings(situation: Situation, over: Range, found: List[Tuple[float, Margin
     made = []
     for (low, _), (high, _) in zip(found, found[1:]):
         before = tips(low)
-        if before == tips(high):
-            continue
-        for _ in range(_STEPS):
-            middle = (low + high) / 2
-            low, high = (middle, high) if tips(middle) == before else (low, middle)
-        made.append((low + high) / 2)
+        if before != tips(high):
+            made.append(bisect(lambda value: tips(value) == before, low, high))  # noqa: B023
     return made
