@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from mrl_driver.apps.calibration import bridge_procedures, bridge_wiring
+from mrl_driver.apps.calibration import bridge_wiring, gain_procedures
 from mrl_driver.apps.calibration.bridge_gains import BridgeGains
 from mrl_driver.apps.calibration.bridge_wiring import BITS, SET, SINGLE_CHANNEL
 from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
@@ -228,7 +228,7 @@ OVERSHOOT, SETTLED_S, OFFSET = 0.05, 0.25, 0.01
 """Limits of a step of the speed, as for the firmware; the speeds are means over 50 ms."""
 SOFT = BridgeGains(kp=200, ki=1000, friction_duty=0, full_speed=200)
 """Gains that settle late."""
-STEPS = len(bridge_procedures.STEP_PERCENTS) + 2
+STEPS = len(gain_procedures.BRIDGE_PERCENTS) + 2
 
 
 class Lab:
@@ -295,7 +295,7 @@ def test_the_former_gains_and_the_ramp_come_back(lab):
 
 @pytest.mark.parametrize("steps", range(STEPS))
 def test_an_interruption_brings_them_back_too(lab, monkeypatch, steps):
-    step, calls = bridge_procedures.step, []
+    step, calls = gain_procedures.step, []
 
     def interrupted(*args):
         calls.append(args)
@@ -303,7 +303,7 @@ def test_an_interruption_brings_them_back_too(lab, monkeypatch, steps):
             raise KeyboardInterrupt
         return step(*args)
 
-    monkeypatch.setattr(bridge_procedures, "step", interrupted)
+    monkeypatch.setattr(gain_procedures, "step", interrupted)
     ramp = lab.made.engine.config["ramp_time"]
     code, _, _ = lab.mrl()
     assert code == main.INTERRUPTED and lab.in_force == SOFT

@@ -9,7 +9,7 @@ import sys
 import numpy as np
 import pytest
 
-from mrl_driver.apps.calibration import manoeuvres, part_procedures
+from mrl_driver.apps.calibration import gain_procedures, manoeuvres
 from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
 from mrl_driver.apps.calibration.gains import Gains
 from mrl_driver.apps.calibration.ground_truth import Truth
@@ -242,8 +242,8 @@ UNSEEN = ("wiring", "--unseen")
     ("recorded", "wanted", "robot", "said"),
     [
         (STRAIGHT, "wiring", "traxbot", "no motor was turned alone"),
-        (STRAIGHT, "gains", "traxbot", "holds no request 10 that moves"),
-        (UNSEEN, "gains", "traxbot", "lab.mrl: the first step turns only one motor, expected both"),
+        (STRAIGHT, "gains", "traxbot", "lab.mrl: no step turns both motors"),
+        (UNSEEN, "gains", "traxbot", "lab.mrl: no step turns both motors"),
         (UNSEEN, "wiring", "stingbot", "lab.mrl is a recording of robot id 1, expected a stingbot"),
         (None, "gains", "traxbot", "lab.mrl holds 0 readings of the counters"),
     ],
@@ -370,6 +370,6 @@ def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
         robot.drive(0.1, 0.0)
         robot.wait(0.5)
         robot.stop()
-        taken = part_procedures.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
+        taken = gain_procedures.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
     speeds = np.diff(taken.right) / np.diff(taken.times_s)
     assert taken.right[0] == 0 and speeds[10:].min() > 4000

@@ -1,6 +1,6 @@
 """Pictures of calibrations, as PNG, PDF or SVG.  Needs matplotlib, an extra of the package."""
 
-from typing import Any, Sequence, Union
+from typing import Sequence
 
 import numpy as np
 
@@ -8,10 +8,9 @@ from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.robot.sonar_curve import THESIS, SonarFit
 
-from .bridge_procedures import TunedBridge
+from .gain_procedures import Tuned, listed
 from .gains import speeds
 from .imu_procedures import ImuOutcome
-from .part_procedures import Steps, Tuned
 from .trial import LEFT
 
 
@@ -64,7 +63,7 @@ def draw_sonar(path: str, counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFi
     figures.save(figure, path)
 
 
-def draw_gains(path: str, tuned: Union[Tuned, TunedBridge]) -> None:
+def draw_gains(path: str, tuned: Tuned) -> None:
     """Plot the steps of both wheels with the old and the new gains, and the target if it is known."""
     figure = figures.figure(7.0, 5.6)
     pair = figure.subplots(2, 1, sharex=True)
@@ -73,10 +72,9 @@ def draw_gains(path: str, tuned: Union[Tuned, TunedBridge]) -> None:
             (tuned.steps_before, tuned.before, GREY, "--"),
             (tuned.steps_after, tuned.after, BLUE, "-"),
         ):
-            times_s, speed = _speed(steps, name)
-            label = ", ".join(f"{name} {value}" for name, value in gains._asdict().items())
-            axes.plot(times_s, speed, style, color=colour, label=label)
-        if isinstance(tuned, TunedBridge):
+            times_s, speed = speeds(steps.times_s, steps.of(name))
+            axes.plot(times_s, speed, style, color=colour, label=listed(gains))
+        if tuned.target_counts_s is not None:
             axes.axhline(tuned.target_counts_s, color=ORANGE, linewidth=0.8, label="target")
         axes.set(ylabel=f"{name} wheel [count/s]")
         axes.legend(fontsize="small", loc="lower right")
@@ -100,7 +98,3 @@ def draw_gyro(path: str, outcome: ImuOutcome) -> None:
     axes.set(xlabel="true angle [deg]", ylabel="gyro minus truth [deg]", title="Errors of the gyro")
     axes.legend(fontsize="small")
     figures.save(figure, path)
-
-
-def _speed(steps: Steps, name: str) -> Any:
-    return speeds(steps.times_s, np.abs(steps.left if name == "left" else steps.right))

@@ -94,17 +94,6 @@ class _Reader:
             self.rows.append((time_s, *self.odometry.travel, front))
 
 
-def step_of(replayed: Replayed, code: int) -> Tuple[np.ndarray, Tuple[int, int]]:
-    """Rows of the first step from rest with this request, and its arguments.
-
-    Raises:
-        ConfigError: the recording has no such step.
-    """
-    for found in motor_steps_of(replayed, code):
-        return found
-    raise ConfigError(f"the recording holds no request {code} that moves a motor, expected a step from rest")
-
-
 def motor_steps_of(replayed: Replayed, code: int) -> Iterator[Tuple[np.ndarray, Tuple[int, int]]]:
     """Rows and arguments of each step with this request; the next other request to the motors ends a step."""
     orders = [(time_s, frame) for time_s, frame in replayed.requests if frame.code in (code, *_MOVING)]

@@ -30,14 +30,15 @@ class Ruler(Protocol):
 
 
 class Truth:
-    """A ruler for emulated robots, whose true pose is known."""
+    """A ruler for emulated robots, whose true pose is known; it announces each run."""
 
-    def __init__(self, pose: Callable[[], Pose]) -> None:
-        self._pose = pose
+    def __init__(self, pose: Callable[[], Pose], announce: Callable[[str], None] = lambda run: None) -> None:
+        self._pose, self._announce = pose, announce
         self._start = ORIGIN
 
     def begin(self, run: str) -> None:
         """Store the robot's pose."""
+        self._announce(run)
         self._start = self._pose()
 
     def end(self, run: str, check: Check) -> Pose:

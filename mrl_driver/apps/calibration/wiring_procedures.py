@@ -1,40 +1,43 @@
-"""Finds the wiring of an H-bridge board with slow moves, and stores it.  It drives; `bridge_wiring` computes."""
+"""Finds how motors and encoders are wired, by slow moves.  It drives; `wiring_check` and `bridge_wiring` compute."""
 
 import contextlib
-from typing import Iterator, List, NamedTuple, Optional, Protocol, Tuple
+from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
+
+import numpy as np
 
 from mrl_driver.driver import Driver
-from mrl_driver.errors import MrlError, WheelFault
+from mrl_driver.errors import ConfigError, MrlError, WheelFault
 from mrl_driver.geometry import Pose
+from mrl_driver.robot.models import RobotModel
 
-from . import bridge_wiring, manoeuvres
-from .bridge_procedures import counts_per_turn
+from . import bridge_wiring, from_recording, manoeuvres, wiring_check
 from .bridge_wiring import OTHER, SET, SINGLE_CHANNEL
+from .gain_procedures import counts_per_turn
 from .ground_truth import Ruler
 from .manoeuvres import MOVE, Track
 from .wiring_check import LEFT, RIGHT, Trial
 
+DUTY_PERCENT, WIRING_S = 35, 0.5  # moves with a motor board
 SLOW_PERCENT, SLOW_S = 20, 0.3
-"""Share of full speed and duration of each move [s]: a wheel of 170 1/min turns by a sixth."""
+"""Share of full speed and duration of each move with an H-bridge [s]: a wheel of 170 1/min turns by a sixth."""
 
 
-class Witness(Protocol):
-    """Sees the wheels: a user, or the true pose of an emulated robot."""
+class Witness:
+    """Sees the wheels: a user, or the true pose of an emulated robot.  This one sees nothing."""
 
-    def turned(self, output: str, expected: Optional[str], moved: Pose) -> Tuple[str, int]:
-        """Return the wheel that turned alone, and +1 forward or -1 backward.
+    def turned(self, motor: str, expected: Optional[str], moved: Pose) -> Tuple[Optional[str], int]:
+        """Return the wheel that turned alone, None if it was not observed; and +1 forward, -1 backward, 0 if none did.
 
         Args:
-            output: the motor output that was driven.
+            motor: the motor that was driven.
             expected: the wheel that must have turned; None if both are possible.
             moved: the measured motion; NaN if it was not measured.
-
-        Raises:
-            WheelFault: no wheel turned.
         """
+        return None, 0
 
     def turned_right(self, moved: Pose) -> bool:
         """Return whether the left wheel turned forward and the right one backward."""
+        return False
 
 
 class Scene(NamedTuple):
@@ -44,6 +47,21 @@ class Scene(NamedTuple):
     track: Track
     ruler: Ruler
     witness: Witness
+
+    @property
+    def counts_per_turn(self) -> float:
+        """Counts of a wheel turn."""
+        assert self.robot.model is not None
+        return counts_per_turn(self.robot.model)
+
+
+def check(scene: Scene) -> List[str]:
+    """Turn each motor of a motor board forward alone, without speed control; return the faults of the wires."""
+    trials = []
+    for motor, percents in ((LEFT, (DUTY_PERCENT, 0)), (RIGHT, (0, DUTY_PERCENT))):
+        right, left, moved = _move(scene, f"{motor} motor alone", *percents, WIRING_S)
+        trials.append(Trial(motor, right, left, *scene.witness.turned(motor, None, moved)))
+    return wiring_check.diagnose(trials)
 
 
 @contextlib.contextmanager
@@ -69,19 +87,23 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[No
 
 
 def find_wiring(scene: Scene, single_channel: bool) -> int:
-    """Turn each motor output forward alone, slowly; return the sum to store.
+    """Turn each output of an H-bridge forward alone, slowly; return the sum to store.
 
     Raises:
         WheelFault: a wheel or an encoder did not do its part.
     """
     trials: List[Trial] = []
     for output, percents in ((LEFT, (SLOW_PERCENT, 0)), (RIGHT, (0, SLOW_PERCENT))):
-        right, left, moved = _move(scene, f"{output} motor output, forward", *percents)
+        right, left, moved = _move(scene, f"{output} motor output, forward", *percents, SLOW_S)
         expected = OTHER[str(trials[0].seen)] if trials else None
         seen, direction = scene.witness.turned(output, expected, moved)
+        if not direction:
+            raise WheelFault(
+                f"no wheel turned when the {output} motor output was driven, expected one: check the battery, the "
+                "motor's wires, and that --bridge names the right chip"
+            )
         trials.append(Trial(output, right, left, seen, direction))
-    assert scene.robot.model is not None
-    return bridge_wiring.wiring_of(trials, counts_per_turn(scene.robot.model), single_channel)
+    return bridge_wiring.wiring_of(trials, scene.counts_per_turn, single_channel)
 
 
 def prove(scene: Scene) -> None:
@@ -90,9 +112,8 @@ def prove(scene: Scene) -> None:
     Raises:
         WheelFault: one does not.
     """
-    right, left, moved = _move(scene, "a slow turn to the right", SLOW_PERCENT, -SLOW_PERCENT)
-    assert scene.robot.model is not None
-    bridge_wiring.require_proof(right, left, counts_per_turn(scene.robot.model))
+    right, left, moved = _move(scene, "a slow turn to the right", SLOW_PERCENT, -SLOW_PERCENT, SLOW_S)
+    bridge_wiring.require_proof(right, left, scene.counts_per_turn)
     if not scene.witness.turned_right(moved):
         raise WheelFault(
             "the wheels did not turn the robot to the right, so the answers do not fit together; run mrl calibrate "
@@ -100,14 +121,39 @@ def prove(scene: Scene) -> None:
         )
 
 
-def _move(scene: Scene, name: str, left_percent: int, right_percent: int) -> Tuple[int, int, Pose]:
-    """Turn the motors slowly without speed control; return the counts, right and left, and the measured motion."""
+def _move(
+    scene: Scene, name: str, left_percent: int, right_percent: int, seconds: float
+) -> Tuple[int, int, Pose]:
+    """Turn the motors without speed control; return the counts, right and left, and the measured motion."""
     robot, track, ruler, _ = scene
     manoeuvres.settle(robot)
     ruler.begin(name)
     track.begin()
-    manoeuvres.spin_motors(robot, MOVE, left_percent, right_percent, SLOW_S)
+    manoeuvres.spin_motors(robot, MOVE, left_percent, right_percent, seconds)
     manoeuvres.settle(robot)
     rows = track.end()
     right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
     return right, left, ruler.end(name, lambda _: None)
+
+
+def recorded(path: str, model: RobotModel) -> List[str]:
+    """Faults of the wires, from a recording of `check`; it does not show which wheel turned.
+
+    Raises:
+        ConfigError: in the recording, no motor was turned alone.
+    """
+    replayed = from_recording.read(path, model)
+    times_s = replayed.rows[:, 0]
+    found: Dict[str, Tuple[float, float]] = {}
+    for time_s, frame in replayed.requests:
+        if frame.code == MOVE and (frame.args[0] > 0) != (frame.args[1] > 0):
+            motor = LEFT if frame.args[0] > 0 else RIGHT
+            found[motor] = (found.get(motor, (time_s,))[0], time_s)
+    trials = []
+    for motor, (begin_s, last_s) in found.items():
+        first, last = np.searchsorted(times_s, (begin_s, last_s + manoeuvres.SETTLED_S))
+        moved = replayed.rows[min(last, len(times_s) - 1)] - replayed.rows[max(0, first - 1)]
+        trials.append(Trial(motor, int(moved[1]), int(moved[2])))
+    if not trials:
+        raise ConfigError(f"{path}: no motor was turned alone, expected a recording of mrl calibrate wiring")
+    return wiring_check.diagnose(trials)

@@ -1,11 +1,36 @@
 """`mrl calibrate`: measure a robot's parameters, by driving it or from recordings, and write them to a file."""
 
+import importlib
+from typing import List, Optional
+
 import click
 
-from . import calibrate_geometry, calibrate_imu, calibrate_parts, calibrate_wiring
+_MODULES = {
+    "gains": "calibrate_gains",
+    "imu": "calibrate_imu",
+    "sonar": "calibrate_sonar",
+    "straight": "calibrate_geometry",
+    "turn": "calibrate_geometry",
+    "umbmark": "calibrate_geometry",
+    "wiring": "calibrate_wiring",
+}
 
 
-@click.group()
+class _Procedures(click.Group):
+    """The procedures, each imported when it is used: they need numpy."""
+
+    def list_commands(self, ctx: click.Context) -> List[str]:
+        return list(_MODULES)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> Optional[click.Command]:
+        if cmd_name not in _MODULES:
+            return None
+        module = importlib.import_module(f"{__package__}.{_MODULES[cmd_name]}")
+        command: click.Command = getattr(module, cmd_name)
+        return command
+
+
+@click.group(cls=_Procedures)
 def calibrate() -> None:
     """Measure a robot's parameters; write them to YAML and EEPROM.
 
@@ -19,12 +44,3 @@ def calibrate() -> None:
       mrl calibrate sonar       curve of the sonars, range_cm = a s^b + c
       mrl calibrate imu         mounting angles of an IMU, scale of its gyro
     """
-
-
-for _command in (
-    *calibrate_geometry.COMMANDS,
-    *calibrate_parts.COMMANDS,
-    calibrate_wiring.wiring,
-    calibrate_imu.imu,
-):
-    calibrate.add_command(_command)

@@ -1,32 +1,36 @@
 """`mrl calibrate straight`, `turn` and `umbmark`."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Callable, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import List, Mapping, NamedTuple, Sequence, Tuple
 
 import click
 
-from mrl_driver.cli.commands.shared import Between, print_json, print_message, warn
+from mrl_driver.apps.calibration import calibration_plots, fit, from_recording, geometry_procedures
+from mrl_driver.apps.calibration.calibration_files import Progress
+from mrl_driver.apps.calibration.geometry_procedures import STRAIGHT, TURN, UMBMARK, Leg, Outcome
+from mrl_driver.apps.calibration.ground_truth import Ruler, parse_pose
+from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
+from mrl_driver.apps.calibration.trial import Trial, sense
+from mrl_driver.apps.calibration.umbmark import require_laps
+from mrl_driver.cli.commands.shared import Between, print_message
+from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
+from mrl_driver.robot.models import RobotModel
 
-from . import calibrate_job
 from .calibrate_job import (
     Job,
+    Result,
+    count_option,
+    finish,
     job_options,
-    model_of,
     offer_eeprom,
     open_progress,
     output_for,
     recorded_model,
-    write_yaml,
+    robot_of,
+    turns_option,
 )
-
-if TYPE_CHECKING:
-    from mrl_driver.apps.calibration.calibration_files import Key, Progress
-    from mrl_driver.apps.calibration.geometry_procedures import Leg, Outcome
-    from mrl_driver.apps.calibration.ground_truth import Ruler
-    from mrl_driver.apps.calibration.trial import Trial
-    from mrl_driver.driver import Driver
-    from mrl_driver.robot.models import RobotModel
+from .calibrate_view import console, facts_of, outcome_lines, ruler_for
 
 
 class CalibrationPlan(NamedTuple):
@@ -34,25 +38,22 @@ class CalibrationPlan(NamedTuple):
 
     procedure: str
     settings: Mapping[str, float]
-    legs: List["Leg"]
+    legs: List[Leg]
     recorded: Sequence[str]
     again: Sequence[int]
 
 
 def _geometry(plan: CalibrationPlan, job: Job) -> None:
     """Drive the runs or read recordings, evaluate them, and write the result."""
-    from mrl_driver.apps.calibration import fit, geometry_procedures
-
-    from .calibrate_view import ruler_for
-
     if plan.recorded:
-        _from_recordings(plan, job)
+        model = recorded_model(job)
+        output, runs = output_for(job, model), [_recorded(plan, text, model) for text in plan.recorded]
+        side_m = plan.settings.get("side_m", 1.0)
+        outcome = geometry_procedures.evaluate(plan.procedure, runs, model, side_m)
+        finish(_result(plan.procedure, outcome, runs, model, output), job)
         return
     ruler = ruler_for(job.truth)
-    with calibrate_job.connect(job) as driver:
-        warn(driver)
-        model = model_of(driver)
-        output = output_for(job, model, driver.board.robot_id)
+    with robot_of(job) as (driver, model, output):
         progress = open_progress(output, model, driver.board.robot_id)
         if job.restart:
             progress.forget(plan.procedure)
@@ -68,20 +69,16 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
         side_m = plan.settings.get("side_m", 1.0)
         outcome = geometry_procedures.evaluate(plan.procedure, runs, model, side_m, measured, others)
-        values = geometry_procedures.values_for(model, outcome)
-        report(plan.procedure, outcome, runs, model, values, output, job)
+        result = _result(plan.procedure, outcome, runs, model, output)
+        finish(result, job)
         progress.finish(plan.procedure)
-        offer_eeprom(driver, values, job)
+        offer_eeprom(driver, result.values, job)
 
 
-def _gather(plan: CalibrationPlan, driver: "Driver", progress: "Progress", ruler: "Ruler") -> None:
+def _gather(plan: CalibrationPlan, driver: Driver, progress: Progress, ruler: Ruler) -> None:
     """Drive the missing runs, and those to repeat."""
-    from mrl_driver.apps.calibration import geometry_procedures, manoeuvres
-
-    from .calibrate_view import console
-
     procedure, settings, legs = plan.procedure, plan.settings, plan.legs
-    done, track = len(progress.runs(procedure, settings)), manoeuvres.Track(driver)
+    done, track = len(progress.runs(procedure, settings)), Track(driver)
     if done:
         console.print(f"{done} of {len(legs)} runs are already in {progress.path}")
     for number in plan.again:
@@ -92,51 +89,23 @@ def _gather(plan: CalibrationPlan, driver: "Driver", progress: "Progress", ruler
     geometry_procedures.gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
 
 
-def _from_recordings(plan: CalibrationPlan, job: Job) -> None:
-    from mrl_driver.apps.calibration import from_recording, geometry_procedures
-    from mrl_driver.apps.calibration.ground_truth import parse_pose
-
-    model = recorded_model(job)
-    output = output_for(job, model, None)
-    runs = []
-    for text in plan.recorded:
-        path, colon, end = text.rpartition(":")
-        if not colon:
-            raise ConfigError(
-                f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees"
-            )
-        run = from_recording.run_of(path, parse_pose(end), model)
-        geometry_procedures.check_recorded(plan.procedure, model.differential, run, path)
-        runs.append(run)
-    outcome = geometry_procedures.evaluate(plan.procedure, runs, model, plan.settings.get("side_m", 1.0))
-    report(plan.procedure, outcome, runs, model, geometry_procedures.values_for(model, outcome), output, job)
+def _recorded(plan: CalibrationPlan, text: str, model: RobotModel) -> Trial:
+    """Return a recorded run of this plan, from the file and the end in an option `--run`."""
+    path, colon, end = text.rpartition(":")
+    if not colon:
+        raise ConfigError(f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
+    run = from_recording.run_of(path, parse_pose(end), model)
+    geometry_procedures.check_recorded(plan.procedure, model.differential, run, path)
+    return run
 
 
-def report(
-    procedure: str,
-    outcome: "Outcome",
-    runs: List["Trial"],
-    model: "RobotModel",
-    values: Mapping["Key", float],
-    output: str,
-    job: Job,
-) -> None:
-    """Show the result before and after, draw it, and write the YAML file after asking."""
-    from .calibrate_view import facts_of, outcome_lines, show_values
+def _result(procedure: str, outcome: Outcome, runs: List[Trial], model: RobotModel, output: str) -> Result:
+    def draw(path: str) -> None:
+        senses = [sense(outcome.after, each) for each in runs]
+        calibration_plots.draw_ends(path, outcome.errors_before, outcome.errors_after, senses)
 
-    if job.plot is not None:
-        from mrl_driver.apps.calibration import calibration_plots
-        from mrl_driver.apps.calibration import trial as run
-
-        senses = [run.sense(outcome.after, each) for each in runs]
-        calibration_plots.draw_ends(job.plot, outcome.errors_before, outcome.errors_after, senses)
-    if job.as_json:
-        print_json({"procedure": procedure, "output": output, **facts_of(outcome)})
-    else:
-        for line in outcome_lines(outcome):
-            click.echo(line)
-        show_values(model, values)
-    write_yaml(procedure, values, output, job, model)
+    values = geometry_procedures.values_for(model, outcome)
+    return Result(procedure, model, output, values, outcome_lines(outcome), facts_of(outcome), draw)
 
 
 _run_option = click.option(
@@ -154,25 +123,12 @@ _speed_option = click.option(
 )
 
 
-def _speeds(speed: float) -> Any:
-    from mrl_driver.apps.calibration.manoeuvres import Speeds
-
-    return Speeds(linear_m_s=speed)
-
-
-def _count_option(default: int, ways: str) -> Callable[[Any], Any]:
-    kind = click.IntRange(2, 50)
-    return click.option(
-        "--count", type=kind, default=default, show_default=True, help=f"Runs, alternately {ways}."
-    )
-
-
 @click.command()
 @job_options
 @click.option(
     "--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Length of a run [m]."
 )
-@_count_option(4, "there and back")
+@count_option(4, "there and back")
 @_speed_option
 @_run_option
 @_again_option
@@ -186,19 +142,15 @@ def straight(
       mrl calibrate straight --port /dev/ttyACM0 --distance 3
       mrl calibrate straight --robot traxbot --output lab3.yaml --run a.mrl:2.01,0.02 --run b.mrl:2.0,0.03
     """
-    from mrl_driver.apps.calibration.geometry_procedures import STRAIGHT, straight_legs
-
     settings = {"distance_m": distance, "count": count}
-    legs = straight_legs(count, distance, _speeds(speed))
+    legs = geometry_procedures.straight_legs(count, distance, Speeds(speed))
     _geometry(CalibrationPlan(STRAIGHT, settings, legs, runs, again), job)
 
 
 @click.command(short_help="Measure the slip offset Cs of tracks, or the wheelbase of wheels.")
 @job_options
-@click.option(
-    "--turns", type=click.IntRange(1, 20), default=2, show_default=True, help="Whole turns per run."
-)
-@_count_option(6, "left and right")
+@turns_option(2)
+@count_option(6, "left and right")
 @_speed_option
 @_run_option
 @_again_option
@@ -213,9 +165,7 @@ def turn(
     Example:
       mrl calibrate turn --robot lab3.yaml --port /dev/ttyACM0 --turns 3
     """
-    from mrl_driver.apps.calibration.geometry_procedures import TURN, turn_legs
-
-    legs = turn_legs(count, turns, _speeds(speed))
+    legs = geometry_procedures.turn_legs(count, turns, Speeds(speed))
     _geometry(CalibrationPlan(TURN, {"turns": turns, "count": count}, legs, runs, again), job)
 
 
@@ -238,13 +188,7 @@ def umbmark(
       mrl calibrate umbmark --robot lab3.yaml --port /dev/ttyACM0
       mrl calibrate umbmark --port /dev/pts/3 --truth truth.jsonl --laps 3 --yes     an emulated robot
     """
-    from mrl_driver.apps.calibration.geometry_procedures import UMBMARK, umbmark_legs
-    from mrl_driver.apps.calibration.umbmark import require_laps
-
     require_laps(laps, "counter-clockwise")
     settings = {"side_m": side, "laps": laps}
-    legs = umbmark_legs(laps, side, _speeds(speed))
+    legs = geometry_procedures.umbmark_legs(laps, side, Speeds(speed))
     _geometry(CalibrationPlan(UMBMARK, settings, legs, runs, again), job)
-
-
-COMMANDS = (straight, turn, umbmark)

@@ -1,33 +1,34 @@
 """`mrl calibrate imu`."""
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, List
+from typing import Any, Dict, Iterable, List
 
 import click
 
-from mrl_driver.cli.commands.shared import Between, print_json, print_message, warn
+from mrl_driver.apps.calibration import calibration_plots, fit, geometry_procedures, imu_procedures
+from mrl_driver.apps.calibration.imu_procedures import ImuOutcome, ImuPlan, ImuTrack
+from mrl_driver.apps.calibration.manoeuvres import Speeds
+from mrl_driver.cli.commands.shared import Between, print_message
 
-from . import calibrate_job
-from .calibrate_job import Job, confirm_drive, job_options, model_of, output_for, write_yaml
-
-if TYPE_CHECKING:
-    from mrl_driver.apps.calibration.imu_procedures import ImuOutcome
+from .calibrate_job import (
+    Job,
+    Result,
+    confirm_drive,
+    count_option,
+    finish,
+    job_options,
+    robot_of,
+    turns_option,
+)
+from .calibrate_view import console, ruler_for
 
 IMU_PERIOD_MS = 20  # time between two readings of the IMU
 
 
 @click.command(short_help="Measure the mounting angles of the IMU, and the scale of its gyro.")
 @job_options
-@click.option(
-    "--turns", type=click.IntRange(1, 20), default=3, show_default=True, help="Whole turns per run."
-)
-@click.option(
-    "--count",
-    type=click.IntRange(2, 50),
-    default=4,
-    show_default=True,
-    help="Runs, alternately left and right.",
-)
+@turns_option(3)
+@count_option(4, "left and right")
 @click.option(
     "--distance",
     type=Between(0.0, 5.0),
@@ -50,66 +51,48 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
       mrl calibrate imu --robot traxbot-1.yaml --port /dev/ttyACM0
       mrl calibrate imu --port /dev/pts/3 --truth truth.jsonl --yes     an emulated robot
     """
-    from mrl_driver.apps.calibration import fit, geometry_procedures, imu_procedures
-    from mrl_driver.apps.calibration.manoeuvres import Speeds
-
-    from .calibrate_view import console, ruler_for, show_values
-
     ruler, speeds = ruler_for(job.truth, heading_only=True), Speeds()
-    plan = imu_procedures.ImuPlan(geometry_procedures.turn_legs(count, turns, speeds), distance, speeds)
-    with calibrate_job.connect(job, imu_period_ms=IMU_PERIOD_MS) as driver:
-        warn(driver)
+    plan = ImuPlan(geometry_procedures.turn_legs(count, turns, speeds), distance, speeds)
+    with robot_of(job, imu_period_ms=IMU_PERIOD_MS) as (driver, model, output):
         imu_procedures.require_imu(driver)
-        model = model_of(driver)
-        output = output_for(job, model, driver.board.robot_id)
         drives = f"drives {distance:g} m forward and back, and turns" if distance else "turns"
         confirm_drive(
             job, f"The robot {drives} in place. Does it stand on a level floor, with its path free?"
         )
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
-        track = imu_procedures.ImuTrack(driver)
-        outcome = imu_procedures.calibrate(driver, track, ruler, plan, measured, console.print)
-        values = imu_procedures.values_for(outcome)
-        if job.plot is not None:
-            from mrl_driver.apps.calibration import calibration_plots
-
-            calibration_plots.draw_gyro(job.plot, outcome)
+        outcome = imu_procedures.calibrate(driver, ImuTrack(driver), ruler, plan, measured, console.print)
         if outcome.trouble:
             print_message(
                 f"warning: {outcome.trouble}; imu.yaw_deg stays {outcome.after.yaw_deg:g}, measure it with a protractor"
             )
-        if job.as_json:
-            print_json({"procedure": "imu", "output": output, **_facts(outcome)})
-        else:
-            for line in _lines(outcome):
-                click.echo(line)
-            show_values(model, values)
-        write_yaml("imu", values, output, job, model)
+        values, lines, facts = imu_procedures.values_for(outcome), _lines(outcome), _facts(outcome)
+
+        def draw(path: str) -> None:
+            calibration_plots.draw_gyro(path, outcome)
+
+        finish(Result("imu", model, output, values, lines, facts, draw), job)
 
 
-def _lines(outcome: "ImuOutcome") -> List[str]:
+def _lines(outcome: ImuOutcome) -> List[str]:
     """Return lines about bias, noise, and the errors of the turns before and after."""
-    bias, noise = (_degrees(each) for each in (outcome.rest.gyro_rad_s, outcome.rest.gyro_sd_rad_s))
+    rest = outcome.rest
+    before, after = (
+        _in_degrees(turn.error_rad(mount.gyro_scale) for turn in outcome.turns)
+        for mount in (outcome.before, outcome.after)
+    )
     return [
-        f"gyro at rest, axes of the chip: bias {_listed(bias)} deg/s, noise {_listed(noise)} deg/s",
-        f"errors of the turns before: {_listed(_errors(outcome, outcome.before.gyro_scale))} deg",
-        f"errors of the turns after:  {_listed(_errors(outcome, outcome.after.gyro_scale))} deg",
+        f"gyro at rest, axes of the chip: bias {_in_degrees(rest.gyro_rad_s)} deg/s, "
+        f"noise {_in_degrees(rest.gyro_sd_rad_s)} deg/s",
+        f"errors of the turns before: {before} deg",
+        f"errors of the turns after:  {after} deg",
     ]
 
 
-def _degrees(values: Any) -> List[float]:
-    return [math.degrees(float(value)) for value in values]
+def _in_degrees(values: Iterable[float]) -> str:
+    return ", ".join(f"{math.degrees(value):.2f}" for value in values)
 
 
-def _listed(values: List[float]) -> str:
-    return ", ".join(f"{value:.2f}" for value in values)
-
-
-def _errors(outcome: "ImuOutcome", scale: float) -> List[float]:
-    return [math.degrees(turn.error_rad(scale)) for turn in outcome.turns]
-
-
-def _facts(outcome: "ImuOutcome") -> Dict[str, Any]:
+def _facts(outcome: ImuOutcome) -> Dict[str, Any]:
     """Return the facts of the calibration as a mapping, for JSON."""
     yaw_sd = outcome.yaw_sd_rad
     return {

@@ -1,11 +1,20 @@
-"""Shared parts of all calibrations: options, output files, the board's EEPROM."""
+"""Shared parts of all calibrations: options, connection, output files, the result, the board's EEPROM."""
 
+import contextlib
 import functools
 import os
-from typing import TYPE_CHECKING, Any, Callable, ContextManager, Dict, Mapping, NamedTuple, Optional
+from typing import Any, Callable, ContextManager, Dict, Iterator, NamedTuple, Optional, Sequence, Tuple
 
 import click
 
+from mrl_driver import figures
+from mrl_driver.apps.calibration.calibration_files import (
+    Key,
+    Progress,
+    require_writable,
+    source_of,
+    write_model,
+)
 from mrl_driver.cli.commands.shared import (
     battery_option,
     confirm,
@@ -13,18 +22,19 @@ from mrl_driver.cli.commands.shared import (
     confirm_overwrite,
     connected,
     json_option,
+    print_json,
     print_message,
     robot_options,
+    warn,
     yes_option,
 )
+from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
+from mrl_driver.robot.models import RobotModel
 
-if TYPE_CHECKING:
-    from mrl_driver.apps.calibration.calibration_files import Key, Progress
-    from mrl_driver.driver import Driver
-    from mrl_driver.robot.models import RobotModel
+from .calibrate_view import confirm_here, show_values
 
 
 class Job(NamedTuple):
@@ -70,12 +80,8 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     def wrapper(*args: Any, **options: Any) -> None:
         job = Job(**{name: options.pop(name) for name in Job._fields})
         if job.plot is not None:
-            from mrl_driver import figures
-
             figures.require_writable(job.plot)
         if job.output is not None:
-            from mrl_driver.apps.calibration.calibration_files import require_writable
-
             require_writable(job.output)
         confirm_overwrite(job.record, job.yes)
         command(*args, job=job, **options)
@@ -83,7 +89,26 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     return wrapper
 
 
-def connect(job: Job, **options: Any) -> ContextManager["Driver"]:
+def count_option(default: int, between: str) -> Callable[[Any], Any]:
+    """The option for the number of runs, which go alternately `between`."""
+    kind = click.IntRange(2, 50)
+    return click.option(
+        "--count", type=kind, default=default, show_default=True, help=f"Runs, alternately {between}."
+    )
+
+
+def turns_option(default: int) -> Callable[[Any], Any]:
+    """The option for the turns of a run."""
+    kind = click.IntRange(1, 20)
+    return click.option("--turns", type=kind, default=default, show_default=True, help="Whole turns per run.")
+
+
+recording_option = click.option(
+    "--recording", metavar="FILE", help="Instead of driving: a recording of this calibration."
+)
+
+
+def connect(job: Job, **options: Any) -> ContextManager[Driver]:
     """Connect to the robot; tests replace this by a robot in simulated time.
 
     The IMU is off, unless the options turn it on: what is measured is the odometry of the wheels alone.
@@ -92,6 +117,19 @@ def connect(job: Job, **options: Any) -> ContextManager["Driver"]:
     return connected(
         job.target, ignore_battery=job.ignore_battery, record=job.record, command_timeout_s=0.5, **options
     )
+
+
+@contextlib.contextmanager
+def robot_of(job: Job, **options: Any) -> Iterator[Tuple[Driver, RobotModel, str]]:
+    """Connect to the robot, and yield it, its model, and the YAML file to write.
+
+    Raises:
+        ConfigError: the file would replace one that is not the robot's own.
+    """
+    with connect(job, **options) as driver:
+        warn(driver)
+        assert driver.model is not None
+        yield driver, driver.model, output_for(job, driver.model, driver.board.robot_id)
 
 
 def confirm_drive(job: Job, question: str) -> None:
@@ -103,12 +141,8 @@ def confirm_drive(job: Job, question: str) -> None:
     confirm_motion(question, job.yes or job.truth is not None)
 
 
-def recorded_model(job: Job) -> "RobotModel":
-    """Return the model of the recorded robot.
-
-    Raises:
-        ConfigError: --robot is missing.
-    """
+def recorded_model(job: Job) -> RobotModel:
+    """Return the model of the recorded robot; raise ConfigError if --robot is missing."""
     if job.target.model == "auto":
         raise ConfigError(
             "--robot is missing, expected the model or .yaml file of the robot that was recorded"
@@ -116,20 +150,12 @@ def recorded_model(job: Job) -> "RobotModel":
     return models.load(job.target.model)
 
 
-def model_of(driver: "Driver") -> "RobotModel":
-    """Return the model of a connected robot."""
-    assert driver.model is not None
-    return driver.model
-
-
-def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
+def output_for(job: Job, model: RobotModel, robot_id: Optional[int] = None) -> str:
     """Return the YAML file to write: --output, or the robot's own file, or one named after model and id.
 
     Raises:
         ConfigError: it would replace a file that is not the robot's own.
     """
-    from mrl_driver.apps.calibration.calibration_files import require_writable
-
     own = job.target.model if job.target.model.endswith((".yaml", ".yml")) else None
     if job.output is None and own is None and robot_id is None:
         raise ConfigError("--output is missing, expected the .yaml file to write")
@@ -142,41 +168,48 @@ def output_for(job: Job, model: "RobotModel", robot_id: Optional[int]) -> str:
     return output
 
 
-def open_progress(output: str, model: "RobotModel", robot_id: int) -> "Progress":
+def open_progress(output: str, model: RobotModel, robot_id: int) -> Progress:
     """Return the runs so far, from a file next to the output."""
-    from mrl_driver.apps.calibration.calibration_files import Progress
-
     return Progress(f"{os.path.splitext(output)[0]}.calibration.json", f"{model.name} {robot_id}")
 
 
-def write_yaml(
-    procedure: str, values: Mapping["Key", float], output: str, job: Job, model: "RobotModel"
-) -> None:
-    """Write the robot's YAML after asking."""
-    from mrl_driver.apps.calibration import calibration_files
+class Result(NamedTuple):
+    """What a calibration found: new values of the robot's file, lines to print, or facts as JSON."""
 
-    confirm(f"Write {output}?", job.yes)
-    source = job.target.model if job.target.model != "auto" else model.name
-    kept = calibration_files.write_model(
-        calibration_files.source_of(source), output, values, f"mrl calibrate {procedure}"
-    )
-    print_message(
-        f"{output} is written{f', the old file is {kept}' if kept else ''}; use it with --robot {output}"
-    )
+    procedure: str
+    model: RobotModel
+    output: str
+    values: Dict[Key, float]
+    lines: Sequence[str]
+    facts: Dict[str, Any]
+    draw: Callable[[str], None] = lambda path: None  # draws the result to this path
 
 
-def offer_eeprom(driver: "Driver", values: Mapping["Key", float], job: Job) -> None:
+def finish(result: Result, job: Job) -> None:
+    """Draw and show a result, and write the robot's YAML file after asking."""
+    if job.plot is not None:
+        result.draw(job.plot)
+    if job.as_json:
+        print_json({"procedure": result.procedure, "output": result.output, **result.facts})
+    else:
+        for line in result.lines:
+            click.echo(line)
+        show_values(result.model, result.values)
+    confirm(f"Write {result.output}?", job.yes)
+    source = job.target.model if job.target.model != "auto" else result.model.name
+    note = f"mrl calibrate {result.procedure}"
+    kept = write_model(source_of(source), result.output, result.values, note)
+    kept = f", the old file is {kept}" if kept else ""
+    print_message(f"{result.output} is written{kept}; use it with --robot {result.output}")
+
+
+def offer_eeprom(driver: Driver, values: Dict[Key, float], job: Job) -> None:
     """Write the board parameters to its EEPROM, if --eeprom was given or the user agrees.
 
     Raises:
         BoardRefused: --eeprom was given, but the board keeps no configuration or refused a value.
     """
-
-    from .calibrate_view import confirm_here
-
-    wanted: Dict[str, int] = {
-        name: int(value) for (section, name), value in values.items() if section == "board"
-    }
+    wanted = {name: int(value) for (section, name), value in values.items() if section == "board"}
     if not wanted or job.eeprom is False or (job.eeprom is None and not driver.parameters.can_save):
         return
     listed = ", ".join(f"{name} {value}" for name, value in wanted.items())

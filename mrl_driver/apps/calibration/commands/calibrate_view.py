@@ -2,7 +2,7 @@
 
 import math
 import sys
-from typing import Any, Dict, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 from rich.console import Console
@@ -11,95 +11,80 @@ from rich.table import Table
 from rich.text import Text
 
 from mrl_driver.apps.calibration.calibration_files import Key
-from mrl_driver.apps.calibration.gains import Response
-from mrl_driver.apps.calibration.geometry_procedures import Outcome
+from mrl_driver.apps.calibration.geometry_procedures import NOT_MEASURED, Outcome
 from mrl_driver.apps.calibration.ground_truth import Check, Ruler, Truth, parse_pose, truth_file
 from mrl_driver.apps.calibration.wiring_check import LEAST_RAD, seen_in
-from mrl_driver.errors import ConfigError, WheelFault
+from mrl_driver.apps.calibration.wiring_procedures import Witness
+from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import RobotModel
 
 console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
 """Prompts and progress go to stderr, results to stdout."""
-MEASURED = Text("Measure from the mark: x y [m], and the heading [deg] if you can")
-
-ALIGNED = Text(
-    "Turn the robot slowly by hand until the same side lies along the line again, and press Enter; or type its heading "
-    "[deg], counter-clockwise from the start"
-)
 
 
-class TapeMeasure:
-    """A ruler that asks the user to measure with a tape."""
+class ByHand:
+    """A ruler that asks the user to measure.
+
+    Args:
+        mark: what to do before a run.
+        question: what to answer after it.
+        parse: gives the pose of an answer.
+        kept: what the user should know before Ctrl-C.
+        answer: answer for only Enter; None if there must be one.
+    """
+
+    def __init__(
+        self, mark: str, question: str, parse: Callable[[str], Pose], kept: str, answer: Optional[str] = None
+    ) -> None:
+        self._mark, self._question, self._parse, self._kept = mark, Text(question), parse, kept
+        self._default: Dict[str, Any] = {} if answer is None else {"default": answer, "show_default": False}
 
     def begin(self, run: str) -> None:
         """Ask for the mark on the floor."""
         console.print(f"\n{run}", style="bold")
-        console.print("Mark the robot's position and heading on the floor, and clear its path.")
-        Prompt.ask(Text("Press Enter to drive"), console=console, default="", show_default=False)
-
-    def end(self, run: str, check: Check) -> Pose:
-        """Ask for the robot's position until the answer is plausible."""
-        while True:
-            text = Prompt.ask(MEASURED, console=console)
-            try:
-                pose = parse_pose(text)
-                check(pose)
-                return pose
-            except ConfigError as error:
-                console.print(f"{error}; measure again, or end with Ctrl-C: earlier runs are kept")
-
-
-class HeadingMark:
-    """A ruler that asks the user to align the robot with a line, or for its heading; it measures no position."""
-
-    def begin(self, run: str) -> None:
-        """Ask for the line."""
-        console.print(f"\n{run}", style="bold")
-        console.print("Align a side of the robot with a straight line on the floor, and clear its path.")
+        console.print(f"{self._mark} on the floor, and clear its path.")
         Prompt.ask(Text("Press Enter to drive"), console=console, default="", show_default=False)
 
     def end(self, run: str, check: Check) -> Pose:
         """Ask until the answer is plausible; the robot may be turned by hand before the answer."""
         while True:
-            text = Prompt.ask(ALIGNED, console=console, default="0", show_default=False)
+            text = Prompt.ask(self._question, console=console, **self._default)
             try:
-                pose = Pose(math.nan, math.nan, _heading(text))
+                pose = self._parse(text)
                 check(pose)
                 return pose
             except ConfigError as error:
-                console.print(f"{error}; measure again, or end with Ctrl-C")
+                console.print(f"{error}; measure again, or end with Ctrl-C{self._kept}")
 
 
-def _heading(text: str) -> float:
-    """Parse a heading [deg]; return it in (-pi, pi]."""
+TAPE_MEASURE = ByHand(
+    "Mark the robot's position and heading",
+    "Measure from the mark: x y [m], and the heading [deg] if you can",
+    parse_pose,
+    ": earlier runs are kept",
+)
+
+
+def _heading(text: str) -> Pose:
+    """Parse a heading [deg]; return it as a pose without a position, in (-pi, pi]."""
     try:
         heading_rad = wrap_angle(math.radians(float(text)))
     except ValueError:
         heading_rad = math.nan
     if math.isnan(heading_rad):
         raise ConfigError(f"got {text!r}, expected a heading in degrees, such as -1.5, or only Enter")
-    return heading_rad
+    return NOT_MEASURED._replace(yaw_rad=heading_rad)
 
 
-class Unmeasured:
-    """A ruler for runs without a measurement."""
-
-    def begin(self, run: str) -> None:
-        """Only announce the run."""
-        console.print(f"{run}")
-
-    def end(self, run: str, check: Check) -> Pose:
-        """Return NaN: nothing is measured."""
-        return Pose(math.nan, math.nan, math.nan)
-
-
-class _AnnouncedTruth(Truth):
-    """Also announces each run."""
-
-    def begin(self, run: str) -> None:
-        console.print(run)
-        super().begin(run)
+HEADING_MARK = ByHand(
+    "Align a side of the robot with a straight line",
+    "Turn the robot slowly by hand until the same side lies along the line again, and press Enter; or type its heading "
+    "[deg], counter-clockwise from the start",
+    _heading,
+    "",
+    answer="0",
+)
 
 
 def require_terminal(instead: str) -> None:
@@ -115,64 +100,48 @@ def ruler_for(truth: Optional[str], heading_only: bool = False) -> Ruler:
         ConfigError: there is neither.
     """
     if truth is not None:
-        return _AnnouncedTruth(truth_file(truth))
+        return Truth(truth_file(truth), console.print)
     if heading_only:
         require_terminal("--truth FILE for an emulated robot")
-        return HeadingMark()
+        return HEADING_MARK
     require_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
-    return TapeMeasure()
+    return TAPE_MEASURE
 
 
-def observer_for(truth: Optional[str], unseen: bool) -> Any:
-    """Return the function that finds which wheel turned: unknown, from the ground truth, or by asking the user."""
-    if unseen:
-        return lambda motor, pose: (None, 0)
-    if truth is not None:
-        return lambda motor, pose: seen_in(pose.x_m, pose.yaw_rad)
-    return _ask_wheel
+def unmeasured() -> Ruler:
+    """Return a ruler for runs without a measurement."""
+    return Truth(lambda: NOT_MEASURED, console.print)
 
 
-def _ask_wheel(motor: str, _: Pose) -> Tuple[Optional[str], int]:
-    wheel = Prompt.ask(
-        Text("Which wheel turned"), console=console, choices=["left", "right", "none", "unseen"]
-    )
-    if wheel == "unseen":
-        return None, 0
-    if wheel == "none":
-        return motor, 0
-    forward = Prompt.ask(Text("In which direction"), console=console, choices=["forward", "back"])
-    return wheel, 1 if forward == "forward" else -1
-
-
-class SeenByTruth:
+class SeenByTruth(Witness):
     """The witness of an emulated robot: its true motion."""
 
-    def turned(self, output: str, expected: Optional[str], moved: Pose) -> Tuple[str, int]:
+    def turned(self, motor: str, expected: Optional[str], moved: Pose) -> Tuple[Optional[str], int]:
         """Return the wheel that explains the motion, and its direction."""
-        wheel, direction = seen_in(moved.x_m, moved.yaw_rad)
-        if not direction or wheel is None:
-            raise no_wheel(output)
-        return wheel, direction
+        return seen_in(moved.x_m, moved.yaw_rad)
 
     def turned_right(self, moved: Pose) -> bool:
         """Return whether the robot turned to the right."""
         return moved.yaw_rad < -LEAST_RAD
 
 
-class SeenByUser:
-    """A user at the terminal, or words that were given before as `answers`."""
+class SeenByUser(Witness):
+    """A user at the terminal, or words that were given before as `answers`; `more` are words for a wheel."""
 
-    def __init__(self, answers: Optional[str]) -> None:
+    def __init__(self, answers: Optional[str] = None, more: Sequence[str] = ()) -> None:
         self._answers = None if answers is None else [word.strip() for word in answers.split(",")]
+        self._more = more
 
-    def turned(self, output: str, expected: Optional[str], moved: Pose) -> Tuple[str, int]:
+    def turned(self, motor: str, expected: Optional[str], moved: Pose) -> Tuple[Optional[str], int]:
         """Ask which wheel turned, if both are possible, and in which direction."""
-        wheel = expected or self._ask("Which wheel turned", ["left", "right", "none"])
+        wheel = expected or self._ask("Which wheel turned", ["left", "right", "none", *self._more])
+        if wheel == "none":
+            return motor, 0
+        if wheel == "unseen":
+            return None, 0
         words = f"In which direction did the {wheel} wheel turn"
-        direction = "none" if wheel == "none" else self._ask(words, ["forward", "back", "none"])
-        if direction == "none":
-            raise no_wheel(output)
-        return wheel, 1 if direction == "forward" else -1
+        direction = self._ask(words, ["forward", "back", "none"])
+        return wheel, {"forward": 1, "back": -1, "none": 0}[direction]
 
     def turned_right(self, moved: Pose) -> bool:
         """Ask whether the wheels turned as they would in a right turn."""
@@ -187,14 +156,6 @@ class SeenByUser:
                 f"--answers has {answer} for the question: {question}? expected {', '.join(choices)}"
             )
         return answer
-
-
-def no_wheel(output: str) -> WheelFault:
-    """Return the error for a motor output that turned no wheel."""
-    return WheelFault(
-        f"no wheel turned when the {output} motor output was driven, expected one: check the battery, the motor's "
-        "wires, and that --bridge names the right chip"
-    )
 
 
 def confirm_here(question: str, yes: bool) -> bool:
@@ -213,22 +174,13 @@ def show_values(model: RobotModel, values: Mapping[Key, float]) -> None:
     for name, justify in (("parameter", "left"), ("before", "right"), ("after", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     for (section, name), value in values.items():
-        table.add_row(
-            f"{section}.{name}{_THESIS.get(name, '')}",
-            number(value_of(model, (section, name))),
-            number(value),
-        )
+        part = getattr(model, section)
+        before = part.get(name) if isinstance(part, dict) else getattr(part, name)
+        table.add_row(f"{section}.{name}{_THESIS.get(name, '')}", _shown(before), _shown(value))
     Console(highlight=False, width=100).print(table)
 
 
-def value_of(model: RobotModel, key: Key) -> Optional[float]:
-    """Return the model's present value; None if it has none."""
-    part = getattr(model, key[0])
-    return part.get(key[1]) if isinstance(part, dict) else getattr(part, key[1])
-
-
-def number(value: Optional[float]) -> str:
-    """Format a value for the table."""
+def _shown(value: Optional[float]) -> str:
     return "-" if value is None else str(value) if isinstance(value, int) else f"{value:.7g}"
 
 
@@ -269,11 +221,3 @@ def facts_of(outcome: Outcome) -> Dict[str, Any]:
     if outcome.square is not None:
         facts["umbmark"] = outcome.square._asdict()
     return facts
-
-
-def response_line(name: str, response: Response) -> str:
-    """Return one line about a step response."""
-    return (
-        f"{name}: rises in {response.rise_s * 1000:.0f} ms, overshoots {response.overshoot:.1%}, "
-        f"settles after {response.settle_s * 1000:.0f} ms, mean error {response.offset:.1%}"
-    )

@@ -1,20 +1,20 @@
 """`mrl calibrate wiring`: with a motor board, names wires to exchange; with an H-bridge, stores how they are."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple, Optional
+from typing import Any, List, NamedTuple, Optional
 
 import click
 
+from mrl_driver.apps.calibration import bridge_wiring, gain_procedures, wiring_procedures
+from mrl_driver.apps.calibration.manoeuvres import Track
+from mrl_driver.apps.calibration.wiring_procedures import Scene, Witness
 from mrl_driver.cli.commands.shared import print_json, warn
+from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError, WheelFault
 from mrl_driver.protocol.table import BRIDGES
 
 from . import calibrate_job
-from .calibrate_job import Job, confirm_drive, job_options, model_of, recorded_model
-
-if TYPE_CHECKING:
-    from mrl_driver.apps.calibration.wiring_procedures import Scene
-    from mrl_driver.driver import Driver
-    from mrl_driver.robot.models import RobotModel
+from .calibrate_job import Job, confirm_drive, job_options, recorded_model, recording_option
+from .calibrate_view import SeenByTruth, SeenByUser, require_terminal, ruler_for, unmeasured
 
 CHIPS = BRIDGES[1:]
 bridge_choice = click.Choice(CHIPS, case_sensitive=False)
@@ -38,7 +38,7 @@ class BridgeOptions(NamedTuple):
     "--single-channel", is_flag=True, help="The encoders of the H-bridge board have channel A only."
 )
 @click.option("--answers", metavar="WORDS", help="Answers for scripts, such as left,forward,back,yes.")
-@click.option("--recording", metavar="FILE", help="Instead of driving: a recording of this calibration.")
+@recording_option
 def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> None:
     """Find swapped or reversed wires of motors and encoders.
 
@@ -54,50 +54,40 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> 
       mrl calibrate wiring --port /dev/ttyACM0
       mrl calibrate wiring --robot kit --bridge l298n
     """
-    from mrl_driver.apps.calibration.bridge_procedures import CAPABILITY
-
-    from .calibrate_view import require_terminal
-
     given = BridgeOptions(**options)
     if recording is not None:
-        _report(_recorded(recording, recorded_model(job)), job)
+        model = recorded_model(job)
+        if model.board.get("bridge"):
+            raise ConfigError(
+                "--recording does not show which wheel turned, which the wiring of an H-bridge board needs; run "
+                "mrl calibrate wiring with the robot"
+            )
+        _report(wiring_procedures.recorded(recording, model), job)
         return
     if job.truth is None and not unseen and given.answers is None:
         require_terminal(
             "--unseen to skip the question which wheel turned, or --answers with an H-bridge board"
         )
     with calibrate_job.connect(job) as driver:
-        if CAPABILITY in driver.board.capabilities:
+        if gain_procedures.CAPABILITY in driver.board.capabilities:
             _store(driver, job, given, unseen)
-        else:
-            warn(driver)
-            _report(_check(driver, job, unseen), job)
-
-
-def _recorded(recording: str, model: "RobotModel") -> Any:
-    from mrl_driver.apps.calibration import part_procedures
-
-    if model.board.get("bridge"):
-        raise ConfigError(
-            "--recording does not show which wheel turned, which the wiring of an H-bridge board needs; run "
-            "mrl calibrate wiring with the robot"
+            return
+        warn(driver)
+        scene = _scene(driver, job, SeenByUser(more=["unseen"]), unseen)
+        confirm_drive(
+            job, "Each wheel turns forward for half a second. Is the robot on a box, or its path free?"
         )
-    return part_procedures.recorded_wiring(recording, model)
+        _report(wiring_procedures.check(scene), job)
 
 
-def _check(driver: "Driver", job: Job, unseen: bool) -> Any:
-    """Turn each wheel of a motor board, and return the faults."""
-    from mrl_driver.apps.calibration import part_procedures
-    from mrl_driver.apps.calibration.manoeuvres import Track
-
-    from .calibrate_view import Unmeasured, observer_for, ruler_for
-
-    ruler = ruler_for(job.truth) if job.truth is not None else Unmeasured()
-    confirm_drive(job, "Each wheel turns forward for half a second. Is the robot on a box, or its path free?")
-    return part_procedures.check_wiring(driver, Track(driver), ruler, observer_for(job.truth, unseen))
+def _scene(driver: Driver, job: Job, user: SeenByUser, unseen: bool = False) -> Scene:
+    """The robot, seen by its true pose if that is known, else by the user, or by nobody."""
+    ruler = ruler_for(job.truth) if job.truth is not None else unmeasured()
+    witness: Witness = user if job.truth is None else SeenByTruth()
+    return Scene(driver, Track(driver), ruler, Witness() if unseen else witness)
 
 
-def _report(found: Any, job: Job) -> None:
+def _report(found: List[str], job: Job) -> None:
     """Print the faults of a motor board's wires.
 
     Raises:
@@ -111,23 +101,21 @@ def _report(found: Any, job: Job) -> None:
         click.echo("the wiring of motors and encoders is right")
 
 
-def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> None:
+def _store(driver: Driver, job: Job, given: BridgeOptions, unseen: bool) -> None:
     """Find the wiring of an H-bridge board, prove it, and save it in the EEPROM."""
-    from mrl_driver.apps.calibration import bridge_wiring, part_procedures, wiring_procedures
-
     if unseen:
         raise ConfigError(
             "--unseen is given, but the encoders of an H-bridge board do not show which wheel turned; leave it out, or "
             "give --answers"
         )
-    scene, bridge = _scene(driver, job, given), _bridge_of(driver, given.bridge)
+    scene, bridge = _scene(driver, job, SeenByUser(given.answers)), _bridge_of(driver, given.bridge)
     confirm_drive(
         job,
         f"Each wheel turns slowly for {wiring_procedures.SLOW_S} s, driven by a {BRIDGES[bridge].upper()}. Are the "
         "wheels off the ground?",
     )
     with wiring_procedures.uncorrected(driver, bridge, given.single_channel):
-        with part_procedures.ramp_off(driver):  # a slow ramp would not reach 20 % in 0.3 s
+        with gain_procedures.ramp_off(driver):  # a slow ramp would not reach 20 % in 0.3 s
             found = wiring_procedures.find_wiring(scene, given.single_channel)
             driver.parameters.write({"wiring": found})
             wiring_procedures.prove(scene)
@@ -141,27 +129,12 @@ def _store(driver: "Driver", job: Job, given: BridgeOptions, unseen: bool) -> No
     click.echo(f"{', '.join(words) or 'the wires are as in HARDWARE.md'}: wiring {found}, {kept}")
 
 
-def _scene(driver: "Driver", job: Job, given: BridgeOptions) -> "Scene":
-    from mrl_driver.apps.calibration.manoeuvres import Track
-    from mrl_driver.apps.calibration.wiring_procedures import Scene
-
-    from .calibrate_view import SeenByTruth, SeenByUser, Unmeasured, ruler_for
-
-    if job.truth is not None:
-        return Scene(driver, Track(driver), ruler_for(job.truth), SeenByTruth())
-    return Scene(driver, Track(driver), Unmeasured(), SeenByUser(given.answers))
-
-
-def _bridge_of(driver: "Driver", wanted: Optional[str]) -> int:
-    """Return the number of the bridge: as given, or that of the board, or that of the model.
-
-    Raises:
-        ConfigError: none is known.
-    """
-
+def _bridge_of(driver: Driver, wanted: Optional[str]) -> int:
+    """Return the number of the bridge: as given, or that of the board, or that of the model."""
+    assert driver.model is not None
     if wanted is not None:
         return BRIDGES.index(wanted.lower())
-    found = driver.parameters.read("bridge")["bridge"] or model_of(driver).board.get("bridge", 0)
+    found = driver.parameters.read("bridge")["bridge"] or driver.model.board.get("bridge", 0)
     if not found:
         raise ConfigError(
             f"neither the board nor the model names its bridge; give --bridge with one of {', '.join(CHIPS)}"
