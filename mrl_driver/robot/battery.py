@@ -20,11 +20,7 @@ RECOVERY_V = 0.2
 
 
 def require_charge(volts: float, levels: Battery) -> None:
-    """Check before the start; a voltage of NaN is not measured and passes.
-
-    Raises:
-        BatteryDead: the motors have no power, or the battery is too low to start.
-    """
+    """Raise BatteryDead before the start if the motors have no power or too little; NaN is not measured and passes."""
     if volts < levels.off_v:
         raise BatteryDead(
             f"battery reads {volts:.2f} V: motor power is off; switch it on or connect the battery "

@@ -119,39 +119,26 @@ class Uncertainty:
         dt_s: float = 0.0,
         gyro: Optional[HeadingFilter] = None,
     ) -> None:
-        """Process a step of the odometry.
-
-        Args:
-            before, after: poses before and after the step.
-            wheels_m: distances of the wheels, in the order of the drive's kinematics [m].
-            turn_rad: angle turned.
-            dt_s: duration of the step [s].
-            gyro: the filter, if the angle is that of the gyro.
+        """Process a step of the odometry that takes `dt_s` and turns by `turn_rad`; `gyro` is the filter of that angle.
+        `wheels_m` are the distances of the wheels, in the order of the drive's kinematics [m].
         """
-        right_m, left_m = wheels_m
-        base_m, noise = self._base_m, self._noise
+        (right_m, left_m), base_m, noise = wheels_m, self._base_m, self._noise
         dx, dy = after[0] - before[0], after[1] - before[1]
         middle_rad, forward_m = before[2] + turn_rad / 2, (right_m + left_m) / 2
         cos, sin = math.cos(middle_rad), math.sin(middle_rad)
         # random errors of the step: variances of way and turn, and their covariance
         right, left = noise[0] * abs(right_m), noise[0] * abs(left_m)
-        along, both, turning = (right + left) / 4, 0.0, 0.0
-        changes = (0.0, turn_rad, 0.0)
+        along, both, turning, changes = (right + left) / 4, 0.0, 0.0, (0.0, turn_rad, 0.0)
         if gyro is None:
             both = (right - left) / 2 / base_m
             turning = (right + left) / base_m / base_m + noise[1] * abs(turn_rad)
             changes = (turn_rad, 0.0, forward_m / base_m)
-        if gyro is None and self._bias[2] == 0.0:  # no gyro so far
-            whole, half = self._random[5] + turning / 4, self._random[5] + turning / 2
+        if gyro is None and self._bias[2] == 0.0:  # no gyro so far: as `_carried`, but faster
             xx, xy, xt, yy, yt, tt = self._random
+            whole, half, mixed = tt + turning / 4, tt + turning / 2, (dx * cos - dy * sin) * both / 2
             self._random = (
                 xx - 2 * dy * xt + dy * dy * whole + cos * cos * along - dy * cos * both,
-                xy
-                - dy * yt
-                + dx * xt
-                - dx * dy * whole
-                + cos * sin * along
-                + (dx * cos - dy * sin) * both / 2,
+                xy - dy * yt + dx * xt - dx * dy * whole + cos * sin * along + mixed,
                 xt - dy * half + cos * both,
                 yy + 2 * dx * yt + dx * dx * whole + sin * sin * along + dx * sin * both,
                 yt + dx * half + sin * both,
@@ -371,8 +358,7 @@ def is_covariance(spread: Spread) -> bool:
 def error_squared(spread: Spread, dx_m: float, dy_m: float, dyaw_rad: float) -> float:
     """Return the normalised estimation error squared (NEES) of a pose error; its mean is 3 if `spread` is right.
 
-    Raises:
-        ValueError: the covariance has no inverse.
+    Raise ValueError if the covariance has no inverse.
     """
     xx, xy, xt, yy, yt, tt = spread
     a, b, c = yy * tt - yt * yt, xt * yt - xy * tt, xy * yt - xt * yy

@@ -139,10 +139,7 @@ class HeadingFilter:
     def turn(self, time_s: float, wheel_turn_rad: float, moved: bool) -> float:
         """Return the turn since the last call: that of the gyro, or else that of the wheels.
 
-        Args:
-            time_s: time of the counts.
-            wheel_turn_rad: turn since the last call, by the wheels.
-            moved: a wheel has moved since the last call.
+        `time_s` is the time of the counts, and `moved` says that a wheel has moved since the last call.
         """
         since_s, self._turned_s = self._turned_s, time_s
         if moved:

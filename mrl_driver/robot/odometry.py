@@ -106,8 +106,7 @@ class Baseline:
     def update(self, *reading: Any) -> Optional[Step]:
         """Return the movement since the last accepted reading; None if this one is a new baseline or is refused.
 
-        Args:
-            reading: the counters, followed by the time of the reading [s].
+        A reading is the counters, followed by their time [s].
         """
         base = self._base
         if base is None:

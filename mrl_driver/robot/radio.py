@@ -50,11 +50,7 @@ def format_address(address: int) -> str:
 
 
 def parse_address(text: str) -> int:
-    """The address of a text: at most 16 hexadecimal digits.
-
-    Raises:
-        FrameError: it is something else.
-    """
+    """The address of a text: at most 16 hexadecimal digits; raise FrameError if it is something else."""
     if not re.fullmatch("(0[xX])?[0-9a-fA-F]{1,16}", text, re.ASCII):
         raise FrameError(
             f"radio address is {text!r}, expected a 64-bit address in hexadecimal, such as 0013a20040a1b2c3"
@@ -119,11 +115,7 @@ class RadioQueue:
         self._free_s = -math.inf
 
     def add(self, request: Request, now: float) -> None:
-        """Let a request wait for its turn.
-
-        Raises:
-            MrlError: `WAITING` requests wait already.
-        """
+        """Let a request wait for its turn; raise MrlError if `WAITING` requests wait already."""
         if len(self._waiting) >= WAITING:
             raise MrlError(
                 f"{WAITING} texts wait for the radio, which sends about 30 in a second; this one was not sent"

@@ -366,11 +366,7 @@ def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:
 
 
 def model_of(board: Board) -> RobotModel:
-    """Return the model that lists the board's id.
-
-    Raises:
-        WrongRobot: no model lists it.
-    """
+    """Return the model that lists the board's id; raise WrongRobot if no model lists it."""
     name = models.by_id(board.robot_id)
     if name:
         return models.load(name)

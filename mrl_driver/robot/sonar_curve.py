@@ -86,11 +86,7 @@ def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
 
 
 def require_wall(ranges_m: np.ndarray, valid: np.ndarray) -> None:
-    """Refuse readings that did not measure a wall.
-
-    Raises:
-        ConfigError: there are too few distances, or the wall was missed too often.
-    """
+    """Raise ConfigError for readings that did not measure a wall: too few distances, or missed too often."""
     distances = np.unique(np.round(ranges_m[valid], 3))
     lost = [d for d in np.unique(np.round(ranges_m, 3)) if not valid[np.abs(ranges_m - d) < 1e-3].any()]
     if lost or np.mean(~valid) > MOST_MISSED:

@@ -19,48 +19,9 @@ TABLE = ROOT / "mrl_driver" / "problems.py"
 ERRORS = [
     each for each in vars(errors).values() if isinstance(each, type) and issubclass(each, errors.MrlError)
 ]
-FROM_THE_TABLE = {
-    *("brown_out", "firmware_hung", "board_restart", "watchdog_stop", "board_stalled", "undervoltage"),
-    *(
-        "wheel_blocked",
-        "encoder_dead",
-        "imu_dead",
-        "imu_frozen",
-        "imu_wrong",
-        "imu_tilted",
-        "imu_drift",
-        "hot",
-    ),
-    *(
-        "noise_bursts",
-        "bad_cable",
-        "frames_lost",
-        "requests_lost",
-        "requests_late",
-        "late_host",
-        "line_stalled",
-    ),
-    *(
-        "board_silent",
-        "slow_line",
-        "debug_text",
-        "command_gaps",
-        "recording_damaged",
-        "encoder_noise",
-        "clamped",
-    ),
-    *(
-        "sonar_dead",
-        "sonar_stuck",
-        "sonar_deaf",
-        "pushing",
-        "wheel_size",
-        "wheel_ratio",
-        "track_width",
-        "slip",
-    ),
-    *("speed_scale", "wheel_slow", "battery_sag", "battery_empty", "battery_low"),
-}
+REVIEW = "".join(each.read_text() for each in (ROOT / "mrl_driver/apps/review/findings").glob("*.py"))
+FROM_THE_TABLE = {code for code in PROBLEMS if f'"{code}"' in REVIEW or code.startswith("battery_")}
+FROM_THE_TABLE |= {"imu_dead", "imu_frozen", "imu_wrong", "imu_tilted"}
 """Codes whose message is read from the table."""
 
 

@@ -54,11 +54,7 @@ def wiring_of(trials: Sequence[Trial], counts_per_turn: float, single_channel: b
 
 
 def require_proof(right: int, left: int, counts_per_turn: float) -> None:
-    """Check the counters after a slow turn to the right, with the wiring in force: left forward, right backward.
-
-    Raises:
-        WheelFault: a counter did not move, or moved in the wrong direction.
-    """
+    """Raise WheelFault unless the counters fit a slow turn to the right: left forward, right backward."""
     least = counts_per_turn * LEAST_TURN
     if left < least or right > -least:
         raise WheelFault(

@@ -39,11 +39,7 @@ class Progress:
             self._data = _read_state(path, robot)
 
     def runs(self, procedure: str, settings: Mapping[str, Any]) -> List[Trial]:
-        """The runs of a procedure that are not evaluated yet.
-
-        Raises:
-            ConfigError: the runs were driven with other settings, or the file is damaged.
-        """
+        """The runs that are not evaluated yet; raise ConfigError if they are damaged, or had other settings."""
         found = self._data["procedures"].get(procedure)
         if not found or found.get("done"):
             return []
@@ -114,11 +110,7 @@ def _listed(settings: Mapping[str, Any]) -> str:
 
 
 def require_writable(path: str) -> None:
-    """Check before the drive that the result can be written.
-
-    Raises:
-        ConfigError: the name does not end in .yaml, or the folder is missing or not writable.
-    """
+    """Raise ConfigError if the result could not be written: not a .yaml, or no folder that is writable."""
     folder = os.path.dirname(path) or "."
     if not path.endswith((".yaml", ".yml")):
         raise ConfigError(f"--output is {path!r}, expected a file name that ends in .yaml")
@@ -129,16 +121,9 @@ def require_writable(path: str) -> None:
 
 
 def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
-    """Write the model file `source` with new numbers to `output`; comments stay.
+    """Write the model file `source` with new numbers to `output`; comments stay, and `note` follows each new number.
 
-    Args:
-        source: path of a model's YAML.
-        output: path of the file to write.
-        values: the new numbers.
-        note: comment after each new number, with the date.
-
-    Returns:
-        Path of the backup of `output`, or "" if `output` did not exist.
+    Returns the path of the backup of `output`, or "" if it did not exist.
 
     Raises:
         ConfigError: a file cannot be read, or the result is not a model.

@@ -59,9 +59,7 @@ def fit(
     """The drive whose `free` parameters fit the ends of the runs best.
 
     Args:
-        runs: measured runs.
         start: first guess, and the values of the parameters that are not free.
-        free: names of the parameters to fit.
         noise: weights of the runs; only the ratio of its values matters.
         measured: accuracy of the ends.
 
@@ -88,12 +86,7 @@ def fit(
 
 
 def scale_deviations(fitted: GeometryFit, free: Sequence[str]) -> Dict[str, float]:
-    """Standard deviations of what was fitted, by their keys in `Noise`; at least `LEAST_SCALE_SD`.
-
-    Args:
-        fitted: result of the fit.
-        free: its free parameters.
-    """
+    """Standard deviations of what was fitted, by their keys in `Noise`; at least `LEAST_SCALE_SD`."""
     found = {}
     for name, deviation in zip(free, fitted.deviations):
         share = deviation / (1 - fitted.drive.turn_slip) if name == SLIP else deviation
@@ -143,16 +136,9 @@ def outlier(runs: Sequence[Trial], fitted: GeometryFit) -> int:
 def estimate_noise(
     runs: Sequence[Trial], fitted: GeometryFit, free: int, measured: Measured = BY_TAPE
 ) -> Noise:
-    """The noise that makes the remaining errors of the fit most likely.
+    """The noise that makes the remaining errors of the fit most likely; raise ConfigError if there are too few runs.
 
-    Args:
-        runs: the fitted runs.
-        fitted: result of the fit.
-        free: number of fitted parameters, which have absorbed a part of the errors.
-        measured: accuracy of the ends.
-
-    Raises:
-        ConfigError: there are too few runs.
+    `free` is the number of fitted parameters, which have absorbed a part of the errors.
     """
     if len(runs) < LEAST_RUNS_FOR_NOISE:
         raise ConfigError(

@@ -93,12 +93,7 @@ def tune(robot: Driver, model: RobotModel, track: Track, report: Report) -> Tune
 
 
 def tune_bridge(robot: Driver, model: RobotModel, track: Track, report: Report) -> Tuned:
-    """Tune an H-bridge board, as `tune` does, with steps of several duties.
-
-    Raises:
-        ConfigError: the steps give no motor, or no gains in the range of the parameters.
-        BoardTimeout: telemetry ended, or the wheels keep turning.
-    """
+    """Tune an H-bridge board, as `tune` does, with steps of several duties."""
     present = BridgeGains(**robot.parameters.read(*BridgeGains._fields))
     a_turn, made = counts_per_turn(model), []
     with ramp_off(robot):
@@ -128,7 +123,7 @@ def _compared(
     percent_of: Callable[[Any], int],
     seconds: float,
     report: Report,
-) -> List[Steps]:
+) -> Tuple[Steps, Steps]:
     """Drive a step of the speed with the present and with the suggested gains; then the present ones are back."""
     measured = []
     try:
@@ -139,7 +134,7 @@ def _compared(
     finally:
         robot.stop()
         put(present)
-    return measured
+    return measured[0], measured[1]
 
 
 def listed(values: Any) -> str:
@@ -167,11 +162,7 @@ def _steps_of(rows: np.ndarray) -> Steps:
 def _motors(
     made: Sequence[Tuple[Steps, int, int]], identify: Callable[[List[DutyStep]], Any]
 ) -> Tuple[Any, Any]:
-    """Right and left motor from steps with the percents of the right and the left motor.
-
-    Raises:
-        ConfigError: a wheel did not turn as commanded; the error names it.
-    """
+    """Right and left motor from steps with the percents of the right and the left motor; an error names the motor."""
     found = []
     for wheel in ("right", "left"):
         steps = []
@@ -208,11 +199,7 @@ def ramp_off(robot: Driver) -> Iterator[None]:
 
 
 def recorded(path: str, model: RobotModel) -> Tuple[Tuple[Any, Any], Any]:
-    """Motors and gains from the recorded steps of the duty that turn both motors.
-
-    Raises:
-        ConfigError: the recording has no such steps, or they give no motor.
-    """
+    """Motors and gains from recorded steps of the duty that turn both motors; raise ConfigError without such steps."""
     steps = from_recording.motor_steps_of(from_recording.read(path, model), MOVE)
     both = [(_steps_of(rows), right, left) for rows, (left, right) in steps if left and right]
     if not both:

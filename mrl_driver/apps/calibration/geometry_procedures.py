@@ -101,11 +101,7 @@ def gather(
 
 
 def check_recorded(procedure: str, drive: Drive, run: Trial, name: str) -> None:
-    """Refuse a recorded run that does not belong to this procedure.
-
-    Raises:
-        ConfigError: the run belongs to another procedure, or its end is too far from the end by the counts.
-    """
+    """Raise ConfigError for a run of another procedure, or with an end too far from the end by the counts."""
     found = sense(drive, run)
     if (found == NEITHER) != (procedure == STRAIGHT):
         raise ConfigError(f"{name} went {found}, expected a run of mrl calibrate {procedure}")
@@ -130,9 +126,6 @@ def evaluate(
     """Evaluate the runs of a procedure.
 
     Args:
-        procedure: name of the procedure.
-        runs: its runs.
-        model: model of the robot.
         side_m: side of UMBmark's square.
         measured: accuracy of the ends.
         others: runs of other procedures, for the noise.

@@ -51,8 +51,7 @@ class Truth:
 def truth_file(path: str) -> Callable[[], Pose]:
     """A function that reads the newest pose of a file written by `mrl-sim --truth`.
 
-    Raises:
-        ConfigError: the file does not exist; the function also raises it if the file holds no pose.
+    Raise ConfigError if there is no such file; the function raises it if the file holds no pose.
     """
     if not os.path.isfile(path):
         raise ConfigError(f"--truth {path} does not exist, expected the file that mrl-sim --truth writes")
@@ -75,11 +74,7 @@ def _last_pose(path: str) -> Pose:
 
 
 def parse_pose(text: str) -> Pose:
-    """Parse `x y heading` in metres and degrees, separated by spaces or commas; the heading is optional.
-
-    Raises:
-        ConfigError: `text` is something else.
-    """
+    """Parse `x y heading` in metres and degrees, separated by spaces or commas; the heading is optional."""
     parts = text.replace(",", " ").split()
     try:
         numbers = [float(part) for part in parts]

@@ -163,11 +163,7 @@ def true_angle(gyro_rad: float, heading_rad: float, scale: float) -> float:
 
 
 def require_agreement(turn: Turned, earlier: Sequence[Turned], heading_sd_rad: float, name: str) -> None:
-    """Check a turn against the wheels, the data sheet, and earlier turns.
-
-    Raises:
-        ConfigError: they contradict it.
-    """
+    """Raise ConfigError if a turn contradicts the wheels, the data sheet, or earlier turns."""
     degrees = [math.degrees(each) for each in (turn.gyro_rad, turn.wheels_rad, turn.true_rad)]
     if turn.gyro_rad * turn.wheels_rad <= 0 or abs(turn.gyro_rad) < abs(turn.wheels_rad) / 2:
         raise ConfigError(
@@ -212,12 +208,9 @@ class Push(NamedTuple):
 
 
 def push_of(rows: np.ndarray, mount: ImuMount, way: np.ndarray) -> Push:
-    """Return the accelerations of a straight drive, smoothed in the same way.
+    """Return the accelerations of a straight drive, smoothed in the same way; the yaw of the mount does not matter.
 
-    Args:
-        rows: readings of the IMU.
-        mount: roll and pitch of the IMU; its yaw does not matter.
-        way: (K, 2) host's time [s], and distance by the wheels, forward positive [m].
+    `way` is (K, 2): host's time [s], and distance by the wheels, forward positive [m].
     """
     flat = mount._replace(yaw_deg=0.0)
     level = np.array([flat.rotate((x, y, z))[:2] for x, y, z in rows[:, ACCEL].tolist()])

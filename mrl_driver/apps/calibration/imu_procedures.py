@@ -94,11 +94,7 @@ def by_wheels(model: RobotModel, telemetry: Telemetry) -> Planar:
 
 
 def require_imu(robot: Driver) -> None:
-    """Check that the board streams an IMU.
-
-    Raises:
-        ConfigError: it does not.
-    """
+    """Check that the board streams an IMU; raise ConfigError if it does not."""
     if CAPABILITY not in robot.board.capabilities:
         raise ConfigError(
             "the board has found no IMU, expected an MPU-6050 or a relative of it: check its wires (HARDWARE.md), and "
@@ -109,10 +105,7 @@ def require_imu(robot: Driver) -> None:
 def stand(robot: Driver, track: ImuTrack, seconds: float, begin: bool = False) -> Rest:
     """Wait until the robot has stood still for `seconds`, and return the means of that time.
 
-    With `begin`, the track begins with that time.
-
-    Raises:
-        ConfigError: the robot does not come to rest, or the IMU's readings cannot be used.
+    With `begin`, the track begins with that time.  Raise ConfigError if the robot does not come to rest.
     """
     end_s = robot.now_s + PATIENCE_S
     while True:
@@ -133,15 +126,9 @@ def calibrate(
     measured: Measured,
     report: Callable[[str], None],
 ) -> ImuOutcome:
-    """Stand still, drive straight, and turn in place, each between two rests.
+    """Stand still, drive straight, and turn in place, each between two rests; `report` gets the name of each step.
 
-    Args:
-        robot: a connected robot.
-        track: its track.
-        ruler: measures the heading at the end of each turn.
-        plan: what to drive.
-        measured: accuracy of the ruler.
-        report: gets the name of each step.
+    `ruler` measures the heading at the end of each turn, as exactly as `measured` says.
 
     Raises:
         ConfigError: there is no IMU, its readings cannot be used, or they contradict wheels and headings.

@@ -97,11 +97,7 @@ def steps_of(rows: np.ndarray) -> np.ndarray:
 
 
 def settle(robot: Driver) -> None:
-    """Stop, and wait until the robot is at rest.
-
-    Raises:
-        BoardTimeout: the wheels keep turning, or no telemetry comes.
-    """
+    """Stop, and wait until the robot is at rest; raise BoardTimeout if the wheels keep turning."""
     robot.stop()
     still_s, waited_s, last = 0.0, 0.0, _counts(robot)
     while still_s < SETTLED_S:
@@ -201,10 +197,8 @@ def _near(angle_rad: float, wanted_rad: float) -> float:
 def spin_motors(robot: Driver, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
     """Turn the motors at these shares of full speed; afterwards they turn until they are stopped.
 
-    The robot must be settled first; before that, the driver still repeats its stop.
-
-    Raises:
-        BoardTimeout: telemetry has ended, and the robot was stopped.
+    The robot must be settled first; before that, the driver still repeats its stop.  Raise BoardTimeout, with the robot
+    stopped, if telemetry ends.
     """
     for _ in range(max(1, round(seconds / KEEP_ALIVE_S))):
         if not robot.ready:

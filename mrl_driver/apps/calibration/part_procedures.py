@@ -27,11 +27,7 @@ class SonarPlan(NamedTuple):
     step_m: float = 0.05
 
     def distances(self) -> List[float]:
-        """All distances [m].
-
-        Raises:
-            ConfigError: there are too few distances, or they do not approach the wall.
-        """
+        """All distances [m]; raise ConfigError if they are too few, or do not approach the wall."""
         good = 0.15 <= self.stop_m < self.start_m <= 6.0 and 0.01 <= self.step_m <= 0.5
         count = int((self.start_m - self.stop_m) / self.step_m + 1e-6) + 1 if good else 0
         if count < sonar_curve.LEAST_DISTANCES:
@@ -94,9 +90,7 @@ def _require_free_path(range_m: float, distance_m: float) -> None:
 def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
     """Ranges of the front sonar [m], NaN for none, and distances by odometry [m], for each stop of a track.
 
-    Args:
-        rows: (N, 4) time, right, left, range; see `Track.end`.
-        start_m: distance from the wall at the first row.
+    `rows` are those of `Track.end`; the first one is `start_m` away from the wall.
     """
     times_s = rows[:, 0]
     travelled_m = (rows[:, 1:3] - rows[0, 1:3]) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)

@@ -81,11 +81,7 @@ def sense(drive: Drive, run: Trial) -> str:
 
 
 def require_sense(drive: Drive, run: Trial, expected: str, name: str) -> None:
-    """Refuse a run that went in the wrong direction.
-
-    Raises:
-        ConfigError: the direction is wrong, or the robot hardly moved.
-    """
+    """Raise ConfigError for a run that went in the wrong direction, or hardly moved."""
     if length_m(drive, run) < MIN_LENGTH_M and expected == NEITHER:
         raise ConfigError(
             f"{name}: the counts hardly changed, expected a drive; check the plugs of the encoders"
@@ -96,11 +92,7 @@ def require_sense(drive: Drive, run: Trial, expected: str, name: str) -> None:
 
 
 def require_plausible(drive: Drive, run: Trial, name: str) -> None:
-    """Refuse an end that is far from the end by the counts; a wrong mark or unit causes that.
-
-    Raises:
-        ConfigError: the ends differ by more than 0.05 m and more than a fifth of the distance.
-    """
+    """Raise ConfigError for an end more than 0.05 m and a fifth of the distance from the end by the counts."""
     off = errors(drive, [run])[0]
     most_m = max(0.05, 0.2 * length_m(drive, run))
     if float(np.hypot(*np.nan_to_num(off[:2]))) > most_m:
@@ -118,11 +110,7 @@ def as_json(run: Trial) -> Dict[str, Any]:
 
 
 def from_json(data: Any) -> Trial:
-    """The run written by `as_json`.
-
-    Raises:
-        ConfigError: the data is damaged.
-    """
+    """The run written by `as_json`; raise ConfigError if the data is damaged."""
     try:
         steps = np.array(data["steps"], dtype=np.int64).reshape(-1, 2)
         x, y, yaw = (math.nan if value is None else float(value) for value in data["end"])

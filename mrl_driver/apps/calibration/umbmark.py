@@ -32,15 +32,11 @@ class UmbmarkResult(NamedTuple):
 def evaluate(
     left: Sequence[Point], right: Sequence[Point], side_m: float, separation_m: float
 ) -> UmbmarkResult:
-    """The paper's closed form, exact for small errors.
+    """The paper's closed form, exact for small errors; raise ConfigError if there are too few laps.
 
     Args:
         left, right: errors of the counter-clockwise and the clockwise laps, (x, y) [m].
-        side_m: side of the square.
         separation_m: effective wheelbase in use.
-
-    Raises:
-        ConfigError: there are too few laps.
     """
     require_laps(len(left), "counter-clockwise")
     require_laps(len(right), "clockwise")
@@ -60,11 +56,7 @@ def evaluate(
 
 
 def require_laps(laps: int, direction: str) -> None:
-    """Check the number of laps.
-
-    Raises:
-        ConfigError: there are too few laps, or too many.
-    """
+    """Check the number of laps; raise ConfigError if there are too few laps, or too many."""
     if not LEAST_LAPS <= laps <= MOST_LAPS:
         raise ConfigError(f"there are {laps} {direction} laps, expected {LEAST_LAPS} to {MOST_LAPS}")
 

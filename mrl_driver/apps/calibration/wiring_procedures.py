@@ -28,10 +28,7 @@ class Witness:
     def turned(self, motor: str, expected: Optional[str], moved: Pose) -> Tuple[Optional[str], int]:
         """Return the wheel that turned alone, None if it was not observed; and +1 forward, -1 backward, 0 if none did.
 
-        Args:
-            motor: the motor that was driven.
-            expected: the wheel that must have turned; None if both are possible.
-            moved: the measured motion; NaN if it was not measured.
+        `expected` is the wheel that must have turned, None if both are possible; `moved` the measured motion, or NaN.
         """
         return None, 0
 
@@ -87,11 +84,7 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[No
 
 
 def find_wiring(scene: Scene, single_channel: bool) -> int:
-    """Turn each output of an H-bridge forward alone, slowly; return the sum to store.
-
-    Raises:
-        WheelFault: a wheel or an encoder did not do its part.
-    """
+    """Turn each output of an H-bridge forward alone, slowly; return the sum to store, or raise WheelFault."""
     trials: List[Trial] = []
     for output, percents in ((LEFT, (SLOW_PERCENT, 0)), (RIGHT, (0, SLOW_PERCENT))):
         right, left, moved = _move(scene, f"{output} motor output, forward", *percents, SLOW_S)
@@ -107,11 +100,7 @@ def find_wiring(scene: Scene, single_channel: bool) -> int:
 
 
 def prove(scene: Scene) -> None:
-    """Turn slowly to the right with the wiring in force, and check that each wheel and counter does its part.
-
-    Raises:
-        WheelFault: one does not.
-    """
+    """Turn slowly to the right with the new wiring; raise WheelFault unless each wheel and counter does its part."""
     right, left, moved = _move(scene, "a slow turn to the right", SLOW_PERCENT, -SLOW_PERCENT, SLOW_S)
     bridge_wiring.require_proof(right, left, scene.counts_per_turn)
     if not scene.witness.turned_right(moved):
@@ -137,11 +126,7 @@ def _move(
 
 
 def recorded(path: str, model: RobotModel) -> List[str]:
-    """Faults of the wires, from a recording of `check`; it does not show which wheel turned.
-
-    Raises:
-        ConfigError: in the recording, no motor was turned alone.
-    """
+    """Faults of the wires, from a recording of `check`; it does not show which wheel turned."""
     replayed = from_recording.read(path, model)
     times_s = replayed.rows[:, 0]
     found: Dict[str, Tuple[float, float]] = {}

@@ -45,7 +45,14 @@ class Chart(NamedTuple):
 
 def charts_of(drive: DriveData) -> List[Chart]:
     """Return the charts of a drive, without those that have no values."""
-    found = [*_motion(drive), _ranges(drive), *_battery(drive), *_link(drive), *_imu(drive), *_sensors(drive)]
+    found = [
+        *_motion(drive),
+        _ranges(drive),
+        *_battery(drive),
+        *_link(drive),
+        *_imu(drive),
+        *sensor_charts(drive),
+    ]
     full = [chart._replace(curves=list(filter(_is_known, chart.curves))) for chart in found]
     return [chart for chart in full if chart.curves]
 
@@ -142,7 +149,8 @@ def _imu(drive: DriveData) -> List[Chart]:
     ]
 
 
-def _sensors(drive: DriveData) -> List[Chart]:
+def sensor_charts(drive: DriveData) -> List[Chart]:
+    """Return a chart of each sensor of `table.SENSORS`."""
     charts = []
     for name, column in drive.sensors.items():
         fields = SENSOR_BY_NAME[name].fields if name in SENSOR_BY_NAME else ()
@@ -163,10 +171,7 @@ def _curve(name: str, column: Column, axis: int, step: float, hold_s: float = _F
 def reduced(drive: DriveData, moments: Iterable[float]) -> Dict[str, Any]:
     """Return all that the charts and the map of a page need, for JSON.
 
-    Args:
-        drive: the drive.
-        moments: times of interest [s], the most important first; telemetry near them is kept completely while there
-            is room.
+    `moments` are times of interest [s], the most important first; telemetry near them is complete while there is room.
     """
     charts = charts_of(drive)
     curves = [curve for chart in charts for curve in chart.curves]

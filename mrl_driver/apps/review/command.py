@@ -1,7 +1,7 @@
 """`mrl review`: a page of a recording, with what went wrong in it."""
 
 import os
-from typing import Any, Dict, Optional
+from typing import Any, Dict, Optional, Tuple
 
 import click
 
@@ -11,19 +11,31 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.host.named_robots import resolve
 
-
-@click.command(short_help="Make a page of a recording: what went wrong, path, charts, stops.")
-@click.argument("file", type=click.Path())
-@click.option(
-    "-o", "--output", type=click.Path(), metavar="PAGE", help="Page to write.  [default: FILE.html]"
-)
-@click.option(
+robot_option = click.option(
     "--robot",
     metavar="ROBOT",
     default="auto",
     shell_complete=complete_robot,
     help="Robot model; by default that of the recording.",
 )
+
+
+def read_drive(file: str, robot: str) -> Tuple[Any, Any]:
+    """Play a recording and show the progress; return the `RecordedDriver` and its `DriveData`."""
+    from mrl_driver.apps.review import drive_data
+    from mrl_driver.driver.recorded import RecordedDriver
+
+    recorded = RecordedDriver(file, resolve(robot).model)
+    with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
+        return recorded, drive_data.read(recorded, advance)
+
+
+@click.command(short_help="Make a page of a recording: what went wrong, path, charts, stops.")
+@click.argument("file", type=click.Path())
+@click.option(
+    "-o", "--output", type=click.Path(), metavar="PAGE", help="Page to write.  [default: FILE.html]"
+)
+@robot_option
 @json_option
 def review(file: str, output: Optional[str], robot: str, as_json: bool) -> None:
     """Make a page of a recording: what went wrong, the path, charts, stops and the quality of the link.
@@ -37,16 +49,13 @@ def review(file: str, output: Optional[str], robot: str, as_json: bool) -> None:
       mrl review drive.mrl -o monday.html
       mrl review drive.mrl --json
     """
-    from mrl_driver.apps.review import drive_data, page
+    from mrl_driver.apps.review import page
     from mrl_driver.apps.review.findings import find
-    from mrl_driver.driver.recorded import RecordedDriver
 
     written = output or f"{os.path.splitext(file)[0]}.html"
     if os.path.exists(written) and os.path.exists(file) and os.path.samefile(written, file):
         raise ConfigError(f"the page would replace the recording {file}; give another file with --output")
-    recorded = RecordedDriver(file, resolve(robot).model)
-    with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
-        drive = drive_data.read(recorded, advance)
+    _, drive = read_drive(file, robot)
     findings = find(drive)
     replace_file(written, page.render(drive, findings))
     if as_json:

@@ -142,6 +142,11 @@ class DriveData(NamedTuple):
     sent: Frames  # frames to the board
     skipped_lines: int  # lines of the recording that could not be read
 
+    @property
+    def path_length_m(self) -> float:
+        """Length of the robot's path [m]."""
+        return float(np.hypot(*np.diff(self.poses.values[:, :2], axis=0).T).sum())
+
 
 def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda part: None) -> DriveData:
     """Play a whole recording and return its data; `advance` is called as by `RecordedDriver.play`.
@@ -241,11 +246,7 @@ class _Reader:
         )
 
     def _keep(self, kept: List[Any], item: Any) -> None:
-        """Add what a good drive has little of: damage, events.
-
-        Raises:
-            ConfigError: there is more than memory should hold.
-        """
+        """Add what a good drive has little of: damage, events; raise ConfigError if memory should not hold more."""
         self._kept += 1
         if self._kept > MOST_KEPT:
             raise ConfigError(

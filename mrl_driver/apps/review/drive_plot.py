@@ -1,4 +1,4 @@
-"""Draws recorded drives with matplotlib, an optional package.
+"""Draws recorded drives with matplotlib, an optional package: the path, and the charts of a review's page.
 
 The colours are those of Okabe and Ito, which colour-blind people can distinguish.  Lines also differ in their dashes,
 for black and white prints.
@@ -6,8 +6,8 @@ for black and white prints.
 
 import math
 import os
-from functools import partial
-from typing import Any, Callable, Dict, Iterator, List, Sequence, Tuple
+from itertools import cycle
+from typing import Any, Iterator, List, Sequence, Tuple
 
 import numpy as np
 
@@ -15,13 +15,15 @@ from mrl_driver import figures
 from mrl_driver.errors import ConfigError
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import SENSOR_BY_NAME
 
-from .drive_data import Column, DriveData
+from .charts import Chart, charts_of, sensor_charts
+from .drive_data import DriveData
 
 PARTS = ("path", "speeds", "ranges", "sensors", "battery")
-_SONARS = {"left": (GREEN, "--"), "front": (BLUE, "-"), "right": (ORANGE, ":")}
+_TITLES = {"speeds": ("Speed", "Sideways", "Turning"), "ranges": ("Ranges",), "battery": ("Battery",)}
+_STYLES = ((BLUE, "-"), (ORANGE, "-."), (GREEN, "--"), (PINK, ":"))
 _MOST_POINTS = 20000
+_MOST_NAMES = 6  # of curves in a legend
 _ARROWS = 8
 _LEAST_SPAN_M = 0.4
 _SMOOTH_S = 0.1  # measured speeds are averaged over this time: one count in one frame of 20 ms is 4 mm/s
@@ -35,27 +37,21 @@ def draw(drive: DriveData, path: str, parts: Sequence[str] = PARTS) -> None:
         OutputError: the file cannot be written.
     """
     _require_poses(drive)
-    columns = list(_over_time(drive, parts))
-    with_path = "path" in parts
-    size = (6.5 * with_path + 6.5 * bool(columns) or 6.5, max(5.5, 1.9 * len(columns)))
+    charts, with_path = list(_over_time(drive, parts)), "path" in parts
+    size = (6.5 * with_path + 6.5 * bool(charts) or 6.5, max(5.5, 1.9 * len(charts)))
     figure = figures.figure(*size)
     figure.suptitle(figures.plain(_title(drive)), fontsize="large")
-    grid = figure.add_gridspec(max(1, len(columns)), with_path + bool(columns) or 1)
+    grid = figure.add_gridspec(max(1, len(charts)), with_path + bool(charts) or 1)
     if with_path:
         _draw_path(figure.add_subplot(grid[:, 0]), drive)
     first = None
-    for row, draw_into in enumerate(columns):
+    for row, chart in enumerate(charts):
         first = axes = figure.add_subplot(grid[row, -1], sharex=first)
-        draw_into(axes, drive)
+        _draw_chart(axes, chart, drive)
         axes.grid(color="0.9")
-        axes.tick_params(labelbottom=row == len(columns) - 1)
-        axes.set_xlabel("time since the start [s]" if row == len(columns) - 1 else "")
+        axes.tick_params(labelbottom=row == len(charts) - 1)
+        axes.set_xlabel("time since the start [s]" if row == len(charts) - 1 else "")
     figures.save(figure, path)
-
-
-def path_length_m(drive: DriveData) -> float:
-    """Length of the robot's path [m]."""
-    return float(np.hypot(*np.diff(drive.poses.values[:, :2], axis=0).T).sum())
 
 
 def _require_poses(drive: DriveData) -> None:
@@ -71,15 +67,12 @@ def _require_poses(drive: DriveData) -> None:
     )
 
 
-def _over_time(drive: DriveData, parts: Sequence[str]) -> Iterator[Callable[[Any, DriveData], None]]:
-    """The functions that draw the parts with a time axis: one for each axes, and for each sensor one."""
-    has = {"ranges": bool(drive.ranges), "battery": bool(len(drive.battery.time_s)), "path": False}
+def _over_time(drive: DriveData, parts: Sequence[str]) -> Iterator[Chart]:
+    """The charts of the parts with a time axis."""
+    charts = charts_of(drive)
     for part in parts:
-        if part == "sensors":
-            for name in drive.sensors:
-                yield partial(_draw_sensor, name=name)
-        elif has.get(part, True):
-            yield _OVER_TIME[part]
+        found = sensor_charts(drive) if part == "sensors" else charts
+        yield from (each for each in found if part == "sensors" or each.title in _TITLES.get(part, ()))
 
 
 def _title(drive: DriveData) -> str:
@@ -89,22 +82,19 @@ def _title(drive: DriveData) -> str:
     return (
         f"{name}, {os.path.basename(drive.path)}"
         + (f", {when} UTC" if when else "")
-        + (f": {path_length_m(drive):.2f} m in {duration_s:.0f} s")
+        + (f": {drive.path_length_m:.2f} m in {duration_s:.0f} s")
     )
 
 
-def _thin(column: Column) -> List[Any]:
-    """Times and columns of the values, thinned to at most about `_MOST_POINTS` points."""
-    times_s, count = column.time_s, len(column.time_s)
-    kept = np.unique(
-        [*range(0, count, math.ceil(count / _MOST_POINTS) or 1), *[count - 1] * bool(count)]
-    ).astype(int)
-    values = column.values if column.values.ndim > 1 else column.values[:, None]
-    return [times_s[kept], *values[kept].T]
+def _thin(time_s: Any, values: Any) -> Tuple[Any, Any]:
+    """Times and values, thinned to at most about `_MOST_POINTS` points, of which the last one stays."""
+    step = math.ceil(len(time_s) / _MOST_POINTS) or 1
+    kept = np.union1d(np.arange(0, len(time_s), step), np.arange(len(time_s))[-1:])
+    return time_s[kept], values[kept]
 
 
 def _draw_path(axes: Any, drive: DriveData) -> None:
-    _, xs, ys, yaws = _thin(drive.poses)
+    xs, ys, yaws = _thin(drive.poses.time_s, drive.poses.values)[1].T
     hits = _hits(drive)
     if hits:
         axes.scatter(*zip(*hits), s=4, color=GREY, label="sonar readings", linewidths=0)
@@ -137,39 +127,24 @@ def _hits(drive: DriveData) -> List[Tuple[float, float]]:
     return found[:: math.ceil(len(found) / _MOST_POINTS) or 1]
 
 
-def _draw_speeds(axes: Any, drive: DriveData) -> None:
-    times, linear, angular, _ = _thin(drive.speeds)
-    commanded_s, commanded_linear, commanded_angular, _ = _held(_thin(drive.commands), times[-1])
-    axes.step(
-        commanded_s, commanded_linear, where="post", color=GREY, linestyle="--", label="forward, commanded"
-    )
-    axes.plot(times, _smooth(times, linear), color=BLUE, label="forward, measured")
-    axes.set_ylabel("forward [m/s]", color=BLUE)
-    turn = axes.twinx()
-    turn.step(
-        commanded_s, commanded_angular, where="post", color=GREY, linestyle=":", label="yaw rate, commanded"
-    )
-    turn.plot(times, _smooth(times, angular), color=ORANGE, linestyle="-.", label="yaw rate, measured")
-    turn.set_ylabel("yaw rate [rad/s]", color=ORANGE)
-    if len(drive.imu.time_s):
-        gyro_s, rates, *_ = _thin(drive.imu)
-        turn.plot(gyro_s, _smooth(gyro_s, rates), color=PINK, linewidth=0.8, label="yaw rate, gyro")
-    _level(axes, turn)
-    handles = [*axes.get_lines(), *turn.get_lines()]
-    axes.legend(handles, [line.get_label() for line in handles], fontsize="x-small", ncol=2)
-
-
-def _held(columns: List[Any], end_s: float) -> List[Any]:
-    """Times and values, the last of them once more at the end; zeros if there is none."""
-    times, *values = columns
-    return [np.append(times, end_s), *(np.append(each, each[-1] if len(each) else 0.0) for each in values)]
-
-
-def _level(*axes: Any) -> None:
-    """Put zero at the same height in all axes."""
-    for each in axes:
-        most = max(0.05, *(abs(limit) for limit in each.get_ylim()))
-        each.set_ylim(-most, most)
+def _draw_chart(axes: Any, chart: Chart, drive: DriveData) -> None:
+    for curve, (colour, dashes) in zip(chart.curves, cycle(_STYLES)):
+        times, values = _thin(curve.time_s, np.where(np.isfinite(curve.values), curve.values, math.nan))
+        if curve.stepped:  # commands hold until the end
+            times, values = np.append(times, drive.duration_s), np.append(values, values[-1])
+            axes.step(times, values, where="post", color=GREY, linestyle="--", label=curve.name)
+        else:
+            smooth = _smooth(times, values) if chart.title in _TITLES["speeds"] else values
+            axes.plot(times, smooth, color=colour, linestyle=dashes, label=curve.name)
+    if chart.title == "Battery":
+        levels = drive.model.battery
+        axes.axhline(levels.low_v, color=ORANGE, linestyle="--", label="low")
+        axes.axhline(levels.empty_v, color="black", linestyle=":", label="empty")
+    if chart.title == "Ranges":
+        axes.set_ylim(bottom=0)
+    axes.set_ylabel(f"{chart.title.lower()} [{chart.unit}]" if chart.unit else chart.title.lower())
+    if len(chart.curves) <= _MOST_NAMES:
+        axes.legend(fontsize="x-small", ncol=3)
 
 
 def _smooth(times: Any, values: Any) -> Any:
@@ -177,44 +152,3 @@ def _smooth(times: Any, values: Any) -> Any:
     width = max(1, int(round(_SMOOTH_S * len(times) / max(1e-9, times[-1] - times[0]))))
     padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
     return np.convolve(padded, np.full(width, 1 / width), "valid")
-
-
-def _draw_ranges(axes: Any, drive: DriveData) -> None:
-    for name, readings in drive.ranges.items():
-        times, values = _thin(readings)
-        colour, dashes = _SONARS.get(name, (PINK, "-"))
-        seen = np.where(np.isfinite(values), values, math.nan)
-        axes.plot(times, seen, color=colour, linestyle=dashes, label=name)
-    axes.set_ylabel("range [m]")
-    axes.set_ylim(bottom=0)
-    axes.legend(
-        fontsize="x-small",
-        ncol=3,
-        title="sonars; gap: no reading, or nothing in range",
-        title_fontsize="x-small",
-    )
-
-
-def _draw_sensor(axes: Any, drive: DriveData, name: str) -> None:
-    times, *columns = _thin(drive.sensors[name])
-    for values in columns:
-        axes.plot(times, values, color=BLUE, linewidth=1.0)
-    unit = SENSOR_BY_NAME[name].fields[0].base_unit
-    axes.set_ylabel(f"{name} [{unit}]" if unit else name)
-
-
-def _draw_battery(axes: Any, drive: DriveData) -> None:
-    times, volts, _ = _thin(drive.battery)
-    levels = drive.model.battery
-    axes.plot(times, volts, "o-", markersize=3, color=BLUE, label="battery")
-    axes.axhline(levels.low_v, color=ORANGE, linestyle="--", label="low")
-    axes.axhline(levels.empty_v, color="black", linestyle=":", label="empty")
-    axes.set_ylabel("battery [V]")
-    axes.legend(fontsize="x-small", ncol=3)
-
-
-_OVER_TIME: Dict[str, Callable[[Any, DriveData], None]] = {
-    "speeds": _draw_speeds,
-    "ranges": _draw_ranges,
-    "battery": _draw_battery,
-}

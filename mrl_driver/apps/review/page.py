@@ -148,8 +148,7 @@ def _verdict(drive: DriveData, findings: Sequence[Finding]) -> str:
 def _tiles(drive: DriveData) -> Iterator[str]:
     yield _tile("Duration", f"{drive.duration_s:.1f}", "s")
     if len(drive.poses.time_s):
-        points = drive.poses.values[:, :2]
-        yield _tile("Distance", f"{np.sum(np.hypot(*np.diff(points, axis=0).T)):.2f}", "m")
+        yield _tile("Distance", f"{drive.path_length_m:.2f}", "m")
         yield _tile("Top speed", f"{np.max(np.abs(drive.speeds.values[:, 0])):.2f}", "m/s")
     ranges = {name: column.values[np.isfinite(column.values)] for name, column in drive.ranges.items()}
     least = {name: float(np.min(values)) for name, values in ranges.items() if len(values)}

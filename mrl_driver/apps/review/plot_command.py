@@ -5,9 +5,9 @@ from typing import Optional, Tuple
 
 import click
 
-from mrl_driver.cli.commands.progress import progress
-from mrl_driver.cli.commands.shared import complete_robot, json_option, print_json, print_message
-from mrl_driver.host.named_robots import resolve
+from mrl_driver.cli.commands.shared import json_option, print_json, print_message
+
+from .command import read_drive, robot_option
 
 
 @click.command(short_help="Draw a recording: path, speeds, ranges, sensors, battery.")
@@ -26,13 +26,7 @@ from mrl_driver.host.named_robots import resolve
     type=click.Choice(["path", "speeds", "ranges", "sensors", "battery"]),
     help="Draw only this part; may be repeated.  [default: all]",
 )
-@click.option(
-    "--robot",
-    metavar="ROBOT",
-    default="auto",
-    shell_complete=complete_robot,
-    help="Robot model; by default the one that lists the recorded board's id.",
-)
+@robot_option
 @json_option
 def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, as_json: bool) -> None:
     """Draw a recording: path, commanded and measured speeds, ranges, other sensors, battery.
@@ -43,32 +37,28 @@ def plot(file: str, output: Optional[str], parts: Tuple[str, ...], robot: str, a
       mrl plot drive.mrl --part path -o path.svg
     """
     from mrl_driver import figures
-    from mrl_driver.apps.review import drive_data, drive_plot
-    from mrl_driver.driver.recorded import RecordedDriver
+    from mrl_driver.apps.review import drive_plot
 
     picture = output or f"{os.path.splitext(file)[0]}.png"
     figures.require_writable(picture, "picture")
-    recorded = RecordedDriver(file, resolve(robot).model)
-    with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
-        found = drive_data.read(recorded, advance)
+    recorded, drive = read_drive(file, robot)
     drawn = parts or drive_plot.PARTS
-    drive_plot.draw(found, picture, drawn)
-    known = found.board is not None and found.board.capabilities
-    if found.ranges and not known and {"path", "ranges"} & set(drawn):
+    drive_plot.draw(drive, picture, drawn)
+    known = drive.board is not None and drive.board.capabilities
+    if drive.ranges and not known and {"path", "ranges"} & set(drawn):
         print_message(
             f"warning: {file} does not say whether the board has sonars; if it has environment sensors, the ranges "
             "are false: give --robot a model file with build: environment"
         )
-    path_length_m = round(drive_plot.path_length_m(found), 3)
     if as_json:
-        end = float(found.poses.time_s[-1]), *found.poses.values[-1].tolist()
+        end = float(drive.poses.time_s[-1]), *drive.poses.values[-1].tolist()
         print_json(
             {
                 "picture": picture,
-                "robot": found.model.name,
-                "path_m": path_length_m,
+                "robot": drive.model.name,
+                "path_m": round(drive.path_length_m, 3),
                 "end": dict(zip(("time_s", "x_m", "y_m", "yaw_rad"), end)),
-                "skipped_lines": found.skipped_lines,
+                "skipped_lines": drive.skipped_lines,
             }
         )
         return

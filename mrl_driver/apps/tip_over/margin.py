@@ -84,11 +84,7 @@ class Vehicle(NamedTuple):
 
     @property
     def tip(self) -> Vector:
-        """The tip of the arm (x, y, height) [m].
-
-        Raises:
-            ConfigError: the vehicle has no arm.
-        """
+        """The tip of the arm (x, y, height) [m]; raise ConfigError if the vehicle has no arm."""
         if self.arm is None:
             raise ConfigError(
                 f"vehicle {self.name} has no arm, expected the point of attack of the force (--at X,Y,HEIGHT)"
@@ -125,11 +121,7 @@ class Situation(NamedTuple):
     push: Push = NO_PUSH
 
     def margin(self) -> Margin:
-        """Return the least margin.
-
-        Raises:
-            ConfigError: as `margins`.
-        """
+        """Return the least margin; raise ConfigError as `margins` does."""
         found, downhill = [], math.sin(self.slope_rad)
         for plane in _planes(self.vehicle):
             x, y = plane.out
@@ -151,11 +143,8 @@ def margins(
 ) -> List[Margin]:
     """Return the margin of each tip-over axis, counter-clockwise.
 
-    Args:
-        vehicle: the vehicle.
-        acceleration_m_s2: acceleration along the ground; in a curve it includes v * omega towards the inside.
-        slope: downhill direction, as a vector of length sin(slope).
-        push: external force at a point.
+    The acceleration is along the ground; in a curve it includes v * omega towards the inside.  `slope` is the downhill
+    direction, as a vector of length sin(slope).
 
     Raises:
         ConfigError: the contact points do not span an area, or the push needs an arm.
@@ -173,9 +162,6 @@ def greatest_acceleration(now: Situation, direction: Point, reserve_rad: float =
 
     The ground slopes in the worst direction, so that weight and inertia add up.  The result is 0 if the vehicle does
     not have the reserve at rest, and `MOST_M_S2` if even that keeps it.
-
-    Raises:
-        ConfigError: as `margins`.
     """
     x, y = direction
     slope = (-x * math.sin(now.slope_rad), -y * math.sin(now.slope_rad))
@@ -190,9 +176,6 @@ def greatest_acceleration_anywhere(now: Situation, reserve_rad: float = 0.0) -> 
     """Return the largest acceleration at which all margins keep the reserve, whatever its direction is [m/s2].
 
     It may be less than in each of the `DIRECTIONS`: a vehicle whose tip-over axes lie askew tips over between them.
-
-    Raises:
-        ConfigError: as `margins`.
     """
 
     def enough(value: float) -> bool:
@@ -205,9 +188,6 @@ def greatest_force(now: Situation, reserve_rad: float = 0.0) -> float:
     """Return the largest force of the push at which all margins keep the reserve [N].
 
     The result is 0 if the vehicle does not have the reserve without the force, and `MOST_N` if even that keeps it.
-
-    Raises:
-        ConfigError: as `margins`.
     """
 
     def enough(value: float) -> bool:
@@ -237,11 +217,7 @@ def bisect(is_low: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def hull(points: Sequence[Point]) -> List[Point]:
-    """Return the corners of the convex hull of points, counter-clockwise.
-
-    Raises:
-        ConfigError: the hull has no area.
-    """
+    """Return the corners of the convex hull of points, counter-clockwise; raise ConfigError if the hull has no area."""
     ordered = sorted(set(points))
 
     def half(along: Sequence[Point]) -> List[Point]:

@@ -19,12 +19,7 @@ _LINES = {
 
 
 def draw(now: Situation, path: str, reserve_rad: float) -> None:
-    """Draw a vehicle's margins over acceleration and direction into a PNG, PDF or SVG file.
-
-    Raises:
-        ConfigError: matplotlib is missing, or the folder cannot be written.
-        OutputError: the file cannot be written.
-    """
+    """Draw a vehicle's margins over acceleration and direction into a PNG, PDF or SVG file."""
     figures.require_writable(path)
     figure, mass = figures.figure(11.0, 5.0), now.vehicle.whole
     figure.suptitle(
@@ -36,12 +31,7 @@ def draw(now: Situation, path: str, reserve_rad: float) -> None:
 
 
 def draw_sweep(now: Situation, over: Range, path: str, reserve_rad: float) -> None:
-    """Draw the least margin over a quantity into a PNG, PDF or SVG file.
-
-    Raises:
-        ConfigError: as `draw`, or the sweep needs an arm.
-        OutputError: the file cannot be written.
-    """
+    """Draw the least margin over a quantity into a PNG, PDF or SVG file."""
     figures.require_writable(path)
     found = sweep(now, over, _VALUES + 1)
     figure = figures.figure(7.0, 4.5)

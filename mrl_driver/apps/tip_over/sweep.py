@@ -46,11 +46,7 @@ class Range(NamedTuple):
 
 
 def parse(text: str) -> Range:
-    """Return the range in a text such as `force=0:900`.
-
-    Raises:
-        ConfigError: the quantity is unknown, or its values are not two rising numbers in its range.
-    """
+    """Return the range in a text such as `force=0:900`; raise ConfigError for another quantity, or other values."""
     name, _, values = text.partition("=")
     if name not in QUANTITIES:
         raise ConfigError(f"sweep is {text!r}, expected QUANTITY=FROM:TO with {', '.join(QUANTITIES)}")

@@ -51,11 +51,7 @@ def load(name_or_path: str) -> Vehicle:
 
 
 def read(path: str) -> Vehicle:
-    """Return the vehicle in a file; the file may also be a robot model.
-
-    Raises:
-        ConfigError: the file cannot be read, or a key is missing, unknown, of the wrong type or out of range.
-    """
+    """Return the vehicle in a file, as `parse` does; the file may also be a robot model."""
     try:
         data = yaml_file.read(path)
     except OSError as error:
@@ -86,8 +82,7 @@ def parse(data: Any, path: str) -> Vehicle:
 def of_model(model: RobotModel) -> Vehicle:
     """Return a robot model as a vehicle, with its mass at the centre of its body.
 
-    Raises:
-        ConfigError: the model does not contain all ground contact points.
+    Raise ConfigError if the model does not contain all ground contact points.
     """
     drive, body = model.base, model.body
     if isinstance(drive, OmniDrive):

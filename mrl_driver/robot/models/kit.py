@@ -127,11 +127,7 @@ off_v: {battery.off_v:g}, capacity_ah: {battery.capacity_ah:g}}}
 
 
 def model_of(kit: Kit) -> RobotModel:
-    """Return the model that the file describes.
-
-    Raises:
-        ConfigError: a number is out of range.
-    """
+    """Return the model that the file describes; raise ConfigError if a number is out of range."""
     for text, value, (low, high) in (
         ("wheel diameter [mm]", kit.wheel_diameter_mm, DIAMETER_MM),
         ("wheel separation [mm]", kit.wheel_separation_mm, SEPARATION_MM),

@@ -3,7 +3,18 @@
 import contextlib
 import functools
 import os
-from typing import Any, Callable, ContextManager, Dict, Iterator, NamedTuple, Optional, Sequence, Tuple
+from typing import (
+    Any,
+    Callable,
+    ContextManager,
+    Dict,
+    Iterator,
+    Mapping,
+    NamedTuple,
+    Optional,
+    Sequence,
+    Tuple,
+)
 
 import click
 
@@ -121,11 +132,7 @@ def connect(job: Job, **options: Any) -> ContextManager[Driver]:
 
 @contextlib.contextmanager
 def robot_of(job: Job, **options: Any) -> Iterator[Tuple[Driver, RobotModel, str]]:
-    """Connect to the robot, and yield it, its model, and the YAML file to write.
-
-    Raises:
-        ConfigError: the file would replace one that is not the robot's own.
-    """
+    """Connect to the robot, and yield it, its model, and the YAML file to write."""
     with connect(job, **options) as driver:
         warn(driver)
         assert driver.model is not None
@@ -133,11 +140,7 @@ def robot_of(job: Job, **options: Any) -> Iterator[Tuple[Driver, RobotModel, str
 
 
 def confirm_drive(job: Job, question: str) -> None:
-    """Ask before motors turn; emulated robots (--truth) drive without a question.
-
-    Raises:
-        ConfigError, click.Abort: as `confirm`.
-    """
+    """Ask before motors turn, as `confirm`; emulated robots (--truth) drive without a question."""
     confirm_motion(question, job.yes or job.truth is not None)
 
 
@@ -179,7 +182,7 @@ class Result(NamedTuple):
     procedure: str
     model: RobotModel
     output: str
-    values: Dict[Key, float]
+    values: Mapping[Key, float]
     lines: Sequence[str]
     facts: Dict[str, Any]
     draw: Callable[[str], None] = lambda path: None  # draws the result to this path
@@ -203,12 +206,8 @@ def finish(result: Result, job: Job) -> None:
     print_message(f"{result.output} is written{kept}; use it with --robot {result.output}")
 
 
-def offer_eeprom(driver: Driver, values: Dict[Key, float], job: Job) -> None:
-    """Write the board parameters to its EEPROM, if --eeprom was given or the user agrees.
-
-    Raises:
-        BoardRefused: --eeprom was given, but the board keeps no configuration or refused a value.
-    """
+def offer_eeprom(driver: Driver, values: Mapping[Key, float], job: Job) -> None:
+    """Write the board parameters to its EEPROM, if --eeprom was given or the user agrees."""
     wanted = {name: int(value) for (section, name), value in values.items() if section == "board"}
     if not wanted or job.eeprom is False or (job.eeprom is None and not driver.parameters.can_save):
         return

@@ -94,11 +94,7 @@ def require_terminal(instead: str) -> None:
 
 
 def ruler_for(truth: Optional[str], heading_only: bool = False) -> Ruler:
-    """Return a ruler: the emulator's ground truth, or a user with a tape or a line on the floor.
-
-    Raises:
-        ConfigError: there is neither.
-    """
+    """Return a ruler: the emulator's ground truth, or a user with a tape or a line on the floor."""
     if truth is not None:
         return Truth(truth_file(truth), console.print)
     if heading_only:

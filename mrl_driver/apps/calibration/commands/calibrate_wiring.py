@@ -88,11 +88,7 @@ def _scene(driver: Driver, job: Job, user: SeenByUser, unseen: bool = False) -> 
 
 
 def _report(found: List[str], job: Job) -> None:
-    """Print the faults of a motor board's wires.
-
-    Raises:
-        WheelFault: there is one.
-    """
+    """Print the faults of a motor board's wires; raise WheelFault if there is one."""
     if job.as_json:
         print_json({"findings": found})
     if found:
