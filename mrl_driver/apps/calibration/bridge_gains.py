@@ -120,17 +120,16 @@ def _line(duties: np.ndarray, speeds: np.ndarray, weights: np.ndarray) -> Tuple[
 
 def _time_constant(steps: Sequence[DutyStep]) -> float:
     """The time constant with the smallest misfit of all steps, each with a delay and a speed of its own."""
+
+    def misfits(taus: np.ndarray) -> np.ndarray:  # sums of squared errors over all delays [count2]
+        return sum(np.array([_amplitude(step, float(tau))[3] for tau in taus]) for step in steps)
+
     taus = np.geomspace(0.005, 1.0, 60)
     for _ in range(2):
-        best = int(np.argmin(sum(_misfits(step, taus) for step in steps)))
+        best = int(np.argmin(misfits(taus)))
         low, high = taus[max(0, best - 1)], taus[min(len(taus) - 1, best + 1)]
         taus = np.geomspace(low, high, 25)
-    return float(taus[np.argmin(sum(_misfits(step, taus) for step in steps))])
-
-
-def _misfits(step: DutyStep, taus: np.ndarray) -> np.ndarray:
-    """(len(taus),) smallest sum of squared errors over all delays [count2]."""
-    return np.array([_amplitude(step, float(tau))[3] for tau in taus])
+    return float(taus[np.argmin(misfits(taus))])
 
 
 def _amplitude(step: DutyStep, tau: float) -> Tuple[float, float, float, float]:
@@ -171,7 +170,8 @@ def design(motors: Sequence[MotorFit], counts_per_turn: float) -> BridgeGains:
     pairs: List[Tuple[float, float]] = []
     for motor in motors:
         tau = motor.time_constant_s
-        kp = tau / (motor.gain_counts_s / full * (closed_loop_s(motor) + LOOP_DELAY_S))
+        closed_loop_s = max(tau / SPEED_UP, LEAST_LAMBDA_DELAYS * LOOP_DELAY_S)  # lambda
+        kp = tau / (motor.gain_counts_s / full * (closed_loop_s + LOOP_DELAY_S))
         pairs.append((kp, kp / tau))
     values = BridgeGains(
         kp=round(1000 * min(kp for kp, _ in pairs)),
@@ -187,8 +187,3 @@ def design(motors: Sequence[MotorFit], counts_per_turn: float) -> BridgeGains:
                 "gearbox and encoder_counts in the robot's file, and the wiring"
             )
     return values
-
-
-def closed_loop_s(motor: MotorFit) -> float:
-    """Lambda: time constant of the closed loop [s]."""
-    return max(motor.time_constant_s / SPEED_UP, LEAST_LAMBDA_DELAYS * LOOP_DELAY_S)

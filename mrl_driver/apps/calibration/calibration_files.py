@@ -13,7 +13,6 @@ from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import read_plain, replace_file
 from mrl_driver.robot import models
-from mrl_driver.robot.models import RobotModel
 from mrl_driver.yaml_form import with_schema_line
 
 from .trial import Trial, as_json, from_json
@@ -86,7 +85,10 @@ class Progress:
 def _read_state(path: str, robot: str) -> Dict[str, Any]:
     try:
         data = json.loads(read_plain(path, _LONGEST))
-        good = data["version"] == VERSION and all(map(_is_procedure, data["procedures"].values()))
+        good = data["version"] == VERSION and all(
+            isinstance(found["runs"], list) and isinstance(found["settings"], dict)
+            for found in data["procedures"].values()
+        )
     except OSError as error:
         raise ConfigError(f"{path} cannot be read: {error.strerror}") from None
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
@@ -97,12 +99,6 @@ def _read_state(path: str, robot: str) -> Dict[str, Any]:
         found = yaml_file.short(data.get("robot"))
         raise ConfigError(f"{path} belongs to {found}, expected {robot}; give another --output")
     return dict(data)
-
-
-def _is_procedure(found: Any) -> bool:
-    """Return whether this is the state of a procedure."""
-    good = isinstance(found, dict) and isinstance(found.get("runs"), list)
-    return good and isinstance(found.get("settings"), dict)
 
 
 def _listed(settings: Mapping[str, Any]) -> str:
@@ -129,8 +125,7 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
         ConfigError: a file cannot be read, or the result is not a model.
         OutputError: a file cannot be written.
     """
-    text = _text_of(source)
-    text = with_schema_line(text, models.SCHEMA)
+    text = with_schema_line(_text_of(source), models.SCHEMA)
     comment = f"{note}, {datetime.date.today().isoformat()}"
     for key, value in values.items():
         text = _with_number(text, key, value, comment)
@@ -185,16 +180,12 @@ def _require_model(text: str, source: str, values: Mapping[Key, float]) -> None:
         raise ConfigError(f"{source} cannot be edited automatically; nothing was changed") from None
     model = models.parse(data, source)
     for (section, name), value in values.items():
-        found = _look_up(model, section, name)
+        part = getattr(model, section)
+        found = float(part[name] if isinstance(part, dict) else getattr(part, name))
         if abs(found - value) > 1e-6 * abs(value) + 1e-9:
             raise ConfigError(
                 f"{source}: {section}.{name} cannot be edited, expected it on its own line; nothing was changed"
             )
-
-
-def _look_up(model: RobotModel, section: str, name: str) -> float:
-    part = getattr(model, section)
-    return float(part[name] if isinstance(part, dict) else getattr(part, name))
 
 
 def _keep(path: str) -> str:

@@ -172,16 +172,13 @@ def _lowest(height: Callable[[float, float], float]) -> Tuple[float, float]:
     best = min(((float(a), float(b)) for a in nodes for b in nodes), key=at)
     step = 0.5
     while step > 0.002:
-        moves = [(a * step, b * step) for a in (-1, 0, 1) for b in (-1, 0, 1)]
-        around = [_inside((best[0] + a, best[1] + b)) for a, b in moves]
+        firsts, seconds = (
+            [min(_MOST, max(_LEAST, each + move * step)) for move in (-1, 0, 1)] for each in best
+        )
+        around = [(first, second) for first in firsts for second in seconds]
         better = min(around, key=at)
         if at(better) >= at(best):
             step /= 2
         else:
             best = better
     return 10.0 ** best[0], 10.0 ** best[1]
-
-
-def _inside(exponents: Tuple[float, float]) -> Tuple[float, float]:
-    first, second = (min(_MOST, max(_LEAST, exponent)) for exponent in exponents)
-    return first, second

@@ -10,7 +10,6 @@ from typing import Any, Dict, Iterable, List, NamedTuple, Sequence
 import numpy as np
 
 from mrl_driver.protocol.table import SENSOR_BY_NAME
-from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.view.rows import sonar_order
 
 from .drive_data import Column, DriveData
@@ -53,12 +52,8 @@ def charts_of(drive: DriveData) -> List[Chart]:
         *_imu(drive),
         *sensor_charts(drive),
     ]
-    full = [chart._replace(curves=list(filter(_is_known, chart.curves))) for chart in found]
-    return [chart for chart in full if chart.curves]
-
-
-def _is_known(curve: Curve) -> bool:
-    return not np.all(np.isnan(curve.values))
+    known = [[each for each in chart.curves if not np.all(np.isnan(each.values))] for chart in found]
+    return [chart._replace(curves=curves) for chart, curves in zip(found, known) if curves]
 
 
 def _motion(drive: DriveData) -> List[Chart]:
@@ -91,18 +86,17 @@ def _wheels(drive: DriveData) -> List[Curve]:
     dt_s = stamps_s[apart:] - stamps_s[:-apart]
     dt_s = np.where(dt_s > 0, dt_s, np.nan)
     curves = []
-    for wheel, (name, m_per_count) in enumerate(_wheel_names(drive.model)[: steps.shape[1]]):
+    base: Any = drive.model.drive
+    wheels = (
+        ("right", base.right_m_per_count),
+        ("left", base.left_m_per_count),
+        ("rear", base.metres_per_count),
+    )
+    for wheel, (name, m_per_count) in enumerate(wheels[: steps.shape[1]]):
         speeds = steps[:, wheel] * m_per_count / dt_s
         speeds = np.where(np.abs(speeds) < _FASTEST_M_S, speeds, np.nan)
         curves.append(Curve(name, counts.time_s[apart:], speeds, 0.001))
     return curves
-
-
-def _wheel_names(model: RobotModel) -> List[Any]:
-    """Names and metres per count of the wheels, in the order of their counters."""
-    drive: Any = model.drive
-    names = ["right", "left", "rear"] if isinstance(drive, OmniDrive) else ["right", "left"]
-    return list(zip(names, (drive.right_m_per_count, drive.left_m_per_count, drive.metres_per_count)))
 
 
 def _ranges(drive: DriveData) -> Chart:

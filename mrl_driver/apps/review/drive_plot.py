@@ -149,6 +149,7 @@ def _draw_chart(axes: Any, chart: Chart, drive: DriveData) -> None:
 
 def _smooth(times: Any, values: Any) -> Any:
     """Moving average over `_SMOOTH_S`."""
-    width = max(1, int(round(_SMOOTH_S * len(times) / max(1e-9, times[-1] - times[0]))))
+    width = round(_SMOOTH_S * len(times) / max(1e-9, times[-1] - times[0]))
+    width = min(len(times), max(1, width))
     padded = np.pad(values, (width // 2, width - 1 - width // 2), mode="edge")
     return np.convolve(padded, np.full(width, 1 / width), "valid")

@@ -51,16 +51,20 @@ _Row = Tuple[str, str]
 def render(drive: DriveData, findings: Sequence[Finding]) -> str:
     """Return the page of a drive, whose findings come with the most important first."""
     stops = drive.stops[:MOST_LISTED]
-    style, script, uplot = _style(), _script(), _read(_UPLOT / "uPlot.iife.min.js")
+    style, script, uplot = "\n".join(map(_read, _STYLES)), _script(), _read(_UPLOT / "uPlot.iife.min.js")
     data = reduced(drive, [each.time_s for each in findings] + [each.time_s for each in stops])
     data["robot"] = _robot(drive)
+    more = len(drive.stops) - MOST_LISTED
+    further = f"<p>{more} further stops are not listed.</p>" if more > 0 else ""
     parts = {
         "policy": _policy(style, uplot, script),
         "style": style,
         "licence": _read(_UPLOT / "LICENSE"),
         "uplot": uplot,
         "script": script,
-        "data": _json(data),
+        "data": json.dumps(data, allow_nan=False, separators=(",", ":")).replace(
+            "<", "\\u003c"
+        ),  # ends no element
         "title": _text(f"Review of {pathlib.Path(drive.path).name}"),
         "subtitle": _text(", ".join(filter(None, (_name(drive), _started(drive))))),
         "mark": "caution" if findings else "good",
@@ -68,8 +72,7 @@ def render(drive: DriveData, findings: Sequence[Finding]) -> str:
         "tiles": "".join(_tiles(drive)),
         "findings": "".join(_finding(i + 1, each) for i, each in enumerate(findings))
         or "<p>No fault was found in this drive.</p>",
-        "stops": "".join(map(_stop, stops)) + _further(len(drive.stops))
-        or "<p>The robot was not stopped.</p>",
+        "stops": "".join(map(_stop, stops)) + further or "<p>The robot was not stopped.</p>",
         "link": "".join(map(_row, _link(drive))),
         "recording": "".join(map(_row, _recording(drive))),
     }
@@ -78,10 +81,6 @@ def render(drive: DriveData, findings: Sequence[Finding]) -> str:
 
 def _read(path: pathlib.Path) -> str:
     return path.read_text(encoding="utf-8")
-
-
-def _style() -> str:
-    return "\n".join(map(_read, _STYLES))
 
 
 def _script() -> str:
@@ -104,11 +103,6 @@ def _hash(text: str) -> str:
 def _text(text: object) -> str:
     """The text in HTML; bytes of a file name that are not UTF-8 become question marks."""
     return html.escape(str(text)).encode(errors="replace").decode()
-
-
-def _json(value: Any) -> str:
-    """JSON that cannot end its element, whatever texts it has."""
-    return json.dumps(value, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _seconds(time_s: float) -> str:
@@ -185,7 +179,9 @@ def _finding(number: int, found: Finding) -> str:
 def _stop(stop: Stop) -> str:
     mark, remedy = "caution" if _is_unwanted(stop) else "", STOPS[stop.reason].remedy
     text = f"<p>To drive on: {_text(remedy)}.</p>" if remedy else ""
-    return _article(mark, stop.time_s, "", _sentence(stop.text), text + _proof(stop.direction, stop.data))
+    return _article(
+        mark, stop.time_s, "", stop.text[:1].upper() + stop.text[1:], text + _proof(stop.direction, stop.data)
+    )
 
 
 def _article(mark: str, time_s: float, number: str, title: str, content: str) -> str:
@@ -201,14 +197,6 @@ def _article(mark: str, time_s: float, number: str, title: str, content: str) ->
 def _is_unwanted(stop: Stop) -> bool:
     """Neither the user stopped the robot, nor did the program end."""
     return bool(STOPS[stop.reason].why) and stop.reason not in _ENDS
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
-
-
-def _further(count: int) -> str:
-    return f"<p>{count - MOST_LISTED} further stops are not listed.</p>" if count > MOST_LISTED else ""
 
 
 def _proof(direction: str, data: bytes) -> str:

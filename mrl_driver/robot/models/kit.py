@@ -79,12 +79,15 @@ def free_id() -> int:
 def text_of(kit: Kit) -> str:
     """Return the YAML file of a new robot."""
     like = load_packaged(LIKE)
-    diameter_m, separation_m = kit.wheel_diameter_mm / 1000, kit.wheel_separation_mm / 1000
-    gearbox, encoder_counts = gearbox_and_counts(kit.counts_per_turn)
     full_mm_s = like.board["full_speed"] / 60 * math.pi * kit.wheel_diameter_mm
     ceiling = max(1, round(CEILING_SHARE * full_mm_s))
-    turning = max(1, min(INT16_MAX, round(2 * ceiling / separation_m)))
-    limits, battery = like.limits, like.battery
+    turning = max(1, min(INT16_MAX, round(2 * ceiling / (kit.wheel_separation_mm / 1000))))
+    return _drive_and_board(kit, like.board, ceiling, turning) + _limits_and_body(kit, like, ceiling, turning)
+
+
+def _drive_and_board(kit: Kit, like: Dict[str, int], ceiling: int, turning: int) -> str:
+    diameter_m, separation_m = kit.wheel_diameter_mm / 1000, kit.wheel_separation_mm / 1000
+    gearbox, encoder_counts = gearbox_and_counts(kit.counts_per_turn)
     wheel = f"pi x {diameter_m:.6g} m at {kit.counts_per_turn:g} counts a turn"
     return f"""\
 {schema_line(SCHEMA)}
@@ -99,16 +102,23 @@ board:
   wheel_radius: {round(kit.wheel_diameter_mm * 50)}               # 0.01 mm
   gearbox: {gearbox}                      # 0.1
   encoder_counts: {encoder_counts}            # 0.1; times gearbox / 10: counts of a wheel turn
-  kp: {like.board["kp"]}                         # kp, ki, full_speed and friction_duty: mrl calibrate gains
-  ki: {like.board["ki"]}
-  kd: {like.board["kd"]}
-  ramp_time: {like.board["ramp_time"]}                  # ms
-  ramp_gain: {like.board["ramp_gain"]}
+  kp: {like["kp"]}                         # kp, ki, full_speed and friction_duty: mrl calibrate gains
+  ki: {like["ki"]}
+  kd: {like["kd"]}
+  ramp_time: {like["ramp_time"]}                  # ms
+  ramp_gain: {like["ramp_gain"]}
   linear_ceiling: {ceiling}              # mm/s
   angular_ceiling: {turning}            # mrad/s
-  full_speed: {like.board["full_speed"]}                  # 1/min
+  full_speed: {like["full_speed"]}                  # 1/min
   bridge: {kit.bridge}
-  friction_duty: {like.board["friction_duty"]}                # 0.1 %
+  friction_duty: {like["friction_duty"]}                # 0.1 %
+"""
+
+
+def _limits_and_body(kit: Kit, like: RobotModel, ceiling: int, turning: int) -> str:
+    diameter_m, separation_m = kit.wheel_diameter_mm / 1000, kit.wheel_separation_mm / 1000
+    limits, battery = like.limits, like.battery
+    return f"""\
 limits:
   linear_m_s: {min(limits.linear_m_s, ceiling / 1000):g}
   angular_rad_s: {min(limits.angular_rad_s, turning / 1000):g}
