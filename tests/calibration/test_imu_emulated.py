@@ -60,7 +60,7 @@ class Bench:
 @pytest.fixture
 def bench(monkeypatch, tmp_path, capsys):
     lines = [f"  {name}: {value}" for name, value in HIDDEN.items()]
-    text = pathlib.Path(calibration_files.source_of("traxbot")).read_text()
+    text = pathlib.Path(models.path_of("traxbot")).read_text()
     (tmp_path / "emulated.yaml").write_text("\n".join([text, "imu:", *lines, ""]))
     made = Bench(capsys, tmp_path / "emulated.yaml")
     monkeypatch.chdir(tmp_path)
@@ -117,7 +117,7 @@ MEASURED = ImuMount(0.0, 0.0, 0.0, 179.25, -3.5, -90.1, 1.01234, 0.00045)
 
 def test_a_measured_imu_is_read_back_as_it_was_written(tmp_path):
     """A second calibration replaces the numbers of the first; comments and all other numbers stay."""
-    text = pathlib.Path(calibration_files.source_of("traxbot")).read_text()
+    text = pathlib.Path(models.path_of("traxbot")).read_text()
     path = str(tmp_path / "robot.yaml")
     pathlib.Path(path).write_text(text)
     before = models.load(path)

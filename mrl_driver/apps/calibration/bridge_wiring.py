@@ -9,14 +9,13 @@ from typing import Dict, List, Sequence
 from mrl_driver.errors import WheelFault
 from mrl_driver.protocol.table import WIRING
 
-from .wiring_check import LEFT, RIGHT, Trial
+from .wiring_check import LEFT, OTHER, RIGHT, Trial
 
 BITS: Dict[str, int] = {name: 1 << place for place, (name, _) in enumerate(WIRING)}
 SET, SINGLE_CHANNEL = BITS["set"], BITS["single_channel"]
 LEAST_TURN = 0.01  # less than this share of a wheel turn counts as standing still
 OTHER_SHARE = 0.3
 """While one wheel turns, the encoder of the other may count this share: vibration moves it by a count or two."""
-OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 _PINS = {LEFT: "D2 and D4", RIGHT: "D8 and D10"}
 
 

@@ -135,16 +135,6 @@ def write_model(source: str, output: str, values: Mapping[Key, float], note: str
     return kept
 
 
-def source_of(model_name: str) -> str:
-    """Path of the YAML file for a model's name or path."""
-    if model_name.endswith((".yaml", ".yml")):
-        return model_name
-    own = os.path.join(models.own_folder(), f"{model_name}.yaml")
-    return (
-        own if os.path.isfile(own) else os.path.join(os.path.dirname(models.__file__), f"{model_name}.yaml")
-    )
-
-
 def _text_of(path: str) -> str:
     try:
         return read_plain(path, _LONGEST).decode("utf-8")

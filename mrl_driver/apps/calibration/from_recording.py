@@ -10,7 +10,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.recording.decoded import DecodedPart, decode
+from mrl_driver.recording.decoded import decode
 from mrl_driver.recording.recording import TO_BOARD, Recording
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import Odometry
@@ -43,55 +43,38 @@ def read(path: str, model: RobotModel) -> Replayed:
     Raises:
         ConfigError: the file cannot be read, belongs to another robot, holds no counts, or its counts jump.
     """
-    reader = _Reader(model, path)
+    odometry, version = Odometry(model.base, fastest_m_s(model), exact_time=False), 2
+    rows: List[Tuple[float, ...]] = []
+    requests: List[Tuple[float, Frame]] = []
     for part in decode(Recording(path)):
-        reader.take(part)
-    if len(reader.rows) < 2:
+        for frame in (event for event in part.events if isinstance(event, Frame)):
+            if part.direction == TO_BOARD:
+                requests.append((part.time_s, frame))
+            elif frame.code == _INFO:
+                version, robot_id = frame.args[3:5]
+                if robot_id not in model.ids:
+                    raise ConfigError(
+                        f"{path} is a recording of robot id {robot_id}, expected a {model.name}"
+                    )
+            elif frame.code in _COUNTING:
+                used = odometry.update(frame.args[0], frame.args[1], part.time_s)
+                if used or not rows:
+                    front = range_m(frame.args[2], version) if frame.code == _WITH_SONARS else math.nan
+                    rows.append((part.time_s, *odometry.travel, front))
+    if len(rows) < 2:
         raise ConfigError(
-            f"{path} holds {len(reader.rows)} readings of the counters, expected a recording of a drive"
+            f"{path} holds {len(rows)} readings of the counters, expected a recording of a drive"
         )
-    jumps = reader.odometry.baseline.refused
-    if jumps:
-        raise ConfigError(f"{path}: the counts jump {jumps} times, expected no jump; record the drive again")
-    return Replayed(np.array(reader.rows), reader.requests)
+    if odometry.baseline.refused:
+        raise ConfigError(
+            f"{path}: the counts jump {odometry.baseline.refused} times, expected no jump; record the drive again"
+        )
+    return Replayed(np.array(rows), requests)
 
 
 def run_of(path: str, end: Pose, model: RobotModel) -> Trial:
     """The drive of a whole recording as one run that ended at `end`."""
     return Trial(steps_of(read(path, model).rows), end)
-
-
-class _Reader:
-    def __init__(self, model: RobotModel, path: str) -> None:
-        self._model, self._path = model, path
-        self._version = 2
-        self.odometry = Odometry(model.base, fastest_m_s(model), exact_time=False)
-        self.rows: List[Tuple[float, float, float, float]] = []
-        self.requests: List[Tuple[float, Frame]] = []
-
-    def take(self, part: DecodedPart) -> None:
-        """Add one part of the recording."""
-        for event in part.events:
-            if isinstance(event, Frame) and part.direction == TO_BOARD:
-                self.requests.append((part.time_s, event))
-            elif isinstance(event, Frame):
-                self._frame(part.time_s, event)
-
-    def _frame(self, time_s: float, frame: Frame) -> None:
-        if frame.code == _INFO:
-            self._version, robot_id = frame.args[3:5]
-            if robot_id not in self._model.ids:
-                raise ConfigError(
-                    f"{self._path} is a recording of robot id {robot_id}, expected a {self._model.name}"
-                )
-        elif frame.code in _COUNTING:
-            self._reading(time_s, frame)
-
-    def _reading(self, time_s: float, frame: Frame) -> None:
-        used = self.odometry.update(frame.args[0], frame.args[1], time_s)
-        if used or not self.rows:
-            front = range_m(frame.args[2], self._version) if frame.code == _WITH_SONARS else math.nan
-            self.rows.append((time_s, *self.odometry.travel, front))
 
 
 def motor_steps_of(replayed: Replayed, code: int) -> Iterator[Tuple[np.ndarray, Tuple[int, int]]]:

@@ -3,7 +3,7 @@
 from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 LEFT, RIGHT = "left", "right"
-_OTHER = {LEFT: RIGHT, RIGHT: LEFT}
+OTHER = {LEFT: RIGHT, RIGHT: LEFT}
 LEAST_COUNTS = 50  # less than this counts as standing still [count]; 4 mm on a TraxBot
 
 LEAST_M, LEAST_RAD = 0.003, 0.02
@@ -59,7 +59,7 @@ def _encoder(trial: Trial) -> List[str]:
     if trial.seen is not None and trial.direction == 0:
         return []
     counts: Dict[str, int] = {LEFT: trial.left, RIGHT: trial.right}
-    own, other = counts[wheel], counts[_OTHER[wheel]]
+    own, other = counts[wheel], counts[OTHER[wheel]]
     if abs(own) < LEAST_COUNTS and abs(other) < LEAST_COUNTS:
         return [f"{wheel} encoder does not count: check its plug"]
     who = "" if trial.seen else " or motors"

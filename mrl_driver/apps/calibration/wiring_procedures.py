@@ -11,11 +11,11 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
 
 from . import bridge_wiring, from_recording, manoeuvres, wiring_check
-from .bridge_wiring import OTHER, SET, SINGLE_CHANNEL
+from .bridge_wiring import SET, SINGLE_CHANNEL
 from .gain_procedures import counts_per_turn
 from .ground_truth import Ruler
 from .manoeuvres import MOVE, Track
-from .wiring_check import LEFT, RIGHT, Trial
+from .wiring_check import LEFT, OTHER, RIGHT, Trial
 
 DUTY_PERCENT, WIRING_S = 35, 0.5  # moves with a motor board
 SLOW_PERCENT, SLOW_S = 20, 0.3

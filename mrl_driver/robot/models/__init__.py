@@ -80,6 +80,7 @@ __all__ = [
     "own_folder",
     "packaged",
     "parse",
+    "path_of",
     "require_sonars",
     "require_supported",
     "with_build",
@@ -113,10 +114,12 @@ def _names_in(folder: str) -> List[str]:
         return []
 
 
-def _path_of(name: str) -> str:
-    """Return the path of the user's own file with this name; otherwise of the packaged one."""
-    own = os.path.join(own_folder(), f"{name}.yaml")
-    return own if os.path.isfile(own) else os.path.join(_FOLDER, f"{name}.yaml")
+def path_of(name_or_path: str) -> str:
+    """Return the path of the user's own file with this name, otherwise of the packaged one; a path as it is."""
+    if name_or_path.endswith((".yaml", ".yml")):
+        return name_or_path
+    own = os.path.join(own_folder(), f"{name_or_path}.yaml")
+    return own if os.path.isfile(own) else os.path.join(_FOLDER, f"{name_or_path}.yaml")
 
 
 def load(name_or_path: str) -> RobotModel:
@@ -126,13 +129,13 @@ def load(name_or_path: str) -> RobotModel:
     Raises:
         ConfigError: there is no such model, or a key is missing, unknown, of the wrong type or out of range.
     """
-    is_path = name_or_path.endswith((".yaml", ".yml"))
-    path = name_or_path if is_path else _path_of(name_or_path)
+    path = path_of(name_or_path)
     try:
         return _packaged(path) if os.path.dirname(path) == _FOLDER else parse(yaml_file.read(path), path)
     except OSError as error:
+        why = error.strerror if path == name_or_path else "is unknown"
         raise ConfigError(
-            f"robot {name_or_path!r} {error.strerror if is_path else 'is unknown'}, expected {', '.join(names())} "
+            f"robot {name_or_path!r} {why}, expected {', '.join(names())} "
             f"or the path of a .yaml file; files in {own_folder()} are known by name"
         ) from None
 

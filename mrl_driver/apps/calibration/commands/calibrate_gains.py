@@ -13,24 +13,14 @@ from mrl_driver.apps.calibration.manoeuvres import Track
 from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.robot.models import RobotModel
 
-from .calibrate_job import (
-    Job,
-    Result,
-    confirm_drive,
-    finish,
-    job_options,
-    offer_eeprom,
-    output_for,
-    recorded_model,
-    recording_option,
-    robot_of,
-)
+from . import calibrate_job
+from .calibrate_job import Job, Result, job_options
 from .calibrate_view import console
 
 
 @click.command()
 @job_options
-@recording_option
+@calibrate_job.recording_option
 def gains(job: Job, recording: Optional[str]) -> None:
     """Measure the gains of the motors' speed control.
 
@@ -46,21 +36,23 @@ def gains(job: Job, recording: Optional[str]) -> None:
       mrl calibrate gains --port /dev/ttyACM0 --plot gains.png
     """
     if recording is not None:
-        model = recorded_model(job)
-        output = output_for(job, model)
+        model = calibrate_job.recorded_model(job)
+        output = calibrate_job.output_for(job, model)
         motors, wanted = gain_procedures.recorded(recording, model)
         lines, facts = _motor_lines(motors, model), {"gains_after": wanted._asdict()}
-        finish(Result("gains", model, output, _values(wanted), lines, facts), job)
+        calibrate_job.finish(Result("gains", model, output, _values(wanted), lines, facts), job)
         return
-    with robot_of(job) as (driver, model, output):
+    with calibrate_job.robot_of(job) as (driver, model, output):
         on_bridge = gain_procedures.CAPABILITY in driver.board.capabilities
         times = "five" if on_bridge else "three"
-        confirm_drive(job, f"The robot turns in place {times} times, quickly. Is the floor around it free?")
+        calibrate_job.confirm_drive(
+            job, f"The robot turns in place {times} times, quickly. Is the floor around it free?"
+        )
         tune = gain_procedures.tune_bridge if on_bridge else gain_procedures.tune
         tuned = tune(driver, model, Track(driver), console.print)
         result = _result(tuned, model, output)
-        finish(result, job)
-        offer_eeprom(driver, result.values, job)
+        calibrate_job.finish(result, job)
+        calibrate_job.offer_eeprom(driver, result.values, job)
 
 
 def _result(tuned: Tuned, model: RobotModel, output: str) -> Result:

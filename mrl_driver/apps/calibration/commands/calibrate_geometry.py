@@ -17,19 +17,8 @@ from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import RobotModel
 
-from .calibrate_job import (
-    Job,
-    Result,
-    count_option,
-    finish,
-    job_options,
-    offer_eeprom,
-    open_progress,
-    output_for,
-    recorded_model,
-    robot_of,
-    turns_option,
-)
+from . import calibrate_job
+from .calibrate_job import Job, Result, job_options
 from .calibrate_view import console, facts_of, outcome_lines, ruler_for
 
 
@@ -46,15 +35,18 @@ class CalibrationPlan(NamedTuple):
 def _geometry(plan: CalibrationPlan, job: Job) -> None:
     """Drive the runs or read recordings, evaluate them, and write the result."""
     if plan.recorded:
-        model = recorded_model(job)
-        output, runs = output_for(job, model), [_recorded(plan, text, model) for text in plan.recorded]
+        model = calibrate_job.recorded_model(job)
+        output, runs = (
+            calibrate_job.output_for(job, model),
+            [_recorded(plan, text, model) for text in plan.recorded],
+        )
         side_m = plan.settings.get("side_m", 1.0)
         outcome = geometry_procedures.evaluate(plan.procedure, runs, model, side_m)
-        finish(_result(plan.procedure, outcome, runs, model, output), job)
+        calibrate_job.finish(_result(plan.procedure, outcome, runs, model, output), job)
         return
     ruler = ruler_for(job.truth)
-    with robot_of(job) as (driver, model, output):
-        progress = open_progress(output, model, driver.board.robot_id)
+    with calibrate_job.robot_of(job) as (driver, model, output):
+        progress = calibrate_job.open_progress(output, model, driver.board.robot_id)
         if job.restart:
             progress.forget(plan.procedure)
         try:
@@ -70,9 +62,9 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
         side_m = plan.settings.get("side_m", 1.0)
         outcome = geometry_procedures.evaluate(plan.procedure, runs, model, side_m, measured, others)
         result = _result(plan.procedure, outcome, runs, model, output)
-        finish(result, job)
+        calibrate_job.finish(result, job)
         progress.finish(plan.procedure)
-        offer_eeprom(driver, result.values, job)
+        calibrate_job.offer_eeprom(driver, result.values, job)
 
 
 def _gather(plan: CalibrationPlan, driver: Driver, progress: Progress, ruler: Ruler) -> None:
@@ -128,7 +120,7 @@ _speed_option = click.option(
 @click.option(
     "--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Length of a run [m]."
 )
-@count_option(4, "there and back")
+@calibrate_job.count_option(4, "there and back")
 @_speed_option
 @_run_option
 @_again_option
@@ -149,8 +141,8 @@ def straight(
 
 @click.command(short_help="Measure the slip offset Cs of tracks, or the wheelbase of wheels.")
 @job_options
-@turns_option(2)
-@count_option(6, "left and right")
+@calibrate_job.turns_option(2)
+@calibrate_job.count_option(6, "left and right")
 @_speed_option
 @_run_option
 @_again_option

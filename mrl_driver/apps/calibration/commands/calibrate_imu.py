@@ -10,16 +10,8 @@ from mrl_driver.apps.calibration.imu_procedures import ImuOutcome, ImuPlan, ImuT
 from mrl_driver.apps.calibration.manoeuvres import Speeds
 from mrl_driver.cli.commands.shared import Between, print_message
 
-from .calibrate_job import (
-    Job,
-    Result,
-    confirm_drive,
-    count_option,
-    finish,
-    job_options,
-    robot_of,
-    turns_option,
-)
+from . import calibrate_job
+from .calibrate_job import Job, Result, job_options
 from .calibrate_view import console, ruler_for
 
 IMU_PERIOD_MS = 20  # time between two readings of the IMU
@@ -27,8 +19,8 @@ IMU_PERIOD_MS = 20  # time between two readings of the IMU
 
 @click.command(short_help="Measure the mounting angles of the IMU, and the scale of its gyro.")
 @job_options
-@turns_option(3)
-@count_option(4, "left and right")
+@calibrate_job.turns_option(3)
+@calibrate_job.count_option(4, "left and right")
 @click.option(
     "--distance",
     type=Between(0.0, 5.0),
@@ -53,10 +45,10 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
     """
     ruler, speeds = ruler_for(job.truth, heading_only=True), Speeds()
     plan = ImuPlan(geometry_procedures.turn_legs(count, turns, speeds), distance, speeds)
-    with robot_of(job, imu_period_ms=IMU_PERIOD_MS) as (driver, model, output):
+    with calibrate_job.robot_of(job, imu_period_ms=IMU_PERIOD_MS) as (driver, model, output):
         imu_procedures.require_imu(driver)
         drives = f"drives {distance:g} m forward and back, and turns" if distance else "turns"
-        confirm_drive(
+        calibrate_job.confirm_drive(
             job, f"The robot {drives} in place. Does it stand on a level floor, with its path free?"
         )
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
@@ -70,7 +62,7 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
         def draw(path: str) -> None:
             calibration_plots.draw_gyro(path, outcome)
 
-        finish(Result("imu", model, output, values, lines, facts, draw), job)
+        calibrate_job.finish(Result("imu", model, output, values, lines, facts, draw), job)
 
 
 def _lines(outcome: ImuOutcome) -> List[str]:

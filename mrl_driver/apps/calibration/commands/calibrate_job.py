@@ -23,7 +23,6 @@ from mrl_driver.apps.calibration.calibration_files import (
     Key,
     Progress,
     require_writable,
-    source_of,
     write_model,
 )
 from mrl_driver.cli.commands.shared import (
@@ -201,7 +200,7 @@ def finish(result: Result, job: Job) -> None:
     confirm(f"Write {result.output}?", job.yes)
     source = job.target.model if job.target.model != "auto" else result.model.name
     note = f"mrl calibrate {result.procedure}"
-    kept = write_model(source_of(source), result.output, result.values, note)
+    kept = write_model(models.path_of(source), result.output, result.values, note)
     kept = f", the old file is {kept}" if kept else ""
     print_message(f"{result.output} is written{kept}; use it with --robot {result.output}")
 

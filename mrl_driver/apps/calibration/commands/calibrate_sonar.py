@@ -21,18 +21,8 @@ from mrl_driver.robot import models, sonar_curve
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.sonar_curve import THESIS, Curve
 
-from .calibrate_job import (
-    Job,
-    Result,
-    confirm_drive,
-    finish,
-    job_options,
-    offer_eeprom,
-    output_for,
-    recorded_model,
-    recording_option,
-    robot_of,
-)
+from . import calibrate_job
+from .calibrate_job import Job, Result, job_options
 from .calibrate_view import console
 
 Points = Tuple[List[float], List[float]]  # readings and distances [m]
@@ -55,7 +45,7 @@ _LONGEST_POINTS = 1 << 22  # longest file of points read [byte]; a calibration m
 @click.option(
     "--points", metavar="FILE", help="Instead of driving: a file with lines of distance [m], reading [m]."
 )
-@recording_option
+@calibrate_job.recording_option
 def sonar(
     job: Job, start: float, stop: float, step: float, points: Optional[str], recording: Optional[str]
 ) -> None:
@@ -71,23 +61,23 @@ def sonar(
     plan = SonarPlan(start, stop, step)
     plan.distances()
     if points is not None or recording is not None:
-        model = recorded_model(job)
-        output = output_for(job, model)
+        model = calibrate_job.recorded_model(job)
+        output = calibrate_job.output_for(job, model)
         if points is not None:
             readings = read_points(points)
         else:
             rows = from_recording.read(str(recording), model).rows
             readings = readings_at_stops(rows, model.differential, start)
-        finish(_fitted(readings, _model_curve(model) or THESIS, model, output), job)
+        calibrate_job.finish(_fitted(readings, _model_curve(model) or THESIS, model, output), job)
         return
-    with robot_of(job) as (driver, model, output):
+    with calibrate_job.robot_of(job) as (driver, model, output):
         part_procedures.require_sonars(driver)
         kept = f"{os.path.splitext(output)[0]}.sonar.csv"
         readings = _approach(driver, plan, kept, job)
         result = _fitted(readings, part_procedures.curve_in_force(driver), model, output)
-        finish(result, job)
+        calibrate_job.finish(result, job)
         os.remove(kept)
-        offer_eeprom(driver, result.values, job)
+        calibrate_job.offer_eeprom(driver, result.values, job)
 
 
 def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
@@ -105,7 +95,7 @@ def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
         )
     if not remaining:
         return earlier
-    confirm_drive(
+    calibrate_job.confirm_drive(
         job,
         f"The robot drives {remaining[0] - remaining[-1]:.2f} m forward. Does the front sonar point at a wall "
         f"{remaining[0]:.2f} m away, and is the path free?",
