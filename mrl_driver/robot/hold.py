@@ -5,7 +5,7 @@ from typing import NamedTuple, Optional
 from mrl_driver.protocol.frames import Frame
 from mrl_driver.protocol.table import BY_NAME, HOLD_STATES
 
-from .radio import format_address
+from .radio import address_of, format_address
 
 CAPABILITY = "hold"
 READ_RADIO, RELEASE = BY_NAME["read_radio"].code, BY_NAME["release_hold"].code
@@ -49,7 +49,4 @@ def hold_of(frame: Frame) -> Optional[Hold]:
     if frame.code != READ_RADIO:
         return None
     state, holders, ignored, undelivered, *words = frame.args
-    address = 0
-    for word in words:
-        address = address << 16 | word & 0xFFFF
-    return Hold(HOLD_STATES[state][0], holders, ignored, undelivered, address)
+    return Hold(HOLD_STATES[state][0], holders, ignored, undelivered, address_of(words))

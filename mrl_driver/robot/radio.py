@@ -3,7 +3,7 @@
 import math
 import re
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Tuple, Union
+from typing import Deque, NamedTuple, Optional, Sequence, Tuple, Union
 
 from mrl_driver.arguments import require_kind, require_whole
 from mrl_driver.errors import FrameError, MrlError
@@ -83,17 +83,18 @@ def text_of(frame: Frame) -> Optional[RadioText]:
         return None
     length, words = frame.args[4], frame.args[5:]
     data = b"".join((word & 0xFFFF).to_bytes(2, "big") for word in words)
-    return RadioText(_address(frame.args), data[:length])
+    return RadioText(address_of(frame.args[:4]), data[:length])
 
 
 def node_of(frame: Frame) -> Optional[RadioNode]:
     """The node of a reply `discover_xbee`; None for other frames."""
-    return RadioNode(_address(frame.args), frame.args[4] & 0xFFFF) if frame.code == SEARCH else None
+    return RadioNode(address_of(frame.args[:4]), frame.args[4] & 0xFFFF) if frame.code == SEARCH else None
 
 
-def _address(args: Tuple[int, ...]) -> int:
+def address_of(words: Sequence[int]) -> int:
+    """The 64-bit address in four words, the highest first."""
     address = 0
-    for word in args[:4]:
+    for word in words:
         address = address << 16 | word & 0xFFFF
     return address
 

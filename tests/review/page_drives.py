@@ -65,7 +65,6 @@ def drive(duration_s=60.0, period_s=0.02, path="drive.mrl", **others):
         column(battery_s, 0.008 + 0 * battery_s),
         [(0.0, "/dev/ttyACM0")],
         [],
-        {"robot_info": 60, "read_encoders_and_sonars": n},
         [],
         Frames(),
         Frames(),

@@ -107,7 +107,6 @@ def test_texts_of_a_recording_add_no_element_to_the_page():
             opened=[(0.0, text), (1.0, text)],
             garbage=[(1.0, "<", text, text.encode())],
             stops=[Stop(1.0, StopReason.STALL, text, "<", text.encode())],
-            frames={text: 1},
             ranges={text: drive().ranges["front"]},
         )
         found = found._replace(model=found.model._replace(name=text))

@@ -8,7 +8,7 @@ import contextlib
 import math
 from array import array
 from bisect import bisect_left
-from collections import Counter, defaultdict
+from collections import defaultdict
 from itertools import chain
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, NamedTuple, Optional, Tuple
 
@@ -17,7 +17,7 @@ import numpy as np
 from mrl_driver.errors import BoardTimeout, ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import BY_CODE, BY_NAME
+from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import FROM_BOARD, OPENED, PHONE, STOP, TO_BOARD
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.models import OmniDrive, RobotModel
@@ -135,12 +135,16 @@ class DriveData(NamedTuple):
     round_trips: Column  # time from a request for `robot_info` to its answer [s]
     opened: List[Tuple[float, str]]
     remarks: List[Tuple[float, str]]  # without the readings of a phone's sensors, of which there are many
-    frames: Dict[str, int]  # number of frames from the board, by name
     events: List[Tuple[float, object]]
     """The driver's events: `Ready`, `Stale`, `Mismatch`, `ImuChanged`, `PathUnknown` and others, and its errors."""
     heard: Frames  # frames from the board
     sent: Frames  # frames to the board
     skipped_lines: int  # lines of the recording that could not be read
+
+    @property
+    def robot_name(self) -> str:
+        """Name and id of the robot."""
+        return f"{self.model.name} {self.robot_id}" if self.robot_id else self.model.name
 
     @property
     def path_length_m(self) -> float:
@@ -219,7 +223,6 @@ class _Reader:
         recorded, recording, board = self._recorded, self._recorded.recording, None
         with contextlib.suppress(BoardTimeout):
             board = recorded.board
-        codes = Counter(self._heard.codes)
         return DriveData(
             path=recording.path,
             started=str(recording.header.get("started") or ""),
@@ -237,7 +240,6 @@ class _Reader:
             lost=Column(*np.array(self._losses, dtype=float).reshape(-1, 2).T),
             opened=self._opened,
             remarks=self._remarks,
-            frames={BY_CODE[code].name: count for code, count in sorted(codes.items())},
             events=self._events,
             heard=self._heard,
             sent=self._sent,
@@ -263,8 +265,9 @@ class _Reader:
         self._lost_before = self._counters.lost
         self._rows["poses"].append((now_s, *telemetry.pose))
         self._rows["speeds"].append((now_s, twist.linear_m_s, twist.angular_rad_s, twist.lateral_m_s))
-        rows = self._rows.setdefault("counts", _Rows(len(counts)))
-        rows.append((now_s, *counts))
+        if "counts" not in self._rows:
+            self._rows["counts"] = _Rows(len(counts))
+        self._rows["counts"].append((now_s, *counts))
         delay_s = telemetry.arrival_s - telemetry.stamp_s
         self._stamps_s.append(now_s - delay_s)
         if telemetry.sequence is not None:

@@ -76,11 +76,10 @@ def _over_time(drive: DriveData, parts: Sequence[str]) -> Iterator[Chart]:
 
 
 def _title(drive: DriveData) -> str:
-    name = f"{drive.model.name} {drive.robot_id or ''}".strip()
     duration_s = drive.poses.time_s[-1] - drive.poses.time_s[0]
     when = drive.started[:16].replace("T", " ")
     return (
-        f"{name}, {os.path.basename(drive.path)}"
+        f"{drive.robot_name}, {os.path.basename(drive.path)}"
         + (f", {when} UTC" if when else "")
         + (f": {drive.path_length_m:.2f} m in {duration_s:.0f} s")
     )

@@ -66,7 +66,7 @@ def render(drive: DriveData, findings: Sequence[Finding]) -> str:
             "<", "\\u003c"
         ),  # ends no element
         "title": _text(f"Review of {pathlib.Path(drive.path).name}"),
-        "subtitle": _text(", ".join(filter(None, (_name(drive), _started(drive))))),
+        "subtitle": _text(", ".join(filter(None, (drive.robot_name, _started(drive))))),
         "mark": "caution" if findings else "good",
         "verdict": _text(_verdict(drive, findings)),
         "tiles": "".join(_tiles(drive)),
@@ -114,10 +114,6 @@ def _robot(drive: DriveData) -> Dict[str, Any]:
     body = drive.model.body
     sonars = {name: [*mount.pose, FIELD_OF_VIEW_RAD] for name, mount in drive.model.sonars.items()}
     return {"body": [body.length_m, body.width_m] if body else [0.2, 0.2], "sonars": sonars}
-
-
-def _name(drive: DriveData) -> str:
-    return f"{drive.model.name} {drive.robot_id}" if drive.robot_id else drive.model.name
 
 
 def _started(drive: DriveData) -> str:
@@ -252,7 +248,7 @@ def _row(row: _Row) -> str:
 
 
 def _link(drive: DriveData) -> List[_Row]:
-    frames = sum(drive.frames.values())
+    frames = len(drive.heard)
     lost = int(drive.lost.values[-1]) if len(drive.lost.time_s) else 0
     reasons: Dict[str, int] = {}
     for _, _, reason, _ in drive.garbage:
@@ -283,7 +279,7 @@ def _recording(drive: DriveData) -> List[_Row]:
         ("File", drive.path),
         ("Started", _started(drive)),
         ("Port", drive.port),
-        ("Robot", _name(drive)),
+        ("Robot", drive.robot_name),
         ("Firmware", str(board.version) if board else ""),
         ("Damaged", f"{drive.skipped_lines} lines could not be read" if drive.skipped_lines else ""),
     ]

@@ -1,5 +1,6 @@
 """`mrl calibrate gains`."""
 
+from functools import partial
 from typing import Any, Dict, List, Optional, Sequence
 
 import click
@@ -62,9 +63,7 @@ def _result(tuned: Tuned, model: RobotModel, output: str) -> Result:
         plain[when] = {wheel: each._asdict() for wheel, each in wheels.items()}
     facts = {"gains_before": tuned.before._asdict(), "gains_after": tuned.after._asdict(), **plain}
 
-    def draw(path: str) -> None:
-        calibration_plots.draw_gains(path, tuned)
-
+    draw = partial(calibration_plots.draw_gains, tuned=tuned)
     return Result("gains", model, output, _values(tuned.after), lines, facts, draw)
 
 

@@ -1,6 +1,7 @@
 """`mrl calibrate imu`."""
 
 import math
+from functools import partial
 from typing import Any, Dict, Iterable, List
 
 import click
@@ -59,9 +60,7 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
             )
         values, lines, facts = imu_procedures.values_for(outcome), _lines(outcome), _facts(outcome)
 
-        def draw(path: str) -> None:
-            calibration_plots.draw_gyro(path, outcome)
-
+        draw = partial(calibration_plots.draw_gyro, outcome=outcome)
         calibrate_job.finish(Result("imu", model, output, values, lines, facts, draw), job)
 
 

@@ -5,6 +5,7 @@ import csv
 import io
 import math
 import os
+from functools import partial
 from typing import List, Optional, Sequence, Tuple
 
 import click
@@ -173,9 +174,7 @@ def _fitted(readings: Points, present: Curve, model: RobotModel, output: str) ->
     facts = {"before": present._asdict(), "after": wire._asdict(), "r2": fit.r2, "worst_m": fit.worst_m}
     values = {("board", name): value for name, value in part_procedures.curve_values(fit.curve).items()}
 
-    def draw(path: str) -> None:
-        calibration_plots.draw_sonar(path, counts, truth, fit)
-
+    draw = partial(calibration_plots.draw_sonar, counts=counts, ranges_m=truth, fit=fit)
     return Result("sonar", model, output, values, lines, facts, draw)
 
 

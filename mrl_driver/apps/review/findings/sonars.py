@@ -37,7 +37,7 @@ class _Sonar(NamedTuple):
     turned: Any  # heading of the robot at each reading, without wrap [rad]
 
     def between(self, begin_s: float, end_s: float) -> Any:
-        """Return the ranges in this time [m], without those that are no reading."""
+        """Return the ranges in this time [m], without readings that failed."""
         values = self.values[(self.times_s >= begin_s) & (self.times_s <= end_s)]
         return values[~np.isnan(values)]
 
