@@ -518,11 +518,13 @@ class Connection:
                 wake = due_s < core.due_s
                 if wake:
                     core.due_s = due_s
-                accepted = not session.out or self.may_write()
+                accepted = not session.out or self.writer is None or self.may_write()
                 if session.out and accepted:
-                    self.writer = mine
-                    data = session.take()
-                    self._line_free_s = max(self._line_free_s, self.clock()) + self._carries_s(len(data))
+                    self.writer, data = mine, bytes(session.out)  # as `Session.take`, without a call
+                    session.out.clear()
+                    session.counters.bytes_out += len(data)
+                    baud = FAST_BAUD if self.links.fast else self._line_baud
+                    self._line_free_s = max(self._line_free_s, self.clock()) + len(data) * BITS / baud
             if data and link is not None:
                 link.write(data)
         except BoardTimeout:
@@ -558,17 +560,14 @@ class Connection:
         self.queuing -= 1
         return in_time
 
-    def _carries_s(self, count: int) -> float:
-        """Return how long the line needs for this many bytes [s]."""
-        return count * BITS / (FAST_BAUD if self.links.fast else self._line_baud)
-
     def _await_line(self) -> None:
         """Wait until the line has carried all but `QUEUE_BYTES` of what was written; with the lock.
 
         Ports and networks accept more than the line carries.
         """
         while self.thread is not None and not self.closing:
-            behind_s = self._line_free_s - self._carries_s(QUEUE_BYTES) - self.clock()
+            queued_s = QUEUE_BYTES * BITS / (FAST_BAUD if self.links.fast else self._line_baud)
+            behind_s = self._line_free_s - queued_s - self.clock()
             if behind_s <= 0:
                 return
             self.changed.wait(behind_s)

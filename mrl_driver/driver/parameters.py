@@ -32,7 +32,13 @@ def differing(values: Mapping[str, int], model: RobotModel) -> Dict[str, int]:
 
 
 class Parameters:
-    """The parameters of a board: those in force, and those in its EEPROM."""
+    """The parameters of a board: those in force, and those in its EEPROM.
+
+    Raises:
+        BoardRefused: the board does not have a parameter, stores no configuration, refused a value, could not save
+            it, or restarted before saving.
+        BoardTimeout: the board does not reply.
+    """
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -67,22 +73,12 @@ class Parameters:
                 )
 
     def read(self, *names: str) -> Dict[str, int]:
-        """Return the parameters in force, in units of the table.
-
-        Raises:
-            BoardRefused: the board does not have one of them.
-            BoardTimeout: the board does not reply.
-        """
+        """Return the parameters in force, in units of the table."""
         self.require(names)
         return {name: self._connection.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
 
     def write(self, values: Mapping[str, int]) -> None:
-        """Set parameters until the board restarts.
-
-        Raises:
-            BoardRefused: the board stores no configuration, does not have a parameter, or refused a value.
-            BoardTimeout: the board does not reply.
-        """
+        """Set parameters until the board restarts."""
         self.require_eeprom()
         self.require(values)
         for name, value in values.items():
@@ -91,12 +87,7 @@ class Parameters:
                 raise BoardRefused(f"the board refused {name} {value}; nothing was saved")
 
     def save(self) -> None:
-        """Save the parameters in force to the EEPROM.
-
-        Raises:
-            BoardRefused: the board could not save them.
-            BoardTimeout: the board does not reply.
-        """
+        """Save the parameters in force to the EEPROM."""
         if self._connection.ask(_SAVE, timeout_s=2.0) != (1,):
             raise BoardRefused("the board could not write its EEPROM; try again")
 
@@ -104,11 +95,6 @@ class Parameters:
         """Save the id and the model's parameters (the firmware may not know this model), and check them.
 
         A board with an H-bridge keeps its bridge and wiring, unless the model sets them: they belong to its cables.
-
-        Raises:
-            BoardRefused: the board stores no configuration, does not have a parameter, refused a value, or restarted
-                before saving.
-            BoardTimeout: the board does not reply.
         """
         self.require_eeprom()
         self.require(model.board)
@@ -122,13 +108,7 @@ class Parameters:
         self._require_values(values)
 
     def replace(self, values: Mapping[str, int], saved: bool = True) -> None:
-        """Set parameters, save them unless `saved` is False, and check them.  A refusal leaves the old ones in force.
-
-        Raises:
-            BoardRefused: the board stores no configuration, does not have a parameter, refused a value, or restarted
-                before saving.
-            BoardTimeout: the board does not reply.
-        """
+        """Set parameters, save them if `saved`, and check them.  A refusal leaves the old ones in force."""
         self.require_eeprom()
         old = self.read(*values)
         try:

@@ -80,12 +80,9 @@ def test_nothing_that_went_wrong_is_cut(watched, monkeypatch, size):
     wrong = replace(driver.link.statistics, lost=12345, garbage={"checksum": 678}, restarts=12)
     status = driver.status._replace(faults=("motor_board", "bus_hung", "eeprom", "id_unset"))
     cause = Mismatch("both", DEAD, 0.037, 0.0)
-    for kind, name, value in (
-        (LinkStatus, "statistics", wrong),
-        (Driver, "status", status),
-        (Driver, "mismatch", cause),
-    ):
-        monkeypatch.setattr(kind, name, value)
+    monkeypatch.setattr(LinkStatus, "statistics", wrong)
+    for name, value in (("status", status), ("mismatch", cause)):
+        monkeypatch.setattr(Driver, name, value)
     text = picture(Screen(driver, Settings("/dev/" + "x" * 80 + "-if00", "d" * 80 + ".mrl"), log), *size)
     words = f"12345 lost, 678 bad, 12 resets id unset {cause}; space goes on quit -if00 .mrl 00:00"
     assert [word for word in words.split() if word not in text] == []

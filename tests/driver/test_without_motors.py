@@ -82,11 +82,8 @@ def test_its_counters_are_never_odometry(watched):
 def test_nothing_of_a_motor_board_is_told(watched):
     """Neither 0 V nor 0 degC, and no missing motor board."""
     driver = watched.driver
-    assert all(
-        map(
-            math.isnan, (driver.board.battery_v, driver.board.temperature_c, driver.board.motor_board_version)
-        )
-    )
+    board = driver.board
+    assert all(map(math.isnan, (board.battery_v, board.temperature_c, board.motor_board_version)))
     assert (watched.batteries, driver.battery_state, driver.warning) == ([], "ok", "")
     assert driver.status is None or driver.status.faults == ()
 
