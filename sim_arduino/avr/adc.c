@@ -1,5 +1,5 @@
 /* ADC: 13 ADC clocks a conversion (25 the first time), floor(volts x 1024 / reference), free-running. */
-#include "peripherals.h"
+#include "board.h"
 
 enum { ADEN = 0x80, ADSC = 0x40, ADATE = 0x20, ADIF = 0x10, ADPS = 0x07 };
 enum { ADLAR = 0x20, REFS = 0xC0, REFS_INTERNAL = 0xC0, MUX = 0x0F, ADTS = 0x07 };
@@ -8,16 +8,14 @@ enum { CONVERSION_CLOCKS = 13, FIRST_CLOCKS = 25, TOP = 1023 };
 static const double SUPPLY_V = 5.0, BANDGAP_V = 1.1;
 
 static uint64_t conversion_cycles(const board_t *board) {
-    const chip_adc_t *at = &board->chip->adc;
-    unsigned step = board->avr->data[at->adcsra] & ADPS;
+    unsigned step = board->avr->data[ADCSRA] & ADPS;
     return (uint64_t)(board->adc.first ? FIRST_CLOCKS : CONVERSION_CLOCKS) << (step ? step : 1);
 }
 
 static double input_volts(board_t *board, int channel) {
-    const chip_adc_t *at = &board->chip->adc;
-    if (channel < at->pins)
+    if (channel < ADC_PINS)
         return board->hooks.adc ? board->hooks.adc(channel, board->avr->cycle) : 0.0;
-    return channel == at->bandgap_channel ? BANDGAP_V : 0.0;
+    return channel == ADC_BANDGAP ? BANDGAP_V : 0.0;
 }
 
 static uint16_t count_of(double volts, double reference) {
@@ -28,27 +26,25 @@ static uint16_t count_of(double volts, double reference) {
 }
 
 static void sample(board_t *board) {
-    const chip_adc_t *at = &board->chip->adc;
-    uint8_t admux = board->avr->data[at->admux];
+    uint8_t admux = board->avr->data[ADMUX];
     double reference = (admux & REFS) == REFS_INTERNAL ? BANDGAP_V : SUPPLY_V;
     board->adc.count = count_of(input_volts(board, admux & MUX), reference);
 }
 
 static avr_cycle_count_t converted(avr_t *avr, avr_cycle_count_t when, void *param) {
     board_t *board = param;
-    const chip_adc_t *at = &board->chip->adc;
     uint8_t *data = avr->data;
-    uint16_t shown = data[at->admux] & ADLAR ? (uint16_t)(board->adc.count << 6) : board->adc.count;
-    data[at->adcl] = (uint8_t)shown;
-    data[at->adch] = (uint8_t)(shown >> 8);
-    data[at->adcsra] |= ADIF;
+    uint16_t shown = data[ADMUX] & ADLAR ? (uint16_t)(board->adc.count << 6) : board->adc.count;
+    data[ADCL] = (uint8_t)shown;
+    data[ADCH] = (uint8_t)(shown >> 8);
+    data[ADCSRA] |= ADIF;
     board->adc.first = false;
     board_recheck(board);
-    if ((data[at->adcsra] & ADATE) && !(data[at->adcsrb] & ADTS)) {
+    if ((data[ADCSRA] & ADATE) && !(data[ADCSRB] & ADTS)) {
         sample(board);
         return when + conversion_cycles(board);
     }
-    data[at->adcsra] &= (uint8_t)~ADSC;
+    data[ADCSRA] &= (uint8_t)~ADSC;
     return 0;
 }
 
@@ -72,10 +68,9 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 void adc_reset(board_t *board) { board->adc.first = true; }
 
 void adc_attach(board_t *board) {
-    const chip_adc_t *at = &board->chip->adc;
-    board_on_write(board, at->adcsra, write_control);
-    board_on_write(board, at->adcsrb, NULL);
-    board_on_write(board, at->admux, NULL);
-    for (int address = at->adcl; address <= at->admux; address++)
+    board_on_write(board, ADCSRA, write_control);
+    board_on_write(board, ADCSRB, NULL);
+    board_on_write(board, ADMUX, NULL);
+    for (int address = ADCL; address <= ADMUX; address++)
         board_on_read(board, address, NULL);
 }

@@ -1,53 +1,76 @@
-"""A serial line as levels of a pin, 8N1: bytes to edges, and edges to bytes.  Times in seconds."""
+"""A serial line as levels of a pin, 8N1: bytes to edges, and edges to bytes."""
 
-from typing import Iterator, List, Optional, Tuple
+import math
+from bisect import bisect_left, bisect_right
+from typing import Iterator, List, Sequence, Tuple
+
+from .records import SentByte
 
 FRAME_BITS = 10
 """Start, eight data bits, stop."""
+CLOSE_ENOUGH = 0.04
+"""Relative difference of two speeds at which the last bit is still read correctly."""
 _BYTE_DECIDED = FRAME_BITS - 0.5
 """The middle of the stop bit [bit]."""
 
 
-def edges(data: bytes, at_s: float, baud: float) -> Iterator[Tuple[float, int]]:
-    """The edges of bytes that follow each other on an idle line from `at_s` on: time [s] and new level."""
-    level, bit_s = 1, 1.0 / baud
+def edges(data: bytes, start: float, bit: float) -> Iterator[Tuple[float, int]]:
+    """The edges of bytes that follow each other on an idle line from `start` on: time and new level.
+
+    `bit` is the length of a bit in the unit of the times.
+    """
+    level = 1
     for number, byte in enumerate(data):
-        for bit, value in enumerate((0, *(byte >> n & 1 for n in range(8)), 1)):
+        for place, value in enumerate((0, *(byte >> n & 1 for n in range(8)), 1)):
             if value != level:
-                yield at_s + (number * FRAME_BITS + bit) * bit_s, value
+                yield start + (number * FRAME_BITS + place) * bit, value
                 level = value
 
 
 class BitReceiver:
-    """Reads the bytes on a line that is idle at first; each bit is sampled in its middle."""
+    """Reads the bytes on a line that is idle at first; each bit is sampled in its middle.
 
-    def __init__(self, baud: float) -> None:
-        self._bit_s = 1.0 / baud
-        self._edges: List[Tuple[float, int]] = []
+    Args:
+        bit: Length of a bit, in the unit of all times.
+    """
 
-    def changed(self, level: int, at_s: float) -> None:
-        """The line has a new level from `at_s` [s] on; times never decrease."""
-        self._edges.append((at_s, level))
+    def __init__(self, bit: float) -> None:
+        self._bit = bit
+        self._times: List[float] = []
+        self._levels: List[int] = []
 
-    def take(self, to_s: float) -> bytes:
-        """The bytes whose stop bit has been sampled by `to_s` [s]."""
-        out = bytearray()
+    def changed(self, level: int, time: float) -> None:
+        """The line has a new level from a time on; times never decrease."""
+        self._times.append(time)
+        self._levels.append(level)
+
+    def take(self, until: float) -> bytes:
+        """The bytes whose stop bit has been sampled by `until`."""
+        out, at = bytearray(), 0
         while True:
-            start_s = self._start_s()
-            if start_s is None or start_s + _BYTE_DECIDED * self._bit_s > to_s:
-                return bytes(out)
-            out.append(self._byte(start_s))
-            self._forget(start_s + _BYTE_DECIDED * self._bit_s)
+            at = next((n for n in range(at, len(self._levels)) if not self._levels[n]), len(self._levels))
+            if at == len(self._levels) or self._times[at] + _BYTE_DECIDED * self._bit > until:
+                break
+            start = self._times[at]
+            out.append(sum(self._level(start + (1.5 + bit) * self._bit) << bit for bit in range(8)))
+            at = bisect_left(self._times, start + _BYTE_DECIDED * self._bit)
+        del self._times[:at], self._levels[:at]
+        return bytes(out)
 
-    def _start_s(self) -> Optional[float]:
-        return next((at_s for at_s, level in self._edges if level == 0), None)
+    def _level(self, time: float) -> int:
+        return self._levels[bisect_right(self._times, time) - 1]
 
-    def _byte(self, start_s: float) -> int:
-        return sum(self._level(start_s + (1.5 + bit) * self._bit_s) << bit for bit in range(8))
 
-    def _level(self, at_s: float) -> int:
-        return next((level for when_s, level in reversed(self._edges) if when_s <= at_s), 1)
+def received(sent: Sequence[SentByte], bit_cycles: float) -> bytes:
+    """The bytes that a receiver with this bit length [cycle] reads, including framing errors.
 
-    def _forget(self, to_s: float) -> None:
-        """Drops the edges of a byte that was read."""
-        self._edges = [edge for edge in self._edges if edge[0] >= to_s]
+    Bytes at the receiver's speed pass unchanged; others are sampled in the middle of the receiver's bits.
+    """
+    lengths = [(byte.end_cycle - byte.start_cycle) / FRAME_BITS for byte in sent]
+    if all(abs(length / bit_cycles - 1) < CLOSE_ENOUGH for length in lengths):
+        return bytes(byte.data for byte in sent)
+    line = BitReceiver(bit_cycles)
+    for byte, length in zip(sent, lengths):
+        for time, level in edges(bytes([byte.data]), byte.start_cycle, length):
+            line.changed(level, time)
+    return line.take(math.inf)

@@ -96,29 +96,24 @@ typedef struct {
     uint16_t count;
 } adc_t;
 
-typedef struct {
-    uint64_t origin, counted; /* the prescaler's start; number of its edges that are counted */
-    uint32_t count, top, divider, compare[2];
-    uint8_t high;
-} timer1_t;
-
 /* The output of a compare unit; `level` is kept while the pin is not driven, too. */
 typedef struct {
     bool level, driving;
     uint64_t high_cycles, high_from; /* cycles for which it drove the pin high, counted up to `high_from` */
-} timer8_output_t;
+} timer_output_t;
 
 typedef struct {
     board_t *board;
-    const chip_timer8_t *at;
+    const chip_timer_t *at;
     uint64_t origin, counted; /* the prescaler's start; number of its edges that are counted */
     int shift;                /* the prescaler divides by 1 << shift; negative while the timer stands */
     uint8_t mode;             /* WGM */
     uint8_t com[OUTPUTS];     /* what the compare unit does to its output; 0 while the mode disconnects it */
-    uint8_t count, top, compare[OUTPUTS], buffer[OUTPUTS];
+    uint16_t count, top, compare[OUTPUTS], buffer[OUTPUTS];
+    uint8_t high;       /* of the 16-bit registers: the byte that they share */
     bool down, written; /* counts down; TCNT has been written since the last count */
-    timer8_output_t output[OUTPUTS];
-} timer8_t;
+    timer_output_t output[OUTPUTS];
+} timer_state_t;
 
 typedef struct {
     uint64_t cycle;
@@ -152,15 +147,13 @@ typedef struct {
 } wrapped_t;
 
 struct board {
-    const chip_t *chip;
     avr_t *avr;
     hooks_t hooks;
     usart_t usart;
     twi_t twi;
     watchdog_t watchdog;
     adc_t adc;
-    timer1_t timer1;
-    timer8_t timer8[TIMERS8];
+    timer_state_t timers[TIMERS];
     pins_t pins;
     avr_int_vector_t *vector[VECTORS];
     uint32_t flagless; /* vectors whose interrupts may have no flag, a bit each */
@@ -184,5 +177,39 @@ void board_write_and_recheck(avr_t *avr, avr_io_addr_t address, uint8_t value, v
 uint8_t board_written_ones(const avr_t *avr, uint8_t value);
 void board_clear_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);
 bool board_room(void **items, size_t *room, size_t count, size_t item_size);
+
+/* The peripherals: each is attached once, and reset with the chip. */
+void usart_attach(board_t *board);
+void usart_reset(board_t *board);
+void twi_attach(board_t *board);
+void twi_reset(board_t *board);
+void watchdog_attach(board_t *board);
+void watchdog_reset(board_t *board);
+void watchdog_kick(board_t *board);
+uint8_t watchdog_served(uint8_t control);
+void skips_find(board_t *board, uint32_t address, uint32_t end);
+bool skips_run(board_t *board);
+void adc_attach(board_t *board);
+void eeprom_attach(board_t *board);
+bool eeprom_is_ready(const board_t *board);
+void adc_reset(board_t *board);
+void timers_capture(board_t *board, bool rose, uint64_t cycle);
+void timers_attach(board_t *board);
+void timers_release(board_t *board);
+void timers_reset(board_t *board);
+uint8_t timers_levels(board_t *board, int port, uint64_t cycle);
+uint64_t timers_high_cycles(board_t *board, int port, int bit);
+void timers_pins_changed(board_t *board);
+void pins_attach(board_t *board);
+void pins_release(board_t *board);
+void pins_reset(board_t *board);
+void pins_set(board_t *board, int port, int bit, int level);
+void pins_connect(board_t *board, chip_pin_t pin, bool timed);
+void pins_compare(board_t *board, int port, uint64_t cycle);
+bool pins_is_observed(const board_t *board, chip_pin_t pin);
+void pin_interrupts_attach(board_t *board);
+void pin_interrupts_changed(board_t *board, int port, uint8_t changed, uint8_t level);
+bool pin_interrupts_observe(const board_t *board, chip_pin_t pin);
+bool pin_interrupts_level_requests(const board_t *board, uint8_t vector);
 
 #endif

@@ -1,5 +1,5 @@
 /* EEPROM: the core's memory and programming sequence; busy for 3.4 ms a byte, ready interrupt while idle. */
-#include "peripherals.h"
+#include "board.h"
 
 #include <simavr/avr_eeprom.h>
 
@@ -9,16 +9,15 @@ enum { ERASE_AND_WRITE_US = 3400, HALF_US = 1800, HALTED_READING = 4, HALTED_WRI
 static avr_cycle_count_t written(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)when;
     board_t *board = param;
-    avr->data[board->chip->eeprom.eecr] &= (uint8_t)~EEPE;
+    avr->data[EECR] &= (uint8_t)~EEPE;
     board_recheck(board);
     return 0;
 }
 
 static void begin_write(board_t *board) {
-    const chip_eeprom_t *at = &board->chip->eeprom;
     avr_t *avr = board->avr;
-    uint64_t duration_us = avr->data[at->eecr] & EEPM ? HALF_US : ERASE_AND_WRITE_US;
-    avr->data[at->eecr] |= EEPE;
+    uint64_t duration_us = avr->data[EECR] & EEPM ? HALF_US : ERASE_AND_WRITE_US;
+    avr->data[EECR] |= EEPE;
     avr->cycle += HALTED_WRITING;
     avr_cycle_timer_register(avr, duration_us * (avr->frequency / 1000000), written, board);
 }
@@ -38,21 +37,17 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
         avr->cycle += HALTED_READING;
 }
 
-bool eeprom_is_ready(const board_t *board) { return !(board->avr->data[board->chip->eeprom.eecr] & EEPE); }
+bool eeprom_is_ready(const board_t *board) { return !(board->avr->data[EECR] & EEPE); }
 
-EXPORT int mrl_eeprom_get(board_t *board, uint8_t *out, int offset, int size) {
-    avr_eeprom_desc_t view = {.ee = out, .offset = (uint16_t)offset, .size = (uint32_t)size};
-    return avr_ioctl(board->avr, AVR_IOCTL_EEPROM_GET, &view);
-}
-
-EXPORT int mrl_eeprom_set(board_t *board, uint8_t *bytes, int offset, int size) {
-    avr_eeprom_desc_t view = {.ee = bytes, .offset = (uint16_t)offset, .size = (uint32_t)size};
-    return avr_ioctl(board->avr, AVR_IOCTL_EEPROM_SET, &view);
+/* The core's bytes. */
+EXPORT uint8_t *mrl_eeprom(board_t *board) {
+    avr_eeprom_desc_t view = {.ee = NULL};
+    avr_ioctl(board->avr, AVR_IOCTL_EEPROM_GET, &view);
+    return view.ee;
 }
 
 void eeprom_attach(board_t *board) {
-    const chip_eeprom_t *at = &board->chip->eeprom;
-    int io = at->eecr - 32;
+    int io = EECR - 32;
     board->eeprom_control = (wrapped_t){board, board->avr->io[io].w.c, board->avr->io[io].w.param};
-    board_on_write(board, at->eecr, write_control);
+    board_on_write(board, EECR, write_control);
 }

@@ -1,6 +1,5 @@
 /* The board's life: creation, run loop, interrupts, resets. */
 #include "board.h"
-#include "peripherals.h"
 
 #include <simavr/sim_core.h>
 #include <stdio.h>
@@ -32,8 +31,7 @@ static void watch_register(board_t *board, int address) {
 }
 
 static void collect_vectors(board_t *board) {
-    const chip_t *chip = board->chip;
-    const uint8_t levels[] = {chip->usart.rx_vector, chip->usart.udre_vector, chip->twi.vector};
+    const uint8_t levels[] = {RX_VECTOR, UDRE_VECTOR, TWI_VECTOR};
     avr_int_table_t *table = &board->avr->interrupts;
     for (int i = 0; i < table->vector_count; i++) {
         avr_int_vector_t *vector = table->vector[i];
@@ -44,14 +42,14 @@ static void collect_vectors(board_t *board) {
     }
     for (size_t i = 0; i < sizeof levels; i++)
         board->vector[levels[i]]->raise_sticky = 1; /* the flag stays until its cause is gone */
-    board->flagless = 1u << chip->eeprom.ready_vector;
+    board->flagless = 1u << EEPROM_VECTOR;
     for (int i = 0; i < EXTERNALS; i++)
-        board->flagless |= 1u << chip->pin_interrupts.externals[i].vector;
+        board->flagless |= 1u << CHIP_EXTERNALS[i].vector;
 }
 
 /* An idle EEPROM, and INT0 and INT1 at a low level, request an interrupt as long as this lasts, without a flag. */
 static bool is_requested(board_t *board, avr_int_vector_t *vector) {
-    if (vector->vector == board->chip->eeprom.ready_vector)
+    if (vector->vector == EEPROM_VECTOR)
         return eeprom_is_ready(board);
     return avr_regbit_get(board->avr, vector->raised) || pin_interrupts_level_requests(board, vector->vector);
 }
@@ -81,11 +79,10 @@ static void enter(board_t *board, avr_int_vector_t *vector) {
     _avr_push_addr(avr, avr->pc);
     avr->sreg[S_I] = 0;
     avr->pc = vector->vector * avr->vector_size;
-    const chip_watchdog_t *watchdog = &board->chip->watchdog;
-    uint8_t control = avr->data[watchdog->wdtcsr];
+    uint8_t control = avr->data[WDTCSR];
     avr_clear_interrupt(avr, vector);
-    if (vector->vector == watchdog->vector)
-        avr->data[watchdog->wdtcsr] = watchdog_served(control);
+    if (vector->vector == WATCHDOG_VECTOR)
+        avr->data[WDTCSR] = watchdog_served(control);
 }
 
 /* After SEI and RETI one more instruction runs before an interrupt: the core sets -2 there. */
@@ -123,7 +120,7 @@ static void reset_now(board_t *board, uint8_t cause, uint64_t until);
 /* SLEEP does nothing unless SE is set. Of the modes only idle is simulated: it stops the CPU and nothing else. */
 static void fall_asleep(board_t *board) {
     avr_t *avr = board->avr;
-    uint8_t control = avr->data[board->chip->control.smcr];
+    uint8_t control = avr->data[SMCR];
     avr->state = cpu_Running; /* the core would wake for interrupts that are not served */
     board->asleep = control & SE_BIT;
     if (!board->asleep || !(control & SM_BITS))
@@ -205,20 +202,19 @@ EXPORT void mrl_stall_until(board_t *board, uint64_t target) {
 /* The chip is held in reset until a cycle: its pins float and its clock stands. */
 static void reset_now(board_t *board, uint8_t cause, uint64_t until) {
     avr_t *avr = board->avr;
-    uint8_t flags = (uint8_t)((avr->data[board->chip->control.mcusr] | cause) & 0x0F);
+    uint8_t flags = (uint8_t)((avr->data[MCUSR] | cause) & 0x0F);
     pins_release(board);
     avr_reset(avr);
     avr->cycle = until;
     avr->run_cycle_limit = avr->frequency; /* a reset sets 1: control back after every instruction */
-    avr->data[board->chip->control.mcusr] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
+    avr->data[MCUSR] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
     board->reset_wanted = board->asleep = false;
     board->resets++;
     usart_reset(board);
     twi_reset(board);
     watchdog_reset(board);
     adc_reset(board);
-    timer1_reset(board);
-    timer8_reset(board);
+    timers_reset(board);
     pins_reset(board);
     arm_slice_end(board);
 }
@@ -241,7 +237,7 @@ EXPORT void mrl_power_cycle(board_t *board, const uint8_t *pattern) {
     memset(avr->data + 32, 0, (size_t)avr->ioend + 1 - 32);
     reset_now(board, 1 << PORF_BIT, avr->cycle);
     if (board->reset_flags < 0)
-        avr->data[board->chip->control.mcusr] = 1 << PORF_BIT;
+        avr->data[MCUSR] = 1 << PORF_BIT;
 }
 
 /* MCUSR as every following start shows it; -1 = as the chip does (a bootloader clears it: 0). */
@@ -265,10 +261,9 @@ static bool widen_data_space(avr_t *avr) {
 EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
     avr_global_logger_set(keep_message);
     board_t *board = calloc(1, sizeof *board);
-    avr_t *avr = board ? avr_make_mcu_by_name(chip_atmega328p.name) : NULL;
+    avr_t *avr = board ? avr_make_mcu_by_name(CHIP_NAME) : NULL;
     if (!avr)
         return NULL;
-    board->chip = &chip_atmega328p;
     avr_init(avr);
     if (!widen_data_space(avr))
         return NULL;
@@ -281,16 +276,13 @@ EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
     twi_attach(board);
     watchdog_attach(board);
     adc_attach(board);
-    timer1_attach(board);
-    timer8_attach(board);
+    timers_attach(board);
     eeprom_attach(board);
     pins_attach(board);
     pin_interrupts_attach(board);
     collect_vectors(board);
     return board;
 }
-
-EXPORT const chip_memory_t *mrl_memory(void) { return &chip_atmega328p.memory; }
 
 EXPORT void mrl_load(board_t *board, uint8_t *code, uint32_t size, uint32_t address) {
     avr_loadcode(board->avr, code, size, address);

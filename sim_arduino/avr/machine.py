@@ -4,8 +4,9 @@ Time is the CPU's cycle count since power-up.  The same image and inputs give th
 """
 
 import random
+from ctypes import byref, c_size_t, c_uint64
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, List, Optional, Sequence, Union
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol.table import BAUD
@@ -15,6 +16,7 @@ from .elf import Image, Symbol, read_image
 from .records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
 
 UNO_HZ = 16000000
+FLASH_BYTES, EEPROM_BYTES, RAM_END = 32768, 1024, 0x8FF
 HANGS = {None: 0, "sda": 1, "scl": 2}
 
 
@@ -43,8 +45,7 @@ class AvrMachine:
         """Powers the board; `seed` draws the noise in the SRAM at the start."""
         image = read_image(Path(elf))
         self._native = native.load()
-        self._memory = self._native.mrl_memory().contents
-        _require_fit(elf, image, self._memory)
+        _require_fit(elf, image)
         self.frequency_hz = frequency_hz
         self.symbols = image.symbols
         self.image_flash = image.flash
@@ -134,7 +135,7 @@ class AvrMachine:
     def power_cycle(self, seed: int = 0) -> None:
         """Switch power off and on: SRAM and registers then hold noise drawn from `seed`."""
         noise = random.Random(seed)
-        self._noise = bytes(noise.getrandbits(8) for _ in range(self._memory.ram_end + 1))
+        self._noise = bytes(noise.getrandbits(8) for _ in range(RAM_END + 1))
         self._native.mrl_power_cycle(self._board, self._noise)
 
     def brown_out(self, seconds: float = 0.0) -> None:
@@ -168,10 +169,13 @@ class AvrMachine:
 
     def sent(self) -> List[SentByte]:
         """The bytes that have left the board, with their stop bit, since the last call."""
-        count = self._native.mrl_uart_sent_count(self._board)
-        buffer = (native.Sent * count)()
-        self._native.mrl_uart_sent(self._board, buffer, count)
-        return [SentByte(one.data, one.start, one.end) for one in buffer]
+        return [SentByte(one.data, one.start, one.end) for one in self._taken(self._native.mrl_uart_sent)]
+
+    def _taken(self, take: Callable[..., Any]) -> Iterator[Any]:
+        """The records that a function of the harness hands over."""
+        count = c_size_t()
+        records = take(self._board, byref(count))
+        return (records[index] for index in range(count.value))
 
     @property
     def bytes_lost(self) -> int:
@@ -221,7 +225,7 @@ class AvrMachine:
 
         The first edge leaves the level that earlier plans for the pin end with.  An edge in the past comes at once.
         """
-        planned = (native.c_uint64 * len(cycles))(*cycles)
+        planned = (c_uint64 * len(cycles))(*cycles)
         self._native.mrl_plan_edges(self._board, port_of(pin), bit_of(pin), planned, len(planned))
 
     def high_cycles(self, pin: int) -> int:
@@ -238,10 +242,8 @@ class AvrMachine:
 
     def pin_changes(self) -> List[PinChange]:
         """Changes of the watched pins since the last call."""
-        count = self._native.mrl_pin_changes_count(self._board)
-        buffer = (native.PinEvent * count)()
-        self._native.mrl_pin_changes(self._board, buffer, count)
-        return [PinChange(pin_of(one.port, one.bit), one.level, one.cycle) for one in buffer]
+        changes = self._taken(self._native.mrl_pin_changes)
+        return [PinChange(pin_of(one.port, one.bit), one.level, one.cycle) for one in changes]
 
     # ---- memory
 
@@ -259,9 +261,7 @@ class AvrMachine:
 
     def poke(self, address: int, data: bytes) -> None:
         """Overwrites bytes of the data space, without the side effects of a write."""
-        memory = self._native.mrl_data(self._board)
-        for offset, value in enumerate(data):
-            memory[address + offset] = value
+        _copy(data, self._native.mrl_data(self._board), address)
 
     @property
     def pc(self) -> int:
@@ -280,16 +280,14 @@ class AvrMachine:
     def sram_untouched(self) -> int:
         """Number of bytes above the variables that neither heap nor stack has written since power-up."""
         start = self.symbol("_end").address
-        now = self.peek(start, self._memory.ram_end + 1 - start)
+        now = self.peek(start, RAM_END + 1 - start)
         before = self._noise[start:]
         return next((index for index, value in enumerate(now) if value != before[index]), len(now))
 
     def read_eeprom(self, address: int = 0, count: Optional[int] = None) -> bytes:
         """Bytes of the EEPROM: `count` from `address` on, or all up to its end."""
-        count = self._memory.eeprom - address if count is None else count
-        buffer = (native.c_uint8 * count)()
-        self._native.mrl_eeprom_get(self._board, buffer, address, count)
-        return bytes(buffer)
+        end = EEPROM_BYTES if count is None else address + count
+        return bytes(self._native.mrl_eeprom(self._board)[address:end])
 
     def write_eeprom(self, address: int, data: bytes) -> None:
         """Overwrites bytes of the EEPROM from outside.
@@ -297,10 +295,9 @@ class AvrMachine:
         Raises:
             ValueError: the bytes do not fit into the EEPROM.
         """
-        size = self._memory.eeprom
-        if not 0 <= address <= size - len(data):
-            raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of {size}")
-        self._native.mrl_eeprom_set(self._board, bytes(data), address, len(data))
+        if not 0 <= address <= EEPROM_BYTES - len(data):
+            raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of {EEPROM_BYTES}")
+        _copy(data, self._native.mrl_eeprom(self._board), address)
 
     # ---- callbacks of the simulated chip
 
@@ -362,9 +359,14 @@ class AvrMachine:
         return f"the program crashed at pc 0x{where:04x}, cycle {self.cycle}: {message}"
 
 
-def _require_fit(path: Union[str, Path], image: Image, memory: native.Memory) -> None:
+def _copy(data: bytes, memory: Any, address: int) -> None:
+    for offset, value in enumerate(data, address):
+        memory[offset] = value
+
+
+def _require_fit(path: Union[str, Path], image: Image) -> None:
     """Refuses an image for a larger chip."""
-    for name, pieces, size in (("flash", image.flash, memory.flash), ("EEPROM", image.eeprom, memory.eeprom)):
+    for name, pieces, size in (("flash", image.flash, FLASH_BYTES), ("EEPROM", image.eeprom, EEPROM_BYTES)):
         end = max((address + len(data) for address, data in pieces), default=0)
         if end > size:
             raise SimulatorError(

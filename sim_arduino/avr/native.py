@@ -32,12 +32,6 @@ class Hooks(Structure):
     _fields_ = [("present", PRESENT), ("write", WRITE), ("read", READ), ("adc", ADC), ("pin", PIN)]
 
 
-class Memory(Structure):
-    """chip_memory_t: sizes of flash and EEPROM [byte], and the last address of the SRAM."""
-
-    _fields_ = [("flash", c_uint32), ("eeprom", c_uint32), ("ram_end", c_uint32)]
-
-
 class Sent(Structure):
     """sent_byte_t: one byte that left the transmitter."""
 
@@ -53,7 +47,6 @@ class PinEvent(Structure):
 _BOARD = c_void_p
 _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_create": (_BOARD, [c_uint32, POINTER(Hooks)]),
-    "mrl_memory": (POINTER(Memory), []),
     "mrl_destroy": (None, [_BOARD]),
     "mrl_load": (None, [_BOARD, c_char_p, c_uint32, c_uint32]),
     "mrl_run_until": (c_int, [_BOARD, c_uint64]),
@@ -77,8 +70,7 @@ _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_uart_line_free": (c_double, [_BOARD]),
     "mrl_uart_lost": (c_uint64, [_BOARD]),
     "mrl_uart_bit": (c_uint64, [_BOARD]),
-    "mrl_uart_sent_count": (c_size_t, [_BOARD]),
-    "mrl_uart_sent": (c_size_t, [_BOARD, POINTER(Sent), c_size_t]),
+    "mrl_uart_sent": (POINTER(Sent), [_BOARD, POINTER(c_size_t)]),
     "mrl_twi_set_hang": (None, [_BOARD, c_int, c_int]),
     "mrl_twi_set_stretch": (None, [_BOARD, c_int]),
     "mrl_twi_set_nack_after": (None, [_BOARD, c_int]),
@@ -88,10 +80,8 @@ _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_pin_high_cycles": (c_uint64, [_BOARD, c_int, c_int]),
     "mrl_pin_level": (c_int, [_BOARD, c_int, c_int]),
     "mrl_pin_watch": (None, [_BOARD, c_int, c_int]),
-    "mrl_pin_changes_count": (c_size_t, [_BOARD]),
-    "mrl_pin_changes": (c_size_t, [_BOARD, POINTER(PinEvent), c_size_t]),
-    "mrl_eeprom_get": (c_int, [_BOARD, POINTER(c_uint8), c_int, c_int]),
-    "mrl_eeprom_set": (c_int, [_BOARD, c_char_p, c_int, c_int]),
+    "mrl_pin_changes": (POINTER(PinEvent), [_BOARD, POINTER(c_size_t)]),
+    "mrl_eeprom": (POINTER(c_uint8), [_BOARD]),
 }
 
 _loaded: Dict[str, ctypes.CDLL] = {}

@@ -1,5 +1,5 @@
 /* Digital pins of ports B, C, D (0, 1, 2): levels, changes, plans, and the cycles for which each was driven high. */
-#include "peripherals.h"
+#include "board.h"
 
 #include <string.h>
 
@@ -9,7 +9,7 @@ static uint8_t levels(board_t *board, int port, uint64_t cycle) {
     const uint8_t *data = board->avr->data;
     uint8_t outputs = data[pins->at->ddr], driven = data[pins->at->port], timed = pins->timed & outputs;
     if (timed)
-        driven = (uint8_t)((driven & ~timed) | (timer8_levels(board, port, cycle) & timed));
+        driven = (uint8_t)((driven & ~timed) | (timers_levels(board, port, cycle) & timed));
     return (uint8_t)((driven & outputs) | (pins->external & ~outputs));
 }
 
@@ -25,12 +25,11 @@ static void note_change(board_t *board, int port, int bit, int level, uint64_t c
 /* What a change of level does inside the chip. */
 static void pass_on(board_t *board, int port, uint8_t changed, uint64_t cycle) {
     uint8_t now = board->pins.ports[port].level;
-    chip_pin_t scl = board->chip->twi.scl, capture = board->chip->timer1.capture;
     pin_interrupts_changed(board, port, changed, now);
-    if (port == scl.port && (changed & ~now & (1 << scl.bit)))
+    if (port == SCL_PIN.port && (changed & ~now & (1 << SCL_PIN.bit)))
         board->clocked_by_hand(board);
-    if (port == capture.port && (changed & (1 << capture.bit)))
-        timer1_capture(board, now >> capture.bit & 1, cycle);
+    if (port == CAPTURE_PIN.port && (changed & (1 << CAPTURE_PIN.bit)))
+        timers_capture(board, now >> CAPTURE_PIN.bit & 1, cycle);
 }
 
 /* Shows the levels in PIN and reports the watched pins; returns the pins that have changed. A pin that becomes an
@@ -72,7 +71,7 @@ static void count_high(board_t *board, port_t *pins, uint8_t high) {
 
 EXPORT uint64_t mrl_pin_high_cycles(board_t *board, int port, int bit) {
     const port_t *pins = &board->pins.ports[port];
-    uint64_t high = pins->high_cycles[bit] + timer8_high_cycles(board, port, bit);
+    uint64_t high = pins->high_cycles[bit] + timers_high_cycles(board, port, bit);
     return pins->high >> bit & 1 ? high + board->avr->cycle - pins->high_since[bit] : high;
 }
 
@@ -95,7 +94,7 @@ static void write_direction(avr_t *avr, avr_io_addr_t address, uint8_t value, vo
     port_t *pins = param;
     avr->data[address] = value;
     if (pins->timed)
-        timer8_pins_changed(pins->board);
+        timers_pins_changed(pins->board);
     register_changed(pins->board, (int)(pins - pins->board->pins.ports));
 }
 
@@ -217,27 +216,21 @@ EXPORT int mrl_pin_level(board_t *board, int port, int bit) {
 
 EXPORT void mrl_pin_watch(board_t *board, int port, int mask) {
     board->pins.ports[port].watched = (uint8_t)mask;
-    timer8_pins_changed(board);
+    timers_pins_changed(board);
 }
 
-EXPORT size_t mrl_pin_changes_count(board_t *board) { return board->pins.changes_count; }
-
-EXPORT size_t mrl_pin_changes(board_t *board, pin_event_t *out, size_t limit) {
-    pins_t *pins = &board->pins;
-    size_t count = pins->changes_count < limit ? pins->changes_count : limit;
-    if (count)
-        memcpy(out, pins->changes, count * sizeof *out);
-    pins->changes_count -= count;
-    if (pins->changes_count)
-        memmove(pins->changes, pins->changes + count, pins->changes_count * sizeof *out);
-    return count;
+/* The changes since the last call; valid until the board runs again. */
+EXPORT const pin_event_t *mrl_pin_changes(board_t *board, size_t *count) {
+    *count = board->pins.changes_count;
+    board->pins.changes_count = 0;
+    return board->pins.changes;
 }
 
 /* ---- life */
 
 /* A reset begins: nothing is driven any more. */
 void pins_release(board_t *board) {
-    timer8_release(board);
+    timers_release(board);
     for (int port = 0; port < PORTS; port++) {
         count_high(board, &board->pins.ports[port], 0);
         board->pins.ports[port].timed = 0;
@@ -261,7 +254,7 @@ static void hear(port_t *pins, int address, avr_io_write_t write, avr_io_read_t 
 
 void pins_attach(board_t *board) {
     for (int port = 0; port < PORTS; port++) {
-        const chip_port_t *at = &board->chip->ports[port];
+        const chip_port_t *at = &CHIP_PORTS[port];
         port_t *pins = &board->pins.ports[port];
         *pins = (port_t){.board = board, .at = at, .level = 0xFF, .external = 0xFF, .planned = 0xFF};
         hear(pins, at->port, write_port, NULL);

@@ -1,6 +1,6 @@
 /* The skip instructions that libsimavr gets wrong: it takes ADIW or SBIW with a low nibble of C to F for two words.
  * Such a skip is a WDR in the simulated flash, because WDR is the instruction that reaches this harness. */
-#include "peripherals.h"
+#include "board.h"
 
 enum { WDR = 0x95A8, JMP = 0x940C, RJMP = 0xC000 };
 

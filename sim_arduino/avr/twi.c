@@ -3,7 +3,7 @@
  * Slaves live outside: they are asked whether an address is there, get a write when it ends (STOP or repeated
  * START), and give the bytes of a read when its address is acknowledged.
  */
-#include "peripherals.h"
+#include "board.h"
 
 #include <string.h>
 
@@ -14,22 +14,19 @@ enum { ST_START = 0x08, ST_REPEATED = 0x10, ST_SLA_W_ACK = 0x18, ST_SLA_W_NACK =
        ST_READ_NACK = 0x58 };
 
 static uint64_t scl_cycles(const board_t *board) {
-    const chip_twi_t *at = &board->chip->twi;
     const uint8_t *data = board->avr->data;
-    return 16 + 2 * (uint64_t)data[at->twbr] * (1u << (2 * (data[at->twsr] & 3)));
+    return 16 + 2 * (uint64_t)data[TWBR] * (1u << (2 * (data[TWSR] & 3)));
 }
 
 static void set_status(board_t *board, uint8_t status) {
-    const chip_twi_t *at = &board->chip->twi;
     uint8_t *data = board->avr->data;
-    data[at->twsr] = (data[at->twsr] & 3) | status;
+    data[TWSR] = (data[TWSR] & 3) | status;
 }
 
 static void ready(board_t *board, uint8_t status) {
-    const chip_twi_t *at = &board->chip->twi;
     board->twi.phase = TWI_IDLE;
     set_status(board, status);
-    board->avr->data[at->twcr] |= TWINT;
+    board->avr->data[TWCR] |= TWINT;
     board_recheck(board);
 }
 
@@ -68,13 +65,12 @@ static void start_done(board_t *board, uint64_t cycle) {
 }
 
 static void stop_done(board_t *board, uint64_t cycle) {
-    const chip_twi_t *at = &board->chip->twi;
     twi_t *twi = &board->twi;
     deliver_write(board, cycle);
     release_bus(board);
     twi->phase = TWI_IDLE;
     set_status(board, BUS_FREE);
-    board->avr->data[at->twcr] &= (uint8_t)~TWSTO;
+    board->avr->data[TWCR] &= (uint8_t)~TWSTO;
     if (twi->start_after_stop) {
         twi->start_after_stop = false;
         begin_phase(board, TWI_START, 1);
@@ -90,9 +86,8 @@ static void fetch_read(board_t *board, uint64_t cycle) {
 }
 
 static void address_done(board_t *board, uint64_t cycle) {
-    const chip_twi_t *at = &board->chip->twi;
     twi_t *twi = &board->twi;
-    uint8_t sent = board->avr->data[at->twdr];
+    uint8_t sent = board->avr->data[TWDR];
     twi->address = sent >> 1;
     twi->reading = sent & 1;
     twi->address_next = false;
@@ -107,20 +102,18 @@ static void address_done(board_t *board, uint64_t cycle) {
 }
 
 static void send_done(board_t *board) {
-    const chip_twi_t *at = &board->chip->twi;
     twi_t *twi = &board->twi;
     bool accepted = twi->nack_after < 0 || twi->length < twi->nack_after;
     if (accepted && twi->length < I2C_BUFFER)
-        twi->buffer[twi->length++] = board->avr->data[at->twdr];
+        twi->buffer[twi->length++] = board->avr->data[TWDR];
     ready(board, accepted ? ST_DATA_ACK : ST_DATA_NACK);
 }
 
 static void receive_done(board_t *board) {
-    const chip_twi_t *at = &board->chip->twi;
     twi_t *twi = &board->twi;
     uint8_t value = twi->position < I2C_BUFFER ? twi->buffer[twi->position++] : 0xFF;
-    board->avr->data[at->twdr] = twi->hang == HANG_SDA_LOW ? 0 : value;
-    ready(board, board->avr->data[at->twcr] & TWEA ? ST_READ_ACK : ST_READ_NACK);
+    board->avr->data[TWDR] = twi->hang == HANG_SDA_LOW ? 0 : value;
+    ready(board, board->avr->data[TWCR] & TWEA ? ST_READ_ACK : ST_READ_NACK);
 }
 
 /* A low SDA keeps START and STOP from happening and turns every transmitted 1 into a lost arbitration. */
@@ -131,10 +124,9 @@ static bool is_blocked(const twi_t *twi) {
 }
 
 static bool loses_arbitration(const board_t *board) {
-    const chip_twi_t *at = &board->chip->twi;
     const twi_t *twi = &board->twi;
     bool sending = twi->phase == TWI_ADDRESS || twi->phase == TWI_SEND;
-    return twi->hang == HANG_SDA_LOW && sending && board->avr->data[at->twdr] != 0;
+    return twi->hang == HANG_SDA_LOW && sending && board->avr->data[TWDR] != 0;
 }
 
 static avr_cycle_count_t phase_done(avr_t *avr, avr_cycle_count_t when, void *param) {
@@ -161,7 +153,6 @@ static avr_cycle_count_t phase_done(avr_t *avr, avr_cycle_count_t when, void *pa
 /* ---- registers ---- */
 
 static void act(board_t *board, uint8_t control) {
-    const chip_twi_t *at = &board->chip->twi;
     twi_t *twi = &board->twi;
     if (control & TWSTO) {
         twi->start_after_stop = control & TWSTA;
@@ -169,7 +160,7 @@ static void act(board_t *board, uint8_t control) {
             begin_phase(board, TWI_STOP, 1);
             return;
         }
-        board->avr->data[at->twcr] &= (uint8_t)~TWSTO;
+        board->avr->data[TWCR] &= (uint8_t)~TWSTO;
     }
     if (control & TWSTA)
         begin_phase(board, TWI_START, 1);
@@ -180,12 +171,11 @@ static void act(board_t *board, uint8_t control) {
 }
 
 static void switch_off(board_t *board, uint8_t control) {
-    const chip_twi_t *at = &board->chip->twi;
     avr_cycle_timer_cancel(board->avr, phase_done, board);
     release_bus(board);
     board->twi.phase = TWI_IDLE;
     board->twi.start_after_stop = false;
-    board->avr->data[at->twcr] = control & (uint8_t)~(TWINT | TWSTO | TWWC);
+    board->avr->data[TWCR] = control & (uint8_t)~(TWINT | TWSTO | TWWC);
     set_status(board, BUS_FREE);
 }
 
@@ -208,12 +198,11 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 
 static void write_data(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     board_t *board = param;
-    const chip_twi_t *at = &board->chip->twi;
     bool busy = board->twi.phase != TWI_IDLE && board->twi.phase != TWI_STOP;
     if (busy)
-        avr->data[at->twcr] |= TWWC;
+        avr->data[TWCR] |= TWWC;
     else {
-        avr->data[at->twcr] &= (uint8_t)~TWWC;
+        avr->data[TWCR] &= (uint8_t)~TWWC;
         avr->data[address] = value;
     }
 }
@@ -226,11 +215,10 @@ static void write_status(avr_t *avr, avr_io_addr_t address, uint8_t value, void 
 /* ---- faults ---- */
 
 EXPORT void mrl_twi_set_hang(board_t *board, int hang, int release_clocks) {
-    const chip_twi_t *at = &board->chip->twi;
     board->twi.hang = (enum bus_hang)hang;
     board->twi.release_clocks = release_clocks;
-    pins_set(board, at->sda.port, at->sda.bit, hang != HANG_SDA_LOW);
-    pins_set(board, at->scl.port, at->scl.bit, hang != HANG_SCL_LOW);
+    pins_set(board, SDA_PIN.port, SDA_PIN.bit, hang != HANG_SDA_LOW);
+    pins_set(board, SCL_PIN.port, SCL_PIN.bit, hang != HANG_SCL_LOW);
 }
 
 EXPORT void mrl_twi_set_stretch(board_t *board, int cycles) { board->twi.stretch = cycles; }
@@ -238,30 +226,27 @@ EXPORT void mrl_twi_set_nack_after(board_t *board, int bytes) { board->twi.nack_
 
 /* A falling edge on SCL made through the port, with the TWI off. */
 static void clocked_by_hand(board_t *board) {
-    const chip_twi_t *at = &board->chip->twi;
     twi_t *twi = &board->twi;
-    if (twi->hang != HANG_SDA_LOW || twi->release_clocks <= 0 || (board->avr->data[at->twcr] & TWEN))
+    if (twi->hang != HANG_SDA_LOW || twi->release_clocks <= 0 || (board->avr->data[TWCR] & TWEN))
         return;
     if (--twi->release_clocks == 0)
         mrl_twi_set_hang(board, HANG_NONE, 0);
 }
 
 void twi_reset(board_t *board) {
-    const chip_twi_t *at = &board->chip->twi;
     switch_off(board, 0);
-    board->avr->data[at->twbr] = 0;
-    board->avr->data[at->twsr] = BUS_FREE;
-    board->avr->data[at->twdr] = 0xFF;
+    board->avr->data[TWBR] = 0;
+    board->avr->data[TWSR] = BUS_FREE;
+    board->avr->data[TWDR] = 0xFF;
 }
 
 void twi_attach(board_t *board) {
-    const chip_twi_t *at = &board->chip->twi;
     board->twi.nack_after = -1;
     board->clocked_by_hand = clocked_by_hand;
-    board_on_write(board, at->twcr, write_control);
-    board_on_write(board, at->twdr, write_data);
-    board_on_write(board, at->twsr, write_status);
-    board_on_write(board, at->twbr, NULL);
-    for (int address = at->twbr; address <= at->twcr; address++)
+    board_on_write(board, TWCR, write_control);
+    board_on_write(board, TWDR, write_data);
+    board_on_write(board, TWSR, write_status);
+    board_on_write(board, TWBR, NULL);
+    for (int address = TWBR; address <= TWCR; address++)
         board_on_read(board, address, NULL);
 }

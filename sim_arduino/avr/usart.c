@@ -1,5 +1,5 @@
 /* USART0: frames of 10 bits (8N1) from UBRR and U2X, UDR plus shift register in both directions, data overrun. */
-#include "peripherals.h"
+#include "board.h"
 
 #include <math.h>
 #include <string.h>
@@ -9,14 +9,13 @@ enum { RXEN = 0x10, TXEN = 0x08 };
 enum { LINE_BITS = 10 };
 
 static uint64_t bit_cycles(const board_t *board) {
-    const chip_usart_t *at = &board->chip->usart;
     const uint8_t *data = board->avr->data;
-    unsigned ubrr = (unsigned)((data[at->ubrrh] & 0x0F) << 8 | data[at->ubrrl]);
-    return (uint64_t)(ubrr + 1) * (data[at->ucsra] & U2X ? 8 : 16);
+    unsigned ubrr = (unsigned)((data[UBRRH] & 0x0F) << 8 | data[UBRRL]);
+    return (uint64_t)(ubrr + 1) * (data[UCSRA] & U2X ? 8 : 16);
 }
 
 static unsigned frame_bits(const board_t *board) {
-    unsigned format = board->avr->data[board->chip->usart.ucsrc];
+    unsigned format = board->avr->data[UCSRC];
     unsigned parity = format & 0x20 ? 1 : 0, stops = format & 0x08 ? 2 : 1;
     return 1 + 5 + ((format >> 1) & 3) + parity + stops;
 }
@@ -47,16 +46,15 @@ static void log_sent(usart_t *usart) {
 static avr_cycle_count_t frame_sent(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)when;
     board_t *board = param;
-    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
     log_sent(usart);
     usart->shifting = false;
     if (usart->full) {
         usart->full = false;
-        avr->data[at->ucsra] |= UDRE;
+        avr->data[UCSRA] |= UDRE;
         start_frame(board, usart->buffer, usart->shift_end);
     } else {
-        avr->data[at->ucsra] |= TXC;
+        avr->data[UCSRA] |= TXC;
     }
     board_recheck(board);
     return 0;
@@ -65,8 +63,7 @@ static avr_cycle_count_t frame_sent(avr_t *avr, avr_cycle_count_t when, void *pa
 static void write_udr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     (void)address;
     board_t *board = param;
-    const chip_usart_t *at = &board->chip->usart;
-    if (!(avr->data[at->ucsrb] & TXEN) || board->usart.full)
+    if (!(avr->data[UCSRB] & TXEN) || board->usart.full)
         return;
     if (!board->usart.shifting) {
         start_frame(board, value, avr->cycle);
@@ -74,21 +71,15 @@ static void write_udr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *pa
     }
     board->usart.full = true;
     board->usart.buffer = value;
-    avr->data[at->ucsra] &= (uint8_t)~UDRE;
+    avr->data[UCSRA] &= (uint8_t)~UDRE;
 }
 
-EXPORT size_t mrl_uart_sent(board_t *board, sent_byte_t *out, size_t limit) {
-    usart_t *usart = &board->usart;
-    size_t count = usart->sent_count < limit ? usart->sent_count : limit;
-    if (count)
-        memcpy(out, usart->sent, count * sizeof *out);
-    usart->sent_count -= count;
-    if (usart->sent_count)
-        memmove(usart->sent, usart->sent + count, usart->sent_count * sizeof *out);
-    return count;
+/* The bytes sent since the last call; valid until the board runs again. */
+EXPORT const sent_byte_t *mrl_uart_sent(board_t *board, size_t *count) {
+    *count = board->usart.sent_count;
+    board->usart.sent_count = 0;
+    return board->usart.sent;
 }
-
-EXPORT size_t mrl_uart_sent_count(board_t *board) { return board->usart.sent_count; }
 
 /* ---- the line from the host ---- */
 
@@ -141,10 +132,9 @@ static avr_cycle_count_t start_bit_seen(avr_t *avr, avr_cycle_count_t when, void
 static avr_cycle_count_t frame_received(avr_t *avr, avr_cycle_count_t when, void *param);
 
 static void listen(board_t *board) {
-    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
     avr_t *avr = board->avr;
-    if (usart->receiving || !(avr->data[at->ucsrb] & RXEN))
+    if (usart->receiving || !(avr->data[UCSRB] & RXEN))
         return;
     forget_line_before(usart, usart->look_from);
     if (!next_falling_edge(usart, usart->look_from, &usart->frame_start))
@@ -156,13 +146,12 @@ static void listen(board_t *board) {
 static avr_cycle_count_t start_bit_seen(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)when;
     board_t *board = param;
-    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
     if (usart->waiting_full) {
         usart->waiting_full = false;
         usart->overrun = true;
         usart->lost++;
-        avr->data[at->ucsra] |= DOR;
+        avr->data[UCSRA] |= DOR;
     }
     /* the receiver samples the middle of every bit and is done in the middle of the stop bit */
     double done = usart->frame_start + 9.5 * (double)bit_cycles(board);
@@ -179,8 +168,7 @@ static received_t sample_frame(const usart_t *usart, double bit) {
 }
 
 static void show_fifo(board_t *board) {
-    const chip_usart_t *at = &board->chip->usart;
-    uint8_t *status = &board->avr->data[at->ucsra];
+    uint8_t *status = &board->avr->data[UCSRA];
     *status &= (uint8_t)~(RXC | FE | DOR);
     if (board->usart.fifo_count)
         *status |= RXC | (board->usart.fifo[0].frame_error ? FE : 0);
@@ -258,9 +246,8 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 
 /* Lets `length` bytes follow each other on the line from `start` on, or when the line is free. */
 EXPORT void mrl_uart_send(board_t *board, const uint8_t *bytes, size_t length, uint64_t start) {
-    const chip_usart_t *at = &board->chip->usart;
     usart_t *usart = &board->usart;
-    if (!(board->avr->data[at->ucsrb] & RXEN))
+    if (!(board->avr->data[UCSRB] & RXEN))
         forget_line_before(usart, (double)board->avr->cycle);
     if (usart->line_free < (double)start)
         usart->line_free = (double)start;
@@ -283,24 +270,22 @@ EXPORT uint64_t mrl_uart_lost(board_t *board) { return board->usart.lost; }
 EXPORT uint64_t mrl_uart_bit(board_t *board) { return bit_cycles(board); }
 
 void usart_reset(board_t *board) {
-    const chip_usart_t *at = &board->chip->usart;
     uint8_t *data = board->avr->data;
     board->usart.shifting = board->usart.full = false;
     avr_cycle_timer_cancel(board->avr, frame_sent, board);
-    data[at->ucsrb] = 0;
-    data[at->ucsrc] = 0x06;
-    data[at->ucsra] = UDRE;
+    data[UCSRB] = 0;
+    data[UCSRC] = 0x06;
+    data[UCSRA] = UDRE;
     flush_receiver(board);
 }
 
 void usart_attach(board_t *board) {
-    const chip_usart_t *at = &board->chip->usart;
-    board_on_write(board, at->ucsra, write_status);
-    board_on_write(board, at->ucsrb, write_control);
-    board_on_write(board, at->ucsrc, NULL);
-    board_on_write(board, at->ubrrl, NULL);
-    board_on_write(board, at->ubrrh, NULL);
-    board_on_write(board, at->udr, write_udr);
-    board_on_read(board, at->ucsra, NULL);
-    board_on_read(board, at->udr, read_udr);
+    board_on_write(board, UCSRA, write_status);
+    board_on_write(board, UCSRB, write_control);
+    board_on_write(board, UCSRC, NULL);
+    board_on_write(board, UBRRL, NULL);
+    board_on_write(board, UBRRH, NULL);
+    board_on_write(board, UDR, write_udr);
+    board_on_read(board, UCSRA, NULL);
+    board_on_read(board, UDR, read_udr);
 }

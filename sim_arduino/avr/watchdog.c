@@ -1,12 +1,11 @@
 /* Watchdog: 2048 << WDP cycles of 128 kHz, interrupt, reset, and interrupt followed by reset. */
-#include "peripherals.h"
+#include "board.h"
 
 enum { WDIF = 0x80, WDIE = 0x40, WDP3 = 0x20, WDCE = 0x10, WDE = 0x08, WDP012 = 0x07, WDRF = 0x08 };
 enum { OSCILLATOR_HZ = 128000, SHORTEST = 2048, CHANGE_WINDOW_CYCLES = 4 };
 
 static uint64_t period(const board_t *board) {
-    const chip_watchdog_t *at = &board->chip->watchdog;
-    uint8_t control = board->avr->data[at->wdtcsr];
+    uint8_t control = board->avr->data[WDTCSR];
     unsigned step = (control & WDP012) | (control & WDP3 ? 8 : 0);
     uint64_t ticks = (uint64_t)SHORTEST << (step > 9 ? 9 : step);
     return ticks * board->avr->frequency / OSCILLATOR_HZ;
@@ -15,8 +14,7 @@ static uint64_t period(const board_t *board) {
 /* An interrupt still waiting at the next time-out becomes a reset. */
 static avr_cycle_count_t timed_out(avr_t *avr, avr_cycle_count_t when, void *param) {
     board_t *board = param;
-    const chip_watchdog_t *at = &board->chip->watchdog;
-    uint8_t *control = &avr->data[at->wdtcsr];
+    uint8_t *control = &avr->data[WDTCSR];
     if ((*control & WDIE) && !((*control & WDIF) && (*control & WDE))) {
         *control |= WDIF;
         board_recheck(board);
@@ -34,19 +32,17 @@ uint8_t watchdog_served(uint8_t control) {
 }
 
 void watchdog_kick(board_t *board) {
-    const chip_watchdog_t *at = &board->chip->watchdog;
     avr_cycle_timer_cancel(board->avr, timed_out, board);
-    if (board->avr->data[at->wdtcsr] & (WDIE | WDE))
+    if (board->avr->data[WDTCSR] & (WDIE | WDE))
         avr_cycle_timer_register(board->avr, period(board), timed_out, board);
 }
 
 static uint8_t protected_bits(board_t *board, uint8_t value) {
-    const chip_watchdog_t *at = &board->chip->watchdog;
     const uint8_t *data = board->avr->data;
     uint8_t guarded = WDP3 | WDP012;
     if (board->avr->cycle <= board->watchdog.change_until)
         return value & (guarded | WDE);
-    return (data[at->wdtcsr] & (guarded | WDE)) | (value & WDE);
+    return (data[WDTCSR] & (guarded | WDE)) | (value & WDE);
 }
 
 static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
@@ -55,7 +51,7 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
     uint8_t flag = before & (value & WDIF ? 0 : WDIF);
     bool opens = (value & WDCE) && (value & WDE);
     uint8_t now = flag | (value & WDIE) | protected_bits(board, value);
-    if (avr->data[board->chip->control.mcusr] & WDRF)
+    if (avr->data[MCUSR] & WDRF)
         now |= WDE;
     board->watchdog.change_until = opens ? avr->cycle + CHANGE_WINDOW_CYCLES : 0;
     avr->data[address] = now;
@@ -76,18 +72,16 @@ static int wdr(avr_io_t *io, uint32_t control, void *param) {
 
 /* After a watchdog reset WDRF keeps it on, at its shortest period. */
 void watchdog_reset(board_t *board) {
-    const chip_watchdog_t *at = &board->chip->watchdog;
-    board->avr->data[at->wdtcsr] = board->avr->data[board->chip->control.mcusr] & WDRF ? WDE : 0;
+    board->avr->data[WDTCSR] = board->avr->data[MCUSR] & WDRF ? WDE : 0;
     board->watchdog.change_until = 0;
     watchdog_kick(board);
 }
 
 void watchdog_attach(board_t *board) {
-    const chip_watchdog_t *at = &board->chip->watchdog;
     board->watchdog.board = board;
     board->watchdog.io.kind = "watchdog";
     board->watchdog.io.ioctl = wdr;
     avr_register_io(board->avr, &board->watchdog.io);
-    board_on_write(board, at->wdtcsr, write_control);
-    board_on_read(board, at->wdtcsr, NULL);
+    board_on_write(board, WDTCSR, write_control);
+    board_on_read(board, WDTCSR, NULL);
 }

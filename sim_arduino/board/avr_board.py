@@ -4,23 +4,23 @@ Both engines use the same Plant, so there is one physics model.  The simulated c
 """
 
 from pathlib import Path
-from typing import Any, Callable, List, Optional, Sequence, Tuple, Union
+from typing import Callable, List, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
+from sim_arduino.avr.bit_serial import received
 from sim_arduino.avr.machine import AvrMachine
-from sim_arduino.avr.receiver import received
+from sim_arduino.hardware.wiring import Plant
+from sim_arduino.hardware.xbee import XBee
 
 from . import parameter_store
-from .bridge_wires import BridgeWires
-from .radio_wires import OUT, RadioWires
+from .wires import OUT, SLICE_S, BridgeWires, RadioWires
 
 DUST = 8
 FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
 BOOT_S, WRITE_S, SAVE_S = 0.3, 0.05, 0.4  # saving takes 64 bytes of EEPROM at 3.4 ms each
-SLICE_S = 1e-3  # longest delay until a server gets a byte that was sent
 LONGEST_SLEEP_S = 1.0
 BROWN_OUT = 1 << 2  # BORF in MCUSR
 
@@ -58,12 +58,9 @@ def configured_eeprom(
         return chip.read_eeprom()
 
 
-def _parameters_of(plant: Any, robot_id: int) -> List[Tuple[int, int]]:
+def _parameters_of(plant: Plant, robot_id: int) -> List[Tuple[int, int]]:
     """Parameters (number, value) that a new board needs if the firmware does not know its robot model."""
-    model = getattr(plant, "model", None)
-    if model is None or robot_id not in model.ids:
-        return []
-    wanted, known = parameter_store.first(robot_id, model), parameter_store.defaults(robot_id)
+    wanted, known = parameter_store.first(robot_id, plant.model), parameter_store.defaults(robot_id)
     return [(number, value) for number, value in enumerate(wanted) if value != known[number]]
 
 
@@ -71,9 +68,7 @@ class AvrEngine:
     """A board that executes `elf`; time is simulated seconds since power-up.
 
     Args:
-        plant: the hardware wired to the board: `i2c` (slaves by address), `adc_volts(channel, time_s)`,
-            `pin_changed(pin, level, time_s)` and `advance(time_s)`; perhaps `bridge`, a `BridgePlant`,
-            or `xbee`, an `XBee`.
+        plant: the hardware wired to the board.
         elf: firmware image.
         robot_id: this id and the model's defaults are saved in the EEPROM; None leaves the EEPROM blank, as on a
             new chip.
@@ -87,7 +82,7 @@ class AvrEngine:
 
     def __init__(
         self,
-        plant: Any,
+        plant: Plant,
         elf: Union[str, Path] = FIRMWARE,
         robot_id: Optional[int] = None,
         bootloader: bool = True,
@@ -105,13 +100,13 @@ class AvrEngine:
             self.machine.reset()
         self.machine.i2c = plant.i2c
         self.machine.adc_volts = plant.adc_volts
-        xbee = getattr(plant, "xbee", None)
-        self._radio = RadioWires(self.machine, xbee) if xbee else None
-        self.machine.on_pin = self._pin_changed if xbee else plant.pin_changed
-        self.machine.watch_pins((*WATCHED_PINS, OUT) if xbee else WATCHED_PINS)
-        self._dust_edges = getattr(plant, "dust_edges", lambda to_s: ())
-        bridge = getattr(plant, "bridge", None)
-        self._wires = BridgeWires(self.machine, bridge) if bridge else None
+        self.machine.on_pin = plant.pin_changed
+        self.machine.watch_pins(WATCHED_PINS)
+        self._wires: Union[BridgeWires, RadioWires, None] = None
+        if plant.bridge:
+            self._wires = BridgeWires(self.machine, plant.bridge)
+        elif plant.xbee:
+            self._fit_radio(plant.xbee)
 
     def receive(self, data: bytes) -> None:
         """Receives bytes from the host; transmission of the first byte starts now."""
@@ -123,7 +118,7 @@ class AvrEngine:
         Raises:
             MachineCrashed: the program accessed an address outside its memory.
         """
-        for time_s, level in self._dust_edges(to_s):
+        for time_s, level in self.plant.dust_edges(to_s):
             self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))
         self._run(self._cycle_at(to_s), self.machine.run_until)
         self.plant.advance(self.machine.time_s)
@@ -131,17 +126,22 @@ class AvrEngine:
 
     def _run(self, to_cycle: int, run_to: Callable[[int], None]) -> None:
         """Runs the chip with `run_to`, and an H-bridge board's motors or a radio with it."""
-        wires = self._wires or self._radio
-        if wires:
-            wires.run(to_cycle, run_to)
+        if self._wires:
+            self._wires.run(to_cycle, run_to)
         else:
             run_to(to_cycle)
 
-    def _pin_changed(self, pin: int, level: int, time_s: float) -> None:
-        if self._radio and pin == OUT:
-            self._radio.changed(level, time_s)
-        else:
-            self.plant.pin_changed(pin, level, time_s)
+    def _fit_radio(self, xbee: XBee) -> None:
+        radio = self._wires = RadioWires(self.machine, xbee)
+
+        def pin_changed(pin: int, level: int, time_s: float) -> None:
+            if pin == OUT:
+                radio.changed(level, time_s)
+            else:
+                self.plant.pin_changed(pin, level, time_s)
+
+        self.machine.on_pin = pin_changed
+        self.machine.watch_pins((*WATCHED_PINS, OUT))
 
     def set_host_baud(self, baud: float) -> None:
         """Set the host's baud rate in both directions; if it differs from the board's, bytes arrive corrupted."""
@@ -165,11 +165,9 @@ class AvrEngine:
         need a call for each slice.
         """
         now_s = self.machine.time_s
-        if self._wires and self._wires.moving:
-            return now_s + SLICE_S
         event_s = self.machine.next_event_cycle / self.machine.frequency_hz
-        if self._radio:
-            event_s = min(event_s, self._radio.next_s)
+        if self._wires:
+            event_s = min(event_s, self._wires.next_s)
         return min(max(event_s, now_s + SLICE_S), now_s + LONGEST_SLEEP_S)
 
     def _cycle_at(self, time_s: float) -> int:

@@ -4,6 +4,7 @@ import pytest
 
 from mrl_driver.errors import SimulatorError
 from sim_arduino.board.avr_board import AvrEngine
+from tests.models import model
 
 BYTE_S = 85e-6
 FAN = 7
@@ -14,11 +15,16 @@ OVERFLOW_S = 256 * 1024 / 16e6
 class Plant:
     """Remembers what it is told."""
 
+    model, bridge, xbee = model("traxbot"), None, None
+
     def __init__(self):
         self.i2c, self.times, self.pins = {}, [], []
 
     def advance(self, time_s):
         self.times.append(time_s)
+
+    def dust_edges(self, to_s):
+        return []
 
     def adc_volts(self, channel, time_s):
         return 2.5

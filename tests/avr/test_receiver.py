@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_arduino.avr.receiver import received
+from sim_arduino.avr.bit_serial import received
 from sim_arduino.avr.records import SentByte
 
 BIT = 136  # cycles at 117647 baud

@@ -8,7 +8,7 @@ import pytest
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from sim_arduino.avr.bit_serial import BitReceiver, edges
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
-from sim_arduino.board.radio_wires import IN, OUT
+from sim_arduino.board.wires import IN, OUT
 from sim_arduino.hardware.xbee import BAUD
 from tests.firmware.test_xbee import ADDRESS, ADDRESS_WORDS, packet, received, words
 
@@ -47,13 +47,13 @@ def chip():
 
 def say(machine: AvrMachine, data: bytes, baud: float = BAUD) -> None:
     """Puts bytes on the radio's line to the board, from now on."""
-    for at_s, level in edges(data, machine.time_s, baud):
+    for at_s, level in edges(data, machine.time_s, 1.0 / baud):
         machine.set_pin(IN, level, int(at_s * UNO_HZ))
 
 
 def spoken(machine: AvrMachine) -> bytes:
     """Bytes that the board has put on the radio's line."""
-    receiver = BitReceiver(BAUD)
+    receiver = BitReceiver(1.0 / BAUD)
     for change in machine.pin_changes():
         if change.pin == OUT:
             receiver.changed(change.level, change.cycle / UNO_HZ)

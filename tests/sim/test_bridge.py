@@ -8,7 +8,7 @@ from mrl_driver.errors import ConfigError, SimulatorError
 from mrl_driver.protocol.table import BRIDGES as NAMES
 from mrl_driver.protocol.table import WIRING
 from mrl_driver.robot.models import load
-from sim_arduino.board.bridge_wires import BridgeWires
+from sim_arduino.board.wires import BridgeWires
 from sim_arduino.hardware.bridge import BRIDGES, Shares
 from sim_arduino.hardware.bridge_plant import ENCODER_PINS, motor_of, motor_params
 from sim_arduino.hardware.omni3md import ADDRESS

@@ -1,4 +1,4 @@
-/* Timers with 8 bits (0 and 2) and their PWM outputs: all modes, prescalers and compare output modes.
+/* Timers 0 and 2 with 8 bits and their PWM outputs, in all modes; timer 1 with 16 bits and input capture on ICP1.
  *
  * The counter is lazy: it catches up when a register is read or written, when an enabled interrupt is due, and at each
  * edge of an observed output. Whole rounds that passed meanwhile are counted in closed form, so PWM that is not
@@ -6,54 +6,56 @@
  *
  * All happens when the counter leaves a value, as in the chapters' timing diagrams: a match sets its flag and acts on
  * its output; TOP ends a round and loads the compare registers from their buffers; TOV is set at MAX, in fast PWM at
- * TOP, in phase-correct PWM at BOTTOM. External clocks, the asynchronous timer 2, GTCCR and PRR are not simulated.
+ * TOP, in phase-correct PWM at BOTTOM. The PWM modes of timer 1 count as its normal mode does, and its outputs are not
+ * simulated. Nor are external clocks, the asynchronous timer 2, GTCCR and PRR.
  */
-#include "peripherals.h"
+#include "board.h"
 
-enum { MAX = 0xFF, NEVER = 0x10000 };
-enum { TOV = 0x01, OCFA = 0x02 }; /* OCFA << 1 is OCFB; TIMSK has the same bits */
-enum { CS = 0x07, WGM2 = 0x08, FOCA = 0x80, WGM10 = 0x03 };
+enum { TOV = 0x01, OCFA = 0x02, ICF1 = 0x20 }; /* OCFA << 1 is OCFB; TIMSK has the same bits */
+enum { CS = 0x07, WGM2 = 0x08, WGM13 = 0x10, ICES1 = 0x40, FOCA = 0x80, WGM10 = 0x03 };
 enum { COM_NONE, COM_TOGGLE, COM_CLEAR, COM_SET };
 enum { KIND = 3, NORMAL = 0, PHASE_CORRECT = 1, CTC = 2, FAST = 3, TO_OCRA = 4 }; /* WGM: a kind, and TOP of PWM */
-/* Counts after which all repeats; the least number of counts of which whole rounds are counted at once. */
-enum { SETTLED = 1024, ROUNDS_FROM = 4096 };
+/* Rounds to MAX after which all repeats; the least number of them of which whole rounds are counted at once. */
+enum { SETTLED = 4, ROUNDS_FROM = 16 };
+static const uint32_t NEVER = UINT32_MAX;
 
-static bool is_pwm(const timer8_t *timer) { return timer->mode & PHASE_CORRECT; }
-static bool is_dual_slope(const timer8_t *timer) { return (timer->mode & KIND) == PHASE_CORRECT; }
-static bool is_fast(const timer8_t *timer) { return (timer->mode & KIND) == FAST; }
+static bool is_wide(const timer_state_t *timer) { return timer->at->max > 0xFF; }
+static bool is_pwm(const timer_state_t *timer) { return timer->mode & PHASE_CORRECT; }
+static bool is_dual_slope(const timer_state_t *timer) { return (timer->mode & KIND) == PHASE_CORRECT; }
+static bool is_fast(const timer_state_t *timer) { return (timer->mode & KIND) == FAST; }
 
-static uint8_t top_of(const timer8_t *timer) {
+static uint16_t top_of(const timer_state_t *timer) {
     bool to_compare = is_pwm(timer) ? timer->mode & TO_OCRA : (timer->mode & KIND) == CTC;
-    return to_compare ? timer->compare[0] : MAX;
+    return to_compare ? timer->compare[0] : timer->at->max;
 }
 
 /* Counts in a round: from BOTTOM to BOTTOM. */
-static uint32_t period(const timer8_t *timer) {
+static uint32_t period(const timer_state_t *timer) {
     if (!is_dual_slope(timer))
         return timer->top + 1u;
     return timer->top ? 2u * timer->top : 1;
 }
 
-static uint64_t edges(const timer8_t *timer, uint64_t cycle) { return (cycle - timer->origin) >> timer->shift; }
-static uint64_t cycle_of(const timer8_t *timer, uint64_t edge) { return timer->origin + (edge << timer->shift); }
+static uint64_t edges(const timer_state_t *timer, uint64_t cycle) { return (cycle - timer->origin) >> timer->shift; }
+static uint64_t cycle_of(const timer_state_t *timer, uint64_t edge) { return timer->origin + (edge << timer->shift); }
 
 /* ---- outputs */
 
-static uint64_t high_at(const timer8_output_t *output, uint64_t cycle) {
+static uint64_t high_at(const timer_output_t *output, uint64_t cycle) {
     return output->high_cycles + (output->driving && output->level ? cycle - output->high_from : 0);
 }
 
-static void count_high(timer8_output_t *output, uint64_t cycle) {
+static void count_high(timer_output_t *output, uint64_t cycle) {
     output->high_cycles = high_at(output, cycle);
     output->high_from = cycle;
 }
 
-static void set_driving(timer8_output_t *output, bool driving, uint64_t cycle) {
+static void set_driving(timer_output_t *output, bool driving, uint64_t cycle) {
     count_high(output, cycle);
     output->driving = driving;
 }
 
-static void act(timer8_output_t *output, int com, uint64_t cycle) {
+static void act(timer_output_t *output, int com, uint64_t cycle) {
     bool level = com == COM_TOGGLE ? !output->level : com == COM_SET;
     if (com == COM_NONE || level == output->level)
         return;
@@ -67,16 +69,18 @@ static bool sets_or_clears(int com) { return com == COM_CLEAR || com == COM_SET;
 /* ---- the counter */
 
 /* A counter above TOP, which has moved below it, counts on to MAX. */
-static uint8_t last_of_round(const timer8_t *timer) { return timer->count <= timer->top ? timer->top : MAX; }
+static uint16_t last_of_round(const timer_state_t *timer) {
+    return timer->count <= timer->top ? timer->top : timer->at->max;
+}
 
-static uint32_t single_slope_counts(const timer8_t *timer, uint8_t value) {
-    uint8_t last = last_of_round(timer);
+static uint32_t single_slope_counts(const timer_state_t *timer, uint16_t value) {
+    uint16_t last = last_of_round(timer);
     if (value >= timer->count)
         return value <= last ? value - timer->count + 1u : NEVER;
     return value <= timer->top ? last - timer->count + 1u + value + 1u : NEVER;
 }
 
-static uint32_t dual_slope_counts(const timer8_t *timer, uint8_t value, bool downwards) {
+static uint32_t dual_slope_counts(const timer_state_t *timer, uint16_t value, bool downwards) {
     if (value > timer->top || value == (downwards ? 0 : timer->top))
         return NEVER;
     uint32_t round = period(timer), from = timer->down ? round - timer->count : timer->count;
@@ -85,33 +89,33 @@ static uint32_t dual_slope_counts(const timer8_t *timer, uint8_t value, bool dow
 }
 
 /* Number of counts until the counter has left a value, and so set its flag. */
-static uint32_t counts_to_leave(const timer8_t *timer, uint8_t value) {
+static uint32_t counts_to_leave(const timer_state_t *timer, uint16_t value) {
     if (!is_dual_slope(timer))
         return single_slope_counts(timer, value);
     uint32_t up = dual_slope_counts(timer, value, false), down = dual_slope_counts(timer, value, true);
     return up < down ? up : down;
 }
 
-static uint8_t overflow_value(const timer8_t *timer) {
+static uint16_t overflow_value(const timer_state_t *timer) {
     if (is_dual_slope(timer))
         return 0;
-    return is_fast(timer) ? last_of_round(timer) : MAX;
+    return is_fast(timer) ? last_of_round(timer) : timer->at->max;
 }
 
 /* Nothing but matches and ends of rounds lies ahead. */
-static bool is_regular(const timer8_t *timer) {
+static bool is_regular(const timer_state_t *timer) {
     bool beside_round = is_dual_slope(timer) && (timer->count > timer->top || !timer->top);
     return !timer->written && !beside_round;
 }
 
-static bool is_loaded(const timer8_t *timer) {
+static bool is_loaded(const timer_state_t *timer) {
     return timer->compare[0] == timer->buffer[0] && timer->compare[1] == timer->buffer[1];
 }
 
 static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
 
 /* Number of counts to the next match or end of a slope. */
-static uint32_t counts_to_event(const timer8_t *timer) {
+static uint32_t counts_to_event(const timer_state_t *timer) {
     if (!is_regular(timer))
         return 1;
     uint32_t first = counts_to_leave(timer, last_of_round(timer));
@@ -121,7 +125,7 @@ static uint32_t counts_to_event(const timer8_t *timer) {
 }
 
 /* A write of TCNT blocks the match at the next count. */
-static uint8_t match(timer8_t *timer, uint64_t cycle) {
+static uint8_t match(timer_state_t *timer, uint64_t cycle) {
     uint8_t flags = 0;
     for (int unit = 0; unit < OUTPUTS; unit++) {
         int com = timer->com[unit];
@@ -136,7 +140,7 @@ static uint8_t match(timer8_t *timer, uint64_t cycle) {
 }
 
 /* The compare registers are loaded from their buffers, and the outputs begin a round (fast PWM) or the second slope. */
-static void begin_slope(timer8_t *timer, uint64_t cycle) {
+static void begin_slope(timer_state_t *timer, uint64_t cycle) {
     timer->compare[0] = timer->buffer[0];
     timer->compare[1] = timer->buffer[1];
     timer->top = top_of(timer);
@@ -148,8 +152,9 @@ static void begin_slope(timer8_t *timer, uint64_t cycle) {
     }
 }
 
-static uint8_t count_single_slope(timer8_t *timer, uint64_t cycle) {
-    uint8_t last = last_of_round(timer), flags = match(timer, cycle);
+static uint8_t count_single_slope(timer_state_t *timer, uint64_t cycle) {
+    uint16_t last = last_of_round(timer);
+    uint8_t flags = match(timer, cycle);
     if (timer->count == overflow_value(timer))
         flags |= TOV;
     if (timer->count++ != last)
@@ -160,8 +165,8 @@ static uint8_t count_single_slope(timer8_t *timer, uint64_t cycle) {
     return flags;
 }
 
-static uint8_t count_dual_slope(timer8_t *timer, uint64_t cycle) {
-    uint8_t left = timer->count;
+static uint8_t count_dual_slope(timer_state_t *timer, uint64_t cycle) {
+    uint16_t left = timer->count;
     timer->down = left >= timer->top || (left && timer->down);
     uint8_t flags = match(timer, cycle);
     if (left >= timer->top)
@@ -176,11 +181,11 @@ static uint8_t count_dual_slope(timer8_t *timer, uint64_t cycle) {
 }
 
 /* Counts this many edges; returns the flags that this sets. */
-static uint8_t count_singly(timer8_t *timer, uint64_t counts) {
+static uint8_t count_singly(timer_state_t *timer, uint64_t counts) {
     uint8_t flags = 0;
     while (counts) {
         uint32_t event = counts_to_event(timer), quiet = event > counts ? (uint32_t)counts : event - 1;
-        timer->count = (uint8_t)(timer->down ? timer->count - quiet : timer->count + quiet);
+        timer->count = (uint16_t)(timer->down ? timer->count - quiet : timer->count + quiet);
         timer->counted += quiet;
         counts -= quiet;
         if (!counts)
@@ -193,14 +198,14 @@ static uint8_t count_singly(timer8_t *timer, uint64_t counts) {
 }
 
 /* Two rounds repeat exactly, also those of a toggled output: the time high of many is a multiple of theirs. */
-static uint64_t count_rounds(timer8_t *timer, uint64_t counts) {
+static uint64_t count_rounds(timer_state_t *timer, uint64_t counts) {
     uint32_t two = 2 * period(timer);
     uint64_t before[OUTPUTS], times = counts / two - 1;
     for (int unit = 0; unit < OUTPUTS; unit++)
         before[unit] = high_at(&timer->output[unit], cycle_of(timer, timer->counted));
     count_singly(timer, two);
     for (int unit = 0; unit < OUTPUTS; unit++) {
-        timer8_output_t *output = &timer->output[unit];
+        timer_output_t *output = &timer->output[unit];
         output->high_cycles += times * (high_at(output, cycle_of(timer, timer->counted)) - before[unit]);
         output->high_from += (times * two) << timer->shift;
     }
@@ -209,15 +214,15 @@ static uint64_t count_rounds(timer8_t *timer, uint64_t counts) {
 }
 
 /* Lets the counter catch up with `cycle`. */
-static void count_to(timer8_t *timer, uint64_t cycle) {
+static void count_to(timer_state_t *timer, uint64_t cycle) {
     uint8_t *data = timer->board->avr->data, flags = 0;
     uint64_t now = timer->shift < 0 ? 0 : edges(timer, cycle);
     if (now <= timer->counted)
         return;
-    uint64_t counts = now - timer->counted;
-    if (counts >= ROUNDS_FROM) {
-        flags |= count_singly(timer, SETTLED);
-        counts = count_rounds(timer, counts - SETTLED);
+    uint64_t counts = now - timer->counted, round = timer->at->max + 1u;
+    if (counts >= ROUNDS_FROM * round) {
+        flags |= count_singly(timer, SETTLED * round);
+        counts = count_rounds(timer, counts - SETTLED * round);
     }
     flags |= count_singly(timer, counts);
     data[timer->at->tifr] |= flags;
@@ -227,7 +232,7 @@ static void count_to(timer8_t *timer, uint64_t cycle) {
 
 /* ---- events */
 
-static bool is_observed(const timer8_t *timer) {
+static bool is_observed(const timer_state_t *timer) {
     for (int unit = 0; unit < OUTPUTS; unit++)
         if (timer->output[unit].driving && pins_is_observed(timer->board, timer->at->output[unit]))
             return true;
@@ -235,7 +240,7 @@ static bool is_observed(const timer8_t *timer) {
 }
 
 /* Number of counts to the next one that must not wait. */
-static uint32_t counts_to_alarm(const timer8_t *timer) {
+static uint32_t counts_to_alarm(const timer_state_t *timer) {
     uint8_t enabled = timer->board->avr->data[timer->at->timsk] & (TOV | OCFA | OCFA << 1);
     bool observed = is_observed(timer);
     if (!enabled && !observed)
@@ -249,12 +254,12 @@ static uint32_t counts_to_alarm(const timer8_t *timer) {
     return first;
 }
 
-static avr_cycle_count_t alarm_cycle(const timer8_t *timer) {
+static avr_cycle_count_t alarm_cycle(const timer_state_t *timer) {
     uint32_t counts = timer->shift < 0 ? NEVER : counts_to_alarm(timer);
     return counts == NEVER ? 0 : cycle_of(timer, timer->counted + counts);
 }
 
-static void show_outputs(const timer8_t *timer, uint64_t cycle) {
+static void show_outputs(const timer_state_t *timer, uint64_t cycle) {
     for (int unit = 0; unit < OUTPUTS; unit++)
         if (timer->output[unit].driving)
             pins_compare(timer->board, timer->at->output[unit].port, cycle);
@@ -262,7 +267,7 @@ static void show_outputs(const timer8_t *timer, uint64_t cycle) {
 
 static avr_cycle_count_t alarm(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)avr;
-    timer8_t *timer = param;
+    timer_state_t *timer = param;
     count_to(timer, when);
     if (is_observed(timer))
         show_outputs(timer, when);
@@ -270,7 +275,7 @@ static avr_cycle_count_t alarm(avr_t *avr, avr_cycle_count_t when, void *param) 
 }
 
 /* Plans the next event after the counter or a setting has changed. */
-static void plan(timer8_t *timer) {
+static void plan(timer_state_t *timer) {
     avr_t *avr = timer->board->avr;
     avr_cycle_timer_cancel(avr, alarm, timer);
     avr_cycle_count_t when = alarm_cycle(timer);
@@ -278,16 +283,16 @@ static void plan(timer8_t *timer) {
         avr_cycle_timer_register(avr, when - avr->cycle, alarm, timer);
 }
 
-/* ---- what the pins ask */
+/* ---- what the pins ask and tell */
 
-static bool drives(const timer8_t *timer, int unit) {
+static bool drives(const timer_state_t *timer, int unit) {
     chip_pin_t pin = timer->at->output[unit];
-    return timer->com[unit] && (timer->board->avr->data[timer->board->chip->ports[pin.port].ddr] >> pin.bit & 1);
+    return timer->com[unit] && (timer->board->avr->data[CHIP_PORTS[pin.port].ddr] >> pin.bit & 1);
 }
 
 /* The pins' directions, or the set of observed pins, have changed. */
-void timer8_pins_changed(board_t *board) {
-    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++) {
+void timers_pins_changed(board_t *board) {
+    for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
         count_to(timer, board->avr->cycle);
         for (int unit = 0; unit < OUTPUTS; unit++)
             set_driving(&timer->output[unit], drives(timer, unit), board->avr->cycle);
@@ -296,9 +301,9 @@ void timer8_pins_changed(board_t *board) {
 }
 
 /* Levels of a port's pins that timers drive, at a cycle. */
-uint8_t timer8_levels(board_t *board, int port, uint64_t cycle) {
+uint8_t timers_levels(board_t *board, int port, uint64_t cycle) {
     uint8_t levels = 0;
-    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++)
+    for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++)
         for (int unit = 0; unit < OUTPUTS; unit++) {
             if (timer->at->output[unit].port != port || !timer->com[unit])
                 continue;
@@ -309,8 +314,8 @@ uint8_t timer8_levels(board_t *board, int port, uint64_t cycle) {
 }
 
 /* Cycles since power-up for which a timer drove the pin high. */
-uint64_t timer8_high_cycles(board_t *board, int port, int bit) {
-    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++)
+uint64_t timers_high_cycles(board_t *board, int port, int bit) {
+    for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++)
         for (int unit = 0; unit < OUTPUTS; unit++)
             if (timer->at->output[unit].port == port && timer->at->output[unit].bit == bit) {
                 count_to(timer, board->avr->cycle);
@@ -321,14 +326,14 @@ uint64_t timer8_high_cycles(board_t *board, int port, int bit) {
 
 /* ---- registers */
 
-static uint8_t com_of(const timer8_t *timer, int unit) {
-    uint8_t com = timer->board->avr->data[timer->at->tccra] >> (6 - 2 * unit) & 3;
+static uint8_t com_of(const timer_state_t *timer, int unit) {
+    uint8_t com = is_wide(timer) ? 0 : timer->board->avr->data[timer->at->tccra] >> (6 - 2 * unit) & 3;
     bool toggles_in_pwm = unit == 0 && (timer->mode & TO_OCRA);
     return is_pwm(timer) && com == COM_TOGGLE && !toggles_in_pwm ? COM_NONE : com;
 }
 
 /* Outside PWM a write of a compare register takes effect at once. */
-static void load_unbuffered(timer8_t *timer) {
+static void load_unbuffered(timer_state_t *timer) {
     if (!is_pwm(timer)) {
         timer->compare[0] = timer->buffer[0];
         timer->compare[1] = timer->buffer[1];
@@ -336,12 +341,17 @@ static void load_unbuffered(timer8_t *timer) {
     timer->top = top_of(timer);
 }
 
-static void configure(timer8_t *timer) {
+static uint8_t mode_of(const timer_state_t *timer, uint8_t a, uint8_t b) {
+    if (is_wide(timer))
+        return !(a & WGM10) && (b & (WGM2 | WGM13)) == WGM2 ? CTC : NORMAL;
+    return (uint8_t)((a & WGM10) | (b & WGM2 ? TO_OCRA : 0));
+}
+
+static void configure(timer_state_t *timer) {
     board_t *board = timer->board;
     const uint8_t *data = board->avr->data;
-    uint8_t control = data[timer->at->tccrb];
-    uint16_t divider = timer->at->dividers[control & CS];
-    timer->mode = (uint8_t)((data[timer->at->tccra] & WGM10) | (control & WGM2 ? TO_OCRA : 0));
+    uint16_t divider = timer->at->dividers[data[timer->at->tccrb] & CS];
+    timer->mode = mode_of(timer, data[timer->at->tccra], data[timer->at->tccrb]);
     timer->shift = divider ? __builtin_ctz(divider) : -1;
     timer->counted = divider ? edges(timer, board->avr->cycle) : 0;
     timer->down = timer->down && is_dual_slope(timer);
@@ -356,15 +366,15 @@ static void configure(timer8_t *timer) {
     plan(timer);
 }
 
-static void write_control_a(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     count_to(param, avr->cycle);
     avr->data[address] = value;
     configure(param);
 }
 
 /* FOC acts as a match does, without its flag. */
-static void write_control_b(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    timer8_t *timer = param;
+static void write_control_with_force(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    timer_state_t *timer = param;
     count_to(timer, avr->cycle);
     avr->data[address] = value & (CS | WGM2);
     configure(timer);
@@ -375,17 +385,19 @@ static void write_control_b(avr_t *avr, avr_io_addr_t address, uint8_t value, vo
 }
 
 static void write_count(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    timer8_t *timer = param;
+    timer_state_t *timer = param;
     count_to(timer, avr->cycle);
-    avr->data[address] = timer->count = value;
+    avr->data[address] = value;
+    timer->count = value;
     timer->written = true;
     plan(timer);
 }
 
 static void write_compare(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    timer8_t *timer = param;
+    timer_state_t *timer = param;
     count_to(timer, avr->cycle);
-    avr->data[address] = timer->buffer[address == timer->at->ocr[1]] = value;
+    avr->data[address] = value;
+    timer->buffer[address == timer->at->ocr[1]] = value;
     load_unbuffered(timer);
     plan(timer);
 }
@@ -409,47 +421,118 @@ static uint8_t read_flags(avr_t *avr, avr_io_addr_t address, void *param) {
 static uint8_t read_count(avr_t *avr, avr_io_addr_t address, void *param) {
     (void)address;
     count_to(param, avr->cycle);
-    return ((timer8_t *)param)->count;
+    return (uint8_t)((timer_state_t *)param)->count;
+}
+
+/* ---- registers of timer 1 */
+
+/* They share one byte for the high half: writes put it there first, reads find it there afterwards. */
+static void write_high(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    (void)avr, (void)address;
+    ((timer_state_t *)param)->high = value;
+}
+
+static uint8_t read_high(avr_t *avr, avr_io_addr_t address, void *param) {
+    (void)avr, (void)address;
+    return ((timer_state_t *)param)->high;
+}
+
+static void write_low(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    timer_state_t *timer = param;
+    uint16_t word = (uint16_t)(timer->high << 8 | value);
+    count_to(timer, avr->cycle);
+    avr->data[address] = value;
+    avr->data[address + 1] = timer->high;
+    if (address == timer->at->tcnt)
+        timer->count = word;
+    else
+        timer->buffer[address == timer->at->ocr[1]] = word;
+    load_unbuffered(timer);
+    plan(timer);
+}
+
+static uint8_t read_low(avr_t *avr, avr_io_addr_t address, void *param) {
+    (void)address;
+    timer_state_t *timer = param;
+    count_to(timer, avr->cycle);
+    timer->high = (uint8_t)(timer->count >> 8);
+    return (uint8_t)timer->count;
+}
+
+static uint8_t read_capture(avr_t *avr, avr_io_addr_t address, void *param) {
+    ((timer_state_t *)param)->high = avr->data[ICR1 + 1];
+    return avr->data[address];
+}
+
+/* The level of ICP1 has changed at `cycle`, perhaps in the middle of the last instruction. */
+void timers_capture(board_t *board, bool rose, uint64_t cycle) {
+    timer_state_t *timer = &board->timers[TIMER1];
+    uint8_t *data = board->avr->data;
+    if (rose != !!(data[timer->at->tccrb] & ICES1))
+        return;
+    count_to(timer, cycle);
+    data[ICR1] = (uint8_t)timer->count;
+    data[ICR1 + 1] = (uint8_t)(timer->count >> 8);
+    data[timer->at->tifr] |= ICF1;
+    board_recheck(board);
 }
 
 /* ---- life */
 
 /* A reset begins: the outputs drive nothing any more. */
-void timer8_release(board_t *board) {
-    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++) {
+void timers_release(board_t *board) {
+    for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
         count_to(timer, board->avr->cycle);
         for (int unit = 0; unit < OUTPUTS; unit++)
             set_driving(&timer->output[unit], false, board->avr->cycle);
     }
 }
 
-void timer8_reset(board_t *board) {
-    for (int i = 0; i < TIMERS8; i++) {
-        timer8_t *timer = &board->timer8[i], after = {.board = board, .at = &board->chip->timer8[i], .shift = -1};
+void timers_reset(board_t *board) {
+    for (int i = 0; i < TIMERS; i++) {
+        timer_state_t *timer = &board->timers[i], after = {.board = board, .at = &CHIP_TIMERS[i], .shift = -1};
         after.origin = board->avr->cycle;
-        after.top = MAX;
+        after.top = after.at->max;
         for (int unit = 0; unit < OUTPUTS; unit++)
             after.output[unit].high_cycles = timer->output[unit].high_cycles;
         *timer = after;
     }
 }
 
-void timer8_attach(board_t *board) {
-    timer8_reset(board);
-    for (timer8_t *timer = board->timer8; timer < board->timer8 + TIMERS8; timer++) {
-        const chip_timer8_t *at = timer->at;
-        board_on_write_for(board, at->tccra, write_control_a, timer);
-        board_on_write_for(board, at->tccrb, write_control_b, timer);
-        board_on_write_for(board, at->tcnt, write_count, timer);
-        board_on_write_for(board, at->ocr[0], write_compare, timer);
-        board_on_write_for(board, at->ocr[1], write_compare, timer);
+static void attach_narrow(board_t *board, timer_state_t *timer) {
+    const chip_timer_t *at = timer->at;
+    board_on_write_for(board, at->tccrb, write_control_with_force, timer);
+    board_on_write_for(board, at->tcnt, write_count, timer);
+    board_on_write_for(board, at->ocr[0], write_compare, timer);
+    board_on_write_for(board, at->ocr[1], write_compare, timer);
+    board_on_read_for(board, at->tcnt, read_count, timer);
+    board_on_read(board, at->ocr[0], NULL);
+    board_on_read(board, at->ocr[1], NULL);
+}
+
+static void attach_wide(board_t *board, timer_state_t *timer) {
+    const int lows[] = {timer->at->tcnt, timer->at->ocr[0], timer->at->ocr[1]};
+    for (size_t i = 0; i < sizeof lows / sizeof *lows; i++) {
+        board_on_write_for(board, lows[i], write_low, timer);
+        board_on_write_for(board, lows[i] + 1, write_high, timer);
+    }
+    board_on_write_for(board, timer->at->tccrb, write_control, timer);
+    board_on_read_for(board, timer->at->tcnt, read_low, timer);
+    board_on_read_for(board, timer->at->tcnt + 1, read_high, timer);
+    board_on_read_for(board, ICR1, read_capture, timer);
+    board_on_read_for(board, ICR1 + 1, read_high, timer);
+}
+
+void timers_attach(board_t *board) {
+    timers_reset(board);
+    for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
+        const chip_timer_t *at = timer->at;
+        board_on_write_for(board, at->tccra, write_control, timer);
         board_on_write_for(board, at->timsk, write_enables, timer);
         board_on_write_for(board, at->tifr, write_flags, timer);
-        board_on_read_for(board, at->tcnt, read_count, timer);
         board_on_read_for(board, at->tifr, read_flags, timer);
         board_on_read(board, at->tccra, NULL);
         board_on_read(board, at->tccrb, NULL);
-        board_on_read(board, at->ocr[0], NULL);
-        board_on_read(board, at->ocr[1], NULL);
+        (is_wide(timer) ? attach_wide : attach_narrow)(board, timer);
     }
 }
