@@ -1,21 +1,22 @@
 """The motor back end of boards with an H-bridge: turns requests into speeds of the wheels, and controls them."""
 
 import math
-from typing import Callable, List, Optional, Tuple
+from typing import Callable, List, Optional, Sequence, Tuple
 
+from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import BRIDGES, INT16_MAX, TICK_S, WIRING
+from mrl_driver.protocol.table import BRIDGES, INT16_MAX, TICK_S, WIRING, Command
+from sim_arduino.hardware.encoder_counter import EncoderCounter
 from sim_arduino.hardware.wiring import Plant
 
 from .board_status import BoardStatus
 from .bridge.battery_input import BatteryInput
 from .bridge.bridge_levels import levels, share
-from .bridge.encoder_counter import EncoderCounter
 from .bridge.encoder_inputs import SAMPLE_TICKS, EncoderInputs, EncoderSample
-from .bridge.integers import divide, int16, limit
+from .bridge.integers import divide, limit
 from .bridge.wheel import Wheel
 from .bridge.wheel_settings import FULL, NO_SETTINGS, settings_of
-from .motors import Counts, Info
+from .motors import Counts, Info, Motors
 from .parameter_store import Config
 
 LEFT, RIGHT = 0, 1
@@ -33,8 +34,8 @@ MISSED_KICK_S = 0.128
 _PERIOD_S = SAMPLE_TICKS * TICK_S
 
 
-class BridgeControl:
-    """Two motors and two encoders on the Arduino's pins; see `motors.Motors` and motor_bridge.cpp.
+class BridgeControl(Motors):
+    """Two motors and two encoders on the Arduino's pins, which can always be stopped; see motor_bridge.cpp.
 
     Args:
         adc: Returns the count of an analog input now.
@@ -44,9 +45,6 @@ class BridgeControl:
         encoders: The encoder inputs.
     """
 
-    ever_found = True
-    counts_s = 0.0
-
     def __init__(
         self, plant: Plant, config: Config, health: BoardStatus, adc: Callable[[int], int], start_s: float
     ) -> None:
@@ -54,7 +52,6 @@ class BridgeControl:
         self._plant, self._pins = plant, plant.bridge
         self._config, self._health = config, health
         self._start_s = start_s
-        self.next_s = math.inf
         self.encoders = EncoderInputs(self._pins.levels)
         self._battery = BatteryInput(config, adc, start_s)
         self._wheels = (Wheel(), Wheel())
@@ -74,19 +71,10 @@ class BridgeControl:
         return ("bridge", "no_temperature", *no_battery)
 
     def boot(self, now_s: float) -> None:
-        """Begins to sample the encoders, and takes the parameters."""
         self._pins.take_edges()
         self.encoders = EncoderInputs(self._pins.levels)
         self.next_s = now_s + _PERIOD_S
         self.refresh(now_s)
-
-    def changed(self) -> bool:
-        """Motors on the Arduino's own pins do not disappear."""
-        return False
-
-    def there(self, now_s: float) -> bool:
-        """They can always be stopped; moves say for themselves whether they can be carried out."""
-        return True
 
     def release(self, now_s: float) -> None:
         """The pins are inputs until the sketch starts; resistors hold the bridge off."""
@@ -131,7 +119,6 @@ class BridgeControl:
     # ---- periods
 
     def run(self, now_s: float) -> None:
-        """Serves both wheels with a new sample."""
         sample = self._sample(self.next_s)
         self._battery.run(now_s)
         self._watch_battery(now_s)
@@ -166,7 +153,7 @@ class BridgeControl:
     def _moved_by(self, wheel: int, now: EncoderSample) -> int:
         """Counts of a wheel since its last period; a single channel counts in the direction of the command."""
         encoder = self._encoder_of(wheel)
-        counts = int16(now.counts[encoder] - self._last_counts[encoder])
+        counts = to_int16(now.counts[encoder] - self._last_counts[encoder])
         if self._wired("single_channel"):
             return -counts if self._wheels[wheel].last_direction < 0 else counts
         return -counts if self._wired(_REVERSED["encoder"][wheel]) else counts
@@ -191,7 +178,6 @@ class BridgeControl:
     # ---- readings
 
     def counts(self, now_s: float) -> Counts:
-        """The counters at this moment."""
         left, right = (self._counters[wheel].read(self._travel(now_s, wheel)) for wheel in (LEFT, RIGHT))
         return Counts(right, left, 0)
 
@@ -211,7 +197,6 @@ class BridgeControl:
     # ---- requests
 
     def stop(self, now_s: float, reason: StopReason) -> None:
-        """Switches both outputs off at once."""
         self._health.stopped(reason)
         self._turning = False
         if reason == StopReason.HOST:
@@ -236,7 +221,12 @@ class BridgeControl:
         self._turning = True
         return True
 
-    def move_speed(self, now_s: float, linear_mm_s: int, angular_mrad_s: int) -> bool:
+    def carry_out(self, now_s: float, row: Command, *values: int) -> bool:
+        """Two wheels cannot carry out the requests that have no method here; the host fits the gains."""
+        request = getattr(self, f"_{row.name}", None)
+        return bool(request and request(now_s, *values))
+
+    def _move_differential(self, now_s: float, linear_mm_s: int, angular_mrad_s: int) -> bool:
         """If a wheel would be faster than it can be, both slow down by the same factor, which keeps the arc."""
         if not self._begin_move(now_s, bool(linear_mm_s or angular_mrad_s)):
             return False
@@ -251,16 +241,20 @@ class BridgeControl:
             wheel.set_speed(speed)
         return True
 
-    def move_percent(self, now_s: float, left: int, right: int, controlled: bool) -> bool:
-        """Turns the wheels at shares of full speed, or of full duty."""
-        begun = self._begin_move(now_s, bool(left or right))
+    def _move_motors_pid(self, now_s: float, *percents: int) -> bool:
+        return self._turn(now_s, Wheel.set_speed, percents)
+
+    def _move_motors(self, now_s: float, *percents: int) -> bool:
+        return self._turn(now_s, Wheel.set_duty, percents)
+
+    def _turn(self, now_s: float, how: Callable[[Wheel, int], None], percents: Sequence[int]) -> bool:
+        begun = self._begin_move(now_s, any(percents))
         if begun:
-            for wheel, percent in zip(self._wheels, (left, right)):
-                (wheel.set_speed if controlled else wheel.set_duty)(_share_of(percent))
+            for wheel, percent in zip(self._wheels, percents):
+                how(wheel, _share_of(percent))
         return begun
 
-    def move_position(self, now_s: float, motor: int, percent: int, position: int) -> bool:
-        """Turns a wheel to a count and holds it there."""
+    def _move_to_position(self, now_s: float, motor: int, percent: int, position: int) -> bool:
         if motor not in _SIDES or not self._begin_move(now_s, True):
             return False
         side = _SIDES[motor]
@@ -268,31 +262,18 @@ class BridgeControl:
         self._wheels[side].go_to(travel, _share_of(percent))
         return True
 
-    def move_omni(self, now_s: float, speed: int, rotation: int, direction: int) -> bool:
-        """There are two wheels."""
-        return False
+    def _set_encoder_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
+        if encoder in _SIDES:
+            self._counters[_SIDES[encoder]].set_prescaler(value, self._travel(now_s, _SIDES[encoder]))
+        return encoder in _SIDES
 
-    def calibrate(self, now_s: float) -> bool:
-        """The host fits the gains."""
-        return False
+    def _preset_encoder(self, now_s: float, encoder: int, count: int) -> bool:
+        if encoder in _SIDES:
+            self._counters[_SIDES[encoder]].preset(count, self._travel(now_s, _SIDES[encoder]))
+        return encoder in _SIDES
 
-    def set_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
-        """Sets how many pulses make a count."""
-        if encoder not in _SIDES:
-            return False
-        self._counters[_SIDES[encoder]].set_prescaler(value, self._travel(now_s, _SIDES[encoder]))
-        return True
-
-    def preset_encoder(self, now_s: float, encoder: int, count: int) -> bool:
-        """Sets a counter."""
-        if encoder not in _SIDES:
-            return False
-        self._counters[_SIDES[encoder]].preset(count, self._travel(now_s, _SIDES[encoder]))
-        return True
-
-    def reset_encoders(self, now_s: float) -> bool:
-        """Sets both counters to 0."""
-        return all([self.preset_encoder(now_s, encoder, 0) for encoder in _SIDES])
+    def _reset_encoders(self, now_s: float) -> bool:
+        return all([self._preset_encoder(now_s, encoder, 0) for encoder in _SIDES])
 
 
 def _share_of(percent: int) -> int:

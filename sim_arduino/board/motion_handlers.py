@@ -1,45 +1,16 @@
-"""Handlers of the requests that move the motors or set them up."""
+"""Handlers of the requests that move the motors or set them up; `Motors` carries most of them out."""
 
-from typing import Callable, Tuple
+from typing import Callable, Dict, Tuple
 
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import INT16_MAX
+from mrl_driver.protocol.table import COMMANDS, INT16_MAX, Command
 
-from .motors import Motors
+from .bridge.integers import divide
 from .python_board import PythonBoard
 from .registry import REQUESTS, request
 
 _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
-
-
-def _register(name: str, method: Callable[..., bool], moves: bool = False) -> None:
-    """Registers a request that a method of `Motors` carries out, given the time and the request's arguments."""
-
-    def handle(board: PythonBoard, *values: int) -> None:
-        if moves and board.refuses_move():
-            return
-        if not method(board.motors, board.now_s, *values):
-            board.refuse("unavailable")
-
-    REQUESTS[name] = handle
-
-
-def _move_motors_pid(motors: Motors, now_s: float, left: int, right: int) -> bool:
-    return motors.move_percent(now_s, left, right, True)
-
-
-def _move_motors(motors: Motors, now_s: float, left: int, right: int) -> bool:
-    return motors.move_percent(now_s, left, right, False)
-
-
-_register("calibrate", lambda motors, *values: motors.calibrate(*values), moves=True)
-_register("set_encoder_prescaler", lambda motors, *values: motors.set_prescaler(*values))
-_register("preset_encoder", lambda motors, *values: motors.preset_encoder(*values))
-_register("move_motors_pid", _move_motors_pid, moves=True)
-_register("move_motors", _move_motors, moves=True)
-_register("move_to_position", lambda motors, *values: motors.move_position(*values), moves=True)
-_register("reset_encoders", lambda motors, *values: motors.reset_encoders(*values))
 
 
 @request
@@ -52,30 +23,29 @@ def set_pid_gains(board: PythonBoard, kp: int, ki: int, kd: int) -> None:
 
 
 @request
-def move_differential(board: PythonBoard, linear: int, angular: int) -> None:
-    """11."""
+def stop(board: PythonBoard) -> None:
+    """13."""
+    board.stop_motors(StopReason.HOST)
+    board.require_motors()
+
+
+# ---- speed ceilings
+
+
+def _clamped_differential(board: PythonBoard, linear: int, angular: int) -> Tuple[int, ...]:
     config = board.config
-    linear, angular = _clamped(board, linear, angular, config["linear_ceiling"], config["angular_ceiling"])
-    if board.refuses_move():
-        return
-    if not board.motors.move_speed(board.now_s, linear, angular):
-        board.refuse("unavailable")
+    return _clamped(board, linear, angular, config["linear_ceiling"], config["angular_ceiling"])
 
 
-@request
-def move_omni(board: PythonBoard, speed: int, rotation: int, direction: int) -> None:
-    """43: the speed ceilings, converted to percent of full speed, limit this request too."""
+def _clamped_omni(board: PythonBoard, speed: int, rotation: int, direction: int) -> Tuple[int, ...]:
+    """The speed ceilings, converted to percent of full speed, limit this request too."""
     config = board.config
     linear, angular = config["linear_ceiling"], config["angular_ceiling"]
     full = config["full_speed"] * config["wheel_radius"]
     most_speed = INT16_MAX if linear == INT16_MAX else min(100, linear * _PER_MM_S // full)
     turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
     most_rotation = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
-    speed, rotation = _clamped(board, speed, rotation, most_speed, most_rotation)
-    if board.refuses_move():
-        return
-    if not board.motors.move_omni(board.now_s, speed, rotation, direction):
-        board.refuse("unavailable")
+    return (*_clamped(board, speed, rotation, most_speed, most_rotation), direction)
 
 
 def _clamped(
@@ -88,7 +58,7 @@ def _clamped(
     board.health.count_clamped()
     by_linear = not turning or (fast and abs(linear) * most_angular > abs(angular) * most_linear)
     top, by = (most_linear, abs(linear)) if by_linear else (most_angular, abs(angular))
-    return _scaled(linear, top, by), _scaled(angular, top, by)
+    return divide(linear * top, by), divide(angular * top, by)
 
 
 def _beyond(value: int, ceiling: int) -> bool:
@@ -96,14 +66,28 @@ def _beyond(value: int, ceiling: int) -> bool:
     return ceiling != INT16_MAX and abs(value) > ceiling
 
 
-def _scaled(value: int, top: int, by: int) -> int:
-    """`value * top / by`, rounded towards zero."""
-    size = abs(value) * top // by
-    return size if value >= 0 else -size
+# ---- requests that the motors carry out
+
+_CEILINGS: Dict[str, Callable[..., Tuple[int, ...]]] = {
+    "move_differential": _clamped_differential,
+    "move_omni": _clamped_omni,
+}
 
 
-@request
-def stop(board: PythonBoard) -> None:
-    """13."""
-    board.stop_motors(StopReason.HOST)
-    board.require_motors()
+def _register(row: Command) -> None:
+    clamp = _CEILINGS.get(row.name)
+
+    def handle(board: PythonBoard, *values: int) -> None:
+        if clamp:
+            values = clamp(board, *values)
+        if row.turns and board.refuses_move():
+            return
+        if not board.motors.carry_out(board.now_s, row, *values):
+            board.refuse("unavailable")
+
+    REQUESTS[row.name] = handle
+
+
+for _row in COMMANDS:
+    if _row.turns or _row.name in ("set_encoder_prescaler", "preset_encoder", "reset_encoders"):
+        _register(_row)

@@ -5,7 +5,7 @@ The modules `*_handlers` carry out the requests.  This module has the line, the 
 
 import math
 from collections import deque
-from typing import Deque, NamedTuple, Optional
+from typing import Deque, List, NamedTuple, Optional
 
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_reply
 from mrl_driver.protocol.frames import to_int16
@@ -367,7 +367,11 @@ class PythonBoard:
         """Carries out a valid request."""
         self._valid_s, self._silent = self.now_s, False
         row = BY_CODE[frame.code]
-        registry.REQUESTS[row.name](self, *frame.args)
+        needed = registry.NEEDS.get(row.name)
+        if needed and needed not in self.capabilities:
+            self.refuse("unavailable")
+        else:
+            registry.REQUESTS[row.name](self, *frame.args)
         if self.debug and self._answers and self._wire_due_s() <= self.now_s:
             self._send_next()
         self._say("[INFO] " + row.name)
@@ -480,10 +484,6 @@ class PythonBoard:
         self.imu_stream, self._imu_ahead = ImuStream(period_ms / 1000.0, self.now_s), False
         self._align_imu()
 
-    def stop_imu_stream(self) -> None:
-        """Ends the stream of the IMU."""
-        self.imu_stream = None
-
     def _align_imu(self) -> None:
         if self.imu_stream and self.stream and self.stream.period_s:
             self.imu_stream.align(self._stream_due_s, self.now_s)
@@ -511,6 +511,17 @@ class PythonBoard:
         """Counts a refusal, and reports it in debug mode."""
         self.health.count(reason)
         self._say("[ERROR] " + reason)
+
+    @property
+    def capabilities(self) -> List[str]:
+        """Names in `table.CAPABILITIES` of what the board can do."""
+        names = ["check", "watchdog", "period", "config", "baud", *self.motors.capabilities]
+        names.append("environment" if self.environment else "sonars")
+        if self.imu.found:
+            names.append("imu")
+        if self.radio:
+            names += ["xbee", "hold"]
+        return names
 
     def require_motors(self) -> bool:
         """Whether the motors can be commanded now; counts a refusal if not."""

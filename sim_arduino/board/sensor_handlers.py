@@ -3,14 +3,20 @@
 import math
 from typing import Callable, Dict, Optional, Tuple
 
-from mrl_driver.protocol.table import BY_NAME, SENSOR_BY_NAME, SONAR_INVALID, Field, Sensor
-from mrl_driver.protocol.table import SENSORS as SENSORS_OF_TABLE
+from mrl_driver.protocol.table import (
+    BY_NAME,
+    COMMANDS,
+    SENSOR_BY_NAME,
+    SENSORS,
+    SONAR_INVALID,
+    Command,
+    Field,
+    Sensor,
+)
 
-from .python_board import READ_IMU, PythonBoard
-from .registry import REQUESTS, Values, asks, reply, request
+from .python_board import PythonBoard
+from .registry import REPLIES, REQUESTS, Values, reply, request
 from .sonar_chain import SONARS
-
-asks("read_encoders")
 
 
 def _wheels(board: PythonBoard) -> Optional[Tuple[int, int]]:
@@ -24,38 +30,24 @@ def _encoders(board: PythonBoard, _: int) -> Values:
     return _wheels(board)
 
 
-asks("read_sonars", "read_encoders_and_sonars")
-
-
-def _sonar_values(board: PythonBoard) -> Tuple[int, ...]:
-    return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
-
-
 @reply("read_sonars")
-def _sonars(board: PythonBoard, _: int) -> Values:
-    return _sonar_values(board)
+def _sonars(board: PythonBoard, _: int = 0) -> Tuple[int, ...]:
+    return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
 
 
 @reply("read_encoders_and_sonars")
 def _encoders_and_sonars(board: PythonBoard, _: int) -> Values:
     encoders = _wheels(board)
-    return None if encoders is None else encoders + _sonar_values(board)
+    return None if encoders is None else encoders + _sonars(board)
 
 
 @reply("start_omni_stream")
 def _omni(board: PythonBoard, _: int) -> Values:
     counts = board.motors.counts(board.now_s)
-    return None if counts is None else (*counts, *_sonar_values(board))
+    return None if counts is None else (*counts, *_sonars(board))
 
 
 # ---- environment sensors
-
-
-def _ask(board: PythonBoard, sensor: Sensor) -> None:
-    if sensor.capability == "environment" and not board.environment:
-        board.refuse("unavailable")
-    else:
-        board.ask(sensor.code)
 
 
 def _values(board: PythonBoard, sensor: Sensor) -> Values:
@@ -101,37 +93,28 @@ PINS: Dict[str, Callable[[PythonBoard], int]] = {
 
 
 def _register(sensor: Sensor) -> None:
-    """Registers the request and the reply of a sensor's row."""
-    name = sensor.command.name
-    REQUESTS[name] = lambda board: _ask(board, sensor)
-    reply(name)(lambda board, _: _values(board, sensor))
+    REPLIES[sensor.code] = lambda board, _: _values(board, sensor)
 
 
-for _each in SENSORS_OF_TABLE:
-    _register(_each)
+for _sensor in SENSORS:
+    _register(_sensor)
 _THERMOPILE, _COMPASS = SENSOR_BY_NAME["thermopile"], SENSOR_BY_NAME["compass"]
 
 
 # ---- streams
 
 
-def _register_stream(start: str, stop: str, of_environment: bool) -> None:
+def _register_stream(row: Command) -> None:
     """Registers the requests that start and stop a stream."""
-    code = BY_NAME[start].code
-
-    def begin(board: PythonBoard, period: int = 0) -> None:
-        if of_environment and not board.environment:
-            board.refuse("unavailable")
-        else:
-            board.start_stream(code, period)
-
-    REQUESTS[start], REQUESTS[stop] = begin, lambda board: board.stop_stream(code)
+    REQUESTS[row.name] = lambda board, period=0: board.start_stream(row.code, period)
+    ending = row.name.replace("start", "stop")
+    if ending in BY_NAME:
+        REQUESTS[ending] = lambda board: board.stop_stream(row.code)
 
 
-for _name in ("sensor_stream", "sensor_ldr_stream", "compass_stream"):
-    _register_stream(f"start_{_name}", f"stop_{_name}", True)
-for _name in ("start_stream", "start_omni_stream"):
-    _register_stream(_name, "stop_stream", False)
+for _row in COMMANDS:
+    if _row.repeats:
+        _register_stream(_row)
 
 
 @request
@@ -170,20 +153,6 @@ def _compass(board: PythonBoard, _: int) -> Values:
 # ---- IMU
 
 
-def _require_imu(board: PythonBoard) -> bool:
-    """Whether an IMU has been found since the start; counts a refusal if not."""
-    if not board.imu.found:
-        board.refuse("unavailable")
-    return board.imu.found
-
-
-@request
-def read_imu(board: PythonBoard) -> None:
-    """46."""
-    if _require_imu(board):
-        board.ask(READ_IMU)
-
-
 @reply("read_imu")
 def _imu(board: PythonBoard, _: int) -> Values:
     return board.imu_reading
@@ -192,11 +161,10 @@ def _imu(board: PythonBoard, _: int) -> Values:
 @request
 def start_imu_stream(board: PythonBoard, period: int) -> None:
     """47."""
-    if _require_imu(board):
-        board.start_imu_stream(period)
+    board.start_imu_stream(period)
 
 
 @request
 def stop_imu_stream(board: PythonBoard) -> None:
     """48."""
-    board.stop_imu_stream()
+    board.imu_stream = None

@@ -7,11 +7,9 @@ from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PARAMETERS, PROTOCO
 
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S
 from .python_board import PythonBoard
-from .registry import REPLIES, Values, asks, reply, request
+from .registry import Values, reply, request
 
 _CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
-
-asks("robot_info", "get_debug", "get_stream", "read_protocol", "read_status", "read_counters")
 
 
 @reply("robot_info")
@@ -37,13 +35,7 @@ def _stream(board: PythonBoard, _: int) -> Values:
 
 @reply("read_protocol")
 def _protocol(board: PythonBoard, _: int) -> Values:
-    names = ["check", "watchdog", "period", "config", "baud", *board.motors.capabilities]
-    names.append("environment" if board.environment else "sonars")
-    if board.imu.found:
-        names.append("imu")
-    if board.radio:
-        names += ["xbee", "hold"]
-    return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in names)
+    return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in board.capabilities)
 
 
 @reply("read_status")
@@ -111,12 +103,9 @@ def default_config(board: PythonBoard) -> None:
     board.ask(BY_NAME["default_config"].code, 1)
 
 
-@reply("read_config")
+@reply("read_config", "write_config")
 def _config(board: PythonBoard, index: int) -> Values:
     return index, board.config.values[index]
-
-
-REPLIES[BY_NAME["write_config"].code] = _config
 
 
 @request
@@ -126,11 +115,7 @@ def set_baud(board: PythonBoard, rate: int) -> None:
     board.want_baud(rate)
 
 
-@reply("set_baud")
-@reply("set_check")
-@reply("save_config")
-@reply("default_config")
-@reply("release_hold")
+@reply("set_baud", "set_check", "save_config", "default_config", "release_hold")
 def _value(_: PythonBoard, value: int) -> Values:
     return (value,)
 
@@ -175,15 +160,6 @@ def _node(board: PythonBoard, _: int) -> Values:
     return board.radio.node() if board.radio else None
 
 
-@request
-def read_radio(board: PythonBoard) -> None:
-    """49."""
-    if board.radio:
-        board.ask(BY_NAME["read_radio"].code)
-    else:
-        board.refuse("unavailable")
-
-
 @reply("read_radio")
 def _radio(board: PythonBoard, _: int) -> Values:
     return board.radio.hold.report() if board.radio else None
@@ -192,7 +168,5 @@ def _radio(board: PythonBoard, _: int) -> Values:
 @request
 def release_hold(board: PythonBoard) -> None:
     """50."""
-    if board.radio:
-        board.ask(BY_NAME["release_hold"].code, board.radio.hold.release())
-    else:
-        board.refuse("unavailable")
+    assert board.radio
+    board.ask(BY_NAME["release_hold"].code, board.radio.hold.release())

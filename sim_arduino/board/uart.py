@@ -87,26 +87,16 @@ class Incoming:
 
 
 class Ring:
-    """The input buffer of the 2013 board; bytes that do not fit are lost."""
+    """An input buffer of this many bytes; bytes that do not fit are lost."""
 
     def __init__(self, size: int) -> None:
-        self.size = size
-        self.lost = 0
+        self._size = size
         self._bytes: Deque[int] = deque()
 
     def put(self, data: bytes) -> None:
         """Stores the bytes that fit."""
-        fits = max(0, self.size - len(self._bytes))
-        self._bytes.extend(data[:fits])
-        self.lost += len(data) - len(data[:fits])
+        self._bytes.extend(data[: self._size - len(self._bytes)])
 
     def take(self) -> Optional[int]:
         """The oldest byte, or None."""
         return self._bytes.popleft() if self._bytes else None
-
-    def __len__(self) -> int:
-        return len(self._bytes)
-
-    def clear(self) -> None:
-        """Drops everything."""
-        self._bytes.clear()

@@ -7,15 +7,16 @@ import math
 from collections import deque
 from typing import Deque, NamedTuple, Tuple
 
-from mrl_driver.protocol.frames import to_int16
 from mrl_driver.robot.models import RobotModel
 
+from .encoder_counter import EncoderCounter
 from .motor import BoardGeometry, ControlSettings
 from .omni_wheels import shares_for
 from .robot_physics import RobotPhysics
 
 ADDRESS = 0x18
-_PRESCALES = (1, 10, 100, 1000, 10000)
+MOST_PRESCALE = 4
+"""Largest prescaler: 10000 pulses a count."""
 _CALIBRATION_S = 1.0
 
 
@@ -25,19 +26,6 @@ class MotorCommand(NamedTuple):
     time_s: float
     code: int
     values: Tuple[int, ...]
-
-
-class _Counter:
-    """A 16-bit counter behind a prescaler: whole pulses come from the motor's travel."""
-
-    def __init__(self) -> None:
-        self.count, self.pulses, self.prescale = 0, 0, 1
-
-    def read(self, travel: float) -> int:
-        return to_int16(self.count + (math.floor(travel) - self.pulses) // self.prescale)
-
-    def preset(self, count: int, travel: float) -> None:
-        self.count, self.pulses = count, math.floor(travel)
 
 
 def _share(percent: int) -> float:
@@ -70,7 +58,7 @@ class Omni3MD:
         self._track_m = model.base.wheel_separation_m
         self._m_per_count = model.base.metres_per_count
         self.geometry = self._fitted
-        self.counters = (_Counter(), _Counter(), _Counter())
+        self.counters = (EncoderCounter(), EncoderCounter(), EncoderCounter())
         self.maxima = [0, 0, 0]
         self.saved = (0, 0, 0)
         self._traffic_s = 0.0
@@ -178,10 +166,14 @@ class Omni3MD:
         """Turns motor 1, 2 or 3 until its counter is at `position`, at most at `percent`; `hold` keeps it there."""
         self._note(time_s, 0xEE, motor, percent, position, int(hold))
         if 1 <= motor <= 3:
-            moved, counter = self.robot.motors[motor - 1], self.counters[motor - 1]
-            pulses = (position - counter.read(moved.travel)) * counter.prescale
+            moved, counter, before = (
+                self.robot.motors[motor - 1],
+                self.counters[motor - 1],
+                self._pulses(motor - 1),
+            )
+            pulses = (position - counter.read(before)) * counter.prescale
             share = min(100, abs(percent)) / 100.0
-            moved.go_to(math.floor(moved.travel) + pulses + 0.5, share * moved.params.rated_counts_s, hold)
+            moved.go_to(before + pulses + 0.5, share * moved.params.rated_counts_s, hold)
 
     def set_gains(self, time_s: float, kp: int, ki: int, kd: int) -> None:
         """Sets the gains of the speed control; writes EEPROM for 15 ms."""
@@ -213,17 +205,15 @@ class Omni3MD:
     def set_prescaler(self, time_s: float, encoder: int, value: int) -> None:
         """Sets the pulses per count as a power of ten; the count stays; writes EEPROM for 10 ms."""
         self._note(time_s, 0xF0, encoder, value)
-        if 1 <= encoder <= 3 and 0 <= value < len(_PRESCALES):
-            counter, travel = self.counters[encoder - 1], self.robot.motors[encoder - 1].travel
-            counter.preset(counter.read(travel), travel)
-            counter.prescale = _PRESCALES[value]
+        if 1 <= encoder <= 3 and 0 <= value <= MOST_PRESCALE:
+            self.counters[encoder - 1].set_prescaler(value, self._pulses(encoder - 1))
         self._busy(0.010)
 
     def preset_encoder(self, time_s: float, encoder: int, count: int) -> None:
         """Sets the counter of encoder 1, 2 or 3."""
         self._note(time_s, 0xEF, encoder, count)
         if 1 <= encoder <= 3:
-            self.counters[encoder - 1].preset(count, self.robot.motors[encoder - 1].travel)
+            self.counters[encoder - 1].preset(count, self._pulses(encoder - 1))
 
     def save_positions(self, time_s: float) -> None:
         """Stores the counts in the EEPROM; takes 10 ms, as for the four bytes of the ramp."""
@@ -234,10 +224,14 @@ class Omni3MD:
     def power_cycle(self, time_s: float) -> None:
         """Switches motor power off and on: the motors stop, and the counts are those saved last."""
         self.advance(time_s)
-        for motor, counter, count in zip(self.robot.motors, self.counters, self.saved):
+        for index, motor in enumerate(self.robot.motors):
             motor.brake()
-            counter.preset(count, motor.travel)
+            self.counters[index].preset(self.saved[index], self._pulses(index))
         self._calibrated_s = self._traffic_s = math.inf
+
+    def _pulses(self, index: int) -> int:
+        """Whole pulses of a motor's encoder since power-up."""
+        return math.floor(self.robot.motors[index].travel)
 
     def _busy(self, duration_s: float) -> None:
         self._busy_until_s = self.time_s + duration_s
@@ -255,7 +249,7 @@ class Omni3MD:
 
     def counts(self) -> Tuple[int, int, int]:
         """Counts of the three encoders (int16) at the time of the last call."""
-        left, rear, right = (c.read(m.travel) for c, m in zip(self.counters, self.robot.motors))
+        left, rear, right = (self.counters[index].read(self._pulses(index)) for index in range(3))
         return left, rear, right
 
     def battery_v(self, time_s: float) -> float:

@@ -148,20 +148,9 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
 
 def _rest_curve(empty_v: float, full_v: float) -> Tuple[Tuple[float, float], ...]:
     """Curve of a NiMH pack: steep at both ends, flat between; linear beyond, to 0 V and to a freshly charged pack."""
-
-    def level(share: float) -> float:
-        return empty_v + share * (full_v - empty_v)
-
-    return (
-        (-0.05, 0.0),
-        (0.0, level(0.0)),
-        (0.08, level(0.4)),
-        (0.3, level(0.62)),
-        (0.8, level(0.75)),
-        (0.95, level(0.85)),
-        (1.0, full_v),
-        (1.1, full_v + 2.0),
-    )
+    shares = ((0.0, 0.0), (0.08, 0.4), (0.3, 0.62), (0.8, 0.75), (0.95, 0.85))
+    levels = ((charge, empty_v + share * (full_v - empty_v)) for charge, share in shares)
+    return ((-0.05, 0.0), *levels, (1.0, full_v), (1.1, full_v + 2.0))
 
 
 def interpolate(pairs: Tuple[Tuple[float, float], ...], x: float) -> float:

@@ -67,6 +67,10 @@ class Plant:
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
 
+    bridge: Optional[BridgePlant] = None
+    _omni3md: Optional[Omni3MD] = None
+    _shown: Optional[Pose] = None
+
     def __init__(
         self,
         model: RobotModel,
@@ -87,41 +91,38 @@ class Plant:
         environment_errors: EnvironmentErrors = PERFECT,
         radio: Optional[RadioFit] = None,
     ) -> None:
-        self.model = model
+        self.model, self.name = model, name
         self.world = load() if world is None else world
-        self.name = name
         if slip and model.body.tracks and not errors.turn_slip:
             errors = errors._replace(turn_slip=TRACK_SLIP)
         start = self.world.start_of(name) if pose is None else Pose(*pose)
-        body = model if model.drives else load_packaged(STANDING)
-        self.robot = (
-            robot_for(model, errors, start, seed)
-            if has_bridge(model)
-            else RobotPhysics(params_for(body, errors, omni), start, seed)
-        )
+        self.robot = self._with_motors(errors, start, omni, wiring, seed)
+        if battery_v is not None:
+            self.robot.set_battery(battery_v)
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
             self.robot.allow = Bumper(self.world, self.footprint, name).share
-        if battery_v is not None:
-            self.robot.set_battery(battery_v)
-        self.bridge = (
-            BridgePlant(self.robot, model, wiring, errors.encoder_phase) if has_bridge(model) else None
-        )
-        self._omni3md = None if self.bridge else Omni3MD(self.robot, body)
-        if self._omni3md and not model.drives:
-            self._omni3md.present = False
         self.environment = dataclasses.replace(self.world.scene.ambient)
         self._spoilt = SpoiltReadings(environment_errors, seed)
         self.sonars_fitted = sonars
-        self.sonars = SonarChain(
-            model.sonars if sonars else {}, self.world, self._pose_at, name, sonar_errors, seed
-        )
+        self.sonars = self._chain(sonar_errors, seed)
         self.imu = self._imu(imu_errors, seed) if imu else None
         self.xbee = XBee(self.world.radio, name, radio, lambda: self._pose()[:2], seed) if radio else None
         self.i2c = self._slaves()
         self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
-        self._shown: Optional[Pose] = None
         self._show()
+
+    def _with_motors(self, errors: Errors, start: Pose, omni: bool, wiring: int, seed: int) -> RobotPhysics:
+        """The body; notes what controls its motors."""
+        if has_bridge(self.model):
+            robot = robot_for(self.model, errors, start, seed)
+            self.bridge = BridgePlant(robot, self.model, wiring, errors.encoder_phase)
+        else:
+            body = self.model if self.model.drives else load_packaged(STANDING)
+            robot = RobotPhysics(params_for(body, errors, omni), start, seed)
+            self._omni3md = Omni3MD(robot, body)
+            self._omni3md.present = self.model.drives
+        return robot
 
     @property
     def motor_board(self) -> Omni3MD:
@@ -142,6 +143,10 @@ class Plant:
             self.bridge.advance(time_s)
         else:
             self.motor_board.advance(time_s)
+
+    def _chain(self, errors: SonarErrors, seed: int) -> SonarChain:
+        mounts = self.model.sonars if self.sonars_fitted else {}
+        return SonarChain(mounts, self.world, self._pose_at, self.name, errors, seed)
 
     def _imu(self, errors: ImuErrors, seed: int) -> Mpu6050:
         imu = Mpu6050(InertialSensor(self.model.imu, errors, seed), self._move, seed=seed)

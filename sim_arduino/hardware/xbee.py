@@ -19,8 +19,8 @@ from .xbee_packets import AT_COMMAND, AT_RESPONSE, RECEIVED, TRANSMIT, TRANSMIT_
 
 BAUD = 9600
 """Factory setting, and that of the board."""
-BROADCAST, COORDINATOR = 0xFFFF, 0x0
-"""64-bit addresses: all radios, and the one that started the network, which the emulator does not have."""
+BROADCAST = 0xFFFF
+"""64-bit address of all radios."""
 LOWEST_ADDRESS = 0x10000
 """First 64-bit address that a module can have here."""
 DIGI = 0x0013A200

@@ -1,6 +1,7 @@
 """The firmware's truth table of the bridge chips: a drive as levels of its three pins."""
 
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Dict, NamedTuple, Tuple
 
 LOW, HIGH = 0, 255
 
@@ -13,46 +14,32 @@ class Levels(NamedTuple):
     logic: int
 
 
-_OFF = Levels(LOW, LOW, LOW)
 _FAST_PWM = ("vnh5019", "cytron", "bts7960")
+_PINS: Dict[str, Tuple[str, str, str, str]] = {
+    "vnh5019": ("D10", "D01", "111", "000"),
+    "tb6612": ("D10", "D01", "111", "100"),
+    "l298n": ("1D0", "1R1", "111", "000"),
+    "cytron": ("D00", "D01", "", ""),
+    "drv8833": ("1R0", "R10", "110", "000"),
+    "bts7960": ("1R0", "R10", "110", "110"),
+}
+"""Pins while a motor is driven forward, driven backward, brakes and coasts: low, high, duty D or the rest R to 255.
+
+PWM is on pins where the motor brakes between the pulses if the chip can, so that its speed is proportional to the duty.
+An empty entry stands for a drive with duty 0.
+"""
 
 
+@lru_cache(maxsize=None)
 def levels(chip: str, backward: bool, duty: int, coast: bool) -> Levels:
     """A drive with a duty of 0 to 255; 0 brakes, or lets the motor coast if the chip can."""
-    if chip in ("vnh5019", "tb6612"):
-        return _with_two_inputs(chip, backward, duty, coast)
-    if chip == "l298n":
-        return _with_enable(backward, duty, coast)
-    if chip == "cytron":
-        return Levels(duty, LOW, HIGH if backward else LOW)
-    if chip in ("drv8833", "bts7960"):
-        return _with_pwm_on_both(chip, backward, duty, coast)
-    return _OFF
-
-
-def _with_two_inputs(chip: str, backward: bool, duty: int, coast: bool) -> Levels:
-    if duty:
-        return Levels(duty, LOW, HIGH) if backward else Levels(duty, HIGH, LOW)
-    if not coast:
-        return Levels(HIGH, HIGH, HIGH)
-    return Levels(HIGH if chip == "tb6612" else LOW, LOW, LOW)
-
-
-def _with_enable(backward: bool, duty: int, coast: bool) -> Levels:
-    """PWM is on IN1: the motor brakes between the pulses, so that its speed is proportional to the duty."""
-    if not duty and coast:
-        return _OFF
-    if backward:
-        return Levels(HIGH, HIGH - duty, HIGH)
-    return Levels(HIGH, duty, LOW) if duty else Levels(HIGH, HIGH, HIGH)
-
-
-def _with_pwm_on_both(chip: str, backward: bool, duty: int, coast: bool) -> Levels:
-    """The motor brakes while both inputs are high, so that its speed is proportional to the duty."""
-    if not duty and coast and chip == "drv8833":
-        return _OFF
-    rest = HIGH - duty
-    return Levels(rest, HIGH, LOW) if backward else Levels(HIGH, rest, LOW)
+    if chip not in _PINS:
+        return Levels(LOW, LOW, LOW)
+    ahead, back, brake, free = _PINS[chip]
+    pins = back if backward else ahead
+    if not duty:
+        pins = (free if coast else brake) or pins
+    return Levels(*({"0": LOW, "1": HIGH, "D": duty, "R": HIGH - duty}[pin] for pin in pins))
 
 
 def share(chip: str, level: int) -> float:

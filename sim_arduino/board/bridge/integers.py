@@ -4,11 +4,6 @@ INT16_MAX = 32767
 UINT16_MAX = 65535
 
 
-def int16(value: int) -> int:
-    """The value in 16 bits, signed."""
-    return (value + 0x8000 & UINT16_MAX) - 0x8000
-
-
 def uint16(value: int) -> int:
     """The value in 16 bits, unsigned."""
     return value & UINT16_MAX

@@ -2,7 +2,9 @@
 
 from typing import List, NamedTuple
 
-from .integers import INT16_MAX, int16, uint16
+from mrl_driver.protocol.frames import to_int16
+
+from .integers import INT16_MAX, uint16
 from .wheel_settings import PERIOD_TICKS, WheelSettings
 
 CYCLE = 4
@@ -58,7 +60,7 @@ class SpeedEstimate:
     def _measure(self, settings: WheelSettings) -> None:
         newest, counts = self._marks[0], 0
         for mark in self._marks[1:]:
-            counts = int16(newest.counter - mark.counter)
+            counts = to_int16(newest.counter - mark.counter)
             self._ticks = uint16(newest.tick - mark.tick)
             if abs(counts) >= CYCLE and self._ticks >= LEAST_TICKS:
                 break
