@@ -106,41 +106,42 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
         ConfigError: an option is out of range, no board can move this base, or the start pose is inside a wall or
             another robot.
     """
-    for name, limits in _LIMITS.items():
-        _require_in(name, getattr(options, name), *limits)
     faults = [fault_table.parse(spec) for spec in options.faults]
     model = models.load(options.robot)
     models.require_supported(model)
     options = options._replace(environment=_has_environment(model, options))
-    _require_motors(model, options)
-    _require_bridge(model, options)
-    _require_imu(options)
-    radio = _radio(model, options)
-    errors, sonar = key_values.robot_errors(options.error), key_values.sonar_errors(options.sonar)
-    around = _world(options) if world is None else world
+    for require in (_require_in_range, _require_motors, _require_bridge, _require_imu, _require_radio):
+        require(model, options)
+    world = _world(options) if world is None else world
     name = options.name or f"robot{os.getpid()}"
-    pose = world_file.parse_pose(options.pose, around.start_of(name))
-    _require_room(around, pose, footprint_for(model, options.footprint), name)
-    plant = Plant(
-        _told_of_wiring(model, options.wiring),
-        around,
+    pose = world_file.parse_pose(options.pose, world.start_of(name))
+    _require_room(world, pose, footprint_for(model, options.footprint), name)
+    plant = _plant(options, model, world, pose, name)
+    return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
+
+
+def _plant(options: Options, model: models.RobotModel, world: World, pose: Pose, name: str) -> Plant:
+    """The hardware; a wiring that is given with `--wiring` is for the user to find out, so the new board lacks it."""
+    given, known = options.wiring, model.board.get("wiring")
+    return Plant(
+        model if given is None else model._replace(board={"wiring": 0, **model.board}),
+        world,
         pose,
         slip=options.slip,
         battery_v=options.battery,
         sonars=not options.environment,
-        errors=errors,
-        sonar_errors=sonar,
+        errors=key_values.robot_errors(options.error),
+        sonar_errors=key_values.sonar_errors(options.sonar),
         seed=options.seed,
         footprint=options.footprint,
         omni=options.omni,
         name=name,
-        wiring=model.board.get("wiring") or 1 if options.wiring is None else options.wiring,
+        wiring=known or 1 if given is None else given,
         imu=options.imu,
         imu_errors=_imu_errors(options),
         environment_errors=options.environment_errors,
-        radio=radio,
+        radio=_radio(options),
     )
-    return Emulated(plant, FaultyEngine(_engine(plant, options), faults, options.seed), bool(faults))
 
 
 def _has_environment(model: models.RobotModel, options: Options) -> bool:
@@ -208,9 +209,11 @@ def _placed(team: Sequence[Options], places: Sequence[int], world: World) -> Lis
     return [each._replace(pose=world_file.pose_text(poses[place])) for each, place in zip(team, places)]
 
 
-def _require_in(name: str, value: Optional[float], low: float, high: float) -> None:
-    if value is not None and not low <= value <= high:
-        raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
+def _require_in_range(_: models.RobotModel, options: Options) -> None:
+    for name, (low, high) in _LIMITS.items():
+        value = getattr(options, name)
+        if value is not None and not low <= value <= high:
+            raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
 
 
 def _require_motors(model: models.RobotModel, options: Options) -> None:
@@ -245,7 +248,7 @@ def _require_bridge(model: models.RobotModel, options: Options) -> None:
         )
 
 
-def _require_imu(options: Options) -> None:
+def _require_imu(_: models.RobotModel, options: Options) -> None:
     """Refuses errors of an IMU without one, and an IMU on a board that cannot have one."""
     if not options.imu and (options.imu_seed or options.imu_errors):
         raise ConfigError("errors of an IMU are given without an IMU, expected --imu too")
@@ -261,24 +264,24 @@ def _imu_errors(options: Options) -> ImuErrors:
     return ImuErrors.drawn(options.imu_seed) if options.imu_seed else FLAWLESS_IMU
 
 
-def _radio(model: models.RobotModel, options: Options) -> Optional[RadioFit]:
-    """The radio that the options ask for, if any.
-
-    Raises:
-        ConfigError: the address is not valid, the board cannot have a radio, or range or loss are given without one.
-    """
+def _require_radio(model: models.RobotModel, options: Options) -> None:
+    """Refuses range or loss of a radio without one, and a radio on a board that cannot have one."""
     if options.radio is None:
         for name in ("radio_range", "radio_loss"):
             if getattr(options, name) != Options._field_defaults[name]:
                 raise ConfigError(
                     f"--{name.replace('_', '-')} is given without a radio, expected --radio too"
                 )
-        return None
-    if options.profile != "current" or options.environment or has_bridge(model):
+    elif options.profile != "current" or options.environment or has_bridge(model):
         raise ConfigError(
             f"--radio is given for robot {model.name}, expected a board with sonars, an OMNI-3MD and profile current: "
             "only they have a radio build"
         )
+
+
+def _radio(options: Options) -> Optional[RadioFit]:
+    if options.radio is None:
+        return None
     address = None if options.radio == OWN_ADDRESS else _radio_address(options.radio)
     return RadioFit(address, options.radio_range, options.radio_loss)
 
@@ -293,11 +296,6 @@ def _radio_address(text: str) -> int:
             f"radio address is {text!r}, expected a 64-bit address in hexadecimal, such as 0013a20040a1b2c3"
         )
     return address
-
-
-def _told_of_wiring(model: models.RobotModel, wiring: Optional[int]) -> models.RobotModel:
-    """The model as the new board knows it: a wiring that is given with `--wiring` is for the user to find out."""
-    return model if wiring is None else model._replace(board={"wiring": 0, **model.board})
 
 
 def _world(options: Options) -> World:

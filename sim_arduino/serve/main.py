@@ -2,11 +2,10 @@
 
 import math
 import shlex
-import signal
 import sys
 from contextlib import ExitStack
 from functools import partial
-from typing import Any, Callable, List, NamedTuple, Optional, Sequence, TextIO, Tuple
+from typing import Any, Callable, List, NamedTuple, Optional, TextIO, Tuple
 
 import click
 
@@ -20,7 +19,7 @@ from . import factory
 from .control import ORDERS, Control
 from .one_line import OneLine
 from .pty import PtyPort, SymbolicLink
-from .server import FASTEST, SLOWEST, PtyServer, Waker, Watcher, serve_together
+from .server import FASTEST, SLOWEST, PtyServer, Waker, Watcher, on_signals, serve_together
 from .socket_port import BoardPort, SocketPort
 
 
@@ -213,7 +212,7 @@ def main(names: Tuple[str, ...], poses: Tuple[str, ...], **given: Any) -> None:
             stack.callback(robot.close)
         if len(robots) == 1:
             server, announce = _server(stack, robots[0], port)
-            _stop_on_signals([server])
+            on_signals(server.stop)
             announce()
             server.run()
         else:
@@ -244,7 +243,7 @@ def _serve_team(stack: ExitStack, robots: List[factory.Emulated], port: _PortOpt
     """
     waker = Waker()
     stack.callback(waker.close)
-    names, errors = {}, []
+    names = {}
     for robot in robots:
         its = stack.enter_context(ExitStack())
         server, announce = _server(its, robot, port.of(robot.plant.name), waker)
@@ -252,14 +251,13 @@ def _serve_team(stack: ExitStack, robots: List[factory.Emulated], port: _PortOpt
 
     def failed(server: PtyServer, error: Exception) -> None:
         name, its, _ = names[server]
-        errors.append(error)
         its.close()
         _print_message(f"robot {name}: {error}; it has no port any more")
 
-    _stop_on_signals(list(names))
+    on_signals(lambda: [server.stop() for server in names])
     for _, _, announce in names.values():
         announce()
-    serve_together(list(names), waker, failed)
+    errors = serve_together(list(names), waker, failed)
     if errors:
         raise errors[0]
 
@@ -350,15 +348,6 @@ def _open(stack: ExitStack, option: str, path: Optional[str]) -> Optional[TextIO
         return stack.enter_context(open(path, "a", encoding="utf-8"))
     except OSError as error:
         raise ConfigError(f"{option} {path} cannot be written: {error.strerror}; give another file") from None
-
-
-def _stop_on_signals(servers: Sequence[PtyServer]) -> None:
-    def stop(*_: Any) -> None:
-        for server in servers:
-            server.stop()
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, stop)
 
 
 if __name__ == "__main__":

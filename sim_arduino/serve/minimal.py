@@ -5,17 +5,16 @@ It has the options that a launch file needs, and needs no command line library. 
 
 import argparse
 import math
-import signal
 import sys
 from contextlib import ExitStack
-from typing import Any, List, NamedTuple, Sequence
+from typing import Any, List, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.robot.models import ENVIRONMENT
 
 from . import factory
 from .pty import PtyPort, SymbolicLink
-from .server import PtyServer, Waker, serve_together
+from .server import PtyServer, Waker, on_signals, serve_together
 
 CLOSE_WAIT_S, CHECK_S = 1.0, 0.02
 """Time that a board waits at its end for the host to close the port [s], and period of the check [s].
@@ -24,19 +23,6 @@ roslaunch ends both at the same time; without the wait, the host would report a 
 """
 EMULATED = "sim"
 """In the ports of a team: this robot is emulated."""
-_TEXTS = (
-    (
-        "robot",
-        "traxbot",
-        "model, or path of a robot's .yaml; of a team a list, the last one also for all further",
-    ),
-    ("engine", "python", "python, or avr: the firmware binary on a simulated chip"),
-    ("profile", "current", "current, 2013-august or 2013-january"),
-    ("world", "room", "world by name, or path of a .yaml"),
-    ("world_name", None, "share the world with all boards that give the same name"),
-    ("name", None, "the robot's name in the world"),
-    ("pose", None, "start as X,Y,YAW in metres and degrees"),
-)
 
 
 class Shutdown:
@@ -66,28 +52,24 @@ class Shutdown:
             self._server.stop()
 
 
-class Team(NamedTuple):
-    """Which robots of a team are emulated: robot1, robot2 and so on, by the ports of all robots."""
+def emulated(
+    ports: str, options: factory.Options, builds: str = ""
+) -> Tuple[List[factory.Options], List[int]]:
+    """Options and places of a team's robots whose port is `sim`; robot1 has place 0.
 
-    names: List[str]
-    places: List[int]
-    options: List[factory.Options]
-
-    @classmethod
-    def of(cls, ports: str, options: factory.Options, builds: str = "") -> "Team":
-        """The robots whose port is `sim`; model and build of each are in lists, whose last one is for all further."""
-        places = [i for i, port in enumerate(ports.split(",")) if port == EMULATED]
-        if not places:
-            raise ConfigError(f"no port of {ports!r} is {EMULATED}, expected one for each emulated robot")
-        names = [f"robot{i + 1}" for i in places]
-        own = [
-            factory.numbered(options, place, name)._replace(
-                robot=_nth(options.robot, place),
-                environment=options.environment or _nth(builds, place) == ENVIRONMENT,
-            )
-            for name, place in zip(names, places)
-        ]
-        return cls(names, places, own)
+    Model and build of each are in lists, whose last one is for all further.
+    """
+    places = [i for i, port in enumerate(ports.split(",")) if port == EMULATED]
+    if not places:
+        raise ConfigError(f"no port of {ports!r} is {EMULATED}, expected one for each emulated robot")
+    team = [
+        factory.numbered(options, place, f"robot{place + 1}")._replace(
+            robot=_nth(options.robot, place),
+            environment=options.environment or _nth(builds, place) == ENVIRONMENT,
+        )
+        for place in places
+    ]
+    return team, places
 
 
 def _nth(listed: str, place: int) -> str:
@@ -115,27 +97,16 @@ def serve(robots: Sequence[factory.Emulated], links: Sequence[str]) -> None:
             PtyServer(robot.engine, port, robot.plant, watchers=[end], waker=waker)
             for robot, port, end in zip(robots, ports, ends)
         ]
-        _end_on_signals(servers, ends)
+        on_signals(lambda: [end.end(server) for server, end in zip(servers, ends)])
         for link, port in zip(links, ports):
             _announce(stack, link, port.path)
-        errors: List[Exception] = []
 
         def failed(server: PtyServer, error: Exception) -> None:
             sys.stderr.write(f"sim_board: {links[servers.index(server)]}: {error}; its board has stopped\n")
-            errors.append(error)
 
-        serve_together(servers, waker, failed)
+        errors = serve_together(servers, waker, failed)
         if errors:
             raise errors[0]
-
-
-def _end_on_signals(servers: Sequence[PtyServer], ends: Sequence[Shutdown]) -> None:
-    def end_all(*_: Any) -> None:
-        for server, end in zip(servers, ends):
-            end.end(server)
-
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, end_all)
 
 
 def _announce(stack: ExitStack, link: str, path: str) -> None:
@@ -147,34 +118,48 @@ def _announce(stack: ExitStack, link: str, path: str) -> None:
     sys.stdout.flush()
 
 
+def _parser() -> argparse.ArgumentParser:
+    """What is not given is left out, so that the defaults are those of `factory.Options`."""
+    parser = argparse.ArgumentParser(
+        prog="sim_board",
+        description=(__doc__ or "").splitlines()[0],
+        argument_default=argparse.SUPPRESS,
+    )
+    add = parser.add_argument
+    add("--link", required=True, help="name of the virtual serial port")
+    add(
+        "--robot",
+        help="model, or path of a robot's .yaml; of a team a list, the last one also for all further",
+    )
+    add("--engine", help="python, or avr: the firmware binary on a simulated chip")
+    add("--profile", help="current, 2013-august or 2013-january")
+    add("--world", help="world by name, or path of a .yaml")
+    add("--world-name", help="share the world with all boards that give the same name")
+    add("--name", help="the robot's name in the world")
+    add("--pose", help="start as X,Y,YAW in metres and degrees")
+    add("--environment", action="store_true", help="the build with environment sensors")
+    add("--imu", action="store_true", help="fit an IMU")
+    add("--imu-seed", type=int, help="seed of the IMU's errors; 0: none")
+    add("--radio", nargs="?", const=factory.OWN_ADDRESS, help="fit an XBee, perhaps with this address")
+    add("--radio-range", type=float, help="range of the radio [m]")
+    add("--radio-loss", type=float, help="share of the radio packets that are lost")
+    add("--team", metavar="PORTS", help="serve robot1, robot2, ... where these ports are sim")
+    add("--builds", default="", help="builds of a team's robots, separated by commas")
+    return parser
+
+
 def main(arguments: Sequence[str]) -> int:
     """Serve a robot with these arguments; returns the exit code, which is that of the error if there was one."""
-    parser = argparse.ArgumentParser(prog="sim_board", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--link", required=True, help="name of the virtual serial port")
-    for name, default, text in _TEXTS:
-        parser.add_argument(f"--{name.replace('_', '-')}", default=default, help=text)
-    parser.add_argument("--environment", action="store_true", help="the build with environment sensors")
-    parser.add_argument("--imu", action="store_true", help="fit an IMU")
-    parser.add_argument("--imu-seed", type=int, default=0, help="seed of the IMU's errors; 0: none")
-    parser.add_argument(
-        "--radio", nargs="?", const=factory.OWN_ADDRESS, help="fit an XBee, perhaps with this address"
-    )
-    parser.add_argument("--radio-range", type=float, default=math.inf, help="range of the radio [m]")
-    parser.add_argument(
-        "--radio-loss", type=float, default=0.0, help="share of the radio packets that are lost"
-    )
-    parser.add_argument("--team", metavar="PORTS", help="serve robot1, robot2, ... where these ports are sim")
-    parser.add_argument("--builds", default="", help="builds of a team's robots, separated by commas")
-    given = vars(parser.parse_args(arguments))
-    link, ports, builds = (given.pop(name) for name in ("link", "team", "builds"))
+    given = vars(_parser().parse_args(arguments))
+    link, ports, builds = given.pop("link"), given.pop("team", None), given.pop("builds")
     options = factory.Options(**given)
     try:
         if ports is None:
             serve([factory.make(options)], [link])
         else:
-            team = Team.of(ports, options, builds)
-            links = [link.replace("{name}", name) for name in team.names]
-            serve(factory.make_all(team.options, team.places), links)
+            team, places = emulated(ports, options, builds)
+            links = [link.replace("{name}", str(each.name)) for each in team]
+            serve(factory.make_all(team, places), links)
     except MrlError as error:
         sys.stderr.write(f"sim_board: {error}\n")
         return error.exit_code

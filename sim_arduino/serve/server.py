@@ -7,6 +7,7 @@ import contextlib
 import json
 import os
 import select
+import signal
 import threading
 import time
 from typing import Any, Callable, Dict, List, Optional, Protocol, Sequence, TextIO
@@ -269,14 +270,18 @@ def wait(servers: Sequence[PtyServer], waker: Waker, least_s: float) -> List[Pty
 
 def serve_together(
     servers: Sequence[PtyServer], waker: Waker, failed: Callable[[PtyServer, Exception], None]
-) -> None:
+) -> List[Exception]:
     """Serves many boards in one thread, until all are stopped.
 
     Args:
         servers: The boards; all have this `waker`.
         failed: Called with a server whose board has failed, and its error; the others run on.
+
+    Returns:
+        The errors of the boards that failed.
     """
     running, due = list(servers), list(servers)
+    errors: List[Exception] = []
     while running:
         for server in due:
             try:
@@ -284,10 +289,18 @@ def serve_together(
                     server.step()
             except Exception as error:  # noqa: BLE001 - one board does not end the others
                 server.running = False
+                errors.append(error)
                 failed(server, error)
         running = [server for server in running if server.running]
         if running:
             due = wait(running, waker, ROUND_S)
+    return errors
+
+
+def on_signals(end: Callable[[], object]) -> None:
+    """Calls a function at each signal that ends a program."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda *_: end())
 
 
 def _append(file: TextIO, row: Dict[str, Any]) -> None:

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from sim_arduino.serve import factory
-from sim_arduino.serve.minimal import CLOSE_WAIT_S, Shutdown, Team, main
+from sim_arduino.serve.minimal import CLOSE_WAIT_S, Shutdown, emulated, main
 
 
 class Port:
@@ -91,8 +91,10 @@ def test_signal_ends_the_process_and_removes_its_port(board, tmp_path, name):
 
 
 def test_a_team_has_the_emulated_robots_by_their_numbers():
-    team = Team.of("sim,/dev/ttyACM0,sim,sim", factory.Options(robot="traxbot,stingbot"), ",environment,")
-    assert [each.name for each in team.options] == ["robot1", "robot3", "robot4"]
-    assert [each.robot for each in team.options] == ["traxbot", "stingbot", "stingbot"]
-    assert [each.environment for each in team.options] == [False, False, False]
-    assert team.places == [0, 2, 3]
+    team, places = emulated(
+        "sim,/dev/ttyACM0,sim,sim", factory.Options(robot="traxbot,stingbot"), ",environment,"
+    )
+    assert [each.name for each in team] == ["robot1", "robot3", "robot4"]
+    assert [each.robot for each in team] == ["traxbot", "stingbot", "stingbot"]
+    assert [each.environment for each in team] == [False, False, False]
+    assert places == [0, 2, 3]
