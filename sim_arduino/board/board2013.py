@@ -48,6 +48,8 @@ CALIBRATION_S, POSITION_S = 95e-3, 1e-3
 """Pauses after these commands [s]."""
 NO_MOTORS_FROM_ID = 6
 JANUARY_CODES = range(1, 20)
+STREAMS = (18, 23, 27, 25)
+"""Requests that repeat; the earlier ones have priority."""
 _NO_COUNTS = (999, 999)
 _NO_VERSION = 25755
 """Version reported if the motor board does not answer: both of its bytes are read as 255."""
@@ -84,7 +86,8 @@ class Board2013:
         self._line: List[Tuple[float, int]] = []
         self._line_s = 0.0
         self._input = Ring(INPUT_BYTES)
-        self._rows = Rows(self)
+        rows = [*self._commands(), *self._readings(), *self._settings(), *self._environment()]
+        self._requests = {row.code: row for row in rows if not january or row.code in JANUARY_CODES}
         self._start()
 
     # ---- the Engine interface
@@ -183,7 +186,7 @@ class Board2013:
         byte = self._input.take()
         acted = byte is not None and self._parse(byte)
         if self.streams and not acted:
-            self._run(next(row for row in self._rows.streams if row.code in self.streams))
+            self._run(self._requests[next(code for code in STREAMS if code in self.streams)])
         self._busy_s = max(self._busy_s, self._out.free_s - OUTPUT_BYTES * OUT_BYTE_S)
 
     def _receive_until(self, to_s: float) -> None:
@@ -217,7 +220,7 @@ class Board2013:
 
     def _execute(self, frame: bytes) -> bool:
         values = [_number(token) for token in frame.split(b",")]
-        row = self._rows.requests.get(values[0])
+        row = self._requests.get(values[0])
         self._note(b"[INFO] Got message: @" + frame + b"e")
         if values[0] == MISSING:
             self._note(b"[ERROR] Could not find an action in the message!")
@@ -254,23 +257,10 @@ class Board2013:
         """Sends a line of text."""
         self._out.put(text + b"\r\n", self.now_s)
 
-
-class Rows:
-    """The requests of one board.
-
-    Attributes:
-        requests: All requests by number.
-        streams: The requests that repeat; the earlier ones have priority.
-    """
-
-    def __init__(self, board: Board2013) -> None:
-        self._board, self._plant = board, board.plant
-        rows = [*self._commands(), *self._readings(), *self._settings(), *self._environment()]
-        self.requests = {row.code: row for row in rows if not board.january or row.code in JANUARY_CODES}
-        self.streams = [self.requests[code] for code in (18, 23, 27, 25) if code in self.requests]
+    # ---- the requests
 
     def _commands(self) -> Iterator[Request]:
-        motor = self._plant.motor_board
+        motor = self.plant.motor_board
         table: Tuple[Tuple[int, int, Callable[..., None], float], ...] = (
             (1, 0, lambda now: motor.calibrate(now, (1, 0, 0)), CALIBRATION_S),
             (2, 3, motor.set_gains, 0.0),
@@ -292,12 +282,12 @@ class Rows:
             yield Request(code, count, partial(self._drive, method), COMMAND_S + pause_s, code)
 
     def _readings(self) -> Iterator[Request]:
-        sonars_s = JANUARY_SONARS_S if self._board.january else SONARS_S
+        sonars_s = JANUARY_SONARS_S if self.january else SONARS_S
         yield Request(5, 0, self._info, INFO_S, 5)
         yield Request(6, 0, self._encoders, ENCODERS_S, 6)
         yield Request(7, 0, self._sonars, sonars_s, 7)
         yield Request(8, 0, self._both, ENCODERS_S + sonars_s, 8)
-        if self._board.january:
+        if self.january:
             yield from self._stream(18, 19, self._encoders, ENCODERS_S, 6)
         else:
             yield from self._stream(18, 19, self._both, ENCODERS_S + sonars_s, 8)
@@ -305,7 +295,7 @@ class Rows:
     def _settings(self) -> Iterator[Request]:
         yield Request(15, 0, self._report_debug, PRINTED_S, 15)
         yield Request(16, 1, self._set_debug, PRINTED_S, 16)
-        yield Request(17, 0, lambda: (int(18 in self._board.streams),), PRINTED_S, 17)
+        yield Request(17, 0, lambda: (int(18 in self.streams),), PRINTED_S, 17)
 
     def _environment(self) -> Iterator[Request]:
         yield Request(20, 0, lambda: (self._alcohol(),), ANALOG_S, 20)
@@ -322,43 +312,43 @@ class Rows:
         """The request that starts a stream, which the stream repeats, and the request that ends it."""
 
         def begin() -> Optional[Tuple[int, ...]]:
-            self._board.streams.add(start)
+            self.streams.add(start)
             return action()
 
         yield Request(start, 0, begin, duration_s, reply)
-        yield Request(end, 0, lambda: self._board.streams.discard(start), 0.0, end)
+        yield Request(end, 0, lambda: self.streams.discard(start), 0.0, end)
 
     def _drive(self, method: Callable[..., None], *args: int) -> None:
-        if self._board.has_motors():
-            method(self._board.now_s, *args)
+        if self.has_motors():
+            method(self.now_s, *args)
 
     def _report_debug(self) -> Tuple[int, ...]:
-        self._board.say(b"[INFO] Debug mode is " + (b"ON!" if self._board.debug else b"OFF..."))
-        return (self._board.debug,)
+        self.say(b"[INFO] Debug mode is " + (b"ON!" if self.debug else b"OFF..."))
+        return (self.debug,)
 
     def _set_debug(self, level: int) -> None:
-        self._board.debug = level & 0xFF
+        self.debug = level & 0xFF
         self._report_debug()
 
     def _info(self) -> Tuple[int, ...]:
-        motor, now = self._plant.motor_board, self._board.now_s
-        if not self._board.has_motors():
-            return 0, _NO_VERSION, 0, VERSION, self._board.robot_id
+        motor, now = self.plant.motor_board, self.now_s
+        if not self.has_motors():
+            return 0, _NO_VERSION, 0, VERSION, self.robot_id
         tenths = round(motor.temperature_c(now) * 10.0), round(motor.battery_v(now) * 10.0)
-        return tenths[0] * 10, 172, tenths[1] * 10, VERSION, self._board.robot_id
+        return tenths[0] * 10, 172, tenths[1] * 10, VERSION, self.robot_id
 
     def _encoders(self) -> Tuple[int, ...]:
         """Right and left count; a failed read gives 0."""
-        if not self._board.has_motors():
+        if not self.has_motors():
             return 0, 0
-        motor = self._plant.motor_board
-        return motor.encoder(3, self._board.now_s), motor.encoder(1, self._board.now_s)
+        motor = self.plant.motor_board
+        return motor.encoder(3, self.now_s), motor.encoder(1, self.now_s)
 
     def _sonars(self) -> Tuple[int, ...]:
         """Ranges [cm].  A reading raises the trigger; August never lowers it, so its sonars never pause."""
-        self._plant.pin_changed(SONAR_TRIGGER, 1, self._board.now_s)
-        if self._board.january:
-            self._plant.pin_changed(SONAR_TRIGGER, 0, self._board.now_s)
+        self.plant.pin_changed(SONAR_TRIGGER, 1, self.now_s)
+        if self.january:
+            self.plant.pin_changed(SONAR_TRIGGER, 0, self.now_s)
         return tuple(int(_SONAR_A * self._adc(i) ** _SONAR_B + _SONAR_C) for i in range(3))
 
     def _both(self) -> Tuple[int, ...]:
@@ -366,7 +356,7 @@ class Rows:
 
     def _sensors(self) -> Tuple[int, ...]:
         hottest = max(self._pixels())
-        counts = self._encoders() if self._board.motors_there else _NO_COUNTS
+        counts = self._encoders() if self.motors_there else _NO_COUNTS
         return counts + (self._alcohol(), self._dust(), hottest)
 
     def _alcohol(self) -> int:
@@ -374,7 +364,7 @@ class Rows:
 
     def _dust(self) -> int:
         """Particles per litre; the firmware prints its unsigned number as a signed one."""
-        return to_int16(round(self._plant.sensed(self._board.now_s).dust_pcs_l))
+        return to_int16(round(self.plant.sensed(self.now_s).dust_pcs_l))
 
     def _pixels(self) -> Tuple[int, ...]:
         """The ambient temperature and the first seven pixels: the real board starts one register too early."""
@@ -385,13 +375,13 @@ class Rows:
 
     def _registers(self, address: int, first: int, count: int) -> bytes:
         """Registers of a sensor; raises `Hung` if the sensor does not answer."""
-        slave = self._plant.i2c[address]
-        if not slave.write(bytes([first]), self._board.now_s):
+        slave = self.plant.i2c[address]
+        if not slave.write(bytes([first]), self.now_s):
             raise Hung
-        return bytes(slave.read(count, self._board.now_s))
+        return bytes(slave.read(count, self.now_s))
 
     def _adc(self, channel: int) -> int:
-        return min(1023, int(self._plant.adc_volts(channel, self._board.now_s) / VOLTS_PER_COUNT))
+        return min(1023, int(self.plant.adc_volts(channel, self.now_s) / VOLTS_PER_COUNT))
 
 
 def _number(token: bytes) -> int:

@@ -111,6 +111,7 @@ class PythonBoard:
         imu: The board's side of the IMU.
         imu_reading: What the last reading of the IMU gave.
         radio: The board's side of the plant's radio; None without one.
+        wanted_baud: Row of `table.BAUDS` for the time after all waiting bytes have left.
     """
 
     def __init__(
@@ -230,7 +231,7 @@ class PythonBoard:
         self._booted = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._incoming.byte_s = 10.0 / self._host_baud
-        self.baud = self._wanted_baud = 0
+        self.baud = self.wanted_baud = 0
         self._left = b""
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)
@@ -294,7 +295,7 @@ class PythonBoard:
             self.stop_motors(StopReason.CHECK_ENDED)
             self.set_check(False)
         if self._baud_due_s() <= now:
-            self._change_baud(self._wanted_baud if self._wanted_baud != self.baud else 0)
+            self._change_baud(self.wanted_baud if self.wanted_baud != self.baud else 0)
         if self.radio:
             self.radio.run(now)
         if self._wire_due_s() <= now:
@@ -304,13 +305,13 @@ class PythonBoard:
 
     def _baud_due_s(self) -> float:
         """Time of the baud rate change [s]: after the reply has left, or back if no valid frame comes."""
-        if self._wanted_baud != self.baud:
+        if self.wanted_baud != self.baud:
             return math.inf if self._answers else self._outgoing.free_s + BAUD_QUIET_S
         return self._valid_s + BAUD_SILENCE_S if self.baud else math.inf
 
     def _change_baud(self, row: int) -> None:
         self._left += self._through_line(self._outgoing.take(self.now_s))
-        self.baud = self._wanted_baud = row
+        self.baud = self.wanted_baud = row
         self._outgoing.byte_s = OUT_BYTE_S if row == 0 else 10.0 / BAUDS[row]
 
     def _watchdog_due_s(self) -> float:
@@ -331,7 +332,7 @@ class PythonBoard:
         return max(due, self._outgoing.free_s)
 
     def _main_due_s(self) -> float:
-        return self._stream_due_s if self.stream and self._wanted_baud == self.baud else math.inf
+        return self._stream_due_s if self.stream and self.wanted_baud == self.baud else math.inf
 
     def _answer_due_s(self) -> float:
         return min((answer.due_s for answer in self._answers), default=math.inf)
@@ -342,7 +343,7 @@ class PythonBoard:
         It gives way to answers, and to frames of the other stream that are due or that it would delay.  Behind one of
         those frames it goes first if the stream has no period, and behind either if it is late.
         """
-        if self._wanted_baud != self.baud:
+        if self.wanted_baud != self.baud:
             return math.inf
         turn_s = max(imu.due_s, self._outgoing.free_s)
         answer, main = self._answer_due_s() <= turn_s, self.stream
@@ -492,10 +493,6 @@ class PythonBoard:
         """Ends the stream that `code` started."""
         if self.stream and self.stream.code == code:
             self.stream = None
-
-    def want_baud(self, row: int) -> None:
-        """Changes the baud rate to a row of `table.BAUDS` after all waiting bytes have left."""
-        self._wanted_baud = row
 
     def ask_for_checks(self, on: bool) -> None:
         """The host turns the checksum on or off; moves need one until it is turned off."""

@@ -1,7 +1,7 @@
 """Robots that hold this one by radio: the firmware's `hold.cpp` in Python.  Nothing here turns a motor."""
 
 import math
-from typing import Callable, Dict, List, NamedTuple, Tuple
+from typing import Callable, Dict, List, Tuple
 
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.hold_text import HoldText, is_newer
@@ -13,13 +13,6 @@ UNIT_S = 1563 * TICK_S
 """One count of parameter 26 [s]: 100 ms in whole ticks."""
 _STATE = {name: row for row, (name, _) in enumerate(HOLD_STATES)}
 _ANSWER = {"hold": "held", "free": "freed"}
-
-
-class Answer(NamedTuple):
-    """A text of the board itself, to the radio with this 64-bit address."""
-
-    address: int
-    data: bytes
 
 
 class Holder:
@@ -128,10 +121,10 @@ class RadioHold:
         self._waiting[address] = holder.answer.data
         return True
 
-    def answers(self) -> List[Answer]:
-        """The texts to send; each is returned once."""
+    def answers(self) -> List[Tuple[int, bytes]]:
+        """The texts to send and the addresses of their radios; each is returned once."""
         waiting, self._waiting = self._waiting, {}
-        return [Answer(*item) for item in waiting.items()]
+        return list(waiting.items())
 
     def keep(self, address: int, data: bytes) -> None:
         """Keeps a text for which there was no room, unless there is a newer one."""

@@ -5,7 +5,7 @@ It behaves as `firmware/mrl_firmware/src/radio/xbee.cpp`; the reasons are there.
 
 import math
 import struct
-from typing import Callable, NamedTuple, Optional, Tuple, Union
+from typing import Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.table import BY_NAME
@@ -43,18 +43,13 @@ XBEE_TEXT, DISCOVER_XBEE, READ_RADIO = (
 )
 
 
-class ReceivedText(NamedTuple):
-    """A text that the host has not got completely."""
+class News(NamedTuple):
+    """A text that the host has not got completely, or a node of a search that it has not got."""
 
+    code: int
     address: int
-    text: bytes
-
-
-class FoundNode(NamedTuple):
-    """A node of a search that the host has not got."""
-
-    address: int
-    network: int
+    text: bytes = b""
+    network: int = 0
 
 
 class RadioPort:
@@ -73,7 +68,7 @@ class RadioPort:
         self._out.byte_s, self._in.byte_s = BYTE_S, MODULE_BYTE_S
         self._heard = Ring(QUEUE_BYTES)
         self._reader = PacketReader(LONGEST)
-        self._waiting: Union[ReceivedText, FoundNode, None] = None
+        self._waiting: Optional[News] = None
         self._asked = False
 
     # ---- to the module
@@ -130,7 +125,7 @@ class RadioPort:
             self._ask(READ_RADIO)
         if self._waiting is not None and not self._asked and self._can_ask():
             self._asked = True
-            self._ask(XBEE_TEXT if isinstance(self._waiting, ReceivedText) else DISCOVER_XBEE)
+            self._ask(self._waiting.code)
 
     def _read(self, now_s: float) -> None:
         while self._waiting is None:
@@ -140,35 +135,33 @@ class RadioPort:
             for found in self._reader.feed(bytes([byte])):
                 self._waiting = self._news(found, now_s)
 
-    def _news(self, data: bytes, now_s: float) -> Union[ReceivedText, FoundNode, None]:
+    def _news(self, data: bytes, now_s: float) -> Optional[News]:
         """What is for the host in a packet."""
         if data[0] == RECEIVED and len(data) > _TEXT_AT:
             address, text = int.from_bytes(data[1:9], "big"), data[_TEXT_AT:]
-            return None if self.hold.receive(address, text, now_s) else ReceivedText(address, text)
+            return None if self.hold.receive(address, text, now_s) else News(XBEE_TEXT, address, text)
         if data[0] == TRANSMIT_STATUS and len(data) >= _STATUS_SIZE and data[_DELIVERY]:
             self.hold.count_undelivered()
         if data[0] == AT_RESPONSE and len(data) >= _NODE_SIZE and data[2:5] == b"ND\0":
             network, node = struct.unpack_from(">HQ", data, _NODE_AT)
-            return FoundNode(node, network)
+            return News(DISCOVER_XBEE, node, network=network)
         return None
 
     # ---- the frames to the host
 
     def text(self) -> Optional[Tuple[int, ...]]:
         """Fields of `xbee_text`: the next piece of the text."""
-        assert isinstance(self._waiting, ReceivedText)
-        address, text = self._waiting
-        piece, rest = text[:PIECE], text[PIECE:]
-        self._waiting, self._asked = ReceivedText(address, rest) if rest else None, False
+        assert self._waiting
+        address, piece, rest = self._waiting.address, self._waiting.text[:PIECE], self._waiting.text[PIECE:]
+        self._waiting, self._asked = self._waiting._replace(text=rest) if rest else None, False
         padded = piece + b"\0" * (len(piece) % 2)
         return (*_words(address.to_bytes(8, "big")), len(piece), *_words(padded))
 
     def node(self) -> Optional[Tuple[int, ...]]:
         """Fields of the reply to `discover_xbee`."""
-        assert isinstance(self._waiting, FoundNode)
-        address, network = self._waiting
-        self._waiting, self._asked = None, False
-        return (*_words(address.to_bytes(8, "big")), to_int16(network))
+        assert self._waiting
+        found, self._waiting, self._asked = self._waiting, None, False
+        return (*_words(found.address.to_bytes(8, "big")), to_int16(found.network))
 
 
 def _words(data: bytes) -> Tuple[int, ...]:

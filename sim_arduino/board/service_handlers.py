@@ -112,7 +112,7 @@ def _config(board: PythonBoard, index: int) -> Values:
 def set_baud(board: PythonBoard, rate: int) -> None:
     """45: the baud rate changes after the reply has left."""
     board.ask(BY_NAME["set_baud"].code, rate)
-    board.want_baud(rate)
+    board.wanted_baud = rate
 
 
 @reply("set_baud", "set_check", "save_config", "default_config", "release_hold")

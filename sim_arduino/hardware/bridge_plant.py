@@ -13,7 +13,7 @@ from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
 from mrl_driver.robot.models import COMMON_BOARD, OmniDrive, RobotModel
 
 from .bridge import BRIDGES, Bridge
-from .dc_motor import DcMotor, DcMotorParams, Gearmotor, Load, params_of
+from .dc_motor import DcMotor, DcMotorParams, Gearmotor, params_of
 from .encoders import Quadrature
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 
@@ -76,8 +76,7 @@ def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorPara
     """Parameters of one motor of a model, with its bridge."""
     turn, bridge = counts_per_turn(model), BRIDGES[model.board["bridge"]]
     radius_m = turn * model.base.metres_per_count / (2.0 * math.pi)
-    load = Load(0.5 * model.body.mass_kg * errors.load, radius_m, ROLLING)
-    params = params_of(motor_of(model), load, turn)
+    params = params_of(motor_of(model), 0.5 * model.body.mass_kg * errors.load, radius_m, ROLLING, turn)
     return params._replace(resistance_ohm=params.resistance_ohm + bridge.resistance_ohm, drop_v=bridge.drop_v)
 
 

@@ -23,16 +23,6 @@ class Gearmotor(NamedTuple):
     """Moment of inertia of the rotor, seen at the output shaft [kg m2]."""
 
 
-class Load(NamedTuple):
-    """What one wheel moves."""
-
-    mass_kg: float
-    """Share of the robot's mass on this wheel [kg]."""
-    wheel_radius_m: float
-    rolling: float
-    """Rolling friction, as a share of the weight."""
-
-
 STICTION = 1.5
 """Static friction over moving friction; assumed."""
 GRAVITY_M_S2 = 9.81
@@ -60,8 +50,12 @@ class DcMotorParams(NamedTuple):
     """Voltage lost in the bridge while it drives [V]."""
 
 
-def params_of(motor: Gearmotor, load: Load, counts_per_turn: float) -> DcMotorParams:
+def params_of(
+    motor: Gearmotor, mass_kg: float, wheel_radius_m: float, rolling: float, counts_per_turn: float
+) -> DcMotorParams:
     """Parameters of a motor without its bridge.
+
+    Its wheel bears this share of the robot's mass; its rolling friction is a share of the weight.
 
     At no load the current overcomes the gearbox's friction alone; at stall no back-EMF is left.
     """
@@ -69,8 +63,8 @@ def params_of(motor: Gearmotor, load: Load, counts_per_turn: float) -> DcMotorPa
     winding_ohm = motor.nominal_v / motor.stall_a
     volts_per_rad_s = (motor.nominal_v - motor.no_load_a * winding_ohm) / motor.no_load_rad_s
     nm_per_a = motor.stall_nm / (motor.stall_a - motor.no_load_a)
-    inertia_kgm2 = motor.rotor_kgm2 + load.mass_kg * load.wheel_radius_m**2
-    rolling_nm = load.rolling * load.mass_kg * GRAVITY_M_S2 * load.wheel_radius_m
+    inertia_kgm2 = motor.rotor_kgm2 + mass_kg * wheel_radius_m**2
+    rolling_nm = rolling * mass_kg * GRAVITY_M_S2 * wheel_radius_m
     friction = (nm_per_a * motor.no_load_a + rolling_nm) / inertia_kgm2 * counts_per_rad
     return DcMotorParams(
         winding_ohm,

@@ -2,7 +2,7 @@
 
 import math
 import os
-from typing import List, NamedTuple, Optional, Sequence, Tuple
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
@@ -33,6 +33,9 @@ _LIMITS = {
     "radio_range": (0.0, math.inf),
     "radio_loss": (0.0, 1.0),
 }
+_NO_BRIDGE = "boards of 2013 have no H-bridge"
+_BRIDGED = "expected a robot with an H-bridge, such as duo"
+_RADIO_BUILD = "expected a board with sonars, an OMNI-3MD and profile current: only they have a radio build"
 
 
 class Options(NamedTuple):
@@ -110,8 +113,8 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     model = models.load(options.robot)
     models.require_supported(model)
     options = options._replace(environment=_has_environment(model, options))
-    for require in (_require_in_range, _require_motors, _require_bridge, _require_imu, _require_radio):
-        require(model, options)
+    for refusal in _refusals(model, options):
+        raise ConfigError(refusal)
     world = _world(options) if world is None else world
     name = options.name or f"robot{os.getpid()}"
     pose = world_file.parse_pose(options.pose, world.start_of(name))
@@ -209,74 +212,39 @@ def _placed(team: Sequence[Options], places: Sequence[int], world: World) -> Lis
     return [each._replace(pose=world_file.pose_text(poses[place])) for each, place in zip(team, places)]
 
 
-def _require_in_range(_: models.RobotModel, options: Options) -> None:
+def _refusals(model: models.RobotModel, options: Options) -> Iterator[str]:
+    """What is wrong with the options, in sentences."""
     for name, (low, high) in _LIMITS.items():
         value = getattr(options, name)
         if value is not None and not low <= value <= high:
-            raise ConfigError(f"{name} is {value!r}, expected {low:g} to {high:g}")
-
-
-def _require_motors(model: models.RobotModel, options: Options) -> None:
-    """Refuses options that a board without motors cannot have."""
-    if model.drives:
-        return
+            yield f"{name} is {value!r}, expected {low:g} to {high:g}"
+    old = options.profile != "current"
     for option in ("omni", "slip", "error", "battery"):
-        if getattr(options, option) not in (None, False, ""):
-            raise ConfigError(
-                f"--{option} is given for robot {model.name}, which has no motors (drive: none)"
-            )
-
-
-def _require_bridge(model: models.RobotModel, options: Options) -> None:
-    """Refuses options that do not fit a model with or without an H-bridge."""
-    if not has_bridge(model):
-        if options.wiring is not None:
-            raise ConfigError(
-                f"wiring {options.wiring} is given for robot {model.name}, which has an OMNI-3MD; "
-                "expected a robot with an H-bridge, such as duo"
-            )
-        return
-    for option, given in (("environment", options.environment), ("omni", options.omni)):
-        if given:
-            raise ConfigError(
-                f"--{option} is given for robot {model.name}, whose H-bridge uses the same pins"
-            )
-    if options.profile != "current":
-        raise ConfigError(
-            f"profile {options.profile} is given for robot {model.name}, expected current: "
-            "boards of 2013 have no H-bridge"
-        )
-
-
-def _require_imu(_: models.RobotModel, options: Options) -> None:
-    """Refuses errors of an IMU without one, and an IMU on a board that cannot have one."""
+        if not model.drives and getattr(options, option) not in (None, False, ""):
+            yield f"--{option} is given for robot {model.name}, which has no motors (drive: none)"
+    if has_bridge(model):
+        for option in ("environment", "omni"):
+            if getattr(options, option):
+                yield f"--{option} is given for robot {model.name}, whose H-bridge uses the same pins"
+        if old:
+            yield f"profile {options.profile} is given for robot {model.name}, expected current: {_NO_BRIDGE}"
+    elif options.wiring is not None:
+        yield f"wiring {options.wiring} is given for robot {model.name}, which has an OMNI-3MD; {_BRIDGED}"
     if not options.imu and (options.imu_seed or options.imu_errors):
-        raise ConfigError("errors of an IMU are given without an IMU, expected --imu too")
-    if options.imu and options.profile != "current":
-        raise ConfigError(
-            f"--imu is given for profile {options.profile}, expected current: boards of 2013 have no IMU"
-        )
+        yield "errors of an IMU are given without an IMU, expected --imu too"
+    if options.imu and old:
+        yield f"--imu is given for profile {options.profile}, expected current: boards of 2013 have no IMU"
+    for option in ("radio_range", "radio_loss"):
+        if options.radio is None and getattr(options, option) != Options._field_defaults[option]:
+            yield f"--{option.replace('_', '-')} is given without a radio, expected --radio too"
+    if options.radio is not None and (old or options.environment or has_bridge(model)):
+        yield f"--radio is given for robot {model.name}, {_RADIO_BUILD}"
 
 
 def _imu_errors(options: Options) -> ImuErrors:
     if options.imu_errors is not None:
         return options.imu_errors
     return ImuErrors.drawn(options.imu_seed) if options.imu_seed else FLAWLESS_IMU
-
-
-def _require_radio(model: models.RobotModel, options: Options) -> None:
-    """Refuses range or loss of a radio without one, and a radio on a board that cannot have one."""
-    if options.radio is None:
-        for name in ("radio_range", "radio_loss"):
-            if getattr(options, name) != Options._field_defaults[name]:
-                raise ConfigError(
-                    f"--{name.replace('_', '-')} is given without a radio, expected --radio too"
-                )
-    elif options.profile != "current" or options.environment or has_bridge(model):
-        raise ConfigError(
-            f"--radio is given for robot {model.name}, expected a board with sonars, an OMNI-3MD and profile current: "
-            "only they have a radio build"
-        )
 
 
 def _radio(options: Options) -> Optional[RadioFit]:
