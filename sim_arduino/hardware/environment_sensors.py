@@ -5,7 +5,7 @@ import math
 import random
 from typing import Callable, List, NamedTuple, Tuple
 
-from mrl_driver.protocol.table import Sensor
+from mrl_driver.protocol.table import I2c, Sensor
 from sim_arduino.world.environment import PIXELS, Environment
 
 THERMOPILE_ADDRESS, COMPASS_ADDRESS = 0x68, 0x60
@@ -69,12 +69,16 @@ class SpoiltReadings:
         )
 
 
-class _Registers:
-    """An I2C slave with one-byte registers: a write sets the pointer, and a read starts there."""
+class Registers:
+    """An I2C slave with one-byte registers: a write sets the pointer, and a read starts there.
 
-    def __init__(self) -> None:
+    Args:
+        image: Returns all registers at a time [s].
+    """
+
+    def __init__(self, image: Callable[[float], bytes]) -> None:
         self.present = True
-        self._pointer = 0
+        self._image, self._pointer = image, 0
 
     def write(self, data: bytes, time_s: float) -> bool:
         """Sets the register pointer; False without an acknowledge."""
@@ -84,44 +88,45 @@ class _Registers:
 
     def read(self, count: int, time_s: float) -> bytes:
         """`count` registers from the pointer on; 0xFF past the last."""
-        image = self.image(time_s)
-        return image[self._pointer : self._pointer + count].ljust(count, b"\xff")
-
-    def image(self, time_s: float) -> bytes:
-        """All registers."""
-        raise NotImplementedError
+        return self._image(time_s)[self._pointer : self._pointer + count].ljust(count, b"\xff")
 
 
-class Thermopile(_Registers):
+def thermopile(sensed_at: Callable[[float], Environment]) -> Registers:
     """TPA81: register 0 version, 1 ambient, 2 to 9 pixels [degC]."""
 
-    def __init__(self, sensed_at: Callable[[float], Environment]) -> None:
-        super().__init__()
-        self._sensed_at = sensed_at
-
-    def image(self, time_s: float) -> bytes:
-        """All registers."""
-        around = self._sensed_at(time_s)
+    def image(time_s: float) -> bytes:
+        around = sensed_at(time_s)
         return bytes([7, _byte(around.ambient_c), *map(_byte, around.pixels_c)])
 
+    return Registers(image)
 
-class PlainSensor(_Registers):
+
+def plain_sensor(row: Sensor, where: I2c, sensed_at: Callable[[float], Environment]) -> Registers:
     """A sensor with only the registers of its row in the table; all its fields have the same value."""
 
-    def __init__(self, row: Sensor, sensed_at: Callable[[float], Environment]) -> None:
-        super().__init__()
-        self._row, self._sensed_at = row, sensed_at
-
-    def image(self, time_s: float) -> bytes:
-        """All registers."""
-        row, where = self._row, self._row.i2c
-        assert where is not None
-        count, image = round(self._sensed_at(time_s).others[row.name] * where.per_unit), bytes(where.register)
+    def image(time_s: float) -> bytes:
+        count, data = round(sensed_at(time_s).others[row.name] * where.per_unit), bytes(where.register)
         for each in row.fields:
             bits = 8 * where.width
             least, most = (-(1 << bits - 1), (1 << bits - 1) - 1) if each.low < 0 else (0, (1 << bits) - 1)
-            image += max(least, min(most, count)).to_bytes(where.width, "big", signed=each.low < 0)
-        return image
+            data += max(least, min(most, count)).to_bytes(where.width, "big", signed=each.low < 0)
+        return data
+
+    return Registers(image)
+
+
+def compass(yaw_at: Callable[[float], float], north_rad: float) -> Registers:
+    """CMPS10: register 0 version, 1 bearing in 1/256 turn, 2-3 bearing [0.1 deg], 4 pitch, 5 roll.
+
+    Bearings run clockwise from north.
+    """
+
+    def image(time_s: float) -> bytes:
+        bearing = math.degrees(north_rad - yaw_at(time_s)) % 360.0
+        tenths = round(bearing * 10.0) % 3600
+        return bytes([16, int(bearing / 360.0 * 256.0) & 0xFF, tenths >> 8, tenths & 0xFF, 0, 0])
+
+    return Registers(image)
 
 
 _LITRES = 0.2832
@@ -160,20 +165,3 @@ class DustPulses:
             found += [(begin_s, 0), (begin_s + width_s, 1)]
             self._next_s += width_s / share
         return found
-
-
-class Compass(_Registers):
-    """CMPS10: register 0 version, 1 bearing in 1/256 turn, 2-3 bearing [0.1 deg], 4 pitch, 5 roll.
-
-    Bearings run clockwise from north.
-    """
-
-    def __init__(self, yaw_at: Callable[[float], float], north_rad: float = math.pi / 2) -> None:
-        super().__init__()
-        self._yaw_at, self._north_rad = yaw_at, north_rad
-
-    def image(self, time_s: float) -> bytes:
-        """All registers."""
-        bearing = math.degrees(self._north_rad - self._yaw_at(time_s)) % 360.0
-        tenths = round(bearing * 10.0) % 3600
-        return bytes([16, int(bearing / 360.0 * 256.0) & 0xFF, tenths >> 8, tenths & 0xFF, 0, 0])

@@ -16,12 +16,12 @@ from .environment_sensors import (
     COMPASS_ADDRESS,
     PERFECT,
     THERMOPILE_ADDRESS,
-    Compass,
     DustPulses,
     EnvironmentErrors,
-    PlainSensor,
     SpoiltReadings,
-    Thermopile,
+    compass,
+    plain_sensor,
+    thermopile,
 )
 from .imu import FLAWLESS_IMU, LONGEST_STEP_S, ImuErrors, InertialSensor, Mpu6050
 from .omni3md import ADDRESS, Omni3MD
@@ -159,9 +159,9 @@ class Plant:
         at = IMU_ADDRESS if self.sonars_fitted else IMU_BESIDE_THERMOPILE
         return {
             **motors,
-            THERMOPILE_ADDRESS: Thermopile(self.sensed),
-            COMPASS_ADDRESS: Compass(lambda time_s: self._pose_at(time_s).yaw_rad, north_rad),
-            **{row.i2c.address: PlainSensor(row, self.sensed) for row in OTHERS if row.i2c},
+            THERMOPILE_ADDRESS: thermopile(self.sensed),
+            COMPASS_ADDRESS: compass(lambda time_s: self._pose_at(time_s).yaw_rad, north_rad),
+            **{row.i2c.address: plain_sensor(row, row.i2c, self.sensed) for row in OTHERS if row.i2c},
             **({at: self.imu} if self.imu else {}),
         }
 

@@ -71,6 +71,7 @@ class XBee:
         seed: Draws losses and waits, together with the address.
 
     Attributes:
+        station: The module as other radios know it.
         live: The board runs in real time: packets of other boards arrive by its own clock.
         on_arrival: Called when a packet has arrived, from any thread.
         now_s: Time of the board [s].
@@ -89,7 +90,7 @@ class XBee:
     ) -> None:
         address = address_for(robot) if fit.address is None else fit.address
         network = zlib.crc32(address.to_bytes(8, "big")) % _LARGEST_NETWORK + 1
-        self._station = Station(address, network, robot[:LONGEST_NODE], robot, fit.range_m, fit.loss)
+        self.station = Station(address, network, robot[:LONGEST_NODE], robot, fit.range_m, fit.loss)
         self._medium, self.place = medium, place
         self._rng = random.Random(f"radio {seed} {address}")
         self._reader = PacketReader()
@@ -107,19 +108,14 @@ class XBee:
 
     # ---- the air
 
-    @property
-    def station(self) -> Station:
-        """The module as other radios know it."""
-        return self._station
-
     def set(self, **values: Any) -> None:
         """Sets `range_m` [m], `loss` (a share) or `cut` (True: it neither sends nor receives)."""
-        self._station = self._station._replace(**values)
+        self.station = self.station._replace(**values)
         self._medium.changed(self)
 
     def arrive(self, packet: RadioPacket, sent_s: float, delay_s: float) -> None:
         """A packet arrives; `sent_s` is a time of the sender's clock, and of this board's unless it is `live`."""
-        if self._station.cut:
+        if self.station.cut:
             return
         options = BROADCASTED if packet.broadcast else ACKNOWLEDGED
         head = struct.pack(">BQHB", RECEIVED, packet.source, packet.network, options)
@@ -168,7 +164,7 @@ class XBee:
         now_s, known = self.now_s, to in self._met
         if len(text) > LONGEST_TEXT:
             self._report(frame, now_s, UNKNOWN_NETWORK, 0, TEXT_TOO_LONG)
-        elif to == self._station.address:
+        elif to == self.station.address:
             self._report(frame, now_s, UNKNOWN_NETWORK, 0, SELF_ADDRESSED)
         elif to == BROADCAST:
             delay_s = self._medium.broadcast(self, text, now_s, self._rng)
@@ -203,7 +199,7 @@ class XBee:
         if name == b"ND":
             self._discover(frame, value)
             return
-        own = self._station
+        own = self.station
         values = {
             b"SH": struct.pack(">I", own.address >> 32),
             b"SL": struct.pack(">I", own.address & 0xFFFFFFFF),
@@ -215,7 +211,7 @@ class XBee:
         elif not value:
             self._respond(frame, name, OK, values[name])
         elif name == b"NI" and len(value) <= LONGEST_NODE and value.isascii():
-            self._station = own._replace(node=value.decode())
+            self.station = own._replace(node=value.decode())
             self._medium.changed(self)
             self._respond(frame, name, OK)
         else:
