@@ -1,4 +1,4 @@
-"""Handlers of the requests that move the motors or set them up; `Motors` carries most of them out."""
+"""Requests that move the motors or set them up; `Motors` carries most of them out."""
 
 from typing import Callable, Dict, Tuple
 
@@ -7,24 +7,21 @@ from mrl_driver.protocol.table import COMMANDS, INT16_MAX, Command
 
 from .bridge.integers import divide
 from .python_board import PythonBoard
-from .registry import REQUESTS, request
+from .registry import REQUESTS
 
 _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
 
 
-@request
-def set_pid_gains(board: PythonBoard, kp: int, ki: int, kd: int) -> None:
-    """2: unchanged gains are not set again, because a motor board would write them to its EEPROM."""
+def _set_pid_gains(board: PythonBoard, kp: int, ki: int, kd: int) -> None:
+    """Unchanged gains are not set again, because a motor board would write them to its EEPROM."""
     config = board.config
     if board.require_motors() and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
         config["kp"], config["ki"], config["kd"] = kp, ki, kd
         board.motors.refresh(board.now_s, "kp")
 
 
-@request
-def stop(board: PythonBoard) -> None:
-    """13."""
+def _stop(board: PythonBoard) -> None:
     board.stop_motors(StopReason.HOST)
     board.require_motors()
 
@@ -91,3 +88,4 @@ def _register(row: Command) -> None:
 for _row in COMMANDS:
     if _row.turns or _row.name in ("set_encoder_prescaler", "preset_encoder", "reset_encoders"):
         _register(_row)
+REQUESTS.update({"set_pid_gains": _set_pid_gains, "stop": _stop})

@@ -453,7 +453,7 @@ class PythonBoard:
 
     def _send(self, code: int, value: int = 0) -> bool:
         """Builds and sends a reply with the values of now; False if there is nothing valid to send."""
-        args = registry.REPLIES[code](self, value)
+        args = registry.REPLIES[BY_CODE[code].name](self, value)
         if args is None:
             return False
         stamp = None

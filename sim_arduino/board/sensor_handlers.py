@@ -1,4 +1,4 @@
-"""Handlers of the requests that read encoders, sonars and environment sensors, once or as a stream."""
+"""Requests that read encoders, sonars and environment sensors, once or as a stream."""
 
 import math
 from typing import Callable, Dict, Optional, Tuple
@@ -15,7 +15,7 @@ from mrl_driver.protocol.table import (
 )
 
 from .python_board import PythonBoard
-from .registry import REPLIES, REQUESTS, Values, reply, request
+from .registry import REPLIES, REQUESTS, Values
 from .sonar_chain import SONARS
 
 
@@ -25,23 +25,15 @@ def _wheels(board: PythonBoard) -> Optional[Tuple[int, int]]:
     return None if counts is None else (counts.right, counts.left)
 
 
-@reply("read_encoders")
-def _encoders(board: PythonBoard, _: int) -> Values:
-    return _wheels(board)
-
-
-@reply("read_sonars")
 def _sonars(board: PythonBoard, _: int = 0) -> Tuple[int, ...]:
     return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
 
 
-@reply("read_encoders_and_sonars")
 def _encoders_and_sonars(board: PythonBoard, _: int) -> Values:
     encoders = _wheels(board)
     return None if encoders is None else encoders + _sonars(board)
 
 
-@reply("start_omni_stream")
 def _omni(board: PythonBoard, _: int) -> Values:
     counts = board.motors.counts(board.now_s)
     return None if counts is None else (*counts, *_sonars(board))
@@ -92,36 +84,20 @@ PINS: Dict[str, Callable[[PythonBoard], int]] = {
 """Values of the sensors on the Uno's own pins."""
 
 
-def _register(sensor: Sensor) -> None:
-    REPLIES[sensor.code] = lambda board, _: _values(board, sensor)
-
-
-for _sensor in SENSORS:
-    _register(_sensor)
 _THERMOPILE, _COMPASS = SENSOR_BY_NAME["thermopile"], SENSOR_BY_NAME["compass"]
 
 
 # ---- streams
 
 
-def _register_stream(row: Command) -> None:
-    """Registers the requests that start and stop a stream."""
-    REQUESTS[row.name] = lambda board, period=0: board.start_stream(row.code, period)
-    ending = row.name.replace("start", "stop")
-    if ending in BY_NAME:
-        REQUESTS[ending] = lambda board: board.stop_stream(row.code)
-
-
-for _row in COMMANDS:
-    if _row.repeats:
-        _register_stream(_row)
-
-
-@request
-def stop_stream(board: PythonBoard) -> None:
-    """19: ends the stream of two wheels or of three."""
+def _stop_stream(board: PythonBoard) -> None:
+    """Ends the stream of two wheels or of three."""
     board.stop_stream(BY_NAME["start_stream"].code)
     board.stop_stream(BY_NAME["start_omni_stream"].code)
+
+
+def _stop_imu_stream(board: PythonBoard) -> None:
+    board.imu_stream = None
 
 
 def _counts_or_none_needed(board: PythonBoard) -> Values:
@@ -131,7 +107,6 @@ def _counts_or_none_needed(board: PythonBoard) -> Values:
     return _wheels(board)
 
 
-@reply("start_sensor_stream")
 def _sensors(board: PythonBoard, _: int) -> Values:
     encoders, pixels = _counts_or_none_needed(board), _values(board, _THERMOPILE)
     if encoders is None or pixels is None:
@@ -139,32 +114,43 @@ def _sensors(board: PythonBoard, _: int) -> Values:
     return encoders + (PINS["alcohol"](board), PINS["dust"](board), max(pixels))
 
 
-@reply("start_sensor_ldr_stream")
-def _sensors_and_light(board: PythonBoard, value: int) -> Values:
-    sensors = _sensors(board, value)
+def _sensors_and_light(board: PythonBoard, _: int) -> Values:
+    sensors = _sensors(board, 0)
     return None if sensors is None else sensors + (PINS["light"](board),)
 
 
-@reply("start_compass_stream")
-def _compass(board: PythonBoard, _: int) -> Values:
-    return _values(board, _COMPASS)
+def _register_sensor(sensor: Sensor) -> None:
+    REPLIES[sensor.command.name] = lambda board, _: _values(board, sensor)
 
 
-# ---- IMU
+def _register_stream(row: Command) -> None:
+    REQUESTS[row.name] = lambda board, period=0: board.start_stream(row.code, period)
+    ending = row.name.replace("start", "stop")
+    if ending in BY_NAME:
+        REQUESTS[ending] = lambda board: board.stop_stream(row.code)
 
 
-@reply("read_imu")
-def _imu(board: PythonBoard, _: int) -> Values:
-    return board.imu_reading
-
-
-@request
-def start_imu_stream(board: PythonBoard, period: int) -> None:
-    """47."""
-    board.start_imu_stream(period)
-
-
-@request
-def stop_imu_stream(board: PythonBoard) -> None:
-    """48."""
-    board.imu_stream = None
+for _sensor in SENSORS:
+    _register_sensor(_sensor)
+for _row in COMMANDS:
+    if _row.repeats:
+        _register_stream(_row)
+REQUESTS.update(
+    {
+        "stop_stream": _stop_stream,
+        "start_imu_stream": lambda board, period: board.start_imu_stream(period),
+        "stop_imu_stream": _stop_imu_stream,
+    }
+)
+REPLIES.update(
+    {
+        "read_encoders": lambda board, _: _wheels(board),
+        "read_sonars": _sonars,
+        "read_encoders_and_sonars": _encoders_and_sonars,
+        "start_omni_stream": _omni,
+        "start_sensor_stream": _sensors,
+        "start_sensor_ldr_stream": _sensors_and_light,
+        "start_compass_stream": lambda board, _: _values(board, _COMPASS),
+        "read_imu": lambda board, _: board.imu_reading,
+    }
+)

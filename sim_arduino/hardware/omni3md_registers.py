@@ -69,18 +69,18 @@ class Omni3MDRegisters:
         """Layout and method of each writable register."""
         board = self._board
         return {
-            0xFC: ("2B", _Keyed(board.stop, 0, 1)),
-            0xFB: ("5B", _Keyed(lambda time_s, *directions: board.calibrate(time_s, directions), 3, 4)),
+            0xFC: ("2B", _keyed(board.stop, 0, 1)),
+            0xFB: ("5B", _keyed(lambda time_s, *directions: board.calibrate(time_s, directions), 3, 4)),
             0xFA: ("b2h", board.move_omni),
-            0xED: ("2B", _Keyed(board.save_positions, 0, 1)),
+            0xED: ("2B", _keyed(board.save_positions, 0, 1)),
             0xF8: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, True)),
             0xF7: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, False)),
             0xF6: ("Bh", lambda time_s, motor, percent: board.move_motor(time_s, motor, percent, True)),
             0xF5: ("Bh", lambda time_s, motor, percent: board.move_motor(time_s, motor, percent, False)),
             0xF4: ("3H", board.set_gains),
             0xF1: ("4B", self._write_timeout),
-            0xF0: ("4B", _Keyed(board.set_prescaler, 2, 3)),
-            0xEF: ("Bh2B", _Keyed(board.preset_encoder, 2, 3)),
+            0xF0: ("4B", _keyed(board.set_prescaler, 2, 3)),
+            0xEF: ("Bh2B", _keyed(board.preset_encoder, 2, 3)),
             0xEE: ("BhhB", lambda time_s, m, s, p, hold: board.move_to_position(time_s, m, s, p, bool(hold))),
             0xEC: ("2H", board.set_ramp),
             0xEB: ("2h", board.move_differential),
@@ -92,13 +92,11 @@ class Omni3MDRegisters:
             self._board.set_timeout(time_s, first)
 
 
-class _Keyed:
-    """Calls a method with the other values if the key bytes are at their positions."""
+def _keyed(method: Callable[..., None], *positions: int) -> Callable[..., None]:
+    """Calls a method with the other values if the key bytes are at these positions."""
 
-    def __init__(self, method: Callable[..., None], *positions: int) -> None:
-        self._method, self._positions = method, positions
+    def call(time_s: float, *values: int) -> None:
+        if bytes(values[i] for i in positions) == KEY:
+            method(time_s, *(value for i, value in enumerate(values) if i not in positions))
 
-    def __call__(self, time_s: float, *values: int) -> None:
-        if bytes(values[i] for i in self._positions) == KEY:
-            rest = [value for i, value in enumerate(values) if i not in self._positions]
-            self._method(time_s, *rest)
+    return call

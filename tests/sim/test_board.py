@@ -3,7 +3,7 @@
 import pytest
 
 from mrl_driver.protocol import REPLIES, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
+from mrl_driver.protocol.table import COMMANDS, PARAMETERS
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard, parameter_store, registry
 from sim_arduino.board.parameter_store import Config
@@ -20,8 +20,8 @@ RADIO = {"discover_xbee", "xbee_text"}
 def test_every_row_has_its_handlers():
     names = {row.name for row in COMMANDS}
     assert names - UNASKED == set(registry.REQUESTS)
-    replies = {row.name for row in COMMANDS if row.reply and row.code not in registry.REPLIES}
-    assert replies <= RADIO and set(registry.REPLIES) <= set(BY_CODE)
+    replies = {row.name for row in COMMANDS if row.reply and row.name not in registry.REPLIES}
+    assert replies <= RADIO and set(registry.REPLIES) <= names
 
 
 def awake(**options):
