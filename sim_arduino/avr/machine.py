@@ -13,7 +13,7 @@ from mrl_driver.protocol.table import BAUD
 
 from . import native
 from .elf import Image, Symbol, read_image
-from .records import PinChange, SentByte, Transfer, bit_of, pin_masks, pin_of, port_of
+from .records import PIN_AT, PORTS, PinChange, SentByte, Transfer, place_of
 
 UNO_HZ = 16000000
 FLASH_BYTES, EEPROM_BYTES, RAM_END = 32768, 1024, 0x8FF
@@ -210,11 +210,11 @@ class AvrMachine:
 
     def pin(self, pin: int) -> int:
         """Level of a pin (Arduino number, A0 = 14), driven by the chip or from outside."""
-        return self._native.mrl_pin_level(self._board, port_of(pin), bit_of(pin))
+        return self._native.mrl_pin_level(self._board, *place_of(pin))
 
     def set_pin(self, pin: int, level: int, at_cycle: Optional[int] = None) -> None:
         """Sets the level of an input now or at a later cycle; undriven pins are high."""
-        port, bit = port_of(pin), bit_of(pin)
+        port, bit = place_of(pin)
         if at_cycle is None:
             self._native.mrl_pin_set(self._board, port, bit, int(level))
         else:
@@ -226,24 +226,27 @@ class AvrMachine:
         The first edge leaves the level that earlier plans for the pin end with.  An edge in the past comes at once.
         """
         planned = (c_uint64 * len(cycles))(*cycles)
-        self._native.mrl_plan_edges(self._board, port_of(pin), bit_of(pin), planned, len(planned))
+        self._native.mrl_plan_edges(self._board, *place_of(pin), planned, len(planned))
 
     def high_cycles(self, pin: int) -> int:
         """CPU cycles since the first power-up in which the chip drove the pin high, by its port or by PWM.
 
         An input and a low output add none.
         """
-        return self._native.mrl_pin_high_cycles(self._board, port_of(pin), bit_of(pin))
+        return self._native.mrl_pin_high_cycles(self._board, *place_of(pin))
 
     def watch_pins(self, pins: Iterable[int]) -> None:
         """Selects the pins that `pin_changes` and `on_pin` report: new levels, and when the chip starts to drive."""
-        for port, mask in pin_masks(pins).items():
+        masks = dict.fromkeys(PORTS, 0)
+        for port, bit in map(place_of, pins):
+            masks[port] |= 1 << bit
+        for port, mask in masks.items():
             self._native.mrl_pin_watch(self._board, port, mask)
 
     def pin_changes(self) -> List[PinChange]:
         """Changes of the watched pins since the last call."""
         changes = self._taken(self._native.mrl_pin_changes)
-        return [PinChange(pin_of(one.port, one.bit), one.level, one.cycle) for one in changes]
+        return [PinChange(PIN_AT[one.port, one.bit], one.level, one.cycle) for one in changes]
 
     # ---- memory
 
@@ -351,7 +354,7 @@ class AvrMachine:
 
     def _pin_changed(self, port: int, bit: int, level: int, cycle: int) -> None:
         if self.on_pin is not None:
-            self.on_pin(pin_of(port, bit), level, cycle / self.frequency_hz)
+            self.on_pin(PIN_AT[port, bit], level, cycle / self.frequency_hz)
 
     def _crash_report(self) -> str:
         where = self._native.mrl_crash_pc(self._board)

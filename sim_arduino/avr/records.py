@@ -1,10 +1,11 @@
 """Records that a simulated board reports, and the Uno's pin numbers."""
 
-from typing import Dict, Iterable, NamedTuple
+from typing import NamedTuple, Tuple
 
-PORT_B, PORT_C, PORT_D = 0, 1, 2
-PINS = 20  # D0..D13, A0..A5 as 14..19
-FIRST_PIN = {PORT_D: 0, PORT_B: 8, PORT_C: 14}
+PORTS = PORT_B, PORT_C, PORT_D = 0, 1, 2
+PLACES = [(port, bit) for port, bits in ((PORT_D, 8), (PORT_B, 6), (PORT_C, 6)) for bit in range(bits)]
+"""Port and bit of each pin by its Arduino number: D0 to D13, A0 to A5 as 14 to 19."""
+PIN_AT = {place: pin for pin, place in enumerate(PLACES)}
 
 
 class SentByte(NamedTuple):
@@ -35,30 +36,12 @@ class Transfer(NamedTuple):
     cycle: int
 
 
-def port_of(pin: int) -> int:
-    """Port number of an Arduino pin.
+def place_of(pin: int) -> Tuple[int, int]:
+    """Port and bit of an Arduino pin.
 
     Raises:
         ValueError: the Uno has no such pin.
     """
-    if not 0 <= pin < PINS:
-        raise ValueError(f"pin {pin} is not one of the Uno's 0..{PINS - 1}")
-    return PORT_D if pin < 8 else (PORT_B if pin < 14 else PORT_C)
-
-
-def bit_of(pin: int) -> int:
-    """Bit of an Arduino pin within its port."""
-    return pin - FIRST_PIN[port_of(pin)]
-
-
-def pin_of(port: int, bit: int) -> int:
-    """Arduino number of a port's bit."""
-    return bit + FIRST_PIN[port]
-
-
-def pin_masks(pins: Iterable[int]) -> Dict[int, int]:
-    """Bit masks of all three ports that select `pins`."""
-    masks = {PORT_B: 0, PORT_C: 0, PORT_D: 0}
-    for pin in pins:
-        masks[port_of(pin)] |= 1 << bit_of(pin)
-    return masks
+    if not 0 <= pin < len(PLACES):
+        raise ValueError(f"pin {pin} is not one of the Uno's 0..{len(PLACES) - 1}")
+    return PLACES[pin]

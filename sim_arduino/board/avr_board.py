@@ -11,14 +11,12 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
 from sim_arduino.avr.bit_serial import received
 from sim_arduino.avr.machine import AvrMachine
-from sim_arduino.hardware.wiring import Plant
+from sim_arduino.hardware.wiring import DUST, FAN, HEATER, SONAR_POWER, SONAR_TRIGGER, Plant
 from sim_arduino.hardware.xbee import XBee
 
 from . import parameter_store
 from .wires import OUT, SLICE_S, BridgeWires, RadioWires
 
-DUST = 8
-FAN, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 12, 13, 15
 WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
 BOOT_S, WRITE_S, SAVE_S = 0.3, 0.05, 0.4  # saving takes 64 bytes of EEPROM at 3.4 ms each
 LONGEST_SLEEP_S = 1.0

@@ -12,7 +12,7 @@ from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, BY_NAME, TICK_S
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
-from sim_arduino.hardware.wiring import Plant
+from sim_arduino.hardware.wiring import FAN, HEATER, Plant
 
 from . import parameter_store, registry
 from .board_status import BoardStatus
@@ -54,7 +54,6 @@ READ_IMU = BY_NAME["read_imu"].code
 _READ_STATUS = BY_NAME["read_status"].code
 _COUNTS_OF = frozenset(BY_NAME[name].code for name in ("read_encoders", "read_encoders_and_sonars"))
 """Answers with counters."""
-_HEATER, _FAN = 15, 7
 
 
 class WaitingReply(NamedTuple):
@@ -248,8 +247,8 @@ class PythonBoard:
         self.health.set_fault("eeprom", not self.config.sound)
         self.health.set_fault("id_unset", self.config["robot_id"] == 0)
         if self.environment:
-            self.plant.pin_changed(_HEATER, 0, self.now_s)
-            self.plant.pin_changed(_FAN, 1, self.now_s)
+            self.plant.pin_changed(HEATER, 0, self.now_s)
+            self.plant.pin_changed(FAN, 1, self.now_s)
         else:
             self.sonars = SonarTask(self.plant, self.config, self.adc, self.now_s)
         self.motors.boot(self.now_s)

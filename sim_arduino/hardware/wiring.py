@@ -30,7 +30,8 @@ from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 from .xbee import RadioFit, XBee
 
-SONAR_TRIGGER, SONAR_POWER = 12, 13
+FAN, DUST, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 8, 12, 13, 15
+"""Pins of the board (Arduino numbers)."""
 IMU_ADDRESS, IMU_BESIDE_THERMOPILE = 0x68, 0x69
 """Address of the IMU; the environment-sensor build has its thermopile at the first, so that the IMU's AD0 is high."""
 STANDING = "traxbot"
