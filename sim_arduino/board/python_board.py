@@ -51,7 +51,6 @@ IMU_FRAME_S = 6.6e-3
 _TOGETHER_S = 1e-6
 """Frames that are due within this time are due at the same time; sums of periods differ by rounding [s]."""
 READ_IMU = BY_NAME["read_imu"].code
-_READ_STATUS = BY_NAME["read_status"].code
 _COUNTS_OF = frozenset(BY_NAME[name].code for name in ("read_encoders", "read_encoders_and_sonars"))
 """Answers with counters."""
 
@@ -378,16 +377,16 @@ class PythonBoard:
 
     # ---- the wire
 
-    def ask(self, code: int, value: int = 0, after_s: float = 0.0) -> None:
-        """Queues the reply `code`."""
+    def ask(self, name: str, value: int = 0, after_s: float = 0.0) -> None:
+        """Queues the reply of the row with this name."""
         if len(self._answers) >= ANSWERS:
             self.refuse("overrun")
         else:
-            self._answers.append(WaitingReply(self.now_s + after_s, code, value))
+            self._answers.append(WaitingReply(self.now_s + after_s, BY_NAME[name].code, value))
 
     def _ask_status(self) -> None:
         if self._can_ask():
-            self.ask(_READ_STATUS)
+            self.ask("read_status")
 
     def _can_ask(self) -> bool:
         return len(self._answers) < ANSWERS

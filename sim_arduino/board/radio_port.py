@@ -8,7 +8,6 @@ import struct
 from typing import Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol.frames import to_int16
-from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.hardware import xbee_packets
 from sim_arduino.hardware.xbee import UNKNOWN_NETWORK, XBee
 from sim_arduino.hardware.xbee_packets import (
@@ -38,15 +37,12 @@ FRAME_ID, NO_FRAME_ID = 1, 0
 _ENVELOPE = 4
 _DELIVERY, _STATUS_SIZE = 5, 7
 _TEXT_AT, _NODE_SIZE, _NODE_AT = 12, 15, 5
-XBEE_TEXT, DISCOVER_XBEE, READ_RADIO = (
-    BY_NAME[name].code for name in ("xbee_text", "discover_xbee", "read_radio")
-)
 
 
 class News(NamedTuple):
     """A text that the host has not got completely, or a node of a search that it has not got."""
 
-    code: int
+    row: str
     address: int
     text: bytes = b""
     network: int = 0
@@ -57,11 +53,11 @@ class RadioPort:
 
     Args:
         hold: Takes the hold texts.
-        ask: Queues a frame to the host by its code; called only if `can_ask()`.
+        ask: Queues a frame to the host by its row; called only if `can_ask()`.
     """
 
     def __init__(
-        self, xbee: XBee, hold: RadioHold, ask: Callable[[int], None], can_ask: Callable[[], bool]
+        self, xbee: XBee, hold: RadioHold, ask: Callable[[str], None], can_ask: Callable[[], bool]
     ) -> None:
         self._xbee, self.hold, self._ask, self._can_ask = xbee, hold, ask, can_ask
         self._out, self._in = Outgoing(), Outgoing()
@@ -122,10 +118,10 @@ class RadioPort:
             if not self.send(address, text, now_s, NO_FRAME_ID):
                 self.hold.keep(address, text)
         if self._can_ask() and self.hold.take_news():
-            self._ask(READ_RADIO)
+            self._ask("read_radio")
         if self._waiting is not None and not self._asked and self._can_ask():
             self._asked = True
-            self._ask(self._waiting.code)
+            self._ask(self._waiting.row)
 
     def _read(self, now_s: float) -> None:
         while self._waiting is None:
@@ -139,12 +135,12 @@ class RadioPort:
         """What is for the host in a packet."""
         if data[0] == RECEIVED and len(data) > _TEXT_AT:
             address, text = int.from_bytes(data[1:9], "big"), data[_TEXT_AT:]
-            return None if self.hold.receive(address, text, now_s) else News(XBEE_TEXT, address, text)
+            return None if self.hold.receive(address, text, now_s) else News("xbee_text", address, text)
         if data[0] == TRANSMIT_STATUS and len(data) >= _STATUS_SIZE and data[_DELIVERY]:
             self.hold.count_undelivered()
         if data[0] == AT_RESPONSE and len(data) >= _NODE_SIZE and data[2:5] == b"ND\0":
             network, node = struct.unpack_from(">HQ", data, _NODE_AT)
-            return News(DISCOVER_XBEE, node, network=network)
+            return News("discover_xbee", node, network=network)
         return None
 
     # ---- the frames to the host

@@ -11,7 +11,7 @@ Values = Optional[Tuple[int, ...]]
 
 
 def _asking(row: Command) -> Callable[..., None]:
-    return lambda board: board.ask(row.code)
+    return lambda board: board.ask(row.name)
 
 
 REQUESTS: Dict[str, Callable[..., None]] = {

@@ -2,7 +2,7 @@
 
 import struct
 
-from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, PARAMETERS, PROTOCOL_VERSION, REASONS
+from mrl_driver.protocol.table import CAPABILITIES, PARAMETERS, PROTOCOL_VERSION, REASONS
 
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S
 from .python_board import PythonBoard
@@ -31,18 +31,18 @@ def _set_debug(board: PythonBoard, on: int) -> None:
 
 def _set_check(board: PythonBoard, on: int) -> None:
     board.ask_for_checks(bool(on))
-    board.ask(BY_NAME["set_check"].code, on)
+    board.ask("set_check", on)
 
 
 def _set_watchdog(board: PythonBoard, period: int) -> None:
     board.watchdog_ms = period
     board.health.stops_are_final = period > 0
-    board.ask(BY_NAME["set_watchdog"].code)
+    board.ask("set_watchdog")
 
 
 def _set_baud(board: PythonBoard, rate: int) -> None:
     """The baud rate changes after the reply has left."""
-    board.ask(BY_NAME["set_baud"].code, rate)
+    board.ask("set_baud", rate)
     board.wanted_baud = rate
 
 
@@ -57,20 +57,20 @@ def _write_config(board: PythonBoard, index: int, value: int) -> None:
     board.config[row.name] = value
     board.health.set_fault("id_unset", board.config["robot_id"] == 0)
     board.motors.refresh(board.now_s, row.name)
-    board.ask(BY_NAME["write_config"].code, index)
+    board.ask("write_config", index)
 
 
 def _save_config(board: PythonBoard) -> None:
     """The reply comes after the last byte is written."""
     changed = board.config.save()
     board.health.set_fault("eeprom", False)
-    board.ask(BY_NAME["save_config"].code, 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
+    board.ask("save_config", 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
 
 
 def _default_config(board: PythonBoard) -> None:
     board.config.set_defaults()
     board.motors.refresh(board.now_s)
-    board.ask(BY_NAME["default_config"].code, 1)
+    board.ask("default_config", 1)
 
 
 def _config(board: PythonBoard, index: int) -> Values:
@@ -96,7 +96,7 @@ def _discover_xbee(board: PythonBoard) -> None:
 
 def _release_hold(board: PythonBoard) -> None:
     assert board.radio
-    board.ask(BY_NAME["release_hold"].code, board.radio.hold.release())
+    board.ask("release_hold", board.radio.hold.release())
 
 
 def _value(_: PythonBoard, value: int) -> Values:
@@ -109,7 +109,7 @@ REQUESTS.update(
         "set_check": _set_check,
         "set_watchdog": _set_watchdog,
         "set_baud": _set_baud,
-        "read_config": lambda board, index: board.ask(BY_NAME["read_config"].code, index),
+        "read_config": lambda board, index: board.ask("read_config", index),
         "write_config": _write_config,
         "save_config": _save_config,
         "default_config": _default_config,
