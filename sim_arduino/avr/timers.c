@@ -384,24 +384,6 @@ static void write_control_with_force(avr_t *avr, avr_io_addr_t address, uint8_t 
     show_outputs(timer, avr->cycle);
 }
 
-static void write_count(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    timer_state_t *timer = param;
-    count_to(timer, avr->cycle);
-    avr->data[address] = value;
-    timer->count = value;
-    timer->written = true;
-    plan(timer);
-}
-
-static void write_compare(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    timer_state_t *timer = param;
-    count_to(timer, avr->cycle);
-    avr->data[address] = value;
-    timer->buffer[address == timer->at->ocr[1]] = value;
-    load_unbuffered(timer);
-    plan(timer);
-}
-
 static void write_enables(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     count_to(param, avr->cycle);
     avr->data[address] = value;
@@ -418,15 +400,13 @@ static uint8_t read_flags(avr_t *avr, avr_io_addr_t address, void *param) {
     return avr->data[address];
 }
 
-static uint8_t read_count(avr_t *avr, avr_io_addr_t address, void *param) {
-    (void)address;
-    count_to(param, avr->cycle);
-    return (uint8_t)((timer_state_t *)param)->count;
+/* ---- count, compare registers and capture */
+
+/* Registers with 16 bits share one byte for the high half: writes put it there first, reads find it there afterwards. */
+static uint16_t word_of(const timer_state_t *timer, uint8_t low) {
+    return (uint16_t)(is_wide(timer) ? timer->high << 8 | low : low);
 }
 
-/* ---- registers of timer 1 */
-
-/* They share one byte for the high half: writes put it there first, reads find it there afterwards. */
 static void write_high(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     (void)avr, (void)address;
     ((timer_state_t *)param)->high = value;
@@ -437,21 +417,27 @@ static uint8_t read_high(avr_t *avr, avr_io_addr_t address, void *param) {
     return ((timer_state_t *)param)->high;
 }
 
-static void write_low(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+static void write_count(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     timer_state_t *timer = param;
-    uint16_t word = (uint16_t)(timer->high << 8 | value);
     count_to(timer, avr->cycle);
     avr->data[address] = value;
-    avr->data[address + 1] = timer->high;
-    if (address == timer->at->tcnt)
-        timer->count = word;
-    else
-        timer->buffer[address == timer->at->ocr[1]] = word;
+    timer->count = word_of(timer, value);
+    timer->written = !is_wide(timer);
+    plan(timer);
+}
+
+static void write_compare(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    timer_state_t *timer = param;
+    count_to(timer, avr->cycle);
+    avr->data[address] = value;
+    if (is_wide(timer))
+        avr->data[address + 1] = timer->high;
+    timer->buffer[address == timer->at->ocr[1]] = word_of(timer, value);
     load_unbuffered(timer);
     plan(timer);
 }
 
-static uint8_t read_low(avr_t *avr, avr_io_addr_t address, void *param) {
+static uint8_t read_count(avr_t *avr, avr_io_addr_t address, void *param) {
     (void)address;
     timer_state_t *timer = param;
     count_to(timer, avr->cycle);
@@ -499,25 +485,11 @@ void timers_reset(board_t *board) {
     }
 }
 
-static void attach_narrow(board_t *board, timer_state_t *timer) {
-    const chip_timer_t *at = timer->at;
-    board_on_write_for(board, at->tccrb, write_control_with_force, timer);
-    board_on_write_for(board, at->tcnt, write_count, timer);
-    board_on_write_for(board, at->ocr[0], write_compare, timer);
-    board_on_write_for(board, at->ocr[1], write_compare, timer);
-    board_on_read_for(board, at->tcnt, read_count, timer);
-    board_on_read(board, at->ocr[0], NULL);
-    board_on_read(board, at->ocr[1], NULL);
-}
-
 static void attach_wide(board_t *board, timer_state_t *timer) {
     const int lows[] = {timer->at->tcnt, timer->at->ocr[0], timer->at->ocr[1]};
-    for (size_t i = 0; i < sizeof lows / sizeof *lows; i++) {
-        board_on_write_for(board, lows[i], write_low, timer);
+    for (size_t i = 0; i < sizeof lows / sizeof *lows; i++)
         board_on_write_for(board, lows[i] + 1, write_high, timer);
-    }
     board_on_write_for(board, timer->at->tccrb, write_control, timer);
-    board_on_read_for(board, timer->at->tcnt, read_low, timer);
     board_on_read_for(board, timer->at->tcnt + 1, read_high, timer);
     board_on_read_for(board, ICR1, read_capture, timer);
     board_on_read_for(board, ICR1 + 1, read_high, timer);
@@ -531,8 +503,16 @@ void timers_attach(board_t *board) {
         board_on_write_for(board, at->timsk, write_enables, timer);
         board_on_write_for(board, at->tifr, write_flags, timer);
         board_on_read_for(board, at->tifr, read_flags, timer);
+        board_on_write_for(board, at->tccrb, write_control_with_force, timer);
+        board_on_write_for(board, at->tcnt, write_count, timer);
+        board_on_write_for(board, at->ocr[0], write_compare, timer);
+        board_on_write_for(board, at->ocr[1], write_compare, timer);
+        board_on_read_for(board, at->tcnt, read_count, timer);
         board_on_read(board, at->tccra, NULL);
         board_on_read(board, at->tccrb, NULL);
-        (is_wide(timer) ? attach_wide : attach_narrow)(board, timer);
+        board_on_read(board, at->ocr[0], NULL);
+        board_on_read(board, at->ocr[1], NULL);
+        if (is_wide(timer))
+            attach_wide(board, timer);
     }
 }
