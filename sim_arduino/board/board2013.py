@@ -17,6 +17,7 @@ from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import SONAR_POWER, SONAR_TRIGGER, Plant
 
 from . import parameter_store
+from .engine import Engine
 from .parameter_store import Config
 from .uart import IN_BYTE_S, OUT_BYTE_S, Outgoing, Ring
 
@@ -71,7 +72,7 @@ class Request(NamedTuple):
     reply: int
 
 
-class Board2013:
+class Board2013(Engine):
     """A board with the firmware of August 2013 (its stream repeats reply 8), or of January 2013 (reply 6).
 
     One pass of its loop reads one byte and, while a stream runs, sends one whole frame.
@@ -130,9 +131,6 @@ class Board2013:
     def reset(self) -> None:
         """Pull the reset line; the motors keep turning until the set-up stops them."""
         self._start()
-
-    def close(self) -> None:
-        """Does nothing: there is nothing to free."""
 
     def has_motors(self) -> bool:
         """Whether the board's id has a motor board, and the motor board answers."""

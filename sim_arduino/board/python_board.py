@@ -17,6 +17,7 @@ from sim_arduino.hardware.wiring import FAN, HEATER, Plant
 from . import parameter_store, registry
 from .board_status import BoardStatus
 from .bridge_control import BridgeControl
+from .engine import Engine
 from .imu_reader import ImuReader, Reading
 from .motor_control import MotorControl
 from .motors import Motors
@@ -92,7 +93,7 @@ class ImuStream:
             self.due_s = now_s + self.period_s
 
 
-class PythonBoard:
+class PythonBoard(Engine):
     """A board with our firmware.
 
     Args:
@@ -198,9 +199,6 @@ class PythonBoard:
     def _restart(self, cause: str) -> None:
         self.motors.release(self.now_s)
         self._start(cause)
-
-    def close(self) -> None:
-        """Does nothing: there is nothing to free."""
 
     # ---- start
 

@@ -210,13 +210,7 @@ def main(names: Tuple[str, ...], poses: Tuple[str, ...], **given: Any) -> None:
         robots = factory.make_team(factory.Options(**given), names, poses)
         for robot in robots:
             stack.callback(robot.close)
-        if len(robots) == 1:
-            server, announce = _server(stack, robots[0], port)
-            on_signals(server.stop)
-            announce()
-            server.run()
-        else:
-            _serve_team(stack, robots, port)
+        _serve(stack, robots, port)
 
 
 def _require_single(names: Tuple[str, ...], poses: Tuple[str, ...], port: _PortOptions) -> None:
@@ -235,24 +229,26 @@ def _require_single(names: Tuple[str, ...], poses: Tuple[str, ...], port: _PortO
             )
 
 
-def _serve_team(stack: ExitStack, robots: List[factory.Emulated], port: _PortOptions) -> None:
-    """Serves several robots; if one fails, it says so, and the others run on.
+def _serve(stack: ExitStack, robots: List[factory.Emulated], port: _PortOptions) -> None:
+    """Serves robots; if one of several fails, it says so, and the others run on.
 
     Raises:
         Exception: the error of the first robot that failed, at the end.
     """
     waker = Waker()
     stack.callback(waker.close)
-    names = {}
+    names, several = {}, len(robots) > 1
     for robot in robots:
         its = stack.enter_context(ExitStack())
-        server, announce = _server(its, robot, port.of(robot.plant.name), waker)
+        own = port.of(robot.plant.name) if several else port
+        server, announce = _server(its, robot, own, waker)
         names[server] = robot.plant.name, its, announce
 
     def failed(server: PtyServer, error: Exception) -> None:
         name, its, _ = names[server]
         its.close()
-        _print_message(f"robot {name}: {error}; it has no port any more")
+        if several:
+            _print_message(f"robot {name}: {error}; it has no port any more")
 
     on_signals(lambda: [server.stop() for server in names])
     for _, _, announce in names.values():
@@ -263,7 +259,7 @@ def _serve_team(stack: ExitStack, robots: List[factory.Emulated], port: _PortOpt
 
 
 def _server(
-    stack: ExitStack, robot: factory.Emulated, given: _PortOptions, waker: Optional[Waker] = None
+    stack: ExitStack, robot: factory.Emulated, given: _PortOptions, waker: Waker
 ) -> Tuple[PtyServer, Callable[[], None]]:
     """The server of a robot, and a function that announces its port."""
     port = _port(stack, given.link, given.listen)

@@ -148,9 +148,7 @@ class PtyPort:
                 pass
         self.dropped += len(data) - sent
 
-    def close(self) -> None:
-        """Unplugs the device permanently."""
-        self.unplug()
+    close = unplug
 
 
 def _watch(path: str) -> Optional[int]:

@@ -293,7 +293,7 @@ def serve_together(
                 failed(server, error)
         running = [server for server in running if server.running]
         if running:
-            due = wait(running, waker, ROUND_S)
+            due = wait(running, waker, ROUND_S if len(running) > 1 else 0.0)
     return errors
 
 

@@ -75,9 +75,7 @@ class SocketPort:
         """Sends the bytes that the client's buffer accepts; the rest is lost."""
         self.dropped += len(data) - (self._listener.write(data) if self._listener and data else 0)
 
-    def close(self) -> None:
-        """Stops listening."""
-        self.unplug()
+    close = unplug
 
 
 BoardPort = Union[PtyPort, SocketPort]
