@@ -24,3 +24,4 @@ class Engine(Protocol):
 
     def close(self) -> None:
         """Frees the engine's resources."""
+        return

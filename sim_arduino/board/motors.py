@@ -32,9 +32,9 @@ class Motors(Protocol):
         next_s: Time of the next call of `run` [s]; may be infinite.
     """
 
-    ever_found = True
-    counts_s = 0.0
-    next_s = math.inf
+    ever_found: bool = True
+    counts_s: float = 0.0
+    next_s: float = math.inf
 
     @property
     def capabilities(self) -> Tuple[str, ...]:
@@ -53,6 +53,7 @@ class Motors(Protocol):
 
     def run(self, now_s: float) -> None:
         """Does what is due."""
+        return
 
     def halt(self, now_s: float, to_s: float) -> None:
         """The processor stands still from `now_s` to `to_s`."""

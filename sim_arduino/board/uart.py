@@ -100,3 +100,6 @@ class Ring:
     def take(self) -> Optional[int]:
         """The oldest byte, or None."""
         return self._bytes.popleft() if self._bytes else None
+
+    def __len__(self) -> int:
+        return len(self._bytes)

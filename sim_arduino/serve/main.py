@@ -250,7 +250,7 @@ def _serve(stack: ExitStack, robots: List[factory.Emulated], port: _PortOptions)
         if several:
             _print_message(f"robot {name}: {error}; it has no port any more")
 
-    on_signals(lambda: [server.stop() for server in names])
+    on_signals([server.stop for server in names])
     for _, _, announce in names.values():
         announce()
     errors = serve_together(list(names), waker, failed)

@@ -7,6 +7,7 @@ import argparse
 import math
 import sys
 from contextlib import ExitStack
+from functools import partial
 from typing import Any, List, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError, MrlError
@@ -97,7 +98,7 @@ def serve(robots: Sequence[factory.Emulated], links: Sequence[str]) -> None:
             PtyServer(robot.engine, port, robot.plant, watchers=[end], waker=waker)
             for robot, port, end in zip(robots, ports, ends)
         ]
-        on_signals(lambda: [end.end(server) for server, end in zip(servers, ends)])
+        on_signals([partial(end.end, server) for server, end in zip(servers, ends)])
         for link, port in zip(links, ports):
             _announce(stack, link, port.path)
 

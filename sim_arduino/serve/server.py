@@ -297,10 +297,15 @@ def serve_together(
     return errors
 
 
-def on_signals(end: Callable[[], object]) -> None:
-    """Calls a function at each signal that ends a program."""
+def on_signals(ends: Sequence[Callable[[], None]]) -> None:
+    """Calls these functions at each signal that ends a program."""
+
+    def end(*_: Any) -> None:
+        for each in ends:
+            each()
+
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: end())
+        signal.signal(number, end)
 
 
 def _append(file: TextIO, row: Dict[str, Any]) -> None:
