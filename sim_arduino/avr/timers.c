@@ -283,7 +283,7 @@ static void plan(timer_state_t *timer) {
         avr_cycle_timer_register(avr, when - avr->cycle, alarm, timer);
 }
 
-/* ---- what the pins ask and tell */
+/* ---- what the pins ask */
 
 static bool drives(const timer_state_t *timer, int unit) {
     chip_pin_t pin = timer->at->output[unit];
