@@ -11,10 +11,10 @@ bench-relay: setup ## Measure topics that cross between two masters, and a pulle
 bench-fleet: setup ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
 	$(ROS_ENV) $(PY) -m tests.long.bench.bench_fleet
 
-description: ## Render the robots' URDF files from their geometry
+description: ## Render the robots' URDF files, and launch files' arguments from the node's parameters
 	$(PY) -m ros1_bridge.description
 
-check-description: ## Check that the URDF files are current
+check-description: ## Check that the files of `make description` are current
 	$(PY) -m ros1_bridge.description --check
 
 PICTURES ?= $(if $(FAST),build/smoke,.)

@@ -12,7 +12,7 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.protective_zones import Scan, Zones
 from mrl_driver.yaml_file import short
-from ros1_bridge.node.robot_parameters import Parameters, zone_sensors, zone_settings
+from ros1_bridge.node.robot_parameters import Parameters
 from ros1_bridge.node.stamp_age import StampAge
 
 LONGEST_S = 0.5  # After a longer gap between two frames, the distance driven meanwhile is unknown
@@ -31,7 +31,7 @@ class ZoneWatch:
         Raises:
             ConfigError: the zones need sonars, and the board has none, or it is not known to have any.
         """
-        by_sonar, by_laser = zone_sensors(parameters)
+        by_sonar = parameters.zones_by_sonar
         if by_sonar and build_assumed:
             raise ConfigError(
                 f"parameter zones is {parameters.zones}, but this board of 2013 does not report whether it has sonars "
@@ -41,9 +41,8 @@ class ZoneWatch:
             raise ConfigError(
                 f"parameter zones is {parameters.zones}, but this board has no sonars, expected scan or none"
             )
-        braking = parameters.zone_braking or model.limits.linear_acceleration_m_s2
-        sonars = model.sonars if by_sonar else {}
-        self.zones = Zones(zone_settings(parameters, braking), model.body, sonars, by_laser)
+        settings = parameters.zone_settings(model.limits.linear_acceleration_m_s2)
+        self.zones = Zones(settings, model.body, model.sonars if by_sonar else {}, parameters.zones_by_laser)
         self._stamp_s: Optional[float] = None
         self._scan_age = StampAge(SCAN_OLD_S)
 

@@ -10,7 +10,6 @@ from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.generate.render import write_stale
 from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M, imu_frame
@@ -259,9 +258,3 @@ def _origin(at: Point, roll_rad: float, yaw_rad: float) -> str:
 
 def _colour(model: RobotModel) -> str:
     return model.name if model.name in COLOURS else "grey"
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Render the committed files; with `--check`, name the stale files, and return 1 if there is one."""
-    made = {str(path): (path, text) for path, text in files()}
-    return write_stale(made, "python -m ros1_bridge.description", arguments)

@@ -3,8 +3,9 @@
 Each node has its rows in its own module; those of robot_node are in `robot_parameters`.
 """
 
+import dataclasses
 import math
-from typing import Any, Dict, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, NamedTuple, Optional, Sequence, Tuple, get_type_hints
 
 from mrl_driver.errors import ConfigError
 
@@ -28,6 +29,27 @@ class Row(NamedTuple):
     low: float = -math.inf
     high: float = math.inf
     choices: Tuple[Any, ...] = ()
+
+
+def parameter(
+    default: Any,
+    text: str,
+    bounds: Tuple[float, float] = (-math.inf, math.inf),
+    unit: str = "",
+    choices: Tuple[Any, ...] = (),
+) -> Any:
+    """A field of a dataclass that holds a node's parameters; its name and type complete the `Row`."""
+    return dataclasses.field(
+        default=default, metadata={"row": (default, unit, text, *map(float, bounds), choices)}
+    )
+
+
+def rows_of(parameters: type) -> Tuple[Row, ...]:
+    """The rows of a dataclass, of those fields that `parameter` made."""
+    kinds, declared = get_type_hints(parameters), dataclasses.fields(parameters)
+    return tuple(
+        Row(each.name, kinds[each.name], *each.metadata["row"]) for each in declared if each.metadata
+    )
 
 
 def speed_rows(

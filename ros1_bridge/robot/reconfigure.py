@@ -1,16 +1,26 @@
-"""Makes the descriptions for dynamic_reconfigure in code, so that nothing has to be built.  Pure."""
+"""Parameters that dynamic_reconfigure changes while the node runs.  Their descriptions need no build."""
 
 import math
-from typing import Any, Dict, List, Mapping, MutableMapping, Sequence
+from typing import Any, Dict, Mapping, MutableMapping, Sequence
 
+import rospy
+
+from mrl_driver.driver import Driver
+from mrl_driver.errors import MrlError
 from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot.models import Limits, RobotModel
+from ros1_bridge.control.commander import Commander
 from ros1_bridge.node.parameters import Row
-from ros1_bridge.node.robot_parameters import ROWS
+from ros1_bridge.node.robot_parameters import GROUPS, ROWS, Parameters
+from ros1_bridge.topics.publishers import Publishers
+
+from .services import GAINS, Services
 
 LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
 LOWEST = 0.01
 """Lowest limit that may be set at run time, unless a parameter has set a lower one."""
+AT_START = -1
+"""Level of the call that a server makes at its start."""
 
 
 class Description:
@@ -23,7 +33,20 @@ class Description:
         self.min = {value.name: value.low for value in values}
         self.max = {value.name: value.high for value in values}
         self.level = {value.name: 1 for value in values}
-        self.config_description = _group([_parameter(value) for value in values])
+        self.config_description = {
+            "name": "Default",
+            "type": "",
+            "id": 0,
+            "parent": 0,
+            "state": True,
+            "groups": [],
+            "parameters": [_parameter(value) for value in values],
+        }
+
+
+def _parameter(value: Row) -> Dict[str, Any]:
+    kind = {int: "int", bool: "bool"}.get(value.kind, "double")
+    return {"name": value.name, "type": kind, "level": 1, "description": value.text, "edit_method": ""}
 
 
 def limits_description(model: RobotModel, start: Limits) -> Description:
@@ -34,11 +57,9 @@ def limits_description(model: RobotModel, start: Limits) -> Description:
         "Speeding up [m/s2]",
         "Speeding up a turn [rad/s2]",
     )
+    each = zip(LIMITS, start, model.limits, texts)
     return Description(
-        tuple(
-            Row(name, float, begin, "", text, min(LOWEST, begin), most)
-            for name, begin, most, text in zip(LIMITS, start, model.limits, texts)
-        )
+        [Row(name, float, now, "", text, min(LOWEST, now), most) for name, now, most, text in each]
     )
 
 
@@ -52,62 +73,73 @@ def limits_of(config: MutableMapping[str, Any], before: Limits) -> Limits:
 
 def gains_description(gains: Mapping[str, int]) -> Description:
     """Gains of the motor board, which stores each change; `gains` are those at the start."""
+    text = "gain of the motor board; stored there"
+    kinds = zip(GAINS, ("Proportional", "Integral", "Derivative"))
     return Description(
-        tuple(
-            Row(
-                name,
-                int,
-                gains[name],
-                "",
-                f"{text} gain of the motor board; stored there",
-                0,
-                INT16_MAX,
-            )
-            for name, text in (("kp", "Proportional"), ("ki", "Integral"), ("kd", "Derivative"))
-        )
+        [Row(name, int, gains[name], "", f"{kind} {text}", 0, INT16_MAX) for name, kind in kinds]
     )
 
 
-def sonars_description(clear_range_m: float) -> Description:
-    """What the sonars report if nothing is in range."""
-    (row,) = (row for row in ROWS if row.name == "clear_range")
-    return Description((row._replace(default=clear_range_m),))
+class Reconfigure:
+    """The servers of one node: `limits`, `sonars` and `gains`."""
 
+    def __init__(
+        self,
+        driver: Driver,
+        commander: Commander,
+        services: Services,
+        publishers: Publishers,
+        parameters: Parameters,
+    ) -> None:
+        self._driver, self._commander, self._services = driver, commander, services
+        self._publishers, self._parameters = publishers, parameters
+        self._servers: Dict[str, Any] = {}
+        self._gains: Dict[str, int] = {}
 
-def _parameter(value: Row) -> Dict[str, Any]:
-    kind = {int: "int", bool: "bool"}.get(value.kind, "double")
-    return {
-        "name": value.name,
-        "type": kind,
-        "ctype": kind,
-        "cconsttype": f"const {kind}",
-        "default": value.default,
-        "min": value.low,
-        "max": value.high,
-        "level": 1,
-        "description": value.text,
-        "edit_method": "",
-        "srcfile": __name__,
-        "srcline": 0,
-    }
+    def offer(self, limits: Limits) -> None:
+        """Start the servers, which takes a second; `limits` are those at the start."""
+        try:
+            for group in GROUPS:  # values of an earlier run must not override this run's parameters
+                if rospy.has_param(f"~{group}"):
+                    rospy.delete_param(f"~{group}")
+            assert self._driver.model is not None
+            self._serve("limits", limits_description(self._driver.model, limits), self._on_limits)
+            if self._driver.has_sonars and self._parameters.has("sonars"):
+                row = next(row for row in ROWS if row.name == "clear_range")
+                sonars = Description([row._replace(default=self._publishers.clear_range_m)])
+                self._serve("sonars", sonars, self._on_sonars)
+            if self._parameters.allow_gains:
+                self._gains = self._services.gains()
+                self._serve("gains", gains_description(self._gains), self._on_gains)
+        except MrlError as error:
+            if not rospy.is_shutdown():
+                rospy.logerr(f"gains are not offered, because those of the board cannot be read: {error}")
+        except (rospy.ROSException, OSError):  # the shutdown has closed a service, or the master, meanwhile
+            if not rospy.is_shutdown():
+                raise
 
+    def _serve(self, group: str, description: Description, callback: Any) -> None:
+        from dynamic_reconfigure.server import Server  # late: the import takes most of the second
 
-def _group(parameters: List[Dict[str, Any]]) -> Dict[str, Any]:
-    return {
-        "name": "Default",
-        "type": "",
-        "id": 0,
-        "parent": 0,
-        "parentname": "",
-        "parentclass": "",
-        "class": "DEFAULT",
-        "field": "default",
-        "upper": "DEFAULT",
-        "lower": "groups",
-        "cstate": "true",
-        "state": True,
-        "groups": [],
-        "parameters": parameters,
-        "srcfile": __name__,
-        "srcline": 0,
-    }
+        self._servers[group] = Server(description, callback, group)
+
+    def _on_limits(self, config: Any, _level: int) -> Any:
+        self._commander.limits = limits_of(config, self._commander.limits)
+        return config
+
+    def _on_sonars(self, config: Any, level: int) -> Any:
+        if math.isnan(config["clear_range"]):  # dynamic_reconfigure lets it through
+            config["clear_range"] = self._publishers.clear_range_m
+        self._publishers.clear_range_m = config["clear_range"]
+        if level != AT_START:
+            rospy.set_param("~clear_range", config["clear_range"])  # for a respawn of the node
+        return config
+
+    def _on_gains(self, config: Any, level: int) -> Any:
+        if level != AT_START:  # at the start the board keeps its gains
+            done, text = self._services.set_gains(*(config[name] for name in GAINS))
+            (rospy.loginfo if done else rospy.logerr)(text)
+            if done:
+                self._gains = {name: config[name] for name in GAINS}
+            config.update(self._gains)
+        return config

@@ -1,15 +1,20 @@
-"""The board's XBee radio as a topic and a service; `topics.radio_topic` has what it receives.  No node."""
+"""The board's XBee radio: texts to send on a topic, and the search for other radios as a service.
 
-from typing import Any, List, Tuple
+`topics.board_topics` publishes the texts that it receives.
+"""
 
+from typing import Any
+
+import rospy
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from diagnostic_msgs.srv import SelfTestResponse
+from diagnostic_msgs.srv import SelfTest, SelfTestResponse
 
 from mrl_driver.driver import Driver
 from mrl_driver.errors import MrlError
-from mrl_driver.robot.radio import RadioNode, format_address, parse_address
+from mrl_driver.robot.radio import WAITING, RadioNode, format_address, parse_address
 
 SEND, DISCOVER = "xbee/send", "xbee/discover"
+WARN_EVERY_S = 1.0
 
 
 class Radio:
@@ -18,10 +23,23 @@ class Radio:
     def __init__(self, driver: Driver) -> None:
         self._driver = driver
 
+    def offer(self) -> None:
+        """Subscribe to the topic, and offer the service."""
+        rospy.Subscriber(SEND, KeyValue, self._on_message, queue_size=WAITING, tcp_nodelay=True)
+        rospy.Service(DISCOVER, SelfTest, self.discover)
+
+    def _on_message(self, message: KeyValue) -> None:
+        refusal = self.send(message)
+        if refusal:
+            rospy.logwarn_throttle(WARN_EVERY_S, refusal)
+
     def send(self, message: KeyValue) -> str:
-        """Send the text of a message; returns why it was not sent, empty if it was."""
+        """Send the value of a message to its key, an address in hexadecimal.
+
+        Returns why it was not sent, empty if it was.
+        """
         try:
-            self._driver.radio.send(*text_of_message(message))
+            self._driver.radio.send(parse_address(message.key), message.value)
         except MrlError as error:
             return f"{SEND}: {error}"
         return ""
@@ -32,23 +50,11 @@ class Radio:
             nodes = self._driver.radio.discover()
         except MrlError as error:
             return SelfTestResponse(str(error), 0, [])
-        return SelfTestResponse(f"{len(nodes)} radios have answered", 1, statuses_of(nodes))
+        return SelfTestResponse(f"{len(nodes)} radios have answered", 1, [_status_of(node) for node in nodes])
 
 
-def text_of_message(message: KeyValue) -> Tuple[int, str]:
-    """Address and text of a message on `xbee/send`: its key is the address in hexadecimal, its value the text.
-
-    Raises:
-        FrameError: the key is not an address.
-    """
-    return parse_address(message.key), message.value
-
-
-def statuses_of(nodes: List[RadioNode]) -> List[DiagnosticStatus]:
-    """One status for each radio; its name is the address."""
-    made = []
-    for node in nodes:
-        address, network = format_address(node.address), f"{node.network:04x}"
-        pairs = [KeyValue("address", address), KeyValue("network", network)]
-        made.append(DiagnosticStatus(DiagnosticStatus.OK, address, "radio", "", pairs))
-    return made
+def _status_of(node: RadioNode) -> DiagnosticStatus:
+    """The status of a radio; its name is the address."""
+    address = format_address(node.address)
+    pairs = [KeyValue("address", address), KeyValue("network", f"{node.network:04x}")]
+    return DiagnosticStatus(DiagnosticStatus.OK, address, "radio", "", pairs)

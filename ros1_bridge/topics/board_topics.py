@@ -2,18 +2,19 @@
 
 from typing import Any, Callable, Optional
 
+from diagnostic_msgs.msg import KeyValue
 from genpy import Time
 
 from mrl_driver.driver import Driver
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.radio import CAPABILITY as RADIO
-from mrl_driver.robot.radio import RadioText
+from mrl_driver.robot.radio import RadioText, format_address
 from mrl_driver.session.events import SensorRead
 from mrl_driver.session.handshake import Board
 from ros1_bridge.node.robot_parameters import Parameters
 
+from .fast_publisher import direct_publisher
 from .publishers import Publishers
-from .radio_topic import RadioTopic
 from .sensor_topics import SensorTopics
 
 
@@ -56,7 +57,7 @@ class BoardTopics:
             if parameters.imu and "imu" in capabilities:
                 self.on_imu = publishers.imu(now()).on_imu
             if RADIO in capabilities:
-                self.on_text = RadioTopic(publisher_class).on_text
+                self.on_text = radio_texts(publisher_class)
 
     def listen(self, driver: Driver) -> None:
         """Let the driver call this."""
@@ -73,3 +74,9 @@ class BoardTopics:
         """Publish voltage and temperature; boards without motors measure none."""
         if self._has_battery:
             self._publishers.battery(board, self._now())
+
+
+def radio_texts(publisher_class: Callable[..., Any]) -> Callable[[RadioText], None]:
+    """Advertise the texts that the board's radio receives; returns what publishes one with its sender's address."""
+    out = direct_publisher(publisher_class, "xbee/received", KeyValue)
+    return lambda text: out.publish(KeyValue(format_address(text.address), text.text))

@@ -7,7 +7,7 @@ from diagnostic_msgs.msg import KeyValue
 from mrl_driver.errors import LinkLost
 from mrl_driver.robot.radio import RadioNode, RadioText
 from ros1_bridge.robot.xbee import Radio
-from ros1_bridge.topics.radio_topic import RadioTopic
+from ros1_bridge.topics.board_topics import radio_texts
 
 from .fake_topics import Topics
 
@@ -20,7 +20,7 @@ def radio(**methods):
 
 def test_received_text_is_published_with_its_sender():
     topics = Topics()
-    RadioTopic(topics).on_text(RadioText(PEER, b"hello"))
+    radio_texts(topics)(RadioText(PEER, b"hello"))
     assert topics["xbee/received"].sent == [KeyValue(KEY, "hello")]
 
 
