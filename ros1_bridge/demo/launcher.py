@@ -1,11 +1,10 @@
-"""`make run`: starts a roscore of its own, the nodes by roslaunch, and the live view; ends them in the opposite order.
+"""`make run`: starts the nodes by roslaunch, on a ROS master of their own, and the live view, which ends first.
 
-Run it as `python -m ros1_bridge.demo.launcher`.  The roscore is on a free port of localhost: on a shared one the
+Run it as `python -m ros1_bridge.demo.launcher`.  The master is on a free port of localhost: on a shared one the
 demonstration's `/cmd_vel` would drive other robots too.
 """
 
 import contextlib
-import http.client
 import os
 import random
 import re
@@ -13,9 +12,9 @@ import signal
 import socket
 import sys
 import time
-import xmlrpc.client
+import uuid
 from pathlib import Path
-from typing import Any, Dict, List, Optional
+from typing import Dict, List, Optional
 
 import click
 
@@ -29,7 +28,7 @@ from .processes import Child, wait_until
 ROOT = Path(__file__).resolve().parent.parent.parent
 LOGS = ROOT / "build" / "run"
 IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
-ROSCORE_TIMEOUT_S = 30.0
+MASTER_TIMEOUT_S = 30.0
 END_S = 25.0
 """A part that takes longer than this to end is killed; roslaunch itself kills a node after 17 s."""
 _POLL_S = 0.05
@@ -37,11 +36,9 @@ _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _LOCALHOST = "127.0.0.1"
 _PORTS = range(20000, 32768)
-"""Linux gives connections higher ports, so that no other program takes the port before roscore does."""
-_ANSWER_S = 2.0
+"""Linux gives connections higher ports, so that no other program takes the port before the master does."""
 _COMPLETE = "started core service [/rosout]"
-"""roscore's last line.  It comes after roscore has set the parameter that each roslaunch compares with its own."""
-_OF_ROSCORE = {"/rosout"}
+"""roslaunch prints this line if it has started a master and its services."""
 _DIED = re.compile(r"REQUIRED process \[(\w+)-\d+\] has died!\nprocess has died \[pid \d+, exit code (-?\d+)")
 """What roslaunch prints when a node ends."""
 
@@ -62,8 +59,7 @@ class Run:
     """The started parts, in order; `stop` ends them, the last first."""
 
     def __init__(self, env: Dict[str, str], logs: Path) -> None:
-        self.env = env
-        self.logs = logs
+        self.env, self.logs = env, logs
         self._children: List[Child] = []
         self.signal: Optional[int] = None
         """The signal that requested the end, or None."""
@@ -87,7 +83,7 @@ class Run:
                 raise _ended(child)
 
     def stop(self) -> None:
-        """End all parts: first the view, which restores the terminal, then the nodes; the roscore is the last."""
+        """End all parts: first the view, which restores the terminal, then the nodes and their master."""
         for child in reversed(self._children):
             child.signal(signal.SIGTERM if child.log is None else signal.SIGINT)
             child.finish(END_S)
@@ -113,13 +109,12 @@ def free_port() -> int:
             return port
 
 
-def environment(logs: Path) -> Dict[str, str]:
-    """The environment of the child processes: their own ROS master, and all addresses on localhost.
+def environment(logs: Path, port: int) -> Dict[str, str]:
+    """The environment of the child processes: a ROS master on `port`, and all addresses on localhost.
 
     Each run has the folder of its master's port for its logs, and for the files that ROS writes into a home: two
-    roscores that make one home at the same time end with an error (roslaunch 1.15).
+    masters that make one home at the same time end with an error (roslaunch 1.15).
     """
-    port = free_port()
     env = {name: value for name, value in os.environ.items() if name != "ROS_HOSTNAME"}
     env["ROS_MASTER_URI"], env["ROS_IP"] = f"http://{_LOCALHOST}:{port}", _LOCALHOST
     env["ROS_HOME"] = str(logs / str(port))
@@ -129,61 +124,26 @@ def environment(logs: Path) -> Dict[str, str]:
     return env
 
 
-class _Patient(xmlrpc.client.Transport):
-    """Waits at most `_ANSWER_S` for each answer."""
+def start_nodes(run: Run, *arguments: str) -> None:
+    """Start the nodes with `arguments` of `run.launch`, and wait until their master is complete.
 
-    def make_connection(self, host: Any) -> http.client.HTTPConnection:
-        """The connection that the transport uses."""
-        connection = super().make_connection(host)
-        connection.timeout = _ANSWER_S
-        return connection
-
-
-def master_answers(uri: str) -> bool:
-    """Whether a ROS master runs there."""
-    try:
-        with xmlrpc.client.ServerProxy(uri, _Patient()) as master:
-            reply = master.getPid("/mrl_run")
-            return isinstance(reply, list) and reply[0] == 1
-    except (OSError, http.client.HTTPException, xmlrpc.client.Error, ValueError, TypeError, IndexError):
-        return False
-
-
-def require_alone(uri: str) -> None:
-    """Check that no other node receives this run's commands.
+    roslaunch joins no master that is there already: its run id is another one.
 
     Raises:
-        RunError: a node is registered at the master; the message names it.
-    """
-    with xmlrpc.client.ServerProxy(uri) as master:
-        reply: Any = master.getSystemState("/mrl_run")
-    others = {node for kind in reply[2] for _, nodes in kind for node in nodes} - _OF_ROSCORE
-    if others:
-        raise RunError(
-            f"{', '.join(sorted(others))} on the ROS master {uri}, expected no other node: the demonstration would "
-            "drive its robot; end it, or run again for another port"
-        )
-
-
-def start_roscore(run: Run) -> None:
-    """Start this run's own roscore, and wait until it is complete.
-
-    Raises:
-        RunError: it did not start, or it has other nodes.
+        RunError: they did not start.
         Stopped: a signal came.
     """
-    uri = run.env["ROS_MASTER_URI"]
-    roscore = run.start("roscore", "roscore", "-p", uri.rsplit(":", 1)[1])
+    launch = str(Path(__file__).with_name("run.launch"))
+    roslaunch = run.start("roslaunch", "roslaunch", f"--run_id={uuid.uuid4()}", launch, *arguments)
 
     def complete() -> bool:
         run.check()
-        return any(_COMPLETE in line for line in roscore.output())
+        return any(_COMPLETE in line for line in roslaunch.output())
 
-    if not wait_until(complete, ROSCORE_TIMEOUT_S):
+    if not wait_until(complete, MASTER_TIMEOUT_S):
         raise RunError(
-            f"roscore at {uri} is not complete within {ROSCORE_TIMEOUT_S:.0f} s; its log is in {run.logs}"
+            f"no ROS master at {run.env['ROS_MASTER_URI']} within {MASTER_TIMEOUT_S:.0f} s; see the log in {run.logs}"
         )
-    require_alone(uri)
 
 
 def best_engine() -> str:
@@ -210,14 +170,11 @@ def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], 
     robot = robot or ("auto" if port else _DEFAULT_ROBOT)
     board = f"the robot on {port}" if port else f"an emulated {robot}"
     click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")
-    start_roscore(run)
+    emulated = [] if port else [f"engine:={engine or best_engine()}"]
+    start_nodes(run, f"port:={port or run.logs / 'robot'}", f"robot:={robot}", *emulated)
     click.echo(
         f"for rostopic, rosbag and rviz in another terminal: export ROS_MASTER_URI={run.env['ROS_MASTER_URI']}"
     )
-    emulated = [] if port else [f"engine:={engine or best_engine()}"]
-    link = port or str(run.logs / "robot")
-    launch = str(Path(__file__).with_name("run.launch"))
-    run.start("roslaunch", "roslaunch", launch, f"port:={link}", f"robot:={robot}", *emulated)
     demo = str(ROOT / "ros1_bridge" / "nodes" / "demo_view")
     moves, ends = f"_square:={'false' if port else 'true'}", f"_duration:={duration_s}"
     view = run.start("demo_view", sys.executable, demo, moves, ends, f"_robot:={robot}", terminal=True)
@@ -254,8 +211,8 @@ def main(
             models.load(robot).require_motors()
         if os.path.isabs(port):  # neither an address nor the name of a robot
             require_device(port)
-        env = environment(logs)
-        run = Run(env, logs / env["ROS_MASTER_URI"].rsplit(":", 1)[1])
+        master_port = free_port()
+        run = Run(environment(logs, master_port), logs / str(master_port))
         for folder in (logs, run.logs):
             folder.mkdir(parents=True, exist_ok=True)
         for number in _SIGNALS:

@@ -14,6 +14,8 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 _POLL_S = 0.02
 _ORDERS = re.compile(r"\x1b\[[\d;]*m|\x1b\]2;.*?\x07")
 """Colours and window titles, which roslaunch prints into its log as well."""
+_NO_WORDS = ("", "The traceback for the exception was written to the log file")
+"""Last lines that say nothing: rulers, and what roslaunch prints after its error."""
 
 
 class Child:
@@ -87,7 +89,7 @@ class Child:
         """In one line: name, exit code, the last of `lines`, the log; by default those of the program and its log."""
         words = f"{name or self.name} ended with exit code {exit_code or self.exit_code}"
         said = [_ORDERS.sub("", line).strip() for line in (self.output() if lines is None else lines)]
-        last = next((line for line in reversed(said) if line.strip("=")), "")
+        last = next((line for line in reversed(said) if line.strip("=") not in _NO_WORDS), "")
         return f"{words}: {last} (its log is {self.log})" if last else words
 
 

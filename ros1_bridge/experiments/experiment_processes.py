@@ -6,8 +6,10 @@ import sys
 from pathlib import Path
 from typing import ContextManager, Dict, List
 
+from rosgraph.masterapi import is_online
+
 from mrl_driver.errors import MrlError
-from ros1_bridge.demo.launcher import free_port, master_answers
+from ros1_bridge.demo.launcher import free_port
 from ros1_bridge.demo.processes import Child, wait_until
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -63,9 +65,9 @@ class Parts(ContextManager["Parts"]):
         """
         uri = os.environ["ROS_MASTER_URI"]
         child = self._start("rosmaster", ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], self._masters)
-        wait_until(lambda: master_answers(uri) or child.exit_code is not None, START_S)
+        wait_until(lambda: is_online(uri) or child.exit_code is not None, START_S)
         self.check()
-        if not master_answers(uri):
+        if not is_online(uri):
             raise MrlError(f"no ROS master answers at {uri} after {START_S:g} s; is rosmaster sound?")
 
     def node(self, kind: str, space: str, *names: str, **parameters: object) -> Child:

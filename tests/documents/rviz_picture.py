@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Callable, Dict, List, Sequence, Tuple
 from xmlrpc.client import ServerProxy
 
-from ros1_bridge.demo.launcher import master_answers
+from rosgraph.masterapi import is_online
+
 from ros1_bridge.demo.processes import Child, wait_until
 from tests.long.bench.report import either
 
@@ -69,7 +70,7 @@ def take(file: Path, show: Callable[[Start], Child]) -> None:
     try:
         start("xvfb", "Xvfb", DISPLAY, "-screen", "0", f"{SIZE}x24")
         master = start("master", "rosmaster", "--core", "-p", str(PORT))
-        _require(wait_until(lambda: master_answers(env["ROS_MASTER_URI"]), START_S), master)
+        _require(wait_until(lambda: is_online(env["ROS_MASTER_URI"]), START_S), master)
         rviz = show(start)
         time.sleep(DRAW_S)
         _require(rviz.exit_code is None, rviz)

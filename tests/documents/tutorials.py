@@ -23,7 +23,9 @@ import time
 from pathlib import Path
 from typing import Dict, Iterator, List, Sequence
 
-from ros1_bridge.demo.launcher import free_port, master_answers
+from rosgraph.masterapi import is_online
+
+from ros1_bridge.demo.launcher import free_port
 from tests.documents.blocks import ROOT, Block, blocks
 from tests.waiting import PATIENCE, wait_until
 
@@ -118,7 +120,7 @@ def start(block: Block, folder: Path, env: Dict[str, str], number: int) -> "subp
         )
     wait_until(lambda: log.stat().st_size > 0 or process.poll() is not None, START_S)
     if block.text.startswith("roslaunch"):
-        wait_until(lambda: master_answers(env["ROS_MASTER_URI"]) or process.poll() is not None, START_S)
+        wait_until(lambda: is_online(env["ROS_MASTER_URI"]) or process.poll() is not None, START_S)
     if process.poll() is not None:
         raise Failed(f"step {number} ended with {process.returncode}:\n{log.read_text(errors='replace')}")
     return process

@@ -12,8 +12,8 @@ from tests.waiting import wait_until
 def master(tmp_path_factory):
     """Environment of a master on a port of its own, with this process as a node."""
     import rospy
+    from rosgraph.masterapi import is_online
 
-    from ros1_bridge.demo.launcher import master_answers
     from ros1_bridge.demo.processes import Child
 
     from . import rig as bench
@@ -24,7 +24,7 @@ def master(tmp_path_factory):
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(folder))
         command = ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]]
         child = Child("rosmaster", command, folder / "rosmaster.log", dict(os.environ), bench.ROOT)
-        wait_until(lambda: master_answers(uri) or child.exit_code is not None, step_s=0.02)  # noqa: B023
+        wait_until(lambda: is_online(uri) or child.exit_code is not None, step_s=0.02)  # noqa: B023
         if child.exit_code is None:
             break
     rospy.init_node("tests", anonymous=True, disable_signals=True)

@@ -9,8 +9,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from rosgraph.masterapi import is_online
 
-from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child
 from tests.waiting import PATIENCE, wait_until
 
@@ -96,7 +96,7 @@ def running(workspace, space):
     env = {**workspace.env, "ROS_LOG_DIR": str(log)}
     child = Child("roslaunch", command, folder / f"{space}.log", env, folder)
     try:
-        wait_until(lambda: master_answers(uri) or child.exit_code is not None, step_s=0.05)
+        wait_until(lambda: is_online(uri) or child.exit_code is not None, step_s=0.05)
         assert child.exit_code is None, child.last_words()
         yield child
     finally:

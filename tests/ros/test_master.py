@@ -8,8 +8,8 @@ import xmlrpc.client
 from contextlib import suppress
 
 import pytest
+from rosgraph.masterapi import is_online
 
-from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child
 from ros1_bridge.node.master_watch import MasterWatch, await_master
 from tests.waiting import wait_until
@@ -27,7 +27,7 @@ def own_master(master, tmp_path):
     child = Child(
         "master", ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], tmp_path / "master", env, bench.ROOT
     )
-    wait_until(lambda: master_answers(uri))
+    wait_until(lambda: is_online(uri))
     yield child, env
     with suppress(ProcessLookupError):
         child.signal(signal.SIGKILL)

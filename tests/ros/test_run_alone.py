@@ -2,25 +2,14 @@
 
 import os
 import signal
-import socket
-import stat
 import xmlrpc.client
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 import rospy
-from geometry_msgs.msg import Twist
 
-from ros1_bridge.demo.launcher import (
-    Run,
-    RunError,
-    environment,
-    free_port,
-    master_answers,
-    require_alone,
-    start_roscore,
-)
+from ros1_bridge.demo.launcher import Run, RunError, environment, free_port, start_nodes
 from ros1_bridge.demo.processes import Child
 from tests.waiting import PATIENCE_S
 
@@ -84,41 +73,23 @@ def test_the_words_of_a_part_that_ended_are_its_last_line_without_colours(tmp_pa
     assert child.last_words() == f"x ended with exit code 2: x: error: no y (its log is {child.log})"
 
 
-def test_master_with_another_node_is_refused(master):
-    publisher = rospy.Publisher("/somebody/cmd_vel", Twist, queue_size=1)
-    with pytest.raises(RunError, match=f"{rospy.get_name()}.*expected no other node"):
-        require_alone(os.environ["ROS_MASTER_URI"])
-    publisher.unregister()
-
-
-LATE_ROSCORE = """#!/bin/bash
-rosmaster --core -p $2 &
-trap "kill $!" EXIT INT TERM
-until : < /dev/tcp/127.0.0.1/$2; do sleep 0.1; done
-sleep 1
-echo "started core service [/rosout]"
-wait
-"""
-
-
-def test_nodes_start_after_roscore_is_complete(tmp_path):
-    """Its master answers before; a roslaunch that starts then may choose another run_id, which ends one of both."""
-    program = tmp_path / "roscore"
-    program.write_text(LATE_ROSCORE)
-    program.chmod(stat.S_IRWXU)
-    env = environment(tmp_path)
-    run = Run({**env, "PATH": f"{tmp_path}:{os.environ['PATH']}"}, tmp_path)
+def test_master_that_is_there_already_is_refused(master, tmp_path):
+    """Its nodes would get the commands."""
+    port = int(master["ROS_MASTER_URI"].rsplit(":", 1)[1])
+    run = Run(environment(tmp_path, port), tmp_path)
+    rospy.set_param("/run_id", "of another roscore")
     try:
-        start_roscore(run)
-        assert "started core service" in (tmp_path / "roscore.log").read_text()
+        with pytest.raises(RunError, match="run_id on parameter server does not match"):
+            start_nodes(run, "port:=none")
     finally:
         run.stop()
-    assert not master_answers(env["ROS_MASTER_URI"])
-    assert env["ROS_HOME"] != environment(tmp_path)["ROS_HOME"], (
-        "two roscores that make one home end with an error"
-    )
-    with socket.create_server(("127.0.0.1", 0)) as silent:
-        assert not master_answers(f"http://127.0.0.1:{silent.getsockname()[1]}")
+        rospy.delete_param("/run_id")
+    assert not rospy.has_param("/robot_node")
+
+
+def test_each_master_has_a_home_of_its_own(tmp_path):
+    """Two masters that make one home at the same time end with an error."""
+    assert environment(tmp_path, 20001)["ROS_HOME"] != environment(tmp_path, 20002)["ROS_HOME"]
 
 
 def test_port_of_the_master_is_none_that_connections_get():

@@ -14,8 +14,8 @@ from pathlib import Path
 import rospy
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
+from rosgraph.masterapi import is_online
 
-from ros1_bridge.demo.launcher import master_answers
 from tests.waiting import wait_until
 
 from .rig import NODE, Rig
@@ -50,7 +50,7 @@ def lay_cable(folder: Path, rig: Rig) -> str:
 def start(rig: Rig, robot: str) -> None:
     """Master on the desk, board and node on the robot."""
     rig.start("master", "rosmaster", "--core", "-p", PORT)
-    wait_until(lambda: master_answers(MASTER))
+    wait_until(lambda: is_online(MASTER))
     rospy.init_node("desk", disable_signals=True)
     rig.wire = rig.tap(rig.board().port)
     there = {name: value for name, value in rig.env.items() if name != "ROS_HOSTNAME"}

@@ -13,9 +13,9 @@ from pathlib import Path
 import rospy
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
+from rosgraph.masterapi import is_online
 from std_msgs.msg import Bool, String
 
-from ros1_bridge.demo.launcher import master_answers
 from tests.waiting import wait_until
 
 from .rig import NODE, ROOT, Rig
@@ -58,7 +58,7 @@ def start(rig: Rig, robot: str, *options: str) -> None:
     topics = "desk/cmd_vel=cmd_vel, desk/shared=shared"
     there = relay_arguments("robot1", ROBOT, "odom, mode, shared", "desk", DESK, topics, *options)
     rig.robots_relay = rig.start("robots_relay", *enter, *there)
-    wait_until(lambda: master_answers(MASTER))
+    wait_until(lambda: is_online(MASTER))
     topics = "robot1/odom, robot1/mode, robot1/shared=shared"
     here = relay_arguments("desk", DESK, "cmd_vel, shared", "robot1", ROBOT, topics, *options)
     rig.start("desks_relay", *here)

@@ -10,7 +10,8 @@ import sys
 from pathlib import Path
 from typing import Any, Dict, List
 
-from ros1_bridge.demo.launcher import master_answers
+from rosgraph.masterapi import is_online
+
 from tests.long.bench.report import either
 from tests.ros import two_machines, two_masters
 from tests.ros.rig import Rig
@@ -31,7 +32,7 @@ def two_relays(rig: Rig, robot: str) -> None:
     """A master and a relay on each side; the robot gets `desk/odom` of a talker on the desk."""
     for place in ([], enter(robot)):
         rig.start("master", *place, "rosmaster", "--core", "-p", "11311")
-    wait_until(lambda: master_answers(MASTER))
+    wait_until(lambda: is_online(MASTER))
     rig.start("talk", *ENDS, "talk", "/odom", str(HZ))
     rig.start("desks_relay", *relay_arguments("desk", DESK, "odom", "robot1", ROBOT, ""))
     rig.start("robots_relay", *enter(robot), *relay_arguments("robot1", ROBOT, "", "desk", DESK, "desk/odom"))

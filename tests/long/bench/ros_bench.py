@@ -14,10 +14,10 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
+from rosgraph.masterapi import is_online
 from sensor_msgs.msg import BatteryState, Imu, JointState, Range
 from tf2_msgs.msg import TFMessage
 
-from ros1_bridge.demo.launcher import master_answers
 from ros1_bridge.demo.processes import Child, wait_until
 from tests.long.bench import figures, processes
 from tests.long.bench.feeder import METRES_PER_COUNT
@@ -55,7 +55,7 @@ class Master:
         os.environ.update(ROS_MASTER_URI=uri, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(LOGS))
         command = ["rosmaster", "--core", "-p", str(port)]
         self._child = Child("rosmaster", command, LOGS / "rosmaster.log", dict(os.environ), ROOT)
-        assert wait_until(lambda: master_answers(uri), START_S), self._child.last_words()
+        assert wait_until(lambda: is_online(uri), START_S), self._child.last_words()
         rospy.init_node("bench", disable_signals=True)
 
     def __enter__(self) -> "Master":

@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 from typing import Any, Dict, List, Sequence
 
+from rosgraph.masterapi import is_online
+
 from mrl_driver.errors import ConfigError, MrlError
-from ros1_bridge.demo.launcher import free_port, master_answers
+from ros1_bridge.demo.launcher import free_port
 from ros1_bridge.demo.processes import Child, wait_until
 from ros1_bridge.node import packages
 from sim_arduino.world.world import World
@@ -74,7 +76,7 @@ class Stack:
 
     def _start_all(self) -> None:
         master = self._start("master", "rosmaster", "--core", "-p", str(self._port))
-        self._require(lambda: master_answers(self._env["ROS_MASTER_URI"]), master)
+        self._require(lambda: is_online(self._env["ROS_MASTER_URI"]), master)
         name, file, start = f"ten_goals_{os.getpid()}", self._folder / "map.yaml", self._scene.start
         self._finish(sys.executable, str(ROOT / "ros1_bridge" / "nodes" / "save_map"), self._world, str(file))
         common = (f"robot:={self._robot}",)

@@ -291,7 +291,9 @@ class RosRig(Rig):
     name = "ros"
 
     def begin(self) -> None:
-        from ros1_bridge.demo.launcher import free_port, master_answers
+        from rosgraph.masterapi import is_online
+
+        from ros1_bridge.demo.launcher import free_port
 
         self._programs: List[Program] = []
         for _ in range(5):
@@ -300,7 +302,7 @@ class RosRig(Rig):
             own = {"ROS_MASTER_URI": uri, "ROS_IP": "127.0.0.1", "ROS_LOG_DIR": str(self.folder)}
             self.env = {**os.environ, **own}
             self._master = master = self._program("rosmaster", "rosmaster", "--core", "-p", str(port))
-            wait_until(lambda: master_answers(uri) or master.process.poll() is not None, step_s=0.02)  # noqa: B023
+            wait_until(lambda: is_online(uri) or master.process.poll() is not None, step_s=0.02)  # noqa: B023
             if master.process.poll() is None:
                 break
             master.end()
