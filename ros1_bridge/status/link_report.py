@@ -1,7 +1,7 @@
 """The state of the link as diagnostics: a level, a message, keys and values.  Pure."""
 
 import math
-from typing import Any, Dict, NamedTuple, Optional
+from typing import Any, Dict, Mapping, NamedTuple, Optional
 
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.robot_state import Telemetry
@@ -26,11 +26,12 @@ OK, WARN, ERROR = 0, 1, 2
 ANSWERS = "the board answers again"
 
 
-class LinkHealth(NamedTuple):
-    """A level and the message that explains it."""
+class Report(NamedTuple):
+    """A level, the message that explains it, and keys with their values."""
 
     level: int
     message: str
+    values: Mapping[str, str] = {}
 
 
 class News:
@@ -40,39 +41,35 @@ class News:
         self._lost = False
         self._hold = ""
 
-    def of(self, event: Any) -> Optional[LinkHealth]:
+    def of(self, event: Any) -> Optional[Report]:
         """Level and message; None for an event that is not logged."""
         if isinstance(event, Lost):
             self._lost = True
-            return LinkHealth(ERROR, str(event))
+            return Report(ERROR, str(event))
         if isinstance(event, Reconnected):
             self._lost = False
-            return LinkHealth(OK, str(event))
+            return Report(OK, str(event))
         if isinstance(event, Stale):
             then = MAY_MOVE if event.may_move else WAITS
-            return LinkHealth(ERROR, f"the board is silent: check its cable and power; {then}")
+            return Report(ERROR, f"the board is silent: check its cable and power; {then}")
         if isinstance(event, Ready) and not self._lost:
             restarted = event.restarted and event.checked  # unchecked: a restart is only assumed
-            return (
-                LinkHealth(WARN, f"the board has restarted; {WAITS}")
-                if restarted
-                else LinkHealth(OK, ANSWERS)
-            )
+            return Report(WARN, f"the board has restarted; {WAITS}") if restarted else Report(OK, ANSWERS)
         if isinstance(event, ImuChanged):
-            return LinkHealth(OK if event.in_use else WARN, str(event))
+            return Report(OK if event.in_use else WARN, str(event))
         if isinstance(event, Hold):
             return self._of_hold(event)
         if isinstance(event, Mismatch):
-            return LinkHealth(ERROR, f"{event}; the robot was stopped")
-        return LinkHealth(WARN, str(event)) if isinstance(event, (Slowed, PathUnknown)) else None
+            return Report(ERROR, f"{event}; the robot was stopped")
+        return Report(WARN, str(event)) if isinstance(event, (Slowed, PathUnknown)) else None
 
-    def _of_hold(self, hold: Hold) -> Optional[LinkHealth]:
+    def _of_hold(self, hold: Hold) -> Optional[Report]:
         """A changed state; not changed counters."""
         if hold.state == self._hold:
             return None
         known, self._hold = bool(self._hold), hold.state
         level = ERROR if hold.state == "silent" else WARN if hold.held else OK
-        return LinkHealth(level, str(hold)) if known or hold.held else None
+        return Report(level, str(hold)) if known or hold.held else None
 
 
 def error_count(statistics: Counters) -> int:
@@ -83,13 +80,13 @@ def error_count(statistics: Counters) -> int:
     )  # fmt: skip
 
 
-def health(ready: bool, age_s: float, slowed: bool = False) -> LinkHealth:
+def health(ready: bool, age_s: float, slowed: bool = False) -> Report:
     """Level and message of the link; `slowed`: the link runs below the requested baud rate."""
     if not ready:
-        return LinkHealth(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
+        return Report(ERROR, f"the board is silent for {age_s:.1f} s: check its cable and power")
     if slowed:
-        return LinkHealth(WARN, f"streaming, but not at the higher speed, since {SLOW}")
-    return LinkHealth(OK, "streaming")
+        return Report(WARN, f"streaming, but not at the higher speed, since {SLOW}")
+    return Report(OK, "streaming")
 
 
 def values(

@@ -1,7 +1,7 @@
 """The state of the robot as `status` and as diagnostics: levels, messages, keys and values.  Pure."""
 
 import math
-from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, Union
+from typing import Callable, Dict, NamedTuple, Optional, Tuple, Union
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
@@ -15,7 +15,7 @@ from mrl_driver.session.events import MAY_MOVE, Status
 from ros1_bridge.control.commander import BLOCKING, Commander
 from ros1_bridge.topics.publishers import FIELD_TOPICS
 
-from .link_report import ERROR, OK, WARN, LinkHealth
+from .link_report import ERROR, OK, WARN, Report
 
 HARMLESS = (
     StopReason.NONE, StopReason.USER, StopReason.MOTORS_DISABLED, StopReason.CLOSED, StopReason.MANUAL_MODE,
@@ -130,93 +130,79 @@ class StatusTeller:
         return changed
 
     def _message(self, state: State) -> DiagnosticStatus:
-        level, line = motion_health(state.driving, state.cause)
+        level, line, _ = motion_health(state.driving, state.cause)
         pairs = [KeyValue(key, value) for key, value in state.keys().items()]
         return DiagnosticStatus(level, self._name, line, self._hardware_id, pairs)
 
 
-def battery_health(state: str, volts: float) -> LinkHealth:
-    """Level and message for a battery state of the driver."""
+def battery_report(state: str, volts: float, capacity_ah: float) -> Report:
+    """The battery; `state` is that of the driver."""
     if math.isnan(volts):
-        return LinkHealth(OK, "the battery is not measured")
-    level = {"ok": OK, "low": WARN}.get(state, ERROR)
-    return LinkHealth(level, f"battery is {state} at {volts:.1f} V")
+        level, message, voltage = OK, "the battery is not measured", "not measured"
+    else:
+        level, message = {"ok": OK, "low": WARN}.get(state, ERROR), f"battery is {state} at {volts:.1f} V"
+        voltage = f"{volts:.2f} V"
+    return Report(
+        level, message, {"Voltage": voltage, "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
+    )
 
 
-def battery_values(volts: float, state: str, capacity_ah: float) -> Dict[str, str]:
-    """Keys and values for the battery."""
-    voltage = "not measured" if math.isnan(volts) else f"{volts:.2f} V"
-    return {"Voltage": voltage, "State": state, "Design Capacity": f"{capacity_ah:g} Ah"}
-
-
-def radio_health(hold: Hold) -> LinkHealth:
-    """Level and message of the holds by radio."""
-    return LinkHealth(ERROR if hold.state == "silent" else WARN if hold.held else OK, str(hold))
-
-
-def radio_values(hold: Hold) -> Dict[str, str]:
-    """Keys and values of the holds by radio."""
-    return {
+def radio_report(hold: Optional[Hold]) -> Report:
+    """The holds by radio."""
+    if hold is None:
+        return Report(WARN, "the board has not answered yet")
+    values = {
         "state": hold.state,
         "holders": str(hold.holders),
         "holder": format_address(hold.holder) if hold.holders else "none",
         "hold texts ignored": str(hold.ignored),
         "texts not delivered": str(hold.undelivered),
     }
+    return Report(ERROR if hold.state == "silent" else WARN if hold.held else OK, str(hold), values)
 
 
-def board_health(status: Any) -> LinkHealth:
-    """Level and message for a `Status` of the board; `status` is None for boards that report none."""
-    if status is None:
-        return LinkHealth(OK, "this firmware reports no status")
-    if status.faults:
-        return LinkHealth(ERROR, f"fault: {', '.join(status.faults)}")
-    if status.reset_cause == "watchdog":
-        return LinkHealth(WARN, "the firmware locked up and was reset by its watchdog")
-    return LinkHealth(OK, "no fault")
-
-
-def board_values(status: Any, temperature_c: float) -> Dict[str, str]:
-    """Keys and values for the board."""
+def board_report(status: Optional[Status], temperature_c: float) -> Report:
+    """The board; `status` is None for boards that report none."""
     warm = "not measured" if math.isnan(temperature_c) else f"{temperature_c:.1f} degC"
     values = {"Motor Board Temperature": warm}
-    if isinstance(status, Status):
-        values.update(
-            {
-                "Uptime": f"{status.uptime_s} s",
-                "Reset Cause": status.reset_cause,
-                "Last Stop Reason": str(status.stop_reason),
-                "Faults": ", ".join(status.faults) or "none",
-                "Clamped Commands": str(status.clamped),
-            }
-        )
-        if status.impossible is not None:
-            values["Impossible Encoder Transitions"] = str(status.impossible)
-    return values
+    if status is None:
+        return Report(OK, "this firmware reports no status", values)
+    values.update(
+        {
+            "Uptime": f"{status.uptime_s} s",
+            "Reset Cause": status.reset_cause,
+            "Last Stop Reason": str(status.stop_reason),
+            "Faults": ", ".join(status.faults) or "none",
+            "Clamped Commands": str(status.clamped),
+        }
+    )
+    if status.impossible is not None:
+        values["Impossible Encoder Transitions"] = str(status.impossible)
+    if status.faults:
+        return Report(ERROR, f"fault: {values['Faults']}", values)
+    if status.reset_cause == "watchdog":
+        return Report(WARN, "the firmware locked up and was reset by its watchdog", values)
+    return Report(OK, "no fault", values)
 
 
-def imu_health(state: str) -> LinkHealth:
-    """Level and message for `Driver.imu_state`."""
-    if state in REASONS:
-        return LinkHealth(WARN, REASONS[state])
-    if state == IN_USE:
-        return LinkHealth(OK, "the heading comes from gyro and wheels")
-    why = "the gyro's bias is learned when the robot stands" if state == LEARNING else f"the IMU is {state}"
-    return LinkHealth(WARN if state == OFF else OK, f"the heading comes from the wheels alone: {why}")
-
-
-def imu_values(state: str, imu: Optional[Imu]) -> Dict[str, str]:
-    """Keys and values for the IMU; `imu` is the last reading."""
+def imu_report(state: str, imu: Optional[Imu]) -> Report:
+    """The IMU; `state` is `Driver.imu_state`, and `imu` the last reading."""
     values = {"State": state}
     if imu is not None:
         known = f"{imu.bias_rad_s:.5f} rad/s, standard deviation {imu.bias_sd_rad_s:.5f} rad/s"
         values["Gyro Bias"] = known if imu.bias_known else "not known yet"
         values["Yaw Rate"] = f"{imu.angular_velocity_rad_s[2] - imu.bias_rad_s:.4f} rad/s"
         values["Yaw Standard Deviation"] = f"{math.sqrt(imu.yaw_variance_rad2):.4f} rad"
-    return values
+    if state in REASONS:
+        return Report(WARN, REASONS[state], values)
+    if state == IN_USE:
+        return Report(OK, "the heading comes from gyro and wheels", values)
+    why = "the gyro's bias is learned when the robot stands" if state == LEARNING else f"the IMU is {state}"
+    level = WARN if state == OFF else OK
+    return Report(level, f"the heading comes from the wheels alone: {why}", values)
 
 
-def motion_health(driving: bool, cause: StopReason) -> LinkHealth:
+def motion_health(driving: bool, cause: StopReason) -> Report:
     """Level and message for the motion.
 
     Args:
@@ -224,17 +210,17 @@ def motion_health(driving: bool, cause: StopReason) -> LinkHealth:
         cause: `Commander.stopped_by`.
     """
     if cause is StopReason.MAY_BE_MOVING:
-        return LinkHealth(ERROR, f"no telemetry; {MAY_MOVE}")
+        return Report(ERROR, f"no telemetry; {MAY_MOVE}")
     if driving or cause is StopReason.NONE:
-        return LinkHealth(OK, "driving" if driving else "ready")
+        return Report(OK, "driving" if driving else "ready")
     level = ERROR if cause in FAULTY else WARN if cause in BLOCKING else OK
-    return LinkHealth(level, f"stopped by {cause.words}")
+    return Report(level, f"stopped by {cause.words}")
 
 
-def motion_values(commander: Commander) -> Dict[str, str]:
-    """Keys and values for the motion."""
+def motion_report(commander: Commander) -> Report:
+    """The motion, and the limits in force."""
     limits, state = commander.in_force, state_of(commander)
-    return {
+    values = {
         "Mode": state.mode,
         "Operation Mode": state.keys()["operation mode"],
         "Moving": _text(state.moving),
@@ -245,6 +231,7 @@ def motion_values(commander: Commander) -> Dict[str, str]:
         "Linear Acceleration Limit": f"{limits.linear_acceleration_m_s2:g} m/s2",
         "Angular Acceleration Limit": f"{limits.angular_acceleration_rad_s2:g} rad/s2",
     }
+    return motion_health(commander.driving, commander.stopped_by)._replace(values=values)
 
 
 def _text(flag: Optional[bool], unknown: str = "unknown") -> str:

@@ -57,4 +57,4 @@ def test_status_and_diagnostics_say_whether_it_may_be_moving(may_move, words, mo
     values = values_of(told[0])
     assert (told[0].message, values["moving"]) == (words, moving)
     assert (values["mode"], values["ready"]) == ("may_be_moving" if may_move else "no_telemetry", "false")
-    assert robot_status.motion_values(commander)["Moving"].lower() == moving or not may_move
+    assert robot_status.motion_report(commander).values["Moving"].lower() == moving or not may_move

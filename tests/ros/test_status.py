@@ -9,14 +9,7 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import imu
 from mrl_driver.robot.imu import FROZEN, IN_USE, LEARNING, REASONS, WAITING
 from ros1_bridge.status.link_report import ERROR, OK, WARN
-from ros1_bridge.status.robot_status import (
-    StatusTeller,
-    battery_health,
-    battery_values,
-    board_values,
-    imu_health,
-    imu_values,
-)
+from ros1_bridge.status.robot_status import StatusTeller, battery_report, board_report, imu_report
 
 from .rig import values_of
 
@@ -41,9 +34,9 @@ class Told(list):
 
 
 def test_what_is_not_measured_is_no_fault():
-    assert battery_health("ok", math.nan).level == OK
-    assert battery_values(math.nan, "ok", 2.6)["Voltage"] == "not measured"
-    assert board_values(None, math.nan)["Motor Board Temperature"] == "not measured"
+    battery = battery_report("ok", math.nan, 2.6)
+    assert (battery.level, battery.values["Voltage"]) == (OK, "not measured")
+    assert board_report(None, math.nan).values["Motor Board Temperature"] == "not measured"
 
 
 def test_state_is_told_once():
@@ -82,7 +75,7 @@ def test_a_robot_of_which_nobody_knows_whether_it_moves_counts_as_moving():
     ],
 )
 def test_source_of_the_heading_is_told(state, level, words):
-    told = imu_health(state)
+    told = imu_report(state, None)
     assert told.level == level and words in told.message
 
 
@@ -92,7 +85,7 @@ def test_source_of_the_heading_is_told(state, level, words):
 def test_bias_is_told_once_it_is_known(known, bias):
     told = {"bias_rad_s": 0.03, "bias_sd_rad_s": 0.001, "bias_known": known, "yaw_variance_rad2": 0.0001}
     reading = SimpleNamespace(angular_velocity_rad_s=(0.0, 0.0, 0.5), **told)
-    told = imu_values(IN_USE, reading)
+    told = imu_report(IN_USE, reading).values
     assert told["Gyro Bias"] == bias
     assert (told["Yaw Rate"], told["Yaw Standard Deviation"]) == ("0.4700 rad/s", "0.0100 rad")
 
