@@ -20,14 +20,14 @@ from std_msgs.msg import String
 from std_srvs.srv import Trigger, TriggerResponse
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import quaternion_of
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import LATE_S, Claim, ClaimMessage
 from mrl_driver.navigation.radio_claims import LATE_S as RADIO_LATE_S
 from mrl_driver.navigation.radio_claims import RadioTeam, read_radios
 from mrl_driver.navigation.waypoint_tour import CLAIMING, PAUSED, Target, WaypointTour
 from mrl_driver.robot.radio import format_address, parse_address
 from ros1_bridge.node.parameters import Row, read
-from ros1_bridge.node.plane_poses import planar
+from ros1_bridge.node.plane_poses import planar, write_pose
 from ros1_bridge.node.run_node import run_node
 
 from .waypoint_list import read_names, read_numbers, read_waypoints
@@ -101,9 +101,8 @@ class FollowWaypoints:
         self._claim = self._claim_of(given, space) if shared else None
         self._tour = WaypointTour(given["repeat"], given["skip_failed"], given["wait"], self._claim, shared)
         self._poses: Sequence[PoseStamped] = []
-        self._lock = (
-            threading.Lock()
-        )  # guards tour and poses; never held during a call of actionlib, which has locks too
+        self._lock = threading.Lock()
+        """Guards tour and poses; never held during a call of actionlib, which has locks too."""
         self._wake = threading.Event()
         self._sent: Optional[Target] = None
         self._handle: Optional[actionlib.ClientGoalHandle] = None
@@ -139,14 +138,11 @@ class FollowWaypoints:
 
     def _connect_claims(self) -> None:
         """Send and receive claims by radio, or on the topic."""
+        to, of, kind = "claims", "claims", String
         if self._radio is not None:
-            self._claims_out = rospy.Publisher("xbee/send", KeyValue, queue_size=CLAIMS_QUEUE)
-            rospy.Subscriber(
-                "xbee/received", KeyValue, self._on_text, queue_size=CLAIMS_QUEUE, tcp_nodelay=True
-            )
-        else:
-            self._claims_out = rospy.Publisher("claims", String, queue_size=CLAIMS_QUEUE)
-            rospy.Subscriber("claims", String, self._on_claim, queue_size=CLAIMS_QUEUE, tcp_nodelay=True)
+            to, of, kind = "xbee/send", "xbee/received", KeyValue
+        self._claims_out = rospy.Publisher(to, kind, queue_size=CLAIMS_QUEUE)
+        rospy.Subscriber(of, kind, self._on_claim, queue_size=CLAIMS_QUEUE, tcp_nodelay=True)
 
     def _send_claim(self, message: ClaimMessage) -> None:
         if self._radio is None:
@@ -174,13 +170,10 @@ class FollowWaypoints:
         rospy.Subscriber("move_base/cancel", GoalID, self._on_cancel, queue_size=10)
         rospy.Subscriber("waypoint_path", Path, self._on_path, queue_size=1)
         rospy.Subscriber("waypoint_poses", PoseArray, self._on_poses, queue_size=1)
-        for name, act in (
-            ("pause", self._tour.pause),
-            ("resume", self._tour.resume),
-            ("skip", self._tour.skip),
-        ):
+        tour = self._tour
+        actions = {"pause": tour.pause, "resume": tour.resume, "skip": tour.skip, "cancel": self._give_up}
+        for name, act in actions.items():
             self._offer(name, act)
-        self._offer("cancel", self._give_up)
         if self._first:
             self._take(self._first)
         while not rospy.is_shutdown():
@@ -257,29 +250,22 @@ class FollowWaypoints:
                 self._tour.pause(CANCELLED)
             self._wake.set()
 
-    def _on_claim(self, message: String) -> None:
+    def _on_claim(self, message: Any) -> None:
+        """Take a claim: a String of `claims`, or a KeyValue that the radio has received."""
+        assert self._claim is not None
+        heard: Optional[ClaimMessage]
         try:
-            heard = ClaimMessage.parse(message.data)
-        except ValueError as error:
-            rospy.logwarn_throttle(WARN_EVERY_S, str(error))
-            return
-        self._take_claim(heard)
-
-    def _on_text(self, message: KeyValue) -> None:
-        assert self._radio is not None
-        try:
-            heard = self._radio.message_of(parse_address(message.key), message.value)
+            if self._radio is None:
+                heard = ClaimMessage.parse(message.data)
+            else:
+                heard = self._radio.message_of(parse_address(message.key), message.value)
         except ValueError as error:
             rospy.logwarn_throttle(WARN_EVERY_S, str(error))
             return
         if heard is not None:
-            self._take_claim(heard)
-
-    def _take_claim(self, heard: ClaimMessage) -> None:
-        assert self._claim is not None
-        with self._lock:
-            self._claim.receive(heard, time.monotonic())
-        self._wake.set()
+            with self._lock:
+                self._claim.receive(heard, time.monotonic())
+            self._wake.set()
 
     def _on_status(self, _: GoalStatusArray) -> None:
         self._heard_s = time.monotonic()
@@ -347,11 +333,10 @@ class FollowWaypoints:
         return True
 
     @staticmethod
-    def _stamped(pose: Any, frame: str) -> PoseStamped:
+    def _stamped(pose: Pose, frame: str) -> PoseStamped:
         made = PoseStamped()
         made.header.frame_id = frame
-        made.pose.position.x, made.pose.position.y = pose.x_m, pose.y_m
-        made.pose.orientation.z, made.pose.orientation.w = quaternion_of(pose.yaw_rad)
+        write_pose(pose, made.pose)
         return made
 
 

@@ -21,13 +21,13 @@ from sensor_msgs.msg import Range
 from std_msgs.msg import Bool
 
 from mrl_driver.errors import one_line
-from mrl_driver.geometry import Pose, quaternion_of, wrap_angle
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.node.cmd_vel import CmdVel
 from ros1_bridge.node.parameters import Row, read, speed_rows
-from ros1_bridge.node.plane_poses import planar, yaw_of
+from ros1_bridge.node.plane_poses import planar, transform_pose, write_pose
 from ros1_bridge.node.run_node import run_node
 from ros1_bridge.node.stamp_age import StampAge
 
@@ -337,13 +337,12 @@ class GoToGoal:
     def _find_place(self, name: str, frame: str, base: str) -> bool:
         """Look up the place of a sonar in tf; once is enough, as it does not move.  False if not yet known."""
         try:
-            place = self._buffer.lookup_transform(base, frame, rospy.Time()).transform
+            place = transform_pose(self._buffer.lookup_transform(base, frame, rospy.Time()).transform)
         except tf2_ros.TransformException as error:
             words = f"sonar {name} is not used: no transform from {frame or 'its frame'} to {base}: {error}"
             rospy.logwarn_throttle(WARN_EVERY_S, one_line(words))
             return False
-        yaw_deg = math.degrees(yaw_of(place.rotation))
-        self._sonars[name] = SonarMount(place.translation.x, place.translation.y, yaw_deg)
+        self._sonars[name] = SonarMount(place.x_m, place.y_m, math.degrees(place.yaw_rad))
         return True
 
     def _target(self, goal: PoseStamped) -> Pose:
@@ -361,15 +360,13 @@ class GoToGoal:
             found = self._buffer.lookup_transform(frame, given, rospy.Time(), rospy.Duration(TF_TIMEOUT_S))
         except tf2_ros.TransformException as error:
             raise ValueError(one_line(f"no transform from {given} to {frame}: {error}")) from None
-        place = found.transform
-        return Pose(place.translation.x, place.translation.y, yaw_of(place.rotation)).compose(*pose)
+        return transform_pose(found.transform).compose(*pose)
 
     def _show(self, target: Pose) -> None:
         odometry = self._odometry
         assert odometry is not None
         end = PoseStamped(odometry.header, PoseMessage())
-        end.pose.position.x, end.pose.position.y = target[0], target[1]
-        end.pose.orientation.z, end.pose.orientation.w = quaternion_of(target[2])
+        write_pose(target, end.pose)
         self._plan.publish(Path(odometry.header, [PoseStamped(odometry.header, odometry.pose.pose), end]))
 
 

@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from ros1_bridge.node.parameters import Row, read
-from ros1_bridge.node.plane_poses import correction, planar, yaw_of
+from ros1_bridge.node.plane_poses import correction, planar, transform_pose
 from ros1_bridge.node.run_node import run_node
 from ros1_bridge.node.stamp_age import StampAge
 from ros1_bridge.topics import messages
@@ -113,8 +113,7 @@ class MapToOdom:
 
     def _odometry(self, stamp: rospy.Time) -> Pose:
         found = self._buffer.lookup_transform(self._odom, self._base, stamp, rospy.Duration(TF_TIMEOUT_S))
-        place = found.transform
-        return Pose(place.translation.x, place.translation.y, yaw_of(place.rotation))
+        return transform_pose(found.transform)
 
 
 def main(argv: Optional[List[str]] = None) -> int:

@@ -32,21 +32,18 @@ CONNECT_S = 5.0
 """A robot that echoes is connected within this time."""
 CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
 """It never jumps, and it counts the time in which a machine is suspended."""
-DELAY_ROW = Row(
-    "max_delay",
-    float,
-    MAX_DELAY_S,
-    "s",
-    "Stop above this delay from the input to the echo of its command; 0 turns it off",
-    0.0,
-    60.0,
-)
+_DELAY = "Stop above this delay from the input to the echo of its command; 0 turns it off"
+DELAY_ROW = Row("max_delay", float, MAX_DELAY_S, "s", _DELAY, 0.0, 60.0)
 """The parameter of nodes with which an operator drives."""
 
 
 def operator_now_s() -> float:
     """The clock of the stamps [s]."""
     return time.clock_gettime(CLOCK)
+
+
+def _header(time_s: float, operator: str = "") -> Header:
+    return Header(0, rospy.Time.from_sec(time_s), operator)
 
 
 class StampedCmdVel(CmdVel):
@@ -83,12 +80,12 @@ class StampedCmdVel(CmdVel):
     def stop(self) -> None:
         """Publish a stop on both topics, so that no command in transit on one follows a stop on the other."""
         if self.echoed:
-            self.publish_stamped(Header(stamp=rospy.Time.from_sec(operator_now_s())), Twist())
+            self.publish_stamped(_header(operator_now_s()), Twist())
         self.publish(Twist())
 
     def stop_at_end(self) -> None:
         """Publish the last message on both topics."""
-        self._stamped.publish(Header(stamp=rospy.Time.from_sec(operator_now_s())), Twist())
+        self._stamped.publish(_header(operator_now_s()), Twist())
         super().stop_at_end()
 
 
@@ -125,7 +122,10 @@ class OperatorCmdVel(StampedCmdVel):
         with self._lock:  # the thread of `_watch` may hold the guard meanwhile; nothing may drive after that
             may = self.guard.may_drive(wanted, self.delay_s)
             self.send(twist if may or not wanted else Twist(), input_s)
-        self._tell()
+        reason, told = self.guard.reason, self._told
+        self._told = reason
+        if reason and reason != told:
+            rospy.logwarn(reason)
 
     def send(self, twist: Twist, input_s: float) -> None:
         """Publish a twist whatever the delay is."""
@@ -133,7 +133,7 @@ class OperatorCmdVel(StampedCmdVel):
             self._sent_s = operator_now_s()
             if self.echoed:
                 self._delay.sent(input_s)
-            self.publish_stamped(self._header(input_s), twist)
+            self.publish_stamped(_header(input_s, self._operator), twist)
 
     def halt(self) -> None:
         """Publish a stop; the operator may drive again after it."""
@@ -152,9 +152,6 @@ class OperatorCmdVel(StampedCmdVel):
         """The delay in words, and why the robot does not drive, if so."""
         return self.guard.reason or f"delay {delay_text(self.delay_s)}"
 
-    def _header(self, input_s: float) -> Header:
-        return Header(stamp=rospy.Time.from_sec(input_s), frame_id=self._operator)
-
     def _watch(self) -> None:
         """Ping while a robot echoes, and publish the delay."""
         with contextlib.suppress(rospy.ROSException):  # the shutdown has closed a publisher
@@ -164,7 +161,7 @@ class OperatorCmdVel(StampedCmdVel):
                 if self.echoed and now_s - self._sent_s >= PING_S:
                     with self._lock:
                         self._delay.sent(now_s)
-                    self.ping(self._header(now_s))
+                    self.ping(_header(now_s, self._operator))
                 self._shown.publish(self.delay_s)
                 time.sleep(PING_S)
 
@@ -180,9 +177,3 @@ class OperatorCmdVel(StampedCmdVel):
                 self.guard.lose()
         if not echoed and not rospy.is_shutdown():
             rospy.logwarn(f"the delay is unknown and has no limit: nobody publishes {self._echoes.name}")
-
-    def _tell(self) -> None:
-        reason = self.guard.reason
-        if reason and reason != self._told:
-            rospy.logwarn(reason)
-        self._told = reason

@@ -26,6 +26,22 @@ def planar(pose: Any) -> Pose:
     return Pose(at.x, at.y, yaw_of(pose.orientation))
 
 
+def transform_pose(transform: Any) -> Pose:
+    """x [m], y [m], yaw [rad] of a geometry_msgs/Transform.
+
+    Raises:
+        ValueError: the rotation is not valid.
+    """
+    at = transform.translation
+    return Pose(at.x, at.y, yaw_of(transform.rotation))
+
+
+def write_pose(pose: Pose, message: Any) -> None:
+    """Write a pose into a geometry_msgs/Pose."""
+    message.position.x, message.position.y = pose.x_m, pose.y_m
+    message.orientation.z, message.orientation.w = geometry.quaternion_of(pose.yaw_rad)
+
+
 def yaw_of(rotation: Any) -> float:
     """Yaw of a geometry_msgs/Quaternion of any length [rad].
 

@@ -19,7 +19,8 @@ def run_node(name: str, run: Callable[[], Optional[int]], argv: Optional[List[st
 
     It is what `run` returns, 0 for None; or that of the error if `run` raises one.
     """
-    log_line_by_line()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # Python writes a file, as under roslaunch, in blocks
     try:
         await_master(rosgraph.get_master_uri(), rospy.logwarn)
         rospy.init_node(name, argv=argv or sys.argv, disable_signals=True)
@@ -48,9 +49,3 @@ def _end_on_signals() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup sets it
             signal.signal(number, end)
-
-
-def log_line_by_line() -> None:
-    """Show rospy's log on stdout at once; Python writes it in blocks if stdout is a file, as under roslaunch."""
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(line_buffering=True)

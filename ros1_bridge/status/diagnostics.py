@@ -28,10 +28,14 @@ class Diagnostics:
             updater.add(
                 "Battery",
                 _task(
-                    lambda: robot_status.battery_report(driver.battery_state, driver.board.battery_v, capacity_ah)
+                    lambda: robot_status.battery_report(
+                        driver.battery_state, driver.board.battery_v, capacity_ah
+                    )
                 ),
             )
-        updater.add("Board", _task(lambda: robot_status.board_report(driver.status, driver.board.temperature_c)))
+        updater.add(
+            "Board", _task(lambda: robot_status.board_report(driver.status, driver.board.temperature_c))
+        )
         if self._parameters.imu and "imu" in driver.board.capabilities:
             updater.add("IMU", _task(lambda: robot_status.imu_report(driver.imu_state, driver.imu)))
         if HOLD in driver.board.capabilities:
@@ -41,7 +45,12 @@ class Diagnostics:
         driver, parameters = self._driver, self._parameters
         slowed = parameters.fast and driver.link.baud != FAST_BAUD
         values = link_report.values(
-            parameters.port, driver.link.baud, driver.board, driver.link.statistics, driver.link.age_s, driver.telemetry
+            parameters.port,
+            driver.link.baud,
+            driver.board,
+            driver.link.statistics,
+            driver.link.age_s,
+            driver.telemetry,
         )
         return link_report.health(driver.ready, driver.link.age_s, slowed)._replace(values=values)
 

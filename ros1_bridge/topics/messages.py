@@ -5,17 +5,18 @@ that are published with every frame.
 """
 
 import math
-from typing import List, Mapping, Sequence, Tuple
+from typing import List, Mapping, Optional, Tuple
 
 from genpy import Time
-from geometry_msgs.msg import TransformStamped, Twist
-from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
+from geometry_msgs.msg import Transform, TransformStamped, Twist
+from sensor_msgs.msg import BatteryState, Range
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import Pose, quaternion_of
 from mrl_driver.robot.models import Battery, ImuMount, SonarMount
 from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
-from ros1_bridge.node.tf_names import JOINTS, SONAR_HEIGHT_M, imu_frame, sonar_frame
+from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, imu_frame, sonar_frame
 
 
 def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
@@ -32,21 +33,17 @@ def fill_transform(message: TFMessage, stamp: Time, pose: Pose) -> None:
     rotation.z, rotation.w = quaternion_of(yaw)
 
 
-def new_mounts(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> TFMessage:
+def mounts_of(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> List[TransformStamped]:
     """Static transforms from `base_frame` to each sonar, x along its beam."""
-    message = TFMessage()
-    for name, mount in sonars.items():
-        transform = _transform(base_frame, sonar_frame(base_frame, name), *mount.pose, SONAR_HEIGHT_M)
-        transform.header.stamp = stamp
-        message.transforms.append(transform)
-    return message
+    return [
+        _transform(base_frame, sonar_frame(base_frame, name), *mount.pose, SONAR_HEIGHT_M, stamp)
+        for name, mount in sonars.items()
+    ]
 
 
-def new_imu_mount(base_frame: str, mount: ImuMount, stamp: Time) -> TFMessage:
+def imu_mount_of(base_frame: str, mount: ImuMount, stamp: Time) -> TransformStamped:
     """The static transform from `base_frame` to the IMU, whose axes are parallel: readings arrive already rotated."""
-    transform = _transform(base_frame, imu_frame(base_frame), mount.x_m, mount.y_m, z_m=mount.z_m)
-    transform.header.stamp = stamp
-    return TFMessage([transform])
+    return _transform(base_frame, imu_frame(base_frame), mount.x_m, mount.y_m, 0.0, mount.z_m, stamp)
 
 
 def new_range(base_frame: str, sonar: str) -> Range:
@@ -67,61 +64,25 @@ def fill_range(message: Range, stamp: Time, range_m: float, clear_m: float = 0.0
     message.range = clear_m if 0 < clear_m < range_m else range_m
 
 
-def new_joints(names: Sequence[str] = JOINTS) -> JointState:
-    """A message for the wheels' state; effort is not measured."""
-    return JointState(name=list(names))
+def battery_state(frame: str, stamp: Time, voltage_v: float, battery: Battery) -> BatteryState:
+    """A message for a NiMH battery; values that the board does not measure are NaN or unknown.
 
-
-def fill_joints(message: JointState, stamp: Time, angles: List[float], rates: List[float]) -> None:
-    """Write the wheels' angles [rad] and rates [rad/s]."""
-    message.header.stamp = stamp
-    message.position, message.velocity = angles, rates
-
-
-def new_temperature(base_frame: str) -> Temperature:
-    """A message for the motor board's temperature; its variance is unknown."""
-    message = Temperature(temperature=math.nan)
-    message.header.frame_id = base_frame
-    return message
-
-
-def fill_temperature(message: Temperature, stamp: Time, temperature_c: float) -> None:
-    """Write a temperature [degC]."""
-    message.header.stamp = stamp
-    message.temperature = temperature_c
-
-
-def new_battery(base_frame: str, battery: Battery) -> BatteryState:
-    """A message for a NiMH battery; values that the board does not measure are NaN or unknown."""
+    The percentage is linear between empty and full, 0 to 1.  If the voltage [V] is NaN, it is not measured: the
+    percentage is NaN as well, and the health is unknown.
+    """
     message = BatteryState(current=math.nan, charge=math.nan, capacity=math.nan, percentage=math.nan)
-    message.header.frame_id = base_frame
-    message.voltage = math.nan
-    message.design_capacity = battery.capacity_ah
+    message.header.frame_id, message.header.stamp = frame, stamp
+    message.voltage, message.design_capacity = voltage_v, battery.capacity_ah
     message.power_supply_technology = BatteryState.POWER_SUPPLY_TECHNOLOGY_NIMH
     message.power_supply_status = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
     if hasattr(message, "temperature"):  # Noetic has the field, older releases of the message do not
         message.temperature = math.nan
+    message.present = not voltage_v < battery.off_v
+    if not math.isnan(voltage_v):
+        message.percentage = min(1.0, max(0.0, battery.charge(voltage_v)))
+        dead, good = BatteryState.POWER_SUPPLY_HEALTH_DEAD, BatteryState.POWER_SUPPLY_HEALTH_GOOD
+        message.power_supply_health = dead if voltage_v < battery.empty_v else good
     return message
-
-
-def fill_battery(message: BatteryState, stamp: Time, voltage_v: float, battery: Battery) -> None:
-    """Write a voltage [V]; the percentage is linear between empty and full, 0 to 1.
-
-    If the voltage is NaN, it is not measured: the percentage is NaN as well, and the health is unknown.
-    """
-    message.header.stamp = stamp
-    message.voltage = voltage_v
-    if math.isnan(voltage_v):
-        message.present, message.percentage = True, math.nan
-        message.power_supply_health = BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN
-        return
-    message.present = voltage_v >= battery.off_v
-    share = battery.charge(voltage_v)
-    message.percentage = min(1.0, max(0.0, share))
-    dead = voltage_v < battery.empty_v
-    message.power_supply_health = (
-        BatteryState.POWER_SUPPLY_HEALTH_DEAD if dead else BatteryState.POWER_SUPPLY_HEALTH_GOOD
-    )
 
 
 def field_not_finite(message: Twist) -> str:
@@ -144,10 +105,15 @@ def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
 
 
 def _transform(
-    parent: str, child: str, x_m: float = 0.0, y_m: float = 0.0, yaw_rad: float = 0.0, z_m: float = 0.0
+    parent: str,
+    child: str,
+    x_m: float = 0.0,
+    y_m: float = 0.0,
+    yaw_rad: float = 0.0,
+    z_m: float = 0.0,
+    stamp: Optional[Time] = None,
 ) -> TransformStamped:
-    transform = TransformStamped()
-    transform.header.frame_id, transform.child_frame_id = parent, child
+    transform = TransformStamped(Header(0, stamp, parent), child, Transform())
     translation, rotation = transform.transform.translation, transform.transform.rotation
     translation.x, translation.y, translation.z = x_m, y_m, z_m
     rotation.z, rotation.w = quaternion_of(yaw_rad)

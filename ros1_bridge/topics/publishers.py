@@ -3,10 +3,11 @@
 import math
 import time
 from types import SimpleNamespace
-from typing import Any, Callable, Dict, Mapping, Type, Union
+from typing import Any, Callable, Dict, List, Mapping, Type, Union
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from genpy import Time
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, JointState, Range, Temperature
 from std_msgs.msg import Bool, Header, String
@@ -90,10 +91,8 @@ class Publishers:
             self._add_wheels(odom, base)
         self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
         self._ranges_out: Dict[str, Fast] = {}
-        self._mounts = TFMessage()
+        self._mounts: List[TransformStamped] = []
         self._mounts_out: Any = None
-        self._battery = messages.new_battery(base, model.battery)
-        self._temperature = messages.new_temperature(base)
         with_status, kinds = parameters.has("status") and model.drives, dict(LATCHED)
         if parameters.zones != "none":
             kinds.update(dict.fromkeys(FIELD_TOPICS, Bool))
@@ -109,7 +108,7 @@ class Publishers:
         self._odometry, self._odometry_out = PackedOdometry(odom, base), self._sender("odom", Odometry)
         self._transform = PackedTransform(odom, base)
         self._transform_out = self._sender("/tf", TFMessage) if self._parameters.publish_tf else None
-        self._joints = messages.new_joints(OMNI_JOINTS if omni else JOINTS)
+        self._joints = JointState(name=list(OMNI_JOINTS if omni else JOINTS))
         self._joints_out = self._sender("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
@@ -130,21 +129,21 @@ class Publishers:
         base, model = self._parameters.base_frame, self._model
         self._ranges_out = {name: self._fast(f"sonar/{name}", Range) for name in model.sonars}
         if self._parameters.publish_mounts:
-            self.mounts(messages.new_mounts(base, model.sonars, now))
+            self.mounts(*messages.mounts_of(base, model.sonars, now))
 
     def imu(self, now: Time) -> ImuTopics:
         """Advertise the IMU's topics, and publish its mount; for boards that have an IMU."""
         base, mount = self._parameters.base_frame, self._model.imu
         if self._parameters.publish_imu_mount:
-            self.mounts(messages.new_imu_mount(base, mount, now))
+            self.mounts(messages.imu_mount_of(base, mount, now))
         return ImuTopics(self._fast, imu_frame(base), mount, lambda: self._ahead_s)
 
-    def mounts(self, more: TFMessage) -> None:
+    def mounts(self, *more: TransformStamped) -> None:
         """Publish static transforms, together with those of before: a latched topic keeps only its last message."""
         if self._mounts_out is None:
             self._mounts_out = direct_publisher(self._class, "/tf_static", TFMessage, latch=True)
-        self._mounts = TFMessage([*self._mounts.transforms, *more.transforms])
-        self._mounts_out.publish(self._mounts)
+        self._mounts += more
+        self._mounts_out.publish(TFMessage(list(self._mounts)))
 
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
@@ -186,13 +185,11 @@ class Publishers:
         speeds = self._kinematics.wheel_steps(
             Planar(twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s)
         )
-        messages.fill_joints(
-            self._joints,
-            self._stamp,
-            [count * scale for count in telemetry.counts],
-            [speeds[at] * self._rad_per_m for at in self._order],
-        )
-        self._joints_out.publish(self._joints)
+        joints = self._joints
+        joints.header.stamp = self._stamp
+        joints.position = [count * scale for count in telemetry.counts]
+        joints.velocity = [speeds[at] * self._rad_per_m for at in self._order]
+        self._joints_out.publish(joints)
 
     def _publish_ranges(self, telemetry: Telemetry) -> None:
         for name in telemetry.fresh:
@@ -204,10 +201,11 @@ class Publishers:
 
     def battery(self, board: Board, now: Time) -> None:
         """Publish the battery and the motor board's temperature."""
-        messages.fill_battery(self._battery, now, board.battery_v, self._model.battery)
-        self._latched["battery"].publish(self._battery)
-        messages.fill_temperature(self._temperature, now, board.temperature_c)
-        self._latched["board_temperature"].publish(self._temperature)
+        base = self._parameters.base_frame
+        battery = messages.battery_state(base, now, board.battery_v, self._model.battery)
+        self._latched["battery"].publish(battery)
+        warm = Temperature(Header(0, now, base), board.temperature_c, 0.0)  # a variance of 0 is unknown
+        self._latched["board_temperature"].publish(warm)
 
     def status(self, status: DiagnosticStatus, values: Mapping[str, Any]) -> None:
         """Publish the robot's state; `values` are those of its topics that have changed."""

@@ -144,13 +144,8 @@ def load(path: str = FILE) -> Dict[str, SensorTopic]:
 
 def _entry(reader: yaml_file.Reader, topic: str, found: Any) -> SensorTopic:
     reader.mapping(topic, found, f"the keys {', '.join(SensorTopic._fields)}")
-    entry = SensorTopic(
-        **{
-            "sensor": topic,
-            "type": None,
-            **reader.keys(topic, found, SensorTopic._fields, SensorTopic._fields),
-        }
-    )
+    keys = reader.keys(topic, found, SensorTopic._fields, SensorTopic._fields)
+    entry = SensorTopic(**{"sensor": topic, "type": None, **keys})
     number = yaml_file.is_number
     for key, good, expected in (
         ("sensor", entry.sensor in SENSOR_BY_NAME, ", ".join(SENSOR_BY_NAME)),

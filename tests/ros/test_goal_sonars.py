@@ -15,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot.models import SonarMount
 from ros1_bridge.navigation.go_to_goal_node import SILENT_S, Ranges
-from ros1_bridge.topics.messages import new_mounts
+from ros1_bridge.topics.messages import mounts_of
 from tests.waiting import wait_until
 
 PERIOD_S = 0.05
@@ -95,7 +95,7 @@ class Robot:
 def robot(rig):
     mounts = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
     places = {"front": SonarMount(0.1, 0.0, 0.0), "back": SonarMount(-0.1, 0.0, 180.0)}
-    mounts.publish(new_mounts(f"{rig.name}/base_link", places, rospy.Time.now()))
+    mounts.publish(TFMessage(mounts_of(f"{rig.name}/base_link", places, rospy.Time.now())))
     robots = []
 
     def make(frame="sonar_front", range_m=math.inf, patience_s=3):

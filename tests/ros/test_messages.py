@@ -28,8 +28,7 @@ def test_transform_equals_the_pose():
 
 
 def test_mount_turns_x_along_the_beam():
-    mounts = messages.new_mounts("base_link", {"left": SonarMount(0.08, 0.06, 45.0)}, STAMP)
-    transform = mounts.transforms[0]
+    (transform,) = messages.mounts_of("base_link", {"left": SonarMount(0.08, 0.06, 45.0)}, STAMP)
     assert transform.child_frame_id == "sonar_left"
     assert (transform.transform.translation.x, transform.transform.translation.y) == (0.08, 0.06)
     assert yaw_of(transform.transform.rotation) == pytest.approx(math.radians(45))
@@ -62,15 +61,13 @@ def test_range_follows_rep_117_unless_it_is_cut(range_m, clear_m, shown, most):
     "volts, percentage", [(13.8, 1.0), (15.0, 1.0), (8.5, 0.0), (8.0, 0.0), (11.15, 0.5)]
 )
 def test_charge_is_between_empty_and_full(volts, percentage):
-    message = messages.new_battery("base_link", BATTERY)
-    messages.fill_battery(message, STAMP, volts, BATTERY)
+    message = messages.battery_state("base_link", STAMP, volts, BATTERY)
     assert message.voltage == volts
     assert message.percentage == pytest.approx(percentage)
 
 
 def test_what_the_board_does_not_measure_is_nan():
-    message = messages.new_battery("base_link", BATTERY)
-    messages.fill_battery(message, STAMP, math.nan, BATTERY)
+    message = messages.battery_state("base_link", STAMP, math.nan, BATTERY)
     assert math.isnan(message.voltage) and math.isnan(message.percentage)
     assert message.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN
     assert all(math.isnan(value) for value in (message.current, message.charge, message.capacity))

@@ -20,7 +20,7 @@ from tf2_msgs.msg import TFMessage
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount, load
 from mrl_driver.safety.free_distance import Scan
-from ros1_bridge.topics.messages import new_mounts
+from ros1_bridge.topics.messages import mounts_of
 from ros1_bridge.world.mirror_node import Place, arc_of
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.world.shared_robots import SharedRegistry
@@ -118,7 +118,7 @@ def driver(module_rig, lab):
     mirror(module_rig, lab.name)
     made = Driver(module_rig)
     mounts = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
-    mounts.publish(new_mounts(made.base, MODEL.sonars, rospy.Time.now()))
+    mounts.publish(TFMessage(mounts_of(made.base, MODEL.sonars, rospy.Time.now())))
     made.begin()
     try:
         for name in MODEL.sonars:

@@ -131,6 +131,4 @@ def test_range_that_is_not_new_is_not_published_again():
 
 @pytest.mark.parametrize("volts, present", [(0.0, False), (0.99, False), (1.0, True), (12.0, True)])
 def test_battery_is_present_when_motor_power_is_on(volts, present):
-    message = messages.new_battery("base_link", MODEL.battery)
-    messages.fill_battery(message, STAMP, volts, MODEL.battery)
-    assert message.present is present
+    assert messages.battery_state("base_link", STAMP, volts, MODEL.battery).present is present

@@ -13,7 +13,8 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.protocol.stop_reason import StopReason
 from ros1_bridge.node.robot_parameters import check
-from ros1_bridge.robot.robot_node import WARN_EVERY_S, driver_options
+from ros1_bridge.robot.command_topics import WARN_EVERY_S
+from ros1_bridge.robot.robot_node import driver_options
 from tests.waiting import require_median, wait_until
 
 from .rig import START_S, values_of
