@@ -12,6 +12,14 @@ from setuptools.command.sdist import sdist
 
 _HERE = pathlib.Path(os.path.dirname(os.path.abspath(__file__)))
 _VERSION = xml.etree.ElementTree.parse(str(_HERE / "package.xml")).findtext("version")
+_EXTRAS = {
+    "mutants": ["mutmut>=3.8,<4; python_version >= '3.10'"],
+    "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.7", "mkdocstrings[python]>=1"],
+    "test": ["pytest>=7"],
+    "plot": ["matplotlib>=3.5"],
+    "web": ["aiohttp>=3.8", "cryptography>=2.8", "segno>=1.5"],
+    "export": ["mcap>=1.6", "mcap-ros1-support>=0.9", "rosbags>=0.9.23"],
+}
 _IMAGES = os.path.join("mrl_driver", "images")
 
 
@@ -92,13 +100,7 @@ setup(
         "sim_arduino.avr": ["*.c", "*.h"],
         "ros1_bridge.topics": ["*.yaml"],
     },
-    install_requires=[
-        "pyserial>=3.5",
-        "numpy>=1.17.3",
-        "PyYAML>=5.4",
-        "click>=8.1.4",
-        "rich>=12.0",
-    ],
+    install_requires=["pyserial>=3.5", "numpy>=1.17.3", "PyYAML>=5.4", "click>=8.1.4", "rich>=12.0"],
     extras_require={
         "dev": [
             "setuptools",
@@ -113,23 +115,12 @@ setup(
             "ruff==0.17.6",
             "import-linter>=2; python_version >= '3.9'",
             "mypy>=1.8",
-            "matplotlib>=3.5",
-            "aiohttp>=3.8",
-            "cryptography>=2.8",
-            "segno>=1.5",
-            "mcap>=1.6",
-            "mcap-ros1-support>=0.9",
-            "rosbags>=0.9.23",
+            *(package for extra in ("plot", "web", "export") for package in _EXTRAS[extra]),
             "codespell[toml]==2.3.0",
             "types-PyYAML",
             "types-pyserial",
         ],
-        "mutants": ["mutmut>=3.8,<4; python_version >= '3.10'"],
-        "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.7", "mkdocstrings[python]>=1"],
-        "test": ["pytest>=7"],
-        "plot": ["matplotlib>=3.5"],
-        "web": ["aiohttp>=3.8", "cryptography>=2.8", "segno>=1.5"],
-        "export": ["mcap>=1.6", "mcap-ros1-support>=0.9", "rosbags>=0.9.23"],
+        **_EXTRAS,
     },
     entry_points={
         "console_scripts": ["mrl=mrl_driver.__main__:main", "mrl-sim=sim_arduino.__main__:main"],

@@ -79,6 +79,11 @@ class MrlError(Exception):
     code = ""
     """Code of the row in `problems`; empty if the message says all there is to say."""
 
+    def __init_subclass__(cls, exit_code: int = 0, code: str = "") -> None:
+        """Take the codes of a class; one that is not given is that of its base."""
+        super().__init_subclass__()
+        cls.exit_code, cls.code = exit_code or cls.exit_code, code or cls.code
+
     @property
     def line(self) -> str:
         """The message with its code, as programs print it."""
@@ -88,122 +93,73 @@ class MrlError(Exception):
         return one_line(super().__str__())
 
 
-class ConfigError(MrlError, ValueError):
+class ConfigError(MrlError, ValueError, exit_code=2):
     """A parameter, option or YAML value is missing, misspelt or out of range."""
 
-    exit_code = 2
 
-
-class LinkError(MrlError):
+class LinkError(MrlError, exit_code=3, code="link_error"):
     """The serial port cannot be used."""
 
-    exit_code = 3
-    code = "link_error"
 
-
-class PortMissing(LinkError):
+class PortMissing(LinkError, code="port_missing"):
     """The port does not exist, or is not a serial port."""
 
-    code = "port_missing"
 
-
-class PortDenied(LinkError):
+class PortDenied(LinkError, exit_code=4, code="port_denied"):
     """The user may not open the port."""
 
-    exit_code = 4
-    code = "port_denied"
 
-
-class PortBusy(LinkError):
+class PortBusy(LinkError, exit_code=5, code="port_busy"):
     """Another program has the port open."""
 
-    exit_code = 5
-    code = "port_busy"
 
-
-class LinkLost(LinkError):
+class LinkLost(LinkError, exit_code=6, code="link_lost"):
     """The port was open and went away."""
 
-    exit_code = 6
-    code = "link_lost"
 
-
-class BoardError(MrlError):
+class BoardError(MrlError, exit_code=7, code="board_error"):
     """The expected board does not answer, or cannot be used."""
 
-    exit_code = 7
-    code = "board_error"
 
-
-class NotARobot(BoardError, TimeoutError):
+class NotARobot(BoardError, TimeoutError, code="not_a_robot"):
     """Nothing on the port speaks the frame protocol."""
 
-    code = "not_a_robot"
 
-
-class WrongRobot(BoardError):
+class WrongRobot(BoardError, exit_code=8, code="wrong_robot"):
     """A robot answers, but not the configured one."""
 
-    exit_code = 8
-    code = "wrong_robot"
 
-
-class BatteryDead(BoardError):
+class BatteryDead(BoardError, exit_code=9, code="battery_dead"):
     """The motors have no power, or the battery is too low to start."""
 
-    exit_code = 9
-    code = "battery_dead"
 
-
-class BoardTimeout(BoardError, TimeoutError):
+class BoardTimeout(BoardError, TimeoutError, exit_code=10, code="board_timeout"):
     """A known board did not answer in time."""
 
-    exit_code = 10
-    code = "board_timeout"
 
-
-class HostBusy(BoardTimeout):
+class HostBusy(BoardTimeout, code="late_host"):
     """The robot was not driven or answered in time because this computer was too busy."""
 
-    code = "late_host"
 
-
-class BoardRefused(BoardError):
+class BoardRefused(BoardError, exit_code=11, code="board_refused"):
     """The board refused a request."""
 
-    exit_code = 11
-    code = "board_refused"
 
-
-class WheelFault(BoardError):
+class WheelFault(BoardError, exit_code=14, code="wheel_fault"):
     """A wheel does not follow its command, because of its encoder, wiring, power, or an obstacle."""
 
-    exit_code = 14
-    code = "wheel_fault"
 
-
-class FrameError(MrlError, ValueError):
+class FrameError(MrlError, ValueError, exit_code=12):
     """The command table does not allow the frame that this program wanted to send."""
 
-    exit_code = 12
 
-
-class SimulatorError(MrlError):
+class SimulatorError(MrlError, exit_code=13, code="simulator_error"):
     """The emulator cannot be built or started."""
 
-    exit_code = 13
-    code = "simulator_error"
 
-
-class OutputError(MrlError):
+class OutputError(MrlError, exit_code=15, code="output_error"):
     """Output cannot be printed or written to a file."""
 
-    exit_code = 15
-    code = "output_error"
 
-
-class GoalMissed(MrlError):
+class GoalMissed(MrlError, exit_code=16, code="goal_missed"):
     """The robot gave up its goal: it was blocked, or the time was over."""
-
-    exit_code = 16
-    code = "goal_missed"

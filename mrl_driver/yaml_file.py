@@ -212,6 +212,12 @@ class Reader:
             raise self.fail(key, value, expected)
         return value
 
+    def word(self, key: str, value: Any, words: Container[str], expected: str) -> str:
+        """Check for one of these words."""
+        if not isinstance(value, str) or value not in words:
+            raise self.fail(key, value, expected)
+        return value
+
 
 def _spelling(value: Any) -> str:
     """Return how YAML takes a text such as `0,15` or `1e-1` as a number; empty if it is not meant as one."""

@@ -30,68 +30,53 @@ class Form:
         raise NotImplementedError
 
 
-class Number(Form):
+class _Value(Form):
+    """A value that a method of `Reader` checks, with its further arguments."""
+
+    def __init__(self, schema: Schema, check: Callable[..., Any], *arguments: Any) -> None:
+        self._schema, self._check, self._arguments = schema, check, arguments
+
+    def read(self, reader: Reader, key: str, value: Any) -> Any:
+        return self._check(reader, key, value, *self._arguments)
+
+    def schema(self) -> Schema:
+        return self._schema
+
+
+class Number(_Value):
     """A number between two others, both included.  Only `read` refuses NaN."""
 
     def __init__(self, low: float, high: float) -> None:
+        super().__init__({"type": "number", "minimum": low, "maximum": high}, Reader.number, low, high)
         self.low, self.high = low, high
 
-    def read(self, reader: Reader, key: str, value: Any) -> float:
-        return reader.number(key, value, self.low, self.high)
 
-    def schema(self) -> Schema:
-        return {"type": "number", "minimum": self.low, "maximum": self.high}
-
-
-class Whole(Form):
+class Whole(_Value):
     """A whole number between two others, both included.  Only `read` refuses a spelling with a point, such as 5.0."""
 
     def __init__(self, low: int, high: int) -> None:
-        self.low, self.high = low, high
-
-    def read(self, reader: Reader, key: str, value: Any) -> int:
-        return reader.whole(key, value, self.low, self.high)
-
-    def schema(self) -> Schema:
-        return {"type": "integer", "minimum": self.low, "maximum": self.high}
+        super().__init__({"type": "integer", "minimum": low, "maximum": high}, Reader.whole, low, high)
 
 
-class Flag(Form):
+class Flag(_Value):
     """True or false."""
 
-    def read(self, reader: Reader, key: str, value: Any) -> bool:
-        return reader.flag(key, value)
-
-    def schema(self) -> Schema:
-        return {"type": "boolean"}
+    def __init__(self) -> None:
+        super().__init__({"type": "boolean"}, Reader.flag)
 
 
-class Text(Form):
+class Text(_Value):
     """A text that is not empty."""
 
     def __init__(self, expected: str = "a name") -> None:
-        self._expected = expected
-
-    def read(self, reader: Reader, key: str, value: Any) -> str:
-        return reader.text(key, value, self._expected)
-
-    def schema(self) -> Schema:
-        return {"type": "string", "minLength": 1}
+        super().__init__({"type": "string", "minLength": 1}, Reader.text, expected)
 
 
-class Choice(Form):
+class Choice(_Value):
     """One of these words; `expected` describes them in the error."""
 
     def __init__(self, words: Tuple[str, ...], expected: str = "") -> None:
-        self._words, self._expected = words, expected or " or ".join(words)
-
-    def read(self, reader: Reader, key: str, value: Any) -> str:
-        if not isinstance(value, str) or value not in self._words:
-            raise reader.fail(key, value, self._expected)
-        return value
-
-    def schema(self) -> Schema:
-        return {"enum": list(self._words)}
+        super().__init__({"enum": list(words)}, Reader.word, words, expected or " or ".join(words))
 
 
 class Numbers(Form):

@@ -23,26 +23,23 @@ TERMINATED = 143
 _GROUP_ALONE: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
 """Error of click 8.2 and later for a group without a sub-command; older versions print the help themselves."""
 
-OWN: Dict[str, str] = {
-    "completion": "mrl_driver.cli.commands.completion:completion",
-    "config": "mrl_driver.cli.commands.config:config",
-    "doctor": "mrl_driver.cli.commands.doctor:doctor",
-    "drive": "mrl_driver.cli.commands.drive:drive",
-    "explain": "mrl_driver.cli.commands.explain:explain",
-    "flash": "mrl_driver.cli.commands.flash:flash",
-    "goto": "mrl_driver.cli.commands.goto:goto",
-    "info": "mrl_driver.cli.commands.info:info",
-    "monitor": "mrl_driver.cli.commands.monitor:monitor",
-    "names": "mrl_driver.cli.commands.names:names",
-    "new": "mrl_driver.cli.commands.new:new",
-    "ports": "mrl_driver.cli.commands.ports:ports",
-    "radio": "mrl_driver.cli.commands.radio:radio",
-    "record": "mrl_driver.cli.commands.monitor:record",
-    "serve": "mrl_driver.cli.commands.serve:serve",
-    "set-id": "mrl_driver.cli.commands.set_id:set_id",
-    "system": "mrl_driver.cli.commands.system:system",
-}
-"""Name of each sub-command of this folder, with its module and function."""
+OWN = (
+    *(
+        "completion",
+        "config",
+        "doctor",
+        "drive",
+        "explain",
+        "flash",
+        "goto",
+        "info",
+        "monitor",
+        "names",
+        "new",
+    ),
+    *("ports", "radio", "record", "serve", "set-id", "system"),
+)
+"""The sub-commands of this folder: each is a function in a module of its name; `record` is in `monitor`."""
 
 
 class Commands(click.Group):
@@ -55,8 +52,9 @@ class Commands(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> Optional[click.Command]:
         """Import and return the sub-command with this name."""
         if cmd_name in OWN:
-            module, _, name = OWN[cmd_name].partition(":")
-            own: click.Command = getattr(importlib.import_module(module), name)
+            name = cmd_name.replace("-", "_")
+            module = "monitor" if name == "record" else name
+            own: click.Command = getattr(importlib.import_module(f"mrl_driver.cli.commands.{module}"), name)
             return own
         point = registered("mrl.commands").get(cmd_name)
         return point.load() if point else None

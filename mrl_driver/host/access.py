@@ -169,13 +169,8 @@ def own_names() -> List[str]:
 
 def own_addresses() -> List[str]:
     """Return this computer's numeric addresses that others can reach, IPv4 first; without link-local ones."""
-    found = [*_ipv4(), *_ipv6()]
-    kept = [
-        address
-        for address in map(ipaddress.ip_address, found)
-        if not address.is_loopback | address.is_link_local
-    ]
-    return [str(address) for address in dict.fromkeys(kept)]
+    found = dict.fromkeys(map(ipaddress.ip_address, (*_ipv4(), *_ipv6())))
+    return [str(address) for address in found if not address.is_loopback | address.is_link_local]
 
 
 def reachable(host: str) -> List[str]:

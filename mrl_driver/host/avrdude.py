@@ -5,17 +5,8 @@ import re
 import subprocess
 from typing import Callable, List, Optional, Sequence, Tuple, Type
 
-from mrl_driver.errors import (
-    BoardRefused,
-    BoardTimeout,
-    ConfigError,
-    LinkLost,
-    MrlError,
-    NotARobot,
-    PortBusy,
-    PortDenied,
-    PortMissing,
-)
+from mrl_driver import errors
+from mrl_driver.errors import ConfigError, MrlError, NotARobot
 from mrl_driver.transport.link import denied
 
 BAUDS = (115200, 57600)
@@ -34,30 +25,26 @@ _ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
 
 
 _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
-    (
-        "permission denied",
-        PortDenied,
-        "{denied}",
-    ),
+    ("permission denied", errors.PortDenied, "{denied}"),
     (
         "resource busy|locked",
-        PortBusy,
+        errors.PortBusy,
         "{port} is in use by another program; close that program, then try again",
     ),
-    ("no such file|cannot set attributes|is a directory", PortMissing, "{port} is not a serial port"),
+    ("no such file|cannot set attributes|is a directory", errors.PortMissing, "{port} is not a serial port"),
     (
         "expected signature|invalid device signature",
-        BoardRefused,
+        errors.BoardRefused,
         "the chip at {port} is not an ATmega328P, expected an Arduino Uno or Nano; nothing was written",
     ),
     (
         "verif.*(error|mismatch)|content mismatch|first mismatch",
-        BoardRefused,
+        errors.BoardRefused,
         "the data read back from {port} differ from the image; try again with a shorter USB cable",
     ),
     (
         "input/output error|no such device",
-        LinkLost,
+        errors.LinkLost,
         "{port} went away during the upload; check the cable, then try again",
     ),
     (
@@ -68,7 +55,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     ),
     (
         "timeout|timed out",
-        BoardTimeout,
+        errors.BoardTimeout,
         "{port} stopped answering during the upload; press reset and try again",
     ),
     ("file format|invalid record|checksum", ConfigError, "{image} is damaged, expected Intel HEX"),
@@ -78,20 +65,8 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
 
 def command(port: str, image: str, baud: int = BAUDS[0]) -> List[str]:
     """Return the command line of the upload; avrdude itself reads back and compares."""
-    return [
-        PROGRAM,
-        "-p",
-        "m328p",
-        "-c",
-        "arduino",
-        "-b",
-        str(baud),
-        "-P",
-        port,
-        "-D",
-        "-U",
-        f"flash:w:{image}:i",
-    ]
+    board = f"-p m328p -c arduino -b {baud} -P".split()
+    return [PROGRAM, *board, port, "-D", "-U", f"flash:w:{image}:i"]
 
 
 def upload(
@@ -124,18 +99,10 @@ def upload(
 
 
 def _run(words: List[str], advance: Callable[[float], None], attempts: int) -> Optional[str]:
-    """Run avrdude, with at most this many attempts to reach the bootloader; return its output if it failed, or None.
-
-    Raises:
-        ConfigError: avrdude is not installed.
-    """
+    """Run avrdude, with at most this many attempts to reach the bootloader; return its output if it failed, or None."""
+    null = subprocess.DEVNULL
     try:
-        process = subprocess.Popen(
-            words,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-        )
+        process = subprocess.Popen(words, stdin=null, stdout=null, stderr=subprocess.PIPE)
     except FileNotFoundError:
         raise ConfigError("avrdude is not installed; install it with: sudo apt install avrdude") from None
     try:

@@ -139,11 +139,7 @@ def _alternative(x509: Any, name: str) -> Any:
 
 
 def _cryptography() -> Tuple[Any, Any, Any, Any, Any]:
-    """Return the modules of the library: `x509`, `ec`, `hashes`, `serialization`, and its backend.
-
-    Raises:
-        ConfigError: it is not installed.
-    """
+    """Return the modules of the library: `x509`, `ec`, `hashes`, `serialization`, and its backend."""
     try:
         from cryptography import x509
         from cryptography.hazmat.backends import default_backend

@@ -29,15 +29,11 @@ def image_path(build: str = "sonar") -> str:
         path = os.path.join(folder, f"{BUILDS[build]}.hex")
         if os.path.isfile(path):
             return path
-    raise ConfigError(f"image {BUILDS[build]}.hex is missing; {_remedy()}")
-
-
-def _remedy() -> str:
-    """Return how to get the images: with make in a checkout; otherwise by installing a package that has them."""
-    checkout = os.path.dirname(_PACKAGE)
-    if os.path.isfile(os.path.join(checkout, "Makefile")):
-        return f"build it with: make -C {checkout} firmware"
-    return (
+    remedy = (
         "mrl-driver was installed without images: run make firmware in its source folder, then pip install . "
         "again; or give a .hex file"
     )
+    checkout = os.path.dirname(_PACKAGE)
+    if os.path.isfile(os.path.join(checkout, "Makefile")):
+        remedy = f"build it with: make -C {checkout} firmware"
+    raise ConfigError(f"image {BUILDS[build]}.hex is missing; {remedy}")

@@ -21,6 +21,7 @@ from mrl_driver.robot import models
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
 _KEYS = ("port", "model", "baud", "id")
+_TEXTS = {"port": "a serial port such as /dev/ttyACM0", "model": "auto, a model or a .yaml file"}
 _HEADER = "# Robots by name; written by: mrl names add\n"
 
 
@@ -79,18 +80,14 @@ def require_name(name: Any, where: str = "") -> str:
 def _entry(file_name: str, name: str, data: Any) -> Target:
     reader = yaml_file.Reader(file_name)
     reader.mapping(name, data, "a mapping with port, and optionally model, baud and id")
-    found = {"model": "auto", "baud": BAUD, "id": None, **reader.keys(name, data, _KEYS, _KEYS[1:])}
-    for key, expected in (
-        ("port", "a serial port such as /dev/ttyACM0"),
-        ("model", "auto, a model or a .yaml file"),
-    ):
-        value = reader.text(f"{name}.{key}", found[key], expected)
-        if not value.strip() or "\0" in value:
-            raise reader.fail(f"{name}.{key}", value, expected)
+    found = {**Target("")._asdict(), **reader.keys(name, data, _KEYS, _KEYS[1:]), "name": name}
+    for key, expected in _TEXTS.items():
+        if not reader.text(f"{name}.{key}", found[key], expected).strip() or "\0" in found[key]:
+            raise reader.fail(f"{name}.{key}", found[key], expected)
     if found["id"] is not None:
         reader.whole(f"{name}.id", found["id"], 1, INT16_MAX)
-    baud = require_baud(found["baud"], f"{file_name}: {name}.")
-    return Target(found["port"], found["model"], baud, name, found["id"])
+    require_baud(found["baud"], f"{file_name}: {name}.")
+    return Target(**found)
 
 
 def require_baud(value: Any, where: str = "") -> int:

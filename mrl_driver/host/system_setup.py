@@ -4,12 +4,13 @@ Only `install`, `remove` and `run` change the system; the root of the file syste
 begin with `MARK` are not changed.
 """
 
+import contextlib
 import os
 import pwd
 import shutil
 import subprocess
 import sys
-from typing import Dict, List
+from typing import Dict, Iterator, List
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.transport.usb_ids import KINDS
@@ -128,7 +129,10 @@ def install(user: str, root: str = "/") -> List[str]:
     for path in paths:
         _require_ours(path)
     for path, text in paths.items():
-        _write(path, text)
+        with _changing(path):
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "w", encoding="utf-8") as file:
+                file.write(text)
     done = [f"wrote {path}" for path in paths]
     return done + run(commands(user, True)) if is_machine(root) else done
 
@@ -144,10 +148,8 @@ def remove(root: str = "/") -> List[str]:
     for path in there:
         _require_ours(path)
     for path in there:
-        try:
+        with _changing(path):
             os.unlink(path)
-        except OSError as error:
-            raise _denied(path, error) from None
     if not there:
         return ["nothing was installed"]
     done = [f"removed {path}" for path in there]
@@ -155,31 +157,24 @@ def remove(root: str = "/") -> List[str]:
 
 
 def _require_ours(path: str) -> None:
-    try:
-        with open(path, encoding="utf-8", errors="replace") as file:
-            first = file.readline().rstrip("\n")
-    except FileNotFoundError:
+    if not os.path.exists(path):
         return
-    except OSError as error:
-        raise _denied(path, error) from None
+    with _changing(path), open(path, encoding="utf-8", errors="replace") as file:
+        first = file.readline().rstrip("\n")
     if first != MARK:
         raise ConfigError(
             f"{path} was not written by mrl: it begins with {first[:40]!r}; move it away, then try again"
         )
 
 
-def _write(path: str, text: str) -> None:
+@contextlib.contextmanager
+def _changing(path: str) -> Iterator[None]:
+    """In this block, an error of the system is one of the file that is read or changed."""
     try:
-        os.makedirs(os.path.dirname(path), exist_ok=True)
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(text)
+        yield
     except OSError as error:
-        raise _denied(path, error) from None
-
-
-def _denied(path: str, error: OSError) -> ConfigError:
-    hint = "; run as root: sudo " + " ".join(sys.argv) if isinstance(error, PermissionError) else ""
-    return ConfigError(f"{path} cannot be changed: {error.strerror}{hint}")
+        hint = "; run as root: sudo " + " ".join(sys.argv) if isinstance(error, PermissionError) else ""
+        raise ConfigError(f"{path} cannot be changed: {error.strerror}{hint}") from None
 
 
 def require_user(user: str, root: str = "/") -> None:

@@ -4,21 +4,9 @@ Summaries and calibrations read recordings through this module: faster than `dri
 listeners of the driver get.  Memory does not grow with the file.
 """
 
-import json
 import math
 from collections import deque
-from typing import (
-    Any,
-    Deque,
-    Dict,
-    FrozenSet,
-    Iterable,
-    Iterator,
-    List,
-    NamedTuple,
-    Optional,
-    Tuple,
-)
+from typing import Deque, Dict, FrozenSet, Iterable, Iterator, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Event, Frame, FrameDecoder
@@ -43,7 +31,6 @@ from .recording import (
     FROM_BOARD,
     MODEL,
     OPENED,
-    PHONE,
     PLAIN,
     POSE,
     REMARK,
@@ -163,18 +150,6 @@ def _is_frame(data: bytes, checked: bool) -> bool:
     return any(isinstance(event, Frame) for event in FrameDecoder(REPLIES, checked).feed(data))
 
 
-def phone_readings(recording: Recording) -> Iterator[Tuple[float, Dict[str, Any]]]:
-    """Yield time [s] and content of each reading of a phone's sensors; what is not a JSON object is skipped."""
-    for time_s, direction, data in recording:
-        if direction == REMARK and data.startswith(PHONE):
-            try:
-                found = json.loads(data[len(PHONE) :])
-            except (ValueError, RecursionError):
-                continue
-            if isinstance(found, dict):
-                yield time_s, found
-
-
 def sensors_in(frame: Frame, time_s: float) -> Dict[str, Reading]:
     """Return the readings of sensors in a reply, by name; empty if it has none."""
     if frame.code == _SENSING:
@@ -209,18 +184,13 @@ class RecordedRobot:
         """The state of the board's IMU, one of `robot.imu.STATES`."""
         return imu.state_of(self._tracker, self.capabilities)
 
-    def _begin_again(self) -> None:
-        """Use the next reading only as a new baseline."""
-        self._stream.begin_anew()
-        if self.odometry is not None:
-            self.odometry.reset()
-        if self._tracker is not None:
-            self._tracker.reset()
-
     def take_remark(self, data: bytes) -> None:
         """Handle a remark: other rules or another port, model (used if there is none yet), pose, session joined."""
-        if data in (CHECKED, PLAIN) or data.startswith(OPENED):
-            self._begin_again()
+        if data in (CHECKED, PLAIN) or data.startswith(OPENED):  # the next reading is only a new baseline
+            self._stream.begin_anew()
+            for each in (self.odometry, self._tracker):
+                if each is not None:
+                    each.reset()
         if data.startswith(MODEL):
             self.model = self.model or model_of(data[len(MODEL) :].decode("utf-8", "replace"))
         if data.startswith(_JOINED):

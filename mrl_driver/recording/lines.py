@@ -1,17 +1,26 @@
-"""The lines of a recording, read one by one."""
+"""The lines of a recording, read one by one.  Memory does not grow with the file."""
 
 import codecs
 import re
 from collections import deque
-from typing import BinaryIO, Callable, Deque, Iterator, Optional, Tuple
+from typing import BinaryIO, Callable, Deque, Iterator, NamedTuple, Optional, Tuple
 
-from .entry import LONGEST_LINE, Entry
-
+TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
+LONGEST_LINE = 1 << 20
 AHEAD = 7
 """A line is later than most of this many lines behind it: its time is damaged, not theirs."""
 _MOST_WAITING = 1000
 """A line waits for at most this many behind it: they may all be damaged."""
 _ESCAPE = re.compile(rb"""\\(?:[\\'"abfnrtv]|[0-3][0-7]{2}|[0-7]{1,2}(?![0-7])|x[0-9a-fA-F]{2})""")
+
+
+class Entry(NamedTuple):
+    """One line: time [s since the start], direction (`>`, `<` or `!`), and the bytes."""
+
+    time_s: float
+    direction: str
+    data: bytes
+
 
 Skip = Callable[[int, str], None]
 _Line = Tuple[int, Optional[Entry], str]
@@ -21,8 +30,7 @@ _Line = Tuple[int, Optional[Entry], str]
 def read_lines(file: BinaryIO, skip: Skip, line: int = 1) -> Iterator[Entry]:
     """Yield the entries of all lines behind the line of this number, where `file` stands.
 
-    `skip` is called in order with the number of each line that cannot be read and the reason.  Memory does not grow
-    with the file.
+    `skip` is called in order with the number of each line that cannot be read and the reason.
     """
     order, waiting = _Order(skip), deque()  # type: Tuple[_Order, Deque[_Line]]
     times: Deque[float] = order.behind

@@ -40,12 +40,8 @@ class Joined(NamedTuple):
 
 def model_text(model: RobotModel) -> str:
     """Return the model as JSON, with the keys of its YAML file."""
-    return exact_json(_document(model))
-
-
-def _document(model: RobotModel) -> Dict[str, Any]:
     if not model.drives:
-        return {"name": model.name, "ids": model.ids, "drive": NONE, "build": models.ENVIRONMENT}
+        return exact_json({"name": model.name, "ids": model.ids, "drive": NONE, "build": models.ENVIRONMENT})
     document: Dict[str, Any] = model._asdict()
     kind = DIFFERENTIAL if isinstance(model.drive, Drive) else kind_of(model.drive)
     document["drive"] = {"kind": kind, **model.drive._asdict()}
@@ -54,7 +50,7 @@ def _document(model: RobotModel) -> Dict[str, Any]:
         document[name] = document[name]._asdict()
     if not model.build:
         del document["build"]
-    return document
+    return exact_json(document)
 
 
 def model_of(text: str) -> Optional[RobotModel]:

@@ -13,23 +13,9 @@ from mrl_driver.session.session import Session
 from mrl_driver.transport.link import Link
 from mrl_driver.transport.open_link import open_link
 
+from . import recording
 from .recorded_facts import model_text, session_text
-from .recording import (
-    CHECKED,
-    CLOCK,
-    FROM_BOARD,
-    LOST,
-    MODEL,
-    OPENED,
-    PLAIN,
-    POSE,
-    REMARK,
-    SESSION,
-    STOP,
-    TO_BOARD,
-    Recorder,
-    now_s,
-)
+from .recording import FROM_BOARD, REMARK, TO_BOARD, Recorder, now_s
 
 Tap = Callable[[str, bytes], None]
 """Called with each chunk of bytes: its direction (`>` to the board, `<` from it), and the bytes."""
@@ -153,7 +139,7 @@ class DriverRecording:
             stamp_s = state.telemetry.stamp_s if state.telemetry is not None else session.heard_s
             bias = state.tracker.heading.known_bias if state.tracker is not None else None
             text = session_text(session, state.info, stamp_s, bias)
-            self.remark(SESSION + b"joined " + text.encode(), self._turn_s)
+            self.remark(recording.SESSION + b"joined " + text.encode(), self._turn_s)
         else:
             self.again(self._turn_s, same=False)
         if odometry is not None:
@@ -164,7 +150,7 @@ class DriverRecording:
     def _begin(self, port: str) -> None:
         self.due, self._checked, self._model, self._written = False, None, None, self.recorder
         self._serving = False
-        self.remark(OPENED + port.encode("utf-8", "replace"))
+        self.remark(recording.OPENED + port.encode("utf-8", "replace"))
 
     def _tapped(self, link: Link) -> Link:
         return link if self.idle else RecordedLink(link, self._add)
@@ -191,12 +177,12 @@ class DriverRecording:
     def new(self, now: float) -> None:
         """The driver begins to greet a board."""
         self._serving, self._turn_s = True, now
-        self.remark(SESSION + b"new", now)
+        self.remark(recording.SESSION + b"new", now)
 
     def again(self, now: Optional[float], same: bool) -> None:
         """The driver begins to greet a board again, on another link; `same` as for `Session.relink`."""
         self._serving = True
-        self.remark(SESSION + (b"again same" if same else b"again other"), now)
+        self.remark(recording.SESSION + (b"again same" if same else b"again other"), now)
 
     def heard(self, data: bytes, now: float) -> None:
         """The driver takes these bytes; call it before its turn."""
@@ -214,27 +200,29 @@ class DriverRecording:
         """Record what has changed: checksums, the model, the command in force."""
         if session.checked != self._checked:
             self._checked = session.checked
-            self.remark(CHECKED if session.checked else PLAIN, self._turn_s)
+            self.remark(recording.CHECKED if session.checked else recording.PLAIN, self._turn_s)
         if state.model is not None and self._model is None:
             self._model = state.model
-            self.remark(MODEL + model_text(state.model).encode(), self._turn_s)
+            self.remark(recording.MODEL + model_text(state.model).encode(), self._turn_s)
         found = [" " + exact_json(event._asdict()) for event in events if isinstance(event, Mismatch)]
         if session.motion.stops != self._stops or found:
             self._stops = session.motion.stops
             text = session.motion.stop_reason + "".join(found[:1])
-            self.remark(STOP + text.encode(), self._turn_s)
+            self.remark(recording.STOP + text.encode(), self._turn_s)
 
     def pose(self, pose: Pose, spread: Spread) -> None:
         """The odometry continues from this pose, after the bytes of the last turn."""
-        self.remark(POSE + " ".join(repr(float(each)) for each in (*pose, *spread)).encode(), self._turn_s)
+        self.remark(
+            recording.POSE + " ".join(repr(float(each)) for each in (*pose, *spread)).encode(), self._turn_s
+        )
 
     def clock(self, ahead_s: float) -> None:
         """The wall clock is ahead of the driver's by this time [s], from the bytes of the last turn on."""
-        self.remark(CLOCK + repr(float(ahead_s)).encode(), self._turn_s)
+        self.remark(recording.CLOCK + repr(float(ahead_s)).encode(), self._turn_s)
 
     def lost(self, event: Lost, reported: bool, now: float) -> None:
         """The port is lost; `reported` says that listeners get the event."""
-        self.remark(LOST + exact_json({**event._asdict(), "reported": reported}).encode(), now)
+        self.remark(recording.LOST + exact_json({**event._asdict(), "reported": reported}).encode(), now)
 
     def remark(self, data: bytes, now: Optional[float] = None) -> None:
         """Record a remark."""

@@ -34,11 +34,10 @@ from mrl_driver.errors import ConfigError, shortage, shortages
 from mrl_driver.files import open_plain
 from mrl_driver.json_text import exact_json
 
-from .entry import FROM_BOARD as FROM_BOARD
-from .entry import LONGEST_LINE, Entry
-from .entry import REMARK as REMARK
-from .entry import TO_BOARD as TO_BOARD
-from .lines import read_lines
+from .lines import FROM_BOARD as FROM_BOARD
+from .lines import LONGEST_LINE, Entry, read_lines
+from .lines import REMARK as REMARK
+from .lines import TO_BOARD as TO_BOARD
 
 VERSION = 1
 OPENED = b"opened "
@@ -206,11 +205,7 @@ class Recorder:
 
 
 def _open_alone(path: str) -> int:
-    """Open a file for writing and empty it, unless another recorder writes it.
-
-    Raises:
-        OSError: it cannot be opened, or another recorder writes it.
-    """
+    """Open a file for writing and empty it, unless another recorder writes it."""
     # A pipe that nobody reads is refused; without O_NONBLOCK it would hold the caller until somebody does.
     fd = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | os.O_NONBLOCK, 0o600)
     if stat.S_ISREG(os.fstat(fd).st_mode):
@@ -271,11 +266,7 @@ class Recording:
         """Where the entries begin, behind the line `_line`."""
 
     def _read_header(self, line: bytes) -> str:
-        """Read the header; return what is wrong with it, and all that can be read without it is read.
-
-        Raises:
-            ConfigError: the recording has a newer version.
-        """
+        """Read the header; return what is wrong with it, and all that can be read without it is read."""
         magic, _, rest = line.decode("latin-1").strip().partition(" ")
         version, _, header = rest.partition(" ")
         if magic != _MAGIC or not _NUMBER.fullmatch(version):

@@ -27,6 +27,7 @@ def split(data: bytes) -> List[str]:
 class Keyboard:
     """Reads keys from stdin inside a `with` block, which restores the terminal's settings at its end.
 
+    If stdin is not a terminal, no key is ever pressed.
     Ctrl-Z is a key as any other and does not suspend the program: the shell would get the terminal as it is here.
 
     Attributes:
@@ -36,39 +37,29 @@ class Keyboard:
 
     def __init__(self) -> None:
         self.pressed_s = self._looked_s = time.monotonic()
-        self._fd = sys.stdin.fileno()
+        self._fds = [sys.stdin.fileno()] if sys.stdin.isatty() else []
         self._settings: Optional[List[Any]] = None
 
     def __enter__(self) -> "Keyboard":
-        self._settings = termios.tcgetattr(self._fd)
-        tty.setcbreak(self._fd)
-        changed = termios.tcgetattr(self._fd)
-        changed[6][termios.VSUSP] = _NO_KEY
-        termios.tcsetattr(self._fd, termios.TCSANOW, changed)
+        for fd in self._fds:
+            self._settings = termios.tcgetattr(fd)
+            tty.setcbreak(fd)
+            changed = termios.tcgetattr(fd)
+            changed[6][termios.VSUSP] = _NO_KEY
+            termios.tcsetattr(fd, termios.TCSANOW, changed)
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._settings is not None:
-            termios.tcsetattr(self._fd, termios.TCSADRAIN, self._settings)
+            termios.tcsetattr(self._fds[0], termios.TCSADRAIN, self._settings)
 
     def read(self, timeout_s: float) -> List[str]:
         """Return the keys pressed, after waiting at most `timeout_s` for the first; `q` if the terminal was closed."""
         self.pressed_s = self._looked_s
-        ready, _, _ = select.select([self._fd], [], [], 0)
+        ready, _, _ = select.select(self._fds, [], [], 0)
         if not ready:
-            ready, _, _ = select.select([self._fd], [], [], timeout_s)
+            ready, _, _ = select.select(self._fds, [], [], timeout_s)
             self.pressed_s = time.monotonic()
-        keys = split(os.read(self._fd, 64)) or ["q"] if ready else []
+        keys = split(os.read(ready[0], 64)) or ["q"] if ready else []
         self._looked_s = time.monotonic()
         return keys
-
-
-class NoKeyboard:
-    """A keyboard on which nobody presses a key."""
-
-    pressed_s = 0.0
-
-    def read(self, timeout_s: float) -> List[str]:
-        """Return no key, after `timeout_s`."""
-        time.sleep(timeout_s)
-        return []

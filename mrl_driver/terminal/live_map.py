@@ -6,6 +6,7 @@ from typing import List, Sequence, Tuple
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
+from mrl_driver.view.rows import range_style
 from mrl_driver.view.shown_state import ShownState
 
 from .canvas import Canvas, Point, fit
@@ -14,7 +15,6 @@ _GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
 _LEAST_GRID_COLUMNS = 5
 LONGEST_CONE_M = 2.5
 """A cone without an echo within this range is drawn with this length and without an arc [m]."""
-_NEAR_M = 0.3
 
 
 def draw(state: ShownState, trail: Sequence[Pose], columns: int, rows: int) -> Tuple[Canvas, float]:
@@ -69,8 +69,7 @@ class _Cone:
         """Draw the cone; without a reading there is none."""
         if not self._length_m:
             return
-        style = "red" if self._range_m < _NEAR_M else "yellow" if self._range_m < 2 * _NEAR_M else "cyan"
         for angle in (self._from, self._to):
             canvas.line(self._origin, self._end(angle), "blue", every=2)
         if self._range_m <= LONGEST_CONE_M:
-            canvas.arc(self._origin, self._length_m, self._from, self._to, style)
+            canvas.arc(self._origin, self._length_m, self._from, self._to, range_style(self._range_m))

@@ -96,24 +96,16 @@ def _footer(now: Content, width: int, height: int) -> List[Text]:
 
 
 def _keys(now: Content) -> Text:
-    model = now.shown.state.model
-    driving: List[Tuple[str, str]] = (
-        []
-        if not has_motors(model)
-        else [("arrows wasd", "drive"), ("space", "stop")]
-        if now.keys_drive
-        else [("Enter", "drive with keys"), ("space", "stop")]
-    )
-    more = [(", .", "sideways")] if now.keys_drive and moves_sideways(model) else []
-    more += [("Enter", "lock")] if now.keys_drive and has_motors(model) else []
+    """Return the keys and what they do; a narrow terminal cuts the last."""
+    model, drives = now.shown.state.model, now.keys_drive
+    keys = [("arrows wasd", "drive") if drives else ("Enter", "drive with keys"), ("space", "stop")]
+    keys = [*(keys if has_motors(model) else []), ("q", "quit")]
+    if drives and moves_sideways(model):
+        keys.append((", .", "sideways"))
+    if drives and has_motors(model):
+        keys.append(("Enter", "lock"))
     text = Text(no_wrap=True, overflow="crop")
-    for key, what in [
-        *driving,
-        ("q", "quit"),
-        *more,
-        *now.keys,
-        ("c", "clear"),
-    ]:  # a narrow terminal cuts the last
+    for key, what in [*keys, *now.keys, ("c", "clear")]:
         text.append(f" {key} ", style="reverse").append(f" {what}  ", style="dim")
     return text
 

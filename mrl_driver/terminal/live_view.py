@@ -1,10 +1,8 @@
 """The live view of a robot in the terminal, with keys to drive."""
 
-import contextlib
 import math
-import sys
 import time
-from typing import TYPE_CHECKING, Any, Callable, Iterator, NamedTuple, Optional, Tuple, Union
+from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
@@ -12,7 +10,7 @@ from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.shown_state import ShownState, has_motors, moves_sideways, state_of
 
 from .frame_log import FrameLog
-from .keyboard import Keyboard, NoKeyboard
+from .keyboard import Keyboard
 from .teleop_keys import Teleop
 
 if TYPE_CHECKING:
@@ -155,7 +153,7 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
     live = Live(
         console=console, screen=True, auto_refresh=False, redirect_stdout=False, redirect_stderr=False
     )
-    with _keyboard() as keyboard, live:
+    with Keyboard() as keyboard, live:
         while not screen.ended and time.monotonic() - start_s < seconds:
             for key in keyboard.read(TICK_S):
                 screen.press(key, keyboard.pressed_s)
@@ -166,13 +164,3 @@ def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
                 live.update(render(screen.content(now_s), console.width, console.height), refresh=True)
             if driver.wait(0):
                 return
-
-
-@contextlib.contextmanager
-def _keyboard() -> Iterator[Union[Keyboard, NoKeyboard]]:
-    """The keyboard of the terminal; without keys if stdin is not a terminal."""
-    if not sys.stdin.isatty():
-        yield NoKeyboard()
-        return
-    with Keyboard() as keyboard:
-        yield keyboard

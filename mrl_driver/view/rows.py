@@ -74,15 +74,13 @@ def sonar_order(names: Sequence[str]) -> List[str]:
 
 def _ranges(state: ShownState) -> List[Row]:
     ranges = state.ranges
-    return [
-        Row(name, range_text(ranges[name]), bar=_range_bar(ranges[name]))
-        for name in sonar_order(tuple(ranges))
-    ]
+    bars = {name: Bar(_share(each / _FARTHEST_BAR_M), range_style(each)) for name, each in ranges.items()}
+    return [Row(name, range_text(ranges[name]), bar=bars[name]) for name in sonar_order(tuple(ranges))]
 
 
-def _range_bar(value_m: float) -> Bar:
-    style = "red" if value_m < NEAR_M else "yellow" if value_m < 2 * NEAR_M else "cyan"
-    return Bar(_share(value_m / _FARTHEST_BAR_M), style)
+def range_style(value_m: float) -> str:
+    """Return the style of a range: danger, warning or none."""
+    return "red" if value_m < NEAR_M else "yellow" if value_m < 2 * NEAR_M else "cyan"
 
 
 def _share(value: float) -> float:

@@ -142,7 +142,7 @@ def test_keys_that_waited_too_long_do_not_drive(delayed):
 def test_a_key_that_waited_counts_from_the_look_before(monkeypatch):
     """It may have been pressed at any time since then."""
     user, program = pty.openpty()
-    monkeypatch.setattr("sys.stdin", SimpleNamespace(fileno=lambda: program))
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(fileno=lambda: program, isatty=lambda: True))
     with Keyboard() as keyboard:
         keyboard.read(0.0)
         before_s = time.monotonic()

@@ -2,15 +2,17 @@
 
 import itertools
 import math
+import os
 from typing import Iterator, List, NamedTuple, Tuple
 
 import numpy as np
 
+from mrl_driver.cli.commands.progress import progress
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.recording.decoded import decode
+from mrl_driver.recording.decoded import LINE_BYTES, decode
 from mrl_driver.recording.recording import TO_BOARD, Recording
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import Odometry
@@ -46,21 +48,24 @@ def read(path: str, model: RobotModel) -> Replayed:
     odometry, version = Odometry(model.base, fastest_m_s(model), exact_time=False), 2
     rows: List[Tuple[float, ...]] = []
     requests: List[Tuple[float, Frame]] = []
-    for part in decode(Recording(path)):
-        for frame in (event for event in part.events if isinstance(event, Frame)):
-            if part.direction == TO_BOARD:
-                requests.append((part.time_s, frame))
-            elif frame.code == _INFO:
-                version, robot_id = frame.args[3:5]
-                if robot_id not in model.ids:
-                    raise ConfigError(
-                        f"{path} is a recording of robot id {robot_id}, expected a {model.name}"
-                    )
-            elif frame.code in _COUNTING:
-                used = odometry.update(frame.args[0], frame.args[1], part.time_s)
-                if used or not rows:
-                    front = range_m(frame.args[2], version) if frame.code == _WITH_SONARS else math.nan
-                    rows.append((part.time_s, *odometry.travel, front))
+    recording = Recording(path)
+    with progress(f"reading {os.path.basename(path)}", os.path.getsize(path)) as advance:
+        for part in decode(recording):
+            advance(len(part.data) + LINE_BYTES)
+            for frame in (event for event in part.events if isinstance(event, Frame)):
+                if part.direction == TO_BOARD:
+                    requests.append((part.time_s, frame))
+                elif frame.code == _INFO:
+                    version, robot_id = frame.args[3:5]
+                    if robot_id not in model.ids:
+                        raise ConfigError(
+                            f"{path} is a recording of robot id {robot_id}, expected a {model.name}"
+                        )
+                elif frame.code in _COUNTING:
+                    used = odometry.update(frame.args[0], frame.args[1], part.time_s)
+                    if used or not rows:
+                        front = range_m(frame.args[2], version) if frame.code == _WITH_SONARS else math.nan
+                        rows.append((part.time_s, *odometry.travel, front))
     if len(rows) < 2:
         raise ConfigError(
             f"{path} holds {len(rows)} readings of the counters, expected a recording of a drive"

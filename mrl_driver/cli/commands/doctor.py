@@ -8,22 +8,22 @@ from typing import TYPE_CHECKING, Any, Dict, Iterable, List
 
 import click
 
-from mrl_driver.cli.doctor.findings import FAULT, NOTE, Finding, problem, verdict
-from mrl_driver.errors import ConfigError, MrlError, PortBusy, PortDenied, WrongRobot
+from mrl_driver.cli.doctor.findings import FAULT, Finding, note, ok, verdict
+from mrl_driver.errors import BoardError, ConfigError, LinkError, MrlError, PortBusy, PortDenied, WrongRobot
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import Drive
 from mrl_driver.transport.address import is_network
 
 from .info import describe
-from .progress import waiting
+from .progress import answered, waiting
 from .shared import (
+    Run,
     await_sensors,
-    confirm,
     connected,
     json_option,
     print_json,
     require_port,
-    robot_options,
+    run_options,
     yes_option,
 )
 
@@ -35,7 +35,7 @@ _BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
 
 
 @click.command()
-@robot_options
+@run_options(json_option, yes_option)
 @click.option(
     "--drive", "drives", is_flag=True, help="Turn each wheel too; lift the wheels off the ground first."
 )
@@ -43,9 +43,7 @@ _BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
     "--sonars", "hands", is_flag=True, help="Find swapped sonars: you hold a hand in front of each in turn."
 )
 @click.option("--report", is_flag=True, help="Print plain text with all details, to paste into a bug report.")
-@json_option
-@yes_option
-def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: bool, yes: bool) -> None:
+def doctor(run: Run, drives: bool, hands: bool, report: bool) -> None:
     """Check computer, port, board and robot.
 
     Prints advice for each problem.  Opening the port resets an Arduino Uno.  The robot moves only with --drive.
@@ -58,31 +56,21 @@ def doctor(target: Target, drives: bool, hands: bool, report: bool, as_json: boo
       mrl doctor --robot lab3 --drive           turns the wheels too: lift them first
       mrl doctor --robot lab3 --report > report.txt
     """
-    require_port(target)
-    if report and as_json:
+    require_port(run.target)
+    if report and run.as_json:
         raise ConfigError("--report is given with --json, expected one of them")
     if hands and not sys.stdin.isatty():
         raise ConfigError("--sonars asks questions, but stdin is not a terminal; run it in a terminal")
     if drives:
-        drives = _wheels_lifted(yes)
-    checkup = Checkup(target, drives, hands, quiet=report or as_json)
+        try:
+            run.confirm("Are the wheels lifted off the ground?  Each turns forward for 2 s.")
+        except click.Abort:
+            drives = False  # the other checks still run
+    checkup = Checkup(run.target, drives, hands, quiet=report or run.as_json)
     checkup.run()
-    _print(checkup, report, as_json)
+    _print(checkup, report, run.as_json)
     if checkup.code:
         sys.exit(checkup.code)
-
-
-def _wheels_lifted(yes: bool) -> bool:
-    """Ask whether the wheels may turn; after a no, the other checks still run.
-
-    Raises:
-        ConfigError: stdin is not a terminal.
-    """
-    try:
-        confirm("Are the wheels lifted off the ground?  Each turns forward for 2 s.", yes)
-    except click.Abort:
-        return False
-    return True
 
 
 class Checkup:
@@ -134,14 +122,9 @@ class Checkup:
 
     def _examine_as(self, target: Target, any_id: bool = False) -> None:
         start_s = time.monotonic()
-        with waiting("waiting for the board to answer"):
-            connection = connected(target, ignore_battery=True, any_id=any_id)
-            driver = connection.__enter__()
-        try:
-            self._add([Finding("ok", "answer", f"after {time.monotonic() - start_s:.1f} s")])
+        with answered(connected(target, ignore_battery=True, any_id=any_id)) as driver:
+            self._add([ok("answer", f"after {time.monotonic() - start_s:.1f} s")])
             self._check(driver, any_id)
-        finally:
-            connection.__exit__(*sys.exc_info())
 
     def _check(self, driver: "Driver", any_id: bool) -> None:
         from mrl_driver.cli.doctor import board, parameters
@@ -177,31 +160,18 @@ class Checkup:
     def _check_motion(self, driver: "Driver") -> None:
         from mrl_driver.cli.doctor import wheels
 
-        if driver.model is not None and not driver.model.drives:
+        model = driver.model
+        unchecked = note("wheels_unchecked", "wheels", "not checked")
+        if model is not None and not model.drives:
             if self._drives:
-                self._add(
-                    [
-                        Finding(
-                            NOTE, "wheels", "not checked: this board has no motors", code="wheels_unchecked"
-                        )
-                    ]
-                )
-        elif self._drives and driver.model is not None and not isinstance(driver.model.drive, Drive):
-            self._add(
-                [
-                    problem(
-                        NOTE,
-                        "wheels_unchecked",
-                        "wheels",
-                        "not checked: this check supports two wheels",
-                        "watch the wheels with: mrl drive",
-                    )
-                ]
-            )
-        elif self._drives:
-            self._add(wheels.check(driver, _ask if sys.stdin.isatty() else None))
+                self._add([unchecked._replace(text="not checked: this board has no motors", advice="")])
+        elif not self._drives:
+            self._add([unchecked])
+        elif model is not None and not isinstance(model.drive, Drive):
+            text, advice = "not checked: this check supports two wheels", "watch the wheels with: mrl drive"
+            self._add([unchecked._replace(text=text, advice=advice)])
         else:
-            self._add([problem(NOTE, "wheels_unchecked", "wheels", "not checked")])
+            self._add(wheels.check(driver, _ask if sys.stdin.isatty() else None))
         if self._hands:
             self._add(wheels.sonar_order(lambda: driver.ranges, _ask))
 
@@ -221,9 +191,9 @@ def _ask(question: str) -> bool:
 def _of_error(error: MrlError, port: str) -> Finding:
     """Return an error as a finding, split into its text and its advice."""
     text, advice, *_ = [*_BEFORE_ADVICE.split(str(error).replace("--port PORT", f"--port {port}"), 1), ""]
-    subjects = {"LinkError": "port", "BoardError": "board"}
-    kinds = [kind.__name__ for kind in type(error).__mro__]
-    subject = next((word for name, word in subjects.items() if name in kinds), "check")
+    subject = (
+        "port" if isinstance(error, LinkError) else "board" if isinstance(error, BoardError) else "check"
+    )
     return Finding(FAULT, subject, text, advice, error.code)
 
 

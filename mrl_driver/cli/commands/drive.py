@@ -9,31 +9,13 @@ from typing import TYPE_CHECKING, Optional
 import click
 
 from mrl_driver.errors import BoardTimeout, ConfigError, MrlError, WheelFault
-from mrl_driver.host.named_robots import Target
 from mrl_driver.session.events import MAY_MOVE
 from mrl_driver.view.shown_state import line, snapshot
 from mrl_driver.view.words import stop_error
 
+from . import shared
 from .monitor import watch_live
-from .shared import (
-    FOREVER_S,
-    await_gyro,
-    battery_option,
-    confirm_overwrite,
-    connected,
-    fast_option,
-    full_screen,
-    json_option,
-    max_delay_option,
-    no_view_because,
-    print_json,
-    print_message,
-    record_option,
-    report_losses,
-    robot_options,
-    warn,
-    yes_option,
-)
+from .shared import Run, run_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -45,29 +27,17 @@ ROUNDING = 1e-6
 
 
 @click.command()
-@robot_options
+@run_options(*shared.DRIVING, shared.max_delay_option)
 @click.option("--linear", type=float, help="Forward speed [m/s].")
 @click.option("--lateral", type=float, help="Speed to the left, for robots that can drive sideways [m/s].")
 @click.option("--angular", type=float, help="Yaw rate, counter-clockwise [rad/s].")
-@click.option("--for", "seconds", type=float, help="Stop after this time [s].")
-@battery_option
-@record_option
-@fast_option
-@max_delay_option
-@yes_option
-@json_option
+@click.option("--for", "for_s", type=float, help="Stop after this time [s].")
 def drive(
-    target: Target,
+    run: Run,
     linear: Optional[float],
     lateral: Optional[float],
     angular: Optional[float],
-    seconds: Optional[float],
-    ignore_battery: bool,
-    record: Optional[str],
-    fast: bool,
-    max_delay: Optional[float],
-    yes: bool,
-    as_json: bool,
+    for_s: Optional[float],
 ) -> None:
     """Drive with the keyboard, or at given speeds for a given time.
 
@@ -80,32 +50,24 @@ def drive(
       mrl drive --robot lab3 --angular 0.5 --for 3.14       a quarter turn left
       mrl drive --robot omni1 --lateral 0.2 --for 2         0.4 m to the left, on three wheels
     """
-    timed = (linear, lateral, angular, seconds) != (None, None, None, None)
-    speeds = linear or 0.0, angular or 0.0, lateral or 0.0
-    if timed:
-        if max_delay is not None:
-            raise ConfigError(
-                "--max-delay is for driving with the keys, expected it without speeds and --for"
-            )
-        _require_drive(seconds, linear=speeds[0], angular=speeds[1], lateral=speeds[2])
-    elif as_json or not (sys.stdin.isatty() and full_screen()):
-        raise ConfigError(f"{no_view_because()}; give --linear or --angular, and --for SECONDS")
-    confirm_overwrite(record, yes)
-    if not timed:
-        watch_live(
-            target, FOREVER_S, record, ignore_battery, keys_drive=True, fast=fast, max_delay_s=max_delay
-        )
+    if (linear, lateral, angular, for_s) == (None, None, None, None):
+        if run.as_json or not (sys.stdin.isatty() and shared.full_screen()):
+            raise ConfigError(f"{shared.no_view_because()}; give --linear or --angular, and --for SECONDS")
+        shared.confirm_overwrite(run.record, run.yes)
+        watch_live(run, keys_drive=True)
         return
-    with connected(target, moves=True, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
-        warn(driver)
-        report_losses(driver)
+    speeds = linear or 0.0, angular or 0.0, lateral or 0.0
+    if run.max_delay_s is not None:
+        raise ConfigError("--max-delay is for driving with the keys, expected it without speeds and --for")
+    _require_drive(for_s, linear=speeds[0], angular=speeds[1], lateral=speeds[2])
+    shared.confirm_overwrite(run.record, run.yes)
+    with run.connected(moves=True) as driver:
+        shared.warn(driver)
+        shared.report_losses(driver)
         _report_limits(driver, *speeds)
-        await_gyro(driver)
-        drive_for(driver, speeds[0], speeds[1], seconds or 0.0, speeds[2])
-        if as_json:
-            print_json(snapshot(driver))
-        else:
-            click.echo(line(driver))
+        shared.await_gyro(driver)
+        drive_for(driver, speeds[0], speeds[1], for_s or 0.0, speeds[2])
+        run.print(snapshot(driver), line(driver))
 
 
 def _require_drive(seconds: Optional[float], **speeds: float) -> None:
@@ -127,7 +89,7 @@ def _report_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, la
         return  # `drive` reports that this base cannot move sideways
     if any(abs(found - asked) > ROUNDING for found, asked in zip(kept, wanted)):
         sideways = "".join(f", --lateral {speed:.3g} m/s" for speed in kept[2:])
-        print_message(
+        shared.print_message(
             f"limited to --linear {kept[0]:.3g} m/s, --angular {kept[1]:.3g} rad/s{sideways}: the model "
             f"{driver.model.name} allows {driver.model.limits.linear_m_s:g} m/s and "
             f"{driver.model.limits.angular_rad_s:g} rad/s"

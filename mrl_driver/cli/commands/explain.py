@@ -1,20 +1,17 @@
 """`mrl explain`: what a code at the end of a message means, and what to do."""
 
 import difflib
-from typing import List
 
 import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.problems import GROUPS, PROBLEMS, Problem
 
-
-def _complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    return [code for code in PROBLEMS if code.startswith(incomplete)]
+from .shared import completion_of
 
 
 @click.command()
-@click.argument("code", required=False, shell_complete=_complete)
+@click.argument("code", required=False, shell_complete=completion_of(lambda: PROBLEMS))
 def explain(code: str) -> None:
     """Explain the code of a message: cause and remedy.
 
@@ -37,11 +34,7 @@ def explain(code: str) -> None:
 
 
 def _find(text: str) -> Problem:
-    """Return the row of a code or a stop reason.
-
-    Raises:
-        ConfigError: there is none.
-    """
+    """Return the row of a code or a stop reason."""
     from mrl_driver.protocol.stop_reason import StopReason
     from mrl_driver.view.words import STOPS
 

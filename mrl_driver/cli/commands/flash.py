@@ -10,7 +10,7 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import ENVIRONMENT, SONAR
 
 from .progress import progress, waiting
-from .shared import choose, confirm, json_option, print_json, robot_options, yes_option
+from .shared import Run, choose, json_option, run_options, yes_option
 
 HBRIDGE = "hbridge"
 """The build for motors on an H-bridge, and encoders on the Arduino's pins."""
@@ -23,16 +23,14 @@ BUILD_TEXTS = {
 
 
 @click.command()
-@robot_options
+@run_options(yes_option, json_option)
 @click.option(
     "--build",
     type=click.Choice(list(BUILD_TEXTS)),
     help="Firmware build; by default the one the board has now, or the one for its id; otherwise it asks.",
 )
 @click.option("--image", type=click.Path(), metavar="FILE.hex", help="Your own firmware instead.")
-@yes_option
-@json_option
-def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool, as_json: bool) -> None:
+def flash(run: Run, build: Optional[str], image: Optional[str]) -> None:
     """Upload the firmware to an Arduino Uno or Nano.
 
     Reads the firmware back and checks that the board answers.  Without --port it uses the board made by Arduino,
@@ -51,8 +49,8 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
     from mrl_driver.host.firmware_images import image_path
     from mrl_driver.transport.link import SerialLink
 
-    port = target.port or only_board()
-    target = target._replace(port=port)
+    port = run.target.port or only_board()
+    target = run.target._replace(port=port)
     SerialLink(port, target.baud).close()
     if image is None:
         build, why = (build, "as requested") if build else build_of(target)
@@ -61,22 +59,16 @@ def flash(target: Target, build: Optional[str], image: Optional[str], yes: bool,
         what = f"the {build} build ({why})"
     else:
         what = os.path.basename(image)
-    confirm(f"Upload {what} to {port}?", yes)
+    run.confirm(f"Upload {what} to {port}?")
     with progress(f"writing and reading back {port}", avrdude.MARKS) as advance:
         avrdude.upload(port, image, advance=advance, bauds=bauds_of(port))
     answer = _read_identity(target)
-    if as_json:
-        print_json({"port": port, "image": image, "build": build, "answer": answer})
-    else:
-        click.echo(f"{port} has {what}; {answer}")
+    facts = {"port": port, "image": image, "build": build, "answer": answer}
+    run.print(facts, f"{port} has {what}; {answer}")
 
 
 def only_board() -> str:
-    """Return the port of the only board with Arduino's USB vendor id.
-
-    Raises:
-        ConfigError: there is none, or more than one.
-    """
+    """Return the port of the only board with Arduino's USB vendor id."""
     from mrl_driver.transport.port_info import facts
 
     there = facts()
@@ -97,48 +89,35 @@ def bauds_of(port: str) -> Tuple[int, ...]:
     return avrdude.BAUDS[:1] if uno else avrdude.BAUDS
 
 
-def _has_bridge(model: str) -> bool:
-    """Return whether a model, by name or path, has an H-bridge."""
+def _needed(model: str) -> str:
+    """Return the build that a model, by name or path, needs; empty if it has a motor board and sonars, or is `auto`."""
     from mrl_driver.robot import models
 
-    return model != "auto" and bool(models.load(model).board.get("bridge"))
-
-
-def _is_for_sensors(model: str) -> bool:
-    """Return whether a model, by name or path, has environment sensors in place of sonars."""
-    from mrl_driver.robot import models
-
-    return model not in ("", "auto") and models.load(model).build == ENVIRONMENT
+    if model in ("", "auto"):
+        return ""
+    found = models.load(model)
+    return HBRIDGE if found.board.get("bridge") else ENVIRONMENT if found.build == ENVIRONMENT else ""
 
 
 def _require_pins(build: str, model: str) -> None:
-    """Check that a build has what a model needs on the board's pins.
-
-    Raises:
-        ConfigError: it does not.
-    """
-    if _is_for_sensors(model) and build != ENVIRONMENT:
-        raise ConfigError(
-            f"--build is {build}, but robot {model} has environment sensors, expected {ENVIRONMENT}"
-        )
-    if model == "auto" or _has_bridge(model) == (build == HBRIDGE):
+    """Check that a build has what a model needs on the board's pins."""
+    needed = _needed(model)
+    if build == needed or model == "auto" or not (needed or build == HBRIDGE):
         return
-    motors, expected = ("an H-bridge", HBRIDGE) if _has_bridge(model) else ("a motor board", "another build")
-    raise ConfigError(f"--build is {build}, but robot {model} has {motors}, expected {expected}")
+    has = {HBRIDGE: "an H-bridge", ENVIRONMENT: "environment sensors"}.get(needed, "a motor board")
+    raise ConfigError(
+        f"--build is {build}, but robot {model} has {has}, expected {needed or 'another build'}"
+    )
 
 
 def build_of(target: Target) -> Tuple[str, str]:
-    """Return the firmware build that suits the board, and why; ask if neither the board nor its model tells.
-
-    Raises:
-        ConfigError: the build is unknown, and stdin is not a terminal.
-    """
+    """Return the firmware build that suits the board, and why; ask if neither the board nor its model tells."""
     from mrl_driver.driver.probe import probe
     from mrl_driver.robot import models
 
-    for build, suits in ((HBRIDGE, _has_bridge), (ENVIRONMENT, _is_for_sensors)):
-        if suits(target.model):
-            return build, f"for {target.model}"
+    needed = _needed(target.model)
+    if needed:
+        return needed, f"for {target.model}"
     with waiting("asking the board for its identity"):
         answer = probe(str(target.port), target.baud)
     if answer.robot_id is None:

@@ -7,28 +7,11 @@ import click
 
 from mrl_driver.errors import GoalMissed
 from mrl_driver.geometry import Pose
-from mrl_driver.host.named_robots import Target
 from mrl_driver.view.shown_state import snapshot
 
+from . import shared
 from .drive import confirm_stop, require_driving
-from .shared import (
-    FOREVER_S,
-    Between,
-    await_gyro,
-    battery_option,
-    confirm_motion,
-    confirm_overwrite,
-    connected,
-    fast_option,
-    json_option,
-    print_json,
-    print_message,
-    record_option,
-    report_losses,
-    robot_options,
-    warn,
-    yes_option,
-)
+from .shared import Between, Run, run_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -46,31 +29,15 @@ PROGRESS_S = 1.0
 @click.argument("x", type=Between(-FARTHEST_M, FARTHEST_M))
 @click.argument("y", type=Between(-FARTHEST_M, FARTHEST_M))
 @click.argument("yaw", type=Between(-360.0, 360.0), required=False)
-@robot_options
+@run_options(*shared.DRIVING)
 @click.option(
     "--timeout",
     "timeout_s",
     type=Between(0, min_open=True),
-    default=FOREVER_S,
+    default=shared.FOREVER_S,
     help="Give up after this time [s]; default: after 60 s without progress, or two turns without a free path.",
 )
-@battery_option
-@record_option
-@fast_option
-@yes_option
-@json_option
-def goto(
-    target: Target,
-    x: float,
-    y: float,
-    yaw: Optional[float],
-    timeout_s: float,
-    ignore_battery: bool,
-    record: Optional[str],
-    fast: bool,
-    yes: bool,
-    as_json: bool,
-) -> None:
+def goto(run: Run, x: float, y: float, yaw: Optional[float], timeout_s: float) -> None:
     """Drive to a goal, around obstacles that the sonars see.
 
     X and Y [m] are coordinates of the odometry, which starts at 0 where the robot stands: X is forward, Y is to the
@@ -85,20 +52,19 @@ def goto(
       mrl goto 0.5 -0.3 90 --robot lab3 --yes       without the question; then turn to the left
       mrl goto -0.5 0 0 --robot lab3 --timeout 30   0.5 m back, with the front as at the start
     """
-    confirm_overwrite(record, yes)
-    with connected(target, moves=True, ignore_battery=ignore_battery, record=record, fast=fast) as driver:
-        warn(driver)
-        report_losses(driver)
+    shared.confirm_overwrite(run.record, run.yes)
+    with run.connected(moves=True) as driver:
+        shared.warn(driver)
+        shared.report_losses(driver)
         if not driver.has_sonars:
-            print_message("warning: this board has no sonars, the robot does not see obstacles")
-        confirm_motion(f"The robot drives by itself to {x:g} m, {y:g} m. Is the floor free?", yes)
-        await_gyro(driver)
+            shared.print_message("warning: this board has no sonars, the robot does not see obstacles")
+        question = f"The robot drives by itself to {x:g} m, {y:g} m. Is the floor free?"
+        shared.confirm_motion(question, run.yes)
+        shared.await_gyro(driver)
         goal = Pose(x, y, math.atan2(y, x) if yaw is None else math.radians(yaw))
-        why = drive_to(driver, goal, timeout_s, print_message)
-        if as_json:
-            print_json({"reached": not why, "why": why, "goal": goal._asdict(), **snapshot(driver)})
-        else:
-            click.echo(f"{'stopped' if why else 'reached'} at {_text(driver.pose)}")
+        why = drive_to(driver, goal, timeout_s, shared.print_message)
+        facts = {"reached": not why, "why": why, "goal": goal._asdict(), **snapshot(driver)}
+        run.print(facts, f"{'stopped' if why else 'reached'} at {_text(driver.pose)}")
         if why:
             raise GoalMissed(f"the goal was not reached: {why}")
 

@@ -5,32 +5,20 @@ from typing import TYPE_CHECKING, Any, Dict
 
 import click
 
-from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import kind_of
 from mrl_driver.robot.radio import format_address
 from mrl_driver.view.shown_state import sensor_texts
 
-from .shared import (
-    await_gyro,
-    await_sensors,
-    connected,
-    fast_option,
-    format_value,
-    json_option,
-    print_json,
-    require_port,
-    robot_options,
-)
+from . import shared
+from .shared import Run, run_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 
 @click.command()
-@robot_options
-@fast_option
-@json_option
-def info(target: Target, fast: bool, as_json: bool) -> None:
+@run_options(shared.fast_option, shared.json_option)
+def info(run: Run) -> None:
     """Show the identity of the robot on a port.
 
     \b
@@ -38,17 +26,21 @@ def info(target: Target, fast: bool, as_json: bool) -> None:
       mrl info --port /dev/ttyACM0
       mrl info --robot lab3 --json
     """
-    port = require_port(target)
-    with connected(target, ignore_battery=True, fast=fast) as driver:
-        await_gyro(driver)
-        await_sensors(driver)
+    port = shared.require_port(run.target)
+    with run.connected() as driver:
+        shared.await_gyro(driver)
+        shared.await_sensors(driver)
         facts, sensors = describe(driver, port), sensor_texts(driver)
-    if as_json:
-        print_json(facts)
-        return
-    facts["sensors"] = [f"{name} {value}" for name, value in sensors.items()]
-    for key, value in facts.items():
-        click.echo(f"{key.replace('_', ' '):>20}  {format_value(value)}")
+    shown = {**facts, "sensors": [f"{name} {value}" for name, value in sensors.items()]}
+    run.print(facts, "\n".join(f"{key.replace('_', ' '):>20}  {_text(shown[key])}" for key in shown))
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float) and math.isnan(value):
+        return "not measured"
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(str, value)) or "none"
+    return "unknown" if value is None else str(value)
 
 
 def describe(driver: "Driver", port: str) -> Dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import glob
 import os
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Optional, Tuple
 
 import click
 
@@ -14,7 +14,7 @@ from mrl_driver.robot import models
 from mrl_driver.transport.address import is_url, require_port
 
 from .progress import waiting
-from .shared import complete_port, json_option, print_json, print_message
+from .shared import complete_port, completion_of, json_option, print_json, print_message
 
 
 @click.group(invoke_without_command=True)
@@ -34,28 +34,17 @@ def names(ctx: click.Context, as_json: bool) -> None:
       mrl --robot lab3 monitor
     """
     if ctx.invoked_subcommand is None:
-        _list(as_json)
-
-
-def _complete_name(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Return the named robots, for shell completion."""
-    try:
-        return [name for name in named_robots.read() if name.startswith(incomplete)]
-    except ConfigError:
-        return []
+        ctx.invoke(list_, as_json=as_json)
 
 
 @names.command("list")
 @json_option
 def list_(as_json: bool) -> None:
     """List the named robots."""
-    _list(as_json)
-
-
-def _list(as_json: bool) -> None:
     named = named_robots.read()
     if as_json:
-        print_json({name: _entry(each) for name, each in named.items()})
+        keys = ("port", "model", "baud", "id")
+        print_json({name: {key: getattr(each, key) for key in keys} for name, each in named.items()})
         return
     if not named:
         click.echo("no robot has a name; give one with: mrl names add NAME --port PORT")
@@ -64,10 +53,6 @@ def _list(as_json: bool) -> None:
         baud = "" if each.baud == BAUD else f"  {each.baud} Bd"
         number = "" if each.id is None else f"  robot {each.id}"
         click.echo(f"{name:<{width}}  {each.port}  {each.model}{number}{baud}")
-
-
-def _entry(target: Target) -> Dict[str, Any]:
-    return {"port": target.port, "model": target.model, "baud": target.baud, "id": target.id}
 
 
 @names.command()
@@ -151,7 +136,7 @@ def _lasting_name(port: str) -> Tuple[str, str]:
 
 
 @names.command()
-@click.argument("name", shell_complete=_complete_name)
+@click.argument("name", shell_complete=completion_of(named_robots.read))
 def remove(name: str) -> None:
     """Remove a name."""
     named = named_robots.read()

@@ -2,7 +2,7 @@
 
 import os
 import sys
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Tuple, TypeVar
+from typing import Any, Callable, Dict, Mapping, Optional, Tuple, TypeVar
 
 import click
 
@@ -52,17 +52,6 @@ _ENCODER = """
 _PINS = (("PWM_A", "D5", "D11"), ("PWM_B", "D6", "D3"), ("LOGIC", "D7", "D9"))
 
 
-class Way(NamedTuple):
-    """How to go on after the file is written."""
-
-    port: Optional[str]
-    flash: bool
-    single_channel: bool
-    answers: Optional[str]
-    truth: Optional[str]
-    yes: bool
-
-
 @click.command(short_help="Make a robot of your own: file, firmware, calibration.")
 @click.argument("name", required=False)
 @click.option("--port", metavar="PORT", shell_complete=complete_port, help="Serial port of the board.")
@@ -79,7 +68,7 @@ class Way(NamedTuple):
 @click.option("--answers", metavar="WORDS", help="As for mrl calibrate wiring, for scripts.")
 @click.option("--truth", metavar="FILE", help="As for mrl calibrate wiring, for an emulated robot.")
 @yes_option
-def new(name: Optional[str], file_only: bool, yes: bool, **options: Any) -> None:
+def new(name: Optional[str], file_only: bool, **options: Any) -> None:
     """Make a robot of your own: two wheels, an H-bridge, an Arduino Uno or Nano.
 
     Asks for its wheels, encoders and bridge, writes the robot's file, uploads the firmware, gives the board an id, and
@@ -95,21 +84,16 @@ def new(name: Optional[str], file_only: bool, yes: bool, **options: Any) -> None
     path = _path_of(name)
     made = _kit(name, options)
     model, text = kit.model_of(made), kit.text_of(made)
-    confirm(f"Write {path}, for {_in_words(made)}, with robot id {made.robot_id}?", yes)
+    confirm(f"Write {path}, for {_in_words(made)}, with robot id {made.robot_id}?", options["yes"])
     _write(path, text)
     click.echo(f"{path} is written; all programs know the robot as --robot {model.name}")
     _show_wires(made.bridge)
-    ways = {key: options[key] for key in ("port", "flash", "single_channel", "answers", "truth")}
     if not file_only:
-        _set_up(made, path, Way(**ways, yes=yes))
+        _set_up(made, path, options)
 
 
 def _path_of(name: str) -> str:
-    """Return the path of the file of a new robot.
-
-    Raises:
-        ConfigError: the name is not valid, or a robot has it.
-    """
+    """Return the path of the file of a new robot."""
     path = os.path.join(models.own_folder(), f"{name}.yaml")
     if os.path.exists(path):
         raise ConfigError(
@@ -121,12 +105,8 @@ def _path_of(name: str) -> str:
 
 def _kit(name: str, options: Mapping[str, Any]) -> Kit:
     """Return the answers, from the options and by asking for the rest."""
-    diameter_mm = _number(
-        options["wheel_diameter"], "wheel-diameter", _WHEEL, "Wheel diameter [mm]", kit.DIAMETER_MM
-    )
-    separation_mm = _number(
-        options["separation"], "separation", _AXLE, "Wheel separation [mm]", kit.SEPARATION_MM
-    )
+    diameter_mm = _number(options, "wheel_diameter", _WHEEL, "Wheel diameter [mm]", kit.DIAMETER_MM)
+    separation_mm = _number(options, "separation", _AXLE, "Wheel separation [mm]", kit.SEPARATION_MM)
     counts = _asked(options["counts"], "--counts", _ENCODER, _ask_counts)
     bridge = options["bridge"] or choose("Which H-bridge drives the motors?", CHIPS, "--bridge")
     robot_id = options["robot_id"] or kit.free_id()
@@ -134,11 +114,7 @@ def _kit(name: str, options: Mapping[str, Any]) -> Kit:
 
 
 def _asked(value: Optional[Answer], option: str, picture: str, ask: Callable[[], Answer]) -> Answer:
-    """Return the value, or show the picture and ask for it.
-
-    Raises:
-        ConfigError: there is no value, and stdin is not a terminal.
-    """
+    """Return the value, or show the picture and ask for it."""
     if value is not None:
         return value
     if not sys.stdin.isatty():
@@ -148,10 +124,10 @@ def _asked(value: Optional[Answer], option: str, picture: str, ask: Callable[[],
 
 
 def _number(
-    value: Optional[float], option: str, picture: str, question: str, limits: Tuple[float, float]
+    options: Mapping[str, Any], name: str, picture: str, question: str, limits: Tuple[float, float]
 ) -> float:
-    kind = Between(*limits)
-    return _asked(value, f"--{option}", picture, lambda: click.prompt(question, type=kind, err=True))
+    option, kind = f"--{name.replace('_', '-')}", Between(*limits)
+    return _asked(options[name], option, picture, lambda: click.prompt(question, type=kind, err=True))
 
 
 def _ask_counts() -> str:
@@ -191,7 +167,7 @@ def _write(path: str, text: str) -> None:
     replace_file(path, text)
 
 
-def _set_up(made: Kit, path: str, way: Way) -> None:
+def _set_up(made: Kit, path: str, options: Mapping[str, Any]) -> None:
     """Upload the firmware, set the id and the parameters, and calibrate wiring and gains."""
     from .flash import HBRIDGE, flash, only_board
     from .set_id import set_id
@@ -201,30 +177,19 @@ def _set_up(made: Kit, path: str, way: Way) -> None:
     calibrate = commands.get_command(ctx, "calibrate")
     wiring, gains = (calibrate.get_command(ctx, name) for name in ("wiring", "gains"))
     outer = ctx.find_root().params.get("port") or os.environ.get("MRL_PORT")
-    port = way.port or outer or only_board()
+    port = options["port"] or outer or only_board()
     robot: Dict[str, Any] = {"port": port, "robot": path, "baud": None}
-    if way.flash:
-        ctx.invoke(flash, **robot, build=HBRIDGE, yes=way.yes)
+    shared = {name: options[name] for name in ("truth", "yes")}
+    if options["flash"]:
+        ctx.invoke(flash, **robot, build=HBRIDGE, yes=options["yes"])
     ctx.invoke(set_id, **robot, robot_id=made.robot_id, yes=True)
-    ctx.invoke(
-        wiring,
-        **robot,
-        bridge=made.bridge,
-        single_channel=way.single_channel,
-        answers=way.answers,
-        truth=way.truth,
-        yes=way.yes,
-    )
-    confirm(
-        "Put the robot on a free floor. Go on with mrl calibrate gains?", way.yes, _later("gains", path, port)
-    )
-    ctx.invoke(gains, **robot, truth=way.truth, eeprom=True, yes=way.yes)
+    wires = {name: options[name] for name in ("single_channel", "answers")}
+    ctx.invoke(wiring, **robot, **shared, **wires, bridge=made.bridge)
+    later = f"the wiring is stored; go on later with: {_next('gains', path, port)}"
+    confirm("Put the robot on a free floor. Go on with mrl calibrate gains?", options["yes"], later)
+    ctx.invoke(gains, **robot, **shared, eeprom=True)
     click.echo(f"next, with a tape measure: {_next('straight', path, port)}, then turn and umbmark")
 
 
 def _next(procedure: str, path: str, port: Optional[str]) -> str:
     return f"mrl calibrate {procedure} --robot {path} --port {port or 'PORT'}"
-
-
-def _later(procedure: str, path: str, port: str) -> str:
-    return f"the wiring is stored; go on later with: {_next(procedure, path, port)}"

@@ -2,7 +2,9 @@
 
 import contextlib
 import sys
-from typing import Callable, Iterator
+from typing import Callable, ContextManager, Iterator, TypeVar
+
+Connection = TypeVar("Connection")
 
 
 @contextlib.contextmanager
@@ -30,3 +32,12 @@ def waiting(what: str) -> Iterator[None]:
 
     with Console(stderr=True).status(what):
         yield
+
+
+@contextlib.contextmanager
+def answered(connection: ContextManager[Connection]) -> Iterator[Connection]:
+    """Connect for the block, and show a spinner until the board has answered."""
+    with contextlib.ExitStack() as stack:
+        with waiting("waiting for the board to answer"):
+            driver = stack.enter_context(connection)
+        yield driver

@@ -1,11 +1,11 @@
 """`mrl radio`: search for other robots' radios, send a text, print received texts, hold other robots."""
 
-from typing import TYPE_CHECKING, List, Sequence, Tuple
+import contextlib
+from typing import TYPE_CHECKING, Iterator, List, Sequence, Tuple
 
 import click
 
 from mrl_driver.errors import BoardTimeout, ConfigError, FrameError, one_line
-from mrl_driver.host.named_robots import Target
 from mrl_driver.navigation.radio_holder import RadioHolder
 from mrl_driver.robot.radio import (
     BROADCAST,
@@ -16,15 +16,8 @@ from mrl_driver.robot.radio import (
     text_request,
 )
 
-from .shared import (
-    Between,
-    connected,
-    json_option,
-    print_json,
-    print_message,
-    robot_options,
-    seconds_option,
-)
+from . import shared
+from .shared import Between, Run, run_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -53,7 +46,7 @@ def radio() -> None:
 
 
 @radio.command()
-@robot_options
+@run_options(shared.json_option)
 @click.option(
     "--seconds",
     type=Between(0, 60, min_open=True),
@@ -61,30 +54,23 @@ def radio() -> None:
     show_default=True,
     help="Collect answers for this time [s]; an XBee waits 6 s for them.",
 )
-@json_option
-def discover(target: Target, seconds: float, as_json: bool) -> None:
+def discover(run: Run, seconds: float) -> None:
     """List the radios that answer.
 
     A line has the 64-bit address and the 16-bit network address of a radio, in hexadecimal.
     """
-    with connected(target, ignore_battery=True) as driver:
-        print_nodes(driver, seconds, as_json)
+    with run.connected() as driver:
+        print_nodes(driver, seconds, run.as_json)
 
 
 def print_nodes(driver: "Driver", seconds: float, as_json: bool) -> None:
-    """Print the radios that answer within this time [s], one a line.
-
-    Raises:
-        ConfigError: the board has no radio.
-    """
-    nodes = driver.radio.discover(seconds)
+    """Print the radios that answer within this time [s], one a line."""
+    nodes = [(format_address(node.address), f"{node.network:04x}") for node in driver.radio.discover(seconds)]
     if as_json:
-        print_json(
-            [{"address": format_address(node.address), "network": f"{node.network:04x}"} for node in nodes]
-        )
+        shared.print_json([dict(zip(("address", "network"), node)) for node in nodes])
         return
     for node in nodes:
-        click.echo(f"{format_address(node.address)}  {node.network:04x}")
+        click.echo("  ".join(node))
     if not nodes:
         click.echo("no other radio has answered; check that they are on and belong to the same network (PAN)")
 
@@ -92,46 +78,41 @@ def print_nodes(driver: "Driver", seconds: float, as_json: bool) -> None:
 @radio.command()
 @click.argument("address")
 @click.argument("text")
-@robot_options
-def send(target: Target, address: str, text: str) -> None:
+@run_options()
+def send(run: Run, address: str, text: str) -> None:
     """Send a text.
 
     TEXT has at most 16 ASCII characters; ADDRESS has 16 hexadecimal digits, or is `all`.
     The command does not report whether the text has arrived; `mrl radio listen` on the other side shows it.
     """
-    to = _address(address)
-    try:
+    with _options_of_user(f", or {ALL}"):
+        to = BROADCAST if address == ALL else parse_address(address)
+    with _options_of_user():
         text_request(to, text)
-    except FrameError as error:
-        raise ConfigError(str(error)) from None
-    with connected(target, ignore_battery=True) as driver:
+    with run.connected() as driver:
         driver.radio.send(to, text)
         driver.wait(LEAVES_S)
 
 
-def _address(text: str) -> int:
+@contextlib.contextmanager
+def _options_of_user(more: str = "") -> Iterator[None]:
+    """In this block, what the frame does not allow is an error of the options."""
     try:
-        return BROADCAST if text == ALL else parse_address(text)
+        yield
     except FrameError as error:
-        raise ConfigError(f"{error}, or {ALL}") from None
+        raise ConfigError(f"{error}{more}") from None
 
 
 @radio.command()
-@robot_options
-@seconds_option
-@json_option
-def listen(target: Target, seconds: float, as_json: bool) -> None:
+@run_options(shared.seconds_option, shared.json_option)
+def listen(run: Run) -> None:
     """Print received texts with their senders' addresses."""
-    with connected(target, ignore_battery=True) as driver:
-        print_texts(driver, seconds, as_json)
+    with run.connected() as driver:
+        print_texts(driver, run.seconds, run.as_json)
 
 
 def print_texts(driver: "Driver", seconds: float, as_json: bool) -> None:
-    """Print received texts, one a line, for this time [s].
-
-    Raises:
-        ConfigError: the board has no radio.
-    """
+    """Print received texts, one a line, for this time [s]."""
     driver.radio.require()
     heard: List[RadioText] = []
     driver.radio.on_text(heard.append)
@@ -141,58 +122,52 @@ def print_texts(driver: "Driver", seconds: float, as_json: bool) -> None:
         while heard:
             text = heard.pop(0)
             if as_json:
-                print_json({"address": format_address(text.address), "text": text.text})
+                shared.print_json({"address": format_address(text.address), "text": text.text})
             else:
                 click.echo(f"{format_address(text.address)}  {one_line(text.text)}")
 
 
 @radio.command()
 @click.argument("addresses", nargs=-1, required=True, metavar="ADDRESS...")
-@robot_options
-@seconds_option
-def hold(target: Target, addresses: Tuple[str, ...], seconds: float) -> None:
+@run_options(shared.seconds_option)
+def hold(run: Run, addresses: Tuple[str, ...]) -> None:
     """Stop other robots and hold them.
 
     Their boards stop, and refuse to move until this command ends.  They allow it if their parameter `radio_hold` is not
     0.  The command prints which robots have confirmed that they are held.  If it is killed, or the radio fails, they
     stay held, and their own hosts may release them.
     """
-    holder = _holder(addresses)
-    with connected(target, ignore_battery=True) as driver:
-        driver.radio.on_text(lambda text: holder.receive(text, driver.now_s))
-        try:
-            hold_others(driver, holder, seconds)
-        finally:
-            free_others(driver, holder)
+    with _holding(run, addresses) as (driver, holder):
+        hold_others(driver, holder, run.seconds)
 
 
 @radio.command()
 @click.argument("addresses", nargs=-1, required=True, metavar="ADDRESS...")
-@robot_options
-def free(target: Target, addresses: Tuple[str, ...]) -> None:
+@run_options()
+def free(run: Run, addresses: Tuple[str, ...]) -> None:
     """End the hold of other robots.
 
     Only the radio that holds a robot can free it.  The robot does not move until its own host moves it.
     """
-    holder = _holder(addresses)
-    with connected(target, ignore_battery=True) as driver:
+    with _holding(run, addresses):
+        pass
+
+
+@contextlib.contextmanager
+def _holding(run: Run, addresses: Sequence[str]) -> Iterator[Tuple["Driver", RadioHolder]]:
+    """Connect for the block; at its end, the robots with these addresses are freed."""
+    with _options_of_user():
+        holder = RadioHolder([parse_address(address) for address in addresses])
+    with run.connected() as driver:
         driver.radio.on_text(lambda text: holder.receive(text, driver.now_s))
-        free_others(driver, holder)
-
-
-def _holder(addresses: Sequence[str]) -> RadioHolder:
-    try:
-        return RadioHolder([parse_address(address) for address in addresses])
-    except FrameError as error:
-        raise ConfigError(str(error)) from None
+        try:
+            yield driver, holder
+        finally:
+            free_others(driver, holder)
 
 
 def hold_others(driver: "Driver", holder: RadioHolder, seconds: float) -> None:
-    """Hold robots for this time [s], and print each change of their answers; texts of the radio go to `holder`.
-
-    Raises:
-        ConfigError: the board has no radio.
-    """
+    """Hold robots for this time [s], and print each change of their answers; texts of the radio go to `holder`."""
     driver.radio.require()
     holder.hold()
     end_s, shown = driver.now_s + seconds, ""
@@ -206,11 +181,7 @@ def hold_others(driver: "Driver", holder: RadioHolder, seconds: float) -> None:
 
 
 def free_others(driver: "Driver", holder: RadioHolder) -> None:
-    """End the hold, and wait for the answers; texts of the radio go to `holder`.
-
-    Raises:
-        BoardTimeout: a robot has not answered.
-    """
+    """End the hold, and wait for the answers; texts of the radio go to `holder`."""
     driver.radio.require()
     holder.free()
     end_s = driver.now_s + FREE_S
@@ -221,7 +192,7 @@ def free_others(driver: "Driver", holder: RadioHolder) -> None:
         raise BoardTimeout(
             f"no answer from {names}: it may still be held; free it again, or release it at its own host"
         )
-    print_message("all are freed")
+    shared.print_message("all are freed")
 
 
 def _talk(driver: "Driver", holder: RadioHolder, end_s: float) -> None:

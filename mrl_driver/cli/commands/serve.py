@@ -65,11 +65,7 @@ def serve(target: Target, listen: str, insecure: bool, port_timeout_s: float) ->
 
 
 def _require_secure(address: Address, insecure: bool) -> None:
-    """Check that the address is for this computer alone, or wanted so.
-
-    Raises:
-        ConfigError: it is not.
-    """
+    """Check that the address is for this computer alone, or wanted so."""
     if not insecure and not access.is_loopback(address.host):
         raise ConfigError(
             f"{address} would let everybody on the network drive the robot: listen on "

@@ -23,10 +23,10 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
     Example:
       mrl set-id 1 --port /dev/ttyACM0          TraxBot 1-3, StingBot 4-5, Pioneer 6-10
     """
-
-    model = models.load(
-        target.model if target.model != "auto" else models.by_id(robot_id) or _no_model(robot_id)
-    )
+    name = target.model if target.model != "auto" else models.by_id(robot_id)
+    if not name:
+        raise ConfigError(f"no packaged model lists robot id {robot_id}; give a model file with --robot")
+    model = models.load(name)
     if robot_id not in model.ids:
         raise ConfigError(
             f"robot id {robot_id} is not an id of {model.name}, expected {', '.join(map(str, model.ids))}"
@@ -38,7 +38,3 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
         named = named_robots.read()
         named_robots.write({**named, target.name: named[target.name]._replace(id=robot_id)})
     click.echo(f"robot id {robot_id} is set")
-
-
-def _no_model(robot_id: int) -> str:
-    raise ConfigError(f"no packaged model lists robot id {robot_id}; give a model file with --robot")

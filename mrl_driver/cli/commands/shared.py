@@ -5,7 +5,18 @@ import functools
 import math
 import os
 import sys
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List, Mapping, NoReturn, Optional
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Callable,
+    ContextManager,
+    Iterable,
+    Iterator,
+    List,
+    Mapping,
+    NamedTuple,
+    Optional,
+)
 
 import click
 
@@ -24,6 +35,7 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
     from mrl_driver.robot.models import RobotModel
 
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 FOREVER_S = 1e9
 STAND_S = 1.0
 """Time in which a standing robot learns the bias of its gyro [s]."""
@@ -41,11 +53,9 @@ class Between(click.FloatRange):
             self.fail(f"{value} is not in the range {self._describe_range()}.", param, ctx)
         return number
 
-    def fail(
-        self, message: str, param: Optional[click.Parameter] = None, ctx: Optional[click.Context] = None
-    ) -> NoReturn:
+    def fail(self, message: str, *where: Any) -> Any:
         """Raise the error in plain words, also after a question."""
-        super().fail(in_plain_words(message), param, ctx)
+        super().fail(in_plain_words(message), *where)
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON, for programs.")
@@ -63,6 +73,7 @@ fast_option = click.option(
 )
 max_delay_option = click.option(
     "--max-delay",
+    "max_delay_s",
     type=Between(0),
     help="With keys: stop if the delay from a key press to the board exceeds this [s]; 0 turns it off.  [default: 0.5]",
 )
@@ -87,33 +98,34 @@ port_timeout_option = click.option(
     help="Wait this long for a port that cannot be opened yet, whatever the reason [s].",
 )
 yes_option = click.option("--yes", is_flag=True, help="Answer yes to every question.")
+DRIVING = (battery_option, record_option, fast_option, yes_option, json_option)
+"""Options of commands that drive a robot."""
 
 
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C while a robot was connected; the robot was stopped."""
 
 
-def complete_port(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Return the ports, for shell completion."""
+def completion_of(names: Callable[[], Iterable[str]]) -> Callable[..., List[str]]:
+    """Return what completes one of these names in a shell; nothing if the file with them is damaged."""
+
+    def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
+        try:
+            return [name for name in names() if name.startswith(incomplete)]
+        except ConfigError:
+            return []
+
+    return complete
+
+
+def _ports() -> List[str]:
     from mrl_driver.transport.link import ports
 
-    return [port for port in ports() if port.startswith(incomplete)]
+    return ports()
 
 
-def complete_robot(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Return the robots, for shell completion."""
-    try:
-        known = [*named_robots.read(), *models.names(), "auto"]
-    except ConfigError:
-        return []
-    return [name for name in known if name.startswith(incomplete)]
-
-
-def complete_parameter(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
-    """Return the board parameters, for shell completion."""
-    from mrl_driver.protocol.table import PARAMETERS
-
-    return [row.name for row in PARAMETERS if row.name.startswith(incomplete)]
+complete_port = completion_of(_ports)
+complete_robot = completion_of(lambda: [*named_robots.read(), *models.names(), "auto"])
 
 
 def robot_options(command: Callable[..., None]) -> Callable[..., None]:
@@ -134,10 +146,9 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
     )
     @click.option("--baud", type=int, help="Baud rate of the port  [default: 115200]")
     @functools.wraps(command)
-    def wrapper(
-        *args: Any, port: Optional[str], robot: Optional[str], baud: Optional[int], **kwargs: Any
-    ) -> None:
-        command(*args, target=target_from_options(port, robot, baud), **kwargs)
+    def wrapper(*args: Any, **options: Any) -> None:
+        target = target_from_options(*(options.pop(name) for name in ("port", "robot", "baud")))
+        command(*args, target=target, **options)
 
     return wrapper
 
@@ -156,6 +167,54 @@ def target_from_options(port: Optional[str], robot: Optional[str], baud: Optiona
     return target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
 
 
+class Run(NamedTuple):
+    """A robot, and how a command uses it: the options that commands share."""
+
+    target: Target
+    ignore_battery: bool = False
+    record: Optional[str] = None
+    reconnect: bool = False
+    fast: bool = False
+    max_delay_s: Optional[float] = None
+    seconds: float = FOREVER_S
+    yes: bool = False
+    as_json: bool = False
+
+    def connected(self, moves: bool = False, **options: Any) -> ContextManager["Driver"]:
+        """Connect as `connected` does; a command that does not drive accepts an empty battery."""
+        ignored = self.ignore_battery or not moves
+        given = {"record": self.record, "reconnect": self.reconnect, "fast": self.fast, **options}
+        return connected(self.target, moves=moves, ignore_battery=ignored, **given)
+
+    def print(self, facts: Any, text: str) -> None:
+        """Print the facts with --json, and otherwise the text."""
+        if self.as_json:
+            print_json(facts)
+        else:
+            click.echo(text)
+
+    def confirm(self, question: str, otherwise: str = "nothing was changed") -> None:
+        """As `confirm`, unless --yes was given."""
+        confirm(question, self.yes, otherwise)
+
+
+def run_options(*options: Decorator) -> Decorator:
+    """Add the options that name a robot, and these shared ones; the command gets all of them as `run`."""
+
+    def add(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def wrapper(*args: Any, **given: Any) -> None:
+            run = Run(**{name: given.pop(name) for name in Run._fields if name in given})
+            command(*args, run=run, **given)
+
+        added: Callable[..., None] = wrapper
+        for option in reversed(options):
+            added = option(added)
+        return robot_options(added)
+
+    return add
+
+
 def require_port(target: Target) -> str:
     """Return the target's port.
 
@@ -163,9 +222,7 @@ def require_port(target: Target) -> str:
         ConfigError: no port was given; the error lists the existing ports.
     """
     if not target.port:
-        from mrl_driver.transport.link import ports
-
-        found = ", ".join(ports()) or "none; is the board plugged in?"
+        found = ", ".join(_ports()) or "none; is the board plugged in?"
         raise ConfigError(
             f"--port is missing, expected a serial port or --robot with a named robot; existing ports: {found}"
         )
@@ -190,7 +247,7 @@ def connected(
 
     wanted = Options(robot_id=target.id, **options)
     driver = Driver(require_port(target), model or target.model, target.baud, wanted)
-    driver.on_event(_report_wait)
+    report_events(driver, Awaited)
     try:
         with driver, stopped_while_suspended(driver):
             if options.get("fast") and driver.link.baud != FAST_BAUD:
@@ -210,21 +267,16 @@ def connected(
         raise OutputError(driver.recorder.loss)
 
 
-def _report_wait(event: object) -> None:
-    if isinstance(event, Awaited):
-        print_message(str(event))
+def report_events(driver: "Driver", *kinds: type) -> None:
+    """Print a line for each event of these kinds."""
+    driver.on_event(lambda event: print_message(str(event)) if isinstance(event, kinds) else None)
 
 
 def report_losses(driver: "Driver") -> None:
     """Print a line when the port goes away, the robot is found again, the serial link falls back to a lower baud rate,
     the odometry missed a movement, or the gyro is not used.
     """
-
-    def report(event: object) -> None:
-        if isinstance(event, (Lost, Reconnected, Slowed, PathUnknown, ImuChanged)):
-            print_message(str(event))
-
-    driver.on_event(report)
+    report_events(driver, Lost, Reconnected, Slowed, PathUnknown, ImuChanged)
 
 
 def await_gyro(driver: "Driver") -> None:
@@ -258,15 +310,6 @@ def print_message(text: str) -> None:
 def print_json(value: Any) -> None:
     """Print JSON, as `json_text` has it."""
     click.echo(json_text(value))
-
-
-def format_value(value: Any) -> str:
-    """Format a value for a table of facts."""
-    if isinstance(value, float) and math.isnan(value):
-        return "not measured"
-    if isinstance(value, (list, tuple)):
-        return ", ".join(map(str, value)) or "none"
-    return "unknown" if value is None else str(value)
 
 
 def full_screen() -> bool:

@@ -3,7 +3,7 @@
 import getpass
 import os
 import sys
-from typing import List, Optional
+from typing import Optional
 
 import click
 
@@ -53,7 +53,7 @@ def install(user: Optional[str], mask: Optional[bool], root: str, dry_run: bool)
     """
     who = user or os.environ.get("SUDO_USER") or getpass.getuser()
     if not dry_run:
-        _print(machine.install(who, root))
+        click.echo("\n".join(machine.install(who, root)))
         _mask_brltty(mask, root)
         return
     machine.require_user(who, root)
@@ -74,7 +74,7 @@ def _mask_brltty(mask: Optional[bool], root: str) -> None:
             "(no if you use a Braille display)"
         )
     if mask:
-        _print(machine.mask_brltty())
+        click.echo("\n".join(machine.mask_brltty()))
     elif mask is None:
         click.echo(f"{' '.join(units)} may take the adapters of robots; add --mask-brltty to prevent that")
 
@@ -88,13 +88,8 @@ def remove(root: str, dry_run: bool) -> None:
     Groups stay as they are, and brltty masked: sudo systemctl unmask brltty-udev.service brltty.path brltty.service
     """
     if not dry_run:
-        _print(machine.remove(root))
+        click.echo("\n".join(machine.remove(root)))
         return
     for name in (machine.RULES, machine.UNIT):
         path = os.path.join(root, name)
         click.echo(f"would remove {path}" if os.path.lexists(path) else f"{path} does not exist")
-
-
-def _print(lines: List[str]) -> None:
-    for line in lines:
-        click.echo(line)

@@ -14,7 +14,7 @@ from mrl_driver.session.sensor_polling import Reading, text
 from mrl_driver.session.session import Status
 from mrl_driver.view.words import STOPS
 
-from .findings import FAULT, NOTE, OK, WARNING, Finding, problem
+from .findings import Finding, fault, note, ok, warning, warning_if
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -55,40 +55,28 @@ class LinkFigures(NamedTuple):
 def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     """Check the board's identity and the capabilities of its firmware."""
     if board.robot_id == 0:
-        yield problem(FAULT, "id_unset", "robot id", "not set")
+        yield fault("id_unset", "robot id", "not set")
     elif model is None or board.robot_id not in model.ids:
-        yield problem(
-            WARNING,
-            "wrong_robot",
-            "robot id",
-            f"no packaged model lists {board.robot_id}",
-            "give the robot's file: --robot FILE.yaml",
-        )
+        advice = "give the robot's file: --robot FILE.yaml"
+        yield warning("wrong_robot", "robot id", f"no packaged model lists {board.robot_id}", advice)
     else:
-        yield Finding(OK, "robot", f"{model.name} {board.robot_id}")
+        yield ok("robot", f"{model.name} {board.robot_id}")
     if board.version < 2:
-        yield problem(
-            WARNING, "no_watchdog", "firmware", "1 (2013): works, but has no watchdog and no checksum"
-        )
+        yield warning("no_watchdog", "firmware", "1 (2013): works, but has no watchdog and no checksum")
         return
-    yield Finding(OK, "firmware", f"version {board.version}, protocol {board.protocol}")
-    yield Finding(OK, "capabilities", ", ".join(sorted(board.capabilities)))
+    yield ok("firmware", f"version {board.version}, protocol {board.protocol}")
+    yield ok("capabilities", ", ".join(sorted(board.capabilities)))
     if "watchdog" not in board.capabilities:
-        yield problem(
-            FAULT,
-            "no_watchdog",
-            "watchdog",
-            "the board has none: it does not stop if this computer fails",
-        )
+        yield fault("no_watchdog", "watchdog", "the board has none: it does not stop if this computer fails")
 
 
 def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     """Check battery and motor board, as far as the board measures them."""
     if model is not None and not model.drives:
-        yield Finding(OK, "motors", "none: the board has sensors, and something else drives its robot")
+        yield ok("motors", "none: the board has sensors, and something else drives its robot")
         return
     if "no_battery" in board.capabilities:
-        yield problem(NOTE, "no_battery", "battery", "not measured")
+        yield note("no_battery", "battery", "not measured")
     else:
         yield from _battery(board, model)
     if "bridge" not in board.capabilities:
@@ -100,26 +88,19 @@ def _battery(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     if model is not None:
         levels = model.battery
         if board.battery_v < levels.off_v:
-            yield problem(FAULT, "battery_off", "battery", f"{text}: motor power is off")
+            yield fault("battery_off", "battery", f"{text}: motor power is off")
         elif board.battery_v < levels.empty_v:
-            yield problem(
-                FAULT,
-                "battery_empty",
-                "battery",
-                f"{text}: empty",
-                f"charge it; it must have {levels.empty_v:g} V to start",
-            )
+            advice = f"charge it; it must have {levels.empty_v:g} V to start"
+            yield fault("battery_empty", "battery", f"{text}: empty", advice)
         elif board.battery_v < levels.low_v:
-            yield problem(WARNING, "battery_low", "battery", f"{text}: low")
+            yield warning("battery_low", "battery", f"{text}: low")
         else:
-            yield Finding(OK, "battery", f"{text} (full {levels.full_v:g} V, low below {levels.low_v:g} V)")
+            yield ok("battery", f"{text} (full {levels.full_v:g} V, low below {levels.low_v:g} V)")
 
 
 def _motor_board(board: Board) -> Finding:
     text = f"firmware {board.motor_board_version:.2f}, {board.temperature_c:.0f} degC"
-    if board.temperature_c > HOT_C:
-        return problem(WARNING, "hot", "motor board", text)
-    return Finding(OK, "motor board", text)
+    return warning_if(board.temperature_c > HOT_C, "hot", "motor board", text)
 
 
 def health(status: Optional[Status]) -> Iterator[Finding]:
@@ -127,38 +108,29 @@ def health(status: Optional[Status]) -> Iterator[Finding]:
     if status is None:
         return
     words = dict(FAULTS)
-    for fault in status.faults:
-        yield problem(FAULT, _FAULT_CODES.get(fault, fault), "board's fault", words[fault].rstrip("."))
+    for name in status.faults:
+        yield fault(_FAULT_CODES.get(name, name), "board's fault", words[name].rstrip("."))
     cause = status.reset_cause
     since = f"{cause.replace('_', ' ')}, {status.uptime_s} s ago"
-    if cause in _RESETS:
-        yield problem(WARNING, _RESETS[cause], "last start", since)
-    else:
-        yield Finding(OK, "last start", since)
+    yield warning_if(cause in _RESETS, _RESETS.get(cause, ""), "last start", since)
     if status.stop_reason in _FAULTY_STOPS:
-        code, reason = _FAULTY_STOPS[status.stop_reason], status.stop_reason
-        text = f"{reason.words}: {STOPS[reason].why}"
-        yield problem(WARNING, code, "last stop", text)
+        reason = status.stop_reason
+        yield warning(_FAULTY_STOPS[reason], "last stop", f"{reason.words}: {STOPS[reason].why}")
     if status.impossible:
-        yield problem(NOTE, "encoder_noise", "encoders", f"{status.impossible} transitions skipped a state")
+        yield note("encoder_noise", "encoders", f"{status.impossible} transitions skipped a state")
     if status.clamped:
-        yield problem(NOTE, "clamped", "speed ceiling", f"clamped {status.clamped} commands")
+        yield note("clamped", "speed ceiling", f"clamped {status.clamped} commands")
 
 
 def hold(found: Optional[Hold]) -> Iterator[Finding]:
     """Check whether other robots hold this one by radio."""
     if found is not None and found.held:
-        finding = problem(WARNING, "radio_hold", "radio", str(found))
+        finding = warning("radio_hold", "radio", str(found))
         yield finding if found.state == "silent" else finding._replace(advice="")
 
 
 def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS) -> LinkFigures:
-    """Measure the stream, then the round trips of requests.
-
-    Raises:
-        BoardTimeout: the board stopped answering.
-        LinkLost: the port went away.
-    """
+    """Measure the stream, then the round trips of requests."""
     before = driver.link.statistics
     driver.wait(seconds)
     count = driver.link.statistics.streamed - before.streamed
@@ -185,57 +157,51 @@ def link(seen: LinkFigures, by_network: bool = False) -> Iterator[Finding]:
     expected = f" of {seen.expected_hz:.0f}" if seen.expected_hz is not None else ""
     network = _NETWORK if by_network else ""
     rate = f"{seen.rate_hz:.0f}{expected} frames/s"
-    if slow:
-        yield problem(WARNING, "slow_telemetry", "telemetry", rate, network)
-    else:
-        yield Finding(OK, "telemetry", rate)
+    yield warning_if(slow, "slow_telemetry", "telemetry", rate, network)
     damage = sum(seen.garbage.values())
     if seen.lost or damage:
         kinds = ", ".join(f"{count} {reason}" for reason, count in sorted(seen.garbage.items()))
         text = f"{seen.lost} frames lost, {damage} pieces of data damaged" + (f" ({kinds})" if kinds else "")
-        yield problem(WARNING, "bad_cable", "damage", text, network)
+        yield warning("bad_cable", "damage", text, network)
     else:
-        yield Finding(OK, "damage", "no frame lost or damaged")
+        yield ok("damage", "no frame lost or damaged")
     if not seen.round_trips_s:
         return
     middle, worst = seen.round_trips_s[len(seen.round_trips_s) // 2], seen.round_trips_s[-1]
     text = f"{middle * 1000:.1f} ms from request to answer, at worst {worst * 1000:.1f} ms"
-    if middle > SLOW_ROUND_TRIP_S:
-        yield problem(WARNING, "slow_line", "latency", text, network)
-    else:
-        yield Finding(OK, "latency", text)
+    yield warning_if(middle > SLOW_ROUND_TRIP_S, "slow_line", "latency", text, network)
 
 
 def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
     """Check the present reading of each sonar."""
     if (board.version >= 2 or board.capabilities) and "sonars" not in board.capabilities:
-        yield problem(NOTE, "no_sonars", "sonars", "none: this firmware is the build for environment sensors")
+        yield note("no_sonars", "sonars", "none: this firmware is the build for environment sensors")
         return
     for name, value in ranges.items():
         if math.isnan(value):
-            yield problem(FAULT, "sonar_dead", f"sonar {name}", "no reading")
+            yield fault("sonar_dead", f"sonar {name}", "no reading")
         else:
             words = (
                 f"{value:.2f} m" if math.isfinite(value) else "nothing in range" if value > 0 else "too close"
             )
-            yield Finding(OK, f"sonar {name}", words)
+            yield ok(f"sonar {name}", words)
 
 
 def build(driver: "Driver") -> Iterator[Finding]:
     """Check the build that the robot model names; 2013 boards do not report theirs."""
     text, _, advice = driver.build_warning.partition("; ")
     if text:
-        yield problem(WARNING, "build", "build", text, advice)
+        yield warning("build", "build", text, advice)
     elif driver.build_assumed:
-        yield problem(NOTE, "build", "build", "taken as sonar: a board of 2013 does not report it")
+        yield note("build", "build", "taken as sonar: a board of 2013 does not report it")
 
 
 def sensors(readings: Mapping[str, Reading], missing: Sequence[str] = ()) -> Iterator[Finding]:
     """Show the present reading of each other sensor that answers, and those that the board has without a reading."""
     for name, found in readings.items():
-        yield Finding(OK, name, text(SENSOR_BY_NAME[name], found))
+        yield ok(name, text(SENSOR_BY_NAME[name], found))
     for name in missing:
-        yield problem(WARNING, "sensor_silent", name, "no reading")
+        yield warning("sensor_silent", name, "no reading")
 
 
 def gyro(driver: "Driver") -> Iterator[Finding]:
@@ -244,15 +210,15 @@ def gyro(driver: "Driver") -> Iterator[Finding]:
     if state == imu.ABSENT and found is None:
         return
     if state == imu.OFF:
-        yield problem(NOTE, "imu_off", "imu", "not read, because that needs checksums and a fast serial link")
+        yield note("imu_off", "imu", "not read, because that needs checksums and a fast serial link")
     elif state == imu.LEARNING:
-        yield problem(WARNING, "imu_learning", "imu", "the bias of its gyro is not known")
+        yield warning("imu_learning", "imu", "the bias of its gyro is not known")
     elif state == imu.IN_USE and found is not None:
         bias = f"{math.degrees(found.bias_rad_s):+.2f} deg/s"
-        yield Finding(OK, "imu", f"gives the heading together with the wheels; bias of the gyro: {bias}")
+        yield ok("imu", f"gives the heading together with the wheels; bias of the gyro: {bias}")
     else:
         found_now = state if state in imu.CODES else imu.SILENT
-        yield problem(FAULT, imu.CODES[found_now], "imu", f"not used: {imu.CAUSES[found_now]}")
+        yield fault(imu.CODES[found_now], "imu", f"not used: {imu.CAUSES[found_now]}")
 
 
 def refusals(counts: Dict[str, int], has_motors: bool = True) -> Iterator[Finding]:
@@ -268,7 +234,7 @@ def refusals(counts: Dict[str, int], has_motors: bool = True) -> Iterator[Findin
         kinds = ", ".join(
             f"{count} x {texts[name][0].lower()}{texts[name][1:]}" for name, count in seen.items()
         )
-        yield problem(NOTE, "refused_by_board", "refused by board", kinds)
+        yield note("refused_by_board", "refused by board", kinds)
 
 
 def counters(driver: "Driver") -> Dict[str, int]:

@@ -8,16 +8,12 @@ import sys
 from typing import Iterator, List
 
 from mrl_driver.transport.link import is_terminal, opening_group
-from mrl_driver.transport.port_info import (
-    programs_named,
-    udev_properties,
-    user_of,
-)
+from mrl_driver.transport.port_info import programs_named, udev_properties, user_of
 from mrl_driver.transport.port_search import Port
 from mrl_driver.transport.reconnect import may_be_there
 from mrl_driver.transport.usb_ids import ARDUINO_VENDORS
 
-from .findings import FAULT, NOTE, OK, WARNING, Finding, problem
+from .findings import NOTE, WARNING, Finding, fault, note, ok, problem, warning
 
 IDLE_LATENCY_MS = 2
 """An FTDI adapter delays bytes by its latency timer, 16 ms by default; a longer time than this one gives a note."""
@@ -46,30 +42,18 @@ def _permission(name: str) -> Iterator[Finding]:
         return
     group = opening_group(name)
     if os.access(name, os.R_OK | os.W_OK):
-        yield Finding(OK, "permission", f"you may open {name}" + (f" (group {group})" if group else ""))
+        yield ok("permission", f"you may open {name}" + (f" (group {group})" if group else ""))
     elif not group:
-        yield problem(
-            FAULT,
-            "port_denied",
-            "permission",
-            f"only root may open {name}",
-            f"let udev give serial ports to group dialout: {_as_root('system install')}",
-        )
+        advice = f"let udev give serial ports to group dialout: {_as_root('system install')}"
+        yield fault("port_denied", "permission", f"only root may open {name}", advice)
     elif group in groups_by_file():
-        yield problem(
-            FAULT,
-            "port_denied",
-            "permission",
-            f"you are in group {group}, but you logged in before you were added",
-            "log out and in again, or for this terminal: newgrp " + group,
-        )
+        text = f"you are in group {group}, but you logged in before you were added"
+        advice = f"log out and in again, or for this terminal: newgrp {group}"
+        yield fault("port_denied", "permission", text, advice)
     else:
-        yield problem(
-            FAULT,
-            "port_denied",
-            "permission",
-            f"you may not open {name}: it belongs to group {group}",
-            f"sudo usermod -aG {group} $USER, then log out and in",
+        advice = f"sudo usermod -aG {group} $USER, then log out and in"
+        yield fault(
+            "port_denied", "permission", f"you may not open {name}: it belongs to group {group}", advice
         )
 
 
@@ -87,9 +71,9 @@ def _modem_manager(port: Port) -> Iterator[Finding]:
     if port.vendor is None:
         return
     if not programs_named("ModemManager"):
-        yield Finding(OK, "ModemManager", "not running")
+        yield ok("ModemManager", "not running")
     elif udev_properties(port.device).get("ID_MM_DEVICE_IGNORE") == "1":
-        yield Finding(OK, "ModemManager", "runs, but leaves this port alone")
+        yield ok("ModemManager", "runs, but leaves this port alone")
     else:
         known = port.vendor in ARDUINO_VENDORS
         yield problem(
@@ -109,21 +93,20 @@ def _brltty(name: str, port: Port) -> Iterator[Finding]:
     if not missing and port.vendor in (None, *ARDUINO_VENDORS):
         return
     if programs_named("brltty"):
-        yield problem(
-            WARNING,
+        yield warning(
             "brltty",
             "brltty",
             "runs, and takes CH340, CP210x, FTDI and PL2303 adapters for Braille displays: their ports vanish",
             f"unless you use a Braille display: {_as_root('system install --mask-brltty')}, then plug the board in",
         )
     elif not missing:
-        yield Finding(OK, "brltty", "not running")
+        yield ok("brltty", "not running")
 
 
 def _use(name: str) -> Iterator[Finding]:
     holder = user_of(name) if is_terminal(name) else ""
     if holder:
-        yield problem(FAULT, "port_busy", "in use", f"{name} is in use by {holder}")
+        yield fault("port_busy", "in use", f"{name} is in use by {holder}")
 
 
 def _latency_timer(port: Port) -> Iterator[Finding]:
@@ -134,10 +117,5 @@ def _latency_timer(port: Port) -> Iterator[Finding]:
     except (OSError, ValueError):
         return
     if timer_ms > IDLE_LATENCY_MS:
-        yield problem(
-            NOTE,
-            "usb_latency",
-            "USB adapter",
-            f"holds bytes back for up to {timer_ms} ms",
-            f"echo 1 | sudo tee {path}",
-        )
+        text = f"holds bytes back for up to {timer_ms} ms"
+        yield note("usb_latency", "USB adapter", text, f"echo 1 | sudo tee {path}")

@@ -1,5 +1,6 @@
 """The result of a check."""
 
+from functools import partial
 from typing import Iterable, NamedTuple
 
 from mrl_driver.problems import PROBLEMS
@@ -25,6 +26,15 @@ class Finding(NamedTuple):
 def problem(level: str, code: str, subject: str, text: str, advice: str = "") -> Finding:
     """Return a finding with the code of a row in `problems`, and that row's remedy unless another one is given."""
     return Finding(level, subject, text, advice or PROBLEMS[code].remedy, code)
+
+
+ok = partial(Finding, OK)
+note, warning, fault = (partial(problem, level) for level in (NOTE, WARNING, FAULT))
+
+
+def warning_if(bad: bool, code: str, subject: str, text: str, advice: str = "") -> Finding:
+    """Return a warning, or the finding that all is well, with the same text."""
+    return warning(code, subject, text, advice) if bad else ok(subject, text)
 
 
 def verdict(findings: Iterable[Finding]) -> str:

@@ -8,7 +8,7 @@ from mrl_driver.driver.parameters import differing as differing_values
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME
 from mrl_driver.robot.models import CURVE_KEYS, Drive, RobotModel
 
-from .findings import FAULT, NOTE, OK, WARNING, Finding, problem
+from .findings import FAULT, NOTE, WARNING, Finding, note, ok, problem, warning
 
 SMALL, LARGE = 0.02, 0.1
 """A speed, a turn or a range that is wrong by more than this share is a warning, or a fault.  Assumed."""
@@ -34,14 +34,12 @@ def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
         found.append(_sonar_curve(values, model))
     if values.get("bridge") and isinstance(model.drive, Drive) and not set(_RESTS) & set(named):
         found += _odometry(values, model)
-    yield from found or [Finding(OK, "parameters", f"as in the model {model.name}")]
+    yield from found or [ok("parameters", f"as in the model {model.name}")]
     alone = [name for name in differing if name not in (*named, *CURVE_KEYS)]
     if alone:
         listed = ", ".join(f"{name} {values[name]}" for name in alone)
         text = f"set on this board, but not in the model {model.name}: {listed}"
-        yield problem(
-            NOTE, "parameters", "parameters", text, "keep them in a file: mrl config dump FILE --port PORT"
-        )
+        yield note("parameters", "parameters", text, "keep them in a file: mrl config dump FILE --port PORT")
 
 
 def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding:
@@ -76,28 +74,28 @@ def _geometry(name: str, values: Mapping[str, int], model: RobotModel) -> Tuple[
     """Return level and effect.  The board turns speeds into counts per second by its geometry."""
     share = values[name] / model.board[name]
     share = (1 / share if name == "wheel_radius" else share) - 1
-    level = FAULT if abs(share) > LARGE else WARNING if abs(share) > SMALL else NOTE
     if not isinstance(model.drive, Drive):
         return NOTE, "the board applies its ceilings at other speeds"
     does, measures = ("turns", "turns") if name == "axis_radius" else ("drives", "distances")
     effect = f"the robot {does} {_percent(share, 'slower', 'faster')} than commanded"
     # the radii of a motor board are fitted, so they say nothing about the true ones
     if name in _COUNTS or values.get("bridge"):
-        effect += (
-            f"; if the board is right, odometry gives {measures} {_percent(share, 'too short', 'too long')}"
-        )
-    return level, effect
+        wrong = _percent(share, "too short", "too long")
+        effect += f"; if the board is right, odometry gives {measures} {wrong}"
+    return _level(share), effect
+
+
+def _level(share: float) -> str:
+    return FAULT if abs(share) > LARGE else WARNING if abs(share) > SMALL else NOTE
 
 
 def _ceiling(name: str, value: int, model: RobotModel) -> Tuple[str, str]:
     limit, unit = _CEILINGS[name]
     most: float = getattr(model.limits, limit)
-    if value / 1000 < most:
-        return (
-            WARNING,
-            f"the driver commands up to {most:g} {unit}, and the board drives at most {value / 1000:g} {unit}",
-        )
-    return NOTE, f"no effect: the driver commands at most {most:g} {unit}"
+    if value / 1000 >= most:
+        return NOTE, f"no effect: the driver commands at most {most:g} {unit}"
+    board = f"the board drives at most {value / 1000:g} {unit}"
+    return WARNING, f"the driver commands up to {most:g} {unit}, and {board}"
 
 
 def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
@@ -110,17 +108,11 @@ def _sonar_curve(values: Mapping[str, int], model: RobotModel) -> Finding:
     with np.errstate(all="ignore"):  # any numbers may be on a board
         range_m = float(ours.range_m(theirs.counts(np.array([_REFERENCE_M])))[0])
     share = range_m / _REFERENCE_M - 1 if math.isfinite(range_m) else math.inf
-    level = FAULT if abs(share) > LARGE else WARNING if abs(share) > SMALL else NOTE
     words = " ".join(f"{name} {value}" for name, value in expected.items())
     wrong = _percent(share, "short", "long")
     text = f"the curve is not that of the model {model.name}: at {_REFERENCE_M:g} m ranges are {wrong}"
-    return problem(
-        level,
-        "parameters",
-        "sonars",
-        text,
-        f"if the model is right: mrl config set {words} --port PORT; if not: mrl calibrate sonar",
-    )
+    advice = f"if the model is right: mrl config set {words} --port PORT; if not: mrl calibrate sonar"
+    return problem(_level(share), "parameters", "sonars", text, advice)
 
 
 def _odometry(values: Mapping[str, int], model: RobotModel) -> List[Finding]:
@@ -130,31 +122,18 @@ def _odometry(values: Mapping[str, int], model: RobotModel) -> List[Finding]:
     metres = 2 * math.pi * values["wheel_radius"] * 1e-5 / turn_counts
     separation_m = 2 * values["axis_radius"] * 1e-5
     rows = (
-        (
-            "wheels",
-            "drive.metres_per_count",
-            drive.metres_per_count / metres - 1,
-            "drives",
-            "mrl calibrate straight",
-        ),
-        (
-            "wheels",
-            "drive.wheel_separation_m",
-            separation_m / drive.turning_separation_m - 1,
-            "turns",
-            "mrl calibrate turn",
-        ),
+        ("metres_per_count", drive.metres_per_count / metres - 1, "drives", "straight"),
+        ("wheel_separation_m", separation_m / drive.turning_separation_m - 1, "turns", "turn"),
     )
     return [
-        problem(
-            WARNING,
+        warning(
             "parameters",
-            subject,
-            f"{key} of the model {model.name} does not fit the board's geometry: the robot {does} "
+            "wheels",
+            f"drive.{key} of the model {model.name} does not fit the board's geometry: the robot {does} "
             f"{_percent(share, 'slower', 'faster')} than commanded, or odometry is wrong by as much",
-            f"measure it: {measure}",
+            f"measure it: mrl calibrate {procedure}",
         )
-        for subject, key, share, does, measure in rows
+        for key, share, does, procedure in rows
         if abs(share) > CALIBRATED
     ]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Callable, Dict, Iterator, Mapping, NamedTuple,
 
 from mrl_driver.robot.odometry import Wheels
 
-from .findings import FAULT, NOTE, OK, Finding, problem
+from .findings import OK, Finding, fault, note, ok
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -38,18 +38,13 @@ class Moved(NamedTuple):
 def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
     """Turn each wheel forward for a moment; `ask` asks the user, who sees the wheels."""
     if driver.battery_state in ("empty", "off"):
-        yield problem(
-            FAULT,
-            f"battery_{driver.battery_state}",
-            "wheels",
-            f"not checked: the battery is {driver.battery_state}",
-        )
+        state = driver.battery_state
+        yield fault(f"battery_{state}", "wheels", f"not checked: the battery is {state}")
         return
     for side in SIDES:
         finding = evaluate(side, turn(driver, side))
         if finding.level == OK and ask is not None and not ask(f"Did the {side} wheel turn forward, alone?"):
-            finding = problem(
-                FAULT,
+            finding = fault(
                 "wheels_swapped",
                 f"{side} wheel",
                 "its counter is right, but another wheel turned, or this one turned backwards",
@@ -57,12 +52,8 @@ def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
             )
         yield finding
     if ask is None:
-        yield Finding(
-            NOTE,
-            "wheels",
-            "only the counters were checked; look whether each wheel turned forward",
-            code="wheels_unchecked",
-        )
+        text = "only the counters were checked; look whether each wheel turned forward"
+        yield note("wheels_unchecked", "wheels", text)._replace(advice="")
 
 
 def turn(driver: "Driver", side: str) -> Moved:
@@ -104,32 +95,17 @@ def evaluate(side: str, moved: Moved) -> Finding:
     words = f"{own * 1000:.0f} mm, the other wheel {other * 1000:.0f} mm"
     wheel = f"{side} wheel"
     if own >= MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * own:
-        return Finding(OK, wheel, f"turns and counts forward ({words})")
+        return ok(wheel, f"turns and counts forward ({words})")
     if own <= -MIN_MOVED_M and abs(other) <= OTHER_WHEEL_SHARE * -own:
-        return problem(FAULT, "wheel_reversed", wheel, f"counts backwards ({words})")
+        return fault("wheel_reversed", wheel, f"counts backwards ({words})")
     if abs(other) >= MIN_MOVED_M > abs(own):
-        return problem(
-            FAULT,
-            "wheels_swapped",
-            wheel,
-            f"the other wheel's counter moved ({words})",
-            f"swap the plugs: {side} is {_MOTORS[side]}",
-        )
+        advice = f"swap the plugs: {side} is {_MOTORS[side]}"
+        return fault("wheels_swapped", wheel, f"the other wheel's counter moved ({words})", advice)
     if abs(own) < MIN_MOVED_M and abs(other) < MIN_MOVED_M:
-        return problem(
-            FAULT,
-            "wheel_dead",
-            wheel,
-            f"no counter moved ({words})",
-            "if it turned, check the plug of its encoder; if not, check motor power and motor plug",
-        )
-    return problem(
-        FAULT,
-        "wheels_swapped",
-        wheel,
-        f"both counters moved ({words})",
-        "check into which socket each encoder is plugged",
-    )
+        advice = "if it turned, check the plug of its encoder; if not, check motor power and motor plug"
+        return fault("wheel_dead", wheel, f"no counter moved ({words})", advice)
+    advice = "check into which socket each encoder is plugged"
+    return fault("wheels_swapped", wheel, f"both counters moved ({words})", advice)
 
 
 def sonar_order(
@@ -138,7 +114,7 @@ def sonar_order(
     """Ask the user (by `ask`) to hold a hand in front of each sonar in turn; the answer False skips the sonar."""
     for name in list(read()):
         if not ask(f"Hold a hand about 30 cm in front of the {name} sonar.  Ready?"):
-            yield Finding(NOTE, f"sonar {name}", "order not checked", code="sonar_missed")
+            yield note("sonar_missed", f"sonar {name}", "order not checked")._replace(advice="")
             continue
         yield _order(name, _await_hand(read, patience_s, tick_s))
 
@@ -166,13 +142,8 @@ def nearest(ranges: Mapping[str, float]) -> str:
 
 def _order(name: str, seen: str) -> Finding:
     if seen == name:
-        return Finding(OK, f"sonar {name}", "is in its place")
+        return ok(f"sonar {name}", "is in its place")
     if seen:
-        return problem(
-            FAULT,
-            "sonar_swapped",
-            f"sonar {name}",
-            f"the {seen} sonar detected the hand",
-            f"swap the outputs of {name} and {seen}",
-        )
-    return problem(FAULT, "sonar_missed", f"sonar {name}", "did not detect the hand")
+        advice = f"swap the outputs of {name} and {seen}"
+        return fault("sonar_swapped", f"sonar {name}", f"the {seen} sonar detected the hand", advice)
+    return fault("sonar_missed", f"sonar {name}", "did not detect the hand")
