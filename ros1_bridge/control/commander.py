@@ -48,28 +48,21 @@ class Commander:
         self._driver, self._clock = driver, clock
         self._commanded_s = float("-inf")
         self._cause = StopReason.NONE
-        self.latched = False
-        """The emergency stop is on: nothing moves until `release`."""
+        self.latched = False  # the emergency stop is on: nothing moves until `release`
         self.enabled = True
-        self.sources = VelocitySources()
-        """Which sources of commands may move the robot."""
+        self.sources = VelocitySources()  # which sources of commands may move the robot
         self.cancel_goals: Callable[[bool], None] = lambda everything: None
         """Cancels all goals of planners, or those of before this moment alone.  It must not block."""
-        self.zones: Optional[Zones] = None
-        """The protective zones, if there are any; see `watch`."""
+        self.zones: Optional[Zones] = None  # the protective zones, if there are any; see `watch`
         self.seeking = False
         """The node itself sends the commands, to drive to a pose; an emergency stop and disabled motors end it."""
-        self.manual = False
-        """Manual mode: reduced speed, and no drive to a pose; see `set_manual`."""
-        self.manual_m_s = FASTEST_MANUAL_M_S
-        """Highest speed in manual mode."""
+        self.manual = False  # manual mode: reduced speed, and no drive to a pose; see `set_manual`
+        self.manual_m_s = FASTEST_MANUAL_M_S  # highest speed in manual mode
         self._lock = new_lock("limits")
         self._limits: Optional[Limits] = None
         self._held = self._commanded = self._lost = False
-        self._stops = 0
-        """Stops so far: a command that one of them overtakes is not in force."""
-        self.late_commands = 0
-        """Operators' commands that arrived too late to be followed."""
+        self._stops = 0  # stops so far: a command that one of them overtakes is not in force
+        self.late_commands = 0  # operators' commands that arrived too late to be followed
         self._wheels = WheelMotion(driver)
 
     @property

@@ -9,9 +9,9 @@ from typing import Any, Callable, Dict, Mapping, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 
-STEP_M_S = 0.05  # Speeds that set here are multiples of this, so that they seldom change
-RAISE_S = 1.0  # A speed is raised when it has been allowed for this long; it is lowered at once
-FASTEST, SLOWEST = "max_vel_x", "min_vel_x"  # Parameters of the local planners of move_base
+STEP_M_S = 0.05  # speeds that set here are multiples of this, so that they seldom change
+RAISE_S = 1.0  # a speed is raised when it has been allowed for this long; it is lowered at once
+FASTEST, SLOWEST = "max_vel_x", "min_vel_x"  # parameters of the local planners of move_base
 
 Configure = Callable[[Dict[str, float]], Mapping[str, Any]]
 """Sets parameters of the planner, and returns all that it has then."""

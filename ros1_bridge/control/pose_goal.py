@@ -13,7 +13,7 @@ from ros1_bridge.node.plane_poses import planar
 
 from .commander import Commander
 
-STEP_S = 0.05  # The speeds are computed again after this time, or with each frame if frames come more slowly
+STEP_S = 0.05  # the speeds are computed again after this time, or with each frame if frames come more slowly
 REACHED = "the pose is reached"
 BLOCKED = "the pose is given up"
 REFUSED = "the robot is in manual mode; call the service manual_mode with false"

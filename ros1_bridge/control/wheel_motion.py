@@ -2,8 +2,8 @@
 
 from typing import Any, Optional, Sequence, Tuple
 
-STILL_M_S = 0.005  # A wheel whose rim is slower than this counts as standing still [m/s]
-WINDOW_S = 0.15  # Speeds are means over at least this time [s], so that single counts do not look like motion
+STILL_M_S = 0.005  # a wheel whose rim is slower than this counts as standing still [m/s]
+WINDOW_S = 0.15  # speeds are means over at least this time [s], so that single counts do not look like motion
 
 
 class WheelMotion:

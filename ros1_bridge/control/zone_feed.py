@@ -15,7 +15,7 @@ from mrl_driver.yaml_file import short
 from ros1_bridge.node.robot_parameters import Parameters
 from ros1_bridge.node.stamp_age import StampAge
 
-LONGEST_S = 0.5  # After a longer gap between two frames, the distance driven meanwhile is unknown
+LONGEST_S = 0.5  # after a longer gap between two frames, the distance driven meanwhile is unknown
 SCAN_OLD_S = 0.5
 """An older scan is not used [s]; that of a slow laser, with five turns a second, is 0.2 s old when it is complete."""
 
@@ -91,8 +91,7 @@ class MountFinder:
         self._listener: Any = None
         self._mount: Optional[Pose] = None
         self._frame = ""
-        self.trouble = ""
-        """Why the mount is not known."""
+        self.trouble = ""  # why the mount is not known
 
     def mount(self, frame: str) -> Optional[Pose]:
         """x, y, yaw of `frame` in base_frame [m m rad].

@@ -119,15 +119,13 @@ def _write_messages(
     from ros1_bridge.node.robot_parameters import check
 
     from . import message_files
-    from .file_topics import FileTopics
     from .recorded_topics import RecordedTopics, now_ns
 
     parameters = check({"port": "recording", "odom_frame": odom_frame, "base_frame": base_frame}, "export")
     namespace = f"/{name}" if name else ""
     ending = os.path.splitext(output)[1].lower()
-    file = message_files.FORMATS[ending](path, f"{namespace}/robot_node")
-    topics = FileTopics(file, output, namespace, lambda: now_ns(recorded))
-    RecordedTopics(recorded, topics, parameters)
+    file = message_files.make(ending, path, output, namespace, lambda: now_ns(recorded))
+    RecordedTopics(recorded, file, parameters)
     recorded.play(advance)
     file.close()
-    return topics.count
+    return file.count

@@ -21,8 +21,8 @@ _NAMES = {
 }
 KINDS = tuple(f"{package}/{name}" for package, names in _NAMES.items() for name in names.split())
 """The types that `ros1_bridge.topics` and this folder import."""
-EXTRA = "pip install 'mrl-driver[export]'"  # Installs what an export needs where ROS is missing
-_TF_MESSAGE = "geometry_msgs/TransformStamped[] transforms\n"  # The one definition that rosbags lacks
+EXTRA = "pip install 'mrl-driver[export]'"  # installs what an export needs where ROS is missing
+_TF_MESSAGE = "geometry_msgs/TransformStamped[] transforms\n"  # the one definition that rosbags lacks
 _LINE = "=" * 80 + "\n"
 _ENOUGH_BYTES = 1 << 16
 

@@ -1,46 +1,107 @@
-"""Files of ROS messages: bags, by rosbag where ROS is installed and else by the library rosbags; and MCAP."""
+"""Files of ROS messages: bags, by rosbag where ROS is installed and else by the library rosbags; and MCAP.
 
+Their publishers write into the file instead of sending to subscribers.
+"""
+
+import io
+from abc import ABC, abstractmethod
 from pathlib import Path
-from typing import Any, Callable, Dict, Protocol
+from types import SimpleNamespace
+from typing import Any, Callable, Dict
+
+from mrl_driver.files import unwritable
 
 from .message_classes import missing
 
 
-class MessageFile(Protocol):
-    """A file that is being written; each method raises OSError if the disk is full."""
+class MessageFile(ABC):
+    """A file that is being written; it takes the place of the class rospy.Publisher.
 
+    `add`, `write` and `close` raise OSError if the disk is full.
+
+    Args:
+        output: name of the file for errors.
+        namespace: what relative names of topics are in, such as `/robot1`; empty for none.
+        now_ns: the time at which messages arrive [ns since 1970].
+
+    Attributes:
+        count: messages that were written.
+    """
+
+    def __init__(self, output: str, namespace: str, now_ns: Callable[[], int]) -> None:
+        self.output, self.now_ns, self.count = output, now_ns, 0
+        self._namespace, self._node = namespace, f"{namespace}/robot_node"
+
+    def __call__(self, topic: str, kind: Any, latch: bool = False, **_: Any) -> "FileTopic":
+        """Return the publisher of a topic, with the arguments of rospy.Publisher."""
+        name = topic if topic.startswith("/") else f"{self._namespace}/{topic}"
+        return FileTopic(self, name, kind, latch)
+
+    @abstractmethod
     def add(self, topic: str, kind: Any, latched: bool) -> Any:
         """Add a topic with the message class `kind`; return what `write` needs."""
 
+    @abstractmethod
     def write(self, channel: Any, data: bytes, time_ns: int) -> None:
         """Add a serialized message of a topic, with the time of its arrival [ns since 1970]."""
 
+    @abstractmethod
     def close(self) -> None:
         """Write what is pending, and the index."""
 
 
-def bag(path: str, node: str) -> MessageFile:
-    """Make a bag with messages of this node.
+class FileTopic:
+    """The publisher of one topic, and its only connection.  The file has the topic from its first message on.
+
+    `write_data` and `publish` raise OutputError if the file cannot be written.
+    """
+
+    socket = None
+
+    def __init__(self, file: MessageFile, name: str, kind: Any, latched: bool) -> None:
+        self._file, self._name, self._kind, self._latched = file, name, kind, latched
+        self._channel: Any = None
+        self._sequence = 0
+        self._has_header = "header" in kind.__slots__
+        self.impl = SimpleNamespace(connections=[self], add_subscriber_listener=lambda _: None)
+
+    def write_data(self, data: bytes) -> None:
+        """Write a serialized message that follows its length, as connections of rospy do."""
+        self._write(data[4:])
+
+    def publish(self, message: Any) -> None:
+        """Write a message."""
+        if self._has_header:
+            self._sequence += 1
+            message.header.seq = self._sequence
+        serialized = io.BytesIO()
+        message.serialize(serialized)
+        self._write(serialized.getvalue())
+
+    def _write(self, data: bytes) -> None:
+        file = self._file
+        try:
+            if self._channel is None:
+                self._channel = file.add(self._name, self._kind, self._latched)
+            file.write(self._channel, data, file.now_ns())
+            file.count += 1
+        except OSError as error:
+            raise unwritable(file.output, error) from None
+
+
+class RosBag(MessageFile):
+    """A bag that rosbag writes.
 
     Raises:
-        ConfigError: neither ROS nor rosbags is installed.
-        OSError: the file cannot be made.
+        ImportError: ROS is not installed.
     """
-    try:
-        import rosbag  # noqa: F401 - looked for
-    except ImportError:
-        return LibraryBag(path, node)
-    return RosBag(path, node)
 
-
-class RosBag:
-    """A bag that rosbag writes."""
-
-    def __init__(self, path: str, node: str) -> None:
+    def __init__(self, path: str, *about: Any) -> None:
         import rosbag
         from genpy import Time
 
-        self._bag, self._node, self._time = rosbag.Bag(path, "w"), node, Time
+        super().__init__(*about)
+        self._bag, self._time = rosbag.Bag(path, "w"), Time
 
     def add(self, topic: str, kind: Any, latched: bool) -> Any:
         header = {
@@ -64,25 +125,22 @@ class RosBag:
         self._bag.close()
 
 
-class LibraryBag:
+class LibraryBag(MessageFile):
     """A bag that the library rosbags writes."""
 
-    def __init__(self, path: str, node: str) -> None:
+    def __init__(self, path: str, *about: Any) -> None:
         try:
             from rosbags.rosbag1 import Writer
         except ImportError as error:
             raise missing(error) from None
-        self._writer, self._node = Writer(Path(path)), node
+        super().__init__(*about)
+        self._writer = Writer(Path(path))
         self._writer.open()
 
     def add(self, topic: str, kind: Any, latched: bool) -> Any:
+        about = {"msgdef": kind._full_text, "md5sum": kind._md5sum, "callerid": self._node}
         return self._writer.add_connection(
-            topic,
-            kind._type.replace("/", "/msg/"),
-            msgdef=kind._full_text,
-            md5sum=kind._md5sum,
-            callerid=self._node,
-            latching=int(latched),
+            topic, kind._type.replace("/", "/msg/"), **about, latching=int(latched)
         )
 
     def write(self, channel: Any, data: bytes, time_ns: int) -> None:
@@ -92,36 +150,27 @@ class LibraryBag:
         self._writer.close()
 
 
-class Mcap:
-    """An MCAP file of the profile `ros1`.
+class Mcap(MessageFile):
+    """An MCAP file of the profile `ros1`."""
 
-    Raises:
-        ConfigError: mcap is not installed.
-        OSError: the file cannot be made.
-    """
-
-    def __init__(self, path: str, node: str) -> None:
+    def __init__(self, path: str, *about: Any) -> None:
         try:
             from mcap.writer import Writer
         except ImportError as error:
             raise missing(error) from None
-        self._node = node
+        super().__init__(*about)
         self._schemas: Dict[str, int] = {}
         self._sequences: Dict[int, int] = {}
-        self._file = open(path, "wb")  # noqa: SIM115 - `close` closes it
-        self._writer = Writer(self._file)
+        self._stream = open(path, "wb")  # noqa: SIM115 - `close` closes it
+        self._writer = Writer(self._stream)
         self._writer.start(profile="ros1", library="mrl-driver")
 
     def add(self, topic: str, kind: Any, latched: bool) -> int:
-        name = kind._type
+        name, node = kind._type, self._node
         if name not in self._schemas:
             self._schemas[name] = self._writer.register_schema(name, "ros1msg", kind._full_text.encode())
-        about = {
-            "callerid": self._node,
-            "latching": "true" if latched else "false",
-            "md5sum": kind._md5sum,
-            "topic": topic,
-        }
+        latching = "true" if latched else "false"
+        about = {"callerid": node, "latching": latching, "md5sum": kind._md5sum, "topic": topic}
         channel = self._writer.register_channel(topic, "ros1", self._schemas[name], about)
         self._sequences[channel] = 0
         return channel
@@ -132,8 +181,19 @@ class Mcap:
 
     def close(self) -> None:
         self._writer.finish()
-        self._file.close()
+        self._stream.close()
 
 
-FORMATS: Dict[str, Callable[[str, str], MessageFile]] = {".bag": bag, ".mcap": Mcap}
-"""Makes a file (path, name of the node) by the ending of its name."""
+def make(ending: str, path: str, *about: Any) -> MessageFile:
+    """Make a file with this ending, .bag or .mcap, for what `MessageFile` needs.
+
+    Raises:
+        ConfigError: a package that writes it is not installed.
+        OSError: the file cannot be made.
+    """
+    if ending == ".mcap":
+        return Mcap(path, *about)
+    try:
+        return RosBag(path, *about)
+    except ImportError:
+        return LibraryBag(path, *about)

@@ -8,8 +8,8 @@ from .relay_frames import Message
 
 MOST_BYTES = 16384
 """At most this many bytes are in transit: what waits in a network cannot be replaced by something newer."""
-MOST_OF_ONE = 4  # At most this many messages of one publisher are in transit
-MOST_MESSAGES = 64  # At most this many messages are in transit, and one if the link is slow
+MOST_OF_ONE = 4  # at most this many messages of one publisher are in transit
+MOST_MESSAGES = 64  # at most this many messages are in transit, and one if the link is slow
 SLOWER_S = 0.05
 """A link is slow if an answer takes longer than the fastest one by this time: then messages wait in the network."""
 _FORGETS = 1.001

@@ -24,7 +24,7 @@ from mrl_driver.errors import MrlError
 PROTOCOL = 1
 LONGEST_BYTES = 16 * 1024 * 1024
 """A frame has at most this many bytes after its header; a longer message is not sent."""
-_LONGEST_FIRST = 64 * 1024  # The first frame of a connection is at most this long: anyone may connect
+_LONGEST_FIRST = 64 * 1024  # the first frame of a connection is at most this long: anyone may connect
 _LONGEST_NAME = 255
 _HEADER = struct.Struct("<BI")
 

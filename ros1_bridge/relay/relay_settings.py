@@ -23,8 +23,16 @@ PARAMETERS = (
     Row("timeout", float, 1.0, "s", "A relay that is silent for this time is cut off", 0.5, 60.0),
 )
 """The node's private parameters.  `send`, `peers` and `receive` may also be lists."""
-_NAME = re.compile(r"[A-Za-z]\w*\Z")
-_TOPIC = re.compile(r"/?[A-Za-z]\w*(/\w+)*\Z")
+_NAME, _TOPIC = r"[A-Za-z]\w*", r"/?[A-Za-z]\w*(?:/\w+)*"
+_FORMS = {
+    "send": (rf"({_TOPIC})", "the name of a topic"),
+    "peers": (rf"({_NAME})=(.*)", f"NAME=HOST:PORT, such as robot2=10.0.0.2:{PORT}"),
+    "receive": (
+        rf"({_NAME})/({_TOPIC})(?:=({_TOPIC})?)?",
+        "NAME/TOPIC or NAME/TOPIC=HERE, such as robot2/odom",
+    ),
+}
+"""What the items of a list are like, as a regular expression and in words."""
 
 
 class Address(NamedTuple):
@@ -65,62 +73,44 @@ def read_settings(given: Any, namespace: str) -> Settings:
             key: ", ".join(map(str, each)) if isinstance(each, list) else each for key, each in given.items()
         }
     values = read(PARAMETERS, given, namespace)
-    if not _NAME.match(values["name"]):
+    if not re.fullmatch(_NAME, values["name"]):
         raise ConfigError(f"parameter {namespace}/name is {values['name']!r}, expected a name such as robot1")
-    send = _unique(
-        f"{namespace}/send", [(topic.lstrip("/"), topic) for topic in _topics(namespace, values["send"])]
+    send, peers, received = (
+        _items(f"{namespace}/{key}", values[key], *_FORMS[key]) for key in ("send", "peers", "receive")
     )
-    peers = _unique(f"{namespace}/peers", [_peer(namespace, item) for item in _items(values["peers"])])
-    receive: Dict[str, Dict[str, str]] = {peer: {} for peer in peers}
-    for item in _items(values["receive"]):
-        peer, topic, here = _received(namespace, item)
-        if peer not in peers:
+    receive: Dict[str, Dict[str, str]] = {peer: {} for peer, _ in peers}
+    for peer, topic, here in received:
+        topic = topic.lstrip("/")
+        if peer not in receive:
             raise ConfigError(
-                f"parameter {namespace}/receive has {item!r}, expected a peer's name before the slash: one of "
-                f"{', '.join(peers) or f'{namespace}/peers, which is empty'}"
+                f"parameter {namespace}/receive has '{peer}/{topic}', expected a peer's name before the slash: one of "
+                f"{', '.join(receive) or f'{namespace}/peers, which is empty'}"
             )
         if topic in receive[peer]:
             raise ConfigError(f"parameter {namespace}/receive has {peer}/{topic} twice, expected each once")
-        receive[peer][topic] = here
+        receive[peer][topic] = here or f"{peer}/{topic}"
     return Settings(
         values["name"],
         _address(f"{namespace}/listen", values["listen"]),
-        send,
-        peers,
+        _unique(f"{namespace}/send", [(topic.lstrip("/"), topic) for (topic,) in send]),
+        _unique(
+            f"{namespace}/peers", [(peer, _address(f"{namespace}/peers", there)) for peer, there in peers]
+        ),
         receive,
         values["max_age"],
         values["timeout"],
     )
 
 
-def _items(text: str) -> List[str]:
-    return [item.strip() for item in text.split(",") if item.strip()]
-
-
-def _topics(namespace: str, text: str) -> List[str]:
-    for topic in _items(text):
-        if not _TOPIC.match(topic):
-            raise ConfigError(f"parameter {namespace}/send has {topic!r}, expected the name of a topic")
-    return _items(text)
-
-
-def _peer(namespace: str, item: str) -> Tuple[str, Address]:
-    name, equals, address = item.partition("=")
-    if not equals or not _NAME.match(name):
-        raise ConfigError(
-            f"parameter {namespace}/peers has {item!r}, expected NAME=HOST:PORT, such as robot2=10.0.0.2:{PORT}"
-        )
-    return name, _address(f"{namespace}/peers", address)
-
-
-def _received(namespace: str, item: str) -> Tuple[str, str, str]:
-    there, _, here = item.partition("=")
-    peer, slash, topic = there.partition("/")
-    if not slash or not _NAME.match(peer) or not all(_TOPIC.match(name) for name in (topic, here or topic)):
-        raise ConfigError(
-            f"parameter {namespace}/receive has {item!r}, expected NAME/TOPIC or NAME/TOPIC=HERE, such as robot2/odom"
-        )
-    return peer, topic.lstrip("/"), here or f"{peer}/{topic.lstrip('/')}"
+def _items(key: str, text: str, form: str, expected: str) -> List[Tuple[str, ...]]:
+    """Return the parts of each item of a list with commas."""
+    found = []
+    for item in filter(None, map(str.strip, text.split(","))):
+        parts = re.fullmatch(form, item)
+        if parts is None:
+            raise ConfigError(f"parameter {key} has {item!r}, expected {expected}")
+        found.append(parts.groups())
+    return found
 
 
 def _address(key: str, text: str) -> Address:

@@ -25,11 +25,11 @@ from .relay_frames import (
 )
 from .relay_settings import Address
 
-PING_S = 0.1  # Time between heartbeats; less than the shortest time after which either end counts as silent
+PING_S = 0.1  # time between heartbeats; less than the shortest time after which either end counts as silent
 RETRY_S = 0.25
-WINDOW_S = 60.0  # Heartbeats older than this are forgotten: clocks drift, by less than 0.01 % of it [s]
-AHEAD_S = 0.1  # A message that seems to be from so far in the future shows that a clock was set [s]
-OK, WARN, ERROR = 0, 1, 2  # Levels of diagnostic_msgs/DiagnosticStatus
+WINDOW_S = 60.0  # heartbeats older than this are forgotten: clocks drift, by less than 0.01 % of it [s]
+AHEAD_S = 0.1  # a message that seems to be from so far in the future shows that a clock was set [s]
+OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 _READ_BYTES = 65536
 
 
@@ -37,11 +37,11 @@ _READ_BYTES = 65536
 class TopicCounts:
     """What has become of the messages of one topic."""
 
-    taken: int = 0  # Messages that arrived in time
-    lost: int = 0  # Messages that newer ones replaced, or that were sent while there was no connection
-    late: int = 0  # Messages that were older than the limit, and dropped
-    age_s: float = 0.0  # Age of the last message that was taken [s]
-    oldest_s: float = 0.0  # The largest such age since the last report [s]
+    taken: int = 0  # messages that arrived in time
+    lost: int = 0  # messages that newer ones replaced, or that were sent while there was no connection
+    late: int = 0  # messages that were older than the limit, and dropped
+    age_s: float = 0.0  # age of the last message that was taken [s]
+    oldest_s: float = 0.0  # the largest such age since the last report [s]
 
 
 class TopicReceiver:
@@ -72,8 +72,7 @@ class TopicReceiver:
         self.peer, self.address = peer, address
         self.counts = {topic: TopicCounts() for topic in topics}
         self.is_connected, self.reason = False, "not tried yet"
-        self.missing: List[str] = []
-        """Topics that the other relay does not send."""
+        self.missing: List[str] = []  # topics that the other relay does not send
         self._name, self._max_age_s, self._timeout_s = name, max_age_s, timeout_s
         self._take, self._connected = take, connected
         self._known: Dict[Tuple[str, int], int] = {}

@@ -112,7 +112,6 @@ class TopicRelay:
                 here, rospy.AnyMsg, self._on_message, there, tcp_nodelay=True
             )
         self._topics: Dict[str, ReceivedTopic] = {}
-        self._connected: Dict[str, rospy.Publisher] = {}
         self._receivers = [self._receiver(peer) for peer in self._settings.peers]
         self._updater = diagnostic_updater.Updater()
         self._updater.setHardwareID(self._settings.name)
@@ -155,7 +154,6 @@ class TopicRelay:
             self._topics.setdefault(rospy.resolve_name(name), ReceivedTopic(name))
         shown = rospy.Publisher(f"~{peer}/connected", Bool, queue_size=1, latch=True)
         shown.publish(False)
-        self._connected[peer] = shown
 
         def take(source: Source, body: bytes) -> None:
             self._topics[rospy.resolve_name(here[source.topic])].publish(peer, source, body)

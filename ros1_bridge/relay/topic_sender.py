@@ -29,7 +29,7 @@ from .relay_frames import (
 )
 from .relay_settings import Address
 
-MOST_RECEIVERS = 32  # More relays than these are refused
+MOST_RECEIVERS = 32  # more relays than these are refused
 SETTLE_S = 2.0
 """A latched command that comes within this time after the start may be one of before: it is not sent."""
 _READ_BYTES = 65536
@@ -69,8 +69,7 @@ class TopicSender:
     ) -> None:
         self.name, self.topics, self.timeout_s, self.tell = name, topics, timeout_s, tell
         self.run = os.urandom(8).hex()
-        self.too_long = 0
-        """Messages that were longer than `LONGEST_BYTES`, and not sent."""
+        self.too_long = 0  # messages that were longer than `LONGEST_BYTES`, and not sent
         self.began_s = clock_s()
         self._publishes = publishes
         self._sources: Dict[Tuple[str, str], Source] = {}
@@ -184,8 +183,7 @@ class _Receiver:
     def __init__(self, sender: TopicSender, connection: socket.socket, address: Address) -> None:
         connection.setblocking(False)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self.words = ""
-        """Name and address, after the first frame."""
+        self.words = ""  # name and address, after the first frame
         self._sender, self._socket, self._address = sender, connection, address
         self._frames, self._outbox = FrameReader(), Outbox()
         self._lock = threading.RLock()

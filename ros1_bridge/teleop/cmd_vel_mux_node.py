@@ -21,7 +21,7 @@ from ros1_bridge.topics.messages import field_not_finite
 
 from .velocity_mux import VelocityMux, read_inputs
 
-PERIOD_S = 0.02  # A stop for a silent source is at most this late
+PERIOD_S = 0.02  # a stop for a silent source is at most this late
 WARN_EVERY_S = 5.0
 
 

@@ -5,7 +5,7 @@ from typing import Dict, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import GRAVITY_M_S2
 
-DEAD_ZONE = 0.08  # A released stick rests within this share of its full travel
+DEAD_ZONE = 0.08  # a released stick rests within this share of its full travel
 REPEATED_S = 0.3
 """A joystick whose messages repeat one stamp for longer than this is lost [s]: wiimote_node keeps publishing the last
 state of a Wiimote that is out of reach or empty, and a held button would stay held.
@@ -16,8 +16,8 @@ SMOOTH_S = 0.1
 """Time constant of the low-pass for the Wiimote's accelerations [s]: a hand trembles at 8 to 12 Hz."""
 UNSTEADY = 0.4
 """A Wiimote is shaken, or falls, if its acceleration differs from gravity by more than this share, smoothed."""
-STEEPEST_RAD = math.radians(45)  # The neutral position must be at most this far from flat
-PAUSE_S = 0.5  # After a gap of this time the low-pass begins again [s]
+STEEPEST_RAD = math.radians(45)  # the neutral position must be at most this far from flat
+PAUSE_S = 0.5  # after a gap of this time the low-pass begins again [s]
 
 Shares = Tuple[float, float]
 """Shares of the full speeds: linear and angular, -1 to 1."""
@@ -33,7 +33,7 @@ class Layout(NamedTuple):
     back: Optional[int] = None
     left: Optional[int] = None
     right: Optional[int] = None
-    tilt: bool = False  # Axes 0 to 2 are the accelerations of a Wiimote, which steers by its tilt
+    tilt: bool = False  # axes 0 to 2 are the accelerations of a Wiimote, which steers by its tilt
 
 
 LAYOUTS: Dict[str, Layout] = {

@@ -18,7 +18,7 @@ from ros1_bridge.node.run_node import run_node
 
 from .joystick_mapping import LAYOUTS, Joystick
 
-CLOCK_STEP_S = 10.0  # If a message seems to be later than this, a clock was set [s]
+CLOCK_STEP_S = 10.0  # if a message seems to be later than this, a clock was set [s]
 PARAMETERS = (
     Row("layout", str, "ps3", "", "Which button does what", choices=tuple(LAYOUTS)),
     *speed_rows("Speed at full deflection", "Yaw rate at full deflection"),

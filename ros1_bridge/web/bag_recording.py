@@ -39,12 +39,9 @@ class BagRecording:
         self._bag: Optional[Any] = None
         self._ends: List[Unsubscribe] = []
         self._begun_s = 0.0
-        self.name = ""
-        """File of the bag that is being written; empty without one."""
-        self.lost = 0
-        """Messages of the last bag that could not be written."""
-        self.loss = ""
-        """Why the last bag is incomplete; empty if nothing is missing."""
+        self.name = ""  # file of the bag that is being written; empty without one
+        self.lost = 0  # messages of the last bag that could not be written
+        self.loss = ""  # why the last bag is incomplete; empty if nothing is missing
 
     @property
     def seconds(self) -> float:

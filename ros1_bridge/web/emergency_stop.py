@@ -11,7 +11,7 @@ much [s].
 """
 MOST_CALLS = 100
 """At most this many calls may be under way; a stop reaches it when the node has not answered for 40 minutes."""
-TOLD_S = 0.5  # The node answers, and its status says so, within this time, or something is wrong [s]
+TOLD_S = 0.5  # the node answers, and its status says so, within this time, or something is wrong [s]
 STOP, RELEASE = "stop", "release_stop"
 WORDS = {STOP: "emergency stop", RELEASE: "release of the emergency stop"}
 Call = Callable[[str], Tuple[bool, str]]

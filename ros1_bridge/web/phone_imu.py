@@ -15,8 +15,8 @@ from ros1_bridge.topics.imu_topics import ACCELERATION_OFFSET_M_S2
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE
 
 FRAME = "phone"
-ABSENT = -1.0  # First element of the covariance of what the phone does not measure (sensor_msgs/Imu)
-EVENTS_HZ = 60.0  # Most events of a sensor in a second; browsers send at most this many
+ABSENT = -1.0  # first element of the covariance of what the phone does not measure (sensor_msgs/Imu)
+EVENTS_HZ = 60.0  # most events of a sensor in a second; browsers send at most this many
 RATE_VARIANCE = 1e-7 * EVENTS_HZ + (0.01 / 3) ** 2
 """Android's Compatibility Definition, 7.3.4: at most 1e-7 rad2/s2 per Hz, and a calibration error below 0.01 rad/s,
 which is taken as three standard deviations [rad2/s2].

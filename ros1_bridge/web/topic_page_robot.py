@@ -21,7 +21,7 @@ FOLLOWED_S = 0.5
 """A robot that stood for a reason follows a new command within this time, or the reason still holds: `status` shows a
 change after 0.2 s at most [s].
 """
-STANDS_S = 0.1  # A robot that has stood for this time stands [s]
+STANDS_S = 0.1  # a robot that has stood for this time stands [s]
 SILENT = Why(StopReason.NO_TELEMETRY, "no odometry arrives; look whether the robot's node runs")
 
 
@@ -31,8 +31,7 @@ class _Press:
     def __init__(self, now_s: float) -> None:
         self.begun_s = now_s
         self.followed = False
-        self.ended: Optional[Why] = None
-        """Why these commands count no longer; None while they do."""
+        self.ended: Optional[Why] = None  # why these commands count no longer; None while they do
 
     def look(self, robot: TopicRobot, now_s: float) -> Optional[Why]:
         """Return why the robot has stopped by itself since the first command; None if it has not."""

@@ -30,13 +30,13 @@ from .bag_recording import BagRecording, Unsubscribe
 from .emergency_stop import EmergencyStop
 from .topic_page_robot import TopicPageRobot
 
-ROBOT = "robot_node"  # Name of the robot's node, in the namespace of this one
-STOPS_S = 0.2  # The robot's node must stop the robot this long after the last command of the page [s]
+ROBOT = "robot_node"  # name of the robot's node, in the namespace of this one
+STOPS_S = 0.2  # the robot's node must stop the robot this long after the last command of the page [s]
 MAX_DELAY_S = 0.25
 """Default of `~max_delay`: the page's part of it is at most 0.15 s, or the server drops the command [s]."""
-LOOK_S = 2.0  # Time between two looks at the parameter that says so [s]
+LOOK_S = 2.0  # time between two looks at the parameter that says so [s]
 NOT_RECORDED = ("/rosout", "/rosout_agg")
-USUAL = "~/.local/share/mrl-driver/recordings"  # Where `mrl web` has its recordings, too
+USUAL = "~/.local/share/mrl-driver/recordings"  # where `mrl web` has its recordings, too
 PARAMETERS = (
     Row(
         "listen",

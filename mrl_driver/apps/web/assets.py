@@ -19,9 +19,9 @@ class Asset(NamedTuple):
     """One file as it is sent."""
 
     data: bytes
-    packed: bytes  # The same, compressed; empty if that saves nothing
+    packed: bytes  # the same, compressed; empty if that saves nothing
     kind: str
-    tag: str  # Changes with the content; for the headers `ETag` and `If-None-Match`
+    tag: str  # changes with the content; for the headers `ETag` and `If-None-Match`
 
 
 def load(folder: pathlib.Path = FOLDER) -> Dict[str, Asset]:

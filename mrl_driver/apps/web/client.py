@@ -7,9 +7,9 @@ from typing import Any, Awaitable, Callable, Dict, Optional
 
 CONGESTED_BYTES = 16384
 """With more unsent bytes than this in the program, messages wait, and newer ones replace them."""
-STALLED_S = 5.0  # A client that accepts nothing for this time is closed [s]
-LOOK_S = 0.05  # Time between two looks at a connection that is congested [s]
-MOST_PER_S = 200  # More messages of one client in a second close it; the page sends at most 80
+STALLED_S = 5.0  # a client that accepts nothing for this time is closed [s]
+LOOK_S = 0.05  # time between two looks at a connection that is congested [s]
+MOST_PER_S = 200  # more messages of one client in a second close it; the page sends at most 80
 
 Send = Callable[[str], Awaitable[Any]]
 
@@ -29,14 +29,10 @@ class Client:
 
     def __init__(self, number: int, role: str, name: str) -> None:
         self.number, self.role, self.name = number, role, name
-        self.heard_s = time.monotonic()
-        """When its last message arrived [s]."""
-        self.refused = 0
-        """Messages in a row that were refused."""
-        self.last = ""
-        """Why the server ends the connection; empty while it does not."""
-        self.gone = asyncio.Event()
-        """The connection is to end, or has ended."""
+        self.heard_s = time.monotonic()  # when its last message arrived [s]
+        self.refused = 0  # messages in a row that were refused
+        self.last = ""  # why the server ends the connection; empty while it does not
+        self.gone = asyncio.Event()  # the connection is to end, or has ended
         self._transport: Optional[asyncio.Transport] = None
         self._waiting: Dict[str, str] = {}
         self._ready = asyncio.Event()

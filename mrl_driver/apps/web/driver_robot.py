@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 SUFFIX = ".mrl"
-AGE_S = 1.0  # The age of the last command is shown for this time [s]
+AGE_S = 1.0  # the age of the last command is shown for this time [s]
 LATCHED = Why(StopReason.EMERGENCY_STOP, "the emergency stop is on; release it first")
 
 
@@ -31,9 +31,8 @@ class DriverRobot(PageRobot):
     def __init__(self, driver: "Driver", folder: str) -> None:
         super().__init__(driver, FolderRecordings(driver, folder))
         self._driver = driver
-        self._driven = self._latched = False
-        """A command of the page was in force, and `stop` has not ended it."""
-        self._driven_s = -AGE_S
+        self._driven = False  # a command of the page was in force, and `stop` has not ended it
+        self._latched, self._driven_s = False, -AGE_S
 
     def _drive(
         self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float

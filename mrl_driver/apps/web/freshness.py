@@ -10,8 +10,8 @@ from typing import Optional
 from mrl_driver.safety.message_age import MessageAge
 from mrl_driver.safety.operator_delay import DRIFT
 
-WINDOW_S = 10.0  # Older pairs of `heard` and `heard_t` do not count [s]
-SAME_S = 1e-6  # Times on the wire are rounded to this [s]
+WINDOW_S = 10.0  # older pairs of `heard` and `heard_t` do not count [s]
+SAME_S = 1e-6  # times on the wire are rounded to this [s]
 DEAF_S = 2.0
 """The age is unknown if the newest message that the page has is older than this [s]: its picture stands still."""
 COARSE_S = 0.02

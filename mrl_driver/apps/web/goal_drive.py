@@ -19,8 +19,8 @@ class Step(NamedTuple):
 
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
-    ended: Optional[Why] = None  # Why the robot stops here: the goal is reached, or blocked; None before that
-    notice: str = ""  # Why the robot waits now, or has stopped; empty while it drives
+    ended: Optional[Why] = None  # why the robot stops here: the goal is reached, or blocked; None before that
+    notice: str = ""  # why the robot waits now, or has stopped; empty while it drives
 
 
 class GoalDrive:

@@ -18,10 +18,10 @@ from mrl_driver.view.words import STOPS
 
 from .freshness import SAME_S, Freshness
 
-STOP_S = 0.15  # The robot stops after this time without a fresh command [s]
-OLDEST_S = 0.15  # Commands older than this are dropped [s]
-SENT_S = 0.25  # The robot stops at the latest this long after its page has sent the last fresh command [s]
-HAND_OVER_S = 1.0  # The helm changes hands when the robot stands, at the latest this long after its stop [s]
+STOP_S = 0.15  # the robot stops after this time without a fresh command [s]
+OLDEST_S = 0.15  # commands older than this are dropped [s]
+SENT_S = 0.25  # the robot stops at the latest this long after its page has sent the last fresh command [s]
+HAND_OVER_S = 1.0  # the helm changes hands when the robot stands, at the latest this long after its stop [s]
 
 WATCHES, TAKE_FIRST = "this link is for watching only", "take the helm first"
 LATCHED, PRESS_AGAIN = (
@@ -58,16 +58,16 @@ class Goal(NamedTuple):
 class Control(NamedTuple):
     """What the controls of a page command, and whether one of them is held."""
 
-    seq: int  # Number of the message; it grows
-    t_s: float  # When it was sent [s, the page's clock]
-    heard_s: Optional[float]  # Time of our newest message that the page has [s, our clock]; None: it has none
-    heard_t_s: Optional[float]  # When that arrived there [s, the page's clock]
-    press: int  # Number of the press, or of the last one; it grows
+    seq: int  # number of the message; it grows
+    t_s: float  # when it was sent [s, the page's clock]
+    heard_s: Optional[float]  # time of our newest message that the page has [s, our clock]; None: it has none
+    heard_t_s: Optional[float]  # when that arrived there [s, the page's clock]
+    press: int  # number of the press, or of the last one; it grows
     held: bool
     linear_m_s: float = 0.0
     angular_rad_s: float = 0.0
     lateral_m_s: float = 0.0
-    goal: Optional[Goal] = None  # In place of speeds
+    goal: Optional[Goal] = None  # in place of speeds
 
 
 class Drive(NamedTuple):
@@ -120,18 +120,18 @@ Act = Union[Drive, Go, Halt, Latch, Unlatch, Refuse, Tell]
 class HelmState:
     """What all clients may know."""
 
-    driver: Optional[int] = None  # The client that has the helm
-    wants: Optional[int] = None  # The client that gets it next
-    driving: bool = False  # A press is in force
+    driver: Optional[int] = None  # the client that has the helm
+    wants: Optional[int] = None  # the client that gets it next
+    driving: bool = False  # a press is in force
     latched: bool = False
-    latched_by: Optional[int] = None  # The client that set the emergency stop; None: none of ours
-    latched_by_other: str = ""  # Name of another source of the emergency stop; empty: there is none
-    spent: Dict[int, int] = field(default_factory=dict)  # The newest press of each client that is over
-    why: Why = GOING  # Why the robot was stopped last; `none` while a press is in force
-    age_s: float = math.nan  # Upper bound of the age of the newest command that drove [s]; NaN: none has
-    late: int = 0  # Commands that were dropped because they were too old, or their age was not known
-    repeated: int = 0  # Messages that were dropped because a newer one had arrived before
-    malformed: int = 0  # Messages that could not be read
+    latched_by: Optional[int] = None  # the client that set the emergency stop; None: none of ours
+    latched_by_other: str = ""  # name of another source of the emergency stop; empty: there is none
+    spent: Dict[int, int] = field(default_factory=dict)  # the newest press of each client that is over
+    why: Why = GOING  # why the robot was stopped last; `none` while a press is in force
+    age_s: float = math.nan  # upper bound of the age of the newest command that drove [s]; NaN: none has
+    late: int = 0  # commands that were dropped because they were too old, or their age was not known
+    repeated: int = 0  # messages that were dropped because a newer one had arrived before
+    malformed: int = 0  # messages that could not be read
 
 
 class _Client:
@@ -143,8 +143,7 @@ class _Client:
         self.seq = -1
         self.press = self.spent = -1
         self.held = False
-        self.told = -1
-        """The press whose delay was reported."""
+        self.told = -1  # the press whose delay was reported
         self.rested_s = -math.inf
         """Time of the newest message of ours that this client has echoed while no control was held [s]."""
 
@@ -170,13 +169,10 @@ class Helm:
         self._stop_s, self._oldest_s, self._sent_s = stop_s, oldest_s, sent_s
         self._clients: Dict[int, _Client] = {}
         self._state = HelmState()
-        self._goal: Optional[Goal] = None
-        """Of the press in force; None: it commands speeds."""
+        self._goal: Optional[Goal] = None  # of the press in force; None: it commands speeds
         self._press = -1
-        self._ends_s = math.inf
-        """The press in force ends without a fresh command [s]."""
-        self._since_s = -math.inf
-        """Last time at which held controls lost their effect [s]."""
+        self._ends_s = math.inf  # the press in force ends without a fresh command [s]
+        self._since_s = -math.inf  # last time at which held controls lost their effect [s]
         self._halted_s = -math.inf
         self._stands = True
         self._latched = self._robot_latched = False
@@ -319,19 +315,12 @@ class Helm:
             return self._halt(why_of(StopReason.GOAL_CHANGED), now_s)
         if not begins and control.press > self._press:
             who.spent = self._press
-        self._state.driving, self._press, self._goal, self._state.why = (
-            True,
-            control.press,
-            control.goal,
-            GOING,
-        )
+        self._state.driving, self._state.why = True, GOING
+        self._press, self._goal = control.press, control.goal
         self._ends_s = now_s + min(self._stop_s, self._sent_s - age_s)
-        goal = control.goal
-        act: Act = (
-            Drive(control.linear_m_s, control.angular_rad_s, control.lateral_m_s, age_s)
-            if goal is None
-            else Go(goal, age_s)
-        )
+        act: Act = Drive(control.linear_m_s, control.angular_rad_s, control.lateral_m_s, age_s)
+        if control.goal is not None:
+            act = Go(control.goal, age_s)
         return [act, Tell()] if begins else [act]
 
     # -- stops

@@ -24,8 +24,8 @@ class Settings(NamedTuple):
     host: str = HOST
     port: int = PORT  # 0 for any free port
     tokens: Optional[access.Tokens] = None  # None: everybody that reaches the address may drive
-    context: Optional[ssl.SSLContext] = None  # Certificate and key for TLS; None without
-    names: Sequence[str] = ()  # What this computer is called besides localhost and its numeric addresses
+    context: Optional[ssl.SSLContext] = None  # certificate and key for TLS; None without
+    names: Sequence[str] = ()  # what this computer is called besides localhost and its numeric addresses
 
     def role(self, token: str) -> str:
         """Return what a token permits: `drive`, `watch`, or nothing (empty)."""

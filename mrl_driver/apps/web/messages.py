@@ -21,14 +21,14 @@ from mrl_driver.view.words import STOPS
 from .helm import Control, Goal, HelmState
 from .robot import PhoneReading, Recorded
 
-MOST_BYTES = 4096  # Longest message of a page [byte]
-MOST_REFUSALS = 5  # A connection with this many malformed messages in a row is closed
-HELLO_S = 3.0  # A page introduces itself within this time [s]
+MOST_BYTES = 4096  # longest message of a page [byte]
+MOST_REFUSALS = 5  # a connection with this many malformed messages in a row is closed
+HELLO_S = 3.0  # a page introduces itself within this time [s]
 MOST_SPEED, FARTHEST_M, MOST_TURN = 100.0, 10_000.0, 100.0
 """Largest speed [m/s, rad/s], coordinate of a goal [m], and yaw of a goal [rad]."""
 _MOST_NAME, _MOST_TOKEN = 40, 200
 _LATEST_MS = 1e13
-_LARGEST_WHOLE = 2**53 - 1  # The largest whole number of a page's language
+_LARGEST_WHOLE = 2**53 - 1  # the largest whole number of a page's language
 
 
 class Malformed(MrlError):

@@ -22,16 +22,15 @@ UNKNOWN = Why(StopReason.NO_TELEMETRY, "the robot's model is not known yet; star
 class Recorded(NamedTuple):
     """A recording that the page can download."""
 
-    name: str  # Name of its file, without a folder
-    size: int  # Size [byte]
-    on: bool  # It is being written
+    name: str  # name of its file, without a folder
+    size: int  # [byte]
+    on: bool  # it is being written
 
 
 class Recordings(Protocol):
     """The recordings of one robot."""
 
-    name: str
-    """File of the recording that is being written; empty without one."""
+    name: str  # file of the recording that is being written; empty without one
 
     def start(self) -> str:
         """Begin a recording and return its name.
@@ -57,16 +56,12 @@ class Recordings(Protocol):
 class PhoneReading(NamedTuple):
     """What the sensors of the driving person's phone measure, as browsers report it."""
 
-    t_s: float
-    """Time of the reading [s, the page's clock]."""
+    t_s: float  # time of the reading [s, the page's clock]
     alpha_deg: float
     """Turn about the vertical axis, counter-clockwise from north if `absolute` [deg]; NaN: unknown, as the next two."""
-    beta_deg: float
-    """Turn about the phone's x [deg]."""
-    gamma_deg: float
-    """Turn about the phone's y [deg]."""
-    absolute: bool
-    """`alpha_deg` is counted from north; otherwise from where the phone pointed at the start."""
+    beta_deg: float  # turn about the phone's x [deg]
+    gamma_deg: float  # turn about the phone's y [deg]
+    absolute: bool  # `alpha_deg` is counted from north; otherwise from where the phone pointed at the start
     acceleration_m_s2: Optional[Vector]
     """Along the phone's x, y, z, with gravity: z is +9.8 when it lies face up [m/s2]."""
     rotation_deg_s: Optional[Vector]
@@ -88,8 +83,7 @@ class PageRobot(ABC):
         self.source, self.recordings = source, recordings
         self._live = LiveModel(source, time.monotonic(), state, "page", REMEDY)
         self._series, self._goal = Series(source), GoalDrive()
-        self._age_s = math.nan
-        """Age of the last command that drove [s]."""
+        self._age_s = math.nan  # age of the last command that drove [s]
 
     def drive(
         self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float

@@ -36,23 +36,23 @@ except ImportError as missing:
     ) from None
 
 MOST_CLIENTS, MOST_CONNECTIONS = 16, 100
-FOR_DRIVING = 4  # Places of `MOST_CLIENTS` that are kept for pages that may drive
-SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5  # Least time between two samples, views, and occupancy grids [s]
-SILENT_SAMPLE_S = 0.2  # After this time without a report there is a sample with unknown speeds [s]
-BEAT_S = 0.05  # The loop looks this often whether the program is to end, and at a silent robot [s]
-LEAST_VIEW_S = 1.0  # A view that has not changed is sent again after this time [s]
-SILENT_S = 2.0  # A session over POST that sends nothing for this time is closed [s]
+FOR_DRIVING = 4  # places of `MOST_CLIENTS` that are kept for pages that may drive
+SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5  # least time between two samples, views, and occupancy grids [s]
+SILENT_SAMPLE_S = 0.2  # after this time without a report there is a sample with unknown speeds [s]
+BEAT_S = 0.05  # the loop looks this often whether the program is to end, and at a silent robot [s]
+LEAST_VIEW_S = 1.0  # a view that has not changed is sent again after this time [s]
+SILENT_S = 2.0  # a session over POST that sends nothing for this time is closed [s]
 HEARTBEAT_S = (
     5.0  # A WebSocket is asked this often for an answer, and closed without one in half the time [s]
 )
-ACCEPT_AGAIN_S = 0.2  # Without a free descriptor, the next connection is accepted after this time [s]
-HANDSHAKE_S = 5.0  # The handshake of an encrypted connection is done within this time [s]
-KEPT_S = 30.0  # A connection without a request is closed after this time [s]
-CLOSE_S = 0.5  # At the end, clients have this time to take their last message [s]
-LOG_S = 1.0  # Least time between two lines of the log about requests that failed [s]
-MOST_QUOTED = 300  # Characters of an error that may quote a request
-MOST_POSES = 1000  # Poses of the path that a client gets when it joins
-RECORDINGS_S = 2.0  # Sizes of recordings are read this often while one is written [s]
+ACCEPT_AGAIN_S = 0.2  # without a free descriptor, the next connection is accepted after this time [s]
+HANDSHAKE_S = 5.0  # the handshake of an encrypted connection is done within this time [s]
+KEPT_S = 30.0  # a connection without a request is closed after this time [s]
+CLOSE_S = 0.5  # at the end, clients have this time to take their last message [s]
+LOG_S = 1.0  # least time between two lines of the log about requests that failed [s]
+MOST_QUOTED = 300  # characters of an error that may quote a request
+MOST_POSES = 1000  # poses of the path that a client gets when it joins
+RECORDINGS_S = 2.0  # sizes of recordings are read this often while one is written [s]
 HELM, VIEW, SAMPLE, CELLS, RECORDING = "helm", "view", "sample", "cells", "recording"
 _ORDERS = {"take": Helm.take, "yield": Helm.yield_, "stop": Helm.stop, "release": Helm.release}
 """What the helm does for a message that has only a type."""
@@ -60,16 +60,11 @@ _WATCHES_ONLY = "a watch-only link cannot record or download; use the link for d
 _REFUSED_LINK = "this link is not valid; open the whole link that mrl web or web_node printed last"
 
 
-def never() -> str:
-    """Return no reason to end."""
-    return ""
-
-
 def serve(
     robot: PageRobot,
     settings: Settings,
-    ended: Callable[[], str] = never,
-    begun: Callable[["Server"], None] = lambda server: None,
+    ended: Callable[[], str],
+    begun: Callable[["Server"], None],
     ear: Optional[socket.socket] = None,
 ) -> None:
     """Serve the page until `ended` returns a reason, which is asked 20 times a second, or `Server.end` is called.
@@ -111,12 +106,11 @@ class Server:
         self._tasks: Set[asyncio.Task[Any]] = set()
         self._ends: Dict[Any, socket.socket] = {}
         """Open connections by the address of their other end, the oldest first."""
-        self._admitted: Set[Any] = set()
-        """Those of them that belong to a page, or whose token was right."""
+        self._admitted: Set[Any] = set()  # those of them that belong to a page, or whose token was right
         self._number = 0
         self._assets = assets.load()
         self._pending = self._ending = False
-        self._ended: Callable[[], str] = never
+        self._ended: Callable[[], str] = lambda: ""
         self._failure: Optional[BaseException] = None
         self._was_latched = False
         self._series: List[Any] = []
@@ -214,7 +208,7 @@ class Server:
         if not self._over.done():
             self._over.set_result(why)
 
-    async def wait(self, ended: Callable[[], str] = never) -> str:
+    async def wait(self, ended: Callable[[], str] = lambda: "") -> str:
         """Return why the server is to end, when it is."""
         self._ended = ended
         why = await self._over
