@@ -12,7 +12,7 @@ from mrl_driver.errors import ConfigError
 
 _NAMES = {
     "diagnostic_msgs": "DiagnosticArray DiagnosticStatus KeyValue",
-    "geometry_msgs": "TransformStamped Twist",
+    "geometry_msgs": "Transform TransformStamped Twist",
     "nav_msgs": "Odometry",
     "rosgraph_msgs": "Log",
     "sensor_msgs": "BatteryState FluidPressure Illuminance Imu JointState Range RelativeHumidity Temperature",
