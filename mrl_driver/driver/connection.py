@@ -188,9 +188,7 @@ class Connection:
         self.links.abandon()
         self.link = self.thread = None
         self.closing = True
-        self.error = LinkLost(
-            "this process is a fork of the one that drives the robot; connect in one of them"
-        )
+        self.error = LinkLost("this process was forked from the one with the robot; connect in one of them")
 
     def wait(self, timeout_s: Optional[float] = None) -> bool:
         with self.stop_if_refused():
