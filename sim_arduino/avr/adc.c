@@ -68,9 +68,6 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 void adc_reset(board_t *board) { board->adc.first = true; }
 
 void adc_attach(board_t *board) {
-    board_on_write(board, ADCSRA, write_control);
-    board_on_write(board, ADCSRB, NULL);
-    board_on_write(board, ADMUX, NULL);
-    for (int address = ADCL; address <= ADMUX; address++)
-        board_on_read(board, address, NULL);
+    board_on_plain(board, ADCL, ADMUX);
+    board_on(board, ADCSRA, write_control, NULL, board);
 }

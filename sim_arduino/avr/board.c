@@ -2,6 +2,7 @@
 #include "board.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 enum { SBI_HIGH = 0x9A, CBI_HIGH = 0x98 }; /* first byte of the opcodes */
 
@@ -15,6 +16,15 @@ bool board_room(void **items, size_t *room, size_t count, size_t item_size) {
     *items = grown;
     *room = wanted;
     return true;
+}
+
+/* Drops the first items of an array once they are half of it. */
+void board_forget(void *items, size_t *first, size_t *count, size_t item_size) {
+    if (!*first || *first < *count / 2)
+        return;
+    *count -= *first;
+    memmove(items, (char *)items + *first * item_size, *count * item_size);
+    *first = 0;
 }
 
 /* The bits that a write sets in a register where ones act and zeros do nothing.
@@ -48,22 +58,18 @@ void board_write_and_recheck(avr_t *avr, avr_io_addr_t address, uint8_t value, v
     board_recheck(wrapped->board);
 }
 
-/* The handler, or plain memory for NULL, gets `param`. */
-void board_on_write_for(board_t *board, int address, avr_io_write_t handler, void *param) {
-    board->wrapped[address] = (wrapped_t){board, handler, param};
-    board->avr->io[address - 32].w.c = board_write_and_recheck;
-    board->avr->io[address - 32].w.param = &board->wrapped[address];
+/* Handlers of a register, which get `param`; NULL stands for plain memory. */
+void board_on(board_t *board, int address, avr_io_write_t write, avr_io_read_t read, void *param) {
+    avr_t *avr = board->avr;
+    board->wrapped[address] = (wrapped_t){board, write, param};
+    avr->io[address - 32].w.c = board_write_and_recheck;
+    avr->io[address - 32].w.param = &board->wrapped[address];
+    avr->io[address - 32].r.c = read;
+    avr->io[address - 32].r.param = param;
 }
 
-void board_on_read_for(board_t *board, int address, avr_io_read_t handler, void *param) {
-    board->avr->io[address - 32].r.c = handler;
-    board->avr->io[address - 32].r.param = param;
-}
-
-void board_on_write(board_t *board, int address, avr_io_write_t handler) {
-    board_on_write_for(board, address, handler, board);
-}
-
-void board_on_read(board_t *board, int address, avr_io_read_t handler) {
-    board_on_read_for(board, address, handler, board);
+/* Registers that are plain memory, from an address to another. */
+void board_on_plain(board_t *board, int first, int last) {
+    for (int address = first; address <= last; address++)
+        board_on(board, address, NULL, NULL, board);
 }

@@ -168,14 +168,13 @@ struct board {
     uint64_t resets, slept; /* number of program starts; cycles for which the CPU slept */
 };
 
-void board_on_write(board_t *board, int address, avr_io_write_t handler);
-void board_on_read(board_t *board, int address, avr_io_read_t handler);
-void board_on_write_for(board_t *board, int address, avr_io_write_t handler, void *param);
-void board_on_read_for(board_t *board, int address, avr_io_read_t handler, void *param);
+void board_on(board_t *board, int address, avr_io_write_t write, avr_io_read_t read, void *param);
+void board_on_plain(board_t *board, int first, int last);
 void board_recheck(board_t *board);
 void board_write_and_recheck(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);
 uint8_t board_written_ones(const avr_t *avr, uint8_t value);
 void board_clear_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);
+void board_forget(void *items, size_t *first, size_t *count, size_t item_size);
 bool board_room(void **items, size_t *room, size_t count, size_t item_size);
 
 /* The peripherals: each is attached once, and reset with the chip. */

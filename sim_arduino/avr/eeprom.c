@@ -49,5 +49,5 @@ EXPORT uint8_t *mrl_eeprom(board_t *board) {
 void eeprom_attach(board_t *board) {
     int io = EECR - 32;
     board->eeprom_control = (wrapped_t){board, board->avr->io[io].w.c, board->avr->io[io].w.param};
-    board_on_write(board, EECR, write_control);
+    board_on(board, EECR, write_control, NULL, board);
 }

@@ -56,10 +56,10 @@ static void write_mask(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 
 void pin_interrupts_attach(board_t *board) {
     for (int port = 0; port < PORTS; port++)
-        board_on_write(board, CHIP_PORTS[port].pcmsk, write_mask);
-    board_on_write(board, PCICR, NULL);
-    board_on_write(board, EICRA, write_mask);
-    board_on_write(board, EIMSK, write_mask);
-    board_on_write(board, PCIFR, board_clear_flags);
-    board_on_write(board, EIFR, board_clear_flags);
+        board_on(board, CHIP_PORTS[port].pcmsk, write_mask, NULL, board);
+    board_on_plain(board, PCICR, PCICR);
+    board_on(board, EICRA, write_mask, NULL, board);
+    board_on(board, EIMSK, write_mask, NULL, board);
+    board_on(board, PCIFR, board_clear_flags, NULL, board);
+    board_on(board, EIFR, board_clear_flags, NULL, board);
 }

@@ -1,8 +1,6 @@
 /* Digital pins of ports B, C, D (0, 1, 2): levels, changes, plans, and the cycles for which each was driven high. */
 #include "board.h"
 
-#include <string.h>
-
 /* Level of every pin of a port at a cycle: that of the output, or the external level of an input. */
 static uint8_t levels(board_t *board, int port, uint64_t cycle) {
     const port_t *pins = &board->pins.ports[port];
@@ -148,14 +146,6 @@ void pins_set(board_t *board, int port, int bit, int level) {
         pins->planned = (uint8_t)((pins->planned & ~(1 << bit)) | (pins->external & (1 << bit)));
 }
 
-static void forget_done(pins_t *pins) {
-    if (!pins->planned_first || pins->planned_first < pins->planned_count / 2)
-        return;
-    pins->planned_count -= pins->planned_first;
-    memmove(pins->planned, pins->planned + pins->planned_first, pins->planned_count * sizeof *pins->planned);
-    pins->planned_first = 0;
-}
-
 static avr_cycle_count_t planned_change(avr_t *avr, avr_cycle_count_t when, void *param) {
     (void)avr;
     board_t *board = param;
@@ -166,7 +156,7 @@ static avr_cycle_count_t planned_change(avr_t *avr, avr_cycle_count_t when, void
         set_at(board, event.port, event.bit, event.level, event.cycle);
     }
     pins->delivering = false;
-    forget_done(pins);
+    board_forget(pins->planned, &pins->planned_first, &pins->planned_count, sizeof *pins->planned);
     return pins->planned_first < pins->planned_count ? pins->planned[pins->planned_first].cycle : 0;
 }
 

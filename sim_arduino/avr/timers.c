@@ -485,34 +485,22 @@ void timers_reset(board_t *board) {
     }
 }
 
-static void attach_wide(board_t *board, timer_state_t *timer) {
-    const int lows[] = {timer->at->tcnt, timer->at->ocr[0], timer->at->ocr[1]};
-    for (size_t i = 0; i < sizeof lows / sizeof *lows; i++)
-        board_on_write_for(board, lows[i] + 1, write_high, timer);
-    board_on_write_for(board, timer->at->tccrb, write_control, timer);
-    board_on_read_for(board, timer->at->tcnt + 1, read_high, timer);
-    board_on_read_for(board, ICR1, read_capture, timer);
-    board_on_read_for(board, ICR1 + 1, read_high, timer);
-}
-
 void timers_attach(board_t *board) {
     timers_reset(board);
     for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
         const chip_timer_t *at = timer->at;
-        board_on_write_for(board, at->tccra, write_control, timer);
-        board_on_write_for(board, at->timsk, write_enables, timer);
-        board_on_write_for(board, at->tifr, write_flags, timer);
-        board_on_read_for(board, at->tifr, read_flags, timer);
-        board_on_write_for(board, at->tccrb, write_control_with_force, timer);
-        board_on_write_for(board, at->tcnt, write_count, timer);
-        board_on_write_for(board, at->ocr[0], write_compare, timer);
-        board_on_write_for(board, at->ocr[1], write_compare, timer);
-        board_on_read_for(board, at->tcnt, read_count, timer);
-        board_on_read(board, at->tccra, NULL);
-        board_on_read(board, at->tccrb, NULL);
-        board_on_read(board, at->ocr[0], NULL);
-        board_on_read(board, at->ocr[1], NULL);
-        if (is_wide(timer))
-            attach_wide(board, timer);
+        board_on(board, at->tccra, write_control, NULL, timer);
+        board_on(board, at->tccrb, is_wide(timer) ? write_control : write_control_with_force, NULL, timer);
+        board_on(board, at->timsk, write_enables, NULL, timer);
+        board_on(board, at->tifr, write_flags, read_flags, timer);
+        board_on(board, at->tcnt, write_count, read_count, timer);
+        for (int unit = 0; unit < OUTPUTS; unit++)
+            board_on(board, at->ocr[unit], write_compare, NULL, timer);
     }
+    timer_state_t *wide = &board->timers[TIMER1];
+    board_on(board, wide->at->tcnt + 1, write_high, read_high, wide);
+    for (int unit = 0; unit < OUTPUTS; unit++)
+        board_on(board, wide->at->ocr[unit] + 1, write_high, NULL, wide);
+    board_on(board, ICR1, NULL, read_capture, wide);
+    board_on(board, ICR1 + 1, NULL, read_high, wide);
 }

@@ -243,10 +243,8 @@ void twi_reset(board_t *board) {
 void twi_attach(board_t *board) {
     board->twi.nack_after = -1;
     board->clocked_by_hand = clocked_by_hand;
-    board_on_write(board, TWCR, write_control);
-    board_on_write(board, TWDR, write_data);
-    board_on_write(board, TWSR, write_status);
-    board_on_write(board, TWBR, NULL);
-    for (int address = TWBR; address <= TWCR; address++)
-        board_on_read(board, address, NULL);
+    board_on_plain(board, TWBR, TWCR);
+    board_on(board, TWCR, write_control, NULL, board);
+    board_on(board, TWDR, write_data, NULL, board);
+    board_on(board, TWSR, write_status, NULL, board);
 }

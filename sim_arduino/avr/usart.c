@@ -2,7 +2,6 @@
 #include "board.h"
 
 #include <math.h>
-#include <string.h>
 
 enum { RXC = 0x80, TXC = 0x40, UDRE = 0x20, FE = 0x10, DOR = 0x08, U2X = 0x02, MPCM = 0x01 };
 enum { RXEN = 0x10, TXEN = 0x08 };
@@ -119,11 +118,7 @@ static void forget_line_before(usart_t *usart, double moment) {
     while (first < usart->line_count && end_of(&usart->line[first]) <= moment)
         first++;
     usart->line_first = first;
-    if (first < usart->line_count / 2 || !first)
-        return;
-    usart->line_first = 0;
-    usart->line_count -= first;
-    memmove(usart->line, usart->line + first, usart->line_count * sizeof *usart->line);
+    board_forget(usart->line, &usart->line_first, &usart->line_count, sizeof *usart->line);
 }
 
 /* ---- receiver ---- */
@@ -280,12 +275,8 @@ void usart_reset(board_t *board) {
 }
 
 void usart_attach(board_t *board) {
-    board_on_write(board, UCSRA, write_status);
-    board_on_write(board, UCSRB, write_control);
-    board_on_write(board, UCSRC, NULL);
-    board_on_write(board, UBRRL, NULL);
-    board_on_write(board, UBRRH, NULL);
-    board_on_write(board, UDR, write_udr);
-    board_on_read(board, UCSRA, NULL);
-    board_on_read(board, UDR, read_udr);
+    board_on_plain(board, UCSRA, UDR);
+    board_on(board, UCSRA, write_status, NULL, board);
+    board_on(board, UCSRB, write_control, NULL, board);
+    board_on(board, UDR, write_udr, read_udr, board);
 }

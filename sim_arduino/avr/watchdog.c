@@ -82,6 +82,5 @@ void watchdog_attach(board_t *board) {
     board->watchdog.io.kind = "watchdog";
     board->watchdog.io.ioctl = wdr;
     avr_register_io(board->avr, &board->watchdog.io);
-    board_on_write(board, WDTCSR, write_control);
-    board_on_read(board, WDTCSR, NULL);
+    board_on(board, WDTCSR, write_control, NULL, board);
 }
