@@ -86,7 +86,6 @@ class AvrEngine:
         bootloader: bool = True,
         seed: int = 0,
     ) -> None:
-        """Powers the board and wires the plant to it."""
         self.plant = plant
         self.machine = AvrMachine(elf, seed=seed)
         self._host_baud: float = BAUD
@@ -107,7 +106,6 @@ class AvrEngine:
             self._fit_radio(plant.xbee)
 
     def receive(self, data: bytes) -> None:
-        """Receives bytes from the host; transmission of the first byte starts now."""
         self.machine.send(data)
 
     def advance(self, to_s: float) -> bytes:
@@ -172,7 +170,6 @@ class AvrEngine:
         return int(round(time_s * self.machine.frequency_hz))
 
     def reset(self) -> None:
-        """The reset button, or DTR when a host opens the port."""
         self.machine.reset()
 
     def brown_out(self) -> None:
@@ -182,5 +179,4 @@ class AvrEngine:
         self.machine.set_reset_flags(self._reset_flags)
 
     def close(self) -> None:
-        """Frees the simulated chip."""
         self.machine.close()

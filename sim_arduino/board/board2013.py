@@ -94,13 +94,11 @@ class Board2013(Engine):
     # ---- the Engine interface
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host; the first byte starts on the line now."""
         start = max(self.now_s, self._line_s)
         self._line += [(start + (i + 1) * IN_BYTE_S, byte) for i, byte in enumerate(data)]
         self._line_s = start + len(data) * IN_BYTE_S
 
     def advance(self, to_s: float) -> bytes:
-        """Runs the loop to `to_s` [s]; returns the bytes that left the board until then."""
         while True:
             pass_s = self._next_pass_s()
             if pass_s > to_s:
@@ -117,7 +115,6 @@ class Board2013(Engine):
 
     @property
     def next_event_s(self) -> float:
-        """Time of the next event, or when the next bytes have left, if no bytes come [s]."""
         return min(self._out.next_s, self._next_pass_s())
 
     def gap(self, to_s: float, waiting: bytes) -> None:

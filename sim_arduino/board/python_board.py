@@ -137,11 +137,9 @@ class PythonBoard(Engine):
     # ---- the Engine interface
 
     def receive(self, data: bytes) -> None:
-        """Bytes from the host; the first byte starts on the line now."""
         self._incoming.put(self._through_line(data), self.now_s)
 
     def advance(self, to_s: float) -> bytes:
-        """Runs to `to_s` [s]; returns the bytes that left the board until then."""
         if self._booted and self.motors.changed():
             self.motors.there(self.now_s)
         while True:

@@ -161,7 +161,7 @@ class SonarChain:
         return (count + 0.5) * VOLTS_PER_COUNT if count else 0.0
 
     def _fire(self, mount: SonarMount, time_s: float) -> int:
-        pose = _mounted(self._pose_at(time_s), mount)
+        pose = self._pose_at(time_s).compose(*mount.pose)
         range_m = self._world.nearest(pose, HALF_CONE_RAD, RANGE_M, self._name)
         return count_of(self._spoilt(range_m, pose) if self._errors != FLAWLESS else range_m, self._errors)
 
@@ -182,7 +182,7 @@ class SonarChain:
         found = []
         for mover in self._world.robots(self._name):
             for mount in self._mounts:
-                sender = _mounted(mover.pose, mount)
+                sender = mover.pose.compose(*mount.pose)
                 if not (_in_cone(pose, sender) and _in_cone(sender, pose)):
                     continue
                 if not self._world.sees(pose.x_m, pose.y_m, sender.x_m, sender.y_m):
@@ -191,10 +191,6 @@ class SonarChain:
                 if self._rng.random() < self._errors.crosstalk:
                     found.append(0.5 * SOUND_M_S * arrives_s)
         return [range_m for range_m in found if range_m < RANGE_M]
-
-
-def _mounted(robot: Pose, mount: SonarMount) -> Pose:
-    return robot.compose(*mount.pose)
 
 
 def _in_cone(sonar: Pose, other: Pose) -> bool:

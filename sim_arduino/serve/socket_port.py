@@ -32,7 +32,6 @@ class SocketPort:
 
     @property
     def master(self) -> Optional[int]:
-        """Descriptor that is readable when data has arrived; None without a client."""
         return self._listener.data if self._listener else None
 
     @property
@@ -44,7 +43,6 @@ class SocketPort:
 
     @property
     def plugged(self) -> bool:
-        """Whether the port listens."""
         return self._listener is not None
 
     def plug(self) -> None:
@@ -53,14 +51,12 @@ class SocketPort:
             self._listener = listen(self.path)
 
     def unplug(self) -> None:
-        """Closes the connection, and stops listening."""
         if self._listener is not None:
             self._listener.close()
         self._listener = None
 
     @property
     def is_open(self) -> bool:
-        """Whether there is a client."""
         return self._listener is not None and bool(self._listener.client)
 
     def newly_opened(self) -> bool:
@@ -72,7 +68,6 @@ class SocketPort:
         return self._listener.read(limit) if self._listener else b""
 
     def write(self, data: bytes) -> None:
-        """Sends the bytes that the client's buffer accepts; the rest is lost."""
         self.dropped += len(data) - (self._listener.write(data) if self._listener and data else 0)
 
     close = unplug
