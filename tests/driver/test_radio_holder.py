@@ -33,8 +33,8 @@ class Air:
             for address, data in self.holder.texts(self.now_s):
                 if address not in self.cut:
                     self.boards[address].receive(OWN, data, self.now_s)
-                    for answer in self.boards[address].answers():
-                        self.holder.receive(RadioText(address, answer.data), self.now_s)
+                    for _, answer in self.boards[address].answers():
+                        self.holder.receive(RadioText(address, answer), self.now_s)
 
     @property
     def held(self):
