@@ -34,10 +34,8 @@ _SHORTAGES: Dict[int, str] = {
     errno.ENOMEM: "no memory is left; end other programs",
     errno.ENOBUFS: "no memory is left for network connections; end other programs",
 }
-_NO_THREAD = "can't start new thread"
-"""Words of Python's RuntimeError."""
-_LONGEST = 1000
-"""Longest message [characters]."""
+_NO_THREAD = "can't start new thread"  # words of Python's RuntimeError
+_LONGEST = 1000  # longest message [characters]
 
 
 def one_line(text: str) -> str:
@@ -76,8 +74,7 @@ class MrlError(Exception):
     """Base of all errors; `exit_code` is the exit code of the command line.  Its text is always one line."""
 
     exit_code = 1
-    code = ""
-    """Code of the row in `problems`; empty if the message says all there is to say."""
+    code = ""  # code of the row in `problems`; empty if the message says all there is to say
 
     def __init_subclass__(cls, exit_code: int = 0, code: str = "") -> None:
         """Take the codes of a class; one that is not given is that of its base."""

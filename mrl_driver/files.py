@@ -5,6 +5,7 @@ import errno
 import os
 import shutil
 import stat
+from functools import partial
 from typing import BinaryIO, Iterator, Union
 
 from .errors import OutputError
@@ -108,13 +109,8 @@ def replace_file(path: str, content: Union[str, bytes], private: bool = False) -
     Raises:
         OutputError: the file cannot be written.
     """
-    with replacing(path, private) as temporary, open(
-        temporary, "wb", opener=_open_private if private else None
-    ) as file:
+    opener = partial(os.open, mode=0o600 if private else 0o666)
+    with replacing(path, private) as temporary, open(temporary, "wb", opener=opener) as file:
         file.write(content.encode() if isinstance(content, str) else content)
         file.flush()
         os.fsync(file.fileno())
-
-
-def _open_private(path: str, flags: int) -> int:
-    return os.open(path, flags, 0o600)

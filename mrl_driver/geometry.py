@@ -7,8 +7,7 @@ cancel out between the simulated robot and the odometry.
 import math
 from typing import Any, NamedTuple, Tuple
 
-GRAVITY_M_S2 = 9.80665
-"""Standard gravity, by definition (3rd CGPM, 1901)."""
+GRAVITY_M_S2 = 9.80665  # standard gravity, by definition (3rd CGPM, 1901)
 
 
 class Pose(NamedTuple):

@@ -414,5 +414,4 @@ def _row_of(text: str) -> Problem:
 
 
 GROUPS = dict(map(_group_of, re.sub("\n    ", " ", _TEXT.strip())[2:].split("\n# ")))
-PROBLEMS: Dict[str, Problem] = {row.code: row for rows in GROUPS.values() for row in rows}
-"""All rows by code."""
+PROBLEMS: Dict[str, Problem] = {row.code: row for rows in GROUPS.values() for row in rows}  # all rows by code

@@ -42,12 +42,12 @@ def start(name: str, module: str) -> None:
         sys.exit(ConfigError.exit_code)
 
 
-def version() -> str:
-    """Return the version of the package."""
+def version(package: str = "mrl-driver") -> str:
+    """Return the version of a Python package."""
     from importlib import metadata
 
     try:
-        return metadata.version("mrl-driver")
+        return metadata.version(package)
     except metadata.PackageNotFoundError:
         return "unknown (not installed)"
 

@@ -2,7 +2,7 @@
 
 import math
 from functools import lru_cache
-from typing import Any, Container, Dict, Mapping, Optional, Sequence, Tuple
+from typing import Any, Container, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from .errors import ConfigError
 from .files import read_plain
@@ -13,10 +13,8 @@ _LONGEST = 1 << 19
 _LONGEST_NUMBER = 500
 """Longest number, date and so on accepted [characters]: Python takes long to read very long ones, or refuses."""
 _STRING = "tag:yaml.org,2002:str"
-_MOST_VALUES = 1 << 20
-"""Most values accepted, with those behind an alias counted each time it stands."""
-_MOST_SHOWN = 80
-"""Longest value or key in a message [characters]."""
+_MOST_VALUES = 1 << 20  # most values accepted, with those behind an alias counted each time it stands
+_MOST_SHOWN = 80  # longest value or key in a message [characters]
 
 
 def read_expected(path: str, expected: str) -> Any:
@@ -66,16 +64,6 @@ def parse(text: str, path: str) -> Any:
         raise ConfigError(f"{path}: no YAML: {_cut(' '.join(str(error).split()))}") from None
 
 
-class _Extent:
-    """A collection that is read: how many values are in it, and how deep the deepest is."""
-
-    def __init__(self, anchor: Optional[str]) -> None:
-        self.anchor, self.values, self.height = anchor, 1, 0
-
-    def add(self, values: int, height: int) -> None:
-        self.values, self.height = self.values + values, max(self.height, height)
-
-
 def _check_size(path: str, text: str) -> None:
     """Check depth and size first.
 
@@ -85,24 +73,26 @@ def _check_size(path: str, text: str) -> None:
     import yaml
 
     anchors: Dict[Optional[str], Tuple[int, int]] = {}
-    open_ = [_Extent(None)]
+    names: List[Optional[str]] = []  # the anchors of the collections that are read
+    sizes = [[1, 0]]  # how many values are in each of them, and how deep the deepest is
     events: Any = yaml.parse(text, Loader=_loader())
     for event in events:
+        found = (0, 0)
         if isinstance(event, yaml.AliasEvent):
-            open_[-1].add(*anchors.get(event.anchor, (1, 0)))
+            found = anchors.get(event.anchor, (1, 0))
         elif isinstance(event, yaml.ScalarEvent):
-            open_[-1].add(1, 0)
+            found = (1, 0)
         elif isinstance(event, yaml.CollectionStartEvent):
-            open_.append(_Extent(event.anchor))
+            names.append(event.anchor)
+            sizes.append([1, 0])
         elif isinstance(event, yaml.CollectionEndEvent):
-            ended = open_.pop()
-            open_[-1].add(ended.values, ended.height + 1)
-            if ended.anchor is not None:
-                anchors[ended.anchor] = ended.values, ended.height + 1
+            values, height = sizes.pop()
+            anchors[names.pop()] = found = values, height + 1
+        sizes[-1] = [sizes[-1][0] + found[0], max(sizes[-1][1], found[1])]
         line = event.start_mark.line + 1
-        if len(open_) - 1 + open_[-1].height > _DEEPEST:
+        if len(sizes) - 1 + sizes[-1][1] > _DEEPEST:
             raise ConfigError(f"{path}: line {line}: no YAML of this kind is nested deeper than {_DEEPEST}")
-        if open_[-1].values > _MOST_VALUES:
+        if sizes[-1][0] > _MOST_VALUES:
             raise ConfigError(f"{path}: line {line}: aliases stand for more than {_MOST_VALUES} values")
 
 

@@ -17,8 +17,7 @@ import click
 from mrl_driver.errors import MrlError, OutputError, shortages
 from mrl_driver.program import in_plain_words, version
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as in shells."""
+INTERRUPTED = 130  # exit code after Ctrl-C, as in shells
 TERMINATED = 143
 _GROUP_ALONE: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
 """Error of click 8.2 and later for a group without a sub-command; older versions print the help themselves."""

@@ -23,10 +23,8 @@ from mrl_driver.files import open_plain, replace_file
 DRIVE, WATCH = "drive", "watch"
 TOKEN_BYTES = 16
 NEW = "make new tokens with: mrl web --listen ADDRESS --new-tokens"
-_SIOCGIFADDR = 0x8915
-"""Request of Linux for the IPv4 address of a network interface; see netdevice(7)."""
-ANY = ("", "0.0.0.0", "::")
-"""Hosts to listen on that mean all addresses of this computer."""
+_SIOCGIFADDR = 0x8915  # request of Linux for the IPv4 address of a network interface; see netdevice(7)
+ANY = ("", "0.0.0.0", "::")  # hosts to listen on that mean all addresses of this computer
 
 
 class Tokens(NamedTuple):

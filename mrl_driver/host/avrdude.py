@@ -15,8 +15,7 @@ BAUDS = (115200, 57600)
 Source: `boards.txt` of the Arduino core, `upload.speed` of uno and nano.
 """
 PROGRAM = "avrdude"
-MARKS = 100
-"""Number of progress marks of an upload: 50 for writing, 50 for reading back."""
+MARKS = 100  # number of progress marks of an upload: 50 for writing, 50 for reading back
 _ATTEMPTS, _EARLY_ATTEMPTS = 3, 2
 """Attempts before giving up, at the last baud rate and at those before.  avrdude makes ten of 5 s each; a board that
 fails three never answers.

@@ -17,8 +17,7 @@ from . import access
 
 VALID_DAYS = 825
 """Browsers accept a self-signed certificate for at most this time [days]; source: https://support.apple.com/103769."""
-EARLY_DAYS = 1
-"""It is valid from this time before it is made [days], for clients whose clock is slow."""
+EARLY_DAYS = 1  # it is valid from this time before it is made [days], for clients whose clock is slow
 _REMEDY = "delete it, then start again: another one is made"
 
 

@@ -29,13 +29,10 @@ class Target(NamedTuple):
     """A robot and how to reach it."""
 
     port: Optional[str]
-    model: str = "auto"
-    """`auto`, a packaged model's name, or the path of a YAML file."""
+    model: str = "auto"  # `auto`, a packaged model's name, or the path of a YAML file
     baud: int = BAUD
-    name: str = ""
-    """Name in the user's file; empty if it has none."""
-    id: Optional[int] = None
-    """Robot id of its board; None accepts any."""
+    name: str = ""  # name in the user's file; empty if it has none
+    id: Optional[int] = None  # robot id of its board; None accepts any
 
 
 def path() -> str:

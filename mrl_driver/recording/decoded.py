@@ -25,7 +25,7 @@ from mrl_driver.session.sensor_polling import SENSOR_STREAM, Reading, reading, s
 from mrl_driver.session.sequence import Stream
 from mrl_driver.session.session import STALE_S
 
-from .recorded_facts import Joined, model_of, pose_of, session_of
+from .recorded_facts import model_of, pose_of, session_of
 from .recording import (
     CHECKED,
     FROM_BOARD,
@@ -40,8 +40,7 @@ from .recording import (
     Recording,
 )
 
-LINE_BYTES = 12
-"""A line of the file takes about this many bytes besides its data."""
+LINE_BYTES = 12  # a line of the file takes about this many bytes besides its data
 HELD_BYTES = 8192
 """An entry waits until this many bytes of the file follow it: the driver remarks that checksums begin or end only
 after it has read the first such frames.
@@ -170,8 +169,7 @@ class RecordedRobot:
         self.robot_id: Optional[int] = None
         self.capabilities: FrozenSet[str] = frozenset()
         self.odometry: Optional[Odometry] = None
-        self._pose = ORIGIN
-        """Pose before the first reading of the counters."""
+        self._pose = ORIGIN  # pose before the first reading of the counters
         self._tracker: Optional[ImuTracker] = None
         self._counted_s = -math.inf
         self.counters = Counters()
@@ -193,25 +191,24 @@ class RecordedRobot:
                     each.reset()
         if data.startswith(MODEL):
             self.model = self.model or model_of(data[len(MODEL) :].decode("utf-8", "replace"))
-        if data.startswith(_JOINED):
-            self._join(session_of(data[len(_JOINED) :].decode("utf-8", "replace")))
+        joined = (
+            session_of(data[len(_JOINED) :].decode("utf-8", "replace")) if data.startswith(_JOINED) else None
+        )
+        if joined is not None:
+            self.capabilities = joined.board.capabilities
+            if joined.last is not None:  # go on from the last frame before the recording
+                self.take(joined.last, joined.stamp_s - self._start_s)
         found = pose_of(data[len(POSE) :]) if data.startswith(POSE) else None
         if found is not None:
             self._pose = found[0]
             if self.odometry is not None:
                 self.odometry.set_pose(self._pose)
 
-    def _join(self, joined: Optional[Joined]) -> None:
-        """Go on from the last frame before the recording."""
-        if joined is not None:
-            self.capabilities = joined.board.capabilities
-            if joined.last is not None:
-                self.take(joined.last, joined.stamp_s - self._start_s)
-
     def take(self, frame: Frame, time_s: float) -> bool:
         """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""
         code, stamp, made_s = frame.code, frame.stamp, time_s
-        counts = self._has_counts(code)
+        moves = self.model is not None and self.model.drives
+        counts = moves and code in ({_OMNI} if isinstance(self.model.drive, OmniDrive) else _COUNTS)
         if code == _INFO:
             self._on_info(frame)
         elif code == _PROTOCOL:
@@ -229,12 +226,6 @@ class RecordedRobot:
         if counts:
             self._move(frame, made_s)
         return counts
-
-    def _has_counts(self, code: int) -> bool:
-        """Return whether replies with this code have the counters of this robot."""
-        if self.model is None or not self.model.drives:
-            return False
-        return code == _OMNI if isinstance(self.model.drive, OmniDrive) else code in _COUNTS
 
     def _missing(self, sequence: int, time_s: float) -> int:
         """As `Stream.missing`, for a frame that arrived at `time_s`."""

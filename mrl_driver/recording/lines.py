@@ -7,10 +7,8 @@ from typing import BinaryIO, Callable, Deque, Iterator, NamedTuple, Optional, Tu
 
 TO_BOARD, FROM_BOARD, REMARK = ">", "<", "!"
 LONGEST_LINE = 1 << 20
-AHEAD = 7
-"""A line is later than most of this many lines behind it: its time is damaged, not theirs."""
-_MOST_WAITING = 1000
-"""A line waits for at most this many behind it: they may all be damaged."""
+AHEAD = 7  # a line is later than most of this many lines behind it: its time is damaged, not theirs
+_MOST_WAITING = 1000  # a line waits for at most this many behind it: they may all be damaged
 _ESCAPE = re.compile(rb"""\\(?:[\\'"abfnrtv]|[0-3][0-7]{2}|[0-7]{1,2}(?![0-7])|x[0-9a-fA-F]{2})""")
 
 

@@ -32,10 +32,8 @@ class Joined(NamedTuple):
     checked: bool
     stamp_s: float
     """Time of the last telemetry, on the driver's clock: the two clocks are matched from there on [s]."""
-    last: Optional[Frame]
-    """Its frame."""
-    bias: Optional[KnownBias]
-    """Bias of the gyro; None without a gyro, or before it is known."""
+    last: Optional[Frame]  # its frame
+    bias: Optional[KnownBias]  # bias of the gyro; None without a gyro, or before it is known
 
 
 def model_text(model: RobotModel) -> str:

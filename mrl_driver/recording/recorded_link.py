@@ -85,8 +85,7 @@ class DriverRecording:
         """The recorder after its first remarks: what is read and written goes there."""
         self._serving = False
         """The driver itself records the bytes that it has read, with the time that it uses."""
-        self._turn_s: Optional[float] = None
-        """Time of the driver's last turn; None before the first."""
+        self._turn_s: Optional[float] = None  # time of the driver's last turn; None before the first
         self._checked: Optional[bool] = None
         self._model: Optional[RobotModel] = None
         self._stops = 0

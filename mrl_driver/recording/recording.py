@@ -40,8 +40,7 @@ from .lines import REMARK as REMARK
 from .lines import TO_BOARD as TO_BOARD
 
 VERSION = 1
-OPENED = b"opened "
-"""A remark: the port that follows was opened."""
+OPENED = b"opened "  # a remark: the port that follows was opened
 CHECKED, PLAIN = b"checked", b"plain"
 """Remarks: from here on the board's frames carry a checksum, or carry none."""
 PHONE = b"phone "
@@ -52,8 +51,7 @@ same` or `again other`: it greets the board that was lost, or one that may be an
 recording begins after the greeting; the object holds the board, the code of its stream, whether frames carry a
 checksum, and the last frame of the stream with its time.
 """
-MODEL = b"model "
-"""A remark: the robot's model follows, as a JSON object with the keys of its YAML file."""
+MODEL = b"model "  # a remark: the robot's model follows, as a JSON object with the keys of its YAML file
 POSE = b"pose "
 """A remark: the odometry continues from this x, y, yaw and covariance (xx xy x-yaw yy y-yaw yaw-yaw) [m rad]."""
 STOP = b"stop "
@@ -262,8 +260,7 @@ class Recording:
             self._line -= 1
         else:
             skipped += len(line) + 1
-        self._begin = skipped
-        """Where the entries begin, behind the line `_line`."""
+        self._begin = skipped  # where the entries begin, behind the line `_line`
 
     def _read_header(self, line: bytes) -> str:
         """Read the header; return what is wrong with it, and all that can be read without it is read."""

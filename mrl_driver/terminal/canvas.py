@@ -16,8 +16,7 @@ _SPANS_M = (2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 16.0, 20.0, 24.0, 32.0)
 """Widths of the view [m]; the view grows in these steps, not continuously."""
 _STEP_M = 0.5
 _MARGIN_M = 0.3
-ARROWS = "→↗↑↖←↙↓↘"
-"""Headings in steps of 45 deg, counter-clockwise from x; y points up."""
+ARROWS = "→↗↑↖←↙↓↘"  # headings in steps of 45 deg, counter-clockwise from x; y points up
 
 Point = Tuple[float, float]
 

@@ -16,15 +16,11 @@ _BLANK = b" \r\n\t"
 class Line(NamedTuple):
     """One kind of frame, or text that is not a frame."""
 
-    direction: str
-    """`>` to the board, `<` from it."""
-    name: str
-    """Name of the command, or `text` if it is not a frame."""
-    text: str
-    """Content of the newest one."""
+    direction: str  # `>` to the board, `<` from it
+    name: str  # name of the command, or `text` if it is not a frame
+    text: str  # content of the newest one
     times: int
-    time_s: float
-    """Time of the newest one [s]."""
+    time_s: float  # time of the newest one [s]
 
 
 class FrameLog:

@@ -9,8 +9,7 @@ import tty
 from typing import Any, List, Optional
 
 _ARROWS = {b"\x1b[A": "up", b"\x1b[B": "down", b"\x1b[C": "right", b"\x1b[D": "left"}
-_NO_KEY = b"\0"
-"""POSIX's _POSIX_VDISABLE on Linux."""
+_NO_KEY = b"\0"  # POSIX's _POSIX_VDISABLE on Linux
 _NAMES = {b" ": "space", b"\x1b": "escape"}
 
 

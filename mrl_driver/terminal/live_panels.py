@@ -18,8 +18,7 @@ from .frame_log import Line
 from .live_map import draw
 
 LEFT_COLUMNS = 39
-NARROW, LOW = 72, 18
-"""A terminal with fewer columns shows no map; a terminal with fewer rows shows no frames."""
+NARROW, LOW = 72, 18  # a terminal with fewer columns shows no map; a terminal with fewer rows shows no frames
 _NAME = 10
 _ROOM = LEFT_COLUMNS - _NAME - 5
 """Characters for a value on the left: the width without the name, the panel's frame and the gaps."""
@@ -33,11 +32,9 @@ class Content(NamedTuple):
 
     shown: Shown
     port: str
-    log: Optional[List[Line]]
-    """None while the frames are hidden."""
+    log: Optional[List[Line]]  # None while the frames are hidden
     keys_drive: bool
-    keys: Sequence[Tuple[str, str]]
-    """Further keys, and what they do."""
+    keys: Sequence[Tuple[str, str]]  # further keys, and what they do
 
 
 def render(now: Content, width: int, height: int) -> RenderableType:

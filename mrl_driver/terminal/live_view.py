@@ -26,10 +26,8 @@ class Settings(NamedTuple):
     """Settings of the live view at its start."""
 
     port: str = ""
-    record: str = ""
-    """File of the recording; empty without one."""
-    keys_drive: bool = False
-    """The keys drive from the start; otherwise the user must press Enter first."""
+    record: str = ""  # file of the recording; empty without one
+    keys_drive: bool = False  # the keys drive from the start; otherwise the user must press Enter first
     ignore_battery: bool = False
     max_delay_s: float = MAX_DELAY_S
     """The keys do not drive above this delay from a key press to the board; 0 for no limit."""
@@ -41,8 +39,7 @@ class Screen:
     `driver` is a Driver, or has the attributes of one that this class uses; then a subclass has its own `state`.
     """
 
-    keys: Tuple[Tuple[str, str], ...] = (("f", "frames"),)
-    """Further keys, and what they do."""
+    keys: Tuple[Tuple[str, str], ...] = (("f", "frames"),)  # further keys, and what they do
 
     def __init__(
         self,

@@ -14,8 +14,7 @@ _DIRECTIONS: Dict[str, Tuple[float, float]] = {
     "left": (0, 1),
     "right": (0, -1),
 }
-_SIDEWAYS = {",": 1, ".": -1}
-"""Sideways motion, if the robot can: `,` to the left, `.` to the right."""
+_SIDEWAYS = {",": 1, ".": -1}  # sideways motion, if the robot can: `,` to the left, `.` to the right
 _OPPOSITES = {"up": "down", "down": "up", "left": "right", "right": "left", ",": ".", ".": ","}
 
 

@@ -17,15 +17,13 @@ from .shown_state import has_motors
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
-DIGITS = 6
-"""Digits behind the decimal point; the timestamp has microseconds."""
+DIGITS = 6  # digits behind the decimal point; the timestamp has microseconds
 LONGEST = 1400
 """Longest JSON text [byte]; networks do not split a datagram of this length.  PlotJuggler for Linux reads 2048."""
 LOOK_S = 1.0
 """The stream notices within this time that the robot has other values, such as those of another sensor [s]."""
 _OF_TELEMETRY = ("pose", "twist", "ranges")
-_MARGIN = 2
-"""Bytes of the last brace and of a comma."""
+_MARGIN = 2  # bytes of the last brace and of a comma
 
 
 def key(name: Name) -> str:

@@ -22,23 +22,16 @@ class Shown(NamedTuple):
 
     state: ShownState
     now_s: float
-    elapsed_s: float
-    """Time since the view began."""
-    rate_hz: float
-    """Telemetry frames per second."""
+    elapsed_s: float  # time since the view began
+    rate_hz: float  # telemetry frames per second
     trail: Sequence[Pose]
-    distance_m: float
-    """Length of the path."""
-    notice: str
-    """Message for the user; empty if there is none."""
-    record: str = ""
-    """File of the recording; empty without one."""
-    incomplete: bool = False
-    """The recording is incomplete."""
+    distance_m: float  # length of the path
+    notice: str  # message for the user; empty if there is none
+    record: str = ""  # file of the recording; empty without one
+    incomplete: bool = False  # the recording is incomplete
     delays_s: Tuple[float, float, float] = (math.nan, math.nan, math.nan)
     """From the operator's input to the board, and its parts: to the written command, and the link; NaN if unknown."""
-    input_name: str = "key"
-    """What the operator drives with, as the name of the first part of the delay."""
+    input_name: str = "key"  # what the operator drives with, as the name of the first part of the delay
 
 
 class Rate:

@@ -12,12 +12,10 @@ from .live_model import Shown
 from .shown_state import Bar, Row, ShownState, has_motors, range_text
 
 STYLES = ("", "green", "yellow", "red", "bold red", "cyan", "blue")
-NEAR_M = 0.3
-"""A shorter range is shown as a danger, one below twice this as a warning [m]."""
+NEAR_M = 0.3  # a shorter range is shown as a danger, one below twice this as a warning [m]
 _FARTHEST_BAR_M = 3.0
 _BATTERY_STYLES = {"ok": "green", "low": "yellow"}
-_FIRST = ("left", "front", "right")
-"""Sonars that come first, as seen from above."""
+_FIRST = ("left", "front", "right")  # sonars that come first, as seen from above
 
 
 class Section(NamedTuple):

@@ -14,8 +14,7 @@ from mrl_driver.session.sensor_polling import Reading, of_board
 from .rows import sonar_order
 from .shown_state import SILENT_S, has_motors, moves_sideways
 
-Name = Tuple[str, str]
-"""Name and unit of a value."""
+Name = Tuple[str, str]  # name and unit of a value
 _POSE: Tuple[Name, ...] = (("x", "m"), ("y", "m"), ("yaw", "rad"))
 _SPEEDS: Tuple[Name, ...] = (("speed", "m/s"), ("turn rate", "rad/s"), ("sideways speed", "m/s"))
 _ASKED: Tuple[Name, ...] = tuple((f"asked {name}", unit) for name, unit in _SPEEDS)
@@ -24,8 +23,7 @@ _IMU: Tuple[Name, ...] = (
     *((f"imu acceleration {axis}", "m/s2") for axis in "xyz"),
     ("imu bias", "rad/s"),
 )
-_HEARD = (LEARNING, IN_USE)
-"""States in which the last reading of the IMU is a good one."""
+_HEARD = (LEARNING, IN_USE)  # states in which the last reading of the IMU is a good one
 _UNKNOWN = itertools.repeat(math.nan)
 _Values = Iterator[Tuple[Name, float]]
 

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 
-SILENT_S = 0.3
-"""The robot is silent if its newest telemetry is older than this [s]."""
+SILENT_S = 0.3  # the robot is silent if its newest telemetry is older than this [s]
 
 
 class Bar(NamedTuple):
@@ -41,31 +40,22 @@ class Row(NamedTuple):
 class ShownState(NamedTuple):
     """State at one moment, from a driver or from ROS topics."""
 
-    name: str
-    """Model and id."""
+    name: str  # model and id
     model: Optional[RobotModel]
     pose: Pose
     twist: AnyTwist
     command: Optional[AnyTwist]
     stop_reason: StopReason
     ranges: Mapping[str, float]
-    sensors: Mapping[str, str]
-    """Readings of the other sensors as text, with unit."""
-    battery_v: float
-    """NaN if it is unknown."""
-    battery_share: float
-    """Charge from 0 to 1."""
+    sensors: Mapping[str, str]  # readings of the other sensors as text, with unit
+    battery_v: float  # NaN if it is unknown
+    battery_share: float  # charge from 0 to 1
     battery_state: str
-    board: Sequence[Row]
-    """What else is known of the board."""
-    ready: bool
-    """Telemetry arrives."""
-    age_s: float
-    """Age of the newest telemetry [s]."""
-    errors: Row
-    """Errors of the link."""
-    imu: str = ""
-    """The state of the IMU, one of `robot.imu.STATES`; empty without one."""
+    board: Sequence[Row]  # what else is known of the board
+    ready: bool  # telemetry arrives
+    age_s: float  # age of the newest telemetry [s]
+    errors: Row  # errors of the link
+    imu: str = ""  # the state of the IMU, one of `robot.imu.STATES`; empty without one
 
     @property
     def silent(self) -> bool:

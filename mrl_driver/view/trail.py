@@ -14,8 +14,7 @@ class Trail:
 
     def __init__(self) -> None:
         self.poses: List[Pose] = []
-        self.distance_m = 0.0
-        """Length of the path [m]."""
+        self.distance_m = 0.0  # length of the path [m]
         self._step_m = STEP_M
 
     def add(self, pose: Pose) -> None:

@@ -15,10 +15,8 @@ class Stop(NamedTuple):
 
     why: str
     """The end of a sentence that begins with `stopped: `; empty if somebody wanted the robot to stand."""
-    remedy: str = ""
-    """What must be done before the robot drives again; empty if a new command is enough."""
-    code: str = ""
-    """Code of the row in `problems`; empty if somebody wanted the robot to stand."""
+    remedy: str = ""  # what must be done before the robot drives again; empty if a new command is enough
+    code: str = ""  # code of the row in `problems`; empty if somebody wanted the robot to stand
 
 
 def _stop(why: str, code: str, remedied: bool = True) -> Stop:

@@ -14,18 +14,10 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import Drive
 from mrl_driver.transport.address import is_network
 
+from . import shared
 from .info import describe
 from .progress import answered, waiting
-from .shared import (
-    Run,
-    await_sensors,
-    connected,
-    json_option,
-    print_json,
-    require_port,
-    run_options,
-    yes_option,
-)
+from .shared import Run, run_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -35,7 +27,7 @@ _BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
 
 
 @click.command()
-@run_options(json_option, yes_option)
+@run_options(shared.json_option, shared.yes_option)
 @click.option(
     "--drive", "drives", is_flag=True, help="Turn each wheel too; lift the wheels off the ground first."
 )
@@ -56,7 +48,7 @@ def doctor(run: Run, drives: bool, hands: bool, report: bool) -> None:
       mrl doctor --robot lab3 --drive           turns the wheels too: lift them first
       mrl doctor --robot lab3 --report > report.txt
     """
-    require_port(run.target)
+    shared.require_port(run.target)
     if report and run.as_json:
         raise ConfigError("--report is given with --json, expected one of them")
     if hands and not sys.stdin.isatty():
@@ -88,7 +80,7 @@ class Checkup:
         from mrl_driver.cli.doctor import computer
         from mrl_driver.transport.link import describe as describe_port
 
-        port = require_port(self.target)
+        port = shared.require_port(self.target)
         self._add(computer.check(port, describe_port(port)))
         try:
             self._examine()
@@ -117,12 +109,12 @@ class Checkup:
         except WrongRobot as error:
             if self.facts or self.target.model != "auto":
                 raise
-            self._add([_of_error(error, require_port(self.target))])
+            self._add([_of_error(error, shared.require_port(self.target))])
             self._examine_as(self.target._replace(model="traxbot"), any_id=True)
 
     def _examine_as(self, target: Target, any_id: bool = False) -> None:
         start_s = time.monotonic()
-        with answered(connected(target, ignore_battery=True, any_id=any_id)) as driver:
+        with answered(shared.connected(target, ignore_battery=True, any_id=any_id)) as driver:
             self._add([ok("answer", f"after {time.monotonic() - start_s:.1f} s")])
             self._check(driver, any_id)
 
@@ -135,9 +127,9 @@ class Checkup:
         self._add(board.health(driver.status))
         with waiting("watching the link"):
             seen = board.watch(driver)
-        counts, missing = board.counters(driver), await_sensors(driver)
+        counts, missing = board.counters(driver), shared.await_sensors(driver)
         self.facts = {
-            **describe(driver, require_port(self.target)),
+            **describe(driver, shared.require_port(self.target)),
             "rate_hz": seen.rate_hz,
             "lost": seen.lost,
             "garbage": seen.garbage,
@@ -148,12 +140,15 @@ class Checkup:
             values = driver.parameters.read(*(row.name for row in driver.parameters.rows))
             self.facts["parameters"] = values
             self._add(parameters.check(values, driver.model))
-        self._add(board.link(seen, by_network=is_network(require_port(self.target))))
+        self._add(board.link(seen, by_network=is_network(shared.require_port(self.target))))
         self._add(board.refusals(counts, driver.model is None or driver.model.drives))
         self._add(board.hold(driver.radio.hold))
         self._add(board.gyro(driver))
         self._add(board.build(driver))
-        self._add(board.sonars(_settled_ranges(driver), driver.board))
+        shared.wait_until(
+            driver, lambda: not any(map(math.isnan, driver.ranges.values())), FIRST_SONARS_S, 0.05
+        )
+        self._add(board.sonars(driver.ranges, driver.board))
         self._add(board.sensors(driver.sensors, missing))
         self._check_motion(driver)
 
@@ -176,14 +171,6 @@ class Checkup:
             self._add(wheels.sonar_order(lambda: driver.ranges, _ask))
 
 
-def _settled_ranges(driver: "Driver") -> Dict[str, float]:
-    """Return the ranges, after a short wait for missing ones."""
-    end_s = time.monotonic() + FIRST_SONARS_S
-    while any(math.isnan(each) for each in driver.ranges.values()) and time.monotonic() < end_s:
-        driver.wait(0.05)
-    return driver.ranges
-
-
 def _ask(question: str) -> bool:
     return click.confirm(f"  {question}", default=True)
 
@@ -200,7 +187,7 @@ def _of_error(error: MrlError, port: str) -> Finding:
 def _print(checkup: Checkup, report: bool, as_json: bool) -> None:
     findings = checkup.findings
     if as_json:
-        print_json(
+        shared.print_json(
             {
                 "port": checkup.target.port,
                 "verdict": verdict(findings),
@@ -209,9 +196,9 @@ def _print(checkup: Checkup, report: bool, as_json: bool) -> None:
             }
         )
     elif report:
-        from mrl_driver.cli.doctor.report import text
+        from .doctor_view import report as lines_of
 
-        click.echo(text(findings, checkup.facts, checkup.target))
+        click.echo("\n".join(lines_of(findings, checkup.facts, checkup.target)))
     else:
         from .doctor_view import conclude
 

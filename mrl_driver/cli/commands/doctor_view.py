@@ -1,12 +1,16 @@
-"""Findings of `mrl doctor` on a terminal."""
+"""Findings of `mrl doctor` on a terminal, and as plain text to paste into a bug report."""
 
+import datetime
+import platform
 import textwrap
-from typing import List, Sequence
+from typing import Any, Iterator, List, Mapping, Sequence
 
 from rich.console import Console
 from rich.text import Text
 
 from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, verdict
+from mrl_driver.host.named_robots import Target
+from mrl_driver.program import version
 
 _MARKS = {OK: ("✓", "ok"), NOTE: ("·", "--"), WARNING: ("!", "!!"), FAULT: ("✗", "XX")}
 _STYLES = {OK: "green", NOTE: "dim", WARNING: "bold yellow", FAULT: "bold red"}
@@ -47,3 +51,21 @@ def conclude(findings: Sequence[Finding]) -> None:
     levels = [finding.level for finding in findings]
     style = _STYLES[FAULT if FAULT in levels else WARNING if WARNING in levels else OK]
     _console().print(Text(f"\n   {verdict(findings)}", style=style))
+
+
+def report(findings: Sequence[Finding], facts: Mapping[str, Any], target: Target) -> Iterator[str]:
+    """Yield the lines of the whole report, with the versions of the software."""
+    yield f"mrl doctor, {datetime.datetime.now().astimezone().isoformat(timespec='seconds')}"
+    yield f"mrl-driver {version()}, pyserial {version('pyserial')}, Python {platform.python_version()}"
+    yield f"{platform.platform()}"
+    yield f"port {target.port}, model {target.model}, {target.baud} Bd"
+    yield ""
+    for finding in findings:
+        code = f"  [{finding.code}]" if finding.code else ""
+        yield f"{finding.level:<8} {finding.subject:<18} {finding.text}{code}"
+        if finding.advice:
+            yield f"{'':27} -> {finding.advice}"
+    yield ""
+    yield f"verdict: {verdict(findings)}"
+    yield ""
+    yield from (f"{key}: {value}" for key, value in facts.items())

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 TICK_S = 0.05
-STOP_S = 2.0
-"""Telemetry confirms a stop within this time [s]."""
+STOP_S = 2.0  # telemetry confirms a stop within this time [s]
 ROUNDING = 1e-6
 
 

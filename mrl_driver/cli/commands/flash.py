@@ -12,8 +12,7 @@ from mrl_driver.robot.models import ENVIRONMENT, SONAR
 from .progress import progress, waiting
 from .shared import Run, choose, json_option, run_options, yes_option
 
-HBRIDGE = "hbridge"
-"""The build for motors on an H-bridge, and encoders on the Arduino's pins."""
+HBRIDGE = "hbridge"  # the build for motors on an H-bridge, and encoders on the Arduino's pins
 BUILD_TEXTS = {
     SONAR: "motor board OMNI-3MD and sonars, such as TraxBot and StingBot",
     ENVIRONMENT: "gas and light sensors, motor board OMNI-3MD or none",

@@ -17,12 +17,10 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 FARTHEST_M = 1000.0
-STEP_S = 0.05
-"""The speeds are computed again after this time [s]."""
+STEP_S = 0.05  # the speeds are computed again after this time [s]
 LOOK_RAD = 4 * math.pi
 """Two turns on the spot: all obstacles are seen twice, 12 s apart on a TraxBot, so that a person can step aside."""
-PROGRESS_S = 1.0
-"""The progress is reported this often [s]."""
+PROGRESS_S = 1.0  # the progress is reported this often [s]
 
 
 @click.command(context_settings={"ignore_unknown_options": True})  # -0.5 is a number, not an option

@@ -26,8 +26,7 @@ ALL = "all"
 LEAVES_S = 0.1
 """The text is on the air this time after it was sent [s]; the command does not end the session before."""
 POLL_S = 0.1
-FREE_S = 6.0
-"""At the end, the command waits this long for the answers of the robots that it has held [s]."""
+FREE_S = 6.0  # at the end, the command waits this long for the answers of the robots that it has held [s]
 
 
 @click.group()

@@ -37,8 +37,7 @@ if TYPE_CHECKING:
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 FOREVER_S = 1e9
-STAND_S = 1.0
-"""Time in which a standing robot learns the bias of its gyro [s]."""
+STAND_S = 1.0  # time in which a standing robot learns the bias of its gyro [s]
 FIRST_SENSORS_S = 1.3
 """Time in which each sensor has answered once [s]: the thermopile of a 2013 board is requested once a second."""
 
@@ -279,20 +278,23 @@ def report_losses(driver: "Driver") -> None:
     report_events(driver, Lost, Reconnected, Slowed, PathUnknown, ImuChanged)
 
 
+def wait_until(driver: "Driver", done: Callable[[], bool], most_s: float, step_s: float = 0.02) -> None:
+    """Wait until something is done, for at most this time [s]."""
+    end_s = driver.now_s + most_s
+    while not done() and driver.now_s < end_s:
+        driver.wait(step_s)
+
+
 def await_gyro(driver: "Driver") -> None:
     """Wait until the bias of a gyro is known: a standing robot learns it within `STAND_S`."""
-    end_s = driver.now_s + STAND_S
-    while driver.imu_state in (WAITING, LEARNING) and driver.now_s < end_s:
-        driver.wait(0.02)
+    wait_until(driver, lambda: driver.imu_state not in (WAITING, LEARNING), STAND_S)
 
 
 def await_sensors(driver: "Driver") -> List[str]:
     """Wait for a reading of each sensor that the board has, at most `FIRST_SENSORS_S`; return those without one."""
     board = driver.board
     names = [row.name for row in of_board(board.capabilities, board.protocol) if row.capability]
-    end_s = driver.now_s + FIRST_SENSORS_S
-    while not driver.sensors.keys() >= set(names) and driver.now_s < end_s:
-        driver.wait(0.05)
+    wait_until(driver, lambda: driver.sensors.keys() >= set(names), FIRST_SENSORS_S, 0.05)
     return [name for name in names if name not in driver.sensors]
 
 

@@ -21,12 +21,10 @@ if TYPE_CHECKING:
 
 MEASURE_S = 1.0
 ROUND_TRIPS = 40
-HOT_C = 60.0
-"""Temperature of the motor board that is too high [degC]."""
+HOT_C = 60.0  # temperature of the motor board that is too high [degC]
 SLOW_ROUND_TRIP_S = 0.05
 """A round trip above this is slow [s]: the serial link takes 3 ms, a USB adapter up to 16 ms more."""
-MIN_SHARE = 0.9
-"""Smallest acceptable share of the expected stream frames."""
+MIN_SHARE = 0.9  # smallest acceptable share of the expected stream frames
 _NETWORK = "bring robot and access point closer together, or use a channel with less traffic"
 _FAULTY_STOPS = {
     StopReason.WHEEL_BLOCKED: "wheel_blocked",
@@ -35,21 +33,17 @@ _FAULTY_STOPS = {
 }
 """Stops of the board that are problems, and their codes."""
 _RESETS = {"watchdog": "firmware_hung", "brown_out": "brown_out"}
-_FAULT_CODES = {"imu": "imu_dead"}
-"""Codes of faults that differ from their names."""
+_FAULT_CODES = {"imu": "imu_dead"}  # codes of faults that differ from their names
 
 
 class LinkFigures(NamedTuple):
     """Measurements of the link."""
 
-    rate_hz: float
-    """Stream frames per second."""
-    expected_hz: Optional[float]
-    """None if the board streams as fast as it can."""
+    rate_hz: float  # stream frames per second
+    expected_hz: Optional[float]  # None if the board streams as fast as it can
     lost: int
     garbage: Dict[str, int]
-    round_trips_s: List[float]
-    """Times from request to answer, ascending."""
+    round_trips_s: List[float]  # times from request to answer, ascending
 
 
 def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:

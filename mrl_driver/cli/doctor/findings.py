@@ -11,16 +11,11 @@ OK, NOTE, WARNING, FAULT = "ok", "note", "warning", "fault"
 class Finding(NamedTuple):
     """The result of one check."""
 
-    level: str
-    """`ok`, `note` (good to know), `warning` (works, with a drawback), or `fault` (does not work)."""
-    subject: str
-    """Subject of the check, in a word or two."""
-    text: str
-    """Text of the finding."""
-    advice: str = ""
-    """What to do about it."""
-    code: str = ""
-    """Code of the row in `problems`; empty if all is well."""
+    level: str  # `ok`, `note` (good to know), `warning` (works, with a drawback), or `fault` (does not work)
+    subject: str  # subject of the check, in a word or two
+    text: str  # text of the finding
+    advice: str = ""  # what to do about it
+    code: str = ""  # code of the row in `problems`; empty if all is well
 
 
 def problem(level: str, code: str, subject: str, text: str, advice: str = "") -> Finding:

@@ -31,8 +31,7 @@ class Moved(NamedTuple):
 
     right_m: float
     left_m: float
-    cause: str
-    """Why the driver stopped the robot early; empty if it did not."""
+    cause: str  # why the driver stopped the robot early; empty if it did not
 
 
 def check(driver: "Driver", ask: Optional[Ask]) -> Iterator[Finding]:
