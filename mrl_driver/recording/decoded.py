@@ -207,8 +207,8 @@ class RecordedRobot:
     def take(self, frame: Frame, time_s: float) -> bool:
         """Handle a reply; return True if it is a reading of the counters, which then has updated `odometry`."""
         code, stamp, made_s = frame.code, frame.stamp, time_s
-        moves = self.model is not None and self.model.drives
-        counts = moves and code in ({_OMNI} if isinstance(self.model.drive, OmniDrive) else _COUNTS)
+        codes = {_OMNI} if self.model is not None and isinstance(self.model.drive, OmniDrive) else _COUNTS
+        counts = self.model is not None and self.model.drives and code in codes
         if code == _INFO:
             self._on_info(frame)
         elif code == _PROTOCOL:

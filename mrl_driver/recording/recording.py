@@ -66,13 +66,8 @@ again (its name), or now has this baud rate.
 """
 ENDED, CLOSED = b"ended ", b"closed"
 """A remark: the listeners of the driver get nothing more; `closed` or the error that ended it follows."""
-OWN_REMARKS = tuple(
-    word.strip()
-    for word in (
-        *(OPENED, CHECKED, PLAIN, SESSION, MODEL, POSE, STOP, CLOCK),
-        *(LOST, RECONNECTED, SLOWED, ENDED),
-    )
-)
+_OWN = (OPENED, CHECKED, PLAIN, SESSION, MODEL, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED)
+OWN_REMARKS = tuple(word.strip() for word in _OWN)
 """First words of the driver's own remarks.  Readers ignore those that they do not know."""
 _MAGIC = "#mrl-recording"
 _BLANK = b"\xef\xbb\xbf \t\r\n"
@@ -153,11 +148,8 @@ class Recorder:
     @property
     def loss(self) -> str:
         """Description of the lines that are missing; empty if none is."""
-        return (
-            f"{self.path} lacks {self.lost} lines: {self.error}; free disk space, then record again"
-            if self.lost
-            else ""
-        )
+        text = f"{self.path} lacks {self.lost} lines: {self.error}; free disk space, then record again"
+        return text if self.lost else ""
 
     def close(self) -> None:
         """Write all pending lines, and close the file."""

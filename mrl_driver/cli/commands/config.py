@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
     from mrl_driver.driver.parameter_file import ParameterFile
 
-complete_parameter = completion_of(lambda: PARAMETER_BY_NAME)
+complete_parameter = completion_of(lambda: list(PARAMETER_BY_NAME))
 try_option = click.option(
     "--try",
     "only_try",

@@ -11,7 +11,7 @@ from .shared import completion_of
 
 
 @click.command()
-@click.argument("code", required=False, shell_complete=completion_of(lambda: PROBLEMS))
+@click.argument("code", required=False, shell_complete=completion_of(lambda: list(PROBLEMS)))
 def explain(code: str) -> None:
     """Explain the code of a message: cause and remedy.
 

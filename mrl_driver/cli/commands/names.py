@@ -136,7 +136,7 @@ def _lasting_name(port: str) -> Tuple[str, str]:
 
 
 @names.command()
-@click.argument("name", shell_complete=completion_of(named_robots.read))
+@click.argument("name", shell_complete=completion_of(lambda: list(named_robots.read())))
 def remove(name: str) -> None:
     """Remove a name."""
     named = named_robots.read()

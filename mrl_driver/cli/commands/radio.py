@@ -7,14 +7,8 @@ import click
 
 from mrl_driver.errors import BoardTimeout, ConfigError, FrameError, one_line
 from mrl_driver.navigation.radio_holder import RadioHolder
-from mrl_driver.robot.radio import (
-    BROADCAST,
-    DISCOVERY_S,
-    RadioText,
-    format_address,
-    parse_address,
-    text_request,
-)
+from mrl_driver.robot import radio as xbee
+from mrl_driver.robot.radio import format_address, parse_address
 
 from . import shared
 from .shared import Between, Run, run_options
@@ -49,7 +43,7 @@ def radio() -> None:
 @click.option(
     "--seconds",
     type=Between(0, 60, min_open=True),
-    default=DISCOVERY_S,
+    default=xbee.DISCOVERY_S,
     show_default=True,
     help="Collect answers for this time [s]; an XBee waits 6 s for them.",
 )
@@ -85,9 +79,9 @@ def send(run: Run, address: str, text: str) -> None:
     The command does not report whether the text has arrived; `mrl radio listen` on the other side shows it.
     """
     with _options_of_user(f", or {ALL}"):
-        to = BROADCAST if address == ALL else parse_address(address)
+        to = xbee.BROADCAST if address == ALL else parse_address(address)
     with _options_of_user():
-        text_request(to, text)
+        xbee.text_request(to, text)
     with run.connected() as driver:
         driver.radio.send(to, text)
         driver.wait(LEAVES_S)
@@ -113,7 +107,7 @@ def listen(run: Run) -> None:
 def print_texts(driver: "Driver", seconds: float, as_json: bool) -> None:
     """Print received texts, one a line, for this time [s]."""
     driver.radio.require()
-    heard: List[RadioText] = []
+    heard: List[xbee.RadioText] = []
     driver.radio.on_text(heard.append)
     end_s = driver.now_s + seconds
     while driver.now_s < end_s:

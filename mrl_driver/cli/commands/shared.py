@@ -5,18 +5,7 @@ import functools
 import math
 import os
 import sys
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    Callable,
-    ContextManager,
-    Iterable,
-    Iterator,
-    List,
-    Mapping,
-    NamedTuple,
-    Optional,
-)
+from typing import TYPE_CHECKING, Any, Callable, ContextManager, Iterator, List, Mapping, NamedTuple, Optional
 
 import click
 
@@ -101,11 +90,7 @@ DRIVING = (battery_option, record_option, fast_option, yes_option, json_option)
 """Options of commands that drive a robot."""
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while a robot was connected; the robot was stopped."""
-
-
-def completion_of(names: Callable[[], Iterable[str]]) -> Callable[..., List[str]]:
+def completion_of(names: Callable[[], List[str]]) -> Callable[..., List[str]]:
     """Return what completes one of these names in a shell; nothing if the file with them is damaged."""
 
     def complete(ctx: click.Context, param: click.Parameter, incomplete: str) -> List[str]:
@@ -238,7 +223,7 @@ def connected(
 
     Raises:
         ConfigError: the block drives the robot, and its board has no motors.
-        Interrupted: the user pressed Ctrl-C; the robot was stopped.
+        KeyboardInterrupt: the user pressed Ctrl-C; the robot was stopped.
         OutputError: everything else succeeded, but the recording is incomplete.
     """
     from mrl_driver.driver import Driver, Options
@@ -254,10 +239,8 @@ def connected(
             if moves and driver.model is not None:
                 driver.model.require_motors()
             yield driver
-    except Interrupted:
-        raise
     except KeyboardInterrupt:
-        raise Interrupted("interrupted; the robot was stopped") from None
+        raise KeyboardInterrupt("interrupted; the robot was stopped") from None
     except BaseException:
         if driver.recorder.loss:
             print_message(driver.recorder.loss)
@@ -361,19 +344,11 @@ def choose(question: str, choices: Mapping[str, str], option: str) -> str:
 
 
 def confirm_motion(question: str, yes: bool) -> None:
-    """Ask before motors turn, unless `yes`.
-
-    Raises:
-        ConfigError, click.Abort: as `confirm`.
-    """
+    """Ask before motors turn, as `confirm`."""
     confirm(question, yes, "the robot was not moved")
 
 
 def confirm_overwrite(record: Optional[str], yes: bool) -> None:
-    """Ask before a recording replaces a file that is not empty.
-
-    Raises:
-        ConfigError, click.Abort: as `confirm`.
-    """
+    """Ask before a recording replaces a file that is not empty, as `confirm`."""
     if record is not None and os.path.isfile(record) and os.path.getsize(record):
         confirm(f"{record} already exists. Replace it?", yes)
