@@ -26,8 +26,7 @@ MOST_REALTIME = 40
 PC_BUILD = pathlib.Path("build/pc/libmrl_firmware.so")
 WAITING = ("tests/ros/", "tests/web/", "tests/driver/", "tests/cli/")
 """Most of these tests wait for processes, ports and time."""
-COMPUTERS = ("gw0", "gw1")
-"""Workers that take these last."""
+COMPUTERS = ("gw0", "gw1")  # Workers that take these last
 FIRST = (
     "ros/test_catkin",
     "ros/test_run",

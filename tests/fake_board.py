@@ -22,8 +22,7 @@ def _next(due_s: float, period_s: float, now: float) -> float:
 class FakeBoard:
     """A TraxBot's board; `version` 1 is 2013 with a stream of `stream_code` 8 or 6."""
 
-    watches = True
-    """Its watchdog stops the motors if the host falls silent."""
+    watches = True  # Its watchdog stops the motors if the host falls silent
 
     def __init__(
         self,
@@ -37,8 +36,7 @@ class FakeBoard:
         self.boot_s = boot_s
         self.battery, self.temperature = 1200, 2500
         self.faults = 0
-        self.parameters = defaults(robot_id)
-        """By number."""
+        self.parameters = defaults(robot_id)  # By number
         self.capabilities = {name for name, _ in CAPABILITIES[:5]}
         self.sonars = (120, 45, 645)
         self.right = self.left = 0.0
@@ -48,18 +46,13 @@ class FakeBoard:
         self.started_s = 0.0
         self.time_s = 0.0
         self.mute = False
-        self.counting = True
-        """The motor board answers, so that there are counters to send."""
+        self.counting = True  # The motor board answers, so that there are counters to send
         self.imu: Callable[[float], Optional[Tuple[int, ...]]] = self._measured
         """Fields of `read_imu` at a time [s]; None for a chip that does not answer.  For the capability `imu`."""
-        self.noise = 0
-        """Another number in each reading of the chip, 0 or 1."""
-        self.slip = 0.0
-        """Share of the turn by the wheels that the body does not make."""
-        self.dead: Set[str] = set()
-        """Wheels (`right`, `left`) whose counter stands still."""
-        self.unknown: Set[int] = set(unknown)
-        """Requests that this firmware does not have."""
+        self.noise = 0  # Another number in each reading of the chip, 0 or 1
+        self.slip = 0.0  # Share of the turn by the wheels that the body does not make
+        self.dead: Set[str] = set()  # Wheels (`right`, `left`) whose counter stands still
+        self.unknown: Set[int] = set(unknown)  # Requests that this firmware does not have
         self.of_2013 = version < 2 or 29 in self.unknown
         self.reset(0.0)
 

@@ -9,8 +9,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from sim_arduino.serve import factory
 from tests.scripted_line import ScriptedLine
 
-SILENT_S = 1.0
-"""The board starts so much later than the driver [s]."""
+SILENT_S = 1.0  # The board starts so much later than the driver [s]
 SPEEDS = ((0.2, -0.1), (0.05, 0.05), (-0.3, 0.0), (0.0, 0.0))
 """Linear and angular speed [m/s, rad/s]: beyond 100 on the wire, within it, negative, zero."""
 FRAME = re.compile(rb"@[^@]*?e")
@@ -39,8 +38,7 @@ class Sent(NamedTuple):
     """The different requests of a session, in the order in which they were first sent."""
 
     greeting: List[bytes]
-    drive: List[bytes]
-    """From the end of the greeting to the end of the session."""
+    drive: List[bytes]  # From the end of the greeting to the end of the session
 
 
 @lru_cache(maxsize=None)

@@ -7,8 +7,7 @@ import threading
 
 import pytest
 
-MOST = 30
-"""More descriptors and threads than anything here needs."""
+MOST = 30  # More descriptors and threads than anything here needs
 
 
 def opened():

@@ -9,8 +9,7 @@ from statistics import median
 from typing import Any, Callable, Sequence, TypeVar
 
 PATIENCE = float(os.environ.get("MRL_TEST_PATIENCE", "1"))
-PATIENCE_S = 30.0 * PATIENCE
-"""Time-out for what takes far less on an idle machine [s]."""
+PATIENCE_S = 30.0 * PATIENCE  # Time-out for what takes far less on an idle machine [s]
 
 Result = TypeVar("Result")
 

@@ -22,8 +22,7 @@ from .kit import MODEL, Kit, counted, turned_by
 from .test_commands import recorded
 
 COUNTS_A_TURN = 1496.0
-SEEN_COUNTS = 140
-"""Counts of a slow move: 0.3 s at 20 % of 170 1/min, less what the start takes."""
+SEEN_COUNTS = 140  # Counts of a slow move: 0.3 s at 20 % of 170 1/min, less what the start takes
 HIDDEN = [SET | sum_ << 1 for sum_ in range(2**6)]
 """Every way to exchange or reverse two motors and two encoders."""
 SIDES = ("left", "right")
@@ -226,8 +225,7 @@ def test_a_new_id_leaves_bridge_and_wiring_as_they_are(model):
 
 OVERSHOOT, SETTLED_S, OFFSET = 0.05, 0.25, 0.01
 """Limits of a step of the speed, as for the firmware; the speeds are means over 50 ms."""
-SOFT = BridgeGains(kp=200, ki=1000, friction_duty=0, full_speed=200)
-"""Gains that settle late."""
+SOFT = BridgeGains(kp=200, ki=1000, friction_duty=0, full_speed=200)  # Gains that settle late
 STEPS = len(gain_procedures.BRIDGE_PERCENTS) + 2
 
 

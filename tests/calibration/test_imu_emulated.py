@@ -23,8 +23,7 @@ HIDDEN = {"roll_deg": 175.0, "pitch_deg": -4.0, "yaw_deg": 90.0}
 """How the emulated chip is mounted; its driver believes that it lies flat."""
 LEVEL_DEG, YAW_DEG = 3.0, 8.0
 """The zero offset of the accelerometer puts roll and pitch off by up to 3 degrees."""
-SCALE = 0.001
-"""The other axes, which have scales of their own, add a little where the chip is not level."""
+SCALE = 0.001  # The other axes, which have scales of their own, add a little where the chip is not level
 TURNS, BEFORE_RAD, AFTER_RAD = 2, math.radians(5.0), math.radians(0.5)
 SEED = 3
 

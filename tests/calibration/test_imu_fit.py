@@ -93,8 +93,7 @@ def test_readings_that_are_not_those_of_a_robot_at_rest_are_refused(damage, said
 
 # -- turns
 
-TURN = ((0.0, 3.0), (0.8, math.tau / 0.8), (0.0, 3.0))
-"""One turn counter-clockwise between two rests of 3 s."""
+TURN = ((0.0, 3.0), (0.8, math.tau / 0.8), (0.0, 3.0))  # One turn counter-clockwise between two rests of 3 s
 
 
 def turned(rows, mount):

@@ -19,10 +19,8 @@ from mrl_driver.robot import models
 from sim_arduino.serve import factory
 
 SIDE_M, END_M, END_RAD = 0.4, 0.01, math.radians(0.5)
-BEFORE_M = 0.05
-"""The hidden errors put a square off by more than this."""
-HIDDEN = 54
-"""Motors and encoders swapped, left motor and left encoder reversed."""
+BEFORE_M = 0.05  # The hidden errors put a square off by more than this
+HIDDEN = 54  # Motors and encoders swapped, left motor and left encoder reversed
 FACTS = ("--wheel-diameter", 65, "--separation", 150, "--counts", "11x4x34", "--bridge", "tb6612")
 
 

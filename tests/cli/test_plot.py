@@ -16,8 +16,7 @@ from sim_arduino.serve import factory
 
 from .run import fails, mrl
 
-METRES_PER_COUNT = 0.000087512033
-"""TraxBot's."""
+METRES_PER_COUNT = 0.000087512033  # TraxBot's
 
 
 def entry(time_s, way, data):

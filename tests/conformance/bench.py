@@ -13,11 +13,9 @@ from sim_arduino.hardware.wiring import Plant
 from tests.firmware.pc_board import BRIDGE, BROWN_OUT, ENVIRONMENT, SONARS, XBEE, PcBoard
 from tests.models import model
 
-READY_S = 0.12
-"""Boot, and the motor board set up."""
+READY_S = 0.12  # Boot, and the motor board set up
 ANSWER_S = 0.03
-CONTROL_S = 0.6
-"""Longer than the control takes after the ramp."""
+CONTROL_S = 0.6  # Longer than the control takes after the ramp
 QUICK: Dict[str, Dict[str, int]] = {"omni3md": {}, "bridge": {"ramp_time": 300}}
 """Parameters that differ from the models': a quick ramp spares simulated time, which steps of 1 ms make dear."""
 STEP_S = 1e-3
@@ -25,8 +23,7 @@ STEP_S = 1e-3
 
 BLANK = b"\xff" * parameter_store.EEPROM_BYTES
 
-ROBOTS = {"omni3md": "traxbot", "bridge": "duo"}
-"""Robot on the bench for each motor back end."""
+ROBOTS = {"omni3md": "traxbot", "bridge": "duo"}  # Robot on the bench for each motor back end
 
 CAPABILITIES = {
     "omni3md": 1 + 2 + 4 + 8 + 16 + 128 + 256,

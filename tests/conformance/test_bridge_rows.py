@@ -8,10 +8,8 @@ WIRING_FAULT = 1 << [name for name, _ in FAULTS].index("wiring")
 BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
 DRIVE_S = 1.0
 SPEED_M_S = 0.01
-CORRECT = 1
-"""Wires as in HARDWARE.md."""
-ENCODER_S = 0.1
-"""Longest time from the first wrong edge, or from drive without any edge, to the stop."""
+CORRECT = 1  # Wires as in HARDWARE.md
+ENCODER_S = 0.1  # Longest time from the first wrong edge, or from drive without any edge, to the stop
 MOVES = [
     ("move_motors_pid", (30, 30)),
     ("move_motors", (30, 30)),
@@ -213,8 +211,7 @@ def test_a_stop_by_the_host_ends_that_second(bench):
 
 
 MEASURED = {"battery_divider": 3000, "undervoltage": 1000}
-BATTERY_S = 0.4
-"""Two means of the battery's voltage."""
+BATTERY_S = 0.4  # Two means of the battery's voltage
 
 
 def test_undervoltage_stops_the_motors(make):

@@ -12,8 +12,7 @@ from tests.neighbours import faults, sent
 
 from .bench import ROBOTS
 
-SETTLED_S = 0.02
-"""From the last bit of a request to motors that are driven."""
+SETTLED_S = 0.02  # From the last bit of a request to motors that are driven
 AS_BEFORE = encode_request(BY_NAME["set_check"].code, 0, checked=True) + b"@19e@16,0e"
 """Undoes what a fault may have turned on."""
 

@@ -12,10 +12,8 @@ from sim_arduino.hardware.xbee_packets import RECEIVED, PacketReader, packet
 
 BOARD, HOLDER, OTHER = 0x0013A20040000001, 0x0013A20040000002, 0x0013A200400000F3
 SILENCE = 5
-SILENCE_S = SILENCE * 0.1
-"""Parameter 26 [100 ms], short, because simulated time is dear."""
-HEARD_S = 0.07
-"""A hold text and the board's answer have passed both lines and the air."""
+SILENCE_S = SILENCE * 0.1  # Parameter 26 [100 ms], short, because simulated time is dear
+HEARD_S = 0.07  # A hold text and the board's answer have passed both lines and the air
 READ_RADIO = BY_NAME["read_radio"].code
 
 
@@ -263,8 +261,7 @@ def sent_by_itself(bench) -> List[Frame]:
     ]
 
 
-LOST_S = 5.0
-"""Longer than the module tries to find a radio."""
+LOST_S = 5.0  # Longer than the module tries to find a radio
 
 
 def test_text_that_reaches_no_radio_is_counted_and_told(bench):

@@ -14,8 +14,7 @@ FAULT = 1 << [name for name, _ in FAULTS].index("imu")
 RAD_S, M_S2 = BY_NAME["read_imu"].reply[0].scale, BY_NAME["read_imu"].reply[3].scale
 G_M_S2 = 9.80665
 SILENT = ImuErrors(accel_noise=0.0)
-RATE_RAD_S = 0.02
-"""What the ripple of the speed control makes of a constant rate."""
+RATE_RAD_S = 0.02  # What the ripple of the speed control makes of a constant rate
 FRAMES = 1
 JITTER_S = 0.5e-3
 BACK_S = 1.15

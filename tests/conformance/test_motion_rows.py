@@ -5,10 +5,8 @@ import pytest
 SPEED_M_S = 0.01
 """How near a wheel comes to the speed that was asked for; an OMNI-3MD rounds, and an encoder's edges are 5 ms apart."""
 REACHED_COUNTS = 3
-POSITION_S = 4.0
-"""Longer than any positional move here."""
-RELEASED_S = 0.005
-"""From the last bit of a request, or the end of the wait for one, to motors without drive."""
+POSITION_S = 4.0  # Longer than any positional move here
+RELEASED_S = 0.005  # From the last bit of a request, or the end of the wait for one, to motors without drive
 ROLL_OUT_S = 1.0
 DRIVE = ("move_differential", 200, 0)
 

@@ -9,8 +9,7 @@ from sim_arduino.world.world import Wall, World
 
 from .bench import CAPABILITIES
 
-COUNT_CM = 1
-"""What rounding the curve in integers may cost."""
+COUNT_CM = 1  # What rounding the curve in integers may cost
 SONARS_READY_S = 0.6
 
 

@@ -18,8 +18,7 @@ from tests.web.browser import DESK, PHONE, Browser
 from tests.web.robot_page import RobotPage
 from tests.web.served import Served
 
-COLOURS = 128
-"""Colours in the palette; this keeps a file below 150 KB."""
+COLOURS = 128  # Colours in the palette; this keeps a file below 150 KB
 ARC_RAD, NEAR_Y_M, WEST, END_X_M = math.radians(70.0), 1.55, -0.95, 0.3
 """The drive: an arc to the left, a line towards the wall, a turn before it (cosine of the heading), a line along it."""
 GOAL = {"goal-x": -1.4, "goal-y": 1.2}

@@ -25,8 +25,7 @@ LAUNCH = ROOT / "ros1_bridge" / "launch"
 LOGS = ROOT / "build" / "picture"
 DISPLAY, PORT = ":87", 11387
 SIZE = "1280x720"
-COLOURS = 128
-"""Colours in the palette; this keeps the file below 300 KiB."""
+COLOURS = 128  # Colours in the palette; this keeps the file below 300 KiB
 START_S = 60.0
 DRIVE_S, DRAW_S = either((7.0, 4.0), (1.0, 1.0))
 AHEAD = "{linear: {x: 0.2}}"

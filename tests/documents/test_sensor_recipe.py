@@ -22,8 +22,7 @@ PARTS = (
     "build/firmware/core",
     "build/sim",
 )
-STEP_C = 0.0625
-"""One count of the example's wire [degC]."""
+STEP_C = 0.0625  # One count of the example's wire [degC]
 _TAKEN = {row.i2c.address for row in SENSORS if row.i2c}
 ADDRESS = next(each for each in range(0x48, 0x50) if each not in _TAKEN)
 NAME = "recipe_temperature"

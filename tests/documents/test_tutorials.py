@@ -5,8 +5,7 @@ import pytest
 from .blocks import blocks
 from .tutorials import carry_out, names
 
-SHORT = "8_own_test"
-"""The tutorial that is carried out in each test run."""
+SHORT = "8_own_test"  # The tutorial that is carried out in each test run
 
 
 def steps(name):

@@ -13,8 +13,7 @@ from sim_arduino.serve.server import PtyServer
 from sim_arduino.world.world import World
 from tests.waiting import wait_until
 
-STOP, MOVE = 0xFC, 0xEB
-"""Registers of the motor board."""
+STOP, MOVE = 0xFC, 0xEB  # Registers of the motor board
 
 
 class Emulator:

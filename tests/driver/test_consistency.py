@@ -22,8 +22,7 @@ BOUNDS = (1.38, 5.44)
 """99.9 % of the means of 16 normalised errors squared with 3 degrees of freedom: chi squared of 48, over 16."""
 TWIST_BOUNDS = (0.2, 2.0)
 """Means of one degree of freedom; errors by the wheels' scale are the same in all frames of a robot."""
-CHIP_DELAY_S = 4.8e-3
-"""Delay of the gyro's filter as the board sets it up."""
+CHIP_DELAY_S = 4.8e-3  # Delay of the gyro's filter as the board sets it up
 WINDING = ((0.2, 0.0, 3.0), (0.0, 0.8, 2.0), (0.2, 0.0, 2.0), (0.0, -0.8, 4.0), (0.2, 0.4, 3.0))
 """Speeds [m/s, rad/s], each for so long [s]."""
 

@@ -26,10 +26,8 @@ from .robot import Robot
 
 MOVE_MOTORS = BY_NAME["move_motors"].code
 HELD = Hold("held", 1, 0, 0, 0x0013A20040000002)
-STATUS_S = 1.2
-"""The driver asks for the board's status once in this time."""
-FRAME_S = 0.02
-"""Period of the fake board's stream."""
+STATUS_S = 1.2  # The driver asks for the board's status once in this time
+FRAME_S = 0.02  # Period of the fake board's stream
 OMNI_STREAM, SENSOR_STREAM = BY_NAME["start_omni_stream"].code, BY_NAME["start_sensor_ldr_stream"].code
 
 

@@ -32,8 +32,7 @@ from mrl_driver.transport.relay import STOP_2013
 from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
 TURN, STOP = BY_NAME["move_motors_pid"].code, BY_NAME["stop"].code
-CLOSE_S, RUNS = 1.0, 5
-"""Longest good-bye, the median of so many."""
+CLOSE_S, RUNS = 1.0, 5  # Longest good-bye, the median of so many
 
 
 @pytest.fixture

@@ -20,8 +20,7 @@ from tests.waiting import wait_until
 from .talk import Talk
 
 POSE_M = 0.001
-YAW_RAD = math.radians(0.1)
-"""Largest error of the pose over a square, beyond what one encoder count explains."""
+YAW_RAD = math.radians(0.1)  # Largest error of the pose over a square, beyond what one encoder count explains
 IMAGE = pathlib.Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware.elf"
 
 

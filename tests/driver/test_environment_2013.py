@@ -13,8 +13,7 @@ from mrl_driver.session.events import SensorRead
 from sim_arduino.serve import factory
 from tests.models import model as packaged_model
 
-MOST_COMMANDS = 26
-"""More commands a second than this get lost on a board of 2013 that streams."""
+MOST_COMMANDS = 26  # More commands a second than this get lost on a board of 2013 that streams
 DRIVEN_S = 3.0
 
 

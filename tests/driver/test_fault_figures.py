@@ -23,8 +23,7 @@ READY_S, READY_2013_S = 5.0, 8.0
 AGE_S = 0.05
 FROZEN_S, COMMAND_S = 5.0, 0.02
 FLOOD_S = 2.5
-ON_THE_WAY_S = 0.005
-"""A frame on the wire, and one in the making."""
+ON_THE_WAY_S = 0.005  # A frame on the wire, and one in the making
 
 
 class Bench:

@@ -23,8 +23,7 @@ RUNS = 5
 HOST_DEAD_S, TIMEOUT_S, BEYOND_TIMEOUT_S = 0.3, 0.25, 0.05
 SILENT_S = 0.3
 SIGNAL_STOP_S, SIGNAL_EXIT_S = 0.1, 2.0
-ON_CLOCKS_S = 0.01
-"""The emulated board's time may differ by so much from that of the host."""
+ON_CLOCKS_S = 0.01  # The emulated board's time may differ by so much from that of the host
 
 DRIVE = (
     "import sys; from mrl_driver.driver import Driver, Options; "

@@ -19,8 +19,7 @@ from mrl_driver.safety.free_distance import (
     sonar_room,
 )
 
-OUTLINE = Outline(0.2, 0.1, 0.05)
-"""40 cm long and 20 cm wide; the swept path is 5 cm wider on each side."""
+OUTLINE = Outline(0.2, 0.1, 0.05)  # 40 cm long and 20 cm wide; the swept path is 5 cm wider on each side
 NARROW = Outline(0.05, 0.01, 0.0)
 AHEAD, LEFT, BACK, RIGHT = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
 SLANT = (0.6, 0.8)
@@ -28,8 +27,7 @@ ALMOST_M, TOUCHES_M = 1.5e-9, 1e-9
 """A point this much beside the path does not touch it any more, and still does."""
 SLIGHT_RAD = 1e-6
 ARC_POINTS = 2000
-ARC_ERROR_M = 2e-3
-"""Of the nearest of so many points on an arc of 2 m."""
+ARC_ERROR_M = 2e-3  # Of the nearest of so many points on an arc of 2 m
 
 
 def towards(angle_deg):

@@ -17,8 +17,7 @@ from tests.fake_board import FakeBoard
 
 from .talk import Talk
 
-READY_WITHIN_S = 3.0
-"""A greeting of which one reply is lost or damaged."""
+READY_WITHIN_S = 3.0  # A greeting of which one reply is lost or damaged
 MOST_REPLIES = 40
 
 

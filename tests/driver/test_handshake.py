@@ -29,8 +29,7 @@ READ_PROTOCOL, SET_CHECK, OMNI_STREAM = (
 )
 SENSING = BY_NAME[SENSOR_STREAM].code
 INFO_OF_2013 = BY_NAME["robot_info"].code + WRAP
-TO_ANSWER_S, TO_ASK_S = 8.0, 2.0
-"""A board has 8 s for its first answer, and 2 s for each later one."""
+TO_ANSWER_S, TO_ASK_S = 8.0, 2.0  # A board has 8 s for its first answer, and 2 s for each later one
 
 
 def protocol(bits=CHECK | WATCHDOG, version=2):
@@ -112,10 +111,8 @@ def test_answers_are_alike_if_battery_and_temperature_are_near_and_the_rest_is_e
 # -- the first request
 
 
-WHO = [INFO_OF_2013, READ_PROTOCOL]
-"""Boards of 2013 answer the one, ours the other."""
-WHO_TWICE = [*WHO, READ_PROTOCOL]
-"""The board may want checksums."""
+WHO = [INFO_OF_2013, READ_PROTOCOL]  # Boards of 2013 answer the one, ours the other
+WHO_TWICE = [*WHO, READ_PROTOCOL]  # The board may want checksums
 
 
 def test_each_third_question_is_sent_in_the_other_form_too():
@@ -203,8 +200,7 @@ def test_a_pause_of_this_program_prolongs_it_by_the_pause():
     assert hello.ends_at()[0] == TO_ANSWER_S + 9.0 - RETRY_S
 
 
-JUNK = bytes(range(128, 159)) + b"\x7f"
-"""The fewest that count."""
+JUNK = bytes(range(128, 159)) + b"\x7f"  # The fewest that count
 TEXT = bytes(range(32, 127)) + b"\r\n\t"
 
 

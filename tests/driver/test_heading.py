@@ -22,8 +22,7 @@ from mrl_driver.robot.omni_odometry import OmniOdometry
 
 PERIOD_S = 0.02
 BIAS_RAD_S = 0.05
-NOISE_RAD_S = 0.0007
-"""Noise of one reading: 0.005 deg/s/sqrt(Hz) at 50 Hz."""
+NOISE_RAD_S = 0.0007  # Noise of one reading: 0.005 deg/s/sqrt(Hz) at 50 Hz
 SLIP = 0.1
 
 

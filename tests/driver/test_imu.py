@@ -43,14 +43,11 @@ from .robot import STEP_S, Robot
 from .talk import Talk
 
 TICKS_PER_S = 1 / TICK_S
-STEPS_S = 0.05
-"""A state of the IMU is seen with the next frames after its time."""
+STEPS_S = 0.05  # A state of the IMU is seen with the next frames after its time
 TURN_RAD_S = 1.0
-BIAS_S = 2.0
-"""The bias is learned within this time of standing still."""
+BIAS_S = 2.0  # The bias is learned within this time of standing still
 TURN_ERROR_RAD = 0.02
-JUMP_RAD = 1.2 * TURN_RAD_S * 0.02
-"""Farthest turn between two frames."""
+JUMP_RAD = 1.2 * TURN_RAD_S * 0.02  # Farthest turn between two frames
 
 
 def with_imu(**kwargs):

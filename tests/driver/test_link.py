@@ -22,12 +22,9 @@ from mrl_driver.transport.pyserial_link import UrlLink
 from mrl_driver.transport.sockets import TcpLink, UdpLink
 from tests.waiting import PATIENCE_S, require_median
 
-TIOCGEXCL = 0x80045440
-"""Linux tells the mark that TIOCEXCL sets."""
-LONG_S = 3600.0
-"""A read that nothing ends would outlast the test."""
-LATE_S = 0.05
-"""A wait that nothing ends may last so much longer than asked."""
+TIOCGEXCL = 0x80045440  # Linux tells the mark that TIOCEXCL sets
+LONG_S = 3600.0  # A read that nothing ends would outlast the test
+LATE_S = 0.05  # A wait that nothing ends may last so much longer than asked
 GIVEN_UP_S, RUNS, CLOSE_S = 0.1, 5, 1.0
 """A blocked write is given up after this time; the median of so many; the longest close."""
 

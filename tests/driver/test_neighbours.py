@@ -30,8 +30,7 @@ OF_2013 = {
     "August with sensors": Options(robot="traxbot", profile="2013-august", environment=True),
     "January": Options(robot="traxbot", profile="2013-january"),
 }
-NEXT = b"@30e"
-"""What follows on the line; nothing may follow as well."""
+NEXT = b"@30e"  # What follows on the line; nothing may follow as well
 DECODERS = {"python": lambda checked: FrameDecoder(REQUESTS, checked), "firmware": TwinDecoder}
 
 
@@ -94,11 +93,9 @@ CALIBRATE, PID, PERCENT, SPEEDS, POSITION = 0xFB, 0xF8, 0xF7, 0xEB, 0xEE
 """Registers of the motor board: what the requests 1, 9, 10, 11, 12 write."""
 TURNING = (CALIBRATE, PID, PERCENT, SPEEDS, POSITION)
 OVERRUN = -1
-HANGING = {22, 23, 25, 27}
-"""Requests at which a board without their sensors waits forever."""
+HANGING = {22, 23, 25, 27}  # Requests at which a board without their sensors waits forever
 BODY = re.compile(rb"@([^@e]*)e")
-OTHER_SPEEDS = {"lost": 7, "doubled": 7, "swapped": 6, "bit": 51}
-"""Faults of `MOVE` by kind."""
+OTHER_SPEEDS = {"lost": 7, "doubled": 7, "swapped": 6, "bit": 51}  # Faults of `MOVE` by kind
 STARTED_S = AUGUST_S + 0.05
 DONE_S = 0.15
 

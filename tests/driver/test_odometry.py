@@ -22,8 +22,7 @@ COUNT_M = DRIVE.metres_per_count
 UNEQUAL = DRIVE._replace(wheel_offset=0.2)
 FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)
 PERIOD_S = 0.02
-WRAP_S = 32.768
-"""In this time a wheel of 1000 counts/s covers half the range of its counter."""
+WRAP_S = 32.768  # In this time a wheel of 1000 counts/s covers half the range of its counter
 
 int16 = st.integers(-32768, 32767)
 

@@ -25,12 +25,9 @@ from tests.scripted_line import ScriptedLine
 from .talk import Talk
 
 LOSS_S, LONG_LOSS_S, AWAY_S = 0.32, 0.9, 0.08
-TURN_S = 0.3
-"""The wheels turn after this time at the latest."""
-STATUS_S = 1.1
-"""The driver asks for the board's status once in this time."""
-SETTLED_S = 0.4
-"""After a fault, the wheels have slowed down."""
+TURN_S = 0.3  # The wheels turn after this time at the latest
+STATUS_S = 1.1  # The driver asks for the board's status once in this time
+SETTLED_S = 0.4  # After a fault, the wheels have slowed down
 STILL_M = 1e-3
 PHASE_S = 0.04
 STATUS = BY_NAME["read_status"].code
@@ -225,8 +222,7 @@ def tell(talk, reason="stall"):
 
 
 MOVE, STAND = ((200, 0), None), ((0, 0), None)
-HELD = ((0, 0), True)
-"""A command to move that an obstacle holds at zero."""
+HELD = ((0, 0), True)  # A command to move that an obstacle holds at zero
 
 
 @pytest.mark.parametrize(

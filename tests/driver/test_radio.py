@@ -26,8 +26,7 @@ from tests.fake_board import FakeBoard
 from tests.models import model
 from tests.radio_board import NODES, PEER, Engine, RadioBoard
 
-LINE_S = 34 * 10 / 9600
-"""Time of a text of 16 bytes on the line to the XBee."""
+LINE_S = 34 * 10 / 9600  # Time of a text of 16 bytes on the line to the XBee
 texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=16)
 
 

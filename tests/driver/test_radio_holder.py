@@ -9,8 +9,7 @@ from mrl_driver.robot.radio import BROADCAST, RadioText
 from sim_arduino.board.radio_hold import RadioHold
 
 OWN, ONE, TWO = 0x0013A20040000000, 0x0013A20040000001, 0x0013A20040000002
-SILENT = 20
-"""Parameter `radio_hold` [100 ms]."""
+SILENT = 20  # Parameter `radio_hold` [100 ms]
 
 
 class Air:

@@ -17,8 +17,7 @@ from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
 from .conftest import Cable
 
-NOTICED_S, BACK_S, CLOSE_S, RUNS = 0.1, 2.0, 1.0, 5
-"""Limits for the medians of so many runs."""
+NOTICED_S, BACK_S, CLOSE_S, RUNS = 0.1, 2.0, 1.0, 5  # Limits for the medians of so many runs
 
 
 @pytest.fixture

@@ -21,8 +21,7 @@ from .test_call_path import READ
 LASTING = Options(command_timeout_s=None)
 PIECE, PIECE_S = 5, 0.002
 POSE_ERROR_M = 1e-9
-SONARS = BY_NAME["read_sonars"].code
-"""A request that the driver never sends by itself to this board."""
+SONARS = BY_NAME["read_sonars"].code  # A request that the driver never sends by itself to this board
 
 
 @pytest.fixture

@@ -16,8 +16,7 @@ from tests.fake_board import FakeBoard
 from .talk import Talk
 
 READ_PROTOCOL = BY_NAME["read_protocol"].code
-MODERN = {code for code in BY_CODE if code >= READ_PROTOCOL}
-"""Requests that boards of 2013 do not know."""
+MODERN = {code for code in BY_CODE if code >= READ_PROTOCOL}  # Requests that boards of 2013 do not know
 BOARD_2013_MAX_HZ = 15
 """2013 boards lose commands above 26 a second while streaming; the driver stays well below."""
 

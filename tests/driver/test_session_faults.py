@@ -15,8 +15,7 @@ from tests.fake_board import FakeBoard
 from .talk import STEP_S, Talk
 
 MODEL = load("traxbot")
-STEP_M = fastest_wheel_m_s(0.65, 5.0, MODEL.drive.wheel_separation_m)
-"""No pose moves faster than this [m/s]."""
+STEP_M = fastest_wheel_m_s(0.65, 5.0, MODEL.drive.wheel_separation_m)  # No pose moves faster than this [m/s]
 
 
 class LinkUnderFaults(RuleBasedStateMachine):

@@ -53,8 +53,7 @@ def test_a_value_is_new_when_it_changes_and_once_per_cycle():
 # -- boards without checksums
 
 FRONT = re.compile(rb"(\d+),\d+,\d+e")
-SETTLED_S = 6.0
-"""The board has started, and its sonars too."""
+SETTLED_S = 6.0  # The board has started, and its sonars too
 
 
 @pytest.mark.parametrize(

@@ -186,8 +186,7 @@ def test_what_restricts_the_speeds_is_asked_with_every_frame(bench):
     assert bench.speeds == (pytest.approx(0.1 + 0.2 * FRAME_S), 0.0)
 
 
-TIGHT = Limits(0.3, 2.0, 0.2, 1.0)
-"""Unlike 1, its limit of turning shows whether it divides or multiplies."""
+TIGHT = Limits(0.3, 2.0, 0.2, 1.0)  # Unlike 1, its limit of turning shows whether it divides or multiplies
 
 
 @pytest.mark.parametrize(

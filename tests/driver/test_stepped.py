@@ -14,8 +14,7 @@ from sim_arduino.serve import factory
 
 LASTING = Options(command_timeout_s=None)
 POSE_ERROR_M = 2e-4
-BRAKING_S = 0.3
-"""From the stop to standing still; the motor board brakes at once."""
+BRAKING_S = 0.3  # From the stop to standing still; the motor board brakes at once
 
 
 @pytest.fixture

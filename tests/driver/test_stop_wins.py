@@ -22,8 +22,7 @@ from .line import Line
 
 MOVE_MOTORS, COUNTERS = BY_NAME["move_motors_pid"].code, BY_NAME["read_counters"].code
 WATCHDOG_S, STEP_S = 0.25, 0.05
-NOISE_M_S = 0.003
-"""A wheel that is slower stands still."""
+NOISE_M_S = 0.003  # A wheel that is slower stands still
 
 
 def whole(data):

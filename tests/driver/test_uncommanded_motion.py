@@ -16,11 +16,9 @@ from tests.scripted_line import ScriptedLine
 MOVE = b"@%d," % BY_NAME["move_differential"].code
 STOP = b"@%de" % STOP_CODE
 MOVE_MOTORS = BY_NAME["move_motors_pid"].code
-STOPPED_S = 0.2
-"""Without the driver, the board's watchdog takes at least 0.25 s."""
+STOPPED_S = 0.2  # Without the driver, the board's watchdog takes at least 0.25 s
 CENTIMETRE = 0.01
-PERIODS_MS = (10, 20, 50)
-"""Of the telemetry."""
+PERIODS_MS = (10, 20, 50)  # Of the telemetry
 
 
 def stopped(period_ms, motors="omni3md", record=None, after_s=1.0):

@@ -433,8 +433,7 @@ def test_idleness_is_the_time_since_the_last_visit():
     assert (visited.visits, visited.worst_s(21.0)) == (3, 20.0)
 
 
-HERE = (2.0, 1.0, math.pi / 2)
-"""A robot that looks to the left of the x axis."""
+HERE = (2.0, 1.0, math.pi / 2)  # A robot that looks to the left of the x axis
 
 
 @pytest.mark.parametrize("points", [[(2.0, 1.0), (2.0, 3.0)], [(2.0, 1.001), (2.0, 1.0), (2.0, 3.0)]])

@@ -21,8 +21,7 @@ MODEL = models.load("traxbot")
 FRONT_M = MODEL.body.length_m / 2
 ZONES = ZoneSettings()
 TICK_S, SONAR_S = 0.02, 0.3
-STEP_ERROR_M = 1e-5
-"""Of a motion in steps of TICK_S."""
+STEP_ERROR_M = 1e-5  # Of a motion in steps of TICK_S
 ODD_RANGES = st.one_of(st.floats(0.15, 6.45), st.sampled_from([math.inf, -math.inf, math.nan]))
 
 
@@ -286,8 +285,7 @@ def test_zones_that_contradict_each_other_are_refused(wrong, words):
 
 
 STEP_S = 0.05
-READY_S = 2.0
-"""Before that the sonars have no readings."""
+READY_S = 2.0  # Before that the sonars have no readings
 
 
 def course(tmp_path, walls, planner, seconds, robot="traxbot"):
@@ -341,8 +339,7 @@ def test_three_wheels_stop_before_a_wall_beside_them(tmp_path):
 
 
 SETTINGS = ZoneSettings(clearance_m=0.0)
-POINT = Body(0.0, 0.0, 0.1, 1.0, False)
-"""So small that a range is the free distance, to the last bit."""
+POINT = Body(0.0, 0.0, 0.1, 1.0, False)  # So small that a range is the free distance, to the last bit
 TURN_DEG = 360
 ASKED_M_S = 0.25
 JUST_MORE = 1e-9
@@ -415,8 +412,7 @@ def test_a_direction_that_is_not_covered_is_slow_with_a_speed_of_the_outer_zone_
 
 
 HYSTERESIS = SETTINGS._replace(clearance_m=0.02, hysteresis_m=0.2)
-HELD_M, LET_GO_M = 0.1, 0.35
-"""In the protective zone; past its edge, but not by the hysteresis."""
+HELD_M, LET_GO_M = 0.1, 0.35  # In the protective zone; past its edge, but not by the hysteresis
 
 
 def held_towards(angle_deg):

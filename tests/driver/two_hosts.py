@@ -17,8 +17,7 @@ from tests.waiting import drive_until, wait_until
 DESK, ROBOT = "10.78.0.1", "10.78.0.2"
 CUT_S, WATCH_S = 0.65, 0.2
 """The cut until the robot must stand, by its watchdog and its brakes; how long that is watched."""
-AGAIN_M = 0.02
-"""The robot drives again once it has come so far."""
+AGAIN_M = 0.02  # The robot drives again once it has come so far
 
 
 def ip(*words, within=""):

@@ -14,15 +14,11 @@ from sim_arduino.experiments.experiment_robot import TICK_S, Setting, open_robot
 from sim_arduino.experiments.key_presses import KeyPress
 from sim_arduino.world import world_file
 
-AGAIN_S = 0.5
-"""A held key is pressed again after this time."""
-LOOK_S = 2.0
-"""The robot stands still for this time at the start, and for half of it at each place."""
+AGAIN_S = 0.5  # A held key is pressed again after this time
+LOOK_S = 2.0  # The robot stands still for this time at the start, and for half of it at each place
 THERE_M, OFF_RAD = 0.1, 0.08
-ROLLS_S = 0.2
-"""After a press of the space bar, the robot rolls on as far as it came in this time."""
-SETTLE_S = 0.5
-"""Until it stands."""
+ROLLS_S = 0.2  # After a press of the space bar, the robot rolls on as far as it came in this time
+SETTLE_S = 0.5  # Until it stands
 PLACES = (
     *((1.4, 1.15), (2.6, 1.15), (4.0, 1.15), (4.95, 0.9), (4.95, 1.6), (4.95, 2.8), (5.5, 3.2), (5.5, 4.4)),
     *((5.4, 3.2), (3.9, 3.0), (3.2, 4.5), (3.2, 3.95), (1.6, 3.95), (1.3, 3.2), (0.6, 3.2), (1.35, 2.9)),

@@ -11,8 +11,7 @@ from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, 
 from sim_arduino.experiments.experiment_robot import Setting
 
 SEEDS = range(1000, 1004)
-FOUND_M = 0.5
-"""Largest distance of a place found from its source where poses and readings have no errors."""
+FOUND_M = 0.5  # Largest distance of a place found from its source where poses and readings have no errors
 
 
 def places(sources):

@@ -9,8 +9,7 @@ from tests.long.bench.firmware_measures import MOVE, STOP, command_delays_us, st
 BAUD, ROW = 500000, 2
 RATE_HZ, COMMAND_US = 1000.0, 700.0
 FRAME_BYTES = 27
-FED_S = 0.1
-"""The shortest timeout that the motor board can have [s]."""
+FED_S = 0.1  # The shortest timeout that the motor board can have [s]
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,7 @@ from tests.firmware.test_omni3md_limits import BATTERY, HALF_MS, MOVE, PRESET, T
 
 IMU = 0x68
 CPU_US = 1 / 16
-PASS_S = 16e-6
-"""The loop sees the end of a transfer this much late at most."""
+PASS_S = 16e-6  # The loop sees the end of a transfer this much late at most
 
 
 def transfer_bits(out: int, back: int = 0) -> int:

@@ -7,8 +7,7 @@ import pytest
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 
 MOVE, MOVE_OMNI = 0xEB, 0xFA
-WIDEST = 32767
-"""A ceiling that limits nothing."""
+WIDEST = 32767  # A ceiling that limits nothing
 
 
 def word(value: int) -> bytes:

@@ -102,8 +102,7 @@ PRESET_WIRE, STOP_WIRE = b"@4,1,5e", b"@13e"
 PRESET = b"\xef\x01\x00\x05\xaa\x55"
 
 
-AT_ONCE = 16
-"""Bytes that are taken before the motor board is served [byte]."""
+AT_ONCE = 16  # Bytes that are taken before the motor board is served [byte]
 
 
 @pytest.mark.parametrize("size, first", [(AT_ONCE, STOP), (AT_ONCE + 1, PRESET)])

@@ -11,8 +11,7 @@ from sim_arduino.board import parameter_store
 
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 BLANK = b"\xff" * 1024
-SAVED_S = 0.3
-"""59 bytes of 3.4 ms at most."""
+SAVED_S = 0.3  # 59 bytes of 3.4 ms at most
 BLOCK_BYTES = 1 + 2 * len(PARAMETERS) + 2
 USED = [*range(4), *range(parameter_store.BLOCK_AT, parameter_store.BLOCK_AT + BLOCK_BYTES)]
 

@@ -12,8 +12,7 @@ from tests.models import model
 SENSOR = 1 << [name for name, _ in FAULTS].index("sensor")
 FAN, HEATER, SONAR_TRIGGER, SONAR_POWER = 7, 15, 12, 13
 THERMOPILE, COMPASS = 0x68, 0x60
-LITRES = 0.2832
-"""0.01 cubic feet, the unit of the dust sensor's data sheet [l]."""
+LITRES = 0.2832  # 0.01 cubic feet, the unit of the dust sensor's data sheet [l]
 
 
 def pieces_per_litre(percent):

@@ -11,12 +11,10 @@ from tests.firmware.test_failsafe import STOP
 from tests.firmware.test_xbee import packet
 
 SILENCE = 10
-SILENCE_S = SILENCE * 0.1
-"""Parameter 26 [100 ms]."""
+SILENCE_S = SILENCE * 0.1  # Parameter 26 [100 ms]
 HALF_MS = 0.5e-3
 PLACES = 4
-ANSWER = 22
-"""Size of the packet with an answer [byte]."""
+ANSWER = 22  # Size of the packet with an answer [byte]
 READ_RADIO = BY_NAME["read_radio"].code
 STATE = [name for name, _ in HOLD_STATES]
 A, B, C, D, E = (bytes.fromhex(f"0013a200400000{last:02x}") for last in range(1, 6))

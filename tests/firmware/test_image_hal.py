@@ -18,8 +18,7 @@ BUILD = Path(__file__).resolve().parents[2] / "build" / "firmware"
 READY_S, CONVERTED_S = 0.12, 0.5
 SDA, SCL = 18, 19
 BYTE_S = 10 / 117647
-QUEUE = 64
-"""Received bytes that wait for the loop."""
+QUEUE = 64  # Received bytes that wait for the loop
 UCSR0C, ADCSRA, ADMUX, DDRC, PORTC = 0xC2, 0x7A, 0x7C, 0x27, 0x28
 TWSR, TWI_VECTOR = 0xB9, 4 * 24
 UCSR0B, ROOM_INTERRUPT, ROOM_VECTOR, GPIOR0 = 0xC1, 0x20, 4 * 19, 0x3E

@@ -19,13 +19,10 @@ from tests.firmware.pc_board import BRIDGE, SONARS
 CAPABILITY = 1 << [name for name, _ in CAPABILITIES].index("imu")
 FAULT = 1 << [name for name, _ in FAULTS].index("imu")
 LOW, HIGH = 0x68, 0x69
-FOUND_S = 0.1
-"""Search, set-up, and the time in which the gyro settles."""
-LOST_S = 1.1
-"""Longest time until a chip that is back is in use again."""
+FOUND_S = 0.1  # Search, set-up, and the time in which the gyro settles
+LOST_S = 1.1  # Longest time until a chip that is back is in use again
 BYTE_S = 85e-6
-READ_S = 0.7e-3
-"""Longest time from the read of the counters to the gyro's, both 6 bytes at 400 kHz."""
+READ_S = 0.7e-3  # Longest time from the read of the counters to the gyro's, both 6 bytes at 400 kHz
 ENCODERS, STOP = 0xD8, 0xFC
 
 

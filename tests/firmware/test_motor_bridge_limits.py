@@ -22,18 +22,14 @@ from tests.firmware.conftest import Bench
 from tests.firmware.pc_board import BRIDGE, VOLTS_PER_COUNT
 
 LEFT, RIGHT = 0, 1
-MOTORS = (1, 3)
-"""Numbers of the left and the right motor in the protocol."""
+MOTORS = (1, 3)  # Numbers of the left and the right motor in the protocol
 PERIOD_S = PERIOD_TICKS * TICK_S
 BYTE_S = 10 / 115200
 STOP = encode_request(BY_NAME["stop"].code)
-FEW = 16
-"""Periods in which a wheel may stand at full duty without being silent."""
-MANY = 129
-"""Periods in which the output's mean shows each share of FULL: 255/16384 of a level in a period."""
+FEW = 16  # Periods in which a wheel may stand at full duty without being silent
+MANY = 129  # Periods in which the output's mean shows each share of FULL: 255/16384 of a level in a period
 BIT = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
-MASKING_EDGES = 251
-"""In one period."""
+MASKING_EDGES = 251  # In one period
 DUO = 23
 COMMON = {
     "bridge": BRIDGES.index("cytron"),
@@ -45,8 +41,7 @@ COMMON = {
 STRONG = {**COMMON, "kp": 32767, "ki": 0}
 """The duty of a wheel that stands is 32.8 times its setpoint, so that a few periods show each share."""
 GAIN = 33554 / 1024
-WEAK = {**COMMON, "kp": 0, "ki": 0}
-"""The duty is the setpoint."""
+WEAK = {**COMMON, "kp": 0, "ki": 0}  # The duty is the setpoint
 UNIT = {
     **STRONG,
     "full_speed": 1000,
@@ -55,8 +50,7 @@ UNIT = {
     "linear_ceiling": 32767,
     "angular_ceiling": 32767,
 }
-TURN = 1342 / 4096
-"""Settings with one share of FULL for each mm/s, and this much for each mrad/s."""
+TURN = 1342 / 4096  # Settings with one share of FULL for each mm/s, and this much for each mrad/s
 MOVES = [
     ("move_motors_pid", (30, 0)),
     ("move_motors", (0, 30)),
@@ -362,8 +356,7 @@ def test_an_encoder_that_oscillates_while_the_motors_rest_stops_nothing(pins, en
 LEAST_CV = 960
 MEASURED = {**STRONG, "battery_divider": 4096, "undervoltage": LEAST_CV}
 """Two centivolts for each count of the converter."""
-MEAN_S = 0.3
-"""Time in which a mean begins and ends."""
+MEAN_S = 0.3  # Time in which a mean begins and ends
 
 
 def battery(board: Pins, centivolts: int) -> None:

@@ -12,8 +12,7 @@ VERSION, DECIMALS, BATTERY, TEMPERATURE = 0xFE, 0xFD, 0xD5, 0xD4
 GEOMETRY, GAINS, RAMP, TIMEOUT, PRESET, COUNTS, MOVE = 0xEA, 0xF4, 0xEC, 0xF1, 0xEF, 0xD8, 0xEB
 HALF_MS = 0.5e-3
 PASS_S = 16e-6
-BIT_S = 2.5e-6
-"""400 kHz."""
+BIT_S = 2.5e-6  # 400 kHz
 NONE = -1
 
 
@@ -153,8 +152,7 @@ def test_the_first_poll_gives_way_to_a_request_that_arrives(bench, first_tick):
 # ---- pauses
 
 
-PHASES = [part * TICK_S / 4 for part in range(4)]
-"""Times within a tick of the board's clock [s]."""
+PHASES = [part * TICK_S / 4 for part in range(4)]  # Times within a tick of the board's clock [s]
 
 
 @pytest.mark.parametrize("phase_s", PHASES)

@@ -188,10 +188,8 @@ class Turned:
         return int(self.parts.settings.share_per_count_tick * counts // PERIOD_TICKS)
 
 
-OPEN = {"kp": 0, "ki": 0, "friction_duty": 0}
-"""No control: the duty is the setpoint."""
-SLOW_INTEGRAL = {**OPEN, "ki": 3}
-"""An error of 1 changes the integral by the least that it has."""
+OPEN = {"kp": 0, "ki": 0, "friction_duty": 0}  # No control: the duty is the setpoint
+SLOW_INTEGRAL = {**OPEN, "ki": 3}  # An error of 1 changes the integral by the least that it has
 FAST_INTEGRAL = {**OPEN, "ki": 32767}
 RAMP_TIME = 919
 """[ms]; the setpoint, which has eight more bits, is one below a whole share after the first period."""

@@ -8,8 +8,7 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import QUANTUM_COUNTS
 from mrl_driver.robot.robot_state import fastest_m_s
 
-SLACK_S = 0.002
-"""What odometry allows beyond the board's time between two readings [s]."""
+SLACK_S = 0.002  # What odometry allows beyond the board's time between two readings [s]
 
 
 class Jumps:

@@ -137,8 +137,7 @@ def test_a_checked_frame_behind_text_counts(before):
 
 
 COUNTS = b"@6,1,20e\r\n"
-RUN = COUNTS * 40
-"""The shortest feed that is taken at once: 400 bytes."""
+RUN = COUNTS * 40  # The shortest feed that is taken at once: 400 bytes
 STAMPED = encode_reply(6, 1, 2, stamp=Stamp(3, 4), checked=True)
 
 

@@ -10,10 +10,8 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import MrlError
 from sim_arduino.serve import factory
 
-STEP_S = 0.1
-"""Time between two commands of the user [s]."""
-CLOSE_M = 0.35
-"""The user stops this far from a wall [m]."""
+STEP_S = 0.1  # Time between two commands of the user [s]
+CLOSE_M = 0.35  # The user stops this far from a wall [m]
 
 
 class Drive(NamedTuple):

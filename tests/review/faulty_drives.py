@@ -10,12 +10,10 @@ from .drives import Drive, User
 
 IMU = {"imu": True}
 _AT_S = 3.0
-_NOISE = "noise=1e-5"
-"""Noise of wheels, as `models.ON_WHEELS`; tracks also slip a little in turns."""
+_NOISE = "noise=1e-5"  # Noise of wheels, as `models.ON_WHEELS`; tracks also slip a little in turns
 _TRACK_NOISE = "noise=4e-5,turn_noise=2e-4"
 _SONAR_NOISE = "noise=0.01,missed=0.01"
-_USB = "delay:jitter=0.004"
-"""A USB adapter delivers bytes some milliseconds late, now and then 16 ms."""
+_USB = "delay:jitter=0.004"  # A USB adapter delivers bytes some milliseconds late, now and then 16 ms
 
 
 def _real(robot: str, board: Dict[str, Any], faults: Sequence[str] = ()) -> Dict[str, Any]:

@@ -22,8 +22,7 @@ from .faulty_drives import faulty, good, more
 
 ROBOTS, WORLDS = ("traxbot", "stingbot"), ("room", "l-course", "house", "corridor")
 NONE = "nothing"
-FIRST_SEED = 100
-"""The tests have the seeds below."""
+FIRST_SEED = 100  # The tests have the seeds below
 
 
 def examine(drive: Drive, path: str) -> List[Finding]:

@@ -9,8 +9,7 @@ import numpy as np
 
 X, Y, YAW, VX, VY, VYAW, AX, AY = range(8)
 SPEEDS = (VX, VY, VYAW)
-IN_3D = (0, 1, 5, 6, 7, 11, 12, 13)
-"""Places of these states among the filter's fifteen."""
+IN_3D = (0, 1, 5, 6, 7, 11, 12, 13)  # Places of these states among the filter's fifteen
 
 
 class PlanarEkf:

@@ -435,8 +435,7 @@ def test_zones_lower_the_speed_leave_the_turn_and_are_the_reason_if_nothing_is_l
 # -- one caller at a time
 
 
-ENTERED_S = 0.1
-"""A call that need not wait is over long before."""
+ENTERED_S = 0.1  # A call that need not wait is over long before
 
 
 class Intruder:

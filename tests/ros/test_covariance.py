@@ -10,8 +10,7 @@ from mrl_driver.robot.models import Noise, load
 from ros1_bridge.topics import message_covariance
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE, pose_matrix
 
-RANDOM = Noise(1e-4, 0.0)
-"""Errors of each step are random: 1 cm over 1 m."""
+RANDOM = Noise(1e-4, 0.0)  # Errors of each step are random: 1 cm over 1 m
 MODEL = load("stingbot")._replace(noise=RANDOM)
 BASE_M = MODEL.drive.wheel_separation_m
 

@@ -10,8 +10,7 @@ from nav_msgs.msg import Odometry
 from ros1_bridge.topics.fast_publisher import BACKLOG_BYTES, Fast, direct_publisher
 from tests.waiting import wait_until
 
-MESSAGES = 3000
-"""Far more than the buffers of a connection hold."""
+MESSAGES = 3000  # Far more than the buffers of a connection hold
 SLEEPY_SUBSCRIBER = """
 import rospy
 from nav_msgs.msg import Odometry

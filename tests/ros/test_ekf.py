@@ -13,8 +13,7 @@ from .planar_ekf import IN_3D, VYAW, YAW, PlanarEkf, X, Y
 from .rig import ROOT
 
 VALUES = yaml.safe_load((ROOT / "ros1_bridge" / "navigation" / "ekf.yaml").read_text())
-SQUARE = ((0.2, 0.0, 3.0), (0.0, 0.8, math.pi / 2 / 0.8)) * 4
-"""Speeds [m/s, rad/s], each for this long [s]."""
+SQUARE = ((0.2, 0.0, 3.0), (0.0, 0.8, math.pi / 2 / 0.8)) * 4  # Speeds [m/s, rad/s], each for this long [s]
 ROBOTS = 5
 LEAST, MOST = 0.1, 7.53
 """99.9 % of the means of 5 normalised errors squared are below the second: chi squared of 15, over 5.  Below the first,

@@ -19,8 +19,7 @@ from ros1_bridge.topics.messages import mounts_of
 from tests.waiting import wait_until
 
 PERIOD_S = 0.05
-ENTERED_S = 0.1
-"""A call that need not wait is over long before."""
+ENTERED_S = 0.1  # A call that need not wait is over long before
 
 
 def test_range_of_a_sonar_counts_until_it_has_been_silent_for_a_while():

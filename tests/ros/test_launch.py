@@ -27,8 +27,7 @@ LAUNCH = ROOT / "ros1_bridge" / "launch"
 FILES = sorted(LAUNCH.glob("*.launch"))
 OF_A_ROBOT = {"traxbot.launch": "", "stingbot.launch": "", "sim.launch": "", "team.launch": "/robot2"}
 """And the namespace of a robot in it."""
-WITHOUT_URDFS = "description:=false"
-"""Of a team, where they are not looked at: a process renders each."""
+WITHOUT_URDFS = "description:=false"  # Of a team, where they are not looked at: a process renders each
 LINKS = (("base_link", "odom"), ("sonar_left", "base_link"), ("left_wheel", "base_link"))
 """Some frames with their parents: one of the node, one that stands still, one that turns."""
 TROUBLE = ("FAILURE", "cannot find", "unable to find", "Missing", "Traceback", "WARNING")

@@ -15,8 +15,7 @@ ROBOTS = ("traxbot", "stingbot", "omni", "duo")
 LAYERS = ("layers_laser.yaml", "layers_sonars.yaml", "layers_both.yaml")
 INSCRIBED_COST = 253
 """costmap_2d gives this cost to a place where the robot just touches nothing; lethal ones are above it."""
-HALF_DOOR_M = 0.35
-"""The doors of the world `house` are 0.7 m wide."""
+HALF_DOOR_M = 0.35  # The doors of the world `house` are 0.7 m wide
 SONAR_PERIOD_S = 0.3
 
 

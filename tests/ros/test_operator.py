@@ -18,10 +18,8 @@ from ros1_bridge.teleop.joystick_mapping import LAYOUTS
 from tests.waiting import wait_until
 
 MOVE, STOP = 11, 13
-LIMIT_S, TIMEOUT_S = 1.0, 10.0
-"""A busy machine answers within this time."""
-SLOW_S = 2.0
-"""An echo that comes at all comes within this time, even on a busy machine."""
+LIMIT_S, TIMEOUT_S = 1.0, 10.0  # A busy machine answers within this time
+SLOW_S = 2.0  # An echo that comes at all comes within this time, even on a busy machine
 HELD, RELEASED = ([int(n == LAYOUTS["ps3"].dead_man and held) for n in range(17)] for held in (True, False))
 
 REASON = StopReason.COMMAND_TOO_LATE

@@ -22,11 +22,9 @@ from .rig import START_S, values_of
 MOVE, STOP = 11, 13
 SONAR_CYCLE_S = 0.3
 TIMEOUT_S, TIMEOUT_LATE_S = 0.3, 0.05
-TRUSTED_S = 1.0
-"""A source that has been silent for this long may move the robot."""
+TRUSTED_S = 1.0  # A source that has been silent for this long may move the robot
 AT_ONCE_S = 0.05
-LOST_M2 = 0.001
-"""Variance of a lost way of some 5 cm; a robot that stands keeps 1e-6."""
+LOST_M2 = 0.001  # Variance of a lost way of some 5 cm; a robot that stands keeps 1e-6
 
 
 def forward(speed_m_s, **unused):

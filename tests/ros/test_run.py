@@ -24,8 +24,7 @@ from .rig import ROOT, START_S, free_port
 
 MOVE = 11
 PYTHON = ("--engine", "python")
-LOOKS = 10
-"""Pictures of the live view, which take a second, before a key is pressed."""
+LOOKS = 10  # Pictures of the live view, which take a second, before a key is pressed
 
 
 class Started:

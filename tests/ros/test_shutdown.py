@@ -23,10 +23,8 @@ from .rig import START_S, Rig
 
 MOVE, STOP = 11, 13
 STOP_S, EXIT_S = 0.1, 2.0
-SIGNAL_S = 0.2
-"""A signal reaches the program within this time, and nothing shows that it has."""
-LONG_S = 10.0
-"""Timeout of commands in these tests: the robot does not stop by itself."""
+SIGNAL_S = 0.2  # A signal reaches the program within this time, and nothing shows that it has
+LONG_S = 10.0  # Timeout of commands in these tests: the robot does not stop by itself
 
 
 def started(rig):

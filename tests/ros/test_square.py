@@ -13,8 +13,7 @@ from tests.waiting import wait_until
 MODEL = "stingbot"
 LIMITS = FollowerLimits(linear_m_s=0.5, angular_rad_s=1.8, braking_m_s2=0.16, braking_rad_s2=1.8)
 SIDE_M = 0.2
-SPEED = 2
-"""The board's time runs so many times as fast."""
+SPEED = 2  # The board's time runs so many times as fast
 CLOSED_M = 0.08
 STILL_MESSAGES = 15
 COUNT_M = load(MODEL).drive.metres_per_count

@@ -41,8 +41,7 @@ EVENTS = [
 LATCHED = MessageType("std_msgs/String", "1", "string data")
 PLAIN = MessageType("std_msgs/Bool", "2", "bool data")
 TWIST = MessageType("geometry_msgs/Twist", "3", "")
-TIMEOUT_S = 5.0
-"""No connection of these tests is silent for this time, even on a busy machine."""
+TIMEOUT_S = 5.0  # No connection of these tests is silent for this time, even on a busy machine
 
 
 def test_frames_are_read_as_they_were_written_however_they_are_cut():

@@ -21,8 +21,7 @@ from .page_client import PageClient
 from .rig import ROOT
 from .tables import Offered
 
-COMMAND = re.compile(rb"@11,(-?\d+),|@13[,e]")
-"""A motion command with its speed [mm/s], or a stop."""
+COMMAND = re.compile(rb"@11,(-?\d+),|@13[,e]")  # A motion command with its speed [mm/s], or a stop
 WEB_NODE = str(ROOT / "ros1_bridge" / "nodes" / "web_node")
 
 

@@ -25,8 +25,7 @@ RELAY = ROOT / "ros1_bridge" / "nodes" / "topic_relay"
 MASTER = "http://127.0.0.1:11311"
 RELAY_PORT = 11411
 PERIOD_S = 0.1
-QUEUED_S = 0.4
-"""Commands are sent for this time while the cable is pulled."""
+QUEUED_S = 0.4  # Commands are sent for this time while the cable is pulled
 CONNECTED = "connected"
 
 

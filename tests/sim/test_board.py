@@ -12,8 +12,7 @@ from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve import factory
 
 TRAXBOT = models.load("traxbot")
-UNASKED = {"xbee_text"}
-"""Rows that only the board sends, and only with a radio."""
+UNASKED = {"xbee_text"}  # Rows that only the board sends, and only with a radio
 RADIO = {"discover_xbee", "xbee_text"}
 
 

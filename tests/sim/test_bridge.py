@@ -124,8 +124,7 @@ def test_the_states_are_those_of_the_data_sheet(name):
     assert [bridge(name).state(levels).value for levels in LEVELS] == TABLES[name].split()
 
 
-WITH_INPUT = ("vnh5019", "l298n", "tb6612")
-"""Bridges that need wire B high for a drive forward."""
+WITH_INPUT = ("vnh5019", "l298n", "tb6612")  # Bridges that need wire B high for a drive forward
 BETWEEN = {"vnh5019": "coast", "l298n": "coast", "drv8833": "coast"}
 """What these bridges do between two pulses; the others brake."""
 

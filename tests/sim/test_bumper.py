@@ -15,10 +15,8 @@ from sim_arduino.world.shapes import Footprint, Wall, polygon
 from sim_arduino.world.world import World
 
 TRAXBOT = models.load("traxbot")
-ROUND = Footprint(0.2, 0.2, True)
-"""A robot of 100 mm radius."""
-STEP = 0.5**12
-"""Share of a motion to which a contact is found."""
+ROUND = Footprint(0.2, 0.2, True)  # A robot of 100 mm radius
+STEP = 0.5**12  # Share of a motion to which a contact is found
 CONTACT_M = 1e-4
 HALF_M = 0.5 * TRAXBOT.body.length_m
 AHEAD = Wall(1.0, -5.0, 1.0, 5.0)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from sim_arduino.hardware.bridge import Shares
 from sim_arduino.hardware.dc_motor import DcMotor, DcMotorParams, Gearmotor, Motion, params_of
 
-EXACT = 1e-10
-"""Share of a value that is only rounding, and what the series for short motions leaves out."""
+EXACT = 1e-10  # Share of a value that is only rounding, and what the series for short motions leaves out
 FORWARD, BACKWARD, COAST = Shares(1.0, 0.0, 0.0, 0.0), Shares(0.0, 1.0, 0.0, 0.0), Shares()
 BRAKE, MIXED = Shares(0.0, 0.0, 1.0, 0.0), Shares(0.25, 0.5, 0.125, 0.125)
 PARAMS = DcMotorParams(2.0, 0.001, 1000.0, 400.0, 600.0)

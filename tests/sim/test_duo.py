@@ -20,8 +20,7 @@ ENGINES = ("python", "avr")
 STEP_S = 1e-3
 BOOT_S = 0.3
 OVERSHOOT, MEAN_ERROR, BAND, SETTLED_S, RIPPLE = 0.05, 0.01, 0.05, 0.25, 0.2
-SAME_M, SAME_RAD = 0.005, 0.02
-"""Largest difference of the two engines after a course."""
+SAME_M, SAME_RAD = 0.005, 0.02  # Largest difference of the two engines after a course
 
 
 class Duo:

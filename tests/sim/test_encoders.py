@@ -13,8 +13,7 @@ from sim_arduino.hardware.dc_motor import Motion
 from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, Quadrature
 
 EXACT_S = 1e-9
-ORDER = {(0, 0): (1, 0), (1, 0): (1, 1), (1, 1): (0, 1), (0, 1): (0, 0)}
-"""Levels of A and B forward: A leads."""
+ORDER = {(0, 0): (1, 0), (1, 0): (1, 1), (1, 1): (0, 1), (0, 1): (0, 0)}  # Levels of A and B forward: A leads
 
 
 def steady(counts_s, duration_s, travel=0.0):
@@ -133,8 +132,7 @@ def test_bounces_go_on_in_the_next_step():
 
 
 LOW = {pin: 0 for pins in ENCODER_PINS for pin in pins}
-FORWARD = ((0, 1), (1, 1), (0, 0), (1, 0))
-"""Channel and level of the four edges of a cycle."""
+FORWARD = ((0, 1), (1, 1), (0, 0), (1, 0))  # Channel and level of the four edges of a cycle
 
 
 def edges_of(encoder, steps, start_s=0.0):

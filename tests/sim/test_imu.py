@@ -21,8 +21,7 @@ SETTINGS = ((chip.PWR_MGMT_1, 0x01), (chip.SMPLRT_DIV, 4), (chip.CONFIG, 3), (ch
 RAD_S_PER_COUNT, M_S2_PER_COUNT = math.radians(1 / 65.5), chip.G_M_S2 / 16384
 SILENT = ImuErrors(accel_noise=0.0)
 EXACT = 1e-9
-COUNT = 1.0
-"""Rounding [count]."""
+COUNT = 1.0  # Rounding [count]
 SETTLED_S = 0.5
 
 

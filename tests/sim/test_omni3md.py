@@ -19,8 +19,7 @@ from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
 
 TRAXBOT = models.load("traxbot")
-SPEED = 0.01
-"""Share of the asked speed within which the robot drives."""
+SPEED = 0.01  # Share of the asked speed within which the robot drives
 
 
 def fresh(model=TRAXBOT):

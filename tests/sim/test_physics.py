@@ -14,8 +14,7 @@ from sim_arduino.hardware.dc_motor import DcMotor, DcMotorParams
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.robot_physics import Errors, RobotPhysics, interpolate, params_for
 
-EXACT = 1e-9
-"""A metre, radian, second or volt that is only rounding."""
+EXACT = 1e-9  # A metre, radian, second or volt that is only rounding
 TRAXBOT, STINGBOT, OMNI = (models.load(name) for name in ("traxbot", "stingbot", "omni"))
 PAST_1_TICK_S, TICK_S = 0.051, 0.05
 

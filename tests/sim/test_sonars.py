@@ -9,8 +9,7 @@ from sim_arduino.world.world import Wall, World
 
 MOUNTS = models.load("traxbot").sonars
 VOLT = 1024 / 5.0
-WALL = World([Wall(1.1, -9, 1.1, 9)])
-"""1 m before the front sonar."""
+WALL = World([Wall(1.1, -9, 1.1, 9)])  # 1 m before the front sonar
 
 
 def chain(world=WALL, pose=lambda time_s: Pose(0.0, 0.0, 0.0)):

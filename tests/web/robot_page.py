@@ -11,10 +11,8 @@ from tests.waiting import wait_until
 
 from .browser import DESK, Browser, Size, Tab
 
-MISSED = 50
-"""A control that is not held after so many looks was missed."""
-REACH_PX = 40.0
-"""How far the joystick is moved from its rest."""
+MISSED = 50  # A control that is not held after so many looks was missed
+REACH_PX = 40.0  # How far the joystick is moved from its rest
 
 
 class RobotPage:

@@ -16,15 +16,12 @@ from tests.driver.emulator import STOP
 
 from .pages import Page
 
-LIMIT_S = 0.3
-"""From the last fresh command to the stop at the motor outputs [s]."""
-PERIOD_S, WAY_S = 0.05, 0.005
-"""Time between two messages of a page, and their way to the server [s]."""
+LIMIT_S = 0.3  # From the last fresh command to the stop at the motor outputs [s]
+PERIOD_S, WAY_S = 0.05, 0.005  # Time between two messages of a page, and their way to the server [s]
 COMMAND_TIMEOUT_S, WATCHDOG_MS = 0.2, 250
 DRIVES_S, WATCH_S, REST_S = 0.3, 0.8, 0.3
 """Driving before the failure at least, longest wait for the stop, and standing after it [s]."""
-POLLED_S = 0.5
-"""The driver asks the board for its state so often, which feeds its watchdog [s]."""
+POLLED_S = 0.5  # The driver asks the board for its state so often, which feeds its watchdog [s]
 
 
 class Fault(NamedTuple):

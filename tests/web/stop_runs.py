@@ -15,15 +15,13 @@ from .browser import PHONE, Browser
 from .robot_page import RobotPage
 from .served import Served
 
-COMMANDS = 3
-"""So many commands pass before something goes wrong."""
+COMMANDS = 3  # So many commands pass before something goes wrong
 
 
 class StopTime(NamedTuple):
     """When the motors stopped [s]."""
 
-    after_command_s: float
-    """After the last command that passed."""
+    after_command_s: float  # After the last command that passed
     after_fault_s: float
 
 

@@ -12,8 +12,7 @@ from mrl_driver.apps.web.freshness import DEAF_S, WINDOW_S, Freshness
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import DRIFT
 
-AHEAD_S = -1234.5
-"""The page's clock is this far ahead of the server's."""
+AHEAD_S = -1234.5  # The page's clock is this far ahead of the server's
 
 
 def age_s(freshness, sent_s, heard_s, heard_at_s, now_s, ahead_s=AHEAD_S):

@@ -27,8 +27,7 @@ from .pages import Page, kinds
 START_S = 5000.0
 EMERGENCY, WHY = StopReason.EMERGENCY_STOP, why_of(StopReason.WHEEL_MISMATCH)
 ROUND_S = 0.05
-ERROR_S = 1e-6
-"""Rounding of sums of times."""
+ERROR_S = 1e-6  # Rounding of sums of times
 
 
 class Bench:

@@ -26,12 +26,10 @@ from .pages import Page
 STOP_S, OLDEST_S, SENT_S, HAND_OVER_S = 0.15, 0.15, 0.25, 1.0
 START_S = 1000.0
 ERROR_S = 1e-6
-TICK_S = 1e-5
-"""No two things happen at the same time."""
+TICK_S = 1e-5  # No two things happen at the same time
 PAGES = st.integers(0, 2)
 WAYS_S = st.sampled_from([0.0, 0.001, 0.03, 0.14, 0.16, 0.3])
-seen = Counter()
-"""How often each act was seen: promises of a helm that does nothing would be worth nothing."""
+seen = Counter()  # How often each act was seen: promises of a helm that does nothing would be worth nothing
 
 
 class TruePage(Page):
@@ -41,8 +39,7 @@ class TruePage(Page):
         super().__init__(number, ahead_s)
         self.drift, self.may_drive = drift, may_drive
         self.out, self.coming, self.past = [], [], []
-        self.began_s = {}
-        """When each press began."""
+        self.began_s = {}  # When each press began
 
     def page_s(self, now_s):
         return now_s + self.ahead_s + self.drift * (now_s - START_S)
@@ -67,12 +64,9 @@ class Promises(RuleBasedStateMachine):
         self.driver = self.wants = None
         self.moving = self.latched = False
         self.stands, self.halted_s = True, -math.inf
-        self.stopped_s = -math.inf
-        """The last stop that was not the release of the press in force."""
-        self.press = None
-        """Client and number of the press in force."""
-        self.over = set()
-        """Presses in force at a stop."""
+        self.stopped_s = -math.inf  # The last stop that was not the release of the press in force
+        self.press = None  # Client and number of the press in force
+        self.over = set()  # Presses in force at a stop
         self.newest, self.delivered = {}, set()
         self.ends_s = math.inf
 

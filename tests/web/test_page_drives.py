@@ -11,8 +11,7 @@ from .robot_page import RobotPage
 
 pytestmark = pytest.mark.realtime  # the page's limits for late commands are the wall clock's
 
-FURTHER = 4
-"""The robot still stands when the page has sent so many more messages."""
+FURTHER = 4  # The robot still stands when the page has sent so many more messages
 HOLD_PAD = "window.pad.buttons[4] = {pressed: arguments[0], touched: arguments[0], value: +arguments[0]};"
 
 

@@ -30,8 +30,7 @@ END_CM, END_DEG = 1.0, 0.5
 PERIOD_MS = 100
 DRIVES, RUNS = report.either((100, (20, 20, 10)), (2, (4, 4, 2)))
 NOISY = "slip=0.05,wheel_ratio=1.002,noise=2e-5,turn_noise=2e-4"
-WINDING = ((0.5, 1.0), (0.4, -2.0), (0.3, 0.7))
-"""Way ahead [m] and turn then [rad]."""
+WINDING = ((0.5, 1.0), (0.4, -2.0), (0.3, 0.7))  # Way ahead [m] and turn then [rad]
 _SPEEDS = Speeds()
 Runs = List[Trial]
 

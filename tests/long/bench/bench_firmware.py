@@ -36,8 +36,7 @@ class Case(NamedTuple):
 CASES = Case("", None), Case("_imu_100hz", 10)
 FOLDER = ROOT / "build" / "firmware"
 ELF, BRIDGE_ELF = FOLDER / "mrl_firmware.elf", FOLDER / "mrl_firmware_hbridge.elf"
-BRIDGE_EDGES_HZ = 10000
-"""Edges of both wheels together in the figures that both images have."""
+BRIDGE_EDGES_HZ = 10000  # Edges of both wheels together in the figures that both images have
 SUFFIX = "_hbridge"
 Measure = Callable[[], Dict[str, float]]
 RigOfCase = TypeVar("RigOfCase", bound=Rig)

@@ -18,8 +18,7 @@ from tests.long.bench import report
 from tests.long.bench.radio_pair import Pair, radio_image
 
 HOLDS, CONTROLS = report.either((1000, 20), (5, 2))
-SILENCE = 20
-"""Parameter 26 [100 ms]."""
+SILENCE = 20  # Parameter 26 [100 ms]
 START_S, STEP_S, PATIENCE_S, SETTLE_S = 2.5, 0.001, 0.5, 0.08
 """Until the image has listened; resolution; longest wait; time for a command to take effect."""
 STREAM_MS = 20

@@ -18,12 +18,10 @@ from .ros_bench import BARE, NODE, STEPS, Bench, Master
 PAIRS = report.either(10, 1)
 CPU_S = report.either(20.0, 2.0)
 LATENCY_S, ROUNDS = report.either((10.0, 2), (2.0, 1))
-LEAST = report.either(0.9, 0.3)
-"""Share of the frames that must have arrived."""
+LEAST = report.either(0.9, 0.3)  # Share of the frames that must have arrived
 RATES_HZ = report.either((2000, 1750, 1500, 1250, 1000, 750, 500), (500,))
 RATE_S = report.either(4.0, 1.0)
-GROWTH_S = report.either(0.005, 1.0)
-"""A delay that grows by more than this over a run is growing."""
+GROWTH_S = report.either(0.005, 1.0)  # A delay that grows by more than this over a run is growing
 ROBOTS, ROBOTS_S = report.either((10, 10.0), (2, 2.0))
 IMU = "imu/data"
 TEN_NODE = [*NODE, "_robot:=traxbot", "_rate:=20"]

@@ -25,8 +25,7 @@ SETTLE_S = 1.0
 STEPPED_S, AVR_STEPPED_S = report.either((60.0, 10.0), (5.0, 1.0))
 AVR_COUNTS, PYTHON_COUNTS = report.either((range(4, 41, 4), range(20, 241, 20)), ((2,), (2,)))
 READ_S = 0.01
-MIDDLE_M = 4.0
-"""Width of the square in the middle of the world in which the boards start."""
+MIDDLE_M = 4.0  # Width of the square in the middle of the world in which the boards start
 PROCESSES = 2
 TRIES = 3
 STEP_S = 0.02

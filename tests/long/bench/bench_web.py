@@ -24,8 +24,7 @@ from . import processes, report
 
 RUNS = report.either(20, 1)
 CPU_S, CPU_RUNS, SETTLE_S = report.either((20.0, 3, 2.0), (2.0, 1, 1.0))
-ROWS, COLUMNS = 40, 120
-"""Size of the terminal in which the control draws."""
+ROWS, COLUMNS = 40, 120  # Size of the terminal in which the control draws
 
 
 def local(folder: Path) -> Served:

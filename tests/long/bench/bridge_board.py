@@ -10,10 +10,8 @@ from tests.long.bench.firmware_board import LEFT, RIGHT, Rig, request
 
 OUTPUTS = ((5, 6, 7), (11, 3, 9))
 """Pins PWM_A, PWM_B and LOGIC of both bridges (Arduino numbers), as in HARDWARE.md."""
-ENCODERS = ((2, 4), (8, 10))
-"""Pins of channels A and B."""
-PHASE_ERROR = 0.2
-"""Delay of channel B, as a share of the time between two edges."""
+ENCODERS = ((2, 4), (8, 10))  # Pins of channels A and B
+PHASE_ERROR = 0.2  # Delay of channel B, as a share of the time between two edges
 AHEAD_CYCLES, SLICE_CYCLES = 64, 32000
 """Edges are planned this far ahead, for a run ends behind an instruction, and in slices of 2 ms."""
 

@@ -18,15 +18,12 @@ from tests.long.bench.report import either
 COMMANDS_HZ = 400
 CONTROLLED = (b"@9,100,100e", b"@9,99,99e")
 """Commands of the load: with speed control, which costs the board most."""
-UNCONTROLLED = b"@10,100,100e"
-"""All outputs keep their levels, so that the cycle of a change is exact."""
+UNCONTROLLED = b"@10,100,100e"  # All outputs keep their levels, so that the cycle of a change is exact
 LOAD_EDGES_HZ = 40000
 LEAST_EDGES_HZ, MOST_EDGES_HZ = 5000.0, 400000.0
-RATE_STEP, LOAD_S = either((1.01, 1.0), (1.5, 0.1))
-"""Exactness of the highest rate of edges."""
+RATE_STEP, LOAD_S = either((1.01, 1.0), (1.5, 0.1))  # Exactness of the highest rate of edges
 STOPS, WATCHDOG_STOPS, SAMPLES = either((1000, 30, 2000), (10, 2, 20))
-COMPARE_B = 0x8A
-"""OCR1BL, ATmega328P data sheet, register summary: the interrupt of the sample moves it on."""
+COMPARE_B = 0x8A  # OCR1BL, ATmega328P data sheet, register summary: the interrupt of the sample moves it on
 SAMPLE_CYCLES = 78 * 1024
 LOOK_CYCLES, LOOK_STEP = 2000, 8
 """The sample is looked for from this long before it is due on, in steps of half a microsecond."""
@@ -47,8 +44,7 @@ def load(rig: Rig, seconds: float, commands: Tuple[bytes, ...] = CONTROLLED) -> 
     rig.run(seconds)
 
 
-MakeTurning = Callable[[float], BridgeRig]
-"""Makes a rig whose wheels turn at a rate [edge/s, both together]."""
+MakeTurning = Callable[[float], BridgeRig]  # Makes a rig whose wheels turn at a rate [edge/s, both together]
 
 
 def loses_nothing(make: MakeTurning, edges_hz: float, seconds: float = LOAD_S) -> bool:

@@ -22,14 +22,12 @@ from mrl_driver.protocol.table import BY_NAME, CAPABILITIES, TICK_S
 from mrl_driver.robot.models import load
 
 CODE = {name: row.code for name, row in BY_NAME.items()}
-HAS = "check", "watchdog", "period", "sonars"
-"""Capabilities of each board."""
+HAS = "check", "watchdog", "period", "sonars"  # Capabilities of each board
 AT_REST = (12, -7, 3, 40, -60, 16384)
 """Gyro and accelerometer of a chip that lies flat [count]; the last number of each gets noise, as in a real one."""
 METRES_PER_COUNT = load("traxbot").drive.metres_per_count
 SONARS = (150, 200, 80)
-LATEST_S = 0.05
-"""A frame that is this late is left out rather than sent in a burst."""
+LATEST_S = 0.05  # A frame that is this late is left out rather than sent in a burst
 
 
 class Board:

@@ -82,8 +82,7 @@ class Rig:
         imu_frames: Frames of the IMU's stream since the last call of `forget`; `replies` leaves them out.
     """
 
-    FAULTS: Tuple[str, ...] = ("sda", "scl", "absent")
-    """Faults of `break_part` that the board must bear."""
+    FAULTS: Tuple[str, ...] = ("sda", "scl", "absent")  # Faults of `break_part` that the board must bear
 
     def __init__(self, elf: Path, seed: int = 1) -> None:
         self.random = random.Random(seed)

@@ -4,8 +4,7 @@ import os
 from pathlib import Path
 from typing import Union
 
-Process = Union[int, str]
-"""An id, or `self`."""
+Process = Union[int, str]  # An id, or `self`
 
 
 def cpu_s(process: Process = "self") -> float:

@@ -28,13 +28,10 @@ ROOT = figures.ROOT
 LOGS = ROOT / "build" / "bench" / "ros"
 NODE = [str(ROOT / "ros1_bridge" / "nodes" / "robot_node")]
 BARE = ["/usr/bin/python3", str(ROOT / "tests" / "long" / "bench" / "bare_rospy.py")]
-SPEED_M_S, COMMANDS_S = 0.3, 0.1
-"""Driven with commands this far apart."""
+SPEED_M_S, COMMANDS_S = 0.3, 0.1  # Driven with commands this far apart
 START_S = 30.0
-LEARN_S = 2.0
-"""A robot with an IMU stands this long at first: the driver learns the bias of its gyro."""
-RAMP_S = 2.0
-"""Time to reach that speed."""
+LEARN_S = 2.0  # A robot with an IMU stands this long at first: the driver learns the bias of its gyro
+RAMP_S = 2.0  # Time to reach that speed
 FASTEST_MM_S, STEPS = 290, 200
 FULL = {
     "sonar/front": Range,

@@ -114,7 +114,5 @@ def count_wrong(direction: Direction, checked: bool, sent: List[Event], received
 
 
 DIRECTIONS = {"requests": REQUESTS, "replies": REPLIES}
-EXACT = (flip_bit, change_byte)
-"""Damage that the check value catches always."""
-LOSSY = (lose_byte, lose_burst, swap_bytes)
-"""Damage that it catches at the rate of its 16 bits."""
+EXACT = (flip_bit, change_byte)  # Damage that the check value catches always
+LOSSY = (lose_byte, lose_burst, swap_bytes)  # Damage that it catches at the rate of its 16 bits

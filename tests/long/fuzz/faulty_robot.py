@@ -16,8 +16,7 @@ from sim_arduino.world.world import World
 from tests.long.jumps import Jumps
 from tests.long.soak.simulated import SoakDriver
 
-FIRST_FAULT_S = 1.0
-"""By then the driver is connected [s]."""
+FIRST_FAULT_S = 1.0  # By then the driver is connected [s]
 BAD_BYTES = ("loss", "flip", "change", "swap", "repeat")
 NUISANCES = (
     "loss:rate=0.003,burst=40",

@@ -24,20 +24,17 @@ from tests.long.soak.simulated import SoakDriver
 
 BOOTED_S, BOOTED_2013_S = 0.2, 4.0
 """The board has ended its start by then, one of 2013 also its bootloader [s]."""
-MOTION_S = 0.5
-"""A motor that a greeting has turned is seen turning within this time after it [s]."""
+MOTION_S = 0.5  # A motor that a greeting has turned is seen turning within this time after it [s]
 KINDS = ("loss", "flip", "change", "swap")
 """Bytes are lost, get a wrong bit, are replaced, and change places with the next one."""
 RATES = (0.001, 0.01)
-GREETINGS = report.either(3000, 2)
-"""Of each board on each line."""
+GREETINGS = report.either(3000, 2)  # Of each board on each line
 
 
 class Kind(NamedTuple):
     """A kind of board: the robot that has it, and how long it starts."""
 
-    engine: Any
-    """Makes the board of a plant with these parameters in its EEPROM."""
+    engine: Any  # Makes the board of a plant with these parameters in its EEPROM
     model: str = "traxbot"
     booted_s: float = BOOTED_S
 
@@ -53,8 +50,7 @@ BOARDS = {
     "august": Kind(lambda plant, _: Board2013(plant), booted_s=BOOTED_2013_S),
     "january": Kind(lambda plant, _: Board2013(plant, january=True), booted_s=BOOTED_2013_S),
 }
-TRIED = ("pc", "bridge", "august", "january")
-"""In the long run; the others are emulated like these."""
+TRIED = ("pc", "bridge", "august", "january")  # In the long run; the others are emulated like these
 
 
 def eeprom_of(robot: RobotModel, plain_calibrate: bool) -> bytes:
@@ -66,12 +62,9 @@ def eeprom_of(robot: RobotModel, plain_calibrate: bool) -> bytes:
 class Outcome(NamedTuple):
     """What came of a greeting."""
 
-    session: Tuple[Any, ...] = ()
-    """Who the driver says the board is, and how it talks with it."""
-    error: str = ""
-    """Why it gave up."""
-    moved: bool = False
-    """The robot has moved."""
+    session: Tuple[Any, ...] = ()  # Who the driver says the board is, and how it talks with it
+    error: str = ""  # Why it gave up
+    moved: bool = False  # The robot has moved
 
 
 class Tally(NamedTuple):
@@ -79,10 +72,8 @@ class Tally(NamedTuple):
 
     greetings: int
     wrong: int
-    moved: Tuple[int, ...]
-    """Seeds of those that moved the robot."""
-    errors: Tuple[str, ...]
-    """Words of those that ended with an error."""
+    moved: Tuple[int, ...]  # Seeds of those that moved the robot
+    errors: Tuple[str, ...]  # Words of those that ended with an error
 
 
 def greet(name: str, faults: Tuple[str, ...], seed: int, plain_calibrate: bool = False) -> Outcome:

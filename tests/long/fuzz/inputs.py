@@ -25,14 +25,10 @@ from tests.long.fuzz.mutation import mutate
 from tests.long.fuzz.readers import BY_INPUT, INPUTS, require_input
 
 BUILD = Path(__file__).resolve().parents[3] / "build" / "fuzz"
-MEMORY_BYTES = 1 << 30
-"""Address space that a process may use beyond what it has at first [byte]."""
-HUNG_S = 20.0
-"""CPU time for one input after which its process is ended [s]."""
-WAITS_S = 60.0
-"""Time for one input after which its process is ended [s]."""
-KEPT = 400
-"""At most this many inputs are changed further."""
+MEMORY_BYTES = 1 << 30  # Address space that a process may use beyond what it has at first [byte]
+HUNG_S = 20.0  # CPU time for one input after which its process is ended [s]
+WAITS_S = 60.0  # Time for one input after which its process is ended [s]
+KEPT = 400  # At most this many inputs are changed further
 
 
 class Findings(NamedTuple):
@@ -40,10 +36,8 @@ class Findings(NamedTuple):
 
     name: str
     tried: int
-    shapes: int
-    """Number of different answers."""
-    problems: Dict[str, str]
-    """Why an input breaks the rule, by the file that has it; one of each kind."""
+    shapes: int  # Number of different answers
+    problems: Dict[str, str]  # Why an input breaks the rule, by the file that has it; one of each kind
 
 
 def search(name: str, seconds: float, seed: int) -> Findings:

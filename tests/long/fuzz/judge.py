@@ -11,10 +11,8 @@ from typing import Callable, Dict, NamedTuple, Sequence
 
 from mrl_driver.errors import MrlError
 
-MOST_S = 2.0
-"""Longest CPU time for one input [s]; inputs have at most 32 KiB."""
-MOST_LETTERS = 1000
-"""Longest error [letters]."""
+MOST_S = 2.0  # Longest CPU time for one input [s]; inputs have at most 32 KiB
+MOST_LETTERS = 1000  # Longest error [letters]
 CORPORA = Path(__file__).parent / "corpora"
 _VALUES = re.compile(r"'[^']*'|\"[^\"]*\"|[\d.]+")
 
@@ -42,10 +40,8 @@ class Input(NamedTuple):
 class Verdict(NamedTuple):
     """What an input did."""
 
-    shape: str
-    """The answer without its values: inputs with a new one are worth more changes."""
-    problem: str
-    """Why it breaks the rule; empty if it does not."""
+    shape: str  # The answer without its values: inputs with a new one are worth more changes
+    problem: str  # Why it breaks the rule; empty if it does not
 
 
 def judge(input_: Input, data: bytes, folder: Path, most_s: float = MOST_S) -> Verdict:

@@ -6,8 +6,7 @@ from typing import Callable, Sequence
 
 from tests.long.fuzz import damage
 
-MOST_BYTES = 32768
-"""Longest input [byte]; one more than that is cut."""
+MOST_BYTES = 32768  # Longest input [byte]; one more than that is cut
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?")
 _ODD = (
     *(b"0", b"-1", b"1", b"255", b"256", b"1023", b"32767", b"32768", b"-32769", b"65536", b"4294967296", b"1e308"),

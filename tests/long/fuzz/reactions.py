@@ -16,8 +16,7 @@ from tests.long.bench import report
 from tests.long.fuzz import reaction_measures as measures
 
 FULL_MINUTES = 10.0
-FAILED = "failed"
-"""Not a figure, but that a part could not be measured."""
+FAILED = "failed"  # Not a figure, but that a part could not be measured
 
 
 PARTS: Dict[Callable[[int], Dict[str, float]], int] = {

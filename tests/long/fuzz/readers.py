@@ -58,8 +58,7 @@ STOPPED_S = 0.7
 """Silence of the host after which no motor is driven [s]: watchdog 0.25 s, and the last bytes on the line before it."""
 MOVES = {BY_NAME[name].code for name in ("move_differential", "move_motors", "move_motors_pid", "move_omni")}
 MOST_WALLS = 1_000_000
-DRAWN_M = 0.05
-"""Cells of the map that `world_node` draws [m]."""
+DRAWN_M = 0.05  # Cells of the map that `world_node` draws [m]
 
 
 def _write(folder: Path, name: str, data: bytes) -> str:

@@ -8,8 +8,7 @@ SEEDS = range(24)
 DRIVE_S = 5.0
 SETTLE_S = 3.0
 WATCHDOG_S = 0.25
-STOPPING_S = 0.35
-"""Motors run down from full speed."""
+STOPPING_S = 0.35  # Motors run down from full speed
 POSE_M = 0.03
 """Largest error of a drive of some metres, most of it from arcs between frames that were not lost."""
 

@@ -5,8 +5,7 @@ import pytest
 from tests.long.fuzz.greetings import BOARDS, Tally, faults_of, greet, tally_of
 
 RATE = 0.01
-SEEDS = (134, 265, 307, 357, 364, 424, 676, 756)
-"""Each makes a bare `calibrate` of a request to the board."""
+SEEDS = (134, 265, 307, 357, 364, 424, 676, 756)  # Each makes a bare `calibrate` of a request to the board
 
 
 @pytest.mark.parametrize("board", BOARDS)

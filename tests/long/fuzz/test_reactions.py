@@ -10,8 +10,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from sim_arduino.serve import factory
 from tests.long.fuzz.reaction_measures import sorted_out
 
-LEAK_BYTES = 25000
-"""More than what a few buffers may hold, less than 100 bytes a frame."""
+LEAK_BYTES = 25000  # More than what a few buffers may hold, less than 100 bytes a frame
 
 
 def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():

@@ -14,10 +14,8 @@ from tests.long.fuzz.judge import CORPORA, corpus, judge
 from tests.long.fuzz.mutation import mutate
 from tests.long.fuzz.readers import BY_INPUT, FILES, HOSTILE, INPUTS
 
-REFUSED_S = 10.0
-"""Longest CPU time for an input of `HOSTILE` [s]."""
-CHANGED = 40
-"""Changed inputs of a plain file; of a dear reader fewer."""
+REFUSED_S = 10.0  # Longest CPU time for an input of `HOSTILE` [s]
+CHANGED = 40  # Changed inputs of a plain file; of a dear reader fewer
 LONG = {"sonar_points": b'1,"' + b"9" * 140_000, "key_presses": b'time_s,key\n0,"' + b"u" * 140_000}
 """Inputs too long for the corpus: fields that the csv module refuses."""
 

@@ -13,8 +13,7 @@ from mrl_driver.geometry import quaternion_of
 
 from .goals import Goal, Judge, Outcome
 
-END_S = 5.0
-"""A goal that is cancelled ends within this time."""
+END_S = 5.0  # A goal that is cancelled ends within this time
 
 
 def message_of(goal: Goal, frame: str) -> MoveBaseGoal:

@@ -8,8 +8,7 @@ from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
-Goal = Tuple[float, float, float]
-"""x, y in the world [m], yaw [deg]."""
+Goal = Tuple[float, float, float]  # x, y in the world [m], yaw [deg]
 GOALS: Dict[str, Sequence[Goal]] = {
     "room": [
         (1.2, 0.0, 0),
@@ -42,24 +41,18 @@ LIMIT_S = 180.0
 """A goal takes longer than this only if the robot is stuck: the longest way in the house is 8 m."""
 REACHED_M = 0.25
 """A robot this near to the goal in truth is there: planner's tolerance 0.1 m, and localisation."""
-CONTACT_M = 0.005
-"""A wall nearer to the body than this counts as touched."""
+CONTACT_M = 0.005  # A wall nearer to the body than this counts as touched
 
 
 class Outcome(NamedTuple):
     """How one goal ended."""
 
-    succeeded: bool
-    """What the action said."""
-    error_m: float
-    """True distance to the goal at the end."""
-    turn_deg: float
-    """True error of the heading at the end."""
-    contact: bool
-    """The body touched something on the way."""
+    succeeded: bool  # What the action said
+    error_m: float  # True distance to the goal at the end
+    turn_deg: float  # True error of the heading at the end
+    contact: bool  # The body touched something on the way
     seconds: float
-    recoveries: int
-    """Times that move_base began to recover."""
+    recoveries: int  # Times that move_base began to recover
 
     @property
     def reached(self) -> bool:

@@ -27,16 +27,11 @@ from .tally import GROWTH, Tally
 TIMEOUT_S, BEYOND_S = 0.3, 0.05
 HOST_DEAD_S, SIGNAL_S, EXIT_S = 0.3, 0.1, 2.0
 RECORDING_LOST_S = 1.0
-HEARD_S = 0.04
-"""Mean time between two messages that are published every 20 ms [s]."""
-AFTER_S = 0.5
-"""How long no motion is watched after a fault [s]."""
-LOOK_S = 0.15
-"""The emulator has run up to a time at the latest so long after it [s]."""
-CONNECTIONS = 4
-"""Connections of a node that are made and ended while it is looked at."""
-FIRST_ROUND = 20
-"""Faults after which a program has all that it needs, so that it may not grow any more."""
+HEARD_S = 0.04  # Mean time between two messages that are published every 20 ms [s]
+AFTER_S = 0.5  # How long no motion is watched after a fault [s]
+LOOK_S = 0.15  # The emulator has run up to a time at the latest so long after it [s]
+CONNECTIONS = 4  # Connections of a node that are made and ended while it is looked at
+FIRST_ROUND = 20  # Faults after which a program has all that it needs, so that it may not grow any more
 Fault = Callable[[], None]
 
 

@@ -15,16 +15,14 @@ from sim_arduino.world.world import World
 
 from .truth import ON_THE_WAY_S, Truth, Window, judge
 
-LATE_S = 0.02
-"""A look at the clock that is later than asked by so much means that the computer was busy [s]."""
+LATE_S = 0.02  # A look at the clock that is later than asked by so much means that the computer was busy [s]
 
 
 class Server(PtyServer):
     """Can be deaf: bytes of the host then wait in the port, until it blocks.  Notes when it was held up itself."""
 
     deaf = False
-    latest_s = 0.0
-    """The longest time by which the computer ran a round of it late, since it was set to 0."""
+    latest_s = 0.0  # The longest time by which the computer ran a round of it late, since it was set to 0
 
     def _link_ready(self) -> bool:
         return not self.deaf and super()._link_ready()

@@ -38,5 +38,4 @@ ROWS: Dict[int, str] = {
     33: "a quarter of an hour and more of faults in one process",
     34: "encoder dead or reversed, wheel blocked, motor power off",
 }
-LEAST = 20
-"""Each must strike this often in a full run, in simulated or in real time."""
+LEAST = 20  # Each must strike this often in a full run, in simulated or in real time

@@ -28,17 +28,14 @@ from .truth import Truth
 
 WATCHDOG_S, BEYOND_S, BOARD_S = 0.25, 0.05, 0.015
 HOST_DEAD_S = WATCHDOG_S + BOARD_S
-I2C_S = 0.3
-"""The motor board stops by itself so long after the last word of a board that stands still [s]."""
+I2C_S = 0.3  # The motor board stops by itself so long after the last word of a board that stands still [s]
 WHEEL_S = 0.5
 HOST_STOP_S = 0.15
 """A stop that the host sent reaches the motors in this time; a newer command may overtake it [s]."""
 TIMEOUTS_S = (0.1, 0.25, 0.5, 1.0, None)
-FAULT_S = 2.88
-"""One fault in this time: 10 000 in 8 hours [s]."""
+FAULT_S = 2.88  # One fault in this time: 10 000 in 8 hours [s]
 IMAGE = str(ROOT / "build" / "firmware" / "mrl_firmware.elf")
-ENDLESS_LOOP = b"\xff\xcf"
-"""The instruction that jumps to itself."""
+ENDLESS_LOOP = b"\xff\xcf"  # The instruction that jumps to itself
 BAD_LINES = {
     4: ("loss:{rate},burst=1", "loss:{rate},burst=16", "loss:{rate},burst=64"),
     6: ("flip:{rate}", "change:{rate}", "swap:{rate}", "repeat:rate=0.1", "delay:delay=0.002,jitter=0.016"),
@@ -55,8 +52,7 @@ OUTAGES = {
 }
 """What is away for a while: rows, the time in which commands may still act, and that in which the motion ends [s].  A
 line that holds all back delivers it at once; the motor board of a frozen board stops by itself."""
-REST_S = 0.6
-"""The motors run down from full speed [s]."""
+REST_S = 0.6  # The motors run down from full speed [s]
 
 
 class SoakDriver(SteppedDriver):

@@ -6,8 +6,7 @@ from collections import Counter
 from typing import Any, Dict, List, Mapping
 
 MOST_PROBLEMS = 200
-GROWTH = {"memory_kb": 5000, "descriptors": 0, "threads": 0}
-"""How much more a program may hold in the end."""
+GROWTH = {"memory_kb": 5000, "descriptors": 0, "threads": 0}  # How much more a program may hold in the end
 
 
 class Tally:

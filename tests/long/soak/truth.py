@@ -6,13 +6,11 @@ from typing import Any, Callable, Deque, List, NamedTuple, Optional
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.wiring import Plant
 
-ON_THE_WAY_S = 0.05
-"""A command that was given before reaches the motors within this time [s]."""
+ON_THE_WAY_S = 0.05  # A command that was given before reaches the motors within this time [s]
 PULSE_S = 0.005
 """Motors that are driven for less than this while no wheel turns do not count as motion: a line that stalled delivers
 a move together with the stop that follows it [s]."""
-REMEMBERED = 4000
-"""Edges that are kept; the oldest are forgotten."""
+REMEMBERED = 4000  # Edges that are kept; the oldest are forgotten
 
 
 class Edge(NamedTuple):
@@ -20,10 +18,8 @@ class Edge(NamedTuple):
 
     time_s: float
     driven: bool
-    reason: str = ""
-    """Why the board has stopped the motors, as it says itself."""
-    turned: bool = False
-    """Whether a wheel turned since the edge before."""
+    reason: str = ""  # Why the board has stopped the motors, as it says itself
+    turned: bool = False  # Whether a wheel turned since the edge before
 
 
 class Truth:

@@ -25,8 +25,7 @@ class Obedient:
 
     wanted: Any = None
     due_s = 0.0
-    last_s = 0.0
-    """When the last command was given."""
+    last_s = 0.0  # When the last command was given
 
     def run(self) -> None:
         """Obey until `end`, or the end of stdin."""

@@ -19,8 +19,7 @@ HERE = ROOT / "tests" / "long" / "verify"
 SANITIZERS = ("-O2", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 QUICK = ("-O2", "-fsanitize=undefined", "-fno-sanitize-recover=all")
 """For the defects: the address sanitizer takes most of the time."""
-SHORT = "10"
-"""Longest frame of the short form [byte]."""
+SHORT = "10"  # Longest frame of the short form [byte]
 
 DEFECTS: Tuple[Edit, ...] = (
     ("frame_decoder.cpp", "length_ >= MAX_FRAME", "length_ > MAX_FRAME"),

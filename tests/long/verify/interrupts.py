@@ -36,16 +36,13 @@ BIT_OF_RADIO = 52 * 32
 INT0, PCINT0, PCINT2, WDT, CAPTURE, COMPARE_B, RECEIVED = 1, 3, 5, 6, 10, 12, 18
 PCICR, GPIOR0, UCSR0B, WDTCSR = 0x68, 0x3E, 0xC1, 0x60
 SEI, OUT_SREG, OUT_SREG_MASK = 0x9478, 0xBE0F, 0xFE0F
-MARGIN = 20
-"""Cycles before and after the function in which the event strikes too."""
+MARGIN = 20  # Cycles before and after the function in which the event strikes too
 SHIFTS, PASSES = 25, 40
 """The idle loop has 5 cycles.  By chance, the calls begin at any of them, and the events come at any of them."""
 ENTRY = 4
-ASLEEP = 150
-"""Cycles after which `sleep_until` sleeps."""
+ASLEEP = 150  # Cycles after which `sleep_until` sleeps
 SLEEP_TICKS = 100
-CARRY_LEAD = 30
-"""The edge's interrupt reads the counter so many cycles after the edge, at least."""
+CARRY_LEAD = 30  # The edge's interrupt reads the counter so many cycles after the edge, at least
 BYTE = 10 * 8 * 17
 KICK = "watchdog_kick, missed kick"
 """After the first instruction of this function the watchdog's interrupt is 128 ms away, and cannot come."""
@@ -702,8 +699,7 @@ def _check(case: Case) -> Check:
     return Check(case.name, case.build, lambda chip: sweep(chip, case))
 
 
-QUICK = ("encoder_read, left edge",)
-"""With FAST=1."""
+QUICK = ("encoder_read, left edge",)  # With FAST=1
 CHECKS = {check.name: check for check in (*map(_check, CASES), *(Check(*each) for each in TIMED))}
 
 

@@ -28,17 +28,14 @@ from .search import Explorer, Found, Table
 from .to_model import script_of
 
 PROCESSES, TABLE_BITS, MOST = 2, 25, 1000
-LIMIT_S = 3600.0
-"""Longest time of one search."""
+LIMIT_S = 3600.0  # Longest time of one search
 NOT_HERE = {
     18: "only in a node, which needs ROS",
     19: "only in a node, which needs ROS",
 }
 """Seeded bugs that cannot exist in what is explored."""
-SHORT_BUG = 11
-"""With FAST=1."""
-AS_EFFECT = 16
-"""Its edit is in a node; here the driver gets what the node then gives it: no command timeout."""
+SHORT_BUG = 11  # With FAST=1
+AS_EFFECT = 16  # Its edit is in a node; here the driver gets what the node then gives it: no command timeout
 STAGES = ((ALL, 3), (DEEP, 4), (ALL, 4))
 """A bug is searched with sequences of 1, 2, 3 of all kinds, then with longer ones."""
 _explorer: Optional[Explorer] = None

@@ -24,8 +24,7 @@ class Event(NamedTuple):
     name: str
     act: Act
     steps: int = 1
-    after: Optional[Act] = None
-    """What happens after these steps; one more follows."""
+    after: Optional[Act] = None  # What happens after these steps; one more follows
 
 
 def _quietly(call: Callable[[], object]) -> None:
@@ -226,10 +225,8 @@ EVENTS: Dict[str, Event] = {
     "k": Event("the wheels are blocked for 300 ms", _wheels_block, LONG_STEPS, _wheels_free),
 }
 ALL = "".join(EVENTS)
-DEEP = "dsWlLMXPhrcoa"
-"""The kinds of event of the longest sequences."""
-QUICK = "dslLMPhc"
-"""Those of the short form in `make test`."""
+DEEP = "dsWlLMXPhrcoa"  # The kinds of event of the longest sequences
+QUICK = "dslLMPhc"  # Those of the short form in `make test`
 
 
 def happen(world: World, judge: Judge, letter: str) -> str:

@@ -14,20 +14,17 @@ from .world import World
 
 STEP_S = 0.05
 WATCHDOG_SLACK_S = 0.015
-STOP_S = 0.05
-"""P2: the motors stop within this time [s]."""
+STOP_S = 0.05  # P2: the motors stop within this time [s]
 IN_FLIGHT_S = 0.02
 """P4: a command that was sent just before the stop may be carried out for this time after it [s]."""
-REPEAT_S = 0.1
-"""P5: after a fault of the line has ended, a stop has arrived within this time [s]."""
+REPEAT_S = 0.1  # P5: after a fault of the line has ended, a stop has arrived within this time [s]
 GREETING_S = 0.4
 """The same while the board is being greeted: a port is looked for every 0.1 s, requests go every 0.25 s [s]."""
 SILENT_S = 0.28
 JUMP_M, NEW_S = 0.065, 0.4
 """P7: from the loss of the port to this time after its return [s] the pose moves less than this [m]: the robot coasts
 for at most 0.05 m, and another board's counters are 0.079 m ahead."""
-RECENT_S = 2.0
-"""P6: the cause of a stop lies back no longer than this [s]."""
+RECENT_S = 2.0  # P6: the cause of a stop lies back no longer than this [s]
 REASONS = [name for name, _ in STOP_REASONS] if isinstance(STOP_REASONS[0], tuple) else list(STOP_REASONS)
 NEVER = -math.inf
 
@@ -36,19 +33,15 @@ class Judge:
     """The truth about commands and causes, and the verdict."""
 
     def __init__(self) -> None:
-        self.allowed = False
-        """The user wants the robot to move now."""
+        self.allowed = False  # The user wants the robot to move now
         self.inhibited = self.closed = self.zero = self.late = False
-        self.told_s = NEVER
-        """The user's last command, on the host's clock [s]."""
+        self.told_s = NEVER  # The user's last command, on the host's clock [s]
         self.commanded_s = self.ended_s = NEVER
         """The user's last command, and the end of the permission, on the board's clock [s]."""
         self.user_s = self.reset_s = self.port_s = self.paused_s = self.absent_s = self.blocked_s = NEVER
         """When each cause of a stop was there last [s]."""
-        self.greeted_s = NEVER
-        """The board was being greeted last [s]."""
-        self.hung_s = NEVER
-        """Until when a callback hangs [s]."""
+        self.greeted_s = NEVER  # The board was being greeted last [s]
+        self.hung_s = NEVER  # Until when a callback hangs [s]
         self.empty = False
         self.before_s = 0.0
         self.reason, self.told, self.expected = 0, "", False

@@ -9,8 +9,7 @@ from typing import Any, Callable, Dict, FrozenSet, List, Tuple
 
 Saved = List[Tuple[Any, Any]]
 _PACKAGES = ("mrl_driver.", "ros1_bridge.", "tests.long.verify.explorer.")
-_TABLES = ("_shapes", "_forms", "_runs", "listeners", "_ignored", "_names")
-"""Attributes that never change."""
+_TABLES = ("_shapes", "_forms", "_runs", "listeners", "_ignored", "_names")  # Attributes that never change
 _CONSTANT, _OBJECT, _LIST, _DICT, _SET, _BYTES, _TUPLE, _DEQUE = range(8)
 _KINDS: Dict[type, int] = {
     **dict.fromkeys((int, float, str, bytes, bool, type(None), frozenset), _CONSTANT),

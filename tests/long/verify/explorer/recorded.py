@@ -7,8 +7,7 @@ from .events import EVENTS, happen
 from .judge import Judge
 from .world import World
 
-AFTER_S = 0.5
-"""A recording goes on for this long after the last event [s]."""
+AFTER_S = 0.5  # A recording goes on for this long after the last event [s]
 
 
 def record(path: str, file: Optional[str], board: Optional[ExploredBoard] = None) -> str:

@@ -13,8 +13,7 @@ from tests.long.verify.explorer.recorded import record
 from tests.long.verify.explorer.search import Explorer
 from tests.long.verify.explorer.world import PORT, Ports
 
-COAST_M = 0.01
-"""The robot drives farther than this [m]."""
+COAST_M = 0.01  # The robot drives farther than this [m]
 STEPS_BACK = ("d", "dL", "dc", "dPr", "bdM")
 
 

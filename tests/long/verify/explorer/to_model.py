@@ -20,11 +20,9 @@ ONE: Dict[str, Tuple[Tick, ...]] = {
 }
 """What happens in the ticks of one event.  The model's board needs a tick to start, the explorer's none."""
 ACTS = {"d": "DRIVE", "s": "STOP", "i": "EMERGENCY", "u": "RELEASE", "x": "CLOSE"}
-HUNG_TICKS = 10
-"""The callback of an event `h` hangs for this long, also during the events that follow."""
+HUNG_TICKS = 10  # The callback of an event `h` hangs for this long, also during the events that follow
 AWAY = ("STOPPED", "SUSPENDED")
-OF_NEXT = {"l": "LOST", "m": "MUTE"}
-"""Faults of the next tick."""
+OF_NEXT = {"l": "LOST", "m": "MUTE"}  # Faults of the next tick
 KNOWN = "".join((*ACTS, *OF_NEXT, *ONE))
 
 

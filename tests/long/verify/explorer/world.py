@@ -22,13 +22,11 @@ from ros1_bridge.control.commander import Commander
 
 from .board import ExploredBoard
 
-LEAST_STEP_S = 1e-4
-"""Shortest step of the board: about one byte on the wire [s]."""
+LEAST_STEP_S = 1e-4  # Shortest step of the board: about one byte on the wire [s]
 PORT = "/dev/explored"
 POLL_S, POLLED = 0.02, BY_NAME["read_status"].code
 """While a callback hangs, another thread sends this request so often [s]."""
-COUNTS_AHEAD = 900
-"""The counters of another board are ahead by this much: 0.079 m, which wheels could reach."""
+COUNTS_AHEAD = 900  # The counters of another board are ahead by this much: 0.079 m, which wheels could reach
 SETTLE_S = 0.4
 DAMAGE = bytes(range(256)).replace(b",", b"?").replace(b"e", b"?")
 """What the line makes of each byte when it damages all frames."""
@@ -186,8 +184,7 @@ class Line:
             self.blocked_until
         ) = -math.inf
         self.zones_until = self.wait_until = self.hung_until = -math.inf
-        self.backlog = b""
-        """Bytes from the board that the host has not read."""
+        self.backlog = b""  # Bytes from the board that the host has not read
         self.stop_s = self.heard_s = self.fault_s = self.move_s = -math.inf
         """When an undamaged stop was sent, telemetry was read, the last fault ended, and an undamaged move was sent."""
         self.board_s = self.slept_s = self.end_s = 0.0
@@ -217,8 +214,7 @@ class World:
         self.commander = Commander(driver, clock.monotonic)
         self.commander._lock = lock
         self.other_board = b""
-        self.running = False
-        """The driver does its work, or another thread polls."""
+        self.running = False  # The driver does its work, or another thread polls
 
     def end(self) -> None:
         """Give the driver's module its clock back, for those who use it after this world."""

@@ -55,8 +55,7 @@ FIXED_POINTS: Tuple[Tuple[int, Dict[str, int]], ...] = (
 """Runs without a bug: what may happen, and settings.  TICKS is the command timeout.  OLDER is firmware from before the
 board's own stops were final.
 """
-FED_BLINDLY = 21
-"""A seeded bug that removes a guard."""
+FED_BLINDLY = 21  # A seeded bug that removes a guard
 CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
     (1, NO_WATCHDOG, LINE, {}),
     (1, NO_MOTOR_TIMEOUT, BUS, {}),
@@ -73,8 +72,7 @@ CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
     (9, NO_COMMAND_BEFORE, LINE | CALLBACK, {}),
 )
 """Property, the guard that is removed, what may happen, and settings."""
-SHORT_BUGS = (4, 6)
-"""With FAST=1."""
+SHORT_BUGS = (4, 6)  # With FAST=1
 LADDER = (0, LINE, HOST, CALLBACK, LINE | PORT, BRIDGE, LINE | BUS | HOST, LINE | PORT | BRIDGE, EACH)
 """A bug is searched with these parts, one after the other, until it is found."""
 FINDINGS = (

@@ -34,17 +34,13 @@ ENDED, VIOLATED = "errors: 0", re.compile(r"^P(\d) violated$", re.M)
 class Result(NamedTuple):
     """What one run has found."""
 
-    broken: str
-    """The property that is violated, such as P1; empty if none is."""
-    complete: bool
-    """All reachable states were visited."""
+    broken: str  # The property that is violated, such as P1; empty if none is
+    complete: bool  # All reachable states were visited
     states: int
-    depth: int
-    """Ticks of the counterexample, or an upper bound of the steps of the search."""
+    depth: int  # Ticks of the counterexample, or an upper bound of the steps of the search
     seconds: float
     memory_mb: float
-    trace: Tuple[str, ...]
-    """The shortest sequence of events that violates the property, each with its time."""
+    trace: Tuple[str, ...]  # The shortest sequence of events that violates the property, each with its time
 
 
 class Tick(NamedTuple):

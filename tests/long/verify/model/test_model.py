@@ -24,8 +24,7 @@ from tests.long.verify.model.checker import (
 BUGS = yaml.safe_load((ROOT / "tests/long/verify/seeded_bugs.yaml").read_text())
 QUICK_BUGS = ((4, LINE), (6, 0), (10, LINE | PORT), (11, BRIDGE), (21, CALLBACK))
 """Seeded bugs that are found within a tenth of a second, and what may happen then."""
-COAST_M = 0.01
-"""The wheels turn at most this far while they slow down [m]."""
+COAST_M = 0.01  # The wheels turn at most this far while they slow down [m]
 QUICK_CONTROLS = tuple(control for control in CONTROLS if control[2] in (0, BUS, HOST, CALLBACK, LINE | PORT))
 
 
