@@ -26,20 +26,16 @@ def draw(trail: PlantTrail, path: str) -> None:
 
 
 def _draw_world(axes: Any, trail: PlantTrail) -> None:
+    from matplotlib.patches import Circle
+
     world = trail.plant.world
     for number, wall in enumerate(world.walls):
         _line(axes, wall, "black", "wall" if number == 0 else None)
     for kind, colour in _SOURCES.items():
         for number, source in enumerate(getattr(world.scene, kind)):
             label = kind if number == 0 else None
-            at = {"xy": (source.x_m, source.y_m), "radius": source.reach_m}
-            axes.add_patch(_circle(**at, color=colour, alpha=0.25, label=label))
-
-
-def _circle(**options: Any) -> Any:
-    from matplotlib.patches import Circle
-
-    return Circle(**options)
+            place, reach_m = (source.x_m, source.y_m), source.reach_m
+            axes.add_patch(Circle(place, reach_m, color=colour, alpha=0.25, label=label))
 
 
 def _draw_robots(axes: Any, trail: PlantTrail) -> None:

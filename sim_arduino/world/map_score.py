@@ -32,12 +32,11 @@ class MapScore(NamedTuple):
     farthest_m: float
 
 
-def score(made: GridMap, world: World, frame: Pose = ORIGIN, near_m: float = NEAR_M) -> MapScore:
+def score(made: GridMap, world: World, frame: Pose = ORIGIN) -> MapScore:
     """The score of a map.
 
     Args:
         frame: Pose of the map's frame in the world.  A mapper's frame is where its robot began.
-        near_m: As `NEAR_M`.
     """
     true = draw(world, TRUE_CELL_M)
     walls, occupied = true.cells == OCCUPIED, points(made.cells == OCCUPIED, made, frame)
@@ -45,7 +44,7 @@ def score(made: GridMap, world: World, frame: Pose = ORIGIN, near_m: float = NEA
         return MapScore(0.0, math.nan, math.nan)
     found_m = nearest(points(walls & _next_to(true.cells == FREE), true), occupied)
     off_m = nearest(occupied, points(walls, true))
-    return MapScore(float(np.mean(found_m <= near_m)), float(np.mean(off_m > near_m)), float(off_m.max()))
+    return MapScore(float(np.mean(found_m <= NEAR_M)), float(np.mean(off_m > NEAR_M)), float(off_m.max()))
 
 
 def fitted(made: GridMap, world: World, frame: Pose = ORIGIN) -> Pose:

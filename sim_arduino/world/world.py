@@ -4,7 +4,7 @@
     world.nearest(pose, math.radians(18), 6.45)             # range of a sonar
     world.scan(pose, -1.57, 0.006136, 512, 4.095)           # what a laser sees
 
-Distances are exact for straight walls.  `world_file` describes the file format of worlds.
+Distances are exact for straight walls.
 """
 
 import math
@@ -85,15 +85,6 @@ class World:
         """Start pose of the robot with this name: its own in `standing`, else the world's start pose."""
         return self.standing[name].pose if name in self.standing else self.start
 
-    def outlines(self, x: float, y: float, range_m: float, without: str = "") -> List[Wall]:
-        """Sides of the robots that are closer to a point than `range_m`."""
-        return [
-            side
-            for gap_m, mover in self._gaps(x, y, without)
-            if gap_m < range_m
-            for side in mover.footprint.outline(mover.pose)
-        ]
-
     def nearest(self, pose: Pose, half_angle_rad: float, range_m: float, without: str = "") -> float:
         """Distance from `pose` to the nearest point inside a cone along its x axis [m]; infinite beyond `range_m`.
 
@@ -133,8 +124,9 @@ class World:
         """
         from . import rays
 
-        walls = self._index.array()
-        moving = self.outlines(pose.x_m, pose.y_m, range_m, without)
+        walls, gaps = self._index.array(), self._gaps(pose.x_m, pose.y_m, without)
+        near = (mover for gap_m, mover in gaps if gap_m < range_m)
+        moving = [side for mover in near for side in mover.footprint.outline(mover.pose)]
         if moving:
             walls = rays.np.concatenate((walls, rays.np.array(moving)))
         return rays.cast(walls, pose, first_rad, step_rad, count, range_m)

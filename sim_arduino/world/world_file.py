@@ -1,18 +1,6 @@
-"""Reads worlds from files: a short YAML, or a map_server map.
+"""Reads worlds from files: a short YAML, whose keys are in sim_arduino/README.md, or a map_server map.
 
-start: [0, 0, 90]                    # x m, y m, yaw deg; optional like all the rest
-walls: [[-2, -2, 2, -2]]             # from x, y to x, y [m]
-boxes: [[1, 0.5, 0.4, 0.2, 30]]      # middle x, y, length, width [m], yaw [deg]
-robots: {two: [0.5, -1, 180]}        # name: x, y [m], yaw [deg], optional model; a board with this name starts there
-north: 90                            # direction of north from x, counter-clockwise [deg]
-ambient: {temperature: 22, alcohol: 900, dust: 300, light: 500}
-heat: [[1, 1, 60, 0.1]]              # x, y [m], temperature [degC], radius [m]
-gas: [[1, 1, 300, 0.5]]              # x, y [m], ADC count of the alcohol sensor there, reach [m]
-dust: [[1, 1, 9000, 0.8]]            # x, y [m], particles per litre there, reach [m]
-light: [[1, 1, 900, 0.8]]            # x, y [m], ADC count of the light sensor there, reach [m]
-map: lab.yaml                        # additional walls from a map_server map
-
-If you have added sensors to the table, each is a key of `ambient` and a key for its sources.
+Sensors that are added to the table are each a key of `ambient`, and a key for its sources.
 """
 
 import math
@@ -28,7 +16,7 @@ from sim_arduino.world.environment import OTHERS, PIXELS, Environment
 
 from .robots import NAME, NAME_TEXT, Mover
 from .scene import Scene, Source
-from .shapes import Footprint, Wall, polygon
+from .shapes import Footprint, Wall
 from .world import World
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "worlds")
@@ -158,7 +146,7 @@ class WorldFile(Form):
             return world
         found = self._KEYS.read(reader, key, value)
         walls = [Wall(*row) for row in found.get("walls", ())]
-        solids = [_sides(*row) for row in found.get("boxes", ())]
+        solids = [_box(*row) for row in found.get("boxes", ())]
         solids.append(found.get("map", []))
         walls += [side for solid in solids for side in solid]
         x, y, yaw = found.get("start", (0.0, 0.0, 0.0))
@@ -222,10 +210,8 @@ def load(name_or_path: str = "room") -> World:
     return WorldFile().read(Reader(path), "", data)
 
 
-def _sides(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:
-    middle = Pose(x, y, math.radians(yaw_deg))
-    corners = ((0.5, 0.5), (-0.5, 0.5), (-0.5, -0.5), (0.5, -0.5))
-    return polygon([middle.compose(a * length, b * width)[:2] for a, b in corners])
+def _box(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:
+    return Footprint(length, width).outline(Pose(x, y, math.radians(yaw_deg)))
 
 
 def parse_pose(text: Optional[str], default: Pose) -> Pose:
