@@ -6,9 +6,10 @@ from collections import deque
 from typing import Callable, Deque, Dict, Iterator, List, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import Pose
 from sim_arduino.world import world_file
 from sim_arduino.world.scene import Scene, Source, Sources
-from sim_arduino.world.shapes import Wall, polygon
+from sim_arduino.world.shapes import Footprint, Wall
 from sim_arduino.world.world import World
 
 PITCH_M, LANE = 0.25, 3
@@ -17,8 +18,8 @@ EDGE_M = 0.5
 """Distance of the sweep from the outer walls, which the robot needs for its turns [m]."""
 CLEAR_M = 0.25
 """Distance of the path from each obstacle [m]; the robot's corners reach 0.15 m."""
-CONTAINER_M = 0.12
-"""Width of a container of alcohol [m]."""
+CONTAINER = Footprint(0.12, 0.12)
+"""A container of alcohol."""
 LAMP_M = 0.15
 """Distance of a lamp from the wall at which it stands [m]."""
 APART_M, FREE_M = 1.5, 0.45
@@ -40,7 +41,7 @@ def drawn(seed: int) -> World:
     dust = _placed(plan.scene.dust, lambda: _on_floor(plan, rng))
     lamps = _placed(plan.scene.heat, lambda: _at_wall(plan, rng))
     light = tuple(glow._replace(x_m=lamp.x_m, y_m=lamp.y_m) for glow, lamp in zip(plan.scene.light, lamps))
-    containers = [_square(source) for source in gas]
+    containers = [CONTAINER.outline(Pose(source.x_m, source.y_m, 0.0)) for source in gas]
     scene = plan.scene._replace(gas=gas, dust=dust, heat=lamps, light=light)
     return _world([*plan.solids, *containers], plan, scene)
 
@@ -55,12 +56,6 @@ def _world(solids: List[List[Wall]], plan: World, scene: Scene) -> World:
     made = World([wall for wall in plan.walls if wall not in sides] + sides, plan.start, scene)
     made.solids = solids
     return made
-
-
-def _square(source: Source) -> List[Wall]:
-    half = CONTAINER_M / 2
-    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    return polygon([(source.x_m + a * half, source.y_m + b * half) for a, b in corners])
 
 
 def _placed(sources: Sources, draw: Callable[[], Point]) -> Sources:

@@ -7,6 +7,7 @@ with a Wiimote steers it by eye; the map has the poses of its odometry.
 import math
 import random
 from functools import partial
+from operator import itemgetter
 from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 import numpy as np
@@ -49,10 +50,7 @@ ERRORS = EnvironmentErrors(
     alcohol_offset=5.0,
     alcohol_noise=2.0,
 )
-"""Standard deviations.  TPA81: half of its accuracy, 2 degC and 2 % (data sheet); noise assumed.  PPD42NS: sensors
-agree within 10 % after correction (Austin et al. 2015); noise assumed.  MQ303A: its data sheet gives no accuracy;
-offset assumed, and the noise is the accuracy of the ATmega328P's converter, 2 counts (data sheet).
-"""
+"""Standard deviations; their sources are in docs/experiments.md, "Heat, dust and alcohol"."""
 
 
 class Variable(NamedTuple):
@@ -114,8 +112,8 @@ class Spots(NamedTuple):
 def run(setting: Setting) -> Result:
     """Sweeps arenas with sources and without, and draws the map and the readings of the first."""
     require_emulated(setting, "environment")
-    drives = trials.over_seeds(_drive, setting, trials.SEEDS)
-    empty = trials.over_seeds(_drive_without_sources, setting, trials.SEEDS)
+    drives = trials.over_seeds(_sweep, setting, trials.SEEDS)
+    empty = trials.over_seeds(partial(_sweep, sources=False), setting, trials.SEEDS)
     rows = [row for index in range(len(VARIABLES)) for row in _evaluate(index, drives, empty)]
     collisions = Measure("collisions", "collisions with obstacles", of=lambda drive: drive.bumps)
     off = Measure("off_cm", "odometry, wheels and gyro, at the end", "cm", lambda drive: 100 * drive.off_m)
@@ -133,28 +131,22 @@ def run(setting: Setting) -> Result:
 # -- the drive
 
 
-def _drive(setting: Setting) -> Drive:
-    seed = setting.seed
-    return _sweep(setting, arena.drawn(seed), imu=True, imu_errors=_calibrated_gyro(seed))
+def _sweep(setting: Setting, sources: bool = True) -> Drive:
+    """A sweep of a robot that a person put on the arena's mark, with errors of its own in wheels and sensors.
 
-
-def _drive_without_sources(setting: Setting) -> Drive:
-    """Nothing is mapped, so that lanes in one direction and the wheels alone are enough."""
-    return _sweep(setting, arena.without_sources(arena.drawn(setting.seed)), twice=False)
-
-
-def _sweep(setting: Setting, world: World, twice: bool = True, **imu: Any) -> Drive:
-    """A sweep of a robot that a person put on the arena's mark, with errors of its own in wheels and sensors."""
-    start, seed = disturbances.placed(world.start, setting.seed), setting.seed
-    course = Course(arena.sweep(world, twice), SPEEDS)
-    sensors: Dict[str, Any] = {"environment": True, "environment_errors": ERRORS}
-    error, pose = disturbances.error(seed), pose_option(start)
-    with open_robot(setting, world, error=error, pose=pose, **sensors, **imu) as robot:
+    Without sources nothing is mapped, so that lanes in one direction and the wheels alone are enough.
+    """
+    seed, world = setting.seed, arena.drawn(setting.seed)
+    given: Dict[str, Any] = {"imu": True, "imu_errors": _calibrated_gyro(seed)} if sources else {}
+    world = world if sources else arena.without_sources(world)
+    course = Course(arena.sweep(world, sources), SPEEDS)
+    error, pose = disturbances.error(seed), pose_option(disturbances.placed(world.start, seed))
+    given.update(environment=True, environment_errors=ERRORS, error=error, pose=pose)
+    with open_robot(setting, world, **given) as robot:
         robot.wait(STAND_S)
         robot.reset_pose(world.start)
         samples, bumps = _follow(robot, course)
-        true = robot.true_pose
-        return Drive(world, samples, bumps, math.hypot(robot.pose[0] - true.x_m, robot.pose[1] - true.y_m))
+        return Drive(world, samples, bumps, math.dist(robot.pose[:2], robot.true_pose[:2]))
 
 
 def _calibrated_gyro(seed: int) -> ImuErrors:
@@ -232,10 +224,6 @@ def objects(each: Variable, found: Spots) -> Any:
     return np.array(made).reshape(-1, 2)
 
 
-def _sources(each: Variable, drive: Drive) -> Any:
-    return np.array([source[:2] for source in getattr(drive.world.scene, each.scene)]).reshape(-1, 2)
-
-
 def apart_m(sources: Any, found: Any) -> float:
     """Largest distance of a source from the nearest place found, or of a place from the nearest source [m].
 
@@ -246,42 +234,37 @@ def apart_m(sources: Any, found: Any) -> float:
     return float(max(map_score.nearest(sources, found).max(), map_score.nearest(found, sources).max()))
 
 
-def _false(each: Variable, drive: Drive, found: Spots) -> int:
-    """Number of spots far from all sources."""
-    return int((map_score.nearest(found.places, _sources(each, drive)) > FALSE_M).sum())
+def _score(each: Variable, drive: Drive, found: Spots) -> Tuple[float, int]:
+    """Distance of the sources from the places found, as `apart_m`, and number of spots far from all sources."""
+    sources = np.array([source[:2] for source in getattr(drive.world.scene, each.scene)]).reshape(-1, 2)
+    false = (map_score.nearest(found.places, sources) > FALSE_M).sum()
+    return apart_m(sources, objects(each, found)), int(false)
 
 
 def _evaluate(index: int, drives: Sequence[Drive], empty: Sequence[Drive]) -> List[Figure]:
     """Distance of the sources from what was found, false alerts, and alerts in the arenas without sources."""
     each, title = VARIABLES[index], VARIABLES[index].title
-    alert = f"alert from {each.alert:g}" if each is not ALCOHOL else ""
-    away, far = (
-        f"{title}: largest distance between sources and places found",
-        f"more than {FALSE_M:g} m from all",
-    )
-    alerts = f"{title}: alerts in an arena without sources"
-    most = Measure(
-        f"{title}_most", f"largest {title}", each.unit, partial(_most, index), min, alert, put_in=True
-    )
-    measures = (
-        Measure(f"{title}_distance_m", away, "m", lambda pair: _apart_m(each, *pair)),
-        Measure(f"{title}_false", f"{title}: alerts {far} sources", of=lambda pair: _false(each, *pair)),
-    )
-    none = Measure(
-        f"{title}_without_sources", alerts, of=lambda drive: len(spots(index, drive, each.alert).places)
-    )
-    found, anywhere = (
-        [(drive, spots(index, drive, level)) for drive in drives] for level in (each.alert, IGNORED)
-    )
-    return [most.figure(drives), *trials.figures(measures, found, anywhere), none.figure(empty)]
+    published = f"alert from {each.alert:g}" if each is not ALCOHOL else ""
+    away = f"{title}: largest distance between sources and places found"
+    false = f"{title}: alerts more than {FALSE_M:g} m from all sources"
+    none = f"{title}: alerts in an arena without sources"
 
+    def most(drive: Drive) -> int:
+        return max(max(sample.values[index]) for sample in drive.samples)
 
-def _most(index: int, drive: Drive) -> int:
-    return max(max(sample.values[index]) for sample in drive.samples)
+    def alerts(drive: Drive) -> int:
+        return len(spots(index, drive, each.alert).places)
 
-
-def _apart_m(each: Variable, drive: Drive, found: Spots) -> float:
-    return apart_m(_sources(each, drive), objects(each, found))
+    scores, control = (
+        [_score(each, drive, spots(index, drive, level)) for drive in drives]
+        for level in (each.alert, IGNORED)
+    )
+    return [
+        Measure(f"{title}_most", f"largest {title}", each.unit, most, min, published, True).figure(drives),
+        Measure(f"{title}_distance_m", away, "m", itemgetter(0)).figure(scores, control),
+        Measure(f"{title}_false", false, "", itemgetter(1)).figure(scores, control),
+        Measure(f"{title}_without_sources", none, "", alerts).figure(empty),
+    ]
 
 
 # -- the picture
@@ -322,7 +305,8 @@ def _draw_map(axes: Any, drive: Drive) -> None:
             linewidths=0.4,
             label=f"{each.title} from {each.alert:g} {each.unit}",
         )
-        axes.plot(*_sources(each, drive).T, "x", color=each.colour, markersize=10, markeredgewidth=2)
+        sources = [source[:2] for source in getattr(drive.world.scene, each.scene)]
+        axes.plot(*zip(*sources), "x", color=each.colour, markersize=10, markeredgewidth=2)
         axes.plot(*objects(each, found).T, "+", color=each.colour, markersize=12, markeredgewidth=2)
     axes.plot([], [], "kx", label="sources")
     axes.plot([], [], "k+", label="found")

@@ -8,7 +8,7 @@ import math
 import random
 from contextlib import ExitStack
 from functools import partial
-from typing import Dict, List, Mapping, NamedTuple, Sequence
+from typing import Dict, List, Mapping, Sequence
 
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import Claim
@@ -22,7 +22,7 @@ from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot, require_emulated
 from .mixed_team import result, rows_of
 from .team import Member, Player, Team, pose_option
-from .tours import DURATION, TourDriver, TourRun, drive_tours
+from .tours import DURATION, TourDriver, drive_tours
 from .trials import Measure, figures, over_seeds
 
 RADIOS: Dict[str, int] = {"1": 0x0013A20040000001, "2": 0x0013A20040000002}
@@ -52,21 +52,6 @@ REMARK = (
     "claim is granted at once; its runs end with the first collision. In the runs with a cut, one radio is off for "
     f"{CUT_FOR_S:g} s."
 )
-
-
-class CrossingRun(NamedTuple):
-    """What came out of one run.
-
-    Attributes:
-        entered: Number of robots that got the crossing while the radio was cut.
-        named_s: Time from the cut until each robot that waited had named the other one as silent [s]; the longest.
-        unnamed: Number of robots that waited during the whole cut and did not name the other one.
-    """
-
-    tours: TourRun
-    entered: int
-    named_s: float
-    unnamed: int
 
 
 class BlindPlayer(Player):
@@ -116,12 +101,12 @@ def run(setting: Setting) -> Result:
     return result("crossing", title, rows, runs[0].tours.team, setting, REMARK)
 
 
-def _rows(runs: Sequence[CrossingRun], control: Sequence[CrossingRun] = ()) -> List[Figure]:
+def _rows(runs: Sequence["Crossing"], control: Sequence["Crossing"] = ()) -> List[Figure]:
     teams, others = ([each.tours.team for each in some] for some in (runs, control))
     return [*rows_of(teams, others), *figures(MEASURES, runs)]
 
 
-def cross(setting: Setting, cut: bool = False, claims: bool = True) -> CrossingRun:
+def cross(setting: Setting, cut: bool = False, claims: bool = True) -> "Crossing":
     """A run in which the robots claim the crossing by radio.
 
     Args:
@@ -134,7 +119,7 @@ def cross(setting: Setting, cut: bool = False, claims: bool = True) -> CrossingR
         names = [player.member.name for player in team.players]
         talkers = {name: RadioRobot(name, player.robot) for name, player in zip(names, team.players)}
         cut_s = rng.uniform(*CUT_S) if cut else math.inf
-        return _Run(team, talkers if claims else {}, cut_s, rng.choice(list(RADIOS))).run()
+        return Crossing(team, talkers if claims else {}, cut_s, rng.choice(list(RADIOS)))
 
 
 def lane(name: str, distance_m: float) -> Pose:
@@ -156,26 +141,33 @@ def _gather(stack: ExitStack, setting: Setting, rng: random.Random) -> Team:
     return Team(players)
 
 
-class _Run:
-    """One run; `claims` is empty if every claim is granted at once."""
+class Crossing:
+    """One run; `claims` is empty if every claim is granted at once.
+
+    Attributes:
+        tours: What came out of the tours.
+        entered: Number of robots that got the crossing while the radio was cut.
+    """
 
     def __init__(self, team: Team, claims: Mapping[str, RadioRobot], cut_s: float, cut_name: str) -> None:
-        self._team, self._claims = team, claims
-        self._cut_s, self._cut_name = cut_s, cut_name
-        self._cut, self._entered = False, 0
+        self._claims, self._cut_s, self._cut_name = claims, cut_s, cut_name
+        self._cut, self.entered = False, 0
         self._held: List[str] = []
         self._named: Dict[str, float] = {}
         self._waits: Dict[str, float] = {}
         self._drivers = [self._driver(player) for player in team.players]
+        self.tours = drive_tours(team, self._drivers, TIME_LIMIT_S, not claims, self._talk, self._watch)
 
-    def run(self) -> CrossingRun:
-        """Runs until both robots have crossed; without claims at most until the first collision."""
-        tours = drive_tours(
-            self._team, self._drivers, TIME_LIMIT_S, not self._claims, self._talk, self._watch
-        )
+    @property
+    def named_s(self) -> float:
+        """Time from the cut until each robot that waited had named the other one as silent [s]; the longest."""
+        return max(self._named.values(), default=0.0)
+
+    @property
+    def unnamed(self) -> int:
+        """Number of robots that waited during the whole cut and did not name the other one."""
         long = [name for name, wait_s in self._waits.items() if wait_s > CUT_FOR_S - TICK_S]
-        unnamed = sum(name not in self._named for name in long)
-        return CrossingRun(tours, self._entered, max(self._named.values(), default=0.0), unnamed)
+        return sum(name not in self._named for name in long)
 
     def _driver(self, player: Player) -> TourDriver:
         name = player.member.name
@@ -199,7 +191,7 @@ class _Run:
         """Notes the claims that are granted, and the robots that are named as silent, while the radio is cut."""
         if not self._cut:
             return
-        self._entered += len(set(self._holders()) - set(self._held))
+        self.entered += len(set(self._holders()) - set(self._held))
         for driver in self._drivers:
             name = driver.player.member.name
             if driver.tour.state == CLAIMING:

@@ -6,7 +6,7 @@ reads from the motor board, and what it sends back.
 
 import os
 import random
-from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
@@ -31,7 +31,6 @@ REQUEST, CHECK = BY_NAME["read_encoders"].code, BY_NAME["set_check"].code
 READ_TOPIC, RIGHT_TOPIC, LEFT_TOPIC = 100, 101, 102
 """Topics of the sketch that speaks the protocol of rosserial: the request, and the counters."""
 LEFT_WHEEL, RIGHT_WHEEL = 1, 3
-_Complete = Callable[[bytes], bool]
 
 
 class Counts(NamedTuple):
@@ -104,31 +103,18 @@ def _checksum(data: bytes) -> bytes:
     return bytes([255 - sum(data) % 256])
 
 
-def _request(subject: Subject) -> bytes:
-    return packet(READ_TOPIC) if subject.rosserial else encode_request(REQUEST, checked=subject.checked)
-
-
-def _completion(subject: Subject, counts: Counts) -> _Complete:
-    """A function that gets the bytes as they arrive, and says when the message with the right counters is complete."""
+def _is_complete(subject: Subject, counts: Counts, got: bytes) -> bool:
+    """Whether the message with the right counters has come."""
     if subject.rosserial:
-        got = bytearray()
         topics = zip((RIGHT_TOPIC, LEFT_TOPIC), counts)
-        wanted = b"".join(packet(topic, count.to_bytes(2, "little", signed=True)) for topic, count in topics)
-
-        def arrived(data: bytes) -> bool:
-            got.extend(data)
-            return wanted in got
-
-        return arrived
-    decoder = FrameDecoder(REPLIES, checked=subject.checked)
-
-    def framed(data: bytes) -> bool:
-        return any(
-            isinstance(event, Frame) and (event.code, tuple(event.args[:2])) == (REQUEST, tuple(counts))
-            for event in decoder.feed(data)
+        return (
+            b"".join(packet(topic, count.to_bytes(2, "little", signed=True)) for topic, count in topics)
+            in got
         )
-
-    return framed
+    return any(
+        isinstance(event, Frame) and (event.code, tuple(event.args[:2])) == (REQUEST, tuple(counts))
+        for event in FrameDecoder(REPLIES, checked=subject.checked).feed(got)
+    )
 
 
 def measure(
@@ -166,14 +152,15 @@ def _exchange(chip: AvrMachine, subject: Subject, counts: Counts, begin: int) ->
     chip.run_until(begin)
     chip.sent()
     begin = chip.cycle
-    asked, complete = chip.send(_request(subject)), _completion(subject, counts)
-    got: List[Tuple[int, int]] = []
+    request = packet(READ_TOPIC) if subject.rosserial else encode_request(REQUEST, checked=subject.checked)
+    asked, got, times = chip.send(request), b"", []
     while chip.cycle < begin + PATIENCE_S * chip.frequency_hz:
         chip.run(STEP_S)
         for byte in chip.sent():
-            got.append((byte.start_cycle, byte.end_cycle))
-            if complete(bytes([byte.data])):
-                return _timed(chip, begin, asked, got)
+            got += bytes([byte.data])
+            times.append((byte.start_cycle, byte.end_cycle))
+            if _is_complete(subject, counts, got):
+                return _timed(chip, begin, asked, times)
     raise BoardTimeout(
         f"the image of {subject.text} does not answer within {PATIENCE_S:g} s; build it again: make firmware comparison"
     )

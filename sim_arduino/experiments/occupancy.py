@@ -6,7 +6,7 @@ after many cones have marked the free cells.
 """
 
 import math
-from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -29,26 +29,16 @@ MAX_LOG_ODDS = 12.0
 """Limit of the log odds, so that new readings can change a cell."""
 
 
-class SensorModel(NamedTuple):
-    """The effect of one reading on the grid.
-
-    Attributes:
-        hit, free: Log odds of a cell at the end of the reading, and of one before it.
-        free_m: Cells closer than the reading minus this are free [m]; it covers the noise.
-        thick_m: The end is within this distance to both sides [m].
-        sure_m: Ends farther away than this are too uncertain to mark a cell [m].
-    """
-
-    hit: float
-    free: float
-    free_m: float
-    thick_m: float
-    sure_m: float = math.inf
-
-
-LASER = SensorModel(hit=1.0, free=-0.4, free_m=0.05, thick_m=0.0, sure_m=1.5)
-"""The URG-04LX errs by 1 cm up to 1 m and by 2 % beyond."""
-SONAR = SensorModel(hit=0.5, free=-1.0, free_m=0.045, thick_m=0.02)
+LASER_HIT, LASER_FREE, SONAR_HIT, SONAR_FREE = 1.0, -0.4, 0.5, -1.0
+"""Log odds of a cell at the end of a reading, and of one before it."""
+LASER_BEFORE_M, SONAR_BEFORE_M = 0.05, 0.045
+"""Cells closer than the reading minus this are free [m]; it covers the noise."""
+LASER_SURE_M = 1.5
+"""Ends farther away than this are too uncertain to mark a cell [m]: the URG-04LX errs by 1 cm up to 1 m and by 2 %
+beyond.
+"""
+SONAR_THICK_M = 0.02
+"""The end of a sonar's reading is within this distance to both sides [m]."""
 
 
 class Grid:
@@ -64,29 +54,25 @@ class Grid:
         self._x = low_m[0] + (columns + 0.5) * resolution_m
         self._y = low_m[1] + (rows + 0.5) * resolution_m
 
-    def beams(
-        self, pose: Pose, angles_rad: Any, ranges_m: Any, far_m: float, sensor: SensorModel = LASER
-    ) -> None:
+    def beams(self, pose: Pose, angles_rad: Any, ranges_m: Any, far_m: float) -> None:
         """Adds a scan from `pose`; `angles_rad` and `ranges_m` are `(N,)`, +inf is free up to `far_m`."""
         known = ~np.isnan(ranges_m) & (ranges_m > 0)
         angles, ranges = angles_rad[known] + pose.yaw_rad, np.minimum(ranges_m[known], far_m)
         hits = np.isfinite(ranges_m[known]) & (ranges < far_m)
         steps = np.arange(0.0, far_m, self.resolution_m / 2)
-        reach = np.where(hits, ranges - sensor.free_m, ranges)
+        reach = np.where(hits, ranges - LASER_BEFORE_M, ranges)
         beam, step = np.nonzero(steps[None, :] < reach[:, None])
         free = self._mask(
             pose.x_m + steps[step] * np.cos(angles[beam]), pose.y_m + steps[step] * np.sin(angles[beam])
         )
-        sure = hits & (ranges < sensor.sure_m)
+        sure = hits & (ranges < LASER_SURE_M)
         ends = self._mask(
             pose.x_m + (ranges * np.cos(angles))[sure], pose.y_m + (ranges * np.sin(angles))[sure]
         )
-        self._add(ends, sensor.hit)
-        self._add(free & ~ends, sensor.free)
+        self._add(ends, LASER_HIT)
+        self._add(free & ~ends, LASER_FREE)
 
-    def cone(
-        self, pose: Pose, half_angle_rad: float, range_m: float, far_m: float, sensor: SensorModel = SONAR
-    ) -> None:
+    def cone(self, pose: Pose, half_angle_rad: float, range_m: float, far_m: float) -> None:
         """Adds a sonar's reading from `pose`; +inf is free up to `far_m`."""
         if math.isnan(range_m) or range_m < 0:
             return
@@ -94,9 +80,9 @@ class Grid:
         bearing = np.arctan2(self._y - pose.y_m, self._x - pose.x_m) - pose.yaw_rad
         inside = np.abs(wrap_angles(bearing)) <= half_angle_rad
         hits = range_m < far_m
-        self._add(inside & (away < (range_m - sensor.free_m if hits else far_m)), sensor.free)
+        self._add(inside & (away < (range_m - SONAR_BEFORE_M if hits else far_m)), SONAR_FREE)
         if hits:
-            self._add(inside & (np.abs(away - range_m) <= sensor.thick_m), sensor.hit)
+            self._add(inside & (np.abs(away - range_m) <= SONAR_THICK_M), SONAR_HIT)
 
     def _mask(self, x: Any, y: Any) -> Any:
         """Mask of the cells that contain the points, `(height, width)`."""

@@ -115,6 +115,7 @@ class Visits:
     Attributes:
         idleness: Idleness of all waypoints.
         off_m: Largest true distance from a waypoint that a robot has reached by odometry.
+        team, visits, mean_s, worst_s: The team, and number of visits and idleness [s], after the end.
     """
 
     def __init__(self, beats: Sequence[Beat]) -> None:
@@ -133,23 +134,15 @@ class Visits:
         if off_m < NEAR_M:
             self.idleness.visit(place, now_s)
 
-    def outcome(self, team: Team, now_s: float) -> "PatrolRun":
-        """What came out of the patrol."""
+    def end(self, team: Team, now_s: float) -> "Visits":
+        """Ends the patrol; returns the object itself."""
         found = self.idleness
-        return PatrolRun(team, found.mean_s(now_s), found.worst_s(now_s), found.visits, self.off_m)
+        self.team, self.visits = team, found.visits
+        self.mean_s, self.worst_s = found.mean_s(now_s), found.worst_s(now_s)
+        return self
 
 
-class PatrolRun(NamedTuple):
-    """What came out of one run; idleness in [s]."""
-
-    team: Team
-    mean_s: float
-    worst_s: float
-    visits: int
-    off_m: float
-
-
-def run(setting: Setting, through_ros: Optional[PatrolRun] = None) -> Result:
+def run(setting: Setting, through_ros: Optional[Visits] = None) -> Result:
     """Patrols with many seeds, and draws the paths of the first run of the team.
 
     Args:
@@ -173,13 +166,13 @@ def run(setting: Setting, through_ros: Optional[PatrolRun] = None) -> Result:
     return result("patrol", title, rows, runs[0].team, setting, REMARK)
 
 
-def _rows(key: str, title: str, runs: Sequence[PatrolRun], control: Sequence[PatrolRun]) -> List[Figure]:
+def _rows(key: str, title: str, runs: Sequence[Visits], control: Sequence[Visits]) -> List[Figure]:
     collided = rows_of([each.team for each in runs], [each.team for each in control])[0]
     rows = [*figures(MEASURES, runs, control), collided._replace(published="")]
     return [row._replace(key=f"{key}_{row.key}", text=f"{title}: {row.text}") for row in rows]
 
 
-def patrolled(setting: Setting, beats_of: Callable[[int], List[Beat]]) -> PatrolRun:
+def patrolled(setting: Setting, beats_of: Callable[[int], List[Beat]]) -> Visits:
     """A run with the robots that `beats_of` returns for a seed."""
     beats = beats_of(setting.seed)
     visits = Visits(beats)
@@ -193,4 +186,4 @@ def patrolled(setting: Setting, beats_of: Callable[[int], List[Beat]]) -> Patrol
             team.tick([driver.command(tick * TICK_S) for driver in drivers])
             for index, driver in enumerate(drivers):
                 visits.update(index, driver.tour.idleness.visits, driver.player.path[-1], tick * TICK_S)
-        return visits.outcome(team, DURATION_S)
+        return visits.end(team, DURATION_S)
