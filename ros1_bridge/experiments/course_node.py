@@ -38,12 +38,8 @@ def drive(parts: Parts, setting: Setting) -> CourseRecord:
     follow(parts, robot, Course(l_course.WAYPOINTS, l_course.SLOW), STOP_S)
     sensors.close()
     stamps_s = robot.stamps_s
-    return CourseRecord(
-        robot.poses_at(stamps_s),
-        _placed(sensors.ranges, robot, truth),
-        _placed(sensors.scans, robot, truth),
-        truth.at(stamps_s),
-    )
+    cones, scans = (_placed(each, robot, truth) for each in (sensors.ranges, sensors.scans))
+    return CourseRecord(robot.poses_at(stamps_s), cones, scans, truth.at(stamps_s))
 
 
 def _start(parts: Parts, setting: Setting, start: Pose) -> None:
@@ -93,9 +89,5 @@ class Sensors:
 def _placed(readings: Sequence[Any], robot: OdometryRobot, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
     """Readings with the pose of their sensor by odometry, and its true pose, at the time of the message."""
     stamps_s = [stamp_s for stamp_s, _, _ in readings]
-    return [
-        (by_odometry.compose(*mount), value, true.compose(*mount))
-        for (_, mount, value), by_odometry, true in zip(
-            readings, robot.poses_at(stamps_s), truth.at(stamps_s)
-        )
-    ]
+    places = zip(readings, robot.poses_at(stamps_s), truth.at(stamps_s))
+    return [(pose.compose(*mount), value, true.compose(*mount)) for (_, mount, value), pose, true in places]

@@ -23,6 +23,13 @@ MOST_S = 180.0
 """Time limit of a course [s]."""
 
 
+_Then = Callable[[Odometry], None]
+
+
+def ignore(_: Odometry) -> None:
+    """Ignore a message."""
+
+
 class TimedPoses(List[Tuple[float, Pose]]):
     """Poses and their times [s], which rise."""
 
@@ -36,7 +43,7 @@ class TimedPoses(List[Tuple[float, Pose]]):
         return [pose_at(self, stamp_s) for stamp_s in stamps_s]
 
 
-def heard(topic: str, then: Callable[[Odometry], None] = lambda message: None) -> TimedPoses:
+def heard(topic: str, then: _Then = ignore) -> TimedPoses:
     """The poses of a topic with Odometry, from now on; `then` gets each message."""
     poses = TimedPoses()
 
@@ -57,12 +64,7 @@ class OdometryRobot:
         then: Gets each odometry message.
     """
 
-    def __init__(
-        self,
-        space: str = f"/{ROBOT}",
-        driven: bool = True,
-        then: Callable[[Odometry], None] = lambda message: None,
-    ) -> None:
+    def __init__(self, space: str = f"/{ROBOT}", driven: bool = True, then: _Then = ignore) -> None:
         self._first, self._mark = ORIGIN, ORIGIN
         self._odometry = heard(f"{space}/odom", then)
         self._cmd_vel = (
@@ -101,13 +103,13 @@ class OdometryRobot:
             self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
 
 
-def wait_for(parts: Parts, *known: TimedPoses) -> OdometryRobot:
-    """The robot, when its odometry and these other poses have come.
+def wait_for(parts: Parts, *known: TimedPoses, then: _Then = ignore) -> OdometryRobot:
+    """The robot, when its odometry and these other poses have come; `then` gets each odometry message.
 
     Raises:
         MrlError: a part has failed, or is not ready in time.
     """
-    robot = OdometryRobot()
+    robot = OdometryRobot(then=then)
     wait_until(lambda: parts.check() or (robot.known and all(map(len, known))), START_S)  # type: ignore[func-returns-value]
     if not robot.known:
         raise MrlError(f"no odometry after {START_S:g} s")

@@ -14,7 +14,8 @@ from sim_arduino.experiments.step_test import START, Live, Mirrored, StepDrive
 from sim_arduino.experiments.team import Member, Team
 
 from .experiment_processes import Parts
-from .team_node import TopicRobot, begin_tour, gather, ignore, watch
+from .one_robot_node import ignore
+from .team_node import TopicRobot, begin_tour, gather, watch
 
 NAME, MOST_S = "robot", 300.0
 """The robot's namespace, and the longest drive [s]."""

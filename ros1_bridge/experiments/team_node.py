@@ -29,7 +29,6 @@ from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.tf_names import sonar_frame
 from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint
 from sim_arduino.experiments.experiment_robot import TICK_S, Pace, Setting
-from sim_arduino.experiments.patrol import PatrolRun
 from sim_arduino.experiments.team import WORLD, Member, Player, Team, footprint_of, pose_option
 from sim_arduino.experiments.tours import TourRun
 from sim_arduino.world import world_file
@@ -37,7 +36,7 @@ from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
 from .experiment_processes import START_S, Parts
-from .one_robot_node import RATE_HZ, OdometryRobot, heard
+from .one_robot_node import RATE_HZ, OdometryRobot, heard, ignore
 
 WANDER_S, PATROL_S, ROUNDS, MOST_S = 60.0, 40.0, 1, 200.0
 """These runs are in real time and therefore shorter than the simulated ones; `MOST_S` limits the rounds [s]."""
@@ -117,10 +116,6 @@ class TopicRobot(OdometryRobot):
             frame = sonar_frame(f"{self.member.name}/base_link", name)
             header = Header(stamp=self._stamps[name], frame_id=frame)
             self._heard[name].publish(Range(header=header, range=range_m))
-
-
-def ignore(_: Odometry) -> None:
-    """Ignore a message."""
 
 
 def gather(
@@ -215,7 +210,7 @@ def share_waypoint(parts: Parts, setting: Setting) -> TourRun:
         return TourRun(team, [robot.visits for robot in robots], 0.0, lasted_s, len(robots))
 
 
-def patrol_team(parts: Parts, setting: Setting) -> PatrolRun:
+def patrol_team(parts: Parts, setting: Setting) -> patrol.Visits:
     """The patrol of three robots, with `follow_waypoints` that repeats."""
     with ExitStack() as stack:
         beats = patrol.three(setting.seed)
@@ -230,7 +225,7 @@ def patrol_team(parts: Parts, setting: Setting) -> PatrolRun:
                 visits.update(index, player.robot.visits, player.robot.true_pose, now_s)
             return False
 
-        return visits.outcome(team, watch(team, PATROL_S, count))
+        return visits.end(team, watch(team, PATROL_S, count))
 
 
 def wander_team(parts: Parts, setting: Setting) -> Team:

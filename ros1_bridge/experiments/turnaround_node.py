@@ -11,22 +11,16 @@ import time
 from pathlib import Path
 from typing import Dict, List, NamedTuple, Sequence
 
-import rospy
-from geometry_msgs.msg import Twist, Vector3
-from nav_msgs.msg import Odometry
-
-from mrl_driver.errors import MrlError
 from mrl_driver.protocol.table import BY_NAME
-from ros1_bridge.demo.processes import wait_until
 from sim_arduino.board.uart import IN_BYTE_S
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.turnaround import Topics
 
-from .experiment_processes import START_S, Parts
+from .experiment_processes import Parts
+from .one_robot_node import ROBOT, OdometryRobot, wait_for
 
 _MOVE = re.compile(rb"@%d,(-?\d+),[^@e]*e" % BY_NAME["move_differential"].code)
 _STREAMED = b"@%d," % BY_NAME["read_encoders_and_sonars"].code
-SPACE = "robot"
 RATE_HZ, MESSAGES = 50, 200
 FASTEST_MM_S = 300
 RAMP_S, TICK_S = 1.5, 0.05
@@ -34,39 +28,15 @@ RAMP_S, TICK_S = 1.5, 0.05
 SETTLE_S = 0.3
 
 
-class Timed:
-    """Times of published commands, and of odometry received meanwhile [s, monotonic]."""
-
-    def __init__(self, parts: Parts) -> None:
-        self.arrived: List[float] = []
-        self.published: Dict[int, float] = {}
-        rospy.Subscriber(f"/{SPACE}/odom", Odometry, self._take, tcp_nodelay=True)
-        self._cmd_vel = rospy.Publisher(f"/{SPACE}/cmd_vel", Twist, queue_size=10, tcp_nodelay=True)
-        if not wait_until(lambda: self._ready(parts), START_S):
-            raise MrlError(f"no odometry after {START_S:g} s; see what robot_node says of the port")
-
-    def _ready(self, parts: Parts) -> bool:
-        parts.check()
-        return bool(self.arrived) and self._cmd_vel.get_num_connections() > 0
-
-    def _take(self, _: Odometry) -> None:
-        self.arrived.append(time.monotonic())
-
-    def run(self, messages: int) -> None:
-        """Reach full speed, then send the commands; each is slower than the last, and so can be identified."""
-        for _ in range(round(RAMP_S / TICK_S)):
-            self._cmd_vel.publish(_twist(FASTEST_MM_S))
-            time.sleep(TICK_S)
-        self.arrived.clear()
-        for speed_mm_s in range(FASTEST_MM_S - 1, FASTEST_MM_S - 1 - messages, -1):
-            self.published[speed_mm_s] = time.monotonic()
-            self._cmd_vel.publish(_twist(speed_mm_s))
-            time.sleep(1.0 / RATE_HZ)
-        time.sleep(SETTLE_S)
-
-
-def _twist(speed_mm_s: int) -> Twist:
-    return Twist(Vector3(speed_mm_s / 1000, 0, 0), Vector3())
+def _send(robot: OdometryRobot, messages: int) -> Dict[int, float]:
+    """Sends commands, each slower than the last, so that it can be identified: speed [mm/s] to time [s, monotonic]."""
+    published = {}
+    for speed_mm_s in range(FASTEST_MM_S - 1, FASTEST_MM_S - 1 - messages, -1):
+        published[speed_mm_s] = time.monotonic()
+        robot.drive(speed_mm_s / 1000, 0.0)
+        time.sleep(1.0 / RATE_HZ)
+    time.sleep(SETTLE_S)
+    return published
 
 
 def measure(parts: Parts, setting: Setting, messages: int = MESSAGES) -> Topics:
@@ -76,12 +46,17 @@ def measure(parts: Parts, setting: Setting, messages: int = MESSAGES) -> Topics:
         MrlError: a part has failed.
     """
     log, truth = parts.folder / "wire.json", parts.folder / "truth.json"
-    parts.robot(SPACE, setting.robot, RATE_HZ, "--world", "square", "--log", str(log), "--truth", str(truth))
-    timed = Timed(parts)
-    timed.run(messages)
+    parts.robot(ROBOT, setting.robot, RATE_HZ, "--world", "square", "--log", str(log), "--truth", str(truth))
+    arrived: List[float] = []
+    robot = wait_for(parts, then=lambda _: arrived.append(time.monotonic()))
+    for _ in range(round(RAMP_S / TICK_S)):
+        robot.drive(FASTEST_MM_S / 1000, 0.0)
+        time.sleep(TICK_S)
+    arrived.clear()
+    published = _send(robot, messages)
     rows = read(log, truth)
-    commands = commanded(rows, min(timed.published.values()))
-    return Topics(1000 * odometry_s(sent(rows), timed.arrived), 1000 * command_s(timed.published, commands))
+    commands = commanded(rows, min(published.values()))
+    return Topics(1000 * odometry_s(sent(rows), arrived), 1000 * command_s(published, commands))
 
 
 # -- the log of bytes at the board's port; all times are the monotonic clock of the host
