@@ -38,10 +38,9 @@ START_S = 10.0
 LOOP_POSES, LOOP_HZ = 100, 20.0
 """Poses that the loop without a robot sends, and their rate."""
 TITLE = "Steps over a 400 x 400 mm grid, around two boxes, mirrored live"
-END_ERROR = "distance of the true end from the last waypoint"
 MEASURES = (
     trials.Measure("touched_s", "time in contact with a box", "s"),
-    trials.Measure("end_error_cm", END_ERROR, "cm", lambda drive: drive.error_cm),
+    trials.Measure("end_error_cm", "distance of the true end from the last waypoint", "cm"),
 )
 REACHED = trials.Measure("reached", f"waypoints of {len(WAYPOINTS)} that were reached by odometry", worst=min)
 REMARK = (
@@ -65,7 +64,7 @@ class StepDrive(NamedTuple):
         return self.touched * TICK_S
 
     @property
-    def error_cm(self) -> float:
+    def end_error_cm(self) -> float:
         """Distance of the true end from the last waypoint [cm]."""
         return 100 * math.dist(self.true[-1][:2], WAYPOINTS[-1])
 
@@ -138,7 +137,10 @@ def run(setting: Setting, live: Optional[Live] = None) -> Result:
     if setting.port is not None:
         driven, mirror = _real(setting)
         end = Figure(
-            "end_error_cm", "distance of the end by odometry from the last waypoint", driven.error_cm, "cm"
+            "end_error_cm",
+            "distance of the end by odometry from the last waypoint",
+            driven.end_error_cm,
+            "cm",
         )
         picture = _draw(setting, [], [], mirror, live=True)
         return Result("step-test", TITLE, [end, *_delay_rows(mirror, [])], [picture])

@@ -1,10 +1,12 @@
 """The papers' experiments come out as they should; long ones are cut short."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.geometry import ORIGIN, Pose
 from sim_arduino.experiments import (
     arena_sweep,
     disturbances,
@@ -25,12 +27,12 @@ LAP_CM, LAP_DEG, RANGE_CM = 1.0, 0.5, 2.0
 HEADING_DEG, POSITION_CM = 1.0, 3.0
 
 
-def rows(experiment, folder, **short):
-    """Figures of an experiment by their keys, some of its constants replaced."""
+def rows(experiment, folder, *live, **short):
+    """Figures of an experiment by their keys, some of its constants replaced; `live` is a run through ROS."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in short.items():
             patch.setattr(experiment, name, value)
-        result = experiment.run(Setting(str(folder)))
+        result = experiment.run(Setting(str(folder)), *live)
     for picture in result.pictures:
         assert (folder / picture).read_bytes().startswith(b"\x89PNG")
     return {row.key: row for row in result.rows}
@@ -80,9 +82,9 @@ def test_packs_last_shorter_at_speed_only_if_their_current_depends_on_it(tmp_pat
     assert len({disturbances.packs(seed) for seed in range(10)}) == 10
 
 
-def step_rows(folder, poses):
+def step_rows(folder, poses, *live):
     """Of one robot that drives to the first waypoint, around the first box."""
-    return rows(step_test, folder, SEEDS=1, WAYPOINTS=step_test.WAYPOINTS[:1], LOOP_POSES=poses)
+    return rows(step_test, folder, *live, SEEDS=1, WAYPOINTS=step_test.WAYPOINTS[:1], LOOP_POSES=poses)
 
 
 @pytest.mark.realtime
@@ -92,8 +94,14 @@ def test_mirror_follows_within_a_second(tmp_path):
 
 
 def test_sonars_keep_the_robot_off_a_box_that_it_touches_without_them(tmp_path):
-    touched, end = map(step_rows(tmp_path, 1).get, ("touched_s", "end_error_cm"))
+    """A drive through ROS has rows of its own."""
+    path = [ORIGIN, Pose(0.03, 0.0, 0.0)]
+    live = step_test.StepDrive(path, path, 2, 1), SimpleNamespace(poses=path, delays_s=[0.02])
+    figures = step_rows(tmp_path, 1, live)
+    touched, end = map(figures.get, ("touched_s", "end_error_cm"))
     assert touched.worst == 0 < 1 < touched.control and end.worst < 20
+    assert (figures["live_touched_s"].ours, figures["mirror_delay_ms_max"].ours) == (0.1, 20.0)
+    assert figures["live_end_error_cm"].ours == pytest.approx(3.0)
 
 
 def test_gyro_keeps_the_heading_of_a_robot_that_slips(tmp_path):
