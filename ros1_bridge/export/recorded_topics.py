@@ -7,7 +7,7 @@ from genpy import Time
 from rosgraph_msgs.msg import Log
 
 from mrl_driver.driver import Telemetry
-from mrl_driver.driver.recorded import Heard, RecordedDriver, Remark, Sent
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE
 from mrl_driver.robot.imu import Imu
@@ -52,9 +52,9 @@ class RecordedTopics:
         self._recorded, self._class, self._parameters = recorded, publisher_class, parameters
         self._topics: Optional[BoardTopics] = None
         self._frames, self._log = publisher_class(FRAMES, Log), Log()
-        recorded.on_sent(self._on_sent)
-        recorded.on_heard(self._on_heard)
-        recorded.on_remark(self._on_remark)
+        recorded.on_sent(lambda sent: self._tell(TO_BOARD, sent.data, sent.event))
+        recorded.on_heard(lambda heard: self._tell(FROM_BOARD, heard.data, heard.event))
+        recorded.on_remark(lambda remark: self._tell(DRIVER, remark.text.encode("utf-8", "replace")))
         recorded.on_telemetry(self._on_telemetry)
         recorded.on(Imu, self._passing("on_imu"))
         recorded.on(Board, self._passing("on_battery"))
@@ -102,15 +102,6 @@ class RecordedTopics:
         return take
 
     # -- the line
-
-    def _on_sent(self, sent: Sent) -> None:
-        self._tell(TO_BOARD, sent.data, sent.event)
-
-    def _on_heard(self, heard: Heard) -> None:
-        self._tell(FROM_BOARD, heard.data, heard.event)
-
-    def _on_remark(self, remark: Remark) -> None:
-        self._tell(DRIVER, remark.text.encode("utf-8", "replace"))
 
     def _tell(self, name: str, data: bytes, event: Any = None) -> None:
         """Publish bytes, escaped as in recordings, with the name of the command or what is wrong with them."""

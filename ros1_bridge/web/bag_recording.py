@@ -6,21 +6,19 @@ A bag that is written has a name that ends in `.active`, as `rosbag record` name
 import datetime
 import os
 import threading
-import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Callable, Iterable, List, Optional
 
-from mrl_driver.apps.web.robot import Recorded
+from mrl_driver.apps.web.robot import Recordings
 from mrl_driver.errors import ConfigError, OutputError
-from mrl_driver.files import create_unused
 
 SUFFIX, ACTIVE = ".bag", ".active"
 Unsubscribe = Callable[[], None]
 Subscribe = Callable[[str, Callable[[Any], None]], Unsubscribe]
 
 
-class BagRecording:
+class BagRecording(Recordings):
     """Writes at most one bag at a time; any thread may call it.
 
     Args:
@@ -34,19 +32,19 @@ class BagRecording:
     def __init__(
         self, folder: Path, subscribe: Subscribe, topics: Callable[[], Iterable[str]], now: Callable[[], Any]
     ) -> None:
-        self._folder, self._subscribe, self._topics, self._now = folder, subscribe, topics, now
+        super().__init__(folder, SUFFIX, ACTIVE)
+        self._subscribe, self._topics, self._now = subscribe, topics, now
         self._lock = threading.Lock()
         self._bag: Optional[Any] = None
         self._ends: List[Unsubscribe] = []
-        self._begun_s = 0.0
-        self.name = ""  # file of the bag that is being written; empty without one
+        self._name = ""
         self.lost = 0  # messages of the last bag that could not be written
         self.loss = ""  # why the last bag is incomplete; empty if nothing is missing
 
     @property
-    def seconds(self) -> float:
-        """How long the bag has been written [s]."""
-        return time.monotonic() - self._begun_s if self.name else 0.0
+    def name(self) -> str:
+        """File of the bag that is being written; empty without one."""
+        return self._name
 
     def start(self) -> str:
         """Begin a bag; returns its name.
@@ -60,15 +58,13 @@ class BagRecording:
         topics = self._topics()
         with self._lock:
             if self._bag is not None:
-                raise ConfigError(f"{self.name} is being written, expected no recording: stop it first")
+                raise ConfigError(f"{self._name} is being written, expected no recording: stop it first")
             try:
-                self._folder.mkdir(0o700, parents=True, exist_ok=True)
-                stamp = datetime.datetime.now().strftime("%Y-%m-%d-%H-%M-%S")
-                name = os.path.basename(create_unused(str(self._folder / f"robot_{stamp}{SUFFIX}"), ACTIVE))
-                self._bag = rosbag.Bag(str(self._active(name)), "w")
+                name = self._new(datetime.datetime.now().strftime("robot_%Y-%m-%d-%H-%M-%S"))
+                self._bag = rosbag.Bag(str(self._folder / (name + ACTIVE)), "w")
             except OSError as error:
                 raise OutputError(f"the recording cannot be made: {error}") from None
-            self.name, self.lost, self.loss, self._begun_s = name, 0, "", time.monotonic()
+            self._name, self.lost, self.loss = name, 0, ""
         self._ends = [self._subscribe(topic, self._writer(topic)) for topic in topics]
         return name
 
@@ -78,37 +74,16 @@ class BagRecording:
         for end in ends:
             end()
         with self._lock:
-            bag, name, self._bag, self.name = self._bag, self.name, None, ""
+            bag, name, self._bag, self._name = self._bag, self._name, None, ""
             if bag is None:
                 return ""
             try:
                 bag.close()
-                os.replace(self._active(name), self._folder / name)
+                os.replace(self._folder / (name + ACTIVE), self._folder / name)
             except OSError as error:
-                self.loss = f"{name} could not be closed: {error}; try `rosbag reindex {self._active(name)}`"
+                written = self._folder / (name + ACTIVE)
+                self.loss = f"{name} could not be closed: {error}; try `rosbag reindex {written}`"
             return self.loss
-
-    def files(self) -> List[Recorded]:
-        """Return the bags in the folder, the newest first; one that another program writes is not among them."""
-        name = self.name
-        found = [
-            Recorded(path.name, path.stat().st_size, on=False)
-            for path in sorted(self._folder.glob(f"*{SUFFIX}"), reverse=True)
-        ]
-        return [Recorded(name, self._active(name).stat().st_size, on=True), *found] if name else found
-
-    def path(self, name: str) -> str:
-        """Return the file of a bag that is complete.
-
-        Raises:
-            ConfigError: it does not exist, or is being written.
-        """
-        if any(each.name == name and not each.on for each in self.files()):
-            return str(self._folder / name)
-        raise ConfigError(f"recording {name!r} does not exist, expected one of those in the list")
-
-    def _active(self, name: str) -> Path:
-        return self._folder / f"{name}{ACTIVE}"
 
     def _writer(self, topic: str) -> Callable[[Any], None]:
         """Return what writes the messages of a topic."""

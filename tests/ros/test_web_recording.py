@@ -86,7 +86,7 @@ def test_a_bag_that_is_written_is_listed_and_cannot_be_fetched(bench):
         bench.recording.start()
     (bag,) = bench.recording.files()
     assert (bag.name, bag.on) == (name, True)
-    with pytest.raises(ConfigError, match="does not exist"):
+    with pytest.raises(ConfigError, match="there is no recording"):
         bench.recording.path(name)
     bench.recording.stop()
     assert not bench.recording.files()[0].on and not bench.topics
@@ -95,7 +95,7 @@ def test_a_bag_that_is_written_is_listed_and_cannot_be_fetched(bench):
 @pytest.mark.parametrize("name", ["", "..", "../secret.bag", "/etc/passwd"])
 def test_no_other_file_can_be_fetched(bench, tmp_path, name):
     (tmp_path / "secret.bag").write_text("")
-    with pytest.raises(ConfigError, match="does not exist"):
+    with pytest.raises(ConfigError, match="there is no recording"):
         bench.recording.path(name)
 
 

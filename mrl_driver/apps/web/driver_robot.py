@@ -5,17 +5,17 @@ import json
 import math
 import os
 import time
-from typing import TYPE_CHECKING, Any, Callable, Dict, List, Optional
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Callable, Dict, Optional
 
-from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.files import create_unused
+from mrl_driver.errors import MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.session.events import SensorRead
 from mrl_driver.view.live_model import Shown
 from mrl_driver.view.words import stopped_by, why_refused
 
 from .helm import Why
-from .robot import REMEDY, PageRobot, PhoneReading, Recorded
+from .robot import REMEDY, PageRobot, PhoneReading, Recordings
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -29,7 +29,7 @@ class DriverRobot(PageRobot):
     """Shows and drives the robot of a connected driver; recordings go to files of a folder."""
 
     def __init__(self, driver: "Driver", folder: str) -> None:
-        super().__init__(driver, FolderRecordings(driver, folder))
+        super().__init__(driver, DriverRecordings(driver, folder))
         self._driver = driver
         self._driven = False  # a command of the page was in force, and `stop` has not ended it
         self._latched, self._driven_s = False, -AGE_S
@@ -121,42 +121,27 @@ class DriverRobot(PageRobot):
             self._driver.recorder.remark(f"phone {json.dumps(facts)}")
 
 
-class FolderRecordings:
-    """The recordings of a driver in a folder."""
+class DriverRecordings(Recordings):
+    """The recordings of a driver."""
 
     def __init__(self, driver: "Driver", folder: str) -> None:
-        self._driver, self._folder = driver, folder
-        self.name = ""
+        super().__init__(Path(folder), SUFFIX)
+        self._recorder = driver.recorder
+
+    @property
+    def name(self) -> str:
+        file = self._recorder.file
+        return os.path.basename(file.path) if file is not None else ""
 
     def start(self) -> str:
-        with contextlib.suppress(OSError):  # `recorder.start` raises if the file cannot be made
-            os.makedirs(self._folder, 0o700, exist_ok=True)
-        path = create_unused(os.path.join(self._folder, time.strftime("%Y-%m-%d_%H%M%S") + SUFFIX))
+        name = self._new(time.strftime("%Y-%m-%d_%H%M%S"))
         try:
-            self._driver.recorder.start(path)
+            self._recorder.start(str(self._folder / name))
         except MrlError:
             with contextlib.suppress(OSError):
-                os.unlink(path)
+                os.unlink(self._folder / name)
             raise
-        self.name = os.path.basename(path)
-        return self.name
+        return name
 
     def stop(self) -> str:
-        self.name = ""
-        return self._driver.recorder.stop()
-
-    def files(self) -> List[Recorded]:
-        recorder = self._driver.recorder.file
-        now = os.path.abspath(recorder.path) if recorder is not None else ""
-        found = []
-        with contextlib.suppress(OSError), os.scandir(self._folder) as entries:
-            for entry in entries:
-                if entry.name.endswith(SUFFIX) and entry.is_file(follow_symlinks=False):
-                    seen, on = entry.stat(), os.path.abspath(entry.path) == now
-                    found.append((seen.st_mtime, Recorded(entry.name, seen.st_size, on)))
-        return [each for _, each in sorted(found, reverse=True)]
-
-    def path(self, name: str) -> str:
-        if name not in {each.name for each in self.files()}:
-            raise ConfigError(f"there is no recording {name!r} in {self._folder}")
-        return os.path.join(self._folder, name)
+        return self._recorder.stop()

@@ -6,7 +6,7 @@ A page of another site could otherwise use the browser of the driving person: by
 
 import ipaddress
 from typing import Dict, Mapping, Sequence
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from mrl_driver.yaml_file import short
 
@@ -20,39 +20,31 @@ def why_not(headers: Mapping[str, str], names: Sequence[str], opens_page: bool) 
     `names` are the computer's names besides localhost and numeric addresses.  `opens_page` says that the request is for
     the page itself, which a link on another site may lead to.
     """
-    host = headers.get("Host", "")
-    name = _name_of(host)
+    host, origin = headers.get("Host", ""), headers.get("Origin")
+    name = (_split(f"//{host}").hostname or "").lower()
     if not (name == "localhost" or name in [each.lower() for each in names] or _is_numeric(name)):
         return f"this server is not called {short(name or 'so')}; use its numeric address, or localhost"
-    origin = headers.get("Origin")
-    if origin is not None and not _is_of(origin, host):
+    scheme, netloc, *_ = _split(origin or "")
+    if origin is not None and not (scheme in ("http", "https") and netloc.lower() == host.lower()):
         return f"the request comes from a page of {short(origin)}, expected a page of this server"
     if headers.get("Sec-Fetch-Site", "none") not in SAME and not opens_page:
         return "the request comes from another site, expected a page of this server"
     return ""
 
 
-def _name_of(host: str) -> str:
+def _split(url: str) -> SplitResult:
+    """Return the parts of a URL; all are empty if it does not parse."""
     try:
-        return (urlsplit(f"//{host}").hostname or "").lower()
+        return urlsplit(url)
     except ValueError:
-        return ""
+        return urlsplit("")
 
 
 def _is_numeric(name: str) -> bool:
     try:
-        ipaddress.ip_address(name)
+        return bool(ipaddress.ip_address(name))
     except ValueError:
         return False
-    return True
-
-
-def _is_of(origin: str, host: str) -> bool:
-    try:
-        parts = urlsplit(origin)
-    except ValueError:
-        return False
-    return parts.scheme in ("http", "https") and parts.netloc.lower() == host.lower()
 
 
 def headers_of(host: str) -> Dict[str, str]:

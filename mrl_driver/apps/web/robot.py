@@ -1,10 +1,15 @@
 """What the server of the page needs of a robot; `driver_robot` has it over a driver, the ROS bridge over topics."""
 
+import contextlib
 import math
+import os
 import time
 from abc import ABC, abstractmethod
-from typing import Any, Callable, List, NamedTuple, Optional, Protocol, Tuple
+from pathlib import Path
+from typing import Any, Callable, List, NamedTuple, Optional, Tuple
 
+from mrl_driver.errors import ConfigError
+from mrl_driver.files import create_unused
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
@@ -27,11 +32,23 @@ class Recorded(NamedTuple):
     on: bool  # it is being written
 
 
-class Recordings(Protocol):
-    """The recordings of one robot."""
+class Recordings(ABC):
+    """The recordings of one robot in a folder.
 
-    name: str  # file of the recording that is being written; empty without one
+    Args:
+        suffix: ending of their names.
+        active: what follows the name of a file while it is written; it can be downloaded then only if this is empty.
+    """
 
+    def __init__(self, folder: Path, suffix: str, active: str = "") -> None:
+        self._folder, self._suffix, self._active = folder, suffix, active
+
+    @property
+    @abstractmethod
+    def name(self) -> str:
+        """File of the recording that is being written; empty without one."""
+
+    @abstractmethod
     def start(self) -> str:
         """Begin a recording and return its name.
 
@@ -39,18 +56,39 @@ class Recordings(Protocol):
             MrlError: it cannot be written, or one is being written already.
         """
 
+    @abstractmethod
     def stop(self) -> str:
         """End the recording; return what it lacks in words, empty if it is complete."""
 
     def files(self) -> List[Recorded]:
-        """The recordings that can be downloaded, the newest first."""
+        """Return the recordings: the one that is being written, then the newest first."""
+        now, found = self.name, []
+        with contextlib.suppress(OSError):
+            for path in self._folder.iterdir():
+                on = bool(now) and path.name == now + self._active
+                name = now if on else path.name
+                if name.endswith(self._suffix) and path.is_file() and not path.is_symlink():
+                    seen = path.stat()
+                    found.append((on, seen.st_mtime, Recorded(name, seen.st_size, on)))
+        return [each for *_, each in sorted(found, reverse=True)]
 
     def path(self, name: str) -> str:
         """Return the path of a recording.
 
         Raises:
-            ConfigError: no recording has this name.
+            ConfigError: none that can be downloaded has this name.
         """
+        if not any(each.name == name and not (each.on and self._active) for each in self.files()):
+            raise ConfigError(
+                f"there is no recording {name!r} in {self._folder}, expected one of those in the list"
+            )
+        return str(self._folder / name)
+
+    def _new(self, stem: str) -> str:
+        """Make the folder, and in it an empty file for a new recording; return its name, which no other has."""
+        with contextlib.suppress(OSError):  # who opens the file says why
+            self._folder.mkdir(0o700, parents=True, exist_ok=True)
+        return os.path.basename(create_unused(str(self._folder / (stem + self._suffix)), self._active))
 
 
 class PhoneReading(NamedTuple):

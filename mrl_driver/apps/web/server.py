@@ -268,7 +268,11 @@ class Server:
             return
         self._watch_robot()
         now_s = time.monotonic()
-        self._map(now_s)
+        source = self._robot.source
+        if self._occupancy is None and source.model is not None and source.model.sonars:
+            self._occupancy = Occupancy(source.model.sonars)
+        if self._occupancy is not None:
+            self._occupancy.see(source.pose, source.ranges, now_s)
         if self._clients and self._sampler is None:
             if now_s >= self._sample_s:
                 self._send_sample()
@@ -334,14 +338,6 @@ class Server:
         if cells is not self._cells and now_s >= self._cells_s + CELLS_S:
             self._cells_s, self._cells = now_s, cells
             self._broadcast(CELLS, messages.cells(clock_s(), CELL_M, cells))
-
-    def _map(self, now_s: float) -> None:
-        source = self._robot.source
-        if self._occupancy is None:
-            if source.model is None or not source.model.sonars:
-                return
-            self._occupancy = Occupancy(source.model.sonars)
-        self._occupancy.see(source.pose, source.ranges, now_s)
 
     def _broadcast(self, kind: str, text: str) -> None:
         for client in self._clients.values():
