@@ -139,7 +139,7 @@ class Core:
         events: List[DriverEvent] = []
         for event in self.session.join(board, stream_code, checked, now, last):
             if isinstance(event, Counts):
-                self.state.on_counts(event)
+                self.state.on_counts(event, [])
             else:
                 events += self._digest(event, now)
         self.due_s = -math.inf
@@ -182,13 +182,9 @@ class Core:
             if type(event) is not Counts:
                 events += self._digest(event, now)
                 continue
-            telemetry = state.on_counts(event)
+            telemetry = state.on_counts(event, events)
             if telemetry is None:
                 continue
-            if state.path_unknown is not None:
-                events.append(state.path_unknown)
-            if state.imu_changed is not None:
-                events.append(state.imu_changed)
             events += (telemetry,) if self._every == 1 else self._thin(telemetry)
             target, monitor = motion.target, self._monitor
             if target is None:

@@ -1,7 +1,7 @@
 """The robot's state: session events go in; pose, speeds, ranges and battery state come out.  No I/O."""
 
 import math
-from typing import Dict, FrozenSet, List, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, FrozenSet, List, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import WrongRobot
 from mrl_driver.geometry import Pose
@@ -87,12 +87,8 @@ class RobotState:
         self.battery_state = battery.OK
         self.ranges: Dict[str, float] = {}
         self.telemetry: Optional[Telemetry] = None
-        self.path_unknown: Optional[PathUnknown] = None
-        """The `PathUnknown` event of the last reading; None if there is none."""
         self.tracker: Optional[ImuTracker] = None
         """Checks the readings of the IMU; None unless the board has, or had, one that is read."""
-        self.imu_changed: Optional[ImuChanged] = None
-        """The `ImuChanged` event of the last reading of the counters; None if there is none."""
         self.settled = False  # the stream has begun, so that the robot can be used
         self.powerless = False  # the battery is empty or off, so the robot must not drive
         self._primed, self._used_s, self._counted_s = 0, 0.0, -math.inf
@@ -171,9 +167,9 @@ class RobotState:
     def digest(self, event: SessionEvent, now: float) -> List[RobotEvent]:
         """Process an event; return the events for the listeners."""
         if isinstance(event, Counts):
-            telemetry = self.on_counts(event)
-            news = [each for each in (self.path_unknown, self.imu_changed) if each is not None]
-            return [*news, telemetry] if telemetry else []
+            events: List[RobotEvent] = []
+            telemetry = self.on_counts(event, events)
+            return [*events, telemetry] if telemetry else []
         if isinstance(event, ImuReading):
             return self.on_imu(event)
         if isinstance(event, Sonars):
@@ -233,8 +229,8 @@ class RobotState:
         found = tracker.update(event, self._counted_s, odometry)
         return [found] if tracker.changed is None else [tracker.changed, found]
 
-    def on_counts(self, event: Counts) -> Optional[Telemetry]:
-        """Process one frame of the stream.
+    def on_counts(self, event: Counts, events: List[Any]) -> Optional[Telemetry]:
+        """Process one frame of the stream; add what has happened besides to `events`.
 
         Return the telemetry, or None before the first greeting and from boards without motors: their counters are not
         odometry.
@@ -243,16 +239,17 @@ class RobotState:
         if odometry is None:
             return None
         used, arrival_s, sonars, tracker = False, event.arrival_s, event.sonars, self.tracker
-        self.imu_changed = tracker.check(event.time_s) if tracker is not None else None
+        changed = tracker.check(event.time_s) if tracker is not None else None
         if event.rear is None:
             used = odometry.update(event.right, event.left, event.time_s)
         elif isinstance(odometry, OmniOdometry):
             used = odometry.update(event.right, event.left, event.time_s, event.rear)
-        self.path_unknown = None
         if used:
             self._used_s, self._counted_s = arrival_s, event.time_s
         elif odometry.baseline.primed != self._primed:
-            self._begin_baseline(odometry, arrival_s)
+            self._begin_baseline(odometry, arrival_s, events)
+        if changed is not None:
+            events.append(changed)
         if sonars and self.info is not None and self.info.version < 2:
             sonars = self._repeated.update(sonars)
         if not sonars:
@@ -271,16 +268,17 @@ class RobotState:
         )
         return telemetry
 
-    def _begin_baseline(self, odometry: Odometry, now: float) -> None:
+    def _begin_baseline(self, odometry: Odometry, now: float, events: List[Any]) -> None:
         """A new baseline begins here; the movement since the last reading is unknown."""
         assert self.model is not None
         if self._primed:
             gap_s, limits = now - self._used_s, self.model.limits
             moving_s = min(gap_s, odometry.baseline.coast_s)
             turn_rad = min(math.pi, limits.angular_rad_s * moving_s)
-            self.path_unknown = PathUnknown(gap_s, limits.linear_m_s * moving_s, turn_rad)
+            unknown = PathUnknown(gap_s, limits.linear_m_s * moving_s, turn_rad)
+            events.append(unknown)
             if odometry.uncertainty is not None:
-                odometry.uncertainty.widen(self.path_unknown.distance_m, self.path_unknown.turn_rad)
+                odometry.uncertainty.widen(unknown.distance_m, unknown.turn_rad)
         self._primed, self._used_s = odometry.baseline.primed, now
 
     def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:

@@ -88,8 +88,8 @@ class SoakDriver(SteppedDriver):
         core = self.core
         on_counts, digest = core.state.on_counts, core._digest
 
-        def see(event: Any) -> Any:
-            told = on_counts(event)
+        def see(event: Any, events: List[Any]) -> Any:
+            told = on_counts(event, events)
             odometry = core.state.odometry
             assert odometry is not None
             note(event, jumps.see(odometry.pose, event.time_s, odometry.baseline.refused))
