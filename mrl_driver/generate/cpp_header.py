@@ -1,7 +1,7 @@
 """The firmware's `protocol.h`: codes, prototypes and tables, out of the command table and the robot models."""
 
 import itertools
-from typing import Iterable, List, Sequence, Tuple
+from typing import Any, Iterable, List, Sequence, Tuple
 
 from mrl_driver.protocol import table
 from mrl_driver.protocol.stop_reason import STOP_REASONS
@@ -60,7 +60,8 @@ def header() -> str:
         "",
         *_request_rows(),
         *_sensor_rows(),
-        *_parameter_rows(),
+        "// lowest and highest value of each parameter",
+        *_macro("MRL_PARAMETER_RANGES(RANGE)", map(_range, table.PARAMETERS)),
         *_model_rows(),
     ]
     return "\n".join(parts)
@@ -154,7 +155,7 @@ def _request_rows() -> List[str]:
         guarded = 1 if row.guarded else 2 if row.turns else 0
         cells = (row.code, row.name, most - row.optional, most, guarded, int(row.stamped), first)
         rows.append(f"{kind}({', '.join(map(str, cells))})")
-        ranges += [f"RANGE({_int(field.low)}, {_int(field.high)})" for field in row.request]
+        ranges += map(_range, row.request)
         first += most
     return [
         "// code, name, fewest and most arguments, guarded (1 always, 2 once the host has turned checksums on),",
@@ -165,11 +166,6 @@ def _request_rows() -> List[str]:
         "// names of the reasons, for the debug text",
         *_macro("MRL_REASONS(REASON)", [f"REASON({row.name})" for row in table.REASONS]),
     ]
-
-
-def _parameter_rows() -> List[str]:
-    rows = [f"RANGE({_int(row.low)}, {_int(row.high)})" for row in table.PARAMETERS]
-    return ["// lowest and highest value of each parameter", *_macro("MRL_PARAMETER_RANGES(RANGE)", rows)]
 
 
 def _model_rows() -> List[str]:
@@ -196,6 +192,10 @@ def _model_rows() -> List[str]:
 
 def _macro(head: str, rows: Iterable[str]) -> List[str]:
     return [" \\\n  ".join([f"#define {head}", *rows]), ""]
+
+
+def _range(row: Any) -> str:
+    return f"RANGE({_int(row.low)}, {_int(row.high)})"
 
 
 def _int(value: int) -> str:

@@ -38,7 +38,11 @@ def main(arguments: Sequence[str]) -> int:
 
 def write_stale(files: Mapping[str, Tuple[Path, str]], command: str, arguments: Sequence[str]) -> int:
     """Write the files, by name, that do not hold their text; with `--check` name them, and return 1 if there is one."""
-    stale = {name: each for name, each in files.items() if _read(each[0]) != each[1]}
+    stale = {
+        name: (path, text)
+        for name, (path, text) in files.items()
+        if not path.exists() or path.read_text(encoding="utf-8") != text
+    }
     if "--check" in arguments:
         for name in stale:
             sys.stderr.write(f"{name} is stale; render it with: {command}\n")
@@ -47,7 +51,3 @@ def write_stale(files: Mapping[str, Tuple[Path, str]], command: str, arguments: 
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
     return 0
-
-
-def _read(path: Path) -> str:
-    return path.read_text(encoding="utf-8") if path.exists() else ""

@@ -216,7 +216,9 @@ class RecordedRobot:
         elif code == _SENSING and not self.capabilities:
             self.capabilities = frozenset({"environment"})
         if stamp is not None:
-            missing = self._missing(stamp[0], time_s)
+            silent = time_s - self._last_stamp_s >= STALE_S
+            self._last_stamp_s = time_s
+            missing = self._stream.missing(stamp[0], silent)
             if code == _IMU and missing >= 0:
                 self._on_imu(frame.args, *self._stream.clock.beside(stamp.time, time_s, not missing), time_s)
             if not counts or missing < 0:
@@ -226,12 +228,6 @@ class RecordedRobot:
         if counts:
             self._move(frame, made_s)
         return counts
-
-    def _missing(self, sequence: int, time_s: float) -> int:
-        """As `Stream.missing`, for a frame that arrived at `time_s`."""
-        silent = time_s - self._last_stamp_s >= STALE_S
-        self._last_stamp_s = time_s
-        return self._stream.missing(sequence, silent)
 
     def _on_info(self, frame: Frame) -> None:
         robot_id = frame.args[4]

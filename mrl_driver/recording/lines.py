@@ -56,17 +56,14 @@ class _Order:
         if entry is None:
             self._skip(number, problem)
             return
-        time_s = self.behind.popleft()
-        if self.behind and min(self.behind) < time_s and self._is_ahead(time_s):
+        time_s, behind = self.behind.popleft(), self.behind
+        if behind and min(behind) < time_s and sum(each < time_s for each in behind) > AHEAD // 2:
             self._skip(number, f"time {time_s} is after that of most of the {AHEAD} lines behind it")
         elif time_s < self._last_s:
             self._skip(number, f"time {time_s} is before {self._last_s} of an earlier line")
         else:
             self._last_s = time_s
             yield entry
-
-    def _is_ahead(self, time_s: float) -> bool:
-        return sum(behind_s < time_s for behind_s in self.behind) > AHEAD // 2
 
 
 def _lines(file: BinaryIO, number: int) -> Iterator[_Line]:

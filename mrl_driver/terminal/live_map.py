@@ -30,20 +30,17 @@ def draw(state: ShownState, trail: Sequence[Pose], columns: int, rows: int) -> T
     for start, end in zip(points, points[1:]):
         canvas.line(start, end, "green")
     if model is not None:
-        _body(canvas, pose, model.body.length_m, model.body.width_m)
+        x_m, y_m = model.body.length_m / 2, model.body.width_m / 2
+        sides = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
+        corners = [pose.compose(x * x_m, y * y_m)[:2] for x, y in sides]
+        for start, end in zip(corners, corners[1:]):
+            canvas.line(start, end, "bold")
     canvas.arrow(pose)
     step_m = next(
         (each for each in _GRIDS_M if each * canvas.view.scale >= 2 * _LEAST_GRID_COLUMNS), _GRIDS_M[-1]
     )
     canvas.grid(step_m, "grey37")
     return canvas, step_m
-
-
-def _body(canvas: Canvas, pose: Pose, length_m: float, width_m: float) -> None:
-    sides = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
-    corners = [pose.compose(x * length_m / 2, y * width_m / 2)[:2] for x, y in sides]
-    for start, end in zip(corners, corners[1:]):
-        canvas.line(start, end, "bold")
 
 
 class _Cone:

@@ -126,7 +126,9 @@ def _table(rows: Sequence[Row]) -> Table:
 def _lines(row: Row) -> List[Text]:
     """Return the lines of a value; one with a bar has one line."""
     if row.bar is not None:
-        return [_bar(*row.bar).append(f" {row.value}", style=row.style or "default")]
+        full = round(min(1.0, max(0.0, row.bar.share)) * _BAR)
+        bar = Text("━" * full, style=row.bar.style).append("╌" * (_BAR - full), style="grey37")
+        return [bar.append(f" {row.value}", style=row.style or "default")]
     lines = textwrap.wrap(row.value, _ROOM, break_long_words=False, break_on_hyphens=False)
     return [Text(_tail(line, _ROOM), style=row.style) for line in lines]
 
@@ -141,11 +143,6 @@ def _left(now: Content, height: int, note: str = "") -> RenderableType:
     together = Group(*(part for part, _, _ in parts))
     silent = now.shown.state.silent
     return _panel(together, f"robot{note}", "red" if silent else "blue") if height >= rows + 2 else together
-
-
-def _bar(share: float, style: str) -> Text:
-    full = round(min(1.0, max(0.0, share)) * _BAR)
-    return Text("━" * full, style=style).append("╌" * (_BAR - full), style="grey37")
 
 
 def _map(now: Content, columns: int, rows: int) -> Panel:

@@ -53,7 +53,7 @@ class LiveJson:
         if has_motors(driver.model):
             driver.on_telemetry(self._on_telemetry)
         else:
-            driver.on(SensorRead, self._on_sensor)
+            driver.on(SensorRead, lambda read: self._tell(read.reading.stamp_s))
 
     def _take_names(self) -> None:
         self._series = Series(self._robot)
@@ -62,9 +62,6 @@ class LiveJson:
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self._robot.telemetry = telemetry
         self._tell(telemetry.stamp_s)
-
-    def _on_sensor(self, read: SensorRead) -> None:
-        self._tell(read.reading.stamp_s)
 
     def _tell(self, stamp_s: float) -> None:
         if stamp_s >= self._look_s:

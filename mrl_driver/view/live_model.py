@@ -103,12 +103,6 @@ class LiveModel:
         known = [part for part in (input_s, link_s) if not math.isnan(part)]
         return math.fsum(known) if known else math.nan, input_s, link_s
 
-    @property
-    def _streamed(self) -> int:
-        """Number of frames so far; boards without motors have no telemetry that could be counted."""
-        count: int = self.frames if self._moves else self._robot.link.statistics.streamed
-        return count
-
     def shown(self, now_s: float, input_s: float = math.nan, warning: str = "") -> Shown:
         """Return what to show now.
 
@@ -120,11 +114,13 @@ class LiveModel:
         """
         mismatch, recorder = self._robot.mismatch, self._robot.recorder
         loss = recorder.loss if recorder is not None else ""
+        # boards without motors have no telemetry that could be counted
+        frames = self.frames if self._moves else self._robot.link.statistics.streamed
         return Shown(
             self._state(),
             now_s,
             now_s - self._start_s,
-            self._rate.update(self._streamed, now_s),
+            self._rate.update(frames, now_s),
             self.trail.poses,
             self.trail.distance_m,
             f"{mismatch}; {self._remedy}" if mismatch is not None else warning or loss or self.notice,

@@ -4,7 +4,7 @@ Styles are `STYLES`: the terminal's own names of colours, which a page takes as 
 """
 
 import math
-from typing import List, NamedTuple, Sequence, Tuple
+from typing import List, NamedTuple, Sequence
 
 from mrl_driver.safety.operator_delay import delay_text
 
@@ -97,15 +97,11 @@ def _supply(state: ShownState) -> List[Row]:
 
 def _link(now: Shown) -> List[Row]:
     state = now.state
+    delay_s, *parts_s = now.delays_s
+    first, link = ("?" if math.isnan(part_s) else f"{part_s * 1000:.0f}" for part_s in parts_s)
     arrives = f"{now.rate_hz:.0f} Hz, newest {state.age_s * 1000:.0f} ms ago"
     return [
         Row("state", arrives) if state.ready else Row("state", state.silence.lower(), "bold red"),
         state.errors,
-        Row("delay", _delay(now.delays_s, now.input_name)),
+        Row("delay", f"{delay_text(delay_s)}: {now.input_name} {first}, link {link}"),
     ]
-
-
-def _delay(delays_s: Tuple[float, float, float], input_name: str) -> str:
-    delay_s, *parts_s = delays_s
-    first, link = ("?" if math.isnan(part_s) else f"{part_s * 1000:.0f}" for part_s in parts_s)
-    return f"{delay_text(delay_s)}: {input_name} {first}, link {link}"

@@ -89,16 +89,13 @@ def drive_to(driver: "Driver", goal: Pose, timeout_s: float, tell: Callable[[str
         require_driving(driver)
         if driver.now_s - told_s >= PROGRESS_S:
             told_s += PROGRESS_S
-            tell(_progress(driver.pose, goal) + (f", waits: {seeker.why}" if seeker.blind else ""))
+            away_m = math.dist(goal[:2], driver.pose[:2])
+            waits = f", waits: {seeker.why}" if seeker.blind else ""
+            tell(f"{away_m:.2f} m to go, at {_text(driver.pose)}{waits}")
     confirm_stop(driver)
     if seeker.reached:
         return ""
     return seeker.why if seeker.blocked else f"the time of {timeout_s:g} s is over"
-
-
-def _progress(pose: Pose, goal: Pose) -> str:
-    away_m = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
-    return f"{away_m:.2f} m to go, at {_text(pose)}"
 
 
 def _text(pose: Pose) -> str:

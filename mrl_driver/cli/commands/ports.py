@@ -84,13 +84,10 @@ def _ask(rows: Dict[str, Row], asked: Tuple[str, ...], wait_s: Optional[float]) 
         row["asked"] = (row["arduino"] or bool(row["name"]) or device in allowed) and not row["used_by"]
         if row["asked"]:
             patience = patience_s(resets=bool(row["usb"])) if wait_s is None else wait_s
-            chosen.append((row["device"], _baud(row["name"]), patience))
+            baud = named_robots.read()[row["name"]].baud if row["name"] else BAUD
+            chosen.append((row["device"], baud, patience))
     by_device = {row["device"]: row for row in rows.values()}
     with progress("asking", len(chosen)) as advance:
         for device, answer in probe_all(chosen):
             by_device[device].update(answer._asdict())
             advance(1)
-
-
-def _baud(name: Optional[str]) -> int:
-    return named_robots.read()[name].baud if name else BAUD

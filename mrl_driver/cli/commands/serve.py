@@ -8,7 +8,7 @@ import click
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import access
 from mrl_driver.host.named_robots import Target
-from mrl_driver.transport.address import Address, parse
+from mrl_driver.transport.address import parse
 
 from .shared import FOREVER_S, Between, print_message, require_port, robot_options
 
@@ -52,7 +52,12 @@ def serve(target: Target, listen: str, insecure: bool, port_timeout_s: float) ->
     from mrl_driver.transport.relay import Bridge
 
     port, address = require_port(target), parse(listen, listening=True)
-    _require_secure(address, insecure)
+    if not insecure and not access.is_loopback(address.host):
+        raise ConfigError(
+            f"{address} would let everybody on the network drive the robot: listen on "
+            f"{address._replace(host='127.0.0.1')} and let other computers come through a tunnel (ssh -L), or add "
+            "--insecure"
+        )
     with contextlib.ExitStack() as stack:
         stack.enter_context(on_suspend(signal.SIG_IGN))  # a suspended bridge passes no stop
         listener = listen_on(listen)
@@ -62,13 +67,3 @@ def serve(target: Target, listen: str, insecure: bool, port_timeout_s: float) ->
         )
         robot = ServedRobot(port, print_message, target.baud, target.id, port_timeout_s)
         Bridge(robot.find, robot.lose, listener, print_message).run()
-
-
-def _require_secure(address: Address, insecure: bool) -> None:
-    """Check that the address is for this computer alone, or wanted so."""
-    if not insecure and not access.is_loopback(address.host):
-        raise ConfigError(
-            f"{address} would let everybody on the network drive the robot: listen on "
-            f"{address._replace(host='127.0.0.1')} and let other computers come through a tunnel (ssh -L), or add "
-            "--insecure"
-        )

@@ -74,7 +74,8 @@ def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     else:
         yield from _battery(board, model)
     if "bridge" not in board.capabilities:
-        yield _motor_board(board)
+        text = f"firmware {board.motor_board_version:.2f}, {board.temperature_c:.0f} degC"
+        yield warning_if(board.temperature_c > HOT_C, "hot", "motor board", text)
 
 
 def _battery(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
@@ -90,11 +91,6 @@ def _battery(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
             yield warning("battery_low", "battery", f"{text}: low")
         else:
             yield ok("battery", f"{text} (full {levels.full_v:g} V, low below {levels.low_v:g} V)")
-
-
-def _motor_board(board: Board) -> Finding:
-    text = f"firmware {board.motor_board_version:.2f}, {board.temperature_c:.0f} degC"
-    return warning_if(board.temperature_c > HOT_C, "hot", "motor board", text)
 
 
 def health(status: Optional[Status]) -> Iterator[Finding]:

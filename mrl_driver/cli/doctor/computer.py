@@ -24,7 +24,9 @@ def check(name: str, port: Port) -> Iterator[Finding]:
     yield from _permission(name)
     yield from _modem_manager(port)
     yield from _brltty(name, port)
-    yield from _use(name)
+    holder = user_of(name) if is_terminal(name) else ""
+    if holder:
+        yield fault("port_busy", "in use", f"{name} is in use by {holder}")
     yield from _latency_timer(port)
 
 
@@ -101,12 +103,6 @@ def _brltty(name: str, port: Port) -> Iterator[Finding]:
         )
     elif not missing:
         yield ok("brltty", "not running")
-
-
-def _use(name: str) -> Iterator[Finding]:
-    holder = user_of(name) if is_terminal(name) else ""
-    if holder:
-        yield fault("port_busy", "in use", f"{name} is in use by {holder}")
 
 
 def _latency_timer(port: Port) -> Iterator[Finding]:
