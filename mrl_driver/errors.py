@@ -1,25 +1,5 @@
 """All errors that the project raises on purpose.
 
-    MrlError                    exit code 1
-    +-- ConfigError             2   a parameter, option or YAML value is missing, misspelt or out of range
-    +-- LinkError               3   the serial port
-    |   +-- PortMissing         3   no such port, or it is not a serial port
-    |   +-- PortDenied          4   no permission
-    |   +-- PortBusy            5   another program uses it
-    |   +-- LinkLost            6   the port was open and went away
-    +-- BoardError              7   the board
-    |   +-- NotARobot           7   nothing, or something else, answers (also a TimeoutError)
-    |   +-- WrongRobot          8   a robot answers, but not the configured one
-    |   +-- BatteryDead         9   the motors have no power, or too little to start
-    |   +-- BoardTimeout       10   a known board did not answer in time (also a TimeoutError)
-    |   |   +-- HostBusy       10   because this computer was too busy
-    |   +-- BoardRefused       11   the board refused a request
-    |   +-- WheelFault         14   a wheel does not follow its command
-    +-- FrameError             12   the command table does not allow this frame (also a ValueError)
-    +-- SimulatorError         13   the emulator cannot be built or started
-    +-- OutputError            15   output cannot be printed or written to a file
-    +-- GoalMissed             16   the robot gave up its goal
-
 Each message is one line: what was got, what was expected, what to do.  The command line prints it with its code, such
 as `[port_busy]`, and exits with `exit_code`; libraries only raise.  `mrl explain CODE` says more (`problems`).
 """

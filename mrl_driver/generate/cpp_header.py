@@ -148,7 +148,9 @@ def _sensor_rows() -> List[str]:
 
 def _request_rows() -> List[str]:
     """Macro lists: the firmware expands them into flash tables."""
-    rows, ranges, first = [], [], 0
+    rows: List[str] = []
+    ranges: List[str] = []
+    first = 0
     for row in table.COMMANDS:
         most = len(row.request)
         kind = "NO_REQUEST" if row.name in _NO_REQUEST else "REQUEST"

@@ -32,28 +32,11 @@ def summarise(
         else:
             reader.read(time_s, direction, len(data), events)
             advance(len(data) + LINE_BYTES)
-    robot, odometry = reader.robot, reader.robot.odometry
-    moves = robot.model is not None and robot.model.drives
-    pose = (odometry.pose if odometry else ORIGIN)._asdict() if moves else None
-    refused = odometry.baseline.refused if odometry else 0
     return {
         "file": recording.path,
         "started": recording.header.get("started"),
         "port": recording.header.get("port"),
-        "robot": robot.model.name if robot.model else None,
-        "robot_id": robot.robot_id,
-        "duration_s": reader.duration_s,
-        "bytes_from_board": reader.sizes[FROM_BOARD],
-        "bytes_to_board": reader.sizes[TO_BOARD],
-        "frames": _named(reader.frames),
-        "requests": _named(reader.requests),
-        "garbage": dict(sorted(reader.garbage.items())),
-        "lost": robot.counters.lost,
-        "duplicates": robot.counters.duplicates,
-        "refused_counts": refused if moves else None,
-        "pose": pose,
-        "sensors": reader.sensors,
-        "imu": robot.imu_state,
+        **reader.figures(),
         "skipped_lines": recording.skipped_count,
         "skipped": {str(number): reason for number, reason in recording.skipped.items()},
     }
@@ -74,6 +57,28 @@ class _Reader:
         self.requests: Counter[int] = Counter()
         self.sensors: Dict[str, Dict[str, Any]] = {}
         self.garbage: Counter[str] = Counter()
+
+    def figures(self) -> Dict[str, Any]:
+        """Return the figures of the drive."""
+        robot, odometry = self.robot, self.robot.odometry
+        moves = robot.model is not None and robot.model.drives
+        refused = odometry.baseline.refused if odometry else 0
+        return {
+            "robot": robot.model.name if robot.model else None,
+            "robot_id": robot.robot_id,
+            "duration_s": self.duration_s,
+            "bytes_from_board": self.sizes[FROM_BOARD],
+            "bytes_to_board": self.sizes[TO_BOARD],
+            "frames": _named(self.frames),
+            "requests": _named(self.requests),
+            "garbage": dict(sorted(self.garbage.items())),
+            "lost": robot.counters.lost,
+            "duplicates": robot.counters.duplicates,
+            "refused_counts": refused if moves else None,
+            "pose": (odometry.pose if odometry else ORIGIN)._asdict() if moves else None,
+            "sensors": self.sensors,
+            "imu": robot.imu_state,
+        }
 
     def read(self, time_s: float, direction: str, size: int, events: List[Event]) -> None:
         """Add what was sent in a direction."""

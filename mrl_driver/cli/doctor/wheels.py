@@ -21,6 +21,7 @@ MIN_MOVED_M, OTHER_WHEEL_SHARE = 0.02, 0.3
 """A wheel has turned if it moved at least this far [m]; the other one may move by this share of its distance."""
 CLOSER_M, HAND_M = 0.2, 0.6
 """A hand is in front of a sonar if it reads below `HAND_M`, and at least `CLOSER_M` less than before [m]."""
+PATIENCE_S = 15.0  # the user has this long to hold a hand in front of a sonar [s]
 _MOTORS = {"right": "motor and encoder 3", "left": "motor and encoder 1"}
 
 Ask = Callable[[str], bool]
@@ -107,25 +108,21 @@ def evaluate(side: str, moved: Moved) -> Finding:
     return fault("wheels_swapped", wheel, f"both counters moved ({words})", advice)
 
 
-def sonar_order(
-    read: Callable[[], Mapping[str, float]], ask: Ask, patience_s: float = 15.0, tick_s: float = 0.05
-) -> Iterator[Finding]:
+def sonar_order(read: Callable[[], Mapping[str, float]], ask: Ask) -> Iterator[Finding]:
     """Ask the user (by `ask`) to hold a hand in front of each sonar in turn; the answer False skips the sonar."""
     for name in list(read()):
-        if not ask(f"Hold a hand about 30 cm in front of the {name} sonar.  Ready?"):
+        if ask(f"Hold a hand about 30 cm in front of the {name} sonar.  Ready?"):
+            yield _order(name, _await_hand(read))
+        else:
             yield note("sonar_missed", f"sonar {name}", "order not checked")._replace(advice="")
-            continue
-        yield _order(name, _await_hand(read, patience_s, tick_s))
 
 
-def _await_hand(read: Callable[[], Mapping[str, float]], patience_s: float, tick_s: float) -> str:
-    end_s = time.monotonic() + patience_s
-    while time.monotonic() < end_s:
+def _await_hand(read: Callable[[], Mapping[str, float]]) -> str:
+    end_s, found = time.monotonic() + PATIENCE_S, ""
+    while not found and time.monotonic() < end_s:
+        time.sleep(0.05)
         found = nearest(read())
-        if found:
-            return found
-        time.sleep(tick_s)
-    return ""
+    return found
 
 
 def nearest(ranges: Mapping[str, float]) -> str:
