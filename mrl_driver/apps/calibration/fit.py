@@ -20,12 +20,7 @@ SCALE, OFFSET, SLIP, AXLE = "metres_per_count", "wheel_offset", "turn_slip", "wh
 _DELTA = 1e-6
 LEAST_SCALE_SD = 2e-4
 """Smallest standard deviation of a calibrated scale: tyres and floors change by more than the fit may say."""
-_SCALES = {
-    SCALE: "distance_scale_sd",
-    OFFSET: "wheel_ratio_sd",
-    SLIP: "turn_scale_sd",
-    AXLE: "turn_scale_sd",
-}
+_SCALES = {SCALE: "distance_scale_sd", OFFSET: "wheel_ratio_sd", SLIP: "turn_scale_sd", AXLE: "turn_scale_sd"}
 """Keys of `Noise` for the deviations of fitted parameters."""
 
 

@@ -31,12 +31,7 @@ from .findings import Finding
 _OWN = pathlib.Path(__file__).resolve().parent / "page"
 _SHARED = _OWN.parent.parent / "web" / "page"
 _UPLOT = _SHARED / "vendor" / "uplot"
-_SCRIPTS = (
-    _SHARED / "text.js",
-    _SHARED / "chart_options.js",
-    _SHARED / "map.js",
-    _OWN / "review.js",
-)
+_SCRIPTS = (_SHARED / "text.js", _SHARED / "chart_options.js", _SHARED / "map.js", _OWN / "review.js")
 """Modules of the page, each after those that it imports."""
 _STYLES = (_UPLOT / "uPlot.min.css", _SHARED / "common.css", _OWN / "review.css")
 MOST_LISTED = 200  # stops that are listed one by one; further ones are counted

@@ -18,7 +18,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import RobotModel
 
 from . import calibrate_job
-from .calibrate_job import Job, Result, job_options
+from .calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
 from .calibrate_view import console, facts_of, outcome_lines, ruler_for
 
 
@@ -110,17 +110,13 @@ _run_option = click.option(
 _again_option = click.option(
     "--again", multiple=True, type=int, metavar="N", help="Drive run N of an interrupted calibration again."
 )
-_speed_option = click.option(
-    "--speed", type=Between(0.03, 1.0), default=0.2, show_default=True, help="Speed [m/s]."
-)
+_speed_option = value_option("--speed", Between(0.03, 1.0), 0.2, "Speed [m/s].")
 
 
 @click.command()
 @job_options
-@click.option(
-    "--distance", type=Between(0.3, 20.0), default=2.0, show_default=True, help="Length of a run [m]."
-)
-@calibrate_job.count_option(4, "there and back")
+@value_option("--distance", Between(0.3, 20.0), 2.0, "Length of a run [m].")
+@value_option("--count", RUNS, 4, "Runs, alternately there and back.")
 @_speed_option
 @_run_option
 @_again_option
@@ -141,8 +137,8 @@ def straight(
 
 @click.command(short_help="Measure the slip offset Cs of tracks, or the wheelbase of wheels.")
 @job_options
-@calibrate_job.turns_option(2)
-@calibrate_job.count_option(6, "left and right")
+@value_option("--turns", TURNS, 2, "Whole turns per run.")
+@value_option("--count", RUNS, 6, "Runs, alternately left and right.")
 @_speed_option
 @_run_option
 @_again_option
@@ -163,10 +159,8 @@ def turn(
 
 @click.command(short_help="Measure wheel ratio, wheelbase and noise, by squares.")
 @job_options
-@click.option(
-    "--side", type=Between(0.3, 10.0), default=1.0, show_default=True, help="Side of the square [m]."
-)
-@click.option("--laps", type=int, default=5, show_default=True, help="Laps in each direction, at least 2.")
+@value_option("--side", Between(0.3, 10.0), 1.0, "Side of the square [m].")
+@value_option("--laps", int, 5, "Laps in each direction, at least 2.")
 @_speed_option
 @_run_option
 @_again_option

@@ -12,7 +12,7 @@ from mrl_driver.apps.calibration.manoeuvres import Speeds
 from mrl_driver.cli.commands.shared import Between, print_message
 
 from . import calibrate_job
-from .calibrate_job import Job, Result, job_options
+from .calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
 from .calibrate_view import console, ruler_for
 
 IMU_PERIOD_MS = 20  # time between two readings of the IMU
@@ -20,14 +20,13 @@ IMU_PERIOD_MS = 20  # time between two readings of the IMU
 
 @click.command(short_help="Measure the mounting angles of the IMU, and the scale of its gyro.")
 @job_options
-@calibrate_job.turns_option(3)
-@calibrate_job.count_option(4, "left and right")
-@click.option(
+@value_option("--turns", TURNS, 3, "Whole turns per run.")
+@value_option("--count", RUNS, 4, "Runs, alternately left and right.")
+@value_option(
     "--distance",
-    type=Between(0.0, 5.0),
-    default=0.4,
-    show_default=True,
-    help="Length of the straight drives [m]; 0 leaves them out, and the yaw of the mount stays as it is.",
+    Between(0.0, 5.0),
+    0.4,
+    "Length of the straight drives [m]; 0 leaves them out, and the yaw of the mount stays as it is.",
 )
 def imu(job: Job, turns: int, count: int, distance: float) -> None:
     """Measure the mounting angles of the IMU, and the scale of its gyro.

@@ -19,12 +19,7 @@ from typing import (
 import click
 
 from mrl_driver import figures
-from mrl_driver.apps.calibration.calibration_files import (
-    Key,
-    Progress,
-    require_writable,
-    write_model,
-)
+from mrl_driver.apps.calibration.calibration_files import Key, Progress, require_writable, write_model
 from mrl_driver.cli.commands.shared import (
     battery_option,
     confirm,
@@ -78,9 +73,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     @click.option("--plot", metavar="FILE", help="Draw the result; needs matplotlib.")
     @click.option("--restart", is_flag=True, help="Discard the runs of an interrupted calibration.")
     @click.option(
-        "--eeprom/--no-eeprom",
-        default=None,
-        help="Write the board's EEPROM too, or not; default: ask.",
+        "--eeprom/--no-eeprom", default=None, help="Write the board's EEPROM too, or not; default: ask."
     )
     @click.option("--record", metavar="FILE", type=click.Path(), help="Record all bytes of both directions.")
     @battery_option
@@ -99,20 +92,12 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     return wrapper
 
 
-def count_option(default: int, between: str) -> Callable[[Any], Any]:
-    """The option for the number of runs, which go alternately `between`."""
-    kind = click.IntRange(2, 50)
-    return click.option(
-        "--count", type=kind, default=default, show_default=True, help=f"Runs, alternately {between}."
-    )
+def value_option(name: str, kind: Any, default: float, text: str) -> Callable[[Any], Any]:
+    """An option with a default, which the help shows."""
+    return click.option(name, type=kind, default=default, show_default=True, help=text)
 
 
-def turns_option(default: int) -> Callable[[Any], Any]:
-    """The option for the turns of a run."""
-    kind = click.IntRange(1, 20)
-    return click.option("--turns", type=kind, default=default, show_default=True, help="Whole turns per run.")
-
-
+RUNS, TURNS = click.IntRange(2, 50), click.IntRange(1, 20)
 recording_option = click.option(
     "--recording", metavar="FILE", help="Instead of driving: a recording of this calibration."
 )

@@ -23,7 +23,7 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.sonar_curve import THESIS, Curve
 
 from . import calibrate_job
-from .calibrate_job import Job, Result, job_options
+from .calibrate_job import Job, Result, job_options, value_option
 from .calibrate_view import console
 
 Points = Tuple[List[float], List[float]]  # readings and distances [m]
@@ -32,17 +32,9 @@ _LONGEST_POINTS = 1 << 22  # longest file of points read [byte]; a calibration m
 
 @click.command(short_help="Measure the curve of the sonars, range_cm = a s^b + c.")
 @job_options
-@click.option(
-    "--start",
-    type=float,
-    default=2.0,
-    show_default=True,
-    help="Distance of the front sonar from the wall at the start [m].",
-)
-@click.option("--stop", type=float, default=0.2, show_default=True, help="Smallest distance [m].")
-@click.option(
-    "--step", type=float, default=0.05, show_default=True, help="Distance between two readings [m]."
-)
+@value_option("--start", float, 2.0, "Distance of the front sonar from the wall at the start [m].")
+@value_option("--stop", float, 0.2, "Smallest distance [m].")
+@value_option("--step", float, 0.05, "Distance between two readings [m].")
 @click.option(
     "--points", metavar="FILE", help="Instead of driving: a file with lines of distance [m], reading [m]."
 )

@@ -8,7 +8,7 @@ from typing import Dict, List, Set, Tuple
 from mrl_driver.apps.review.drive_data import DriveData
 
 from . import board, distances, gyro, link, sonars, supply, wheels
-from .finding import Finding
+from .evidence import Finding
 
 __all__ = ["Finding", "find"]
 

@@ -6,8 +6,7 @@ from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import FAULTS
 
-from .evidence import INFO, STATUS, heard, proof_of, restarts, times
-from .finding import Finding, finding
+from .evidence import INFO, STATUS, Finding, finding, heard, proof_of, restarts, times
 
 REOPENED_S = 10.0
 """A board that restarts within this time after its port was opened was reset by that, as an Arduino Uno is [s]."""

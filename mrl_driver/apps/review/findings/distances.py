@@ -15,8 +15,7 @@ import numpy as np
 from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
-from .evidence import TELEMETRY, heard, interruptions, outside
-from .finding import Finding, finding
+from .evidence import TELEMETRY, Finding, finding, heard, interruptions, outside
 
 FACTORS = np.linspace(0.6, 1.4, 41)  # tried sizes of the wheels, as shares of the model's
 LEAST_FACTOR, MOST_FACTOR = 0.7, 1.3
@@ -132,10 +131,7 @@ def _sharpness(readings: _Readings, path: _Path, factor: float) -> Any:
     """Sums of the squares of the votes for the walls of each direction, array `(DIRECTIONS,)`."""
     x_m, y_m, yaw = _placed(path, factor, readings.time_s)
     cos, sin = np.cos(yaw), np.sin(yaw)
-    x_m, y_m = (
-        x_m + cos * readings.x_m - sin * readings.y_m,
-        y_m + sin * readings.x_m + cos * readings.y_m,
-    )
+    x_m, y_m = (x_m + cos * readings.x_m - sin * readings.y_m, y_m + sin * readings.x_m + cos * readings.y_m)
     step = 2 * math.pi / DIRECTIONS
     reach = int(FIELD_OF_VIEW_RAD / 2 / step)
     axis = np.round((yaw + readings.yaw_rad) / step).astype(int)

@@ -1,11 +1,12 @@
-"""What all findings use: the frame at a moment, the times at which the robot could be used, the command in force."""
+"""What all findings use: the finding itself, the frame at a moment, the times of a working link, the command in force."""
 
 import math
-from typing import Any, List, Tuple
+from typing import Any, List, NamedTuple, Tuple
 
 import numpy as np
 
 from mrl_driver.apps.review.drive_data import DriveData, Stop
+from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD
 from mrl_driver.session.events import Ready, Stale
@@ -16,6 +17,34 @@ TELEMETRY = tuple(row.code for row in BY_NAME.values() if row.stamped and row.co
 FED_S = 0.25
 """Without a frame for longer than this, the board's watchdog has stopped the robot, by default [s]."""
 SETTLING_S = 0.5  # after a silence and after each greeting, the data may still be odd for this time [s]
+
+
+class Finding(NamedTuple):
+    """One thing that went wrong, in words for newcomers, and the frame that proves it."""
+
+    kind: str  # code of the row in `problems`, such as `sonar_dead`; the same in all versions
+    title: str  # what went wrong, in a few words
+    text: str  # what was seen, with figures, and what it means
+    time_s: float  # the moment [s since the recording began]
+    direction: str  # direction of the frame: `>` to the board, `<` from it; empty without a frame
+    data: bytes  # the frame, or the piece of data that is not one; empty if there is none
+    weight: float  # how much it matters: findings are sorted by it, the heaviest first
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it."""
+        return PROBLEMS[self.kind].advice
+
+
+def finding(
+    kind: str, weight: float, text: str, frame: Tuple[float, str, bytes], part: str = "", title: str = ""
+) -> Finding:
+    """Return a finding; its title is the message of its row in `problems`, about this wheel or sonar, if none is given.
+
+    `frame` is moment, direction and data of the frame that proves it.
+    """
+    title = title or PROBLEMS[kind].message.replace("SIDE", part).replace("NAME", part)
+    return Finding(kind, title, text, *frame, weight)
 
 
 def heard(drive: DriveData, time_s: float, *codes: int) -> Tuple[float, str, bytes]:

@@ -11,8 +11,7 @@ from mrl_driver.robot.imu import CODES
 from mrl_driver.robot.models import Drive
 from mrl_driver.session.events import ImuChanged
 
-from .evidence import IMU, TELEMETRY, heard, interruptions, outside, runs
-from .finding import Finding, finding
+from .evidence import IMU, TELEMETRY, Finding, finding, heard, interruptions, outside, runs
 
 WINDOW_S = 0.5  # turns by gyro and by wheels are compared over this time [s]
 SLIP_RAD = 0.1

@@ -15,7 +15,9 @@ from .evidence import (
     SETTLING_S,
     STATUS,
     TELEMETRY,
+    Finding,
     command_at,
+    finding,
     heard,
     interruptions,
     outside,
@@ -25,7 +27,6 @@ from .evidence import (
     sent,
     times,
 )
-from .finding import Finding, finding
 
 LEAST, LEAST_SHARE = 3, 1e-4
 """A line is bad if at least this many frames are damaged, and this share of all.  A USB cable in order damages none."""

@@ -8,8 +8,7 @@ import numpy as np
 from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M, NEAREST_M
 
-from .evidence import TELEMETRY, heard, interruptions, outside, ready_s, runs
-from .finding import Finding, finding
+from .evidence import TELEMETRY, Finding, finding, heard, interruptions, outside, ready_s, runs
 
 DEAD_S = 3.0  # a sonar is dead if it has no reading for this time [s], ten times its period
 SAME_M, SAME, SAME_RAD = 0.015, 10, math.radians(90.0)

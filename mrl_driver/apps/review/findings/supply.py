@@ -8,8 +8,7 @@ import numpy as np
 from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, BatteryMonitor
 
-from .evidence import INFO, heard, outside
-from .finding import Finding, finding
+from .evidence import INFO, Finding, finding, heard, outside
 
 SAG_SHARE, SAG_S = 0.1, 3.0
 """A battery sags if it loses more than this share of its full voltage within this time [s].  A pack of 12 V with 0.15

@@ -8,8 +8,7 @@ from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.robot.models import Drive
 from mrl_driver.safety.wheel_monitor import POWERLESS, REVERSED, Mismatch
 
-from .evidence import TELEMETRY, command_at, heard, interruptions, outside, runs
-from .finding import Finding, finding
+from .evidence import TELEMETRY, Finding, command_at, finding, heard, interruptions, outside, runs
 
 SETTLED_S = 0.5  # a wheel has its speed this long after the end of the ramp [s]
 LEAST_M_S, LEAST_M = 0.05, 0.3
