@@ -22,7 +22,7 @@ from mrl_driver.geometry import Pose
 
 from .heading import HeadingFilter
 from .kinematics import Spread, kinematics_of
-from .models import OmniDrive, RobotModel
+from .models import RobotModel
 
 START_POSITION_M2, START_YAW_RAD2 = 1e-6, 1e-6
 """Variances at the start: 1 mm and 1 mrad squared, because filters refuse zeros."""
@@ -326,15 +326,6 @@ def _carried(random: Spread, dx: float, dy: float, of_step: Spread) -> Spread:
         yt + dx * half + nyt,
         tt + ntt,
     )
-
-
-def uncertainty_of(model: RobotModel, exact_time: bool = True) -> Uncertainty:
-    """Return the covariance estimator for a robot of this model.
-
-    `exact_time` says that the times come from the board, as for `Odometry`.
-    """
-    kind = OmniUncertainty if isinstance(model.drive, OmniDrive) else Uncertainty
-    return kind(model, exact_time=exact_time)
 
 
 def is_covariance(spread: Spread) -> bool:

@@ -36,16 +36,15 @@ class Kinematics:
 
     Args:
         kind: drive type, for messages.
-        names: names of the wheels, in the order of all numbers per wheel.
-        rows: distance of each wheel per unit of forward, left and turn.
+        rows: distance of each wheel per unit of forward, left and turn, in the order of all numbers per wheel.
         sideways: the base can move sideways; otherwise its wheels prevent that.
 
     Raises:
         ConfigError: the wheels do not determine the motion.
     """
 
-    def __init__(self, kind: str, names: Sequence[str], rows: Sequence[Row], sideways: bool) -> None:
-        self.kind, self.names, self.rows, self.sideways = kind, tuple(names), tuple(rows), sideways
+    def __init__(self, kind: str, rows: Sequence[Row], sideways: bool) -> None:
+        self.kind, self.rows, self.sideways = kind, tuple(rows), sideways
         self._inverse = _least_squares(self.rows, (0, 1, 2) if sideways else (0, 2), kind)
 
     def step(self, wheels_m: Sequence[float]) -> Planar:
@@ -98,27 +97,30 @@ class Kinematics:
 def differential(separation_m: float) -> Kinematics:
     """Kinematics of two wheels side by side, right and left."""
     half_m = separation_m / 2
-    return Kinematics("differential", ("right", "left"), ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
+    return Kinematics("differential", ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
 
 
 def tracked(separation_m: float, turn_slip: float) -> Kinematics:
     """Kinematics of two tracks, right and left, that lose the share `turn_slip` of each turn to slip."""
     half_m = separation_m / 2 / (1 - turn_slip)
-    return Kinematics("tracked", ("right", "left"), ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
+    return Kinematics("tracked", ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
 
 
 def omni(radius_m: float, angles_deg: Sequence[float] = THREE_WHEELS_DEG) -> Kinematics:
     """Kinematics of omni wheels at these angles, `radius_m` from the centre; positive is counter-clockwise."""
     angles = [math.radians(angle) for angle in angles_deg]
     rows = [(-math.sin(angle), math.cos(angle), radius_m) for angle in angles]
-    return Kinematics("omni", [f"wheel_{i + 1}" for i in range(len(rows))], rows, True)
+    return Kinematics("omni", rows, True)
 
 
 def mecanum(half_length_m: float, half_width_m: float) -> Kinematics:
-    """Kinematics of four mecanum wheels at the corners, with rollers at 45 deg that form an X seen from above."""
+    """Kinematics of four mecanum wheels at the corners, with rollers at 45 deg that form an X seen from above.
+
+    Their order is front left, front right, rear left, rear right.
+    """
     arm_m = half_length_m + half_width_m
     rows = ((1.0, -1.0, -arm_m), (1.0, 1.0, arm_m), (1.0, 1.0, -arm_m), (1.0, -1.0, arm_m))
-    return Kinematics("mecanum", ("front_left", "front_right", "rear_left", "rear_right"), rows, True)
+    return Kinematics("mecanum", rows, True)
 
 
 def kinematics_of(drive: Base) -> Kinematics:

@@ -193,13 +193,13 @@ class Odometry:
         uncertainty: estimates the covariance of pose and twist; None if nobody needs it.
     """
 
-    def __init__(self, drive: Base, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN) -> None:
+    def __init__(self, drive: Base, fastest_m_s: float, exact_time: bool = True) -> None:
         self._forward = Wheels(drive.right_m_per_count / 2, drive.left_m_per_count / 2)
         self._turning = Wheels(*(2 * half_m / drive.turning_separation_m for half_m in self._forward))
         self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S
         self._waiting = _NOTHING
         self.baseline = Baseline(drive.metres_per_count, fastest_m_s, SLACK_S[exact_time])
-        self.pose = pose
+        self.pose = ORIGIN
         self.heading: Optional[HeadingFilter] = None
         self.uncertainty: Optional[Uncertainty] = None
         self._stood: Sequence[float] = (0, 0)

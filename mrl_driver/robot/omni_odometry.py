@@ -5,7 +5,7 @@ board's omnidirectional mode.  No I/O.
 import math
 from typing import Tuple
 
-from mrl_driver.geometry import ORIGIN, Pose, advance
+from mrl_driver.geometry import advance
 from mrl_driver.protocol.table import BY_NAME
 
 from .kinematics import Planar, kinematics_of
@@ -22,10 +22,8 @@ _NOTHING = (0.0, 0.0, 0.0, 0.0)
 class OmniOdometry(Odometry):
     """Pose and twist of a base with three omni wheels from its counters; otherwise as `Odometry`."""
 
-    def __init__(
-        self, drive: OmniDrive, fastest_m_s: float, exact_time: bool = True, pose: Pose = ORIGIN
-    ) -> None:
-        super().__init__(drive, fastest_m_s, exact_time, pose)
+    def __init__(self, drive: OmniDrive, fastest_m_s: float, exact_time: bool = True) -> None:
+        super().__init__(drive, fastest_m_s, exact_time)
         self._metres = drive.metres_per_count
         self._kinematics = kinematics_of(drive)
         self._sum = _NOTHING

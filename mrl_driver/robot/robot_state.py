@@ -24,7 +24,7 @@ from mrl_driver.session.handshake import Board, with_measured
 from mrl_driver.session.sensor_polling import SENSOR_STREAM
 
 from . import battery, imu, models, sonar
-from .covariance import AT_START, Spread, Variances, uncertainty_of
+from .covariance import AT_START, OmniUncertainty, Spread, Uncertainty, Variances
 from .imu import Imu, ImuTracker
 from .models import OmniDrive, RobotModel, require_supported
 from .odometry import AnyTwist, AnyWheels, Odometry, fastest_wheel_m_s
@@ -356,10 +356,13 @@ def build_warning(model: RobotModel, board: Board) -> str:
 
 
 def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:
-    """Return the odometry for a robot of this model."""
-    kind = OmniOdometry if isinstance(model.drive, OmniDrive) else Odometry
-    made = kind(model.drive, fastest_m_s(model), exact_time)  # type: ignore[arg-type]
-    made.uncertainty = uncertainty_of(model, exact_time)
+    """Return the odometry for a robot of this model; `exact_time` says that the times come from the board."""
+    if isinstance(model.drive, OmniDrive):
+        made: Odometry = OmniOdometry(model.drive, fastest_m_s(model), exact_time)
+        made.uncertainty = OmniUncertainty(model, exact_time=exact_time)
+    else:
+        made = Odometry(model.base, fastest_m_s(model), exact_time)
+        made.uncertainty = Uncertainty(model, exact_time=exact_time)
     return made
 
 

@@ -70,8 +70,7 @@ class NewReadings:
     same result.
     """
 
-    def __init__(self, cycle_s: float = CYCLE_S) -> None:
-        self._cycle_s = cycle_s
+    def __init__(self) -> None:
         self.values: Tuple[int, ...] = ()
         """The last values.  As long as they are equal, and before `due_s`, nothing is new."""
         self.due_s = -math.inf
@@ -82,6 +81,6 @@ class NewReadings:
         old, self.values = self.values or (None,) * len(NAMES), values
         new = [i for i, value in enumerate(values) if value != old[i] or time_s >= self._due_s[i]]
         for i in new:
-            self._due_s[i] = time_s + self._cycle_s
+            self._due_s[i] = time_s + CYCLE_S
         self.due_s = min(self._due_s)
         return tuple(NAMES[i] for i in new)

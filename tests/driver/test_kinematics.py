@@ -111,7 +111,7 @@ def test_covariance_is_that_of_independent_wheels(base, twist):
 def square(base: Kinematics, whole_counts: bool) -> float:
     """How far odometry is off after a square of 1 m in which the robot turns round once [m]."""
     true = found = ORIGIN
-    travelled, counted = [0.0] * len(base.names), [0.0] * len(base.names)
+    travelled, counted = [0.0] * len(base.rows), [0.0] * len(base.rows)
     for side in range(4):
         for _ in range(100):
             heading = side * math.pi / 2 - true.yaw_rad
@@ -150,7 +150,7 @@ def test_wheels_that_do_not_determine_the_motion():
 def test_the_drive_of_a_model_chooses_the_base(drive, kind):
     base = kinematics_of(drive)
     assert base.kind == kind
-    assert base.wheel_steps(Planar(0.0, 0.0, 1.0))[0 if len(base.names) < 4 else 1] == pytest.approx(
+    assert base.wheel_steps(Planar(0.0, 0.0, 1.0))[0 if len(base.rows) < 4 else 1] == pytest.approx(
         drive.turning_separation_m / 2
     )
 

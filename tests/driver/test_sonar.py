@@ -43,7 +43,7 @@ def test_the_curve_of_2013_boards_is_undone(true_cm):
 
 
 def test_a_value_is_new_when_it_changes_and_once_per_cycle():
-    readings = NewReadings(cycle_s=0.3)
+    readings = NewReadings()
     assert readings.update((1, 2, 3), 0.0) == NAMES
     assert readings.update((1, 5, 3), 0.02) == ("left",)
     news = [readings.update((1, 5, 3), 0.02 * i) for i in range(2, 31)]

@@ -132,17 +132,15 @@ def describe(times_s: Numbers, travel: Numbers, target_counts_s: float) -> Respo
     share = speed / target_counts_s
     low, high = _first(middle, share >= 0.1), _first(middle, share >= 0.9)
     outside = np.flatnonzero(np.abs(share - 1) > 0.05)
-    settled = (
-        float(middle[outside[-1] + 1]) if len(outside) and outside[-1] + 1 < len(middle) else float("nan")
-    )
-    settled = float(middle[0]) if not len(outside) else settled
+    first = outside[-1] + 1 if len(outside) else 0
+    settled = float(middle[first]) if first < len(middle) else float("nan")
     last = share[-max(1, len(share) // 4) :]
     return Response(high - low, max(0.0, float(share.max()) - 1), settled, float(1 - last.mean()))
 
 
-def speeds(times_s: np.ndarray, travel: np.ndarray, over_s: float = 0.05) -> Tuple[np.ndarray, np.ndarray]:
-    """Times and speeds [count/s] over about `over_s` each."""
-    step = max(1, int(round(over_s / max(1e-4, float(np.median(np.diff(times_s)))))))
+def speeds(times_s: np.ndarray, travel: np.ndarray) -> Tuple[np.ndarray, np.ndarray]:
+    """Times and speeds [count/s] over about 0.05 s each."""
+    step = max(1, int(round(0.05 / max(1e-4, float(np.median(np.diff(times_s)))))))
     dt = times_s[step:] - times_s[:-step]
     return (times_s[step:] + times_s[:-step]) / 2, (travel[step:] - travel[:-step]) / dt
 

@@ -49,7 +49,7 @@ class ImuTrack:
     """Records IMU and wheels between `begin` and `end`.  Make one per robot: its callbacks stay registered."""
 
     def __init__(self, robot: Driver) -> None:
-        self._robot = robot
+        self.robot = robot
         self._readings: List[Tuple[float, ...]] = []
         self._ways: List[Tuple[float, ...]] = []
         self._on = False
@@ -63,8 +63,8 @@ class ImuTrack:
 
     def _note_way(self, telemetry: Telemetry) -> None:
         if self._on:
-            assert self._robot.model is not None
-            forward, _, turn = by_wheels(self._robot.model, telemetry)
+            assert self.robot.model is not None
+            forward, _, turn = by_wheels(self.robot.model, telemetry)
             self._ways.append((telemetry.stamp_s, forward, turn))
 
     def begin(self) -> None:
@@ -102,11 +102,12 @@ def require_imu(robot: Driver) -> None:
         )
 
 
-def stand(robot: Driver, track: ImuTrack, seconds: float, begin: bool = False) -> Rest:
+def stand(track: ImuTrack, seconds: float, begin: bool = False) -> Rest:
     """Wait until the robot has stood still for `seconds`, and return the means of that time.
 
     With `begin`, the track begins with that time.  Raise ConfigError if the robot does not come to rest.
     """
+    robot = track.robot
     end_s = robot.now_s + PATIENCE_S
     while True:
         if begin:
@@ -138,30 +139,29 @@ def calibrate(
     assert robot.model is not None
     report("standing still")
     manoeuvres.settle(robot)
-    rest = stand(robot, track, STAND_S, begin=True)
+    rest = stand(track, STAND_S, begin=True)
     before = robot.model.imu
     mount, yaw_sd_rad, trouble = imu_fit.levelled(before, rest.accel_m_s2), math.nan, ""
     if plan.distance_m:
         try:
-            yaw_rad, yaw_sd_rad = imu_fit.yaw_of(
-                [_push(robot, track, plan, sign, report) for sign in (1, -1)]
-            )
+            yaw_rad, yaw_sd_rad = imu_fit.yaw_of([_push(track, plan, sign, report) for sign in (1, -1)])
             mount = mount._replace(yaw_deg=round(math.degrees(yaw_rad), 1))
         except ConfigError as error:
             trouble = str(error)
     turns: List[Turned] = []
     for leg in plan.legs:
-        turns.append(_turn(robot, track, ruler, leg, mount, turns, measured))
+        turns.append(_turn(track, ruler, leg, mount, turns, measured.heading_rad))
     scale, sd = imu_fit.scale_of(turns, measured.heading_rad)
     after = mount._replace(gyro_scale=round(scale, 5), gyro_scale_sd=round(sd, 5))
     return ImuOutcome(before, after, rest, turns, yaw_sd_rad, trouble)
 
 
-def _push(robot: Driver, track: ImuTrack, plan: ImuPlan, sign: int, report: Callable[[str], None]) -> Push:
+def _push(track: ImuTrack, plan: ImuPlan, sign: int, report: Callable[[str], None]) -> Push:
     """Drive straight, forward or back."""
+    robot = track.robot
     assert robot.model is not None
     report(f"{plan.distance_m:g} m {'forward' if sign > 0 else 'back'}")
-    rest = stand(robot, track, REST_S, begin=True)
+    rest = stand(track, REST_S, begin=True)
     manoeuvres.straight(robot, sign * plan.distance_m, plan.speeds)
     track.end()
     flat = imu_fit.levelled(robot.model.imu, rest.accel_m_s2)
@@ -169,32 +169,26 @@ def _push(robot: Driver, track: ImuTrack, plan: ImuPlan, sign: int, report: Call
 
 
 def _turn(
-    robot: Driver,
-    track: ImuTrack,
-    ruler: Ruler,
-    leg: Leg,
-    mount: ImuMount,
-    earlier: List[Turned],
-    measured: Measured,
+    track: ImuTrack, ruler: Ruler, leg: Leg, mount: ImuMount, earlier: List[Turned], heading_sd_rad: float
 ) -> Turned:
     """Turn in place between two rests.  Between them the robot may also be turned by hand: the gyro notices it."""
     ruler.begin(leg.name)
-    manoeuvres.settle(robot)
-    before = stand(robot, track, REST_S, begin=True)
-    leg.drive(robot)
+    manoeuvres.settle(track.robot)
+    before = stand(track, REST_S, begin=True)
+    leg.drive(track.robot)
     wheels_rad = float(track.ways()[-1, 2])
 
     def turned(end: Pose, after: Optional[Rest]) -> Turned:
         if math.isnan(end.yaw_rad):
             raise ConfigError(f"{leg.name}: the heading was not measured, expected it in degrees")
         gyro_rad, sd_rad = imu_fit.angle(track.readings(), mount, before, after)
-        scale = imu_fit.scale_of(earlier, measured.heading_rad)[0] if earlier else 1.0
+        scale = imu_fit.scale_of(earlier, heading_sd_rad)[0] if earlier else 1.0
         found = Turned(gyro_rad, sd_rad, wheels_rad, imu_fit.true_angle(gyro_rad, end.yaw_rad, scale))
-        imu_fit.require_agreement(found, earlier, measured.heading_rad, leg.name)
+        imu_fit.require_agreement(found, earlier, heading_sd_rad, leg.name)
         return found
 
     end = ruler.end(leg.name, lambda pose: turned(pose, None) and None)
-    after = stand(robot, track, REST_S)
+    after = stand(track, REST_S)
     track.end()
     return turned(end, after)
 

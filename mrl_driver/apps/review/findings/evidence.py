@@ -1,4 +1,4 @@
-"""What all findings use: the finding itself, the frame at a moment, the times of a working link, the command in force."""
+"""What all findings use: the finding itself, the frame at a moment, times of a working link, the command in force."""
 
 import math
 from typing import Any, List, NamedTuple, Tuple
