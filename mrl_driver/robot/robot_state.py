@@ -101,9 +101,12 @@ class RobotState:
     @property
     def has_sonars(self) -> bool:
         """The board measures ranges.  2013 boards do not report it; for them the model and the robot id decide."""
-        if self.model is None or self.info is None:
+        model, info = self.model, self.info
+        if model is None or info is None or not model.sonars:
             return False
-        return has_sonars(self.model, self.info.capabilities, self.info.robot_id)
+        if info.capabilities:
+            return "sonars" in info.capabilities
+        return not models.has_environment(model, info.robot_id)
 
     @property
     def build_assumed(self) -> bool:
@@ -113,10 +116,26 @@ class RobotState:
 
     @property
     def build_warning(self) -> str:
-        """A warning if the board does not have the build that the model names; empty if it has, or names none."""
-        if self.model is None or self.info is None:
+        """A warning if the board has another build than its model names or its id implies; empty if it has that."""
+        model, board = self.model, self.info
+        if model is None or board is None:
             return ""
-        return build_warning(self.model, self.info)
+        if board.version < 2:
+            if not models.has_environment(model, board.robot_id) or board.capabilities:
+                return ""
+            return (
+                "the board does not send its environment sensors, as none with firmware of January 2013 does: there "
+                "are no sensor values and no ranges"
+            )
+        names = {"sonars": models.SONAR, "environment": models.ENVIRONMENT}
+        there = next((build for name, build in names.items() if name in board.capabilities), "")
+        if not model.build or not there or there == model.build:
+            return ""
+        lost = "its ranges are not used" if there == models.SONAR else "there are no ranges"
+        return (
+            f"the board has the build {there}, expected {model.build}, which the robot model or the parameter build "
+            f"names: {lost}; change the name, or flash with: mrl flash --build {model.build} --port PORT"
+        )
 
     @property
     def imu_state(self) -> str:
@@ -326,33 +345,6 @@ def _lacks_motor_board(board: Board, capabilities: FrozenSet[str]) -> bool:
 def _may_lack_battery(board: Board) -> bool:
     """Return whether 0 V may mean that the board does not measure its battery: it has not reported its capabilities."""
     return board.version >= 2 and board.protocol < 2 and board.battery_v == 0.0
-
-
-def has_sonars(model: RobotModel, capabilities: FrozenSet[str], robot_id: Optional[int]) -> bool:
-    """Return whether a board measures ranges.  2013 boards have no capabilities: model and robot id decide."""
-    if not model.sonars:
-        return False
-    return "sonars" in capabilities if capabilities else not models.has_environment(model, robot_id)
-
-
-def build_warning(model: RobotModel, board: Board) -> str:
-    """Return a warning if a board does not have the build that its model names or its id implies; empty if it has."""
-    if board.version < 2:
-        if not models.has_environment(model, board.robot_id) or board.capabilities:
-            return ""
-        return (
-            "the board does not send its environment sensors, as none with firmware of January 2013 does: there are no "
-            "sensor values and no ranges"
-        )
-    names = {"sonars": models.SONAR, "environment": models.ENVIRONMENT}
-    there = next((build for name, build in names.items() if name in board.capabilities), "")
-    if not model.build or not there or there == model.build:
-        return ""
-    lost = "its ranges are not used" if there == models.SONAR else "there are no ranges"
-    return (
-        f"the board has the build {there}, expected {model.build}, which the robot model or the parameter build "
-        f"names: {lost}; change the name, or flash with: mrl flash --build {model.build} --port PORT"
-    )
 
 
 def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:

@@ -170,25 +170,15 @@ def reduced(drive: DriveData, moments: Iterable[float]) -> Dict[str, Any]:
     charts = charts_of(drive)
     curves = [curve for chart in charts for curve in chart.curves]
     grid = _Grid(drive, curves, moments, max(2, MOST_VALUES // (len(curves) + 4)))
+
+    def shown(curve: Curve) -> Dict[str, Any]:
+        values = packed(grid.reduce(curve), curve.step)
+        return {"name": curve.name, "stepped": curve.stepped, "step": curve.step, "values": values}
+
     return {
         "times": packed(grid.times_s, 0.001),
         "duration": float(drive.duration_s),
-        "charts": [
-            {
-                "title": chart.title,
-                "unit": chart.unit,
-                "curves": [
-                    {
-                        "name": curve.name,
-                        "stepped": curve.stepped,
-                        "step": curve.step,
-                        "values": packed(grid.reduce(curve), curve.step),
-                    }
-                    for curve in chart.curves
-                ],
-            }
-            for chart in charts
-        ],
+        "charts": [{**each._asdict(), "curves": list(map(shown, each.curves))} for each in charts],
         "poses": [packed(grid.sample(drive.poses, axis), 0.001) for axis in range(3)],
     }
 

@@ -10,6 +10,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
 from mrl_driver.yaml_file import Reader
+from mrl_driver.yaml_form import Number, Section
 
 from .margin import Arm, Mass, Point, Vehicle, hull
 
@@ -70,11 +71,12 @@ def parse(data: Any, path: str) -> Vehicle:
     reader = Reader(path)
     found = reader.keys("", data, _KEYS, ("payloads", "arm"))
     payloads = reader.mapping("payloads", found.get("payloads", {}), "a mapping of names to masses")
+    mass = _section(Mass)
     return Vehicle(
         reader.text("name", found["name"]),
         _contacts(reader, found["contacts"]),
-        _mass(reader, "body", found["body"]),
-        {str(name): _mass(reader, f"payloads.{name}", value) for name, value in payloads.items()},
+        mass.read(reader, "body", found["body"]),
+        {str(name): mass.read(reader, f"payloads.{name}", value) for name, value in payloads.items()},
         _arm(reader, found["arm"]) if "arm" in found else None,
     )
 
@@ -120,16 +122,14 @@ def _contacts(reader: Reader, value: Any) -> Tuple[Point, ...]:
     return tuple(points)
 
 
-def _mass(reader: Reader, key: str, data: Any) -> Mass:
-    found = reader.keys(key, data, Mass._fields)
-    return Mass(*(reader.number(f"{key}.{name}", found[name], *RANGES[name]) for name in Mass._fields))
-
-
 def _arm(reader: Reader, data: Any) -> Arm:
-    found = reader.keys("arm", data, Arm._fields, ("heading_deg",))
-    arm = Arm(**{name: reader.number(f"arm.{name}", value, *RANGES[name]) for name, value in found.items()})
+    arm: Arm = _section(Arm).read(reader, "arm", data)
     if arm.centre_m > arm.length_m:
         raise reader.fail(
             "arm.centre_m", arm.centre_m, f"a place on the arm, which is {arm.length_m:g} m long"
         )
     return arm
+
+
+def _section(kind: Any) -> Section:
+    return Section(kind, {name: Number(*RANGES[name]) for name in kind._fields})

@@ -1,6 +1,6 @@
 """`mrl calibrate wiring`: with a motor board, names wires to exchange; with an H-bridge, stores how they are."""
 
-from typing import Any, List, NamedTuple, Optional
+from typing import Any, List, Optional
 
 import click
 
@@ -20,14 +20,6 @@ CHIPS = BRIDGES[1:]
 bridge_choice = click.Choice(CHIPS, case_sensitive=False)
 
 
-class BridgeOptions(NamedTuple):
-    """The options for boards with an H-bridge."""
-
-    bridge: Optional[str]
-    single_channel: bool
-    answers: Optional[str]
-
-
 @click.command()
 @job_options
 @click.option("--unseen", is_flag=True, help="Do not ask which wheel turned; finds fewer faults.")
@@ -39,7 +31,7 @@ class BridgeOptions(NamedTuple):
 )
 @click.option("--answers", metavar="WORDS", help="Answers for scripts, such as left,forward,back,yes.")
 @recording_option
-def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> None:
+def wiring(job: Job, unseen: bool, recording: Optional[str], answers: Optional[str], **bridge: Any) -> None:
     """Find swapped or reversed wires of motors and encoders.
 
     With a motor board, it asks, turns each wheel forward for half a second, and names the wires to exchange.  Put the
@@ -54,7 +46,6 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> 
       mrl calibrate wiring --port /dev/ttyACM0
       mrl calibrate wiring --robot kit --bridge l298n
     """
-    given = BridgeOptions(**options)
     if recording is not None:
         model = recorded_model(job)
         if model.board.get("bridge"):
@@ -64,13 +55,13 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], **options: Any) -> 
             )
         _report(wiring_procedures.recorded(recording, model), job)
         return
-    if job.truth is None and not unseen and given.answers is None:
+    if job.truth is None and not unseen and answers is None:
         require_terminal(
             "--unseen to skip the question which wheel turned, or --answers with an H-bridge board"
         )
     with calibrate_job.connect(job) as driver:
         if gain_procedures.CAPABILITY in driver.board.capabilities:
-            _store(driver, job, given, unseen)
+            _store(driver, job, unseen, answers, **bridge)
             return
         warn(driver)
         scene = _scene(driver, job, SeenByUser(more=["unseen"]), unseen)
@@ -97,29 +88,36 @@ def _report(found: List[str], job: Job) -> None:
         click.echo("the wiring of motors and encoders is right")
 
 
-def _store(driver: Driver, job: Job, given: BridgeOptions, unseen: bool) -> None:
+def _store(
+    driver: Driver,
+    job: Job,
+    unseen: bool,
+    answers: Optional[str],
+    bridge: Optional[str],
+    single_channel: bool,
+) -> None:
     """Find the wiring of an H-bridge board, prove it, and save it in the EEPROM."""
     if unseen:
         raise ConfigError(
             "--unseen is given, but the encoders of an H-bridge board do not show which wheel turned; leave it out, or "
             "give --answers"
         )
-    scene, bridge = _scene(driver, job, SeenByUser(given.answers)), _bridge_of(driver, given.bridge)
+    scene, number = _scene(driver, job, SeenByUser(answers)), _bridge_of(driver, bridge)
     confirm_drive(
         job,
-        f"Each wheel turns slowly for {wiring_procedures.SLOW_S} s, driven by a {BRIDGES[bridge].upper()}. Are the "
+        f"Each wheel turns slowly for {wiring_procedures.SLOW_S} s, driven by a {BRIDGES[number].upper()}. Are the "
         "wheels off the ground?",
     )
-    with wiring_procedures.uncorrected(driver, bridge, given.single_channel):
+    with wiring_procedures.uncorrected(driver, number, single_channel):
         with gain_procedures.ramp_off(driver):  # a slow ramp would not reach 20 % in 0.3 s
-            found = wiring_procedures.find_wiring(scene, given.single_channel)
+            found = wiring_procedures.find_wiring(scene, single_channel)
             driver.parameters.write({"wiring": found})
             wiring_procedures.prove(scene)
         if job.eeprom is not False:
             driver.parameters.save()
     words = bridge_wiring.in_words(found)
     if job.as_json:
-        print_json({"bridge": BRIDGES[bridge], "wiring": found, "differences": words})
+        print_json({"bridge": BRIDGES[number], "wiring": found, "differences": words})
         return
     kept = "in force until the board restarts" if job.eeprom is False else "stored in the board's EEPROM"
     click.echo(f"{', '.join(words) or 'the wires are as in HARDWARE.md'}: wiring {found}, {kept}")
