@@ -26,7 +26,6 @@ FASTEST_RAD_S = math.radians(495.0)  # faster rates may be beyond the range of 5
 SCALE_WITHIN = 0.1
 """Largest difference of the gyro's scale from 1; three times the tolerance in the data sheet."""
 AGREE_WITHIN = 0.02  # largest difference of the scales of two turns
-LEAST_TURNS = 2
 LEAST_SD = 2e-4
 """Smallest standard deviation of the scale: one degree Celsius changes it by as much (data sheet: 2 % from -40 to
 85)."""

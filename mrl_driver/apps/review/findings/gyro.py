@@ -94,7 +94,6 @@ class _Compared(NamedTuple):
     rest_rad: Any  # what the fit does not explain
     scale: float
     curve_rad_m: float
-    drift_rad_s: float
     errors: Any  # standard errors of the three
 
 
@@ -129,8 +128,7 @@ def _compare(drive: DriveData) -> Optional[_Compared]:
     noise = max(float(np.std(rest[used])), 1e-3)
     spreads = np.diag(np.linalg.pinv(table[used].T @ table[used]))
     errors = noise * np.sqrt(np.maximum(spreads, 0.0))
-    scale, curve, drift = (float(each) for each in fit)
-    return _Compared(ends, turn, distance, right, left, rest, scale, curve, drift, errors)
+    return _Compared(ends, turn, distance, right, left, rest, float(fit[0]), float(fit[1]), errors)
 
 
 def _fit(table: Any, gyro: Any, fit: Any) -> Tuple[Any, Any]:
