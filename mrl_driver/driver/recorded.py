@@ -72,6 +72,7 @@ from .robot_core import Core, DriverEvent
 LINE_BYTES = 12  # a line of the file takes about this many bytes besides its data
 _REPORT_EVERY = 2000
 _OPENING_ENTRIES = 2000  # the remarks that hold for a whole recording are looked for in this many entries
+_MOST_TURNS = 200  # at most this many are made between two entries of a file without the session's beginning
 _LEAST_FRAMES = _LEAST_MOVES = 3
 _GREETING_S, _LONG_GREETING_S = 1.0, 5.0
 """A greeting that does not end while the board streams for this time is incomplete in the file: the session goes on
@@ -279,8 +280,10 @@ class RecordedDriver(Driver):
         if direction == REMARK:
             self._take_remark(data, now)
             return
-        if not self._core.begun and not self._session_known:
-            self._begin(now)
+        if not self._session_known:
+            if not self._core.begun:
+                self._begin(now)
+            self._make_turns(now)
         if direction == FROM_BOARD:
             self._take_read(data, now)
         else:
@@ -291,6 +294,15 @@ class RecordedDriver(Driver):
         self._core.begin(now)
         self._core.session.relink(now, same=False)
         self._serving = True
+
+    def _make_turns(self, until_s: float) -> None:
+        """Do what was due before this time, which a damaged file may lack."""
+        core, now = self._core, -math.inf
+        for _ in range(_MOST_TURNS):
+            now = max(core.deadline(until_s), now + 1e-3)
+            if now >= until_s:
+                return
+            self._tell(self._turn(b"", now))
 
     def _turn(self, data: bytes, now: float) -> Sequence[DriverEvent]:
         core = self._core
