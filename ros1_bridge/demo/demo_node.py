@@ -14,9 +14,10 @@ import rosgraph
 import rospy
 from geometry_msgs.msg import Twist
 
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal import live_view
 from mrl_driver.view.shown_state import line_of
-from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel, operator_now_s
+from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.run_node import run_node
 from ros1_bridge.topics.topic_robot import TopicRobot
@@ -39,7 +40,7 @@ def topic_robot(robot: str) -> TopicRobot:
     def publish(linear_m_s: float, angular_rad_s: float) -> None:
         message = Twist()
         message.linear.x, message.angular.z = linear_m_s, angular_rad_s
-        cmd_vel.send(message, operator_now_s())
+        cmd_vel.send(message, clock_s())
 
     found = TopicRobot(
         publish, rospy.is_shutdown, robot, lambda: cmd_vel.delay_s, rospy.resolve_name("robot_node")

@@ -22,6 +22,7 @@ import rospy
 from geometry_msgs.msg import Twist, TwistStamped
 from std_msgs.msg import Float64, Header
 
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard, EchoDelay, delay_text
 
 from .cmd_vel import CmdVel
@@ -30,16 +31,9 @@ from .parameters import Row
 PING_S = 0.25
 CONNECT_S = 5.0
 """A robot that echoes is connected within this time."""
-CLOCK = getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC)
-"""It never jumps, and it counts the time in which a machine is suspended."""
 _DELAY = "Stop above this delay from the input to the echo of its command; 0 turns it off"
 DELAY_ROW = Row("max_delay", float, MAX_DELAY_S, "s", _DELAY, 0.0, 60.0)
 """The parameter of nodes with which an operator drives."""
-
-
-def operator_now_s() -> float:
-    """The clock of the stamps [s]."""
-    return time.clock_gettime(CLOCK)
 
 
 def _header(time_s: float, operator: str = "") -> Header:
@@ -80,12 +74,12 @@ class StampedCmdVel(CmdVel):
     def stop(self) -> None:
         """Publish a stop on both topics, so that no command in transit on one follows a stop on the other."""
         if self.echoed:
-            self.publish_stamped(_header(operator_now_s()), Twist())
+            self.publish_stamped(_header(clock_s()), Twist())
         self.publish(Twist())
 
     def stop_at_end(self) -> None:
         """Publish the last message on both topics."""
-        self._stamped.publish(_header(operator_now_s()), Twist())
+        self._stamped.publish(_header(clock_s()), Twist())
         super().stop_at_end()
 
 
@@ -100,6 +94,7 @@ class OperatorCmdVel(StampedCmdVel):
         self._operator = f"{rospy.get_name()} {os.urandom(4).hex()}"
         self._delay, self.guard = EchoDelay(), DelayGuard(max_delay_s, "~max_delay")
         self._was_echoed: Optional[bool] = None
+        self._held = False
         self._told, self._sent_s = "", -math.inf
         self._known_s = time.monotonic() + CONNECT_S
         super().__init__()
@@ -110,12 +105,21 @@ class OperatorCmdVel(StampedCmdVel):
     def delay_s(self) -> float:
         """Time from an input to the arrival of the echo of its command [s]; NaN if no robot echoes."""
         with self._lock:
-            return self._delay.delay_s(operator_now_s())
+            return self._delay.delay_s(clock_s())
+
+    def hold(self, twist: Optional[Twist], input_s: float) -> None:
+        """Drive while the operator holds a control; None: nothing is held.
+
+        The release publishes one stop, and then nothing, so that others may drive.
+        """
+        if twist is not None or self._held:
+            self._held = twist is not None
+            self.drive(twist or Twist(), input_s)
 
     def drive(self, twist: Twist, input_s: float) -> None:
         """Publish what the operator wants, or a stop while the delay is above the limit.
 
-        `input_s` is the time of the input that caused it, by `operator_now_s`.
+        `input_s` is the time of the input that caused it, by `clock_s`.
         """
         wanted = twist != Twist()
         self._follow_robot()
@@ -130,7 +134,7 @@ class OperatorCmdVel(StampedCmdVel):
     def send(self, twist: Twist, input_s: float) -> None:
         """Publish a twist whatever the delay is."""
         with self._lock:
-            self._sent_s = operator_now_s()
+            self._sent_s = clock_s()
             if self.echoed:
                 self._delay.sent(input_s)
             self.publish_stamped(_header(input_s, self._operator), twist)
@@ -143,7 +147,7 @@ class OperatorCmdVel(StampedCmdVel):
 
     def on_echo(self, header: Header) -> None:
         """Take an echo, if it is one of this operator's."""
-        now_s = operator_now_s()
+        now_s = clock_s()
         if header.frame_id == self._operator:
             with self._lock:
                 self._delay.echoed(header.stamp.to_sec(), now_s)
@@ -157,7 +161,7 @@ class OperatorCmdVel(StampedCmdVel):
         with contextlib.suppress(rospy.ROSException):  # the shutdown has closed a publisher
             while not rospy.is_shutdown():
                 self._follow_robot()
-                now_s = operator_now_s()
+                now_s = clock_s()
                 if self.echoed and now_s - self._sent_s >= PING_S:
                     with self._lock:
                         self._delay.sent(now_s)

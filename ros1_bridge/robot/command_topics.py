@@ -14,10 +14,10 @@ from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.safety.message_age import clock_s
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.pose_goal import PoseGoal
 from ros1_bridge.control.velocity_sources import Source
-from ros1_bridge.node.operator_cmd_vel import operator_now_s
 from ros1_bridge.node.robot_parameters import Parameters
 from ros1_bridge.topics import messages
 
@@ -49,7 +49,7 @@ class CommandTopics:
         self._goal = PoseGoal(commander, parameters.odom_frame, parameters.base_frame, model.sonars)
         self._seeks = False
         self._commanded_s = -math.inf
-        self._operators = Operators(parameters.max_command_delay, operator_now_s)
+        self._operators = Operators(parameters.max_command_delay, clock_s)
 
     def subscribe(self) -> None:
         """Take commands; return when the nodes that were there before this one may move the robot.

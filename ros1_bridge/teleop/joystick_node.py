@@ -11,8 +11,9 @@ import rospy
 from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import Lateness
-from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel, operator_now_s
+from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
 from ros1_bridge.node.parameters import Row, read, speed_rows
 from ros1_bridge.node.run_node import run_node
 
@@ -39,24 +40,20 @@ class TeleopJoystick:
         given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         self._joystick, self._told = Joystick(LAYOUTS[given["layout"]]), ""
         self._linear_m_s, self._angular_rad_s = given["linear_speed"], given["angular_speed"]
-        self._driving = False
         self._out = OperatorCmdVel(given["max_delay"])
         self._lateness = Lateness()
         rospy.Subscriber("joy", Joy, self._on_joy, queue_size=1, tcp_nodelay=True)
 
     def _on_joy(self, message: Joy) -> None:
         stamp_s = message.header.stamp.to_sec()
-        input_s = operator_now_s() - self._late_s(stamp_s)
+        input_s = clock_s() - self._late_s(stamp_s)
         shares = self._joystick.shares(message.axes, message.buttons, stamp_s, time.monotonic())
         self._tell()
-        if shares is None and not self._driving:
-            return
-        self._driving = shares is not None
         twist = Twist()
         if shares is not None:
             twist.linear.x = shares[0] * self._linear_m_s
             twist.angular.z = shares[1] * self._angular_rad_s
-        self._out.drive(twist, input_s)
+        self._out.hold(twist if shares is not None else None, input_s)
 
     def _late_s(self, stamp_s: float) -> float:
         """How much later than the fastest the message has come from the joystick's node [s]."""

@@ -9,9 +9,10 @@ import rospy
 from geometry_msgs.msg import Twist
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
-from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel, operator_now_s
+from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
 from ros1_bridge.node.parameters import read, speed_rows
 from ros1_bridge.node.run_node import run_node
 
@@ -36,20 +37,20 @@ class TeleopKeyboard:
             given["angular_speed"] / ANGULAR_RAD_S,
         )
         self._out = OperatorCmdVel(given["max_delay"])
-        self._driving = False
         self._shown_s = -math.inf
 
     def run(self, keyboard: Keyboard) -> None:
         """Drive until `q` or the shutdown."""
         teleop = Teleop()
         while not rospy.is_shutdown():
-            keys, input_s = keyboard.read(PERIOD_S), operator_now_s()
+            keys, input_s = keyboard.read(PERIOD_S), clock_s()
             for key in keys:
                 if key in ("q", "escape", "\x03"):
                     return
-                input_s = operator_now_s() - (time.monotonic() - keyboard.pressed_s)
+                input_s = clock_s() - (time.monotonic() - keyboard.pressed_s)
                 teleop.press(key, keyboard.pressed_s)
-                self._driving = self._driving or key == "space"
+                if key == "space":
+                    self._out.hold(Twist(), input_s)
             now_s = time.monotonic()
             self._publish(*teleop.command(now_s), teleop.slide(now_s), input_s)
             self._show(now_s)
@@ -58,10 +59,7 @@ class TeleopKeyboard:
         twist = Twist()
         twist.linear.x, twist.angular.z = linear * self._linear, angular * self._angular
         twist.linear.y = lateral * self._linear
-        moving = twist != Twist()
-        if moving or self._driving:
-            self._out.drive(twist, input_s)
-        self._driving = moving
+        self._out.hold(twist if twist != Twist() else None, input_s)
 
     def _show(self, now_s: float) -> None:
         """Show the delay on the last line of the terminal."""

@@ -19,7 +19,8 @@ from std_srvs.srv import Trigger
 from mrl_driver.apps.web.listening import lines_for, settings_for
 from mrl_driver.apps.web.robot import NO_MOTORS, PhoneReading
 from mrl_driver.errors import ConfigError
-from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel, operator_now_s
+from mrl_driver.safety.message_age import clock_s
+from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.robot_parameters import ROWS as ROBOT_ROWS
 from ros1_bridge.node.run_node import run_node
@@ -78,7 +79,7 @@ class PageCommands:
         """Send speeds of an input that is `age_s` old; returns why the robot was stopped instead, or ''."""
         twist, self._age_s = Twist(), age_s
         twist.linear.x, twist.linear.y, twist.angular.z = linear_m_s, lateral_m_s, angular_rad_s
-        self._out.drive(twist, operator_now_s() - age_s)
+        self._out.drive(twist, clock_s() - age_s)
         return self._out.guard.reason
 
     def stop(self) -> None:

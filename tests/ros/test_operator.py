@@ -12,7 +12,7 @@ from sensor_msgs.msg import Joy
 from std_msgs.msg import Float64, Header
 
 from mrl_driver.protocol.stop_reason import StopReason
-from ros1_bridge.node.operator_cmd_vel import operator_now_s
+from mrl_driver.safety.message_age import clock_s
 from ros1_bridge.robot.operators import MOST_OPERATORS, SILENT_S, Operators
 from ros1_bridge.teleop.joystick_mapping import LAYOUTS
 from tests.waiting import wait_until
@@ -136,7 +136,7 @@ def test_delay_of_a_joystick_is_measured_through_the_multiplexer(robot):
     drive(robot)
     echo = robot.echo.wait_for_more(1)[-1]
     assert echo.frame_id.startswith(f"{robot.ns}/teleop_joystick")
-    assert 0 < operator_now_s() - echo.stamp.to_sec() < SLOW_S
+    assert 0 < clock_s() - echo.stamp.to_sec() < SLOW_S
     assert wait_until(lambda: 0 < robot.delay.wait_for_more(1)[-1].data < SLOW_S)
     release(robot)
 
@@ -166,9 +166,7 @@ def test_command_that_arrives_late_is_a_stop_and_has_no_echo(robot):
     echoes.wait()
 
     def sent(late_s):
-        robot.stamped.publish(
-            Header(stamp=rospy.Time.from_sec(operator_now_s() - late_s), frame_id="tests"), twist
-        )
+        robot.stamped.publish(Header(stamp=rospy.Time.from_sec(clock_s() - late_s), frame_id="tests"), twist)
 
     sent(0.0)
     wait_until(lambda: any(echo.frame_id == "tests" for echo in echoes.messages))
@@ -193,7 +191,7 @@ def test_stop_that_arrives_late_is_followed(robot):
     echoes = robot.topic("cmd_vel/echo", Header)
     echoes.wait()
     for late_s in (30.0, 0.0, 60.0):
-        stamp = rospy.Time.from_sec(operator_now_s() - late_s)
+        stamp = rospy.Time.from_sec(clock_s() - late_s)
         robot.stamped.publish(Header(stamp=stamp, frame_id="stops"), Twist())
         assert wait_until(lambda sent=stamp: any(echo.stamp == sent for echo in echoes.messages))
 
