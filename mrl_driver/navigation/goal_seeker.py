@@ -11,7 +11,7 @@ from typing import Deque, Dict, List, Mapping, Optional, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import Limits, SonarMount
-from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M
+from mrl_driver.robot.sonar import FARTHEST_M
 
 from .occupancy_grid import FloorMap, Point
 
@@ -66,7 +66,6 @@ class GoalSeeker:
     ) -> None:
         self._goal, self._limits, self._patience_s = goal, limits, patience_s
         self._map = FloorMap(sonars)
-        self._drawn: Dict[str, Tuple[float, float]] = {}
         self._valid_s: Dict[str, float] = {}
         self._path: List[Point] = []
         self._planned_s = -math.inf
@@ -93,7 +92,8 @@ class GoalSeeker:
             return 0.0, 0.0
         if self._there:
             return self._align(pose)
-        self._map.see(pose, self._new_readings(ranges, now_s))
+        self._map.follow(pose, ranges, now_s)
+        self._find_blind(ranges, now_s)
         if self.blind:
             return 0.0, 0.0
         if self._retreats(pose):
@@ -112,20 +112,11 @@ class GoalSeeker:
         self.blocked = self._enclosed = self._looked_rad > self._look_rad
         return 0.0, 0.0 if self.blocked else 0.5 * self._limits.angular_rad_s
 
-    def _new_readings(self, ranges: Mapping[str, float], now_s: float) -> Dict[str, float]:
-        """Return the readings that changed, and once per cycle also those that did not."""
-        new = {}
+    def _find_blind(self, ranges: Mapping[str, float], now_s: float) -> None:
         for name, range_m in ranges.items():
-            if math.isnan(range_m):
-                self._valid_s.setdefault(name, now_s)
-                continue
-            self._valid_s[name] = now_s
-            before, drawn_s = self._drawn.get(name, (math.nan, -math.inf))
-            if range_m != before or now_s - drawn_s >= CYCLE_S:
-                self._drawn[name] = range_m, now_s
-                new[name] = range_m
+            if name not in self._valid_s or not math.isnan(range_m):
+                self._valid_s[name] = now_s
         self.blind = tuple(name for name, valid_s in self._valid_s.items() if now_s - valid_s > BLIND_S)
-        return new
 
     @property
     def why(self) -> str:
@@ -180,7 +171,7 @@ class GoalSeeker:
 
     def _approach(self, pose: Pose, target: Point, away_m: float) -> Speeds:
         front, left, right = (
-            room(self._drawn.get(name, (math.nan,))[0]) for name in ("front", "left", "right")
+            room(self._map.drawn.get(name, (math.nan,))[0]) for name in ("front", "left", "right")
         )
         error = wrap_angle(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
         if abs(error) > TURN_FIRST_RAD:

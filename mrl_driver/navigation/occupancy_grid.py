@@ -6,11 +6,11 @@ echoes are drawn, because the cone is narrow there; farther away it would close 
 
 import heapq
 import math
-from typing import Dict, FrozenSet, List, Mapping, Optional, Set, Tuple
+from typing import Dict, List, Mapping, Optional, Set, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
-from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+from mrl_driver.robot.sonar import CYCLE_S, FIELD_OF_VIEW_RAD
 
 CELL_M = 0.05
 NEAR_M = 0.6  # an echo within this range is drawn; a farther echo only frees the cone up to here [m]
@@ -44,6 +44,9 @@ class FloorMap:
 
     def __init__(self, sonars: Mapping[str, SonarMount]) -> None:
         self._sonars = sonars
+        self.drawn: Dict[
+            str, Tuple[float, float]
+        ] = {}  # last valid reading of each sonar, and when it was drawn
         self._scores: Dict[Cell, int] = {}
         self._taken: Set[Cell] = set()
         self._around: List[Dict[Cell, int]] = [{} for _ in ZONES]
@@ -54,9 +57,19 @@ class FloorMap:
         return not self._taken
 
     @property
-    def taken(self) -> FrozenSet[Cell]:
-        """The occupied cells."""
-        return frozenset(self._taken)
+    def taken(self) -> List[Cell]:
+        """The occupied cells, sorted."""
+        return sorted(self._taken)
+
+    def follow(self, pose: Pose, ranges: Mapping[str, float], now_s: float) -> None:
+        """Draw the readings (REP 117) that are new: those that changed, and once per cycle also those that did not."""
+        new = {}
+        for name, range_m in ranges.items():
+            before_m, drawn_s = self.drawn.get(name, (math.nan, -math.inf))
+            if not math.isnan(range_m) and (range_m != before_m or now_s - drawn_s >= CYCLE_S):
+                self.drawn[name] = range_m, now_s
+                new[name] = range_m
+        self.see(pose, new)
 
     def see(self, pose: Pose, readings: Mapping[str, float]) -> None:
         """Draw new readings (REP 117) of a robot at a pose; NaN is ignored."""

@@ -16,7 +16,7 @@ import time
 from typing import Any, Awaitable, Callable, Dict, Iterable, Iterator, List, Optional, Set
 
 from mrl_driver.errors import ConfigError, MrlError, one_line
-from mrl_driver.navigation.occupancy_grid import CELL_M
+from mrl_driver.navigation.occupancy_grid import CELL_M, FloorMap
 from mrl_driver.safety.message_age import clock_s
 
 from . import assets, messages
@@ -24,7 +24,6 @@ from .client import Client, Send, Stalled
 from .guard import headers_of, why_not
 from .helm import Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
 from .listening import DRIVE, Settings, listening_socket
-from .occupancy import Occupancy
 from .robot import PageRobot, Recorded
 
 try:
@@ -115,7 +114,7 @@ class Server:
         self._was_latched = False
         self._series: List[Any] = []
         self._facts: Dict[str, Any] = {}
-        self._occupancy: Optional[Occupancy] = None
+        self._occupancy: Optional[FloorMap] = None
         self._cells: List[Any] = []
         self._view: Dict[str, Any] = {}
         self._sample_s = self._viewed_s = self._told_s = self._cells_s = self._listed_s = 0.0
@@ -270,9 +269,9 @@ class Server:
         now_s = time.monotonic()
         source = self._robot.source
         if self._occupancy is None and source.model is not None and source.model.sonars:
-            self._occupancy = Occupancy(source.model.sonars)
+            self._occupancy = FloorMap(source.model.sonars)
         if self._occupancy is not None:
-            self._occupancy.see(source.pose, source.ranges, now_s)
+            self._occupancy.follow(source.pose, source.ranges, now_s)
         if self._clients and self._sampler is None:
             if now_s >= self._sample_s:
                 self._send_sample()
@@ -334,10 +333,10 @@ class Server:
         if view != self._view or now_s >= self._told_s + LEAST_VIEW_S:
             self._view, self._told_s = view, now_s
             self._broadcast(VIEW, messages.encode(VIEW, clock_s(), **view))
-        cells = self._occupancy.cells if self._occupancy is not None else self._cells
-        if cells is not self._cells and now_s >= self._cells_s + CELLS_S:
-            self._cells_s, self._cells = now_s, cells
-            self._broadcast(CELLS, messages.cells(clock_s(), CELL_M, cells))
+        if self._occupancy is not None and now_s >= self._cells_s + CELLS_S:
+            self._cells_s, before, self._cells = now_s, self._cells, self._occupancy.taken
+            if self._cells != before:
+                self._broadcast(CELLS, messages.cells(clock_s(), CELL_M, self._cells))
 
     def _broadcast(self, kind: str, text: str) -> None:
         for client in self._clients.values():
@@ -425,7 +424,7 @@ class Server:
         client.put(VIEW, messages.encode(VIEW, clock_s(), **self._view))
         client.put(RECORDING, self._recording(client))
         if self._occupancy is not None:
-            client.put(CELLS, messages.cells(clock_s(), CELL_M, self._occupancy.cells))
+            client.put(CELLS, messages.cells(clock_s(), CELL_M, self._occupancy.taken))
         self._clients[client.number] = client
         self._carry_out(self._helm.join(client.number, role == DRIVE, clock_s()))
         self._tell()
