@@ -86,7 +86,7 @@ class Recordings(ABC):
 
     def _new(self, stem: str) -> str:
         """Make the folder, and in it an empty file for a new recording; return its name, which no other has."""
-        with contextlib.suppress(OSError):  # who opens the file says why
+        with contextlib.suppress(OSError):  # the program that opens the file says why
             self._folder.mkdir(0o700, parents=True, exist_ok=True)
         return os.path.basename(create_unused(str(self._folder / (stem + self._suffix)), self._active))
 
