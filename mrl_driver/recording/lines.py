@@ -1,6 +1,7 @@
 """The lines of a recording, read one by one.  Memory does not grow with the file."""
 
 import codecs
+import itertools
 import re
 from collections import deque
 from typing import BinaryIO, Callable, Deque, Iterator, NamedTuple, Optional, Tuple
@@ -30,40 +31,33 @@ def read_lines(file: BinaryIO, skip: Skip, line: int = 1) -> Iterator[Entry]:
 
     `skip` is called in order with the number of each line that cannot be read and the reason.
     """
-    order, waiting = _Order(skip), deque()  # type: Tuple[_Order, Deque[_Line]]
-    times: Deque[float] = order.behind
-    for found in _lines(file, line):
-        waiting.append(found)
-        if found[1] is not None:
-            times.append(found[1].time_s)
-        while waiting and (waiting[0][1] is None or len(times) > AHEAD or len(waiting) > _MOST_WAITING):
-            yield from order.settle(waiting.popleft())
-    while waiting:
-        yield from order.settle(waiting.popleft())
+    waiting: Deque[_Line] = deque()
+    times: Deque[float] = deque()  # of the entries that wait
+    last_s = 0.0
+    for found in itertools.chain(_lines(file, line), (None,)):
+        if found is not None:
+            waiting.append(found)
+            if found[1] is not None:
+                times.append(found[1].time_s)
+        ends = found is None
+        while waiting and (
+            ends or waiting[0][1] is None or len(times) > AHEAD or len(waiting) > _MOST_WAITING
+        ):
+            number, entry, problem = waiting.popleft()
+            if entry is not None:
+                problem = _disorder(times.popleft(), last_s, times)
+            if entry is None or problem:
+                skip(number, problem)
+            else:
+                last_s = entry.time_s
+                yield entry
 
 
-class _Order:
-    """Skips lines whose times are out of order; `behind` has the times of the lines that are read but not settled."""
-
-    def __init__(self, skip: Skip) -> None:
-        self._skip = skip
-        self._last_s = 0.0
-        self.behind: Deque[float] = deque()
-
-    def settle(self, line: _Line) -> Iterator[Entry]:
-        """Yield the entry of the oldest line that waits, unless its time is wrong."""
-        number, entry, problem = line
-        if entry is None:
-            self._skip(number, problem)
-            return
-        time_s, behind = self.behind.popleft(), self.behind
-        if behind and min(behind) < time_s and sum(each < time_s for each in behind) > AHEAD // 2:
-            self._skip(number, f"time {time_s} is after that of most of the {AHEAD} lines behind it")
-        elif time_s < self._last_s:
-            self._skip(number, f"time {time_s} is before {self._last_s} of an earlier line")
-        else:
-            self._last_s = time_s
-            yield entry
+def _disorder(time_s: float, last_s: float, behind: Deque[float]) -> str:
+    """Return what is wrong with the time of a line, by those before and behind it; empty if nothing is."""
+    if behind and min(behind) < time_s and sum(each < time_s for each in behind) > AHEAD // 2:
+        return f"time {time_s} is after that of most of the {AHEAD} lines behind it"
+    return f"time {time_s} is before {last_s} of an earlier line" if time_s < last_s else ""
 
 
 def _lines(file: BinaryIO, number: int) -> Iterator[_Line]:

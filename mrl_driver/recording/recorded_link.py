@@ -144,7 +144,7 @@ class DriverRecording:
         if odometry is not None:
             self.pose(odometry.pose, odometry.uncertainty.spread if odometry.uncertainty else AT_START)
         if session.pending:
-            self._add_read(session.pending, self._turn_s)
+            self._record(FROM_BOARD, session.pending, self._turn_s)
 
     def _begin(self, port: str) -> None:
         self.due, self._checked, self._model, self._written = False, None, None, self.recorder
@@ -166,11 +166,6 @@ class DriverRecording:
         if self._tap is not None:
             self._tap(direction, data)
 
-    def _add_read(self, data: bytes, now: Optional[float]) -> None:
-        recorder = self._written
-        if recorder is not None:
-            recorder.add(FROM_BOARD, data, now)
-
     # -- what the driver does, with its times
 
     def new(self, now: float) -> None:
@@ -187,12 +182,12 @@ class DriverRecording:
         """The driver takes these bytes; call it before its turn."""
         self._turn_s = now
         if data:
-            self._add_read(data, now)
+            self._record(FROM_BOARD, data, now)
 
     def turned(self, data: bytes, events: Sequence[Any], session: Session, state: RobotState) -> None:
         """The driver has taken the bytes, and its listeners get these events."""
         if not data and (events or (session.out and not session.ready)):
-            self._add_read(data, self._turn_s)
+            self._record(FROM_BOARD, data, self._turn_s)
         self._compare(session, state, events)
 
     def _compare(self, session: Session, state: RobotState, events: Sequence[Any]) -> None:
@@ -225,9 +220,12 @@ class DriverRecording:
 
     def remark(self, data: bytes, now: Optional[float] = None) -> None:
         """Record a remark."""
+        self._record(REMARK, data, now)
+
+    def _record(self, direction: str, data: bytes, now: Optional[float]) -> None:
         recorder = self._written
         if recorder is not None:
-            recorder.add(REMARK, data, now)
+            recorder.add(direction, data, now)
 
     def close(self) -> None:
         """Write all pending entries, and close the file."""
