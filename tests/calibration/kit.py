@@ -6,7 +6,7 @@ It has no physics: a wheel turns at once with the share of full speed of its dut
 import math
 from typing import Dict, Tuple
 
-from mrl_driver.apps.calibration.bridge_wiring import BITS
+from mrl_driver.apps.calibration.wiring_check import BITS
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.table import BY_NAME, PARAMETERS
 from mrl_driver.robot import models

@@ -6,11 +6,10 @@ import re
 
 import pytest
 
-from mrl_driver.apps.calibration import bridge_wiring, gain_procedures
+from mrl_driver.apps.calibration import gain_procedures, wiring_check
 from mrl_driver.apps.calibration.bridge_gains import BridgeGains
-from mrl_driver.apps.calibration.bridge_wiring import BITS, SET, SINGLE_CHANNEL
 from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
-from mrl_driver.apps.calibration.wiring_check import Trial
+from mrl_driver.apps.calibration.wiring_check import BITS, SET, SINGLE_CHANNEL, Trial
 from mrl_driver.cli import main
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
@@ -41,12 +40,12 @@ def trials_of(hidden):
 
 
 def test_the_sum_that_is_stored_is_the_kits_wiring():
-    assert [bridge_wiring.wiring_of(trials_of(hidden), COUNTS_A_TURN) for hidden in HIDDEN] == HIDDEN
+    assert [wiring_check.wiring_of(trials_of(hidden), COUNTS_A_TURN) for hidden in HIDDEN] == HIDDEN
 
 
 def test_an_encoder_with_one_channel_is_never_reversed():
     encoders = BITS["left_encoder_reversed"] | BITS["right_encoder_reversed"]
-    found = [bridge_wiring.wiring_of(trials_of(each), COUNTS_A_TURN, single_channel=True) for each in HIDDEN]
+    found = [wiring_check.wiring_of(trials_of(each), COUNTS_A_TURN, single_channel=True) for each in HIDDEN]
     assert found == [(hidden & ~encoders) | SINGLE_CHANNEL for hidden in HIDDEN]
 
 
@@ -78,15 +77,15 @@ def test_an_encoder_with_one_channel_is_never_reversed():
 def test_what_does_not_fit_together_is_said(first, second, words):
     trials = [first or trial_of(SET, "left"), second or trial_of(SET, "right")]
     with pytest.raises(WheelFault, match=words) as refused:
-        bridge_wiring.wiring_of(trials, COUNTS_A_TURN)
+        wiring_check.wiring_of(trials, COUNTS_A_TURN)
     assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("counts", [(140, -140), (-140, -140), (140, 140), (-140, 10), (-10, 140)])
 def test_a_proof_needs_the_left_wheel_forward_and_the_right_one_back(counts):
     with pytest.raises(WheelFault, match="the wiring that was found does not hold"):
-        bridge_wiring.require_proof(*counts, COUNTS_A_TURN)
-    bridge_wiring.require_proof(-140, 140, COUNTS_A_TURN)
+        wiring_check.require_proof(*counts, COUNTS_A_TURN)
+    wiring_check.require_proof(-140, 140, COUNTS_A_TURN)
 
 
 class Bench:

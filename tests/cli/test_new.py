@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from mrl_driver.apps.calibration.bridge_wiring import BITS
+from mrl_driver.apps.calibration.wiring_check import BITS
 from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import models
 from tests.calibration.kit import Kit

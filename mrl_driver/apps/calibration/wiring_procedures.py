@@ -1,4 +1,4 @@
-"""Finds how motors and encoders are wired, by slow moves.  It drives; `wiring_check` and `bridge_wiring` compute."""
+"""Finds how motors and encoders are wired, by slow moves.  It drives; `wiring_check` computes."""
 
 import contextlib
 from typing import Dict, Iterator, List, NamedTuple, Optional, Tuple
@@ -10,12 +10,11 @@ from mrl_driver.errors import ConfigError, MrlError, WheelFault
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
 
-from . import bridge_wiring, from_recording, manoeuvres, wiring_check
-from .bridge_wiring import SET, SINGLE_CHANNEL
+from . import from_recording, manoeuvres, wiring_check
 from .gain_procedures import counts_per_turn
 from .ground_truth import Ruler
 from .manoeuvres import MOVE, Track
-from .wiring_check import LEFT, OTHER, RIGHT, Trial
+from .wiring_check import LEFT, OTHER, RIGHT, SET, SINGLE_CHANNEL, Trial
 
 DUTY_PERCENT, WIRING_S = 35, 0.5  # moves with a motor board
 SLOW_PERCENT, SLOW_S = 20, 0.3
@@ -96,13 +95,13 @@ def find_wiring(scene: Scene, single_channel: bool) -> int:
                 "motor's wires, and that --bridge names the right chip"
             )
         trials.append(Trial(output, right, left, seen, direction))
-    return bridge_wiring.wiring_of(trials, scene.counts_per_turn, single_channel)
+    return wiring_check.wiring_of(trials, scene.counts_per_turn, single_channel)
 
 
 def prove(scene: Scene) -> None:
     """Turn slowly to the right with the new wiring; raise WheelFault unless each wheel and counter does its part."""
     right, left, moved = _move(scene, "a slow turn to the right", SLOW_PERCENT, -SLOW_PERCENT, SLOW_S)
-    bridge_wiring.require_proof(right, left, scene.counts_per_turn)
+    wiring_check.require_proof(right, left, scene.counts_per_turn)
     if not scene.witness.turned_right(moved):
         raise WheelFault(
             "the wheels did not turn the robot to the right, so the answers do not fit together; run mrl calibrate "

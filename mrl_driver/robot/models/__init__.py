@@ -14,7 +14,6 @@ from mrl_driver.errors import ConfigError, shortages
 from mrl_driver.protocol.table import PARAMETERS
 
 from .drives import Base, Drive, MecanumDrive, NoDrive, OmniDrive, kind_of
-from .imu_mount import ImuMount
 from .robot_file import RobotFile
 from .robot_model import (
     BOARD_KEYS,
@@ -31,6 +30,7 @@ from .robot_model import (
     SONARS,
     Battery,
     Body,
+    ImuMount,
     LaserMount,
     Limits,
     Noise,

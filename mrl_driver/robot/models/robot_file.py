@@ -22,7 +22,6 @@ from mrl_driver.yaml_form import (
 )
 
 from .drives import DIFFERENTIAL, EXTRA, KINDS, NONE, TRACKED, Base, Drive, NoDrive, OmniDrive
-from .imu_mount import ImuMount
 from .robot_model import (
     BOARD_KEYS,
     BUILDS,
@@ -34,6 +33,7 @@ from .robot_model import (
     SONARS,
     Battery,
     Body,
+    ImuMount,
     LaserMount,
     Limits,
     Noise,

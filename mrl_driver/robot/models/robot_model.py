@@ -1,6 +1,7 @@
 """A robot model: geometry, limits, sonar poses and default board parameters of one kind of robot."""
 
 import math
+from functools import lru_cache
 from typing import Any, Dict, Iterable, NamedTuple, Optional, Tuple, Union
 
 from mrl_driver.errors import ConfigError
@@ -8,8 +9,8 @@ from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BY_NAME
 
 from .drives import Base, Drive, MecanumDrive, NoDrive, kind_of
-from .imu_mount import ImuMount
 
+Vector = Tuple[float, float, float]
 SONAR, ENVIRONMENT = "sonar", "environment"
 BUILDS = (SONAR, ENVIRONMENT)
 """Builds of the firmware that a model may name.  2013 boards do not report theirs, and the second has gas, dust and
@@ -89,6 +90,43 @@ class LaserMount(NamedTuple):
     y_m: float = 0.0
     z_m: float = 0.045
     yaw_deg: float = 0.0
+
+
+class ImuMount(NamedTuple):
+    """Mounting pose of the IMU in base_link, and its gyro's scale; the board reports whether a chip is fitted.
+
+    The angles turn the chip's axes into those of base_link, about the fixed axes of base_link: roll first, then pitch,
+    then yaw.
+    """
+
+    x_m: float = 0.0
+    y_m: float = 0.0
+    z_m: float = 0.0
+    roll_deg: float = 0.0
+    pitch_deg: float = 0.0
+    yaw_deg: float = 0.0
+    gyro_scale: float = 1.0
+    """True rate over measured rate, about the vertical axis of base_link."""
+    gyro_scale_sd: float = 0.01
+    """Standard deviation of `gyro_scale`; the default is a third of the tolerance in the data sheet of the MPU-6050."""
+
+    def rotate(self, vector: Vector) -> Vector:
+        """Return a vector in the chip's axes as one in the axes of base_link."""
+        x, y, z = vector
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = _rotation(self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z
+
+
+@lru_cache(maxsize=16)
+def _rotation(roll_deg: float, pitch_deg: float, yaw_deg: float) -> Tuple[Vector, Vector, Vector]:
+    """Return the rows of the rotation matrix; a reading is rotated many times a second by the same one."""
+    roll, pitch, yaw = map(math.radians, (roll_deg, pitch_deg, yaw_deg))
+    sr, cr, sp, cp, sy, cy = (f(angle) for angle in (roll, pitch, yaw) for f in (math.sin, math.cos))
+    return (
+        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        (-sp, cp * sr, cp * cr),
+    )
 
 
 class Battery(NamedTuple):

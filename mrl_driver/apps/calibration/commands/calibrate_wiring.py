@@ -4,7 +4,7 @@ from typing import Any, List, Optional
 
 import click
 
-from mrl_driver.apps.calibration import bridge_wiring, gain_procedures, wiring_procedures
+from mrl_driver.apps.calibration import gain_procedures, wiring_check, wiring_procedures
 from mrl_driver.apps.calibration.manoeuvres import Track
 from mrl_driver.apps.calibration.wiring_procedures import Scene, Witness
 from mrl_driver.cli.commands.shared import print_json, warn
@@ -115,7 +115,7 @@ def _store(
             wiring_procedures.prove(scene)
         if job.eeprom is not False:
             driver.parameters.save()
-    words = bridge_wiring.in_words(found)
+    words = wiring_check.in_words(found)
     if job.as_json:
         print_json({"bridge": BRIDGES[number], "wiring": found, "differences": words})
         return
