@@ -24,9 +24,9 @@ def robot():
         yield driver
 
 
-def test_discover_as_json(robot, capsys):
-    print_nodes(robot, 0.1, True)
-    nodes = json.loads(capsys.readouterr().out)
+def test_discover_as_json(serve):
+    board = serve(RadioBoard())
+    nodes = json.loads(mrl("radio", "discover", "--port", board.path, "--seconds", "1", "--json").stdout)
     assert nodes[0] == {"address": "0013a20040a1b2c3", "network": "0001"} and len(nodes) == 2
 
 

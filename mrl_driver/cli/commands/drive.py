@@ -53,7 +53,7 @@ def drive(
         if run.as_json or not (sys.stdin.isatty() and shared.full_screen()):
             raise ConfigError(f"{shared.no_view_because()}; give --linear or --angular, and --for SECONDS")
         shared.confirm_overwrite(run.record, run.yes)
-        watch_live(run, keys_drive=True)
+        watch_live(run._replace(reconnect=True), keys_drive=True)
         return
     speeds = linear or 0.0, angular or 0.0, lateral or 0.0
     if run.max_delay_s is not None:

@@ -47,13 +47,13 @@ def radio() -> None:
     show_default=True,
     help="Collect answers for this time [s]; an XBee waits 6 s for them.",
 )
-def discover(run: Run, seconds: float) -> None:
+def discover(run: Run) -> None:
     """List the radios that answer.
 
     A line has the 64-bit address and the 16-bit network address of a radio, in hexadecimal.
     """
     with run.connected() as driver:
-        print_nodes(driver, seconds, run.as_json)
+        print_nodes(driver, run.seconds, run.as_json)
 
 
 def print_nodes(driver: "Driver", seconds: float, as_json: bool) -> None:
