@@ -10,10 +10,8 @@ from mrl_driver.terminal.teleop_keys import Teleop
 from mrl_driver.view.shown_state import SILENT_S, ShownState
 from ros1_bridge.topics.topic_robot import TopicRobot
 
-CORNERS = 4
-"""A square ends where it began."""
-PATIENCE_S = 20.0
-"""If a duration is set, odometry must begin within this time."""
+CORNERS = 4  # A square ends where it began
+PATIENCE_S = 20.0  # If a duration is set, odometry must begin within this time
 
 
 class DemoScreen(Screen):
@@ -28,12 +26,10 @@ class DemoScreen(Screen):
         """`duration_s`: the view ends after that much odometry; 0 means no end."""
         super().__init__(robot, Settings(port, keys_drive=True), None)
         self._robot = robot
-        self.square = Square() if square else None
-        """The square that is driven; None if none is."""
+        self.square = Square() if square else None  # The square that is driven; None if none is
         self._duration_s, self._begun_s = duration_s, time.monotonic()
         self._first_s: Optional[float] = None
-        self.overdue = False
-        """A run with a duration has waited too long for its first odometry."""
+        self.overdue = False  # A run with a duration has waited too long for its first odometry
 
     @property
     def elapsed_s(self) -> float:

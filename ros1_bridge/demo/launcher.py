@@ -29,8 +29,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 LOGS = ROOT / "build" / "run"
 IMAGE = ROOT / "build" / "firmware" / "mrl_firmware.elf"
 MASTER_TIMEOUT_S = 30.0
-END_S = 25.0
-"""A part that takes longer than this to end is killed; roslaunch itself kills a node after 17 s."""
+END_S = 25.0  # A part that takes longer than this to end is killed; roslaunch itself kills a node after 17 s
 _POLL_S = 0.05
 _DEFAULT_ROBOT = "traxbot"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -61,8 +60,7 @@ class Run:
     def __init__(self, env: Dict[str, str], logs: Path) -> None:
         self.env, self.logs = env, logs
         self._children: List[Child] = []
-        self.signal: Optional[int] = None
-        """The signal that requested the end, or None."""
+        self.signal: Optional[int] = None  # The signal that requested the end, or None
 
     def on_signal(self, number: int, _frame: object) -> None:
         """Signal handler: store the signal; the main loop acts on it."""

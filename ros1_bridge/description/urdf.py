@@ -16,11 +16,9 @@ from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M, imu_f
 
 FOLDER = Path(__file__).resolve().parent.parent / "urdf"
 WHEEL_WIDTH_M, TRACK_WIDTH_M = 0.026, 0.035
-WHEEL_MASS_SHARE = 0.1
-"""Mass of each wheel as a share of the robot's mass."""
+WHEEL_MASS_SHARE = 0.1  # Mass of each wheel as a share of the robot's mass
 CASTER_RADIUS_M = 0.012
-SONAR_LENGTH_M, SONAR_RADIUS_M = 0.016, 0.011
-"""MB1300: 22 mm across (data sheet)."""
+SONAR_LENGTH_M, SONAR_RADIUS_M = 0.016, 0.011  # MB1300: 22 mm across (data sheet)
 LASER_SIZE_M = (0.05, 0.05, 0.07)
 LASER_MASS_KG = 0.16
 COLOURS = {

@@ -33,10 +33,8 @@ from ros1_bridge.node.run_node import run_node
 from .waypoint_list import read_names, read_numbers, read_waypoints
 
 POLL_S = 0.1
-SILENT_S = 3.0
-"""move_base has ended if it publishes no status for this long; it sends five a second."""
-LEAVES_S = 0.1
-"""Time for the last message to leave on shutdown."""
+SILENT_S = 3.0  # move_base has ended if it publishes no status for this long; it sends five a second
+LEAVES_S = 0.1  # Time for the last message to leave on shutdown
 WARN_EVERY_S = 5.0
 CANCELLED = "another goal came, or the goal was cancelled"
 PARAMETERS = (
@@ -109,8 +107,7 @@ class FollowWaypoints:
         self._shown: Optional[DiagnosticStatus] = None
         self._idleness: Dict[str, str] = {}
         self._heard_s = time.monotonic()
-        self._ordered = rospy.Time.now()
-        """When the last list or order came."""
+        self._ordered = rospy.Time.now()  # When the last list or order came
         self._out = rospy.Publisher("waypoint_status", DiagnosticStatus, queue_size=1, latch=True)
         self._client = actionlib.ActionClient("move_base", MoveBaseAction)
         rospy.on_shutdown(self._end)

@@ -37,16 +37,13 @@ ODOM_LATE_S, ODOM_GONE_S = 0.5, 3.0
 reconnection takes."""
 JUMP_M, JUMP_RAD = 0.1, 0.2
 """Odometry that comes back farther off than the robot can have moved, and this, began again: the goal is elsewhere."""
-FIRST_ODOM_S = 3.0
-"""If the first odometry takes longer, the node says that it waits for it."""
-SILENT_S = 0.5
-"""A range is valid for this long; each sonar measures every 0.3 s."""
+FIRST_ODOM_S = 3.0  # If the first odometry takes longer, the node says that it waits for it
+SILENT_S = 0.5  # A range is valid for this long; each sonar measures every 0.3 s
 TF_TIMEOUT_S = 1.0
 WARN_EVERY_S = 5.0
 POLL_S = 0.2
 IN_MANUAL_MODE = "the robot is in manual mode"
-END_S = 1.5
-"""On shutdown, a goal may take this long to end; longer than the wait for a transform."""
+END_S = 1.5  # On shutdown, a goal may take this long to end; longer than the wait for a transform
 PARAMETERS = (
     *speed_rows("Speed on a free path", "Yaw rate"),
     Row("avoid", bool, True, "", "Avoid obstacles that the sonars see"),
@@ -73,10 +70,8 @@ class OdometryGap:
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
         self._before: Optional[Tuple[Pose, float]] = None
-        self.waiting = False
-        """The last odometry is too old to drive by."""
-        self.why = ""
-        """Why the goal must be given up; empty if it need not be."""
+        self.waiting = False  # The last odometry is too old to drive by
+        self.why = ""  # Why the goal must be given up; empty if it need not be
 
     def update(self, pose: Pose, heard_s: float, now_s: float) -> bool:
         """Judge the last pose, which came at `heard_s`; True if the robot can drive by it."""

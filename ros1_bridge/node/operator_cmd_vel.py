@@ -29,8 +29,7 @@ from .cmd_vel import CmdVel
 from .parameters import Row
 
 PING_S = 0.25
-CONNECT_S = 5.0
-"""A robot that echoes is connected within this time."""
+CONNECT_S = 5.0  # A robot that echoes is connected within this time
 _DELAY = "Stop above this delay from the input to the echo of its command; 0 turns it off"
 DELAY_ROW = Row("max_delay", float, MAX_DELAY_S, "s", _DELAY, 0.0, 60.0)
 """The parameter of nodes with which an operator drives."""

@@ -8,14 +8,11 @@ class Origin(NamedTuple):
     """Where a package comes from."""
 
     repository: str
-    released: bool = True
-    """Noetic has it as a Debian package."""
-    one: bool = True
-    """ROS One has it too, if it is released."""
+    released: bool = True  # Noetic has it as a Debian package
+    one: bool = True  # ROS One has it too, if it is released
     program: str = ""
     """The program that a launch file starts, if Debian has it in another package than the rest."""
-    debian: str = ""
-    """Debian's package with that program."""
+    debian: str = ""  # Debian's package with that program
 
 
 _NAVIGATION = "https://github.com/ros-planning/navigation"

@@ -9,8 +9,7 @@ from typing import Any, Dict, NamedTuple, Optional, Sequence, Tuple, get_type_hi
 
 from mrl_driver.errors import ConfigError
 
-FRAMES = ("odom_frame", "base_frame", "map_frame")
-"""Parameters that hold the name of a frame."""
+FRAMES = ("odom_frame", "base_frame", "map_frame")  # Parameters that hold the name of a frame
 _SLOWEST, _FASTEST_M_S, _FASTEST_RAD_S = 0.01, 10.0, 100.0
 
 

@@ -6,10 +6,8 @@ from typing import Any
 from mrl_driver import geometry
 from mrl_driver.geometry import Pose
 
-FARTHEST_M = 1e8
-"""Largest coordinate: more than any map needs, and small enough for cell indices of a grid."""
-_LEAST_LENGTH = 1e-3
-"""A shorter quaternion has no direction."""
+FARTHEST_M = 1e8  # Largest coordinate: more than any map needs, and small enough for cell indices of a grid
+_LEAST_LENGTH = 1e-3  # A shorter quaternion has no direction
 
 
 def planar(pose: Any) -> Pose:

@@ -21,16 +21,12 @@ from .parameters import parameter, read, rows_of
 
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
 _OWN = "0 uses the model's limit, which is also the maximum"
-LEAST_RATE_HZ = 5.0
-"""Below this frame rate the ranges arrive too late for zones."""
-PAUSE_S = 0.5
-"""Default of `cmd_vel_pause`."""
-PARTS = ("odometry", "sonars", "commands", "status", "sensors")
-"""The parts that robot_node can have."""
+LEAST_RATE_HZ = 5.0  # Below this frame rate the ranges arrive too late for zones
+PAUSE_S = 0.5  # Default of `cmd_vel_pause`
+PARTS = ("odometry", "sonars", "commands", "status", "sensors")  # The parts that robot_node can have
 WITHOUT_MOTORS = ("status", "sensors")
 """The parts that a board without motors can have: another node drives its robot."""
-GROUPS = ("limits", "gains", "sonars")
-"""Namespaces in which dynamic_reconfigure keeps its own parameters."""
+GROUPS = ("limits", "gains", "sonars")  # Namespaces in which dynamic_reconfigure keeps its own parameters
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,10 +2,8 @@
 
 JOINTS = ("right_wheel_joint", "left_wheel_joint")
 """Wheel joints of the description, in the order of the counters."""
-OMNI_JOINTS = (*JOINTS, "rear_wheel_joint")
-"""Wheel joints of a robot with three wheels."""
-SONAR_HEIGHT_M = 0.0
-"""Height of the sonars above base_link, which is at the axle."""
+OMNI_JOINTS = (*JOINTS, "rear_wheel_joint")  # Wheel joints of a robot with three wheels
+SONAR_HEIGHT_M = 0.0  # Height of the sonars above base_link, which is at the axle
 
 
 def sonar_frame(base_frame: str, sonar: str) -> str:

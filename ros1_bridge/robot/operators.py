@@ -9,8 +9,7 @@ from mrl_driver.yaml_file import short
 
 MOST_OPERATORS = 16
 """As many operators have a place at a time; each start of a teleop node is another operator."""
-SILENT_S = 60.0
-"""An operator that is silent for this time may lose its place to a new one [s]."""
+SILENT_S = 60.0  # An operator that is silent for this time may lose its place to a new one [s]
 
 
 class Operators:

@@ -17,10 +17,8 @@ from ros1_bridge.topics.publishers import Publishers
 from .services import GAINS, Services
 
 LIMITS = ("max_linear_speed", "max_angular_speed", "max_linear_acceleration", "max_angular_acceleration")
-LOWEST = 0.01
-"""Lowest limit that may be set at run time, unless a parameter has set a lower one."""
-AT_START = -1
-"""Level of the call that a server makes at its start."""
+LOWEST = 0.01  # Lowest limit that may be set at run time, unless a parameter has set a lower one
+AT_START = -1  # Level of the call that a server makes at its start
 
 
 class Description:

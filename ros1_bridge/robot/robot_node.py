@@ -50,12 +50,10 @@ from .xbee import Radio
 from .zone_topics import ZoneTopics
 
 DIAGNOSTICS_S = 1.0
-STATUS_S = 0.2
-"""A change of the robot's state is published within this time."""
+STATUS_S = 0.2  # A change of the robot's state is published within this time
 FREED_S = 2.0
 """A node of the same name, which the master ends when this one registers, closes the port within this time."""
-ANSWER_S = 0.2
-"""Time for the answer of the service shutdown to leave."""
+ANSWER_S = 0.2  # Time for the answer of the service shutdown to leave
 LOSS_EVERY_S = 30.0
 SWITCH_S = 0.0005
 """A frame waits at most this long for a thread that is busy with a service; Python's default is 5 ms."""
@@ -93,8 +91,7 @@ class RobotNode:
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, driver_options(parameters))
         self._battery_state = ""
         self._news = News()
-        self._lacking = 0
-        """Lines that are known to be missing in the recording."""
+        self._lacking = 0  # Lines that are known to be missing in the recording
         self._zones: Optional[ZoneTopics] = None
         self._commands: Optional[CommandTopics] = None
 

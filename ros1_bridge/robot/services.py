@@ -14,8 +14,7 @@ from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.topics.message_covariance import spread_of
 
 Answer = Tuple[bool, str]
-STILL_RAD_S = 0.02
-"""A slower turn counts as standing still."""
+STILL_RAD_S = 0.02  # A slower turn counts as standing still
 GAINS = ("kp", "ki", "kd")
 UNDER_WAY = "the robot moves, or drives to a pose"
 

@@ -18,12 +18,9 @@ from ros1_bridge.control.planner_limit import PlannerLimit
 from ros1_bridge.control.zone_feed import MountFinder, ZoneWatch
 from ros1_bridge.node.robot_parameters import Parameters
 
-STEP_S = 0.2
-"""The planner's speed is looked at this often."""
-PLANNER_END_S = 1.0
-"""On shutdown, the planner gets its own speed back within this time."""
-PLANNER_LOOK_S = 2.0
-"""A planner that does not answer is looked for again after this time."""
+STEP_S = 0.2  # The planner's speed is looked at this often
+PLANNER_END_S = 1.0  # On shutdown, the planner gets its own speed back within this time
+PLANNER_LOOK_S = 2.0  # A planner that does not answer is looked for again after this time
 WARN_EVERY_S = 1.0
 MEMORY = "zone_limit"
 """Parameter in the planner's namespace: the speed set and the planner's own, while a zone is entered."""

@@ -21,8 +21,7 @@ from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Counters
 from mrl_driver.transport.baud_rates import SLOW
 
-OK, WARN, ERROR = 0, 1, 2
-"""Levels of diagnostic_msgs/DiagnosticStatus."""
+OK, WARN, ERROR = 0, 1, 2  # Levels of diagnostic_msgs/DiagnosticStatus
 ANSWERS = "the board answers again"
 
 

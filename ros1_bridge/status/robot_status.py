@@ -27,26 +27,20 @@ FAULTY = (
     StopReason.ENCODER, StopReason.UNDERVOLTAGE,
 )  # fmt: skip
 """Stops that somebody must look into."""
-FIELDS = ("warning", "outer warning", "protective")
-"""The zones, in the order of `FIELD_TOPICS`."""
+FIELDS = ("warning", "outer warning", "protective")  # The zones, in the order of `FIELD_TOPICS`
 Value = Union[bool, str, None]
 
 
 class State(NamedTuple):
     """What a robot does, and why it does not; None for what is not known."""
 
-    driving: bool
-    """A command other than standstill is in force."""
-    moving: Optional[bool]
-    """The wheels turn, by their counts."""
-    cause: StopReason
-    """`Commander.stopped_by`."""
+    driving: bool  # A command other than standstill is in force
+    moving: Optional[bool]  # The wheels turn, by their counts
+    cause: StopReason  # `Commander.stopped_by`
     seeking: bool
     manual: bool
-    clear: Tuple[Optional[bool], ...]
-    """Whether each of `FIELDS` is clear; all None without zones."""
-    wheel_fault: bool
-    """`Commander.wheel_fault`."""
+    clear: Tuple[Optional[bool], ...]  # Whether each of `FIELDS` is clear; all None without zones
+    wheel_fault: bool  # `Commander.wheel_fault`
 
     @property
     def mode(self) -> str:

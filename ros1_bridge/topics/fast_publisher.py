@@ -68,8 +68,7 @@ class Fast:
         self.impl, self._lost = publisher.impl, (lost, OSError)
         """rospy's implementation of the publisher; its `connections` are the subscribers."""
         self._buffer = io.BytesIO()
-        self.sequence = 1
-        """Number of the next message."""
+        self.sequence = 1  # Number of the next message
 
     def publish(self, message: Any) -> None:
         """Send `message`, which must have a header, to all subscribers."""

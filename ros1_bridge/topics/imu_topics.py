@@ -17,8 +17,7 @@ from .fast_publisher import Fast
 from .message_covariance import UNUSED_VARIANCE
 from .serialized_messages import PackedImu
 
-RATE_NOISE_RAD_S = math.radians(0.05)
-"""Noise of a rate below 98 Hz (data sheet of the MPU-6050, 6.1)."""
+RATE_NOISE_RAD_S = math.radians(0.05)  # Noise of a rate below 98 Hz (data sheet of the MPU-6050, 6.1)
 ACCELERATION_OFFSET_M_S2 = 0.08 * 9.81 / 3
 """A third of the tolerance of an acceleration's zero, of the worst axis (data sheet, 6.2); the noise is far below."""
 NO_ORIENTATION = (-1.0, 0.0, 0.0)

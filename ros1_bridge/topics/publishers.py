@@ -31,8 +31,7 @@ TOLERANCE_S = 1e-4
 """The difference of the two clocks stays the same until it is off by more than this in two readings [s]: a thread may
 pause between the clocks.
 """
-JUMP_S = 1.0
-"""If the clock goes back further than this, it was set on purpose, and the stamps follow it."""
+JUMP_S = 1.0  # If the clock goes back further than this, it was set on purpose, and the stamps follow it
 LATCHED = {
     "battery": BatteryState,
     "board_temperature": Temperature,

@@ -12,13 +12,10 @@ from mrl_driver.robot.covariance import Spread, Variances
 
 from .message_covariance import pose_matrix, twist_matrix
 
-_PLANAR = "2d24x2d"
-"""x, y; then z and the rotation's x, y, all zero; then the rotation's z, w."""
-_ROW = "2d24xd"
-"""First, second and last entry of a row of a covariance."""
+_PLANAR = "2d24x2d"  # x, y; then z and the rotation's x, y, all zero; then the rotation's z, w
+_ROW = "2d24xd"  # First, second and last entry of a row of a covariance
 
-_DIAGONAL = "d24xd24xd"
-"""A 3 x 3 matrix with three values on its diagonal."""
+_DIAGONAL = "d24xd24xd"  # A 3 x 3 matrix with three values on its diagonal
 
 
 class PackedOdometry:

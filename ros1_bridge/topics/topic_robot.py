@@ -18,16 +18,11 @@ from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
 from mrl_driver.view.shown_state import SILENT_S, Row, ShownState, errors_row, moves_sideways
 
-SONARS = ("front", "left", "right")
-"""The board reads no others."""
-LOW_SHARE = 0.1
-"""With a lower charge the battery is shown as low."""
-STILL_M_S, STILL_RAD_S = 0.005, 0.02
-"""A slower robot stands."""
-LINK, MOTION = "Link", "Motion"
-"""Diagnostics of the serial link, and of the motion."""
-DRIVING = "driving"
-"""What `status` says while a command other than standstill is in force."""
+SONARS = ("front", "left", "right")  # The board reads no others
+LOW_SHARE = 0.1  # With a lower charge the battery is shown as low
+STILL_M_S, STILL_RAD_S = 0.005, 0.02  # A slower robot stands
+LINK, MOTION = "Link", "Motion"  # Diagnostics of the serial link, and of the motion
+DRIVING = "driving"  # What `status` says while a command other than standstill is in force
 NO_STOP = (StopReason.NONE, StopReason.USER)
 """Stop reasons of a robot that was not stopped, or that a user has stopped."""
 
@@ -35,10 +30,8 @@ NO_STOP = (StopReason.NONE, StopReason.USER)
 class LinkDelays(NamedTuple):
     """Delays of the topics, as `Driver.link` has those of the serial link."""
 
-    age_s: float
-    """Age of the newest odometry [s]; infinite before the first."""
-    delay_s: float
-    """Time from sending speeds to the echo of the robot's node [s]; NaN if unknown."""
+    age_s: float  # Age of the newest odometry [s]; infinite before the first
+    delay_s: float  # Time from sending speeds to the echo of the robot's node [s]; NaN if unknown
 
 
 class TopicRobot:
@@ -66,12 +59,9 @@ class TopicRobot:
         self.twist: AnyTwist = Twist(0.0, 0.0)
         self.command: Optional[AnyTwist] = None
         self.battery_v = self._charge = self.temperature_c = math.nan
-        self.notice = ""
-        """Why the robot does not drive, as its node says; empty while it may."""
-        self.status: Mapping[str, str] = {}
-        """Keys and values of the newest status; empty before the first."""
-        self.driving = False
-        """The robot's node follows a command other than standstill."""
+        self.notice = ""  # Why the robot does not drive, as its node says; empty while it may
+        self.status: Mapping[str, str] = {}  # Keys and values of the newest status; empty before the first
+        self.driving = False  # The robot's node follows a command other than standstill
         self._ranges: Dict[str, Tuple[float, float]] = {}
         self._link: Mapping[str, str] = {}
         self._motion: Mapping[str, str] = {}
