@@ -245,12 +245,13 @@ class RobotNode:
             updater = diagnostic_updater.Updater()
             updater.setHardwareID(self._hardware_id(board))
             Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
+        unknown = self._commands
         master, due_s = MasterWatch(rosgraph.get_master_uri()), time.monotonic()
         while not self._driver.wait(STATUS_S):
             with contextlib.suppress(MrlError):
                 self._commander.watch_link()
-            if self._commands is not None:
-                self._commands.note_sources()
+            if unknown is not None and unknown.note_sources():
+                unknown = None  # all are connected that were there before this node
             self._status.tell()
             if self._zones is not None:
                 self._zones.tell_held()
