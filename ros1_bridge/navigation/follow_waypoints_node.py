@@ -5,9 +5,10 @@ or from `waypoint_path` (nav_msgs/Path) or `waypoint_poses` (geometry_msgs/PoseA
 claimed by messages on the topic `claims` (std_msgs/String), or by radio, see `mrl_driver.navigation.claims`.
 """
 
+import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Sequence
+from typing import Any, Callable, Dict, FrozenSet, List, Optional, Sequence
 
 import actionlib
 import rospy
@@ -26,11 +27,10 @@ from mrl_driver.navigation.radio_claims import LATE_S as RADIO_LATE_S
 from mrl_driver.navigation.radio_claims import RadioTeam, read_radios
 from mrl_driver.navigation.waypoint_tour import CLAIMING, PAUSED, Target, WaypointTour
 from mrl_driver.robot.radio import format_address, parse_address
+from mrl_driver.yaml_file import is_number
 from ros1_bridge.node.parameters import Row, read
-from ros1_bridge.node.plane_poses import planar, write_pose
+from ros1_bridge.node.plane_poses import FARTHEST_M, planar, write_pose
 from ros1_bridge.node.run_node import run_node
-
-from .waypoint_list import read_names, read_numbers, read_waypoints
 
 POLL_S = 0.1
 SILENT_S = 3.0  # move_base has ended if it publishes no status for this long; it sends five a second
@@ -69,6 +69,50 @@ PARAMETERS = (
 """The node's private parameters, apart from the list itself."""
 LIST = "waypoints"
 CLAIMS_QUEUE = 50
+
+
+def read_waypoints(rows: Any, key: str) -> List[Pose]:
+    """Poses of a list of [x m, y m, yaw deg]; `key` is its name in errors.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    if not isinstance(rows, list):
+        raise ConfigError(f"parameter {key} is {rows!r}, expected a list of [x m, y m, yaw deg]")
+    return [_waypoint(f"{key}[{index}]", row) for index, row in enumerate(rows)]
+
+
+def _waypoint(key: str, row: Any) -> Pose:
+    good = isinstance(row, list) and len(row) == 3
+    if not good or not all(is_number(each, -FARTHEST_M, FARTHEST_M) for each in row):
+        raise ConfigError(f"parameter {key} is {row!r}, expected [x m, y m, yaw deg], three finite numbers")
+    return Pose(float(row[0]), float(row[1]), math.radians(row[2]))
+
+
+def read_numbers(text: str, key: str) -> FrozenSet[int]:
+    """Places from 0 of waypoint numbers from 1, separated by commas; none if the text is empty.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    words = [word.strip() for word in text.split(",")] if text else []
+    if not all(word.isdecimal() and int(word) for word in words):
+        raise ConfigError(f"parameter {key} is {text!r}, expected waypoint numbers from 1, such as 1 or 1,2")
+    return frozenset(int(word) - 1 for word in words)
+
+
+def read_names(text: str, own: str, key: str) -> List[str]:
+    """Names of the robots of a team, separated by commas; one of them is `own`.
+
+    Raises:
+        ConfigError: there are fewer than two, or `own` is not among them.
+    """
+    names = [word.strip() for word in text.split(",")]
+    if len(names) < 2 or own not in names:
+        raise ConfigError(
+            f"parameter {key} is {text!r}, expected all robots that share the waypoint, {own or 'this one'} among them"
+        )
+    return names
 
 
 def ends_tour(cancel: GoalID, ordered: rospy.Time) -> bool:

@@ -35,7 +35,7 @@ from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.node.master_watch import MasterWatch
 from ros1_bridge.node.robot_parameters import Parameters, check, without_motors
 from ros1_bridge.node.run_node import run_node
-from ros1_bridge.status.diagnostics import Diagnostics
+from ros1_bridge.status.diagnostics import add_tasks
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
 from ros1_bridge.status.robot_status import StatusTeller
 from ros1_bridge.topics.board_topics import BoardTopics
@@ -244,7 +244,7 @@ class RobotNode:
         if self._parameters.has("status"):
             updater = diagnostic_updater.Updater()
             updater.setHardwareID(self._hardware_id(board))
-            Diagnostics(self._driver, self._commander, self._parameters).add_to(updater)
+            add_tasks(updater, self._driver, self._commander, self._parameters)
         unknown = self._commands
         master, due_s = MasterWatch(rosgraph.get_master_uri()), time.monotonic()
         while not self._driver.wait(STATUS_S):

@@ -1,6 +1,6 @@
 """The diagnostic tasks of the node.  Imports no ROS: the node supplies the updater."""
 
-from typing import Any, Callable
+from typing import Any, Callable, Dict
 
 from mrl_driver.driver import Driver
 from mrl_driver.robot.hold import CAPABILITY as HOLD
@@ -8,51 +8,35 @@ from mrl_driver.transport.baud_rates import FAST_BAUD
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.node.robot_parameters import Parameters
 
-from . import link_report, robot_status
+from . import link_report
 from .link_report import Report
+from .robot_status import battery_report, board_report, imu_report, motion_report, radio_report
 
 
-class Diagnostics:
-    """Diagnostics of link, motion, battery, board, IMU and radio, from the driver and the commander."""
+def add_tasks(updater: Any, driver: Driver, commander: Commander, parameters: Parameters) -> None:
+    """Add the diagnostics of link, motion, battery, board, IMU and radio to a diagnostic_updater.Updater."""
+    capabilities, model = driver.board.capabilities, driver.model
+    tasks: Dict[str, Callable[[], Report]] = {"Link": lambda: _link(driver, parameters)}
+    if model is not None and model.drives:
+        capacity_ah = model.battery.capacity_ah
+        tasks["Motion"] = lambda: motion_report(commander)
+        tasks["Battery"] = lambda: battery_report(driver.battery_state, driver.board.battery_v, capacity_ah)
+    tasks["Board"] = lambda: board_report(driver.status, driver.board.temperature_c)
+    if parameters.imu and "imu" in capabilities:
+        tasks["IMU"] = lambda: imu_report(driver.imu_state, driver.imu)
+    if HOLD in capabilities:
+        tasks["Radio"] = lambda: radio_report(driver.radio.hold)
+    for name, report in tasks.items():
+        updater.add(name, _task(report))
 
-    def __init__(self, driver: Driver, commander: Commander, parameters: Parameters) -> None:
-        self._driver, self._commander, self._parameters = driver, commander, parameters
 
-    def add_to(self, updater: Any) -> None:
-        """Add the tasks to a diagnostic_updater.Updater."""
-        driver, model = self._driver, self._driver.model
-        updater.add("Link", _task(self._link))
-        if model is not None and model.drives:
-            capacity_ah = model.battery.capacity_ah
-            updater.add("Motion", _task(lambda: robot_status.motion_report(self._commander)))
-            updater.add(
-                "Battery",
-                _task(
-                    lambda: robot_status.battery_report(
-                        driver.battery_state, driver.board.battery_v, capacity_ah
-                    )
-                ),
-            )
-        updater.add(
-            "Board", _task(lambda: robot_status.board_report(driver.status, driver.board.temperature_c))
-        )
-        if self._parameters.imu and "imu" in driver.board.capabilities:
-            updater.add("IMU", _task(lambda: robot_status.imu_report(driver.imu_state, driver.imu)))
-        if HOLD in driver.board.capabilities:
-            updater.add("Radio", _task(lambda: robot_status.radio_report(driver.radio.hold)))
-
-    def _link(self) -> Report:
-        driver, parameters = self._driver, self._parameters
-        slowed = parameters.fast and driver.link.baud != FAST_BAUD
-        values = link_report.values(
-            parameters.port,
-            driver.link.baud,
-            driver.board,
-            driver.link.statistics,
-            driver.link.age_s,
-            driver.telemetry,
-        )
-        return link_report.health(driver.ready, driver.link.age_s, slowed)._replace(values=values)
+def _link(driver: Driver, parameters: Parameters) -> Report:
+    link = driver.link
+    slowed = parameters.fast and link.baud != FAST_BAUD
+    values = link_report.values(
+        parameters.port, link.baud, driver.board, link.statistics, link.age_s, driver.telemetry
+    )
+    return link_report.health(driver.ready, link.age_s, slowed)._replace(values=values)
 
 
 def _task(report: Callable[[], Report]) -> Callable[[Any], Any]:

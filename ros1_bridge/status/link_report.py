@@ -71,14 +71,6 @@ class News:
         return Report(level, str(hold)) if known or hold.held else None
 
 
-def error_count(statistics: Counters) -> int:
-    """Number of all errors on the link."""
-    return (
-        sum(statistics.garbage.values()) + statistics.lost + statistics.duplicates + statistics.refused_counts
-        + statistics.unanswered + statistics.blocked_writes
-    )  # fmt: skip
-
-
 def health(ready: bool, age_s: float, slowed: bool = False) -> Report:
     """Level and message of the link; `slowed`: the link runs below the requested baud rate."""
     if not ready:
@@ -96,6 +88,12 @@ def values(
     The latency is the time from the reading of the last frame's counters to its arrival at the host, minus the
     shortest such time.  Boards without a clock have no latency.
     """
+    version = board.motor_board_version
+    garbage = ", ".join(f"{name} {count}" for name, count in sorted(statistics.garbage.items()))
+    errors = (
+        sum(statistics.garbage.values()) + statistics.lost + statistics.duplicates + statistics.refused_counts
+        + statistics.unanswered + statistics.blocked_writes
+    )  # fmt: skip
     latency = "not measured"
     if telemetry is not None and telemetry.sequence is not None:
         latency = f"{1000 * (telemetry.arrival_s - telemetry.stamp_s):.2f} ms"
@@ -103,19 +101,16 @@ def values(
         "Serial Port": port,
         "Serial Baud": str(baud),
         "Firmware Version": str(board.version),
-        "Motor Board Version": "none"
-        if math.isnan(board.motor_board_version)
-        else f"{board.motor_board_version:.2f}",
+        "Motor Board Version": "none" if math.isnan(version) else f"{version:.2f}",
         "Protocol Version": str(board.protocol),
         "Device ID": str(board.robot_id),
         "Computed Latency": latency,
         "Capabilities": ", ".join(sorted(board.capabilities)) or "none",
         "Telemetry Age": f"{age_s * 1000:.0f} ms",
-        "Errors": str(error_count(statistics)),
+        "Errors": str(errors),
         "Frames": str(statistics.frames),
         "Lost Frames": str(statistics.lost),
-        "Garbage": ", ".join(f"{name} {count}" for name, count in sorted(statistics.garbage.items()))
-        or "none",
+        "Garbage": garbage or "none",
         "Refused Counts": str(statistics.refused_counts),
         "Unanswered Requests": str(statistics.unanswered),
         "Blocked Writes": str(statistics.blocked_writes),

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from mrl_driver.errors import ConfigError
-from ros1_bridge.navigation.waypoint_list import read_names, read_numbers, read_waypoints
+from ros1_bridge.navigation.follow_waypoints_node import read_names, read_numbers, read_waypoints
 
 
 def test_a_list_is_read_in_metres_and_degrees():
