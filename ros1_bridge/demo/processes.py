@@ -46,11 +46,7 @@ class Child:
         finally:
             if output:
                 output.close()
-
-    @property
-    def pid(self) -> int:
-        """Process id."""
-        return self._process.pid
+        self.pid = self._process.pid
 
     @property
     def exit_code(self) -> Optional[int]:

@@ -6,23 +6,12 @@ from typing import Any, Dict, Mapping, NamedTuple, Optional
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.wheel_monitor import Mismatch
-from mrl_driver.session.events import (
-    MAY_MOVE,
-    WAITS,
-    ImuChanged,
-    Lost,
-    PathUnknown,
-    Ready,
-    Reconnected,
-    Slowed,
-    Stale,
-)
+from mrl_driver.session import events
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.link_counters import Counters
 from mrl_driver.transport.baud_rates import SLOW
 
 OK, WARN, ERROR = 0, 1, 2  # Levels of diagnostic_msgs/DiagnosticStatus
-ANSWERS = "the board answers again"
 
 
 class Report(NamedTuple):
@@ -42,25 +31,26 @@ class News:
 
     def of(self, event: Any) -> Optional[Report]:
         """Level and message; None for an event that is not logged."""
-        if isinstance(event, Lost):
+        if isinstance(event, events.Lost):
             self._lost = True
             return Report(ERROR, str(event))
-        if isinstance(event, Reconnected):
+        if isinstance(event, events.Reconnected):
             self._lost = False
             return Report(OK, str(event))
-        if isinstance(event, Stale):
-            then = MAY_MOVE if event.may_move else WAITS
+        if isinstance(event, events.Stale):
+            then = events.MAY_MOVE if event.may_move else events.WAITS
             return Report(ERROR, f"the board is silent: check its cable and power; {then}")
-        if isinstance(event, Ready) and not self._lost:
-            restarted = event.restarted and event.checked  # unchecked: a restart is only assumed
-            return Report(WARN, f"the board has restarted; {WAITS}") if restarted else Report(OK, ANSWERS)
-        if isinstance(event, ImuChanged):
+        if isinstance(event, events.Ready) and not self._lost:
+            if event.restarted and event.checked:  # unchecked: a restart is only assumed
+                return Report(WARN, f"the board has restarted; {events.WAITS}")
+            return Report(OK, "the board answers again")
+        if isinstance(event, events.ImuChanged):
             return Report(OK if event.in_use else WARN, str(event))
         if isinstance(event, Hold):
             return self._of_hold(event)
         if isinstance(event, Mismatch):
             return Report(ERROR, f"{event}; the robot was stopped")
-        return Report(WARN, str(event)) if isinstance(event, (Slowed, PathUnknown)) else None
+        return Report(WARN, str(event)) if isinstance(event, (events.Slowed, events.PathUnknown)) else None
 
     def _of_hold(self, hold: Hold) -> Optional[Report]:
         """A changed state; not changed counters."""

@@ -67,14 +67,16 @@ class Fast:
         """`lost`: the exception that a broken connection raises."""
         self.impl, self._lost = publisher.impl, (lost, OSError)
         """rospy's implementation of the publisher; its `connections` are the subscribers."""
-        self._buffer = io.BytesIO()
         self.sequence = 1  # Number of the next message
 
     def publish(self, message: Any) -> None:
         """Send `message`, which must have a header, to all subscribers."""
         if self.impl.connections:
             message.header.seq = self.sequence
-            self.send(self._packed(message))
+            buffer = io.BytesIO()
+            message.serialize(buffer)
+            data = buffer.getvalue()
+            self.send(_LENGTH.pack(len(data)) + data)
 
     def send(self, data: bytes) -> None:
         """Send a serialized message, including its length."""
@@ -84,17 +86,6 @@ class Fast:
                 connection.write_data(data)
             except self._lost:
                 connection.close()  # this replaces the list, so that the iteration here stays valid
-
-    def _packed(self, message: Any) -> bytes:
-        """The serialized message, after its length."""
-        buffer = self._buffer
-        buffer.seek(4)
-        message.serialize(buffer)
-        end = buffer.tell()
-        buffer.seek(0)
-        buffer.write(_LENGTH.pack(end - 4))
-        buffer.truncate(end)
-        return buffer.getvalue()
 
 
 def _make_dropping(connection: Any) -> None:
