@@ -74,7 +74,7 @@ class TopicSender:
         self._publishes = publishes
         self._sources: Dict[Tuple[str, str], Source] = {}
         self._sequences: Dict[int, int] = {}
-        self._latched: Dict[int, Message] = {}
+        self._latched: Dict[int, Tuple[Source, Message]] = {}
         self._receivers: List[_Receiver] = []
         self._lock = threading.Lock()
         self._listener = socket.create_server(tuple(address))
@@ -99,7 +99,7 @@ class TopicSender:
                 self.too_long += 1
                 return
             if source.latched:
-                self._latched[source.number] = message
+                self._latched[source.number] = source, message
             receivers = list(self._receivers)
         for receiver in receivers:
             receiver.offer(source, message)
@@ -107,8 +107,7 @@ class TopicSender:
     def latched(self) -> List[Tuple[Source, Message]]:
         """The last messages of all latched publishers that still exist."""
         with self._lock:
-            sources = {source.number: source for source in self._sources.values()}
-            kept = [(sources[number], message) for number, message in self._latched.items()]
+            kept = list(self._latched.values())
         return [pair for pair in kept if self._publishes(pair[0].topic, pair[0].publisher)]
 
     def report(self) -> Dict[str, str]:
@@ -168,11 +167,8 @@ class TopicSender:
                     receiver = _Receiver(self, connection, Address(*address[:2]))
                     receiver.start()
                     self._receivers.append(receiver)
-                except (
-                    OSError,
-                    RuntimeError,
-                    RelayError,
-                ) as error:  # or no descriptor, no thread, no connection
+                # or there is no descriptor or thread, or the connection has ended
+                except (OSError, RuntimeError, RelayError) as error:
                     connection.close()
                     self.tell(f"{Address(*address[:2])}: refused: {shortage(error) or error}")
 

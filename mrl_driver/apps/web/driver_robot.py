@@ -56,21 +56,18 @@ class DriverRobot(PageRobot):
         return Why(self._driver.stop_reason, words)
 
     def stop(self) -> None:
+        self._end(self._driver.stop)
+
+    def latch(self, by: str) -> None:
+        self._latched = True
+        self._end(lambda: self._driver.inhibit(StopReason.EMERGENCY_STOP))
+
+    def _end(self, stop: Callable[[], None]) -> None:
         self._driven = False
         self._goal.end()
         try:
-            self._driver.stop()
-        except (
-            MrlError
-        ) as error:  # the driver sends it again when the board is back, or has ended and says why
-            self._live.notice = str(error)
-
-    def latch(self, by: str) -> None:
-        self._latched, self._driven = True, False
-        self._goal.end()
-        try:
-            self._driver.inhibit(StopReason.EMERGENCY_STOP)
-        except MrlError as error:
+            stop()
+        except MrlError as error:  # the driver sends it again later, or has ended and says why
             self._live.notice = str(error)
 
     def release(self) -> None:

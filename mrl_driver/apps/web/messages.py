@@ -223,24 +223,14 @@ def sample(now_s: float, values: Iterable[float]) -> str:
 def view_facts(shown: Shown) -> Dict[str, Any]:
     """Return the fields of `view`: what a live view shows, in the words of the terminal's.
 
-    Numbers are rounded so that they stay the same while the robot rests.  A row is name, value and style, and if it has
-    a bar, the bar's share and style.
+    Numbers are rounded so that they stay the same while the robot rests.  A row is name, value, style, and the share
+    and style of its bar, or null.
     """
     state = shown.state
     stopped = state.stopped
     return {
         "name": state.name,
-        "sections": [
-            {
-                "title": section.title,
-                "style": section.style,
-                "rows": [
-                    [row.name, row.value, row.style, *([list(row.bar)] if row.bar else [])]
-                    for row in section.rows
-                ],
-            }
-            for section in sections(shown)
-        ],
+        "sections": [section._asdict() for section in sections(shown)],
         "notice": shown.notice,
         "silent": state.silent,
         "stopped": stopped,
