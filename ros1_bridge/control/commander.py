@@ -250,10 +250,8 @@ class Commander:
         if self._driver.radio.hold is not None and self._driver.radio.hold.held:
             return StopReason.HELD
         told: StopReason = self._driver.stop_reason
-        if self._driver.command is not None:
-            return (
-                StopReason.PROTECTIVE_ZONE if self._held else StopReason.NONE
-            )  # its command says whether it stands
+        if self._driver.command is not None:  # it says whether the robot stands
+            return StopReason.PROTECTIVE_ZONE if self._held else StopReason.NONE
         never_driven = self._cause is StopReason.NONE and self._commanded_s == float("-inf")
         if told is StopReason.BOOT and never_driven:
             return StopReason.NONE  # the board was switched on
@@ -289,9 +287,8 @@ class Commander:
             )
         if cause not in REFUSALS and self._driver.link.since_pause_s < QUEUED_S:
             return PAUSED
-        return REFUSALS.get(
-            cause, "the board is silent or just restarting; send the command again when telemetry is back"
-        )
+        silent = "the board is silent or just restarting; send the command again when telemetry is back"
+        return REFUSALS.get(cause, silent)
 
     def _within_zones(self, speeds: Speeds, now: float) -> Speeds:
         """Return the speeds as far as the zones allow them; the driver asks with its lock held."""

@@ -7,18 +7,13 @@ from mrl_driver.errors import ConfigError
 from ros1_bridge.node.parameters import Row, read
 
 PORT = 11411
+_RECEIVE = "Topics to fetch, NAME/TOPIC, or NAME/TOPIC=HERE to choose the name they get here"
 PARAMETERS = (
     Row("name", str, None, "", "Name of this robot or computer among the relays, such as robot1"),
     Row("listen", str, f"127.0.0.1:{PORT}", "", "Address at which other relays fetch topics, HOST:PORT"),
     Row("send", str, "", "", "Topics that others may fetch, separated by commas"),
     Row("peers", str, "", "", "Relays to fetch topics from, NAME=HOST:PORT, separated by commas"),
-    Row(
-        "receive",
-        str,
-        "",
-        "",
-        "Topics to fetch, NAME/TOPIC, or NAME/TOPIC=HERE to choose the name they get here",
-    ),
+    Row("receive", str, "", "", _RECEIVE),
     Row("max_age", float, 0.3, "s", "Drop messages that are older than this when they arrive", 0.02, 60.0),
     Row("timeout", float, 1.0, "s", "A relay that is silent for this time is cut off", 0.5, 60.0),
 )
@@ -89,17 +84,11 @@ def read_settings(given: Any, namespace: str) -> Settings:
         if topic in receive[peer]:
             raise ConfigError(f"parameter {namespace}/receive has {peer}/{topic} twice, expected each once")
         receive[peer][topic] = here or f"{peer}/{topic}"
-    return Settings(
-        values["name"],
-        _address(f"{namespace}/listen", values["listen"]),
-        _unique(f"{namespace}/send", [(topic.lstrip("/"), topic) for (topic,) in send]),
-        _unique(
-            f"{namespace}/peers", [(peer, _address(f"{namespace}/peers", there)) for peer, there in peers]
-        ),
-        receive,
-        values["max_age"],
-        values["timeout"],
-    )
+    key = f"{namespace}/peers"
+    addresses = _unique(key, [(peer, _address(key, there)) for peer, there in peers])
+    topics = _unique(f"{namespace}/send", [(topic.lstrip("/"), topic) for (topic,) in send])
+    listen = _address(f"{namespace}/listen", values["listen"])
+    return Settings(values["name"], listen, topics, addresses, receive, values["max_age"], values["timeout"])
 
 
 def _items(key: str, text: str, form: str, expected: str) -> List[Tuple[str, ...]]:

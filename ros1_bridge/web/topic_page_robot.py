@@ -93,14 +93,8 @@ class TopicPageRobot(PageRobot):
             return self._press.look(self._robot, time.monotonic()) if self._press is not None else None
 
     def shown(self, now_s: float) -> Shown:
-        news = (
-            self._emergency.trouble,
-            self._robot.notice,
-            self._live.notice,
-            self._recording.loss,
-            self._warning(),
-        )
-        return super().shown(now_s)._replace(notice=next(filter(None, news), ""))
+        news = self._emergency.trouble, self._robot.notice, self._live.notice, self._recording.loss
+        return super().shown(now_s)._replace(notice=next(filter(None, news), self._warning()))
 
     def listen(self, changed: Callable[[], None]) -> None:
         """Call `changed` after each message of odometry or status, from any thread."""

@@ -38,27 +38,15 @@ MAX_DELAY_S = 0.25
 LOOK_S = 2.0  # time between two looks at the parameter that says so [s]
 NOT_RECORDED = ("/rosout", "/rosout_agg")
 USUAL = "~/.local/share/mrl-driver/recordings"  # where `mrl web` has its recordings, too
+_LISTEN = "Address of the page, HOST or HOST:PORT; beyond this computer with TLS and tokens"
+_DELAY = "Stop above this delay from the page's input to the echo of its command; 0 turns it off"
+_RECORD = "Topics to record besides those of robot_node and this node, separated by blanks"
 PARAMETERS = (
-    Row(
-        "listen",
-        str,
-        "127.0.0.1:8642",
-        "",
-        "Address of the page, HOST or HOST:PORT; beyond this computer with TLS and tokens",
-    ),
+    Row("listen", str, "127.0.0.1:8642", "", _LISTEN),
     Row("robot", str, "auto", "", "Robot model, path of a .yaml file, or auto: by the board's id"),
-    DELAY_ROW._replace(
-        default=MAX_DELAY_S,
-        text="Stop above this delay from the page's input to the echo of its command; 0 turns it off",
-    ),
+    DELAY_ROW._replace(default=MAX_DELAY_S, text=_DELAY),
     Row("recordings", str, "", "", f"Folder of the bags that the page records; empty: {USUAL}"),
-    Row(
-        "record",
-        str,
-        "scan",
-        "",
-        "Topics to record besides those of robot_node and this node, separated by blanks",
-    ),
+    Row("record", str, "scan", "", _RECORD),
 )
 """The node's private parameters."""
 
@@ -103,13 +91,8 @@ class WebNode:
         self._node, self._slow = rospy.resolve_name(ROBOT), ""
         self._commands = PageCommands(given["max_delay"])
         self._phone = rospy.Publisher("phone/imu", Imu, queue_size=10, tcp_nodelay=True)
-        self._robot = TopicRobot(
-            lambda *speeds: None,
-            rospy.is_shutdown,
-            given["robot"],
-            lambda: self._commands.link_s,
-            self._node,
-        )
+        delay_s = lambda: self._commands.link_s  # noqa: E731
+        self._robot = TopicRobot(lambda *_: None, rospy.is_shutdown, given["robot"], delay_s, self._node)
         if self._robot.model is not None:
             self._robot.model.require_motors()
         folder = Path(given["recordings"] or USUAL).expanduser()

@@ -90,7 +90,8 @@ def test_after_a_stop_the_next_step_begins_a_new_search(stopped):
     drive, model = GoalDrive(), load("traxbot")
     goal = Goal(5.0, 0.0)
     for now_s in (0.0, 120.0):
-        step = drive.step(goal, ORIGIN, {}, model.limits, model.sonars, now_s)
+        robot = SimpleNamespace(pose=ORIGIN, ranges={}, limits=model.limits, model=model, now_s=now_s)
+        step = drive.step(goal, robot)
         if stopped:
             drive.end()
     assert bool(step.ended) is not stopped

@@ -1,12 +1,11 @@
 """A goal that is held on the page: each fresh command is one step towards it.  No I/O."""
 
 import math
-from typing import Mapping, NamedTuple, Optional
+from typing import Any, NamedTuple, Optional
 
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.robot.models import Limits, SonarMount
 
 from .helm import Goal, Why, why_of
 
@@ -37,25 +36,21 @@ class GoalDrive:
         """Forget the goal: the robot was stopped, or the control was released."""
         self._seeker = self._goal = None
 
-    def step(
-        self,
-        goal: Goal,
-        pose: Pose,
-        ranges: Mapping[str, float],
-        limits: Limits,
-        sonars: Mapping[str, SonarMount],
-        now_s: float,
-    ) -> Step:
-        """Return the speeds now.  Without a yaw the robot arrives in the direction from here to the goal."""
+    def step(self, goal: Goal, robot: Any) -> Step:
+        """Return the speeds now.  Without a yaw the robot arrives in the direction from here to the goal.
+
+        `robot` is a Driver, or has its `pose`, `ranges`, `limits`, `model` and `now_s`.
+        """
+        pose, now_s = robot.pose, robot.now_s
         if self._seeker is None or self._goal != goal:
             self._goal = goal
-            yaw_rad = (
-                math.atan2(goal.y_m - pose.y_m, goal.x_m - pose.x_m) if goal.yaw_rad is None else goal.yaw_rad
-            )
-            target = Pose(goal.x_m, goal.y_m, yaw_rad)
-            self._seeker = GoalSeeker(target, limits, now_s, sonars, look_rad=LOOK_RAD)
+            x_m, y_m, yaw_rad = goal
+            if yaw_rad is None:
+                yaw_rad = math.atan2(y_m - pose.y_m, x_m - pose.x_m)
+            target, sonars = Pose(x_m, y_m, yaw_rad), robot.model.sonars
+            self._seeker = GoalSeeker(target, robot.limits, now_s, sonars, look_rad=LOOK_RAD)
         seeker = self._seeker
-        linear_m_s, angular_rad_s = seeker.command(pose, ranges, now_s)
+        linear_m_s, angular_rad_s = seeker.command(pose, robot.ranges, now_s)
         if not (seeker.reached or seeker.blocked):
             return Step(linear_m_s, angular_rad_s, notice=f"waits: {seeker.why}" if seeker.blind else "")
         ended = why_of(StopReason.GOAL_REACHED)

@@ -207,11 +207,8 @@ def robot_facts(name: str, model: Optional[RobotModel], limits: Optional[Limits]
     facts["sonars"] = {sonar: [*mount.pose, FIELD_OF_VIEW_RAD] for sonar, mount in model.sonars.items()}
     if limits is not None:
         lateral_m_s = (limits.lateral_m_s or limits.linear_m_s) if sideways else 0.0
-        facts["limits"] = {
-            "linear": limits.linear_m_s,
-            "angular": limits.angular_rad_s,
-            "lateral": lateral_m_s,
-        }
+        speeds = limits.linear_m_s, limits.angular_rad_s, lateral_m_s
+        facts["limits"] = dict(zip(_SPEEDS, speeds))
     return facts
 
 

@@ -145,9 +145,7 @@ class PageRobot(ABC):
         why = self._refusal() if source.model.drives else NO_MOTORS
         if why is not None:
             return why
-        step = self._goal.step(
-            goal, source.pose, source.ranges, source.limits, source.model.sonars, source.now_s
-        )
+        step = self._goal.step(goal, source)
         self._live.notice = step.notice
         return step.ended or self._drive(step.linear_m_s, step.angular_rad_s, 0.0, age_s)
 

@@ -557,17 +557,13 @@ class Server:
     def _application(self) -> web.Application:
         app = web.Application(middlewares=[self._guard], client_max_size=messages.MOST_BYTES)
         app.on_response_prepare.append(_add_headers)
-        app.add_routes(
-            [
-                web.get("/", self._on_page),
-                web.get("/page/{name:.+}", self._on_page),
-                web.get("/ws", self._on_socket),
-                web.post("/session", self._on_session),
-                web.get("/session/{session}/events", self._on_events),
-                web.post("/session/{session}", self._on_message),
-                web.get("/recordings/{name}", self._on_recording),
-            ]
-        )
+        app.router.add_get("/", self._on_page)
+        app.router.add_get("/page/{name:.+}", self._on_page)
+        app.router.add_get("/ws", self._on_socket)
+        app.router.add_post("/session", self._on_session)
+        app.router.add_get("/session/{session}/events", self._on_events)
+        app.router.add_post("/session/{session}", self._on_message)
+        app.router.add_get("/recordings/{name}", self._on_recording)
         return app
 
     @web.middleware
