@@ -7,7 +7,8 @@ Every fault is one of `fault_table.FAULTS`, which `mrl-sim --fault` uses and its
 
 import math
 import random
-from typing import Any, Iterable, List, Union
+from functools import partial
+from typing import Any, Callable, Iterable, Union
 
 from mrl_driver.errors import ConfigError
 from sim_arduino.board.engine import Engine
@@ -18,18 +19,18 @@ from .schedule import Chain, Window
 
 
 class _Switch:
-    """A switch that is on during its windows, or until a requested time."""
+    """A fault that is on during its windows, or until a requested time; `act` is called when that changes."""
 
-    def __init__(self) -> None:
-        self.windows: List[Window] = []
+    def __init__(self, act: Callable[[bool], None], *windows: Window) -> None:
+        self._act, self.windows = act, [*windows]
         self.until_s = -math.inf
         self.is_on = False
 
-    def turns_on(self, now_s: float) -> bool:
-        """Sets `is_on` for this time; whether it was off before and is on now."""
-        was_on = self.is_on
-        self.is_on = any([window.on(now_s) for window in self.windows]) or now_s < self.until_s
-        return self.is_on and not was_on
+    def update(self, now_s: float) -> None:
+        on = any([window.on(now_s) for window in self.windows]) or now_s < self.until_s
+        if on != self.is_on:
+            self.is_on = on
+            self._act(on)
 
     def next_s(self, now_s: float) -> float:
         asked_s = self.until_s if now_s < self.until_s else math.inf
@@ -38,21 +39,6 @@ class _Switch:
     def clear(self) -> None:
         self.windows.clear()
         self.until_s = -math.inf
-
-
-class _HardwareFault:
-    """A fault of the hardware in its window."""
-
-    def __init__(self, fault: Fault, plant: Any) -> None:
-        self._fault, self._plant, self.window = fault, plant, Window(*fault.window)
-        self._is_on = False
-
-    def update(self, on: bool) -> None:
-        """Switches the fault if it must change."""
-        if on != self._is_on:
-            self._is_on = on
-            assert self._fault.kind.switch
-            self._fault.kind.switch(self._plant, on, **self._fault.values)
 
 
 class FaultyEngine:
@@ -72,9 +58,15 @@ class FaultyEngine:
         self.now_s = 0.0
         self._seed, self._count = seed, 0
         self._chains = {TO_BOARD: Chain(), TO_HOST: Chain()}
-        self._switches = {name: _Switch() for name in ("unplug", "freeze", "reset", "brown_out")}
-        self._unplugged, self._frozen, self._resetting, self._browning = self._switches.values()
-        self._hardware: List[_HardwareFault] = []
+        self._frozen, self._unplugged = _Switch(self._freeze), _Switch(lambda on: None)
+        self._of_board = {
+            "freeze": self._frozen,
+            "unplug": self._unplugged,
+            "reset": _Switch(lambda on: self.engine.reset() if on else None),
+            "brown_out": _Switch(lambda on: self._brown_out() if on else None),
+        }
+        self._switches = [*self._of_board.values()]
+        """All switches; those of hardware faults come behind those of the board."""
         self._waiting = b""
         for fault in faults:
             self.add(fault)
@@ -87,15 +79,14 @@ class FaultyEngine:
         Raises:
             ConfigError: the text is not a fault, or the robot lacks the hardware that it needs.
         """
-        found = parse(fault) if isinstance(fault, str) else fault
-        kind, values, direction, times = found
+        kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
         self._count += 1
         if kind.switch is not None:
             self._require_hardware(kind)
-            self._hardware.append(_HardwareFault(found, self._plant))
-            self._hardware[-1].update(self._hardware[-1].window.on(self.now_s))
+            self._switches.append(_Switch(partial(kind.switch, self._plant, **values), Window(*times)))
+            self._switches[-1].update(self.now_s)
         elif kind.make is None:
-            self._switches[kind.name].windows.append(Window(*times))
+            self._of_board[kind.name].windows.append(Window(*times))
         else:
             for name, chain in self._chains.items():
                 if direction in (BOTH, name):
@@ -145,12 +136,10 @@ class FaultyEngine:
         """Removes all faults; bytes that they held back are lost."""
         for chain in self._chains.values():
             chain.clear()
-        for switch in self._switches.values():
+        for switch in self._switches:
             switch.clear()
-        for fault in self._hardware:
-            fault.update(False)
-        self._hardware.clear()
         self._switch()
+        del self._switches[len(self._of_board) :]
 
     def unplug(self, seconds: float = math.inf) -> None:
         """Unplugs the cable, and plugs it in after `seconds`."""
@@ -221,8 +210,7 @@ class FaultyEngine:
     def _own_s(self) -> float:
         """Time of the next event of a fault, after now [s]."""
         own_s = [chain.next_s(self.now_s) for chain in self._chains.values()]
-        own_s += [switch.next_s(self.now_s) for switch in self._switches.values()]
-        return min(own_s + [fault.window.next_s(self.now_s) for fault in self._hardware])
+        return min(own_s + [switch.next_s(self.now_s) for switch in self._switches])
 
     def _step(self, to_s: float) -> bytes:
         """Runs to `to_s`, then switches the faults that are due; no fault may switch before `to_s`."""
@@ -234,21 +222,19 @@ class FaultyEngine:
         return out
 
     def _switch(self) -> None:
-        was_frozen = self._frozen.is_on
-        self._frozen.turns_on(self.now_s)
-        if was_frozen and not self._frozen.is_on:
-            self.engine.gap(self.now_s, self._waiting)
-            self._waiting = b""
-        self._unplugged.turns_on(self.now_s)
+        for switch in self._switches:
+            switch.update(self.now_s)
         if not self.plugged:
             for chain in self._chains.values():
                 chain.empty()
-        if self._resetting.turns_on(self.now_s):
-            self.engine.reset()
-        if self._browning.turns_on(self.now_s):
-            getattr(self.engine, "brown_out", self.engine.reset)()
-        for fault in self._hardware:
-            fault.update(fault.window.on(self.now_s))
+
+    def _freeze(self, frozen: bool) -> None:
+        if not frozen:
+            self.engine.gap(self.now_s, self._waiting)
+            self._waiting = b""
+
+    def _brown_out(self) -> None:
+        getattr(self.engine, "brown_out", self.engine.reset)()
 
     def _arrive(self, data: bytes) -> None:
         """Passes on bytes that reach the board's end of the line."""

@@ -35,27 +35,6 @@ def near_cone(circles: Any, pose: Pose, half_angle_rad: float, range_m: float) -
     return (np.maximum(outside, np.maximum(-u, u - range_m)) <= radius + _EDGE).nonzero()[0]
 
 
-def nearest_in_cone(walls: Any, pose: Pose, half_angle_rad: float, range_m: float) -> float:
-    """`geometry.nearest_in_cone` for many walls."""
-    u, v, du, dv = _in_frame(walls, pose)
-    slope = math.tan(half_angle_rad)
-    length2 = du * du + dv * dv
-    seen = length2 > 0.0
-    low, high = np.zeros(len(u)), np.ones(len(u))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for base, change in ((slope * u - v, slope * du - dv), (slope * u + v, slope * du + dv)):
-            starts_out, ends_out = base < 0.0, base + change < 0.0
-            cut = -base / change
-            seen &= ~(starts_out & ends_out)
-            low = np.where(starts_out, np.maximum(low, cut), low)
-            high = np.where(ends_out & ~starts_out, np.minimum(high, cut), high)
-        seen &= low <= high
-        t = np.minimum(high, np.maximum(low, -(u * du + v * dv) / length2))
-    squares = ((u + t * du) ** 2 + (v + t * dv) ** 2)[seen]
-    least = float(squares.min()) if len(squares) else math.inf
-    return math.sqrt(least) if least < range_m * range_m else math.inf
-
-
 def distances(walls: Any, x: float, y: float) -> Any:
     """Distances from a point to each wall [m], `(N,)`."""
     dx, dy = walls[:, 0] - x, walls[:, 1] - y

@@ -36,9 +36,7 @@ class WallIndex:
         if self._circles is None:
             self._circles = rays.circles(self.array())
         near = rays.near_cone(self._circles, pose, half_angle_rad, range_m)
-        if len(near) <= FEW:
-            return nearest_in_cone([self.walls[i] for i in near.tolist()], pose, half_angle_rad, range_m)
-        return rays.nearest_in_cone(self.array()[near], pose, half_angle_rad, range_m)
+        return nearest_in_cone([self.walls[i] for i in near.tolist()], pose, half_angle_rad, range_m)
 
     def clearance(self, x: float, y: float) -> float:
         """Distance from a point to the nearest wall [m]; infinite without walls."""

@@ -22,12 +22,6 @@ SQUARE = World(polygon([(-2, -2), (2, -2), (2, 2), (-2, 2)]))
 
 
 @given(walls=walls, pose=poses)
-def test_arrays_and_the_loop_hear_the_same(walls, pose):
-    one_by_one = nearest_in_cone(walls, pose, CONE_RAD, RANGE_M)
-    assert rays.nearest_in_cone(np.array(walls), pose, CONE_RAD, RANGE_M) == pytest.approx(one_by_one)
-
-
-@given(walls=walls, pose=poses)
 def test_walls_in_a_cone_are_among_those_near_it(walls, pose):
     near = rays.near_cone(rays.circles(np.array(walls)), pose, CONE_RAD, RANGE_M)
     heard = [i for i, wall in enumerate(walls) if nearest_in_cone([wall], pose, CONE_RAD, RANGE_M) < math.inf]
