@@ -5,6 +5,7 @@ of the pose describes its errors.
 import math
 import random
 from functools import partial
+from operator import itemgetter
 from typing import Any, ContextManager, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.apps.calibration import fit, imu_procedures, manoeuvres
@@ -60,25 +61,14 @@ CASES = (
 SOURCES = {"gyro": "gyro and wheels", "wheels": "wheels alone"}
 
 
-class Errors(NamedTuple):
-    """Errors at the end of the turns [deg] and of the L-course [cm]."""
-
-    heading_deg: float
-    position_cm: float
-
-
 def run(setting: Setting) -> Result:
     """Drives with and without the gyro, and compares the poses with the true ones."""
     require_emulated(setting, "gyro")
     with_gyro = trials.over_seeds(lambda each: _errors(each, _calibrated(each)), setting, SEEDS)
     without = [_errors(setting, None)]  # nothing in it is drawn
     text = f"error of the heading after {TURNS} turns of 90 deg, {SOURCES['gyro']}"
-    measures = (
-        Measure("gyro_heading_deg", text, "deg", lambda errors: errors.heading_deg),
-        Measure(
-            "gyro_position_cm", "error of the position after the L-course", "cm", lambda e: e.position_cm
-        ),
-    )
+    position = Measure("gyro_position_cm", "error of the position after the L-course", "cm", itemgetter(1))
+    measures = (Measure("gyro_heading_deg", text, "deg", itemgetter(0)), position)
     rows = trials.figures(measures, with_gyro, without)
     found: Dict[str, Sequence[float]] = {}
     for case in CASES:
@@ -137,8 +127,8 @@ def _open(setting: Setting, mount: Optional[ImuMount], **wrong: float) -> Contex
     )
 
 
-def _errors(setting: Setting, mount: Optional[ImuMount]) -> Errors:
-    """Errors of one robot: turns first, and then the L-course from where they end."""
+def _errors(setting: Setting, mount: Optional[ImuMount]) -> Tuple[float, float]:
+    """Errors of one robot at the end of the turns [deg], and of the L-course that begins where they end [cm]."""
     with _open(setting, mount) as robot:
         robot.wait(STAND_S)
         robot.reset_pose(robot.true_pose)
@@ -152,7 +142,7 @@ def _errors(setting: Setting, mount: Optional[ImuMount]) -> Errors:
         points = [start.compose(*Pose(*each, 0.0).relative_to(first)) for each in l_course.WAYPOINTS]
         follow(robot, Course([point[:2] for point in points]), lambda: None)
         robot.wait(STAND_S)
-        return Errors(heading_deg, 100 * math.hypot(*_between(robot.pose, robot.true_pose)[:2]))
+        return heading_deg, 100 * math.hypot(*_between(robot.pose, robot.true_pose)[:2])
 
 
 def _between(pose: Pose, true: Pose) -> Tuple[float, float, float]:
@@ -213,8 +203,8 @@ def _follow(odometry: Odometry, telemetry: Telemetry) -> None:
 
 def _draw(
     setting: Setting,
-    with_gyro: Sequence[Errors],
-    without: Sequence[Errors],
+    with_gyro: Sequence[Any],
+    without: Sequence[Any],
     found: Dict[str, Sequence[float]],
 ) -> str:
     made, (ends, shares) = plot_style.figure(2, 10.5, 5.2)

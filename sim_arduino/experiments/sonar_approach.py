@@ -3,8 +3,7 @@
 Each emulated robot has a sonar with a curve of its own, which the calibration has to find.
 """
 
-from functools import partial
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
@@ -71,20 +70,19 @@ def _coefficient_rows(fit: sonar_curve.SonarFit) -> List[Figure]:
 
 def _rows(runs: Sequence[SonarRun]) -> List[Figure]:
     """How well the hidden curves were found; the control is the published curve."""
-    measures = [
-        Measure("error_cm", "largest error of a range, 20 to 200 cm", "cm", lambda pair: _largest_cm(*pair))
-    ]
-    measures += [
-        Measure(f"{name}_error", f"error of {name} of a s^b + c [cm]", of=partial(_coefficient_error, number))
-        for number, name in enumerate(Curve._fields)
-    ]
-    found = [(run.fit.curve.on_wire(), run.hidden) for run in runs]
+    found = [(run.fit.curve.on_wire(), run.hidden) for run in runs if run.hidden]
+    control = [(THESIS, hidden) for _, hidden in found]
+    error = Measure(
+        "error_cm", "largest error of a range, 20 to 200 cm", "cm", lambda pair: _largest_cm(*pair)
+    )
+    rows = [error.figure(found, control)]
+    for number, name in enumerate(Curve._fields):
+        off, others = ([abs(a[number] - b[number]) for a, b in pairs] for pairs in (found, control))
+        rows.append(
+            Measure(f"{name}_error", f"error of {name} of a s^b + c [cm]", "", float).figure(off, others)
+        )
     r2 = Measure("r2", "R2", "", lambda run: round(run.fit.r2, 5), min, f"{THESIS_R2}", put_in=True)
-    return [*trials.figures(measures, found, [(THESIS, run.hidden) for run in runs]), r2.figure(runs)]
-
-
-def _coefficient_error(number: int, pair: Tuple[Curve, Curve]) -> float:
-    return abs(pair[0][number] - pair[1][number])
+    return [*rows, r2.figure(runs)]
 
 
 def _live_rows(live: SonarRun) -> List[Figure]:

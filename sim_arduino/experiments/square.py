@@ -2,6 +2,7 @@
 
 import math
 import random
+from functools import partial
 from typing import List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.apps.calibration import fit, manoeuvres
@@ -116,18 +117,15 @@ def _direction_rows(robots: Sequence[RobotLaps], number: int) -> List[Figure]:
     before, after = ([laps[i][number : number + 1] for laps in robots] for i in range(2))
     turn = before[0][0].sense
     (cm, deg), key = PUBLISHED[turn], turn.replace("-", "_")
+    farthest = partial(max, key=abs)
     angle = Measure(
-        f"{key}_before_deg", "", "deg", lambda laps: laps[0].error_deg, _farthest, f"{deg} deg", True
+        f"{key}_before_deg", "", "deg", lambda laps: laps[0].error_deg, farthest, f"{deg} deg", True
     )
     return [
         _rows(f"{key}_before", f"{CASES[0].text}, {turn}", before, [], f"{cm} cm")[0],
         angle.figure(before),
         *_rows(f"{key}_after", "after the calibration", after, before),
     ]
-
-
-def _farthest(values: Sequence[float]) -> float:
-    return max(values, key=abs)
 
 
 def _case_rows(case: Case, robots: Sequence[RobotLaps]) -> List[Figure]:
