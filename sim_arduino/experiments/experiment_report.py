@@ -74,12 +74,7 @@ def save(result: Result, folder: str) -> None:
     Raises:
         OutputError: a file cannot be written.
     """
-    data = {
-        "title": result.title,
-        "remark": result.remark,
-        "pictures": list(result.pictures),
-        "rows": [row._asdict() for row in result.rows],
-    }
+    data = {**result._asdict(), "rows": [row._asdict() for row in result.rows]}
     replace_file(os.path.join(folder, f"{result.name}.json"), json.dumps(data, indent=1) + "\n")
     replace_file(os.path.join(folder, "report.md"), _report(folder))
 
@@ -91,21 +86,16 @@ def read(folder: str, name: str) -> Optional[Result]:
             data = json.load(file)
     except OSError:
         return None
-    rows = [Figure(**row) for row in data["rows"]]
-    return Result(name, data["title"], rows, data["pictures"], data["remark"])
+    return Result(**{"name": name, **data, "rows": [Figure(**row) for row in data["rows"]]})
 
 
 def _report(folder: str) -> str:
     names = sorted(file[:-5] for file in os.listdir(folder) if file.endswith(".json"))
     parts = ["# Experiments\n"]
     for result in filter(None, (read(folder, name) for name in names)):
-        parts.append(f"## {result.title}\n\n" + "\n".join(table(result)) + "\n")
+        lines = [HEADINGS, ["---"] * len(HEADINGS), *map(cells, result.rows)]
+        table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        parts.append(f"## {result.title}\n\n{table}\n")
         parts += [f"{result.remark}\n"] if result.remark else []
         parts += [f"![{result.title}]({picture})\n" for picture in result.pictures]
     return "\n".join(parts)
-
-
-def table(result: Result) -> List[str]:
-    """The rows as a Markdown table."""
-    lines = [HEADINGS, ["---"] * len(HEADINGS), *map(cells, result.rows)]
-    return [f"| {' | '.join(line)} |" for line in lines]
