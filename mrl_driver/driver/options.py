@@ -92,13 +92,11 @@ class Options(NamedTuple):
 
 DEFAULTS = Options()
 
-
 HEARD = (
     *("period_ms", "watchdog_ms", "check", "robot_id", "any_id", "ignore_battery", "identify", "line_baud"),
     *("imu_period_ms", "build"),
 )
 """The options that change what the listeners of a driver get."""
-
 
 RANGES: Dict[str, Tuple[float, float, str]] = {
     "period_ms": (0, 10000, "ms"),

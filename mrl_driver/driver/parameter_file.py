@@ -18,7 +18,6 @@ LEAST_HOLD = round(FRESH_S / 0.1)
 SETTABLE: Tuple[Parameter, ...] = tuple(row for row in PARAMETERS if row.name != "robot_id")
 """All parameters but the robot id, which `mrl set-id` sets."""
 
-
 _MOTORS = {True: "an H-bridge", False: "a motor board"}
 
 

@@ -70,13 +70,7 @@ def probe(port: str, baud: int = BAUD, wait_s: float = TIMEOUT_S) -> Answer:
     name = models.by_id(board.robot_id)
     if name and not models.load(name).drives:
         board = without_motor_board(board)
-    return Answer(
-        board.robot_id,
-        name,
-        board.version,
-        board.battery_v,
-        tuple(sorted(board.capabilities)),
-    )
+    return Answer(board.robot_id, name, board.version, board.battery_v, tuple(sorted(board.capabilities)))
 
 
 def probe_all(ports: Iterable[Tuple[str, int, float]]) -> Iterator[Tuple[str, Answer]]:

@@ -89,6 +89,5 @@ REQUESTS_TO_ANY = Direction(_REQUESTS, wrapped=True)
 # Board to host.  Boards also print free text, which may repeat requests.  So a frame after text on the same line counts
 # only if it has a checksum and cannot be a request.  A line with unprintable bytes is noise.
 REPLIES = Direction(
-    [_shape(row, row.reply, row.optional_reply, False) for row in COMMANDS if row.reply],
-    lines=True,
+    [_shape(row, row.reply, row.optional_reply, False) for row in COMMANDS if row.reply], lines=True
 )

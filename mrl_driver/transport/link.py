@@ -34,15 +34,10 @@ WRITE_TIMEOUT_S = 0.1
 READ_SIZE = 4096  # largest number of bytes that a terminal returns at once
 PTY_MAJORS = range(136, 144)
 LOCKS = ("link read", "link write", "link wake")
-_ERRORS = {
-    errno.ENOENT: PortMissing,
-    errno.ENOTTY: PortMissing,
-    errno.EINVAL: PortMissing,
-    errno.EISDIR: PortMissing,
-    errno.EACCES: PortDenied,
-    errno.EPERM: PortDenied,
-    errno.EBUSY: PortBusy,
-    errno.EAGAIN: PortBusy,
+_ERRORS: Dict[int, Type[LinkError]] = {
+    **dict.fromkeys((errno.ENOENT, errno.ENOTTY, errno.EINVAL, errno.EISDIR), PortMissing),
+    **dict.fromkeys((errno.EACCES, errno.EPERM), PortDenied),
+    **dict.fromkeys((errno.EBUSY, errno.EAGAIN), PortBusy),
 }
 
 
@@ -434,7 +429,7 @@ def _open(port: str, baud: int) -> serial.Serial:
 def _explain(port: str, error: Exception) -> LinkError:
     if shortage(error):
         return LinkError(f"{port} cannot be opened: {shortage(error)}")
-    kind: Type[LinkError] = _ERRORS.get(_errno(error), LinkError)
+    kind = _ERRORS.get(_errno(error), LinkError)
     if kind is PortBusy:
         return busy(port, locked_by(port))
     if _errno(error) == errno.EPERM:

@@ -25,7 +25,6 @@ _REMEDY = {
     errno.ECONNRESET: "the bridge may have restarted, or serve another program",
 }
 
-
 HEARD = 24  # number of first bytes that the error quotes if the connection ends without a frame
 
 
