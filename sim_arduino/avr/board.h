@@ -202,7 +202,7 @@ void timers_pins_changed(board_t *board);
 void pins_attach(board_t *board);
 void pins_release(board_t *board);
 void pins_reset(board_t *board);
-void pins_set(board_t *board, int port, int bit, int level);
+EXPORT void mrl_pin_set(board_t *board, int port, int bit, int level);
 void pins_connect(board_t *board, chip_pin_t pin, bool timed);
 void pins_compare(board_t *board, int port, uint64_t cycle);
 bool pins_is_observed(const board_t *board, chip_pin_t pin);

@@ -6,7 +6,6 @@ libsimavr is under the GPL, so the package ships no binary linked with it.
 import os
 import subprocess
 from pathlib import Path
-from typing import List
 
 from mrl_driver import folders
 from mrl_driver.errors import SimulatorError
@@ -39,7 +38,13 @@ def build(library: Path) -> Path:
         SimulatorMissing: there is no compiler or no libsimavr; the message names the Debian packages.
     """
     if not _is_current(library):
-        _make_folder(library.parent)
+        try:
+            library.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SimulatorError(
+                f"cannot make the folder {library.parent} for the simulated chip ({error.strerror}); check its path "
+                "and permissions"
+            ) from error
         draft = library.with_name(f"{library.name}.{os.getpid()}")
         try:
             _compile(draft)
@@ -50,42 +55,24 @@ def build(library: Path) -> Path:
     return library
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SimulatorError(
-            f"cannot make the folder {folder} for the simulated chip ({error.strerror}); check its path and "
-            "permissions"
-        ) from error
-
-
 def _is_current(library: Path) -> bool:
     sources = list(SOURCES.glob("*.[ch]"))
     return library.exists() and all(library.stat().st_mtime >= source.stat().st_mtime for source in sources)
 
 
 def _compile(target: Path) -> None:
+    sources = sorted(str(source) for source in SOURCES.glob("*.c"))
+    flags = ["-std=gnu11", "-O2", "-Wall", "-Wextra", "-shared", "-fPIC", "-fvisibility=hidden"]
+    command = [*os.environ.get("CC", "cc").split(), *flags, *sources, "-o", str(target), "-lsimavr", "-lm"]
     try:
-        result = subprocess.run(
-            _command(target), stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False
-        )
+        result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     except OSError as error:
         raise _missing(str(error)) from error
     if result.returncode:
-        raise _missing(_reason(result.stdout.decode("utf-8", "replace")))
-
-
-def _command(target: Path) -> List[str]:
-    compiler = os.environ.get("CC", "cc").split()
-    sources = sorted(str(source) for source in SOURCES.glob("*.c"))
-    flags = ["-std=gnu11", "-O2", "-Wall", "-Wextra", "-shared", "-fPIC", "-fvisibility=hidden"]
-    return compiler + flags + sources + ["-o", str(target), "-lsimavr", "-lm"]
-
-
-def _reason(output: str) -> str:
-    errors = [line for line in output.splitlines() if "error" in line or "cannot find" in line]
-    return (errors or output.splitlines() or ["the compiler gave no reason"])[0].strip()[:LONGEST_REASON]
+        lines = result.stdout.decode("utf-8", "replace").splitlines()
+        errors = [line for line in lines if "error" in line or "cannot find" in line]
+        reason = (errors or lines or ["the compiler gave no reason"])[0]
+        raise _missing(reason.strip()[:LONGEST_REASON])
 
 
 def _missing(reason: str) -> SimulatorMissing:

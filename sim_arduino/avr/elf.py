@@ -92,13 +92,9 @@ def _loaded(raw: bytes, header: Tuple) -> Iterator[Tuple[int, bytes]]:
             yield physical, raw[at : at + size]
 
 
-def _sections(raw: bytes, header: Tuple) -> List[Tuple]:
-    offset, entry_size, count = header[6], header[11], header[12]
-    return [_SECTION.unpack_from(raw, offset + index * entry_size) for index in range(count)]
-
-
 def _symbols(raw: bytes, header: Tuple) -> Iterator[Tuple[str, Symbol]]:
-    sections = _sections(raw, header)
+    offset, entry_size, count = header[6], header[11], header[12]
+    sections = [_SECTION.unpack_from(raw, offset + index * entry_size) for index in range(count)]
     table = next((each for each in sections if each[1] == _SECTION_SYMBOLS), None)
     if table is None:
         return

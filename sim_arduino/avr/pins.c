@@ -139,7 +139,7 @@ static bool is_planned(const pins_t *pins, int port, int bit) {
 }
 
 /* Sets a level from outside now; the plans for the pin stay as they are. */
-void pins_set(board_t *board, int port, int bit, int level) {
+EXPORT void mrl_pin_set(board_t *board, int port, int bit, int level) {
     port_t *pins = &board->pins.ports[port];
     set_at(board, port, bit, level, board->avr->cycle);
     if (!is_planned(&board->pins, port, bit))
@@ -197,8 +197,6 @@ EXPORT void mrl_plan_edges(board_t *board, int port, int bit, const uint64_t *cy
         plan(board, port, bit, !(board->pins.ports[port].planned >> bit & 1), cycles[i]);
     arm_planned(board);
 }
-
-EXPORT void mrl_pin_set(board_t *board, int port, int bit, int level) { pins_set(board, port, bit, level); }
 
 EXPORT int mrl_pin_level(board_t *board, int port, int bit) {
     return levels(board, port, board->avr->cycle) >> bit & 1;

@@ -217,8 +217,8 @@ static void write_status(avr_t *avr, avr_io_addr_t address, uint8_t value, void 
 EXPORT void mrl_twi_set_hang(board_t *board, int hang, int release_clocks) {
     board->twi.hang = (enum bus_hang)hang;
     board->twi.release_clocks = release_clocks;
-    pins_set(board, SDA_PIN.port, SDA_PIN.bit, hang != HANG_SDA_LOW);
-    pins_set(board, SCL_PIN.port, SCL_PIN.bit, hang != HANG_SCL_LOW);
+    mrl_pin_set(board, SDA_PIN.port, SDA_PIN.bit, hang != HANG_SDA_LOW);
+    mrl_pin_set(board, SCL_PIN.port, SCL_PIN.bit, hang != HANG_SCL_LOW);
 }
 
 EXPORT void mrl_twi_set_stretch(board_t *board, int cycles) { board->twi.stretch = cycles; }

@@ -110,9 +110,6 @@ class BridgeControl(Motors):
     def _wired(self, name: str) -> bool:
         return bool(self._config["wiring"] & _BITS[name])
 
-    def _motor_of(self, wheel: int) -> int:
-        return wheel ^ int(self._wired("motors_swapped"))
-
     def _encoder_of(self, wheel: int) -> int:
         return wheel ^ int(self._wired("encoders_swapped"))
 
@@ -163,7 +160,8 @@ class BridgeControl(Motors):
         backward = (self._wheels[wheel].last_direction < 0) != self._wired(_REVERSED["motor"][wheel])
         chip = BRIDGES[self._config["bridge"] if self._usable else 0]
         pins = levels(chip, backward, abs(level), bool(self._config["stop_mode"]))
-        self._pins.write(now_s, self._motor_of(wheel), *(share(chip, each) for each in pins))
+        motor = wheel ^ int(self._wired("motors_swapped"))
+        self._pins.write(now_s, motor, *(share(chip, each) for each in pins))
 
     def _watch_battery(self, now_s: float) -> None:
         """A battery that has recovered without load must be a sixteenth above the limit."""

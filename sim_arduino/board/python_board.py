@@ -205,7 +205,11 @@ class PythonBoard(Engine):
         self.ready_s = self.now_s + BOOT_S
         self.health = BoardStatus(cause, self._ask_status)
         self.config = Config(self.eeprom)
-        self.motors = self._motors()
+        self.motors: Motors = (
+            BridgeControl(self.plant, self.config, self.health, self.adc, self.started_s)
+            if self.plant.bridge
+            else MotorControl(self.plant.motor_board, self.config, self.health, self.plant.advance)
+        )
         self.sonars: Optional[SonarTask] = None
         self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
         self.imu_reading: Optional[Reading] = None
@@ -230,12 +234,6 @@ class PythonBoard(Engine):
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)
         self._answers: Deque[WaitingReply] = deque()
-
-    def _motors(self) -> Motors:
-        """The motor back end that fits the plant."""
-        if self.plant.bridge:
-            return BridgeControl(self.plant, self.config, self.health, self.adc, self.started_s)
-        return MotorControl(self.plant.motor_board, self.config, self.health, self.plant.advance)
 
     def _boot(self) -> None:
         self._booted = True

@@ -72,14 +72,10 @@ def read_registers(board: PythonBoard, sensor: Sensor, count: int) -> Optional[b
     return slave.read(count, board.now_s) if there else None
 
 
-def _dust_value(board: PythonBoard) -> int:
-    return min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l))
-
-
 PINS: Dict[str, Callable[[PythonBoard], int]] = {
     "alcohol": lambda board: 1023 - board.adc(0),
     "light": lambda board: board.adc(2),
-    "dust": _dust_value,
+    "dust": lambda board: min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l)),
 }
 """Values of the sensors on the Uno's own pins."""
 

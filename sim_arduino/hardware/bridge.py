@@ -3,22 +3,8 @@
 Forward means that terminal A (OUT1, M+) is positive.  The wires are in the order PWM_A, PWM_B, LOGIC of HARDWARE.md.
 """
 
-from enum import Enum
 from functools import lru_cache
 from typing import Dict, NamedTuple, Tuple
-
-
-class State(str, Enum):
-    """What a bridge does with the motor's terminals; a string, whose hash costs nothing where shares are looked up."""
-
-    FORWARD = "forward"
-    """Terminal A is at the battery's voltage, and terminal B at ground."""
-    BACKWARD = "backward"
-    """The opposite."""
-    BRAKE = "brake"
-    """Both terminals are at the same voltage: the motor is short-circuited."""
-    COAST = "coast"
-    """No current can flow, except while the winding's own decays."""
 
 
 class Shares(NamedTuple):
@@ -34,7 +20,9 @@ class Shares(NamedTuple):
         return self._replace(forward=self.backward, backward=self.forward)
 
 
-F, B, K, C = State.FORWARD, State.BACKWARD, State.BRAKE, State.COAST
+F, B, K, C = STATES = Shares._fields
+"""Braking, both terminals are at the same voltage: the motor is short-circuited.  Coasting, no current can flow, except
+while the winding's own decays."""
 
 
 class Bridge(NamedTuple):
@@ -48,12 +36,12 @@ class Bridge(NamedTuple):
     """
 
     name: str
-    rows: Tuple[Tuple[str, State], ...]
+    rows: Tuple[Tuple[str, str], ...]
     resistance_ohm: float
     drop_v: float
     source: str
 
-    def state(self, levels: str) -> State:
+    def state(self, levels: str) -> str:
         """State at the levels of PWM_A, PWM_B and LOGIC, such as "101"."""
         return next(
             state for row, state in self.rows if all(want in ("x", got) for want, got in zip(row, levels))
@@ -70,12 +58,12 @@ class Bridge(NamedTuple):
 
 @lru_cache(maxsize=4096)
 def _shares(bridge: Bridge, *duties: float) -> Shares:
-    shares = {state: 0.0 for state in State}
+    shares = dict.fromkeys(STATES, 0.0)
     limits = sorted({0.0, 1.0, *(min(1.0, max(0.0, duty)) for duty in duties)})
     for low, high in zip(limits, limits[1:]):
         levels = "".join("1" if duty > low else "0" for duty in duties)
         shares[bridge.state(levels)] += high - low
-    return Shares(*(shares[state] for state in (F, B, K, C)))
+    return Shares(*shares.values())
 
 
 BRIDGES: Dict[int, Bridge] = {

@@ -265,7 +265,9 @@ def _server(
     port = _port(stack, given.link, given.listen)
     files = _open(stack, "--truth", given.truth), _open(stack, "--log", given.log)
     announce = _announcer(stack, given)
-    attendant = _attendant(robot, given.control, announce)
+    orders = sys.stdin.fileno() if given.control else None
+    watched = given.control or robot.has_faults
+    attendant = Control(robot.board, orders, announce, _print_message) if watched else None
     server = PtyServer(
         robot.board if attendant else robot.engine,
         port,
@@ -301,13 +303,6 @@ def _watchers(stack: ExitStack, trail: PlantTrail, plot: Optional[str], view: bo
         watchers.append(WorldView(trail))
         stack.callback(watchers[-1].close)  # type: ignore[attr-defined]
     return watchers
-
-
-def _attendant(robot: factory.Emulated, control: bool, announce: Callable[[str], None]) -> Optional[Control]:
-    """What triggers faults and takes orders, if there are any."""
-    if not robot.has_faults and not control:
-        return None
-    return Control(robot.board, sys.stdin.fileno() if control else None, announce, _print_message)
 
 
 def _announcer(stack: ExitStack, given: _PortOptions) -> Callable[[str], None]:

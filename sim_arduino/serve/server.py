@@ -165,16 +165,12 @@ class PtyServer:
             if self._now_s >= watcher.due_s:
                 watcher.look(self._now_s)
 
-    def _clock(self) -> float:
-        """The board's time now [s]."""
-        return (time.monotonic() - self._start_s) * self._speed
-
     def _read_clock(self) -> None:
         """Reads the clock.
 
         If this process has stalled, the board gets the same gap at speed 1; at another speed its time slows down.
         """
-        self._now_s = self._clock()
+        self._now_s = (time.monotonic() - self._start_s) * self._speed
         late_s = self._now_s - self._expected_s
         if self._speed != 1.0 and late_s > HEARTBEAT_S:
             self._start_s += (late_s - HEARTBEAT_S) / self._speed

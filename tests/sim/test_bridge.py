@@ -121,7 +121,7 @@ def bridge(name):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_the_states_are_those_of_the_data_sheet(name):
-    assert [bridge(name).state(levels).value for levels in LEVELS] == TABLES[name].split()
+    assert [bridge(name).state(levels) for levels in LEVELS] == TABLES[name].split()
 
 
 WITH_INPUT = ("vnh5019", "l298n", "tb6612")  # Bridges that need wire B high for a drive forward
