@@ -23,12 +23,9 @@ report a problem, add the output of `mrl doctor --report --port PORT` and the re
 
 def troubleshooting() -> str:
     """Return the page."""
-    return "\n".join([_HEAD, *_contents(), "", *_sections(), *_exit_codes()]) + "\n"
-
-
-def _contents() -> Iterator[str]:
-    for group in [*GROUPS, "Exit codes"]:
-        yield f"- [{group}](#{group.lower().replace(',', '').replace(' ', '-')})"
+    anchors = {group: group.lower().replace(",", "").replace(" ", "-") for group in (*GROUPS, "Exit codes")}
+    contents = [f"- [{group}](#{anchor})" for group, anchor in anchors.items()]
+    return "\n".join([_HEAD, *contents, "", *_sections(), *_exit_codes()]) + "\n"
 
 
 def _sections() -> Iterator[str]:

@@ -4,12 +4,13 @@ It is made on first use and stays the same, so that browsers know it again by it
 signs it.  Certificate and private key are in one file that nobody else can read.
 """
 
+import contextlib
 import datetime
 import hashlib
 import ipaddress
 import os
 import ssl
-from typing import Any, Callable, List, Sequence, Tuple
+from typing import Any, Callable, Iterator, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
 
@@ -119,22 +120,15 @@ def _make(hosts: Sequence[str]) -> str:
     return b"".join(parts).decode("ascii")
 
 
-def _alternatives(x509: Any, hosts: Sequence[str]) -> List[Any]:
-    """Return the names and addresses that the certificate is for."""
+def _alternatives(x509: Any, hosts: Sequence[str]) -> Iterator[Any]:
+    """Yield the names and addresses that the certificate is for, without those that it cannot hold."""
     names = ["localhost", *access.own_names(), "127.0.0.1", "::1", *access.own_addresses(), *hosts]
-    found = (_alternative(x509, name) for name in dict.fromkeys(names) if name not in access.ANY)
-    return [alternative for alternative in found if alternative is not None]
-
-
-def _alternative(x509: Any, name: str) -> Any:
-    """Return a name or an address for a certificate; None if a certificate cannot hold it."""
-    try:
-        return x509.IPAddress(ipaddress.ip_address(name.partition("%")[0]))
-    except ValueError:
+    for name in (each for each in dict.fromkeys(names) if each not in access.ANY):
         try:
-            return x509.DNSName(name.encode("idna").decode("ascii"))
+            yield x509.IPAddress(ipaddress.ip_address(name.partition("%")[0]))
         except ValueError:
-            return None
+            with contextlib.suppress(ValueError):
+                yield x509.DNSName(name.encode("idna").decode("ascii"))
 
 
 def _cryptography() -> Tuple[Any, Any, Any, Any, Any]:

@@ -14,8 +14,6 @@ from .keyboard import Keyboard
 from .teleop_keys import Teleop
 
 if TYPE_CHECKING:
-    from mrl_driver.driver import Driver
-
     from .live_panels import Content
 
 TICK_S, REFRESH_S = 0.05, 0.1
@@ -130,17 +128,12 @@ class Screen:
         )
 
 
-def show(driver: "Driver", settings: Settings, log: FrameLog, seconds: float) -> None:
-    """Show the robot for `seconds`, or until `q`.
+def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
+    """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True.
 
     Raises:
         MrlError: the driver failed; this is the error.
     """
-    run(driver, Screen(driver, settings, log), seconds)
-
-
-def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
-    """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True."""
     from rich.console import Console
     from rich.live import Live
 

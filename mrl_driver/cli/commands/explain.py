@@ -25,7 +25,12 @@ def explain(code: str) -> None:
       mrl explain
     """
     if code:
-        _print(_find(code))
+        found = _find(code)
+        click.echo(f"{found.code}: {found.message}")
+        for text in found.also:
+            click.echo(f"  also: {text}")
+        click.echo(f"cause:  {found.cause}")
+        click.echo(f"remedy: {found.advice or 'none is needed; the next command drives the robot again'}")
         return
     for group, rows in GROUPS.items():
         click.echo(f"{group}:")
@@ -45,11 +50,3 @@ def _find(text: str) -> Problem:
         expected = ", ".join(near) or "one of those that mrl explain lists"
         raise ConfigError(f"there is no code {text!r}, expected {expected}")
     return row
-
-
-def _print(row: Problem) -> None:
-    click.echo(f"{row.code}: {row.message}")
-    for text in row.also:
-        click.echo(f"  also: {text}")
-    click.echo(f"cause:  {row.cause}")
-    click.echo(f"remedy: {row.advice or 'none is needed; the next command drives the robot again'}")

@@ -118,13 +118,13 @@ def _print_lines(driver: "Driver", run: Run, sender: Optional["UdpSender"]) -> N
 def watch_live(run: Run, keys_drive: bool = False, sender: Optional["UdpSender"] = None) -> None:
     """Run the live view; `keys_drive` refuses an empty battery, as `mrl drive` does."""
     from mrl_driver.safety.operator_delay import MAX_DELAY_S
+    from mrl_driver.terminal import live_view
     from mrl_driver.terminal.frame_log import FrameLog
-    from mrl_driver.terminal.live_view import Settings, show
 
     log = FrameLog()
     most_s = MAX_DELAY_S if run.max_delay_s is None else run.max_delay_s
     port = shared.require_port(run.target)
-    settings = Settings(port, run.record or "", keys_drive, run.ignore_battery, most_s)
+    settings = live_view.Settings(port, run.record or "", keys_drive, run.ignore_battery, most_s)
     connection = run.connected(
         moves=keys_drive,
         command_timeout_s=STALL_S,
@@ -134,5 +134,5 @@ def watch_live(run: Run, keys_drive: bool = False, sender: Optional["UdpSender"]
         shared.warn(driver)
         _stream(driver, sender)
         with contextlib.suppress(KeyboardInterrupt):
-            show(driver, settings, log, run.seconds)
+            live_view.run(driver, live_view.Screen(driver, settings, log), run.seconds)
     click.echo(line(driver))

@@ -7,6 +7,7 @@ from typing import Any, Callable, Dict, Mapping, Optional, Tuple, TypeVar
 import click
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.files import replace_file
 from mrl_driver.host import named_robots
 from mrl_driver.robot import models
 from mrl_driver.robot.models import kit
@@ -85,7 +86,11 @@ def new(name: Optional[str], file_only: bool, **options: Any) -> None:
     made = _kit(name, options)
     model, text = kit.model_of(made), kit.text_of(made)
     confirm(f"Write {path}, for {_in_words(made)}, with robot id {made.robot_id}?", options["yes"])
-    _write(path, text)
+    try:
+        os.makedirs(os.path.dirname(path), exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written: {error.strerror}") from None
+    replace_file(path, text)
     click.echo(f"{path} is written; all programs know the robot as --robot {model.name}")
     _show_wires(made.bridge)
     if not file_only:
@@ -155,16 +160,6 @@ def _show_wires(bridge: str) -> None:
         if inputs[name]:
             click.echo(f"  {inputs[name]:<18}{left:<13}{right}")
     click.echo(f"  {'encoder A, B':<18}{'D2, D4':<13}D8, D10\n")
-
-
-def _write(path: str, text: str) -> None:
-    from mrl_driver.files import replace_file
-
-    try:
-        os.makedirs(os.path.dirname(path), exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be written: {error.strerror}") from None
-    replace_file(path, text)
 
 
 def _set_up(made: Kit, path: str, options: Mapping[str, Any]) -> None:
