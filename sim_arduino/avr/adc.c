@@ -14,7 +14,7 @@ static uint64_t conversion_cycles(const board_t *board) {
 
 static double input_volts(board_t *board, int channel) {
     if (channel < ADC_PINS)
-        return board->hooks.adc ? board->hooks.adc(channel, board->avr->cycle) : 0.0;
+        return board->hooks.adc(channel, board->avr->cycle);
     return channel == ADC_BANDGAP ? BANDGAP_V : 0.0;
 }
 

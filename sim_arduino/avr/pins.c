@@ -16,8 +16,7 @@ static void note_change(board_t *board, int port, int bit, int level, uint64_t c
     pin_event_t change = {cycle, (uint8_t)port, (uint8_t)bit, (uint8_t)level};
     if (board_room((void **)&pins->changes, &pins->changes_room, pins->changes_count, sizeof change))
         pins->changes[pins->changes_count++] = change;
-    if (board->hooks.pin)
-        board->hooks.pin(port, bit, level, cycle);
+    board->hooks.pin(port, bit, level, cycle);
 }
 
 /* What a change of level does inside the chip. */

@@ -32,7 +32,7 @@ static void ready(board_t *board, uint8_t status) {
 
 static void deliver_write(board_t *board, uint64_t cycle) {
     twi_t *twi = &board->twi;
-    if (twi->owned && !twi->reading && twi->length && board->hooks.write)
+    if (twi->owned && !twi->reading && twi->length)
         board->hooks.write(twi->address, twi->buffer, twi->length, cycle);
     twi->length = 0;
 }
@@ -81,8 +81,7 @@ static void fetch_read(board_t *board, uint64_t cycle) {
     twi_t *twi = &board->twi;
     memset(twi->buffer, 0xFF, sizeof twi->buffer);
     twi->position = 0;
-    if (board->hooks.read)
-        board->hooks.read(twi->address, twi->buffer, I2C_BUFFER, cycle);
+    board->hooks.read(twi->address, twi->buffer, I2C_BUFFER, cycle);
 }
 
 static void address_done(board_t *board, uint64_t cycle) {
@@ -92,7 +91,7 @@ static void address_done(board_t *board, uint64_t cycle) {
     twi->reading = sent & 1;
     twi->address_next = false;
     twi->length = 0;
-    bool there = board->hooks.present && board->hooks.present(twi->address, cycle);
+    bool there = board->hooks.present(twi->address, cycle);
     if (there && twi->reading)
         fetch_read(board, cycle);
     if (twi->reading)

@@ -33,14 +33,11 @@ class BatteryInput:
             self.measured = False
         else:
             for _ in range(due):
-                self._convert()
-
-    def _convert(self) -> None:
-        self._sum += self._adc(CHANNEL)
-        self._conversions += 1
-        if self._conversions == CONVERSIONS:
-            self._whole_sum, self.measured = self._sum, True
-            self._sum = self._conversions = 0
+                self._sum += self._adc(CHANNEL)
+                self._conversions += 1
+                if self._conversions == CONVERSIONS:
+                    self._whole_sum, self.measured = self._sum, True
+                    self._sum = self._conversions = 0
 
     @property
     def centivolts(self) -> int:
