@@ -253,6 +253,7 @@ class Driver:
                 require_function("allowed", allowed)
         with self._connection.lock:
             self._core.limiter.restrict = allowed
+            self._core.on_new_limits(self._connection.clock())
 
     def limit_again(self) -> None:
         """Apply `limits` and `restrict` to the command in force now, instead of with the next frame.
@@ -270,7 +271,7 @@ class Driver:
 
         What a request turns is stopped 3 s after the last such request, at the latest.  Boards without a watchdog
         (2013) go on.  The board would not keep lower `limits` than the model's, nor what `restrict` allows: while one
-        of them is in force, a request that would turn motors is refused.
+        of them is in force, a request that would turn motors is refused, and what one turns already is stopped.
 
         Raises:
             FrameError: the command table does not allow the request; the robot was stopped.
@@ -332,6 +333,7 @@ class Driver:
             limits = require_limits(limits)
         with self._connection.lock:
             self._core.limiter.change(limits)
+            self._core.on_new_limits(self._connection.clock())
 
     @property
     def ready(self) -> bool:

@@ -281,11 +281,21 @@ class Core:
                 f"{BY_CODE[code].name} is refused while commands are inhibited ({why}), nothing was sent; "
                 "try again after that has ended"
             )
-        if self.state.model is not None and self.limiter.is_below(self.state.model.limits):
+        if self._is_limited:
             raise MrlError(
                 f"{BY_CODE[code].name} is refused, nothing was sent: lower limits of speed, or a restriction, are in "
                 "force, and the board would not keep them; use drive(), or end them first"
             )
+
+    @property
+    def _is_limited(self) -> bool:
+        """The robot may not do all that its model allows; the board does not know."""
+        return self.state.model is not None and self.limiter.is_below(self.state.model.limits)
+
+    def on_new_limits(self, now: float) -> None:
+        """Stop what a request turns if the new limits do not allow all speeds."""
+        if self.begun and self.session.turning and self._is_limited:
+            self.stop(now, StopReason.USER)
 
     def _require_motors(self) -> None:
         """Raise ConfigError if the board has no motors."""

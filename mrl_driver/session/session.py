@@ -131,6 +131,11 @@ class Session:
         return self._greeting is None
 
     @property
+    def turning(self) -> bool:
+        """A request turns motors, or did a short time ago."""
+        return self._requested_s < math.inf
+
+    @property
     def may_be_moving(self) -> bool:
         """The board was cut off while the robot moved, and has no watchdog to stop it."""
         return not self.ready and self.motion.unconfirmed and not self._watched

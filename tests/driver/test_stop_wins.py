@@ -85,7 +85,12 @@ def lower(driver):
     driver.limits = driver.limits._replace(angular_rad_s=0.5)
 
 
-@pytest.mark.parametrize("limit", [lower, lambda driver: driver.restrict(lambda speeds, now: (0.0, 0.0))])
+LIMITED = pytest.mark.parametrize(
+    "limit", [lower, lambda driver: driver.restrict(lambda speeds, now: (0.0, 0.0))]
+)
+
+
+@LIMITED
 def test_a_request_that_turns_motors_is_refused_while_speeds_are_limited(limit):
     """The board would turn them faster."""
     robot = Stepped()
@@ -94,6 +99,17 @@ def test_a_request_that_turns_motors_is_refused_while_speeds_are_limited(limit):
         robot.driver.request(MOVE_MOTORS, 20, 20)
     robot.driver.wait(1.0)
     assert not robot.turning
+
+
+@LIMITED
+def test_what_a_request_turns_stops_as_soon_as_speeds_are_limited(limit):
+    robot = Stepped()
+    robot.driver.wait(1.0)
+    robot.driver.request(MOVE_MOTORS, 20, 20)
+    robot.driver.wait(0.3)
+    assert robot.turning
+    limit(robot.driver)
+    assert robot.turned_for_s(1.0) < 0.5
 
 
 def test_a_request_of_a_stop_stops():
