@@ -1,6 +1,6 @@
 """Packets of an XBee's API mode 1: delimiter, length, data, checksum; no escapes (Digi 90000976, API Operation)."""
 
-from typing import Iterator, Optional
+from typing import Iterator
 
 DELIMITER = 0x7E
 LONGEST = 0x100
@@ -38,22 +38,13 @@ class PacketReader:
     def feed(self, data: bytes) -> Iterator[bytes]:
         """The data of the packets that these bytes complete."""
         for byte in data:
-            found = self._feed(byte)
-            if found is not None:
-                yield found
-
-    def _feed(self, byte: int) -> Optional[bytes]:
-        if not self._data and byte != DELIMITER:
-            return None
-        self._data.append(byte)
-        if len(self._data) < 3:
-            return None
-        size = int.from_bytes(self._data[1:3], "big")
-        if not 0 < size <= self._longest:
-            self._data.clear()
-        elif len(self._data) == size + 4:
-            found = bytes(self._data[3:-1])
-            good = (sum(found) + byte) & 0xFF == 0xFF
-            self._data.clear()
-            return found if good else None
-        return None
+            if self._data or byte == DELIMITER:
+                self._data.append(byte)
+            size = int.from_bytes(self._data[1:3], "big")
+            if len(self._data) >= 3 and not 0 < size <= self._longest:
+                self._data.clear()
+            elif len(self._data) >= 3 and len(self._data) == size + 4:
+                found = bytes(self._data[3:-1])
+                self._data.clear()
+                if (sum(found) + byte) & 0xFF == 0xFF:
+                    yield found
