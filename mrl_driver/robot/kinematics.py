@@ -70,8 +70,7 @@ class Kinematics:
     def wheel_steps(self, step: Planar) -> Tuple[float, ...]:
         """Return the wheel distances for a step of the body [m], or wheel speeds for its speeds [m/s].
 
-        Raises:
-            FrameError: the step goes sideways and the base cannot.
+        Raise FrameError if the step goes sideways and the base cannot.
         """
         forward, left, turn = step
         if left and not self.sideways:
@@ -79,11 +78,7 @@ class Kinematics:
         return tuple(x * forward + y * left + t * turn for x, y, t in self.rows)
 
     def saturated(self, twist: Planar, most_m_s: float) -> Planar:
-        """Return the twist, scaled down as a whole if a wheel would exceed `most_m_s`.
-
-        Raises:
-            FrameError: the twist goes sideways and the base cannot.
-        """
+        """Return the twist, scaled down as a whole if a wheel would exceed `most_m_s`; errors as `wheel_steps`."""
         excess = max(map(abs, self.wheel_steps(twist))) / most_m_s
         if math.isinf(excess):  # a wheel's speed, or the quotient, overflows
             most = max(map(abs, twist))

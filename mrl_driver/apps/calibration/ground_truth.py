@@ -22,11 +22,7 @@ class Ruler(Protocol):
         """The robot is at the start of `run`."""
 
     def end(self, run: str, check: Check) -> Pose:
-        """The pose at the end of the run, accepted by `check`.
-
-        Raises:
-            ConfigError: `check` does not accept the pose, and it cannot be measured again.
-        """
+        """The pose at the end, accepted by `check`; raise ConfigError if it is not, and cannot be measured again."""
 
 
 class Truth:

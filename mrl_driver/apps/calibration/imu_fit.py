@@ -238,8 +238,7 @@ def _second_difference(values: np.ndarray) -> np.ndarray:
 def yaw_of(pushes: Sequence[Push]) -> Tuple[float, float]:
     """Return the yaw of the mount and its standard deviation [rad]: the IMU accelerates where the wheels do.
 
-    Raises:
-        ConfigError: the IMU measured another acceleration than the wheels, or too much besides.
+    Raise ConfigError if the IMU measured another acceleration than the wheels, or too much besides.
     """
     wheels, imu = (np.concatenate([push[i] for push in pushes]) for i in (0, 1))
     power = float(wheels @ wheels)

@@ -73,8 +73,7 @@ class Track:
     def so_far(self) -> np.ndarray:
         """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
 
-        Raises:
-            ConfigError: the counts jumped, which makes the run unusable.
+        Raise ConfigError if the counts jumped, which makes the run unusable.
         """
         jumps = self._robot.link.statistics.refused_counts - self._refused
         if jumps:

@@ -153,11 +153,7 @@ class DriveData(NamedTuple):
 
 
 def read(recorded: "RecordedDriver", advance: Callable[[float], None] = lambda part: None) -> DriveData:
-    """Play a whole recording and return its data; `advance` is called as by `RecordedDriver.play`.
-
-    Raises:
-        ConfigError: as `RecordedDriver.play`, or no robot answered.
-    """
+    """Play a whole recording, as `RecordedDriver.play`; return its data, or raise ConfigError if no robot answered."""
     return _Reader(recorded).read(advance)
 
 

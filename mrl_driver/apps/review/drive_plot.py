@@ -32,9 +32,7 @@ _SMOOTH_S = 0.1  # measured speeds are averaged over this time: one count in one
 def draw(drive: DriveData, path: str, parts: Sequence[str] = PARTS) -> None:
     """Draw the parts: the path on the left, and those over time one below the other on the right.
 
-    Raises:
-        ConfigError: the drive has no poses.
-        OutputError: the file cannot be written.
+    Raise ConfigError if the drive has no poses.
     """
     _require_poses(drive)
     charts, with_path = list(_over_time(drive, parts)), "path" in parts

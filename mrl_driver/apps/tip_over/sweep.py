@@ -64,11 +64,7 @@ def parse(text: str) -> Range:
 
 
 def sweep(situation: Situation, over: Range, points: int = POINTS) -> List[Tuple[float, Margin]]:
-    """Return the values of the quantity, and the least margin at each.
-
-    Raises:
-        ConfigError: the vehicle has no arm, and the sweep needs one.
-    """
+    """Return the values of the quantity, and the least margin at each."""
     step = (over.last - over.first) / (points - 1)
     values = [over.first + step * number for number in range(points - 1)] + [over.last]
     return [(value, over.quantity.change(situation, value).margin()) for value in values]

@@ -63,11 +63,7 @@ def read(path: str) -> Vehicle:
 
 
 def parse(data: Any, path: str) -> Vehicle:
-    """Return the vehicle described by parsed YAML; `path` is its file, for messages.
-
-    Raises:
-        ConfigError: a key is missing, unknown, of the wrong type or out of range.
-    """
+    """Return the vehicle described by parsed YAML; `path` is its file, for messages of a ConfigError."""
     reader = Reader(path)
     found = reader.keys("", data, _KEYS, ("payloads", "arm"))
     payloads = reader.mapping("payloads", found.get("payloads", {}), "a mapping of names to masses")

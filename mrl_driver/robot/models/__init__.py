@@ -184,11 +184,7 @@ def _log_once(text: str) -> None:
 
 
 def load_packaged(name: str) -> RobotModel:
-    """Return the packaged model with this name and ignore the user's own: the firmware knows only packaged ones.
-
-    Raises:
-        ConfigError: there is none.
-    """
+    """Return the packaged model with this name and ignore the user's own: the firmware knows only packaged ones."""
     return load(os.path.join(_FOLDER, f"{name}.yaml"))
 
 

@@ -39,11 +39,7 @@ class Kit(NamedTuple):
 
 
 def parse_counts(text: str) -> float:
-    """Return a number, or the product of several, such as `1496` or `11 x 4 x 34`.
-
-    Raises:
-        ConfigError: it is not a number in the range of `COUNTS`.
-    """
+    """Return a number in the range of `COUNTS`, or the product of several, such as `1496` or `11 x 4 x 34`."""
     product = 1.0
     try:
         for factor in text.lower().replace("*", "x").split("x"):

@@ -180,22 +180,14 @@ class RobotModel(NamedTuple):
 
     @property
     def base(self) -> Base:
-        """The drive, for functions that need wheels.
-
-        Raises:
-            ConfigError: the board has no motors.
-        """
+        """The drive, for functions that need wheels; raise ConfigError if the board has no motors."""
         self.require_motors()
         assert not isinstance(self.drive, NoDrive)
         return self.drive
 
     @property
     def differential(self) -> Drive:
-        """The drive, for functions that need two wheels or tracks.
-
-        Raises:
-            ConfigError: the robot has another drive type.
-        """
+        """The drive, for functions that need two wheels or tracks; raise ConfigError for another drive type."""
         if not isinstance(self.base, Drive):
             raise ConfigError(
                 f"robot {self.name} has a drive of kind {kind_of(self.drive)}, expected differential or tracked: "
@@ -205,11 +197,7 @@ class RobotModel(NamedTuple):
 
 
 def with_build(model: RobotModel, build: str) -> RobotModel:
-    """Return the model with this build instead of its own; the same model if `build` is empty.
-
-    Raises:
-        ConfigError: the model cannot have this build.
-    """
+    """Return the model with this build instead of its own; raise ConfigError if the model cannot have it."""
     if not build or build == model.build:
         return model
     if model.build == ENVIRONMENT:
@@ -230,11 +218,7 @@ def has_environment(model: RobotModel, robot_id: Optional[int]) -> bool:
 
 
 def require_sonars(names: Iterable[Any], place: str = "") -> None:
-    """Check that a board reads each of these sonars; `place` begins the error.
-
-    Raises:
-        ConfigError: it does not.
-    """
+    """Raise ConfigError unless a board reads each of these sonars; `place` begins the error."""
     for name in names:
         if name not in SONARS:
             raise ConfigError(
@@ -244,11 +228,7 @@ def require_sonars(names: Iterable[Any], place: str = "") -> None:
 
 
 def require_supported(model: RobotModel) -> None:
-    """Check that a board can move the base of this model, and reads its sonars.
-
-    Raises:
-        ConfigError: it cannot, or does not.
-    """
+    """Raise ConfigError unless a board can move the base of this model, and reads its sonars."""
     require_sonars(model.sonars, f"robot {model.name}: ")
     if isinstance(model.drive, MecanumDrive):
         raise ConfigError(

@@ -138,11 +138,7 @@ def recorded_model(job: Job) -> RobotModel:
 
 
 def output_for(job: Job, model: RobotModel, robot_id: Optional[int] = None) -> str:
-    """Return the YAML file to write: --output, or the robot's own file, or one named after model and id.
-
-    Raises:
-        ConfigError: it would replace a file that is not the robot's own.
-    """
+    """Return the YAML file to write; raise ConfigError if it would replace a file that is not the robot's own."""
     own = job.target.model if job.target.model.endswith((".yaml", ".yml")) else None
     if job.output is None and own is None and robot_id is None:
         raise ConfigError("--output is missing, expected the .yaml file to write")
