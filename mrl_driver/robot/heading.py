@@ -44,10 +44,8 @@ class KnownBias(NamedTuple):
     """A bias that was learned while the robot stood."""
 
     bias_rad_s: float
-    variance: float
-    """Variance of the bias [rad2/s2]."""
-    noise_rad2_s: float
-    """Growth of the yaw's variance by the gyro's noise [rad2/s]."""
+    variance: float  # variance of the bias [rad2/s2]
+    noise_rad2_s: float  # growth of the yaw's variance by the gyro's noise [rad2/s]
 
 
 class HeadingFilter:

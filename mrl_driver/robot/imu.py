@@ -56,25 +56,17 @@ Vector = Tuple[float, float, float]
 class Imu(NamedTuple):
     """One reading of the IMU in the axes of base_link, and the heading."""
 
-    stamp_s: float
-    """Time of the reading [s, clock of `time.monotonic()`]."""
-    angular_velocity_rad_s: Vector
-    """As measured: the bias is in it; z has the scale of the model."""
-    linear_acceleration_m_s2: Vector
-    """As measured: at rest that of gravity, upward."""
+    stamp_s: float  # time of the reading [s, clock of `time.monotonic()`]
+    angular_velocity_rad_s: Vector  # as measured: the bias is in it; z has the scale of the model
+    linear_acceleration_m_s2: Vector  # as measured: at rest that of gravity, upward
     yaw_rad: float
     """Heading of gyro and wheels at `stamp_s`, in the odom frame; of the wheels alone while the gyro is not used."""
     yaw_variance_rad2: float
-    bias_rad_s: float
-    """Bias of the gyro about the vertical axis, learned while the robot stands."""
-    bias_sd_rad_s: float
-    """Standard deviation of `bias_rad_s`."""
-    bias_known: bool
-    """The robot has stood still once, so that `bias_rad_s` is measured."""
-    state: str
-    """One of `STATES`."""
-    reading: ImuReading
-    """The reading itself, in the axes of the chip."""
+    bias_rad_s: float  # bias of the gyro about the vertical axis, learned while the robot stands
+    bias_sd_rad_s: float  # standard deviation of `bias_rad_s`
+    bias_known: bool  # the robot has stood still once, so that `bias_rad_s` is measured
+    state: str  # one of `STATES`
+    reading: ImuReading  # the reading itself, in the axes of the chip
 
 
 class ImuTracker:

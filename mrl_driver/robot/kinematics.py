@@ -89,16 +89,11 @@ class Kinematics:
         return Planar(twist.forward / excess, twist.left / excess, twist.turn / excess)
 
 
-def differential(separation_m: float) -> Kinematics:
-    """Kinematics of two wheels side by side, right and left."""
-    half_m = separation_m / 2
-    return Kinematics("differential", ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
-
-
-def tracked(separation_m: float, turn_slip: float) -> Kinematics:
-    """Kinematics of two tracks, right and left, that lose the share `turn_slip` of each turn to slip."""
+def differential(separation_m: float, turn_slip: float = 0.0) -> Kinematics:
+    """Kinematics of two wheels or tracks, right and left; tracks lose the share `turn_slip` of each turn to slip."""
     half_m = separation_m / 2 / (1 - turn_slip)
-    return Kinematics("tracked", ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
+    kind = "tracked" if turn_slip else "differential"
+    return Kinematics(kind, ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
 
 
 def omni(radius_m: float, angles_deg: Sequence[float] = THREE_WHEELS_DEG) -> Kinematics:
@@ -125,9 +120,7 @@ def kinematics_of(drive: Base) -> Kinematics:
         return omni(drive.radius_m / keeps, drive.angles_deg)
     if isinstance(drive, MecanumDrive):
         return mecanum(drive.half_length_m / keeps, drive.half_width_m / keeps)
-    if drive.turn_slip:
-        return tracked(drive.wheel_separation_m, drive.turn_slip)
-    return differential(drive.wheel_separation_m)
+    return differential(drive.wheel_separation_m, drive.turn_slip)
 
 
 def cannot_sideways(left: float, kind: str) -> str:

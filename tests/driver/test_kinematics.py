@@ -17,7 +17,6 @@ from mrl_driver.robot.kinematics import (
     kinematics_of,
     mecanum,
     omni,
-    tracked,
 )
 from mrl_driver.robot.models import Drive, MecanumDrive, OmniDrive
 
@@ -27,7 +26,7 @@ UNROUNDED_M, COUNTED_M = 0.2e-3, 1e-3
 COUNT_M = 2 * math.pi * 0.03 / 2796.8
 BASES = {
     "differential": differential(0.18),
-    "tracked": tracked(0.18, 0.1),
+    "tracked": differential(0.18, 0.1),
     "omni": omni(0.1),
     "omni_turned": omni(0.1, (0.0, 120.0, 240.0)),
     "mecanum": mecanum(0.2, 0.15),

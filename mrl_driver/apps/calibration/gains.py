@@ -105,7 +105,7 @@ def simulate(plants: Sequence[MotorModel], gains: np.ndarray, target: float, per
 
 
 def suggest(plants: Sequence[MotorModel], period_s: float = 0.05) -> Gains:
-    """Gains with the smallest time-weighted error of the worse wheel and at most `OVERSHOOT`, or a ConfigError."""
+    """Gains with the smallest time-weighted error of the worse wheel; raise ConfigError if all exceed `OVERSHOOT`."""
     steps = np.geomspace(50, 3000, 19)
     tried = np.array([(p, i, d * p) for p in steps for i in steps for d in (0.0, 0.15, 0.3)])
     heights = simulate(plants, tried, 0.4, period_s)
