@@ -129,7 +129,7 @@ def _model_curve(model: RobotModel) -> Optional[Curve]:
 
 
 def read_points(path: str) -> Points:
-    """Return readings and distances [m] from a file; `-` or `inf` is no reading.  A ConfigError names the line."""
+    """Return readings and distances [m] from a file; `-` or `inf` means no reading.  A ConfigError names the line."""
     ranges, distances = [], []
     try:
         text = read_plain(path, _LONGEST_POINTS).decode("utf-8-sig")
