@@ -34,12 +34,16 @@ def drive(parts: Parts, setting: Setting) -> CourseRecord:
     truth = heard(f"/{ROBOT}/base_pose_ground_truth")
     robot = wait_for(parts, truth)
     robot.reset_pose(start)
-    sensors = Sensors(models.load(setting.robot))
+    ranges, scans, subscribers = _listen(models.load(setting.robot))
     follow(parts, robot, Course(l_course.WAYPOINTS, l_course.SLOW), STOP_S)
-    sensors.close()
+    for subscriber in subscribers:
+        subscriber.unregister()
+    for name, readings in (("sonar/left and sonar/right", ranges), ("scan", scans)):
+        if not readings:
+            raise MrlError(f"no message on {name} during the drive, expected readings; see the node's log")
     stamps_s = robot.stamps_s
-    cones, scans = (_placed(each, robot, truth) for each in (sensors.ranges, sensors.scans))
-    return CourseRecord(robot.poses_at(stamps_s), cones, scans, truth.at(stamps_s))
+    cones, beams = (_placed(each, robot, truth) for each in (ranges, scans))
+    return CourseRecord(robot.poses_at(stamps_s), cones, beams, truth.at(stamps_s))
 
 
 def _start(parts: Parts, setting: Setting, start: Pose) -> None:
@@ -52,38 +56,23 @@ def _start(parts: Parts, setting: Setting, start: Pose) -> None:
     parts.node("world_node", ROBOT, only=ROBOT, localise=False, **world)
 
 
-class Sensors:
-    """The readings of the side sonars and the laser from now on: time [s], mount in base_link, and reading."""
+def _listen(model: models.RobotModel) -> Tuple[List[Any], List[Any], List[rospy.Subscriber]]:
+    """The readings of the side sonars and of the laser from now on: time [s], mount in base_link, and reading."""
+    ranges: List[Any] = []
+    scans: List[Any] = []
+    laser = Pose(model.laser.x_m, model.laser.y_m, math.radians(model.laser.yaw_deg))
 
-    def __init__(self, model: models.RobotModel) -> None:
-        self.ranges: List[Tuple[float, Pose, float]] = []
-        self.scans: List[Tuple[float, Pose, Any]] = []
-        self._laser = Pose(model.laser.x_m, model.laser.y_m, math.radians(model.laser.yaw_deg))
-        self._subscribers = [
-            rospy.Subscriber(f"/{ROBOT}/sonar/{name}", Range, self._on_range, model.sonars[name].pose)
-            for name in l_course.SIDES
-        ]
-        self._subscribers.append(rospy.Subscriber(f"/{ROBOT}/scan", LaserScan, self._on_scan))
+    def on_range(message: Range, mount: Pose) -> None:
+        ranges.append((message.header.stamp.to_sec(), mount, message.range))
 
-    def _on_range(self, message: Range, mount: Pose) -> None:
-        self.ranges.append((message.header.stamp.to_sec(), mount, message.range))
+    def on_scan(message: LaserScan) -> None:
+        scans.append((message.header.stamp.to_sec(), laser, np.array(message.ranges)))
 
-    def _on_scan(self, message: LaserScan) -> None:
-        self.scans.append((message.header.stamp.to_sec(), self._laser, np.array(message.ranges)))
-
-    def close(self) -> None:
-        """Ends the record.
-
-        Raises:
-            MrlError: the sonars or the laser sent nothing.
-        """
-        for subscriber in self._subscribers:
-            subscriber.unregister()
-        for name, readings in (("sonar/left and sonar/right", self.ranges), ("scan", self.scans)):
-            if not readings:
-                raise MrlError(
-                    f"no message on {name} during the drive, expected readings; see the node's log"
-                )
+    subscribers = [
+        rospy.Subscriber(f"/{ROBOT}/sonar/{name}", Range, on_range, model.sonars[name].pose)
+        for name in l_course.SIDES
+    ]
+    return ranges, scans, [*subscribers, rospy.Subscriber(f"/{ROBOT}/scan", LaserScan, on_scan)]
 
 
 def _placed(readings: Sequence[Any], robot: OdometryRobot, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:

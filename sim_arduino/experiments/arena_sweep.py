@@ -112,8 +112,8 @@ class Spots(NamedTuple):
 def run(setting: Setting) -> Result:
     """Sweeps arenas with sources and without, and draws the map and the readings of the first."""
     require_emulated(setting, "environment")
-    drives = trials.over_seeds(_sweep, setting, trials.SEEDS)
-    empty = trials.over_seeds(partial(_sweep, sources=False), setting, trials.SEEDS)
+    drives = trials.over_seeds(_sweep, setting)
+    empty = trials.over_seeds(partial(_sweep, sources=False), setting)
     rows = [row for index in range(len(VARIABLES)) for row in _evaluate(index, drives, empty)]
     collisions = Measure("collisions", "collisions with obstacles", of=lambda drive: drive.bumps)
     off = Measure("off_cm", "odometry, wheels and gyro, at the end", "cm", lambda drive: 100 * drive.off_m)

@@ -28,7 +28,6 @@ from .occupancy import SONAR_FAR_M, score_rows
 from .team import pose_option
 
 WORLD = "l-course"
-SEEDS = trials.SEEDS
 SIDES = ("left", "right")
 """The front sonar only serves to avoid obstacles, as in the thesis."""
 NEAR_M = 0.05
@@ -77,7 +76,7 @@ def run(setting: Setting, live: Optional[CourseRecord] = None) -> Result:
     title = "L-shaped course mapped with sonars and with a laser"
     if setting.port is not None:
         return _of_port(setting, title)
-    trialled = trials.over_seeds(_trial, setting, SEEDS)
+    trialled = trials.over_seeds(_trial, setting)
     calibrated, true, uncalibrated = zip(*trialled)
     rows = [row for sensor in OCCUPIED_FROM for row in _rows(sensor, calibrated, true, uncalibrated)]
     rows.append(DRIFT.figure(calibrated, uncalibrated))

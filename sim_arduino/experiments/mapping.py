@@ -28,7 +28,6 @@ from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emul
 KEYS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "house_keys.csv")
 """Made by `python -m tests.experiments.record_house_keys`."""
 ROBOT, WORLD = "traxbot", "house"
-SEEDS = trials.SEEDS
 WANDER = "noise=1e-7,turn_noise=1e-6"
 """Random errors of wheels and turns, by which the runs differ: together 0.5 deg after 10 m and 25 rad.  They are white:
 no gyro can follow them, and much larger ones would hide what it does.
@@ -86,7 +85,7 @@ def run(setting: Setting) -> Result:
             f"experiment mapping repeats key presses for {ROBOT}, got --robot {setting.robot}; leave it out"
         )
     world, presses = world_file.load(WORLD), key_presses.read(KEYS)
-    runs = trials.over_seeds(lambda each: _mapped(each, world, presses), setting, SEEDS)
+    runs = trials.over_seeds(lambda each: _mapped(each, world, presses), setting)
     shown = {f"{sensor}, {POSES[kind]}": made for (sensor, kind), made in runs[0].maps.items()}
     for name, made in shown.items():
         file = name.replace(", ", "-").replace(" ", "-")
@@ -94,7 +93,7 @@ def run(setting: Setting) -> Result:
     rows = [_heading(poses, runs) for poses in DRIVEN]
     rows += [row for sensor, kind in runs[0].maps for row in _score_rows(sensor, kind, runs)]
     remark = (
-        f"{SEEDS} drives of {presses[-1].time_s:.0f} s. A wall cell is found if an occupied cell is within "
+        f"{trials.SEEDS} drives of {presses[-1].time_s:.0f} s. A wall cell is found if an occupied cell is within "
         f"{100 * map_score.NEAR_M:g} cm, and a false cell has no wall within the same distance. TraxBot loses 10 % of "
         "each turn by slip, unknown to its model; this is put in. Control: the wheels alone. `compare_map` gives the "
         "same figures for a saved map of a mapper."

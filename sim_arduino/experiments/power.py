@@ -14,7 +14,6 @@ from .experiment_report import Result
 from .experiment_robot import ExperimentRobot, Setting, open_robot
 from .trials import Measure
 
-SEEDS = trials.SEEDS
 SPEEDS_MM_S = (50, 100, 200)
 RADIUS_M = 0.3
 EMPTY_V = 9.0
@@ -67,8 +66,8 @@ def run(setting: Setting) -> Result:
             _lasts(number).figure(real)._replace(worst=None, put_in=False) for number in range(len(real[0]))
         ]
         return Result("power", TITLE, rows, [_draw(setting, real)])
-    packs = trials.over_seeds(_discharges, setting, SEEDS)
-    level = trials.over_seeds(_level, setting, SEEDS)
+    packs = trials.over_seeds(_discharges, setting)
+    level = trials.over_seeds(_level, setting)
     first, last = SPEEDS_MM_S[0], SPEEDS_MM_S[-1]
     ratio = f"duration at {first} mm/s over that at {last} mm/s"
     left = f"distance from the driver's warning to {STOP_V:g} V, where it stops the robot, at {last} mm/s"

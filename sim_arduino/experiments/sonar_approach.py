@@ -22,7 +22,6 @@ from .team import pose_option
 from .trials import Measure
 
 PLAN = part_procedures.SonarPlan()
-SEEDS = trials.SEEDS
 SONAR_X_M = 0.1
 THESIS_R2 = 0.9992
 WIDE_M = 10.0
@@ -49,7 +48,7 @@ def run(setting: Setting, live: Optional[SonarRun] = None) -> Result:
     if setting.port is not None:
         found = approach(setting)
         return Result("sonar-calibration", title, _coefficient_rows(found.fit), [_draw(setting, found, [])])
-    runs = trials.over_seeds(_calibrated, setting, SEEDS)
+    runs = trials.over_seeds(_calibrated, setting)
     remark = (
         f"Each robot has a sonar with a curve of its own and {100 * disturbances.SONAR_NOISE_M:g} cm of noise, wheels "
         "with errors, and a start by hand; it approaches the wall once. Control: the published curve in place of the "

@@ -20,7 +20,6 @@ from .trials import Measure
 SIDE_M = 1.0
 LAPS = 5
 """Laps in each direction for the calibration, as by default in `mrl calibrate umbmark`."""
-SEEDS = trials.SEEDS
 UNSEEN = 500
 """Added to the seed of laps that show a calibration, so that their random errors are not those of the calibration."""
 PUBLISHED = {LEFT: (9.67, -4.93), RIGHT: (7.71, 2.13)}
@@ -98,7 +97,7 @@ def run(setting: Setting, live: Optional[Pose] = None) -> Result:
 
 
 def _robots(setting: Setting, case: Case) -> List[RobotLaps]:
-    return trials.over_seeds(lambda each: _robot(each, case), setting, SEEDS)
+    return trials.over_seeds(lambda each: _robot(each, case), setting)
 
 
 def _rows(

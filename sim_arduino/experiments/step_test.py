@@ -24,7 +24,6 @@ from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 from .team import pose_option
 
-SEEDS = trials.SEEDS
 WORLD = "steps"
 START = Pose(-1.2, 0.0, 0.0)
 GRID = ((0.4, 0.0), (0.4, 0.4), (0.8, 0.4), (0.8, 0.8), (1.2, 0.8), (1.2, 1.2))
@@ -144,8 +143,8 @@ def run(setting: Setting, live: Optional[Live] = None) -> Result:
         )
         picture = _draw(setting, [], [], mirror, live=True)
         return Result("step-test", TITLE, [end, *_delay_rows(mirror, [])], [picture])
-    drives = trials.over_seeds(_simulated, setting, SEEDS)
-    blind = trials.over_seeds(lambda each: _simulated(each, sonars=False), setting, SEEDS)
+    drives = trials.over_seeds(_simulated, setting)
+    blind = trials.over_seeds(lambda each: _simulated(each, sonars=False), setting)
     loop = _loop(setting, drives[0].odometry)
     rows = [*trials.figures(MEASURES, drives, blind), REACHED.figure(drives)]
     rows += _live_rows(live, loop) if live else _delay_rows(loop, [])

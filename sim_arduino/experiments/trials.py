@@ -13,9 +13,9 @@ _APART = 1000
 _T = TypeVar("_T")
 
 
-def over_seeds(run: Callable[[Setting], _T], setting: Setting, count: int = SEEDS) -> List[_T]:
-    """The results of `count` runs, or of as many as the setting asks for, each with a seed of its own."""
-    numbers = range(setting.seeds or count)
+def over_seeds(run: Callable[[Setting], _T], setting: Setting, count: int = 0) -> List[_T]:
+    """The results of `count` or `SEEDS` runs, or of as many as the setting asks for, each with a seed of its own."""
+    numbers = range(setting.seeds or count or SEEDS)
     return [run(setting._replace(seed=_APART * setting.seed + number)) for number in numbers]
 
 

@@ -72,9 +72,7 @@ def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
 
 
 def _runs(setting: Setting, subject: Subject, **others: Any) -> List[List[Message]]:
-    return trials.over_seeds(
-        lambda seeded: message_times.measure(seeded, subject, **others), setting, trials.SEEDS
-    )
+    return trials.over_seeds(lambda seeded: message_times.measure(seeded, subject, **others), setting)
 
 
 def _total(key: str, text: str = "", published: str = "") -> trials.Measure:

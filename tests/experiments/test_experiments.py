@@ -27,12 +27,12 @@ LAP_CM, LAP_DEG, RANGE_CM = 1.0, 0.5, 2.0
 HEADING_DEG, POSITION_CM = 1.0, 3.0
 
 
-def rows(experiment, folder, *live, **short):
+def rows(experiment, folder, *live, seeds=1, **short):
     """Figures of an experiment by their keys, some of its constants replaced; `live` is a run through ROS."""
     with pytest.MonkeyPatch.context() as patch:
         for name, value in short.items():
             patch.setattr(experiment, name, value)
-        result = experiment.run(Setting(str(folder)), *live)
+        result = experiment.run(Setting(str(folder), seeds=seeds), *live)
     for picture in result.pictures:
         assert (folder / picture).read_bytes().startswith(b"\x89PNG")
     return {row.key: row for row in result.rows}
@@ -44,7 +44,7 @@ def test_l_course_is_mapped(tmp_path, monkeypatch):
     Of ten robots on this short course, the laser finds 98.6 % (worst 92.4 %), the sonars 80.7 % (79.7 %).
     """
     monkeypatch.setattr(square, "LAPS", 2)
-    figures = rows(l_course, tmp_path, SEEDS=1, WAYPOINTS=l_course.WAYPOINTS[:2])
+    figures = rows(l_course, tmp_path, WAYPOINTS=l_course.WAYPOINTS[:2])
     for sensor, most, least in (("laser", 90.0, 5.0), ("sonars", 75.0, 30.0)):
         assert figures[f"{sensor}_true_found_percent"].ours >= most
         assert figures[f"{sensor}_true_false_percent"].ours <= least
@@ -57,7 +57,7 @@ def test_l_course_is_mapped(tmp_path, monkeypatch):
 def test_squares_close_after_calibration(tmp_path):
     """But for the errors of a tape, of a robot without random errors; before, it is off as the published one."""
     alike = square.Case("like", "", {**square.LIKE_PUBLISHED, "noise": 0.0, "turn_noise": 0.0})
-    figures = rows(square, tmp_path, SEEDS=1, LAPS=2, CASES=(alike,))
+    figures = rows(square, tmp_path, LAPS=2, CASES=(alike,))
     for direction, deg in (("counter_clockwise", -4.93), ("clockwise", 2.13)):
         before, after = (figures[f"{direction}_{when}_deg"] for when in ("before", "after"))
         assert figures[f"{direction}_after_cm"].ours < LAP_CM and after.ours < LAP_DEG
@@ -66,13 +66,13 @@ def test_squares_close_after_calibration(tmp_path):
 
 
 def test_hidden_sonar_curves_are_found(tmp_path):
-    figures = rows(sonar_approach, tmp_path, SEEDS=2)
+    figures = rows(sonar_approach, tmp_path, seeds=2)
     error = figures["error_cm"]
     assert error.worst < RANGE_CM < 0.5 * error.control and figures["r2"].worst >= 0.999
 
 
 def test_packs_last_shorter_at_speed_only_if_their_current_depends_on_it(tmp_path):
-    short = {"SEEDS": 1, "SPEEDS_MM_S": (50, 200), "FASTER": 400.0, "NEAR_END": 40.0}
+    short = {"SPEEDS_MM_S": (50, 200), "FASTER": 400.0, "NEAR_END": 40.0}
     figures = rows(power, tmp_path, **short)
     ratio, left = figures["ratio"], figures["left_m"]
     assert ratio.worst > 1.15 and ratio.control == pytest.approx(1.0, abs=0.05)
@@ -84,7 +84,7 @@ def test_packs_last_shorter_at_speed_only_if_their_current_depends_on_it(tmp_pat
 
 def step_rows(folder, poses, *live):
     """Of one robot that drives to the first waypoint, around the first box."""
-    return rows(step_test, folder, *live, SEEDS=1, WAYPOINTS=step_test.WAYPOINTS[:1], LOOP_POSES=poses)
+    return rows(step_test, folder, *live, WAYPOINTS=step_test.WAYPOINTS[:1], LOOP_POSES=poses)
 
 
 @pytest.mark.realtime
@@ -106,7 +106,7 @@ def test_sonars_keep_the_robot_off_a_box_that_it_touches_without_them(tmp_path):
 
 def test_gyro_keeps_the_heading_of_a_robot_that_slips(tmp_path):
     cut = {"CALIBRATION_LEGS": 2, "CASES": gyro.CASES[:1]}
-    figures = rows(gyro, tmp_path, SEEDS=1, RUNS=1, TURNS=4, **cut)
+    figures = rows(gyro, tmp_path, TURNS=4, **cut)
     heading, position = figures["gyro_heading_deg"], figures["gyro_position_cm"]
     assert heading.ours < HEADING_DEG and position.ours < POSITION_CM
     assert heading.control > 30

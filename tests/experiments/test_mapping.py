@@ -39,9 +39,8 @@ def test_a_wrong_recording_is_refused_in_one_line(tmp_path, text, said):
 
 def test_a_gyro_knows_the_heading_that_the_wheels_lose_and_improves_the_map(tmp_path, monkeypatch):
     """In drives in which the robot turns on the spot.  The control of a gyro is the wheels alone."""
-    monkeypatch.setattr(mapping, "SEEDS", 1)
     monkeypatch.setattr(mapping, "KEYS", written(tmp_path, SPIN))
-    figures = {row.key: row for row in mapping.run(Setting(str(tmp_path))).rows}
+    figures = {row.key: row for row in mapping.run(Setting(str(tmp_path), seeds=1)).rows}
     assert all((tmp_path / name).exists() for name in ("mapping.png", "mapping-laser-wheels-alone.yaml"))
     assert figures["heading_wheels_deg"].ours > LOST_DEG and figures["heading_wheels_deg"].put_in
     assert figures["heading_gyro_deg"].ours < KNOWN_DEG
