@@ -4,7 +4,7 @@
 set -uo pipefail
 cd "$(dirname "$0")/.."
 
-NEED_ROS="tests/ros tests/documents/test_sensor_recipe.py"
+NEED_ROS="tests/ros tests/documents/test_robot_recipe.py"
 FOLDER=build/pythons
 mkdir -p $FOLDER
 

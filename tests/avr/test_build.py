@@ -6,6 +6,7 @@ import subprocess
 import pytest
 
 from mrl_driver.errors import SimulatorError
+from sim_arduino.avr import intel_hex
 from sim_arduino.avr.build import SimulatorMissing, build
 from sim_arduino.avr.elf import read_image
 from sim_arduino.avr.machine import AvrMachine
@@ -80,3 +81,28 @@ def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, compiler):
     library.write_bytes(b"old")
     os.utime(library, (0, 0))
     assert build(library).read_bytes() == b"new"
+
+
+END = ":00000001FF"
+
+
+def test_records_are_pieces_at_their_addresses():
+    """Data at 0x0010, then at 0x10000 through a segment and through a linear base."""
+    text = f":0200100001F0FD\n:020000021000EC\n:0100000055AA\n:020000040001F9\n:0100020066 97\n{END}\n"
+    pieces = [(0x10, b"\x01\xf0"), (0x10000, b"\x55"), (0x10002, b"\x66")]
+    assert intel_hex.read(text.replace(" ", "")) == pieces
+
+
+@pytest.mark.parametrize(
+    "text, reason",
+    [
+        (f":0200100001F0FE\n{END}", "line 1 is ':0200100001F0FE', expected a record"),
+        (f":0300100001F0FC\n{END}", "line 1"),
+        (f"0200100001F0FD\n{END}", "line 1"),
+        (f":zz\n{END}", "non-hexadecimal"),
+        (":0200100001F0FD\n", "ends the file is missing"),
+    ],
+)
+def test_what_is_damaged_is_refused(text, reason):
+    with pytest.raises(ValueError, match=reason):
+        intel_hex.read(text)

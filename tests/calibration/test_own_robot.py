@@ -1,12 +1,14 @@
-"""From `mrl new` to a closed square: an emulated kit with hidden errors, in simulated time."""
+"""From `mrl new` to a closed square with hidden errors, and an IMU's calibration, in simulated time."""
 
 import contextlib
+import json
 import math
+import pathlib
 
 import numpy as np
 import pytest
 
-from mrl_driver.apps.calibration import manoeuvres
+from mrl_driver.apps.calibration import calibration_files, manoeuvres
 from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
 from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.apps.calibration.trial import Trial, errors
@@ -14,8 +16,11 @@ from mrl_driver.cli import main
 from mrl_driver.cli.commands import set_id
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.geometry import Pose
+from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot import models
+from mrl_driver.robot.models import ImuMount
+from mrl_driver.yaml_form import with_schema_line
+from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.serve import factory
 
 SIDE_M, END_M, END_RAD = 0.4, 0.01, math.radians(0.5)
@@ -117,3 +122,111 @@ def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
         "kp": board["kp"],
         "wheel_radius": board["wheel_radius"],
     }
+
+
+HIDDEN_MOUNT = {"roll_deg": 175.0, "pitch_deg": -4.0, "yaw_deg": 90.0}
+"""How the emulated chip is mounted; its driver believes that it lies flat."""
+LEVEL_DEG, YAW_DEG = 3.0, 8.0
+"""The zero offset of the accelerometer puts roll and pitch off by up to 3 degrees."""
+SCALE = 0.001  # The other axes, which have scales of their own, add a little where the chip is not level
+TURNS, BEFORE_RAD, AFTER_RAD = 2, math.radians(5.0), math.radians(0.5)
+SEED = 3
+
+
+class Bench:
+    """An emulated TraxBot with an IMU, a new one for each command, and the command line."""
+
+    def __init__(self, capsys, path):
+        self.options = {"imu": True, "imu_seed": SEED}
+        self.emulated = self.driver = None
+        self._capsys, self._path = capsys, str(path)
+
+    @contextlib.contextmanager
+    def robot(self, model, **options):
+        self.emulated = factory.make(
+            factory.Options(robot=self._path, footprint="none", error="slip=0.1", **self.options)
+        )
+        with SteppedDriver(self.emulated.engine, model, Options(**options)) as self.driver:
+            yield self.driver
+
+    def pose(self):
+        return Pose(*self.emulated.plant.true_pose)
+
+    def mrl(self, *args):
+        """Run `mrl calibrate imu`; exit code, stdout, lines of stderr."""
+        with pytest.raises(SystemExit) as ended:
+            main.main(["calibrate", "imu", *map(str, args)])
+        out, err = self._capsys.readouterr()
+        assert "Traceback" not in err
+        return ended.value.code, out, err.strip().splitlines()
+
+
+@pytest.fixture
+def bench(monkeypatch, tmp_path, capsys):
+    lines = [f"  {name}: {value}" for name, value in HIDDEN_MOUNT.items()]
+    text = pathlib.Path(models.path_of("traxbot")).read_text()
+    (tmp_path / "emulated.yaml").write_text("\n".join([text, "imu:", *lines, ""]))
+    made = Bench(capsys, tmp_path / "emulated.yaml")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.setattr(
+        calibrate_job, "connect", lambda job, **options: made.robot(job.target.model, **options)
+    )
+    monkeypatch.setattr(calibrate_view, "truth_file", lambda path: made.pose)
+    return made
+
+
+def heading_error(bench, model):
+    """Error of the driver's heading after some turns on slipping tracks [rad]."""
+    with bench.robot(model) as robot:
+        robot.wait(2.0)
+        start = bench.pose()
+        manoeuvres.turn(robot, math.tau * TURNS, manoeuvres.Speeds())
+        return abs(wrap_angle(bench.pose().relative_to(start).yaw_rad - robot.pose.yaw_rad))
+
+
+def test_a_chip_mounted_anyhow_gives_the_heading_after_its_calibration(bench):
+    """Before it, the driver does not use the chip, which seems to lie upside down, and the tracks slip."""
+    before_rad = heading_error(bench, "traxbot")
+    code, out, lines = bench.mrl(
+        "--truth", "t", "--turns", 1, "--count", 2, "--distance", 0.3, "--yes", "--json"
+    )
+    assert code == 0, lines
+    found, true = models.load("traxbot-1.yaml").imu, ImuMount(**HIDDEN_MOUNT)
+    assert found.gyro_scale_sd < 0.001
+    assert found.gyro_scale == pytest.approx(1 / ImuErrors.drawn(SEED).gyro_scale[2], abs=SCALE)
+    up = [math.degrees(a - b) for a, b in zip(axis_up(found), axis_up(true))]
+    assert max(map(abs, up)) < LEVEL_DEG
+    assert abs(math.remainder(found.yaw_deg - true.yaw_deg, 360)) < YAW_DEG
+    assert json.loads(out)["mount_after"] == found._asdict()
+    assert before_rad > BEFORE_RAD and heading_error(bench, "traxbot-1.yaml") < AFTER_RAD
+
+
+def axis_up(mount):
+    """The vertical in the axes of the chip."""
+    return [mount.rotate(axis)[2] for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+
+
+def test_a_board_without_a_chip_is_refused_before_anything_moves(bench):
+    bench.options = {}
+    code, _, lines = bench.mrl("--truth", "t", "--yes")
+    assert code == 2 and "the board has found no IMU, expected an MPU-6050" in lines[-1]
+    assert bench.pose() == Pose(0.0, 0.0, 0.0)
+
+
+MEASURED = ImuMount(0.0, 0.0, 0.0, 179.25, -3.5, -90.1, 1.01234, 0.00045)
+
+
+def test_a_measured_imu_is_read_back_as_it_was_written(tmp_path):
+    """A second calibration replaces the numbers of the first; comments and all other numbers stay."""
+    text = pathlib.Path(models.path_of("traxbot")).read_text()
+    path = str(tmp_path / "robot.yaml")
+    pathlib.Path(path).write_text(text)
+    before = models.load(path)
+    names = ("roll_deg", "pitch_deg", "yaw_deg", "gyro_scale", "gyro_scale_sd")
+    for scale in (0.987, MEASURED.gyro_scale):
+        mount = MEASURED._replace(gyro_scale=scale)
+        values = {("imu", name): getattr(mount, name) for name in names}
+        calibration_files.write_model(path, path, values, "mrl calibrate imu")
+    assert models.load(path) == before._replace(imu=MEASURED)
+    assert pathlib.Path(path).read_text().startswith(with_schema_line(text, models.SCHEMA).rstrip())

@@ -1,12 +1,20 @@
-"""The golden request vectors on every board: what is refused is counted by reason, and nothing else is."""
+"""Requests that are refused: the golden vectors, and each damaged byte of a greeting, on every board.
+
+`driver/test_neighbours.py` damages them for the decoders alone, and for boards of 2013.
+"""
 
 import contextlib
 from collections import Counter
 
-from mrl_driver.protocol import Garbage
+import pytest
+
+from mrl_driver.protocol import Garbage, encode_request
+from mrl_driver.protocol.table import BY_NAME
+from sim_arduino.serve.factory import Options
+from tests.neighbours import faults, sent
 from tests.vectors import load
 
-from .bench import Bench
+from .bench import ROBOTS, Bench
 
 VECTORS = load("requests")
 
@@ -26,3 +34,22 @@ def test_refusals_are_counted_by_reason(engine, motors):
         refused = Counter(event.reason for event in vector.events_at_line_end if isinstance(event, Garbage))
         with contextlib.closing(Bench(engine, motors)) as bench:
             assert (vector.name, counted(bench.wake(), vector)) == (vector.name, refused)
+
+
+SETTLED_S = 0.02  # From the last bit of a request to motors that are driven
+AS_BEFORE = encode_request(BY_NAME["set_check"].code, 0, checked=True) + b"@19e@16,0e"
+"""Undoes what a fault may have turned on."""
+
+
+def test_a_motor_command_is_noticed(bench):
+    bench.send(b"@11,200,0e", SETTLED_S)
+    assert bench.is_driven()
+
+
+@pytest.mark.parametrize("rest", [b"", b"@30e"], ids=["alone", "with another behind it"])
+def test_a_fault_of_a_greeting_turns_no_motor(bench, motors, rest):
+    for wire in sent(Options(robot=ROBOTS[motors])).greeting:
+        for fault in faults(wire):
+            bench.send(fault.wire + rest, SETTLED_S)
+            assert not bench.is_driven(), fault
+            bench.send(AS_BEFORE, SETTLED_S)

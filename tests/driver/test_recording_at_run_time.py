@@ -1,6 +1,9 @@
-"""Recordings that begin and end while the driver is connected."""
+"""What a driver records while it drives, and recordings that begin and end while it is connected."""
 
 import json
+import subprocess
+import sys
+import threading
 import time
 
 import pytest
@@ -8,13 +11,13 @@ import pytest
 from mrl_driver.apps.review import drive_data
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, PortMissing
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.transport.link import SerialLink
 from tests.call_lists import CallLists
-from tests.waiting import drive_until, wait_until
+from tests.waiting import PATIENCE_S, drive_until, wait_until
 
 from .test_call_path import READ
 
@@ -48,8 +51,8 @@ def pieces(monkeypatch):
     return seen
 
 
-def joined(path, way):
-    return b"".join(entry.data for entry in Recording(path) if entry.direction == way)
+def joined(entries, way):
+    return b"".join(entry.data for entry in entries if entry.direction == way)
 
 
 def frames_later(robot, number=5):
@@ -87,7 +90,7 @@ def test_no_byte_from_the_board_is_lost_or_doubled(serve, files, pieces):
         for path in files:
             frames_later(robot)
             record(robot, path)
-    first, second = (joined(path, FROM_BOARD) for path in files)
+    first, second = (joined(Recording(path), FROM_BOARD) for path in files)
     at = pieces.find(first)
     assert at > 0 and pieces.find(second, at + len(first)) > 0
 
@@ -99,7 +102,7 @@ def test_what_is_sent_right_after_it_began_is_in_it(serve, files):
             robot.request(SONARS)
             frames_later(robot, 1)  # the reading thread may send it
             robot.recorder.stop()
-            assert b"@%d," % SONARS in joined(files[0], TO_BOARD)
+            assert b"@%d," % SONARS in joined(Recording(files[0]), TO_BOARD)
 
 
 def test_it_begins_with_a_whole_frame(serve, files, pieces):
@@ -109,7 +112,7 @@ def test_it_begins_with_a_whole_frame(serve, files, pieces):
             record(robot, files[0])
             found = summarise(Recording(files[0]))
             assert found["garbage"] == {} and sum(found["frames"].values()) >= 5
-            assert joined(files[0], FROM_BOARD).lstrip(b"\r\n")[:1] == b"@"
+            assert joined(Recording(files[0]), FROM_BOARD).lstrip(b"\r\n")[:1] == b"@"
 
 
 def test_its_remarks_and_header_are_those_of_a_recording_from_the_start(serve, files):
@@ -164,9 +167,6 @@ def test_without_one_no_frame_passes_through_it(serve, files):
     assert not [call for call in calls if call.startswith("mrl_driver/recording/")]
 
 
-# -- remarks
-
-
 def test_readings_of_a_phone_are_read_back_and_change_nothing_else(serve, files):
     reading = {"t": 1.5, "alpha": 90.0, "name": "Zoë\n"}
     with Driver(serve().path) as robot:
@@ -184,3 +184,104 @@ def test_readings_of_a_phone_are_read_back_and_change_nothing_else(serve, files)
 def test_a_remark_that_would_be_taken_for_the_drivers_own_is_refused(text):
     with pytest.raises(ConfigError, match="expected 1 to 1000 characters"):
         Driver("/dev/nothing").recorder.remark(text)
+
+
+@pytest.fixture
+def recorded(serve, tmp_path):
+    """Entries of a short drive, and the board that it was with."""
+    board, path = serve(), str(tmp_path / "drive.mrl")
+    with Driver(board.path, options=Options(record=path, command_timeout_s=None)) as robot:
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01)
+    recording = Recording(path)
+    return list(recording), board, recording
+
+
+def test_what_went_to_the_board_is_recorded(recorded):
+    entries, board, _ = recorded
+    wait_until(lambda: bytes(board.received) == joined(entries, TO_BOARD))
+
+
+def test_a_summary_counts_the_frames_that_the_driver_counted(prompt, serve, tmp_path):
+    """Also those around the beginning and the end of the check value, which the remark comes behind."""
+    board, path = serve(), str(tmp_path / "drive.mrl")
+    with Driver(board.path, options=Options(record=path)) as robot:
+        wait_until(lambda: robot.link.statistics.frames > 20)
+        board.board.reset(time.monotonic())
+        wait_until(lambda: robot.link.statistics.restarts == 1 and robot.ready)
+        before = robot.link.statistics
+        wait_until(lambda: robot.link.statistics.frames > before.frames + 20)
+    found = summarise(Recording(path))
+    assert found["garbage"] == {}
+    assert sum(found["frames"].values()) == robot.link.statistics.frames
+
+
+def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path, monkeypatch):
+    """The reading thread has a frame in hand when the driver is closed."""
+    path, close = str(tmp_path / "drive.mrl"), SerialLink.close
+    leaving, held, closed = threading.Event(), threading.Event(), threading.Event()
+    monkeypatch.setattr(SerialLink, "close", lambda link: (closed.set(), close(link)))
+
+    def hold(way, data):
+        if leaving.is_set() and way == FROM_BOARD and b"e" in data:
+            held.set()
+            assert closed.wait(PATIENCE_S)
+
+    robot, heard, replayed = Driver(serve().path, options=Options(record=path, tap=hold)), [], []
+    robot.on_telemetry(heard.append)
+    robot.connect()
+    leaving.set()
+    wait_until(held.is_set)
+    robot.close()
+    assert sum(summarise(Recording(path))["frames"].values()) == robot.link.statistics.frames
+    played = RecordedDriver(path)
+    played.on_telemetry(replayed.append)
+    played.play()
+    assert replayed == heard and played.link.statistics.frames == robot.link.statistics.frames
+
+
+def test_a_full_disk_does_not_stop_the_robot(serve):
+    with Driver(serve().path, options=Options(record="/dev/full", command_timeout_s=None)) as robot:
+        drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 0.01 and robot.recorder.file.lost > 10)
+        assert robot.command is not None
+        assert "No space" in robot.recorder.file.error
+
+
+def test_a_file_that_cannot_be_made_is_refused_before_the_port_is_opened(tmp_path):
+    with pytest.raises(ConfigError, match="cannot record to"):
+        Driver("/dev/nothing", options=Options(record=str(tmp_path))).connect()
+
+
+def test_an_open_link_is_not_recorded(serve, tmp_path):
+    link = SerialLink(serve().path)
+    with pytest.raises(ConfigError, match="with an open link"):
+        Driver(link, options=Options(record=str(tmp_path / "x")))
+    link.close()
+
+
+def test_a_port_that_is_not_there_leaves_no_thread(tmp_path):
+    before = set(threading.enumerate())
+    with pytest.raises(PortMissing):
+        Driver("/dev/nothing", options=Options(record=str(tmp_path / "x"))).connect()
+    assert not [each for each in set(threading.enumerate()) - before if each.name == "recorder"]
+
+
+def mrl(*args):
+    command = [sys.executable, "-m", "mrl_driver", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("record", "--seconds", "0.3", "FILE"),
+        ("monitor", "--seconds", "0.3", "--record", "FILE"),
+        ("drive", "--linear", "0.1", "--for", "0.3", "--record", "FILE"),
+    ],
+    ids=lambda command: command[0],
+)
+def test_commands_record(serve, tmp_path, command):
+    path = tmp_path / "drive.mrl"
+    name, *rest = (str(path) if word == "FILE" else word for word in command)
+    done = mrl(name, "--port", serve().path, *rest)
+    assert done.returncode == 0, done.stderr
+    assert len(list(Recording(str(path)))) > 10

@@ -1,11 +1,15 @@
 """Robots behind other wires than a cable: datagrams that get lost, come twice or late, and connections."""
 
+import json
 import math
 import os
 import socket
+import subprocess
+import sys
 import threading
 import time
 from contextlib import closing
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -22,7 +26,8 @@ from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP_2013
 from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
-from tests.waiting import drive_until, wait_until
+from tests.network import own_network
+from tests.waiting import PATIENCE, drive_until, wait_until
 
 from .talk import Talk
 
@@ -66,9 +71,6 @@ def driven():
         watched.robot.wait(0.7)
     yield watched
     watched.close()
-
-
-# -- bad datagrams, in simulated time
 
 
 def test_the_pose_over_bad_datagrams_is_the_true_one(driven):
@@ -121,9 +123,6 @@ def test_an_overtaken_status_is_no_restart():
     assert talk.session.ready and talk.session.counters.restarts == 0
 
 
-# -- slow lines, in simulated time
-
-
 @pytest.mark.parametrize(("baud", "rate_hz"), [(9600, 13.3), (19200, 26.3)])
 def test_a_slow_line_is_never_full(baud, rate_hz):
     """A program that commands 100 times a second neither delays telemetry nor its stop, nor ends its command."""
@@ -142,9 +141,6 @@ def test_a_slow_line_is_never_full(baud, rate_hz):
         rate_hz, rel=0.05
     )
     watched.close()
-
-
-# -- a faster line
 
 
 def test_the_line_is_raised_and_left_as_it_was(monkeypatch):
@@ -208,9 +204,6 @@ def test_a_stop_goes_before_all_else(serve):
     board = serve()
     with Driver(board.path, options=Options(fast=True)):
         assert board.received.startswith(STOP_2013)
-
-
-# -- sockets
 
 
 @pytest.fixture(params=["tcp", "udp"])
@@ -311,9 +304,6 @@ def test_a_device_behind_a_url_that_takes_no_bytes_is_a_timeout(tmp_path):
     os.close(slave)
 
 
-# -- what is wrong with an address, or with who is there
-
-
 @pytest.mark.parametrize(
     "url",
     ["tcp://", "tcp://host", "tcp://host:x", "tcp://host:0", "tcp://host:70000", "tcp://[::1:7", "ftp://host:7",
@@ -395,3 +385,31 @@ def test_a_peer_that_is_no_robot_is_told(greeting, hangs_up, error, words):
                 while link.read(10.0):
                     pass
         Driver(peer.url, options=Options(greeting_s=0.3)).connect()
+
+
+ROOT = Path(__file__).resolve().parents[2]
+LONGEST_S = 110 * PATIENCE
+ACROSS_HOSTS_M = 1e-3
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What the trials of `two_hosts` have seen."""
+    command = [*own_network(), sys.executable, "-m", "tests.driver.two_hosts"]
+    folder = tmp_path_factory.mktemp("hosts")
+    done = subprocess.run(
+        [*command, str(folder)], cwd=str(ROOT), capture_output=True, text=True, timeout=LONGEST_S
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udp"])
+def test_the_pose_is_the_true_one(seen, scheme):
+    assert seen[scheme]["error_m"] < ACROSS_HOSTS_M
+
+
+@pytest.mark.parametrize("scheme", ["tcp", "udp"])
+def test_the_robot_stands_when_the_cable_is_pulled_and_drives_when_it_is_back(seen, scheme):
+    assert seen[scheme]["rolled_m"] == 0.0
+    assert seen[scheme]["again_m"] > 0.0

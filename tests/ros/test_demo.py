@@ -2,10 +2,12 @@
 
 import io
 import math
+import signal
 import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Twist, TwistStamped
 from hypothesis import given
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
@@ -19,6 +21,9 @@ from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, HOLD_S, LINEAR_M_S, T
 from mrl_driver.view.shown_state import SILENT_S
 from ros1_bridge.demo.demo_screen import PATIENCE_S, DemoScreen
 from ros1_bridge.topics.topic_robot import TopicRobot
+from tests.waiting import wait_until
+
+from .rig import START_S
 
 STEP_S = 0.05
 LAG = 0.4
@@ -191,3 +196,15 @@ def test_the_boards_id_chooses_the_model(demo):
     assert view.robot.model is None
     view.robot.on_diagnostics(link())
     assert view.robot.model.name == "stingbot"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signal_during_the_square_sends_a_stop(rig, number):
+    rig.node(rig.board().port)
+    rig.topic("odom", Odometry).wait()
+    commands = rig.topic("cmd_vel/stamped", TwistStamped)
+    view = rig.program("demo_view", "_square:=true")
+    wait_until(lambda: any(message.twist != Twist() for message in commands.messages), START_S)
+    view.signal(number)
+    wait_until(lambda: view.exit_code is not None, START_S)
+    wait_until(lambda: commands.messages[-1].twist == Twist(), 2.0)

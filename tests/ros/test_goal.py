@@ -2,11 +2,14 @@
 
 import math
 import signal
+from types import SimpleNamespace
 
 import actionlib
 import pytest
 import rospy
+from actionlib_msgs.msg import GoalID
 from diagnostic_msgs.msg import DiagnosticStatus
+from genpy import Time
 from geometry_msgs.msg import PoseArray, PoseStamped, Quaternion, Twist
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,8 +22,10 @@ from mrl_driver.robot.models import Limits
 from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap
 from ros1_bridge.node.plane_poses import yaw_of
 from ros1_bridge.node.robot_parameters import PAUSE_S
+from ros1_bridge.robot.goal_cancel import GoalCancel
 from tests.waiting import wait_until
 
+from .fake_topics import Topics
 from .rig import START_S
 from .tables import Offered, first_two, table
 
@@ -250,3 +255,50 @@ def test_node_that_ends_while_it_drives_ends_in_peace(robot):
     assert client.get_goal_status_text() == "the node ends"
     said = "\n".join(seeker.output())
     assert "Traceback" not in said and "ERROR" not in said, said
+
+
+NOW = Time(100, 0)
+
+
+def made(now=NOW, closed=False):
+    """A cancel whose node starts now, and what it publishes."""
+    topics = Topics()
+    ros = SimpleNamespace(Publisher=topics, Time=SimpleNamespace(now=lambda: now), ROSException=ValueError)
+    cancel = GoalCancel(ros)
+    out = topics["move_base/cancel"]
+    if closed:
+        out.publish = refuse
+    return cancel, out
+
+
+def refuse(message):
+    raise ValueError("publish() to a closed topic")
+
+
+def test_goals_of_before_the_start_are_cancelled_whenever_their_planner_connects():
+    _, out = made()
+    assert out.options["latch"] and out.sent == [GoalID(stamp=NOW)]
+
+
+def test_all_goals_are_cancelled_whatever_their_clients_clock_shows():
+    cancel, out = made()
+    cancel.cancel(everything=True)
+    assert out.sent[1:] == [GoalID(), GoalID(stamp=NOW)]
+
+
+def test_goal_of_after_a_release_is_not_cancelled_though_the_cancel_arrives_late():
+    cancel, out = made()
+    cancel.cancel(everything=False)
+    assert out.sent[1:] == [GoalID(stamp=NOW)]
+
+
+def test_nothing_is_cancelled_at_a_start_before_simulated_time():
+    """A cancel with the time 0 means all goals, of whatever time."""
+    _, out = made(now=Time())
+    assert out.sent == []
+
+
+@pytest.mark.parametrize("everything", [True, False])
+def test_stop_does_not_fail_because_the_shutdown_has_closed_the_topic(everything):
+    cancel, _ = made(closed=True)
+    cancel.cancel(everything)

@@ -39,7 +39,7 @@ VARIANTS = [
 ]
 """File, its arguments, and all nodes that it starts with them."""
 
-CLEARING = "set robot_node/sonars clear_range 0.7"  # Arguments of dynparam; test_sonar_clearing.py runs it
+CLEARING = "set robot_node/sonars clear_range 0.7"  # Arguments of dynparam; test_move_base.py runs it
 DECLARED = yaml.safe_load((ROOT / "tests" / "ros" / "declared.yaml").read_text())
 DISPLAYS = {
     "rviz/Map": "nav_msgs/OccupancyGrid",

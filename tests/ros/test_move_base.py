@@ -1,14 +1,19 @@
-"""The shipped parameters of move_base and amcl: each has its reason, and they fit the robots."""
+"""The shipped parameters of move_base, amcl and the sonar layer: each has its reason, and they fit the robots."""
 
 import math
 
 import pytest
+import roslib.packages
+import rospy
 import yaml
+from sensor_msgs.msg import Range
 
 from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive
+from tests.waiting import wait_until
 
-from .rig import ROOT
+from .rig import ROOT, START_S
+from .test_launch_packages import CLEARING
 
 FOLDER = ROOT / "ros1_bridge" / "navigation"
 ROBOTS = ("traxbot", "stingbot", "omni", "duo")
@@ -108,3 +113,19 @@ def test_silent_sonars_stop_move_base_and_one_lost_reading_does_not():
 def test_obstacles_are_cleared_farther_than_they_are_marked():
     scan = parameters("laser_layer.yaml")["obstacles"]["scan"]
     assert scan["obstacle_range"] < scan["raytrace_range"]
+
+
+def test_running_node_reports_the_longest_range_when_it_is_requested(rig, tmp_path):
+    """On a floor without end."""
+    world = tmp_path / "far.yaml"
+    world.write_text("walls: [[99, -9, 99, 9]]\n")
+    rig.node(rig.board("--robot", "traxbot", "--world", str(world)).port)
+    sonar = rig.topic("sonar/front", Range)
+    assert sonar.wait()[-1].range == math.inf
+    (program,) = roslib.packages.find_node("dynamic_reconfigure", "dynparam")
+    child = rig.start(
+        "dynparam", "/usr/bin/python3", program, *CLEARING.split(), f"__ns:={rig.ns}", "__name:=once"
+    )
+    wait_until(lambda: sonar.messages[-1].max_range < 0.71, START_S)
+    wait_until(lambda: child.exit_code == 0)
+    assert rospy.get_param(f"{rig.ns}/robot_node/clear_range") == 0.7, "a respawned node forgets it"

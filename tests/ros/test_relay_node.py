@@ -1,7 +1,11 @@
-"""What the node `topic_relay` publishes, and what it refuses."""
+"""What the node `topic_relay` publishes and refuses, and a robot that is driven over two masters with a relay each."""
 
 import io
+import json
+import math
 import socket
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -11,7 +15,10 @@ from mrl_driver.errors import ConfigError
 from ros1_bridge.relay.relay_frames import Source
 from ros1_bridge.relay.relay_settings import Address, read_settings
 from ros1_bridge.relay.topic_relay_node import ReceivedTopic, TopicRelay
-from tests.waiting import wait_until
+from tests.network import own_network
+from tests.waiting import PATIENCE, wait_until
+
+from .rig import ROOT
 
 
 def source(number, kind=String, latched=True):
@@ -81,3 +88,27 @@ def test_address_that_is_in_use_is_named(master):
         address = Address(*taken.getsockname())
         with pytest.raises(ConfigError, match=f"listen is {address}, which cannot be used .*in use"):
             TopicRelay(read_settings({"name": "robot1", "listen": str(address)}, "/relay"))
+
+
+@pytest.fixture(scope="module")
+def seen(tmp_path_factory):
+    """What the trial of `two_masters` has seen."""
+    folder = tmp_path_factory.mktemp("masters")
+    command = [*own_network(), sys.executable, "-m", "tests.ros.two_masters", str(folder)]
+    done = subprocess.run(command, cwd=str(ROOT), capture_output=True, text=True, timeout=110 * PATIENCE)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_topics_and_commands_cross_before_and_after_the_cut_and_none_comes_back(seen):
+    """Latched state comes again; a message of a shared topic does not come back."""
+    assert seen["moved"] and seen["restored_s"] < math.inf and seen["drives_again"]
+    assert seen["mode"] and not seen["came_back"]
+
+
+def test_robot_stops_when_the_cable_is_pulled_and_the_desk_is_told(seen):
+    assert seen["stop_s"] < math.inf and seen["noticed_s"] < math.inf
+
+
+def test_no_command_from_before_the_restore_moves_the_robot(seen):
+    assert not seen["replayed"]

@@ -1,9 +1,12 @@
-"""Zones, the commands `pose` and `shutdown`, and nodes of some parts, on an emulated board."""
+"""Nodes on emulated boards: zones, the commands `pose` and `shutdown`, parts, locks, and three wheels."""
+
+import math
 
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import (
+    Point,
     Pose,
     PoseStamped,
     Quaternion,
@@ -11,11 +14,14 @@ from geometry_msgs.msg import (
     TransformStamped,
 )
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import JointState, LaserScan
 from std_msgs.msg import Bool, Header
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
 
+from mrl_driver.lock_order import VARIABLE
+from mrl_driver.robot.covariance import SIDEWAYS_M2_S2
+from ros1_bridge.node.tf_names import OMNI_JOINTS
 from tests.waiting import wait_until
 
 from .rig import START_S, values_of
@@ -122,3 +128,39 @@ def test_a_laser_watches_the_zones_once_tf_tells_where_it_sits(rig):
         lambda: any("10.00" in line and "s old by this node's clock" in line for line in node.output())
     )
     static.unregister()
+
+
+def test_a_node_that_does_all_at_once_takes_its_locks_in_order(rig):
+    """Commands, a pose, zones, a change of mode; a wrong order would end its reading thread and with it the node."""
+    rig.env = {**rig.env, VARIABLE: "1"}
+    node = rig.node(rig.board("--robot", "traxbot", "--pose", "0.3,0,0").port, "_zones:=sonars")
+    odom, status = rig.topic("odom", Odometry), rig.topic("status", DiagnosticStatus)
+    pose = rig.publisher("pose", PoseStamped)
+    odom.wait()
+    rig.drive_until(lambda: odom.messages[-1].pose.pose.position.x > 0.02, 0.1)
+    goal = Pose(Point(0.2, 0.0, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
+
+    def arrived():
+        """Repeats the pose: the last `cmd_vel`, on its way yet, may come after it and end its drive."""
+        pose.publish(PoseStamped(Header(frame_id=f"{rig.name}/odom"), goal))
+        return odom.wait_for_more(10)[-1].pose.pose.position.x > 0.1
+
+    wait_until(arrived)
+    assert rospy.ServiceProxy(f"{rig.ns}/manual_mode", SetBool)(True).success
+    assert status.wait() and node.exit_code is None
+    assert not [line for line in node.output() if "is taken while" in line]
+
+
+def test_linear_y_drives_it_to_the_left(rig):
+    """The model is found by the board's id; pose, speed and wheels tell the slide, and the silence ends it."""
+    odom, joints = rig.topic("odom", Odometry), rig.topic("joint_states", JointState)
+    rig.node(rig.board("--robot", "omni").port)
+    odom.wait()
+    rig.drive_until(lambda: odom.messages[-1].pose.pose.position.y > 0.15, 0.0, 0.2)
+    message = odom.messages[-1]
+    assert abs(message.pose.pose.position.x) < 0.08
+    assert max(each.twist.twist.linear.y for each in odom.messages) > 0.15
+    assert message.twist.covariance[7] > 10 * SIDEWAYS_M2_S2
+    assert joints.wait()[-1].name == list(OMNI_JOINTS)
+    assert joints.messages[-1].position[2] < 0 < joints.messages[-1].position[0]
+    wait_until(lambda: math.isclose(odom.messages[-1].twist.twist.linear.y, 0.0, abs_tol=1e-9))

@@ -1,4 +1,4 @@
-"""map_server maps in and out, and the score of a robot's map."""
+"""map_server maps in and out, the score of a robot's map, and free places to start from."""
 
 import io
 import math
@@ -10,8 +10,11 @@ import yaml
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from sim_arduino.world import grid_map, map_score
+from sim_arduino.world import grid_map, map_score, world_file
+from sim_arduino.world.free_places import GAP_M, free_places
 from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
+from sim_arduino.world.shapes import Footprint
+from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
 GOOD = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate": 0}
@@ -238,3 +241,26 @@ def test_a_map_that_is_turned_and_moved_is_fitted_to_the_walls():
     fit = map_score.fitted(made, house, off)
     assert math.hypot(fit.x_m, fit.y_m) < 0.03 and abs(fit.yaw_rad) < math.radians(0.3)
     assert map_score.score(made, house, off).found < 0.8 < 0.99 < map_score.score(made, house, fit).found
+
+
+RADIUS_M = 0.16
+
+
+def test_the_first_robot_has_the_start_and_the_next_stand_beside_it():
+    places = free_places(World(start=Pose(1.0, 2.0, 0.0)), RADIUS_M, 3)
+    assert places == [Pose(1.0, 2.0, 0.0), Pose(1.0, 2.5, 0.0), Pose(1.0, 1.5, 0.0)]
+
+
+@pytest.mark.parametrize("name", ["room", "house", "corridor", "hazards", "steps"])
+def test_twenty_robots_keep_away_from_walls_and_from_each_other(name):
+    world = world_file.load(name)
+    places = free_places(world, RADIUS_M, 20)
+    assert len(places) == 20
+    for place in places:
+        assert world.clearance(place.x_m, place.y_m) >= RADIUS_M + GAP_M - 1e-9
+        world.place(f"{place}", place, Footprint(2 * RADIUS_M, 2 * RADIUS_M, True))
+
+
+def test_a_world_that_is_too_small_says_how_many_fit():
+    with pytest.raises(ConfigError, match="expected at most 6: there is no free floor"):
+        free_places(world_file.load("l-course"), RADIUS_M, 20)

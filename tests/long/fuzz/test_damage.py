@@ -1,4 +1,4 @@
-"""The check value: what it catches always, and what at the rate of its 16 bits."""
+"""Bad lines: what the check value catches, a few greetings of `make fuzz`, and drives with random faults."""
 
 import random
 
@@ -15,6 +15,8 @@ from mrl_driver.protocol import (
 )
 from mrl_driver.protocol.table import BY_CODE
 from tests.long.fuzz import damage
+from tests.long.fuzz.faulty_robot import drive
+from tests.long.fuzz.greetings import BOARDS, Tally, faults_of, greet, tally_of
 
 STREAM = encode_reply(8, -12345, 23456, 120, 45, 300, stamp=Stamp(7, -1234), checked=True)
 UNCHECKED_STREAM = encode_reply(8, -12345, 23456, 120, 45, 300)
@@ -63,3 +65,55 @@ def test_strict_parsing_alone_lets_a_fifth_of_flipped_bits_pass():
         damage.count_wrong(REPLIES, False, sent, damage.flip_bit(UNCHECKED_STREAM, rng)) for _ in range(5000)
     )
     assert 10 < 100 * wrong / 5000 <= MOST_UNCHECKED_PERCENT
+
+
+RATE = 0.01
+SEEDS = (134, 265, 307, 357, 364, 424, 676, 756)  # Each makes a bare `calibrate` of a request to the board
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_no_greeting_on_a_bad_line_is_wrong_fails_or_moves_the_robot(board):
+    found = {seed: greet(board, faults_of(RATE), seed) for seed in range(5)}
+    assert tally_of(board, found) == Tally(5, 0, (), ())
+
+
+@pytest.mark.parametrize("board", ["python", "pc"])
+def test_no_greeting_moves_the_robot_on_lines_that_make_calibrate_of_it(board):
+    assert not [seed for seed in SEEDS if greet(board, faults_of(RATE), seed).moved]
+
+
+@pytest.mark.parametrize("board", ["python", "pc"])
+def test_without_the_guard_of_calibrate_such_lines_move_the_robot(board):
+    """The control; a change of what is sent moves the faults to other bytes."""
+    moved = [seed for seed in SEEDS if greet(board, faults_of(RATE), seed, plain_calibrate=True).moved]
+    assert len(moved) > len(SEEDS) // 2
+
+
+LINK_SEEDS = range(24)
+DRIVE_S = 5.0
+SETTLE_S = 3.0
+WATCHDOG_S = 0.25
+STOPPING_S = 0.35  # Motors run down from full speed
+POSE_M = 0.03
+"""Largest error of a drive of some metres, most of it from arcs between frames that were not lost."""
+
+
+@pytest.mark.parametrize("seed", LINK_SEEDS)
+def test_a_drive_with_faults_has_no_wrong_value_and_no_jump_and_ends_stopped(seed):
+    robot, what = drive(seed, DRIVE_S)
+    assert robot.accepted > 20, what
+    if seed % 2:
+        robot.driver.drive(0.3, 0.0)
+        robot.driver.stop()
+        robot.run(WATCHDOG_S + STOPPING_S)
+    else:
+        robot.engine.stall(60)
+        robot.run(WATCHDOG_S + STOPPING_S)
+    assert not robot.moves(), what
+    robot.engine.clear()
+    robot.run(SETTLE_S)
+    assert robot.driver.ready, what
+    assert not robot.moves(), what
+    assert robot.wrong == [], what
+    assert robot.jump_m <= 0, what
+    assert what.breaks or robot.error_m < POSE_M, what

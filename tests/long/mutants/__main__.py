@@ -19,7 +19,7 @@ from tests.long.mutants import cpp, python
 HERE, RESULTS = pathlib.Path(__file__).parent, python.ROOT / "build" / "mutants" / "results.json"
 GOALS = {"safety": 0.95, "other": 0.90}
 SHORT = [
-    {"other": ["sim_arduino/avr/intel_hex.py"], "tests": ["tests/avr/test_intel_hex.py"]},
+    {"other": ["sim_arduino/avr/intel_hex.py"], "tests": ["tests/avr/test_build.py"]},
     {
         "other": ["firmware/mrl_firmware/src/sensors/compass.cpp"],
         "tests": ["tests/firmware/test_environment.py"],
