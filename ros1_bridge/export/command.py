@@ -2,7 +2,7 @@
 
 import os
 import re
-from typing import TYPE_CHECKING, Callable, Optional
+from typing import TYPE_CHECKING, Callable, Dict, Optional
 
 import click
 
@@ -37,15 +37,7 @@ _NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
     "--base-frame", metavar="FRAME", help="Frame of the robot.  [default: base_link, after the name]"
 )
 @yes_option
-def main(
-    file: str,
-    output: str,
-    robot: str,
-    name: str,
-    odom_frame: Optional[str],
-    base_frame: Optional[str],
-    yes: bool,
-) -> None:
+def main(file: str, output: str, robot: str, name: str, yes: bool, **frames: Optional[str]) -> None:
     """Convert a recording for other tools; the ending of OUTPUT says to what.
 
     .bag and .mcap get the topics of robot_node with their types, frames and stamps, and the topic frames with all bytes
@@ -58,7 +50,7 @@ def main(
       mrl export drive.mrl drive.csv
     """
     ending, name = os.path.splitext(output)[1].lower(), name.strip("/")
-    _check(file, output, ending, name, bool(name or odom_frame or base_frame))
+    _check(file, output, ending, name, bool(name or any(frames.values())))
     from mrl_driver.driver.recorded import RecordedDriver
 
     recorded = RecordedDriver(file, resolve(robot).model)
@@ -69,9 +61,7 @@ def main(
 
             count, what = table.write(recorded, temporary, advance), "rows"
         else:
-            prefix = f"{name}/" if name else ""
-            frames = odom_frame or f"{prefix}odom", base_frame or f"{prefix}base_link"
-            count, what = _write_messages(recorded, temporary, output, name, *frames, advance), "messages"
+            count, what = _write_messages(recorded, temporary, output, name, frames, advance), "messages"
         if not count:
             raise ConfigError(
                 f"{file} holds nothing for {output}, expected frames of a robot; check it with: mrl replay {file}"
@@ -103,8 +93,7 @@ def _write_messages(
     path: str,
     output: str,
     name: str,
-    odom_frame: str,
-    base_frame: str,
+    frames: Dict[str, Optional[str]],
     advance: Callable[[float], None],
 ) -> int:
     """Play a recording into a file of messages, which will be named `output`; return their number.
@@ -121,8 +110,9 @@ def _write_messages(
     from . import message_files
     from .recorded_topics import RecordedTopics, now_ns
 
-    parameters = check({"port": "recording", "odom_frame": odom_frame, "base_frame": base_frame}, "export")
-    namespace = f"/{name}" if name else ""
+    prefix, namespace = (f"{name}/", f"/{name}") if name else ("", "")
+    usual = {"odom_frame": f"{prefix}odom", "base_frame": f"{prefix}base_link"}
+    parameters = check({"port": "recording", **{key: frames[key] or usual[key] for key in usual}}, "export")
     ending = os.path.splitext(output)[1].lower()
     file = message_files.make(ending, path, output, namespace, lambda: now_ns(recorded))
     RecordedTopics(recorded, file, parameters)
