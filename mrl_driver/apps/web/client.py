@@ -5,6 +5,10 @@ import contextlib
 import time
 from typing import Any, Awaitable, Callable, Dict, Optional
 
+from mrl_driver.safety.message_age import clock_s
+
+from .messages import closed
+
 CONGESTED_BYTES = 16384
 """With more unsent bytes than this in the program, messages wait, and newer ones replace them."""
 STALLED_S = 5.0  # a client that accepts nothing for this time is closed [s]
@@ -12,10 +16,6 @@ LOOK_S = 0.05  # time between two looks at a connection that is congested [s]
 MOST_PER_S = 200  # more messages of one client in a second close it; the page sends at most 80
 
 Send = Callable[[str], Awaitable[Any]]
-
-
-class Stalled(Exception):
-    """The client has accepted nothing for `STALLED_S`."""
 
 
 class Client:
@@ -63,28 +63,33 @@ class Client:
         self._in_second += 1
         return self._in_second > MOST_PER_S
 
-    async def pump(self, send: Send, transport: asyncio.Transport, closed: Callable[[str], str]) -> None:
-        """Send what waits, until the connection is to end; its last message is `closed` with the reason.
+    async def pump(
+        self, send: Send, transport: asyncio.Transport, close: Callable[[], Awaitable[Any]]
+    ) -> None:
+        """Send what waits, until the connection is to end; its last message says why.
 
-        Raises:
-            Stalled: the client accepts no data.
-            ConnectionError: the connection is gone.
+        A connection that is gone, or on which the client accepts no data, is closed at once.
         """
         self._transport, free_s = transport, time.monotonic()
-        while not self.gone.is_set():
-            await self._ready.wait()
-            self._ready.clear()
-            while self._waiting and not self.gone.is_set():
-                if transport.is_closing():
-                    raise ConnectionResetError
-                now_s = time.monotonic()
-                if transport.get_write_buffer_size() > CONGESTED_BYTES:
-                    if now_s - free_s > STALLED_S:
-                        raise Stalled
-                    await asyncio.sleep(LOOK_S)
-                    continue
-                free_s = now_s
-                await send(self._waiting.pop(next(iter(self._waiting))))
-            free_s = time.monotonic()
-        if self.last and not transport.is_closing() and transport.get_write_buffer_size() <= CONGESTED_BYTES:
-            await send(closed(self.last))
+        with contextlib.suppress(ConnectionError):
+            while not self.gone.is_set():
+                await self._ready.wait()
+                self._ready.clear()
+                while self._waiting and not self.gone.is_set():
+                    if transport.is_closing():
+                        raise ConnectionResetError
+                    now_s = time.monotonic()
+                    if transport.get_write_buffer_size() <= CONGESTED_BYTES:
+                        free_s = now_s
+                        await send(self._waiting.pop(next(iter(self._waiting))))
+                    elif now_s - free_s > STALLED_S:
+                        raise ConnectionResetError
+                    else:
+                        await asyncio.sleep(LOOK_S)
+                free_s = time.monotonic()
+            uncongested = transport.get_write_buffer_size() <= CONGESTED_BYTES
+            if self.last and not transport.is_closing() and uncongested:
+                await send(closed(clock_s(), self.last))
+            await close()
+            return
+        self.abort()

@@ -20,7 +20,7 @@ from mrl_driver.navigation.occupancy_grid import CELL_M, FloorMap
 from mrl_driver.safety.message_age import clock_s
 
 from . import assets, messages
-from .client import Client, Send, Stalled
+from .client import Client
 from .guard import headers_of, why_not
 from .helm import Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
 from .listening import DRIVE, Settings, listening_socket
@@ -632,7 +632,7 @@ class Server:
             await link.close()
             return link
         self._admitted.add(transport.get_extra_info("peername"))
-        self._spawn(self._pump(client, link.send_str, transport, link.close))
+        self._spawn(client.pump(link.send_str, transport, link.close))
         try:
             async for message in link:
                 if message.type in (WSMsgType.TEXT, WSMsgType.BINARY) and not client.last:
@@ -659,16 +659,6 @@ class Server:
         with contextlib.suppress(ConnectionError):
             await link.send_str(messages.closed(clock_s(), why, again))
         return None
-
-    async def _pump(
-        self, client: Client, send: Send, transport: asyncio.Transport, close: Callable[[], Awaitable[Any]]
-    ) -> None:
-        """Send what waits for a client until its connection ends."""
-        try:
-            await client.pump(send, transport, lambda why: messages.closed(clock_s(), why))
-            await close()
-        except (Stalled, ConnectionError):
-            client.abort()
 
     # -- event stream with POST
 
@@ -710,7 +700,7 @@ class Server:
         self._tasks.add(task)
         try:
             send = lambda text: response.write(f"data: {text}\n\n".encode())  # noqa: E731
-            await self._pump(client, send, transport, response.write_eof)
+            await client.pump(send, transport, response.write_eof)
         finally:
             self._tasks.discard(task)
             self._sessions.pop(request.match_info["session"], None)
