@@ -145,12 +145,10 @@ export class Helm {
     if (hadFocus && this.isMine) element("yield").focus();
     element("release").hidden = !(this.isMine && latched);
     setText(element("driver"), this.#driverText());
-    const rows = Object.keys(names).map((id) => {
-      const notes = [];
-      if (Number(id) === this.#you) notes.push("you");
-      if (Number(id) === driver) notes.push("at the helm");
-      if (Number(id) === wants) notes.push("asks for the helm");
-      return make("li", Number(id) === driver ? "drives" : "", `${names[id] || `page ${id}`}${notes.length ? ` (${notes.join(", ")})` : ""}`);
+    const roles = [[this.#you, "you"], [driver, "at the helm"], [wants, "asks for the helm"]];
+    const rows = Object.keys(names).map(Number).map((id) => {
+      const notes = roles.filter(([who]) => who === id).map(([, note]) => note).join(", ");
+      return make("li", id === driver ? "drives" : "", this.nameOf(id) + (notes && ` (${notes})`));
     });
     const text = rows.map((row) => row.textContent).join("\n");
     const people = element("people");
@@ -162,9 +160,8 @@ export class Helm {
   }
 
   #driverText() {
-    if (!this.#connection.isOpen) return "";
     const { driver } = this.#state;
-    if (!this.moves) return "";
+    if (!this.#connection.isOpen || !this.moves) return "";
     if (this.isMine) return "You have the helm";
     if (driver !== null) return `${this.nameOf(driver)} has the helm`;
     return this.mayDrive ? "The helm is free" : "Watching only";
