@@ -58,11 +58,8 @@ class Services:
 
     def stop(self) -> Answer:
         """Latch the emergency stop."""
-        try:
-            self._commander.latch()
-        except MrlError as error:
-            return False, f"latched, but the robot cannot be reached: {error}"
-        return True, "stopped; release_stop lets the robot follow commands again"
+        done = "stopped; release_stop lets the robot follow commands again"
+        return _answer(self._commander.latch, done, "latched, but the robot cannot be reached: ")
 
     def release_stop(self) -> Answer:
         """End the emergency stop."""
@@ -74,21 +71,18 @@ class Services:
 
     def release_hold(self) -> Answer:
         """Drop the robots that hold this one by radio and have fallen silent."""
+        radio = self._driver.radio
         try:
-            free = self._driver.radio.release_hold()
+            free = radio.release_hold()
         except MrlError as error:
             return False, str(error)
-        return free, "released; the robot stands until the next command" if free else str(
-            self._driver.radio.hold
-        )
+        return free, "released; the robot stands until the next command" if free else str(radio.hold)
 
     def enable_motors(self, enabled: bool) -> Answer:
         """Follow commands, or stop and refuse them."""
-        try:
-            self._commander.enable(enabled)
-        except MrlError as error:
-            return False, f"disabled, but the robot cannot be reached: {error}"
-        return True, "enabled" if enabled else "stopped and disabled"
+        done = "enabled" if enabled else "stopped and disabled"
+        failed = "disabled, but the robot cannot be reached: "
+        return _answer(lambda: self._commander.enable(enabled), done, failed)
 
     def calibrate(self) -> Answer:
         """Let the motor board calibrate itself; the wheels turn."""
@@ -98,11 +92,8 @@ class Services:
             return False, f"refused: {UNDER_WAY}; stop it first"
         if self._commander.manual:
             return False, "refused: the motor board turns the wheels faster than manual mode allows"
-        try:
-            self._driver.request(BY_NAME["calibrate"].code)
-        except MrlError as error:
-            return False, str(error)
-        return True, "the motor board calibrates, the wheels turn; reset_odometry afterwards"
+        done = "the motor board calibrates, the wheels turn; reset_odometry afterwards"
+        return _answer(lambda: self._driver.request(BY_NAME["calibrate"].code), done)
 
     def gains(self) -> Dict[str, int]:
         """The gains kp, ki and kd of the motor board; the model's if the board does not tell them (2013).
@@ -118,13 +109,19 @@ class Services:
 
     def set_gains(self, kp: int, ki: int, kd: int) -> Answer:
         """Set the gains of the motor board's speed control; the board stores them."""
-        try:
-            self._driver.request(BY_NAME["set_pid_gains"].code, kp, ki, kd)
-        except MrlError as error:
-            return False, str(error)
-        return True, f"gains are {kp}, {ki}, {kd}"
+        code = BY_NAME["set_pid_gains"].code
+        return _answer(lambda: self._driver.request(code, kp, ki, kd), f"gains are {kp}, {ki}, {kd}")
 
     def _still(self) -> bool:
         twist = self._driver.twist
         fast = math.hypot(twist[0], *twist[2:]) > STILL_M_S or math.fabs(twist[1]) > STILL_RAD_S
         return not (fast or self._commander.driving or self._commander.seeking)
+
+
+def _answer(act: Callable[[], Any], done: str, failed: str = "") -> Answer:
+    """Call `act`; answer `done`, or why it has failed, after the words `failed`."""
+    try:
+        act()
+    except MrlError as error:
+        return False, f"{failed}{error}"
+    return True, done

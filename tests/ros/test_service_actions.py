@@ -136,5 +136,5 @@ def test_frame_of_others_is_quoted_in_one_short_line(done):
     "free, message", [(True, "released; the robot stands until the next command"), (False, "radio 7 holds")]
 )
 def test_release_of_a_hold_says_whether_the_robot_is_free(free, message):
-    driver = SimpleNamespace(radio=SimpleNamespace(release_hold=lambda: free), hold="radio 7 holds")
+    driver = SimpleNamespace(radio=SimpleNamespace(release_hold=lambda: free, hold="radio 7 holds"))
     assert Services(driver, None).release_hold() == (free, message)
