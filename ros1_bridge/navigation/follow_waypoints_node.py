@@ -139,7 +139,7 @@ class FollowWaypoints:
         self._first = [self._stamped(pose, self._frame) for pose in poses]
         shared = read_numbers(given["shared"], f"{space}/shared")
         self._name = given["team_name"] or rospy.get_namespace().strip("/")
-        self._radio = self._radio_of(given["radio"], space) if shared and given["radio"] else None
+        self._radio: Optional[RadioTeam] = None
         self._claim = self._claim_of(given, space) if shared else None
         self._tour = WaypointTour(given["repeat"], given["skip_failed"], given["wait"], self._claim, shared)
         self._poses: Sequence[PoseStamped] = []
@@ -157,25 +157,18 @@ class FollowWaypoints:
         rospy.on_shutdown(self._end)
 
     def _claim_of(self, given: Dict[str, Any], space: str) -> Claim:
-        """The claim of the shared waypoints.
+        """The claim of the shared waypoints, by radio if there are radios.
 
         Raises:
-            ConfigError: the team has fewer than two robots, or not this one.
+            ConfigError: a parameter is wrong, or the team has fewer than two robots, or not this one.
         """
+        try:
+            self._radio = RadioTeam(self._name, read_radios(given["radio"])) if given["radio"] else None
+        except ConfigError as error:
+            raise ConfigError(f"parameter {space}/radio: {error}") from None
         team = self._radio.names if self._radio else read_names(given["team"], self._name, f"{space}/team")
         others = [each for each in team if each != self._name]
         return Claim(self._name, others, time.monotonic(), RADIO_LATE_S if self._radio else LATE_S)
-
-    def _radio_of(self, text: str, space: str) -> RadioTeam:
-        """The team's radios.
-
-        Raises:
-            ConfigError: the parameter is wrong.
-        """
-        try:
-            return RadioTeam(self._name, read_radios(text))
-        except ConfigError as error:
-            raise ConfigError(f"parameter {space}/radio: {error}") from None
 
     def _connect_claims(self) -> None:
         """Send and receive claims by radio, or on the topic."""
