@@ -44,19 +44,16 @@ def _motion(now: Shown) -> List[Row]:
     if not has_motors(state.model):
         return []
     pose = state.pose
+    asked = Row("asked", state.stopped, "yellow") if state.stopped else Row("asked", "by another program")
+    if state.command is not None:
+        asked = Row("asked", _speeds(state.command), "green")
     return [
         Row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m"),
         Row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg"),
         Row("speed", "unknown" if state.silent else _speeds(state.twist)),
-        _asked(state),
+        asked,
         Row("path", f"{now.distance_m:.2f} m"),
     ]
-
-
-def _asked(state: ShownState) -> Row:
-    if state.command is not None:
-        return Row("asked", _speeds(state.command), "green")
-    return Row("asked", state.stopped, "yellow") if state.stopped else Row("asked", "by another program")
 
 
 def _speeds(twist: Sequence[float]) -> str:
