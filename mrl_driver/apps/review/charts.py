@@ -20,6 +20,7 @@ _FRAMES_S, _SLOW_S, _FOREVER_S = 0.5, 10.0, math.inf
 """A value is shown this long, until the next one [s]: of telemetry, of rare answers, of commands."""
 _JITTERED = 6  # without board time, the speed of a wheel is that between frames which are this far apart
 _FASTEST_M_S = 5.0  # no robot has faster wheels; such a step is a counter that began again
+_DEGREES = 180 / math.pi
 _UNKNOWN, _NOTHING, _CLOSE = "x", "n", "c"
 
 
@@ -59,23 +60,20 @@ def charts_of(drive: DriveData) -> List[Chart]:
 def _motion(drive: DriveData) -> List[Chart]:
     if not drive.model.drives:
         return []
-    commands, speeds = drive.commands, drive.speeds
-    asked = [_curve("asked", commands, axis, 0.001, _FOREVER_S)._replace(stepped=True) for axis in range(3)]
-    driven = [_curve("driven", speeds, axis, 0.001) for axis in range(3)]
-    forward, turning = [asked[0], driven[0]], [_in_degrees(asked[1]), _in_degrees(driven[1])]
+
+    def pair(axis: int, step: float, factor: float = 1.0) -> List[Curve]:
+        asked = _curve("asked", drive.commands, axis, step, _FOREVER_S, factor)._replace(stepped=True)
+        return [asked, _curve("driven", drive.speeds, axis, step, factor=factor)]
+
+    turning, sideways = pair(1, 0.1, _DEGREES), pair(2, 0.001)
     if len(drive.imu.time_s):
-        turning.append(_in_degrees(_curve("gyro", drive.imu, 0, 0.001)))
-    sideways = [asked[2], driven[2]] if any(np.any(each.values) for each in (asked[2], driven[2])) else []
+        turning.append(_curve("gyro", drive.imu, 0, 0.1, factor=_DEGREES))
     return [
-        Chart("Speed", "m/s", forward),
-        Chart("Sideways", "m/s", sideways),
+        Chart("Speed", "m/s", pair(0, 0.001)),
+        Chart("Sideways", "m/s", sideways if any(np.any(each.values) for each in sideways) else []),
         Chart("Turning", "°/s", turning),
         Chart("Wheels", "m/s", _wheels(drive)),
     ]
-
-
-def _in_degrees(curve: Curve) -> Curve:
-    return curve._replace(values=np.degrees(curve.values), step=0.1)
 
 
 def _wheels(drive: DriveData) -> List[Curve]:
@@ -118,23 +116,16 @@ def _link(drive: DriveData) -> List[Chart]:
         _count("lost", drive.lost.time_s, drive.lost.values),
         _count("damaged", damaged_s, np.arange(1.0, len(damaged_s) + 1)),
     ]
-    delay, trip = (
-        _curve("telemetry late", drive.delays, 0, 0.001),
-        _curve("answer", drive.round_trips, 0, 0.001),
-    )
+    late = _curve("telemetry late", drive.delays, 0, 0.1, _SLOW_S, 1000)
     return [
         Chart("Lost or damaged frames", "", [each for each in counts if len(each.time_s) > 1]),
-        Chart("Delays", "ms", [_in_milliseconds(delay), _in_milliseconds(trip)]),
+        Chart("Delays", "ms", [late, _curve("answer", drive.round_trips, 0, 0.1, _SLOW_S, 1000)]),
     ]
 
 
 def _count(name: str, time_s: np.ndarray, values: np.ndarray) -> Curve:
     """A count that begins at zero and only grows."""
     return Curve(name, np.append(0.0, time_s), np.append(0.0, values), 1.0, _FOREVER_S, stepped=True)
-
-
-def _in_milliseconds(curve: Curve) -> Curve:
-    return curve._replace(values=1000 * curve.values, step=0.1, hold_s=_SLOW_S)
 
 
 def _imu(drive: DriveData) -> List[Chart]:
@@ -155,8 +146,10 @@ def sensor_charts(drive: DriveData) -> List[Chart]:
     return charts
 
 
-def _curve(name: str, column: Column, axis: int, step: float, hold_s: float = _FRAMES_S) -> Curve:
-    time_s, values = np.asarray(column.time_s, float), np.asarray(column.values, float)
+def _curve(
+    name: str, column: Column, axis: int, step: float, hold_s: float = _FRAMES_S, factor: float = 1.0
+) -> Curve:
+    time_s, values = np.asarray(column.time_s, float), factor * np.asarray(column.values, float)
     if not len(time_s):
         return Curve(name, time_s, time_s, step, hold_s)
     return Curve(name, time_s, values if values.ndim == 1 else values[:, axis], step, hold_s)
