@@ -114,7 +114,11 @@ class Tilt:
         self.trouble = self._find_trouble(axes)
         if self.trouble:
             return 0.0, 0.0
-        pitch, roll = self._angles()
+        x, y, z = self._mean
+        pitch, roll = (
+            math.atan2(y, math.hypot(x, z)),
+            math.atan2(x, math.hypot(y, z)),
+        )  # of nose and right side
         if self._neutral is None:
             self._neutral = pitch, roll
         return _tilt_share(pitch - self._neutral[0]), -_tilt_share(roll - self._neutral[1])
@@ -144,33 +148,22 @@ class Tilt:
             return f"the Wiimote is {math.degrees(math.acos(up)):.0f} deg from flat; hold it flat"
         return ""
 
-    def _angles(self) -> Tuple[float, float]:
-        """Angles of the nose and of the right side below the horizontal [rad]."""
-        x, y, z = self._mean
-        return math.atan2(y, math.hypot(x, z)), math.atan2(x, math.hypot(y, z))
-
 
 def shares_of(layout: Layout, axes: Sequence[float], buttons: Sequence[int]) -> Optional[Shares]:
     """Shares of the full speeds by sticks and buttons; None while the dead-man button is not held."""
-    if not _held(buttons, layout.dead_man):
+
+    def held(index: Optional[int]) -> bool:
+        return index is not None and index < len(buttons) and bool(buttons[index])
+
+    def stick(index: Optional[int]) -> float:
+        share = axes[index] if index is not None and index < len(axes) else 0.0
+        return share if abs(share) > DEAD_ZONE else 0.0
+
+    if not held(layout.dead_man):
         return None
-    linear = _axis(axes, layout.linear_axis) + _pair(buttons, layout.forward, layout.back)
-    angular = _axis(axes, layout.angular_axis) + _pair(buttons, layout.left, layout.right)
+    linear = stick(layout.linear_axis) + held(layout.forward) - held(layout.back)
+    angular = stick(layout.angular_axis) + held(layout.left) - held(layout.right)
     return max(-1.0, min(1.0, linear)), max(-1.0, min(1.0, angular))
-
-
-def _held(buttons: Sequence[int], index: Optional[int]) -> bool:
-    return index is not None and index < len(buttons) and bool(buttons[index])
-
-
-def _pair(buttons: Sequence[int], plus: Optional[int], minus: Optional[int]) -> int:
-    return _held(buttons, plus) - _held(buttons, minus)
-
-
-def _axis(axes: Sequence[float], index: Optional[int]) -> float:
-    if index is None or index >= len(axes) or not abs(axes[index]) > DEAD_ZONE:
-        return 0.0
-    return axes[index]
 
 
 def _tilt_share(angle_rad: float) -> float:

@@ -15,7 +15,7 @@ from ros1_bridge.topics.imu_topics import ACCELERATION_OFFSET_M_S2
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE
 
 FRAME = "phone"
-ABSENT = -1.0  # first element of the covariance of what the phone does not measure (sensor_msgs/Imu)
+ABSENT = (-1.0, *(0.0,) * 8)  # covariance of what the phone does not measure (sensor_msgs/Imu)
 EVENTS_HZ = 60.0  # most events of a sensor in a second; browsers send at most this many
 RATE_VARIANCE = 1e-7 * EVENTS_HZ + (0.01 / 3) ** 2
 """Android's Compatibility Definition, 7.3.4: at most 1e-7 rad2/s2 per Hz, and a calibration error below 0.01 rad/s,
@@ -54,7 +54,7 @@ def message(reading: PhoneReading, stamp: Any) -> Imu:
     angles = reading.alpha_deg, reading.beta_deg, reading.gamma_deg
     turn = made.orientation
     if any(map(math.isnan, angles)):
-        turn.w, made.orientation_covariance = 1.0, _absent()
+        turn.w, made.orientation_covariance = 1.0, ABSENT
     else:
         turn.x, turn.y, turn.z, turn.w = orientation(*angles)
         heading = HEADING_VARIANCE if reading.absolute else UNUSED_VARIANCE
@@ -69,14 +69,10 @@ def message(reading: PhoneReading, stamp: Any) -> Imu:
 def _fill(vector: Any, values: Optional[Sequence[float]], variance: float) -> Sequence[float]:
     """Set a geometry_msgs/Vector3, and return its covariance."""
     if values is None:
-        return _absent()
+        return ABSENT
     vector.x, vector.y, vector.z = values
     return _diagonal(variance, variance, variance)
 
 
 def _diagonal(x: float, y: float, z: float) -> Sequence[float]:
     return (x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z)
-
-
-def _absent() -> Sequence[float]:
-    return (ABSENT, *(0.0,) * 8)
