@@ -9,7 +9,6 @@ import numpy as np
 
 from mrl_driver.cli.commands.progress import progress
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import Pose
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
 from mrl_driver.recording.decoded import LINE_BYTES, decode
@@ -18,9 +17,6 @@ from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.robot_state import fastest_m_s
 from mrl_driver.robot.sonar import range_m
-
-from .manoeuvres import steps_of
-from .trial import Trial
 
 _INFO = BY_NAME["robot_info"].code
 _WITH_SONARS = BY_NAME["read_encoders_and_sonars"].code
@@ -75,11 +71,6 @@ def read(path: str, model: RobotModel) -> Replayed:
             f"{path}: the counts jump {odometry.baseline.refused} times, expected no jump; record the drive again"
         )
     return Replayed(np.array(rows), requests)
-
-
-def run_of(path: str, end: Pose, model: RobotModel) -> Trial:
-    """The drive of a whole recording as one run that ended at `end`."""
-    return Trial(steps_of(read(path, model).rows), end)
 
 
 def motor_steps_of(replayed: Replayed, code: int) -> Iterator[Tuple[np.ndarray, Tuple[int, int]]]:

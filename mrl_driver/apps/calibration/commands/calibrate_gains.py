@@ -9,7 +9,6 @@ from mrl_driver.apps.calibration import calibration_plots, gain_procedures
 from mrl_driver.apps.calibration.bridge_gains import LINEAR_WITHIN, MotorFit
 from mrl_driver.apps.calibration.calibration_files import Key
 from mrl_driver.apps.calibration.gain_procedures import Tuned, counts_per_turn
-from mrl_driver.apps.calibration.gains import Response
 from mrl_driver.apps.calibration.manoeuvres import Track
 from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.robot.models import RobotModel
@@ -59,7 +58,11 @@ def gains(job: Job, recording: Optional[str]) -> None:
 def _result(tuned: Tuned, model: RobotModel, output: str) -> Result:
     lines, plain = _motor_lines(tuned.motors, model), {}
     for when, wheels in tuned.responses().items():
-        lines += [_response_line(f"{when}, {wheel} wheel", each) for wheel, each in wheels.items()]
+        lines += [
+            f"{when}, {wheel} wheel: rises in {each.rise_s * 1000:.0f} ms, overshoots {each.overshoot:.1%}, "
+            f"settles after {each.settle_s * 1000:.0f} ms, mean error {each.offset:.1%}"
+            for wheel, each in wheels.items()
+        ]
         plain[when] = {wheel: each._asdict() for wheel, each in wheels.items()}
     facts = {"gains_before": tuned.before._asdict(), "gains_after": tuned.after._asdict(), **plain}
 
@@ -87,11 +90,3 @@ def _motor_lines(motors: Sequence[Any], model: RobotModel) -> List[str]:
             figures = f"{motor.full_counts_s:.0f} count/s at full duty"
         lines.append(f"{name} motor: {figures}, time constant {motor.time_constant_s * 1000:.0f} ms")
     return lines
-
-
-def _response_line(name: str, response: Response) -> str:
-    """Return one line about a step response."""
-    return (
-        f"{name}: rises in {response.rise_s * 1000:.0f} ms, overshoots {response.overshoot:.1%}, "
-        f"settles after {response.settle_s * 1000:.0f} ms, mean error {response.offset:.1%}"
-    )

@@ -1,5 +1,6 @@
 """`mrl calibrate straight`, `turn` and `umbmark`."""
 
+import os
 from functools import partial
 from typing import List, Mapping, NamedTuple, Sequence, Tuple
 
@@ -9,7 +10,7 @@ from mrl_driver.apps.calibration import calibration_plots, fit, from_recording, 
 from mrl_driver.apps.calibration.calibration_files import Progress
 from mrl_driver.apps.calibration.geometry_procedures import STRAIGHT, TURN, UMBMARK, Leg, Outcome
 from mrl_driver.apps.calibration.ground_truth import Ruler, parse_pose
-from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
+from mrl_driver.apps.calibration.manoeuvres import Speeds, Track, steps_of
 from mrl_driver.apps.calibration.trial import Trial, sense
 from mrl_driver.apps.calibration.umbmark import require_laps
 from mrl_driver.cli.commands.shared import Between, print_message
@@ -46,7 +47,8 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
         return
     ruler = ruler_for(job.truth)
     with calibrate_job.robot_of(job) as (driver, model, output):
-        progress = calibrate_job.open_progress(output, model, driver.board.robot_id)
+        path = f"{os.path.splitext(output)[0]}.calibration.json"
+        progress = Progress(path, f"{model.name} {driver.board.robot_id}")
         if job.restart:
             progress.forget(plan.procedure)
         try:
@@ -86,7 +88,8 @@ def _recorded(plan: CalibrationPlan, text: str, model: RobotModel) -> Trial:
     path, colon, end = text.rpartition(":")
     if not colon:
         raise ConfigError(f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
-    run = from_recording.run_of(path, parse_pose(end), model)
+    pose = parse_pose(end)
+    run = Trial(steps_of(from_recording.read(path, model).rows), pose)
     geometry_procedures.check_recorded(plan.procedure, model.differential, run, path)
     return run
 

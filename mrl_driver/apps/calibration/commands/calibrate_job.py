@@ -19,7 +19,7 @@ from typing import (
 import click
 
 from mrl_driver import figures
-from mrl_driver.apps.calibration.calibration_files import Key, Progress, require_writable, write_model
+from mrl_driver.apps.calibration.calibration_files import Key, require_writable, write_model
 from mrl_driver.cli.commands.shared import (
     battery_option,
     confirm,
@@ -149,11 +149,6 @@ def output_for(job: Job, model: RobotModel, robot_id: Optional[int] = None) -> s
             f"{output} already exists: continue from it with --robot {output}, or give another file with --output"
         )
     return output
-
-
-def open_progress(output: str, model: RobotModel, robot_id: int) -> Progress:
-    """Return the runs so far, from a file next to the output."""
-    return Progress(f"{os.path.splitext(output)[0]}.calibration.json", f"{model.name} {robot_id}")
 
 
 class Result(NamedTuple):

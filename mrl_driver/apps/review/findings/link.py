@@ -254,19 +254,16 @@ def _lost_link(drive: DriveData, cut: List[_Silence]) -> Iterator[Finding]:
             + ("; the program ended then" if ended_s else "")
             + ". This is the last frame before."
         )
-        frame = _last_before(drive, min(begins_s))
+        arrivals, last_s = drive.poses.time_s, min(begins_s)
+        if len(arrivals):
+            last_s = arrivals[max(0, int(np.searchsorted(arrivals, last_s, side="right")) - 1)]
+        frame = heard(drive, last_s, *TELEMETRY)
         yield finding("link_lost", 84, text, frame, title="The connection to the robot was lost")
 
 
 def _covers(silence: _Silence, times_s: List[float]) -> bool:
     """Return whether one of the times is in a silence, or shortly after it."""
     return any(silence.begin_s <= time_s <= silence.end_s + SETTLING_S for time_s in times_s)
-
-
-def _last_before(drive: DriveData, time_s: float) -> Tuple[float, str, bytes]:
-    arrivals = drive.poses.time_s
-    index = max(0, int(np.searchsorted(arrivals, time_s, side="right")) - 1)
-    return heard(drive, arrivals[index] if len(arrivals) else time_s, *TELEMETRY)
 
 
 def _slow(drive: DriveData, silences: List[_Silence]) -> Iterator[Finding]:
