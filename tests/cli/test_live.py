@@ -1,10 +1,12 @@
-"""The live view: what is drawn, what the keys do, what the frame log keeps."""
+"""The live view: what is drawn, what the keys do, what the frame log keeps, sensors, and numbers by `--udp`."""
 
 import contextlib
 import io
+import json
 import os
 import pty
 import select
+import socket
 import time
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,11 +16,22 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from mrl_driver.apps.calibration import part_procedures
+from mrl_driver.apps.review import drive_data, drive_plot
+from mrl_driver.cli.commands import monitor
+from mrl_driver.cli.commands.shared import await_sensors
+from mrl_driver.cli.doctor import board
+from mrl_driver.cli.doctor.findings import NOTE, OK
 from mrl_driver.driver import Driver
 from mrl_driver.driver.link_status import LinkStatus
 from mrl_driver.driver.options import Options
+from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
+from mrl_driver.protocol import encode_reply, encode_request
+from mrl_driver.recording.recording import Recording
+from mrl_driver.recording.summary import summarise
 from mrl_driver.robot.battery import EMPTY_AFTER_S
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.terminal import live_panels, live_view
@@ -31,7 +44,10 @@ from mrl_driver.terminal.teleop_keys import HOLD_S
 from mrl_driver.view import trail
 from mrl_driver.view.rows import sections
 from sim_arduino.serve import factory
-from tests.waiting import wait_until
+from sim_arduino.testing import EmulatedBoard
+from tests.waiting import PATIENCE_S, wait_until
+
+from .run import fails, mrl
 
 METRES = st.floats(-50, 50)
 
@@ -213,9 +229,6 @@ def test_a_mismatch_is_told_and_space_goes_on(watched):
     assert driver.mismatch is None
 
 
-# -- the path
-
-
 def test_a_long_way_is_thinned_out_and_keeps_its_length(monkeypatch):
     monkeypatch.setattr(trail, "MOST_POSES", 100)
     way = trail.Trail()
@@ -224,18 +237,12 @@ def test_a_long_way_is_thinned_out_and_keeps_its_length(monkeypatch):
     assert len(way.poses) <= 101 and way.distance_m == pytest.approx(10.0, abs=0.3)
 
 
-# -- the canvas
-
-
 @given(st.lists(st.tuples(METRES, METRES), min_size=1, max_size=20), st.integers(4, 200), st.integers(2, 60))
 def test_every_point_is_in_view(points, columns, rows):
     canvas = Canvas(columns, rows, fit(points, columns, rows))
     for point in points:
         column, row = canvas.at(point)
         assert 0 <= column < columns * 2 and 0 <= row < rows * 4
-
-
-# -- the frame log
 
 
 def test_frames_are_kept_by_kind_with_the_newest_text():
@@ -265,3 +272,163 @@ def test_the_log_does_not_grow():
     for code in range(100, 400):
         log.add_bytes("<", f"@{code},1e\r\n".encode(), float(code))
     assert len(log.lines()) == MOST_LINES and log.lines()[-1].name == "command 399"
+
+
+NAMES = {"alcohol", "dust", "light", "thermopile"}
+
+
+@pytest.fixture(scope="module")
+def gas_robot():
+    emulated = factory.make(factory.Options(profile="2013-august", environment=True))
+    with SteppedDriver(emulated.engine, "traxbot", options=Options(build="environment")) as robot:
+        assert await_sensors(robot) == []
+        yield robot
+    emulated.close()
+
+
+def test_curve_of_the_sonars_is_not_measured_without_one(gas_robot):
+    """The robot would drive up to the wall without seeing it."""
+    with pytest.raises(ConfigError, match="this board has no front sonar"):
+        part_procedures.require_sonars(gas_robot)
+
+
+def test_doctor_has_a_finding_for_each_sensor_and_none_for_sonars(gas_robot):
+    sonars = list(board.sonars(gas_robot.ranges, gas_robot.board))
+    assert [(each.level, each.text.partition(":")[0]) for each in sonars] == [(NOTE, "none")]
+    found = list(board.sensors(gas_robot.sensors))
+    assert {each.subject for each in found} == NAMES and {each.level for each in found} == {OK}
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    """A TraxBot of 2013 that drives a metre, with more and more alcohol."""
+    frames = [encode_reply(5, 2500, 172, 1200, 1, 2)]
+    frames += [encode_reply(25, 60 * i, 60 * i, 100 + i, -25536, 22, 400) for i in range(191)]
+    frames += [encode_reply(22, *range(22, 30))]
+    lines = [f"{0.01 * i:f} < {frame.decode().strip()}\\r\\n\n" for i, frame in enumerate(frames)]
+    lines.insert(0, f"0.0 > {encode_request(25).decode().strip()}\n")
+    (tmp_path / "gas.mrl").write_text("#mrl-recording 1 {}\n" + "".join(lines))
+    return Recording(str(tmp_path / "gas.mrl"))
+
+
+def test_recording_shows_path_and_sensors_and_has_no_ranges(recorded):
+    """Also without the robot's file: stream 25 shows that the board has environment sensors."""
+    figures, found = summarise(recorded), drive_data.read(RecordedDriver(recorded))
+    assert figures["sensors"]["dust"] == {"least": 40000.0, "most": 40000.0, "unit": "pcs/l"}
+    assert figures["sensors"]["alcohol"]["most"] == 290.0 and figures["pose"]["x_m"] == pytest.approx(
+        1, abs=0.01
+    )
+    assert found.ranges == {} and set(found.sensors) == NAMES
+
+
+NO_MOTORS = "robot pioneer is a board without motors (drive: none): it has sensors, and something else drives"
+
+
+@pytest.fixture(scope="module")
+def port():
+    with EmulatedBoard(robot="pioneer", robot_id=7) as board:
+        yield board.port
+
+
+def test_doctor_shows_the_sensors_and_no_fault(port, monkeypatch):
+    monkeypatch.setattr(board.watch, "__defaults__", (0.3, 5))
+    monkeypatch.setattr(board, "MIN_SHARE", 0.0)
+    done = mrl("doctor", "--json", "--drive", "--yes", "--port", port)
+    found = json.loads(done.stdout)["findings"]
+    assert {each["level"] for each in found if each["subject"] not in ("latency", "ModemManager")} <= {
+        OK,
+        NOTE,
+    }
+    texts = {each["subject"]: each["text"] for each in found}
+    assert texts["light"] == "500 count" and "this board has no motors" in texts["wheels"]
+    assert not {"battery", "motor board"} & set(texts)
+    assert "hardware that does not answer" not in texts.get("refused by board", "")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("drive", "--linear", 0.1, "--for", 1),
+        ("goto", 1, 0, "--yes"),
+        ("calibrate", "gains", "--yes"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_what_needs_motors_is_refused(port, words):
+    assert NO_MOTORS in fails(2, *words, "--port", port)
+
+
+def test_recording_has_sensors_and_no_pose(port, tmp_path):
+    path = tmp_path / "air.mrl"
+    mrl("record", path, "--seconds", 0.3, "--port", port)
+    figures = json.loads(mrl("replay", path, "--json").stdout)
+    assert (figures["robot"], figures["pose"], figures["sensors"]["light"]["most"]) == (
+        "pioneer",
+        None,
+        500.0,
+    )
+    with pytest.raises(ConfigError, match="holds no odometry, because pioneer is a board without motors"):
+        drive_plot.draw(drive_data.read(RecordedDriver(str(path))), "unused.png")
+
+
+def test_live_view_shows_the_sensors_without_a_map_and_drives_nothing():
+    emulated = factory.make(factory.Options(robot="pioneer"))
+    with contextlib.closing(emulated), SteppedDriver(emulated.engine) as driver:
+        driver.wait(1.0)
+        screen = Screen(driver, Settings(), FrameLog())
+        screen.press("\n", 0.0)
+        screen.press("up", 0.0)
+        screen.steer(0.0)
+        console = Console(file=io.StringIO(), width=100, height=30)
+        console.print(render(screen.content(time.monotonic()), 100, 30))
+        text = console.file.getvalue()
+    assert "this board has no motors: no driving" in text and "500 count" in text
+    assert not [words for words in ("path", "motion", "battery", "last stop") if words in text]
+
+
+@pytest.fixture
+def receiver():
+    """A program that listens to datagrams."""
+    with socket.socket(type=socket.SOCK_DGRAM) as end:
+        end.settimeout(PATIENCE_S)
+        end.bind(("127.0.0.1", 0))
+        yield end
+
+
+def address_of(receiver):
+    return "127.0.0.1:{1}".format(*receiver.getsockname())
+
+
+def received(receiver):
+    return [json.loads(receiver.recv(4096)) for _ in range(2)]
+
+
+@pytest.fixture
+def sent(monkeypatch):
+    """Each line is printed after telemetry was sent."""
+
+    def line(driver):
+        for _ in range(2):  # the first has been sent when the second one is there
+            before = driver.telemetry
+            wait_until(lambda before=before: driver.telemetry is not before)
+        return "a line"
+
+    monkeypatch.setattr(monitor, "line", line)
+    monkeypatch.setattr(monitor, "LINE_S", 0.05)
+
+
+@pytest.mark.parametrize("name, option", [("line", []), ("snapshot", ["--json"])])
+def test_telemetry_goes_to_another_program_beside_what_is_printed(serve, receiver, monkeypatch, name, option):
+    monkeypatch.setattr(monitor, name, lambda driver: received(receiver)[1]["battery_v"])
+    done = mrl("monitor", "--port", serve().path, "--seconds", "0.05", "--udp", address_of(receiver), *option)
+    assert (done.returncode, done.stderr) == (0, "") and done.stdout.splitlines()[0] == "12.0"
+
+
+@pytest.mark.usefixtures("sent")
+def test_datagrams_that_the_system_refuses_are_said_at_once_and_counted_at_the_end(serve):
+    """A program may not send to all computers unless it says so."""
+    done = mrl("monitor", "--port", serve().path, "--seconds", "0.1", "--udp", "127.255.255.255:9")
+    first, last = done.stderr.splitlines()
+    for line in (first, last):
+        assert line.startswith("mrl: warning: --udp 127.255.255.255:9: ") and "permission denied" in line
+    assert done.returncode == 0 and int(first.split()[4]) <= int(last.split()[4])

@@ -1,4 +1,4 @@
-"""Texts and searches of the radio: frames to values and back, and what the driver sends when."""
+"""The radio: frames to values and back, what the driver sends when, claims of a team, and holds of other robots."""
 
 import math
 
@@ -8,7 +8,11 @@ from hypothesis import strategies as st
 
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, FrameError, MrlError
+from mrl_driver.navigation.claims import ClaimMessage
+from mrl_driver.navigation.radio_claims import MOST_ROBOTS, RadioTeam, read_radios
+from mrl_driver.navigation.radio_holder import REPEAT_S, RadioHolder
 from mrl_driver.protocol import Frame
+from mrl_driver.protocol.hold_text import HoldText
 from mrl_driver.robot.radio import (
     BROADCAST,
     OLDEST_S,
@@ -22,6 +26,7 @@ from mrl_driver.robot.radio import (
     text_of,
     text_request,
 )
+from sim_arduino.board.radio_hold import RadioHold
 from tests.fake_board import FakeBoard
 from tests.models import model
 from tests.radio_board import NODES, PEER, Engine, RadioBoard
@@ -144,3 +149,175 @@ def test_board_without_a_radio_is_named():
         for use in (lambda: robot.radio.send(1, "x"), robot.radio.discover, robot.radio.require):
             with pytest.raises(ConfigError, match="this board has no radio"):
                 use()
+
+
+ONE, TWO = 0x0013A20040000001, 0x0013A20040000002
+TEAM = {"1": ONE, "2": TWO}
+
+
+def test_radios_are_read():
+    assert read_radios("1=0013a20040000001, 2=0013A20040000002") == TEAM
+
+
+@pytest.mark.parametrize("text", ["", "1", "1=", "=5", "1=x", "1=5,1=6", "1=5,,2=6"])
+def test_other_texts_are_refused(text):
+    with pytest.raises(ConfigError, match="expected NAME=ADDRESS of each robot"):
+        read_radios(text)
+
+
+def test_message_goes_to_the_radio_of_its_receiver():
+    assert RadioTeam("1", TEAM).text_to(ClaimMessage("1", 3, "2", 0)) == (TWO, "1 3 2 0")
+
+
+def test_claim_is_taken_from_the_radio_of_its_sender():
+    assert RadioTeam("1", TEAM).message_of(TWO, "2 4 1 3") == ClaimMessage("2", 4, "1", 3)
+
+
+def test_claim_from_another_radio_is_refused_by_name():
+    """Two robots with the same name might grant each other's claim and both go."""
+    with pytest.raises(ConfigError, match="comes from radio 0013a20040000003, expected 0013a20040000002"):
+        RadioTeam("1", TEAM).message_of(ONE + 2, "2 4 1 3")
+
+
+@pytest.mark.parametrize("text", ["hello", "3 4 1 3", "2 4 1", "\\xf8H\\x00\\x01"])
+def test_other_texts_of_the_radio_are_no_claims(text):
+    assert RadioTeam("1", TEAM).message_of(TWO, text) is None
+
+
+@pytest.mark.parametrize(
+    "name, addresses, error",
+    [
+        ("3", TEAM, "expected 2 to 6 robots, 3 among them"),
+        ("1", {"1": ONE}, "expected 2 to 6 robots"),
+        ("0", {str(i): ONE + i for i in range(MOST_ROBOTS + 1)}, "expected 2 to 6 robots"),
+        ("1", {"1": ONE, "2": ONE}, "0013a20040000001 cannot be used, expected one of its own"),
+        ("1", {"1": ONE, "2": BROADCAST}, "000000000000ffff cannot be used"),
+        ("robot1", {"robot1": ONE, "robot2": TWO}, "at most 5 characters together"),
+    ],
+)
+def test_teams_that_cannot_talk_by_radio_are_refused(name, addresses, error):
+    with pytest.raises(ConfigError, match=error):
+        RadioTeam(name, addresses)
+
+
+OWN, HELD, SECOND = 0x0013A20040000000, 0x0013A20040000001, 0x0013A20040000002
+SILENT = 20  # Parameter `radio_hold` [100 ms]
+
+
+class Air:
+    """A holder and two boards; `cut` has the addresses of boards out of range."""
+
+    def __init__(self):
+        self.now_s = 10.0
+        self.boards = {address: self.board() for address in (HELD, SECOND)}
+        self.cut = set()
+        self.holder = RadioHolder([HELD, SECOND])
+
+    def board(self, started_s=0.0):
+        made = RadioHold({"radio_hold": SILENT}, lambda: None, started_s)
+        made.run(self.now_s)
+        return made
+
+    def exchange(self, times=3):
+        for _ in range(times):
+            self.now_s += REPEAT_S
+            for address, data in self.holder.texts(self.now_s):
+                if address not in self.cut:
+                    self.boards[address].receive(OWN, data, self.now_s)
+                    for _, answer in self.boards[address].answers():
+                        self.holder.receive(RadioText(address, answer), self.now_s)
+
+    @property
+    def held(self):
+        return {address for address, board in self.boards.items() if board.held}
+
+    @property
+    def holds_all(self):
+        return self.holder.holds_all(self.now_s)
+
+
+@pytest.fixture
+def air():
+    return Air()
+
+
+def test_holder_knows_that_all_are_held(air):
+    air.holder.hold()
+    assert not air.holds_all
+    air.exchange(1)
+    assert air.holds_all and air.held == {HELD, SECOND}
+
+
+def test_robot_that_does_not_answer_is_named_and_not_counted_as_held(air):
+    air.cut.add(SECOND)
+    air.holder.hold()
+    air.exchange(10)
+    assert not air.holds_all and air.holder.unanswered(air.now_s) == (SECOND,)
+
+
+def test_freed_robots_are_not_held(air):
+    air.holder.hold()
+    air.exchange()
+    air.holder.free()
+    assert not air.holds_all and not air.holder.all_freed
+    air.exchange(1)
+    assert air.holder.all_freed and not air.held and not air.holds_all
+
+
+def test_robot_that_does_not_hear_the_end_stays_held_and_is_named(air):
+    air.holder.hold()
+    air.exchange()
+    air.cut.add(HELD)
+    air.holder.free()
+    air.exchange()
+    assert air.held == {HELD} and air.holder.unfreed == (HELD,)
+
+
+def test_answer_of_the_last_hold_does_not_count_for_the_next_one(air):
+    air.holder.hold()
+    air.exchange()
+    air.holder.free()
+    air.exchange()
+    air.holder.hold()
+    for address in (HELD, SECOND):
+        air.holder.receive(RadioText(address, HoldText("held", 1).data), air.now_s)
+    assert not air.holds_all
+    air.exchange(1)
+    assert air.holds_all and air.held == {HELD, SECOND}
+
+
+@pytest.mark.parametrize("freed", [False, True])
+def test_holder_that_has_started_again_uses_a_larger_number(air, freed):
+    for _ in range(3):
+        air.holder.free()
+        air.holder.hold()
+        air.exchange()
+    if freed:
+        air.holder.free()
+        air.exchange()
+    air.holder = RadioHolder([HELD, SECOND])
+    air.holder.hold()
+    air.exchange()
+    assert air.holds_all and air.held == {HELD, SECOND}
+
+
+def test_board_that_has_started_again_is_held_again(air):
+    air.holder.hold()
+    air.exchange()
+    air.boards[HELD] = air.board(started_s=air.now_s)
+    air.exchange(1)
+    assert air.holds_all and air.held == {HELD, SECOND}
+
+
+@pytest.mark.parametrize("data", [b"hello", HoldText("hold", 1).data, HoldText("held", 1).data])
+def test_texts_of_others_are_no_answers(air, data):
+    air.holder.hold()
+    air.exchange(0)
+    air.holder.receive(RadioText(OWN, data), air.now_s)
+    assert set(air.holder.unanswered(air.now_s)) == {HELD, SECOND}
+
+
+@pytest.mark.parametrize("addresses", [[], [HELD, HELD], list(range(1, 10)), [BROADCAST]])
+def test_wrong_addresses_are_refused(addresses):
+    with pytest.raises(ConfigError, match="expected 1 to 8|cannot be held"):
+        RadioHolder(addresses)

@@ -1,4 +1,4 @@
-"""Robot model files: what is packaged loads, and what is wrong is said in one line."""
+"""Robot model files, packaged and new ones: what is right loads, and what is wrong is said in one line."""
 
 import math
 import os
@@ -10,6 +10,8 @@ from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import models
+from mrl_driver.robot.models import kit
+from mrl_driver.robot.models.kit import Kit
 
 
 def packaged(name, changes=()):
@@ -201,9 +203,6 @@ def test_what_needs_wheels_refuses_a_board_without_motors(ask):
         ask(models.load("pioneer"))
 
 
-# -- what is read
-
-
 @pytest.mark.parametrize("tracks, noise", [(True, models.ON_TRACKS), (False, models.ON_WHEELS)])
 def test_noise_of_a_model_without_one_is_that_of_its_wheels_or_tracks(tmp_path, tracks, noise):
     assert load(tmp_path, packaged("traxbot", {"body.tracks": tracks})).noise == noise
@@ -260,9 +259,6 @@ def test_the_firmware_gives_no_bridge_by_default():
         assert (defaults["bridge"], defaults["wiring"]) == (0, 0)
 
 
-# -- models of the user's own
-
-
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """The user's folder for models."""
@@ -287,3 +283,68 @@ def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
     assert models.by_id(5) == "stingbot"
     with pytest.raises(ConfigError, match="traxbot.yaml: line 1"):
         models.by_id(1)
+
+
+ROVER = Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612")
+
+
+def test_the_file_is_a_model():
+    model = kit.model_of(ROVER)
+    assert (model.name, model.ids) == ("rover", (11,))
+    assert model.drive.wheel_separation_m == 0.15
+    assert model.drive.metres_per_count == pytest.approx(math.pi * 0.065 / 1496, rel=1e-6)
+    assert BRIDGES[model.board["bridge"]] == "tb6612"
+    assert model.board["axis_radius"] == 7500 and model.board["wheel_radius"] == 3250
+
+
+def test_a_new_robot_has_no_wiring():
+    """Its board must not move before the wiring is known."""
+    assert "wiring" not in kit.model_of(ROVER).board
+
+
+@pytest.mark.parametrize("bridge", BRIDGES[1:])
+def test_each_bridge_makes_a_model_and_has_wires(bridge):
+    assert kit.model_of(ROVER._replace(bridge=bridge)).board["bridge"] == BRIDGES.index(bridge)
+    assert len(kit.WIRES[bridge]) == 3
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("wheel_diameter_mm", 0, "wheel diameter .mm. is 0, expected a number from 10 to 650"),
+        ("wheel_separation_mm", 700, "wheel separation .mm. is 700, expected a number from 30 to 650"),
+        ("counts_per_turn", 0, "counts of a wheel turn is 0, expected a number from 4 to 100000"),
+        ("counts_per_turn", math.nan, "counts of a wheel turn is nan"),
+        ("bridge", "l293d", "bridge is 'l293d', expected vnh5019, cytron"),
+        ("bridge", "unset", "bridge is 'unset', expected vnh5019"),
+    ],
+)
+def test_what_no_robot_has_is_refused(field, value, words):
+    with pytest.raises(ConfigError, match=words):
+        kit.model_of(ROVER._replace(**{field: value}))
+
+
+@pytest.mark.parametrize("text", ["", "0", "11x", "a x 4", "nan", "inf", "-4", "1000001"])
+def test_other_counts_are_refused(text):
+    with pytest.raises(
+        ConfigError, match="expected a number from 4 to 100000, or a product such as 11 x 4 x 34"
+    ):
+        kit.parse_counts(text)
+
+
+@pytest.mark.parametrize("counts", [4.0, 40.0, 979.62, 1496.0, 3276.7, 3276.8, 12000.0, 99999.9])
+def test_gearbox_and_encoder_give_the_counts(counts):
+    """Within half of the smallest step of both parameters."""
+    gearbox, encoder = kit.gearbox_and_counts(counts)
+    assert gearbox <= 32767 and encoder <= 32767
+    assert gearbox * encoder / 100 == pytest.approx(counts, abs=gearbox / 200)
+
+
+def test_a_new_robot_gets_the_lowest_free_id(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    folder = tmp_path / "mrl-driver" / "robots"
+    folder.mkdir(parents=True)
+    assert kit.free_id() == 11
+    (folder / "rover.yaml").write_text(kit.text_of(ROVER))
+    (folder / "broken.yaml").write_text("ids: [12]\n")
+    assert kit.free_id() == 12 and models.by_id(11) == "rover"

@@ -1,5 +1,7 @@
-"""On an emulated robot: what still drives when a stop was released, a link has come back, a board or node restarted."""
+"""Goals: on a robot whose odometry and sonars begin late or end, and after a stop, which ends them."""
 
+import contextlib
+import math
 import signal
 import threading
 import time
@@ -7,19 +9,175 @@ import time
 import actionlib
 import pytest
 import rospy
-from actionlib_msgs.msg import GoalID, GoalStatus
+from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from geometry_msgs.msg import PoseStamped, Twist, Vector3
-from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
+from move_base_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import Range
 from std_srvs.srv import Trigger
+from tf2_msgs.msg import TFMessage
 
+from mrl_driver.robot.models import SonarMount
+from ros1_bridge.navigation.go_to_goal_node import SILENT_S, Ranges
+from ros1_bridge.topics.messages import mounts_of
 from tests.waiting import wait_until
 
 from .rig import START_S
 
+PERIOD_S = 0.05
+ENTERED_S = 0.1  # A call that need not wait is over long before
+
+
+def test_range_of_a_sonar_counts_until_it_has_been_silent_for_a_while():
+    ranges = Ranges()
+    ranges.hear("front", math.inf, "sonar_front", 10.0)
+    assert ranges.now(10.0 + SILENT_S) == {"front": math.inf}
+    assert math.isnan(ranges.now(10.01 + SILENT_S)["front"])
+
+
+class Intruder(str):
+    """A sonar's name that another thread's range interrupts where the ranges are looked at."""
+
+    def __new__(cls, ranges):
+        made = super().__new__(cls, "front")
+        made.ranges, made.threads = ranges, []
+        return made
+
+    def __hash__(self):
+        if self.ranges is not None:
+            ranges, self.ranges = self.ranges, None
+            self.threads = [threading.Thread(target=ranges.hear, args=("left", 1.0, "sonar_left", 10.0))]
+            self.threads[0].start()
+            self.threads[0].join(ENTERED_S)
+        return super().__hash__()
+
+
+@pytest.mark.parametrize("look", [lambda ranges: ranges.now(10.0), Ranges.frames], ids=["now", "frames"])
+def test_range_that_comes_while_the_ranges_are_looked_at_waits(look):
+    ranges = Ranges()
+    name = Intruder(None)
+    ranges.hear(name, 1.0, "sonar_front", 10.0)
+    name.ranges = ranges
+    assert set(look(ranges)) == {"front"}
+    name.threads[0].join()
+    assert set(look(ranges)) == {"front", "left"}
+
+
+class Robot:
+    """A robot that stands, with a sonar that always measures the same; `locates` and `hears` say what it publishes, and
+    `odom_late_s` and `sonar_late_s` how old its stamps are."""
+
+    def __init__(self, rig, frame, range_m=math.inf):
+        self._odom = rospy.Publisher(f"{rig.ns}/odom", Odometry, queue_size=1)
+        self._sonar = rospy.Publisher(f"{rig.ns}/sonar/front", Range, queue_size=1)
+        self._odometry = Odometry(child_frame_id=f"{rig.name}/base_link")
+        self._odometry.header.frame_id = f"{rig.name}/odom"
+        self._odometry.pose.pose.orientation.w = 1.0
+        self._range = Range(range=range_m)
+        self._range.header.frame_id = frame
+        self.locates = self.hears = True
+        self.odom_late_s = self.sonar_late_s = self.x_m = 0.0
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._publish)
+        self._thread.start()
+
+    def _publish(self):
+        while not self._end.wait(PERIOD_S):
+            self._odometry.pose.pose.position.x = self.x_m
+            if self.locates:
+                self._odometry.header.stamp = rospy.Time.now() - rospy.Duration(self.odom_late_s)
+                self._odom.publish(self._odometry)
+            if self.hears:
+                self._range.header.stamp = rospy.Time.now() - rospy.Duration(self.sonar_late_s)
+                self._sonar.publish(self._range)
+
+    def close(self):
+        self._end.set()
+        self._thread.join()
+
+
+@pytest.fixture
+def robot(rig):
+    mounts = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+    places = {"front": SonarMount(0.1, 0.0, 0.0), "back": SonarMount(-0.1, 0.0, 180.0)}
+    mounts.publish(TFMessage(mounts_of(f"{rig.name}/base_link", places, rospy.Time.now())))
+    robots = []
+
+    def make(frame="sonar_front", range_m=math.inf, patience_s=3):
+        robots.append(Robot(rig, f"{rig.name}/{frame}", range_m))
+        rig.program("go_to_goal", f"_patience:={patience_s}")
+        rig.commands, rig.results = (
+            rig.topic("cmd_vel", Twist),
+            rig.topic("move_base/result", MoveBaseActionResult),
+        )
+        for topic in (rig.commands, rig.results):
+            topic.wait_for_publisher()
+        seek(rig)
+        return robots[-1]
+
+    yield make
+    for each in robots:
+        each.close()
+    mounts.unregister()
+
+
+def seek(rig):
+    """Send a goal as rviz does."""
+    goal = PoseStamped()
+    goal.pose.position.x, goal.pose.orientation.w = 3.0, 1.0
+    rig.publisher("move_base_simple/goal", PoseStamped).publish(goal)
+
+
+def ended_for(rig, why):
+    """A goal has ended, and said why."""
+    return any(why in each.status.text for each in rig.results.messages)
+
+
+def test_action_is_offered_after_the_first_odometry(rig):
+    """A goal before it could only be refused."""
+    node, status = rig.program("go_to_goal"), rig.topic("move_base/status", GoalStatusArray)
+    rig.publisher("odom", Odometry)
+    wait_until(lambda: any("no odometry on" in line for line in node.output()))
+    assert not status.messages
+    with contextlib.closing(Robot(rig, f"{rig.name}/sonar_front")):
+        status.wait()
+
+
+@pytest.mark.parametrize(
+    "fault, why",
+    [
+        ({"locates": False}, "odometry has stopped"),
+        ({"odom_late_s": 10.0}, "odometry has stopped"),
+        ({"x_m": math.nan}, "odometry has stopped"),
+        ({"hears": False}, "no valid reading of sonar front"),
+        ({"sonar_late_s": 10.0}, "no valid reading of sonar front"),
+    ],
+    ids=["odometry silent", "odometry late", "odometry not finite", "sonar silent", "sonar late"],
+)
+def test_robot_stands_when_its_odometry_stops_and_the_goal_is_given_up(rig, robot, fault, why):
+    """Or its sonar."""
+    fitted = robot()
+    wait_until(lambda: any(twist.linear.x > 0 for twist in rig.commands.messages))
+    vars(fitted).update(fault)
+    wait_until(lambda: rig.commands.messages[-1].linear.x == 0.0)
+    wait_until(lambda: ended_for(rig, why))
+    wait_until(lambda: rig.commands.messages[-1] == Twist())
+
+
+def test_sonar_that_looks_back_by_tf_does_not_turn_the_robot(rig, robot):
+    """Ahead, 0.58 m would make it go around something."""
+    robot(frame="sonar_back", range_m=0.58, patience_s=300)
+    seen = rig.commands.wait_for_more(20)
+    assert all(twist.linear.x > 0 and twist.angular.z == 0 for twist in seen)
+
+
+def test_sonar_without_a_place_on_the_robot_holds_it(rig, robot):
+    robot(frame="nowhere")
+    wait_until(lambda: ended_for(rig, "no valid reading of sonar front"))
+
+
 MOVE, STOP = 11, 13
 PAUSE_S = 0.5
-PERIOD_S = 0.05
 
 
 class Planner:
@@ -43,7 +201,7 @@ class Planner:
 
 
 @pytest.fixture
-def robot(rig):
+def goal_robot(rig):
     """A robot on a board that may be cut off, with all that it is sent."""
     rig.child = rig.board()
     rig.wire, rig.odom = rig.tap(rig.child.port), rig.topic("odom", Odometry)
@@ -54,9 +212,9 @@ def robot(rig):
 
 
 @pytest.fixture
-def planner(robot):
-    made = Planner(robot)
-    wait_until(lambda: robot.wire.first(MOVE, 0.0) < float("inf"))
+def planner(goal_robot):
+    made = Planner(goal_robot)
+    wait_until(lambda: goal_robot.wire.first(MOVE, 0.0) < float("inf"))
     yield made
     made.close()
 
@@ -66,44 +224,44 @@ def refuses(node):
     return any("cmd_vel refused: its source has sent" in line for line in node.output())
 
 
-def call(robot, name):
+def call(goal_robot, name):
     assert rospy.ServiceProxy(f"{robot.ns}/{name}", Trigger)().success
 
 
-def moves_nothing(robot, node, since_s):
+def moves_nothing(goal_robot, node, since_s):
     """The planner is refused, and has not moved the robot since."""
     wait_until(lambda: refuses(node))
-    return robot.wire.first(MOVE, since_s) == float("inf")
+    return goal_robot.wire.first(MOVE, since_s) == float("inf")
 
 
-def all_cancelled(robot):
+def all_cancelled(goal_robot):
     """Wait until all goals are cancelled."""
-    wait_until(lambda: GoalID() in robot.cancels.messages)
+    wait_until(lambda: GoalID() in goal_robot.cancels.messages)
 
 
-def test_planner_that_goes_on_publishing_moves_nothing_after_a_stop_until_it_pauses(robot, planner):
+def test_planner_that_goes_on_publishing_moves_nothing_after_a_stop_until_it_pauses(goal_robot, planner):
     since_s = time.monotonic()
-    call(robot, "stop")
-    all_cancelled(robot)
-    robot.wire.wait_for(STOP, since_s)
+    call(goal_robot, "stop")
+    all_cancelled(goal_robot)
+    goal_robot.wire.wait_for(STOP, since_s)
     released_s = time.monotonic()
-    call(robot, "release_stop")
-    assert moves_nothing(robot, robot.process, released_s)
+    call(goal_robot, "release_stop")
+    assert moves_nothing(goal_robot, goal_robot.process, released_s)
     planner.speed_m_s = None
     time.sleep(PAUSE_S + PERIOD_S)
     planner.speed_m_s = 0.1
-    robot.wire.wait_for(MOVE, released_s)
+    goal_robot.wire.wait_for(MOVE, released_s)
 
 
-def test_planner_that_goes_on_publishing_moves_nothing_when_the_link_is_back(robot, planner):
-    robot.child.child.signal(signal.SIGSTOP)
+def test_planner_that_goes_on_publishing_moves_nothing_when_the_link_is_back(goal_robot, planner):
+    goal_robot.child.child.signal(signal.SIGSTOP)
     try:
-        all_cancelled(robot)
+        all_cancelled(goal_robot)
         since_s = time.monotonic()
     finally:
-        robot.child.child.signal(signal.SIGCONT)
-    wait_until(lambda: any("answers again" in line for line in robot.process.output()))
-    assert moves_nothing(robot, robot.process, since_s)
+        goal_robot.child.child.signal(signal.SIGCONT)
+    wait_until(lambda: any("answers again" in line for line in goal_robot.process.output()))
+    assert moves_nothing(goal_robot, goal_robot.process, since_s)
 
 
 @pytest.mark.parametrize("restarted", ["node", "board"])
@@ -130,30 +288,30 @@ def test_planner_that_goes_on_publishing_moves_nothing_when_the_other_end_starts
 
 
 @pytest.fixture
-def client(robot):
+def client(goal_robot):
     """A client of go_to_goal, which drives the robot to a goal."""
-    robot.program("go_to_goal")
+    goal_robot.program("go_to_goal")
     made = actionlib.SimpleActionClient(f"{robot.ns}/move_base", MoveBaseAction)
     assert made.wait_for_server(rospy.Duration(START_S))
-    drive(robot, made)
+    drive(goal_robot, made)
     return made
 
 
-def drive(robot, client):
+def drive(goal_robot, client):
     """Send a goal, and wait until the robot drives to it."""
     goal, since_s = PoseStamped(), time.monotonic()
     goal.header.frame_id = f"{robot.name}/odom"
     goal.pose.position.x, goal.pose.orientation.w = 5.0, 1.0
     client.send_goal(MoveBaseGoal(goal))
-    robot.wire.wait_for(MOVE, since_s)
+    goal_robot.wire.wait_for(MOVE, since_s)
 
 
-def test_stop_ends_the_goal_and_a_new_goal_drives_after_the_release(robot, client):
-    call(robot, "stop")
+def test_stop_ends_the_goal_and_a_new_goal_drives_after_the_release(goal_robot, client):
+    call(goal_robot, "stop")
     assert client.wait_for_result(rospy.Duration(START_S)) and client.get_state() == GoalStatus.PREEMPTED
-    call(robot, "release_stop")
+    call(goal_robot, "release_stop")
     time.sleep(2 * PAUSE_S)  # the planner must have been silent
-    drive(robot, client)
+    drive(goal_robot, client)
 
 
 def test_node_that_starts_ends_the_goals_of_before_and_no_later_ones(rig):
