@@ -37,7 +37,7 @@ FIRST = (
     "driver/",
     "packaging/",
     "firmware/test_build",
-    "documents/test_sensor",
+    "documents/test_robot_recipe",
     "calibration/",
     "experiments/",
     "conformance/",

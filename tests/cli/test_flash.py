@@ -9,15 +9,7 @@ import pytest
 
 from mrl_driver.cli.commands import flash as command
 from mrl_driver.driver.probe import Answer
-from mrl_driver.errors import (
-    BoardRefused,
-    LinkLost,
-    MrlError,
-    NotARobot,
-    PortBusy,
-    PortDenied,
-    PortMissing,
-)
+from mrl_driver.errors import BoardRefused, LinkLost, MrlError, NotARobot, PortBusy, PortDenied, PortMissing
 from mrl_driver.host import avrdude
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models

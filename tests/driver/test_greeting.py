@@ -8,10 +8,7 @@ import pytest
 from mrl_driver.errors import BatteryDead, WrongRobot
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.robot.robot_state import RobotState
-from mrl_driver.session.handshake import (
-    RETRY_S,
-    Plan,
-)
+from mrl_driver.session.handshake import RETRY_S, Plan
 from mrl_driver.session.session import Info, Ready, Session, Stale
 from tests.fake_board import FakeBoard
 

@@ -9,13 +9,7 @@ from hypothesis import strategies as st
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 from mrl_driver.robot.covariance import AT_START, TWIST_INTERVAL_S
 from mrl_driver.robot.models import load
-from mrl_driver.robot.odometry import (
-    SLACK_S,
-    Baseline,
-    Odometry,
-    Twist,
-    fastest_wheel_m_s,
-)
+from mrl_driver.robot.odometry import SLACK_S, Baseline, Odometry, Twist, fastest_wheel_m_s
 
 DRIVE = load("traxbot").drive
 COUNT_M = DRIVE.metres_per_count

@@ -18,14 +18,7 @@ from mrl_driver.errors import ConfigError, FrameError, WrongRobot
 from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.protocol import Frame
 from mrl_driver.robot import models
-from mrl_driver.robot.kinematics import (
-    Kinematics,
-    Planar,
-    differential,
-    kinematics_of,
-    mecanum,
-    omni,
-)
+from mrl_driver.robot.kinematics import Kinematics, Planar, differential, kinematics_of, mecanum, omni
 from mrl_driver.robot.models import Drive, MecanumDrive, OmniDrive
 from mrl_driver.robot.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
 from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands, OmniOdometry

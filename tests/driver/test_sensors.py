@@ -8,14 +8,7 @@ import pytest
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import SENSOR_BY_NAME, SENSORS, Field, Sensor
-from mrl_driver.robot.sonar import (
-    AGREE_CM,
-    NAMES,
-    NOTHING_2013_CM,
-    NewReadings,
-    RepeatedReadings,
-    range_m,
-)
+from mrl_driver.robot.sonar import AGREE_CM, NAMES, NOTHING_2013_CM, NewReadings, RepeatedReadings, range_m
 from mrl_driver.session.events import SensorRead
 from mrl_driver.session.sensor_polling import ABSENT_S, Reading, SensorPoll, of_board, reading, text
 from mrl_driver.view.shown_state import line

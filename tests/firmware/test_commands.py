@@ -4,11 +4,7 @@ import math
 
 import pytest
 
-from mrl_driver.protocol.table import (
-    BY_NAME,
-    PARAMETER_BY_NAME,
-    TICK_S,
-)
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, TICK_S
 from tests.firmware.test_failsafe import STOP
 
 MOVE, MOVE_OMNI = 0xEB, 0xFA

@@ -8,13 +8,7 @@ import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.stop_reason import STOP_REASONS
-from mrl_driver.protocol.table import (
-    BRIDGES,
-    BY_NAME,
-    FAULTS,
-    PARAMETER_BY_NAME,
-    WIRING,
-)
+from mrl_driver.protocol.table import BRIDGES, BY_NAME, FAULTS, PARAMETER_BY_NAME, WIRING
 from sim_arduino.avr.machine import AvrMachine
 from tests.long.bench.firmware_board import Rig, request
 

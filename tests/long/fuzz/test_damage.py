@@ -4,15 +4,7 @@ import random
 
 import pytest
 
-from mrl_driver.protocol import (
-    REPLIES,
-    REQUESTS,
-    Frame,
-    FrameDecoder,
-    Stamp,
-    encode_reply,
-    encode_request,
-)
+from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder, Stamp, encode_reply, encode_request
 from mrl_driver.protocol.table import BY_CODE
 from tests.long.fuzz import damage
 from tests.long.fuzz.faulty_robot import drive
