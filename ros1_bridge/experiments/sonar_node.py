@@ -7,8 +7,8 @@ import numpy as np
 import rospy
 from sensor_msgs.msg import Range
 
-from mrl_driver.apps.calibration import part_procedures
-from mrl_driver.apps.calibration.part_procedures import FRESH_S
+from mrl_driver.apps.calibration import sonar_procedures
+from mrl_driver.apps.calibration.sonar_procedures import FRESH_S
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.robot import models, sonar_curve
@@ -21,7 +21,7 @@ from sim_arduino.experiments.team import pose_option
 from .experiment_processes import Parts
 from .one_robot_node import RATE_HZ, ROBOT, follow, wait_for
 
-PLAN = part_procedures.SonarPlan(step_m=0.15)
+PLAN = sonar_procedures.SonarPlan(step_m=0.15)
 """Fewer stops than in simulated time, because these are in real time."""
 LIMITS = FollowerLimits(linear_m_s=0.2)
 READ_S = 1.0

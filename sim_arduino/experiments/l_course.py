@@ -8,7 +8,7 @@ from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
-from mrl_driver.apps.calibration import part_procedures
+from mrl_driver.apps.calibration import sonar_procedures
 from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
@@ -148,7 +148,7 @@ def _emulated(
     pose = pose_option(disturbances.placed(world.start, setting.seed))
     with open_robot(setting, world, drive, error=error, sonar=sonar, pose=pose) as robot:
         if curve:
-            robot.driver.parameters.write(part_procedures.curve_values(curve))
+            robot.driver.parameters.write(sonar_procedures.curve_values(curve))
         return _drive(setting, robot, world)
 
 

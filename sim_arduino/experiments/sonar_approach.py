@@ -7,7 +7,7 @@ from typing import Dict, List, NamedTuple, Optional, Sequence
 
 import numpy as np
 
-from mrl_driver.apps.calibration import part_procedures
+from mrl_driver.apps.calibration import sonar_procedures
 from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.robot import sonar_curve
@@ -21,7 +21,7 @@ from .experiment_robot import Setting, open_robot
 from .team import pose_option
 from .trials import Measure
 
-PLAN = part_procedures.SonarPlan()
+PLAN = sonar_procedures.SonarPlan()
 SONAR_X_M = 0.1
 THESIS_R2 = 0.9992
 WIDE_M = 10.0
@@ -140,13 +140,13 @@ def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: 
         footprint="none",
     ) as robot:
         driver, track = robot.driver, Track(robot.driver)
-        part_procedures.approach_wall(
+        sonar_procedures.approach_wall(
             driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None
         )
-        ranges, distances = part_procedures.readings_at_stops(
+        ranges, distances = sonar_procedures.readings_at_stops(
             track.end(), robot.model.differential, PLAN.start_m
         )
-        counts = part_procedures.curve_in_force(driver).counts(np.array(ranges)).tolist()
+        counts = sonar_procedures.curve_in_force(driver).counts(np.array(ranges)).tolist()
     return SonarRun(counts, distances, sonar_curve.fit(counts, distances))
 
 

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from mrl_driver.apps.calibration import part_procedures
+from mrl_driver.apps.calibration import sonar_procedures
 from mrl_driver.apps.review import drive_data, drive_plot
 from mrl_driver.cli.commands import monitor
 from mrl_driver.cli.commands.shared import await_sensors
@@ -289,7 +289,7 @@ def gas_robot():
 def test_curve_of_the_sonars_is_not_measured_without_one(gas_robot):
     """The robot would drive up to the wall without seeing it."""
     with pytest.raises(ConfigError, match="this board has no front sonar"):
-        part_procedures.require_sonars(gas_robot)
+        sonar_procedures.require_sonars(gas_robot)
 
 
 def test_doctor_has_a_finding_for_each_sensor_and_none_for_sonars(gas_robot):

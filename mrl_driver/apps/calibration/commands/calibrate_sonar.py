@@ -11,9 +11,9 @@ from typing import List, Optional, Sequence, Tuple
 import click
 import numpy as np
 
-from mrl_driver.apps.calibration import calibration_plots, from_recording, part_procedures
+from mrl_driver.apps.calibration import calibration_plots, from_recording, sonar_procedures
 from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
-from mrl_driver.apps.calibration.part_procedures import SonarPlan, approach_wall, readings_at_stops
+from mrl_driver.apps.calibration.sonar_procedures import SonarPlan, approach_wall, readings_at_stops
 from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError, MrlError
@@ -64,10 +64,10 @@ def sonar(
         calibrate_job.finish(_fitted(readings, _model_curve(model) or THESIS, model, output), job)
         return
     with calibrate_job.robot_of(job) as (driver, model, output):
-        part_procedures.require_sonars(driver)
+        sonar_procedures.require_sonars(driver)
         kept = f"{os.path.splitext(output)[0]}.sonar.csv"
         readings = _approach(driver, plan, kept, job)
-        result = _fitted(readings, part_procedures.curve_in_force(driver), model, output)
+        result = _fitted(readings, sonar_procedures.curve_in_force(driver), model, output)
         calibrate_job.finish(result, job)
         os.remove(kept)
         calibrate_job.offer_eeprom(driver, result.values, job)
@@ -160,7 +160,7 @@ def _fitted(readings: Points, present: Curve, model: RobotModel, output: str) ->
         f"after:  {_formula(wire)}, worst error {fit.worst_m * 100:.1f} cm, R2 {fit.r2:.5f}, {len(truth)} distances",
     ]
     facts = {"before": present._asdict(), "after": wire._asdict(), "r2": fit.r2, "worst_m": fit.worst_m}
-    values = {("board", name): value for name, value in part_procedures.curve_values(fit.curve).items()}
+    values = {("board", name): value for name, value in sonar_procedures.curve_values(fit.curve).items()}
 
     draw = partial(calibration_plots.draw_sonar, counts=counts, ranges_m=truth, fit=fit)
     return Result("sonar", model, output, values, lines, facts, draw)
