@@ -7,18 +7,3 @@ from .decoder import FrameDecoder
 from .directions import REPLIES, REQUESTS, REQUESTS_TO_ANY, Direction
 from .encoder import encode_reply, encode_request
 from .frames import Event, Frame, Garbage, Stamp, check_value
-
-__all__ = [
-    "REPLIES",
-    "REQUESTS",
-    "REQUESTS_TO_ANY",
-    "Direction",
-    "Event",
-    "Frame",
-    "FrameDecoder",
-    "Garbage",
-    "Stamp",
-    "check_value",
-    "encode_reply",
-    "encode_request",
-]

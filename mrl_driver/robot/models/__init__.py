@@ -13,21 +13,18 @@ from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError, shortages
 from mrl_driver.protocol.table import PARAMETERS
 
-from .drives import Base, Drive, MecanumDrive, NoDrive, OmniDrive, kind_of
+from .drives import Drive, MecanumDrive, OmniDrive, kind_of
 from .robot_file import RobotFile
 from .robot_model import (
     BOARD_KEYS,
-    BRIDGE_KEYS,
     BUILDS,
     COMMON_BOARD,
     CURVE_KEYS,
     ENVIRONMENT,
     ON_TRACKS,
     ON_WHEELS,
-    OWN_KEYS,
     SENSOR_BOARD_IDS,
     SONAR,
-    SONARS,
     Battery,
     Body,
     ImuMount,
@@ -37,54 +34,9 @@ from .robot_model import (
     RobotModel,
     SonarMount,
     has_environment,
-    require_sonars,
     require_supported,
     with_build,
 )
-
-__all__ = [
-    "BOARD_KEYS",
-    "BRIDGE_KEYS",
-    "BUILDS",
-    "COMMON_BOARD",
-    "CURVE_KEYS",
-    "ENVIRONMENT",
-    "ON_TRACKS",
-    "ON_WHEELS",
-    "OWN_KEYS",
-    "SENSOR_BOARD_IDS",
-    "SONAR",
-    "SONARS",
-    "Base",
-    "Battery",
-    "Body",
-    "Drive",
-    "ImuMount",
-    "LaserMount",
-    "Limits",
-    "MecanumDrive",
-    "NoDrive",
-    "Noise",
-    "OmniDrive",
-    "RobotFile",
-    "RobotModel",
-    "SonarMount",
-    "by_id",
-    "driven_models",
-    "firmware_defaults",
-    "has_environment",
-    "kind_of",
-    "load",
-    "load_packaged",
-    "names",
-    "own_folder",
-    "packaged",
-    "parse",
-    "path_of",
-    "require_sonars",
-    "require_supported",
-    "with_build",
-]
 
 _FOLDER = os.path.dirname(os.path.abspath(__file__))
 SCHEMA = os.path.join(_FOLDER, "robot.schema.json")
