@@ -6,12 +6,9 @@ from typing import Iterator, List, Sequence, Tuple
 
 from .records import SentByte
 
-FRAME_BITS = 10
-"""Start, eight data bits, stop."""
-CLOSE_ENOUGH = 0.04
-"""Relative difference of two speeds at which the last bit is still read correctly."""
-_BYTE_DECIDED = FRAME_BITS - 0.5
-"""The middle of the stop bit [bit]."""
+FRAME_BITS = 10  # start, eight data bits, stop
+CLOSE_ENOUGH = 0.04  # relative difference of two speeds at which the last bit is still read correctly
+_BYTE_DECIDED = FRAME_BITS - 0.5  # the middle of the stop bit [bit]
 
 
 def edges(data: bytes, start: float, bit: float) -> Iterator[Tuple[float, int]]:

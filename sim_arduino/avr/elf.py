@@ -24,12 +24,9 @@ _SYMBOL = struct.Struct("<IIIBBH")
 _MACHINE_AVR = 83
 _SEGMENT_LOAD = 1
 _SECTION_SYMBOLS = 2
-_LARGEST_SEGMENT = 1 << 16
-"""Largest segment [byte]; the chip has 32 KiB of flash."""
-_LONGEST = 1 << 24
-"""Longest file [byte]; one with facts for debuggers has 1 MB."""
-_LONGEST_NAME = 4096
-"""Longest name of a symbol [byte]; those of C++ have hundreds."""
+_LARGEST_SEGMENT = 1 << 16  # largest segment [byte]; the chip has 32 KiB of flash
+_LONGEST = 1 << 24  # longest file [byte]; one with facts for debuggers has 1 MB
+_LONGEST_NAME = 4096  # longest name of a symbol [byte]; those of C++ have hundreds
 _MOST_ENTRIES = 256
 """An image has at most this many segments, and as many sections; those of avr-gcc have about twenty."""
 

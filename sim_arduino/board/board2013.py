@@ -25,13 +25,11 @@ STOP_S = 0.011
 """From a reset to the stop of the motor board [s]; the real board sets it up within 70 ms, this one at once."""
 AUGUST_S, JANUARY_S = 3.35, 0.10
 """From a reset to the first request that is read [s]; the August firmware waits 3 s for its environment sensors."""
-PASS_S = 60e-6
-"""Duration of one pass of the loop with nothing to do [s]."""
+PASS_S = 60e-6  # duration of one pass of the loop with nothing to do [s]
 PRINT_S = 18e-6
 """Time to print a byte into the output buffer [s]: gives 325 stream frames of 27 bytes per second."""
 INPUT_BYTES, OUTPUT_BYTES, FRAME_BYTES, DIGITS = 63, 64, 32, 7
-MISSING = -1
-"""The 2013 parser's value for a missing argument; it therefore refuses a real -1."""
+MISSING = -1  # the 2013 parser's value for a missing argument; it therefore refuses a real -1
 VERSION = 1
 COMMAND_S, PRINTED_S = 0.7e-3, 0.07e-3
 """Time to pass a command on to the motor board, and to reply without a sensor reading [s]."""
@@ -45,15 +43,12 @@ ENCODERS_S, SONARS_S, INFO_S, THERMOPILE_S, ANALOG_S, COMPASS_S = (
 )
 """Time that each reading takes [s]."""
 JANUARY_SONARS_S = 59.2e-3
-CALIBRATION_S, POSITION_S = 95e-3, 1e-3
-"""Pauses after these commands [s]."""
+CALIBRATION_S, POSITION_S = 95e-3, 1e-3  # pauses after these commands [s]
 NO_MOTORS_FROM_ID = 6
 JANUARY_CODES = range(1, 20)
-STREAMS = (18, 23, 27, 25)
-"""Requests that repeat; the earlier ones have priority."""
+STREAMS = (18, 23, 27, 25)  # requests that repeat; the earlier ones have priority
 _NO_COUNTS = (999, 999)
-_NO_VERSION = 25755
-"""Version reported if the motor board does not answer: both of its bytes are read as 255."""
+_NO_VERSION = 25755  # version reported if the motor board does not answer: both of its bytes are read as 255
 _SONAR_A, _SONAR_B, _SONAR_C = 1.767, 0.9465, -0.3759
 _Action = Callable[..., Optional[Tuple[int, ...]]]
 

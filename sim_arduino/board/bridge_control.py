@@ -20,15 +20,13 @@ from .motors import Counts, Info, Motors
 from .parameter_store import Config
 
 LEFT, RIGHT = 0, 1
-_SIDES = {1: LEFT, 3: RIGHT}
-"""Wheels by the numbers that motors and encoders have in the protocol."""
+_SIDES = {1: LEFT, 3: RIGHT}  # wheels by the numbers that motors and encoders have in the protocol
 _REVERSED = {
     "motor": ("left_motor_reversed", "right_motor_reversed"),
     "encoder": ("left_encoder_reversed", "right_encoder_reversed"),
 }
 _BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
-REFUSED_S = 1.0
-"""Moves are refused for this time after the board has stopped a wheel [s]."""
+REFUSED_S = 1.0  # moves are refused for this time after the board has stopped a wheel [s]
 MISSED_KICK_S = 0.128
 """The chip's watchdog switches the outputs off when the program has not kicked it for this time [s]."""
 _PERIOD_S = SAMPLE_TICKS * TICK_S

@@ -22,8 +22,7 @@ class MotorControl(Motors):
     """
 
     capabilities = ("omni",)
-    counts_s = 0.34e-3
-    """Measured on the simulated ATmega328P."""
+    counts_s = 0.34e-3  # measured on the simulated ATmega328P
 
     def __init__(
         self, driver: Omni3MD, config: Config, health: BoardStatus, advance: Callable[[float], None]

@@ -34,21 +34,15 @@ CHECK_SILENCE_S = 2.0
 BAUD_SILENCE_S = 1.0
 BAUD_QUIET_S = 4 * TICK_S
 """The chip's wait after its queue is empty, because two bytes are still in the transmitter."""
-SAME_BAUD = 0.05
-"""Two baud rates that differ by less than this share work together."""
-RETRY_S = 5e-3
-"""Pause of a full-rate stream if its values are not available [s]."""
-ANSWERS = 8
-"""Largest number of waiting replies; one more is dropped and counted as an overrun."""
+SAME_BAUD = 0.05  # two baud rates that differ by less than this share work together
+RETRY_S = 5e-3  # pause of a full-rate stream if its values are not available [s]
+ANSWERS = 8  # largest number of waiting replies; one more is dropped and counted as an overrun
 FETCH_S = {23: 0.64e-3, 25: 0.65e-3, 27: 0.0}
 """Time to read the values of a sensor stream's frame on the simulated ATmega328P [s]; other streams need the counters
 alone.  A fast link waits for them."""
-LOW_WATER = 9
-"""The reading begins when this many bytes of the previous frame have not left yet."""
-QUEUE_BYTES, SENDING_BYTES = 64, 2
-"""Size of the send queue, and number of bytes in the transmitter itself."""
-IMU_FRAME_S = 6.6e-3
-"""Longest time of an IMU frame with its reading, at the slowest baud rate [s]."""
+LOW_WATER = 9  # the reading begins when this many bytes of the previous frame have not left yet
+QUEUE_BYTES, SENDING_BYTES = 64, 2  # size of the send queue, and number of bytes in the transmitter itself
+IMU_FRAME_S = 6.6e-3  # longest time of an IMU frame with its reading, at the slowest baud rate [s]
 _TOGETHER_S = 1e-6
 """Frames that are due within this time are due at the same time; sums of periods differ by rounding [s]."""
 READ_IMU = BY_NAME["read_imu"].code

@@ -9,8 +9,7 @@ from mrl_driver.protocol.table import HOLD_STATES, INT16_MAX, MOST_HOLDERS, TICK
 
 from .parameter_store import Config
 
-UNIT_S = 1563 * TICK_S
-"""One count of parameter 26 [s]: 100 ms in whole ticks."""
+UNIT_S = 1563 * TICK_S  # one count of parameter 26 [s]: 100 ms in whole ticks
 _STATE = {name: row for row, (name, _) in enumerate(HOLD_STATES)}
 _ANSWER = {"hold": "held", "free": "freed"}
 

@@ -22,16 +22,11 @@ from sim_arduino.hardware.xbee_packets import (
 from .radio_hold import RadioHold
 from .uart import Outgoing, Ring
 
-BYTE_S = 10 / 9615.0
-"""Time of a byte to the module [s]; the board's real baud rate is 9615."""
-MODULE_BYTE_S = 10 / 9600.0
-"""Time of a byte from the module [s]."""
-QUEUE_BYTES = 64
-"""Size of the queue to the module, and of that from it."""
-LONGEST = 96
-"""Longest data of a packet that is accepted [byte]."""
-PIECE = 16
-"""Longest text of one frame to the host [byte]."""
+BYTE_S = 10 / 9615.0  # time of a byte to the module [s]; the board's real baud rate is 9615
+MODULE_BYTE_S = 10 / 9600.0  # time of a byte from the module [s]
+QUEUE_BYTES = 64  # size of the queue to the module, and of that from it
+LONGEST = 96  # longest data of a packet that is accepted [byte]
+PIECE = 16  # longest text of one frame to the host [byte]
 BROKEN_OFF_S = 0.048
 FRAME_ID, NO_FRAME_ID = 1, 0
 _ENVELOPE = 4

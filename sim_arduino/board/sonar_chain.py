@@ -10,8 +10,7 @@ from sim_arduino.hardware.wiring import SONAR_POWER, SONAR_TRIGGER, Plant
 from .parameter_store import Config
 
 WARM_UP_S = START_S + 0.006
-ROUND_S = 0.312
-"""Time from one trigger of the chain to the next [s]: three readings and a margin."""
+ROUND_S = 0.312  # time from one trigger of the chain to the next [s]: three readings and a margin
 SONARS = 3
 LOWEST_COUNT, NOTHING_FROM, HIGHEST_COUNT = 10, 640, 700
 """ADC counts: below the lowest nothing is connected, above the highest the input is saturated."""

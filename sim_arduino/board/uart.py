@@ -6,10 +6,8 @@ from typing import Deque, Optional, Tuple
 
 from mrl_driver.protocol.table import BAUD
 
-OUT_BYTE_S = 85.0e-6
-"""Time of one byte from a Uno set to 115200 baud [s]; its real baud rate is 117647."""
-IN_BYTE_S = 10.0 / BAUD
-"""Time of one byte from the host [s]."""
+OUT_BYTE_S = 85.0e-6  # time of one byte from a Uno set to 115200 baud [s]; its real baud rate is 117647
+IN_BYTE_S = 10.0 / BAUD  # time of one byte from the host [s]
 _ROUNDING_S = 1e-9
 
 

@@ -12,8 +12,7 @@ from sim_arduino.hardware.bridge_plant import OUTPUT_PINS, BridgePlant
 from sim_arduino.hardware.xbee import BAUD, XBee
 
 SLICE_S = 1e-3
-IN, OUT = 2, 3
-"""Pins of the chip (Arduino numbers): from the module's DOUT, and to its DIN."""
+IN, OUT = 2, 3  # pins of the chip (Arduino numbers): from the module's DOUT, and to its DIN
 
 
 class BridgeWires:

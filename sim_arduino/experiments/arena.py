@@ -14,14 +14,10 @@ from sim_arduino.world.world import World
 
 PITCH_M, LANE = 0.25, 3
 """Distance between the points of the path's lattice [m], and points from one lane to the next."""
-EDGE_M = 0.5
-"""Distance of the sweep from the outer walls, which the robot needs for its turns [m]."""
-CLEAR_M = 0.25
-"""Distance of the path from each obstacle [m]; the robot's corners reach 0.15 m."""
-CONTAINER = Footprint(0.12, 0.12)
-"""A container of alcohol."""
-LAMP_M = 0.15
-"""Distance of a lamp from the wall at which it stands [m]."""
+EDGE_M = 0.5  # distance of the sweep from the outer walls, which the robot needs for its turns [m]
+CLEAR_M = 0.25  # distance of the path from each obstacle [m]; the robot's corners reach 0.15 m
+CONTAINER = Footprint(0.12, 0.12)  # a container of alcohol
+LAMP_M = 0.15  # distance of a lamp from the wall at which it stands [m]
 APART_M, FREE_M = 1.5, 0.45
 """Least distance of sources of one kind from each other, whose fields merge if they are closer, and of a container from
 obstacles and the start [m].

@@ -32,8 +32,7 @@ BEFORE_M, BEYOND_M, END_M = 0.5, 0.5, 0.9
 """Distances of the waypoints from the crossing: a robot waits before it, and releases it at the end of its lane."""
 START_M = (1.0, 1.1)
 """Smallest and largest distance of a start from the crossing; the robots arrive at nearly the same time."""
-LOSS = 0.1
-"""Share of the radio packets that each radio does not receive: assumed."""
+LOSS = 0.1  # share of the radio packets that each radio does not receive: assumed
 CUT_S, CUT_FOR_S = (0.5, 12.0), 15.0
 """The radio of one robot fails at a time between these, for this time [s]."""
 TIME_LIMIT_S = 90.0

@@ -17,12 +17,10 @@ from sim_arduino.hardware.imu import ImuErrors
 WHEEL_M2_PER_M, TURN_RAD2_PER_RAD = 1e-6, 1e-4
 """Variance of a wheel's distance per distance, and of the yaw per angle turned."""
 WHEEL_RATIO_SD, AXLE_SD, WHEEL_SIZE_SD = 0.005, 0.005, 0.002
-MAX_SLIP = 0.02
-"""Largest mean share of a turn that a robot loses; each robot has its own."""
+MAX_SLIP = 0.02  # largest mean share of a turn that a robot loses; each robot has its own
 PLACED_M, PLACED_RAD = 0.005, math.radians(1.0)
 """Standard deviations, along each axis and in heading, of a robot that a person puts on a mark."""
-SONAR_NOISE_M = 0.01
-"""Standard deviation of a range."""
+SONAR_NOISE_M = 0.01  # standard deviation of a range
 CURVE_GAIN_SD, CURVE_EXPONENT_SD, CURVE_OFFSET_SD_M = 0.05, 0.02, 0.005
 """Of a sonar's own curve from the published one: factor, exponent and constant."""
 GYRO_SCALE_SD = 0.0003
@@ -33,8 +31,7 @@ BATTERY_NOISE_V = 0.03
 
 WANDER = f"noise={WHEEL_M2_PER_M:g},turn_noise={TURN_RAD2_PER_RAD:g}"
 """The random errors alone, in the form of `factory.Options.error`."""
-SONAR = f"noise={SONAR_NOISE_M:g}"
-"""Errors of all sonars, in the form of `factory.Options.sonar`."""
+SONAR = f"noise={SONAR_NOISE_M:g}"  # errors of all sonars, in the form of `factory.Options.sonar`
 
 SLIP = 0.01
 """Share by which both wheels of a robot in a mixed team slip, on the straight and in turns, unknown to its odometry.

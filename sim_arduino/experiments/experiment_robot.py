@@ -17,11 +17,9 @@ from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve import factory
 from sim_arduino.world.world import World
 
-TICK_S = 0.05
-"""Behaviours compute new speeds after this time [s]."""
+TICK_S = 0.05  # behaviours compute new speeds after this time [s]
 PERIOD_MS = 50
-PATIENCE_S = 900.0
-"""Time limit of a course [s]."""
+PATIENCE_S = 900.0  # time limit of a course [s]
 
 
 class Setting(NamedTuple):

@@ -32,8 +32,7 @@ PERIOD_MS = 20
 STAND_S = 2.0
 SPEEDS = manoeuvres.Speeds()
 COURSE = "l-course"
-CALIBRATION_LEGS, CALIBRATION_TURNS = 3, 5
-"""Legs of `mrl calibrate imu`: two of one turn, and one of five."""
+CALIBRATION_LEGS, CALIBRATION_TURNS = 3, 5  # legs of `mrl calibrate imu`: two of one turn, and one of five
 DRIVE = (
     *((0.25, 0.0, 4.0), (0.0, 0.8, 2.0), (0.25, 0.0, 3.0)),
     *((0.0, -0.8, 4.0), (0.2, 0.4, 3.0), (0.25, 0.0, 3.0)),

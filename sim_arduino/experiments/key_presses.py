@@ -12,8 +12,7 @@ from mrl_driver.yaml_file import short
 from .experiment_robot import TICK_S, ExperimentRobot
 
 COLUMNS = ["time_s", "key"]
-_LONGEST = 1 << 22
-"""Longest file read [byte]: more than a day of presses."""
+_LONGEST = 1 << 22  # longest file read [byte]: more than a day of presses
 
 
 class KeyPress(NamedTuple):

@@ -28,10 +28,8 @@ from .occupancy import SONAR_FAR_M, score_rows
 from .team import pose_option
 
 WORLD = "l-course"
-SIDES = ("left", "right")
-"""The front sonar only serves to avoid obstacles, as in the thesis."""
-NEAR_M = 0.05
-"""A wall cell counts as mapped if an occupied cell is within this distance [m]."""
+SIDES = ("left", "right")  # the front sonar only serves to avoid obstacles, as in the thesis
+NEAR_M = 0.05  # a wall cell counts as mapped if an occupied cell is within this distance [m]
 MARGIN_M, CELL_M = 0.3, 0.025
 WAYPOINTS = ((1.5, 0.5), (1.5, 1.25), (1.5, 0.5), (0.35, 0.5), (1.0, 0.5))
 SLOW = FollowerLimits(linear_m_s=0.12, angular_rad_s=0.35)
@@ -50,8 +48,7 @@ class CourseRecord(NamedTuple):
     """The measurements of the drive; poses are by odometry, in the world's frame."""
 
     path: List[Pose]
-    cones: List[Tuple[Pose, float, Pose]]
-    """Pose of a sonar, its reading [m], and its true pose."""
+    cones: List[Tuple[Pose, float, Pose]]  # pose of a sonar, its reading [m], and its true pose
     scans: List[Tuple[Pose, Any, Pose]]
     true_path: List[Pose]
 

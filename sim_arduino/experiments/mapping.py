@@ -33,8 +33,7 @@ WANDER = "noise=1e-7,turn_noise=1e-6"
 no gyro can follow them, and much larger ones would hide what it does.
 """
 PERIOD_MS = 20
-SCAN_EVERY = 8
-"""A scan counts after this many ticks: 2.5 a second."""
+SCAN_EVERY = 8  # a scan counts after this many ticks: 2.5 a second
 STEADY_RAD_S = 0.3
 """Ranges of the sonars count while the robot turns more slowly: their time is uncertain by the 0.3 s of a round."""
 MARGIN_M, CELL_M = 1.0, 0.05

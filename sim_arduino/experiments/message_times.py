@@ -21,8 +21,7 @@ FOLDER = os.path.join(
     os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))), "build", "comparison"
 )
 """Images of the sketches in a checkout, after `make comparison`."""
-RATE_HZ = 50
-"""Messages in a second."""
+RATE_HZ = 50  # messages in a second
 BOOT_S, PAUSE_S, PATIENCE_S = 2.5, 0.1, 1.0
 """Time for the start of the board, pause after a request without a reply, and longest wait for a reply [s]."""
 STEP_S, LINE_END_S = 2e-4, 2e-3
@@ -126,7 +125,7 @@ def measure(
         BoardTimeout: a message did not come back.
     """
     options = factory.Options(robot=setting.robot, engine="avr", seed=setting.seed, elf=subject.path)
-    # A sketch has no parameters in its EEPROM; id 0 leaves it blank.
+    # a sketch has no parameters in its EEPROM; id 0 leaves it blank.
     made = factory.make(options._replace(robot_id=0) if subject.sketch else options)
     rng = random.Random(f"phase {setting.seed}")
     try:

@@ -29,14 +29,12 @@ MEMBERS = (
 )
 DURATION_S, CONTROL_S = 300.0, 60.0
 """Duration of a run, and largest duration of one in which the robots do not see each other [s]."""
-SLIPPING_S = 120.0
-"""Duration of a run with a robot that slips, and of a run with a robot on a port [s]."""
+SLIPPING_S = 120.0  # duration of a run with a robot that slips, and of a run with a robot on a port [s]
 CORNER_M, APART_M = 1.3, 0.4
 """Starts of a pair are drawn up to the first distance from the middle of the room, and at least the second from the
 line between them [m].
 """
-AIM_RAD = 0.5
-"""A robot of a pair starts towards the middle of the room, up to this much off."""
+AIM_RAD = 0.5  # a robot of a pair starts towards the middle of the room, up to this much off
 REMARK = (
     "In simulated time. Real robots are emulated boards. In the control, real and virtual robots do not see each "
     "other; its runs end with the first collision. Distances to the virtual robot are those of the mirrors. With "

@@ -21,12 +21,10 @@ from .experiment_report import Figure
 from .experiment_robot import Setting
 from .trials import Measure, figures
 
-SONAR_FAR_M = 2.5
-"""Largest range of a sonar that is used [m]."""
+SONAR_FAR_M = 2.5  # largest range of a sonar that is used [m]
 LASER_RAD = URG_04LX.first_rad + np.arange(URG_04LX.rays) * URG_04LX.step_rad
 """Directions of the laser's beams."""
-MAX_LOG_ODDS = 12.0
-"""Limit of the log odds, so that new readings can change a cell."""
+MAX_LOG_ODDS = 12.0  # limit of the log odds, so that new readings can change a cell
 
 
 LASER_HIT, LASER_FREE, SONAR_HIT, SONAR_FREE = 1.0, -0.4, 0.5, -1.0
@@ -37,8 +35,7 @@ LASER_SURE_M = 1.5
 """Ends farther away than this are too uncertain to mark a cell [m]: the URG-04LX errs by 1 cm up to 1 m and by 2 %
 beyond.
 """
-SONAR_THICK_M = 0.02
-"""The end of a sonar's reading is within this distance to both sides [m]."""
+SONAR_THICK_M = 0.02  # the end of a sonar's reading is within this distance to both sides [m]
 
 
 class Grid:

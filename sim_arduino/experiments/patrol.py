@@ -24,20 +24,17 @@ from .trials import Measure, figures, over_seeds
 DURATION_S = 80.0
 POINTS: Sequence[Point] = ((-1.0, -0.9), (0.0, -0.9), (1.0, -0.9), (1.0, 0.9), (0.0, 0.9), (-1.0, 0.9))
 """The waypoints in the order of one robot's round, before the seed moves them."""
-MOVED_M = 0.2
-"""The seed moves each waypoint by at most this, along each axis."""
+MOVED_M = 0.2  # the seed moves each waypoint by at most this, along each axis
 SHARES: Dict[str, Sequence[int]] = {"robot1": (0, 1), "robot2": (2, 3), "robot3": (4, 5)}
 """Places in `POINTS` of each robot's waypoints, when three robots divide them."""
-NEAR_M = 0.25
-"""A visit counts if the robot is truly this near to the waypoint."""
+NEAR_M = 0.25  # a visit counts if the robot is truly this near to the waypoint
 MEASURES = (
     Measure("mean_s", "mean idleness", "s"),
     Measure("worst_s", "worst idleness", "s"),
     Measure("visits", "visits", worst=min),
     Measure("off_m", "largest true distance from a waypoint at its visit", "m"),
 )
-ORDERS = 200
-"""Length of a random order; longer than any run."""
+ORDERS = 200  # length of a random order; longer than any run
 REMARK = (
     "In simulated time, on emulated boards. The seed draws where the waypoints are and where robots begin. Idleness is "
     "the time since the last visit of a waypoint (Machado et al. 2002); the mean is that of all waypoints and of the "

@@ -16,10 +16,8 @@ from .trials import Measure
 
 SPEEDS_MM_S = (50, 100, 200)
 RADIUS_M = 0.3
-EMPTY_V = 9.0
-"""End of the published discharges (Araujo 2012); the driver warns from here on."""
-STOP_V = 8.5
-"""End of the emulated discharges: the driver stops the robot when the battery stays below."""
+EMPTY_V = 9.0  # end of the published discharges (Araujo 2012); the driver warns from here on
+STOP_V = 8.5  # end of the emulated discharges: the driver stops the robot when the battery stays below
 READ_PERIOD_S, EMULATED_READ_S = 10.0, 1.0
 """Time between two readings of a real battery, and of an emulated one, which the driver reads once a second [s]."""
 PERIOD_MS = 100
@@ -40,8 +38,7 @@ class Discharge(NamedTuple):
     speed_mm_s: int
     hours: List[float]
     volts: List[float]
-    warned_h: float
-    """Time of the driver's first warning [h]; infinite without one."""
+    warned_h: float  # time of the driver's first warning [h]; infinite without one
 
     @property
     def duration_h(self) -> float:
@@ -54,8 +51,7 @@ class Discharge(NamedTuple):
         return 3.6 * self.speed_mm_s * (self.hours[-1] - self.warned_h)
 
 
-Packs = List[Discharge]
-"""The discharges of one seed's packs, one for each speed."""
+Packs = List[Discharge]  # the discharges of one seed's packs, one for each speed
 
 
 def run(setting: Setting) -> Result:

@@ -25,10 +25,8 @@ LANE_M, LANES_DEG = 1.7, {"real1": 200.0, "real2": 180.0, "virtual": 160.0}
 """Length of a lane, and direction of each robot's lane as seen from the shared waypoint."""
 ROUNDS = 2
 TIME_LIMIT_S = 400.0
-LATENCY_S = (0.02, 0.3)
-"""Shortest and longest delay of a message [s]: assumed, wireless network."""
-LOSS = 0.3
-"""Share of the messages that are lost in the runs with loss: assumed."""
+LATENCY_S = (0.02, 0.3)  # shortest and longest delay of a message [s]: assumed, wireless network
+LOSS = 0.3  # share of the messages that are lost in the runs with loss: assumed
 REMARK = (
     "In simulated time. Real robots are emulated boards; the action server is our own go_to_goal, not move_base. "
     f"Messages take {LATENCY_S[0]:g} to {LATENCY_S[1]:g} s. In the control every claim is granted at once; its runs "

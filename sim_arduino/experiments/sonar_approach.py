@@ -24,10 +24,8 @@ from .trials import Measure
 PLAN = sonar_procedures.SonarPlan()
 SONAR_X_M = 0.1
 THESIS_R2 = 0.9992
-WIDE_M = 10.0
-"""The wall extends this far to both sides."""
-CHECKED_M = np.arange(0.2, 2.001, 0.05)
-"""Distances at which curves are compared [m]."""
+WIDE_M = 10.0  # the wall extends this far to both sides
+CHECKED_M = np.arange(0.2, 2.001, 0.05)  # distances at which curves are compared [m]
 
 
 class SonarRun(NamedTuple):

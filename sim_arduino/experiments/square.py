@@ -18,8 +18,7 @@ from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emul
 from .trials import Measure
 
 SIDE_M = 1.0
-LAPS = 5
-"""Laps in each direction for the calibration, as by default in `mrl calibrate umbmark`."""
+LAPS = 5  # laps in each direction for the calibration, as by default in `mrl calibrate umbmark`
 UNSEEN = 500
 """Added to the seed of laps that show a calibration, so that their random errors are not those of the calibration."""
 PUBLISHED = {LEFT: (9.67, -4.93), RIGHT: (7.71, 2.13)}

@@ -32,10 +32,8 @@ WAYPOINTS = ((0.0, 0.0), *GRID, (2.4, 1.2))
 """The grid, with a leg before and after it that has room for a box."""
 TIME_LIMIT_S = 120.0
 POLL_S = 0.001
-START_S = 10.0
-"""The mirror's process must start, and show the last pose, within this time."""
-LOOP_POSES, LOOP_HZ = 100, 20.0
-"""Poses that the loop without a robot sends, and their rate."""
+START_S = 10.0  # the mirror's process must start, and show the last pose, within this time
+LOOP_POSES, LOOP_HZ = 100, 20.0  # poses that the loop without a robot sends, and their rate
 TITLE = "Steps over a 400 x 400 mm grid, around two boxes, mirrored live"
 MEASURES = (
     trials.Measure("touched_s", "time in contact with a box", "s"),
@@ -123,8 +121,7 @@ class Mirrored:
         self._registry.close()
 
 
-Live = Tuple[StepDrive, Mirrored]
-"""A drive in real time, and its mirror."""
+Live = Tuple[StepDrive, Mirrored]  # a drive in real time, and its mirror
 
 
 def run(setting: Setting, live: Optional[Live] = None) -> Result:

@@ -27,8 +27,7 @@ from sim_arduino.world.world import World
 from . import disturbances
 from .experiment_robot import TICK_S, ExperimentRobot, Pace, Setting, open_robot
 
-WORLD = "room"
-"""The packaged world of all teams."""
+WORLD = "room"  # the packaged world of all teams
 
 
 class Member(NamedTuple):

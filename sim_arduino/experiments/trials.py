@@ -6,10 +6,8 @@ from typing import Any, Callable, List, NamedTuple, Optional, Sequence, TypeVar
 from .experiment_report import Figure
 from .experiment_robot import Setting
 
-SEEDS = 10
-"""Runs of an experiment, each with random numbers of its own."""
-_APART = 1000
-"""The seeds of two settings differ from each other if theirs do."""
+SEEDS = 10  # runs of an experiment, each with random numbers of its own
+_APART = 1000  # the seeds of two settings differ from each other if theirs do
 _T = TypeVar("_T")
 
 

@@ -20,8 +20,7 @@ from .message_times import (
     Subject,
 )
 
-COUNT = 20
-"""Number of messages in the figures."""
+COUNT = 20  # number of messages in the figures
 PUBLISHED_MS, LESS = 36.0, 0.35
 """Time of 20 messages with rosserial, and share by which the frame driver of 2012 was quicker (Araujo 2012)."""
 RIVALS = {PLAIN: TIMING_2013, CHECKED: ROSSERIAL}
@@ -44,8 +43,7 @@ TO_TOPICS = (
     "Through ROS: medians of 200 messages in real time, in the default mode, with checksum. The time of a frame begins "
     "when it has left the board, that of a command ends with its last byte on the serial link."
 )
-Runs = Dict[Subject, List[List[Message]]]
-"""The messages of each seed."""
+Runs = Dict[Subject, List[List[Message]]]  # the messages of each seed
 
 
 class Topics(NamedTuple):

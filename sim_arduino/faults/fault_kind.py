@@ -27,8 +27,7 @@ class FaultKind(NamedTuple):
     needs: str = ""
 
 
-KINDS: Dict[str, FaultKind] = {}
-"""All kinds by name."""
+KINDS: Dict[str, FaultKind] = {}  # all kinds by name
 
 
 def fault(*parameters: Key, **others: Any) -> Callable[[_Made], _Made]:

@@ -88,8 +88,7 @@ class _Loss(_Instant):
 class _Change(_Instant):
     """A byte is replaced by another one."""
 
-    bits = False
-    """Whether only one bit changes."""
+    bits = False  # whether only one bit changes
 
     def __init__(self, rng: random.Random, rate: float) -> None:
         self._rng, self._hits = rng, _Hits(rng, rate)

@@ -17,26 +17,20 @@ from .dc_motor import DcMotor, DcMotorParams, Gearmotor, params_of
 from .encoders import Quadrature
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 
-OUTPUT_PINS = ((5, 6, 7), (11, 3, 9))
-"""Pins PWM_A, PWM_B and LOGIC of the two motors (Arduino numbers)."""
-ENCODER_PINS = ((2, 4), (8, 10))
-"""Pins of channels A and B of the two encoders."""
-WHEELS = (0, 2)
-"""Motors of the body that turn the left and the right wheel."""
+OUTPUT_PINS = ((5, 6, 7), (11, 3, 9))  # pins PWM_A, PWM_B and LOGIC of the two motors (Arduino numbers)
+ENCODER_PINS = ((2, 4), (8, 10))  # pins of channels A and B of the two encoders
+WHEELS = (0, 2)  # motors of the body that turn the left and the right wheel
 BATTERY_CHANNEL = 3
-TICK_HZ = 200.0
-"""Rate at which the battery's voltage follows the motors' current [Hz]."""
+TICK_HZ = 200.0  # rate at which the battery's voltage follows the motors' current [Hz]
 IDLE_A, BATTERY_OHM = 0.1, 0.1
 """Current of board, bridge and encoders, and resistance of pack and leads; assumed."""
-LARGE_V, SMALL_V = 12.0, 6.0
-"""Nominal voltages of gearmotors, for batteries above and below 9 V when full."""
+LARGE_V, SMALL_V = 12.0, 6.0  # nominal voltages of gearmotors, for batteries above and below 9 V when full
 STALL_W, NO_LOAD_W, STALL_NM_RAD_S = 14.4, 0.6, 8.9
 """Power at stall (1.2 A at 12 V) and at no load (0.05 A), and stall torque times no-load speed (0.5 Nm at 170/min);
 assumed for a gearmotor of 25 mm."""
 ROTOR_KGM2_RAD2_S2 = 0.37
 """Inertia of the rotor times the square of its speed at the output shaft (1e-6 kg m2, 34:1, 170/min); assumed."""
-ROLLING = 0.03
-"""Rolling friction of a wheel, as a share of the weight; assumed."""
+ROLLING = 0.03  # rolling friction of a wheel, as a share of the weight; assumed
 _BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
 
 

@@ -9,8 +9,7 @@ from mrl_driver.robot.models import RobotModel
 from sim_arduino.world.shapes import Footprint, distance
 from sim_arduino.world.world import World
 
-OTHERS_M_S = 1.5
-"""Largest speed of other robots [m/s]; it limits how long a measured clearance is valid."""
+OTHERS_M_S = 1.5  # largest speed of other robots [m/s]; it limits how long a measured clearance is valid
 _HALVINGS = 12
 _SIZE_M = (0.01, 5.0)
 

@@ -19,15 +19,12 @@ class Gearmotor(NamedTuple):
     no_load_a: float
     stall_a: float
     stall_nm: float
-    rotor_kgm2: float
-    """Moment of inertia of the rotor, seen at the output shaft [kg m2]."""
+    rotor_kgm2: float  # moment of inertia of the rotor, seen at the output shaft [kg m2]
 
 
-STICTION = 1.5
-"""Static friction over moving friction; assumed."""
+STICTION = 1.5  # static friction over moving friction; assumed
 GRAVITY_M_S2 = 9.81
-_SHORTEST_S = 1e-12
-"""A rest of a step that is left out [s]."""
+_SHORTEST_S = 1e-12  # a rest of a step that is left out [s]
 _NEAR_S = 1e-7
 """A correction of an edge's time after which no further one is needed: the error is of the order of its square [s]."""
 _MOST_STEPS = 60
@@ -36,18 +33,12 @@ _MOST_STEPS = 60
 class DcMotorParams(NamedTuple):
     """The same in the units of the equations."""
 
-    resistance_ohm: float
-    """Winding and bridge [Ohm]."""
-    volts_per_count_s: float
-    """Back-EMF per speed."""
-    counts_s2_per_a: float
-    """Acceleration per current."""
-    friction_counts_s2: float
-    """Deceleration by friction while the wheel turns."""
-    static_counts_s2: float
-    """Acceleration that a current must be worth to start the wheel."""
-    drop_v: float = 0.0
-    """Voltage lost in the bridge while it drives [V]."""
+    resistance_ohm: float  # winding and bridge [Ohm]
+    volts_per_count_s: float  # back-EMF per speed
+    counts_s2_per_a: float  # acceleration per current
+    friction_counts_s2: float  # deceleration by friction while the wheel turns
+    static_counts_s2: float  # acceleration that a current must be worth to start the wheel
+    drop_v: float = 0.0  # voltage lost in the bridge while it drives [V]
 
 
 def params_of(
@@ -78,17 +69,12 @@ def params_of(
 class Motion(NamedTuple):
     """A piece of motion in one direction: the speed approaches its end exponentially, or linearly at a rate of 0."""
 
-    start_s: float
-    """Start after the beginning of the step [s]."""
+    start_s: float  # start after the beginning of the step [s]
     duration_s: float
-    travel: float
-    """Travel at the start [count]."""
-    speed: float
-    """Speed at the start [count/s]."""
-    acceleration: float
-    """Acceleration at the start [count/s2]."""
-    rate: float
-    """Reciprocal of the time constant [1/s]."""
+    travel: float  # travel at the start [count]
+    speed: float  # speed at the start [count/s]
+    acceleration: float  # acceleration at the start [count/s2]
+    rate: float  # reciprocal of the time constant [1/s]
 
     def _gone(self, time_s: float) -> Tuple[float, float]:
         """Time integral of exp(-rate t), and the integral of that [s, s2]."""

@@ -10,8 +10,7 @@ from typing import List, NamedTuple, Sequence, Tuple
 from .dc_motor import Motion
 
 A, B = 0, 1
-PULLED_UP = 1
-"""Level of a wire with nothing on it: the board's pull-up."""
+PULLED_UP = 1  # level of a wire with nothing on it: the board's pull-up
 
 
 class Edge(NamedTuple):

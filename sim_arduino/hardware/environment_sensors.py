@@ -129,8 +129,7 @@ def compass(yaw_at: Callable[[float], float], north_rad: float) -> Registers:
     return Registers(image)
 
 
-_LITRES = 0.2832
-"""0.01 cubic feet [l]: the curve of the PPD42NS counts particles in this volume."""
+_LITRES = 0.2832  # 0.01 cubic feet [l]: the curve of the PPD42NS counts particles in this volume
 _LONGEST_S, _SHORTEST_S, _USUAL_S = 0.09, 0.01, 1.0
 
 

@@ -18,25 +18,20 @@ GYRO_COUNTS, ACCEL_COUNTS = (131.0, 65.5, 32.8, 16.4), (16384.0, 8192.0, 4096.0,
 """Counts per deg/s and per g, by the full scale in GYRO_CONFIG and ACCEL_CONFIG."""
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG = 0x19, 0x1A, 0x1B, 0x1C
 ACCEL_XOUT_H, GYRO_ZOUT_L, PWR_MGMT_1, WHO_AM_I = 0x3B, 0x48, 0x6B, 0x75
-MPU6050, MPU9250 = 0x68, 0x71
-"""Values of WHO_AM_I."""
-SLEEP, RESET = 0x40, 0x80
-"""Bits of PWR_MGMT_1."""
-START_S = 0.03
-"""Start-up time of the gyro after sleep, in which the data registers keep their values [s]."""
+MPU6050, MPU9250 = 0x68, 0x71  # values of WHO_AM_I
+SLEEP, RESET = 0x40, 0x80  # bits of PWR_MGMT_1
+START_S = 0.03  # start-up time of the gyro after sleep, in which the data registers keep their values [s]
 LONGEST_STEP_S = 0.005
 """Longest step of a moving body that carries an IMU [s]: the period of its samples as the board sets it up."""
 _AWAKE_CLOCK = 0x01
 _READ_ONLY = {*range(0x3A, 0x61), WHO_AM_I}
 _DELAYS_S = (0.98e-3, 1.9e-3, 2.8e-3, 4.8e-3, 8.3e-3, 13.4e-3, 18.6e-3, 0.17e-3)
 """Delay of the gyro by the filter in CONFIG; the accelerometer gets the same filter, and differs by 0.4 ms at most."""
-_SETTLED = 64
-"""Samples after which a motion has left every filter at rates of 200 Hz and less."""
+_SETTLED = 64  # samples after which a motion has left every filter at rates of 200 Hz and less
 _TEMPERATURE = round((25.0 - 36.53) * 340.0)
 _AXES = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _GYRO_BIAS_RAD_S, _XY_BIAS_M_S2, _Z_BIAS_M_S2 = math.radians(20.0), 0.05 * G_M_S2, 0.08 * G_M_S2
-_GYRO_SCALE = 0.03
-"""Tolerances at 25 degC."""
+_GYRO_SCALE = 0.03  # tolerances at 25 degC
 _GYRO_NOISE, _ACCEL_NOISE = math.radians(0.005), 400e-6 * G_M_S2
 _GYRO_WALK = math.radians(0.001)
 """Chosen: the data sheet gives no bias stability.  It moves the bias by 0.024 deg/s in ten minutes."""
@@ -48,17 +43,12 @@ class ImuErrors(NamedTuple):
     A chip whose values never change is a broken one; the noise keeps those of a robot at rest from being constant.
     """
 
-    gyro_bias_rad_s: Vector = (0.0, 0.0, 0.0)
-    """Rate at rest at power-up [rad/s]."""
-    gyro_walk: float = 0.0
-    """Drift of the bias as a random walk [rad/s/sqrt(s)]."""
-    gyro_scale: Vector = (1.0, 1.0, 1.0)
-    """Measured rate over true rate."""
-    gyro_noise: float = 0.0
-    """White noise [rad/s/sqrt(Hz)]."""
+    gyro_bias_rad_s: Vector = (0.0, 0.0, 0.0)  # rate at rest at power-up [rad/s]
+    gyro_walk: float = 0.0  # drift of the bias as a random walk [rad/s/sqrt(s)]
+    gyro_scale: Vector = (1.0, 1.0, 1.0)  # measured rate over true rate
+    gyro_noise: float = 0.0  # white noise [rad/s/sqrt(Hz)]
     accel_bias_m_s2: Vector = (0.0, 0.0, 0.0)
-    accel_noise: float = _ACCEL_NOISE
-    """White noise [m/s2/sqrt(Hz)]."""
+    accel_noise: float = _ACCEL_NOISE  # white noise [m/s2/sqrt(Hz)]
 
     @classmethod
     def drawn(cls, seed: int) -> "ImuErrors":

@@ -17,10 +17,8 @@ class Laser(NamedTuple):
     rate_hz: float
     near_m: float
     far_m: float
-    error_m: float
-    """Largest error at distances up to 1 m [m]."""
-    error_share: float
-    """Largest error beyond 1 m, as a share of the distance."""
+    error_m: float  # largest error at distances up to 1 m [m]
+    error_share: float  # largest error beyond 1 m, as a share of the distance
     mount: LaserMount = LaserMount()
 
 

@@ -23,10 +23,8 @@ class Margin(NamedTuple):
     `mrl experiment mixed-team` has the largest drift beyond this margin.
     """
 
-    start_m: float = 0.1
-    """While the robot has not moved since its place was known [m]."""
-    share: float = 0.03
-    """Share of the distance driven since then."""
+    start_m: float = 0.1  # while the robot has not moved since its place was known [m]
+    share: float = 0.03  # share of the distance driven since then
 
 
 NO_MARGIN = Margin(0.0, 0.0)

@@ -13,49 +13,35 @@ from typing import NamedTuple
 class MotorParams(NamedTuple):
     """Data of a motor, its gearbox, and its part of the motor board's program."""
 
-    no_load_counts_s: float
-    """Speed at full duty and nominal voltage [count/s]."""
-    rated_counts_s: float
-    """Speed of 100 % under speed control [count/s]."""
-    nominal_v: float = 12.0
-    """Voltage of `no_load_counts_s` [V]."""
-    time_constant_s: float = 0.08
-    """Time to 63 % of a step of the duty [s]."""
+    no_load_counts_s: float  # speed at full duty and nominal voltage [count/s]
+    rated_counts_s: float  # speed of 100 % under speed control [count/s]
+    nominal_v: float = 12.0  # voltage of `no_load_counts_s` [V]
+    time_constant_s: float = 0.08  # time to 63 % of a step of the duty [s]
     friction_counts_s: float = 0.0
     """Speed lost to friction at any duty [count/s]; a duty worth less than this does not start the motor."""
     brake_counts_s2: float = 22000.0
     """Deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot."""
-    position_gain_hz: float = 4.0
-    """Requested speed per count of remaining distance, in position mode [1/s]."""
+    position_gain_hz: float = 4.0  # requested speed per count of remaining distance, in position mode [1/s]
 
 
 @dataclass
 class ControlSettings:
     """Settings of the motor board's speed control, in its own units."""
 
-    kp: int = 700
-    """Proportional gain [1/1000 duty per full speed]."""
-    ki: int = 400
-    """Integral gain [1/1000 duty per full speed and control period]."""
-    kd: int = 200
-    """Differential gain [1/1000 duty per full speed and control period]."""
-    ramp_ms: int = 2500
-    """Time from standstill to rated speed [ms]; 0 means no ramp."""
-    ramp_gain: int = 0
-    """Speed at which the ramp starts [1/1000 of rated speed]."""
+    kp: int = 700  # proportional gain [1/1000 duty per full speed]
+    ki: int = 400  # integral gain [1/1000 duty per full speed and control period]
+    kd: int = 200  # differential gain [1/1000 duty per full speed and control period]
+    ramp_ms: int = 2500  # time from standstill to rated speed [ms]; 0 means no ramp
+    ramp_gain: int = 0  # speed at which the ramp starts [1/1000 of rated speed]
 
 
 class BoardGeometry(NamedTuple):
     """The differential geometry in the motor board's own units."""
 
-    axis_radius: int
-    """Half the distance between the wheels [0.01 mm]."""
-    wheel_radius: int
-    """Wheel radius [0.01 mm]."""
-    gearbox: int
-    """Motor turns per wheel turn [0.1]."""
-    encoder_counts: int
-    """Counts per motor turn [0.1]."""
+    axis_radius: int  # half the distance between the wheels [0.01 mm]
+    wheel_radius: int  # wheel radius [0.01 mm]
+    gearbox: int  # motor turns per wheel turn [0.1]
+    encoder_counts: int  # counts per motor turn [0.1]
 
 
 class Mode(Enum):

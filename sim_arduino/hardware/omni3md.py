@@ -15,8 +15,7 @@ from .omni_wheels import shares_for
 from .robot_physics import RobotPhysics
 
 ADDRESS = 0x18
-MOST_PRESCALE = 4
-"""Largest prescaler: 10000 pulses a count."""
+MOST_PRESCALE = 4  # largest prescaler: 10000 pulses a count
 _CALIBRATION_S = 1.0
 
 

@@ -17,10 +17,8 @@ from .dc_motor import DcMotor
 from .motor import ControlSettings, Motor, MotorParams
 from .omni_wheels import OMNI_ANGLES_RAD, twist_of
 
-MAX_STEP_S = 0.02
-"""Longest step that is integrated as one arc while the robot moves [s]."""
-_REST_STEP_S = 1.0
-"""Longest step while the robot stands still, for battery and temperature [s]."""
+MAX_STEP_S = 0.02  # longest step that is integrated as one arc while the robot moves [s]
+_REST_STEP_S = 1.0  # longest step while the robot stands still, for battery and temperature [s]
 _ROTOR_S, _BODY_S = 0.057, 0.023
 """Parts of a motor's time constant [s]: its rotor, and the robot's body at a load of 1, with 39 mm wheels and a stall
 torque of 1.8 Nm; estimated."""
@@ -39,30 +37,23 @@ class Params(NamedTuple):
     left_m_per_count: float
     right_m_per_count: float
     wheel_separation_m: float
-    turn_slip: float
-    """Share of the yaw that the tracks lose by slip in a turn, 0 to below 1."""
-    omni_radius_m: float
-    """Distance of three omni wheels from the middle [m]; 0 means two wheels or tracks."""
+    turn_slip: float  # share of the yaw that the tracks lose by slip in a turn, 0 to below 1
+    omni_radius_m: float  # distance of three omni wheels from the middle [m]; 0 means two wheels or tracks
     omni_angles_rad: Tuple[float, ...]
     """Angles at which the wheels of motors 1, 2 and 3 are mounted, counter-clockwise from forward."""
-    control_hz: float
-    """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
+    control_hz: float  # rate of the motor board's control loop [Hz]: 10, 20 or 40
     capacity_ah: float
     rest_curve: Tuple[Tuple[float, float], ...]
     """Battery voltage at no load, as pairs of charge (1 full, 0 empty) and voltage [V], rising."""
-    wheel_noise: float
-    """Variance of a wheel's distance on the floor, per distance [m2/m]."""
-    turn_noise: float
-    """Variance of the yaw by slip, per angle turned [rad2/rad]."""
+    wheel_noise: float  # variance of a wheel's distance on the floor, per distance [m2/m]
+    turn_noise: float  # variance of the yaw by slip, per angle turned [rad2/rad]
     resistance_ohm: float = 0.15
     idle_a: float = 1.3
     """Current with the motors at rest [A].  It and `running_a` are chosen: packs last 2 to 3 h, less at higher speed,
     as the published ones (Araujo 2012); here 2.8 h at 50 mm/s and 2.3 h at 200 mm/s.
     """
-    running_a: float = 1.6
-    """Current of one motor at its no-load speed [A]."""
-    starting_a: float = 5.0
-    """Additional current of one stalled motor at full duty [A]."""
+    running_a: float = 1.6  # current of one motor at its no-load speed [A]
+    starting_a: float = 5.0  # additional current of one stalled motor at full duty [A]
     ambient_c: float = 25.0
     heating_c_per_a: float = 6.0
     """Final temperature rise of the motor board per ampere through the motors [degC/A]."""
@@ -77,34 +68,23 @@ class State:
     y_m: float
     yaw_rad: float
     temperature_c: float
-    to_tick_s: float = field(repr=False)
-    """Time to the motor board's next control tick [s]."""
-    charge: float = 1.0
-    """Charge of the battery: 1 full, 0 empty, below 0 over-discharged."""
-    battery_v: float = 0.0
-    """Voltage at the motor board, under load [V]."""
-    bumped: bool = False
-    """An obstacle stopped a part of the last motion, and the wheels slipped."""
+    to_tick_s: float = field(repr=False)  # time to the motor board's next control tick [s]
+    charge: float = 1.0  # charge of the battery: 1 full, 0 empty, below 0 over-discharged
+    battery_v: float = 0.0  # voltage at the motor board, under load [V]
+    bumped: bool = False  # an obstacle stopped a part of the last motion, and the wheels slipped
 
 
 class Errors(NamedTuple):
     """Differences between one robot and its model, which calibration finds."""
 
     left_scale: float = 1.0
-    right_scale: float = 1.0
-    """True size of each wheel divided by the model's."""
-    axle_scale: float = 1.0
-    """True distance between the wheels divided by the model's."""
-    turn_slip: float = 0.0
-    """Share of the yaw that is lost by slip in a turn."""
-    load: float = 1.0
-    """True mass divided by the model's."""
-    control_hz: float = 20.0
-    """Rate of the motor board's control loop [Hz]: 10, 20 or 40."""
-    wheel_noise: float = 0.0
-    """Variance of a wheel's distance on the floor, per distance [m2/m]."""
-    turn_noise: float = 0.0
-    """Variance of the yaw by slip, per angle turned [rad2/rad]."""
+    right_scale: float = 1.0  # true size of each wheel divided by the model's
+    axle_scale: float = 1.0  # true distance between the wheels divided by the model's
+    turn_slip: float = 0.0  # share of the yaw that is lost by slip in a turn
+    load: float = 1.0  # true mass divided by the model's
+    control_hz: float = 20.0  # rate of the motor board's control loop [Hz]: 10, 20 or 40
+    wheel_noise: float = 0.0  # variance of a wheel's distance on the floor, per distance [m2/m]
+    turn_noise: float = 0.0  # variance of the yaw by slip, per angle turned [rad2/rad]
     encoder_phase: float = 0.0
     """Delay of the edges of an encoder's channel B on an H-bridge board, as a share of a count, -0.45 to 0.45."""
 

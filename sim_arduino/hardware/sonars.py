@@ -15,13 +15,11 @@ from sim_arduino.world.world import World
 
 _ORDER = ("front", "left", "right")
 READING_S = 0.1
-START_S = 0.25
-"""Time from power on to the first possible reading [s]."""
+START_S = 0.25  # time from power on to the first possible reading [s]
 SOUND_M_S = 343.0
 HALF_CONE_RAD = math.radians(18.0)
 DEAD_ZONE_M, RANGE_M = 0.15, 6.45
-FULL_COUNT = 645
-"""ADC count of a sensor with nothing in range."""
+FULL_COUNT = 645  # ADC count of a sensor with nothing in range
 _A, _B, _C = 1.1767, 0.94657, -0.3759
 VOLTS_PER_COUNT = 5.0 / 1024.0
 
@@ -29,22 +27,17 @@ VOLTS_PER_COUNT = 5.0 / 1024.0
 class SonarErrors(NamedTuple):
     """Errors of the readings; none by default."""
 
-    noise: float = 0.0
-    """Standard deviation of the range [m]."""
-    missed: float = 0.0
-    """Share of readings whose echo is lost, so that nothing seems to be in range."""
+    noise: float = 0.0  # standard deviation of the range [m]
+    missed: float = 0.0  # share of readings whose echo is lost, so that nothing seems to be in range
     crosstalk: float = 0.0
     """Share of foreign pings that count as the echo if they come first.
 
     Foreign pings are echoes of the previous sensor in the chain, and pings that other robots' sonars send directly into
     this one at random times.
     """
-    gain: float = 1.0
-    """Factor of the curve that gives this sensor's distances, divided by the thesis's."""
-    exponent: float = 1.0
-    """Exponent of this curve, divided by the thesis's."""
-    offset: float = 0.0
-    """Constant of this curve, minus the thesis's [m]."""
+    gain: float = 1.0  # factor of the curve that gives this sensor's distances, divided by the thesis's
+    exponent: float = 1.0  # exponent of this curve, divided by the thesis's
+    offset: float = 0.0  # constant of this curve, minus the thesis's [m]
 
 
 FLAWLESS = SonarErrors()

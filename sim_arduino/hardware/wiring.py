@@ -30,14 +30,11 @@ from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 from .xbee import RadioFit, XBee
 
-FAN, DUST, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 8, 12, 13, 15
-"""Pins of the board (Arduino numbers)."""
+FAN, DUST, SONAR_TRIGGER, SONAR_POWER, HEATER = 7, 8, 12, 13, 15  # pins of the board (Arduino numbers)
 IMU_ADDRESS, IMU_BESIDE_THERMOPILE = 0x68, 0x69
 """Address of the IMU; the environment-sensor build has its thermopile at the first, so that the IMU's AD0 is high."""
-STANDING = "traxbot"
-"""Model of the body under a board without motors: it stands still."""
-TRACK_SLIP = 0.1
-"""Share of the yaw that a TraxBot's tracks lose in a turn if slip is on; wheels lose nothing."""
+STANDING = "traxbot"  # model of the body under a board without motors: it stands still
+TRACK_SLIP = 0.1  # share of the yaw that a TraxBot's tracks lose in a turn if slip is on; wheels lose nothing
 
 
 class Plant:

@@ -17,24 +17,17 @@ from sim_arduino.world.radio import DISCOVERY_S, Delivery, Place, RadioMedium, R
 from . import xbee_packets
 from .xbee_packets import AT_COMMAND, AT_RESPONSE, RECEIVED, TRANSMIT, TRANSMIT_STATUS, PacketReader
 
-BAUD = 9600
-"""Factory setting, and that of the board."""
-BROADCAST = 0xFFFF
-"""64-bit address of all radios."""
-LOWEST_ADDRESS = 0x10000
-"""First 64-bit address that a module can have here."""
-DIGI = 0x0013A200
-"""First half of the addresses of all XBee modules."""
+BAUD = 9600  # factory setting, and that of the board
+BROADCAST = 0xFFFF  # 64-bit address of all radios
+LOWEST_ADDRESS = 0x10000  # first 64-bit address that a module can have here
+DIGI = 0x0013A200  # first half of the addresses of all XBee modules
 UNKNOWN_NETWORK = 0xFFFE
-LONGEST_TEXT = 84
-"""NP of a module without encryption [byte]."""
+LONGEST_TEXT = 84  # NP of a module without encryption [byte]
 LONGEST_NODE = 20
-OK, ERROR, INVALID_COMMAND, INVALID_PARAMETER = 0, 1, 2, 3
-"""Status of an AT command's response."""
+OK, ERROR, INVALID_COMMAND, INVALID_PARAMETER = 0, 1, 2, 3  # status of an AT command's response
 DELIVERED, NO_ACKNOWLEDGEMENT, SELF_ADDRESSED, ADDRESS_NOT_FOUND, TEXT_TOO_LONG = 0x00, 0x21, 0x23, 0x24, 0x74
 """Delivery status."""
-ACKNOWLEDGED, BROADCASTED = 0x01, 0x02
-"""Options of a received packet."""
+ACKNOWLEDGED, BROADCASTED = 0x01, 0x02  # options of a received packet
 _NO_DISCOVERY, _ADDRESS_DISCOVERY = 0x00, 0x01
 _NO_PARENT, _ROUTER, _PROFILE, _MANUFACTURER = 0xFFFE, 1, 0xC105, 0x101E
 _LARGEST_NETWORK = 0xFFF7

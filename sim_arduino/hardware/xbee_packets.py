@@ -3,8 +3,7 @@
 from typing import Iterator
 
 DELIMITER = 0x7E
-LONGEST = 0x100
-"""Packets with more data are not accepted as such [byte]."""
+LONGEST = 0x100  # packets with more data are not accepted as such [byte]
 
 AT_COMMAND, TRANSMIT, AT_RESPONSE, TRANSMIT_STATUS, RECEIVED = 0x08, 0x10, 0x88, 0x8B, 0x90
 """Types of packets: the first byte of their data."""

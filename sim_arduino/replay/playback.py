@@ -17,8 +17,7 @@ from sim_arduino.serve.socket_port import read_all
 
 POLL_S = 0.02
 QUIET_POLLS = 5
-LISTENER_S = 1.0
-"""A program that has not sent the recorded request within this time counts as a listener."""
+LISTENER_S = 1.0  # a program that has not sent the recorded request within this time counts as a listener
 MOST_ASKED = 100
 _REQUEST = re.compile(rb"@([0-9]{1,5})[,e]")
 

@@ -61,18 +61,13 @@ class Options(NamedTuple):
     faults: Tuple[str, ...] = ()
     wiring: Optional[int] = None
     imu: bool = False
-    imu_seed: int = 0
-    """Draws the errors of the IMU, see `ImuErrors.drawn`; 0: it has none."""
-    imu_errors: Optional[ImuErrors] = None
-    """Errors of the IMU in place of drawn ones."""
-    environment_errors: EnvironmentErrors = PERFECT
-    """Errors of the environment sensors; `seed` draws them."""
+    imu_seed: int = 0  # draws the errors of the IMU, see `ImuErrors.drawn`; 0: it has none
+    imu_errors: Optional[ImuErrors] = None  # errors of the IMU in place of drawn ones
+    environment_errors: EnvironmentErrors = PERFECT  # errors of the environment sensors; `seed` draws them
     radio: Optional[str] = None
     """64-bit address of a radio in hexadecimal; `OWN_ADDRESS` makes one of the robot's name; None: no radio."""
-    radio_range: float = math.inf
-    """Largest distance at which it receives others and they receive it [m]."""
-    radio_loss: float = 0.0
-    """Share of the radio packets that this radio does not receive."""
+    radio_range: float = math.inf  # largest distance at which it receives others and they receive it [m]
+    radio_loss: float = 0.0  # share of the radio packets that this radio does not receive
 
 
 class Emulated(NamedTuple):

@@ -22,8 +22,7 @@ CLOSE_WAIT_S, CHECK_S = 1.0, 0.02
 
 roslaunch ends both at the same time; without the wait, the host would report a lost link.
 """
-EMULATED = "sim"
-"""In the ports of a team: this robot is emulated."""
+EMULATED = "sim"  # in the ports of a team: this robot is emulated
 
 
 class Shutdown:

@@ -20,8 +20,7 @@ from sim_arduino.hardware.wiring import Plant
 from .control import Control
 from .socket_port import BoardPort, read_all
 
-HEARTBEAT_S = 0.1
-"""Longest wait; if a pause is longer than requested, this process has stalled."""
+HEARTBEAT_S = 0.1  # longest wait; if a pause is longer than requested, this process has stalled
 STALL_S = 0.25
 TRUTH_PERIOD_S = 0.05
 SLOWEST, FASTEST = 0.01, 1000.0
@@ -36,8 +35,7 @@ ROUND_S = 0.001
 class Watcher(Protocol):
     """An object that looks at the robot from time to time."""
 
-    due_s: float
-    """Time of the next look, in the board's time [s]."""
+    due_s: float  # time of the next look, in the board's time [s]
 
     def look(self, now_s: float) -> None:
         """Looks at the robot, and sets the next `due_s`."""

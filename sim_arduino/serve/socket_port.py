@@ -7,8 +7,7 @@ from mrl_driver.transport.listener import Listener, listen
 
 from .pty import EVERYTHING, READ_BYTES, PtyPort
 
-MOST_WAITING = 1 << 20
-"""More than the system keeps of what a host has sent [byte]."""
+MOST_WAITING = 1 << 20  # more than the system keeps of what a host has sent [byte]
 
 
 class SocketPort:

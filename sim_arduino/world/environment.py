@@ -16,14 +16,10 @@ PIXELS = 8
 class Environment:
     """The environment values at the robot's position."""
 
-    alcohol_count: int = 900
-    """ADC count of the MQ303A; falls with concentration."""
-    light_count: int = 500
-    """ADC count of the LDR."""
-    dust_pcs_l: float = 300.0
-    """Particles of 1 um and larger per litre."""
+    alcohol_count: int = 900  # ADC count of the MQ303A; falls with concentration
+    light_count: int = 500  # ADC count of the LDR
+    dust_pcs_l: float = 300.0  # particles of 1 um and larger per litre
     ambient_c: float = 22.0
-    pixels_c: Tuple[float, ...] = (22.0,) * 8
-    """Temperatures of the eight pixels of the TPA81 [degC]."""
+    pixels_c: Tuple[float, ...] = (22.0,) * 8  # temperatures of the eight pixels of the TPA81 [degC]
     others: Dict[str, float] = field(default_factory=lambda: {row.name: row.usual for row in OTHERS})
     """Values of all other sensors of the table, by name, in the unit of their fields."""

@@ -25,10 +25,8 @@ OCCUPIED, FREE, UNKNOWN = 100, 0, -1
 _MOST_CELLS = 64_000_000
 _LONGEST_HEADER = _LONGEST_SIDE = 65536
 """Longest header of a PGM [byte], and longest side of a picture [cell]."""
-_MOST_BYTES = 2 * _MOST_CELLS + _LONGEST_HEADER
-"""Longest picture: two bytes for each cell, and the header."""
-_MOST_WALLS = 1_000_000
-"""A map with more outlines than this is noise."""
+_MOST_BYTES = 2 * _MOST_CELLS + _LONGEST_HEADER  # longest picture: two bytes for each cell, and the header
+_MOST_WALLS = 1_000_000  # a map with more outlines than this is noise
 _MOST_DRAWN, _MOST_POINTS = 16_000_000, 200_000_000
 """Most cells of a map that is drawn, and most points that are drawn on its walls, four in each cell."""
 _SHARE = Number(0.0, 1.0)

@@ -24,8 +24,7 @@ BROADCAST_SENDS, BROADCAST_PAUSE_S = 3, 0.5
 """Times that a broadcast is sent (Digi ZB manual), and time between them [s] (nwkPassiveAckTimeout, ZigBee)."""
 DISCOVERY_S = 6.0
 """Time in which nodes answer a search [s]: NT is 60 times 100 ms; each waits for a random time (Digi, command NT)."""
-BYTE_S = 8 / 250e3
-"""Time of a byte in the air [s] (802.15.4, 2.4 GHz)."""
+BYTE_S = 8 / 250e3  # time of a byte in the air [s] (802.15.4, 2.4 GHz)
 HEADERS = 6 + 11 + 24 + 8
 """Bytes around a text: PHY, MAC, network layer with 64-bit addresses, application layer (802.15.4, ZigBee)."""
 BACKOFF_S, BACKOFFS = 320e-6, 7

@@ -7,8 +7,7 @@ import numpy as np
 
 from mrl_driver.geometry import Pose, wrap_angles
 
-_EDGE = 1e-9
-"""Walls are widened by this [ray], so that no ray passes between two walls that meet."""
+_EDGE = 1e-9  # walls are widened by this [ray], so that no ray passes between two walls that meet
 
 
 def _in_frame(walls: Any, pose: Pose) -> Any:

@@ -11,8 +11,7 @@ from typing import Callable, Dict, NamedTuple, Tuple
 from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.world.environment import PIXELS, Environment
 
-PIXEL_RAD = math.radians(5.12)
-"""Width of one of the TPA81's eight pixels, side by side (data sheet)."""
+PIXEL_RAD = math.radians(5.12)  # width of one of the TPA81's eight pixels, side by side (data sheet)
 
 
 class Source(NamedTuple):
@@ -20,8 +19,7 @@ class Source(NamedTuple):
 
     x_m: float
     y_m: float
-    value: float
-    """Value at the centre, in the unit of the sensor."""
+    value: float  # value at the centre, in the unit of the sensor
     reach_m: float
     """Distance at which 1/e of the value is left [m]; for heat, the radius of the hot object [m]."""
 
@@ -38,8 +36,7 @@ class Scene(NamedTuple):
     gas: Sources = ()
     dust: Sources = ()
     light: Sources = ()
-    north_rad: float = math.pi / 2
-    """Direction of north, counter-clockwise from x."""
+    north_rad: float = math.pi / 2  # direction of north, counter-clockwise from x
     others: Dict[str, Sources] = {}  # noqa: RUF012 - never changed
     """Sources for all other sensors of the table, by name, in the unit of their fields."""
 

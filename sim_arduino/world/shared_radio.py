@@ -21,14 +21,12 @@ from .robots import RobotRegistry
 from .shared_robots import folder_of, held_file, is_held, is_locked
 
 _SUFFIX = ".radio"
-_ROW_BYTES = 512
-"""A file always has this size: JSON, and blanks behind it."""
+_ROW_BYTES = 512  # a file always has this size: JSON, and blanks behind it
 _HEAD = struct.Struct("<ddQH?")
 """Time of the monotonic clock [s], delay [s], 64-bit and network address of the sender, whether it is a broadcast; the
 text follows."""
 _LONGEST = 1024
-OLD_S = 1.0
-"""A packet that its process has not taken after this time is lost, as with a board that hangs [s]."""
+OLD_S = 1.0  # a packet that its process has not taken after this time is lost, as with a board that hangs [s]
 
 
 class _Own(NamedTuple):

@@ -20,12 +20,10 @@ from mrl_driver.geometry import Pose
 from .robots import NAME, NAME_TEXT, Mover, RobotRegistry
 from .shapes import Footprint
 
-_ROW = struct.Struct("<Q5d?7x")
-"""Version, odd while being written; x y yaw, length width, whether a circle."""
+_ROW = struct.Struct("<Q5d?7x")  # version, odd while being written; x y yaw, length width, whether a circle
 _VERSION = struct.Struct("<Q")
 _SUFFIX = ".robot"
-LOOK_S = 0.5
-"""The folder is searched for new and removed robots after this time [s]."""
+LOOK_S = 0.5  # the folder is searched for new and removed robots after this time [s]
 _TRIES = 20
 
 

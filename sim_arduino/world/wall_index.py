@@ -7,8 +7,7 @@ from mrl_driver.geometry import Pose
 
 from .shapes import Wall, distance, nearest_in_cone
 
-FEW = 96
-"""Up to this number of walls a loop is as fast as arrays, and it starts faster."""
+FEW = 96  # up to this number of walls a loop is as fast as arrays, and it starts faster
 
 
 class WallIndex:

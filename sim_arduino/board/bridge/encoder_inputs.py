@@ -6,10 +6,8 @@ from typing import Dict, Iterable, Mapping, NamedTuple, Sequence, Tuple
 from mrl_driver.protocol.table import TICK_S
 from sim_arduino.hardware.bridge_plant import ENCODER_PINS, PinEdge
 
-SAMPLE_TICKS = 78
-"""Time between two samples [64 us]: 4.992 ms, 200.3 Hz."""
-MOST_EDGES = 250
-"""This many edges between two samples mask an encoder's interrupt."""
+SAMPLE_TICKS = 78  # time between two samples [64 us]: 4.992 ms, 200.3 Hz
+MOST_EDGES = 250  # this many edges between two samples mask an encoder's interrupt
 MOST_IMPOSSIBLE = 65535
 READ_S, INTERRUPT_S = 1.0e-6, 4.2e-6
 """Time from an edge until the interrupt reads the pins, and until it ends [s]: 16 and 67 cycles of the chip.  Edges
@@ -24,10 +22,8 @@ class EncoderSample(NamedTuple):
     """What the sampling interrupt has latched.  Counts and ticks wrap at 16 bits."""
 
     counts: Tuple[int, int]
-    edge_ticks: Tuple[int, int]
-    """Times of the last edges that counted [64 us]."""
-    tick: int
-    """Time of the sample [64 us]."""
+    edge_ticks: Tuple[int, int]  # times of the last edges that counted [64 us]
+    tick: int  # time of the sample [64 us]
 
 
 class _Input:

@@ -7,12 +7,10 @@ from mrl_driver.protocol.frames import to_int16
 from .integers import INT16_MAX, uint16
 from .wheel_settings import PERIOD_TICKS, WheelSettings
 
-CYCLE = 4
-"""Edges of both channels in a cycle; they are not evenly spaced."""
+CYCLE = 4  # edges of both channels in a cycle; they are not evenly spaced
 LEAST_TICKS = 120
 MOST_COUNTS = 400
-STANDING = 200
-"""Samples without a change after which the wheel stands."""
+STANDING = 200  # samples without a change after which the wheel stands
 MARKS = 5
 
 

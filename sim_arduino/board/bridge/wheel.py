@@ -9,11 +9,9 @@ from .speed_estimate import SpeedEstimate
 from .wheel_settings import FULL, WheelSettings
 from .wheel_watch import WheelWatch
 
-REACHED = 2
-"""Counts within which a positional move is at its end."""
+REACHED = 2  # counts within which a positional move is at its end
 FAR = 5000
-SLOWEST = FULL // 64
-"""Speed of a positional move near its end."""
+SLOWEST = FULL // 64  # speed of a positional move near its end
 INTEGRAL_MOST = FULL << 16
 
 

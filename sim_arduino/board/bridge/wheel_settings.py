@@ -12,48 +12,32 @@ from .integers import UINT16_MAX
 FULL = 16384
 PERIOD_TICKS = 78
 
-MOST_COUNTS = 34_000_000
-"""Largest number of counts a wheel turn [0.01]."""
+MOST_COUNTS = 34_000_000  # largest number of counts a wheel turn [0.01]
 FEWEST_Q8, MOST_Q8 = 64, 32767
-COUNTS = 587
-"""6000 / (4.992 ms * 256 * 8)."""
-PER_COUNT_TICK = 327155712
-"""FULL * PERIOD_TICKS * 256."""
-PER_COUNT = 26800596
-"""FULL * 4.992 ms / 200 ms * 256 * 256."""
-PER_MM_S = 4005265287
-"""FULL * 256 * 6000 / (2 pi)."""
-RAMP = 20937966
-"""FULL * 256 * 4.992 ms."""
+COUNTS = 587  # 6000 / (4.992 ms * 256 * 8)
+PER_COUNT_TICK = 327155712  # FULL * PERIOD_TICKS * 256
+PER_COUNT = 26800596  # FULL * 4.992 ms / 200 ms * 256 * 256
+PER_MM_S = 4005265287  # FULL * 256 * 6000 / (2 pi)
+RAMP = 20937966  # FULL * 256 * 4.992 ms
 
 
 class WheelSettings(NamedTuple):
     """Settings of both wheels."""
 
-    full_counts_q8: int
-    """Counts a period at full speed."""
-    share_per_count_tick: int
-    """Speed is counts times this, divided by ticks."""
-    share_per_count_q8: int
-    """Speed of a positional move for each count that is left: 1 / (200 ms)."""
+    full_counts_q8: int  # counts a period at full speed
+    share_per_count_tick: int  # speed is counts times this, divided by ticks
+    share_per_count_q8: int  # speed of a positional move for each count that is left: 1 / (200 ms)
     share_per_mm_s_q8: int
     share_per_mrad_s_q12: int
-    ramp_q8: int
-    """Largest change of the setpoint in a period."""
-    kp_q10: int
-    """Duty for each share of error."""
-    target_gain_q10: int
-    """Duty for each share of the setpoint: kp, but at least the feed-forward."""
-    ki_q16: int
-    """Duty for each share of error in a period."""
-    friction: int
-    """Duty at which a wheel begins to turn."""
-    pause_periods: int
-    """Periods for which a reversal rests at zero."""
+    ramp_q8: int  # largest change of the setpoint in a period
+    kp_q10: int  # duty for each share of error
+    target_gain_q10: int  # duty for each share of the setpoint: kp, but at least the feed-forward
+    ki_q16: int  # duty for each share of error in a period
+    friction: int  # duty at which a wheel begins to turn
+    pause_periods: int  # periods for which a reversal rests at zero
 
 
-NO_SETTINGS = WheelSettings(*[0] * len(WheelSettings._fields))
-"""Before the parameters have been taken."""
+NO_SETTINGS = WheelSettings(*[0] * len(WheelSettings._fields))  # before the parameters have been taken
 
 
 def _times(value: int, factor_q16: int) -> int:

@@ -7,11 +7,9 @@ from .wheel_settings import FULL, WheelSettings
 WRONG_PERIODS = 16
 WRONG_COUNTS = 2
 PATIENCE = 100
-ALIVE = 16
-"""Counts after which an encoder is known to work."""
+ALIVE = 16  # counts after which an encoder is known to work
 DRIVEN, AT_FULL = FULL // 2, FULL // 16 * 15
-PLAY = 2
-"""Counts within which a wheel has not moved."""
+PLAY = 2  # counts within which a wheel has not moved
 SILENT_PERIODS, BLOCKED_PERIODS = 20, 40
 EXPECTED_Q8 = 32 << 8
 _UINT8_MAX = 255
