@@ -8,7 +8,7 @@ Without a terminal, on a dumb terminal, or without the library `rich`, it prints
 import math
 import sys
 import time
-from typing import List, Optional
+from typing import Any, Dict
 
 import rosgraph
 import rospy
@@ -18,8 +18,8 @@ from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal import live_view
 from mrl_driver.view.shown_state import line_of
 from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel
-from ros1_bridge.node.parameters import Row, read
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.parameters import Row
+from ros1_bridge.node.run_node import node
 from ros1_bridge.topics.topic_robot import TopicRobot
 
 from .demo_screen import PATIENCE_S, DemoScreen
@@ -74,13 +74,8 @@ def can_show_screen() -> bool:
     return able and sys.stdin.isatty()
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; exit code 1 if a run with a duration saw no odometry."""
-    return run_node("demo_view", _run, argv)
-
-
-def _run() -> int:
-    given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+def _run(given: Dict[str, Any]) -> int:
+    """Show the robot until the end; 1 if a run with a duration saw no odometry."""
     robot = topic_robot(given["robot"])
     master = f"ROS_MASTER_URI={rosgraph.get_master_uri()}"
     screen = DemoScreen(robot, master, given["square"], given["duration"])
@@ -101,3 +96,6 @@ def _run() -> int:
 def _say(text: str) -> None:
     sys.stdout.write(text + "\n")
     sys.stdout.flush()
+
+
+main = node("demo_view", PARAMETERS, _run)

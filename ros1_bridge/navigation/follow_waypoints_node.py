@@ -30,7 +30,7 @@ from mrl_driver.robot.radio import format_address, parse_address
 from mrl_driver.yaml_file import is_number
 from ros1_bridge.node.parameters import Row, read
 from ros1_bridge.node.plane_poses import FARTHEST_M, planar, write_pose
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 
 POLL_S = 0.1
 SILENT_S = 3.0  # move_base has ended if it publishes no status for this long; it sends five a second
@@ -123,14 +123,12 @@ def ends_tour(cancel: GoalID, ordered: rospy.Time) -> bool:
 class FollowWaypoints:
     """Drives one robot through its waypoints."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
+    def __init__(self, found: Dict[str, Any], space: str) -> None:
+        """`found`: the private parameters, those of the namespace `space`.
 
         Raises:
             ConfigError: a parameter is wrong.
         """
-        space = rospy.get_name()
-        found = rospy.get_param(space, {}) or {}
         if isinstance(found.get("shared"), int):  # as `_shared:=1` is read
             found["shared"] = str(found["shared"])
         poses = read_waypoints(found.get(LIST, []), f"{space}/{LIST}")
@@ -374,6 +372,4 @@ class FollowWaypoints:
         return made
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("follow_waypoints", lambda: FollowWaypoints().run(), argv)
+main = node("follow_waypoints", FollowWaypoints, FollowWaypoints.run)

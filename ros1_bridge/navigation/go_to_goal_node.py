@@ -7,7 +7,7 @@ The node takes goals from the action, from `move_base_simple/goal` (rviz's 2D Na
 import math
 import threading
 import time
-from typing import Dict, List, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 import actionlib
 import rospy
@@ -26,9 +26,9 @@ from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.node.cmd_vel import CmdVel
-from ros1_bridge.node.parameters import Row, read, speed_rows
+from ros1_bridge.node.parameters import Row, speed_rows
 from ros1_bridge.node.plane_poses import planar, transform_pose, write_pose
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 from ros1_bridge.node.stamp_age import StampAge
 
 RATE_HZ = 20.0
@@ -123,13 +123,7 @@ class Ranges:
 class GoToGoal:
     """Drives one robot to its goals."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
-
-        Raises:
-            ConfigError: a parameter is wrong.
-        """
-        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    def __init__(self, given: Dict[str, Any]) -> None:
         self._limits = Limits(given["linear_speed"], given["angular_speed"], math.inf, math.inf)
         self._avoid, self._patience_s = given["avoid"], given["patience"]
         self._odometry: Optional[Odometry] = None
@@ -158,7 +152,7 @@ class GoToGoal:
         rospy.Subscriber("manual_mode", Bool, self._on_manual_mode, queue_size=1)
         rospy.on_shutdown(self._end)
 
-    def take_goals(self) -> None:
+    def run(self) -> None:
         """Offer the action after the first odometry, then take goals from topics: each can be driven to at once."""
         start_s = time.monotonic()
         while not self._located.wait(POLL_S):
@@ -173,6 +167,7 @@ class GoToGoal:
             return
         rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_goal, queue_size=1)
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
+        rospy.spin()
 
     def _end(self) -> None:
         """End the goal, so that the client gets its result before the topics close."""
@@ -365,11 +360,4 @@ class GoToGoal:
         self._plan.publish(Path(odometry.header, [PoseStamped(odometry.header, odometry.pose.pose), end]))
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("go_to_goal", _run, argv)
-
-
-def _run() -> None:
-    GoToGoal().take_goals()
-    rospy.spin()
+main = node("go_to_goal", PARAMETERS, lambda given: GoToGoal(given).run())

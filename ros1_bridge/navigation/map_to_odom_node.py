@@ -8,7 +8,7 @@ these lookups would fail after 0.5 s.  This node publishes the transform in its 
 import math
 import threading
 import time
-from typing import List, Optional
+from typing import Any, Dict
 
 import rospy
 import tf2_ros
@@ -16,9 +16,9 @@ from geometry_msgs.msg import PoseStamped
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
-from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.plane_poses import correction, planar, transform_pose
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 from ros1_bridge.node.stamp_age import StampAge
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
@@ -50,13 +50,7 @@ PARAMETERS = (
 class MapToOdom:
     """Publishes one transform."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
-
-        Raises:
-            ConfigError: a parameter is wrong.
-        """
-        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    def __init__(self, given: Dict[str, Any]) -> None:
         self._map, self._odom, self._base = (given[f"{name}_frame"] for name in ("map", "odom", "base"))
         self._ahead = rospy.Duration(given["ahead"])
         self._lock = threading.Lock()  # guards the next two
@@ -116,6 +110,4 @@ class MapToOdom:
         return transform_pose(found.transform)
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("map_to_odom", lambda: MapToOdom().run(), argv)
+main = node("map_to_odom", PARAMETERS, lambda given: MapToOdom(given).run())

@@ -5,7 +5,7 @@ Each node has its rows in its own module; those of robot_node are in `robot_para
 
 import dataclasses
 import math
-from typing import Any, Dict, NamedTuple, Optional, Sequence, Tuple, get_type_hints
+from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple, get_type_hints
 
 from mrl_driver.errors import ConfigError
 
@@ -61,7 +61,9 @@ def speed_rows(
     )
 
 
-def read(rows: Sequence[Row], given: Any, namespace: str, lists: Sequence[str] = ()) -> Dict[str, Any]:
+def read(
+    rows: Sequence[Row], given: Mapping[str, Any], namespace: str, lists: Sequence[str] = ()
+) -> Dict[str, Any]:
     """Name to value of a node's parameters; `given` holds the contents of its private namespace.
 
     `lists` names parameters that the node reads by itself; they are left out.
@@ -69,14 +71,14 @@ def read(rows: Sequence[Row], given: Any, namespace: str, lists: Sequence[str] =
     Raises:
         ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
     """
-    found, names = given if isinstance(given, dict) else {}, [*lists, *(row.name for row in rows)]
-    for name in found:
+    names = [*lists, *(row.name for row in rows)]
+    for name in given:
         if name not in names:
             raise ConfigError(
                 f"parameter {namespace}/{name} is unknown, expected {', '.join(names)}; "
                 f"`rosparam delete {namespace}/{name}` removes one that an earlier run has left"
             )
-    return {row.name: _value(row, found.get(row.name), namespace) for row in rows}
+    return {row.name: _value(row, given.get(row.name), namespace) for row in rows}
 
 
 def expected(row: Row) -> str:

@@ -4,7 +4,7 @@ import io
 import signal
 import sys
 import threading
-from typing import Any, Callable, List, Optional
+from typing import Any, Callable, Optional, Sequence, Union
 
 import rosgraph
 import rospy
@@ -12,20 +12,33 @@ import rospy
 from mrl_driver.errors import MrlError
 
 from .master_watch import await_master
+from .parameters import Row, read
 
 
-def run_node(name: str, run: Callable[[], Optional[int]], argv: Optional[List[str]] = None) -> int:
-    """Start the node `name` and call `run`; returns the exit code.
+def node(
+    name: str,
+    parameters: Union[Sequence[Row], Callable[[Any, str], Any]],
+    run: Callable[[Any], Optional[int]],
+) -> Callable[[], int]:
+    """The `main` of a node: it returns the exit code.
 
-    It is what `run` returns, 0 for None; or that of the error if `run` raises one.
+    That is what `run` returns, 0 for None; or that of the error if it raises one.  `run` gets the checked private
+    parameters, by their rows or by what checks the contents of a namespace.
     """
+    return lambda: _run_node(name, parameters, run)
+
+
+def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]]) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # Python writes a file, as under roslaunch, in blocks
     try:
         await_master(rosgraph.get_master_uri(), rospy.logwarn)
-        rospy.init_node(name, argv=argv or sys.argv, disable_signals=True)
+        rospy.init_node(name, disable_signals=True)
         _end_on_signals()
-        return run() or 0
+        space = rospy.get_name()
+        found = rospy.get_param(space, {})
+        given = found if isinstance(found, dict) else {}
+        return run(parameters(given, space) if callable(parameters) else read(parameters, given, space)) or 0
     except rospy.ROSException:  # the shutdown has closed a publisher or a service meanwhile
         if not rospy.is_shutdown():
             raise

@@ -57,17 +57,16 @@ class Settings(NamedTuple):
     timeout_s: float
 
 
-def read_settings(given: Any, namespace: str) -> Settings:
+def read_settings(given: Dict[str, Any], namespace: str) -> Settings:
     """The settings in a node's private parameters.
 
     Raises:
         ConfigError: a value is missing, misspelt, out of range, or appears twice.
     """
-    if isinstance(given, dict):
-        given = {
-            key: ", ".join(map(str, each)) if isinstance(each, list) else each for key, each in given.items()
-        }
-    values = read(PARAMETERS, given, namespace)
+    texts = {
+        key: ", ".join(map(str, each)) if isinstance(each, list) else each for key, each in given.items()
+    }
+    values = read(PARAMETERS, texts, namespace)
     if not re.fullmatch(_NAME, values["name"]):
         raise ConfigError(f"parameter {namespace}/name is {values['name']!r}, expected a name such as robot1")
     send, peers, received = (

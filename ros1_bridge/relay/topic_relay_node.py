@@ -7,14 +7,14 @@ be installed.
 
 import contextlib
 import threading
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, Tuple
 
 import diagnostic_updater
 import rospy
 from std_msgs.msg import Bool
 
 from mrl_driver.errors import ConfigError
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 from ros1_bridge.topics.fast_publisher import direct_publisher
 
 from .relay_frames import Source
@@ -190,14 +190,9 @@ def _filled(status: Any, summary: Tuple[int, str], values: Dict[str, str]) -> An
     return status
 
 
-def _run() -> None:
-    relay = TopicRelay(read_settings(rospy.get_param(rospy.get_name(), {}), rospy.get_name()))
-    try:
+def _run(settings: Settings) -> None:
+    with contextlib.closing(TopicRelay(settings)) as relay:
         relay.run()
-    finally:
-        relay.close()
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("topic_relay", _run, argv)
+main = node("topic_relay", read_settings, _run)

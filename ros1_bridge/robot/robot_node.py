@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 import time
-from typing import Any, Callable, Dict, List, Optional, Set
+from typing import Any, Callable, Dict, Optional, Set
 
 import diagnostic_updater
 import rosgraph
@@ -34,7 +34,7 @@ from mrl_driver.session.handshake import Board
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.node.master_watch import MasterWatch
 from ros1_bridge.node.robot_parameters import Parameters, check, without_motors
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 from ros1_bridge.status.diagnostics import add_tasks
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
 from ros1_bridge.status.robot_status import StatusTeller
@@ -309,13 +309,9 @@ def _localisers() -> Set[str]:
         return set()
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code, which is that of the error if there was one."""
+def _run(parameters: Parameters) -> None:
     sys.setswitchinterval(SWITCH_S)
-    return run_node("robot_node", lambda: RobotNode(_parameters()).run(), argv)
+    RobotNode(parameters).run()
 
 
-def _parameters() -> Parameters:
-    name = rospy.get_name()
-    given = rospy.get_param(name, {})
-    return check(given if isinstance(given, dict) else {}, name)
+main = node("robot_node", check, _run)

@@ -8,7 +8,7 @@ as silent if `/clock` stands still.
 import contextlib
 import threading
 import time
-from typing import Any, Dict, List, Optional
+from typing import Any, Dict, List, Optional, Sequence
 
 import rospy
 from geometry_msgs.msg import Twist, TwistStamped, Vector3
@@ -16,10 +16,10 @@ from std_msgs.msg import Bool, Header, String
 
 from mrl_driver.errors import ConfigError
 from ros1_bridge.node.operator_cmd_vel import StampedCmdVel
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 from ros1_bridge.topics.messages import field_not_finite
 
-from .velocity_mux import VelocityMux, read_inputs
+from .velocity_mux import Input, VelocityMux, read_inputs
 
 PERIOD_S = 0.02  # a stop for a silent source is at most this late
 WARN_EVERY_S = 5.0
@@ -55,13 +55,8 @@ class _Out(StampedCmdVel):
 class CmdVelMux:
     """One multiplexer."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
-
-        Raises:
-            ConfigError: a parameter is wrong, or a source publishes on the output.
-        """
-        sources, locks = read_inputs(rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    def __init__(self, sources: Sequence[Input], locks: Sequence[Input]) -> None:
+        """Raises ConfigError if a source publishes on the output."""
         for source in sources:
             if rospy.resolve_name(source.topic) == rospy.resolve_name("cmd_vel"):
                 raise ConfigError(
@@ -128,6 +123,4 @@ class CmdVelMux:
             self._shown.publish(active)
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("cmd_vel_mux", lambda: CmdVelMux().run(), argv)
+main = node("cmd_vel_mux", read_inputs, lambda inputs: CmdVelMux(*inputs).run())

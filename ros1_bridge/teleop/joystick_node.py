@@ -5,7 +5,7 @@ drive.  If the joystick falls silent, the command timeout of the robot stops it.
 """
 
 import time
-from typing import List, Optional
+from typing import Any, Dict
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -14,8 +14,8 @@ from sensor_msgs.msg import Joy
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import Lateness
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
-from ros1_bridge.node.parameters import Row, read, speed_rows
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.parameters import Row, speed_rows
+from ros1_bridge.node.run_node import node
 
 from .joystick_mapping import LAYOUTS, Joystick
 
@@ -31,18 +31,16 @@ PARAMETERS = (
 class TeleopJoystick:
     """Publishes the commands of one joystick."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
-
-        Raises:
-            ConfigError: a parameter is wrong.
-        """
-        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    def __init__(self, given: Dict[str, Any]) -> None:
         self._joystick, self._told = Joystick(LAYOUTS[given["layout"]]), ""
         self._linear_m_s, self._angular_rad_s = given["linear_speed"], given["angular_speed"]
         self._out = OperatorCmdVel(given["max_delay"])
         self._lateness = Lateness()
         rospy.Subscriber("joy", Joy, self._on_joy, queue_size=1, tcp_nodelay=True)
+
+    def run(self) -> None:
+        """Drive until the shutdown."""
+        rospy.spin()
 
     def _on_joy(self, message: Joy) -> None:
         stamp_s = message.header.stamp.to_sec()
@@ -72,11 +70,4 @@ class TeleopJoystick:
         self._told = trouble
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("teleop_joystick", _run, argv)
-
-
-def _run() -> None:
-    node = TeleopJoystick()  # noqa: F841 - its subscriber lives as long as the node
-    rospy.spin()
+main = node("teleop_joystick", PARAMETERS, lambda given: TeleopJoystick(given).run())

@@ -3,7 +3,7 @@
 import math
 import sys
 import time
-from typing import List, Optional
+from typing import Any, Dict
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -13,8 +13,8 @@ from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
-from ros1_bridge.node.parameters import read, speed_rows
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.parameters import speed_rows
+from ros1_bridge.node.run_node import node
 
 PERIOD_S, SHOW_S = 0.05, 0.2
 HELP = "arrow keys or w a s d drive, space stops, q ends"
@@ -25,13 +25,7 @@ PARAMETERS = (*speed_rows("Speed forward and back", "Yaw rate", LINEAR_M_S, ANGU
 class TeleopKeyboard:
     """Drives from one terminal."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
-
-        Raises:
-            ConfigError: a parameter is wrong.
-        """
-        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    def __init__(self, given: Dict[str, Any]) -> None:
         self._linear, self._angular = (
             given["linear_speed"] / LINEAR_M_S,
             given["angular_speed"] / ANGULAR_RAD_S,
@@ -69,15 +63,13 @@ class TeleopKeyboard:
             sys.stdout.flush()
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("teleop_keyboard", _run, argv)
-
-
-def _run() -> None:
+def _run(given: Dict[str, Any]) -> None:
     if not sys.stdin.isatty():
         raise ConfigError("stdin is not a terminal; start the node in one, not in the background")
-    node = TeleopKeyboard()
+    teleop = TeleopKeyboard(given)
     rospy.loginfo(HELP)
     with Keyboard() as keyboard:
-        node.run(keyboard)
+        teleop.run(keyboard)
+
+
+main = node("teleop_keyboard", PARAMETERS, _run)

@@ -84,21 +84,20 @@ class VelocityMux:
         return locked or (lock.timeout_s > 0 and now_s - told_s > lock.timeout_s)
 
 
-def read_inputs(given: Any, namespace: str) -> Tuple[List[Input], List[Input]]:
+def read_inputs(given: Dict[str, Any], namespace: str) -> Tuple[List[Input], List[Input]]:
     """Sources and locks of a node's private parameters, `topics` and `locks` in twist_mux's format.
 
     Raises:
         ConfigError: a value is missing, out of range or unknown, or appears twice.
     """
-    found = given if isinstance(given, dict) else {}
-    unknown = [name for name in found if name not in _LISTS]
+    unknown = [name for name in given if name not in _LISTS]
     if unknown:
         raise ConfigError(f"parameter {namespace}/{unknown[0]} is unknown, expected {', '.join(_LISTS)}")
-    sources = _inputs(f"{namespace}/topics", found.get("topics"), "topics")
-    locks = _inputs(f"{namespace}/locks", found.get("locks", []), "locks")
+    sources = _inputs(f"{namespace}/topics", given.get("topics"), "topics")
+    locks = _inputs(f"{namespace}/locks", given.get("locks", []), "locks")
     if not sources:
         raise ConfigError(
-            f"parameter {namespace}/topics is {found.get('topics')!r}, expected at least one source"
+            f"parameter {namespace}/topics is {given.get('topics')!r}, expected at least one source"
         )
     _require_different(f"{namespace}/topics", sources, ("name", "topic", "priority"))
     _require_different(f"{namespace}/locks", locks, ("name", "topic"))

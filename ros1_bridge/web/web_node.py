@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from pathlib import Path
-from typing import Any, Callable, List, Optional, Set, Tuple
+from typing import Any, Callable, Dict, Set, Tuple
 
 import rosgraph
 import rospy
@@ -21,9 +21,9 @@ from mrl_driver.apps.web.robot import NO_MOTORS, PhoneReading
 from mrl_driver.errors import ConfigError
 from mrl_driver.safety.message_age import clock_s
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
-from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.robot_parameters import ROWS as ROBOT_ROWS
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 from ros1_bridge.topics.topic_robot import TopicRobot
 
 from . import phone_imu
@@ -79,13 +79,8 @@ class PageCommands:
 class WebNode:
     """Serves the page of the robot in this namespace."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
-
-        Raises:
-            ConfigError: a parameter is wrong, or the robot's model.
-        """
-        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    def __init__(self, given: Dict[str, Any]) -> None:
+        """Raises ConfigError if the address is wrong, or the robot's model."""
         self._settings = settings_for(given["listen"], tell=rospy.logwarn)
         self._topics = given["record"].split()
         self._node, self._slow = rospy.resolve_name(ROBOT), ""
@@ -194,6 +189,4 @@ def call(service: str) -> Tuple[bool, str]:
     return answer.success, answer.message
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("web_node", lambda: WebNode().run(), argv)
+main = node("web_node", PARAMETERS, lambda given: WebNode(given).run())

@@ -32,9 +32,9 @@ from mrl_driver.robot.sonar import NAMES
 from mrl_driver.safety.free_distance import COVERED_RAD
 from mrl_driver.safety.protective_zones import STALE_S
 from mrl_driver.yaml_file import short
-from ros1_bridge.node.parameters import Row, read
-from ros1_bridge.node.plane_poses import correction, planar, yaw_of
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.parameters import Row
+from ros1_bridge.node.plane_poses import correction, planar, transform_pose
+from ros1_bridge.node.run_node import node
 from ros1_bridge.node.stamp_age import StampAge
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.mirror import Margin, Mirror
@@ -146,7 +146,7 @@ class Place:
                 if found.header.stamp != rospy.Time() and age_s > PLACE_LATE_S:  # zero: it is static
                     self.origin, self.trouble = None, f"{self._map} to {odom} is {age_s:.1f} s old"
                     return None
-                self.origin = _pose_of(found.transform)
+                self.origin = transform_pose(found.transform)
             elif self._pose is not None:
                 place, stamp = self._pose
                 self._pose = None
@@ -161,13 +161,8 @@ class Place:
     def _odometry_at(self, odom: str, base: str, stamp: rospy.Time, now: Odometry) -> Pose:
         """Odometry at the time of the localised pose; if tf does not have it, the last one."""
         with contextlib.suppress(tf2_ros.TransformException):
-            return _pose_of(self._buffer.lookup_transform(odom, base, stamp).transform)
+            return transform_pose(self._buffer.lookup_transform(odom, base, stamp).transform)
         return planar(now.pose.pose)
-
-
-def _pose_of(transform: Any) -> Pose:
-    at = transform.translation
-    return Pose(at.x, at.y, yaw_of(transform.rotation))
 
 
 def _send(publisher: rospy.Publisher, message: Any) -> None:
@@ -182,13 +177,12 @@ def _send(publisher: rospy.Publisher, message: Any) -> None:
 class MirrorNode:
     """One real robot in a shared world."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters, and puts the robot into the world at its first odometry.
+    def __init__(self, given: Dict[str, Any]) -> None:
+        """Puts the robot into the world at its first odometry.
 
         Raises:
-            ConfigError: a parameter is wrong, the model has no body, or the robot's name is taken.
+            ConfigError: the model has no body, or the robot's name is taken.
         """
-        given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
         start = world_file.parse_pose(given["pose"], ORIGIN)
         self._name, self._laser = given["name"], given["laser"]
         self._join(given, start)
@@ -351,7 +345,7 @@ class MirrorNode:
             return None
         base = self._odometry.child_frame_id
         try:
-            return _pose_of(self._buffer.lookup_transform(base, frame, rospy.Time()).transform)
+            return transform_pose(self._buffer.lookup_transform(base, frame, rospy.Time()).transform)
         except (tf2_ros.TransformException, ValueError) as error:
             words = f"no transform from {frame or 'the frame of a range'} to {base}: {error}"
             rospy.logwarn_throttle(WARN_EVERY_S, one_line(words))
@@ -401,14 +395,9 @@ class MirrorNode:
         _send(self._status_out, DiagnosticStatus(level, "mirror", words, self._name, pairs))
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("mirror_node", _run, argv)
+def _run(given: Dict[str, Any]) -> None:
+    with contextlib.closing(MirrorNode(given)) as mirror:
+        mirror.run()
 
 
-def _run() -> None:
-    node = MirrorNode()
-    try:
-        node.run()
-    finally:
-        node.close()
+main = node("mirror_node", PARAMETERS, _run)

@@ -8,7 +8,7 @@ true position of each robot's odom frame in the map.
 
 import math
 import time
-from typing import Dict, List, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 import rospy
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -17,9 +17,9 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import ORIGIN, Pose, yaw_of
 from mrl_driver.robot import models
-from ros1_bridge.node.parameters import Row, read
+from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.plane_poses import correction
-from ros1_bridge.node.run_node import run_node
+from ros1_bridge.node.run_node import node
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
@@ -90,13 +90,9 @@ class RobotTopics:
 class WorldNode:
     """One world and the robots in it."""
 
-    def __init__(self) -> None:
-        """Reads the private parameters.
-
-        Raises:
-            ConfigError: a parameter is wrong, or there is no such world or robot model.
-        """
-        self.given = read(PARAMETERS, rospy.get_param(rospy.get_name(), {}), rospy.get_name())
+    def __init__(self, given: Dict[str, Any]) -> None:
+        """Raises ConfigError if there is no such world or robot model."""
+        self.given = given
         self.laser = URG_04LX._replace(mount=models.load(self.given["robot"]).laser)
         self.world = world_file.load(self.given["world"])
         self.world.registry = SharedRegistry(self.given["world_name"])
@@ -117,6 +113,4 @@ class WorldNode:
             rate.sleep()
 
 
-def main(argv: Optional[List[str]] = None) -> int:
-    """Run the node; returns the exit code."""
-    return run_node("world_node", lambda: WorldNode().run(), argv)
+main = node("world_node", PARAMETERS, lambda given: WorldNode(given).run())
