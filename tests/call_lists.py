@@ -13,8 +13,6 @@ from typing import Any, Dict, List, NamedTuple, Set, Tuple
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = tuple(f"{ROOT / name}/" for name in ("mrl_driver", "ros1_bridge"))
-
-
 DUE = (
     "mrl_driver/session/session.py:tick",
     "mrl_driver/driver/robot_core.py:limit_again",

@@ -8,8 +8,6 @@ from mrl_driver.errors import BoardTimeout
 from sim_arduino.serve import factory
 
 SILENT_S, STOPPED_S = 1.0, 0.6
-
-
 SILENCE = f"loss:rate=1,at={SILENT_S},direction=to_host"
 
 

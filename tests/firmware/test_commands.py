@@ -175,14 +175,6 @@ def test_the_last_move_survives_a_crowd(bench):
     assert board.counter("unavailable") == 5
 
 
-def test_pauses_of_the_motor_boards_eeprom_are_kept(bench):
-    """Nothing is written to it while it is busy, neither at the start nor later."""
-    board = bench(boot=False)
-    board.run(0.2)
-    board.raw(b"@2,1,2,3e@11,100,0e@3,1,0e@11,200,0e@6e", wait_s=0.1)
-    assert board.plant.motor_board.too_early == 0
-
-
 def test_counters_stay_at_their_maximum(bench):
     board = bench()
     board.raw(b"@" * 32800 + b"13e", wait_s=2.9)

@@ -153,8 +153,6 @@ def test_defaults_are_in_force_at_once(bench):
 
 
 GEOMETRY, GAINS, RAMP, TIMEOUT = 0xEA, 0xF4, 0xEC, 0xF1
-
-
 WITH_MOTOR_BOARD = [each.name for each in models.driven_models() if not each.board.get("bridge")]
 
 

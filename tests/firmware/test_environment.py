@@ -150,14 +150,10 @@ def dusty(board, seconds, percent):
         board.run(0.1)
 
 
-def test_dust_is_counted_over_half_a_minute(board):
-    dusty(board, 30.0, percent=2.0)
-    assert board.ask("read_dust").args[0] == pytest.approx(pieces_per_litre(2.0), rel=0.03)
-
-
-def test_dust_counts_before_the_first_half_minute_is_over(board):
-    dusty(board, 6.0, percent=2.0)
-    assert board.ask("read_dust").args[0] == pytest.approx(pieces_per_litre(2.0), rel=0.1)
+@pytest.mark.parametrize("seconds, error", [(30.0, 0.03), (6.0, 0.1)])
+def test_dust_is_counted_over_half_a_minute_or_since_the_start(board, seconds, error):
+    dusty(board, seconds, percent=2.0)
+    assert board.ask("read_dust").args[0] == pytest.approx(pieces_per_litre(2.0), rel=error)
 
 
 def test_old_dust_is_forgotten(board):

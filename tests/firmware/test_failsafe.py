@@ -11,11 +11,7 @@ from sim_arduino.hardware.wiring import Plant
 from tests.firmware import pc_board
 
 STOP = b"\xfc\xaa\x55"
-
-
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
-
-
 REACTION_S = 1e-3
 
 
@@ -104,13 +100,6 @@ def test_reset_cause(bench, flags, cause):
     assert RESET_CAUSES[board.field("read_status", "reset_cause")] == cause
 
 
-def test_motor_board_gets_its_timeout(bench):
-    """300 ms by default, never 0."""
-    board = bench(boot=False)
-    board.run(0.1)
-    assert board.writes(0xF1) == [b"\xf1\x03\xaa\x03\x55"]
-
-
 @pytest.mark.parametrize("request_name", ["", "start_stream"])
 def test_motor_boards_timeout_is_fed(bench, request_name):
     """Traffic at least every 100 ms, the shortest timeout there is, idle and behind a full-rate stream."""
@@ -150,20 +139,6 @@ def test_a_motor_board_that_comes_and_goes_is_set_up_once_a_second_at_most(bench
     assert 1 <= len(board.writes(0xEA)) <= 16
 
 
-def test_a_motor_board_that_was_steady_is_asked_for_quickly_again(bench):
-    """After 5 s without a fault the loose wire is forgotten."""
-    board = bench()
-    flap(board, 10)
-    board.plant.motor_board.present = True
-    board.run(7.0)
-    board.plant.motor_board.present = False
-    board.run(0.2)
-    board.forget()
-    board.plant.motor_board.present = True
-    board.run(0.1)
-    assert board.writes(0xEA)
-
-
 def test_fault_stays_until_it_is_read(bench):
     board = bench()
     board.plant.motor_board.present = False
@@ -171,23 +146,6 @@ def test_fault_stays_until_it_is_read(bench):
     board.plant.motor_board.present = True
     board.run(0.2)
     assert (board.faults(), board.faults()) == (FAULT["motor_board"], 0)
-
-
-def test_a_move_is_tried_again(bench):
-    board = bench()
-    refusals = [True, True]
-    board.board.nack = lambda address, data: data[0] == 0xEB and bool(refusals) and refusals.pop()
-    board.raw(b"@11,100,0e")
-    assert board.writes() == [b"\xeb\x00\x64\x00\x00"]
-
-
-def test_a_move_that_a_lost_motor_board_never_got_is_forgotten(bench):
-    board = bench()
-    board.board.nack = lambda address, data: True
-    board.raw(b"@11,100,0e", wait_s=0.02)
-    board.board.nack = lambda address, data: False
-    board.run(0.3)
-    assert board.writes(0xEA) and not board.writes(0xEB)
 
 
 def test_a_question_for_counts_is_given_up_when_the_motor_board_is_lost(bench):
@@ -245,13 +203,6 @@ def test_a_move_after_a_stop_is_tried_again(bench):
     refuse(board, 0xEB, 1)
     board.raw(b"@11,200,0e")
     assert board.writes(0xEB)[-1] == b"\xeb\x00\xc8\x00\x00"
-
-
-def test_two_hangs_in_a_row_lose_the_motor_board(bench):
-    board = bench()
-    board.board.hang_bus(True, recoveries=2)
-    board.raw(b"@11,100,0e", wait_s=0.3)
-    assert board.writes(0xEA) and not board.writes(0xEB)
 
 
 def test_moves_that_wait_when_the_motor_board_is_lost_are_counted(bench):
@@ -370,14 +321,8 @@ def test_uptime_beyond_int16(bench):
 
 
 HALF_MS = 0.5e-3
-
-
 STALL_TICKS = 3906
-
-
 BYTE_S = 10 / 115200
-
-
 READ_BATTERY, READ_TEMPERATURE = 0xD5, 0xD4
 
 

@@ -290,7 +290,7 @@ def test_commands_that_wait_when_the_motor_board_is_lost_are_forgotten(bench):
     attempts(board, MOVE, 4)
     board.board.gap(board.board.now_s + 0.01, b"@11,100,0e@4,1,5e@4,1,6e@4,1,7e")
     board.run(0.4)
-    assert board.writes(GEOMETRY) and not board.writes(PRESET)
+    assert board.writes(GEOMETRY) and not board.writes(MOVE) and not board.writes(PRESET)
 
 
 def test_the_fault_of_a_refusal_ends_with_the_next_transfer(bench):
@@ -369,21 +369,15 @@ def test_counts_that_are_refused_are_given_up_at_once(bench):
     assert len(times) == 1 and board.counter("unavailable") == 1
 
 
-def test_a_hang_counts_as_two_refusals(bench):
-    """A hang and one refusal are three of the four that lose the motor board."""
+@pytest.mark.parametrize("hangs, refused, lost", [(1, 1, False), (1, 2, True), (2, 0, True)])
+def test_a_hang_counts_as_two_of_the_four_refusals_that_lose_the_motor_board(bench, hangs, refused, lost):
     board = bench()
-    board.board.hang_bus(True, recoveries=1)
-    times = attempts(board, MOVE, 1)
-    board.send("move_differential", 100, 0, wait_s=0.1)
-    assert len(times) == 2 and not board.writes(STOP[0]) and len(board.writes(MOVE)) == 1
-
-
-def test_a_hang_and_two_refusals_lose_the_motor_board(bench):
-    board = bench()
-    board.board.hang_bus(True, recoveries=1)
-    times = attempts(board, MOVE, 2)
+    board.board.hang_bus(True, recoveries=hangs)
+    times = attempts(board, MOVE, refused)
     board.send("move_differential", 100, 0, wait_s=0.3)
-    assert len(times) == 2 and board.writes(STOP[0]) and not board.writes(MOVE)
+    assert len(times) == refused + (not lost)
+    assert bool(board.writes(STOP[0])) == bool(board.writes(GEOMETRY)) == lost
+    assert len(board.writes(MOVE)) == (not lost)
 
 
 def test_a_stop_that_hangs_in_a_pause_is_a_fault_and_is_sent_afterwards(bench):

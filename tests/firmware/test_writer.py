@@ -10,8 +10,6 @@ from tests.firmware.pc_board import XBEE
 from tests.firmware.test_xbee import packet
 
 LOWEST = -32768
-
-
 READ_IMU, STREAM = BY_NAME["read_imu"].code, BY_NAME["read_encoders_and_sonars"].code
 
 

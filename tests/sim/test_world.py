@@ -13,8 +13,6 @@ from sim_arduino.world.world_file import load, parse_pose
 CONE_RAD = math.radians(18)
 RANGE_M = 6.45
 ORIGIN = Pose(0.0, 0.0, 0.0)
-
-
 SLANT = math.tan(math.radians(10))
 
 

@@ -24,8 +24,6 @@ WIDEST = 32767
 BUS_FAULTS = ("sda", "scl", "absent", "stretch")
 COMMAND_BYTES = 13
 BYTE_CYCLES = 1360  # 10 bits at UBRR 16 with U2X
-
-
 MakeRig = Callable[[], Rig]
 
 

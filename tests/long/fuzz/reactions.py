@@ -17,8 +17,6 @@ from tests.long.fuzz import reaction_measures as measures
 
 FULL_MINUTES = 10.0
 FAILED = "failed"  # Not a figure, but that a part could not be measured
-
-
 PARTS: Dict[Callable[[int], Dict[str, float]], int] = {
     measures.host_dead: 40,
     measures.source_dead: 40,

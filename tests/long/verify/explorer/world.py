@@ -30,8 +30,6 @@ COUNTS_AHEAD = 900  # The counters of another board are ahead by this much: 0.07
 SETTLE_S = 0.4
 DAMAGE = bytes(range(256)).replace(b",", b"?").replace(b"e", b"?")
 """What the line makes of each byte when it damages all frames."""
-
-
 PROGRAM = Handshake._program
 _TIME, _NOW_S = connection_module.time, connection_module.now_s
 
