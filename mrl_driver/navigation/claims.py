@@ -39,19 +39,12 @@ _TEXT = re.compile(r"([!-~]+) ([0-9]{1,9}) ([!-~]+) ([0-9]{1,9})")
 
 
 class ClaimMessage(NamedTuple):
-    """A message from one robot to another.
+    """A message from one robot to another."""
 
-    Attributes:
-        sender: Name of the robot that sends it.
-        claim: Number of the sender's claim; 0 if it has none.
-        to: Name of the robot that it is for.
-        granted: Number of the receiver's claim that the sender has granted; 0 if none.
-    """
-
-    sender: str
-    claim: int
-    to: str
-    granted: int
+    sender: str  # name of the robot that sends it
+    claim: int  # number of the sender's claim; 0 if it has none
+    to: str  # name of the robot that it is for
+    granted: int  # number of the receiver's claim that the sender has granted; 0 if none
 
     @property
     def text(self) -> str:

@@ -11,15 +11,10 @@ CLAIMING = "claiming"
 
 
 class Target(NamedTuple):
-    """A waypoint to drive to.
+    """A waypoint to drive to."""
 
-    Attributes:
-        attempt: A number that no other attempt has; reports about earlier attempts do not count.
-        place: The waypoint's place in the list, from 0.
-    """
-
-    attempt: int
-    place: int
+    attempt: int  # a number that no other attempt has; reports about earlier attempts do not count
+    place: int  # the waypoint's place in the list, from 0
 
 
 class WaypointTour:

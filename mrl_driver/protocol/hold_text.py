@@ -11,15 +11,10 @@ SIZE = 4
 
 
 class HoldText(NamedTuple):
-    """One hold text.
+    """One hold text."""
 
-    Attributes:
-        kind: "hold" or "free" to a board, "held" or "freed" from it; see `table.HOLD_TEXTS`.
-        number: Number of the hold, 0 to 65535; a later hold of the same holder has a larger one.
-    """
-
-    kind: str
-    number: int
+    kind: str  # "hold" or "free" to a board, "held" or "freed" from it; see `table.HOLD_TEXTS`
+    number: int  # number of the hold, 0 to 65535; a later hold of the same holder has a larger one
 
     @property
     def data(self) -> bytes:

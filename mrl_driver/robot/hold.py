@@ -12,21 +12,13 @@ READ_RADIO, RELEASE = BY_NAME["read_radio"].code, BY_NAME["release_hold"].code
 
 
 class Hold(NamedTuple):
-    """The state of the holds, as the board reports it.
+    """The state of the holds, as the board reports it."""
 
-    Attributes:
-        state: One of `table.HOLD_STATES`: off, free, listening, held or silent.
-        holders: Number of robots that hold this one.
-        ignored: Number of hold texts that had no effect.
-        undelivered: Number of texts that reached no radio.
-        holder: 64-bit address of the holder, the silent one if one is silent; 0 without holders.
-    """
-
-    state: str
-    holders: int
-    ignored: int
-    undelivered: int
-    holder: int
+    state: str  # one of `table.HOLD_STATES`: off, free, listening, held or silent
+    holders: int  # number of robots that hold this one
+    ignored: int  # number of hold texts that had no effect
+    undelivered: int  # number of texts that reached no radio
+    holder: int  # 64-bit address of the holder, the silent one if one is silent; 0 without holders
 
     @property
     def held(self) -> bool:

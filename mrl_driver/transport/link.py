@@ -155,13 +155,9 @@ def _target(path: str) -> str:
 
 @runtime_checkable
 class Link(Protocol):
-    """A connection to a board.  One thread may read while others write, and any thread may wake or close it.
+    """A connection to a board.  One thread may read while others write, and any thread may wake or close it."""
 
-    Attributes:
-        port: the name that was opened.
-    """
-
-    port: str
+    port: str  # the name that was opened
 
     def read(self, timeout_s: float) -> bytes:
         """Return the bytes that have arrived; empty after `close`.

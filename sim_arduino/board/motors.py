@@ -24,17 +24,11 @@ class Info(NamedTuple):
 
 
 class Motors(Protocol):
-    """A motor back end, from one start of the board to the next.  Times are the board's [s]; they never decrease.
+    """A motor back end, from one start of the board to the next.  Times are the board's [s]; they never decrease."""
 
-    Attributes:
-        ever_found: There have been motors since the start.
-        counts_s: Time to read the counters [s].
-        next_s: Time of the next call of `run` [s]; may be infinite.
-    """
-
-    ever_found: bool = True
-    counts_s: float = 0.0
-    next_s: float = math.inf
+    ever_found: bool = True  # there have been motors since the start
+    counts_s: float = 0.0  # time to read the counters [s]
+    next_s: float = math.inf  # time of the next call of `run` [s]; may be infinite
 
     @property
     def capabilities(self) -> Tuple[str, ...]:

@@ -54,24 +54,18 @@ ERRORS = EnvironmentErrors(
 
 
 class Variable(NamedTuple):
-    """A variable that is mapped.
-
-    Attributes:
-        request: Name in the command table; the value is the largest field from `first` on.
-        alert: Values from here on are drawn (Araujo 2012; Araujo et al. 2015).  None is published for alcohol; here it
-            is assumed, a quarter more than in clean air.
-        scene: Name of its sources in a world.
-        remote: Pixels measure it from a distance; many views together give its position.
-    """
+    """A variable that is mapped."""
 
     title: str
-    request: str
+    request: str  # name in the command table; the value is the largest field from `first` on
     first: int
     alert: float
+    """Values from here on are drawn (Araujo 2012; Araujo et al. 2015).  None is published for alcohol; here it is
+    assumed, a quarter more than in clean air."""
     unit: str
-    scene: str
+    scene: str  # name of its sources in a world
     colour: str
-    remote: bool = False
+    remote: bool = False  # pixels measure it from a distance; many views together give its position
 
 
 HEAT = Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plot_style.ORANGE, remote=True)
@@ -89,17 +83,12 @@ class Sample(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """A sweep of an arena.
-
-    Attributes:
-        bumps: Ticks in which an obstacle stopped the robot.
-        off_m: Distance of the odometry from the true position at the end [m].
-    """
+    """A sweep of an arena."""
 
     world: World
     samples: List[Sample]
-    bumps: int
-    off_m: float
+    bumps: int  # ticks in which an obstacle stopped the robot
+    off_m: float  # distance of the odometry from the true position at the end [m]
 
 
 class Spots(NamedTuple):

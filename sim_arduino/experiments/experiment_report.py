@@ -10,42 +10,28 @@ Number = Union[int, float, str]
 
 
 class Figure(NamedTuple):
-    """One figure.
+    """One figure."""
 
-    Attributes:
-        key: Its name in the JSON file.
-        ours: Its value; the median if there are several seeds.
-        published: Value in the papers, as printed there; empty if they give none.
-        worst: The worst value of all seeds.
-        control: Median of the same runs without the feature under test.
-        seeds: Number of runs, each with random numbers of its own.
-        put_in: Whether the emulator contains the value, or one fitted to it, so that it proves nothing.
-    """
-
-    key: str
+    key: str  # its name in the JSON file
     text: str
-    ours: Number
+    ours: Number  # its value; the median if there are several seeds
     unit: str = ""
-    published: str = ""
-    worst: Optional[Number] = None
-    control: Optional[Number] = None
-    seeds: int = 1
+    published: str = ""  # value in the papers, as printed there; empty if they give none
+    worst: Optional[Number] = None  # the worst value of all seeds
+    control: Optional[Number] = None  # median of the same runs without the feature under test
+    seeds: int = 1  # number of runs, each with random numbers of its own
     put_in: bool = False
+    """Whether the emulator contains the value, or one fitted to it, so that it proves nothing."""
 
 
 class Result(NamedTuple):
-    """Result of one experiment.
-
-    Attributes:
-        pictures: Names of the files drawn, in the folder of the report.
-        remark: Note for the comparison.
-    """
+    """Result of one experiment."""
 
     name: str
     title: str
     rows: Sequence[Figure]
-    pictures: Sequence[str] = ()
-    remark: str = ""
+    pictures: Sequence[str] = ()  # names of the files drawn, in the folder of the report
+    remark: str = ""  # note for the comparison
 
 
 HEADINGS = ("figure", "ours", "worst", "control", "published")

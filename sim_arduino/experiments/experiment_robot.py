@@ -23,23 +23,14 @@ PATIENCE_S = 900.0  # time limit of a course [s]
 
 
 class Setting(NamedTuple):
-    """Settings of an experiment.
+    """Settings of an experiment."""
 
-    Attributes:
-        folder: Folder for pictures and figures.
-        port: Port of a real robot; None for emulated robots.
-        robot: Model of the robot.
-        seed: Seed of all random numbers.
-        ros: Run through ROS if the experiment is about ROS.
-        seeds: Number of runs with random numbers of their own; 0 for as many as each experiment has.
-    """
-
-    folder: str
-    port: Optional[str] = None
-    robot: str = "traxbot"
-    seed: int = 1
-    ros: bool = False
-    seeds: int = 0
+    folder: str  # folder for pictures and figures
+    port: Optional[str] = None  # port of a real robot; None for emulated robots
+    robot: str = "traxbot"  # model of the robot
+    seed: int = 1  # seed of all random numbers
+    ros: bool = False  # run through ROS if the experiment is about ROS
+    seeds: int = 0  # number of runs with random numbers of their own; 0 for as many as each experiment has
 
 
 class Pace:
@@ -56,16 +47,12 @@ class Pace:
 
 
 class ExperimentRobot(NamedTuple):
-    """A robot in an experiment.
-
-    Attributes:
-        plant: Hardware of an emulated robot.
-        pace: Pace of a real robot in a team whose other robots are emulated; None for a robot alone.
-    """
+    """A robot in an experiment."""
 
     driver: Union[Driver, SteppedDriver]
-    plant: Optional[Plant] = None
+    plant: Optional[Plant] = None  # hardware of an emulated robot
     pace: Optional[Pace] = None
+    """Pace of a real robot in a team whose other robots are emulated; None for a robot alone."""
 
     @property
     def true_pose(self) -> Pose:

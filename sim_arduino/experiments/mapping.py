@@ -53,19 +53,13 @@ SHOWN = ("wheels", "gyro")
 
 
 class HouseDrive(NamedTuple):
-    """The measurements of one drive, each with the time at which it was made [s].
+    """The measurements of one drive, each with the time at which it was made [s]."""
 
-    Attributes:
-        path: Poses by the driver, at the times when the counters were read.
-        true: True poses at each tick.
-        ranges: Name of a sonar, its range [m] and the rate of turn [rad/s].
-        scans: Ranges of the laser, `(rays,)` [m].
-    """
-
-    path: List[Tuple[float, Pose]]
-    true: List[Tuple[float, Pose]]
+    path: List[Tuple[float, Pose]]  # poses by the driver, at the times when the counters were read
+    true: List[Tuple[float, Pose]]  # true poses at each tick
     ranges: List[Tuple[float, str, float, float]]
-    scans: List[Tuple[float, Any]]
+    """Name of a sonar, its range [m] and the rate of turn [rad/s]."""
+    scans: List[Tuple[float, Any]]  # ranges of the laser, `(rays,)` [m]
 
 
 class HouseRun(NamedTuple):

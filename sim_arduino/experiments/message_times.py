@@ -44,20 +44,14 @@ LONG, SHORT = Counts(1234, -567), Counts(0, 0)
 
 
 class Subject(NamedTuple):
-    """A firmware in one of its modes.
-
-    Attributes:
-        sketch: It is a sketch, whose image in `FOLDER` has the name `key`; else our own firmware.
-        rosserial: It speaks the protocol of rosserial instead of frames.
-        checked: Frames carry a checksum, and replies a sequence number and board time too.
-    """
+    """A firmware in one of its modes."""
 
     key: str
     text: str
-    sketch: bool = True
+    sketch: bool = True  # it is a sketch, whose image in `FOLDER` has the name `key`; else our own firmware
     baud: int = BAUD
-    rosserial: bool = False
-    checked: bool = False
+    rosserial: bool = False  # it speaks the protocol of rosserial instead of frames
+    checked: bool = False  # frames carry a checksum, and replies a sequence number and board time too
 
     @property
     def path(self) -> Optional[str]:
@@ -79,17 +73,11 @@ SUBJECTS = (PLAIN, TIMING_2013, CHECKED, ROSSERIAL, ROSSERIAL_DEFAULT)
 
 
 class Message(NamedTuple):
-    """Times of one message [s].
+    """Times of one message [s]."""
 
-    Attributes:
-        total_s: From the first bit of the request to the end of the last byte that the host needs.
-        reply_s: From the end of the request to the end of the reply, the end of its line included.
-        link_s: Part of `total_s` in which bytes are on the serial link.
-    """
-
-    total_s: float
-    reply_s: float
-    link_s: float
+    total_s: float  # from the first bit of the request to the end of the last byte that the host needs
+    reply_s: float  # from the end of the request to the end of the reply, the end of its line included
+    link_s: float  # part of `total_s` in which bytes are on the serial link
 
 
 def packet(topic: int, data: bytes = b"") -> bytes:

@@ -44,16 +44,11 @@ REMARK = (
 
 
 class Beat(NamedTuple):
-    """A robot of the patrol.
-
-    Attributes:
-        order: Places of the waypoints in the order of its visits, again and again.
-        points: All waypoints of the patrol.
-    """
+    """A robot of the patrol."""
 
     member: Member
-    order: Sequence[int]
-    points: Sequence[Point]
+    order: Sequence[int]  # places of the waypoints in the order of its visits, again and again
+    points: Sequence[Point]  # all waypoints of the patrol
 
     @property
     def poses(self) -> List[Pose]:

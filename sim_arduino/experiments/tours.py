@@ -92,19 +92,13 @@ class TourDriver:
 
 
 class TourRun(NamedTuple):
-    """What came out of tours.
-
-    Attributes:
-        visits: Number of waypoints that each robot has reached.
-        waited_s: Time that all robots waited for claims together [s].
-        arrived: Number of robots that finished their tour.
-    """
+    """What came out of tours."""
 
     team: Team
-    visits: Sequence[int]
-    waited_s: float
+    visits: Sequence[int]  # number of waypoints that each robot has reached
+    waited_s: float  # time that all robots waited for claims together [s]
     duration_s: float
-    arrived: int
+    arrived: int  # number of robots that finished their tour
 
 
 def drive_tours(

@@ -26,20 +26,14 @@ while the winding's own decays."""
 
 
 class Bridge(NamedTuple):
-    """One kind of bridge.
-
-    Attributes:
-        rows: Levels of the wires ("1", "0", "x" either) and the state; the first row that fits holds.
-        resistance_ohm: Resistance of both switches in the motor's path.
-        drop_v: Voltage that the bridge loses at any current while it drives.
-        source: Where rows and numbers come from.
-    """
+    """One kind of bridge."""
 
     name: str
     rows: Tuple[Tuple[str, str], ...]
-    resistance_ohm: float
-    drop_v: float
-    source: str
+    """Levels of the wires ("1", "0", "x" either) and the state; the first row that fits holds."""
+    resistance_ohm: float  # resistance of both switches in the motor's path
+    drop_v: float  # voltage that the bridge loses at any current while it drives
+    source: str  # where rows and numbers come from
 
     def state(self, levels: str) -> str:
         """State at the levels of PWM_A, PWM_B and LOGIC, such as "101"."""

@@ -16,25 +16,15 @@ def _byte(value: float) -> int:
 
 
 class EnvironmentErrors(NamedTuple):
-    """Standard deviations of the errors of the environment sensors; none by default.
+    """Standard deviations of the errors of the environment sensors; none by default."""
 
-    Attributes:
-        heat_offset_c: Offset of each pixel of the thermopile, the same for all readings [degC].
-        heat_scale: Its scale.
-        heat_noise_c: Its noise, new in each reading [degC].
-        dust_scale: Scale of the dust sensor, the same for all readings.
-        dust_noise: Its noise as a share of the value, new in each reading.
-        alcohol_offset: Offset of the alcohol sensor, the same for all readings [ADC count].
-        alcohol_noise: Its noise, new in each reading [ADC count].
-    """
-
-    heat_offset_c: float = 0.0
-    heat_scale: float = 0.0
-    heat_noise_c: float = 0.0
-    dust_scale: float = 0.0
-    dust_noise: float = 0.0
-    alcohol_offset: float = 0.0
-    alcohol_noise: float = 0.0
+    heat_offset_c: float = 0.0  # offset of each pixel of the thermopile, the same for all readings [degC]
+    heat_scale: float = 0.0  # its scale
+    heat_noise_c: float = 0.0  # its noise, new in each reading [degC]
+    dust_scale: float = 0.0  # scale of the dust sensor, the same for all readings
+    dust_noise: float = 0.0  # its noise as a share of the value, new in each reading
+    alcohol_offset: float = 0.0  # offset of the alcohol sensor, the same for all readings [ADC count]
+    alcohol_noise: float = 0.0  # its noise, new in each reading [ADC count]
 
 
 PERFECT = EnvironmentErrors()

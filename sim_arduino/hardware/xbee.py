@@ -35,17 +35,11 @@ _TEXT_AT = 14
 
 
 class RadioFit(NamedTuple):
-    """A radio to fit to a robot.
+    """A radio to fit to a robot."""
 
-    Attributes:
-        address: 64-bit address; None makes one of the robot's name.
-        range_m: Largest distance at which it receives others and they receive it [m].
-        loss: Share of the radio packets that it does not receive.
-    """
-
-    address: Optional[int] = None
-    range_m: float = math.inf
-    loss: float = 0.0
+    address: Optional[int] = None  # 64-bit address; None makes one of the robot's name
+    range_m: float = math.inf  # largest distance at which it receives others and they receive it [m]
+    loss: float = 0.0  # share of the radio packets that it does not receive
 
 
 def address_for(robot: str) -> int:

@@ -71,14 +71,10 @@ class Options(NamedTuple):
 
 
 class Emulated(NamedTuple):
-    """An emulated robot and its board.
-
-    Attributes:
-        board: The engine with its faults.
-    """
+    """An emulated robot and its board."""
 
     plant: Plant
-    board: FaultyEngine
+    board: FaultyEngine  # the engine with its faults
     has_faults: bool
 
     @property

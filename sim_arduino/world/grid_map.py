@@ -103,17 +103,11 @@ FORM = _MapFile(
 
 
 class GridMap(NamedTuple):
-    """A map.
+    """A map."""
 
-    Attributes:
-        cells: int8 `(height, width)`: 100 occupied, 0 free, -1 unknown; row 0 has the smallest y.
-        resolution_m: Side of a cell [m].
-        origin: Pose of the map's corner with the smallest x and y.
-    """
-
-    cells: Any
-    resolution_m: float
-    origin: Pose
+    cells: Any  # int8 `(height, width)`: 100 occupied, 0 free, -1 unknown; row 0 has the smallest y
+    resolution_m: float  # side of a cell [m]
+    origin: Pose  # pose of the map's corner with the smallest x and y
 
 
 def load(path: str) -> GridMap:

@@ -18,18 +18,13 @@ REACHES_M = (0.5, 0.5, 0.5, 0.3, 0.3, 0.3, 0.2, 0.2, 0.1, 0.1, 0.1, 0.1)
 
 
 class MapScore(NamedTuple):
-    """How good a map is.
-
-    Attributes:
-        found: Share of the true wall cells that have an occupied cell near, of those next to the floor that can be
-            reached from the start.
-        false: Share of the occupied cells that have no wall near; NaN if there is none.
-        farthest_m: Largest distance of an occupied cell from a wall [m]; NaN if there is none.
-    """
+    """How good a map is."""
 
     found: float
-    false: float
-    farthest_m: float
+    """Share of the true wall cells that have an occupied cell near, of those next to the floor that can be reached from
+    the start."""
+    false: float  # share of the occupied cells that have no wall near; NaN if there is none
+    farthest_m: float  # largest distance of an occupied cell from a wall [m]; NaN if there is none
 
 
 def score(made: GridMap, world: World, frame: Pose = ORIGIN) -> MapScore:

@@ -34,25 +34,15 @@ ACK_S, ACK_WAIT_S = 192e-6 + 11 * BYTE_S, 864e-6
 
 
 class Station(NamedTuple):
-    """A radio as the others know it.
+    """A radio as the others know it."""
 
-    Attributes:
-        address: 64-bit address.
-        network: 16-bit network address.
-        node: Node identifier.
-        robot: Name of the robot that carries it.
-        range_m: Largest distance at which it receives others and they receive it [m].
-        loss: Share of the packets that it does not receive.
-        cut: It neither sends nor receives.
-    """
-
-    address: int
-    network: int
-    node: str
-    robot: str
-    range_m: float = math.inf
-    loss: float = 0.0
-    cut: bool = False
+    address: int  # 64-bit address
+    network: int  # 16-bit network address
+    node: str  # node identifier
+    robot: str  # name of the robot that carries it
+    range_m: float = math.inf  # largest distance at which it receives others and they receive it [m]
+    loss: float = 0.0  # share of the packets that it does not receive
+    cut: bool = False  # it neither sends nor receives
 
 
 class RadioPacket(NamedTuple):
@@ -79,19 +69,13 @@ class Radio(Protocol):
 
 
 class Delivery(NamedTuple):
-    """What a sender learns of its text.
+    """What a sender learns of its text."""
 
-    Attributes:
-        to: The receiver, if it exists and is in range.
-        acknowledged: Whether the receiver acknowledged the text; without it, the text may have arrived all the same.
-        retries: Number of attempts after the first.
-        delay_s: Time from the beginning until the sender knows it [s].
-    """
-
-    to: Optional[Station]
+    to: Optional[Station]  # the receiver, if it exists and is in range
     acknowledged: bool
-    retries: int
-    delay_s: float
+    """Whether the receiver acknowledged the text; without it, the text may have arrived all the same."""
+    retries: int  # number of attempts after the first
+    delay_s: float  # time from the beginning until the sender knows it [s]
 
 
 class Found(NamedTuple):

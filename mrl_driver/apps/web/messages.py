@@ -36,15 +36,10 @@ class Malformed(MrlError):
 
 
 class Message(NamedTuple):
-    """A message of a page.
+    """A message of a page."""
 
-    Attributes:
-        kind: its type.
-        value: a `Control` or a `PhoneReading`; of other kinds, its fields by name.
-    """
-
-    kind: str
-    value: Any
+    kind: str  # its type
+    value: Any  # a `Control` or a `PhoneReading`; of other kinds, its fields by name
 
 
 # -- messages of pages: for each type its fields with their checks
