@@ -27,7 +27,7 @@ from mrl_driver.session.handshake import Board
 from sim_arduino.serve import factory
 from tests.waiting import PATIENCE_S, drive_until, wait_until
 
-from .test_uncommanded_motion import MOVE_MOTORS, close, stopped
+from .test_own_stop import MOVE_MOTORS, close, stopped
 
 POSE_ERROR, STAMP_ERROR_S = 1e-9, 0.02
 LASTING = Options(command_timeout_s=None)

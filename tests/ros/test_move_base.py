@@ -12,7 +12,7 @@ from mrl_driver.geometry import wrap_angle
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import error_squared
 from mrl_driver.robot.models import OmniDrive
-from tests.driver.test_consistency import PERIOD_S, Drawn
+from tests.driver.test_covariance import PERIOD_S, Drawn
 from tests.waiting import wait_until
 
 from .planar_ekf import IN_3D, VYAW, YAW, PlanarEkf, X, Y

@@ -1,7 +1,6 @@
-"""The node on an emulated board: services, status, wheels, limits, zones, commands, locks, and the README's tables."""
+"""The node on an emulated board: services, status, wheels, limits, zones, commands and locks."""
 
 import math
-import re
 import time
 
 import pytest
@@ -26,18 +25,13 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.lock_order import VARIABLE
 from mrl_driver.robot.covariance import SIDEWAYS_M2_S2
-from ros1_bridge.navigation import follow_waypoints_node, go_to_goal_node, map_to_odom_node
-from ros1_bridge.node.robot_parameters import PAUSE_S, ROWS
+from ros1_bridge.node.robot_parameters import PAUSE_S
 from ros1_bridge.node.tf_names import OMNI_JOINTS
-from ros1_bridge.relay import relay_settings
-from ros1_bridge.teleop import joystick_node, keyboard_node
 from ros1_bridge.topics.message_covariance import diagonal
-from ros1_bridge.web import web_node
-from ros1_bridge.world import mirror_node, world_node
 from tests.waiting import wait_until
 
-from .rig import ROOT, START_S, values_of
-from .tables import README, Offered, cells_of, first_two, table
+from .rig import START_S, values_of
+from .tables import Offered
 
 MOVE, STOP, CALIBRATE, GAINS = 11, 13, 1, 2
 FRAME_HZ = 50
@@ -277,7 +271,7 @@ def says_status(before_a_wall, since=-1, **wanted):
 def turns_away(before_a_wall):
     """Whether a robot that is sent to where it stands, turned to the left, ends there; a busy machine may stop it."""
     here = before_a_wall.odom.wait_for_more(2)[-1].pose.pose.position
-    turned = PoseStamped(Header(frame_id=f"{robot.name}/odom"), Pose(here, Quaternion(0, 0, 1, 1)))
+    turned = PoseStamped(Header(frame_id=f"{before_a_wall.name}/odom"), Pose(here, Quaternion(0, 0, 1, 1)))
     before = len(before_a_wall.status.messages)
 
     def has_begun():
@@ -307,7 +301,7 @@ def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(bef
     assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
     assert sum("protective zone" in line for line in before_a_wall.process.output()) == 1, "it is logged once"
     wait_until(lambda: turns_away(before_a_wall))
-    assert rospy.ServiceProxy(f"{robot.ns}/shutdown", Trigger)().success
+    assert rospy.ServiceProxy(f"{before_a_wall.ns}/shutdown", Trigger)().success
     assert before_a_wall.process.wait(START_S) and before_a_wall.process.exit_code == 0
 
 
@@ -387,69 +381,3 @@ def test_linear_y_drives_it_to_the_left(rig):
     assert joints.wait()[-1].name == list(OMNI_JOINTS)
     assert joints.messages[-1].position[2] < 0 < joints.messages[-1].position[0]
     wait_until(lambda: math.isclose(odom.messages[-1].twist.twist.linear.y, 0.0, abs_tol=1e-9))
-
-
-@pytest.fixture(scope="module")
-def offered(module_rig):
-    rig = module_rig
-    rig.node(
-        rig.board("--robot", "traxbot", "--imu").port,
-        "_allow_calibration:=true",
-        "_allow_gains:=true",
-        "_zones:=both",
-    )
-    rig.tf, rig.static = rig.topic("/tf", TFMessage), rig.topic("/tf_static", TFMessage)
-    rig.topic("odom", Odometry).wait()
-    rospy.wait_for_service(f"{rig.ns}/robot_node/gains/set_parameters", START_S)
-    made = Offered(rig)
-    made.rig = rig
-    wait_until(lambda: "/diagnostics" in made.topics(0))
-    return made
-
-
-def test_published_topics_are_those_of_the_table(offered):
-    assert offered.topics(0) == first_two(table("### Published topics", "topic"))
-
-
-def test_subscribed_topics_are_those_of_the_table(offered):
-    assert offered.topics(1) == first_two(table("### Subscribed topics", "topic"))
-
-
-def test_services_are_those_of_the_table(offered):
-    assert offered.services() == first_two(table("### Services", "service"))
-
-
-def test_frames_are_those_of_the_table(offered):
-    rig, wanted = offered.rig, first_two(table("### Frames", "frame"))
-
-    def seen():
-        every = [t for topic in (rig.tf, rig.static) for m in topic.messages for t in m.transforms]
-        own = [t for t in every if t.child_frame_id.startswith(f"{rig.name}/")]
-        return {t.child_frame_id.split("/")[1]: t.header.frame_id.split("/")[1] for t in own}
-
-    wait_until(lambda: seen() == wanted), seen()
-
-
-@pytest.mark.parametrize(
-    "heading, rows",
-    [
-        ("### Parameters", ROWS),
-        ("### Parameters of `go_to_goal`", go_to_goal_node.PARAMETERS),
-        ("### Parameters of `follow_waypoints`", follow_waypoints_node.PARAMETERS),
-        ("### Parameters of `map_to_odom`", map_to_odom_node.PARAMETERS),
-        ("### Parameters of `world_node`", world_node.PARAMETERS),
-        ("### Parameters of `topic_relay`", relay_settings.PARAMETERS),
-        ("### Parameters of `mirror_node`", mirror_node.PARAMETERS),
-        ("### Parameters of `web_node`", web_node.PARAMETERS),
-        ("### Parameters of `teleop_keyboard`", keyboard_node.PARAMETERS),
-        ("### Parameters of `teleop_joystick`", joystick_node.PARAMETERS),
-    ],
-    ids=lambda each: each if isinstance(each, str) else "",
-)
-def test_parameters_are_those_of_the_table(heading, rows):
-    assert table(heading, "parameter") == [cells_of(row) for row in rows]
-
-
-def test_launch_files_are_those_of_the_table():
-    named = re.findall(r"`(\w+\.launch)`", README.split("## Launch files")[1].split("\n## ")[0])
-    assert sorted(named) == sorted(path.name for path in (ROOT / "ros1_bridge" / "launch").glob("*.launch"))

@@ -225,7 +225,7 @@ def refuses(node):
 
 
 def call(goal_robot, name):
-    assert rospy.ServiceProxy(f"{robot.ns}/{name}", Trigger)().success
+    assert rospy.ServiceProxy(f"{goal_robot.ns}/{name}", Trigger)().success
 
 
 def moves_nothing(goal_robot, node, since_s):
@@ -291,7 +291,7 @@ def test_planner_that_goes_on_publishing_moves_nothing_when_the_other_end_starts
 def client(goal_robot):
     """A client of go_to_goal, which drives the robot to a goal."""
     goal_robot.program("go_to_goal")
-    made = actionlib.SimpleActionClient(f"{robot.ns}/move_base", MoveBaseAction)
+    made = actionlib.SimpleActionClient(f"{goal_robot.ns}/move_base", MoveBaseAction)
     assert made.wait_for_server(rospy.Duration(START_S))
     drive(goal_robot, made)
     return made
@@ -300,7 +300,7 @@ def client(goal_robot):
 def drive(goal_robot, client):
     """Send a goal, and wait until the robot drives to it."""
     goal, since_s = PoseStamped(), time.monotonic()
-    goal.header.frame_id = f"{robot.name}/odom"
+    goal.header.frame_id = f"{goal_robot.name}/odom"
     goal.pose.position.x, goal.pose.orientation.w = 5.0, 1.0
     client.send_goal(MoveBaseGoal(goal))
     goal_robot.wire.wait_for(MOVE, since_s)

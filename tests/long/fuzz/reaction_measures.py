@@ -19,8 +19,15 @@ from mrl_driver.session.session import Session
 from tests.driver.conftest import PtyBoard
 from tests.driver.emulator import MOVE, STOP, Emulator
 from tests.driver.test_clock import run as jittered
-from tests.driver.test_own_stop import commanded_robot, stalled_share
-from tests.driver.test_uncommanded_motion import PERIODS_MS, close, driven_s, stopped, way_m
+from tests.driver.test_own_stop import (
+    PERIODS_MS,
+    close,
+    commanded_robot,
+    driven_s,
+    stalled_share,
+    stopped,
+    way_m,
+)
 from tests.fake_board import FakeBoard
 from tests.long.bench import processes
 from tests.long.fuzz import faulty_robot
