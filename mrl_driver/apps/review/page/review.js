@@ -1,8 +1,8 @@
 /** The review of a drive: one moment, shown on the map and in all charts. */
 
-import { chartOptions, colourOf, nice, valueText } from "./chart_options.js";
+import { chartOptions, valueText } from "./chart_options.js";
 import { FloorMap } from "./map.js";
-import { degrees, element, fixed, make, setText } from "./text.js";
+import { colourOf, degrees, element, fixed, make, nice, setText } from "./text.js";
 
 const CURVES = ["c1", "c2", "c3", "c4", "c5", "c6"];
 const CLOSE_S = 20; // shown around a moment that somebody chose
@@ -80,15 +80,12 @@ function showPlace() {
   if (!map) return;
   const pose = poseAt(moment);
   const ranges = charts.find(({ title }) => title === "Ranges")?.curves ?? [];
-  map.ranges = Object.fromEntries(ranges.map(({ name, values }) => [name, jsonNumber(values[indexAt(moment)])]));
+  map.ranges = Object.fromEntries(ranges.map(({ name, values }) => [name, values[indexAt(moment)]]));
   map.place(...pose);
   map.touch();
   const [x, y, yaw] = pose;
   setText(element("map-text"), `At ${fixed(moment, 2)} s: x ${fixed(x, 2)} m, y ${fixed(y, 2)} m, heading ${fixed(degrees(yaw), 0)}°. Click the path to go there.`);
 }
-
-/** A number as the map reads it from messages. */
-const jsonNumber = (value) => (value === Infinity ? "inf" : value === -Infinity ? "-inf" : value);
 
 // Charts -----------------------------------------------------------------------------------------------------------------
 

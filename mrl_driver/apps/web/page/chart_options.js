@@ -1,16 +1,11 @@
 /** How a chart of uPlot looks: axes, colours, texts of values. */
 
-import { fixed } from "./text.js";
+import { colourOf, fixed, nice } from "./text.js";
 
 export const LEAST_HEIGHT = 70;
 export const TIMES_HEIGHT = 26;
 const FONT = "12px system-ui, sans-serif";
 const LEAST_SPANS = { m: 0.2, "m/s": 0.1, "rad/s": 0.1, "°/s": 5, rad: 0.2, V: 0.5, degC: 2, s: 0.02, ms: 20 }; // noise stays small
-
-export const nice = (name) => name.replaceAll("_", " ");
-
-/** The colour of a variable of the style sheet. */
-export const colourOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 export function valueText(value, unit, digits = Math.abs(value) >= 100 ? 1 : 3) {
   if (value === Infinity) return "nothing";

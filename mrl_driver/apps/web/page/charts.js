@@ -1,7 +1,7 @@
 /** Charts of the last 60 s: one for each unit, with the values that the user has chosen by name. */
 
-import { LEAST_HEIGHT, TIMES_HEIGHT, chartOptions, nice, valueText } from "./chart_options.js";
-import { element, make, remember, remembered, setText } from "./text.js";
+import { LEAST_HEIGHT, TIMES_HEIGHT, chartOptions, valueText } from "./chart_options.js";
+import { element, make, nice, remember, remembered, setText } from "./text.js";
 import { SPAN_MS } from "./samples.js";
 
 const PERIOD_MS = 200;

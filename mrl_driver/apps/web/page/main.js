@@ -16,7 +16,7 @@ import { Press } from "./press.js";
 import { Recordings } from "./recordings.js";
 import { Samples } from "./samples.js";
 import { Speeds } from "./speeds.js";
-import { element, markOf, number, remember, remembered, setText } from "./text.js";
+import { element, markOf, number, remember, remembered, sentence, setText } from "./text.js";
 
 const FRAME_MS = 40;
 const WORDS_MS = 1000;
@@ -69,8 +69,6 @@ function stateNow() {
   if (!hasDriven && view.reason === "boot") return ["Standing", ""]; // the board was switched on
   return [sentence(view.stopped), view.reason ? "caution" : ""];
 }
-
-const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
 function showState() {
   const [words, mark] = stateNow();

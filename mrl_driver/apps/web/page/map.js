@@ -1,6 +1,6 @@
 /** The map from above: path, body, sonar cones, occupied cells and goal, on a grid with a scale. */
 
-import { element, number } from "./text.js";
+import { colourOf, element, number } from "./text.js";
 
 const LONGEST_CONE_M = 2.5;
 const NEAREST_M = 0.1;
@@ -63,8 +63,7 @@ export class FloorMap {
   }
 
   readColours() {
-    const style = getComputedStyle(document.documentElement);
-    for (const name of COLOURS) this.#colours[name] = style.getPropertyValue(`--${name}`).trim();
+    for (const name of COLOURS) this.#colours[name] = colourOf(name);
     this.touch();
   }
 

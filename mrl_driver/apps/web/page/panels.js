@@ -1,11 +1,9 @@
 /** The instruments, the readings as in the terminal's view, and the map in words. */
 
-import { degrees, element, fixed, make, markOf, number, rangeText, setText } from "./text.js";
+import { degrees, element, fixed, make, markOf, nice, number, rangeText, sentence, setText } from "./text.js";
 import { goalText } from "./goal.js";
 
-/** Names of sections as their titles. */
-const capital = (text) => (text === "imu" ? "IMU" : text.charAt(0).toUpperCase() + text.slice(1));
-const nice = (text) => text.replaceAll("_", " ");
+const titled = (name) => (name === "imu" ? "IMU" : sentence(nice(name)));
 
 function mark(node, value) {
   if (node.dataset.mark !== value) node.dataset.mark = value;
@@ -43,7 +41,7 @@ export class Panels {
     this.#sections = sections.map(({ title, rows }) => {
       const panel = make("section", "panel");
       const list = make("dl", "rows");
-      panel.append(make("h2", "", capital(nice(title))), list);
+      panel.append(make("h2", "", titled(title)), list);
       this.#rows.push(
         rows.map(([name]) => {
           const row = make("div");
@@ -54,7 +52,7 @@ export class Panels {
           bar.setAttribute("aria-hidden", "true");
           bar.append(fill);
           value.append(bar, text);
-          row.append(make("dt", "", capital(nice(name))), value);
+          row.append(make("dt", "", titled(name)), value);
           list.append(row);
           return { value, bar, fill, text };
         }),

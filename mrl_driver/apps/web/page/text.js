@@ -29,6 +29,11 @@ export function fixed(value, digits) {
   return Number(text) === 0 ? (0).toFixed(digits) : text.replace("-", "−");
 }
 
+/** The colour of a variable of the style sheet. */
+export const colourOf = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+export const nice = (name) => name.replaceAll("_", " ");
+export const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 export const degrees = (angle_rad) => (angle_rad * 180) / Math.PI;
 
 /** A range as text, in the words of the terminal's view. */
