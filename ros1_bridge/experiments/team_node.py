@@ -15,18 +15,18 @@ from typing import Callable, Dict, Mapping, Sequence
 import rospy
 import tf2_ros
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
 from std_msgs.msg import Header
 
 from mrl_driver.errors import MrlError
-from mrl_driver.geometry import Pose, quaternion_of
+from mrl_driver.geometry import Pose
 from mrl_driver.navigation.waypoint_tour import DONE, PAUSED
 from mrl_driver.robot import models
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.tf_names import sonar_frame
+from ros1_bridge.topics.messages import transform_of
 from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint
 from sim_arduino.experiments.experiment_robot import TICK_S, Pace, Setting
 from sim_arduino.experiments.team import WORLD, Member, Player, Team, footprint_of, pose_option
@@ -139,7 +139,7 @@ def gather(
     for number, member in enumerate(members):
         _start(parts, member, world, setting.seed, number, navigated)
     places = tf2_ros.StaticTransformBroadcaster()
-    places.sendTransform([_place(member) for member in members])
+    places.sendTransform([transform_of("map", f"{each.name}/odom", *each.start) for each in members])
     robots = [TopicRobot(each, virtual if each.virtual else truth, navigated) for each in members]
     for robot in robots:
         stack.callback(robot.drive, 0.0, 0.0)
@@ -164,15 +164,6 @@ def _start(parts: Parts, member: Member, world: str, seed: int, number: int, nav
     parts.robot(member.name, member.robot, RATE_HZ, *errors, *place)
     if navigated:
         parts.node("go_to_goal", member.name, *(f"sonar/{name}:=heard/{name}" for name in NAMES))
-
-
-def _place(member: Member) -> TransformStamped:
-    """Transform from the map to the start of a robot's odometry."""
-    message = TransformStamped(header=Header(frame_id="map"), child_frame_id=f"{member.name}/odom")
-    at, turn = message.transform.translation, message.transform.rotation
-    at.x, at.y = member.start[:2]
-    turn.z, turn.w = quaternion_of(member.start.yaw_rad)
-    return message
 
 
 def begin_tour(parts: Parts, name: str, poses: Sequence[Pose], **parameters: object) -> None:

@@ -37,34 +37,21 @@ SILENT_S = 3.0  # move_base has ended if it publishes no status for this long; i
 LEAVES_S = 0.1  # Time for the last message to leave on shutdown
 WARN_EVERY_S = 5.0
 CANCELLED = "another goal came, or the goal was cancelled"
+_SKIP = "Continue with the next waypoint if one cannot be reached; otherwise, pause"
+_SHARED = "Numbers of the waypoints, from 1, that make up a place for one robot at a time, such as 1 or 1,2"
+_RADIO = (
+    "Names and radio addresses of all robots that share the place, such as "
+    "1=0013a20040000001,2=0013a20040000002: claims go by radio, without the topic; replaces team"
+)
 PARAMETERS = (
     Row("map_frame", str, "map", "", "Frame of waypoints that name none"),
     Row("repeat", bool, False, "", "Begin again after the last waypoint"),
-    Row(
-        "skip_failed",
-        bool,
-        False,
-        "",
-        "Continue with the next waypoint if one cannot be reached; otherwise, pause",
-    ),
+    Row("skip_failed", bool, False, "", _SKIP),
     Row("wait", float, 0.0, "s", "Time at each waypoint", 0.0, 3600.0),
-    Row(
-        "shared",
-        str,
-        "",
-        "",
-        "Numbers of the waypoints, from 1, that make up a place for one robot at a time, such as 1 or 1,2",
-    ),
+    Row("shared", str, "", "", _SHARED),
     Row("team", str, "", "", "Names of all robots that share the place, such as robot1,robot2,robot3"),
     Row("team_name", str, "", "", "Name of this robot in the team; empty: the namespace"),
-    Row(
-        "radio",
-        str,
-        "",
-        "",
-        "Names and radio addresses of all robots that share the place, such as "
-        "1=0013a20040000001,2=0013a20040000002: claims go by radio, without the topic; replaces team",
-    ),
+    Row("radio", str, "", "", _RADIO),
 )
 """The node's private parameters, apart from the list itself."""
 LIST = "waypoints"

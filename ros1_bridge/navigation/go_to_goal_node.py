@@ -44,18 +44,11 @@ WARN_EVERY_S = 5.0
 POLL_S = 0.2
 IN_MANUAL_MODE = "the robot is in manual mode"
 END_S = 1.5  # On shutdown, a goal may take this long to end; longer than the wait for a transform
+_PATIENCE = "Abort the goal if the robot comes no closer for this long"
 PARAMETERS = (
     *speed_rows("Speed on a free path", "Yaw rate"),
     Row("avoid", bool, True, "", "Avoid obstacles that the sonars see"),
-    Row(
-        "patience",
-        float,
-        PATIENCE_S,
-        "s",
-        "Abort the goal if the robot comes no closer for this long",
-        1.0,
-        3600.0,
-    ),
+    Row("patience", float, PATIENCE_S, "s", _PATIENCE, 1.0, 3600.0),
 )
 """The node's private parameters."""
 

@@ -30,19 +30,12 @@ JUMP_M, JUMP_RAD = 0.5, 0.5
 """A pose farther from where odometry expects the robot is refused: no motion between two scans explains it."""
 TF_TIMEOUT_S = 0.2
 WARN_EVERY_S = 5.0
+_AHEAD = "Stamps are this far in the future; more than the time between two"
 PARAMETERS = (
     Row("map_frame", str, "map", "", "Frame of the poses"),
     Row("odom_frame", str, "odom", "", "Frame of the odometry"),
     Row("base_frame", str, "base_link", "", "Frame of the robot"),
-    Row(
-        "ahead",
-        float,
-        0.1,
-        "s",
-        "Stamps are this far in the future; more than the time between two",
-        0.06,
-        1.0,
-    ),
+    Row("ahead", float, 0.1, "s", _AHEAD, 0.06, 1.0),
 )
 """The node's private parameters."""
 

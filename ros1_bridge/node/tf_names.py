@@ -8,14 +8,15 @@ SONAR_HEIGHT_M = 0.0  # Height of the sonars above base_link, which is at the ax
 
 def sonar_frame(base_frame: str, sonar: str) -> str:
     """Frame of a sonar with the prefix of `base_frame`: robot1/base_link gives robot1/sonar_front."""
-    return _beside(base_frame, f"sonar_{sonar}")
+    return beside(base_frame, f"sonar_{sonar}")
 
 
 def imu_frame(base_frame: str) -> str:
     """Frame of the IMU with the prefix of `base_frame`, whose axes it has: the driver rotates all readings."""
-    return _beside(base_frame, "imu_link")
+    return beside(base_frame, "imu_link")
 
 
-def _beside(base_frame: str, name: str) -> str:
+def beside(base_frame: str, name: str) -> str:
+    """A frame with the prefix of `base_frame`."""
     prefix, slash, _ = base_frame.rpartition("/")
     return f"{prefix}{slash}{name}"

@@ -21,7 +21,7 @@ from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, imu_frame, sonar_frame
 
 def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
     """A message for /tf with one transform from odom_frame to base_frame."""
-    return TFMessage([_transform(odom_frame, base_frame)])
+    return TFMessage([transform_of(odom_frame, base_frame)])
 
 
 def fill_transform(message: TFMessage, stamp: Time, pose: Pose) -> None:
@@ -36,14 +36,14 @@ def fill_transform(message: TFMessage, stamp: Time, pose: Pose) -> None:
 def mounts_of(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> List[TransformStamped]:
     """Static transforms from `base_frame` to each sonar, x along its beam."""
     return [
-        _transform(base_frame, sonar_frame(base_frame, name), *mount.pose, SONAR_HEIGHT_M, stamp)
+        transform_of(base_frame, sonar_frame(base_frame, name), *mount.pose, SONAR_HEIGHT_M, stamp)
         for name, mount in sonars.items()
     ]
 
 
 def imu_mount_of(base_frame: str, mount: ImuMount, stamp: Time) -> TransformStamped:
     """The static transform from `base_frame` to the IMU, whose axes are parallel: readings arrive already rotated."""
-    return _transform(base_frame, imu_frame(base_frame), mount.x_m, mount.y_m, 0.0, mount.z_m, stamp)
+    return transform_of(base_frame, imu_frame(base_frame), mount.x_m, mount.y_m, 0.0, mount.z_m, stamp)
 
 
 def new_range(base_frame: str, sonar: str) -> Range:
@@ -104,7 +104,7 @@ def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
     return tuple(name for name, value in fields.items() if value and not (sideways and name == "linear.y"))
 
 
-def _transform(
+def transform_of(
     parent: str,
     child: str,
     x_m: float = 0.0,
@@ -113,6 +113,7 @@ def _transform(
     z_m: float = 0.0,
     stamp: Optional[Time] = None,
 ) -> TransformStamped:
+    """The transform from `parent` to a frame at x, y, yaw and height z [m m rad m]."""
     transform = TransformStamped(Header(0, stamp, parent), child, Transform())
     translation, rotation = transform.transform.translation, transform.transform.rotation
     translation.x, translation.y, translation.z = x_m, y_m, z_m

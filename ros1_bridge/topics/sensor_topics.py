@@ -17,6 +17,7 @@ from mrl_driver import yaml_file
 from mrl_driver.geometry import quaternion_of
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.session.sensor_polling import Reading, of_board
+from ros1_bridge.node.tf_names import beside
 
 from .fast_publisher import direct_publisher
 from .message_covariance import UNUSED_VARIANCE
@@ -112,8 +113,7 @@ def new_message(entry: SensorTopic, base_frame: str) -> Any:
     """A message without values, with frame and variance set."""
     message = KINDS[entry.type].message()
     if hasattr(message, "header"):
-        prefix, slash, _ = base_frame.rpartition("/")
-        message.header.frame_id = f"{prefix}{slash}{entry.frame}" if entry.frame else base_frame
+        message.header.frame_id = beside(base_frame, entry.frame) if entry.frame else base_frame
     if hasattr(message, "variance"):
         message.variance = entry.variance
     if isinstance(message, Imu):  # only a heading: -1 means that there are no rates and no accelerations

@@ -57,39 +57,19 @@ JUMP_M = 0.5
 STATUS_S = 1.0
 WARN_EVERY_S = 5.0
 START, POSE, TF = "start", "pose", "tf"
+_PLACE = "Place of the robot: start is ~pose and odometry, pose the topic amcl_pose, tf the frame of the map"
+_MARGIN = "Virtual obstacles are this much closer, for the error of the place"
+_DRIFT = "The margin grows by this share of the distance driven since then"
 PARAMETERS = (
     Row("world_name", str, "world", "", "Name under which the boards share the world"),
     Row("name", str, "real", "", "Name of the robot in that world"),
     Row("robot", str, "traxbot", "", "Model, or path of a robot's .yaml file, that has the size of the body"),
     Row("footprint", str, "box", "", "Body from above: box is the model's, circle:RADIUS is round [m]"),
     Row("pose", str, "0,0,0", "", "Pose in the world at which the odometry is 0: x, y [m], yaw [deg]"),
-    Row(
-        "localisation",
-        str,
-        START,
-        "",
-        "Place of the robot: start is ~pose and odometry, pose the topic amcl_pose, tf the frame of the map",
-        choices=(START, POSE, TF),
-    ),
+    Row("localisation", str, START, "", _PLACE, choices=(START, POSE, TF)),
     Row("map_frame", str, "map", "", "Frame of the world, for a localised robot"),
-    Row(
-        "margin",
-        float,
-        Margin().start_m,
-        "m",
-        "Virtual obstacles are this much closer, for the error of the place",
-        0.0,
-        5.0,
-    ),
-    Row(
-        "drift",
-        float,
-        Margin().share,
-        "",
-        "The margin grows by this share of the distance driven since then",
-        0.0,
-        1.0,
-    ),
+    Row("margin", float, Margin().start_m, "m", _MARGIN, 0.0, 5.0),
+    Row("drift", float, Margin().share, "", _DRIFT, 0.0, 1.0),
     Row(
         "laser", bool, False, "", "The robot has a laser on scan: mirror/scan is the closer of it and virtual"
     ),
