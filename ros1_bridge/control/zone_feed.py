@@ -7,11 +7,12 @@ import math
 from typing import Any, Optional
 
 from mrl_driver.errors import ConfigError, one_line
-from mrl_driver.geometry import Pose, yaw_of
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.protective_zones import Scan, Zones
 from mrl_driver.yaml_file import short
+from ros1_bridge.node.plane_poses import transform_pose
 from ros1_bridge.node.robot_parameters import Parameters
 from ros1_bridge.node.stamp_age import StampAge
 
@@ -76,10 +77,10 @@ def mount_of(transform: Any) -> Pose:
     Raises:
         ValueError: the laser does not lie flat and upright.
     """
-    at, turn = transform.translation, transform.rotation
+    turn = transform.rotation
     if math.hypot(turn.x, turn.y) > 0.05:
         raise ValueError("the laser is tilted or upside down, expected one that lies flat and upright")
-    return Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
+    return transform_pose(transform)
 
 
 class MountFinder:

@@ -12,11 +12,11 @@ from typing import Any, Dict
 
 import rosgraph
 import rospy
-from geometry_msgs.msg import Twist
 
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal import live_view
 from mrl_driver.view.shown_state import line_of
+from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.run_node import node
@@ -38,9 +38,7 @@ def topic_robot(robot: str) -> TopicRobot:
     cmd_vel = OperatorCmdVel()
 
     def publish(linear_m_s: float, angular_rad_s: float) -> None:
-        message = Twist()
-        message.linear.x, message.angular.z = linear_m_s, angular_rad_s
-        cmd_vel.send(message, clock_s())
+        cmd_vel.send(twist_of(linear_m_s, angular_rad_s), clock_s())
 
     found = TopicRobot(
         publish, rospy.is_shutdown, robot, lambda: cmd_vel.delay_s, rospy.resolve_name("robot_node")

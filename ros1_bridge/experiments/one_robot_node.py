@@ -4,13 +4,14 @@ import time
 from typing import Callable, List, Sequence, Tuple
 
 import rospy
-from geometry_msgs.msg import Twist, Vector3
+from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.navigation.line_follower import Course
 from ros1_bridge.demo.processes import wait_until
+from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.plane_poses import planar
 from sim_arduino.experiments.mapping import pose_at
 
@@ -100,7 +101,7 @@ class OdometryRobot:
     def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
         """Publishes these speeds, unless another node drives."""
         if self._cmd_vel is not None:
-            self._cmd_vel.publish(Twist(Vector3(linear_m_s, 0, 0), Vector3(0, 0, angular_rad_s)))
+            self._cmd_vel.publish(twist_of(linear_m_s, angular_rad_s))
 
 
 def wait_for(parts: Parts, *known: TimedPoses, then: _Then = ignore) -> OdometryRobot:

@@ -139,7 +139,7 @@ def gather(
     for number, member in enumerate(members):
         _start(parts, member, world, setting.seed, number, navigated)
     places = tf2_ros.StaticTransformBroadcaster()
-    places.sendTransform([transform_of("map", f"{each.name}/odom", *each.start) for each in members])
+    places.sendTransform([transform_of("map", f"{each.name}/odom", each.start) for each in members])
     robots = [TopicRobot(each, virtual if each.virtual else truth, navigated) for each in members]
     for robot in robots:
         stack.callback(robot.drive, 0.0, 0.0)

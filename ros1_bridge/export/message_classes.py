@@ -3,10 +3,11 @@
 The package mcap-ros1-support brings genpy.  Types, fields and checksums (MD5) are those of ROS Noetic.
 """
 
+import contextlib
 import importlib
 import sys
 from types import ModuleType
-from typing import Any, Dict
+from typing import Any, Dict, Iterator
 
 from mrl_driver.errors import ConfigError
 
@@ -47,11 +48,9 @@ def made() -> Dict[str, Any]:
     Raises:
         ConfigError: a package of the extra `export` is missing.
     """
-    try:
+    with needs_extra():
         from mcap.records import Schema
         from mcap_ros1.decoder import DecoderFactory
-    except ImportError as error:
-        raise missing(error) from None
     # one message that has all types as its fields: genpy makes one module, and a class serves all that contain it
     fields = "".join(f"{kind} {_field(kind)}\n" for kind in KINDS)
     text = fields + "".join(
@@ -64,12 +63,16 @@ def made() -> Dict[str, Any]:
     return {**classes, "genpy/Time": type(classes["std_msgs/Header"]().stamp)}
 
 
-def missing(error: ImportError) -> ConfigError:
-    """Return the error for a package of the extra that is not installed."""
-    package = (error.name or str(error)).partition(".")[0]
-    return ConfigError(
-        f"the Python package {package} is missing, expected it or ROS; install it with: {EXTRA}"
-    )
+@contextlib.contextmanager
+def needs_extra() -> Iterator[None]:
+    """Raise ConfigError for a package of the extra that is not installed."""
+    try:
+        yield
+    except ImportError as error:
+        package = (error.name or str(error)).partition(".")[0]
+        raise ConfigError(
+            f"the Python package {package} is missing, expected it or ROS; install it with: {EXTRA}"
+        ) from None
 
 
 def _field(kind: str) -> str:
@@ -78,10 +81,8 @@ def _field(kind: str) -> str:
 
 def _definitions() -> Dict[str, str]:
     """The definitions of all types, with those that they contain, by type."""
-    try:
+    with needs_extra():
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-    except ImportError as error:
-        raise missing(error) from None
     store = get_typestore(Stores.ROS1_NOETIC)
     store.register(get_types_from_msg(_TF_MESSAGE, "tf2_msgs/msg/TFMessage"))
     found: Dict[str, str] = {}

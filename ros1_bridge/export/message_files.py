@@ -11,7 +11,7 @@ from typing import Any, Callable, Dict
 
 from mrl_driver.files import unwritable
 
-from .message_classes import missing
+from .message_classes import needs_extra
 
 
 class MessageFile(ABC):
@@ -129,10 +129,8 @@ class LibraryBag(MessageFile):
     """A bag that the library rosbags writes."""
 
     def __init__(self, path: str, *about: Any) -> None:
-        try:
+        with needs_extra():
             from rosbags.rosbag1 import Writer
-        except ImportError as error:
-            raise missing(error) from None
         super().__init__(*about)
         self._writer = Writer(Path(path))
         self._writer.open()
@@ -154,10 +152,8 @@ class Mcap(MessageFile):
     """An MCAP file of the profile `ros1`."""
 
     def __init__(self, path: str, *about: Any) -> None:
-        try:
+        with needs_extra():
             from mcap.writer import Writer
-        except ImportError as error:
-            raise missing(error) from None
         super().__init__(*about)
         self._schemas: Dict[str, int] = {}
         self._sequences: Dict[int, int] = {}

@@ -14,10 +14,11 @@ import actionlib
 import rospy
 from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Pose as PoseMessage
 from geometry_msgs.msg import PoseArray, PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseGoal
 from nav_msgs.msg import Path
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from std_srvs.srv import Trigger, TriggerResponse
 
 from mrl_driver.errors import ConfigError
@@ -121,7 +122,8 @@ class FollowWaypoints:
         poses = read_waypoints(found.get(LIST, []), f"{space}/{LIST}")
         given = read(PARAMETERS, found, space, [LIST])
         self._frame = given["map_frame"]
-        self._first = [self._stamped(pose, self._frame) for pose in poses]
+        header = Header(frame_id=self._frame)
+        self._first = [PoseStamped(header, write_pose(pose, PoseMessage())) for pose in poses]
         shared = read_numbers(given["shared"], f"{space}/shared")
         self._name = given["team_name"] or rospy.get_namespace().strip("/")
         self._radio: Optional[RadioTeam] = None
@@ -350,13 +352,6 @@ class FollowWaypoints:
             return False
         handle.cancel()
         return True
-
-    @staticmethod
-    def _stamped(pose: Pose, frame: str) -> PoseStamped:
-        made = PoseStamped()
-        made.header.frame_id = frame
-        write_pose(pose, made.pose)
-        return made
 
 
 main = node("follow_waypoints", FollowWaypoints, FollowWaypoints.run)

@@ -25,7 +25,7 @@ from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.goal_seeker import PATIENCE_S, GoalSeeker
 from mrl_driver.robot.models import Limits, SonarMount
 from mrl_driver.robot.sonar import NAMES
-from ros1_bridge.node.cmd_vel import CmdVel
+from ros1_bridge.node.cmd_vel import CmdVel, twist_of
 from ros1_bridge.node.parameters import Row, speed_rows
 from ros1_bridge.node.plane_poses import planar, transform_pose, write_pose
 from ros1_bridge.node.run_node import node
@@ -303,9 +303,7 @@ class GoToGoal:
             return False
         if seeker.blind:
             rospy.logwarn_throttle(WARN_EVERY_S, f"the robot waits: {seeker.why}")
-        twist = Twist()
-        twist.linear.x, twist.angular.z = linear, angular
-        self._cmd_vel.publish(twist)
+        self._cmd_vel.publish(twist_of(linear, angular))
         self._server.publish_feedback(MoveBaseFeedback(PoseStamped(odometry.header, odometry.pose.pose)))
         return True
 
@@ -348,8 +346,7 @@ class GoToGoal:
     def _show(self, target: Pose) -> None:
         odometry = self._odometry
         assert odometry is not None
-        end = PoseStamped(odometry.header, PoseMessage())
-        write_pose(target, end.pose)
+        end = PoseStamped(odometry.header, write_pose(target, PoseMessage()))
         self._plan.publish(Path(odometry.header, [PoseStamped(odometry.header, odometry.pose.pose), end]))
 
 

@@ -3,10 +3,15 @@
 import threading
 
 import rospy
-from geometry_msgs.msg import Twist
+from geometry_msgs.msg import Twist, Vector3
 
 LEAVES_S = 0.1
 """Time for the last message to leave: rospy sends in the background, and drops unsent messages on shutdown."""
+
+
+def twist_of(linear_m_s: float, angular_rad_s: float, lateral_m_s: float = 0.0) -> Twist:
+    """A message with these speeds."""
+    return Twist(Vector3(linear_m_s, lateral_m_s, 0.0), Vector3(0.0, 0.0, angular_rad_s))
 
 
 class CmdVel:

@@ -34,10 +34,11 @@ def transform_pose(transform: Any) -> Pose:
     return Pose(at.x, at.y, yaw_of(transform.rotation))
 
 
-def write_pose(pose: Pose, message: Any) -> None:
-    """Write a pose into a geometry_msgs/Pose."""
+def write_pose(pose: Pose, message: Any) -> Any:
+    """Write a pose into a geometry_msgs/Pose, which is returned."""
     message.position.x, message.position.y = pose.x_m, pose.y_m
     message.orientation.z, message.orientation.w = geometry.quaternion_of(pose.yaw_rad)
+    return message
 
 
 def yaw_of(rotation: Any) -> float:

@@ -8,11 +8,11 @@ import time
 from typing import Any, Dict
 
 import rospy
-from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Joy
 
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import Lateness
+from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
 from ros1_bridge.node.parameters import Row, speed_rows
 from ros1_bridge.node.run_node import node
@@ -47,11 +47,8 @@ class TeleopJoystick:
         input_s = clock_s() - self._late_s(stamp_s)
         shares = self._joystick.shares(message.axes, message.buttons, stamp_s, time.monotonic())
         self._tell()
-        twist = Twist()
-        if shares is not None:
-            twist.linear.x = shares[0] * self._linear_m_s
-            twist.angular.z = shares[1] * self._angular_rad_s
-        self._out.hold(twist if shares is not None else None, input_s)
+        twist = shares and twist_of(shares[0] * self._linear_m_s, shares[1] * self._angular_rad_s)
+        self._out.hold(twist, input_s)
 
     def _late_s(self, stamp_s: float) -> float:
         """How much later than the fastest the message has come from the joystick's node [s]."""

@@ -12,6 +12,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
+from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
 from ros1_bridge.node.parameters import speed_rows
 from ros1_bridge.node.run_node import node
@@ -50,9 +51,7 @@ class TeleopKeyboard:
             self._show(now_s)
 
     def _publish(self, linear: float, angular: float, lateral: float, input_s: float) -> None:
-        twist = Twist()
-        twist.linear.x, twist.angular.z = linear * self._linear, angular * self._angular
-        twist.linear.y = lateral * self._linear
+        twist = twist_of(linear * self._linear, angular * self._angular, lateral * self._linear)
         self._out.hold(twist if twist != Twist() else None, input_s)
 
     def _show(self, now_s: float) -> None:

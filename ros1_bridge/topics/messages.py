@@ -13,7 +13,7 @@ from sensor_msgs.msg import BatteryState, Range
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
-from mrl_driver.geometry import Pose, quaternion_of
+from mrl_driver.geometry import ORIGIN, Pose, quaternion_of
 from mrl_driver.robot.models import Battery, ImuMount, SonarMount
 from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, imu_frame, sonar_frame
@@ -36,14 +36,14 @@ def fill_transform(message: TFMessage, stamp: Time, pose: Pose) -> None:
 def mounts_of(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> List[TransformStamped]:
     """Static transforms from `base_frame` to each sonar, x along its beam."""
     return [
-        transform_of(base_frame, sonar_frame(base_frame, name), *mount.pose, SONAR_HEIGHT_M, stamp)
+        transform_of(base_frame, sonar_frame(base_frame, name), mount.pose, SONAR_HEIGHT_M, stamp)
         for name, mount in sonars.items()
     ]
 
 
 def imu_mount_of(base_frame: str, mount: ImuMount, stamp: Time) -> TransformStamped:
     """The static transform from `base_frame` to the IMU, whose axes are parallel: readings arrive already rotated."""
-    return transform_of(base_frame, imu_frame(base_frame), mount.x_m, mount.y_m, 0.0, mount.z_m, stamp)
+    return transform_of(base_frame, imu_frame(base_frame), Pose(mount.x_m, mount.y_m, 0.0), mount.z_m, stamp)
 
 
 def new_range(base_frame: str, sonar: str) -> Range:
@@ -105,17 +105,11 @@ def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
 
 
 def transform_of(
-    parent: str,
-    child: str,
-    x_m: float = 0.0,
-    y_m: float = 0.0,
-    yaw_rad: float = 0.0,
-    z_m: float = 0.0,
-    stamp: Optional[Time] = None,
+    parent: str, child: str, pose: Pose = ORIGIN, z_m: float = 0.0, stamp: Optional[Time] = None
 ) -> TransformStamped:
-    """The transform from `parent` to a frame at x, y, yaw and height z [m m rad m]."""
+    """The transform from `parent` to a frame at a pose and a height [m]."""
     transform = TransformStamped(Header(0, stamp, parent), child, Transform())
     translation, rotation = transform.transform.translation, transform.transform.rotation
-    translation.x, translation.y, translation.z = x_m, y_m, z_m
-    rotation.z, rotation.w = quaternion_of(yaw_rad)
+    translation.x, translation.y, translation.z = pose.x_m, pose.y_m, z_m
+    rotation.z, rotation.w = quaternion_of(pose.yaw_rad)
     return transform

@@ -15,10 +15,10 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
+from mrl_driver.robot.sonar import NAMES
 from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
 from mrl_driver.view.shown_state import SILENT_S, Row, ShownState, errors_row, moves_sideways
 
-SONARS = ("front", "left", "right")  # The board reads no others
 LOW_SHARE = 0.1  # With a lower charge the battery is shown as low
 STILL_M_S, STILL_RAD_S = 0.005, 0.02  # A slower robot stands
 LINK, MOTION = "Link", "Motion"  # Diagnostics of the serial link, and of the motion
@@ -84,7 +84,7 @@ class TopicRobot:
         subscriber("board_temperature", Temperature, self.on_temperature, queue_size=1)
         subscriber("status", DiagnosticStatus, self.on_status, queue_size=10, tcp_nodelay=True)
         subscriber("/diagnostics", DiagnosticArray, self.on_diagnostics, queue_size=10)
-        for name in SONARS:
+        for name in NAMES:
             subscriber(f"sonar/{name}", Range, self.on_range, callback_args=name, queue_size=1)
 
     def on_event(self, listener: Callable[[Any], None]) -> None:

@@ -12,7 +12,6 @@ from typing import Any, Callable, Dict, Set, Tuple
 
 import rosgraph
 import rospy
-from geometry_msgs.msg import Twist
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
@@ -20,6 +19,7 @@ from mrl_driver.apps.web.listening import lines_for, settings_for
 from mrl_driver.apps.web.robot import NO_MOTORS, PhoneReading
 from mrl_driver.errors import ConfigError
 from mrl_driver.safety.message_age import clock_s
+from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.robot_parameters import ROWS as ROBOT_ROWS
@@ -65,9 +65,8 @@ class PageCommands:
 
     def drive(self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float) -> str:
         """Send speeds of an input that is `age_s` old; returns why the robot was stopped instead, or ''."""
-        twist, self._age_s = Twist(), age_s
-        twist.linear.x, twist.linear.y, twist.angular.z = linear_m_s, lateral_m_s, angular_rad_s
-        self._out.drive(twist, clock_s() - age_s)
+        self._age_s = age_s
+        self._out.drive(twist_of(linear_m_s, angular_rad_s, lateral_m_s), clock_s() - age_s)
         return self._out.guard.reason
 
     def stop(self) -> None:

@@ -6,7 +6,8 @@ from genpy import Time
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
-from mrl_driver.geometry import Pose, quaternion_of, wrap_angle
+from mrl_driver.geometry import Pose, wrap_angle
+from ros1_bridge.node.plane_poses import write_pose
 from sim_arduino.world.grid_map import GridMap
 
 STILL_S = 1.0
@@ -39,9 +40,7 @@ def new_truth(map_frame: str, base_frame: str) -> Odometry:
 def fill_truth(message: Odometry, stamp: Time, pose: Pose, before: Tuple[float, Pose], now_s: float) -> None:
     """Write a pose, and the speeds since the pose `before` (its time [s], pose)."""
     message.header.stamp = stamp
-    at, rotation = message.pose.pose.position, message.pose.pose.orientation
-    at.x, at.y = pose.x_m, pose.y_m
-    rotation.z, rotation.w = quaternion_of(pose.yaw_rad)
+    write_pose(pose, message.pose.pose)
     then_s, then = before
     dt_s = now_s - then_s
     twist = message.twist.twist
