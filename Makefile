@@ -144,10 +144,10 @@ test-all: ## Run everything; SEED=n looks at inputs that the fixed ones do not h
 
 .PHONY: bench-firmware bench-host
 bench-firmware: setup firmware comparison ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
-	$(PY) -m tests.long.bench.bench_firmware
+	$(PY) -m tests.long.bench firmware
 
 bench-host: setup ## Measure the decoder, recording and the driver without ROS; build/bench/host.json
-	$(PY) -m tests.long.bench.bench_host
+	$(PY) -m tests.long.bench host
 
 run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot '$(ROBOT)') $(if $(ENGINE),--engine $(ENGINE)) \

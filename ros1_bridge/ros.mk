@@ -2,14 +2,14 @@
 
 .PHONY: bench-ros bench-relay description check-description
 bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
-	$(ROS_ENV) $(PY) -m tests.long.bench.bench_ros
+	$(ROS_ENV) $(PY) -m tests.long.bench ros
 
 bench-relay: setup ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
-	$(ROS_ENV) $(PY) -m tests.long.bench.bench_relay
+	$(ROS_ENV) $(PY) -m tests.long.bench relay
 
 .PHONY: bench-fleet
 bench-fleet: setup ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
-	$(ROS_ENV) $(PY) -m tests.long.bench.bench_fleet
+	$(ROS_ENV) $(PY) -m tests.long.bench fleet
 
 description: ## Render the robots' URDF files, and launch files' arguments from the node's parameters
 	$(PY) -m ros1_bridge.description

@@ -10,7 +10,7 @@ figures: setup ## Render the tables of README.md and BENCHMARKS.md from docs/fig
 	$(PY) -m tests.long.bench.figures
 
 experiments: setup firmware comparison ## Measure the papers' experiments in simulated time; build/bench/experiments.json
-	$(PY) -m tests.long.bench.bench_experiments
+	$(PY) -m tests.long.bench experiments
 
 .PHONY: fuzz fuzz-readers reactions soak
 fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
@@ -46,7 +46,7 @@ mutants: setup $(VENV)/.mutants pc-firmware ## Change the sources one place at a
 
 .PHONY: bench-calibration
 bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
-	$(PY) -m tests.long.bench.bench_calibration
+	$(PY) -m tests.long.bench calibration
 
 .PHONY: review-holdout
 review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first
@@ -54,7 +54,7 @@ review-holdout: setup ## Find the faults of drives that the tests do not have, S
 
 .PHONY: bench-web
 bench-web: setup ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json
-	$(PY) -m tests.long.bench.bench_web
+	$(PY) -m tests.long.bench web
 
 PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)
 .PHONY: test-fresh

@@ -7,8 +7,7 @@ estimation error squared of 100 drives tells whether the uncertainty is right.
 
 import math
 import random
-import sys
-from typing import List, Tuple
+from typing import Dict, List, Tuple
 
 import numpy as np
 
@@ -106,8 +105,8 @@ def consistency() -> float:
     return float(np.mean([Emulated(model, NOISY, 1 + seed).error_squared() for seed in range(DRIVES)]))
 
 
-def main() -> int:
-    """Calibrates `ROBOTS` robots, one line each, and writes the figures."""
+def figures() -> Dict[str, report.Measured]:
+    """Calibrates `ROBOTS` robots, one line each."""
     rng, rows = random.Random(7), []
     for _ in range(ROBOTS):
         hidden = hidden_errors(rng)
@@ -119,17 +118,10 @@ def main() -> int:
         )
     befores, afters, turns, _ = zip(*rows)
     good = [max(row[1], row[3]) < END_CM and row[2] < END_DEG for row in rows]
-    return report.conclude(
-        "calibration",
-        {
-            "robots_good_share": sum(good) / ROBOTS,
-            "square_before_cm_median": float(np.median(befores)),
-            "square_after_cm_max": max(afters),
-            "square_after_deg_max": max(turns),
-            "error_squared_mean_off": abs(consistency() - 3.0),
-        },
-    )
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return {
+        "robots_good_share": sum(good) / ROBOTS,
+        "square_before_cm_median": float(np.median(befores)),
+        "square_after_cm_max": max(afters),
+        "square_after_deg_max": max(turns),
+        "error_squared_mean_off": abs(consistency() - 3.0),
+    }

@@ -5,7 +5,6 @@ simulated time.  FAST=1 takes one seed, and shorter drives.
 """
 
 import importlib
-import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any, Dict, Tuple
@@ -60,11 +59,7 @@ def _number(value: Any) -> Any:
     return int(value.split()[0]) if isinstance(value, str) and " of " in value else value
 
 
-def main() -> int:
+def figures() -> Dict[str, report.Measured]:
     with ProcessPoolExecutor(2) as pool:
         found = list(pool.map(figures_of, EXPERIMENTS))
-    return report.conclude("experiments", {key: value for one in found for key, value in one.items()})
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return {key: value for one in found for key, value in one.items()}

@@ -14,7 +14,6 @@ from functools import partial
 from statistics import median
 from typing import Callable, Dict, NamedTuple, Optional, Tuple, TypeVar
 
-from mrl_driver.errors import MrlError
 from sim_arduino.experiments import message_times
 from sim_arduino.experiments.experiment_robot import Setting
 from tests.long.bench import bridge_measures as bridge
@@ -122,19 +121,9 @@ def measured_sketches() -> Dict[str, float]:
     }
 
 
-def main() -> int:
-    """Measures, prints, writes; 0 if every goal is met, 1 if one is missed, 13 without image or simulator."""
-    figures: Dict[str, float] = {}
-    try:
-        for case in CASES:
-            for image, measure in ("", measured), (SUFFIX, measured_bridge):
-                figures.update({f"{key}{image}{case.suffix}": value for key, value in measure(case).items()})
-        figures.update(measured_sketches())
-    except MrlError as error:
-        print(error, file=sys.stderr)
-        return error.exit_code
-    return report.conclude("firmware", figures)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def figures() -> Dict[str, report.Measured]:
+    found: Dict[str, float] = {}
+    for case in CASES:
+        for image, measure in ("", measured), (SUFFIX, measured_bridge):
+            found.update({f"{key}{image}{case.suffix}": value for key, value in measure(case).items()})
+    return {**found, **measured_sketches()}

@@ -101,15 +101,10 @@ def measure(robots: int) -> Dict[str, float]:
     }
 
 
-def main() -> int:
-    """Measure, print and write."""
-    figures: Dict[str, report.Measured] = {}
+def figures() -> Dict[str, report.Measured]:
+    found: Dict[str, report.Measured] = {}
     with Master():
         for name, robots in (("one", 1), ("fleet", ROBOTS)):
             runs = report.by_key(report.repeat(name, RUNS, partial(measure, robots)))
-            figures.update({f"{name}_{key}": values for key, values in runs.items()})
-    return report.conclude("fleet", figures)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            found.update({f"{name}_{key}": values for key, values in runs.items()})
+    return found

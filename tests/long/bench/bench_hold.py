@@ -66,12 +66,11 @@ def measure(radio_hold: int, count: int) -> List[Optional[float]]:
     return out
 
 
-def main() -> int:
-    """Measures, prints, writes."""
+def figures() -> Dict[str, report.Measured]:
     print("hold", file=sys.stderr, flush=True)
     holds, controls = measure(SILENCE, HOLDS), measure(0, CONTROLS)
     stopped_ms = [1000.0 * stopped_s for stopped_s in holds if stopped_s is not None]
-    figures: Dict[str, float] = {
+    return {
         "holds": len(holds),
         "stopped": len(stopped_ms),
         "stopped_ms_median": statistics.median(stopped_ms),
@@ -79,8 +78,3 @@ def main() -> int:
         "controls": len(controls),
         "controls_stopped": sum(stopped_s is not None for stopped_s in controls),
     }
-    return report.conclude("hold", figures)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

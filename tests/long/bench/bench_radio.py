@@ -42,17 +42,12 @@ def summary(name: str, delivered: List[float]) -> Dict[str, float]:
     }
 
 
-def main() -> int:
-    """Measures, prints, writes."""
-    figures: Dict[str, float] = {}
+def figures() -> Dict[str, report.Measured]:
+    found: Dict[str, float] = {}
     for loss in LOSSES:
         for way in WAYS:
             name = f"{way}_loss_{round(100 * loss)}"
             print(name, file=sys.stderr, flush=True)
-            figures.update(summary(name, [exchange(way, loss, seed) for seed in range(SEEDS)]))
-    figures.update(summary("image_unicast_loss_10", [exchange("unicast", 0.1, 0, radio_image, IMAGE_TEXTS)]))
-    return report.conclude("radio", figures)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            found.update(summary(name, [exchange(way, loss, seed) for seed in range(SEEDS)]))
+    found.update(summary("image_unicast_loss_10", [exchange("unicast", 0.1, 0, radio_image, IMAGE_TEXTS)]))
+    return found

@@ -6,7 +6,6 @@ median of `PAIRS` pairs.  FAST=1 is shorter.
 
 import math
 import statistics
-import sys
 from typing import Dict, List
 
 from mrl_driver.robot.models import load
@@ -129,15 +128,11 @@ def circle_error_mm(phase: float) -> float:
     return 1e3 * worst_m
 
 
-def main() -> int:
-    figures: Dict[str, report.Measured] = {
+def figures() -> Dict[str, report.Measured]:
+    found: Dict[str, report.Measured] = {
         "motion_to_true_pose_mm": [circle_error_mm(i / 12) for i in range(12)]
     }
     with Master():
         for measure in latency_pair, load_pair, rate_pair, many_pair:
-            figures.update(report.by_key(report.repeat(measure.__name__, PAIRS, measure)))
-    return report.conclude("ros", figures)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+            found.update(report.by_key(report.repeat(measure.__name__, PAIRS, measure)))
+    return found

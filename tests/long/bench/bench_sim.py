@@ -168,8 +168,7 @@ def avr_figures(world: str) -> Tuple[float, float]:
         board.close()
 
 
-def main() -> int:
-    """Measures, prints, writes."""
+def figures() -> Dict[str, report.Measured]:
     with tempfile.TemporaryDirectory() as folder:
         world = world_of_100_walls(folder)
         os.environ["XDG_RUNTIME_DIR"] = folder
@@ -179,7 +178,7 @@ def main() -> int:
 
         image = report.repeat("image", RUNS, lambda: avr_figures(world))
         team = ("--world", world, "--world-name", "bench")
-        figures: Dict[str, report.Measured] = {
+        found: Dict[str, report.Measured] = {
             "python_stepped_speedup": report.repeat("Python board", RUNS, stepped),
             "avr_stepped_speedup": [faster for faster, _ in image],
             "awake_share_50hz": image[0][1],
@@ -187,8 +186,4 @@ def main() -> int:
             "avr_boards_realtime": most(AVR_COUNTS, PROCESSES, 20, *team, "--engine", "avr"),
             "python_boards_realtime": most(PYTHON_COUNTS, PROCESSES, 50, *team),
         }
-    return report.conclude("sim", figures)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return found

@@ -5,7 +5,6 @@ Writes build/bench/web.json.  Chromium is real; the robot is emulated in this pr
 
 import os
 import signal
-import sys
 import tempfile
 import time
 from functools import partial
@@ -106,7 +105,7 @@ def cpu_figures(browser: Browser, folder: Path) -> Dict[str, report.Measured]:
     )
 
 
-def main() -> int:
+def figures() -> Dict[str, report.Measured]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         browser = Browser(folder)
@@ -116,8 +115,4 @@ def main() -> int:
             found.update(real_stops(browser, folder))
         finally:
             browser.close()
-    return report.conclude("web", found)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return found
