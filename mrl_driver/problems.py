@@ -378,8 +378,7 @@ goal_missed: the goal was not reached
 """The rows, in groups.  A row begins with its code, which is the same in all versions, and the message as the user sees
 it.  `also` is another message with this code; `cause` has sentences that say where it comes from.  `remedy` says what
 to do: it begins in lower case and has no full stop at its end, because messages end with it; it is left out if a new
-command or nothing is enough.  A field goes on in lines that begin with four spaces.
-"""
+command or nothing is enough.  A field goes on in lines that begin with four spaces."""
 
 
 class Problem(NamedTuple):

@@ -26,18 +26,15 @@ class Options(NamedTuple):
 
     period_ms: int = 20
     """Time between the telemetry frames that listeners get [ms], 0 to 10000.  Above 50 the board streams several times
-    as often (a whole number), so that its silence is still noticed in time.  2013 boards stream as fast as they can.
-    """
+    as often (a whole number), so that its silence is still noticed in time.  2013 boards stream as fast as they can."""
     watchdog_ms: int = 250
     """The board stops the robot after this time without a frame from the host [ms]; 0 turns the watchdog off.  2013
-    boards have no watchdog.
-    """
+    boards have no watchdog."""
     check: bool = True
     """Put a checksum on every frame, if the board supports it."""
     command_timeout_s: Optional[float] = COMMAND_TIMEOUT_S
     """Stop the robot if `drive` was not called for this long, 0.01 to 3600 [s].  With None the last command stays in
-    force until `stop`, `close` or the end of the program: the robot keeps driving if the program hangs.
-    """
+    force until `stop`, `close` or the end of the program: the robot keeps driving if the program hangs."""
     queued_s: float = 0.0
     """After a pause of this program (`Driver.link`), refuse commands to move for this time, 0 to 10 [s].  A
     program whose commands come through a queue, such as a subscriber's, sets `QUEUED_S`: what waited there is too old.
@@ -50,44 +47,35 @@ class Options(NamedTuple):
     """Accept a board with any robot id for the given model; used to set the id."""
     identify: bool = False
     """Only identify the board, and let requests be sent that turn no motor: there is no telemetry.  Boards without
-    motors stream nothing before their id is set.
-    """
+    motors stream nothing before their id is set."""
     greeting_s: float = TIMEOUT_S
     """Time for the board's first answer [s]."""
     port_timeout_s: float = 0.0
     """Wait this long for a port that cannot be opened yet, 0 to 3600 [s]: it is tried again whatever the error is.  The
-    last error ends the wait.  `on_event` gets `Awaited` for each new reason.
-    """
+    last error ends the wait.  `on_event` gets `Awaited` for each new reason."""
     reconnect: bool = False
     """If the port goes away after connecting, search it instead of failing with LinkLost.  The search accepts the same
     name, or another port with the same USB vendor and product, if the same robot id answers on it.  `on_event` gets
     `Lost` and `Reconnected`.  Between them `drive` returns False; after them the robot waits for a new command.  An
-    open `Link` given as port is not searched.
-    """
+    open `Link` given as port is not searched."""
     record: Optional[str] = None
     """File for a recording of all bytes in both directions with their times, see `recording`.  An existing file is
-    overwritten.
-    """
+    overwritten."""
     fast: bool = False
     """Raise the line to 500000 baud if board and line support it, and go back to 115200 if errors appear; `on_event`
-    then gets `Slowed`.  Only for device names, opened at 115200.
-    """
+    then gets `Slowed`.  Only for device names, opened at 115200."""
     line_baud: int = BAUD
     """Baud rate of the link, if it is slower than the port's baud rate (as with radios).  The stream's period and the
-    time between commands are adapted to it.
-    """
+    time between commands are adapted to it."""
     imu_period_ms: int = 20
     """Time between the readings of an IMU on the board [ms], 10 to 40; 0 turns it off, and the heading comes from the
-    wheels alone.  It needs checksums, because only frames with them have board time, and a line that is fast enough.
-    """
+    wheels alone.  It needs checksums, because only frames with them have board time, and a line that is fast enough."""
     build: str = ""
     """Build of the board's firmware, `sonar` or `environment`; empty for that of the robot model.  2013 boards do not
-    report it; other boards are only compared with it.
-    """
+    report it; other boards are only compared with it."""
     tap: Optional[Callable[[str, bytes], None]] = None
     """Called with the direction and each chunk of bytes: `>` to the board, before sending; `<` from the board, on
-    arrival.  It must be quick and must not raise.  An open `Link` given as port is not tapped.
-    """
+    arrival.  It must be quick and must not raise.  An open `Link` given as port is not tapped."""
 
 
 DEFAULTS = Options()

@@ -12,14 +12,12 @@ from mrl_driver.transport.link import denied
 BAUDS = (115200, 57600)
 """Baud rates of bootloaders: of the Uno and the Nano, and of Nanos with the old bootloader.
 
-Source: `boards.txt` of the Arduino core, `upload.speed` of uno and nano.
-"""
+Source: `boards.txt` of the Arduino core, `upload.speed` of uno and nano."""
 PROGRAM = "avrdude"
 MARKS = 100  # number of progress marks of an upload: 50 for writing, 50 for reading back
 _ATTEMPTS, _EARLY_ATTEMPTS = 3, 2
 """Attempts before giving up, at the last baud rate and at those before.  avrdude makes ten of 5 s each; a board that
-fails three never answers.
-"""
+fails three never answers."""
 _ATTEMPT = re.compile(r"attempt (\d+) of \d+: not in sync")
 
 

@@ -21,8 +21,7 @@ WRAP = 1 << 16
 
 Such a board has no checksums and reads numbers as 16 bits (`atoi` of the ATmega), so `@65549e` is a stop as `@13e` is.
 No single byte that is lost, doubled or swapped with its neighbour, and no single wrong bit, makes a motor command of
-such a request, except of a move.  A lost byte makes `@1e` of `@13e`: `calibrate`.  Other boards refuse these codes.
-"""
+such a request, except of a move.  A lost byte makes `@1e` of `@13e`: `calibrate`.  Other boards refuse these codes."""
 
 SONAR_INVALID = -1
 """Wire value of a sonar that has no reading: not ready yet, missing or saturated."""

@@ -26,8 +26,7 @@ from .recording import (
 LINE_BYTES = 12  # a line of the file takes about this many bytes besides its data
 HELD_BYTES = 8192
 """An entry waits until this many bytes of the file follow it: the driver remarks that checksums begin or end only
-after it has read the first such frames.
-"""
+after it has read the first such frames."""
 _TAIL_BYTES = 4096
 """The first such frame is at most this far from the end of the board's bytes before the remark."""
 

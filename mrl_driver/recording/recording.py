@@ -49,21 +49,18 @@ SESSION = b"session "
 """A remark: from here on the driver takes the bytes of the port that was opened.  `new`: it greets a board.  `again
 same` or `again other`: it greets the board that was lost, or one that may be another.  `joined` and a JSON object: the
 recording begins after the greeting; the object holds the board, the code of its stream, whether frames carry a
-checksum, and the last frame of the stream with its time.
-"""
+checksum, and the last frame of the stream with its time."""
 MODEL = b"model "  # a remark: the robot's model follows, as a JSON object with the keys of its YAML file
 POSE = b"pose "
 """A remark: the odometry continues from this x, y, yaw and covariance (xx xy x-yaw yy y-yaw yaw-yaw) [m rad]."""
 STOP = b"stop "
 """A remark: the driver dropped the command in force; the reason follows, for a wheel that did not follow its command
-with a JSON object of `wheel_monitor.Mismatch`.
-"""
+with a JSON object of `wheel_monitor.Mismatch`."""
 CLOCK = b"clock "
 """A remark: the wall clock is ahead of the driver's by this much [s], from the bytes of the same time on."""
 LOST, RECONNECTED, SLOWED = b"lost ", b"reconnected ", b"slowed "
 """Remarks: the port was lost (a JSON object of `events.Lost`, with `reported`: listeners got the event), was found
-again (its name), or now has this baud rate.
-"""
+again (its name), or now has this baud rate."""
 ENDED, CLOSED = b"ended ", b"closed"
 """A remark: the listeners of the driver get nothing more; `closed` or the error that ended it follows."""
 _OWN = (OPENED, CHECKED, PLAIN, SESSION, MODEL, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED)
@@ -84,8 +81,7 @@ _OTHERS = {
 _NUMBER = re.compile(r"[0-9]{1,9}")
 FLUSH_S, HOLD_S = 0.2, 0.05
 """The file is written this often; an entry waits for this time, because a thread may pause before it adds an older one
-[s].
-"""
+[s]."""
 _MOST_WAITING = 20000
 
 

@@ -33,8 +33,7 @@ FILTER_DELAY_S = 0.007
 """Age of the rate in a reading [s]: 4.8 ms in the filter of 42 Hz (data sheet), and half a sample of 200 Hz."""
 UNSEEN_SHARE = 0.09
 """Share of the square of a bend of the rate that is an error of the angle: a sixth of it is the variance of a rate that
-jitters, and about half of that jitter is too fast for readings at 50 Hz behind a filter of 42 Hz.
-"""
+jitters, and about half of that jitter is too fast for readings at 50 Hz behind a filter of 42 Hz."""
 UNSEEN_S = 60.0  # a restart of the board adds as much doubt about the bias as this time does
 _GYRO = next(field for field in BY_NAME["read_imu"].reply if field.name == "gyro_z")
 _ROUNDING = float(_GYRO.unit.split()[0]) ** 2 / 12  # variance of a rate by rounding to whole counts [rad2/s2]

@@ -36,8 +36,7 @@ REASONS: Dict[str, str] = {
 STATES = (OFF, WAITING, LEARNING, IN_USE, *REASONS)
 """`absent`: the board reports no IMU.  `off`: its stream is not started (option `imu_period_ms`, or no checksums).
 `waiting`: no reading yet.  `learning bias`: the wheels give the heading until the robot has stood still for half a
-second.  `in use`: the heading comes from gyro and wheels.  The others are the reasons why the gyro is not used.
-"""
+second.  `in use`: the heading comes from gyro and wheels.  The others are the reasons why the gyro is not used."""
 
 REPEATS = 2
 """A reading that repeats this many times in all six numbers is frozen: noise changes some number of each reading."""

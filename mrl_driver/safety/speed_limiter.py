@@ -18,8 +18,7 @@ FIRST_STEP_S, LONGEST_STEP_S = 0.02, 0.1
 """Time of the first acceleration step, and of the longest one.
 
 A command from standstill takes effect at once, as if it were one frame of the stream old.  After a pause, a step
-accelerates for at most the longer time.
-"""
+accelerates for at most the longer time."""
 _FASTEST = 1e6
 """Beyond this [m/s, rad/s] the arc of a command is not kept, because the scale overflows near the largest floats."""
 

@@ -20,8 +20,7 @@ CONTAINER = Footprint(0.12, 0.12)  # a container of alcohol
 LAMP_M = 0.15  # distance of a lamp from the wall at which it stands [m]
 APART_M, FREE_M = 1.5, 0.45
 """Least distance of sources of one kind from each other, whose fields merge if they are closer, and of a container from
-obstacles and the start [m].
-"""
+obstacles and the start [m]."""
 TRIALS = 1000
 Point = Tuple[float, float]
 Node = Tuple[int, int]

@@ -33,8 +33,7 @@ CELL_M, VIEWS, SHARE = 0.1, 6, 0.5
 """Cell size of the thermopile's map [m], number of views that a hot cell needs, and share of them that must be hot."""
 PEAK_M, GROUP_M, LEAST_CELLS = 1.0, 0.8, 3
 """A reading is a peak if none within the first distance is larger [m].  Readings within the second of a peak, or of a
-hot cell, belong to the same object [m].  A group of fewer hot cells is not an object.
-"""
+hot cell, belong to the same object [m].  A group of fewer hot cells is not an object."""
 FALSE_M = 1.25
 """An alert farther from all sources than this is false [m]; the fields reach the alert level at up to 1.05 m."""
 IGNORED = -math.inf

@@ -35,8 +35,7 @@ SONAR = f"noise={SONAR_NOISE_M:g}"  # errors of all sonars, in the form of `fact
 
 SLIP = 0.01
 """Share by which both wheels of a robot in a mixed team slip, on the straight and in turns, unknown to its odometry.
-Assumed.
-"""
+Assumed."""
 
 
 def wander(slip: float = 0.0) -> str:

@@ -30,8 +30,7 @@ KEYS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "house_keys.csv"
 ROBOT, WORLD = "traxbot", "house"
 WANDER = "noise=1e-7,turn_noise=1e-6"
 """Random errors of wheels and turns, by which the runs differ: together 0.5 deg after 10 m and 25 rad.  They are white:
-no gyro can follow them, and much larger ones would hide what it does.
-"""
+no gyro can follow them, and much larger ones would hide what it does."""
 PERIOD_MS = 20
 SCAN_EVERY = 8  # a scan counts after this many ticks: 2.5 a second
 STEADY_RAD_S = 0.3
@@ -46,8 +45,7 @@ POSES = {
     "true": "true poses",
 }
 """Kinds of poses.  The gyro has bias, scale, drift and noise of the data sheet, and is the same with its scale
-calibrated.
-"""
+calibrated."""
 DRIVEN = ("wheels", "gyro", "calibrated")
 SHOWN = ("wheels", "gyro")
 

@@ -32,8 +32,7 @@ DURATION_S, CONTROL_S = 300.0, 60.0
 SLIPPING_S = 120.0  # duration of a run with a robot that slips, and of a run with a robot on a port [s]
 CORNER_M, APART_M = 1.3, 0.4
 """Starts of a pair are drawn up to the first distance from the middle of the room, and at least the second from the
-line between them [m].
-"""
+line between them [m]."""
 AIM_RAD = 0.5  # a robot of a pair starts towards the middle of the room, up to this much off
 REMARK = (
     "In simulated time. Real robots are emulated boards. In the control, real and virtual robots do not see each "

@@ -33,8 +33,7 @@ LASER_BEFORE_M, SONAR_BEFORE_M = 0.05, 0.045
 """Cells closer than the reading minus this are free [m]; it covers the noise."""
 LASER_SURE_M = 1.5
 """Ends farther away than this are too uncertain to mark a cell [m]: the URG-04LX errs by 1 cm up to 1 m and by 2 %
-beyond.
-"""
+beyond."""
 SONAR_THICK_M = 0.02  # the end of a sonar's reading is within this distance to both sides [m]
 
 

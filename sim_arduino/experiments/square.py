@@ -25,8 +25,7 @@ PUBLISHED = {LEFT: (9.67, -4.93), RIGHT: (7.71, 2.13)}
 """Distance [cm] and angle [deg] from the start after one lap (Araujo 2012)."""
 LIKE_PUBLISHED = {"wheel_ratio": 0.9989, "wheel_size": 1.0, "axle": 1.0099, "slip": 0.0}
 """Errors of a robot whose odometry closes with the published angles: half their sum over four sides, and half their
-difference over four corners.
-"""
+difference over four corners."""
 SPEEDS = manoeuvres.Speeds()
 
 

@@ -1,13 +1,13 @@
 """The faults by name, and the parser of their command line form: `loss:rate=0.001,burst=3`."""
 
-from typing import Any, Dict, NamedTuple, Tuple, Union
+from typing import Dict, NamedTuple, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.yaml_file import short
 
 from . import hardware_faults, line_faults  # noqa: F401 - they fill the table
 from .fault_kind import FOREVER_S, KINDS, FaultKind
-from .key_values import Key, check_value
+from .key_values import Key, pairs, values_of
 
 TO_BOARD, TO_HOST, BOTH = "to_board", "to_host", "both"
 
@@ -36,6 +36,7 @@ _SHARED = (
     Key("lasts", FOREVER_S, 0.001, FOREVER_S, "duration", "s"),
     Key("every", 0.0, 0.001, FOREVER_S, "repeat after this time; default: once", "s"),
 )
+_DIRECTION = Key("direction", BOTH, None, 0.0, "direction", choices=(BOTH, TO_BOARD, TO_HOST))
 
 
 def usage() -> str:
@@ -70,25 +71,8 @@ def parse(spec: str) -> Fault:
     if kind is None:
         raise ConfigError(f"fault {short(name)} is unknown, expected {', '.join(FAULTS)}")
     shared = (_SHARED[0]._replace(default=kind.at_s), _SHARED[1]._replace(default=kind.lasts_s), _SHARED[2])
-    known = {p.name: p for p in (*kind.parameters, *shared)}
-    values: Dict[str, Any] = {p.name: p.default for p in known.values()}
-    direction = BOTH
-    for part in filter(None, rest.split(",")):
-        key, _, text = part.partition("=")
-        if key == "direction" and kind.make:
-            direction = _direction(spec, text)
-        elif key in known:
-            values[key] = check_value(f"fault {short(spec)}", known[key], text)
-        else:
-            expected = ", ".join([*known, *(["direction"] if kind.make else [])])
-            raise ConfigError(f"fault {short(spec)}: key {short(key)} is unknown, expected {expected}")
+    keys = (*kind.parameters, *shared, *([_DIRECTION] if kind.make else []))
+    values = values_of(f"fault {short(spec)}", pairs(rest), keys)
+    direction = values.pop("direction", BOTH)
     window = values.pop("at"), values.pop("lasts"), values.pop("every")
     return Fault(kind, values, direction, window)
-
-
-def _direction(spec: str, text: str) -> str:
-    if text not in (BOTH, TO_BOARD, TO_HOST):
-        raise ConfigError(
-            f"fault {short(spec)}: direction is {short(text)}, expected {BOTH}, {TO_BOARD} or {TO_HOST}"
-        )
-    return text

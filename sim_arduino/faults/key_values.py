@@ -1,7 +1,7 @@
 """Reads errors of a robot and its sonars from a command line or a YAML file: `wheel_ratio=1.01,axle=0.98`."""
 
 import math
-from typing import Any, Dict, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.yaml_file import Reader, read_expected, short
@@ -76,37 +76,39 @@ def usage(keys: Tuple[Key, ...]) -> str:
 
 
 def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, Any]:
-    known = {key.name: key for key in keys}
-    values: Dict[str, Any] = {key.name: key.default for key in keys}
-    source = f"{what} {text!r}" if _is_file(text) else f"{what} {short(text)}"
-    for name, value in _given(source, text).items():
-        if name not in known:
-            raise ConfigError(f"{source}: key {short(name)} is unknown, expected {', '.join(known)}")
-        values[name] = check_value(source, known[name], value)
-    return values
+    if not text.endswith((".yaml", ".yml")):
+        return values_of(f"{what} {short(text)}", pairs(text), keys)
+    source = f"{what} {text!r}"
+    given = Reader(source).mapping("", read_expected(text, "a YAML file"), "keys and numbers")
+    return values_of(source, {str(name): value for name, value in given.items()}, keys)
 
 
-def _is_file(text: str) -> bool:
-    return text.endswith((".yaml", ".yml"))
+def pairs(text: str) -> Dict[str, str]:
+    """The values in `key=value,...`, by key."""
+    parts = (part.partition("=") for part in text.split(",") if part)
+    return {name.strip(): value for name, _, value in parts}
 
 
-def _given(source: str, text: str) -> Dict[str, Any]:
-    if not _is_file(text):
-        parts = (part.partition("=") for part in text.split(",") if part)
-        return {name.strip(): value for name, _, value in parts}
-    data = read_expected(text, "a YAML file")
-    found = Reader(source).mapping("", data, "keys and numbers")
-    return {str(name): value for name, value in found.items()}
-
-
-def check_value(source: str, key: Key, value: Any) -> Union[float, str]:
-    """The value of a key, from text or from YAML; whole if the default is.
+def values_of(source: str, given: Mapping[str, Any], keys: Sequence[Key]) -> Dict[str, Any]:
+    """The values of all keys: the given ones, from text or from YAML, and the defaults of the others.
 
     Raises:
-        ConfigError: it is not a number in the key's range, or none of its choices.
+        ConfigError: a key is unknown or a value out of range.
     """
+    known = {key.name: key for key in keys}
+    for name in given:
+        if name not in known:
+            raise ConfigError(f"{source}: key {short(name)} is unknown, expected {', '.join(known)}")
+    return {
+        key.name: _checked(source, key, given[key.name]) if key.name in given else key.default for key in keys
+    }
+
+
+def _checked(source: str, key: Key, value: Any) -> Union[float, str]:
+    """The value of a key: one of its choices, or a number in its range; whole if the default is."""
     if key.choices and value not in key.choices:
-        raise ConfigError(f"{source}: {key.name} is {short(value)}, expected {' or '.join(key.choices)}")
+        expected = f"{', '.join(key.choices[:-1])} or {key.choices[-1]}"
+        raise ConfigError(f"{source}: {key.name} is {short(value)}, expected {expected}")
     if key.low is None:
         return str(value)
     try:

@@ -50,8 +50,7 @@ class Params(NamedTuple):
     resistance_ohm: float = 0.15
     idle_a: float = 1.3
     """Current with the motors at rest [A].  It and `running_a` are chosen: packs last 2 to 3 h, less at higher speed,
-    as the published ones (Araujo 2012); here 2.8 h at 50 mm/s and 2.3 h at 200 mm/s.
-    """
+    as the published ones (Araujo 2012); here 2.8 h at 50 mm/s and 2.3 h at 200 mm/s."""
     running_a: float = 1.6  # current of one motor at its no-load speed [A]
     starting_a: float = 5.0  # additional current of one stalled motor at full duty [A]
     ambient_c: float = 25.0

@@ -33,8 +33,7 @@ class SonarErrors(NamedTuple):
     """Share of foreign pings that count as the echo if they come first.
 
     Foreign pings are echoes of the previous sensor in the chain, and pings that other robots' sonars send directly into
-    this one at random times.
-    """
+    this one at random times."""
     gain: float = 1.0  # factor of the curve that gives this sensor's distances, divided by the thesis's
     exponent: float = 1.0  # exponent of this curve, divided by the thesis's
     offset: float = 0.0  # constant of this curve, minus the thesis's [m]

@@ -20,8 +20,7 @@ from .server import PtyServer, Waker, on_signals, serve_together
 CLOSE_WAIT_S, CHECK_S = 1.0, 0.02
 """Time that a board waits at its end for the host to close the port [s], and period of the check [s].
 
-roslaunch ends both at the same time; without the wait, the host would report a lost link.
-"""
+roslaunch ends both at the same time; without the wait, the host would report a lost link."""
 EMULATED = "sim"  # in the ports of a team: this robot is emulated
 
 

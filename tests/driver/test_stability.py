@@ -145,7 +145,7 @@ GOOD = {
     [
         ({"contacts": [[0, 0], [1, 1], [2, 2]]}, "span an area"),
         ({"contacts": [[0, 0], [1, 1]]}, "contacts is .* expected a list of three to 100 points"),
-        ({"contacts": [[0, 0], [1, math.nan], [2, 0]]}, r"contacts\[1\] is nan"),
+        ({"contacts": [[0, 0], [1, math.nan], [2, 0]]}, r"contacts\[1\] is \[1, nan\]"),
         ({"body": {**GOOD["body"], "mass_kg": 0}}, "body.mass_kg is 0, expected a number from"),
         ({"payloads": {"arm": {**GOOD["body"], "hight_m": 1}}}, "key payloads.arm.hight_m is unknown"),
         ({"arm": {"mass_kg": 1}}, "key arm.x_m is missing"),

@@ -10,7 +10,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
 from mrl_driver.yaml_file import Reader
-from mrl_driver.yaml_form import Number, Section
+from mrl_driver.yaml_form import Number, Numbers, Rows, Section
 
 from .margin import Arm, Mass, Point, Vehicle, hull
 
@@ -28,6 +28,7 @@ RANGES = {
     "heading_deg": (-180.0, 180.0),
 }
 """Limits of the numbers in a file."""
+_POINTS = Rows(Numbers(x=RANGES["x_m"], y=RANGES["y_m"]))
 
 
 def names() -> List[str]:
@@ -105,17 +106,12 @@ def _corners(half_length_m: float, half_width_m: float) -> List[Point]:
 def _contacts(reader: Reader, value: Any) -> Tuple[Point, ...]:
     if not isinstance(value, list) or not 3 <= len(value) <= _MOST_CONTACTS:
         raise reader.fail("contacts", value, f"a list of three to {_MOST_CONTACTS} points [x, y]")
-    points = []
-    for number, point in enumerate(value):
-        if not isinstance(point, list) or len(point) != 2:
-            raise reader.fail(f"contacts[{number}]", point, "x and y [m]")
-        x, y = (reader.number(f"contacts[{number}]", each, *RANGES["x_m"]) for each in point)
-        points.append((x, y))
+    points: Tuple[Point, ...] = _POINTS.read(reader, "contacts", value)  # type: ignore[assignment]
     try:
         hull(points)
     except ConfigError as error:
         raise ConfigError(f"{reader.path}: {error}") from None
-    return tuple(points)
+    return points
 
 
 def _arm(reader: Reader, data: Any) -> Arm:

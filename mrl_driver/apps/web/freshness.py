@@ -16,8 +16,7 @@ DEAF_S = 2.0
 """The age is unknown if the newest message that the page has is older than this [s]: its picture stands still."""
 COARSE_S = 0.02
 """Browsers that hide the exact time round it to at most this [s].  A message that seems to arrive longer before it was
-sent shows that the page's clock has jumped.
-"""
+sent shows that the page's clock has jumped."""
 
 
 class Freshness:

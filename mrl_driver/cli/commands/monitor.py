@@ -20,8 +20,7 @@ if TYPE_CHECKING:
 LINE_S = 1.0
 STALL_S = 0.5
 """Command timeout of the live view [s].  A terminal that accepts no output (Ctrl-S, a stalled connection) blocks the
-view, and then the robot stops.
-"""
+view, and then the robot stops."""
 
 
 @click.command()

@@ -15,8 +15,7 @@ SIDES = ("right", "left")
 WHEEL_M_S, TURN_S, REST_S = 0.1, 1.5, 2.0
 STEP_S, LONGEST = 0.02, 5
 """Time between two commands [s].  A step in which this computer or the board paused counts as at most two, and a turn
-lasts at most this many times `TURN_S`.
-"""
+lasts at most this many times `TURN_S`."""
 MIN_MOVED_M, OTHER_WHEEL_SHARE = 0.02, 0.3
 """A wheel has turned if it moved at least this far [m]; the other one may move by this share of its distance."""
 CLOSER_M, HAND_M = 0.2, 0.6

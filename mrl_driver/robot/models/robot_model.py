@@ -14,8 +14,7 @@ Vector = Tuple[float, float, float]
 SONAR, ENVIRONMENT = "sonar", "environment"
 BUILDS = (SONAR, ENVIRONMENT)
 """Builds of the firmware that a model may name.  2013 boards do not report theirs, and the second has gas, dust and
-light sensors instead of sonars.
-"""
+light sensors instead of sonars."""
 SENSOR_BOARD_IDS = range(6, 11)
 """Robot ids of 2013 boards that carry environment sensors and do not drive the robot."""
 
@@ -41,8 +40,7 @@ ON_WHEELS = Noise(1e-5, 0.0, 0.01, 0.005, 0.01)
 ON_TRACKS = Noise(4e-5, 2e-4, 0.01, 0.005, 0.1)
 """Before a calibration.  Random errors are estimated: 3 mm over 1 m on wheels, 6 mm on tracks, which also slip.  Scales
 are too, from the squares of (Araujo 2012), which end as with wheels that differ by 0.1 % and a wheelbase that is
-wrong by 1 %; the share of a turn that tracks lose depends on the floor, and may be a tenth.
-"""
+wrong by 1 %; the share of a turn that tracks lose depends on the floor, and may be a tenth."""
 
 
 class Limits(NamedTuple):
@@ -270,5 +268,4 @@ COMMON_BOARD = {
 }
 """Defaults that all models share.
 
-Source: (Araujo 2012).  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4.
-"""
+Source: (Araujo 2012).  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4."""

@@ -26,8 +26,7 @@ _PINS: Dict[str, Tuple[str, str, str, str]] = {
 """Pins while a motor is driven forward, driven backward, brakes and coasts: low, high, duty D or the rest R to 255.
 
 PWM is on pins where the motor brakes between the pulses if the chip can, so that its speed is proportional to the duty.
-An empty entry stands for a drive with duty 0.
-"""
+An empty entry stands for a drive with duty 0."""
 
 
 @lru_cache(maxsize=None)

@@ -38,8 +38,7 @@ more."""
 SLOW_SHARE = 0.05  # telemetry is late if more than this share of it is slower than `SLOW_S`
 UNANSWERED_SHARE, LATE_ANSWER_S, ANSWER_S = 0.02, 0.25, 1.0
 """Requests get lost if more than this share has no answer within `ANSWER_S`, or come late if it has none within
-`LATE_ANSWER_S` [s]: in that time the board's watchdog stops the robot.
-"""
+`LATE_ANSWER_S` [s]: in that time the board's watchdog stops the robot."""
 TEXTS = 3
 GAP = 5  # more lost frames than this in a row are a silence, not single losses
 AT_ONCE_S = 0.02  # more than `GAP` frames within this time came at once [s]: the stream has one
