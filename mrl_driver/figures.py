@@ -14,11 +14,7 @@ ENDINGS = (".png", ".pdf", ".svg")
 
 
 def require_matplotlib(what: str = "--plot") -> None:
-    """Check at the start that figures can be drawn at the end.
-
-    Raises:
-        ConfigError: matplotlib is not installed.
-    """
+    """Check at the start that figures can be drawn at the end; raise ConfigError if matplotlib is not installed."""
     # a newer matplotlib next to Debian's mplot3d package warns about it; nothing here uses mplot3d
     warnings.filterwarnings("ignore", "Unable to import Axes3D")
     try:

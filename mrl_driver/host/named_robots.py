@@ -60,11 +60,7 @@ def read() -> Dict[str, Target]:
 
 
 def require_name(name: Any, where: str = "") -> str:
-    """Return `name` if it is a valid robot name.
-
-    Raises:
-        ConfigError: not a valid name, or already taken by a model.
-    """
+    """Return a valid robot name; raise ConfigError if it is not one, or is already taken by a model."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ConfigError(
             f"{where}name is {name!r}, expected a letter (a to z, A to Z) and up to 31 letters, digits, '-' or '_'"
@@ -88,11 +84,7 @@ def _entry(file_name: str, name: str, data: Any) -> Target:
 
 
 def require_baud(value: Any, where: str = "") -> int:
-    """Return `value` if it is a valid baud rate.
-
-    Raises:
-        ConfigError: not a whole number, or out of range.
-    """
+    """Return a valid baud rate; raise ConfigError if it is not a whole number, or out of range."""
     if not isinstance(value, int) or isinstance(value, bool) or not LOWEST_BAUD <= value <= HIGHEST_BAUD:
         raise ConfigError(
             f"{where}baud is {value!r}, expected a whole number from {LOWEST_BAUD} to {HIGHEST_BAUD}"

@@ -251,11 +251,7 @@ class AvrMachine:
     # ---- memory
 
     def symbol(self, name: str) -> Symbol:
-        """A symbol of the image.
-
-        Raises:
-            KeyError: the image has no such symbol.
-        """
+        """A symbol of the image; raises KeyError if the image has no such symbol."""
         return self.symbols[name]
 
     def peek(self, address: int, count: int = 1) -> bytes:
@@ -293,11 +289,7 @@ class AvrMachine:
         return bytes(self._native.mrl_eeprom(self._board)[address:end])
 
     def write_eeprom(self, address: int, data: bytes) -> None:
-        """Overwrites bytes of the EEPROM from outside.
-
-        Raises:
-            ValueError: the bytes do not fit into the EEPROM.
-        """
+        """Overwrites bytes of the EEPROM from outside; raises ValueError if the bytes do not fit into the EEPROM."""
         if not 0 <= address <= EEPROM_BYTES - len(data):
             raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of {EEPROM_BYTES}")
         _copy(data, self._native.mrl_eeprom(self._board), address)

@@ -37,11 +37,7 @@ class Transfer(NamedTuple):
 
 
 def place_of(pin: int) -> Tuple[int, int]:
-    """Port and bit of an Arduino pin.
-
-    Raises:
-        ValueError: the Uno has no such pin.
-    """
+    """Port and bit of an Arduino pin; raises ValueError if the Uno has no such pin."""
     if not 0 <= pin < len(PLACES):
         raise ValueError(f"pin {pin} is not one of the Uno's 0..{len(PLACES) - 1}")
     return PLACES[pin]

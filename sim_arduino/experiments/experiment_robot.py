@@ -134,11 +134,7 @@ def open_robot(
 
 
 def require_emulated(setting: Setting, name: str) -> None:
-    """Refuses a port if an experiment needs emulated robots.
-
-    Raises:
-        ConfigError: a port is given.
-    """
+    """Refuses a port if an experiment needs emulated robots; raises ConfigError if a port is given."""
     if setting.port is not None:
         raise ConfigError(
             f"experiment {name} needs emulated robots, got --port {setting.port}; leave out --port"

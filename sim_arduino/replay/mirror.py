@@ -25,11 +25,7 @@ from sim_arduino.world.world import World
 
 
 def follow(mirror: Mirror, lines: Iterable[str]) -> None:
-    """Moves a mirror as JSON lines come.
-
-    Raises:
-        ConfigError: a line is not a pose; the message has its number.
-    """
+    """Moves a mirror as JSON lines come; raises ConfigError if a line is not a pose; the message has its number."""
     for number, line in enumerate(lines, 1):
         if line.strip():
             mirror.moved(*_pose(number, line))

@@ -61,21 +61,13 @@ class Audience:
             del self._asked[: self._asked.index(code) + 1]
 
     def wait(self, seconds: float) -> None:
-        """Waits for this time, or until the program sends bytes.
-
-        Raises:
-            Left: the program closed the port.
-        """
+        """Waits for this time, or until the program sends bytes; raises Left if the program closed the port."""
         watched = [each for each in (self._port.master, self._port.watch) if each is not None]
         select.select(watched, [], [], seconds)
         self._listen()
 
     def give(self, data: bytes) -> None:
-        """Sends all of `data`, at the speed at which the program reads.
-
-        Raises:
-            Left: the program closed the port.
-        """
+        """Sends all of `data`, at the speed at which the program reads; raises Left if the program closed the port."""
         self._listen()
         while data and self._port.master is not None:
             if select.select([], [self._port.master], [], POLL_S)[1]:

@@ -25,11 +25,7 @@ ORDERS: Tuple[Tuple[str, str], ...] = (
 
 
 def obey(faults: FaultyEngine, order: str) -> None:
-    """Carries out an order.
-
-    Raises:
-        ConfigError: the order is unknown, or its value is wrong.
-    """
+    """Carries out an order; raises ConfigError if the order is unknown, or its value is wrong."""
     word, _, rest = order.strip().partition(" ")
     simple: Dict[str, Callable[[], None]] = {
         "plug": faults.plug,

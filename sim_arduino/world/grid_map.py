@@ -323,11 +323,7 @@ def _reached(open_cells: Any, seed: Tuple[int, int]) -> Any:
 
 
 def write(grid: GridMap, yaml_path: str) -> None:
-    """Writes `yaml_path` and a PGM next to it, as map_saver does.
-
-    Raises:
-        ConfigError: a file cannot be written.
-    """
+    """Writes `yaml_path` and a PGM next to it, as map_saver does; raises ConfigError if a file cannot be written."""
     image = os.path.splitext(yaml_path)[0] + ".pgm"
     grey = np.full(grid.cells.shape, 205, np.uint8)
     grey[grid.cells == OCCUPIED], grey[grid.cells == FREE] = 0, 254

@@ -94,11 +94,7 @@ class RadioMedium:
     # ---- the radios
 
     def join(self, radio: Radio) -> None:
-        """Adds a radio.
-
-        Raises:
-            ConfigError: another radio has its address.
-        """
+        """Adds a radio; raises ConfigError if another radio has its address."""
         address = radio.station.address
         if self._radios.setdefault(address, radio) is not radio:
             raise ConfigError(f"radio address {address:016x} is taken already, expected another one")

@@ -60,11 +60,7 @@ class SharedRadioMedium(RadioMedium):
     # ---- the radios
 
     def join(self, radio: Radio) -> None:
-        """Adds a radio of this process.
-
-        Raises:
-            ConfigError: another radio of the world has its address.
-        """
+        """Adds a radio of this process; raises ConfigError if another radio of the world has its address."""
         address = radio.station.address
         path = os.path.join(self._folder, f"{address:016x}{_SUFFIX}")
         if is_held(path):

@@ -215,11 +215,7 @@ def _box(x: float, y: float, length: float, width: float, yaw_deg: float) -> Lis
 
 
 def parse_pose(text: Optional[str], default: Pose) -> Pose:
-    """`X,Y,YAW` in metres and degrees, or `default` for None.
-
-    Raises:
-        ConfigError: `text` is something else.
-    """
+    """`X,Y,YAW` in metres and degrees, or `default` for None; raises ConfigError if `text` is something else."""
     if text is None:
         return default
     try:

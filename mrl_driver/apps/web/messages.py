@@ -133,11 +133,7 @@ _FIELDS: Dict[str, Mapping[str, Check]] = {
 
 
 def parse(data: Union[str, bytes]) -> Message:
-    """Return the message of a page.
-
-    Raises:
-        Malformed: it cannot be read.
-    """
+    """Return the message of a page; raise Malformed if it cannot be read."""
     fields = _object(data)
     kind = fields.pop("type", None)
     checks = _FIELDS.get(kind) if isinstance(kind, str) else None

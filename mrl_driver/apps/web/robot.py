@@ -73,11 +73,7 @@ class Recordings(ABC):
         return [each for *_, each in sorted(found, reverse=True)]
 
     def path(self, name: str) -> str:
-        """Return the path of a recording.
-
-        Raises:
-            ConfigError: none that can be downloaded has this name.
-        """
+        """Return the path of a recording; raise ConfigError if none that can be downloaded has this name."""
         if not any(each.name == name and not (each.on and self._active) for each in self.files()):
             raise ConfigError(
                 f"there is no recording {name!r} in {self._folder}, expected one of those in the list"

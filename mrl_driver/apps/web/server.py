@@ -676,11 +676,7 @@ class Server:
         return web.json_response({"session": session}, headers={"Cache-Control": "no-store"})
 
     def _session(self, request: web.Request) -> Client:
-        """Return the client of a session.
-
-        Raises:
-            web.HTTPNotFound: there is none.
-        """
+        """Return the client of a session; raise web.HTTPNotFound if there is none."""
         client = self._sessions.get(request.match_info["session"])
         if client is None or client.role != self._role(request):
             raise web.HTTPNotFound(text='{"why": "the session has ended"}', content_type="application/json")

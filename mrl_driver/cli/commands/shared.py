@@ -200,11 +200,7 @@ def run_options(*options: Decorator) -> Decorator:
 
 
 def require_port(target: Target) -> str:
-    """Return the target's port.
-
-    Raises:
-        ConfigError: no port was given; the error lists the existing ports.
-    """
+    """Return the target's port; raise ConfigError, which lists the existing ports, if none was given."""
     if not target.port:
         found = ", ".join(_ports()) or "none; is the board plugged in?"
         raise ConfigError(
