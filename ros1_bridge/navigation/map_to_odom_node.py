@@ -20,8 +20,8 @@ from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.plane_poses import correction, planar, transform_pose
 from ros1_bridge.node.run_node import node
 from ros1_bridge.node.stamp_age import StampAge
-from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
+from ros1_bridge.topics.messages import transform_of
 
 PERIOD_S = 0.05
 SILENT_S = 2.0
@@ -49,7 +49,6 @@ class MapToOdom:
         self._lock = threading.Lock()  # guards the next two
         self._place, self._heard_s = ORIGIN, float("inf")
         self._age = StampAge(SILENT_S)
-        self._message = messages.new_transform(self._map, self._odom)
         self._out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
         self._buffer = tf2_ros.Buffer()
         self._listener = tf2_ros.TransformListener(self._buffer)
@@ -61,8 +60,8 @@ class MapToOdom:
             with self._lock:
                 place, silent_s = self._place, time.monotonic() - self._heard_s
             if silent_s <= SILENT_S:
-                messages.fill_transform(self._message, rospy.Time.now() + self._ahead, place)
-                self._out.publish(self._message)
+                stamp = rospy.Time.now() + self._ahead
+                self._out.publish(TFMessage([transform_of(self._map, self._odom, place, stamp=stamp)]))
             else:
                 rospy.logwarn_throttle(
                     WARN_EVERY_S, f"no {self._map} to {self._odom}: slam_out_pose is silent"

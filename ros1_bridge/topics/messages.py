@@ -11,26 +11,22 @@ from genpy import Time
 from geometry_msgs.msg import Transform, TransformStamped, Twist
 from sensor_msgs.msg import BatteryState, Range
 from std_msgs.msg import Header
-from tf2_msgs.msg import TFMessage
 
-from mrl_driver.geometry import ORIGIN, Pose, quaternion_of
+from mrl_driver.geometry import Pose, quaternion_of
 from mrl_driver.robot.models import Battery, ImuMount, SonarMount
 from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, imu_frame, sonar_frame
 
 
-def new_transform(odom_frame: str, base_frame: str) -> TFMessage:
-    """A message for /tf with one transform from odom_frame to base_frame."""
-    return TFMessage([transform_of(odom_frame, base_frame)])
-
-
-def fill_transform(message: TFMessage, stamp: Time, pose: Pose) -> None:
-    """Write a pose into a message of `new_transform`."""
-    transform = message.transforms[0]
-    transform.header.stamp = stamp
+def transform_of(
+    parent: str, child: str, pose: Pose, z_m: float = 0.0, stamp: Optional[Time] = None
+) -> TransformStamped:
+    """The transform from `parent` to a frame at a pose and a height [m]."""
+    transform = TransformStamped(Header(0, stamp, parent), child, Transform())
     translation, rotation = transform.transform.translation, transform.transform.rotation
-    translation.x, translation.y, yaw = pose
-    rotation.z, rotation.w = quaternion_of(yaw)
+    translation.x, translation.y, translation.z = pose.x_m, pose.y_m, z_m
+    rotation.z, rotation.w = quaternion_of(pose.yaw_rad)
+    return transform
 
 
 def mounts_of(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) -> List[TransformStamped]:
@@ -102,14 +98,3 @@ def unused_axes(message: Twist, sideways: bool = False) -> Tuple[str, ...]:
         return ()
     fields = {"linear.y": linear.y, "linear.z": linear.z, "angular.x": angular.x, "angular.y": angular.y}
     return tuple(name for name, value in fields.items() if value and not (sideways and name == "linear.y"))
-
-
-def transform_of(
-    parent: str, child: str, pose: Pose = ORIGIN, z_m: float = 0.0, stamp: Optional[Time] = None
-) -> TransformStamped:
-    """The transform from `parent` to a frame at a pose and a height [m]."""
-    transform = TransformStamped(Header(0, stamp, parent), child, Transform())
-    translation, rotation = transform.transform.translation, transform.transform.rotation
-    translation.x, translation.y, translation.z = pose.x_m, pose.y_m, z_m
-    rotation.z, rotation.w = quaternion_of(pose.yaw_rad)
-    return transform

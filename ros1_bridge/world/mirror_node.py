@@ -338,10 +338,9 @@ class MirrorNode:
         assert self._odometry is not None
         first_rad, last_rad = arc_of(list(self._mounts.values()))
         rays = 1 + int((last_rad - first_rad) / RAY_RAD)
-        message = world_messages.new_scan(self._odometry.child_frame_id, first_rad, RAY_RAD, rays, RATE_HZ)
         ranges = self._mirror.scan(ORIGIN, first_rad, RAY_RAD, rays, RANGE_M, LASER_NEAR_M)
-        world_messages.fill_scan(message, self._odometry.header.stamp, ranges, LASER_NEAR_M, RANGE_M)
-        return message
+        header = Header(0, self._odometry.header.stamp, self._odometry.child_frame_id)
+        return world_messages.scan_of(header, first_rad, RAY_RAD, RATE_HZ, ranges, LASER_NEAR_M, RANGE_M)
 
     def _on_scan(self, message: LaserScan) -> None:
         import numpy as np

@@ -13,6 +13,7 @@ from typing import Any, Dict, Optional, Tuple
 import rospy
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import ORIGIN, Pose, yaw_of
@@ -20,8 +21,8 @@ from mrl_driver.robot import models
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.plane_poses import correction
 from ros1_bridge.node.run_node import node
-from ros1_bridge.topics import messages
 from ros1_bridge.topics.fast_publisher import direct_publisher
+from ros1_bridge.topics.messages import transform_of
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.world import grid_map, world_file
 from sim_arduino.world.shared_robots import SharedRegistry
@@ -48,20 +49,13 @@ class RobotTopics:
 
     def __init__(self, node: "WorldNode", name: str) -> None:
         space, prefix = ("", node.given["prefix"]) if node.given["only"] else (f"{name}/", f"{name}/")
-        map_frame = node.given["map_frame"]
-        self._name = name
+        self._map, self._prefix, self._name = node.given["map_frame"], prefix, name
         self._odometry: Optional[Odometry] = None
-        self._place = messages.new_transform(map_frame, f"{prefix}odom")
         self._place_out = None
         if node.given["localise"]:
             self._place_out = direct_publisher(rospy.Publisher, "/tf", TFMessage)
             rospy.Subscriber(f"{space}odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
         self._scanner = LaserScanner(node.world, node.laser, sum(name.encode()))
-        laser = self._scanner.laser
-        self._scan = world_messages.new_scan(
-            f"{prefix}laser", laser.first_rad, laser.step_rad, laser.rays, laser.rate_hz
-        )
-        self._truth = world_messages.new_truth(map_frame, f"{prefix}base_link")
         self._scan_out = direct_publisher(rospy.Publisher, f"{space}scan", LaserScan)
         self._truth_out = direct_publisher(rospy.Publisher, f"{space}base_pose_ground_truth", Odometry)
         self._before: Tuple[float, Pose] = (-math.inf, ORIGIN)
@@ -72,19 +66,22 @@ class RobotTopics:
     def publish(self, pose: Pose) -> None:
         """Publish the pose and a scan of this moment."""
         stamp, now_s = rospy.Time.now(), time.monotonic()
-        world_messages.fill_truth(self._truth, stamp, pose, self._before, now_s)
+        header, base = Header(0, stamp, self._map), f"{self._prefix}base_link"
+        self._truth_out.publish(world_messages.truth_of(header, base, pose, self._before, now_s))
         self._before = now_s, pose
-        self._truth_out.publish(self._truth)
         odometry = self._odometry
         if self._place_out is not None and odometry is not None:
             at, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
             measured = Pose(at.x, at.y, yaw_of(turn.x, turn.y, turn.z, turn.w))
-            messages.fill_transform(self._place, stamp, correction(pose, measured))
-            self._place_out.publish(self._place)
+            place, odom = correction(pose, measured), f"{self._prefix}odom"
+            self._place_out.publish(TFMessage([transform_of(self._map, odom, place, stamp=stamp)]))
         if self._scan_out.impl.has_connections():
             ranges, laser = self._scanner.scan(pose, without=self._name), self._scanner.laser
-            world_messages.fill_scan(self._scan, stamp, ranges, laser.near_m, laser.far_m)
-            self._scan_out.publish(self._scan)
+            header, rays = (
+                Header(0, stamp, f"{self._prefix}laser"),
+                (laser.first_rad, laser.step_rad, laser.rate_hz),
+            )
+            self._scan_out.publish(world_messages.scan_of(header, *rays, ranges, laser.near_m, laser.far_m))
 
 
 class WorldNode:

@@ -12,6 +12,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Imu, Range
 from tf2_msgs.msg import TFMessage
 
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount, load
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.message_covariance import pose_matrix, twist_matrix
@@ -26,9 +27,7 @@ def yaw_of(rotation):
 
 
 def test_transform_equals_the_pose():
-    message = messages.new_transform("odom", "base_link")
-    messages.fill_transform(message, STAMP, (1.0, -2.0, 3.1))
-    transform = message.transforms[0]
+    transform = messages.transform_of("odom", "base_link", Pose(1.0, -2.0, 3.1), stamp=STAMP)
     assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
     assert (transform.transform.translation.x, transform.transform.translation.y) == (1.0, -2.0)
     assert yaw_of(transform.transform.rotation) == pytest.approx(3.1)

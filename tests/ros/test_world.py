@@ -19,13 +19,13 @@ from .tables import Offered, first_two, table
 
 
 def test_speeds_are_those_between_two_poses():
-    message = world_messages.new_truth("map", "base_link")
-    world_messages.fill_truth(
-        message, None, Pose(0.0, 0.1, math.pi / 2), (5.0, Pose(0.0, 0.0, math.pi / 2)), 5.5
-    )
+    there, before = Pose(0.0, 0.1, math.pi / 2), (5.0, Pose(0.0, 0.0, math.pi / 2))
+    message = world_messages.truth_of(None, "base_link", there, before, 5.5)
     assert message.twist.twist.linear.x == pytest.approx(0.2)
     assert message.twist.twist.linear.y == pytest.approx(0.0)
-    world_messages.fill_truth(message, None, Pose(1.0, 0.0, 0.0), (0.0, Pose(0.0, 0.0, 0.0)), 60.0)
+    message = world_messages.truth_of(
+        None, "base_link", Pose(1.0, 0.0, 0.0), (0.0, Pose(0.0, 0.0, 0.0)), 60.0
+    )
     assert message.twist.twist.linear.x == 0.0, "a pose after a pause says nothing of speed"
 
 
