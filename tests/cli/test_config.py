@@ -1,6 +1,9 @@
-"""`mrl config` against an emulated board."""
+"""`mrl config` against an emulated board, robots by name, and `mrl new`."""
 
 import json
+import os
+import pathlib
+import re
 from pathlib import Path
 
 import pytest
@@ -8,17 +11,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrl_driver import yaml_file
+from mrl_driver.apps.calibration.wiring_check import BITS
 from mrl_driver.driver import parameter_file
 from mrl_driver.driver.parameter_file import SETTABLE, ParameterFile
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
-from mrl_driver.protocol.table import PARAMETERS
+from mrl_driver.host import named_robots
+from mrl_driver.protocol.table import BRIDGES, PARAMETERS
 from mrl_driver.robot import models
+from mrl_driver.transport.port_search import Port
 from sim_arduino.board import registry
 from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
+from tests.calibration.kit import Kit
 
 from .run import fails, mrl
+from .terminal import Terminal
 
 
 def get(port, *names):
@@ -95,9 +103,6 @@ def test_nothing_changes_unasked(emulated_board):
 )
 def test_wrong_words_are_refused_before_the_port_is_opened(words, line):
     assert line in fails(2, "config", "set", "--port", "/dev/nowhere", *words)
-
-
-# -- files
 
 
 def configured(port, *args):
@@ -220,3 +225,197 @@ VALUES = {row.name: st.integers(row.low, row.high) for row in SETTABLE if row.na
 @settings(max_examples=30)
 def test_a_file_reads_back_as_it_was(file):
     assert parameter_file.parse(yaml_file.parse(parameter_file.text_of(file), "f"), "f") == file
+
+
+def write(text):
+    os.makedirs(os.path.dirname(named_robots.path()), exist_ok=True)
+    with open(named_robots.path(), "w", encoding="utf-8") as file:
+        file.write(text)
+
+
+@pytest.fixture
+def link(serve, tmp_path):
+    """A link that leads to robot 1, as udev's of an adapter whose serial number another one has, too."""
+    path = tmp_path / "usb-1a86"
+    path.symlink_to(serve(robot_id=1).path)
+    return path
+
+
+def lead_to_robot_2(link, serve):
+    link.unlink()
+    link.symlink_to(serve(robot_id=2).path)
+
+
+@pytest.mark.parametrize("given", [(), ("--id", 1)], ids=["asked", "given"])
+def test_a_name_never_stands_for_another_board_that_its_port_leads_to(link, serve, given):
+    assert "lab3 is robot 1 on" in mrl("names", "add", "lab3", "--port", link, *given).stdout
+    assert json.loads(mrl("--robot", "lab3", "info", "--json").stdout)["robot_id"] == 1
+    lead_to_robot_2(link, serve)
+    line = fails(8, "--robot", "lab3", "drive", "--linear", 0.1, "--for", 0.1)
+    assert "robot id 2 answers, expected 1: another board is on this port" in line
+
+
+def test_another_id_for_the_board_is_the_names_from_then_on():
+    with EmulatedBoard() as board:
+        mrl("names", "add", "lab3", "--port", board.port)
+        assert named_robots.read()["lab3"].id == 1
+        assert mrl("--robot", "lab3", "set-id", 2, "--yes").returncode == 0
+    assert named_robots.read()["lab3"].id == 2
+
+
+CP2102 = Port("/dev/ttyUSB0", ("/dev/serial/by-id/usb-Silicon_Labs-if00",), 0x10C4, 0xEA60, "0001")
+FTDI = Port("/dev/ttyUSB0", ("/dev/serial/by-id/usb-FTDI_A50285BI-if00",), 0x0403, 0x6001, "A50285BI")
+
+
+@pytest.mark.parametrize(
+    ("there", "promises"),
+    [
+        ([FTDI], True),
+        ([CP2102], False),
+        ([FTDI, FTDI._replace(device="/dev/ttyUSB1")], False),
+        ([FTDI._replace(serial=None)], False),
+    ],
+    ids=["own number", "number of all", "number of two", "no number"],
+)
+def test_a_name_promises_every_socket_only_if_the_serial_number_is_the_boards_own(
+    monkeypatch, there, promises
+):
+    monkeypatch.setattr("mrl_driver.transport.link.described", lambda: there)
+    done = mrl("names", "add", "lab3", "--port", "/dev/ttyUSB0", "--id", "3")
+    assert (", wherever it is plugged in" in done.stdout) is promises
+    assert named_robots.read()["lab3"].port == (FTDI.links[0] if promises else "/dev/ttyUSB0")
+
+
+def test_an_explicit_port_wins_over_the_name_and_the_name_over_the_environment(monkeypatch):
+    write("lab3: {port: /dev/one}\n")
+    monkeypatch.setenv("MRL_PORT", "/dev/two")
+    assert "'/dev/one' does not exist" in fails(3, "info", "--robot", "lab3")
+    assert "'/dev/three' does not exist" in fails(3, "info", "--robot", "lab3", "--port", "/dev/three")
+    assert "'/dev/two' does not exist" in fails(3, "info")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("lab3: {prot: /dev/one}\n", "key lab3.prot is unknown, expected port, model, baud, id"),
+        ("lab3: {model: traxbot}\n", "key lab3.port is missing"),
+        ("lab3: {port: 7}\n", "lab3.port is 7, expected a serial port"),
+        ("lab3: {port: /dev/one, baud: fast}\n", "lab3.baud is 'fast', expected a whole number from 300"),
+        ("lab3: {port: /dev/one, baud: .nan}\n", "lab3.baud is nan"),
+        ("lab3: {port: /dev/one, id: 0}\n", "lab3.id is 0"),
+        ("lab3: /dev/one\n", "lab3 is '/dev/one', expected a mapping"),
+        ("- lab3\n", "expected a mapping of names, each with a port"),
+        ("traxbot: {port: /dev/one}\n", "name 'traxbot' is a robot model"),
+        ("'a b': {port: /dev/one}\n", "name is 'a b'"),
+        ("lab3: {port: [\n", "no YAML"),
+        pytest.param("[" * 5000, "no YAML", id="deep"),
+    ],
+)
+def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):
+    write(text)
+    line = fails(2, "info", "--robot", "lab3")
+    assert words in line and named_robots.path() in line
+
+
+@pytest.mark.parametrize(
+    ("args", "words"),
+    [
+        (["auto", "--port", "/dev/one"], "is a robot model"),
+        (["3lab", "--port", "/dev/one"], "name is '3lab'"),
+        (["lab3", "--port", " "], "--port is ' '"),
+        (["lab3", "--port", "/dev/one", "--baud", "1"], "--baud is 1"),
+        (["lab3", "--port", "/dev/one", "--model", "nix"], "robot 'nix' is unknown"),
+    ],
+)
+def test_nothing_wrong_gets_into_the_file(args, words):
+    assert words in fails(2, "names", "add", *args)
+    assert not os.path.exists(named_robots.path())
+
+
+ROVER = [
+    "--wheel-diameter",
+    "65",
+    "--separation",
+    "150",
+    "--counts",
+    "11x4x34",
+    "--bridge",
+    "TB6612",
+    "--file-only",
+]
+
+
+def test_the_options_make_a_robot_that_all_programs_know():
+    done = mrl("new", "rover", *ROVER, "--yes")
+    assert done.returncode == 0 and "all programs know the robot as --robot rover" in done.stdout
+    model = models.load("rover")
+    assert (model.ids, BRIDGES[model.board["bridge"]]) == ((11,), "tb6612")
+
+
+def test_questions_come_with_a_picture(tmp_path):
+    terminal = Terminal("new", "--file-only", folder=tmp_path)
+    for question, picture, answer in (
+        ("Name of the robot", b"", "rover"),
+        ("Wheel diameter [mm]", b"measure across the tyre", "6.5"),  # centimetres by mistake
+        ("expected 10 to 650", b"", "65"),
+        ("Wheel separation [mm]", b"from the middle of one tyre", "150"),
+        ("Counts of a wheel turn", b"Counts of a wheel turn = lines x 4 x ratio", "0"),
+        ("expected a number from 4 to 100000", b"", "11x4x34"),
+        ("Which H-bridge drives the motors?", b"modules with an L298N", "l298n"),
+        ("1496 counts a turn, L298N, with robot id 11?", b"", "y"),
+    ):
+        terminal.answer(question, answer)
+        assert picture in terminal.seen
+    assert terminal.end() == 0, terminal.seen.decode()
+    assert b"EN                D5           D11" in terminal.seen
+    assert models.load("rover").board["bridge"] == BRIDGES.index("l298n")
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (("rover", *ROVER), "Write .* stdin is not a terminal; give --yes to agree"),
+        (
+            ("rover", "--yes", *ROVER[:6]),
+            "Which H-bridge drives the motors. stdin is not a terminal; give --bridge",
+        ),
+        (
+            ("../rover", *ROVER, "--yes"),
+            "name is '../rover', expected a letter .a to z, A to Z. and up to 31",
+        ),
+        (
+            ("rover", *ROVER, "--yes", "--counts", "0"),
+            "counts of a wheel turn are '0', expected a number from 4",
+        ),
+        (("rover", *ROVER, "--yes", "--separation", "nan"), "nan, expected 30"),
+    ],
+)
+def test_wrong_answers_are_refused_in_one_line(words, line):
+    assert re.search(line, fails(2, "new", *words))
+    assert "rover" not in models.names()
+
+
+def test_a_robot_that_exists_is_not_replaced():
+    mrl("new", "rover", *ROVER, "--yes")
+    path = os.path.join(models.own_folder(), "rover.yaml")
+    before = pathlib.Path(path).read_text()
+    line = fails(2, "new", "rover", *ROVER, "--yes", "--separation", "200")
+    assert f"already exists; give another name, or go on with: mrl calibrate wiring --robot {path}" in line
+    assert pathlib.Path(path).read_text() == before
+
+
+def test_an_unknown_kit_becomes_a_robot_that_knows_its_wires(serve, tmp_path):
+    """The board has no id and no wiring; motors are exchanged, and the right one is reversed."""
+    hidden = BITS["set"] | BITS["motors_swapped"] | BITS["right_motor_reversed"]
+    board = serve(Kit(hidden, robot_id=0))
+    terminal = Terminal(
+        "new", "rover", *ROVER[:-1], "--no-flash", "--port", board.path, "--answers", "right,back,forward,yes"
+    )
+    for question in ("with robot id 11?", "driven by a TB6612. Are the wheels off the ground?"):
+        terminal.answer(question, "y")
+    terminal.answer("Go on with mrl calibrate gains?", "n")
+    assert terminal.end() == 130, terminal.seen.decode()
+    assert b"the wiring is stored; go on later with: mrl calibrate gains --robot " in terminal.seen
+    saved = board.board.saved
+    assert [saved[name] for name in ("robot_id", "bridge", "wiring")] == [11, BRIDGES.index("tb6612"), hidden]
+    assert (saved["encoder_counts"], saved["axis_radius"]) == (14960, 7500)

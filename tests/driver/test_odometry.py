@@ -1,15 +1,27 @@
-"""Odometry to the count: which readings it uses, and what it hands on."""
+"""Odometry to the count, its heading with a gyro, and the plane geometry below both."""
 
 import math
+import random
 
+import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
+from mrl_driver.geometry import ORIGIN, Pose, advance, quaternion_of, wrap_angle, wrap_angles, yaw_of
 from mrl_driver.robot.covariance import AT_START, TWIST_INTERVAL_S
+from mrl_driver.robot.heading import (
+    FILTER_DELAY_S,
+    HOLD_S,
+    SILENT_S,
+    STAND_S,
+    STEADY_RAD_S,
+    ZERO_RATE_RAD_S,
+    HeadingFilter,
+)
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import SLACK_S, Baseline, Odometry, Twist, fastest_wheel_m_s
+from mrl_driver.robot.omni_odometry import OmniOdometry
 
 DRIVE = load("traxbot").drive
 COUNT_M = DRIVE.metres_per_count
@@ -17,7 +29,6 @@ UNEQUAL = DRIVE._replace(wheel_offset=0.2)
 FASTEST_M_S = fastest_wheel_m_s(0.65, 5.0, DRIVE.wheel_separation_m)
 PERIOD_S = 0.02
 WRAP_S = 32.768  # In this time a wheel of 1000 counts/s covers half the range of its counter
-
 int16 = st.integers(-32768, 32767)
 
 
@@ -157,9 +168,6 @@ def test_each_new_baseline_is_counted():
     assert odometry.baseline.primed == 3
 
 
-# -- limits, to the count
-
-
 def baseline(exact, *readings):
     """Of wheels that make 1000 counts/s at most, after readings of both wheels (right, left, time)."""
     made = Baseline(1.0, 1000.0, SLACK_S[exact])
@@ -220,9 +228,6 @@ def test_a_way_back_is_as_near_to_the_reading_before_as_a_step(count, used):
 def test_a_reading_of_before_a_new_baseline_is_no_way_back():
     made = baseline(False, (5000, 5000, 0.0), (5002, 5002, 0.0), *[START] * 3)
     assert made.primed == 2 and made.update(5004, 5004, 0.0) is None
-
-
-# -- what odometry hands on
 
 
 class Heard:
@@ -317,3 +322,308 @@ def test_wheels_prevent_a_speed_to_the_left_and_have_a_ceiling():
     """Both ceilings together, and half as much."""
     assert Twist(0.2, 1.0).lateral_m_s == 0.0
     assert fastest_wheel_m_s(0.5, 2.0, 0.2) == pytest.approx(1.5 * (0.5 + 0.2))
+
+
+BIAS_RAD_S = 0.05
+NOISE_RAD_S = 0.0007  # Noise of one reading: 0.005 deg/s/sqrt(Hz) at 50 Hz
+SLIP = 0.1
+
+
+class Robot:
+    """Turns as told; its wheels claim more than it turns, and its gyro has bias and noise."""
+
+    def __init__(self, seed=0, slip=SLIP, bias_rad_s=BIAS_RAD_S):
+        self.filter, self.time_s, self.slip, self.bias_rad_s = HeadingFilter(), 0.0, slip, bias_rad_s
+        self.true_rad = self.fused_rad = self.wheels_rad = 0.0
+        self.turns = []
+        self._rng = random.Random(seed)
+
+    def go(self, rate_rad_s, seconds, gyro=True, wheels=True):
+        """Turns at this rate; `gyro`: readings arrive; `wheels`: it is the wheels that turn it."""
+        for _ in range(round(seconds / PERIOD_S)):
+            self.time_s += PERIOD_S
+            turn = rate_rad_s * PERIOD_S
+            self.true_rad += turn
+            by_wheels = turn / (1 - self.slip) if wheels else 0.0
+            self.wheels_rad += by_wheels
+            self.turns.append(self.filter.turn(self.time_s, by_wheels, by_wheels != 0.0))
+            self.fused_rad += self.turns[-1]
+            if gyro:
+                self.read(rate_rad_s)
+
+    def read(self, rate_rad_s):
+        noise = self._rng.gauss(0.0, NOISE_RAD_S)
+        self.filter.on_imu(self.time_s + FILTER_DELAY_S, rate_rad_s + self.bias_rad_s + noise)
+
+    @property
+    def off_rad(self):
+        return self.fused_rad - self.true_rad
+
+
+@pytest.fixture
+def robot():
+    """A robot that has stood long enough to know its bias."""
+    robot = Robot()
+    robot.go(0.0, 2.0)
+    return robot
+
+
+def test_a_robot_that_moves_from_the_start_uses_its_wheels_until_it_has_stood():
+    robot = Robot()
+    robot.go(0.5, 2.0)
+    assert robot.fused_rad == pytest.approx(robot.wheels_rad)
+    assert not robot.filter.in_use and not robot.filter.bias_known
+    robot.go(0.0, STAND_S + 2 * PERIOD_S)
+    learned_sd = robot.filter.bias_sd_rad_s
+    assert robot.filter.bias_known
+    assert robot.filter.bias_rad_s == pytest.approx(BIAS_RAD_S, abs=4 * learned_sd)
+    robot.go(0.0, 5.0)
+    surer = robot.filter.bias_sd_rad_s
+    robot.go(0.3, 60.0)
+    assert surer < learned_sd and robot.filter.bias_sd_rad_s > surer
+
+
+def test_ten_quarter_turns_with_slip_are_right(robot):
+    """A standing robot does not turn; readings twice and out of order change nothing."""
+    before = robot.fused_rad
+    robot.go(0.0, 60.0)
+    assert robot.fused_rad == before
+    for _ in range(10):
+        robot.go(math.pi / 2, 1.0)
+        robot.read(math.pi / 2)
+        robot.filter.on_imu(robot.time_s - 0.05, 5.0)
+        robot.go(0.0, 1.0)
+    assert robot.wheels_rad - robot.true_rad > 1.5
+    assert robot.filter.in_use
+    assert abs(robot.off_rad) < math.radians(0.1)
+
+
+def test_a_robot_that_is_carried_turns_and_learns_nothing(robot):
+    """Standing wheels, and a quick turn by hand there and back."""
+    bias_rad_s = robot.filter.bias_rad_s
+    robot.go(0.8, 1.0, wheels=False)
+    assert robot.fused_rad == pytest.approx(0.8, abs=0.03)
+    assert robot.filter.bias_rad_s == bias_rad_s
+
+
+def test_motion_too_fast_for_the_readings_makes_the_yaw_less_sure(robot):
+    unseen = []
+    for shaken in (0.0, 0.2):
+        robot.filter.unseen_rad2 = 0.0
+        for step in range(20):
+            robot.go(0.5 + shaken * (-1) ** step, PERIOD_S)
+        unseen.append(robot.filter.unseen_rad2)
+    assert unseen[1] > 20 * unseen[0]
+
+
+def test_a_turn_as_steady_as_a_bias_is_a_turn_for_five_seconds(robot):
+    """Beyond that, no hand turns so evenly: the chip's bias has shifted."""
+    robot.go(2 * STEADY_RAD_S, 4.0, wheels=False)
+    assert robot.fused_rad == pytest.approx(8 * STEADY_RAD_S, rel=0.1)
+    assert robot.filter.bias_rad_s == pytest.approx(BIAS_RAD_S, abs=STEADY_RAD_S / 10)
+    robot.go(2 * STEADY_RAD_S, 4.0, wheels=False)
+    assert robot.filter.bias_rad_s == pytest.approx(BIAS_RAD_S + 2 * STEADY_RAD_S, abs=STEADY_RAD_S / 10)
+
+
+@pytest.mark.parametrize("bias_rad_s, shaken_rad_s", [(1.1 * ZERO_RATE_RAD_S, 0.0), (BIAS_RAD_S, 0.02)])
+def test_a_rate_that_no_bias_has_or_of_a_shaken_robot_is_never_learned(bias_rad_s, shaken_rad_s):
+    robot = Robot(bias_rad_s=bias_rad_s)
+    for _ in range(20):
+        robot.go(shaken_rad_s, 0.1, wheels=False)
+        robot.go(-shaken_rad_s, 0.1, wheels=False)
+    assert not robot.filter.bias_known
+
+
+@pytest.mark.parametrize("lost_s", [0.06, SILENT_S + PERIOD_S, 3.0])
+def test_readings_that_do_not_come_are_replaced_by_the_wheels(robot, lost_s):
+    """A gap costs the slip of its time, and no turn is counted twice or lost."""
+    robot.go(1.0, 1.0)
+    robot.go(1.0, lost_s, gyro=False)
+    robot.go(1.0, 1.0)
+    robot.go(0.0, 1.0)
+    assert -0.01 < robot.off_rad < (lost_s + 2 * PERIOD_S) * SLIP / (1 - SLIP) + 0.01
+
+
+def test_lost_readings_end_the_use_of_the_gyro_at_once_and_a_silence_after_a_while(robot):
+    robot.go(0.5, SILENT_S + 2 * PERIOD_S, gyro=False)
+    assert not robot.filter.in_use
+    robot.go(0.5, 3 * PERIOD_S)
+    assert robot.filter.in_use
+    robot.filter.lose()
+    assert not robot.filter.in_use
+    robot.go(0.5, 1.0, gyro=False)
+    assert robot.turns[-1] == pytest.approx(0.5 * PERIOD_S / (1 - SLIP))
+
+
+def test_bias_outlives_a_restart_of_the_board_with_more_doubt(robot):
+    before = robot.filter.bias_rad_s, robot.filter.bias_sd_rad_s
+    robot.filter.reset()
+    assert robot.filter.bias_rad_s == before[0] and robot.filter.bias_sd_rad_s > before[1]
+    robot.time_s, robot.fused_rad, robot.true_rad = 0.0, 0.0, 0.0
+    robot.go(1.0, 2.0)
+    robot.go(0.0, 1.0)
+    assert abs(robot.off_rad) < 0.01 + PERIOD_S * 3 * SLIP
+
+
+def test_board_time_that_begins_again_without_notice_turns_nothing(robot):
+    robot.go(1.0, 1.0)
+    sure, before = robot.filter.bias_sd_rad_s, robot.off_rad
+    robot.time_s = 0.0
+    robot.go(1.0, 0.1)
+    assert robot.filter.bias_sd_rad_s > sure
+    robot.go(1.0, 1.9)
+    robot.go(0.0, 1.0)
+    assert robot.filter.in_use
+    assert abs(robot.off_rad - before) < 0.03
+
+
+def test_nothing_is_learned_while_the_wheels_are_not_heard():
+    """Time before and after does not add up: the wheels may have moved between."""
+    robot = Robot()
+    robot.go(0.0, STAND_S - SILENT_S - 2 * PERIOD_S)
+    for _ in range(100):
+        robot.time_s += PERIOD_S
+        robot.read(0.0)
+    robot.go(0.0, 4 * PERIOD_S)
+    assert not robot.filter.bias_known
+
+
+def test_a_robot_that_stops_with_its_readings_turns_on_for_at_most_the_hold(robot):
+    robot.go(1.0, 1.0)
+    before = robot.off_rad
+    robot.go(0.0, SILENT_S - PERIOD_S, gyro=False)
+    assert robot.off_rad - before < HOLD_S + 0.01
+
+
+def test_gap_in_the_counts_is_filled_by_the_gyro(robot):
+    """Counts that are lost for half a second: the turn of that time is the gyro's."""
+    for _ in range(25):
+        robot.time_s += PERIOD_S
+        robot.read(1.0)
+    robot.true_rad += 0.5
+    robot.fused_rad += robot.filter.turn(robot.time_s, 0.5 / (1 - SLIP), True)
+    robot.go(0.0, 0.5)
+    assert abs(robot.off_rad) < 0.03
+
+
+EVENTS = st.lists(st.tuples(st.sampled_from(["go", "silent", "lose", "jump"]), st.floats(-1, 1)), max_size=30)
+
+
+@settings(max_examples=50)
+@given(EVENTS)
+def test_no_turn_is_larger_than_what_wheels_or_gyro_can_have_turned(events):
+    """Whatever comes and goes, an increment is that of one period, with at most the correction of the hold."""
+    robot = Robot()
+    robot.go(0.0, 1.0)
+    for event, rate in events:
+        if event == "lose":
+            robot.filter.lose()
+        elif event == "jump":
+            robot.time_s += 5.0
+        else:
+            robot.go(rate, 0.1, gyro=event == "go")
+    assert max(map(abs, robot.turns)) <= HOLD_S + 2 * PERIOD_S
+
+
+def with_gyro(kind=Odometry, name="traxbot"):
+    odometry = kind(load(name).drive, 2.0)
+    odometry.heading = HeadingFilter()
+    return odometry
+
+
+def stand(odometry, seconds, counts=lambda step: (0, 0), rate_rad_s=BIAS_RAD_S):
+    """The odometry after readings of the counters and of a gyro from time 0 on."""
+    for step in range(round(seconds / PERIOD_S)):
+        odometry.update(*counts(step)[:2], step * PERIOD_S, *counts(step)[2:])
+        odometry.heading.on_imu(step * PERIOD_S + FILTER_DELAY_S, rate_rad_s)
+    return odometry
+
+
+@pytest.mark.parametrize("kind, name, still", [(Odometry, "traxbot", ()), (OmniOdometry, "omni", (0,))])
+def test_pose_has_the_way_of_the_wheels_and_the_turn_of_the_gyro(kind, name, still):
+    """Wheels that claim to go straight, or one of three to stand, on a robot that turns to the left."""
+    odometry = stand(with_gyro(kind, name), 1.0, lambda step: (0, 0, *still))
+    for step in range(50):
+        time_s = 1.0 + step * PERIOD_S
+        odometry.update(50 * step, 50 * step if not still else -50 * step, time_s, *still)
+        odometry.heading.on_imu(time_s + FILTER_DELAY_S, BIAS_RAD_S + 0.5)
+    assert odometry.pose.yaw_rad == pytest.approx(0.5, abs=0.03)
+    assert odometry.twist.angular_rad_s == pytest.approx(0.5, rel=0.01)
+    assert still or odometry.pose.y_m == pytest.approx(0.05, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "counts, stands",
+    [
+        (lambda step: (step // 4, 0), False),
+        (lambda step: (0, step // 4), False),
+        (lambda step: (step // 4, -(step // 4)), False),
+        (lambda step: (step % 2, 0), True),
+    ],
+    ids=["right", "left", "both", "counter between two values"],
+)
+def test_slow_wheel_is_not_a_standing_one(counts, stands):
+    odometry = stand(with_gyro(), 2.0, counts)
+    assert odometry.heading.bias_known == stands
+    assert not stands or odometry.pose.yaw_rad == pytest.approx(0.0, abs=1e-3)
+
+
+angles = st.floats(-1e4, 1e4)
+places = st.floats(-5, 5)
+poses = st.builds(Pose, places, places, angles.map(wrap_angle))
+
+
+@given(angles)
+def test_wrapped_angle_is_the_same_direction_in_range(angle):
+    wrapped = wrap_angle(angle)
+    assert -math.pi < wrapped <= math.pi
+    assert math.cos(wrapped - angle) == pytest.approx(1.0, abs=1e-9)
+
+
+@given(st.lists(angles))
+def test_an_array_is_wrapped_as_each_of_its_angles(some):
+    turned = wrap_angles(np.array(some)) - [wrap_angle(angle) for angle in some]
+    assert np.cos(turned) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_wrapping_keeps_plus_pi():
+    assert wrap_angle(-math.pi) == math.pi
+    assert list(wrap_angles(np.array([-math.pi, math.pi, 0.0]))) == [math.pi, math.pi, 0.0]
+
+
+def test_a_pose_composes_with_one_in_its_own_frame():
+    found = Pose(2.0, 3.0, math.pi / 2).compose(1.0, 0.0, 0.5)
+    assert found == pytest.approx((2.0, 4.0, math.pi / 2 + 0.5))
+
+
+@given(poses, poses)
+def test_relative_to_is_the_inverse_of_compose(origin, pose):
+    found = origin.compose(*pose.relative_to(origin))
+    assert found[:2] == pytest.approx(pose[:2], abs=1e-9)
+    assert wrap_angle(found.yaw_rad - pose.yaw_rad) == pytest.approx(0.0, abs=1e-9)
+
+
+@given(st.floats(-2, 2), st.floats(-6, 6), st.integers(1, 50), st.floats(-2, 2))
+def test_an_arc_is_the_sum_of_its_pieces(forward, turn, pieces, left):
+    """Exact arcs compose: the size of the steps does not matter."""
+    pose = ORIGIN
+    for _ in range(pieces):
+        pose = advance(pose, forward / pieces, turn / pieces, left / pieces)
+    whole = advance(ORIGIN, forward, turn, left)
+    assert math.dist(pose[:2], whole[:2]) < 1e-9
+    assert abs(wrap_angle(pose.yaw_rad - whole.yaw_rad)) < 1e-9
+
+
+def test_a_quarter_circle():
+    quarter = math.pi / 2
+    assert advance(ORIGIN, quarter, quarter) == pytest.approx(Pose(1.0, 1.0, quarter))
+    assert advance(ORIGIN, 0.0, quarter, quarter) == pytest.approx(Pose(-1.0, 1.0, quarter))
+
+
+@given(angles)
+def test_a_quaternion_of_either_sign_gives_back_its_yaw(angle):
+    yaw = wrap_angle(angle)
+    z, w = quaternion_of(yaw)
+    for sign in (1, -1):
+        assert math.cos(yaw_of(0.0, 0.0, sign * z, sign * w) - yaw) == pytest.approx(1.0)
+    assert yaw_of(0.0, 0.0, -1.0, 0.0) == yaw_of(-0.0, 0.0, -1.0, 0.0) == math.pi

@@ -17,7 +17,7 @@ from tests.waiting import wait_until
 
 from .planar_ekf import IN_3D, VYAW, YAW, PlanarEkf, X, Y
 from .rig import ROOT, START_S
-from .test_launch_packages import CLEARING
+from .test_launch import CLEARING
 
 FOLDER = ROOT / "ros1_bridge" / "navigation"
 ROBOTS = ("traxbot", "stingbot", "omni", "duo")
