@@ -3,16 +3,7 @@ import math
 import pytest
 
 from mrl_driver.errors import BatteryDead
-from mrl_driver.robot.battery import (
-    EMPTY,
-    EMPTY_AFTER_S,
-    LOW,
-    OFF,
-    OK,
-    BatteryMonitor,
-    require_charge,
-    voltage_text,
-)
+from mrl_driver.robot import battery
 from mrl_driver.robot.models import load
 
 LEVELS = load("traxbot").battery
@@ -20,21 +11,21 @@ LEVELS = load("traxbot").battery
 
 def states_after(*volts):
     """One reading a second."""
-    monitor = BatteryMonitor(LEVELS)
+    monitor = battery.BatteryMonitor(LEVELS)
     return [monitor.update(value, float(i)) for i, value in enumerate(volts)]
 
 
 @pytest.mark.parametrize(
     "volts, states",
     [
-        ((8.9, 9.1, 8.9, 9.3), [LOW, LOW, LOW, OK]),
-        ((8.0, 8.0, 12.0), [LOW, LOW, OK]),
-        ((8.4, 8.4, 8.4, 8.6, 8.4, 8.4, 8.4, 8.4), [LOW] * 8),
-        ((*[8.4] * 6, 8.6), [LOW] * 5 + [EMPTY] * 2),
-        ((*[8.4] * 6, 8.75, 8.4, 8.4), [LOW] * 5 + [EMPTY] + [LOW] * 3),
-        ((*[8.4] * 6, 0.3, 8.4, 8.4), [LOW] * 5 + [EMPTY, OFF] + [LOW] * 2),
-        ((12.0, 0.3, 12.0), [OK, OFF, OK]),
-        ([math.nan] * 21, [OK] * 21),
+        ((8.9, 9.1, 8.9, 9.3), [battery.LOW, battery.LOW, battery.LOW, battery.OK]),
+        ((8.0, 8.0, 12.0), [battery.LOW, battery.LOW, battery.OK]),
+        ((8.4, 8.4, 8.4, 8.6, 8.4, 8.4, 8.4, 8.4), [battery.LOW] * 8),
+        ((*[8.4] * 6, 8.6), [battery.LOW] * 5 + [battery.EMPTY] * 2),
+        ((*[8.4] * 6, 8.75, 8.4, 8.4), [battery.LOW] * 5 + [battery.EMPTY] + [battery.LOW] * 3),
+        ((*[8.4] * 6, 0.3, 8.4, 8.4), [battery.LOW] * 5 + [battery.EMPTY, battery.OFF] + [battery.LOW] * 2),
+        ((12.0, 0.3, 12.0), [battery.OK, battery.OFF, battery.OK]),
+        ([math.nan] * 21, [battery.OK] * 21),
     ],
     ids=[
         "low does not flicker",
@@ -52,7 +43,7 @@ def test_states_of_a_battery(volts, states):
 
 
 def test_five_seconds_below_are_empty():
-    assert states_after(*[8.4] * 7) == [LOW] * int(EMPTY_AFTER_S) + [EMPTY] * 2
+    assert states_after(*[8.4] * 7) == [battery.LOW] * int(battery.EMPTY_AFTER_S) + [battery.EMPTY] * 2
 
 
 @pytest.mark.parametrize(
@@ -60,10 +51,10 @@ def test_five_seconds_below_are_empty():
 )
 def test_a_start_with_an_empty_battery_is_refused(volts, words):
     with pytest.raises(BatteryDead, match=words):
-        require_charge(volts, LEVELS)
+        battery.require_charge(volts, LEVELS)
 
 
 def test_a_start_with_a_low_battery_or_one_that_is_not_measured_is_allowed():
-    require_charge(8.5, LEVELS)
-    require_charge(math.nan, LEVELS)
-    assert voltage_text(math.nan) == "not measured"
+    battery.require_charge(8.5, LEVELS)
+    battery.require_charge(math.nan, LEVELS)
+    assert battery.voltage_text(math.nan) == "not measured"

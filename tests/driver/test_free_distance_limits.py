@@ -7,20 +7,12 @@ import pytest
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot.models import Body, SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
-from mrl_driver.safety.free_distance import (
-    Outline,
-    Scan,
-    Sight,
-    looks,
-    off_axis,
-    outline_of,
-    scan_room,
-    slant_room,
-    sonar_room,
-)
+from mrl_driver.safety import free_distance
 
-OUTLINE = Outline(0.2, 0.1, 0.05)  # 40 cm long and 20 cm wide; the swept path is 5 cm wider on each side
-NARROW = Outline(0.05, 0.01, 0.0)
+OUTLINE = free_distance.Outline(
+    0.2, 0.1, 0.05
+)  # 40 cm long and 20 cm wide; the swept path is 5 cm wider on each side
+NARROW = free_distance.Outline(0.05, 0.01, 0.0)
 AHEAD, LEFT, BACK, RIGHT = (1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)
 SLANT = (0.6, 0.8)
 ALMOST_M, TOUCHES_M = 1.5e-9, 1e-9
@@ -86,14 +78,14 @@ def test_a_wall_is_as_far_as_the_outlines_foremost_point_from_it(direction, room
 
 
 def test_the_outline_of_a_body_is_half_of_it_to_each_side():
-    assert outline_of(Body(0.4, 0.2, 0.1, 1.0, False), 0.05) == OUTLINE
+    assert free_distance.outline_of(Body(0.4, 0.2, 0.1, 1.0, False), 0.05) == OUTLINE
 
 
 # -- scans
 
 
 def scan(*ranges, first_deg=0.0, step_deg=90.0, near_m=0.1, mount=ORIGIN):
-    return Scan(ranges, math.radians(first_deg), math.radians(step_deg), near_m, mount)
+    return free_distance.Scan(ranges, math.radians(first_deg), math.radians(step_deg), near_m, mount)
 
 
 @pytest.mark.parametrize(
@@ -153,8 +145,8 @@ def test_a_laser_with_one_ray_looks_along_it():
 
 
 def test_the_free_distance_of_a_scan_is_that_of_its_nearest_point():
-    assert scan_room(OUTLINE, [(2.0, 0.0), (1.0, 0.1), (0.5, 1.0)], AHEAD) == pytest.approx(0.8)
-    assert scan_room(OUTLINE, [], AHEAD) == math.inf
+    assert free_distance.scan_room(OUTLINE, [(2.0, 0.0), (1.0, 0.1), (0.5, 1.0)], AHEAD) == pytest.approx(0.8)
+    assert free_distance.scan_room(OUTLINE, [], AHEAD) == math.inf
 
 
 # -- sonars
@@ -169,7 +161,7 @@ def mount(yaw_deg=0.0, x_m=0.0, y_m=0.0):
     [(45, 90, 45), (-45, 90, 135), (170, -170, 20), (0, 180, 180), (30, 30, 0)],
 )
 def test_a_direction_is_off_the_axis_by_the_smaller_angle(yaw_deg, angle_deg, off_deg):
-    assert off_axis(mount(yaw_deg), towards(angle_deg)) == pytest.approx(math.radians(off_deg))
+    assert free_distance.off_axis(mount(yaw_deg), towards(angle_deg)) == pytest.approx(math.radians(off_deg))
 
 
 @pytest.mark.parametrize(
@@ -178,24 +170,24 @@ def test_a_direction_is_off_the_axis_by_the_smaller_angle(yaw_deg, angle_deg, of
 )
 def test_a_sonar_looks_ahead_if_its_whole_cone_does(yaw_deg, ahead):
     """The cone is 18 degrees wide to each side."""
-    assert looks(mount(yaw_deg), AHEAD) == ahead
+    assert free_distance.looks(mount(yaw_deg), AHEAD) == ahead
 
 
-@pytest.mark.parametrize("room", [sonar_room, slant_room])
+@pytest.mark.parametrize("room", [free_distance.sonar_room, free_distance.slant_room])
 def test_nothing_in_range_leaves_all_room_and_too_near_none(room):
     assert room(OUTLINE, mount(), math.inf, AHEAD) == math.inf
     assert room(OUTLINE, mount(), -math.inf, AHEAD) == 0.0
 
 
 def test_a_range_of_nothing_is_at_the_sonar_itself():
-    assert sonar_room(OUTLINE, mount(x_m=0.2), 0.0, AHEAD) == pytest.approx(0.0)
+    assert free_distance.sonar_room(OUTLINE, mount(x_m=0.2), 0.0, AHEAD) == pytest.approx(0.0)
 
 
 def test_an_echo_of_a_sonar_that_looks_back_counts_where_its_arc_enters_the_path():
     """It is 1 m ahead and 0.2 m to the left, and the path is 5 cm wide to each side."""
-    narrow = Outline(0.1, 0.05, 0.0)
+    narrow = free_distance.Outline(0.1, 0.05, 0.0)
     room_m = 1.0 - math.sqrt(0.6**2 - 0.15**2) - 0.1
-    assert sonar_room(narrow, mount(180.0, 1.0, 0.2), 0.6, AHEAD) == pytest.approx(room_m)
+    assert free_distance.sonar_room(narrow, mount(180.0, 1.0, 0.2), 0.6, AHEAD) == pytest.approx(room_m)
 
 
 @pytest.mark.parametrize("off_deg", range(-70, 71, 20))
@@ -209,7 +201,7 @@ def test_the_free_distance_of_an_echo_is_that_of_the_nearest_point_of_its_arc(of
         angle = yaw_rad + half_rad * (2 * number / ARC_POINTS - 1)
         point = sonar.x_m + range_m * math.cos(angle), sonar.y_m + range_m * math.sin(angle)
         rooms_m.append(OUTLINE.room(point, direction))
-    found_m = sonar_room(OUTLINE, sonar, range_m, direction)
+    found_m = free_distance.sonar_room(OUTLINE, sonar, range_m, direction)
     assert max(0.0, found_m) == pytest.approx(max(0.0, min(rooms_m)), abs=ARC_ERROR_M)
 
 
@@ -222,22 +214,22 @@ def test_a_wall_at_an_angle_is_as_near_as_the_edge_of_the_cone_that_is_nearest_t
 ):
     x, y = towards(angle_deg)
     half_m = NARROW.half_length_m * x + NARROW.half_width_m * abs(y)
-    room_m = slant_room(NARROW, mount(yaw_deg), 1.0, (x, y))
+    room_m = free_distance.slant_room(NARROW, mount(yaw_deg), 1.0, (x, y))
     assert room_m == pytest.approx(math.cos(math.radians(off_deg)) - half_m)
 
 
-@pytest.mark.parametrize("room", [sonar_room, slant_room])
+@pytest.mark.parametrize("room", [free_distance.sonar_room, free_distance.slant_room])
 def test_an_echo_may_come_from_the_edge_of_the_cone(room):
     """There it is nearest along the path, if the robot is wide."""
     expected_m = math.cos(FIELD_OF_VIEW_RAD / 2) - 0.1
-    assert room(Outline(0.1, 1.0, 0.0), mount(), 1.0, AHEAD) == pytest.approx(expected_m)
+    assert room(free_distance.Outline(0.1, 1.0, 0.0), mount(), 1.0, AHEAD) == pytest.approx(expected_m)
 
 
 # -- what a sensor remembers
 
 
 def sight(room_m=1.0, slant_m=0.5, places=((0.0, 0.0),)):
-    made = Sight()
+    made = free_distance.Sight()
     made.know(lambda way: room_m, lambda way: slant_m, places, 0.0)
     return made
 

@@ -5,19 +5,7 @@ import pytest
 from mrl_driver.errors import BoardError, BoardTimeout, NotARobot, WrongRobot
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME, STOP_CODE, WRAP
-from mrl_driver.session.handshake import (
-    ALIKE,
-    ALIKE_TO_REFUSE,
-    DEAF,
-    RETRY_S,
-    Board,
-    Handshake,
-    Plan,
-    are_alike,
-    board_of,
-    capabilities_of,
-    with_measured,
-)
+from mrl_driver.session import handshake
 from mrl_driver.session.sensor_polling import SENSOR_STREAM
 
 PLAIN, CHECKED = False, True
@@ -40,10 +28,10 @@ def status(faults=0):
     return Frame(30, (0, 1, 1, 0, faults, 0))
 
 
-class Hello(Handshake):
+class Hello(handshake.Handshake):
     """A greeting that keeps what it sends."""
 
-    def __init__(self, plan=Plan(), admit=lambda board: None, **options):  # noqa: B008
+    def __init__(self, plan=handshake.Plan(), admit=lambda board: None, **options):  # noqa: B008
         self.sent = []
         super().__init__(plan, self._keep, admit, 0.0, **options)
 
@@ -79,18 +67,18 @@ class Hello(Handshake):
 
 
 def test_answers_are_converted_to_units():
-    assert board_of((2512, 172, 1230, 2, 4)) == Board(4, 2, 1.72, 12.30, 25.12)
+    assert handshake.board_of((2512, 172, 1230, 2, 4)) == handshake.Board(4, 2, 1.72, 12.30, 25.12)
 
 
 def test_capabilities_are_bits_from_the_lowest_on():
-    assert capabilities_of(CHECK | OMNI) == {"check", "omni"}
+    assert handshake.capabilities_of(CHECK | OMNI) == {"check", "omni"}
 
 
 @pytest.mark.parametrize(
     "lacking, unmeasured", [("no_battery", "battery_v"), ("no_temperature", "temperature_c")]
 )
 def test_only_what_is_not_measured_is_nan(lacking, unmeasured):
-    board = with_measured(board_of(INFO.args), frozenset([lacking]))
+    board = handshake.with_measured(handshake.board_of(INFO.args), frozenset([lacking]))
     assert [name for name, value in board._asdict().items() if value != value] == [unmeasured]
 
 
@@ -105,7 +93,7 @@ def test_only_what_is_not_measured_is_nan(lacking, unmeasured):
     ids=["near", "battery", "temperature", "id"],
 )
 def test_answers_are_alike_if_battery_and_temperature_are_near_and_the_rest_is_equal(other, alike):
-    assert are_alike(board_of(INFO.args), board_of(other)) is alike
+    assert handshake.are_alike(handshake.board_of(INFO.args), handshake.board_of(other)) is alike
 
 
 # -- the first request
@@ -149,8 +137,11 @@ def test_one_that_then_stays_silent_is_asked_the_first_question_again():
 def test_the_stop_has_the_form_of_the_board_as_soon_as_that_is_known(answer, form):
     """Until then, the session chooses the one of the last board."""
     forms = []
-    hello = Handshake(
-        Plan(), lambda code, *_, wrapped=None, **__: forms.append((code, wrapped)), lambda board: None, 0.0
+    hello = handshake.Handshake(
+        handshake.Plan(),
+        lambda code, *_, wrapped=None, **__: forms.append((code, wrapped)),
+        lambda board: None,
+        0.0,
     )
     hello.on_frame(answer, 0.0, PLAIN)
     hello.tick(0.0, PLAIN)
@@ -159,10 +150,10 @@ def test_the_stop_has_the_form_of_the_board_as_soon_as_that_is_known(answer, for
 
 def test_all_requests_to_a_board_of_2013_have_its_form():
     sent = []
-    hello = Handshake(
-        Plan(), lambda code, *_, wrapped=None, **__: sent.append(wrapped), lambda board: None, 0.0
+    hello = handshake.Handshake(
+        handshake.Plan(), lambda code, *_, wrapped=None, **__: sent.append(wrapped), lambda board: None, 0.0
     )
-    for _ in range(ALIKE):
+    for _ in range(handshake.ALIKE):
         hello.on_frame(INFO_2013, 0.0, PLAIN)
     hello.tick(0.0, PLAIN)
     assert sent == [True, True]  # end a stream, start one
@@ -197,7 +188,7 @@ def test_a_pause_of_this_program_prolongs_it_by_the_pause():
     hello = Hello()
     hello.ask()
     hello.tick(9.0, PLAIN)
-    assert hello.ends_at()[0] == TO_ANSWER_S + 9.0 - RETRY_S
+    assert hello.ends_at()[0] == TO_ANSWER_S + 9.0 - handshake.RETRY_S
 
 
 JUNK = bytes(range(128, 159)) + b"\x7f"  # The fewest that count
@@ -252,9 +243,9 @@ def test_a_board_that_stays_silent_for_two_more_seconds_ends_it():
 
 
 def test_after_a_silence_as_many_answers_are_needed_as_before():
-    hello = Hello().hear(PLAIN, *[INFO_2013] * ALIKE)
+    hello = Hello().hear(PLAIN, *[INFO_2013] * handshake.ALIKE)
     hello.ask(9)
-    assert hello.hear(PLAIN, *[INFO_2013] * (ALIKE - 1)).board is None
+    assert hello.hear(PLAIN, *[INFO_2013] * (handshake.ALIKE - 1)).board is None
 
 
 @pytest.mark.parametrize(
@@ -263,7 +254,9 @@ def test_after_a_silence_as_many_answers_are_needed_as_before():
     ids=["2013 with sensors", "2013", "ours"],
 )
 def test_the_thermopile_is_named_for_a_board_of_2013_that_may_hang_on_it(info, stream, hangs):
-    hello = Hello(admit=lambda board: stream).hear(PLAIN, *[protocol()] * (info is INFO), *[info] * ALIKE)
+    hello = Hello(admit=lambda board: stream).hear(
+        PLAIN, *[protocol()] * (info is INFO), *[info] * handshake.ALIKE
+    )
     hint = (
         ": a 2013 board hangs if its thermopile does not answer, so check its wires, or if the board has sonars choose "
         "build sonar"
@@ -286,7 +279,7 @@ NO_ANSWER = "the {} of robot 1 does not answer its Arduino: check its power and 
     ],
 )
 def test_a_fault_is_named_if_it_keeps_the_stream_from_starting(stream, faults, words):
-    hello = Hello(Plan(check=False), lambda board: stream)
+    hello = Hello(handshake.Plan(check=False), lambda board: stream)
     hello.hear(CHECKED, INFO, protocol(0), status(faults))
     assert words in hello.ends_at(CHECKED)[1]
 
@@ -295,9 +288,9 @@ def test_a_fault_is_named_if_it_keeps_the_stream_from_starting(stream, faults, w
 
 
 def test_three_equal_plain_answers_are_believed_and_not_two():
-    hello = Hello().hear(PLAIN, *[INFO] * (ALIKE - 1))
+    hello = Hello().hear(PLAIN, *[INFO] * (handshake.ALIKE - 1))
     assert hello.board is None
-    assert hello.hear(PLAIN, INFO).board == board_of(INFO.args) and ALIKE == 3
+    assert hello.hear(PLAIN, INFO).board == handshake.board_of(INFO.args) and handshake.ALIKE == 3
 
 
 def test_the_next_answer_is_asked_for_at_once():
@@ -312,10 +305,10 @@ def refuse(board):
 
 
 def test_five_plain_answers_refuse_a_board_and_not_four():
-    hello = Hello(admit=refuse).hear(PLAIN, *[INFO] * (ALIKE_TO_REFUSE - 1))
+    hello = Hello(admit=refuse).hear(PLAIN, *[INFO] * (handshake.ALIKE_TO_REFUSE - 1))
     with pytest.raises(WrongRobot):
         hello.hear(PLAIN, INFO)
-    assert ALIKE_TO_REFUSE == 5
+    assert handshake.ALIKE_TO_REFUSE == 5
 
 
 def test_a_refusal_under_the_checksum_counts_at_once():
@@ -330,15 +323,15 @@ def test_the_stream_of_the_last_board_is_ended_before_it_is_asked_for_more():
 # -- the protocol
 
 
-def greeted(plan=Plan(), admit=lambda board: None):  # noqa: B008
+def greeted(plan=handshake.Plan(), admit=lambda board: None):  # noqa: B008
     """A board that is known by its plain answers; the protocol is asked for."""
-    return Hello(plan, admit).hear(PLAIN, protocol(), *[INFO] * ALIKE)
+    return Hello(plan, admit).hear(PLAIN, protocol(), *[INFO] * handshake.ALIKE)
 
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_board_with_newer_firmware_is_not_taken_for_one_of_2013(version):
     """It answers in the form of 2013 alone."""
-    infos = [Frame(5, (2500, 172, 1200, version, 1))] * ALIKE
+    infos = [Frame(5, (2500, 172, 1200, version, 1))] * handshake.ALIKE
     if version > 2:
         with pytest.raises(WrongRobot, match="does not tell its protocol"):
             Hello().hear(PLAIN, *infos)
@@ -352,40 +345,40 @@ def test_a_board_with_newer_firmware_is_not_taken_for_one_of_2013(version):
     ids=["will be asked again", "without checksums", "not planned"],
 )
 def test_a_plain_protocol_is_believed_at_once_only_if_it_is_asked_for_again(check, bits, answers):
-    hello = greeted(Plan(check=check))
+    hello = greeted(handshake.Plan(check=check))
     hello.hear(PLAIN, *[protocol(bits)] * (answers - 1))
     assert hello.board.capabilities == frozenset()
-    assert hello.hear(PLAIN, protocol(bits)).board.capabilities == capabilities_of(bits)
+    assert hello.hear(PLAIN, protocol(bits)).board.capabilities == handshake.capabilities_of(bits)
 
 
 def test_plain_answers_after_one_under_the_checksum_are_not_believed():
-    hello = Hello().hear(CHECKED, INFO).hear(PLAIN, *[protocol(CHECK, 3)] * ALIKE_TO_REFUSE)
+    hello = Hello().hear(CHECKED, INFO).hear(PLAIN, *[protocol(CHECK, 3)] * handshake.ALIKE_TO_REFUSE)
     assert "watchdog" in hello.hear(CHECKED, protocol()).board.capabilities
 
 
 def test_plain_answers_are_no_answer_to_who_is_there_under_the_checksum():
     """The board was reset just after the checksum had been turned on."""
     hello = greeted().hear(PLAIN, protocol(), Frame(SET_CHECK, (1,)))
-    assert hello.hear(PLAIN, *[INFO] * ALIKE_TO_REFUSE).ask(1, CHECKED) == [[INFO.code]]
+    assert hello.hear(PLAIN, *[INFO] * handshake.ALIKE_TO_REFUSE).ask(1, CHECKED) == [[INFO.code]]
 
 
 @pytest.mark.parametrize("jump", [(600, 0, 0), (0, 0, 60)], ids=["temperature", "battery"])
 def test_plain_answers_whose_readings_jump_are_not_believed(jump):
     hello = Hello()
-    for number in range(ALIKE_TO_REFUSE):
+    for number in range(handshake.ALIKE_TO_REFUSE):
         readings = tuple(value + number * step for value, step in zip(INFO.args, jump))
         hello.hear(PLAIN, Frame(5, (*readings, *INFO.args[3:])))
     assert hello.board is None
 
 
 def test_a_plain_protocol_that_differs_begins_the_count_again():
-    hello = greeted(Plan(check=False))
+    hello = greeted(handshake.Plan(check=False))
     hello.hear(PLAIN, protocol(3), protocol(3), protocol(2), protocol(2))
     assert hello.board.capabilities == frozenset()
 
 
 def test_another_protocol_needs_five_equal_plain_answers():
-    hello = greeted().hear(PLAIN, *[protocol(CHECK, 3)] * (ALIKE_TO_REFUSE - 1))
+    hello = greeted().hear(PLAIN, *[protocol(CHECK, 3)] * (handshake.ALIKE_TO_REFUSE - 1))
     with pytest.raises(WrongRobot, match="protocol 3, this driver 2"):
         hello.hear(PLAIN, protocol(CHECK, 3))
 
@@ -405,7 +398,7 @@ def test_a_board_is_admitted_again_with_capabilities_that_are_sure():
 
 def test_a_board_without_checksums_is_admitted_again_after_three_answers():
     admitted = []
-    greeted(Plan(check=False), admitted.append).hear(PLAIN, *[protocol()] * ALIKE)
+    greeted(handshake.Plan(check=False), admitted.append).hear(PLAIN, *[protocol()] * handshake.ALIKE)
     assert [bool(board.capabilities) for board in admitted] == [False, True]
 
 
@@ -418,10 +411,10 @@ def test_a_board_that_is_sure_is_not_asked_twice():
 
 
 def test_a_board_without_a_watchdog_gets_none():
-    assert Hello(Plan(check=False)).hear(CHECKED, INFO, protocol(0)).ask() == [[30]]
+    assert Hello(handshake.Plan(check=False)).hear(CHECKED, INFO, protocol(0)).ask() == [[30]]
 
 
-def begun(stream, bits, plan=Plan(check=False)):  # noqa: B008
+def begun(stream, bits, plan=handshake.Plan(check=False)):  # noqa: B008
     """A greeting up to its status; a model that needs a stream says so once it knows the capabilities."""
     hello = Hello(plan, lambda board: stream if board.protocol == 2 else None)
     return hello.hear(CHECKED, INFO, protocol(bits), status())
@@ -447,8 +440,8 @@ def test_a_board_without_the_stream_of_the_model_is_refused(stream, bits):
         begun(stream, bits)
 
 
-def of_2013(stream, plan=Plan()):  # noqa: B008
-    return Hello(plan, lambda board: stream).hear(PLAIN, *[INFO_2013] * ALIKE)
+def of_2013(stream, plan=handshake.Plan()):  # noqa: B008
+    return Hello(plan, lambda board: stream).hear(PLAIN, *[INFO_2013] * handshake.ALIKE)
 
 
 def test_a_board_of_2013_has_no_three_wheels():
@@ -465,7 +458,7 @@ def test_other_streams_of_a_board_of_2013_end_before_that_of_its_sensors():
 def test_a_board_of_2013_that_does_not_know_the_stream_of_sensors_gets_the_usual_one():
     hello = of_2013(SENSOR_STREAM)
     hello.ask(7)
-    hello.hear(PLAIN, *[INFO_2013] * (DEAF - 1))
+    hello.hear(PLAIN, *[INFO_2013] * (handshake.DEAF - 1))
     assert hello.ask() == [[INFO_OF_2013, SENSING + WRAP]]
     assert hello.hear(PLAIN, INFO_2013).ask() == [[18 + WRAP]]
 

@@ -13,19 +13,7 @@ from mrl_driver.navigation.radio_claims import MOST_ROBOTS, RadioTeam, read_radi
 from mrl_driver.navigation.radio_holder import REPEAT_S, RadioHolder
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.hold_text import HoldText
-from mrl_driver.robot.radio import (
-    BROADCAST,
-    OLDEST_S,
-    TEXT_IN,
-    TEXT_OUT,
-    WAITING,
-    RadioQueue,
-    RadioText,
-    format_address,
-    parse_address,
-    text_of,
-    text_request,
-)
+from mrl_driver.robot import radio
 from sim_arduino.board.radio_hold import RadioHold
 from tests.fake_board import FakeBoard
 from tests.models import model
@@ -37,33 +25,33 @@ texts = st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, 
 
 @given(st.integers(0, 2**64 - 1), texts)
 def test_text_survives_the_words_of_the_wire(address, text):
-    code, *fields = text_request(address, text)
-    assert code == TEXT_OUT
-    received = text_of(Frame(TEXT_IN, tuple(fields)))
+    code, *fields = radio.text_request(address, text)
+    assert code == radio.TEXT_OUT
+    received = radio.text_of(Frame(radio.TEXT_IN, tuple(fields)))
     assert (received.address, received.text) == (address, text)
 
 
 @given(st.integers(0, 2**64 - 1))
 def test_address_is_read_as_it_was_written(address):
-    assert parse_address(format_address(address)) == address
+    assert radio.parse_address(radio.format_address(address)) == address
 
 
 @pytest.mark.parametrize("text", ["", "robot", "-1", "1" * 17, " 1", "1_0", "\u0661"])
 def test_address_that_is_none_is_refused_by_name(text):
     with pytest.raises(FrameError, match="radio address is"):
-        parse_address(text)
+        radio.parse_address(text)
 
 
 @pytest.mark.parametrize("text", ["", "x" * 17, "\u00e9", b"", b"x" * 17])
 def test_text_that_the_wire_cannot_carry_is_refused(text):
     with pytest.raises(FrameError, match="expected 1 to 16 ASCII"):
-        text_request(1, text)
+        radio.text_request(1, text)
 
 
 def queue(*lengths):
-    made = RadioQueue()
+    made = radio.RadioQueue()
     for length in lengths:
-        made.add(text_request(1, "x" * length), 0.0)
+        made.add(radio.text_request(1, "x" * length), 0.0)
     return made
 
 
@@ -75,12 +63,12 @@ def test_next_text_waits_until_the_one_before_is_on_the_air():
 
 def test_text_that_waited_too_long_is_dropped_and_counted():
     texts = queue(4, 4)
-    assert texts.take(OLDEST_S + 0.01) is None and (texts.dropped, texts.due_s) == (2, math.inf)
+    assert texts.take(radio.OLDEST_S + 0.01) is None and (texts.dropped, texts.due_s) == (2, math.inf)
 
 
 def test_more_texts_than_may_wait_are_refused():
     with pytest.raises(MrlError, match="16 texts wait for the radio"):
-        queue(*[1] * (WAITING + 1))
+        queue(*[1] * (radio.WAITING + 1))
 
 
 @pytest.fixture
@@ -118,7 +106,7 @@ def test_two_searches_at_once_are_refused(robot):
 
 def test_texts_follow_each_other_at_the_speed_of_the_radio(robot):
     for _ in range(4):
-        robot.radio.send(BROADCAST, "x" * 16)
+        robot.radio.send(radio.BROADCAST, "x" * 16)
     robot.wait(0.5)
     times = [time_s for time_s, _ in robot.board_.sent]
     gaps = [b - a for a, b in zip(times, times[1:])]
@@ -131,14 +119,14 @@ def test_each_received_text_is_told(robot):
     for text in ("one", "two"):
         robot.board_.hear(PEER, text)
     robot.wait(0.1)
-    assert told == [RadioText(PEER, b"one"), RadioText(PEER, b"two")]
+    assert told == [radio.RadioText(PEER, b"one"), radio.RadioText(PEER, b"two")]
 
 
 def test_texts_of_the_time_before_a_silence_are_not_sent_after_it(robot):
     robot.board_.mute = True
     robot.wait(0.5)
     robot.radio.send(PEER, "old")
-    robot.wait(OLDEST_S)
+    robot.wait(radio.OLDEST_S)
     robot.board_.mute = False
     robot.wait(1.0)
     assert robot.ready and not robot.board_.sent and robot.link.statistics.texts_dropped == 1
@@ -191,7 +179,7 @@ def test_other_texts_of_the_radio_are_no_claims(text):
         ("1", {"1": ONE}, "expected 2 to 6 robots"),
         ("0", {str(i): ONE + i for i in range(MOST_ROBOTS + 1)}, "expected 2 to 6 robots"),
         ("1", {"1": ONE, "2": ONE}, "0013a20040000001 cannot be used, expected one of its own"),
-        ("1", {"1": ONE, "2": BROADCAST}, "000000000000ffff cannot be used"),
+        ("1", {"1": ONE, "2": radio.BROADCAST}, "000000000000ffff cannot be used"),
         ("robot1", {"robot1": ONE, "robot2": TWO}, "at most 5 characters together"),
     ],
 )
@@ -225,7 +213,7 @@ class Air:
                 if address not in self.cut:
                     self.boards[address].receive(OWN, data, self.now_s)
                     for _, answer in self.boards[address].answers():
-                        self.holder.receive(RadioText(address, answer), self.now_s)
+                        self.holder.receive(radio.RadioText(address, answer), self.now_s)
 
     @property
     def held(self):
@@ -280,7 +268,7 @@ def test_answer_of_the_last_hold_does_not_count_for_the_next_one(air):
     air.exchange()
     air.holder.hold()
     for address in (HELD, SECOND):
-        air.holder.receive(RadioText(address, HoldText("held", 1).data), air.now_s)
+        air.holder.receive(radio.RadioText(address, HoldText("held", 1).data), air.now_s)
     assert not air.holds_all
     air.exchange(1)
     assert air.holds_all and air.held == {HELD, SECOND}
@@ -313,11 +301,11 @@ def test_board_that_has_started_again_is_held_again(air):
 def test_texts_of_others_are_no_answers(air, data):
     air.holder.hold()
     air.exchange(0)
-    air.holder.receive(RadioText(OWN, data), air.now_s)
+    air.holder.receive(radio.RadioText(OWN, data), air.now_s)
     assert set(air.holder.unanswered(air.now_s)) == {HELD, SECOND}
 
 
-@pytest.mark.parametrize("addresses", [[], [HELD, HELD], list(range(1, 10)), [BROADCAST]])
+@pytest.mark.parametrize("addresses", [[], [HELD, HELD], list(range(1, 10)), [radio.BROADCAST]])
 def test_wrong_addresses_are_refused(addresses):
     with pytest.raises(ConfigError, match="expected 1 to 8|cannot be held"):
         RadioHolder(addresses)

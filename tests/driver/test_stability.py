@@ -6,22 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.apps.tip_over import sweep, vehicle_file
-from mrl_driver.apps.tip_over.margin import (
-    DIRECTIONS,
-    MOST_N,
-    Arm,
-    Mass,
-    Push,
-    Situation,
-    Vehicle,
-    greatest_acceleration,
-    greatest_acceleration_anywhere,
-    greatest_force,
-    least,
-    limits,
-    margins,
-)
+from mrl_driver.apps.tip_over import margin, sweep, vehicle_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import GRAVITY_M_S2
 
@@ -32,13 +17,13 @@ SIZES, HEIGHTS = st.floats(0.05, 1.0), st.floats(0.02, 2.0)
 
 def box(half_length_m, half_width_m, height_m, payloads=None):
     contacts = [(x * half_length_m, y * half_width_m) for x in (1, -1) for y in (1, -1)]
-    return Vehicle("box", tuple(contacts), Mass(10.0, 0.0, 0.0, height_m), payloads or {})
+    return margin.Vehicle("box", tuple(contacts), margin.Mass(10.0, 0.0, 0.0, height_m), payloads or {})
 
 
 @given(SIZES, SIZES, HEIGHTS)
 @settings(max_examples=50)
 def test_at_rest_the_margin_is_the_angle_of_the_half_track(half_length_m, half_width_m, height_m):
-    found = least(margins(box(half_length_m, half_width_m, height_m)))
+    found = margin.least(margin.margins(box(half_length_m, half_width_m, height_m)))
     assert found.angle_rad == pytest.approx(math.atan(min(half_length_m, half_width_m) / height_m), abs=EXACT)
 
 
@@ -46,24 +31,26 @@ def test_at_rest_the_margin_is_the_angle_of_the_half_track(half_length_m, half_w
 @settings(max_examples=20)
 def test_it_tips_at_g_half_base_by_height(half_length_m, half_width_m, height_m, share):
     """And with a reserve where the margin's tangent says; first along its nearer side."""
-    made = Situation(box(half_length_m, half_width_m, height_m))
+    made = margin.Situation(box(half_length_m, half_width_m, height_m))
     reserve = 0.999 * share * math.atan(min(half_length_m, half_width_m) / height_m)
     for reach_m, names in ((half_length_m, ("forward", "back")), (half_width_m, ("left", "right"))):
         for name in names:
-            tips = greatest_acceleration(made, DIRECTIONS[name])
+            tips = margin.greatest_acceleration(made, margin.DIRECTIONS[name])
             assert tips == pytest.approx(min(1000.0, GRAVITY_M_S2 * reach_m / height_m), rel=1e-9)
-            kept = greatest_acceleration(made, DIRECTIONS[name], reserve)
+            kept = margin.greatest_acceleration(made, margin.DIRECTIONS[name], reserve)
             closed = GRAVITY_M_S2 * math.tan(math.atan(reach_m / height_m) - reserve)
             assert kept <= min(1000.0, closed) * (1 + 1e-9)
             if reach_m <= min(half_length_m, half_width_m):
                 assert kept == pytest.approx(min(1000.0, closed), rel=1e-6)
-    assert greatest_acceleration_anywhere(made) == pytest.approx(min(limits(made).values()), rel=1e-9)
+    assert margin.greatest_acceleration_anywhere(made) == pytest.approx(
+        min(margin.limits(made).values()), rel=1e-9
+    )
 
 
 def test_payload_and_arm_move_the_centre_of_mass():
-    loaded = box(0.3, 0.2, 0.1, {"arm": Mass(10.0, 0.2, 0.0, 0.5)})
-    assert loaded.whole == Mass(20.0, pytest.approx(0.1), 0.0, pytest.approx(0.3))
-    assert limits(Situation(loaded))["back"] == pytest.approx(GRAVITY_M_S2 * 0.2 / 0.3)
+    loaded = box(0.3, 0.2, 0.1, {"arm": margin.Mass(10.0, 0.2, 0.0, 0.5)})
+    assert loaded.whole == margin.Mass(20.0, pytest.approx(0.1), 0.0, pytest.approx(0.3))
+    assert margin.limits(margin.Situation(loaded))["back"] == pytest.approx(GRAVITY_M_S2 * 0.2 / 0.3)
     height_m = (10 * 0.25 + 4 * 0.3) / 14.0
     assert with_arm().vehicle.whole == pytest.approx((14.0, 4.0 * 0.6 / 14.0, 0.0, height_m))
 
@@ -80,48 +67,53 @@ ASLANT_M = math.hypot(0.2, 0.4)
         ((0.0, 0.0, 0.4), (0.0, 1.0, 0.0), WEIGHT_N * 0.2 / 0.4),
         ((0.0, 0.0, 0.4), None, WEIGHT_N * 0.2 / ASLANT_M),
         ((0.0, 0.5, 0.3), (0.0, 0.0, -1.0), WEIGHT_N * 0.2 / (0.5 - 0.2)),
-        ((0.1, 0.1, 0.3), (0.0, 0.0, -1.0), MOST_N),
+        ((0.1, 0.1, 0.3), (0.0, 0.0, -1.0), margin.MOST_N),
     ],
     ids=["level", "worst direction", "load beyond the edge", "load above the contacts"],
 )
 def test_a_force_tips_a_box_by_its_moment_about_the_lower_edge(at, direction, force_n):
-    assert greatest_force(Situation(box(*BOX), push=Push(0.0, at, direction))) == pytest.approx(force_n)
+    assert margin.greatest_force(
+        margin.Situation(box(*BOX), push=margin.Push(0.0, at, direction))
+    ) == pytest.approx(force_n)
 
 
 def test_a_level_push_and_an_acceleration_add_their_moments():
     """Sideways: weight * b = m * a * height + force * its height."""
-    push = Push(20.0, (0.0, 0.0, 0.4), (0.0, -1.0, 0.0))
+    push = margin.Push(20.0, (0.0, 0.0, 0.4), (0.0, -1.0, 0.0))
     expected = (WEIGHT_N * 0.2 - 20.0 * 0.4) / (10.0 * 0.25)
-    assert limits(Situation(box(*BOX), push=push))["left"] == pytest.approx(expected)
+    assert margin.limits(margin.Situation(box(*BOX), push=push))["left"] == pytest.approx(expected)
 
 
 def test_a_push_at_the_centre_of_mass_tips_as_the_inertia_does():
-    made, push = box(*BOX), Push(20.0, (0.0, 0.0, 0.25), (0.0, -1.0, 0.0))
-    expected = pytest.approx([each.angle_rad for each in margins(made, (0.0, 2.0))])
-    assert [each.angle_rad for each in margins(made, push=push)] == expected
+    made, push = box(*BOX), margin.Push(20.0, (0.0, 0.0, 0.25), (0.0, -1.0, 0.0))
+    expected = pytest.approx([each.angle_rad for each in margin.margins(made, (0.0, 2.0))])
+    assert [each.angle_rad for each in margin.margins(made, push=push)] == expected
 
 
 def test_a_slope_turns_the_weight():
     """Uphill by s, the margin to the axis behind is smaller by s."""
     made, slope_rad = box(*BOX), math.radians(10)
-    behind = least(margins(made, slope=(-math.sin(slope_rad), 0.0))).angle_rad
+    behind = margin.least(margin.margins(made, slope=(-math.sin(slope_rad), 0.0))).angle_rad
     assert behind == pytest.approx(min(math.atan(0.2 / 0.25), math.atan(0.3 / 0.25) - slope_rad), abs=1e-2)
-    assert greatest_acceleration(Situation(made, 0.0, math.atan(0.3 / 0.25) + 0.01), (1.0, 0.0)) == 0
+    assert (
+        margin.greatest_acceleration(margin.Situation(made, 0.0, math.atan(0.3 / 0.25) + 0.01), (1.0, 0.0))
+        == 0
+    )
 
 
 # -- an arm, and sweeps
 
 
-ARM = Arm(mass_kg=4.0, x_m=0.1, y_m=0.0, height_m=0.3, length_m=0.8, centre_m=0.5, angle_deg=0.0)
+ARM = margin.Arm(mass_kg=4.0, x_m=0.1, y_m=0.0, height_m=0.3, length_m=0.8, centre_m=0.5, angle_deg=0.0)
 
 
 def with_arm(**values):
-    return Situation(box(*BOX)._replace(arm=ARM._replace(**values)))
+    return margin.Situation(box(*BOX)._replace(arm=ARM._replace(**values)))
 
 
 def test_a_sweep_over_the_arms_angle_finds_where_a_load_on_its_tip_tips_the_box():
     """Moments about the front edge: 10 kg * 0.3 m against 4 kg and 60 N beyond it."""
-    down = Push(60.0, None, (0.0, 0.0, -1.0))
+    down = margin.Push(60.0, None, (0.0, 0.0, -1.0))
     over = sweep.parse("arm-angle=0:80")
     situation = with_arm()._replace(push=down)
     (turning,) = sweep.crossings(situation, over, sweep.sweep(situation, over))

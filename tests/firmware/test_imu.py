@@ -4,16 +4,7 @@ import pytest
 
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import CAPABILITIES, FAULTS, TICK_S
-from tests.firmware.imu_chip import (
-    GYRO_DATA,
-    MPU_6050,
-    MPU_6500,
-    MPU_9250,
-    MPU_9255,
-    SET_UP,
-    SETTLED_S,
-    ImuChip,
-)
+from tests.firmware import imu_chip
 from tests.firmware.pc_board import BRIDGE, SONARS
 
 CAPABILITY = 1 << [name for name, _ in CAPABILITIES].index("imu")
@@ -30,9 +21,9 @@ ENCODERS, STOP = 0xD8, 0xFC
 def fitted(bench):
     """Makes benches whose board has an IMU: `fitted(address, who_am_i, **options)`; the chip is `chip`."""
 
-    def make(address=LOW, who_am_i=MPU_6050, **options):
+    def make(address=LOW, who_am_i=imu_chip.MPU_6050, **options):
         made = bench(boot=False, **options)
-        made.chip = made.plant.i2c[address] = ImuChip(who_am_i)
+        made.chip = made.plant.i2c[address] = imu_chip.ImuChip(who_am_i)
         made.run(FOUND_S + 0.1)
         made.forget()
         return made
@@ -66,10 +57,12 @@ def reads(board, address):
 def test_a_chip_at_either_address_is_found_and_set_up(fitted, address, library):
     board = fitted(address, library=library)
     assert capabilities(board) & CAPABILITY
-    assert board.chip.registers == SET_UP
+    assert board.chip.registers == imu_chip.SET_UP
 
 
-@pytest.mark.parametrize("who_am_i", [MPU_6050, MPU_6500, MPU_9250, MPU_9255])
+@pytest.mark.parametrize(
+    "who_am_i", [imu_chip.MPU_6050, imu_chip.MPU_6500, imu_chip.MPU_9250, imu_chip.MPU_9255]
+)
 def test_chips_of_the_family_are_accepted(fitted, who_am_i):
     assert capabilities(fitted(who_am_i=who_am_i)) & CAPABILITY
 
@@ -85,13 +78,13 @@ def test_other_chips_are_left_alone(fitted, who_am_i):
 def test_a_request_at_the_start_waits_for_the_search(bench):
     """A host that greets the board in its first millisecond must not take it for one without an IMU."""
     board = bench(boot=False)
-    board.plant.i2c[HIGH] = ImuChip()
+    board.plant.i2c[HIGH] = imu_chip.ImuChip()
     assert capabilities(board) & CAPABILITY
 
 
 def test_a_chip_fitted_later_is_found(bench):
     board = bench()
-    board.plant.i2c[LOW] = ImuChip()
+    board.plant.i2c[LOW] = imu_chip.ImuChip()
     board.run(LOST_S)
     assert capabilities(board) & CAPABILITY
 
@@ -107,7 +100,7 @@ def test_gyro_then_accelerometer(board):
 def test_nothing_is_sent_before_the_gyro_has_settled(bench):
     """The chip gives nonsense for 50 ms after its set-up."""
     board = bench(boot=False)
-    chip = board.plant.i2c[LOW] = ImuChip()
+    chip = board.plant.i2c[LOW] = imu_chip.ImuChip()
     board.run(0.01)
     board.send("start_imu_stream", 10, wait_s=0.2)
     assert {frame.args for frame in board.frames()} == {chip.gyro + chip.accel}
@@ -143,7 +136,7 @@ def test_the_imu_is_read_directly_after_the_counters(both, last, phase_ms):
     both.forget()
     both.run(0.2)
     counts = both.write_times(ENCODERS)
-    after = [min(t - at for t in both.write_times(GYRO_DATA) if t > at) for at in counts[:-1]]
+    after = [min(t - at for t in both.write_times(imu_chip.GYRO_DATA) if t > at) for at in counts[:-1]]
     assert max(after) < READ_S
 
 
@@ -186,7 +179,7 @@ def test_what_was_read_for_a_frame_that_was_not_sent_is_forgotten(both, request_
     gyro, counts = [], []
     while not (gyro and counts and counts[-1] < gyro[-1] < counts[-1] + READ_S):
         both.run(1e-4)
-        gyro, counts = both.write_times(GYRO_DATA), both.write_times(ENCODERS)
+        gyro, counts = both.write_times(imu_chip.GYRO_DATA), both.write_times(ENCODERS)
     both.raw(b"@48e@19e", wait_s=0.1)
     both.chip.gyro = (7, 8, 9)
     both.forget()
@@ -206,7 +199,7 @@ def test_a_chip_that_vanishes_without_a_stream_is_a_fault(board):
 def test_a_loss_of_power_without_a_stream_is_noticed_within_a_second(board):
     board.chip.power_cycle()
     board.run(1.0)
-    assert board.chip.registers == SET_UP
+    assert board.chip.registers == imu_chip.SET_UP
 
 
 def test_one_read_that_fails_costs_the_time_of_a_set_up(board):
@@ -216,7 +209,7 @@ def test_one_read_that_fails_costs_the_time_of_a_set_up(board):
     board.run(0.02)
     board.forget()
     board.run(1.0)
-    assert len(imu_frames(board)) >= 100 - (SETTLED_S + 0.03) * 100
+    assert len(imu_frames(board)) >= 100 - (imu_chip.SETTLED_S + 0.03) * 100
 
 
 def test_a_bus_that_hangs_does_not_hold_up_answers(fitted):

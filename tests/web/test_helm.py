@@ -4,28 +4,13 @@ import math
 
 import pytest
 
-from mrl_driver.apps.web.helm import (
-    HAND_OVER_S,
-    LET_GO,
-    RELEASES,
-    WATCHES,
-    Drive,
-    Go,
-    Goal,
-    Halt,
-    Helm,
-    Latch,
-    Refuse,
-    Tell,
-    Unlatch,
-    why_of,
-)
+from mrl_driver.apps.web import helm
 from mrl_driver.protocol.stop_reason import StopReason
 
 from .pages import Page, kinds
 
 START_S = 5000.0
-EMERGENCY, WHY = StopReason.EMERGENCY_STOP, why_of(StopReason.WHEEL_MISMATCH)
+EMERGENCY, WHY = StopReason.EMERGENCY_STOP, helm.why_of(StopReason.WHEEL_MISMATCH)
 ROUND_S = 0.05
 ERROR_S = 1e-6  # Rounding of sums of times
 
@@ -34,7 +19,7 @@ class Bench:
     """A helm and its pages; a message arrives when it is sent unless a test says otherwise."""
 
     def __init__(self):
-        self.helm, self.now_s = Helm(), START_S
+        self.helm, self.now_s = helm.Helm(), START_S
         self.pages = []
 
     def page(self, may_drive=True, takes=False):
@@ -68,7 +53,7 @@ class Bench:
 
     def drives(self, page):
         """Whether what the page commands now drives the robot."""
-        return any(isinstance(act, (Drive, Go)) for act in self.repeat(page))
+        return any(isinstance(act, (helm.Drive, helm.Go)) for act in self.repeat(page))
 
     def presses_again(self, page):
         """Whether the next press drives."""
@@ -104,15 +89,15 @@ def test_the_next_press_may_follow_a_release_at_once(driving):
 def test_a_held_control_drives_at_its_speeds(bench):
     page = bench.page(takes=True)
     acts = bench.arrives(page, page.push(bench.now_s)._replace(angular_rad_s=-0.5, lateral_m_s=0.1))
-    assert acts == [Drive(0.2, -0.5, 0.1, 0.0), Tell()]
-    assert bench.helm.state().driving and bench.helm.state().why == why_of(StopReason.NONE)
+    assert acts == [helm.Drive(0.2, -0.5, 0.1, 0.0), helm.Tell()]
+    assert bench.helm.state().driving and bench.helm.state().why == helm.why_of(StopReason.NONE)
 
 
 def test_each_fresh_command_is_passed_on_once(driving):
     bench, one, _ = driving
     for speed in (0.1, 0.2, 0.3):
         bench.later()
-        assert bench.repeat(one, linear_m_s=speed) == [Drive(speed, 0.0, 0.0, 0.0)]
+        assert bench.repeat(one, linear_m_s=speed) == [helm.Drive(speed, 0.0, 0.0, 0.0)]
     bench.later()
     assert bench.helm.tick(bench.now_s) == [] and bench.helm.state().age_s == 0.0
 
@@ -120,15 +105,15 @@ def test_each_fresh_command_is_passed_on_once(driving):
 def test_a_released_control_stops_at_once(driving):
     bench, one, _ = driving
     bench.later()
-    assert bench.rest(one) == [Halt(StopReason.RELEASED), Tell()]
+    assert bench.rest(one) == [helm.Halt(StopReason.RELEASED), helm.Tell()]
     assert not bench.helm.state().driving
 
 
 def test_a_goal_may_not_become_another_one_while_it_is_held(bench):
     page = bench.page(takes=True)
-    bench.push(page, Goal(1.0, 2.0))
-    page.goal = Goal(-1.0, 2.0)
-    assert bench.repeat(page) == [Halt(StopReason.GOAL_CHANGED), Tell()]
+    bench.push(page, helm.Goal(1.0, 2.0))
+    page.goal = helm.Goal(-1.0, 2.0)
+    assert bench.repeat(page) == [helm.Halt(StopReason.GOAL_CHANGED), helm.Tell()]
     assert not bench.drives(page) and bench.presses_again(page)
 
 
@@ -140,7 +125,7 @@ def test_the_robot_stops_150_ms_after_the_last_command(driving):
     due_s = bench.helm.due_s
     assert due_s == pytest.approx(bench.now_s + 0.15, abs=ERROR_S)
     assert bench.helm.tick(due_s - 1e-4) == []
-    assert bench.helm.tick(due_s) == [Halt(StopReason.COMMAND_TIMEOUT), Tell()]
+    assert bench.helm.tick(due_s) == [helm.Halt(StopReason.COMMAND_TIMEOUT), helm.Tell()]
     assert bench.helm.due_s == math.inf and bench.helm.state().why.reason is StopReason.COMMAND_TIMEOUT
 
 
@@ -168,7 +153,7 @@ def test_a_page_with_slow_commands_is_told_once_in_a_press(bench):
         sent = page.message(bench.now_s) if page.held else page.push(bench.now_s)
         bench.now_s += 0.2
         told += bench.arrives(page, sent)
-    assert told == [Refuse(1, "the delay of this page's commands is 200 ms, expected at most 150 ms")]
+    assert told == [helm.Refuse(1, "the delay of this page's commands is 200 ms, expected at most 150 ms")]
     assert bench.helm.state().late == 3
 
 
@@ -244,8 +229,8 @@ def test_a_press_that_never_drove_is_over_with_its_release(bench):
 
 def test_a_watching_page_neither_takes_nor_drives(bench):
     page = bench.page(may_drive=False)
-    assert bench.helm.take(1, bench.now_s) == [Refuse(1, WATCHES)]
-    assert bench.push(page)[0] == Refuse(1, WATCHES)
+    assert bench.helm.take(1, bench.now_s) == [helm.Refuse(1, helm.WATCHES)]
+    assert bench.push(page)[0] == helm.Refuse(1, helm.WATCHES)
 
 
 def test_a_control_that_was_held_when_the_page_connected_does_not_drive(bench):
@@ -260,7 +245,7 @@ def test_a_control_that_was_held_when_the_page_connected_does_not_drive(bench):
 
 def test_a_driver_that_leaves_stops_the_robot_and_frees_the_helm(driving):
     bench, _, _ = driving
-    assert bench.helm.leave(1, bench.now_s) == [Halt(StopReason.PAGE_LEFT), Tell()]
+    assert bench.helm.leave(1, bench.now_s) == [helm.Halt(StopReason.PAGE_LEFT), helm.Tell()]
     assert bench.helm.state().driver is None
 
 
@@ -273,7 +258,7 @@ def test_messages_of_one_that_left_do_nothing(driving):
 def test_the_helm_changes_hands_when_the_robot_stands(bench):
     bench.page(takes=True)
     two = bench.page()
-    assert bench.helm.take(2, bench.now_s) == [Halt(StopReason.HELM_HANDED_OVER), Tell()]
+    assert bench.helm.take(2, bench.now_s) == [helm.Halt(StopReason.HELM_HANDED_OVER), helm.Tell()]
     assert bench.helm.state().driver is None and bench.helm.state().wants == 2 and bench.helm.waits
     bench.later(0.3)
     bench.helm.stands(bench.now_s)
@@ -285,7 +270,7 @@ def test_the_helm_changes_hands_after_a_second_at_the_latest(bench):
     bench.page(takes=True)
     bench.page()
     bench.helm.take(2, bench.now_s)
-    assert bench.helm.due_s == bench.now_s + HAND_OVER_S
+    assert bench.helm.due_s == bench.now_s + helm.HAND_OVER_S
     bench.helm.tick(bench.helm.due_s - 0.01)
     assert bench.helm.state().driver is None
     bench.helm.tick(bench.helm.due_s)
@@ -294,7 +279,7 @@ def test_the_helm_changes_hands_after_a_second_at_the_latest(bench):
 
 def test_one_that_holds_a_control_keeps_the_helm_until_it_is_released(driving):
     bench, one, _ = driving
-    assert bench.helm.take(2, bench.now_s) == [Tell()] and bench.drives(one)
+    assert bench.helm.take(2, bench.now_s) == [helm.Tell()] and bench.drives(one)
     assert kinds(bench.rest(one)) == ["Halt"]
     bench.helm.stands(bench.now_s)
     assert bench.helm.state().driver == 2
@@ -314,7 +299,7 @@ def test_only_one_can_wait_for_the_helm(driving):
     bench, _, _ = driving
     bench.page()
     bench.helm.take(2, bench.now_s)
-    assert bench.helm.take(3, bench.now_s) == [Refuse(3, "somebody else has asked for the helm already")]
+    assert bench.helm.take(3, bench.now_s) == [helm.Refuse(3, "somebody else has asked for the helm already")]
     assert bench.helm.state().wants == 2
 
 
@@ -333,14 +318,19 @@ def test_a_wish_for_the_helm_can_be_withdrawn(driving, withdraw):
 def test_anybody_can_stop(driving, may_drive):
     bench, one, _ = driving
     watcher = bench.page(may_drive)
-    assert bench.helm.stop(watcher.number, bench.now_s) == [Latch(3), Tell()]
+    assert bench.helm.stop(watcher.number, bench.now_s) == [helm.Latch(3), helm.Tell()]
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.driving, state.why.reason) == (True, 3, False, EMERGENCY)
     assert not bench.drives(one)
 
 
 @pytest.mark.parametrize(
-    "who, done", [(1, [Unlatch(), Tell()]), (2, [Refuse(2, RELEASES)]), (3, [Refuse(3, RELEASES)])]
+    "who, done",
+    [
+        (1, [helm.Unlatch(), helm.Tell()]),
+        (2, [helm.Refuse(2, helm.RELEASES)]),
+        (3, [helm.Refuse(3, helm.RELEASES)]),
+    ],
 )
 def test_only_the_one_who_drives_releases_the_stop(driving, who, done):
     bench, one, _ = driving
@@ -356,7 +346,7 @@ def test_only_the_one_who_drives_releases_the_stop(driving, who, done):
 def test_the_stop_is_not_released_while_a_control_is_held(driving):
     bench, one, _ = driving
     bench.helm.stop(2, bench.now_s)
-    assert bench.helm.release(1, bench.now_s) == [Refuse(1, LET_GO)]
+    assert bench.helm.release(1, bench.now_s) == [helm.Refuse(1, helm.LET_GO)]
     assert not bench.drives(one)
 
 
@@ -376,7 +366,7 @@ def test_a_stop_that_is_newer_than_the_click_is_not_released(driving):
 def test_a_robot_that_stops_by_itself_ends_the_press(driving):
     bench, one, _ = driving
     bench.later()
-    assert bench.helm.robot_stopped(WHY, bench.now_s) == [Halt(WHY.reason), Tell()]
+    assert bench.helm.robot_stopped(WHY, bench.now_s) == [helm.Halt(WHY.reason), helm.Tell()]
     bench.later()
     assert not bench.drives(one) and bench.presses_again(one)
 
@@ -395,7 +385,10 @@ def test_a_press_from_before_a_stop_that_arrives_after_it_does_not_drive(driving
 
 def test_a_stop_that_another_program_latches_counts(driving):
     bench, one, _ = driving
-    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Halt(EMERGENCY), Tell()]
+    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [
+        helm.Halt(EMERGENCY),
+        helm.Tell(),
+    ]
     assert bench.helm.robot_latched(True, "another program", bench.now_s) == []
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.latched_by_other) == (True, None, "another program")
@@ -404,7 +397,7 @@ def test_a_stop_that_another_program_latches_counts(driving):
 
 def test_a_stop_that_another_program_latches_while_nobody_drives_is_shown(bench):
     bench.page(takes=True)
-    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [Tell()]
+    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [helm.Tell()]
     assert bench.helm.state().why.reason is EMERGENCY
     bench.helm.robot_latched(False, "another program", bench.now_s)
     assert bench.helm.state().latched_by_other == ""
@@ -415,14 +408,14 @@ def test_a_stop_of_another_program_is_released_after_the_page_has_shown_it(bench
     page = bench.page(takes=True)
     bench.later()
     bench.helm.robot_latched(True, "another program", bench.now_s)
-    assert bench.helm.release(1, bench.now_s) == [Refuse(1, LET_GO)]
+    assert bench.helm.release(1, bench.now_s) == [helm.Refuse(1, helm.LET_GO)]
     bench.helm.stop(1, bench.now_s)
     bench.later()
     bench.rest(page)
     bench.helm.robot_latched(False, "", bench.now_s)
     bench.later()
     bench.helm.robot_latched(True, "another program", bench.now_s)
-    assert bench.helm.release(1, bench.now_s) == [Unlatch(), Tell()]
+    assert bench.helm.release(1, bench.now_s) == [helm.Unlatch(), helm.Tell()]
 
 
 def test_a_stop_that_another_program_releases_needs_a_new_press(driving):

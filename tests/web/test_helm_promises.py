@@ -6,16 +6,8 @@ An observer that knows the true times of all that happens watches the acts of a 
 import math
 from collections import Counter
 
-from hypothesis import settings
+from hypothesis import settings, stateful
 from hypothesis import strategies as st
-from hypothesis.stateful import (
-    RuleBasedStateMachine,
-    initialize,
-    invariant,
-    precondition,
-    rule,
-    run_state_machine_as_test,
-)
 
 from mrl_driver.apps.web.helm import Drive, Go, Goal, Halt, Helm, Latch, Unlatch, why_of
 from mrl_driver.protocol.stop_reason import StopReason
@@ -52,7 +44,7 @@ class TruePage(Page):
         self.out.append((now_s, control._replace(t_s=self.page_s(now_s))))
 
 
-class Promises(RuleBasedStateMachine):
+class Promises(stateful.RuleBasedStateMachine):
     """Pages press, release, come and go; messages are late, lost, doubled and overtake each other."""
 
     def __init__(self):
@@ -127,7 +119,7 @@ class Promises(RuleBasedStateMachine):
             self.stopped_s = max(self.stopped_s, self.now_s)
         self.wants = state.wants
 
-    @invariant()
+    @stateful.invariant()
     def the_stop_is_due_in_time(self):
         if self.moving:
             assert self.helm.due_s <= self.ends_s + ERROR_S
@@ -152,7 +144,7 @@ class Promises(RuleBasedStateMachine):
     def at(self, index):
         return self.page(self.here[index])
 
-    @rule(index=PAGES, goal=st.sampled_from([None, Goal(1.0, 0.0)]))
+    @stateful.rule(index=PAGES, goal=st.sampled_from([None, Goal(1.0, 0.0)]))
     def press_control(self, index, goal):
         self.now_s += TICK_S
         page = self.at(index)
@@ -160,17 +152,17 @@ class Promises(RuleBasedStateMachine):
         page.began_s[page.press] = self.now_s
         page.send(self.now_s, control)
 
-    @rule(index=PAGES)
+    @stateful.rule(index=PAGES)
     def release_control(self, index):
         page = self.at(index)
         page.send(self.now_s, page.lift(self.now_s))
 
-    @rule(index=PAGES)
+    @stateful.rule(index=PAGES)
     def repeat(self, index):
         page = self.at(index)
         page.send(self.now_s, page.message(self.now_s))
 
-    @rule(index=PAGES, goal=st.sampled_from([None, Goal(1.0, 0.0), Goal(2.0, 0.0, 1.0)]))
+    @stateful.rule(index=PAGES, goal=st.sampled_from([None, Goal(1.0, 0.0), Goal(2.0, 0.0, 1.0)]))
     def err(self, index, goal):
         """A page that presses the same press again, with something else."""
         page = self.at(index)
@@ -178,7 +170,7 @@ class Promises(RuleBasedStateMachine):
             page.held, page.goal = True, goal
             page.send(self.now_s, page.message(self.now_s))
 
-    @rule(index=PAGES, ahead_s=st.floats(-1e4, 1e4), drift=st.floats(-DRIFT, DRIFT))
+    @stateful.rule(index=PAGES, ahead_s=st.floats(-1e4, 1e4), drift=st.floats(-DRIFT, DRIFT))
     def come_back(self, index, ahead_s, drift):
         """With its finger down, if it was; what it has sent before may still come."""
         page = self.at(index)
@@ -188,18 +180,18 @@ class Promises(RuleBasedStateMachine):
 
     # -- the network
 
-    @rule(index=PAGES)
+    @stateful.rule(index=PAGES)
     def tell(self, index):
         page = self.at(index)
         page.coming.append(self.now_s)
 
-    @rule(index=PAGES)
+    @stateful.rule(index=PAGES)
     def hear(self, index):
         page = self.at(index)
         if page.coming:
             page.hear_at(page.coming.pop(0), self.now_s)
 
-    @rule(index=PAGES, pick=st.integers(0, 5), again=st.booleans())
+    @stateful.rule(index=PAGES, pick=st.integers(0, 5), again=st.booleans())
     def arrive(self, index, pick, again):
         """Any message that is on its way, and perhaps once more later."""
         page = self.at(index)
@@ -208,7 +200,7 @@ class Promises(RuleBasedStateMachine):
             sent_s, control = page.out[at] if again else page.out.pop(at)
             self.deliver(page, sent_s, control)
 
-    @rule(index=PAGES)
+    @stateful.rule(index=PAGES)
     def burst(self, index):
         page = self.at(index)
         for sent_s, control in page.out:
@@ -222,7 +214,7 @@ class Promises(RuleBasedStateMachine):
         self.newest[page.number] = max(control.seq, self.newest.get(page.number, -1))
         return acts
 
-    @rule(
+    @stateful.rule(
         index=st.integers(0, 1),
         way_s=st.sampled_from([0.0, 0.01, 0.03]),
         press_way_s=st.sampled_from([0.0, 0.01, 0.1, 0.2]),
@@ -248,32 +240,34 @@ class Promises(RuleBasedStateMachine):
         if self.driver == page.number and not self.latched and press_way_s < OLDEST_S:
             assert any(isinstance(act, (Drive, Go)) for act in acts), "a good press does not drive"
 
-    @initialize(goal=st.sampled_from([None, Goal(1.0, 0.0)]))
+    @stateful.initialize(goal=st.sampled_from([None, Goal(1.0, 0.0)]))
     def begin(self, goal):
         self.behave(0, 0.0, 0.0, goal, True)
 
-    @precondition(lambda self: not self.moving)
-    @rule(index=st.integers(0, 1), releases=st.booleans())
+    @stateful.precondition(lambda self: not self.moving)
+    @stateful.rule(index=st.integers(0, 1), releases=st.booleans())
     def begin_again(self, index, releases):
         self.behave(index, 0.01, 0.01, None, releases)
 
-    @precondition(lambda self: self.moving)
-    @rule(way_s=st.sampled_from([0.0, 0.01, 0.1, 0.2]))
+    @stateful.precondition(lambda self: self.moving)
+    @stateful.rule(way_s=st.sampled_from([0.0, 0.01, 0.1, 0.2]))
     def drive_on(self, way_s):
         """The page goes on; the line is good, or bad now."""
         page = self.page(self.driver)
         self.exchange(page, page.message, way_s)
 
-    @precondition(lambda self: self.moving)
-    @rule(pick=st.integers(1, 4))
+    @stateful.precondition(lambda self: self.moving)
+    @stateful.rule(pick=st.integers(1, 4))
     def deliver_again(self, pick):
         """What the driving page has sent comes once more."""
         page = self.page(self.driver)
         if len(page.past) >= pick:
             self.deliver(page, *page.past[-pick])
 
-    @precondition(lambda self: self.moving)
-    @rule(how=st.sampled_from(["stop", "itself", "stall", "release"]), heard=st.booleans(), new=st.booleans())
+    @stateful.precondition(lambda self: self.moving)
+    @stateful.rule(
+        how=st.sampled_from(["stop", "itself", "stall", "release"]), heard=st.booleans(), new=st.booleans()
+    )
     def defy_a_stop(self, how, heard, new):
         """The control stays held; or another press, begun before the stop, arrives after it."""
         page = self.page(self.driver)
@@ -311,7 +305,7 @@ class Promises(RuleBasedStateMachine):
 
     # -- time, and what people and the robot do
 
-    @rule(seconds=WAYS_S)
+    @stateful.rule(seconds=WAYS_S)
     def pass_time(self, seconds):
         end_s = self.now_s + seconds
         while self.helm.due_s <= end_s:
@@ -319,22 +313,22 @@ class Promises(RuleBasedStateMachine):
             self.call("tick")
         self.now_s = end_s
 
-    @rule(seconds=st.sampled_from([0.1, 0.2, 5.0]))
+    @stateful.rule(seconds=st.sampled_from([0.1, 0.2, 5.0]))
     def stall(self, seconds):
         """Nobody calls the helm."""
         self.now_s += seconds
 
-    @rule(index=PAGES, what=st.sampled_from(["take", "take", "yield_", "release", "stop"]))
+    @stateful.rule(index=PAGES, what=st.sampled_from(["take", "take", "yield_", "release", "stop"]))
     def ask(self, index, what):
         self.call(what, self.here[index])
 
-    @precondition(lambda self: not self.latched)
-    @rule(index=PAGES)
+    @stateful.precondition(lambda self: not self.latched)
+    @stateful.rule(index=PAGES)
     def stop(self, index):
         self.call("stop", self.here[index])
 
-    @precondition(lambda self: self.moving)
-    @rule()
+    @stateful.precondition(lambda self: self.moving)
+    @stateful.rule()
     def stop_by_itself(self):
         self.now_s += TICK_S
         acts = self.helm.robot_stopped(why_of(StopReason.BATTERY), self.now_s)
@@ -344,7 +338,7 @@ class Promises(RuleBasedStateMachine):
         self.judge_driver("robot_stopped", None, self.driver, self.stands)
         assert not self.moving
 
-    @rule()
+    @stateful.rule()
     def stand(self):
         self.stands = True
         self.call("stands")
@@ -353,7 +347,7 @@ class Promises(RuleBasedStateMachine):
 def test_the_helm_keeps_its_promises():
     """The same examples each time, with motion and every kind of stop in them."""
     seen.clear()
-    run_state_machine_as_test(
+    stateful.run_state_machine_as_test(
         Promises, settings=settings(max_examples=60, stateful_step_count=40, deadline=None, database=None)
     )
     assert min(seen[kind] for kind in ("Drive", "Go", "Halt", "Latch", "Unlatch")) >= 3, seen

@@ -16,18 +16,10 @@ from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.robot_core import Core
 from mrl_driver.session.events import Lost, Reconnected, Stale
 from mrl_driver.session.session import Session
+from tests.driver import test_own_stop
 from tests.driver.conftest import PtyBoard
 from tests.driver.emulator import MOVE, STOP, Emulator
 from tests.driver.test_clock import run as jittered
-from tests.driver.test_own_stop import (
-    PERIODS_MS,
-    close,
-    commanded_robot,
-    driven_s,
-    stalled_share,
-    stopped,
-    way_m,
-)
 from tests.fake_board import FakeBoard
 from tests.long.bench import processes
 from tests.long.fuzz import faulty_robot
@@ -159,17 +151,17 @@ def late_moves(count: int) -> Dict[str, float]:
 
     def most(motors: str, measure: Callable[[Any], float]) -> float:
         values = []
-        for period_ms in PERIODS_MS:
-            for phase in range(-(-count // len(PERIODS_MS))):
-                robot = stopped(period_ms, motors, after_s=1.0 + 0.0013 * phase)
+        for period_ms in test_own_stop.PERIODS_MS:
+            for phase in range(-(-count // len(test_own_stop.PERIODS_MS))):
+                robot = test_own_stop.stopped(period_ms, motors, after_s=1.0 + 0.0013 * phase)
                 values.append(1000 * measure(robot))
-                close(robot)
+                test_own_stop.close(robot)
         return max(values)
 
     def both(kind: str) -> Dict[str, float]:
         return {
-            f"late_move_{kind}ms_max": most("omni3md", driven_s),
-            f"late_move_{kind}mm_max": most("bridge", way_m),
+            f"late_move_{kind}ms_max": most("omni3md", test_own_stop.driven_s),
+            f"late_move_{kind}mm_max": most("bridge", test_own_stop.way_m),
         }
 
     with mock.patch.object(Session, "_on_uncommanded_motion", lambda self, now: None):
@@ -183,9 +175,9 @@ def stalls(_: int) -> Dict[str, float]:
     """
 
     def percent() -> float:
-        robot = commanded_robot(motors="bridge")
-        share = stalled_share(robot)
-        close(robot)
+        robot = test_own_stop.commanded_robot(motors="bridge")
+        share = test_own_stop.stalled_share(robot)
+        test_own_stop.close(robot)
         return 100 * share
 
     with mock.patch.object(Core, "_on_own_stop", lambda self, reason: []):
