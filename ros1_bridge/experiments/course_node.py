@@ -14,7 +14,6 @@ from mrl_driver.robot import models
 from sim_arduino.experiments import disturbances, l_course
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.l_course import CourseRecord
-from sim_arduino.experiments.team import pose_option
 from sim_arduino.world import world_file
 
 from .experiment_processes import Parts
@@ -48,7 +47,7 @@ def drive(parts: Parts, setting: Setting) -> CourseRecord:
 
 def _start(parts: Parts, setting: Setting, start: Pose) -> None:
     """Starts the board, its robot node, and the world node, which is the laser."""
-    pose = pose_option(disturbances.placed(start, setting.seed))
+    pose = world_file.pose_text(disturbances.placed(start, setting.seed))
     errors = ("--error", disturbances.WANDER, "--sonar", disturbances.SONAR, "--seed", str(setting.seed))
     place = ("--world", l_course.WORLD, "--world-name", ROBOT, "--pose", pose)
     parts.robot(ROBOT, setting.robot, RATE_HZ, *place, *errors)

@@ -16,7 +16,7 @@ from mrl_driver.robot.sonar_curve import Curve
 from sim_arduino.experiments import disturbances, sonar_approach
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.sonar_approach import SonarRun
-from sim_arduino.experiments.team import pose_option
+from sim_arduino.world.world_file import pose_text
 
 from .experiment_processes import Parts
 from .one_robot_node import RATE_HZ, ROBOT, follow, wait_for
@@ -52,7 +52,7 @@ def _start(parts: Parts, setting: Setting) -> None:
     world = parts.folder / "wall.yaml"
     wall_m, wide_m = sonar_approach.SONAR_X_M + PLAN.start_m, sonar_approach.WIDE_M
     world.write_text(f"start: [0, 0, 0]\nwalls:\n  - [{wall_m}, {-wide_m}, {wall_m}, {wide_m}]\n")
-    pose = pose_option(disturbances.placed(ORIGIN, setting.seed))
+    pose = pose_text(disturbances.placed(ORIGIN, setting.seed))
     place = ("--world", str(world), "--pose", pose, "--seed", str(setting.seed))
     sonar = sonar_approach.sonar_errors(disturbances.sonar_curve(setting.seed))
     errors = ("--error", disturbances.error(setting.seed), "--sonar", sonar)

@@ -29,7 +29,7 @@ from ros1_bridge.node.tf_names import sonar_frame
 from ros1_bridge.topics.messages import transform_of
 from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint
 from sim_arduino.experiments.experiment_robot import TICK_S, Pace, Setting
-from sim_arduino.experiments.team import WORLD, Member, Player, Team, footprint_of, pose_option
+from sim_arduino.experiments.team import WORLD, Member, Player, Team, footprint_of
 from sim_arduino.experiments.tours import TourRun
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
@@ -158,7 +158,7 @@ def _shared(space: str) -> str:
 def _start(parts: Parts, member: Member, world: str, seed: int, number: int, navigated: bool) -> None:
     """Start the board, the robot node and, if the robot is navigated, go_to_goal."""
     space = _shared("virtual" if member.virtual else "real")
-    pose = pose_option(disturbances.placed(member.start, seed, member.name))
+    pose = world_file.pose_text(disturbances.placed(member.start, seed, member.name))
     errors = ("--error", disturbances.WANDER, "--sonar", disturbances.SONAR, "--seed", str(seed + number))
     place = ("--world", world, "--world-name", space, "--pose", pose)
     parts.robot(member.name, member.robot, RATE_HZ, *errors, *place)

@@ -21,11 +21,11 @@ from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.world import map_score
 from sim_arduino.world.scene import PIXEL_RAD
 from sim_arduino.world.world import World
+from sim_arduino.world.world_file import pose_text
 
 from . import arena, disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import PATIENCE_S, ExperimentRobot, Setting, open_robot, require_emulated
-from .team import pose_option
 from .trials import Measure
 
 EVERY_TICKS = 6
@@ -128,7 +128,7 @@ def _sweep(setting: Setting, sources: bool = True) -> Drive:
     given: Dict[str, Any] = {"imu": True, "imu_errors": _calibrated_gyro(seed)} if sources else {}
     world = world if sources else arena.without_sources(world)
     course = Course(arena.sweep(world, sources), SPEEDS)
-    error, pose = disturbances.error(seed), pose_option(disturbances.placed(world.start, seed))
+    error, pose = disturbances.error(seed), pose_text(disturbances.placed(world.start, seed))
     given.update(environment=True, environment_errors=ERRORS, error=error, pose=pose)
     with open_robot(setting, world, **given) as robot:
         robot.wait(STAND_S)

@@ -16,12 +16,13 @@ from mrl_driver.navigation.radio_claims import LATE_S, RadioTeam
 from mrl_driver.navigation.waypoint_tour import CLAIMING, WaypointTour
 from mrl_driver.robot.radio import RadioText
 from sim_arduino.world.world import World
+from sim_arduino.world.world_file import pose_text
 
 from . import disturbances
 from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot, require_emulated
 from .mixed_team import result, rows_of
-from .team import Member, Player, Team, pose_option
+from .team import Member, Player, Team
 from .tours import DURATION, TourDriver, drive_tours
 from .trials import Measure, figures, over_seeds
 
@@ -131,7 +132,7 @@ def _gather(stack: ExitStack, setting: Setting, rng: random.Random) -> Team:
     world, players = World(), []
     for number, (name, address) in enumerate(RADIOS.items()):
         member = Member(name, lane(name, -rng.uniform(*START_M)), virtual=False)
-        pose = pose_option(disturbances.placed(member.start, setting.seed, name))
+        pose = pose_text(disturbances.placed(member.start, setting.seed, name))
         its = setting._replace(seed=setting.seed + number)
         made = open_robot(
             its, world, name=name, pose=pose, error=disturbances.WANDER, radio=f"{address:x}", radio_loss=LOSS

@@ -25,7 +25,6 @@ from . import disturbances, occupancy, sonar_approach, square, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
 from .occupancy import SONAR_FAR_M, score_rows
-from .team import pose_option
 
 WORLD = "l-course"
 SIDES = ("left", "right")  # the front sonar only serves to avoid obstacles, as in the thesis
@@ -142,7 +141,7 @@ def _emulated(
     curve: Optional[Curve] = None,
 ) -> CourseRecord:
     """The drive of an emulated robot, with a drive and a sonar curve in place of the model's if they are not None."""
-    pose = pose_option(disturbances.placed(world.start, setting.seed))
+    pose = world_file.pose_text(disturbances.placed(world.start, setting.seed))
     with open_robot(setting, world, drive, error=error, sonar=sonar, pose=pose) as robot:
         if curve:
             robot.driver.parameters.write(sonar_procedures.curve_values(curve))

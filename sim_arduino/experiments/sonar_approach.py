@@ -14,11 +14,11 @@ from mrl_driver.robot import sonar_curve
 from mrl_driver.robot.sonar_curve import THESIS, Curve
 from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world import World
+from sim_arduino.world.world_file import pose_text
 
 from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import Setting, open_robot
-from .team import pose_option
 from .trials import Measure
 
 PLAN = sonar_procedures.SonarPlan()
@@ -134,7 +134,7 @@ def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: 
         world,
         error=error,
         sonar=sonar_errors(curve or {}),
-        pose=pose_option(disturbances.placed(ORIGIN, setting.seed)),
+        pose=pose_text(disturbances.placed(ORIGIN, setting.seed)),
         footprint="none",
     ) as robot:
         driver, track = robot.driver, Track(robot.driver)

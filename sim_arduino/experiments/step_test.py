@@ -22,7 +22,6 @@ from sim_arduino.world.shared_robots import SharedRegistry
 from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
-from .team import pose_option
 
 WORLD = "steps"
 START = Pose(-1.2, 0.0, 0.0)
@@ -179,8 +178,10 @@ def _delay_rows(mirror: Mirrored, control: Sequence[float]) -> List[Figure]:
 
 
 def _simulated(setting: Setting, sonars: bool = True) -> StepDrive:
-    error, start = disturbances.error(setting.seed), pose_option(disturbances.placed(START, setting.seed))
-    with open_robot(setting, WORLD, error=error, sonar=disturbances.SONAR, pose=start) as robot:
+    error, start = disturbances.error(setting.seed), disturbances.placed(START, setting.seed)
+    with open_robot(
+        setting, WORLD, error=error, sonar=disturbances.SONAR, pose=world_file.pose_text(start)
+    ) as robot:
         robot.reset_pose(START)
         return _drive(robot, sonars)
 

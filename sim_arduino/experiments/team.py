@@ -170,16 +170,11 @@ def footprint_of(member: Member) -> Footprint:
     return footprint
 
 
-def pose_option(pose: Pose) -> str:
-    """The pose in the form of the emulator's option --pose."""
-    return f"{pose.x_m},{pose.y_m},{math.degrees(pose.yaw_rad)}"
-
-
 def _emulated(
     setting: Setting, member: Member, number: int, place: World, slip: float = 0.0
 ) -> ContextManager[ExperimentRobot]:
     its = setting._replace(robot=member.robot, seed=setting.seed + number)
-    pose = pose_option(disturbances.placed(member.start, setting.seed, member.name))
+    pose = world_file.pose_text(disturbances.placed(member.start, setting.seed, member.name))
     error = disturbances.wander(slip)
     return open_robot(its, place, name=member.name, pose=pose, error=error, sonar=disturbances.SONAR)
 

@@ -228,5 +228,5 @@ def parse_pose(text: Optional[str], default: Pose) -> Pose:
 
 
 def pose_text(pose: Pose) -> str:
-    """The pose as `parse_pose` takes it, to 0.1 mm and 0.001 degrees."""
-    return f"{pose.x_m:.4f},{pose.y_m:.4f},{math.degrees(pose.yaw_rad):.3f}"
+    """The pose as `parse_pose` takes it."""
+    return f"{pose.x_m},{pose.y_m},{math.degrees(pose.yaw_rad)}"
