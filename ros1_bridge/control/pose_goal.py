@@ -63,11 +63,7 @@ class PoseGoal:
             self._end()
 
     def on_telemetry(self, telemetry: Telemetry) -> str:
-        """Drive on towards the pose; returns how it ended, or an empty string.
-
-        Raises:
-            MrlError: see `Commander`.
-        """
+        """Drive on towards the pose; returns how it ended, or an empty string.  Raises MrlError as `Commander` does."""
         if self._goal is None or telemetry.arrival_s < self._due_s:
             return ""
         with self._lock:

@@ -43,11 +43,7 @@ def provide() -> None:
 
 
 def made() -> Dict[str, Any]:
-    """Return the classes by type, and `genpy/Time`.
-
-    Raises:
-        ConfigError: a package of the extra `export` is missing.
-    """
+    """Return the classes by type, and `genpy/Time`; raise ConfigError if a package of the extra `export` is missing."""
     with needs_extra():
         from mcap.records import Schema
         from mcap_ros1.decoder import DecoderFactory

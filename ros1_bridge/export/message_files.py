@@ -90,11 +90,7 @@ class FileTopic:
 
 
 class RosBag(MessageFile):
-    """A bag that rosbag writes.
-
-    Raises:
-        ImportError: ROS is not installed.
-    """
+    """A bag that rosbag writes; raises ImportError if ROS is not installed."""
 
     def __init__(self, path: str, *about: Any) -> None:
         import rosbag

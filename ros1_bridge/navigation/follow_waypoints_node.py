@@ -60,11 +60,7 @@ CLAIMS_QUEUE = 50
 
 
 def read_waypoints(rows: Any, key: str) -> List[Pose]:
-    """Poses of a list of [x m, y m, yaw deg]; `key` is its name in errors.
-
-    Raises:
-        ConfigError: it is something else.
-    """
+    """Poses of a list of [x m, y m, yaw deg]; ConfigError, with its name `key`, if it is something else."""
     if not isinstance(rows, list):
         raise ConfigError(f"parameter {key} is {rows!r}, expected a list of [x m, y m, yaw deg]")
     return [_waypoint(f"{key}[{index}]", row) for index, row in enumerate(rows)]
@@ -112,11 +108,7 @@ class FollowWaypoints:
     """Drives one robot through its waypoints."""
 
     def __init__(self, found: Dict[str, Any], space: str) -> None:
-        """`found`: the private parameters, those of the namespace `space`.
-
-        Raises:
-            ConfigError: a parameter is wrong.
-        """
+        """Raises ConfigError if a parameter is wrong; `found` has those of the namespace `space`."""
         if isinstance(found.get("shared"), int):  # as `_shared:=1` is read
             found["shared"] = str(found["shared"])
         poses = read_waypoints(found.get(LIST, []), f"{space}/{LIST}")

@@ -25,11 +25,7 @@ def planar(pose: Any) -> Pose:
 
 
 def transform_pose(transform: Any) -> Pose:
-    """x [m], y [m], yaw [rad] of a geometry_msgs/Transform.
-
-    Raises:
-        ValueError: the rotation is not valid.
-    """
+    """x [m], y [m], yaw [rad] of a geometry_msgs/Transform; ValueError if its rotation is not valid."""
     at = transform.translation
     return Pose(at.x, at.y, yaw_of(transform.rotation))
 

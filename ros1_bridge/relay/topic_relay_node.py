@@ -99,11 +99,7 @@ class TopicRelay:
     """One relay."""
 
     def __init__(self, settings: Settings) -> None:
-        """Starts to listen and to connect.
-
-        Raises:
-            ConfigError: the address to listen at cannot be used.
-        """
+        """Starts to listen and to connect; ConfigError if the address to listen at cannot be used."""
         self._settings = settings
         self._sender = self._listen()
         self._subscribers: Dict[str, rospy.Subscriber] = {}

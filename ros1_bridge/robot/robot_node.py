@@ -82,11 +82,7 @@ class RobotNode:
     """Connects a driver with the topics and services of its robot."""
 
     def __init__(self, parameters: Parameters) -> None:
-        """Checks the robot model; `run` opens the port.
-
-        Raises:
-            ConfigError: the robot model is unknown or wrong.
-        """
+        """Raises ConfigError if the robot model is unknown or wrong; `run` opens the port."""
         self._parameters = parameters
         self._driver = Driver(parameters.port, parameters.robot, parameters.baud, driver_options(parameters))
         self._battery_state = ""

@@ -69,11 +69,7 @@ KINDS: Dict[str, MessageKind] = {
 
 
 class SensorTopics:
-    """Publishes sensor readings.
-
-    Raises:
-        ConfigError: `sensors.yaml` has an error.
-    """
+    """Publishes sensor readings; raises ConfigError if `sensors.yaml` has an error."""
 
     def __init__(
         self,

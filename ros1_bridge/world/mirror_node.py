@@ -106,11 +106,7 @@ class Place:
         self._pose: Optional[Tuple[Pose, rospy.Time]] = None
 
     def localised(self, message: PoseWithCovarianceStamped) -> None:
-        """Take a localised pose.
-
-        Raises:
-            ValueError: it has another frame, or is not finite.
-        """
+        """Take a localised pose; ValueError if it has another frame, or is not finite."""
         if message.header.frame_id != self._map:
             raise ValueError(f"frame is {short(message.header.frame_id)}, expected {self._map!r}")
         self._pose = planar(message.pose.pose), message.header.stamp
