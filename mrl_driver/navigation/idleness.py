@@ -12,16 +12,13 @@ class Idleness:
     Args:
         count: Number of waypoints.
         now_s: Time of the start [s].
-
-    Attributes:
-        visits: Number of visits of all waypoints.
     """
 
     def __init__(self, count: int, now_s: float) -> None:
         self._start_s = now_s
         self._last_s: List[float] = [now_s] * count
         self._area_s2 = self._worst_s = 0.0
-        self.visits = 0
+        self.visits = 0  # number of visits of all waypoints
 
     def visit(self, place: int, now_s: float) -> None:
         """A robot has reached the waypoint at this place, from 0."""

@@ -63,10 +63,6 @@ class DriverRecording:
 
     A link that is in use is exchanged by `exchange` after `due` has been set.  The links may be used by any thread; all
     else is called by one thread at a time.  Times are those of the driver's clock [s].
-
-    Attributes:
-        recorder: the file that is written; None without one.
-        due: a recording was started or stopped, and the link in use is still the one before.
     """
 
     def __init__(
@@ -80,7 +76,7 @@ class DriverRecording:
         """`options` are those of the driver that change what its listeners get; `clock` is simulated time."""
         self._facts = {"port": port, "baud": baud, "options": dict(options or {})}
         self._tap, self._simulated, self._now = tap, clock, clock or now_s
-        self.recorder: Optional[Recorder] = None
+        self.recorder: Optional[Recorder] = None  # the file that is written; None without one
         self._written: Optional[Recorder] = None
         """The recorder after its first remarks: what is read and written goes there."""
         self._serving = False
@@ -89,7 +85,7 @@ class DriverRecording:
         self._checked: Optional[bool] = None
         self._model: Optional[RobotModel] = None
         self._stops = 0
-        self.due = False
+        self.due = False  # a recording was started or stopped, and the link in use is still the one before
 
     def create(self, path: str) -> Recorder:
         """Create a file for `use`, on any thread.

@@ -69,23 +69,16 @@ class Imu(NamedTuple):
 
 
 class ImuTracker:
-    """Checks the readings of one IMU and gives the good ones to the heading filter.
-
-    Attributes:
-        heading: the filter; its `turn` is called by the odometry.
-        state: one of `STATES`.
-        last: the last reading; None before the first.
-        changed: the event of the last reading; None if there is none.
-    """
+    """Checks the readings of one IMU and gives the good ones to the heading filter."""
 
     def __init__(self, model: RobotModel) -> None:
         self._mount = model.imu
         self._turned = any((model.imu.roll_deg, model.imu.pitch_deg, model.imu.yaw_deg))
-        self.heading = HeadingFilter()
-        self.state = WAITING
-        self.last: Optional[Imu] = None
+        self.heading = HeadingFilter()  # the filter; its `turn` is called by the odometry
+        self.state = WAITING  # one of `STATES`
+        self.last: Optional[Imu] = None  # the last reading; None before the first
         self._told = IN_USE
-        self.changed: Optional[ImuChanged] = None
+        self.changed: Optional[ImuChanged] = None  # the event of the last reading; None if there is none
         self._values: Tuple[Vector, Vector] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._repeats = 0
         self._mean: Optional[Vector] = None

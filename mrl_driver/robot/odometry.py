@@ -187,10 +187,6 @@ class Odometry:
     """Pose and twist of a differential drive from its counters.
 
     `exact_time` says that the times come from the board; otherwise they are arrival times, which come in bursts.
-
-    Attributes:
-        heading: filter that fuses the turn by the wheels with a gyro's; None without a gyro.
-        uncertainty: estimates the covariance of pose and twist; None if nobody needs it.
     """
 
     def __init__(self, drive: Base, fastest_m_s: float, exact_time: bool = True) -> None:
@@ -201,7 +197,9 @@ class Odometry:
         self.baseline = Baseline(drive.metres_per_count, fastest_m_s, SLACK_S[exact_time])
         self.pose = ORIGIN
         self.heading: Optional[HeadingFilter] = None
+        """Filter that fuses the turn by the wheels with a gyro's; None without a gyro."""
         self.uncertainty: Optional[Uncertainty] = None
+        """Estimates the covariance of pose and twist; None if nobody needs it."""
         self._stood: Sequence[float] = (0, 0)
         self.twist: AnyTwist = Twist(0.0, 0.0)
         self.travel: AnyWheels = Wheels(0, 0)  # counts of each wheel since the start, without wrap

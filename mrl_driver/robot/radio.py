@@ -103,15 +103,12 @@ class RadioQueue:
     """Requests that wait for the line from board to XBee.
 
     The line is slower than the port, and the board refuses a text while it still sends the one before.
-
-    Attributes:
-        due_s: When the next request may be sent [s]; infinity if none waits.
-        dropped: Number of requests that waited for `OLDEST_S` and were not sent, because the board was silent.
     """
 
     def __init__(self) -> None:
-        self.due_s = math.inf
+        self.due_s = math.inf  # when the next request may be sent [s]; infinity if none waits
         self.dropped = 0
+        """Number of requests that waited for `OLDEST_S` and were not sent, because the board was silent."""
         self._waiting: Deque[Tuple[float, Request]] = deque()
         self._free_s = -math.inf
 

@@ -24,22 +24,17 @@ _FASTEST = 1e6
 
 
 class SpeedLimiter:
-    """Limits the commands of one robot.
-
-    Attributes:
-        limits: limits in force; None until the model is known.
-        saturate: scales speeds down to what the wheels reach; None if the limits say it all.
-        restrict: `restrict(speeds, now)` returns the speeds that are allowed now, such as by protective zones.
-        target: the last command within the limits, before `restrict` and the ramp; None while stopped.
-        speeds: the speeds in force.
-    """
+    """Limits the commands of one robot."""
 
     def __init__(self) -> None:
-        self.limits: Optional[Limits] = None
+        self.limits: Optional[Limits] = None  # limits in force; None until the model is known
         self.saturate: Optional[Callable[[Speeds], Speeds]] = None
+        """Scales speeds down to what the wheels reach; None if the limits say it all."""
         self.restrict: Optional[Callable[[Speeds, float], Speeds]] = None
+        """`restrict(speeds, now)` returns the speeds that are allowed now, such as by protective zones."""
         self.target: Optional[Speeds] = None
-        self.speeds: Speeds = ()
+        """The last command within the limits, before `restrict` and the ramp; None while stopped."""
+        self.speeds: Speeds = ()  # the speeds in force
         self._stepped_s = -math.inf
 
     def change(self, limits: Limits) -> None:

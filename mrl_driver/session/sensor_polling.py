@@ -71,14 +71,10 @@ def text(sensor: Sensor, found: Reading) -> str:
 
 
 class SensorPoll:
-    """Requests a board's sensors, each with its period.
-
-    Attributes:
-        readings: the last reading of each sensor that has answered, by name.
-    """
+    """Requests a board's sensors, each with its period."""
 
     def __init__(self) -> None:
-        self.readings: Dict[str, Reading] = {}
+        self.readings: Dict[str, Reading] = {}  # the last reading of each sensor that has answered, by name
         self._due_s: Dict[int, float] = {}
         self._unanswered: Dict[int, int] = {}
         self._period_s: Dict[int, float] = {}

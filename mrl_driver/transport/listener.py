@@ -29,10 +29,6 @@ _KEPT = 65536  # at most this many bytes of an incomplete frame are kept; older 
 class TcpListener:
     """Accepts TCP connections.
 
-    Attributes:
-        address: address of the listener; if port 0 was requested, with the port that the system chose.
-        client: address of the connected client; empty without one.
-
     Raises:
         ConfigError: the address does not belong to this computer.
         PortBusy, PortDenied, LinkError: listening on the address is not possible.
@@ -43,7 +39,8 @@ class TcpListener:
         self._end: Optional[socket.socket] = None
         self._accepts = True
         self.address = address._replace(port=self._listening.getsockname()[1])
-        self.client = ""
+        """Address of the listener; if port 0 was requested, with the port that the system chose."""
+        self.client = ""  # address of the connected client; empty without one
 
     @property
     def watch(self) -> Optional[int]:

@@ -31,9 +31,6 @@ _Values = Iterator[Tuple[Name, float]]
 class Series:
     """The numbers of one robot.
 
-    Attributes:
-        names: names and units, in the order of `values`.
-
     Args:
         robot: a connected Driver, or an object that has some of its properties; values of others are left out.
     """
@@ -41,7 +38,7 @@ class Series:
     def __init__(self, robot: Any) -> None:
         self._robot = robot
         self._wheels = _Wheels(robot)
-        self.names = list(self._read())
+        self.names = list(self._read())  # names and units, in the order of `values`
 
     def values(self) -> List[float]:
         """Return the values now.

@@ -27,15 +27,6 @@ class MachineCrashed(SimulatorError):
 class AvrMachine:
     """A powered board with `elf` in its flash.
 
-    Attributes:
-        symbols: symbols of the image by name, with address and size.
-        image_flash: the image's `(address, bytes)` pieces.
-        i2c: slaves by 7-bit address; each has `write(data, time_s)`, `read(count, time_s) -> bytes` and
-            optionally `present`.
-        adc_volts: called at each conversion as `adc_volts(channel, time_s)`; returns volts at the pin.
-        on_pin: called as `on_pin(pin, level, time_s)` when a watched pin changes.
-        on_transfer: called with a Transfer for each transfer on the I2C bus.
-
     Raises:
         SimulatorError: the image does not exist, or does not fit into the chip.
         SimulatorMissing: there is no compiler or no libsimavr.
@@ -47,12 +38,17 @@ class AvrMachine:
         self._native = native.load()
         _require_fit(elf, image)
         self.frequency_hz = frequency_hz
-        self.symbols = image.symbols
-        self.image_flash = image.flash
+        self.symbols = image.symbols  # symbols of the image by name, with address and size
+        self.image_flash = image.flash  # the image's `(address, bytes)` pieces
         self.i2c: Dict[int, Any] = {}
+        """Slaves by 7-bit address; each has `write(data, time_s)`, `read(count, time_s) -> bytes` and optionally
+        `present`."""
         self.adc_volts: Callable[[int, float], float] = lambda channel, time_s: 0.0
+        """Called at each conversion as `adc_volts(channel, time_s)`; returns volts at the pin."""
         self.on_pin: Optional[Callable[[int, int, float], None]] = None
+        """Called as `on_pin(pin, level, time_s)` when a watched pin changes."""
         self.on_transfer: Optional[Callable[[Transfer], None]] = None
+        """Called with a Transfer for each transfer on the I2C bus."""
         self._failure: Optional[BaseException] = None
         self._hooks = self._make_hooks()
         self._board = self._native.mrl_create(frequency_hz, self._hooks)

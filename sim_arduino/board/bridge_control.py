@@ -38,9 +38,6 @@ class BridgeControl(Motors):
     Args:
         adc: Returns the count of an analog input now.
         start_s: Time at which the board's clock started [s].
-
-    Attributes:
-        encoders: The encoder inputs.
     """
 
     def __init__(
@@ -50,7 +47,7 @@ class BridgeControl(Motors):
         self._plant, self._pins = plant, plant.bridge
         self._config, self._health = config, health
         self._start_s = start_s
-        self.encoders = EncoderInputs(self._pins.levels)
+        self.encoders = EncoderInputs(self._pins.levels)  # the encoder inputs
         self._battery = BatteryInput(config, adc, start_s)
         self._wheels = (Wheel(), Wheel())
         self._counters = (EncoderCounter(), EncoderCounter())

@@ -26,10 +26,6 @@ class ImuReader:
 
     Args:
         i2c: Slaves on the bus by address.
-
-    Attributes:
-        found: An IMU has answered since the start.
-        next_s: Time of the next call of `run` [s].
     """
 
     def __init__(self, i2c: Dict[int, Any], environment: bool, health: BoardStatus) -> None:
@@ -37,8 +33,8 @@ class ImuReader:
         self._addresses = ADDRESSES[1:] if environment else ADDRESSES
         self._index = 0
         self._asked_all = self._is_set_up = self._is_settled = False
-        self.found = False
-        self.next_s = math.inf
+        self.found = False  # an IMU has answered since the start
+        self.next_s = math.inf  # time of the next call of `run` [s]
 
     def begin(self, now_s: float) -> None:
         """The sketch starts."""

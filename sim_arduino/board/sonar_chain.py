@@ -17,18 +17,14 @@ LOWEST_COUNT, NOTHING_FROM, HIGHEST_COUNT = 10, 640, 700
 
 
 class SonarTask:
-    """Powers the sonars at `start_s` [s] and triggers their chain again and again.
-
-    Attributes:
-        next_s: Time of the next trigger, when `run` must be called [s].
-    """
+    """Powers the sonars at `start_s` [s] and triggers their chain again and again."""
 
     def __init__(self, plant: Plant, config: Config, adc: Callable[[int], int], start_s: float) -> None:
         self._plant, self._config, self._adc = plant, config, adc
         self._first_s = math.inf
         plant.pin_changed(SONAR_POWER, 0, start_s)
         plant.pin_changed(SONAR_POWER, 1, start_s)
-        self.next_s = start_s + WARM_UP_S
+        self.next_s = start_s + WARM_UP_S  # time of the next trigger, when `run` must be called [s]
 
     def run(self, now_s: float) -> None:
         """Triggers the chain if the trigger is due."""

@@ -129,21 +129,14 @@ class Motion(NamedTuple):
 
 
 class DcMotor:
-    """State of one motor.
-
-    Attributes:
-        travel: Distance since power-up [count]; never wraps.
-        speed: Speed [count/s].
-        shares: What the bridge does; constant during a step.
-        blocked: Something holds the wheel.
-    """
+    """State of one motor."""
 
     def __init__(self, params: DcMotorParams) -> None:
         self.params = params
-        self.travel = 0.0
-        self.speed = 0.0
-        self.shares = Shares()
-        self.blocked = False
+        self.travel = 0.0  # distance since power-up [count]; never wraps
+        self.speed = 0.0  # speed [count/s]
+        self.shares = Shares()  # what the bridge does; constant during a step
+        self.blocked = False  # something holds the wheel
         self._charge_as = 0.0
         self._clock_s = 0.0
         self._motions: List[Motion] = []

@@ -29,18 +29,12 @@ class Bounce(NamedTuple):
 
 
 class Wire:
-    """A wire of an encoder: what the board sees of the encoder's output.
-
-    Attributes:
-        level: Level at the board.
-        open: The wire is broken, so that the board sees its own pull-up.
-        oscillation_hz: Edges per second that a broken wire picks up; 0 for none.
-    """
+    """A wire of an encoder: what the board sees of the encoder's output."""
 
     def __init__(self, level: int = 0) -> None:
-        self.level = level
-        self.open = False
-        self.oscillation_hz = 0.0
+        self.level = level  # level at the board
+        self.open = False  # the wire is broken, so that the board sees its own pull-up
+        self.oscillation_hz = 0.0  # edges per second that a broken wire picks up; 0 for none
         self._next_s = math.inf
         self._bounces: List[float] = []
 
@@ -102,11 +96,6 @@ class Quadrature:
         phase_error: Delay of channel B's edges, as a share of a count; -0.5 to 0.5.
         single: Only channel A is connected, and a count is the way from one of its edges to the next.
         reversed_: The channels are swapped where the encoder is made, so that the other direction counts as forward.
-
-    Attributes:
-        wires: The wires on the board's inputs A and B.
-        swapped: The wires have been swapped.
-        bounce: Short pulses after each edge.
     """
 
     def __init__(self, phase_error: float = 0.0, single: bool = False, reversed_: bool = False) -> None:
@@ -114,9 +103,10 @@ class Quadrature:
         self._first = (0.5, 1.5 + phase_error)
         self._apart = 1.0 if single else 2.0
         self._passed = [self._count(channel, 0.0) for channel in (A, B)]
-        self.swapped = False
-        self.bounce = Bounce(0, 0.0)
+        self.swapped = False  # the wires have been swapped
+        self.bounce = Bounce(0, 0.0)  # short pulses after each edge
         self.wires = (Wire(self._passed[A] & 1), Wire(self._passed[B] & 1))
+        """The wires on the board's inputs A and B."""
         self._single = single
         if single:
             self.wires[B].open, self.wires[B].level = True, PULLED_UP

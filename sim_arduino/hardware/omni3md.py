@@ -32,24 +32,18 @@ def _share(percent: int) -> float:
 
 
 class Omni3MD:
-    """The motor board of one robot, wired to its motors.
-
-    Attributes:
-        present: False takes the board off the bus.
-        fed: True stands for a master that talks all the time, so that the I2C timeout never expires.
-        busy_nack: True refuses writes while the EEPROM is being written, as the real board may do.
-        too_early: Number of writes that came while the EEPROM was being written.
-        commands: The last commands that had an effect, oldest first.
-        saved: Encoder counts in the EEPROM; the counters start from them.
-    """
+    """The motor board of one robot, wired to its motors."""
 
     def __init__(self, robot: RobotPhysics, model: RobotModel) -> None:
         self.robot = robot
-        self.present = True
+        self.present = True  # false takes the board off the bus
         self.fed = False
+        """True stands for a master that talks all the time, so that the I2C timeout never expires."""
         self.busy_nack = False
-        self.too_early = 0
+        """True refuses writes while the EEPROM is being written, as the real board may do."""
+        self.too_early = 0  # number of writes that came while the EEPROM was being written
         self.commands: Deque[MotorCommand] = deque(maxlen=1000)
+        """The last commands that had an effect, oldest first."""
         self.time_s = 0.0
         self.timeout_s = 0.0
         board = model.board
@@ -59,7 +53,7 @@ class Omni3MD:
         self.geometry = self._fitted
         self.counters = (EncoderCounter(), EncoderCounter(), EncoderCounter())
         self.maxima = [0, 0, 0]
-        self.saved = (0, 0, 0)
+        self.saved = (0, 0, 0)  # encoder counts in the EEPROM; the counters start from them
         self._traffic_s = 0.0
         self._calibrated_s = math.inf
         self._busy_until_s = 0.0

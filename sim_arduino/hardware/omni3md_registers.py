@@ -19,16 +19,12 @@ _OFFSETS = {
 
 
 class Omni3MDRegisters:
-    """The registers of a motor board, as an I2C slave.
-
-    Attributes:
-        writers: Layout and method of each writable register.
-    """
+    """The registers of a motor board, as an I2C slave."""
 
     def __init__(self, board: Omni3MD) -> None:
         self._board = board
         self._pointer = 0
-        self.writers = self._register_writers()
+        self.writers = self._register_writers()  # layout and method of each writable register
 
     @property
     def present(self) -> bool:

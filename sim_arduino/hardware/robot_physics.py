@@ -154,12 +154,6 @@ class RobotPhysics:
 
     Args:
         bridged: Three motors on H-bridges, which nothing here controls; None makes those of the motor board.
-
-    Attributes:
-        motors: Left, rear and right motor.
-        allow: Limits motions at obstacles; None means an endless empty floor.
-        sag_v: Voltage that a fault takes from the battery [V].
-        grip: Share of the distances of left, rear and right wheel that moves the body; below 1 a wheel slips.
     """
 
     def __init__(
@@ -173,11 +167,13 @@ class RobotPhysics:
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
         self._bridged = tuple(bridged or ())
         self.motors: Tuple[Any, ...] = self._bridged or tuple(Motor(params.motor) for _ in range(3))
+        """Left, rear and right motor."""
         self.gains = ControlSettings()
-        self.allow: Optional[Allow] = None
+        self.allow: Optional[Allow] = None  # limits motions at obstacles; None means an endless empty floor
         self._rng = random.Random(f"wheels {seed}")
-        self.sag_v = 0.0
+        self.sag_v = 0.0  # voltage that a fault takes from the battery [V]
         self.grip = [1.0, 1.0, 1.0]
+        """Share of the distances of left, rear and right wheel that moves the body; below 1 a wheel slips."""
         self._unaccounted_s = 0.0
         self._bridges_a = 0.0
         self._moved: Optional[Moved] = None

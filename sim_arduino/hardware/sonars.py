@@ -62,9 +62,6 @@ class SonarChain:
     Args:
         pose_at: The robot's pose at a time [s]; a reading uses the pose at which the sensor fires.
         name: The robot's name in the world; its sonars ignore its own body.
-
-    Attributes:
-        failed: One of `STATES` by name of each sonar that has failed.
     """
 
     def __init__(
@@ -79,7 +76,7 @@ class SonarChain:
         order = sorted(mounts, key=lambda name: _ORDER.index(name) if name in _ORDER else len(_ORDER))
         self._mounts: Sequence[SonarMount] = [mounts[name] for name in order]
         self._names = order
-        self.failed: Dict[str, str] = {}
+        self.failed: Dict[str, str] = {}  # one of `STATES` by name of each sonar that has failed
         self._world = world
         self._pose_at = pose_at
         self._powered_s = math.inf

@@ -57,12 +57,6 @@ class XBee:
         place: Returns where the robot is [m].
         seed: Draws losses and waits, together with the address.
 
-    Attributes:
-        station: The module as other radios know it.
-        live: The board runs in real time: packets of other boards arrive by its own clock.
-        on_arrival: Called when a packet has arrived, from any thread.
-        now_s: Time of the board [s].
-
     Raises:
         ConfigError: another radio has the address.
     """
@@ -78,15 +72,17 @@ class XBee:
         address = address_for(robot) if fit.address is None else fit.address
         network = zlib.crc32(address.to_bytes(8, "big")) % _LARGEST_NETWORK + 1
         self.station = Station(address, network, robot[:LONGEST_NODE], robot, fit.range_m, fit.loss)
+        """The module as other radios know it."""
         self._medium, self.place = medium, place
         self._rng = random.Random(f"radio {seed} {address}")
         self._reader = PacketReader()
         self._due: List[Tuple[float, int, bytes]] = []
         self._numbers = itertools.count()
         self._met: Set[int] = set()
-        self.live = False
+        self.live = False  # the board runs in real time: packets of other boards arrive by its own clock
         self.on_arrival: Callable[[], None] = lambda: None
-        self.now_s = 0.0
+        """Called when a packet has arrived, from any thread."""
+        self.now_s = 0.0  # time of the board [s]
         medium.join(self)
 
     def close(self) -> None:

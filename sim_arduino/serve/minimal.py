@@ -25,14 +25,10 @@ EMULATED = "sim"  # in the ports of a team: this robot is emulated
 
 
 class Shutdown:
-    """A watcher that ends the server after a signal, when the host closes the port or the timeout expires.
-
-    Attributes:
-        due_s: Time of the next look, in the board's time [s].
-    """
+    """A watcher that ends the server after a signal, when the host closes the port or the timeout expires."""
 
     def __init__(self, port: PtyPort) -> None:
-        self.due_s = math.inf
+        self.due_s = math.inf  # time of the next look, in the board's time [s]
         self._port, self._until_s = port, math.inf
         self._server: Any = None
 

@@ -27,19 +27,14 @@ class PtyPort:
     The port keeps a descriptor of the host's side, so that programs can open and close the port.  While it is closed,
     bytes from the board are lost, as on a real port.  Bytes are also lost if a program does not read and the buffer
     is full.
-
-    Attributes:
-        path: The device that the host opens; it changes each time the port is plugged in.
-        master: Descriptor of the board's side; None while unplugged.
-        watch: Descriptor that is readable when a program opens or closes the port; None without inotify.
-        dropped: Number of lost bytes from the board.
     """
 
     def __init__(self) -> None:
-        self.path = ""
-        self.dropped = 0
-        self.master: Optional[int] = None
+        self.path = ""  # the device that the host opens; it changes each time the port is plugged in
+        self.dropped = 0  # number of lost bytes from the board
+        self.master: Optional[int] = None  # descriptor of the board's side; None while unplugged
         self.watch: Optional[int] = None
+        """Descriptor that is readable when a program opens or closes the port; None without inotify."""
         self.plug()
 
     def plug(self) -> None:

@@ -78,12 +78,6 @@ class PtyServer:
         control: Carries out orders, and plugs or unplugs the port.
         waker: Of the thread that serves this board among others; by default the server has its own.
 
-    Attributes:
-        running: False after `stop`.
-        watched: Descriptors of which one is readable when `step` has something to do.
-        due_s: Time of the next `step` if none of them is [s, of the monotonic clock].
-        lock: Held while the board runs; take it to look at the board from another thread.
-
     Raises:
         ConfigError: the speed is out of range.
     """
@@ -104,6 +98,7 @@ class PtyServer:
         if not SLOWEST <= speed <= FASTEST:
             raise ConfigError(f"speed is {speed!r}, expected {SLOWEST:g} to {FASTEST:g} times real time")
         self.lock = threading.RLock()
+        """Held while the board runs; take it to look at the board from another thread."""
         self._speed, self._watchers = speed, watchers
         self._engine, self._port, self._plant = engine, port, plant
         self._truth, self._log = truth, log
@@ -115,9 +110,9 @@ class PtyServer:
         self._link_free_s = 0.0
         self._held, self._baud = b"", BAUD
         self._truth_due_s = 0.0 if truth and plant else float("inf")
-        self.running = True
-        self.watched: List[int] = []
-        self.due_s = 0.0
+        self.running = True  # false after `stop`
+        self.watched: List[int] = []  # descriptors of which one is readable when `step` has something to do
+        self.due_s = 0.0  # time of the next `step` if none of them is [s, of the monotonic clock]
         if self._radio:
             self._radio.live, self._radio.on_arrival = True, self.wake
 

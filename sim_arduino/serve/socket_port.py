@@ -16,18 +16,14 @@ class SocketPort:
     Bytes from the board are lost while there is no client, or its buffer is full.  While unplugged, the port does not
     listen.
 
-    Attributes:
-        path: The URL that a driver opens.
-        dropped: Number of lost bytes from the board.
-
     Raises:
         ConfigError, LinkError: the port cannot listen on the URL.
     """
 
     def __init__(self, url: str) -> None:
         self._listener: Optional[Listener] = listen(url)
-        self.path = str(self._listener.address)
-        self.dropped = 0
+        self.path = str(self._listener.address)  # the URL that a driver opens
+        self.dropped = 0  # number of lost bytes from the board
 
     @property
     def master(self) -> Optional[int]:

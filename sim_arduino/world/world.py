@@ -22,25 +22,20 @@ __all__ = ["ORIGIN", "Footprint", "Pose", "Wall", "World"]
 
 
 class World:
-    """Walls, robots, sources for the sensors, and the pose at which a robot starts.
-
-    Attributes:
-        registry: The robots, of this process or of all processes that share the world.
-        radio: The air between the robots' radios, of this process or of all processes that share the world.
-        scene: Heat, gas, dust, light and north.
-        standing: Parked robots by name; each is there until a real robot with its name takes its place.
-        solids: Closed lines among the walls that are solid inside: boxes, a map.
-    """
+    """Walls, robots, sources for the sensors, and the pose at which a robot starts."""
 
     def __init__(
         self, walls: Sequence[Wall] = (), start: Pose = ORIGIN, scene: Optional[Scene] = None
     ) -> None:
         self.start = start
-        self.scene = Scene() if scene is None else scene
+        self.scene = Scene() if scene is None else scene  # heat, gas, dust, light and north
         self.registry = RobotRegistry()
+        """The robots, of this process or of all processes that share the world."""
         self.radio = RadioMedium()
+        """The air between the robots' radios, of this process or of all processes that share the world."""
         self.standing: Dict[str, Mover] = {}
-        self.solids: List[List[Wall]] = []
+        """Parked robots by name; each is there until a real robot with its name takes its place."""
+        self.solids: List[List[Wall]] = []  # closed lines among the walls that are solid inside: boxes, a map
         self._index = WallIndex(walls)
 
     @property

@@ -11,14 +11,10 @@ SUM_SHIFT = 15
 
 
 class BatteryInput:
-    """`adc` returns the count of an analog input now.
-
-    Attributes:
-        measured: False until the first mean, and without a divider (parameter 24 is 0).
-    """
+    """`adc` returns the count of an analog input now."""
 
     def __init__(self, config: Config, adc: Callable[[int], int], now_s: float) -> None:
-        self.measured = False
+        self.measured = False  # false until the first mean, and without a divider (parameter 24 is 0)
         self._config, self._adc = config, adc
         self._next_s = now_s + PERIOD_S
         self._sum = self._whole_sum = self._conversions = 0

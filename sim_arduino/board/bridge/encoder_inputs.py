@@ -49,15 +49,11 @@ class EncoderInputs:
 
     Args:
         levels: Levels of the encoder pins (Arduino numbers).
-
-    Attributes:
-        single_channel: Only edges of channel A count, each one up.
-        impossible: Number of steps that changed both channels at once; stops at 65535.
     """
 
     def __init__(self, levels: Mapping[int, int]) -> None:
-        self.single_channel = False
-        self.impossible = 0
+        self.single_channel = False  # only edges of channel A count, each one up
+        self.impossible = 0  # number of steps that changed both channels at once; stops at 65535
         self._inputs = [_Input(pins, levels) for pins in ENCODER_PINS]
 
     def take(self, edges: Iterable[PinEdge], start_s: float) -> None:

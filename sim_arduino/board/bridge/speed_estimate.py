@@ -22,14 +22,10 @@ class Mark(NamedTuple):
 
 
 class SpeedEstimate:
-    """Counts by time between the last edges of two samples, which are at least a cycle apart.
-
-    Attributes:
-        speed: Signed share of full speed.
-    """
+    """Counts by time between the last edges of two samples, which are at least a cycle apart."""
 
     def __init__(self) -> None:
-        self.speed = 0
+        self.speed = 0  # signed share of full speed
         self._marks: List[Mark] = []
         self._quiet = 0
         self._counts, self._ticks = 0, 1

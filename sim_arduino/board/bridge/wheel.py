@@ -24,16 +24,11 @@ class Mode(Enum):
 
 
 class Wheel:
-    """Counts in, duty out; see wheel.cpp.  Speeds and duties are shares of FULL.
-
-    Attributes:
-        travel: The sum of all counts.
-        last_direction: Direction of the last drive, in which single-channel encoders count.
-    """
+    """Counts in, duty out; see wheel.cpp.  Speeds and duties are shares of FULL."""
 
     def __init__(self) -> None:
-        self.travel = 0
-        self.last_direction = 1
+        self.travel = 0  # the sum of all counts
+        self.last_direction = 1  # direction of the last drive, in which single-channel encoders count
         self._estimate, self._watch = SpeedEstimate(), WheelWatch()
         self._mode = Mode.SPEED
         self._target = self._go_to = 0
