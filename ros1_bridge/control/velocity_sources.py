@@ -13,26 +13,18 @@ from ros1_bridge.node.robot_parameters import PAUSE_S
 
 
 class Source(NamedTuple):
-    """Where a command comes from.
+    """Where a command comes from."""
 
-    Attributes:
-        node: name of the node that sends it.
-        operator: name of the operator, whose commands may come by a node that passes them on; empty if there is none.
-    """
-
-    node: str
+    node: str  # name of the node that sends it
     operator: str = ""
+    """Name of the operator, whose commands may come by a node that passes them on; empty if there is none."""
 
 
 class VelocitySources:
-    """The sources of one robot's commands; any thread may call it.
-
-    Attributes:
-        pause_s: a source must pause for this long [s]; 0 lets every source move the robot.
-    """
+    """The sources of one robot's commands; any thread may call it."""
 
     def __init__(self, pause_s: float = PAUSE_S) -> None:
-        self.pause_s = pause_s
+        self.pause_s = pause_s  # a source must pause for this long [s]; 0 lets every source move the robot
         self._lock = new_lock("sources")
         self._stops = 0
         self._early: Dict[str, float] = {}

@@ -72,11 +72,7 @@ class ZoneWatch:
 
 
 def mount_of(transform: Any) -> Pose:
-    """x, y, yaw of a geometry_msgs/Transform from base_frame to a laser.
-
-    Raises:
-        ValueError: the laser does not lie flat and upright.
-    """
+    """x, y, yaw of a geometry_msgs/Transform from base_frame to a laser; ValueError if it is tilted or upside down."""
     turn = transform.rotation
     if math.hypot(turn.x, turn.y) > 0.05:
         raise ValueError("the laser is tilted or upside down, expected one that lies flat and upright")

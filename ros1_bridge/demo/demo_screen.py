@@ -46,11 +46,7 @@ class DemoScreen(Screen):
         super().press(key, now_s)
 
     def steer(self, now_s: float) -> None:
-        """Drive the square or as the keys say; end the run when its time is over.
-
-        Raises:
-            ConfigError: the board has no motors, as its diagnostics say.
-        """
+        """Drive the square or as the keys say, until the time is over; ConfigError if the board has no motors."""
         if self._robot.model is not None:
             self._robot.model.require_motors()
         if self._first_s is None and self.live.frames:

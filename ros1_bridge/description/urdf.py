@@ -50,11 +50,7 @@ def wheel_radius_m(model: RobotModel) -> float:
 
 
 def render(model: RobotModel, prefix: str = "", laser: bool = False, imu: bool = False) -> str:
-    """The URDF of a robot; each link name starts with `prefix` (such as `robot1/`).
-
-    Raises:
-        ConfigError: the board has no motors, and so no body of its own.
-    """
+    """The URDF of a robot, links named with `prefix`, such as `robot1/`; ConfigError if the board has no motors."""
     if not model.drives:
         raise ConfigError(
             f"robot {model.name} is a board without motors (drive: none), expected a robot with a body of its own: "

@@ -58,11 +58,7 @@ class Parts(ContextManager["Parts"]):
         return among[-1]
 
     def master(self) -> None:
-        """Starts the ROS master that the environment names, and waits for it.
-
-        Raises:
-            MrlError: the master does not start.
-        """
+        """Starts the ROS master that the environment names, and waits for it; MrlError if it does not start."""
         uri = os.environ["ROS_MASTER_URI"]
         child = self._start("rosmaster", ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], self._masters)
         wait_until(lambda: is_online(uri) or child.exit_code is not None, START_S)
@@ -88,11 +84,7 @@ class Parts(ContextManager["Parts"]):
         return self._start(f"{space}/{kind}", command, self._nodes)
 
     def robot(self, name: str, model: str, rate: int, *options: str) -> None:
-        """Starts an emulated board and its robot node, in the namespace and with the frames of the robot.
-
-        Args:
-            options: Options of the board, as of `mrl-sim`.
-        """
+        """Starts a board with options of `mrl-sim`, and its robot node in the robot's namespace and frames."""
         port = str(self.folder / f"{name}.port")
         command = [sys.executable, "-m", "sim_arduino.serve.main", "--link", port, "--name", name]
         self._start(f"{name}-board", [*command, "--robot", model, *options], self._boards)

@@ -41,11 +41,7 @@ def missing() -> str:
 
 
 def run(name: str, setting: Setting) -> Result:
-    """Runs an experiment through ROS, in real time; its picture goes into the setting's folder.
-
-    Raises:
-        MrlError: the experiment failed; the message holds its last line of output.
-    """
+    """Runs an experiment through ROS, its picture in the setting's folder; MrlError has its last line if it fails."""
     with tempfile.TemporaryDirectory(prefix="mrl-experiment-") as folder:
         given = {**os.environ, "PYTHONUNBUFFERED": "1"}
         log, own = Path(folder) / "log", environment(folder, given)

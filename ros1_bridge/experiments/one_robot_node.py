@@ -120,11 +120,7 @@ def wait_for(parts: Parts, *known: TimedPoses, then: _Then = ignore) -> Odometry
 
 
 def follow(parts: Parts, robot: OdometryRobot, course: Course, stop_s: float) -> None:
-    """Drives a course to its end, and stands still for `stop_s`.
-
-    Raises:
-        MrlError: a part has failed, or the robot does not arrive.
-    """
+    """Drives a course to its end, then stands for `stop_s`; MrlError if a part fails, or the robot does not arrive."""
     end_s = time.monotonic() + MOST_S
     while not course.done:
         parts.check()

@@ -74,11 +74,7 @@ def _waypoint(key: str, row: Any) -> Pose:
 
 
 def read_numbers(text: str, key: str) -> FrozenSet[int]:
-    """Places from 0 of waypoint numbers from 1, separated by commas; none if the text is empty.
-
-    Raises:
-        ConfigError: it is something else.
-    """
+    """Places from 0 of waypoint numbers from 1 with commas; none if the text is empty, ConfigError if it is wrong."""
     words = [word.strip() for word in text.split(",")] if text else []
     if not all(word.isdecimal() and int(word) for word in words):
         raise ConfigError(f"parameter {key} is {text!r}, expected waypoint numbers from 1, such as 1 or 1,2")
@@ -86,11 +82,7 @@ def read_numbers(text: str, key: str) -> FrozenSet[int]:
 
 
 def read_names(text: str, own: str, key: str) -> List[str]:
-    """Names of the robots of a team, separated by commas; one of them is `own`.
-
-    Raises:
-        ConfigError: there are fewer than two, or `own` is not among them.
-    """
+    """Names of a team, separated by commas; ConfigError unless there are two or more, and `own` is among them."""
     names = [word.strip() for word in text.split(",")]
     if len(names) < 2 or own not in names:
         raise ConfigError(
@@ -136,11 +128,7 @@ class FollowWaypoints:
         rospy.on_shutdown(self._end)
 
     def _claim_of(self, given: Dict[str, Any], space: str) -> Claim:
-        """The claim of the shared waypoints, by radio if there are radios.
-
-        Raises:
-            ConfigError: a parameter is wrong, or the team has fewer than two robots, or not this one.
-        """
+        """The claim of the shared waypoints, by radio if there are radios; ConfigError if a parameter is wrong."""
         try:
             self._radio = RadioTeam(self._name, read_radios(given["radio"])) if given["radio"] else None
         except ConfigError as error:

@@ -54,11 +54,7 @@ PARAMETERS = (
 
 
 class OdometryGap:
-    """Judges odometry that comes late, for one goal.
-
-    Args:
-        limits: largest speeds of the robot.
-    """
+    """Judges odometry that comes late, for one goal; `limits` are the largest speeds of the robot."""
 
     def __init__(self, limits: Limits) -> None:
         self._limits = limits
@@ -327,11 +323,7 @@ class GoToGoal:
         return True
 
     def _target(self, goal: PoseStamped) -> Pose:
-        """The goal in the frame of odom.
-
-        Raises:
-            ValueError: there is no transform, or the goal is not finite; the message says which.
-        """
+        """The goal in the frame of odom; ValueError if there is no transform, or the goal is not finite."""
         odometry = self._odometry
         assert odometry is not None
         pose, frame, given = planar(goal.pose), odometry.header.frame_id, goal.header.frame_id

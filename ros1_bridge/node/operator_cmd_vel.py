@@ -83,15 +83,12 @@ class StampedCmdVel(CmdVel):
 
 
 class OperatorCmdVel(StampedCmdVel):
-    """The commands of one operator.  `~delay` (std_msgs/Float64) has the delay [s], twice a second, NaN if unknown.
-
-    Attributes:
-        guard: stops the operator's driving above the limit.
-    """
+    """The commands of one operator.  `~delay` (std_msgs/Float64) has the delay [s], twice a second, NaN if unknown."""
 
     def __init__(self, max_delay_s: float = 0.0) -> None:
         self._operator = f"{rospy.get_name()} {os.urandom(4).hex()}"
-        self._delay, self.guard = EchoDelay(), DelayGuard(max_delay_s, "~max_delay")
+        self._delay = EchoDelay()
+        self.guard = DelayGuard(max_delay_s, "~max_delay")  # stops the operator's driving above the limit
         self._was_echoed: Optional[bool] = None
         self._held = False
         self._told, self._sent_s = "", -math.inf

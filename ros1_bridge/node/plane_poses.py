@@ -11,11 +11,7 @@ _LEAST_LENGTH = 1e-3  # A shorter quaternion has no direction
 
 
 def planar(pose: Any) -> Pose:
-    """x [m], y [m], yaw [rad] of a geometry_msgs/Pose.
-
-    Raises:
-        ValueError: a number is not finite or beyond `FARTHEST_M`, or the orientation is not valid.
-    """
+    """x [m], y [m], yaw [rad] of a geometry_msgs/Pose; ValueError if one is not valid, or beyond `FARTHEST_M`."""
     at = pose.position
     if not (abs(at.x) <= FARTHEST_M and abs(at.y) <= FARTHEST_M):
         raise ValueError(
@@ -38,11 +34,7 @@ def write_pose(pose: Pose, message: Any) -> Any:
 
 
 def yaw_of(rotation: Any) -> float:
-    """Yaw of a geometry_msgs/Quaternion of any length [rad].
-
-    Raises:
-        ValueError: the quaternion is not finite, or too short to have a direction.
-    """
+    """Yaw of a geometry_msgs/Quaternion of any length [rad]; ValueError if it is not finite, or too short."""
     x, y, z, w = (getattr(rotation, axis) for axis in "xyzw")
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if not _LEAST_LENGTH < length < math.inf:

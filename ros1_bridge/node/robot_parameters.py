@@ -191,11 +191,7 @@ ROWS = rows_of(Parameters)
 
 
 def without_motors(parameters: Parameters) -> Parameters:
-    """The parameters for a board without motors: of the parts, those that it can have.
-
-    Raises:
-        ConfigError: zones are on, or no part is left.
-    """
+    """The parameters for a board without motors; ConfigError if it can have none of the parts, or zones are on."""
     parts = [name for name in split_parts(parameters.parts) if name in WITHOUT_MOTORS]
     if not parts:
         raise ConfigError(
@@ -262,11 +258,7 @@ def _require_parts(parameters: Parameters, namespace: str) -> None:
 
 
 def _require_zones(parameters: Parameters, namespace: str) -> None:
-    """Check the zone parameters.
-
-    Raises:
-        ConfigError: the parameters contradict each other, or the stream is too slow for zones.
-    """
+    """Raise ConfigError if zone parameters contradict each other, or the stream is too slow for zones."""
     if parameters.zones == "none":
         return
     if parameters.rate < LEAST_RATE_HZ:

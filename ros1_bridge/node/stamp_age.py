@@ -10,17 +10,13 @@ AHEAD_S = 0.1
 
 
 class StampAge:
-    """Judges the messages of one source.
-
-    Attributes:
-        made_s: when the last fresh message was made, on the clock of its arrival [s].
-    """
+    """Judges the messages of one source."""
 
     def __init__(self, limit_s: float) -> None:
         """`limit_s`: an older message is not fresh [s]."""
         self._limit_s = limit_s
         self._stamp_s, self._since_s = math.nan, -math.inf
-        self.made_s = -math.inf
+        self.made_s = -math.inf  # when the last fresh message was made, on the clock of its arrival [s]
 
     def trouble(self, stamp_s: float, now_s: float, arrived_s: float) -> str:
         """Why a message is not fresh; empty if it is.

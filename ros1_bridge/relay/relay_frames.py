@@ -55,16 +55,11 @@ class Source(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message.
-
-    Attributes:
-        sequence: Number of the message among all that the publisher has sent; what is missing was lost.
-        stamp_s: When the sender's relay got it, by its own clock [s].
-    """
+    """A message."""
 
     number: int
-    sequence: int
-    stamp_s: float
+    sequence: int  # of the message among all that the publisher has sent; what is missing was lost
+    stamp_s: float  # when the sender's relay got it, by its own clock [s]
     body: bytes
 
 
@@ -130,11 +125,7 @@ class FrameReader:
         self._longest = _LONGEST_FIRST
 
     def feed(self, data: bytes) -> List[Event]:
-        """The events that end in `data`.
-
-        Raises:
-            RelayError: these are not the bytes of a relay; the connection is of no use from here on.
-        """
+        """The events that end in `data`; RelayError if it is not a relay's: the connection is then of no use."""
         self._rest += data
         events: List[Event] = []
         start = 0

@@ -41,28 +41,19 @@ class Address(NamedTuple):
 
 
 class Settings(NamedTuple):
-    """Parameters of one relay.
-
-    Attributes:
-        send: Topics by the name that other relays know; values are their names here.
-        receive: For each peer, its topics; values are their names here.
-    """
+    """Parameters of one relay."""
 
     name: str
     listen: Address
-    send: Dict[str, str]
+    send: Dict[str, str]  # topics by the name that other relays know; values are their names here
     peers: Dict[str, Address]
-    receive: Dict[str, Dict[str, str]]
+    receive: Dict[str, Dict[str, str]]  # for each peer, its topics; values are their names here
     max_age_s: float
     timeout_s: float
 
 
 def read_settings(given: Dict[str, Any], namespace: str) -> Settings:
-    """The settings in a node's private parameters.
-
-    Raises:
-        ConfigError: a value is missing, misspelt, out of range, or appears twice.
-    """
+    """The settings in private parameters; ConfigError if one is missing, misspelt, out of range, or appears twice."""
     texts = {
         key: ", ".join(map(str, each)) if isinstance(each, list) else each for key, each in given.items()
     }

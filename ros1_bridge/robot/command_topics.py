@@ -30,11 +30,7 @@ STANDSTILL = Twist()
 
 
 class CommandTopics:
-    """Passes the commands of one robot to its commander; the callbacks of rospy's threads.
-
-    Args:
-        tell: publishes the robot's state, if it has changed.
-    """
+    """Passes commands to a robot's commander, on rospy's threads; `tell` publishes the state, if it has changed."""
 
     def __init__(
         self,

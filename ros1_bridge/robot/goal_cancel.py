@@ -12,10 +12,7 @@ class GoalCancel:
     """Publishes `move_base/cancel`; any thread may call it.
 
     The last message has a time, and is latched: a planner that connects later cancels the goals of before it, and takes
-    new ones.  At first, it cancels those of before this node's start.
-
-    Args:
-        ros: the module rospy.
+    new ones.  At first, it cancels those of before this node's start.  `ros` is the module rospy.
     """
 
     def __init__(self, ros: Any) -> None:

@@ -14,11 +14,7 @@ from .services import Answer
 
 
 class ModeSwitch:
-    """The operation mode of one robot; any thread may set it.
-
-    Args:
-        ros: the module rospy.
-    """
+    """The operation mode of one robot; any thread may set it.  `ros` is the module rospy."""
 
     def __init__(self, commander: Commander, ros: Any) -> None:
         self._commander, self._ros = commander, ros

@@ -92,11 +92,7 @@ class RobotNode:
         self._commands: Optional[CommandTopics] = None
 
     def run(self) -> None:
-        """Serve until the node is shut down.
-
-        Raises:
-            MrlError: the robot cannot be reached, is another model, or its link was lost.
-        """
+        """Serve until the shutdown; MrlError if the robot cannot be reached, is another model, or its link was lost."""
         rospy.on_shutdown(self._driver.close)
         if self._parameters.port_timeout:
             self._driver.on_event(self._on_wait)

@@ -96,11 +96,7 @@ class Services:
         return _answer(lambda: self._driver.request(BY_NAME["calibrate"].code), done)
 
     def gains(self) -> Dict[str, int]:
-        """The gains kp, ki and kd of the motor board; the model's if the board does not tell them (2013).
-
-        Raises:
-            MrlError: the board does not answer.
-        """
+        """The gains kp, ki and kd of the motor board, or of the model (2013); MrlError if the board does not answer."""
         driver = self._driver
         if "config" not in driver.board.capabilities:
             return {name: driver.model.board[name] for name in GAINS}

@@ -29,11 +29,7 @@ ABSENT = (KeyError, OSError, rospy.ROSException, rospy.ServiceException)
 
 
 class ZoneTopics:
-    """Watches the zones of one robot from its construction on; `listen` lets them have readings.
-
-    Raises:
-        ConfigError: see `ZoneWatch`.
-    """
+    """Watches a robot's zones from its construction on, with errors of `ZoneWatch`; `listen` gives them readings."""
 
     def __init__(
         self, driver: Driver, commander: Commander, parameters: Parameters, model: RobotModel

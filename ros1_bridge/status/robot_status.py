@@ -197,12 +197,7 @@ def imu_report(state: str, imu: Optional[Imu]) -> Report:
 
 
 def motion_health(driving: bool, cause: StopReason) -> Report:
-    """Level and message for the motion.
-
-    Args:
-        driving: a command other than standstill is in force.
-        cause: `Commander.stopped_by`.
-    """
+    """Level and message for the motion; `driving`: a command other than standstill is in force."""
     if cause is StopReason.MAY_BE_MOVING:
         return Report(ERROR, f"no telemetry; {MAY_MOVE}")
     if driving or cause is StopReason.NONE:

@@ -32,12 +32,7 @@ class Input(NamedTuple):
 
 
 class VelocityMux:
-    """Which source drives.
-
-    Args:
-        sources: Sources of commands, each with another name and priority.
-        locks: Locks; one with a timeout is locked before its first message.
-    """
+    """Which source drives; names and priorities differ, and a lock with a timeout is locked until its first message."""
 
     def __init__(self, sources: Sequence[Input], locks: Sequence[Input] = ()) -> None:
         self._sources = {source.name: source for source in sources}
@@ -85,11 +80,7 @@ class VelocityMux:
 
 
 def read_inputs(given: Dict[str, Any], namespace: str) -> Tuple[List[Input], List[Input]]:
-    """Sources and locks of a node's private parameters, `topics` and `locks` in twist_mux's format.
-
-    Raises:
-        ConfigError: a value is missing, out of range or unknown, or appears twice.
-    """
+    """Sources and locks, `topics` and `locks` in twist_mux's format; ConfigError if one is wrong, or there twice."""
     unknown = [name for name in given if name not in _LISTS]
     if unknown:
         raise ConfigError(f"parameter {namespace}/{unknown[0]} is unknown, expected {', '.join(_LISTS)}")

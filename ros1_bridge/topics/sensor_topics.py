@@ -127,11 +127,7 @@ def fill(message: Any, entry: SensorTopic, values: Values, stamp: Time) -> None:
 
 
 def load(path: str = FILE) -> Dict[str, SensorTopic]:
-    """Read the topics from a file.
-
-    Raises:
-        ConfigError: the file is missing or has an error; the message names topic, key, value and what was expected.
-    """
+    """Read the topics from a file; ConfigError, which names topic, key and value, if it is missing or has an error."""
     data = yaml_file.read_expected(path, "topics as YAML")
     reader = yaml_file.Reader(path)
     topics = reader.mapping("", data, "topics with their type")

@@ -47,12 +47,7 @@ class BagRecording(Recordings):
         return self._name
 
     def start(self) -> str:
-        """Begin a bag; returns its name.
-
-        Raises:
-            ConfigError: a bag is being written.
-            OutputError: the file cannot be made.
-        """
+        """Begin a bag; returns its name.  ConfigError if one is written already, OutputError if it cannot be made."""
         import rosbag  # late: it takes 0.2 s
 
         topics = self._topics()

@@ -130,11 +130,7 @@ class WebNode:
         self._phone.publish(phone_imu.message(reading, rospy.Time.now()))
 
     def _recorded(self) -> Set[str]:
-        """The topics of the robot's node, of this node, and of the parameter.
-
-        Raises:
-            ConfigError: the master does not answer.
-        """
+        """The topics of the robot's node, this node and the parameter; ConfigError if the master does not answer."""
         own = {self._node, rospy.get_name()}
         try:
             published, subscribed, _ = rosgraph.Master(rospy.get_name()).getSystemState()

@@ -154,11 +154,7 @@ class MirrorNode:
     """One real robot in a shared world."""
 
     def __init__(self, given: Dict[str, Any]) -> None:
-        """Puts the robot into the world at its first odometry.
-
-        Raises:
-            ConfigError: the model has no body, or the robot's name is taken.
-        """
+        """Puts the robot into the world at its first odometry; ConfigError if it has no body, or its name is taken."""
         start = world_file.parse_pose(given["pose"], ORIGIN)
         self._name, self._laser = given["name"], given["laser"]
         self._join(given, start)

@@ -50,11 +50,7 @@ class Recordings(ABC):
 
     @abstractmethod
     def start(self) -> str:
-        """Begin a recording and return its name.
-
-        Raises:
-            MrlError: it cannot be written, or one is being written already.
-        """
+        """Begin a recording and return its name; raise MrlError if it cannot be written, or one is being written."""
 
     @abstractmethod
     def stop(self) -> str:

@@ -129,11 +129,7 @@ class Server:
     # -- start and end
 
     async def start(self) -> None:
-        """Listen.
-
-        Raises:
-            ConfigError, PortBusy, PortDenied, LinkError: the address cannot be listened on.
-        """
+        """Listen; raise ConfigError, PortBusy, PortDenied or LinkError if the address cannot be listened on."""
         self._loop = asyncio.get_running_loop()
         self._over: asyncio.Future[str] = self._loop.create_future()
         self._socket = self._ear or listening_socket(self._settings.host, self._settings.port)
@@ -751,11 +747,7 @@ def _token(request: web.Request) -> str:
 
 
 async def _body(request: web.Request) -> bytes:
-    """Return the body of a request, which must arrive in time.
-
-    Raises:
-        web.HTTPException: it does not, or it cannot be read.
-    """
+    """Return the body of a request; raise web.HTTPException if it does not arrive in time, or cannot be read."""
     try:
         return await asyncio.wait_for(request.read(), messages.HELLO_S)
     except asyncio.TimeoutError:
