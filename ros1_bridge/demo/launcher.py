@@ -125,11 +125,8 @@ def environment(logs: Path, port: int) -> Dict[str, str]:
 def start_nodes(run: Run, *arguments: str) -> None:
     """Start the nodes with `arguments` of `run.launch`, and wait until their master is complete.
 
-    roslaunch joins no master that is there already: its run id is another one.
-
-    Raises:
-        RunError: they did not start.
-        Stopped: a signal came.
+    roslaunch joins no master that is there already: its run id is another one.  RunError if they do not start, Stopped
+    after a signal.
     """
     launch = str(Path(__file__).with_name("run.launch"))
     roslaunch = run.start("roslaunch", "roslaunch", f"--run_id={uuid.uuid4()}", launch, *arguments)
@@ -159,12 +156,7 @@ def best_engine() -> str:
 
 
 def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], duration_s: float) -> int:
-    """Start all parts, wait until the view ends, and return the exit code.
-
-    Raises:
-        RunError: a part did not start, or it ended.
-        Stopped: a signal came.
-    """
+    """Start all parts, return the exit code when the view ends; RunError if a part fails, Stopped on a signal."""
     robot = robot or ("auto" if port else _DEFAULT_ROBOT)
     board = f"the robot on {port}" if port else f"an emulated {robot}"
     click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")

@@ -23,11 +23,7 @@ STOP_S = 1.0
 
 
 def drive(parts: Parts, setting: Setting) -> CourseRecord:
-    """Drives through the course with a robot that has random errors alone; the record has the topics' readings.
-
-    Raises:
-        MrlError: a part has failed or is not ready in time, a sensor is silent, or the robot does not arrive.
-    """
+    """Drives the course with a robot that has random errors alone; MrlError if a part, a sensor or the drive fails."""
     start = world_file.load(l_course.WORLD).start
     _start(parts, setting, start)
     truth = heard(f"/{ROBOT}/base_pose_ground_truth")

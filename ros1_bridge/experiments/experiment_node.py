@@ -20,15 +20,9 @@ TERMINATED = 143
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Starts the master, makes this process a node, and runs the part through ROS; ends all programs.
+    """Runs the part through ROS, then the experiment in simulated time; returns the exit code.
 
-    Then runs the experiment in simulated time, and saves the result next to the logs.
-
-    Args:
-        arguments: Name of the experiment, folder of the pictures, robot model, seed, number of seeds.
-
-    Returns:
-        The exit code.
+    The arguments are the name of the experiment, folder of the pictures, robot model, seed and number of seeds.
     """
     name, folder, robot, seed, seeds = arguments
     setting = Setting(folder, None, robot, int(seed), True, int(seeds))

@@ -39,11 +39,7 @@ def end(*children: Child) -> None:
 
 
 class Parts(ContextManager["Parts"]):
-    """The programs of an experiment; a context manager that ends nodes, then boards, then the master.
-
-    Args:
-        folder: Folder for logs and ports.
-    """
+    """The programs of an experiment, with their logs in a folder; at its end the nodes end first, the master last."""
 
     def __init__(self, folder: str) -> None:
         self.folder = Path(folder)

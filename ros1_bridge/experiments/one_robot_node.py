@@ -105,11 +105,7 @@ class OdometryRobot:
 
 
 def wait_for(parts: Parts, *known: TimedPoses, then: _Then = ignore) -> OdometryRobot:
-    """The robot, when its odometry and these other poses have come; `then` gets each odometry message.
-
-    Raises:
-        MrlError: a part has failed, or is not ready in time.
-    """
+    """The robot, when all poses have come; `then` gets each odometry message.  MrlError if a part fails, or is late."""
     robot = OdometryRobot(then=then)
     wait_until(lambda: parts.check() or (robot.known and all(map(len, known))), START_S)  # type: ignore[func-returns-value]
     if not robot.known:

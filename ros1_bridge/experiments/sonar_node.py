@@ -60,11 +60,7 @@ def _start(parts: Parts, setting: Setting) -> None:
 
 
 def readings(parts: Parts, setting: Setting) -> Tuple[List[float], List[float]]:
-    """Median range of the front sonar [m], NaN for none, and distance by odometry [m], at each stop.
-
-    Raises:
-        MrlError: a part has failed or is not ready in time, or the robot does not arrive.
-    """
+    """Median range of the front sonar [m], NaN for none, and distance by odometry [m], at each stop; see `approach`."""
     _start(parts, setting)
     robot = wait_for(parts)
     robot.reset_pose(ORIGIN)

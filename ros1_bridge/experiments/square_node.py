@@ -21,10 +21,7 @@ LIMITS = FollowerLimits(square.SPEEDS.linear_m_s, square.SPEEDS.angular_rad_s)
 def lap(parts: Parts, setting: Setting) -> Pose:
     """Drives a lap with a robot like the published one; returns the true end minus the end by `odom`.
 
-    Both ends are in the frame of the start.
-
-    Raises:
-        MrlError: a part has failed or is not ready in time, or the robot does not arrive.
+    Both ends are in the frame of the start.  MrlError if a part fails or is late, or the robot does not arrive.
     """
     true_file = str(parts.folder / "truth.jsonl")
     error = disturbances.error(setting.seed, "square", **square.LIKE_PUBLISHED)

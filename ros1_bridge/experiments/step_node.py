@@ -25,9 +25,7 @@ def drive(parts: Parts, setting: Setting) -> Live:
     """Drives the steps; the mirror receives the pose of each odometry message.
 
     The delay is that of a pose from the board, which read its counters at the message's stamp, to the mirror.
-
-    Raises:
-        MrlError: a part has failed, or a waypoint is not reached.
+    MrlError if a part fails, or a waypoint is not reached.
     """
     with ExitStack() as stack:
         members = [Member(NAME, START, virtual=False, robot=setting.robot)]

@@ -126,11 +126,7 @@ def gather(
     navigated: bool,
     world: str = WORLD,
 ) -> Team:
-    """Starts boards and nodes of a team in a real and a virtual world, and waits until all are ready.
-
-    Raises:
-        MrlError: a part has failed, or is not ready in time.
-    """
+    """Starts boards and nodes of a team in a real and a virtual world; MrlError if a part fails, or is late."""
     truth, virtual = world_file.load(world), world_file.load(world)
     virtual.registry = registry = SharedRegistry(_shared("virtual"))
     stack.callback(registry.close)

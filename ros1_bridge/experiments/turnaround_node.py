@@ -40,11 +40,7 @@ def _send(robot: OdometryRobot, messages: int) -> Dict[int, float]:
 
 
 def measure(parts: Parts, setting: Setting, messages: int = MESSAGES) -> Topics:
-    """Drives an emulated board through topics, in the driver's default mode; the delays of the messages [ms].
-
-    Raises:
-        MrlError: a part has failed.
-    """
+    """Drives a board through topics, in the driver's default mode; the delays [ms].  MrlError if a part fails."""
     log, truth = parts.folder / "wire.json", parts.folder / "truth.json"
     parts.robot(ROBOT, setting.robot, RATE_HZ, "--world", "square", "--log", str(log), "--truth", str(truth))
     arrived: List[float] = []

@@ -29,11 +29,7 @@ _ENOUGH_BYTES = 1 << 16
 
 
 def provide() -> None:
-    """Let this process import the modules of messages: those of ROS, or else classes made here.
-
-    Raises:
-        ConfigError: neither ROS nor the packages of the extra `export` are installed.
-    """
+    """Let this process import modules of messages: ROS's, or else classes made here; ConfigError without both."""
     try:
         for package in _NAMES:
             importlib.import_module(f"{package}.msg")

@@ -177,12 +177,7 @@ class Mcap(MessageFile):
 
 
 def make(ending: str, path: str, *about: Any) -> MessageFile:
-    """Make a file with this ending, .bag or .mcap, for what `MessageFile` needs.
-
-    Raises:
-        ConfigError: a package that writes it is not installed.
-        OSError: the file cannot be made.
-    """
+    """Make a .bag or .mcap, for what `MessageFile` needs; ConfigError without its package, or OSError."""
     if ending == ".mcap":
         return Mcap(path, *about)
     try:

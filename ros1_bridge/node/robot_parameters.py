@@ -208,12 +208,8 @@ def without_motors(parameters: Parameters) -> Parameters:
 def check(given: Mapping[str, Any], namespace: str) -> Parameters:
     """The checked parameters of robot_node.
 
-    Args:
-        given: name to value, as the parameter server returns `~`.
-        namespace: the node's full name, for error messages.
-
-    Raises:
-        ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
+    `given` is what the parameter server has for the node's full name `namespace`.  ConfigError if a value is missing,
+    of the wrong type or out of range, or a name is unknown.
     """
     given = {name: value for name, value in given.items() if name not in GROUPS}
     if isinstance(given.get("parts"), list):

@@ -143,12 +143,7 @@ class _Session:
         self._last: Dict[int, int] = {}
 
     def exchange(self) -> None:
-        """Take what comes until the end.
-
-        Raises:
-            OSError: the connection is broken.
-            RelayError: it is silent, or the other end is not the relay that was expected.
-        """
+        """Take what comes until the end; OSError if the connection breaks, RelayError if it is silent or another's."""
         timeout_s = self._of._timeout_s
         topics = list(self._of.counts)
         self._socket.sendall(encode(Hello(PROTOCOL, self._of._name, "", topics)))

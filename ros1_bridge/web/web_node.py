@@ -97,12 +97,7 @@ class WebNode:
         )
 
     def run(self) -> None:
-        """Serve until the node is shut down.
-
-        Raises:
-            ConfigError: aiohttp is missing, the address is not one of this computer, or the board has no motors.
-            LinkError: the address cannot be listened on.
-        """
+        """Serve until the shutdown; ConfigError or LinkError without aiohttp, motors or a good address."""
         from mrl_driver.apps.web.server import serve  # here, so that what is missing is one line of the log
 
         self._robot.subscribe(rospy.Subscriber)

@@ -102,12 +102,7 @@ def _qr_code(link: str) -> List[str]:
 
 
 def listening_socket(host: str, port: int) -> socket.socket:
-    """Return a socket that listens on an address of this computer.
-
-    Raises:
-        ConfigError: the address does not belong to this computer.
-        PortBusy, PortDenied, LinkError: listening on the address is not possible.
-    """
+    """Return a socket that listens on an address of this computer; raise ConfigError or LinkError if it cannot."""
     try:
         end = bound(Address("tcp", host, port), socket.SOCK_STREAM, waiting=64)
     except PortBusy:
