@@ -157,9 +157,10 @@ def test_a_wheel_that_still_rolls_after_a_reversal_is_not_a_wrong_encoder(make):
     assert bench.is_driven() and bench.stop_reason() == "none"
 
 
-def test_a_silent_encoder_stops_the_motors(bench):
-    for channel in (0, 1):
-        bench.plant.bridge.encoders[0].open(channel, True)
+@pytest.mark.parametrize("wheel, channels", [(0, (0, 1)), (1, (0,))])
+def test_a_silent_encoder_or_channel_stops_the_motors(bench, wheel, channels):
+    for channel in channels:
+        bench.plant.bridge.encoders[wheel].open(channel, True)
     bench.ask("move_differential", 200, 0, wait_s=0.1)
     assert bench.is_driven()
     bench.run_until_released(1.5)
@@ -173,41 +174,30 @@ def test_an_encoder_line_that_oscillates_stops_the_motors(bench):
     assert bench.stop_reason() == "encoder"
 
 
-def test_a_broken_channel_stops_the_motors(bench):
-    bench.plant.bridge.encoders[1].open(0, True)
-    bench.ask("move_differential", 200, 0, wait_s=0.1)
-    assert bench.is_driven()
-    bench.run_until_released(1.5)
-    assert bench.stop_reason() == "encoder"
-
-
-def test_a_blocked_wheel_stops_the_motors(bench):
+@pytest.fixture
+def freed(bench):
+    """A board that has stopped the motors, because a wheel was blocked; the wheel turns again."""
     bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
     bench.plant.bridge.motor(0).blocked = True
     bench.run_until_released(2.0)
     assert bench.stop_reason() == "wheel_blocked"
-
-
-def test_moves_are_refused_for_a_second_after_such_a_stop(bench):
-    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
-    bench.plant.bridge.motor(0).blocked = True
-    bench.run_until_released(2.0)
     bench.plant.bridge.motor(0).blocked = False
-    bench.ask("move_differential", 200, 0, wait_s=0.5)
-    assert bench.counters() == {"unavailable": 1} and not bench.is_driven()
-    bench.run(0.5)
-    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
-    assert bench.is_driven() and bench.stop_reason() == "none"
+    return bench
 
 
-def test_a_stop_by_the_host_ends_that_second(bench):
-    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
-    bench.plant.bridge.motor(0).blocked = True
-    bench.run_until_released(2.0)
-    bench.plant.bridge.motor(0).blocked = False
-    bench.ask("stop")
-    bench.ask("move_differential", 200, 0, wait_s=0.2)
-    assert bench.is_driven() and bench.counters() == {}
+def test_a_blocked_wheel_stops_the_motors_and_moves_are_refused_for_a_second(freed):
+    freed.ask("move_differential", 200, 0, wait_s=0.5)
+    assert freed.counters() == {"unavailable": 1} and not freed.is_driven()
+    freed.run(0.5)
+    freed.ask("move_differential", 200, 0, wait_s=DRIVE_S)
+    assert freed.is_driven() and freed.stop_reason() == "none"
+
+
+@pytest.mark.parametrize("request_", [("stop",), ("move_differential", 0, 0)], ids=["stop", "speed_zero"])
+def test_a_stop_by_the_host_or_speed_zero_ends_that_second(freed, request_):
+    freed.ask(*request_)
+    freed.ask("move_differential", 200, 0, wait_s=0.2)
+    assert freed.is_driven() and freed.counters() == {}
 
 
 MEASURED = {"battery_divider": 3000, "undervoltage": 1000}
@@ -348,16 +338,6 @@ def test_a_wheel_beyond_full_speed_slows_both_down_alike(make):
     bench.ask("move_differential", 500, 5000, wait_s=DRIVE_S)
     left, right = bench.wheels()
     assert right > 0.5 and left / right == pytest.approx(0.125 / 0.875, abs=0.03)
-
-
-def test_speed_zero_ends_the_second_of_refusals(bench):
-    bench.ask("move_differential", 200, 0, wait_s=DRIVE_S)
-    bench.plant.bridge.motor(0).blocked = True
-    bench.run_until_released(2.0)
-    bench.plant.bridge.motor(0).blocked = False
-    bench.ask("move_differential", 0, 0)
-    bench.ask("move_differential", 200, 0, wait_s=0.2)
-    assert bench.is_driven()
 
 
 def test_the_same_direction_needs_no_pause(make):
