@@ -56,10 +56,9 @@ class VelocitySources:
             stops, last_s = self._moves.get(source, (-1, silent_since_s))
             if now_s - last_s >= self.pause_s:
                 stops = self._stops
-                self._forget_silent(now_s)
+                # sources that have paused may begin like new ones
+                self._moves = {
+                    each: move for each, move in self._moves.items() if now_s - move[1] < self.pause_s
+                }
             self._moves[source] = stops, now_s
             return stops == self._stops
-
-    def _forget_silent(self, now_s: float) -> None:
-        """Forget the sources that have paused: they may begin like new ones."""
-        self._moves = {source: move for source, move in self._moves.items() if now_s - move[1] < self.pause_s}

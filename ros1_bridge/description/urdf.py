@@ -87,7 +87,7 @@ def _base(model: RobotModel, prefix: str) -> Lines:
     middle, height = body.height_m / 2 - radius + 0.008, body.height_m - 0.016
     round_body = isinstance(model.base, OmniDrive)
     size = (width / 2, height) if round_body else (body.length_m, width, height)
-    chassis = LinkShape(size, (0.0, 0.0, middle), colour=_colour(model))
+    chassis = LinkShape(size, (0.0, 0.0, middle), colour=model.name if model.name in COLOURS else "grey")
     parts = [chassis]
     side_m = model.base.wheel_separation_m / 2
     if body.tracks:
@@ -248,7 +248,3 @@ def _joint(name: str, kind: str, parent: str, child: str, at: Point, yaw_rad: fl
 def _origin(at: Point, roll_rad: float, yaw_rad: float) -> str:
     xyz = " ".join(f"{value:.5g}" for value in at)
     return f'<origin xyz="{xyz}" rpy="{roll_rad:.6g} 0 {yaw_rad:.6g}"/>'
-
-
-def _colour(model: RobotModel) -> str:
-    return model.name if model.name in COLOURS else "grey"

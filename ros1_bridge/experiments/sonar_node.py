@@ -36,15 +36,11 @@ def approach(parts: Parts, setting: Setting) -> SonarRun:
         ConfigError: the sonar missed the wall too often.
     """
     ranges, distances = readings(parts, setting)
-    counts = _board_curve(setting.robot).counts(np.array(ranges)).tolist()
+    board = {**models.COMMON_BOARD, **models.load(setting.robot).board}
+    curve = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))  # by which it converts counts to ranges
+    counts = curve.counts(np.array(ranges)).tolist()
     hidden = sonar_approach.hidden_curve(setting.seed)
     return SonarRun(counts, distances, sonar_curve.fit(counts, distances), hidden)
-
-
-def _board_curve(robot: str) -> Curve:
-    """The curve by which the board of this model converts counts to ranges."""
-    board = {**models.COMMON_BOARD, **models.load(robot).board}
-    return Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))
 
 
 def _start(parts: Parts, setting: Setting) -> None:

@@ -40,9 +40,11 @@ def drive(parts: Parts, setting: Setting) -> Live:
 
 
 def _drive(parts: Parts, team: Team, robot: TopicRobot, mirror: Mirrored) -> None:
-    robot.on_odometry = lambda message: mirror.send(
-        START.compose(*planar(message.pose.pose)), _monotonic_s(message)
-    )
+    def send(message: Odometry) -> None:
+        read_s = time.monotonic() - (rospy.Time.now() - message.header.stamp).to_sec()
+        mirror.send(START.compose(*planar(message.pose.pose)), read_s)
+
+    robot.on_odometry = send
     mirror.wait()
     begin_tour(parts, NAME, step_test.goals())
 
@@ -52,8 +54,3 @@ def _drive(parts: Parts, team: Team, robot: TopicRobot, mirror: Mirrored) -> Non
 
     watch(team, MOST_S, over)
     step_test.require_end(robot.visits, robot.pose)
-
-
-def _monotonic_s(message: Odometry) -> float:
-    """Time at which the board read its counters [s, monotonic]."""
-    return time.monotonic() - (rospy.Time.now() - message.header.stamp).to_sec()

@@ -13,9 +13,9 @@ from sensor_msgs.msg import BatteryState, Range
 from std_msgs.msg import Header
 
 from mrl_driver.geometry import Pose, quaternion_of
-from mrl_driver.robot.models import Battery, ImuMount, SonarMount
+from mrl_driver.robot.models import Battery, SonarMount
 from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
-from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, imu_frame, sonar_frame
+from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, sonar_frame
 
 
 def transform_of(
@@ -35,11 +35,6 @@ def mounts_of(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) ->
         transform_of(base_frame, sonar_frame(base_frame, name), mount.pose, SONAR_HEIGHT_M, stamp)
         for name, mount in sonars.items()
     ]
-
-
-def imu_mount_of(base_frame: str, mount: ImuMount, stamp: Time) -> TransformStamped:
-    """The static transform from `base_frame` to the IMU, whose axes are parallel: readings arrive already rotated."""
-    return transform_of(base_frame, imu_frame(base_frame), Pose(mount.x_m, mount.y_m, 0.0), mount.z_m, stamp)
 
 
 def new_range(base_frame: str, sonar: str) -> Range:

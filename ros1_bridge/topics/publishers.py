@@ -14,6 +14,7 @@ from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
+from mrl_driver.geometry import Pose
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.session.handshake import Board
@@ -134,7 +135,8 @@ class Publishers:
         """Advertise the IMU's topics, and publish its mount; for boards that have an IMU."""
         base, mount = self._parameters.base_frame, self._model.imu
         if self._parameters.publish_imu_mount:
-            self.mounts(messages.imu_mount_of(base, mount, now))
+            place = Pose(mount.x_m, mount.y_m, 0.0)  # the axes are parallel: readings arrive already rotated
+            self.mounts(messages.transform_of(base, imu_frame(base), place, mount.z_m, now))
         return ImuTopics(self._fast, imu_frame(base), mount, lambda: self._ahead_s)
 
     def mounts(self, *more: TransformStamped) -> None:
