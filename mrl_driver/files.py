@@ -63,11 +63,7 @@ def open_plain(path: str) -> BinaryIO:
 
 
 def read_plain(path: str, most_bytes: int) -> bytes:
-    """Return the content of a plain file.
-
-    Raises:
-        OSError: as `open_plain`, or the file is longer than `most_bytes`.
-    """
+    """Return the content of a plain file; raise OSError as `open_plain`, or if it is longer than `most_bytes`."""
     with open_plain(path) as file:
         data = file.read(most_bytes + 1)
     if len(data) > most_bytes:

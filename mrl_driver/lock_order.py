@@ -84,11 +84,7 @@ class _OrderedLock:
         self._lock = threading.RLock()
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
-        """As `RLock.acquire`.
-
-        Raises:
-            RuntimeError: this thread holds another lock that is not earlier in `ORDER`.
-        """
+        """As `RLock.acquire`; RuntimeError if this thread holds another lock that is not earlier in `ORDER`."""
         stack = _stack()
         wrong = [lock for lock in stack if lock.rank >= self.rank]
         if wrong and self not in stack:

@@ -44,11 +44,7 @@ def read(path: str) -> Any:
 
 
 def parse(text: str, path: str) -> Any:
-    """Return the content of a text in YAML; `path` names it in errors.
-
-    Raises:
-        ConfigError: as `read`.
-    """
+    """Return the content of a text in YAML; raise ConfigError as `read`, in which `path` names it."""
     import yaml  # late: most users have no such file, and the import takes a tenth of a short command's time
 
     try:

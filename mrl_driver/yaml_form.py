@@ -18,11 +18,7 @@ class Form:
     """What one value of a file may be."""
 
     def read(self, reader: Reader, key: str, value: Any) -> Any:
-        """Return the value at `key`, checked.
-
-        Raises:
-            ConfigError: the value does not have this form.
-        """
+        """Return the value at `key`; raise ConfigError if it does not have this form."""
         raise NotImplementedError
 
     def schema(self) -> Schema:

@@ -156,11 +156,7 @@ class LinkSource:
         return DriverRecording(port, self._baud, self._options.tap, heard_options(self._options), clock)
 
     def stop_recording(self) -> Recorder:
-        """Stop the recording; return its recorder, which the caller closes.
-
-        Raises:
-            ConfigError: none is running.
-        """
+        """Stop the recording; return its recorder, which the caller closes.  Raise ConfigError if none is running."""
         with self._lock:
             recorder = self.recording.stop() if self.recording is not None else None
         if recorder is None:

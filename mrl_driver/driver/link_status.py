@@ -45,10 +45,6 @@ class LinkStatus:
 
     @property
     def statistics(self) -> Counters:
-        """Counters of the link.
-
-        Raises:
-            BoardTimeout: not connected yet.
-        """
+        """Counters of the link; BoardTimeout before it is connected."""
         with self._connection.lock:
             return self._connection.core.statistics()

@@ -33,11 +33,7 @@ class ParameterFile(NamedTuple):
 
 
 def of_driver(driver: Driver) -> ParameterFile:
-    """Return the parameters in force of a connected board.
-
-    Raises:
-        BoardTimeout: the board does not reply.
-    """
+    """Return the parameters in force of a connected board; raise BoardTimeout if it does not reply."""
     board, model = driver.board, driver.model
     used = [row.name for row in driver.parameters.rows if row in SETTABLE]
     return ParameterFile(
@@ -131,11 +127,7 @@ def parse(data: Any, path: str) -> ParameterFile:
 
 
 def read(path: str) -> ParameterFile:
-    """Return the content of a file.
-
-    Raises:
-        ConfigError: it cannot be opened or is not YAML, or as `parse`.
-    """
+    """Return the content of a file; raise ConfigError if it cannot be opened or is not YAML, or as `parse`."""
     return parse(yaml_file.read_expected(path, "a file of mrl config dump"), path)
 
 

@@ -209,11 +209,7 @@ class Core:
         return min(due_s, self.radio_queue.due_s) if self.session.ready else due_s
 
     def send_by_radio(self, request: Request, now: float) -> None:
-        """Send a request of the radio as soon as its line is free.
-
-        Raises:
-            MrlError: too many requests wait already.
-        """
+        """Send a request of the radio as soon as its line is free; raise MrlError if too many wait already."""
         self.radio_queue.add(request, now)
         self._send_waiting(now)
         self.session.hurried = self.session.hurried or self.radio_queue.due_s < math.inf

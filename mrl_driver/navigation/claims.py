@@ -54,11 +54,7 @@ class ClaimMessage(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> "ClaimMessage":
-        """The message of a text.
-
-        Raises:
-            ValueError: the text is not a message of a claim.
-        """
+        """The message of a text; ValueError if that is not a message of a claim."""
         found = _TEXT.fullmatch(text)
         if found is None:
             raise ValueError(f"claim message is {text[:40]!r}, expected SENDER CLAIM RECEIVER GRANTED")

@@ -18,11 +18,7 @@ class HoldText(NamedTuple):
 
     @property
     def data(self) -> bytes:
-        """The four bytes of the text.
-
-        Raises:
-            KeyError: the kind is unknown.
-        """
+        """The four bytes of the text; KeyError if the kind is unknown."""
         return bytes((HOLD_MARK, _LETTERS[self.kind], self.number >> 8 & 0xFF, self.number & 0xFF))
 
     @classmethod

@@ -88,11 +88,7 @@ class DriverRecording:
         self.due = False  # a recording was started or stopped, and the link in use is still the one before
 
     def create(self, path: str) -> Recorder:
-        """Create a file for `use`, on any thread.
-
-        Raises:
-            ConfigError: the file cannot be created.
-        """
+        """Create a file for `use`, on any thread; raise ConfigError if that is not possible."""
         return Recorder(path, self._simulated, **self._facts)
 
     def use(self, recorder: Recorder) -> None:

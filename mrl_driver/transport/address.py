@@ -51,11 +51,7 @@ def require_port(port: str) -> None:
 
 
 def scheme_of(url: str) -> str:
-    """Return the scheme: the part before the colon.
-
-    Raises:
-        ConfigError: the scheme is unknown.
-    """
+    """Return the scheme, the part before the colon; raise ConfigError if it is unknown."""
     scheme = url.partition("://")[0].lower()
     if scheme not in NETWORK + OF_PYSERIAL:
         known = ", ".join(f"{name}://" for name in NETWORK + OF_PYSERIAL)

@@ -185,11 +185,7 @@ class Link(Protocol):
         return  # by default nothing is open
 
     def fileno(self) -> int:
-        """Return the descriptor that becomes readable when data arrive.
-
-        Raises:
-            LinkError: there is none.
-        """
+        """Return the descriptor that becomes readable when data arrive; raise LinkError if there is none."""
         raise LinkError(f"{self.port} has no descriptor")
 
     def set_baud(self, baud: int) -> None:

@@ -58,11 +58,7 @@ class Bridge:
         self._running = False
 
     def run(self) -> None:
-        """Pass bytes in both directions until `stop` is called.
-
-        Raises:
-            MrlError: the board cannot be found.
-        """
+        """Pass bytes in both directions until `stop` is called; raise MrlError if the board cannot be found."""
         try:
             while self._running:
                 if self._link is None:

@@ -55,11 +55,7 @@ def _value(number: Optional[Number], unit: str) -> str:
 
 
 def save(result: Result, folder: str) -> None:
-    """Writes `NAME.json`, and the report of all results in the folder.
-
-    Raises:
-        OutputError: a file cannot be written.
-    """
+    """Writes `NAME.json`, and the report of all results in the folder; OutputError if one cannot be written."""
     data = {**result._asdict(), "rows": [row._asdict() for row in result.rows]}
     replace_file(os.path.join(folder, f"{result.name}.json"), json.dumps(data, indent=1) + "\n")
     replace_file(os.path.join(folder, "report.md"), _report(folder))

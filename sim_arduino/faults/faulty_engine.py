@@ -122,11 +122,7 @@ class FaultyEngine:
         return self.engine.plant  # type: ignore[attr-defined]
 
     def inject(self, fault: Union[Fault, str]) -> None:
-        """Adds a fault; its times count from now.
-
-        Raises:
-            ConfigError: the text is not a fault.
-        """
+        """Adds a fault, whose times count from now; ConfigError if the text is none."""
         found = parse(fault) if isinstance(fault, str) else fault
         at_s, lasts_s, every_s = found.window
         self.add(found._replace(window=(at_s + self.now_s, lasts_s, every_s)))

@@ -124,11 +124,7 @@ class Plant:
 
     @property
     def motor_board(self) -> Omni3MD:
-        """The program of the OMNI-3MD.
-
-        Raises:
-            SimulatorError: the robot has H-bridges instead.
-        """
+        """The program of the OMNI-3MD; SimulatorError if the robot has H-bridges instead."""
         if self._omni3md is None:
             raise SimulatorError(
                 f"robot {self.model.name} has H-bridges, expected an OMNI-3MD; use plant.bridge"

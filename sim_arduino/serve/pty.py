@@ -195,11 +195,7 @@ class SymbolicLink:
         self.move(target)
 
     def move(self, target: str) -> None:
-        """Points the link to another port; "" removes it.
-
-        Raises:
-            ConfigError: the link cannot be made.
-        """
+        """Points the link to another port, or with "" removes it; ConfigError if it cannot be made."""
         if not target:
             self.remove()
             return

@@ -226,17 +226,9 @@ class Motors:
         assert not found, f"expected no {name}{values or ''}, got {len(found)}, the first {found[0]}"
 
     def assert_moving(self, within_s: float = PATIENCE_S) -> None:
-        """Asserts that the wheels turn, or start within a time.
-
-        Raises:
-            AssertionError: the wheels do not turn.
-        """
+        """Asserts that the wheels turn, or start within a time; AssertionError if they do not."""
         self._board.wait_until(lambda: self._board.true_speed_m_s > _STILL_M_S, within_s, "wheels that turn")
 
     def assert_stopped(self, within_s: float = PATIENCE_S) -> None:
-        """Asserts that the wheels stand still, or stop within a time.
-
-        Raises:
-            AssertionError: the wheels still turn.
-        """
+        """Asserts that the wheels stand still, or stop within a time; AssertionError if they do not."""
         self._board.wait_until(lambda: self._board.true_speed_m_s == 0.0, within_s, "wheels that stand")

@@ -111,11 +111,7 @@ class GridMap(NamedTuple):
 
 
 def load(path: str) -> GridMap:
-    """The map in a map_server YAML.
-
-    Raises:
-        ConfigError: the file cannot be opened; or as for `read`.
-    """
+    """The map in a map_server YAML; ConfigError if the file cannot be opened, or as for `read`."""
     expected = "a map_server YAML"
     return read(path, Reader(path).mapping("", read_expected(path, expected), expected))
 

@@ -76,11 +76,7 @@ def _checked(what: str, name: str) -> str:
 
 
 class SharedRegistry(RobotRegistry):
-    """The robots of all processes that share a world by its name.
-
-    Raises:
-        ConfigError: the name is not valid.
-    """
+    """The robots of all processes that share a world by its name; ConfigError if that is not valid."""
 
     def __init__(self, world_name: str) -> None:
         super().__init__()
@@ -91,11 +87,7 @@ class SharedRegistry(RobotRegistry):
         self._look_due_s = 0.0
 
     def place(self, name: str, pose: Pose, footprint: Footprint) -> None:
-        """Puts a robot into the world, or moves it.
-
-        Raises:
-            ConfigError: another process has a robot with this name.
-        """
+        """Puts a robot into the world, or moves it; ConfigError if another process has one of this name."""
         row = self._mine.get(name)
         if row is None:
             self._join(name, pose, footprint)
