@@ -16,9 +16,9 @@ function read(field) {
 export class Goal {
   /** Called with the goal after each change: [x, y] or [x, y, yaw] in m and rad, or null. */
   changed = () => {};
+  value = null;
   #press;
   #fields = ["goal-x", "goal-y", "goal-yaw"].map(element);
-  #value = null;
 
   constructor(press) {
     this.#press = press;
@@ -37,10 +37,6 @@ export class Goal {
     );
   }
 
-  get value() {
-    return this.#value;
-  }
-
   /** Sets x and y, as the map does; the heading stays. */
   place(x_m, y_m) {
     if (this.#press.source === this) return;
@@ -50,7 +46,7 @@ export class Goal {
   }
 
   command() {
-    return this.#value && { goal: this.#value };
+    return this.value && { goal: this.value };
   }
 
   #change() {
@@ -63,12 +59,12 @@ export class Goal {
     const wrong = [x, y, yaw].map((value, i) => value === null || (i < 2 && Math.abs(value) > FARTHEST_M));
     this.#fields.forEach((field, i) => field.setAttribute("aria-invalid", String(wrong[i])));
     const known = !wrong.includes(true) && !Number.isNaN(x) && !Number.isNaN(y);
-    this.#value = known ? [x, y, ...(Number.isNaN(yaw) ? [] : [wrapped(yaw)])] : null;
+    this.value = known ? [x, y, ...(Number.isNaN(yaw) ? [] : [wrapped(yaw)])] : null;
     element("go").disabled = !known && this.#press.source !== this; // a disabled button would miss its release
     element("goal-clear").disabled = this.#fields.every((field) => !field.value);
     const help = wrong.includes(true) ? `Enter numbers: x and y within ${FARTHEST_M} m, the heading in degrees.` : "Click the map, or enter x and y.";
     setText(element("goal-help"), known ? "The robot drives there while the button is held." : help);
-    this.changed(this.#value);
+    this.changed(this.value);
   }
 }
 

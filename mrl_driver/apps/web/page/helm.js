@@ -13,10 +13,11 @@ export class Helm {
   stopping = () => {};
   /** Called with each state of the server. */
   taken = () => {};
+  /** The last state of the server. */
+  state = { names: {}, driver: null, wants: null, latched: false, latched_by: null, latched_by_name: "", spent: {}, why: "", age_ms: 0, viewers: 0 };
   #connection;
   #you = null;
   #role = "";
-  #state = { names: {}, driver: null, wants: null, latched: false, latched_by: null, latched_by_name: "", spent: {}, why: "", age_ms: 0, viewers: 0 };
   #stopWaits = false;
   #stopTimer = 0;
 
@@ -32,13 +33,8 @@ export class Helm {
     element("stop").addEventListener("click", () => this.stop());
   }
 
-  /** The last state of the server. */
-  get state() {
-    return this.#state;
-  }
-
   get isMine() {
-    return this.#connection.isOpen && this.#you !== null && this.#state.driver === this.#you;
+    return this.#connection.isOpen && this.#you !== null && this.state.driver === this.#you;
   }
 
   get mayDrive() {
@@ -47,12 +43,12 @@ export class Helm {
 
   /** The name of a page. */
   nameOf(id) {
-    return this.#state.names[id] || `page ${id}`;
+    return this.state.names[id] || `page ${id}`;
   }
 
   /** The page that made the emergency stop: " by NAME", or empty. */
   get stoppedBy() {
-    const { latched_by: id, latched_by_name: name } = this.#state;
+    const { latched_by: id, latched_by_name: name } = this.state;
     if (id !== null && id === this.#you) return " by you";
     if (name) return ` by ${name}`;
     return id === null ? "" : " by a page that has left";
@@ -74,7 +70,7 @@ export class Helm {
 
   /** Number of this page's last spent press. */
   get spent() {
-    return this.#state.spent?.[this.#you] ?? -1;
+    return this.state.spent?.[this.#you] ?? -1;
   }
 
   /** Why this page cannot drive now; empty if it can. */
@@ -83,7 +79,7 @@ export class Helm {
     if (!this.mayDrive) return "this link is for watching only";
     if (!this.moves) return "this robot has no motors";
     if (!this.isMine) return "take the helm first";
-    return this.#state.latched ? "release the emergency stop first" : "";
+    return this.state.latched ? "release the emergency stop first" : "";
   }
 
   /** Sends the emergency stop; without a link it is sent as soon as there is one. */
@@ -98,7 +94,7 @@ export class Helm {
     }
     clearTimeout(this.#stopTimer);
     this.#stopTimer = setTimeout(() => {
-      if (this.#state.latched) return;
+      if (this.state.latched) return;
       alarm("STOP is sent but not confirmed yet. Use the switch on the robot.");
       notice("STOP is not confirmed yet. Use the switch on the robot.");
     }, CONFIRM_MS);
@@ -108,14 +104,14 @@ export class Helm {
   lost() {
     clearTimeout(this.#stopTimer);
     this.#you = null;
-    this.#state = { ...this.#state, driver: null, wants: null, names: {}, spent: {} };
+    this.state = { ...this.state, driver: null, wants: null, names: {}, spent: {} };
     this.#show();
   }
 
   #take(message) {
-    const before = this.#state;
-    this.#state = { ...before, ...message };
-    const { latched, wants } = this.#state;
+    const before = this.state;
+    this.state = { ...before, ...message };
+    const { latched, wants } = this.state;
     if (latched && !before.latched) alarm(`Emergency stop${this.stoppedBy}.`);
     if (!latched && before.latched) notice("The emergency stop is released.");
     if (message.driver !== before.driver && this.#you !== null) {
@@ -125,11 +121,11 @@ export class Helm {
     }
     if (wants !== before.wants && wants !== null && this.isMine) notice(`${this.nameOf(wants)} asks for the helm.`);
     this.#show();
-    this.taken(this.#state);
+    this.taken(this.state);
   }
 
   #show() {
-    const { driver, wants, latched, names } = this.#state;
+    const { driver, wants, latched, names } = this.state;
     const { dataset } = document.documentElement;
     dataset.role = this.#role || "watch";
     dataset.helm = this.isMine ? "mine" : driver === null ? "free" : "other";
@@ -160,7 +156,7 @@ export class Helm {
   }
 
   #driverText() {
-    const { driver } = this.#state;
+    const { driver } = this.state;
     if (!this.#connection.isOpen || !this.moves) return "";
     if (this.isMine) return "You have the helm";
     if (driver !== null) return `${this.nameOf(driver)} has the helm`;

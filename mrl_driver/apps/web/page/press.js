@@ -23,9 +23,10 @@ export class Press {
   /** The press drove before it was spent; otherwise it never drove. */
   drove = false;
   held = false;
+  /** The pressed source, also if its press is spent. */
+  source = null;
   #connection;
   #whyNot;
-  #source = null;
   #number = 0;
   #sentAt = -Infinity;
   #tickedAt = 0;
@@ -42,19 +43,14 @@ export class Press {
     document.addEventListener("visibilitychange", () => document.hidden && this.spend("the page was hidden"));
   }
 
-  /** The pressed source, also if its press is spent. */
-  get source() {
-    return this.#source;
-  }
-
   /** Begins a press; returns whether it drives.  `source.command()` returns the speeds or the goal, or null. */
   begin(source) {
-    if (this.held && this.#source !== source) {
+    if (this.held && this.source !== source) {
       notice("Another control is held: release it first.");
       return false;
     }
-    if (this.#source === source) return this.held;
-    this.#source = source;
+    if (this.source === source) return this.held;
+    this.source = source;
     this.#number += 1;
     this.#tickedAt = performance.now();
     this.why = document.hidden ? "the page is hidden" : this.#whyNot();
@@ -67,8 +63,8 @@ export class Press {
 
   /** Ends the press of a source. */
   end(source) {
-    if (source !== this.#source) return;
-    this.#source = null;
+    if (source !== this.source) return;
+    this.source = null;
     this.held = false;
     this.why = "";
     this.#send();
@@ -109,7 +105,7 @@ export class Press {
   }
 
   #send() {
-    const command = this.held ? this.#source.command() : null;
+    const command = this.held ? this.source.command() : null;
     if (this.held && !command) {
       this.spend("there is nothing to drive to");
       return;
