@@ -14,6 +14,12 @@ from sim_arduino.world.world import World
 from tests.waiting import wait_until
 
 STOP, MOVE = 0xFC, 0xEB  # Registers of the motor board
+DRIVE = (
+    "import sys; from mrl_driver.driver import Driver, Options; "
+    "d = Driver(sys.argv[1], options=Options(command_timeout_s=None)); d.connect(); d.drive(.2, 0); "
+    "print(flush=True); d.wait(60)"
+)
+"""A program that drives the robot on a port, says so, and waits."""
 
 
 class Emulator:

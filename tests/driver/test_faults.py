@@ -20,7 +20,7 @@ from mrl_driver.transport import relay
 from mrl_driver.transport.link import SerialLink
 from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
-from .emulator import MOVE, STOP, Emulator
+from .emulator import DRIVE, MOVE, STOP, Emulator
 
 RUNS = 5
 """A wall-clock limit holds for the median of so many runs; `test_fault_figures` has the figures in simulated time."""
@@ -28,11 +28,6 @@ HOST_DEAD_S, TIMEOUT_S, BEYOND_TIMEOUT_S = 0.3, 0.25, 0.05
 SILENT_S = 0.3
 SIGNAL_STOP_S, SIGNAL_EXIT_S = 0.1, 2.0
 ON_CLOCKS_S = 0.01  # The emulated board's time may differ by so much from that of the host
-DRIVE = (
-    "import sys; from mrl_driver.driver import Driver, Options; "
-    "d = Driver(sys.argv[1], options=Options(command_timeout_s=None)); d.connect(); d.drive(.2, 0); "
-    "print(flush=True); d.wait(60)"
-)
 
 
 @pytest.fixture

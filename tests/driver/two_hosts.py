@@ -12,29 +12,13 @@ import time
 from pathlib import Path
 
 from mrl_driver.driver import Driver, Options
+from tests.network import ip, lay_cable
 from tests.waiting import drive_until, wait_until
 
 DESK, ROBOT = "10.78.0.1", "10.78.0.2"
 CUT_S, WATCH_S = 0.65, 0.2
 """The cut until the robot must stand, by its watchdog and its brakes; how long that is watched."""
 AGAIN_M = 0.02  # The robot drives again once it has come so far
-
-
-def ip(*words, within=""):
-    """One `ip` command, in the robot's network if its process is given."""
-    enter = ["nsenter", f"--net=/proc/{within}/ns/net"] if within else []
-    subprocess.run([*enter, "ip", *words], check=True)
-
-
-def lay_cable(holder):
-    """Two networks; `holder` is the process that holds the robot's."""
-    robot = holder.stdout.readline().strip()
-    ip("link", "add", "desk0", "type", "veth", "peer", "name", "robot0", "netns", robot)
-    for device, address, within in (("desk0", DESK, ""), ("robot0", ROBOT, robot)):
-        ip("address", "add", f"{address}/24", "dev", device, within=within)
-        for name in ("lo", device):
-            ip("link", "set", name, "up", within=within)
-    return robot
 
 
 def rows(truth):
@@ -84,7 +68,8 @@ def main(folder):
         ["unshare", "--net", "sh", "-c", "echo $$; exec sleep 1000"], stdout=subprocess.PIPE, text=True
     )
     try:
-        robot_net = lay_cable(holder)
+        robot_net = holder.stdout.readline().strip()
+        lay_cable(robot_net, DESK, ROBOT)
         seen = {scheme: trial(scheme, robot_net, folder) for scheme in ("tcp", "udp")}
         sys.stdout.write(json.dumps(seen) + "\n")
     finally:

@@ -16,6 +16,8 @@ from geometry_msgs.msg import Twist, Vector3
 from nav_msgs.msg import Odometry
 from rosgraph.masterapi import is_online
 
+from tests import network
+from tests.network import ip
 from tests.waiting import wait_until
 
 from .rig import NODE, Rig
@@ -26,22 +28,12 @@ MOVE, STOP = 11, 13
 TIMEOUT_S, PERIOD_S, CUT_S = 0.5, 0.1, 0.9
 
 
-def ip(*words: str, within: str = "") -> None:
-    """One `ip` command, in the robot's network if its process is given."""
-    enter = ["nsenter", f"--net=/proc/{within}/ns/net"] if within else []
-    subprocess.run([*enter, "ip", *words], check=True)
-
-
 def lay_cable(folder: Path, rig: Rig) -> str:
     """Two networks and names; returns the process that holds the robot's."""
     holder = rig.start("holder", "unshare", "--net", "sh", "-c", "echo $$; exec sleep 1000")
     wait_until(lambda: bool(holder.output()))
     robot = holder.output()[0]
-    ip("link", "add", "desk0", "type", "veth", "peer", "name", "robot0", "netns", robot)
-    for device, address, within in (("desk0", DESK, ""), ("robot0", ROBOT, robot)):
-        ip("address", "add", f"{address}/24", "dev", device, within=within)
-        for name in ("lo", device):
-            ip("link", "set", name, "up", within=within)
+    network.lay_cable(robot, DESK, ROBOT)
     (folder / "hosts").write_text(f"127.0.0.1 localhost\n{DESK} desk\n")
     subprocess.run(["mount", "--bind", str(folder / "hosts"), "/etc/hosts"], check=True)
     return robot

@@ -18,7 +18,7 @@ from mrl_driver.session.events import Lost, Reconnected, Stale
 from mrl_driver.session.session import Session
 from tests.driver import test_own_stop
 from tests.driver.conftest import PtyBoard
-from tests.driver.emulator import MOVE, STOP, Emulator
+from tests.driver.emulator import DRIVE, MOVE, STOP, Emulator
 from tests.driver.test_clock import run as jittered
 from tests.fake_board import FakeBoard
 from tests.long.bench import processes
@@ -28,11 +28,6 @@ from tests.waiting import PATIENCE_S, wait_until
 _WHOLE = re.compile(rb"\d+(,-?\d+)*e")
 _BEGINNING = re.compile(rb"[\d,-]*")
 TIMEOUT_S = 0.25
-DRIVE = (
-    "import sys; from mrl_driver.driver import Driver, Options; "
-    "d = Driver(sys.argv[1], options=Options(command_timeout_s=None)); d.connect(); d.drive(.2, 0); "
-    "print(flush=True); d.wait(60)"
-)
 
 
 def time_of(condition: Callable[[], bool]) -> float:
