@@ -55,11 +55,7 @@ def figure(width_in: float, height_in: float) -> Any:
 
 
 def save(figure: Any, path: str, dpi: int = 150) -> None:
-    """Write a figure to a file with one of `ENDINGS`, completely or not at all.
-
-    Raises:
-        OutputError: the file cannot be written; an existing file stays as it was.
-    """
+    """Write a figure to a file with one of `ENDINGS`, completely, or raise OutputError and leave the file as it was."""
     drawn = io.BytesIO()
     figure.savefig(drawn, dpi=dpi, format=os.path.splitext(path)[1][1:].lower())
     replace_file(path, drawn.getvalue())

@@ -18,11 +18,7 @@ _MOST_SHOWN = 80  # longest value or key in a message [characters]
 
 
 def read_expected(path: str, expected: str) -> Any:
-    """As `read`, for a file that must exist; `expected` describes it in the error.
-
-    Raises:
-        ConfigError: as `read`, or the file cannot be opened.
-    """
+    """As `read`, for a file that must exist: ConfigError, with what is `expected`, if it cannot be opened."""
     try:
         return read(path)
     except OSError as error:

@@ -139,11 +139,7 @@ def require_baud(name: str, value: Any) -> int:
 
 
 def require_options(options: Options) -> Options:
-    """Return the options, with numbers of Python's own types.
-
-    Raises:
-        ConfigError: an option is not in its range, or not of its type.
-    """
+    """Return the options, with numbers of Python's own types; raise ConfigError if one has another type or range."""
     require_kind("options", options, Options, "Options")
     for name in ("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"):
         require_kind(name, getattr(options, name), bool, "True or False")

@@ -100,11 +100,7 @@ def _value(reader: Reader, row: Parameter, value: Any) -> int:
 
 
 def parse(data: Any, path: str) -> ParameterFile:
-    """Return the file described by parsed YAML; `path` names it in errors.
-
-    Raises:
-        ConfigError: a key is missing, unknown, of the wrong type or out of range.
-    """
+    """Return the file that parsed YAML describes; raise ConfigError, with `path`, if a key is wrong or missing."""
     reader = Reader(path)
     found = reader.keys("", data, ParameterFile._fields[:-1] + ("parameters",))
     capabilities = found["capabilities"]

@@ -50,11 +50,7 @@ class _Kept(RecordedLink):
 
 
 def board_on(port: Union[str, Link], baud: int = BAUD, wait_s: float = TIMEOUT_S) -> Board:
-    """Return the board on a port, or on an open link, which stays open.
-
-    Raises:
-        MrlError: the port cannot be opened, or no board answers within `wait_s` [s].
-    """
+    """Return the board on a port or open link, which stays open; raise MrlError if none answers within `wait_s` [s]."""
     options = Options(ignore_battery=True, any_id=True, identify=True, greeting_s=wait_s)
     end = port if isinstance(port, str) else _Kept(port, lambda direction, data: None)
     with Driver(end, _ANY_MODEL, baud, options) as driver:

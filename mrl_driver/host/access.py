@@ -132,11 +132,7 @@ def read(path: str, remedy: str) -> bytes:
 
 
 def write(path: str, text: str) -> None:
-    """Replace a private file completely; it has mode 0600 from the start.
-
-    Raises:
-        ConfigError: the file cannot be written.
-    """
+    """Replace a private file completely, with mode 0600 from the start; raise ConfigError if it cannot be written."""
     replace_file(path, text, private=True)
 
 

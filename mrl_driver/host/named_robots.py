@@ -41,11 +41,7 @@ def path() -> str:
 
 
 def read() -> Dict[str, Target]:
-    """Return all named robots; empty if there is no file.
-
-    Raises:
-        ConfigError: the file cannot be read, or a key or value in it is wrong.
-    """
+    """Return all named robots, none without a file; raise ConfigError if it cannot be read, or has an error."""
     file_name = path()
     try:
         data = yaml_file.read(file_name)

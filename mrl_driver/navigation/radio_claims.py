@@ -86,11 +86,7 @@ class RadioTeam:
 
 
 def read_radios(text: str) -> Dict[str, int]:
-    """Names and addresses of a text such as `1=0013a20040000001,2=0013a20040000002`.
-
-    Raises:
-        ConfigError: it is something else.
-    """
+    """Names and addresses of a text as `1=0013a20040000001,2=0013a20040000002`; ConfigError if it is something else."""
     found: Dict[str, int] = {}
     for part in text.split(","):
         name, _, address = part.strip().partition("=")

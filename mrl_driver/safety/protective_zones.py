@@ -94,11 +94,7 @@ _RANGES = {
 
 
 def require_settings(settings: ZoneSettings) -> None:
-    """Check the settings of the zones.
-
-    Raises:
-        ConfigError: a number is out of range or NaN, or the zones contradict each other.
-    """
+    """Raise ConfigError if a number of the settings is out of range or NaN, or the zones contradict each other."""
     for name, (low, high) in _RANGES.items():
         value = getattr(settings, name)
         if not low <= value <= high:

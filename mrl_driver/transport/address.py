@@ -60,11 +60,7 @@ def scheme_of(url: str) -> str:
 
 
 def parse(url: str, listening: bool = False) -> Address:
-    """Return the address in a `tcp`, `socket` or `udp` URL; with `listening` port 0 means any free port.
-
-    Raises:
-        ConfigError: the URL does not parse.
-    """
+    """Return the address in a URL, with `listening` port 0 for any free one; raise ConfigError if it does not parse."""
     scheme = url.partition("://")[0].lower()
     if scheme not in NETWORK:
         raise ConfigError(

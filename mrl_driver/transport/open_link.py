@@ -25,11 +25,7 @@ class Opening:
         self.reason = ""  # why the last attempt failed
 
     def attempt(self) -> Optional[Link]:
-        """Open the port; None to try again soon.
-
-        Raises:
-            LinkError, BoardError: the time is over; this is the last error.
-        """
+        """Open the port; None to try again soon.  Raise the last LinkError or BoardError when the time is over."""
         try:
             return self._open_port()
         except (LinkError, BoardError) as error:

@@ -22,11 +22,7 @@ Reading = Tuple[int, ...]
 
 
 class ImuReader:
-    """Searches for an IMU from `begin` on.
-
-    Args:
-        i2c: Slaves on the bus by address.
-    """
+    """Searches for an IMU from `begin` on; `i2c` has the slaves on the bus by address."""
 
     def __init__(self, i2c: Dict[int, Any], environment: bool, health: BoardStatus) -> None:
         self._i2c, self._health = i2c, health

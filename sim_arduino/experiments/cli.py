@@ -114,11 +114,7 @@ def _ros_experiments() -> Any:
 
 
 def _through_ros(chosen: Sequence[str], wanted: Optional[bool]) -> bool:
-    """Whether to run through ROS; prints one line if ROS is missing.
-
-    Raises:
-        ConfigError: ROS is requested, but missing.
-    """
+    """Whether to run through ROS; prints a line if ROS is missing, or ConfigError if it is requested."""
     ros_experiments = _ros_experiments() if wanted is not False else None
     if ros_experiments is None:
         return False

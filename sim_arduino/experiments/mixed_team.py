@@ -80,11 +80,7 @@ class Wanderer:
 
 
 def run(setting: Setting, through_ros: Optional[Team] = None) -> Result:
-    """Lets the team wander with many seeds, and draws the paths of the first run.
-
-    Args:
-        through_ros: A run through ROS, in real time.
-    """
+    """Lets the team wander with many seeds, and draws the first run; `through_ros` is one through ROS, in real time."""
     if setting.port is not None:
         with ExitStack() as stack:
             done = wander(gather(stack, setting, MEMBERS), SLIPPING_S)

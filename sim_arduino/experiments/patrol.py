@@ -135,11 +135,7 @@ class Visits:
 
 
 def run(setting: Setting, through_ros: Optional[Visits] = None) -> Result:
-    """Patrols with many seeds, and draws the paths of the first run of the team.
-
-    Args:
-        through_ros: A run of the team through ROS, in real time.
-    """
+    """Patrols with many seeds, and draws the team's first run; `through_ros` is one through ROS, in real time."""
     require_emulated(setting, "patrol")
     rows: List[Figure] = []
     for key, title, beats, others in (

@@ -73,11 +73,7 @@ class RobotLaps(NamedTuple):
 
 
 def run(setting: Setting, live: Optional[Pose] = None) -> Result:
-    """Calibrates each robot, and drives the same laps without and with the calibration.
-
-    Args:
-        live: Error of one more lap, through ROS.
-    """
+    """Calibrates each robot, drives the same laps without and with that; `live` is the error of one lap through ROS."""
     require_emulated(setting, "square")
     like = _robots(setting, CASES[0])
     rows = [row for number in range(2) for row in _direction_rows(like, number)]

@@ -62,11 +62,7 @@ def robot_errors(text: str) -> Errors:
 
 
 def sonar_errors(text: str) -> SonarErrors:
-    """The sonars' errors in `key=value,...`, or in a YAML file with these keys.
-
-    Raises:
-        ConfigError: a key is unknown or a value out of range.
-    """
+    """The sonars' errors in `key=value,...`, or in YAML; ConfigError if a key is unknown or a value out of range."""
     return SonarErrors(**_values("--sonar", text, SONAR_KEYS))
 
 
@@ -90,11 +86,7 @@ def pairs(text: str) -> Dict[str, str]:
 
 
 def values_of(source: str, given: Mapping[str, Any], keys: Sequence[Key]) -> Dict[str, Any]:
-    """The values of all keys: the given ones, from text or from YAML, and the defaults of the others.
-
-    Raises:
-        ConfigError: a key is unknown or a value out of range.
-    """
+    """All keys' values, given in text or YAML, or defaults; ConfigError if a key is unknown or a value out of range."""
     known = {key.name: key for key in keys}
     for name in given:
         if name not in known:

@@ -60,11 +60,7 @@ class SpoiltReadings:
 
 
 class Registers:
-    """An I2C slave with one-byte registers: a write sets the pointer, and a read starts there.
-
-    Args:
-        image: Returns all registers at a time [s].
-    """
+    """An I2C slave with registers of one byte, `image` at a time [s]: a write sets the pointer, a read starts there."""
 
     def __init__(self, image: Callable[[float], bytes]) -> None:
         self.present = True

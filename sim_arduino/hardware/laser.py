@@ -27,11 +27,7 @@ URG_04LX = Laser(-256 * math.tau / 1024, math.tau / 1024, 512, 10.0, 0.02, 4.095
 
 
 class LaserScanner:
-    """Takes scans of a world; `seed` draws the laser's errors.
-
-    Args:
-        exact: Scans have no errors.
-    """
+    """Takes scans of a world; `seed` draws the laser's errors, and with `exact` there are none."""
 
     def __init__(self, world: World, laser: Laser = URG_04LX, seed: int = 0, exact: bool = False) -> None:
         import numpy as np

@@ -81,11 +81,7 @@ class Mirror:
     def scan(
         self, mount: Pose, first_rad: float, step_rad: float, rays: int, far_m: float, near_m: float
     ) -> Any:
-        """Virtual ranges of a laser on the robot [m], an array `(rays,)`, as in REP 117.
-
-        Args:
-            mount: Pose of the laser in base_link.
-        """
+        """Virtual ranges [m] of a laser at `mount` in base_link, an array `(rays,)`, as in REP 117."""
         from sim_arduino.world.rays import np
 
         assert self.pose is not None

@@ -15,11 +15,7 @@ def packet(data: bytes) -> bytes:
 
 
 class PacketReader:
-    """Finds packets in a stream of bytes; packets with a wrong checksum are dropped.
-
-    Args:
-        longest: Longest data that is accepted [byte].
-    """
+    """Finds packets with a right checksum in bytes; `longest` is the length of the longest data accepted [byte]."""
 
     def __init__(self, longest: int = LONGEST) -> None:
         self._longest = longest

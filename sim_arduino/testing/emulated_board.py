@@ -126,11 +126,7 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
     def wait_until(
         self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S, what: str = ""
     ) -> None:
-        """Waits until a condition is true.
-
-        Raises:
-            AssertionError: the condition was not true within `timeout_s` [s, real time].
-        """
+        """Waits until a condition is true; AssertionError if it is not within `timeout_s` [s, real time]."""
         end_s = time.monotonic() + timeout_s
         while not condition():
             if self._failure is not None:

@@ -117,11 +117,7 @@ def load(path: str) -> GridMap:
 
 
 def read(path: str, data: Mapping[str, Any]) -> GridMap:
-    """The map described by the map_server YAML `data` of the file `path`.
-
-    Raises:
-        ConfigError: a key is missing, misspelt or out of range, or the picture cannot be read.
-    """
+    """The map of the map_server YAML `data` of the file `path`; ConfigError if a key or the picture is wrong."""
     reader = Reader(path)
     found = FORM.read(reader, "", data)
     occupied, negate = found.get("occupied_thresh", 0.65), found.get("negate", 0.0)
@@ -239,11 +235,7 @@ def _read_png(path: str, data: bytes, with_alpha: bool) -> Tuple[Any, int]:
 
 
 def walls_of(grid: GridMap) -> List[Wall]:
-    """The outlines of the occupied cells; straight runs are joined.
-
-    Raises:
-        ConfigError: there are more than a million.
-    """
+    """The outlines of the occupied cells, straight runs joined; ConfigError if there are more than a million."""
     full = np.pad(grid.cells == OCCUPIED, 1).view(np.int8)
     found: List[Tuple[bool, Any]] = []
     count = 0

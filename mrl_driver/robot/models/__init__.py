@@ -99,11 +99,7 @@ def _packaged(path: str) -> RobotModel:
 
 
 def parse(data: Any, path: str) -> RobotModel:
-    """Return the model described by parsed YAML; `path` is its file, for messages.
-
-    Raises:
-        ConfigError: a key is missing, unknown, of the wrong type or out of range.
-    """
+    """Return the model that parsed YAML describes; raise ConfigError, with `path`, if a key is wrong or missing."""
     return RobotFile().read(yaml_file.Reader(path), "", data)
 
 

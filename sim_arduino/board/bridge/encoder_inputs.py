@@ -45,11 +45,7 @@ class _Input:
 
 
 class EncoderInputs:
-    """Both encoders of a board: 0 is on the left pins, 1 on the right ones.
-
-    Args:
-        levels: Levels of the encoder pins (Arduino numbers).
-    """
+    """Both encoders of a board, 0 on the left pins, 1 on the right; `levels` are those of pins (Arduino numbers)."""
 
     def __init__(self, levels: Mapping[int, int]) -> None:
         self.single_channel = False  # only edges of channel A count, each one up
