@@ -26,6 +26,8 @@ INSCRIBED_COST = 253
 """costmap_2d gives this cost to a place where the robot just touches nothing; lethal ones are above it."""
 HALF_DOOR_M = 0.35  # The doors of the world `house` are 0.7 m wide
 SONAR_PERIOD_S = 0.3
+LATE_S = 0.3
+"""Of the planner's period, odometry and the motor board, a command takes effect at the latest after this time [s]."""
 
 
 def parameters(name):
@@ -56,7 +58,11 @@ def test_speeds_and_accelerations_are_the_models(robot):
     assert planner["acc_lim_x"] == limits.linear_acceleration_m_s2
     assert planner["acc_lim_theta"] == limits.angular_acceleration_rad_s2
     assert planner["min_vel_x"] < planner["max_vel_x"]
-    assert planner["min_in_place_vel_theta"] < planner["max_vel_theta"]
+
+
+def test_a_turn_at_the_goal_ends_within_the_tolerance_although_commands_are_late(robot):
+    planner = planner_of(robot)
+    assert planner["min_in_place_vel_theta"] * LATE_S < planner["yaw_goal_tolerance"]
 
 
 def test_only_a_base_that_can_is_driven_sideways(robot):

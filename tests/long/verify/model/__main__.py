@@ -63,7 +63,7 @@ CONTROLS: Tuple[Tuple[int, int, int, Dict[str, int]], ...] = (
     (3, NO_WATCHDOG, HOST, {}),
     (4, NO_REFUSAL, LINE, {}),
     (4, NO_REFUSAL, BUS, {}),
-    (4, NO_FORGET, LINE, {"OLDER": 1}),
+    (4, NO_FORGET, LINE | PORT, {"OLDER": 1}),
     (5, NO_REPEAT, LINE, {}),
     (6, NO_REASON, 0, {}),
     (7, NO_BASELINE, LINE | PORT, {}),
