@@ -158,8 +158,8 @@ _HELD_UP = ("the board is silent", "no reading of the IMU for", "does not exist"
 def without_a_busy_machine(lines: Iterable[str]) -> str:
     """What nodes said, without what they say on a busy machine.
 
-    There rospy itself leaves before it was served: it connects twice when two updates of the publishers come at once, and
-    drops one connection.
+    There rospy itself leaves before it was served: it connects twice when two updates of the publishers come at once,
+    and drops one connection.
     """
     said = "\n".join(line for line in lines if not any(words in line for words in _HELD_UP))
     return _LEFT_WHILE_IT_CONNECTED.sub("", said)

@@ -61,11 +61,14 @@ class Lock:
     def wait_for(self, holds: Callable[[], Any], timeout_s: Optional[float] = None) -> Any:
         """As of a condition: time passes, but not in a call of the user, which gives up at once."""
         world, line = self._world, self._world.line
-        if not world.running:
-            return holds()
+        held = holds()
+        if held:
+            line.wait_until = -math.inf
+        if held or not world.running:
+            return held
         if (
             line.wait_until == -math.inf
-        ):  # otherwise the wait goes on that the end of the last step has interrupted
+        ):  # otherwise the wait goes on that the last step's end has interrupted
             line.wait_until = world.board_s + (math.inf if timeout_s is None else timeout_s)
         world.pass_time(line.wait_until - world.board_s)
         line.wait_until = -math.inf
