@@ -10,9 +10,9 @@ Threads:
     teller: writes the messages of `mrl serve` (`transport.teller`), so that a slow terminal delays no byte.
     reconfigure: offers the node's limits to `dynamic_reconfigure`, which takes a second (`robot.robot_node`).
     Timer: ends the node after its service `shutdown` has answered (`robot.robot_node`).
-    planner: gives the planner the speed that the zones allow (`robot.robot_node`).
+    planner: gives the planner the speed that the zones allow (`robot.zone_topics`).
     mrl-web-files: starts, ends and lists recordings for the page.  The page's event loop runs in the thread that calls
-    `web.server.serve`; it has no lock of its own.
+    `apps.web.server.serve`; it has no lock of its own.
     Any thread of the program may call the methods of `Driver`; in the ROS node these are the main thread (status and
     diagnostics) and one thread for each connection of a subscriber or service.
 

@@ -451,7 +451,7 @@ class Connection:
         return self.links.reconnects and self._settled and not self.closing and self.error is None
 
     def seek(self) -> None:
-        """Look for the port once.  If it is found, `_serve` greets the robot on it."""
+        """Look for the port once.  If it is found, `serve` greets the robot on it."""
         with self.changed:
             if self.changed.wait_for(lambda: self.closing, LOOK_S):
                 return

@@ -5,7 +5,7 @@
     robot.play()
 
 A recording that begins before the greeting (option `record`) gives the listeners exactly what those of the recorded
-driver got, to the last bit.  One that begins later (`start_recording`, or a damaged file) gives the same poses; the
+driver got, to the last bit.  One that begins later (`recorder.start`, or a damaged file) gives the same poses; the
 board's time is matched to the host's clock again, so that stamps differ by milliseconds.
 """
 

@@ -20,7 +20,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[3]
 KEPT = ROOT / "docs" / "figures"
-DOCUMENTS = ("README.md", "BENCHMARKS.md")
+DOCUMENTS = ("README.md", "BENCHMARKS.md", "ros1_bridge/README.md")
 _REGION = re.compile(r"(<!-- figures: ([\w-]+) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
 _NAMED = re.compile(r"\{([\w-]+)/([\w.-]+?)(?: / (\d+))?\}")
 _MARKS = re.compile(r"\|[^|\n]*\|$", re.MULTILINE)

@@ -2,7 +2,7 @@
 
 It starts an emulated robot with them for each robot, world and kind of sensors, and judges the goals by ground truth.
 It writes build/navigation/table.json after each run, and continues there: delete the file to begin again.  A run of all
-takes about two hours.
+takes about two hours.  With KEEP=1 its figures go to docs/figures.
 """
 
 import argparse
@@ -16,8 +16,9 @@ from mrl_driver.errors import MrlError
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.world import world_file
+from tests.long.bench import report
 
-from .goals import GOALS, LIMIT_S, ROBOTS, SENSORS, Judge, Outcome, row_of, table_of
+from .goals import GOALS, LIMIT_S, ROBOTS, SENSORS, Judge, Outcome, figures_of, row_of, table_of
 from .stack import ROOT, Stack, require_packages
 
 FOLDER = ROOT / "build" / "navigation"
@@ -79,6 +80,7 @@ def main(arguments: List[str]) -> int:
             TABLE.write_text(json.dumps(rows, indent=1) + "\n")
             print(table_of(rows[-1:]).splitlines()[-1], flush=True)
     print(table_of(rows))
+    report.conclude("navigation", {key: value for row in rows for key, value in figures_of(row).items()})
     return int(any(row["reached"] != row["goals"] or row["contacts"] for row in rows))
 
 

@@ -2,7 +2,7 @@
 
 import math
 import statistics
-from typing import Dict, Iterable, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.world.shapes import Footprint
@@ -103,6 +103,24 @@ def row_of(run: Dict[str, str], outcomes: Sequence[Outcome]) -> Dict[str, object
         "contacts": sum(outcome.contact for outcome in outcomes),
         "recoveries": sum(outcome.recoveries for outcome in outcomes),
         "mean_seconds": mean(outcome.seconds for outcome in outcomes),
+    }
+
+
+FIGURES = {
+    "reached": "reached",
+    "cm": "mean_error_cm",
+    "deg": "mean_error_deg",
+    "s": "mean_seconds",
+    "contacts": "contacts",
+    "recoveries": "recoveries",
+}
+
+
+def figures_of(row: Dict[str, Any]) -> Dict[str, float]:
+    """Figures of a run with the shipped arguments, by key; none of one with others, or of what no goal has given."""
+    run = "_".join((row["robot"], row["world"], row["sensors"]))
+    return {
+        f"{run}_{unit}": row[key] for unit, key in FIGURES.items() if not row["more"] and row[key] is not None
     }
 
 

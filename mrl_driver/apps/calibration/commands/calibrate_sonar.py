@@ -112,7 +112,7 @@ def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
 
 
 def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float]) -> None:
-    """Write the sonar's readings so far, in the format that `_points` reads."""
+    """Write the sonar's readings so far, in the format that `read_points` reads."""
     rows = [
         f"{distance:.4f},{'-' if math.isnan(reading) else f'{reading:.4f}'}\n"
         for reading, distance in zip(ranges, distances)
