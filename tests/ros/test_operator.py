@@ -117,15 +117,24 @@ def robot(module_rig):
     return rig
 
 
-def drive(robot, speed=1.0):
-    """Holds the stick until the robot has a motion command, again after 2 s on a machine that was too busy."""
-    since_s, times = time.monotonic(), itertools.count(1)
+ABOVE = "above the limit of 1.0 s (~max_delay)"
 
-    def driven():
+
+def hold(robot, until, speed=1.0):
+    """Holds the stick until something is so; again after 2 s on a machine that was too busy, which ends the press."""
+    times = itertools.count(1)
+
+    def there():
         robot.joy.publish(axes=[0.0, speed], buttons=HELD if next(times) % 100 else RELEASED)
-        return robot.wire.first(MOVE, since_s) < float("inf")
+        return until()
 
-    wait_until(driven, step_s=0.02)
+    wait_until(there, step_s=0.02)
+
+
+def drive(robot, speed=1.0):
+    """Holds the stick until the robot has a motion command."""
+    since_s = time.monotonic()
+    hold(robot, lambda: robot.wire.first(MOVE, since_s) < float("inf"), speed)
 
 
 def release(robot):
@@ -201,15 +210,7 @@ def test_operator_stops_when_the_robot_stalls_and_drives_again_after_release(rob
     before = len(robot.hand.output())
     robot.process.signal(signal.SIGSTOP)
     try:
-        wait_until(
-            lambda: (
-                robot.joy.publish(axes=[0.0, 1.0], buttons=HELD)
-                or any(
-                    "above the limit of 1.0 s (~max_delay)" in line for line in robot.hand.output()[before:]
-                )
-            ),
-            step_s=0.02,
-        )
+        hold(robot, lambda: any(ABOVE in line for line in robot.hand.output()[before:]))
     finally:
         robot.process.signal(signal.SIGCONT)
     # the first one may have been sent before the stall was noticed
