@@ -163,7 +163,8 @@ class FakeBoard:
             names = [name for name, _ in CAPABILITIES]
             self._say(29, 2, sum(1 << names.index(name) for name in self.capabilities))
         elif code == 30:
-            self._say(30, 0, int(now - self.started_s), 1, self.stop_reason, self.faults, 0)
+            uptime_s = int(now - self.started_s)
+            self._say(30, uptime_s >> 15, uptime_s & 0x7FFF, 1, self.stop_reason, self.faults, 0)
         elif code == 31:
             self._say(31, *[0] * 11)
         elif code == 34:

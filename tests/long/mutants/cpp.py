@@ -25,8 +25,9 @@ from tests.long.bench.report import either
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 FIRMWARE, WORK = ROOT / "firmware/mrl_firmware", ROOT / "build/mutants/firmware"
 BUILDS = {
+    "": "",
     "_environment": "-DMRL_ENVIRONMENT=1",
-    **either({"": "", "_xbee": "-DMRL_XBEE=1", "_hbridge": "-DMRL_BRIDGE=1"}, {}),
+    **either({"_xbee": "-DMRL_XBEE=1", "_hbridge": "-DMRL_BRIDGE=1"}, {}),
 }
 """What is behind the name of the library, and its define."""
 COMPILE = "g++ -std=gnu++11 -O1 -w -fPIC -shared"
