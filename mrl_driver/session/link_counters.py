@@ -23,9 +23,7 @@ class Counters:
     blocked_writes: int = 0  # writes that the port did not accept within 100 ms
     reconnects: int = 0  # times the port was lost and the robot found again
     streamed: int = 0  # frames of the stream that were used
-    texts_dropped: int = (
-        0  # texts for the radio that were not sent, because the board was silent for too long
-    )
+    texts_dropped: int = 0  # texts for the radio that were not sent: the board was silent for too long
     uncommanded_motions: int = 0
     """Times that the counters of a standing robot began to change without a command, and it was stopped again."""
 

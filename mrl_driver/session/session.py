@@ -105,9 +105,7 @@ class Session:
         self._telemetry_by_s = math.inf  # latest time of the first telemetry [s]
         self.stream_code = _BOTH  # code of the stream's frames; other counters are replies to requests
         self.heard_s = self._status_heard_s = -math.inf  # arrival of the last telemetry and status [s]
-        self._wrapped = (
-            True  # requests have the form for boards of 2013 until the board is known: `table.WRAP`
-        )
+        self._wrapped = True  # until the board is known, requests have the form for 2013: `table.WRAP`
         self._greeting: Optional[Handshake] = Handshake(plan, self._send, admit, now, timeout_s=greeting_s)
         self._restarted, self._lost_before = True, 0  # frames lost before the greeting
         # Start time of the board [s], from its last status, and from the last one before the greeting.

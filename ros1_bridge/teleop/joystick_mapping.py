@@ -115,10 +115,8 @@ class Tilt:
         if self.trouble:
             return 0.0, 0.0
         x, y, z = self._mean
-        pitch, roll = (
-            math.atan2(y, math.hypot(x, z)),
-            math.atan2(x, math.hypot(y, z)),
-        )  # of nose and right side
+        pitch = math.atan2(y, math.hypot(x, z))  # of the nose
+        roll = math.atan2(x, math.hypot(y, z))  # of the right side
         if self._neutral is None:
             self._neutral = pitch, roll
         return _tilt_share(pitch - self._neutral[0]), -_tilt_share(roll - self._neutral[1])

@@ -41,9 +41,7 @@ SILENT_SAMPLE_S = 0.2  # after this time without a report there is a sample with
 BEAT_S = 0.05  # the loop looks this often whether the program is to end, and at a silent robot [s]
 LEAST_VIEW_S = 1.0  # a view that has not changed is sent again after this time [s]
 SILENT_S = 2.0  # a session over POST that sends nothing for this time is closed [s]
-HEARTBEAT_S = (
-    5.0  # A WebSocket is asked this often for an answer, and closed without one in half the time [s]
-)
+HEARTBEAT_S = 5.0  # a WebSocket is asked this often; without an answer in half the time it is closed [s]
 ACCEPT_AGAIN_S = 0.2  # without a free descriptor, the next connection is accepted after this time [s]
 HANDSHAKE_S = 5.0  # the handshake of an encrypted connection is done within this time [s]
 KEPT_S = 30.0  # a connection without a request is closed after this time [s]

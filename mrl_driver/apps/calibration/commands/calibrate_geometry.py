@@ -2,7 +2,7 @@
 
 import os
 from functools import partial
-from typing import List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Callable, List, Mapping, NamedTuple, Sequence, Tuple
 
 import click
 
@@ -116,13 +116,16 @@ _again_option = click.option(
 _speed_option = value_option("--speed", Between(0.03, 1.0), 0.2, "Speed [m/s].")
 
 
+def _runs_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Options of all calibrations by driven runs."""
+    return _speed_option(_run_option(_again_option(command)))
+
+
 @click.command()
 @job_options
 @value_option("--distance", Between(0.3, 20.0), 2.0, "Length of a run [m].")
 @value_option("--count", RUNS, 4, "Runs, alternately there and back.")
-@_speed_option
-@_run_option
-@_again_option
+@_runs_options
 def straight(
     job: Job, distance: float, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
 ) -> None:
@@ -142,9 +145,7 @@ def straight(
 @job_options
 @value_option("--turns", TURNS, 2, "Whole turns per run.")
 @value_option("--count", RUNS, 6, "Runs, alternately left and right.")
-@_speed_option
-@_run_option
-@_again_option
+@_runs_options
 def turn(
     job: Job, turns: int, count: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
 ) -> None:
@@ -164,9 +165,7 @@ def turn(
 @job_options
 @value_option("--side", Between(0.3, 10.0), 1.0, "Side of the square [m].")
 @value_option("--laps", int, 5, "Laps in each direction, at least 2.")
-@_speed_option
-@_run_option
-@_again_option
+@_runs_options
 def umbmark(
     job: Job, side: float, laps: int, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...]
 ) -> None:
