@@ -31,7 +31,7 @@ ROS_ENV :=
 PACKAGES_test += chromium chromium-driver
 PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros tf2-tools \
   python3-actionlib python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs \
-  python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs ros-robot-state-publisher
+  python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs python3-visualization-msgs ros-robot-state-publisher
 PACKAGES_test-all += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
   libdynamic-reconfigure-config-init-mutex-dev joint-state-publisher rosdiagnostic catkin \
   catkin-lint ros-environment librostest-dev libclang-rt-dev

@@ -48,10 +48,19 @@ class Outline(NamedTuple):
         length, width = self.half_length_m + self.clearance_m, self.half_width_m + self.clearance_m
         return [direction[0] * y - direction[1] * x for x in (length, -length) for y in (width, -width)]
 
+    def strip(self, direction: Point, length_m: float) -> List[Point]:
+        """Return the corners of the area that the outline enters when it moves that far."""
+        near, sides, (x, y) = self._reach_m(direction), self.sides(direction), direction
+        far, right, left = near + length_m, min(sides), max(sides)
+        corners = (near, left), (far, left), (far, right), (near, right)
+        return [(along * x - side * y, along * y + side * x) for along, side in corners]
+
     def wall_room(self, point: Point, direction: Point) -> float:
         """Return how far the outline may move until it touches a wall across the path at a point [m]."""
-        reach_m = self.half_length_m * abs(direction[0]) + self.half_width_m * abs(direction[1])
-        return point[0] * direction[0] + point[1] * direction[1] - reach_m
+        return point[0] * direction[0] + point[1] * direction[1] - self._reach_m(direction)
+
+    def _reach_m(self, direction: Point) -> float:
+        return self.half_length_m * abs(direction[0]) + self.half_width_m * abs(direction[1])
 
 
 def outline_of(body: Body, clearance_m: float) -> Outline:

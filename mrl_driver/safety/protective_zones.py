@@ -143,6 +143,17 @@ class Zones:
         self._outer: Dict[int, bool] = {}
         self._sector = 0
 
+    def areas(self, velocity: Point) -> List[List[Point]]:
+        """Corners of the warning, the outer warning and the protective zone at a velocity in base_link [m/s]; [m].
+
+        The zones of a robot that stands are those ahead.
+        """
+        speed_m_s = math.hypot(*velocity)
+        direction = AHEAD if speed_m_s < LEAST_M_S else (velocity[0] / speed_m_s, velocity[1] / speed_m_s)
+        lengths_m = self.settings.warning_m, self.settings.outer_edge_m, self.settings.protective_m
+        growth_m = self.settings.growth_m(speed_m_s)
+        return [self._outline.strip(direction, length_m + growth_m) for length_m in lengths_m]
+
     @property
     def warning_clear(self) -> bool:
         """The warning zone in the direction of the last request is free; False before the first request."""

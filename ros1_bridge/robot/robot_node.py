@@ -37,6 +37,7 @@ from ros1_bridge.node.robot_parameters import Parameters, check, without_motors
 from ros1_bridge.node.run_node import node
 from ros1_bridge.status.diagnostics import add_tasks
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
+from ros1_bridge.status.markers import Markers
 from ros1_bridge.status.robot_status import StatusTeller
 from ros1_bridge.topics.board_topics import BoardTopics
 from ros1_bridge.topics.publishers import Publishers
@@ -89,6 +90,7 @@ class RobotNode:
         self._news = News()
         self._lacking = 0  # Lines that are known to be missing in the recording
         self._zones: Optional[ZoneTopics] = None
+        self._markers: Optional[Markers] = None
         self._commands: Optional[CommandTopics] = None
 
     def run(self) -> None:
@@ -129,6 +131,8 @@ class RobotNode:
         topics = BoardTopics(driver, publishers, rospy.Publisher, parameters, rospy.Time.now)
         if parameters.zones != "none":
             self._zones = ZoneTopics(driver, commander, parameters, model)
+        if parameters.has("status") and model.drives:
+            self._markers = Markers(driver, commander, parameters.base_frame, rospy.Publisher)
         self._status = StatusTeller(commander, publishers.status, rospy.get_name(), self._hardware_id(board))
         if parameters.has("commands"):
             commander.cancel_goals = GoalCancel(rospy).cancel
@@ -245,6 +249,8 @@ class RobotNode:
             if unknown is not None and unknown.note_sources():
                 unknown = None  # all are connected that were there before this node
             self._status.tell()
+            if self._markers is not None:
+                self._markers.publish()
             if self._zones is not None:
                 self._zones.tell_held()
             if time.monotonic() < due_s:

@@ -1,7 +1,8 @@
-"""`python -m tests.documents.rviz_picture FILE.png [team]` makes a picture of rviz without a screen.
+"""`python -m tests.documents.rviz_picture FILE.png [navigation|team]` makes a picture of rviz without a screen.
 
 It starts a ROS master, an X server in memory, `sim.launch`, `go_to_goal.launch` and `rviz.launch`, drives an arc,
-and saves a screenshot.  With `team`, it shows a robot on a port, in place of a real one, that meets a virtual one by
+and saves a screenshot.  With `navigation`, it shows the real navigation packages, which must be installed or sourced.
+With `team`, it shows a robot on a port, in place of a real one, that meets a virtual one by
 `mirror.launch` and stops before it.  It needs the packages rviz, xvfb, libgl1-mesa-dri and imagemagick.
 """
 
@@ -18,6 +19,7 @@ from xmlrpc.client import ServerProxy
 from rosgraph.masterapi import is_online
 
 from ros1_bridge.demo.processes import Child, wait_until
+from sim_arduino.world import world_file
 from tests.long.bench.report import either
 
 ROOT = Path(__file__).resolve().parent.parent.parent
@@ -32,6 +34,8 @@ AHEAD = "{linear: {x: 0.2}}"
 ARC = "{linear: {x: 0.2}, angular: {z: 0.25}}"
 GOAL = "{header: {frame_id: odom}, pose: {position: {x: 0.3, y: 1.6}, orientation: {w: 1.0}}}"
 """A goal to the front left after the arc, so that the picture shows a plan."""
+IN_THE_HOUSE = "{header: {frame_id: map}, pose: {position: {x: 4.5, y: 1.0}, orientation: {w: 1.0}}}"
+"""Through a door into the next room."""
 
 
 def environment() -> Dict[str, str]:
@@ -95,6 +99,25 @@ def one_robot(start: Start) -> Child:
     return rviz
 
 
+def navigation(start: Start) -> Child:
+    """A robot with zones drives through the house with the real navigation packages; returns rviz."""
+    house, file = world_file.load("house").start, LOGS / "map.yaml"
+    save = start("map", str(LAUNCH.parent / "nodes" / "save_map"), "house", str(file))
+    _require(save.wait(START_S) and save.exit_code == 0, save)
+    options = ("world:=house", "laser:=true", "localise:=false", "zones:=both", "zone_warning:=0.3")
+    robot = start("robot", "roslaunch", str(LAUNCH / "sim.launch"), "name:=picture", *options)
+    _require(wait_until(partial(_is_up, robot), START_S), robot)
+    place = (f"x:={house.x_m}", f"y:={house.y_m}", f"yaw:={house.yaw_rad}")
+    stack = ("roslaunch", str(LAUNCH / "navigation.launch"), f"map:={file}", "sensors:=both", *place)
+    planner = start("planner", *stack)
+    rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), "fixed_frame:=map")
+    _require(wait_until(lambda: _subscribed("/rviz", "/markers"), START_S), rviz)
+    _require(wait_until(lambda: _subscribed("/move_base", "/move_base_simple/goal"), START_S), planner)
+    start("goal", "rostopic", "pub", "-1", "move_base_simple/goal", "geometry_msgs/PoseStamped", IN_THE_HOUSE)
+    time.sleep(DRIVE_S)
+    return rviz
+
+
 def mixed_team(start: Start) -> Child:
     """A robot on a port drives towards a virtual one, and its zones stop it; returns rviz."""
     port, world = str(LOGS / "real"), "picture"
@@ -155,13 +178,17 @@ def _require(good: bool, part: Child) -> None:
         raise RuntimeError(part.last_words())
 
 
+PICTURES = {"": one_robot, "team": mixed_team, "navigation": navigation}
+
+
 def main(arguments: Sequence[str]) -> int:
     """Take the picture; returns the exit code."""
-    if not arguments or list(arguments[1:]) not in ([], ["team"]):
-        sys.stderr.write("expected the name of a .png file, and perhaps team\n")
+    file, show = (*arguments, "")[:2]
+    if not file or show not in PICTURES or len(arguments) > 2:
+        sys.stderr.write("expected the name of a .png file, and perhaps team or navigation\n")
         return 2
     try:
-        take(Path(arguments[0]), mixed_team if arguments[1:] else one_robot)
+        take(Path(file), PICTURES[show])
     except (RuntimeError, OSError, subprocess.CalledProcessError) as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -45,6 +45,23 @@ def with_laser(kind=ZONES):
     return zones_of(kind, {}, laser=True)
 
 
+@pytest.mark.parametrize(
+    ("velocity", "near", "far"),
+    [
+        ((0.0, 0.0), (FRONT_M, -0.152), (FRONT_M + ZONES.warning_m, 0.152)),
+        ((-0.2, 0.0), (-FRONT_M, 0.152), (-FRONT_M - ZONES.warning_m - 0.2, -0.152)),
+        ((0.0, 0.2), (0.1625, 0.102), (-0.1625, 0.102 + ZONES.warning_m + 0.2)),
+    ],
+)
+def test_a_zone_begins_at_the_body_and_grows_by_the_stopping_distance_in_the_direction_of_motion(
+    velocity, near, far
+):
+    """By hand, for a body of 0.225 m by 0.204 m: 0.2 m/s for 0.5 s, and 0.1 m of braking at 0.2 m/s2."""
+    assert (MODEL.body.length_m, MODEL.body.width_m) == (0.225, 0.204)
+    warning = with_laser().areas(velocity)[0]
+    assert warning[3] == pytest.approx(near) and warning[1] == pytest.approx(far)
+
+
 @pytest.mark.parametrize("front", [0.25, 0.5, 1.0, 2.0, math.inf, math.nan, -math.inf])
 def test_speed_that_is_allowed_ahead_is_that_of_a_command_that_is_too_fast(front):
     """The question changes nothing; without a valid reading the robot is slow."""

@@ -22,6 +22,7 @@ from sensor_msgs.msg import Imu, JointState, LaserScan, Temperature
 from std_msgs.msg import Bool, Header, String
 from std_srvs.srv import SetBool, Trigger
 from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import MarkerArray
 
 from mrl_driver.lock_order import VARIABLE
 from mrl_driver.robot.covariance import SIDEWAYS_M2_S2
@@ -286,6 +287,7 @@ def turns_away(before_a_wall):
 
 def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(before_a_wall):
     field = before_a_wall.topic("protective_field_clear", Bool)
+    markers = before_a_wall.topic("markers", MarkerArray)
     wait_until(says_status(before_a_wall, protective_zone_clear="true"))
     wait_until(lambda: field.messages and field.messages[-1].data)
     held = says_status(
@@ -297,6 +299,13 @@ def test_a_robot_before_a_wall_stops_turns_away_by_pose_and_ends_by_shutdown(bef
     )
     before_a_wall.drive_until(held, 0.3)
     wait_until(lambda: not field.messages[-1].data)
+    state, *zones = markers.wait_for_more(2)[-1].markers
+    assert (state.text, len(zones)) == ("stopped by protective zone", 3)
+    assert [zone.ns for zone in zones if zone.color.a == 1.0] == [
+        "warning zone",
+        "outer warning zone",
+        "protective zone",
+    ]
     room_m = WALL_M - BODY_M / 2 - before_a_wall.odom.messages[-1].pose.pose.position.x
     assert PROTECTIVE_M - 0.03 < room_m < PROTECTIVE_M + 0.1
     assert sum("protective zone" in line for line in before_a_wall.process.output()) == 1, "it is logged once"
