@@ -229,6 +229,12 @@ class RobotNode:
             )
         if driver.build_warning:
             rospy.logwarn(driver.build_warning)
+        localisers = ", ".join(sorted(_localisers()))
+        if localisers and self._parameters.has("odometry"):
+            rospy.logwarn(
+                f"{localisers} was here before this node, whose odometry begins at 0, 0, 0: unless the robot stands at "
+                "its start, publish its pose in the map on initialpose (rviz: 2D Pose Estimate)"
+            )
 
     def _hardware_id(self, board: Board) -> str:
         return f"{self._parameters.port} robot {board.robot_id}"

@@ -234,6 +234,13 @@ def test_opt_ins_are_off_by_default(rig):
     assert "reset_odometry" in offered and not any("calibrate" in name or "gains" in name for name in offered)
 
 
+def test_a_node_that_starts_beside_a_localiser_asks_for_the_pose(rig):
+    localiser = rospy.Subscriber(f"{rig.ns}/initialpose", PoseWithCovarianceStamped, lambda pose: None)
+    node = rig.node(rig.board().port)
+    wait_until(lambda: any("odometry begins at 0, 0, 0" in line for line in node.output()))
+    localiser.unregister()
+
+
 def test_a_node_begins_in_the_mode_of_its_parameter(rig):
     """Which the service sets, so that a node that respawns keeps the mode."""
     status = rig.topic("status", DiagnosticStatus)
