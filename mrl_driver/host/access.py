@@ -61,7 +61,7 @@ def tokens(renew: bool = False) -> Tokens:
     with lock():
         if renew or not os.path.exists(path):
             made = Tokens(secrets.token_hex(TOKEN_BYTES), secrets.token_hex(TOKEN_BYTES))
-            write(path, json.dumps(made._asdict()) + "\n")
+            replace_file(path, json.dumps(made._asdict()) + "\n", private=True)
         return _parse(path, read(path, NEW))
 
 
@@ -129,11 +129,6 @@ def read(path: str, remedy: str) -> bytes:
             f"delete it, or trust them and run: chmod 600 {path}"
         )
     return data
-
-
-def write(path: str, text: str) -> None:
-    """Replace a private file completely, with mode 0600 from the start; raise ConfigError if it cannot be written."""
-    replace_file(path, text, private=True)
 
 
 # -- addresses

@@ -13,6 +13,7 @@ import ssl
 from typing import Any, Callable, Iterator, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.files import replace_file
 
 from . import access
 
@@ -42,10 +43,10 @@ def context(hosts: Sequence[str] = (), tell: Callable[[str], None] = lambda text
     """
     with access.lock():
         if not os.path.exists(path()):
-            access.write(path(), _make(hosts))
+            replace_file(path(), _make(hosts), private=True)
         problem = _problem(access.read(path(), _REMEDY))
         if problem:
-            access.write(path(), _make(hosts))
+            replace_file(path(), _make(hosts), private=True)
             tell(
                 f"the certificate {problem}, so another one was made: browsers ask again; "
                 f"its SHA-256 is {fingerprint()}"
@@ -87,17 +88,14 @@ def _problem(data: bytes) -> str:
     return "has expired" if ends < datetime.datetime.now(datetime.timezone.utc) else ""
 
 
-def _make(hosts: Sequence[str]) -> str:
+def _make(hosts: Sequence[str]) -> bytes:
     """Return a new private key and its certificate, in PEM."""
     x509, ec, hashes, serialization, backend = _cryptography()
     key = ec.generate_private_key(ec.SECP256R1(), backend)
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "mrl-driver")])
     now = datetime.datetime.now(datetime.timezone.utc)
-    usage = dict.fromkeys(
-        ("content_commitment", "key_encipherment", "data_encipherment", "key_agreement", "key_cert_sign"),
-        False,
-    )
-    usage.update(crl_sign=False, encipher_only=False, decipher_only=False)
+    unused = "content_commitment key_encipherment data_encipherment key_agreement key_cert_sign crl_sign"
+    usage = dict.fromkeys((*unused.split(), "encipher_only", "decipher_only"), False)
     made = (
         x509.CertificateBuilder()
         .subject_name(name)
@@ -112,12 +110,8 @@ def _make(hosts: Sequence[str]) -> str:
         .add_extension(x509.ExtendedKeyUsage([x509.ExtendedKeyUsageOID.SERVER_AUTH]), critical=False)
         .sign(key, hashes.SHA256(), backend)
     )
-    form = serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
-    parts = (
-        key.private_bytes(serialization.Encoding.PEM, *form),
-        made.public_bytes(serialization.Encoding.PEM),
-    )
-    return b"".join(parts).decode("ascii")
+    pem, form = serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8
+    return key.private_bytes(pem, form, serialization.NoEncryption()) + made.public_bytes(pem)
 
 
 def _alternatives(x509: Any, hosts: Sequence[str]) -> Iterator[Any]:

@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from mrl_driver.apps.calibration import gain_procedures, wiring_check
-from mrl_driver.apps.calibration.bridge_gains import BridgeGains
-from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
+from mrl_driver.apps.calibration import gain_procedures, ground_truth, wiring_check
+from mrl_driver.apps.calibration.commands import calibrate_job
+from mrl_driver.apps.calibration.gains import BridgeGains
 from mrl_driver.apps.calibration.wiring_check import BITS, SET, SINGLE_CHANNEL, Trial
 from mrl_driver.cli import main
 from mrl_driver.driver.options import Options
@@ -113,7 +113,7 @@ def bench(monkeypatch, capsys, tmp_path):
     made = Bench(capsys)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(calibrate_job, "connect", made.connect)
-    monkeypatch.setattr(calibrate_view, "truth_file", lambda path: lambda: made.kit.pose)
+    monkeypatch.setattr(ground_truth, "truth_file", lambda path: lambda: made.kit.pose)
     return made
 
 
@@ -225,7 +225,7 @@ def test_a_new_id_leaves_bridge_and_wiring_as_they_are(model):
 OVERSHOOT, SETTLED_S, OFFSET = 0.05, 0.25, 0.01
 """Limits of a step of the speed, as for the firmware; the speeds are means over 50 ms."""
 SOFT = BridgeGains(kp=200, ki=1000, friction_duty=0, full_speed=200)  # Gains that settle late
-STEPS = len(gain_procedures.BRIDGE_PERCENTS) + 2
+STEPS = len(gain_procedures.BRIDGE_BOARD.percents) + 2
 
 
 class Lab:

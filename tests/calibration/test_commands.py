@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
-from mrl_driver.apps.calibration import gain_procedures, manoeuvres
-from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
+from mrl_driver.apps.calibration import gain_procedures, ground_truth, manoeuvres
+from mrl_driver.apps.calibration.commands import calibrate_job
 from mrl_driver.apps.calibration.gains import Gains
 from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.cli import main
@@ -79,7 +79,7 @@ def lab(monkeypatch, tmp_path, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     monkeypatch.setattr(calibrate_job, "connect", made.connect)
-    monkeypatch.setattr(calibrate_view, "truth_file", lambda path: made.pose)
+    monkeypatch.setattr(ground_truth, "truth_file", lambda path: made.pose)
     return made
 
 
@@ -336,8 +336,8 @@ def person(lab, monkeypatch):
             answers.append(question)
             return answer(len(answers), *lab.pose().relative_to(start[0]))
 
-        monkeypatch.setattr(calibrate_view, "require_terminal", lambda instead: None)
-        monkeypatch.setattr(calibrate_view.Prompt, "ask", ask)
+        monkeypatch.setattr(ground_truth, "require_terminal", lambda instead: None)
+        monkeypatch.setattr(ground_truth.Prompt, "ask", ask)
         return answers
 
     return make
@@ -370,6 +370,6 @@ def test_a_step_is_not_cut_by_the_stop_of_the_greeting(lab):
         robot.drive(0.1, 0.0)
         robot.wait(0.5)
         robot.stop()
-        taken = gain_procedures.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40)
-    speeds = np.diff(taken.right) / np.diff(taken.times_s)
-    assert taken.right[0] == 0 and speeds[10:].min() > 4000
+        taken = gain_procedures.step(robot, manoeuvres.Track(robot), manoeuvres.MOVE, 40, 1.5)["right"]
+    speeds = np.diff(taken.travel) / np.diff(taken.times_s)
+    assert taken.travel[0] == 0 and speeds[10:].min() > 4000

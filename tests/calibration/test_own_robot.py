@@ -8,8 +8,8 @@ import pathlib
 import numpy as np
 import pytest
 
-from mrl_driver.apps.calibration import calibration_files, manoeuvres
-from mrl_driver.apps.calibration.commands import calibrate_job, calibrate_view
+from mrl_driver.apps.calibration import calibration_files, ground_truth, manoeuvres
+from mrl_driver.apps.calibration.commands import calibrate_job
 from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.apps.calibration.trial import Trial, errors
 from mrl_driver.cli import main
@@ -95,7 +95,7 @@ def workshop(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(
         set_id, "connected", lambda target, model, any_id, **_: made.robot(model, any_id=any_id)
     )
-    monkeypatch.setattr(calibrate_view, "truth_file", lambda path: made.pose)
+    monkeypatch.setattr(ground_truth, "truth_file", lambda path: made.pose)
     yield made
     made.emulated.close()
 
@@ -172,7 +172,7 @@ def bench(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(
         calibrate_job, "connect", lambda job, **options: made.robot(job.target.model, **options)
     )
-    monkeypatch.setattr(calibrate_view, "truth_file", lambda path: made.pose)
+    monkeypatch.setattr(ground_truth, "truth_file", lambda path: made.pose)
     return made
 
 

@@ -7,9 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.apps.calibration import bridge_gains, fit, gains, geometry_procedures, umbmark, wiring_check
-from mrl_driver.apps.calibration.bridge_gains import BridgeGains, DutyStep, MotorFit
-from mrl_driver.apps.calibration.gains import MotorModel
+from mrl_driver.apps.calibration import fit, gains, geometry_procedures, umbmark, wiring_check
+from mrl_driver.apps.calibration.gains import BridgeGains, DutyStep, Motor
 from mrl_driver.apps.calibration.ground_truth import Truth, parse_pose, truth_file
 from mrl_driver.apps.calibration.trial import Trial, errors, spread
 from mrl_driver.apps.calibration.wiring_check import LEFT, RIGHT, diagnose, seen_in
@@ -67,14 +66,14 @@ def test_a_motor_is_found_in_its_step(full, tau, delay):
     times = np.arange(0, 1.5, 0.02)
     since = np.maximum(0, times - delay)
     way = np.floor(0.4 * full * (since - tau * (1 - np.exp(-since / tau))))
-    found = gains.identify(times, way, 0.4)
+    found = gains.identify(DutyStep(0.4, times, way))
     assert found.full_counts_s == pytest.approx(full, rel=0.03)
     assert found.time_constant_s + found.delay_s == pytest.approx(tau + delay, abs=0.03)
 
 
 @pytest.mark.parametrize("tau", [0.05, 0.2])
 def test_suggested_gains_reach_the_speed_without_much_overshoot(tau):
-    plants = (MotorModel(12000.0, tau, 0.02), MotorModel(9000.0, 1.2 * tau, 0.02))
+    plants = (Motor(0.0, 12000.0, tau, 0.02), Motor(0.0, 9000.0, 1.2 * tau, 0.02))
     speed = gains.simulate(plants, np.array([gains.suggest(plants)]), 0.4, 0.05)[0]
     assert speed.max() < 1 + gains.OVERSHOOT
     assert np.abs(speed[:, 20:] - 1).max() < 0.02
@@ -191,7 +190,7 @@ def steps_of(motor, rng, duties=DUTIES):
 
 
 def some_motor(rng):
-    return MotorFit(
+    return Motor(
         rng.uniform(0, 0.2), rng.uniform(2000, 12000), rng.uniform(0.02, 0.2), rng.uniform(0, 0.03), 0.0
     )
 
@@ -200,7 +199,7 @@ def some_motor(rng):
 def test_a_motor_is_found_in_its_noisy_steps(seed):
     rng = np.random.default_rng(seed)
     true = some_motor(rng)
-    found = bridge_gains.identify(steps_of(true, rng))
+    found = gains.identify_bridge(steps_of(true, rng))
     assert found.full_counts_s == pytest.approx(true.full_counts_s, rel=MOST_SHARE)
     assert found.dead_band == pytest.approx(true.dead_band, abs=MOST_SHARE)
     assert found.time_constant_s == pytest.approx(true.time_constant_s, rel=MOST_TAU_SHARE)
@@ -211,27 +210,27 @@ def test_a_curve_is_told_from_a_line_and_full_speed_is_found():
     """A bridge that lets the motor coast between pulses: speed is a - b / duty; at full duty 5400 count/s."""
     rng = np.random.default_rng(3)
     steps = [
-        steps_of(MotorFit(0.0, 6000 * (1 - 0.1 / duty) / duty, 0.1, 0.0, 0.0), rng, (duty,))[0]
+        steps_of(Motor(0.0, 6000 * (1 - 0.1 / duty) / duty, 0.1, 0.0, 0.0), rng, (duty,))[0]
         for duty in DUTIES
     ]
-    found = bridge_gains.identify(steps)
-    assert found.off_line > bridge_gains.LINEAR_WITHIN
+    found = gains.identify_bridge(steps)
+    assert found.off_line > gains.LINEAR_WITHIN
     assert found.full_counts_s == pytest.approx(5400, rel=0.06)
 
 
 def steps_with(dead_band, rng):
-    return steps_of(MotorFit(dead_band, 8000.0, 0.1, 0.0, 0.0), rng)
+    return steps_of(Motor(dead_band, 8000.0, 0.1, 0.0, 0.0), rng)
 
 
 def test_a_step_in_the_dead_band_does_not_count_and_a_dead_band_is_never_negative():
     """Noise of a motor without friction may put the line's root below zero."""
     rng = np.random.default_rng(1)
-    assert bridge_gains.identify(steps_with(0.4, rng)).dead_band == pytest.approx(0.4, abs=MOST_SHARE)
+    assert gains.identify_bridge(steps_with(0.4, rng)).dead_band == pytest.approx(0.4, abs=MOST_SHARE)
     steps = [
         step._replace(travel=step.travel * (1.02 if step.duty < 0.4 else 1.0))
         for step in steps_with(0.0, rng)
     ]
-    assert bridge_gains.identify(steps).dead_band == 0.0
+    assert gains.identify_bridge(steps).dead_band == 0.0
 
 
 @pytest.mark.parametrize(
@@ -244,22 +243,22 @@ def test_a_step_in_the_dead_band_does_not_count_and_a_dead_band_is_never_negativ
 )
 def test_steps_that_tell_nothing_are_refused(dead_band, damage, words):
     with pytest.raises(ConfigError, match=words):
-        bridge_gains.identify([damage(step) for step in steps_with(dead_band, np.random)])
+        gains.identify_bridge([damage(step) for step in steps_with(dead_band, np.random)])
 
 
 def test_gains_follow_the_rule_of_lambda_tuning():
     """tau 0.12 s gives lambda 0.04 s: kp = 0.12 / (1 / 0.9 x 0.05), ki = kp / 0.12."""
-    motor = MotorFit(0.1, 4000.0, 0.12, 0.0, 0.0)
-    assert bridge_gains.design([motor], COUNTS_A_TURN) == BridgeGains(2160, 18000, 100, 144)
+    motor = Motor(0.1, 4000.0, 0.12, 0.0, 0.0)
+    assert gains.design([motor], COUNTS_A_TURN) == BridgeGains(2160, 18000, 100, 144)
     with pytest.raises(ConfigError, match=r"friction_duty 550 \[0.1 %\], expected 0 to 500"):
-        bridge_gains.design([MotorFit(0.55, 4000.0, 0.1, 0.0, 0.0)], COUNTS_A_TURN)
+        gains.design([Motor(0.55, 4000.0, 0.1, 0.0, 0.0)], COUNTS_A_TURN)
 
 
 def test_both_wheels_bear_the_gains():
     """Full speed is that of the slower wheel, friction the smaller one; no wheel gets more than its own gains."""
-    right, left = MotorFit(0.10, 4000.0, 0.10, 0.0, 0.0), MotorFit(0.06, 5000.0, 0.15, 0.0, 0.0)
-    both = bridge_gains.design([right, left], COUNTS_A_TURN)
-    alone = [bridge_gains.design([motor], COUNTS_A_TURN) for motor in (right, left)]
+    right, left = Motor(0.10, 4000.0, 0.10, 0.0, 0.0), Motor(0.06, 5000.0, 0.15, 0.0, 0.0)
+    both = gains.design([right, left], COUNTS_A_TURN)
+    alone = [gains.design([motor], COUNTS_A_TURN) for motor in (right, left)]
     assert (both.full_speed, both.friction_duty) == (alone[0].full_speed, alone[1].friction_duty)
     assert both.kp <= min(one.kp for one in alone) and both.ki <= min(one.ki for one in alone)
 
@@ -302,7 +301,7 @@ def test_umbmark_tells_unequal_wheels_from_a_wrong_wheelbase():
     true = BELIEVED._replace(wheel_offset=2 * (ratio - 1) / (ratio + 1), turn_slip=slip)
     runs = laps(true)
     points = [tuple(row[:2]) for row in errors(BELIEVED, runs).tolist()]
-    found = umbmark.evaluate(points[:2], points[2:], 1.0, BELIEVED.wheel_separation_m)
+    found = umbmark.closed_form(points[:2], points[2:], 1.0, BELIEVED.wheel_separation_m)
     assert found.wheel_ratio == pytest.approx(ratio, abs=2e-4)
     assert found.wheelbase_ratio == pytest.approx(1 / (1 - slip), abs=1e-3)
     assert umbmark.corrected(BELIEVED, found, True) == pytest.approx(true, abs=1e-3)

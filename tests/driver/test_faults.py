@@ -190,7 +190,7 @@ def test_nothing_in_the_driver_asks_for_the_time_of_day():
     assert users <= {
         "recording/recording.py",
         "calibration/calibration_files.py",
-        "commands/doctor_view.py",
+        "commands/doctor.py",
         "host/certificate.py",
         "driver/parameter_file.py",
         "commands/monitor.py",

@@ -1,64 +1,88 @@
-"""Calibrates the speed control of the motors.  It drives; `gains` and `bridge_gains` compute."""
+"""`mrl calibrate gains`: drives steps of the motors; `gains` computes."""
 
 import contextlib
+from functools import partial
 from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
+import click
 import numpy as np
 
+from mrl_driver import figures
+from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
+from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.robot.models import RobotModel
 
-from . import bridge_gains, from_recording, gains, manoeuvres
-from .bridge_gains import BridgeGains, DutyStep
-from .gains import Gains, MotorModel, Response
+from . import from_recording, manoeuvres
+from .calibration_files import Key
+from .commands.calibrate_job import Job, Result, job_options, recording_option
+from .gains import (
+    LINEAR_WITHIN,
+    BridgeGains,
+    DutyStep,
+    Gains,
+    Motor,
+    Response,
+    describe,
+    design,
+    identify,
+    identify_bridge,
+    speeds,
+    suggest,
+)
+from .ground_truth import console
 from .manoeuvres import MOVE, MOVE_PID, Track
 
-STEP_PERCENT, STEP_S = 40, 1.5  # steps of the duty and of the speed, with a motor board
-BRIDGE_PERCENTS = (30, -50, 80)
-"""Duties of the steps with an H-bridge board.  The signs alternate, so that the robot turns back."""
-BRIDGE_STEP_S = 1.0
-TARGET_SHARE = 0.5  # speed of the steps under control, as a share of the fitted full speed
-CAPABILITY = "bridge"  # boards with this capability take the gains of `bridge_gains`
-Report = Callable[[str], None]
+STEP_PERCENT = 40  # speed of the steps under control with a motor board
+TARGET_SHARE = 0.5  # the same with an H-bridge board, as a share of the fitted full speed
+LEAST_READINGS = 10  # of a step
+WHEELS = ("right", "left")
+CAPABILITY = "bridge"  # boards with this capability take `BridgeGains`
 
 
-class Steps(NamedTuple):
-    """A step of each wheel: times since the step [s], and distances (right, left) since then [count]."""
+class Board(NamedTuple):
+    """A kind of board, and how its speed control is tuned."""
 
-    times_s: np.ndarray
-    right: np.ndarray
-    left: np.ndarray
+    percents: Sequence[int]  # duties of the steps; the signs alternate, so that the robot turns back
+    step_s: float
+    gains: Callable[..., Any]
+    identify: Callable[[List[DutyStep]], Motor]
+    suggest: Callable[[Sequence[Motor], RobotModel], Any]
 
-    def of(self, wheel: str) -> np.ndarray:
-        """Distance of one wheel, without its sign [count]."""
-        return np.abs(self.left if wheel == "left" else self.right)
 
-    def response(self, wheel: str, target_counts_s: Optional[float]) -> Response:
-        """Figures of one wheel; without a target, the steady speed is that of the last quarter."""
-        travelled = self.of(wheel)
-        if target_counts_s is None:
-            _, speed = gains.speeds(self.times_s, travelled)
-            target_counts_s = float(speed[-max(1, len(speed) // 4) :].mean())
-        return gains.describe(self.times_s, travelled, target_counts_s)
+MOTOR_BOARD = Board(
+    (STEP_PERCENT,), 1.5, Gains, lambda steps: identify(steps[0]), lambda motors, model: suggest(motors)
+)
+BRIDGE_BOARD = Board(
+    (30, -50, 80),
+    1.0,
+    BridgeGains,
+    identify_bridge,
+    lambda motors, model: design(motors, counts_per_turn(model)),
+)
+
+
+Steps = Dict[str, DutyStep]  # a step of the left and of the right wheel
 
 
 class Tuned(NamedTuple):
-    """Result of the tuning; the gains are `Gains`, or `BridgeGains` of an H-bridge board."""
+    """Result of the tuning; the gains are those of the board's kind."""
 
-    motors: Tuple[Any, Any]  # right and left
+    motors: List[Motor]  # as `WHEELS`
     before: Any
     after: Any
     steps_before: Steps
     steps_after: Steps
-    target_counts_s: Optional[float] = None  # speed of the two steps, if it is known
+    target_counts_s: Optional[float]  # speed of the two steps, if it is known
 
-    def responses(self) -> Dict[str, Dict[str, Response]]:
-        """Figures of both wheels before and after."""
-        return {
-            when: {wheel: steps.response(wheel, self.target_counts_s) for wheel in ("left", "right")}
-            for when, steps in (("before", self.steps_before), ("after", self.steps_after))
-        }
+    def response(self, step: DutyStep) -> Response:
+        """Figures of a step of the speed; without a target, the steady speed is that of the last quarter."""
+        target_counts_s = self.target_counts_s
+        if target_counts_s is None:
+            _, speed = speeds(step.times_s, step.travel)
+            target_counts_s = float(speed[-max(1, len(speed) // 4) :].mean())
+        return describe(step.times_s, step.travel, target_counts_s)
 
 
 def counts_per_turn(model: RobotModel) -> float:
@@ -66,8 +90,8 @@ def counts_per_turn(model: RobotModel) -> float:
     return model.board["gearbox"] * model.board["encoder_counts"] / 100
 
 
-def tune(robot: Driver, model: RobotModel, track: Track, report: Report) -> Tuned:
-    """Drive a step of the duty, compute gains, and drive steps of the speed with the old and the new gains.
+def tune(robot: Driver, model: RobotModel, board: Board) -> Tuned:
+    """Drive steps of the duty, compute gains, and drive steps of the speed with the old and the new gains.
 
     At the end the old gains and the ramp are in force again, even after an error.
 
@@ -75,66 +99,39 @@ def tune(robot: Driver, model: RobotModel, track: Track, report: Report) -> Tune
         ConfigError: the steps give no motor, or no gains are good enough.
         BoardTimeout: telemetry ended, or the wheels keep turning.
     """
-    present = Gains(*(model.board[name] for name in Gains._fields))
-    if robot.parameters.can_save:
-        present = Gains(**robot.parameters.read(*Gains._fields))
+    names, track, made = board.gains._fields, Track(robot), []  # type: ignore[attr-defined]
+    stored = robot.parameters.read(*names) if robot.parameters.can_save else model.board
+    present = board.gains(*(stored[name] for name in names))
+    with ramp_off(robot):
+        for percent in board.percents:
+            console.print(f"step of the duty, {abs(percent)} %")
+            made.append(step(robot, track, MOVE, percent, board.step_s))
+        motors = _motors(made, board)
+        wanted = board.suggest(motors, model)
+        full_rpm = wanted.full_speed if board is BRIDGE_BOARD else None
+        measured = []
+        try:
+            for name, trial in (("present", present), ("suggested", wanted)):
+                console.print(f"step of the speed, {name} gains: {listed(trial)}")
+                _put(robot, trial)
+                percent = STEP_PERCENT
+                if full_rpm is not None:
+                    percent = min(100, max(1, round(100 * TARGET_SHARE * full_rpm / trial.full_speed)))
+                measured.append(step(robot, track, MOVE_PID, percent, board.step_s))
+        finally:
+            robot.stop()
+            _put(robot, present)
+    target = None if full_rpm is None else TARGET_SHARE * full_rpm / 60 * counts_per_turn(model)
+    return Tuned(motors, present, wanted, measured[0], measured[1], target)
 
-    def put(trial: Gains) -> None:
-        robot.request(manoeuvres.SET_GAINS, *trial)
+
+def _put(robot: Driver, wanted: Any) -> None:
+    """Put gains in force, without saving them."""
+    if isinstance(wanted, BridgeGains):
+        robot.parameters.write(wanted._asdict())
+    else:
+        robot.request(manoeuvres.SET_GAINS, *wanted)
         robot.wait(0.1)
-
-    with ramp_off(robot):
-        report(f"step of the duty, {STEP_PERCENT} %")
-        made = [(step(robot, track, MOVE, STEP_PERCENT), STEP_PERCENT, -STEP_PERCENT)]
-        motors = _motors(made, _identify)
-        wanted = gains.suggest(motors)
-        measured = _compared(robot, track, present, wanted, put, lambda trial: STEP_PERCENT, STEP_S, report)
-    return Tuned(motors, present, wanted, *measured)
-
-
-def tune_bridge(robot: Driver, model: RobotModel, track: Track, report: Report) -> Tuned:
-    """Tune an H-bridge board, as `tune` does, with steps of several duties."""
-    present = BridgeGains(**robot.parameters.read(*BridgeGains._fields))
-    a_turn, made = counts_per_turn(model), []
-    with ramp_off(robot):
-        for percent in BRIDGE_PERCENTS:
-            report(f"step of the duty, {abs(percent)} %")
-            made.append((step(robot, track, MOVE, percent, BRIDGE_STEP_S), percent, -percent))
-        motors = _motors(made, bridge_gains.identify)
-        wanted = bridge_gains.design(motors, a_turn)
-        target_rpm = TARGET_SHARE * wanted.full_speed
-
-        def percent_of(trial: BridgeGains) -> int:
-            return min(100, max(1, round(100 * target_rpm / trial.full_speed)))
-
-        def put(trial: BridgeGains) -> None:
-            robot.parameters.write(trial._asdict())
-
-        measured = _compared(robot, track, present, wanted, put, percent_of, BRIDGE_STEP_S, report)
-    return Tuned(motors, present, wanted, *measured, target_rpm / 60 * a_turn)
-
-
-def _compared(
-    robot: Driver,
-    track: Track,
-    present: Any,
-    wanted: Any,
-    put: Callable[[Any], None],
-    percent_of: Callable[[Any], int],
-    seconds: float,
-    report: Report,
-) -> Tuple[Steps, Steps]:
-    """Drive a step of the speed with the present and with the suggested gains; then the present ones are back."""
-    measured = []
-    try:
-        for name, trial in (("present", present), ("suggested", wanted)):
-            report(f"step of the speed, {name} gains: {listed(trial)}")
-            put(trial)
-            measured.append(step(robot, track, MOVE_PID, percent_of(trial), seconds))
-    finally:
-        robot.stop()
-        put(present)
-    return measured[0], measured[1]
 
 
 def listed(values: Any) -> str:
@@ -142,43 +139,36 @@ def listed(values: Any) -> str:
     return ", ".join(f"{name} {value}" for name, value in values._asdict().items())
 
 
-def step(robot: Driver, track: Track, code: int, percent: int, seconds: float = STEP_S) -> Steps:
+def step(robot: Driver, track: Track, code: int, percent: int, seconds: float) -> Steps:
     """Turn in place from rest: left motor back, right motor forward."""
     manoeuvres.settle(robot)
     track.begin()
     manoeuvres.spin_motors(robot, code, -percent, percent, seconds)
     rows = track.end()
     manoeuvres.settle(robot)
-    return _steps_of(rows)
+    return _steps_of(rows, -percent, percent)
 
 
-def _steps_of(rows: np.ndarray) -> Steps:
-    """Rows of a track that begins with the step."""
-    if len(rows) < gains.LEAST_READINGS:
-        raise ConfigError(f"a step has {len(rows)} readings, expected at least {gains.LEAST_READINGS}")
-    return Steps(rows[:, 0] - rows[0, 0], rows[:, 1] - rows[0, 1], rows[:, 2] - rows[0, 2])
+def _steps_of(rows: np.ndarray, left_percent: int, right_percent: int) -> Steps:
+    """The steps in the rows of a track that begins with them."""
+    if len(rows) < LEAST_READINGS:
+        raise ConfigError(f"a step has {len(rows)} readings, expected at least {LEAST_READINGS}")
+    times_s, right, left, _ = (rows - rows[0]).T
+    return {
+        wheel: DutyStep(abs(percent) / 100, times_s, np.sign(percent) * travel)
+        for wheel, percent, travel in (("left", left_percent, left), ("right", right_percent, right))
+    }
 
 
-def _motors(
-    made: Sequence[Tuple[Steps, int, int]], identify: Callable[[List[DutyStep]], Any]
-) -> Tuple[Any, Any]:
-    """Right and left motor from steps with the percents of the right and the left motor; an error names the motor."""
+def _motors(made: Sequence[Steps], board: Board) -> List[Motor]:
+    """Right and left motor; an error names the motor."""
     found = []
-    for wheel in ("right", "left"):
-        steps = []
-        for each, right, left in made:
-            travel, percent = (each.right, right) if wheel == "right" else (each.left, left)
-            steps.append(DutyStep(abs(percent) / 100, each.times_s, travel * (1 if percent > 0 else -1)))
+    for wheel in WHEELS:
         try:
-            found.append(identify(steps))
+            found.append(board.identify([steps[wheel] for steps in made]))
         except ConfigError as error:
             raise ConfigError(f"{wheel} motor: {error}") from None
-    return found[0], found[1]
-
-
-def _identify(steps: List[DutyStep]) -> MotorModel:
-    """The motor of the first step, with a motor board."""
-    return gains.identify(steps[0].times_s, steps[0].travel, steps[0].duty)
+    return found
 
 
 @contextlib.contextmanager
@@ -198,14 +188,102 @@ def ramp_off(robot: Driver) -> Iterator[None]:
             robot.parameters.write(ramp)
 
 
-def recorded(path: str, model: RobotModel) -> Tuple[Tuple[Any, Any], Any]:
+def recorded(path: str, model: RobotModel) -> Tuple[List[Motor], Any]:
     """Motors and gains from recorded steps of the duty that turn both motors; raise ConfigError without such steps."""
     steps = from_recording.motor_steps_of(from_recording.read(path, model), MOVE)
-    both = [(_steps_of(rows), right, left) for rows, (left, right) in steps if left and right]
+    both = [_steps_of(rows, left, right) for rows, (left, right) in steps if left and right]
     if not both:
         raise ConfigError(f"{path}: no step turns both motors, expected a recording of mrl calibrate gains")
-    if model.board.get("bridge"):
-        motors = _motors(both, bridge_gains.identify)
-        return motors, bridge_gains.design(motors, counts_per_turn(model))
-    motors = _motors(both, _identify)
-    return motors, gains.suggest(motors)
+    board = BRIDGE_BOARD if model.board.get("bridge") else MOTOR_BOARD
+    motors = _motors(both, board)
+    return motors, board.suggest(motors, model)
+
+
+# -- the command
+
+
+@click.command()
+@job_options
+@recording_option
+def gains(job: Job, recording: Optional[str]) -> None:
+    """Measure the gains of the motors' speed control.
+
+    Asks, then turns the robot in place, for 1 to 1.5 s each: three times, or five times with an H-bridge board.  It
+    evaluates how the wheels speed up.  The floor around the robot must be free.  At the end the board has its former
+    gains again.  Takes 10 to 15 s; after Ctrl-C it starts from the beginning.
+
+    With an H-bridge board it also measures full_speed and friction_duty, and suggests kp and ki by lambda tuning.
+    Charge the battery first: full_speed is that of the present voltage.
+
+    \b
+    Example:
+      mrl calibrate gains --port /dev/ttyACM0 --plot gains.png
+    """
+    if recording is not None:
+        model, output = job.recorded_robot()
+        motors, wanted = recorded(recording, model)
+        lines, facts = _motor_lines(motors, wanted, model), {"gains_after": wanted._asdict()}
+        job.finish(Result("gains", model, output, _values(wanted), lines, facts))
+        return
+    with job.robot() as (driver, model, output):
+        board = BRIDGE_BOARD if CAPABILITY in driver.board.capabilities else MOTOR_BOARD
+        times = "five" if board is BRIDGE_BOARD else "three"
+        job.confirm_drive(f"The robot turns in place {times} times, quickly. Is the floor around it free?")
+        result = _result(tune(driver, model, board), model, output)
+        job.finish(result)
+        job.offer_eeprom(driver, result)
+
+
+def _result(tuned: Tuned, model: RobotModel, output: str) -> Result:
+    lines = _motor_lines(tuned.motors, tuned.after, model)
+    facts = {"gains_before": tuned.before._asdict(), "gains_after": tuned.after._asdict()}
+    for when, steps in (("before", tuned.steps_before), ("after", tuned.steps_after)):
+        figures_of = {wheel: tuned.response(each) for wheel, each in steps.items()}
+        lines += [
+            f"{when}, {wheel} wheel: rises in {each.rise_s * 1000:.0f} ms, overshoots {each.overshoot:.1%}, "
+            f"settles after {each.settle_s * 1000:.0f} ms, mean error {each.offset:.1%}"
+            for wheel, each in figures_of.items()
+        ]
+        facts[when] = {wheel: each._asdict() for wheel, each in figures_of.items()}
+    return Result("gains", model, output, _values(tuned.after), lines, facts, partial(_draw, tuned))
+
+
+def _values(wanted: Any) -> Dict[Key, float]:
+    return {("board", name): value for name, value in wanted._asdict().items()}
+
+
+def _motor_lines(motors: Sequence[Motor], wanted: Any, model: RobotModel) -> List[str]:
+    """Return lines about the motors; warn if their speed is not a line over the duty."""
+    lines = []
+    for name, motor in zip(WHEELS, motors):
+        words = f"{motor.full_counts_s:.0f} count/s at full duty"
+        if isinstance(wanted, BridgeGains):
+            full_rpm = motor.full_counts_s * 60 / counts_per_turn(model)
+            words = f"turns from {motor.dead_band:.1%} duty, {full_rpm:.0f} 1/min at full duty"
+        if motor.off_line > LINEAR_WITHIN:
+            print_message(
+                f"warning: the speed of the {name} motor is up to {motor.off_line:.0%} of full speed off a line "
+                "over the duty; check the battery, the bridge and the gearbox"
+            )
+        lines.append(f"{name} motor: {words}, time constant {motor.time_constant_s * 1000:.0f} ms")
+    return lines
+
+
+def _draw(tuned: Tuned, path: str) -> None:
+    """Plot the steps of both wheels with the old and the new gains, and the target if it is known."""
+    figure = figures.figure(7.0, 5.6)
+    pair = figure.subplots(2, 1, sharex=True)
+    for axes, name in zip(pair, ("left", "right")):
+        for steps, used, colour, style in (
+            (tuned.steps_before, tuned.before, GREY, "--"),
+            (tuned.steps_after, tuned.after, BLUE, "-"),
+        ):
+            times_s, speed = speeds(steps[name].times_s, steps[name].travel)
+            axes.plot(times_s, speed, style, color=colour, label=listed(used))
+        if tuned.target_counts_s is not None:
+            axes.axhline(tuned.target_counts_s, color=ORANGE, linewidth=0.8, label="target")
+        axes.set(ylabel=f"{name} wheel [count/s]")
+        axes.legend(fontsize="small", loc="lower right")
+    pair[0].set(title="Step response of the speed")
+    pair[1].set(xlabel="time since the step [s]")
+    figures.save(figure, path)

@@ -1,24 +1,32 @@
-"""The calibrations of geometry: the runs to drive, their evaluation, and the new parameters of model and board."""
+"""`mrl calibrate straight`, `turn` and `umbmark`: the runs to drive, and their evaluation by `fit` and `umbmark`."""
 
-from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+import functools
+import math
+import os
+from functools import partial
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
+import click
 import numpy as np
 
+from mrl_driver import figures
+from mrl_driver.cli.commands.shared import Between, print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import Pose
+from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.robot.models import Drive, RobotModel
 
-from . import fit, manoeuvres, umbmark
-from .calibration_files import Key
+from . import fit, from_recording, manoeuvres
+from .calibration_files import Key, Progress
+from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
 from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
-from .ground_truth import Ruler
-from .manoeuvres import Speeds, Track
+from .ground_truth import NOT_MEASURED, Ruler, console, parse_pose, ruler_for
+from .manoeuvres import Speeds, Track, steps_of
 from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
+from .umbmark import Point, UmbmarkResult, closed_form, corrected, require_laps
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
-NOT_MEASURED = Pose(np.nan, np.nan, np.nan)  # a pose that was not measured
 
 
 class Leg(NamedTuple):
@@ -37,7 +45,7 @@ class Outcome(NamedTuple):
     errors_before: np.ndarray
     errors_after: np.ndarray
     noise: Mapping[str, float]  # what was measured of the model's `Noise`, by its keys
-    square: Optional[umbmark.UmbmarkResult] = None
+    square: Optional[UmbmarkResult] = None
 
 
 def straight_legs(runs: int, distance_m: float, speeds: Speeds) -> List[Leg]:
@@ -100,15 +108,6 @@ def gather(
         keep(Trial(steps, end))
 
 
-def check_recorded(procedure: str, drive: Drive, run: Trial, name: str) -> None:
-    """Raise ConfigError for a run of another procedure, or with an end too far from the end by the counts."""
-    found = sense(drive, run)
-    if (found == NEITHER) != (procedure == STRAIGHT):
-        raise ConfigError(f"{name} went {found}, expected a run of mrl calibrate {procedure}")
-    require_sense(drive, run, found, name)
-    require_plausible(drive, run, name)
-
-
 def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:
     """The parameters that a procedure fits; on tracks the slip replaces the wheelbase."""
     turning = SLIP if tracks else AXLE
@@ -138,7 +137,7 @@ def evaluate(
     found = errors(before, runs)
     if procedure == UMBMARK:
         result = _umbmark(runs, found, before, side_m)
-        start = umbmark.corrected(before, result, model.body.tracks)
+        start = corrected(before, result, model.body.tracks)
     elif len(runs) < 2:
         raise ConfigError(f"there is {len(runs)} run, expected at least 2")
     elif procedure == TURN:
@@ -164,12 +163,12 @@ def _require_no_outlier(runs: List[Trial], fitted: fit.GeometryFit) -> None:
         )
 
 
-def _umbmark(runs: List[Trial], found: np.ndarray, drive: Drive, side_m: float) -> umbmark.UmbmarkResult:
-    points: Dict[str, List[umbmark.Point]] = {LEFT: [], RIGHT: []}
+def _umbmark(runs: List[Trial], found: np.ndarray, drive: Drive, side_m: float) -> UmbmarkResult:
+    points: Dict[str, List[Point]] = {LEFT: [], RIGHT: []}
     for run, row in zip(runs, found):
         turned = (run.steps[:, 0] - run.steps[:, 1]).sum()
         points[LEFT if turned > 0 else RIGHT].append((float(row[0]), float(row[1])))
-    return umbmark.evaluate(points[LEFT], points[RIGHT], side_m, drive.turning_separation_m)
+    return closed_form(points[LEFT], points[RIGHT], side_m, drive.turning_separation_m)
 
 
 def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
@@ -190,3 +189,223 @@ def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
             values["board", name] = round(value)
     values.update({("noise", name): value for name, value in outcome.noise.items()})
     return values
+
+
+# -- the commands
+
+
+class CalibrationPlan(NamedTuple):
+    """One calibration of the geometry: the runs to drive and their settings, or recordings of runs."""
+
+    procedure: str
+    settings: Mapping[str, float]
+    legs: List[Leg]
+    recorded: Sequence[str]
+    again: Sequence[int]
+
+    def evaluate(self, runs: List[Trial], model: RobotModel, output: str, **options: Any) -> Result:
+        """Evaluate the runs, with the `options` of `evaluate`."""
+        outcome = evaluate(self.procedure, runs, model, self.settings.get("side_m", 1.0), **options)
+        draw = partial(_draw, outcome, [sense(outcome.after, each) for each in runs])
+        values, lines = values_for(model, outcome), _lines(outcome)
+        return Result(self.procedure, model, output, values, lines, _facts(outcome), draw)
+
+
+def _geometry(plan: CalibrationPlan, job: Job) -> None:
+    """Drive the runs or read recordings, evaluate them, and write the result."""
+    if plan.recorded:
+        model, output = job.recorded_robot()
+        recorded = [_recorded(plan.procedure, text, model) for text in plan.recorded]
+        job.finish(plan.evaluate(recorded, model, output))
+        return
+    ruler = ruler_for(job.truth)
+    with job.robot() as (driver, model, output):
+        path = f"{os.path.splitext(output)[0]}.calibration.json"
+        progress = Progress(path, f"{model.name} {driver.board.robot_id}")
+        if job.restart:
+            progress.forget(plan.procedure)
+        try:
+            _gather(plan, driver, progress, ruler)
+        except KeyboardInterrupt:
+            kept = len(progress.runs(plan.procedure, plan.settings))
+            print_message(
+                f"{kept} of {len(plan.legs)} runs are kept in {progress.path}; repeat the command to continue"
+            )
+            raise
+        runs, others = progress.runs(plan.procedure, plan.settings), progress.other_runs(plan.procedure)
+        measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
+        result = plan.evaluate(runs, model, output, measured=measured, others=others)
+        job.finish(result)
+        progress.finish(plan.procedure)
+        job.offer_eeprom(driver, result)
+
+
+def _gather(plan: CalibrationPlan, driver: Driver, progress: Progress, ruler: Ruler) -> None:
+    """Drive the missing runs, and those to repeat."""
+    procedure, settings, legs = plan.procedure, plan.settings, plan.legs
+    done, track = len(progress.runs(procedure, settings)), Track(driver)
+    if done:
+        console.print(f"{done} of {len(legs)} runs are already in {progress.path}")
+    for number in plan.again:
+        if not 1 <= number <= done:
+            raise ConfigError(f"--again is {number}, expected the number of one of the {done} finished runs")
+        put = partial(progress.replace, procedure, number - 1)
+        gather(driver, [legs[number - 1]], ruler, put, track)
+    gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
+
+
+def _recorded(procedure: str, text: str, model: RobotModel) -> Trial:
+    """Return a recorded run of a procedure, from the file and the end in an option `--run`."""
+    path, colon, end = text.rpartition(":")
+    if not colon:
+        raise ConfigError(f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
+    run = Trial(steps_of(from_recording.read(path, model).rows), parse_pose(end))
+    found = sense(model.differential, run)
+    if (found == NEITHER) != (procedure == STRAIGHT):
+        raise ConfigError(f"{path} went {found}, expected a run of mrl calibrate {procedure}")
+    require_sense(model.differential, run, found, path)
+    require_plausible(model.differential, run, path)
+    return run
+
+
+def _by_runs(command: Callable[..., Tuple[Mapping[str, float], List[Leg]]]) -> Callable[..., None]:
+    """Add the options of all calibrations by driven runs; `command` returns the settings of its runs, and the runs."""
+
+    @value_option("--speed", Between(0.03, 1.0), 0.2, "Speed [m/s].")
+    @click.option(
+        "--run",
+        "runs",
+        multiple=True,
+        metavar="FILE:X,Y[,DEG]",
+        help="Instead of driving: a recording of one run, and where the run ended.  Repeat it for each run.",
+    )
+    @click.option(
+        "--again",
+        multiple=True,
+        type=int,
+        metavar="N",
+        help="Drive run N of an interrupted calibration again.",
+    )
+    @functools.wraps(command)
+    def measure(
+        job: Job, speed: float, runs: Tuple[str, ...], again: Tuple[int, ...], **options: Any
+    ) -> None:
+        settings, legs = command(Speeds(speed), **options)
+        _geometry(CalibrationPlan(command.__name__, settings, legs, runs, again), job)
+
+    return measure
+
+
+@click.command()
+@job_options
+@value_option("--distance", Between(0.3, 20.0), 2.0, "Length of a run [m].")
+@value_option("--count", RUNS, 4, "Runs, alternately there and back.")
+@_by_runs
+def straight(speeds: Speeds, distance: float, count: int) -> Tuple[Mapping[str, float], List[Leg]]:
+    """Measure counts per metre, and the left/right offset Cm.
+
+    \b
+    Examples:
+      mrl calibrate straight --port /dev/ttyACM0 --distance 3
+      mrl calibrate straight --robot traxbot --output lab3.yaml --run a.mrl:2.01,0.02 --run b.mrl:2.0,0.03
+    """
+    return {"distance_m": distance, "count": count}, straight_legs(count, distance, speeds)
+
+
+@click.command(short_help="Measure the slip offset Cs of tracks, or the wheelbase of wheels.")
+@job_options
+@value_option("--turns", TURNS, 2, "Whole turns per run.")
+@value_option("--count", RUNS, 6, "Runs, alternately left and right.")
+@_by_runs
+def turn(speeds: Speeds, turns: int, count: int) -> Tuple[Mapping[str, float], List[Leg]]:
+    """Measure the slip offset Cs of tracks, or the wheelbase of wheels, by turning in place.
+
+    The first two runs are one turn each, so that the number of turns in the others is known.
+
+    \b
+    Example:
+      mrl calibrate turn --robot lab3.yaml --port /dev/ttyACM0 --turns 3
+    """
+    return {"turns": turns, "count": count}, turn_legs(count, turns, speeds)
+
+
+@click.command(short_help="Measure wheel ratio, wheelbase and noise, by squares.")
+@job_options
+@value_option("--side", Between(0.3, 10.0), 1.0, "Side of the square [m].")
+@value_option("--laps", int, 5, "Laps in each direction, at least 2.")
+@_by_runs
+def umbmark(speeds: Speeds, side: float, laps: int) -> Tuple[Mapping[str, float], List[Leg]]:
+    """Measure wheel ratio, wheelbase and noise, by squares in both directions (Borenstein and Feng 1996).
+
+    \b
+    Examples:
+      mrl calibrate umbmark --robot lab3.yaml --port /dev/ttyACM0
+      mrl calibrate umbmark --port /dev/pts/3 --truth truth.jsonl --laps 3 --yes     an emulated robot
+    """
+    require_laps(laps, "counter-clockwise")
+    return {"side_m": side, "laps": laps}, umbmark_legs(laps, side, speeds)
+
+
+def _lines(outcome: Outcome) -> List[str]:
+    """Return lines about the errors of the runs, before and after."""
+    lines = []
+    for name, found in (("before", outcome.errors_before), ("after", outcome.errors_after)):
+        off_m, yaw = np.hypot(found[:, 0], found[:, 1]), np.abs(found[:, 2])
+        turned = (
+            f"{math.degrees(np.nanmax(yaw)):.2f} deg" if np.isfinite(yaw).any() else "heading not measured"
+        )
+        lines.append(
+            f"end errors {name}: mean {off_m.mean() * 1000:.1f} mm, worst {off_m.max() * 1000:.1f} mm, {turned}"
+        )
+    if outcome.after.metres_per_count != outcome.before.metres_per_count:
+        before, after = (1 / drive.metres_per_count for drive in (outcome.before, outcome.after))
+        lines.append(f"counts per metre: {before:.1f} before, {after:.1f} after")
+    if outcome.square is not None:
+        square = outcome.square
+        lines.append(
+            f"UMBmark: E_d {square.wheel_ratio:.5f}, E_b {square.wheelbase_ratio:.5f}, type A "
+            f"{math.degrees(square.corner_excess_rad):.2f} deg per corner, type B "
+            f"{math.degrees(square.side_bend_rad):.2f} deg per side, E_max {square.worst_m * 1000:.1f} mm"
+        )
+    return lines
+
+
+def _facts(outcome: Outcome) -> Dict[str, Any]:
+    """Return the facts of an outcome as a mapping, for JSON."""
+    facts: Dict[str, Any] = {
+        "runs": len(outcome.errors_before),
+        "drive_before": outcome.before._asdict(),
+        "drive_after": outcome.after._asdict(),
+        "errors_before_m_rad": outcome.errors_before.tolist(),
+        "errors_after_m_rad": outcome.errors_after.tolist(),
+        "noise": dict(outcome.noise),
+    }
+    if outcome.square is not None:
+        facts["umbmark"] = outcome.square._asdict()
+    return facts
+
+
+def _draw(outcome: Outcome, senses: Sequence[str], path: str) -> None:
+    """Plot the errors of the ends before and after, by direction; as in Borenstein and Feng 1996."""
+    figure = figures.figure(6.0, 5.6)
+    axes = figure.add_subplot()
+    for name, colour in ((LEFT, BLUE), ("clockwise, or straight", ORANGE)):
+        mine = np.array([(each == LEFT) == (name == LEFT) for each in senses])
+        if not mine.any():
+            continue
+        for when, sign, found in (
+            ("before", "o", outcome.errors_before),
+            ("after", "+", outcome.errors_after),
+        ):
+            axes.plot(*(1000 * found[mine, :2].T), sign, mfc="none", color=colour, label=f"{name}, {when}")
+    axes.axhline(0, color=GREY, linewidth=0.8)
+    axes.axvline(0, color=GREY, linewidth=0.8)
+    axes.set(
+        xlabel="measured end minus odometry, x [mm]",
+        ylabel="measured end minus odometry, y [mm]",
+        aspect="equal",
+        title="Errors of the odometry at the ends of the runs",
+    )
+    axes.margins(0.15)
+    axes.legend(fontsize="small")
+    figures.save(figure, path)

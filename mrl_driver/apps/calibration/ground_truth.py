@@ -1,17 +1,23 @@
-"""Measures the true pose of a robot before and after each run."""
+"""Measures the true pose of a robot before and after each run: by the emulator, or by a person at the terminal."""
 
 import json
 import math
 import os
-from typing import Callable, Protocol
+import sys
+from typing import Any, Callable, NamedTuple, Optional, Protocol
+
+from rich.console import Console
+from rich.prompt import Prompt
+from rich.text import Text
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import open_plain
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 
+console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+"""Prompts and progress go to stderr, results to stdout."""
+NOT_MEASURED = Pose(math.nan, math.nan, math.nan)
 _TAIL_BYTES = 4096
-
-
 Check = Callable[[Pose], None]  # raises ConfigError for an impossible end
 
 
@@ -84,3 +90,78 @@ def parse_pose(text: str) -> Pose:
         raise ConfigError(f"got {text!r}, expected x and y in metres, not centimetres")
     yaw_rad = wrap_angle(math.radians(numbers[2])) if len(numbers) == 3 else math.nan
     return Pose(numbers[0], numbers[1], yaw_rad)
+
+
+# -- a person
+
+
+class ByHand(NamedTuple):
+    """A ruler that asks the user to measure."""
+
+    mark: str  # what to do before a run
+    question: str  # what to answer after it
+    parse: Callable[[str], Pose]  # the pose of an answer
+    kept: str = ""  # what the user should know before Ctrl-C
+    default: Any = ...  # answer for only Enter; without it there must be one
+
+    def begin(self, run: str) -> None:
+        """Ask for the mark on the floor."""
+        console.print(f"\n{run}", style="bold")
+        console.print(f"{self.mark} on the floor, and clear its path.")
+        Prompt.ask(Text("Press Enter to drive"), console=console, default="", show_default=False)
+
+    def end(self, run: str, check: Check) -> Pose:
+        """Ask until the answer is plausible; the robot may be turned by hand before the answer."""
+        while True:
+            text = Prompt.ask(Text(self.question), console=console, default=self.default, show_default=False)
+            try:
+                pose = self.parse(text)
+                check(pose)
+                return pose
+            except ConfigError as error:
+                console.print(f"{error}; measure again, or end with Ctrl-C{self.kept}")
+
+
+TAPE_MEASURE = ByHand(
+    "Mark the robot's position and heading",
+    "Measure from the mark: x y [m], and the heading [deg] if you can",
+    parse_pose,
+    ": earlier runs are kept",
+)
+
+
+def _heading(text: str) -> Pose:
+    """Parse a heading [deg]; return it as a pose without a position, in (-pi, pi]."""
+    try:
+        heading_rad = wrap_angle(math.radians(float(text)))
+    except ValueError:
+        heading_rad = math.nan
+    if math.isnan(heading_rad):
+        raise ConfigError(f"got {text!r}, expected a heading in degrees, such as -1.5, or only Enter")
+    return NOT_MEASURED._replace(yaw_rad=heading_rad)
+
+
+HEADING_MARK = ByHand(
+    "Align a side of the robot with a straight line",
+    "Turn the robot slowly by hand until the same side lies along the line again, and press Enter; or type its heading "
+    "[deg], counter-clockwise from the start",
+    _heading,
+    default="0",
+)
+
+
+def require_terminal(instead: str) -> None:
+    """Raise ConfigError if stdin is not a terminal."""
+    if not sys.stdin.isatty():
+        raise ConfigError(f"stdin is not a terminal; give {instead}")
+
+
+def ruler_for(truth: Optional[str], heading_only: bool = False) -> Ruler:
+    """Return a ruler: the emulator's ground truth, or a user with a tape or a line on the floor."""
+    if truth is not None:
+        return Truth(truth_file(truth), console.print)
+    if heading_only:
+        require_terminal("--truth FILE for an emulated robot")
+        return HEADING_MARK
+    require_terminal("--truth FILE for an emulated robot, or --run FILE:X,Y,HEADING for recordings")
+    return TAPE_MEASURE

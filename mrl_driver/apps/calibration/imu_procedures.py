@@ -1,29 +1,36 @@
-"""Calibrates the IMU: its mounting angles, and the scale of its gyro.  It drives; `imu_fit` computes."""
+"""`mrl calibrate imu`: its mounting angles, and the scale of its gyro.  It drives; `imu_fit` computes."""
 
 import math
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from functools import partial
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
 
+import click
 import numpy as np
 
+from mrl_driver import figures
+from mrl_driver.cli.commands.shared import Between, print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
+from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import ImuMount, OmniDrive, RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 
-from . import imu_fit, manoeuvres
+from . import fit, imu_fit, manoeuvres
 from .calibration_files import Key
+from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
 from .fit import Measured
-from .geometry_procedures import Leg
-from .ground_truth import Ruler
+from .geometry_procedures import Leg, turn_legs
+from .ground_truth import Ruler, console, ruler_for
 from .imu_fit import Push, Rest, Turned
 from .manoeuvres import Speeds
 
 STAND_S, REST_S = 5.0, 3.0  # time at rest at the start, and before and after each turn [s]
 PATIENCE_S = 20.0  # a robot that somebody has just put down must stand still within this time
 CAPABILITY = "imu"
+IMU_PERIOD_MS = 20  # time between two readings of the IMU
 
 
 class ImuPlan(NamedTuple):
@@ -199,3 +206,97 @@ def values_for(outcome: ImuOutcome) -> Dict[Key, float]:
     if not math.isnan(outcome.yaw_sd_rad):
         names.insert(2, "yaw_deg")
     return {("imu", name): getattr(outcome.after, name) for name in names}
+
+
+# -- the command
+
+
+@click.command(short_help="Measure the mounting angles of the IMU, and the scale of its gyro.")
+@job_options
+@value_option("--turns", TURNS, 3, "Whole turns per run.")
+@value_option("--count", RUNS, 4, "Runs, alternately left and right.")
+@value_option(
+    "--distance",
+    Between(0.0, 5.0),
+    0.4,
+    "Length of the straight drives [m]; 0 leaves them out, and the yaw of the mount stays as it is.",
+)
+def imu(job: Job, turns: int, count: int, distance: float) -> None:
+    """Measure the mounting angles of the IMU, and the scale of its gyro.
+
+    Needs a level floor with a straight line on it, such as a joint or a strip of tape.  The robot stands still, which
+    gives bias, noise, and roll and pitch of the mount.  It drives forward and back, which gives the yaw.  Then it turns
+    in place, counter-clockwise and clockwise; after each run you align it with the line again, by hand.  The gyro
+    notices this too, so that the true angle is a number of whole turns.  The first two runs are one turn each.
+
+    Takes 3 min; after Ctrl-C it starts from the beginning.
+
+    \b
+    Examples:
+      mrl calibrate imu --robot traxbot-1.yaml --port /dev/ttyACM0
+      mrl calibrate imu --port /dev/pts/3 --truth truth.jsonl --yes     an emulated robot
+    """
+    ruler, speeds = ruler_for(job.truth, heading_only=True), Speeds()
+    plan = ImuPlan(turn_legs(count, turns, speeds), distance, speeds)
+    with job.robot(imu_period_ms=IMU_PERIOD_MS) as (driver, model, output):
+        require_imu(driver)
+        drives = f"drives {distance:g} m forward and back, and turns" if distance else "turns"
+        job.confirm_drive(f"The robot {drives} in place. Does it stand on a level floor, with its path free?")
+        measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
+        outcome = calibrate(driver, ImuTrack(driver), ruler, plan, measured, console.print)
+        if outcome.trouble:
+            print_message(
+                f"warning: {outcome.trouble}; imu.yaw_deg stays {outcome.after.yaw_deg:g}, measure it with a protractor"
+            )
+        values, lines, draw = values_for(outcome), _lines(outcome), partial(_draw, outcome)
+        job.finish(Result("imu", model, output, values, lines, _facts(outcome), draw))
+
+
+def _lines(outcome: ImuOutcome) -> List[str]:
+    """Return lines about bias, noise, and the errors of the turns before and after."""
+    rest = outcome.rest
+    before, after = (
+        _in_degrees(turn.error_rad(mount.gyro_scale) for turn in outcome.turns)
+        for mount in (outcome.before, outcome.after)
+    )
+    return [
+        f"gyro at rest, axes of the chip: bias {_in_degrees(rest.gyro_rad_s)} deg/s, "
+        f"noise {_in_degrees(rest.gyro_sd_rad_s)} deg/s",
+        f"errors of the turns before: {before} deg",
+        f"errors of the turns after:  {after} deg",
+    ]
+
+
+def _in_degrees(values: Iterable[float]) -> str:
+    return ", ".join(f"{math.degrees(value):.2f}" for value in values)
+
+
+def _facts(outcome: ImuOutcome) -> Dict[str, Any]:
+    """Return the facts of the calibration as a mapping, for JSON."""
+    yaw_sd = outcome.yaw_sd_rad
+    return {
+        "bias_rad_s": outcome.rest.gyro_rad_s.tolist(),
+        "noise_rad_s": outcome.rest.gyro_sd_rad_s.tolist(),
+        "gravity_m_s2": outcome.rest.accel_m_s2.tolist(),
+        "mount_before": outcome.before._asdict(),
+        "mount_after": outcome.after._asdict(),
+        "yaw_sd_rad": None if math.isnan(yaw_sd) else yaw_sd,
+        "turns": [turn._asdict() for turn in outcome.turns],
+    }
+
+
+def _draw(outcome: ImuOutcome, path: str) -> None:
+    """Plot the error of the gyro over the angle of each turn, before and after."""
+    figure = figures.figure(6.0, 4.0)
+    axes = figure.add_subplot()
+    angles = np.degrees([turn.true_rad for turn in outcome.turns])
+    for name, style, colour, mount in (
+        ("before", "o", ORANGE, outcome.before),
+        ("after", "+", BLUE, outcome.after),
+    ):
+        errors = np.degrees([turn.error_rad(mount.gyro_scale) for turn in outcome.turns])
+        axes.plot(angles, errors, style, color=colour, label=f"{name}, scale {mount.gyro_scale:.4f}")
+    axes.axhline(0, color=GREY, linewidth=0.8)
+    axes.set(xlabel="true angle [deg]", ylabel="gyro minus truth [deg]", title="Errors of the gyro")
+    axes.legend(fontsize="small")
+    figures.save(figure, path)

@@ -1,18 +1,33 @@
-"""Calibrates the sonars' curve.  It drives; `robot.sonar_curve` computes."""
+"""`mrl calibrate sonar`: drives up to a wall; `robot.sonar_curve` fits the sonars' curve."""
 
-from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
+import contextlib
+import csv
+import io
+import math
+import os
+from functools import partial
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
+import click
 import numpy as np
 
+from mrl_driver import figures
+from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.driver import Driver
-from mrl_driver.errors import ConfigError
-from mrl_driver.robot import sonar_curve
-from mrl_driver.robot.models import Drive
-from mrl_driver.robot.sonar_curve import Curve
+from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.figures import BLUE, GREY, ORANGE
+from mrl_driver.files import read_plain, replace_file
+from mrl_driver.robot import models, sonar_curve
+from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.sonar_curve import THESIS, Curve, SonarFit
 
-from . import manoeuvres
+from . import from_recording, manoeuvres
+from .commands.calibrate_job import Job, Result, job_options, recording_option, value_option
+from .ground_truth import console
 from .manoeuvres import Speeds, Track
 
+Points = Tuple[List[float], List[float]]  # readings and distances [m]
+_LONGEST_POINTS = 1 << 22  # longest file of points read [byte]; a calibration makes some thousand
 STOP_S, FRESH_S = 1.5, 0.7
 """Duration of a stop in front of the wall, and time after which the readings belong to this stop [s]."""
 READINGS, MIN_RANGE_SHARE = 5, 0.7
@@ -118,3 +133,167 @@ def curve_in_force(robot: Driver) -> Curve:
 def curve_values(curve: Curve) -> Dict[str, int]:
     """The board's parameters for a curve."""
     return {f"sonar_{name}": round(value * 1e4) for name, value in curve.on_wire()._asdict().items()}
+
+
+# -- the command
+
+
+@click.command(short_help="Measure the curve of the sonars, range_cm = a s^b + c.")
+@job_options
+@value_option("--start", float, 2.0, "Distance of the front sonar from the wall at the start [m].")
+@value_option("--stop", float, 0.2, "Smallest distance [m].")
+@value_option("--step", float, 0.05, "Distance between two readings [m].")
+@click.option(
+    "--points", metavar="FILE", help="Instead of driving: a file with lines of distance [m], reading [m]."
+)
+@recording_option
+def sonar(
+    job: Job, start: float, stop: float, step: float, points: Optional[str], recording: Optional[str]
+) -> None:
+    """Measure the curve of the sonars, range_cm = a s^b + c, in front of a flat wall.
+
+    Asks, then drives up to the wall by its odometry.  Run mrl calibrate straight first.
+
+    \b
+    Examples:
+      mrl calibrate sonar --robot lab3.yaml --port /dev/ttyACM0 --start 2
+      mrl calibrate sonar --robot lab3.yaml --points wall.csv --plot curve.png
+    """
+    plan = SonarPlan(start, stop, step)
+    plan.distances()
+    if points is not None or recording is not None:
+        model, output = job.recorded_robot()
+        if points is not None:
+            readings = read_points(points)
+        else:
+            rows = from_recording.read(str(recording), model).rows
+            readings = readings_at_stops(rows, model.differential, start)
+        job.finish(_fitted(readings, _model_curve(model), model, output))
+        return
+    with job.robot() as (driver, model, output):
+        require_sonars(driver)
+        kept = f"{os.path.splitext(output)[0]}.sonar.csv"
+        readings = _approach(driver, plan, kept, job)
+        result = _fitted(readings, curve_in_force(driver), model, output)
+        job.finish(result)
+        os.remove(kept)
+        job.offer_eeprom(driver, result)
+
+
+def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
+    """Drive up to the wall, on from the readings in the file `kept`, and add the new ones to it."""
+    assert driver.model is not None
+    drive = driver.model.differential
+    if job.restart and os.path.exists(kept):
+        os.remove(kept)
+    earlier = readings = read_points(kept) if os.path.exists(kept) else ([], [])
+    nearest_m = min(earlier[1], default=math.inf)
+    remaining = [each for each in plan.distances() if each < nearest_m - plan.step_m / 2]
+    if earlier[1]:
+        console.print(
+            f"{len(earlier[1])} of {len(earlier[1]) + len(remaining)} distances are already in {kept}"
+        )
+    if not remaining:
+        return earlier
+    job.confirm_drive(
+        f"The robot drives {remaining[0] - remaining[-1]:.2f} m forward. Does the front sonar point at a wall "
+        f"{remaining[0]:.2f} m away, and is the path free?",
+    )
+
+    def keep(rows: np.ndarray) -> None:
+        nonlocal readings
+        ranges, distances = readings_at_stops(rows, drive, remaining[0])
+        readings = earlier[0] + ranges, earlier[1] + distances
+        _keep_points(kept, *readings)
+
+    try:
+        approach_wall(driver, Track(driver), remaining, Speeds(), console.print, keep)
+    except BaseException:
+        with contextlib.suppress(MrlError):
+            driver.stop()
+        if readings[1]:
+            print_message(f"{len(readings[1])} distances are kept in {kept}; repeat the command to continue")
+        raise
+    return readings
+
+
+def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float]) -> None:
+    """Write the sonar's readings so far, in the format that `read_points` reads."""
+    rows = [
+        f"{distance:.4f},{'-' if math.isnan(reading) else f'{reading:.4f}'}\n"
+        for reading, distance in zip(ranges, distances)
+    ]
+    replace_file(path, "# distance [m], reading [m]; from mrl calibrate sonar\n" + "".join(rows))
+
+
+def _model_curve(model: RobotModel) -> Curve:
+    """Return the model's own curve, or that of the thesis."""
+    if not all(name in model.board for name in models.CURVE_KEYS):
+        return THESIS
+    return Curve(*(model.board[name] / 1e4 for name in models.CURVE_KEYS))
+
+
+def read_points(path: str) -> Points:
+    """Return readings and distances [m] from a file; `-` or `inf` means no reading.  A ConfigError names the line."""
+    ranges, distances = [], []
+    try:
+        text = read_plain(path, _LONGEST_POINTS).decode("utf-8-sig")
+        for number, row in enumerate(csv.reader(io.StringIO(text, newline="")), 1):
+            if not row or row[0].lstrip().startswith("#"):
+                continue
+            try:
+                distance, reading = float(row[0]), math.nan if row[1].strip() == "-" else float(row[1])
+            except (ValueError, IndexError):
+                raise ConfigError(
+                    f"{path}:{number}: got {','.join(row)[:40]!r}, expected distance,reading in metres"
+                ) from None
+            distances.append(distance)
+            ranges.append(reading if math.isfinite(reading) else math.nan)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ConfigError(f"{path} cannot be read: {error}") from None
+    return ranges, distances
+
+
+def _fitted(readings: Points, present: Curve, model: RobotModel, output: str) -> Result:
+    """Fit the curve to readings that were made with the curve `present`."""
+    ranges, truth = (np.array(each) for each in readings)
+    counts = present.counts(ranges)
+    fit = sonar_curve.fit(counts.tolist(), readings[1])
+    wire, off_m = fit.curve.on_wire(), float(np.abs(ranges - truth)[fit.used].max())
+    lines = [
+        f"before: {_formula(present)}, worst error {off_m * 100:.1f} cm",
+        f"after:  {_formula(wire)}, worst error {fit.worst_m * 100:.1f} cm, R2 {fit.r2:.5f}, {len(truth)} distances",
+    ]
+    facts = {"before": present._asdict(), "after": wire._asdict(), "r2": fit.r2, "worst_m": fit.worst_m}
+    values = {("board", name): value for name, value in curve_values(fit.curve).items()}
+    return Result("sonar", model, output, values, lines, facts, partial(_draw, counts, truth, fit))
+
+
+def _formula(curve: Curve) -> str:
+    return f"{curve.a:.4f} s^{curve.b:.4f} {curve.c:+.4f}"
+
+
+def _draw(counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFit, path: str) -> None:
+    """Plot the curve, the readings (N,), and the remaining errors."""
+    figure = figures.figure(7.0, 6.0)
+    upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})
+    valid = np.isfinite(counts)
+    line = np.linspace(max(1.0, counts[valid].min() * 0.8), counts[valid].max() * 1.05, 200)
+    a, b, c = fit.curve
+    upper.plot(
+        line, 100 * fit.curve.range_m(line), color=BLUE, label=f"{a:.4f} s^{b:.5f} {c:+.4f}, R² {fit.r2:.5f}"
+    )
+    upper.plot(
+        line,
+        100 * THESIS.range_m(line),
+        "--",
+        color=GREY,
+        label="Araujo 2012: 1.1767 s^0.94657 -0.3759, R² 0.9992",
+    )
+    upper.plot(counts[fit.used], 100 * ranges_m[fit.used], "o", color=ORANGE, markersize=4, label="readings")
+    upper.set(ylabel="distance [cm]", title="Sonar curve")
+    upper.legend(fontsize="small")
+    lower.axhline(0, color=GREY, linewidth=0.8)
+    lower.plot(counts[fit.used], 100 * fit.errors_m[fit.used], "o", color=ORANGE, markersize=4)
+    lower.set(xlabel="ADC count s", ylabel="curve minus\ndistance [cm]")
+    figures.save(figure, path)

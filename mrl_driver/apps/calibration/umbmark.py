@@ -29,7 +29,7 @@ class UmbmarkResult(NamedTuple):
     """The paper's measure of accuracy: the distance from zero of the centre that is farther away."""
 
 
-def evaluate(
+def closed_form(
     left: Sequence[Point], right: Sequence[Point], side_m: float, separation_m: float
 ) -> UmbmarkResult:
     """The paper's closed form, exact for small errors; raise ConfigError if there are too few laps.

@@ -1,27 +1,19 @@
 """`mrl tip-over`: tip-over margin of a vehicle, its largest safe acceleration, and the force that tips it over."""
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, Optional
+from typing import Any, Dict, Optional
 
 import click
 
 from mrl_driver.cli.commands.shared import Between, json_option, print_json
 from mrl_driver.errors import ConfigError
 
-if TYPE_CHECKING:
-    from mrl_driver.apps.tip_over.margin import Situation, Vector
-    from mrl_driver.apps.tip_over.sweep import Range
+from . import margin, margin_plot, sweep, vehicle_file
+from .margin import Push, Situation, Vector
 
 _LINES = 12  # most lines of a sweep that are printed
-_NAMED = {
-    "forward": (1.0, 0.0, 0.0),
-    "back": (-1.0, 0.0, 0.0),
-    "left": (0.0, 1.0, 0.0),
-    "right": (0.0, -1.0, 0.0),
-    "up": (0.0, 0.0, 1.0),
-    "down": (0.0, 0.0, -1.0),
-}
-"""Directions of a force, by name."""
+_NAMED: Dict[str, Vector] = {name: (*level, 0.0) for name, level in margin.DIRECTIONS.items()}
+_NAMED.update(up=(0.0, 0.0, 1.0), down=(0.0, 0.0, -1.0))  # directions of a force, by name
 
 
 def _number(name: str, low: float, high: float, unit: str, text: str, **options: Any) -> Any:
@@ -88,10 +80,8 @@ def tip_over(
       mrl tip-over mecanum-arm --force 30 --direction left
       mrl tip-over mecanum-arm --sweep arm-angle=0:180 --plot angle.png
     """
-    from mrl_driver.apps.tip_over import margin, sweep, vehicle_file
-
     as_json = given.pop("as_json")
-    situation = _situation(margin.Situation(vehicle_file.load(vehicle)), swept or "", **given)
+    situation = _situation(Situation(vehicle_file.load(vehicle)), swept or "", **given)
     if swept is not None:
         _show_sweep(situation, sweep.parse(swept), math.radians(reserve), picture, as_json)
     else:
@@ -99,11 +89,9 @@ def tip_over(
 
 
 def _situation(
-    situation: "Situation", swept: str, *, at: Optional[str], direction: str, slope: float, **given: Any
-) -> "Situation":
+    situation: Situation, swept: str, *, at: Optional[str], direction: str, slope: float, **given: Any
+) -> Situation:
     """The vehicle and what acts on it, from the options."""
-    from mrl_driver.apps.tip_over.margin import Push
-
     acceleration, force = given.pop("acceleration"), given["force"]
     named = {"acceleration": acceleration or None, **given}
     twice = [name.replace("_", "-") for name, value in named.items() if value is not None]
@@ -125,7 +113,7 @@ def _situation(
     return situation._replace(acceleration_m_s2=acceleration, slope_rad=math.radians(slope), push=push)
 
 
-def _vector(option: str, text: str) -> "Vector":
+def _vector(option: str, text: str) -> Vector:
     try:
         x, y, z = map(float, text.split(","))
     except ValueError:
@@ -135,7 +123,7 @@ def _vector(option: str, text: str) -> "Vector":
     return x, y, z
 
 
-def _direction(text: str) -> Optional["Vector"]:
+def _direction(text: str) -> Optional[Vector]:
     if text == "worst":
         return None
     if text in _NAMED:
@@ -152,21 +140,17 @@ def _direction(text: str) -> Optional["Vector"]:
 # -- accelerations, and a force
 
 
-def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as_json: bool) -> None:
-    from mrl_driver.apps.tip_over import margin
-
+def _show(situation: Situation, reserve_rad: float, picture: Optional[str], as_json: bool) -> None:
     vehicle, push = situation.vehicle, situation.push
     if picture:
-        from mrl_driver.apps.tip_over import margin_plot
-
         margin_plot.draw(situation, picture, reserve_rad)
     made: Dict[str, Any] = {
         "vehicle": vehicle.name,
         "whole": vehicle.whole._asdict(),
-        "margin_rad": margin.Situation(vehicle).margin().angle_rad,
+        "margin_rad": Situation(vehicle).margin().angle_rad,
         "tips_m_s2": margin.limits(situation),
         "limit_m_s2": margin.limits(situation, reserve_rad),
-        "limit_anywhere_m_s2": margin.greatest_acceleration_anywhere(situation, reserve_rad),
+        "limit_anywhere_m_s2": margin.greatest_acceleration(situation, None, reserve_rad),
         "reserve_rad": reserve_rad,
         "slope_rad": situation.slope_rad,
         "picture": picture,
@@ -191,7 +175,7 @@ def _show(situation: "Situation", reserve_rad: float, picture: Optional[str], as
         click.echo(picture)
 
 
-def _print(situation: "Situation", made: Dict[str, Any], reserve: float) -> None:
+def _print(situation: Situation, made: Dict[str, Any], reserve: float) -> None:
     mass, tips, kept = situation.vehicle.whole, made["tips_m_s2"], made["limit_m_s2"]
     click.echo(
         f"{situation.vehicle.name}: {mass.mass_kg:g} kg, centre of mass at x {mass.x_m:.3f} m, y {mass.y_m:.3f} m, "
@@ -212,7 +196,7 @@ def _print(situation: "Situation", made: Dict[str, Any], reserve: float) -> None
     )
 
 
-def _print_load(situation: "Situation", made: Dict[str, Any], reserve: float) -> None:
+def _print_load(situation: Situation, made: Dict[str, Any], reserve: float) -> None:
     parts = [f"{situation.acceleration_m_s2:g} m/s2 in the worst direction"] * bool(
         situation.acceleration_m_s2
     )
@@ -227,7 +211,7 @@ def _print_load(situation: "Situation", made: Dict[str, Any], reserve: float) ->
         )
 
 
-def _text(vector: "Vector") -> str:
+def _text(vector: Vector) -> str:
     return ", ".join(f"{each:.2f}" for each in vector)
 
 
@@ -239,15 +223,11 @@ def _margin_text(angle_rad: float) -> str:
 
 
 def _show_sweep(
-    situation: "Situation", over: "Range", reserve_rad: float, picture: Optional[str], as_json: bool
+    situation: Situation, over: sweep.Range, reserve_rad: float, picture: Optional[str], as_json: bool
 ) -> None:
-    from mrl_driver.apps.tip_over import sweep
-
     found = sweep.sweep(situation, over)
     turning = sweep.crossings(situation, over, found)
     if picture:
-        from mrl_driver.apps.tip_over import margin_plot
-
         margin_plot.draw_sweep(situation, over, picture, reserve_rad)
     if as_json:
         print_json(
@@ -256,7 +236,7 @@ def _show_sweep(
                 "quantity": over.name,
                 "unit": over.quantity.unit,
                 "values": [value for value, _ in found],
-                "margin_rad": [margin.angle_rad for _, margin in found],
+                "margin_rad": [each.angle_rad for _, each in found],
                 "crossings": turning,
                 "picture": picture,
             }
@@ -264,8 +244,8 @@ def _show_sweep(
         return
     unit = over.quantity.unit
     click.echo(f"{f'{over.name} [{unit}]':>22}  least margin")
-    for value, margin in found[:: (len(found) - 1) // _LINES]:
-        click.echo(f"{value:22g}  {_margin_text(margin.angle_rad)}")
+    for value, each in found[:: (len(found) - 1) // _LINES]:
+        click.echo(f"{value:22g}  {_margin_text(each.angle_rad)}")
     for value in turning:
         click.echo(f"margin 0 at {value:.4g} {unit}")
     if picture:

@@ -113,21 +113,32 @@ class Margin(NamedTuple):
 
 
 class Situation(NamedTuple):
-    """A vehicle and what acts on it; acceleration and slope are in the worst direction of each tip-over axis."""
+    """A vehicle and what acts on it.  The ground slopes so that weight and inertia add up."""
 
     vehicle: Vehicle
     acceleration_m_s2: float = 0.0
     slope_rad: float = 0.0
     push: Push = NO_PUSH
+    direction: Optional[Point] = None
+    """Of the acceleration, a unit vector along the ground; in a curve, v * omega acts towards the inside.  None is the
+    worst direction of each tip-over axis."""
+
+    def margins(self) -> List[Margin]:
+        """Return the margin of each tip-over axis, counter-clockwise.
+
+        Raises:
+            ConfigError: the contact points do not span an area, or the push needs an arm.
+        """
+        found, acceleration, slope = [], self.acceleration_m_s2, math.sin(self.slope_rad)
+        for plane in _planes(self.vehicle):
+            x, y = self.direction or (-plane.out[0], -plane.out[1])
+            inertia, downhill = (x * acceleration, y * acceleration), (-x * slope, -y * slope)
+            found.append(_margin(self.vehicle, plane, inertia, downhill, self.push))
+        return found
 
     def margin(self) -> Margin:
-        """Return the least margin; raise ConfigError as `margins` does."""
-        found, downhill = [], math.sin(self.slope_rad)
-        for plane in _planes(self.vehicle):
-            x, y = plane.out
-            inwards = (-x * self.acceleration_m_s2, -y * self.acceleration_m_s2)
-            found.append(_margin(self.vehicle, plane, inwards, (x * downhill, y * downhill), self.push))
-        return least(found)
+        """Return the least margin: the vehicle tips over this axis first.  Raise ConfigError as `margins` does."""
+        return min(self.margins(), key=lambda margin: margin.angle_rad)
 
     def with_arm(self, **values: float) -> "Situation":
         """Return the situation with other attributes of the arm; raise ConfigError if the vehicle has none."""
@@ -137,51 +148,22 @@ class Situation(NamedTuple):
             raise ConfigError(f"vehicle {name} has no arm, expected a vehicle's .yaml with the key arm")
         return self._replace(vehicle=self.vehicle._replace(arm=arm._replace(**values)))
 
-
-def margins(
-    vehicle: Vehicle, acceleration_m_s2: Point = (0.0, 0.0), slope: Point = (0.0, 0.0), push: Push = NO_PUSH
-) -> List[Margin]:
-    """Return the margin of each tip-over axis, counter-clockwise.
-
-    The acceleration is along the ground; in a curve it includes v * omega towards the inside.  `slope` is the downhill
-    direction, as a vector of length sin(slope).
-
-    Raises:
-        ConfigError: the contact points do not span an area, or the push needs an arm.
-    """
-    return [_margin(vehicle, plane, acceleration_m_s2, slope, push) for plane in _planes(vehicle)]
+    def with_force(self, force_n: float) -> "Situation":
+        """Return the situation with another force of the push."""
+        return self._replace(push=self.push._replace(force_n=force_n))
 
 
-def least(found: Sequence[Margin]) -> Margin:
-    """Return the smallest margin: the vehicle tips over this axis first."""
-    return min(found, key=lambda margin: margin.angle_rad)
-
-
-def greatest_acceleration(now: Situation, direction: Point, reserve_rad: float = 0.0) -> float:
+def greatest_acceleration(
+    now: Situation, direction: Optional[Point] = None, reserve_rad: float = 0.0
+) -> float:
     """Return the largest acceleration in a direction (unit vector) at which all margins keep the reserve [m/s2].
 
-    The ground slopes in the worst direction, so that weight and inertia add up.  The result is 0 if the vehicle does
+    Without a direction it is the one that keeps it whatever the direction is.  This may be less than in each of the
+    `DIRECTIONS`: a vehicle whose tip-over axes lie askew tips over between them.  The result is 0 if the vehicle does
     not have the reserve at rest, and `MOST_M_S2` if even that keeps it.
     """
-    x, y = direction
-    slope = (-x * math.sin(now.slope_rad), -y * math.sin(now.slope_rad))
-
-    def enough(value: float) -> bool:
-        return least(margins(now.vehicle, (x * value, y * value), slope, now.push)).angle_rad >= reserve_rad
-
-    return _greatest(enough, MOST_M_S2)
-
-
-def greatest_acceleration_anywhere(now: Situation, reserve_rad: float = 0.0) -> float:
-    """Return the largest acceleration at which all margins keep the reserve, whatever its direction is [m/s2].
-
-    It may be less than in each of the `DIRECTIONS`: a vehicle whose tip-over axes lie askew tips over between them.
-    """
-
-    def enough(value: float) -> bool:
-        return now._replace(acceleration_m_s2=value).margin().angle_rad >= reserve_rad
-
-    return _greatest(enough, MOST_M_S2)
+    now = now._replace(direction=direction)
+    return _greatest(lambda value: now._replace(acceleration_m_s2=value), reserve_rad, MOST_M_S2)
 
 
 def greatest_force(now: Situation, reserve_rad: float = 0.0) -> float:
@@ -189,11 +171,7 @@ def greatest_force(now: Situation, reserve_rad: float = 0.0) -> float:
 
     The result is 0 if the vehicle does not have the reserve without the force, and `MOST_N` if even that keeps it.
     """
-
-    def enough(value: float) -> bool:
-        return now._replace(push=now.push._replace(force_n=value)).margin().angle_rad >= reserve_rad
-
-    return _greatest(enough, MOST_N)
+    return _greatest(now.with_force, reserve_rad, MOST_N)
 
 
 def limits(now: Situation, reserve_rad: float = 0.0) -> Dict[str, float]:
@@ -201,8 +179,12 @@ def limits(now: Situation, reserve_rad: float = 0.0) -> Dict[str, float]:
     return {name: greatest_acceleration(now, each, reserve_rad) for name, each in DIRECTIONS.items()}
 
 
-def _greatest(enough: Callable[[float], bool], high: float) -> float:
-    """Return the largest value up to `high` that is enough; all smaller ones are, too."""
+def _greatest(situation_at: Callable[[float], Situation], reserve_rad: float, high: float) -> float:
+    """Return the largest value up to `high` that keeps the reserve; all smaller ones do, too."""
+
+    def enough(value: float) -> bool:
+        return situation_at(value).margin().angle_rad >= reserve_rad
+
     if not enough(0.0):
         return 0.0
     return high if enough(high) else bisect(enough, 0.0, high)

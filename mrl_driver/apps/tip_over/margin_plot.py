@@ -5,7 +5,7 @@ from typing import Any
 
 from mrl_driver import figures
 
-from .margin import DIRECTIONS, Situation, greatest_acceleration, least, limits, margins
+from .margin import DIRECTIONS, Situation, greatest_acceleration, limits
 from .sweep import Range, sweep
 
 _DIRECTIONS_DRAWN, _VALUES = 120, 100
@@ -58,13 +58,11 @@ def _finish(axes: Any, x_label: str, reserve_rad: float) -> None:
 
 def _draw_margins(axes: Any, now: Situation, reserve_rad: float) -> None:
     most = 1.05 * max(limits(now).values()) or 1.0
-    values, downhill = [most * i / _VALUES for i in range(_VALUES + 1)], math.sin(now.slope_rad)
-    for name, (x, y) in DIRECTIONS.items():
+    values = [most * i / _VALUES for i in range(_VALUES + 1)]
+    for name, direction in DIRECTIONS.items():
         colour, dashes = _LINES[name]
-        found = [
-            margins(now.vehicle, (x * v, y * v), (-x * downhill, -y * downhill), now.push) for v in values
-        ]
-        angles = [math.degrees(least(each).angle_rad) for each in found]
+        found = [now._replace(acceleration_m_s2=value, direction=direction).margin() for value in values]
+        angles = [math.degrees(each.angle_rad) for each in found]
         axes.plot(values, angles, dashes, color=colour, label=name)
     axes.axhline(0.0, color="black", linewidth=0.8)
     _finish(axes, "acceleration [m/s2]", reserve_rad)

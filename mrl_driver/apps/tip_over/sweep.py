@@ -26,9 +26,7 @@ QUANTITIES: Dict[str, Quantity] = {
     "acceleration": Quantity(
         "m/s2", 0.0, MOST_M_S2, lambda now, value: now._replace(acceleration_m_s2=value)
     ),
-    "force": Quantity(
-        "N", 0.0, MOST_N, lambda now, value: now._replace(push=now.push._replace(force_n=value))
-    ),
+    "force": Quantity("N", 0.0, MOST_N, Situation.with_force),
 }
 
 
@@ -77,8 +75,7 @@ def crossings(situation: Situation, over: Range, found: List[Tuple[float, Margin
         return over.quantity.change(situation, value).margin().angle_rad < 0
 
     made = []
-    for (low, _), (high, _) in zip(found, found[1:]):
-        before = tips(low)
-        if before != tips(high):
-            made.append(bisect(lambda value: tips(value) == before, low, high))  # noqa: B023
+    for (low, before), (high, after) in zip(found, found[1:]):
+        if (before.angle_rad < 0) != (after.angle_rad < 0):
+            made.append(bisect(lambda value: tips(value) == (before.angle_rad < 0), low, high))  # noqa: B023
     return made

@@ -1,16 +1,21 @@
 """`mrl doctor`: checks of computer, port, board and robot."""
 
+import contextlib
+import datetime
 import math
+import platform
 import re
 import sys
+import textwrap
 import time
-from typing import TYPE_CHECKING, Any, Dict, Iterable, List
+from typing import TYPE_CHECKING, Any, Dict, Generator, Iterator, List, Mapping, Optional, Sequence, Tuple
 
 import click
 
-from mrl_driver.cli.doctor.findings import FAULT, Finding, note, ok, verdict
+from mrl_driver.cli.doctor.findings import FAULT, NOTE, OK, WARNING, Finding, note, ok, verdict
 from mrl_driver.errors import BoardError, ConfigError, LinkError, MrlError, PortBusy, PortDenied, WrongRobot
 from mrl_driver.host.named_robots import Target
+from mrl_driver.program import version
 from mrl_driver.robot.models import Drive
 from mrl_driver.transport.address import is_network
 
@@ -20,10 +25,16 @@ from .progress import answered, waiting
 from .shared import Run, run_options
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from mrl_driver.driver import Driver
 
 FIRST_SONARS_S = 0.5
 _BEFORE_ADVICE = re.compile(r"; |: (?=check|choose|flash|set )")
+_MARKS = {OK: ("✓", "ok"), NOTE: ("·", "--"), WARNING: ("!", "!!"), FAULT: ("✗", "XX")}
+_STYLES = {OK: "green", NOTE: "dim", WARNING: "bold yellow", FAULT: "bold red"}
+_SUBJECT, _INDENT = 16, 20
+_WIDEST = 100
 
 
 @click.command()
@@ -58,117 +69,129 @@ def doctor(run: Run, drives: bool, hands: bool, report: bool) -> None:
             run.confirm("Are the wheels lifted off the ground?  Each turns forward for 2 s.")
         except click.Abort:
             drives = False  # the other checks still run
-    checkup = Checkup(run.target, drives, hands, quiet=report or run.as_json)
-    checkup.run()
-    _print(checkup, report, run.as_json)
-    if checkup.code:
-        sys.exit(checkup.code)
+    console = None if report or run.as_json else _console()
+    facts: Dict[str, Any] = {}
+    with contextlib.closing(_checks(run.target, drives, hands, facts)) as checks:
+        findings, code = _gathered(checks, run.target, console)
+    if run.as_json:
+        plain = [finding._asdict() for finding in findings]
+        port, said = run.target.port, verdict(findings)
+        shared.print_json({"port": port, "verdict": said, "findings": plain, "facts": facts})
+    elif console is None:
+        click.echo("\n".join(_report(findings, facts, run.target)))
+    else:
+        _conclude(findings, console)
+    if code:
+        sys.exit(code)
 
 
-class Checkup:
-    """Runs the checks and keeps the results: `findings`, `facts` of the board, and the exit `code`."""
+def _gathered(
+    checks: Iterator[Finding], target: Target, console: Optional["Console"]
+) -> Tuple[List[Finding], int]:
+    """Run the checks until an error, show each finding at once, and return all of them and the exit code."""
+    port = shared.require_port(target)
+    named = f"--robot {target.name}" if target.name else f"--port {port}"
+    findings: List[Finding] = []
 
-    def __init__(self, target: Target, drives: bool = False, hands: bool = False, quiet: bool = True) -> None:
-        self.target, self._drives, self._hands = target, drives, hands
-        self.findings: List[Finding] = []
-        self.facts: Dict[str, Any] = {}
-        self.code = 0
-        self._quiet = quiet
+    def add(finding: Finding) -> None:
+        findings.append(finding._replace(advice=finding.advice.replace("--port PORT", named)))
+        if console is not None:
+            _show(findings[-1], console)
 
-    def run(self) -> None:
-        """Run all checks, until one makes the rest impossible."""
-        from mrl_driver.cli.doctor import computer
-        from mrl_driver.transport.link import describe as describe_port
+    def faulty() -> bool:
+        return any(finding.level == FAULT for finding in findings)
 
-        port = shared.require_port(self.target)
-        self._add(computer.check(port, describe_port(port)))
-        try:
-            self._examine()
-        except MrlError as error:
-            self.code = error.exit_code
-            known = any(each.level == FAULT for each in self.findings)
-            if not (known and isinstance(error, (PortDenied, PortBusy))):
-                self._add([_of_error(error, port)])
-        if any(finding.level == FAULT for finding in self.findings):
-            self.code = self.code or 1
+    try:
+        for finding in checks:
+            add(finding)
+    except MrlError as error:
+        if not (faulty() and isinstance(error, (PortDenied, PortBusy))):
+            add(_of_error(error, port))
+        return findings, error.exit_code
+    return findings, 1 if faulty() else 0
 
-    def _add(self, found: Iterable[Finding]) -> None:
-        named = f"--robot {self.target.name}" if self.target.name else f"--port {self.target.port}"
-        for finding in found:
-            finding = finding._replace(advice=finding.advice.replace("--port PORT", named))
-            self.findings.append(finding)
-            if not self._quiet:
-                from .doctor_view import show
 
-                show(finding)
+def _checks(
+    target: Target, drives: bool, hands: bool, facts: Dict[str, Any]
+) -> Generator[Finding, None, None]:
+    """Check computer and port, then the board, even if no packaged model lists its id; `facts` get those of the board.
 
-    def _examine(self) -> None:
-        """Check the board, even if no packaged model lists its id."""
-        try:
-            self._examine_as(self.target)
-        except WrongRobot as error:
-            if self.facts or self.target.model != "auto":
-                raise
-            self._add([_of_error(error, shared.require_port(self.target))])
-            self._examine_as(self.target._replace(model="traxbot"), any_id=True)
+    The error that makes the rest impossible is raised.
+    """
+    from mrl_driver.cli.doctor import computer
+    from mrl_driver.transport.link import describe as describe_port
 
-    def _examine_as(self, target: Target, any_id: bool = False) -> None:
-        start_s = time.monotonic()
-        with answered(shared.connected(target, ignore_battery=True, any_id=any_id)) as driver:
-            self._add([ok("answer", f"after {time.monotonic() - start_s:.1f} s")])
-            self._check(driver, any_id)
+    port = shared.require_port(target)
+    yield from computer.check(port, describe_port(port))
+    try:
+        yield from _examine(target, drives, hands, facts)
+    except WrongRobot as error:
+        if facts or target.model != "auto":
+            raise
+        yield _of_error(error, port)
+        yield from _examine(target._replace(model="traxbot"), drives, hands, facts, any_id=True)
 
-    def _check(self, driver: "Driver", any_id: bool) -> None:
-        from mrl_driver.cli.doctor import board, parameters
 
-        if not any_id:
-            self._add(board.identity(driver.board, driver.model))
-        self._add(board.supply(driver.board, driver.model))
-        self._add(board.health(driver.status))
-        with waiting("watching the link"):
-            seen = board.watch(driver)
-        counts, missing = board.counters(driver), shared.await_sensors(driver)
-        self.facts = {
-            **describe(driver, shared.require_port(self.target)),
-            "rate_hz": seen.rate_hz,
-            "lost": seen.lost,
-            "garbage": seen.garbage,
-            "round_trips_ms": [round(each * 1000, 2) for each in seen.round_trips_s],
-            "refused_by_board": counts,
-        }
-        if driver.model is not None and driver.model.drives and driver.parameters.can_save and not any_id:
-            values = driver.parameters.read(*(row.name for row in driver.parameters.rows))
-            self.facts["parameters"] = values
-            self._add(parameters.check(values, driver.model))
-        self._add(board.link(seen, by_network=is_network(shared.require_port(self.target))))
-        self._add(board.refusals(counts, driver.model is None or driver.model.drives))
-        self._add(board.hold(driver.radio.hold))
-        self._add(board.gyro(driver))
-        self._add(board.build(driver))
-        shared.wait_until(
-            driver, lambda: not any(map(math.isnan, driver.ranges.values())), FIRST_SONARS_S, 0.05
-        )
-        self._add(board.sonars(driver.ranges, driver.board))
-        self._add(board.sensors(driver.sensors, missing))
-        self._check_motion(driver)
+def _examine(
+    target: Target, drives: bool, hands: bool, facts: Dict[str, Any], any_id: bool = False
+) -> Iterator[Finding]:
+    start_s = time.monotonic()
+    with answered(shared.connected(target, ignore_battery=True, any_id=any_id)) as driver:
+        yield ok("answer", f"after {time.monotonic() - start_s:.1f} s")
+        yield from _check_board(driver, shared.require_port(target), facts, any_id)
+        yield from _check_motion(driver, drives)
+        if hands:
+            from mrl_driver.cli.doctor import wheels
 
-    def _check_motion(self, driver: "Driver") -> None:
-        from mrl_driver.cli.doctor import wheels
+            yield from wheels.sonar_order(lambda: driver.ranges, _ask)
 
-        model = driver.model
-        unchecked = note("wheels_unchecked", "wheels", "not checked")
-        if model is not None and not model.drives:
-            if self._drives:
-                self._add([unchecked._replace(text="not checked: this board has no motors", advice="")])
-        elif not self._drives:
-            self._add([unchecked])
-        elif model is not None and not isinstance(model.drive, Drive):
-            text, advice = "not checked: this check supports two wheels", "watch the wheels with: mrl drive"
-            self._add([unchecked._replace(text=text, advice=advice)])
-        else:
-            self._add(wheels.check(driver, _ask if sys.stdin.isatty() else None))
-        if self._hands:
-            self._add(wheels.sonar_order(lambda: driver.ranges, _ask))
+
+def _check_board(driver: "Driver", port: str, facts: Dict[str, Any], any_id: bool) -> Iterator[Finding]:
+    from mrl_driver.cli.doctor import board, parameters
+
+    model = driver.model
+    if not any_id:
+        yield from board.identity(driver.board, model)
+    yield from board.supply(driver.board, model)
+    yield from board.health(driver.status)
+    with waiting("watching the link"):
+        seen = board.watch(driver)
+    counts, missing = board.counters(driver), shared.await_sensors(driver)
+    facts.update(
+        describe(driver, port),
+        rate_hz=seen.rate_hz,
+        lost=seen.lost,
+        garbage=seen.garbage,
+        round_trips_ms=[round(each * 1000, 2) for each in seen.round_trips_s],
+        refused_by_board=counts,
+    )
+    if model is not None and model.drives and driver.parameters.can_save and not any_id:
+        facts["parameters"] = driver.parameters.read(*(row.name for row in driver.parameters.rows))
+        yield from parameters.check(facts["parameters"], model)
+    yield from board.link(seen, by_network=is_network(port))
+    yield from board.refusals(counts, model is None or model.drives)
+    yield from board.hold(driver.radio.hold)
+    yield from board.gyro(driver)
+    yield from board.build(driver)
+    shared.wait_until(driver, lambda: not any(map(math.isnan, driver.ranges.values())), FIRST_SONARS_S, 0.05)
+    yield from board.sonars(driver.ranges, driver.board)
+    yield from board.sensors(driver.sensors, missing)
+
+
+def _check_motion(driver: "Driver", drives: bool) -> Iterator[Finding]:
+    from mrl_driver.cli.doctor import wheels
+
+    model, unchecked = driver.model, note("wheels_unchecked", "wheels", "not checked")
+    if model is not None and not model.drives:
+        if drives:
+            yield unchecked._replace(text="not checked: this board has no motors", advice="")
+    elif not drives:
+        yield unchecked
+    elif model is not None and not isinstance(model.drive, Drive):
+        text, advice = "not checked: this check supports two wheels", "watch the wheels with: mrl drive"
+        yield unchecked._replace(text=text, advice=advice)
+    else:
+        yield from wheels.check(driver, _ask if sys.stdin.isatty() else None)
 
 
 def _ask(question: str) -> bool:
@@ -184,22 +207,57 @@ def _of_error(error: MrlError, port: str) -> Finding:
     return Finding(FAULT, subject, text, advice, error.code)
 
 
-def _print(checkup: Checkup, report: bool, as_json: bool) -> None:
-    findings = checkup.findings
-    if as_json:
-        shared.print_json(
-            {
-                "port": checkup.target.port,
-                "verdict": verdict(findings),
-                "findings": [finding._asdict() for finding in findings],
-                "facts": checkup.facts,
-            }
-        )
-    elif report:
-        from .doctor_view import report as lines_of
+# -- output
 
-        click.echo("\n".join(lines_of(findings, checkup.facts, checkup.target)))
-    else:
-        from .doctor_view import conclude
 
-        conclude(findings)
+def _console() -> "Console":
+    from rich.console import Console  # late: the list of commands loads this module
+
+    return Console(highlight=False, markup=False, emoji=False, soft_wrap=True)
+
+
+def _show(finding: Finding, console: "Console") -> None:
+    """Print one finding, with its advice below."""
+    signs = console.encoding.lower().startswith("utf")
+    style = _STYLES[finding.level]
+    first, *rest = _wrapped(finding.text + (f"  [{finding.code}]" if finding.code else ""), console)
+    console.print(f"{_MARKS[finding.level][0 if signs else 1]:<2} ", style=style, end="")
+    subject_style = None if finding.level in (OK, NOTE) else style
+    console.print(f"{finding.subject:<{_SUBJECT}} ", style=subject_style, end="")
+    console.print(first)
+    for line in rest:
+        console.print(" " * _INDENT + line)
+    advice = f"{'→' if signs else '->'} {finding.advice}"
+    for line in _wrapped(advice, console) if finding.advice else []:
+        console.print(" " * _INDENT + line, style="cyan")
+
+
+def _wrapped(text: str, console: "Console") -> List[str]:
+    """Return the lines of the third column; a single line if the output is not a terminal."""
+    width = min(console.width, _WIDEST) - _INDENT if console.is_terminal else 10**6
+    return textwrap.wrap(text, max(20, width), break_long_words=False, break_on_hyphens=False) or [""]
+
+
+def _conclude(findings: Sequence[Finding], console: "Console") -> None:
+    """Print the verdict."""
+    levels = [finding.level for finding in findings]
+    style = _STYLES[FAULT if FAULT in levels else WARNING if WARNING in levels else OK]
+    console.print(f"\n   {verdict(findings)}", style=style)
+
+
+def _report(findings: Sequence[Finding], facts: Mapping[str, Any], target: Target) -> Iterator[str]:
+    """Yield the lines of the whole report: plain text to paste into a bug report."""
+    yield f"mrl doctor, {datetime.datetime.now().astimezone().isoformat(timespec='seconds')}"
+    yield f"mrl-driver {version()}, pyserial {version('pyserial')}, Python {platform.python_version()}"
+    yield f"{platform.platform()}"
+    yield f"port {target.port}, model {target.model}, {target.baud} Bd"
+    yield ""
+    for finding in findings:
+        code = f"  [{finding.code}]" if finding.code else ""
+        yield f"{finding.level:<8} {finding.subject:<18} {finding.text}{code}"
+        if finding.advice:
+            yield f"{'':27} -> {finding.advice}"
+    yield ""
+    yield f"verdict: {verdict(findings)}"
+    yield ""
+    yield from (f"{key}: {value}" for key, value in facts.items())

@@ -8,10 +8,13 @@ import click
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BAUD
+from mrl_driver.robot.battery import voltage_text
 
 from .shared import Between, complete_port, json_option, print_json
 
 Row = Dict[str, Any]
+Cell = List[Tuple[str, str]]  # texts and their styles
+EMULATED = "without a board:  mrl-sim --link ttySIM0   serves an emulated robot"
 
 
 @click.command()
@@ -52,9 +55,7 @@ def ports(port: Tuple[str, ...], probe: bool, wait_s: Optional[float], as_json: 
     if as_json:
         print_json(list(rows.values()))
         return
-    from .ports_table import show
-
-    show(list(rows.values()), probe)
+    _show(list(rows.values()), probe)
 
 
 def _rows(asked: Tuple[str, ...]) -> Dict[str, Row]:
@@ -91,3 +92,65 @@ def _ask(rows: Dict[str, Row], asked: Tuple[str, ...], wait_s: Optional[float]) 
         for device, answer in probe_all(chosen):
             by_device[device].update(answer._asdict())
             advance(1)
+
+
+# -- the table
+
+
+def _show(rows: List[Row], probed: bool) -> None:
+    """Print the ports; say what to do if there is none, or if none was asked."""
+    from rich.console import Console  # late: the list of commands loads this module
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(highlight=False)
+    if not rows:
+        console.print(f"no serial port found; plug the board in, and check with: dmesg | tail\n\n{EMULATED}")
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    columns = {"port": _port, "device": _kind, "state": _state, **({"robot": _robot} if probed else {})}
+    for title in columns:
+        table.add_column(title, overflow="fold")
+    for row in rows:
+        table.add_row(*(Text.assemble(*cell(row)) for cell in columns.values()))
+    console.print(table)
+    if any(row["arduino"] or row["name"] for row in rows):
+        if not probed:
+            console.print("\nfind the robots:  mrl ports --probe   (resets the boards)", style="dim")
+    else:
+        console.print(f"\n{EMULATED}", style="dim")
+
+
+def _port(row: Row) -> Cell:
+    return [(row["device"], ""), (f"\n{row['name']}" if row["name"] else "", "bold cyan")]
+
+
+def _kind(row: Row) -> Cell:
+    detail = "  ".join(part for part in (row["usb"], row["serial"]) if part)
+    return [(row["kind"], ""), (f"\n{detail}" if detail else "", "dim")]
+
+
+def _state(row: Row) -> Cell:
+    if row["used_by"]:
+        return [(f"in use by {row['used_by']}", "yellow")]
+    if not os.path.exists(row["device"]):
+        return [("does not exist", "red")]
+    if not row["permitted"]:
+        who = "only root may open it" if row["group"] in ("", "root") else f"join group {row['group']}"
+        return [(f"no permission; {who}", "red")]
+    return [("free", "green")]
+
+
+def _robot(row: Row) -> Cell:
+    if not row["asked"]:
+        if row["used_by"] or not row["permitted"]:
+            return [("not asked", "dim")]  # its state says why
+        return [(f"not asked; mrl ports --probe {row['device']}", "dim")]
+    if row["error"]:
+        return [(row["error"], "yellow")]
+    model = row["model"] or ("no id set" if not row["robot_id"] else "unknown model")
+    battery = voltage_text(row["battery_v"])
+    return [
+        (f"{model} {row['robot_id'] or ''}".strip(), "bold green"),
+        (f"\nfirmware {row['firmware_version']}, battery {battery}", "dim"),
+    ]

@@ -113,7 +113,10 @@ complete_robot = completion_of(lambda: [*named_robots.read(), *models.names(), "
 
 
 def robot_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options that name a robot; the command gets them as `target`."""
+    """Add the options that name a robot; the command gets them as `target`.
+
+    Options before the sub-command come second, the environment last.
+    """
 
     @click.option(
         "--port",
@@ -130,25 +133,18 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
     )
     @click.option("--baud", type=int, help="Baud rate of the port  [default: 115200]")
     @functools.wraps(command)
-    def wrapper(*args: Any, **options: Any) -> None:
-        target = target_from_options(*(options.pop(name) for name in ("port", "robot", "baud")))
+    def wrapper(
+        *args: Any, port: Optional[str], robot: Optional[str], baud: Optional[int], **options: Any
+    ) -> None:
+        outer = click.get_current_context().find_root().params
+        if baud is not None:
+            named_robots.require_baud(baud, "--")
+        robot = robot or outer.get("robot") or os.environ.get("MRL_ROBOT") or "auto"
+        target = named_robots.resolve(robot, port or outer.get("port"), baud)
+        target = target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
         command(*args, target=target, **options)
 
     return wrapper
-
-
-def target_from_options(port: Optional[str], robot: Optional[str], baud: Optional[int]) -> Target:
-    """Return the robot named by the options.  Options before the sub-command come second, the environment last.
-
-    Raises:
-        ConfigError: the robot is unknown, or the baud rate is out of range.
-    """
-    outer = click.get_current_context().find_root().params
-    if baud is not None:
-        named_robots.require_baud(baud, "--")
-    robot = robot or outer.get("robot") or os.environ.get("MRL_ROBOT") or "auto"
-    target = named_robots.resolve(robot, port or outer.get("port"), baud)
-    return target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
 
 
 class Run(NamedTuple):

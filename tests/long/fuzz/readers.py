@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any, Callable, Dict, List, Tuple
 from unittest import mock
 
-from mrl_driver.apps.calibration import calibration_files, ground_truth
-from mrl_driver.apps.calibration.commands import calibrate_sonar
+from mrl_driver.apps.calibration import calibration_files, ground_truth, sonar_procedures
 from mrl_driver.apps.review import drive_data, page
 from mrl_driver.apps.review.findings import find
 from mrl_driver.apps.tip_over import vehicle_file
@@ -408,7 +407,7 @@ FILES: Dict[str, Tuple[str, Callable[[str], object]]] = {
     "vehicle_yaml": ("arm.yaml", vehicle_file.read),
     "calibration_state": ("state.json", calibration),
     "truth": ("truth.jsonl", truth),
-    "sonar_points": ("points.csv", calibrate_sonar.read_points),
+    "sonar_points": ("points.csv", sonar_procedures.read_points),
     "key_presses": ("keys.csv", key_presses.read),
     "access_tokens": ("tokens.json", tokens),
     "firmware_image": ("image.elf", lambda path: read_image(Path(path))),

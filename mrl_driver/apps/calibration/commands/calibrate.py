@@ -6,13 +6,11 @@ from typing import List, Optional
 import click
 
 _MODULES = {
-    "gains": "calibrate_gains",
-    "imu": "calibrate_imu",
-    "sonar": "calibrate_sonar",
-    "straight": "calibrate_geometry",
-    "turn": "calibrate_geometry",
-    "umbmark": "calibrate_geometry",
-    "wiring": "calibrate_wiring",
+    "gains": "gain",
+    "imu": "imu",
+    "sonar": "sonar",
+    **dict.fromkeys(("straight", "turn", "umbmark"), "geometry"),
+    "wiring": "wiring",
 }
 
 
@@ -25,7 +23,7 @@ class _Procedures(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> Optional[click.Command]:
         if cmd_name not in _MODULES:
             return None
-        module = importlib.import_module(f"{__package__}.{_MODULES[cmd_name]}")
+        module = importlib.import_module(f"mrl_driver.apps.calibration.{_MODULES[cmd_name]}_procedures")
         command: click.Command = getattr(module, cmd_name)
         return command
 
