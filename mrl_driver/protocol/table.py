@@ -57,7 +57,7 @@ class Command(NamedTuple):
     The last `optional` request fields and the last `optional_reply` reply fields may be absent.  A `guarded` request
     always carries a checksum; one that `turns` motors carries one from the host's first `set_check` 1 to its
     `set_check` 0.  A `stamped` reply gets a sequence number and board time while checksums are on.  `repeats` is the
-    code of the frames that a stream sends.
+    code of the frames that a stream sends.  A board without `capability` refuses the request as unavailable.
     """
 
     code: int
@@ -71,6 +71,7 @@ class Command(NamedTuple):
     stamped: bool = False
     repeats: int = 0
     turns: bool = False
+    capability: str = ""
 
 
 class I2c(NamedTuple):
@@ -103,7 +104,7 @@ class Sensor(NamedTuple):
     @property
     def command(self) -> Command:
         """The sensor's row among the commands."""
-        return Command(self.code, f"read_{self.name}", self.text, (), self.fields)
+        return Command(self.code, f"read_{self.name}", self.text, (), self.fields, capability=self.capability)
 
 
 class Reason(NamedTuple):
@@ -223,13 +224,14 @@ _OTHERS: Tuple[Command, ...] = (
     Command(18, "start_stream", "Repeat the reply of 8 until stopped.", _PERIOD, optional=1, repeats=8),
     Command(19, "stop_stream", "End the stream of 18 or 44."),
     Command(23, "start_sensor_stream", "Repeat encoders and sensors.", _PERIOD,
-            _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST), optional=1, stamped=True, repeats=23),
+            _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST), optional=1, stamped=True, repeats=23, capability="environment"),
     Command(24, "stop_sensor_stream", "End the sensor stream."),
     Command(25, "start_sensor_ldr_stream", "Repeat encoders, sensors and light.", _PERIOD,
-            _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST, _LDR), optional=1, stamped=True, repeats=25),
+            _ENCODERS + (_ALCOHOL, _DUST, _HOTTEST, _LDR), optional=1, stamped=True, repeats=25,
+            capability="environment"),
     Command(26, "stop_sensor_ldr_stream", "End the sensor and light stream."),
     Command(27, "start_compass_stream", "Repeat the compass bearing.", _PERIOD, (_BEARING,),
-            optional=1, stamped=True, repeats=27),
+            optional=1, stamped=True, repeats=27, capability="environment"),
     Command(28, "stop_compass_stream", "End the compass stream."),
     Command(29, "read_protocol", "Protocol version and capabilities of the board.", (), (
         Field("protocol", 2, INT16_MAX, "", "Protocol version."),
@@ -264,11 +266,11 @@ _OTHERS: Tuple[Command, ...] = (
             (_flag("saved", "1: written and read back equal."),), guarded=True),
     Command(37, "default_config", "Set all parameters but the id to the model's defaults, kept when saved.", (),
             (_flag("done", "1: done."),), guarded=True),
-    Command(38, "send_xbee", "Send a text by radio.", _ADDRESS + _TEXT, optional=7),
+    Command(38, "send_xbee", "Send a text by radio.", _ADDRESS + _TEXT, optional=7, capability="xbee"),
     Command(39, "xbee_text", "A text received by radio; the board sends it without a request.", (),
             _ADDRESS + _TEXT, optional_reply=7),
     Command(40, "discover_xbee", "Search for radio nodes; one reply for each node.", (),
-            _ADDRESS + (_int16("network", "", "The node's 16-bit address."),)),
+            _ADDRESS + (_int16("network", "", "The node's 16-bit address."),), capability="xbee"),
     Command(43, "move_omni", "Move a robot with three omni wheels in any direction while it turns; clamped "
                              "to the board's ceiling.", (
         Field("speed", 0, 100, "%", "Share of full speed; if a wheel would have to turn faster, all slow down."),
@@ -278,9 +280,9 @@ _OTHERS: Tuple[Command, ...] = (
             _ENCODERS + (_REAR,) + _SONARS, optional=1, stamped=True, repeats=44),
     Command(45, "set_baud", "Change the baud rate after the reply is sent; it returns to 115200 after 1 s "
                             "without a valid frame.", (_BAUD,), (_BAUD,), guarded=True),
-    Command(46, "read_imu", "Read the gyro and the accelerometer.", (), _GYRO + _ACCEL, stamped=True),
+    Command(46, "read_imu", "Read the gyro and the accelerometer.", (), _GYRO + _ACCEL, stamped=True, capability="imu"),
     Command(47, "start_imu_stream", "Repeat the reply of 46 until stopped; another stream may run too.", (
-        Field("period", 10, 10000, "ms", "Time between frames."),), repeats=46),
+        Field("period", 10, 10000, "ms", "Time between frames."),), repeats=46, capability="imu"),
     Command(48, "stop_imu_stream", "End the stream of 47."),
     Command(49, "read_radio", "Does the radio hold the robot? After the first request, the board also sends the reply "
                               "at each change of the state, and when a text was not delivered.", (), (
@@ -289,9 +291,10 @@ _OTHERS: Tuple[Command, ...] = (
         _count("ignored", "Hold texts without effect: too old, too many holders, or not from a holder."),
         _count("undelivered", "Texts of 38 that reached no radio.")) + tuple(
             f._replace(text=f.text.replace("the XBee's", "a holder's") + " The holder silent for longest; 0 without "
-                                                                        "holders.") for f in _ADDRESS)),
+                                                                        "holders.") for f in _ADDRESS),
+            capability="hold"),
     Command(50, "release_hold", "Drop the silent holders. The host decides this; time alone never ends a hold.", (),
-            (_flag("held", "1: another robot still holds this one."),), guarded=True),
+            (_flag("held", "1: another robot still holds this one."),), guarded=True, capability="hold"),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 

@@ -5,7 +5,7 @@ A request without arguments only asks for its reply, unless its entry does more.
 
 from typing import Any, Callable, Dict, Optional, Tuple
 
-from mrl_driver.protocol.table import COMMANDS, SENSORS, Command
+from mrl_driver.protocol.table import COMMANDS, Command
 
 Values = Optional[Tuple[int, ...]]
 
@@ -20,12 +20,5 @@ REQUESTS: Dict[str, Callable[..., None]] = {
 """Called with the board and the request's arguments.  `xbee_text` is only a reply."""
 REPLIES: Dict[str, Callable[[Any, int], Values]] = {}
 """Called with the board and the value given to `ask`; None if there is nothing to send."""
-NEEDS: Dict[str, str] = {
-    **{row.command.name: row.capability for row in SENSORS if row.capability},
-    **dict.fromkeys(
-        ("start_sensor_stream", "start_sensor_ldr_stream", "start_compass_stream"), "environment"
-    ),
-    **dict.fromkeys(("read_imu", "start_imu_stream"), "imu"),
-    **dict.fromkeys(("read_radio", "release_hold"), "hold"),
-}
+NEEDS: Dict[str, str] = {row.name: row.capability for row in COMMANDS if row.capability}
 """Capability of the board without which a request is unavailable."""

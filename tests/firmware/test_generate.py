@@ -23,13 +23,13 @@ def test_stale_file_is_written(monkeypatch, tmp_path):
     assert render.main([]) == 0 and (tmp_path / "one").read_text() == "text"
 
 
-def test_each_request_has_a_handler_prototype():
-    names, text = [row.name for row in COMMANDS if row.name != "xbee_text"], render.header()
-    assert [name for name in names if f"void {name}(const int16_t*" not in text] == []
+def test_each_request_has_a_row():
+    rows, text = [row for row in COMMANDS if row.name != "xbee_text"], render.header()
+    assert [row for row in rows if f" REQUEST({row.code}, {row.name.upper()}, {row.name}, " not in text] == []
 
 
 def test_texts_that_only_the_board_sends_have_no_handler():
-    assert "NO_REQUEST(39, xbee_text" in render.header()
+    assert "NO_REQUEST(39, XBEE_TEXT, " in render.header()
 
 
 def test_reference_has_every_command():

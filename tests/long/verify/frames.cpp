@@ -65,11 +65,10 @@ struct Row {
   bool request;
 };
 
-#define REQUEST(code, name, least, most, guarded, stamped, first) {least, most, guarded, first, true},
-#define REPLY(code, name, least, most, guarded, stamped, first) {0, 0, 0, 0, false},
+#define REQUEST(code, constant, name, there, least, most, guarded, stamped, first, ...) {least, most, guarded, first, true},
+#define REPLY(...) {0, 0, 0, 0, false},
 const Row ROWS[] = {MRL_COMMANDS(REQUEST, REPLY)};
-#define LIMITS(low, high) {low, high},
-const int LIMITS_OF_ARGUMENTS[][2] = {MRL_ARGUMENT_RANGES(LIMITS)};
+const int LIMITS_OF_ARGUMENTS[][2] = {MRL_COMMANDS(RANGES_OF, RANGES_OF)};
 
 bool is_canonical(const std::string& token) {
   const size_t first = token[0] == '-';

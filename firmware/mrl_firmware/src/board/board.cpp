@@ -1,4 +1,5 @@
 #include "../hal/fast.h"
+#include "../../build.h"
 #include "board.h"
 
 #include "../serial/answers.h"
@@ -12,6 +13,7 @@
 #include "failsafe.h"
 #include "../hal/hal.h"
 #include "../motors/motor.h"
+#include "../sensors/sensors.h"
 #include "../sensors/sonar.h"
 #include "status.h"
 #include "../radio/xbee.h"
@@ -23,11 +25,11 @@ void begin() {
   hal::begin();
   board_clock::begin();
   status::begin();
-  sonar::begin();
-  environment::begin();
+  if (!MRL_ENVIRONMENT) sonar::begin();
+  if (MRL_ENVIRONMENT) environment::begin();
   config::begin();
   motor::begin();
-  xbee::begin();
+  if (MRL_XBEE) xbee::begin();
 }
 
 // The chip sleeps only after a quiet pass: one that began without news, in which no time had passed and no task was left
@@ -45,12 +47,13 @@ void run() {
   motor::service();
   commands::receive();
   bus::service_background();
-  sonar::service();
-  battery::service();
-  environment::service();
+  if (!MRL_ENVIRONMENT) sonar::service();
+  if (MRL_BRIDGE) battery::service();
+  if (MRL_ENVIRONMENT) environment::service();
+  sensors::service();
   config::service();
   status::service();
-  xbee::service();
+  if (MRL_XBEE) xbee::service();
   baud::service();
   if (!news) hal::sleep_until(board_clock::alarm());
 }

@@ -7,7 +7,7 @@
 #include "config.h"
 #include "../hal/hal.h"
 #include "../sensors/imu.h"
-#include "../motors/motor_bus.h"
+#include "../motors/motor.h"
 #include "../sensors/sensors.h"
 #include "status.h"
 

@@ -22,9 +22,8 @@ struct Range {
   int16_t low, high;
 };
 
-#define RANGE(low, high) {low, high},
-const Range RANGES[] PROGMEM = {MRL_PARAMETER_RANGES(RANGE)};
-#undef RANGE
+#define RANGE(number, name, low, high) {low, high},
+const Range RANGES[] PROGMEM = {MRL_PARAMETERS(RANGE)};
 
 struct Model {
   int16_t first_id, last_id, values[MODEL_PARAMETER_COUNT];
@@ -32,12 +31,9 @@ struct Model {
 
 #define MODEL(first, last, ...) {first, last, {__VA_ARGS__}},
 const Model MODELS[] PROGMEM = {MRL_MODELS(MODEL)};
-#undef MODEL
 constexpr uint8_t MODEL_COUNT = sizeof MODELS / sizeof(Model);
 
-#define VALUE(value) value,
-const int16_t COMMON[] PROGMEM = {MRL_COMMON_DEFAULTS(VALUE)};
-#undef VALUE
+const int16_t COMMON[] PROGMEM = {MRL_COMMON_DEFAULTS};
 constexpr uint8_t COMMON_FIRST = MODEL_PARAMETER_FIRST + MODEL_PARAMETER_COUNT;
 static_assert(COMMON_FIRST + sizeof COMMON / sizeof(int16_t) == PARAMETER_COUNT, "each parameter has a default");
 static_assert(sizeof(float) == 4, "the id of 2013 is a 4-byte float");

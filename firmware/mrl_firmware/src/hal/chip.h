@@ -7,19 +7,7 @@ namespace chip {
 
 enum class Port : uint8_t { b, c, d };
 // Parts of which the chip has one each.  A pin-change interrupt serves all pins of its port.
-enum class Unit : uint8_t {
-  none,
-  timer0,
-  timer1,
-  timer2,
-  capture1,
-  int0,
-  change_b,
-  change_d,
-  uart,
-  i2c,
-  converter,
-};
+enum class Unit : uint8_t { none, timer0, timer1, timer2, int0, change_b, change_d, uart, i2c, converter };
 
 constexpr uint8_t LED = 13;  // the bootloader blinks it
 

@@ -76,7 +76,7 @@ static void start_watchdog() {
 
 ISR(WDT_vect) {
   if (++missed_kicks < 2) {
-    bridge_off();
+    if (MRL_BRIDGE) bridge_off();
     WDTCSR |= _BV(WDIE);
   } else {
     watchdog_mark.set(WATCHDOG_MARK);
@@ -254,8 +254,8 @@ void begin() {
   start_serial();
   bus_begin();
   start_adc();
-  dust_begin();
-  encoders_begin();
+  if (MRL_ENVIRONMENT) dust_begin();
+  if (MRL_BRIDGE) encoders_begin();
   start_watchdog();
   sei();
 }

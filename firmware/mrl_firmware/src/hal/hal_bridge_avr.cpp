@@ -1,18 +1,16 @@
 // An H-bridge on timers 0 and 2, and two encoders on the pin-change interrupts of ports D (left) and B (right).
-#ifdef __AVR__
 #include "fast.h"
+#include "../../build.h"
+#if defined(__AVR__) && MRL_BRIDGE
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
-#include "../../build.h"
 #include "hal.h"
 #include "hal_avr.h"
 #include "../../pins.h"
 #include "../motors/quadrature.h"
 
 namespace hal {
-
-#if MRL_BRIDGE
 namespace {
 
 using namespace mrl;
@@ -278,13 +276,6 @@ void encoders_begin() {
   encoder_unmask(0);
   encoder_unmask(1);
 }
-
-#else
-
-void bridge_off() {}
-void encoders_begin() {}
-
-#endif
 
 }  // namespace hal
 #endif

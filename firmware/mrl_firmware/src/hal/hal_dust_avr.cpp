@@ -1,21 +1,21 @@
 // Measures the dust sensor's low pulses with timer 1's input capture on D8.
-#ifdef __AVR__
 #include "fast.h"
+#include "../../build.h"
+#if defined(__AVR__) && MRL_ENVIRONMENT
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
-#include "../../build.h"
 #include "hal.h"
 #include "hal_avr.h"
 
 namespace hal {
-
-#if MRL_ENVIRONMENT
 namespace {
+
 volatile uint32_t low_ticks;
 volatile uint16_t fell_at;
 volatile bool dust_low;
 volatile bool dust_edge;
+
 }  // namespace
 
 // Timer 1 latches the tick of each edge, so that the pulse is exact even if the interrupt is late.
@@ -58,9 +58,6 @@ void dust_begin() {
   TIFR1 = _BV(ICF1);
   TIMSK1 |= _BV(ICIE1);
 }
-#else
-void dust_begin() {}
-#endif
 
 }  // namespace hal
 #endif

@@ -3,6 +3,8 @@
 #pragma once
 #include <stdint.h>
 
+#include "../board/bus.h"
+#include "../hal/hal.h"
 #include "../serial/protocol.h"
 
 namespace mrl {
@@ -62,6 +64,16 @@ int16_t capabilities();
 void report_info();
 // Adds what only some motors have to the reply to 30.
 void report_status();
+
+// ---- for the bus; motors on the Arduino's pins need no transfer
+
+// A quick check whether next_transfer() may return a transfer.
+bool has_work();
+// Fills in the transfer that must be sent now; false if there is none.
+bool next_transfer(hal::Transfer& transfer);
+// Fills in a battery or temperature read, which can wait; with `only_overdue`, only if it has waited for long.
+bool next_poll(hal::Transfer& transfer, bool only_overdue);
+void transfer_ended(bus::Result result);
 
 }  // namespace motor
 }  // namespace mrl

@@ -12,7 +12,6 @@
 #include "../serial/frame_writer.h"
 #include "../hal/hal.h"
 #include "motor.h"
-#include "motor_bus.h"
 #include "../board/status.h"
 #include "wheel.h"
 #include "wheel_settings.h"

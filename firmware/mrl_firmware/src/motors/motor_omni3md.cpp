@@ -10,9 +10,7 @@
 #include "../serial/frame_writer.h"
 #include "../radio/hold.h"
 #include "motor.h"
-#include "motor_bus.h"
-#include "omni3md_queue.h"
-#include "omni3md_set_up.h"
+#include "omni3md_message.h"
 #include "../board/status.h"
 
 namespace mrl {
@@ -32,6 +30,7 @@ constexpr uint8_t FAILURES_ALLOWED = 4;
 enum class Presence : uint8_t { absent, asking, present };
 // The order of requests to a board that has appeared; the first is a stop.
 enum class Ask : uint8_t { stop, version, decimals, battery, temperature, done };
+enum SetUp : uint8_t { SET_GEOMETRY = 1, SET_GAINS = 2, SET_RAMP = 4, SET_TIMEOUT = 8, SET_ALL = 15 };
 enum class Kind : uint8_t { stop, ask, set_up, command, counts, poll };
 
 Queue queue;
@@ -167,7 +166,37 @@ void take_answer() {
   found = known = true;
 }
 
-// ---- set-up
+// ---- set-up: the settings of the configuration, in parts that are sent one by one
+
+Message set_up_message(uint8_t part) {
+  switch (part) {
+    case SET_GEOMETRY:
+      return Message(GEOMETRY, 20)
+          .word(config::get(Parameter::axis_radius))
+          .word(config::get(Parameter::wheel_radius))
+          .word(config::get(Parameter::gearbox))
+          .word(config::get(Parameter::encoder_counts));
+    case SET_GAINS:
+      return Message(GAINS, 15)
+          .word(config::get(Parameter::kp))
+          .word(config::get(Parameter::ki))
+          .word(config::get(Parameter::kd));
+    case SET_RAMP:
+      return Message(RAMP, 10).word(config::get(Parameter::ramp_time)).word(config::get(Parameter::ramp_gain));
+    default: {
+      const uint8_t timeout = static_cast<uint8_t>(config::get(Parameter::motor_timeout));
+      return Message(TIMEOUT, 5).byte(timeout).byte(KEY_1).byte(timeout).byte(KEY_2);
+    }
+  }
+}
+
+// The part that a parameter belongs to, or 0.
+uint8_t set_up_part(Parameter parameter) {
+  if (parameter >= Parameter::axis_radius && parameter <= Parameter::encoder_counts) return SET_GEOMETRY;
+  if (parameter >= Parameter::kp && parameter <= Parameter::kd) return SET_GAINS;
+  if (parameter == Parameter::ramp_time || parameter == Parameter::ramp_gain) return SET_RAMP;
+  return parameter == Parameter::motor_timeout ? SET_TIMEOUT : 0;
+}
 
 void set_up_next(hal::Transfer& transfer) {
   set_up_now = static_cast<uint8_t>(set_up_todo & -set_up_todo);

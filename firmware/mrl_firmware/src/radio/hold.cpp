@@ -1,8 +1,5 @@
 #include "hold.h"
 
-#include "../serial/protocol.h"
-#include "../board/status.h"
-
 #if MRL_XBEE
 
 #include <string.h>
@@ -12,6 +9,8 @@
 #include "../board/config.h"
 #include "../serial/frame_writer.h"
 #include "../motors/motor.h"
+#include "../serial/protocol.h"
+#include "../board/status.h"
 #include "xbee.h"
 
 namespace mrl {
@@ -188,17 +187,6 @@ void release_hold(const int16_t*, uint8_t) {
   hold::tell();
   answers::ask(RELEASE_HOLD, hold::is_held());
 }
-
-}  // namespace handlers
-}  // namespace mrl
-
-#else
-
-namespace mrl {
-namespace handlers {
-
-void read_radio(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
-void release_hold(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
 
 }  // namespace handlers
 }  // namespace mrl

@@ -26,8 +26,6 @@ void report(int16_t undelivered);
 
 #else
 
-inline void begin() {}
-inline void service() {}
 constexpr bool on() { return false; }
 constexpr bool refuses() { return false; }
 

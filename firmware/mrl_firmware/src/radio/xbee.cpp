@@ -1,8 +1,11 @@
+#include "../../build.h"
+
+#if MRL_XBEE
+
 #include "xbee.h"
 
 #include "../serial/answers.h"
 #include "../board/board_clock.h"
-#include "../../build.h"
 #include "../hal/flash.h"
 #include "../serial/frame_writer.h"
 #include "../hal/hal.h"
@@ -12,9 +15,6 @@
 #include "xbee_packet.h"
 
 namespace mrl {
-
-#if MRL_XBEE
-
 namespace xbee {
 namespace {
 
@@ -181,26 +181,6 @@ void discover_xbee(const int16_t*, uint8_t) {
 }
 
 }  // namespace handlers
-
-#else
-
-namespace xbee {
-
-void begin() {}
-void service() {}
-void report_text() {}
-void report_node() {}
-void report_radio() {}
-
-}  // namespace xbee
-
-namespace handlers {
-
-void send_xbee(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
-void discover_xbee(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
-
-}  // namespace handlers
+}  // namespace mrl
 
 #endif
-
-}  // namespace mrl

@@ -1,7 +1,10 @@
+#include "../../build.h"
+
+#if MRL_BRIDGE
+
 #include "battery.h"
 
 #include "../board/board_clock.h"
-#include "../../build.h"
 #include "../board/config.h"
 #include "../hal/hal.h"
 #include "../../pins.h"
@@ -10,9 +13,6 @@
 
 namespace mrl {
 namespace battery {
-
-#if MRL_BRIDGE
-
 namespace {
 
 constexpr uint32_t PERIOD = board_clock::of_ms(8);
@@ -30,7 +30,7 @@ bool running, known;
 void start() {
   started_at = board_clock::now();
   running = true;
-  hal::adc_start(pins::channel(pins::BATTERY));
+  hal::adc_start(chip::channel(pins::BATTERY));
 }
 
 void take_conversion() {
@@ -64,14 +64,7 @@ int16_t centivolts() {
   return static_cast<int16_t>(whole_sum * divider >> SUM_SHIFT);
 }
 
-#else
-
-void service() {}
-bool converting() { return false; }
-bool measured() { return false; }
-int16_t centivolts() { return 0; }
-
-#endif
-
 }  // namespace battery
 }  // namespace mrl
+
+#endif

@@ -1,19 +1,17 @@
+#include "../../build.h"
+
+#if MRL_ENVIRONMENT
+
 #include "environment.h"
 
 #include "../board/board_clock.h"
-#include "../../build.h"
 #include "dust.h"
 #include "../hal/hal.h"
 #include "../../pins.h"
 #include "../serial/protocol.h"
-#include "sensors.h"
-#include "../board/status.h"
 
 namespace mrl {
 namespace environment {
-
-#if MRL_ENVIRONMENT
-
 namespace {
 
 // The dust sensor's pulses are rare: its characteristic is valid for half a minute, stored here as six slots.
@@ -32,7 +30,7 @@ bool converting, converting_light;
 void convert() {
   converted_at = board_clock::now();
   converting = true;
-  hal::adc_start(pins::channel(converting_light ? pins::LIGHT : pins::ALCOHOL));
+  hal::adc_start(chip::channel(converting_light ? pins::LIGHT : pins::ALCOHOL));
 }
 
 void take_conversion() {
@@ -78,8 +76,9 @@ void begin() {
 void service() {
   service_inputs();
   service_dust();
-  status::set_fault(FAULT_SENSOR, silent_slots == SILENT_SLOTS || sensors::failing());
 }
+
+bool silent() { return silent_slots == SILENT_SLOTS; }
 
 }  // namespace environment
 
@@ -100,22 +99,6 @@ int16_t dust() {
 }
 
 }  // namespace sensors
-
-#else
-
-void begin() {}
-void service() { status::set_fault(FAULT_SENSOR, sensors::failing()); }
-
-}  // namespace environment
-
-namespace sensors {
-
-int16_t alcohol() { return 0; }
-int16_t light() { return 0; }
-int16_t dust() { return 0; }
-
-}  // namespace sensors
+}  // namespace mrl
 
 #endif
-
-}  // namespace mrl

@@ -2,7 +2,7 @@
 
 #include "../serial/answers.h"
 #include "../board/board_clock.h"
-#include "../../build.h"
+#include "environment.h"
 #include "../hal/flash.h"
 #include "../serial/frame_writer.h"
 #include "../serial/protocol.h"
@@ -23,13 +23,11 @@ typedef int16_t Value();
 // Those on the bus come first.
 #define BUS_INDEX(name, ...) name##_index,
 #define CODE(name, code, ...) code,
-#define THERE(name, code, there, ...) there,
-#define NAME(name, ...) name,
+#define FUNCTION(name, code, there, ...) (there) ? name : nullptr,
 enum BusIndex : uint8_t { MRL_BUS_SENSORS(BUS_INDEX) BUS_SENSORS };
 const uint8_t CODES[] PROGMEM = {MRL_BUS_SENSORS(CODE) MRL_PIN_SENSORS(CODE)};
-const uint8_t IN_THIS_BUILD[] PROGMEM = {MRL_BUS_SENSORS(THERE) MRL_PIN_SENSORS(THERE)};
-Take* const TAKES[] PROGMEM = {MRL_BUS_SENSORS(NAME)};
-Value* const VALUES_OF_PINS[] PROGMEM = {MRL_PIN_SENSORS(NAME)};
+Take* const TAKES[] PROGMEM = {MRL_BUS_SENSORS(FUNCTION)};
+Value* const VALUES_OF_PINS[] PROGMEM = {MRL_PIN_SENSORS(FUNCTION)};
 constexpr uint8_t SENSORS = sizeof CODES;
 
 struct Row {
@@ -85,11 +83,6 @@ void read(hal::Transfer& transfer, uint8_t index) {
 
 bool knows(uint8_t code) { return index_of(code) < SENSORS; }
 
-void ask(uint8_t code) {
-  if (!flash_byte(&IN_THIS_BUILD[index_of(code)])) return status::refuse(Reason::unavailable);
-  answers::ask(code);
-}
-
 void want(uint8_t code) {
   const uint8_t index = index_of(code);
   if (index >= BUS_SENSORS) return;
@@ -110,7 +103,8 @@ rows::Readiness readiness(uint8_t code) {
   return state.known ? rows::Readiness::impossible : rows::Readiness::wait;
 }
 
-bool failing() {
+static bool failing() {
+  if (MRL_ENVIRONMENT && environment::silent()) return true;
   if (!any_wanted) return false;
   for (uint8_t i = 0; i < BUS_SENSORS; i++) {
     const State& state = states[i];
@@ -118,6 +112,8 @@ bool failing() {
   }
   return false;
 }
+
+void service() { status::set_fault(FAULT_SENSOR, failing()); }
 
 void report(uint8_t code) {
   const uint8_t index = index_of(code);
@@ -160,4 +156,13 @@ void transfer_ended(bus::Result result) {
 }
 
 }  // namespace sensors
+
+namespace handlers {
+
+#define HANDLER(name, code, ...) \
+  void read_##name(const int16_t*, uint8_t) { answers::ask(code); }
+MRL_BUS_SENSORS(HANDLER)
+MRL_PIN_SENSORS(HANDLER)
+
+}  // namespace handlers
 }  // namespace mrl

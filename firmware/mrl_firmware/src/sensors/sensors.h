@@ -17,8 +17,8 @@ void want(uint8_t code);
 // `wait` until a sensor on the bus has answered or failed since it was first wanted; values older than half a second do
 // not count.
 rows::Readiness readiness(uint8_t code);
-// True if a wanted sensor did not answer the last time; a sensor that may be absent must have answered before.
-bool failing();
+// Sets the fault of a wanted sensor that did not answer the last time; one that may be absent must have answered before.
+void service();
 // The row of its reply.
 void report(uint8_t code);
 // Largest value of a sensor on the bus.

@@ -30,26 +30,21 @@ void configure() {
   curve.set(config::get(Parameter::sonar_a), config::get(Parameter::sonar_b), config::get(Parameter::sonar_c));
 }
 
-#if MRL_ENVIRONMENT
+constexpr uint8_t COUNT = 3;
+static int16_t ranges[COUNT];
 
-void begin() {}
-void service() {}
-bool converting() { return false; }
 void report() {
-  for (uint8_t i = 0; i < 3; i++) writer::add(SONAR_INVALID);
+  for (uint8_t i = 0; i < COUNT; i++) writer::add(MRL_ENVIRONMENT ? SONAR_INVALID : ranges[i]);
 }
 
-#else
-
+#if !MRL_ENVIRONMENT
 namespace {
 
-constexpr uint8_t COUNT = 3;
 constexpr uint32_t WARM_UP = board_clock::of_ms(256);
 constexpr uint32_t TRIGGER = 2;  // ticks; the MB1300 needs at least 20 us
 constexpr uint32_t READING = board_clock::of_ms(104);  // 99 ms per the data sheet
 
 enum class Step : uint8_t { warm_up, trigger, ranging, converting } step;
-int16_t ranges[COUNT];
 uint32_t since;
 uint8_t fired;    // sensors that have fired since the last trigger
 uint8_t ready;    // sensors that have fired at all
@@ -70,7 +65,7 @@ void convert(uint8_t which) {
   static_assert(pins::SONAR_LEFT == pins::SONAR_FRONT + 1 && pins::SONAR_RIGHT == pins::SONAR_FRONT + 2,
                 "the chain runs front, left, right along the inputs");
   channel = which;
-  hal::adc_start(static_cast<uint8_t>(pins::channel(pins::SONAR_FRONT) + channel));
+  hal::adc_start(static_cast<uint8_t>(chip::channel(pins::SONAR_FRONT) + channel));
   step = Step::converting;
 }
 
@@ -111,7 +106,7 @@ void service() {
       go(Step::ranging);
       break;
     case Step::ranging:
-      if (board_clock::passed(since, READING) && !battery::converting()) end_turn();
+      if (board_clock::passed(since, READING) && !(MRL_BRIDGE && battery::converting())) end_turn();
       break;
     case Step::converting:
       if (!answers::reading()) take_conversion();  // the curve takes 0.1 ms
@@ -120,11 +115,6 @@ void service() {
 }
 
 bool converting() { return step == Step::converting; }
-
-void report() {
-  for (uint8_t i = 0; i < COUNT; i++) writer::add(ranges[i]);
-}
-
 #endif
 
 }  // namespace sonar

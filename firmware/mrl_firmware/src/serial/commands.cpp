@@ -15,11 +15,11 @@ namespace {
 
 typedef void Handler(const int16_t* args, uint8_t count);
 
-#define HANDLER(code, name, least, most, guarded, stamped, first) handlers::name,
-#define NO_HANDLER(code, name, least, most, guarded, stamped, first) nullptr,
+void unavailable(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
+
+#define HANDLER(code, constant, name, there, ...) (there) ? handlers::name : unavailable,
+#define NO_HANDLER(...) nullptr,
 Handler* const HANDLERS[] PROGMEM = {MRL_COMMANDS(HANDLER, NO_HANDLER)};
-#undef HANDLER
-#undef NO_HANDLER
 
 // At 1000000 baud, bytes arrive as fast as they are decoded.  Without a limit, a flood of bytes would delay everything
 // else, including a requested stop and the watchdog.

@@ -8,18 +8,14 @@ namespace mrl {
 namespace debug {
 namespace {
 
-#define TEXT(code, name, least, most, guarded, stamped, first) const char COMMAND_##code[] PROGMEM = #name;
-MRL_COMMANDS(TEXT, TEXT)
-#undef TEXT
-#define NAME(code, name, least, most, guarded, stamped, first) COMMAND_##code,
-const char* const COMMAND_NAMES[] PROGMEM = {MRL_COMMANDS(NAME, NAME)};
-#undef NAME
-#define TEXT(name) const char REASON_##name[] PROGMEM = #name;
-MRL_REASONS(TEXT)
-#undef TEXT
-#define NAME(name) REASON_##name,
-const char* const REASON_NAMES[] PROGMEM = {MRL_REASONS(NAME)};
-#undef NAME
+#define COMMAND_TEXT(code, constant, name, ...) const char COMMAND_##code[] PROGMEM = #name;
+MRL_COMMANDS(COMMAND_TEXT, COMMAND_TEXT)
+#define COMMAND_NAME(code, ...) COMMAND_##code,
+const char* const COMMAND_NAMES[] PROGMEM = {MRL_COMMANDS(COMMAND_NAME, COMMAND_NAME)};
+#define REASON_TEXT(name) const char REASON_##name[] PROGMEM = #name;
+MRL_REASONS(REASON_TEXT)
+#define REASON_NAME(name) REASON_##name,
+const char* const REASON_NAMES[] PROGMEM = {MRL_REASONS(REASON_NAME)};
 
 const char INFO[] PROGMEM = "[INFO] ";
 const char ERROR[] PROGMEM = "[ERROR] ";

@@ -2,6 +2,129 @@
 #pragma once
 #include <stdint.h>
 
+#include "../../build.h"
+
+// code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
+// checksums on), reply stamped, index of the first argument's range, range of each argument (ANY: all of int16)
+#define MRL_COMMANDS(REQUEST, NO_REQUEST) \
+  REQUEST(1, CALIBRATE, calibrate, 1, 0, 0, 1, 0, 0) \
+  REQUEST(2, SET_PID_GAINS, set_pid_gains, 1, 3, 3, 0, 0, 0, RANGE(0, 32767) RANGE(0, 32767) RANGE(0, 32767)) \
+  REQUEST(3, SET_ENCODER_PRESCALER, set_encoder_prescaler, 1, 2, 2, 0, 0, 3, RANGE(1, 3) RANGE(0, 4)) \
+  REQUEST(4, PRESET_ENCODER, preset_encoder, 1, 2, 2, 0, 0, 5, RANGE(1, 3) ANY) \
+  REQUEST(5, ROBOT_INFO, robot_info, 1, 0, 0, 0, 0, 7) \
+  REQUEST(6, READ_ENCODERS, read_encoders, 1, 0, 0, 0, 1, 7) \
+  REQUEST(7, READ_SONARS, read_sonars, 1, 0, 0, 0, 0, 7) \
+  REQUEST(8, READ_ENCODERS_AND_SONARS, read_encoders_and_sonars, 1, 0, 0, 0, 1, 7) \
+  REQUEST(9, MOVE_MOTORS_PID, move_motors_pid, 1, 2, 2, 2, 0, 7, RANGE(-100, 100) RANGE(-100, 100)) \
+  REQUEST(10, MOVE_MOTORS, move_motors, 1, 2, 2, 2, 0, 9, RANGE(-100, 100) RANGE(-100, 100)) \
+  REQUEST(11, MOVE_DIFFERENTIAL, move_differential, 1, 2, 2, 2, 0, 11, ANY ANY) \
+  REQUEST(12, MOVE_TO_POSITION, move_to_position, 1, 3, 3, 2, 0, 13, RANGE(1, 3) RANGE(-100, 100) ANY) \
+  REQUEST(13, STOP, stop, 1, 0, 0, 0, 0, 16) \
+  REQUEST(14, RESET_ENCODERS, reset_encoders, 1, 0, 0, 0, 0, 16) \
+  REQUEST(15, GET_DEBUG, get_debug, 1, 0, 0, 0, 0, 16) \
+  REQUEST(16, SET_DEBUG, set_debug, 1, 1, 1, 0, 0, 16, RANGE(0, 1)) \
+  REQUEST(17, GET_STREAM, get_stream, 1, 0, 0, 0, 0, 17) \
+  REQUEST(18, START_STREAM, start_stream, 1, 0, 1, 0, 0, 17, RANGE(0, 10000)) \
+  REQUEST(19, STOP_STREAM, stop_stream, 1, 0, 0, 0, 0, 18) \
+  REQUEST(20, READ_ALCOHOL, read_alcohol, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
+  REQUEST(21, READ_DUST, read_dust, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
+  REQUEST(22, READ_THERMOPILE, read_thermopile, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
+  REQUEST(23, START_SENSOR_STREAM, start_sensor_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 18, RANGE(0, 10000)) \
+  REQUEST(24, STOP_SENSOR_STREAM, stop_sensor_stream, 1, 0, 0, 0, 0, 19) \
+  REQUEST(25, START_SENSOR_LDR_STREAM, start_sensor_ldr_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 19, RANGE(0, 10000)) \
+  REQUEST(26, STOP_SENSOR_LDR_STREAM, stop_sensor_ldr_stream, 1, 0, 0, 0, 0, 20) \
+  REQUEST(27, START_COMPASS_STREAM, start_compass_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 20, RANGE(0, 10000)) \
+  REQUEST(28, STOP_COMPASS_STREAM, stop_compass_stream, 1, 0, 0, 0, 0, 21) \
+  REQUEST(29, READ_PROTOCOL, read_protocol, 1, 0, 0, 0, 0, 21) \
+  REQUEST(30, READ_STATUS, read_status, 1, 0, 0, 0, 0, 21) \
+  REQUEST(31, READ_COUNTERS, read_counters, 1, 0, 0, 0, 0, 21) \
+  REQUEST(32, SET_CHECK, set_check, 1, 1, 1, 1, 0, 21, RANGE(0, 1)) \
+  REQUEST(33, SET_WATCHDOG, set_watchdog, 1, 1, 1, 1, 0, 22, RANGE(0, 10000)) \
+  REQUEST(34, READ_CONFIG, read_config, 1, 1, 1, 0, 0, 23, RANGE(0, 27)) \
+  REQUEST(35, WRITE_CONFIG, write_config, 1, 2, 2, 1, 0, 24, RANGE(0, 27) ANY) \
+  REQUEST(36, SAVE_CONFIG, save_config, 1, 0, 0, 1, 0, 26) \
+  REQUEST(37, DEFAULT_CONFIG, default_config, 1, 0, 0, 1, 0, 26) \
+  REQUEST(38, SEND_XBEE, send_xbee, MRL_XBEE, 6, 13, 0, 0, 26, ANY ANY ANY ANY RANGE(1, 16) ANY ANY ANY ANY ANY ANY ANY ANY) \
+  NO_REQUEST(39, XBEE_TEXT, xbee_text, 1, 0, 0, 0, 0, 39) \
+  REQUEST(40, DISCOVER_XBEE, discover_xbee, MRL_XBEE, 0, 0, 0, 0, 39) \
+  REQUEST(41, READ_LIGHT, read_light, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
+  REQUEST(42, READ_COMPASS, read_compass, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
+  REQUEST(43, MOVE_OMNI, move_omni, 1, 3, 3, 2, 0, 39, RANGE(0, 100) RANGE(-100, 100) RANGE(0, 359)) \
+  REQUEST(44, START_OMNI_STREAM, start_omni_stream, 1, 0, 1, 0, 1, 42, RANGE(0, 10000)) \
+  REQUEST(45, SET_BAUD, set_baud, 1, 1, 1, 1, 0, 43, RANGE(0, 3)) \
+  REQUEST(46, READ_IMU, read_imu, 1, 0, 0, 0, 1, 44) \
+  REQUEST(47, START_IMU_STREAM, start_imu_stream, 1, 1, 1, 0, 0, 44, RANGE(10, 10000)) \
+  REQUEST(48, STOP_IMU_STREAM, stop_imu_stream, 1, 0, 0, 0, 0, 45) \
+  REQUEST(49, READ_RADIO, read_radio, MRL_XBEE, 0, 0, 0, 0, 45) \
+  REQUEST(50, RELEASE_HOLD, release_hold, MRL_XBEE, 0, 0, 1, 0, 45)
+
+// names of the reasons to refuse bytes, in the order of read_counters
+#define MRL_REASONS(REASON) \
+  REASON(noise) \
+  REASON(restarted) \
+  REASON(too_long) \
+  REASON(not_integer) \
+  REASON(beyond_int16) \
+  REASON(unknown_command) \
+  REASON(argument_count) \
+  REASON(argument_range) \
+  REASON(bad_check) \
+  REASON(unavailable) \
+  REASON(overrun) \
+  REASON(held)
+
+// name, code, in this build, I2C address, register, bytes, values, may be absent
+#define MRL_BUS_SENSORS(SENSOR) \
+  SENSOR(thermopile, 22, MRL_ENVIRONMENT, 104, 2, 8, 8, 0) \
+  SENSOR(compass, 42, MRL_ENVIRONMENT, 96, 2, 2, 1, 0)
+
+// name, code, in this build
+#define MRL_PIN_SENSORS(SENSOR) \
+  SENSOR(alcohol, 20, MRL_ENVIRONMENT) \
+  SENSOR(dust, 21, MRL_ENVIRONMENT) \
+  SENSOR(light, 41, MRL_ENVIRONMENT)
+
+// number, name, lowest and highest value
+#define MRL_PARAMETERS(PARAMETER) \
+  PARAMETER(0, robot_id, 0, 32767) \
+  PARAMETER(1, axis_radius, 1, 32767) \
+  PARAMETER(2, wheel_radius, 1, 32767) \
+  PARAMETER(3, gearbox, 1, 32767) \
+  PARAMETER(4, encoder_counts, 1, 32767) \
+  PARAMETER(5, kp, 0, 32767) \
+  PARAMETER(6, ki, 0, 32767) \
+  PARAMETER(7, kd, 0, 32767) \
+  PARAMETER(8, ramp_time, 0, 32767) \
+  PARAMETER(9, ramp_gain, 0, 32767) \
+  PARAMETER(10, linear_ceiling, 1, 32767) \
+  PARAMETER(11, angular_ceiling, 1, 32767) \
+  PARAMETER(12, motor_timeout, 1, 255) \
+  PARAMETER(13, sonar_a, 1, 32767) \
+  PARAMETER(14, sonar_b, 1, 20000) \
+  PARAMETER(15, sonar_c, INT16_MIN, 32767) \
+  PARAMETER(16, bus_speed, 100, 400) \
+  PARAMETER(17, bus_stop, 0, 1) \
+  PARAMETER(18, full_speed, 1, 1000) \
+  PARAMETER(19, bridge, 0, 6) \
+  PARAMETER(20, wiring, 0, 255) \
+  PARAMETER(21, stop_mode, 0, 1) \
+  PARAMETER(22, reversal_pause, 0, 1000) \
+  PARAMETER(23, friction_duty, 0, 500) \
+  PARAMETER(24, battery_divider, 0, 32767) \
+  PARAMETER(25, undervoltage, 0, 32767) \
+  PARAMETER(26, radio_hold, 0, 300) \
+  PARAMETER(27, plain_calibrate, 0, 1)
+
+// lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni, duo
+#define MRL_MODELS(MODEL) \
+  MODEL(1, 3, 8700, 2700, 437, 640, 700, 400, 200, 2500, 0, 650, 5000) \
+  MODEL(4, 5, 11000, 1900, 437, 640, 350, 200, 100, 1500, 0, 600, 4000) \
+  MODEL(21, 22, 10000, 3000, 437, 640, 700, 400, 200, 1500, 0, 500, 5000) \
+  MODEL(23, 25, 7500, 3250, 340, 440, 1600, 23700, 0, 1000, 0, 500, 6000)
+
+// the parameters after those, the same for all models
+#define MRL_COMMON_DEFAULTS 3, 11767, 9466, -3759, 400, 0, 160, 0, 0, 0, 50, 0, 0, 0, 0, 0
+
 namespace mrl {
 
 constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
@@ -19,74 +142,31 @@ constexpr uint8_t PARAMETER_COUNT = 28;
 constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
 
-enum Code : uint8_t {
-  CALIBRATE = 1,
-  SET_PID_GAINS = 2,
-  SET_ENCODER_PRESCALER = 3,
-  PRESET_ENCODER = 4,
-  ROBOT_INFO = 5,
-  READ_ENCODERS = 6,
-  READ_SONARS = 7,
-  READ_ENCODERS_AND_SONARS = 8,
-  MOVE_MOTORS_PID = 9,
-  MOVE_MOTORS = 10,
-  MOVE_DIFFERENTIAL = 11,
-  MOVE_TO_POSITION = 12,
-  STOP = 13,
-  RESET_ENCODERS = 14,
-  GET_DEBUG = 15,
-  SET_DEBUG = 16,
-  GET_STREAM = 17,
-  START_STREAM = 18,
-  STOP_STREAM = 19,
-  READ_ALCOHOL = 20,
-  READ_DUST = 21,
-  READ_THERMOPILE = 22,
-  START_SENSOR_STREAM = 23,
-  STOP_SENSOR_STREAM = 24,
-  START_SENSOR_LDR_STREAM = 25,
-  STOP_SENSOR_LDR_STREAM = 26,
-  START_COMPASS_STREAM = 27,
-  STOP_COMPASS_STREAM = 28,
-  READ_PROTOCOL = 29,
-  READ_STATUS = 30,
-  READ_COUNTERS = 31,
-  SET_CHECK = 32,
-  SET_WATCHDOG = 33,
-  READ_CONFIG = 34,
-  WRITE_CONFIG = 35,
-  SAVE_CONFIG = 36,
-  DEFAULT_CONFIG = 37,
-  SEND_XBEE = 38,
-  XBEE_TEXT = 39,
-  DISCOVER_XBEE = 40,
-  READ_LIGHT = 41,
-  READ_COMPASS = 42,
-  MOVE_OMNI = 43,
-  START_OMNI_STREAM = 44,
-  SET_BAUD = 45,
-  READ_IMU = 46,
-  START_IMU_STREAM = 47,
-  STOP_IMU_STREAM = 48,
-  READ_RADIO = 49,
-  RELEASE_HOLD = 50,
-};
+#define MRL_CODE(code, constant, ...) constant = code,
+enum Code : uint8_t { MRL_COMMANDS(MRL_CODE, MRL_CODE) };
 
-// Why bytes were refused; the order of read_counters.
-enum class Reason : uint8_t {
-  noise = 0,
-  restarted = 1,
-  too_long = 2,
-  not_integer = 3,
-  beyond_int16 = 4,
-  unknown_command = 5,
-  argument_count = 6,
-  argument_range = 7,
-  bad_check = 8,
-  unavailable = 9,
-  overrun = 10,
-  held = 11,
-};
+#define MRL_REASON(name) name,
+enum class Reason : uint8_t { MRL_REASONS(MRL_REASON) };
+
+// Rows of the EEPROM configuration.
+#define MRL_PARAMETER(number, name, ...) name = number,
+enum class Parameter : uint8_t { MRL_PARAMETERS(MRL_PARAMETER) };
+
+// One handler for each request that the build has; a forgotten one fails to link.
+#define MRL_HANDLER(code, constant, name, ...) void name(const int16_t* args, uint8_t count);
+#define MRL_NO_HANDLER(...)
+namespace handlers {
+MRL_COMMANDS(MRL_HANDLER, MRL_NO_HANDLER)
+}  // namespace handlers
+
+// One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
+// its registers, false if they are not valid.  On the Uno's own pins: the value.
+#define MRL_BUS_SENSOR(name, ...) bool name(const uint8_t* bytes, int16_t* values);
+#define MRL_PIN_SENSOR(name, ...) int16_t name();
+namespace sensors {
+MRL_BUS_SENSORS(MRL_BUS_SENSOR)
+MRL_PIN_SENSORS(MRL_PIN_SENSOR)
+}  // namespace sensors
 
 constexpr int16_t CAPABILITY_CHECK = 1;
 constexpr int16_t CAPABILITY_WATCHDOG = 2;
@@ -172,288 +252,4 @@ enum class HoldText : uint8_t {
   freed = 'f',
 };
 
-// Rows of the EEPROM configuration.
-enum class Parameter : uint8_t {
-  robot_id = 0,
-  axis_radius = 1,
-  wheel_radius = 2,
-  gearbox = 3,
-  encoder_counts = 4,
-  kp = 5,
-  ki = 6,
-  kd = 7,
-  ramp_time = 8,
-  ramp_gain = 9,
-  linear_ceiling = 10,
-  angular_ceiling = 11,
-  motor_timeout = 12,
-  sonar_a = 13,
-  sonar_b = 14,
-  sonar_c = 15,
-  bus_speed = 16,
-  bus_stop = 17,
-  full_speed = 18,
-  bridge = 19,
-  wiring = 20,
-  stop_mode = 21,
-  reversal_pause = 22,
-  friction_duty = 23,
-  battery_divider = 24,
-  undervoltage = 25,
-  radio_hold = 26,
-  plain_calibrate = 27,
-};
-
-// One handler for each request; a forgotten one fails to link.
-namespace handlers {
-void calibrate(const int16_t* args, uint8_t count);  // 1
-void set_pid_gains(const int16_t* args, uint8_t count);  // 2
-void set_encoder_prescaler(const int16_t* args, uint8_t count);  // 3
-void preset_encoder(const int16_t* args, uint8_t count);  // 4
-void robot_info(const int16_t* args, uint8_t count);  // 5
-void read_encoders(const int16_t* args, uint8_t count);  // 6
-void read_sonars(const int16_t* args, uint8_t count);  // 7
-void read_encoders_and_sonars(const int16_t* args, uint8_t count);  // 8
-void move_motors_pid(const int16_t* args, uint8_t count);  // 9
-void move_motors(const int16_t* args, uint8_t count);  // 10
-void move_differential(const int16_t* args, uint8_t count);  // 11
-void move_to_position(const int16_t* args, uint8_t count);  // 12
-void stop(const int16_t* args, uint8_t count);  // 13
-void reset_encoders(const int16_t* args, uint8_t count);  // 14
-void get_debug(const int16_t* args, uint8_t count);  // 15
-void set_debug(const int16_t* args, uint8_t count);  // 16
-void get_stream(const int16_t* args, uint8_t count);  // 17
-void start_stream(const int16_t* args, uint8_t count);  // 18
-void stop_stream(const int16_t* args, uint8_t count);  // 19
-void start_sensor_stream(const int16_t* args, uint8_t count);  // 23
-void stop_sensor_stream(const int16_t* args, uint8_t count);  // 24
-void start_sensor_ldr_stream(const int16_t* args, uint8_t count);  // 25
-void stop_sensor_ldr_stream(const int16_t* args, uint8_t count);  // 26
-void start_compass_stream(const int16_t* args, uint8_t count);  // 27
-void stop_compass_stream(const int16_t* args, uint8_t count);  // 28
-void read_protocol(const int16_t* args, uint8_t count);  // 29
-void read_status(const int16_t* args, uint8_t count);  // 30
-void read_counters(const int16_t* args, uint8_t count);  // 31
-void set_check(const int16_t* args, uint8_t count);  // 32
-void set_watchdog(const int16_t* args, uint8_t count);  // 33
-void read_config(const int16_t* args, uint8_t count);  // 34
-void write_config(const int16_t* args, uint8_t count);  // 35
-void save_config(const int16_t* args, uint8_t count);  // 36
-void default_config(const int16_t* args, uint8_t count);  // 37
-void send_xbee(const int16_t* args, uint8_t count);  // 38
-void discover_xbee(const int16_t* args, uint8_t count);  // 40
-void move_omni(const int16_t* args, uint8_t count);  // 43
-void start_omni_stream(const int16_t* args, uint8_t count);  // 44
-void set_baud(const int16_t* args, uint8_t count);  // 45
-void read_imu(const int16_t* args, uint8_t count);  // 46
-void start_imu_stream(const int16_t* args, uint8_t count);  // 47
-void stop_imu_stream(const int16_t* args, uint8_t count);  // 48
-void read_radio(const int16_t* args, uint8_t count);  // 49
-void release_hold(const int16_t* args, uint8_t count);  // 50
-}  // namespace handlers
-
-// One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
-// its registers, false if they are not valid.  On the Uno's own pins: the value.
-namespace sensors {
-void ask(uint8_t code);
-int16_t alcohol();  // 20
-int16_t dust();  // 21
-bool thermopile(const uint8_t* bytes, int16_t* values);  // 22
-int16_t light();  // 41
-bool compass(const uint8_t* bytes, int16_t* values);  // 42
-}  // namespace sensors
-
-namespace handlers {
-inline void read_alcohol(const int16_t*, uint8_t) { sensors::ask(READ_ALCOHOL); }
-inline void read_dust(const int16_t*, uint8_t) { sensors::ask(READ_DUST); }
-inline void read_thermopile(const int16_t*, uint8_t) { sensors::ask(READ_THERMOPILE); }
-inline void read_light(const int16_t*, uint8_t) { sensors::ask(READ_LIGHT); }
-inline void read_compass(const int16_t*, uint8_t) { sensors::ask(READ_COMPASS); }
-}  // namespace handlers
-
 }  // namespace mrl
-
-// code, name, fewest and most arguments, guarded (1 always, 2 once the host has turned checksums on),
-// reply stamped, index of the first argument's range
-#define MRL_COMMANDS(REQUEST, NO_REQUEST) \
-  REQUEST(1, calibrate, 0, 0, 1, 0, 0) \
-  REQUEST(2, set_pid_gains, 3, 3, 0, 0, 0) \
-  REQUEST(3, set_encoder_prescaler, 2, 2, 0, 0, 3) \
-  REQUEST(4, preset_encoder, 2, 2, 0, 0, 5) \
-  REQUEST(5, robot_info, 0, 0, 0, 0, 7) \
-  REQUEST(6, read_encoders, 0, 0, 0, 1, 7) \
-  REQUEST(7, read_sonars, 0, 0, 0, 0, 7) \
-  REQUEST(8, read_encoders_and_sonars, 0, 0, 0, 1, 7) \
-  REQUEST(9, move_motors_pid, 2, 2, 2, 0, 7) \
-  REQUEST(10, move_motors, 2, 2, 2, 0, 9) \
-  REQUEST(11, move_differential, 2, 2, 2, 0, 11) \
-  REQUEST(12, move_to_position, 3, 3, 2, 0, 13) \
-  REQUEST(13, stop, 0, 0, 0, 0, 16) \
-  REQUEST(14, reset_encoders, 0, 0, 0, 0, 16) \
-  REQUEST(15, get_debug, 0, 0, 0, 0, 16) \
-  REQUEST(16, set_debug, 1, 1, 0, 0, 16) \
-  REQUEST(17, get_stream, 0, 0, 0, 0, 17) \
-  REQUEST(18, start_stream, 0, 1, 0, 0, 17) \
-  REQUEST(19, stop_stream, 0, 0, 0, 0, 18) \
-  REQUEST(20, read_alcohol, 0, 0, 0, 0, 18) \
-  REQUEST(21, read_dust, 0, 0, 0, 0, 18) \
-  REQUEST(22, read_thermopile, 0, 0, 0, 0, 18) \
-  REQUEST(23, start_sensor_stream, 0, 1, 0, 1, 18) \
-  REQUEST(24, stop_sensor_stream, 0, 0, 0, 0, 19) \
-  REQUEST(25, start_sensor_ldr_stream, 0, 1, 0, 1, 19) \
-  REQUEST(26, stop_sensor_ldr_stream, 0, 0, 0, 0, 20) \
-  REQUEST(27, start_compass_stream, 0, 1, 0, 1, 20) \
-  REQUEST(28, stop_compass_stream, 0, 0, 0, 0, 21) \
-  REQUEST(29, read_protocol, 0, 0, 0, 0, 21) \
-  REQUEST(30, read_status, 0, 0, 0, 0, 21) \
-  REQUEST(31, read_counters, 0, 0, 0, 0, 21) \
-  REQUEST(32, set_check, 1, 1, 1, 0, 21) \
-  REQUEST(33, set_watchdog, 1, 1, 1, 0, 22) \
-  REQUEST(34, read_config, 1, 1, 0, 0, 23) \
-  REQUEST(35, write_config, 2, 2, 1, 0, 24) \
-  REQUEST(36, save_config, 0, 0, 1, 0, 26) \
-  REQUEST(37, default_config, 0, 0, 1, 0, 26) \
-  REQUEST(38, send_xbee, 6, 13, 0, 0, 26) \
-  NO_REQUEST(39, xbee_text, 0, 0, 0, 0, 39) \
-  REQUEST(40, discover_xbee, 0, 0, 0, 0, 39) \
-  REQUEST(41, read_light, 0, 0, 0, 0, 39) \
-  REQUEST(42, read_compass, 0, 0, 0, 0, 39) \
-  REQUEST(43, move_omni, 3, 3, 2, 0, 39) \
-  REQUEST(44, start_omni_stream, 0, 1, 0, 1, 42) \
-  REQUEST(45, set_baud, 1, 1, 1, 0, 43) \
-  REQUEST(46, read_imu, 0, 0, 0, 1, 44) \
-  REQUEST(47, start_imu_stream, 1, 1, 0, 0, 44) \
-  REQUEST(48, stop_imu_stream, 0, 0, 0, 0, 45) \
-  REQUEST(49, read_radio, 0, 0, 0, 0, 45) \
-  REQUEST(50, release_hold, 0, 0, 1, 0, 45)
-
-// lowest and highest value of each request's arguments
-#define MRL_ARGUMENT_RANGES(RANGE) \
-  RANGE(0, 32767) \
-  RANGE(0, 32767) \
-  RANGE(0, 32767) \
-  RANGE(1, 3) \
-  RANGE(0, 4) \
-  RANGE(1, 3) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(-100, 100) \
-  RANGE(-100, 100) \
-  RANGE(-100, 100) \
-  RANGE(-100, 100) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(1, 3) \
-  RANGE(-100, 100) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(0, 1) \
-  RANGE(0, 10000) \
-  RANGE(0, 10000) \
-  RANGE(0, 10000) \
-  RANGE(0, 10000) \
-  RANGE(0, 1) \
-  RANGE(0, 10000) \
-  RANGE(0, 27) \
-  RANGE(0, 27) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(1, 16) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(0, 100) \
-  RANGE(-100, 100) \
-  RANGE(0, 359) \
-  RANGE(0, 10000) \
-  RANGE(0, 3) \
-  RANGE(10, 10000)
-
-// names of the reasons, for the debug text
-#define MRL_REASONS(REASON) \
-  REASON(noise) \
-  REASON(restarted) \
-  REASON(too_long) \
-  REASON(not_integer) \
-  REASON(beyond_int16) \
-  REASON(unknown_command) \
-  REASON(argument_count) \
-  REASON(argument_range) \
-  REASON(bad_check) \
-  REASON(unavailable) \
-  REASON(overrun) \
-  REASON(held)
-
-// name, code, in this build, I2C address, register, bytes, values, may be absent
-#define MRL_BUS_SENSORS(SENSOR) \
-  SENSOR(thermopile, 22, MRL_ENVIRONMENT, 104, 2, 8, 8, 0) \
-  SENSOR(compass, 42, MRL_ENVIRONMENT, 96, 2, 2, 1, 0)
-
-// name, code, in this build
-#define MRL_PIN_SENSORS(SENSOR) \
-  SENSOR(alcohol, 20, MRL_ENVIRONMENT) \
-  SENSOR(dust, 21, MRL_ENVIRONMENT) \
-  SENSOR(light, 41, MRL_ENVIRONMENT)
-
-// lowest and highest value of each parameter
-#define MRL_PARAMETER_RANGES(RANGE) \
-  RANGE(0, 32767) \
-  RANGE(1, 32767) \
-  RANGE(1, 32767) \
-  RANGE(1, 32767) \
-  RANGE(1, 32767) \
-  RANGE(0, 32767) \
-  RANGE(0, 32767) \
-  RANGE(0, 32767) \
-  RANGE(0, 32767) \
-  RANGE(0, 32767) \
-  RANGE(1, 32767) \
-  RANGE(1, 32767) \
-  RANGE(1, 255) \
-  RANGE(1, 32767) \
-  RANGE(1, 20000) \
-  RANGE(INT16_MIN, 32767) \
-  RANGE(100, 400) \
-  RANGE(0, 1) \
-  RANGE(1, 1000) \
-  RANGE(0, 6) \
-  RANGE(0, 255) \
-  RANGE(0, 1) \
-  RANGE(0, 1000) \
-  RANGE(0, 500) \
-  RANGE(0, 32767) \
-  RANGE(0, 32767) \
-  RANGE(0, 300) \
-  RANGE(0, 1)
-
-// lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni, duo
-#define MRL_MODELS(MODEL) \
-  MODEL(1, 3, 8700, 2700, 437, 640, 700, 400, 200, 2500, 0, 650, 5000) \
-  MODEL(4, 5, 11000, 1900, 437, 640, 350, 200, 100, 1500, 0, 600, 4000) \
-  MODEL(21, 22, 10000, 3000, 437, 640, 700, 400, 200, 1500, 0, 500, 5000) \
-  MODEL(23, 25, 7500, 3250, 340, 440, 1600, 23700, 0, 1000, 0, 500, 6000)
-
-// the parameters after those, the same for all models
-#define MRL_COMMON_DEFAULTS(VALUE) \
-  VALUE(3) \
-  VALUE(11767) \
-  VALUE(9466) \
-  VALUE(-3759) \
-  VALUE(400) \
-  VALUE(0) \
-  VALUE(160) \
-  VALUE(0) \
-  VALUE(0) \
-  VALUE(0) \
-  VALUE(50) \
-  VALUE(0) \
-  VALUE(0) \
-  VALUE(0) \
-  VALUE(0) \
-  VALUE(0)

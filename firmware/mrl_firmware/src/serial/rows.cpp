@@ -8,7 +8,6 @@
 #include "frame_writer.h"
 #include "../sensors/imu.h"
 #include "../motors/motor.h"
-#include "../motors/omni.h"
 #include "protocol.h"
 #include "../sensors/sensors.h"
 #include "../sensors/sonar.h"
@@ -23,9 +22,8 @@ namespace {
 constexpr int16_t NO_ENCODERS = 999;  // value that sensor boards have sent instead of counters since 2013
 constexpr int16_t LAST_WITH_MOTORS = 5;
 
-#define STAMPED(code, name, least, most, guarded, stamped, first) stamped,
+#define STAMPED(code, constant, name, there, least, most, guarded, stamped, ...) stamped,
 const uint8_t STAMPED_ROWS[] PROGMEM = {MRL_COMMANDS(STAMPED, STAMPED)};
-#undef STAMPED
 
 bool is_sensor_stream(uint8_t code) { return code == START_SENSOR_STREAM || code == START_SENSOR_LDR_STREAM; }
 
@@ -48,6 +46,7 @@ void report_encoders(bool with_counts) {
 }
 
 void report_sensors(bool with_counts) {
+  if (!MRL_ENVIRONMENT) return;
   report_encoders(with_counts);
   writer::add(sensors::alcohol());
   writer::add(sensors::dust());
@@ -85,13 +84,14 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       report_encoders(with_counts);
       return sonar::report();
     case START_OMNI_STREAM:
-      omni::report_encoders();
+      report_encoders(true);
+      writer::add(motor::counts().rear);
       return sonar::report();
     case START_SENSOR_STREAM:
       return report_sensors(with_counts);
     case START_SENSOR_LDR_STREAM:
       report_sensors(with_counts);
-      return writer::add(sensors::light());
+      return sensors::report(READ_LIGHT);
     case START_COMPASS_STREAM:
       return sensors::report(READ_COMPASS);
     case GET_DEBUG:
@@ -111,12 +111,14 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       return config::report(value);
     case READ_IMU:
       return imu::report();
+#if MRL_XBEE
     case XBEE_TEXT:
       return xbee::report_text();
     case DISCOVER_XBEE:
       return xbee::report_node();
     case READ_RADIO:
       return xbee::report_radio();
+#endif
     default:  // 32, 36, 37, 45 and 50 answer with the value they were asked with
       return sensors::knows(code) ? sensors::report(code) : writer::add(value);
   }

@@ -3,10 +3,8 @@
 
 #include "answers.h"
 #include "../board/board_clock.h"
-#include "../../build.h"
 #include "frame_writer.h"
 #include "protocol.h"
-#include "../board/status.h"
 
 namespace mrl {
 namespace {
@@ -75,11 +73,6 @@ void start(uint8_t code, const int16_t* args, uint8_t count) {
   streams::imu.align(streams::main);
 }
 
-void start_with_sensors(uint8_t code, const int16_t* args, uint8_t count) {
-  if (!MRL_ENVIRONMENT) return status::refuse(Reason::unavailable);
-  start(code, args, count);
-}
-
 }  // namespace
 
 void get_stream(const int16_t*, uint8_t) { answers::ask(GET_STREAM); }
@@ -93,21 +86,15 @@ void stop_stream(const int16_t*, uint8_t) {
   streams::main.stop(START_OMNI_STREAM);
 }
 
-void start_sensor_stream(const int16_t* args, uint8_t count) {
-  start_with_sensors(START_SENSOR_STREAM, args, count);
-}
+void start_sensor_stream(const int16_t* args, uint8_t count) { start(START_SENSOR_STREAM, args, count); }
 
 void stop_sensor_stream(const int16_t*, uint8_t) { streams::main.stop(START_SENSOR_STREAM); }
 
-void start_sensor_ldr_stream(const int16_t* args, uint8_t count) {
-  start_with_sensors(START_SENSOR_LDR_STREAM, args, count);
-}
+void start_sensor_ldr_stream(const int16_t* args, uint8_t count) { start(START_SENSOR_LDR_STREAM, args, count); }
 
 void stop_sensor_ldr_stream(const int16_t*, uint8_t) { streams::main.stop(START_SENSOR_LDR_STREAM); }
 
-void start_compass_stream(const int16_t* args, uint8_t count) {
-  start_with_sensors(START_COMPASS_STREAM, args, count);
-}
+void start_compass_stream(const int16_t* args, uint8_t count) { start(START_COMPASS_STREAM, args, count); }
 
 void stop_compass_stream(const int16_t*, uint8_t) { streams::main.stop(START_COMPASS_STREAM); }
 
