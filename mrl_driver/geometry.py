@@ -31,6 +31,7 @@ class Pose(NamedTuple):
 
 
 ORIGIN = Pose(0.0, 0.0, 0.0)
+_new = tuple.__new__  # `_new(Pose, (x, y, yaw))` is `Pose(x, y, yaw)` without a call in Python
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -67,7 +68,7 @@ def advance(pose: Pose, forward_m: float, turn_rad: float, left_m: float = 0.0) 
     x_m, y_m = pose.x_m + forward_m * cos, pose.y_m + forward_m * sin
     if left_m:
         x_m, y_m = x_m - left_m * sin, y_m + left_m * cos
-    return Pose(x_m, y_m, yaw_rad)
+    return _new(Pose, (x_m, y_m, yaw_rad))
 
 
 def quaternion_of(yaw_rad: float) -> Tuple[float, float]:

@@ -159,6 +159,8 @@ class Uncertainty:
         xx, xy, yy = xx + scale * x_m * x_m, xy + scale * x_m * y_m, yy + scale * y_m * y_m
         for effect, change, variance in zip(self._effects, changes, self._constants):
             x, y, t = effect
+            if not (change or t or x or y):
+                continue  # such as the scale of the gyro without a gyro
             mean = t + change / 2
             x, y, t = effect[:] = x - dy * mean, y + dx * mean, t + change
             vx, vy = variance * x, variance * y

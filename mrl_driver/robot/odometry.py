@@ -64,6 +64,7 @@ AnyWheels = Union[Wheels, OmniWheels]
 
 
 _NOTHING = (0.0, 0.0, 0.0)
+_new = tuple.__new__  # a named tuple without a call in Python
 
 Reading = Tuple[Any, ...]  # counters of all wheels (int16), and the time of the reading [s]
 Step = Tuple[Any, ...]
@@ -226,7 +227,7 @@ class Odometry:
         right, left, dt_s = step
         if right or left:
             travel = self.travel
-            self.travel = Wheels(travel.right + right, travel.left + left)
+            self.travel = _new(Wheels, (travel[0] + right, travel[1] + left))
             ds = right * self._forward[0] + left * self._forward[1]
             turn = right * self._turning[0] - left * self._turning[1]
         else:
@@ -244,7 +245,7 @@ class Odometry:
         elif uncertainty is not None:
             uncertainty.stand(dt_s, gyro)
         if dt_s > self._interval_s and self._waiting is _NOTHING:
-            self.twist = Twist(ds / dt_s, turn / dt_s)
+            self.twist = _new(Twist, (ds / dt_s, turn / dt_s))
         else:
             self._differentiate(ds, turn, dt_s)
         return True

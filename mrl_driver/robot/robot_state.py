@@ -281,10 +281,9 @@ class RobotState:
         uncertainty, heading = odometry.uncertainty, odometry.heading
         assert uncertainty is not None
         gyro = heading is not None and heading.in_use
-        telemetry = self.telemetry = Telemetry(
-            *(event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence),
-            *(gyro, uncertainty.spread, uncertainty.variances),
-        )
+        fields = event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence, gyro
+        telemetry = tuple.__new__(Telemetry, (*fields, uncertainty.spread, uncertainty.variances))
+        self.telemetry = telemetry  # made without a call in Python
         return telemetry
 
     def _begin_baseline(self, odometry: Odometry, now: float, events: List[Any]) -> None:

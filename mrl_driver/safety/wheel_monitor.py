@@ -163,6 +163,7 @@ class WheelMonitor:
         self._wheels = [_Wheel(*self._make) for _ in self._names]
         self._time_s = self.next_s = -math.inf
         self._travel: Sequence[float] = (0,) * len(self._names)
+        self._command: Tuple[float, ...] = ()
         self._targets: Tuple[float, ...] = ()
 
     def update(
@@ -174,14 +175,15 @@ class WheelMonitor:
         lateral_m_s: float = 0.0,
     ) -> Optional[Mismatch]:
         """Compare the command in force with `travel` [count, without wrap] read at `time_s` [s]."""
-        speeds = self._kinematics.wheel_steps(Planar(linear_m_s, lateral_m_s, angular_rad_s))
-        targets = tuple(speeds[i] for i in self._order)
         if time_s - self._time_s > GAP_S:
             before = self._targets
             self.reset()
             self._ask(before)  # the wheels may still follow the command from before the gap
-        if targets != self._targets:
-            self._ask(targets)
+        command = linear_m_s, lateral_m_s, angular_rad_s
+        if command != self._command:
+            self._command = command
+            speeds = self._kinematics.wheel_steps(Planar(*command))
+            self._ask(tuple(speeds[i] for i in self._order))
         if time_s < self.next_s:
             return None
         dt_s, last = time_s - self._time_s, self._travel
@@ -190,20 +192,18 @@ class WheelMonitor:
             return None
         found = [
             wheel.tick(target, (now - before) * self._metres, dt_s)
-            for wheel, target, now, before in zip(self._wheels, targets, travel, last)
+            for wheel, target, now, before in zip(self._wheels, self._targets, travel, last)
         ]
-        return self._combine(found)
+        return self._combine(found) if any(found) else None
 
     def _ask(self, targets: Tuple[float, ...]) -> None:
         self._targets = targets
         for wheel, target in zip(self._wheels, targets):
             wheel.ask(target)
 
-    def _combine(self, found: Sequence[Optional[Mismatch]]) -> Optional[Mismatch]:
-        """Return one mismatch for all wheels; None if all follow."""
+    def _combine(self, found: Sequence[Optional[Mismatch]]) -> Mismatch:
+        """Return one mismatch for those of all wheels."""
         wrong = {name: each for name, each in zip(self._names, found) if each is not None}
-        if not wrong:
-            return None
         name, first = next(iter(wrong.items()))
         if len(wrong) == 1:
             return first._replace(wheel=name)

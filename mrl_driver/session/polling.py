@@ -140,6 +140,8 @@ class Poll:
 
     def take(self, now: float, quick_s: float) -> None:
         """Send the requests that are due; `quick_s` is the period of `read_status` after `hurry` [s]."""
+        if now + self._lead_s < self.due_s:
+            return
         if self._busy:
             self._busy, self._busy_until_s = False, now + BUSY_S
         soon = now + self._lead_s

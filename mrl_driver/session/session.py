@@ -528,7 +528,8 @@ class Session:
         elif motion.target is None and counts != self._last and self._requested_s == math.inf:
             self._on_uncommanded_motion(now)
         self._last, self.last_frame = counts, frame
-        events.append(Counts(args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear))
+        fields = args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear
+        events.append(tuple.__new__(Counts, fields))  # without a call in Python
 
     def _on_uncommanded_motion(self, now: float) -> None:
         """The wheels turn without a command: perhaps the line has delivered a move after its stop.  Send a stop, and

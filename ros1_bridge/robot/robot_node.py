@@ -6,6 +6,7 @@ README of this package lists topics, services and parameters.
 
 import contextlib
 import gc
+import math
 import os
 import sys
 import threading
@@ -51,6 +52,7 @@ from .xbee import Radio
 from .zone_topics import ZoneTopics
 
 DIAGNOSTICS_S = 1.0
+MASTER_S = 5.0  # The node looks this often whether the master is there: each look is a connection
 STATUS_S = 0.2  # A change of the robot's state is published within this time
 FREED_S = 2.0
 """A node of the same name, which the master ends when this one registers, closes the port within this time."""
@@ -248,7 +250,7 @@ class RobotNode:
             updater.setHardwareID(self._hardware_id(board))
             add_tasks(updater, self._driver, self._commander, self._parameters)
         unknown = self._commands
-        master, due_s = MasterWatch(rosgraph.get_master_uri()), time.monotonic()
+        master, look_s, due_s = MasterWatch(rosgraph.get_master_uri()), -math.inf, -math.inf
         while not self._driver.wait(STATUS_S):
             with contextlib.suppress(MrlError):
                 self._commander.watch_link()
@@ -259,13 +261,15 @@ class RobotNode:
                 self._markers.publish()
             if self._zones is not None:
                 self._zones.tell_held()
-            if time.monotonic() < due_s:
+            now_s = time.monotonic()
+            if now_s >= look_s:
+                look_s, words = now_s + MASTER_S, master.look()
+                if words:
+                    rospy.logerr(words)
+            if now_s < due_s:
                 continue
-            due_s = time.monotonic() + DIAGNOSTICS_S
+            due_s = now_s + DIAGNOSTICS_S
             self._tell_loss()
-            words = master.look()
-            if words:
-                rospy.logerr(words)
             if updater is not None and updater.publisher.get_num_connections():
                 updater.force_update()  # update() does nothing after the clock is set back, and before /clock
 

@@ -24,7 +24,7 @@ from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, imu_frame
 from . import messages
 from .fast_publisher import Fast, direct_publisher
 from .imu_topics import ImuTopics
-from .serialized_messages import PackedOdometry, PackedTransform
+from .serialized_messages import PackedJoints, PackedOdometry, PackedTransform
 
 STEP_S = 1e-6
 """Smallest difference of two stamps; four times the resolution of a float with today's time in seconds."""
@@ -108,7 +108,7 @@ class Publishers:
         self._odometry, self._odometry_out = PackedOdometry(odom, base), self._sender("odom", Odometry)
         self._transform = PackedTransform(odom, base)
         self._transform_out = self._sender("/tf", TFMessage) if self._parameters.publish_tf else None
-        self._joints = JointState(name=list(OMNI_JOINTS if omni else JOINTS))
+        self._joints = PackedJoints(OMNI_JOINTS if omni else JOINTS)
         self._joints_out = self._sender("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
@@ -167,9 +167,10 @@ class Publishers:
         tf_out = self._transform_out
         if tf_out is not None and tf_out.impl.connections:
             tf_out.send(self._transform.pack(secs, nsecs, x_m, y_m, z, w))
-        if fresh or self._joints_out.impl.connections:
+        if self._joints_out.impl.connections:
+            self._publish_joints(telemetry, secs, nsecs)
+        if fresh:
             self._stamp.secs, self._stamp.nsecs = secs, nsecs
-            self._publish_joints(telemetry)
             self._publish_ranges(telemetry)
 
     def _follow(self, ahead_s: float) -> None:
@@ -179,18 +180,14 @@ class Publishers:
             self._ahead_s = ahead_s
             self._note_clock(ahead_s)
 
-    def _publish_joints(self, telemetry: Telemetry) -> None:
-        if not self._joints_out.impl.connections:
-            return
-        twist, scale = telemetry.twist, self._rad_per_count
+    def _publish_joints(self, telemetry: Telemetry, secs: int, nsecs: int) -> None:
+        twist, out = telemetry.twist, self._joints_out
         speeds = self._kinematics.wheel_steps(
             Planar(twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s)
         )
-        joints = self._joints
-        joints.header.stamp = self._stamp
-        joints.position = [count * scale for count in telemetry.counts]
-        joints.velocity = [speeds[at] * self._rad_per_m for at in self._order]
-        self._joints_out.publish(joints)
+        positions = [count * self._rad_per_count for count in telemetry.counts]
+        velocities = [speeds[at] * self._rad_per_m for at in self._order]
+        out.send(self._joints.pack(out.sequence, secs, nsecs, positions, velocities))
 
     def _publish_ranges(self, telemetry: Telemetry) -> None:
         for name in telemetry.fresh:

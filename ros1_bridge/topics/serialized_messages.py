@@ -76,6 +76,24 @@ class PackedTransform:
         return self._pack(self._size, 1, 0, secs, nsecs, self._names, x_m, y_m, half_sin, half_cos)
 
 
+class PackedJoints:
+    """sensor_msgs/JointState without a frame and without efforts, with its names set."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._count, self._names = len(names), b"".join(map(_text, names))
+        layout = struct.Struct(f"<6I{len(self._names)}sI{len(names)}dI{len(names)}dI")
+        self._size, self._pack = layout.size - 4, layout.pack
+
+    def pack(
+        self, sequence: int, secs: int, nsecs: int, positions: Sequence[float], velocities: Sequence[float]
+    ) -> bytes:
+        """The serialized message; positions are in rad, velocities in rad/s."""
+        count = self._count
+        return self._pack(
+            self._size, sequence, secs, nsecs, 0, count, self._names, count, *positions, count, *velocities, 0
+        )  # fmt: skip
+
+
 class PackedImu:
     """sensor_msgs/Imu with its frame set; roll, pitch and all correlations are zero."""
 

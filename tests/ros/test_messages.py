@@ -9,14 +9,14 @@ from geometry_msgs.msg import TransformStamped, Twist, Vector3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import BatteryState, Imu, Range
+from sensor_msgs.msg import BatteryState, Imu, JointState, Range
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount, load
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.message_covariance import pose_matrix, twist_matrix
-from ros1_bridge.topics.serialized_messages import PackedImu, PackedOdometry, PackedTransform
+from ros1_bridge.topics.serialized_messages import PackedImu, PackedJoints, PackedOdometry, PackedTransform
 
 STAMP = Time(5, 7)
 BATTERY = load("traxbot").battery
@@ -171,3 +171,12 @@ def test_packed_imu_is_that_of_genpy(
     assert packed.pack(
         sequence, *stamp, *half, orientation_variances, rates, rate_variances, accelerations
     ) == wire(message)
+
+
+@settings(max_examples=50)
+@given(WORDS, STAMPS, st.lists(st.tuples(FRAMES, NUMBERS, NUMBERS), max_size=4))
+def test_packed_joints_are_those_of_genpy(sequence, stamp, joints):
+    names, positions, velocities = ([joint[i] for joint in joints] for i in range(3))
+    message = JointState(name=names, position=positions, velocity=velocities)
+    message.header.seq, message.header.stamp = sequence, Time(*stamp)
+    assert PackedJoints(names).pack(sequence, *stamp, positions, velocities) == wire(message)

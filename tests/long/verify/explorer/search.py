@@ -30,7 +30,7 @@ IGNORED = {
     "how long the wheel monitor has watched, and its sums": """
         WheelMonitor._time_s WheelMonitor._travel WheelMonitor.next_s WheelMonitor._targets _Wheel._speeds
         _Wheel._distances _Wheel._last _Wheel._reference _Wheel._still Core._monitored
-        WheelMonitor._kinematics
+        WheelMonitor._kinematics WheelMonitor._command
     """,
     "the clocks themselves, and what the judge compares in one step": """
         Line.board_s Line.slept_s Line.end_s Judge.x_m Judge.before_s Judge.told
