@@ -4,6 +4,7 @@ from typing import Callable, Dict, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import MrlError
 from mrl_driver.protocol.stop_reason import StopReason
+from ros1_bridge.control.velocity_sources import Source
 
 from .board import NEW_BATTERY_V
 from .judge import STEP_S, Judge
@@ -15,6 +16,7 @@ LONG_STEPS = 6
 HUNG_STEPS, LATE_STEPS = 10, 3
 """A callback hangs for 0.5 s; after 0.15 s, when telemetry is late, the next event follows."""
 EMPTY_V = 8.0
+PLANNER = Source("/move_base")
 Act = Callable[[World, Judge], None]
 
 
@@ -42,6 +44,22 @@ def _drive(world: World, judge: Judge, speed_m_s: float = SPEED_M_S) -> None:
     def drive() -> None:
         if world.commander.drive(speed_m_s, 0.0):
             judge.command(world, speed_m_s != 0)
+
+    _quietly(drive)
+
+
+def _begin_goal(world: World, judge: Judge) -> None:
+    if not world.line.planner_drives:
+        world.line.planner_drives, judge.goal_ended = True, judge.inhibited
+    _plan(world, judge)
+
+
+def _plan(world: World, judge: Judge) -> None:
+    """The planner's next command.  It does not hear that its goal has ended, and a stop ends it for good."""
+
+    def drive() -> None:
+        if world.commander.drive(SPEED_M_S, 0.0, source=PLANNER) and not judge.goal_ended:
+            judge.command(world, True)
 
     _quietly(drive)
 
@@ -75,7 +93,7 @@ def _late(world: World, judge: Judge) -> None:
 
 def _emergency(world: World, judge: Judge) -> None:
     _asked(world, judge)
-    judge.inhibited, judge.late = True, False
+    judge.inhibited, judge.late, judge.goal_ended = True, False, True
     _quietly(world.commander.latch)
 
 
@@ -193,6 +211,7 @@ def _wheels_free(world: World, judge: Judge) -> None:
 
 EVENTS: Dict[str, Event] = {
     "d": Event("drive", _drive),
+    "g": Event("a planner begins to drive to a goal, and does not hear that it is cancelled", _begin_goal),
     "z": Event("drive with speed zero", _drive_zero),
     "s": Event("stop", _stop),
     "w": Event("the user does nothing for 50 ms", _nothing),
@@ -232,7 +251,7 @@ QUICK = "dslLMPhc"  # Those of the short form in `make test`
 def happen(world: World, judge: Judge, letter: str) -> str:
     """Let an event happen, and return the property that is violated, or nothing."""
     event = EVENTS[letter]
-    if judge.closed and letter in "dzsqiutx":
+    if judge.closed and letter in "dgzsqiutx":
         return ""
     event.act(world, judge)
     broken = _pass(world, judge, event.steps)
@@ -244,6 +263,8 @@ def happen(world: World, judge: Judge, letter: str) -> str:
 
 def _pass(world: World, judge: Judge, steps: int) -> str:
     for _ in range(steps):
+        if world.line.planner_drives and not judge.closed:
+            _plan(world, judge)
         world.run(STEP_S)
         if world.line.blocked_until <= world.board_s:
             world.unblock()

@@ -35,6 +35,7 @@ class Judge:
     def __init__(self) -> None:
         self.allowed = False  # The user wants the robot to move now
         self.inhibited = self.closed = self.zero = self.late = False
+        self.goal_ended = False  # An emergency stop has ended the planner's goal
         self.told_s = NEVER  # The user's last command, on the host's clock [s]
         self.commanded_s = self.ended_s = NEVER
         """The user's last command, and the end of the permission, on the board's clock [s]."""

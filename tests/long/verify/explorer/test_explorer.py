@@ -7,6 +7,7 @@ from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.session.session import Session
 from ros1_bridge.control.commander import Commander
+from ros1_bridge.control.velocity_sources import VelocitySources
 from tests.long.verify.explorer.board import ExploredBoard, build
 from tests.long.verify.explorer.events import QUICK, happen
 from tests.long.verify.explorer.recorded import record
@@ -63,6 +64,7 @@ def test_a_command_without_an_end_violates_a_property_only_without_a_timeout(exp
         (Connection, "stop_for_good", "dxw"),
         (Ports, "same_board", "dWoWW"),
         (Session, "_stop_blind", "dhW"),
+        (VelocitySources, "distrust", "giu"),
     ],
 )
 def test_without_a_guard_a_sequence_violates_a_property(library, monkeypatch, owner, guard, path):

@@ -190,6 +190,7 @@ class Line:
         """When an undamaged stop was sent, telemetry was read, the last fault ended, and an undamaged move was sent."""
         self.board_s = self.slept_s = self.end_s = 0.0
         self.ended = ""
+        self.planner_drives = False  # A planner sends a command with each step
 
 
 class World:
