@@ -156,24 +156,23 @@ class Keys(Form):
         return {**found, "description": self._texts[name]} if name in self._texts else found
 
 
-class Section(Form):
+class Section(Keys):
     """A mapping with the fields of a named tuple, which `read` returns; fields with a default are optional.
 
     The docstrings of the fields describe them to the reader of the file.
     """
 
     def __init__(self, kind: Callable[..., Any], forms: Mapping[str, Form]) -> None:
+        super().__init__(forms, kind._field_defaults)  # type: ignore[attr-defined]
         self._kind = kind
-        self._keys = Keys(forms, kind._field_defaults)  # type: ignore[attr-defined]
 
     def read(self, reader: Reader, key: str, value: Any) -> Any:
-        return self._kind(**self._keys.read(reader, key, value))
+        return self._kind(**super().read(reader, key, value))
 
     def schema(self) -> Schema:
         text = " ".join((self._kind.__doc__ or "").split("\n\n")[0].split())
-        texts = field_texts(self._kind)
-        found = Keys(self._keys.forms, self._kind._field_defaults, texts).schema()  # type: ignore[attr-defined]
-        return {"description": text, **found}
+        self._texts = field_texts(self._kind)
+        return {"description": text, **super().schema()}
 
 
 class Condition(NamedTuple):

@@ -23,20 +23,8 @@ _GROUP_ALONE: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())
 """Error of click 8.2 and later for a group without a sub-command; older versions print the help themselves."""
 
 OWN = (
-    *(
-        "completion",
-        "config",
-        "doctor",
-        "drive",
-        "explain",
-        "flash",
-        "goto",
-        "info",
-        "monitor",
-        "names",
-        "new",
-    ),
-    *("ports", "radio", "record", "serve", "set-id", "system"),
+    *("completion", "config", "doctor", "drive", "explain", "flash", "goto", "info", "monitor", "names"),
+    *("new", "ports", "radio", "record", "serve", "set-id", "system"),
 )
 """The sub-commands of this folder: each is a function in a module of its name; `record` is in `monitor`."""
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from mrl_driver.apps.tip_over import sweep, vehicle_file
-from mrl_driver.apps.tip_over.margin import Situation
+from mrl_driver.apps.tip_over import vehicle_file
+from mrl_driver.apps.tip_over.margin import QUANTITIES, Situation
 from tests.documents.blocks import ROOT
 
 from .run import fails, mrl
@@ -56,7 +56,7 @@ def test_a_sweep_is_printed_and_drawn(tmp_path):
 def test_documented_margins_are_those_of_the_packaged_vehicle():
     def shown(name, *values):
         found = Situation(vehicle_file.load("mecanum-arm"))
-        at = [sweep.QUANTITIES[name].change(found, value).margin().angle_rad for value in values]
+        at = [QUANTITIES[name].change(found, value).margin().angle_rad for value in values]
         return " / ".join(f"{math.degrees(angle):.1f}" for angle in at)
 
     text = (ROOT / "docs" / "experiments.md").read_text()

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.apps.tip_over import margin, sweep, vehicle_file
+from mrl_driver.apps.tip_over import margin, vehicle_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import GRAVITY_M_S2
 
@@ -114,9 +114,9 @@ def with_arm(**values):
 def test_a_sweep_over_the_arms_angle_finds_where_a_load_on_its_tip_tips_the_box():
     """Moments about the front edge: 10 kg * 0.3 m against 4 kg and 60 N beyond it."""
     down = margin.Push(60.0, None, (0.0, 0.0, -1.0))
-    over = sweep.parse("arm-angle=0:80")
+    over = margin.parse_range("arm-angle=0:80")
     situation = with_arm()._replace(push=down)
-    (turning,) = sweep.crossings(situation, over, sweep.sweep(situation, over))
+    (turning,) = margin.crossings(situation, over, margin.sweep(situation, over))
     c = math.cos(math.radians(turning))
     moment = 10 * 0.3 + 4 * (0.2 - 0.5 * c) + 60 / GRAVITY_M_S2 * (0.2 - 0.8 * c)
     assert moment == pytest.approx(0.0, abs=1e-6)

@@ -5,23 +5,32 @@ from typing import Any, Dict, Optional
 
 import click
 
+from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, json_option, print_json
 from mrl_driver.errors import ConfigError
 
-from . import margin, margin_plot, sweep, vehicle_file
-from .margin import Push, Situation, Vector
+from . import margin, vehicle_file
+from .margin import DIRECTIONS, Push, Range, Situation, Vector, greatest_acceleration, limits
 
 _LINES = 12  # most lines of a sweep that are printed
-_NAMED: Dict[str, Vector] = {name: (*level, 0.0) for name, level in margin.DIRECTIONS.items()}
+_NAMED: Dict[str, Vector] = {name: (*level, 0.0) for name, level in DIRECTIONS.items()}
 _NAMED.update(up=(0.0, 0.0, 1.0), down=(0.0, 0.0, -1.0))  # directions of a force, by name
+_DIRECTIONS_DRAWN, _VALUES = 120, 100
+_LOWEST_DEG = -20.0  # lower end of the axis of a sweep's margins; the vehicle tips over far above it
+_STYLES = {
+    "forward": (figures.BLUE, "-"),
+    "back": (figures.ORANGE, "--"),
+    "left": (figures.GREEN, ":"),
+    "right": (figures.PINK, "-."),
+}
 
 
 def _number(name: str, low: float, high: float, unit: str, text: str, **options: Any) -> Any:
     """An option that takes a number; `min_open` and `max_open` are those of `Between`."""
-    limits = {key: options.pop(key) for key in ("min_open", "max_open") if key in options}
+    ends = {key: options.pop(key) for key in ("min_open", "max_open") if key in options}
     shown = "default" in options
     return click.option(
-        name, type=Between(low, high, **limits), metavar=unit, help=text, show_default=shown, **options
+        name, type=Between(low, high, **ends), metavar=unit, help=text, show_default=shown, **options
     )
 
 
@@ -81,9 +90,11 @@ def tip_over(
       mrl tip-over mecanum-arm --sweep arm-angle=0:180 --plot angle.png
     """
     as_json = given.pop("as_json")
+    if picture is not None:
+        figures.require_writable(picture)
     situation = _situation(Situation(vehicle_file.load(vehicle)), swept or "", **given)
     if swept is not None:
-        _show_sweep(situation, sweep.parse(swept), math.radians(reserve), picture, as_json)
+        _show_sweep(situation, margin.parse_range(swept), math.radians(reserve), picture, as_json)
     else:
         _show(situation, math.radians(reserve), picture, as_json)
 
@@ -143,14 +154,14 @@ def _direction(text: str) -> Optional[Vector]:
 def _show(situation: Situation, reserve_rad: float, picture: Optional[str], as_json: bool) -> None:
     vehicle, push = situation.vehicle, situation.push
     if picture:
-        margin_plot.draw(situation, picture, reserve_rad)
+        _draw(situation, picture, reserve_rad)
     made: Dict[str, Any] = {
         "vehicle": vehicle.name,
         "whole": vehicle.whole._asdict(),
         "margin_rad": Situation(vehicle).margin().angle_rad,
-        "tips_m_s2": margin.limits(situation),
-        "limit_m_s2": margin.limits(situation, reserve_rad),
-        "limit_anywhere_m_s2": margin.greatest_acceleration(situation, None, reserve_rad),
+        "tips_m_s2": limits(situation),
+        "limit_m_s2": limits(situation, reserve_rad),
+        "limit_anywhere_m_s2": greatest_acceleration(situation, None, reserve_rad),
         "reserve_rad": reserve_rad,
         "slope_rad": situation.slope_rad,
         "picture": picture,
@@ -223,12 +234,12 @@ def _margin_text(angle_rad: float) -> str:
 
 
 def _show_sweep(
-    situation: Situation, over: sweep.Range, reserve_rad: float, picture: Optional[str], as_json: bool
+    situation: Situation, over: Range, reserve_rad: float, picture: Optional[str], as_json: bool
 ) -> None:
-    found = sweep.sweep(situation, over)
-    turning = sweep.crossings(situation, over, found)
+    found = margin.sweep(situation, over)
+    turning = margin.crossings(situation, over, found)
     if picture:
-        margin_plot.draw_sweep(situation, over, picture, reserve_rad)
+        _draw_sweep(situation, over, picture, reserve_rad)
     if as_json:
         print_json(
             {
@@ -250,3 +261,67 @@ def _show_sweep(
         click.echo(f"margin 0 at {value:.4g} {unit}")
     if picture:
         click.echo(picture)
+
+
+# -- pictures
+
+
+def _draw(now: Situation, path: str, reserve_rad: float) -> None:
+    """Draw a vehicle's margins over acceleration and direction into a PNG, PDF or SVG file."""
+    figure, mass = figures.figure(11.0, 5.0), now.vehicle.whole
+    figure.suptitle(
+        f"{figures.plain(now.vehicle.name)}: {mass.mass_kg:g} kg, centre of mass {mass.height_m:.3f} m above the ground"
+    )
+    _draw_margins(figure.add_subplot(1, 2, 1), now, reserve_rad)
+    _draw_directions(figure.add_subplot(1, 2, 2, projection="polar"), now, reserve_rad)
+    figures.save(figure, path)
+
+
+def _draw_sweep(now: Situation, over: Range, path: str, reserve_rad: float) -> None:
+    """Draw the least margin over a quantity into a PNG, PDF or SVG file."""
+    found = margin.sweep(now, over, _VALUES + 1)
+    figure = figures.figure(7.0, 4.5)
+    axes = figure.add_subplot()
+    angles = [math.degrees(each.angle_rad) for _, each in found]
+    axes.plot([value for value, _ in found], angles, color=figures.BLUE, label="least margin")
+    axes.axhspan(_LOWEST_DEG, 0.0, color=figures.ORANGE, alpha=0.2, label="tips over")
+    axes.set(
+        title=figures.plain(now.vehicle.name),
+        xlim=(over.first, over.last),
+        ylim=(_LOWEST_DEG, max(30.0, 1.1 * max(angles))),
+    )
+    _finish(axes, f"{over.name.replace('-', ' ')} [{over.quantity.unit}]", reserve_rad)
+    figures.save(figure, path)
+
+
+def _finish(axes: Any, x_label: str, reserve_rad: float) -> None:
+    if reserve_rad:
+        axes.axhline(math.degrees(reserve_rad), color=figures.GREY, label="reserve")
+    axes.set(xlabel=x_label, ylabel="least force-angle margin [deg]")
+    axes.grid(color="0.9")
+    axes.legend()
+
+
+def _draw_margins(axes: Any, now: Situation, reserve_rad: float) -> None:
+    most = 1.05 * max(limits(now).values()) or 1.0
+    values = [most * i / _VALUES for i in range(_VALUES + 1)]
+    for name, direction in DIRECTIONS.items():
+        colour, dashes = _STYLES[name]
+        found = [now._replace(acceleration_m_s2=value, direction=direction).margin() for value in values]
+        angles = [math.degrees(each.angle_rad) for each in found]
+        axes.plot(values, angles, dashes, color=colour, label=name)
+    axes.axhline(0.0, color="black", linewidth=0.8)
+    _finish(axes, "acceleration [m/s2]", reserve_rad)
+
+
+def _draw_directions(axes: Any, now: Situation, reserve_rad: float) -> None:
+    angles = [2 * math.pi * i / _DIRECTIONS_DRAWN for i in range(_DIRECTIONS_DRAWN + 1)]
+    for reserve, style, colour, label in (
+        (0.0, "-", figures.BLUE, "tips over"),
+        (reserve_rad, "--", figures.ORANGE, "keeps the reserve"),
+    ):
+        most = [greatest_acceleration(now, (math.cos(angle), math.sin(angle)), reserve) for angle in angles]
+        axes.plot(angles, most, style, color=colour, label=label)
+    axes.set_theta_zero_location("N")
+    axes.set_title("greatest acceleration by direction [m/s2]", fontsize="medium")
+    axes.legend(loc="lower right")

@@ -22,6 +22,17 @@ DIRECTIONS: Dict[str, Tuple[float, float]] = {
 }
 """Directions of an acceleration (x, y); braking is an acceleration backwards."""
 MOST_M_S2, MOST_N = 1000.0, 1e5  # largest acceleration and force that are tried
+RANGES = {
+    "mass_kg": (1e-6, 1e5),
+    "x_m": (-100.0, 100.0),
+    "y_m": (-100.0, 100.0),
+    "height_m": (1e-6, 100.0),
+    "length_m": (1e-3, 100.0),
+    "centre_m": (0.0, 100.0),
+    "angle_deg": (0.0, 180.0),
+    "heading_deg": (-180.0, 180.0),
+}
+"""Limits of the numbers of vehicles."""
 _STEPS = 48  # number of bisection steps; they give the acceleration to about 4e-12 m/s2
 
 Vector = Tuple[float, float, float]
@@ -218,6 +229,82 @@ def hull(points: Sequence[Point]) -> List[Point]:
 
 def _turn(a: Point, b: Point, c: Point) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+# -- a sweep
+
+
+class Quantity(NamedTuple):
+    """A quantity that can be swept."""
+
+    unit: str
+    low: float
+    high: float
+    change: Callable[[Situation, float], Situation]
+
+
+QUANTITIES: Dict[str, Quantity] = {
+    "arm-angle": Quantity("deg", *RANGES["angle_deg"], lambda now, value: now.with_arm(angle_deg=value)),
+    "arm-height": Quantity("m", *RANGES["height_m"], lambda now, value: now.with_arm(height_m=value)),
+    "acceleration": Quantity(
+        "m/s2", 0.0, MOST_M_S2, lambda now, value: now._replace(acceleration_m_s2=value)
+    ),
+    "force": Quantity("N", 0.0, MOST_N, Situation.with_force),
+}
+
+
+class Range(NamedTuple):
+    """Values of a quantity, from the first to the last."""
+
+    name: str
+    first: float
+    last: float
+
+    @property
+    def quantity(self) -> Quantity:
+        """The quantity."""
+        return QUANTITIES[self.name]
+
+
+def parse_range(text: str) -> Range:
+    """Return the range in a text such as `force=0:900`; raise ConfigError for another quantity, or other values."""
+    name, _, values = text.partition("=")
+    if name not in QUANTITIES:
+        raise ConfigError(f"sweep is {text!r}, expected QUANTITY=FROM:TO with {', '.join(QUANTITIES)}")
+    quantity = QUANTITIES[name]
+    try:
+        first, last = map(float, values.split(":"))
+    except ValueError:
+        first = last = math.nan
+    if not quantity.low <= first < last <= quantity.high:
+        raise ConfigError(
+            f"sweep is {text!r}, expected {name}=FROM:TO with two rising numbers from {quantity.low:g} to "
+            f"{quantity.high:g} {quantity.unit}"
+        )
+    return Range(name, first, last)
+
+
+def sweep(situation: Situation, over: Range, points: int = 61) -> List[Tuple[float, Margin]]:
+    """Return the values of the quantity, and the least margin at each."""
+    step = (over.last - over.first) / (points - 1)
+    values = [over.first + step * number for number in range(points - 1)] + [over.last]
+    return [(value, over.quantity.change(situation, value).margin()) for value in values]
+
+
+def crossings(situation: Situation, over: Range, found: List[Tuple[float, Margin]]) -> List[float]:
+    """Return the values between the points of a sweep at which the vehicle begins or ceases to tip over."""
+
+    def tips(value: float) -> bool:
+        return over.quantity.change(situation, value).margin().angle_rad < 0
+
+    made = []
+    for (low, before), (high, after) in zip(found, found[1:]):
+        if (before.angle_rad < 0) != (after.angle_rad < 0):
+            made.append(bisect(lambda value: tips(value) == (before.angle_rad < 0), low, high))  # noqa: B023
+    return made
+
+
+# -- the margin of an axis
 
 
 class _Plane(NamedTuple):

@@ -12,22 +12,11 @@ from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
 from mrl_driver.yaml_file import Reader
 from mrl_driver.yaml_form import Number, Numbers, Rows, Section
 
-from .margin import Arm, Mass, Point, Vehicle, hull
+from .margin import RANGES, Arm, Mass, Point, Vehicle, hull
 
 _FOLDER = os.path.join(os.path.dirname(os.path.abspath(__file__)), "vehicles")
 _MOST_CONTACTS = 100
 _KEYS = ("name", "contacts", "body", "payloads", "arm")
-RANGES = {
-    "mass_kg": (1e-6, 1e5),
-    "x_m": (-100.0, 100.0),
-    "y_m": (-100.0, 100.0),
-    "height_m": (1e-6, 100.0),
-    "length_m": (1e-3, 100.0),
-    "centre_m": (0.0, 100.0),
-    "angle_deg": (0.0, 180.0),
-    "heading_deg": (-180.0, 180.0),
-}
-"""Limits of the numbers in a file."""
 _POINTS = Rows(Numbers(x=RANGES["x_m"], y=RANGES["y_m"]))
 
 

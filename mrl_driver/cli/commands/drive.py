@@ -1,7 +1,6 @@
 """`mrl drive`: drive with the keyboard, or at given speeds for a given time."""
 
 import contextlib
-import math
 import sys
 import time
 from typing import TYPE_CHECKING, Optional
@@ -15,7 +14,7 @@ from mrl_driver.view.words import stop_error
 
 from . import shared
 from .monitor import watch_live
-from .shared import Run, run_options
+from .shared import Between, Run, run_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
@@ -23,14 +22,15 @@ if TYPE_CHECKING:
 TICK_S = 0.05
 STOP_S = 2.0  # telemetry confirms a stop within this time [s]
 ROUNDING = 1e-6
+SPEED = Between(-100.0, 100.0)  # m/s or rad/s; the robot's model has the limits
 
 
 @click.command()
 @run_options(*shared.DRIVING, shared.max_delay_option)
-@click.option("--linear", type=float, help="Forward speed [m/s].")
-@click.option("--lateral", type=float, help="Speed to the left, for robots that can drive sideways [m/s].")
-@click.option("--angular", type=float, help="Yaw rate, counter-clockwise [rad/s].")
-@click.option("--for", "for_s", type=float, help="Stop after this time [s].")
+@click.option("--linear", type=SPEED, help="Forward speed [m/s].")
+@click.option("--lateral", type=SPEED, help="Speed to the left, for robots that can drive sideways [m/s].")
+@click.option("--angular", type=SPEED, help="Yaw rate, counter-clockwise [rad/s].")
+@click.option("--for", "for_s", type=Between(0, 3600, min_open=True), help="Stop after this time [s].")
 def drive(
     run: Run,
     linear: Optional[float],
@@ -58,25 +58,16 @@ def drive(
     speeds = linear or 0.0, angular or 0.0, lateral or 0.0
     if run.max_delay_s is not None:
         raise ConfigError("--max-delay is for driving with the keys, expected it without speeds and --for")
-    _require_drive(for_s, linear=speeds[0], angular=speeds[1], lateral=speeds[2])
+    if for_s is None:
+        raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
     shared.confirm_overwrite(run.record, run.yes)
     with run.connected(moves=True) as driver:
         shared.warn(driver)
         shared.report_losses(driver)
         _report_limits(driver, *speeds)
         shared.await_gyro(driver)
-        drive_for(driver, speeds[0], speeds[1], for_s or 0.0, speeds[2])
+        drive_for(driver, speeds[0], speeds[1], for_s, speeds[2])
         run.print(snapshot(driver), line(driver))
-
-
-def _require_drive(seconds: Optional[float], **speeds: float) -> None:
-    if seconds is None:
-        raise ConfigError("--for is missing, expected the seconds to drive, such as: --for 2")
-    if not 0 < seconds <= 3600:
-        raise ConfigError(f"--for is {seconds}, expected seconds from above 0 to 3600")
-    for name, value in speeds.items():
-        if not math.isfinite(value):
-            raise ConfigError(f"--{name} is {value}, expected a finite number")
 
 
 def _report_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, lateral_m_s: float) -> None:
