@@ -259,7 +259,6 @@ new ResizeObserver(() => {
 }).observe(element("charts"));
 for (const media of [paper, matchMedia("(prefers-color-scheme: dark)")]) {
   media.addEventListener("change", () => {
-    map?.readColours();
     build();
     map?.resize();
   });

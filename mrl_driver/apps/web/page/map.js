@@ -1,6 +1,6 @@
-/** The map from above: path, body, sonar cones, occupied cells and goal, on a grid with a scale. */
+/** The map from above, as SVG: path, body, sonar cones, occupied cells and goal, on a grid with a scale. */
 
-import { colourOf, element, number } from "./text.js";
+import { degrees, element, number } from "./text.js";
 
 const LONGEST_CONE_M = 2.5;
 const NEAREST_M = 0.1;
@@ -12,8 +12,21 @@ const LEAST_STEP_M = 0.01;
 const MOST_POINTS = 20000;
 const CLICK_PX = 8;
 const BUTTONS_PX = 60; // the strip of the buttons on the right
+const LEAST_BODY_PX = 16;
 const SCALES = [4, 1500]; // pixels per metre
-const COLOURS = ["map", "grid", "axis", "path", "body", "body-edge", "cone", "caution", "bad", "cell", "goal", "ink-2", "ink"];
+/** From below; those in `world` are in metres, with y upwards, and the others in pixels; widths of lines are in pixels everywhere. */
+const LAYERS = `
+  <g class="world">
+    <path class="grid" stroke="var(--grid)" stroke-width="1" shape-rendering="crispEdges"/>
+    <path class="axis" stroke="var(--axis)" stroke-width="1" shape-rendering="crispEdges"/>
+    <path class="cells" fill="var(--cell)" stroke="none"/>
+    <g class="cones" stroke-width="2.5"/>
+    <polyline class="path" stroke="var(--path)" stroke-width="2.5"/>
+    <g class="goal" stroke="var(--goal)" stroke-width="2"/>
+    <g class="robot" fill="var(--body)" stroke="var(--body-edge)" stroke-width="1.5"/>
+  </g>
+  <g class="spots" stroke="var(--map)" stroke-width="2" font-size="11" font-weight="700" text-anchor="middle"/>
+  <g class="scale" stroke="var(--ink)" stroke-width="1.5" font-size="13" font-weight="600"/>`;
 
 export class FloorMap {
   /** Called with x and y [m] of a click. */
@@ -25,18 +38,15 @@ export class FloorMap {
   goal = null;
   /** Marked places: [{ x, y, text, colour }], the colour by its name in the style sheet. */
   spots = [];
-  #canvas = element("map");
-  #context = this.#canvas.getContext("2d");
-  #colours = {};
+  #svg = element("map");
+  #layers;
   #centre = [0, 0];
   #view;
   #scale = 100;
   #fits = true;
   #dirty = true;
   #path = [];
-  #trail = new Path2D();
   #box = null;
-  #cells = null;
   #cellBox = null;
   #pointers = new Map();
   #start = [0, 0];
@@ -45,26 +55,21 @@ export class FloorMap {
   /** `close` fits the path alone, for a drive that is over. */
   constructor(close = false) {
     this.#view = close ? CLOSE : AROUND;
-    this.readColours();
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.readColours());
-    new ResizeObserver(() => this.resize()).observe(this.#canvas);
+    const svg = this.#svg;
+    svg.innerHTML = LAYERS;
+    this.#layers = Object.fromEntries([...svg.querySelectorAll("[class]")].map((layer) => [layer.classList[0], layer]));
+    new ResizeObserver(() => this.resize()).observe(svg);
     this.resize();
     element("zoom-in").addEventListener("click", () => this.#zoom(1.4));
     element("zoom-out").addEventListener("click", () => this.#zoom(1 / 1.4));
     element("zoom-fit").addEventListener("click", () => this.#fit(true));
-    const canvas = this.#canvas;
-    canvas.addEventListener("pointerdown", (event) => this.#down(event));
-    canvas.addEventListener("pointermove", (event) => this.#drag(event));
-    canvas.addEventListener("pointerup", (event) => this.#up(event));
+    svg.addEventListener("pointerdown", (event) => this.#down(event));
+    svg.addEventListener("pointermove", (event) => this.#drag(event));
+    svg.addEventListener("pointerup", (event) => this.#up(event));
     for (const type of ["pointercancel", "lostpointercapture"]) {
-      canvas.addEventListener(type, (event) => this.#pointers.delete(event.pointerId));
+      svg.addEventListener(type, (event) => this.#pointers.delete(event.pointerId));
     }
-    canvas.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
-  }
-
-  readColours() {
-    for (const name of COLOURS) this.#colours[name] = colourOf(name);
-    this.touch();
+    svg.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
   }
 
   /** Draw again with the next frame. */
@@ -74,68 +79,57 @@ export class FloorMap {
 
   /** Replaces the path by poses. */
   setPath(poses) {
-    this.#path = [];
-    this.#trail = new Path2D();
-    this.#box = null;
-    for (const [x, y] of poses) this.#extend(x, y);
+    this.#path = poses.map(([x, y]) => [x, y]);
+    this.#box = this.#path.reduce((box, point) => grown(box, ...point), null);
+    this.#layers.path.setAttribute("points", this.#path.join(" "));
     this.touch();
   }
 
   /** The robot's newest pose [m, m, rad]. */
   move(x, y, yaw) {
     if (!this.place(x, y, yaw)) return;
-    const last = this.#path[this.#path.length - 1];
-    if (!last || Math.hypot(x - last[0], y - last[1]) >= LEAST_STEP_M) this.#extend(x, y);
+    const last = this.#path.at(-1);
+    if (last && Math.hypot(x - last[0], y - last[1]) < LEAST_STEP_M) return;
+    if (this.#path.length >= MOST_POINTS) this.setPath(this.#path.slice(MOST_POINTS / 2));
+    this.#path.push([x, y]);
+    this.#box = grown(this.#box, x, y);
+    this.#layers.path.points.appendItem(Object.assign(this.#svg.createSVGPoint(), { x, y }));
   }
 
   /** Shows the robot at a pose, and leaves the path as it is; returns whether this is another pose than before. */
-  place(x, y, yaw) {
-    if (![x, y, yaw].every(Number.isFinite)) return false;
-    const before = this.pose;
-    if (before && before[0] === x && before[1] === y && before[2] === yaw) return false;
-    this.pose = [x, y, yaw];
+  place(...pose) {
+    if (!pose.every(Number.isFinite) || pose.every((value, i) => value === this.pose?.[i])) return false;
+    this.pose = pose;
     this.touch();
     return true;
   }
 
   setCells(size_m, taken) {
-    this.#cells = new Path2D();
-    this.#cellBox = null;
-    for (const [i, j] of taken) {
-      this.#cells.rect(i * size_m, j * size_m, size_m, size_m);
-      this.#cellBox = grown(this.#cellBox, i * size_m, j * size_m);
-    }
+    const corners = taken.map(([i, j]) => [i * size_m, j * size_m]);
+    this.#cellBox = corners.reduce((box, corner) => grown(box, ...corner), null);
+    this.#layers.cells.setAttribute("d", corners.map(([x, y]) => `M${x} ${y}h${size_m}v${size_m}h${-size_m}z`).join(""));
     this.touch();
-  }
-
-  #extend(x, y) {
-    if (this.#path.length >= MOST_POINTS) {
-      this.#path = this.#path.slice(MOST_POINTS / 2);
-      this.#trail = new Path2D();
-      for (const point of this.#path) this.#trail.lineTo(...point);
-    }
-    this.#trail.lineTo(x, y);
-    this.#path.push([x, y]);
-    this.#box = grown(this.#box, x, y);
   }
 
   /** Takes the size of its place on the page or on paper. */
   resize() {
-    const { clientWidth, clientHeight } = this.#canvas;
-    const ratio = Math.min(2, devicePixelRatio || 1);
-    this.#canvas.width = Math.max(1, Math.round(clientWidth * ratio));
-    this.#canvas.height = Math.max(1, Math.round(clientHeight * ratio));
     if (this.#fits) this.#fit(true);
-    this.#dirty = true;
+    this.touch();
     this.draw();
   }
 
-  /** Metres of a point of the canvas. */
-  #at(event) {
-    const box = this.#canvas.getBoundingClientRect();
+  /** Width and height [px]. */
+  get #size() {
+    const { width, height } = this.#svg.getBoundingClientRect();
+    return [width, height];
+  }
+
+  /** Metres of a point of the window. */
+  #at({ clientX, clientY }) {
+    const box = this.#svg.getBoundingClientRect();
     return [
-      this.#centre[0] + (event.clientX - box.left - box.width / 2) / this.#scale,
-      this.#centre[1] - (event.clientY - box.top - box.height / 2) / this.#scale,
+      this.#centre[0] + (clientX - box.left - box.width / 2) / this.#scale,
+      this.#centre[1] - (clientY - box.top - box.height / 2) / this.#scale,
     ];
   }
 
@@ -160,7 +154,7 @@ export class FloorMap {
 
   #down(event) {
     if (event.button !== 0) return;
-    this.#canvas.setPointerCapture(event.pointerId);
+    this.#svg.setPointerCapture(event.pointerId);
     if (!this.#pointers.size) {
       this.#moved = 0;
       this.#start = [event.clientX, event.clientY];
@@ -196,13 +190,8 @@ export class FloorMap {
 
   /** Shows all; without `now` only if something other than a cone is outside, or the view is far too large. */
   #fit(now = false) {
-    const { clientWidth: width, clientHeight: height } = this.#canvas;
-    let box = this.#box;
-    if (this.#cellBox) for (const corner of [0, 2]) box = grown(box, this.#cellBox[corner], this.#cellBox[corner + 1]);
-    if (this.goal) box = grown(box, this.goal[0], this.goal[1]);
-    const [px, py] = this.pose ?? [0, 0];
-    box = grown(box, px, py);
-    if (now && this.#view.cones) for (const cone of this.#cones()) box = grown(grown(box, ...cone.end(cone.from)), ...cone.end(cone.to));
+    const [width, height] = this.#size;
+    const box = this.#extent(now && this.#view.cones);
     const wide = Math.max(BUTTONS_PX, width - BUTTONS_PX);
     const { span: least, margin } = this.#view;
     const span = [Math.max(least, box[2] - box[0] + 2 * margin), Math.max(least, box[3] - box[1] + 2 * margin)];
@@ -217,6 +206,14 @@ export class FloorMap {
     if (now) this.#hold(true);
   }
 
+  /** The box around path, cells, goal and robot, and with `cones` around these [m]. */
+  #extent(cones) {
+    const points = [this.pose ?? [0, 0], ...(this.goal ? [this.goal] : [])];
+    for (const box of [this.#box, this.#cellBox]) if (box) points.push(box.slice(0, 2), box.slice(2));
+    if (cones) for (const { ends } of this.#cones()) points.push(...ends);
+    return points.reduce((box, [x, y]) => grown(box, x, y), null);
+  }
+
   #cones() {
     if (!this.pose) return [];
     const [x, y, yaw] = this.pose;
@@ -228,158 +225,78 @@ export class FloorMap {
       const [mx, my, turn, view] = mount;
       const origin = [x + mx * Math.cos(yaw) - my * Math.sin(yaw), y + mx * Math.sin(yaw) + my * Math.cos(yaw)];
       const length = Math.max(NEAREST_M, Math.min(LONGEST_CONE_M, range));
-      const end = (angle) => [origin[0] + length * Math.cos(angle), origin[1] + length * Math.sin(angle)];
-      cones.push({ name, range, origin, length, end, from: yaw + turn - view / 2, to: yaw + turn + view / 2 });
+      const ends = [-view / 2, view / 2].map((aside) => along(origin, yaw + turn + aside, length));
+      cones.push({ name, range, origin, length, ends });
     }
     return cones;
   }
 
   /** Draws the map if something has changed. */
   draw() {
-    if (!this.#dirty || !this.#canvas.clientWidth) return;
+    const [width, height] = this.#size;
+    if (!this.#dirty || !width) return;
     this.#dirty = false;
     if (this.#fits) this.#fit();
-    const context = this.#context;
-    const ratio = this.#canvas.width / this.#canvas.clientWidth;
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.fillStyle = this.#colours.map;
-    context.fillRect(0, 0, this.#canvas.width, this.#canvas.height);
-    const step = this.#grid(ratio);
-    const k = this.#scale * ratio;
-    context.setTransform(k, 0, 0, -k, this.#canvas.width / 2 - this.#centre[0] * k, this.#canvas.height / 2 + this.#centre[1] * k);
-    const pixel = 1 / this.#scale;
-    if (this.#cells) {
-      context.fillStyle = this.#colours.cell;
-      context.fill(this.#cells);
-    }
-    for (const cone of this.#cones()) this.#cone(cone, pixel);
-    context.lineJoin = context.lineCap = "round";
-    context.strokeStyle = this.#colours.path;
-    context.lineWidth = 2.5 * pixel;
-    context.stroke(this.#trail);
-    if (this.goal) this.#goal(pixel);
-    if (this.pose) this.#body(pixel);
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    for (const spot of this.spots) this.#spot(spot);
-    this.#scaleBar(step);
+    const scale = this.#scale;
+    const { world, cones, goal, robot, spots } = this.#layers;
+    const [x, y] = [width / 2 - this.#centre[0] * scale, height / 2 + this.#centre[1] * scale];
+    world.setAttribute("transform", `matrix(${scale} 0 0 ${-scale} ${x} ${y})`);
+    this.#grid(width, height);
+    cones.innerHTML = this.#cones().map((cone) => this.#cone(cone)).join("");
+    goal.innerHTML = this.goal ? this.#goal(1 / scale) : "";
+    robot.innerHTML = this.pose ? this.#body(1 / scale) : "";
+    spots.innerHTML = this.spots.map((spot) => this.#spot(x + spot.x * scale, y - spot.y * scale, spot)).join("");
   }
 
-  /** Begins a path of straight lines, or of an arc around a point. */
-  #line(...points) {
-    this.#context.beginPath();
-    for (const point of points) this.#context.lineTo(...point);
-    return this.#context;
+  #grid(width, height) {
+    const step = GRIDS_M.find((each) => each * this.#scale >= LEAST_GRID_PX) ?? GRIDS_M.at(-1);
+    const [x, y] = this.#centre;
+    const [left, right] = [x - width / 2 / this.#scale, x + width / 2 / this.#scale];
+    const [bottom, top] = [y - height / 2 / this.#scale, y + height / 2 / this.#scale];
+    let lines = "";
+    for (let i = Math.ceil(left / step); i * step < right; i += 1) lines += `M${i * step} ${bottom}V${top}`;
+    for (let i = Math.ceil(bottom / step); i * step < top; i += 1) lines += `M${left} ${i * step}H${right}`;
+    this.#layers.grid.setAttribute("d", lines);
+    this.#layers.axis.setAttribute("d", `M${left} 0H${right}M0 ${bottom}V${top}`);
+    this.#layers.scale.innerHTML = `<path d="M12 ${height - 18}v4h${step * this.#scale}v-4"/>
+      <text x="17" y="${height - 19}" fill="var(--ink)" stroke="none">${step < 1 ? `${Math.round(step * 100)} cm` : `${step} m`}</text>`;
   }
 
-  #arc(centre, radius, from = 0, to = 2 * Math.PI) {
-    this.#context.beginPath();
-    this.#context.arc(...centre, radius, from, to);
-    return this.#context;
-  }
-
-  #grid(ratio) {
-    const context = this.#context;
-    const { clientWidth: width, clientHeight: height } = this.#canvas;
-    const step = GRIDS_M.find((each) => each * this.#scale >= LEAST_GRID_PX) ?? GRIDS_M[GRIDS_M.length - 1];
-    context.setTransform(ratio, 0, 0, ratio, 0, 0);
-    context.lineWidth = 1;
-    const lines = (centre, size, line) => {
-      const first = Math.ceil((centre - size / 2 / this.#scale) / step);
-      const last = Math.floor((centre + size / 2 / this.#scale) / step);
-      for (let i = first; i <= last; i += 1) {
-        context.strokeStyle = i === 0 ? this.#colours.axis : this.#colours.grid;
-        line((i * step - centre) * this.#scale).stroke();
-      }
-    };
-    const sharp = (pixel) => Math.round(pixel) + 0.5;
-    lines(this.#centre[0], width, (x) => this.#line([sharp(width / 2 + x), 0], [sharp(width / 2 + x), height]));
-    lines(this.#centre[1], height, (y) => this.#line([0, sharp(height / 2 - y)], [width, sharp(height / 2 - y)]));
-    return step;
-  }
-
-  #cone({ name, range, origin, length, from, to }, pixel) {
-    const context = this.#context;
+  #cone({ name, range, origin, length, ends: [from, to] }) {
     const mark = this.marks[name];
-    context.fillStyle = context.strokeStyle = this.#colours[["bad", "caution"].includes(mark) ? mark : "cone"];
-    context.globalAlpha = 0.14;
-    this.#arc(origin, length, from, to).lineTo(...origin);
-    context.fill();
-    context.globalAlpha = 1;
-    if (range > LONGEST_CONE_M) return;
-    context.lineWidth = 2.5 * pixel;
-    this.#arc(origin, length, from, to).stroke();
-  }
-
-  #body(pixel) {
-    const context = this.#context;
-    const [x, y, yaw] = this.pose;
-    const least = 16 * pixel;
-    const length = Math.max(least, this.robot.body[0]);
-    const width = Math.max(least * 0.9, this.robot.body[1]);
-    context.save();
-    context.translate(x, y);
-    context.rotate(yaw);
-    context.fillStyle = this.#colours.body;
-    context.strokeStyle = this.#colours["body-edge"];
-    context.lineWidth = 1.5 * pixel;
-    context.beginPath();
-    context.roundRect?.(-length / 2, -width / 2, length, width, Math.min(length, width) * 0.18);
-    if (!context.roundRect) context.rect(-length / 2, -width / 2, length, width);
-    context.fill();
-    context.stroke();
-    context.fillStyle = this.#colours["body-edge"];
-    const back = -length * 0.12;
-    this.#line([length * 0.36, 0], [back, width * 0.28], [-length * 0.02, 0], [back, -width * 0.28]).fill();
-    context.restore();
+    const colour = `var(--${["bad", "caution"].includes(mark) ? mark : "cone"})`;
+    const arc = `${from.join(" ")}A${length} ${length} 0 0 1 ${to.join(" ")}`;
+    const echo = range > LONGEST_CONE_M ? "" : `<path d="M${arc}" stroke="${colour}"/>`;
+    return `<path d="M${origin.join(" ")}L${arc}z" fill="${colour}" fill-opacity="0.14" stroke="none"/>${echo}`;
   }
 
   #goal(pixel) {
-    const context = this.#context;
     const [x, y, yaw] = this.goal;
-    context.strokeStyle = context.fillStyle = this.#colours.goal;
-    context.lineWidth = 2 * pixel;
-    if (this.pose) {
-      context.setLineDash([5 * pixel, 6 * pixel]);
-      this.#line(this.pose.slice(0, 2), [x, y]).stroke();
-      context.setLineDash([]);
-    }
-    this.#arc([x, y], 9 * pixel).stroke();
-    this.#arc([x, y], 3 * pixel).fill();
-    if (yaw === undefined) return;
-    const along = (length) => [x + length * pixel * Math.cos(yaw), y + length * pixel * Math.sin(yaw)];
-    this.#line(along(9), along(22)).stroke();
+    const at = `cx="${x}" cy="${y}"`;
+    const way = this.pose ? `M${this.pose[0]} ${this.pose[1]}L${x} ${y}` : "";
+    const heading = yaw === undefined ? "" : `M${along([x, y], yaw, 9 * pixel).join(" ")}L${along([x, y], yaw, 22 * pixel).join(" ")}`;
+    return `<path d="${way}" stroke-dasharray="5 6"/><path d="${heading}"/>
+      <circle ${at} r="${9 * pixel}"/><circle ${at} r="${3 * pixel}" fill="var(--goal)"/>`;
   }
 
-  #spot({ x, y, text, colour }) {
-    const context = this.#context;
-    const { clientWidth: width, clientHeight: height } = this.#canvas;
-    const at = [width / 2 + (x - this.#centre[0]) * this.#scale, height / 2 - (y - this.#centre[1]) * this.#scale];
-    context.fillStyle = this.#colours[colour];
-    context.strokeStyle = this.#colours.map;
-    context.lineWidth = 2;
-    this.#arc(at, text ? 9 : 4.5).stroke();
-    context.fill();
-    if (!text) return;
-    context.fillStyle = this.#colours.map;
-    context.font = "700 11px system-ui, sans-serif";
-    context.textAlign = "center";
-    context.textBaseline = "middle";
-    context.fillText(text, at[0], at[1] + 0.5);
-    context.textAlign = "start";
+  #body(pixel) {
+    const [x, y, yaw] = this.pose;
+    const length = Math.max(LEAST_BODY_PX * pixel, this.robot.body[0]);
+    const width = Math.max(0.9 * LEAST_BODY_PX * pixel, this.robot.body[1]);
+    const arrow = [[0.36 * length, 0], [-0.12 * length, 0.28 * width], [-0.02 * length, 0], [-0.12 * length, -0.28 * width]];
+    return `<g transform="translate(${x} ${y}) rotate(${degrees(yaw)})">
+      <rect x="${-length / 2}" y="${-width / 2}" width="${length}" height="${width}" rx="${0.18 * Math.min(length, width)}"/>
+      <polygon points="${arrow.join(" ")}" fill="var(--body-edge)" stroke="none"/></g>`;
   }
 
-  #scaleBar(step) {
-    const context = this.#context;
-    const [x, y] = [12, this.#canvas.clientHeight - 14];
-    const end = x + step * this.#scale;
-    context.strokeStyle = context.fillStyle = this.#colours.ink;
-    context.lineWidth = 1.5;
-    this.#line([x, y - 4], [x, y], [end, y], [end, y - 4]).stroke();
-    context.font = "600 13px system-ui, sans-serif";
-    context.textBaseline = "bottom";
-    context.fillText(step < 1 ? `${Math.round(step * 100)} cm` : `${step} m`, x + 5, y - 3);
+  #spot(x, y, { text, colour }) {
+    return `<circle cx="${x}" cy="${y}" r="${text ? 9 : 4.5}" fill="var(--${colour})"/>
+      <text x="${x}" y="${y + 4}" fill="var(--map)" stroke="none">${text}</text>`;
   }
 }
+
+/** The point at an angle and a distance from another. */
+const along = ([x, y], angle, length) => [x + length * Math.cos(angle), y + length * Math.sin(angle)];
 
 function grown(box, x, y) {
   return box ? [Math.min(box[0], x), Math.min(box[1], y), Math.max(box[2], x), Math.max(box[3], y)] : [x, y, x, y];
