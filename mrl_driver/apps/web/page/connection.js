@@ -1,8 +1,7 @@
 /** The connection to the server: opens it, opens it again, measures its delay, and describes it in words. */
 
-import { PostTransport } from "./post_transport.js";
-import { SocketTransport } from "./socket_transport.js";
 import { number } from "./text.js";
+import { PostTransport, SocketTransport } from "./transports.js";
 
 const OPEN_MS = 3000; // without a welcome after this time the other transport is tried
 const QUIET_MS = 1500; // the server sends at least one message a second

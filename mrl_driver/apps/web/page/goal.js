@@ -1,7 +1,7 @@
 /** A goal from the map or from fields, and the button that drives there while it is held. */
 
+import { holdButton } from "./held_controls.js";
 import { degrees, element, setText } from "./text.js";
-import { holdButton } from "./hold_button.js";
 
 const FARTHEST_M = 1000;
 

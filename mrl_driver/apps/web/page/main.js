@@ -1,20 +1,17 @@
 /** Puts the page together: messages of the server on one side, controls and displays on the other. */
 
 import { alarm, notice, robotNotice, say } from "./announce.js";
-import { Charts } from "./charts.js";
+import { Charts, Samples } from "./charts.js";
 import { Connection } from "./connection.js";
-import { pad } from "./directions.js";
 import { Gamepad } from "./gamepad.js";
 import { Goal } from "./goal.js";
+import { Joystick, keyboard, pad } from "./held_controls.js";
 import { Helm } from "./helm.js";
-import { Joystick } from "./joystick.js";
-import { keyboard } from "./keyboard.js";
 import { FloorMap } from "./map.js";
 import { Panels, nearestOf } from "./panels.js";
 import { Phone } from "./phone.js";
 import { Press } from "./press.js";
 import { Recordings } from "./recordings.js";
-import { Samples } from "./samples.js";
 import { Speeds } from "./speeds.js";
 import { element, markOf, number, remember, remembered, sentence, setText } from "./text.js";
 
