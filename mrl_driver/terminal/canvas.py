@@ -62,20 +62,13 @@ class Canvas:
             self._bits[row // 4][column // 2] |= _BITS[row % 4][column % 2]
             self._styles[row // 4][column // 2] = style
 
-    def line(self, start: Point, end: Point, style: str, every: int = 1) -> None:
-        """Set each `every`th dot of a line from one point to another [m]."""
-        length = math.hypot(end[0] - start[0], end[1] - start[1]) * self.view.scale
-        steps = min(4000, max(1, math.ceil(length / every)))
-        for i in range(steps + 1):
-            share = i / steps
-            self.dot((start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share), style)
-
-    def arc(self, middle: Point, radius_m: float, from_rad: float, to_rad: float, style: str) -> None:
-        """Set the dots of an arc."""
-        steps = min(2000, max(2, math.ceil(abs(to_rad - from_rad) * radius_m * self.view.scale)))
-        for i in range(steps + 1):
-            angle = from_rad + (to_rad - from_rad) * i / steps
-            self.dot((middle[0] + radius_m * math.cos(angle), middle[1] + radius_m * math.sin(angle)), style)
+    def line(self, points: Sequence[Point], style: str, every: int = 1) -> None:
+        """Set each `every`th dot of the straight lines from each point to the next [m]."""
+        for (x, y), end in zip(points, points[1:]):
+            dx, dy = end[0] - x, end[1] - y
+            steps = min(4000, max(1, math.ceil(math.hypot(dx, dy) * self.view.scale / every)))
+            for i in range(steps + 1):
+                self.dot((x + dx * i / steps, y + dy * i / steps), style)
 
     def mark(self, point: Point, character: str, style: str, over: bool = True) -> None:
         """Put a character at a point [m]; without `over` only on an empty cell."""

@@ -1,6 +1,7 @@
 """The panels of the live view, built from a robot's state.  No I/O; needs only the terminal library."""
 
 import itertools
+import math
 import textwrap
 from typing import List, NamedTuple, Optional, Sequence, Tuple
 
@@ -10,12 +11,15 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
+from mrl_driver.geometry import Pose
+from mrl_driver.robot.models import SonarMount
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
 from mrl_driver.view.live_model import Shown
-from mrl_driver.view.rows import sections
-from mrl_driver.view.shown_state import Row, has_motors, moves_sideways
+from mrl_driver.view.rows import range_style, sections
+from mrl_driver.view.shown_state import Row, ShownState, has_motors, moves_sideways
 
+from .canvas import Canvas, Point, fit
 from .frame_log import Line
-from .live_map import draw
 
 LEFT_COLUMNS = 39
 NARROW, LOW = 72, 18  # a terminal with fewer columns shows no map; a terminal with fewer rows shows no frames
@@ -25,6 +29,12 @@ _ROOM = LEFT_COLUMNS - _NAME - 5
 _NOTICE_ROWS = 3
 _BAR = 10
 _FRESH_S, _OLD_S = 0.3, 3.0
+_GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
+_LEAST_GRID_COLUMNS = 5
+_ARC = tuple(FIELD_OF_VIEW_RAD * (i / 8 - 0.5) for i in range(9))
+"""Directions of the points of an arc, from the axis of its sonar [rad]."""
+LONGEST_CONE_M = 2.5
+"""A cone without an echo within this range is drawn with this length and without an arc [m]."""
 
 
 class Content(NamedTuple):
@@ -147,9 +157,43 @@ def _left(now: Content, height: int, note: str = "") -> RenderableType:
 
 def _map(now: Content, columns: int, rows: int) -> Panel:
     state, model = now.shown.state, now.shown.state.model
-    canvas, step_m = draw(state, now.shown.trail, max(4, columns - 4), max(2, rows - 2))
+    canvas, step_m = _drawn(state, now.shown.trail, max(4, columns - 4), max(2, rows - 2))
     shown = "path" if model is not None and not model.sonars else "path and sonars"
     return _panel(canvas.text(), f"{shown}[/] [dim]· each {step_m:g} m")
+
+
+def _drawn(state: ShownState, trail: Sequence[Pose], columns: int, rows: int) -> Tuple[Canvas, float]:
+    """Return the drawing, scaled to the path and the sonars' cones, and the step of its grid [m]."""
+    pose, model = state.pose, state.model
+    mounts = model.sonars if model else {}
+    seen = [(name, m) for name, m in state.ranges.items() if name in mounts and not math.isnan(m)]
+    cones = [(range_m, *_cone(pose, mounts[name], range_m)) for name, range_m in seen]
+    path = [each[:2] for each in (*trail, pose)]
+    corners = [corner for _, _, arc in cones for corner in (arc[0], arc[-1])]
+    canvas = Canvas(columns, rows, fit([*path, *corners], columns, rows))
+    for range_m, origin, arc in cones:
+        for corner in (arc[0], arc[-1]):
+            canvas.line((origin, corner), "blue", every=2)
+        if range_m <= LONGEST_CONE_M:
+            canvas.line(arc, range_style(range_m))
+    canvas.line(path, "green")
+    if model is not None:
+        x_m, y_m = model.body.length_m / 2, model.body.width_m / 2
+        sides = ((1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1))
+        canvas.line([pose.compose(x * x_m, y * y_m)[:2] for x, y in sides], "bold")
+    canvas.arrow(pose)
+    step_m = next(
+        (each for each in _GRIDS_M if each * canvas.view.scale >= 2 * _LEAST_GRID_COLUMNS), _GRIDS_M[-1]
+    )
+    canvas.grid(step_m, "grey37")
+    return canvas, step_m
+
+
+def _cone(pose: Pose, mount: SonarMount, range_m: float) -> Tuple[Point, List[Point]]:
+    """Return the place of a sonar, and points of the far end of its cone [m]."""
+    origin = pose.compose(*mount.pose)
+    length_m = max(NEAREST_M, min(LONGEST_CONE_M, range_m))
+    return origin[:2], [origin.compose(0.0, 0.0, turn).compose(length_m, 0.0)[:2] for turn in _ARC]
 
 
 def _frames(now: Content, columns: int, rows: int) -> Panel:

@@ -191,32 +191,24 @@ def line(driver: "Driver") -> str:
     return line_of(state_of(driver))
 
 
-def imu_facts(driver: "Driver") -> Dict[str, Any]:
-    """Return the IMU's state and what it measures, for JSON; without readings only the state."""
-    imu = driver.imu
-    facts: Dict[str, Any] = {"state": driver.imu_state}
-    if imu is not None:
-        facts.update(
-            angular_velocity_rad_s=imu.angular_velocity_rad_s,
-            linear_acceleration_m_s2=imu.linear_acceleration_m_s2,
-            bias_rad_s=imu.bias_rad_s if imu.bias_known else None,
-        )
-    return facts
-
-
 def snapshot(driver: "Driver") -> Dict[str, Any]:
     """Return the robot's state and the state of the link, for JSON; SI units, with the unit at the end of the key.
 
     A board without motors has no pose and no twist.
     """
     seen, command, moves = driver.link.statistics, driver.command, has_motors(driver.model)
+    imu: Dict[str, Any] = {"state": driver.imu_state}
+    if driver.imu is not None:
+        imu["angular_velocity_rad_s"] = driver.imu.angular_velocity_rad_s
+        imu["linear_acceleration_m_s2"] = driver.imu.linear_acceleration_m_s2
+        imu["bias_rad_s"] = driver.imu.bias_rad_s if driver.imu.bias_known else None
     return {
         "pose": driver.pose._asdict() if moves else None,
         "twist": driver.twist._asdict() if moves else None,
         "command": command._asdict() if command else None,
         "ranges_m": driver.ranges,
         "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
-        "imu": imu_facts(driver),
+        "imu": imu,
         "battery_v": driver.board.battery_v,
         "battery_state": driver.battery_state,
         "temperature_c": driver.board.temperature_c,

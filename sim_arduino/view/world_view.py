@@ -18,12 +18,12 @@ def draw(trail: PlantTrail, columns: int, rows: int) -> Canvas:
     scale = min(2 * columns / (right - left), 4 * rows / (top - bottom))
     canvas = Canvas(columns, rows, View((left + right) / 2, (bottom + top) / 2, scale))
     for wall in plant.world.walls:
-        canvas.line(wall[:2], wall[2:], "")
+        canvas.line((wall[:2], wall[2:]), "")
     for pose in trail.poses:
         canvas.dot(pose[:2], "green")
     for mover in plant.world.robots():
         for side in mover.footprint.outline(mover.pose):
-            canvas.line(side[:2], side[2:], "bold")
+            canvas.line((side[:2], side[2:]), "bold")
     canvas.arrow(plant.true_pose)
     return canvas
 

@@ -7,9 +7,8 @@ from types import SimpleNamespace
 import pytest
 
 from mrl_driver.apps.web.driver_robot import DriverRobot
-from mrl_driver.apps.web.goal_drive import GoalDrive
 from mrl_driver.apps.web.helm import Goal, why_of
-from mrl_driver.apps.web.robot import PhoneReading
+from mrl_driver.apps.web.robot import GoalDrive, PhoneReading
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError

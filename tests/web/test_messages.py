@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.apps.web import messages
-from mrl_driver.apps.web.freshness import DEAF_S, WINDOW_S, Freshness
-from mrl_driver.apps.web.helm import Control, Goal, Helm
+from mrl_driver.apps.web.helm import DEAF_S, WINDOW_S, Control, Freshness, Goal, Helm
 from mrl_driver.apps.web.messages import Malformed, parse
 from mrl_driver.apps.web.robot import PhoneReading
 from mrl_driver.robot.models import load

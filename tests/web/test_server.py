@@ -10,7 +10,7 @@ from unittest import mock
 
 import pytest
 
-from mrl_driver.apps.web import assets, client, listening, messages
+from mrl_driver.apps.web import client, listening, messages
 from mrl_driver.apps.web.helm import Helm, Why, why_of
 from mrl_driver.apps.web.robot import Recorded
 from mrl_driver.errors import ConfigError
@@ -138,7 +138,7 @@ def serving(scenario, settings=FREE, robot=None, stop_s=LONG_S):
         finally:
             await server.close("the test is over")
 
-    with mock.patch("mrl_driver.apps.web.freshness.DEAF_S", LONG_S), mock.patch(
+    with mock.patch("mrl_driver.apps.web.helm.DEAF_S", LONG_S), mock.patch(
         "mrl_driver.apps.web.server.Helm", lambda: Helm(stop_s, LONG_S, 2 * LONG_S)
     ), mock.patch("mrl_driver.apps.web.server.SILENT_S", LONG_S):
         asyncio.run(run())
@@ -483,11 +483,29 @@ def test_beyond_this_computer_the_page_is_encrypted(tmp_path, monkeypatch):
 # -- files of the page
 
 
-@pytest.mark.parametrize("name", ["../secret", "a/../../secret", "/etc/passwd", "", "."])
-def test_no_name_leads_out_of_the_folder_of_the_page(tmp_path, name):
-    (tmp_path / "secret").write_text("x")
-    (tmp_path / "page").mkdir()
-    assert name not in assets.load(tmp_path / "page")
+@pytest.mark.parametrize(
+    "name", ["..%2Fserver.py", "vendor%2F..%2F..%2Fserver.py", "%2Fetc%2Fpasswd", "vendor", "%2E"]
+)
+def test_no_name_leads_out_of_the_folder_of_the_page(name):
+    from yarl import URL
+
+    async def scenario(site):
+        async with site.session.get(URL(f"{site.url}/page/{name}", encoded=True)) as answer:
+            assert answer.status == 404
+
+    serving(scenario)
+
+
+def test_a_file_of_the_page_is_sent_again_only_if_it_has_changed():
+    async def scenario(site):
+        async with site.session.get(f"{site.url}/page/main.js") as answer:
+            assert (answer.status, answer.headers["Content-Encoding"]) == (200, "gzip")
+            assert "javascript" in answer.content_type and "import" in await answer.text()
+            tag = {"If-None-Match": answer.headers["ETag"]}
+        async with site.session.get(f"{site.url}/page/main.js", headers=tag) as answer:
+            assert answer.status == 304
+
+    serving(scenario)
 
 
 # -- the end

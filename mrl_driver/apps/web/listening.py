@@ -1,10 +1,11 @@
 """Where the page is served, and what is needed to see it: address, certificate, tokens, links."""
 
+import contextlib
 import io
-import re
 import socket
 import ssl
 from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
+from urllib.parse import urlsplit
 
 from mrl_driver.errors import ConfigError, PortBusy
 from mrl_driver.host import access, certificate
@@ -15,7 +16,6 @@ HOST, PORT = "127.0.0.1", 8642
 SEND_BUFFER = 65536
 """The system keeps about this much for a client that does not read [byte]; what waits longer is replaced."""
 DRIVE, WATCH = "drive", "watch"
-_LISTEN = re.compile(r"(?:\[(?P<six>[^\]]+)\]|(?P<host>[^:\[\]]+))(?::(?P<port>\d{1,5}))?")
 
 
 class Settings(NamedTuple):
@@ -56,13 +56,13 @@ def settings_for(
 
 
 def _parse(listen: str) -> Tuple[str, int]:
-    found = _LISTEN.fullmatch(listen.strip())
-    port = int(found.group("port") or PORT) if found else -1
-    if found is None or not 0 <= port < 65536:
-        raise ConfigError(
-            f"--listen is {listen!r}, expected ADDRESS or ADDRESS:PORT, such as 0.0.0.0 or 10.0.0.7:{PORT}"
-        )
-    return found.group("six") or found.group("host"), port
+    with contextlib.suppress(ValueError):
+        parts = urlsplit(f"//{listen.strip()}")
+        if parts.hostname and parts.netloc == listen.strip() and "@" not in listen:
+            return parts.hostname, PORT if parts.port is None else parts.port
+    raise ConfigError(
+        f"--listen is {listen!r}, expected ADDRESS or ADDRESS:PORT, such as 0.0.0.0 or 10.0.0.7:{PORT}"
+    )
 
 
 def _bracketed(host: str) -> str:

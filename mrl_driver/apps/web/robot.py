@@ -10,18 +10,21 @@ from typing import Any, Callable, List, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import create_unused
+from mrl_driver.geometry import Pose
+from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.view.live_model import LiveModel, Shown
 from mrl_driver.view.series import Series
 from mrl_driver.view.shown_state import ShownState
 
-from .goal_drive import GoalDrive
-from .helm import Goal, Why
+from .helm import Goal, Why, why_of
 
 Vector = Tuple[float, float, float]
 REMEDY = "release the control and press it again"
 NO_MOTORS = Why(StopReason.MOTORS_DISABLED, "this board has no motors")
 UNKNOWN = Why(StopReason.NO_TELEMETRY, "the robot's model is not known yet; start the node with robot:=NAME")
+LOOK_RAD = 4 * math.pi
+"""The robot turns twice on the spot in search of a free path before the goal counts as blocked, as in `mrl goto`."""
 
 
 class Recorded(NamedTuple):
@@ -96,6 +99,52 @@ class PhoneReading(NamedTuple):
     """Along the phone's x, y, z, with gravity: z is +9.8 when it lies face up [m/s2]."""
     rotation_deg_s: Optional[Vector]
     """Rates as `DeviceMotionEvent.rotationRate` has them: alpha, beta, gamma [deg/s]."""
+
+
+class Step(NamedTuple):
+    """One step towards the goal."""
+
+    linear_m_s: float = 0.0
+    angular_rad_s: float = 0.0
+    ended: Optional[Why] = None  # why the robot stops here: the goal is reached, or blocked; None before that
+    notice: str = ""  # why the robot waits now, or has stopped; empty while it drives
+
+
+class GoalDrive:
+    """Drives to one goal at a time, in the frame of the poses.
+
+    A new goal, and the first step after `end`, begin a new search with an empty map.
+    """
+
+    def __init__(self) -> None:
+        self._seeker: Optional[GoalSeeker] = None
+        self._goal: Optional[Goal] = None
+
+    def end(self) -> None:
+        """Forget the goal: the robot was stopped, or the control was released."""
+        self._seeker = self._goal = None
+
+    def step(self, goal: Goal, robot: Any) -> Step:
+        """Return the speeds now.  Without a yaw the robot arrives in the direction from here to the goal.
+
+        `robot` is a Driver, or has its `pose`, `ranges`, `limits`, `model` and `now_s`.
+        """
+        pose, now_s = robot.pose, robot.now_s
+        if self._seeker is None or self._goal != goal:
+            self._goal = goal
+            x_m, y_m, yaw_rad = goal
+            if yaw_rad is None:
+                yaw_rad = math.atan2(y_m - pose.y_m, x_m - pose.x_m)
+            target, sonars = Pose(x_m, y_m, yaw_rad), robot.model.sonars
+            self._seeker = GoalSeeker(target, robot.limits, now_s, sonars, look_rad=LOOK_RAD)
+        seeker = self._seeker
+        linear_m_s, angular_rad_s = seeker.command(pose, robot.ranges, now_s)
+        if not (seeker.reached or seeker.blocked):
+            return Step(linear_m_s, angular_rad_s, notice=f"waits: {seeker.why}" if seeker.blind else "")
+        ended = why_of(StopReason.GOAL_REACHED)
+        if not seeker.reached:
+            ended = Why(StopReason.GOAL_BLOCKED, f"the goal was not reached: {seeker.why}")
+        return Step(ended=ended, notice=ended.words)
 
 
 class PageRobot(ABC):

@@ -10,16 +10,17 @@ import concurrent.futures
 import contextlib
 import logging
 import math
+import pathlib
 import secrets
 import socket
 import time
-from typing import Any, Awaitable, Callable, Dict, Iterable, Iterator, List, Optional, Set
+from typing import Any, Awaitable, Callable, Coroutine, Dict, Iterable, Iterator, List, Optional, Set
 
 from mrl_driver.errors import ConfigError, MrlError, one_line
 from mrl_driver.navigation.occupancy_grid import CELL_M, FloorMap
 from mrl_driver.safety.message_age import clock_s
 
-from . import assets, messages
+from . import messages
 from .client import Client
 from .guard import headers_of, why_not
 from .helm import Drive, Go, Halt, Helm, Latch, Refuse, Tell, Unlatch
@@ -34,6 +35,7 @@ except ImportError as missing:
         "pip install 'mrl-driver[web]'"
     ) from None
 
+PAGE = pathlib.Path(__file__).resolve().parent / "page"
 MOST_CLIENTS, MOST_CONNECTIONS = 16, 100
 FOR_DRIVING = 4  # places of `MOST_CLIENTS` that are kept for pages that may drive
 SAMPLE_S, VIEW_S, CELLS_S = 0.02, 0.1, 0.5  # least time between two samples, views, and occupancy grids [s]
@@ -105,7 +107,7 @@ class Server:
         """Open connections by the address of their other end, the oldest first."""
         self._admitted: Set[Any] = set()  # those of them that belong to a page, or whose token was right
         self._number = 0
-        self._assets = assets.load()
+        self._page = {path.relative_to(PAGE).as_posix() for path in PAGE.rglob("*") if path.is_file()}
         self._pending = self._ending = False
         self._ended: Callable[[], str] = lambda: ""
         self._failure: Optional[BaseException] = None
@@ -535,10 +537,11 @@ class Server:
             clock_s(), name is not None, name or "", seconds, self._recording_loss, files
         )
 
-    def _spawn(self, work: Awaitable[None]) -> None:
-        task = asyncio.ensure_future(work)
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
+        task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._done)
+        return task
 
     def _done(self, task: "asyncio.Task[Any]") -> None:
         self._tasks.discard(task)
@@ -582,17 +585,11 @@ class Server:
 
     async def _on_page(self, request: web.Request) -> web.StreamResponse:
         name = request.match_info.get("name", "index.html")
-        asset = self._assets.get(name)
-        if asset is None:
+        if name not in self._page:
             return _refusal(404, f"there is no {name!r} on this server")
-        headers = {"Cache-Control": "no-cache", "ETag": asset.tag, "Vary": "Accept-Encoding"}
-        if asset.tag in request.headers.get("If-None-Match", ""):
-            return web.Response(status=304, headers=headers)
-        headers["Content-Type"] = asset.kind
-        body = asset.data
-        if asset.packed and "gzip" in request.headers.get("Accept-Encoding", ""):
-            headers["Content-Encoding"], body = "gzip", asset.packed
-        return web.Response(body=body, headers=headers)
+        page = web.FileResponse(PAGE / name, headers={"Cache-Control": "no-cache"})
+        page.enable_compression()
+        return page
 
     async def _on_recording(self, request: web.Request) -> web.StreamResponse:
         role = self._role(request)
@@ -685,14 +682,10 @@ class Server:
         transport = request.transport
         if transport is None:
             return response  # its page has gone already
-        task = asyncio.current_task()
-        assert task is not None
-        self._tasks.add(task)
         try:
             send = lambda text: response.write(f"data: {text}\n\n".encode())  # noqa: E731
-            await client.pump(send, transport, response.write_eof)
+            await self._spawn(client.pump(send, transport, response.write_eof))
         finally:
-            self._tasks.discard(task)
             self._sessions.pop(request.match_info["session"], None)
             client.end("")
             self._leave(client)
