@@ -45,12 +45,14 @@ class Chart(NamedTuple):
 
 def charts_of(drive: DriveData) -> List[Chart]:
     """Return the charts of a drive, without those that have no values."""
+    names = sonar_order(tuple(drive.ranges))
     found = [
         *_motion(drive),
-        _ranges(drive),
-        *_battery(drive),
+        Chart("Ranges", "m", [_curve(name, drive.ranges[name], 0, 0.01) for name in names]),
+        Chart("Battery", "V", [_curve("battery", drive.battery, 0, 0.01, _SLOW_S)]),
+        Chart("Temperature", "degC", [_curve("board", drive.battery, 1, 0.1, _SLOW_S)]),
         *_link(drive),
-        *_imu(drive),
+        Chart("Acceleration", "m/s²", [_curve(axis, drive.imu, i, 0.01) for i, axis in enumerate("xyz", 1)]),
         *sensor_charts(drive),
     ]
     known = [[each for each in chart.curves if not np.all(np.isnan(each.values))] for chart in found]
@@ -80,34 +82,16 @@ def _wheels(drive: DriveData) -> List[Curve]:
     """Speeds of the wheels, from the counts of two frames."""
     counts, stamps_s = drive.counts, np.asarray(drive.stamps_s, float)
     apart = 1 if len(drive.delays.time_s) else _JITTERED
-    steps = counts.values[apart:] - counts.values[:-apart]
     dt_s = stamps_s[apart:] - stamps_s[:-apart]
     dt_s = np.where(dt_s > 0, dt_s, np.nan)
-    curves = []
     base: Any = drive.model.drive
-    wheels = (
-        ("right", base.right_m_per_count),
-        ("left", base.left_m_per_count),
-        ("rear", base.metres_per_count),
-    )
-    for wheel, (name, m_per_count) in enumerate(wheels[: steps.shape[1]]):
-        speeds = steps[:, wheel] * m_per_count / dt_s
+    scales = base.right_m_per_count, base.left_m_per_count, base.metres_per_count
+    curves = []
+    for name, m_per_count, count in zip(("right", "left", "rear"), scales, counts.values.T):
+        speeds = (count[apart:] - count[:-apart]) * m_per_count / dt_s
         speeds = np.where(np.abs(speeds) < _FASTEST_M_S, speeds, np.nan)
         curves.append(Curve(name, counts.time_s[apart:], speeds, 0.001))
     return curves
-
-
-def _ranges(drive: DriveData) -> Chart:
-    names = sonar_order(tuple(drive.ranges))
-    return Chart("Ranges", "m", [_curve(name, drive.ranges[name], 0, 0.01) for name in names])
-
-
-def _battery(drive: DriveData) -> List[Chart]:
-    battery = drive.battery
-    return [
-        Chart("Battery", "V", [_curve("battery", battery, 0, 0.01, _SLOW_S)]),
-        Chart("Temperature", "degC", [_curve("board", battery, 1, 0.1, _SLOW_S)]),
-    ]
 
 
 def _link(drive: DriveData) -> List[Chart]:
@@ -126,12 +110,6 @@ def _link(drive: DriveData) -> List[Chart]:
 def _count(name: str, time_s: np.ndarray, values: np.ndarray) -> Curve:
     """A count that begins at zero and only grows."""
     return Curve(name, np.append(0.0, time_s), np.append(0.0, values), 1.0, _FOREVER_S, stepped=True)
-
-
-def _imu(drive: DriveData) -> List[Chart]:
-    return [
-        Chart("Acceleration", "m/s²", [_curve(axis, drive.imu, i + 1, 0.01) for i, axis in enumerate("xyz")])
-    ]
 
 
 def sensor_charts(drive: DriveData) -> List[Chart]:

@@ -30,10 +30,8 @@ COARSE_S = 0.02
 sent shows that the page's clock has jumped."""
 
 WATCHES, TAKE_FIRST = "this link is for watching only", "take the helm first"
-LATCHED, PRESS_AGAIN = (
-    "the emergency stop is latched: release it first",
-    "release the control and press it again",
-)
+LATCHED = "the emergency stop is latched: release it first"
+PRESS_AGAIN = "release the control and press it again"
 RELEASES = "only the driving page can release the emergency stop: take the helm first"
 LET_GO = "let go of all controls, then release the emergency stop again"
 
