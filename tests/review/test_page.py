@@ -3,7 +3,6 @@
 import base64
 import hashlib
 import json
-import math
 from html.parser import HTMLParser
 
 import numpy as np
@@ -21,16 +20,6 @@ from .page_drives import COUNTS, FINDING, column, drive
 MOST_BYTES = 1_000_000
 HOSTILE = """</script><script>alert(1)</script><!--title--><!-- "><img src=x onerror='alert(2)'> </style>\u2028&lt;"""
 PIXELS = SENSOR_BY_NAME["thermopile"].fields
-UNKNOWN = {"x": math.nan, "n": math.inf, "c": -math.inf}
-
-
-def unpacked(text, step):
-    """The values of a packed text, as the page reads them."""
-    steps, found = 0, []
-    for each in text.split(","):
-        steps += int(each or 0) if each not in UNKNOWN else 0
-        found.append(UNKNOWN.get(each, steps * step))
-    return np.array(found)
 
 
 class Tags(HTMLParser):
@@ -66,7 +55,7 @@ def curve_of(found, title, name):
     """Times and values of one curve of a reduced drive."""
     chart = next(each for each in found["charts"] if each["title"] == title)
     curve = next(each for each in chart["curves"] if each["name"] == name)
-    return unpacked(found["times"], 0.001), unpacked(curve["values"], curve["step"])
+    return 0.001 * np.array(found["times"]), curve["step"] * np.array(curve["values"])
 
 
 def test_the_page_has_findings_and_stops_without_javascript():
@@ -162,7 +151,7 @@ def test_a_peak_of_one_frame_is_kept_and_all_telemetry_near_a_finding(ten_minute
     kept = np.isin(np.rint(times * 1000), np.rint(ten_minutes.speeds.time_s[near] * 1000))
     assert np.count_nonzero(kept) == np.count_nonzero(near) > 0
     assert driven[kept] == pytest.approx(ten_minutes.speeds.values[near, 0], abs=0.0006)
-    times = unpacked(reduced(ten_minutes, [1.0, 42.0, 599.9, 42.5])["times"], 0.001)
+    times = 0.001 * np.array(reduced(ten_minutes, [1.0, 42.0, 599.9, 42.5])["times"])
     assert np.all(np.diff(times) >= 0) and times[0] == 0.0
 
 

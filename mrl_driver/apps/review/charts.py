@@ -14,14 +14,13 @@ from mrl_driver.view.rows import sonar_order
 
 from .drive_data import Column, DriveData
 
-MOST_VALUES = 130_000  # values on a page; each takes two to six bytes, so that the page stays below 1 MB
+MOST_VALUES = 130_000  # values on a page; each takes two to seven bytes, so that the page stays below 1 MB
 NEAR_S = 3.0  # a page keeps all telemetry this close to a moment of interest [s]
 _FRAMES_S, _SLOW_S, _FOREVER_S = 0.5, 10.0, math.inf
 """A value is shown this long, until the next one [s]: of telemetry, of rare answers, of commands."""
 _JITTERED = 6  # without board time, the speed of a wheel is that between frames which are this far apart
 _FASTEST_M_S = 5.0  # no robot has faster wheels; such a step is a counter that began again
 _DEGREES = 180 / math.pi
-_UNKNOWN, _NOTHING, _CLOSE = "x", "n", "c"
 
 
 class Curve(NamedTuple):
@@ -134,7 +133,7 @@ def _curve(
 
 
 def reduced(drive: DriveData, moments: Iterable[float]) -> Dict[str, Any]:
-    """Return all that the charts and the map of a page need, for JSON.
+    """Return all that the charts and the map of a page need, for `json_text`.
 
     `moments` are times of interest [s], the most important first; telemetry near them is complete while there is room.
     """
@@ -143,14 +142,14 @@ def reduced(drive: DriveData, moments: Iterable[float]) -> Dict[str, Any]:
     grid = _Grid(drive, curves, moments, max(2, MOST_VALUES // (len(curves) + 4)))
 
     def shown(curve: Curve) -> Dict[str, Any]:
-        values = packed(grid.reduce(curve), curve.step)
+        values = in_steps(grid.reduce(curve), curve.step)
         return {"name": curve.name, "stepped": curve.stepped, "step": curve.step, "values": values}
 
     return {
-        "times": packed(grid.times_s, 0.001),
+        "times": in_steps(grid.times_s, 0.001),
         "duration": float(drive.duration_s),
         "charts": [{**each._asdict(), "curves": list(map(shown, each.curves))} for each in charts],
-        "poses": [packed(grid.sample(drive.poses, axis), 0.001) for axis in range(3)],
+        "poses": [in_steps(grid.sample(drive.poses, axis), 0.001) for axis in range(3)],
     }
 
 
@@ -220,15 +219,6 @@ def _starts(base_s: np.ndarray, duration_s: float, moments: Iterable[float], mos
     return np.unique(np.concatenate((even_s[~beside], base_s[near])))
 
 
-def packed(values: np.ndarray, step: float) -> str:
-    """Return values as text: differences of whole steps, joined by commas.
-
-    No difference is empty; NaN is `x`, a range with nothing in it `n`, one that is too close `c`.
-    """
-    values = np.asarray(values, float)
-    finite = np.isfinite(values)
-    known = np.rint(values[finite] / step).astype(np.int64)
-    texts = np.full(len(values), _UNKNOWN, object)
-    texts[finite] = [str(each) if each else "" for each in np.diff(known, prepend=0).tolist()]
-    texts[values == math.inf], texts[values == -math.inf] = _NOTHING, _CLOSE
-    return ",".join(texts.tolist())
+def in_steps(values: np.ndarray, step: float) -> List[float]:
+    """Return values as whole numbers of steps, which JSON text holds in few bytes; those that are not finite stay."""
+    return [round(each / step) if math.isfinite(each) else each for each in values.tolist()]

@@ -9,7 +9,6 @@ import base64
 import codecs
 import hashlib
 import html
-import json
 import pathlib
 import re
 from datetime import datetime
@@ -17,6 +16,7 @@ from typing import Any, Dict, Iterator, List, Sequence, Tuple
 
 import numpy as np
 
+from mrl_driver.json_text import json_text
 from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Frame, FrameDecoder
 from mrl_driver.protocol.stop_reason import STOP_REASONS, StopReason
 from mrl_driver.protocol.table import BY_CODE, FAULTS, RESET_CAUSES, Field
@@ -57,9 +57,7 @@ def render(drive: DriveData, findings: Sequence[Finding]) -> str:
         "licence": _read(_UPLOT / "LICENSE"),
         "uplot": uplot,
         "script": script,
-        "data": json.dumps(data, allow_nan=False, separators=(",", ":")).replace(
-            "<", "\\u003c"
-        ),  # ends no element
+        "data": json_text(data, compact=True).replace("<", "\\u003c"),  # ends no element
         "title": _text(f"Review of {pathlib.Path(drive.path).name}"),
         "subtitle": _text(", ".join(filter(None, (drive.robot_name, _started(drive))))),
         "mark": "caution" if findings else "good",

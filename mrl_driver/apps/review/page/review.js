@@ -2,25 +2,21 @@
 
 import { chartOptions, valueText } from "./chart_options.js";
 import { FloorMap } from "./map.js";
-import { colourOf, degrees, element, fixed, make, nice, setText } from "./text.js";
+import { colourOf, degrees, element, fixed, make, nice, number, setText } from "./text.js";
 
 const CURVES = ["c1", "c2", "c3", "c4", "c5", "c6"];
 const CLOSE_S = 20; // shown around a moment that somebody chose
 const SHORTEST_S = 0.5;
 const HEIGHT = 130;
 const PAPER_PX = 680;
-const UNKNOWN = { x: NaN, n: Infinity, c: -Infinity };
 
-/** Numbers of a text of differences, see `packed` in charts.py. */
-function unpack(text, step) {
-  let steps = 0;
-  return text.split(",").map((each) => UNKNOWN[each] ?? (steps += Number(each)) * step);
-}
+/** Values of whole numbers of steps, see `in_steps` in charts.py. */
+const unpack = (steps, step) => steps.map((each) => number(each) * step);
 
 const data = JSON.parse(element("data").textContent);
 const duration = Math.max(data.duration, 0.001);
 const times = unpack(data.times, 0.001);
-const poses = data.poses.map((text) => unpack(text, 0.001));
+const poses = data.poses.map((column) => unpack(column, 0.001));
 const charts = data.charts.map(({ title, unit, curves }) => ({
   title,
   unit,
