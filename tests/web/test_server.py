@@ -499,7 +499,7 @@ def test_no_name_leads_out_of_the_folder_of_the_page(name):
 def test_a_file_of_the_page_is_sent_again_only_if_it_has_changed():
     async def scenario(site):
         async with site.session.get(f"{site.url}/page/main.js") as answer:
-            assert (answer.status, answer.headers["Content-Encoding"]) == (200, "gzip")
+            assert answer.status == 200 and answer.headers["Content-Encoding"] in ("deflate", "gzip")
             assert "javascript" in answer.content_type and "import" in await answer.text()
             tag = {"If-None-Match": answer.headers["ETag"]}
         async with site.session.get(f"{site.url}/page/main.js", headers=tag) as answer:

@@ -588,7 +588,8 @@ class Server:
         if name not in self._page:
             return _refusal(404, f"there is no {name!r} on this server")
         page = web.FileResponse(PAGE / name, headers={"Cache-Control": "no-cache"})
-        page.enable_compression()
+        if "If-None-Match" not in request.headers:  # aiohttp would compress the answer 304, too, which has no body
+            page.enable_compression()
         return page
 
     async def _on_recording(self, request: web.Request) -> web.StreamResponse:
