@@ -588,7 +588,7 @@ class Server:
         if name not in self._page:
             return _refusal(404, f"there is no {name!r} on this server")
         page = web.FileResponse(PAGE / name, headers={"Cache-Control": "no-cache"})
-        if "If-None-Match" not in request.headers:  # aiohttp would compress the answer 304, too, which has no body
+        if "If-None-Match" not in request.headers:  # aiohttp would also compress the empty answer 304
             page.enable_compression()
         return page
 
