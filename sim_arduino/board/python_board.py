@@ -1,6 +1,6 @@
 """PythonBoard: the firmware's behaviour in Python, wired to a Plant, with the timing of the serial link.
 
-The modules `*_handlers` carry out the requests.  This module has the line, the order of events, streams and failsafes.
+`handlers` carries out the requests.  This module has the line, the order of events, streams and failsafes.
 """
 
 import math
@@ -14,7 +14,7 @@ from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, BY_NAME, TICK_S
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import FAN, HEATER, Plant
 
-from . import parameter_store, registry
+from . import handlers, parameter_store
 from .board_status import BoardStatus
 from .bridge_control import BridgeControl
 from .engine import Engine
@@ -354,11 +354,11 @@ class PythonBoard(Engine):
         """Carries out a valid request."""
         self._valid_s, self._silent = self.now_s, False
         row = BY_CODE[frame.code]
-        needed = registry.NEEDS.get(row.name)
+        needed = handlers.NEEDS.get(row.name)
         if needed and needed not in self.capabilities:
             self.refuse("unavailable")
         else:
-            registry.REQUESTS[row.name](self, *frame.args)
+            handlers.REQUESTS[row.name](self, *frame.args)
         if self.debug and self._answers and self._wire_due_s() <= self.now_s:
             self._send_next()
         self._say("[INFO] " + row.name)
@@ -439,7 +439,7 @@ class PythonBoard(Engine):
 
     def _send(self, code: int, value: int = 0) -> bool:
         """Builds and sends a reply with the values of now; False if there is nothing valid to send."""
-        args = registry.REPLIES[BY_CODE[code].name](self, value)
+        args = handlers.REPLIES[BY_CODE[code].name](self, value)
         if args is None:
             return False
         stamp = None

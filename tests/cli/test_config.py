@@ -20,7 +20,7 @@ from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BRIDGES, PARAMETERS
 from mrl_driver.robot import models
 from mrl_driver.transport.port_search import Port
-from sim_arduino.board import registry
+from sim_arduino.board import handlers
 from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
 from tests.calibration.kit import Kit
@@ -172,7 +172,7 @@ def test_parameters_of_another_robot_leave_the_cables_alone(duo, tmp_path):
 
 
 def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
-    handler = registry.REQUESTS["write_config"]
+    handler = handlers.REQUESTS["write_config"]
 
     def guarded(board, index, value):
         if PARAMETERS[index].name == "ki":
@@ -180,7 +180,7 @@ def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
         else:
             handler(board, index, value)
 
-    monkeypatch.setitem(registry.REQUESTS, "write_config", guarded)
+    monkeypatch.setitem(handlers.REQUESTS, "write_config", guarded)
     with SteppedDriver(factory.make(factory.Options(robot="traxbot")).engine) as driver:
         with pytest.raises(BoardTimeout):
             driver.parameters.replace({"kp": 800, "ki": 900})

@@ -7,7 +7,7 @@ import pytest
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import COMMANDS, PARAMETERS
 from mrl_driver.robot import models
-from sim_arduino.board import PythonBoard, parameter_store, registry
+from sim_arduino.board import PythonBoard, handlers, parameter_store
 from sim_arduino.board.board2013 import Board2013
 from sim_arduino.board.parameter_store import Config
 from sim_arduino.board.uart import IN_BYTE_S, OUT_BYTE_S
@@ -212,9 +212,9 @@ RADIO = {"discover_xbee", "xbee_text"}
 
 def test_every_row_has_its_handlers():
     names = {row.name for row in COMMANDS}
-    assert names - UNASKED == set(registry.REQUESTS)
-    replies = {row.name for row in COMMANDS if row.reply and row.name not in registry.REPLIES}
-    assert replies <= RADIO and set(registry.REPLIES) <= names
+    assert names - UNASKED == set(handlers.REQUESTS)
+    replies = {row.name for row in COMMANDS if row.reply and row.name not in handlers.REPLIES}
+    assert replies <= RADIO and set(handlers.REPLIES) <= names
 
 
 def awake(**options):

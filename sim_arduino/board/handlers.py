@@ -1,0 +1,354 @@
+"""What a request does on the Python board, and what a reply holds: `REQUESTS` and `REPLIES`, by the row's name."""
+
+import math
+import struct
+from functools import partial
+from typing import TYPE_CHECKING, Any, Callable, Dict, Optional, Tuple
+
+from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.protocol.table import (
+    BY_NAME,
+    CAPABILITIES,
+    COMMANDS,
+    INT16_MAX,
+    PARAMETERS,
+    PROTOCOL_VERSION,
+    REASONS,
+    SENSOR_BY_NAME,
+    SENSORS,
+    SONAR_INVALID,
+    Command,
+    Field,
+    Sensor,
+)
+
+from .bridge.integers import divide
+from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S, Config
+from .sonar_chain import SONARS
+
+if TYPE_CHECKING:
+    from .python_board import PythonBoard
+
+Values = Optional[Tuple[int, ...]]
+_CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
+_PER_MM_S = 95492
+"""6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
+_LIMITED = ("move_differential", "move_omni")  # moves to which the speed ceilings apply
+
+
+# ---- the board
+
+
+def _protocol(board: "PythonBoard", _: int) -> Values:
+    return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in board.capabilities)
+
+
+def _info(board: "PythonBoard", _: int) -> Values:
+    return (*board.motors.info(board.now_s), PROTOCOL_VERSION, board.config["robot_id"])
+
+
+def _status(board: "PythonBoard", _: int) -> Values:
+    uptime = int(board.now_s - board.started_s)
+    return (uptime >> 15, uptime & 0x7FFF) + board.health.read() + board.motors.status()
+
+
+def _counters(board: "PythonBoard", _: int) -> Values:
+    known = REASONS if board.radio.hold.on else REASONS[:-1]
+    return tuple(board.health.counters[reason.name] for reason in known)
+
+
+def _set_debug(board: "PythonBoard", on: int) -> None:
+    board.debug = bool(on)
+
+
+def _set_check(board: "PythonBoard", on: int) -> None:
+    board.ask_for_checks(bool(on))
+    board.ask("set_check", on)
+
+
+def _set_watchdog(board: "PythonBoard", period: int) -> None:
+    board.watchdog_ms = period
+    board.health.stops_are_final = period > 0
+    board.ask("set_watchdog")
+
+
+def _set_baud(board: "PythonBoard", rate: int) -> None:
+    """The baud rate changes after the reply has left."""
+    board.ask("set_baud", rate)
+    board.wanted_baud = rate
+
+
+def _write_config(board: "PythonBoard", index: int, value: int) -> None:
+    row = PARAMETERS[index]
+    if not row.low <= value <= row.high:
+        board.refuse("argument_range")
+        return
+    board.config[row.name] = value
+    board.health.set_fault("id_unset", board.config["robot_id"] == 0)
+    board.motors.refresh(board.now_s, row.name)
+    board.ask("write_config", index)
+
+
+def _save_config(board: "PythonBoard") -> None:
+    """The reply comes after the last byte is written."""
+    changed = board.config.save()
+    board.health.set_fault("eeprom", False)
+    board.ask("save_config", 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
+
+
+def _default_config(board: "PythonBoard") -> None:
+    board.config.set_defaults()
+    board.motors.refresh(board.now_s)
+    board.ask("default_config", 1)
+
+
+def _config(board: "PythonBoard", index: int) -> Values:
+    return index, board.config.values[index]
+
+
+# ---- motors
+
+
+def _set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
+    """Unchanged gains are not set again, because a motor board would write them to its EEPROM."""
+    config = board.config
+    if board.require_motors() and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
+        config["kp"], config["ki"], config["kd"] = kp, ki, kd
+        board.motors.refresh(board.now_s, "kp")
+
+
+def _stop(board: "PythonBoard") -> None:
+    board.stop_motors(StopReason.HOST)
+    board.require_motors()
+
+
+def _order_motors(row: Command, board: "PythonBoard", *values: int) -> None:
+    if row.name in _LIMITED:
+        values = _limited(row, board, *values)
+    if row.turns and board.refuses_move():
+        return
+    if not board.motors.carry_out(board.now_s, row, *values):
+        board.refuse("unavailable")
+
+
+def _limited(
+    row: Command, board: "PythonBoard", linear: int, angular: int, *direction: int
+) -> Tuple[int, ...]:
+    """If a speed is beyond its ceiling, both speeds shrink by the same factor, which keeps the curvature."""
+    most_linear, most_angular = _ceilings(row, board.config)
+    fast, turning = _beyond(linear, most_linear), _beyond(angular, most_angular)
+    if not (fast or turning):
+        return (linear, angular, *direction)
+    board.health.count_clamped()
+    by_linear = not turning or (fast and abs(linear) * most_angular > abs(angular) * most_linear)
+    top, by = (most_linear, abs(linear)) if by_linear else (most_angular, abs(angular))
+    return (divide(linear * top, by), divide(angular * top, by), *direction)
+
+
+def _ceilings(row: Command, config: Config) -> Tuple[int, int]:
+    """Ceilings of both speeds in the units of the move: those of `move_omni` are percent of full speed."""
+    linear, angular = config["linear_ceiling"], config["angular_ceiling"]
+    if row.name == "move_omni":
+        full = config["full_speed"] * config["wheel_radius"]
+        turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
+        linear = INT16_MAX if linear == INT16_MAX else min(100, linear * _PER_MM_S // full)
+        angular = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
+    return linear, angular
+
+
+def _beyond(value: int, ceiling: int) -> bool:
+    """Whether a value is beyond its ceiling; the largest ceiling means no limit, so that -32768 passes unchanged."""
+    return ceiling != INT16_MAX and abs(value) > ceiling
+
+
+# ---- encoders and sonars
+
+
+def _encoders(board: "PythonBoard", _: int = 0) -> Values:
+    """Counters of the right and the left wheel; None if they cannot be read."""
+    counts = board.motors.counts(board.now_s)
+    return None if counts is None else (counts.right, counts.left)
+
+
+def _sonars(board: "PythonBoard", _: int = 0) -> Tuple[int, ...]:
+    return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
+
+
+def _encoders_and_sonars(board: "PythonBoard", _: int) -> Values:
+    encoders = _encoders(board)
+    return None if encoders is None else encoders + _sonars(board)
+
+
+def _omni(board: "PythonBoard", _: int) -> Values:
+    counts = board.motors.counts(board.now_s)
+    return None if counts is None else (*counts, *_sonars(board))
+
+
+# ---- environment sensors
+
+
+def _values(sensor: Sensor, board: "PythonBoard", _: int = 0) -> Values:
+    """The values of a sensor; None if it does not answer on the bus."""
+    where = sensor.i2c
+    if where is None:
+        return (PINS[sensor.name](board),)
+    data = _registers(board, sensor, where.width * len(sensor.fields))
+    if data is None:
+        return None
+    parts = (data[i * where.width :][: where.width] for i in range(len(sensor.fields)))
+    return tuple(_wire(field, part, where.per_unit) for field, part in zip(sensor.fields, parts))
+
+
+def _wire(field: Field, data: bytes, per_unit: float) -> int:
+    count = int.from_bytes(data, "big", signed=field.low < 0)
+    return max(field.low, min(field.high, math.floor(count / (per_unit * field.scale) + 1e-9)))
+
+
+def _registers(board: "PythonBoard", sensor: Sensor, count: int) -> Optional[bytes]:
+    """Registers of an I2C sensor, or None without an answer, which is a fault if the build always has the sensor."""
+    assert sensor.i2c is not None
+    slave = board.plant.i2c[sensor.i2c.address]
+    there = slave.write(bytes([sensor.i2c.register]), board.now_s)
+    if sensor.capability or there:
+        board.health.set_fault("sensor", not there)
+    return slave.read(count, board.now_s) if there else None
+
+
+PINS: Dict[str, Callable[["PythonBoard"], int]] = {
+    "alcohol": lambda board: 1023 - board.adc(0),
+    "light": lambda board: board.adc(2),
+    "dust": lambda board: min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l)),
+}
+"""Values of the sensors on the Uno's own pins."""
+
+
+def _counts_or_none_needed(board: "PythonBoard") -> Values:
+    """Counts, or the value 999 that boards without motors have sent instead since 2013."""
+    if board.config["robot_id"] > 5 and not board.motors.ever_found:
+        return 999, 999
+    return _encoders(board)
+
+
+def _sensors(board: "PythonBoard", _: int) -> Values:
+    encoders, pixels = _counts_or_none_needed(board), _values(SENSOR_BY_NAME["thermopile"], board)
+    if encoders is None or pixels is None:
+        return None
+    return encoders + (PINS["alcohol"](board), PINS["dust"](board), max(pixels))
+
+
+def _sensors_and_light(board: "PythonBoard", _: int) -> Values:
+    sensors = _sensors(board, 0)
+    return None if sensors is None else sensors + (PINS["light"](board),)
+
+
+# ---- streams
+
+
+def _start_stream(row: Command, board: "PythonBoard", period: int = 0) -> None:
+    board.start_stream(row.code, period)
+
+
+def _stop_streams(starts: Tuple[str, ...], board: "PythonBoard") -> None:
+    for start in starts:
+        board.stop_stream(BY_NAME[start].code)
+
+
+def _stop_imu_stream(board: "PythonBoard") -> None:
+    board.imu_stream = None
+
+
+# ---- radio
+
+
+def _send_xbee(board: "PythonBoard", *values: int) -> None:
+    address, length = int.from_bytes(struct.pack(">4h", *values[:4]), "big"), values[4]
+    text = struct.pack(f">{len(values) - 5}h", *values[5:])
+    if len(text) != length + length % 2:
+        board.refuse("argument_count")
+    elif not board.radio or not board.radio.send(address, text[:length], board.now_s):
+        board.refuse("unavailable")
+
+
+def _discover_xbee(board: "PythonBoard") -> None:
+    if not board.radio or not board.radio.discover(board.now_s):
+        board.refuse("unavailable")
+
+
+def _release_hold(board: "PythonBoard") -> None:
+    assert board.radio
+    board.ask("release_hold", board.radio.hold.release())
+
+
+# ---- the tables
+
+
+def _ask(row: Command, board: "PythonBoard") -> None:
+    board.ask(row.name)
+
+
+def _value(_: "PythonBoard", value: int) -> Values:
+    return (value,)
+
+
+_SENSOR_STREAMS = ("sensor_stream", "sensor_ldr_stream", "compass_stream")
+_ENCODER_SETTINGS = ("set_encoder_prescaler", "preset_encoder", "reset_encoders")
+REQUESTS: Dict[str, Callable[..., None]] = {
+    **{row.name: partial(_ask, row) for row in COMMANDS if row.reply and not row.request},
+    **{
+        row.name: partial(_order_motors, row)
+        for row in COMMANDS
+        if row.turns or row.name in _ENCODER_SETTINGS
+    },
+    **{row.name: partial(_start_stream, row) for row in COMMANDS if row.repeats},
+    **{f"stop_{name}": partial(_stop_streams, (f"start_{name}",)) for name in _SENSOR_STREAMS},
+    "stop_stream": partial(_stop_streams, ("start_stream", "start_omni_stream")),
+    "start_imu_stream": lambda board, period: board.start_imu_stream(period),
+    "stop_imu_stream": _stop_imu_stream,
+    "set_pid_gains": _set_pid_gains,
+    "stop": _stop,
+    "set_debug": _set_debug,
+    "set_check": _set_check,
+    "set_watchdog": _set_watchdog,
+    "set_baud": _set_baud,
+    "read_config": lambda board, index: board.ask("read_config", index),
+    "write_config": _write_config,
+    "save_config": _save_config,
+    "default_config": _default_config,
+    "send_xbee": _send_xbee,
+    "discover_xbee": _discover_xbee,
+    "release_hold": _release_hold,
+}
+"""Called with the board and the request's arguments.  A request without arguments only asks for its reply, unless its
+entry does more."""
+del REQUESTS["xbee_text"]  # only a reply
+REPLIES: Dict[str, Callable[[Any, int], Values]] = {
+    **{sensor.command.name: partial(_values, sensor) for sensor in SENSORS},
+    "robot_info": _info,
+    "read_encoders": _encoders,
+    "read_sonars": _sonars,
+    "read_encoders_and_sonars": _encoders_and_sonars,
+    "start_omni_stream": _omni,
+    "start_sensor_stream": _sensors,
+    "start_sensor_ldr_stream": _sensors_and_light,
+    "start_compass_stream": partial(_values, SENSOR_BY_NAME["compass"]),
+    "read_imu": lambda board, _: board.imu_reading,
+    "get_debug": lambda board, _: (int(board.debug),),
+    "get_stream": lambda board, _: (int(board.stream is not None),),
+    "read_protocol": _protocol,
+    "read_status": _status,
+    "read_counters": _counters,
+    "set_check": _value,
+    "set_watchdog": lambda board, _: (board.watchdog_ms,),
+    "set_baud": _value,
+    "read_config": _config,
+    "write_config": _config,
+    "save_config": _value,
+    "default_config": _value,
+    "xbee_text": lambda board, _: board.radio.text(),
+    "discover_xbee": lambda board, _: board.radio.node(),
+    "read_radio": lambda board, _: board.radio.hold.report(),
+    "release_hold": _value,
+}
+"""Called with the board and the value given to `ask`; None if there is nothing to send."""
+NEEDS: Dict[str, str] = {row.name: row.capability for row in COMMANDS if row.capability}
+"""Capability of the board without which a request is unavailable."""
