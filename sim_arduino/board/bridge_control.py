@@ -1,23 +1,23 @@
 """The motor back end of boards with an H-bridge: turns requests into speeds of the wheels, and controls them."""
 
 import math
-from typing import Callable, List, Optional, Sequence, Tuple
+from functools import lru_cache
+from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BRIDGES, INT16_MAX, TICK_S, WIRING, Command
-from sim_arduino.hardware.encoder_counter import EncoderCounter
+from sim_arduino.hardware.bridge_plant import BATTERY_CHANNEL
+from sim_arduino.hardware.encoders import EncoderCounter
 from sim_arduino.hardware.wiring import Plant
 
 from .board_status import BoardStatus
-from .bridge.battery_input import BatteryInput
-from .bridge.bridge_levels import levels, share
-from .bridge.encoder_inputs import SAMPLE_TICKS, EncoderInputs, EncoderSample
-from .bridge.integers import divide, limit
-from .bridge.wheel import Wheel
-from .bridge.wheel_settings import FULL, NO_SETTINGS, settings_of
+from .encoder_inputs import SAMPLE_TICKS, EncoderInputs, EncoderSample
+from .integers import divide, limit
 from .motors import Counts, Info, Motors
 from .parameter_store import Config
+from .wheel import Wheel
+from .wheel_settings import FULL, NO_SETTINGS, settings_of
 
 LEFT, RIGHT = 0, 1
 _SIDES = {1: LEFT, 3: RIGHT}  # wheels by the numbers that motors and encoders have in the protocol
@@ -30,6 +30,74 @@ REFUSED_S = 1.0  # moves are refused for this time after the board has stopped a
 MISSED_KICK_S = 0.128
 """The chip's watchdog switches the outputs off when the program has not kicked it for this time [s]."""
 _PERIOD_S = SAMPLE_TICKS * TICK_S
+BATTERY_PERIOD_S, CONVERSIONS, SUM_SHIFT = (
+    8e-3,
+    16,
+    15,
+)  # the battery is a mean of 16 conversions, one in 8 ms
+LOW, HIGH = 0, 255  # levels of an output pin; all between is the duty of a PWM output
+_FAST_PWM = ("vnh5019", "cytron", "bts7960")
+_PINS: Dict[str, Tuple[str, str, str, str]] = {
+    "vnh5019": ("D10", "D01", "111", "000"),
+    "tb6612": ("D10", "D01", "111", "100"),
+    "l298n": ("1D0", "1R1", "111", "000"),
+    "cytron": ("D00", "D01", "", ""),
+    "drv8833": ("1R0", "R10", "110", "000"),
+    "bts7960": ("1R0", "R10", "110", "110"),
+}
+"""Pins while a motor is driven forward, driven backward, brakes and coasts: low, high, duty D or the rest R to 255.
+
+PWM is on pins where the motor brakes between the pulses if the chip can, so that its speed is proportional to the duty.
+An empty entry stands for a drive with duty 0."""
+
+
+@lru_cache(maxsize=None)
+def levels(chip: str, backward: bool, duty: int, coast: bool) -> Tuple[int, ...]:
+    """Levels of PWM_A, PWM_B and LOGIC for a duty of 0 to 255; 0 brakes, or lets the motor coast if the chip can."""
+    if chip not in _PINS:
+        return LOW, LOW, LOW
+    ahead, back, brake, free = _PINS[chip]
+    pins = back if backward else ahead
+    if not duty:
+        pins = (free if coast else brake) or pins
+    return tuple({"0": LOW, "1": HIGH, "D": duty, "R": HIGH - duty}[pin] for pin in pins)
+
+
+def share(chip: str, level: int) -> float:
+    """Share of time for which a pin with this level is high; fast PWM has 256 steps, phase-correct PWM 255."""
+    steps = HIGH + 1 if chip in _FAST_PWM and level < HIGH else HIGH
+    return level / steps
+
+
+class BatteryInput:
+    """The battery's voltage, through a divider on A3; `adc` returns the count of an analog input now."""
+
+    def __init__(self, config: Config, adc: Callable[[int], int], now_s: float) -> None:
+        self.measured = False  # false until the first mean, and without a divider (parameter 24 is 0)
+        self._config, self._adc = config, adc
+        self._next_s = now_s + BATTERY_PERIOD_S
+        self._sum = self._whole_sum = self._conversions = 0
+
+    def run(self, now_s: float) -> None:
+        """Makes the conversions that are due."""
+        has_divider = bool(self._config["battery_divider"])
+        self.measured = self.measured and has_divider
+        while self._next_s <= now_s:
+            self._next_s += BATTERY_PERIOD_S
+            if has_divider:
+                self._convert()
+
+    def _convert(self) -> None:
+        self._sum += self._adc(BATTERY_CHANNEL)
+        self._conversions += 1
+        if self._conversions == CONVERSIONS:
+            self._whole_sum, self.measured = self._sum, True
+            self._sum = self._conversions = 0
+
+    @property
+    def centivolts(self) -> int:
+        """Mean of 128 ms [0.01 V]."""
+        return self._whole_sum * self._config["battery_divider"] >> SUM_SHIFT
 
 
 class BridgeControl(Motors):

@@ -22,7 +22,7 @@ from mrl_driver.protocol.table import (
     Sensor,
 )
 
-from .bridge.integers import divide
+from .integers import divide
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S, Config
 from .sonar_chain import SONARS
 
@@ -53,7 +53,7 @@ def _status(board: "PythonBoard", _: int) -> Values:
 
 
 def _counters(board: "PythonBoard", _: int) -> Values:
-    known = REASONS if board.radio.hold.on else REASONS[:-1]
+    known = REASONS if board.radio and board.radio.hold.on else REASONS[:-1]
     return tuple(board.health.counters[reason.name] for reason in known)
 
 

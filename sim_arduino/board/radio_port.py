@@ -8,15 +8,16 @@ import struct
 from typing import Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.protocol.frames import to_int16
-from sim_arduino.hardware import xbee_packets
-from sim_arduino.hardware.xbee import UNKNOWN_NETWORK, XBee
-from sim_arduino.hardware.xbee_packets import (
+from sim_arduino.hardware.xbee import (
     AT_COMMAND,
     AT_RESPONSE,
     RECEIVED,
     TRANSMIT,
     TRANSMIT_STATUS,
+    UNKNOWN_NETWORK,
     PacketReader,
+    XBee,
+    packet,
 )
 
 from .radio_hold import RadioHold
@@ -77,7 +78,7 @@ class RadioPort:
         waiting = max(0, math.ceil((self._out.free_s - now_s) / BYTE_S) - 1)
         if QUEUE_BYTES - waiting < len(data) + _ENVELOPE:
             return False
-        self._out.put(xbee_packets.packet(data), now_s)
+        self._out.put(packet(data), now_s)
         return True
 
     # ---- from the module

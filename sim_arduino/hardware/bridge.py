@@ -28,12 +28,10 @@ while the winding's own decays."""
 class Bridge(NamedTuple):
     """One kind of bridge."""
 
-    name: str
     rows: Tuple[Tuple[str, str], ...]
     """Levels of the wires ("1", "0", "x" either) and the state; the first row that fits holds."""
     resistance_ohm: float  # resistance of both switches in the motor's path
-    drop_v: float  # voltage that the bridge loses at any current while it drives
-    source: str  # where rows and numbers come from
+    drop_v: float = 0.0  # voltage that the bridge loses at any current while it drives
 
     def state(self, levels: str) -> str:
         """State at the levels of PWM_A, PWM_B and LOGIC, such as "101"."""
@@ -61,54 +59,24 @@ def _shares(bridge: Bridge, *duties: float) -> Shares:
 
 
 BRIDGES: Dict[int, Bridge] = {
-    1: Bridge(
-        "VNH5019",
-        (("x11", K), ("110", F), ("101", B), ("100", K), ("0xx", C)),
-        0.018,
-        0.0,
-        "ST VNH5019A-E, Doc ID 15701 Rev 7, table 11: wires PWM, INA, INB.  Section 2.4: PWM low turns both low-side "
-        "switches off, so PWM is drive and coast; both inputs high brake to the supply whatever PWM is.  18 mOhm: "
-        "its first page.",
-    ),
-    2: Bridge(
-        "MDxx",
-        (("0xx", K), ("1x0", F), ("1x1", B)),
-        0.03,
-        0.0,
-        "Cytron MD10C, table on the board: wires PWM, DIR.  PWM low pulls both outputs low; DIR low makes output A "
-        "high.  30 mOhm: assumed.",
-    ),
-    3: Bridge(
-        "L298N",
-        (("0xx", C), ("110", F), ("101", B), ("111", K), ("100", K)),
-        1.15,
-        1.4,
-        "ST L298, January 2000, figure 6: wires EN, IN1, IN2.  EN low is free running, equal inputs are a fast motor "
-        "stop.  Saturation of both transistors: typically 2.55 V at 1 A and 3.7 V at 2 A.",
-    ),
-    4: Bridge(
-        "TB6612",
-        (("x11", K), ("110", F), ("101", B), ("010", K), ("001", K), ("x00", C)),
-        0.5,
-        0.0,
-        "Toshiba TB6612FNG, 2014-10-01, H-SW control function: wires PWM, IN1, IN2.  PWM low is a short brake.  All "
-        "inputs low is not in its table: assumed off, as with PWM high.  0.5 Ohm: its first page.",
-    ),
-    5: Bridge(
-        "DRV8833",
-        (("10x", F), ("01x", B), ("11x", K), ("00x", C)),
-        0.36,
-        0.0,
-        "TI DRV8833, SLVSAR1, table 1 and 2: wires IN1, IN2.  PWM on one input with the other one low is fast decay "
-        "(drive and coast), with the other one high slow decay (drive and brake).  360 mOhm: its first page.",
-    ),
-    6: Bridge(
-        "BTS7960",
-        (("10x", F), ("01x", B), ("11x", K), ("00x", K)),
-        0.016,
-        0.0,
-        "Infineon BTS 7960, Rev. 1.1 2004-12-07, section 4.4.1: wires RPWM, LPWM; both INH are high, and each half "
-        "bridge has one switch on.  It cannot coast.  16 mOhm: its first page.",
-    ),
+    # VNH5019: ST VNH5019A-E, Doc ID 15701 Rev 7, table 11: wires PWM, INA, INB.  Section 2.4: PWM low turns both
+    # low-side switches off, so PWM is drive and coast; both inputs high brake to the supply whatever PWM is.
+    # 18 mOhm: its first page.
+    1: Bridge((("x11", K), ("110", F), ("101", B), ("100", K), ("0xx", C)), 0.018),
+    # MDxx: Cytron MD10C, table on the board: wires PWM, DIR.  PWM low pulls both outputs low; DIR low makes output A
+    # high.  30 mOhm: assumed.
+    2: Bridge((("0xx", K), ("1x0", F), ("1x1", B)), 0.03),
+    # L298N: ST L298, January 2000, figure 6: wires EN, IN1, IN2.  EN low is free running, equal inputs are a fast motor
+    # stop.  Saturation of both transistors: typically 2.55 V at 1 A and 3.7 V at 2 A.
+    3: Bridge((("0xx", C), ("110", F), ("101", B), ("111", K), ("100", K)), 1.15, 1.4),
+    # TB6612: Toshiba TB6612FNG, 2014-10-01, H-SW control function: wires PWM, IN1, IN2.  PWM low is a short brake.  All
+    # inputs low is not in its table: assumed off, as with PWM high.  0.5 Ohm: its first page.
+    4: Bridge((("x11", K), ("110", F), ("101", B), ("010", K), ("001", K), ("x00", C)), 0.5),
+    # DRV8833: TI DRV8833, SLVSAR1, table 1 and 2: wires IN1, IN2.  PWM on one input with the other one low is fast
+    # decay (drive and coast), with the other one high slow decay (drive and brake).  360 mOhm: its first page.
+    5: Bridge((("10x", F), ("01x", B), ("11x", K), ("00x", C)), 0.36),
+    # BTS7960: Infineon BTS 7960, Rev. 1.1 2004-12-07, section 4.4.1: wires RPWM, LPWM; both INH are high, and each half
+    # bridge has one switch on.  It cannot coast.  16 mOhm: its first page.
+    6: Bridge((("10x", F), ("01x", B), ("11x", K), ("00x", K)), 0.016),
 }
 """The bridges by the value of parameter 19."""

@@ -15,7 +15,6 @@ from mrl_driver.robot.models import OmniDrive, RobotModel
 
 from .dc_motor import DcMotor
 from .motor import ControlSettings, Motor, MotorParams
-from .omni_wheels import OMNI_ANGLES_RAD, twist_of
 
 MAX_STEP_S = 0.02  # longest step that is integrated as one arc while the robot moves [s]
 _REST_STEP_S = 1.0  # longest step while the robot stands still, for battery and temperature [s]
@@ -25,6 +24,9 @@ torque of 1.8 Nm; estimated."""
 _TRACK_FRICTION, _WHEEL_FRICTION = 0.02, 0.006
 """Share of the no-load speed lost to rolling friction at a load of 1: 0.1 of the weight on tracks, 0.03 on wheels;
 estimated."""
+OMNI_ANGLES_RAD = (math.pi / 3, math.pi, -math.pi / 3)
+"""Places of three omni wheels on a circle, counter-clockwise from forward: motor 1 front left, 2 rear, 3 front right.
+Each rolls along the circle; positive speeds of all three turn the robot counter-clockwise."""
 
 
 class Params(NamedTuple):
@@ -297,3 +299,28 @@ def _along_arc(start: Pose, forward_m: float, aside_m: float, turn_rad: float) -
     middle = Pose(start.x_m, start.y_m, start.yaw_rad + half)
     x_m, y_m, _ = middle.compose(forward_m * shrink, aside_m * shrink)
     return Pose(x_m, y_m, start.yaw_rad + turn_rad)
+
+
+def twist_of(
+    distances: Sequence[float], radius_m: float, angles_rad: Sequence[float] = OMNI_ANGLES_RAD
+) -> Tuple[float, float, float]:
+    """Motion forward [m], to the left [m] and turn [rad], if the wheels at these angles roll `distances` [m]."""
+    forward = sum(-math.sin(angle) * distance for angle, distance in zip(angles_rad, distances)) * 2.0 / 3.0
+    aside = sum(math.cos(angle) * distance for angle, distance in zip(angles_rad, distances)) * 2.0 / 3.0
+    return forward, aside, sum(distances) / (3.0 * radius_m)
+
+
+def shares_for(speed: float, rotation: float, direction_rad: float) -> Tuple[float, float, float]:
+    """Shares of the wheels' rated speed for a motion.
+
+    Args:
+        speed, rotation: Shares of the fastest translation and rotation, -1 to 1.
+        direction_rad: Direction of the translation, counter-clockwise from forward.
+
+    Returns:
+        -1 to 1 for motors 1 to 3; if one would exceed 1, all are scaled down together.
+    """
+    shares = [speed * math.sin(direction_rad - angle) + rotation for angle in OMNI_ANGLES_RAD]
+    most = max(1.0, *map(abs, shares))
+    left, rear, right = (share / most for share in shares)
+    return left, rear, right

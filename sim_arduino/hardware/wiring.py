@@ -24,8 +24,7 @@ from .environment_sensors import (
     thermopile,
 )
 from .imu import FLAWLESS_IMU, LONGEST_STEP_S, ImuErrors, InertialSensor, Mpu6050
-from .omni3md import ADDRESS, Omni3MD
-from .omni3md_registers import Omni3MDRegisters
+from .omni3md import ADDRESS, Omni3MD, Omni3MDRegisters
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 from .xbee import RadioFit, XBee

@@ -1,7 +1,8 @@
 """A radio module: an XBee Series 2 with the ZB firmware in API mode 1, as a board sees it on its serial line.
 
-Packets and AT commands: Digi 90000976, chapters API Operation and XBee Command Reference Tables.  The module's own
-computing time is not known and counts as nothing.  The line's speed is that of the board's wires: `BAUD`.
+Packets of API mode 1 (delimiter, length, data, checksum; no escapes) and AT commands: Digi 90000976, chapters API
+Operation and XBee Command Reference Tables.  The module's own computing time is not known and counts as nothing.  The
+line's speed is that of the board's wires: `BAUD`.
 """
 
 import heapq
@@ -10,13 +11,14 @@ import math
 import random
 import struct
 import zlib
-from typing import Any, Callable, List, NamedTuple, Optional, Set, Tuple
+from typing import Any, Callable, Iterator, List, NamedTuple, Optional, Set, Tuple
 
 from sim_arduino.world.radio import DISCOVERY_S, Delivery, Place, RadioMedium, RadioPacket, Station
 
-from . import xbee_packets
-from .xbee_packets import AT_COMMAND, AT_RESPONSE, RECEIVED, TRANSMIT, TRANSMIT_STATUS, PacketReader
-
+DELIMITER = 0x7E
+LONGEST_PACKET = 0x100  # packets with more data are not accepted as such [byte]
+AT_COMMAND, TRANSMIT, AT_RESPONSE, TRANSMIT_STATUS, RECEIVED = 0x08, 0x10, 0x88, 0x8B, 0x90
+"""Types of packets: the first byte of their data."""
 BAUD = 9600  # factory setting, and that of the board
 BROADCAST = 0xFFFF  # 64-bit address of all radios
 LOWEST_ADDRESS = 0x10000  # first 64-bit address that a module can have here
@@ -32,6 +34,42 @@ _NO_DISCOVERY, _ADDRESS_DISCOVERY = 0x00, 0x01
 _NO_PARENT, _ROUTER, _PROFILE, _MANUFACTURER = 0xFFFE, 1, 0xC105, 0x101E
 _LARGEST_NETWORK = 0xFFF7
 _TEXT_AT = 14
+
+
+def packet(data: bytes) -> bytes:
+    """The packet with this data."""
+    return bytes([DELIMITER]) + len(data).to_bytes(2, "big") + data + bytes([0xFF - sum(data) % 256])
+
+
+class PacketReader:
+    """Finds packets with a right checksum in bytes; `longest` is the length of the longest data accepted [byte]."""
+
+    def __init__(self, longest: int = LONGEST_PACKET) -> None:
+        self._longest = longest
+        self._data = bytearray()
+
+    @property
+    def in_packet(self) -> bool:
+        """Whether a packet has begun and is not complete."""
+        return bool(self._data)
+
+    def clear(self) -> None:
+        """Looks for the next delimiter."""
+        self._data.clear()
+
+    def feed(self, data: bytes) -> Iterator[bytes]:
+        """The data of the packets that these bytes complete."""
+        for byte in data:
+            if self._data or byte == DELIMITER:
+                self._data.append(byte)
+            size = int.from_bytes(self._data[1:3], "big")
+            if len(self._data) >= 3 and not 0 < size <= self._longest:
+                self._data.clear()
+            elif len(self._data) >= 3 and len(self._data) == size + 4:
+                found = bytes(self._data[3:-1])
+                self._data.clear()
+                if (sum(found) + byte) & 0xFF == 0xFF:
+                    yield found
 
 
 class RadioFit(NamedTuple):
@@ -139,7 +177,7 @@ class XBee:
         return out
 
     def _say(self, at_s: float, data: bytes) -> None:
-        heapq.heappush(self._due, (at_s, next(self._numbers), xbee_packets.packet(data)))
+        heapq.heappush(self._due, (at_s, next(self._numbers), packet(data)))
 
     # ---- texts
 

@@ -9,8 +9,7 @@ from mrl_driver.protocol.hold_text import HoldText
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_NAME, HOLD_STATES
 from sim_arduino.board.python_board import CHECK_SILENCE_S
-from sim_arduino.hardware.xbee import RadioFit, XBee
-from sim_arduino.hardware.xbee_packets import RECEIVED, PacketReader, packet
+from sim_arduino.hardware.xbee import RECEIVED, PacketReader, RadioFit, XBee, packet
 
 BOARD, HOLDER, OTHER = 0x0013A20040000001, 0x0013A20040000002, 0x0013A200400000F3
 SILENCE = 5

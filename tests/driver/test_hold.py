@@ -11,8 +11,7 @@ from mrl_driver.robot.hold import Hold
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.parameter_store import first, image
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.hardware.xbee import RadioFit, XBee
-from sim_arduino.hardware.xbee_packets import packet
+from sim_arduino.hardware.xbee import RadioFit, XBee, packet
 from tests.models import model
 
 BOARD, HOLDER = 0x0013A20040000001, 0x0013A20040000002

@@ -9,8 +9,7 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.robot import models
 from sim_arduino.avr.bit_serial import BitReceiver, edges
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
-from sim_arduino.board.avr_board import AvrEngine
-from sim_arduino.board.wires import IN, OUT
+from sim_arduino.board.avr_board import IN, OUT, AvrEngine
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.hardware.xbee import BAUD, RadioFit
 from sim_arduino.world.world import World

@@ -10,7 +10,7 @@ import pytest
 from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BRIDGES, BY_NAME, PARAMETER_BY_NAME, TICK_S, WIRING
 from sim_arduino.board import parameter_store
-from sim_arduino.board.bridge.wheel_settings import FULL, PERIOD_TICKS
+from sim_arduino.board.wheel_settings import FULL, PERIOD_TICKS
 from sim_arduino.hardware.bridge_plant import ENCODER_PINS, PinEdge
 from tests.firmware.conftest import Bench
 from tests.firmware.pc_board import BRIDGE, VOLTS_PER_COUNT

@@ -11,12 +11,10 @@ import pytest
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BRIDGES, PARAMETERS
 from sim_arduino.board import parameter_store
-from sim_arduino.board.bridge.bridge_levels import levels
-from sim_arduino.board.bridge.speed_estimate import SpeedEstimate
-from sim_arduino.board.bridge.wheel import Wheel
-from sim_arduino.board.bridge.wheel_settings import FULL, PERIOD_TICKS, WheelSettings, settings_of
-from sim_arduino.board.bridge.wheel_watch import WheelWatch
-from sim_arduino.hardware.encoder_counter import EncoderCounter
+from sim_arduino.board.bridge_control import levels
+from sim_arduino.board.wheel import SpeedEstimate, Wheel, WheelWatch
+from sim_arduino.board.wheel_settings import FULL, PERIOD_TICKS, WheelSettings, settings_of
+from sim_arduino.hardware.encoders import EncoderCounter
 from tests.firmware.pc_board import BRIDGE, load
 
 KIT = {"wiring": 1, "kp": 1600, "ki": 23700, "friction_duty": 53, "ramp_time": 0, "full_speed": 170}

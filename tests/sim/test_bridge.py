@@ -10,10 +10,9 @@ from mrl_driver.protocol.table import BRIDGES as NAMES
 from mrl_driver.protocol.table import WIRING
 from mrl_driver.robot.models import load
 from sim_arduino.board import PythonBoard, parameter_store
-from sim_arduino.board.bridge.battery_input import CONVERSIONS, PERIOD_S, BatteryInput
-from sim_arduino.board.bridge_control import MISSED_KICK_S
+from sim_arduino.board.avr_board import BridgeWires
+from sim_arduino.board.bridge_control import BATTERY_PERIOD_S, CONVERSIONS, MISSED_KICK_S, BatteryInput
 from sim_arduino.board.parameter_store import Config
-from sim_arduino.board.wires import BridgeWires
 from sim_arduino.hardware.bridge import BRIDGES, Shares
 from sim_arduino.hardware.bridge_plant import ENCODER_PINS, motor_of, motor_params
 from sim_arduino.hardware.omni3md import ADDRESS
@@ -261,7 +260,7 @@ def test_counts_go_on_while_the_program_stands_still(driving):
 def test_the_battery_is_the_mean_of_16_conversions():
     counts = iter(range(500, 1000))
     battery = BatteryInput(config(battery_divider=4000), lambda channel: next(counts), 0.0)
-    battery.run(PERIOD_S * CONVERSIONS - 1e-6)
+    battery.run(BATTERY_PERIOD_S * CONVERSIONS - 1e-6)
     assert not battery.measured
-    battery.run(PERIOD_S * CONVERSIONS + 1e-6)
+    battery.run(BATTERY_PERIOD_S * CONVERSIONS + 1e-6)
     assert battery.measured and battery.centivolts == int(507.5 / 1024 * 500 * 4.0)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.protocol.table import TICK_S
-from sim_arduino.board.bridge.encoder_inputs import MOST_EDGES, EncoderInputs
+from sim_arduino.board.encoder_inputs import MOST_EDGES, EncoderInputs
 from sim_arduino.hardware.bridge_plant import ENCODER_PINS, PinEdge
 from sim_arduino.hardware.dc_motor import Motion
 from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, Quadrature

@@ -11,10 +11,8 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from sim_arduino.faults.key_values import robot_errors
 from sim_arduino.hardware.motor import Mode
-from sim_arduino.hardware.omni3md import ADDRESS, Omni3MD
-from sim_arduino.hardware.omni3md_registers import Omni3MDRegisters
-from sim_arduino.hardware.omni_wheels import shares_for, twist_of
-from sim_arduino.hardware.robot_physics import RobotPhysics, params_for
+from sim_arduino.hardware.omni3md import ADDRESS, Omni3MD, Omni3MDRegisters
+from sim_arduino.hardware.robot_physics import RobotPhysics, params_for, shares_for, twist_of
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
 

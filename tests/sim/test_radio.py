@@ -8,8 +8,7 @@ from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.hardware.xbee import BROADCAST, RadioFit, XBee
-from sim_arduino.hardware.xbee_packets import PacketReader, packet
+from sim_arduino.hardware.xbee import BROADCAST, PacketReader, RadioFit, XBee, packet
 from sim_arduino.world.radio import RadioMedium
 from sim_arduino.world.world import World
 from tests.firmware.test_xbee import words

@@ -43,7 +43,7 @@ from sim_arduino.board.radio_hold import RadioHold
 from sim_arduino.experiments import key_presses
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.faults.key_values import robot_errors, sonar_errors
-from sim_arduino.hardware.xbee_packets import PacketReader
+from sim_arduino.hardware.xbee import PacketReader
 from sim_arduino.replay import mirror
 from sim_arduino.serve.control import Control
 from sim_arduino.world import grid_map, world_file

@@ -6,8 +6,8 @@ two samples of the encoders, 4.992 ms.  A name that ends in qN is scaled by 2^N.
 
 from typing import NamedTuple, Optional
 
-from ..parameter_store import Config
 from .integers import UINT16_MAX
+from .parameter_store import Config
 
 FULL = 16384
 PERIOD_TICKS = 78
