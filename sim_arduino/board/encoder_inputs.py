@@ -34,8 +34,7 @@ class _Input:
         self.count = self.edge_tick = 0
         self.edges_left = MOST_EDGES
         self.masked = False
-        self.free_s = 0.0
-        """The last interrupt has ended [s]."""
+        self.free_s = 0.0  # the last interrupt has ended [s]
         self.look(levels)
 
     def look(self, levels: Mapping[int, int]) -> None:

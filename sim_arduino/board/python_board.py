@@ -32,8 +32,7 @@ BOOT_S = 1.2e-3
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
 BAUD_SILENCE_S = 1.0
-BAUD_QUIET_S = 4 * TICK_S
-"""The chip's wait after its queue is empty, because two bytes are still in the transmitter."""
+BAUD_QUIET_S = 4 * TICK_S  # the chip's wait after its queue is empty, because two bytes are still in the transmitter
 SAME_BAUD = 0.05  # two baud rates that differ by less than this share work together
 RETRY_S = 5e-3  # pause of a full-rate stream if its values are not available [s]
 ANSWERS = 8  # largest number of waiting replies; one more is dropped and counted as an overrun

@@ -19,8 +19,7 @@ class MotorParams(NamedTuple):
     time_constant_s: float = 0.08  # time to 63 % of a step of the duty [s]
     friction_counts_s: float = 0.0
     """Speed lost to friction at any duty [count/s]; a duty worth less than this does not start the motor."""
-    brake_counts_s2: float = 22000.0
-    """Deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot."""
+    brake_counts_s2: float = 22000.0  # deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot
     position_gain_hz: float = 4.0  # requested speed per count of remaining distance, in position mode [1/s]
 
 
