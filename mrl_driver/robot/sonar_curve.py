@@ -104,20 +104,12 @@ def require_wall(ranges_m: np.ndarray, valid: np.ndarray) -> None:
 
 
 def _least_squares(s: np.ndarray, ranges_m: np.ndarray) -> Curve:
-    """Least-squares curve: for each b, the best a and c have a closed form; a golden-section search finds b."""
+    """Least-squares curve: for each b, the best a and c have a closed form; ever finer grids find b."""
     low, high = _B_RANGE
-    ratio = (5**0.5 - 1) / 2
-    x, y = high - ratio * (high - low), low + ratio * (high - low)
-    at_x, at_y = _with(x, s, ranges_m)[0], _with(y, s, ranges_m)[0]
     while high - low > 1e-6:
-        if at_x < at_y:
-            high, y, at_y = y, x, at_x
-            x = high - ratio * (high - low)
-            at_x = _with(x, s, ranges_m)[0]
-        else:
-            low, x, at_x = x, y, at_y
-            y = low + ratio * (high - low)
-            at_y = _with(y, s, ranges_m)[0]
+        grid = np.linspace(low, high, 12).tolist()
+        best = grid.index(min(grid, key=lambda b: _with(b, s, ranges_m)[0]))
+        low, high = grid[max(0, best - 1)], grid[min(best + 1, len(grid) - 1)]
     return _with((low + high) / 2, s, ranges_m)[1]
 
 

@@ -214,7 +214,7 @@ def _registers(board: "PythonBoard", sensor: Sensor, count: int) -> Optional[byt
     return slave.read(count, board.now_s) if there else None
 
 
-PINS: Dict[str, Callable[["PythonBoard"], int]] = {
+PINS: Dict[str, Callable[[Any], int]] = {
     "alcohol": lambda board: 1023 - board.adc(0),
     "light": lambda board: board.adc(2),
     "dust": lambda board: min(32767, round(board.plant.sensed(board.now_s).dust_pcs_l)),

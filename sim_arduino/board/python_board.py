@@ -22,8 +22,7 @@ from .imu_reader import ImuReader, Reading
 from .motor_control import MotorControl
 from .motors import Motors
 from .parameter_store import Config
-from .radio_hold import RadioHold
-from .radio_port import RadioPort
+from .radio_port import RadioHold, RadioPort
 from .sonar_chain import SonarTask
 from .uart import OUT_BYTE_S, Incoming, Outgoing
 
@@ -32,7 +31,9 @@ BOOT_S = 1.2e-3
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
 BAUD_SILENCE_S = 1.0
-BAUD_QUIET_S = 4 * TICK_S  # the chip's wait after its queue is empty, because two bytes are still in the transmitter
+BAUD_QUIET_S = (
+    4 * TICK_S
+)  # the chip's wait after its queue is empty, because two bytes are still in the transmitter
 SAME_BAUD = 0.05  # two baud rates that differ by less than this share work together
 RETRY_S = 5e-3  # pause of a full-rate stream if its values are not available [s]
 ANSWERS = 8  # largest number of waiting replies; one more is dropped and counted as an overrun

@@ -57,18 +57,12 @@ class ImuErrors(NamedTuple):
         None is beyond its tolerance.
         """
         rng = random.Random(f"imu {seed}")
-
-        def within(tolerance: float) -> float:
-            return max(-tolerance, min(tolerance, rng.gauss(0.0, tolerance / 3.0)))
-
-        def three(*tolerances: float) -> Vector:
-            x, y, z = (within(tolerance) for tolerance in tolerances)
-            return x, y, z
-
-        bias = three(*[_GYRO_BIAS_RAD_S] * 3)
-        x, y, z = three(*[_GYRO_SCALE] * 3)
-        accel = three(_XY_BIAS_M_S2, _XY_BIAS_M_S2, _Z_BIAS_M_S2)
-        return cls(bias, _GYRO_WALK, (1.0 + x, 1.0 + y, 1.0 + z), _GYRO_NOISE, accel, _ACCEL_NOISE)
+        tolerances = [_GYRO_BIAS_RAD_S] * 3 + [_GYRO_SCALE] * 3 + [_XY_BIAS_M_S2, _XY_BIAS_M_S2, _Z_BIAS_M_S2]
+        roll, pitch, yaw, x, y, z, *accel = (max(-t, min(t, rng.gauss(0.0, t / 3.0))) for t in tolerances)
+        scale = 1.0 + x, 1.0 + y, 1.0 + z
+        return cls(
+            (roll, pitch, yaw), _GYRO_WALK, scale, _GYRO_NOISE, (accel[0], accel[1], accel[2]), _ACCEL_NOISE
+        )
 
 
 FLAWLESS_IMU = ImuErrors()

@@ -19,10 +19,7 @@ MOST_PRESCALE = 4  # largest prescaler: 10000 pulses a count
 _CALIBRATION_S = 1.0
 VERSION = (1, 72)
 KEY = b"\xaa\x55"
-_OFFSETS = {
-    **{register: 2 * i for i, register in enumerate((0xD8, 0xD7, 0xD6, 0xD5, 0xD4))},
-    **{0xD3: 10, 0xD2: 11, 0xD1: 13, 0xD0: 15, 0xFE: 17, 0xFD: 18},
-}
+_OFFSETS = {0xD8: 0, 0xD7: 2, 0xD6: 4, 0xD5: 6, 0xD4: 8, 0xD3: 10, 0xFE: 11, 0xFD: 12}
 """Offset of each register in the bytes of a read."""
 
 
@@ -44,10 +41,16 @@ class Omni3MD:
     def __init__(self, robot: RobotPhysics, model: RobotModel) -> None:
         self.robot = robot
         self.present = True  # false takes the board off the bus
-        self.fed = False  # true stands for a master that talks all the time, so that the I2C timeout never expires
-        self.busy_nack = False  # true refuses writes while the EEPROM is being written, as the real board may do
+        self.fed = (
+            False  # true stands for a master that talks all the time, so that the I2C timeout never expires
+        )
+        self.busy_nack = (
+            False  # true refuses writes while the EEPROM is being written, as the real board may do
+        )
         self.too_early = 0  # number of writes that came while the EEPROM was being written
-        self.commands: Deque[MotorCommand] = deque(maxlen=1000)  # the last commands that had an effect, oldest first
+        self.commands: Deque[MotorCommand] = deque(
+            maxlen=1000
+        )  # the last commands that had an effect, oldest first
         self.time_s = 0.0
         self.timeout_s = 0.0
         board = model.board
@@ -56,8 +59,6 @@ class Omni3MD:
         self._m_per_count = model.base.metres_per_count
         self.geometry = self._fitted
         self.counters = (EncoderCounter(), EncoderCounter(), EncoderCounter())
-        self.maxima = [0, 0, 0]
-        self.saved = (0, 0, 0)  # encoder counts in the EEPROM; the counters start from them
         self._traffic_s = 0.0
         self._calibrated_s = math.inf
         self._busy_until_s = 0.0
@@ -80,7 +81,6 @@ class Omni3MD:
             self._traffic_s = math.inf
         if self._calibrated_s <= self.time_s:
             self._calibrated_s = math.inf
-            self.maxima = [round(abs(m.speed) / self.robot.params.control_hz) for m in self.robot.motors]
         for motor in self.robot.motors:
             motor.brake()
 
@@ -112,21 +112,11 @@ class Omni3MD:
     def move_percent(self, time_s: float, percents: Tuple[int, int, int], pid: bool) -> None:
         """Moves the three motors at shares [%] of the rated speed (with `pid`) or of the voltage."""
         self._note(time_s, 0xF8 if pid else 0xF7, *percents)
-        for index, percent in enumerate(percents):
-            self._move_one(index, percent, pid)
-
-    def move_motor(self, time_s: float, motor: int, percent: int, pid: bool) -> None:
-        """Moves only motor 1, 2 or 3 [%]."""
-        self._note(time_s, 0xF6 if pid else 0xF5, motor, percent)
-        if 1 <= motor <= 3:
-            self._move_one(motor - 1, percent, pid)
-
-    def _move_one(self, index: int, percent: int, pid: bool) -> None:
-        motor, share = self.robot.motors[index], _share(percent)
-        if pid:
-            motor.set_speed(share * motor.params.rated_counts_s)
-        else:
-            motor.set_duty(share)
+        for motor, percent in zip(self.robot.motors, percents):
+            if pid:
+                motor.set_speed(_share(percent) * motor.params.rated_counts_s)
+            else:
+                motor.set_duty(_share(percent))
 
     def move_differential(self, time_s: float, linear_mm_s: int, angular_mrad_s: int) -> None:
         """Drives: motor 1 is the left wheel, motor 3 the right one.
@@ -212,20 +202,6 @@ class Omni3MD:
         if 1 <= encoder <= 3:
             self.counters[encoder - 1].preset(count, self._pulses(encoder - 1))
 
-    def save_positions(self, time_s: float) -> None:
-        """Stores the counts in the EEPROM; takes 10 ms, as for the four bytes of the ramp."""
-        self._note(time_s, 0xED)
-        self.saved = self.counts()
-        self._busy(0.010)
-
-    def power_cycle(self, time_s: float) -> None:
-        """Switches motor power off and on: the motors stop, and the counts are those saved last."""
-        self.advance(time_s)
-        for index, motor in enumerate(self.robot.motors):
-            motor.brake()
-            self.counters[index].preset(self.saved[index], self._pulses(index))
-        self._calibrated_s = self._traffic_s = math.inf
-
     def _pulses(self, index: int) -> int:
         """Whole pulses of a motor's encoder since power-up."""
         return math.floor(self.robot.motors[index].travel)
@@ -304,7 +280,7 @@ class Omni3MDRegisters:
         """The readable bytes, in the order of a read."""
         board, state = self._board, self._board.robot.state
         words = [*board.counts(), round(state.battery_v * 10.0), round(state.temperature_c * 10.0)]
-        return struct.pack(">5hB3H2B", *words, round(board.robot.params.control_hz), *board.maxima, *VERSION)
+        return struct.pack(">5h3B", *words, round(board.robot.params.control_hz), *VERSION)
 
     def _register_writers(self) -> Dict[int, Tuple[str, Callable[..., None]]]:
         """Layout and method of each writable register."""
@@ -313,11 +289,8 @@ class Omni3MDRegisters:
             0xFC: ("2B", _keyed(board.stop, 0, 1)),
             0xFB: ("5B", _keyed(lambda time_s, *directions: board.calibrate(time_s, directions), 3, 4)),
             0xFA: ("b2h", board.move_omni),
-            0xED: ("2B", _keyed(board.save_positions, 0, 1)),
             0xF8: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, True)),
             0xF7: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, False)),
-            0xF6: ("Bh", lambda time_s, motor, percent: board.move_motor(time_s, motor, percent, True)),
-            0xF5: ("Bh", lambda time_s, motor, percent: board.move_motor(time_s, motor, percent, False)),
             0xF4: ("3H", board.set_gains),
             0xF1: ("4B", self._write_timeout),
             0xF0: ("4B", _keyed(board.set_prescaler, 2, 3)),

@@ -102,7 +102,8 @@ class Plant:
         self.environment = dataclasses.replace(self.world.scene.ambient)
         self._spoilt = SpoiltReadings(environment_errors, seed)
         self.sonars_fitted = sonars
-        self.sonars = self._chain(sonar_errors, seed)
+        mounts = model.sonars if sonars else {}
+        self.sonars = SonarChain(mounts, self.world, self._pose_at, name, sonar_errors, seed)
         self.imu = self._imu(imu_errors, seed) if imu else None
         self.xbee = XBee(self.world.radio, name, radio, lambda: self._pose()[:2], seed) if radio else None
         self.i2c = self._slaves()
@@ -136,10 +137,6 @@ class Plant:
             self.bridge.advance(time_s)
         else:
             self.motor_board.advance(time_s)
-
-    def _chain(self, errors: SonarErrors, seed: int) -> SonarChain:
-        mounts = self.model.sonars if self.sonars_fitted else {}
-        return SonarChain(mounts, self.world, self._pose_at, self.name, errors, seed)
 
     def _imu(self, errors: ImuErrors, seed: int) -> Mpu6050:
         imu = Mpu6050(InertialSensor(self.model.imu, errors, seed), self._move, seed=seed)

@@ -14,7 +14,7 @@ from mrl_driver.navigation.radio_holder import REPEAT_S, RadioHolder
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.hold_text import HoldText
 from mrl_driver.robot import radio
-from sim_arduino.board.radio_hold import RadioHold
+from sim_arduino.board.radio_port import RadioHold
 from tests.fake_board import FakeBoard
 from tests.models import model
 from tests.radio_board import NODES, PEER, Engine, RadioBoard

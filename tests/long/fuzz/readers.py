@@ -39,7 +39,7 @@ from mrl_driver.transport.relay import STOPS, Bridge
 from ros1_bridge.relay import relay_frames
 from sim_arduino.avr.elf import read_image
 from sim_arduino.board import parameter_store
-from sim_arduino.board.radio_hold import RadioHold
+from sim_arduino.board.radio_port import RadioHold
 from sim_arduino.experiments import key_presses
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.faults.key_values import robot_errors, sonar_errors
