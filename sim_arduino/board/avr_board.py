@@ -5,11 +5,12 @@ Both engines use the same Plant, so there is one physics model.  The simulated c
 
 import math
 from pathlib import Path
-from typing import Callable, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Callable, Dict, List, Optional, Tuple, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.robot.models import RobotModel
 from sim_arduino.avr.bit_serial import FRAME_BITS, BitReceiver, edges, received
 from sim_arduino.avr.machine import AvrMachine
 from sim_arduino.hardware.bridge_plant import OUTPUT_PINS, BridgePlant
@@ -30,21 +31,19 @@ FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" 
 """Image of the sonar build in a checkout, after `make firmware`."""
 
 
-def configured_eeprom(
-    elf: Union[str, Path], robot_id: int, parameters: Sequence[Tuple[int, int]] = ()
-) -> bytes:
-    """The EEPROM of a board with this id and these parameters (number, value); all others are defaults.
+def configured_eeprom(elf: Union[str, Path], robot_id: int, model: RobotModel) -> bytes:
+    """The EEPROM of a board with this id that is configured for a robot of this model.
 
-    A separate simulated chip gets the values over its serial port and saves them.
+    A separate simulated chip gets over its serial port what the firmware does not know of the model, and saves it.
 
     Raises:
         SimulatorError: the image does not confirm that it has saved the values.
     """
-    number = PARAMETER_BY_NAME["robot_id"].number
+    wanted, known = parameter_store.first(robot_id, model), parameter_store.defaults(robot_id)
     orders: List[Tuple[str, float, Tuple[int, ...]]] = [
-        ("write_config", WRITE_S, (number, robot_id)),
+        ("write_config", WRITE_S, (PARAMETER_BY_NAME["robot_id"].number, robot_id)),
         ("default_config", WRITE_S, ()),
-        *(("write_config", WRITE_S, each) for each in parameters),
+        *(("write_config", WRITE_S, row) for row in enumerate(wanted) if row[1] != known[row[0]]),
         ("save_config", SAVE_S, ()),
     ]
     with AvrMachine(elf) as chip:
@@ -60,12 +59,6 @@ def configured_eeprom(
         return chip.read_eeprom()
 
 
-def _parameters_of(plant: Plant, robot_id: int) -> List[Tuple[int, int]]:
-    """Parameters (number, value) that a new board needs if the firmware does not know its robot model."""
-    wanted, known = parameter_store.first(robot_id, plant.model), parameter_store.defaults(robot_id)
-    return [(number, value) for number, value in enumerate(wanted) if value != known[number]]
-
-
 class AvrEngine:
     """A board that executes `elf`; time is simulated seconds since power-up.
 
@@ -74,7 +67,6 @@ class AvrEngine:
         elf: firmware image.
         robot_id: this id and the model's defaults are saved in the EEPROM; None leaves the EEPROM blank, as on a
             new chip.
-        bootloader: True clears the chip's reset flags before the sketch starts, as the Uno's bootloader does.
         seed: draws the noise in the SRAM.
 
     Raises:
@@ -87,18 +79,15 @@ class AvrEngine:
         plant: Plant,
         elf: Union[str, Path] = FIRMWARE,
         robot_id: Optional[int] = None,
-        bootloader: bool = True,
         seed: int = 0,
     ) -> None:
         self.plant = plant
         self.machine = AvrMachine(elf, seed=seed)
         self._host_baud: float = BAUD
         if robot_id is not None:
-            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, _parameters_of(plant, robot_id)))
-        self._reset_flags = 0 if bootloader else None
-        if bootloader:
-            self.machine.set_reset_flags(self._reset_flags)
-            self.machine.reset()
+            self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, plant.model))
+        self.machine.set_reset_flags(0)  # the Uno's bootloader clears them before the sketch starts
+        self.machine.reset()
         self.machine.i2c = plant.i2c
         self.machine.adc_volts = plant.adc_volts
         self.machine.on_pin = plant.pin_changed
@@ -107,7 +96,7 @@ class AvrEngine:
         if plant.bridge:
             self._wires = BridgeWires(self.machine, plant.bridge)
         elif plant.xbee:
-            self._fit_radio(plant.xbee)
+            self._wires = RadioWires(self.machine, plant, plant.xbee)
 
     def receive(self, data: bytes) -> None:
         self.machine.send(data)
@@ -130,18 +119,6 @@ class AvrEngine:
             self._wires.run(to_cycle, run_to)
         else:
             run_to(to_cycle)
-
-    def _fit_radio(self, xbee: XBee) -> None:
-        radio = self._wires = RadioWires(self.machine, xbee)
-
-        def pin_changed(pin: int, level: int, time_s: float) -> None:
-            if pin == OUT:
-                radio.changed(level, time_s)
-            else:
-                self.plant.pin_changed(pin, level, time_s)
-
-        self.machine.on_pin = pin_changed
-        self.machine.watch_pins((*WATCHED_PINS, OUT))
 
     def set_host_baud(self, baud: float) -> None:
         """Set the host's baud rate in both directions; if it differs from the board's, bytes arrive corrupted."""
@@ -180,7 +157,7 @@ class AvrEngine:
         """The supply voltage dropped: a reset that the program sees as a brown-out, whatever the bootloader does."""
         self.machine.set_reset_flags(BROWN_OUT)
         self.machine.reset()
-        self.machine.set_reset_flags(self._reset_flags)
+        self.machine.set_reset_flags(0)
 
     def close(self) -> None:
         self.machine.close()
@@ -247,21 +224,25 @@ class RadioWires:
     1 ms late.
     """
 
-    def __init__(self, machine: AvrMachine, xbee: XBee) -> None:
-        self._machine, self._xbee = machine, xbee
+    def __init__(self, machine: AvrMachine, plant: Plant, xbee: XBee) -> None:
+        self._machine, self._plant, self._xbee = machine, plant, xbee
         self._receiver = BitReceiver(1.0 / RADIO_BAUD)
         self._slice = int(round(SLICE_S * machine.frequency_hz))
         self._free_s = 0.0
         machine.set_pin(IN, 1)
+        machine.on_pin = self._pin_changed
+        machine.watch_pins((*WATCHED_PINS, OUT))
 
     @property
     def next_s(self) -> float:
         """Time at which the next packet to the chip begins [s]; may be infinite."""
         return self._xbee.next_s
 
-    def changed(self, level: int, at_s: float) -> None:
-        """The chip's output has a new level."""
-        self._receiver.changed(level, at_s)
+    def _pin_changed(self, pin: int, level: int, time_s: float) -> None:
+        if pin == OUT:
+            self._receiver.changed(level, time_s)
+        else:
+            self._plant.pin_changed(pin, level, time_s)
 
     def run(self, to_cycle: int, run_to: Callable[[int], None]) -> None:
         """Runs the chip with `run_to` (`run_until` or `stall_until`), and the module with it."""

@@ -174,13 +174,7 @@ def _sonars(board: "PythonBoard", _: int = 0) -> Tuple[int, ...]:
     return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
 
 
-def _encoders_and_sonars(board: "PythonBoard", _: int) -> Values:
-    encoders = _encoders(board)
-    return None if encoders is None else encoders + _sonars(board)
-
-
-def _omni(board: "PythonBoard", _: int) -> Values:
-    counts = board.motors.counts(board.now_s)
+def _with_sonars(counts: Values, board: "PythonBoard") -> Values:
     return None if counts is None else (*counts, *_sonars(board))
 
 
@@ -326,8 +320,8 @@ REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     "robot_info": _info,
     "read_encoders": _encoders,
     "read_sonars": _sonars,
-    "read_encoders_and_sonars": _encoders_and_sonars,
-    "start_omni_stream": _omni,
+    "read_encoders_and_sonars": lambda board, _: _with_sonars(_encoders(board), board),
+    "start_omni_stream": lambda board, _: _with_sonars(board.motors.counts(board.now_s), board),
     "start_sensor_stream": _sensors,
     "start_sensor_ldr_stream": _sensors_and_light,
     "start_compass_stream": partial(_values, SENSOR_BY_NAME["compass"]),

@@ -4,7 +4,6 @@ The robot id is a 4-byte float at address 0, where the firmware of 2013 keeps it
 version, all parameters as int16, low byte first, and the CRC-16 of the block.
 """
 
-import functools
 import struct
 from binascii import crc_hqx
 from typing import Dict, List, Tuple
@@ -22,20 +21,9 @@ _LONGEST_CM = 1250
 
 def defaults(robot_id: int) -> List[int]:
     """The firmware's default parameters for an id, in the table's order; an id without a model gets TraxBot's."""
-    models = _driven()
+    models = robots.driven_models()
     model = next((each for each in models if robot_id in each.ids), models[0])
     return _in_order(robot_id, robots.firmware_defaults(model))
-
-
-@functools.lru_cache(maxsize=None)
-def _driven() -> List[robots.RobotModel]:
-    """The packaged models with motors; they are cached, because reading them takes longer than starting a board."""
-    return robots.driven_models()
-
-
-def configured(robot_id: int, model: robots.RobotModel) -> List[int]:
-    """Parameters of a board configured with this id and model, in the table's order."""
-    return _in_order(robot_id, {**robots.COMMON_BOARD, **model.board})
 
 
 def _in_order(robot_id: int, by_name: Dict[str, int]) -> List[int]:
@@ -51,7 +39,7 @@ def first(robot_id: int, model: robots.RobotModel) -> List[int]:
     if robot_id not in model.ids or not model.drives:
         return defaults(robot_id)
     wired = {"wiring": 1} if model.board.get("bridge") else {}
-    return configured(robot_id, model._replace(board={**wired, **model.board}))
+    return _in_order(robot_id, {**robots.COMMON_BOARD, **wired, **model.board})
 
 
 def image(values: List[int]) -> bytes:

@@ -123,9 +123,7 @@ class PythonBoard(Engine):
             else eeprom
         )
         self.now_s = 0.0
-        self._decoder = FrameDecoder(REQUESTS)
         self._host_baud = float(BAUD)
-        self._left = b""
         self._start("power_on")
 
     # ---- the Engine interface

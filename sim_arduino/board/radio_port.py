@@ -178,7 +178,7 @@ class RadioHold:
         elif self._listening:
             state = "listening"
         address = silent[0] if silent else next(reversed(list(holding)), 0)
-        words = (to_int16(address >> shift & 0xFFFF) for shift in (48, 32, 16, 0))
+        words = _words(address.to_bytes(8, "big"))
         return (_STATE[state], len(holding), self._ignored, self.undelivered, *words)
 
     def _make_room(self) -> bool:

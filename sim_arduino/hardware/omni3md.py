@@ -6,12 +6,13 @@ Every call carries the time at which it happens; the physics runs to this time f
 import math
 import struct
 from collections import deque
+from dataclasses import replace
 from typing import Callable, Deque, Dict, NamedTuple, Tuple
 
 from mrl_driver.robot.models import RobotModel
 
 from .encoders import EncoderCounter
-from .motor import BoardGeometry, ControlSettings
+from .motor import BoardGeometry
 from .robot_physics import RobotPhysics, shares_for
 
 ADDRESS = 0x18
@@ -165,15 +166,13 @@ class Omni3MD:
     def set_gains(self, time_s: float, kp: int, ki: int, kd: int) -> None:
         """Sets the gains of the speed control; writes EEPROM for 15 ms."""
         self._note(time_s, 0xF4, kp, ki, kd)
-        gains = self.robot.gains
-        self.robot.gains = ControlSettings(kp, ki, kd, gains.ramp_ms, gains.ramp_gain)
+        self.robot.gains = replace(self.robot.gains, kp=kp, ki=ki, kd=kd)
         self._busy(0.015)
 
     def set_ramp(self, time_s: float, time_ms: int, gain: int) -> None:
         """Sets the ramp from standstill to rated speed [ms] and its start; writes EEPROM for 10 ms."""
         self._note(time_s, 0xEC, time_ms, gain)
-        gains = self.robot.gains
-        self.robot.gains = ControlSettings(gains.kp, gains.ki, gains.kd, time_ms, gain)
+        self.robot.gains = replace(self.robot.gains, ramp_ms=time_ms, ramp_gain=gain)
         self._busy(0.010)
 
     def set_timeout(self, time_s: float, tenths: int) -> None:

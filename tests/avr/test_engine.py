@@ -73,12 +73,10 @@ def test_the_next_event_of_a_sleeping_chip_is_when_it_can_wake(engine):
     assert board.next_event_s == pytest.approx(200e-6 + OVERFLOW_S, abs=20e-6)
 
 
-@pytest.mark.parametrize("bootloader, flags", [(True, 0), (False, 1)])
-def test_a_bootloader_hides_the_reset_flags(sketch, bootloader, flags):
-    board = AvrEngine(Plant(), sketch("watchdog.c"), bootloader=bootloader)
+def test_a_bootloader_hides_the_reset_flags(engine):
+    board = engine("watchdog.c")
     board.advance(200e-6)
-    assert peek(board, "flags_at_start") == bytes([flags])
-    board.close()
+    assert peek(board, "flags_at_start") == bytes([0])
 
 
 def test_an_image_that_saves_no_id_is_refused(sketch):
