@@ -9,25 +9,15 @@ _BIT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 
 
 class BoardStatus:
-    """Counters and flags since the last reset.
-
-    Args:
-        ask: Queues the reply to `read_status`.
-
-    Attributes:
-        counters: Refusals by the names in `table.REASONS`; a counter stops at 32767.
-        reset_cause, stop_reason: Row numbers in their tables.
-        clamped: Number of moves beyond the speed ceiling.
-        stops_are_final: After a stop that the host did not order, moves are refused until the host's stop.
-    """
+    """Counters and flags since the last reset; `ask` queues the reply to `read_status`."""
 
     def __init__(self, reset_cause: str, ask: Callable[[], None]) -> None:
         self._ask = ask
-        self.counters: Dict[str, int] = {reason.name: 0 for reason in REASONS}
+        self.counters: Dict[str, int] = {reason.name: 0 for reason in REASONS}  # refusals; they stop at 32767
         self.reset_cause = RESET_CAUSES.index(reset_cause)
         self.stop_reason = STOP_REASONS.index(StopReason.BOOT)
-        self.clamped = 0
-        self.stops_are_final = False
+        self.clamped = 0  # number of moves beyond the speed ceiling
+        self.stops_are_final = False  # after a stop that the host did not order, only its own stop ends the refusals
         self._turning = self._own_stop = False
         self._present = self._unread = 0
 

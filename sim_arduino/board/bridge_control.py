@@ -103,9 +103,7 @@ class BatteryInput:
 class BridgeControl(Motors):
     """Two motors and two encoders on the Arduino's pins, which can always be stopped; see motor_bridge.cpp.
 
-    Args:
-        adc: Returns the count of an analog input now.
-        start_s: Time at which the board's clock started [s].
+    `adc` returns the count of an analog input now; the board's clock started at `start_s` [s].
     """
 
     def __init__(
@@ -115,7 +113,7 @@ class BridgeControl(Motors):
         self._plant, self._pins = plant, plant.bridge
         self._config, self._health = config, health
         self._start_s = start_s
-        self.encoders = EncoderInputs(self._pins.levels)  # the encoder inputs
+        self.encoders = EncoderInputs(self._pins.levels)
         self._battery = BatteryInput(config, adc, start_s)
         self._wheels = (Wheel(), Wheel())
         self._counters = (EncoderCounter(), EncoderCounter())

@@ -14,12 +14,7 @@ _NO_INFO = Info(0, 0, 0)
 
 
 class MotorControl(Motors):
-    """The motor board, as the firmware sees it from one start to the next.
-
-    Args:
-        driver: The motor board itself.
-        advance: Runs the whole robot to a time [s].
-    """
+    """The motor board, as the firmware sees it from one start to the next; `advance` runs the robot to a time [s]."""
 
     capabilities = ("omni",)
     counts_s = 0.34e-3  # measured on the simulated ATmega328P

@@ -95,16 +95,6 @@ class PythonBoard(Engine):
         robot_id: Id in the EEPROM; 0 means not set.
         environment: Emulate the environment-sensor build instead of the sonar build.
         eeprom: 1024 bytes that survive resets; None makes a valid image of the id's defaults.
-
-    Attributes:
-        config: The parameters in force.
-        health: Counters and flags since the last reset.
-        motors: The motors as the requests see them.
-        sonars: The board's sonar task; None in the environment-sensor build.
-        imu: The board's side of the IMU.
-        imu_reading: What the last reading of the IMU gave.
-        radio: The board's side of the plant's radio; None without one.
-        wanted_baud: Row of `table.BAUDS` for the time after all waiting bytes have left.
     """
 
     def __init__(
@@ -202,9 +192,9 @@ class PythonBoard(Engine):
             if self.plant.bridge
             else MotorControl(self.plant.motor_board, self.config, self.health, self.plant.advance)
         )
-        self.sonars: Optional[SonarTask] = None
+        self.sonars: Optional[SonarTask] = None  # stays None in the environment-sensor build
         self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
-        self.imu_reading: Optional[Reading] = None
+        self.imu_reading: Optional[Reading] = None  # what the last reading of the IMU gave
         self._imu_read_s, self._imu_ahead = 0.0, False
         hold = RadioHold(self.config, lambda: self.stop_motors(StopReason.HELD), self.ready_s)
         self.radio = RadioPort(self.plant.xbee, hold, self.ask, self._can_ask) if self.plant.xbee else None
@@ -221,7 +211,7 @@ class PythonBoard(Engine):
         self._booted = False
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._incoming.byte_s = 10.0 / self._host_baud
-        self.baud = self.wanted_baud = 0
+        self.baud = self.wanted_baud = 0  # rows of `table.BAUDS`: now, and after all waiting bytes have left
         self._left = b""
         self._outgoing.free_s = self.now_s
         self._decoder = FrameDecoder(REQUESTS)

@@ -42,19 +42,12 @@ _ANSWER = {"hold": "held", "free": "freed"}
 
 
 class Holder:
-    """A radio that has sent a hold text.  It stays known after its hold, so that an old text cannot hold the robot.
-
-    Attributes:
-        answer: What the board answers: the last text with an effect.
-        heard_s: Time of that text [s].
-        holds: It holds the robot.
-        silent: It holds the robot, and was not heard for the time of parameter 26.
-    """
+    """A radio that has sent a hold text.  It stays known after its hold, so that an old text cannot hold the robot."""
 
     def __init__(self, answer: HoldText) -> None:
-        self.answer = answer
-        self.heard_s = 0.0
-        self.holds = self.silent = False
+        self.answer = answer  # what the board answers: the last text with an effect
+        self.heard_s = 0.0  # time of that text [s]
+        self.holds = self.silent = False  # a silent holder was not heard for the time of parameter 26
 
     def is_good(self, text: HoldText) -> bool:
         """Whether a text has an effect: it is newer, or repeats the last one or its end."""
@@ -66,13 +59,7 @@ class Holder:
 class RadioHold:
     """Robots that hold this one since the board's last start.  Nothing here turns a motor.
 
-    Args:
-        config: The board's parameters.
-        stop: Stops the motors.
-        started_s: Time of the start [s].
-
-    Attributes:
-        undelivered: Number of texts that reached no radio.
+    `stop` stops the motors; `started_s` is the time of the start [s].
     """
 
     def __init__(self, config: Config, stop: Callable[[], None], started_s: float) -> None:
@@ -80,7 +67,7 @@ class RadioHold:
         self._listening = self.on
         self._holders: Dict[int, Holder] = {}
         self._waiting: Dict[int, bytes] = {}
-        self._ignored = self.undelivered = 0
+        self._ignored = self.undelivered = 0  # numbers of texts without effect, and of those that reached no radio
         self._told = self._changed = False
 
     @property
@@ -210,12 +197,7 @@ class News(NamedTuple):
 
 
 class RadioPort:
-    """The radio of a `PythonBoard`.
-
-    Args:
-        hold: Takes the hold texts.
-        ask: Queues a frame to the host by its row; called only if `can_ask()`.
-    """
+    """The radio of a `PythonBoard`; `ask` queues a frame to the host by its row, and is called only if `can_ask()`."""
 
     def __init__(
         self, xbee: XBee, hold: RadioHold, ask: Callable[[str], None], can_ask: Callable[[], bool]

@@ -91,11 +91,6 @@ class BridgePlant:
     Args:
         wiring: How the cables are connected: a sum of rows of the wiring table, as in parameter 20.
         phase_error: Delay of the edges of both encoders' channel B, as a share of a count.
-
-    Attributes:
-        encoders: What is at the board's two encoder inputs.
-        levels: Levels of the encoder pins after the last `advance`.
-        time_s: Time of the last `advance`.
     """
 
     def __init__(
@@ -119,7 +114,7 @@ class BridgePlant:
             )
             for each in (0, 1)
         )
-        self.levels: Dict[int, int] = {}
+        self.levels: Dict[int, int] = {}  # levels of the encoder pins after the last `advance`
         self._edges: List[PinEdge] = []
         self._note_levels()
 

@@ -71,16 +71,8 @@ FLAWLESS_IMU = ImuErrors()
 class InertialSensor:
     """Gyro and accelerometer on a body: samples of its motion, each the mean over a period, behind a low-pass filter.
 
-    The sum of all samples of the gyro times the period is the angle turned.
-
-    Args:
-        seed: Draws the noise, together with the errors, so that chips with other errors have other noise.
-
-    Attributes:
-        gyro_rad_s: The last sample in the chip's axes, before it is rounded [rad/s].
-        accel_m_s2: The same, with gravity: +1 g along an axis that points up [m/s2].
-        samples: Number of samples since `start`.
-        period_s: Time between samples [s].
+    The sum of all samples of the gyro times the period is the angle turned.  `seed` draws the noise, together with the
+    errors, so that chips with other errors have other noise.
     """
 
     def __init__(self, mount: ImuMount, errors: ImuErrors = FLAWLESS_IMU, seed: int = 0) -> None:
@@ -99,8 +91,9 @@ class InertialSensor:
             self._errors.gyro_noise * bandwidth,
             self._errors.accel_noise * bandwidth,
         )
-        self.samples = 0
+        self.samples = 0  # number of samples since the start
         self.gyro_rad_s = self.accel_m_s2 = (0.0, 0.0, 0.0)
+        """The last sample in the chip's axes, before it is rounded; gravity is +1 g along an axis that points up."""
         self._velocity: Optional[Tuple[float, float]] = None
         self._restart_period()
 
@@ -192,18 +185,14 @@ class Mpu6050:
         advance: Runs the body to a time [s]; the body calls `moved`.
         who_am_i: Identifies the chip.  The MPU-6050 sleeps after power-up.  The MPU-9250 does not (its register map,
             revision 1.4); of the others the same is assumed.
-
-    Attributes:
-        present: False takes the chip off the bus.
-        frozen: The data registers keep their values.
-        who_am_i: Value of the register.
     """
 
     def __init__(
         self, sensor: InertialSensor, advance: Callable[[float], None], who_am_i: int = MPU6050, seed: int = 0
     ) -> None:
         self.sensor = sensor
-        self.present, self.frozen, self.who_am_i = True, False, who_am_i
+        self.present, self.who_am_i = True, who_am_i
+        self.frozen = False  # the data registers keep their values
         self._advance = advance
         self._rng = random.Random(f"imu rounding {seed}")
         self.power_cycle()

@@ -38,10 +38,6 @@ class Mirror:
         name: Name of the robot in the world.
         origin: Pose in the world at which the robot's odometry began.
         margin: How the margin grows.
-
-    Attributes:
-        pose: Pose of the robot in the world; None before the first call of `moved`.
-        margin_m: How far the robot may be from that pose.
     """
 
     def __init__(
@@ -59,7 +55,7 @@ class Mirror:
     def locate(self, origin: Pose) -> None:
         """Takes the pose in the world at which the odometry is 0, as just measured; the margin begins again."""
         self._origin, self.margin_m = origin, self._margin.start_m
-        self.pose: Optional[Pose] = None
+        self.pose: Optional[Pose] = None  # pose in the world; the robot may be `margin_m` from it
 
     def moved(self, x_m: float, y_m: float, yaw_rad: float) -> Pose:
         """Takes the robot's odometry pose; returns its pose in the world."""

@@ -56,25 +56,17 @@ _REST_COUNTS_S = 1.0
 
 
 class Motor:
-    """State of one motor; `travel` and `speed` are physics, the rest belongs to the motor board's program.
-
-    Attributes:
-        travel: Distance since power-up as the encoder measures it [count]; never wraps.
-        speed: True speed [count/s].
-        duty: Share of the battery voltage that the program puts on the motor, -1 to 1.
-        sensed: Share of the motion that the encoder shows: 1, 0 if it is dead, -1 if its channels are exchanged.
-        polarity: -1 if the motor's wires are exchanged, else 1.
-        blocked: Something holds the wheel.
-    """
+    """State of one motor; `travel` and `speed` are physics, the rest belongs to the motor board's program."""
 
     def __init__(self, params: MotorParams) -> None:
         self.params = params
         self.mode = Mode.BRAKE
-        self.travel = 0.0
-        self.speed = 0.0
-        self.duty = 0.0
-        self.sensed = self.polarity = 1.0
-        self.blocked = False
+        self.travel = 0.0  # distance since power-up as the encoder measures it [count]; never wraps
+        self.speed = 0.0  # true speed [count/s]
+        self.duty = 0.0  # share of the battery voltage that the program puts on the motor, -1 to 1
+        self.sensed = 1.0  # what the encoder shows of the motion: all, 0 if it is dead, -1 if its channels are exchanged
+        self.polarity = 1.0  # -1 if the motor's wires are exchanged
+        self.blocked = False  # something holds the wheel
         self.target = self._setpoint = self._integral = self._error = self._goal = 0.0
         self._hold = False
 
