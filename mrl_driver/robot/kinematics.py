@@ -32,15 +32,12 @@ STANDING = Planar(0.0, 0.0, 0.0)
 
 
 class Kinematics:
-    """Kinematics of one base.
+    """Kinematics of one base; ConfigError if its wheels do not determine the motion.
 
     Args:
         kind: drive type, for messages.
         rows: distance of each wheel per unit of forward, left and turn, in the order of all numbers per wheel.
         sideways: the base can move sideways; otherwise its wheels prevent that.
-
-    Raises:
-        ConfigError: the wheels do not determine the motion.
     """
 
     def __init__(self, kind: str, rows: Sequence[Row], sideways: bool) -> None:

@@ -20,7 +20,9 @@ LINE_BAUD = 9600  # baud rate between board and XBee [Bd]
 PACKET_BYTES = 18
 """Bytes of a transmit request without its text: delimiter, length, type, frame id, two addresses, two options, sum."""
 WAITING = 16  # at most this many texts wait for the radio's line
-OLDEST_S = 1.0  # a text that has waited this long is dropped [s], because its receiver would take it for a new one
+OLDEST_S = (
+    1.0  # a text that has waited this long is dropped [s], because its receiver would take it for a new one
+)
 Request = Tuple[int, ...]
 
 
@@ -60,8 +62,7 @@ def parse_address(text: str) -> int:
 def text_request(address: int, text: Union[str, bytes]) -> Request:
     """The request that sends a text of ASCII characters, or of any bytes.
 
-    Raises:
-        FrameError: the address is not valid, or the text is empty, too long or not ASCII; the message says which.
+    FrameError if the address is not valid, or the text is empty, too long or not ASCII; the message says which.
     """
     address = require_whole("radio address", address, FrameError)
     if not 0 <= address < 1 << 64:

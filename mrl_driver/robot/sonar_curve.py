@@ -60,12 +60,8 @@ class SonarFit(NamedTuple):
 def fit(counts: Sequence[float], ranges_m: Sequence[float]) -> SonarFit:
     """The curve through readings of a wall; single readings that missed the wall are left out.
 
-    Args:
-        counts: (N,) ADC counts; NaN for nothing in range, or no reading.
-        ranges_m: (N,) true distances from the sonar.
-
-    Raises:
-        ConfigError: there are too few distances, or the wall was missed too often; the message lists the distances.
+    `counts` (N,) are ADC counts, NaN for nothing in range or no reading, and `ranges_m` (N,) true distances.
+    ConfigError lists the distances if they are too few, or the wall was missed too often.
     """
     s, truth = np.asarray(counts, float), np.asarray(ranges_m, float)
     valid = np.isfinite(s) & (s > 0)

@@ -34,10 +34,8 @@ FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" 
 def configured_eeprom(elf: Union[str, Path], robot_id: int, model: RobotModel) -> bytes:
     """The EEPROM of a board with this id that is configured for a robot of this model.
 
-    A separate simulated chip gets over its serial port what the firmware does not know of the model, and saves it.
-
-    Raises:
-        SimulatorError: the image does not confirm that it has saved the values.
+    A separate simulated chip gets over its serial port what the firmware does not know of the model, and saves it;
+    SimulatorError if it does not confirm that.
     """
     wanted, known = parameter_store.first(robot_id, model), parameter_store.defaults(robot_id)
     orders: List[Tuple[str, float, Tuple[int, ...]]] = [
@@ -60,18 +58,10 @@ def configured_eeprom(elf: Union[str, Path], robot_id: int, model: RobotModel) -
 
 
 class AvrEngine:
-    """A board that executes `elf`; time is simulated seconds since power-up.
+    """A board that executes the image `elf`; time is simulated seconds since power-up.
 
-    Args:
-        plant: the hardware wired to the board.
-        elf: firmware image.
-        robot_id: this id and the model's defaults are saved in the EEPROM; None leaves the EEPROM blank, as on a
-            new chip.
-        seed: draws the noise in the SRAM.
-
-    Raises:
-        SimulatorError: the image does not exist.
-        SimulatorMissing: there is no compiler or no libsimavr.
+    The id and the model's defaults are saved in the EEPROM; without an id it is blank, as on a new chip.  `seed` draws
+    the noise in the SRAM.  SimulatorError without the image, SimulatorMissing without a compiler or libsimavr.
     """
 
     def __init__(
@@ -104,8 +94,7 @@ class AvrEngine:
     def advance(self, to_s: float) -> bytes:
         """Runs to a time [s since power-up]; returns the bytes that the board has sent completely until then.
 
-        Raises:
-            MachineCrashed: the program accessed an address outside its memory.
+        MachineCrashed if the program accessed an address outside its memory.
         """
         for time_s, level in self.plant.dust_edges(to_s):
             self.machine.set_pin(DUST, level, self._cycle_at(max(time_s, self.machine.time_s)))

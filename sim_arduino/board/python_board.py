@@ -88,13 +88,9 @@ class ImuStream:
 
 
 class PythonBoard(Engine):
-    """A board with our firmware.
+    """A board with our firmware, of the environment-sensor build or of the sonar build.
 
-    Args:
-        plant: The hardware wired to the board.
-        robot_id: Id in the EEPROM; 0 means not set.
-        environment: Emulate the environment-sensor build instead of the sonar build.
-        eeprom: 1024 bytes that survive resets; None makes a valid image of the id's defaults.
+    `eeprom` has 1024 bytes that survive resets; None makes a valid image of the defaults for `robot_id`, 0 if not set.
     """
 
     def __init__(

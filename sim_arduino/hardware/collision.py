@@ -17,10 +17,7 @@ _SIZE_M = (0.01, 5.0)
 def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
     """The outline of a robot: `box` has the model's length and width, `circle:RADIUS` [m] is round, `none`: no body.
 
-    A board without motors has no body of its own, so that its `box` is None too.
-
-    Raises:
-        ConfigError: `text` is something else.
+    A board without motors has no body of its own, so that its `box` is None too.  Another text raises ConfigError.
     """
     if text == "none":
         return None
@@ -51,13 +48,9 @@ class Bumper:
         self._free_m = 0.0
 
     def share(self, old: Pose, distance_m: float, at: Callable[[float], Pose], dt: float) -> float:
-        """Share of a motion that is possible, 0 to 1.
+        """Share of a motion from `old` that is possible, 0 to 1; `at` gives the pose after a share of the motion.
 
-        Args:
-            old: Pose at the start.
-            distance_m: Largest distance of a wheel; the robot's middle moves at most twice that [m].
-            at: Gives the pose after a share of the motion.
-            dt: Duration of the motion [s].
+        It lasts `dt` [s], and no wheel goes farther than `distance_m`: the robot's middle moves at most twice that [m].
         """
         self._free_m -= 2.0 * distance_m + OTHERS_M_S * dt
         if self._free_m > 0.0 or self._gets_to(old, at(1.0)):

@@ -180,11 +180,8 @@ class InertialSensor:
 class Mpu6050:
     """The chip as an I2C slave: a write sets the register pointer and registers from there on, a read starts there.
 
-    Args:
-        sensor: Gyro and accelerometer.
-        advance: Runs the body to a time [s]; the body calls `moved`.
-        who_am_i: Identifies the chip.  The MPU-6050 sleeps after power-up.  The MPU-9250 does not (its register map,
-            revision 1.4); of the others the same is assumed.
+    `advance` runs the body to a time [s]; the body calls `moved`.  `who_am_i` identifies the chip: the MPU-6050 sleeps
+    after power-up, the MPU-9250 does not (its register map, revision 1.4); of the others the same is assumed.
     """
 
     def __init__(

@@ -37,11 +37,7 @@ class LaserScanner:
         self._rng = np.random.default_rng(seed)
 
     def scan(self, robot: Pose, without: str = "") -> Any:
-        """Ranges [m], `(rays,)`, from a robot's pose; +inf if nothing is in range, -inf if too near.
-
-        Args:
-            without: Name of the robot that carries the laser; the scan leaves it out.
-        """
+        """Ranges [m], `(rays,)`, from a pose of the robot `without`; +inf if nothing is in range, -inf if too near."""
         import numpy as np
 
         laser = self.laser

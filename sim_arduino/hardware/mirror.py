@@ -31,13 +31,9 @@ NO_MARGIN = Margin(0.0, 0.0)
 
 
 class Mirror:
-    """The place of one real robot in a world, until `close`.
+    """The place of one real robot in a world, until `close`; the world's walls count as obstacles of the robot.
 
-    Args:
-        world: The world; its walls count as obstacles of the robot.
-        name: Name of the robot in the world.
-        origin: Pose in the world at which the robot's odometry began.
-        margin: How the margin grows.
+    Its odometry began at the pose `origin` in the world; `margin` says how the margin grows.
     """
 
     def __init__(

@@ -56,7 +56,9 @@ class Params(NamedTuple):
     running_a: float = 1.6  # current of one motor at its no-load speed [A]
     starting_a: float = 5.0  # additional current of one stalled motor at full duty [A]
     ambient_c: float = 25.0
-    heating_c_per_a: float = 6.0  # final temperature rise of the motor board per ampere through the motors [degC/A]
+    heating_c_per_a: float = (
+        6.0  # final temperature rise of the motor board per ampere through the motors [degC/A]
+    )
     heating_s: float = 300.0
 
 
@@ -153,8 +155,7 @@ Moved = Callable[[float, float, float, float], None]
 class RobotPhysics:
     """Params, state and motors; `step` simulates them.
 
-    Args:
-        bridged: Three motors on H-bridges, which nothing here controls; None makes those of the motor board.
+    `bridged` are three motors on H-bridges, which nothing here controls; None makes those of the motor board.
     """
 
     def __init__(
@@ -310,14 +311,9 @@ def twist_of(
 
 
 def shares_for(speed: float, rotation: float, direction_rad: float) -> Tuple[float, float, float]:
-    """Shares of the wheels' rated speed for a motion.
+    """Shares of the rated speed for motors 1 to 3; if one would exceed 1, all are scaled down together.
 
-    Args:
-        speed, rotation: Shares of the fastest translation and rotation, -1 to 1.
-        direction_rad: Direction of the translation, counter-clockwise from forward.
-
-    Returns:
-        -1 to 1 for motors 1 to 3; if one would exceed 1, all are scaled down together.
+    Speed and rotation are shares of the fastest, -1 to 1; the direction is counter-clockwise from forward.
     """
     shares = [speed * math.sin(direction_rad - angle) + rotation for angle in OMNI_ANGLES_RAD]
     most = max(1.0, *map(abs, shares))

@@ -86,17 +86,10 @@ def address_for(robot: str) -> int:
 
 
 class XBee:
-    """A module on a robot.
+    """A module on a robot; it joins the `medium`, and raises ConfigError if another radio has its address.
 
-    Args:
-        medium: The air; the module joins it.
-        robot: Name of the robot, and the first node identifier.
-        fit: Address, range and loss.
-        place: Returns where the robot is [m].
-        seed: Draws losses and waits, together with the address.
-
-    Raises:
-        ConfigError: another radio has the address.
+    The robot's name is the first node identifier, `place` returns where the robot is [m], and `seed` draws losses and
+    waits, together with the address.
     """
 
     def __init__(
@@ -118,7 +111,9 @@ class XBee:
         self._numbers = itertools.count()
         self._met: Set[int] = set()
         self.live = False  # the board runs in real time: packets of other boards arrive by its own clock
-        self.on_arrival: Callable[[], None] = lambda: None  # called when a packet has arrived, from any thread
+        self.on_arrival: Callable[[], None] = lambda: (
+            None
+        )  # called when a packet has arrived, from any thread
         self.now_s = 0.0  # time of the board [s]
         medium.join(self)
 

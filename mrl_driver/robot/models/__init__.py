@@ -76,10 +76,7 @@ def path_of(name_or_path: str) -> str:
 
 def load(name_or_path: str) -> RobotModel:
     """Return the model with this name, or from this YAML file.  The user's own model hides a packaged one of the same
-    name.
-
-    Raises:
-        ConfigError: there is no such model, or a key is missing, unknown, of the wrong type or out of range.
+    name.  ConfigError if there is no such model, or a key is missing, unknown, of the wrong type or out of range.
     """
     path = path_of(name_or_path)
     try:
@@ -106,10 +103,8 @@ def parse(data: Any, path: str) -> RobotModel:
 def by_id(robot_id: int) -> str:
     """Return the name of the model that lists `robot_id`, the user's own first; empty if none does.
 
-    An invalid file in the user's folder is logged and skipped.
-
-    Raises:
-        ConfigError: the invalid file has the name of the packaged model that lists the id.
+    An invalid file in the user's folder is logged and skipped; it raises ConfigError if it has the name of the packaged
+    model that lists the id.
     """
     own = _names_in(own_folder())
     ordered = [*own, *(name for name in packaged() if name not in own)]
