@@ -1,7 +1,7 @@
 """Readings of an IMU next to the motor board: turned into base_link, checked, given to the heading filter.  No I/O."""
 
 import math
-from typing import Dict, FrozenSet, NamedTuple, Optional, Tuple
+from typing import FrozenSet, NamedTuple, Optional, Tuple
 
 from mrl_driver.geometry import wrap_angle
 from mrl_driver.problems import PROBLEMS
@@ -14,24 +14,17 @@ from .odometry import Odometry
 
 ABSENT, OFF, WAITING, LEARNING, IN_USE = "absent", "off", "waiting", "learning bias", "in use"
 SILENT, FROZEN, OUT_OF_SCALE, TILTED = "silent", "frozen", "out of scale", "tilted"
-CODES: Dict[str, str] = {
-    ABSENT: "imu_dead",
-    SILENT: "imu_dead",
-    FROZEN: "imu_frozen",
-    OUT_OF_SCALE: "imu_wrong",
-    TILTED: "imu_tilted",
-}
-"""States in which the gyro is not used, with their codes in `problems`."""
-CAUSES: Dict[str, str] = {
-    ABSENT: "the board reports no IMU any more",
-    SILENT: "no reading of the IMU for 0.1 s",
-    FROZEN: "the IMU repeats the same reading",
-    OUT_OF_SCALE: "the IMU's reading is out of scale",
-    TILTED: "gravity is more than 30 deg from the IMU's vertical axis",
-}
-REASONS: Dict[str, str] = {
-    state: f"{text}: {PROBLEMS[CODES[state]].remedy}" for state, text in CAUSES.items()
-}
+_UNUSED = (
+    (ABSENT, "imu_dead", "the board reports no IMU any more"),
+    (SILENT, "imu_dead", "no reading of the IMU for 0.1 s"),
+    (FROZEN, "imu_frozen", "the IMU repeats the same reading"),
+    (OUT_OF_SCALE, "imu_wrong", "the IMU's reading is out of scale"),
+    (TILTED, "imu_tilted", "gravity is more than 30 deg from the IMU's vertical axis"),
+)
+"""States in which the gyro is not used, with their codes in `problems` and their causes."""
+CODES = {state: code for state, code, _ in _UNUSED}
+CAUSES = {state: cause for state, _, cause in _UNUSED}
+REASONS = {state: f"{cause}: {PROBLEMS[code].remedy}" for state, code, cause in _UNUSED}
 """Why the gyro is not used, and what to do."""
 STATES = (OFF, WAITING, LEARNING, IN_USE, *REASONS)
 """`absent`: the board reports no IMU.  `off`: its stream is not started (option `imu_period_ms`, or no checksums).

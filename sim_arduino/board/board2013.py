@@ -26,22 +26,16 @@ STOP_S = 0.011
 AUGUST_S, JANUARY_S = 3.35, 0.10
 """From a reset to the first request that is read [s]; the August firmware waits 3 s for its environment sensors."""
 PASS_S = 60e-6  # duration of one pass of the loop with nothing to do [s]
-PRINT_S = 18e-6  # time to print a byte into the output buffer [s]: gives 325 stream frames of 27 bytes per second
+PRINT_S = (
+    18e-6  # time to print a byte into the output buffer [s]: gives 325 stream frames of 27 bytes per second
+)
 INPUT_BYTES, OUTPUT_BYTES, FRAME_BYTES, DIGITS = 63, 64, 32, 7
 MISSING = -1  # the 2013 parser's value for a missing argument; it therefore refuses a real -1
 VERSION = 1
 COMMAND_S, PRINTED_S = 0.7e-3, 0.07e-3
 """Time to pass a command on to the motor board, and to reply without a sensor reading [s]."""
-ENCODERS_S, SONARS_S, INFO_S, THERMOPILE_S, ANALOG_S, COMPASS_S = (
-    1.17e-3,
-    1.41e-3,
-    4.6e-3,
-    4.3e-3,
-    0.11e-3,
-    0.79e-3,
-)
-"""Time that each reading takes [s]."""
-JANUARY_SONARS_S = 59.2e-3
+ENCODERS_S, SONARS_S, INFO_S = 1.17e-3, 1.41e-3, 4.6e-3  # time that each reading takes [s]
+THERMOPILE_S, ANALOG_S, COMPASS_S, JANUARY_SONARS_S = 4.3e-3, 0.11e-3, 0.79e-3, 59.2e-3
 CALIBRATION_S, POSITION_S = 95e-3, 1e-3  # pauses after these commands [s]
 NO_MOTORS_FROM_ID = 6
 JANUARY_CODES = range(1, 20)
@@ -81,7 +75,7 @@ class Board2013(Engine):
         self._line: List[Tuple[float, int]] = []
         self._line_s = 0.0
         self._input = Ring(INPUT_BYTES)
-        rows = [*self._commands(), *self._readings(), *self._settings(), *self._environment()]
+        rows = [*self._commands(), *self._readings(), *self._environment()]
         self._requests = {row.code: row for row in rows if not january or row.code in JANUARY_CODES}
         self._start()
 
@@ -249,26 +243,28 @@ class Board2013(Engine):
     # ---- the requests
 
     def _commands(self) -> Iterator[Request]:
-        motor = self.plant.motor_board
-        table: Tuple[Tuple[int, int, Callable[..., None], float], ...] = (
-            (1, 0, lambda now: motor.calibrate(now, (1, 0, 0)), CALIBRATION_S),
-            (2, 3, motor.set_gains, 0.0),
-            (3, 2, motor.set_prescaler, 0.0),
-            (4, 2, motor.preset_encoder, 0.0),
-            (9, 2, lambda now, left, right: motor.move_percent(now, (left, 0, right), True), 0.0),
-            (10, 2, lambda now, left, right: motor.move_percent(now, (left, 0, right), False), 0.0),
-            (
-                11,
-                2,
-                lambda now, *speeds: motor.move_differential(now, *map(through_single_precision, speeds)),
-                0.0,
-            ),
-            (12, 3, partial(motor.move_to_position, hold=True), POSITION_S),
-            (13, 0, motor.stop, 0.0),
-            (14, 0, lambda now: None, 0.0),  # sent to I2C address 0, where no device is
+        motor, order = self.plant.motor_board, self._order
+        yield order(1, 0, lambda now: motor.calibrate(now, (1, 0, 0)), CALIBRATION_S)
+        yield order(2, 3, motor.set_gains)
+        yield order(3, 2, motor.set_prescaler)
+        yield order(4, 2, motor.preset_encoder)
+        yield order(9, 2, lambda now, left, right: motor.move_percent(now, (left, 0, right), True))
+        yield order(10, 2, lambda now, left, right: motor.move_percent(now, (left, 0, right), False))
+        yield order(
+            11, 2, lambda now, *both: motor.move_differential(now, *map(through_single_precision, both))
         )
-        for code, count, method, pause_s in table:
-            yield Request(code, count, partial(self._drive, method), COMMAND_S + pause_s, code)
+        yield order(12, 3, partial(motor.move_to_position, hold=True), POSITION_S)
+        yield order(13, 0, motor.stop)
+        yield order(14, 0, lambda now: None)  # sent to I2C address 0, where no device is
+
+    def _order(self, code: int, count: int, method: Callable[..., None], pause_s: float = 0.0) -> Request:
+        """A request that the motor board carries out, if there is one."""
+
+        def drive(*args: int) -> None:
+            if self.has_motors():
+                method(self.now_s, *args)
+
+        return Request(code, count, drive, COMMAND_S + pause_s, code)
 
     def _readings(self) -> Iterator[Request]:
         sonars_s = JANUARY_SONARS_S if self.january else SONARS_S
@@ -276,12 +272,8 @@ class Board2013(Engine):
         yield Request(6, 0, self._encoders, ENCODERS_S, 6)
         yield Request(7, 0, self._sonars, sonars_s, 7)
         yield Request(8, 0, self._both, ENCODERS_S + sonars_s, 8)
-        if self.january:
-            yield from self._stream(18, 19, self._encoders, ENCODERS_S, 6)
-        else:
-            yield from self._stream(18, 19, self._both, ENCODERS_S + sonars_s, 8)
-
-    def _settings(self) -> Iterator[Request]:
+        stream = (self._encoders, ENCODERS_S, 6) if self.january else (self._both, ENCODERS_S + sonars_s, 8)
+        yield from self._stream(18, *stream)
         yield Request(15, 0, self._report_debug, PRINTED_S, 15)
         yield Request(16, 1, self._set_debug, PRINTED_S, 16)
         yield Request(17, 0, lambda: (int(18 in self.streams),), PRINTED_S, 17)
@@ -291,25 +283,19 @@ class Board2013(Engine):
         yield Request(21, 0, lambda: (self._dust(),), PRINTED_S, 21)
         yield Request(22, 0, self._pixels, THERMOPILE_S, 22)
         sensors_s = THERMOPILE_S + ENCODERS_S + ANALOG_S
-        yield from self._stream(23, 24, self._sensors, sensors_s, 23)
-        yield from self._stream(25, 26, lambda: (*self._sensors(), self._adc(2)), sensors_s + ANALOG_S, 25)
-        yield from self._stream(27, 28, self._bearing, COMPASS_S, 27)
+        yield from self._stream(23, self._sensors, sensors_s, 23)
+        yield from self._stream(25, lambda: (*self._sensors(), self._adc(2)), sensors_s + ANALOG_S, 25)
+        yield from self._stream(27, self._bearing, COMPASS_S, 27)
 
-    def _stream(
-        self, start: int, end: int, action: _Action, duration_s: float, reply: int
-    ) -> Iterator[Request]:
-        """The request that starts a stream, which the stream repeats, and the request that ends it."""
+    def _stream(self, start: int, action: _Action, duration_s: float, reply: int) -> Iterator[Request]:
+        """The request that starts a stream, which the stream repeats, and the next one, which ends it."""
 
         def begin() -> Optional[Tuple[int, ...]]:
             self.streams.add(start)
             return action()
 
         yield Request(start, 0, begin, duration_s, reply)
-        yield Request(end, 0, lambda: self.streams.discard(start), 0.0, end)
-
-    def _drive(self, method: Callable[..., None], *args: int) -> None:
-        if self.has_motors():
-            method(self.now_s, *args)
+        yield Request(start + 1, 0, lambda: self.streams.discard(start), 0.0, start + 1)
 
     def _report_debug(self) -> Tuple[int, ...]:
         self.say(b"[INFO] Debug mode is " + (b"ON!" if self.debug else b"OFF..."))
