@@ -232,7 +232,6 @@ class Board2013(Engine):
             self._busy_s += len(answer) * PRINT_S
 
     def _note(self, text: bytes) -> None:
-        """Sends a line of text in debug mode."""
         if self.debug:
             self.say(text)
 

@@ -275,7 +275,6 @@ class RadioPort:
                 self._waiting = self._news(found, now_s)
 
     def _news(self, data: bytes, now_s: float) -> Optional[News]:
-        """What is for the host in a packet."""
         if data[0] == RECEIVED and len(data) > _TEXT_AT:
             address, text = int.from_bytes(data[1:9], "big"), data[_TEXT_AT:]
             return None if self.hold.receive(address, text, now_s) else News("xbee_text", address, text)

@@ -282,7 +282,6 @@ class Omni3MDRegisters:
         return struct.pack(">5h3B", *words, round(board.robot.params.control_hz), *VERSION)
 
     def _register_writers(self) -> Dict[int, Tuple[str, Callable[..., None]]]:
-        """Layout and method of each writable register."""
         board = self._board
         return {
             0xFC: ("2B", _keyed(board.stop, 0, 1)),

@@ -155,7 +155,6 @@ class SonarChain:
         return count_of(self._spoilt(range_m, pose) if self._errors != FLAWLESS else range_m, self._errors)
 
     def _spoilt(self, range_m: float, pose: Pose) -> float:
-        """A reading with the sensor's errors."""
         missed, confused, noise = self._rng.random(), self._rng.random(), self._rng.gauss(0.0, 1.0)
         measured_m = min(range_m, self._before_m) if confused < self._errors.crosstalk else range_m
         self._before_m = range_m
@@ -183,7 +182,6 @@ class SonarChain:
 
 
 def _in_cone(sonar: Pose, other: Pose) -> bool:
-    """Whether another sonar is inside a sonar's cone and range."""
     dx, dy = other.x_m - sonar.x_m, other.y_m - sonar.y_m
     off = wrap_angle(math.atan2(dy, dx) - sonar.yaw_rad)
     return abs(off) <= HALF_CONE_RAD and math.hypot(dx, dy) <= RANGE_M
