@@ -55,9 +55,16 @@ class Plant:
         imu_errors: Errors of the IMU; `seed` draws their noise.
         environment_errors: Errors of the environment sensors; `seed` draws them.
         radio: A radio module is fitted: its address, range and loss.
+
+    Attributes:
+        bridge: Motors and encoders on the board's pins, if the model has a bridge; None with an OMNI-3MD.
+        imu: The IMU, or None.
+        xbee: The radio module, or None.
+        i2c: All I2C slaves by 7-bit address.
+        environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
 
-    bridge: Optional[BridgePlant] = None  # motors and encoders on the board's pins; None with an OMNI-3MD
+    bridge: Optional[BridgePlant] = None
     _omni3md: Optional[Omni3MD] = None
     _shown: Optional[Pose] = None
 
@@ -92,14 +99,14 @@ class Plant:
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
             self.robot.allow = Bumper(self.world, self.footprint, name).share
-        self.environment = dataclasses.replace(self.world.scene.ambient)  # far from all sources; may be changed
+        self.environment = dataclasses.replace(self.world.scene.ambient)
         self._spoilt = SpoiltReadings(environment_errors, seed)
         self.sonars_fitted = sonars
         mounts = model.sonars if sonars else {}
         self.sonars = SonarChain(mounts, self.world, self._pose_at, name, sonar_errors, seed)
         self.imu = self._imu(imu_errors, seed) if imu else None
         self.xbee = XBee(self.world.radio, name, radio, lambda: self._pose()[:2], seed) if radio else None
-        self.i2c = self._slaves()  # by 7-bit address
+        self.i2c = self._slaves()
         self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
         self._show()
 
