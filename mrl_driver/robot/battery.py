@@ -13,8 +13,10 @@ from .models import Battery
 
 OK, LOW, EMPTY, OFF = "ok", "low", "empty", "off"
 
-EMPTY_AFTER_S = 5.0  # the voltage must stay low for this time [s], because a starting motor pulls it down for a moment
-RECOVERY_V = 0.2  # a state ends when the voltage is this much above its threshold [V], so that it does not flicker
+EMPTY_AFTER_S = 5.0
+"""The voltage must stay low for this time [s], because a starting motor pulls it down for a moment."""
+RECOVERY_V = 0.2
+"""A state ends when the voltage is this much above its threshold [V], so that it does not flicker."""
 
 
 def require_charge(volts: float, levels: Battery) -> None:

@@ -58,7 +58,8 @@ class HeadingFilter:
         self.bias_rad_s = 0.0
         self.bias_known = False
         self.in_use = False  # the last turn is that of the gyro
-        self.noise_rad2_s = 0.0  # growth of the yaw's variance by the gyro's noise [rad2/s]; measured at each stand
+        self.noise_rad2_s = 0.0
+        """Growth of the yaw's variance by the gyro's noise [rad2/s]; measured at each stand."""
         self._variance = ZERO_RATE_RAD_S**2
         self.kept = 1.0
         """Share of the bias's error that its measurements have left since a user of this number set it to 1."""

@@ -20,9 +20,8 @@ LINE_BAUD = 9600  # baud rate between board and XBee [Bd]
 PACKET_BYTES = 18
 """Bytes of a transmit request without its text: delimiter, length, type, frame id, two addresses, two options, sum."""
 WAITING = 16  # at most this many texts wait for the radio's line
-OLDEST_S = (
-    1.0  # a text that has waited this long is dropped [s], because its receiver would take it for a new one
-)
+OLDEST_S = 1.0
+"""A text that has waited this long is dropped [s], because its receiver would take it for a new one."""
 Request = Tuple[int, ...]
 
 

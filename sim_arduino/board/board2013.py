@@ -26,9 +26,8 @@ STOP_S = 0.011
 AUGUST_S, JANUARY_S = 3.35, 0.10
 """From a reset to the first request that is read [s]; the August firmware waits 3 s for its environment sensors."""
 PASS_S = 60e-6  # duration of one pass of the loop with nothing to do [s]
-PRINT_S = (
-    18e-6  # time to print a byte into the output buffer [s]: gives 325 stream frames of 27 bytes per second
-)
+PRINT_S = 18e-6
+"""Time to print a byte into the output buffer [s]: gives 325 stream frames of 27 bytes per second."""
 INPUT_BYTES, OUTPUT_BYTES, FRAME_BYTES, DIGITS = 63, 64, 32, 7
 MISSING = -1  # the 2013 parser's value for a missing argument; it therefore refuses a real -1
 VERSION = 1

@@ -17,7 +17,8 @@ class BoardStatus:
         self.reset_cause = RESET_CAUSES.index(reset_cause)
         self.stop_reason = STOP_REASONS.index(StopReason.BOOT)
         self.clamped = 0  # number of moves beyond the speed ceiling
-        self.stops_are_final = False  # after a stop that the host did not order, only its own stop ends the refusals
+        self.stops_are_final = False
+        """After a stop that the host did not order, only its own stop ends the refusals."""
         self._turning = self._own_stop = False
         self._present = self._unread = 0
 

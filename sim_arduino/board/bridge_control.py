@@ -30,11 +30,8 @@ REFUSED_S = 1.0  # moves are refused for this time after the board has stopped a
 MISSED_KICK_S = 0.128
 """The chip's watchdog switches the outputs off when the program has not kicked it for this time [s]."""
 _PERIOD_S = SAMPLE_TICKS * TICK_S
-BATTERY_PERIOD_S, CONVERSIONS, SUM_SHIFT = (
-    8e-3,
-    16,
-    15,
-)  # the battery is a mean of 16 conversions, one in 8 ms
+BATTERY_PERIOD_S, CONVERSIONS, SUM_SHIFT = 8e-3, 16, 15
+"""The battery's voltage is the mean of 16 conversions, one in 8 ms."""
 LOW, HIGH = 0, 255  # levels of an output pin; all between is the duty of a PWM output
 _FAST_PWM = ("vnh5019", "cytron", "bts7960")
 _PINS: Dict[str, Tuple[str, str, str, str]] = {

@@ -12,7 +12,8 @@ SETTLED_S = 0.056  # time after the set-up until the first reading [s]
 LOOK_S = 0.504  # time between two looks at an IMU that nobody reads [s]
 _KNOWN = (0x68, 0x70, 0x71, 0x73)  # WHO_AM_I of MPU-6050, 6500, 9250 and 9255
 _POWER, _SAMPLE_RATE, _GYRO_CONFIG, _WHO_AM_I, _GYRO_DATA, _ACCEL_DATA = 0x6B, 0x19, 0x1B, 0x75, 0x43, 0x3B
-_SCALE = 0x08  # GYRO_CONFIG for 500 deg/s; every chip of the family has another scale after a loss of its power
+_SCALE = 0x08
+"""GYRO_CONFIG for 500 deg/s; every chip of the family has another scale after a loss of its power."""
 _WAKE = bytes([_POWER, 1])
 _SET_UP = bytes([_SAMPLE_RATE, 4, 3, _SCALE, 0, 3])
 """200 Hz; filters of 42 Hz (gyro) and 44 Hz; 500 deg/s; 2 g; the same filter for accelerometers of the other chips."""

@@ -31,9 +31,8 @@ BOOT_S = 1.2e-3
 STALL_S = 0.25
 CHECK_SILENCE_S = 2.0
 BAUD_SILENCE_S = 1.0
-BAUD_QUIET_S = (
-    4 * TICK_S
-)  # the chip's wait after its queue is empty, because two bytes are still in the transmitter
+BAUD_QUIET_S = 4 * TICK_S
+"""The chip's wait after its queue is empty, because two bytes are still in the transmitter."""
 SAME_BAUD = 0.05  # two baud rates that differ by less than this share work together
 RETRY_S = 5e-3  # pause of a full-rate stream if its values are not available [s]
 ANSWERS = 8  # largest number of waiting replies; one more is dropped and counted as an overrun
@@ -208,9 +207,9 @@ class PythonBoard(Engine):
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._incoming.byte_s = 10.0 / self._host_baud
         self.baud = self.wanted_baud = 0  # rows of `table.BAUDS`: now, and after all waiting bytes have left
-        self._left = b""
+        self._left: bytes = b""
         self._outgoing.free_s = self.now_s
-        self._decoder = FrameDecoder(REQUESTS)
+        self._decoder: FrameDecoder = FrameDecoder(REQUESTS)
         self._answers: Deque[WaitingReply] = deque()
 
     def _boot(self) -> None:

@@ -67,7 +67,8 @@ class RadioHold:
         self._listening = self.on
         self._holders: Dict[int, Holder] = {}
         self._waiting: Dict[int, bytes] = {}
-        self._ignored = self.undelivered = 0  # numbers of texts without effect, and of those that reached no radio
+        self._ignored = self.undelivered = 0
+        """Numbers of texts without effect, and of those that reached no radio."""
         self._told = self._changed = False
 
     @property

@@ -22,10 +22,8 @@ ENCODER_PINS = ((2, 4), (8, 10))  # pins of channels A and B of the two encoders
 WHEELS = (0, 2)  # motors of the body that turn the left and the right wheel
 BATTERY_CHANNEL = 3
 TICK_HZ = 200.0  # rate at which the battery's voltage follows the motors' current [Hz]
-IDLE_A, BATTERY_OHM = (
-    0.1,
-    0.1,
-)  # current of board, bridge and encoders, and resistance of pack and leads; assumed
+IDLE_A, BATTERY_OHM = 0.1, 0.1
+"""Current of board, bridge and encoders, and resistance of pack and leads; assumed."""
 LARGE_V, SMALL_V = 12.0, 6.0  # nominal voltages of gearmotors, for batteries above and below 9 V when full
 STALL_W, NO_LOAD_W, STALL_NM_RAD_S = 14.4, 0.6, 8.9
 """Power at stall (1.2 A at 12 V) and at no load (0.05 A), and stall torque times no-load speed (0.5 Nm at 170/min);

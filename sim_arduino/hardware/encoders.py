@@ -107,7 +107,8 @@ class Quadrature:
         self._passed = [self._count(channel, 0.0) for channel in (A, B)]
         self.swapped = False  # the wires have been swapped
         self.bounce = Bounce(0, 0.0)  # short pulses after each edge
-        self.wires = (Wire(self._passed[A] & 1), Wire(self._passed[B] & 1))  # the wires on the board's inputs A and B
+        self.wires = (Wire(self._passed[A] & 1), Wire(self._passed[B] & 1))
+        """The wires on the board's inputs A and B."""
         self._single = single
         if single:
             self.wires[B].open, self.wires[B].level = True, PULLED_UP

@@ -19,7 +19,8 @@ class MotorParams(NamedTuple):
     time_constant_s: float = 0.08  # time to 63 % of a step of the duty [s]
     friction_counts_s: float = 0.0
     """Speed lost to friction at any duty [count/s]; a duty worth less than this does not start the motor."""
-    brake_counts_s2: float = 22000.0  # deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot
+    brake_counts_s2: float = 22000.0
+    """Deceleration of the short-circuited motor [count/s2]; 2 m/s2 on a TraxBot."""
     position_gain_hz: float = 4.0  # requested speed per count of remaining distance, in position mode [1/s]
 
 
@@ -64,7 +65,8 @@ class Motor:
         self.travel = 0.0  # distance since power-up as the encoder measures it [count]; never wraps
         self.speed = 0.0  # true speed [count/s]
         self.duty = 0.0  # share of the battery voltage that the program puts on the motor, -1 to 1
-        self.sensed = 1.0  # what the encoder shows of the motion: all, 0 if it is dead, -1 if its channels are exchanged
+        self.sensed = 1.0
+        """What the encoder shows of the motion: all, 0 if it is dead, -1 if its channels are exchanged."""
         self.polarity = 1.0  # -1 if the motor's wires are exchanged
         self.blocked = False  # something holds the wheel
         self.target = self._setpoint = self._integral = self._error = self._goal = 0.0

@@ -42,12 +42,10 @@ class Omni3MD:
     def __init__(self, robot: RobotPhysics, model: RobotModel) -> None:
         self.robot = robot
         self.present = True  # false takes the board off the bus
-        self.fed = (
-            False  # true stands for a master that talks all the time, so that the I2C timeout never expires
-        )
-        self.busy_nack = (
-            False  # true refuses writes while the EEPROM is being written, as the real board may do
-        )
+        self.fed = False
+        """True stands for a master that talks all the time, so that the I2C timeout never expires."""
+        self.busy_nack = False
+        """True refuses writes while the EEPROM is being written, as the real board may do."""
         self.too_early = 0  # number of writes that came while the EEPROM was being written
         self.commands: Deque[MotorCommand] = deque(
             maxlen=1000

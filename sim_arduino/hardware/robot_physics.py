@@ -56,9 +56,8 @@ class Params(NamedTuple):
     running_a: float = 1.6  # current of one motor at its no-load speed [A]
     starting_a: float = 5.0  # additional current of one stalled motor at full duty [A]
     ambient_c: float = 25.0
-    heating_c_per_a: float = (
-        6.0  # final temperature rise of the motor board per ampere through the motors [degC/A]
-    )
+    heating_c_per_a: float = 6.0
+    """Final temperature rise of the motor board per ampere through the motors [degC/A]."""
     heating_s: float = 300.0
 
 

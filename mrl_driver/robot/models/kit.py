@@ -12,7 +12,8 @@ from . import SCHEMA, RobotModel, load, load_packaged, names, parse
 
 LEAST_ID = 11  # ids below belong to the robots of the papers
 LIKE = "duo"  # model whose other numbers a new robot has until it is calibrated
-CEILING_SHARE = 0.85  # ceiling of the speed as a share of full speed, so that the control has duty left; assumed
+CEILING_SHARE = 0.85
+"""Ceiling of the speed as a share of full speed, so that the control has duty left; assumed."""
 DIAMETER_MM, SEPARATION_MM, COUNTS = (10.0, 650.0), (30.0, 650.0), (4.0, 100_000.0)
 """Ranges of the numbers; half the separation and the wheel's radius must fit into 16 bits of 0.01 mm."""
 WIRES: Dict[str, Tuple[str, str, str]] = {
