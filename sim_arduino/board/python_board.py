@@ -109,6 +109,7 @@ class PythonBoard(Engine):
         )
         self.now_s = 0.0
         self._host_baud = float(BAUD)
+        self._left = b""
         self._start("power_on")
 
     # ---- the Engine interface
@@ -207,7 +208,7 @@ class PythonBoard(Engine):
         self._incoming, self._outgoing = Incoming(), Outgoing()
         self._incoming.byte_s = 10.0 / self._host_baud
         self.baud = self.wanted_baud = 0  # rows of `table.BAUDS`: now, and after all waiting bytes have left
-        self._left: bytes = b""
+        self._left = b""
         self._outgoing.free_s = self.now_s
         self._decoder: FrameDecoder = FrameDecoder(REQUESTS)
         self._answers: Deque[WaitingReply] = deque()
