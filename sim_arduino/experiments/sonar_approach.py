@@ -142,7 +142,7 @@ def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: 
             driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None
         )
         ranges, distances = sonar_procedures.readings_at_stops(
-            track.end(), robot.model.differential, PLAN.start_m
+            track.rows(), robot.model.differential, PLAN.start_m
         )
         counts = sonar_procedures.curve_in_force(driver).counts(np.array(ranges)).tolist()
     return SonarRun(counts, distances, sonar_curve.fit(counts, distances))

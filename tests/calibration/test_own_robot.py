@@ -81,7 +81,7 @@ class Workshop:
             track.begin()
             ruler.begin("")
             manoeuvres.square(robot, SIDE_M, False, manoeuvres.Speeds())
-            steps = manoeuvres.steps_of(track.end())
+            steps = manoeuvres.steps_of(track.rows())
             off = errors(robot.model.differential, [Trial(steps, ruler.end("", lambda _: None))])[0]
             return float(np.hypot(*off[:2])), abs(float(off[2]))
 

@@ -29,7 +29,7 @@ _COUNTING = {
 
 
 class Replayed(NamedTuple):
-    """`rows` (N, 4) as from `manoeuvres.Track.end`, with times since the recording's start; `requests` to the board."""
+    """`rows` (N, 4) as of `manoeuvres.Track`, with times since the recording's start; `requests` to the board."""
 
     rows: np.ndarray
     requests: List[Tuple[float, Frame]]
@@ -82,4 +82,6 @@ def motor_steps_of(replayed: Replayed, code: int) -> Iterator[Tuple[np.ndarray, 
     for (begin_s, frame), end_s in zip(runs, ends_s):
         if frame.code == code and any(frame.args):
             first = max(0, int(np.searchsorted(times_s, begin_s)) - 1)
-            yield replayed.rows[first : int(np.searchsorted(times_s, end_s))], (frame.args[0], frame.args[1])
+            last = int(np.searchsorted(times_s, end_s))
+            if first < last:
+                yield replayed.rows[first:last], (frame.args[0], frame.args[1])

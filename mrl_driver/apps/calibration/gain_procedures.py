@@ -144,7 +144,7 @@ def step(robot: Driver, track: Track, code: int, percent: int, seconds: float) -
     manoeuvres.settle(robot)
     track.begin()
     manoeuvres.spin_motors(robot, code, -percent, percent, seconds)
-    rows = track.end()
+    rows = track.rows()
     manoeuvres.settle(robot)
     return _steps_of(rows, -percent, percent)
 

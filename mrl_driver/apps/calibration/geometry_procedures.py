@@ -102,7 +102,7 @@ def gather(
         ruler.begin(leg.name)
         track.begin()
         leg.drive(robot)
-        steps, name = manoeuvres.steps_of(track.end()), leg.name
+        steps, name = manoeuvres.steps_of(track.rows()), leg.name
         require_sense(drive, Trial(steps, NOT_MEASURED), leg.sense, name)
         end = ruler.end(name, lambda pose: require_plausible(drive, Trial(steps, pose), name))  # noqa: B023
         keep(Trial(steps, end))

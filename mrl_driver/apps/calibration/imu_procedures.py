@@ -53,34 +53,27 @@ class ImuOutcome(NamedTuple):
 
 
 class ImuTrack:
-    """Records IMU and wheels between `begin` and `end`.  Make one per robot: its callbacks stay registered."""
+    """Records IMU and wheels from `begin` on.  Make one per robot: its callbacks stay registered."""
 
     def __init__(self, robot: Driver) -> None:
         self.robot = robot
         self._readings: List[Tuple[float, ...]] = []
         self._ways: List[Tuple[float, ...]] = []
-        self._on = False
         robot.on(Imu, self._note_reading)
         robot.on_telemetry(self._note_way)
 
     def _note_reading(self, imu: Imu) -> None:
-        if self._on:
-            reading = imu.reading
-            self._readings.append((reading.time_s, reading.stamp_s, *reading.gyro_rad_s, *reading.accel_m_s2))
+        reading = imu.reading
+        self._readings.append((reading.time_s, reading.stamp_s, *reading.gyro_rad_s, *reading.accel_m_s2))
 
     def _note_way(self, telemetry: Telemetry) -> None:
-        if self._on:
-            assert self.robot.model is not None
-            forward, _, turn = by_wheels(self.robot.model, telemetry)
-            self._ways.append((telemetry.stamp_s, forward, turn))
+        assert self.robot.model is not None
+        forward, _, turn = by_wheels(self.robot.model, telemetry)
+        self._ways.append((telemetry.stamp_s, forward, turn))
 
     def begin(self) -> None:
         """Start to record."""
-        self._readings, self._ways, self._on = [], [], True
-
-    def end(self) -> None:
-        """Stop recording."""
-        self._on = False
+        self._readings, self._ways = [], []
 
     def readings(self, since: int = 0) -> np.ndarray:
         """(N, 8) readings since `begin`, or since reading `since`, as `imu_fit` takes them."""
@@ -170,7 +163,6 @@ def _push(track: ImuTrack, plan: ImuPlan, sign: int, report: Callable[[str], Non
     report(f"{plan.distance_m:g} m {'forward' if sign > 0 else 'back'}")
     rest = stand(track, REST_S, begin=True)
     manoeuvres.straight(robot, sign * plan.distance_m, plan.speeds)
-    track.end()
     flat = imu_fit.levelled(robot.model.imu, rest.accel_m_s2)
     return imu_fit.push_of(track.readings(), flat, track.ways()[:, :2])
 
@@ -196,7 +188,6 @@ def _turn(
 
     end = ruler.end(leg.name, lambda pose: turned(pose, None) and None)
     after = stand(track, REST_S)
-    track.end()
     return turned(end, after)
 
 

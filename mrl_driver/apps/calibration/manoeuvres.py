@@ -45,32 +45,21 @@ class Speeds(NamedTuple):
 
 
 class Track:
-    """Records the wheels between `begin` and `end`.  Make one per robot: its callback stays registered."""
+    """Records the wheels from `begin` on.  Make one per robot: its callback stays registered."""
 
     def __init__(self, robot: Driver) -> None:
         self._robot = robot
         self._rows: List[Tuple[float, ...]] = []
-        self._on = False
         self._refused = 0
-        robot.on_telemetry(self._note)
-
-    def _note(self, telemetry: Telemetry) -> None:
-        if self._on:
-            self._rows.append(_row(telemetry))
+        robot.on_telemetry(lambda telemetry: self._rows.append(_row(telemetry)))
 
     def begin(self) -> None:
         """Start to record."""
         telemetry = self._robot.telemetry
         self._rows = [_row(telemetry)] if telemetry else []
         self._refused = self._robot.link.statistics.refused_counts
-        self._on = True
 
-    def end(self) -> np.ndarray:
-        """Stop recording; returns the rows as `so_far` does."""
-        self._on = False
-        return self.so_far()
-
-    def so_far(self) -> np.ndarray:
+    def rows(self) -> np.ndarray:
         """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
 
         Raise ConfigError if the counts jumped, which makes the run unusable.

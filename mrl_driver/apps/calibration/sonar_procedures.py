@@ -75,7 +75,7 @@ def approach_wall(
             manoeuvres.straight(robot, distances[0] - distance_m, speeds, line)
         report(f"{number} of {len(distances)}: {distance_m:.2f} m")
         _require_free_path(_front_range(robot), distance_m)
-        keep(track.so_far())
+        keep(track.rows())
 
 
 def require_sonars(robot: Driver) -> None:
@@ -105,7 +105,7 @@ def _require_free_path(range_m: float, distance_m: float) -> None:
 def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
     """Ranges of the front sonar [m], NaN for none, and distances by odometry [m], for each stop of a track.
 
-    `rows` are those of `Track.end`; the first one is `start_m` away from the wall.
+    `rows` are those of `Track.rows`; the first one is `start_m` away from the wall.
     """
     times_s = rows[:, 0]
     travelled_m = (rows[:, 1:3] - rows[0, 1:3]) @ (drive.right_m_per_count / 2, drive.left_m_per_count / 2)

@@ -4,10 +4,9 @@ It turns the motors slowly; `wiring_check` computes.
 """
 
 import contextlib
-from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import click
-import numpy as np
 from rich.prompt import Prompt
 from rich.text import Text
 
@@ -163,25 +162,16 @@ def _move(
     track.begin()
     manoeuvres.spin_motors(robot, MOVE, left_percent, right_percent, seconds)
     manoeuvres.settle(robot)
-    rows = track.end()
+    rows = track.rows()
     right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
     return right, left, ruler.end(name, lambda _: None)
 
 
 def recorded(path: str, model: RobotModel) -> List[str]:
     """Faults of the wires, from a recording of `check`; it does not show which wheel turned."""
-    replayed = from_recording.read(path, model)
-    times_s = replayed.rows[:, 0]
-    found: Dict[str, Tuple[float, float]] = {}
-    for time_s, frame in replayed.requests:
-        if frame.code == MOVE and (frame.args[0] > 0) != (frame.args[1] > 0):
-            motor = LEFT if frame.args[0] > 0 else RIGHT
-            found[motor] = (found.get(motor, (time_s,))[0], time_s)
-    trials = []
-    for motor, (begin_s, last_s) in found.items():
-        first, last = np.searchsorted(times_s, (begin_s, last_s + manoeuvres.SETTLED_S))
-        moved = replayed.rows[min(last, len(times_s) - 1)] - replayed.rows[max(0, first - 1)]
-        trials.append(Trial(motor, int(moved[1]), int(moved[2])))
+    steps = from_recording.motor_steps_of(from_recording.read(path, model), MOVE)
+    alone = {LEFT if left else RIGHT: rows[-1] - rows[0] for rows, (left, right) in steps if not left * right}
+    trials = [Trial(motor, int(moved[1]), int(moved[2])) for motor, moved in alone.items()]
     if not trials:
         raise ConfigError(f"{path}: no motor was turned alone, expected a recording of mrl calibrate wiring")
     return wiring_check.diagnose(trials)
