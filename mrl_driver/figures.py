@@ -5,8 +5,8 @@ import os
 import warnings
 from typing import Any
 
+from . import files
 from .errors import ConfigError, one_line
-from .files import replace_file
 
 BLUE, ORANGE, GREEN, PINK, SKY, GREY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#999999"
 """Okabe and Ito's colours, which colour-blind readers can tell apart.  Lines also differ in their dashes, for print."""
@@ -26,16 +26,10 @@ def require_matplotlib(what: str = "--plot") -> None:
 
 
 def require_writable(path: str, what: str = "--plot") -> None:
-    """Check at the start that a figure can be drawn to `path` at the end.
-
-    Raises:
-        ConfigError: matplotlib is not installed, the file's ending is unknown, or the folder cannot be written.
+    """Check at the start that a figure can be drawn at the end; raise ConfigError as `files.require_writable`, or if
+    matplotlib is not installed.
     """
-    if os.path.splitext(path)[1].lower() not in ENDINGS:
-        raise ConfigError(f"{what} {path}: expected a file that ends in {', '.join(ENDINGS)}")
-    folder = os.path.dirname(path) or "."
-    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise ConfigError(f"{what} {path}: folder {folder} cannot be written, expected one that can")
+    files.require_writable(path, what, ENDINGS)
     require_matplotlib(what)
 
 
@@ -58,4 +52,4 @@ def save(figure: Any, path: str, dpi: int = 150) -> None:
     """Write a figure to a file with one of `ENDINGS`, completely, or raise OutputError and leave the file as it was."""
     drawn = io.BytesIO()
     figure.savefig(drawn, dpi=dpi, format=os.path.splitext(path)[1][1:].lower())
-    replace_file(path, drawn.getvalue())
+    files.replace_file(path, drawn.getvalue())

@@ -6,9 +6,9 @@ import os
 import shutil
 import stat
 from functools import partial
-from typing import BinaryIO, Iterator, Union
+from typing import BinaryIO, Iterator, Sequence, Union
 
-from .errors import OutputError
+from .errors import ConfigError, OutputError
 
 
 @contextlib.contextmanager
@@ -44,6 +44,19 @@ def unwritable(path: str, error: OSError) -> OutputError:
     return OutputError(
         f"{path} cannot be written: {error.strerror or error}; nothing was changed; make room, or choose another place"
     )
+
+
+def require_writable(path: str, what: str, endings: Sequence[str]) -> None:
+    """Check at the start that a file can be written at the end; `what` names its option.
+
+    Raises:
+        ConfigError: the file's ending is unknown, or the folder cannot be written.
+    """
+    if os.path.splitext(path)[1].lower() not in endings:
+        raise ConfigError(f"{what} {path}: expected a file that ends in {', '.join(endings)}")
+    folder = os.path.dirname(path) or "."
+    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+        raise ConfigError(f"{what} {path}: folder {folder} cannot be written, expected one that can")
 
 
 def open_plain(path: str) -> BinaryIO:

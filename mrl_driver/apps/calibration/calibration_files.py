@@ -105,17 +105,6 @@ def _listed(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {yaml_file.short(value)}" for name, value in settings.items()) or "no settings"
 
 
-def require_writable(path: str) -> None:
-    """Raise ConfigError if the result could not be written: not a .yaml, or no folder that is writable."""
-    folder = os.path.dirname(path) or "."
-    if not path.endswith((".yaml", ".yml")):
-        raise ConfigError(f"--output is {path!r}, expected a file name that ends in .yaml")
-    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
-        raise ConfigError(
-            f"--output {path}: folder {folder} is missing or not writable; give a file in another folder"
-        )
-
-
 def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
     """Write the model file `source` with new numbers to `output`; comments stay, and `note` follows each new number.
 

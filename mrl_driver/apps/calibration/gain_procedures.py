@@ -11,7 +11,6 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.robot.models import RobotModel
 
 from . import from_recording, manoeuvres
@@ -275,13 +274,13 @@ def _draw(tuned: Tuned, path: str) -> None:
     pair = figure.subplots(2, 1, sharex=True)
     for axes, name in zip(pair, ("left", "right")):
         for steps, used, colour, style in (
-            (tuned.steps_before, tuned.before, GREY, "--"),
-            (tuned.steps_after, tuned.after, BLUE, "-"),
+            (tuned.steps_before, tuned.before, figures.GREY, "--"),
+            (tuned.steps_after, tuned.after, figures.BLUE, "-"),
         ):
             times_s, speed = speeds(steps[name].times_s, steps[name].travel)
             axes.plot(times_s, speed, style, color=colour, label=listed(used))
         if tuned.target_counts_s is not None:
-            axes.axhline(tuned.target_counts_s, color=ORANGE, linewidth=0.8, label="target")
+            axes.axhline(tuned.target_counts_s, color=figures.ORANGE, linewidth=0.8, label="target")
         axes.set(ylabel=f"{name} wheel [count/s]")
         axes.legend(fontsize="small", loc="lower right")
     pair[0].set(title="Step response of the speed")

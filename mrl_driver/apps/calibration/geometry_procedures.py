@@ -13,7 +13,6 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.robot.models import Drive, RobotModel
 
 from . import fit, from_recording, manoeuvres
@@ -389,7 +388,7 @@ def _draw(outcome: Outcome, senses: Sequence[str], path: str) -> None:
     """Plot the errors of the ends before and after, by direction; as in Borenstein and Feng 1996."""
     figure = figures.figure(6.0, 5.6)
     axes = figure.add_subplot()
-    for name, colour in ((LEFT, BLUE), ("clockwise, or straight", ORANGE)):
+    for name, colour in ((LEFT, figures.BLUE), ("clockwise, or straight", figures.ORANGE)):
         mine = np.array([(each == LEFT) == (name == LEFT) for each in senses])
         if not mine.any():
             continue
@@ -398,8 +397,8 @@ def _draw(outcome: Outcome, senses: Sequence[str], path: str) -> None:
             ("after", "+", outcome.errors_after),
         ):
             axes.plot(*(1000 * found[mine, :2].T), sign, mfc="none", color=colour, label=f"{name}, {when}")
-    axes.axhline(0, color=GREY, linewidth=0.8)
-    axes.axvline(0, color=GREY, linewidth=0.8)
+    axes.axhline(0, color=figures.GREY, linewidth=0.8)
+    axes.axvline(0, color=figures.GREY, linewidth=0.8)
     axes.set(
         xlabel="measured end minus odometry, x [mm]",
         ylabel="measured end minus odometry, y [mm]",

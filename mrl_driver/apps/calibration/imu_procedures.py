@@ -11,7 +11,6 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.kinematics import Planar, kinematics_of
@@ -282,12 +281,12 @@ def _draw(outcome: ImuOutcome, path: str) -> None:
     axes = figure.add_subplot()
     angles = np.degrees([turn.true_rad for turn in outcome.turns])
     for name, style, colour, mount in (
-        ("before", "o", ORANGE, outcome.before),
-        ("after", "+", BLUE, outcome.after),
+        ("before", "o", figures.ORANGE, outcome.before),
+        ("after", "+", figures.BLUE, outcome.after),
     ):
         errors = np.degrees([turn.error_rad(mount.gyro_scale) for turn in outcome.turns])
         axes.plot(angles, errors, style, color=colour, label=f"{name}, scale {mount.gyro_scale:.4f}")
-    axes.axhline(0, color=GREY, linewidth=0.8)
+    axes.axhline(0, color=figures.GREY, linewidth=0.8)
     axes.set(xlabel="true angle [deg]", ylabel="gyro minus truth [deg]", title="Errors of the gyro")
     axes.legend(fontsize="small")
     figures.save(figure, path)

@@ -15,7 +15,6 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.figures import BLUE, GREY, ORANGE
 from mrl_driver.files import read_plain, replace_file
 from mrl_driver.robot import models, sonar_curve
 from mrl_driver.robot.models import Drive, RobotModel
@@ -281,19 +280,24 @@ def _draw(counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFit, path: str) ->
     line = np.linspace(max(1.0, counts[valid].min() * 0.8), counts[valid].max() * 1.05, 200)
     a, b, c = fit.curve
     upper.plot(
-        line, 100 * fit.curve.range_m(line), color=BLUE, label=f"{a:.4f} s^{b:.5f} {c:+.4f}, R² {fit.r2:.5f}"
+        line,
+        100 * fit.curve.range_m(line),
+        color=figures.BLUE,
+        label=f"{a:.4f} s^{b:.5f} {c:+.4f}, R² {fit.r2:.5f}",
     )
     upper.plot(
         line,
         100 * THESIS.range_m(line),
         "--",
-        color=GREY,
+        color=figures.GREY,
         label="Araujo 2012: 1.1767 s^0.94657 -0.3759, R² 0.9992",
     )
-    upper.plot(counts[fit.used], 100 * ranges_m[fit.used], "o", color=ORANGE, markersize=4, label="readings")
+    upper.plot(
+        counts[fit.used], 100 * ranges_m[fit.used], "o", color=figures.ORANGE, markersize=4, label="readings"
+    )
     upper.set(ylabel="distance [cm]", title="Sonar curve")
     upper.legend(fontsize="small")
-    lower.axhline(0, color=GREY, linewidth=0.8)
-    lower.plot(counts[fit.used], 100 * fit.errors_m[fit.used], "o", color=ORANGE, markersize=4)
+    lower.axhline(0, color=figures.GREY, linewidth=0.8)
+    lower.plot(counts[fit.used], 100 * fit.errors_m[fit.used], "o", color=figures.ORANGE, markersize=4)
     lower.set(xlabel="ADC count s", ylabel="curve minus\ndistance [cm]")
     figures.save(figure, path)

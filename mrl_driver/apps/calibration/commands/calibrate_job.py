@@ -13,15 +13,17 @@ from rich.table import Table
 from rich.text import Text
 
 from mrl_driver import figures
-from mrl_driver.apps.calibration.calibration_files import Key, require_writable, write_model
+from mrl_driver.apps.calibration.calibration_files import Key, write_model
 from mrl_driver.apps.calibration.ground_truth import console
 from mrl_driver.cli.commands import shared
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
+from mrl_driver.files import require_writable
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 
+YAML = (".yaml", ".yml")
 RUNS, TURNS = click.IntRange(2, 50), click.IntRange(1, 20)
 _THESIS = {"wheel_offset": " (Cm)", "turn_slip": " (Cs)"}  # names in (Araujo 2012)
 
@@ -91,11 +93,11 @@ class Job(NamedTuple):
 
     def _output_for(self, model: RobotModel, robot_id: Optional[int] = None) -> str:
         """Return the YAML file to write; raise ConfigError if it would replace a file that is not the robot's own."""
-        own = self.target.model if self.target.model.endswith((".yaml", ".yml")) else None
+        own = self.target.model if self.target.model.endswith(YAML) else None
         if self.output is None and own is None and robot_id is None:
             raise ConfigError("--output is missing, expected the .yaml file to write")
         output = self.output or own or f"{model.name}-{robot_id}.yaml"
-        require_writable(output)
+        require_writable(output, "--output", YAML)
         if os.path.exists(output) and (own is None or not os.path.samefile(own, output)):
             raise ConfigError(
                 f"{output} already exists: continue from it with --robot {output}, or give another file with --output"
@@ -173,7 +175,7 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
         if job.plot is not None:
             figures.require_writable(job.plot)
         if job.output is not None:
-            require_writable(job.output)
+            require_writable(job.output, "--output", YAML)
         shared.confirm_overwrite(job.record, job.yes)
         command(*args, job=job, **options)
 
