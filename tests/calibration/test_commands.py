@@ -337,7 +337,7 @@ def person(lab, monkeypatch):
             return answer(len(answers), *lab.pose().relative_to(start[0]))
 
         monkeypatch.setattr(ground_truth, "require_terminal", lambda instead: None)
-        monkeypatch.setattr(ground_truth.Prompt, "ask", ask)
+        monkeypatch.setattr(ground_truth.click, "prompt", ask)
         return answers
 
     return make

@@ -30,7 +30,7 @@ from .gains import (
     speeds,
     suggest,
 )
-from .ground_truth import console
+from .ground_truth import tell
 from .manoeuvres import MOVE, MOVE_PID, Track
 
 STEP_PERCENT = 40  # speed of the steps under control with a motor board
@@ -103,7 +103,7 @@ def tune(robot: Driver, model: RobotModel, board: Board) -> Tuned:
     present = board.gains(*(stored[name] for name in names))
     with ramp_off(robot):
         for percent in board.percents:
-            console.print(f"step of the duty, {abs(percent)} %")
+            tell(f"step of the duty, {abs(percent)} %")
             made.append(step(robot, track, MOVE, percent, board.step_s))
         motors = _motors(made, board)
         wanted = board.suggest(motors, model)
@@ -111,7 +111,7 @@ def tune(robot: Driver, model: RobotModel, board: Board) -> Tuned:
         measured = []
         try:
             for name, trial in (("present", present), ("suggested", wanted)):
-                console.print(f"step of the speed, {name} gains: {listed(trial)}")
+                tell(f"step of the speed, {name} gains: {listed(trial)}")
                 _put(robot, trial)
                 percent = STEP_PERCENT
                 if full_rpm is not None:

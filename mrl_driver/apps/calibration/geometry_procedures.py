@@ -19,7 +19,7 @@ from . import fit, from_recording, manoeuvres
 from .calibration_files import Key, Progress
 from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
 from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
-from .ground_truth import NOT_MEASURED, Ruler, console, parse_pose, ruler_for
+from .ground_truth import NOT_MEASURED, Ruler, parse_pose, ruler_for, tell
 from .manoeuvres import Speeds, Track, steps_of
 from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
 from .umbmark import Point, UmbmarkResult, closed_form, corrected, require_laps
@@ -244,7 +244,7 @@ def _gather(plan: CalibrationPlan, driver: Driver, progress: Progress, ruler: Ru
     procedure, settings, legs = plan.procedure, plan.settings, plan.legs
     done, track = len(progress.runs(procedure, settings)), Track(driver)
     if done:
-        console.print(f"{done} of {len(legs)} runs are already in {progress.path}")
+        tell(f"{done} of {len(legs)} runs are already in {progress.path}")
     for number in plan.again:
         if not 1 <= number <= done:
             raise ConfigError(f"--again is {number}, expected the number of one of the {done} finished runs")

@@ -4,18 +4,14 @@ import json
 import math
 import os
 import sys
-from typing import Any, Callable, NamedTuple, Optional, Protocol
+from typing import Callable, NamedTuple, Optional, Protocol
 
-from rich.console import Console
-from rich.prompt import Prompt
-from rich.text import Text
+import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import open_plain
 from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
 
-console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
-"""Prompts and progress go to stderr, results to stdout."""
 NOT_MEASURED = Pose(math.nan, math.nan, math.nan)
 _TAIL_BYTES = 4096
 Check = Callable[[Pose], None]  # raises ConfigError for an impossible end
@@ -95,6 +91,11 @@ def parse_pose(text: str) -> Pose:
 # -- a person
 
 
+def tell(text: str) -> None:
+    """Print progress, which goes to stderr as questions do; results go to stdout."""
+    click.echo(text, err=True)
+
+
 class ByHand(NamedTuple):
     """A ruler that asks the user to measure."""
 
@@ -102,24 +103,24 @@ class ByHand(NamedTuple):
     question: str  # what to answer after it
     parse: Callable[[str], Pose]  # the pose of an answer
     kept: str = ""  # what the user should know before Ctrl-C
-    default: Any = ...  # answer for only Enter; without it there must be one
+    default: Optional[str] = None  # answer for only Enter; without it there must be one
 
     def begin(self, run: str) -> None:
         """Ask for the mark on the floor."""
-        console.print(f"\n{run}", style="bold")
-        console.print(f"{self.mark} on the floor, and clear its path.")
-        Prompt.ask(Text("Press Enter to drive"), console=console, default="", show_default=False)
+        click.secho(f"\n{run}", bold=True, err=True)
+        tell(f"{self.mark} on the floor, and clear its path.")
+        click.prompt("Press Enter to drive", default="", show_default=False, err=True)
 
     def end(self, run: str, check: Check) -> Pose:
         """Ask until the answer is plausible; the robot may be turned by hand before the answer."""
         while True:
-            text = Prompt.ask(Text(self.question), console=console, default=self.default, show_default=False)
+            text = click.prompt(self.question, default=self.default, show_default=False, err=True)
             try:
                 pose = self.parse(text)
                 check(pose)
                 return pose
             except ConfigError as error:
-                console.print(f"{error}; measure again, or end with Ctrl-C{self.kept}")
+                tell(f"{error}; measure again, or end with Ctrl-C{self.kept}")
 
 
 TAPE_MEASURE = ByHand(
@@ -159,7 +160,7 @@ def require_terminal(instead: str) -> None:
 def ruler_for(truth: Optional[str], heading_only: bool = False) -> Ruler:
     """Return a ruler: the emulator's ground truth, or a user with a tape or a line on the floor."""
     if truth is not None:
-        return Truth(truth_file(truth), console.print)
+        return Truth(truth_file(truth), tell)
     if heading_only:
         require_terminal("--truth FILE for an emulated robot")
         return HEADING_MARK

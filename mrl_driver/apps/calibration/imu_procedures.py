@@ -22,7 +22,7 @@ from .calibration_files import Key
 from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
 from .fit import Measured
 from .geometry_procedures import Leg, turn_legs
-from .ground_truth import Ruler, console, ruler_for
+from .ground_truth import Ruler, ruler_for, tell
 from .imu_fit import Push, Rest, Turned
 from .manoeuvres import Speeds
 
@@ -233,7 +233,7 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
         drives = f"drives {distance:g} m forward and back, and turns" if distance else "turns"
         job.confirm_drive(f"The robot {drives} in place. Does it stand on a level floor, with its path free?")
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
-        outcome = calibrate(driver, ImuTrack(driver), ruler, plan, measured, console.print)
+        outcome = calibrate(driver, ImuTrack(driver), ruler, plan, measured, tell)
         if outcome.trouble:
             print_message(
                 f"warning: {outcome.trouble}; imu.yaw_deg stays {outcome.after.yaw_deg:g}, measure it with a protractor"

@@ -22,7 +22,7 @@ from mrl_driver.robot.sonar_curve import THESIS, Curve, SonarFit
 
 from . import from_recording, manoeuvres
 from .commands.calibrate_job import Job, Result, job_options, recording_option, value_option
-from .ground_truth import console
+from .ground_truth import tell
 from .manoeuvres import Speeds, Track
 
 Points = Tuple[List[float], List[float]]  # readings and distances [m]
@@ -189,9 +189,7 @@ def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
     nearest_m = min(earlier[1], default=math.inf)
     remaining = [each for each in plan.distances() if each < nearest_m - plan.step_m / 2]
     if earlier[1]:
-        console.print(
-            f"{len(earlier[1])} of {len(earlier[1]) + len(remaining)} distances are already in {kept}"
-        )
+        tell(f"{len(earlier[1])} of {len(earlier[1]) + len(remaining)} distances are already in {kept}")
     if not remaining:
         return earlier
     job.confirm_drive(
@@ -206,7 +204,7 @@ def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
         _keep_points(kept, *readings)
 
     try:
-        approach_wall(driver, Track(driver), remaining, Speeds(), console.print, keep)
+        approach_wall(driver, Track(driver), remaining, Speeds(), tell, keep)
     except BaseException:
         with contextlib.suppress(MrlError):
             driver.stop()

@@ -7,8 +7,6 @@ import contextlib
 from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import click
-from rich.prompt import Prompt
-from rich.text import Text
 
 from mrl_driver.cli.commands.shared import print_json, warn
 from mrl_driver.driver import Driver
@@ -21,7 +19,7 @@ from . import from_recording, manoeuvres, wiring_check
 from .commands import calibrate_job
 from .commands.calibrate_job import Job, job_options, recording_option
 from .gain_procedures import CAPABILITY, counts_per_turn, ramp_off
-from .ground_truth import NOT_MEASURED, Ruler, Truth, console, require_terminal, ruler_for
+from .ground_truth import NOT_MEASURED, Ruler, Truth, require_terminal, ruler_for, tell
 from .manoeuvres import MOVE, Track
 from .wiring_check import LEAST_RAD, LEFT, OTHER, RIGHT, SET, SINGLE_CHANNEL, Trial, seen_in
 
@@ -58,7 +56,7 @@ class Witness:
 
     def _ask(self, question: str, choices: Sequence[str]) -> str:
         if self._answers is None:
-            return Prompt.ask(Text(question), console=console, choices=list(choices))
+            return str(click.prompt(question, type=click.Choice(choices), err=True))
         answer = self._answers.pop(0) if self._answers else "nothing"
         if answer not in choices:
             raise ConfigError(
@@ -235,7 +233,7 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], answers: Optional[s
 
 def _scene(driver: Driver, job: Job, user: Witness, unseen: bool = False) -> Scene:
     """The robot, seen by its true pose if that is known, else by the user."""
-    ruler = Truth(lambda: NOT_MEASURED, console.print) if job.truth is None else ruler_for(job.truth)
+    ruler = Truth(lambda: NOT_MEASURED, tell) if job.truth is None else ruler_for(job.truth)
     return Scene(driver, Track(driver), ruler, user if unseen or job.truth is None else SeenByTruth())
 
 

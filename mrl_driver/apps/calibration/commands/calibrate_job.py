@@ -7,14 +7,9 @@ import sys
 from typing import Any, Callable, ContextManager, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
 import click
-from rich.console import Console
-from rich.prompt import Confirm
-from rich.table import Table
-from rich.text import Text
 
 from mrl_driver import figures
 from mrl_driver.apps.calibration.calibration_files import Key, write_model
-from mrl_driver.apps.calibration.ground_truth import console
 from mrl_driver.cli.commands import shared
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
@@ -41,15 +36,14 @@ class Result(NamedTuple):
 
     def show_values(self) -> None:
         """Print the values of the robot's file, before and after."""
-        table = Table(box=None, pad_edge=False, show_edge=False)
-        table.add_column("parameter")
-        table.add_column("before", justify="right")
-        table.add_column("after", justify="right")
+        rows = [("parameter", "before", "after")]
         for (section, name), value in self.values.items():
             part = getattr(self.model, section)
             before = part.get(name) if isinstance(part, dict) else getattr(part, name)
-            table.add_row(f"{section}.{name}{_THESIS.get(name, '')}", _shown(before), _shown(value))
-        Console(highlight=False, width=100).print(table)
+            rows.append((f"{section}.{name}{_THESIS.get(name, '')}", _shown(before), _shown(value)))
+        width = max(len(name) for name, _, _ in rows)
+        for name, was, now in rows:
+            click.echo(f"{name:<{width}} {was:>12} {now:>12}")
 
 
 def _shown(value: Optional[float]) -> str:
@@ -131,8 +125,8 @@ class Job(NamedTuple):
         if not wanted or self.eeprom is False or (self.eeprom is None and not driver.parameters.can_save):
             return
         listed = ", ".join(f"{name} {value}" for name, value in wanted.items())
-        question = Text(f"Write {listed} to the board's EEPROM?")
-        if self.eeprom or (sys.stdin.isatty() and Confirm.ask(question, console=console)):
+        question = f"Write {listed} to the board's EEPROM?"
+        if self.eeprom or (sys.stdin.isatty() and click.confirm(question, err=True)):
             driver.parameters.write(wanted)
             driver.parameters.save()
             shared.print_message(f"the board's EEPROM has {listed}")
