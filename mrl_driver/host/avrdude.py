@@ -3,6 +3,7 @@
 import os
 import re
 import subprocess
+from functools import partial
 from typing import Callable, List, Optional, Sequence, Tuple, Type
 
 from mrl_driver import errors
@@ -95,36 +96,28 @@ def upload(
             raise error
 
 
-def _run(words: List[str], advance: Callable[[float], None], attempts: int) -> Optional[str]:
+def _run(words: List[str], advance: Callable[[float], None], most_attempts: int) -> Optional[str]:
     """Run avrdude, with at most this many attempts to reach the bootloader; return its output if it failed, or None."""
-    null = subprocess.DEVNULL
+    null, output = subprocess.DEVNULL, ""
     try:
         process = subprocess.Popen(words, stdin=null, stdout=null, stderr=subprocess.PIPE)
     except FileNotFoundError:
         raise ConfigError("avrdude is not installed; install it with: sudo apt install avrdude") from None
     try:
-        output = _read_output(process, advance, attempts)
+        assert process.stderr is not None
+        for chunk in iter(partial(os.read, process.stderr.fileno(), 4096), b""):
+            text = chunk.decode("utf-8", "replace")
+            output += text
+            advance(text.count("#"))
+            attempts = _ATTEMPT.findall(output)
+            if attempts and int(attempts[-1]) >= most_attempts:
+                break
+        else:
+            process.wait()
     finally:
         process.terminate()
         process.wait()
     return output if process.returncode else None
-
-
-def _read_output(
-    process: "subprocess.Popen[bytes]", advance: Callable[[float], None], most_attempts: int
-) -> str:
-    """Return avrdude's output until it ends or has made `most_attempts` attempts."""
-    assert process.stderr is not None
-    output = ""
-    for chunk in iter(lambda: os.read(process.stderr.fileno(), 4096), b""):  # type: ignore[union-attr]
-        text = chunk.decode("utf-8", "replace")
-        output += text
-        advance(text.count("#"))
-        attempts = _ATTEMPT.findall(output)
-        if attempts and int(attempts[-1]) >= most_attempts:
-            return output
-    process.wait()
-    return output
 
 
 def explain(output: str, port: str, image: str) -> MrlError:

@@ -89,7 +89,6 @@ def _problem(data: bytes) -> str:
 
 
 def _make(hosts: Sequence[str]) -> bytes:
-    """Return a new private key and its certificate, in PEM."""
     x509, ec, hashes, serialization, backend = _cryptography()
     key = ec.generate_private_key(ec.SECP256R1(), backend)
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "mrl-driver")])

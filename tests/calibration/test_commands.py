@@ -6,6 +6,7 @@ import math
 import os
 import sys
 
+import click
 import numpy as np
 import pytest
 
@@ -123,14 +124,15 @@ def test_what_cannot_be_done_is_refused_before_anything_moves(lab, monkeypatch, 
     assert lab.emulated is None
 
 
-def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch):
+@pytest.mark.parametrize("interruption", [KeyboardInterrupt, click.Abort])
+def test_an_interrupted_calibration_goes_on_where_it_was(lab, monkeypatch, interruption):
     lab.options = {"error": "slip=0.1"}
     end, calls = Truth.end, []
 
     def interrupted(self, run, check):
         calls.append(run)
         if len(calls) == 2:
-            raise KeyboardInterrupt
+            raise interruption
         return end(self, run, check)
 
     monkeypatch.setattr(Truth, "end", interrupted)

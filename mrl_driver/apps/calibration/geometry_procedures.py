@@ -225,7 +225,7 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
             progress.forget(plan.procedure)
         try:
             _gather(plan, driver, progress, ruler)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, click.Abort):  # Abort: at a question
             kept = len(progress.runs(plan.procedure, plan.settings))
             print_message(
                 f"{kept} of {len(plan.legs)} runs are kept in {progress.path}; repeat the command to continue"
@@ -240,7 +240,6 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
 
 
 def _gather(plan: CalibrationPlan, driver: Driver, progress: Progress, ruler: Ruler) -> None:
-    """Drive the missing runs, and those to repeat."""
     procedure, settings, legs = plan.procedure, plan.settings, plan.legs
     done, track = len(progress.runs(procedure, settings)), Track(driver)
     if done:
@@ -346,7 +345,6 @@ def umbmark(speeds: Speeds, side: float, laps: int) -> Tuple[Mapping[str, float]
 
 
 def _lines(outcome: Outcome) -> List[str]:
-    """Return lines about the errors of the runs, before and after."""
     lines = []
     for name, found in (("before", outcome.errors_before), ("after", outcome.errors_after)):
         off_m, yaw = np.hypot(found[:, 0], found[:, 1]), np.abs(found[:, 2])
@@ -370,7 +368,6 @@ def _lines(outcome: Outcome) -> List[str]:
 
 
 def _facts(outcome: Outcome) -> Dict[str, Any]:
-    """Return the facts of an outcome as a mapping, for JSON."""
     facts: Dict[str, Any] = {
         "runs": len(outcome.errors_before),
         "drive_before": outcome.before._asdict(),

@@ -156,7 +156,6 @@ def calibrate(
 
 
 def _push(track: ImuTrack, plan: ImuPlan, sign: int, report: Callable[[str], None]) -> Push:
-    """Drive straight, forward or back."""
     robot = track.robot
     assert robot.model is not None
     report(f"{plan.distance_m:g} m {'forward' if sign > 0 else 'back'}")
@@ -243,7 +242,6 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
 
 
 def _lines(outcome: ImuOutcome) -> List[str]:
-    """Return lines about bias, noise, and the errors of the turns before and after."""
     rest = outcome.rest
     before, after = (
         _in_degrees(turn.error_rad(mount.gyro_scale) for turn in outcome.turns)
@@ -262,7 +260,6 @@ def _in_degrees(values: Iterable[float]) -> str:
 
 
 def _facts(outcome: ImuOutcome) -> Dict[str, Any]:
-    """Return the facts of the calibration as a mapping, for JSON."""
     yaw_sd = outcome.yaw_sd_rad
     return {
         "bias_rad_s": outcome.rest.gyro_rad_s.tolist(),

@@ -271,7 +271,6 @@ def _formula(curve: Curve) -> str:
 
 
 def _draw(counts: np.ndarray, ranges_m: np.ndarray, fit: SonarFit, path: str) -> None:
-    """Plot the curve, the readings (N,), and the remaining errors."""
     figure = figures.figure(7.0, 6.0)
     upper, lower = figure.subplots(2, 1, sharex=True, gridspec_kw={"height_ratios": [2, 1]})
     valid = np.isfinite(counts)

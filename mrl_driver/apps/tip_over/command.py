@@ -102,7 +102,6 @@ def tip_over(
 def _situation(
     situation: Situation, swept: str, *, at: Optional[str], direction: str, slope: float, **given: Any
 ) -> Situation:
-    """The vehicle and what acts on it, from the options."""
     acceleration, force = given.pop("acceleration"), given["force"]
     named = {"acceleration": acceleration or None, **given}
     twice = [name.replace("_", "-") for name, value in named.items() if value is not None]
@@ -267,7 +266,6 @@ def _show_sweep(
 
 
 def _draw(now: Situation, path: str, reserve_rad: float) -> None:
-    """Draw a vehicle's margins over acceleration and direction into a PNG, PDF or SVG file."""
     figure, mass = figures.figure(11.0, 5.0), now.vehicle.whole
     figure.suptitle(
         f"{figures.plain(now.vehicle.name)}: {mass.mass_kg:g} kg, centre of mass {mass.height_m:.3f} m above the ground"
@@ -278,7 +276,6 @@ def _draw(now: Situation, path: str, reserve_rad: float) -> None:
 
 
 def _draw_sweep(now: Situation, over: Range, path: str, reserve_rad: float) -> None:
-    """Draw the least margin over a quantity into a PNG, PDF or SVG file."""
     found = margin.sweep(now, over, _VALUES + 1)
     figure = figures.figure(7.0, 4.5)
     axes = figure.add_subplot()

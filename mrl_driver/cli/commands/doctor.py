@@ -199,7 +199,6 @@ def _ask(question: str) -> bool:
 
 
 def _of_error(error: MrlError, port: str) -> Finding:
-    """Return an error as a finding, split into its text and its advice."""
     text, advice, *_ = [*_BEFORE_ADVICE.split(str(error).replace("--port PORT", f"--port {port}"), 1), ""]
     subject = (
         "port" if isinstance(error, LinkError) else "board" if isinstance(error, BoardError) else "check"
@@ -217,7 +216,6 @@ def _console() -> "Console":
 
 
 def _show(finding: Finding, console: "Console") -> None:
-    """Print one finding, with its advice below."""
     signs = console.encoding.lower().startswith("utf")
     style = _STYLES[finding.level]
     first, *rest = _wrapped(finding.text + (f"  [{finding.code}]" if finding.code else ""), console)
@@ -239,7 +237,6 @@ def _wrapped(text: str, console: "Console") -> List[str]:
 
 
 def _conclude(findings: Sequence[Finding], console: "Console") -> None:
-    """Print the verdict."""
     levels = [finding.level for finding in findings]
     style = _STYLES[FAULT if FAULT in levels else WARNING if WARNING in levels else OK]
     console.print(f"\n   {verdict(findings)}", style=style)

@@ -39,7 +39,6 @@ def explain(code: str) -> None:
 
 
 def _find(text: str) -> Problem:
-    """Return the row of a code or a stop reason."""
     from mrl_driver.protocol.stop_reason import StopReason
     from mrl_driver.view.words import STOPS
 

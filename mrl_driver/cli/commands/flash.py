@@ -138,7 +138,6 @@ def build_of(target: Target) -> Tuple[str, str]:
 
 
 def _read_identity(target: Target) -> str:
-    """Return the answer of the newly flashed board, in words."""
     from mrl_driver.driver.probe import probe
 
     with waiting("waiting for the board to answer"):

@@ -98,7 +98,6 @@ def new(name: Optional[str], file_only: bool, **options: Any) -> None:
 
 
 def _path_of(name: str) -> str:
-    """Return the path of the file of a new robot."""
     path = os.path.join(models.own_folder(), f"{name}.yaml")
     if os.path.exists(path):
         raise ConfigError(
@@ -109,7 +108,6 @@ def _path_of(name: str) -> str:
 
 
 def _kit(name: str, options: Mapping[str, Any]) -> Kit:
-    """Return the answers, from the options and by asking for the rest."""
     diameter_mm = _number(options, "wheel_diameter", _WHEEL, "Wheel diameter [mm]", kit.DIAMETER_MM)
     separation_mm = _number(options, "separation", _AXLE, "Wheel separation [mm]", kit.SEPARATION_MM)
     counts = _asked(options["counts"], "--counts", _ENCODER, _ask_counts)

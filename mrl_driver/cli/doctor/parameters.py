@@ -43,7 +43,6 @@ def check(values: Mapping[str, int], model: RobotModel) -> Iterator[Finding]:
 
 
 def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding:
-    """Return the finding for a parameter that differs from the model's own."""
     if name in _RESTS:
         level, effect = _geometry(name, values, model)
     elif name in _CEILINGS:
