@@ -1,6 +1,6 @@
 """What a live view says of a robot, as rows of words in sections.  No I/O.
 
-Styles are `STYLES`: the terminal's own names of colours, which a page takes as names of its classes.
+Styles are the terminal's own names of colours, such as `yellow` and `bold red`; a page makes marks of them.
 """
 
 import math
@@ -11,7 +11,6 @@ from mrl_driver.safety.operator_delay import delay_text
 from .live_model import Shown
 from .shown_state import Bar, Row, ShownState, has_motors, range_text
 
-STYLES = ("", "green", "yellow", "red", "bold red", "cyan", "blue")
 NEAR_M = 0.3  # a shorter range is shown as a danger, one below twice this as a warning [m]
 _FARTHEST_BAR_M = 3.0
 _BATTERY_STYLES = {"ok": "green", "low": "yellow"}

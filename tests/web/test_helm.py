@@ -385,11 +385,11 @@ def test_a_press_from_before_a_stop_that_arrives_after_it_does_not_drive(driving
 
 def test_a_stop_that_another_program_latches_counts(driving):
     bench, one, _ = driving
-    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [
+    assert bench.helm.robot_latched(True, bench.now_s) == [
         helm.Halt(EMERGENCY),
         helm.Tell(),
     ]
-    assert bench.helm.robot_latched(True, "another program", bench.now_s) == []
+    assert bench.helm.robot_latched(True, bench.now_s) == []
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.latched_by_other) == (True, None, "another program")
     assert not bench.presses_again(one)
@@ -397,9 +397,9 @@ def test_a_stop_that_another_program_latches_counts(driving):
 
 def test_a_stop_that_another_program_latches_while_nobody_drives_is_shown(bench):
     bench.page(takes=True)
-    assert bench.helm.robot_latched(True, "another program", bench.now_s) == [helm.Tell()]
+    assert bench.helm.robot_latched(True, bench.now_s) == [helm.Tell()]
     assert bench.helm.state().why.reason is EMERGENCY
-    bench.helm.robot_latched(False, "another program", bench.now_s)
+    bench.helm.robot_latched(False, bench.now_s)
     assert bench.helm.state().latched_by_other == ""
 
 
@@ -407,25 +407,25 @@ def test_a_stop_of_another_program_is_released_after_the_page_has_shown_it(bench
     """And one that was latched already is not newer for it."""
     page = bench.page(takes=True)
     bench.later()
-    bench.helm.robot_latched(True, "another program", bench.now_s)
+    bench.helm.robot_latched(True, bench.now_s)
     assert bench.helm.release(1, bench.now_s) == [helm.Refuse(1, helm.LET_GO)]
     bench.helm.stop(1, bench.now_s)
     bench.later()
     bench.rest(page)
-    bench.helm.robot_latched(False, "", bench.now_s)
+    bench.helm.robot_latched(False, bench.now_s)
     bench.later()
-    bench.helm.robot_latched(True, "another program", bench.now_s)
+    bench.helm.robot_latched(True, bench.now_s)
     assert bench.helm.release(1, bench.now_s) == [helm.Unlatch(), helm.Tell()]
 
 
 def test_a_stop_that_another_program_releases_needs_a_new_press(driving):
     bench, one, _ = driving
-    bench.helm.robot_latched(True, "another program", bench.now_s)
+    bench.helm.robot_latched(True, bench.now_s)
     bench.later()
     bench.rest(one)
     under_way = one.push(bench.now_s)
     bench.now_s += 0.01
-    bench.helm.robot_latched(False, "", bench.now_s)
+    bench.helm.robot_latched(False, bench.now_s)
     assert "Drive" not in kinds(bench.arrives(one, under_way))
     bench.later()
     assert not bench.drives(one) and bench.presses_again(one)
@@ -434,10 +434,10 @@ def test_a_stop_that_another_program_releases_needs_a_new_press(driving):
 def test_a_stop_of_ours_is_not_ended_by_the_robot(driving):
     """The robot may not have heard of it yet, or another program has released it."""
     bench, one, _ = driving
-    bench.helm.robot_latched(True, "another program", bench.now_s)
+    bench.helm.robot_latched(True, bench.now_s)
     bench.helm.stop(2, bench.now_s)
     assert bench.helm.state().latched_by_other == ""
-    bench.helm.robot_latched(False, "", bench.now_s)
+    bench.helm.robot_latched(False, bench.now_s)
     assert bench.helm.state().latched and not bench.presses_again(one)
 
 

@@ -63,6 +63,11 @@ class Stop(NamedTuple):
     direction: str  # direction of the frame `data`, `>` or `<`; empty without one
     data: bytes  # the frame that proves the stop; empty if there is none
 
+    @property
+    def frame(self) -> Tuple[float, str, bytes]:
+        """Moment, direction and bytes of the proof, for a `Finding`."""
+        return self.time_s, self.direction, self.data
+
 
 class Frames:
     """All frames of one direction, in order of time."""

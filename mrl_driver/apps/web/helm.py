@@ -206,7 +206,6 @@ class Helm:
         self._stands = True
         self._latched = self._robot_latched = False
         self._latched_s = -math.inf
-        self._other = ""
 
     # -- clients, and the one that drives
 
@@ -374,15 +373,15 @@ class Helm:
         self._latched, self._state.latched_by, self._since_s, self._state.why = False, None, now_s, GOING
         return [*acts, Unlatch(), Tell()]
 
-    def robot_latched(self, latched: bool, by: str, now_s: float) -> List[Act]:
-        """The robot reports that a latched stop is in force, which `by` has set, or that it has ended.
+    def robot_latched(self, latched: bool, now_s: float) -> List[Act]:
+        """The robot reports that a latched stop is in force, or that it has ended.
 
         One of our own ends with `release` alone.
         """
         acts = self.tick(now_s)
         if latched == self._robot_latched:
             return acts
-        self._robot_latched, self._other = latched, by if latched else ""
+        self._robot_latched = latched
         if latched and not self._latched:
             self._latched_s = now_s
         if self._state.driving:
@@ -440,5 +439,5 @@ class Helm:
     def state(self) -> HelmState:
         """Return what all clients may know."""
         spent = {client: who.spent for client, who in self._clients.items()}
-        other = "" if self._latched else self._other
+        other = "another program" if self._robot_latched and not self._latched else ""
         return replace(self._state, latched=self._is_latched, latched_by_other=other, spent=spent)

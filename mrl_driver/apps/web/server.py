@@ -143,7 +143,7 @@ class Server:
         self.port: int = self._socket.getsockname()[1]
         self._was_latched = self._robot.latched
         if self._was_latched:
-            self._carry_out(self._helm.robot_latched(True, "another program", clock_s()))
+            self._carry_out(self._helm.robot_latched(True, clock_s()))
         self._robot.listen(self._on_changed)
         await self._list_recordings()
         self._beat()
@@ -280,7 +280,7 @@ class Server:
         latched = robot.latched
         if latched != self._was_latched:
             self._was_latched = latched
-            self._carry_out(helm.robot_latched(latched, "another program", now_s))
+            self._carry_out(helm.robot_latched(latched, now_s))
         why = robot.stopped_by
         if why is not None:
             self._carry_out(helm.robot_stopped(why, now_s))

@@ -6,7 +6,7 @@ from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import FAULTS
 
-from .evidence import INFO, STATUS, Finding, finding, heard, proof_of, restarts, times
+from .evidence import INFO, STATUS, Finding, finding, heard, restarts, times
 
 REOPENED_S = 10.0
 """A board that restarts within this time after its port was opened was reset by that, as an Arduino Uno is [s]."""
@@ -88,7 +88,7 @@ def _stops(drive: DriveData) -> Iterator[Finding]:
     for reason, (kind, weight, text) in _STOPS.items():
         seen = [stop for stop in drive.stops if stop.reason == reason]
         if seen:
-            yield finding(kind, weight, text.format(times=times(len(seen))), proof_of(seen[0]))
+            yield finding(kind, weight, text.format(times=times(len(seen))), seen[0].frame)
 
 
 def _counters(drive: DriveData) -> Iterator[Finding]:

@@ -5,10 +5,10 @@ from typing import Any, List, NamedTuple, Tuple
 
 import numpy as np
 
-from mrl_driver.apps.review.drive_data import DriveData, Stop
+from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD
+from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.session.events import Ready, Stale
 from mrl_driver.session.session import SAME_BOOT_S, STALE_S
 
@@ -50,16 +50,6 @@ def finding(
 def heard(drive: DriveData, time_s: float, *codes: int) -> Tuple[float, str, bytes]:
     """Return moment, direction and bytes of the frame from the board at a time, for a `Finding`."""
     return float(time_s), FROM_BOARD, drive.heard.at(float(time_s), *codes)
-
-
-def sent(drive: DriveData, time_s: float, *codes: int) -> Tuple[float, str, bytes]:
-    """Return moment, direction and bytes of the frame to the board at a time, for a `Finding`."""
-    return float(time_s), TO_BOARD, drive.sent.at(float(time_s), *codes)
-
-
-def proof_of(stop: Stop) -> Tuple[float, str, bytes]:
-    """Return moment, direction and bytes of the frame that proves a stop, for a `Finding`."""
-    return stop.time_s, stop.direction, stop.data
 
 
 def ready_s(drive: DriveData) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from mrl_driver.apps.review.drive_data import DriveData
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.recording.recording import FROM_BOARD
+from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD
 from mrl_driver.session.session import LATE_S, STALE_S
 
 from .evidence import (
@@ -21,10 +21,8 @@ from .evidence import (
     heard,
     interruptions,
     outside,
-    proof_of,
     ready_s,
     restarts,
-    sent,
     times,
 )
 
@@ -143,7 +141,7 @@ def _unanswered(drive: DriveData) -> Iterator[Finding]:
     else:
         kind = "requests_lost"
         text = f"{never} of {asked} requests had no answer, while the board's telemetry arrived. Commands get lost too."
-    yield finding(kind, 86, text, sent(drive, at, code))
+    yield finding(kind, 86, text, (at, TO_BOARD, drive.sent.at(at, code)))
 
 
 def _missing_share(drive: DriveData) -> float:
@@ -304,7 +302,7 @@ def _command_gaps(drive: DriveData) -> Iterator[Finding]:
             f"The driver stopped the robot {times(len(gaps))} because no new command came in time, and it drove on "
             "soon after."
         )
-        yield finding("command_gaps", 48, text, proof_of(gaps[0]))
+        yield finding("command_gaps", 48, text, gaps[0].frame)
 
 
 def _skipped(drive: DriveData) -> Iterator[Finding]:

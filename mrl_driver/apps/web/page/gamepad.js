@@ -17,15 +17,13 @@ export class Gamepad {
   #timestamp = -1;
   #changedAt = 0;
   #stopped = false;
-  #timer = 0;
 
   constructor(press, speeds, helm) {
     this.#press = press;
     this.#speeds = speeds;
     this.#helm = helm;
-    window.addEventListener("gamepadconnected", () => this.#watch());
     window.addEventListener("gamepaddisconnected", () => this.#poll());
-    this.#watch();
+    setInterval(() => this.#poll(), PERIOD_MS);
   }
 
   command() {
@@ -34,16 +32,8 @@ export class Gamepad {
     return this.#speeds.command(-y, Math.abs(turn || 0) > Math.abs(x) ? -turn : -x);
   }
 
-  #pads() {
-    return [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad && pad.connected !== false);
-  }
-
-  #watch() {
-    if (!this.#timer && this.#pads().length) this.#timer = setInterval(() => this.#poll(), PERIOD_MS);
-  }
-
   #poll() {
-    const pads = this.#pads();
+    const pads = [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad && pad.connected !== false);
     const held = (pad) => SHOULDERS.some((button) => pad.buttons[button]?.pressed);
     const stop = pads.some((pad) => pad.buttons[STOP_BUTTON]?.pressed);
     if (stop && !this.#stopped) this.#helm.stop();
@@ -61,10 +51,6 @@ export class Gamepad {
       if (this.#press.source === this && now - this.#changedAt > FROZEN_MS) {
         this.#press.spend("the gamepad has reported nothing new for 2 s");
       }
-    }
-    if (!pads.length) {
-      clearInterval(this.#timer);
-      this.#timer = 0;
     }
   }
 

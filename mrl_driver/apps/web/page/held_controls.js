@@ -158,10 +158,6 @@ class Directions {
     this.#press.end(this);
   }
 
-  has(id) {
-    return this.#held.has(id);
-  }
-
   command() {
     const sum = [0, 0, 0];
     for (const direction of this.#held.values()) WAYS[direction].forEach((part, i) => (sum[i] += part));
