@@ -7,62 +7,46 @@ const STOP_BUTTON = 1;
 const DEAD_ZONE = 0.12;
 
 const bent = (value = 0) => (Math.abs(value) < DEAD_ZONE ? 0 : (value - Math.sign(value) * DEAD_ZONE) / (1 - DEAD_ZONE));
+const isHeld = (pad) => SHOULDERS.some((button) => pad.buttons[button]?.pressed);
 
-export class Gamepad {
-  #press;
-  #speeds;
-  #helm;
-  #index = null;
-  #axes = [];
-  #timestamp = -1;
-  #changedAt = 0;
-  #stopped = false;
+export function gamepad(press, speeds, helm) {
+  let index = null; // of the gamepad that is held
+  let axes = [];
+  let timestamp = -1;
+  let changedAt = 0;
+  let stopped = false;
+  const source = {
+    command() {
+      const [x, y, turn] = axes.map(bent);
+      if (speeds.sideways) return speeds.command(-y, -(turn || 0), -x);
+      return speeds.command(-y, Math.abs(turn || 0) > Math.abs(x) ? -turn : -x);
+    },
+  };
 
-  constructor(press, speeds, helm) {
-    this.#press = press;
-    this.#speeds = speeds;
-    this.#helm = helm;
-    window.addEventListener("gamepaddisconnected", () => this.#poll());
-    setInterval(() => this.#poll(), PERIOD_MS);
-  }
-
-  command() {
-    const [x, y, turn] = this.#axes.map(bent);
-    if (this.#speeds.sideways) return this.#speeds.command(-y, -(turn || 0), -x);
-    return this.#speeds.command(-y, Math.abs(turn || 0) > Math.abs(x) ? -turn : -x);
-  }
-
-  #poll() {
+  function poll() {
     const pads = [...(navigator.getGamepads?.() ?? [])].filter((pad) => pad && pad.connected !== false);
-    const held = (pad) => SHOULDERS.some((button) => pad.buttons[button]?.pressed);
     const stop = pads.some((pad) => pad.buttons[STOP_BUTTON]?.pressed);
-    if (stop && !this.#stopped) this.#helm.stop();
-    this.#stopped = stop;
-    const pad = this.#index === null ? pads.find(held) : pads.find(({ index }) => index === this.#index);
+    if (stop && !stopped) helm.stop();
+    stopped = stop;
+    const pad = index === null ? pads.find(isHeld) : pads.find((each) => each.index === index);
+    if (!pad || !isHeld(pad)) {
+      index = null;
+      timestamp = -1;
+      press.end(source);
+      return;
+    }
     const now = performance.now();
-    if (!pad || !held(pad)) {
-      this.#end();
-    } else if (this.#index === null) {
-      this.#index = pad.index;
-      this.#read(pad, now);
-      if (this.#helm.isMine) this.#press.begin(this);
-    } else {
-      this.#read(pad, now);
-      if (this.#press.source === this && now - this.#changedAt > FROZEN_MS) {
-        this.#press.spend("the gamepad has reported nothing new for 2 s");
-      }
+    if (pad.timestamp !== timestamp) changedAt = now;
+    timestamp = pad.timestamp;
+    axes = [...pad.axes].slice(0, 3);
+    if (index === null) {
+      index = pad.index;
+      if (helm.isMine) press.begin(source);
+    } else if (press.source === source && now - changedAt > FROZEN_MS) {
+      press.spend("the gamepad has reported nothing new for 2 s");
     }
   }
 
-  #read(pad, now) {
-    if (pad.timestamp !== this.#timestamp) this.#changedAt = now;
-    this.#timestamp = pad.timestamp;
-    this.#axes = [...pad.axes].slice(0, 3);
-  }
-
-  #end() {
-    this.#index = null;
-    this.#timestamp = -1;
-    this.#press.end(this);
-  }
+  window.addEventListener("gamepaddisconnected", poll);
+  setInterval(poll, PERIOD_MS);
 }

@@ -82,105 +82,91 @@ export function holdButton(button, down, up) {
   document.addEventListener("visibilitychange", () => document.hidden && release());
 }
 
-export class Joystick {
-  /** To the side the joystick turns the robot, or moves it sideways. */
-  slides = false;
-  #speeds;
-  #box = element("joystick");
-  #knob = element("knob");
-  #x = 0;
-  #y = 0;
+/** A joystick; if it `slides`, its way to the side moves the robot sideways instead of turning it. */
+export function joystick(press, speeds) {
+  const [box, knob] = [element("joystick"), element("knob")];
+  let [x, y] = [0, 0];
+  const source = {
+    slides: false,
+    command: () => (source.slides ? speeds.command(y, 0, -x) : speeds.command(y, -x)),
+  };
 
-  constructor(press, speeds) {
-    this.#speeds = speeds;
-    holdPointer(this.#box, {
-      down: (event) => {
-        event.preventDefault();
-        this.#deflect(event);
-        press.begin(this);
-      },
-      move: (event) => this.#deflect(event),
-      up: () => {
-        this.#show(0, 0);
-        press.end(this);
-      },
-    });
+  function show(right, up) {
+    [x, y] = [right, up];
+    const reach = box.clientWidth / 2 - knob.offsetWidth / 2;
+    knob.style.transform = `translate(${x * reach}px, ${-y * reach}px)`;
   }
 
-  command() {
-    return this.slides ? this.#speeds.command(this.#y, 0, -this.#x) : this.#speeds.command(this.#y, -this.#x);
-  }
-
-  #deflect(event) {
-    const box = this.#box.getBoundingClientRect();
-    const radius = box.width / 2 - this.#knob.offsetWidth / 2;
-    const x = (event.clientX - box.left - box.width / 2) / radius;
-    const y = (box.top + box.height / 2 - event.clientY) / radius;
-    const length = Math.hypot(x, y);
+  function deflect(event) {
+    const { left, top, width, height } = box.getBoundingClientRect();
+    const radius = width / 2 - knob.offsetWidth / 2;
+    const right = (event.clientX - left - width / 2) / radius;
+    const up = (top + height / 2 - event.clientY) / radius;
+    const length = Math.hypot(right, up);
     const scale = length < DEAD_ZONE ? 0 : Math.min(1, (length - DEAD_ZONE) / (1 - DEAD_ZONE)) / length;
-    this.#show(x * scale, y * scale);
+    show(right * scale, up * scale);
   }
 
-  #show(x, y) {
-    this.#x = x;
-    this.#y = y;
-    const reach = this.#box.clientWidth / 2 - this.#knob.offsetWidth / 2;
-    this.#knob.style.transform = `translate(${x * reach}px, ${-y * reach}px)`;
-  }
+  holdPointer(box, {
+    down: (event) => {
+      event.preventDefault();
+      deflect(event);
+      press.begin(source);
+    },
+    move: deflect,
+    up: () => {
+      show(0, 0);
+      press.end(source);
+    },
+  });
+  return source;
 }
 
 /** A control made of directions that may be held together: the keys, or the buttons with arrows. */
-class Directions {
-  #press;
-  #speeds;
-  #held = new Map();
-
-  constructor(press, speeds) {
-    this.#press = press;
-    this.#speeds = speeds;
-  }
-
-  /** A key or button is down; `id` names it.  The first one begins the press, further ones change its direction. */
-  down(id, direction) {
-    if (this.#held.has(id)) return;
-    this.#held.set(id, direction);
-    if (this.#held.size === 1) this.#press.begin(this);
-  }
-
-  /** A key or button is up; the last one ends the press. */
-  up(id) {
-    if (this.#held.delete(id) && this.#held.size === 0) this.#press.end(this);
-  }
-
-  /** Forgets all that is held. */
-  clear() {
-    this.#held.clear();
-    this.#press.end(this);
-  }
-
-  command() {
-    const sum = [0, 0, 0];
-    for (const direction of this.#held.values()) WAYS[direction].forEach((part, i) => (sum[i] += part));
-    return this.#speeds.command(...sum);
-  }
+function directions(press, speeds) {
+  const held = new Map();
+  const source = {
+    command() {
+      const sum = [0, 0, 0];
+      for (const direction of held.values()) WAYS[direction].forEach((part, i) => (sum[i] += part));
+      return speeds.command(...sum);
+    },
+  };
+  return {
+    /** A key or button is down; `id` names it.  The first one begins the press, further ones change its direction. */
+    down(id, direction) {
+      if (held.has(id)) return;
+      held.set(id, direction);
+      if (held.size === 1) press.begin(source);
+    },
+    /** A key or button is up; the last one ends the press. */
+    up(id) {
+      if (held.delete(id) && held.size === 0) press.end(source);
+    },
+    /** Forgets all that is held. */
+    clear() {
+      held.clear();
+      press.end(source);
+    },
+  };
 }
 
 /** The buttons with arrows: each drives while it is held. */
 export function pad(press, speeds) {
-  const directions = new Directions(press, speeds);
+  const ways = directions(press, speeds);
   for (const button of document.querySelectorAll("[data-direction]")) {
     const { direction } = button.dataset;
     holdButton(
       button,
-      () => directions.down(direction, direction),
-      () => directions.up(direction),
+      () => ways.down(direction, direction),
+      () => ways.up(direction),
     );
   }
 }
 
 /** Arrow keys or w a s d drive; Esc and Space stop.  `helm` has `isMine` and `stop()`. */
 export function keyboard(press, speeds, helm) {
-  const directions = new Directions(press, speeds);
+  const ways = directions(press, speeds);
   const target = (event) => (event.target instanceof Element ? event.target : document.body);
   window.addEventListener("keydown", (event) => {
     if (event.key === "Escape" || (event.key === " " && !target(event).closest(CONTROLS))) {
@@ -189,18 +175,18 @@ export function keyboard(press, speeds, helm) {
       return;
     }
     if (event.ctrlKey || event.altKey || event.metaKey) {
-      directions.clear(); // the browser may keep the release of the other keys to itself
+      ways.clear(); // the browser may keep the release of the other keys to itself
       return;
     }
     const direction = KEYS[event.key.toLowerCase()];
     if (!direction || event.isComposing || target(event).closest(FIELDS) || !helm.isMine) return;
     if (direction.startsWith("slide") && !speeds.sideways) return;
     event.preventDefault();
-    if (!event.repeat) directions.down(event.code || event.key, direction);
+    if (!event.repeat) ways.down(event.code || event.key, direction);
   });
-  window.addEventListener("keyup", (event) => directions.up(event.code || event.key));
-  for (const type of ["blur", "pagehide"]) window.addEventListener(type, () => directions.clear());
-  document.addEventListener("freeze", () => directions.clear());
-  document.addEventListener("visibilitychange", () => document.hidden && directions.clear());
-  document.addEventListener("focusin", (event) => target(event).closest(FIELDS) && directions.clear());
+  window.addEventListener("keyup", (event) => ways.up(event.code || event.key));
+  for (const type of ["blur", "pagehide"]) window.addEventListener(type, () => ways.clear());
+  document.addEventListener("freeze", () => ways.clear());
+  document.addEventListener("visibilitychange", () => document.hidden && ways.clear());
+  document.addEventListener("focusin", (event) => target(event).closest(FIELDS) && ways.clear());
 }

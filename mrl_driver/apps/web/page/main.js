@@ -3,15 +3,15 @@
 import { alarm, notice, robotNotice, say } from "./announce.js";
 import { Charts, Samples } from "./charts.js";
 import { Connection } from "./connection.js";
-import { Gamepad } from "./gamepad.js";
+import { gamepad } from "./gamepad.js";
 import { Goal } from "./goal.js";
-import { Joystick, keyboard, pad } from "./held_controls.js";
+import { joystick, keyboard, pad } from "./held_controls.js";
 import { Helm } from "./helm.js";
 import { FloorMap } from "./map.js";
 import { Panels, nearestOf } from "./panels.js";
-import { Phone } from "./phone.js";
+import { phone } from "./phone.js";
 import { Press } from "./press.js";
-import { Recordings } from "./recordings.js";
+import { recordings } from "./recordings.js";
 import { Speeds } from "./speeds.js";
 import { element, markOf, number, remember, remembered, sentence, setText } from "./text.js";
 
@@ -32,17 +32,16 @@ const connection = new Connection(hello);
 const helm = new Helm(connection);
 const press = new Press(connection, () => helm.whyNot());
 const speeds = new Speeds();
-const joystick = new Joystick(press, speeds);
+const stick = joystick(press, speeds);
 const goal = new Goal(press);
 const map = new FloorMap();
 const panels = new Panels();
 const samples = new Samples();
 const charts = new Charts(samples, SHOWN_FIRST);
-const recordings = new Recordings(connection, token);
-const phone = new Phone(connection, helm);
+const welcomes = [recordings(connection, token), phone(connection, helm)];
 keyboard(press, speeds, helm);
 pad(press, speeds);
-new Gamepad(press, speeds, helm);
+gamepad(press, speeds, helm);
 
 let view = {};
 let counts = {};
@@ -125,15 +124,14 @@ connection.on("welcome", (message) => {
   speeds.limits = robot.limits;
   page.base = robot.drive;
   for (const id of ["slide-left", "slide-right", "slide-keys", "drag-choice"]) element(id).hidden = !speeds.sideways;
-  if (!speeds.sideways) joystick.slides = false;
+  if (!speeds.sideways) stick.slides = false;
   element("tile-nearest-box").hidden = !Object.keys(robot.sonars ?? {}).length;
   map.robot = { body: robot.body ?? [0.2, 0.2], sonars: robot.sonars ?? {} };
   map.touch();
   samples.begin(message.series);
   charts.build();
   helm.welcome(message);
-  recordings.welcome(message);
-  phone.welcome(message);
+  for (const welcome of welcomes) welcome(message);
 });
 
 connection.on("sample", ({ at, v }) => {
@@ -202,7 +200,7 @@ name.addEventListener("change", () => {
   else connection.restart();
 });
 for (const choice of document.querySelectorAll("[name=drag]")) {
-  choice.addEventListener("change", () => (joystick.slides = choice.value === "slide" && choice.checked));
+  choice.addEventListener("change", () => (stick.slides = choice.value === "slide" && choice.checked));
 }
 window.addEventListener("hashchange", () => location.reload());
 
