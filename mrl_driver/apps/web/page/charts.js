@@ -70,109 +70,79 @@ export class Samples {
   }
 }
 
-export class Charts {
-  #samples;
-  #defaults;
-  #chosen;
-  #plots = [];
-  #chips = new Map();
-  #paused = false;
-  #drawnAt = 0;
-  #inSight = true;
-  #box = element("charts");
+/** Charts of some samples; `defaults` are the names shown until the user chooses others. */
+export function charts(samples, defaults) {
+  const box = element("charts");
+  const choice = element("series");
+  const chips = new Map(); // where the value of each name is written
+  let chosen = remembered("series", null);
+  let plots = [];
+  let paused = false;
+  let drawnAt = 0;
+  let inSight = true;
 
-  /** `defaults` are the names shown until the user chooses others. */
-  constructor(samples, defaults) {
-    this.#samples = samples;
-    this.#defaults = defaults;
-    this.#chosen = remembered("series", null);
-    const choice = element("series");
-    choice.addEventListener("change", () => {
-      if (choice.value) this.#choose([...this.#names(), choice.value]);
-      choice.value = "";
-    });
-    element("chart-pause").addEventListener("click", () => this.#pause(!this.#paused));
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.build());
-    new IntersectionObserver((entries) => (this.#inSight = entries.at(-1).isIntersecting)).observe(element("chart-panel"));
-    let size = "";
-    new ResizeObserver(() => {
-      const now = `${this.#box.clientWidth} ${this.#box.clientHeight}`;
-      if (now !== size) this.#resize();
-      size = now;
-    }).observe(this.#box);
+  function namesShown() {
+    const wanted = (chosen ?? defaults).filter((name) => samples.has(name));
+    return wanted.length || chosen ? wanted : samples.series.slice(0, 2).map(([name]) => name);
   }
 
-  #names() {
-    const wanted = (this.#chosen ?? this.#defaults).filter((name) => this.#samples.has(name));
-    return wanted.length || this.#chosen ? wanted : this.#samples.series.slice(0, 2).map(([name]) => name);
-  }
-
-  #choose(names) {
-    this.#chosen = [...new Set(names)].slice(-MOST);
-    remember("series", this.#chosen);
-    this.build();
-  }
-
-  #pause(paused) {
-    this.#paused = paused;
-    setText(element("chart-pause"), paused ? "Go on" : "Pause");
+  function choose(names) {
+    chosen = [...new Set(names)].slice(-MOST);
+    remember("series", chosen);
+    build();
   }
 
   /** Makes the charts of the chosen values. */
-  build() {
-    for (const { plot } of this.#plots) plot.destroy();
-    this.#box.replaceChildren();
-    this.#plots = [];
-    this.#chips.clear();
-    const names = this.#names();
-    element("chart-values").replaceChildren(...names.map((name, i) => this.#chip(name, COLOURS[i])));
-    const units = [...new Set(names.map((name) => this.#samples.unit(name)))];
+  function build() {
+    for (const { plot } of plots) plot.destroy();
+    box.replaceChildren();
+    chips.clear();
+    const names = namesShown();
+    element("chart-values").replaceChildren(...names.map((name, i) => chipOf(name, COLOURS[i])));
+    const units = [...new Set(names.map((name) => samples.unit(name)))];
     document.documentElement.dataset.charts = units.length;
-    units.forEach((unit, i) => {
-      const shown = names.filter((name) => this.#samples.unit(name) === unit);
-      const box = make("div", "chart");
-      box.setAttribute("role", "img");
-      box.setAttribute("aria-label", `Chart of ${shown.map(nice).join(", ")} over the last 60 seconds`);
-      this.#box.append(box);
+    plots = units.map((unit, i) => {
+      const shown = names.filter((name) => samples.unit(name) === unit);
+      const chart = make("div", "chart");
+      chart.setAttribute("role", "img");
+      chart.setAttribute("aria-label", `Chart of ${shown.map(nice).join(", ")} over the last 60 seconds`);
+      box.append(chart);
       const last = i === units.length - 1;
       const series = shown.map((name) => ({ name, colour: COLOURS[names.indexOf(name)] }));
       const options = chartOptions(unit, () => [-SPAN_MS / 1000, 0], last ? ago : null, series); // the last one has the times
-      const plot = new uPlot(options, this.#data(shown), box);
-      this.#plots.push({ plot, shown, further: last ? TIMES_HEIGHT : 0 });
+      return { plot: new uPlot(options, dataOf(shown), chart), shown, further: last ? TIMES_HEIGHT : 0 };
     });
-    this.#resize();
-    const options = this.#samples.series.filter(([name]) => !names.includes(name));
-    element("series").replaceChildren(
-      new Option("Add a value", ""),
-      ...options.map(([name, unit]) => new Option(unit ? `${nice(name)} [${unit}]` : nice(name), name)),
-    );
-    element("series").disabled = options.length === 0;
+    resize();
+    const others = samples.series.filter(([name]) => !names.includes(name));
+    const options = others.map(([name, unit]) => new Option(unit ? `${nice(name)} [${unit}]` : nice(name), name));
+    choice.replaceChildren(new Option("Add a value", ""), ...options);
+    choice.disabled = options.length === 0;
   }
 
-  #chip(name, colour) {
+  function chipOf(name, colour) {
     const chip = make("li", `chip ${colour}`);
     const value = make("b");
     const button = make("button", "remove", "×");
     button.type = "button";
     button.setAttribute("aria-label", `Remove ${nice(name)} from the charts`);
-    button.addEventListener("click", () => this.#choose(this.#names().filter((each) => each !== name)));
+    button.addEventListener("click", () => choose(namesShown().filter((each) => each !== name)));
     chip.append(make("i", "swatch"), make("span", "", nice(name)), value, button);
-    this.#chips.set(name, value);
+    chips.set(name, value);
     return chip;
   }
 
   /** Times in seconds before the newest sample, and a column for each name; null where there is no finite value. */
-  #data(shown) {
-    const { times } = this.#samples;
+  function dataOf(shown) {
+    const { times } = samples;
     const last = times.at(-1) ?? 0;
     const first = Math.max(0, times.findIndex((time) => time >= last - SPAN_MS));
     const finite = (value) => (Number.isFinite(value) ? value : null);
-    return [times.slice(first).map((time) => (time - last) / 1000), ...shown.map((name) => this.#samples.column(name).slice(first).map(finite))];
+    return [times.slice(first).map((time) => (time - last) / 1000), ...shown.map((name) => samples.column(name).slice(first).map(finite))];
   }
 
-  #resize() {
-    const each = Math.max(LEAST_HEIGHT, Math.floor((this.#box.clientHeight - TIMES_HEIGHT) / this.#plots.length) - 2);
-    for (const { plot, further } of this.#plots) {
+  function resize() {
+    const each = Math.max(LEAST_HEIGHT, Math.floor((box.clientHeight - TIMES_HEIGHT) / plots.length) - 2);
+    for (const { plot, further } of plots) {
       const width = plot.root.parentElement.clientWidth;
       const height = each + further;
       if (width > 0 && (plot.width !== width || plot.height !== height)) plot.setSize({ width, height });
@@ -180,16 +150,29 @@ export class Charts {
   }
 
   /** Draws the charts at most five times a second. */
-  draw(now) {
-    if (now - this.#drawnAt < PERIOD_MS || !this.#inSight) return;
-    this.#drawnAt = now;
-    for (const { plot, shown } of this.#plots) {
-      if (!this.#paused) plot.setData(this.#data(shown));
+  function draw(now) {
+    if (now - drawnAt < PERIOD_MS || !inSight) return;
+    drawnAt = now;
+    for (const { plot, shown } of plots) {
+      if (!paused) plot.setData(dataOf(shown));
       shown.forEach((name, i) => {
         const at = plot.cursor.left >= 0 ? plot.cursor.idx : null;
-        const value = at !== null && at !== undefined ? plot.data[i + 1][at] ?? NaN : this.#samples.newest(name);
-        setText(this.#chips.get(name), valueText(value, this.#samples.unit(name)));
+        const value = at !== null && at !== undefined ? plot.data[i + 1][at] ?? NaN : samples.newest(name);
+        setText(chips.get(name), valueText(value, samples.unit(name)));
       });
     }
   }
+
+  choice.addEventListener("change", () => {
+    if (choice.value) choose([...namesShown(), choice.value]);
+    choice.value = "";
+  });
+  element("chart-pause").addEventListener("click", () => {
+    paused = !paused;
+    setText(element("chart-pause"), paused ? "Go on" : "Pause");
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", build);
+  new IntersectionObserver((entries) => (inSight = entries.at(-1).isIntersecting)).observe(element("chart-panel"));
+  new ResizeObserver(resize).observe(box);
+  return { build, draw };
 }

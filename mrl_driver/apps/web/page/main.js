@@ -1,7 +1,7 @@
 /** Puts the page together: messages of the server on one side, controls and displays on the other. */
 
 import { alarm, notice, robotNotice, say } from "./announce.js";
-import { Charts, Samples } from "./charts.js";
+import { Samples, charts } from "./charts.js";
 import { Connection } from "./connection.js";
 import { gamepad } from "./gamepad.js";
 import { Goal } from "./goal.js";
@@ -37,7 +37,7 @@ const goal = new Goal(press);
 const map = new FloorMap();
 const panels = new Panels();
 const samples = new Samples();
-const charts = new Charts(samples, SHOWN_FIRST);
+const plots = charts(samples, SHOWN_FIRST);
 const welcomes = [recordings(connection, token), phone(connection, helm)];
 keyboard(press, speeds, helm);
 pad(press, speeds);
@@ -129,7 +129,7 @@ connection.on("welcome", (message) => {
   map.robot = { body: robot.body ?? [0.2, 0.2], sonars: robot.sonars ?? {} };
   map.touch();
   samples.begin(message.series);
-  charts.build();
+  plots.build();
   helm.welcome(message);
   for (const welcome of welcomes) welcome(message);
 });
@@ -209,7 +209,7 @@ function frame(now) {
   if (now - framedAt < FRAME_MS - 5) return;
   framedAt = now;
   map.draw();
-  charts.draw(now);
+  plots.draw(now);
   panels.motion(samples.newest("speed"), samples.newest("turn rate"), samples.newest("sideways speed"), view);
   if (now - wordsAt < WORDS_MS) return;
   wordsAt = now;
