@@ -1,6 +1,7 @@
 """Timing of the serial link: bytes follow each other, and each takes the time of its ten bits."""
 
 import math
+import re
 from collections import deque
 from typing import Deque, Optional, Tuple
 
@@ -9,6 +10,7 @@ from mrl_driver.protocol.table import BAUD
 OUT_BYTE_S = 85.0e-6  # time of one byte from a Uno set to 115200 baud [s]; its real baud rate is 117647
 IN_BYTE_S = 10.0 / BAUD  # time of one byte from the host [s]
 _ROUNDING_S = 1e-9
+_PIECE = re.compile(b"[^e]*e|[^e]+")
 
 
 class Outgoing:
@@ -62,12 +64,10 @@ class Incoming:
         """Puts bytes on the line at `at_s` [s], or after the bytes that are still there."""
         start = max(at_s, self._free_s)
         done = 0
-        for piece in data.split(b"e"):
-            done += len(piece) + 1
-            whole = piece + b"e" if done <= len(data) else piece
-            if whole:
-                self._pieces.append((start + min(done, len(data)) * self.byte_s, whole))
-        self._free_s = start + len(data) * self.byte_s
+        for piece in _PIECE.findall(data):
+            done += len(piece)
+            self._pieces.append((start + done * self.byte_s, piece))
+        self._free_s = start + done * self.byte_s
 
     @property
     def next_s(self) -> float:

@@ -13,7 +13,7 @@ from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
 from mrl_driver.robot.models import COMMON_BOARD, OmniDrive, RobotModel
 
 from .bridge import BRIDGES, Bridge
-from .dc_motor import DcMotor, DcMotorParams, Gearmotor, params_of
+from .dc_motor import DcMotor, DcMotorParams
 from .encoders import Quadrature
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 
@@ -31,6 +31,8 @@ assumed for a gearmotor of 25 mm."""
 ROTOR_KGM2_RAD2_S2 = 0.37
 """Inertia of the rotor times the square of its speed at the output shaft (1e-6 kg m2, 34:1, 170/min); assumed."""
 ROLLING = 0.03  # rolling friction of a wheel, as a share of the weight; assumed
+STICTION = 1.5  # static friction over moving friction; assumed
+GRAVITY_M_S2 = 9.81
 _BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
 
 
@@ -47,31 +49,40 @@ def has_bridge(model: RobotModel) -> bool:
     return bool(model.board.get("bridge"))
 
 
-def motor_of(model: RobotModel) -> Gearmotor:
-    """The gearmotor of a model: `full_speed` is its no-load speed at nominal voltage; the rest is assumed."""
-    speed = model.board.get("full_speed", COMMON_BOARD["full_speed"]) * 2.0 * math.pi / 60.0
-    nominal_v = LARGE_V if model.battery.full_v > 9.0 else SMALL_V
-    return Gearmotor(
-        nominal_v,
-        speed,
-        NO_LOAD_W / nominal_v,
-        STALL_W / nominal_v,
-        STALL_NM_RAD_S / speed,
-        ROTOR_KGM2_RAD2_S2 / speed**2,
-    )
-
-
 def counts_per_turn(model: RobotModel) -> float:
     """Encoder counts per turn of a wheel."""
     return model.board["gearbox"] * model.board["encoder_counts"] / 100.0
 
 
 def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorParams:
-    """Parameters of one motor of a model, with its bridge."""
+    """Parameters of one gearmotor of a model, with its bridge and half of the robot's mass on its wheel.
+
+    `full_speed` is its speed without load, where the current overcomes the gearbox's friction alone; at stall no back-EMF
+    is left.
+    """
     turn, bridge = counts_per_turn(model), BRIDGES[model.board["bridge"]]
-    radius_m = turn * model.base.metres_per_count / (2.0 * math.pi)
-    params = params_of(motor_of(model), 0.5 * model.body.mass_kg * errors.load, radius_m, ROLLING, turn)
-    return params._replace(resistance_ohm=params.resistance_ohm + bridge.resistance_ohm, drop_v=bridge.drop_v)
+    no_load_rad_s = model.board.get("full_speed", COMMON_BOARD["full_speed"]) * 2.0 * math.pi / 60.0
+    nominal_v = LARGE_V if model.battery.full_v > 9.0 else SMALL_V
+    no_load_a, stall_a = NO_LOAD_W / nominal_v, STALL_W / nominal_v
+    winding_ohm = nominal_v / stall_a
+    volts_per_rad_s = (nominal_v - no_load_a * winding_ohm) / no_load_rad_s
+    nm_per_a = STALL_NM_RAD_S / no_load_rad_s / (stall_a - no_load_a)
+    mass_kg, radius_m = (
+        0.5 * model.body.mass_kg * errors.load,
+        turn * model.base.metres_per_count / (2.0 * math.pi),
+    )
+    inertia_kgm2 = ROTOR_KGM2_RAD2_S2 / no_load_rad_s**2 + mass_kg * radius_m**2
+    rolling_nm = ROLLING * mass_kg * GRAVITY_M_S2 * radius_m
+    per_rad = turn / (2.0 * math.pi)
+    friction = (nm_per_a * no_load_a + rolling_nm) / inertia_kgm2 * per_rad
+    return DcMotorParams(
+        winding_ohm + bridge.resistance_ohm,
+        volts_per_rad_s / per_rad,
+        nm_per_a / inertia_kgm2 * per_rad,
+        friction,
+        STICTION * friction,
+        bridge.drop_v,
+    )
 
 
 def robot_for(model: RobotModel, errors: Errors, pose: Pose, seed: int) -> RobotPhysics:

@@ -10,20 +10,6 @@ from typing import List, NamedTuple, Tuple
 
 from .bridge import Shares
 
-
-class Gearmotor(NamedTuple):
-    """Data of a motor with its gearbox, at the output shaft."""
-
-    nominal_v: float
-    no_load_rad_s: float
-    no_load_a: float
-    stall_a: float
-    stall_nm: float
-    rotor_kgm2: float  # moment of inertia of the rotor, seen at the output shaft [kg m2]
-
-
-STICTION = 1.5  # static friction over moving friction; assumed
-GRAVITY_M_S2 = 9.81
 _SHORTEST_S = 1e-12  # a rest of a step that is left out [s]
 _NEAR_S = 1e-7
 """A correction of an edge's time after which no further one is needed: the error is of the order of its square [s]."""
@@ -31,7 +17,7 @@ _MOST_STEPS = 60
 
 
 class DcMotorParams(NamedTuple):
-    """The same in the units of the equations."""
+    """Data of a motor with its gearbox and its load, in the units of the equations."""
 
     resistance_ohm: float  # winding and bridge [Ohm]
     volts_per_count_s: float  # back-EMF per speed
@@ -39,31 +25,6 @@ class DcMotorParams(NamedTuple):
     friction_counts_s2: float  # deceleration by friction while the wheel turns
     static_counts_s2: float  # acceleration that a current must be worth to start the wheel
     drop_v: float = 0.0  # voltage lost in the bridge while it drives [V]
-
-
-def params_of(
-    motor: Gearmotor, mass_kg: float, wheel_radius_m: float, rolling: float, counts_per_turn: float
-) -> DcMotorParams:
-    """Parameters of a motor without its bridge.
-
-    Its wheel bears this share of the robot's mass; its rolling friction is a share of the weight.
-
-    At no load the current overcomes the gearbox's friction alone; at stall no back-EMF is left.
-    """
-    counts_per_rad = counts_per_turn / (2.0 * math.pi)
-    winding_ohm = motor.nominal_v / motor.stall_a
-    volts_per_rad_s = (motor.nominal_v - motor.no_load_a * winding_ohm) / motor.no_load_rad_s
-    nm_per_a = motor.stall_nm / (motor.stall_a - motor.no_load_a)
-    inertia_kgm2 = motor.rotor_kgm2 + mass_kg * wheel_radius_m**2
-    rolling_nm = rolling * mass_kg * GRAVITY_M_S2 * wheel_radius_m
-    friction = (nm_per_a * motor.no_load_a + rolling_nm) / inertia_kgm2 * counts_per_rad
-    return DcMotorParams(
-        winding_ohm,
-        volts_per_rad_s / counts_per_rad,
-        nm_per_a / inertia_kgm2 * counts_per_rad,
-        friction,
-        STICTION * friction,
-    )
 
 
 class Motion(NamedTuple):

@@ -14,7 +14,7 @@ from sim_arduino.board.avr_board import BridgeWires
 from sim_arduino.board.bridge_control import BATTERY_PERIOD_S, CONVERSIONS, MISSED_KICK_S, BatteryInput
 from sim_arduino.board.parameter_store import Config
 from sim_arduino.hardware.bridge import BRIDGES, Shares
-from sim_arduino.hardware.bridge_plant import ENCODER_PINS, motor_of, motor_params
+from sim_arduino.hardware.bridge_plant import ENCODER_PINS, motor_params
 from sim_arduino.hardware.omni3md import ADDRESS
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
@@ -85,14 +85,19 @@ def test_cables_lead_outputs_to_wheels_and_encoders_to_inputs(wires, driven, tur
     assert edges == sorted(edges)
 
 
-def test_the_full_speed_of_a_model_is_its_motors_no_load_speed():
-    """170 turns a minute at 12 V; the bridge and rolling friction cost some of it."""
-    assert motor_of(bridged()).no_load_rad_s == pytest.approx(170 * 2 * math.pi / 60)
-    params = motor_params(bridged())
-    no_load = 12.0 / params.volts_per_count_s - params.friction_counts_s2 * params.resistance_ohm / (
-        params.counts_s2_per_a * params.volts_per_count_s
+def test_the_data_of_a_motor_and_its_load_give_its_equations():
+    """12 V and 170 turns a minute: 1.2 A at stall and 0.05 A without load; 1.2 kg on two wheels of 65 mm."""
+    wheel_m, per_rad, rad_s = (
+        DUO.drive.metres_per_count * 1496 / math.tau,
+        1496 / math.tau,
+        170 * math.tau / 60,
     )
-    assert 160 < no_load / 1496 * 60 < 170
+    newton_metres_per_a = 8.9 / rad_s / 1.15
+    per_newton_metre = per_rad / (0.37 / rad_s**2 + 0.6 * wheel_m**2)
+    friction = (0.05 * newton_metres_per_a + 0.03 * 0.6 * 9.81 * wheel_m) * per_newton_metre
+    acceleration = newton_metres_per_a * per_newton_metre
+    expected = (10.5, 11.5 / rad_s / per_rad, acceleration, friction, 1.5 * friction, 0.0)
+    assert motor_params(bridged()) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_robot_with_bridges_has_no_omni3md():

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_arduino.hardware.bridge import Shares
-from sim_arduino.hardware.dc_motor import DcMotor, DcMotorParams, Gearmotor, Motion, params_of
+from sim_arduino.hardware.dc_motor import DcMotor, DcMotorParams, Motion
 
 EXACT = 1e-10  # Share of a value that is only rounding, and what the series for short motions leaves out
 FORWARD, BACKWARD, COAST = Shares(1.0, 0.0, 0.0, 0.0), Shares(0.0, 1.0, 0.0, 0.0), Shares()
@@ -21,13 +21,6 @@ def motor(shares=COAST, speed=0.0, **changes):
     made = DcMotor(PARAMS._replace(**changes))
     made.shares, made.speed = shares, speed
     return made
-
-
-def test_the_data_of_a_motor_and_its_load_give_its_equations():
-    """12 V / 2 A; (12 - 0.5 x 6) / 9 V s; 1.5 Nm / 1.5 A; 0.01 + 2 x 0.1 x 0.1 kg m2; 100 counts a radian."""
-    found = params_of(Gearmotor(12.0, 9.0, 0.5, 2.0, 1.5, 0.01), 2.0, 0.1, 0.05, 200.0 * math.pi)
-    friction = (0.5 + 0.05 * 2.0 * 9.81 * 0.1) / 0.03 * 100.0
-    assert found == pytest.approx((6.0, 0.01, 1.0 / 0.03 * 100.0, friction, 1.5 * friction, 0.0))
 
 
 @pytest.mark.parametrize("u", [1e-6, 0.9e-3, 1.1e-3, 0.5, 3.0])

@@ -304,30 +304,23 @@ class RobotFile(Form):
         drive, board, body = model.drive, model.board, model.body
         if isinstance(drive, (Drive, OmniDrive)):
             key, half = ("wheel_separation_m", 2) if isinstance(drive, Drive) else ("radius_m", 1)
-            axis_m = half * board["axis_radius"] * 1e-5
-            self._check_like(
-                reader, f"drive.{key}", getattr(drive, key), axis_m, "board.axis_radius [0.01 mm]"
-            )
             turn_m = 2 * math.pi * board["wheel_radius"] * 1e-5
-            counts = max(1.0, board["gearbox"] * board["encoder_counts"] / 100)
-            self._check_like(
-                reader,
-                "drive.metres_per_count",
-                drive.metres_per_count,
-                turn_m / counts,
-                "board.wheel_radius [0.01 mm], gearbox [0.1] and encoder_counts [0.1]",
-            )
-            self._check_like(reader, "body.width_m", body.width_m, drive.wheel_separation_m, "the wheels")
+            per_count_m = turn_m / max(1.0, board["gearbox"] * board["encoder_counts"] / 100)
+            of_count = "board.wheel_radius [0.01 mm], gearbox [0.1] and encoder_counts [0.1]"
+            axis_m, of_axis = half * board["axis_radius"] * 1e-5, "board.axis_radius [0.01 mm]"
+            for name, got, like, of in (
+                (f"drive.{key}", getattr(drive, key), axis_m, of_axis),
+                ("drive.metres_per_count", drive.metres_per_count, per_count_m, of_count),
+                ("body.width_m", body.width_m, drive.wheel_separation_m, "the wheels"),
+            ):
+                if not like / _LIKE <= got <= like * _LIKE:
+                    raise reader.fail(name, got, f"about {like:.3g}, to fit {of}")
         far_m = 2 * max(body.length_m, body.width_m)
         for name, mount in model.sonars.items():
             for key in ("x_m", "y_m"):
                 if abs(getattr(mount, key)) > far_m:
                     expected = f"at most {far_m:g}, twice the body"
                     raise reader.fail(f"sonars.{name}.{key}", getattr(mount, key), expected)
-
-    def _check_like(self, reader: Reader, key: str, got: float, like: float, of: str) -> None:
-        if not like / _LIKE <= got <= like * _LIKE:
-            raise reader.fail(key, got, f"about {like:.3g}, to fit {of}")
 
 
 _TEXTS = {
