@@ -8,7 +8,7 @@ robot, 2015.
 """
 
 import math
-from typing import NamedTuple, Sequence, Tuple
+from typing import NamedTuple, Sequence, Tuple, Union
 
 from mrl_driver.errors import ConfigError, FrameError
 
@@ -110,7 +110,7 @@ def mecanum(half_length_m: float, half_width_m: float) -> Kinematics:
     return Kinematics("mecanum", rows, True)
 
 
-def kinematics_of(drive: Base) -> Kinematics:
+def kinematics_of(drive: Union[Base, MecanumDrive]) -> Kinematics:
     """Return the kinematics of a robot model's `drive`, including the slip in turns."""
     keeps = 1 - drive.turn_slip
     if isinstance(drive, OmniDrive):

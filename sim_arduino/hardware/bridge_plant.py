@@ -57,8 +57,8 @@ def counts_per_turn(model: RobotModel) -> float:
 def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorParams:
     """Parameters of one gearmotor of a model, with its bridge and half of the robot's mass on its wheel.
 
-    `full_speed` is its speed without load, where the current overcomes the gearbox's friction alone; at stall no back-EMF
-    is left.
+    `full_speed` is its speed without load, where the current overcomes the gearbox's friction alone; at stall no
+    back-EMF is left.
     """
     turn, bridge = counts_per_turn(model), BRIDGES[model.board["bridge"]]
     no_load_rad_s = model.board.get("full_speed", COMMON_BOARD["full_speed"]) * 2.0 * math.pi / 60.0

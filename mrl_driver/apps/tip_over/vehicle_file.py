@@ -72,14 +72,14 @@ def of_model(model: RobotModel) -> Vehicle:
 
     Raise ConfigError if the model does not contain all ground contact points.
     """
-    drive, body = model.base, model.body
-    if isinstance(drive, OmniDrive):
-        angles = [math.radians(angle) for angle in drive.angles_deg]
-        contacts = [(drive.radius_m * math.cos(angle), drive.radius_m * math.sin(angle)) for angle in angles]
-    elif isinstance(drive, MecanumDrive):
+    drive, body = model.drive, model.body
+    if isinstance(drive, MecanumDrive):
         contacts = _corners(drive.half_length_m, drive.half_width_m)
+    elif isinstance(model.base, OmniDrive):
+        angles, radius_m = map(math.radians, model.base.angles_deg), model.base.radius_m
+        contacts = [(radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles]
     elif body.tracks:
-        contacts = _corners(body.length_m / 2, drive.wheel_separation_m / 2)
+        contacts = _corners(body.length_m / 2, model.base.wheel_separation_m / 2)
     else:
         raise ConfigError(
             f"{model.name} has two wheels, and its model does not hold what else touches the ground, expected a "

@@ -1,7 +1,7 @@
 """Drive types: one named tuple each, with the keys of its YAML section.
 
-Each but `NoDrive` has at least the wheel properties of a differential drive, so that tools which need only these work
-with all types.
+Those that a board moves have at least the wheel properties of a differential drive, so that tools which need only these
+work with both.
 """
 
 from typing import Dict, NamedTuple, Tuple, Type, Union
@@ -74,7 +74,7 @@ class OmniDrive(NamedTuple):
 
 
 class MecanumDrive(NamedTuple):
-    """Four wheels with rollers at 45 deg, at the corners of a rectangle."""
+    """Four wheels with rollers at 45 deg, at the corners of a rectangle; no board with three motors moves them."""
 
     half_length_m: float
     """Distance from the centre forward to the front axle (L)."""
@@ -88,37 +88,13 @@ class MecanumDrive(NamedTuple):
     turn_slip: float = 0.0
     """Share of the yaw that is lost to slip in a turn."""
 
-    @property
-    def metres_per_count(self) -> float:
-        """Distance of a wheel per count [m]."""
-        return 6.283185307179586 * self.wheel_radius_m / self.counts_per_turn
-
-    @property
-    def wheel_separation_m(self) -> float:
-        """Separation of a differential drive whose wheels would run as fast in a turn [m]."""
-        return 2 * (self.half_length_m + self.half_width_m)
-
-    @property
-    def right_m_per_count(self) -> float:
-        """Distance of a right wheel, and of any other, per count [m]."""
-        return self.metres_per_count
-
-    @property
-    def left_m_per_count(self) -> float:
-        """Distance of a left wheel, and of any other, per count [m]."""
-        return self.metres_per_count
-
-    @property
-    def turning_separation_m(self) -> float:
-        """`wheel_separation_m` of wheels without slip that would turn the robot by the same angle [m]."""
-        return self.wheel_separation_m / (1 - self.turn_slip)
-
 
 class NoDrive(NamedTuple):
     """The board has sensors and no motors: it sits on a robot that something else drives."""
 
 
-Base = Union[Drive, OmniDrive, MecanumDrive]
+Base = Union[Drive, OmniDrive]
+AnyDrive = Union[Base, MecanumDrive, NoDrive]
 DIFFERENTIAL, TRACKED, OMNI, MECANUM, NONE = "differential", "tracked", "omni", "mecanum", "none"
 KINDS: Dict[str, Type[tuple]] = {DIFFERENTIAL: Drive, TRACKED: Drive, OMNI: OmniDrive, MECANUM: MecanumDrive}
 """Values of `kind` in a `drive` section."""
@@ -126,7 +102,7 @@ EXTRA = {TRACKED: ("turn_slip",)}
 """Keys with a default that this kind requires."""
 
 
-def kind_of(drive: Union[Base, NoDrive]) -> str:
+def kind_of(drive: AnyDrive) -> str:
     """Return the kind of a drive, one of `KINDS` or `NONE`; a differential drive with slip counts as tracked."""
     if isinstance(drive, NoDrive):
         return NONE

@@ -21,7 +21,7 @@ from mrl_driver.yaml_form import (
     Whole,
 )
 
-from .drives import DIFFERENTIAL, EXTRA, KINDS, NONE, TRACKED, Base, Drive, NoDrive, OmniDrive
+from .drives import DIFFERENTIAL, EXTRA, KINDS, NONE, TRACKED, AnyDrive, Drive, NoDrive, OmniDrive
 from .robot_model import (
     BOARD_KEYS,
     BUILDS,
@@ -135,7 +135,7 @@ class _Bridge(Form):
 class _Base(Form):
     """The section `drive` of a robot with motors; without a `kind` it is a differential drive."""
 
-    def read(self, reader: Reader, key: str, value: Any) -> Base:
+    def read(self, reader: Reader, key: str, value: Any) -> AnyDrive:
         found = dict(reader.mapping(key, value))
         kind = found.pop("kind", DIFFERENTIAL)
         if not isinstance(kind, str) or kind not in KINDS:

@@ -2,13 +2,13 @@
 
 import math
 from functools import lru_cache
-from typing import Any, Dict, Iterable, NamedTuple, Optional, Tuple, Union
+from typing import Any, Dict, Iterable, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BY_NAME
 
-from .drives import Base, Drive, MecanumDrive, NoDrive, kind_of
+from .drives import AnyDrive, Base, Drive, MecanumDrive, NoDrive, kind_of
 
 Vector = Tuple[float, float, float]
 SONAR, ENVIRONMENT = "sonar", "environment"
@@ -150,7 +150,7 @@ class RobotModel(NamedTuple):
 
     name: str
     ids: Tuple[int, ...]
-    drive: Union[Base, NoDrive]
+    drive: AnyDrive
     board: Dict[str, int]
     limits: Limits
     body: Body
@@ -168,20 +168,24 @@ class RobotModel(NamedTuple):
         """The board drives the robot.  False for a board that only has sensors (`drive: none`)."""
         return not isinstance(self.drive, NoDrive)
 
-    def require_motors(self) -> None:
-        """Raise ConfigError if the board has no motors."""
+    @property
+    def base(self) -> Base:
+        """The drive, for functions that need wheels; raise ConfigError if the board has no motors or cannot move it."""
         if isinstance(self.drive, NoDrive):
             raise ConfigError(
                 f"robot {self.name} is a board without motors (drive: none): it has sensors, and something else "
                 "drives its robot"
             )
-
-    @property
-    def base(self) -> Base:
-        """The drive, for functions that need wheels; raise ConfigError if the board has no motors."""
-        self.require_motors()
-        assert not isinstance(self.drive, NoDrive)
+        if isinstance(self.drive, MecanumDrive):
+            raise ConfigError(
+                f"robot {self.name} has a drive of kind {kind_of(self.drive)}, which no board with three motors moves, "
+                "expected differential, tracked or omni: use mrl_driver.robot.kinematics with boards of your own"
+            )
         return self.drive
+
+    def require_motors(self) -> None:
+        """Raise ConfigError if the board has no motors, or cannot move the base."""
+        _ = self.base
 
     @property
     def differential(self) -> Drive:
@@ -228,11 +232,8 @@ def require_sonars(names: Iterable[Any], place: str = "") -> None:
 def require_supported(model: RobotModel) -> None:
     """Raise ConfigError unless a board can move the base of this model, and reads its sonars."""
     require_sonars(model.sonars, f"robot {model.name}: ")
-    if isinstance(model.drive, MecanumDrive):
-        raise ConfigError(
-            f"robot {model.name} has a drive of kind {kind_of(model.drive)}, which no board with three motors moves, "
-            "expected differential, tracked or omni: use mrl_driver.robot.kinematics with boards of your own"
-        )
+    if model.drives:
+        model.require_motors()
 
 
 SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
