@@ -7,10 +7,9 @@ out at their true times.
 import math
 from typing import Dict, List, NamedTuple
 
-from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
-from mrl_driver.robot.models import COMMON_BOARD, OmniDrive, RobotModel
+from mrl_driver.protocol.table import WIRING
+from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .bridge import BRIDGES, Bridge
 from .dc_motor import DcMotor, DcMotorParams
@@ -87,11 +86,6 @@ def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorPara
 
 def robot_for(model: RobotModel, errors: Errors, pose: Pose, seed: int) -> RobotPhysics:
     """The body of a robot with H-bridges."""
-    if isinstance(model.drive, OmniDrive):
-        raise ConfigError(
-            f"robot {model.name} has an H-bridge and a drive of kind omni, expected differential or tracked: "
-            "the board has two bridges"
-        )
     motor = motor_params(model, errors)
     params = params_for(model, errors)._replace(control_hz=TICK_HZ, idle_a=IDLE_A, resistance_ohm=BATTERY_OHM)
     return RobotPhysics(params, pose, seed, [DcMotor(motor) for _ in range(3)])
@@ -107,9 +101,6 @@ class BridgePlant:
     def __init__(
         self, robot: RobotPhysics, model: RobotModel, wiring: int = 1, phase_error: float = 0.0
     ) -> None:
-        row = PARAMETER_BY_NAME["wiring"]
-        if not row.low <= wiring <= row.high:
-            raise ConfigError(f"wiring is {wiring!r}, expected {row.low} to {row.high}: see the wiring table")
         self.robot = robot
         self.bridge: Bridge = BRIDGES[model.board["bridge"]]
         self.time_s = 0.0

@@ -19,9 +19,7 @@ def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
 
     A board without motors has no body of its own, so that its `box` is None too.  Another text raises ConfigError.
     """
-    if text == "none":
-        return None
-    if text == "box" and not model.drives:
+    if text == "none" or (text == "box" and not model.drives):
         return None
     if text == "box":
         return Footprint(model.body.length_m, model.body.width_m)

@@ -4,11 +4,10 @@ import math
 
 import pytest
 
-from mrl_driver.errors import ConfigError, SimulatorError
+from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, FrameDecoder
 from mrl_driver.protocol.table import BRIDGES as NAMES
 from mrl_driver.protocol.table import WIRING
-from mrl_driver.robot.models import load
 from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import BridgeWires
 from sim_arduino.board.bridge_control import BATTERY_PERIOD_S, CONVERSIONS, MISSED_KICK_S, BatteryInput
@@ -105,12 +104,6 @@ def test_a_robot_with_bridges_has_no_omni3md():
     assert ADDRESS not in plant.i2c
     with pytest.raises(SimulatorError, match="has H-bridges"):
         plant.motor_board  # noqa: B018
-
-
-def test_three_wheels_are_refused():
-    omni = load("omni")
-    with pytest.raises(ConfigError, match="two bridges"):
-        Plant(omni._replace(board={**omni.board, "bridge": 4}))
 
 
 LEVELS = [f"{bits:03b}" for bits in range(8)]

@@ -5,7 +5,7 @@ from typing import Dict, NamedTuple, Set, Tuple
 
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import BRIDGES, INT16_MAX
+from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.yaml_form import schema_line
 
 from . import SCHEMA, RobotModel, load, load_packaged, names, parse
@@ -141,7 +141,5 @@ def model_of(kit: Kit) -> RobotModel:
     ):
         if not low <= value <= high:
             raise ConfigError(f"{text} is {value:g}, expected a number from {low:g} to {high:g}")
-    if kit.bridge not in BRIDGES[1:]:
-        raise ConfigError(f"bridge is {kit.bridge!r}, expected {', '.join(BRIDGES[1:])}")
     path = f"{kit.name}.yaml"
     return parse(yaml_file.parse(text_of(kit), path), path)
