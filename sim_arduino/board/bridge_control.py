@@ -14,7 +14,7 @@ from sim_arduino.hardware.wiring import Plant
 from .board_status import BoardStatus
 from .encoder_inputs import SAMPLE_TICKS, EncoderInputs, EncoderSample
 from .integers import divide, limit
-from .motors import Counts, Info, Motors
+from .motors import Counts, Motors
 from .parameter_store import Config
 from .wheel import Wheel
 from .wheel_settings import FULL, NO_SETTINGS, settings_of
@@ -242,9 +242,9 @@ class BridgeControl(Motors):
         live = self.encoders.read(self._tick(now_s))
         return self._wheels[wheel].travel + self._moved_by(wheel, live)
 
-    def info(self, now_s: float) -> Info:
+    def info(self, now_s: float) -> Tuple[int, int, int]:
         """The battery's voltage, or 0 without its divider."""
-        return Info(0, 0, self._battery.centivolts)
+        return 0, 0, self._battery.centivolts
 
     def status(self) -> Tuple[int, ...]:
         """The number of impossible transitions."""

@@ -1,16 +1,14 @@
 """The motor back end of boards with an OMNI-3MD: finds it, sets it up, stops it, sends it moves, reads its counts."""
 
-from typing import Callable, Dict, Optional
+from typing import Callable, Dict, Optional, Tuple
 
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import Command
 from sim_arduino.hardware.omni3md import BoardGeometry, Omni3MD
 
 from .board_status import BoardStatus
-from .motors import Counts, Info, Motors
+from .motors import Counts, Motors
 from .parameter_store import Config
-
-_NO_INFO = Info(0, 0, 0)
 
 
 class MotorControl(Motors):
@@ -83,11 +81,11 @@ class MotorControl(Motors):
         right, left, rear = (self.driver.encoder(number, now_s) for number in (3, 1, 2))
         return Counts(right, left, rear)
 
-    def info(self, now_s: float) -> Info:
+    def info(self, now_s: float) -> Tuple[int, int, int]:
         if not self.there(now_s):
-            return _NO_INFO
+            return 0, 0, 0
         temperature, battery = self.driver.temperature_c(now_s), self.driver.battery_v(now_s)
-        return Info(round(temperature * 10.0) * 10, 172, round(battery * 10.0) * 10)
+        return round(temperature * 10.0) * 10, 172, round(battery * 10.0) * 10
 
     # ---- requests
 

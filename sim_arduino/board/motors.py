@@ -15,14 +15,6 @@ class Counts(NamedTuple):
     rear: int
 
 
-class Info(NamedTuple):
-    """What the back end contributes to the reply to `robot_info`, in wire values; 0 is what it cannot measure."""
-
-    temperature: int
-    version: int
-    battery: int
-
-
 class Motors(Protocol):
     """A motor back end, from one start of the board to the next.  Times are the board's [s]; they never decrease."""
 
@@ -64,8 +56,8 @@ class Motors(Protocol):
     def counts(self, now_s: float) -> Optional[Counts]:
         """The counters, or None if they cannot be read."""
 
-    def info(self, now_s: float) -> Info:
-        """Temperature, version and battery voltage."""
+    def info(self, now_s: float) -> Tuple[int, int, int]:
+        """Temperature, version and battery voltage in wire values; 0 is what the back end cannot measure."""
 
     def status(self) -> Tuple[int, ...]:
         """What the back end adds to the reply to `read_status`."""
