@@ -7,6 +7,11 @@ step to step.  Constant errors are the same in every step of a drive: the scales
 They are not noise: after a turn and a turn back, they cancel out.  So the pose has one derivative J for each of them,
 and the covariance of the pose is P + the sum of J J' times the variance of each constant.
 
+The scale of a turn by the wheels may be wrong by a tenth on tracks.  After some turns, a derivative does not describe
+its effect: the end of the path moves on an arc.  So there are two more paths in place of J, whose turns are larger and
+smaller by sqrt(3) standard deviations.  The covariance is a sixth of the squares of how far each ends from the pose:
+points and weights of Gauss and Hermite (Press et al.: Numerical Recipes, section 4.6), of which the pose has the rest.
+
 A step moves by (dx, dy) in the odom frame and turns by phi.  An error e_yaw of the yaw before it, and an error e_phi of
 the turn, move its end by (-dy, dx) (e_yaw + e_phi / 2).  P and J both follow from this.
 
@@ -60,8 +65,9 @@ class Uncertainty:
         self._least_s = 0.0 if exact_time else TWIST_INTERVAL_S
         self._scale_variance = noise.distance_scale_sd**2
         self._turn_variance, self._gyro_variance = noise.turn_scale_sd**2, model.imu.gyro_scale_sd**2
-        # turn and gyro come first, for all drives; then the constants of the wheels
-        self._constants = [self._turn_variance, self._gyro_variance, *self._wheel_variances()]
+        self._reach = math.sqrt(3) * noise.turn_scale_sd
+        # the gyro comes first, for all drives; then the constants of the wheels
+        self._constants = [self._gyro_variance, *self._wheel_variances()]
         self._rounding = self._rounding_of(ROUNDING * drive.metres_per_count**2)
         self._start = self.spread = start
         self.reset()
@@ -84,6 +90,8 @@ class Uncertainty:
         self._random = (max(xx, least[0]), xy, xt, max(yy, least[3]), yt, max(tt, least[5]))
         self.spread = self._random
         self._effects = [[0.0, 0.0, 0.0] for _ in self._constants]  # J: x, y [m] and yaw [rad] per unit
+        # of the paths with other turns: x, y [m] of their mean and half their difference, half that of their yaws [rad]
+        self._other_paths = (0.0, 0.0, 0.0, 0.0, 0.0)
         self._moved_m = (0.0, 0.0)
         self._bias = (0.0, 0.0, 0.0)
 
@@ -128,11 +136,11 @@ class Uncertainty:
         cos, sin = math.cos(middle_rad), math.sin(middle_rad)
         # random errors of the step: variances of way and turn, and their covariance
         right, left = noise[0] * abs(right_m), noise[0] * abs(left_m)
-        along, both, turning, changes = (right + left) / 4, 0.0, 0.0, (0.0, turn_rad, 0.0)
+        along, both, turning, changes = (right + left) / 4, 0.0, 0.0, (turn_rad, 0.0)
         if gyro is None:
             both = (right - left) / 2 / base_m
             turning = (right + left) / base_m / base_m + noise[1] * abs(turn_rad)
-            changes = (turn_rad, 0.0, forward_m / base_m)
+            changes = (0.0, forward_m / base_m)
         if gyro is None and self._bias[2] == 0.0:  # no gyro so far: as `_carried`, but faster
             xx, xy, xt, yy, yt, tt = self._random
             whole, half, mixed = tt + turning / 4, tt + turning / 2, (dx * cos - dy * sin) * both / 2
@@ -147,11 +155,33 @@ class Uncertainty:
         else:
             of_step = cos * cos * along, cos * sin * along, cos * both, sin * sin * along, sin * both, turning
             self._random = self._with_gyro(dx, dy, of_step, dt_s, gyro)
-        self.spread = self._with_constants(dx, dy, changes)
+        by_wheels = turn_rad if gyro is None else 0.0
+        self.spread = self._with_turns(self._with_constants(dx, dy, changes), dx, dy, by_wheels)
         if dt_s > self._least_s:
             self._note_speeds(forward_m, turn_rad, along, turning, dt_s, gyro)
 
-    def _with_constants(self, dx: float, dy: float, changes: Tuple[float, float, float]) -> Spread:
+    def _with_turns(self, spread: Spread, dx: float, dy: float, turn_rad: float) -> Spread:
+        """Carry the two paths with other turns over a step, which turns by `turn_rad`; return the spread with them."""
+        mean_x, mean_y, half_x, half_y, angle = self._other_paths
+        if not turn_rad and not angle:
+            return spread
+        middle = angle + self._reach * turn_rad / 2
+        sin, less = math.sin(middle), math.cos(middle) - 1.0
+        mean_x, half_x = mean_x + less * dx, half_x - sin * dy
+        mean_y, half_y = mean_y + less * dy, half_y + sin * dx
+        angle += self._reach * turn_rad
+        self._other_paths = mean_x, mean_y, half_x, half_y, angle
+        xx, xy, xt, yy, yt, tt = spread
+        return (
+            xx + (mean_x * mean_x + half_x * half_x) / 3,
+            xy + (mean_x * mean_y + half_x * half_y) / 3,
+            xt + half_x * angle / 3,
+            yy + (mean_y * mean_y + half_y * half_y) / 3,
+            yt + half_y * angle / 3,
+            tt + angle * angle / 3,
+        )
+
+    def _with_constants(self, dx: float, dy: float, changes: Tuple[float, float]) -> Spread:
         """Carry the effects of the constant errors over a step; return the spread with them."""
         xx, xy, xt, yy, yt, tt = self._random
         x_m, y_m = self._moved_m = (self._moved_m[0] + dx, self._moved_m[1] + dy)
@@ -182,9 +212,8 @@ class Uncertainty:
         clock = self._clock_s2 * per_s2
         linear2, angular2 = forward_m * forward_m * per_s2, turn_rad * turn_rad * per_s2
         if gyro is None:
-            share = (self._turn_variance + clock) * angular2 + self._constants[
-                2
-            ] * linear2 / self._base_m / self._base_m
+            bend2 = self._constants[1] * linear2 / self._base_m / self._base_m
+            share = (self._turn_variance + clock) * angular2 + bend2
             of_turn = (self._rounding[1] + turning) * per_s2 + share
         else:
             of_turn = gyro.noise_rad2_s / dt_s + gyro.bias_variance + self._gyro_variance * angular2
@@ -266,7 +295,6 @@ class OmniUncertainty(Uncertainty):
         self._random = self._with_gyro(dx, dy, of_step, dt_s, gyro)
         self._moved_m = (self._moved_m[0] + dx, self._moved_m[1] + dy)
         changes = [
-            (0.0, 0.0, turn_rad * by_wheels),
             (0.0, 0.0, turn_rad * (1.0 - by_wheels)),
             *(
                 ((cos * x - sin * y) * way_m, (sin * x + cos * y) * way_m, t * way_m * by_wheels)
@@ -276,7 +304,7 @@ class OmniUncertainty(Uncertainty):
         for effect, (x, y, turn) in zip(self._effects, changes):
             mean = effect[2] + turn / 2
             effect[:] = effect[0] + x - dy * mean, effect[1] + y + dx * mean, effect[2] + turn
-        self.spread = self._whole()
+        self.spread = self._with_turns(self._whole(), dx, dy, turn_rad * by_wheels)
         if dt_s > self._least_s:
             self.variances = self._of_speeds((xx, tt, ll), wheels_m, turn_rad, dt_s, gyro)
 
@@ -308,7 +336,7 @@ class OmniUncertainty(Uncertainty):
             angular = gyro.noise_rad2_s / dt_s + gyro.bias_variance + self._gyro_variance * angular2
         else:
             bend = sum((column[2] * way_m) ** 2 for column, way_m in zip(self._columns, wheels_m))
-            angular += (self._turn_variance + clock) * angular2 + self._constants[2] * bend * per_s2
+            angular += (self._turn_variance + clock) * angular2 + self._constants[1] * bend * per_s2
         found = linear + share * moved.forward**2, angular, lateral + share * moved.left**2
         return tuple(  # type: ignore[return-value]
             before + NEWEST * (now - before) for before, now in zip(self.variances, found)

@@ -3,7 +3,7 @@
 import math
 import time
 from types import SimpleNamespace
-from typing import Any, Callable, Dict, List, Mapping, Type, Union
+from typing import Any, Callable, Dict, List, Mapping, Optional, Tuple, Type, Union
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from genpy import Time
@@ -14,7 +14,7 @@ from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
-from mrl_driver.geometry import Pose
+from mrl_driver.geometry import Pose, advance
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.session.handshake import Board
@@ -32,6 +32,10 @@ TOLERANCE_S = 1e-4
 """The difference of the two clocks stays the same until it is off by more than this in two readings [s]: a thread may
 pause between the clocks.
 """
+GAP_PERIODS = 2.5
+"""After a longer gap, a message that is a period younger than the last has the speeds of the next one, which are means
+over the gap: a filter that integrates twists then follows the pose.  Gaps of `JUMP_S` and longer stay gaps.
+"""
 JUMP_S = 1.0  # If the clock goes back further than this, it was set on purpose, and the stamps follow it
 LATCHED = {
     "battery": BatteryState,
@@ -44,6 +48,12 @@ LATCHED = {
 }
 FIELD_TOPICS = ("warning_field_clear", "outer_warning_field_clear", "protective_field_clear")
 """Latched topics of a robot with zones."""
+
+
+def _stamp_of(wall_s: float) -> Tuple[int, int]:
+    """Seconds and nanoseconds."""
+    secs = int(wall_s)
+    return secs, int((wall_s - secs) * 1e9)
 
 
 class Unpublished:
@@ -86,7 +96,8 @@ class Publishers:
         self._stamp, self._clock, self._monotonic = Time(), clock, monotonic
         self._ahead_s = -math.inf
         self._note_clock = note_clock
-        self._least_s = 0.0
+        self._least_s, self._period_s = 0.0, 1.0 / parameters.rate
+        self._former: Optional[Telemetry] = None
         if model.drives:
             self._add_wheels(odom, base)
         self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
@@ -150,15 +161,17 @@ class Publishers:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
         stamp_s, fresh, twist = telemetry.stamp_s, telemetry.fresh, telemetry.twist
         x_m, y_m, yaw_rad = telemetry.pose
+        former, self._former = self._former, telemetry
         ahead_s = self._clock() - self._monotonic()
         if not -TOLERANCE_S < ahead_s - self._ahead_s < TOLERANCE_S:
             self._follow(ahead_s)
         wall_s = max(0.0, self._ahead_s + stamp_s)  # simulated time begins at 0
         if self._least_s - JUMP_S < wall_s < self._least_s:
             wall_s = self._least_s
+        if former is not None and GAP_PERIODS * self._period_s < wall_s - self._least_s < JUMP_S:
+            self._tell_speeds_of_gap(former, telemetry)
         self._least_s = wall_s + STEP_S
-        secs = int(wall_s)
-        nsecs = int((wall_s - secs) * 1e9)
+        secs, nsecs = _stamp_of(wall_s)
         z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)  # as `geometry.quaternion_of`, without a call
         out = self._odometry_out
         if out.impl.connections:
@@ -172,6 +185,16 @@ class Publishers:
         if fresh:
             self._stamp.secs, self._stamp.nsecs = secs, nsecs
             self._publish_ranges(telemetry)
+
+    def _tell_speeds_of_gap(self, former: Telemetry, telemetry: Telemetry) -> None:
+        out, twist, period_s = self._odometry_out, telemetry.twist, self._period_s
+        if out.impl.connections:
+            secs, nsecs = _stamp_of(self._least_s - STEP_S + period_s)
+            steps = twist.linear_m_s * period_s, twist.angular_rad_s * period_s, twist.lateral_m_s * period_s
+            x_m, y_m, yaw_rad = advance(former.pose, *steps)
+            z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)
+            sure = former.spread, twist, telemetry.twist_variances
+            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, *sure))
 
     def _follow(self, ahead_s: float) -> None:
         """The clock of the stamps was set, or this thread paused between the two clocks, which makes it too small."""

@@ -58,6 +58,26 @@ def test_a_scale_grows_with_the_way_and_cancels_on_the_way_back(noise, way, at, 
     assert made.spread == pytest.approx(NOTHING, abs=1e-12)
 
 
+def test_wrong_turns_of_tracks_move_the_end_on_an_arc():
+    """As the ends of two ways whose turns are wrong by sqrt(3) standard deviations, each with a weight of a sixth."""
+    sd, made = 0.1, sure(turn_scale_sd=0.1)
+
+    def end_of(scale, made=None):
+        pose = ORIGIN
+        for turn_rad in (0.02,) * 400 + (0.0,) * 100:
+            after = advance(pose, STEP_M, turn_rad * scale)
+            if made is not None:
+                made.update(pose, after, (STEP_M, STEP_M), turn_rad, STEP_S)
+            pose = after
+        return pose
+
+    end = end_of(1.0, made)
+    others = [end_of(1 + side * math.sqrt(3) * sd) for side in (-1, 1)]
+    away = [[a - b for a, b in zip(other, end)] for other in others]
+    expected = [sum(each[i] * each[j] for each in away) / 6 for i in range(3) for j in range(i, 3)]
+    assert made.spread == pytest.approx(expected, rel=0.02, abs=0.01)
+
+
 def test_unequal_wheels_bend_a_straight_way():
     made = sure(wheel_ratio_sd=0.01)
     drive(made)

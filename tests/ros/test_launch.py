@@ -491,6 +491,20 @@ def test_arguments_reach_the_real_nodes(config_of, file, arguments, values):
 
 
 @pytest.mark.parametrize(
+    "arguments, noise",
+    [
+        ((), 0.001),
+        (("gyro:=false",), 0.07),
+        (("robot:=stingbot", "gyro:=false"), 0.002),
+        (("yaw_noise:=0.5",), 0.5),
+    ],
+)
+def test_filter_is_less_sure_of_turns_by_wheels_and_least_by_tracks(config_of, arguments, noise):
+    params = config_of("ekf.launch", *arguments).params
+    assert params["/ekf_localization/process_noise_covariance"].value[::16][5] == noise
+
+
+@pytest.mark.parametrize(
     "arguments, name, words",
     [
         (

@@ -66,6 +66,24 @@ def stamps(*changes, **given):
     return [message.header.stamp.to_sec() for message in topics["odom"].sent]
 
 
+@pytest.mark.parametrize("gap_s, sent", [(0.04, 2), (0.3, 3), (1.1, 2)])
+def test_speeds_of_a_gap_are_told_a_period_after_its_begin(gap_s, sent):
+    """Who integrates them then knows the way: 0.06 m in 0.3 s."""
+    topics = Topics("odom")
+    out = Publishers(topics, OSError, check({"port": "p"}, "node"), MODEL, lambda: 1.0, lambda: 1.0)
+    for stamp_s, x_m in ((50.0, 0.0), (50.0 + gap_s, 0.2 * gap_s)):
+        twist = Twist(0.2 if x_m else 0.0, 0.0)
+        out.telemetry(Telemetry(stamp_s, stamp_s, Pose(x_m, 0.0, 0.0), twist, {}, (), Wheels(0, 0), 1))
+    told = topics["odom"].sent
+    assert len(told) == sent
+    if sent == 3:
+        begin, end = told[1:]
+        lasting_s = (end.header.stamp - begin.header.stamp).to_sec()
+        way_m = end.pose.pose.position.x - begin.pose.pose.position.x
+        assert lasting_s == pytest.approx(gap_s - 0.02)
+        assert begin.twist.twist.linear.x * lasting_s == pytest.approx(way_m)
+
+
 def test_a_pause_between_the_readings_of_the_clocks_leaves_the_stamp():
     assert stamps({"pause_s": 2.0}) == pytest.approx([1050.0, 1050.02], abs=1e-6)
 
