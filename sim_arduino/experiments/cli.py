@@ -11,7 +11,6 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import confirm_motion
 from mrl_driver.cli.main import registered
 from mrl_driver.errors import ConfigError, MrlError
-from sim_arduino.serve.one_line import OneLine
 
 if TYPE_CHECKING:  # `mrl --help` loads this module
     from rich.table import Table
@@ -46,7 +45,7 @@ EXPERIMENTS = {
 }
 
 
-@click.command("experiment", cls=OneLine, short_help="Repeat an experiment of the papers.")
+@click.command("experiment", short_help="Repeat an experiment of the papers.")
 @click.argument("names", nargs=-1, metavar="[NAME|all]...", type=click.Choice(["all", *EXPERIMENTS]))
 @click.option("--list", "listed", is_flag=True, help="List the experiments.")
 @click.option(

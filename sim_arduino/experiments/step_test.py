@@ -71,7 +71,7 @@ class Mirrored:
     def __init__(self, robot: str) -> None:
         self._name = f"step-test-{os.getpid()}"
         words = ("--world-name", self._name, "--name", "mirror", "--robot", robot)
-        command = [sys.executable, "-m", "sim_arduino.replay.mirror", *words]
+        command = [sys.executable, "-m", "mrl_driver", "mirror", *words]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, text=True)
         assert self._process.stdin is not None
         self._pipe = self._process.stdin

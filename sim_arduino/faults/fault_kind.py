@@ -13,8 +13,8 @@ class FaultKind(NamedTuple):
     """A kind of fault.
 
     `make` of a fault of the serial link is called with a random generator and the parameters.  `switch` of a fault of
-    the hardware is called with the plant, whether the fault is on, and the parameters; it needs the hardware `needs`:
-    "motors", "omni3md", "bridge", "imu", "sonars", "radio", or "" for that of all robots.
+    the hardware is called with the plant, whether the fault is on, and the parameters; it needs the hardware `needs`, a
+    key of `hardware_faults.NEEDS`, or "" for that of all robots.
     """
 
     name: str

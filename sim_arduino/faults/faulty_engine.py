@@ -13,32 +13,27 @@ from typing import Any, Callable, Iterable, Union
 from mrl_driver.errors import ConfigError
 from sim_arduino.board.engine import Engine
 
-from .fault_kind import FaultKind
+from .fault_kind import FOREVER_S, FaultKind
 from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, parse
+from .hardware_faults import NEEDS
 from .schedule import Chain, Window
 
 
 class _Switch:
-    """A fault that is on during its windows, or until a requested time; `act` is called when that changes."""
+    """A fault that is on during its windows; `act` is called when that changes."""
 
     def __init__(self, act: Callable[[bool], None], *windows: Window) -> None:
         self._act, self.windows = act, [*windows]
-        self.until_s = -math.inf
         self.is_on = False
 
     def update(self, now_s: float) -> None:
-        on = any([window.on(now_s) for window in self.windows]) or now_s < self.until_s
+        on = any([window.on(now_s) for window in self.windows])
         if on != self.is_on:
             self.is_on = on
             self._act(on)
 
     def next_s(self, now_s: float) -> float:
-        asked_s = self.until_s if now_s < self.until_s else math.inf
-        return min([asked_s, *(window.next_s(now_s) for window in self.windows)])
-
-    def clear(self) -> None:
-        self.windows.clear()
-        self.until_s = -math.inf
+        return min([window.next_s(now_s) for window in self.windows], default=math.inf)
 
 
 class FaultyEngine:
@@ -82,7 +77,8 @@ class FaultyEngine:
         kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
         self._count += 1
         if kind.switch is not None:
-            self._require_hardware(kind)
+            if kind.needs:
+                self._require_hardware(kind)
             self._switches.append(_Switch(partial(kind.switch, self._plant, **values), Window(*times)))
             self._switches[-1].update(self.now_s)
         elif kind.make is None:
@@ -94,27 +90,11 @@ class FaultyEngine:
                     chain.add(kind.make(rng, **values), Window(*times))
 
     def _require_hardware(self, kind: FaultKind) -> None:
-        plant, name = self._plant, self._plant.model.name
-        bridge, another = plant.bridge is not None, "expected another robot"
-        checks = (
-            ("motors omni3md", not plant.model.drives, f"motors, robot {name} has none; {another}"),
-            (
-                "omni3md",
-                bridge,
-                f"an OMNI-3MD, robot {name} has motors on an H-bridge; {another}, such as traxbot",
-            ),
-            (
-                "bridge",
-                not bridge,
-                f"motors on an H-bridge, robot {name} has an OMNI-3MD; {another}, such as duo",
-            ),
-            ("sonars", not plant.sonars_fitted, "sonars, the robot has environment sensors instead"),
-            ("imu", plant.imu is None, "an IMU, the robot has none; expected --imu too"),
-            ("radio", plant.xbee is None, "a radio, the robot has none; expected --radio too"),
-        )
-        for needs, lacks, text in checks:
-            if lacks and kind.needs in needs.split():
-                raise ConfigError(f"fault {kind.name!r} needs {text}")
+        what, expected, there = NEEDS[kind.needs]
+        if not there(self._plant):
+            raise ConfigError(
+                f"fault {kind.name!r} needs {what}, robot {self._plant.model.name} has none; expected {expected}"
+            )
 
     @property
     def _plant(self) -> Any:
@@ -133,28 +113,26 @@ class FaultyEngine:
         for chain in self._chains.values():
             chain.clear()
         for switch in self._switches:
-            switch.clear()
+            switch.windows.clear()
         self._switch()
         del self._switches[len(self._of_board) :]
 
-    def unplug(self, seconds: float = math.inf) -> None:
+    def unplug(self, seconds: float = FOREVER_S) -> None:
         """Unplugs the cable, and plugs it in after `seconds`."""
-        self._unplugged.until_s = self.now_s + seconds
-        self._switch()
+        self.inject(f"unplug:at=0,lasts={seconds}")
 
     def plug(self) -> None:
         """Plugs the cable in."""
-        self._unplugged.clear()
+        self._unplugged.windows.clear()
         self._switch()
 
     def stall(self, seconds: float) -> None:
         """Makes the line hold back all bytes for `seconds`."""
-        self.add(f"stall:at={self.now_s!r},lasts={seconds}")
+        self.inject(f"stall:at=0,lasts={seconds}")
 
     def freeze(self, seconds: float) -> None:
         """Freezes the board for `seconds`."""
-        self._frozen.until_s = self.now_s + seconds
-        self._switch()
+        self.inject(f"freeze:at=0,lasts={seconds}")
 
     # ---- the Engine interface
 

@@ -5,6 +5,8 @@ The first line of its docstring is the text of the fault in the help.
 Times are those of the plant, which a simulated chip lets run up to 1 ms ahead.
 """
 
+from typing import Any, Callable, Dict, Tuple
+
 from mrl_driver.robot.sonar import NAMES as SONARS
 from sim_arduino.hardware import sonars
 from sim_arduino.hardware.encoders import Bounce, Quadrature
@@ -29,6 +31,20 @@ _SONAR = (
     Key("sonar", "front", None, 0.0, "front, left or right", choices=SONARS),
     Key("state", sonars.DEAD, None, 0.0, _SONAR_STATES, choices=sonars.STATES),
 )
+
+NEEDS: Dict[str, Tuple[str, str, Callable[[Plant], Any]]] = {
+    "motors": ("motors", "another robot", lambda plant: plant.model.drives),
+    "omni3md": (
+        "an OMNI-3MD",
+        "another robot, such as traxbot",
+        lambda plant: plant.model.drives and not plant.bridge,
+    ),
+    "bridge": ("motors on an H-bridge", "another robot, such as duo", lambda plant: plant.bridge),
+    "sonars": ("sonars", "a board without environment sensors", lambda plant: plant.sonars_fitted),
+    "imu": ("an IMU", "--imu too", lambda plant: plant.imu),
+    "radio": ("a radio", "--radio too", lambda plant: plant.xbee),
+}
+"""What faults need, by `FaultKind.needs`: as text, the robot that is expected, and whether a robot has it."""
 
 
 def _index(wheel: str) -> int:

@@ -1,20 +1,17 @@
 """Faults of the link, which hit the bytes, or the frames, in one direction.  Pure; seeded; the caller passes time.
 
-A fault gets bytes and their time, and returns the bytes that come out at this time.  Random faults hit the same bytes,
-no matter how the stream is cut into pieces.  A frame ends with its `e`; bytes between frames belong to the next frame.
-Each class has the methods of `schedule.LineFault`.
+Random faults hit the same bytes, no matter how the stream is cut into pieces.  A frame ends with its `e`; bytes between
+frames belong to the next frame.  The keys of each fault are its attributes.
 """
 
-import heapq
 import math
-import random
-from collections import deque
-from typing import Deque, Iterator, List, Tuple
+from typing import Iterable, List, Tuple
 
 from mrl_driver.protocol.table import BAUD
 
 from .fault_kind import fault
 from .key_values import Key
+from .schedule import LineFault
 
 _SHARE = Key("rate", 0.001, 0.0, 1.0, "share of bytes")
 _FRAMES = _SHARE._replace(text="share of frames")
@@ -22,296 +19,189 @@ _LONGEST = 256
 _TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are not frames here"
 _FLOOD_STEP_S = 0.01
 _NEIGHBOUR_S = 0.01
+_Pieces = Iterable[Tuple[float, bytes]]
 
 
-class _Hits:
-    """Random positions in an endless stream of bytes; each byte is hit with the same probability."""
+class _Random(LineFault):
+    """A fault that hits bytes or frames with the probability `rate`."""
 
-    def __init__(self, rng: random.Random, rate: float) -> None:
-        self._rng, self._rate = rng, rate
-        self._left = self._gap()
+    rate: float
 
-    def _gap(self) -> int:
-        """Number of bytes that pass unchanged before the next hit."""
-        if self._rate >= 1:
-            return 0
-        if self._rate <= 0:
-            return 1 << 62
-        return int(min(1e18, math.log(1 - self._rng.random()) / math.log1p(-self._rate)))
-
-    def among(self, count: int) -> Iterator[int]:
-        """Offsets of the hits among the next `count` bytes."""
-        done = 0
-        while self._left < count - done:
-            done += self._left + 1
-            self._left = self._gap()
-            yield done - 1
-        self._left -= count - done
-
-
-class _Instant:
-    """A fault that holds no bytes back."""
-
-    next_s = math.inf
-
-    def empty(self) -> bytes:
-        return b""
+    def _hits(self) -> bool:
+        return self.rng.random() < self.rate
 
 
 @fault(
     Key("rate", 0.001, 0.0, 1.0, "share of bytes at which a loss begins"),
     Key("burst", 1, 1, 1024, "bytes lost in a row", "byte"),
 )
-class _Loss(_Instant):
+class _Loss(_Random):
     """Bytes are lost."""
 
-    def __init__(self, rng: random.Random, rate: float, burst: float) -> None:
-        self._hits, self._burst = _Hits(rng, rate), int(burst)
-        self._losing = 0
+    burst: float
+    _losing = 0
 
-    def run(self, data: bytes, now_s: float) -> bytes:
-        hits = set(self._hits.among(len(data)))
-        if not hits and not self._losing:
-            return data
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
         out = bytearray()
-        for i, byte in enumerate(data):
-            if i in hits and not self._losing:
-                self._losing = self._burst
+        for byte in data:
+            if not self._losing and self._hits():
+                self._losing = int(self.burst)
             if self._losing:
                 self._losing -= 1
             else:
                 out.append(byte)
-        return bytes(out)
+        yield now_s, bytes(out)
 
 
 @fault(_SHARE)
-class _Change(_Instant):
+class _Change(_Random):
     """A byte is replaced by another one."""
 
-    bits = False  # whether only one bit changes
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
+        yield now_s, bytes([byte ^ self._wrong() if self._hits() else byte for byte in data])
 
-    def __init__(self, rng: random.Random, rate: float) -> None:
-        self._rng, self._hits = rng, _Hits(rng, rate)
-
-    def run(self, data: bytes, now_s: float) -> bytes:
-        out = bytearray(data)
-        for i in self._hits.among(len(data)):
-            out[i] ^= 1 << self._rng.randrange(8) if self.bits else self._rng.randrange(1, 256)
-        return bytes(out)
+    def _wrong(self) -> int:
+        return self.rng.randrange(1, 256)
 
 
 @fault(_SHARE)
 class _Flip(_Change):
     """One bit of a byte is flipped."""
 
-    bits = True
+    def _wrong(self) -> int:
+        return 1 << self.rng.randrange(8)
 
 
 @fault(_SHARE)
-class _Swap:
+class _Swap(_Random):
     """A byte and the next one are exchanged.
 
     If no byte follows within 10 ms, it keeps its place.
     """
 
-    def __init__(self, rng: random.Random, rate: float) -> None:
-        self._hits = _Hits(rng, rate)
-        self._held = b""
-        self.next_s = math.inf
-
-    def run(self, data: bytes, now_s: float) -> bytes:
-        out = bytearray(self.empty() if now_s >= self.next_s else b"")
-        hits = set(self._hits.among(len(data)))
-        for i in range(len(data)):
-            later = self._held
-            if later:
-                out += data[i : i + 1]
-            else:
-                later = data[i : i + 1]
-            self._held = later if i in hits else b""
-            out += b"" if self._held else later
-        if data:
-            self.next_s = now_s + _NEIGHBOUR_S if self._held else math.inf
-        return bytes(out)
-
-    def empty(self) -> bytes:
-        held, self._held, self.next_s = self._held, b"", math.inf
-        return held
-
-
-class _Frames:
-    """A fault that hits each frame with the probability `rate`."""
-
     next_s = math.inf
 
-    def __init__(self, rng: random.Random, rate: float) -> None:
-        self._rng, self._rate = rng, rate
-        self._begun = b""
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
+        if now_s >= self.next_s:
+            yield now_s, self.empty()
+        for byte in data:
+            if self.rest:
+                yield now_s, bytes([byte])
+            else:
+                self.rest = bytes([byte])
+            if not self._hits():
+                yield now_s, self.rest
+                self.rest = b""
+        if data or not self.rest:
+            self.next_s = now_s + _NEIGHBOUR_S if self.rest else math.inf
 
-    def _whole(self, data: bytes) -> Iterator[bytes]:
-        """The frames that are complete."""
+
+class _Frames(_Random):
+    """A fault that hits frames; `rest` is the frame that has begun."""
+
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
         *ended, rest = data.split(b"e")
         for part in ended:
-            yield self._begun + part + b"e"
-            self._begun = b""
-        self._begun += rest
-        if b"@" not in self._begun and self._begun.endswith(b"\n") or len(self._begun) > _LONGEST:
-            yield self._begun  # not a frame
-            self._begun = b""
+            whole, self.rest = self.rest + part + b"e", b""
+            yield from self._hit(whole, now_s) if b"@" in whole and self._hits() else [(now_s, whole)]
+        self.rest += rest
+        if b"@" not in self.rest and self.rest.endswith(b"\n") or len(self.rest) > _LONGEST:
+            yield now_s, self.rest  # not a frame
+            self.rest = b""
 
-    def _hit(self, part: bytes) -> bool:
-        return b"@" in part and self._rng.random() < self._rate
-
-    def run(self, data: bytes, now_s: float) -> bytes:
-        return b"".join([self._turn(part, now_s) for part in self._whole(data)])
-
-    def _turn(self, part: bytes, now_s: float) -> bytes:
+    def _hit(self, whole: bytes, now_s: float) -> _Pieces:
+        """What becomes of a frame, and bytes before it, that is hit."""
         raise NotImplementedError
-
-    def empty(self) -> bytes:
-        begun, self._begun = self._begun, b""
-        return begun
 
 
 @fault(_FRAMES)
 class _Drop(_Frames):
     """A whole frame is lost, as a datagram is."""
 
-    def _turn(self, part: bytes, now_s: float) -> bytes:
-        return b"" if self._hit(part) else part
+    def _hit(self, whole: bytes, now_s: float) -> _Pieces:
+        return ()
 
 
 @fault(_FRAMES)
 class _Repeat(_Frames):
     """A frame arrives twice."""
 
-    def _turn(self, part: bytes, now_s: float) -> bytes:
-        return part + part[part.rfind(b"@") :] if self._hit(part) else part
+    def _hit(self, whole: bytes, now_s: float) -> _Pieces:
+        yield now_s, whole + whole[whole.rfind(b"@") :]
 
 
 @fault(_FRAMES, Key("delay", 0.05, 0.0, 60.0, "longest delay", "s"))
 class _Overtake(_Frames):
     """A frame arrives after later ones."""
 
-    def __init__(self, rng: random.Random, rate: float, delay: float) -> None:
-        super().__init__(rng, rate)
-        self._delay_s = delay
-        self._held: List[Tuple[float, int, bytes]] = []
-        self._count = 0
+    delay: float
 
-    @property
-    def next_s(self) -> float:  # type: ignore[override]
-        return self._held[0][0] if self._held else math.inf
-
-    def run(self, data: bytes, now_s: float) -> bytes:
-        out = super().run(data, now_s)
-        while self._held and self._held[0][0] <= now_s:
-            out += heapq.heappop(self._held)[2]
-        return out
-
-    def _turn(self, part: bytes, now_s: float) -> bytes:
-        if not self._hit(part):
-            return part
-        self._count += 1
-        heapq.heappush(self._held, (now_s + self._rng.random() * self._delay_s, self._count, part))
-        return b""
-
-    def empty(self) -> bytes:
-        held, self._held = sorted(self._held), []
-        return b"".join([part for _, _, part in held]) + super().empty()
-
-
-class _Holding:
-    """A fault that delays bytes and keeps their order."""
-
-    def __init__(self, rng: random.Random) -> None:
-        self._rng = rng
-        self._held: Deque[Tuple[float, bytes]] = deque()
-
-    @property
-    def next_s(self) -> float:
-        return self._held[0][0] if self._held else math.inf
-
-    def _due(self, now_s: float) -> bytes:
-        out = bytearray()
-        while self._held and self._held[0][0] <= now_s:
-            out += self._held.popleft()[1]
-        return bytes(out)
-
-    def empty(self) -> bytes:
-        return self._due(math.inf)
+    def _hit(self, whole: bytes, now_s: float) -> _Pieces:
+        yield now_s + self.rng.random() * self.delay, whole
 
 
 @fault(
     Key("delay", 0.0, 0.0, 60.0, "delay of every piece", "s"),
     Key("jitter", 0.016, 0.0, 60.0, "largest random addition", "s"),
 )
-class _Delay(_Holding):
+class _Delay(LineFault):
     """Bytes arrive late, in their order."""
 
-    def __init__(self, rng: random.Random, delay: float, jitter: float) -> None:
-        super().__init__(rng)
-        self._delay_s, self._jitter_s = delay, jitter
-        self._last_s = -math.inf
+    delay: float
+    jitter: float
+    _last_s = -math.inf
 
-    def run(self, data: bytes, now_s: float) -> bytes:
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
         if data:
-            self._last_s = max(self._last_s, now_s + self._delay_s + self._rng.random() * self._jitter_s)
-            self._held.append((self._last_s, data))
-        return self._due(now_s)
+            self._last_s = max(self._last_s, now_s + self.delay + self.rng.random() * self.jitter)
+            yield self._last_s, data
 
 
 @fault(
     Key("size", 3, 1, 1024, "largest size of a piece", "byte"),
     Key("gap", 0.003, 0.0, 1.0, "time between pieces", "s"),
 )
-class _Split(_Holding):
+class _Split(LineFault):
     """Bytes arrive in small pieces."""
 
-    def __init__(self, rng: random.Random, size: float, gap: float) -> None:
-        super().__init__(rng)
-        self._size, self._gap_s = int(size), gap
-        self._free_s = -math.inf
+    size: float
+    gap: float
+    _free_s = -math.inf
 
-    def run(self, data: bytes, now_s: float) -> bytes:
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
         while data:
-            size = self._rng.randint(1, self._size)
-            at_s = max(now_s, self._free_s)
-            self._held.append((at_s, data[:size]))
-            self._free_s, data = at_s + self._gap_s, data[size:]
-        return self._due(now_s)
+            size, at_s = self.rng.randint(1, int(self.size)), max(now_s, self._free_s)
+            yield at_s, data[:size]
+            self._free_s, data = at_s + self.gap, data[size:]
 
 
 @fault(at_s=1.0, lasts_s=1.0)
-class _Stall(_Holding):
+class _Stall(LineFault):
     """All bytes are held back, then delivered at once."""
 
-    def run(self, data: bytes, now_s: float) -> bytes:
-        if data:
-            self._held.append((math.inf, data))
-        return b""
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
+        yield math.inf, data
+
+
+class _Insert(LineFault):
+    """Inserts bytes from time to time."""
+
+    next_s = -math.inf
+
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
+        if now_s >= self.next_s:
+            pause_s, inserted = self._inserted()
+            self.next_s = now_s + pause_s
+            yield now_s, inserted
+        yield now_s, data
+
+    def _inserted(self) -> Tuple[float, bytes]:
+        """Time until the next insertion [s], and the bytes of this one."""
+        raise NotImplementedError
 
 
 def _junk(bytes_per_s: float) -> Key:
     return Key("rate", bytes_per_s, 0.1, 100000.0, "bytes per second", "byte/s")
-
-
-class _Insert(_Instant):
-    """Inserts bytes every `step_s` [s]."""
-
-    next_s = -math.inf
-
-    def __init__(self, step_s: float) -> None:
-        self._step_s = step_s
-
-    def run(self, data: bytes, now_s: float) -> bytes:
-        if now_s < self.next_s:
-            return data
-        self.next_s = now_s + self._step_s
-        return self._inserted() + data
-
-    def _inserted(self) -> bytes:
-        raise NotImplementedError
 
 
 @fault(_junk(11520.0), name="flood", text="random bytes at the full rate of the serial link")
@@ -319,12 +209,11 @@ class _Insert(_Instant):
 class _Junk(_Insert):
     """Random bytes are inserted."""
 
-    def __init__(self, rng: random.Random, rate: float) -> None:
-        super().__init__(max(_FLOOD_STEP_S, 1 / rate))
-        self._rng, self._count = rng, round(rate * self._step_s)
+    rate: float
 
-    def _inserted(self) -> bytes:
-        return bytes(self._rng.randrange(256) for _ in range(self._count))
+    def _inserted(self) -> Tuple[float, bytes]:
+        pause_s = max(_FLOOD_STEP_S, 1 / self.rate)
+        return pause_s, bytes(self.rng.randrange(256) for _ in range(round(self.rate * pause_s)))
 
 
 @fault(
@@ -334,16 +223,15 @@ class _Junk(_Insert):
 class _Text(_Insert):
     """Lines of text are inserted, as 2013 boards send them."""
 
-    def __init__(self, rng: random.Random, period: float, text: str) -> None:
-        super().__init__(period)
-        self._line = text.encode("utf-8") + b"\r\n"
+    period: float
+    text: str
 
-    def _inserted(self) -> bytes:
-        return self._line
+    def _inserted(self) -> Tuple[float, bytes]:
+        return self.period, self.text.encode("utf-8") + b"\r\n"
 
 
 @fault(Key("rate", 57600, 300, 1000000, "rate of the host's port", "Bd"))
-class _Baud(_Instant):
+class _Baud(LineFault):
     """The host's port has another baud rate than the board.
 
     Bytes are sent at 115200 baud, and the receiver samples where it expects the bits.
@@ -351,18 +239,18 @@ class _Baud(_Instant):
     The line is idle before each piece.
     """
 
-    def __init__(self, rng: random.Random, rate: float) -> None:
-        self._bits = BAUD / rate
+    rate: float
 
-    def run(self, data: bytes, now_s: float) -> bytes:
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
         line = [level for byte in data for level in (0, *(byte >> i & 1 for i in range(8)), 1)]
-        out, at = bytearray(), 0.0
+        out, at, bits = bytearray(), 0.0, BAUD / self.rate
         while True:
             at = next((i for i in range(math.ceil(at), len(line)) if not line[i]), len(line))
             if at >= len(line):
-                return bytes(out)
-            out.append(sum(_level(line, at + (i + 1.5) * self._bits) << i for i in range(8)))
-            at += 9.5 * self._bits
+                break
+            out.append(sum(_level(line, at + (i + 1.5) * bits) << i for i in range(8)))
+            at += 9.5 * bits
+        yield now_s, bytes(out)
 
 
 def _level(line: List[int], at: float) -> int:

@@ -1,7 +1,9 @@
-"""Time windows of faults, and chains of faults on a line.  Pure; times must not decrease."""
+"""Time windows of faults, and faults on a line, one after the other.  Pure; times must not decrease."""
 
+import heapq
 import math
-from typing import List, Protocol, Tuple
+import random
+from typing import Any, Iterable, List, Tuple
 
 
 class Window:
@@ -23,18 +25,47 @@ class Window:
         return self._start_s if now_s < self._start_s else math.inf
 
 
-class LineFault(Protocol):
-    """A fault on one direction of the line."""
+class LineFault:
+    """A fault on one direction of the line, whose parameters are its attributes: bytes come out at their own times.
+
+    A kind of fault has its own `pieces`; `rest` holds bytes that wait for the next ones.
+    """
+
+    rest = b""
+
+    def __init__(self, rng: random.Random, **values: Any) -> None:
+        self.rng = rng
+        self._held: List[Tuple[float, int, bytes]] = []
+        self._count = 0
+        vars(self).update(values)
+
+    def pieces(self, data: bytes, now_s: float) -> Iterable[Tuple[float, bytes]]:
+        """What becomes of `data`, which may be empty: bytes, and the time at which they come out [s]."""
+        raise NotImplementedError
 
     @property
     def next_s(self) -> float:
         """Time at which bytes come out without new input [s]; may be infinite."""
+        return self._held[0][0] if self._held else math.inf
 
     def run(self, data: bytes, now_s: float) -> bytes:
         """The bytes that come out at `now_s` when `data`, which may be empty, goes in."""
+        for due_s, piece in self.pieces(data, now_s):
+            if piece:
+                self._count += 1
+                heapq.heappush(self._held, (due_s, self._count, piece))
+        return self._due(now_s)
 
     def empty(self) -> bytes:
         """Returns and drops all held bytes."""
+        rest, self.rest = self.rest, b""
+        return self._due(math.inf) + rest
+
+    def _due(self, now_s: float) -> bytes:
+        out = bytearray()
+        while self._held and self._held[0][0] <= now_s:
+            out += heapq.heappop(self._held)[2]
+        return bytes(out)
 
 
 class Chain:

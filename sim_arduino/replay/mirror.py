@@ -19,7 +19,6 @@ from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.mirror import Mirror
-from sim_arduino.serve.one_line import OneLine
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
@@ -48,7 +47,7 @@ def _pose(number: int, line: str) -> Tuple[float, float, float]:
     return x, y, yaw
 
 
-@click.command("mirror", cls=OneLine, short_help="Place a real robot in the world of emulated ones.")
+@click.command("mirror", short_help="Place a real robot in the world of emulated ones.")
 @click.option("--world-name", required=True, metavar="NAME", help="Name of the shared world.")
 @click.option("--name", required=True, help="Name of the robot in that world.")
 @click.option("--robot", default="traxbot", metavar="NAME|FILE", show_default=True, help="Robot model.")
@@ -75,7 +74,3 @@ def main(world_name: str, name: str, robot: str, pose: str) -> None:
     with closing(Mirror(world, name, footprint, parse_pose(pose, ORIGIN))) as mirror:
         mirror.moved(*ORIGIN)
         follow(mirror, sys.stdin)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,10 +2,11 @@
 
 import os
 import select
-from typing import Callable, Dict, List, Optional, Tuple
+from typing import Callable, List, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.yaml_file import short
+from sim_arduino.faults.fault_kind import FOREVER_S
 from sim_arduino.faults.faulty_engine import FaultyEngine
 
 from .socket_port import BoardPort
@@ -26,34 +27,16 @@ ORDERS: Tuple[Tuple[str, str], ...] = (
 
 def obey(faults: FaultyEngine, order: str) -> None:
     """Carries out an order; raises ConfigError if the order is unknown, or its value is wrong."""
-    word, _, rest = order.strip().partition(" ")
-    simple: Dict[str, Callable[[], None]] = {
-        "plug": faults.plug,
-        "reset": faults.reset,
-        "clear": faults.clear,
-    }
-    timed: Dict[str, Callable[[float], None]] = {"stall": faults.stall, "freeze": faults.freeze}
-    if word in simple and not rest:
-        simple[word]()
-    elif word in timed:
-        timed[word](_seconds(order, rest))
-    elif word == "unplug":
-        faults.unplug(_seconds(order, rest or "1e9"))
+    word, _, rest = (part.strip() for part in order.strip().partition(" "))
+    if word in ("plug", "reset", "clear") and not rest:
+        {"plug": faults.plug, "reset": faults.reset, "clear": faults.clear}[word]()
     elif word == "fault":
-        faults.inject(rest.strip())
+        faults.inject(rest)
+    elif word in ("stall", "freeze", "unplug") and (rest or word == "unplug"):
+        faults.inject(f"{word}:at=0,lasts={rest or FOREVER_S}")
     else:
         expected = ", ".join(usage for usage, _ in ORDERS)
         raise ConfigError(f"order {short(order)} is unknown, expected one of: {expected}")
-
-
-def _seconds(order: str, text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = -1.0
-    if not 0.001 <= seconds <= 1e9:
-        raise ConfigError(f"order {short(order)}: got {short(text)}, expected 0.001 to 1e9 seconds")
-    return seconds
 
 
 class Control:

@@ -5,6 +5,7 @@
 
 import contextlib
 import json
+import math
 import os
 import select
 import signal
@@ -23,6 +24,9 @@ from .socket_port import BoardPort, read_all
 HEARTBEAT_S = 0.1  # longest wait; if a pause is longer than requested, this process has stalled
 STALL_S = 0.25
 TRUTH_PERIOD_S = 0.05
+CLOSE_WAIT_S = 1.0
+"""Time that a board waits at its end for the host to close the port [s]: roslaunch ends both at the same time, and
+without the wait, the host would report a lost link."""
 SLOWEST, FASTEST = 0.01, 1000.0
 _PACKET_BYTES, _PACKET_S = 64, 0.002
 _BYTE_BITS = 10
@@ -110,6 +114,7 @@ class PtyServer:
         self._link_free_s = 0.0
         self._held, self._baud = b"", BAUD
         self._truth_due_s = 0.0 if truth and plant else float("inf")
+        self._end_s = math.inf  # time at which the serving ends at the latest [s, of the monotonic clock]
         self.running = True  # false after `stop`
         self.watched: List[int] = []  # descriptors of which one is readable when `step` has something to do
         self.due_s = 0.0  # time of the next `step` if none of them is [s, of the monotonic clock]
@@ -119,6 +124,16 @@ class PtyServer:
     def stop(self) -> None:
         """Ends the serving; may be called from a signal handler or another thread."""
         self.running = False
+        self.wake()
+
+    def end(self) -> None:
+        """Ends the serving when no program has the port open, or after `CLOSE_WAIT_S`; at once if called again.
+
+        May be called from a signal handler or another thread.
+        """
+        if self._end_s < math.inf:
+            self.running = False
+        self._end_s = time.monotonic() + CLOSE_WAIT_S
         self.wake()
 
     def wake(self) -> None:
@@ -150,6 +165,8 @@ class PtyServer:
                 self._control.attend(self._port)
             self._run_watchers()
             self._plan()
+            if self._end_s < math.inf and not (self._port.is_open and time.monotonic() < self._end_s):
+                self.running = False
 
     def _run_watchers(self) -> None:
         if self._now_s >= self._truth_due_s:

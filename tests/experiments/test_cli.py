@@ -13,7 +13,7 @@ from sim_arduino.experiments.experiment_robot import Setting
 
 
 def run(*args):
-    return CliRunner().invoke(cli.main, args, prog_name="experiment")
+    return CliRunner().invoke(cli.main, args, standalone_mode=False)
 
 
 @pytest.fixture
@@ -39,19 +39,18 @@ def test_each_experiment_is_listed_and_can_be_run():
         assert callable(module.run)
 
 
-def test_what_cannot_be_run_is_one_line(tmp_path):
+def test_what_cannot_be_run_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     for args, said in (
         (["squares"], "square"),
         (["square", "--out", str(tmp_path / "file" / "folder")], "--out"),
     ):
-        result = run(*args)
-        assert result.exit_code == ConfigError.exit_code
-        assert result.output.count("\n") == 1 and said in result.output
+        error = run(*args).exception
+        assert error.exit_code == ConfigError.exit_code and said in str(error)
 
 
 def test_all_are_run_once(started, tmp_path):
-    assert run("square", "all", "--no-ros", "--out", str(tmp_path)).exit_code == 0
+    assert run("square", "all", "--no-ros", "--out", str(tmp_path)).exception is None
     assert started == list(cli.EXPERIMENTS)
 
 
@@ -72,9 +71,8 @@ def test_a_step_test_that_fails_stops_the_robot_before_it_ends_the_mirror(monkey
 
 def test_others_go_on_when_one_fails(started, tmp_path):
     """The failure comes when all are done, in one line."""
-    result = run("power", "square", "l-course", "--robot", "stingbot", "--out", str(tmp_path))
-    assert result.exit_code == ConfigError.exit_code
-    assert result.output.endswith("power: no; square: no\n")
+    error = run("power", "square", "l-course", "--robot", "stingbot", "--out", str(tmp_path)).exception
+    assert (error.exit_code, str(error)) == (ConfigError.exit_code, "power: no; square: no")
     assert experiment_report.read(str(tmp_path), "l-course") and not experiment_report.read(
         str(tmp_path), "power"
     )
@@ -82,5 +80,5 @@ def test_others_go_on_when_one_fails(started, tmp_path):
 
 def test_a_real_robot_is_not_driven_on_after_a_failure(started, tmp_path):
     words = ("--port", "/dev/ttyACM0", "--yes", "--robot", "stingbot", "--out", str(tmp_path))
-    assert run("power", "square", *words).exit_code == ConfigError.exit_code
+    assert run("power", "square", *words).exception.exit_code == ConfigError.exit_code
     assert started == ["power"]

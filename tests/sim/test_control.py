@@ -1,11 +1,7 @@
 """`mrl-sim` as a process: faults at the start, by the clock and on stdin, its end, and how fast bytes pass."""
 
-import math
 import os
 import select
-import signal
-import subprocess
-import sys
 
 import pytest
 
@@ -13,16 +9,14 @@ from mrl_driver.errors import ConfigError
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.serve import factory
 from sim_arduino.serve.control import Control, obey
-from sim_arduino.serve.minimal import CLOSE_WAIT_S, Shutdown, emulated, main
+from sim_arduino.serve.main import emulated
 from sim_arduino.serve.pty import PtyPort
-from sim_arduino.serve.server import PtyServer
+from sim_arduino.serve.server import CLOSE_WAIT_S, PtyServer
 from sim_arduino.serve.socket_port import MOST_WAITING, read_all
 from tests.waiting import PATIENCE_S, require_median
 
 from .simulator import Client, Simulator
 from .test_faults import Echo
-
-LONG = "1e9 seconds"
 
 
 def hangs_up(client):
@@ -57,7 +51,7 @@ def test_a_wrong_order_is_answered_in_one_line_and_changes_nothing():
 @pytest.mark.parametrize(
     "order, text",
     [
-        ("freeze soon", "got 'soon', expected 0.001 to " + LONG),
+        ("freeze soon", "lasts is 'soon', expected 0.001 to 1e+09 s"),
         ("plug now", "order 'plug now' is unknown"),
         ("fault loss:rate=2", "rate is '2'"),
     ],
@@ -97,82 +91,50 @@ def test_times_of_an_ordered_fault_count_from_now():
 
 
 class Port:
-    is_open = True
+    path, watch, master, plugged, baud, is_open = "", None, None, True, 115200, True
 
+    def newly_opened(self):
+        return False
 
-class Server:
-    stopped, woken = 0, 0
-
-    def stop(self):
-        self.stopped += 1
-
-    def wake(self):
-        self.woken += 1
+    def read(self, limit=0):
+        return b""
 
 
 @pytest.fixture
-def ending():
-    """A watcher that was told to end, its port and its server."""
-    port, server = Port(), Server()
-    shutdown = Shutdown(port)
-    assert shutdown.due_s == math.inf
-    shutdown.end(server)
-    assert shutdown.due_s == 0.0 and server.woken
-    return shutdown, port, server
+def ending(monkeypatch):
+    """A server at 10 s that was told to end, its port, and a function that lets it run at a time."""
+    port, clock = Port(), [10.0]
+    monkeypatch.setattr("time.monotonic", lambda: clock[0])
+    server = PtyServer(Echo(), port)
+    server.end()
+
+    def run_at(time_s):
+        clock[0] = time_s
+        server.step()
+        return server.running
+
+    yield port, server, run_at
+    server.waker.close()
 
 
 def test_board_outlives_its_host(ending):
-    shutdown, port, server = ending
-    shutdown.look(10.0)
-    assert not server.stopped
+    port, _, run_at = ending
+    assert run_at(10.0)
     port.is_open = False
-    shutdown.look(shutdown.due_s)
-    assert server.stopped
+    assert not run_at(10.1)
 
 
 def test_board_does_not_wait_for_a_host_that_stays(ending):
-    shutdown, _, server = ending
-    shutdown.look(10.0)
-    shutdown.look(10.0 + 0.99 * CLOSE_WAIT_S)
-    assert not server.stopped
-    shutdown.look(10.0 + CLOSE_WAIT_S)
-    assert server.stopped
+    _, _, run_at = ending
+    assert run_at(10.0 + 0.99 * CLOSE_WAIT_S)
+    assert not run_at(10.0 + CLOSE_WAIT_S)
 
 
-@pytest.mark.parametrize(
-    ("option", "value", "said"),
-    [
-        ("--world", "moon", "world 'moon' is unknown, expected corridor"),
-        ("--pose", "1,2", "pose is '1,2', expected X,Y,YAW"),
-    ],
-)
-def test_wrong_option_costs_one_line(capsys, tmp_path, option, value, said):
-    assert main(["--link", str(tmp_path / "port"), option, value]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith(f"sim_board: {said}") and told.count("\n") == 1
-    assert not (tmp_path / "port").is_symlink()
-
-
-PROGRAM = "import sys; from sim_arduino.serve.minimal import main; sys.exit(main(sys.argv[1:]))"
-
-
-@pytest.fixture
-def board(tmp_path):
-    command = [sys.executable, "-c", PROGRAM, "--link", str(tmp_path / "port")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        try:
-            assert process.stdout.readline().endswith(f" as {tmp_path / 'port'}\n")
-            yield process
-        finally:
-            process.kill()
-
-
-@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_signal_ends_the_process_and_removes_its_port(board, tmp_path, name):
-    assert (tmp_path / "port").is_symlink()
-    board.send_signal(getattr(signal, name))
-    assert (board.wait(), board.stderr.read()) == (0, "")
-    assert not (tmp_path / "port").is_symlink()
+def test_second_signal_ends_the_board_at_once(ending):
+    _, server, run_at = ending
+    assert run_at(10.0)
+    server.end()
+    assert not server.running
 
 
 def test_a_team_has_the_emulated_robots_by_their_numbers():

@@ -13,7 +13,7 @@ from mrl_driver.protocol.table import SENSORS
 from sim_arduino.faults.fault_table import FAULTS
 from sim_arduino.replay.mirror import main as mirror
 from sim_arduino.serve.control import ORDERS
-from sim_arduino.serve.main import main
+from sim_arduino.serve.main import parser
 from sim_arduino.world import world_file
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
@@ -100,8 +100,10 @@ def commands():
 @pytest.mark.parametrize("line", commands())
 def test_commands_of_the_readme_parse(line):
     words = line.split()
-    command, options = (mirror, words[2:]) if words[0] == "mrl" else (main, words[1:])
-    command.make_context(words[0], options)
+    if words[0] == "mrl":
+        mirror.make_context("mirror", words[2:])
+    else:
+        parser().parse_args(words[1:])
 
 
 def first_column(title):
