@@ -160,7 +160,8 @@ def _add_errors(add: Callable[..., Any]) -> None:
     given("--error", metavar="KEYS|FILE", help="deviations of the robot from its model, see below")
     given("--sonar", metavar="KEYS|FILE", help="errors of the sonars, see below")
     given("--footprint", metavar="box|none|circle:R", help="outline for collisions; default: box")
-    add("--fault", dest="faults", action="append", default=[], help="inject a fault, see below; repeat it")
+    text = "inject a fault, see below; may be repeated"
+    add("--fault", dest="faults", action="append", default=[], metavar="FAULT", help=text)
     given("--seed", type=int, help="seed of faults, sonar errors, and the initial RAM of the simulated chip")
 
 
