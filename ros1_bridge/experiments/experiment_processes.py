@@ -6,8 +6,6 @@ import sys
 from pathlib import Path
 from typing import ContextManager, Dict, List
 
-from rosgraph.masterapi import is_online
-
 from mrl_driver.errors import MrlError
 from ros1_bridge.demo.launcher import free_port
 from ros1_bridge.demo.processes import Child, wait_until
@@ -55,6 +53,8 @@ class Parts(ContextManager["Parts"]):
 
     def master(self) -> None:
         """Starts the ROS master that the environment names, and waits for it; MrlError if it does not start."""
+        from rosgraph.masterapi import is_online
+
         uri = os.environ["ROS_MASTER_URI"]
         child = self._start("rosmaster", ["rosmaster", "--core", "-p", uri.rsplit(":", 1)[1]], self._masters)
         wait_until(lambda: is_online(uri) or child.exit_code is not None, START_S)

@@ -17,10 +17,10 @@ from sim_arduino.experiments.experiment_robot import Setting
 from .experiment_processes import ROOT, end, environment
 
 NODES = {
-    "square": ("square_node", "lap"),
-    "sonar-calibration": ("sonar_node", "approach"),
-    "l-course": ("course_node", "drive"),
-    "step-test": ("step_node", "drive"),
+    "square": ("one_robot_node", "lap"),
+    "sonar-calibration": ("one_robot_node", "approach"),
+    "l-course": ("one_robot_node", "drive"),
+    "step-test": ("team_node", "drive_steps"),
     "mixed-team": ("team_node", "wander_team"),
     "shared-waypoint": ("team_node", "share_waypoint"),
     "patrol": ("team_node", "patrol_team"),

@@ -1,19 +1,34 @@
-"""The part of nodes that drives emulated robots by `cmd_vel`, and knows their poses at the times of messages."""
+"""The node that runs experiments with one emulated robot, driven by `cmd_vel`: the square, the sonar, the L-course."""
 
+import math
+import os
 import time
-from typing import Callable, List, Sequence, Tuple
+from typing import Any, Callable, List, Sequence, Tuple
 
+import numpy as np
 import rospy
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import LaserScan, Range
 
+from mrl_driver.apps.calibration import sonar_procedures
+from mrl_driver.apps.calibration.ground_truth import Truth, truth_file
+from mrl_driver.apps.calibration.sonar_procedures import FRESH_S
 from mrl_driver.errors import MrlError
-from mrl_driver.geometry import ORIGIN, Pose
-from mrl_driver.navigation.line_follower import Course
+from mrl_driver.geometry import ORIGIN, Pose, wrap_angle
+from mrl_driver.navigation.line_follower import Course, FollowerLimits
+from mrl_driver.robot import models, sonar_curve
+from mrl_driver.robot.sonar_curve import Curve
 from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.cmd_vel import twist_of
 from ros1_bridge.node.plane_poses import planar
+from sim_arduino.experiments import disturbances, l_course, sonar_approach, square
+from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.experiments.l_course import CourseRecord
 from sim_arduino.experiments.mapping import pose_at
+from sim_arduino.experiments.sonar_approach import SonarRun
+from sim_arduino.world import world_file
+from sim_arduino.world.world_file import pose_text
 
 from .experiment_processes import START_S, Parts
 
@@ -22,8 +37,14 @@ ROBOT = "robot"
 RATE_HZ = 20
 MOST_S = 180.0
 """Time limit of a course [s]."""
-
-
+LAP = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.05, 0.0))
+"""A counter-clockwise lap; the last point makes the robot turn to its first heading."""
+LAP_LIMITS = FollowerLimits(square.SPEEDS.linear_m_s, square.SPEEDS.angular_rad_s)
+SONAR_PLAN = sonar_procedures.SonarPlan(step_m=0.15)
+"""Fewer stops than in simulated time, because these are in real time."""
+SONAR_LIMITS = FollowerLimits(linear_m_s=0.2)
+READ_S = 1.0  # readings of a stop: the sonar measures every 0.3 s
+LAP_STOP_S, COURSE_STOP_S = 2.0, 1.0  # the robot stands for this time at the end
 _Then = Callable[[Odometry], None]
 
 
@@ -126,3 +147,132 @@ def follow(parts: Parts, robot: OdometryRobot, course: Course, stop_s: float) ->
         time.sleep(1 / RATE_HZ)
     robot.drive(0.0, 0.0)
     time.sleep(stop_s)
+
+
+# -- the square
+
+
+def lap(parts: Parts, setting: Setting) -> Pose:
+    """Drives a lap with a robot like the published one; returns the true end minus the end by `odom`.
+
+    Both ends are in the frame of the start.  MrlError if a part fails or is late, or the robot does not arrive.
+    """
+    true_file = str(parts.folder / "truth.jsonl")
+    error = disturbances.error(setting.seed, "square", **square.LIKE_PUBLISHED)
+    options = ("--world", "square", "--error", error, "--seed", str(setting.seed), "--truth", true_file)
+    parts.robot(ROBOT, setting.robot, RATE_HZ, *options)
+    robot = wait_for(parts)
+    wait_until(lambda: os.path.isfile(true_file), START_S)
+    robot.reset_pose(ORIGIN)
+    truth, by_odometry = Truth(truth_file(true_file)), Truth(lambda: robot.pose)
+    for ruler in (truth, by_odometry):
+        ruler.begin("lap")
+    follow(parts, robot, Course(LAP, LAP_LIMITS), LAP_STOP_S)
+    end, found = (ruler.end("lap", lambda _: None) for ruler in (truth, by_odometry))
+    return Pose(end.x_m - found.x_m, end.y_m - found.y_m, wrap_angle(end.yaw_rad - found.yaw_rad))
+
+
+# -- the sonar in front of a wall
+
+
+def approach(parts: Parts, setting: Setting) -> SonarRun:
+    """Approaches the wall with a robot with drawn errors, and fits the readings at the stops.
+
+    Raises:
+        MrlError: a part has failed or is not ready in time, or the robot does not arrive.
+        ConfigError: the sonar missed the wall too often.
+    """
+    ranges, distances = readings(parts, setting)
+    board = {**models.COMMON_BOARD, **models.load(setting.robot).board}
+    curve = Curve(*(board[name] / 1e4 for name in models.CURVE_KEYS))  # by which it converts counts to ranges
+    counts = curve.counts(np.array(ranges)).tolist()
+    hidden = sonar_approach.hidden_curve(setting.seed)
+    return SonarRun(counts, distances, sonar_curve.fit(counts, distances), hidden)
+
+
+def _start_at_wall(parts: Parts, setting: Setting) -> None:
+    """Starts the board, whose sonars have a hidden curve, in front of a wall, and its robot node."""
+    world = parts.folder / "wall.yaml"
+    wall_m, wide_m = sonar_approach.SONAR_X_M + SONAR_PLAN.start_m, sonar_approach.WIDE_M
+    world.write_text(f"start: [0, 0, 0]\nwalls:\n  - [{wall_m}, {-wide_m}, {wall_m}, {wide_m}]\n")
+    pose = pose_text(disturbances.placed(ORIGIN, setting.seed))
+    place = ("--world", str(world), "--pose", pose, "--seed", str(setting.seed))
+    sonar = sonar_approach.sonar_errors(disturbances.sonar_curve(setting.seed))
+    errors = ("--error", disturbances.error(setting.seed), "--sonar", sonar)
+    parts.robot(ROBOT, setting.robot, RATE_HZ, *place, *errors)
+
+
+def readings(parts: Parts, setting: Setting) -> Tuple[List[float], List[float]]:
+    """Median range of the front sonar [m], NaN for none, and distance by odometry [m], at each stop; see `approach`."""
+    _start_at_wall(parts, setting)
+    robot = wait_for(parts)
+    robot.reset_pose(ORIGIN)
+    found: List[float] = []
+    rospy.Subscriber(f"/{ROBOT}/sonar/front", Range, lambda message: found.append(message.range))
+    ranges, distances = [], []
+    for distance_m in SONAR_PLAN.distances():
+        follow(parts, robot, Course([(SONAR_PLAN.start_m - distance_m, 0.0)], SONAR_LIMITS), FRESH_S)
+        found.clear()
+        time.sleep(READ_S)
+        valid = [range_m if np.isfinite(range_m) else np.nan for range_m in found]
+        ranges.append(float(np.median(valid)) if valid else np.nan)
+        distances.append(SONAR_PLAN.start_m - robot.pose.x_m)
+    return ranges, distances
+
+
+# -- the L-course
+
+
+def drive(parts: Parts, setting: Setting) -> CourseRecord:
+    """Drives the course with a robot that has random errors alone; MrlError if a part, a sensor or the drive fails."""
+    start = world_file.load(l_course.WORLD).start
+    _start_in_course(parts, setting, start)
+    truth = heard(f"/{ROBOT}/base_pose_ground_truth")
+    robot = wait_for(parts, truth)
+    robot.reset_pose(start)
+    ranges, scans, subscribers = _listen(models.load(setting.robot))
+    follow(parts, robot, Course(l_course.WAYPOINTS, l_course.SLOW), COURSE_STOP_S)
+    for subscriber in subscribers:
+        subscriber.unregister()
+    for name, readings in (("sonar/left and sonar/right", ranges), ("scan", scans)):
+        if not readings:
+            raise MrlError(f"no message on {name} during the drive, expected readings; see the node's log")
+    stamps_s = robot.stamps_s
+    cones, beams = (_placed(each, robot, truth) for each in (ranges, scans))
+    return CourseRecord(robot.poses_at(stamps_s), cones, beams, truth.at(stamps_s))
+
+
+def _start_in_course(parts: Parts, setting: Setting, start: Pose) -> None:
+    """Starts the board, its robot node, and the world node, which is the laser."""
+    pose = pose_text(disturbances.placed(start, setting.seed))
+    errors = ("--error", disturbances.WANDER, "--sonar", disturbances.SONAR, "--seed", str(setting.seed))
+    place = ("--world", l_course.WORLD, "--world-name", ROBOT, "--pose", pose)
+    parts.robot(ROBOT, setting.robot, RATE_HZ, *place, *errors)
+    world = {"world": l_course.WORLD, "world_name": ROBOT, "robot": setting.robot}
+    parts.node("world_node", ROBOT, only=ROBOT, localise=False, **world)
+
+
+def _listen(model: models.RobotModel) -> Tuple[List[Any], List[Any], List[rospy.Subscriber]]:
+    """The readings of the side sonars and of the laser from now on: time [s], mount in base_link, and reading."""
+    ranges: List[Any] = []
+    scans: List[Any] = []
+    laser = Pose(model.laser.x_m, model.laser.y_m, math.radians(model.laser.yaw_deg))
+
+    def on_range(message: Range, mount: Pose) -> None:
+        ranges.append((message.header.stamp.to_sec(), mount, message.range))
+
+    def on_scan(message: LaserScan) -> None:
+        scans.append((message.header.stamp.to_sec(), laser, np.array(message.ranges)))
+
+    subscribers = [
+        rospy.Subscriber(f"/{ROBOT}/sonar/{name}", Range, on_range, model.sonars[name].pose)
+        for name in l_course.SIDES
+    ]
+    return ranges, scans, [*subscribers, rospy.Subscriber(f"/{ROBOT}/scan", LaserScan, on_scan)]
+
+
+def _placed(readings: Sequence[Any], robot: OdometryRobot, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
+    """Readings with the pose of their sensor by odometry, and its true pose, at the time of the message."""
+    stamps_s = [stamp_s for stamp_s, _, _ in readings]
+    places = zip(readings, robot.poses_at(stamps_s), truth.at(stamps_s))
+    return [(pose.compose(*mount), value, true.compose(*mount)) for (_, mount, value), pose, true in places]

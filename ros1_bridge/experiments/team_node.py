@@ -1,15 +1,15 @@
-"""The node that runs experiments with a team of emulated boards, each with its own robot node.
+"""The node that runs experiments with a team of emulated boards, each with its own robot node, and the step test.
 
 The odometry of the team's real robots places them in the world of the virtual robots.  In `mixed-team` the node
 drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` and `patrol` each robot has its own
 `go_to_goal` and `follow_waypoints`, which claim shared waypoints from each other on the topic `/claims`; the node only
-passes on the ranges and watches.
+passes on the ranges and watches.  In `step-test`, a team of one robot, a mirror in another process follows its `odom`.
 """
 
 import math
 import os
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from typing import Callable, Dict, Mapping, Sequence
 
 import rospy
@@ -25,10 +25,12 @@ from mrl_driver.navigation.waypoint_tour import DONE, PAUSED
 from mrl_driver.robot import models
 from mrl_driver.robot.sonar import NAMES
 from ros1_bridge.demo.processes import wait_until
+from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.node.tf_names import sonar_frame
 from ros1_bridge.topics.messages import transform_of
-from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint
+from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint, step_test
 from sim_arduino.experiments.experiment_robot import TICK_S, Pace, Setting
+from sim_arduino.experiments.step_test import START, Live, Mirrored, StepDrive
 from sim_arduino.experiments.team import WORLD, Member, Player, Team, footprint_of
 from sim_arduino.experiments.tours import TourRun
 from sim_arduino.world import world_file
@@ -36,10 +38,11 @@ from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
 from .experiment_processes import START_S, Parts
-from .one_robot_node import RATE_HZ, OdometryRobot, heard, ignore
+from .one_robot_node import RATE_HZ, ROBOT, OdometryRobot, heard, ignore
 
-WANDER_S, PATROL_S, ROUNDS, MOST_S = 60.0, 40.0, 1, 200.0
-"""These runs are in real time and therefore shorter than the simulated ones; `MOST_S` limits the rounds [s]."""
+WANDER_S, PATROL_S, ROUNDS = 60.0, 40.0, 1
+"""These runs are in real time and therefore shorter than the simulated ones [s]."""
+MOST_S, STEPS_MOST_S = 200.0, 300.0  # time limits of the rounds and of the steps [s]
 TOUCH_M = 0.005
 """A body that is closer to an object than this counts as a collision."""
 
@@ -220,3 +223,38 @@ def wander_team(parts: Parts, setting: Setting) -> Team:
     with ExitStack() as stack:
         team = gather(stack, parts, setting, mixed_team.MEMBERS, navigated=False)
         return mixed_team.wander(team, WANDER_S)
+
+
+def drive_steps(parts: Parts, setting: Setting) -> Live:
+    """Drives the steps; the mirror receives the pose of each odometry message.
+
+    The delay is that of a pose from the board, which read its counters at the message's stamp, to the mirror.
+    MrlError if a part fails, or a waypoint is not reached.
+    """
+    with ExitStack() as stack:
+        members = [Member(ROBOT, START, virtual=False, robot=setting.robot)]
+        team = gather(stack, parts, setting, members, navigated=True, world=step_test.WORLD)
+        (player,) = team.players
+        with closing(Mirrored(setting.robot)) as mirror:
+            try:
+                _drive_mirrored(parts, team, player.robot, mirror)
+            finally:
+                player.robot.on_odometry = ignore
+    return StepDrive(player.path, player.odometry_path, player.bumps, player.robot.visits), mirror
+
+
+def _drive_mirrored(parts: Parts, team: Team, robot: TopicRobot, mirror: Mirrored) -> None:
+    def send(message: Odometry) -> None:
+        read_s = time.monotonic() - (rospy.Time.now() - message.header.stamp).to_sec()
+        mirror.send(START.compose(*planar(message.pose.pose)), read_s)
+
+    robot.on_odometry = send
+    mirror.wait()
+    begin_tour(parts, ROBOT, step_test.goals())
+
+    def over(_: float) -> bool:
+        parts.check()
+        return robot.tour in (DONE, PAUSED)
+
+    watch(team, STEPS_MOST_S, over)
+    step_test.require_end(robot.visits, robot.pose)

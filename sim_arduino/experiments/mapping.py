@@ -5,15 +5,17 @@ drive it in each run; they were made once, by sight.  The maps come from occupan
 poses.
 """
 
+import csv
 import math
 import os
 from bisect import bisect_left
-from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.driver import Telemetry
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot import models
+from mrl_driver.terminal.teleop_keys import HOLD_S, Teleop
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.world import grid_map, map_score, world_file
@@ -21,9 +23,9 @@ from sim_arduino.world.grid_map import GridMap
 from sim_arduino.world.map_score import MapScore
 from sim_arduino.world.world import World
 
-from . import disturbances, key_presses, occupancy, trials
+from . import disturbances, occupancy, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emulated
+from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot, require_emulated
 
 KEYS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "house_keys.csv")
 """Made by `python -m tests.experiments.record_house_keys`."""
@@ -48,6 +50,13 @@ POSES = {
 calibrated."""
 DRIVEN = ("wheels", "gyro", "calibrated")
 SHOWN = ("wheels", "gyro")
+
+
+class KeyPress(NamedTuple):
+    """One press of a key, at a time since the start of the recording [s]."""
+
+    time_s: float
+    key: str
 
 
 class HouseDrive(NamedTuple):
@@ -75,7 +84,7 @@ def run(setting: Setting) -> Result:
         raise ConfigError(
             f"experiment mapping repeats key presses for {ROBOT}, got --robot {setting.robot}; leave it out"
         )
-    world, presses = world_file.load(WORLD), key_presses.read(KEYS)
+    world, presses = world_file.load(WORLD), read_presses(KEYS)
     runs = trials.over_seeds(lambda each: _mapped(each, world, presses), setting)
     shown = {f"{sensor}, {POSES[kind]}": made for (sensor, kind), made in runs[0].maps.items()}
     for name, made in shown.items():
@@ -96,7 +105,13 @@ def run(setting: Setting) -> Result:
     return Result("mapping", title, rows, [occupancy.draw(setting, "mapping", world, panels, 4.2)], remark)
 
 
-def _mapped(setting: Setting, world: World, presses: Sequence[key_presses.KeyPress]) -> HouseRun:
+def read_presses(path: str) -> List[KeyPress]:
+    """The recorded presses in a CSV file with the columns `time_s` and `key`, in the order of their times."""
+    with open(path, encoding="utf-8", newline="") as file:
+        return [KeyPress(float(row["time_s"]), row["key"]) for row in csv.DictReader(file)]
+
+
+def _mapped(setting: Setting, world: World, presses: Sequence[KeyPress]) -> HouseRun:
     """The drives of one seed, and their maps."""
     found = HouseRun({}, {}, {})
     for poses in DRIVEN:
@@ -111,7 +126,7 @@ def _mapped(setting: Setting, world: World, presses: Sequence[key_presses.KeyPre
     return found
 
 
-def _drive(setting: Setting, world: World, presses: Sequence[key_presses.KeyPress], poses: str) -> HouseDrive:
+def _drive(setting: Setting, world: World, presses: Sequence[KeyPress], poses: str) -> HouseDrive:
     """One drive, with the seed of the setting and the IMU that gives such poses."""
     drive, scanner = HouseDrive([], [], [], []), LaserScanner(world, seed=setting.seed)
     errors: Dict[str, Any] = {"sonar": disturbances.SONAR, "slip": True, "error": WANDER}
@@ -130,9 +145,28 @@ def _drive(setting: Setting, world: World, presses: Sequence[key_presses.KeyPres
                 drive.scans.append((now_s, scanner.scan(robot.true_pose, "robot")))
 
         robot.driver.on_telemetry(keep)
-        key_presses.replay(robot, presses, tick)
+        _replay(robot, presses, tick)
         _require_round(robot, world)
     return drive
+
+
+def _replay(robot: ExperimentRobot, presses: Sequence[KeyPress], each_tick: Callable[[], None]) -> None:
+    """Drive as the keys say, until the last press has ended; calls `each_tick` at each tick.
+
+    Raises:
+        BoardTimeout: the robot does not accept a command.
+    """
+    teleop, waiting, start_s = Teleop(), list(reversed(presses)), robot.driver.now_s
+    end_s = (presses[-1].time_s if presses else 0.0) + HOLD_S
+    now_s = 0.0
+    while now_s <= end_s:
+        while waiting and waiting[-1].time_s < now_s + TICK_S / 2:  # the nearest tick, whatever is rounded
+            teleop.press(waiting.pop().key, now_s)
+        robot.drive(*teleop.command(now_s))
+        robot.wait(TICK_S)
+        each_tick()
+        now_s = robot.driver.now_s - start_s
+    robot.drive(0.0, 0.0)
 
 
 def _imu(poses: str, seed: int) -> Dict[str, Any]:

@@ -305,17 +305,13 @@ def _watchers(stack: ExitStack, robot: factory.Emulated, plot: Optional[str], vi
     """The watchers that draw, if any."""
     if not plot and not view:
         return []
-    from sim_arduino.view.plant_trail import PlantTrail
+    from sim_arduino.view.world_view import PlantTrail, WorldView, draw_picture
 
     trail = PlantTrail(robot.plant)
     watchers: List[Watcher] = [trail]
     if plot:
-        from sim_arduino.view import world_picture
-
-        stack.callback(world_picture.draw, trail, plot)
+        stack.callback(draw_picture, trail, plot)
     if view:
-        from sim_arduino.view.world_view import WorldView
-
         watchers.append(stack.enter_context(closing(WorldView(trail))))
     return watchers
 

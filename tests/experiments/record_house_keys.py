@@ -9,9 +9,9 @@ import math
 
 from mrl_driver.geometry import wrap_angle
 from mrl_driver.terminal.teleop_keys import Teleop
-from sim_arduino.experiments import key_presses, mapping
+from sim_arduino.experiments import mapping
 from sim_arduino.experiments.experiment_robot import TICK_S, Setting, open_robot
-from sim_arduino.experiments.key_presses import KeyPress
+from sim_arduino.experiments.mapping import KeyPress
 from sim_arduino.world import world_file
 
 AGAIN_S = 0.5  # A held key is pressed again after this time
@@ -92,7 +92,7 @@ def main():
             person.wait(0.5 * LOOK_S)
     with open(mapping.KEYS, "w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(key_presses.COLUMNS)
+        writer.writerow(KeyPress._fields)
         writer.writerows((f"{press.time_s:.2f}", press.key) for press in person.presses)
     print(f"{len(person.presses)} presses in {person.presses[-1].time_s:.0f} s: {mapping.KEYS}")
 

@@ -2,10 +2,7 @@
 
 import re
 
-import pytest
-
-from mrl_driver.errors import ConfigError
-from sim_arduino.experiments import key_presses, mapping
+from sim_arduino.experiments import mapping
 from sim_arduino.experiments.experiment_robot import Setting
 
 SPIN = "time_s,key\n" + "".join(f"{2.0 + 0.5 * number:.1f},left\n" for number in range(14))
@@ -18,23 +15,6 @@ def written(folder, text):
     path = folder / "keys.csv"
     path.write_text(text)
     return str(path)
-
-
-@pytest.mark.parametrize(
-    "text, said",
-    [
-        ("", "expected the columns time_s,key"),
-        ("time_s,key\n1\n", "line 2: '1', expected a time"),
-        ("time_s,key\nsoon,up\n", "expected a time"),
-        ("time_s,key\n2,up\n1,up\n", "line 3: time 1, expected 2 s or later"),
-        ("time_s,key\nnan,up\n", "time nan, expected 0 s or later"),
-        ("time_s,key\n1,x\n", "key 'x', expected up, down"),
-    ],
-)
-def test_a_wrong_recording_is_refused_in_one_line(tmp_path, text, said):
-    with pytest.raises(ConfigError) as caught:
-        key_presses.read(written(tmp_path, text))
-    assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_gyro_knows_the_heading_that_the_wheels_lose_and_improves_the_map(tmp_path, monkeypatch):

@@ -3,6 +3,8 @@
 import importlib.util
 import json
 import math
+import subprocess
+import sys
 from contextlib import ExitStack
 from types import SimpleNamespace
 
@@ -16,7 +18,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.navigation.waypoint_tour import DONE
 from mrl_driver.robot.sonar import NAMES
 from mrl_driver.robot.sonar_curve import THESIS
-from ros1_bridge.experiments import course_node, legs, sonar_node, square_node, team_node
+from ros1_bridge.experiments import legs, one_robot_node, team_node
 from ros1_bridge.experiments.experiment_processes import Parts, environment
 from ros1_bridge.experiments.one_robot_node import TimedPoses
 from ros1_bridge.experiments.turnaround_node import command_s, commanded, odometry_s, read, sent
@@ -61,12 +63,12 @@ def test_real_robot_reaches_a_waypoint_of_the_map_and_its_mirror_follows(parts):
 
 def test_lap_through_ros_ends_where_its_odometry_does_not(parts, monkeypatch):
     """A right wheel that is 5 % smaller turns the robot by 0.05 * 0.4 m / 0.18 m to the right."""
-    monkeypatch.setattr(square_node, "POINTS", ((0.4, 0.0),))
-    monkeypatch.setattr(square_node, "STOP_S", 0.5)
+    monkeypatch.setattr(one_robot_node, "LAP", ((0.4, 0.0),))
+    monkeypatch.setattr(one_robot_node, "LAP_STOP_S", 0.5)
     monkeypatch.setattr(
         square, "LIKE_PUBLISHED", {"wheel_ratio": 0.95, "axle": 1.0, "noise": 0, "turn_noise": 0}
     )
-    error = square_node.lap(parts, Setting("", seed=1))
+    error = one_robot_node.lap(parts, Setting("", seed=1))
     assert error.yaw_rad == pytest.approx(-0.11, abs=0.02) and error.y_m == pytest.approx(-0.022, abs=0.006)
 
 
@@ -76,8 +78,8 @@ def test_course_through_ros_has_the_pose_of_each_reading(parts, monkeypatch):
     The first message of a sonar may be NaN, because it has not measured yet.  Of the course the first 20 cm are driven.
     """
     monkeypatch.setattr(l_course, "WAYPOINTS", ((0.5, 0.5),))
-    monkeypatch.setattr(course_node, "STOP_S", 0.3)
-    course = course_node.drive(parts, Setting("", seed=1))
+    monkeypatch.setattr(one_robot_node, "COURSE_STOP_S", 0.3)
+    course = one_robot_node.drive(parts, Setting("", seed=1))
     beyond_m = [
         true.x_m + ranges[len(ranges) // 2] * math.cos(true.yaw_rad) for _, ranges, true in course.scans
     ]
@@ -100,11 +102,12 @@ def test_pose_of_a_message_is_between_those_before_and_after_it():
 
 
 def test_sonar_that_approaches_a_wall_through_ros_has_its_hidden_curve(parts, monkeypatch):
-    monkeypatch.setattr(sonar_node, "PLAN", sonar_node.PLAN._replace(start_m=0.6, stop_m=0.5, step_m=0.1))
-    monkeypatch.setattr(type(sonar_node.PLAN), "distances", lambda plan: [plan.start_m, plan.stop_m])
-    monkeypatch.setattr(sonar_node, "FRESH_S", 0.4)
+    plan = one_robot_node.SONAR_PLAN._replace(start_m=0.6, stop_m=0.5, step_m=0.1)
+    monkeypatch.setattr(one_robot_node, "SONAR_PLAN", plan)
+    monkeypatch.setattr(type(plan), "distances", lambda plan: [plan.start_m, plan.stop_m])
+    monkeypatch.setattr(one_robot_node, "FRESH_S", 0.4)
     monkeypatch.setattr(disturbances, "sonar_curve", lambda _: {"gain": 0.7, "exponent": 1.0, "offset": 0.0})
-    ranges, distances = sonar_node.readings(parts, Setting("", seed=1))
+    ranges, distances = one_robot_node.readings(parts, Setting("", seed=1))
     counts = sonar_approach.hidden_curve(1).counts(distances)
     assert distances == pytest.approx([0.6, 0.5], abs=0.01)
     assert ranges == pytest.approx(THESIS.range_m(counts).tolist(), abs=0.04)
@@ -162,6 +165,11 @@ def experiment(monkeypatch, tmp_path):
         return result, through_ros
 
     return run
+
+
+def test_experiments_are_found_without_ros():
+    code = "import sys; sys.modules['rosgraph'] = None; import ros1_bridge.experiments.legs"
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_experiments_through_ros_are_found():

@@ -10,7 +10,7 @@ from mrl_driver.robot import models
 from sim_arduino.hardware.sonars import READING_S, SonarChain, SonarErrors, count_of
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve.factory import Options, make
-from sim_arduino.view.plant_trail import PlantTrail
+from sim_arduino.view.world_view import PlantTrail
 from sim_arduino.world.shapes import Footprint, Wall
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load

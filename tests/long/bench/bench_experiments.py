@@ -12,8 +12,8 @@ from typing import Any, Dict, Tuple
 from sim_arduino.experiments import (
     arena,
     gyro,
-    key_presses,
     l_course,
+    mapping,
     mixed_team,
     patrol,
     power,
@@ -28,8 +28,8 @@ from tests.long.bench import report
 SHORT: Tuple[Tuple[Any, Dict[str, Any]], ...] = (
     (arena, {"LANE": 8}),
     (gyro, {"TURNS": 1, "CALIBRATION_TURNS": 1, "DRIVE": gyro.DRIVE[:2]}),
-    (key_presses, {"read": lambda path, read=key_presses.read: read(path)[:13]}),
     (l_course, {"WAYPOINTS": l_course.WAYPOINTS[:2]}),
+    (mapping, {"read_presses": lambda path, read=mapping.read_presses: read(path)[:13]}),
     (mixed_team, {"DURATION_S": 20.0, "CONTROL_S": 10.0, "SLIPPING_S": 20.0}),
     (patrol, {"DURATION_S": 25.0}),
     (power, {"FASTER": 600.0, "NEAR_END": 60.0}),

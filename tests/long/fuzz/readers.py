@@ -40,7 +40,6 @@ from ros1_bridge.relay import relay_frames
 from sim_arduino.avr.elf import read_image
 from sim_arduino.board import parameter_store
 from sim_arduino.board.radio_port import RadioHold
-from sim_arduino.experiments import key_presses
 from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.faults.key_values import robot_errors, sonar_errors
 from sim_arduino.hardware.xbee import PacketReader
@@ -408,7 +407,6 @@ FILES: Dict[str, Tuple[str, Callable[[str], object]]] = {
     "calibration_state": ("state.json", calibration),
     "truth": ("truth.jsonl", truth),
     "sonar_points": ("points.csv", sonar_procedures.read_points),
-    "key_presses": ("keys.csv", key_presses.read),
     "access_tokens": ("tokens.json", tokens),
     "firmware_image": ("image.elf", lambda path: read_image(Path(path))),
     "recording": ("drive.mrl", Recording),
@@ -425,7 +423,6 @@ INPUTS: Tuple[Input, ...] = (
     Input("calibration_state", _file("calibration_state"), _JSON),
     Input("truth", _file("truth"), _JSON),
     Input("sonar_points", _file("sonar_points"), (b"-", b'"', b"#", b",,")),
-    Input("key_presses", _file("key_presses"), (b'"', b"up", b",")),
     Input("access_tokens", _file("access_tokens"), _JSON),
     Input("firmware_image", _file("firmware_image"), (b"\x7fELF\x01", b":00000001FF", b":02000002")),
     Input("page_message", page_message, _JSON),
