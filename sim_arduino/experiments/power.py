@@ -4,6 +4,7 @@ the driver's warning.
 
 import math
 import random
+from functools import partial
 from typing import List, NamedTuple, Sequence
 
 from mrl_driver.errors import BoardError, ConfigError, MrlError
@@ -63,7 +64,7 @@ def run(setting: Setting) -> Result:
         ]
         return Result("power", TITLE, rows, [_draw(setting, real)])
     packs = trials.over_seeds(_discharges, setting)
-    level = trials.over_seeds(_level, setting)
+    level = trials.over_seeds(partial(_discharges, steady=True), setting)
     first, last = SPEEDS_MM_S[0], SPEEDS_MM_S[-1]
     ratio = f"duration at {first} mm/s over that at {last} mm/s"
     left = f"distance from the driver's warning to {STOP_V:g} V, where it stops the robot, at {last} mm/s"
@@ -88,14 +89,10 @@ def _ratio(packs: Packs) -> float:
     return packs[0].duration_h / packs[-1].duration_h
 
 
-def _discharges(setting: Setting) -> Packs:
-    """The discharges of this seed's packs."""
-    return [_circle(setting, speed, STOP_V) for speed in SPEEDS_MM_S]
-
-
-def _level(setting: Setting) -> Packs:
-    """The discharges at the lowest and highest speed if the current does not depend on it."""
-    return [_circle(setting, speed, EMPTY_V, steady=True) for speed in (SPEEDS_MM_S[0], SPEEDS_MM_S[-1])]
+def _discharges(setting: Setting, steady: bool = False) -> Packs:
+    """The discharges of this seed's packs; of `steady` ones, whose current does not depend on the speed, two."""
+    speeds, end_v = (SPEEDS_MM_S[:: len(SPEEDS_MM_S) - 1], EMPTY_V) if steady else (SPEEDS_MM_S, STOP_V)
+    return [_circle(setting, speed, end_v, steady) for speed in speeds]
 
 
 def _circle(setting: Setting, speed_mm_s: int, end_v: float, steady: bool = False) -> Discharge:

@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from contextlib import closing
+from statistics import median
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import MrlError
@@ -131,12 +132,8 @@ def run(setting: Setting, live: Optional[Live] = None) -> Result:
     """
     if setting.port is not None:
         driven, mirror = _real(setting)
-        end = Figure(
-            "end_error_cm",
-            "distance of the end by odometry from the last waypoint",
-            driven.end_error_cm,
-            "cm",
-        )
+        text = "distance of the end by odometry from the last waypoint"
+        end = Figure("end_error_cm", text, driven.end_error_cm, "cm")
         picture = _draw(setting, [], [], mirror, live=True)
         return Result("step-test", TITLE, [end, *_delay_rows(mirror, [])], [picture])
     drives = trials.over_seeds(_simulated, setting)
@@ -156,22 +153,16 @@ def _live_rows(live: Live, loop: Mirrored) -> List[Figure]:
 
 
 def _delay_rows(mirror: Mirrored, control: Sequence[float]) -> List[Figure]:
-    delays, others = (sorted(1000 * delay for delay in each) for each in (mirror.delays_s, control))
+    delays, others = ([1000 * delay for delay in each] for each in (mirror.delays_s, control))
     if not delays:
         raise MrlError("the mirror showed no pose; check that the folder of shared worlds has free space")
     what = "delay of the mirror" if others else "delay of the mirror alone, without a robot"
-    named = {"median": ("median", len(delays) // 2, len(others) // 2), "max": ("largest", -1, -1)}
-    return [
-        Figure(
-            f"mirror_delay_ms_{name}",
-            f"{what}, {text} of {len(delays)} poses",
-            delays[place],
-            "ms",
-            "below 1 s",
-            control=others[beside] if others else None,
-        )
-        for name, (text, place, beside) in named.items()
-    ]
+    rows = []
+    for name, text, of in (("median", "median", median), ("max", "largest", max)):
+        key, text = f"mirror_delay_ms_{name}", f"{what}, {text} of {len(delays)} poses"
+        beside = of(others) if others else None
+        rows.append(Figure(key, text, of(delays), "ms", "below 1 s", control=beside))
+    return rows
 
 
 # -- drives

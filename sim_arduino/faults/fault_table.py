@@ -44,20 +44,12 @@ def usage() -> str:
     lines = []
     for kind in FAULTS.values():
         lines.append(f"{kind.name}: {kind.text}")
-        lines += [f"    {p.name}={_show(p.default)}  {p.text}{_unit(p)}" for p in kind.parameters]
+        lines += [f"    {key.line}" for key in kind.parameters]
     lines.append(
         "All faults take at (start), lasts (duration) and every (repeat after) [s].\n"
         "Faults of the serial link take direction=both, to_board or to_host."
     )
     return "\n".join(lines)
-
-
-def _unit(parameter: Key) -> str:
-    return f" [{parameter.unit}]" if parameter.unit else ""
-
-
-def _show(value: Union[float, str]) -> str:
-    return value if isinstance(value, str) else f"{value:g}"
 
 
 def parse(spec: str) -> Fault:

@@ -58,7 +58,7 @@ class FaultyEngine:
             "freeze": self._frozen,
             "unplug": self._unplugged,
             "reset": _Switch(lambda on: self.engine.reset() if on else None),
-            "brown_out": _Switch(lambda on: self._brown_out() if on else None),
+            "brown_out": _Switch(lambda on: getattr(engine, "brown_out", engine.reset)() if on else None),
         }
         self._switches = [*self._of_board.values()]
         """All switches; those of hardware faults come behind those of the board."""
@@ -206,9 +206,6 @@ class FaultyEngine:
         if not frozen:
             self.engine.gap(self.now_s, self._waiting)
             self._waiting = b""
-
-    def _brown_out(self) -> None:
-        getattr(self.engine, "brown_out", self.engine.reset)()
 
     def _arrive(self, data: bytes) -> None:
         """Passes on bytes that reach the board's end of the line."""

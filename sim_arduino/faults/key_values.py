@@ -20,6 +20,15 @@ class Key(NamedTuple):
     unit: str = ""
     choices: Tuple[str, ...] = ()
 
+    @property
+    def line(self) -> str:
+        """The key with its default and its range, for the help."""
+        if self.low is None:
+            return f"{self.name}={self.default}  {self.text}"
+        return (
+            f"{self.name}={self.default:g}  {self.text}, {self.low:g} to {self.high:g} {self.unit}".rstrip()
+        )
+
 
 ROBOT_KEYS = (
     Key("wheel_ratio", 1.0, 0.5, 2.0, "radius of the right wheel, divided by the left one"),
@@ -64,11 +73,6 @@ def robot_errors(text: str) -> Errors:
 def sonar_errors(text: str) -> SonarErrors:
     """The sonars' errors in `key=value,...`, or in YAML; ConfigError if a key is unknown or a value out of range."""
     return SonarErrors(**_values("--sonar", text, SONAR_KEYS))
-
-
-def usage(keys: Tuple[Key, ...]) -> str:
-    """The keys with their defaults, one per line."""
-    return "\n".join(f"{key.name}={key.default:g}  {key.text}, {key.low:g} to {key.high:g}" for key in keys)
 
 
 def _values(what: str, text: str, keys: Tuple[Key, ...]) -> Dict[str, Any]:

@@ -6,7 +6,7 @@ import random
 from typing import Callable, List, NamedTuple, Tuple
 
 from mrl_driver.protocol.table import I2c, Sensor
-from sim_arduino.world.environment import PIXELS, Environment
+from sim_arduino.world.scene import PIXELS, Environment
 
 THERMOPILE_ADDRESS, COMPASS_ADDRESS = 0x68, 0x60
 

@@ -6,7 +6,7 @@ from typing import Any, Dict, List, Optional, Tuple
 from mrl_driver.errors import SimulatorError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import RobotModel, load_packaged
-from sim_arduino.world.environment import OTHERS, Environment
+from sim_arduino.world.scene import OTHERS, Environment
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 

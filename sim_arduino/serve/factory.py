@@ -132,7 +132,8 @@ def _plant(options: Options, model: models.RobotModel, world: World, pose: Pose,
         name=name,
         wiring=known or 1 if given is None else given,
         imu=options.imu,
-        imu_errors=_imu_errors(options),
+        imu_errors=options.imu_errors
+        or (ImuErrors.drawn(options.imu_seed) if options.imu_seed else FLAWLESS_IMU),
         environment_errors=options.environment_errors,
         radio=_radio(options),
     )
@@ -230,12 +231,6 @@ def _refusals(model: models.RobotModel, options: Options) -> Iterator[str]:
             yield f"--{option.replace('_', '-')} is given without a radio, expected --radio too"
     if options.radio is not None and (old or options.environment or has_bridge(model)):
         yield f"--radio is given for robot {model.name}, {_RADIO_BUILD}"
-
-
-def _imu_errors(options: Options) -> ImuErrors:
-    if options.imu_errors is not None:
-        return options.imu_errors
-    return ImuErrors.drawn(options.imu_seed) if options.imu_seed else FLAWLESS_IMU
 
 
 def _radio(options: Options) -> Optional[RadioFit]:

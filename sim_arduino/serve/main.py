@@ -78,8 +78,8 @@ class _Parser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     """The options; those of `factory.Options` that are not given are left out."""
     parts = {
-        "keys of --error": key_values.usage(key_values.ROBOT_KEYS),
-        "keys of --sonar": key_values.usage(key_values.SONAR_KEYS),
+        "keys of --error": "\n".join(key.line for key in key_values.ROBOT_KEYS),
+        "keys of --sonar": "\n".join(key.line for key in key_values.SONAR_KEYS),
         "faults, such as --fault loss:rate=0.01,at=5 (keys with their defaults)": fault_table.usage(),
         "orders of --control": "\n".join(f"{order:18}{text}" for order, text in ORDERS),
     }

@@ -113,7 +113,7 @@ class PtyPort:
             return data
         data = self._read(limit)
         if data and not self._clients:
-            if _is_readable(self.watch):
+            if self.watch is not None and select.select([self.watch], [], [], 0)[0]:
                 self._left = data  # of a program that has opened the port since the last look
                 return b""
             self._clients = 1
@@ -159,10 +159,6 @@ def _watch(path: str) -> Optional[int]:
         os.close(descriptor)
         return None
     return int(descriptor)
-
-
-def _is_readable(descriptor: Optional[int]) -> bool:
-    return descriptor is not None and bool(select.select([descriptor], [], [], 0)[0])
 
 
 def _events(watch: Optional[int]) -> Tuple[bool, ...]:

@@ -178,8 +178,11 @@ def _read_pgm(path: str, data: bytes) -> Tuple[Any, int]:
         )
     width, height, most = map(int, header.groups()[1:])
     _check_size(path, width, height, most)
-    read_values = _plain_values if header.group(1) == b"P2" else _raw_values
-    values = read_values(path, data, header.end(), most)
+    if header.group(1) == b"P2":
+        values = _plain_values(path, data, header.end())
+    else:
+        kind = np.dtype(np.uint8 if most < 256 else ">u2")
+        values = np.frombuffer(data, kind, (len(data) - header.end()) // kind.itemsize, header.end())
     if len(values) < width * height:
         raise ConfigError(f"{path}: has {len(values)} pixels, expected {width} x {height} = {width * height}")
     values = values[: width * height].reshape(height, width)
@@ -190,12 +193,7 @@ def _read_pgm(path: str, data: bytes) -> Tuple[Any, int]:
     return values, most
 
 
-def _raw_values(path: str, data: bytes, start: int, most: int) -> Any:
-    kind = np.dtype(np.uint8 if most < 256 else ">u2")
-    return np.frombuffer(data, kind, (len(data) - start) // kind.itemsize, start)
-
-
-def _plain_values(path: str, data: bytes, start: int, most: int) -> Any:
+def _plain_values(path: str, data: bytes, start: int) -> Any:
     bad = _NOT_PLAIN.search(data, start)
     if bad:
         found = data[bad.start() : bad.start() + 20]

@@ -4,14 +4,32 @@ The field falls from a source's value to ambient as exp(-(d / reach)^2) with the
 pixel by pixel, along lines of sight.
 """
 
-import dataclasses
 import math
+from dataclasses import dataclass, field, replace
 from typing import Callable, Dict, NamedTuple, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
-from sim_arduino.world.environment import PIXELS, Environment
+from mrl_driver.protocol.table import SENSORS, Sensor
 
+OWN_KIND = ("alcohol", "dust", "thermopile", "light", "compass")
+"""Sensors that the emulator models in more detail than their row of the table."""
+OTHERS: Tuple[Sensor, ...] = tuple(row for row in SENSORS if row.name not in OWN_KIND)
+"""Sensors that are emulated from their row of the table: one number at the robot's position."""
+PIXELS = 8
 PIXEL_RAD = math.radians(5.12)  # width of one of the TPA81's eight pixels, side by side (data sheet)
+
+
+@dataclass
+class Environment:
+    """The environment values at the robot's position."""
+
+    alcohol_count: int = 900  # ADC count of the MQ303A; falls with concentration
+    light_count: int = 500  # ADC count of the LDR
+    dust_pcs_l: float = 300.0  # particles of 1 um and larger per litre
+    ambient_c: float = 22.0
+    pixels_c: Tuple[float, ...] = (22.0,) * 8  # temperatures of the eight pixels of the TPA81 [degC]
+    others: Dict[str, float] = field(default_factory=lambda: {row.name: row.usual for row in OTHERS})
+    """Values of all other sensors of the table, by name, in the unit of their fields."""
 
 
 class Source(NamedTuple):
@@ -48,7 +66,7 @@ class Scene(NamedTuple):
         """
         if not (self.heat or self.gas or self.dust or self.light or self.others):
             return base
-        return dataclasses.replace(
+        return replace(
             base,
             alcohol_count=_adc_count(_field(self.gas, base.alcohol_count, pose)),
             light_count=_adc_count(_field(self.light, base.light_count, pose)),

@@ -12,10 +12,9 @@ from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
 from mrl_driver.yaml_file import Reader, is_number, read_expected
 from mrl_driver.yaml_form import Condition, Form, Keys, Number, Numbers, Rows, Schema
-from sim_arduino.world.environment import OTHERS, PIXELS, Environment
 
 from .robots import NAME, NAME_TEXT, Mover
-from .scene import Scene, Source
+from .scene import OTHERS, PIXELS, Environment, Scene, Source
 from .shapes import Footprint, Wall
 from .world import World
 
@@ -146,7 +145,8 @@ class WorldFile(Form):
             return world
         found = self._KEYS.read(reader, key, value)
         walls = [Wall(*row) for row in found.get("walls", ())]
-        solids = [_box(*row) for row in found.get("boxes", ())]
+        boxes = found.get("boxes", ())
+        solids = [Footprint(*size).outline(Pose(x, y, math.radians(yaw))) for x, y, *size, yaw in boxes]
         solids.append(found.get("map", []))
         walls += [side for solid in solids for side in solid]
         x, y, yaw = found.get("start", (0.0, 0.0, 0.0))
@@ -208,10 +208,6 @@ def load(name_or_path: str = "room") -> World:
         )
     data = read_expected(path, "a world as YAML")
     return WorldFile().read(Reader(path), "", data)
-
-
-def _box(x: float, y: float, length: float, width: float, yaw_deg: float) -> List[Wall]:
-    return Footprint(length, width).outline(Pose(x, y, math.radians(yaw_deg)))
 
 
 def parse_pose(text: Optional[str], default: Pose) -> Pose:

@@ -10,8 +10,7 @@ from sim_arduino.board import PythonBoard
 from sim_arduino.hardware.environment_sensors import DustPulses, dust_share
 from sim_arduino.hardware.sonars import FULL_COUNT, SonarChain, SonarErrors, count_of
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.world.environment import Environment
-from sim_arduino.world.scene import PIXEL_RAD, Scene, Source
+from sim_arduino.world.scene import PIXEL_RAD, Environment, Scene, Source
 from sim_arduino.world.world import Wall, World
 from sim_arduino.world.world_file import load
 
