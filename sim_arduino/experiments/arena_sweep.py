@@ -25,7 +25,7 @@ from sim_arduino.world.world_file import pose_text
 
 from . import arena, disturbances, plot_style, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import PATIENCE_S, ExperimentRobot, Setting, open_robot, require_emulated
+from .experiment_robot import PATIENCE_S, ExperimentRobot, Setting, open_robot
 from .trials import Measure
 
 EVERY_TICKS = 6
@@ -99,7 +99,6 @@ class Spots(NamedTuple):
 
 def run(setting: Setting) -> Result:
     """Sweeps arenas with sources and without, and draws the map and the readings of the first."""
-    require_emulated(setting, "environment")
     drives = trials.over_seeds(_sweep, setting)
     empty = trials.over_seeds(partial(_sweep, sources=False), setting)
     rows = [row for index in range(len(VARIABLES)) for row in _evaluate(index, drives, empty)]

@@ -24,20 +24,21 @@ class Experiment(NamedTuple):
 
     module: str
     text: str
+    on_port: bool = False  # it can drive a real robot
 
 
 EXPERIMENTS = {
     "square": Experiment("square", "square of 1 m by odometry, before and after calibration"),
     "sonar-calibration": Experiment(
-        "sonar_approach", "sonar in front of a wall at 20 cm to 2 m, and its fitted curve"
+        "sonar_approach", "sonar in front of a wall at 20 cm to 2 m, and its fitted curve", True
     ),
-    "l-course": Experiment("l_course", "L-shaped course mapped with sonars and with a laser"),
+    "l-course": Experiment("l_course", "L-shaped course mapped with sonars and with a laser", True),
     "mapping": Experiment("mapping", "house mapped by recorded key presses, without and with a gyro"),
     "gyro": Experiment("gyro", "turns and the L-course with and without a gyro; NEES of the pose"),
-    "power": Experiment("power", "circles until the battery packs are empty"),
-    "step-test": Experiment("step_test", "driving from point to point over a grid, mirrored live"),
-    "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena"),
-    "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint"),
+    "power": Experiment("power", "circles until the battery packs are empty", True),
+    "step-test": Experiment("step_test", "driving from point to point over a grid, mirrored live", True),
+    "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena", True),
+    "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint", True),
     "crossing": Experiment("crossing", "two robots at a blind crossing, by radio alone"),
     "patrol": Experiment("patrol", "waypoints visited again and again, by one robot and by three"),
     "environment": Experiment("arena_sweep", "map of heat, dust and alcohol in the arena"),
@@ -100,6 +101,12 @@ def main(
     chosen = list(EXPERIMENTS if "all" in names else dict.fromkeys(names))
     figures.require_matplotlib("mrl experiment")
     if port is not None:
+        emulated = [name for name in chosen if not EXPERIMENTS[name].on_port]
+        if emulated:
+            text = (
+                f"experiment {', '.join(emulated)} needs emulated robots, got --port {port}; leave out --port"
+            )
+            raise ConfigError(text)
         confirm_motion(f"The robot on {port} drives by itself ({', '.join(chosen)}). Is the floor free?", yes)
     from .experiment_robot import Setting
 

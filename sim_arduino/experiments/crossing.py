@@ -8,7 +8,7 @@ import math
 import random
 from contextlib import ExitStack
 from functools import partial
-from typing import Dict, List, Mapping, Sequence
+from typing import Dict, List, Mapping
 
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import Claim
@@ -19,11 +19,11 @@ from sim_arduino.world.world import World
 from sim_arduino.world.world_file import pose_text
 
 from . import disturbances
-from .experiment_report import Figure, Result
-from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot, require_emulated
-from .mixed_team import result, rows_of
+from .experiment_report import Result
+from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
+from .mixed_team import result
 from .team import Member, Player, Team
-from .tours import DURATION, TourDriver, drive_tours
+from .tours import DURATION, TourDriver, drive_tours, tour_rows
 from .trials import Measure, figures, over_seeds
 
 RADIOS: Dict[str, int] = {"1": 0x0013A20040000001, "2": 0x0013A20040000002}
@@ -90,20 +90,18 @@ class RadioRobot:
 
 def run(setting: Setting) -> Result:
     """Lets two robots meet at the crossing with many seeds, and draws the paths of the first run."""
-    require_emulated(setting, "crossing")
     runs, control = over_seeds(cross, setting), over_seeds(partial(cross, claims=False), setting)
     cut = over_seeds(partial(cross, cut=True), setting)
-    rows, named = _rows(runs, control), [each for each in cut if each.named_s > 0]
-    cut_rows = [*_rows(cut), *figures(CUT_MEASURES, cut), *([NAMED.figure(named)] if named else [])]
+    rows, named = tour_rows(MEASURES, runs, control), [each for each in cut if each.named_s > 0]
+    cut_rows = [
+        *tour_rows(MEASURES, cut),
+        *figures(CUT_MEASURES, cut),
+        *([NAMED.figure(named)] if named else []),
+    ]
     rows += [row._replace(key=f"cut_{row.key}", text=f"radio cut: {row.text}") for row in cut_rows]
     rows = [row._replace(published="") for row in rows]
     title = "Two robots at a blind crossing, by radio alone"
     return result("crossing", title, rows, runs[0].tours.team, setting, REMARK)
-
-
-def _rows(runs: Sequence["Crossing"], control: Sequence["Crossing"] = ()) -> List[Figure]:
-    teams, others = ([each.tours.team for each in some] for some in (runs, control))
-    return [*rows_of(teams, others), *figures(MEASURES, runs)]
 
 
 def cross(setting: Setting, cut: bool = False, claims: bool = True) -> "Crossing":
@@ -157,6 +155,11 @@ class Crossing:
         self._waits: Dict[str, float] = {}
         self._drivers = [self._driver(player) for player in team.players]
         self.tours = drive_tours(team, self._drivers, TIME_LIMIT_S, not claims, self._talk, self._watch)
+
+    @property
+    def team(self) -> Team:
+        """The robots."""
+        return self.tours.team
 
     @property
     def named_s(self) -> float:

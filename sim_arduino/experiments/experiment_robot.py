@@ -8,7 +8,6 @@ from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.navigation.line_follower import Course
@@ -119,11 +118,8 @@ def open_robot(
         with Driver(setting.port, setting.robot, options=options) as driver:
             yield ExperimentRobot(driver)
         return
-    emulated = {"robot": setting.robot, "seed": setting.seed, "name": "robot", **emulated}
-    if isinstance(world, World):
-        made = factory.make(factory.Options(**emulated), world)
-    else:
-        made = factory.make(factory.Options(world=world, **emulated))
+    given = {"robot": setting.robot, "seed": setting.seed, "name": "robot", "world": world, **emulated}
+    made = factory.make(factory.Options(**given))
     try:
         model = made.plant.model
         model = model._replace(drive=drive or model.drive, imu=imu_mount or model.imu)
@@ -131,14 +127,6 @@ def open_robot(
             yield ExperimentRobot(stepped, made.plant)
     finally:
         made.close()
-
-
-def require_emulated(setting: Setting, name: str) -> None:
-    """Refuses a port if an experiment needs emulated robots; raises ConfigError if a port is given."""
-    if setting.port is not None:
-        raise ConfigError(
-            f"experiment {name} needs emulated robots, got --port {setting.port}; leave out --port"
-        )
 
 
 def follow(robot: ExperimentRobot, course: Course, each_tick: Callable[[], None]) -> None:

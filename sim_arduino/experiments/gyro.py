@@ -23,7 +23,7 @@ from sim_arduino.world import world_file
 
 from . import disturbances, l_course, plot_style, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import ExperimentRobot, Setting, follow, open_robot, require_emulated
+from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
 from .trials import Measure
 
 SEEDS, RUNS = 20, 100
@@ -62,7 +62,6 @@ SOURCES = {"gyro": "gyro and wheels", "wheels": "wheels alone"}
 
 def run(setting: Setting) -> Result:
     """Drives with and without the gyro, and compares the poses with the true ones."""
-    require_emulated(setting, "gyro")
     with_gyro = trials.over_seeds(lambda each: _errors(each, _calibrated(each)), setting, SEEDS)
     without = [_errors(setting, None)]  # nothing in it is drawn
     text = f"error of the heading after {TURNS} turns of 90 deg, {SOURCES['gyro']}"

@@ -25,7 +25,7 @@ from sim_arduino.world.world import World
 
 from . import disturbances, occupancy, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot, require_emulated
+from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 
 KEYS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "house_keys.csv")
 """Made by `python -m tests.experiments.record_house_keys`."""
@@ -79,7 +79,6 @@ class HouseRun(NamedTuple):
 
 def run(setting: Setting) -> Result:
     """Drives with and without a gyro, and draws the maps of the first drives."""
-    require_emulated(setting, "mapping")
     if setting.robot != ROBOT:
         raise ConfigError(
             f"experiment mapping repeats key presses for {ROBOT}, got --robot {setting.robot}; leave it out"

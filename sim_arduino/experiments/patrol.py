@@ -15,7 +15,7 @@ from mrl_driver.navigation.idleness import Idleness
 from mrl_driver.navigation.waypoint_tour import WaypointTour
 
 from .experiment_report import Figure, Result
-from .experiment_robot import TICK_S, Setting, require_emulated
+from .experiment_robot import TICK_S, Setting
 from .mixed_team import result, rows_of
 from .team import Member, Team, gather
 from .tours import Point, TourDriver, poses_of
@@ -136,7 +136,6 @@ class Visits:
 
 def run(setting: Setting, through_ros: Optional[Visits] = None) -> Result:
     """Patrols with many seeds, and draws the team's first run; `through_ros` is one through ROS, in real time."""
-    require_emulated(setting, "patrol")
     rows: List[Figure] = []
     for key, title, beats, others in (
         ("one", "one robot", one, one_at_random),

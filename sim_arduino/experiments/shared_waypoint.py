@@ -15,10 +15,10 @@ from mrl_driver.navigation.waypoint_tour import WaypointTour
 
 from .experiment_report import Figure, Result
 from .experiment_robot import Setting
-from .mixed_team import on_port, result, ros_rows, rows_of
+from .mixed_team import on_port, result, ros_rows
 from .team import Member, gather
-from .tours import DURATION, Channel, Point, TourDriver, TourRun, drive_tours, exchange, poses_of
-from .trials import Measure, figures, over_seeds
+from .tours import DURATION, Channel, Point, TourDriver, TourRun, drive_tours, exchange, poses_of, tour_rows
+from .trials import Measure, over_seeds
 
 SHARED: Point = (1.0, 0.0)
 LANE_M, LANES_DEG = 1.7, {"real1": 200.0, "real2": 180.0, "virtual": 160.0}
@@ -78,21 +78,16 @@ def run(setting: Setting, through_ros: Optional[TourRun] = None) -> Result:
         title = (
             f"The robot on {setting.port} and two virtual ones with a shared waypoint, {ROUNDS} rounds each"
         )
-        return result(name, title, _rows(done), done[0].team, setting, on_port(MEMBERS[0]))
+        return result(name, title, tour_rows(MEASURES, done), done[0].team, setting, on_port(MEMBERS[0]))
     runs, lossy = over_seeds(drive, setting), over_seeds(partial(drive, loss=LOSS), setting)
-    rows = _rows(runs, over_seeds(partial(drive, claims=False), setting))
-    for row in _rows(lossy):
+    rows = tour_rows(MEASURES, runs, over_seeds(partial(drive, claims=False), setting))
+    for row in tour_rows(MEASURES, lossy):
         rows.append(row._replace(key=f"lossy_{row.key}", text=f"{LOSS:.0%} of messages lost: {row.text}"))
     if through_ros:
         rows += ros_rows(through_ros.team)
         rows.append(Figure("ros_rounds", "through ROS: rounds of all robots", rounds_of(through_ros)))
     title = f"Three robots with a shared waypoint, {ROUNDS} rounds each"
     return result(name, title, rows, runs[0].team, setting, REMARK)
-
-
-def _rows(runs: Sequence[TourRun], control: Sequence[TourRun] = ()) -> List[Figure]:
-    teams, others = ([each.team for each in some] for some in (runs, control))
-    return [*rows_of(teams, others), *figures(MEASURES, runs)]
 
 
 def drive(setting: Setting, loss: float = 0.0, claims: bool = True) -> TourRun:

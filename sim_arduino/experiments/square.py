@@ -14,7 +14,7 @@ from mrl_driver.robot.models import ON_TRACKS, Drive
 
 from . import disturbances, plot_style, trials
 from .experiment_report import Figure, Result
-from .experiment_robot import ExperimentRobot, Setting, open_robot, require_emulated
+from .experiment_robot import ExperimentRobot, Setting, open_robot
 from .trials import Measure
 
 SIDE_M = 1.0
@@ -74,7 +74,6 @@ class RobotLaps(NamedTuple):
 
 def run(setting: Setting, live: Optional[Pose] = None) -> Result:
     """Calibrates each robot, drives the same laps without and with that; `live` is the error of one lap through ROS."""
-    require_emulated(setting, "square")
     like = _robots(setting, CASES[0])
     rows = [row for number in range(2) for row in _direction_rows(like, number)]
     rows += [row for case in CASES[1:] for row in _case_rows(case, _robots(setting, case))]

@@ -3,16 +3,18 @@
 import heapq
 import math
 import random
-from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import Claim, ClaimMessage
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, Target, WaypointTour
 
+from .experiment_report import Figure
 from .experiment_robot import TICK_S
+from .mixed_team import rows_of
 from .team import Player, Team
-from .trials import Measure
+from .trials import Measure, figures
 
 Point = Tuple[float, float]
 DURATION = Measure("duration_s", "duration", "s")
@@ -99,6 +101,12 @@ class TourRun(NamedTuple):
     waited_s: float  # time that all robots waited for claims together [s]
     duration_s: float
     arrived: int  # number of robots that finished their tour
+
+
+def tour_rows(measures: Sequence[Measure], runs: Sequence[Any], control: Sequence[Any] = ()) -> List[Figure]:
+    """Figures of tours, and of their teams next to those of the control."""
+    teams, others = ([each.team for each in some] for some in (runs, control))
+    return [*rows_of(teams, others), *figures(measures, runs)]
 
 
 def drive_tours(

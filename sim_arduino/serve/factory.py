@@ -2,7 +2,7 @@
 
 import math
 import os
-from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
@@ -47,7 +47,7 @@ class Options(NamedTuple):
     profile: str = "current"
     environment: bool = False
     elf: Optional[str] = None
-    world: str = "room"
+    world: Union[World, str] = "room"
     world_name: Optional[str] = None
     name: Optional[str] = None
     pose: Optional[str] = None
@@ -253,6 +253,8 @@ def _radio_address(text: str) -> int:
 
 
 def _world(options: Options) -> World:
+    if isinstance(options.world, World):
+        return options.world
     world = world_file.load(options.world)
     if options.world_name is not None:
         from sim_arduino.world.shared_robots import SharedRegistry

@@ -76,10 +76,7 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
             raise ConfigError(
                 f"option {sorted(unknown)[0]!r} is unknown, expected {', '.join(factory.Options._fields)}"
             )
-        if isinstance(world, World):
-            self._robot = factory.make(factory.Options(**options), world)
-        else:
-            self._robot = factory.make(factory.Options(world=world, **options))
+        self._robot = factory.make(factory.Options(world=world, **options))
         self.plant = self._robot.plant
         self._port: BoardPort = SocketPort(listen) if listen else PtyPort()
         control = Control(self._robot.board, None, lambda path: None, lambda text: None)

@@ -78,7 +78,12 @@ def test_others_go_on_when_one_fails(started, tmp_path):
     )
 
 
+def test_port_is_refused_where_robots_are_emulated(started):
+    error = run("power", "gyro", "square", "--port", "/dev/ttyACM0", "--yes").exception
+    assert "gyro, square needs emulated robots, got --port /dev/ttyACM0" in str(error) and not started
+
+
 def test_a_real_robot_is_not_driven_on_after_a_failure(started, tmp_path):
     words = ("--port", "/dev/ttyACM0", "--yes", "--robot", "stingbot", "--out", str(tmp_path))
-    assert run("power", "square", *words).exception.exit_code == ConfigError.exit_code
+    assert run("power", "step-test", *words).exception.exit_code == ConfigError.exit_code
     assert started == ["power"]

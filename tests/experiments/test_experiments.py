@@ -5,20 +5,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose
 from sim_arduino.experiments import (
-    arena_sweep,
     disturbances,
     experiment_report,
     gyro,
     l_course,
-    patrol,
     power,
     sonar_approach,
     square,
     step_test,
-    turnaround,
 )
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.world import world_file
@@ -110,12 +106,6 @@ def test_gyro_keeps_the_heading_of_a_robot_that_slips(tmp_path):
     heading, position = figures["gyro_heading_deg"], figures["gyro_position_cm"]
     assert heading.ours < HEADING_DEG and position.ours < POSITION_CM
     assert heading.control > 30
-
-
-@pytest.mark.parametrize("experiment", [arena_sweep, gyro, patrol, square, turnaround])
-def test_port_is_refused_where_robots_are_emulated(experiment):
-    with pytest.raises(ConfigError, match="leave out --port"):
-        experiment.run(Setting("/nowhere", port="/dev/ttyACM0"))
 
 
 def test_result_is_read_as_it_was_saved(tmp_path):
