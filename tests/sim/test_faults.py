@@ -365,8 +365,8 @@ def needing(what):
     ("plant", "name", "text"),
     [
         *((traxbot, name, "needs motors on an H-bridge, robot traxbot") for name in needing("bridge")),
-        *((traxbot, name, "needs an IMU, the robot has none") for name in needing("imu")),
-        (traxbot, "radio_cut", "needs a radio, the robot has none; expected --radio too"),
+        *((traxbot, name, "needs an IMU, robot traxbot has none") for name in needing("imu")),
+        (traxbot, "radio_cut", "needs a radio, robot traxbot has none; expected --radio too"),
         (lambda: Plant(model("traxbot"), sonars=False), "sonar_failed", "needs sonars"),
         (lambda: Plant(model("pioneer")), "wheel_slips", "needs motors, robot pioneer has none"),
         (lambda: Plant(bridged()), "motor_reversed", "needs an OMNI-3MD, robot duo has"),
