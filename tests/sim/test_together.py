@@ -147,7 +147,7 @@ def test_each_robot_has_a_link_and_files_with_its_name(tmp_path):
     ("options", "text"),
     [
         ((*TEAM, "--link", "/tmp/robot"), "--link is '/tmp/robot', expected {name} in it"),
-        ((*TEAM, "--control"), "--control is given with 2 names, expected one --name with it"),
+        ((*TEAM, "--control"), "--control is given for a team, expected one --name with it"),
         (("--pose", "0,0,0", "--pose", "1,1,0"), "--pose is given 2 times, expected at most once for each"),
         (("--name", "one", "--name", "two"), "is in a wall or another robot (one)"),
     ],
