@@ -3,6 +3,10 @@
 import io
 import math
 import os
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -222,6 +226,35 @@ def test_cells_off_the_walls_are_false(room):
     found = map_score.score(made, room)
     assert found.false == pytest.approx(16 / (walls + 16))
     assert found.farthest_m == pytest.approx(2.0, abs=CELL_M)
+
+
+def test_the_frame_of_the_map_is_turned_and_moved(room):
+    """A mapper that began at 1, 0 and looked to the left has the world a quarter to the right."""
+    frame = Pose(1.0, 0.0, math.pi / 2)
+    made = grid_map.draw(room, CELL_M)
+    back = Pose(0.0, 0.0, 0.0).relative_to(frame)
+    turned = made._replace(origin=back.compose(*made.origin))
+    assert map_score.score(turned, room, frame) == pytest.approx(map_score.score(made, room), abs=1e-6)
+
+
+def test_a_map_that_is_turned_and_moved_is_fitted_to_the_walls():
+    """As those of mappers are, by 1 to 3 deg."""
+    house = load("house")
+    off = Pose(0.1, -0.15, math.radians(3))
+    made = grid_map.draw(house, CELL_M)
+    fit = map_score.fitted(made, house, off)
+    assert math.hypot(fit.x_m, fit.y_m) < 0.03 and abs(fit.yaw_rad) < math.radians(0.3)
+    assert map_score.score(made, house, off).found < 0.8 < 0.99 < map_score.score(made, house, fit).found
+
+
+def test_compare_map_prints_shares_before_and_after_the_fit(tmp_path):
+    path = tmp_path / "room.yaml"
+    grid_map.write(grid_map.draw(load("room"), CELL_M), str(path))
+    program = Path(__file__).parents[2] / "ros1_bridge" / "nodes" / "compare_map"
+    command = [sys.executable, str(program), "room", str(path), "--frame", "0.2,0,0"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    before, after = re.findall(r"[\d.]+(?= %)", done.stdout.splitlines()[0])
+    assert float(before) < 80 < 99 < float(after)
 
 
 RADIUS_M = 0.16
