@@ -39,7 +39,6 @@ uint8_t board_written_ones(const avr_t *avr, uint8_t value) {
 
 /* Write handler of a register of interrupt flags: a one clears. */
 void board_clear_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    (void)param;
     avr->data[address] &= (uint8_t)~board_written_ones(avr, value);
 }
 

@@ -23,18 +23,12 @@ enum run_status { RUN_DONE = 0, RUN_CRASHED = 1, RUN_STOPPED = 2 };
 typedef struct board board_t;
 
 /* What the board asks the outside; `cycle` is the moment it happened. */
-typedef int (*i2c_present_fn)(uint8_t address, uint64_t cycle);
-typedef void (*i2c_write_fn)(uint8_t address, const uint8_t *data, int length, uint64_t cycle);
-typedef int (*i2c_read_fn)(uint8_t address, uint8_t *out, int limit, uint64_t cycle);
-typedef double (*adc_fn)(int channel, uint64_t cycle); /* -> V */
-typedef void (*pin_fn)(int port, int bit, int level, uint64_t cycle);
-
 typedef struct {
-    i2c_present_fn present;
-    i2c_write_fn write;
-    i2c_read_fn read;
-    adc_fn adc;
-    pin_fn pin;
+    int (*present)(uint8_t address, uint64_t cycle); /* of an I2C device */
+    void (*write)(uint8_t address, const uint8_t *data, int length, uint64_t cycle);
+    int (*read)(uint8_t address, uint8_t *out, int limit, uint64_t cycle);
+    double (*adc)(int channel, uint64_t cycle); /* -> V */
+    void (*pin)(int port, int bit, int level, uint64_t cycle);
 } hooks_t;
 
 typedef struct {
@@ -60,9 +54,9 @@ typedef struct {
     sent_byte_t *sent;
     size_t sent_count, sent_room;
     /* receiver */
-    received_t fifo[2], waiting;
+    received_t fifo[3]; /* two that the program can read, and one that waits in the shift register */
     int fifo_count;
-    bool waiting_full, overrun, receiving;
+    bool overrun, receiving;
     double look_from, frame_start;
     line_byte_t *line;
     size_t line_first, line_count, line_room; /* used: line[line_first] to line[line_count - 1] */

@@ -62,7 +62,7 @@ def _is_current(library: Path) -> bool:
 
 def _compile(target: Path) -> None:
     sources = sorted(str(source) for source in SOURCES.glob("*.c"))
-    flags = ["-std=gnu11", "-O2", "-Wall", "-Wextra", "-shared", "-fPIC", "-fvisibility=hidden"]
+    flags = "-std=gnu11 -O2 -Wall -Wextra -Wno-unused-parameter -shared -fPIC -fvisibility=hidden".split()
     command = [*os.environ.get("CC", "cc").split(), *flags, *sources, "-o", str(target), "-lsimavr", "-lm"]
     try:
         result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)

@@ -7,7 +7,6 @@ enum { EEPE = 0x02, EEMPE = 0x04, EERE = 0x01, EEPM = 0x30 };
 enum { ERASE_AND_WRITE_US = 3400, HALF_US = 1800, HALTED_READING = 4, HALTED_WRITING = 2 };
 
 static avr_cycle_count_t written(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)when;
     board_t *board = param;
     avr->data[EECR] &= (uint8_t)~EEPE;
     board_recheck(board);

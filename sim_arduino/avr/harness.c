@@ -13,7 +13,6 @@ enum { PORF_BIT = 0, EXTRF_BIT = 1, BORF_BIT = 2, WDRF_BIT = 3 };
 static char last_message[256];
 
 static void keep_message(avr_t *avr, const int level, const char *format, va_list arguments) {
-    (void)avr;
     if (level <= LOG_WARNING)
         vsnprintf(last_message, sizeof last_message, format, arguments);
 }
@@ -104,7 +103,6 @@ static void serve_interrupts(board_t *board) {
 /* ---- run loop ---- */
 
 static avr_cycle_count_t slice_end(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)avr, (void)when, (void)param;
     return 0;
 }
 

@@ -97,7 +97,6 @@ static void write_direction(avr_t *avr, avr_io_addr_t address, uint8_t value, vo
 
 /* Ones written to PIN toggle the bits of PORT. */
 static void write_pin(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    (void)address;
     uint8_t port = ((port_t *)param)->at->port;
     write_port(avr, port, avr->data[port] ^ board_written_ones(avr, value), param);
 }
@@ -146,7 +145,6 @@ EXPORT void mrl_pin_set(board_t *board, int port, int bit, int level) {
 }
 
 static avr_cycle_count_t planned_change(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)avr;
     board_t *board = param;
     pins_t *pins = &board->pins;
     pins->delivering = true;

@@ -266,7 +266,6 @@ static void show_outputs(const timer_state_t *timer, uint64_t cycle) {
 }
 
 static avr_cycle_count_t alarm(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)avr;
     timer_state_t *timer = param;
     count_to(timer, when);
     if (is_observed(timer))
@@ -408,12 +407,10 @@ static uint16_t word_of(const timer_state_t *timer, uint8_t low) {
 }
 
 static void write_high(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    (void)avr, (void)address;
     ((timer_state_t *)param)->high = value;
 }
 
 static uint8_t read_high(avr_t *avr, avr_io_addr_t address, void *param) {
-    (void)avr, (void)address;
     return ((timer_state_t *)param)->high;
 }
 
@@ -438,7 +435,6 @@ static void write_compare(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 }
 
 static uint8_t read_count(avr_t *avr, avr_io_addr_t address, void *param) {
-    (void)address;
     timer_state_t *timer = param;
     count_to(timer, avr->cycle);
     timer->high = (uint8_t)(timer->count >> 8);

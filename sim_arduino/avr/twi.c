@@ -129,7 +129,6 @@ static bool loses_arbitration(const board_t *board) {
 }
 
 static avr_cycle_count_t phase_done(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)avr;
     board_t *board = param;
     if (is_blocked(&board->twi))
         return when + scl_cycles(board);
@@ -207,7 +206,6 @@ static void write_data(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
 }
 
 static void write_status(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    (void)param;
     avr->data[address] = (avr->data[address] & 0xF8) | (value & 3);
 }
 

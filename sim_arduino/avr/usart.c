@@ -5,7 +5,7 @@
 
 enum { RXC = 0x80, TXC = 0x40, UDRE = 0x20, FE = 0x10, DOR = 0x08, U2X = 0x02, MPCM = 0x01 };
 enum { RXEN = 0x10, TXEN = 0x08 };
-enum { LINE_BITS = 10 };
+enum { LINE_BITS = 10, FIFO = 2 };
 
 static uint64_t bit_cycles(const board_t *board) {
     const uint8_t *data = board->avr->data;
@@ -43,7 +43,6 @@ static void log_sent(usart_t *usart) {
 }
 
 static avr_cycle_count_t frame_sent(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)when;
     board_t *board = param;
     usart_t *usart = &board->usart;
     log_sent(usart);
@@ -60,7 +59,6 @@ static avr_cycle_count_t frame_sent(avr_t *avr, avr_cycle_count_t when, void *pa
 }
 
 static void write_udr(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    (void)address;
     board_t *board = param;
     if (!(avr->data[UCSRB] & TXEN) || board->usart.full)
         return;
@@ -139,11 +137,10 @@ static void listen(board_t *board) {
 }
 
 static avr_cycle_count_t start_bit_seen(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)when;
     board_t *board = param;
     usart_t *usart = &board->usart;
-    if (usart->waiting_full) {
-        usart->waiting_full = false;
+    if (usart->fifo_count == FIFO + 1) {
+        usart->fifo_count = FIFO;
         usart->overrun = true;
         usart->lost++;
         avr->data[UCSRA] |= DOR;
@@ -172,17 +169,10 @@ static void show_fifo(board_t *board) {
 }
 
 static avr_cycle_count_t frame_received(avr_t *avr, avr_cycle_count_t when, void *param) {
-    (void)avr, (void)when;
     board_t *board = param;
     usart_t *usart = &board->usart;
     double bit = (double)bit_cycles(board);
-    received_t frame = sample_frame(usart, bit);
-    if (usart->fifo_count < 2) {
-        usart->fifo[usart->fifo_count++] = frame;
-    } else {
-        usart->waiting = frame;
-        usart->waiting_full = true;
-    }
+    usart->fifo[usart->fifo_count++] = sample_frame(usart, bit);
     show_fifo(board);
     board_recheck(board);
     usart->receiving = false;
@@ -197,11 +187,8 @@ static uint8_t read_udr(avr_t *avr, avr_io_addr_t address, void *param) {
     uint8_t value = usart->fifo_count ? usart->fifo[0].data : avr->data[address];
     if (usart->fifo_count) {
         usart->fifo[0] = usart->fifo[1];
+        usart->fifo[1] = usart->fifo[2];
         usart->fifo_count--;
-    }
-    if (usart->waiting_full) {
-        usart->fifo[usart->fifo_count++] = usart->waiting;
-        usart->waiting_full = false;
     }
     usart->overrun = false;
     show_fifo(board);
@@ -213,14 +200,13 @@ static void flush_receiver(board_t *board) {
     avr_cycle_timer_cancel(board->avr, start_bit_seen, board);
     avr_cycle_timer_cancel(board->avr, frame_received, board);
     usart->fifo_count = 0;
-    usart->waiting_full = usart->overrun = usart->receiving = false;
+    usart->overrun = usart->receiving = false;
     show_fifo(board);
 }
 
 /* ---- registers ---- */
 
 static void write_status(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    (void)param;
     uint8_t kept = avr->data[address] & (RXC | TXC | UDRE | FE | DOR);
     if (value & TXC)
         kept &= (uint8_t)~TXC;

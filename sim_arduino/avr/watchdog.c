@@ -61,7 +61,6 @@ static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void
 }
 
 static int wdr(avr_io_t *io, uint32_t control, void *param) {
-    (void)param;
     if (control != AVR_IOCTL_DEF('w', 'd', 't', 'r'))
         return -1;
     board_t *board = ((watchdog_t *)io)->board;

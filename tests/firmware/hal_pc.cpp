@@ -7,7 +7,7 @@
 
 #include "src/board/board.h"
 #include "build.h"
-#include "src/sensors/dust.h"
+#include "src/sensors/environment.h"
 #include "src/serial/frame_decoder.h"
 #include "src/hal/hal.h"
 #include "hal_bridge_pc.h"

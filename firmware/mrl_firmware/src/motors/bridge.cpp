@@ -54,15 +54,8 @@ Levels levels(Bridge chip, bool backward, uint8_t duty, bool coast) {
 }
 
 hal::PwmRate rate(Bridge chip) {
-  switch (chip) {
-    case Bridge::l298n:
-      return hal::PwmRate::slow;
-    case Bridge::tb6612:
-    case Bridge::drv8833:
-      return hal::PwmRate::fast;
-    default:
-      return hal::PwmRate::medium;
-  }
+  if (chip == Bridge::l298n) return hal::PwmRate::slow;
+  return chip == Bridge::tb6612 || chip == Bridge::drv8833 ? hal::PwmRate::fast : hal::PwmRate::medium;
 }
 
 }  // namespace bridge

@@ -128,37 +128,17 @@ void lose() {
 }
 
 void ask_next(hal::Transfer& transfer) {
-  switch (ask_step) {
-    case Ask::stop:
-      return fill(transfer, Kind::ask, Message(STOP_MOTORS).keys());
-    case Ask::version:
-      return read(transfer, Kind::ask, READ_VERSION, 1);
-    case Ask::decimals:
-      return read(transfer, Kind::ask, READ_VERSION_DECIMALS, 1);
-    case Ask::battery:
-      return read(transfer, Kind::ask, READ_BATTERY, 2);
-    default:
-      return read(transfer, Kind::ask, READ_TEMPERATURE, 2);
-  }
+  if (ask_step == Ask::stop) return fill(transfer, Kind::ask, Message(STOP_MOTORS).keys());
+  if (ask_step == Ask::version) return read(transfer, Kind::ask, READ_VERSION, 1);
+  if (ask_step == Ask::decimals) return read(transfer, Kind::ask, READ_VERSION_DECIMALS, 1);
+  read(transfer, Kind::ask, ask_step == Ask::battery ? READ_BATTERY : READ_TEMPERATURE, 2);
 }
 
 void take_answer() {
-  switch (ask_step) {
-    case Ask::version:
-      version = static_cast<int16_t>(hal::transfer.in[0] * 100);
-      break;
-    case Ask::decimals:
-      version = static_cast<int16_t>(version + hal::transfer.in[0]);
-      break;
-    case Ask::battery:
-      battery = hundredths(word_in(0));
-      break;
-    case Ask::temperature:
-      temperature = hundredths(word_in(0));
-      break;
-    default:
-      break;
-  }
+  if (ask_step == Ask::version) version = static_cast<int16_t>(hal::transfer.in[0] * 100);
+  if (ask_step == Ask::decimals) version = static_cast<int16_t>(version + hal::transfer.in[0]);
+  if (ask_step == Ask::battery) battery = hundredths(word_in(0));
+  if (ask_step == Ask::temperature) temperature = hundredths(word_in(0));
   ask_step = static_cast<Ask>(static_cast<uint8_t>(ask_step) + 1);
   if (ask_step != Ask::done) return;
   presence = Presence::present;
@@ -221,25 +201,11 @@ void take_poll() {
 
 void succeed() {
   failures = 0;
-  switch (kind) {
-    case Kind::stop:
-      break;
-    case Kind::ask:
-      take_answer();
-      break;
-    case Kind::set_up:
-      pause_for_eeprom(set_up_message(set_up_now).pause_ms);
-      break;
-    case Kind::command:
-      pause_for_eeprom(current.pause_ms);
-      break;
-    case Kind::counts:
-      take_counts();
-      break;
-    case Kind::poll:
-      take_poll();
-      break;
-  }
+  if (kind == Kind::ask) take_answer();
+  if (kind == Kind::set_up) pause_for_eeprom(set_up_message(set_up_now).pause_ms);
+  if (kind == Kind::command) pause_for_eeprom(current.pause_ms);
+  if (kind == Kind::counts) take_counts();
+  if (kind == Kind::poll) take_poll();
   if (presence == Presence::present) status::set_fault(FAULT_MOTOR_BOARD, false);
 }
 

@@ -54,18 +54,11 @@ bool is_held() {
   return false;
 }
 
-bool is_same(const uint8_t* address, const uint8_t* other) {
-  for (uint8_t i = 0; i < xbee::ADDRESS_SIZE; i++) {
-    if (address[i] != other[i]) return false;
-  }
-  return true;
-}
-
 // The place of this radio, otherwise one that was never used or whose hold has ended; nullptr if all hold.
 Holder* place_of(const uint8_t* address) {
   Holder* place = nullptr;
   for (Holder& each : holders) {
-    if ((each.flags & KNOWN) && is_same(each.address, address)) return &each;
+    if ((each.flags & KNOWN) && !memcmp(each.address, address, sizeof each.address)) return &each;
     if (!(each.flags & HOLDS) && (!place || !(each.flags & KNOWN))) place = &each;
   }
   if (place) {

@@ -74,12 +74,9 @@ Readiness readiness(uint8_t code) {
 
 void report(uint8_t code, int16_t value, bool with_counts) {
   switch (code) {
-    case ROBOT_INFO:
-      return motor::report_info();
-    case READ_ENCODERS:
-      return report_encoders(with_counts);
-    case READ_SONARS:
-      return sonar::report();
+    case ROBOT_INFO: return motor::report_info();
+    case READ_ENCODERS: return report_encoders(with_counts);
+    case READ_SONARS: return sonar::report();
     case READ_ENCODERS_AND_SONARS:
       report_encoders(with_counts);
       return sonar::report();
@@ -87,37 +84,24 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       report_encoders(true);
       writer::add(motor::counts().rear);
       return sonar::report();
-    case START_SENSOR_STREAM:
-      return report_sensors(with_counts);
+    case START_SENSOR_STREAM: return report_sensors(with_counts);
     case START_SENSOR_LDR_STREAM:
       report_sensors(with_counts);
       return sensors::report(READ_LIGHT);
-    case START_COMPASS_STREAM:
-      return sensors::report(READ_COMPASS);
-    case GET_DEBUG:
-      return debug::report();
-    case GET_STREAM:
-      return streams::report();
-    case READ_PROTOCOL:
-      return status::report_protocol();
-    case READ_STATUS:
-      return status::report_status();
-    case READ_COUNTERS:
-      return status::report_counters();
-    case SET_WATCHDOG:
-      return failsafe::report_watchdog();
+    case START_COMPASS_STREAM: return sensors::report(READ_COMPASS);
+    case GET_DEBUG: return debug::report();
+    case GET_STREAM: return streams::report();
+    case READ_PROTOCOL: return status::report_protocol();
+    case READ_STATUS: return status::report_status();
+    case READ_COUNTERS: return status::report_counters();
+    case SET_WATCHDOG: return failsafe::report_watchdog();
     case READ_CONFIG:
-    case WRITE_CONFIG:
-      return config::report(value);
-    case READ_IMU:
-      return imu::report();
+    case WRITE_CONFIG: return config::report(value);
+    case READ_IMU: return imu::report();
 #if MRL_XBEE
-    case XBEE_TEXT:
-      return xbee::report_text();
-    case DISCOVER_XBEE:
-      return xbee::report_node();
-    case READ_RADIO:
-      return xbee::report_radio();
+    case XBEE_TEXT: return xbee::report_text();
+    case DISCOVER_XBEE: return xbee::report_node();
+    case READ_RADIO: return xbee::report_radio();
 #endif
     default:  // 32, 36, 37, 45 and 50 answer with the value they were asked with
       return sensors::knows(code) ? sensors::report(code) : writer::add(value);
