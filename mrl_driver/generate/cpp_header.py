@@ -1,6 +1,7 @@
 """The firmware's `protocol.h`: codes, prototypes and tables, out of the command table and the robot models."""
 
 import itertools
+import textwrap
 from typing import Iterable, List, Sequence, Tuple
 
 from mrl_driver.protocol import table
@@ -8,6 +9,7 @@ from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.robot import models as robots
 
 _NO_REQUEST = ("xbee_text",)  # rows that only the board sends
+_OWN_HANDLER = ("discover_xbee", "read_imu")  # do more than ask for their reply
 _BUILDS = {"environment": "MRL_ENVIRONMENT", "xbee": "MRL_XBEE", "hold": "MRL_XBEE"}
 """Options of build.h without which a build does not have a capability."""
 
@@ -18,6 +20,7 @@ _TOP = """
 
 #include "../../build.h"
 
+// A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
 // checksums on), reply stamped, index of the first argument's range, range of each argument (ANY: all of int16)
 """
@@ -41,7 +44,7 @@ constexpr uint8_t MODEL_PARAMETER_FIRST = {first};  // parameters whose defaults
 constexpr uint8_t MODEL_PARAMETER_COUNT = {count};
 
 #define MRL_CODE(code, constant, ...) constant = code,
-enum Code : uint8_t {{ MRL_COMMANDS(MRL_CODE, MRL_CODE) }};
+enum Code : uint8_t {{ MRL_COMMANDS(MRL_CODE, MRL_CODE, MRL_CODE) }};
 
 #define MRL_REASON(name) name,
 enum class Reason : uint8_t {{ MRL_REASONS(MRL_REASON) }};
@@ -50,11 +53,11 @@ enum class Reason : uint8_t {{ MRL_REASONS(MRL_REASON) }};
 #define MRL_PARAMETER(number, name, ...) name = number,
 enum class Parameter : uint8_t {{ MRL_PARAMETERS(MRL_PARAMETER) }};
 
-// One handler for each request that the build has; a forgotten one fails to link.
+// One handler for each request that the build has and that does more than ask; a forgotten one fails to link.
 #define MRL_HANDLER(code, constant, name, ...) void name(const int16_t* args, uint8_t count);
 #define MRL_NO_HANDLER(...)
 namespace handlers {{
-MRL_COMMANDS(MRL_HANDLER, MRL_NO_HANDLER)
+MRL_COMMANDS(MRL_HANDLER, MRL_NO_HANDLER, MRL_NO_HANDLER)
 }}  // namespace handlers
 
 // One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
@@ -109,7 +112,9 @@ def _head() -> str:
 
 
 def _enum(name: str, values: Iterable[Tuple[str, object]]) -> List[str]:
-    return [f"enum class {name} : uint8_t {{", *(f"  {name} = {value}," for name, value in values), "};", ""]
+    text = ", ".join(f"{name} = {value}" for name, value in values)
+    rows = textwrap.wrap(text, 116, initial_indent="  ", subsequent_indent="  ")
+    return [f"enum class {name} : uint8_t {{", *rows, "};", ""]
 
 
 def _numbered(names: Iterable[str]) -> Iterable[Tuple[str, int]]:
@@ -125,18 +130,24 @@ def _request_rows() -> List[str]:
     first = 0
     for row in table.COMMANDS:
         most = len(row.request)
-        kind = "NO_REQUEST" if row.name in _NO_REQUEST else "REQUEST"
         guarded = 1 if row.guarded else 2 if row.turns else 0
         names = row.code, row.name.upper(), row.name, _BUILDS.get(row.capability, 1)
         cells = [*names, most - row.optional, most, guarded, int(row.stamped), first]
         if most:
             cells.append(" ".join(map(_range, row.request)))
-        rows.append(f"{kind}({', '.join(map(str, cells))})")
+        rows.append(f"{_kind(row)}({', '.join(map(str, cells))})")
         first += most
     return [
         *_TOP.strip().splitlines(),
-        *_macro("MRL_COMMANDS(REQUEST, NO_REQUEST)", rows),
+        *_macro("MRL_COMMANDS(REQUEST, QUERY, NO_REQUEST)", rows),
     ]
+
+
+def _kind(row: table.Command) -> str:
+    if row.name in _NO_REQUEST:
+        return "NO_REQUEST"
+    only_asks = row.reply and not row.request and not row.guarded and row.name not in _OWN_HANDLER
+    return "QUERY" if only_asks else "REQUEST"
 
 
 def _sensor_rows() -> List[str]:

@@ -152,7 +152,6 @@ struct board {
     avr_int_vector_t *vector[VECTORS];
     uint32_t flagless; /* vectors whose interrupts may have no flag, a bit each */
     wrapped_t wrapped[IO_ADDRESSES], eeprom_control;
-    void (*clocked_by_hand)(board_t *board); /* a falling edge on SCL made through the port */
     bool stop, reset_wanted, asleep;
     int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
     uint32_t crash_pc;
@@ -176,6 +175,7 @@ void usart_attach(board_t *board);
 void usart_reset(board_t *board);
 void twi_attach(board_t *board);
 void twi_reset(board_t *board);
+void twi_clocked_by_hand(board_t *board);
 void watchdog_attach(board_t *board);
 void watchdog_reset(board_t *board);
 void watchdog_kick(board_t *board);

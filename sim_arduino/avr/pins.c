@@ -24,7 +24,7 @@ static void pass_on(board_t *board, int port, uint8_t changed, uint64_t cycle) {
     uint8_t now = board->pins.ports[port].level;
     pin_interrupts_changed(board, port, changed, now);
     if (port == SCL_PIN.port && (changed & ~now & (1 << SCL_PIN.bit)))
-        board->clocked_by_hand(board);
+        twi_clocked_by_hand(board);
     if (port == CAPTURE_PIN.port && (changed & (1 << CAPTURE_PIN.bit)))
         timers_capture(board, now >> CAPTURE_PIN.bit & 1, cycle);
 }

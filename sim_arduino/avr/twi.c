@@ -222,7 +222,7 @@ EXPORT void mrl_twi_set_stretch(board_t *board, int cycles) { board->twi.stretch
 EXPORT void mrl_twi_set_nack_after(board_t *board, int bytes) { board->twi.nack_after = bytes; }
 
 /* A falling edge on SCL made through the port, with the TWI off. */
-static void clocked_by_hand(board_t *board) {
+void twi_clocked_by_hand(board_t *board) {
     twi_t *twi = &board->twi;
     if (twi->hang != HANG_SDA_LOW || twi->release_clocks <= 0 || (board->avr->data[TWCR] & TWEN))
         return;
@@ -239,7 +239,6 @@ void twi_reset(board_t *board) {
 
 void twi_attach(board_t *board) {
     board->twi.nack_after = -1;
-    board->clocked_by_hand = clocked_by_hand;
     board_on_plain(board, TWBR, TWCR);
     board_on(board, TWCR, write_control, NULL, board);
     board_on(board, TWDR, write_data, NULL, board);

@@ -67,8 +67,8 @@ struct Row {
 
 #define REQUEST(code, constant, name, there, least, most, guarded, stamped, first, ...) {least, most, guarded, first, true},
 #define REPLY(...) {0, 0, 0, 0, false},
-const Row ROWS[] = {MRL_COMMANDS(REQUEST, REPLY)};
-const int LIMITS_OF_ARGUMENTS[][2] = {MRL_COMMANDS(RANGES_OF, RANGES_OF)};
+const Row ROWS[] = {MRL_COMMANDS(REQUEST, REQUEST, REPLY)};
+const int LIMITS_OF_ARGUMENTS[][2] = {MRL_COMMANDS(RANGES_OF, RANGES_OF, RANGES_OF)};
 
 bool is_canonical(const std::string& token) {
   const size_t first = token[0] == '-';

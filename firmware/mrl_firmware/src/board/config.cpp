@@ -188,10 +188,7 @@ void read_config(const int16_t* args, uint8_t) { answers::ask(READ_CONFIG, args[
 
 void write_config(const int16_t* args, uint8_t) {
   const uint8_t index = static_cast<uint8_t>(args[0]);
-  if (!config::allowed(index, args[1])) {
-    status::refuse(Reason::argument_range);
-    return;
-  }
+  if (!config::allowed(index, args[1])) return status::refuse(Reason::argument_range);
   config::values[index] = args[1];
   config::apply();
   motor::refresh(static_cast<Parameter>(index));

@@ -113,12 +113,4 @@ void report_counters() {
 }
 
 }  // namespace status
-
-namespace handlers {
-
-void read_protocol(const int16_t*, uint8_t) { answers::ask(READ_PROTOCOL); }
-void read_status(const int16_t*, uint8_t) { answers::ask(READ_STATUS); }
-void read_counters(const int16_t*, uint8_t) { answers::ask(READ_COUNTERS); }
-
-}  // namespace handlers
 }  // namespace mrl

@@ -239,7 +239,8 @@ uint16_t impossible_transitions() {
 bool encoder_masked(uint8_t encoder) { return !(PCICR & CHANGES[encoder]); }
 
 // Goes on from the present state.  An edge after the flag is cleared interrupts, even one before the state is read.
-static void unmask(uint8_t encoder) {
+void encoder_unmask(uint8_t encoder) {
+  cli();
   PCIFR = CHANGES[encoder];
   if (encoder) {
     GPIOR2 = static_cast<uint8_t>((PINB & quadrature::CHANNELS) << 1);
@@ -247,11 +248,6 @@ static void unmask(uint8_t encoder) {
     GPIOR1 = static_cast<uint8_t>((PIND >> chip::bit_of(pins::LEFT_ENCODER_A) & quadrature::CHANNELS) << 1);
   }
   PCICR = PCICR | CHANGES[encoder];
-}
-
-void encoder_unmask(uint8_t encoder) {
-  cli();
-  unmask(encoder);
   sei();
 }
 

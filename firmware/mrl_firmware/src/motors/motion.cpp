@@ -1,5 +1,4 @@
 // Commands to the motors: moves within the ceilings of the configuration, gains, encoders.
-#include "../serial/answers.h"
 #include "../board/config.h"
 #include "motor.h"
 #include "../serial/protocol.h"
@@ -115,8 +114,6 @@ void stop(const int16_t*, uint8_t) {
   require(motor::available());
   motor::stop(StopReason::host);
 }
-
-void robot_info(const int16_t*, uint8_t) { answers::ask(ROBOT_INFO); }
 
 }  // namespace handlers
 }  // namespace mrl

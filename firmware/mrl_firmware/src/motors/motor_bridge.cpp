@@ -162,9 +162,7 @@ uint8_t side_of(uint8_t motor) { return motor == LEFT_MOTOR ? LEFT : RIGHT; }
 
 }  // namespace
 
-void begin() {
-  refresh_all();
-}
+void begin() { refresh_all(); }
 
 // A line that oscillates may have cost the chip the host's stop, so this does not wait for the next sample.
 void service() {

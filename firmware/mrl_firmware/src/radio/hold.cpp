@@ -171,8 +171,6 @@ void report(int16_t undelivered) {
 
 namespace handlers {
 
-void read_radio(const int16_t*, uint8_t) { answers::ask(READ_RADIO); }
-
 void release_hold(const int16_t*, uint8_t) {
   for (hold::Holder& each : hold::holders) {
     if (each.flags & hold::SILENT) each.flags = 0;

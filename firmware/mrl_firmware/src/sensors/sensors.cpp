@@ -1,6 +1,5 @@
 #include "sensors.h"
 
-#include "../serial/answers.h"
 #include "../board/board_clock.h"
 #include "environment.h"
 #include "../hal/flash.h"
@@ -156,13 +155,4 @@ void transfer_ended(bus::Result result) {
 }
 
 }  // namespace sensors
-
-namespace handlers {
-
-#define HANDLER(name, code, ...) \
-  void read_##name(const int16_t*, uint8_t) { answers::ask(code); }
-MRL_BUS_SENSORS(HANDLER)
-MRL_PIN_SENSORS(HANDLER)
-
-}  // namespace handlers
 }  // namespace mrl

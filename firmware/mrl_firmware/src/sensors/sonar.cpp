@@ -118,10 +118,4 @@ bool converting() { return step == Step::converting; }
 #endif
 
 }  // namespace sonar
-
-namespace handlers {
-
-void read_sonars(const int16_t*, uint8_t) { answers::ask(READ_SONARS); }
-
-}  // namespace handlers
 }  // namespace mrl

@@ -188,11 +188,4 @@ void service() {
 }
 
 }  // namespace answers
-
-namespace handlers {
-
-void read_encoders(const int16_t*, uint8_t) { answers::ask(READ_ENCODERS); }
-void read_encoders_and_sonars(const int16_t*, uint8_t) { answers::ask(READ_ENCODERS_AND_SONARS); }
-
-}  // namespace handlers
 }  // namespace mrl

@@ -1,6 +1,7 @@
 #include "../hal/fast.h"
 #include "commands.h"
 
+#include "answers.h"
 #include "../board/board_clock.h"
 #include "debug.h"
 #include "../board/failsafe.h"
@@ -15,11 +16,13 @@ namespace {
 
 typedef void Handler(const int16_t* args, uint8_t count);
 
+void ask(const int16_t*, uint8_t) { answers::ask(decoder.code()); }
 void unavailable(const int16_t*, uint8_t) { status::refuse(Reason::unavailable); }
 
 #define HANDLER(code, constant, name, there, ...) (there) ? handlers::name : unavailable,
+#define QUERY(code, constant, name, there, ...) (there) ? ask : unavailable,
 #define NO_HANDLER(...) nullptr,
-Handler* const HANDLERS[] PROGMEM = {MRL_COMMANDS(HANDLER, NO_HANDLER)};
+Handler* const HANDLERS[] PROGMEM = {MRL_COMMANDS(HANDLER, QUERY, NO_HANDLER)};
 
 // At 1000000 baud, bytes arrive as fast as they are decoded.  Without a limit, a flood of bytes would delay everything
 // else, including a requested stop and the watchdog.

@@ -1,6 +1,5 @@
 #include "debug.h"
 
-#include "answers.h"
 #include "../hal/flash.h"
 #include "frame_writer.h"
 
@@ -9,9 +8,9 @@ namespace debug {
 namespace {
 
 #define COMMAND_TEXT(code, constant, name, ...) const char COMMAND_##code[] PROGMEM = #name;
-MRL_COMMANDS(COMMAND_TEXT, COMMAND_TEXT)
+MRL_COMMANDS(COMMAND_TEXT, COMMAND_TEXT, COMMAND_TEXT)
 #define COMMAND_NAME(code, ...) COMMAND_##code,
-const char* const COMMAND_NAMES[] PROGMEM = {MRL_COMMANDS(COMMAND_NAME, COMMAND_NAME)};
+const char* const COMMAND_NAMES[] PROGMEM = {MRL_COMMANDS(COMMAND_NAME, COMMAND_NAME, COMMAND_NAME)};
 #define REASON_TEXT(name) const char REASON_##name[] PROGMEM = #name;
 MRL_REASONS(REASON_TEXT)
 #define REASON_NAME(name) REASON_##name,
@@ -38,7 +37,6 @@ void report() { writer::add(on); }
 
 namespace handlers {
 
-void get_debug(const int16_t*, uint8_t) { answers::ask(GET_DEBUG); }
 void set_debug(const int16_t* args, uint8_t) { debug::on = args[0]; }
 
 }  // namespace handlers

@@ -4,40 +4,41 @@
 
 #include "../../build.h"
 
+// A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
 // checksums on), reply stamped, index of the first argument's range, range of each argument (ANY: all of int16)
-#define MRL_COMMANDS(REQUEST, NO_REQUEST) \
+#define MRL_COMMANDS(REQUEST, QUERY, NO_REQUEST) \
   REQUEST(1, CALIBRATE, calibrate, 1, 0, 0, 1, 0, 0) \
   REQUEST(2, SET_PID_GAINS, set_pid_gains, 1, 3, 3, 0, 0, 0, RANGE(0, 32767) RANGE(0, 32767) RANGE(0, 32767)) \
   REQUEST(3, SET_ENCODER_PRESCALER, set_encoder_prescaler, 1, 2, 2, 0, 0, 3, RANGE(1, 3) RANGE(0, 4)) \
   REQUEST(4, PRESET_ENCODER, preset_encoder, 1, 2, 2, 0, 0, 5, RANGE(1, 3) ANY) \
-  REQUEST(5, ROBOT_INFO, robot_info, 1, 0, 0, 0, 0, 7) \
-  REQUEST(6, READ_ENCODERS, read_encoders, 1, 0, 0, 0, 1, 7) \
-  REQUEST(7, READ_SONARS, read_sonars, 1, 0, 0, 0, 0, 7) \
-  REQUEST(8, READ_ENCODERS_AND_SONARS, read_encoders_and_sonars, 1, 0, 0, 0, 1, 7) \
+  QUERY(5, ROBOT_INFO, robot_info, 1, 0, 0, 0, 0, 7) \
+  QUERY(6, READ_ENCODERS, read_encoders, 1, 0, 0, 0, 1, 7) \
+  QUERY(7, READ_SONARS, read_sonars, 1, 0, 0, 0, 0, 7) \
+  QUERY(8, READ_ENCODERS_AND_SONARS, read_encoders_and_sonars, 1, 0, 0, 0, 1, 7) \
   REQUEST(9, MOVE_MOTORS_PID, move_motors_pid, 1, 2, 2, 2, 0, 7, RANGE(-100, 100) RANGE(-100, 100)) \
   REQUEST(10, MOVE_MOTORS, move_motors, 1, 2, 2, 2, 0, 9, RANGE(-100, 100) RANGE(-100, 100)) \
   REQUEST(11, MOVE_DIFFERENTIAL, move_differential, 1, 2, 2, 2, 0, 11, ANY ANY) \
   REQUEST(12, MOVE_TO_POSITION, move_to_position, 1, 3, 3, 2, 0, 13, RANGE(1, 3) RANGE(-100, 100) ANY) \
   REQUEST(13, STOP, stop, 1, 0, 0, 0, 0, 16) \
   REQUEST(14, RESET_ENCODERS, reset_encoders, 1, 0, 0, 0, 0, 16) \
-  REQUEST(15, GET_DEBUG, get_debug, 1, 0, 0, 0, 0, 16) \
+  QUERY(15, GET_DEBUG, get_debug, 1, 0, 0, 0, 0, 16) \
   REQUEST(16, SET_DEBUG, set_debug, 1, 1, 1, 0, 0, 16, RANGE(0, 1)) \
-  REQUEST(17, GET_STREAM, get_stream, 1, 0, 0, 0, 0, 17) \
+  QUERY(17, GET_STREAM, get_stream, 1, 0, 0, 0, 0, 17) \
   REQUEST(18, START_STREAM, start_stream, 1, 0, 1, 0, 0, 17, RANGE(0, 10000)) \
   REQUEST(19, STOP_STREAM, stop_stream, 1, 0, 0, 0, 0, 18) \
-  REQUEST(20, READ_ALCOHOL, read_alcohol, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
-  REQUEST(21, READ_DUST, read_dust, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
-  REQUEST(22, READ_THERMOPILE, read_thermopile, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
+  QUERY(20, READ_ALCOHOL, read_alcohol, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
+  QUERY(21, READ_DUST, read_dust, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
+  QUERY(22, READ_THERMOPILE, read_thermopile, MRL_ENVIRONMENT, 0, 0, 0, 0, 18) \
   REQUEST(23, START_SENSOR_STREAM, start_sensor_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 18, RANGE(0, 10000)) \
   REQUEST(24, STOP_SENSOR_STREAM, stop_sensor_stream, 1, 0, 0, 0, 0, 19) \
   REQUEST(25, START_SENSOR_LDR_STREAM, start_sensor_ldr_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 19, RANGE(0, 10000)) \
   REQUEST(26, STOP_SENSOR_LDR_STREAM, stop_sensor_ldr_stream, 1, 0, 0, 0, 0, 20) \
   REQUEST(27, START_COMPASS_STREAM, start_compass_stream, MRL_ENVIRONMENT, 0, 1, 0, 1, 20, RANGE(0, 10000)) \
   REQUEST(28, STOP_COMPASS_STREAM, stop_compass_stream, 1, 0, 0, 0, 0, 21) \
-  REQUEST(29, READ_PROTOCOL, read_protocol, 1, 0, 0, 0, 0, 21) \
-  REQUEST(30, READ_STATUS, read_status, 1, 0, 0, 0, 0, 21) \
-  REQUEST(31, READ_COUNTERS, read_counters, 1, 0, 0, 0, 0, 21) \
+  QUERY(29, READ_PROTOCOL, read_protocol, 1, 0, 0, 0, 0, 21) \
+  QUERY(30, READ_STATUS, read_status, 1, 0, 0, 0, 0, 21) \
+  QUERY(31, READ_COUNTERS, read_counters, 1, 0, 0, 0, 0, 21) \
   REQUEST(32, SET_CHECK, set_check, 1, 1, 1, 1, 0, 21, RANGE(0, 1)) \
   REQUEST(33, SET_WATCHDOG, set_watchdog, 1, 1, 1, 1, 0, 22, RANGE(0, 10000)) \
   REQUEST(34, READ_CONFIG, read_config, 1, 1, 1, 0, 0, 23, RANGE(0, 27)) \
@@ -47,15 +48,15 @@
   REQUEST(38, SEND_XBEE, send_xbee, MRL_XBEE, 6, 13, 0, 0, 26, ANY ANY ANY ANY RANGE(1, 16) ANY ANY ANY ANY ANY ANY ANY ANY) \
   NO_REQUEST(39, XBEE_TEXT, xbee_text, 1, 0, 0, 0, 0, 39) \
   REQUEST(40, DISCOVER_XBEE, discover_xbee, MRL_XBEE, 0, 0, 0, 0, 39) \
-  REQUEST(41, READ_LIGHT, read_light, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
-  REQUEST(42, READ_COMPASS, read_compass, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
+  QUERY(41, READ_LIGHT, read_light, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
+  QUERY(42, READ_COMPASS, read_compass, MRL_ENVIRONMENT, 0, 0, 0, 0, 39) \
   REQUEST(43, MOVE_OMNI, move_omni, 1, 3, 3, 2, 0, 39, RANGE(0, 100) RANGE(-100, 100) RANGE(0, 359)) \
   REQUEST(44, START_OMNI_STREAM, start_omni_stream, 1, 0, 1, 0, 1, 42, RANGE(0, 10000)) \
   REQUEST(45, SET_BAUD, set_baud, 1, 1, 1, 1, 0, 43, RANGE(0, 3)) \
   REQUEST(46, READ_IMU, read_imu, 1, 0, 0, 0, 1, 44) \
   REQUEST(47, START_IMU_STREAM, start_imu_stream, 1, 1, 1, 0, 0, 44, RANGE(10, 10000)) \
   REQUEST(48, STOP_IMU_STREAM, stop_imu_stream, 1, 0, 0, 0, 0, 45) \
-  REQUEST(49, READ_RADIO, read_radio, MRL_XBEE, 0, 0, 0, 0, 45) \
+  QUERY(49, READ_RADIO, read_radio, MRL_XBEE, 0, 0, 0, 0, 45) \
   REQUEST(50, RELEASE_HOLD, release_hold, MRL_XBEE, 0, 0, 1, 0, 45)
 
 // names of the reasons to refuse bytes, in the order of read_counters
@@ -143,7 +144,7 @@ constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults diffe
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
 
 #define MRL_CODE(code, constant, ...) constant = code,
-enum Code : uint8_t { MRL_COMMANDS(MRL_CODE, MRL_CODE) };
+enum Code : uint8_t { MRL_COMMANDS(MRL_CODE, MRL_CODE, MRL_CODE) };
 
 #define MRL_REASON(name) name,
 enum class Reason : uint8_t { MRL_REASONS(MRL_REASON) };
@@ -152,11 +153,11 @@ enum class Reason : uint8_t { MRL_REASONS(MRL_REASON) };
 #define MRL_PARAMETER(number, name, ...) name = number,
 enum class Parameter : uint8_t { MRL_PARAMETERS(MRL_PARAMETER) };
 
-// One handler for each request that the build has; a forgotten one fails to link.
+// One handler for each request that the build has and that does more than ask; a forgotten one fails to link.
 #define MRL_HANDLER(code, constant, name, ...) void name(const int16_t* args, uint8_t count);
 #define MRL_NO_HANDLER(...)
 namespace handlers {
-MRL_COMMANDS(MRL_HANDLER, MRL_NO_HANDLER)
+MRL_COMMANDS(MRL_HANDLER, MRL_NO_HANDLER, MRL_NO_HANDLER)
 }  // namespace handlers
 
 // One function for each sensor; a forgotten one fails to link.  On the I2C bus: values out of the bytes of
@@ -202,54 +203,28 @@ constexpr int16_t WIRING_SINGLE_CHANNEL = 128;
 
 // What started the board.
 enum class ResetCause : uint8_t {
-  unknown = 0,
-  power_on = 1,
-  external = 2,
-  brown_out = 3,
-  watchdog = 4,
+  unknown = 0, power_on = 1, external = 2, brown_out = 3, watchdog = 4
 };
 
 // Why the motors were last stopped.
 enum class StopReason : uint8_t {
-  none = 0,
-  host = 1,
-  link_watchdog = 2,
-  stall = 3,
-  motor_board = 4,
-  boot = 5,
-  check_ended = 6,
-  wheel_blocked = 7,
-  encoder = 8,
-  undervoltage = 9,
-  held = 10,
+  none = 0, host = 1, link_watchdog = 2, stall = 3, motor_board = 4, boot = 5, check_ended = 6, wheel_blocked = 7,
+  encoder = 8, undervoltage = 9, held = 10
 };
 
 // Bridge chips of parameter 19.
 enum class Bridge : uint8_t {
-  unset = 0,
-  vnh5019 = 1,
-  cytron = 2,
-  l298n = 3,
-  tb6612 = 4,
-  drv8833 = 5,
-  bts7960 = 6,
+  unset = 0, vnh5019 = 1, cytron = 2, l298n = 3, tb6612 = 4, drv8833 = 5, bts7960 = 6
 };
 
 // Whether the radio holds the robot.
 enum class HoldState : uint8_t {
-  off = 0,
-  free = 1,
-  listening = 2,
-  held = 3,
-  silent = 4,
+  off = 0, free = 1, listening = 2, held = 3, silent = 4
 };
 
 // Second byte of a hold text.
 enum class HoldText : uint8_t {
-  hold = 'H',
-  free = 'F',
-  held = 'h',
-  freed = 'f',
+  hold = 'H', free = 'F', held = 'h', freed = 'f'
 };
 
 }  // namespace mrl

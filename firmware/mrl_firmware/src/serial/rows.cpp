@@ -23,7 +23,7 @@ constexpr int16_t NO_ENCODERS = 999;  // value that sensor boards have sent inst
 constexpr int16_t LAST_WITH_MOTORS = 5;
 
 #define STAMPED(code, constant, name, there, least, most, guarded, stamped, ...) stamped,
-const uint8_t STAMPED_ROWS[] PROGMEM = {MRL_COMMANDS(STAMPED, STAMPED)};
+const uint8_t STAMPED_ROWS[] PROGMEM = {MRL_COMMANDS(STAMPED, STAMPED, STAMPED)};
 
 bool is_sensor_stream(uint8_t code) { return code == START_SENSOR_STREAM || code == START_SENSOR_LDR_STREAM; }
 

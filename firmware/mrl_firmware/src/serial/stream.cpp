@@ -1,7 +1,6 @@
 #include "../hal/fast.h"
 #include "stream.h"
 
-#include "answers.h"
 #include "../board/board_clock.h"
 #include "frame_writer.h"
 #include "protocol.h"
@@ -74,8 +73,6 @@ void start(uint8_t code, const int16_t* args, uint8_t count) {
 }
 
 }  // namespace
-
-void get_stream(const int16_t*, uint8_t) { answers::ask(GET_STREAM); }
 
 void start_stream(const int16_t* args, uint8_t count) { start(READ_ENCODERS_AND_SONARS, args, count); }
 
