@@ -12,6 +12,7 @@ from mrl_driver.errors import SimulatorError
 
 SOURCES = Path(__file__).resolve().parent
 PACKAGES = "gcc libc6-dev libsimavr-dev"
+OPTIONS = "-std=gnu11 -O2 -Wall -Wextra -Wno-unused-parameter -shared -fPIC -fvisibility=hidden"
 LIBRARY = "libmrl_board.so"
 LONGEST_REASON = 160  # characters of compiler output in a message
 
@@ -62,8 +63,8 @@ def _is_current(library: Path) -> bool:
 
 def _compile(target: Path) -> None:
     sources = sorted(str(source) for source in SOURCES.glob("*.c"))
-    flags = "-std=gnu11 -O2 -Wall -Wextra -Wno-unused-parameter -shared -fPIC -fvisibility=hidden".split()
-    command = [*os.environ.get("CC", "cc").split(), *flags, *sources, "-o", str(target), "-lsimavr", "-lm"]
+    compiler = f"{os.environ.get('CC', 'cc')} {OPTIONS}".split()
+    command = [*compiler, *sources, "-o", str(target), "-lsimavr", "-lm"]
     try:
         result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     except OSError as error:
