@@ -65,11 +65,7 @@ class AvrEngine:
     """
 
     def __init__(
-        self,
-        plant: Plant,
-        elf: Union[str, Path] = FIRMWARE,
-        robot_id: Optional[int] = None,
-        seed: int = 0,
+        self, plant: Plant, elf: Union[str, Path] = FIRMWARE, robot_id: Optional[int] = None, seed: int = 0
     ) -> None:
         self.plant = plant
         self.machine = AvrMachine(elf, seed=seed)

@@ -317,6 +317,7 @@ entry does more."""
 del REQUESTS["xbee_text"]  # only a reply
 REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     **{sensor.command.name: partial(_values, sensor) for sensor in SENSORS},
+    **dict.fromkeys(("set_check", "set_baud", "save_config", "default_config", "release_hold"), _value),
     "robot_info": _info,
     "read_encoders": _encoders,
     "read_sonars": _sonars,
@@ -331,17 +332,12 @@ REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     "read_protocol": _protocol,
     "read_status": _status,
     "read_counters": _counters,
-    "set_check": _value,
     "set_watchdog": lambda board, _: (board.watchdog_ms,),
-    "set_baud": _value,
     "read_config": _config,
     "write_config": _config,
-    "save_config": _value,
-    "default_config": _value,
     "xbee_text": lambda board, _: board.radio.text(),
     "discover_xbee": lambda board, _: board.radio.node(),
     "read_radio": lambda board, _: board.radio.hold.report(),
-    "release_hold": _value,
 }
 """Called with the board and the value given to `ask`; None if there is nothing to send."""
 NEEDS: Dict[str, str] = {row.name: row.capability for row in COMMANDS if row.capability}

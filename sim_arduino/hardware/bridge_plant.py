@@ -110,9 +110,7 @@ class BridgePlant:
         single = "single_channel" in self._set
         self.encoders = tuple(
             Quadrature(
-                phase_error,
-                single,
-                reversed_=self._is_reversed("encoder", self._wheel("encoders", each)),
+                phase_error, single, reversed_=self._is_reversed("encoder", self._wheel("encoders", each))
             )
             for each in (0, 1)
         )

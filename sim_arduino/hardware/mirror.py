@@ -37,12 +37,7 @@ class Mirror:
     """
 
     def __init__(
-        self,
-        world: World,
-        name: str,
-        footprint: Footprint,
-        origin: Pose = ORIGIN,
-        margin: Margin = NO_MARGIN,
+        self, world: World, name: str, footprint: Footprint, origin: Pose = ORIGIN, margin: Margin = NO_MARGIN
     ) -> None:
         self._world, self._name, self._footprint = world, name, footprint
         self._margin = margin

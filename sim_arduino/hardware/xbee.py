@@ -93,12 +93,7 @@ class XBee:
     """
 
     def __init__(
-        self,
-        medium: RadioMedium,
-        robot: str,
-        fit: RadioFit,
-        place: Callable[[], Place],
-        seed: int = 0,
+        self, medium: RadioMedium, robot: str, fit: RadioFit, place: Callable[[], Place], seed: int = 0
     ) -> None:
         address = address_for(robot) if fit.address is None else fit.address
         network = zlib.crc32(address.to_bytes(8, "big")) % _LARGEST_NETWORK + 1

@@ -88,6 +88,11 @@ class MecanumDrive(NamedTuple):
     turn_slip: float = 0.0
     """Share of the yaw that is lost to slip in a turn."""
 
+    @property
+    def metres_per_count(self) -> float:
+        """Distance of a wheel per count [m]."""
+        return 6.283185307179586 * self.wheel_radius_m / self.counts_per_turn
+
 
 class NoDrive(NamedTuple):
     """The board has sensors and no motors: it sits on a robot that something else drives."""
