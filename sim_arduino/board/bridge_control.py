@@ -7,13 +7,13 @@ from typing import Callable, Dict, List, Optional, Sequence, Tuple
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BRIDGES, INT16_MAX, TICK_S, WIRING, Command
-from sim_arduino.hardware.bridge_plant import BATTERY_CHANNEL
+from sim_arduino.hardware.bridge_plant import BATTERY_CHANNEL, ENCODER_PINS
 from sim_arduino.hardware.encoders import EncoderCounter
 from sim_arduino.hardware.wiring import Plant
 
 from .board_status import BoardStatus
-from .encoder_inputs import SAMPLE_TICKS, EncoderInputs, EncoderSample
-from .integers import divide, limit
+from .encoder_inputs import SAMPLE_TICKS, EncoderInput
+from .integers import divide, limit, uint16
 from .motors import Counts, Motors
 from .parameter_store import Config
 from .wheel import Wheel
@@ -110,7 +110,7 @@ class BridgeControl(Motors):
         self._plant, self._pins = plant, plant.bridge
         self._config, self._health = config, health
         self._start_s = start_s
-        self.encoders = EncoderInputs(self._pins.levels)
+        self.encoders = [EncoderInput(pins, self._pins.levels) for pins in ENCODER_PINS]
         self._battery = BatteryInput(config, adc, start_s)
         self._wheels = (Wheel(), Wheel())
         self._counters = (EncoderCounter(), EncoderCounter())
@@ -130,7 +130,7 @@ class BridgeControl(Motors):
 
     def boot(self, now_s: float) -> None:
         self._pins.take_edges()
-        self.encoders = EncoderInputs(self._pins.levels)
+        self.encoders = [EncoderInput(pins, self._pins.levels) for pins in ENCODER_PINS]
         self.next_s = now_s + _PERIOD_S
         self.refresh(now_s)
 
@@ -158,7 +158,8 @@ class BridgeControl(Motors):
         if parameter in (None, "bridge", "wiring"):
             self.stop(now_s, StopReason.HOST)
             self._pins.off(now_s)
-            self.encoders.single_channel = self._wired("single_channel")
+            for encoder in self.encoders:
+                encoder.single_channel = self._wired("single_channel")
         settings = settings_of(self._config) if self._config["bridge"] and self._wired("set") else None
         self._settings, self._usable = settings or self._settings, settings is not None
         if not self._usable:
@@ -174,30 +175,32 @@ class BridgeControl(Motors):
     # ---- periods
 
     def run(self, now_s: float) -> None:
-        sample = self._sample(self.next_s)
+        tick = self._sample(self.next_s)
         self._battery.run(now_s)
         self._watch_battery(now_s)
         for wheel in (LEFT, RIGHT):
-            self._serve(now_s, wheel, sample)
+            self._serve(now_s, wheel, tick)
 
-    def _sample(self, time_s: float) -> EncoderSample:
+    def _sample(self, time_s: float) -> int:
+        """Ends a period of the encoders; returns the board's clock [64 us]."""
         self._take_edges(time_s)
         self.next_s = time_s + _PERIOD_S
-        return self.encoders.sample(self._tick(time_s))
+        for encoder in self.encoders:
+            encoder.sampled()
+        return uint16(int((time_s - self._start_s) / TICK_S + 1e-6))
 
     def _take_edges(self, time_s: float) -> None:
         self._plant.advance(time_s)
-        self.encoders.take(self._pins.take_edges(), self._start_s)
+        edges = self._pins.take_edges()
+        for encoder in self.encoders:
+            encoder.take(edges, self._start_s)
 
-    def _tick(self, time_s: float) -> int:
-        return int((time_s - self._start_s) / TICK_S + 1e-6)
-
-    def _serve(self, now_s: float, wheel: int, sample: EncoderSample) -> None:
-        encoder = self._encoder_of(wheel)
-        moved = self._moved_by(wheel, sample)
-        self._last_counts[encoder] = sample.counts[encoder]
-        reason = self._wheels[wheel].update(self._settings, moved, sample.edge_ticks[encoder], sample.tick)
-        if self._turning and self.encoders.masked(encoder):
+    def _serve(self, now_s: float, wheel: int, tick: int) -> None:
+        index, moved = self._encoder_of(wheel), self._moved_by(wheel)
+        encoder = self.encoders[index]
+        self._last_counts[index] = encoder.count
+        reason = self._wheels[wheel].update(self._settings, moved, encoder.edge_tick, tick)
+        if self._turning and encoder.masked:
             reason = StopReason.ENCODER
         if reason == StopReason.NONE:
             self._write(now_s, wheel)
@@ -205,10 +208,10 @@ class BridgeControl(Motors):
             self.stop(now_s, reason)
             self._refused_since_s = now_s
 
-    def _moved_by(self, wheel: int, now: EncoderSample) -> int:
+    def _moved_by(self, wheel: int) -> int:
         """Counts of a wheel since its last period; a single channel counts in the direction of the command."""
-        encoder = self._encoder_of(wheel)
-        counts = to_int16(now.counts[encoder] - self._last_counts[encoder])
+        index = self._encoder_of(wheel)
+        counts = to_int16(self.encoders[index].count - self._last_counts[index])
         if self._wired("single_channel"):
             return -counts if self._wheels[wheel].last_direction < 0 else counts
         return -counts if self._wired(_REVERSED["encoder"][wheel]) else counts
@@ -239,8 +242,7 @@ class BridgeControl(Motors):
 
     def _travel(self, now_s: float, wheel: int) -> int:
         self._take_edges(now_s)
-        live = self.encoders.read(self._tick(now_s))
-        return self._wheels[wheel].travel + self._moved_by(wheel, live)
+        return self._wheels[wheel].travel + self._moved_by(wheel)
 
     def info(self, now_s: float) -> Tuple[int, int, int]:
         """The battery's voltage, or 0 without its divider."""
@@ -248,7 +250,7 @@ class BridgeControl(Motors):
 
     def status(self) -> Tuple[int, ...]:
         """The number of impossible transitions."""
-        return (min(INT16_MAX, self.encoders.impossible),)
+        return (min(INT16_MAX, sum(encoder.impossible for encoder in self.encoders)),)
 
     # ---- requests
 
@@ -270,9 +272,9 @@ class BridgeControl(Motors):
         if not self._usable or self._undervoltage or now_s < self._refused_since_s + REFUSED_S:
             return False
         self._take_edges(now_s)
-        for encoder in (0, 1):
-            if self.encoders.masked(encoder):
-                self.encoders.unmask(encoder, self._pins.levels)
+        for encoder in self.encoders:
+            if encoder.masked:
+                encoder.unmask(self._pins.levels)
         self._health.turned()
         self._turning = True
         return True

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.protocol.table import TICK_S
-from sim_arduino.board.encoder_inputs import MOST_EDGES, EncoderInputs
+from sim_arduino.board.encoder_inputs import MOST_EDGES, EncoderInput
 from sim_arduino.hardware.bridge_plant import ENCODER_PINS, PinEdge
 from sim_arduino.hardware.dc_motor import Motion
 from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, Quadrature
@@ -146,46 +146,49 @@ def backward(steps):
     return tuple((channel, 1 - level) for channel, level in reversed(steps))
 
 
-@pytest.fixture
-def inputs():
-    return EncoderInputs(LOW)
+@pytest.fixture(params=[0, 1])
+def encoder(request):
+    return EncoderInput(ENCODER_PINS[request.param], LOW)
 
 
-@pytest.mark.parametrize("encoder", [0, 1])
-def test_each_edge_forward_counts_up(inputs, encoder):
-    inputs.take(edges_of(encoder, FORWARD * 3), 0.0)
-    assert inputs.read(0).counts[encoder] == 12 and inputs.read(0).counts[1 - encoder] == 0
+def test_each_edge_forward_of_its_own_pins_counts_up(encoder):
+    edges = [edge for number in (0, 1) for edge in edges_of(number, FORWARD * 3)]
+    encoder.take(edges, 0.0)
+    assert encoder.count == 12
 
 
-def test_a_sample_has_the_time_of_the_last_edge(inputs):
-    inputs.take(edges_of(1, FORWARD, start_s=0.5), 0.25)
-    assert inputs.read(7).edge_ticks[1] == int(0.254 / TICK_S)
+def test_an_edge_that_counts_has_its_time_on_the_boards_clock(encoder):
+    encoder.take(edges_of(ENCODER_PINS.index(encoder.pins), FORWARD, start_s=0.5), 0.25)
+    assert encoder.edge_tick == int(0.254 / TICK_S)
 
 
-def oscillation(count, start_s=0.0):
-    return [PinEdge(start_s + 1e-5 * n, 2, n & 1) for n in range(1, count + 1)]
+def oscillation(encoder, count, start_s=0.0):
+    return [PinEdge(start_s + 1e-5 * n, encoder.pins[0], n & 1) for n in range(1, count + 1)]
 
 
-def test_too_many_edges_between_two_samples_mask_an_encoder_alone(inputs):
+def test_too_many_edges_between_two_samples_mask_an_encoder(encoder):
     for start_s in (0.0, 0.01):
-        inputs.take(oscillation(MOST_EDGES - 1, start_s), 0.0)
-        inputs.sample(78)
-    assert not inputs.masked(0)
-    inputs.take(oscillation(MOST_EDGES, 0.02), 0.0)
-    assert inputs.masked(0) and not inputs.masked(1)
+        encoder.take(oscillation(encoder, MOST_EDGES - 1, start_s), 0.0)
+        encoder.sampled()
+    assert not encoder.masked
+    encoder.take(oscillation(encoder, MOST_EDGES, 0.02), 0.0)
+    assert encoder.masked
 
 
-def test_a_masked_encoder_does_not_count_until_it_is_unmasked(inputs):
-    inputs.take(oscillation(MOST_EDGES), 0.0)
-    before = inputs.sample(78).counts[0]
-    inputs.take(edges_of(0, FORWARD, 0.01), 0.0)
-    assert inputs.read(0).counts[0] == before
-    inputs.unmask(0, LOW)
-    inputs.take(edges_of(0, FORWARD, 0.02), 0.0)
-    assert inputs.read(0).counts[0] == before + 4
+def test_a_masked_encoder_does_not_count_until_it_is_unmasked(encoder):
+    number = ENCODER_PINS.index(encoder.pins)
+    encoder.take(oscillation(encoder, MOST_EDGES), 0.0)
+    encoder.sampled()
+    before = encoder.count
+    encoder.take(edges_of(number, FORWARD, 0.01), 0.0)
+    assert encoder.count == before
+    encoder.unmask(LOW)
+    encoder.take(edges_of(number, FORWARD, 0.02), 0.0)
+    assert encoder.count == before + 4
 
 
 @pytest.mark.parametrize(("apart_s", "counted", "impossible"), [(0.5e-6, 0, 1), (2e-6, 2, 0)])
-def test_edges_of_both_channels_within_an_interrupt_are_impossible(inputs, apart_s, counted, impossible):
-    inputs.take([PinEdge(1e-3, 2, 1), PinEdge(1e-3 + apart_s, 4, 1)], 0.0)
-    assert (inputs.read(0).counts[0], inputs.impossible) == (counted, impossible)
+def test_edges_of_both_channels_within_an_interrupt_are_impossible(encoder, apart_s, counted, impossible):
+    a, b = encoder.pins
+    encoder.take([PinEdge(1e-3, a, 1), PinEdge(1e-3 + apart_s, b, 1)], 0.0)
+    assert (encoder.count, encoder.impossible) == (counted, impossible)
