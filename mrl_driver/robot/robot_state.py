@@ -65,11 +65,8 @@ RobotEvent = Union[Telemetry, Imu, ImuChanged, Board, Ready, Status, Stale, Path
 class RobotState:
     """Pose, ranges and battery of one robot.  If `model` is None, the model that lists the board's id is used.
 
-    `build` replaces the model's, see `models.with_build`.  When a board without sonars is ready, the model has none
-    either.
-
-    Raises:
-        ConfigError: the model cannot have this build.
+    `build` replaces the model's, see `models.with_build`: ConfigError if the model cannot have it.  When a board
+    without sonars is ready, the model has none either.
     """
 
     def __init__(
@@ -143,17 +140,11 @@ class RobotState:
         return imu.state_of(self.tracker, self.info.capabilities if self.info else frozenset())
 
     def admit(self, board: Board) -> Optional[str]:
-        """Accept the board, and choose its model if none was given.
+        """Accept the board, choose its model if none was given, return the table row of its stream; None for the usual.
 
-        A board may be asked for its identity more than once before it is ready; the last answer counts.
-
-        Returns:
-            The table row of the stream to start; None for the usual one.
-
-        Raises:
-            ConfigError: the board cannot move the base of this model.
-            WrongRobot: another robot answers.
-            BatteryDead: the battery is too low to start; not checked again after the start.
+        A board may be asked for its identity more than once before it is ready; the last answer counts.  ConfigError if
+        it cannot move the base of this model, WrongRobot if another robot answers, BatteryDead if the battery is too
+        low to start, which is not checked again after the start.
         """
         if self._robot_id not in (None, board.robot_id) and not self._any_id:
             raise WrongRobot(
