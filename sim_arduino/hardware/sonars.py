@@ -55,13 +55,10 @@ def count_of(range_m: float, errors: SonarErrors = FLAWLESS) -> int:
 
 
 class SonarChain:
-    """The sensors in their firing order.
+    """The sensors in their firing order; those of the robot `name` in the world ignore its own body.
 
-    A trigger makes each sensor fire once, one every 100 ms.  While the trigger is high, rounds follow each other.
-
-    Args:
-        pose_at: The robot's pose at a time [s]; a reading uses the pose at which the sensor fires.
-        name: The robot's name in the world; its sonars ignore its own body.
+    A trigger makes each sensor fire once, one every 100 ms, at the robot's pose of that time.  While the trigger is
+    high, rounds follow each other.
     """
 
     def __init__(
