@@ -132,7 +132,7 @@ class TopicPageRobot(PageRobot):
         """Send a stop, if this page has driven since the last one."""
         with self._lock:
             pressed, self._press, self._robot.command, self._age_s = self._press, None, None, math.nan
-            self._goal.end()
+            self._seeker = None
             if pressed is not None:
                 self._stopped_s = time.monotonic()
                 self._commands.stop()

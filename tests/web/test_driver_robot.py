@@ -2,19 +2,19 @@
 
 import json
 import math
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
 
 from mrl_driver.apps.web.driver_robot import DriverRobot
 from mrl_driver.apps.web.helm import Goal, why_of
-from mrl_driver.apps.web.robot import GoalDrive, PhoneReading
+from mrl_driver.apps.web.robot import PhoneReading
 from mrl_driver.driver import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import ORIGIN
+from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.robot.models import load
 from sim_arduino.serve import factory
 
 STEP_S = 0.05
@@ -84,16 +84,16 @@ def test_a_held_goal_is_reached(robot):
 
 
 @pytest.mark.parametrize("stopped", [True, False])
-def test_after_a_stop_the_next_step_begins_a_new_search(stopped):
+def test_after_a_stop_the_next_step_begins_a_new_search(robot, monkeypatch, stopped):
     """Otherwise time without progress would count while nobody held the control."""
-    drive, model = GoalDrive(), load("traxbot")
+    monkeypatch.setattr("mrl_driver.apps.web.robot.GoalSeeker", partial(GoalSeeker, patience_s=1.0))
     goal = Goal(5.0, 0.0)
-    for now_s in (0.0, 120.0):
-        robot = SimpleNamespace(pose=ORIGIN, ranges={}, limits=model.limits, model=model, now_s=now_s)
-        step = drive.step(goal, robot)
-        if stopped:
-            drive.end()
-    assert bool(step.ended) is not stopped
+    assert robot.page.go(goal, 0.01) is None
+    if stopped:
+        robot.page.stop()
+    robot.driver.wait(2.0)
+    why = robot.page.go(goal, 0.01)
+    assert (why is None) is stopped and (stopped or why.reason is StopReason.GOAL_BLOCKED)
 
 
 def test_a_board_without_motors_has_no_goal(tmp_path):

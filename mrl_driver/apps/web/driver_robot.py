@@ -64,7 +64,7 @@ class DriverRobot(PageRobot):
 
     def _end(self, stop: Callable[[], None]) -> None:
         self._driven = False
-        self._goal.end()
+        self._seeker = None
         try:
             stop()
         except MrlError as error:  # the driver sends it again later, or has ended and says why

@@ -101,52 +101,6 @@ class PhoneReading(NamedTuple):
     """Rates as `DeviceMotionEvent.rotationRate` has them: alpha, beta, gamma [deg/s]."""
 
 
-class Step(NamedTuple):
-    """One step towards the goal."""
-
-    linear_m_s: float = 0.0
-    angular_rad_s: float = 0.0
-    ended: Optional[Why] = None  # why the robot stops here: the goal is reached, or blocked; None before that
-    notice: str = ""  # why the robot waits now, or has stopped; empty while it drives
-
-
-class GoalDrive:
-    """Drives to one goal at a time, in the frame of the poses.
-
-    A new goal, and the first step after `end`, begin a new search with an empty map.
-    """
-
-    def __init__(self) -> None:
-        self._seeker: Optional[GoalSeeker] = None
-        self._goal: Optional[Goal] = None
-
-    def end(self) -> None:
-        """Forget the goal: the robot was stopped, or the control was released."""
-        self._seeker = self._goal = None
-
-    def step(self, goal: Goal, robot: Any) -> Step:
-        """Return the speeds now.  Without a yaw the robot arrives in the direction from here to the goal.
-
-        `robot` is a Driver, or has its `pose`, `ranges`, `limits`, `model` and `now_s`.
-        """
-        pose, now_s = robot.pose, robot.now_s
-        if self._seeker is None or self._goal != goal:
-            self._goal = goal
-            x_m, y_m, yaw_rad = goal
-            if yaw_rad is None:
-                yaw_rad = math.atan2(y_m - pose.y_m, x_m - pose.x_m)
-            target, sonars = Pose(x_m, y_m, yaw_rad), robot.model.sonars
-            self._seeker = GoalSeeker(target, robot.limits, now_s, sonars, look_rad=LOOK_RAD)
-        seeker = self._seeker
-        linear_m_s, angular_rad_s = seeker.command(pose, robot.ranges, now_s)
-        if not (seeker.reached or seeker.blocked):
-            return Step(linear_m_s, angular_rad_s, notice=f"waits: {seeker.why}" if seeker.blind else "")
-        ended = why_of(StopReason.GOAL_REACHED)
-        if not seeker.reached:
-            ended = Why(StopReason.GOAL_BLOCKED, f"the goal was not reached: {seeker.why}")
-        return Step(ended=ended, notice=ended.words)
-
-
 class PageRobot(ABC):
     """A robot behind the page.  The server's loop calls all of it, and nothing may block for long.
 
@@ -161,7 +115,10 @@ class PageRobot(ABC):
     ) -> None:
         self.source, self.recordings = source, recordings
         self._live = LiveModel(source, time.monotonic(), state, "page", REMEDY)
-        self._series, self._goal = Series(source), GoalDrive()
+        self._series = Series(source)
+        self._goal: Optional[Goal] = None
+        self._seeker: Optional[GoalSeeker] = None
+        """Searches the way to the goal; None after a stop or another command."""
         self._age_s = math.nan  # age of the last command that drove [s]
 
     def drive(
@@ -172,13 +129,14 @@ class PageRobot(ABC):
         `age_s` is an upper bound of the command's age.  Return why the robot does not drive; None if the command is in
         force.
         """
-        self._goal.end()
+        self._seeker = None
         return self._drive(linear_m_s, angular_rad_s, lateral_m_s, age_s)
 
     def go(self, goal: Goal, age_s: float) -> Optional[Why]:
-        """Drive one step towards a goal in the odom frame.
+        """Drive one step towards a goal in the odom frame; without a yaw, in the direction from here to the goal.
 
-        Return why the robot does not drive, which may be that it is there; None if the step's command is in force.
+        A new goal, and the first step after a stop, begin a new search with an empty map.  Return why the robot does
+        not drive, which may be that it is there; None if the step's command is in force.
         """
         source = self.source
         if source.model is None or source.limits is None:
@@ -186,9 +144,25 @@ class PageRobot(ABC):
         why = self._refusal() if source.model.drives else NO_MOTORS
         if why is not None:
             return why
-        step = self._goal.step(goal, source)
-        self._live.notice = step.notice
-        return step.ended or self._drive(step.linear_m_s, step.angular_rad_s, 0.0, age_s)
+        seeker = self._seeker
+        if seeker is None or goal != self._goal:
+            self._goal, seeker = goal, self._search(goal)
+            self._seeker = seeker
+        linear_m_s, angular_rad_s = seeker.command(source.pose, source.ranges, source.now_s)
+        if seeker.reached:
+            why = why_of(StopReason.GOAL_REACHED)
+        elif seeker.blocked:
+            why = Why(StopReason.GOAL_BLOCKED, f"the goal was not reached: {seeker.why}")
+        waits = f"waits: {seeker.why}" if seeker.blind else ""
+        self._live.notice = waits if why is None else why.words
+        return why or self._drive(linear_m_s, angular_rad_s, 0.0, age_s)
+
+    def _search(self, goal: Goal) -> GoalSeeker:
+        source, (x_m, y_m, yaw_rad) = self.source, goal
+        if yaw_rad is None:
+            yaw_rad = math.atan2(y_m - source.pose.y_m, x_m - source.pose.x_m)
+        target = Pose(x_m, y_m, yaw_rad)
+        return GoalSeeker(target, source.limits, source.now_s, source.model.sonars, look_rad=LOOK_RAD)
 
     @abstractmethod
     def _drive(

@@ -8,7 +8,7 @@ import { Goal } from "./goal.js";
 import { joystick, keyboard, pad } from "./held_controls.js";
 import { Helm } from "./helm.js";
 import { FloorMap } from "./map.js";
-import { Panels, nearestOf } from "./panels.js";
+import * as panels from "./panels.js";
 import { phone } from "./phone.js";
 import { Press } from "./press.js";
 import { recordings } from "./recordings.js";
@@ -35,7 +35,6 @@ const speeds = new Speeds();
 const stick = joystick(press, speeds);
 const goal = new Goal(press);
 const map = new FloorMap();
-const panels = new Panels();
 const samples = new Samples();
 const plots = charts(samples, SHOWN_FIRST);
 const welcomes = [recordings(connection, token), phone(connection, helm)];
@@ -160,7 +159,7 @@ connection.on("view", (message) => {
   }
   map.touch();
   if (document.hidden) return;
-  const found = nearestOf(view.ranges);
+  const found = panels.nearestOf(view.ranges);
   panels.readings([...(view.sections ?? []), pageSection()]);
   panels.nearest(found, found ? map.marks[found[0]] ?? "" : "");
   panels.battery(view.battery);
@@ -213,7 +212,7 @@ function frame(now) {
   panels.motion(samples.newest("speed"), samples.newest("turn rate"), samples.newest("sideways speed"), view);
   if (now - wordsAt < WORDS_MS) return;
   wordsAt = now;
-  panels.map(connection.isOpen ? map.pose : null, nearestOf(view.ranges), goal.value);
+  panels.map(connection.isOpen ? map.pose : null, panels.nearestOf(view.ranges), goal.value);
   showState();
 }
 
