@@ -137,7 +137,7 @@ class TopicPageRobot(PageRobot):
                 self._stopped_s = time.monotonic()
                 self._commands.stop()
 
-    def latch(self, by: str) -> None:
+    def latch(self) -> None:
         """Stop, and latch the emergency stop of the robot's node."""
         self.stop()
         self._emergency.latch()

@@ -212,7 +212,7 @@ def test_a_robot_stands_after_the_stop_when_its_odometry_says_so(bench):
 def test_the_stop_of_the_page_is_latched_at_the_robots_node(bench):
     page = bench()
     page.drive()
-    page.robot.latch("desk")
+    page.robot.latch()
     assert page.robot.latched and page.sent[-1] == STOP
     wait_until(lambda: page.services == ["stop"])
     assert page.drive() and page.sent == [FORWARD, STOP]
@@ -331,7 +331,7 @@ def test_a_call_that_raises_ends_no_later_one(bench, answers, error, words):
     """As if the master ends in the middle of its answer.  A stop that is not confirmed is asked for again."""
     page = bench()
     page.services.answers, page.services.error = answers, error
-    page.robot.latch("desk")
+    page.robot.latch()
     wait_until(lambda: len(page.services) > 1)
     assert page.robot.latched and words in page.notice()
     page.services.answers, page.services.error = (True, ""), None

@@ -68,9 +68,9 @@ class FakeRobot:
     def stop(self):
         self.calls.append(("stop",))
 
-    def latch(self, by):
+    def latch(self):
         self.latched = True
-        self.calls.append(("latch", by))
+        self.calls.append(("latch",))
 
     def release(self):
         self.latched = False

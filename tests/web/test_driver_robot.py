@@ -68,7 +68,7 @@ def test_a_stop_between_two_commands_is_not_overridden_by_the_next(robot):
 
 
 def test_a_latched_stop_refuses_commands_until_it_is_released(robot):
-    robot.page.latch("phone")
+    robot.page.latch()
     assert "release it" in robot.page.drive(0.2, 0.0, 0.0, 0.01).words
     assert robot.page.latched and robot.driver.command is None
     robot.page.release()

@@ -99,7 +99,7 @@ def test_each_fresh_command_is_passed_on_once(driving):
         bench.later()
         assert bench.repeat(one, linear_m_s=speed) == [helm.Drive(speed, 0.0, 0.0, 0.0)]
     bench.later()
-    assert bench.helm.tick(bench.now_s) == [] and bench.helm.state().age_s == 0.0
+    assert bench.helm.tick(bench.now_s) == []
 
 
 def test_a_released_control_stops_at_once(driving):
@@ -318,7 +318,7 @@ def test_a_wish_for_the_helm_can_be_withdrawn(driving, withdraw):
 def test_anybody_can_stop(driving, may_drive):
     bench, one, _ = driving
     watcher = bench.page(may_drive)
-    assert bench.helm.stop(watcher.number, bench.now_s) == [helm.Latch(3), helm.Tell()]
+    assert list(map(type, bench.helm.stop(watcher.number, bench.now_s))) == [helm.Latch, helm.Tell]
     state = bench.helm.state()
     assert (state.latched, state.latched_by, state.driving, state.why.reason) == (True, 3, False, EMERGENCY)
     assert not bench.drives(one)

@@ -67,6 +67,11 @@ class Site:
         self.server, self.session, self.robot = server, session, robot
         self.url = f"http://127.0.0.1:{server.port}"
 
+    @property
+    def clients(self):
+        """Number of pages that have said hello."""
+        return len(self.server._clients)
+
     @contextlib.asynccontextmanager
     async def page(self, token="", name="desk", **options):
         """A page over a WebSocket that has said hello."""
@@ -244,7 +249,7 @@ def test_a_watch_only_page_stops_the_robot_and_cannot_drive():
             assert "watching" in (await page.next("refused"))["why"]
             await page.send("stop")
             await page.next("helm", lambda state: state["latched"])
-        assert ("latch", "desk") in site.robot.calls
+        assert ("latch",) in site.robot.calls
 
     serving(scenario, GUARDED)
 
@@ -259,8 +264,8 @@ def test_a_stalled_page_delays_no_other_and_is_closed(monkeypatch):
     async def scenario(site):
         site.robot.values = [0.123456789] * 4000
         async with site.page(name="good") as page, site.stalled_page():
-            await page.next("helm", lambda state: state["viewers"] == 2)
-            while site.server.clients == 2:
+            await page.next("helm", lambda state: len(state["names"]) == 2)
+            while site.clients == 2:
                 site.robot.changed()
                 await page.next("sample")
             await page.take()
@@ -374,7 +379,7 @@ def test_a_request_that_cannot_be_served_is_refused_and_the_server_goes_on(reque
 
 async def goes_on(site):
     """The server has not been told to end, and has no page but this one."""
-    await site.until(lambda: not site.server.clients)
+    await site.until(lambda: not site.clients)
     async with site.page() as page:
         await page.next("welcome")
         assert not site.server._over.done()
@@ -390,7 +395,7 @@ def test_a_page_that_floods_the_server_is_closed_but_its_stop_counts(monkeypatch
             await page.send("stop")
             await page.send("ping", t=0, heard=None, heard_t=None)
             assert "too many" in (await page.next("closed"))["why"]
-            assert ("latch", "desk") in site.robot.calls
+            assert ("latch",) in site.robot.calls
 
     serving(scenario)
 
@@ -475,7 +480,7 @@ def test_beyond_this_computer_the_page_is_encrypted(tmp_path, monkeypatch):
                 assert (await page.next("welcome"))["role"] == "drive"
                 site.robot.changed()
                 await page.next("sample")
-        await site.until(lambda: not site.server.clients)
+        await site.until(lambda: not site.clients)
 
     serving(scenario, settings)
 
@@ -572,7 +577,7 @@ def test_a_silent_page_gives_its_place_to_the_next(monkeypatch):
             async with site.page(name="next") as page:
                 await page.next("welcome")
                 assert "needed its place" in (await silent.next("closed"))["why"]
-                assert site.server.clients == 1
+                assert site.clients == 1
 
     serving(scenario)
 

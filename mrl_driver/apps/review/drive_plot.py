@@ -53,16 +53,11 @@ def draw(drive: DriveData, path: str, parts: Sequence[str] = PARTS) -> None:
 
 
 def _require_poses(drive: DriveData) -> None:
-    if len(drive.poses.time_s):
-        return
-    if not drive.model.drives:
-        raise ConfigError(
-            f"{drive.path} holds no odometry, because {drive.model.name} is a board without motors; its sensors "
-            f"are shown by: mrl replay {drive.path}"
-        )
-    raise ConfigError(
-        f"{drive.path} holds no odometry, expected frames of a robot; check it with: mrl replay {drive.path}"
-    )
+    if not len(drive.poses.time_s):
+        why = "expected frames of a robot; check it with"
+        if not drive.model.drives:
+            why = f"because {drive.model.name} is a board without motors; its sensors are shown by"
+        raise ConfigError(f"{drive.path} holds no odometry, {why}: mrl replay {drive.path}")
 
 
 def _over_time(drive: DriveData, parts: Sequence[str]) -> Iterator[Chart]:

@@ -61,7 +61,7 @@ def render(drive: DriveData, findings: Sequence[Finding]) -> str:
         "title": _text(f"Review of {pathlib.Path(drive.path).name}"),
         "subtitle": _text(", ".join(filter(None, (drive.robot_name, _started(drive))))),
         "mark": "caution" if findings else "good",
-        "verdict": _text(_verdict(drive, findings)),
+        "verdict": _text(_verdict(findings)),
         "tiles": "".join(_tiles(drive)),
         "findings": "".join(_finding(i + 1, each) for i, each in enumerate(findings))
         or "<p>No fault was found in this drive.</p>",
@@ -117,7 +117,7 @@ def _started(drive: DriveData) -> str:
         return drive.started
 
 
-def _verdict(drive: DriveData, findings: Sequence[Finding]) -> str:
+def _verdict(findings: Sequence[Finding]) -> str:
     if not findings:
         return "No fault was found."
     first = findings[0]

@@ -58,7 +58,7 @@ class DriverRobot(PageRobot):
     def stop(self) -> None:
         self._end(self._driver.stop)
 
-    def latch(self, by: str) -> None:
+    def latch(self) -> None:
         self._latched = True
         self._end(lambda: self._driver.inhibit(StopReason.EMERGENCY_STOP))
 

@@ -99,8 +99,6 @@ class Halt(NamedTuple):
 class Latch(NamedTuple):
     """Stop the robot, and let nothing move it until `Unlatch`."""
 
-    by: int
-
 
 class Unlatch(NamedTuple):
     """End the latched stop."""
@@ -132,7 +130,6 @@ class HelmState:
     latched_by_other: str = ""  # name of another source of the emergency stop; empty: there is none
     spent: Dict[int, int] = field(default_factory=dict)  # the newest press of each client that is over
     why: Why = GOING  # why the robot was stopped last; `none` while a press is in force
-    age_s: float = math.nan  # upper bound of the age of the newest command that drove [s]; NaN: none has
     late: int = 0  # commands that were dropped because they were too old, or their age was not known
     repeated: int = 0  # messages that were dropped because a newer one had arrived before
     malformed: int = 0  # messages that could not be read
@@ -292,7 +289,6 @@ class Helm:
         if why:
             new, who.spent = control.press > who.spent, max(who.spent, control.press)
             return [*acts, Refuse(client, why), Tell()] if new else acts
-        self._state.age_s = age_s
         if age_s > self._oldest_s:
             self._state.late += 1
             return acts + self._complain(client, who, age_s)
@@ -358,7 +354,7 @@ class Helm:
         acts = self.tick(now_s)
         self._latched, self._state.latched_by, self._latched_s = True, client, now_s
         self._end_press(why_of(StopReason.EMERGENCY_STOP), now_s)
-        return [*acts, Latch(client), Tell()]
+        return [*acts, Latch(), Tell()]
 
     def release(self, client: int, now_s: float) -> List[Act]:
         """A client wants to end the latched stop, which its page has shown since: it may be newer than the click."""

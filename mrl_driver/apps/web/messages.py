@@ -224,7 +224,6 @@ def view_facts(shown: Shown) -> Dict[str, Any]:
         "stopped": stopped,
         "reason": state.stop_reason if stopped and STOPS[state.stop_reason].why else "",
         "command": None if state.command is None else [round(speed, 3) for speed in state.command],
-        "rate_hz": round(shown.rate_hz, 1),
         "battery": {
             "v": round(state.battery_v, 2),
             "share": round(state.battery_share, 2),
@@ -248,10 +247,7 @@ def helm(now_s: float, state: HelmState, names: Mapping[int, str]) -> str:
     """Which page drives, and why the robot stands; `names` are those of all clients by number."""
     other = state.latched_by_other if state.latched_by is None else names.get(state.latched_by, "")
     facts = {**vars(state), "why": state.why.words, "reason": state.why.reason}
-    age_ms = round(facts.pop("age_s") * 1000, 1)
-    return encode(
-        "helm", now_s, age_ms=age_ms, latched_by_name=other, names=names, viewers=len(names), **facts
-    )
+    return encode("helm", now_s, latched_by_name=other, names=names, **facts)
 
 
 def recording(now_s: float, on: bool, name: str, seconds: float, loss: str, files: Sequence[Recorded]) -> str:

@@ -179,8 +179,8 @@ class PageRobot(ABC):
         """Stop at once, and forget the goal.  Any thread and any signal handler may call it."""
 
     @abstractmethod
-    def latch(self, by: str) -> None:
-        """Stop, and refuse all commands until `release`; `by` names the person or program."""
+    def latch(self) -> None:
+        """Stop, and refuse all commands until `release`."""
 
     @abstractmethod
     def release(self) -> None:
@@ -203,7 +203,6 @@ class PageRobot(ABC):
 
     def shown(self, now_s: float) -> Shown:
         """What a live view shows of the robot."""
-        self._live.record = self.recordings.name
         return self._live.shown(now_s, self._age_s)
 
     def series(self) -> List[Tuple[str, str]]:

@@ -186,11 +186,6 @@ class Server:
                 self._runner.server, end, ssl=context, ssl_handshake_timeout=HANDSHAKE_S if context else None
             )
 
-    @property
-    def clients(self) -> int:
-        """Number of clients."""
-        return len(self._clients)
-
     def end(self, why: str) -> None:
         """Stop the robot now, and let `serve` end; any thread and any signal handler may call it."""
         self._ending = True
@@ -354,8 +349,7 @@ class Server:
             elif isinstance(act, Halt):
                 robot.stop()
             elif isinstance(act, Latch):
-                client = self._clients.get(act.by) if act.by is not None else None
-                robot.latch(client.name if client is not None else "the page")
+                robot.latch()
                 switched = True
             elif isinstance(act, Unlatch):
                 robot.release()

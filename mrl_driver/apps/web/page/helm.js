@@ -14,7 +14,7 @@ export class Helm {
   /** Called with each state of the server. */
   taken = () => {};
   /** The last state of the server. */
-  state = { names: {}, driver: null, wants: null, latched: false, latched_by: null, latched_by_name: "", spent: {}, why: "", age_ms: 0, viewers: 0 };
+  state = { names: {}, driver: null, wants: null, latched: false, latched_by: null, latched_by_name: "", spent: {}, why: "" };
   #connection;
   #you = null;
   #role = "";
