@@ -110,8 +110,9 @@ class Session:
         self._restarted, self._lost_before = True, 0  # frames lost before the greeting
         # Start time of the board [s], from its last status, and from the last one before the greeting.
         self._boot_s = self._boot_before_s = math.nan
-        # Work due within this time is done together with the current frame, which saves a wake-up [s].
-        self.lead_s = self.motion.lead_s = plan.period_ms / 2000
+        # Work that is due before the next frame is done with the current one, which saves a wake-up [s].
+        self.lead_s = plan.period_ms / 1000
+        self.motion.lead_s = self.lead_s / 2
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
         # When this program last attended to the board, when it last went on after a pause, and was late [s].
