@@ -34,20 +34,6 @@ class Shown(NamedTuple):
     input_name: str = "key"  # what the operator drives with, as the name of the first part of the delay
 
 
-class Rate:
-    """Frames per second over the last second."""
-
-    def __init__(self) -> None:
-        self._seen: List[Tuple[float, int]] = []
-
-    def update(self, frames: int, now_s: float) -> float:
-        """Return the rate from the number of frames so far [Hz]."""
-        self._seen = [each for each in self._seen if now_s - each[0] <= 1.0][-20:]
-        self._seen.append((now_s, frames))
-        (first_s, first), (last_s, last) = self._seen[0], self._seen[-1]
-        return (last - first) / (last_s - first_s) if last_s > first_s else 0.0
-
-
 class LiveModel:
     """Follows one robot for a live view.
 
@@ -79,7 +65,8 @@ class LiveModel:
         """
         self._robot, self._state = robot, state or (lambda: state_of(robot))
         self._input_name, self._remedy = input_name, remedy
-        self._start_s, self._rate = now_s, Rate()
+        self._start_s = now_s
+        self._seen: List[Tuple[float, int]] = []  # times, and numbers of frames until then
         self._moves = has_motors(robot.model)
         self.trail, self.frames, self.record = Trail(), 0, ""
         self.notice: str = robot.warning
@@ -120,7 +107,7 @@ class LiveModel:
             self._state(),
             now_s,
             now_s - self._start_s,
-            self._rate.update(frames, now_s),
+            self._rate_hz(frames, now_s),
             self.trail.poses,
             self.trail.distance_m,
             f"{mismatch}; {self._remedy}" if mismatch is not None else warning or loss or self.notice,
@@ -129,3 +116,10 @@ class LiveModel:
             self.delays_s(input_s),
             self._input_name,
         )
+
+    def _rate_hz(self, frames: int, now_s: float) -> float:
+        """Return the frames per second over the last second, from the number of frames so far."""
+        self._seen = [each for each in self._seen if now_s - each[0] <= 1.0][-20:]
+        self._seen.append((now_s, frames))
+        (first_s, first), (last_s, last) = self._seen[0], self._seen[-1]
+        return (last - first) / (last_s - first_s) if last_s > first_s else 0.0
