@@ -42,7 +42,7 @@ class Message(NamedTuple):
     value: Any  # a `Control` or a `PhoneReading`; of other kinds, its fields by name
 
 
-# -- messages of pages: for each type its fields with their checks
+# -- messages of pages: for each type its fields with their checks.  Types are exact: to Python, True is an int, too.
 
 
 Check = Callable[[str, Any], Any]
@@ -65,15 +65,10 @@ def _refuse(name: str, value: Any, expected: str) -> Malformed:
     return Malformed(f"{name} is {reprlib.repr(value)}, expected {expected}")
 
 
-def _is(value: Any, *kinds: type) -> bool:
-    """Whether a value has one of these types; to Python, True is a whole number, too."""
-    return isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))
-
-
 def _number(low: float, high: float, scale: float = 1.0) -> Check:
     return _check(
         f"a number from {low:g} to {high:g}",
-        lambda value: _is(value, int, float) and low <= value <= high,
+        lambda value: type(value) in (int, float) and low <= value <= high,
         lambda value: float(value) / scale,
     )
 
@@ -81,7 +76,7 @@ def _number(low: float, high: float, scale: float = 1.0) -> Check:
 def _text(most: int) -> Check:
     return _check(
         f"at most {most} printable characters",
-        lambda value: _is(value, str) and len(value) <= most and value.isprintable(),
+        lambda value: type(value) is str and len(value) <= most and value.isprintable(),
     )
 
 
@@ -91,7 +86,7 @@ def _or_none(check: Check, none: Any = None) -> Check:
 
 def _tuple(check: Check, *sizes: int) -> Check:
     fits = _check(
-        f"a list of {' or '.join(map(str, sizes))}", lambda value: _is(value, list) and len(value) in sizes
+        f"a list of {' or '.join(map(str, sizes))}", lambda value: type(value) is list and len(value) in sizes
     )
     return lambda name, value: tuple(check(name, part) for part in fits(name, value))
 
@@ -105,9 +100,9 @@ def _goal(name: str, value: Any) -> Goal:
 
 _WHOLE = _check(
     f"a whole number from 0 to {_LARGEST_WHOLE}",
-    lambda value: _is(value, int) and 0 <= value <= _LARGEST_WHOLE,
+    lambda value: type(value) is int and 0 <= value <= _LARGEST_WHOLE,
 )
-_FLAG = _check("true or false", lambda value: _is(value, bool))
+_FLAG = _check("true or false", lambda value: type(value) is bool)
 _TIME = _number(-_LATEST_MS, _LATEST_MS, scale=1000.0)
 _PLACE = _tuple(_number(-FARTHEST_M, FARTHEST_M), 2, 3)
 _SPEED = _number(-MOST_SPEED, MOST_SPEED)
