@@ -264,9 +264,7 @@ void service() {
 }
 
 bool available() { return presence != Presence::absent; }
-
 bool asked() { return known; }
-
 bool ever_found() { return found; }
 
 void stop(StopReason reason) {
@@ -313,7 +311,6 @@ void refresh_all() { set_up_todo = SET_ALL; }
 void want_counts() { state = available() ? CountsState::wanted : CountsState::failed; }
 
 CountsState counts_state() { return state; }
-
 const Counts& counts() { return last_counts; }
 
 int16_t capabilities() { return CAPABILITY_OMNI; }

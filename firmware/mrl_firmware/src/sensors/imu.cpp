@@ -162,21 +162,14 @@ void transfer_ended(bus::Result result) {
 }  // namespace imu
 
 namespace handlers {
-namespace {
-
-bool there() {
-  if (!imu::found) status::refuse(Reason::unavailable);
-  return imu::found;
-}
-
-}  // namespace
 
 void read_imu(const int16_t*, uint8_t) {
-  if (there()) answers::ask(READ_IMU);
+  if (!imu::found) return status::refuse(Reason::unavailable);
+  answers::ask(READ_IMU);
 }
 
 void start_imu_stream(const int16_t* args, uint8_t) {
-  if (!there()) return;
+  if (!imu::found) return status::refuse(Reason::unavailable);
   imu::want();  // its first frame has a reading of its own
   streams::imu.start(READ_IMU, args[0]);
   streams::imu.align(streams::main);

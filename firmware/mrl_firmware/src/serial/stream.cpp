@@ -84,15 +84,12 @@ void stop_stream(const int16_t*, uint8_t) {
 }
 
 void start_sensor_stream(const int16_t* args, uint8_t count) { start(START_SENSOR_STREAM, args, count); }
-
 void stop_sensor_stream(const int16_t*, uint8_t) { streams::main.stop(START_SENSOR_STREAM); }
 
 void start_sensor_ldr_stream(const int16_t* args, uint8_t count) { start(START_SENSOR_LDR_STREAM, args, count); }
-
 void stop_sensor_ldr_stream(const int16_t*, uint8_t) { streams::main.stop(START_SENSOR_LDR_STREAM); }
 
 void start_compass_stream(const int16_t* args, uint8_t count) { start(START_COMPASS_STREAM, args, count); }
-
 void stop_compass_stream(const int16_t*, uint8_t) { streams::main.stop(START_COMPASS_STREAM); }
 
 }  // namespace handlers
