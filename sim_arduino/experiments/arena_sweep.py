@@ -23,10 +23,9 @@ from sim_arduino.world.scene import PIXEL_RAD
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import pose_text
 
-from . import arena, disturbances, plot_style, trials
-from .experiment_report import Figure, Result
+from . import arena, disturbances, plot_style
+from .experiment_report import Figure, Measure, Result, over_seeds
 from .experiment_robot import PATIENCE_S, ExperimentRobot, Setting, open_robot
-from .trials import Measure
 
 EVERY_TICKS = 6
 CELL_M, VIEWS, SHARE = 0.1, 6, 0.5
@@ -99,8 +98,8 @@ class Spots(NamedTuple):
 
 def run(setting: Setting) -> Result:
     """Sweeps arenas with sources and without, and draws the map and the readings of the first."""
-    drives = trials.over_seeds(_sweep, setting)
-    empty = trials.over_seeds(partial(_sweep, sources=False), setting)
+    drives = over_seeds(_sweep, setting)
+    empty = over_seeds(partial(_sweep, sources=False), setting)
     rows = [row for index in range(len(VARIABLES)) for row in _evaluate(index, drives, empty)]
     collisions = Measure("collisions", "collisions with obstacles", of=lambda drive: drive.bumps)
     off = Measure("off_cm", "odometry, wheels and gyro, at the end", "cm", lambda drive: 100 * drive.off_m)

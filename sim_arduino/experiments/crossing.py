@@ -19,12 +19,11 @@ from sim_arduino.world.world import World
 from sim_arduino.world.world_file import pose_text
 
 from . import disturbances
-from .experiment_report import Result
+from .experiment_report import Measure, Result, figures, over_seeds
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 from .mixed_team import result
 from .team import Member, Player, Team
 from .tours import DURATION, TourDriver, drive_tours, tour_rows
-from .trials import Measure, figures, over_seeds
 
 RADIOS: Dict[str, int] = {"1": 0x0013A20040000001, "2": 0x0013A20040000002}
 """Name and radio address of each robot."""

@@ -21,10 +21,9 @@ from mrl_driver.robot.robot_state import odometry_of
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.world import world_file
 
-from . import disturbances, l_course, plot_style, trials
-from .experiment_report import Figure, Result
+from . import disturbances, l_course, plot_style
+from .experiment_report import Figure, Measure, Result, figures, over_seeds
 from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
-from .trials import Measure
 
 SEEDS, RUNS = 20, 100
 TURNS, SLIP = 10, 0.1
@@ -62,12 +61,12 @@ SOURCES = {"gyro": "gyro and wheels", "wheels": "wheels alone"}
 
 def run(setting: Setting) -> Result:
     """Drives with and without the gyro, and compares the poses with the true ones."""
-    with_gyro = trials.over_seeds(lambda each: _errors(each, _calibrated(each)), setting, SEEDS)
+    with_gyro = over_seeds(lambda each: _errors(each, _calibrated(each)), setting, SEEDS)
     without = [_errors(setting, None)]  # nothing in it is drawn
     text = f"error of the heading after {TURNS} turns of 90 deg, {SOURCES['gyro']}"
     position = Measure("gyro_position_cm", "error of the position after the L-course", "cm", itemgetter(1))
     measures = (Measure("gyro_heading_deg", text, "deg", itemgetter(0)), position)
-    rows = trials.figures(measures, with_gyro, without)
+    rows = figures(measures, with_gyro, without)
     found: Dict[str, Sequence[float]] = {}
     for case in CASES:
         for source, squared in zip(SOURCES, zip(*_consistency(setting, case))):
@@ -158,7 +157,7 @@ def _consistency(setting: Setting, case: Case) -> List[Tuple[float, float]]:
     def drive(each: Setting) -> Tuple[float, float]:
         return _drive(each, _drawn(noise, random.Random(f"{case.robot} {each.seed}"), case.slip))
 
-    return trials.over_seeds(drive, setting._replace(robot=case.robot), RUNS)
+    return over_seeds(drive, setting._replace(robot=case.robot), RUNS)
 
 
 def _drawn(noise: Noise, rng: random.Random, slip: Optional[float]) -> Dict[str, float]:

@@ -21,8 +21,8 @@ from sim_arduino.world.grid_map import OCCUPIED, GridMap
 from sim_arduino.world.map_score import MapScore, points, share_near
 from sim_arduino.world.world import World
 
-from . import disturbances, occupancy, sonar_approach, square, trials
-from .experiment_report import Figure, Result
+from . import disturbances, occupancy, sonar_approach, square
+from .experiment_report import Figure, Measure, Result, over_seeds
 from .experiment_robot import ExperimentRobot, Setting, follow, open_robot
 from .occupancy import SONAR_FAR_M, score_rows
 
@@ -40,7 +40,7 @@ VIEWS = {
     "laser": (URG_04LX.first_rad, URG_04LX.step_rad, URG_04LX.rays, URG_04LX.far_m),
 }
 """Rays of each kind of sensor: first direction, step [rad], number, and largest range [m]."""
-DRIFT = trials.Measure("drift_cm", "largest error of a position by odometry", "cm")
+DRIFT = Measure("drift_cm", "largest error of a position by odometry", "cm")
 
 
 class CourseRecord(NamedTuple):
@@ -72,7 +72,7 @@ def run(setting: Setting, live: Optional[CourseRecord] = None) -> Result:
     title = "L-shaped course mapped with sonars and with a laser"
     if setting.port is not None:
         return _of_port(setting, title)
-    trialled = trials.over_seeds(_trial, setting)
+    trialled = over_seeds(_trial, setting)
     calibrated, true, uncalibrated = zip(*trialled)
     rows = [row for sensor in OCCUPIED_FROM for row in _rows(sensor, calibrated, true, uncalibrated)]
     rows.append(DRIFT.figure(calibrated, uncalibrated))

@@ -23,8 +23,8 @@ from sim_arduino.world.grid_map import GridMap
 from sim_arduino.world.map_score import MapScore
 from sim_arduino.world.world import World
 
-from . import disturbances, occupancy, trials
-from .experiment_report import Figure, Result
+from . import disturbances, occupancy
+from .experiment_report import SEEDS, Figure, Measure, Result, over_seeds
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 
 KEYS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "house_keys.csv")
@@ -84,7 +84,7 @@ def run(setting: Setting) -> Result:
             f"experiment mapping repeats key presses for {ROBOT}, got --robot {setting.robot}; leave it out"
         )
     world, presses = world_file.load(WORLD), read_presses(KEYS)
-    runs = trials.over_seeds(lambda each: _mapped(each, world, presses), setting)
+    runs = over_seeds(lambda each: _mapped(each, world, presses), setting)
     shown = {f"{sensor}, {POSES[kind]}": made for (sensor, kind), made in runs[0].maps.items()}
     for name, made in shown.items():
         file = name.replace(", ", "-").replace(" ", "-")
@@ -92,7 +92,7 @@ def run(setting: Setting) -> Result:
     rows = [_heading(poses, runs) for poses in DRIVEN]
     rows += [row for sensor, kind in runs[0].maps for row in _score_rows(sensor, kind, runs)]
     remark = (
-        f"{trials.SEEDS} drives of {presses[-1].time_s:.0f} s. A wall cell is found if an occupied cell is within "
+        f"{SEEDS} drives of {presses[-1].time_s:.0f} s. A wall cell is found if an occupied cell is within "
         f"{100 * map_score.NEAR_M:g} cm, and a false cell has no wall within the same distance. TraxBot loses 10 % of "
         "each turn by slip, unknown to its model; this is put in. Control: the wheels alone. `compare_map` gives the "
         "same figures for a saved map of a mapper."
@@ -224,7 +224,7 @@ def _heading(poses: str, runs: Sequence[HouseRun]) -> Figure:
     wheels = poses == "wheels"
     text = f"largest heading error in the drive, {POSES[poses]}"
     errors, control = ([run.heading_deg[kind] for run in runs] for kind in (poses, "wheels"))
-    measure = trials.Measure(f"heading_{poses}_deg", text, "deg", float, put_in=wheels)
+    measure = Measure(f"heading_{poses}_deg", text, "deg", float, put_in=wheels)
     return measure.figure(errors, () if wheels else control)
 
 

@@ -17,10 +17,9 @@ from sim_arduino.hardware.mirror import NO_MARGIN, Margin
 from sim_arduino.world import world_file
 
 from . import disturbances, plot_style
-from .experiment_report import Figure, Result
+from .experiment_report import Figure, Measure, Result, figures, over_seeds
 from .experiment_robot import TICK_S, Setting
 from .team import WORLD, Member, Team, gather
-from .trials import Measure, figures, over_seeds
 
 MEMBERS = (
     Member("real1", Pose(-1.2, -1.2, 0.7), virtual=False),

@@ -17,9 +17,8 @@ from sim_arduino.world.grid_map import FREE, OCCUPIED, UNKNOWN, GridMap
 from sim_arduino.world.world import World
 
 from . import plot_style
-from .experiment_report import Figure
+from .experiment_report import Figure, Measure, figures
 from .experiment_robot import Setting
-from .trials import Measure, figures
 
 SONAR_FAR_M = 2.5  # largest range of a sonar that is used [m]
 LASER_RAD = URG_04LX.first_rad + np.arange(URG_04LX.rays) * URG_04LX.step_rad

@@ -14,12 +14,11 @@ from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.navigation.idleness import Idleness
 from mrl_driver.navigation.waypoint_tour import WaypointTour
 
-from .experiment_report import Figure, Result
+from .experiment_report import Figure, Measure, Result, figures, over_seeds
 from .experiment_robot import TICK_S, Setting
 from .mixed_team import result, rows_of
 from .team import Member, Team, gather
 from .tours import Point, TourDriver, poses_of
-from .trials import Measure, figures, over_seeds
 
 DURATION_S = 80.0
 POINTS: Sequence[Point] = ((-1.0, -0.9), (0.0, -0.9), (1.0, -0.9), (1.0, 0.9), (0.0, 0.9), (-1.0, 0.9))

@@ -10,10 +10,9 @@ from typing import List, NamedTuple, Sequence
 from mrl_driver.errors import BoardError, ConfigError, MrlError
 from mrl_driver.robot import battery
 
-from . import disturbances, plot_style, trials
-from .experiment_report import Result
+from . import disturbances, plot_style
+from .experiment_report import Measure, Result, over_seeds
 from .experiment_robot import ExperimentRobot, Setting, open_robot
-from .trials import Measure
 
 SPEEDS_MM_S = (50, 100, 200)
 RADIUS_M = 0.3
@@ -63,8 +62,8 @@ def run(setting: Setting) -> Result:
             _lasts(number).figure(real)._replace(worst=None, put_in=False) for number in range(len(real[0]))
         ]
         return Result("power", TITLE, rows, [_draw(setting, real)])
-    packs = trials.over_seeds(_discharges, setting)
-    level = trials.over_seeds(partial(_discharges, steady=True), setting)
+    packs = over_seeds(_discharges, setting)
+    level = over_seeds(partial(_discharges, steady=True), setting)
     first, last = SPEEDS_MM_S[0], SPEEDS_MM_S[-1]
     ratio = f"duration at {first} mm/s over that at {last} mm/s"
     left = f"distance from the driver's warning to {STOP_V:g} V, where it stops the robot, at {last} mm/s"

@@ -13,12 +13,11 @@ from mrl_driver.geometry import Pose
 from mrl_driver.navigation.claims import LATE_S, Claim
 from mrl_driver.navigation.waypoint_tour import WaypointTour
 
-from .experiment_report import Figure, Result
+from .experiment_report import Figure, Measure, Result, over_seeds
 from .experiment_robot import Setting
 from .mixed_team import on_port, result, ros_rows
 from .team import Member, gather
 from .tours import DURATION, Channel, Point, TourDriver, TourRun, drive_tours, exchange, poses_of, tour_rows
-from .trials import Measure, over_seeds
 
 SHARED: Point = (1.0, 0.0)
 LANE_M, LANES_DEG = 1.7, {"real1": 200.0, "real2": 180.0, "virtual": 160.0}

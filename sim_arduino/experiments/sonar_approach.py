@@ -16,10 +16,9 @@ from sim_arduino.world.shapes import Wall
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import pose_text
 
-from . import disturbances, plot_style, trials
-from .experiment_report import Figure, Result
+from . import disturbances, plot_style
+from .experiment_report import Figure, Measure, Result, over_seeds
 from .experiment_robot import Setting, open_robot
-from .trials import Measure
 
 PLAN = sonar_procedures.SonarPlan()
 SONAR_X_M = 0.1
@@ -46,7 +45,7 @@ def run(setting: Setting, live: Optional[SonarRun] = None) -> Result:
     if setting.port is not None:
         found = approach(setting)
         return Result("sonar-calibration", title, _coefficient_rows(found.fit), [_draw(setting, found, [])])
-    runs = trials.over_seeds(_calibrated, setting)
+    runs = over_seeds(_calibrated, setting)
     remark = (
         f"Each robot has a sonar with a curve of its own and {100 * disturbances.SONAR_NOISE_M:g} cm of noise, wheels "
         "with errors, and a start by hand; it approaches the wall once. Control: the published curve in place of the "

@@ -12,10 +12,9 @@ from mrl_driver.apps.calibration.trial import LEFT, RIGHT, Trial, errors, sense
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import ON_TRACKS, Drive
 
-from . import disturbances, plot_style, trials
-from .experiment_report import Figure, Result
+from . import disturbances, plot_style
+from .experiment_report import Figure, Measure, Result, figures, over_seeds
 from .experiment_robot import ExperimentRobot, Setting, open_robot
-from .trials import Measure
 
 SIDE_M = 1.0
 LAPS = 5  # laps in each direction for the calibration, as by default in `mrl calibrate umbmark`
@@ -90,7 +89,7 @@ def run(setting: Setting, live: Optional[Pose] = None) -> Result:
 
 
 def _robots(setting: Setting, case: Case) -> List[RobotLaps]:
-    return trials.over_seeds(lambda each: _robot(each, case), setting)
+    return over_seeds(lambda each: _robot(each, case), setting)
 
 
 def _rows(
@@ -101,7 +100,7 @@ def _rows(
         Measure(f"{key}_cm", text, "cm", lambda some: max(lap.error_cm for lap in some), published=cm),
         Measure(f"{key}_deg", "", "deg", lambda some: max(abs(lap.error_deg) for lap in some)),
     )
-    return trials.figures(measures, laps, control)
+    return figures(measures, laps, control)
 
 
 def _direction_rows(robots: Sequence[RobotLaps], number: int) -> List[Figure]:

@@ -20,8 +20,8 @@ from mrl_driver.geometry import Pose
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 
-from . import disturbances, plot_style, trials
-from .experiment_report import Figure, Result
+from . import disturbances, plot_style
+from .experiment_report import Figure, Measure, Result, figures, over_seeds
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 
 WORLD = "steps"
@@ -36,10 +36,10 @@ START_S = 10.0  # the mirror's process must start, and show the last pose, withi
 LOOP_POSES, LOOP_HZ = 100, 20.0  # poses that the loop without a robot sends, and their rate
 TITLE = "Steps over a 400 x 400 mm grid, around two boxes, mirrored live"
 MEASURES = (
-    trials.Measure("touched_s", "time in contact with a box", "s"),
-    trials.Measure("end_error_cm", "distance of the true end from the last waypoint", "cm"),
+    Measure("touched_s", "time in contact with a box", "s"),
+    Measure("end_error_cm", "distance of the true end from the last waypoint", "cm"),
 )
-REACHED = trials.Measure("reached", f"waypoints of {len(WAYPOINTS)} that were reached by odometry", worst=min)
+REACHED = Measure("reached", f"waypoints of {len(WAYPOINTS)} that were reached by odometry", worst=min)
 REMARK = (
     "Drives in simulated time with two boxes on the floor; a waypoint counts as reached within 3 cm by odometry, which "
     "is not calibrated. Their control drives without sonars. The mirror is another process on the same computer; the "
@@ -136,10 +136,10 @@ def run(setting: Setting, live: Optional[Live] = None) -> Result:
         end = Figure("end_error_cm", text, driven.end_error_cm, "cm")
         picture = _draw(setting, [], [], mirror, live=True)
         return Result("step-test", TITLE, [end, *_delay_rows(mirror, [])], [picture])
-    drives = trials.over_seeds(_simulated, setting)
-    blind = trials.over_seeds(lambda each: _simulated(each, sonars=False), setting)
+    drives = over_seeds(_simulated, setting)
+    blind = over_seeds(lambda each: _simulated(each, sonars=False), setting)
     loop = _loop(setting, drives[0].odometry)
-    rows = [*trials.figures(MEASURES, drives, blind), REACHED.figure(drives)]
+    rows = [*figures(MEASURES, drives, blind), REACHED.figure(drives)]
     rows += _live_rows(live, loop) if live else _delay_rows(loop, [])
     picture = _draw(setting, drives, blind, live[1] if live else loop, bool(live))
     return Result("step-test", TITLE, rows, [picture], REMARK)

@@ -10,11 +10,10 @@ from mrl_driver.navigation.claims import Claim, ClaimMessage
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, Target, WaypointTour
 
-from .experiment_report import Figure
+from .experiment_report import Figure, Measure, figures
 from .experiment_robot import TICK_S
 from .mixed_team import rows_of
 from .team import Player, Team
-from .trials import Measure, figures
 
 Point = Tuple[float, float]
 DURATION = Measure("duration_s", "duration", "s")

@@ -5,8 +5,8 @@ from itertools import accumulate
 from statistics import median
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence
 
-from . import message_times, plot_style, trials
-from .experiment_report import Figure, Result
+from . import message_times, plot_style
+from .experiment_report import Figure, Measure, Result, over_seeds
 from .experiment_robot import Setting
 from .message_times import (
     CHECKED,
@@ -69,18 +69,16 @@ def run(setting: Setting, topics: Optional[Topics] = None) -> Result:
 
 
 def _runs(setting: Setting, subject: Subject, **others: Any) -> List[List[Message]]:
-    return trials.over_seeds(lambda seeded: message_times.measure(seeded, subject, **others), setting)
+    return over_seeds(lambda seeded: message_times.measure(seeded, subject, **others), setting)
 
 
-def _total(key: str, text: str = "", published: str = "") -> trials.Measure:
+def _total(key: str, text: str = "", published: str = "") -> Measure:
     """The total time of `COUNT` messages [ms]."""
 
     def total_ms(messages: Sequence[Message]) -> float:
         return 1000 * sum(message.total_s for message in messages[:COUNT])
 
-    return trials.Measure(
-        f"{key}_{COUNT}_ms", f"{COUNT} messages {text}", "ms", total_ms, published=published
-    )
+    return Measure(f"{key}_{COUNT}_ms", f"{COUNT} messages {text}", "ms", total_ms, published=published)
 
 
 def _row(subject: Subject, runs: Runs) -> Figure:

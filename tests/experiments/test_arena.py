@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrl_driver.geometry import Pose, wrap_angle
-from sim_arduino.experiments import arena, arena_sweep, trials
+from sim_arduino.experiments import arena, arena_sweep, experiment_report
 from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, Drive, Sample
 from sim_arduino.experiments.experiment_robot import Setting
 
@@ -78,7 +78,7 @@ def test_sources_are_found_in_true_readings(flawless, each):
 
 def test_a_sweep_does_not_collide_and_noise_alone_gives_no_alert(tmp_path, monkeypatch):
     """Of half a metre; what the scene contains is marked."""
-    monkeypatch.setattr(trials, "SEEDS", 1)
+    monkeypatch.setattr(experiment_report, "SEEDS", 1)
     monkeypatch.setattr(arena, "sweep", lambda *_: [(0.5, 1.0)])
     figures = {row.key: row for row in arena_sweep.run(Setting(str(tmp_path))).rows}
     assert (tmp_path / "environment.png").exists()

@@ -7,7 +7,7 @@ from statistics import pstdev
 import pytest
 
 from mrl_driver.geometry import ORIGIN, Pose
-from sim_arduino.experiments import crossing, disturbances, trials
+from sim_arduino.experiments import crossing, disturbances, experiment_report
 from sim_arduino.experiments.experiment_report import Figure
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.faults.key_values import robot_errors
@@ -15,15 +15,17 @@ from sim_arduino.faults.key_values import robot_errors
 
 def test_each_run_has_a_seed_of_its_own():
     """Settings with other seeds share no run."""
-    one, two = (trials.over_seeds(lambda each: each.seed, Setting("", seed=seed)) for seed in (1, 2))
-    assert len({*one, *two}) == len(one) + len(two) == 2 * trials.SEEDS
+    one, two = (
+        experiment_report.over_seeds(lambda each: each.seed, Setting("", seed=seed)) for seed in (1, 2)
+    )
+    assert len({*one, *two}) == len(one) + len(two) == 2 * experiment_report.SEEDS
 
 
 def test_figure_is_the_median_with_the_worst_run_and_the_median_of_the_control():
-    measure = trials.Measure("real", "error", "cm", published="3 cm")
+    measure = experiment_report.Measure("real", "error", "cm", published="3 cm")
     figure = measure.figure([1.0, 9.0, 2.0], [4.0, 5.0, 6.0])
     assert figure == Figure("real", "error", 2.0, "cm", "3 cm", worst=9.0, control=5.0, seeds=3)
-    found = trials.Measure("found", "", of=lambda share: 100 * share, worst=min)
+    found = experiment_report.Measure("found", "", of=lambda share: 100 * share, worst=min)
     assert found.figure([0.75, 0.5]).worst == 50.0
 
 

@@ -4,7 +4,7 @@ from statistics import median
 
 import pytest
 
-from sim_arduino.experiments import message_times, trials, turnaround
+from sim_arduino.experiments import experiment_report, message_times, turnaround
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.message_times import ROSSERIAL, TIMING_2013
 
@@ -16,7 +16,7 @@ MESSAGES = 3
 
 def test_messages_take_less_time_than_those_of_the_sketch_in_the_same_mode(tmp_path, monkeypatch):
     """20 checked messages, and 20 times the time from frame to topic; rosserial has the same baud rate."""
-    monkeypatch.setattr(trials, "SEEDS", 1)
+    monkeypatch.setattr(experiment_report, "SEEDS", 1)
     result = turnaround.run(Setting(str(tmp_path)), turnaround.Topics(1.0, 2.0))
     assert result.pictures == ["turnaround.png"]
     rows = {row.key: row for row in result.rows}
@@ -38,7 +38,7 @@ def test_sketch_needs_the_time_of_the_earlier_measurement(sketch):
 
 def test_rows_of_sketches_that_are_not_built_are_missing_and_named(tmp_path, monkeypatch):
     monkeypatch.setattr(message_times, "FOLDER", str(tmp_path))
-    monkeypatch.setattr(trials, "SEEDS", 1)
+    monkeypatch.setattr(experiment_report, "SEEDS", 1)
     found = turnaround.run(Setting(str(tmp_path)))
     assert {row.key for row in found.rows} == {"plain_20_ms", "checked_20_ms", "link_20_ms", "short_20_ms"}
     assert TIMING_2013.text in found.remark and "make comparison" in found.remark
