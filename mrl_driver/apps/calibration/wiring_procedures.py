@@ -8,7 +8,7 @@ from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
 
 import click
 
-from mrl_driver.cli.commands.shared import print_json, warn
+from mrl_driver.cli.commands.shared import warn
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError, MrlError, WheelFault
 from mrl_driver.geometry import Pose
@@ -239,12 +239,10 @@ def _scene(driver: Driver, job: Job, user: Witness, unseen: bool = False) -> Sce
 
 def _report(found: List[str], job: Job) -> None:
     """Print the faults of a motor board's wires; raise WheelFault if there is one."""
-    if job.as_json:
-        print_json({"findings": found})
+    if job.run.as_json or not found:
+        job.run.print({"findings": found}, "the wiring of motors and encoders is right")
     if found:
         raise WheelFault("; ".join(found))
-    if not job.as_json:
-        click.echo("the wiring of motors and encoders is right")
 
 
 def _store(
@@ -274,11 +272,9 @@ def _store(
         if job.eeprom is not False:
             driver.parameters.save()
     words = wiring_check.in_words(found)
-    if job.as_json:
-        print_json({"bridge": BRIDGES[number], "wiring": found, "differences": words})
-        return
+    facts = {"bridge": BRIDGES[number], "wiring": found, "differences": words}
     kept = "in force until the board restarts" if job.eeprom is False else "stored in the board's EEPROM"
-    click.echo(f"{', '.join(words) or 'the wires are as in HARDWARE.md'}: wiring {found}, {kept}")
+    job.run.print(facts, f"{', '.join(words) or 'the wires are as in HARDWARE.md'}: wiring {found}, {kept}")
 
 
 def _bridge_of(driver: Driver, wanted: Optional[str]) -> int:

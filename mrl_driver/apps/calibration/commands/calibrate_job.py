@@ -11,6 +11,7 @@ import click
 from mrl_driver import figures
 from mrl_driver.apps.calibration.calibration_files import Key, write_model
 from mrl_driver.cli.commands import shared
+from mrl_driver.cli.commands.shared import Run, run_options
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import require_writable
@@ -34,16 +35,15 @@ class Result(NamedTuple):
     facts: Dict[str, Any]
     draw: Callable[[str], None] = lambda path: None  # draws the result to this path
 
-    def show_values(self) -> None:
-        """Print the values of the robot's file, before and after."""
+    def table(self) -> List[str]:
+        """The values of the robot's file, before and after."""
         rows = [("parameter", "before", "after")]
         for (section, name), value in self.values.items():
             part = getattr(self.model, section)
             before = part.get(name) if isinstance(part, dict) else getattr(part, name)
             rows.append((f"{section}.{name}{_THESIS.get(name, '')}", _shown(before), _shown(value)))
         width = max(len(name) for name, _, _ in rows)
-        for name, was, now in rows:
-            click.echo(f"{name:<{width}} {was:>12} {now:>12}")
+        return [f"{name:<{width}} {before:>12} {after:>12}" for name, before, after in rows]
 
 
 def _shown(value: Optional[float]) -> str:
@@ -53,16 +53,17 @@ def _shown(value: Optional[float]) -> str:
 class Job(NamedTuple):
     """The options that all calibrations share."""
 
-    target: Target
+    run: Run
     output: Optional[str]
     truth: Optional[str]
     plot: Optional[str]
     restart: bool
     eeprom: Optional[bool]
-    yes: bool
-    as_json: bool
-    ignore_battery: bool
-    record: Optional[str]
+
+    @property
+    def target(self) -> Target:
+        """The robot."""
+        return self.run.target
 
     @contextlib.contextmanager
     def robot(self, **options: Any) -> Iterator[Tuple[Driver, RobotModel, str]]:
@@ -100,19 +101,15 @@ class Job(NamedTuple):
 
     def confirm_drive(self, question: str) -> None:
         """Ask before motors turn, as `confirm`; emulated robots (--truth) drive without a question."""
-        shared.confirm_motion(question, self.yes or self.truth is not None)
+        shared.confirm_motion(question, self.run.yes or self.truth is not None)
 
     def finish(self, result: Result) -> None:
         """Draw and show a result, and write the robot's YAML file after asking."""
         if self.plot is not None:
             result.draw(self.plot)
-        if self.as_json:
-            shared.print_json({"procedure": result.procedure, "output": result.output, **result.facts})
-        else:
-            for line in result.lines:
-                click.echo(line)
-            result.show_values()
-        shared.confirm(f"Write {result.output}?", self.yes)
+        facts = {"procedure": result.procedure, "output": result.output, **result.facts}
+        self.run.print(facts, "\n".join([*result.lines, *result.table()]))
+        self.run.confirm(f"Write {result.output}?")
         source = self.target.model if self.target.model != "auto" else result.model.name
         note = f"mrl calibrate {result.procedure}"
         kept = write_model(models.path_of(source), result.output, result.values, note)
@@ -137,14 +134,13 @@ def connect(job: Job, **options: Any) -> ContextManager[Driver]:
 
     The IMU is off, unless the options turn it on: what is measured is the odometry of the wheels alone.
     """
-    options = {"imu_period_ms": 0, "moves": True, "record": job.record, "command_timeout_s": 0.5, **options}
-    return shared.connected(job.target, ignore_battery=job.ignore_battery, **options)
+    return job.run.connected(moves=True, command_timeout_s=0.5, **{"imu_period_ms": 0, **options})
 
 
 def job_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options that all calibrations share; the command gets them as `job`."""
 
-    @shared.robot_options
+    @run_options(shared.battery_option, shared.record_option, shared.yes_option, shared.json_option)
     @click.option(
         "--output",
         metavar="FILE",
@@ -159,19 +155,15 @@ def job_options(command: Callable[..., None]) -> Callable[..., None]:
     @click.option(
         "--eeprom/--no-eeprom", default=None, help="Write the board's EEPROM too, or not; default: ask."
     )
-    @click.option("--record", metavar="FILE", type=click.Path(), help="Record all bytes of both directions.")
-    @shared.battery_option
-    @shared.yes_option
-    @shared.json_option
     @functools.wraps(command)
-    def wrapper(*args: Any, **options: Any) -> None:
+    def wrapper(**options: Any) -> None:
         job = Job(**{name: options.pop(name) for name in Job._fields})
         if job.plot is not None:
             figures.require_writable(job.plot)
         if job.output is not None:
             require_writable(job.output, "--output", YAML)
-        shared.confirm_overwrite(job.record, job.yes)
-        command(*args, job=job, **options)
+        shared.confirm_overwrite(job.run.record, job.run.yes)
+        command(job=job, **options)
 
     return wrapper
 
