@@ -75,17 +75,8 @@ def _entry(file_name: str, name: str, data: Any) -> Target:
             raise reader.fail(f"{name}.{key}", found[key], expected)
     if found["id"] is not None:
         reader.whole(f"{name}.id", found["id"], 1, INT16_MAX)
-    require_baud(found["baud"], f"{file_name}: {name}.")
+    reader.whole(f"{name}.baud", found["baud"], LOWEST_BAUD, HIGHEST_BAUD)
     return Target(**found)
-
-
-def require_baud(value: Any, where: str = "") -> int:
-    """Return a valid baud rate; raise ConfigError if it is not a whole number, or out of range."""
-    if not isinstance(value, int) or isinstance(value, bool) or not LOWEST_BAUD <= value <= HIGHEST_BAUD:
-        raise ConfigError(
-            f"{where}baud is {value!r}, expected a whole number from {LOWEST_BAUD} to {HIGHEST_BAUD}"
-        )
-    return value
 
 
 def write(named: Mapping[str, Target]) -> None:

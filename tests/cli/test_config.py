@@ -323,7 +323,7 @@ def test_a_wrong_file_names_key_value_and_what_was_expected(text, words):
         (["auto", "--port", "/dev/one"], "is a robot model"),
         (["3lab", "--port", "/dev/one"], "name is '3lab'"),
         (["lab3", "--port", " "], "--port is ' '"),
-        (["lab3", "--port", "/dev/one", "--baud", "1"], "--baud is 1"),
+        (["lab3", "--port", "/dev/one", "--baud", "1"], "1, expected 300 to 4000000"),
         (["lab3", "--port", "/dev/one", "--model", "nix"], "robot 'nix' is unknown"),
     ],
 )

@@ -22,7 +22,7 @@ from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
 from .ground_truth import NOT_MEASURED, Ruler, parse_pose, ruler_for, tell
 from .manoeuvres import Speeds, Track, steps_of
 from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
-from .umbmark import Point, UmbmarkResult, closed_form, corrected, require_laps
+from .umbmark import Point, UmbmarkResult, closed_form, corrected
 
 STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
 _WHOLE_TURN = 2 * np.pi
@@ -330,7 +330,7 @@ def turn(speeds: Speeds, turns: int, count: int) -> Tuple[Mapping[str, float], L
 @click.command(short_help="Measure wheel ratio, wheelbase and noise, by squares.")
 @job_options
 @value_option("--side", Between(0.3, 10.0), 1.0, "Side of the square [m].")
-@value_option("--laps", int, 5, "Laps in each direction, at least 2.")
+@value_option("--laps", RUNS, 5, "Laps in each direction.")
 @_by_runs
 def umbmark(speeds: Speeds, side: float, laps: int) -> Tuple[Mapping[str, float], List[Leg]]:
     """Measure wheel ratio, wheelbase and noise, by squares in both directions (Borenstein and Feng 1996).
@@ -340,7 +340,6 @@ def umbmark(speeds: Speeds, side: float, laps: int) -> Tuple[Mapping[str, float]
       mrl calibrate umbmark --robot lab3.yaml --port /dev/ttyACM0
       mrl calibrate umbmark --port /dev/pts/3 --truth truth.jsonl --laps 3 --yes     an emulated robot
     """
-    require_laps(laps, "counter-clockwise")
     return {"side_m": side, "laps": laps}, umbmark_legs(laps, side, speeds)
 
 

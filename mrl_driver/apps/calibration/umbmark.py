@@ -38,8 +38,9 @@ def closed_form(
         left, right: errors of the counter-clockwise and the clockwise laps, (x, y) [m].
         separation_m: effective wheelbase in use.
     """
-    require_laps(len(left), "counter-clockwise")
-    require_laps(len(right), "clockwise")
+    for laps, direction in ((len(left), "counter-clockwise"), (len(right), "clockwise")):
+        if not LEAST_LAPS <= laps <= MOST_LAPS:
+            raise ConfigError(f"there are {laps} {direction} laps, expected {LEAST_LAPS} to {MOST_LAPS}")
     xl, yl = _centre(left)
     xr, yr = _centre(right)
     corner = ((xl + xr) + (yr - yl)) / (8 * side_m)
@@ -53,12 +54,6 @@ def closed_form(
         (math.pi / 2) / (math.pi / 2 + corner),
         max(math.hypot(xl, yl), math.hypot(xr, yr)),
     )
-
-
-def require_laps(laps: int, direction: str) -> None:
-    """Check the number of laps; raise ConfigError if there are too few laps, or too many."""
-    if not LEAST_LAPS <= laps <= MOST_LAPS:
-        raise ConfigError(f"there are {laps} {direction} laps, expected {LEAST_LAPS} to {MOST_LAPS}")
 
 
 def wheel_ratio(bend_rad: float, side_m: float, separation_m: float) -> float:

@@ -14,7 +14,7 @@ from mrl_driver.robot import models
 from mrl_driver.transport.address import is_url, require_port
 
 from .progress import waiting
-from .shared import complete_port, completion_of, json_option, print_json, print_message
+from .shared import BAUDS, complete_port, completion_of, json_option, print_json, print_message
 
 
 @click.group(invoke_without_command=True)
@@ -65,7 +65,7 @@ def list_(as_json: bool) -> None:
     help="Serial port; it need not exist yet.",
 )
 @click.option("--model", default="auto", show_default=True, help="Robot model, or a .yaml file.")
-@click.option("--baud", type=int, default=BAUD, show_default=True, help="Baud rate of the port.")
+@click.option("--baud", type=BAUDS, default=BAUD, show_default=True, help="Baud rate of the port.")
 @click.option(
     "--id",
     "robot_id",
@@ -85,7 +85,6 @@ def add(name: str, port: str, model: str, baud: int, robot_id: Optional[int]) ->
       mrl names add lab4 --port /dev/ttyUSB0 --id 4
     """
     named_robots.require_name(name)
-    named_robots.require_baud(baud, "--")
     if not port.strip():
         raise ConfigError(f"--port is {port!r}, expected a serial port such as /dev/ttyACM0")
     require_port(port)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 FOREVER_S = 1e9
+BAUDS = click.IntRange(named_robots.LOWEST_BAUD, named_robots.HIGHEST_BAUD)
 STAND_S = 1.0  # time in which a standing robot learns the bias of its gyro [s]
 FIRST_SENSORS_S = 1.3
 """Time in which each sensor has answered once [s]: the thermopile of a 2013 board is requested once a second."""
@@ -131,14 +132,12 @@ def robot_options(command: Callable[..., None]) -> Callable[..., None]:
         help="A name (see mrl names), a model, or a .yaml file; by default the model that lists the board's id "
         "[env: MRL_ROBOT].",
     )
-    @click.option("--baud", type=int, help="Baud rate of the port  [default: 115200]")
+    @click.option("--baud", type=BAUDS, help="Baud rate of the port  [default: 115200]")
     @functools.wraps(command)
     def wrapper(
         *args: Any, port: Optional[str], robot: Optional[str], baud: Optional[int], **options: Any
     ) -> None:
         outer = click.get_current_context().find_root().params
-        if baud is not None:
-            named_robots.require_baud(baud, "--")
         robot = robot or outer.get("robot") or os.environ.get("MRL_ROBOT") or "auto"
         target = named_robots.resolve(robot, port or outer.get("port"), baud)
         target = target._replace(port=target.port or os.environ.get("MRL_PORT") or None)
