@@ -43,10 +43,7 @@ def load(name_or_path: str) -> Vehicle:
 
 def read(path: str) -> Vehicle:
     """Return the vehicle in a file, as `parse` does; the file may also be a robot model."""
-    try:
-        data = yaml_file.read(path)
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}, expected a vehicle's or a robot's .yaml") from None
+    data = yaml_file.read_expected(path, "a vehicle's or a robot's .yaml")
     if isinstance(data, dict) and "drive" in data:
         return of_model(models.parse(data, path))
     return parse(data, path)
