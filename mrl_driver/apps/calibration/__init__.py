@@ -1,5 +1,6 @@
-"""Measures the parameters of a robot: wheels, axle, slip, sonar curve, motor gains, wiring.
+"""Measures the parameters of a robot: wheels, axle, slip, sonar curve, motor gains, wiring, IMU.
 
-Most modules are pure: counts, metres and seconds in, numbers out.  `manoeuvres` and the procedures drive the robot,
-and `calibration_files`, `from_recording`, `ground_truth` and `calibration_plots` use files.
+`fit`, `gains`, `imu_fit`, `trial`, `umbmark` and `wiring_check` are pure: counts, metres and seconds in, numbers out.
+The procedures drive the robot by `manoeuvres`, and are the commands; `calibration_files`, `from_recording` and
+`ground_truth` use files.
 """
