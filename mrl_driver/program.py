@@ -66,9 +66,9 @@ def in_plain_words(text: str) -> str:
 def _in_words(found: Match[str]) -> str:
     least, from_, to, most = found.groups()
     if (from_, to) == ("<=", "<="):
-        return f"{float(least):g} to {float(most):g}"
-    above = f"{'above' if from_ == '<' else 'at least'} {float(least):g} and " if from_ else ""
-    return f"{above}{_WORDS[to]}{float(most):g}"
+        return f"{float(least):.12g} to {float(most):.12g}"
+    above = f"{'above' if from_ == '<' else 'at least'} {float(least):.12g} and " if from_ else ""
+    return f"{above}{_WORDS[to]}{float(most):.12g}"
 
 
 def _open_closed_streams() -> None:
