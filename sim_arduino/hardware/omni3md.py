@@ -37,7 +37,10 @@ def _share(percent: int) -> float:
 
 
 class Omni3MD:
-    """The motor board of one robot, wired to its motors."""
+    """The motor board of one robot, wired to its motors; an I2C slave.
+
+    In its registers, 16-bit values have their high byte first; the key bytes AA 55 guard against accidental writes.
+    """
 
     def __init__(self, robot: RobotPhysics, model: RobotModel) -> None:
         self.robot = robot
@@ -61,6 +64,8 @@ class Omni3MD:
         self._traffic_s = 0.0
         self._calibrated_s = math.inf
         self._busy_until_s = 0.0
+        self._pointer = 0
+        self._writers = self._register_writers()  # layout and method of each writable register
 
     # ---- time
 
@@ -208,10 +213,6 @@ class Omni3MD:
 
     # ---- readings
 
-    def is_busy(self, time_s: float) -> bool:
-        """Whether the board is writing its EEPROM."""
-        return time_s < self._busy_until_s
-
     def encoder(self, number: int, time_s: float) -> int:
         """Count of encoder 1, 2 or 3 (int16)."""
         self.touch(time_s)
@@ -232,35 +233,19 @@ class Omni3MD:
         self.touch(time_s)
         return self.robot.state.temperature_c
 
-
-class Omni3MDRegisters:
-    """The registers of a motor board, as an I2C slave.
-
-    16-bit values have their high byte first.  The key bytes AA 55 protect registers against accidental writes.
-    """
-
-    def __init__(self, board: Omni3MD) -> None:
-        self._board = board
-        self._pointer = 0
-        self.writers = self._register_writers()  # layout and method of each writable register
-
-    @property
-    def present(self) -> bool:
-        """Whether the motor board is on the bus."""
-        return self._board.present
+    # ---- registers
 
     def write(self, data: bytes, time_s: float) -> bool:
         """One I2C write: a register, then its data.  False if the board did not acknowledge."""
-        board = self._board
         if not data:
-            return board.present
-        early = board.is_busy(time_s)
-        board.too_early += early
-        if not board.present or (early and board.busy_nack):
+            return self.present
+        early = time_s < self._busy_until_s
+        self.too_early += early
+        if not self.present or (early and self.busy_nack):
             return False
-        board.touch(time_s)
+        self.touch(time_s)
         self._pointer = data[0]
-        shape, writer = self.writers.get(data[0], ("", None))
+        shape, writer = self._writers.get(data[0], ("", None))
         fields = struct.Struct(">" + shape)
         if writer is not None and len(data) == 1 + fields.size:
             writer(time_s, *fields.unpack(data[1:]))
@@ -268,38 +253,37 @@ class Omni3MDRegisters:
 
     def read(self, count: int, time_s: float) -> bytes:
         """One I2C read, from the register of the last write on; bytes after the last register are 0xFF."""
-        self._board.touch(time_s)
+        self.touch(time_s)
         image = self._registers()
         offset = _OFFSETS.get(self._pointer, len(image))
         return image[offset : offset + count].ljust(count, b"\xff")
 
     def _registers(self) -> bytes:
         """The readable bytes, in the order of a read."""
-        board, state = self._board, self._board.robot.state
-        words = [*board.counts(), round(state.battery_v * 10.0), round(state.temperature_c * 10.0)]
-        return struct.pack(">5h3B", *words, round(board.robot.params.control_hz), *VERSION)
+        state = self.robot.state
+        words = [*self.counts(), round(state.battery_v * 10.0), round(state.temperature_c * 10.0)]
+        return struct.pack(">5h3B", *words, round(self.robot.params.control_hz), *VERSION)
 
     def _register_writers(self) -> Dict[int, Tuple[str, Callable[..., None]]]:
-        board = self._board
         return {
-            0xFC: ("2B", _keyed(board.stop, 0, 1)),
-            0xFB: ("5B", _keyed(lambda time_s, *directions: board.calibrate(time_s, directions), 3, 4)),
-            0xFA: ("b2h", board.move_omni),
-            0xF8: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, True)),
-            0xF7: ("3h", lambda time_s, *percents: board.move_percent(time_s, percents, False)),
-            0xF4: ("3H", board.set_gains),
+            0xFC: ("2B", _keyed(self.stop, 0, 1)),
+            0xFB: ("5B", _keyed(lambda time_s, *directions: self.calibrate(time_s, directions), 3, 4)),
+            0xFA: ("b2h", self.move_omni),
+            0xF8: ("3h", lambda time_s, *percents: self.move_percent(time_s, percents, True)),
+            0xF7: ("3h", lambda time_s, *percents: self.move_percent(time_s, percents, False)),
+            0xF4: ("3H", self.set_gains),
             0xF1: ("4B", self._write_timeout),
-            0xF0: ("4B", _keyed(board.set_prescaler, 2, 3)),
-            0xEF: ("Bh2B", _keyed(board.preset_encoder, 2, 3)),
-            0xEE: ("BhhB", lambda time_s, m, s, p, hold: board.move_to_position(time_s, m, s, p, bool(hold))),
-            0xEC: ("2H", board.set_ramp),
-            0xEB: ("2h", board.move_differential),
-            0xEA: ("4H", lambda time_s, *values: board.set_geometry(time_s, BoardGeometry(*values))),
+            0xF0: ("4B", _keyed(self.set_prescaler, 2, 3)),
+            0xEF: ("Bh2B", _keyed(self.preset_encoder, 2, 3)),
+            0xEE: ("BhhB", lambda time_s, m, s, p, hold: self.move_to_position(time_s, m, s, p, bool(hold))),
+            0xEC: ("2H", self.set_ramp),
+            0xEB: ("2h", self.move_differential),
+            0xEA: ("4H", lambda time_s, *values: self.set_geometry(time_s, BoardGeometry(*values))),
         }
 
     def _write_timeout(self, time_s: float, first: int, key1: int, again: int, key2: int) -> None:
         if first == again and bytes((key1, key2)) == KEY:
-            self._board.set_timeout(time_s, first)
+            self.set_timeout(time_s, first)
 
 
 def _keyed(method: Callable[..., None], *positions: int) -> Callable[..., None]:

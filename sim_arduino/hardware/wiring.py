@@ -24,7 +24,7 @@ from .environment_sensors import (
     thermopile,
 )
 from .imu import FLAWLESS_IMU, LONGEST_STEP_S, ImuErrors, InertialSensor, Mpu6050
-from .omni3md import ADDRESS, Omni3MD, Omni3MDRegisters
+from .omni3md import ADDRESS, Omni3MD
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 from .xbee import RadioFit, XBee
@@ -145,7 +145,7 @@ class Plant:
 
     def _slaves(self) -> Dict[int, Any]:
         north_rad = self.world.scene.north_rad
-        motors = {} if self.bridge else {ADDRESS: Omni3MDRegisters(self.motor_board)}
+        motors = {} if self.bridge else {ADDRESS: self.motor_board}
         at = IMU_ADDRESS if self.sonars_fitted else IMU_BESIDE_THERMOPILE
         return {
             **motors,

@@ -11,7 +11,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from sim_arduino.faults.key_values import robot_errors
 from sim_arduino.hardware.motor import Mode
-from sim_arduino.hardware.omni3md import ADDRESS, Omni3MD, Omni3MDRegisters
+from sim_arduino.hardware.omni3md import ADDRESS, Omni3MD
 from sim_arduino.hardware.robot_physics import RobotPhysics, params_for, shares_for, twist_of
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
@@ -30,9 +30,8 @@ def fresh(model=TRAXBOT):
 
 def read(board, register, count, time_s=0.0):
     """`count` bytes from a register, as an I2C master reads them."""
-    registers = Omni3MDRegisters(board)
-    registers.write(bytes([register]), time_s)
-    return registers.read(count, time_s)
+    board.write(bytes([register]), time_s)
+    return board.read(count, time_s)
 
 
 def modes(board):
@@ -44,7 +43,7 @@ def modes(board):
 )
 def test_settings_need_their_key(data):
     board = fresh()
-    Omni3MDRegisters(board).write(data, 0.0)
+    board.write(data, 0.0)
     assert (board.encoder(1, 0.0), board.timeout_s) == (0, 0.0)
 
 
@@ -66,7 +65,7 @@ def test_a_larger_axis_radius_told_turns_the_robot_faster():
 def test_stop_needs_its_key(data):
     board = fresh()
     board.move_differential(0.0, 300, 0)
-    Omni3MDRegisters(board).write(data, 1.0)
+    board.write(data, 1.0)
     assert Mode.SPEED in modes(board)
 
 
@@ -85,7 +84,7 @@ def test_one_byte_registers_are_followed_by_ones(register, value):
 def test_i2c_timeout_stops_the_motors_when_the_master_is_silent():
     """300 ms after the last traffic, to the moment."""
     board = fresh()
-    Omni3MDRegisters(board).write(b"\xf1\x03\xaa\x03\x55", 0.0)
+    board.write(b"\xf1\x03\xaa\x03\x55", 0.0)
     board.move_differential(1.0, 300, 0)
     board.advance(1.2999)
     assert Mode.SPEED in modes(board)
@@ -96,7 +95,7 @@ def test_i2c_timeout_stops_the_motors_when_the_master_is_silent():
 @pytest.mark.parametrize(("key", "turns"), [(b"\xaa\x55", True), (b"\x55\xaa", False)])
 def test_calibration_turns_the_wheels_for_a_second_with_the_key(key, turns):
     board = fresh()
-    Omni3MDRegisters(board).write(b"\xfb\x01\x01\x01" + key, 0.0)
+    board.write(b"\xfb\x01\x01\x01" + key, 0.0)
     board.advance(0.9)
     assert modes(board) == [Mode.DUTY if turns else Mode.BRAKE] * 3
     board.advance(1.5)
@@ -105,8 +104,8 @@ def test_calibration_turns_the_wheels_for_a_second_with_the_key(key, turns):
 
 def test_writes_during_its_eeprom_time_are_noticed():
     board = fresh()
-    Omni3MDRegisters(board).write(struct.pack(">B4H", 0xEA, 8700, 2700, 437, 640), 1.0)
-    Omni3MDRegisters(board).write(b"\xfc\xaa\x55", 1.019)
+    board.write(struct.pack(">B4H", 0xEA, 8700, 2700, 437, 640), 1.0)
+    board.write(b"\xfc\xaa\x55", 1.019)
     assert board.too_early == 1
 
 
@@ -114,8 +113,8 @@ def test_a_busy_board_can_refuse():
     board = fresh()
     board.busy_nack = True
     board.set_geometry(1.0, board.geometry)
-    assert Omni3MDRegisters(board).write(b"\xd8", 1.019) is False
-    assert Omni3MDRegisters(board).write(b"\xd8", 1.021) is True
+    assert board.write(b"\xd8", 1.019) is False
+    assert board.write(b"\xd8", 1.021) is True
 
 
 def test_prescaler_keeps_the_count():
