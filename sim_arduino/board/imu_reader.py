@@ -22,7 +22,7 @@ Reading = Tuple[int, ...]
 
 
 class ImuReader:
-    """Searches for an IMU from `begin` on; `i2c` has the slaves on the bus by address."""
+    """Searches for an IMU from `next_s` on; `i2c` has the slaves on the bus by address."""
 
     def __init__(self, i2c: Dict[int, Any], environment: bool, health: BoardStatus) -> None:
         self._i2c, self._health = i2c, health
@@ -30,11 +30,7 @@ class ImuReader:
         self._index = 0
         self._asked_all = self._is_set_up = self._is_settled = False
         self.found = False  # an IMU has answered since the start
-        self.next_s = math.inf  # time of the next call of `run` [s]
-
-    def begin(self, now_s: float) -> None:
-        """The sketch starts."""
-        self.next_s = now_s
+        self.next_s = math.inf  # time of the next call of `run`, the first when the sketch starts [s]
 
     def run(self, now_s: float) -> None:
         """Searches, or looks at the IMU that has been found."""

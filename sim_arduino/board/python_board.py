@@ -224,7 +224,7 @@ class PythonBoard(Engine):
             self.sonars = SonarTask(self.plant, self.config, self.adc, self.now_s)
         self.motors.boot(self.now_s)
         if self.plant.imu:
-            self.imu.begin(self.now_s)
+            self.imu.next_s = self.now_s
 
     # ---- events in time
 

@@ -95,10 +95,9 @@ AS_MODELLED = Errors()
 
 def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = False) -> Params:
     """Parameters of a robot of this model; `omni` gives it three omni wheels."""
+    drive, battery = model.base, model.battery
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
-    per_count = model.base.metres_per_count
-    drive = model.base
-    three = isinstance(drive, OmniDrive)
+    per_count = drive.metres_per_count
     rpm = drive.full_speed_m_s / per_count if isinstance(drive, OmniDrive) else 160.0 / 60.0 * per_turn
     time_constant_s = _ROTOR_S + _BODY_S * errors.load
     friction = errors.load * (_TRACK_FRICTION if model.body.tracks else _WHEEL_FRICTION)
@@ -109,15 +108,14 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
         friction_counts_s=friction * rpm * 12.0 / 7.2,
         brake_counts_s2=2.0 / per_count * (_ROTOR_S + _BODY_S) / time_constant_s,
     )
-    battery = model.battery
-    axle_m = model.base.wheel_separation_m * errors.axle_scale
+    axle_m = drive.wheel_separation_m * errors.axle_scale
     return Params(
         motor,
-        model.base.left_m_per_count * errors.left_scale,
-        model.base.right_m_per_count * errors.right_scale,
+        drive.left_m_per_count * errors.left_scale,
+        drive.right_m_per_count * errors.right_scale,
         axle_m,
-        1.0 - (1.0 - model.base.turn_slip) * (1.0 - errors.turn_slip),
-        0.5 * axle_m if omni or three else 0.0,
+        1.0 - (1.0 - drive.turn_slip) * (1.0 - errors.turn_slip),
+        0.5 * axle_m if omni or isinstance(drive, OmniDrive) else 0.0,
         tuple(map(math.radians, drive.angles_deg)) if isinstance(drive, OmniDrive) else OMNI_ANGLES_RAD,
         errors.control_hz,
         capacity_ah=battery.capacity_ah,
