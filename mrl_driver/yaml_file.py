@@ -1,6 +1,5 @@
 """YAML files that users write: each fault is an error in one line, with the file and, if known, the line number."""
 
-import math
 from functools import lru_cache
 from typing import Any, Container, Dict, List, Mapping, Optional, Sequence, Tuple
 
@@ -169,50 +168,6 @@ class Reader:
             if name not in found and name not in optional:
                 raise ConfigError(f"{self.path}: key {prefix}{name} is missing")
         return found
-
-    def number(self, key: str, value: Any, low: float, high: float) -> float:
-        """Check for a number between two others, both included."""
-        if not is_number(value, low, high):
-            raise self.fail(key, value, f"a number from {low:g} to {high:g}{_spelling(value)}")
-        return float(value)
-
-    def whole(self, key: str, value: Any, low: int, high: int) -> int:
-        """Check for a whole number between two others, both included."""
-        if not isinstance(value, int) or not is_number(value, low, high):
-            raise self.fail(key, value, f"a whole number from {low} to {high}")
-        return value
-
-    def flag(self, key: str, value: Any) -> bool:
-        """Check for true or false."""
-        if not isinstance(value, bool):
-            raise self.fail(key, value, "true or false")
-        return value
-
-    def text(self, key: str, value: Any, expected: str = "a name") -> str:
-        """Check for a text that is not empty."""
-        if not isinstance(value, str) or not value:
-            raise self.fail(key, value, expected)
-        return value
-
-    def word(self, key: str, value: Any, words: Container[str], expected: str) -> str:
-        """Check for one of these words."""
-        if not isinstance(value, str) or value not in words:
-            raise self.fail(key, value, expected)
-        return value
-
-
-def _spelling(value: Any) -> str:
-    """Return how YAML takes a text such as `0,15` or `1e-1` as a number; empty if it is not meant as one."""
-    try:
-        number = float(value.replace(",", ".")) if isinstance(value, str) else math.nan
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number):
-        return ""
-    digits = repr(number)
-    if "e" in digits and "." not in digits:
-        digits = digits.replace("e", ".0e")
-    return f"; write {digits}"
 
 
 def is_number(value: Any, low: float, high: float) -> bool:

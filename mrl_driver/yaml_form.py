@@ -1,11 +1,12 @@
 """The form of a YAML file, as rows: one row checks a value, and gives the JSON Schema by which editors check it.
 
-`read` returns the value, or raises ConfigError as the methods of `yaml_file.Reader` do.  `schema` is of draft 7, the
-newest that the YAML plug-in of most editors knows.  A schema refuses nothing that `read` accepts; what only `read`
-refuses is in the docstring of the form.
+`read` returns the value, or raises ConfigError with the file, the key, the value and what was expected.  `schema` is of
+draft 7, the newest that the YAML plug-in of most editors knows.  A schema refuses nothing that `read` accepts; what
+only `read` refuses is in the docstring of the form.
 """
 
 import json
+import math
 from typing import Any, Callable, Container, Dict, Mapping, NamedTuple, Optional, Tuple
 
 from .yaml_file import Reader, is_number
@@ -27,13 +28,15 @@ class Form:
 
 
 class _Value(Form):
-    """A value that a method of `Reader` checks, with its further arguments."""
+    """A value that is `accepted`; `expected` describes it in the error."""
 
-    def __init__(self, schema: Schema, check: Callable[..., Any], *arguments: Any) -> None:
-        self._schema, self._check, self._arguments = schema, check, arguments
+    def __init__(self, schema: Schema, expected: str, accepted: Callable[[Any], bool]) -> None:
+        self._schema, self._expected, self._accepted = schema, expected, accepted
 
     def read(self, reader: Reader, key: str, value: Any) -> Any:
-        return self._check(reader, key, value, *self._arguments)
+        if not self._accepted(value):
+            raise reader.fail(key, value, self._expected)
+        return value
 
     def schema(self) -> Schema:
         return self._schema
@@ -43,36 +46,49 @@ class Number(_Value):
     """A number between two others, both included.  Only `read` refuses NaN."""
 
     def __init__(self, low: float, high: float) -> None:
-        super().__init__({"type": "number", "minimum": low, "maximum": high}, Reader.number, low, high)
         self.low, self.high = low, high
+        schema = {"type": "number", "minimum": low, "maximum": high}
+        super().__init__(
+            schema, f"a number from {low:g} to {high:g}", lambda each: is_number(each, low, high)
+        )
+
+    def read(self, reader: Reader, key: str, value: Any) -> float:
+        if not self._accepted(value):
+            raise reader.fail(key, value, self._expected + _spelling(value))
+        return float(value)
 
 
 class Whole(_Value):
     """A whole number between two others, both included.  Only `read` refuses a spelling with a point, such as 5.0."""
 
     def __init__(self, low: int, high: int) -> None:
-        super().__init__({"type": "integer", "minimum": low, "maximum": high}, Reader.whole, low, high)
+        def accepted(value: Any) -> bool:
+            return isinstance(value, int) and is_number(value, low, high)
+
+        schema = {"type": "integer", "minimum": low, "maximum": high}
+        super().__init__(schema, f"a whole number from {low} to {high}", accepted)
 
 
 class Flag(_Value):
     """True or false."""
 
     def __init__(self) -> None:
-        super().__init__({"type": "boolean"}, Reader.flag)
+        super().__init__({"type": "boolean"}, "true or false", lambda value: isinstance(value, bool))
 
 
 class Text(_Value):
     """A text that is not empty."""
 
     def __init__(self, expected: str = "a name") -> None:
-        super().__init__({"type": "string", "minLength": 1}, Reader.text, expected)
+        schema = {"type": "string", "minLength": 1}
+        super().__init__(schema, expected, lambda value: isinstance(value, str) and value != "")
 
 
 class Choice(_Value):
     """One of these words; `expected` describes them in the error."""
 
     def __init__(self, words: Tuple[str, ...], expected: str = "") -> None:
-        super().__init__({"enum": list(words)}, Reader.word, words, expected or " or ".join(words))
+        super().__init__({"enum": list(words)}, expected or " or ".join(words), words.__contains__)
 
 
 class Numbers(Form):
@@ -222,6 +238,20 @@ class Rule(NamedTuple):
     def schema(self) -> Schema:
         """Return the JSON Schema of all files that keep the rule."""
         return {"if": self.when.schema(), "then": self.then.schema()}
+
+
+def _spelling(value: Any) -> str:
+    """Return how YAML takes a text such as `0,15` or `1e-1` as a number; empty if it is not meant as one."""
+    try:
+        number = float(value.replace(",", ".")) if isinstance(value, str) else math.nan
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number):
+        return ""
+    digits = repr(number)
+    if "e" in digits and "." not in digits:
+        digits = digits.replace("e", ".0e")
+    return f"; write {digits}"
 
 
 def field_texts(kind: Any) -> Dict[str, str]:

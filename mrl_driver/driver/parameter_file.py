@@ -9,6 +9,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.navigation.radio_holder import FRESH_S
 from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETER_BY_NAME, PARAMETERS, Parameter
 from mrl_driver.yaml_file import Reader
+from mrl_driver.yaml_form import Text, Whole
 
 from .driver import Driver
 from .parameters import CABLES
@@ -93,7 +94,7 @@ def _value(reader: Reader, row: Parameter, value: Any) -> int:
         if value not in BRIDGES:
             raise reader.fail(key, value, ", ".join(BRIDGES))
         return BRIDGES.index(value)
-    number = reader.whole(key, value, row.low, row.high)
+    number: int = Whole(row.low, row.high).read(reader, key, value)
     if row.name == "radio_hold":
         require_hold(number, f"{reader.path}: {key}")
     return number
@@ -106,15 +107,15 @@ def parse(data: Any, path: str) -> ParameterFile:
     capabilities = found["capabilities"]
     if not isinstance(capabilities, list):
         raise reader.fail("capabilities", capabilities, "a list of names")
-    names = tuple(reader.text("capabilities", each) for each in capabilities)
+    names = tuple(Text().read(reader, "capabilities", each) for each in capabilities)
     others = [row.name for row in SETTABLE if row.capability not in ("", *names)]
     values = reader.keys("parameters", found["parameters"], [row.name for row in SETTABLE], others)
     robot_id, firmware, protocol = (
-        reader.whole(key, found[key], 0, INT16_MAX) for key in ("robot_id", "firmware", "protocol")
+        Whole(0, INT16_MAX).read(reader, key, found[key]) for key in ("robot_id", "firmware", "protocol")
     )
     return ParameterFile(
         robot_id,
-        reader.text("model", found["model"]),
+        Text().read(reader, "model", found["model"]),
         firmware,
         protocol,
         names,

@@ -17,6 +17,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.protocol.table import BAUD, INT16_MAX
 from mrl_driver.robot import models
+from mrl_driver.yaml_form import Text, Whole
 
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
@@ -71,11 +72,11 @@ def _entry(file_name: str, name: str, data: Any) -> Target:
     reader.mapping(name, data, "a mapping with port, and optionally model, baud and id")
     found = {**Target("")._asdict(), **reader.keys(name, data, _KEYS, _KEYS[1:]), "name": name}
     for key, expected in _TEXTS.items():
-        if not reader.text(f"{name}.{key}", found[key], expected).strip() or "\0" in found[key]:
+        if not Text(expected).read(reader, f"{name}.{key}", found[key]).strip() or "\0" in found[key]:
             raise reader.fail(f"{name}.{key}", found[key], expected)
     if found["id"] is not None:
-        reader.whole(f"{name}.id", found["id"], 1, INT16_MAX)
-    reader.whole(f"{name}.baud", found["baud"], LOWEST_BAUD, HIGHEST_BAUD)
+        Whole(1, INT16_MAX).read(reader, f"{name}.id", found["id"])
+    Whole(LOWEST_BAUD, HIGHEST_BAUD).read(reader, f"{name}.baud", found["baud"])
     return Target(**found)
 
 

@@ -10,7 +10,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
 from mrl_driver.yaml_file import Reader
-from mrl_driver.yaml_form import Number, Numbers, Rows, Section
+from mrl_driver.yaml_form import Number, Numbers, Rows, Section, Text
 
 from .margin import RANGES, Arm, Mass, Point, Vehicle, hull
 
@@ -56,7 +56,7 @@ def parse(data: Any, path: str) -> Vehicle:
     payloads = reader.mapping("payloads", found.get("payloads", {}), "a mapping of names to masses")
     mass = _section(Mass)
     return Vehicle(
-        reader.text("name", found["name"]),
+        Text().read(reader, "name", found["name"]),
         _contacts(reader, found["contacts"]),
         mass.read(reader, "body", found["body"]),
         {str(name): mass.read(reader, f"payloads.{name}", value) for name, value in payloads.items()},
