@@ -14,9 +14,8 @@ from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import create_unused
-from mrl_driver.recording import lines, recording
-from mrl_driver.recording.lines import read_lines
-from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recorder, Recording
+from mrl_driver.recording import recording
+from mrl_driver.recording.recording import FROM_BOARD, LONGEST_LINE, TO_BOARD, Recorder, Recording, read_lines
 from tests.waiting import PATIENCE_S, wait_until
 
 HEADER = '#mrl-recording 1 {"port": "x"}\n'
@@ -244,8 +243,8 @@ def test_a_damaged_digit_of_a_time_costs_its_own_line(tmp_path):
 
 
 def test_a_line_that_is_too_long_is_skipped(tmp_path):
-    long = b"0.5 < " + b"a" * lines.LONGEST_LINE
+    long = b"0.5 < " + b"a" * LONGEST_LINE
     (tmp_path / "log").write_bytes(b"#mrl-recording 1 {}\n0.1 < a\n" + long + b"\n0.6 < b\n")
     recording = Recording(str(tmp_path / "log"))
     assert [each.data for each in recording] == [b"a", b"b"]
-    assert recording.skipped == {3: f"longer than {lines.LONGEST_LINE} bytes"}
+    assert recording.skipped == {3: f"longer than {LONGEST_LINE} bytes"}

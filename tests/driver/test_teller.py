@@ -3,7 +3,7 @@
 import threading
 from unittest import mock
 
-from mrl_driver.transport.teller import MOST_LINES, Teller
+from mrl_driver.transport.relay import MOST_LINES, Teller
 from tests.waiting import wait_until
 
 
