@@ -7,7 +7,7 @@ The node takes goals from the action, from `move_base_simple/goal` (rviz's 2D Na
 import math
 import threading
 import time
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, Optional, Sequence, Tuple
 
 import actionlib
 import rospy
@@ -83,32 +83,6 @@ class OdometryGap:
         return not self.waiting and not self.why
 
 
-class Ranges:
-    """The last range of each sonar; any thread may call it."""
-
-    def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._heard: Dict[str, Tuple[float, str, float]] = {}
-
-    def hear(self, name: str, range_m: float, frame: str, now_s: float) -> None:
-        """Store a range, measured in the sonar's own frame."""
-        with self._lock:
-            self._heard[name] = range_m, frame, now_s
-
-    def frames(self) -> Dict[str, str]:
-        """Frame of each sonar that has sent a range."""
-        with self._lock:
-            return {name: frame for name, (_, frame, _) in self._heard.items()}
-
-    def now(self, now_s: float) -> Dict[str, float]:
-        """Range of each sonar that has sent one [m]; NaN if its last range is older than `SILENT_S`."""
-        with self._lock:
-            return {
-                name: range_m if now_s - heard_s <= SILENT_S else math.nan
-                for name, (range_m, _, heard_s) in self._heard.items()
-            }
-
-
 class GoToGoal:
     """Drives one robot to its goals."""
 
@@ -118,7 +92,7 @@ class GoToGoal:
         self._odometry: Optional[Odometry] = None
         self._odometry_s = -math.inf
         self._located = threading.Event()
-        self._ranges = Ranges()
+        self._ranges: Dict[str, Tuple[float, str, float]] = {}  # of each sonar: range, frame, time
         self._odometry_age = StampAge(ODOM_LATE_S)
         self._range_ages = {name: StampAge(SILENT_S) for name in NAMES}
         self._sonars: Dict[str, SonarMount] = {}
@@ -130,8 +104,9 @@ class GoToGoal:
             "move_base", MoveBaseAction, self._execute, auto_start=False
         )
         self._client = actionlib.ActionClient("move_base", MoveBaseAction)
-        self._lock = threading.Lock()  # guards the next line
-        self._tour = 0
+        self._lock = threading.RLock()  # guards the next two lines
+        self._tour: Sequence[PoseStamped] = []
+        self._goal: Optional[actionlib.ClientGoalHandle] = None
         self._manual = False
         self._ending, self._idle = threading.Event(), threading.Event()
         self._idle.set()
@@ -184,51 +159,38 @@ class GoToGoal:
         trouble = self._range_ages[name].trouble(stamp_s, now_s, time.monotonic())
         if trouble:
             rospy.logwarn_throttle(WARN_EVERY_S, f"range of {name} not used: {trouble}")
-        self._ranges.hear(
-            name, math.nan if trouble else message.range, message.header.frame_id, min(stamp_s, now_s)
-        )
+        range_m = math.nan if trouble else message.range
+        self._ranges[name] = range_m, message.header.frame_id, min(stamp_s, now_s)
 
     def _on_manual_mode(self, message: Bool) -> None:
         """Note the mode; robot_node cancels the goal when it changes."""
         self._manual = message.data
 
     def _on_goal(self, message: PoseStamped) -> None:
-        self._new_tour()
-        self._client.send_goal(MoveBaseGoal(message))
+        self._visit([message])
 
     def _on_waypoints(self, message: Path) -> None:
-        threading.Thread(target=self._visit, args=(message, self._new_tour()), daemon=True).start()
+        for pose in message.poses:
+            pose.header.frame_id = pose.header.frame_id or message.header.frame_id
+        self._visit(message.poses)
 
-    def _new_tour(self) -> int:
-        """Start a new tour; a thread that visits earlier waypoints gives up."""
+    def _visit(self, tour: Sequence[PoseStamped], number: int = 1) -> None:
+        """Send goals to this node's own action in turn, until one is not reached or others come."""
+
+        def go_on(handle: actionlib.ClientGoalHandle) -> None:
+            with self._lock:
+                ended = handle.get_comm_state() == actionlib.CommState.DONE
+                if not ended or number == len(tour) or tour is not self._tour or rospy.is_shutdown():
+                    return
+                if handle.get_terminal_state() == GoalStatus.SUCCEEDED:
+                    self._visit(tour, number + 1)
+                else:
+                    rospy.logwarn(f"waypoint {number} of {len(tour)} was not reached; the rest is given up")
+
         with self._lock:
-            self._tour += 1
-            return self._tour
-
-    def _visit(self, path: Path, tour: int) -> None:
-        """Visit each pose in turn, until one cannot be reached or a new goal comes."""
-        for number, pose in enumerate(path.poses, 1):
-            pose.header.frame_id = pose.header.frame_id or path.header.frame_id
-            end = self._outcome(pose)
-            if tour != self._tour or rospy.is_shutdown():
-                return
-            if end != GoalStatus.SUCCEEDED:
-                rospy.logwarn(f"waypoint {number} of {len(path.poses)} was not reached; the rest is given up")
-                return
-
-    def _outcome(self, pose: PoseStamped) -> int:
-        """Send a goal to this node's own action, and wait for its final status."""
-        over = threading.Event()
-
-        def note(handle: actionlib.ClientGoalHandle) -> None:
-            if handle.get_comm_state() == actionlib.CommState.DONE:
-                over.set()
-
-        handle = self._client.send_goal(MoveBaseGoal(pose), note)
-        while not over.wait(POLL_S):
-            if rospy.is_shutdown():
-                return GoalStatus.LOST
-        return int(handle.get_terminal_state())
+            self._tour = tour
+            if tour:
+                self._goal = self._client.send_goal(MoveBaseGoal(tour[number - 1]), go_on)
 
     def _execute(self, goal: MoveBaseGoal) -> None:
         """Called by the action server for each goal, on its own thread."""
@@ -304,11 +266,11 @@ class GoToGoal:
         return True
 
     def _placed_ranges(self, base: str, now_s: float) -> Dict[str, float]:
-        """Range of each sonar; NaN if its place on the robot is unknown."""
-        ranges = self._ranges.now(now_s)
-        for name, frame in self._ranges.frames().items():
-            if name not in self._sonars and not self._find_place(name, frame, base):
-                ranges[name] = math.nan
+        """Range of each sonar that has sent one [m]; NaN if it is old, or the sonar's place is unknown."""
+        ranges = {}
+        for name, (range_m, frame, heard_s) in list(self._ranges.items()):  # more may come meanwhile
+            placed = name in self._sonars or self._find_place(name, frame, base)
+            ranges[name] = range_m if placed and now_s - heard_s <= SILENT_S else math.nan
         return ranges
 
     def _find_place(self, name: str, frame: str, base: str) -> bool:

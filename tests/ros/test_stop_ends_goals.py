@@ -18,49 +18,12 @@ from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot.models import SonarMount
-from ros1_bridge.navigation.go_to_goal_node import SILENT_S, Ranges
 from ros1_bridge.topics.messages import mounts_of
 from tests.waiting import wait_until
 
 from .rig import START_S
 
 PERIOD_S = 0.05
-ENTERED_S = 0.1  # A call that need not wait is over long before
-
-
-def test_range_of_a_sonar_counts_until_it_has_been_silent_for_a_while():
-    ranges = Ranges()
-    ranges.hear("front", math.inf, "sonar_front", 10.0)
-    assert ranges.now(10.0 + SILENT_S) == {"front": math.inf}
-    assert math.isnan(ranges.now(10.01 + SILENT_S)["front"])
-
-
-class Intruder(str):
-    """A sonar's name that another thread's range interrupts where the ranges are looked at."""
-
-    def __new__(cls, ranges):
-        made = super().__new__(cls, "front")
-        made.ranges, made.threads = ranges, []
-        return made
-
-    def __hash__(self):
-        if self.ranges is not None:
-            ranges, self.ranges = self.ranges, None
-            self.threads = [threading.Thread(target=ranges.hear, args=("left", 1.0, "sonar_left", 10.0))]
-            self.threads[0].start()
-            self.threads[0].join(ENTERED_S)
-        return super().__hash__()
-
-
-@pytest.mark.parametrize("look", [lambda ranges: ranges.now(10.0), Ranges.frames], ids=["now", "frames"])
-def test_range_that_comes_while_the_ranges_are_looked_at_waits(look):
-    ranges = Ranges()
-    name = Intruder(None)
-    ranges.hear(name, 1.0, "sonar_front", 10.0)
-    name.ranges = ranges
-    assert set(look(ranges)) == {"front"}
-    name.threads[0].join()
-    assert set(look(ranges)) == {"front", "left"}
 
 
 class Robot:
