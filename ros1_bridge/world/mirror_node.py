@@ -37,13 +37,14 @@ from ros1_bridge.node.plane_poses import correction, planar, transform_pose
 from ros1_bridge.node.run_node import node
 from ros1_bridge.node.stamp_age import StampAge
 from sim_arduino.hardware.collision import footprint_for
+from sim_arduino.hardware.laser import Laser
 from sim_arduino.hardware.mirror import Margin, Mirror
 from sim_arduino.hardware.sonars import HALF_CONE_RAD, RANGE_M
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
-from . import world_messages
+from .world_node import scan_of
 
 RATE_HZ = 10.0
 RAY_RAD = math.radians(1.0)
@@ -329,10 +330,10 @@ class MirrorNode:
             return None
         assert self._odometry is not None
         first_rad, last_rad = arc_of(list(self._mounts.values()))
-        rays = 1 + int((last_rad - first_rad) / RAY_RAD)
-        ranges = self._mirror.scan(ORIGIN, first_rad, RAY_RAD, rays, RANGE_M, LASER_NEAR_M)
+        rays = first_rad, RAY_RAD, 1 + int((last_rad - first_rad) / RAY_RAD)
+        ranges = self._mirror.scan(ORIGIN, *rays, RANGE_M, LASER_NEAR_M)
         header = Header(0, self._odometry.header.stamp, self._odometry.child_frame_id)
-        return world_messages.scan_of(header, first_rad, RAY_RAD, RATE_HZ, ranges, LASER_NEAR_M, RANGE_M)
+        return scan_of(header, Laser(*rays, RATE_HZ, LASER_NEAR_M, RANGE_M, 0.0, 0.0), ranges)
 
     def _on_scan(self, message: LaserScan) -> None:
         import numpy as np

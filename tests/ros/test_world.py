@@ -11,7 +11,7 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import LaserScan
 
 from mrl_driver.geometry import Pose
-from ros1_bridge.world import world_messages
+from ros1_bridge.world.world_node import new_map, truth_of
 from sim_arduino.world.grid_map import GridMap
 
 from .rig import ROOT
@@ -20,18 +20,16 @@ from .tables import Offered, first_two, table
 
 def test_speeds_are_those_between_two_poses():
     there, before = Pose(0.0, 0.1, math.pi / 2), (5.0, Pose(0.0, 0.0, math.pi / 2))
-    message = world_messages.truth_of(None, "base_link", there, before, 5.5)
+    message = truth_of(None, "base_link", there, before, 5.5)
     assert message.twist.twist.linear.x == pytest.approx(0.2)
     assert message.twist.twist.linear.y == pytest.approx(0.0)
-    message = world_messages.truth_of(
-        None, "base_link", Pose(1.0, 0.0, 0.0), (0.0, Pose(0.0, 0.0, 0.0)), 60.0
-    )
+    message = truth_of(None, "base_link", Pose(1.0, 0.0, 0.0), (0.0, Pose(0.0, 0.0, 0.0)), 60.0)
     assert message.twist.twist.linear.x == 0.0, "a pose after a pause says nothing of speed"
 
 
 def test_map_has_its_rows_from_below():
     grid = GridMap(np.array([[0, 100, 0], [-1, 0, 0]], np.int8), 0.05, Pose(-1.0, -2.0, 0.0))
-    message = world_messages.new_map("map", None, grid)
+    message = new_map("map", None, grid)
     assert (message.info.width, message.info.height) == (3, 2)
     assert list(message.data) == [0, 100, 0, -1, 0, 0]
     assert message.info.origin.position.y == -2.0
