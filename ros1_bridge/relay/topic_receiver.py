@@ -55,7 +55,7 @@ class TopicReceiver:
         max_age_s: Older messages are dropped, unless their publisher is latched.
         timeout_s: The link counts as cut if it is silent for this time.
         take: Gets each message, with its source.
-        connected: Called with True after a connection and False after its end, and a line that says why.
+        tell: Called with True after a connection and False after its end, and a line that says why.
     """
 
     def __init__(
@@ -67,14 +67,14 @@ class TopicReceiver:
         max_age_s: float,
         timeout_s: float,
         take: Callable[[Source, bytes], None],
-        connected: Callable[[bool, str], None],
+        tell: Callable[[bool, str], None],
     ) -> None:
         self.peer, self.address = peer, address
         self.counts = {topic: TopicCounts() for topic in topics}
         self.is_connected, self.reason = False, "not tried yet"
         self.missing: List[str] = []  # topics that the other relay does not send
         self._name, self._max_age_s, self._timeout_s = name, max_age_s, timeout_s
-        self._take, self._connected = take, connected
+        self._take, self._tell = take, tell
         self._known: Dict[Tuple[str, int], int] = {}
         self._ends = threading.Event()
         self._connection: Optional[socket.socket] = None
@@ -119,7 +119,7 @@ class TopicReceiver:
                 with socket.create_connection(self.address, timeout=self._timeout_s) as connection:
                     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     self._connection = connection
-                    _Session(self, connection).exchange()
+                    self._exchange(connection)
             except (OSError, RelayError) as error:
                 self._lose(str(error))
             self._ends.wait(RETRY_S)
@@ -128,39 +128,29 @@ class TopicReceiver:
         was, self.is_connected, self.reason = self.is_connected, False, reason
         if was or reason != self._told:
             self._told = reason
-            self._connected(False, f"{self.peer} at {self.address}: not connected: {reason}")
+            self._tell(False, f"{self.peer} at {self.address}: not connected: {reason}")
 
-
-class _Session:
-    """One connection of a receiver."""
-
-    def __init__(self, receiver: TopicReceiver, connection: socket.socket) -> None:
-        self._of, self._socket = receiver, connection
+    def _exchange(self, connection: socket.socket) -> None:
+        """Take what comes until the end; OSError if the connection breaks, RelayError if it is silent or another's."""
         self._frames, self._age = FrameReader(), MessageAge(WINDOW_S, AHEAD_S)
-        self._run = ""
-        self._count = 0
+        self._peer_run, self._count = "", 0
         self._sources: Dict[int, Source] = {}
         self._last: Dict[int, int] = {}
-
-    def exchange(self) -> None:
-        """Take what comes until the end; OSError if the connection breaks, RelayError if it is silent or another's."""
-        timeout_s = self._of._timeout_s
-        topics = list(self._of.counts)
-        self._socket.sendall(encode(Hello(PROTOCOL, self._of._name, "", topics)))
+        connection.sendall(encode(Hello(PROTOCOL, self._name, "", list(self.counts))))
         heard_s, ping_s = time.monotonic(), 0.0
-        while not self._of._ends.is_set():
+        while not self._ends.is_set():
             now_s = time.monotonic()
             if now_s >= ping_s:
-                self._socket.sendall(encode(Ping(clock_s())))
+                connection.sendall(encode(Ping(clock_s())))
                 ping_s = now_s + PING_S
-            if select.select([self._socket], [], [], max(0.0, ping_s - now_s))[0]:
+            if select.select([connection], [], [], max(0.0, ping_s - now_s))[0]:
                 heard_s = time.monotonic()
-                self._read()
-            elif time.monotonic() - heard_s > timeout_s:
-                raise RelayError(f"silent for {timeout_s:g} s")
+                self._read(connection)
+            elif time.monotonic() - heard_s > self._timeout_s:
+                raise RelayError(f"silent for {self._timeout_s:g} s")
 
-    def _read(self) -> None:
-        data = self._socket.recv(_READ_BYTES)
+    def _read(self, connection: socket.socket) -> None:
+        data = connection.recv(_READ_BYTES)
         if not data:
             raise RelayError("closed by the other end")
         newest: Dict[int, Message] = {}
@@ -182,32 +172,31 @@ class _Session:
         for message in newest.values():
             self._message(message)
         if newest:
-            self._socket.sendall(encode(Taken(self._count)))
+            connection.sendall(encode(Taken(self._count)))
 
     def _greet(self, hello: Hello) -> None:
         if hello.protocol != PROTOCOL:
             raise RelayError(f"got protocol {hello.protocol}, expected {PROTOCOL}: install the same version")
-        if hello.name != self._of.peer:
+        if hello.name != self.peer:
             raise RelayError(
-                f"the relay there is {hello.name!r}, expected {self._of.peer!r}: see ~peers and ~name"
+                f"the relay there is {hello.name!r}, expected {self.peer!r}: see ~peers and ~name"
             )
-        self._run = hello.run  # after another start of the sender, its numbers mean other messages
-        self._of._known = {key: last for key, last in self._of._known.items() if key[0] == hello.run}
-        self._of.missing = [topic for topic in self._of.counts if topic not in hello.topics]
+        self._peer_run = hello.run  # after another start of the sender, its numbers mean other messages
+        self._known = {key: last for key, last in self._known.items() if key[0] == hello.run}
+        self.missing = [topic for topic in self.counts if topic not in hello.topics]
 
     def _connected(self) -> None:
-        receiver = self._of
-        if receiver.is_connected or not self._run:
+        if self.is_connected or not self._peer_run:
             return
-        receiver.is_connected, receiver.reason, receiver._told = True, "", ""
-        words = f"{receiver.peer} at {receiver.address}: connected"
-        if receiver.missing:
-            words += f", but it does not send {', '.join(receiver.missing)}: see its ~send"
-        receiver._connected(True, words)
+        self.is_connected, self.reason, self._told = True, "", ""
+        words = f"{self.peer} at {self.address}: connected"
+        if self.missing:
+            words += f", but it does not send {', '.join(self.missing)}: see its ~send"
+        self._tell(True, words)
 
     def _message(self, message: Message) -> None:
         source = self._sources.get(message.number)
-        counts = self._of.counts.get(source.topic) if source else None
+        counts = self.counts.get(source.topic) if source else None
         if source is None or counts is None:
             raise RelayError(
                 f"got a message of source {message.number}, expected one of a topic that was asked for"
@@ -215,14 +204,14 @@ class _Session:
         if message.sequence <= self._last.get(message.number, 0):
             return  # a latched message that was also sent as a new one
         self._last[message.number] = message.sequence
-        before = self._of._known.get((self._run, message.number), message.sequence - 1)
+        before = self._known.get((self._peer_run, message.number), message.sequence - 1)
         counts.lost += max(0, message.sequence - before - 1)
-        self._of._known[self._run, message.number] = max(before, message.sequence)
+        self._known[self._peer_run, message.number] = max(before, message.sequence)
         age_s = self._age.age_s(message.stamp_s, clock_s())
-        if not source.latched and not age_s <= self._of._max_age_s:
+        if not source.latched and not age_s <= self._max_age_s:
             counts.late += 1
             return
         counts.taken += 1
         counts.age_s = age_s
         counts.oldest_s = max(counts.oldest_s, age_s)
-        self._of._take(source, message.body)
+        self._take(source, message.body)

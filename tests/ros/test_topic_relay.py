@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.safety.message_age import MessageAge
-from ros1_bridge.relay.outbox import MOST_BYTES, MOST_OF_ONE, SLOWER_S, Outbox
 from ros1_bridge.relay.relay_frames import (
     LONGEST_BYTES,
     PROTOCOL,
@@ -26,7 +25,15 @@ from ros1_bridge.relay.relay_frames import (
 )
 from ros1_bridge.relay.relay_settings import Address, read_settings
 from ros1_bridge.relay.topic_receiver import AHEAD_S, ERROR, OK, WARN, WINDOW_S, TopicReceiver
-from ros1_bridge.relay.topic_sender import SETTLE_S, MessageType, TopicSender
+from ros1_bridge.relay.topic_sender import (
+    MOST_BYTES,
+    MOST_OF_ONE,
+    SETTLE_S,
+    SLOWER_S,
+    MessageType,
+    Outbox,
+    TopicSender,
+)
 from tests.shortage import threads_left
 from tests.waiting import wait_until
 
