@@ -16,8 +16,7 @@ import rospy
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal import live_view
 from mrl_driver.view.shown_state import line_of
-from ros1_bridge.node.cmd_vel import twist_of
-from ros1_bridge.node.operator_cmd_vel import OperatorCmdVel
+from ros1_bridge.node.cmd_vel import OperatorCmdVel, twist_of
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.run_node import node
 from ros1_bridge.topics.topic_robot import TopicRobot

@@ -1,8 +1,8 @@
 """ROS node `cmd_vel_mux`: passes on the velocity commands of the source with the highest priority, as twist_mux does.
 
 Sources and locks are its private parameters, in twist_mux's format.  Stamped commands of operators, pings and echoes
-pass through (see `operator_cmd_vel`).  Times are those of the machine's monotonic clock, so that a source also counts
-as silent if `/clock` stands still.
+pass through (see `ros1_bridge.node.cmd_vel`).  Times are those of the machine's monotonic clock, so that a source also
+counts as silent if `/clock` stands still.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ from geometry_msgs.msg import Twist, TwistStamped, Vector3
 from std_msgs.msg import Bool, Header, String
 
 from mrl_driver.errors import ConfigError
-from ros1_bridge.node.operator_cmd_vel import StampedCmdVel
+from ros1_bridge.node.cmd_vel import StampedCmdVel
 from ros1_bridge.node.run_node import node
 from ros1_bridge.topics.messages import field_not_finite
 

@@ -12,8 +12,7 @@ from sensor_msgs.msg import Joy
 
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.safety.operator_delay import Lateness
-from ros1_bridge.node.cmd_vel import twist_of
-from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
+from ros1_bridge.node.cmd_vel import DELAY_ROW, OperatorCmdVel, twist_of
 from ros1_bridge.node.parameters import Row, speed_rows
 from ros1_bridge.node.run_node import node
 

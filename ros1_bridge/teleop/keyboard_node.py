@@ -12,8 +12,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.safety.message_age import clock_s
 from mrl_driver.terminal.keyboard import Keyboard
 from mrl_driver.terminal.teleop_keys import ANGULAR_RAD_S, LINEAR_M_S, Teleop
-from ros1_bridge.node.cmd_vel import twist_of
-from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
+from ros1_bridge.node.cmd_vel import DELAY_ROW, OperatorCmdVel, twist_of
 from ros1_bridge.node.parameters import speed_rows
 from ros1_bridge.node.run_node import node
 

@@ -19,8 +19,7 @@ from mrl_driver.apps.web.listening import lines_for, settings_for
 from mrl_driver.apps.web.robot import NO_MOTORS, PhoneReading
 from mrl_driver.errors import ConfigError
 from mrl_driver.safety.message_age import clock_s
-from ros1_bridge.node.cmd_vel import twist_of
-from ros1_bridge.node.operator_cmd_vel import DELAY_ROW, OperatorCmdVel
+from ros1_bridge.node.cmd_vel import DELAY_ROW, OperatorCmdVel, twist_of
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.robot_parameters import ROWS as ROBOT_ROWS
 from ros1_bridge.node.run_node import node
