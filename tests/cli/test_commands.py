@@ -453,7 +453,7 @@ def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):
     [
         ("click", "click", ["mrl_driver", "--help"]),
         ("serial", "pyserial", ["mrl_driver", "info", "--port", "/dev/null"]),
-        ("click", "click", ["sim_arduino", "--help"]),
+        ("yaml", "PyYAML", ["sim_arduino", "--world", "room"]),
     ],
 )
 def test_a_package_that_is_missing_costs_a_line(tmp_path, missing, package, words):
