@@ -30,11 +30,11 @@ from typing import (
 from mrl_driver import errors
 from mrl_driver.arguments import require_function
 from mrl_driver.errors import ConfigError, MrlError
-from mrl_driver.protocol import Event, Frame
+from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Event, Frame
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.recording.decoded import LINE_BYTES, FrameReader
 from mrl_driver.recording.recorded_facts import model_of, numbers_of, pose_of, session_of
-from mrl_driver.recording.recorded_frames import replies, requests
 from mrl_driver.recording.recording import (
     CLOCK,
     CLOSED,
@@ -69,7 +69,6 @@ from .driver import Driver
 from .options import DEFAULTS, HEARD, Options, require_options
 from .robot_core import Core, DriverEvent
 
-LINE_BYTES = 12  # a line of the file takes about this many bytes besides its data
 _REPORT_EVERY = 2000
 _OPENING_ENTRIES = 2000  # the remarks that hold for a whole recording are looked for in this many entries
 _MOST_TURNS = 200  # at most this many are made between two entries of a file without the session's beginning
@@ -200,7 +199,8 @@ class RecordedDriver(Driver):
         self._played = self._quiet = False
         self._serving = not opening.has_session
         """The bytes of the board go to the driver; not those of the time in which the port was opened."""
-        self._requests, self._replies, self._missing = requests(), replies(), _MissingGreeting()
+        self._requests, self._replies = FrameReader(REQUESTS_TO_ANY), FrameReader(REPLIES)
+        self._missing = _MissingGreeting()
         for frame in opening.frames:
             self._missing.heard(frame, -math.inf)
         if opening.is_cut and self._missing.robot_id is None and self.model is not None:
@@ -548,7 +548,7 @@ def _opening(recording: Recording) -> _Opening:
     """Read the first entries; the model comes when the board has answered, the clock when there is a node."""
     model, ahead_s, has_session, is_cut = None, None, False, False
     frames: List[Frame] = []
-    reader = replies()
+    reader = FrameReader(REPLIES)
     for number, (_, direction, data) in enumerate(recording):
         if number >= _OPENING_ENTRIES or (model is not None and ahead_s is not None):
             break

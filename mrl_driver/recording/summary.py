@@ -69,14 +69,14 @@ def _named(codes: Dict[int, int]) -> Dict[str, int]:
     return {BY_CODE[code].name: count for code, count in sorted(codes.items())}
 
 
-class _Robot:
-    """The robot in a recording: its model, its path, and the frames that were lost.
+class _Reader:
+    """Adds up the frames of a recording, and follows its robot: the model, the path, and the frames that were lost.
 
     `start_s` is the time at which the recording began, on the driver's clock.  Without `model`, `self.model` is that of
     the recording, or the packaged model that lists the first id of the board, or None.
     """
 
-    def __init__(self, model: Optional[RobotModel], start_s: float = 0.0) -> None:
+    def __init__(self, model: Optional[RobotModel], start_s: float) -> None:
         self.model, self._start_s = model, start_s
         self.robot_id: Optional[int] = None
         self.capabilities: FrozenSet[str] = frozenset()
@@ -88,6 +88,58 @@ class _Robot:
         self._stream = Stream(self.counters)
         self._exact = False
         self._last_stamp_s = -math.inf
+        self.duration_s = 0.0
+        self.sizes = Counter({FROM_BOARD: 0, TO_BOARD: 0})
+        self.frames: Counter[int] = Counter()
+        self.requests: Counter[int] = Counter()
+        self.sensors: Dict[str, Dict[str, Any]] = {}
+        self.garbage: Counter[str] = Counter()
+
+    def figures(self) -> Dict[str, Any]:
+        """Return the figures of the drive."""
+        model, odometry = self.model, self.odometry
+        moves = model is not None and model.drives
+        refused = odometry.baseline.refused if odometry else 0
+        return {
+            "robot": model.name if model else None,
+            "robot_id": self.robot_id,
+            "duration_s": self.duration_s,
+            "bytes_from_board": self.sizes[FROM_BOARD],
+            "bytes_to_board": self.sizes[TO_BOARD],
+            "frames": _named(self.frames),
+            "requests": _named(self.requests),
+            "garbage": dict(sorted(self.garbage.items())),
+            "lost": self.counters.lost,
+            "duplicates": self.counters.duplicates,
+            "refused_counts": refused if moves else None,
+            "pose": (odometry.pose if odometry else ORIGIN)._asdict() if moves else None,
+            "sensors": self.sensors,
+            "imu": imu.state_of(self._tracker, self.capabilities),
+        }
+
+    def read(self, time_s: float, direction: str, size: int, events: List[Event]) -> None:
+        """Add what was sent in a direction."""
+        self.duration_s = time_s
+        self.sizes[direction] += size
+        for event in events:
+            if direction == TO_BOARD:
+                if isinstance(event, Frame):
+                    self.requests[event.code] += 1
+            elif isinstance(event, Frame):
+                self.frames[event.code] += 1
+                self.take(event, time_s)
+                self._sense(event)
+            else:
+                self.garbage[event.reason] += 1
+
+    def _sense(self, frame: Frame) -> None:
+        row = SENSOR_BY_CODE.get(frame.code)
+        readings = streamed(frame.args, 0.0) if frame.code == _SENSING else {}
+        for name, found in ({row.name: reading(row, frame.args, 0.0)} if row else readings).items():
+            unit = SENSOR_BY_NAME[name].fields[0].base_unit
+            known = self.sensors.setdefault(name, {"least": math.inf, "most": -math.inf, "unit": unit})
+            known["least"] = min(known["least"], *found.values)
+            known["most"] = max(known["most"], *found.values)
 
     def take_remark(self, data: bytes) -> None:
         """Handle a remark: other rules or another port, model (used if there is none yet), pose, session joined."""
@@ -177,62 +229,3 @@ class _Robot:
             odometry.pose, odometry.baseline.refused = before.pose, before.baseline.refused
         self.odometry, self._exact = odometry, exact
         return odometry
-
-
-class _Reader(_Robot):
-    """Adds up the frames of a recording."""
-
-    def __init__(self, model: Optional[RobotModel], start_s: float) -> None:
-        super().__init__(model, start_s)
-        self.duration_s = 0.0
-        self.sizes = Counter({FROM_BOARD: 0, TO_BOARD: 0})
-        self.frames: Counter[int] = Counter()
-        self.requests: Counter[int] = Counter()
-        self.sensors: Dict[str, Dict[str, Any]] = {}
-        self.garbage: Counter[str] = Counter()
-
-    def figures(self) -> Dict[str, Any]:
-        """Return the figures of the drive."""
-        model, odometry = self.model, self.odometry
-        moves = model is not None and model.drives
-        refused = odometry.baseline.refused if odometry else 0
-        return {
-            "robot": model.name if model else None,
-            "robot_id": self.robot_id,
-            "duration_s": self.duration_s,
-            "bytes_from_board": self.sizes[FROM_BOARD],
-            "bytes_to_board": self.sizes[TO_BOARD],
-            "frames": _named(self.frames),
-            "requests": _named(self.requests),
-            "garbage": dict(sorted(self.garbage.items())),
-            "lost": self.counters.lost,
-            "duplicates": self.counters.duplicates,
-            "refused_counts": refused if moves else None,
-            "pose": (odometry.pose if odometry else ORIGIN)._asdict() if moves else None,
-            "sensors": self.sensors,
-            "imu": imu.state_of(self._tracker, self.capabilities),
-        }
-
-    def read(self, time_s: float, direction: str, size: int, events: List[Event]) -> None:
-        """Add what was sent in a direction."""
-        self.duration_s = time_s
-        self.sizes[direction] += size
-        for event in events:
-            if direction == TO_BOARD:
-                if isinstance(event, Frame):
-                    self.requests[event.code] += 1
-            elif isinstance(event, Frame):
-                self.frames[event.code] += 1
-                self.take(event, time_s)
-                self._sense(event)
-            else:
-                self.garbage[event.reason] += 1
-
-    def _sense(self, frame: Frame) -> None:
-        row = SENSOR_BY_CODE.get(frame.code)
-        readings = streamed(frame.args, 0.0) if frame.code == _SENSING else {}
-        for name, found in ({row.name: reading(row, frame.args, 0.0)} if row else readings).items():
-            unit = SENSOR_BY_NAME[name].fields[0].base_unit
-            known = self.sensors.setdefault(name, {"least": math.inf, "most": -math.inf, "unit": unit})
-            known["least"] = min(known["least"], *found.values)
-            known["most"] = max(known["most"], *found.values)

@@ -14,9 +14,9 @@ from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol import Frame, Garbage, encode_request
+from mrl_driver.protocol import REPLIES, Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.recording.recorded_frames import replies
+from mrl_driver.recording.decoded import FrameReader
 from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
@@ -338,7 +338,7 @@ def test_a_new_difference_of_the_clocks_holds_for_the_frame_that_noticed_it(shor
 @pytest.mark.parametrize("size", [1, 3, 7, 1000])
 def test_each_frame_has_its_bytes_however_they_arrive(size):
     frames = [b"@5,2500,172,1180,2,1e", b"@30,0,1,1,1,0,0e"]
-    data, reader = b"the\r\n" + b"\r\n".join(frames) + b"\r\n@6,1@30,0,1,1,1,0,0e", replies()
+    data, reader = b"the\r\n" + b"\r\n".join(frames) + b"\r\n@6,1@30,0,1,1,1,0,0e", FrameReader(REPLIES)
     pieces = [data[at : at + size] for at in range(0, len(data), size)]
     found = [each for piece in pieces for each in reader.read(piece, False, False)]
     assert [raw for event, raw in found if isinstance(event, Frame)] == [*frames, frames[1]]
