@@ -1,7 +1,7 @@
 """The frames that the table allows in each direction, prepared for the decoder."""
 
 from struct import Struct
-from typing import Any, Callable, Dict, NamedTuple, Sequence, Tuple
+from typing import Any, Dict, NamedTuple, Sequence, Tuple
 
 from .repeated_frames import Narrow, Run
 from .table import COMMANDS, INT16_MAX, INT16_MIN, STAMP, WRAP, Command, Field
@@ -19,18 +19,6 @@ class Shape(NamedTuple):
     stamped: bool
 
 
-class _Form(NamedTuple):
-    """The wire form of a frame with all its arguments, for the fast path of the decoder."""
-
-    code: int
-    spelling: bytes
-    """Format for the numbers after the code: the arguments, and with a checksum also the stamp and the checksum."""
-    begin: int  # position of the '@'
-    pack: Callable[..., bytes]  # raises unless the count of numbers is right and all are int16
-    narrow: Narrow  # index and range of the arguments whose range is smaller than int16
-    stamped: bool
-
-
 def _shape(row: Command, fields: Sequence[Field], optional: int, request: bool) -> Shape:
     ranges = tuple((f.low, f.high) for f in fields)
     guarded, turns, stamped = row.guarded and request, row.turns and request, row.stamped and not request
@@ -42,11 +30,17 @@ def _narrow(shape: Shape) -> Narrow:
     return tuple((i, low, high) for i, (low, high) in limits if (low, high) != (INT16_MIN, INT16_MAX))
 
 
-def _form(shape: Shape, checked: bool, lead: bytes) -> _Form:
+def _form(shape: Shape, checked: bool, lead: bytes) -> Tuple[Any, ...]:
+    """The wire form of a frame with all its arguments, for the fast path of the decoder.
+
+    It has the code, the format for the numbers after it (with a checksum also stamp and checksum), the position of the
+    '@', a function that raises unless the count of numbers is right and all are int16, the narrow arguments, and
+    whether it has a stamp.
+    """
     count = shape.most + (len(STAMP) * shape.stamped + 1 if checked else 0)
     spelling = b"%s@%d" % (lead, shape.code) + b",%d" * count
     pack = Struct(f"{count}h").pack
-    return _Form(shape.code, spelling, len(lead), pack, _narrow(shape), checked and shape.stamped)
+    return shape.code, spelling, len(lead), pack, _narrow(shape), checked and shape.stamped
 
 
 class Direction:
@@ -63,7 +57,7 @@ class Direction:
         self.codes = {b"%d" % (shape.code + WRAP): b"%d" % shape.code for shape in shapes if wrapped}
         self.forms: Dict[bool, Dict[bytes, Tuple[Any, ...]]] = {
             checked: {
-                b"%s@%d" % (lead, shape.code): tuple(_form(shape, checked, lead))
+                b"%s@%d" % (lead, shape.code): _form(shape, checked, lead)
                 for shape in shapes
                 for lead in (b"", b"\r\n", b"\n")
                 if checked or not shape.guarded

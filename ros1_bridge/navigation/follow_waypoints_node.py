@@ -23,9 +23,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.claims import LATE_S, Claim, ClaimMessage
-from mrl_driver.navigation.radio_claims import LATE_S as RADIO_LATE_S
-from mrl_driver.navigation.radio_claims import RadioTeam, read_radios
+from mrl_driver.navigation.claims import LATE_S, RADIO_LATE_S, Claim, ClaimMessage, RadioTeam, read_radios
 from mrl_driver.navigation.waypoint_tour import CLAIMING, PAUSED, Target, WaypointTour
 from mrl_driver.robot.radio import format_address, parse_address
 from mrl_driver.yaml_file import is_number

@@ -11,8 +11,7 @@ from functools import partial
 from typing import Dict, List, Mapping
 
 from mrl_driver.geometry import Pose
-from mrl_driver.navigation.claims import Claim
-from mrl_driver.navigation.radio_claims import LATE_S, RadioTeam
+from mrl_driver.navigation.claims import RADIO_LATE_S, Claim, RadioTeam
 from mrl_driver.navigation.waypoint_tour import CLAIMING, WaypointTour
 from mrl_driver.robot.radio import RadioText
 from sim_arduino.world.world import World
@@ -66,7 +65,7 @@ class RadioRobot:
 
     def __init__(self, name: str, robot: ExperimentRobot) -> None:
         self.robot = robot
-        self.claim = Claim(name, [each for each in RADIOS if each != name], -LATE_S, LATE_S)
+        self.claim = Claim(name, [each for each in RADIOS if each != name], -RADIO_LATE_S, RADIO_LATE_S)
         self._team, self._now_s = RadioTeam(name, RADIOS), 0.0
         robot.driver.radio.on_text(self._on_text)
 

@@ -11,8 +11,7 @@ from functools import partial
 from typing import Callable, Dict, List, NamedTuple, Optional, Sequence
 
 from mrl_driver.geometry import ORIGIN, Pose
-from mrl_driver.navigation.idleness import Idleness
-from mrl_driver.navigation.waypoint_tour import WaypointTour
+from mrl_driver.navigation.waypoint_tour import Idleness, WaypointTour
 
 from .experiment_report import Figure, Measure, Result, figures, over_seeds
 from .experiment_robot import TICK_S, Setting

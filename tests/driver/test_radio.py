@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, FrameError, MrlError
-from mrl_driver.navigation.claims import ClaimMessage
-from mrl_driver.navigation.radio_claims import MOST_ROBOTS, RadioTeam, read_radios
+from mrl_driver.navigation.claims import MOST_ROBOTS, ClaimMessage, RadioTeam, read_radios
 from mrl_driver.navigation.radio_holder import REPEAT_S, RadioHolder
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.hold_text import HoldText

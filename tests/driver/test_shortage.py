@@ -13,7 +13,7 @@ from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.transport.address import parse
 from mrl_driver.transport.listener import TcpListener, UdpListener
 from mrl_driver.transport.open_link import open_link
-from mrl_driver.transport.udp_sender import UdpSender
+from mrl_driver.transport.sockets import UdpSender
 from sim_arduino.serve.pty import PtyPort
 from tests.shortage import MOST, descriptors_left, errors_of_each_step, threads_left
 from tests.waiting import wait_until

@@ -8,9 +8,9 @@ from contextlib import closing
 import pytest
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.transport import udp_sender
+from mrl_driver.transport import sockets
 from mrl_driver.transport.listener import MOST_DATAGRAMS, listen, prompt
-from mrl_driver.transport.udp_sender import UdpSender
+from mrl_driver.transport.sockets import UdpSender
 from tests.waiting import PATIENCE_S
 
 
@@ -65,7 +65,7 @@ def test_a_name_with_several_addresses_means_the_ipv4_one(monkeypatch):
                 (socket.AF_INET, ("127.0.0.1", port)),
             )
         ]
-        monkeypatch.setattr(udp_sender, "resolve", lambda *_: found)
+        monkeypatch.setattr(sockets, "resolve", lambda *_: found)
         with sending(f"localhost:{port}") as sender:
             sender.send(b"{}")
             assert end.recv(10) == b"{}"

@@ -9,9 +9,17 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.navigation.claims import LATE_S, REPEAT_S, SILENT_S, Claim, ClaimMessage
-from mrl_driver.navigation.idleness import Idleness
 from mrl_driver.navigation.line_follower import Course
-from mrl_driver.navigation.waypoint_tour import CLAIMING, DONE, DRIVING, IDLE, PAUSED, WAITING, WaypointTour
+from mrl_driver.navigation.waypoint_tour import (
+    CLAIMING,
+    DONE,
+    DRIVING,
+    IDLE,
+    PAUSED,
+    WAITING,
+    Idleness,
+    WaypointTour,
+)
 
 
 def begun(count=3, **options):

@@ -15,7 +15,7 @@ from .shared import Run, run_options
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
-    from mrl_driver.transport.udp_sender import UdpSender
+    from mrl_driver.transport.sockets import UdpSender
 
 LINE_S = 1.0
 STALL_S = 0.5
@@ -81,7 +81,7 @@ def _sender(udp: Optional[str]) -> Iterator[Optional["UdpSender"]]:
     if udp is None:
         yield None
         return
-    from mrl_driver.transport.udp_sender import UdpSender
+    from mrl_driver.transport.sockets import UdpSender
 
     sender = UdpSender(udp)
     try:
