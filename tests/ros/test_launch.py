@@ -493,7 +493,8 @@ def test_arguments_reach_the_real_nodes(config_of, file, arguments, values):
 @pytest.mark.parametrize(
     "arguments, noise",
     [
-        ((), 0.001),
+        ((), 0.0015),
+        (("robot:=stingbot",), 0.001),
         (("gyro:=false",), 0.07),
         (("robot:=stingbot", "gyro:=false"), 0.002),
         (("yaw_noise:=0.5",), 0.5),

@@ -7,13 +7,10 @@ about an hour.  With KEEP=1 its figures go to docs/figures.
 """
 
 import itertools
-import json
 import math
 import random
 import statistics
-import subprocess
 import sys
-from concurrent.futures import ThreadPoolExecutor
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.errors import MrlError
@@ -21,14 +18,14 @@ from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.covariance import Spread, error_squared
 from mrl_driver.robot.odometry import Wheels
 from mrl_driver.robot.robot_state import Telemetry
-from ros1_bridge.node import packages
 from tests.driver.test_covariance import PERIOD_S, Drawn
 from tests.long.bench import report
 
+from .runs import Runs
 from .stack import ROOT, Master
 
-FOLDER = ROOT / "build" / "navigation" / "ekf"
 ROBOTS = report.either(20, 1)
+RUNS = Runs(ROOT / "build" / "navigation" / "ekf", "tests.long.navigation.ekf", ROBOTS)
 WORKERS = 4  # filters at a time; each waits for its clock most of the time
 SLIP = 0.1  # share of each turn that tracks lose, and their model does not know
 DRIVE_S = 98.0  # a way lasts this long; `Drawn` begins and ends it with a rest of 1 s [s]
@@ -113,32 +110,18 @@ def way_of(seed: int) -> List[Tuple[float, float, float]]:
     return moves
 
 
-def errors_of(key: str) -> List[Tuple[Error, Error]]:
-    """Errors of odometry and filter, of the robots that have been driven so far."""
-    path = FOLDER / f"{key}.json"
-    rows = json.loads(path.read_text()) if path.exists() else []
-    return [(Error(*odometry), Error(*filtered)) for odometry, filtered in rows]
-
-
 def drive(condition: Condition) -> None:
-    """Drive the robots that are missing; runs in a process of its own, because it is a ROS node."""
-    done = errors_of(condition.key)
-    with Master(FOLDER / condition.key) as master:
+    """Drive the robots that are missing."""
+    with Master(RUNS.folder / condition.key) as master:
         from .replay import Filter
 
         with Filter(master, condition.robot, condition.gyro) as node:
-            for seed in range(len(done), ROBOTS):
+            for seed in RUNS.missing(condition.key):
                 robot = Tracked(condition, seed)
                 robot.drive(way_of(seed))
                 last = robot.messages[-1]
-                done.append((robot.error(last.pose, last.spread), robot.error(*node.replay(robot.messages))))
-                (FOLDER / f"{condition.key}.json").write_text(json.dumps(done) + "\n")
-
-
-def in_own_process(key: str) -> None:
-    """`drive`, if robots are missing; the exit code does not matter, because the errors then are missing too."""
-    if len(errors_of(key)) < ROBOTS:
-        subprocess.run([sys.executable, "-m", "tests.long.navigation.ekf", key], cwd=str(ROOT), check=False)
+                ends = (last.pose, last.spread), node.replay(robot.messages)
+                RUNS.add(condition.key, [robot.error(*end) for end in ends])
 
 
 def figures_of(key: str, errors: Sequence[Tuple[Error, Error]]) -> Dict[str, float]:
@@ -165,22 +148,12 @@ def nees_bounds(robots: int, conditions: int) -> Tuple[float, float]:
 
 def main(keys: Sequence[str]) -> int:
     """Drive the robots of one condition, or of all and show the table; returns the exit code: 1 if a bar is missed."""
-    FOLDER.mkdir(parents=True, exist_ok=True)
     if keys:
         drive(CONDITIONS[keys[0]])
         return 0
-    lacking = packages.missing(["robot_localization"])
-    if lacking:
-        raise MrlError(f"{packages.advice(lacking)}, and give its setup.bash as NAVIGATION_SETUP")
-    with ThreadPoolExecutor(WORKERS) as pool:
-        list(pool.map(in_own_process, CONDITIONS))
-    found = {key: errors_of(key) for key in CONDITIONS}
-    lacking = [key for key, errors in found.items() if len(errors) < ROBOTS]
-    if lacking:
-        raise MrlError(f"{', '.join(lacking)}: robots are missing, see the logs in {FOLDER}; run it again")
-    figures = {
-        name: value for key, errors in found.items() for name, value in figures_of(key, errors).items()
-    }
+    figures: Dict[str, float] = {}
+    for key, results in RUNS.all(list(CONDITIONS), ["robot_localization"], WORKERS).items():
+        figures.update(figures_of(key, [(Error(*one), Error(*other)) for one, other in results]))
     report.conclude("ekf", figures)
     low, high = nees_bounds(ROBOTS, len(CONDITIONS))
     missed = [key for key in CONDITIONS if not low <= figures[f"{key}_ekf_nees"] <= high]
