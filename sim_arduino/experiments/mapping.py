@@ -144,12 +144,12 @@ def _drive(setting: Setting, world: World, presses: Sequence[KeyPress], poses: s
                 drive.scans.append((now_s, scanner.scan(robot.true_pose, "robot")))
 
         robot.driver.on_telemetry(keep)
-        _replay(robot, presses, tick)
+        replay(robot, presses, tick)
         _require_round(robot, world)
     return drive
 
 
-def _replay(robot: ExperimentRobot, presses: Sequence[KeyPress], each_tick: Callable[[], None]) -> None:
+def replay(robot: ExperimentRobot, presses: Sequence[KeyPress], each_tick: Callable[[], None]) -> None:
     """Drive as the keys say, until the last press has ended; calls `each_tick` at each tick.
 
     Raises:
