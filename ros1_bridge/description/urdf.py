@@ -6,7 +6,7 @@ the height of the axle, midway between the wheels.
 
 import math
 from pathlib import Path
-from typing import Dict, Iterator, List, NamedTuple, Sequence, Tuple
+from typing import Iterable, Iterator, List, NamedTuple, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
 
 from mrl_driver.errors import ConfigError
@@ -56,20 +56,25 @@ def render(model: RobotModel, prefix: str = "", laser: bool = False, imu: bool =
             f"robot {model.name} is a board without motors (drive: none), expected a robot with a body of its own: "
             "describe the robot that carries the board, and start this one with description:=false"
         )
+    wanted = {_base: True, _wheels: True, _sonars: True, _laser: laser, _imu: imu, _gazebo: True}
+    parts = (part(model, prefix) for part, is_wanted in wanted.items() if is_wanted)
     lines = [
         '<?xml version="1.0"?>',
         "<!-- Rendered by ros1_bridge/description/urdf.py out of the robot's model; do not edit. -->",
-        f"<robot name={quoteattr(model.name)}>",
-        *_base(model, prefix),
-        *_wheels(model, prefix),
-        *_sonars(model, prefix),
+        *_tag("robot", *parts, name=model.name),
     ]
-    if laser:
-        lines += _laser(model, prefix)
-    if imu:
-        lines += _imu(model, prefix)
-    lines += [*_gazebo(model, prefix), "</robot>"]
     return "\n".join(lines) + "\n"
+
+
+def _tag(tag: str, *content: Iterable[str], **attributes: str) -> Lines:
+    """The lines of an element, with its content indented."""
+    head = tag + "".join(f" {key}={quoteattr(value)}" for key, value in attributes.items())
+    if not content:
+        yield f"<{head}/>"
+        return
+    yield f"<{head}>"
+    yield from (f"  {line}" for part in content for line in part)
+    yield f"</{tag}>"
 
 
 def files() -> List[Tuple[Path, str]]:
@@ -98,11 +103,9 @@ def _base(model: RobotModel, prefix: str) -> Lines:
         tail = -body.length_m / 2 + 2 * CASTER_RADIUS_M
         parts.append(LinkShape((CASTER_RADIUS_M,), (tail, 0.0, CASTER_RADIUS_M - radius), colour="dark"))
     mass = body.mass_kg * (1 - len(_places(model)) * WHEEL_MASS_SHARE)
-    yield f"  <link name={quoteattr(prefix + 'base_link')}/>"  # KDL forbids a root link with inertia
+    yield from _tag("link", name=prefix + "base_link")  # KDL forbids a root link with inertia
     yield from _link(prefix + "chassis", parts, mass, chassis, collisions=parts)
-    yield from _joint(
-        "chassis_joint", "fixed", prefix + "base_link", prefix + "chassis", (0.0, 0.0, 0.0), 0.0
-    )
+    yield from _joint("chassis_joint", prefix + "base_link", prefix + "chassis", (0.0, 0.0, 0.0))
 
 
 def _places(model: RobotModel) -> List[Tuple[str, Point, float]]:
@@ -128,7 +131,7 @@ def _wheels(model: RobotModel, prefix: str) -> Lines:
         link = prefix + joint.replace("_joint", "")
         mass = model.body.mass_kg * WHEEL_MASS_SHARE
         yield from _link(link, [wheel, hub, spoke], mass, wheel, collisions=[wheel])
-        yield from _joint(joint, "continuous", prefix + "base_link", link, at, yaw_rad)
+        yield from _joint(joint, prefix + "base_link", link, at, yaw_rad, turns=True)
 
 
 def _sonars(model: RobotModel, prefix: str) -> Lines:
@@ -137,9 +140,8 @@ def _sonars(model: RobotModel, prefix: str) -> Lines:
     for name, mount in model.sonars.items():
         link = f"{prefix}sonar_{name}"
         yield from _link(link, [box], 0.005, box, collisions=[])
-        at = (mount.x_m, mount.y_m, SONAR_HEIGHT_M)
-        yaw = math.radians(mount.yaw_deg)
-        yield from _joint(f"sonar_{name}_joint", "fixed", prefix + "base_link", link, at, yaw)
+        at, yaw_rad = (mount.x_m, mount.y_m, SONAR_HEIGHT_M), math.radians(mount.yaw_deg)
+        yield from _joint(f"sonar_{name}_joint", prefix + "base_link", link, at, yaw_rad)
 
 
 def _laser(model: RobotModel, prefix: str) -> Lines:
@@ -147,70 +149,54 @@ def _laser(model: RobotModel, prefix: str) -> Lines:
     yield from _link(prefix + "laser", [box], LASER_MASS_KG, box, collisions=[box])
     mount, base = model.laser, prefix + "base_link"
     at, yaw_rad = (mount.x_m, mount.y_m, mount.z_m), math.radians(mount.yaw_deg)
-    yield from _joint("laser_joint", "fixed", base, prefix + "laser", at, yaw_rad)
+    yield from _joint("laser_joint", base, prefix + "laser", at, yaw_rad)
 
 
 def _imu(model: RobotModel, prefix: str) -> Lines:
     """A frame at the IMU's place, with the axes of base_link: the driver has already rotated what the chip measured."""
     base, mount = prefix + "base_link", model.imu
-    yield f"  <link name={quoteattr(imu_frame(base))}/>"
-    yield from _joint("imu_joint", "fixed", base, imu_frame(base), (mount.x_m, mount.y_m, mount.z_m), 0.0)
+    yield from _tag("link", name=imu_frame(base))
+    yield from _joint("imu_joint", base, imu_frame(base), (mount.x_m, mount.y_m, mount.z_m))
 
 
 def _gazebo(model: RobotModel, prefix: str) -> Lines:
     """Gazebo's own drive plugin, which replaces board and driver."""
-    if isinstance(model.base, OmniDrive):
-        yield from _plugin("planar_move", {"odometryRate": "50"}, prefix)
-        return
-    values = {
-        "leftJoint": JOINTS[1],
-        "rightJoint": JOINTS[0],
-        "wheelSeparation": f"{model.base.wheel_separation_m:g}",
-        "wheelDiameter": f"{2 * wheel_radius_m(model):.5g}",
-        "wheelAcceleration": f"{model.limits.linear_acceleration_m_s2:g}",
-        "updateRate": "50",
-    }
-    yield from _plugin("diff_drive", values, prefix)
-
-
-def _plugin(name: str, values: Dict[str, str], prefix: str) -> Lines:
     values = {
         "commandTopic": "cmd_vel",
         "odometryTopic": "odom",
         "odometryFrame": prefix + "odom",
         "robotBaseFrame": prefix + "base_link",
-        **values,
     }
-    yield "  <gazebo>"
-    yield f'    <plugin name="drive" filename="libgazebo_ros_{name}.so">'
-    yield from (f"      <{key}>{value}</{key}>" for key, value in values.items())
-    yield "    </plugin>"
-    yield "  </gazebo>"
+    if isinstance(model.base, OmniDrive):
+        plugin = "planar_move"
+        values["odometryRate"] = "50"
+    else:
+        plugin = "diff_drive"
+        values["leftJoint"], values["rightJoint"] = reversed(JOINTS)
+        values["wheelSeparation"] = f"{model.base.wheel_separation_m:g}"
+        values["wheelDiameter"] = f"{2 * wheel_radius_m(model):.5g}"
+        values["wheelAcceleration"] = f"{model.limits.linear_acceleration_m_s2:g}"
+        values["updateRate"] = "50"
+    settings = (f"<{key}>{value}</{key}>" for key, value in values.items())
+    yield from _tag("gazebo", _tag("plugin", settings, name="drive", filename=f"libgazebo_ros_{plugin}.so"))
 
 
 def _link(
     name: str, visuals: Sequence[LinkShape], mass_kg: float, solid: LinkShape, collisions: Sequence[LinkShape]
 ) -> Lines:
     """A link with the inertia of `solid` alone."""
-    yield f"  <link name={quoteattr(name)}>"
-    for part in visuals:
-        yield "    <visual>"
-        yield from _shape(part)
-        yield f"      <material name={quoteattr(part.colour)}>"
-        yield f"        <color rgba={quoteattr(COLOURS.get(part.colour, COLOURS['grey']))}/>"
-        yield "      </material>"
-        yield "    </visual>"
-    for part in collisions:
-        yield "    <collision>"
-        yield from _shape(part)
-        yield "    </collision>"
-    yield "    <inertial>"
-    yield f"      {_origin(solid.at, solid.roll_rad, 0.0)}"
-    yield f'      <mass value="{mass_kg:.4g}"/>'
-    ixx, iyy, izz = inertia(solid, mass_kg)
-    yield f'      <inertia ixx="{ixx:.4g}" ixy="0" ixz="0" iyy="{iyy:.4g}" iyz="0" izz="{izz:.4g}"/>'
-    yield "    </inertial>"
-    yield "  </link>"
+    seen = (_tag("visual", *_shape(part), _material(part.colour)) for part in visuals)
+    hit = (_tag("collision", *_shape(part)) for part in collisions)
+    ixx, iyy, izz = (f"{moment:.4g}" for moment in inertia(solid, mass_kg))
+    moments = _tag("inertia", ixx=ixx, ixy="0", ixz="0", iyy=iyy, iyz="0", izz=izz)
+    mass = _tag("mass", value=f"{mass_kg:.4g}")
+    return _tag(
+        "link", *seen, *hit, _tag("inertial", _origin(solid.at, solid.roll_rad), mass, moments), name=name
+    )
+
+
+def _material(colour: str) -> Lines:
+    return _tag("material", _tag("color", rgba=COLOURS.get(colour, COLOURS["grey"])), name=colour)
 
 
 def inertia(part: LinkShape, mass_kg: float) -> Point:
@@ -223,28 +209,25 @@ def inertia(part: LinkShape, mass_kg: float) -> Point:
     return across, across, mass_kg * radius2 / 2
 
 
-def _shape(part: LinkShape) -> Lines:
-    yield f"      {_origin(part.at, part.roll_rad, 0.0)}"
+def _shape(part: LinkShape) -> Tuple[Iterable[str], Iterable[str]]:
+    """Place and geometry of a shape."""
     size = " ".join(f"{value:.5g}" for value in part.size)
     if len(part.size) == 3:
-        yield f'      <geometry><box size="{size}"/></geometry>'
+        form = _tag("box", size=size)
     elif len(part.size) == 2:
         radius, length = size.split()
-        yield f'      <geometry><cylinder radius="{radius}" length="{length}"/></geometry>'
+        form = _tag("cylinder", radius=radius, length=length)
     else:
-        yield f'      <geometry><sphere radius="{size}"/></geometry>'
+        form = _tag("sphere", radius=size)
+    return _origin(part.at, part.roll_rad), [f"<geometry>{next(form)}</geometry>"]
 
 
-def _joint(name: str, kind: str, parent: str, child: str, at: Point, yaw_rad: float) -> Lines:
-    yield f'  <joint name={quoteattr(name)} type="{kind}">'
-    yield f"    <parent link={quoteattr(parent)}/>"
-    yield f"    <child link={quoteattr(child)}/>"
-    yield f"    {_origin(at, 0.0, yaw_rad)}"
-    if kind == "continuous":
-        yield '    <axis xyz="0 1 0"/>'
-    yield "  </joint>"
+def _joint(name: str, parent: str, child: str, at: Point, yaw_rad: float = 0.0, turns: bool = False) -> Lines:
+    ends = _tag("parent", link=parent), _tag("child", link=child)
+    axis = [_tag("axis", xyz="0 1 0")] if turns else []
+    kind = "continuous" if turns else "fixed"
+    return _tag("joint", *ends, _origin(at, yaw_rad=yaw_rad), *axis, name=name, type=kind)
 
 
-def _origin(at: Point, roll_rad: float, yaw_rad: float) -> str:
-    xyz = " ".join(f"{value:.5g}" for value in at)
-    return f'<origin xyz="{xyz}" rpy="{roll_rad:.6g} 0 {yaw_rad:.6g}"/>'
+def _origin(at: Point, roll_rad: float = 0.0, yaw_rad: float = 0.0) -> Lines:
+    return _tag("origin", xyz=" ".join(f"{value:.5g}" for value in at), rpy=f"{roll_rad:.6g} 0 {yaw_rad:.6g}")
