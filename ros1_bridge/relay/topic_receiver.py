@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 from dataclasses import dataclass
-from typing import Callable, Dict, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Optional, Tuple
 
 from mrl_driver.safety.message_age import MessageAge, clock_s
 
@@ -23,7 +23,7 @@ from .relay_frames import (
     encode,
     is_command,
 )
-from .relay_settings import Address
+from .relay_settings import Settings
 
 PING_S = 0.1  # time between heartbeats; less than the shortest time after which either end counts as silent
 RETRY_S = 0.25
@@ -48,33 +48,24 @@ class TopicReceiver:
     """Connects to a relay, again and again, and takes its topics.
 
     Args:
-        name: Name of this relay.
+        settings: Of this relay; messages older than its limit are dropped, unless their publisher is latched.
         peer: Name of the other relay; one with another name is refused.
-        address: Where it listens.
-        topics: Topics to ask for.
-        max_age_s: Older messages are dropped, unless their publisher is latched.
-        timeout_s: The link counts as cut if it is silent for this time.
         take: Gets each message, with its source.
         tell: Called with True after a connection and False after its end, and a line that says why.
     """
 
     def __init__(
         self,
-        name: str,
+        settings: Settings,
         peer: str,
-        address: Address,
-        topics: Sequence[str],
-        max_age_s: float,
-        timeout_s: float,
         take: Callable[[Source, bytes], None],
         tell: Callable[[bool, str], None],
     ) -> None:
-        self.peer, self.address = peer, address
-        self.counts = {topic: TopicCounts() for topic in topics}
+        self.peer, self.address = peer, settings.peers[peer]
+        self.counts = {topic: TopicCounts() for topic in settings.receive[peer]}
         self.is_connected, self.reason = False, "not tried yet"
         self.missing: List[str] = []  # topics that the other relay does not send
-        self._name, self._max_age_s, self._timeout_s = name, max_age_s, timeout_s
-        self._take, self._tell = take, tell
+        self._settings, self._take, self._tell = settings, take, tell
         self._known: Dict[Tuple[str, int], int] = {}
         self._ends = threading.Event()
         self._connection: Optional[socket.socket] = None
@@ -116,7 +107,7 @@ class TopicReceiver:
     def _run(self) -> None:
         while not self._ends.is_set():
             try:
-                with socket.create_connection(self.address, timeout=self._timeout_s) as connection:
+                with socket.create_connection(self.address, timeout=self._settings.timeout_s) as connection:
                     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     self._connection = connection
                     self._exchange(connection)
@@ -136,7 +127,7 @@ class TopicReceiver:
         self._peer_run, self._count = "", 0
         self._sources: Dict[int, Source] = {}
         self._last: Dict[int, int] = {}
-        connection.sendall(encode(Hello(PROTOCOL, self._name, "", list(self.counts))))
+        connection.sendall(encode(Hello(PROTOCOL, self._settings.name, "", list(self.counts))))
         heard_s, ping_s = time.monotonic(), 0.0
         while not self._ends.is_set():
             now_s = time.monotonic()
@@ -146,8 +137,8 @@ class TopicReceiver:
             if select.select([connection], [], [], max(0.0, ping_s - now_s))[0]:
                 heard_s = time.monotonic()
                 self._read(connection)
-            elif time.monotonic() - heard_s > self._timeout_s:
-                raise RelayError(f"silent for {self._timeout_s:g} s")
+            elif time.monotonic() - heard_s > self._settings.timeout_s:
+                raise RelayError(f"silent for {self._settings.timeout_s:g} s")
 
     def _read(self, connection: socket.socket) -> None:
         data = connection.recv(_READ_BYTES)
@@ -208,7 +199,7 @@ class TopicReceiver:
         counts.lost += max(0, message.sequence - before - 1)
         self._known[self._peer_run, message.number] = max(before, message.sequence)
         age_s = self._age.age_s(message.stamp_s, clock_s())
-        if not source.latched and not age_s <= self._max_age_s:
+        if not source.latched and not age_s <= self._settings.max_age_s:
             counts.late += 1
             return
         counts.taken += 1

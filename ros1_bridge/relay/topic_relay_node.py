@@ -134,9 +134,8 @@ class TopicRelay:
 
     def _listen(self) -> TopicSender:
         settings = self._settings
-        own = settings.name, settings.listen, set(settings.send), settings.timeout_s
         try:
-            return TopicSender(*own, rospy.loginfo, self._publishes)
+            return TopicSender(settings, rospy.loginfo, self._publishes)
         except OSError as error:
             raise ConfigError(
                 f"parameter {rospy.get_name()}/listen is {settings.listen}, which cannot be used ({error}), expected "
@@ -144,8 +143,7 @@ class TopicRelay:
             ) from None
 
     def _receiver(self, peer: str) -> TopicReceiver:
-        settings = self._settings
-        here = settings.receive[peer]
+        here = self._settings.receive[peer]
         for name in here.values():
             self._topics.setdefault(rospy.resolve_name(name), ReceivedTopic(name))
         shown = rospy.Publisher(f"~{peer}/connected", Bool, queue_size=1, latch=True)
@@ -162,8 +160,7 @@ class TopicRelay:
             with contextlib.suppress(rospy.ROSException):  # the node ends meanwhile
                 shown.publish(yes)
 
-        there, times = (peer, settings.peers[peer], list(here)), (settings.max_age_s, settings.timeout_s)
-        return TopicReceiver(settings.name, *there, *times, take, connected)
+        return TopicReceiver(self._settings, peer, take, connected)
 
     def _on_message(self, message: rospy.AnyMsg, topic: str) -> None:
         header = message._connection_header

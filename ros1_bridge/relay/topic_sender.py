@@ -31,7 +31,7 @@ from .relay_frames import (
     encode,
     is_command,
 )
-from .relay_settings import Address
+from .relay_settings import Address, Settings
 
 MOST_RECEIVERS = 32  # more relays than these are refused
 SETTLE_S = 2.0
@@ -114,10 +114,7 @@ class TopicSender:
     """Listens for other relays, and sends them the topics that they ask for, if they are among its own.
 
     Args:
-        name: Name of this relay.
-        address: Where to listen; port 0 takes a free one.
-        topics: Names of the topics that may be sent.
-        timeout_s: A receiver that is silent for this time is cut off.
+        settings: Of this relay; port 0 takes a free one.
         tell: Gets a line about each receiver that comes or goes.
         publishes: Whether a publisher of a topic still exists; its latched message is not repeated if it does not.
 
@@ -127,14 +124,11 @@ class TopicSender:
 
     def __init__(
         self,
-        name: str,
-        address: Address,
-        topics: Set[str],
-        timeout_s: float,
+        settings: Settings,
         tell: Callable[[str], None],
         publishes: Callable[[str, str], bool] = lambda topic, publisher: True,
     ) -> None:
-        self.name, self.topics, self.timeout_s, self.tell = name, topics, timeout_s, tell
+        self.settings, self.tell = settings, tell
         self.run = os.urandom(8).hex()
         self.too_long = 0  # messages that were longer than `LONGEST_BYTES`, and not sent
         self.began_s = clock_s()
@@ -144,7 +138,7 @@ class TopicSender:
         self._latched: Dict[int, Tuple[Source, Message]] = {}
         self._receivers: List[_Receiver] = []
         self._lock = threading.Lock()
-        self._listener = socket.create_server(tuple(address))
+        self._listener = socket.create_server(tuple(settings.listen))
         self.address = Address(*self._listener.getsockname()[:2])
         self._closed = False
         self._thread = threading.Thread(target=self._accept, daemon=True)
@@ -183,7 +177,7 @@ class TopicSender:
             receivers = [each.words for each in self._receivers if each.words]
         return {
             "Address": str(self.address),
-            "Topics": ", ".join(sorted(self.topics)),
+            "Topics": ", ".join(sorted(self.settings.send)),
             "Receivers": ", ".join(receivers),
             "Too Long": str(self.too_long),
         }
@@ -310,12 +304,12 @@ class _Receiver:
             selector.register(self._socket, selectors.EVENT_READ)
             while not self._ended:
                 silent_s = time.monotonic() - heard_s
-                if silent_s > self._sender.timeout_s:
+                if silent_s > self._sender.settings.timeout_s:
                     raise RelayError(f"silent for {silent_s:.1f} s, expected a heartbeat")
                 with self._lock:
                     wanted = selectors.EVENT_READ | (selectors.EVENT_WRITE if self._unsent else 0)
                 selector.modify(self._socket, wanted)
-                for key, ready in selector.select(self._sender.timeout_s - silent_s + 0.001):
+                for key, ready in selector.select(self._sender.settings.timeout_s - silent_s + 0.001):
                     if key.fd == self._end:
                         os.read(self._end, 100)
                     elif ready & selectors.EVENT_READ:
@@ -350,9 +344,9 @@ class _Receiver:
     def _greet(self, hello: Hello) -> None:
         if hello.protocol != PROTOCOL:
             raise RelayError(f"got protocol {hello.protocol}, expected {PROTOCOL}: install the same version")
-        topics = self._sender.topics & set(hello.topics)
+        topics = set(hello.topics).intersection(self._sender.settings.send)
         self._topics, self.words = topics, f"{hello.name} at {self._address}"
-        self._unsent += encode(Hello(PROTOCOL, self._sender.name, self._sender.run, sorted(topics)))
+        self._unsent += encode(Hello(PROTOCOL, self._sender.settings.name, self._sender.run, sorted(topics)))
         self._sender.tell(f"{self.words}: connected, gets {', '.join(sorted(topics)) or 'no topic'}")
 
     def _begin(self) -> None:

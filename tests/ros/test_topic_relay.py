@@ -23,7 +23,7 @@ from ros1_bridge.relay.relay_frames import (
     Taken,
     encode,
 )
-from ros1_bridge.relay.relay_settings import Address, read_settings
+from ros1_bridge.relay.relay_settings import Address, Settings, read_settings
 from ros1_bridge.relay.topic_receiver import AHEAD_S, ERROR, OK, WARN, WINDOW_S, TopicReceiver
 from ros1_bridge.relay.topic_sender import (
     MOST_BYTES,
@@ -208,12 +208,26 @@ def test_wrong_settings_are_refused_in_one_line(given_values, words):
     assert words in str(caught.value) and "\n" not in str(caught.value)
 
 
+FREE = Address("127.0.0.1", 0)
+
+
+def sends(topics, listen=FREE, timeout_s=TIMEOUT_S):
+    """Settings of robot1, which sends topics."""
+    return Settings("robot1", listen, {topic: topic for topic in topics}, {}, {}, TIMEOUT_S, timeout_s)
+
+
+def fetches(address, topics=(), peer="robot1", max_age_s=TIMEOUT_S, timeout_s=TIMEOUT_S):
+    """Settings of desk, which fetches topics."""
+    received = {peer: {topic: topic for topic in topics}}
+    return Settings("desk", FREE, {}, {peer: address}, received, max_age_s, timeout_s)
+
+
 class Ends:
     """A sender and what receivers have got of it."""
 
     def __init__(self, topics=("state", "event", "cmd_vel")):
         self.told, self.got, self.links, self._all = [], [], [], []
-        self.sender = TopicSender("robot1", Address("127.0.0.1", 0), set(topics), TIMEOUT_S, self.told.append)
+        self.sender = TopicSender(sends(topics), self.told.append)
 
     def receiver(
         self, topics=("state", "event", "cmd_vel"), peer="robot1", max_age_s=TIMEOUT_S, address=None
@@ -222,8 +236,8 @@ class Ends:
             lambda source, body: self.got.append((source.topic, body)),
             lambda *link: self.links.append(link),
         )
-        address = address or self.sender.address
-        made = TopicReceiver("desk", peer, address, topics, max_age_s, TIMEOUT_S, take, tell)
+        settings = fetches(address or self.sender.address, topics, peer, max_age_s)
+        made = TopicReceiver(settings, peer, take, tell)
         self._all.append(made)
         made.start()
         return made
@@ -311,14 +325,7 @@ def test_latched_command_of_before_a_start_is_not_sent(ends, kind):
 
 def test_latched_message_of_a_publisher_that_has_gone_is_not_repeated(ends):
     ends.sender.close()
-    ends.sender = TopicSender(
-        "robot1",
-        Address("127.0.0.1", 0),
-        {"state"},
-        TIMEOUT_S,
-        ends.told.append,
-        lambda _, node: node != "/gone",
-    )
+    ends.sender = TopicSender(sends(["state"]), ends.told.append, lambda _, node: node != "/gone")
     for node in ("/gone", "/there"):
         ends.sender.publish("state", node, LATCHED, True, node.encode())
     ends.connected(topics=("state",))
@@ -338,7 +345,7 @@ def test_receiver_connects_when_the_other_relay_starts_and_says_each_reason_once
     receiver = ends.receiver(address=address)
     wait_until(lambda: "refused" in receiver.reason)
     ends.sender.close()
-    ends.sender = TopicSender("robot1", address, {"event"}, TIMEOUT_S, ends.told.append)
+    ends.sender = TopicSender(sends(["event"], address), ends.told.append)
     wait_until(lambda: receiver.is_connected)
     assert [yes for yes, _ in ends.links] == [False, True]
 
@@ -413,9 +420,8 @@ def test_what_was_lost_is_counted_over_reconnects_but_not_over_a_restart_of_the_
 
 def test_silent_relay_is_given_up(peer):
     told = []
-    receiver = TopicReceiver(
-        "desk", "robot1", peer.address, [], 1.0, 0.2, print, lambda *words: told.append(words)
-    )
+    settings = fetches(peer.address, timeout_s=0.2)
+    receiver = TopicReceiver(settings, "robot1", print, lambda *words: told.append(words))
     receiver.start()
     wait_until(lambda: told)
     receiver.close()
@@ -424,7 +430,7 @@ def test_silent_relay_is_given_up(peer):
 
 def test_heartbeats_come_whatever_the_receivers_own_timeout_is(peer):
     """The sender may have a shorter one."""
-    receiver = TopicReceiver("desk", "robot1", peer.address, [], 1.0, 1000.0, print, lambda *_: None)
+    receiver = TopicReceiver(fetches(peer.address, timeout_s=1000.0), "robot1", print, lambda *_: None)
     receiver.start()
     peer.accept()
     peer.link.settimeout(TIMEOUT_S)
@@ -434,7 +440,7 @@ def test_heartbeats_come_whatever_the_receivers_own_timeout_is(peer):
 
 def test_silent_receiver_is_given_up():
     told = []
-    sender = TopicSender("robot1", Address("127.0.0.1", 0), {"event"}, 0.2, told.append)
+    sender = TopicSender(sends(["event"], timeout_s=0.2), told.append)
     try:
         with socket.create_connection(sender.address):
             wait_until(lambda: told)
@@ -445,7 +451,7 @@ def test_silent_receiver_is_given_up():
 
 def test_a_relay_for_which_there_is_no_thread_is_refused_and_the_next_one_served():
     told = []
-    sender = TopicSender("robot1", Address("127.0.0.1", 0), set(), TIMEOUT_S, told.append)
+    sender = TopicSender(sends([]), told.append)
     with threads_left(0), socket.create_connection(sender.address) as refused:
         assert refused.recv(1) == b""
     with socket.create_connection(sender.address) as served:
