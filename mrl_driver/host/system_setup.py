@@ -13,7 +13,7 @@ import sys
 from typing import Dict, Iterator, List
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.transport.usb_ids import KINDS
+from mrl_driver.transport.port_info import KINDS
 
 MARK = "# Written by `mrl system install`; `mrl system remove` deletes it."
 RULES = "etc/udev/rules.d/70-mrl.rules"

@@ -7,8 +7,6 @@ never waits longer than requested.
 import contextlib
 import errno
 import fcntl
-import glob
-import grp
 import os
 import select
 import stat
@@ -16,141 +14,27 @@ import sys
 import termios
 import threading
 import time
-from typing import Dict, List, Optional, Protocol, Type, runtime_checkable
+from typing import Dict, Optional, Protocol, Type, runtime_checkable
 
 import serial
-from serial.tools import list_ports
 
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, PortBusy, PortDenied, PortMissing, shortage
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.table import BAUD
 
 from . import fork_guard
-from .port_search import Port, described_as
+from .port_info import PTY_MAJORS, is_terminal, locked_by, opened_by, opening_group, ports
 
 # If a port accepts no bytes for this time, that is an error [s].  Frames are short, and the system buffers thousands of
 # bytes.
 WRITE_TIMEOUT_S = 0.1
 READ_SIZE = 4096  # largest number of bytes that a terminal returns at once
-PTY_MAJORS = range(136, 144)
 LOCKS = ("link read", "link write", "link wake")
 _ERRORS: Dict[int, Type[LinkError]] = {
     **dict.fromkeys((errno.ENOENT, errno.ENOTTY, errno.EINVAL, errno.EISDIR), PortMissing),
     **dict.fromkeys((errno.EACCES, errno.EPERM), PortDenied),
     **dict.fromkeys((errno.EBUSY, errno.EAGAIN), PortBusy),
 }
-
-
-def ports() -> List[str]:
-    """Return the device names of all serial ports."""
-    return sorted(port.device for port in list_ports.comports())
-
-
-def described() -> List[Port]:
-    """Return all serial ports with their USB ids, their names under /dev/serial/by-id, and their USB sockets."""
-    links: Dict[str, List[str]] = {}
-    for link in sorted(glob.glob("/dev/serial/by-id/*")):
-        links.setdefault(os.path.realpath(link), []).append(link)
-    found = ((port, tuple(links.get(os.path.realpath(port.device), ()))) for port in list_ports.comports())
-    return [
-        Port(port.device, names, port.vid, port.pid, port.serial_number, port.location)
-        for port, names in found
-    ]
-
-
-def describe(name: str) -> Port:
-    """Return the port that `name` leads to."""
-    return described_as(os.path.realpath(name), described())
-
-
-def is_terminal(name: str) -> bool:
-    """Return whether `name` is a serial port or a pseudo terminal (and not /dev/null, which many programs open)."""
-    try:
-        number = os.stat(name).st_rdev
-    except (OSError, ValueError):
-        return False
-    kind = f"/sys/dev/char/{os.major(number)}:{os.minor(number)}/subsystem"
-    return os.major(number) in PTY_MAJORS or os.path.basename(os.path.realpath(kind)) == "tty"
-
-
-def opened_by(name: str) -> str:
-    """Return name and process id of another program that has the port open; empty if this user can see none.
-
-    A program whose terminal it is, such as a login prompt, is visible to all users; one that has merely opened it, to
-    its own user and root.  The server of a pseudo terminal does not count.
-    """
-    try:
-        device, there = os.path.realpath(name), os.stat(name)
-        numbers = filter(str.isdigit, os.listdir("/proc"))
-    except OSError:
-        return ""
-    if not stat.S_ISCHR(there.st_mode):
-        return ""
-    for number in numbers:
-        process = f"/proc/{number}"
-        if number != str(os.getpid()) and (_works_in(process, device, there) or _has_opened(process, there)):
-            return _program(number)
-    return ""
-
-
-def _has_opened(process: str, there: os.stat_result) -> bool:
-    """Return whether a process has opened the device, and does not serve it as a pseudo terminal."""
-    devices = [fd for fd in glob.glob(f"{process}/fd/*") if _target(fd).startswith("/dev/")]
-    if os.major(there.st_rdev) not in PTY_MAJORS:
-        return any(_stat(fd).st_rdev == there.st_rdev for fd in devices)
-    if not any(os.path.samestat(_stat(fd), there) for fd in devices):
-        return False
-    index = f"tty-index:\t{os.minor(there.st_rdev)}\n"
-    return not any(index in read_text(fd.replace("/fd/", "/fdinfo/")) for fd in devices)
-
-
-def _stat(path: str) -> os.stat_result:
-    try:
-        return os.stat(path)
-    except OSError:
-        return os.stat_result([0] * 10)
-
-
-def read_text(path: str) -> str:
-    """Return the text of a file of the system; empty if it cannot be read."""
-    try:
-        with open(path, encoding="utf-8", errors="replace") as file:
-            return file.read()
-    except OSError:
-        return ""
-
-
-def _program(number: str) -> str:
-    """Return name and id of a process."""
-    name = read_text(f"/proc/{int(number)}/comm").strip()
-    return f"{name} (process {number})" if name else f"process {number}"
-
-
-def _works_in(process: str, device: str, there: os.stat_result) -> bool:
-    """Return whether this is the process's controlling terminal, not one of the same number in a container."""
-    if _terminal(f"{process}/stat") != there.st_rdev:
-        return False
-    try:
-        return os.path.samestat(os.stat(f"{process}/root{device}"), there)
-    except PermissionError:  # another user's process: unknown
-        return True
-    except OSError:
-        return False
-
-
-def _terminal(stat_path: str) -> int:
-    """Return the device number of a process's controlling terminal; 0 if it has none."""
-    try:
-        return int(read_text(stat_path).rpartition(")")[2].split()[4])
-    except (IndexError, ValueError):
-        return 0
-
-
-def _target(path: str) -> str:
-    try:
-        return os.readlink(path)
-    except OSError:
-        return ""
 
 
 @runtime_checkable
@@ -439,24 +323,6 @@ def _explain(port: str, error: Exception) -> LinkError:
     )
 
 
-def group_of(device: str) -> str:
-    """Return the name of the group that owns the device; empty if it is unknown."""
-    try:
-        return grp.getgrgid(os.stat(device).st_gid).gr_name
-    except (OSError, KeyError):
-        return ""
-
-
-def opening_group(device: str) -> str:
-    """Return the name of the group whose members may open the device; empty if only root may."""
-    group, both = group_of(device), stat.S_IRGRP | stat.S_IWGRP
-    try:
-        opens = os.stat(device).st_mode & both == both
-    except OSError:
-        opens = False
-    return group if opens and group != "root" else ""
-
-
 def denied(port: str) -> str:
     """Return why this user may not open a port, and what to do."""
     group = opening_group(port)
@@ -488,18 +354,6 @@ def _errno(error: BaseException) -> int:
 def _words(error: BaseException) -> str:
     number = _errno(error)
     return os.strerror(number) if number else " ".join(str(error).split())
-
-
-def locked_by(port: str) -> str:
-    """Return name and process id of the program that has locked the port; empty if the system shows none."""
-    try:
-        there = os.stat(port)
-        file = f"{os.major(there.st_dev):02x}:{os.minor(there.st_dev):02x}:{there.st_ino}"
-        with open("/proc/locks", encoding="ascii") as locks:
-            owners = [line.split()[4] for line in locks if line.split()[5] == file]
-        return _program(owners[0])
-    except (OSError, IndexError, ValueError):
-        return ""
 
 
 def _drop_unsent(fd: int) -> None:

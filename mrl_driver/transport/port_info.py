@@ -1,13 +1,239 @@
 """Information about serial ports without opening them, because opening one resets an Arduino Uno."""
 
+import glob
+import grp
 import os
-from typing import Dict, List, NamedTuple
+import stat
+from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
 
-from .link import described, group_of, locked_by, opened_by, read_text
-from .port_search import Port
-from .usb_ids import ARDUINO_VENDORS, text_of
+from serial.tools import list_ports
 
+PTY_MAJORS = range(136, 144)
+ARDUINO_VENDORS = (0x2341, 0x2A03)
 _LOCK_FOLDERS = ("/run/lock", "/var/lock")
+
+
+class UsbKind(NamedTuple):
+    """A kind of USB device, by its vendor and product id; `mrl system install` writes udev rules for all kinds."""
+
+    vendor: int
+    product: int
+    text: str
+
+
+# Sources: the makers' drivers, and those of Linux.
+KINDS: Tuple[UsbKind, ...] = (
+    UsbKind(0x2341, 0x0001, "Arduino Uno"),
+    UsbKind(0x2341, 0x0043, "Arduino Uno R3"),
+    UsbKind(0x2341, 0x0243, "Arduino Uno R3"),
+    UsbKind(0x2A03, 0x0043, "Arduino Uno R3"),
+    UsbKind(0x2341, 0x0010, "Arduino Mega 2560"),
+    UsbKind(0x2341, 0x0042, "Arduino Mega 2560 R3"),
+    UsbKind(0x0403, 0x6001, "FTDI adapter"),
+    UsbKind(0x0403, 0x6015, "FTDI adapter"),
+    UsbKind(0x067B, 0x2303, "PL2303 adapter"),
+    UsbKind(0x10C4, 0xEA60, "CP210x adapter"),
+    UsbKind(0x1A86, 0x7523, "CH340 adapter, as on copies of the Uno"),
+    UsbKind(0x1A86, 0x7522, "CH340K adapter"),
+    UsbKind(0x1A86, 0x5523, "CH341 adapter"),
+    UsbKind(0x1A86, 0x55D3, "CH343 adapter"),
+    UsbKind(0x1A86, 0x55D4, "CH9102 adapter"),
+)
+
+
+def text_of(vendor: Optional[int], product: Optional[int]) -> str:
+    """Return the kind of a USB device in words."""
+    if vendor is None:
+        return "serial port"
+    for kind in KINDS:
+        if (kind.vendor, kind.product) == (vendor, product):
+            return kind.text
+    return "Arduino board" if vendor in ARDUINO_VENDORS else "unknown USB device"
+
+
+def tells_apart(serial: Optional[str]) -> bool:
+    """Return whether a USB serial number can be that of one device alone.
+
+    Cheap adapters have none, or all the same: zeros and ones, such as 0001 of the CP2102.
+    """
+    return serial is not None and not set(serial) <= set("01")
+
+
+class Port(NamedTuple):
+    """A serial port as the system describes it."""
+
+    device: str  # name under /dev, with symbolic links resolved
+    links: Tuple[str, ...] = ()  # names under /dev/serial/by-id that lead to it
+    vendor: Optional[int] = None  # USB vendor id; None if the port is not a USB device
+    product: Optional[int] = None
+    serial: Optional[str] = None  # USB serial number; None if the device has none
+    location: Optional[str] = None  # USB socket that it is plugged into; None if unknown
+
+    @property
+    def identity(self) -> Tuple[str, Optional[str], Optional[str]]:
+        """Properties that do not change while the device stays plugged in."""
+        return self.device, self.serial, self.location
+
+    def is_like(self, other: "Port") -> bool:
+        """Return whether both have the same USB vendor and product."""
+        return self.vendor is not None and (self.vendor, self.product) == (other.vendor, other.product)
+
+    def is_same(self, other: "Port") -> bool:
+        """Return whether both appear to be the same device: by serial number, or without one by USB socket or link."""
+        if not self.is_like(other) or self.serial != other.serial:
+            return False
+        if tells_apart(self.serial):
+            return True
+        if self.location is not None and other.location is not None:
+            return self.location == other.location
+        return bool(set(self.links) & set(other.links))
+
+
+def described_as(device: str, there: Sequence[Port]) -> Port:
+    """Return the port in `there` whose name is `device`; if there is none, a port with only that name."""
+    return next((port for port in there if port.device == device), Port(device))
+
+
+def ports() -> List[str]:
+    """Return the device names of all serial ports."""
+    return sorted(port.device for port in list_ports.comports())
+
+
+def described() -> List[Port]:
+    """Return all serial ports with their USB ids, their names under /dev/serial/by-id, and their USB sockets."""
+    links: Dict[str, List[str]] = {}
+    for link in sorted(glob.glob("/dev/serial/by-id/*")):
+        links.setdefault(os.path.realpath(link), []).append(link)
+    found = ((port, tuple(links.get(os.path.realpath(port.device), ()))) for port in list_ports.comports())
+    return [
+        Port(port.device, names, port.vid, port.pid, port.serial_number, port.location)
+        for port, names in found
+    ]
+
+
+def describe(name: str) -> Port:
+    """Return the port that `name` leads to."""
+    return described_as(os.path.realpath(name), described())
+
+
+def is_terminal(name: str) -> bool:
+    """Return whether `name` is a serial port or a pseudo terminal (and not /dev/null, which many programs open)."""
+    try:
+        number = os.stat(name).st_rdev
+    except (OSError, ValueError):
+        return False
+    kind = f"/sys/dev/char/{os.major(number)}:{os.minor(number)}/subsystem"
+    return os.major(number) in PTY_MAJORS or os.path.basename(os.path.realpath(kind)) == "tty"
+
+
+def opened_by(name: str) -> str:
+    """Return name and process id of another program that has the port open; empty if this user can see none.
+
+    A program whose terminal it is, such as a login prompt, is visible to all users; one that has merely opened it, to
+    its own user and root.  The server of a pseudo terminal does not count.
+    """
+    try:
+        device, there = os.path.realpath(name), os.stat(name)
+        numbers = filter(str.isdigit, os.listdir("/proc"))
+    except OSError:
+        return ""
+    if not stat.S_ISCHR(there.st_mode):
+        return ""
+    for number in numbers:
+        process = f"/proc/{number}"
+        if number != str(os.getpid()) and (_works_in(process, device, there) or _has_opened(process, there)):
+            return _program(number)
+    return ""
+
+
+def _has_opened(process: str, there: os.stat_result) -> bool:
+    """Return whether a process has opened the device, and does not serve it as a pseudo terminal."""
+    devices = [fd for fd in glob.glob(f"{process}/fd/*") if _target(fd).startswith("/dev/")]
+    if os.major(there.st_rdev) not in PTY_MAJORS:
+        return any(_stat(fd).st_rdev == there.st_rdev for fd in devices)
+    if not any(os.path.samestat(_stat(fd), there) for fd in devices):
+        return False
+    index = f"tty-index:\t{os.minor(there.st_rdev)}\n"
+    return not any(index in read_text(fd.replace("/fd/", "/fdinfo/")) for fd in devices)
+
+
+def _stat(path: str) -> os.stat_result:
+    try:
+        return os.stat(path)
+    except OSError:
+        return os.stat_result([0] * 10)
+
+
+def read_text(path: str) -> str:
+    """Return the text of a file of the system; empty if it cannot be read."""
+    try:
+        with open(path, encoding="utf-8", errors="replace") as file:
+            return file.read()
+    except OSError:
+        return ""
+
+
+def _program(number: str) -> str:
+    """Return name and id of a process."""
+    name = read_text(f"/proc/{int(number)}/comm").strip()
+    return f"{name} (process {number})" if name else f"process {number}"
+
+
+def _works_in(process: str, device: str, there: os.stat_result) -> bool:
+    """Return whether this is the process's controlling terminal, not one of the same number in a container."""
+    if _terminal(f"{process}/stat") != there.st_rdev:
+        return False
+    try:
+        return os.path.samestat(os.stat(f"{process}/root{device}"), there)
+    except PermissionError:  # another user's process: unknown
+        return True
+    except OSError:
+        return False
+
+
+def _terminal(stat_path: str) -> int:
+    """Return the device number of a process's controlling terminal; 0 if it has none."""
+    try:
+        return int(read_text(stat_path).rpartition(")")[2].split()[4])
+    except (IndexError, ValueError):
+        return 0
+
+
+def _target(path: str) -> str:
+    try:
+        return os.readlink(path)
+    except OSError:
+        return ""
+
+
+def locked_by(port: str) -> str:
+    """Return name and process id of the program that has locked the port; empty if the system shows none."""
+    try:
+        there = os.stat(port)
+        file = f"{os.major(there.st_dev):02x}:{os.minor(there.st_dev):02x}:{there.st_ino}"
+        with open("/proc/locks", encoding="ascii") as locks:
+            owners = [line.split()[4] for line in locks if line.split()[5] == file]
+        return _program(owners[0])
+    except (OSError, IndexError, ValueError):
+        return ""
+
+
+def group_of(device: str) -> str:
+    """Return the name of the group that owns the device; empty if it is unknown."""
+    try:
+        return grp.getgrgid(os.stat(device).st_gid).gr_name
+    except (OSError, KeyError):
+        return ""
+
+
+def opening_group(device: str) -> str:
+    """Return the name of the group whose members may open the device; empty if only root may."""
+    group, both = group_of(device), stat.S_IRGRP | stat.S_IWGRP
+    try:
+        opens = os.stat(device).st_mode & both == both
+    except OSError:
+        opens = False
+    return group if opens and group != "root" else ""
 
 
 class PortFacts(NamedTuple):

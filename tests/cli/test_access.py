@@ -17,7 +17,7 @@ from mrl_driver.host import access, certificate
 from mrl_driver.session.handshake import TIMEOUT_S
 from mrl_driver.transport import port_info
 from mrl_driver.transport.link import SerialLink
-from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.port_info import Port
 
 from .run import mrl
 

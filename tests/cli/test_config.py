@@ -19,7 +19,7 @@ from mrl_driver.errors import BoardTimeout
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BRIDGES, PARAMETERS
 from mrl_driver.robot import models
-from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.port_info import Port
 from sim_arduino.board import handlers
 from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
@@ -280,7 +280,7 @@ FTDI = Port("/dev/ttyUSB0", ("/dev/serial/by-id/usb-FTDI_A50285BI-if00",), 0x040
 def test_a_name_promises_every_socket_only_if_the_serial_number_is_the_boards_own(
     monkeypatch, there, promises
 ):
-    monkeypatch.setattr("mrl_driver.transport.link.described", lambda: there)
+    monkeypatch.setattr("mrl_driver.transport.port_info.described", lambda: there)
     done = mrl("names", "add", "lab3", "--port", "/dev/ttyUSB0", "--id", "3")
     assert (", wherever it is plugged in" in done.stdout) is promises
     assert named_robots.read()["lab3"].port == (FTDI.links[0] if promises else "/dev/ttyUSB0")

@@ -20,7 +20,7 @@ from mrl_driver.robot.hold import Hold
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Status
 from mrl_driver.transport.link import SerialLink
-from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.port_info import Port
 from sim_arduino.serve import factory as boards
 from tests.waiting import PATIENCE_S
 

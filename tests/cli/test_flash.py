@@ -14,7 +14,7 @@ from mrl_driver.host import avrdude
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
 from mrl_driver.transport import port_info
-from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.port_info import Port
 
 from .bootloader import Bootloader
 from .run import fails, mrl

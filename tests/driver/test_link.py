@@ -251,7 +251,7 @@ def test_a_denied_port_names_the_group_that_may_open_it(pty, monkeypatch, mode, 
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("serial.Serial", deny)
-    monkeypatch.setattr("mrl_driver.transport.link.group_of", lambda device: group)
+    monkeypatch.setattr("mrl_driver.transport.port_info.group_of", lambda device: group)
     os.chmod(pty[1], mode)
     with pytest.raises(PortDenied, match=words):
         SerialLink(pty[1])

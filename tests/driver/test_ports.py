@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from mrl_driver.errors import PortBusy
 from mrl_driver.transport import link
-from mrl_driver.transport.link import locked_by, opened_by
-from mrl_driver.transport.port_search import AGAIN_S, WRONG_AGAIN_S, Port, Search, candidates
+from mrl_driver.transport.port_info import Port, locked_by, opened_by
+from mrl_driver.transport.reconnect import AGAIN_S, WRONG_AGAIN_S, Search, candidates
 
 BY_ID = "/dev/serial/by-id/usb-Arduino_A1"
 ROBOT = Port("/dev/ttyACM0", (BY_ID,), 0x2341, 0x0043, "A1")

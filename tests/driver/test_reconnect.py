@@ -12,7 +12,7 @@ from mrl_driver.errors import BoardTimeout, LinkLost, PortMissing, WrongRobot
 from mrl_driver.session.events import Lost, Reconnected
 from mrl_driver.transport import reconnect
 from mrl_driver.transport.link import SerialLink
-from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.port_info import Port
 from tests.waiting import PATIENCE_S, drive_until, require_median, wait_until
 
 from .conftest import Cable

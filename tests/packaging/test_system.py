@@ -14,8 +14,8 @@ from click.testing import CliRunner
 from mrl_driver.cli.main import cli
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import system_setup
-from mrl_driver.transport import usb_ids
-from mrl_driver.transport.port_search import tells_apart
+from mrl_driver.transport import port_info
+from mrl_driver.transport.port_info import tells_apart
 
 
 def mrl_system(*words):
@@ -62,7 +62,7 @@ def test_a_user_that_is_none_is_refused(tmp_path, user):
         system_setup.install(user, str(tmp_path))
 
 
-@pytest.mark.parametrize("kind", usb_ids.KINDS, ids=lambda kind: f"{kind.vendor:04x}:{kind.product:04x}")
+@pytest.mark.parametrize("kind", port_info.KINDS, ids=lambda kind: f"{kind.vendor:04x}:{kind.product:04x}")
 def test_each_adapter_is_left_alone_stays_awake_opens_and_has_a_name(tmp_path, kind):
     system_setup.install("ada", str(tmp_path))
     own = [

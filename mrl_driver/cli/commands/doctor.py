@@ -119,7 +119,7 @@ def _checks(
     The error that makes the rest impossible is raised.
     """
     from mrl_driver.cli.doctor import computer
-    from mrl_driver.transport.link import describe as describe_port
+    from mrl_driver.transport.port_info import describe as describe_port
 
     port = shared.require_port(target)
     yield from computer.check(port, describe_port(port))

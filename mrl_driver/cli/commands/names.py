@@ -116,8 +116,7 @@ def _id_on(port: str, baud: int) -> Tuple[Optional[int], str]:
 
 def _lasting_name(port: str) -> Tuple[str, str]:
     """Return the name of a port that stays the same for the longest, and how long that is, in words."""
-    from mrl_driver.transport.link import described
-    from mrl_driver.transport.port_search import described_as, tells_apart
+    from mrl_driver.transport.port_info import described, described_as, tells_apart
 
     if is_url(port):
         return port, ""

@@ -60,8 +60,7 @@ def ports(port: Tuple[str, ...], probe: bool, wait_s: Optional[float], as_json: 
 
 def _rows(asked: Tuple[str, ...]) -> Dict[str, Row]:
     """Return all existing ports and the requested ones, by device."""
-    from mrl_driver.transport.port_info import facts, facts_of
-    from mrl_driver.transport.port_search import Port
+    from mrl_driver.transport.port_info import Port, facts, facts_of
 
     named = {os.path.realpath(each.port): name for name, each in named_robots.read().items() if each.port}
     rows = {each.device: dict(each._asdict(), name=named.get(each.device)) for each in facts()}

@@ -104,7 +104,7 @@ def completion_of(names: Callable[[], List[str]]) -> Callable[..., List[str]]:
 
 
 def _ports() -> List[str]:
-    from mrl_driver.transport.link import ports
+    from mrl_driver.transport.port_info import ports
 
     return ports()
 

@@ -7,11 +7,16 @@ import stat
 import sys
 from typing import Iterator, List
 
-from mrl_driver.transport.link import is_terminal, opening_group
-from mrl_driver.transport.port_info import programs_named, udev_properties, user_of
-from mrl_driver.transport.port_search import Port
+from mrl_driver.transport.port_info import (
+    ARDUINO_VENDORS,
+    Port,
+    is_terminal,
+    opening_group,
+    programs_named,
+    udev_properties,
+    user_of,
+)
 from mrl_driver.transport.reconnect import may_be_there
-from mrl_driver.transport.usb_ids import ARDUINO_VENDORS
 
 from .findings import NOTE, WARNING, Finding, fault, note, ok, problem, warning
 
