@@ -448,20 +448,24 @@ class Connection:
 
     def _may_search(self) -> bool:
         """The driver searches a lost port: not before the first connection, and only with the option `reconnect`."""
-        return self.links.reconnects and self._settled and not self.closing and self.error is None
+        return (
+            self.links.reconnection is not None and self._settled and not self.closing and self.error is None
+        )
 
     def seek(self) -> None:
         """Look for the port once.  If it is found, `serve` greets the robot on it."""
         with self.changed:
             if self.changed.wait_for(lambda: self.closing, LOOK_S):
                 return
-        link = self.links.look()
+        search = self.links.reconnection
+        assert search is not None
+        link = search.look()
         if link is None:
             return
         with self.lock:
             closing = self.closing
             if not closing:
-                now, same = now_s(), self.links.same_board
+                now, same = now_s(), search.same_board
                 if self.links.recording is not None:
                     self.links.recording.again(now, same)
                 self.core.session.relink(now, same)

@@ -20,7 +20,7 @@ from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, Opening, open_lin
 from mrl_driver.transport.port_info import opened_by
 from mrl_driver.transport.reconnect import LOOK_S, Reconnection
 
-from .options import Options, heard_options
+from .options import HEARD, Options
 
 # A link at 500000 baud goes back to 115200 after more than `ERRORS` damages plus one per `ERROR_SHARE` frames.  The
 # count starts again after `COUNTED_FRAMES` frames, a minute of driving, so that hours without damage do not hide it.
@@ -33,6 +33,7 @@ class LinkSource:
 
     Attributes:
         recording: the recording; None without one, and without the option `tap`.
+        reconnection: the search of a lost port; None without the option `reconnect`, and before `first`.
         fast: the line runs at 500000 baud.
         searching: the port is lost, or a robot on a new port is not yet known to be the one that was lost.
     """
@@ -41,7 +42,7 @@ class LinkSource:
         self._port, self._baud, self._options = port, baud, options
         self.recording: Optional[DriverRecording] = None
         self.fast = self.searching = False
-        self._reconnection: Optional[Reconnection] = None
+        self.reconnection: Optional[Reconnection] = None
         self._well_s = 0.0
         self._begun: Optional[Tuple[int, int]] = None  # frames and damages when the count of damages started
         self._lock = new_lock("links")
@@ -69,7 +70,7 @@ class LinkSource:
             self.end_recording()
             raise
         if self._options.reconnect:
-            self._reconnection = Reconnection(port, self._open, self._options.greeting_s)
+            self.reconnection = Reconnection(port, self._open, self._options.greeting_s)
         return link
 
     def _await(self, port: str, report: Callable[[Sequence[object]], None]) -> Link:
@@ -154,7 +155,8 @@ class LinkSource:
         return self.recording.begin(link)
 
     def _new_recording(self, port: str, clock: Optional[Callable[[], float]] = None) -> DriverRecording:
-        return DriverRecording(port, self._baud, self._options.tap, heard_options(self._options), clock)
+        heard = {name: getattr(self._options, name) for name in HEARD}
+        return DriverRecording(port, self._baud, self._options.tap, heard, clock)
 
     def stop_recording(self) -> Recorder:
         """Stop the recording; return its recorder, which the caller closes.  Raise ConfigError if none is running."""
@@ -182,27 +184,12 @@ class LinkSource:
         if self.recording is not None:
             self.recording.close()
 
-    @property
-    def reconnects(self) -> bool:
-        """A lost port is searched."""
-        return self._reconnection is not None
-
     def lose(self, error: MrlError, now: float, may_be_moving: bool) -> Optional[Lost]:
         """The link is gone: start the search, or go on with it; return the event if the search has just begun."""
-        reconnection = self._reconnection
+        reconnection = self.reconnection
         assert reconnection is not None
         first, self.searching = reconnection.lose(error, now), True
         return Lost(reconnection.port, str(error), may_be_moving) if first else None
-
-    def look(self) -> Optional[Link]:
-        """Open the next port that may lead to the robot; None if there is none now."""
-        assert self._reconnection is not None
-        return self._reconnection.look()
-
-    @property
-    def same_board(self) -> bool:
-        """No other board answered since the port was lost."""
-        return self._reconnection is not None and self._reconnection.same_board
 
     def judge(self, session: Session, now: float) -> Optional[Reconnected]:
         """Check in a search that the robot that answers is the one that was lost; return the event if it is found.
@@ -211,18 +198,18 @@ class LinkSource:
             WrongRobot: another robot answers, or others must be tried first.
             BoardTimeout: no answer in time.
         """
-        assert self._reconnection is not None
-        if not self._reconnection.judge(session.ready, now):
+        assert self.reconnection is not None
+        if not self.reconnection.judge(session.ready, now):
             return None
         self.searching = False
         session.counters.reconnects += 1
-        return Reconnected(self._reconnection.port)
+        return Reconnected(self.reconnection.port)
 
     def explained(self, error: MrlError) -> MrlError:
         """Return why the driver ends: another program that has the port open takes what the board answers."""
         if not isinstance(error, (NotARobot, BoardTimeout, LinkLost)) or not isinstance(self._port, str):
             return error
-        port = self._reconnection.port if self._reconnection is not None else self._port
+        port = self.reconnection.port if self.reconnection is not None else self._port
         holder = "" if is_url(port) else opened_by(port)
         return busy(port, holder, f", which takes what the board answers ({error})") if holder else error
 
@@ -239,5 +226,5 @@ class LinkSource:
     def abandon(self) -> None:
         """In a forked child: forget the links and the recording, which stay with the parent."""
         self._lock = new_lock("links")
-        self._trial = self._reconnection = self.recording = None
+        self._trial = self.reconnection = self.recording = None
         self._closed = True

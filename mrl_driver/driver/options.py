@@ -102,11 +102,6 @@ OFF: Dict[str, Optional[int]] = {"robot_id": None, "imu_period_ms": 0, "command_
 """Values outside the range of these options."""
 
 
-def heard_options(options: Options) -> Dict[str, Any]:
-    """Return the options that change what the listeners of a driver get, by name."""
-    return {name: getattr(options, name) for name in HEARD}
-
-
 def require_range(name: str, value: Any, low: float, high: float, unit: str, whole: bool = True) -> Any:
     """Return a number as int, or as float if it need not be `whole`; raise ConfigError unless it is in its range."""
     number = number_of(value)

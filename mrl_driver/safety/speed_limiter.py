@@ -21,6 +21,11 @@ A command from standstill takes effect at once, as if it were one frame of the s
 accelerates for at most the longer time."""
 _FASTEST = 1e6
 """Beyond this [m/s, rad/s] the arc of a command is not kept, because the scale overflows near the largest floats."""
+AUTOMATIC, MANUAL = "automatic", "manual"
+OPERATION_MODES = (AUTOMATIC, MANUAL)
+"""A mode is a set of limits for the limiter, which stays the only one that limits speeds."""
+FASTEST_MANUAL_M_S = 0.25
+"""Highest speed in manual mode [m/s]: ISO 10218-1 allows 250 mm/s in manual mode with reduced speed."""
 
 
 class SpeedLimiter:
@@ -122,3 +127,21 @@ def ramp(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:
     if len(wanted) == 2:
         return wanted[0] * factor, wanted[1] * turn_factor
     return wanted[0] * factor, wanted[1] * turn_factor, wanted[2] * factor
+
+
+def manual_speed_m_s(limits: Limits) -> float:
+    """Return the usual speed in manual mode for a robot with these limits: half its speed, at most 0.25 m/s."""
+    return min(FASTEST_MANUAL_M_S, limits.linear_m_s / 2)
+
+
+def reduced(limits: Limits, speed_m_s: float) -> Limits:
+    """Return the limits, with all speeds lowered by one factor so that the linear speed is at most `speed_m_s`.
+
+    A joystick that is fully deflected then drives the same arc as in automatic mode.
+    """
+    share = min(1.0, speed_m_s / limits.linear_m_s)
+    return limits._replace(
+        linear_m_s=limits.linear_m_s * share,
+        angular_rad_s=limits.angular_rad_s * share,
+        lateral_m_s=limits.lateral_m_s * share,
+    )

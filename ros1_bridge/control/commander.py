@@ -14,8 +14,8 @@ from mrl_driver.driver.options import QUEUED_S
 from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import Limits
-from mrl_driver.safety.operation_mode import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.safety.protective_zones import Zones
+from mrl_driver.safety.speed_limiter import FASTEST_MANUAL_M_S, reduced
 from mrl_driver.session.session import STALE_S
 
 from .velocity_sources import Source, VelocitySources

@@ -11,9 +11,9 @@ from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot.models import BUILDS
 from mrl_driver.robot.sonar import FARTHEST_M
-from mrl_driver.safety.operation_mode import AUTOMATIC, FASTEST_MANUAL_M_S, OPERATION_MODES
 from mrl_driver.safety.operator_delay import MAX_DELAY_S
 from mrl_driver.safety.protective_zones import ZoneSettings, require_settings
+from mrl_driver.safety.speed_limiter import AUTOMATIC, FASTEST_MANUAL_M_S, OPERATION_MODES
 from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import require_raisable
 

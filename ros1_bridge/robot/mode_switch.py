@@ -6,7 +6,7 @@ from typing import Any, Callable
 from std_msgs.msg import Bool
 
 from mrl_driver.errors import MrlError
-from mrl_driver.safety.operation_mode import AUTOMATIC, MANUAL
+from mrl_driver.safety.speed_limiter import AUTOMATIC, MANUAL
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.topics.fast_publisher import direct_publisher
 

@@ -28,7 +28,7 @@ from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.radio import CAPABILITY as RADIO
-from mrl_driver.safety.operation_mode import MANUAL, manual_speed_m_s
+from mrl_driver.safety.speed_limiter import MANUAL, manual_speed_m_s
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board

@@ -10,7 +10,7 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import IN_USE, LEARNING, OFF, REASONS, Imu
 from mrl_driver.robot.radio import format_address
-from mrl_driver.safety import operation_mode
+from mrl_driver.safety.speed_limiter import AUTOMATIC, MANUAL
 from mrl_driver.session.events import MAY_MOVE, Status
 from ros1_bridge.control.commander import BLOCKING, Commander
 from ros1_bridge.topics.publishers import FIELD_TOPICS
@@ -65,7 +65,7 @@ class State(NamedTuple):
         zones = {f"{name} zone clear": _text(clear, "not watched") for name, clear in zip(FIELDS, self.clear)}
         return {
             "mode": self.mode,
-            "operation mode": operation_mode.MANUAL if self.manual else operation_mode.AUTOMATIC,
+            "operation mode": MANUAL if self.manual else AUTOMATIC,
             "ready": _text(self.cause not in BLOCKING and not self.wheel_fault),
             "moving": _text(self.moving),
             **zones,

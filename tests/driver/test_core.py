@@ -14,7 +14,7 @@ from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.odometry import OmniTwist
 from mrl_driver.robot.radio import text_request
 from mrl_driver.robot.robot_state import Telemetry
-from mrl_driver.safety.operation_mode import reduced
+from mrl_driver.safety.speed_limiter import reduced
 from mrl_driver.safety.wheel_monitor import DEAD, POWERLESS, REVERSED, Mismatch
 from mrl_driver.session.events import ImuChanged, Ready, SensorRead
 from mrl_driver.session.handshake import Board

@@ -12,8 +12,8 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.models import Limits
-from mrl_driver.safety.operation_mode import manual_speed_m_s
 from mrl_driver.safety.protective_zones import Scan, Zones, ZoneSettings
+from mrl_driver.safety.speed_limiter import manual_speed_m_s
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.session import STALE_S
 from ros1_bridge.control import commander as module

@@ -125,17 +125,21 @@ class Steps:
 
 
 class Ports:
-    """Stands for `LinkSource`: one port, which may go and come back with the same or another board."""
+    """Stands for `LinkSource` and its search: one port, which may go and come back with the same or another board."""
 
     def __init__(self) -> None:
         self.recording: Optional[DriverRecording] = None
         self.fast = self.searching = False
-        self.reconnects = self.same_board = self.plugged = True
+        self.same_board = self.plugged = True
         self.link: Any = None
 
     def lose(self, error: MrlError, now: float, may_be_moving: bool) -> Optional[Lost]:
         first, self.searching = not self.searching, True
         return Lost(PORT, str(error), may_be_moving) if first else None
+
+    @property
+    def reconnection(self) -> "Ports":
+        return self
 
     def look(self) -> Any:
         return self.link if self.plugged else None
