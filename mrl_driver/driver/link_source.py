@@ -14,9 +14,8 @@ from mrl_driver.robot.robot_state import RobotState
 from mrl_driver.session.events import Awaited, Lost, Reconnected
 from mrl_driver.session.session import Session
 from mrl_driver.transport.address import is_url
-from mrl_driver.transport.baud_upgrade import BACK_S, speed_up
 from mrl_driver.transport.link import Link, busy
-from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, Opening, open_link
+from mrl_driver.transport.open_link import AGAIN_S, BACK_S, CONNECT_S, Opening, open_link, speed_up
 from mrl_driver.transport.port_info import opened_by
 from mrl_driver.transport.reconnect import LOOK_S, Reconnection
 

@@ -74,11 +74,7 @@ class ServedRobot:
         return link
 
     def _identified(self, link: Link) -> Link:
-        """Return the link if its board is the robot; the first board that answers is.
-
-        Raises:
-            MrlError: it does not answer, or is another one; the link is closed.
-        """
+        """Return the link if its board is the robot, as the first that answers is; else close it and raise MrlError."""
         try:
             found = board_on(link).robot_id
             if self._robot_id not in (None, found):

@@ -190,9 +190,7 @@ class GoalSeeker:
         return linear, self._bounded(HEADING_GAIN * error + 4.0 * self._limits.angular_rad_s * push)
 
     def _retreats(self, pose: Pose) -> bool:
-        """Return whether the robot must go back from an obstacle.  Also extend the trail, even while the robot still
-        rolls on before it goes back.
-        """
+        """Return whether the robot must go back from an obstacle; extend the trail, also while it still rolls on."""
         here = pose[0], pose[1]
         if all(_away_m(here, point) > STRIDE_M for point in self._trail):
             self._trail.append(here)

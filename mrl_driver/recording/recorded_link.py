@@ -69,12 +69,12 @@ class DriverRecording:
         self,
         port: str,
         baud: int,
-        tap: Optional[Tap] = None,
-        options: Optional[Mapping[str, Any]] = None,
-        clock: Optional[Callable[[], float]] = None,
+        tap: Optional[Tap],
+        options: Mapping[str, Any],
+        clock: Optional[Callable[[], float]],
     ) -> None:
-        """`options` are those of the driver that change what its listeners get; `clock` is simulated time."""
-        self._facts = {"port": port, "baud": baud, "options": dict(options or {})}
+        """`options` are those of the driver that change what its listeners get; `clock` is simulated time, if any."""
+        self._facts = {"port": port, "baud": baud, "options": dict(options)}
         self._tap, self._simulated, self._now = tap, clock, clock or now_s
         self.recorder: Optional[Recorder] = None  # the file that is written; None without one
         self._written: Optional[Recorder] = None

@@ -21,7 +21,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, ConfigError, LinkError, LinkLost, NotARobot, PortMissing
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.session.events import Lost, Ready, Slowed, Stale
-from mrl_driver.transport import baud_upgrade
+from mrl_driver.transport import open_link as opening
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP_2013
 from sim_arduino.serve import factory
@@ -145,7 +145,7 @@ def test_a_slow_line_is_never_full(baud, rate_hz):
 
 def test_the_line_is_raised_and_left_as_it_was(monkeypatch):
     """A held-up host may prove it late; the board itself waits 1 s, and is asked again if that was not enough."""
-    monkeypatch.setattr(baud_upgrade, "PROOF_S", 0.9)
+    monkeypatch.setattr(opening, "PROOF_S", 0.9)
 
     def is_raised():
         with Driver(board.port, options=Options(fast=True)) as robot:
