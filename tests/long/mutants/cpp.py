@@ -227,7 +227,8 @@ class Source:
         if any("offset" not in each or "includedFrom" in each for each in (first, last)):
             return None
         end = last["offset"] + last["tokLen"]
-        return (first["offset"], end) if first["offset"] < end else None
+        is_call_of_macro = "expansionLoc" in node["range"]["end"] and self.text[end : end + 1] == b"("
+        return (first["offset"], end) if first["offset"] < end and not is_call_of_macro else None
 
 
 def _walk(node: Node) -> Iterator[Node]:
@@ -285,13 +286,9 @@ def build(sources: Sequence[str]) -> List[Mutant]:
             '#include "mutant.h"\n' + found.changed()
         )
     (WORK / "begin.cpp").write_text(f'#define MUTANT_BEGIN {MOST_MUTANTS}\n#include "mutant.h"\n')
-    made_of = [
-        *(WORK / "source").rglob("*.cpp"),
-        *(ROOT / "tests/firmware").glob("*_pc.cpp"),
-        WORK / "begin.cpp",
-    ]
+    parts = *(WORK / "source").rglob("*.cpp"), *(ROOT / "tests/firmware").glob("*_pc.cpp"), WORK / "begin.cpp"
     for suffix, define in BUILDS.items():
-        command = [*COMPILE.split(), *define.split(), f"-I{WORK / 'source'}", *map(str, made_of)]
+        command = [*COMPILE.split(), *define.split(), f"-I{WORK / 'source'}", *map(str, parts)]
         subprocess.check_call([*command, "-o", str(WORK / f"libmrl_firmware{suffix}.so")])
     return mutants
 
