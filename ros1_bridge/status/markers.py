@@ -13,11 +13,11 @@ from ros1_bridge.control.commander import Commander
 from .link_report import ERROR, OK, WARN
 from .robot_status import FIELDS, motion_health, state_of
 
-YELLOW, RED = (1.0, 0.8, 0.2), (1.0, 0.35, 0.3)
-COLOURS = {OK: (1.0, 1.0, 1.0), WARN: YELLOW, ERROR: RED}
-ZONE_COLOURS = (YELLOW, (1.0, 1.0, 0.6), RED)  # in the order of `FIELDS`
-FREE, ENTERED = 0.4, 1.0  # opacity of a zone
-LINE_M, LETTER_M, ABOVE_M = 0.012, 0.1, 0.35
+BLUE, YELLOW, ORANGE, RED = (0.1, 0.4, 1.0), (0.9, 0.8, 0.0), (1.0, 0.5, 0.0), (1.0, 0.2, 0.2)
+COLOURS = {OK: BLUE, WARN: ORANGE, ERROR: RED}  # to be read on a light map and on rviz's dark ground
+ZONE_COLOURS = (ORANGE, YELLOW, RED)  # in the order of `FIELDS`
+FREE, ENTERED = 0.5, 1.0  # opacity of a zone
+LINE_M, LETTER_M, ABOVE_M = 0.02, 0.15, 0.35
 LIFETIME_S = 1.0  # the markers of a node that has ended disappear after this time
 
 

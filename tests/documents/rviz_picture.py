@@ -114,7 +114,7 @@ def navigation(start: Start) -> Child:
     _require(wait_until(lambda: _subscribed("/rviz", "/markers"), START_S), rviz)
     _require(wait_until(lambda: _subscribed("/move_base", "/move_base_simple/goal"), START_S), planner)
     start("goal", "rostopic", "pub", "-1", "move_base_simple/goal", "geometry_msgs/PoseStamped", IN_THE_HOUSE)
-    time.sleep(DRIVE_S)
+    time.sleep(2 * DRIVE_S)
     return rviz
 
 

@@ -35,7 +35,7 @@ GOALS: Dict[str, Sequence[Goal]] = {
         (0.8, 0.8, 0),
     ],
 }
-ROBOTS = ("traxbot", "stingbot", "omni")
+ROBOTS = ("traxbot", "stingbot", "omni", "duo")
 SENSORS = ("laser", "sonars", "both")
 LIMIT_S = 180.0
 """A goal takes longer than this only if the robot is stuck: the longest way in the house is 8 m."""
@@ -117,11 +117,13 @@ FIGURES = {
 
 
 def figures_of(row: Dict[str, Any]) -> Dict[str, float]:
-    """Figures of a run with the shipped arguments, by key; none of one with others, or of what no goal has given."""
-    run = "_".join((row["robot"], row["world"], row["sensors"]))
-    return {
-        f"{run}_{unit}": row[key] for unit, key in FIGURES.items() if not row["more"] and row[key] is not None
-    }
+    """Figures of a run, by key; none of one with other arguments than `clear_range`, or of what no goal has given."""
+    run, cap = (
+        "_".join((row["robot"], row["world"], row["sensors"])),
+        row["more"].replace("clear_range:=", "_cap_"),
+    )
+    kept = row["more"] == "" or cap.startswith("_cap_") and " " not in cap
+    return {f"{run}{cap}_{unit}": row[key] for unit, key in FIGURES.items() if kept and row[key] is not None}
 
 
 def table_of(rows: Sequence[Dict[str, object]]) -> str:
