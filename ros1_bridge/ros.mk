@@ -25,6 +25,8 @@ pictures: setup firmware ## Take the pictures of the live view, of rviz and of t
 	$(PY) -m tests.documents.page_picture $(PICTURES)/docs/page_phone.png $(PICTURES)/docs/page_desk.png
 	$(ROS_ENV) $(PY) -m tests.documents.rviz_picture $(PICTURES)/ros1_bridge/rviz.png
 	$(if $(FAST),,$(ROS_ENV) $(PY) -m tests.documents.rviz_picture $(PICTURES)/ros1_bridge/rviz_team.png team)
+	$(if $(NAVIGATION_SETUP),$(ROS_ENV) source '$(NAVIGATION_SETUP)' && \
+	  $(PY) -m tests.documents.rviz_picture $(PICTURES)/ros1_bridge/rviz_navigation.png navigation)
 
 .PHONY: test-navigation
 test-navigation: setup ## Ten goals a run with the real move_base, installed or in the workspace of NAVIGATION_SETUP=path/setup.bash; build/navigation/table.json
