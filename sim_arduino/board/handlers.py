@@ -3,7 +3,7 @@
 import math
 import struct
 from functools import partial
-from typing import TYPE_CHECKING, Any, Callable, Dict, Optional, Tuple
+from typing import Any, Callable, Dict, Optional, Tuple
 
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import (
@@ -26,8 +26,7 @@ from .integers import divide
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S, Config
 from .sonar_chain import SONARS
 
-if TYPE_CHECKING:
-    from .python_board import PythonBoard
+Board = Any  # a PythonBoard, whose module imports this one
 
 Values = Optional[Tuple[int, ...]]
 _CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
@@ -39,46 +38,46 @@ _LIMITED = ("move_differential", "move_omni")  # moves to which the speed ceilin
 # ---- the board
 
 
-def _protocol(board: "PythonBoard", _: int) -> Values:
+def _protocol(board: Board, _: int) -> Values:
     return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in board.capabilities)
 
 
-def _info(board: "PythonBoard", _: int) -> Values:
+def _info(board: Board, _: int) -> Values:
     return (*board.motors.info(board.now_s), PROTOCOL_VERSION, board.config["robot_id"])
 
 
-def _status(board: "PythonBoard", _: int) -> Values:
+def _status(board: Board, _: int) -> Values:
     uptime = int(board.now_s - board.started_s)
     return (uptime >> 15, uptime & 0x7FFF) + board.health.read() + board.motors.status()
 
 
-def _counters(board: "PythonBoard", _: int) -> Values:
+def _counters(board: Board, _: int) -> Values:
     known = REASONS if board.radio and board.radio.hold.on else REASONS[:-1]
     return tuple(board.health.counters[reason.name] for reason in known)
 
 
-def _set_debug(board: "PythonBoard", on: int) -> None:
+def _set_debug(board: Board, on: int) -> None:
     board.debug = bool(on)
 
 
-def _set_check(board: "PythonBoard", on: int) -> None:
+def _set_check(board: Board, on: int) -> None:
     board.ask_for_checks(bool(on))
     board.ask("set_check", on)
 
 
-def _set_watchdog(board: "PythonBoard", period: int) -> None:
+def _set_watchdog(board: Board, period: int) -> None:
     board.watchdog_ms = period
     board.health.stops_are_final = period > 0
     board.ask("set_watchdog")
 
 
-def _set_baud(board: "PythonBoard", rate: int) -> None:
+def _set_baud(board: Board, rate: int) -> None:
     """The baud rate changes after the reply has left."""
     board.ask("set_baud", rate)
     board.wanted_baud = rate
 
 
-def _write_config(board: "PythonBoard", index: int, value: int) -> None:
+def _write_config(board: Board, index: int, value: int) -> None:
     row = PARAMETERS[index]
     if not row.low <= value <= row.high:
         board.refuse("argument_range")
@@ -89,27 +88,27 @@ def _write_config(board: "PythonBoard", index: int, value: int) -> None:
     board.ask("write_config", index)
 
 
-def _save_config(board: "PythonBoard") -> None:
+def _save_config(board: Board) -> None:
     """The reply comes after the last byte is written."""
     changed = board.config.save()
     board.health.set_fault("eeprom", False)
     board.ask("save_config", 1, after_s=EEPROM_LOOK_S + changed * EEPROM_BYTE_S)
 
 
-def _default_config(board: "PythonBoard") -> None:
+def _default_config(board: Board) -> None:
     board.config.set_defaults()
     board.motors.refresh(board.now_s)
     board.ask("default_config", 1)
 
 
-def _config(board: "PythonBoard", index: int) -> Values:
+def _config(board: Board, index: int) -> Values:
     return index, board.config.values[index]
 
 
 # ---- motors
 
 
-def _set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
+def _set_pid_gains(board: Board, kp: int, ki: int, kd: int) -> None:
     """Unchanged gains are not set again, because a motor board would write them to its EEPROM."""
     config = board.config
     if board.require_motors() and (kp, ki, kd) != (config["kp"], config["ki"], config["kd"]):
@@ -117,12 +116,12 @@ def _set_pid_gains(board: "PythonBoard", kp: int, ki: int, kd: int) -> None:
         board.motors.refresh(board.now_s, "kp")
 
 
-def _stop(board: "PythonBoard") -> None:
+def _stop(board: Board) -> None:
     board.stop_motors(StopReason.HOST)
     board.require_motors()
 
 
-def _order_motors(row: Command, board: "PythonBoard", *values: int) -> None:
+def _order_motors(row: Command, board: Board, *values: int) -> None:
     if row.name in _LIMITED:
         values = _limited(row, board, *values)
     if row.turns and board.refuses_move():
@@ -131,9 +130,7 @@ def _order_motors(row: Command, board: "PythonBoard", *values: int) -> None:
         board.refuse("unavailable")
 
 
-def _limited(
-    row: Command, board: "PythonBoard", linear: int, angular: int, *direction: int
-) -> Tuple[int, ...]:
+def _limited(row: Command, board: Board, linear: int, angular: int, *direction: int) -> Tuple[int, ...]:
     """If a speed is beyond its ceiling, both speeds shrink by the same factor, which keeps the curvature."""
     most_linear, most_angular = _ceilings(row, board.config)
     fast, turning = _beyond(linear, most_linear), _beyond(angular, most_angular)
@@ -164,24 +161,24 @@ def _beyond(value: int, ceiling: int) -> bool:
 # ---- encoders and sonars
 
 
-def _encoders(board: "PythonBoard", _: int = 0) -> Values:
+def _encoders(board: Board, _: int = 0) -> Values:
     """Counters of the right and the left wheel; None if they cannot be read."""
     counts = board.motors.counts(board.now_s)
     return None if counts is None else (counts.right, counts.left)
 
 
-def _sonars(board: "PythonBoard", _: int = 0) -> Tuple[int, ...]:
+def _sonars(board: Board, _: int = 0) -> Tuple[int, ...]:
     return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
 
 
-def _with_sonars(counts: Values, board: "PythonBoard") -> Values:
+def _with_sonars(counts: Values, board: Board) -> Values:
     return None if counts is None else (*counts, *_sonars(board))
 
 
 # ---- environment sensors
 
 
-def _values(sensor: Sensor, board: "PythonBoard", _: int = 0) -> Values:
+def _values(sensor: Sensor, board: Board, _: int = 0) -> Values:
     """The values of a sensor; None if it does not answer on the bus."""
     where = sensor.i2c
     if where is None:
@@ -198,7 +195,7 @@ def _wire(field: Field, data: bytes, per_unit: float) -> int:
     return max(field.low, min(field.high, math.floor(count / (per_unit * field.scale) + 1e-9)))
 
 
-def _registers(board: "PythonBoard", sensor: Sensor, count: int) -> Optional[bytes]:
+def _registers(board: Board, sensor: Sensor, count: int) -> Optional[bytes]:
     """Registers of an I2C sensor, or None without an answer, which is a fault if the build always has the sensor."""
     assert sensor.i2c is not None
     slave = board.plant.i2c[sensor.i2c.address]
@@ -216,21 +213,21 @@ PINS: Dict[str, Callable[[Any], int]] = {
 """Values of the sensors on the Uno's own pins."""
 
 
-def _counts_or_none_needed(board: "PythonBoard") -> Values:
+def _counts_or_none_needed(board: Board) -> Values:
     """Counts, or the value 999 that boards without motors have sent instead since 2013."""
     if board.config["robot_id"] > 5 and not board.motors.ever_found:
         return 999, 999
     return _encoders(board)
 
 
-def _sensors(board: "PythonBoard", _: int) -> Values:
+def _sensors(board: Board, _: int) -> Values:
     encoders, pixels = _counts_or_none_needed(board), _values(SENSOR_BY_NAME["thermopile"], board)
     if encoders is None or pixels is None:
         return None
     return encoders + (PINS["alcohol"](board), PINS["dust"](board), max(pixels))
 
 
-def _sensors_and_light(board: "PythonBoard", _: int) -> Values:
+def _sensors_and_light(board: Board, _: int) -> Values:
     sensors = _sensors(board, 0)
     return None if sensors is None else sensors + (PINS["light"](board),)
 
@@ -238,23 +235,23 @@ def _sensors_and_light(board: "PythonBoard", _: int) -> Values:
 # ---- streams
 
 
-def _start_stream(row: Command, board: "PythonBoard", period: int = 0) -> None:
+def _start_stream(row: Command, board: Board, period: int = 0) -> None:
     board.start_stream(row.code, period)
 
 
-def _stop_streams(starts: Tuple[str, ...], board: "PythonBoard") -> None:
+def _stop_streams(starts: Tuple[str, ...], board: Board) -> None:
     for start in starts:
         board.stop_stream(BY_NAME[start].code)
 
 
-def _stop_imu_stream(board: "PythonBoard") -> None:
+def _stop_imu_stream(board: Board) -> None:
     board.imu_stream = None
 
 
 # ---- radio
 
 
-def _send_xbee(board: "PythonBoard", *values: int) -> None:
+def _send_xbee(board: Board, *values: int) -> None:
     address, length = int.from_bytes(struct.pack(">4h", *values[:4]), "big"), values[4]
     text = struct.pack(f">{len(values) - 5}h", *values[5:])
     if len(text) != length + length % 2:
@@ -263,12 +260,12 @@ def _send_xbee(board: "PythonBoard", *values: int) -> None:
         board.refuse("unavailable")
 
 
-def _discover_xbee(board: "PythonBoard") -> None:
+def _discover_xbee(board: Board) -> None:
     if not board.radio or not board.radio.discover(board.now_s):
         board.refuse("unavailable")
 
 
-def _release_hold(board: "PythonBoard") -> None:
+def _release_hold(board: Board) -> None:
     assert board.radio
     board.ask("release_hold", board.radio.hold.release())
 
@@ -276,11 +273,11 @@ def _release_hold(board: "PythonBoard") -> None:
 # ---- the tables
 
 
-def _ask(row: Command, board: "PythonBoard") -> None:
+def _ask(row: Command, board: Board) -> None:
     board.ask(row.name)
 
 
-def _value(_: "PythonBoard", value: int) -> Values:
+def _value(_: Board, value: int) -> Values:
     return (value,)
 
 
