@@ -50,10 +50,6 @@ class RunError(MrlError):
         self.exit_code = exit_code or 1
 
 
-class Stopped(Exception):
-    """A signal has requested the end of the run."""
-
-
 class Run:
     """The started parts, in order; `stop` ends them, the last first."""
 
@@ -72,10 +68,14 @@ class Run:
         self._children.append(Child(name, command, log, self.env, ROOT))
         return self._children[-1]
 
-    def check(self) -> None:
-        """Raises Stopped after a signal, and RunError if a part or a node has ended."""
+    def check_signal(self) -> None:
+        """Exit the program if a signal has requested the end."""
         if self.signal:
-            raise Stopped
+            sys.exit(128 + self.signal)
+
+    def check(self) -> None:
+        """Exit after a signal; RunError if a part or a node has ended."""
+        self.check_signal()
         for child in self._children:
             if child.exit_code is not None:
                 raise _ended(child)
@@ -125,8 +125,7 @@ def environment(logs: Path, port: int) -> Dict[str, str]:
 def start_nodes(run: Run, *arguments: str) -> None:
     """Start the nodes with `arguments` of `run.launch`, and wait until their master is complete.
 
-    roslaunch joins no master that is there already: its run id is another one.  RunError if they do not start, Stopped
-    after a signal.
+    roslaunch joins no master that is there already: its run id is another one.  RunError if they do not start.
     """
     launch = str(Path(__file__).with_name("run.launch"))
     roslaunch = run.start("roslaunch", "roslaunch", f"--run_id={uuid.uuid4()}", launch, *arguments)
@@ -155,8 +154,8 @@ def best_engine() -> str:
         return "python"
 
 
-def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], duration_s: float) -> int:
-    """Start all parts, return the exit code when the view ends; RunError if a part fails, Stopped on a signal."""
+def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], duration_s: float) -> None:
+    """Start all parts, and wait until the view ends; RunError if a part fails."""
     robot = robot or ("auto" if port else _DEFAULT_ROBOT)
     board = f"the robot on {port}" if port else f"an emulated {robot}"
     click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")
@@ -171,9 +170,7 @@ def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], 
     while view.exit_code != 0:
         run.check()
         time.sleep(_POLL_S)
-    if run.signal:
-        raise Stopped
-    return 0
+    run.check_signal()
 
 
 @click.command()
@@ -208,9 +205,7 @@ def main(
         for number in _SIGNALS:
             signal.signal(number, run.on_signal)
         try:
-            sys.exit(supervise(run, robot, port, engine, duration or 0.0))
-        except Stopped:
-            sys.exit(128 + (run.signal or 0))
+            supervise(run, robot, port, engine, duration or 0.0)
         finally:
             run.stop()
     except MrlError as error:
