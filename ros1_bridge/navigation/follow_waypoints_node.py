@@ -61,14 +61,15 @@ def read_waypoints(rows: Any, key: str) -> List[Pose]:
     """Poses of a list of [x m, y m, yaw deg]; ConfigError, with its name `key`, if it is something else."""
     if not isinstance(rows, list):
         raise ConfigError(f"parameter {key} is {rows!r}, expected a list of [x m, y m, yaw deg]")
-    return [_waypoint(f"{key}[{index}]", row) for index, row in enumerate(rows)]
-
-
-def _waypoint(key: str, row: Any) -> Pose:
-    good = isinstance(row, list) and len(row) == 3
-    if not good or not all(is_number(each, -FARTHEST_M, FARTHEST_M) for each in row):
-        raise ConfigError(f"parameter {key} is {row!r}, expected [x m, y m, yaw deg], three finite numbers")
-    return Pose(float(row[0]), float(row[1]), math.radians(row[2]))
+    poses = []
+    for index, row in enumerate(rows):
+        good = isinstance(row, list) and len(row) == 3
+        if not good or not all(is_number(each, -FARTHEST_M, FARTHEST_M) for each in row):
+            raise ConfigError(
+                f"parameter {key}[{index}] is {row!r}, expected [x m, y m, yaw deg], three finite numbers"
+            )
+        poses.append(Pose(float(row[0]), float(row[1]), math.radians(row[2])))
+    return poses
 
 
 def read_numbers(text: str, key: str) -> FrozenSet[int]:

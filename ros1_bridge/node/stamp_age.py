@@ -37,12 +37,10 @@ class StampAge:
         if not stamp_s:
             return "its stamp is 0, expected the time of its measurement"
         told = f"{-age_s:.3f} s ahead of" if age_s < -AHEAD_S else f"{old_s:.3f} s old by"
+        cause = "look for what delays or repeats it, or whether a clock was set"
+        if self.made_s == -math.inf:
+            cause = "if another machine sends it, the clocks probably differ: synchronise them (NTP)"
         return (
             f"its stamp {stamp_s:.3f} is {told} this node's clock {now_s:.3f}, expected at most {self._limit_s:g} s "
-            f"old and {AHEAD_S:g} s ahead; {self._cause()}"
+            f"old and {AHEAD_S:g} s ahead; {cause}"
         )
-
-    def _cause(self) -> str:
-        if self.made_s == -math.inf:
-            return "if another machine sends it, the clocks probably differ: synchronise them (NTP)"
-        return "look for what delays or repeats it, or whether a clock was set"
