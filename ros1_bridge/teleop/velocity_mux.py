@@ -9,6 +9,7 @@ import math
 from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.yaml_file import is_number
 
 HIGHEST = 255
 LONGEST_S = 60.0
@@ -106,26 +107,18 @@ def _input(key: str, row: Any, kind: str) -> Input:
         raise ConfigError(f"parameter {key} is {row!r}, expected the keys {', '.join(_KEYS)}")
     drives, priority, timeout_s = kind == "topics", row["priority"], row["timeout"]
     least = 1 if drives else 0
+    whole = isinstance(priority, int) and is_number(priority, least, HIGHEST)
+    ends = is_number(timeout_s, 0, LONGEST_S) and (timeout_s or not drives)
     checks = {
-        "name": (_is(row["name"], str) and row["name"], "a name"),
-        "topic": (_is(row["topic"], str) and row["topic"], "a name"),
-        "priority": (
-            _is(priority, int) and least <= priority <= HIGHEST,
-            f"a whole number from {least} to {HIGHEST}",
-        ),
-        "timeout": (
-            _is(timeout_s, int, float) and 0 <= timeout_s <= LONGEST_S and (timeout_s or not drives),
-            f"a number from {'more than 0' if drives else '0'} to {LONGEST_S:g} s",
-        ),
+        "name": (isinstance(row["name"], str) and row["name"], "a name"),
+        "topic": (isinstance(row["topic"], str) and row["topic"], "a name"),
+        "priority": (whole, f"a whole number from {least} to {HIGHEST}"),
+        "timeout": (ends, f"a number from {'more than 0' if drives else '0'} to {LONGEST_S:g} s"),
     }
     for name, (fits, expected) in checks.items():
         if not fits:
             raise ConfigError(f"parameter {key}/{name} is {row[name]!r}, expected {expected}")
     return Input(row["name"], row["topic"], float(timeout_s), priority)
-
-
-def _is(value: Any, *kinds: type) -> bool:
-    return isinstance(value, kinds) and not isinstance(value, bool)
 
 
 def _require_different(key: str, inputs: Sequence[Input], fields: Sequence[str]) -> None:
