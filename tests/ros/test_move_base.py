@@ -141,9 +141,11 @@ def test_running_node_reports_the_longest_range_when_it_is_requested(rig, tmp_pa
     assert rospy.get_param(f"{rig.ns}/robot_node/clear_range") == 0.7, "a respawned node forgets it"
 
 
-VALUES = yaml.safe_load(
-    (ROOT / "ros1_bridge" / "navigation" / "ekf.yaml").read_text().replace("$(arg yaw_noise)", "1.0e-3")
-)  # with the default of ekf.launch for tracks with a gyro, and for wheels
+YAW_NOISE = {"traxbot": 0.0015, "stingbot": 0.002}  # Of ekf.launch, with a gyro and without
+VALUES = {
+    robot: yaml.safe_load((FOLDER / "ekf.yaml").read_text().replace("$(arg yaw_noise)", str(noise)))
+    for robot, noise in YAW_NOISE.items()
+}
 SQUARE = ((0.2, 0.0, 3.0), (0.0, 0.8, math.pi / 2 / 0.8)) * 4  # Speeds [m/s, rad/s], each for this long [s]
 DRAWN = 5
 LEAST, MOST = 0.1, 7.53
@@ -154,9 +156,10 @@ NEAR_M, NEAR_RAD = 0.005, 0.005
 
 def test_filter_takes_the_twist_of_the_odometry_alone_with_a_diagonal_noise():
     """The pose would count the same errors again, and no other sensor could correct it."""
-    used = [at for at, taken in enumerate(VALUES["odom0_config"]) if taken]
-    assert (VALUES["odom0"], used) == ("odom", [6, 7, 11]), "vx, vy, vyaw"
-    noise = VALUES["process_noise_covariance"]
+    values = VALUES["traxbot"]
+    used = [at for at, taken in enumerate(values["odom0_config"]) if taken]
+    assert (values["odom0"], used) == ("odom", [6, 7, 11]), "vx, vy, vyaw"
+    noise = values["process_noise_covariance"]
     assert len(noise) == 15 * 15 and all((value > 0) == (at % 16 == 0) for at, value in enumerate(noise))
 
 
@@ -165,8 +168,9 @@ class Filtered(Drawn):
 
     def __init__(self, *robot):
         super().__init__(*robot)
-        ours = VALUES["process_noise_covariance"][::16]
-        self.filter = PlanarEkf([ours[at] for at in IN_3D], VALUES["dynamic_process_noise_covariance"])
+        values = VALUES[robot[0]]
+        ours = values["process_noise_covariance"][::16]
+        self.filter = PlanarEkf([ours[at] for at in IN_3D], values["dynamic_process_noise_covariance"])
 
     def step(self):
         super().step()
