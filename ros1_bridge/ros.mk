@@ -31,4 +31,4 @@ pictures: setup firmware ## Take the pictures of the live view, of rviz and of t
 .PHONY: test-navigation
 test-navigation: setup ## Ten goals a run with the real move_base, installed or in the workspace of NAVIGATION_SETUP=path/setup.bash; build/navigation/table.json
 	@$(ROS_ENV) $(if $(NAVIGATION_SETUP),source '$(NAVIGATION_SETUP)' &&) $(PY) -m tests.long.navigation && \
-	  $(PY) -m tests.long.navigation.stops && $(PY) -m tests.long.navigation.ekf
+	  $(PY) -m tests.long.navigation.stops && $(PY) -m tests.long.navigation.ekf && $(PY) -m tests.long.navigation.slam
