@@ -38,7 +38,7 @@ from .connection import ANSWER_S, Connection
 from .driver_recorder import DriverRecorder
 from .link_source import LinkSource
 from .link_status import LinkStatus
-from .options import DEFAULTS, Options, require_baud, require_limits, require_options
+from .options import DEFAULTS, RANGES, Options, require_limits, require_options, require_range
 from .parameters import Parameters
 from .radio import Radio
 from .robot_core import Core, DriverEvent
@@ -91,7 +91,7 @@ class Driver:
         baud: int = BAUD,
         options: Options = DEFAULTS,
     ) -> None:
-        baud, options = require_baud("baud", baud), require_options(options)
+        baud, options = require_range("baud", baud, *RANGES["line_baud"]), require_options(options)
         if isinstance(port, str):
             require_port(port)
         elif not hasattr(port, "read"):

@@ -127,12 +127,6 @@ def require_timeout(name: str, value: Any) -> Optional[float]:
     return min(number, threading.TIMEOUT_MAX)
 
 
-def require_baud(name: str, value: Any) -> int:
-    """Return a baud rate as int; raise ConfigError unless a board can stream at it."""
-    baud: int = require_range(name, value, SLOWEST_BAUD, FASTEST_BAUD, "Bd")
-    return baud
-
-
 def require_options(options: Options) -> Options:
     """Return the options, with numbers of Python's own types; raise ConfigError if one has another type or range."""
     require_kind("options", options, Options, "Options")

@@ -84,7 +84,12 @@ class Claim:
     """
 
     def __init__(self, name: str, others: Sequence[str], now_s: float, late_s: float = LATE_S) -> None:
-        _check_names([name, *others])
+        names = [name, *others]
+        for each in names:
+            if not re.fullmatch("[!-~]+", each):
+                raise ConfigError(f"name of a robot is {each!r}, expected printable ASCII without spaces")
+        if len(set(names)) < len(names):
+            raise ConfigError(f"names of the team are {', '.join(names)}, expected each one once")
         self.name = name
         self._wanted = False
         self._number = self._largest = 0
@@ -155,14 +160,6 @@ class Claim:
         if not better and claim > self._granted[name]:
             self._granted[name] = claim
             self._due_s = -math.inf
-
-
-def _check_names(names: Sequence[str]) -> None:
-    for name in names:
-        if not re.fullmatch("[!-~]+", name):
-            raise ConfigError(f"name of a robot is {name!r}, expected printable ASCII without spaces")
-    if len(set(names)) < len(names):
-        raise ConfigError(f"names of the team are {', '.join(names)}, expected each one once")
 
 
 class RadioTeam:

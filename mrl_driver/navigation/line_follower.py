@@ -56,9 +56,8 @@ class Course:
             self.done = True
             return 0.0, 0.0
         end = self._points[self.corner]
-        if (
-            math.hypot(end[0] - self._begin[0], end[1] - self._begin[1]) < ARRIVED_M
-        ):  # a leg without direction
+        # A leg without direction:
+        if math.hypot(end[0] - self._begin[0], end[1] - self._begin[1]) < ARRIVED_M:
             self._reach()
             return 0.0, 0.0
         left_m, offset_m, error = self._on_leg(self._begin, end, pose)

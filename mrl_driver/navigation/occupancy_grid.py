@@ -44,9 +44,8 @@ class FloorMap:
 
     def __init__(self, sonars: Mapping[str, SonarMount]) -> None:
         self._sonars = sonars
-        self.drawn: Dict[
-            str, Tuple[float, float]
-        ] = {}  # last valid reading of each sonar, and when it was drawn
+        self.drawn: Dict[str, Tuple[float, float]] = {}
+        """Last valid reading of each sonar, and when it was drawn."""
         self._scores: Dict[Cell, int] = {}
         self._taken: Set[Cell] = set()
         self._around: List[Dict[Cell, int]] = [{} for _ in ZONES]
@@ -140,11 +139,8 @@ class FloorMap:
             done.add(cell)
             for i, j, length in _STEPS:
                 step = cell[0] + i, cell[1] + j
-                passed = (
-                    step,
-                    (step[0], cell[1]),
-                    (cell[0], step[1]),
-                )  # a corner of an occupied cell is closed, too
+                # A corner of an occupied cell is closed, too.
+                passed = step, (step[0], cell[1]), (cell[0], step[1])
                 if step in done or not self._taken.isdisjoint(passed):
                     continue
                 cost = costs[cell] + length + self._penalty(step)

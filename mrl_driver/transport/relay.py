@@ -109,9 +109,8 @@ class Bridge:
         finally:
             try:
                 if self._link is not None and (self._client or self._stops):
-                    any(
-                        self._send(self._link, self._stop * STOPS) for _ in range(STOPS)
-                    )  # until the port has taken them
+                    # Until the port has taken them:
+                    any(self._send(self._link, self._stop * STOPS) for _ in range(STOPS))
             finally:
                 if self._link is not None:
                     self._link.close()
