@@ -178,8 +178,9 @@ def missed(file: str, records: Records) -> List[str]:
 
 @functools.lru_cache(maxsize=None)
 def kept(file: str) -> Dict[str, Any]:
-    """The figures of docs/figures/`file`.json."""
-    found: Dict[str, Any] = json.loads((KEPT / f"{file}.json").read_text(encoding="utf-8"))
+    """The figures of docs/figures/`file`.json; none if no run has written it yet."""
+    path = KEPT / f"{file}.json"
+    found: Dict[str, Any] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     return found
 
 
