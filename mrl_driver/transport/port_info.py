@@ -4,9 +4,7 @@ import glob
 import grp
 import os
 import stat
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
-
-from serial.tools import list_ports
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 PTY_MAJORS = range(136, 144)
 ARDUINO_VENDORS = (0x2341, 0x2A03)
@@ -94,9 +92,15 @@ def described_as(device: str, there: Sequence[Port]) -> Port:
     return next((port for port in there if port.device == device), Port(device))
 
 
+def _comports() -> List[Any]:
+    from serial.tools import list_ports  # late: the list of commands needs no pyserial
+
+    return list(list_ports.comports())
+
+
 def ports() -> List[str]:
     """Return the device names of all serial ports."""
-    return sorted(port.device for port in list_ports.comports())
+    return sorted(port.device for port in _comports())
 
 
 def described() -> List[Port]:
@@ -104,7 +108,7 @@ def described() -> List[Port]:
     links: Dict[str, List[str]] = {}
     for link in sorted(glob.glob("/dev/serial/by-id/*")):
         links.setdefault(os.path.realpath(link), []).append(link)
-    found = ((port, tuple(links.get(os.path.realpath(port.device), ()))) for port in list_ports.comports())
+    found = ((port, tuple(links.get(os.path.realpath(port.device), ()))) for port in _comports())
     return [
         Port(port.device, names, port.vid, port.pid, port.serial_number, port.location)
         for port, names in found

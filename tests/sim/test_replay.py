@@ -167,7 +167,7 @@ def mrl(*args):
     "args, text",
     [
         (("FILE", "--speed", "2"), "without --pty"),
-        (("FILE", "--pty", "--speed", "-1"), "'--speed': -1.0, expected 0 to 1e+06"),
+        (("FILE", "--pty", "--speed", "-1"), "'--speed': -1.0, expected 0 to 1000000"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
