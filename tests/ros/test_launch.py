@@ -308,7 +308,7 @@ VARIANTS = [
     ("teleop_joystick.launch", ("layout:=wiimote_tilt",), "teleop_joystick wiimote_node"),
 ]
 """File, its arguments, and all nodes that it starts with them."""
-CLEARING = "set robot_node/sonars clear_range 0.7"  # Arguments of dynparam; test_move_base.py runs it
+CLEARING = "set robot_node/sonars clear_range 1.0"  # Arguments of dynparam; test_move_base.py runs it
 DECLARED = yaml.safe_load((ROOT / "tests" / "ros" / "declared.yaml").read_text())
 DISPLAYS = {
     "rviz/Map": "nav_msgs/OccupancyGrid",
