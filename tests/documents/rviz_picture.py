@@ -21,6 +21,7 @@ from rosgraph.masterapi import is_online
 from ros1_bridge.demo.processes import Child, wait_until
 from sim_arduino.world import world_file
 from tests.long.bench.report import either
+from tests.long.navigation.stack import systems_python
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 LAUNCH = ROOT / "ros1_bridge" / "launch"
@@ -42,7 +43,7 @@ def environment() -> Dict[str, str]:
     """The environment of all child processes."""
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("ROS_PACKAGE_PATH"))))
     return {
-        **os.environ,
+        **systems_python(),
         "DISPLAY": DISPLAY,
         "LIBGL_ALWAYS_SOFTWARE": "1",
         "QT_X11_NO_MITSHM": "1",
@@ -112,9 +113,9 @@ def navigation(start: Start) -> Child:
     planner = start("planner", *stack)
     rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), "fixed_frame:=map")
     _require(wait_until(lambda: _subscribed("/rviz", "/markers"), START_S), rviz)
-    _require(wait_until(lambda: _subscribed("/move_base", "/move_base_simple/goal"), START_S), planner)
+    _require(wait_until(lambda: _subscribed("/move_base", "/move_base/cancel"), START_S), planner)
     start("goal", "rostopic", "pub", "-1", "move_base_simple/goal", "geometry_msgs/PoseStamped", IN_THE_HOUSE)
-    time.sleep(2 * DRIVE_S)
+    time.sleep(DRIVE_S)
     return rviz
 
 
