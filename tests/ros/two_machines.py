@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Callable
 
 import rospy
 from geometry_msgs.msg import Twist, Vector3
@@ -52,8 +53,9 @@ def start(rig: Rig, robot: str) -> None:
     rig.env = here
 
 
-def trial(rig: Rig) -> dict:
+def trial(rig: Rig, robot: str) -> dict:
     """Drive, pull the cable, and plug it in again."""
+    start(rig, robot)
     odom, wire = rig.topic("/odom", Odometry), rig.wire
     odom.wait(10)
     cmd_vel = rospy.Publisher("/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
@@ -73,17 +75,14 @@ def trial(rig: Rig) -> dict:
     return {"moved": moved, "stop_s": stop_s, "again_s": again_s, "odom_again": more}
 
 
-def main(folder: Path) -> None:
-    """One trial, with logs in a folder."""
-    os.environ.update(ROS_MASTER_URI=MASTER, ROS_HOSTNAME="desk", ROS_LOG_DIR=str(folder))
-    os.environ.pop("ROS_IP", None)
+def run(measure: Callable[[Rig, str], dict], master: str, **known: str) -> None:
+    """One measurement, its logs in the folder of the command line; the desk is known by ROS_IP or ROS_HOSTNAME."""
+    folder = Path(sys.argv[1])
+    for name in ("ROS_IP", "ROS_HOSTNAME"):
+        os.environ.pop(name, None)
+    os.environ.update(known, ROS_MASTER_URI=master, ROS_LOG_DIR=str(folder))
     rig = Rig(folder, dict(os.environ))
     try:
-        start(rig, lay_cable(folder, rig))
-        sys.stdout.write(json.dumps(trial(rig)) + "\n")
+        sys.stdout.write(json.dumps(measure(rig, lay_cable(folder, rig))) + "\n")
     finally:
         rig.close()
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

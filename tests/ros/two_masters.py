@@ -3,12 +3,8 @@
 Run it with `unshare --net --mount`; it prints what was seen as JSON, times in seconds.
 """
 
-import json
 import math
-import os
-import sys
 import time
-from pathlib import Path
 
 import rospy
 from geometry_msgs.msg import Twist, Vector3
@@ -19,7 +15,7 @@ from std_msgs.msg import Bool, String
 from tests.waiting import wait_until
 
 from .rig import NODE, ROOT, Rig
-from .two_machines import DESK, MOVE, ROBOT, STOP, TIMEOUT_S, ip, lay_cable
+from .two_machines import DESK, MOVE, ROBOT, STOP, TIMEOUT_S, ip, run
 
 RELAY = ROOT / "ros1_bridge" / "nodes" / "topic_relay"
 MASTER = "http://127.0.0.1:11311"
@@ -70,8 +66,9 @@ def link_words(rig: Rig) -> list:
     return [line.split(start)[1] for line in rig.robots_relay.output() if start in line]
 
 
-def trial(rig: Rig) -> dict:
+def trial(rig: Rig, robot: str) -> dict:
     """Drive over the cable, pull it while driving, send commands meanwhile, plug it in, and drive again."""
+    start(rig, robot)
     wire, odom = rig.wire, rig.topic("/robot1/odom", Odometry)
     connected = rig.topic("/topic_relay/robot1/connected", Bool)
     cmd_vel = rospy.Publisher("/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
@@ -119,17 +116,5 @@ def trial(rig: Rig) -> dict:
     }
 
 
-def main(folder: Path) -> None:
-    """One trial, with logs in a folder."""
-    os.environ.update(ROS_MASTER_URI=MASTER, ROS_IP="127.0.0.1", ROS_LOG_DIR=str(folder))
-    os.environ.pop("ROS_HOSTNAME", None)
-    rig = Rig(folder, dict(os.environ))
-    try:
-        start(rig, lay_cable(folder, rig))
-        sys.stdout.write(json.dumps(trial(rig)) + "\n")
-    finally:
-        rig.close()
-
-
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    run(trial, MASTER, ROS_IP="127.0.0.1")

@@ -47,18 +47,15 @@ def test_settings_need_their_key(data):
     assert (board.encoder(1, 0.0), board.timeout_s) == (0, 0.0)
 
 
-def test_a_larger_wheel_radius_told_turns_the_wheels_slower():
+@pytest.mark.parametrize(
+    "told, speeds, motor, m_s",
+    [({"wheel_radius": 5400}, (500, 0), 0, 0.25), ({"axis_radius": 17400}, (0, 500), 2, 0.09)],
+)
+def test_a_larger_wheel_told_turns_slower_and_on_a_larger_axis_faster(told, speeds, motor, m_s):
     board = fresh()
-    board.set_geometry(0.0, board.geometry._replace(wheel_radius=5400))
-    board.move_differential(0.0, 500, 0)
-    assert board.robot.motors[0].target == pytest.approx(0.25 / TRAXBOT.drive.metres_per_count)
-
-
-def test_a_larger_axis_radius_told_turns_the_robot_faster():
-    board = fresh()
-    board.set_geometry(0.0, board.geometry._replace(axis_radius=17400))
-    board.move_differential(0.0, 0, 500)
-    assert board.robot.motors[2].target == pytest.approx(0.09 / TRAXBOT.drive.metres_per_count)
+    board.set_geometry(0.0, board.geometry._replace(**told))
+    board.move_differential(0.0, *speeds)
+    assert board.robot.motors[motor].target == pytest.approx(m_s / TRAXBOT.drive.metres_per_count)
 
 
 @pytest.mark.parametrize("data", [b"\xfc\xaa\x54", b"\xfc\x55\xaa", b"\xfc", b"\xfc\xaa\x55\x00"])

@@ -49,7 +49,6 @@ class FakeRobot:
         self.calls = []
         self.refuses = None
         self.latched = False
-        self.stands = True
         self.stopped_by = None
         self.values = [0.0, math.nan, math.inf]
         self.names = [("x", "m"), ("y", "m"), ("sonar front", "m")]

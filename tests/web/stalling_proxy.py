@@ -31,11 +31,6 @@ class StallingProxy:
         self._threads = [threading.Thread(target=self._accept, daemon=True)]
         self._threads[0].start()
 
-    @property
-    def last_s(self) -> float:
-        """When the browser last sent something."""
-        return self.sent[-1][0]
-
     def _accept(self) -> None:
         with contextlib.suppress(OSError):
             while True:

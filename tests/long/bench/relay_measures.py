@@ -4,10 +4,8 @@ Run with `unshare --net --mount`: `python -m tests.long.bench.relay_measures FOL
 """
 
 import json
-import os
 import subprocess
 import sys
-from pathlib import Path
 from typing import Any, Dict, List
 
 from rosgraph.masterapi import is_online
@@ -15,7 +13,7 @@ from rosgraph.masterapi import is_online
 from tests.long.bench.report import either
 from tests.ros import two_machines, two_masters
 from tests.ros.rig import Rig
-from tests.ros.two_machines import DESK, ROBOT, lay_cable
+from tests.ros.two_machines import DESK, ROBOT, run
 from tests.ros.two_masters import MASTER, relay_arguments
 from tests.waiting import wait_until
 
@@ -55,32 +53,11 @@ def delays(rig: Rig, robot: str) -> Dict[str, List[List[float]]]:
     return {"relayed": delays_of(relayed), "direct": delays_of(direct)}
 
 
-def cut(rig: Rig, robot: str) -> Dict[str, Any]:
-    two_masters.start(rig, robot)
-    return two_masters.trial(rig)
-
-
-def plain_cut(rig: Rig, robot: str) -> Dict[str, Any]:
-    two_machines.start(rig, robot)
-    return two_machines.trial(rig)
-
-
-MEASURES = {each.__name__: each for each in (delays, cut, plain_cut)}
-
-
-def main(folder: Path, name: str) -> None:
-    """One measurement, with logs in a folder."""
-    host = {"ROS_MASTER_URI": two_machines.MASTER, "ROS_HOSTNAME": "desk"}
-    alone = {"ROS_MASTER_URI": MASTER, "ROS_IP": "127.0.0.1"}
-    os.environ.pop("ROS_IP", None)
-    os.environ.pop("ROS_HOSTNAME", None)
-    os.environ.update(host if name == "plain_cut" else alone, ROS_LOG_DIR=str(folder))
-    rig = Rig(folder, dict(os.environ))
-    try:
-        sys.stdout.write(json.dumps(MEASURES[name](rig, lay_cable(folder, rig))) + "\n")
-    finally:
-        rig.close()
+MEASURES = {"delays": delays, "cut": two_masters.trial, "plain_cut": two_machines.trial}
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), sys.argv[2])
+    if sys.argv[2] == "plain_cut":
+        run(two_machines.trial, two_machines.MASTER, ROS_HOSTNAME="desk")
+    else:
+        run(MEASURES[sys.argv[2]], MASTER, ROS_IP="127.0.0.1")

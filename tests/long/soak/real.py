@@ -43,7 +43,7 @@ class Rig:
     def __init__(self, folder: Path, tally: Tally, seed: int) -> None:
         self.folder, self.tally, self.rng = folder / self.name, tally, random.Random(f"{self.name} {seed}")
         self.folder.mkdir()
-        self.robot = SoakRobot(str(self.folder / "robot"), seed)
+        self.robot = SoakRobot(str(self.folder / "robot"))
         self.fault = ""
         self.ended = False
 

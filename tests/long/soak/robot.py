@@ -1,14 +1,11 @@
-"""An emulated robot in this process, on a port that can be unplugged, and the truth about its wheels."""
+"""An emulated robot in this process, and the truth about its wheels."""
 
 import threading
 import time
-from typing import List
 
 from mrl_driver.robot.models import load
 from sim_arduino.board import PythonBoard
-from sim_arduino.faults.faulty_engine import FaultyEngine
 from sim_arduino.hardware.wiring import Plant
-from sim_arduino.serve.control import Control
 from sim_arduino.serve.pty import PtyPort, SymbolicLink
 from sim_arduino.serve.server import PtyServer
 from sim_arduino.world.world import World
@@ -41,40 +38,22 @@ class Server(PtyServer):
 class SoakRobot:
     """A TraxBot behind `link`, a symbolic link to its port.  Times are on `time.monotonic` [s]."""
 
-    def __init__(self, link: str, seed: int) -> None:
+    def __init__(self, link: str) -> None:
         self.plant = Plant(load("traxbot"), World(), (0.0, 0.0, 0.0))
         self.truth = Truth(self.plant)
-        self.board = PythonBoard(self.plant)
-        self.engine = FaultyEngine(self.board, (), seed)
+        self.engine = PythonBoard(self.plant)
         self.link = link
-        self.remarks: List[str] = []
         self._port = PtyPort()
         self._link = SymbolicLink(link, self._port.path)
         self.start_s = time.monotonic()
-        control = Control(self.engine, None, self._link.move, self.remarks.append)
-        self.server = Server(self.engine, self._port, self.plant, control=control)
+        self.server = Server(self.engine, self._port, self.plant)
         self._thread = threading.Thread(target=self.server.run, daemon=True, name="soak robot")
         self._thread.start()
 
-    def inject(self, fault: str) -> None:
-        """Add a fault; its times count from now."""
-        with self.server.lock:
-            self.engine.inject(fault)
-        self.server.wake()
-
     def mend(self) -> None:
         with self.server.lock:
-            self.engine.clear()
             self.server.deaf = False
         self.server.wake()
-
-    def order(self, name: str, *args: float) -> float:
-        """Call a method of the engine (`unplug`, `plug`, `reset`, `freeze`, `stall`); when."""
-        with self.server.lock:
-            now_s = time.monotonic()
-            getattr(self.engine, name)(*args)
-        self.server.wake()
-        return now_s
 
     @property
     def driven(self) -> bool:
@@ -89,5 +68,4 @@ class SoakRobot:
         self.server.stop()
         self._thread.join(10.0)
         self._link.remove()
-        self.engine.close()
         self._port.close()
