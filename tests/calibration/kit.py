@@ -6,13 +6,26 @@ It has no physics: a wheel turns at once with the share of full speed of its dut
 import math
 from typing import Dict, Tuple
 
+import pytest
+
 from mrl_driver.apps.calibration.wiring_check import BITS
+from mrl_driver.cli import main
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.table import BY_NAME, PARAMETERS
 from mrl_driver.robot import models
 from tests.fake_board import FakeBoard
 
 MODEL = models.load("duo")
+
+
+def calibrate(capsys, *args):
+    """Run `mrl calibrate`; exit code, stdout, lines of stderr."""
+    with pytest.raises(SystemExit) as ended:
+        main.main(["calibrate", *map(str, args)])
+    out, err = capsys.readouterr()
+    assert "Traceback" not in err
+    return ended.value.code or 0, out, err.strip().splitlines()
+
 
 _NAMES = ("move_motors", "read_config", "write_config", "save_config", "default_config")
 _CODES = {BY_NAME[name].code: name for name in _NAMES}

@@ -24,6 +24,7 @@ from mrl_driver.robot.sonar_curve import THESIS, Curve
 from sim_arduino.serve import factory
 
 from . import paths
+from .kit import calibrate
 
 END_M = 0.01
 BELIEVED = models.load("traxbot").drive
@@ -53,12 +54,7 @@ class Lab:
         return Pose(*self.emulated.plant.true_pose)
 
     def mrl(self, *args):
-        """Run `mrl calibrate`; exit code, stdout, lines of stderr."""
-        with pytest.raises(SystemExit) as ended:
-            main.main(["calibrate", *map(str, args)])
-        out, err = self._capsys.readouterr()
-        assert "Traceback" not in err
-        return ended.value.code, out, err.strip().splitlines()
+        return calibrate(self._capsys, *args)
 
     def refused(self, *args):
         """Run it, expect exit code 2; the last line of stderr."""

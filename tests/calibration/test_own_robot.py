@@ -23,6 +23,8 @@ from mrl_driver.yaml_form import with_schema_line
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.serve import factory
 
+from .kit import calibrate
+
 SIDE_M, END_M, END_RAD = 0.4, 0.01, math.radians(0.5)
 BEFORE_M = 0.05  # The hidden errors put a square off by more than this
 HIDDEN = 54  # Motors and encoders swapped, left motor and left encoder reversed
@@ -153,12 +155,7 @@ class Bench:
         return Pose(*self.emulated.plant.true_pose)
 
     def mrl(self, *args):
-        """Run `mrl calibrate imu`; exit code, stdout, lines of stderr."""
-        with pytest.raises(SystemExit) as ended:
-            main.main(["calibrate", "imu", *map(str, args)])
-        out, err = self._capsys.readouterr()
-        assert "Traceback" not in err
-        return ended.value.code, out, err.strip().splitlines()
+        return calibrate(self._capsys, "imu", *args)
 
 
 @pytest.fixture
