@@ -57,18 +57,15 @@ def test_speed_beyond_the_ceiling_is_clamped(bench):
     assert bench.status().clamped == 1
 
 
-def test_clamping_keeps_the_curvature(bench):
-    bench.write_config("linear_ceiling", 200)
-    half_m = 0.5 * bench.model.drive.wheel_separation_m
-    turned = speeds(bench, "move_differential", 400, 2000)
-    assert turned == pytest.approx((0.2 - half_m, 0.2 + half_m), abs=SPEED_M_S)
-
-
-def test_the_angular_ceiling_holds_too(bench):
-    bench.write_config("angular_ceiling", 1000)
-    half_m = 0.5 * bench.model.drive.wheel_separation_m
-    turned = speeds(bench, "move_differential", 100, -4000)
-    assert turned == pytest.approx((0.025 + half_m, 0.025 - half_m), abs=SPEED_M_S)
+@pytest.mark.parametrize(
+    "ceiling, most, asked, linear_m_s, angular_rad_s",
+    [("linear_ceiling", 200, (400, 2000), 0.2, 1.0), ("angular_ceiling", 1000, (100, -4000), 0.025, -1.0)],
+)
+def test_both_ceilings_keep_the_curvature(bench, ceiling, most, asked, linear_m_s, angular_rad_s):
+    bench.write_config(ceiling, most)
+    turn_m_s = 0.5 * bench.model.drive.wheel_separation_m * angular_rad_s
+    turned = speeds(bench, "move_differential", *asked)
+    assert turned == pytest.approx((linear_m_s - turn_m_s, linear_m_s + turn_m_s), abs=SPEED_M_S)
 
 
 def test_a_reversal_ends_at_the_other_speed(bench):

@@ -13,23 +13,14 @@ from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.world import World
 
+from .test_experiments import rows
+
 SEED = 1000
 
 
 def once(run, setting):
     """In place of the runs with many seeds."""
     return [run(setting._replace(seed=SEED))]
-
-
-def rows(experiment, folder, over_seeds=once, **short):
-    """Figures of an experiment by their keys, some of its constants replaced."""
-    with pytest.MonkeyPatch.context() as patch:
-        for name, value in {"over_seeds": over_seeds, **short}.items():
-            patch.setattr(experiment, name, value)
-        result = experiment.run(Setting(str(folder)))
-    for picture in result.pictures:
-        assert (folder / picture).read_bytes().startswith(b"\x89PNG")
-    return {row.key: row for row in result.rows}
 
 
 @pytest.mark.parametrize("name", ["front", "left", "right"])
@@ -51,7 +42,7 @@ def test_sonar_without_a_reading_is_unknown_although_nothing_stands_in_the_virtu
 
 def test_mixed_team_does_not_collide(tmp_path):
     """Unless real and virtual robots do not see each other, or one that slips hears no echoes of the virtual one."""
-    figures = rows(mixed_team, tmp_path, DURATION_S=20.0, CONTROL_S=20.0, SLIPPING_S=20.0)
+    figures = rows(mixed_team, tmp_path, over_seeds=once, DURATION_S=20.0, CONTROL_S=20.0, SLIPPING_S=20.0)
     for key in ("collided", "slip_touched"):
         assert (figures[key].ours, figures[key].control) == ("0 of 1", "1 of 1")
     assert figures["distance_m"].ours > 7

@@ -268,21 +268,18 @@ def test_the_speed_to_a_position_is_four_times_what_is_left_and_at_most_the_requ
     assert set_points(motor, 1, STEP) == pytest.approx([sign * wanted])
 
 
-def test_the_way_to_a_position_speeds_up_by_the_ramp_and_slows_down_without_it():
+@pytest.mark.parametrize(
+    "goal, ahead, travel, then",
+    [(1000.0, [150.0, 300.0], 990.0, 40.0), (100.0, [150.0, 300.0, 400.0], 200.0, -400.0)],
+)
+def test_the_way_to_a_position_speeds_up_by_the_ramp_and_slows_down_or_turns_round_without_it(
+    goal, ahead, travel, then
+):
     motor = Motor(PARAMS)
-    motor.go_to(1000.0, 3000.0, True)
-    assert set_points(motor, 2) == pytest.approx([150.0, 300.0])
-    motor.travel = 990.0
-    assert set_points(motor, 1) == pytest.approx([40.0])
-
-
-def test_turning_round_at_the_same_speed_is_not_speeding_up():
-    """The goal is 100 counts ahead, and then 100 counts behind."""
-    motor = Motor(PARAMS)
-    motor.go_to(100.0, 3000.0, True)
-    assert set_points(motor, 3) == pytest.approx([150.0, 300.0, 400.0])
-    motor.travel = 200.0
-    assert set_points(motor, 1) == pytest.approx([-400.0])
+    motor.go_to(goal, 3000.0, True)
+    assert set_points(motor, len(ahead)) == pytest.approx(ahead)
+    motor.travel = travel
+    assert set_points(motor, 1) == pytest.approx([then])
 
 
 def test_a_new_goal_keeps_the_ramp():
