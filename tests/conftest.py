@@ -3,6 +3,7 @@
 `--tier` chooses tests by the rule of `tiers.py`.  The last lines name the seed, which gives the same order again.
 """
 
+import contextlib
 import gc
 import os
 import pathlib
@@ -43,6 +44,13 @@ FIRST = (
     "conformance/",
     "sim/",
 )
+
+
+@pytest.fixture
+def close_later():
+    """Closes what it is called with at the end of the test, the last first, and returns it."""
+    with contextlib.ExitStack() as stack:
+        yield lambda made: stack.enter_context(contextlib.closing(made))
 
 
 def pytest_addoption(parser):

@@ -35,18 +35,15 @@ class Plant:
 
 
 @pytest.fixture
-def engine(sketch):
+def engine(sketch, close_later):
     """Makes an engine on a program of tests/avr/sketches, 200 us after power-up."""
-    made = []
 
     def start(name):
-        made.append(AvrEngine(Plant(), sketch(name)))
-        made[-1].advance(200e-6)
-        return made[-1]
+        made = close_later(AvrEngine(Plant(), sketch(name)))
+        made.advance(200e-6)
+        return made
 
-    yield start
-    for one in made:
-        one.close()
+    return start
 
 
 def poke(engine, name, value):

@@ -12,21 +12,18 @@ SILENCE = f"loss:rate=1,at={SILENT_S},direction=to_host"
 
 
 @pytest.fixture
-def driven():
+def driven(close_later):
     """Makes an emulated robot and its driver, at rest; the line has a fault from one second on."""
-    made = []
 
     def make(fault, **options):
-        made.append(factory.make(factory.Options(robot="traxbot", faults=(fault,), **options)))
-        robot = SteppedDriver(made[-1].engine)
+        made = close_later(factory.make(factory.Options(robot="traxbot", faults=(fault,), **options)))
+        robot = SteppedDriver(made.engine)
         robot.connect()
         manoeuvres.settle(robot)
         assert robot.now_s < SILENT_S
-        return made[-1].plant, robot
+        return made.plant, robot
 
-    yield make
-    for emulated in made:
-        emulated.close()
+    return make
 
 
 def test_a_short_silence_does_not_end_a_course(driven):

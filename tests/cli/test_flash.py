@@ -32,16 +32,8 @@ def image(tmp_path):
 
 
 @pytest.fixture
-def bootloader():
-    made = []
-
-    def make(**options):
-        made.append(Bootloader(**options))
-        return made[-1]
-
-    yield make
-    for each in made:
-        each.close()
+def bootloader(close_later):
+    return lambda **options: close_later(Bootloader(**options))
 
 
 @pytest.fixture

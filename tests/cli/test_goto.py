@@ -20,25 +20,20 @@ LATE_S = 1.0
 
 
 @pytest.fixture
-def robot(tmp_path):
+def robot(tmp_path, close_later):
     """Makes a stepped driver among walls; its attribute `plant` has the true pose."""
-    opened = []
 
     def make(walls):
         file = tmp_path / "world.yaml"
         file.write_text(f"walls: [{walls}]\n")
-        emulated = factory.make(factory.Options(robot="traxbot"), world_file.load(str(file)))
-        driver = SteppedDriver(emulated.engine)
+        emulated = close_later(factory.make(factory.Options(robot="traxbot"), world_file.load(str(file))))
+        driver = close_later(SteppedDriver(emulated.engine))
         driver.connect()
         driver.plant = emulated.plant
         driver.wait(2 * CYCLE_S)
-        opened.append((driver, emulated))
         return driver
 
-    yield make
-    for driver, emulated in opened:
-        driver.close()
-        emulated.close()
+    return make
 
 
 def test_a_goal_behind_a_wall_is_reached_around_it(robot):

@@ -16,17 +16,14 @@ def motors(request):
 
 
 @pytest.fixture
-def benches(engine):
+def benches(engine, close_later):
     """Makes benches that are closed at the end: `benches(motors, **options)` awake, with `wake=False` at power-on."""
-    made = []
 
     def build(motors, wake=True, **options):
-        made.append(Bench(engine, motors, **options))
-        return made[-1].wake() if wake else made[-1]
+        bench = close_later(Bench(engine, motors, **options))
+        return bench.wake() if wake else bench
 
-    yield build
-    for bench in made:
-        bench.close()
+    return build
 
 
 @pytest.fixture

@@ -81,18 +81,15 @@ def patient(request, monkeypatch):
 
 
 @pytest.fixture
-def serve(patient):
+def serve(patient, close_later):
     """Puts a fake board on a pty; call it with a board, or with the arguments of FakeBoard."""
-    boards = []
 
     def start(board=None, **kwargs):
-        boards.append(PtyBoard(board or FakeBoard(**kwargs)))
-        boards[-1].board.reset(time.monotonic())
-        return boards[-1]
+        served = close_later(PtyBoard(board or FakeBoard(**kwargs)))
+        served.board.reset(time.monotonic())
+        return served
 
-    yield start
-    for board in boards:
-        board.close()
+    return start
 
 
 class Cable:

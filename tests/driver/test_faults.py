@@ -31,17 +31,9 @@ ON_CLOCKS_S = 0.01  # The emulated board's time may differ by so much from that 
 
 
 @pytest.fixture
-def emulate():
+def emulate(close_later):
     """Starts an emulator in this process."""
-    started = []
-
-    def start():
-        started.append(Emulator())
-        return started[-1]
-
-    yield start
-    for emulator in started:
-        emulator.close()
+    return lambda: close_later(Emulator())
 
 
 @pytest.mark.realtime

@@ -45,18 +45,16 @@ def commanded_robot(engine="python", motors="omni3md", **options):
 
 
 @pytest.fixture
-def robots():
+def robots(close_later):
     """Makes such robots."""
-    made = []
 
     def make(*args, **options):
-        made.append(commanded_robot(*args, **options))
-        return made[-1]
+        robot = commanded_robot(*args, **options)
+        close_later(robot.bench)
+        close_later(robot.driver)
+        return robot
 
-    yield make
-    for each in made:
-        each.driver.close()
-        each.bench.close()
+    return make
 
 
 def lose_bytes(robot, seconds=LOSS_S):

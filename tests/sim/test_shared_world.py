@@ -215,16 +215,8 @@ class Process:
 
 
 @pytest.fixture
-def make(lab):
-    made = []
-
-    def process(address: int, **options: float) -> Process:
-        made.append(Process(lab, address, **options))
-        return made[-1]
-
-    yield process
-    for each in made:
-        each.close()
+def make(lab, close_later):
+    return lambda address, **options: close_later(Process(lab, address, **options))
 
 
 def test_radios_of_two_processes_receive_each_other(make):
