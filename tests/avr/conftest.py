@@ -2,7 +2,7 @@
 
 import subprocess
 from pathlib import Path
-from typing import Callable, Dict, Iterator, List
+from typing import Any, Callable, Dict, List
 
 import pytest
 
@@ -51,15 +51,12 @@ class Bench:
 
 
 @pytest.fixture
-def bench(sketch: Callable[[str], Path]) -> Iterator[Callable[[str], Bench]]:
+def bench(sketch: Callable[[str], Path], close_later: Callable[..., Any]) -> Callable[[str], Bench]:
     """Makes a Bench that runs a program, its variables initialised (200 us after power-up)."""
-    machines: List[AvrMachine] = []
 
     def start(name: str) -> Bench:
-        machines.append(AvrMachine(sketch(name)))
-        machines[-1].run(200e-6)
-        return Bench(machines[-1])
+        machine = close_later(AvrMachine(sketch(name)))
+        machine.run(200e-6)
+        return Bench(machine)
 
-    yield start
-    for machine in machines:
-        machine.close()
+    return start

@@ -1,6 +1,6 @@
 """Boards that run the firmware's C++ on the PC."""
 
-from typing import Callable, Dict, Iterator, List
+from typing import Any, Callable, List
 
 import pytest
 
@@ -90,13 +90,11 @@ class Bench:
 
 
 @pytest.fixture
-def bench() -> Iterator[Callable[..., Bench]]:
-    made: Dict[int, Bench] = {}
+def bench(close_later: Callable[..., Any]) -> Callable[..., Bench]:
 
     def make(**options) -> Bench:
-        made[len(made)] = Bench(**options)
-        return made[len(made) - 1]
+        made = Bench(**options)
+        close_later(made.board)
+        return made
 
-    yield make
-    for each in made.values():
-        each.board.close()
+    return make

@@ -151,16 +151,13 @@ class Pins(Bench):
 
 
 @pytest.fixture
-def pins():
-    made: List[Pins] = []
-
+def pins(close_later):
     def make(**values: int) -> Pins:
-        made.append(Pins(**values))
-        return made[-1]
+        made = Pins(**values)
+        close_later(made.board)
+        return made
 
-    yield make
-    for each in made:
-        each.board.close()
+    return make
 
 
 # ---- shares of moves

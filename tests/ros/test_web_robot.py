@@ -98,16 +98,13 @@ class Bench:
 
 
 @pytest.fixture
-def bench(monkeypatch):
-    made = []
-
+def bench(monkeypatch, close_later):
     def make(**options):
-        made.append(Bench(monkeypatch, **options))
-        return made[-1]
+        made = Bench(monkeypatch, **options)
+        close_later(made.robot)
+        return made
 
-    yield make
-    for each in made:
-        each.robot.close()
+    return make
 
 
 def test_one_stop_ends_the_driving_and_a_page_that_does_not_drive_sends_nothing(bench):

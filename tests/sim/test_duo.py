@@ -83,16 +83,13 @@ class Duo:
 
 
 @pytest.fixture(params=ENGINES)
-def duo(request):
-    made = []
-
+def duo(request, close_later):
     def make(**options):
-        made.append(Duo(request.param, **options))
-        return made[-1]
+        made = Duo(request.param, **options)
+        close_later(made.board)
+        return made
 
-    yield make
-    for each in made:
-        each.board.close()
+    return make
 
 
 @pytest.mark.parametrize("phase", [0.0, 0.2])

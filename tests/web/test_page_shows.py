@@ -22,17 +22,13 @@ return [...document.body.querySelectorAll("*")].filter(e => e.checkVisibility())
 
 
 @pytest.fixture
-def visit(browser, served):
-    pages = []
-
+def visit(browser, served, close_later):
     def open_page(size=DESK, before=""):
-        pages.append(RobotPage(browser, served.links[0], size, before))
-        pages[-1].arrive()
-        return pages[-1]
+        page = RobotPage(browser, served.links[0], size, before)
+        close_later(page.tab)
+        return page.arrive()
 
-    yield open_page
-    for page in pages:
-        page.tab.close()
+    return open_page
 
 
 @pytest.mark.parametrize("size", [PHONE, DESK, PROJECTOR])
