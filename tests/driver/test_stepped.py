@@ -18,10 +18,8 @@ BRAKING_S = 0.3  # From the stop to standing still; the motor board brakes at on
 
 
 @pytest.fixture
-def emulated():
-    emulated = factory.make(factory.Options(robot="traxbot", world="square"))
-    yield emulated
-    emulated.close()
+def emulated(close_later):
+    return close_later(factory.make(factory.Options(robot="traxbot", world="square")))
 
 
 @pytest.fixture

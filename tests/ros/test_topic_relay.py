@@ -258,10 +258,8 @@ class Ends:
 
 
 @pytest.fixture
-def ends():
-    made = Ends()
-    yield made
-    made.close()
+def ends(close_later):
+    return close_later(Ends())
 
 
 def test_messages_arrive_with_their_age(ends):
@@ -377,10 +375,8 @@ class Peer:
 
 
 @pytest.fixture
-def peer():
-    made = Peer()
-    yield made
-    made.close()
+def peer(close_later):
+    return close_later(Peer())
 
 
 EVENT = Source(1, "event", "/node", *PLAIN, False)

@@ -13,10 +13,8 @@ from .simulator import Client
 
 
 @pytest.fixture
-def port():
-    port = PtyPort()
-    yield port
-    port.close()
+def port(close_later):
+    return close_later(PtyPort())
 
 
 def test_bytes_pass_unchanged_both_ways(port):

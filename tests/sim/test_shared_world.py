@@ -347,10 +347,8 @@ class Pair:
 
 
 @pytest.fixture
-def pair():
-    made = Pair()
-    yield made
-    made.close()
+def pair(close_later):
+    return close_later(Pair())
 
 
 def test_held_robot_stops_refuses_and_stands_after_it_is_free(pair, capsys):

@@ -45,10 +45,8 @@ class Robot:
 
 
 @pytest.fixture
-def robot(tmp_path):
-    robot = Robot(tmp_path)
-    yield robot
-    robot.close()
+def robot(tmp_path, close_later):
+    return close_later(Robot(tmp_path))
 
 
 def test_it_drives_while_commands_come_and_stops_0_2_s_after_the_last(robot):
