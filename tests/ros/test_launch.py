@@ -308,7 +308,7 @@ VARIANTS = [
     ("teleop_joystick.launch", ("layout:=wiimote_tilt",), "teleop_joystick wiimote_node"),
 ]
 """File, its arguments, and all nodes that it starts with them."""
-CLEARING = "set robot_node/sonars clear_range 1.0"  # Arguments of dynparam; test_move_base.py runs it
+CLEARING = "set robot_node/sonars clear_range 0.7"  # Arguments of dynparam; test_move_base.py runs it
 DECLARED = yaml.safe_load((ROOT / "tests" / "ros" / "declared.yaml").read_text())
 DISPLAYS = {
     "rviz/Map": "nav_msgs/OccupancyGrid",
@@ -514,6 +514,7 @@ def test_filter_is_less_sure_of_turns_by_wheels_and_least_by_tracks(config_of, a
             "1 2 0 0.5 0 0 map robot1/odom",
         ),
         (("sensors:=both",), "clear_range", CLEARING),
+        (("sensors:=both", "robot:=stingbot"), "clear_range", CLEARING.replace("0.7", "1.0")),
     ],
 )
 def test_programs_for_the_sonars_get_these_words(config_of, arguments, name, words):
