@@ -100,8 +100,7 @@ class Plant:
         if self.footprint:
             self.robot.allow = Bumper(self.world, self.footprint, name).share
         self.environment = dataclasses.replace(self.world.scene.ambient)
-        self._spoilt = SpoiltReadings(environment_errors, seed)
-        self.sonars_fitted = sonars
+        self._spoilt, self.sonars_fitted = SpoiltReadings(environment_errors, seed), sonars
         mounts = model.sonars if sonars else {}
         self.sonars = SonarChain(mounts, self.world, self._pose_at, name, sonar_errors, seed)
         self.imu = self._imu(imu_errors, seed) if imu else None
