@@ -19,7 +19,7 @@ from sim_arduino.world import world_file
 from tests.long.bench import report
 
 from .goals import GOALS, LIMIT_S, ROBOTS, SENSORS, Judge, Outcome, figures_of, row_of, table_of
-from .stack import ROOT, Stack, require_packages
+from .stack import ROOT, Stack, end_with, packages_for, require_packages
 
 FOLDER = ROOT / "build" / "navigation"
 TABLE = FOLDER / "table.json"
@@ -70,7 +70,7 @@ def main(arguments: List[str]) -> int:
         print(json.dumps(ten_goals(robots[0], worlds[0], (f"sensors:={sensors[0]}", *given.more))))
         return 0
     for kind in sensors:
-        require_packages(kind)
+        require_packages(packages_for(kind))
     FOLDER.mkdir(parents=True, exist_ok=True)
     rows: List[Dict[str, object]] = json.loads(TABLE.read_text()) if TABLE.exists() else []
     for values in itertools.product(sensors, worlds, robots):
@@ -97,8 +97,4 @@ def in_own_process(run: Dict[str, str], more: Sequence[str]) -> List[Outcome]:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(sys.argv[1:]))
-    except MrlError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_code)
+    end_with(main)

@@ -10,10 +10,8 @@ import itertools
 import math
 import random
 import statistics
-import sys
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
-from mrl_driver.errors import MrlError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.covariance import Spread, error_squared
 from mrl_driver.robot.odometry import Wheels
@@ -22,7 +20,7 @@ from tests.driver.test_covariance import PERIOD_S, Drawn
 from tests.long.bench import report
 
 from .runs import Runs
-from .stack import ROOT, Master
+from .stack import ROOT, Master, end_with
 
 ROBOTS = report.either(20, 1)
 RUNS = Runs(ROOT / "build" / "navigation" / "ekf", "tests.long.navigation.ekf", ROBOTS)
@@ -165,8 +163,4 @@ def main(keys: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(sys.argv[1:]))
-    except MrlError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_code)
+    end_with(main)

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any, Dict, Iterable, List, NamedTuple, Sequence
 
 from mrl_driver.errors import MrlError
-from ros1_bridge.node import packages
 
-from .stack import ROOT
+from .stack import ROOT, require_packages
 
 
 class Runs(NamedTuple):
@@ -38,11 +37,10 @@ class Runs(NamedTuple):
         """The results of all conditions; runs what is missing, in `workers` processes at a time.
 
         Raises:
-            MrlError: one of the packages `needed` is missing, or a run has failed.
+            ConfigError: one of the packages `needed` is missing.
+            MrlError: a run has failed.
         """
-        lacking = packages.missing(needed)
-        if lacking:
-            raise MrlError(f"{packages.advice(lacking)}, and give its setup.bash as NAVIGATION_SETUP")
+        require_packages(needed)
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(self._run, keys))
         lacking = [key for key in keys if self.missing(key)]

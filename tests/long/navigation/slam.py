@@ -7,10 +7,8 @@ at once, and a run continues there: delete the folder to begin again.  With KEEP
 """
 
 import itertools
-import sys
 from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
-from mrl_driver.errors import MrlError
 from sim_arduino.experiments import mapping
 from sim_arduino.experiments.experiment_robot import TICK_S, Setting, open_robot
 from sim_arduino.hardware.imu import ImuErrors
@@ -21,7 +19,7 @@ from sim_arduino.world.world import World
 from tests.long.bench import report
 
 from .runs import Runs
-from .stack import ROOT, Master
+from .stack import ROOT, Master, end_with
 
 RUNS = Runs(ROOT / "build" / "navigation" / "slam", "tests.long.navigation.slam", report.either(10, 1))
 WORKERS = 2
@@ -108,8 +106,4 @@ def main(keys: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main(sys.argv[1:]))
-    except MrlError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_code)
+    end_with(main)

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any, Dict, List, Sequence
+from typing import Any, Callable, Dict, List, Sequence
 
 from rosgraph.masterapi import is_online
 
@@ -26,17 +26,26 @@ class StackError(MrlError):
     """A part of the stack did not start."""
 
 
-def require_packages(sensors: str) -> None:
-    """Check that the packages of navigation.launch are installed, or in a workspace that was sourced.
+def packages_for(sensors: str) -> List[str]:
+    """The packages of navigation.launch with these sensors."""
+    layer = () if sensors == "laser" else ("range_sensor_layer",)
+    return [*NEEDED, *layer, "tf2_ros" if sensors == "sonars" else "amcl"]
 
-    Raises:
-        ConfigError: some are not; the message says how to get them.
-    """
-    needed = [*NEEDED, *(() if sensors == "laser" else ("range_sensor_layer",))]
-    needed += ["tf2_ros"] if sensors == "sonars" else ["amcl"]
+
+def require_packages(needed: Sequence[str]) -> None:
+    """Check that packages are installed, or in a workspace that was sourced; ConfigError says how to get them."""
     lacking = packages.missing(needed)
     if lacking:
         raise ConfigError(f"{packages.advice(lacking)}, and give its setup.bash as NAVIGATION_SETUP")
+
+
+def end_with(main: Callable[[List[str]], int]) -> None:
+    """End this program with what `main` returns for its arguments; an MrlError costs a line."""
+    try:
+        sys.exit(main(sys.argv[1:]))
+    except MrlError as error:
+        sys.stderr.write(f"{error}\n")
+        sys.exit(error.exit_code)
 
 
 def systems_python() -> Dict[str, str]:

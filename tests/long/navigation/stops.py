@@ -11,7 +11,7 @@ import subprocess
 import sys
 import time
 import xmlrpc.client
-from typing import Any, Callable, Dict, Tuple
+from typing import Any, Callable, Dict, Sequence, Tuple
 
 import actionlib
 import rosgraph
@@ -27,7 +27,7 @@ from tests.long.bench import report
 
 from .drive import message_of
 from .goals import GOALS
-from .stack import ROOT, Stack, require_packages
+from .stack import ROOT, Stack, end_with, packages_for, require_packages
 
 FOLDER = ROOT / "build" / "navigation" / "stops"
 UNDER_WAY_M, LIMIT_S = 0.3, 60.0
@@ -107,9 +107,9 @@ def figures_of(client: Any, place: Place, stop: Act, release: Act) -> Tuple[floa
     return math.dist(stopped, stood), place.moved_m(stood)
 
 
-def main() -> int:
+def main(_: Sequence[str]) -> int:
     """Try all; returns the exit code."""
-    require_packages("laser")
+    require_packages(packages_for("laser"))
     figures: Dict[str, float] = {}
     with Stack("traxbot", "house", world_file.load("house"), FOLDER, ("sensors:=laser",)) as stack:
         rospy.init_node("stops", disable_signals=True)
@@ -127,8 +127,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except MrlError as error:
-        sys.stderr.write(f"{error}\n")
-        sys.exit(error.exit_code)
+    end_with(main)
