@@ -166,6 +166,24 @@ def pages(scenario):
 # -- what a page is shown
 
 
+@pytest.mark.parametrize(
+    ("way", "written"), [("page", "WebSocketResponse.send_str"), ("posting_page", "StreamResponse.write")]
+)
+def test_a_connection_that_ends_while_it_is_written_to_ends_alone(way, written):
+    async def fail(*_):
+        raise AttributeError("as of Python 3.11's TLS transport")
+
+    async def run(site):
+        with mock.patch(f"aiohttp.web.{written}", fail), contextlib.suppress(Exception):
+            async with getattr(site, way)() as page:
+                await page.next("view")
+        await site.until(lambda: not site.clients)
+        async with site.page() as page:
+            await page.next("view")
+
+    serving(run)
+
+
 @pages
 async def test_each_report_of_the_robot_is_a_sample(site, page):
     await page.next("view")

@@ -13,6 +13,8 @@ CONGESTED_BYTES = 16384
 """With more unsent bytes than this in the program, messages wait, and newer ones replace them."""
 STALLED_S = 5.0  # a client that accepts nothing for this time is closed [s]
 LOOK_S = 0.05  # time between two looks at a connection that is congested [s]
+ENDED = (ConnectionError, AttributeError)
+"""What a connection raises that has ended; the second is Python 3.11's TLS transport, if it has just ended."""
 MOST_PER_S = 200  # more messages of one client in a second close it; the page sends at most 80
 
 Send = Callable[[str], Awaitable[Any]]
@@ -52,7 +54,7 @@ class Client:
     def abort(self) -> None:
         """Close the connection at once."""
         if self._transport is not None and not self._transport.is_closing():
-            with contextlib.suppress(AttributeError):  # of Python 3.11's TLS transport, if it has just ended
+            with contextlib.suppress(*ENDED):
                 self._transport.abort()
 
     def is_flooding(self, now_s: float) -> bool:
@@ -71,7 +73,7 @@ class Client:
         A connection that is gone, or on which the client accepts no data, is closed at once.
         """
         self._transport, free_s = transport, time.monotonic()
-        with contextlib.suppress(ConnectionError):
+        with contextlib.suppress(*ENDED):
             while not self.gone.is_set():
                 await self._ready.wait()
                 self._ready.clear()

@@ -531,11 +531,10 @@ class Server:
             clock_s(), name is not None, name or "", seconds, self._recording_loss, files
         )
 
-    def _spawn(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> None:
         task = self._loop.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._done)
-        return task
 
     def _done(self, task: "asyncio.Task[Any]") -> None:
         self._tasks.discard(task)
@@ -677,10 +676,16 @@ class Server:
         transport = request.transport
         if transport is None:
             return response  # its page has gone already
+        task = asyncio.current_task()
+        assert task is not None
+        self._tasks.add(
+            task
+        )  # not by `_spawn`: what goes wrong with one page's request must not end the server
         try:
             send = lambda text: response.write(f"data: {text}\n\n".encode())  # noqa: E731
-            await self._spawn(client.pump(send, transport, response.write_eof))
+            await client.pump(send, transport, response.write_eof)
         finally:
+            self._tasks.discard(task)
             self._sessions.pop(request.match_info["session"], None)
             client.end("")
             self._leave(client)
