@@ -42,6 +42,12 @@ void board_clear_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
     avr->data[address] &= (uint8_t)~board_written_ones(avr, value);
 }
 
+/* Stops the chip for good: the program uses what is not simulated. */
+void board_refuse(board_t *board, const char *format, int value) {
+    AVR_LOG(board->avr, LOG_ERROR, format, value);
+    board->avr->state = cpu_Crashed;
+}
+
 /* Makes the run loop look at all interrupt sources after the current instruction. */
 void board_recheck(board_t *board) {
     if (board->avr->interrupt_state == 0)

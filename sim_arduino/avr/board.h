@@ -164,6 +164,7 @@ struct board {
 void board_on(board_t *board, int address, avr_io_write_t write, avr_io_read_t read, void *param);
 void board_on_plain(board_t *board, int first, int last);
 void board_recheck(board_t *board);
+void board_refuse(board_t *board, const char *format, int value);
 void board_write_and_recheck(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);
 uint8_t board_written_ones(const avr_t *avr, uint8_t value);
 void board_clear_flags(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param);

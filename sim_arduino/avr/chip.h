@@ -57,7 +57,7 @@ static const chip_timer_t CHIP_TIMERS[TIMERS] = {
     [TIMER2] = {0xFF, 0x37, 0x70, 0xB0, 0xB1, 0xB2, {0xB3, 0xB4}, {0, 1, 8, 32, 64, 128, 256, 1024},
                 {{PORT_B, 3}, {PORT_D, 3}}},
     [TIMER1] = {0xFFFF, 0x36, 0x6F, 0x80, 0x81, 0x84, {0x88, 0x8A}, {0, 1, 8, 64, 256, 1024, 0, 0},
-                {{PORTS, 0}, {PORTS, 0}}}, /* its outputs are not simulated */
+                {{PORT_B, 1}, {PORT_B, 2}}},
 };
 
 #endif

@@ -121,10 +121,8 @@ static void fall_asleep(board_t *board) {
     uint8_t control = avr->data[SMCR];
     avr->state = cpu_Running; /* the core would wake for interrupts that are not served */
     board->asleep = control & SE_BIT;
-    if (!board->asleep || !(control & SM_BITS))
-        return;
-    snprintf(last_message, sizeof last_message, "SMCR is 0x%02x, but only idle mode is simulated", control);
-    avr->state = cpu_Crashed;
+    if (board->asleep && (control & SM_BITS))
+        board_refuse(board, "SMCR is 0x%02x, but only idle mode is simulated", control);
 }
 
 /* The cycle of the next event of a timer or peripheral. */

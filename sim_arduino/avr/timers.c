@@ -1,21 +1,22 @@
-/* Timers 0 and 2 with 8 bits and their PWM outputs, in all modes; timer 1 with 16 bits and input capture on ICP1.
+/* Timers 0 and 2 with 8 bits and their PWM outputs, in all modes; timer 1 with 16 bits in its normal and CTC mode and in
+ * PWM with 8 bits, its outputs, and input capture on ICP1.
  *
  * The counter is lazy: it catches up when a register is read or written, when an enabled interrupt is due, and at each
  * edge of an observed output. Whole rounds that passed meanwhile are counted in closed form, so PWM that is not
- * observed costs nothing. Source: data sheet, "8-bit Timer/Counter0 with PWM" and "8-bit Timer/Counter2".
+ * observed costs nothing. Source: data sheet, "8-bit Timer/Counter0 with PWM", "16-bit Timer/Counter1 with PWM" and
+ * "8-bit Timer/Counter2".
  *
  * All happens when the counter leaves a value, as in the chapters' timing diagrams: a match sets its flag and acts on
  * its output; TOP ends a round and loads the compare registers from their buffers; TOV is set at MAX, in fast PWM at
- * TOP, in phase-correct PWM at BOTTOM. The PWM modes of timer 1 count as its normal mode does, and its outputs are not
- * simulated. Nor are external clocks, the asynchronous timer 2, GTCCR and PRR.
+ * TOP, in phase-correct PWM at BOTTOM. External clocks, the asynchronous timer 2, GTCCR and PRR are not simulated.
  */
 #include "board.h"
 
 enum { TOV = 0x01, OCFA = 0x02, ICF1 = 0x20 }; /* OCFA << 1 is OCFB; TIMSK has the same bits */
-enum { CS = 0x07, WGM2 = 0x08, WGM13 = 0x10, ICES1 = 0x40, FOCA = 0x80, WGM10 = 0x03 };
+enum { CS = 0x07, WGM2 = 0x08, WGM13 = 0x10, ICES1 = 0x40, FOCA = 0x80, WGM10 = 0x03, PWM_MAX = 0xFF };
 enum { COM_NONE, COM_TOGGLE, COM_CLEAR, COM_SET };
 enum { KIND = 3, NORMAL = 0, PHASE_CORRECT = 1, CTC = 2, FAST = 3, TO_OCRA = 4 }; /* WGM: a kind, and TOP of PWM */
-/* Rounds to MAX after which all repeats; the least number of them of which whole rounds are counted at once. */
+/* Rounds to TOP, or to MAX, after which all repeats; the least number of them of which whole rounds are counted at once. */
 enum { SETTLED = 4, ROUNDS_FROM = 16 };
 static const uint32_t NEVER = UINT32_MAX;
 
@@ -25,8 +26,9 @@ static bool is_dual_slope(const timer_state_t *timer) { return (timer->mode & KI
 static bool is_fast(const timer_state_t *timer) { return (timer->mode & KIND) == FAST; }
 
 static uint16_t top_of(const timer_state_t *timer) {
-    bool to_compare = is_pwm(timer) ? timer->mode & TO_OCRA : (timer->mode & KIND) == CTC;
-    return to_compare ? timer->compare[0] : timer->at->max;
+    if (is_pwm(timer))
+        return timer->mode & TO_OCRA ? timer->compare[0] : PWM_MAX;
+    return (timer->mode & KIND) == CTC ? timer->compare[0] : timer->at->max;
 }
 
 /* Counts in a round: from BOTTOM to BOTTOM. */
@@ -219,7 +221,8 @@ static void count_to(timer_state_t *timer, uint64_t cycle) {
     uint64_t now = timer->shift < 0 ? 0 : edges(timer, cycle);
     if (now <= timer->counted)
         return;
-    uint64_t counts = now - timer->counted, round = timer->at->max + 1u;
+    bool keeps_top = is_loaded(timer) && timer->count <= timer->top;
+    uint64_t counts = now - timer->counted, round = (keeps_top ? timer->top : timer->at->max) + 1u;
     if (counts >= ROUNDS_FROM * round) {
         flags |= count_singly(timer, SETTLED * round);
         counts = count_rounds(timer, counts - SETTLED * round);
@@ -326,7 +329,7 @@ uint64_t timers_high_cycles(board_t *board, int port, int bit) {
 /* ---- registers */
 
 static uint8_t com_of(const timer_state_t *timer, int unit) {
-    uint8_t com = is_wide(timer) ? 0 : timer->board->avr->data[timer->at->tccra] >> (6 - 2 * unit) & 3;
+    uint8_t com = timer->board->avr->data[timer->at->tccra] >> (6 - 2 * unit) & 3;
     bool toggles_in_pwm = unit == 0 && (timer->mode & TO_OCRA);
     return is_pwm(timer) && com == COM_TOGGLE && !toggles_in_pwm ? COM_NONE : com;
 }
@@ -340,10 +343,20 @@ static void load_unbuffered(timer_state_t *timer) {
     timer->top = top_of(timer);
 }
 
+static uint8_t wide_mode_of(const timer_state_t *timer, uint8_t a, uint8_t b) {
+    uint8_t wgm = (uint8_t)((a & WGM10) | (b & (WGM2 | WGM13)) >> 1);
+    switch (wgm) {
+    case 0: return NORMAL;
+    case 1: return PHASE_CORRECT;
+    case 4: return CTC;
+    case 5: return FAST;
+    }
+    board_refuse(timer->board, "WGM of a 16-bit timer is %d, but only 0, 1, 4 and 5 are simulated", wgm);
+    return NORMAL;
+}
+
 static uint8_t mode_of(const timer_state_t *timer, uint8_t a, uint8_t b) {
-    if (is_wide(timer))
-        return !(a & WGM10) && (b & (WGM2 | WGM13)) == WGM2 ? CTC : NORMAL;
-    return (uint8_t)((a & WGM10) | (b & WGM2 ? TO_OCRA : 0));
+    return is_wide(timer) ? wide_mode_of(timer, a, b) : (uint8_t)((a & WGM10) | (b & WGM2 ? TO_OCRA : 0));
 }
 
 static void configure(timer_state_t *timer) {

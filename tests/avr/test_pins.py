@@ -2,8 +2,10 @@
 
 import pytest
 
-LED, INT0, A, B, PORT_PIN, PWM_PIN = 13, 2, 2, 4, 7, 5
+LED, A, B, PORT_PIN, PWM_PIN = 13, 2, 4, 7, 5
+INT_PINS = (2, 3)  # of INT0 and INT1
 GROUP_B, GROUP_D = 1, 4  # bits of PCICR and PCIFR
+PCIFR, PCMSK0 = 0x3B, 0x6B  # registers
 READ, CLEAR, CLEAR_BY_SBI, ENABLE, DIRECTION, PORT, TOGGLE = range(1, 8)
 PWM, INTERRUPTS_OFF, INTERRUPTS_ON, CBI_OF_FLAG = range(8, 12)
 # data sheet, "Interrupt Response Time"; the vector is a JMP
@@ -78,11 +80,24 @@ def test_a_one_clears_its_flag_alone(bench, command, left):
     assert board.get("flags") == left
 
 
+@pytest.mark.parametrize("pin", range(20))
+def test_a_change_of_any_pin_flags_its_group(bench, pin):
+    board = bench("memory.c")  # all pins are inputs
+    group, bit = (2, pin) if pin < 8 else (0, pin - 8) if pin < 14 else (1, pin - 14)
+    board.machine.poke(PCMSK0 + group, bytes([1 << bit]))
+    for changed in range(20):
+        board.machine.set_pin(changed, not board.machine.pin(changed))
+        flag = board.machine.peek(PCIFR)[0]
+        board.machine.poke(PCIFR, b"\0")
+        assert flag == (1 << group if changed == pin else 0)
+
+
+@pytest.mark.parametrize("number, pin", list(enumerate(INT_PINS)))
 @pytest.mark.parametrize("sense, expected", [(ANY, 4), (FALLING, 2), (RISING, 2)])
-def test_int0_has_a_sense(bench, sense, expected):
-    board = started(bench, enable=0, sense=sense, external=1)
+def test_an_external_interrupt_has_a_sense(bench, sense, expected, number, pin):
+    board = started(bench, enable=0, sense=sense << 2 * number, external=1 << number)
     begun = board.machine.cycle
-    board.machine.plan_edges(INT0, range(begun + 500, begun + 2500, 500))
+    board.machine.plan_edges(pin, range(begun + 500, begun + 2500, 500))
     board.machine.run(1e-3)
     assert board.get("externals") == expected
 

@@ -1,12 +1,18 @@
-"""Timers 0 and 2 against the ATmega328P data sheet, "8-bit Timer/Counter0 with PWM" and "8-bit Timer/Counter2"."""
+"""The timers against the ATmega328P data sheet, "8-bit Timer/Counter0 with PWM", "16-bit Timer/Counter1 with PWM" and
+"8-bit Timer/Counter2".
+"""
 
 import random
 
 import pytest
 
-OUTPUTS = {0: (6, 5), 2: (11, 3)}  # pins of the compare units A and B
-PRESCALERS = {0: (1, 8, 64, 256, 1024), 2: (1, 8, 32, 64, 128, 256, 1024)}
+from sim_arduino.avr.machine import MachineCrashed
+
+OUTPUTS = {0: (6, 5), 1: (9, 10), 2: (11, 3)}  # pins of the compare units A and B
+NARROW = (0, 2)  # timers with 8 bits
+PRESCALERS = {n: (1, 8, 32, 64, 128, 256, 1024) if n == 2 else (1, 8, 64, 256, 1024) for n in OUTPUTS}
 NORMAL, PHASE_CORRECT, CTC, FAST, PHASE_CORRECT_TO_A, FAST_TO_A = 0, 1, 2, 3, 5, 7
+WIDE_MODES = {NORMAL: 0, PHASE_CORRECT: 1, CTC: 4, FAST: 5}  # those of timer 1; PWM with 8 bits
 TOGGLE, CLEAR, SET = 1, 2, 3
 TOV, OCFA, OCFB = 1, 2, 4
 ALL_PINS = 0xFF
@@ -21,8 +27,8 @@ class Timer:
     """A timer of the sketch that has just started.
 
     Args:
-        number: 0 or 2.
-        mode: waveform generation mode, 0 to 7.
+        number: 0 to 2.
+        mode: waveform generation mode of an 8-bit timer, 0 to 7.
         com: compare output modes of the units A and B.
         compare: values of the compare registers A and B.
         divider: of the prescaler.
@@ -35,9 +41,10 @@ class Timer:
     ):
         self.board = bench("pwm.c")
         self.machine, self.pins = self.board.machine, OUTPUTS[number]
+        mode = WIDE_MODES[mode] if number == 1 else mode
         self.control_a = com[0] << 6 | com[1] << 4 | mode & 3
         self.control_b = (mode & 4) << 1 | PRESCALERS[number].index(divider) + 1
-        settings = {"timer2": number == 2, "control_a": self.control_a, "control_b": self.control_b}
+        settings = {"timer": number, "control_a": self.control_a, "control_b": self.control_b}
         settings.update(enable=enable, compare_a=compare[0], compare_b=compare[1])
         settings.update(outputs=outputs, count=count, go=1)
         for name, value in settings.items():
@@ -96,8 +103,15 @@ WAVES = [  # mode, compare output modes and values of A and B, counts of (period
 DIVIDERS = [(number, divider) for number, dividers in PRESCALERS.items() for divider in dividers]
 
 
-@pytest.mark.parametrize("number, divider", DIVIDERS)
-@pytest.mark.parametrize("mode, com, compare, a, b", WAVES)
+def has_mode(number, mode):
+    """NORMAL takes timer 1 65536 counts a round."""
+    return number in NARROW or mode in (PHASE_CORRECT, CTC, FAST)
+
+
+@pytest.mark.parametrize(
+    "number, divider, mode, com, compare, a, b",
+    [(*timer, *wave) for timer in DIVIDERS for wave in WAVES if has_mode(timer[0], wave[0])],
+)
 def test_waves_have_the_periods_and_pulses_of_the_data_sheet(
     bench, number, divider, mode, com, compare, a, b
 ):
@@ -144,23 +158,25 @@ def test_fast_pwm_loads_a_compare_value_at_bottom(bench):
     assert edges[1:3] == [(1, rise + 2 * 256 * 64), (0, rise + 2 * 256 * 64 + 51 * 64)]
 
 
-@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize("divider", [64, 1024])
+@pytest.mark.parametrize("number", NARROW)
 @pytest.mark.parametrize(
     "mode, counts, expected",
     [(NORMAL, 256, 10), (CTC, 100, 0), (FAST, 256, 10), (FAST_TO_A, 100, 10), (PHASE_CORRECT, 510, 10),
      (PHASE_CORRECT_TO_A, 198, 10)],
 )  # fmt: skip
-def test_overflows_interrupt(bench, number, mode, counts, expected):
+def test_overflows_interrupt(bench, number, mode, counts, expected, divider):
     """At MAX in normal and CTC mode, at TOP in fast PWM, at BOTTOM in phase-correct PWM."""
-    timer = Timer(bench, number, mode, (0, 0), (99, 10), 64, enable=TOV, count=5)
-    timer.machine.run_until(timer.machine.cycle + 10 * counts * 64)
+    timer = Timer(bench, number, mode, (0, 0), (99, 10), divider, enable=TOV, count=5)
+    timer.machine.run_until(timer.machine.cycle + 10 * counts * divider)
     assert timer.board.get("overflows") == expected
 
 
-def test_pwm_that_nobody_watches_has_no_events(bench):
+@pytest.mark.parametrize("number", OUTPUTS)
+def test_pwm_that_nobody_watches_has_no_events(bench, number):
     ends = []
     for watched in (False, True):
-        timer = Timer(bench, 0, FAST, (CLEAR, CLEAR), (100, 100), watched=watched)
+        timer = Timer(bench, number, FAST, (CLEAR, CLEAR), (100, 100), watched=watched)
         timer.tell(SLEEP)
         ends.append(timer.machine.next_event_cycle - timer.machine.cycle)
     assert ends[0] > HOUR_CYCLES > 256 >= ends[1]
@@ -168,10 +184,11 @@ def test_pwm_that_nobody_watches_has_no_events(bench):
 
 def random_settings(seed):
     draw = random.Random(seed)
-    number = draw.choice([0, 2])
+    number = draw.choice(list(OUTPUTS))
+    modes = [NORMAL, PHASE_CORRECT, CTC, FAST, PHASE_CORRECT_TO_A, FAST_TO_A]
     return {
         "number": number,
-        "mode": draw.choice([NORMAL, PHASE_CORRECT, CTC, FAST, PHASE_CORRECT_TO_A, FAST_TO_A]),
+        "mode": draw.choice([mode for mode in modes if number in NARROW or mode in WIDE_MODES]),
         "com": (draw.randrange(4), draw.randrange(4)),
         "compare": (draw.choice([0, 1, 3, 77, 254, 255]), draw.choice([0, 1, 2, 77, 200, 255])),
         "divider": draw.choice(PRESCALERS[number]),
@@ -199,14 +216,31 @@ def test_the_time_high_in_closed_form_is_that_of_the_edges(bench, seed):
     assert high[0] == high[1]
 
 
-@pytest.mark.parametrize("number", OUTPUTS)
+@pytest.mark.parametrize("divider", [64, 1024])
+@pytest.mark.parametrize("number", NARROW)
 @pytest.mark.parametrize(
     "mode, round_counts, matches",
     [(NORMAL, 256, 10), (CTC, 100, 10), (FAST, 256, 10), (FAST_TO_A, 100, 10), (PHASE_CORRECT, 510, 20)],
 )
 def test_matches_interrupt_once_a_round_and_in_phase_correct_pwm_on_both_slopes(
-    bench, number, mode, round_counts, matches
+    bench, number, mode, round_counts, matches, divider
 ):
-    timer = Timer(bench, number, mode, (0, 0), (99, 10), 64, enable=OCFA | OCFB)
-    timer.machine.run_until(timer.machine.cycle + 10 * round_counts * 64)
+    timer = Timer(bench, number, mode, (0, 0), (99, 10), divider, enable=OCFA | OCFB)
+    timer.machine.run_until(timer.machine.cycle + 10 * round_counts * divider)
     assert (timer.board.get("matches_a"), timer.board.get("matches_b")) == (matches, matches)
+
+
+@pytest.mark.parametrize("mode, interrupts", [(FAST, (10, 10, 10)), (PHASE_CORRECT, (10, 20, 20))])
+def test_timer_1_interrupts_in_pwm(bench, mode, interrupts):
+    """Overflows and matches of A and B, over ten rounds."""
+    timer = Timer(bench, 1, mode, (CLEAR, CLEAR), (99, 10), 64, enable=TOV | OCFA | OCFB, count=5)
+    timer.machine.run_until(timer.machine.cycle + 10 * (256 if mode == FAST else 510) * 64)
+    assert tuple(timer.board.get(name) for name in ("overflows", "matches_a", "matches_b")) == interrupts
+
+
+@pytest.mark.parametrize("wgm", [2, 3, *range(6, 16)])
+def test_a_mode_of_timer_1_that_is_not_simulated_is_refused(bench, wgm):
+    timer = Timer(bench, 1, NORMAL, (0, 0), (0, 0))
+    with pytest.raises(MachineCrashed, match="WGM of a 16-bit timer is .*, but only 0, 1, 4 and 5"):
+        timer.tell(WRITE_CONTROL_A, wgm & 3)
+        timer.tell(WRITE_CONTROL_B, (wgm & 12) << 1 | 1)

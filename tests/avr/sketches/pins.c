@@ -1,4 +1,4 @@
-/* Pin-change interrupts of D0 to D7 by `mask`, INT0 by `sense`, after `go`; then a `command` each. D13 shows interrupts. */
+/* Pin-change interrupts of D0 to D7 by `mask`, INT0 and INT1 by `sense`, after `go`; then a `command` each. D13 shows interrupts. */
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/sleep.h>
@@ -13,6 +13,7 @@ ISR(PCINT2_vect, ISR_NAKED) {
 }
 ISR(SPI_STC_vect) { changes++; }
 ISR(INT0_vect) { externals++; }
+ISR(INT1_vect, ISR_ALIASOF(INT0_vect));
 
 enum { READ = 1, CLEAR, CLEAR_BY_SBI, ENABLE, DIRECTION, PORT, TOGGLE, PWM, INTERRUPTS_OFF, INTERRUPTS_ON, CBI_OF_FLAG };
 
