@@ -1,6 +1,6 @@
 """Renders the command table and the robot models into the firmware's `protocol.h` and into `firmware/PROTOCOL.md`,
-the pins of the chips into its `chip_pins.h`, the form of a robot's file into a JSON Schema for editors, and the table of
-problems into `docs/troubleshooting.md`.
+the pins of the chips into its `chip_pins.h`, the form of a robot's file into a JSON Schema for editors, and the table
+of problems into `docs/troubleshooting.md`.
 
     python -m mrl_driver.generate            writes the files
     python -m mrl_driver.generate --check    exit code 1 and one line per stale file; writes nothing
