@@ -10,7 +10,7 @@ from mrl_driver.robot import models as robots
 
 _NO_REQUEST = ("xbee_text",)  # rows that only the board sends
 _OWN_HANDLER = ("discover_xbee", "read_imu")  # do more than ask for their reply
-_BUILDS = {"environment": "MRL_ENVIRONMENT", "xbee": "MRL_XBEE", "hold": "MRL_XBEE"}
+_BUILDS = {"environment": "MRL_ENVIRONMENT", "xbee": "MRL_XBEE", "hold": "MRL_XBEE", "bridge": "MRL_BRIDGE"}
 """Options of build.h without which a build does not have a capability."""
 
 _TOP = """
@@ -19,6 +19,9 @@ _TOP = """
 #include <stdint.h>
 
 #include "../../build.h"
+
+// Only an H-bridge build has the parameters of MRL_PINS.
+#define MRL_LAST_PARAMETER (MRL_BRIDGE ? {all} : {settings})
 
 // A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
@@ -39,7 +42,10 @@ constexpr int16_t SONAR_NOTHING = {table.SONAR_NOTHING};  // cm, nothing in rang
 constexpr uint8_t HOLD_MARK = {table.HOLD_MARK};  // first byte of a hold text
 constexpr uint8_t MOST_HOLDERS = {table.MOST_HOLDERS};  // that a board accepts at a time
 constexpr uint8_t REASON_COUNT = {reasons};
-constexpr uint8_t PARAMETER_COUNT = {parameters};
+constexpr uint8_t PARAMETER_COUNT = {settings};  // of MRL_PARAMETERS
+constexpr uint8_t PIN_FIRST = {settings};  // parameters of MRL_PINS, which only MRL_BRIDGE has
+constexpr uint8_t PIN_COUNT = {pins};
+constexpr int16_t NOT_CONNECTED = {table.NOT_CONNECTED};  // value of a pin
 constexpr uint8_t MODEL_PARAMETER_FIRST = {first};  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = {count};
 
@@ -51,7 +57,7 @@ enum class Reason : uint8_t {{ MRL_REASONS(MRL_REASON) }};
 
 // Rows of the EEPROM configuration.
 #define MRL_PARAMETER(number, name, ...) name = number,
-enum class Parameter : uint8_t {{ MRL_PARAMETERS(MRL_PARAMETER) }};
+enum class Parameter : uint8_t {{ MRL_PARAMETERS(MRL_PARAMETER) MRL_PINS(MRL_PARAMETER) }};
 
 // One handler for each request that the build has and that does more than ask; a forgotten one fails to link.
 #define MRL_HANDLER(code, constant, name, ...) void name(const int16_t* args, uint8_t count);
@@ -90,6 +96,8 @@ def header() -> str:
         *_enum("StopReason", _numbered(STOP_REASONS)),
         "// Bridge chips of parameter 19.",
         *_enum("Bridge", _numbered(table.BRIDGES)),
+        "// Why the wiring is refused: problem of read_wiring.",
+        *_enum("WiringProblem", _numbered(name for name, _ in table.WIRING_PROBLEMS)),
         "// Whether the radio holds the robot.",
         *_enum("HoldState", _numbered(name for name, _ in table.HOLD_STATES)),
         "// Second byte of a hold text.",
@@ -105,7 +113,8 @@ def _head() -> str:
         table=table,
         codes=max(row.code for row in table.COMMANDS),
         reasons=len(table.REASONS),
-        parameters=len(table.PARAMETERS),
+        settings=len(table.SETTINGS),
+        pins=len(table.PINS),
         first=robots.BOARD_KEYS[0],
         count=len(robots.BOARD_KEYS),
     )
@@ -138,7 +147,9 @@ def _request_rows() -> List[str]:
         rows.append(f"{_kind(row)}({', '.join(map(str, cells))})")
         first += most
     return [
-        *_TOP.strip().splitlines(),
+        *_TOP.strip()
+        .format(all=table.PARAMETERS[-1].number, settings=table.SETTINGS[-1].number)
+        .splitlines(),
         *_macro("MRL_COMMANDS(REQUEST, QUERY, NO_REQUEST)", rows),
     ]
 
@@ -171,7 +182,7 @@ def _sensor_rows() -> List[str]:
 def _parameter_rows() -> List[str]:
     """The parameters, then their defaults: those of each model, and those that all models share."""
     models = robots.driven_models()
-    names = {row.number: row.name for row in table.PARAMETERS}
+    names = {row.number: row.name for row in table.SETTINGS}
     rows = []
     for model in models:
         values = ", ".join(str(model.board[names[index]]) for index in robots.BOARD_KEYS)
@@ -179,10 +190,9 @@ def _parameter_rows() -> List[str]:
     common = [_int(robots.COMMON_BOARD[name]) for name in names.values() if name in robots.COMMON_BOARD]
     return [
         "// number, name, lowest and highest value",
-        *_macro(
-            "MRL_PARAMETERS(PARAMETER)",
-            [f"PARAMETER({p.number}, {p.name}, {_int(p.low)}, {_int(p.high)})" for p in table.PARAMETERS],
-        ),
+        *_macro("MRL_PARAMETERS(PARAMETER)", _ranges(table.SETTINGS)),
+        "// the same of the wiring",
+        *_macro("MRL_PINS(PARAMETER)", _ranges(table.PINS)),
         "// lowest and highest robot id, then the parameters from axis_radius on: "
         + ", ".join(m.name for m in models),
         *_macro("MRL_MODELS(MODEL)", rows),
@@ -192,11 +202,17 @@ def _parameter_rows() -> List[str]:
     ]
 
 
+def _ranges(rows: Iterable[table.Parameter]) -> List[str]:
+    return [f"PARAMETER({row.number}, {row.name}, {_int(row.low)}, {_int(row.high)})" for row in rows]
+
+
 def _macro(head: str, rows: Iterable[str]) -> List[str]:
     return [" \\\n  ".join([f"#define {head}", *rows]), ""]
 
 
 def _range(row: table.Field) -> str:
+    if row.name == "index":
+        return f"RANGE({row.low}, MRL_LAST_PARAMETER)"
     return "ANY" if row.low == table.INT16_MIN else f"RANGE({row.low}, {row.high})"
 
 

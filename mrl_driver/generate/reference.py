@@ -124,6 +124,7 @@ def _bits_and_rows() -> Iterator[str]:
     yield _table(("fault (30)", "bit", "meaning"), _bit_cells(table.FAULTS))
     yield _table(("value", "bridge (parameter 19)"), _numbered(zip(table.BRIDGES)))
     yield _table(("wiring (parameter 20)", "bit", "meaning"), _bit_cells(table.WIRING))
+    yield _table(("value", "wiring problem (51)", "meaning"), _numbered(table.WIRING_PROBLEMS))
     yield _table(("value", "reset cause (30)"), _numbered(zip(table.RESET_CAUSES)))
     yield _table(("value", "stop reason (30)"), _numbered(zip(STOP_REASONS)))
     yield _table(("value", "hold state (49)", "meaning"), _numbered(table.HOLD_STATES))
@@ -166,7 +167,7 @@ def _parameter_cells(row: Parameter) -> Tuple[str, ...]:
 def _defaults() -> str:
     models = robots.driven_models()
     defaults = [robots.firmware_defaults(model) for model in models]
-    rows = [(row.name, *(str(each.get(row.name, "–")) for each in defaults)) for row in table.PARAMETERS]
+    rows = [(row.name, *(str(each.get(row.name, "–")) for each in defaults)) for row in table.SETTINGS]
     heads = ["default of", *(f"{m.name} ({min(m.ids)}-{max(m.ids)})" for m in models)]
     others = f"Boards with any other id start with the defaults of {models[0].name}.\n"
     return _table(heads, rows) + "\n" + others

@@ -1,5 +1,6 @@
 """Renders the command table and the robot models into the firmware's `protocol.h` and into `firmware/PROTOCOL.md`,
-the form of a robot's file into a JSON Schema for editors, and the table of problems into `docs/troubleshooting.md`.
+the pins of the chips into its `chip_pins.h`, the form of a robot's file into a JSON Schema for editors, and the table
+of problems into `docs/troubleshooting.md`.
 
     python -m mrl_driver.generate            writes the files
     python -m mrl_driver.generate --check    exit code 1 and one line per stale file; writes nothing
@@ -14,6 +15,7 @@ from typing import Callable, Dict, Mapping, Sequence, Tuple
 from mrl_driver.robot import models
 from mrl_driver.yaml_form import schema_text
 
+from .chip_header import chip_header
 from .cpp_header import header
 from .reference import reference
 from .troubleshooting import troubleshooting
@@ -22,6 +24,7 @@ ROOT = Path(__file__).resolve().parent.parent.parent
 
 FILES: Dict[str, Callable[[], str]] = {
     "firmware/mrl_firmware/src/serial/protocol.h": header,
+    "firmware/mrl_firmware/src/hal/chip_pins.h": chip_header,
     "firmware/PROTOCOL.md": reference,
     "docs/troubleshooting.md": troubleshooting,
     "mrl_driver/robot/models/robot.schema.json": lambda: schema_text(

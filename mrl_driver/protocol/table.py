@@ -171,7 +171,8 @@ _GYRO = tuple(_int16(f"gyro_{axis}", "0.000266462 rad/s", f"Angular rate about t
                                                          "deg/s.") for axis in "xyz")
 _ACCEL = tuple(_int16(f"accel_{axis}", "0.000598551 m/s2", f"Acceleration along the chip's {axis} axis, +1 g if it "
                                                           "points up; 16384 counts per g.") for axis in "xyz")
-_INDEX = Field("index", 0, 27, "", "Row of the parameter table.")
+_INDEX = Field("index", 0, 44, "", "Row of the parameter table; H-bridge builds alone have rows above 27.")
+_ROW = Field("parameter", -1, _INDEX.high, "", "Parameter with the problem; -1: none.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
                  for i in (3, 2, 1, 0))
@@ -295,6 +296,10 @@ _OTHERS: Tuple[Command, ...] = (
             capability="hold"),
     Command(50, "release_hold", "Drop the silent holders. The host decides this; time alone never ends a hold.", (),
             (_flag("held", "1: another robot still holds this one."),), guarded=True, capability="hold"),
+    Command(51, "read_wiring", "First problem of the wiring in parameters 19, 20 and 28 to 44.", (), (
+        Field("problem", 0, 11, "", "Row of the wiring problem table."), _ROW,
+        _ROW._replace(name="other", text="Second parameter that the problem is about; -1: none.")),
+            capability="bridge"),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 
@@ -337,8 +342,8 @@ FAULTS: Tuple[Tuple[str, str], ...] = (
     ("wiring", "The bridge or its wiring is not set; the board refuses to move."),
     ("imu", "The IMU has answered, and does not any more."),
 )
-BRIDGES: Tuple[str, ...] = ("unset", "vnh5019", "cytron", "l298n", "tb6612", "drv8833", "bts7960")
-"""Bridge chips of parameter 19."""
+BRIDGES: Tuple[str, ...] = ("unset", "vnh5019", "cytron", "l298n", "tb6612", "drv8833", "bts7960", "l298n_enable")
+"""Bridge chips of parameter 19; l298n has PWM on its inputs, l298n_enable on its enable."""
 WIRING: Tuple[Tuple[str, str], ...] = (
     ("set", "The wiring is known; without this bit the board refuses to move."),
     ("motors_swapped", "Motor output 1 drives the right wheel, and 3 the left one."),
@@ -350,6 +355,21 @@ WIRING: Tuple[Tuple[str, str], ...] = (
     ("single_channel", "The encoders have channel A only; the direction is that of the command."),
 )
 """Bits of parameter 20.  Each wheel's bits apply after the swaps: they belong to what drives or measures that wheel."""
+WIRING_PROBLEMS: Tuple[Tuple[str, str], ...] = (
+    ("none", "The board accepts the wiring."),
+    ("not_connected", "The pin is not connected, and the bridge or the encoder needs it."),
+    ("no_such_pin", "The chip does not have the pin."),
+    ("serial_pin", "D0 and D1 are the serial link."),
+    ("pin_used_twice", "Another function has the same pin."),
+    ("no_pwm", "The pin must carry PWM, and no timer drives it."),
+    ("led_pin", "The bootloader moves the LED's pin, and with it the motor."),
+    ("no_interrupt", "Channel A of an encoder is on a pin without an interrupt."),
+    ("no_analog", "The pin is not an analog input."),
+    ("bus_pin", "The pin is the I2C bus's, and the bus is in use."),
+    ("timer_modes", "The timers of a motor's two PWM pins cannot make the same PWM."),
+    ("no_clock", "The board's clock needs the timer that makes this pin's PWM."),
+)
+"""Problems of a wiring, in the order of their tests.  The board reports the first one and refuses every motion."""
 RESET_CAUSES: Tuple[str, ...] = ("unknown", "power_on", "external", "brown_out", "watchdog")
 HOLD_STATES: Tuple[Tuple[str, str], ...] = (
     ("off", "Parameter 26 is 0; hold texts reach the host as other texts do."),
@@ -371,7 +391,7 @@ number, high byte first, that is larger in each new hold of a holder.  Numbers w
 MOST_HOLDERS = BY_NAME["read_radio"].reply[1].high
 """A board accepts this many holders at a time."""
 
-PARAMETERS: Tuple[Parameter, ...] = (
+SETTINGS: Tuple[Parameter, ...] = (
     Parameter(0, "robot_id", 0, INT16_MAX, "", "Robot id; 0 is not set."),
     Parameter(1, "axis_radius", 1, INT16_MAX, "0.01 mm", "Half the axle, as fitted for the motor board."),
     Parameter(2, "wheel_radius", 1, INT16_MAX, "0.01 mm", "Wheel radius, as fitted for the motor board."),
@@ -396,7 +416,7 @@ PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(21, "stop_mode", 0, 1, "", "How the H-bridge stops: 0 brakes, 1 lets the wheels coast.", "bridge"),
     Parameter(22, "reversal_pause", 0, 1000, "ms", "Time without drive before a wheel changes direction.", "bridge"),
     Parameter(23, "friction_duty", 0, 500, "0.1 %", "Duty at which a wheel begins to turn.", "bridge"),
-    Parameter(24, "battery_divider", 0, INT16_MAX, "0.001", "Battery voltage per volt at A3; 0: not measured.",
+    Parameter(24, "battery_divider", 0, INT16_MAX, "0.001", "Battery voltage per volt at its pin; 0: not measured.",
               "bridge"),
     Parameter(25, "undervoltage", 0, INT16_MAX, "0.01 V", "The motors stop below this voltage; 0 turns it off.",
               "bridge"),
@@ -405,6 +425,25 @@ PARAMETERS: Tuple[Parameter, ...] = (
     Parameter(27, "plain_calibrate", 0, 1, "", "1: until the host turns checksums on, 1 needs none, as in 2013. One "
                                                "damaged byte of 5, 13 or 19 may then become 1.", "omni"),
 )
+"""The parameters that every build stores."""
+NOT_CONNECTED = -1
+"""Value of a pin that leads nowhere."""
+PINS: Tuple[Parameter, ...] = tuple(
+    Parameter(len(SETTINGS) + i, f"pin_{name}", NOT_CONNECTED, 69, "", f"Arduino pin of {text}; -1: not connected.",
+              "bridge")
+    for i, (name, text) in enumerate((
+        ("left_pwm_a", "PWM_A of motor 1"), ("left_pwm_b", "PWM_B of motor 1"), ("left_logic", "LOGIC of motor 1"),
+        ("right_pwm_a", "PWM_A of motor 3"), ("right_pwm_b", "PWM_B of motor 3"), ("right_logic", "LOGIC of motor 3"),
+        ("left_encoder_a", "channel A of encoder 1"), ("left_encoder_b", "channel B of encoder 1"),
+        ("right_encoder_a", "channel A of encoder 3"), ("right_encoder_b", "channel B of encoder 3"),
+        ("sonar_front", "the front sonar's output"), ("sonar_left", "the left sonar's output"),
+        ("sonar_right", "the right sonar's output"), ("sonar_trigger", "the sonars' trigger"),
+        ("sonar_power", "the sonars' power switch"), ("battery", "the battery's divider"),
+    ))
+) + (Parameter(44, "i2c", 0, 1, "", "1: the I2C bus has its two pins.", "bridge"),)
+"""The parameters of the wiring, which H-bridge builds store apart from the others.  A0 is 14 on the Uno and 54 on the
+Mega."""
+PARAMETERS: Tuple[Parameter, ...] = SETTINGS + PINS
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 
 MAX_ARGUMENTS = max(max(len(row.request), len(row.reply) + (len(STAMP) if row.stamped else 0))

@@ -41,6 +41,7 @@ _PINS: Dict[str, Tuple[str, str, str, str]] = {
     "cytron": ("D00", "D01", "", ""),
     "drv8833": ("1R0", "R10", "110", "000"),
     "bts7960": ("1R0", "R10", "110", "110"),
+    "l298n_enable": ("D10", "D01", "111", "000"),
 }
 """Pins while a motor is driven forward, driven backward, brakes and coasts: low, high, duty D or the rest R to 255.
 
@@ -251,6 +252,10 @@ class BridgeControl(Motors):
     def status(self) -> Tuple[int, ...]:
         """The number of impossible transitions."""
         return (min(INT16_MAX, sum(encoder.impossible for encoder in self.encoders)),)
+
+    def wiring_problem(self) -> Tuple[int, int, int]:
+        """The reply to `read_wiring`."""
+        return 0, -1, -1
 
     # ---- requests
 

@@ -77,9 +77,16 @@ def _set_baud(board: Board, rate: int) -> None:
     board.wanted_baud = rate
 
 
+def _read_config(board: Board, index: int) -> None:
+    if index < len(board.config.values):
+        board.ask("read_config", index)
+    else:
+        board.refuse("argument_range")
+
+
 def _write_config(board: Board, index: int, value: int) -> None:
     row = PARAMETERS[index]
-    if not row.low <= value <= row.high:
+    if index >= len(board.config.values) or not row.low <= value <= row.high:
         board.refuse("argument_range")
         return
     board.config[row.name] = value
@@ -301,7 +308,7 @@ REQUESTS: Dict[str, Callable[..., None]] = {
     "set_check": _set_check,
     "set_watchdog": _set_watchdog,
     "set_baud": _set_baud,
-    "read_config": lambda board, index: board.ask("read_config", index),
+    "read_config": _read_config,
     "write_config": _write_config,
     "save_config": _save_config,
     "default_config": _default_config,
@@ -335,6 +342,7 @@ REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     "xbee_text": lambda board, _: board.radio.text(),
     "discover_xbee": lambda board, _: board.radio.node(),
     "read_radio": lambda board, _: board.radio.hold.report(),
+    "read_wiring": lambda board, _: board.motors.wiring_problem(),
 }
 """Called with the board and the value given to `ask`; None if there is nothing to send."""
 NEEDS: Dict[str, str] = {row.name: row.capability for row in COMMANDS if row.capability}

@@ -1,21 +1,25 @@
 """The board's parameters and their EEPROM image, in the layout of the firmware.
 
 The robot id is a 4-byte float at address 0, where the firmware of 2013 keeps it.  Address 16 starts a block: layout
-version, all parameters as int16, low byte first, and the CRC-16 of the block.
+version, the settings as int16, low byte first, and the CRC-16 of the block.  Boards with an H-bridge have a second one
+at address 96: layout version, the wiring with a signed byte for each parameter, and its CRC-16.
 """
 
 import struct
 from binascii import crc_hqx
-from typing import Dict, List, Tuple
+from typing import Dict, List, Optional, Sequence
 
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, PARAMETERS
+from mrl_driver.protocol.table import NOT_CONNECTED, PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
 from mrl_driver.robot import models as robots
 
 ID_AT, BLOCK_AT, LAYOUT = 0, 16, 5
+PINS_AT, PINS_LAYOUT = 96, 1
 EEPROM_BYTES = 1024
 EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
 """Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
-_BODY = struct.Struct(f"<B{len(PARAMETERS)}h")
+_BODY, _PINS_BODY = struct.Struct(f"<B{len(SETTINGS)}h"), struct.Struct(f"<B{len(PINS)}b")
+NO_PINS = [max(NOT_CONNECTED, row.low) for row in PINS]
+"""The wiring of a board that has none."""
 _LONGEST_CM = 1250
 
 
@@ -28,7 +32,7 @@ def defaults(robot_id: int) -> List[int]:
 
 def _in_order(robot_id: int, by_name: Dict[str, int]) -> List[int]:
     by_name = {**by_name, "robot_id": robot_id}
-    return [by_name[row.name] for row in PARAMETERS]
+    return [by_name[row.name] for row in SETTINGS]
 
 
 def first(robot_id: int, model: robots.RobotModel) -> List[int]:
@@ -43,7 +47,7 @@ def first(robot_id: int, model: robots.RobotModel) -> List[int]:
 
 
 def image(values: List[int]) -> bytes:
-    """A fresh EEPROM that holds these parameters."""
+    """A fresh EEPROM that holds these parameters: the settings, or those and the wiring."""
     blank = bytearray(b"\xff" * EEPROM_BYTES)
     store(blank, values)
     return bytes(blank)
@@ -52,20 +56,43 @@ def image(values: List[int]) -> bytes:
 def store(eeprom: bytearray, values: List[int]) -> int:
     """Writes the parameters; returns the number of changed bytes."""
     before = bytes(eeprom)
-    body = _BODY.pack(LAYOUT, *values)
+    settings, pins = values[: len(SETTINGS)], values[len(SETTINGS) :]
     eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
-    block = body + struct.pack("<H", crc_hqx(body, 0xFFFF))
-    eeprom[BLOCK_AT : BLOCK_AT + len(block)] = block
+    _put(eeprom, BLOCK_AT, _BODY.pack(LAYOUT, *settings))
+    if pins:
+        _put(eeprom, PINS_AT, _PINS_BODY.pack(PINS_LAYOUT, *pins))
     return sum(a != b for a, b in zip(before, eeprom))
 
 
-class Config:
-    """Parameters in force, by name; `sound` is False if the EEPROM was damaged and the defaults are in force."""
+def _put(eeprom: bytearray, at: int, body: bytes) -> None:
+    block = body + struct.pack("<H", crc_hqx(body, 0xFFFF))
+    eeprom[at : at + len(block)] = block
 
-    def __init__(self, eeprom: bytearray) -> None:
+
+def _stored(eeprom: bytearray, at: int, body: struct.Struct, layout: int) -> Optional[List[int]]:
+    """The values of a block, or None if it has another layout or is damaged."""
+    data = bytes(eeprom[at : at + body.size])
+    found, *values = body.unpack(data)
+    good = found == layout and eeprom[at + body.size :][:2] == struct.pack("<H", crc_hqx(data, 0xFFFF))
+    return values if good else None
+
+
+def _in_range(rows: Sequence[Parameter], values: Sequence[int]) -> bool:
+    return all(row.low <= value <= row.high for row, value in zip(rows, values))
+
+
+class Config:
+    """Parameters in force, by name; `sound` is False if the EEPROM was damaged and the defaults are in force.
+
+    A board with an H-bridge `has_pins`: behind its settings, `values` has its wiring.
+    """
+
+    def __init__(self, eeprom: bytearray, has_pins: bool = False) -> None:
         self._eeprom = eeprom
         self._curve: Dict[int, int] = {}
-        self.values, good = self._block()
+        settings = _stored(eeprom, BLOCK_AT, _BODY, LAYOUT)
+        good = settings is not None and _in_range(SETTINGS, settings)
+        self.values = (settings or defaults(0)) + (self._pins() if has_pins else [])
         if not good:
             self.values[0] = self._float_id()
         self.sound = good and image(self.values)[: ID_AT + 4] == bytes(eeprom[: ID_AT + 4])
@@ -87,22 +114,17 @@ class Config:
         return self._curve[count]
 
     def set_defaults(self) -> None:
-        """Sets all parameters except the id to the model's defaults."""
-        self.values = defaults(self.values[0])
+        """Sets all settings except the id to the model's defaults; the wiring stays."""
+        self.values[: len(SETTINGS)] = defaults(self.values[0])
         self._curve.clear()
 
     def save(self) -> int:
         """Writes the EEPROM; returns the number of changed bytes."""
         return store(self._eeprom, self.values)
 
-    def _block(self) -> Tuple[List[int], bool]:
-        """The stored values, and whether they are sound."""
-        body = bytes(self._eeprom[BLOCK_AT : BLOCK_AT + _BODY.size])
-        (crc,) = struct.unpack_from("<H", self._eeprom, BLOCK_AT + _BODY.size)
-        layout, *values = _BODY.unpack(body)
-        if layout != LAYOUT or crc != crc_hqx(body, 0xFFFF):
-            return defaults(0), False
-        return values, all(row.low <= value <= row.high for row, value in zip(PARAMETERS, values))
+    def _pins(self) -> List[int]:
+        pins = _stored(self._eeprom, PINS_AT, _PINS_BODY, PINS_LAYOUT)
+        return pins if pins is not None and _in_range(PINS, pins) else list(NO_PINS)
 
     def _float_id(self) -> int:
         (number,) = struct.unpack_from("<f", self._eeprom, ID_AT)

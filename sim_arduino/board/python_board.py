@@ -182,7 +182,7 @@ class PythonBoard(Engine):
         self.started_s = self.now_s
         self.ready_s = self.now_s + BOOT_S
         self.health = BoardStatus(cause, self._ask_status)
-        self.config = Config(self.eeprom)
+        self.config = Config(self.eeprom, has_pins=bool(self.plant.bridge))
         self.motors: Motors = (
             BridgeControl(self.plant, self.config, self.health, self.adc, self.started_s)
             if self.plant.bridge

@@ -1,4 +1,4 @@
-"""The six H-bridge chips: what a motor's terminals do for the levels of its three wires, and for duties on them.
+"""The H-bridge chips: what a motor's terminals do for the levels of its three wires, and for duties on them.
 
 Forward means that terminal A (OUT1, M+) is positive.  The wires are in the order PWM_A, PWM_B, LOGIC of HARDWARE.md.
 """
@@ -58,6 +58,9 @@ def _shares(bridge: Bridge, *duties: float) -> Shares:
     return Shares(*shares.values())
 
 
+# L298N: ST L298, January 2000, figure 6: wires EN, IN1, IN2.  EN low is free running, equal inputs are a fast motor
+# stop.  Saturation of both transistors: typically 2.55 V at 1 A and 3.7 V at 2 A.
+_L298N = Bridge((("0xx", C), ("110", F), ("101", B), ("111", K), ("100", K)), 1.15, 1.4)
 BRIDGES: Dict[int, Bridge] = {
     # VNH5019: ST VNH5019A-E, Doc ID 15701 Rev 7, table 11: wires PWM, INA, INB.  Section 2.4: PWM low turns both
     # low-side switches off, so PWM is drive and coast; both inputs high brake to the supply whatever PWM is.
@@ -66,9 +69,7 @@ BRIDGES: Dict[int, Bridge] = {
     # MDxx: Cytron MD10C, table on the board: wires PWM, DIR.  PWM low pulls both outputs low; DIR low makes output A
     # high.  30 mOhm: assumed.
     2: Bridge((("0xx", K), ("1x0", F), ("1x1", B)), 0.03),
-    # L298N: ST L298, January 2000, figure 6: wires EN, IN1, IN2.  EN low is free running, equal inputs are a fast motor
-    # stop.  Saturation of both transistors: typically 2.55 V at 1 A and 3.7 V at 2 A.
-    3: Bridge((("0xx", C), ("110", F), ("101", B), ("111", K), ("100", K)), 1.15, 1.4),
+    3: _L298N,  # PWM on IN1
     # TB6612: Toshiba TB6612FNG, 2014-10-01, H-SW control function: wires PWM, IN1, IN2.  PWM low is a short brake.  All
     # inputs low is not in its table: assumed off, as with PWM high.  0.5 Ohm: its first page.
     4: Bridge((("x11", K), ("110", F), ("101", B), ("010", K), ("001", K), ("x00", C)), 0.5),
@@ -78,5 +79,6 @@ BRIDGES: Dict[int, Bridge] = {
     # BTS7960: Infineon BTS 7960, Rev. 1.1 2004-12-07, section 4.4.1: wires RPWM, LPWM; both INH are high, and each half
     # bridge has one switch on.  It cannot coast.  16 mOhm: its first page.
     6: Bridge((("10x", F), ("01x", B), ("11x", K), ("00x", K)), 0.016),
+    7: _L298N,  # PWM on EN
 }
 """The bridges by the value of parameter 19."""

@@ -5,19 +5,19 @@ from binascii import crc_hqx
 
 import pytest
 
-from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME, PARAMETERS
+from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME, SETTINGS
 from mrl_driver.robot import models
 from sim_arduino.board import parameter_store
 
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
 BLANK = b"\xff" * 1024
 SAVED_S = 0.3  # 59 bytes of 3.4 ms at most
-BLOCK_BYTES = 1 + 2 * len(PARAMETERS) + 2
+BLOCK_BYTES = 1 + 2 * len(SETTINGS) + 2
 USED = [*range(4), *range(parameter_store.BLOCK_AT, parameter_store.BLOCK_AT + BLOCK_BYTES)]
 
 
 def parameters(board):
-    return [board.ask("read_config", row.number).args[1] for row in PARAMETERS]
+    return [board.ask("read_config", row.number).args[1] for row in SETTINGS]
 
 
 def float_id(value: float) -> bytes:
@@ -123,7 +123,7 @@ def test_saving_clears_the_fault(bench):
     assert board.faults() == 0
 
 
-@pytest.mark.parametrize("row", PARAMETERS, ids=lambda row: row.name)
+@pytest.mark.parametrize("row", SETTINGS, ids=lambda row: row.name)
 def test_values_outside_a_parameters_range_are_refused(bench, row):
     board = bench()
     bad = [value for value in (row.low - 1, row.high + 1) if -32768 <= value <= 32767]

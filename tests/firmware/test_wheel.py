@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Tuple
 import pytest
 
 from mrl_driver.protocol.stop_reason import STOP_REASONS
-from mrl_driver.protocol.table import BRIDGES, PARAMETERS
+from mrl_driver.protocol.table import BRIDGES, SETTINGS
 from sim_arduino.board import parameter_store
 from sim_arduino.board.bridge_control import levels
 from sim_arduino.board.wheel import SpeedEstimate, Wheel, WheelWatch
@@ -39,7 +39,7 @@ class Parts:
         for name, value in values.items():
             self.config[name] = value
         found = (ctypes.c_uint32 * len(WheelSettings._fields))()
-        parameters = (ctypes.c_int16 * len(PARAMETERS))(*self.config.values)
+        parameters = (ctypes.c_int16 * len(SETTINGS))(*self.config.values)
         good = self.native.pc_settings(parameters, found)
         self.found = WheelSettings(*found) if good else None
         settings = settings_of(self.config)
@@ -74,7 +74,7 @@ def test_settings_are_those_of_the_parameters(name):
 def test_settings_of_any_parameters():
     chance = random.Random(1)
     for _ in range(600):
-        values = {row.name: int(row.high ** chance.random()) for row in PARAMETERS if row.name in EDGES}
+        values = {row.name: int(row.high ** chance.random()) for row in SETTINGS if row.name in EDGES}
         parts = Parts(**{**KIT, **values})
         assert parts.found == parts.settings, values
 

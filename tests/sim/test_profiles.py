@@ -5,7 +5,7 @@ from functools import partial
 import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import COMMANDS, PARAMETERS
+from mrl_driver.protocol.table import COMMANDS, SETTINGS
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard, handlers, parameter_store
 from sim_arduino.board.board2013 import Board2013
@@ -290,7 +290,7 @@ def test_an_eeprom_gives_id_and_parameters(image, robot_id, axis_radius, sound):
     assert (config["robot_id"], config["axis_radius"], config.sound) == (robot_id, axis_radius, sound)
 
 
-IMAGE_BYTES = [*range(4), *range(16, 16 + 1 + 2 * len(PARAMETERS) + 2)]
+IMAGE_BYTES = [*range(4), *range(16, 16 + 1 + 2 * len(SETTINGS) + 2)]
 
 
 def test_every_damaged_byte_is_noticed():

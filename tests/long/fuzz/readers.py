@@ -27,7 +27,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.host import access, named_robots
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.hold_text import HoldText
-from mrl_driver.protocol.table import BY_NAME, PARAMETERS, STOP_CODE
+from mrl_driver.protocol.table import BY_NAME, SETTINGS, STOP_CODE
 from mrl_driver.recording.recording import Recording
 from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
@@ -306,7 +306,7 @@ def _sign(image: bytearray) -> None:
     from binascii import crc_hqx
 
     at = parameter_store.BLOCK_AT
-    end = at + 1 + 2 * len(PARAMETERS)
+    end = at + 1 + 2 * len(SETTINGS)
     image[end : end + 2] = crc_hqx(bytes(image[at:end]), 0xFFFF).to_bytes(2, "little")
 
 
@@ -316,7 +316,7 @@ def _started(engine: str, image: bytes) -> Tuple[Any, ...]:
     bench.run(0.2)
     if bench.is_driven():
         raise Forbidden(f"the {engine} board drives at its start")
-    stored = tuple(bench.reply("read_config", row.number)[1] for row in PARAMETERS if not row.capability)
+    stored = tuple(bench.reply("read_config", row.number)[1] for row in SETTINGS if not row.capability)
     bench.ask("set_watchdog", WATCHDOG_MS)
     bench.ask("move_differential", 100, 0)
     bench.run(STOPPED_S)

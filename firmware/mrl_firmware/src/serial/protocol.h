@@ -4,6 +4,9 @@
 
 #include "../../build.h"
 
+// Only an H-bridge build has the parameters of MRL_PINS.
+#define MRL_LAST_PARAMETER (MRL_BRIDGE ? 44 : 27)
+
 // A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
 // checksums on), reply stamped, index of the first argument's range, range of each argument (ANY: all of int16)
@@ -41,8 +44,8 @@
   QUERY(31, READ_COUNTERS, read_counters, 1, 0, 0, 0, 0, 21) \
   REQUEST(32, SET_CHECK, set_check, 1, 1, 1, 1, 0, 21, RANGE(0, 1)) \
   REQUEST(33, SET_WATCHDOG, set_watchdog, 1, 1, 1, 1, 0, 22, RANGE(0, 10000)) \
-  REQUEST(34, READ_CONFIG, read_config, 1, 1, 1, 0, 0, 23, RANGE(0, 27)) \
-  REQUEST(35, WRITE_CONFIG, write_config, 1, 2, 2, 1, 0, 24, RANGE(0, 27) ANY) \
+  REQUEST(34, READ_CONFIG, read_config, 1, 1, 1, 0, 0, 23, RANGE(0, MRL_LAST_PARAMETER)) \
+  REQUEST(35, WRITE_CONFIG, write_config, 1, 2, 2, 1, 0, 24, RANGE(0, MRL_LAST_PARAMETER) ANY) \
   REQUEST(36, SAVE_CONFIG, save_config, 1, 0, 0, 1, 0, 26) \
   REQUEST(37, DEFAULT_CONFIG, default_config, 1, 0, 0, 1, 0, 26) \
   REQUEST(38, SEND_XBEE, send_xbee, MRL_XBEE, 6, 13, 0, 0, 26, ANY ANY ANY ANY RANGE(1, 16) ANY ANY ANY ANY ANY ANY ANY ANY) \
@@ -57,7 +60,8 @@
   REQUEST(47, START_IMU_STREAM, start_imu_stream, 1, 1, 1, 0, 0, 44, RANGE(10, 10000)) \
   REQUEST(48, STOP_IMU_STREAM, stop_imu_stream, 1, 0, 0, 0, 0, 45) \
   QUERY(49, READ_RADIO, read_radio, MRL_XBEE, 0, 0, 0, 0, 45) \
-  REQUEST(50, RELEASE_HOLD, release_hold, MRL_XBEE, 0, 0, 1, 0, 45)
+  REQUEST(50, RELEASE_HOLD, release_hold, MRL_XBEE, 0, 0, 1, 0, 45) \
+  QUERY(51, READ_WIRING, read_wiring, MRL_BRIDGE, 0, 0, 0, 0, 45)
 
 // names of the reasons to refuse bytes, in the order of read_counters
 #define MRL_REASONS(REASON) \
@@ -106,7 +110,7 @@
   PARAMETER(16, bus_speed, 100, 400) \
   PARAMETER(17, bus_stop, 0, 1) \
   PARAMETER(18, full_speed, 1, 1000) \
-  PARAMETER(19, bridge, 0, 6) \
+  PARAMETER(19, bridge, 0, 7) \
   PARAMETER(20, wiring, 0, 255) \
   PARAMETER(21, stop_mode, 0, 1) \
   PARAMETER(22, reversal_pause, 0, 1000) \
@@ -115,6 +119,26 @@
   PARAMETER(25, undervoltage, 0, 32767) \
   PARAMETER(26, radio_hold, 0, 300) \
   PARAMETER(27, plain_calibrate, 0, 1)
+
+// the same of the wiring
+#define MRL_PINS(PARAMETER) \
+  PARAMETER(28, pin_left_pwm_a, -1, 69) \
+  PARAMETER(29, pin_left_pwm_b, -1, 69) \
+  PARAMETER(30, pin_left_logic, -1, 69) \
+  PARAMETER(31, pin_right_pwm_a, -1, 69) \
+  PARAMETER(32, pin_right_pwm_b, -1, 69) \
+  PARAMETER(33, pin_right_logic, -1, 69) \
+  PARAMETER(34, pin_left_encoder_a, -1, 69) \
+  PARAMETER(35, pin_left_encoder_b, -1, 69) \
+  PARAMETER(36, pin_right_encoder_a, -1, 69) \
+  PARAMETER(37, pin_right_encoder_b, -1, 69) \
+  PARAMETER(38, pin_sonar_front, -1, 69) \
+  PARAMETER(39, pin_sonar_left, -1, 69) \
+  PARAMETER(40, pin_sonar_right, -1, 69) \
+  PARAMETER(41, pin_sonar_trigger, -1, 69) \
+  PARAMETER(42, pin_sonar_power, -1, 69) \
+  PARAMETER(43, pin_battery, -1, 69) \
+  PARAMETER(44, i2c, 0, 1)
 
 // lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni, duo
 #define MRL_MODELS(MODEL) \
@@ -132,14 +156,17 @@ constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
 constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, including the checksum
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
-constexpr uint8_t MAX_CODE = 50;  // codes run from 1 to this
+constexpr uint8_t MAX_CODE = 51;  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = 13;  // accepted without a checksum in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
 constexpr uint8_t HOLD_MARK = 248;  // first byte of a hold text
 constexpr uint8_t MOST_HOLDERS = 4;  // that a board accepts at a time
 constexpr uint8_t REASON_COUNT = 12;
-constexpr uint8_t PARAMETER_COUNT = 28;
+constexpr uint8_t PARAMETER_COUNT = 28;  // of MRL_PARAMETERS
+constexpr uint8_t PIN_FIRST = 28;  // parameters of MRL_PINS, which only MRL_BRIDGE has
+constexpr uint8_t PIN_COUNT = 17;
+constexpr int16_t NOT_CONNECTED = -1;  // value of a pin
 constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
 
@@ -151,7 +178,7 @@ enum class Reason : uint8_t { MRL_REASONS(MRL_REASON) };
 
 // Rows of the EEPROM configuration.
 #define MRL_PARAMETER(number, name, ...) name = number,
-enum class Parameter : uint8_t { MRL_PARAMETERS(MRL_PARAMETER) };
+enum class Parameter : uint8_t { MRL_PARAMETERS(MRL_PARAMETER) MRL_PINS(MRL_PARAMETER) };
 
 // One handler for each request that the build has and that does more than ask; a forgotten one fails to link.
 #define MRL_HANDLER(code, constant, name, ...) void name(const int16_t* args, uint8_t count);
@@ -214,7 +241,13 @@ enum class StopReason : uint8_t {
 
 // Bridge chips of parameter 19.
 enum class Bridge : uint8_t {
-  unset = 0, vnh5019 = 1, cytron = 2, l298n = 3, tb6612 = 4, drv8833 = 5, bts7960 = 6
+  unset = 0, vnh5019 = 1, cytron = 2, l298n = 3, tb6612 = 4, drv8833 = 5, bts7960 = 6, l298n_enable = 7
+};
+
+// Why the wiring is refused: problem of read_wiring.
+enum class WiringProblem : uint8_t {
+  none = 0, not_connected = 1, no_such_pin = 2, serial_pin = 3, pin_used_twice = 4, no_pwm = 5, led_pin = 6,
+  no_interrupt = 7, no_analog = 8, bus_pin = 9, timer_modes = 10, no_clock = 11
 };
 
 // Whether the radio holds the robot.
