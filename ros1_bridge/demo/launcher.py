@@ -142,12 +142,13 @@ def start_nodes(run: Run, *arguments: str) -> None:
 
 def best_engine() -> str:
     """`avr` if the firmware's image is there and can be run; otherwise `python`, and the reason is printed."""
+    from mrl_driver.robot.chips import ATMEGA328P
     from sim_arduino.avr import native
 
     try:
         if not IMAGE.exists():
             raise SimulatorError(f"there is no firmware image {IMAGE.relative_to(ROOT)} (make firmware)")
-        native.load()
+        native.load(ATMEGA328P.name)
         return "avr"
     except SimulatorError as error:
         click.echo(f"the board is emulated in Python: {error}")

@@ -2,10 +2,11 @@
 #include "board.h"
 
 enum { ADEN = 0x80, ADSC = 0x40, ADATE = 0x20, ADIF = 0x10, ADPS = 0x07 };
-enum { ADLAR = 0x20, REFS = 0xC0, REFS_INTERNAL = 0xC0, MUX = 0x0F, ADTS = 0x07 };
+enum { ADLAR = 0x20, REFS_BIT = 6, ADTS = 0x07 };
+enum { UPPER = 0x20, PINS = 7 }; /* bits of the channel: an upper pin, and which of eight */
 enum { CONVERSION_CLOCKS = 13, FIRST_CLOCKS = 25, TOP = 1023 };
 
-static const double SUPPLY_V = 5.0, BANDGAP_V = 1.1;
+static const double BANDGAP_V = 1.1;
 
 static uint64_t conversion_cycles(const board_t *board) {
     unsigned step = board->avr->data[ADCSRA] & ADPS;
@@ -13,9 +14,9 @@ static uint64_t conversion_cycles(const board_t *board) {
 }
 
 static double input_volts(board_t *board, int channel) {
-    if (channel < ADC_PINS)
-        return board->hooks.adc(channel, board->avr->cycle);
-    return channel == ADC_BANDGAP ? BANDGAP_V : 0.0;
+    if (!(channel & ~(UPPER | PINS)))
+        return board->hooks.adc((channel & UPPER ? PINS + 1 : 0) + (channel & PINS), board->avr->cycle);
+    return channel == BANDGAP_CHANNEL ? BANDGAP_V : 0.0;
 }
 
 static uint16_t count_of(double volts, double reference) {
@@ -27,8 +28,8 @@ static uint16_t count_of(double volts, double reference) {
 
 static void sample(board_t *board) {
     uint8_t admux = board->avr->data[ADMUX];
-    double reference = (admux & REFS) == REFS_INTERNAL ? BANDGAP_V : SUPPLY_V;
-    board->adc.count = count_of(input_volts(board, admux & MUX), reference);
+    int channel = (admux & MUX) | (board->avr->data[ADCSRB] & MUX5 ? UPPER : 0);
+    board->adc.count = count_of(input_volts(board, channel), REFERENCES_V[admux >> REFS_BIT]);
 }
 
 static avr_cycle_count_t converted(avr_t *avr, avr_cycle_count_t when, void *param) {

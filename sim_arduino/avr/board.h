@@ -1,8 +1,8 @@
-/* One simulated Arduino Uno: libsimavr's ATmega328P core with peripherals of our own where 1.6 is not true to
- * the chip (USART0, TWI, ADC, EEPROM, watchdog, timers, pins and their interrupts, sleep, interrupts).
+/* One simulated Arduino: libsimavr's core with peripherals of our own where 1.6 is not true to the chip (USARTs, TWI, ADC, EEPROM, watchdog, timers, pins and their interrupts, sleep, interrupts).
  *
  * libsimavr is GPL. This code is compiled on the user's machine; no binary linked with it is shipped.
- * All times are CPU cycles since power-up; numbers are from the ATmega328P datasheet unless named otherwise.
+ * It is compiled for one chip (see chip.h).
+ * All times are CPU cycles since power-up; numbers are from the chips' data sheets unless named otherwise.
  */
 #ifndef MRL_BOARD_H
 #define MRL_BOARD_H
@@ -16,7 +16,7 @@
 
 #define EXPORT __attribute__((visibility("default")))
 
-enum { I2C_BUFFER = 64, FLASH_WORDS = 0x4000 };
+enum { I2C_BUFFER = 64 };
 
 enum run_status { RUN_DONE = 0, RUN_CRASHED = 1, RUN_STOPPED = 2 };
 
@@ -47,6 +47,8 @@ typedef struct {
 } received_t;
 
 typedef struct {
+    board_t *board;
+    const chip_usart_t *at;
     /* transmitter */
     bool shifting, full;
     uint8_t shift, buffer;
@@ -102,11 +104,11 @@ typedef struct {
     uint64_t origin, counted; /* the prescaler's start; number of its edges that are counted */
     int shift;                /* the prescaler divides by 1 << shift; negative while the timer stands */
     uint8_t mode;             /* WGM */
-    uint8_t com[OUTPUTS];     /* what the compare unit does to its output; 0 while the mode disconnects it */
-    uint16_t count, top, compare[OUTPUTS], buffer[OUTPUTS];
+    uint8_t com[WIDE_UNITS];  /* what the compare unit does to its output; 0 while the mode disconnects it */
+    uint16_t count, top, compare[WIDE_UNITS], buffer[WIDE_UNITS];
     uint8_t high;       /* of the 16-bit registers: the byte that they share */
     bool down, written; /* counts down; TCNT has been written since the last count */
-    timer_output_t output[OUTPUTS];
+    timer_output_t output[WIDE_UNITS];
 } timer_state_t;
 
 typedef struct {
@@ -143,14 +145,14 @@ typedef struct {
 struct board {
     avr_t *avr;
     hooks_t hooks;
-    usart_t usart;
+    usart_t usarts[USARTS];
     twi_t twi;
     watchdog_t watchdog;
     adc_t adc;
     timer_state_t timers[TIMERS];
     pins_t pins;
-    avr_int_vector_t *vector[VECTORS];
-    uint32_t flagless; /* vectors whose interrupts may have no flag, a bit each */
+    avr_int_vector_t *vector[VECTORS], changes[CHANGE_GROUPS];
+    uint64_t flagless; /* vectors whose interrupts may have no flag, a bit each */
     wrapped_t wrapped[IO_ADDRESSES], eeprom_control;
     bool stop, reset_wanted, asleep;
     int reset_flags; /* MCUSR after a reset; -1 = what the chip sets */
@@ -172,8 +174,8 @@ void board_forget(void *items, size_t *first, size_t *count, size_t item_size);
 bool board_room(void **items, size_t *room, size_t count, size_t item_size);
 
 /* The peripherals: each is attached once, and reset with the chip. */
-void usart_attach(board_t *board);
-void usart_reset(board_t *board);
+void usarts_attach(board_t *board);
+void usarts_reset(board_t *board);
 void twi_attach(board_t *board);
 void twi_reset(board_t *board);
 void twi_clocked_by_hand(board_t *board);
@@ -187,7 +189,7 @@ void adc_attach(board_t *board);
 void eeprom_attach(board_t *board);
 bool eeprom_is_ready(const board_t *board);
 void adc_reset(board_t *board);
-void timers_capture(board_t *board, bool rose, uint64_t cycle);
+void timers_capture(board_t *board, int port, uint8_t changed, uint8_t level, uint64_t cycle);
 void timers_attach(board_t *board);
 void timers_release(board_t *board);
 void timers_reset(board_t *board);

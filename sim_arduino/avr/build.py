@@ -13,7 +13,7 @@ from mrl_driver.errors import SimulatorError
 SOURCES = Path(__file__).resolve().parent
 PACKAGES = "gcc libc6-dev libsimavr-dev"
 OPTIONS = "-std=gnu11 -O2 -Wall -Wextra -Wno-unused-parameter -shared -fPIC -fvisibility=hidden"
-LIBRARY = "libmrl_board.so"
+LIBRARY = "libmrl_board_{}.so"  # with the name of the chip
 LONGEST_REASON = 160  # characters of compiler output in a message
 
 
@@ -21,16 +21,16 @@ class SimulatorMissing(SimulatorError):
     """The compiler or libsimavr is missing, so that the simulated chip cannot be built."""
 
 
-def library_path() -> Path:
-    """Path of the compiled harness: in `build/sim/` of a checkout, else in the user's cache folder."""
+def library_path(chip: str) -> Path:
+    """Path of the harness compiled for a chip: in `build/sim/` of a checkout, else in the user's cache folder."""
     checkout = SOURCES.parent.parent
     if (checkout / "Makefile").is_file() and (checkout / "firmware").is_dir():
-        return checkout / "build" / "sim" / LIBRARY
-    return Path(folders.cache()) / LIBRARY
+        return checkout / "build" / "sim" / LIBRARY.format(chip)
+    return Path(folders.cache()) / LIBRARY.format(chip)
 
 
-def build(library: Path) -> Path:
-    """Compiles the harness to `library`, unless this is newer than every source; returns the path.
+def build(library: Path, chip: str) -> Path:
+    """Compiles the harness for a chip to `library`, unless this is newer than every source; returns the path.
 
     Several processes may do this at the same time: each compiles to its own file name and renames the file.
 
@@ -48,7 +48,7 @@ def build(library: Path) -> Path:
             ) from error
         draft = library.with_name(f"{library.name}.{os.getpid()}")
         try:
-            _compile(draft)
+            _compile(draft, chip)
             os.replace(str(draft), str(library))
         finally:
             if draft.exists():
@@ -61,10 +61,10 @@ def _is_current(library: Path) -> bool:
     return library.exists() and all(library.stat().st_mtime >= source.stat().st_mtime for source in sources)
 
 
-def _compile(target: Path) -> None:
+def _compile(target: Path, chip: str) -> None:
     sources = sorted(str(source) for source in SOURCES.glob("*.c"))
     compiler = f"{os.environ.get('CC', 'cc')} {OPTIONS}".split()
-    command = [*compiler, *sources, "-o", str(target), "-lsimavr", "-lm"]
+    command = [*compiler, f'-DCHIP_HEADER="{chip}.h"', *sources, "-o", str(target), "-lsimavr", "-lm"]
     try:
         result = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
     except OSError as error:

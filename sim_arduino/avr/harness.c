@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { DATA_SPACE = 0x10000, INTERRUPT_ENTRY_CYCLES = 4, WAKE_UP_CYCLES = 4 };
+enum { DATA_SPACE = 0x10000 };
 enum { SE_BIT = 0x01, SM_BITS = 0x0E };
 enum { PORF_BIT = 0, EXTRF_BIT = 1, BORF_BIT = 2, WDRF_BIT = 3 };
 
@@ -29,8 +29,27 @@ static void watch_register(board_t *board, int address) {
     board->avr->io[address - 32].w.param = wrapped;
 }
 
+/* Pin changes: the core's table for the ATmega2560 lacks two of them. */
+static void add_vectors(board_t *board) {
+    for (int group = 0; group < CHANGE_GROUPS; group++) {
+        avr_int_vector_t *vector = &board->changes[group];
+        vector->vector = (uint8_t)(CHANGE_VECTOR + group);
+        vector->enable = (avr_regbit_t)AVR_IO_REGBIT(PCICR, group);
+        vector->raised = (avr_regbit_t)AVR_IO_REGBIT(PCIFR, group);
+        avr_register_vector(board->avr, vector);
+    }
+}
+
+/* The flag of these stays until its cause is gone. */
+static void set_levels(board_t *board) {
+    board->vector[TWI_VECTOR]->raise_sticky = 1;
+    for (int i = 0; i < USARTS; i++)
+        for (int number = 0; number < 2; number++)
+            board->vector[CHIP_USARTS[i].rx_vector + number]->raise_sticky = 1;
+}
+
 static void collect_vectors(board_t *board) {
-    const uint8_t levels[] = {RX_VECTOR, UDRE_VECTOR, TWI_VECTOR};
+    add_vectors(board);
     avr_int_table_t *table = &board->avr->interrupts;
     for (int i = 0; i < table->vector_count; i++) {
         avr_int_vector_t *vector = table->vector[i];
@@ -39,14 +58,13 @@ static void collect_vectors(board_t *board) {
         watch_register(board, vector->enable.reg);
         watch_register(board, vector->raised.reg);
     }
-    for (size_t i = 0; i < sizeof levels; i++)
-        board->vector[levels[i]]->raise_sticky = 1; /* the flag stays until its cause is gone */
-    board->flagless = 1u << EEPROM_VECTOR;
+    set_levels(board);
+    board->flagless = 1ull << EEPROM_VECTOR;
     for (int i = 0; i < EXTERNALS; i++)
-        board->flagless |= 1u << CHIP_EXTERNALS[i].vector;
+        board->flagless |= 1ull << (EXTERNAL_VECTOR + i);
 }
 
-/* An idle EEPROM, and INT0 and INT1 at a low level, request an interrupt as long as this lasts, without a flag. */
+/* An idle EEPROM, and external interrupts at a low level, request an interrupt as long as this lasts, without a flag. */
 static bool is_requested(board_t *board, avr_int_vector_t *vector) {
     if (vector->vector == EEPROM_VECTOR)
         return eeprom_is_ready(board);
@@ -71,9 +89,9 @@ static avr_int_vector_t *most_urgent(board_t *board) {
 
 static void enter(board_t *board, avr_int_vector_t *vector) {
     avr_t *avr = board->avr;
-    avr->cycle += INTERRUPT_ENTRY_CYCLES;
+    avr->cycle += INTERRUPT_CYCLES;
     if (board->asleep)
-        avr->cycle += WAKE_UP_CYCLES;
+        avr->cycle += INTERRUPT_CYCLES;
     board->asleep = false;
     _avr_push_addr(avr, avr->pc);
     avr->sreg[S_I] = 0;
@@ -172,6 +190,7 @@ static void run_some(board_t *board) {
 /* Runs to the first instruction boundary at or after `target`. */
 EXPORT int mrl_run_until(board_t *board, uint64_t target) {
     avr_t *avr = board->avr;
+    avr_global_logger_set(keep_message); /* that of another chip's library may be set */
     board->stop = false;
     board->run_until = target;
     arm_slice_end(board);
@@ -206,7 +225,7 @@ static void reset_now(board_t *board, uint8_t cause, uint64_t until) {
     avr->data[MCUSR] = board->reset_flags < 0 ? flags : (uint8_t)board->reset_flags;
     board->reset_wanted = board->asleep = false;
     board->resets++;
-    usart_reset(board);
+    usarts_reset(board);
     twi_reset(board);
     watchdog_reset(board);
     adc_reset(board);
@@ -226,7 +245,7 @@ EXPORT void mrl_brown_out(board_t *board, uint64_t until) {
     reset_now(board, 1 << BORF_BIT, until > now ? until : now);
 }
 
-/* Power comes back: SRAM and registers hold the bytes of `pattern` (2304: from address 0 to RAMEND). */
+/* Power comes back: SRAM and registers hold the bytes of `pattern`, from address 0 to `mrl_ram_end`. */
 EXPORT void mrl_power_cycle(board_t *board, const uint8_t *pattern) {
     avr_t *avr = board->avr;
     memcpy(avr->data, pattern, (size_t)avr->ramend + 1);
@@ -255,7 +274,6 @@ static bool widen_data_space(avr_t *avr) {
 }
 
 EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
-    avr_global_logger_set(keep_message);
     board_t *board = calloc(1, sizeof *board);
     avr_t *avr = board ? avr_make_mcu_by_name(CHIP_NAME) : NULL;
     if (!avr)
@@ -268,7 +286,7 @@ EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
     board->avr = avr;
     board->hooks = *hooks;
     board->reset_flags = -1;
-    usart_attach(board);
+    usarts_attach(board);
     twi_attach(board);
     watchdog_attach(board);
     adc_attach(board);
@@ -288,8 +306,10 @@ EXPORT void mrl_load(board_t *board, uint8_t *code, uint32_t size, uint32_t addr
 }
 
 EXPORT void mrl_destroy(board_t *board) {
-    free(board->usart.sent);
-    free(board->usart.line);
+    for (int i = 0; i < USARTS; i++) {
+        free(board->usarts[i].sent);
+        free(board->usarts[i].line);
+    }
     free(board->pins.planned);
     free(board->pins.changes);
     avr_terminate(board->avr);
@@ -305,6 +325,7 @@ EXPORT uint32_t mrl_crash_pc(board_t *board) { return board->crash_pc; }
 EXPORT uint64_t mrl_resets(board_t *board) { return board->resets; }
 EXPORT uint8_t *mrl_data(board_t *board) { return board->avr->data; }
 EXPORT const char *mrl_message(void) { return last_message; }
+EXPORT uint32_t mrl_ram_end(board_t *board) { return board->avr->ramend; }
 EXPORT uint64_t mrl_slept(board_t *board) { return board->slept; }
 
 /* Earliest cycle at which the chip can do anything by itself: now while it is awake, else the next event of a timer

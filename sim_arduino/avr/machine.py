@@ -1,4 +1,4 @@
-"""An Arduino Uno that runs a real firmware image in simulated time; one AvrMachine per board.
+"""An Arduino that runs a real firmware image in simulated time; one AvrMachine per board.
 
 Time is the CPU's cycle count since power-up.  The same image and inputs give the same cycles on every computer.
 """
@@ -6,17 +6,18 @@ Time is the CPU's cycle count since power-up.  The same image and inputs give th
 import random
 from ctypes import byref, c_size_t, c_uint64
 from pathlib import Path
-from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Union
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol.table import BAUD
+from mrl_driver.robot.chips import ATMEGA328P, Chip
 
 from . import native
 from .elf import Image, Symbol, read_image
-from .records import PIN_AT, PORTS, PinChange, SentByte, Transfer, place_of
+from .records import PinChange, SentByte, Transfer
 
 UNO_HZ = 16000000
-FLASH_BYTES, EEPROM_BYTES, RAM_END = 32768, 1024, 0x8FF
+MOST_UARTS = 4  # of all chips
 HANGS = {None: 0, "sda": 1, "scl": 2}
 
 
@@ -32,11 +33,21 @@ class AvrMachine:
         SimulatorMissing: there is no compiler or no libsimavr.
     """
 
-    def __init__(self, elf: Union[str, Path], frequency_hz: int = UNO_HZ, seed: int = 0) -> None:
+    def __init__(
+        self,
+        elf: Union[str, Path],
+        frequency_hz: int = UNO_HZ,
+        seed: int = 0,
+        chip: Chip = ATMEGA328P,
+    ) -> None:
         """Powers the board; `seed` draws the noise in the SRAM at the start."""
         image = read_image(Path(elf))
-        self._native = native.load()
-        _require_fit(elf, image)
+        self._native = native.load(chip.name)
+        _require_fit(elf, image, chip)
+        self.chip = chip
+        letters = sorted({pin.port for pin in chip.pins})
+        self._places = [(letters.index(pin.port), pin.bit) for pin in chip.pins]
+        self._pin_at = {place: pin for pin, place in enumerate(self._places)}
         self.frequency_hz = frequency_hz
         self.symbols = image.symbols  # symbols of the image by name, with address and size
         self.image_flash = image.flash  # the image's `(address, bytes)` pieces
@@ -53,11 +64,14 @@ class AvrMachine:
         self._hooks = self._make_hooks()
         self._board = self._native.mrl_create(frequency_hz, self._hooks)
         if not self._board:
-            raise SimulatorError("libsimavr knows no atmega328p: on Debian, apt-get install libsimavr-dev")
+            raise SimulatorError(f"libsimavr knows no {chip.name}: on Debian, apt-get install libsimavr-dev")
         for address, data in image.flash:
             self._native.mrl_load(self._board, data, len(data), address)
         for address, data in image.eeprom:
             self.write_eeprom(address, data)
+        uarts = (self._native.mrl_uart(self._board, number) for number in range(MOST_UARTS))
+        self._uarts = [uart for uart in uarts if uart]
+        self._ram_end = self._native.mrl_ram_end(self._board)
         self.set_host_baud(BAUD)
         self.power_cycle(seed)
 
@@ -131,7 +145,7 @@ class AvrMachine:
     def power_cycle(self, seed: int = 0) -> None:
         """Switch power off and on: SRAM and registers then hold noise drawn from `seed`."""
         noise = random.Random(seed)
-        self._noise = bytes(noise.getrandbits(8) for _ in range(RAM_END + 1))
+        self._noise = bytes(noise.getrandbits(8) for _ in range(self._ram_end + 1))
         self._native.mrl_power_cycle(self._board, self._noise)
 
     def brown_out(self, seconds: float = 0.0) -> None:
@@ -151,37 +165,39 @@ class AvrMachine:
     # ---- serial line
 
     def set_host_baud(self, baud: float, gap_s: float = 0.0) -> None:
-        """Speed of the host's transmitter [bit/s] and its pause between bytes [s]."""
-        self._native.mrl_uart_set_host(self._board, self.frequency_hz / baud, gap_s * self.frequency_hz)
+        """Speed of the transmitters on the serial lines [bit/s] and their pause between bytes [s]."""
+        for uart in self._uarts:
+            self._native.mrl_uart_set_host(uart, self.frequency_hz / baud, gap_s * self.frequency_hz)
 
-    def send(self, data: bytes, at_cycle: Optional[int] = None) -> int:
-        """Puts bytes on the line at `at_cycle` (default: now), after those still on it.
+    def send(self, data: bytes, at_cycle: Optional[int] = None, uart: int = 0) -> int:
+        """Puts bytes on the line to a USART at `at_cycle` (default: now), after those still on it.
 
         Returns the cycle at which the last stop bit ends.
         """
         start = self.cycle if at_cycle is None else at_cycle
-        self._native.mrl_uart_send(self._board, bytes(data), len(data), start)
-        return int(self._native.mrl_uart_line_free(self._board))
+        self._native.mrl_uart_send(self._uarts[uart], bytes(data), len(data), start)
+        return int(self._native.mrl_uart_line_free(self._uarts[uart]))
 
-    def sent(self) -> List[SentByte]:
-        """The bytes that have left the board, with their stop bit, since the last call."""
-        return [SentByte(one.data, one.start, one.end) for one in self._taken(self._native.mrl_uart_sent)]
+    def sent(self, uart: int = 0) -> List[SentByte]:
+        """The bytes that have left a USART, with their stop bit, since the last call."""
+        taken = self._taken(self._native.mrl_uart_sent, self._uarts[uart])
+        return [SentByte(one.data, one.start, one.end) for one in taken]
 
-    def _taken(self, take: Callable[..., Any]) -> Iterator[Any]:
+    def _taken(self, take: Callable[..., Any], source: Any) -> Iterator[Any]:
         """The records that a function of the harness hands over."""
         count = c_size_t()
-        records = take(self._board, byref(count))
+        records = take(source, byref(count))
         return (records[index] for index in range(count.value))
 
     @property
     def bytes_lost(self) -> int:
-        """Number of received bytes lost by data overruns so far."""
-        return self._native.mrl_uart_lost(self._board)
+        """Number of bytes from the host lost by data overruns so far."""
+        return self._native.mrl_uart_lost(self._uarts[0])
 
     @property
     def baud(self) -> float:
-        """Baud rate set in the board's registers [bit/s]."""
-        return self.frequency_hz / self._native.mrl_uart_bit(self._board)
+        """Baud rate of the line to the host, as set in the board's registers [bit/s]."""
+        return self.frequency_hz / self._native.mrl_uart_bit(self._uarts[0])
 
     # ---- I2C faults
 
@@ -204,13 +220,19 @@ class AvrMachine:
 
     # ---- pins
 
+    def _place_of(self, pin: int) -> Tuple[int, int]:
+        """Port and bit of an Arduino pin; raises ValueError if the board has no such pin."""
+        if not 0 <= pin < len(self._places):
+            raise ValueError(f"pin {pin} is not one of the {self.chip.board}'s 0..{len(self._places) - 1}")
+        return self._places[pin]
+
     def pin(self, pin: int) -> int:
-        """Level of a pin (Arduino number, A0 = 14), driven by the chip or from outside."""
-        return self._native.mrl_pin_level(self._board, *place_of(pin))
+        """Level of a pin (Arduino number), driven by the chip or from outside."""
+        return self._native.mrl_pin_level(self._board, *self._place_of(pin))
 
     def set_pin(self, pin: int, level: int, at_cycle: Optional[int] = None) -> None:
         """Sets the level of an input now or at a later cycle; undriven pins are high."""
-        port, bit = place_of(pin)
+        port, bit = self._place_of(pin)
         if at_cycle is None:
             self._native.mrl_pin_set(self._board, port, bit, int(level))
         else:
@@ -222,27 +244,27 @@ class AvrMachine:
         The first edge leaves the level that earlier plans for the pin end with.  An edge in the past comes at once.
         """
         planned = (c_uint64 * len(cycles))(*cycles)
-        self._native.mrl_plan_edges(self._board, *place_of(pin), planned, len(planned))
+        self._native.mrl_plan_edges(self._board, *self._place_of(pin), planned, len(planned))
 
     def high_cycles(self, pin: int) -> int:
         """CPU cycles since the first power-up in which the chip drove the pin high, by its port or by PWM.
 
         An input and a low output add none.
         """
-        return self._native.mrl_pin_high_cycles(self._board, *place_of(pin))
+        return self._native.mrl_pin_high_cycles(self._board, *self._place_of(pin))
 
     def watch_pins(self, pins: Iterable[int]) -> None:
         """Selects the pins that `pin_changes` and `on_pin` report: new levels, and when the chip starts to drive."""
-        masks = dict.fromkeys(PORTS, 0)
-        for port, bit in map(place_of, pins):
+        masks = dict.fromkeys((port for port, _ in self._places), 0)
+        for port, bit in map(self._place_of, pins):
             masks[port] |= 1 << bit
         for port, mask in masks.items():
             self._native.mrl_pin_watch(self._board, port, mask)
 
     def pin_changes(self) -> List[PinChange]:
         """Changes of the watched pins since the last call."""
-        changes = self._taken(self._native.mrl_pin_changes)
-        return [PinChange(PIN_AT[one.port, one.bit], one.level, one.cycle) for one in changes]
+        changes = self._taken(self._native.mrl_pin_changes, self._board)
+        return [PinChange(self._pin_at[one.port, one.bit], one.level, one.cycle) for one in changes]
 
     # ---- memory
 
@@ -275,19 +297,20 @@ class AvrMachine:
     def sram_untouched(self) -> int:
         """Number of bytes above the variables that neither heap nor stack has written since power-up."""
         start = self.symbol("_end").address
-        now = self.peek(start, RAM_END + 1 - start)
+        now = self.peek(start, self._ram_end + 1 - start)
         before = self._noise[start:]
         return next((index for index, value in enumerate(now) if value != before[index]), len(now))
 
     def read_eeprom(self, address: int = 0, count: Optional[int] = None) -> bytes:
         """Bytes of the EEPROM: `count` from `address` on, or all up to its end."""
-        end = EEPROM_BYTES if count is None else address + count
+        end = self.chip.eeprom_bytes if count is None else address + count
         return bytes(self._native.mrl_eeprom(self._board)[address:end])
 
     def write_eeprom(self, address: int, data: bytes) -> None:
         """Overwrites bytes of the EEPROM from outside; raises ValueError if the bytes do not fit into the EEPROM."""
-        if not 0 <= address <= EEPROM_BYTES - len(data):
-            raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of {EEPROM_BYTES}")
+        size = self.chip.eeprom_bytes
+        if not 0 <= address <= size - len(data):
+            raise ValueError(f"{len(data)} bytes at {address} are beyond an EEPROM of {size}")
         _copy(data, self._native.mrl_eeprom(self._board), address)
 
     # ---- callbacks of the simulated chip
@@ -342,7 +365,7 @@ class AvrMachine:
 
     def _pin_changed(self, port: int, bit: int, level: int, cycle: int) -> None:
         if self.on_pin is not None:
-            self.on_pin(PIN_AT[port, bit], level, cycle / self.frequency_hz)
+            self.on_pin(self._pin_at[port, bit], level, cycle / self.frequency_hz)
 
     def _crash_report(self) -> str:
         where = self._native.mrl_crash_pc(self._board)
@@ -355,12 +378,13 @@ def _copy(data: bytes, memory: Any, address: int) -> None:
         memory[offset] = value
 
 
-def _require_fit(path: Union[str, Path], image: Image) -> None:
+def _require_fit(path: Union[str, Path], image: Image, chip: Chip) -> None:
     """Refuses an image for a larger chip."""
-    for name, pieces, size in (("flash", image.flash, FLASH_BYTES), ("EEPROM", image.eeprom, EEPROM_BYTES)):
+    memories = (("flash", image.flash, chip.flash_bytes), ("EEPROM", image.eeprom, chip.eeprom_bytes))
+    for name, pieces, size in memories:
         end = max((address + len(data) for address, data in pieces), default=0)
         if end > size:
             raise SimulatorError(
-                f"firmware image {path} needs {end} bytes of {name}, but the Uno's ATmega328P has {size}; "
-                "build the image for an Arduino Uno"
+                f"firmware image {path} needs {end} bytes of {name}, but the {chip.name} has {size}; "
+                f"build the image for an Arduino {chip.board}"
             )

@@ -44,7 +44,7 @@ class PinEvent(Structure):
     _fields_ = [("cycle", c_uint64), ("port", c_uint8), ("bit", c_uint8), ("level", c_uint8)]
 
 
-_BOARD = c_void_p
+_BOARD = _UART = c_void_p
 _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_create": (_BOARD, [c_uint32, POINTER(Hooks)]),
     "mrl_destroy": (None, [_BOARD]),
@@ -61,16 +61,18 @@ _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
     "mrl_interrupts_on": (c_int, [_BOARD]),
     "mrl_crash_pc": (c_uint32, [_BOARD]),
     "mrl_resets": (c_uint64, [_BOARD]),
+    "mrl_ram_end": (c_uint32, [_BOARD]),
     "mrl_slept": (c_uint64, [_BOARD]),
     "mrl_next_event": (c_uint64, [_BOARD]),
     "mrl_data": (POINTER(c_uint8), [_BOARD]),
     "mrl_message": (c_char_p, []),
-    "mrl_uart_send": (None, [_BOARD, c_char_p, c_size_t, c_uint64]),
-    "mrl_uart_set_host": (None, [_BOARD, c_double, c_double]),
-    "mrl_uart_line_free": (c_double, [_BOARD]),
-    "mrl_uart_lost": (c_uint64, [_BOARD]),
-    "mrl_uart_bit": (c_uint64, [_BOARD]),
-    "mrl_uart_sent": (POINTER(Sent), [_BOARD, POINTER(c_size_t)]),
+    "mrl_uart": (_UART, [_BOARD, c_int]),
+    "mrl_uart_send": (None, [_UART, c_char_p, c_size_t, c_uint64]),
+    "mrl_uart_set_host": (None, [_UART, c_double, c_double]),
+    "mrl_uart_line_free": (c_double, [_UART]),
+    "mrl_uart_lost": (c_uint64, [_UART]),
+    "mrl_uart_bit": (c_uint64, [_UART]),
+    "mrl_uart_sent": (POINTER(Sent), [_UART, POINTER(c_size_t)]),
     "mrl_twi_set_hang": (None, [_BOARD, c_int, c_int]),
     "mrl_twi_set_stretch": (None, [_BOARD, c_int]),
     "mrl_twi_set_nack_after": (None, [_BOARD, c_int]),
@@ -87,13 +89,13 @@ _SIGNATURES: Dict[str, Tuple[Any, List[Any]]] = {
 _loaded: Dict[str, ctypes.CDLL] = {}
 
 
-def load() -> ctypes.CDLL:
-    """The harness library with its signatures set; it is compiled first if necessary.
+def load(chip: str) -> ctypes.CDLL:
+    """The harness library for a chip with its signatures set; it is compiled first if necessary.
 
     Raises:
         SimulatorMissing: the harness cannot be compiled or loaded here; the message names the Debian packages.
     """
-    path = str(build(library_path()))
+    path = str(build(library_path(chip), chip))
     if path not in _loaded:
         try:
             library = ctypes.CDLL(path)

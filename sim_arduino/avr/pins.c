@@ -1,4 +1,4 @@
-/* Digital pins of ports B, C, D (0, 1, 2): levels, changes, plans, and the cycles for which each was driven high. */
+/* Digital pins, by the numbers of their ports (0 the chip's first) and their bits: levels, changes, plans, and the cycles for which each was driven high. */
 #include "board.h"
 
 /* Level of every pin of a port at a cycle: that of the output, or the external level of an input. */
@@ -25,8 +25,7 @@ static void pass_on(board_t *board, int port, uint8_t changed, uint64_t cycle) {
     pin_interrupts_changed(board, port, changed, now);
     if (port == SCL_PIN.port && (changed & ~now & (1 << SCL_PIN.bit)))
         twi_clocked_by_hand(board);
-    if (port == CAPTURE_PIN.port && (changed & (1 << CAPTURE_PIN.bit)))
-        timers_capture(board, now >> CAPTURE_PIN.bit & 1, cycle);
+    timers_capture(board, port, changed, now, cycle);
 }
 
 /* Shows the levels in PIN and reports the watched pins; returns the pins that have changed. A pin that becomes an
@@ -97,7 +96,7 @@ static void write_direction(avr_t *avr, avr_io_addr_t address, uint8_t value, vo
 
 /* Ones written to PIN toggle the bits of PORT. */
 static void write_pin(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
-    uint8_t port = ((port_t *)param)->at->port;
+    uint16_t port = ((port_t *)param)->at->port;
     write_port(avr, port, avr->data[port] ^ board_written_ones(avr, value), param);
 }
 

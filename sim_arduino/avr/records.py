@@ -1,11 +1,6 @@
-"""Records that a simulated board reports, and the Uno's pin numbers."""
+"""Records that a simulated board reports."""
 
-from typing import NamedTuple, Tuple
-
-PORTS = PORT_B, PORT_C, PORT_D = 0, 1, 2
-PLACES = [(port, bit) for port, bits in ((PORT_D, 8), (PORT_B, 6), (PORT_C, 6)) for bit in range(bits)]
-"""Port and bit of each pin by its Arduino number: D0 to D13, A0 to A5 as 14 to 19."""
-PIN_AT = {place: pin for pin, place in enumerate(PLACES)}
+from typing import NamedTuple
 
 
 class SentByte(NamedTuple):
@@ -17,7 +12,7 @@ class SentByte(NamedTuple):
 
 
 class PinChange(NamedTuple):
-    """A watched pin (Arduino number, A0 = 14) took a new level at a cycle."""
+    """A watched pin (Arduino number) took a new level at a cycle."""
 
     pin: int
     level: int
@@ -34,10 +29,3 @@ class Transfer(NamedTuple):
     address: int
     data: bytes
     cycle: int
-
-
-def place_of(pin: int) -> Tuple[int, int]:
-    """Port and bit of an Arduino pin; raises ValueError if the Uno has no such pin."""
-    if not 0 <= pin < len(PLACES):
-        raise ValueError(f"pin {pin} is not one of the Uno's 0..{len(PLACES) - 1}")
-    return PLACES[pin]

@@ -27,11 +27,12 @@ static bool is_taken(avr_t *avr, uint16_t skip) {
     return (value >> (skip & 7) & 1) == (skip >> 9 & 1);
 }
 
-/* Where the program begins: avr-gcc puts its tables between the vectors and the target of the first one. */
+/* Where the program begins: avr-gcc puts its tables between the vectors and the target of the first one. With more than
+ * 128 KiB of flash, bit 0 of a JMP is part of its target. */
 static uint32_t code_begin(const avr_t *avr) {
     const uint16_t first = word_at(avr, 0);
-    if (first == JMP)
-        return 2u * word_at(avr, 2);
+    if ((first & ~1) == JMP)
+        return 2u * ((first & 1u) << 16 | word_at(avr, 2));
     return (first & 0xF000) == RJMP ? 2u * (first & 0x0FFF) + 2 : 0;
 }
 

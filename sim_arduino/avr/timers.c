@@ -1,5 +1,5 @@
-/* Timers 0 and 2 with 8 bits and their PWM outputs, in all modes; timer 1 with 16 bits in its normal and CTC mode and in
- * PWM with 8 bits, its outputs, and input capture on ICP1.
+/* Timers with 8 bits and their PWM outputs, in all modes; those with 16 bits in their normal and CTC mode and in PWM
+ * with 8 bits, their outputs, and input capture.
  *
  * The counter is lazy: it catches up when a register is read or written, when an enabled interrupt is due, and at each
  * edge of an observed output. Whole rounds that passed meanwhile are counted in closed form, so PWM that is not
@@ -12,8 +12,10 @@
  */
 #include "board.h"
 
-enum { TOV = 0x01, OCFA = 0x02, ICF1 = 0x20 }; /* OCFA << 1 is OCFB; TIMSK has the same bits */
-enum { CS = 0x07, WGM2 = 0x08, WGM13 = 0x10, ICES1 = 0x40, FOCA = 0x80, WGM10 = 0x03, PWM_MAX = 0xFF };
+#include <string.h>
+
+enum { TOV = 0x01, OCFA = 0x02, OCF = 0x0E, ICF = 0x20 }; /* OCFA << 1 is OCFB; TIMSK has the same bits */
+enum { CS = 0x07, WGM2 = 0x08, WGM13 = 0x10, ICES = 0x40, FOCA = 0x80, WGM10 = 0x03, PWM_MAX = 0xFF };
 enum { COM_NONE, COM_TOGGLE, COM_CLEAR, COM_SET };
 enum { KIND = 3, NORMAL = 0, PHASE_CORRECT = 1, CTC = 2, FAST = 3, TO_OCRA = 4 }; /* WGM: a kind, and TOP of PWM */
 /* Rounds to TOP, or to MAX, after which all repeats; the least number of them of which whole rounds are counted at once. */
@@ -21,6 +23,8 @@ enum { SETTLED = 4, ROUNDS_FROM = 16 };
 static const uint32_t NEVER = UINT32_MAX;
 
 static bool is_wide(const timer_state_t *timer) { return timer->at->max > 0xFF; }
+/* Number of compare units. */
+static int units(const timer_state_t *timer) { return is_wide(timer) ? WIDE_UNITS : 2; }
 static bool is_pwm(const timer_state_t *timer) { return timer->mode & PHASE_CORRECT; }
 static bool is_dual_slope(const timer_state_t *timer) { return (timer->mode & KIND) == PHASE_CORRECT; }
 static bool is_fast(const timer_state_t *timer) { return (timer->mode & KIND) == FAST; }
@@ -111,7 +115,7 @@ static bool is_regular(const timer_state_t *timer) {
 }
 
 static bool is_loaded(const timer_state_t *timer) {
-    return timer->compare[0] == timer->buffer[0] && timer->compare[1] == timer->buffer[1];
+    return !memcmp(timer->compare, timer->buffer, sizeof timer->compare);
 }
 
 static uint32_t least(uint32_t a, uint32_t b) { return a < b ? a : b; }
@@ -121,7 +125,7 @@ static uint32_t counts_to_event(const timer_state_t *timer) {
     if (!is_regular(timer))
         return 1;
     uint32_t first = counts_to_leave(timer, last_of_round(timer));
-    for (int unit = 0; unit < OUTPUTS; unit++)
+    for (int unit = 0; unit < units(timer); unit++)
         first = least(first, counts_to_leave(timer, timer->compare[unit]));
     return is_dual_slope(timer) ? least(first, counts_to_leave(timer, 0)) : first;
 }
@@ -129,7 +133,7 @@ static uint32_t counts_to_event(const timer_state_t *timer) {
 /* A write of TCNT blocks the match at the next count. */
 static uint8_t match(timer_state_t *timer, uint64_t cycle) {
     uint8_t flags = 0;
-    for (int unit = 0; unit < OUTPUTS; unit++) {
+    for (int unit = 0; unit < units(timer); unit++) {
         int com = timer->com[unit];
         if (timer->compare[unit] != timer->count || timer->written)
             continue;
@@ -141,12 +145,15 @@ static uint8_t match(timer_state_t *timer, uint64_t cycle) {
     return flags;
 }
 
+static void load_compare(timer_state_t *timer) {
+    memcpy(timer->compare, timer->buffer, sizeof timer->compare);
+    timer->top = top_of(timer);
+}
+
 /* The compare registers are loaded from their buffers, and the outputs begin a round (fast PWM) or the second slope. */
 static void begin_slope(timer_state_t *timer, uint64_t cycle) {
-    timer->compare[0] = timer->buffer[0];
-    timer->compare[1] = timer->buffer[1];
-    timer->top = top_of(timer);
-    for (int unit = 0; unit < OUTPUTS; unit++) {
+    load_compare(timer);
+    for (int unit = 0; unit < units(timer); unit++) {
         int com = timer->com[unit];
         bool as_after_match = is_dual_slope(timer) && timer->compare[unit] < timer->top;
         if (sets_or_clears(com))
@@ -202,11 +209,11 @@ static uint8_t count_singly(timer_state_t *timer, uint64_t counts) {
 /* Two rounds repeat exactly, also those of a toggled output: the time high of many is a multiple of theirs. */
 static uint64_t count_rounds(timer_state_t *timer, uint64_t counts) {
     uint32_t two = 2 * period(timer);
-    uint64_t before[OUTPUTS], times = counts / two - 1;
-    for (int unit = 0; unit < OUTPUTS; unit++)
+    uint64_t before[WIDE_UNITS], times = counts / two - 1;
+    for (int unit = 0; unit < units(timer); unit++)
         before[unit] = high_at(&timer->output[unit], cycle_of(timer, timer->counted));
     count_singly(timer, two);
-    for (int unit = 0; unit < OUTPUTS; unit++) {
+    for (int unit = 0; unit < units(timer); unit++) {
         timer_output_t *output = &timer->output[unit];
         output->high_cycles += times * (high_at(output, cycle_of(timer, timer->counted)) - before[unit]);
         output->high_from += (times * two) << timer->shift;
@@ -236,7 +243,7 @@ static void count_to(timer_state_t *timer, uint64_t cycle) {
 /* ---- events */
 
 static bool is_observed(const timer_state_t *timer) {
-    for (int unit = 0; unit < OUTPUTS; unit++)
+    for (int unit = 0; unit < units(timer); unit++)
         if (timer->output[unit].driving && pins_is_observed(timer->board, timer->at->output[unit]))
             return true;
     return false;
@@ -244,14 +251,14 @@ static bool is_observed(const timer_state_t *timer) {
 
 /* Number of counts to the next one that must not wait. */
 static uint32_t counts_to_alarm(const timer_state_t *timer) {
-    uint8_t enabled = timer->board->avr->data[timer->at->timsk] & (TOV | OCFA | OCFA << 1);
+    uint8_t enabled = timer->board->avr->data[timer->at->timsk] & (TOV | OCF);
     bool observed = is_observed(timer);
     if (!enabled && !observed)
         return NEVER;
     if (observed || !is_regular(timer) || !is_loaded(timer))
         return counts_to_event(timer);
     uint32_t first = enabled & TOV ? counts_to_leave(timer, overflow_value(timer)) : NEVER;
-    for (int unit = 0; unit < OUTPUTS; unit++)
+    for (int unit = 0; unit < units(timer); unit++)
         if (enabled & OCFA << unit)
             first = least(first, counts_to_leave(timer, timer->compare[unit]));
     return first;
@@ -263,7 +270,7 @@ static avr_cycle_count_t alarm_cycle(const timer_state_t *timer) {
 }
 
 static void show_outputs(const timer_state_t *timer, uint64_t cycle) {
-    for (int unit = 0; unit < OUTPUTS; unit++)
+    for (int unit = 0; unit < units(timer); unit++)
         if (timer->output[unit].driving)
             pins_compare(timer->board, timer->at->output[unit].port, cycle);
 }
@@ -296,7 +303,7 @@ static bool drives(const timer_state_t *timer, int unit) {
 void timers_pins_changed(board_t *board) {
     for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
         count_to(timer, board->avr->cycle);
-        for (int unit = 0; unit < OUTPUTS; unit++)
+        for (int unit = 0; unit < units(timer); unit++)
             set_driving(&timer->output[unit], drives(timer, unit), board->avr->cycle);
         plan(timer);
     }
@@ -306,7 +313,7 @@ void timers_pins_changed(board_t *board) {
 uint8_t timers_levels(board_t *board, int port, uint64_t cycle) {
     uint8_t levels = 0;
     for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++)
-        for (int unit = 0; unit < OUTPUTS; unit++) {
+        for (int unit = 0; unit < units(timer); unit++) {
             if (timer->at->output[unit].port != port || !timer->com[unit])
                 continue;
             count_to(timer, cycle);
@@ -318,7 +325,7 @@ uint8_t timers_levels(board_t *board, int port, uint64_t cycle) {
 /* Cycles since power-up for which a timer drove the pin high. */
 uint64_t timers_high_cycles(board_t *board, int port, int bit) {
     for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++)
-        for (int unit = 0; unit < OUTPUTS; unit++)
+        for (int unit = 0; unit < units(timer); unit++)
             if (timer->at->output[unit].port == port && timer->at->output[unit].bit == bit) {
                 count_to(timer, board->avr->cycle);
                 return high_at(&timer->output[unit], board->avr->cycle);
@@ -330,16 +337,18 @@ uint64_t timers_high_cycles(board_t *board, int port, int bit) {
 
 static uint8_t com_of(const timer_state_t *timer, int unit) {
     uint8_t com = timer->board->avr->data[timer->at->tccra] >> (6 - 2 * unit) & 3;
+    if (com && timer->at->output[unit].port == PORTS) {
+        board_refuse(timer->board, "the output of compare unit %c of a timer is used, but not simulated", 'A' + unit);
+        return COM_NONE;
+    }
     bool toggles_in_pwm = unit == 0 && (timer->mode & TO_OCRA);
     return is_pwm(timer) && com == COM_TOGGLE && !toggles_in_pwm ? COM_NONE : com;
 }
 
 /* Outside PWM a write of a compare register takes effect at once. */
 static void load_unbuffered(timer_state_t *timer) {
-    if (!is_pwm(timer)) {
-        timer->compare[0] = timer->buffer[0];
-        timer->compare[1] = timer->buffer[1];
-    }
+    if (!is_pwm(timer))
+        load_compare(timer);
     timer->top = top_of(timer);
 }
 
@@ -368,7 +377,7 @@ static void configure(timer_state_t *timer) {
     timer->counted = divider ? edges(timer, board->avr->cycle) : 0;
     timer->down = timer->down && is_dual_slope(timer);
     load_unbuffered(timer);
-    for (int unit = 0; unit < OUTPUTS; unit++) {
+    for (int unit = 0; unit < units(timer); unit++) {
         uint8_t before = timer->com[unit];
         timer->com[unit] = com_of(timer, unit);
         set_driving(&timer->output[unit], drives(timer, unit), board->avr->cycle);
@@ -390,7 +399,7 @@ static void write_control_with_force(avr_t *avr, avr_io_addr_t address, uint8_t 
     count_to(timer, avr->cycle);
     avr->data[address] = value & (CS | WGM2);
     configure(timer);
-    for (int unit = 0; unit < OUTPUTS; unit++)
+    for (int unit = 0; unit < units(timer); unit++)
         if ((value & FOCA >> unit) && !is_pwm(timer))
             act(&timer->output[unit], timer->com[unit], avr->cycle);
     show_outputs(timer, avr->cycle);
@@ -442,7 +451,10 @@ static void write_compare(avr_t *avr, avr_io_addr_t address, uint8_t value, void
     avr->data[address] = value;
     if (is_wide(timer))
         avr->data[address + 1] = timer->high;
-    timer->buffer[address == timer->at->ocr[1]] = word_of(timer, value);
+    int unit = 0;
+    while (timer->at->ocr[unit] != address)
+        unit++;
+    timer->buffer[unit] = word_of(timer, value);
     load_unbuffered(timer);
     plan(timer);
 }
@@ -455,21 +467,27 @@ static uint8_t read_count(avr_t *avr, avr_io_addr_t address, void *param) {
 }
 
 static uint8_t read_capture(avr_t *avr, avr_io_addr_t address, void *param) {
-    ((timer_state_t *)param)->high = avr->data[ICR1 + 1];
+    ((timer_state_t *)param)->high = avr->data[address + 1];
     return avr->data[address];
 }
 
-/* The level of ICP1 has changed at `cycle`, perhaps in the middle of the last instruction. */
-void timers_capture(board_t *board, bool rose, uint64_t cycle) {
-    timer_state_t *timer = &board->timers[TIMER1];
-    uint8_t *data = board->avr->data;
-    if (rose != !!(data[timer->at->tccrb] & ICES1))
-        return;
+static void capture(timer_state_t *timer, uint64_t cycle) {
+    uint8_t *data = timer->board->avr->data;
     count_to(timer, cycle);
-    data[ICR1] = (uint8_t)timer->count;
-    data[ICR1 + 1] = (uint8_t)(timer->count >> 8);
-    data[timer->at->tifr] |= ICF1;
-    board_recheck(board);
+    data[timer->at->icr] = (uint8_t)timer->count;
+    data[timer->at->icr + 1] = (uint8_t)(timer->count >> 8);
+    data[timer->at->tifr] |= ICF;
+    board_recheck(timer->board);
+}
+
+/* Pins of a port have changed at `cycle`, perhaps in the middle of the last instruction. */
+void timers_capture(board_t *board, int port, uint8_t changed, uint8_t level, uint64_t cycle) {
+    for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
+        chip_pin_t pin = timer->at->capture;
+        bool rises = board->avr->data[timer->at->tccrb] & ICES;
+        if (pin.port == port && (changed >> pin.bit & 1) && (level >> pin.bit & 1) == rises)
+            capture(timer, cycle);
+    }
 }
 
 /* ---- life */
@@ -478,7 +496,7 @@ void timers_capture(board_t *board, bool rose, uint64_t cycle) {
 void timers_release(board_t *board) {
     for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
         count_to(timer, board->avr->cycle);
-        for (int unit = 0; unit < OUTPUTS; unit++)
+        for (int unit = 0; unit < units(timer); unit++)
             set_driving(&timer->output[unit], false, board->avr->cycle);
     }
 }
@@ -488,10 +506,19 @@ void timers_reset(board_t *board) {
         timer_state_t *timer = &board->timers[i], after = {.board = board, .at = &CHIP_TIMERS[i], .shift = -1};
         after.origin = board->avr->cycle;
         after.top = after.at->max;
-        for (int unit = 0; unit < OUTPUTS; unit++)
+        for (int unit = 0; unit < WIDE_UNITS; unit++)
             after.output[unit].high_cycles = timer->output[unit].high_cycles;
         *timer = after;
     }
+}
+
+static void attach_high_bytes(timer_state_t *timer) {
+    board_t *board = timer->board;
+    board_on(board, timer->at->tcnt + 1, write_high, read_high, timer);
+    for (int unit = 0; unit < WIDE_UNITS; unit++)
+        board_on(board, timer->at->ocr[unit] + 1, write_high, NULL, timer);
+    board_on(board, timer->at->icr, NULL, read_capture, timer);
+    board_on(board, timer->at->icr + 1, NULL, read_high, timer);
 }
 
 void timers_attach(board_t *board) {
@@ -503,13 +530,9 @@ void timers_attach(board_t *board) {
         board_on(board, at->timsk, write_enables, NULL, timer);
         board_on(board, at->tifr, write_flags, read_flags, timer);
         board_on(board, at->tcnt, write_count, read_count, timer);
-        for (int unit = 0; unit < OUTPUTS; unit++)
+        for (int unit = 0; unit < units(timer); unit++)
             board_on(board, at->ocr[unit], write_compare, NULL, timer);
+        if (is_wide(timer))
+            attach_high_bytes(timer);
     }
-    timer_state_t *wide = &board->timers[TIMER1];
-    board_on(board, wide->at->tcnt + 1, write_high, read_high, wide);
-    for (int unit = 0; unit < OUTPUTS; unit++)
-        board_on(board, wide->at->ocr[unit] + 1, write_high, NULL, wide);
-    board_on(board, ICR1, NULL, read_capture, wide);
-    board_on(board, ICR1 + 1, NULL, read_high, wide);
 }

@@ -2,27 +2,31 @@
 
 import subprocess
 from pathlib import Path
-from typing import Any, Callable, Dict, List
+from typing import Any, Callable, Dict, List, Tuple
 
 import pytest
 
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
 from sim_arduino.avr.machine import AvrMachine
 
 SKETCHES = Path(__file__).parent / "sketches"
-COMPILE = ["avr-gcc", "-mmcu=atmega328p", "-DF_CPU=16000000UL", "-Os", "-Wall", "-Werror"]
+COMPILE = ["avr-gcc", "-DF_CPU=16000000UL", "-Os", "-Wall", "-Werror"]
+FAR = ["-Wl,--section-start=.far=0x21000,--section-start=.table=0x30000"]
 
 
 @pytest.fixture(scope="session")
-def sketch(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
-    """Path of a compiled program of tests/avr/sketches, by file name."""
+def sketch(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """Path of a program of tests/avr/sketches compiled for a chip, by file name."""
     folder = tmp_path_factory.mktemp("sketches")
-    built: Dict[str, Path] = {}
+    built: Dict[Tuple[str, str], Path] = {}
 
-    def compile_once(name: str) -> Path:
-        if name not in built:
-            built[name] = folder / (name + ".elf")
-            subprocess.run(COMPILE + [str(SKETCHES / name), "-o", str(built[name])], check=True)
-        return built[name]
+    def compile_once(name: str, chip: Chip = ATMEGA328P) -> Path:
+        key = (name, chip.name)
+        if key not in built:
+            built[key] = folder / f"{name}.{chip.name}.elf"
+            options = [f"-mmcu={chip.name}", *(FAR if chip == ATMEGA2560 else [])]
+            subprocess.run([*COMPILE, *options, str(SKETCHES / name), "-o", str(built[key])], check=True)
+        return built[key]
 
     return compile_once
 
@@ -51,11 +55,11 @@ class Bench:
 
 
 @pytest.fixture
-def bench(sketch: Callable[[str], Path], close_later: Callable[..., Any]) -> Callable[[str], Bench]:
+def bench(sketch: Callable[..., Path], close_later: Callable[..., Any]) -> Callable[..., Bench]:
     """Makes a Bench that runs a program, its variables initialised (200 us after power-up)."""
 
-    def start(name: str) -> Bench:
-        machine = close_later(AvrMachine(sketch(name)))
+    def start(name: str, chip: Chip = ATMEGA328P) -> Bench:
+        machine = close_later(AvrMachine(sketch(name, chip), chip=chip))
         machine.run(200e-6)
         return Bench(machine)
 

@@ -11,6 +11,8 @@ from sim_arduino.avr.build import SimulatorMissing, build
 from sim_arduino.avr.elf import read_image
 from sim_arduino.avr.machine import AvrMachine
 
+CHIP = "atmega328p"
+
 
 @pytest.fixture
 def compiler(tmp_path, monkeypatch):
@@ -37,7 +39,7 @@ def compiler(tmp_path, monkeypatch):
 def test_a_failed_build_names_reason_and_packages_and_leaves_nothing(tmp_path, compiler, script, text):
     path = compiler(script)
     with pytest.raises(SimulatorMissing, match=text):
-        build(tmp_path / "board.so")
+        build(tmp_path / "board.so", CHIP)
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -80,7 +82,7 @@ def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, compiler):
     library = tmp_path / "board.so"
     library.write_bytes(b"old")
     os.utime(library, (0, 0))
-    assert build(library).read_bytes() == b"new"
+    assert build(library, CHIP).read_bytes() == b"new"
 
 
 END = ":00000001FF"

@@ -3,6 +3,11 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
+#ifdef USART0_RX_vect
+#define USART_RX_vect USART0_RX_vect
+#define USART_UDRE_vect USART0_UDRE_vect
+#endif
+
 volatile uint8_t outgoing_count = 0, listen = 1, status_seen = 0;
 volatile uint8_t incoming[64], incoming_count = 0, statuses[64];
 volatile uint8_t sent = 0, use_interrupts = 0;
