@@ -3,7 +3,7 @@
 from functools import lru_cache
 
 from mrl_driver.protocol.table import BRIDGES
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring
 from sim_arduino.board import parameter_store
 
 
@@ -17,6 +17,10 @@ def model(name: str) -> models.RobotModel:
 def eeprom(robot_id: int) -> bytes:
     """The image that a board has saved which was told nothing but its id."""
     return parameter_store.image(parameter_store.defaults(robot_id))
+
+
+ENCODER_PINS = wiring.encoder_pins(model("duo").board)
+"""Pins of a duo's encoders."""
 
 
 def bridged(bridge: str = "tb6612", **board: int) -> models.RobotModel:

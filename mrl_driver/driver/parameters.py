@@ -4,7 +4,7 @@ import contextlib
 from typing import Dict, Iterable, Mapping, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardRefused, MrlError
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, Parameter
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, PINS, Parameter
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .connection import Connection
@@ -13,8 +13,8 @@ _READ, _WRITE, _SAVE, _DEFAULTS = (
     BY_NAME[name].code for name in ("read_config", "write_config", "save_config", "default_config")
 )
 
-CABLES = ("bridge", "wiring")
-"""Parameters that describe the cables of one robot; `mrl calibrate wiring` sets them."""
+CABLES = ("bridge", "wiring", *(row.name for row in PINS))
+"""Parameters that describe the cables of one robot."""
 
 
 def default_of(model: Optional[RobotModel], row: Parameter) -> Optional[int]:
@@ -94,7 +94,7 @@ class Parameters:
     def save_model(self, robot_id: int, model: RobotModel) -> None:
         """Save the id and the model's parameters (the firmware may not know this model), and check them.
 
-        A board with an H-bridge keeps its bridge and wiring, unless the model sets them: they belong to its cables.
+        A board with an H-bridge keeps its bridge, pins and wiring, unless the model sets them: they belong to its cables.
         """
         self.require_eeprom()
         self.require(model.board)

@@ -357,17 +357,17 @@ WIRING: Tuple[Tuple[str, str], ...] = (
 """Bits of parameter 20.  Each wheel's bits apply after the swaps: they belong to what drives or measures that wheel."""
 WIRING_PROBLEMS: Tuple[Tuple[str, str], ...] = (
     ("none", "The board accepts the wiring."),
-    ("not_connected", "The pin is not connected, and the bridge or the encoder needs it."),
-    ("no_such_pin", "The chip does not have the pin."),
-    ("serial_pin", "D0 and D1 are the serial link."),
+    ("not_connected", "The bridge or the encoder needs this pin."),
+    ("no_such_pin", "The chip does not have this pin."),
+    ("serial_pin", "The serial link has D0 and D1."),
     ("pin_used_twice", "Another function has the same pin."),
-    ("no_pwm", "The pin must carry PWM, and no timer drives it."),
-    ("led_pin", "The bootloader moves the LED's pin, and with it the motor."),
-    ("no_interrupt", "Channel A of an encoder is on a pin without an interrupt."),
-    ("no_analog", "The pin is not an analog input."),
-    ("bus_pin", "The pin is the I2C bus's, and the bus is in use."),
-    ("timer_modes", "The timers of a motor's two PWM pins cannot make the same PWM."),
-    ("no_clock", "The board's clock needs the timer that makes this pin's PWM."),
+    ("no_pwm", "The function needs PWM, and no timer makes it on this pin."),
+    ("led_pin", "The bootloader moves this pin, with the LED, and the motor could turn."),
+    ("no_interrupt", "An encoder needs a pin with an interrupt, and without an LED."),
+    ("no_analog", "The function needs an analog input."),
+    ("bus_pin", "The I2C bus is in use and has this pin."),
+    ("timer_modes", "The timers of a motor's PWM pins cannot make the same PWM."),
+    ("no_clock", "The board's clock needs the timer of this pin."),
 )
 """Problems of a wiring, in the order of their tests.  The board reports the first one and refuses every motion."""
 RESET_CAUSES: Tuple[str, ...] = ("unknown", "power_on", "external", "brown_out", "watchdog")

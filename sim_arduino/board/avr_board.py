@@ -9,12 +9,13 @@ from typing import Callable, Dict, List, Optional, Tuple, Union
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
-from mrl_driver.protocol.table import BAUD, BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.protocol.table import BAUD, BY_NAME, NOT_CONNECTED, PARAMETER_BY_NAME
+from mrl_driver.robot import wiring
 from mrl_driver.robot.models import RobotModel
 from sim_arduino.avr.bit_serial import FRAME_BITS, BitReceiver, edges, received
 from sim_arduino.avr.machine import AvrMachine
-from sim_arduino.hardware.bridge_plant import OUTPUT_PINS, BridgePlant
-from sim_arduino.hardware.wiring import DUST, FAN, HEATER, SONAR_POWER, SONAR_TRIGGER, Plant
+from sim_arduino.hardware.bridge_plant import BridgePlant
+from sim_arduino.hardware.wiring import DUST, FAN, HEATER, Plant
 from sim_arduino.hardware.xbee import BAUD as RADIO_BAUD
 from sim_arduino.hardware.xbee import XBee
 
@@ -22,13 +23,18 @@ from . import parameter_store
 
 IN, OUT = 2, 3  # pins of a radio (Arduino numbers): from the module's DOUT, and to its DIN
 SLICE_S = 1e-3  # the wires to bridges or a radio are served in slices of this length [s]
-WATCHED_PINS = (FAN, SONAR_TRIGGER, SONAR_POWER, HEATER)
 BOOT_S, WRITE_S, SAVE_S = 0.3, 0.05, 0.4  # saving takes 64 bytes of EEPROM at 3.4 ms each
 LONGEST_SLEEP_S = 1.0
 BROWN_OUT = 1 << 2  # BORF in MCUSR
 
 FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" / "mrl_firmware.elf"
 """Image of the sonar build in a checkout, after `make firmware`."""
+
+
+def watched_pins(plant: Plant) -> List[int]:
+    """The outputs of the chip that the plant follows, besides those to bridges."""
+    pins = (plant.sonar_pins.trigger, plant.sonar_pins.power)
+    return [pin for pin in (pins if plant.bridge else (FAN, HEATER, *pins)) if pin != NOT_CONNECTED]
 
 
 def configured_eeprom(elf: Union[str, Path], robot_id: int, model: RobotModel) -> bytes:
@@ -38,6 +44,7 @@ def configured_eeprom(elf: Union[str, Path], robot_id: int, model: RobotModel) -
     SimulatorError if it does not confirm that.
     """
     wanted, known = parameter_store.first(robot_id, model), parameter_store.defaults(robot_id)
+    known += wiring.EMPTY.values()
     orders: List[Tuple[str, float, Tuple[int, ...]]] = [
         ("write_config", WRITE_S, (PARAMETER_BY_NAME["robot_id"].number, robot_id)),
         ("default_config", WRITE_S, ()),
@@ -77,7 +84,7 @@ class AvrEngine:
         self.machine.i2c = plant.i2c
         self.machine.adc_volts = plant.adc_volts
         self.machine.on_pin = plant.pin_changed
-        self.machine.watch_pins(WATCHED_PINS)
+        self.machine.watch_pins(watched_pins(plant))
         self._wires: Union[BridgeWires, RadioWires, None] = None
         if plant.bridge:
             self._wires = BridgeWires(self.machine, plant.bridge)
@@ -160,7 +167,8 @@ class BridgeWires:
         self._machine, self._bridge = machine, bridge
         self._slice = int(round(SLICE_S * machine.frequency_hz))
         self._since = self._end = machine.cycle
-        self._high: Dict[int, int] = {pin: machine.high_cycles(pin) for pins in OUTPUT_PINS for pin in pins}
+        pins = {pin for wires in bridge.outputs for pin in wires if pin != NOT_CONNECTED}
+        self._high: Dict[int, int] = {pin: machine.high_cycles(pin) for pin in pins}
         for pin, level in bridge.levels.items():
             machine.set_pin(pin, level)
         self._plan()
@@ -182,13 +190,12 @@ class BridgeWires:
         """Writes the shares of the last slice to the bridges."""
         cycles = self._machine.cycle - self._since
         self._since += cycles
-        for motor, pins in enumerate(OUTPUT_PINS):
-            shares = []
-            for pin in pins:
-                high = self._machine.high_cycles(pin)
-                shares.append((high - self._high[pin]) / cycles)
-                self._high[pin] = high
-            self._bridge.write(self._bridge.time_s, motor, *shares)
+        shares = {NOT_CONNECTED: 0.0}
+        for pin, before in self._high.items():
+            self._high[pin] = self._machine.high_cycles(pin)
+            shares[pin] = (self._high[pin] - before) / cycles
+        for motor, wires in enumerate(self._bridge.outputs):
+            self._bridge.write(self._bridge.time_s, motor, *(shares[pin] for pin in wires))
 
     def _plan(self) -> None:
         """Moves the motors to the end of the next slice, and plans the edges until then."""
@@ -216,7 +223,7 @@ class RadioWires:
         self._free_s = 0.0
         machine.set_pin(IN, 1)
         machine.on_pin = self._pin_changed
-        machine.watch_pins((*WATCHED_PINS, OUT))
+        machine.watch_pins((*watched_pins(plant), OUT))
 
     @property
     def next_s(self) -> float:

@@ -6,8 +6,9 @@ from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import BRIDGES, INT16_MAX, TICK_S, WIRING, Command
-from sim_arduino.hardware.bridge_plant import BATTERY_CHANNEL, ENCODER_PINS
+from mrl_driver.protocol.table import BRIDGES, INT16_MAX, NOT_CONNECTED, TICK_S, WIRING, Command
+from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import CHIPS, NONE
 from sim_arduino.hardware.encoders import EncoderCounter
 from sim_arduino.hardware.wiring import Plant
 
@@ -39,8 +40,8 @@ _PINS: Dict[str, Tuple[str, str, str, str]] = {
     "tb6612": ("D10", "D01", "111", "100"),
     "l298n": ("1D0", "1R1", "111", "000"),
     "cytron": ("D00", "D01", "", ""),
-    "drv8833": ("1R0", "R10", "110", "000"),
-    "bts7960": ("1R0", "R10", "110", "110"),
+    "drv8833": ("1R1", "R11", "111", "000"),
+    "bts7960": ("1R1", "R11", "111", "000"),
     "l298n_enable": ("D10", "D01", "111", "000"),
 }
 """Pins while a motor is driven forward, driven backward, brakes and coasts: low, high, duty D or the rest R to 255.
@@ -68,9 +69,10 @@ def share(chip: str, level: int) -> float:
 
 
 class BatteryInput:
-    """The battery's voltage, through a divider on A3; `adc` returns the count of an analog input now."""
+    """The battery's voltage, through a divider; `adc` returns the count of an analog input now."""
 
     def __init__(self, config: Config, adc: Callable[[int], int], now_s: float) -> None:
+        self.channel = NONE  # of the converter
         self.measured = False  # false until the first mean, and without a divider (parameter 24 is 0)
         self._config, self._adc = config, adc
         self._next_s = now_s + BATTERY_PERIOD_S
@@ -78,15 +80,20 @@ class BatteryInput:
 
     def run(self, now_s: float) -> None:
         """Makes the conversions that are due."""
-        has_divider = bool(self._config["battery_divider"])
+        has_divider = self.has_divider
         self.measured = self.measured and has_divider
         while self._next_s <= now_s:
             self._next_s += BATTERY_PERIOD_S
             if has_divider:
                 self._convert()
 
+    @property
+    def has_divider(self) -> bool:
+        """Whether the voltage is measured."""
+        return self.channel != NONE and self._config["battery_divider"] != 0
+
     def _convert(self) -> None:
-        self._sum += self._adc(BATTERY_CHANNEL)
+        self._sum += self._adc(self.channel)
         self._conversions += 1
         if self._conversions == CONVERSIONS:
             self._whole_sum, self.measured = self._sum, True
@@ -108,16 +115,18 @@ class BridgeControl(Motors):
         self, plant: Plant, config: Config, health: BoardStatus, adc: Callable[[int], int], start_s: float
     ) -> None:
         assert plant.bridge is not None
-        self._plant, self._pins = plant, plant.bridge
+        self._plant, self._pins, self._chip = plant, plant.bridge, CHIPS[plant.model.chip]
         self._config, self._health = config, health
         self._start_s = start_s
-        self.encoders = [EncoderInput(pins, self._pins.levels) for pins in ENCODER_PINS]
+        self.encoders: List[EncoderInput] = []
+        self._levels: Dict[int, float] = {}  # shares of time for which outputs are high, by pin
         self._battery = BatteryInput(config, adc, start_s)
         self._wheels = (Wheel(), Wheel())
         self._counters = (EncoderCounter(), EncoderCounter())
         self._last_counts = [0, 0]
         self._settings = NO_SETTINGS
-        self._usable = False
+        self.accepted = self._usable = False  # the chip can do what the wiring asks; and all else is set
+        self._take_wiring()
         self._refused_since_s = -math.inf
         self._turning = self._undervoltage = False
 
@@ -126,12 +135,11 @@ class BridgeControl(Motors):
     @property
     def capabilities(self) -> Tuple[str, ...]:
         """The temperature is never measured, and the battery only with a divider."""
-        no_battery = () if self._config["battery_divider"] else ("no_battery",)
+        no_battery = () if self._battery.has_divider else ("no_battery",)
         return ("bridge", "no_temperature", *no_battery)
 
     def boot(self, now_s: float) -> None:
         self._pins.take_edges()
-        self.encoders = [EncoderInput(pins, self._pins.levels) for pins in ENCODER_PINS]
         self.next_s = now_s + _PERIOD_S
         self.refresh(now_s)
 
@@ -156,16 +164,30 @@ class BridgeControl(Motors):
 
     def refresh(self, now_s: float, parameter: Optional[str] = None) -> None:
         """Takes a changed parameter; if it concerns the wires, the motors stop first."""
-        if parameter in (None, "bridge", "wiring"):
+        if parameter in (None, "bridge", "wiring", *wiring.NAMES):
             self.stop(now_s, StopReason.HOST)
             self._pins.off(now_s)
-            for encoder in self.encoders:
-                encoder.single_channel = self._wired("single_channel")
-        settings = settings_of(self._config) if self._config["bridge"] and self._wired("set") else None
+            self._take_wiring()
+        settings = settings_of(self._config) if self.accepted and self._wired("set") else None
         self._settings, self._usable = settings or self._settings, settings is not None
         if not self._usable:
             self.stop(now_s, StopReason.HOST)
         self._health.set_fault("wiring", not self._usable)
+
+    def _take_wiring(self) -> None:
+        """The pins of a wiring that is not accepted stay inputs, and nothing reads them."""
+        pins, bridge = self._config.pins, BRIDGES[self._config["bridge"]]
+        self._problem = wiring.check(pins, bridge, self._chip)
+        self.accepted = self._problem == wiring.SOUND and bridge != BRIDGES[0]
+        pins = pins if self.accepted else wiring.EMPTY
+        self._outputs, self._levels = wiring.output_pins(pins), {}
+        counts = [encoder.count for encoder in self.encoders] or [0, 0]
+        self.encoders = [EncoderInput(each, self._pins.levels) for each in wiring.encoder_pins(pins)]
+        for encoder, count in zip(self.encoders, counts):
+            encoder.count = count
+            encoder.single_channel = encoder.single_channel or self._wired("single_channel")
+        battery = pins["pin_battery"]
+        self._battery.channel = NONE if battery == NOT_CONNECTED else self._chip.pins[battery].channel
 
     def _wired(self, name: str) -> bool:
         return bool(self._config["wiring"] & _BITS[name])
@@ -213,7 +235,7 @@ class BridgeControl(Motors):
         """Counts of a wheel since its last period; a single channel counts in the direction of the command."""
         index = self._encoder_of(wheel)
         counts = to_int16(self.encoders[index].count - self._last_counts[index])
-        if self._wired("single_channel"):
+        if self.encoders[index].single_channel:
             return -counts if self._wheels[wheel].last_direction < 0 else counts
         return -counts if self._wired(_REVERSED["encoder"][wheel]) else counts
 
@@ -222,8 +244,13 @@ class BridgeControl(Motors):
         backward = (self._wheels[wheel].last_direction < 0) != self._wired(_REVERSED["motor"][wheel])
         chip = BRIDGES[self._config["bridge"] if self._usable else 0]
         pins = levels(chip, backward, abs(level), bool(self._config["stop_mode"]))
-        motor = wheel ^ int(self._wired("motors_swapped"))
-        self._pins.write(now_s, motor, *(share(chip, each) for each in pins))
+        outputs = self._outputs[wheel ^ int(self._wired("motors_swapped"))]
+        self._levels.update(
+            (pin, share(chip, each)) for pin, each in zip(outputs, pins) if pin != NOT_CONNECTED
+        )
+        for motor, wires in enumerate(self._pins.outputs):
+            if set(wires) & set(outputs):
+                self._pins.write(now_s, motor, *(self._levels.get(pin, 0.0) for pin in wires))
 
     def _watch_battery(self, now_s: float) -> None:
         """A battery that has recovered without load must be a sixteenth above the limit."""
@@ -255,7 +282,7 @@ class BridgeControl(Motors):
 
     def wiring_problem(self) -> Tuple[int, int, int]:
         """The reply to `read_wiring`."""
-        return 0, -1, -1
+        return self._problem.reply
 
     # ---- requests
 

@@ -3,8 +3,9 @@
 from itertools import zip_longest
 from typing import Dict, Iterable, Mapping, Tuple
 
-from mrl_driver.protocol.table import TICK_S
+from mrl_driver.protocol.table import NOT_CONNECTED, TICK_S
 from sim_arduino.hardware.bridge_plant import PinEdge
+from sim_arduino.hardware.encoders import PULLED_UP
 
 SAMPLE_TICKS = 78  # time between two samples [64 us]: 4.992 ms, 200.3 Hz
 MOST_EDGES = 250  # this many edges between two samples mask an encoder's interrupt
@@ -18,11 +19,11 @@ _MASK_16 = 0xFFFF
 
 
 class EncoderInput:
-    """One encoder of a board on its pins A and B (Arduino numbers), of whose levels it goes on."""
+    """One encoder of a board on its pins A and B (Arduino numbers), of whose levels it goes on; -1: not connected."""
 
-    def __init__(self, pins: Tuple[int, int], levels: Mapping[int, int]) -> None:
+    def __init__(self, pins: Tuple[int, ...], levels: Mapping[int, int]) -> None:
         self.pins = pins
-        self.single_channel = False  # only edges of channel A count, each one up
+        self.single_channel = pins[1] == NOT_CONNECTED  # only edges of channel A count, each one up
         self.count = 0  # wraps at 16 bits
         self.edge_tick = 0  # time of the last edge that counted [64 us]; wraps at 16 bits
         self.impossible = 0  # number of steps that changed both channels at once
@@ -32,7 +33,7 @@ class EncoderInput:
 
     def unmask(self, levels: Mapping[int, int]) -> None:
         """Goes on from the present levels of the pins."""
-        self._levels = [levels[pin] for pin in self.pins]
+        self._levels = [levels.get(pin, PULLED_UP) for pin in self.pins]
         self._seen = tuple(self._levels)
         self.masked = False  # had too many edges between two samples, and does not count
 

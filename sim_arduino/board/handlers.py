@@ -16,6 +16,7 @@ from mrl_driver.protocol.table import (
     REASONS,
     SENSOR_BY_NAME,
     SENSORS,
+    SETTINGS,
     SONAR_INVALID,
     Command,
     Field,
@@ -92,6 +93,8 @@ def _write_config(board: Board, index: int, value: int) -> None:
     board.config[row.name] = value
     board.health.set_fault("id_unset", board.config["robot_id"] == 0)
     board.motors.refresh(board.now_s, row.name)
+    if row.name == "bridge" or index >= len(SETTINGS):
+        board.connect()
     board.ask("write_config", index)
 
 
@@ -105,6 +108,8 @@ def _save_config(board: Board) -> None:
 def _default_config(board: Board) -> None:
     board.config.set_defaults()
     board.motors.refresh(board.now_s)
+    if board.config.pins:
+        board.connect()
     board.ask("default_config", 1)
 
 

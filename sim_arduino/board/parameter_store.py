@@ -9,8 +9,9 @@ import struct
 from binascii import crc_hqx
 from typing import Dict, List, Optional, Sequence
 
-from mrl_driver.protocol.table import NOT_CONNECTED, PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
+from mrl_driver.protocol.table import PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
 from mrl_driver.robot import models as robots
+from mrl_driver.robot import wiring
 
 ID_AT, BLOCK_AT, LAYOUT = 0, 16, 5
 PINS_AT, PINS_LAYOUT = 96, 1
@@ -18,8 +19,6 @@ EEPROM_BYTES = 1024
 EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
 """Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
 _BODY, _PINS_BODY = struct.Struct(f"<B{len(SETTINGS)}h"), struct.Struct(f"<B{len(PINS)}b")
-NO_PINS = [max(NOT_CONNECTED, row.low) for row in PINS]
-"""The wiring of a board that has none."""
 _LONGEST_CM = 1250
 
 
@@ -38,12 +37,14 @@ def _in_order(robot_id: int, by_name: Dict[str, int]) -> List[int]:
 def first(robot_id: int, model: robots.RobotModel) -> List[int]:
     """Parameters of a new board: those of `model` if it has motors and the id, else the firmware's defaults.
 
-    A model with an H-bridge has wires as in HARDWARE.md, and its board knows that.
+    A board with an H-bridge knows its wiring.
     """
     if robot_id not in model.ids or not model.drives:
         return defaults(robot_id)
-    wired = {"wiring": 1} if model.board.get("bridge") else {}
-    return _in_order(robot_id, {**robots.COMMON_BOARD, **wired, **model.board})
+    if not model.board.get("bridge"):
+        return _in_order(robot_id, {**robots.COMMON_BOARD, **model.board})
+    settings = _in_order(robot_id, {**robots.COMMON_BOARD, "wiring": 1, **model.board})
+    return settings + list(wiring.of_board(model.board).values())
 
 
 def image(values: List[int]) -> bytes:
@@ -106,6 +107,11 @@ class Config:
         self.values[PARAMETER_BY_NAME[name].number] = value
         self._curve.clear()
 
+    @property
+    def pins(self) -> Dict[str, int]:
+        """The wiring."""
+        return {row.name: value for row, value in zip(PINS, self.values[len(SETTINGS) :])}
+
     def sonar_cm(self, count: int) -> int:
         """The sonar curve at an ADC count [cm]."""
         if count not in self._curve:
@@ -124,7 +130,7 @@ class Config:
 
     def _pins(self) -> List[int]:
         pins = _stored(self._eeprom, PINS_AT, _PINS_BODY, PINS_LAYOUT)
-        return pins if pins is not None and _in_range(PINS, pins) else list(NO_PINS)
+        return pins if pins is not None and _in_range(PINS, pins) else list(wiring.EMPTY.values())
 
     def _float_id(self) -> int:
         (number,) = struct.unpack_from("<f", self._eeprom, ID_AT)

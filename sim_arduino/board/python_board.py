@@ -11,8 +11,9 @@ from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, Stamp, encode_rep
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, BY_NAME, TICK_S
+from mrl_driver.robot import wiring
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
-from sim_arduino.hardware.wiring import FAN, HEATER, Plant
+from sim_arduino.hardware.wiring import FAN, HEATER, Plant, sonar_pins_of
 
 from . import handlers, parameter_store
 from .board_status import BoardStatus
@@ -188,7 +189,7 @@ class PythonBoard(Engine):
             if self.plant.bridge
             else MotorControl(self.plant.motor_board, self.config, self.health, self.plant.advance)
         )
-        self.sonars: Optional[SonarTask] = None  # stays None in the environment-sensor build
+        self.sonars: Optional[SonarTask] = None  # None in the environment-sensor build
         self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
         self.imu_reading: Optional[Reading] = None  # what the last reading of the IMU gave
         self._imu_read_s, self._imu_ahead = 0.0, False
@@ -220,10 +221,19 @@ class PythonBoard(Engine):
         if self.environment:
             self.plant.pin_changed(HEATER, 0, self.now_s)
             self.plant.pin_changed(FAN, 1, self.now_s)
-        else:
-            self.sonars = SonarTask(self.plant, self.config, self.adc, self.now_s)
         self.motors.boot(self.now_s)
-        if self.plant.imu:
+        self.connect()
+
+    def connect(self) -> None:
+        """Begins with what is on the pins besides motors; on an H-bridge board these pins are in the wiring."""
+        motors = self.motors
+        sound = not isinstance(motors, BridgeControl) or motors.accepted
+        pins = sonar_pins_of(self.plant.model, self.config.pins)
+        self.sonars = None
+        if sound and not self.environment:
+            self.sonars = SonarTask(self.plant, pins, self.config, self.adc, self.now_s)
+        bus = sound and self.config.pins.get(wiring.I2C, 1)
+        if self.plant.imu and bus and not self.imu.found:
             self.imu.next_s = self.now_s
 
     # ---- events in time

@@ -5,7 +5,7 @@ from typing import Callable, List
 
 from mrl_driver.protocol.table import SONAR_INVALID, SONAR_NOTHING
 from sim_arduino.hardware.sonars import READING_S, START_S
-from sim_arduino.hardware.wiring import SONAR_POWER, SONAR_TRIGGER, Plant
+from sim_arduino.hardware.wiring import Plant, SonarPins
 
 from .parameter_store import Config
 
@@ -17,32 +17,34 @@ LOWEST_COUNT, NOTHING_FROM, HIGHEST_COUNT = 10, 640, 700
 
 
 class SonarTask:
-    """Powers the sonars at `start_s` [s] and triggers their chain again and again."""
+    """Powers the sonars on its `pins` at `start_s` [s] and triggers their chain again and again."""
 
-    def __init__(self, plant: Plant, config: Config, adc: Callable[[int], int], start_s: float) -> None:
-        self._plant, self._config, self._adc = plant, config, adc
+    def __init__(
+        self, plant: Plant, pins: SonarPins, config: Config, adc: Callable[[int], int], start_s: float
+    ) -> None:
+        self._plant, self._pins, self._config, self._adc = plant, pins, config, adc
         self._first_s = math.inf
-        plant.pin_changed(SONAR_POWER, 0, start_s)
-        plant.pin_changed(SONAR_POWER, 1, start_s)
+        plant.pin_changed(pins.power, 0, start_s)
+        plant.pin_changed(pins.power, 1, start_s)
         self.next_s = start_s + WARM_UP_S  # time of the next trigger, when `run` must be called [s]
 
     def run(self, now_s: float) -> None:
         """Triggers the chain if the trigger is due."""
         if self.next_s <= now_s:
-            self._plant.pin_changed(SONAR_TRIGGER, 1, now_s)
-            self._plant.pin_changed(SONAR_TRIGGER, 0, now_s)
+            self._plant.pin_changed(self._pins.trigger, 1, now_s)
+            self._plant.pin_changed(self._pins.trigger, 0, now_s)
             self._first_s = min(self._first_s, now_s)
             self.next_s = now_s + ROUND_S
 
     def values(self, now_s: float) -> List[int]:
         """Wire values of front, left, right [cm]; -1 until a sensor has made its first reading."""
         return [
-            self._value(channel) if now_s >= self._first_s + READING_S * (channel + 1) else SONAR_INVALID
-            for channel in range(SONARS)
+            self._value(channel) if now_s >= self._first_s + READING_S * (turn + 1) else SONAR_INVALID
+            for turn, channel in enumerate(self._pins.channels)
         ]
 
     def _value(self, channel: int) -> int:
-        count = self._adc(channel)
+        count = self._adc(channel) if channel >= 0 else 0
         if not LOWEST_COUNT <= count <= HIGHEST_COUNT:
             return SONAR_INVALID
         return SONAR_NOTHING if count >= NOTHING_FROM else self._config.sonar_cm(count)

@@ -75,10 +75,11 @@ BRIDGES: Dict[int, Bridge] = {
     4: Bridge((("x11", K), ("110", F), ("101", B), ("010", K), ("001", K), ("x00", C)), 0.5),
     # DRV8833: TI DRV8833, SLVSAR1, table 1 and 2: wires IN1, IN2.  PWM on one input with the other one low is fast
     # decay (drive and coast), with the other one high slow decay (drive and brake).  360 mOhm: its first page.
-    5: Bridge((("10x", F), ("01x", B), ("11x", K), ("00x", C)), 0.36),
-    # BTS7960: Infineon BTS 7960, Rev. 1.1 2004-12-07, section 4.4.1: wires RPWM, LPWM; both INH are high, and each half
-    # bridge has one switch on.  It cannot coast.  16 mOhm: its first page.
-    6: Bridge((("10x", F), ("01x", B), ("11x", K), ("00x", K)), 0.016),
+    # Its SLEEP is the enable.
+    5: Bridge((("xx0", C), ("10x", F), ("01x", B), ("11x", K), ("00x", C)), 0.36),
+    # BTS7960: Infineon BTS 7960, Rev. 1.1 2004-12-07, section 4.4.1: wires RPWM, LPWM and both INH, the enable.  While
+    # INH is high each half bridge has one switch on.  16 mOhm: its first page.
+    6: Bridge((("xx0", C), ("10x", F), ("01x", B), ("11x", K), ("00x", K)), 0.016),
     7: _L298N,  # PWM on EN
 }
 """The bridges by the value of parameter 19."""

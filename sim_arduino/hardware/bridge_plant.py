@@ -1,14 +1,17 @@
 """Motors on H-bridges and encoders on the Arduino's pins: what an H-bridge board has in place of the OMNI-3MD.
 
-The board writes the six output pins as shares of time for which they are high; the edges of the four encoder pins come
-out at their true times.
+The pins are those of the model's wiring.  The board writes its outputs as shares of time for which they are high; the
+edges of the encoders' pins come out at their true times.
 """
 
 import math
 from typing import Dict, List, NamedTuple
 
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import WIRING
+from mrl_driver.protocol.table import BRIDGES as BRIDGE_NAMES
+from mrl_driver.protocol.table import NOT_CONNECTED, WIRING
+from mrl_driver.robot import wiring as board_wiring
+from mrl_driver.robot.chips import CHIPS
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .bridge import BRIDGES, Bridge
@@ -16,10 +19,7 @@ from .dc_motor import DcMotor, DcMotorParams
 from .encoders import Quadrature
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 
-OUTPUT_PINS = ((5, 6, 7), (11, 3, 9))  # pins PWM_A, PWM_B and LOGIC of the two motors (Arduino numbers)
-ENCODER_PINS = ((2, 4), (8, 10))  # pins of channels A and B of the two encoders
 WHEELS = (0, 2)  # motors of the body that turn the left and the right wheel
-BATTERY_CHANNEL = 3
 TICK_HZ = 200.0  # rate at which the battery's voltage follows the motors' current [Hz]
 IDLE_A, BATTERY_OHM = 0.1, 0.1
 """Current of board, bridge and encoders, and resistance of pack and leads; assumed."""
@@ -96,6 +96,11 @@ class BridgePlant:
 
     `wiring` is a sum of rows of the wiring table, as in parameter 20; `phase_error` delays the edges of both encoders'
     channel B by a share of a count.
+
+    Attributes:
+        outputs: Pins PWM_A, PWM_B and LOGIC of the two motors (Arduino numbers); -1 where nothing is connected.
+        encoder_pins: Pins of the channels A and B of the two encoders.
+        battery_channel: Channel of the converter with the battery's divider; -1 without one.
     """
 
     def __init__(
@@ -103,16 +108,22 @@ class BridgePlant:
     ) -> None:
         self.robot = robot
         self.bridge: Bridge = BRIDGES[model.board["bridge"]]
+        self._tied = board_wiring.BRIDGE_WIRES[BRIDGE_NAMES[model.board["bridge"]]].tied
+        table = board_wiring.of_board(model.board)
+        self.outputs, self.encoder_pins = board_wiring.output_pins(table), board_wiring.encoder_pins(table)
+        battery = table["pin_battery"]
+        self.battery_channel = CHIPS[model.chip].pins[battery].channel if battery != NOT_CONNECTED else -1
         self.time_s = 0.0
         self._divider = model.board.get("battery_divider", 0) / 1000.0
         self._set = {name for name, bit in _BITS.items() if wiring & bit}
         self._swapped = {parts: int(f"{parts}_swapped" in self._set) for parts in ("motors", "encoders")}
-        single = "single_channel" in self._set
         self.encoders = tuple(
             Quadrature(
-                phase_error, single, reversed_=self._is_reversed("encoder", self._wheel("encoders", each))
+                phase_error,
+                "single_channel" in self._set or pins[1] == NOT_CONNECTED,
+                reversed_=self._is_reversed("encoder", self._wheel("encoders", each)),
             )
-            for each in (0, 1)
+            for each, pins in enumerate(self.encoder_pins)
         )
         self.levels: Dict[int, int] = {}  # levels of the encoder pins after the last `advance`
         self._edges: List[PinEdge] = []
@@ -130,10 +141,17 @@ class BridgePlant:
     # ---- the board's outputs
 
     def write(self, time_s: float, motor: int, pwm_a: float, pwm_b: float, logic: float) -> None:
-        """Sets the shares of time, 0 to 1, for which the wires of a motor (0 or 1) are high, until the next call."""
+        """Sets the shares of time, 0 to 1, for which the wires of a motor (0 or 1) are high, until the next call.
+
+        A wire without a pin has the level to which the module ties it.
+        """
         self.advance(time_s)
         wheel = self._wheel("motors", motor)
-        shares = self.bridge.shares(pwm_a, pwm_b, logic)
+        levels = [
+            share if pin != NOT_CONNECTED else float(wire == self._tied)
+            for wire, (share, pin) in enumerate(zip((pwm_a, pwm_b, logic), self.outputs[motor]))
+        ]
+        shares = self.bridge.shares(*levels)
         self.motor(wheel).shares = shares.reversed() if self._is_reversed("motor", wheel) else shares
 
     def off(self, time_s: float) -> None:
@@ -154,15 +172,18 @@ class BridgePlant:
         edges: List[PinEdge] = []
         for index, encoder in enumerate(self.encoders):
             wheel = self._wheel("encoders", index)
-            for edge in encoder.follow(start_s, time_s, motions[wheel]):
-                edges.append(PinEdge(edge.time_s, ENCODER_PINS[index][edge.channel], edge.level))
+            pins = self.encoder_pins[index]
+            found = encoder.follow(start_s, time_s, motions[wheel])
+            edges += [PinEdge(edge.time_s, pins[edge.channel], edge.level) for edge in found]
         if edges:
-            self._edges += sorted(edges)
+            self._edges += sorted(edge for edge in edges if edge.pin != NOT_CONNECTED)
             self._note_levels()
 
     def _note_levels(self) -> None:
-        for pins, encoder in zip(ENCODER_PINS, self.encoders):
-            self.levels.update({pin: wire.level for pin, wire in zip(pins, encoder.wires)})
+        for pins, encoder in zip(self.encoder_pins, self.encoders):
+            self.levels.update(
+                {pin: wire.level for pin, wire in zip(pins, encoder.wires) if pin != NOT_CONNECTED}
+            )
 
     def take_edges(self) -> List[PinEdge]:
         """Edges of the encoder pins since the last call, in order of time."""
@@ -179,7 +200,7 @@ class BridgePlant:
         return self.robot.state.battery_v
 
     def divided_v(self) -> float:
-        """Voltage at A3 [V]: the battery's behind its divider; 0 without a divider."""
+        """Voltage behind the battery's divider [V]; 0 without a divider."""
         return min(5.0, self.battery_v / self._divider) if self._divider else 0.0
 
     def motor(self, wheel: int) -> DcMotor:

@@ -1,16 +1,19 @@
 """The hardware wired to a board: motor board, sonars, environment sensors, pins.  Every engine uses a `Plant`."""
 
 import dataclasses
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.geometry import Pose, wrap_angle
+from mrl_driver.protocol.table import NOT_CONNECTED
+from mrl_driver.robot.chips import CHIPS
 from mrl_driver.robot.models import RobotModel, load_packaged
+from mrl_driver.robot.wiring import of_board
 from sim_arduino.world.scene import OTHERS, Environment
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
-from .bridge_plant import BATTERY_CHANNEL, BridgePlant, has_bridge, robot_for
+from .bridge_plant import BridgePlant, has_bridge, robot_for
 from .collision import Bumper, footprint_for
 from .environment_sensors import (
     COMPASS_ADDRESS,
@@ -34,6 +37,24 @@ IMU_ADDRESS, IMU_BESIDE_THERMOPILE = 0x68, 0x69
 """Address of the IMU; the environment-sensor build has its thermopile at the first, so that the IMU's AD0 is high."""
 STANDING = "traxbot"  # model of the body under a board without motors: it stands still
 TRACK_SLIP = 0.1  # share of the yaw that a TraxBot's tracks lose in a turn if slip is on; wheels lose nothing
+
+
+class SonarPins(NamedTuple):
+    """Channels of the converter with the outputs of front, left and right, and pins of trigger and power; -1: none."""
+
+    channels: Tuple[int, ...] = (0, 1, 2)
+    trigger: int = SONAR_TRIGGER
+    power: int = SONAR_POWER
+
+
+def sonar_pins_of(model: RobotModel, board: Optional[Mapping[str, int]] = None) -> SonarPins:
+    """The pins of the sonars of a robot, or of a board with these parameters; H-bridge boards have them in a table."""
+    if not has_bridge(model):
+        return SonarPins()
+    pins = of_board(model.board if board is None else board)
+    outputs = [pins[f"pin_sonar_{name}"] for name in ("front", "left", "right")]
+    channels = tuple(CHIPS[model.chip].pins[pin].channel if pin != NOT_CONNECTED else -1 for pin in outputs)
+    return SonarPins(channels, pins["pin_sonar_trigger"], pins["pin_sonar_power"])
 
 
 class Plant:
@@ -103,6 +124,11 @@ class Plant:
         self._spoilt, self.sonars_fitted = SpoiltReadings(environment_errors, seed), sonars
         mounts = model.sonars if sonars else {}
         self.sonars = SonarChain(mounts, self.world, self._pose_at, name, sonar_errors, seed)
+        self.sonar_pins = sonar_pins_of(model)
+        if self.sonar_pins.power == NOT_CONNECTED:
+            self.sonars.power(True, 0.0)
+        if self.sonar_pins.trigger == NOT_CONNECTED:
+            self.sonars.hold(True, 0.0)
         self.imu = self._imu(imu_errors, seed) if imu else None
         self.xbee = XBee(self.world.radio, name, radio, lambda: self._pose()[:2], seed) if radio else None
         self.i2c = self._slaves()
@@ -193,14 +219,15 @@ class Plant:
         return [] if self.sonars_fitted else self._dust.edges(to_s)
 
     def adc_volts(self, channel: int, time_s: float) -> float:
-        """Voltage at A0 to A3 [V]: sonars in firing order, or alcohol on A0 and light on A2; an H-bridge board has its
-        battery's divider on A3.
-        """
+        """Voltage of an analog input [V]: a sonar's, alcohol on A0 and light on A2, or a battery's divider."""
         self.advance(time_s)
-        if self.bridge and channel == BATTERY_CHANNEL:
+        if self.bridge and channel == self.bridge.battery_channel:
             return self.bridge.divided_v()
         if self.sonars_fitted:
-            return self.sonars.volts(channel, time_s)
+            channels = self.sonar_pins.channels
+            return self.sonars.volts(
+                channels.index(channel) if channel in channels else len(channels), time_s
+            )
         sensed = self.sensed(time_s)
         counts = {0: sensed.alcohol_count, 2: sensed.light_count}
         return (counts.get(channel, 0) + 0.5) * VOLTS_PER_COUNT
@@ -208,9 +235,9 @@ class Plant:
     def pin_changed(self, pin: int, level: int, time_s: float) -> None:
         """The board drives a pin (Arduino number)."""
         self.advance(time_s)
-        if pin == SONAR_POWER:
+        if pin == self.sonar_pins.power:
             self.sonars.power(bool(level), time_s)
-        elif pin == SONAR_TRIGGER:
+        elif pin == self.sonar_pins.trigger:
             self.sonars.hold(bool(level), time_s)
 
     def _pose_at(self, time_s: float) -> Pose:

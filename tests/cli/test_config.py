@@ -18,7 +18,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.host import named_robots
 from mrl_driver.protocol.table import BRIDGES, PARAMETERS
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring
 from mrl_driver.transport.port_info import Port
 from sim_arduino.board import handlers
 from sim_arduino.serve import factory
@@ -140,7 +140,7 @@ def first_id(robot):
 def dumped(robot_id, name, *capabilities, **values):
     """A file of a robot, with the defaults of its model and other values."""
     model = models.load_packaged(name)
-    own = {row.name: {**models.COMMON_BOARD, **model.board}[row.name] for row in SETTABLE}
+    own = {**wiring.EMPTY, **models.COMMON_BOARD, **model.board}
     used = {row.name: own[row.name] for row in SETTABLE if row.capability in ("", *capabilities)}
     return ParameterFile(robot_id, name, 2, 2, capabilities, {**used, **values})
 

@@ -11,9 +11,10 @@ from mrl_driver.protocol import encode_request
 from mrl_driver.protocol.table import BRIDGES, BY_NAME, PARAMETER_BY_NAME, TICK_S, WIRING
 from sim_arduino.board import parameter_store
 from sim_arduino.board.wheel_settings import FULL, PERIOD_TICKS
-from sim_arduino.hardware.bridge_plant import ENCODER_PINS, PinEdge
+from sim_arduino.hardware.bridge_plant import PinEdge
 from tests.firmware.conftest import Bench
 from tests.firmware.pc_board import BRIDGE, VOLTS_PER_COUNT
+from tests.models import ENCODER_PINS
 
 LEFT, RIGHT = 0, 1
 MOTORS = (1, 3)  # Numbers of the left and the right motor in the protocol

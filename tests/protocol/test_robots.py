@@ -145,7 +145,7 @@ WRONG = {
     "duo": [
         *(
             ({"board.bridge": bridge}, f"board.bridge is {bridge!r}, expected vnh5019, cytron, l298n, ")
-            for bridge in ("l293d", "unset", 0, 7, True, 3.0)
+            for bridge in ("l293d", "unset", 0, len(BRIDGES), True, 3.0)
         ),
         ({"board.encoder_counts": 0}, "board.encoder_counts is 0, expected a whole number from 1"),
         ({"board.gearbox": 0}, "board.gearbox is 0, expected a whole number from 1"),

@@ -13,11 +13,11 @@ from sim_arduino.board.avr_board import BridgeWires
 from sim_arduino.board.bridge_control import BATTERY_PERIOD_S, CONVERSIONS, MISSED_KICK_S, BatteryInput
 from sim_arduino.board.parameter_store import Config
 from sim_arduino.hardware.bridge import BRIDGES, Shares
-from sim_arduino.hardware.bridge_plant import ENCODER_PINS, motor_params
+from sim_arduino.hardware.bridge_plant import motor_params
 from sim_arduino.hardware.omni3md import ADDRESS
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
-from tests.models import bridged, model
+from tests.models import ENCODER_PINS, bridged, model
 
 BIT = {name: 1 << number for number, (name, _) in enumerate(WIRING)}
 BRAKE = (1.0, 1.0, 1.0)
@@ -112,8 +112,9 @@ TABLES = {
     "cytron": "brake brake brake brake forward backward forward backward",
     "l298n": "coast coast coast coast brake backward forward brake",
     "tb6612": "coast brake brake brake coast backward forward brake",
-    "drv8833": "coast coast backward backward forward forward brake brake",
-    "bts7960": "brake brake backward backward forward forward brake brake",
+    "drv8833": "coast coast coast backward coast forward coast brake",
+    "bts7960": "coast brake coast backward coast forward coast brake",
+    "l298n_enable": "coast coast coast coast brake backward forward brake",
 }
 """States at 000, 001, ... 111 of the wires PWM_A, PWM_B, LOGIC, copied from the data sheets named in `bridge.py`."""
 
@@ -127,14 +128,15 @@ def test_the_states_are_those_of_the_data_sheet(name):
     assert [bridge(name).state(levels) for levels in LEVELS] == TABLES[name].split()
 
 
-WITH_INPUT = ("vnh5019", "l298n", "tb6612")  # Bridges that need wire B high for a drive forward
-BETWEEN = {"vnh5019": "coast", "l298n": "coast", "drv8833": "coast"}
+FORWARD = {"cytron": (0.0, 0.0), **dict.fromkeys(("drv8833", "bts7960"), (0.0, 1.0))}
+"""Wires B and LOGIC for a drive forward; the other bridges need B high."""
+BETWEEN = dict.fromkeys(("vnh5019", "l298n", "l298n_enable", "drv8833"), "coast")
 """What these bridges do between two pulses; the others brake."""
 
 
 @pytest.mark.parametrize("name", TABLES)
 def test_between_two_pulses_a_bridge_brakes_or_coasts(name):
-    shares = bridge(name).shares(0.3, float(name in WITH_INPUT), 0.0)._asdict()
+    shares = bridge(name).shares(0.3, *FORWARD.get(name, (1.0, 0.0)))._asdict()
     expected = dict.fromkeys(shares, 0.0)
     expected.update({"forward": 0.3, BETWEEN.get(name, "brake"): 0.7})
     assert shares == pytest.approx(expected)
@@ -142,7 +144,7 @@ def test_between_two_pulses_a_bridge_brakes_or_coasts(name):
 
 def test_an_inverted_pulse_beside_a_high_input_brakes_between():
     """Slow decay of a DRV8833: both wires of one timer rise together."""
-    assert bridge("drv8833").shares(1.0, 0.7, 0.0) == pytest.approx(Shares(0.3, 0.0, 0.7, 0.0))
+    assert bridge("drv8833").shares(1.0, 0.7, 1.0) == pytest.approx(Shares(0.3, 0.0, 0.7, 0.0))
 
 
 MHZ = 16000000
@@ -258,6 +260,7 @@ def test_counts_go_on_while_the_program_stands_still(driving):
 def test_the_battery_is_the_mean_of_16_conversions():
     counts = iter(range(500, 1000))
     battery = BatteryInput(config(battery_divider=4000), lambda channel: next(counts), 0.0)
+    battery.channel = 3
     battery.run(BATTERY_PERIOD_S * CONVERSIONS - 1e-6)
     assert not battery.measured
     battery.run(BATTERY_PERIOD_S * CONVERSIONS + 1e-6)

@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 
 from mrl_driver.protocol.table import TICK_S
 from sim_arduino.board.encoder_inputs import MOST_EDGES, EncoderInput
-from sim_arduino.hardware.bridge_plant import ENCODER_PINS, PinEdge
+from sim_arduino.hardware.bridge_plant import PinEdge
 from sim_arduino.hardware.dc_motor import Motion
 from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, Quadrature
+from tests.models import ENCODER_PINS
 
 EXACT_S = 1e-9
 ORDER = {(0, 0): (1, 0), (1, 0): (1, 1), (1, 1): (0, 1), (0, 1): (0, 0)}  # Levels of A and B forward: A leads

@@ -22,6 +22,7 @@ CHIPS = {
     "l298n": "modules with an L298N: inputs EN, IN1, IN2; remove the jumpers of EN",
     "tb6612": "carriers of the TB6612FNG: inputs PWM, IN1, IN2; connect STBY to 5 V",
     "drv8833": "carriers of the DRV8833: two inputs a motor",
+    "l298n_enable": "modules with an L298N and PWM on EN; remove the jumpers of EN",
     "bts7960": "modules with two BTS7960 (IBT-2): inputs RPWM, LPWM; connect R_EN and L_EN to 5 V",
 }
 """What each bridge is sold as."""

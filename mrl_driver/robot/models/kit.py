@@ -23,6 +23,7 @@ WIRES: Dict[str, Tuple[str, str, str]] = {
     "tb6612": ("PWM", "IN1", "IN2"),
     "drv8833": ("IN1", "IN2", ""),
     "bts7960": ("RPWM", "LPWM", ""),
+    "l298n_enable": ("EN", "IN1", "IN2"),
 }
 """Inputs of each bridge at PWM_A, PWM_B and LOGIC of HARDWARE.md; empty if there is no such wire."""
 

@@ -5,7 +5,9 @@ from functools import lru_cache
 from typing import Any, Callable, Dict, Tuple, Type, get_type_hints
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETERS
+from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETERS, PINS
+from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import ATMEGA328P, CHIPS
 from mrl_driver.yaml_file import Reader
 from mrl_driver.yaml_form import (
     Choice,
@@ -132,6 +134,51 @@ class _Bridge(Form):
         return {"anyOf": [{"enum": list(chips)}, {"type": "string", "pattern": f"^({any_case})$"}, by_number]}
 
 
+class _Pin(Form):
+    """A pin as a number or as on the board, such as 5, D5 or A4.  Only `_Wiring` knows whether the chip has it."""
+
+    _NUMBER = Whole(0, PINS[0].high)
+
+    def read(self, reader: Reader, key: str, value: Any) -> str:
+        if isinstance(value, str):
+            return value
+        return str(self._NUMBER.read(reader, key, value))
+
+    def schema(self) -> Schema:
+        return {"anyOf": [self._NUMBER.schema(), {"type": "string", "pattern": "^ *[aAdD]?[0-9]{1,2} *$"}]}
+
+
+class Wiring(Keys):
+    """The section `wiring`: the pins of the functions that are connected, on a board with this `chip`.
+
+    Only `read` refuses pins that the chip does not have.
+    """
+
+    def __init__(self) -> None:
+        texts = {"chip": "Chip of the board.", "i2c": "Devices are on the I2C bus: its two pins are in use."}
+        forms: Dict[str, Form] = {"chip": Choice(tuple(CHIPS))}
+        for row in PINS:
+            forms[wiring.short(row.name)] = Flag() if row.name == wiring.I2C else _Pin()
+            texts.setdefault(wiring.short(row.name), row.text)
+        super().__init__(forms, forms, texts)
+
+    def read(self, reader: Reader, key: str, value: Any) -> Any:
+        """Return the chip, and the parameters of the wiring by name."""
+        found = super().read(reader, key, value)
+        chip = CHIPS[found.pop("chip", ATMEGA328P.name)]
+        pins = dict(wiring.EMPTY)
+        for row in PINS:
+            name = wiring.short(row.name)
+            if name in found:
+                number = chip.number(found[name]) if isinstance(found[name], str) else int(found[name])
+                if number is None:
+                    raise reader.fail(
+                        f"{key}.{name}", found[name], f"a pin of the {chip.board}, such as 5 or A4"
+                    )
+                pins[row.name] = number
+        return chip, pins
+
+
 class _Base(Form):
     """The section `drive` of a robot with motors; without a `kind` it is a differential drive."""
 
@@ -207,6 +254,7 @@ _RULES = (
         Condition(("build",), (SONAR,), or_absent=True),
         "sonar: other sensors need pins that the board.bridge uses",
     ),
+    Rule(Condition(("wiring",)), Condition(("board", "bridge")), "the bridge of the wiring"),
 )
 
 
@@ -214,7 +262,8 @@ class RobotFile(Form):
     """A robot model.
 
     Only `read` checks that the battery's levels fall from full to off, that no limit exceeds the board's ceiling, that
-    the wheel of a robot with an H-bridge has at least one count a turn, and that sizes fit each other.
+    the wheel of a robot with an H-bridge has at least one count a turn, that its pins can do what the wiring asks of
+    them, and that sizes fit each other.
     """
 
     def read(self, reader: Reader, key: str, value: Any) -> RobotModel:
@@ -232,6 +281,7 @@ class RobotFile(Form):
         found = self._with_motors().read(reader, key, value)
         for rule in _RULES:
             rule.check(reader, value)
+        self._take_wiring(reader, found)
         noise = ON_TRACKS if found["body"].tracks else ON_WHEELS
         found["noise"] = noise._replace(**found.get("noise", {}))
         if found.get("build") == ENVIRONMENT:
@@ -259,6 +309,7 @@ class RobotFile(Form):
             "ids": _Ids(),
             "drive": _Base(),
             "board": _board(),
+            "wiring": Wiring(),
             "limits": _section(Limits),
             "body": _section(Body),
             "sonars": _Sonars(),
@@ -268,13 +319,24 @@ class RobotFile(Form):
             "imu": _section(ImuMount),
             "laser": _section(LaserMount),
         }
-        return Keys(forms, RobotModel._field_defaults, _TEXTS)
+        return Keys(forms, (*RobotModel._field_defaults, "wiring"), _TEXTS)
 
     def _without_motors(self) -> Keys:
         """A board with `drive: none` has nothing that belongs to motors."""
         build = Choice((ENVIRONMENT,), f"{ENVIRONMENT} for a board without motors (drive: {NONE})")
         forms = {"name": Text(), "ids": _Ids(), "drive": Choice((NONE,)), "build": build}
         return Keys(forms, texts=_TEXTS)
+
+    def _take_wiring(self, reader: Reader, found: Dict[str, Any]) -> None:
+        """Put the parameters of the wiring to the others of the board; raise ConfigError if the chip cannot do that."""
+        if "wiring" not in found:
+            return
+        chip, pins = found.pop("wiring")
+        problem = wiring.check(pins, BRIDGES[found["board"]["bridge"]], chip)
+        if problem != wiring.SOUND:
+            raise ConfigError(f"{reader.path}: wiring: {wiring.in_words(problem, pins, chip)}")
+        found["board"].update(pins)
+        found["chip"] = chip.name
 
     def _check_battery(self, reader: Reader, battery: Battery) -> None:
         levels = battery[:4]
@@ -328,6 +390,7 @@ _TEXTS = {
     "ids": "Robot ids of boards that are of this model; 11 and up are free, but for 21 to 25.",
     "drive": "Geometry of the base, by its kind; none for a board without motors.",
     "board": "Parameters of the board; mrl set-id and mrl config defaults store them in its EEPROM.",
+    "wiring": "Pins of an H-bridge board; mrl flash and mrl set-id store them in its EEPROM.",
     "sonars": "Mounting poses of the sonars that are fitted; a board reads front, left and right.",
     "build": "Build of the firmware; a board of 2013 does not report its own.",
 }

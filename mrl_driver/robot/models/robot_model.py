@@ -7,6 +7,7 @@ from typing import Any, Dict, Iterable, NamedTuple, Optional, Tuple
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.robot.chips import ATMEGA328P
 
 from .drives import AnyDrive, Base, Drive, MecanumDrive, NoDrive, kind_of
 
@@ -162,6 +163,8 @@ class RobotModel(NamedTuple):
     imu: ImuMount = ImuMount()
     laser: LaserMount = LaserMount()
     """Where a laser is, if one is fitted."""
+    chip: str = ATMEGA328P.name
+    """Chip of an H-bridge board, one of `chips.CHIPS`."""
 
     @property
     def drives(self) -> bool:
