@@ -196,7 +196,7 @@ class AvrMachine:
 
     @property
     def baud(self) -> float:
-        """Baud rate of the line to the host, as set in the board's registers [bit/s]."""
+        """Baud rate of the serial link, as set in the board's registers [bit/s]."""
         return self.frequency_hz / self._native.mrl_uart_bit(self._uarts[0])
 
     # ---- I2C faults

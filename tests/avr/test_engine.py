@@ -5,6 +5,7 @@ import pytest
 from mrl_driver.errors import SimulatorError
 from sim_arduino.avr.machine import MachineCrashed
 from sim_arduino.board.avr_board import AvrEngine
+from sim_arduino.hardware.wiring import SonarPins
 from tests.models import model
 
 BYTE_S = 85e-6
@@ -16,7 +17,7 @@ OVERFLOW_S = 256 * 1024 / 16e6
 class Plant:
     """Remembers what it is told."""
 
-    model, bridge, xbee = model("traxbot"), None, None
+    model, bridge, xbee, sonar_pins = model("traxbot"), None, None, SonarPins()
 
     def __init__(self):
         self.i2c, self.times, self.pins = {}, [], []
