@@ -1,4 +1,4 @@
-"""The engine that runs the firmware binary: a simulated Uno wired to a `Plant`.
+"""The engine that runs the firmware binary: a simulated chip wired to a `Plant`.
 
 Both engines use the same Plant, so there is one physics model.  The simulated chip sets the timing of the serial link.
 """
@@ -11,6 +11,7 @@ from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import BAUD, BY_NAME, NOT_CONNECTED, PARAMETER_BY_NAME
 from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import CHIPS
 from mrl_driver.robot.models import RobotModel
 from sim_arduino.avr.bit_serial import FRAME_BITS, BitReceiver, edges, received
 from sim_arduino.avr.machine import AvrMachine
@@ -51,7 +52,7 @@ def configured_eeprom(elf: Union[str, Path], robot_id: int, model: RobotModel) -
         *(("write_config", WRITE_S, row) for row in enumerate(wanted) if row[1] != known[row[0]]),
         ("save_config", SAVE_S, ()),
     ]
-    with AvrMachine(elf) as chip:
+    with AvrMachine(elf, chip=CHIPS[model.chip]) as chip:
         chip.run(BOOT_S)
         for name, wait_s, values in orders:
             chip.send(encode_request(BY_NAME[name].code, *values))
@@ -75,7 +76,7 @@ class AvrEngine:
         self, plant: Plant, elf: Union[str, Path] = FIRMWARE, robot_id: Optional[int] = None, seed: int = 0
     ) -> None:
         self.plant = plant
-        self.machine = AvrMachine(elf, seed=seed)
+        self.machine = AvrMachine(elf, seed=seed, chip=CHIPS[plant.model.chip])
         self._host_baud: float = BAUD
         if robot_id is not None:
             self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, plant.model))
@@ -144,6 +145,8 @@ class AvrEngine:
 
     def reset(self) -> None:
         self.machine.reset()
+        if self.plant.bridge:
+            self.plant.bridge.boot(self.plant.bridge.time_s)
 
     def brown_out(self) -> None:
         """The supply voltage dropped: a reset that the program sees as a brown-out, whatever the bootloader does."""
@@ -179,9 +182,13 @@ class BridgeWires:
         return math.inf if all(self._bridge.motor(wheel).at_rest for wheel in (0, 1)) else -math.inf
 
     def run(self, to_cycle: int, run_to: Callable[[int], None]) -> None:
-        """Runs the chip with `run_to` (`run_until` or `stall_until`), and the motors with it."""
+        """Runs the chip with `run_to` (`run_until` or `stall_until`), and the motors with it.
+
+        While the bootloader moves a motor's wire, the chip stands still.
+        """
         while self._machine.cycle < to_cycle:
-            run_to(min(self._end, to_cycle))
+            run = self._machine.stall_until if self._bridge.is_booting else run_to
+            run(min(self._end, to_cycle))
             if self._machine.cycle >= self._end:
                 self._drive()
                 self._plan()

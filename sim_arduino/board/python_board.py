@@ -168,6 +168,8 @@ class PythonBoard(Engine):
     def reset(self) -> None:
         """Pull the reset line: RAM is cleared, EEPROM stays; the motors stop when the sketch has started."""
         self._restart("external")
+        if self.plant.bridge:
+            self.ready_s += self.plant.bridge.boot(self.now_s)
 
     def brown_out(self) -> None:
         """The supply voltage dropped: a reset with that cause."""

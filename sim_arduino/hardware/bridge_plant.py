@@ -5,7 +5,7 @@ edges of the encoders' pins come out at their true times.
 """
 
 import math
-from typing import Dict, List, NamedTuple
+from typing import Dict, List, NamedTuple, Sequence
 
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BRIDGES as BRIDGE_NAMES
@@ -20,6 +20,9 @@ from .encoders import Quadrature
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 
 WHEELS = (0, 2)  # motors of the body that turn the left and the right wheel
+TOGGLES, TOGGLE_S = 6, 62.5e-3
+"""After a reset by the host, the bootloader toggles the LED's pin so many times, each after this time [s].  Source:
+Optiboot 4.4, `flash_led` with LED_START_FLASHES 3."""
 TICK_HZ = 200.0  # rate at which the battery's voltage follows the motors' current [Hz]
 IDLE_A, BATTERY_OHM = 0.1, 0.1
 """Current of board, bridge and encoders, and resistance of pack and leads; assumed."""
@@ -113,6 +116,8 @@ class BridgePlant:
         self.outputs, self.encoder_pins = board_wiring.output_pins(table), board_wiring.encoder_pins(table)
         battery = table["pin_battery"]
         self.battery_channel = CHIPS[model.chip].pins[battery].channel if battery != NOT_CONNECTED else -1
+        self._led = CHIPS[model.chip].led
+        self._toggles_s: List[float] = []  # times at which the bootloader will toggle the LED's pin [s]
         self.time_s = 0.0
         self._divider = model.board.get("battery_divider", 0) / 1000.0
         self._set = {name for name, bit in _BITS.items() if wiring & bit}
@@ -146,10 +151,14 @@ class BridgePlant:
         A wire without a pin has the level to which the module ties it.
         """
         self.advance(time_s)
+        if not self.is_booting:
+            self._drive(motor, (pwm_a, pwm_b, logic))
+
+    def _drive(self, motor: int, high: Sequence[float]) -> None:
         wheel = self._wheel("motors", motor)
         levels = [
             share if pin != NOT_CONNECTED else float(wire == self._tied)
-            for wire, (share, pin) in enumerate(zip((pwm_a, pwm_b, logic), self.outputs[motor]))
+            for wire, (share, pin) in enumerate(zip(high, self.outputs[motor]))
         ]
         shares = self.bridge.shares(*levels)
         self.motor(wheel).shares = shares.reversed() if self._is_reversed("motor", wheel) else shares
@@ -159,10 +168,39 @@ class BridgePlant:
         for motor in (0, 1):
             self.write(time_s, motor, 0.0, 0.0, 0.0)
 
+    # ---- the bootloader
+
+    def boot(self, time_s: float) -> float:
+        """The bootloader starts after a reset by the host; it drives no pin but the LED's.
+
+        Returns the time that it needs [s] if a motor has a wire on that pin, else 0.
+        """
+        self._toggles_s = []
+        self.off(time_s)
+        if any(self._led in pins for pins in self.outputs):
+            self._toggles_s = [time_s + TOGGLE_S * number for number in range(1, TOGGLES + 1)]
+        return len(self._toggles_s) * TOGGLE_S
+
+    @property
+    def is_booting(self) -> bool:
+        """The bootloader moves a motor's wire, so that the program has not started."""
+        return bool(self._toggles_s)
+
+    def _toggle(self) -> None:
+        self._run(self._toggles_s.pop(0))
+        high = float(len(self._toggles_s) & 1)
+        for motor, pins in enumerate(self.outputs):
+            self._drive(motor, [high if pin == self._led else 0.0 for pin in pins])
+
     # ---- time, and the board's inputs
 
     def advance(self, time_s: float) -> None:
         """Runs the robot to `time_s` [s]."""
+        while self._toggles_s and self._toggles_s[0] <= time_s:
+            self._toggle()
+        self._run(time_s)
+
+    def _run(self, time_s: float) -> None:
         start_s = self.time_s
         if time_s <= start_s:
             return

@@ -1,19 +1,21 @@
 """Bridges: truth tables, the way from the board's outputs to its inputs, and slices of time of a simulated chip."""
 
 import math
+from collections import defaultdict
 
 import pytest
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, FrameDecoder
 from mrl_driver.protocol.table import BRIDGES as NAMES
-from mrl_driver.protocol.table import WIRING
+from mrl_driver.protocol.table import NOT_CONNECTED, WIRING
+from mrl_driver.robot.chips import ATMEGA328P
 from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import BridgeWires
 from sim_arduino.board.bridge_control import BATTERY_PERIOD_S, CONVERSIONS, MISSED_KICK_S, BatteryInput
 from sim_arduino.board.parameter_store import Config
 from sim_arduino.hardware.bridge import BRIDGES, Shares
-from sim_arduino.hardware.bridge_plant import motor_params
+from sim_arduino.hardware.bridge_plant import TOGGLE_S, TOGGLES, motor_params
 from sim_arduino.hardware.omni3md import ADDRESS
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
@@ -158,8 +160,8 @@ class Chip:
     overshoot = 3
 
     def __init__(self):
-        self.cycle, self.duties, self.levels, self.edges = 0, {}, {}, []
-        self.high = dict.fromkeys((5, 6, 7, 11, 3, 9), 0.0)
+        self.cycle, self.duties, self.levels, self.edges, self.stalled = 0, {}, {}, [], 0
+        self.high = defaultdict(float)
 
     def run_until(self, cycle):
         """Like the real one, it stops some cycles late."""
@@ -169,6 +171,10 @@ class Chip:
         self.cycle += cycles
         for pin, duty in self.duties.items():
             self.high[pin] += duty * cycles
+
+    def stall_until(self, cycle):
+        self.stalled += cycle - self.cycle
+        self.cycle = cycle
 
     def high_cycles(self, pin):
         return self.high[pin]
@@ -265,3 +271,94 @@ def test_the_battery_is_the_mean_of_16_conversions():
     assert not battery.measured
     battery.run(BATTERY_PERIOD_S * CONVERSIONS + 1e-6)
     assert battery.measured and battery.centivolts == int(507.5 / 1024 * 500 * 4.0)
+
+
+# ---- wires on other pins
+
+LED, A0 = ATMEGA328P.led, ATMEGA328P.analog
+ELSEWHERE = {
+    **dict(left_pwm_a=9, left_pwm_b=A0, left_logic=LED, right_pwm_a=10, right_pwm_b=12, right_logic=7),
+    **dict(left_encoder_a=A0 + 4, left_encoder_b=5, right_encoder_a=3, right_encoder_b=NOT_CONNECTED),
+    **dict(battery=A0 + 5, sonar_front=A0 + 1, sonar_left=NOT_CONNECTED, sonar_right=NOT_CONNECTED),
+    **dict(sonar_trigger=2, sonar_power=4),
+}
+AHEAD = (1.0, 1.0, 0.0)
+
+
+def elsewhere(chip="tb6612", **pins):
+    board = {f"pin_{name}": pin for name, pin in {**ELSEWHERE, **pins}.items()}
+    return Plant(bridged(chip, **board), World())
+
+
+def states(bridge):
+    """What the left and the right motor do all the time."""
+    shares = [bridge.motor(wheel).shares._asdict() for wheel in (0, 1)]
+    return [next(name for name, share in each.items() if share == 1.0) for each in shares]
+
+
+def test_the_chips_pins_drive_the_wires_and_edges_come_out_at_the_pins_of_the_encoders():
+    """The right encoder has one channel."""
+    plant, chip = elsewhere(), Chip()
+    wires = BridgeWires(chip, plant.bridge)
+    chip.duties = {9: 1.0, LED: 1.0, 10: 1.0, 12: 1.0, 6: 1.0}
+    wires.run(500 * MS, chip.run_until)
+    assert states(plant.bridge) == ["backward", "forward"]
+    assert {pin for _, pin, _ in chip.edges} == {A0 + 4, 5, 3}
+
+
+@pytest.mark.parametrize(
+    "bridge, wire, high",
+    [("l298n", "pwm_a", (0, 1, 0)), ("drv8833", "logic", (1, 0, 0)), ("bts7960", "logic", (1, 0, 0))],
+)
+def test_an_enable_is_high_unless_it_is_on_a_pin_that_is_an_input(bridge, wire, high):
+    plant = elsewhere(bridge, **{f"left_{wire}": NOT_CONNECTED})
+    for motor in (0, 1):
+        plant.bridge.write(0.0, motor, *high)
+    assert states(plant.bridge) == ["forward", "coast"]
+
+
+def test_analog_pins_are_those_of_the_table():
+    plant = elsewhere()
+    plant.pin_changed(4, 1, 0.0)
+    plant.pin_changed(2, 1, 0.0)
+    plant.advance(1.0)
+    volts = [plant.adc_volts(channel, 1.0) for channel in range(6)]
+    assert volts[1] > 0 and volts[5] == pytest.approx(plant.bridge.battery_v / 4.0)
+    assert volts[0] == volts[2] == volts[3] == volts[4] == 0
+
+
+@pytest.mark.parametrize("pins, needed_s", [({}, TOGGLES * TOGGLE_S), ({"left_logic": 8}, 0)])
+def test_after_a_reset_by_the_host_the_bootloader_toggles_a_motor_wire_on_the_leds_pin(pins, needed_s):
+    """A tb6612 with one input high and PWM low brakes; the board's program drives nothing meanwhile."""
+    bridge = elsewhere(**pins).bridge
+    bridge.write(0.0, 0, *AHEAD)
+    assert bridge.boot(0.0) == needed_s
+    found = []
+    for number in range(1, 2 * TOGGLES):
+        bridge.advance(TOGGLE_S * (0.5 * number + 0.25))
+        if bridge.is_booting:
+            bridge.write(bridge.time_s, 0, *AHEAD)
+        found.append(states(bridge)[0])
+    toggled = ["coast", "brake", "brake", "coast"] * TOGGLES
+    assert found == (toggled[: 2 * TOGGLES - 1] if needed_s else ["coast"] * (2 * TOGGLES - 1))
+
+
+def test_the_chip_stands_still_while_the_bootloader_moves_a_motor_wire():
+    chip, bridge = Chip(), elsewhere().bridge
+    wires = BridgeWires(chip, bridge)
+    chip.duties = dict.fromkeys((9, A0, 10, 12), 1.0)
+    bridge.boot(bridge.time_s)
+    wires.run(int(1.5 * TOGGLES * TOGGLE_S * MHZ), chip.run_until)
+    assert chip.stalled == pytest.approx(TOGGLES * TOGGLE_S * MHZ, abs=2 * MS)
+    assert states(bridge) == ["forward", "forward"]
+
+
+def test_a_python_board_answers_after_its_bootloader():
+    plant = elsewhere()
+    board = PythonBoard(plant, DUO.ids[0])
+    board.advance(0.1)
+    board.reset()
+    board.receive(b"@6e")
+    early = board.advance(0.1 + TOGGLES * TOGGLE_S)
+    board.receive(b"@6e")
+    assert b"@6," not in early and b"@6," in board.advance(0.2 + TOGGLES * TOGGLE_S)
