@@ -1,4 +1,4 @@
-"""Uploads a firmware image to an Arduino Uno or Nano with `avrdude`, and explains its errors in one line."""
+"""Uploads a firmware image to an Arduino with `avrdude`, and explains its errors in one line."""
 
 import os
 import re
@@ -8,12 +8,15 @@ from typing import Callable, List, Optional, Sequence, Tuple, Type
 
 from mrl_driver import errors
 from mrl_driver.errors import ConfigError, MrlError, NotARobot
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
 from mrl_driver.transport.link import denied
 
 BAUDS = (115200, 57600)
-"""Baud rates of bootloaders: of the Uno and the Nano, and of Nanos with the old bootloader.
+"""Baud rates of bootloaders: of Uno, Nano and Mega, and of Nanos with the old bootloader.
 
-Source: `boards.txt` of the Arduino core, `upload.speed` of uno and nano."""
+Source: `boards.txt` of the Arduino core, `upload.speed` of uno, nano and mega."""
+_BOARDS = {ATMEGA328P: "-p m328p -c arduino", ATMEGA2560: "-p m2560 -c wiring"}
+"""Chip and bootloader in avrdude's words; the Mega's speaks STK500 version 2."""
 PROGRAM = "avrdude"
 MARKS = 100  # number of progress marks of an upload: 50 for writing, 50 for reading back
 _ATTEMPTS, _EARLY_ATTEMPTS = 3, 2
@@ -33,7 +36,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "expected signature|invalid device signature",
         errors.BoardRefused,
-        "the chip at {port} is not an ATmega328P, expected an Arduino Uno or Nano; nothing was written",
+        "the chip at {port} is not that of an Arduino {board}; nothing was written",
     ),
     (
         "verif.*(error|mismatch)|content mismatch|first mismatch",
@@ -48,7 +51,7 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "not in sync|not responding",
         NotARobot,
-        "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno or Nano, unplug everything "
+        "no bootloader answers at {port} (not in sync): check that it is an Arduino {board}, unplug everything "
         "from D0 and D1 (such as an XBee shield), press reset and try again",
     ),
     (
@@ -61,9 +64,9 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
 """Messages of avrdude 6.3 to 7.3 and their errors, the most specific first."""
 
 
-def command(port: str, image: str, baud: int = BAUDS[0]) -> List[str]:
+def command(port: str, image: str, baud: int = BAUDS[0], chip: Chip = ATMEGA328P) -> List[str]:
     """Return the command line of the upload; avrdude itself reads back and compares."""
-    board = f"-p m328p -c arduino -b {baud} -P".split()
+    board = f"{_BOARDS[chip]} -b {baud} -P".split()
     return [PROGRAM, *board, port, "-D", "-U", f"flash:w:{image}:i"]
 
 
@@ -72,6 +75,7 @@ def upload(
     image: str,
     advance: Callable[[float], None] = lambda marks: None,
     bauds: Sequence[int] = BAUDS[:1],
+    chip: Chip = ATMEGA328P,
 ) -> None:
     """Write an image and read it back; `advance` is called with the number of new progress marks, `MARKS` in all.
 
@@ -81,17 +85,17 @@ def upload(
         ConfigError: the image is missing or damaged, or avrdude is not installed.
         LinkError: the port cannot be used.
         NotARobot: no bootloader answers.
-        BoardRefused: the chip is not an ATmega328P, or the data read back differ.
+        BoardRefused: the board has another chip, or the data read back differ.
         MrlError: avrdude failed in another way; the text is avrdude's.
     """
     if not os.path.isfile(image):
         raise ConfigError(f"image {image!r} does not exist, expected a .hex file")
     for baud in bauds:
         last = baud == bauds[-1]
-        output = _run(command(port, image, baud), advance, _ATTEMPTS if last else _EARLY_ATTEMPTS)
+        output = _run(command(port, image, baud, chip), advance, _ATTEMPTS if last else _EARLY_ATTEMPTS)
         if output is None:
             return
-        error = explain(output, port, image)
+        error = explain(output, port, image, chip)
         if last or not isinstance(error, NotARobot):
             raise error
 
@@ -120,11 +124,11 @@ def _run(words: List[str], advance: Callable[[float], None], most_attempts: int)
     return output if process.returncode else None
 
 
-def explain(output: str, port: str, image: str) -> MrlError:
+def explain(output: str, port: str, image: str, chip: Chip = ATMEGA328P) -> MrlError:
     """Return the error for avrdude's output."""
     for pattern, kind, text in _EXPLANATIONS:
         if re.search(pattern, output, re.IGNORECASE):
-            return kind(text.format(port=port, image=image, denied=denied(port)))
+            return kind(text.format(port=port, image=image, board=chip.board, denied=denied(port)))
     return MrlError(f"avrdude failed: {_last_line(output) or 'it printed no reason'}")
 
 

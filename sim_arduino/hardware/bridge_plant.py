@@ -21,7 +21,7 @@ from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 
 WHEELS = (0, 2)  # motors of the body that turn the left and the right wheel
 TOGGLES, TOGGLE_S = 6, 62.5e-3
-"""After a reset by the host, the bootloader toggles the LED's pin so many times, each after this time [s].  Source:
+"""After a reset by the host, the bootloader toggles the LED's pin this often, each time after this pause [s].  Source:
 Optiboot 4.4, `flash_led` with LED_START_FLASHES 3."""
 TICK_HZ = 200.0  # rate at which the battery's voltage follows the motors' current [Hz]
 IDLE_A, BATTERY_OHM = 0.1, 0.1

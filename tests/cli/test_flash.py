@@ -13,10 +13,11 @@ from mrl_driver.errors import BoardRefused, LinkLost, MrlError, NotARobot, PortB
 from mrl_driver.host import avrdude
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560
 from mrl_driver.transport import port_info
 from mrl_driver.transport.port_info import Port
 
-from .bootloader import Bootloader
+from .bootloader import Bootloader, MegaBootloader
 from .run import fails, mrl
 
 HEX = ":10000000000102030405060708090A0B0C0D0E0F78\n:00000001FF\n"
@@ -33,7 +34,7 @@ def image(tmp_path):
 
 @pytest.fixture
 def bootloader(close_later):
-    return lambda **options: close_later(Bootloader(**options))
+    return lambda kind=Bootloader, **options: close_later(kind(**options))
 
 
 @pytest.fixture
@@ -62,6 +63,14 @@ def test_the_real_avrdude_writes_the_image_and_reads_it_back(bootloader, image):
     assert board.flash[:16] == bytes(range(16)) and sum(marks) == avrdude.MARKS
 
 
+def test_an_image_of_the_mega_may_be_longer_than_128_kib(bootloader, tmp_path):
+    """Its bootloader takes extended addresses."""
+    image, board = tmp_path / "mega.hex", bootloader(MegaBootloader)
+    image.write_text(HEX.replace(":00000001FF", ":020000040002F8\n:04001000DEADBEEFB4\n:00000001FF"))
+    avrdude.upload(board.path, str(image), chip=ATMEGA2560)
+    assert (board.flash[:16], board.flash[0x20010:0x20014]) == (bytes(range(16)), b"\xde\xad\xbe\xef")
+
+
 @pytest.mark.parametrize("baud", [termios.B115200, termios.B57600])
 def test_the_bootloaders_of_the_nano_answer_at_either_baud_rate(bootloader, image, baud):
     board = bootloader(baud=baud)
@@ -69,10 +78,11 @@ def test_the_bootloaders_of_the_nano_answer_at_either_baud_rate(bootloader, imag
     assert board.flash[:16] == bytes(range(16))
 
 
-def test_another_chip_is_not_written(bootloader, image):
-    board = bootloader(signature=b"\x1e\x95\x16")
-    with pytest.raises(BoardRefused, match="not an ATmega328P"):
-        avrdude.upload(board.path, image)
+@pytest.mark.parametrize("kind, chip", [(Bootloader, ATMEGA328P), (MegaBootloader, ATMEGA2560)])
+def test_another_chip_is_not_written(bootloader, image, kind, chip):
+    board = bootloader(kind, signature=b"\x1e\x95\x16")
+    with pytest.raises(BoardRefused, match=f"not that of an Arduino {chip.board}"):
+        avrdude.upload(board.path, image, chip=chip)
     assert set(board.flash) == {0xFF}
 
 
