@@ -22,6 +22,7 @@ _SEGMENT = struct.Struct("<IIIIIIII")
 _SECTION = struct.Struct("<IIIIIIIIII")
 _SYMBOL = struct.Struct("<IIIBBH")
 _MACHINE_AVR = 83
+_ARCHITECTURE = 0x7F  # bits of the flags
 _SEGMENT_LOAD = 1
 _SECTION_SYMBOLS = 2
 _LARGEST_SEGMENT = 1 << 18  # largest segment [byte]: the flash of the ATmega2560
@@ -39,11 +40,15 @@ class Symbol(NamedTuple):
 
 
 class Image(NamedTuple):
-    """An image's contents: `(address, bytes)` pieces of flash and EEPROM, and its symbols by name."""
+    """An image's contents: `(address, bytes)` pieces of flash and EEPROM, and its symbols by name.
+
+    `architecture` is avr-gcc's number of the chip's instruction set, such as 5 for avr5; 0 if unknown.
+    """
 
     flash: List[Tuple[int, bytes]]
     eeprom: List[Tuple[int, bytes]]
     symbols: Dict[str, Symbol]
+    architecture: int = 0
 
 
 def read_image(path: Path) -> Image:
@@ -76,7 +81,7 @@ def _parse(raw: bytes) -> Image:
     eeprom = [
         (address - EEPROM_BASE, data) for address, data in pieces if EEPROM_BASE <= address < FUSES_BASE
     ]
-    return Image(flash, eeprom, dict(_symbols(raw, header)))
+    return Image(flash, eeprom, dict(_symbols(raw, header)), header[7] & _ARCHITECTURE)
 
 
 def _loaded(raw: bytes, header: Tuple) -> Iterator[Tuple[int, bytes]]:

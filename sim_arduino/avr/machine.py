@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterable, Iterator, List, Optional, Sequ
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol.table import BAUD
-from mrl_driver.robot.chips import ATMEGA328P, Chip
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
 
 from . import native
 from .elf import Image, Symbol, read_image
@@ -18,6 +18,7 @@ from .records import PinChange, SentByte, Transfer
 
 UNO_HZ = 16000000
 MOST_UARTS = 4  # of all chips
+ARCHITECTURES = {ATMEGA328P.name: 5, ATMEGA2560.name: 6}  # see `Image`
 HANGS = {None: 0, "sda": 1, "scl": 2}
 
 
@@ -379,7 +380,12 @@ def _copy(data: bytes, memory: Any, address: int) -> None:
 
 
 def _require_fit(path: Union[str, Path], image: Image, chip: Chip) -> None:
-    """Refuses an image for a larger chip."""
+    """Refuses an image for another chip."""
+    if image.architecture not in (0, ARCHITECTURES[chip.name]):
+        raise SimulatorError(
+            f"firmware image {path} is for chips of avr{image.architecture}, but the {chip.name} is one of "
+            f"avr{ARCHITECTURES[chip.name]}; build the image for an Arduino {chip.board}"
+        )
     memories = (("flash", image.flash, chip.flash_bytes), ("EEPROM", image.eeprom, chip.eeprom_bytes))
     for name, pieces, size in memories:
         end = max((address + len(data) for address, data in pieces), default=0)

@@ -6,6 +6,7 @@ import subprocess
 import pytest
 
 from mrl_driver.errors import SimulatorError
+from mrl_driver.robot.chips import ATMEGA2560
 from sim_arduino.avr import intel_hex
 from sim_arduino.avr.build import SimulatorMissing, build
 from sim_arduino.avr.elf import read_image
@@ -66,7 +67,7 @@ def test_an_image_may_fill_the_eeprom(tmp_path, size, fits):
     source.write_text(
         f'__attribute__((section(".eeprom"), used)) char saved[{size}] = {{[0] = 7}};\nint main() {{}}\n'
     )
-    subprocess.run(["avr-gcc", "-mmcu=atmega2560", str(source), "-o", str(elf)], check=True)
+    subprocess.run(["avr-gcc", "-mmcu=atmega644p", str(source), "-o", str(elf)], check=True)
     if fits:
         with AvrMachine(elf) as machine:
             assert machine.read_eeprom(0, 2) == b"\x07\x00"
@@ -75,6 +76,13 @@ def test_an_image_may_fill_the_eeprom(tmp_path, size, fits):
             SimulatorError, match="program.elf needs 1025 bytes of EEPROM, .* has 1024; build"
         ):
             AvrMachine(elf)
+
+
+def test_an_image_for_another_instruction_set_is_refused(sketch):
+    with pytest.raises(
+        SimulatorError, match="is for chips of avr5, but the atmega2560 is one of avr6; build the"
+    ):
+        AvrMachine(sketch("uart.c"), chip=ATMEGA2560)
 
 
 def test_a_library_older_than_its_sources_is_compiled_again(tmp_path, compiler):

@@ -152,6 +152,19 @@ def test_the_mega_has_two_internal_references(mega, refs, volts):
     assert mega.read(ADCL) | mega.read(ADCL + 1) << 8 == int(0.5 / volts * 1024)
 
 
+@pytest.mark.parametrize("chip, timer, vector", [(ATMEGA328P, 0, 14), (ATMEGA328P, 2, 7), (ATMEGA2560, 0, 21),
+                                                 (ATMEGA2560, 2, 13)])  # fmt: skip
+def test_a_narrow_timer_interrupts_at_its_compare_units_and_at_its_end(registers, timer, vector):
+    """At prescaler 1024, as a clock."""
+    base = TCCRA[timer]
+    for unit, compare in enumerate((10, 20)):
+        registers.write(base + 3 + unit, compare)
+    registers.write(TIMSK[timer], TOV | OCFA | OCFB)
+    registers.write(base + 1, 5 if timer == 0 else 7)
+    registers.machine.run(3 * 256 * 1024 / 16e6)
+    assert registers.interrupts() == {vector + number: 3 for number in range(3)}
+
+
 @pytest.mark.parametrize("timer", WIDE)
 def test_a_wide_timer_interrupts_at_its_three_compare_units_and_at_its_end(mega, timer):
     base = TCCRA[timer]
