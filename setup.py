@@ -92,6 +92,7 @@ setup(
         "mrl_driver": ["py.typed", "images/*.hex"],
         "mrl_driver.apps.tip_over": ["vehicles/*.yaml"],
         "mrl_driver.robot.models": ["*.yaml", "*.json"],
+        "mrl_driver.robot.wirings": ["*.yaml"],
         "mrl_driver.apps.review": ["page/*"],
         "mrl_driver.apps.web": ["page/*", "page/vendor/*/*"],
         "sim_arduino": ["py.typed"],

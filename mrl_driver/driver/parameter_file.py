@@ -149,5 +149,5 @@ def _rows(values: Dict[str, int]) -> List[str]:
         if row.name in values:
             value = BRIDGES[values[row.name]] if row.name == "bridge" else str(values[row.name])
             unit = f"[{row.unit}] " if row.unit else ""
-            rows.append(f"  {row.name + ':':<17}{value:<8} # {unit}{row.text}")
+            rows.append(f"  {row.name + ':':<21}{value:<8} # {unit}{row.text}")
     return rows

@@ -5,12 +5,15 @@ from typing import Dict, Iterable, Mapping, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardRefused, MrlError
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, PINS, Parameter
+from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import ATMEGA328P, CHIPS
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .connection import Connection
 
-_READ, _WRITE, _SAVE, _DEFAULTS = (
-    BY_NAME[name].code for name in ("read_config", "write_config", "save_config", "default_config")
+_READ, _WRITE, _SAVE, _DEFAULTS, _WIRING = (
+    BY_NAME[name].code
+    for name in ("read_config", "write_config", "save_config", "default_config", "read_wiring")
 )
 
 CABLES = ("bridge", "wiring", *(row.name for row in PINS))
@@ -62,6 +65,15 @@ class Parameters:
             row for row in PARAMETERS if row.capability in ("", *self._connection.board.capabilities)
         )
 
+    def wiring_problem(self, model: Optional[RobotModel]) -> str:
+        """Return in one line what is wrong with the pins of an H-bridge board; empty if the board accepts them."""
+        if "bridge" not in self._connection.board.capabilities:
+            return ""
+        problem, parameter, other = self._connection.ask(_WIRING)
+        found = wiring.from_reply(problem, parameter, other)
+        chip = CHIPS[model.chip] if model else ATMEGA328P
+        return wiring.in_words(found, self.read(found.parameter) if found.parameter else {}, chip)
+
     def require(self, names: Iterable[str]) -> None:
         """Raise BoardRefused unless the board uses all parameters of these names."""
         used = {row.name for row in self.rows}
@@ -78,10 +90,17 @@ class Parameters:
         return {name: self._connection.ask(_READ, PARAMETER_BY_NAME[name].number)[1] for name in names}
 
     def write(self, values: Mapping[str, int]) -> None:
-        """Set parameters until the board restarts."""
+        """Set parameters until the board restarts.
+
+        A board whose pins change has no bridge meanwhile, so that it never drives with half of a wiring.
+        """
         self.require_eeprom()
         self.require(values)
-        for name, value in values.items():
+        orders = list(values.items())
+        if not set(values).isdisjoint(wiring.NAMES):
+            bridge = values["bridge"] if "bridge" in values else self.read("bridge")["bridge"]
+            orders = [("bridge", 0), *(each for each in orders if each[0] != "bridge"), ("bridge", bridge)]
+        for name, value in orders:
             number = PARAMETER_BY_NAME[name].number
             if self._connection.ask(_WRITE, number, value) != (number, value):
                 raise BoardRefused(f"the board refused {name} {value}; nothing was saved")
@@ -94,7 +113,8 @@ class Parameters:
     def save_model(self, robot_id: int, model: RobotModel) -> None:
         """Save the id and the model's parameters (the firmware may not know this model), and check them.
 
-        A board with an H-bridge keeps its bridge, pins and wiring, unless the model sets them: they belong to its cables.
+        A board with an H-bridge keeps its bridge, pins and wiring, unless the model sets them: they belong to its
+        cables.
         """
         self.require_eeprom()
         self.require(model.board)

@@ -33,8 +33,8 @@ BRIDGE_WIRES: Dict[str, Wires] = {
     "l298n_enable": Wires(("EN", "IN1", "IN2"), (A, B, LOGIC), (A,)),
 }
 SIDES = ("left", "right")
-_OUTPUTS = [[f"pin_{side}_{wire}" for wire in ("pwm_a", "pwm_b", "logic")] for side in SIDES]
-_ENCODERS = [[f"pin_{side}_encoder_{channel}" for channel in "ab"] for side in SIDES]
+OUTPUTS = [[f"pin_{side}_{wire}" for wire in ("pwm_a", "pwm_b", "logic")] for side in SIDES]
+ENCODERS = [[f"pin_{side}_encoder_{channel}" for channel in "ab"] for side in SIDES]
 _ANALOG = ("pin_sonar_front", "pin_sonar_left", "pin_sonar_right", "pin_battery")
 I2C = "i2c"
 NAMES = tuple(row.name for row in PINS)
@@ -79,22 +79,44 @@ def of_board(board: Pins) -> Dict[str, int]:
 
 def output_pins(pins: Pins) -> List[Tuple[int, ...]]:
     """Return the pins PWM_A, PWM_B and LOGIC of each motor."""
-    return [tuple(pins[name] for name in names) for names in _OUTPUTS]
+    return [tuple(pins[name] for name in names) for names in OUTPUTS]
 
 
 def encoder_pins(pins: Pins) -> List[Tuple[int, ...]]:
     """Return the pins A and B of each encoder."""
-    return [tuple(pins[name] for name in names) for names in _ENCODERS]
+    return [tuple(pins[name] for name in names) for names in ENCODERS]
 
 
-def check(pins: Pins, bridge: str, chip: Chip) -> Problem:
-    """Return the first problem of a wiring with this bridge, a row of `BRIDGES`."""
+def check(pins: Pins, bridge: str, chip: Chip, complete: bool = True) -> Problem:
+    """Return the first problem of a wiring with this bridge, a row of `BRIDGES`.
+
+    If it is not `complete`, pins that are missing are not a problem.
+    """
     facts = _Facts(pins, bridge, BRIDGE_WIRES.get(bridge, _NO_WIRES), chip)
-    for name, _ in WIRING_PROBLEMS[1:]:
+    for name, _ in WIRING_PROBLEMS[1 if complete else 2 :]:
         found = next(_RULES[name](facts), None)
         if found:
             return Problem(name, *found)
     return SOUND
+
+
+def servo_conflict(servo: int, pins: Pins, bridge: str, chip: Chip) -> str:
+    """Return in words why a servo cannot be on a pin beside this wiring; empty if it can.
+
+    Its pulses need an output of a 16-bit timer, and the timer for themselves.
+    """
+    facts = _Facts(pins, bridge, BRIDGE_WIRES.get(bridge, _NO_WIRES), chip)
+    name = next((name for name, pin in facts.connected() if pin == servo), "")
+    bus = chip.bus if pins[I2C] else ()
+    if name or servo in (*chip.serial, *bus):
+        return f"{short(name) or 'the serial link or the I2C bus'} has this pin"
+    able = [number for number, pin in enumerate(chip.pins) if pin.timer not in (NONE, *_SHORT_TIMERS)]
+    if servo not in able:
+        return f"servo pulses need an output of a 16-bit timer: {', '.join(map(chip.label, able))}"
+    users = (
+        name for name, pin in facts.outputs(facts.wires.pwm) if facts.of(pin).timer == facts.of(servo).timer
+    )
+    return next((f"{short(name)} has the timer of this pin" for name in users), "")
 
 
 def in_words(problem: Problem, pins: Pins, chip: Chip) -> str:
@@ -127,7 +149,7 @@ class _Facts(NamedTuple):
 
     def outputs(self, which: Sequence[int]) -> List[Tuple[str, int]]:
         """These wires of both motors, and their pins."""
-        return [(names[wire], self.pins[names[wire]]) for names in _OUTPUTS for wire in which]
+        return [(names[wire], self.pins[names[wire]]) for names in OUTPUTS for wire in which]
 
     def of(self, pin: int) -> Pin:
         """What a pin can do."""
@@ -139,7 +161,7 @@ _NO_WIRES = Wires(("", "", ""), (), ())
 
 
 def _not_connected(facts: _Facts) -> Found:
-    needed = facts.outputs(facts.wires.needed) + [(names[0], facts.pins[names[0]]) for names in _ENCODERS]
+    needed = facts.outputs(facts.wires.needed) + [(names[0], facts.pins[names[0]]) for names in ENCODERS]
     return ((name,) for name, pin in needed if pin == NOT_CONNECTED)
 
 
@@ -152,14 +174,14 @@ def _used_twice(facts: _Facts) -> Found:
 
 def _led_pin(facts: _Facts) -> Found:
     """Other functions may move with the LED: while all other inputs are low, the bridge does not drive."""
-    for names in _OUTPUTS:
+    for names in OUTPUTS:
         open_enable = facts.wires.tied == A and facts.pins[names[A]] == NOT_CONNECTED
         drives = (*facts.wires.pwm, *([LOGIC] if open_enable else []))
         yield from ((names[wire],) for wire in drives if facts.pins[names[wire]] == facts.chip.led)
 
 
 def _no_interrupt(facts: _Facts) -> Found:
-    for names in _ENCODERS:
+    for names in ENCODERS:
         for name, needs in zip(names, (True, False)):
             pin = facts.pins[name]
             connected = pin != NOT_CONNECTED
@@ -170,19 +192,23 @@ def _no_interrupt(facts: _Facts) -> Found:
 def _no_clock(facts: _Facts) -> Found:
     """A timer that makes PWM can be the clock as well, but not in the mode of a DRV8833."""
     timers = {pin.timer for pin in facts.chip.pins} - {NONE}
-    made = {name: facts.of(pin).timer for name, pin in facts.outputs(facts.wires.pwm)}
+    wires = facts.outputs(facts.wires.pwm)
+    made = {name: facts.of(pin).timer for name, pin in wires if pin != NOT_CONNECTED}
     if facts.bridge == "drv8833" and set(made.values()) == timers:
         yield from ((name,) for name, timer in made.items() if timer == _CLOCK_TIMER)
 
 
 _CLOCK_TIMER = 1
+_SHORT_TIMERS = (0, 2)  # they have 8 bits
 _RULES: Dict[str, Callable[[_Facts], Found]] = {
     "not_connected": _not_connected,
     "no_such_pin": lambda facts: ((name,) for name, pin in facts.connected() if pin >= len(facts.chip.pins)),
     "serial_pin": lambda facts: ((name,) for name, pin in facts.connected() if pin in facts.chip.serial),
     "pin_used_twice": _used_twice,
     "no_pwm": lambda facts: (
-        (name,) for name, pin in facts.outputs(facts.wires.pwm) if facts.of(pin).timer == NONE
+        (name,)
+        for name, pin in facts.outputs(facts.wires.pwm)
+        if pin != NOT_CONNECTED and facts.of(pin).timer == NONE
     ),
     "led_pin": _led_pin,
     "no_interrupt": _no_interrupt,

@@ -28,7 +28,8 @@ from .kit import calibrate
 SIDE_M, END_M, END_RAD = 0.4, 0.01, math.radians(0.5)
 BEFORE_M = 0.05  # The hidden errors put a square off by more than this
 HIDDEN = 54  # Motors and encoders swapped, left motor and left encoder reversed
-FACTS = ("--wheel-diameter", 65, "--separation", 150, "--counts", "11x4x34", "--bridge", "tb6612")
+FACTS = ("--wheel-diameter", 65, "--separation", 150, "--counts", "11x4x34")
+DUO = ("--wiring", "mrl_duo", "--bridge", "tb6612")
 
 
 class Later:
@@ -104,7 +105,7 @@ def workshop(monkeypatch, tmp_path, capsys):
 
 def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
     """Wires swapped, one wheel 4 % larger, axle 2 % wider: `mrl new`, two calibrations, and the square closes."""
-    out = workshop.mrl("new", "rover", *FACTS, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
+    out = workshop.mrl("new", "rover", *FACTS, *DUO, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
     assert f"wiring {HIDDEN | 1}, stored in the board's EEPROM" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "rover.yaml")
     before_m, _ = workshop.square_error("rover")

@@ -168,7 +168,7 @@ def test_a_file_of_another_robot_is_refused(emulated_board, tmp_path, file, word
 def test_parameters_of_another_robot_leave_the_cables_alone(duo, tmp_path):
     file = written(tmp_path, dumped(24, "duo", "bridge", kp=800, bridge=1, wiring=15))
     done = configured(duo, "load", file, "--other-robot", "--yes")
-    assert done == (0, "kp 1600 to 800: saved\n", "mrl: the board keeps its own bridge, wiring\n")
+    assert done == (0, "kp 1600 to 800: saved\n", "mrl: the board keeps its own bridge, wiring, pins\n")
 
 
 def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
@@ -194,7 +194,7 @@ def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
         ("  kp:  ", "  # ", "key parameters.kp is missing"),
         (" 700 ", " 70000 ", "parameters.kp is 70000, expected a whole number from 0 to 32767"),
         ("tb6612", "tb6613", "parameters.bridge is 'tb6613', expected unset, vnh5019"),
-        ("radio_hold:      0", "radio_hold:      3", "parameters.radio_hold is 3, expected 0 or 15 to 300"),
+        ("radio_hold:          0", "radio_hold:          3", "parameters.radio_hold is 3, expected 0 or 15 to 300"),
         ("robot_id: 1", "robot: 1", "key robot is unknown, expected robot_id, model"),
         ("[bridge, hold]", "7", "capabilities is 7, expected a list of names"),
         ("parameters:", "parameters: [", "no YAML"),
@@ -339,6 +339,8 @@ ROVER = [
     "150",
     "--counts",
     "11x4x34",
+    "--wiring",
+    "mrl_duo",
     "--bridge",
     "TB6612",
     "--file-only",
@@ -361,14 +363,44 @@ def test_questions_come_with_a_picture(tmp_path):
         ("Wheel separation [mm]", b"from the middle of one tyre", "150"),
         ("Counts of a wheel turn", b"Counts of a wheel turn = lines x 4 x ratio", "0"),
         ("expected a number from 4 to 100000", b"", "11x4x34"),
+        ("Which wiring?", b"L298N module with PWM on its enables: ENA D9", "mrl_duo"),
         ("Which H-bridge drives the motors?", b"modules with an L298N", "l298n"),
         ("1496 counts a turn, L298N, with robot id 11?", b"", "y"),
     ):
         terminal.answer(question, answer)
         assert picture in terminal.seen
     assert terminal.end() == 0, terminal.seen.decode()
-    assert b"EN                D5           D11" in terminal.seen
+    assert b"EN                    D5           D11" in terminal.seen
     assert models.load("rover").board["bridge"] == BRIDGES.index("l298n")
+
+
+def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
+    facts = [*ROVER[:6], "--wiring", "own", "--bridge", "l298n_enable", "--file-only"]
+    terminal = Terminal("new", "rover", *facts, folder=tmp_path)
+    for question, picture, answer in (
+        ("Are devices on the I2C bus", b"|        |---- motor        pin ----- A", "y"),
+        ("left motor, EN", b"", "8"),
+        ("no timer makes it on this pin", b"", "9"),
+        ("left motor, IN1", b"", "-"),
+        ("needs this pin", b"", "8"),
+        ("left motor, IN2", b"", "9"),
+        ("left_logic is on D9, as left_pwm_a", b"", "7"),
+        ("left encoder, A", b"", "2"),
+        ("left encoder, B", b"", ""),
+        ("right motor, EN", b"", "10"),
+        ("right motor, IN1", b"", "d5"),
+        ("right motor, IN2", b"", "4"),
+        ("right encoder, A", b"", "A4"),
+        ("the I2C bus is in use", b"", "3"),
+        ("right encoder, B", b"", "-"),
+        ("divider of the battery's voltage", b"", "A0"),
+        ("with robot id 11?", b"", "y"),
+    ):
+        terminal.answer(question, answer)
+        assert picture in terminal.seen
+    assert terminal.end() == 0, terminal.seen.decode()
+    found = wiring.of_board(models.load("rover").board)
+    assert list(found.values()) == [9, 8, 7, 10, 5, 4, 2, -1, 3, -1, -1, -1, -1, -1, -1, 14, 1]
 
 
 @pytest.mark.parametrize(
@@ -377,7 +409,51 @@ def test_questions_come_with_a_picture(tmp_path):
         (("rover", *ROVER), "Write .* stdin is not a terminal; give --yes to agree"),
         (
             ("rover", "--yes", *ROVER[:6]),
+            r"Which wiring. stdin is not a terminal; give --wiring \(or --pin\) with one of arduino_motor_shield_r3",
+        ),
+        (
+            ("rover", "--yes", *ROVER[:8]),
             "Which H-bridge drives the motors. stdin is not a terminal; give --bridge",
+        ),
+        (
+            ("rover", "--yes", *ROVER, "--pin", "battery=D7"),
+            "battery is on D7, as left_logic: another function has the same pin; nothing was written",
+        ),
+        (("rover", "--yes", *ROVER, "--pin", "left_logic=A4"), "left_logic is on A4: the I2C bus is in use"),
+        (
+            ("rover", "--yes", *ROVER, "--pin", "left_logic=x"),
+            "--pin left_logic is 'x', expected a pin of the Uno",
+        ),
+        (
+            ("rover", "--yes", *ROVER, "--pin", "5"),
+            "--pin is '5', expected NAME=PIN with one of left_pwm_a, ",
+        ),
+        (
+            ("rover", "--yes", *ROVER, "--servo", "3"),
+            "servo on D3: right_pwm_b has this pin; nothing was written",
+        ),
+        (
+            ("rover", "--yes", *ROVER, "--servo", "A3", "--pin", "battery=-"),
+            "servo on A3: servo pulses need .* D9, D10",
+        ),
+        (
+            (
+                "rover",
+                "--yes",
+                *ROVER,
+                "--servo",
+                "10",
+                "--pin",
+                "right_encoder_b=-",
+                "--pin",
+                "right_pwm_a=9",
+            )
+            + (
+                "--pin",
+                "right_logic=-",
+            )
+            + ("--bridge", "bts7960"),
+            "servo on D10: right_pwm_a has the timer of this pin",
         ),
         (
             ("../rover", *ROVER, "--yes"),

@@ -9,7 +9,7 @@ import yaml
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BRIDGES
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring, wirings
 from mrl_driver.robot.models import kit
 from mrl_driver.robot.models.kit import Kit
 
@@ -285,7 +285,7 @@ def test_a_broken_file_with_the_name_of_the_robots_model_is_an_error(own):
         models.by_id(1)
 
 
-ROVER = Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612")
+ROVER = Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612", wirings.load("mrl_duo").pins)
 
 
 def test_the_file_is_a_model():
@@ -303,9 +303,9 @@ def test_a_new_robot_has_no_wiring():
 
 
 @pytest.mark.parametrize("bridge", BRIDGES[1:])
-def test_each_bridge_makes_a_model_and_has_wires(bridge):
-    assert kit.model_of(ROVER._replace(bridge=bridge)).board["bridge"] == BRIDGES.index(bridge)
-    assert len(kit.WIRES[bridge]) == 3
+def test_each_bridge_makes_a_model_with_the_wiring(bridge):
+    board = kit.model_of(ROVER._replace(bridge=bridge)).board
+    assert board["bridge"] == BRIDGES.index(bridge) and wiring.of_board(board) == ROVER.pins
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, PARAMETERS, Parameter
+from mrl_driver.robot.wiring import NAMES
 
 from . import shared
 from .shared import Run, completion_of, run_options
@@ -174,7 +175,8 @@ def load(run: Run, file: str, only_try: bool, other_robot: bool) -> None:
         if listed:
             run.confirm(f"Change {listed} on robot {driver.board.robot_id}?")
         driver.parameters.replace(values, saved=not only_try)
-    kept = ", ".join(name for name in old if name not in values)
+    left = [name for name in old if name not in values]
+    kept = ", ".join([name for name in left if name not in NAMES] + ["pins"] * (NAMES[0] in left))
     if kept:
         shared.print_message(f"the board keeps its own {kept}")
     click.echo(f"{listed or 'no parameter differs'}: {_kept(only_try)}")
@@ -224,11 +226,11 @@ def diff(run: Run, file: Optional[str]) -> None:
 def _difference_table(differences: Sequence[Mapping[str, Any]], found: "ParameterFile", name: str) -> str:
     if not differences:
         return f"robot {found.robot_id} has the parameters of {name}"
-    lines = [f"{'parameter':<16}{'board':>7} {'expected':>8} {'unit':<9} meaning; expected: {name}"]
+    lines = [f"{'parameter':<20}{'board':>7} {'expected':>8} {'unit':<9} meaning; expected: {name}"]
     for each in differences:
         board, expected = ("-" if each[key] is None else each[key] for key in ("board", "expected"))
         text = PARAMETER_BY_NAME[each["name"]].text
-        lines.append(f"{each['name']:<16}{board:>7} {expected:>8} {each['unit']:<9} {text}".rstrip())
+        lines.append(f"{each['name']:<20}{board:>7} {expected:>8} {each['unit']:<9} {text}".rstrip())
     return "\n".join(lines)
 
 
@@ -310,13 +312,13 @@ def _values(driver: "Driver", rows: Sequence[Parameter]) -> List[Dict[str, Any]]
 
 def _table(values: Sequence[Mapping[str, Any]]) -> str:
     """Return parameters as a table; `*` marks values that differ from the model."""
-    lines = [f"{'parameter':<16}{'value':>7} {'unit':<9}{'':<9} meaning"]
+    lines = [f"{'parameter':<20}{'value':>7} {'unit':<9}{'':<9} meaning"]
     for each in values:
         name, value = each["name"], each["value"]
         mark = f"* {each['default']}" if each["default"] not in (None, value) else ""
         chip = f"{BRIDGES[value]}: " if name == "bridge" else ""
         text = PARAMETER_BY_NAME[name].text
-        lines.append(f"{name:<16}{value:>7} {each['unit']:<9}{mark:<9} {chip}{text}".rstrip())
+        lines.append(f"{name:<20}{value:>7} {each['unit']:<9}{mark:<9} {chip}{text}".rstrip())
     if any(each["default"] not in (None, each["value"]) for each in values):
         lines.append("* differs from the robot model; its value follows the *")
     return "\n".join(lines)

@@ -153,7 +153,7 @@ def _check_board(driver: "Driver", port: str, facts: Dict[str, Any], any_id: boo
     if not any_id:
         yield from board.identity(driver.board, model)
     yield from board.supply(driver.board, model)
-    yield from board.health(driver.status)
+    yield from board.health(driver.status, driver.parameters.wiring_problem(model))
     with waiting("watching the link"):
         seen = board.watch(driver)
     counts, missing = board.counters(driver), shared.await_sensors(driver)

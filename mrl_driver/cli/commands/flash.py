@@ -1,7 +1,7 @@
 """`mrl flash`: upload the firmware to a board."""
 
 import os
-from typing import Optional, Tuple
+from typing import TYPE_CHECKING, Optional, Tuple
 
 import click
 
@@ -11,6 +11,9 @@ from mrl_driver.robot.models import ENVIRONMENT, SONAR
 
 from .progress import progress, waiting
 from .shared import Run, choose, json_option, run_options, yes_option
+
+if TYPE_CHECKING:
+    from mrl_driver.driver.probe import Answer
 
 HBRIDGE = "hbridge"  # the build for motors on an H-bridge, and encoders on the Arduino's pins
 BUILD_TEXTS = {
@@ -33,7 +36,8 @@ def flash(run: Run, build: Optional[str], image: Optional[str]) -> None:
     """Upload the firmware to an Arduino Uno or Nano.
 
     Reads the firmware back and checks that the board answers.  Without --port it uses the board made by Arduino,
-    if only one is plugged in.  Needs avrdude.  The robot id and the other parameters in the EEPROM stay.  If the USB
+    if only one is plugged in.  Needs avrdude.  The robot id and the other parameters in the EEPROM stay, but bridge
+    and pins of an H-bridge board become those of the robot's file.  If the USB
     device is not an Arduino Uno, it tries the baud rates of both bootloaders, 115200 and 57600.
 
     \b
@@ -62,8 +66,10 @@ def flash(run: Run, build: Optional[str], image: Optional[str]) -> None:
     with progress(f"writing and reading back {port}", avrdude.MARKS) as advance:
         avrdude.upload(port, image, advance=advance, bauds=bauds_of(port))
     answer = _read_identity(target)
-    facts = {"port": port, "image": image, "build": build, "answer": answer}
-    run.print(facts, f"{port} has {what}; {answer}")
+    wired = _store_wiring(run._replace(target=target)) if "bridge" in answer.capabilities else ""
+    words = _in_words(answer, port) + wired
+    facts = {"port": port, "image": image, "build": build, "answer": words}
+    run.print(facts, f"{port} has {what}; {words}")
 
 
 def only_board() -> str:
@@ -137,7 +143,7 @@ def build_of(target: Target) -> Tuple[str, str]:
     return SONAR, "as on the board now" if answer.capabilities else f"for robot {answer.robot_id}"
 
 
-def _read_identity(target: Target) -> str:
+def _read_identity(target: Target) -> "Answer":
     from mrl_driver.driver.probe import probe
 
     with waiting("waiting for the board to answer"):
@@ -146,6 +152,27 @@ def _read_identity(target: Target) -> str:
         raise MrlError(
             f"the firmware was written and read back, but the board does not answer: {answer.error}"
         )
+    return answer
+
+
+def _in_words(answer: "Answer", port: str) -> str:
     if answer.robot_id == 0:
-        return f"it answers, but has no id yet; set it with: mrl set-id ID --port {target.port}"
+        return f"it answers, but has no id yet; set it with: mrl set-id ID --port {port}"
     return f"robot {answer.robot_id} answers with firmware {answer.firmware_version}"
+
+
+def _store_wiring(run: Run) -> str:
+    """Store bridge and pins of the robot's file in an H-bridge board, and return that in words.
+
+    The robot is the one of --robot, or the one with the board's id; empty if its file has no pins.
+    """
+    from mrl_driver.driver.parameters import CABLES
+    from mrl_driver.robot import wiring
+
+    with run.connected(any_id=True) as driver:
+        model = driver.model
+        if model is None or wiring.NAMES[0] not in model.board:
+            return ""
+        wanted = {name: model.board[name] for name in CABLES if name in model.board}
+        driver.parameters.replace(wanted)
+        return f"; its pins are those of {model.name}"

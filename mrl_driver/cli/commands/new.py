@@ -9,23 +9,16 @@ import click
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.host import named_robots
+from mrl_driver.protocol.table import NOT_CONNECTED
 from mrl_driver.robot import models
 from mrl_driver.robot.models import kit
 from mrl_driver.robot.models.kit import Kit
+from mrl_driver.robot.wiring import encoder_pins
 
-from .shared import Between, choose, complete_port, confirm, print_message, yes_option
+from .new_wiring import add_options, show_wires, wiring_of
+from .shared import Between, complete_port, confirm, print_message, yes_option
 
 Answer = TypeVar("Answer")
-CHIPS = {
-    "vnh5019": "Pololu's VNH5019 shield or carrier: inputs INA, INB, PWM",
-    "cytron": "Cytron's MD10C, MD13S, MDD10A: inputs PWM, DIR",
-    "l298n": "modules with an L298N: inputs EN, IN1, IN2; remove the jumpers of EN",
-    "tb6612": "carriers of the TB6612FNG: inputs PWM, IN1, IN2; connect STBY to 5 V",
-    "drv8833": "carriers of the DRV8833: two inputs a motor",
-    "l298n_enable": "modules with an L298N and PWM on EN; remove the jumpers of EN",
-    "bts7960": "modules with two BTS7960 (IBT-2): inputs RPWM, LPWM; connect R_EN and L_EN to 5 V",
-}
-"""What each bridge is sold as."""
 _WHEEL = """
            _____
          /       \\
@@ -51,7 +44,6 @@ _ENCODER = """
     Counts of a wheel turn = lines x 4 x ratio, such as 11 x 4 x 34.  A channel has as many pulses a motor turn as the
     disc has lines (data sheet: PPR); CPR is often lines x 4 already.  Encoders with channel A only: lines x 2 x ratio.
 """
-_PINS = (("PWM_A", "D5", "D11"), ("PWM_B", "D6", "D3"), ("LOGIC", "D7", "D9"))
 
 
 @click.command(short_help="Make a robot of your own: file, firmware, calibration.")
@@ -60,7 +52,7 @@ _PINS = (("PWM_A", "D5", "D11"), ("PWM_B", "D6", "D3"), ("LOGIC", "D7", "D9"))
 @click.option("--wheel-diameter", type=Between(*kit.DIAMETER_MM), help="Diameter of a wheel [mm].")
 @click.option("--separation", type=Between(*kit.SEPARATION_MM), help="Distance between the wheels [mm].")
 @click.option("--counts", metavar="NUMBER", help="Encoder counts of a wheel turn, such as 1496 or 11x4x34.")
-@click.option("--bridge", type=click.Choice(list(CHIPS), case_sensitive=False), help="Chip of the H-bridge.")
+@add_options
 @click.option(
     "--id", "robot_id", type=click.IntRange(kit.LEAST_ID, 32767), help="Robot id; default: a free one."
 )
@@ -73,14 +65,16 @@ _PINS = (("PWM_A", "D5", "D11"), ("PWM_B", "D6", "D3"), ("LOGIC", "D7", "D9"))
 def new(name: Optional[str], file_only: bool, **options: Any) -> None:
     """Make a robot of your own: two wheels, an H-bridge, an Arduino Uno or Nano.
 
-    Asks for its wheels, encoders and bridge, writes the robot's file, uploads the firmware, gives the board an id, and
-    goes on to mrl calibrate wiring and mrl calibrate gains.  Connect the bridge and the encoders as in HARDWARE.md
-    first; whether motors or encoders are exchanged or reversed does not matter.
+    Asks for its wheels, encoders, bridge and pins, writes the robot's file, uploads the firmware, gives the board an
+    id, and goes on to mrl calibrate wiring and mrl calibrate gains.  The pins are those of a common shield or
+    tutorial, or your own; a pin that cannot do what it is for is refused before anything is written.  Whether motors
+    or encoders are exchanged or reversed does not matter.
 
     \b
     Examples:
       mrl new
-      mrl new rover --wheel-diameter 65 --separation 150 --counts 11x4x34 --bridge tb6612 --file-only
+      mrl new rover --wheel-diameter 65 --separation 150 --counts 11x4x34 --wiring mrl_duo --bridge tb6612
+      mrl new rover --wiring pwm_d5_d6_dir_d4_d7 --pin battery=A0 --i2c --file-only
     """
     name = _asked(name, "NAME", "", lambda: click.prompt("Name of the robot", err=True))
     path = _path_of(name)
@@ -93,7 +87,7 @@ def new(name: Optional[str], file_only: bool, **options: Any) -> None:
         raise ConfigError(f"{path} cannot be written: {error.strerror}") from None
     replace_file(path, text)
     click.echo(f"{path} is written; all programs know the robot as --robot {model.name}")
-    _show_wires(made.bridge)
+    show_wires(made.bridge, made.pins)
     if not file_only:
         _set_up(made, path, options)
 
@@ -112,9 +106,9 @@ def _kit(name: str, options: Mapping[str, Any]) -> Kit:
     diameter_mm = _number(options, "wheel_diameter", _WHEEL, "Wheel diameter [mm]", kit.DIAMETER_MM)
     separation_mm = _number(options, "separation", _AXLE, "Wheel separation [mm]", kit.SEPARATION_MM)
     counts = _asked(options["counts"], "--counts", _ENCODER, _ask_counts)
-    bridge = options["bridge"] or choose("Which H-bridge drives the motors?", CHIPS, "--bridge")
+    bridge, pins = wiring_of(options)
     robot_id = options["robot_id"] or kit.free_id()
-    return Kit(name, robot_id, diameter_mm, separation_mm, kit.parse_counts(counts), bridge.lower())
+    return Kit(name, robot_id, diameter_mm, separation_mm, kit.parse_counts(counts), bridge, pins)
 
 
 def _asked(value: Optional[Answer], option: str, picture: str, ask: Callable[[], Answer]) -> Answer:
@@ -151,16 +145,6 @@ def _in_words(made: Kit) -> str:
     )
 
 
-def _show_wires(bridge: str) -> None:
-    """Print which pin of the Arduino drives which input of the bridge."""
-    inputs = dict(zip(("PWM_A", "PWM_B", "LOGIC"), kit.WIRES[bridge]))
-    click.echo(f"\n  {'input of ' + bridge.upper():<18}left motor   right motor")
-    for name, left, right in _PINS:
-        if inputs[name]:
-            click.echo(f"  {inputs[name]:<18}{left:<13}{right}")
-    click.echo(f"  {'encoder A, B':<18}{'D2, D4':<13}D8, D10\n")
-
-
 def _set_up(made: Kit, path: str, options: Mapping[str, Any]) -> None:
     """Upload the firmware, set the id and the parameters, and calibrate wiring and gains."""
     from .flash import HBRIDGE, flash, only_board
@@ -177,8 +161,9 @@ def _set_up(made: Kit, path: str, options: Mapping[str, Any]) -> None:
     if options["flash"]:
         ctx.invoke(flash, **robot, build=HBRIDGE, yes=options["yes"])
     ctx.invoke(set_id, **robot, robot_id=made.robot_id, yes=True)
-    wires = {name: options[name] for name in ("single_channel", "answers")}
-    ctx.invoke(wiring, **robot, **shared, **wires, bridge=made.bridge)
+    single = options["single_channel"] or all(b == NOT_CONNECTED for _, b in encoder_pins(made.pins))
+    wires = {"single_channel": single, "answers": options["answers"], "bridge": made.bridge}
+    ctx.invoke(wiring, **robot, **shared, **wires)
     later = f"the wiring is stored; go on later with: {_next('gains', path, port)}"
     confirm("Put the robot on a free floor. Go on with mrl calibrate gains?", options["yes"], later)
     ctx.invoke(gains, **robot, **shared, eeprom=True)

@@ -93,11 +93,15 @@ def _battery(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
             yield ok("battery", f"{text} (full {levels.full_v:g} V, low below {levels.low_v:g} V)")
 
 
-def health(status: Optional[Status]) -> Iterator[Finding]:
-    """Check the faults that the board reports, its last stop, and the cause of its last start."""
+def health(status: Optional[Status], wiring: str = "") -> Iterator[Finding]:
+    """Check the faults that the board reports, its last stop, and the cause of its last start.
+
+    `wiring` is what is wrong with the pins of an H-bridge board.
+    """
     if status is None:
         return
     words = dict(FAULTS)
+    words["wiring"] = wiring or words["wiring"]
     for name in status.faults:
         yield fault(_FAULT_CODES.get(name, name), "board's fault", words[name].rstrip("."))
     cause = status.reset_cause

@@ -1,11 +1,13 @@
 """The model file of a new robot with two wheels on an H-bridge, from the few numbers that its builder knows."""
 
 import math
-from typing import Dict, NamedTuple, Set, Tuple
+from typing import Dict, Mapping, NamedTuple, Set, Tuple
 
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import INT16_MAX
+from mrl_driver.protocol.table import INT16_MAX, NOT_CONNECTED
+from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import ATMEGA328P
 from mrl_driver.yaml_form import schema_line
 
 from . import SCHEMA, RobotModel, load, load_packaged, names, parse
@@ -16,16 +18,6 @@ CEILING_SHARE = 0.85
 """Ceiling of the speed as a share of full speed, so that the control has duty left; assumed."""
 DIAMETER_MM, SEPARATION_MM, COUNTS = (10.0, 650.0), (30.0, 650.0), (4.0, 100_000.0)
 """Ranges of the numbers; half the separation and the wheel's radius must fit into 16 bits of 0.01 mm."""
-WIRES: Dict[str, Tuple[str, str, str]] = {
-    "vnh5019": ("PWM", "INA", "INB"),
-    "cytron": ("PWM", "", "DIR"),
-    "l298n": ("EN", "IN1", "IN2"),
-    "tb6612": ("PWM", "IN1", "IN2"),
-    "drv8833": ("IN1", "IN2", ""),
-    "bts7960": ("RPWM", "LPWM", ""),
-    "l298n_enable": ("EN", "IN1", "IN2"),
-}
-"""Inputs of each bridge at PWM_A, PWM_B and LOGIC of HARDWARE.md; empty if there is no such wire."""
 
 
 class Kit(NamedTuple):
@@ -37,6 +29,7 @@ class Kit(NamedTuple):
     wheel_separation_mm: float
     counts_per_turn: float  # encoder counts of a wheel turn
     bridge: str  # one of `table.BRIDGES`
+    pins: Mapping[str, int]  # the wiring, parameters of an ATmega328P
 
 
 def parse_counts(text: str) -> float:
@@ -109,7 +102,18 @@ board:
   full_speed: {like["full_speed"]}                  # 1/min
   bridge: {kit.bridge}
   friction_duty: {like["friction_duty"]}                # 0.1 %
-"""
+{_wiring(kit.pins)}"""
+
+
+def _wiring(pins: Mapping[str, int]) -> str:
+    """Return the section of the pins: those that are connected."""
+    lines = ["wiring:"]
+    for name, value in pins.items():
+        if name == wiring.I2C:
+            lines.append(f"  i2c: {str(bool(value)).lower()}")
+        elif value != NOT_CONNECTED:
+            lines.append(f"  {wiring.short(name)}: {ATMEGA328P.label(value)}")
+    return "\n".join(lines) + "\n"
 
 
 def _limits_and_body(kit: Kit, like: RobotModel, ceiling: int, turning: int) -> str:
