@@ -26,7 +26,6 @@ static const chip_pin_t CHIP_EXTERNALS[EXTERNALS] = {{PORT_D, 0}, {PORT_D, 1}, {
 static const chip_usart_t CHIP_USARTS[USARTS] = {{0xC0, 25}, {0xC8, 36}, {0xD0, 51}, {0x130, 54}};
 
 /* OC1C shares its pin with OC0A, and is not simulated. */
-#define NO_PIN {PORTS, 0}
 static const chip_timer_t CHIP_TIMERS[TIMERS] = {
     {0xFF, 0x35, 0x6E, NARROW_AT(0x44), DIVIDERS, {{PORT_B, 7}, {PORT_G, 5}, NO_PIN}, NO_PIN},
     {0xFFFF, 0x36, 0x6F, WIDE_AT(0x80), DIVIDERS, {{PORT_B, 5}, {PORT_B, 6}, NO_PIN}, {PORT_D, 4}},

@@ -16,7 +16,6 @@ static const chip_pin_t SDA_PIN = {PORT_C, 4}, SCL_PIN = {PORT_C, 5};
 static const chip_pin_t CHIP_EXTERNALS[EXTERNALS] = {{PORT_D, 2}, {PORT_D, 3}};
 static const chip_usart_t CHIP_USARTS[USARTS] = {{0xC0, 18}};
 
-#define NO_PIN {PORTS, 0}
 static const chip_timer_t CHIP_TIMERS[TIMERS] = {
     {0xFF, 0x35, 0x6E, NARROW_AT(0x44), DIVIDERS, {{PORT_D, 6}, {PORT_D, 5}, NO_PIN}, NO_PIN},
     {0xFFFF, 0x36, 0x6F, WIDE_AT(0x80), DIVIDERS, {{PORT_B, 1}, {PORT_B, 2}, NO_PIN}, {PORT_B, 0}},

@@ -15,10 +15,11 @@ enum { TWBR = 0xB8, TWSR = 0xB9, TWDR = 0xBB, TWCR = 0xBC };
 enum { ADCL = 0x78, ADCH = 0x79, ADCSRA = 0x7A, ADCSRB = 0x7B, ADMUX = 0x7C };
 enum { CHANGE_GROUPS = 3, EXTERNAL_VECTOR = 1 }; /* INT0's; those of the others follow */
 
-/* Port PORTS: there is no such pin. */
 typedef struct {
     uint8_t port, bit;
 } chip_pin_t;
+
+#define NO_PIN {PORTS, 0}
 
 typedef struct {
     uint16_t pin, ddr, port; /* registers */
@@ -41,7 +42,7 @@ typedef struct {
 typedef struct {
     uint16_t max;
     uint16_t tifr, timsk, tccra, tccrb, tcnt, ocr[3], icr;
-    const uint16_t *dividers;                  /* of the clock by CS */
+    const uint16_t *dividers;      /* of the clock by CS */
     chip_pin_t output[3], capture; /* of its compare units A to C; the pin of its input capture */
 } chip_timer_t;
 

@@ -274,6 +274,7 @@ static bool widen_data_space(avr_t *avr) {
 }
 
 EXPORT board_t *mrl_create(uint32_t frequency_hz, const hooks_t *hooks) {
+    avr_global_logger_set(keep_message);
     board_t *board = calloc(1, sizeof *board);
     avr_t *avr = board ? avr_make_mcu_by_name(CHIP_NAME) : NULL;
     if (!avr)
