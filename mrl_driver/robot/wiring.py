@@ -101,7 +101,7 @@ def check(pins: Pins, bridge: str, chip: Chip, complete: bool = True) -> Problem
 
 
 def servo_conflict(servo: int, pins: Pins, bridge: str, chip: Chip) -> str:
-    """Return in words why a servo cannot be on a pin beside this wiring; empty if it can.
+    """Return in words why a servo cannot be on a pin next to this wiring; empty if it can.
 
     Its pulses need an output of a 16-bit timer, and the timer for themselves.
     """

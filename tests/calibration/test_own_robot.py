@@ -7,6 +7,7 @@ import pathlib
 
 import numpy as np
 import pytest
+import yaml
 
 from mrl_driver.apps.calibration import calibration_files, ground_truth, manoeuvres
 from mrl_driver.apps.calibration.commands import calibrate_job
@@ -17,11 +18,12 @@ from mrl_driver.cli.commands import set_id
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose, wrap_angle
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring
 from mrl_driver.robot.models import ImuMount
 from mrl_driver.yaml_form import with_schema_line
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.serve import factory
+from tests.wirings import rows
 
 from .kit import calibrate
 
@@ -53,9 +55,9 @@ class Later:
 class Workshop:
     """One emulated kit, and the command line."""
 
-    def __init__(self, capsys):
+    def __init__(self, capsys, robot="duo", hidden=HIDDEN, error="wheel_ratio=1.04,axle=1.02"):
         self.emulated = factory.make(
-            factory.Options(robot="duo", wiring=HIDDEN, error="wheel_ratio=1.04,axle=1.02", footprint="none")
+            factory.Options(robot=robot, wiring=hidden, error=error, footprint="none")
         )
         self._capsys, self._now_s = capsys, 0.0
 
@@ -90,17 +92,30 @@ class Workshop:
 
 
 @pytest.fixture
-def workshop(monkeypatch, tmp_path, capsys):
-    made = Workshop(capsys)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    monkeypatch.setattr(calibrate_job, "connect", lambda job: made.robot(job.target.model, period_ms=20))
-    monkeypatch.setattr(
-        set_id, "connected", lambda target, model, any_id, **_: made.robot(model, any_id=any_id)
-    )
-    monkeypatch.setattr(ground_truth, "truth_file", lambda path: made.pose)
-    yield made
-    made.emulated.close()
+def workshop_of(monkeypatch, tmp_path, capsys):
+    """Makes the workshop of a kit."""
+    with contextlib.ExitStack() as stack:
+
+        def make(*kit):
+            made = Workshop(capsys, *kit)
+            stack.callback(made.emulated.close)
+            monkeypatch.chdir(tmp_path)
+            monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+            monkeypatch.setattr(
+                calibrate_job, "connect", lambda job: made.robot(job.target.model, period_ms=20)
+            )
+            monkeypatch.setattr(
+                set_id, "connected", lambda target, model, any_id, **_: made.robot(model, any_id=any_id)
+            )
+            monkeypatch.setattr(ground_truth, "truth_file", lambda path: made.pose)
+            return made
+
+        yield make
+
+
+@pytest.fixture
+def workshop(workshop_of):
+    return workshop_of()
 
 
 def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
@@ -125,6 +140,39 @@ def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
         "kp": board["kp"],
         "wheel_radius": board["wheel_radius"],
     }
+
+
+SINGLE = 22 | 128  # Encoders with one channel; motors and encoders swapped, left motor reversed
+CLOSED_M = 0.03  # From the start of a square to its end
+
+
+def kit_file(row, folder):
+    """The robot's file of a duo with these pins."""
+    file = yaml.safe_load(pathlib.Path(models.path_of("duo")).read_text(encoding="utf-8"))
+    file["wiring"] = {wiring.short(name): pin for name, pin in row.pins.items() if pin != -1}
+    file["wiring"]["i2c"] = row.i2c
+    file["board"]["bridge"], file["sonars"] = row.bridge, {}
+    path = folder / "kit.yaml"
+    path.write_text(yaml.safe_dump(file))
+    return str(path)
+
+
+@pytest.mark.parametrize("row", [row for row in rows() if row.verdict == "drives"], ids=lambda row: row.name)
+def test_each_wiring_that_drives_closes_a_square(row, workshop_of, tmp_path):
+    """From `mrl new` on, with motors and encoders swapped; nothing is rewired."""
+    hidden = SINGLE if row.pins["pin_left_encoder_b"] == -1 else HIDDEN
+    workshop = workshop_of(kit_file(row, tmp_path), hidden, "")
+    named = zip((wiring.short(name) for name in wiring.NAMES), row.places)
+    pins = [word for name, pin in named for word in ("--pin", f"{name}={pin}")]
+    facts = (*FACTS, "--bridge", row.bridge, *pins, *(["--i2c"] if row.i2c else []))
+    out = workshop.mrl("new", "rover", *facts, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
+    assert f"wiring {hidden | 1}, stored in the board's EEPROM" in out
+    with workshop.robot("rover", period_ms=50) as robot:
+        start = workshop.pose()
+        manoeuvres.square(robot, SIDE_M, False, manoeuvres.Speeds())
+        end = workshop.pose()
+        assert wiring.of_board(robot.parameters.read(*wiring.NAMES)) == row.pins
+    assert math.dist(start[:2], end[:2]) < CLOSED_M and abs(wrap_angle(end.yaw_rad - start.yaw_rad)) < 0.05
 
 
 HIDDEN_MOUNT = {"roll_deg": 175.0, "pitch_deg": -4.0, "yaw_deg": 90.0}

@@ -194,7 +194,11 @@ def test_a_refused_parameter_puts_those_before_it_back(monkeypatch):
         ("  kp:  ", "  # ", "key parameters.kp is missing"),
         (" 700 ", " 70000 ", "parameters.kp is 70000, expected a whole number from 0 to 32767"),
         ("tb6612", "tb6613", "parameters.bridge is 'tb6613', expected unset, vnh5019"),
-        ("radio_hold:          0", "radio_hold:          3", "parameters.radio_hold is 3, expected 0 or 15 to 300"),
+        (
+            "radio_hold:          0",
+            "radio_hold:          3",
+            "parameters.radio_hold is 3, expected 0 or 15 to 300",
+        ),
         ("robot_id: 1", "robot: 1", "key robot is unknown, expected robot_id, model"),
         ("[bridge, hold]", "7", "capabilities is 7, expected a list of names"),
         ("parameters:", "parameters: [", "no YAML"),

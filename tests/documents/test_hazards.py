@@ -10,7 +10,10 @@ from click.testing import CliRunner
 from mrl_driver import errors
 from mrl_driver.cli.main import cli
 from mrl_driver.problems import PLACEHOLDERS, PROBLEMS
+from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import ATMEGA328P
 from mrl_driver.view.words import STOPS, stopped_text
+from tests.models import model
 
 from .blocks import ROOT
 
@@ -83,13 +86,16 @@ def constants(text):
 
 
 def in_header():
-    """Of every build, the builds with a motor board, the H-bridge build, sonars, environment sensors."""
-    common, rest = PINS.split("#if MRL_BRIDGE")
-    bridge, rest = rest.split("#else", 1)
-    motor_board, rest = rest.split("#endif", 1)
-    environment, rest = rest.split("#if MRL_ENVIRONMENT")[1].split("#else")
-    sonar, _ = rest.split("#endif")
-    return [constants(part) for part in (common, motor_board, bridge, sonar, environment)]
+    """Of every build, the builds with a motor board, a duo, sonars, environment sensors."""
+    before, rest = PINS.split("#if MRL_ENVIRONMENT")
+    environment, sonar = rest.split("#else")
+    common = dict(
+        zip(("SERIAL_IN", "SERIAL_OUT", "I2C_DATA", "I2C_CLOCK"), ATMEGA328P.serial + ATMEGA328P.bus)
+    )
+    motor_board = {name: pin for name, pin in constants(before).items() if "XBEE" in name}
+    duo = {wiring.short(name).upper(): pin for name, pin in wiring.of_board(model("duo").board).items()}
+    bridge = {name: pin for name, pin in duo.items() if name != "I2C" and "SONAR" not in name}
+    return [common, motor_board, bridge, constants(sonar), constants(environment)]
 
 
 def number(pin):

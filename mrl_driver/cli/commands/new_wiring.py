@@ -41,7 +41,7 @@ def add_options(command: Any) -> Any:
             "--pin",
             multiple=True,
             metavar="NAME=PIN",
-            help="A pin, such as left_pwm_a=5 or battery=A3, beside those of --wiring, or instead of it.",
+            help="A pin, such as left_pwm_a=5 or battery=A3, next to those of --wiring, or instead of it.",
         ),
         click.option(
             "--wiring",
