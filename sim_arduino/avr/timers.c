@@ -8,7 +8,8 @@
  *
  * All happens when the counter leaves a value, as in the chapters' timing diagrams: a match sets its flag and acts on
  * its output; TOP ends a round and loads the compare registers from their buffers; TOV is set at MAX, in fast PWM at
- * TOP, in phase-correct PWM at BOTTOM. External clocks, the asynchronous timer 2, GTCCR and PRR are not simulated.
+ * TOP, in phase-correct PWM at BOTTOM. External clocks, the asynchronous timer 2, GTCCR, PRR, and in 16-bit timers FOC
+ * are refused.
  */
 #include "board.h"
 
@@ -373,6 +374,8 @@ static void configure(timer_state_t *timer) {
     const uint8_t *data = board->avr->data;
     uint16_t divider = timer->at->dividers[data[timer->at->tccrb] & CS];
     timer->mode = mode_of(timer, data[timer->at->tccra], data[timer->at->tccrb]);
+    if (!divider && (data[timer->at->tccrb] & CS))
+        board_refuse(board, "CS of a timer is %d, but external clocks are not simulated", data[timer->at->tccrb] & CS);
     timer->shift = divider ? __builtin_ctz(divider) : -1;
     timer->counted = divider ? edges(timer, board->avr->cycle) : 0;
     timer->down = timer->down && is_dual_slope(timer);
@@ -385,6 +388,12 @@ static void configure(timer_state_t *timer) {
             pins_connect(board, timer->at->output[unit], timer->com[unit]);
     }
     plan(timer);
+}
+
+/* A register that must stay 0. */
+static void write_refused(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    if (value)
+        board_refuse(param, "the register at 0x%02x is written, but not simulated", address);
 }
 
 static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
@@ -517,11 +526,15 @@ static void attach_high_bytes(timer_state_t *timer) {
     board_on(board, timer->at->tcnt + 1, write_high, read_high, timer);
     for (int unit = 0; unit < WIDE_UNITS; unit++)
         board_on(board, timer->at->ocr[unit] + 1, write_high, NULL, timer);
+    board_on(board, timer->at->tccra + 2, write_refused, NULL, board);
     board_on(board, timer->at->icr, NULL, read_capture, timer);
     board_on(board, timer->at->icr + 1, NULL, read_high, timer);
 }
 
 void timers_attach(board_t *board) {
+    const uint16_t refused[] = {GTCCR, PRR0, PRR1, ASSR};
+    for (int i = 0; i < 4; i++)
+        board_on(board, refused[i], write_refused, NULL, board);
     timers_reset(board);
     for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
         const chip_timer_t *at = timer->at;

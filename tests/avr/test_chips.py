@@ -199,6 +199,20 @@ def test_an_output_that_two_timers_share_is_refused(mega):
         mega.write(TCCRA[1], 0x08)
 
 
+@pytest.mark.parametrize("address", [0x43, 0x64, 0x82, 0xB6])
+def test_a_register_that_is_not_simulated_is_refused(registers, address):
+    """GTCCR, PRR, TCCR1C and ASSR; 0 may be written."""
+    registers.write(address, 0)
+    with pytest.raises(MachineCrashed, match=f"register at 0x{address:02x} is written, but not simulated"):
+        registers.write(address, 0x20)
+
+
+@pytest.mark.parametrize("clock", [6, 7])
+def test_an_external_clock_is_refused(registers, clock):
+    with pytest.raises(MachineCrashed, match=f"CS of a timer is {clock}, but external clocks are not"):
+        registers.write(TCCRA[1] + 1, clock)
+
+
 @pytest.mark.parametrize("uart", range(4))
 def test_each_uart_of_the_mega_receives_and_sends(bench, uart):
     machine = bench("echo.c", ATMEGA2560).machine
