@@ -1,8 +1,9 @@
 """Robot models, and the EEPROM of boards that carry their ids: read once for all tests of a process."""
 
 from functools import lru_cache
+from typing import Mapping
 
-from mrl_driver.protocol.table import BRIDGES
+from mrl_driver.protocol.table import BRIDGES, PARAMETERS, SETTINGS
 from mrl_driver.robot import models, wiring
 from sim_arduino.board import parameter_store
 
@@ -21,6 +22,15 @@ def eeprom(robot_id: int) -> bytes:
 
 ENCODER_PINS = wiring.encoder_pins(model("duo").board)
 """Pins of a duo's encoders."""
+DUO_PINS = {name: model("duo").board[name] for name in wiring.NAMES}
+"""The wiring of a duo, by the names of its parameters."""
+
+
+def wired_eeprom(robot_id: int = 1, pins: Mapping[str, int] = DUO_PINS, **settings: int) -> bytes:
+    """The image of an H-bridge board that knows its id, its wiring and some settings; other pins are not connected."""
+    values = dict(zip((row.name for row in SETTINGS), parameter_store.defaults(robot_id)))
+    values.update({**wiring.EMPTY, **pins, **settings})
+    return parameter_store.image([values[row.name] for row in PARAMETERS])
 
 
 def bridged(bridge: str = "tb6612", **board: int) -> models.RobotModel:

@@ -1,10 +1,12 @@
-// The pins, timers and interrupts that each image uses.  A0 to A5 are pins 14 to 19.
+// The pins, timers and interrupts that each image uses.  A0 to A5 are pins 14 to 19.  With MRL_BRIDGE they are parameters
+// of the board: src/board/wiring.h.
 #pragma once
 #include <stdint.h>
 
 #include "build.h"
 #include "src/hal/chip.h"
 
+#if !MRL_BRIDGE
 namespace mrl {
 namespace pins {
 
@@ -18,56 +20,13 @@ constexpr uint64_t uses(First first, Rest... rest) {
 }
 constexpr bool all_differ(uint64_t uses) { return !(uses & 0666666666666666666666); }
 
-constexpr uint8_t SERIAL_IN = 0;
-constexpr uint8_t SERIAL_OUT = 1;
-constexpr uint8_t I2C_DATA = 18;
-constexpr uint8_t I2C_CLOCK = 19;
-constexpr uint64_t COMMON_PINS = uses(SERIAL_IN, SERIAL_OUT, I2C_DATA, I2C_CLOCK);
+constexpr uint64_t COMMON_PINS = uses(chip::SERIAL_IN, chip::SERIAL_OUT, chip::I2C_DATA, chip::I2C_CLOCK);
 constexpr uint64_t COMMON_UNITS = uses(Unit::timer1, Unit::uart, Unit::i2c, Unit::converter);
 
-#if MRL_BRIDGE
-constexpr uint8_t LEFT_PWM_A = 5;   // OC0B
-constexpr uint8_t LEFT_PWM_B = 6;   // OC0A
-constexpr uint8_t LEFT_LOGIC = 7;
-constexpr uint8_t RIGHT_PWM_A = 11;  // OC2A
-constexpr uint8_t RIGHT_PWM_B = 3;   // OC2B
-constexpr uint8_t RIGHT_LOGIC = 9;
-constexpr uint8_t LEFT_ENCODER_A = 2;
-constexpr uint8_t LEFT_ENCODER_B = 4;
-constexpr uint8_t RIGHT_ENCODER_A = 8;
-constexpr uint8_t RIGHT_ENCODER_B = 10;
-constexpr uint8_t BATTERY = 17;
-constexpr uint64_t BUILD_PINS = uses(LEFT_PWM_A, LEFT_PWM_B, LEFT_LOGIC, RIGHT_PWM_A, RIGHT_PWM_B, RIGHT_LOGIC,
-                                     LEFT_ENCODER_A, LEFT_ENCODER_B, RIGHT_ENCODER_A, RIGHT_ENCODER_B, BATTERY);
-constexpr uint64_t BUILD_UNITS = uses(Unit::timer0, Unit::timer2, Unit::change_b, Unit::change_d);
-
-// The interrupt of an encoder takes A from its port's lowest bit after a shift, and B two bits above it.
-constexpr bool are_encoder(uint8_t a, uint8_t b) {
-  return chip::port(a) == chip::port(b) && chip::bit_of(b) == chip::bit_of(a) + 2;
-}
-static_assert(are_encoder(LEFT_ENCODER_A, LEFT_ENCODER_B) && chip::port(LEFT_ENCODER_A) == chip::Port::d,
-              "the left encoder's channels are on port D, B two bits above A");
-static_assert(are_encoder(RIGHT_ENCODER_A, RIGHT_ENCODER_B) && RIGHT_ENCODER_A == 8,
-              "the right encoder's channels are D8 and D10");
-
-// The USB port moves D0 and D1 and the bootloader moves D13, before the sketch can hold them low.
-constexpr bool rests_at_start(uint8_t pin) { return pin > 1 && pin != chip::LED; }
-static_assert(rests_at_start(LEFT_PWM_A) && rests_at_start(LEFT_PWM_B) && rests_at_start(LEFT_LOGIC) &&
-                  rests_at_start(RIGHT_PWM_A) && rests_at_start(RIGHT_PWM_B) && rests_at_start(RIGHT_LOGIC),
-              "D0, D1 and D13 move before the sketch starts: no input of a bridge may be there");
-
-// Timer 1 is the clock.
-constexpr bool can_pwm(uint8_t pin) {
-  return chip::pwm_timer(pin) == Unit::timer0 || chip::pwm_timer(pin) == Unit::timer2;
-}
-static_assert(can_pwm(LEFT_PWM_A) && can_pwm(LEFT_PWM_B) && can_pwm(RIGHT_PWM_A) && can_pwm(RIGHT_PWM_B),
-              "a pin without PWM of timer 0 or 2 has a PWM function");
-#else
 constexpr uint8_t XBEE_IN = 2;   // INT0, to the XBee's DOUT
 constexpr uint8_t XBEE_OUT = 3;  // to the XBee's DIN
 constexpr uint64_t BUILD_PINS = uses(XBEE_IN, XBEE_OUT);
 constexpr uint64_t BUILD_UNITS = uses(Unit::timer2, Unit::int0);
-#endif
 
 #if MRL_ENVIRONMENT
 constexpr uint8_t ALCOHOL = 14;
@@ -91,3 +50,4 @@ static_assert(all_differ(COMMON_UNITS + BUILD_UNITS), "two functions share a tim
 
 }  // namespace pins
 }  // namespace mrl
+#endif

@@ -58,12 +58,18 @@ void wait(double us) {
   if (pc_slept_too_long()) abort();
 }
 
-// A board with an H-bridge moves only if it knows bridge and wiring.
+// A board with an H-bridge moves only if it knows its wiring: here that of a duo.
 bool start() {
   static const PcWorld world = {write, read, adc, pin, nullptr, nullptr};
   static uint8_t eeprom[1024];
   pc_start(&world, 0, 0, PC_POWER_ON, eeprom);
-  for (const char* byte = "@35,19,4e@35,20,1e"; *byte; byte++) pc_receive(static_cast<uint8_t>(*byte));
+  for (const char* byte =
+           "@35,28,5e@35,29,6e@35,30,7e@35,31,11e@35,32,3e@35,33,9e@35,34,2e@35,35,4e@35,36,8e@35,37,10e"
+           "@35,38,14e@35,39,15e@35,40,16e@35,41,12e@35,42,13e@35,43,17e@35,44,1e@35,20,1e@35,19,4e";
+       *byte; byte++) {
+    pc_receive(static_cast<uint8_t>(*byte));
+    wait(200);
+  }
   wait(20000);
   return true;
 }

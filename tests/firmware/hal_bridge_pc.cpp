@@ -4,7 +4,10 @@
 
 #include <algorithm>
 #include <deque>
+#include <map>
 
+#include "build.h"
+#include "src/board/wiring_check.h"
 #include "src/hal/hal.h"
 #include "src/motors/quadrature.h"
 
@@ -13,8 +16,8 @@ namespace {
 using namespace mrl;
 
 constexpr double TICK_US = 64, MISSED_KICK_US = 128000;
-constexpr int ENCODERS = 2, PINS = 3;
-const int LINES[ENCODERS][2] = {{2, 4}, {8, 10}};  // channels A and B
+constexpr int ENCODERS = hal::MOTORS, PINS = hal::BRIDGE_PINS;
+constexpr int NO_PIN = -1;
 
 struct Edge {
   double time_us;
@@ -25,8 +28,12 @@ const PcWorld* world;
 double start_us, now_us, kicked_us, sample_us;
 uint16_t first_tick;
 bool missed, acted, single, is_new, news;
+hal::Wires wires;
+bool begun;
+uint8_t pwm_roles;
 
 std::deque<Edge> planned;
+std::map<int, int> levels;  // of the lines that had an edge
 uint8_t states[ENCODERS], edges_left[ENCODERS];
 bool masked[ENCODERS];
 uint16_t counts[ENCODERS], edge_ticks[ENCODERS], impossible;
@@ -48,14 +55,21 @@ void show(int motor) {
   if (world->bridge) world->bridge(motor, duties[motor][0], duties[motor][1], duties[motor][2], now_us);
 }
 
-uint8_t state_after(const Edge& edge, int encoder) {
-  const int bit = edge.pin == LINES[encoder][0] ? 1 : 4;
-  return static_cast<uint8_t>(edge.level ? states[encoder] | bit : states[encoder] & ~bit);
+int channel_of(const Edge& edge, int encoder) {
+  if (!begun) return NO_PIN;
+  return edge.pin == wires.encoder[encoder][0] ? 0 : edge.pin == wires.encoder[encoder][1] ? 1 : NO_PIN;
 }
 
+uint8_t with_level(uint8_t state, int channel, int level) {
+  const int bit = channel ? 1 : 2;
+  return static_cast<uint8_t>(level ? state | bit : state & ~bit);
+}
+
+bool is_single(int encoder) { return single || wires.encoder[encoder][1] == NO_PIN; }
+
 void count(int encoder, uint8_t state, uint16_t tick) {
-  const uint8_t index = static_cast<uint8_t>(states[encoder] << 1 | state);
-  const int8_t step = single ? quadrature::single_step(index) : quadrature::step(index);
+  const uint8_t index = static_cast<uint8_t>(states[encoder] << 2 | state);
+  const int8_t step = is_single(encoder) ? quadrature::single_step(index) : quadrature::step(index);
   states[encoder] = state;
   if (!step) return;
   if (step == quadrature::IMPOSSIBLE) {
@@ -67,15 +81,22 @@ void count(int encoder, uint8_t state, uint16_t tick) {
 }
 
 // The chip's interrupt is not called for channel B of an encoder of one channel, nor for a masked encoder.
-void arrive(const Edge& edge) {
-  const int encoder = edge.pin == LINES[0][0] || edge.pin == LINES[0][1] ? 0 : 1;
-  const uint8_t state = state_after(edge, encoder);
-  if (masked[encoder] || (single && edge.pin == LINES[encoder][1])) {
+void arrive_at(int encoder, int channel, const Edge& edge) {
+  const uint8_t state = with_level(states[encoder], channel, edge.level);
+  if (masked[encoder] || (single && channel)) {
     states[encoder] = state;
     return;
   }
   if (!--edges_left[encoder]) masked[encoder] = news = true;
   count(encoder, state, tick_at(edge.time_us));
+}
+
+void arrive(const Edge& edge) {
+  levels[edge.pin] = edge.level;
+  for (int encoder = 0; encoder < ENCODERS; encoder++) {
+    const int channel = channel_of(edge, encoder);
+    if (channel != NO_PIN) arrive_at(encoder, channel, edge);
+  }
 }
 
 void take_sample() {
@@ -93,6 +114,11 @@ void arrive_until(double time_us) {
   for (; !planned.empty() && planned.front().time_us <= time_us; planned.pop_front()) arrive(planned.front());
 }
 
+int level_of(int pin) {
+  if (!levels.count(pin)) levels[pin] = world->level ? world->level(pin) : 1;
+  return levels[pin];
+}
+
 }  // namespace
 
 namespace bridge_pc {
@@ -102,11 +128,7 @@ void begin(const PcWorld& outside, double time_us, uint16_t tick) {
   start_us = now_us = kicked_us = time_us;
   first_tick = tick;
   sample_us = time_us + hal::SAMPLE_TICKS * TICK_US;
-  for (int i = 0; i < ENCODERS; i++) {
-    edges_left[i] = hal::MOST_EDGES;
-    for (int channel = 0; channel < 2; channel++)
-      if (world->level && world->level(LINES[i][channel])) states[i] |= static_cast<uint8_t>(channel ? 4 : 1);
-  }
+  for (uint8_t& left : edges_left) left = hal::MOST_EDGES;
 }
 
 bool pass_time(double to_us) {
@@ -138,15 +160,32 @@ bool take_action() {
 
 namespace hal {
 
-void bridge_begin(PwmRate to) {
-  rate = to;
+void bridge_begin(const Wires& to, PwmRate to_rate, uint8_t pwm) {
+  bridge_end();
+  wires = to;
+  begun = true;
+  rate = to_rate;
+  pwm_roles = pwm;
+  for (int encoder = 0; encoder < ENCODERS; encoder++) {
+    states[encoder] = 0;
+    masked[encoder] = false;
+    for (int channel = 0; channel < CHANNELS; channel++) {
+      const int pin = wires.encoder[encoder][channel];
+      if (pin != NO_PIN) states[encoder] = with_level(states[encoder], channel, level_of(pin));
+    }
+  }
+}
+
+void bridge_end() {
   bridge_off();
+  begun = false;
 }
 
 void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty) {
-  uint8_t& present = duties[checked(motor)][static_cast<int>(pin)];
-  if (pin == BridgePin::logic && duty) duty = 255;
-  if (missed || present == duty) return;
+  const int role = static_cast<int>(pin);
+  uint8_t& present = duties[checked(motor)][role];
+  if (!(pwm_roles >> role & 1) && duty) duty = 255;
+  if (!begun || wires.bridge[motor][role] == NO_PIN || missed || present == duty) return;
   acted = true;
   present = duty;
   show(motor);
@@ -180,9 +219,23 @@ bool encoder_masked(uint8_t encoder) { return masked[checked(encoder)]; }
 void encoder_unmask(uint8_t encoder) { masked[checked(encoder)] = false; }
 void encoder_single_channel(bool on) { single = on; }
 
+void bus_use(bool) { acted = true; }
+
 }  // namespace hal
 
 void pc_edge(int pin, int level, double time_us) { planned.push_back({time_us, pin, level}); }
 
 // The rate of the PWM in force; 0 is the slowest.
 extern "C" int pc_bridge_pwm() { return static_cast<int>(rate); }
+
+#if MRL_BRIDGE
+int pc_wiring_check(const int8_t* pins, int bridge, int8_t* out) {
+  int16_t values[PIN_COUNT];
+  std::copy(pins, pins + PIN_COUNT, values);
+  const wiring::Finding finding = wiring::check(values, static_cast<Bridge>(bridge));
+  out[0] = static_cast<int8_t>(finding.problem);
+  out[1] = finding.parameter;
+  out[2] = finding.other;
+  return out[0];
+}
+#endif

@@ -206,6 +206,11 @@ void pin_output(uint8_t pin, bool level) {
   world.pin(pin, level, now_us);
 }
 
+void pin_release(uint8_t pin) {
+  act();
+  if (world.release) world.release(pin, now_us);
+}
+
 bool eeprom_ready() { return now_us >= eeprom_until_us; }
 uint8_t eeprom_read(uint16_t address) { return eeprom[address]; }
 void eeprom_write(uint16_t address, uint8_t value) {

@@ -14,6 +14,7 @@ struct PcWorld {
   // Builds with an H-bridge: all outputs of a motor [0 to 255], and the level of an encoder's line at the start.
   void (*bridge)(int motor, int pwm_a, int pwm_b, int logic, double time_us);
   int (*level)(int pin);
+  void (*release)(int pin, double time_us);  // the pin becomes an input
 };
 
 enum PcResetFlag { PC_POWER_ON = 1, PC_EXTERNAL = 2, PC_BROWN_OUT = 4, PC_WATCHDOG = 8, PC_MARKED = 16, PC_KEPT = 32 };
@@ -86,4 +87,6 @@ int32_t pc_counter_travel_at(int count, int32_t travel);
 // The levels of PWM A, PWM B and the logic pin, one byte each.
 int pc_bridge_levels(int chip, int backward, int duty, int coast);
 int pc_bridge_rate(int chip);
+// The first problem of a wiring: values of its parameters in, and problem, parameter and other out.
+int pc_wiring_check(const int8_t* pins, int bridge, int8_t* out);
 }

@@ -29,6 +29,7 @@ _ADC = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double)
 _PIN = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_int, ctypes.c_double)
 _BRIDGE = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_double)
 _LEVEL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)
+_RELEASE = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_double)
 FULL_DUTY = 255
 EDGE_DELAY_S = 1e-3
 """The board runs in slices of this length [s]; the edges of a slice reach it in the next one."""
@@ -42,6 +43,7 @@ class _World(ctypes.Structure):
         ("pin", _PIN),
         ("bridge", _BRIDGE),
         ("level", _LEVEL),
+        ("release", _RELEASE),
     ]
 
 
@@ -116,6 +118,7 @@ class PcBoard:
             _PIN(self._pin),
             _BRIDGE(self._bridge),
             _LEVEL(self._level),
+            _RELEASE(self._release),
         )
         self._failure: Optional[BaseException] = None
         self._register = b""
@@ -252,6 +255,10 @@ class PcBoard:
             return 0
 
         self._guard(change)
+
+    def _release(self, pin: int, time_us: float) -> None:
+        """Resistors of the sonars hold an input low."""
+        self._pin(pin, 0, time_us)
 
     def _bridge(self, motor: int, pwm_a: int, pwm_b: int, logic: int, time_us: float) -> None:
         shares = [duty / FULL_DUTY for duty in (pwm_a, pwm_b, logic)]

@@ -98,22 +98,6 @@ def test_forgotten_handler_fails_to_link(tmp_path):
 WRONG_PINS = [
     ("-DMRL_ENVIRONMENT=0", "SONAR_TRIGGER = 12", "SONAR_TRIGGER = 13", "two functions share a pin"),
     ("-DMRL_ENVIRONMENT=1", "FAN = 7", "FAN = 8", "two functions share a pin"),
-    ("-DMRL_BRIDGE=1", "BATTERY = 17", "BATTERY = 16", "two functions share a pin"),
-    ("-DMRL_BRIDGE=1", "LEFT_PWM_A = 5", "LEFT_PWM_A = 19", "a pin without PWM of timer 0 or 2"),
-    ("-DMRL_BRIDGE=1", "RIGHT_LOGIC = 9", "RIGHT_LOGIC = 13", "no input of a bridge may be there"),
-    (
-        "-DMRL_BRIDGE=1",
-        "LEFT_ENCODER_B = 4",
-        "LEFT_ENCODER_B = 7",
-        "the left encoder's channels are on port D",
-    ),
-    (
-        "-DMRL_BRIDGE=1",
-        "RIGHT_ENCODER_A = 8",
-        "RIGHT_ENCODER_A = 9",
-        "the right encoder's channels are D8 and",
-    ),
-    ("-DMRL_BRIDGE=1", "Unit::timer0, ", "Unit::timer1, ", "two functions share a timer or an interrupt"),
 ]
 """Build, what pins.h says, what it says instead, the compiler's message."""
 

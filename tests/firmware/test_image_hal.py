@@ -9,7 +9,7 @@ from mrl_driver.protocol import REPLIES, FrameDecoder
 from mrl_driver.protocol.table import FAULTS, REASONS
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
 from tests.avr.test_image import ENDLESS_LOOP
-from tests.firmware.test_image_hbridge import ENCODERS, HALF_DUTY, Board
+from tests.firmware.test_image_hbridge import DRIVEN, ENCODERS, HALF_DUTY, Board
 from tests.firmware.test_image_xbee import frames, say
 from tests.firmware.test_xbee import received
 from tests.long.bench.firmware_board import Rig, request
@@ -176,7 +176,7 @@ FORWARD = {(0, 0): 1, (0, 1): -1, (1, 1): 1, (1, 0): -1}
 @pytest.mark.parametrize("wheel", [0, 1])
 @pytest.mark.parametrize("levels", FORWARD)
 def test_the_first_edge_after_power_up_counts(levels, wheel):
-    board = Board()
+    board = Board(DRIVEN)
     pins = ENCODERS[2 * wheel : 2 * wheel + 2]
     for pin, level in zip(pins, levels):
         board.machine.set_pin(pin, level)
@@ -189,12 +189,12 @@ def test_the_first_edge_after_power_up_counts(levels, wheel):
 
 
 SAMPLE_VECTOR, TICK, SAMPLE_TICKS = 4 * 12, 1024, 78
-PCICR, BOTH_CHANGES = 0x68, 5
+PCICR = 0x68
 
 
 @pytest.fixture
 def bridge() -> Iterator[Board]:
-    board = Board()
+    board = Board(DRIVEN)
     yield board
     board.close()
 
@@ -202,11 +202,6 @@ def bridge() -> Iterator[Board]:
 def go_to(machine: AvrMachine, pc: int) -> int:
     """Runs to an address; the cycle."""
     return run_while(machine, lambda: machine.pc != pc)
-
-
-def go_to_encoders(machine: AvrMachine) -> int:
-    """Runs until the interrupts of both encoders are on after the power-up; the cycle."""
-    return run_while(machine, lambda: machine.peek(PCICR)[0] != BOTH_CHANGES)
 
 
 @pytest.mark.parametrize("late_ticks", [1, 76, 77, 78, 79, 200])
@@ -227,9 +222,9 @@ def test_samples_go_on_however_late_one_is(bridge, late_ticks):
 @pytest.mark.parametrize("wheel, change", [(0, 4), (1, 1)])
 @pytest.mark.parametrize("edges, masked", [(249, False), (255, True)])
 def test_more_than_250_edges_between_two_samples_mask_the_encoder(bridge, wheel, change, edges, masked):
-    """Already before the first sample; some edges come while interrupts are off, and count together."""
-    machine = bridge.machine
-    begun = go_to_encoders(machine)
+    """Some edges come while interrupts are off, and count together."""
+    machine = bridge.boot().machine
+    begun = go_to(machine, SAMPLE_VECTOR)
     machine.plan_edges(ENCODERS[2 * wheel], [begun + 100 + 300 * edge for edge in range(edges)])
     machine.run_until(begun + 200 + 300 * edges)
     assert bool(machine.peek(PCICR)[0] & change) != masked

@@ -3,13 +3,15 @@
 import pytest
 
 from mrl_driver.protocol import Frame
-from mrl_driver.protocol.table import CAPABILITIES, FAULTS, TICK_S
+from mrl_driver.protocol.table import BRIDGES, CAPABILITIES, FAULTS, TICK_S
+from tests import models
 from tests.firmware import imu_chip
 from tests.firmware.pc_board import BRIDGE, SONARS
 
 CAPABILITY = 1 << [name for name, _ in CAPABILITIES].index("imu")
 FAULT = 1 << [name for name, _ in FAULTS].index("imu")
 LOW, HIGH = 0x68, 0x69
+TB6612 = BRIDGES.index("tb6612")
 FOUND_S = 0.1  # Search, set-up, and the time in which the gyro settles
 LOST_S = 1.1  # Longest time until a chip that is back is in use again
 BYTE_S = 85e-6
@@ -55,7 +57,7 @@ def reads(board, address):
 @pytest.mark.parametrize("address", [LOW, HIGH])
 @pytest.mark.parametrize("library", [SONARS, BRIDGE])
 def test_a_chip_at_either_address_is_found_and_set_up(fitted, address, library):
-    board = fitted(address, library=library)
+    board = fitted(address, library=library, eeprom=models.wired_eeprom(bridge=TB6612))
     assert capabilities(board) & CAPABILITY
     assert board.chip.registers == imu_chip.SET_UP
 

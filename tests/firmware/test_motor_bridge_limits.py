@@ -12,6 +12,7 @@ from mrl_driver.protocol.table import BRIDGES, BY_NAME, PARAMETER_BY_NAME, TICK_
 from sim_arduino.board import parameter_store
 from sim_arduino.board.wheel_settings import FULL, PERIOD_TICKS
 from sim_arduino.hardware.bridge_plant import PinEdge
+from tests import models
 from tests.firmware.conftest import Bench
 from tests.firmware.pc_board import BRIDGE, VOLTS_PER_COUNT
 from tests.models import ENCODER_PINS
@@ -105,7 +106,7 @@ class Outside:
 
 class Pins(Bench):
     def __init__(self, **values: int) -> None:
-        self.config = parameter_store.Config(bytearray(parameter_store.image(parameter_store.defaults(DUO))))
+        self.config = parameter_store.Config(bytearray(models.wired_eeprom(DUO)), has_pins=True)
         for name, value in values.items():
             self.config[name] = value
         super().__init__(

@@ -7,6 +7,7 @@ from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
 from mrl_driver.robot import models
 from sim_arduino.avr.machine import AvrMachine
 from tests.long.bench.firmware_board import LEFT, RIGHT, Rig, request
+from tests.models import wired_eeprom
 
 OUTPUTS = ((5, 6, 7), (11, 3, 9))
 """Pins PWM_A, PWM_B and LOGIC of both bridges (Arduino numbers), as in HARDWARE.md."""
@@ -94,7 +95,10 @@ class BridgeRig(Rig):
         self.edges_hz = edges_hz
 
     def _powered(self, elf: Path, seed: int) -> AvrMachine:
-        return TurningMachine(elf, seed=seed)
+        machine = TurningMachine(elf, seed=seed)
+        machine.write_eeprom(0, wired_eeprom())
+        machine.power_cycle(seed)
+        return machine
 
     def settle(self, **parameters: int) -> "BridgeRig":
         """As the base class, with the numbers of a duo, bridge and wiring set, no ramp, and turning wheels.

@@ -25,7 +25,7 @@ void begin() {
   hal::begin();
   board_clock::begin();
   status::begin();
-  if (!MRL_ENVIRONMENT) sonar::begin();
+  if (!MRL_ENVIRONMENT && !MRL_BRIDGE) sonar::begin();
   if (MRL_ENVIRONMENT) environment::begin();
   config::begin();
   motor::begin();

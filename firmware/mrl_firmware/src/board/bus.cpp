@@ -24,6 +24,7 @@ enum class Owner : uint8_t { none, motor_board, imu, sensor } owner;
 uint32_t started, rest_from;
 uint8_t motor_divider;
 bool resting, restart_with_stop;
+bool used;  // only in builds with MRL_BRIDGE: the bus has its pins
 
 void end_transfer(Result result) {
   const Owner who = owner;
@@ -87,7 +88,25 @@ void configure() {
   restart_with_stop = config::get(Parameter::bus_stop);
 }
 
+#if MRL_BRIDGE
+void begin() {
+  used = true;
+  hal::bus_use(true);
+}
+
+void end() {
+  if (!used) return;
+  used = false;
+  owner = Owner::none;
+  hal::bus_use(false);
+  imu::forget();
+}
+
+bool in_use() { return used; }
+#endif
+
 void service() {
+  if (MRL_BRIDGE && !used) return;
   if (owner == Owner::none && !motor::has_work() && !imu::has_work()) return;
   if (!is_free()) return;
   if (motor::next_transfer(hal::transfer)) return start(Owner::motor_board);
@@ -96,6 +115,7 @@ void service() {
 
 // A request that has arrived in this pass goes first.
 void service_background() {
+  if (MRL_BRIDGE && !used) return;
   service();
   if (!is_free()) return;
   const Owner who = next_background(hal::transfer);

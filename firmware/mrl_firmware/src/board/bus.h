@@ -9,6 +9,10 @@ enum class Result : uint8_t { done, refused, hung };
 
 // Takes the motor board's clock and kind of restart from the configuration.
 void configure();
+// Takes the bus's pins, or leaves them; only in builds with MRL_BRIDGE, others have them from the start.
+void begin();
+void end();
+bool in_use();
 // Ends a transfer that is done or has taken too long, and starts the next urgent transfer.
 void service();
 // Starts a background transfer if the bus is free.

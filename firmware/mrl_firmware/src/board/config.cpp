@@ -23,7 +23,12 @@ struct Range {
 };
 
 #define RANGE(number, name, low, high) {low, high},
+#if MRL_BRIDGE
+const Range RANGES[] PROGMEM = {MRL_PARAMETERS(RANGE) MRL_PINS(RANGE)};
+#else
 const Range RANGES[] PROGMEM = {MRL_PARAMETERS(RANGE)};
+#endif
+constexpr uint8_t VALUES = sizeof RANGES / sizeof(Range);
 
 struct Model {
   int16_t first_id, last_id, values[MODEL_PARAMETER_COUNT];
@@ -39,9 +44,11 @@ static_assert(COMMON_FIRST + sizeof COMMON / sizeof(int16_t) == PARAMETER_COUNT,
 static_assert(sizeof(float) == 4, "the id of 2013 is a 4-byte float");
 
 constexpr uint8_t ID_SIZE = 4;
-constexpr uint8_t IMAGE_SIZE = ID_SIZE + BLOCK_SIZE;
+constexpr uint8_t SETTINGS_SIZE = ID_SIZE + BLOCK_SIZE;
+constexpr uint8_t IMAGE_SIZE = SETTINGS_SIZE + (MRL_BRIDGE ? PINS_SIZE : 0);
+static_assert(BLOCK_AT + BLOCK_SIZE <= PINS_AT, "the blocks stand one behind the other");
 
-int16_t values[PARAMETER_COUNT];
+int16_t values[VALUES];
 uint8_t saving;  // index in the image that is written next
 enum class Step : uint8_t { idle, writing } step;
 
@@ -67,6 +74,7 @@ void take_defaults() {
 // ---- the image: the contents of the EEPROM, byte by byte
 
 uint16_t address_of(uint8_t place) {
+  if (MRL_BRIDGE && place >= SETTINGS_SIZE) return static_cast<uint16_t>(PINS_AT + place - SETTINGS_SIZE);
   return place < ID_SIZE ? static_cast<uint16_t>(ID_AT + place) : static_cast<uint16_t>(BLOCK_AT + place - ID_SIZE);
 }
 
@@ -89,11 +97,20 @@ uint16_t body_crc() {
   return crc;
 }
 
+uint8_t pins_byte(uint8_t place) {
+  if (!place) return PINS_LAYOUT;
+  if (place <= PIN_COUNT) return static_cast<uint8_t>(values[PIN_FIRST + place - 1]);
+  uint16_t crc = CRC_START;
+  for (uint8_t i = 0; i <= PIN_COUNT; i++) crc = crc_update(crc, pins_byte(i));
+  return static_cast<uint8_t>(place < PINS_SIZE - 1 ? crc : crc >> 8);
+}
+
 uint8_t image_byte(uint8_t place) {
   if (place < ID_SIZE) return id_byte(place);
-  if (place < IMAGE_SIZE - 2) return body_byte(static_cast<uint8_t>(place - ID_SIZE));
+  if (place < SETTINGS_SIZE - 2) return body_byte(static_cast<uint8_t>(place - ID_SIZE));
+  if (MRL_BRIDGE && place >= SETTINGS_SIZE) return pins_byte(static_cast<uint8_t>(place - SETTINGS_SIZE));
   const uint16_t crc = body_crc();
-  return static_cast<uint8_t>(place < IMAGE_SIZE - 1 ? crc : crc >> 8);
+  return static_cast<uint8_t>(place < SETTINGS_SIZE - 1 ? crc : crc >> 8);
 }
 
 // Whether the first bytes of the EEPROM are those of the image.
@@ -134,6 +151,26 @@ bool read_block() {
   return good && hal::eeprom_read(at) == (crc & 0xFF) && hal::eeprom_read(at + 1) == crc >> 8;
 }
 
+#if MRL_BRIDGE
+// Loads the wiring, which is that of a board without wires if the block is missing or damaged.
+void read_pins() {
+  bool good = true;
+  for (uint8_t i = 0; i < PIN_COUNT; i++) {
+    const uint8_t index = static_cast<uint8_t>(PIN_FIRST + i);
+    values[index] = static_cast<int8_t>(hal::eeprom_read(static_cast<uint16_t>(PINS_AT + 1 + i)));
+    good = good && allowed(index, values[index]);
+  }
+  for (uint8_t place = SETTINGS_SIZE; place < IMAGE_SIZE; place++) {
+    good = good && hal::eeprom_read(address_of(place)) == image_byte(place);
+  }
+  if (good) return;
+  for (uint8_t index = PIN_FIRST; index < VALUES; index++) {
+    const int16_t low = flash_int16(&RANGES[index].low);
+    values[index] = low > NOT_CONNECTED ? low : NOT_CONNECTED;
+  }
+}
+#endif
+
 void apply() {
   status::set_fault(FAULT_ID_UNSET, !id());
   commands::decoder.plain_calibrate = get(Parameter::plain_calibrate);
@@ -153,8 +190,15 @@ void begin() {
   const bool sound = good && matches_image(ID_SIZE);
   if (!sound) take_defaults();
   status::set_fault(FAULT_EEPROM, !sound);
+#if MRL_BRIDGE
+  read_pins();
+#endif
   apply();
 }
+
+#if MRL_BRIDGE
+const int16_t* pins() { return values + PIN_FIRST; }
+#endif
 
 int16_t get(Parameter parameter) { return values[static_cast<uint8_t>(parameter)]; }
 

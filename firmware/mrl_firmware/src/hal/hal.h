@@ -84,6 +84,8 @@ int16_t adc_result();
 // ---- pins
 
 void pin_output(uint8_t pin, bool level);
+// Input without a pull-up; only in builds with MRL_BRIDGE.
+void pin_release(uint8_t pin);
 
 // ---- EEPROM
 
@@ -125,28 +127,40 @@ uint32_t dust_low_ticks();
 // True if the input has changed at all since the last call.
 bool dust_changed();
 
-// ---- H-bridge and encoders; only in builds with MRL_BRIDGE.  Motor and encoder 0 are on the left pins, 1 on the right.
+// ---- H-bridge and encoders; only in builds with MRL_BRIDGE, whose pins are known when the board runs
+
+constexpr uint8_t MOTORS = 2;  // each has an encoder
+enum class BridgePin : uint8_t { pwm_a, pwm_b, logic };
+constexpr uint8_t BRIDGE_PINS = 3, CHANNELS = 2;
+
+// Arduino pins by motor; NOT_CONNECTED is none.
+struct Wires {
+  int8_t bridge[MOTORS][BRIDGE_PINS];
+  int8_t encoder[MOTORS][CHANNELS];  // channels A and B
+};
 
 // PWM of 3.9, 7.8 and 31.4 kHz.
 enum class PwmRate : uint8_t { slow, medium, fast };
-// Sets the rate; all outputs are low afterwards.
-void bridge_begin(PwmRate rate);
+// Makes outputs of the pins of the bridges, all low, and counts the encoders, whose lines get pull-ups.  `pwm` has a bit
+// for each BridgePin that carries PWM; a timer must drive it, and one timer must be left for the clock.
+void bridge_begin(const Wires& wires, PwmRate rate, uint8_t pwm);
+// Switches all outputs off, and makes inputs without pull-ups of all pins that bridge_begin() has taken.
+void bridge_end();
 
-enum class BridgePin : uint8_t { pwm_a, pwm_b, logic };
-// Holds the output high for `duty` / 255 of the time; 0 and 255 are constant.  Any duty but 0 is high on the logic pin.
-// Does nothing while a kick of the watchdog is missing.
+// Holds the output high for `duty` / 255 of the time; 0 and 255 are constant.  Any duty but 0 is high on a pin without
+// PWM.  Does nothing while a kick of the watchdog is missing, or without bridge_begin().
 void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty);
 // All outputs are low at once; from any context.  The watchdog's interrupt does this at the first missed kick.
 void bridge_off();
 
 constexpr uint16_t SAMPLE_TICKS = 78;  // 4.992 ms: 200.3 Hz
-// More edges between two samples mask the interrupt of an encoder: 50 000 edges/s, 22 % of the chip's time for each.
+// More edges between two samples mask the interrupt of an encoder, or of all encoders on a port: 50 000 edges/s.
 constexpr uint8_t MOST_EDGES = 250;
 
 struct EncoderSample {
-  uint16_t count[2];      // forward, A before B, counts up; wraps
-  uint16_t edge_tick[2];  // ticks() at the last edge
-  uint16_t tick;          // ticks() at the sample
+  uint16_t count[MOTORS];      // forward, A before B, counts up; wraps
+  uint16_t edge_tick[MOTORS];  // ticks() at the last edge before the last sample
+  uint16_t tick;               // ticks() at the sample
 };
 // Takes the newest sample; true if it is a new one.  A sample is news for the loop.
 bool encoder_sample(EncoderSample& sample);
@@ -157,7 +171,10 @@ uint16_t impossible_transitions();
 // True after more than MOST_EDGES edges between two samples, which is news for the loop, until encoder_unmask().
 bool encoder_masked(uint8_t encoder);
 void encoder_unmask(uint8_t encoder);
-// Counts the edges of channel A alone, each one up.
+// Counts the edges of channel A alone, each one up.  An encoder whose channel B is not connected is counted so anyway.
 void encoder_single_channel(bool on);
+
+// The I2C bus takes its pins, or leaves them as inputs without pull-ups; other builds begin it at the start.
+void bus_use(bool on);
 
 }  // namespace hal

@@ -96,7 +96,7 @@ void watchdog_kick() {
 uint16_t ticks() {
   const uint8_t status = SREG;
   cli();
-  const uint16_t now = TCNT1;
+  const uint16_t now = clock_now();
   SREG = status;
   return now;
 }
@@ -119,9 +119,8 @@ bool take_news() {
 // one more instruction pass before any interrupt: what has come since the last look wakes the chip at once.
 void sleep_until(uint16_t tick) {
   cli();
-  OCR1A = static_cast<uint16_t>(tick - 1);
-  TIFR1 = _BV(OCF1A);
-  while (!has_news() && !received.used() && static_cast<int16_t>(tick - TCNT1) > 1) {
+  clock_set_alarm(static_cast<uint16_t>(tick - 1));
+  while (!has_news() && !received.used() && static_cast<int16_t>(tick - clock_now()) > 1) {
     asm volatile("sei\n\tsleep\n\tcli" ::: "memory");
   }
   sei();
@@ -222,6 +221,17 @@ void pin_output(uint8_t pin, bool level) {
   SREG = status;
 }
 
+#if MRL_BRIDGE
+void pin_release(uint8_t pin) {
+  volatile uint8_t* const registers = &PINB + 3 * static_cast<uint8_t>(mrl::chip::port(pin));
+  const uint8_t others = static_cast<uint8_t>(~mrl::chip::mask(pin)), status = SREG;
+  cli();
+  registers[2] = registers[2] & others;
+  registers[1] = registers[1] & others;
+  SREG = status;
+}
+#endif
+
 // ---- EEPROM
 
 ISR(EE_READY_vect, ISR_NAKED) {
@@ -252,10 +262,10 @@ void begin() {
   take_trace();
   start_clock();
   start_serial();
-  bus_begin();
+  if (!MRL_BRIDGE) bus_begin();
   start_adc();
   if (MRL_ENVIRONMENT) dust_begin();
-  if (MRL_BRIDGE) encoders_begin();
+  if (MRL_BRIDGE) samples_begin();
   start_watchdog();
   sei();
 }

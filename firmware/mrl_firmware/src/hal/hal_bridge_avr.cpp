@@ -1,13 +1,13 @@
-// An H-bridge on timers 0 and 2, and two encoders on the pin-change interrupts of ports D (left) and B (right).
+// H-bridges on the outputs of timers 0, 1 and 2, and two encoders on pin-change interrupts of any ports.
 #include "fast.h"
 #include "../../build.h"
 #if defined(__AVR__) && MRL_BRIDGE
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
+#include "chip.h"
 #include "hal.h"
 #include "hal_avr.h"
-#include "../../pins.h"
 #include "../motors/quadrature.h"
 
 namespace hal {
@@ -15,197 +15,310 @@ namespace {
 
 using namespace mrl;
 
+constexpr uint8_t PORTS = 3;  // B, C, D
+constexpr uint8_t ALL = 0xFF;
+
+bool is_connected(int8_t pin) { return pin >= 0; }
+
+uint8_t port_of(int8_t pin) { return static_cast<uint8_t>(chip::port(static_cast<uint8_t>(pin))); }
+
+uint8_t mask_of(int8_t pin) { return chip::mask(static_cast<uint8_t>(pin)); }
+
+// PIN, DDR and PORT of a port stand together.
+volatile uint8_t* registers_of(uint8_t port) { return &PINB + 3 * port; }
+
 // ---- outputs
 
-static_assert(pins::LEFT_PWM_A == 5 && pins::LEFT_PWM_B == 6 && pins::RIGHT_PWM_A == 11 && pins::RIGHT_PWM_B == 3,
-              "the registers of the timers' outputs are written out below");
-static_assert(chip::port(pins::LEFT_LOGIC) == chip::Port::d && chip::port(pins::RIGHT_LOGIC) == chip::Port::b,
-              "the ports of the logic pins are written out below");
+constexpr uint8_t OUTPUT_A = _BV(COM0A1), OUTPUT_B = _BV(COM0B1);  // of all timers
+static_assert(OUTPUT_A == _BV(COM2A1) && OUTPUT_B == _BV(COM2B1) && OUTPUT_A == _BV(COM1A1) && OUTPUT_B == _BV(COM1B1) &&
+                  _BV(WGM00) == _BV(WGM20) && _BV(WGM01) == _BV(WGM21) && _BV(WGM00) == _BV(WGM10) &&
+                  _BV(CS00) == _BV(CS20) && _BV(CS01) == _BV(CS21) && _BV(CS00) == _BV(CS10) && _BV(CS01) == _BV(CS11),
+              "the timers have the same bits");
 
-constexpr uint8_t OUTPUTS_D = chip::mask(pins::LEFT_PWM_A) | chip::mask(pins::LEFT_PWM_B) |
-                              chip::mask(pins::LEFT_LOGIC) | chip::mask(pins::RIGHT_PWM_B);
-constexpr uint8_t OUTPUTS_B = chip::mask(pins::RIGHT_PWM_A) | chip::mask(pins::RIGHT_LOGIC);
-constexpr uint8_t OUTPUT_A = _BV(COM0A1), OUTPUT_B = _BV(COM0B1);  // of both timers
-static_assert(OUTPUT_A == _BV(COM2A1) && OUTPUT_B == _BV(COM2B1) && _BV(WGM00) == _BV(WGM20) &&
-                  _BV(WGM01) == _BV(WGM21) && _BV(CS00) == _BV(CS20) && _BV(CS01) == _BV(CS21),
-              "timers 0 and 2 have the same bits");
+struct Timer {
+  volatile uint8_t* control;
+  volatile uint8_t* compare[2];  // of timer 1 the low bytes; the high ones stay 0
+};
+constexpr uint8_t TIMERS = 3;
+const Timer TIMER[TIMERS] = {
+    {&TCCR0A, {&OCR0A, &OCR0B}}, {&TCCR1A, {&OCR1AL, &OCR1BL}}, {&TCCR2A, {&OCR2A, &OCR2B}}};
+
+// Without a mask the output is not connected, without a bit in a control register it carries no PWM.
+struct Output {
+  volatile uint8_t* port;
+  volatile uint8_t* control;
+  volatile uint8_t* compare;
+  uint8_t mask, control_bit;
+};
+Output outputs[MOTORS][BRIDGE_PINS];
+
+// What is left of the registers when all outputs are off.
+uint8_t port_rests[PORTS] = {ALL, ALL, ALL}, timer_rests[TIMERS] = {ALL, ALL, ALL};
 
 bool fast_pwm;
 
 }  // namespace
 
-// The first instructions of the program.  Before them, resistors hold the inputs of the bridge low.
-void hold_bridge_low() __attribute__((naked, used, section(".init3")));
-void hold_bridge_low() {
-  PORTD &= static_cast<uint8_t>(~OUTPUTS_D);
-  PORTB &= static_cast<uint8_t>(~OUTPUTS_B);
-  DDRD |= OUTPUTS_D;
-  DDRB |= OUTPUTS_B;
-}
-
 // The ports go first: they take over when the timers let go.
 void bridge_off() {
   const uint8_t status = SREG;
   cli();
-  PORTD &= static_cast<uint8_t>(~OUTPUTS_D);
-  PORTB &= static_cast<uint8_t>(~OUTPUTS_B);
-  TCCR0A &= static_cast<uint8_t>(~(OUTPUT_A | OUTPUT_B));
-  TCCR2A &= static_cast<uint8_t>(~(OUTPUT_A | OUTPUT_B));
+  PORTB &= port_rests[0];
+  PORTC &= port_rests[1];
+  PORTD &= port_rests[2];
+  TCCR0A &= timer_rests[0];
+  TCCR1A &= timer_rests[1];
+  TCCR2A &= timer_rests[2];
   SREG = status;
 }
 
-void bridge_begin(PwmRate rate) {
-  bridge_off();
-  fast_pwm = rate == PwmRate::medium;
-  TCCR0A = TCCR2A = static_cast<uint8_t>(_BV(WGM00) | (fast_pwm ? _BV(WGM01) : 0));
-  TCCR0B = TCCR2B = rate == PwmRate::fast ? _BV(CS00) : _BV(CS01);  // F_CPU or F_CPU / 8
-}
-
-static inline void write_level(volatile uint8_t& port, uint8_t pin, bool high) {
-  const uint8_t others = static_cast<uint8_t>(port & ~chip::mask(pin));
-  port = high ? others | chip::mask(pin) : others;
-}
-
-// Fast PWM is high for one count more than its compare value.
-static inline void write_pwm(volatile uint8_t& port, uint8_t pin, volatile uint8_t& control, uint8_t output,
-                             volatile uint8_t& compare, uint8_t duty) {
-  if (duty == 0 || duty == 255) {
-    write_level(port, pin, duty);
-    control &= static_cast<uint8_t>(~output);
-  } else {
-    compare = static_cast<uint8_t>(duty - fast_pwm);
-    control = control | output;
-  }
-}
-
-static inline void write_left(BridgePin pin, uint8_t duty) {
-  if (pin == BridgePin::pwm_a) return write_pwm(PORTD, pins::LEFT_PWM_A, TCCR0A, OUTPUT_B, OCR0B, duty);
-  if (pin == BridgePin::pwm_b) return write_pwm(PORTD, pins::LEFT_PWM_B, TCCR0A, OUTPUT_A, OCR0A, duty);
-  write_level(PORTD, pins::LEFT_LOGIC, duty);
-}
-
-static inline void write_right(BridgePin pin, uint8_t duty) {
-  if (pin == BridgePin::pwm_a) return write_pwm(PORTB, pins::RIGHT_PWM_A, TCCR2A, OUTPUT_A, OCR2A, duty);
-  if (pin == BridgePin::pwm_b) return write_pwm(PORTD, pins::RIGHT_PWM_B, TCCR2A, OUTPUT_B, OCR2B, duty);
-  write_level(PORTB, pins::RIGHT_LOGIC, duty);
-}
-
 void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty) {
+  const Output& output = outputs[motor][static_cast<uint8_t>(pin)];
+  const uint8_t mask = output.mask, bit = output.control_bit;
+  if (!mask) return;
   cli();
   if (!missed_kicks) {
-    if (motor) {
-      write_right(pin, duty);
+    if (bit && duty != 0 && duty != 255) {
+      *output.compare = static_cast<uint8_t>(duty - fast_pwm);  // fast PWM is high for one count more
+      *output.control = *output.control | bit;
     } else {
-      write_left(pin, duty);
+      const uint8_t others = static_cast<uint8_t>(*output.port & ~mask);
+      *output.port = duty ? others | mask : others;
+      if (bit) *output.control = static_cast<uint8_t>(*output.control & ~bit);
     }
   }
   sei();
 }
 
+namespace {
+
+// The timers of all outputs with PWM, a bit each.
+uint8_t pwm_timers(const Wires& wires, uint8_t pwm) {
+  uint8_t timers = 0;
+  for (const auto& bridge : wires.bridge) {
+    for (uint8_t i = 0; i < BRIDGE_PINS; i++) {
+      if (!(pwm >> i & 1) || !is_connected(bridge[i])) continue;
+      timers = static_cast<uint8_t>(timers | 1 << chip::functions(bridge[i]).timer);
+    }
+  }
+  return timers;
+}
+
+// A timer that makes no PWM keeps still, or is the clock.
+void start_timers(uint8_t timers, PwmRate rate) {
+  const bool use_0 = timers & 1, use_1 = timers & 2, use_2 = timers & 4;
+  fast_pwm = rate == PwmRate::medium;
+  const uint8_t mode = static_cast<uint8_t>(_BV(WGM00) | (fast_pwm ? _BV(WGM01) : 0));
+  const uint8_t divider = rate == PwmRate::fast ? _BV(CS00) : _BV(CS01);  // F_CPU or F_CPU / 8
+  clock_use(!use_1   ? Clock::timer1
+            : !use_2 ? Clock::timer2
+            : !use_0 ? Clock::timer0
+                     : Clock::pwm_timer2);
+  if (use_0) {
+    TCCR0A = mode;
+    TCCR0B = divider;
+  }
+  if (use_2) {
+    TCCR2A = mode;
+    TCCR2B = divider;
+  }
+  if (!use_1) return;
+  OCR1A = OCR1B = 0;
+  TCCR1A = _BV(WGM10);
+  TCCR1B = static_cast<uint8_t>(divider | (fast_pwm ? _BV(WGM12) : 0));
+}
+
+// The level goes first.  Both registers of the port are written by this program alone while interrupts are off.
+void begin_output(Output& output, int8_t pin, bool has_pwm) {
+  volatile uint8_t* const registers = registers_of(port_of(pin));
+  output.port = registers + 2;
+  output.mask = mask_of(pin);
+  const uint8_t rest = static_cast<uint8_t>(~output.mask);
+  port_rests[port_of(pin)] &= rest;
+  registers[2] = registers[2] & rest;
+  registers[1] = registers[1] | output.mask;
+  if (!has_pwm) return;
+  const chip::Functions functions = chip::functions(pin);
+  const Timer& timer = TIMER[functions.timer];
+  output.control = timer.control;
+  output.compare = timer.compare[functions.unit];
+  output.control_bit = functions.unit ? OUTPUT_B : OUTPUT_A;
+  timer_rests[functions.timer] &= static_cast<uint8_t>(~output.control_bit);
+}
+
+}  // namespace
+
 // ---- encoders
 
 namespace {
 
-constexpr uint8_t PINS_D = chip::mask(pins::LEFT_ENCODER_A) | chip::mask(pins::LEFT_ENCODER_B);
-constexpr uint8_t PINS_B = chip::mask(pins::RIGHT_ENCODER_A) | chip::mask(pins::RIGHT_ENCODER_B);
-constexpr uint8_t CHANGES[2] = {_BV(PCIE2), _BV(PCIE0)};
+// A channel that is not connected reads as low: it has no mask.
+struct Channel {
+  uint8_t inputs;  // address of the port's register
+  uint8_t mask;
+};
+Channel channels[MOTORS][CHANNELS];
+uint8_t changes[MOTORS];  // interrupts of an encoder: bits of PCICR
+uint8_t others[MOTORS];   // those that are left when it is masked
+void (*handlers[PORTS])();  // of the interrupts
 
-volatile uint16_t counts[2], edge_ticks[2], impossible;
-volatile uint8_t edges_left[2];  // until the encoder's interrupt is masked
-volatile int8_t steps[quadrature::INDICES] __attribute__((aligned(quadrature::INDICES)));
+volatile uint16_t counts[MOTORS], impossible;
+volatile uint8_t edge_ticks[MOTORS];  // low bytes
+volatile int8_t stepped[MOTORS];      // not 0: since the last sample
+volatile uint8_t edges_left[MOTORS];  // until the encoder's interrupt is masked
+volatile int8_t steps[MOTORS][quadrature::INDICES] __attribute__((aligned(quadrature::INDICES)));
 
 EncoderSample newest;
 volatile bool is_new;
 
 }  // namespace
 
-// Counts one edge in 67 cycles with the entry, 69 for the left encoder.  The compiler's code takes 103: the interrupts
-// must let the USB port, the other encoder and the sample have their turn at 100 000 edges/s.  The old state, already
-// shifted, is in a register of the chip that needs no LDS.  Bit 0 of a step is set if it counts.
-#define COUNT_EDGE(port, shift, encoder, old_state, change)                                               \
-  asm volatile(                                                                                           \
-      "push r24                       \n\t"                                                               \
-      "in   r24, __SREG__             \n\t"                                                               \
-      "push r24                       \n\t"                                                               \
-      "push r30                       \n\t"                                                               \
-      "push r31                       \n\t"                                                               \
-      "in   r24, %[inputs]            \n\t" shift                                                         \
-      "andi r24, %[channels]          \n\t"                                                               \
-      "in   r30, %[state]             \n\t"                                                               \
-      "or   r30, r24                  \n\t"                                                               \
-      "lsl  r24                       \n\t"                                                               \
-      "out  %[state], r24             \n\t"                                                               \
-      "ori  r30, lo8(%[table])        \n\t"                                                               \
-      "ldi  r31, hi8(%[table])        \n\t"                                                               \
-      "ld   r30, Z                    \n\t"                                                               \
-      "lds  r24, %[left]              \n\t"                                                               \
-      "dec  r24                       \n\t"                                                               \
-      "sts  %[left], r24              \n\t"                                                               \
-      "breq 4f                        \n\t"                                                               \
-      "1: sbrs r30, 0                 \n\t"                                                               \
-      "rjmp 5f                        \n\t"                                                               \
-      "mov  r31, r30                  \n\t"                                                               \
-      "asr  r31                       \n\t"                                                               \
-      "lds  r24, %[count]             \n\t"                                                               \
-      "add  r24, r30                  \n\t"                                                               \
-      "sts  %[count], r24             \n\t"                                                               \
-      "lds  r24, %[count]+1           \n\t"                                                               \
-      "adc  r24, r31                  \n\t"                                                               \
-      "sts  %[count]+1, r24           \n\t"                                                               \
-      "lds  r24, %[now]               \n\t"                                                               \
-      "sts  %[tick], r24              \n\t"                                                               \
-      "lds  r24, %[now]+1             \n\t"                                                               \
-      "sts  %[tick]+1, r24            \n\t"                                                               \
-      "3: pop r31                     \n\t"                                                               \
-      "pop  r30                       \n\t"                                                               \
-      "pop  r24                       \n\t"                                                               \
-      "out  __SREG__, r24             \n\t"                                                               \
-      "pop  r24                       \n\t"                                                               \
-      "reti                           \n\t"                                                               \
-      /* too many edges */                                                                                \
-      "4: lds r24, %[enable]          \n\t"                                                               \
-      "andi r24, %[others]            \n\t"                                                               \
-      "sts  %[enable], r24            \n\t"                                                               \
-      "sbi  %[news], 0                \n\t"                                                               \
-      "rjmp 1b                        \n\t"                                                               \
-      /* no step, or an impossible one */                                                                 \
-      "5: sbrs r30, 1                 \n\t"                                                               \
-      "rjmp 3b                        \n\t"                                                               \
-      "lds  r30, %[wrong]             \n\t"                                                               \
-      "lds  r31, %[wrong]+1           \n\t"                                                               \
-      "adiw r30, 1                    \n\t"                                                               \
-      "breq 3b                        \n\t"                                                               \
-      "sts  %[wrong]+1, r31           \n\t"                                                               \
-      "sts  %[wrong], r30             \n\t"                                                               \
-      "rjmp 3b                        \n\t"                                                               \
-      ::[inputs] "I"(_SFR_IO_ADDR(port)),                                                                 \
-      [state] "I"(_SFR_IO_ADDR(old_state)), [channels] "M"(quadrature::CHANNELS), [table] "i"(steps),     \
-      [left] "i"(&edges_left[encoder]), [count] "i"(&counts[encoder]), [tick] "i"(&edge_ticks[encoder]),  \
-      [now] "i"(_SFR_MEM_ADDR(TCNT1)), [wrong] "i"(&impossible),                                          \
-      [enable] "i"(_SFR_MEM_ADDR(PCICR)), [others] "M"(0xFF & ~(change)),                                 \
-      [news] "I"(_SFR_IO_ADDR(GPIOR0)))
+// An interrupt finds the handler of its port, and this one counts an edge of an encoder, in 97 cycles with the entry, or
+// of one of two encoders on a port, in 130.  The compiler's code takes twice as long: the interrupts must let the USB
+// port, the other encoder and the sample have their turn at 50 000 edges/s.  The old state is in a register of the chip
+// that needs no LDS.  Bit 0 of a step is set if it counts.
+#define TO_HANDLER(port)                        \
+  asm volatile(                                 \
+      "push r30                       \n\t"     \
+      "push r31                       \n\t"     \
+      "lds  r30, %[handler]           \n\t"     \
+      "lds  r31, %[handler]+1         \n\t"     \
+      "ijmp                           \n\t" ::[handler] "i"(&handlers[port]))
 
-static_assert(chip::bit_of(pins::LEFT_ENCODER_A) == 2 && chip::bit_of(pins::RIGHT_ENCODER_A) == 0, "the shifts below");
+#define BEGIN_EDGE(encoder)                                                              \
+  asm volatile(                                                                          \
+      "push r24                       \n\t"                                              \
+      "in   r24, __SREG__             \n\t"                                              \
+      "push r24                       \n\t"                                              \
+      "push r25                       \n\t"                                              \
+      "lds  r24, %[left]              \n\t"                                              \
+      "dec  r24                       \n\t"                                              \
+      "sts  %[left], r24              \n\t"                                              \
+      "brne 1f                        \n\t" /* otherwise there are too many edges */     \
+      "lds  r24, %[enable]            \n\t"                                              \
+      "lds  r25, %[others]            \n\t"                                              \
+      "and  r24, r25                  \n\t"                                              \
+      "sts  %[enable], r24            \n\t"                                              \
+      "sbi  %[news], 0                \n\t"                                              \
+      "1:                             \n\t" ::[left] "i"(&edges_left[encoder]),          \
+      [others] "i"(&others[encoder]), [enable] "i"(_SFR_MEM_ADDR(PCICR)), [news] "I"(_SFR_IO_ADDR(GPIOR0)))
+
+// NEG sets the carry if a channel is high.
+#define COUNT_EDGE(encoder, old_state)                                                   \
+  asm volatile(                                                                          \
+      "ldi  r31, 0                    \n\t"                                              \
+      "lds  r30, %[a]                 \n\t"                                              \
+      "ld   r24, Z                    \n\t"                                              \
+      "lds  r25, %[a]+1               \n\t"                                              \
+      "and  r24, r25                  \n\t"                                              \
+      "neg  r24                       \n\t"                                              \
+      "in   r25, %[state]             \n\t"                                              \
+      "rol  r25                       \n\t"                                              \
+      "lds  r30, %[b]                 \n\t"                                              \
+      "ld   r24, Z                    \n\t"                                              \
+      "lds  r30, %[b]+1               \n\t"                                              \
+      "and  r24, r30                  \n\t"                                              \
+      "neg  r24                       \n\t"                                              \
+      "rol  r25                       \n\t"                                              \
+      "mov  r24, r25                  \n\t"                                              \
+      "andi r24, %[states]            \n\t"                                              \
+      "out  %[state], r24             \n\t"                                              \
+      "ori  r25, lo8(%[table])        \n\t"                                              \
+      "mov  r30, r25                  \n\t"                                              \
+      "ldi  r31, hi8(%[table])        \n\t"                                              \
+      "ld   r25, Z                    \n\t"                                              \
+      "sbrs r25, 0                    \n\t"                                              \
+      "rjmp 2f                        \n\t"                                              \
+      "sts  %[stepped], r25           \n\t"                                              \
+      "mov  r30, r25                  \n\t"                                              \
+      "asr  r30                       \n\t"                                              \
+      "lds  r24, %[count]             \n\t"                                              \
+      "add  r24, r25                  \n\t"                                              \
+      "sts  %[count], r24             \n\t"                                              \
+      "lds  r24, %[count]+1           \n\t"                                              \
+      "adc  r24, r30                  \n\t"                                              \
+      "sts  %[count]+1, r24           \n\t"                                              \
+      "lds  r30, %[source]            \n\t"                                              \
+      "lds  r31, %[source]+1          \n\t"                                              \
+      "ld   r24, Z                    \n\t"                                              \
+      "sts  %[tick], r24              \n\t"                                              \
+      "rjmp 3f                        \n\t"                                              \
+      /* no step, or an impossible one */                                                \
+      "2: sbrs r25, 1                 \n\t"                                              \
+      "rjmp 3f                        \n\t"                                              \
+      "lds  r30, %[wrong]             \n\t"                                              \
+      "lds  r31, %[wrong]+1           \n\t"                                              \
+      "adiw r30, 1                    \n\t"                                              \
+      "breq 3f                        \n\t"                                              \
+      "sts  %[wrong]+1, r31           \n\t"                                              \
+      "sts  %[wrong], r30             \n\t"                                              \
+      "3:                             \n\t" ::[a] "i"(&channels[encoder][0]),            \
+      [b] "i"(&channels[encoder][1]), [state] "I"(_SFR_IO_ADDR(old_state)),              \
+      [states] "M"(quadrature::STATES), [table] "i"(&steps[encoder]),                    \
+      [stepped] "i"(&stepped[encoder]), [count] "i"(&counts[encoder]),                   \
+      [tick] "i"(&edge_ticks[encoder]), [source] "i"(&clock_low), [wrong] "i"(&impossible))
+
+#define END_EDGE()                          \
+  asm volatile(                             \
+      "pop  r25                       \n\t" \
+      "pop  r24                       \n\t" \
+      "out  __SREG__, r24             \n\t" \
+      "pop  r24                       \n\t" \
+      "pop  r31                       \n\t" \
+      "pop  r30                       \n\t" \
+      "reti                           \n\t")
+
+namespace {
+
+void count_left() __attribute__((naked));
+void count_left() {
+  BEGIN_EDGE(0);
+  COUNT_EDGE(0, GPIOR1);
+  END_EDGE();
+}
+
+void count_right() __attribute__((naked));
+void count_right() {
+  BEGIN_EDGE(1);
+  COUNT_EDGE(1, GPIOR2);
+  END_EDGE();
+}
+
+void count_both() __attribute__((naked));
+void count_both() {
+  BEGIN_EDGE(0);
+  COUNT_EDGE(0, GPIOR1);
+  COUNT_EDGE(1, GPIOR2);
+  END_EDGE();
+}
+
+}  // namespace
+
 static_assert((quadrature::IMPOSSIBLE & 3) == 2, "bits 0 and 1 tell a step from an impossible one");
+static_assert(MOTORS == 2, "one register of the chip for the state of each encoder");
 
-ISR(PCINT2_vect, ISR_NAKED) { COUNT_EDGE(PIND, "lsr r24\n\tlsr r24\n\t", 0, GPIOR1, _BV(PCIE2)); }
-ISR(PCINT0_vect, ISR_NAKED) { COUNT_EDGE(PINB, "", 1, GPIOR2, _BV(PCIE0)); }
+ISR(PCINT0_vect, ISR_NAKED) { TO_HANDLER(0); }
+ISR(PCINT1_vect, ISR_NAKED) { TO_HANDLER(1); }
+ISR(PCINT2_vect, ISR_NAKED) { TO_HANDLER(2); }
 
 // The compare unit flags the end of its tick, so that at least one whole tick must lie ahead.  After a longer time without
-// interrupts the next sample would come in the timer's next round, 4 s later: the cadence then starts again.
+// interrupts the next sample would come in the timer's next round: the cadence then starts again.  The clocks of 8 bits
+// jump to this interrupt as well.
 ISR(TIMER1_COMPB_vect) {
-  newest.count[0] = counts[0];
-  newest.count[1] = counts[1];
-  newest.edge_tick[0] = edge_ticks[0];
-  newest.edge_tick[1] = edge_ticks[1];
-  edges_left[0] = edges_left[1] = MOST_EDGES;
-  const uint16_t now = TCNT1, last = OCR1B;
+  const uint16_t now = clock_now();
+  for (uint8_t i = 0; i < MOTORS; i++) {
+    newest.count[i] = counts[i];
+    if (stepped[i]) newest.edge_tick[i] = static_cast<uint16_t>(now - static_cast<uint8_t>(now - edge_ticks[i]));
+    stepped[i] = 0;
+    edges_left[i] = MOST_EDGES;
+  }
   newest.tick = now;
-  const bool in_time = static_cast<uint16_t>(now - last) < SAMPLE_TICKS;
-  OCR1B = static_cast<uint16_t>((in_time ? last : now) + SAMPLE_TICKS);
+  clock_took_sample(now);
   is_new = true;
   tell_loop();
 }
+ISR(TIMER2_COMPB_vect, ISR_ALIASOF(TIMER1_COMPB_vect));
+ISR(TIMER0_COMPB_vect, ISR_ALIASOF(TIMER1_COMPB_vect));
 
 // A sample that comes during the copy makes it again.
 bool encoder_sample(EncoderSample& sample) {
@@ -221,11 +334,11 @@ bool encoder_sample(EncoderSample& sample) {
 
 void encoder_read(EncoderSample& sample) {
   cli();
-  for (uint8_t i = 0; i < 2; i++) {
+  for (uint8_t i = 0; i < MOTORS; i++) {
     sample.count[i] = counts[i];
-    sample.edge_tick[i] = edge_ticks[i];
+    sample.edge_tick[i] = newest.edge_tick[i];
   }
-  sample.tick = TCNT1;
+  sample.tick = clock_now();
   sei();
 }
 
@@ -236,41 +349,125 @@ uint16_t impossible_transitions() {
   return count;
 }
 
-bool encoder_masked(uint8_t encoder) { return !(PCICR & CHANGES[encoder]); }
+bool encoder_masked(uint8_t encoder) { return (PCICR & changes[encoder]) != changes[encoder]; }
 
-// Goes on from the present state.  An edge after the flag is cleared interrupts, even one before the state is read.
+namespace {
+
+uint8_t level(const Channel& channel) { return *reinterpret_cast<volatile uint8_t*>(channel.inputs) & channel.mask; }
+
+uint8_t state_of(uint8_t encoder) {
+  return static_cast<uint8_t>((level(channels[encoder][0]) ? 2 : 0) | (level(channels[encoder][1]) ? 1 : 0));
+}
+
+uint8_t port_of(const Channel& channel) {
+  return channel.inputs == _SFR_MEM_ADDR(PINB) ? 0 : channel.inputs == _SFR_MEM_ADDR(PINC) ? 1 : 2;
+}
+
+void take_channel(Channel& channel, int8_t pin) {
+  const uint8_t port = is_connected(pin) ? port_of(pin) : 0;
+  channel.inputs = static_cast<uint8_t>(_SFR_MEM_ADDR(PINB) + 3 * port);
+  channel.mask = is_connected(pin) ? mask_of(pin) : 0;
+}
+
+// Pull-ups hold the lines of encoders with open collectors, and those of a broken wire.
+void pull_up(const Channel& channel, bool on) {
+  volatile uint8_t& port = registers_of(port_of(channel))[2];
+  const uint8_t rest = static_cast<uint8_t>(port & ~channel.mask);
+  port = on ? rest | channel.mask : rest;
+}
+
+// Whose edges an interrupt may bring.
+void watch(uint8_t encoder, bool single) {
+  single = single || !channels[encoder][1].mask;
+  for (uint8_t i = 0; i < quadrature::INDICES; i++) {
+    steps[encoder][i] = single ? quadrature::single_step(i) : quadrature::step(i);
+  }
+  changes[encoder] = 0;
+  for (uint8_t i = 0; i < (single ? 1 : CHANNELS); i++) {
+    const uint8_t port = port_of(channels[encoder][i]);
+    volatile uint8_t& mask = (&PCMSK0)[port];
+    mask = mask | channels[encoder][i].mask;
+    changes[encoder] = static_cast<uint8_t>(changes[encoder] | 1 << port);
+  }
+  others[encoder] = static_cast<uint8_t>(~changes[encoder]);
+}
+
+void watch_none() {
+  PCICR = PCMSK0 = PCMSK1 = PCMSK2 = 0;
+  changes[0] = changes[1] = 0;
+}
+
+}  // namespace
+
+// Goes on from the present state.  An edge after the flag is cleared interrupts, even one before the state is read.  Where
+// a port has lines of both encoders, both were masked.
 void encoder_unmask(uint8_t encoder) {
   cli();
-  PCIFR = CHANGES[encoder];
-  if (encoder) {
-    GPIOR2 = static_cast<uint8_t>((PINB & quadrature::CHANNELS) << 1);
-  } else {
-    GPIOR1 = static_cast<uint8_t>((PIND >> chip::bit_of(pins::LEFT_ENCODER_A) & quadrature::CHANNELS) << 1);
-  }
-  PCICR = PCICR | CHANGES[encoder];
+  PCIFR = changes[encoder];
+  if (changes[encoder] & changes[0]) GPIOR1 = state_of(0);
+  if (changes[encoder] & changes[1]) GPIOR2 = state_of(1);
+  PCICR = PCICR | changes[encoder];
   sei();
 }
 
 void encoder_single_channel(bool on) {
+  if (!changes[0]) return;
   cli();
-  for (uint8_t i = 0; i < quadrature::INDICES; i++) steps[i] = on ? quadrature::single_step(i) : quadrature::step(i);
-  PCMSK2 = on ? chip::mask(pins::LEFT_ENCODER_A) : PINS_D;
-  PCMSK0 = on ? chip::mask(pins::RIGHT_ENCODER_A) : PINS_B;
+  watch_none();
+  for (uint8_t i = 0; i < MOTORS; i++) watch(i, on);
+  for (uint8_t port = 0; port < PORTS; port++) {
+    const bool left = changes[0] >> port & 1, right = changes[1] >> port & 1;
+    handlers[port] = left && right ? count_both : right ? count_right : count_left;
+  }
+  sei();
+  for (uint8_t i = 0; i < MOTORS; i++) encoder_unmask(i);
+}
+
+// ---- all pins
+
+void bridge_end() {
+  bridge_off();
+  cli();
+  watch_none();
+  for (uint8_t port = 0; port < PORTS; port++) {
+    registers_of(port)[1] &= port_rests[port];
+    port_rests[port] = ALL;
+  }
+  for (uint8_t& rest : timer_rests) rest = ALL;
+  for (uint8_t motor = 0; motor < MOTORS; motor++) {
+    for (Output& output : outputs[motor]) output = Output();
+    for (Channel& channel : channels[motor]) {
+      pull_up(channel, false);
+      channel.mask = 0;
+    }
+  }
   sei();
 }
 
-// Pull-ups hold the lines of encoders with open collectors, and those of a broken wire.  The encoders' interrupts come
-// last: their reads of timer 1 use the byte through which a compare value is written.
-void encoders_begin() {
-  PORTD |= PINS_D;
-  PORTB |= PINS_B;
-  OCR1B = static_cast<uint16_t>(ticks() + SAMPLE_TICKS);
+void bridge_begin(const Wires& wires, PwmRate rate, uint8_t pwm) {
+  bridge_end();
+  start_timers(pwm_timers(wires, pwm), rate);
+  cli();
+  for (uint8_t motor = 0; motor < MOTORS; motor++) {
+    for (uint8_t i = 0; i < BRIDGE_PINS; i++) {
+      const int8_t pin = wires.bridge[motor][i];
+      if (is_connected(pin)) begin_output(outputs[motor][i], pin, pwm >> i & 1);
+    }
+    for (uint8_t i = 0; i < CHANNELS; i++) {
+      take_channel(channels[motor][i], wires.encoder[motor][i]);
+      pull_up(channels[motor][i], true);
+    }
+    changes[motor] = ALL;
+  }
+  sei();
+  encoder_single_channel(false);
+}
+
+void samples_begin() {
+  edges_left[0] = edges_left[1] = MOST_EDGES;
+  clock_plan_sample(static_cast<uint16_t>(ticks() + SAMPLE_TICKS));
   TIFR1 = _BV(OCF1B);
   TIMSK1 |= _BV(OCIE1B);
-  edges_left[0] = edges_left[1] = MOST_EDGES;
-  encoder_single_channel(false);
-  encoder_unmask(0);
-  encoder_unmask(1);
 }
 
 }  // namespace hal

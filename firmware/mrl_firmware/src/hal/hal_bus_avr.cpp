@@ -66,7 +66,7 @@ ISR(TWI_vect) {
   } else if (status == 0x08 || status == 0x10) {  // start, repeated start
     send_address();
   } else if (status == 0x40) {  // read address acknowledged
-    latched = TCNT1;
+    latched = clock_now();
     receive_next();
   } else {
     end_transfer(status == 0x38 || status == 0x00 ? BusState::lost : BusState::nack);
@@ -90,8 +90,10 @@ uint16_t bus_latched() {
   return latched;  // the bus is not busy, so the interrupt does not write it
 }
 
-// Lines are open drain: low is an output of 0, high is an input with its pull-up.
+// Lines are open drain: low is an output of 0, high is an input with its pull-up.  Outputs of an H-bridge may be on the
+// same port, and the watchdog's interrupt switches them off.
 static void pull(uint8_t line, bool low) {
+  if (MRL_BRIDGE) cli();
   if (low) {
     PORTC &= static_cast<uint8_t>(~line);
     DDRC |= line;
@@ -99,6 +101,7 @@ static void pull(uint8_t line, bool low) {
     DDRC &= static_cast<uint8_t>(~line);
     PORTC |= line;
   }
+  if (MRL_BRIDGE) sei();
   _delay_us(5);
 }
 
@@ -122,6 +125,21 @@ void bus_begin() {
   TWSR = 0;
   TWCR = _BV(TWEN);
 }
+
+#if MRL_BRIDGE
+void bus_use(bool on) {
+  cli();
+  if (on) {
+    bus_begin();
+  } else {
+    TWCR = 0;
+    PORTC &= static_cast<uint8_t>(~(_BV(PC4) | _BV(PC5)));
+    DDRC &= static_cast<uint8_t>(~(_BV(PC4) | _BV(PC5)));
+    bus = BusState::idle;
+  }
+  sei();
+}
+#endif
 
 }  // namespace hal
 #endif

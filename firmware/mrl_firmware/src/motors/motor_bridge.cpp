@@ -15,6 +15,7 @@
 #include "../board/status.h"
 #include "wheel.h"
 #include "wheel_settings.h"
+#include "../board/wiring.h"
 
 namespace mrl {
 namespace motor {
@@ -53,9 +54,14 @@ bool encoder_reversed(uint8_t wheel) {
   return wired(wheel ? WIRING_RIGHT_ENCODER_REVERSED : WIRING_LEFT_ENCODER_REVERSED);
 }
 
+bool is_single(uint8_t wheel) {
+  const Parameter b = encoder_of(wheel) ? Parameter::pin_right_encoder_b : Parameter::pin_left_encoder_b;
+  return wired(WIRING_SINGLE_CHANNEL) || wiring::pin(b) == NOT_CONNECTED;
+}
+
 // A single channel counts up; its direction is that of the command.
 int16_t oriented(uint8_t wheel, int16_t counts) {
-  const bool back = wired(WIRING_SINGLE_CHANNEL) ? wheels[wheel].last_direction() < 0 : encoder_reversed(wheel);
+  const bool back = is_single(wheel) ? wheels[wheel].last_direction() < 0 : encoder_reversed(wheel);
   return static_cast<int16_t>(back ? -counts : counts);
 }
 
@@ -146,8 +152,7 @@ void set_speeds(int32_t left, int32_t right) {
 }
 
 bool take_settings() {
-  const int16_t kind = config::get(Parameter::bridge);
-  return kind != static_cast<int16_t>(Bridge::unset) && wired(WIRING_SET) && settings.configure();
+  return wiring::accepted() && wired(WIRING_SET) && settings.configure();
 }
 
 // The travel at this moment, beyond the last sample.
@@ -181,17 +186,19 @@ bool available() { return true; }
 bool asked() { return true; }
 bool ever_found() { return true; }
 
+// The pins are inputs, and the wheels stop, before anything means something else.
 void refresh(Parameter parameter) {
-  const bool wires = parameter == Parameter::bridge || parameter == Parameter::wiring;
-  if (wires) stop(StopReason::host);  // before they mean something else
-  if (wires) hal::bridge_begin(bridge::rate(chip()));
-  if (wires) hal::encoder_single_channel(wired(WIRING_SINGLE_CHANNEL));
+  const bool wires = wiring::depends_on(parameter), meanings = wires || parameter == Parameter::wiring;
+  if (wires) wiring::end();
+  if (meanings) stop(StopReason::host);
+  if (wires) wiring::begin();
+  if (meanings) hal::encoder_single_channel(wired(WIRING_SINGLE_CHANNEL));
   usable = take_settings();
   if (!usable) stop(StopReason::host);
   status::set_fault(FAULT_WIRING, !usable);
 }
 
-void refresh_all() { refresh(Parameter::wiring); }
+void refresh_all() { refresh(Parameter::bridge); }
 
 bool move_speed(int16_t linear, int16_t angular) {
   if (!begin_move(linear || angular)) return false;
@@ -261,8 +268,7 @@ CountsState counts_state() { return CountsState::ready; }
 const Counts& counts() { return frame_counts; }
 
 int16_t capabilities() {
-  const bool no_battery = !config::get(Parameter::battery_divider);
-  return CAPABILITY_BRIDGE | CAPABILITY_NO_TEMPERATURE | (no_battery ? CAPABILITY_NO_BATTERY : 0);
+  return CAPABILITY_BRIDGE | CAPABILITY_NO_TEMPERATURE | (battery::connected() ? 0 : CAPABILITY_NO_BATTERY);
 }
 
 // Temperature and version of a motor board are not there; the battery is 0 if it is not measured.

@@ -7,9 +7,10 @@
 #include "../board/board_clock.h"
 #include "../board/config.h"
 #include "../hal/hal.h"
-#include "../../pins.h"
+#include "../hal/chip.h"
 #include "../serial/protocol.h"
 #include "sonar.h"
+#include "../board/wiring.h"
 
 namespace mrl {
 namespace battery {
@@ -30,7 +31,7 @@ bool running, known;
 void start() {
   started_at = board_clock::now();
   running = true;
-  hal::adc_start(chip::channel(pins::BATTERY));
+  hal::adc_start(chip::channel(static_cast<uint8_t>(wiring::pin(Parameter::pin_battery))));
 }
 
 void take_conversion() {
@@ -46,9 +47,17 @@ void take_conversion() {
 
 }  // namespace
 
+void begin() {
+  started_at = board_clock::now();
+  running = known = false;
+  sum = conversions = 0;
+}
+
+bool connected() { return config::get(Parameter::battery_divider) && wiring::pin(Parameter::pin_battery) >= 0; }
+
 void service() {
   if (running) return take_conversion();
-  if (!config::get(Parameter::battery_divider)) {
+  if (!connected()) {
     known = false;
   } else if (board_clock::passed(started_at, PERIOD) && !sonar::converting()) {
     start();

@@ -100,7 +100,17 @@ void finish() {
 
 }  // namespace
 
-bool asked() { return known; }
+#if MRL_BRIDGE
+void forget() {
+  found = known = reading = false;
+  state = rows::Readiness::impossible;
+  step = Step::search;
+  address = START_ADDRESS;
+  status::set_fault(FAULT_IMU, false);
+}
+#endif
+
+bool asked() { return known || (MRL_BRIDGE && !bus::in_use()); }
 
 int16_t capabilities() { return found ? CAPABILITY_IMU : 0; }
 

@@ -10,6 +10,8 @@
 namespace mrl {
 namespace imu {
 
+// Looks for an IMU again; only in builds with MRL_BRIDGE, when the bus has lost its pins.
+void forget();
 // True once it is known whether there is an IMU.
 bool asked();
 // Bits of the reply to 29.

@@ -10,6 +10,7 @@
 #include "../../pins.h"
 #include "../serial/protocol.h"
 #include "sonar_curve.h"
+#include "../board/wiring.h"
 
 namespace mrl {
 namespace sonar {
@@ -44,7 +45,8 @@ constexpr uint32_t WARM_UP = board_clock::of_ms(256);
 constexpr uint32_t TRIGGER = 2;  // ticks; the MB1300 needs at least 20 us
 constexpr uint32_t READING = board_clock::of_ms(104);  // 99 ms per the data sheet
 
-enum class Step : uint8_t { warm_up, trigger, ranging, converting } step;
+enum class Step : uint8_t { warm_up, trigger, ranging, converting, off };
+Step step = MRL_BRIDGE ? Step::off : Step::warm_up;
 uint32_t since;
 uint8_t fired;    // sensors that have fired since the last trigger
 uint8_t ready;    // sensors that have fired at all
@@ -55,18 +57,50 @@ void go(Step next) {
   since = board_clock::now();
 }
 
+#if MRL_BRIDGE
+int8_t trigger = NOT_CONNECTED, power = NOT_CONNECTED;
+
+int8_t input(uint8_t which) {
+  return wiring::pin(static_cast<Parameter>(static_cast<uint8_t>(Parameter::pin_sonar_front) + which));
+}
+
+void set(int8_t pin, bool level) {
+  if (pin != NOT_CONNECTED) hal::pin_output(static_cast<uint8_t>(pin), level);
+}
+
+void release(int8_t& pin) {
+  if (pin != NOT_CONNECTED) hal::pin_release(static_cast<uint8_t>(pin));
+  pin = NOT_CONNECTED;
+}
+#else
+constexpr uint8_t trigger = pins::SONAR_TRIGGER, power = pins::SONAR_POWER;
+static_assert(pins::SONAR_LEFT == pins::SONAR_FRONT + 1 && pins::SONAR_RIGHT == pins::SONAR_FRONT + 2,
+              "the chain runs front, left, right along the inputs");
+
+int8_t input(uint8_t which) { return static_cast<int8_t>(pins::SONAR_FRONT + which); }
+
+void set(uint8_t pin, bool level) { hal::pin_output(pin, level); }
+#endif
+
 void start_chain() {
   fired = 0;
-  hal::pin_output(pins::SONAR_TRIGGER, true);
+  set(trigger, true);
   go(Step::trigger);
 }
 
+// Converts the next input that is connected, or waits for the next turn.
 void convert(uint8_t which) {
-  static_assert(pins::SONAR_LEFT == pins::SONAR_FRONT + 1 && pins::SONAR_RIGHT == pins::SONAR_FRONT + 2,
-                "the chain runs front, left, right along the inputs");
-  channel = which;
-  hal::adc_start(static_cast<uint8_t>(chip::channel(pins::SONAR_FRONT) + channel));
-  step = Step::converting;
+  while (MRL_BRIDGE && which < COUNT && input(which) < 0) which++;
+  if (which < COUNT) {
+    channel = which;
+    hal::adc_start(chip::channel(static_cast<uint8_t>(input(which))));
+    step = Step::converting;
+  } else if (fired == COUNT) {
+    start_chain();
+  } else {
+    since += READING;
+    step = Step::ranging;
+  }
 }
 
 // A sensor holds its output until it fires again: all sensors are read after each turn.
@@ -74,10 +108,7 @@ void take_conversion() {
   const int16_t count = hal::adc_result();
   if (count < 0) return;
   if (channel < ready) ranges[channel] = range_cm(static_cast<uint16_t>(count));
-  if (channel + 1 < COUNT) return convert(static_cast<uint8_t>(channel + 1));
-  if (fired == COUNT) return start_chain();
-  since += READING;
-  step = Step::ranging;
+  convert(static_cast<uint8_t>(channel + 1));
 }
 
 void end_turn() {
@@ -90,10 +121,23 @@ void end_turn() {
 
 void begin() {
   for (uint8_t i = 0; i < COUNT; i++) ranges[i] = SONAR_INVALID;
-  hal::pin_output(pins::SONAR_TRIGGER, false);
-  hal::pin_output(pins::SONAR_POWER, true);
+#if MRL_BRIDGE
+  trigger = wiring::pin(Parameter::pin_sonar_trigger);
+  power = wiring::pin(Parameter::pin_sonar_power);
+#endif
+  set(trigger, false);
+  set(power, true);
   go(Step::warm_up);
 }
+
+#if MRL_BRIDGE
+void end() {
+  for (uint8_t i = 0; i < COUNT; i++) ranges[i] = SONAR_INVALID;
+  release(trigger);
+  release(power);
+  step = Step::off;
+}
+#endif
 
 void service() {
   switch (step) {
@@ -102,7 +146,7 @@ void service() {
       break;
     case Step::trigger:
       if (!board_clock::passed(since, TRIGGER)) break;
-      hal::pin_output(pins::SONAR_TRIGGER, false);
+      set(trigger, false);
       go(Step::ranging);
       break;
     case Step::ranging:
@@ -111,6 +155,7 @@ void service() {
     case Step::converting:
       if (!answers::reading()) take_conversion();  // the curve takes 0.1 ms
       break;
+    case Step::off: break;
   }
 }
 

@@ -7,6 +7,8 @@ namespace sonar {
 
 // Powers the sonars; they need 250 ms before their first reading.
 void begin();
+// Leaves all pins; only in builds with MRL_BRIDGE.
+void end();
 // Takes the curve from the configuration.
 void configure();
 void service();

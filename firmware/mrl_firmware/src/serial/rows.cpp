@@ -13,6 +13,7 @@
 #include "../sensors/sonar.h"
 #include "../board/status.h"
 #include "stream.h"
+#include "../board/wiring.h"
 #include "../radio/xbee.h"
 
 namespace mrl {
@@ -102,6 +103,9 @@ void report(uint8_t code, int16_t value, bool with_counts) {
     case XBEE_TEXT: return xbee::report_text();
     case DISCOVER_XBEE: return xbee::report_node();
     case READ_RADIO: return xbee::report_radio();
+#endif
+#if MRL_BRIDGE
+    case READ_WIRING: return wiring::report();
 #endif
     default:  // 32, 36, 37, 45 and 50 answer with the value they were asked with
       return sensors::knows(code) ? sensors::report(code) : writer::add(value);

@@ -1,0 +1,340 @@
+"""The H-bridge image with other wirings: pins without and with an accepted wiring, clocks, encoders, sensors."""
+
+from contextlib import contextmanager
+from typing import Dict, Iterator, List, Mapping, NamedTuple, Set, Tuple
+
+import pytest
+
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
+from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, PINS, WIRING_PROBLEMS
+from sim_arduino.board import parameter_store
+from tests import models
+from tests.firmware.imu_chip import ImuChip
+from tests.firmware.test_image_hbridge import DRIVEN, HALF_DUTY, MOVES, OUTPUTS, SAMPLE_S, SET, Board
+from tests.long.bench.firmware_board import request
+
+PORTS = 0x23  # PINB DDRB PORTB PINC DDRC PORTC PIND DDRD PORTD
+TWCR, TICK, SAMPLE_TICKS = 0xBC, 1024, 78
+CLOCK, DUE = "_ZN3hal5clockE", "_ZN3hal10sample_dueE"
+MOST_AWAKE = 0.12
+FREE_PINS = tuple(range(2, 20))
+BLANK = b"\xff" * parameter_store.EEPROM_BYTES
+TICKS_OFF = 3  # a tick each for the two readings and for the change of the timer
+ENCODERS = {
+    "pin_left_encoder_a": 2,
+    "pin_left_encoder_b": 4,
+    "pin_right_encoder_a": 18,
+    "pin_right_encoder_b": 19,
+}
+
+
+class Wired(NamedTuple):
+    bridge: str
+    pins: Dict[str, int]
+
+
+def with_pwm(bridge: str, **pins: int) -> Wired:
+    return Wired(bridge, {**ENCODERS, **{f"pin_{name}": pin for name, pin in pins.items()}})
+
+
+CLOCKS = {
+    "timer 1": with_pwm("cytron", left_pwm_a=5, left_logic=7, right_pwm_a=11, right_logic=12),
+    "timer 2": with_pwm("cytron", left_pwm_a=9, left_logic=7, right_pwm_a=6, right_logic=12),
+    "timer 0": with_pwm("cytron", left_pwm_a=9, left_logic=7, right_pwm_a=11, right_logic=12),
+    "timer 2 with PWM": with_pwm("bts7960", left_pwm_a=9, left_pwm_b=5, right_pwm_a=11, right_pwm_b=3),
+}
+"""Wirings by the timer that is the clock."""
+
+
+@contextmanager
+def wired(bridge_name: str, pins: Mapping[str, int], **settings: int) -> Iterator[Board]:
+    """A board that drives with this wiring, without a ramp; the lines of its encoders are low."""
+    known = {"bridge": BRIDGES.index(bridge_name), "wiring": SET, "ramp_time": 0, **settings}
+    board = Board(models.wired_eeprom(1, pins, **known))
+    for name, pin in pins.items():
+        if "encoder" in name and pin >= 0:
+            board.machine.set_pin(pin, 0)
+    board.machine.power_cycle(1)
+    board.machine.pin_changes()
+    board.boot()
+    yield board
+    board.close()
+
+
+def outputs(board: Board) -> Set[int]:
+    return _pins(board, 1)
+
+
+def pulled_up(board: Board) -> Set[int]:
+    return _pins(board, 2) - outputs(board)
+
+
+def _pins(board: Board, register: int) -> Set[int]:
+    """Pins whose bit is set in register DDR (1) or PORT (2) of their port; the serial link's are left out."""
+    data = board.machine.peek(PORTS, 9)
+    places = {
+        pin: (2 if pin < 8 else 0 if pin < 14 else 1, pin % 8 if pin < 8 else (pin - 8) % 6)
+        for pin in FREE_PINS
+    }
+    return {pin for pin, (port, bit) in places.items() if data[3 * port + register] >> bit & 1}
+
+
+def finding(board: Board) -> Tuple[str, int, int]:
+    (frame,) = board.say(request("read_wiring"))
+    problem, parameter, other = frame.args
+    return WIRING_PROBLEMS[problem][0], parameter, other
+
+
+def write(board: Board, name: str, value: int, wait_s: float = 0.01) -> None:
+    board.say(request("write_config", PARAMETER_BY_NAME[name].number, value), wait_s)
+
+
+def number(name: str) -> int:
+    return PARAMETER_BY_NAME[name].number
+
+
+# ---- without an accepted wiring
+
+
+def damaged(at: int) -> bytes:
+    contents = bytearray(DRIVEN)
+    contents[at] ^= 0x10
+    return bytes(contents)
+
+
+PINS_AT = parameter_store.PINS_AT
+WITHOUT = {
+    "blank": BLANK,
+    "layout": damaged(PINS_AT),
+    "pin": damaged(PINS_AT + 3),
+    "check": damaged(PINS_AT + 18),
+}
+
+
+@pytest.mark.parametrize("eeprom", WITHOUT.values(), ids=WITHOUT)
+def test_without_a_sound_wiring_all_pins_are_inputs_and_every_move_is_refused(eeprom):
+    board = Board(eeprom)
+    board.machine.watch_pins(FREE_PINS)
+    board.machine.pin_changes()
+    for move in MOVES:
+        board.say(move, 0.1)
+    assert (board.machine.pin_changes(), outputs(board), pulled_up(board)) == ([], set(), set())
+    assert finding(board)[:2] in (
+        ("not_connected", number("pin_left_pwm_a")),
+        ("not_connected", number("pin_left_encoder_a")),
+    )
+    assert "wiring" in board.faults
+    board.close()
+
+
+def test_an_old_board_keeps_its_parameters():
+    """Its EEPROM has the first block alone."""
+    board = Board(DRIVEN[:PINS_AT] + BLANK[PINS_AT:]).boot()
+    (frame,) = board.say(request("read_config", number("bridge")))
+    assert frame.args[1] == BRIDGES.index("tb6612")
+    assert board.faults == {"wiring"}
+    board.close()
+
+
+def test_a_saved_wiring_is_there_after_the_next_power_up():
+    board = Board(BLANK).boot().configure()
+    for name, value in models.DUO_PINS.items():
+        write(board, name, value)
+    board.say(request("save_config"), 0.6)
+    assert board.machine.read_eeprom(PINS_AT, 20) == models.wired_eeprom()[PINS_AT : PINS_AT + 20]
+    board.machine.power_cycle(1)
+    board.boot().say(HALF_DUTY)
+    assert board.duties()[5] > 0.1
+    board.close()
+
+
+def test_defaults_leave_the_wiring_alone(board):
+    board.say(request("default_config"))
+    (frame,) = board.say(request("read_config", number("pin_battery")))
+    assert frame.args[1] == models.DUO_PINS["pin_battery"]
+
+
+@pytest.fixture
+def board() -> Iterator[Board]:
+    with wired("tb6612", models.DUO_PINS) as each:
+        yield each
+
+
+# ---- a wiring comes into force, and goes
+
+
+def test_no_output_rises_when_a_wiring_comes_into_force():
+    """Resistors hold the bridges low; the first levels that the board drives are low, too."""
+    board = Board().boot()
+    write(board, "bridge", BRIDGES.index("cytron"), 0.1)
+    assert (board.rises(), finding(board)) == ([], ("none", -1, -1))
+    assert {5, 6, 7, 11, 3, 9, 12, 13} == outputs(board)
+    assert {2, 4, 8, 10, 18, 19} == pulled_up(board)
+    board.close()
+
+
+REST_LOW = {"bridge": BRIDGES.index("cytron"), "stop_mode": 0}
+"""A bridge whose pins are low while its motor rests."""
+
+
+@pytest.mark.parametrize("row", [*PINS, PARAMETER_BY_NAME["bridge"]], ids=lambda row: row.name)
+def test_a_write_of_the_wiring_stops_and_lets_go_of_all_pins_first(board, row):
+    """Pull-ups outside show both: a pin that the board has driven low rises when it becomes an input, and not before.
+
+    It falls again if the new wiring is accepted, and stays an input otherwise.
+    """
+    board.configure(**REST_LOW)
+    board.say(HALF_DUTY)
+    for pin in OUTPUTS:
+        board.machine.set_pin(pin, 1)
+    board.machine.pin_changes()
+    write(board, row.name, {"i2c": 0, "bridge": 0}.get(row.name, -1), 0.05)
+    levels: Dict[int, List[int]] = {pin: [0] for pin in OUTPUTS}
+    for change in board.machine.pin_changes():
+        levels[change.pin].append(change.level)
+    accepted = finding(board)[0] == "none" and row.name != "bridge"
+    assert accepted == bool(outputs(board)), "nothing stays an output otherwise"
+    end = [0, 1, 0] if accepted else [0, 1]
+    driven = set(OUTPUTS) - {models.DUO_PINS.get(row.name)}
+    assert {pin: levels[pin][-len(end) :] for pin in driven} == dict.fromkeys(driven, end)
+    assert board.stop_reason == "host"
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_after_a_missed_kick_no_output_is_high(name):
+    bridge, pins = CLOCKS[name]
+    with wired(bridge, pins) as board:
+        board.machine.watch_pins(FREE_PINS)
+        board.say(HALF_DUTY)
+        board.hang()
+        board.run(0.2)
+        high = {pin for pin in outputs(board) if board.machine.pin(pin)}
+        assert high == set()
+
+
+# ---- the clock
+
+
+def board_time(board: Board) -> Tuple[int, int]:
+    """Board time [tick] at a reply, and the end of its request [cycle]."""
+    board.replies()
+    end = board.machine.send(request("read_encoders", checked=True))
+    board.run(10e-3)
+    decoder = FrameDecoder(REPLIES)
+    decoder.checked = True
+    received = b"".join(reply.line for reply in board.replies())
+    (stamp,) = [event.stamp for event in decoder.feed(received) if isinstance(event, Frame) and event.stamp]
+    return stamp.time, end
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_board_time_goes_on_in_ticks_on_each_clock(name):
+    """Also over a change from timer 1, which is the clock of a board without a wiring."""
+    bridge, pins = CLOCKS[name]
+    with wired(bridge, pins, bridge=0) as board:
+        board.say(request("set_check", 1, checked=True))
+        change = request("write_config", number("bridge"), BRIDGES.index(bridge), checked=True)
+        for line, seconds in ((change, 0.1), (b"", 1.0), (b"", 1.9)):
+            before, begun = board_time(board)
+            board.machine.send(line)
+            board.run(seconds)
+            after, ended = board_time(board)
+            passed = (after - before) % 65536
+            assert abs(passed - (ended - begun) / TICK) <= TICKS_OFF
+        assert board.machine.peek(board.machine.symbol(CLOCK).address)[0] == list(CLOCKS).index(name)
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_samples_have_their_period_on_each_clock(name):
+    bridge, pins = CLOCKS[name]
+    with wired(bridge, pins) as board:
+        board.say(HALF_DUTY)
+        due = board.machine.symbol(DUE).address
+        seen = set()
+        for _ in range(40):
+            board.run(SAMPLE_S / 4)
+            seen.add(int.from_bytes(board.machine.peek(due, 2), "little"))
+        gaps = {(later - earlier) % 65536 for earlier, later in zip(sorted(seen), sorted(seen)[1:])}
+        assert gaps == {SAMPLE_TICKS} and len(seen) >= 10
+
+
+@pytest.mark.parametrize("name", CLOCKS)
+def test_the_chip_sleeps_on_each_clock(name):
+    bridge, pins = CLOCKS[name]
+    with wired(bridge, pins) as board:
+        board.run(0.5)
+        awake, begun = board.machine.awake_cycles, board.machine.cycle
+        board.run(1.0)
+        assert (board.machine.awake_cycles - awake) / (board.machine.cycle - begun) < MOST_AWAKE
+
+
+# ---- encoders
+
+PLACES = {
+    "a port each": ((2, 4), (18, 19)),
+    "one port": ((2, 7), (3, 4)),
+    "channels on two ports": ((2, 14), (8, 15)),
+    "crossed": ((2, 8), (9, 3)),
+    "port C": ((14, 15), (16, 17)),
+}
+MOTORS = {"pin_left_pwm_a": 5, "pin_left_logic": 12, "pin_right_pwm_a": 6, "pin_right_logic": 13}
+
+
+def with_encoders(left: Tuple[int, int], right: Tuple[int, int]) -> Dict[str, int]:
+    names = [row.name for row in PINS if "encoder" in row.name]
+    return {**MOTORS, **dict(zip(names, left + right))}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("way, sign", [(1, 1), (-1, -1)])
+def test_each_edge_of_both_encoders_is_a_count(place, way, sign):
+    left, right = PLACES[place]
+    with wired("cytron", with_encoders(left, right)) as board:
+        board.turn(left[::way], 1000, 20_000)
+        board.turn(right[::way], 600, 20_000)
+        assert (board.counts(), board.status()["impossible"]) == ([sign * 1000, sign * 600], 0)
+
+
+def test_an_encoder_without_channel_b_counts_in_the_direction_of_the_drive():
+    with wired("cytron", {**with_encoders((2, 4), (8, -1))}) as board:
+        board.say(b"@10,-50,-50e")
+        board.oscillate(8, 1000, 0.05)
+        board.run(0.06)
+        assert board.counts() == [0, -100]
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_an_oscillating_line_stops_the_robot_wherever_it_is(place):
+    left, right = PLACES[place]
+    for pin in (left[0], right[1]):
+        with wired("cytron", with_encoders(left, right)) as board:
+            board.say(HALF_DUTY)
+            board.oscillate(pin, 500e3, 0.015)
+            board.run(3 * SAMPLE_S)
+            assert (pin, board.stop_reason) == (pin, "encoder")
+
+
+# ---- bus, sonars, battery
+
+
+def test_a_wiring_without_a_bus_leaves_its_pins_alone():
+    with wired("tb6612", {**models.DUO_PINS, "i2c": 0}) as board:
+        board.machine.i2c[0x68] = ImuChip()
+        board.run(1.0)
+        assert (board.machine.peek(TWCR), {18, 19} & pulled_up(board)) == (b"\0", set())
+        assert len(board.say(request("read_protocol"))) == 1, "the answer does not wait for an IMU"
+
+
+def test_sonars_and_battery_are_read_on_their_pins():
+    volts = {5: 1.0, 1: 1.5, 2: 2.0, 0: 4.0}
+    pins = {"pin_sonar_front": 19, "pin_sonar_left": 15, "pin_sonar_right": -1, "pin_battery": 14, "i2c": 0}
+    with wired("tb6612", {**models.DUO_PINS, **pins}, battery_divider=3000) as board:
+        board.machine.adc_volts = lambda channel, time_s: volts.get(channel, 5.0)
+        board.run(1.5)
+        (sonars,), (info,) = board.say(b"@7e"), board.say(b"@5e")
+    with wired("tb6612", models.DUO_PINS) as board:
+        board.machine.adc_volts = lambda channel, time_s: {0: 1.0, 1: 1.5}.get(channel, 2.0)
+        board.run(1.5)
+        (expected,) = board.say(b"@7e")
+    assert sonars.args == (*expected.args[:2], -1)
+    assert info.args[2] == pytest.approx(1200, abs=5)
