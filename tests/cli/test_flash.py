@@ -16,6 +16,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560
 from mrl_driver.transport import port_info
 from mrl_driver.transport.port_info import Port
+from sim_arduino.testing import EmulatedBoard
 
 from .bootloader import Bootloader, MegaBootloader
 from .run import fails, mrl
@@ -180,3 +181,18 @@ def test_without_a_port_the_only_arduino_is_taken(monkeypatch):
     assert "'/dev/ttyACM7' does not exist" in fails(3, "flash", "--yes")
     monkeypatch.setattr(port_info, "described", lambda: [uno, uno._replace(device="/dev/ttyACM8")])
     assert "several boards are plugged in" in fails(2, "flash", "--yes")
+
+
+def test_an_h_bridge_board_gets_the_pins_of_its_robot(stand_in, image):
+    """One with pins of another wiring says what is wrong, and drives after the upload."""
+    stand_in()
+    with EmulatedBoard(robot="duo") as board:
+        pins = ("pin_left_pwm_a", "4", "pin_right_encoder_b", "-1")
+        assert mrl("config", "set", *pins, "--yes", "--port", board.port).returncode == 0
+        words = "left_encoder_b is on D4, as left_pwm_a: another function has the same pin"
+        assert words in mrl("info", "--port", board.port).stdout
+        assert words in mrl("doctor", "--port", board.port).stdout
+        done = mrl("flash", "--port", board.port, "--image", image, "--yes")
+        assert done.stdout.endswith("robot 23 answers with firmware 2; its pins are those of duo\n")
+        assert '"wiring"' not in mrl("info", "--json", "--port", board.port).stdout
+        assert mrl("drive", "--linear", "0.1", "--for", "0.2", "--yes", "--port", board.port).returncode == 0

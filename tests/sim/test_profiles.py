@@ -6,7 +6,7 @@ import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import COMMANDS, SETTINGS
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring
 from sim_arduino.board import PythonBoard, handlers, parameter_store
 from sim_arduino.board.board2013 import Board2013
 from sim_arduino.board.parameter_store import Config
@@ -288,6 +288,23 @@ def test_a_fast_line_waits_for_what_it_has_to_tell(code, rate_hz):
 def test_an_eeprom_gives_id_and_parameters(image, robot_id, axis_radius, sound):
     config = awake(eeprom=bytearray(image)).config
     assert (config["robot_id"], config["axis_radius"], config.sound) == (robot_id, axis_radius, sound)
+
+
+def test_the_wiring_has_a_block_of_its_own():
+    """An older board keeps its parameters and has no pins; so does one whose block is damaged."""
+    values = parameter_store.first(23, models.load_packaged("duo"))
+    eeprom = bytearray(parameter_store.image(values))
+    assert Config(eeprom, has_pins=True).values == values
+    old = Config(bytearray(parameter_store.image(values[: len(SETTINGS)])), has_pins=True)
+    assert old.sound and old.pins == wiring.EMPTY and old["bridge"] == values[19]
+    for place in range(96, 96 + 1 + len(wiring.EMPTY) + 2):
+        eeprom[place] ^= 0x10
+        damaged = Config(eeprom, has_pins=True)
+        assert damaged.pins == wiring.EMPTY and damaged.values[: len(SETTINGS)] == values[: len(SETTINGS)]
+        eeprom[place] ^= 0x10
+    config = Config(eeprom, has_pins=True)
+    config.set_defaults()
+    assert config.values == parameter_store.defaults(23) + values[len(SETTINGS) :]
 
 
 IMAGE_BYTES = [*range(4), *range(16, 16 + 1 + 2 * len(SETTINGS) + 2)]
