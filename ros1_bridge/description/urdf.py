@@ -1,10 +1,12 @@
-"""Renders the description (URDF) of the robots from their models.
+"""Renders the description (URDF) of the robots from their models; `robot_description` prints one for a launch file.
 
 `python -m ros1_bridge.description` renders `urdf/`; `--check` reports whether the files are current.  base_link is at
 the height of the axle, midway between the wheels.
 """
 
+import argparse
 import math
+import sys
 from pathlib import Path
 from typing import Iterable, Iterator, List, NamedTuple, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
@@ -231,3 +233,17 @@ def _joint(name: str, parent: str, child: str, at: Point, yaw_rad: float = 0.0, 
 
 def _origin(at: Point, roll_rad: float = 0.0, yaw_rad: float = 0.0) -> Lines:
     return _tag("origin", xyz=" ".join(f"{value:.5g}" for value in at), rpy=f"{roll_rad:.6g} 0 {yaw_rad:.6g}")
+
+
+def main() -> None:
+    """Print the description of a robot model, for a launch file's `command`."""
+    parser = argparse.ArgumentParser("robot_description", description=main.__doc__)
+    parser.add_argument("model", help="name of a packaged model, or path of a .yaml file")
+    parser.add_argument("--prefix", default="", help="prefix of each link name, such as robot1/")
+    builds, flags = ("", *models.BUILDS), ("false", "true")
+    parser.add_argument("--build", default="", choices=builds, help="instead of the model's build")
+    parser.add_argument("--laser", default="false", choices=flags, help="add a laser scanner")
+    parser.add_argument("--imu", default="false", choices=flags, help="add the IMU's frame")
+    given = parser.parse_args()
+    model = models.with_build(models.load(given.model), given.build)
+    sys.stdout.write(render(model, given.prefix, given.laser == "true", given.imu == "true"))
