@@ -58,7 +58,7 @@ def render(model: RobotModel, prefix: str = "", laser: bool = False, imu: bool =
             f"robot {model.name} is a board without motors (drive: none), expected a robot with a body of its own: "
             "describe the robot that carries the board, and start this one with description:=false"
         )
-    wanted = {_base: True, _wheels: True, _sonars: True, _laser: laser, _imu: imu, _gazebo: True}
+    wanted = {_base: True, _wheels: True, _sonars: True, _laser: laser, _imu: imu}
     parts = (part(model, prefix) for part, is_wanted in wanted.items() if is_wanted)
     lines = [
         '<?xml version="1.0"?>',
@@ -159,28 +159,6 @@ def _imu(model: RobotModel, prefix: str) -> Lines:
     base, mount = prefix + "base_link", model.imu
     yield from _tag("link", name=imu_frame(base))
     yield from _joint("imu_joint", base, imu_frame(base), (mount.x_m, mount.y_m, mount.z_m))
-
-
-def _gazebo(model: RobotModel, prefix: str) -> Lines:
-    """Gazebo's own drive plugin, which replaces board and driver."""
-    values = {
-        "commandTopic": "cmd_vel",
-        "odometryTopic": "odom",
-        "odometryFrame": prefix + "odom",
-        "robotBaseFrame": prefix + "base_link",
-    }
-    if isinstance(model.base, OmniDrive):
-        plugin = "planar_move"
-        values["odometryRate"] = "50"
-    else:
-        plugin = "diff_drive"
-        values["leftJoint"], values["rightJoint"] = reversed(JOINTS)
-        values["wheelSeparation"] = f"{model.base.wheel_separation_m:g}"
-        values["wheelDiameter"] = f"{2 * wheel_radius_m(model):.5g}"
-        values["wheelAcceleration"] = f"{model.limits.linear_acceleration_m_s2:g}"
-        values["updateRate"] = "50"
-    settings = (f"<{key}>{value}</{key}>" for key, value in values.items())
-    yield from _tag("gazebo", _tag("plugin", settings, name="drive", filename=f"libgazebo_ros_{plugin}.so"))
 
 
 def _link(

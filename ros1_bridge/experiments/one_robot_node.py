@@ -30,7 +30,7 @@ from sim_arduino.experiments.sonar_approach import SonarRun
 from sim_arduino.world import world_file
 from sim_arduino.world.world_file import pose_text
 
-from .experiment_processes import START_S, Parts
+from .legs import START_S, Parts
 
 ROBOT = "robot"
 """Namespace of a single robot."""
@@ -46,28 +46,17 @@ SONAR_LIMITS = FollowerLimits(linear_m_s=0.2)
 READ_S = 1.0  # readings of a stop: the sonar measures every 0.3 s
 LAP_STOP_S, COURSE_STOP_S = 2.0, 1.0  # the robot stands for this time at the end
 _Then = Callable[[Odometry], None]
+TimedPoses = List[Tuple[float, Pose]]
+"""Times [s], which rise, and poses."""
 
 
 def ignore(_: Odometry) -> None:
     """Ignore a message."""
 
 
-class TimedPoses(List[Tuple[float, Pose]]):
-    """Poses and their times [s], which rise."""
-
-    @property
-    def last(self) -> Pose:
-        """The last pose."""
-        return self[-1][1]
-
-    def at(self, stamps_s: Sequence[float]) -> List[Pose]:
-        """Poses at these times, linear between two of them; the first before all, the last after all."""
-        return [pose_at(self, stamp_s) for stamp_s in stamps_s]
-
-
 def heard(topic: str, then: _Then = ignore) -> TimedPoses:
     """The poses of a topic with Odometry, from now on; `then` gets each message."""
-    poses = TimedPoses()
+    poses: TimedPoses = []
 
     def keep(message: Odometry) -> None:
         poses.append((message.header.stamp.to_sec(), planar(message.pose.pose)))
@@ -101,20 +90,16 @@ class OdometryRobot:
     @property
     def pose(self) -> Pose:
         """The last pose by odometry."""
-        return self._in_frame(self._odometry.last)
+        return self._in_frame(self._odometry[-1][1])
 
     @property
-    def stamps_s(self) -> List[float]:
-        """The times of all poses by odometry [s]."""
-        return [stamp_s for stamp_s, _ in self._odometry]
-
-    def poses_at(self, stamps_s: Sequence[float]) -> List[Pose]:
-        """Poses by odometry at these times [s]."""
-        return [self._in_frame(pose) for pose in self._odometry.at(stamps_s)]
+    def path(self) -> TimedPoses:
+        """All poses by odometry."""
+        return [(stamp_s, self._in_frame(pose)) for stamp_s, pose in self._odometry]
 
     def reset_pose(self, pose: Pose) -> None:
         """Sets the pose by odometry at which the robot is now."""
-        self._first, self._mark = self._odometry.last, pose
+        self._first, self._mark = self._odometry[-1][1], pose
 
     def _in_frame(self, pose: Pose) -> Pose:
         return self._mark.compose(*pose.relative_to(self._first))
@@ -237,9 +222,11 @@ def drive(parts: Parts, setting: Setting) -> CourseRecord:
     for name, readings in (("sonar/left and sonar/right", ranges), ("scan", scans)):
         if not readings:
             raise MrlError(f"no message on {name} during the drive, expected readings; see the node's log")
-    stamps_s = robot.stamps_s
-    cones, beams = (_placed(each, robot, truth) for each in (ranges, scans))
-    return CourseRecord(robot.poses_at(stamps_s), cones, beams, truth.at(stamps_s))
+    path = robot.path
+    cones, beams = (_placed(each, path, truth) for each in (ranges, scans))
+    return CourseRecord(
+        [pose for _, pose in path], cones, beams, [pose_at(truth, time_s) for time_s, _ in path]
+    )
 
 
 def _start_in_course(parts: Parts, setting: Setting, start: Pose) -> None:
@@ -271,8 +258,9 @@ def _listen(model: models.RobotModel) -> Tuple[List[Any], List[Any], List[rospy.
     return ranges, scans, [*subscribers, rospy.Subscriber(f"/{ROBOT}/scan", LaserScan, on_scan)]
 
 
-def _placed(readings: Sequence[Any], robot: OdometryRobot, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
+def _placed(readings: Sequence[Any], path: TimedPoses, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
     """Readings with the pose of their sensor by odometry, and its true pose, at the time of the message."""
-    stamps_s = [stamp_s for stamp_s, _, _ in readings]
-    places = zip(readings, robot.poses_at(stamps_s), truth.at(stamps_s))
-    return [(pose.compose(*mount), value, true.compose(*mount)) for (_, mount, value), pose, true in places]
+    return [
+        (pose_at(path, time_s).compose(*mount), value, pose_at(truth, time_s).compose(*mount))
+        for time_s, mount, value in readings
+    ]

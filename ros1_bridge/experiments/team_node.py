@@ -37,7 +37,7 @@ from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
-from .experiment_processes import START_S, Parts
+from .legs import START_S, Parts
 from .one_robot_node import RATE_HZ, ROBOT, OdometryRobot, heard, ignore
 
 WANDER_S, PATROL_S, ROUNDS = 60.0, 40.0, 1
@@ -100,7 +100,7 @@ class TopicRobot(OdometryRobot):
     @property
     def true_pose(self) -> Pose:
         """True pose in the world."""
-        return self._true.last
+        return self._true[-1][1]
 
     @property
     def bumped(self) -> bool:

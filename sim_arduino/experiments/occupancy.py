@@ -141,8 +141,7 @@ def draw(
     made, axes = plot_style.figure(len(panels), 3.8 * len(panels), height_in)
     for axis, (title, grid, path) in zip(axes, panels):
         plot_style.grid(axis, grid)
-        for wall in world.walls:
-            axis.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=0.8)
+        plot_style.draw_walls(axis, world.walls, "", plot_style.ORANGE, 0.8)
         if path is not None:
             plot_style.path(axis, path, plot_style.BLUE, "path by odometry")
         plot_style.floor(axis, title)

@@ -262,7 +262,8 @@ def _draw(
     setting: Setting, drives: Sequence[StepDrive], blind: Sequence[StepDrive], mirror: Mirrored, live: bool
 ) -> str:
     made, (floor, late) = plot_style.figure(2, 11.0, 4.6)
-    plot_style.walls(floor, [wall for solid in world_file.load(WORLD).solids for wall in solid], "boxes")
+    boxes = [wall for solid in world_file.load(WORLD).solids for wall in solid]
+    plot_style.draw_walls(floor, boxes, "boxes")
     plot_style.paths(floor, [each.true for each in blind], plot_style.GREY, "true paths without sonars", ":")
     plot_style.paths(floor, [each.true for each in drives], plot_style.BLUE, "true paths")
     if live:
