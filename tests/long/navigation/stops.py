@@ -37,7 +37,7 @@ from .stack import ROOT, Stack, end_with, packages_for, require_packages
 
 FOLDER, NODES = ROOT / "build" / "navigation" / "stops", ROOT / "ros1_bridge" / "nodes"
 UNDER_WAY_M, LIMIT_S = 0.3, 60.0
-STANDS_M, STANDS_S = 0.001, 0.5
+STANDS_M, STANDS_S = 0.001, 1.5  # longer than the gap that ends no goal, 1 s
 RELEASED_S = 8.0
 LIMIT_M, FROZEN_M = 0.01, 0.15
 """How far the robot may move after the release [m]; one whose board stood still drives until its watchdog's stop."""
