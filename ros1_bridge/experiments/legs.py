@@ -107,13 +107,9 @@ class Parts(ContextManager["Parts"]):
             raise MrlError(f"no ROS master answers at {uri} after {START_S:g} s; is rosmaster sound?")
 
     def node(self, kind: str, space: str, *names: str, **parameters: object) -> Child:
-        """Starts a node of this package in a namespace.
+        """Starts a node of this package by its executable, such as `robot_node`, in the namespace `space`.
 
-        Args:
-            kind: Name of the node's executable, such as `robot_node`.
-            space: Namespace, without the leading slash.
-            names: Remappings, such as `sonar/front:=heard/front`.
-            parameters: Private parameters of the node.
+        `names` are remappings, such as `sonar/front:=heard/front`, and `parameters` the private ones of the node.
         """
         given = [
             f"_{key}:={str(value).lower() if isinstance(value, bool) else value}"

@@ -67,13 +67,7 @@ def heard(topic: str, then: _Then = ignore) -> TimedPoses:
 
 
 class OdometryRobot:
-    """A robot reached through `cmd_vel` and `odom`.
-
-    Args:
-        space: Its namespace, with the leading slash.
-        driven: Whether this node drives it.
-        then: Gets each odometry message.
-    """
+    """A robot reached through `cmd_vel`, if this node drives it, and `odom`; `then` gets each odometry message."""
 
     def __init__(self, space: str = f"/{ROBOT}", driven: bool = True, then: _Then = ignore) -> None:
         self._first, self._mark = ORIGIN, ORIGIN
@@ -161,11 +155,8 @@ def lap(parts: Parts, setting: Setting) -> Pose:
 
 
 def approach(parts: Parts, setting: Setting) -> SonarRun:
-    """Approaches the wall with a robot with drawn errors, and fits the readings at the stops.
-
-    Raises:
-        MrlError: a part has failed or is not ready in time, or the robot does not arrive.
-        ConfigError: the sonar missed the wall too often.
+    """Approaches the wall with a robot with drawn errors, and fits the readings at the stops; MrlError as for `lap`, or
+    ConfigError if the sonar missed the wall too often.
     """
     ranges, distances = readings(parts, setting)
     board = {**models.COMMON_BOARD, **models.load(setting.robot).board}

@@ -48,12 +48,10 @@ TOUCH_M = 0.005
 
 
 class TopicRobot(OdometryRobot):
-    """A robot reached through its topics, as a `team.Player` needs it.
+    """A robot reached through its topics, as a `team.Player` needs it; its name is its namespace.
 
-    Args:
-        member: The robot's role in the team; its name is its namespace.
-        truth: World that reports contacts; it also gets the true pose of a real robot.
-        navigated: `go_to_goal` drives the robot; otherwise this node does.
+    The world `truth` reports contacts, and gets the true pose of a real robot.  A robot that is `navigated` is driven
+    by `go_to_goal`, others by this node.
     """
 
     def __init__(self, member: Member, truth: World, navigated: bool) -> None:

@@ -100,13 +100,9 @@ class MessageType(NamedTuple):
 class TopicSender:
     """Listens for other relays, and sends them the topics that they ask for, if they are among its own.
 
-    Args:
-        settings: Of this relay; port 0 takes a free one.
-        tell: Gets a line about each receiver that comes or goes.
-        publishes: Whether a publisher of a topic still exists; its latched message is not repeated if it does not.
-
-    Raises:
-        OSError: the address cannot be used.
+    `tell` gets a line about each receiver that comes or goes.  `publishes` says whether a publisher of a topic still
+    exists; its latched message is not repeated if it does not.  OSError if the address cannot be used; port 0 takes a
+    free one.
     """
 
     def __init__(

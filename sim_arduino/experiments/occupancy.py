@@ -107,9 +107,7 @@ def maps(
 ) -> Dict[str, GridMap]:
     """The maps by "sonars" and "laser", those that `occupied_from` has with the smallest log odds of a wall cell.
 
-    Args:
-        cones: Pose of a sonar and its range [m].
-        scans: Pose of the laser and its ranges, `(rays,)` [m].
+    `cones` are poses of a sonar and its ranges [m], `scans` poses of the laser and its ranges, `(rays,)` [m].
     """
     left, bottom, right, top = world.bounds()
     low, high = (left - margin_m, bottom - margin_m), (right + margin_m, top + margin_m)

@@ -120,12 +120,7 @@ def sonar_errors(curve: Dict[str, float]) -> str:
 
 
 def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: str = "") -> SonarRun:
-    """Approaches the wall, and fits the readings at the stops.
-
-    Args:
-        curve: Curve of an emulated robot's sonars, as in `disturbances.sonar_curve`.
-        error: Errors of its wheels.
-    """
+    """Approaches the wall with an emulated robot's sonar curve and wheel errors, and fits the readings at the stops."""
     wall_m = SONAR_X_M + PLAN.start_m
     world = World([Wall(wall_m, -WIDE_M, wall_m, WIDE_M)])
     with open_robot(

@@ -127,8 +127,7 @@ Live = Tuple[StepDrive, Mirrored]  # a drive in real time, and its mirror
 def run(setting: Setting, live: Optional[Live] = None) -> Result:
     """Drives the steps, and draws robots and mirror; `live` is a drive through ROS.
 
-    Raises:
-        MrlError: the mirror showed no pose, or the robot on the port did not reach a waypoint.
+    MrlError if the mirror showed no pose, or the robot on the port did not reach a waypoint.
     """
     if setting.port is not None:
         driven, mirror = _real(setting)

@@ -101,8 +101,7 @@ def measure(
 ) -> List[Message]:
     """The times of messages that come `RATE_HZ` times in a second, at phases that the seed of the setting draws.
 
-    Raises:
-        BoardTimeout: a message did not come back.
+    BoardTimeout if a message does not come back.
     """
     options = factory.Options(robot=setting.robot, engine="avr", seed=setting.seed, elf=subject.path)
     # a sketch has no parameters in its EEPROM; id 0 leaves it blank.

@@ -54,11 +54,7 @@ SONAR_KEYS = (
 
 
 def robot_errors(text: str) -> Errors:
-    """The errors in `key=value,...`, or in a YAML file with these keys.
-
-    Raises:
-        ConfigError: a key is unknown or a value out of range.
-    """
+    """A robot's errors in `key=value,...`, or in YAML; ConfigError if a key is unknown or a value out of range."""
     values = _values("--error", text, ROBOT_KEYS)
     ratio, size = values["wheel_ratio"], values["wheel_size"]
     left = 2.0 / (1.0 + ratio) * size

@@ -29,27 +29,20 @@ TRACK_SLIP = 0.1  # share of the yaw that a TraxBot's tracks lose in a turn if s
 class Plant:
     """One robot in a world; without motors it stands still.
 
-    Times are seconds since the plant's start; they never decrease.
+    Times are seconds since the plant's start; they never decrease.  `seed` draws all noise, and the errors of the
+    environment sensors.
 
     Args:
         pose: Start pose, x y [m] and yaw [rad]; the world's start pose if absent.
         slip: Tracks lose a share of each turn.
         sonars: False for the environment-sensor build, which has other sensors on A0 and A2.
-        errors: Differences between this robot and its model.
-        sonar_errors: Errors of the sonars; `seed` draws them and the noise of the wheels.
         footprint: Outline used for collisions, see `collision.footprint_for`.
         omni: The robot has three omni wheels instead of two wheels.
-        name: Name of the robot in the world.
         wiring: How motors and encoders of a robot with H-bridges are connected, see `BridgePlant`.
         imu: An IMU is fitted where the model says.
-        imu_errors: Errors of the IMU; `seed` draws their noise.
-        environment_errors: Errors of the environment sensors; `seed` draws them.
-        radio: A radio module is fitted: its address, range and loss.
 
     Attributes:
         bridge: Motors and encoders on the board's pins, if the model has a bridge; None with an OMNI-3MD.
-        imu: The IMU, or None.
-        xbee: The radio module, or None.
         i2c: All I2C slaves by 7-bit address.
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """

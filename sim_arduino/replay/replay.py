@@ -78,11 +78,7 @@ def _human(value: Any) -> str:
 
 
 def serve(recording: Recording, speed: float, link: Optional[str] = None) -> None:
-    """Plays the board's bytes on a pty, from the start for each program, until one has received all of them.
-
-    Raises:
-        ConfigError: the link cannot be made.
-    """
+    """Plays the board's bytes on a pty, from the start for each program, until one has received all of them."""
     from sim_arduino.serve.pty import PtyPort, SymbolicLink
 
     from .playback import play
