@@ -311,13 +311,15 @@ class Session:
                 continue
             self._other = 0
             counters.frames += 1
-            if frame.code in STREAMS:
+            code = frame.code
+            if code in STREAMS:
                 self._on_counts(frame, now, events)
-            elif frame.code == _IMU and self._poll.imu_s < math.inf:
+                if self._greeting is None:
+                    continue
+            elif code == _IMU and self._poll.imu_s < math.inf:
                 self._on_imu(frame, now, events)
                 continue
-            if frame.code not in STREAMS or self._greeting is not None:
-                self._on_frame(frame, now, checked, events)
+            self._on_frame(frame, now, checked, events)
         if self._greeting is not None and (strange or b"@" not in data):
             self._greeting.heard(data, now)
         self.hurried = self._greeting is not None or self._poll.due_s == -math.inf
@@ -497,7 +499,7 @@ class Session:
                 self._begin(now, events)
 
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
-        args, stamp, stream = frame.args, frame.stamp, self._stream
+        (code, args, stamp), stream = frame, self._stream
         if stamp is not None and self._decoder.checked:
             sequence, board_time = stamp
             missing = stream.missing(sequence, now - self.heard_s >= STALE_S)
@@ -509,15 +511,15 @@ class Session:
             sequence, stamp_s, time_s = None, stream.unnumbered(now), now
         if self._greeting is not None:
             return
-        if frame.code != self.stream_code:
+        if code != self.stream_code:
             events.append(Reply(frame))
             return
         self.heard_s = now
         self.counters.streamed += 1
         counts, sonars, rear = args[:2], args[2:] or None, None
-        if frame.code == _OMNI:
+        if code == _OMNI:
             counts, sonars, rear = args[:3], args[3:], args[2]
-        elif frame.code == _SENSING:
+        elif code == _SENSING:
             sonars = None
             for name in self.sensors.in_stream(args, now):
                 events.append(SensorRead(name, self.sensors.readings[name]))

@@ -159,8 +159,7 @@ class Publishers:
 
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
-        stamp_s, fresh, twist = telemetry.stamp_s, telemetry.fresh, telemetry.twist
-        x_m, y_m, yaw_rad = telemetry.pose
+        stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, *_, spread, variances = telemetry
         former, self._former = self._former, telemetry
         ahead_s = self._clock() - self._monotonic()
         if not -TOLERANCE_S < ahead_s - self._ahead_s < TOLERANCE_S:
@@ -175,8 +174,7 @@ class Publishers:
         z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)  # as `geometry.quaternion_of`, without a call
         out = self._odometry_out
         if out.impl.connections:
-            sure = telemetry.spread, twist, telemetry.twist_variances
-            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, *sure))
+            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, spread, twist, variances))
         tf_out = self._transform_out
         if tf_out is not None and tf_out.impl.connections:
             tf_out.send(self._transform.pack(secs, nsecs, x_m, y_m, z, w))
