@@ -320,9 +320,10 @@ class Session:
                 self._on_imu(frame, now, events)
                 continue
             self._on_frame(frame, now, checked, events)
-        if self._greeting is not None and (strange or b"@" not in data):
-            self._greeting.heard(data, now)
-        self.hurried = self._greeting is not None or self._poll.due_s == -math.inf
+        if self._greeting is not None:
+            self.hurried = True
+            if strange or b"@" not in data:
+                self._greeting.heard(data, now)
         return events
 
     def tick(self, now: float) -> List[SessionEvent]:
@@ -473,6 +474,7 @@ class Session:
         """Process any frame except telemetry of a ready board; `checked` says that it had a checksum."""
         code = frame.code
         self._poll.answered(code, now)
+        self.hurried |= self._poll.due_s == -math.inf
         if code == STATUS:
             self._on_status(status_of(frame.args), now, events)
         elif code == INFO:
@@ -525,6 +527,7 @@ class Session:
                 events.append(SensorRead(name, self.sensors.readings[name]))
         elif counts == args:
             self._poll.add_sonars(now)
+            self.hurried |= self._poll.due_s == -math.inf
         motion = self.motion
         if motion.settling:
             motion.observe(counts != self._last, now)
@@ -639,4 +642,4 @@ class Session:
         coast_s = self._plan.watchdog_ms / 1000 + STOPPING_S if self._watched else math.inf
         imu = self._poll.imu_s < math.inf
         events.append(Ready(self.board, self._restarted, self.checked, coast_s, imu))
-        self._restarted = False
+        self._restarted, self.hurried = False, True
