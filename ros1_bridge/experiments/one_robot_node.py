@@ -40,7 +40,7 @@ MOST_S = 180.0
 LAP = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.05, 0.0))
 """A counter-clockwise lap; the last point makes the robot turn to its first heading."""
 LAP_LIMITS = FollowerLimits(square.SPEEDS.linear_m_s, square.SPEEDS.angular_rad_s)
-SONAR_PLAN = sonar_procedures.SonarPlan(step_m=0.15)
+SONAR_M = sonar_procedures.distances(step_m=0.15)
 """Fewer stops than in simulated time, because these are in real time."""
 SONAR_LIMITS = FollowerLimits(linear_m_s=0.2)
 READ_S = 1.0  # readings of a stop: the sonar measures every 0.3 s
@@ -169,7 +169,7 @@ def approach(parts: Parts, setting: Setting) -> SonarRun:
 def _start_at_wall(parts: Parts, setting: Setting) -> None:
     """Starts the board, whose sonars have a hidden curve, in front of a wall, and its robot node."""
     world = parts.folder / "wall.yaml"
-    wall_m, wide_m = sonar_approach.SONAR_X_M + SONAR_PLAN.start_m, sonar_approach.WIDE_M
+    wall_m, wide_m = sonar_approach.SONAR_X_M + SONAR_M[0], sonar_approach.WIDE_M
     world.write_text(f"start: [0, 0, 0]\nwalls:\n  - [{wall_m}, {-wide_m}, {wall_m}, {wide_m}]\n")
     pose = pose_text(disturbances.placed(ORIGIN, setting.seed))
     place = ("--world", str(world), "--pose", pose, "--seed", str(setting.seed))
@@ -186,13 +186,13 @@ def readings(parts: Parts, setting: Setting) -> Tuple[List[float], List[float]]:
     found: List[float] = []
     rospy.Subscriber(f"/{ROBOT}/sonar/front", Range, lambda message: found.append(message.range))
     ranges, distances = [], []
-    for distance_m in SONAR_PLAN.distances():
-        follow(parts, robot, Course([(SONAR_PLAN.start_m - distance_m, 0.0)], SONAR_LIMITS), FRESH_S)
+    for distance_m in SONAR_M:
+        follow(parts, robot, Course([(SONAR_M[0] - distance_m, 0.0)], SONAR_LIMITS), FRESH_S)
         found.clear()
         time.sleep(READ_S)
         valid = [range_m if np.isfinite(range_m) else np.nan for range_m in found]
         ranges.append(float(np.median(valid)) if valid else np.nan)
-        distances.append(SONAR_PLAN.start_m - robot.pose.x_m)
+        distances.append(SONAR_M[0] - robot.pose.x_m)
     return ranges, distances
 
 

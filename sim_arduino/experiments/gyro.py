@@ -108,10 +108,8 @@ def _calibrated(setting: Setting) -> ImuMount:
             return Pose(x_m, y_m, wrap_angle(yaw_rad + rng.gauss(0.0, fit.BY_TAPE.heading_rad)))
 
         legs = turn_legs(CALIBRATION_LEGS, CALIBRATION_TURNS, SPEEDS)
-        plan, driver = imu_procedures.ImuPlan(legs, 0.0, SPEEDS), robot.driver
-        track = imu_procedures.ImuTrack(driver)
-        done = imu_procedures.calibrate(driver, track, Truth(look), plan, fit.BY_TAPE, lambda _: None)
-        return done.after
+        found = imu_procedures.calibrate(robot.driver, Truth(look), legs, 0.0, fit.BY_TAPE, lambda _: None)
+        return found.after
 
 
 def _open(setting: Setting, mount: Optional[ImuMount], **wrong: float) -> ContextManager[ExperimentRobot]:

@@ -100,9 +100,7 @@ def test_pose_of_a_message_is_between_those_before_and_after_it():
 
 
 def test_sonar_that_approaches_a_wall_through_ros_has_its_hidden_curve(parts, monkeypatch):
-    plan = one_robot_node.SONAR_PLAN._replace(start_m=0.6, stop_m=0.5, step_m=0.1)
-    monkeypatch.setattr(one_robot_node, "SONAR_PLAN", plan)
-    monkeypatch.setattr(type(plan), "distances", lambda plan: [plan.start_m, plan.stop_m])
+    monkeypatch.setattr(one_robot_node, "SONAR_M", [0.6, 0.5])
     monkeypatch.setattr(one_robot_node, "FRESH_S", 0.4)
     monkeypatch.setattr(disturbances, "sonar_curve", lambda _: {"gain": 0.7, "exponent": 1.0, "offset": 0.0})
     ranges, distances = one_robot_node.readings(parts, Setting("", seed=1))

@@ -3,7 +3,7 @@
 import itertools
 import math
 import os
-from typing import Iterator, List, NamedTuple, Tuple
+from typing import Iterator, List, Tuple
 
 import numpy as np
 
@@ -16,22 +16,14 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import Recording
 from mrl_driver.robot.models import RobotModel
 
-from .manoeuvres import Track
+from .manoeuvres import MOVE, Track
 
-_MOVING = tuple(
-    BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "move_differential", "stop")
-)
-
-
-class Replayed(NamedTuple):
-    """`rows` (N, 4) as of `manoeuvres.Track`; `requests` to the board, with their times on the same clock."""
-
-    rows: np.ndarray
-    requests: List[Tuple[float, Frame]]
+_MOVING = {BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "move_differential", "stop")}
+Requests = List[Tuple[float, Frame]]  # to the board, and when they were sent [s]
 
 
-def read(path: str, model: RobotModel) -> Replayed:
-    """Read a whole recording of this robot.
+def read(path: str, model: RobotModel) -> Tuple[np.ndarray, Requests]:
+    """Read a whole recording of this robot: rows (N, 4) as of `Track`, and the requests, with times of the same clock.
 
     Raises:
         ConfigError: the file cannot be read, belongs to another robot, holds no counts, or its counts jump.
@@ -42,7 +34,7 @@ def read(path: str, model: RobotModel) -> Replayed:
         options["period_ms"] = SLOWEST_MS  # each frame counts, also those that no listener of that driver got
     recorded = RecordedDriver(recording, model)
     track = Track(recorded)
-    requests: List[Tuple[float, Frame]] = []
+    requests: Requests = []
 
     def on_sent(sent: Sent) -> None:
         if isinstance(sent.event, Frame):
@@ -63,18 +55,21 @@ def read(path: str, model: RobotModel) -> Replayed:
         raise ConfigError(
             f"{path} is a recording of robot id {recorded.board.robot_id}, expected a {model.name}"
         )
-    return Replayed(rows, requests)
+    return rows, requests
 
 
-def motor_steps_of(replayed: Replayed, code: int) -> Iterator[Tuple[np.ndarray, Tuple[int, int]]]:
-    """Rows and arguments of each step with this request; the next other request to the motors ends a step."""
-    orders = [(time_s, frame) for time_s, frame in replayed.requests if frame.code in (code, *_MOVING)]
+def motor_steps(path: str, model: RobotModel) -> Iterator[Tuple[np.ndarray, Tuple[int, int]]]:
+    """Rows, and percents left and right, of each step of the duty in a recording.
+
+    The next other request to the motors ends a step.
+    """
+    rows, requests = read(path, model)
+    orders = [(time_s, frame) for time_s, frame in requests if frame.code in _MOVING]
     runs = [next(same) for _, same in itertools.groupby(orders, lambda order: (order[1].code, order[1].args))]
     ends_s = [time_s for time_s, _ in runs[1:]] + [math.inf]
-    times_s = replayed.rows[:, 0]
     for (begin_s, frame), end_s in zip(runs, ends_s):
-        if frame.code == code and any(frame.args):
-            first = max(0, int(np.searchsorted(times_s, begin_s)) - 1)
-            last = int(np.searchsorted(times_s, end_s))
+        if frame.code == MOVE and any(frame.args):
+            first = max(0, int(np.searchsorted(rows[:, 0], begin_s)) - 1)
+            last = int(np.searchsorted(rows[:, 0], end_s))
             if first < last:
-                yield replayed.rows[first:last], (frame.args[0], frame.args[1])
+                yield rows[first:last], (frame.args[0], frame.args[1])
