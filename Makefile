@@ -75,7 +75,7 @@ $(VENV)/.site: $(VENV)/.tested
 	@set -o pipefail; $(PIP) 'mrl-driver[docs]' $(SHOWN)
 	@touch $@
 
-include firmware/firmware.mk firmware/comparison.mk $(wildcard ros1_bridge/ros.mk sim_arduino/sim.mk tests/long.mk)
+include firmware/firmware.mk firmware/comparison.mk $(wildcard ros1_bridge/ros.mk tests/long.mk)
 
 # What is missing is asked each time, so that a package removed later is noticed; where all is there, `apt` does nothing.
 # So it does where there is no dpkg, on a system whose owner installs a compiler and ROS by himself.
@@ -141,13 +141,6 @@ test-rest: apt ## Run what `make test` leaves out: all of ROS, image and browser
 
 test-all: ## Run everything; SEED=n looks at inputs that the fixed ones do not have
 	@failed=; for part in test test-rest; do $(MAKE) --no-print-directory $$part || failed=1; done; [ -z "$$failed" ]
-
-.PHONY: bench-firmware bench-host
-bench-firmware: setup firmware comparison ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
-	$(PY) -m tests.long.bench firmware
-
-bench-host: setup ## Measure the decoder, recording and the driver without ROS; build/bench/host.json
-	$(PY) -m tests.long.bench host
 
 run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot '$(ROBOT)') $(if $(ENGINE),--engine $(ENGINE)) \

@@ -5,7 +5,7 @@ import os
 import re
 import signal
 import sys
-from typing import Match
+from typing import Any, Match
 
 from .errors import ConfigError
 
@@ -14,8 +14,8 @@ _NAMES_FOR_PIP = {"serial": "pyserial", "yaml": "PyYAML"}
 _OWN = ("", "mrl_driver", "sim_arduino", "ros1_bridge")
 
 
-def start(name: str, module: str) -> None:
-    """Run the command `name`: the function `main` of `module`, which is imported now.
+def start(name: str, module: str) -> Any:
+    """Run the command `name`: the function `main` of `module`, which is imported now; returns what it returns.
 
     Ctrl-C during the imports ends the program without a message.  If a Python package is missing, now or later, the
     program ends with one line.
@@ -30,7 +30,7 @@ def start(name: str, module: str) -> None:
     try:
         run = importlib.import_module(module).main
         signal.signal(signal.SIGINT, before)
-        run()
+        return run()
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
         if package in _OWN:

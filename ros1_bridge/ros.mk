@@ -1,16 +1,6 @@
 # The bridge's own targets, included by the Makefile.
 
-.PHONY: bench-ros bench-relay description check-description
-bench-ros: setup ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
-	$(ROS_ENV) $(PY) -m tests.long.bench ros
-
-bench-relay: setup ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
-	$(ROS_ENV) $(PY) -m tests.long.bench relay
-
-.PHONY: bench-fleet
-bench-fleet: setup ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
-	$(ROS_ENV) $(PY) -m tests.long.bench fleet
-
+.PHONY: description check-description pictures test-navigation
 description: ## Render the robots' URDF files, and launch files' arguments from the node's parameters
 	$(PY) -m ros1_bridge.description
 
@@ -18,7 +8,6 @@ check-description: ## Check that the files of `make description` are current
 	$(PY) -m ros1_bridge.description --check
 
 PICTURES ?= $(if $(FAST),build/smoke,.)
-.PHONY: pictures
 pictures: setup firmware ## Take the pictures of the live view, of rviz and of the page for the documents, without a display
 	@mkdir -p $(PICTURES)/ros1_bridge $(PICTURES)/docs
 	$(PY) -m tests.documents.live_view_picture $(PICTURES)/ros1_bridge/live_view.svg
@@ -28,7 +17,6 @@ pictures: setup firmware ## Take the pictures of the live view, of rviz and of t
 	$(if $(NAVIGATION_SETUP),$(ROS_ENV) source '$(NAVIGATION_SETUP)' && \
 	  $(PY) -m tests.documents.rviz_picture $(PICTURES)/ros1_bridge/rviz_navigation.png navigation)
 
-.PHONY: test-navigation
 test-navigation: setup ## Ten goals a run with the real move_base, installed or in the workspace of NAVIGATION_SETUP=path/setup.bash; build/navigation/table.json
 	@$(ROS_ENV) $(if $(NAVIGATION_SETUP),source '$(NAVIGATION_SETUP)' &&) $(PY) -m tests.long.navigation && \
 	  $(PY) -m tests.long.navigation.stops && $(PY) -m tests.long.navigation.ekf && $(PY) -m tests.long.navigation.slam

@@ -1,8 +1,24 @@
 # The long runs.  With FAST=1 each is in its shortest form, in which `make smoke` runs them all; with KEEP=1 a full run
 # writes its figures to docs/figures.
 MINUTES ?= $(if $(FAST),0.03,10)
+BENCHES := firmware host sim radio hold ros relay fleet calibration web
 
-.PHONY: smoke figures experiments
+.PHONY: smoke figures experiments fuzz fuzz-readers reactions soak verify frames mutants review-holdout test-fresh \
+  test-tutorials test-pythons explore $(BENCHES:%=bench-%)
+
+bench-firmware: firmware comparison ## Measure the firmware binary on the simulated chip; build/bench/firmware.json
+bench-host: ## Measure the decoder, recording and the driver without ROS; build/bench/host.json
+bench-sim: firmware ## Measure the emulated boards; build/bench/sim.json
+bench-radio: firmware ## Measure texts by radio between emulated boards; build/bench/radio.json
+bench-hold: firmware ## Measure how soon a hold by radio stops a robot; build/bench/hold.json
+bench-ros: ## Measure the ROS node and, for comparison, a bare rospy loop; build/bench/ros.json
+bench-relay: ## Measure topics that cross between two masters, and a pulled cable; build/bench/relay.json
+bench-fleet: ## Measure team.launch with 20 robots and with one; build/bench/fleet.json
+bench-calibration: ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
+bench-web: ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json
+$(BENCHES:%=bench-%): bench-%: setup
+	$(ROS_ENV) $(PY) -m tests.long.bench $*
+
 smoke: setup firmware pc-firmware comparison ## Run whatever measures, verifies or draws in its shortest form and judge the figures; ONLY="soak docs"
 	$(PY) -m tests.long.bench.smoke $(ONLY)
 
@@ -12,7 +28,6 @@ figures: setup ## Render the tables of README.md and BENCHMARKS.md from docs/fig
 experiments: setup firmware comparison ## Measure the papers' experiments in simulated time; build/bench/experiments.json
 	$(PY) -m tests.long.bench experiments
 
-.PHONY: fuzz fuzz-readers reactions soak
 fuzz-readers: setup pc-firmware ## Change the inputs of each reader at random for SECONDS=n, from SEED=n
 	$(PY) -m tests.long.fuzz.inputs --seconds $(or $(SECONDS),$(if $(FAST),0.1,60)) --seed $(or $(SEED),1)
 
@@ -31,45 +46,29 @@ soak: setup firmware ## Strike with SOAK_FAULTS=n faults in simulated time, then
 	$(PY) -m tests.long.soak simulated --faults $(SOAK_FAULTS)
 	$(PY) -m tests.long.soak real --minutes $(SOAK_MINUTES)
 
-.PHONY: verify
 verify: setup ## Check the model of the stop in all its states; build/verify/model.json
 	$(PY) -m tests.long.verify.model
 
-.PHONY: frames
 frames: setup ## Visit all states of the firmware's decoder and writer, and interrupt its shared functions; build/verify/frames.json
 	$(PY) -m tests.long.verify.frames
 	$(PY) -m tests.long.verify.interrupts
 
-.PHONY: mutants
-mutants: setup $(VENV)/.mutants pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter"
-	$(PY) -m tests.long.mutants $(SOURCES)
+mutants: setup $(VENV)/.mutants pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter" SAMPLE=100
+	$(PY) -m tests.long.mutants $(SOURCES) $(if $(SAMPLE),--sample $(SAMPLE) --seed $(or $(SEED),1))
 
-.PHONY: bench-calibration
-bench-calibration: setup ## Calibrate 20 emulated robots with hidden errors; build/bench/calibration.json
-	$(PY) -m tests.long.bench calibration
-
-.PHONY: review-holdout
 review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first
 	$(PY) -m tests.review.holdout $(if $(SEEDS),--seeds $(SEEDS))
 
-.PHONY: bench-web
-bench-web: setup ## Measure stop times, CPU and first load of the page in Chromium; build/bench/web.json
-	$(PY) -m tests.long.bench web
-
 PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)
-.PHONY: test-fresh
 test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS=run
 	@mkdir -p build/fresh && git bundle create -q build/fresh/head.bundle HEAD
 	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
 
-.PHONY: test-tutorials
 test-tutorials: setup ## Carry out the tutorials of docs/tutorials on emulated robots; ONLY="1_first_drive 6_team"
 	@$(ROS_ENV) $(PY) -m tests.documents.tutorials $(ONLY)
 
-.PHONY: test-pythons
 test-pythons: | apt firmware pc-firmware comparison ## Run the tests that need no ROS on each installed Python from 3.8 to 3.13; PYTHONS="3.8 3.13"
 	@$(if $(PYTHONS),PYTHONS="$(PYTHONS)") tests/pythons.sh
 
-.PHONY: explore
 explore: setup ## Let all sequences of 6 events happen to driver and firmware, and find the seeded bugs; build/verify/explore.json
 	$(PY) -m tests.long.verify.explorer

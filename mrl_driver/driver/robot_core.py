@@ -176,11 +176,8 @@ class Core:
         events: List[DriverEvent] = []
         due_s = self.due_s
         for event in session.receive(data, now) if data else ():
-            if type(event) is ImuReading:
-                events += state.on_imu(event)
-                continue
             if type(event) is not Counts:
-                events += self._digest(event, now)
+                events += state.on_imu(event) if type(event) is ImuReading else self._digest(event, now)
                 continue
             telemetry = state.on_counts(event, events)
             if telemetry is None:

@@ -83,11 +83,7 @@ def _parse(path: str, data: bytes) -> Tokens:
 
 @contextlib.contextmanager
 def lock() -> Iterator[None]:
-    """Make the folder if necessary, and let no other program change its files meanwhile.
-
-    Raises:
-        ConfigError: the folder cannot be used.
-    """
+    """Make the folder if necessary, and let no other program change its files; ConfigError if it cannot be used."""
     place = folder()
     try:
         os.makedirs(place, 0o700, exist_ok=True)
@@ -112,11 +108,7 @@ def lock() -> Iterator[None]:
 
 
 def read(path: str, remedy: str) -> bytes:
-    """Return the content of a private file; `remedy` ends the error's text.
-
-    Raises:
-        ConfigError: the file cannot be read, or other users can read it.
-    """
+    """Return a private file's content; ConfigError, which ends with `remedy`, if it is unreadable, or not private."""
     try:
         with open_plain(path) as file:
             mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)

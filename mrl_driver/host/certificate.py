@@ -55,11 +55,7 @@ def context(hosts: Sequence[str] = (), tell: Callable[[str], None] = lambda text
 
 
 def fingerprint() -> str:
-    """Return the certificate's SHA-256 in 64 hexadecimal digits, after `context` has been called.
-
-    Raises:
-        ConfigError: the file cannot be used.
-    """
+    """Return the certificate's SHA-256 in 64 hexadecimal digits, after `context`; ConfigError if it is damaged."""
     text = access.read(path(), _REMEDY).decode("ascii", "replace")
     try:
         return hashlib.sha256(ssl.PEM_cert_to_DER_cert(text[text.index("-----BEGIN CERT") :])).hexdigest()

@@ -103,11 +103,7 @@ def write(named: Mapping[str, Target]) -> None:
 
 
 def target_of(port: str) -> Target:
-    """Return the robot that `port` names; if it is not a name, any robot on that port.
-
-    Raises:
-        ConfigError: the file of names is invalid.
-    """
+    """Return the robot that `port` names, else any robot on that port; ConfigError if the file of names is invalid."""
     found = read().get(port) if _NAME.fullmatch(port) else None
     return found if found is not None else Target(port)
 

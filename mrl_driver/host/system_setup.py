@@ -178,11 +178,7 @@ def _changing(path: str) -> Iterator[None]:
 
 
 def require_user(user: str, root: str = "/") -> None:
-    """Check that this machine has the user; if `root` is an image, check only the form of the name.
-
-    Raises:
-        ConfigError: there is no such user.
-    """
+    """Check that this machine has the user, or in an image only the form of the name; ConfigError if it is wrong."""
     if not user.isprintable() or not user or any(c.isspace() for c in user):
         raise ConfigError(f"user is {user!r}, expected a user name")
     try:

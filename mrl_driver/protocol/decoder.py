@@ -17,7 +17,6 @@ from .table import BY_NAME, INT16_MAX, INT16_MIN, MAX_ARGUMENTS, MAX_FRAME, MAX_
 
 _AT, _END, _CR, _LF = b"@e\r\n"
 _CALIBRATE = BY_NAME["calibrate"].code
-_COMMON = b"0123456789,-@e"
 _PRINTABLE = range(0x20, 0x7F)
 LEAST_RUN = 400
 """Shortest feed that is checked for a run of frames [byte]; with fewer bytes the check costs more than it saves."""
@@ -77,10 +76,6 @@ class FrameDecoder:
         if self._frame or len(data) >= LEAST_RUN:
             data = self._whole(data, events)
         *pieces, rest = data.split(b"e")
-        # If tidy, all numbers that `int` can read are canonical: no signs, spaces or zeros that it would accept but the
-        # grammar does not, and line ends only after an 'e'.
-        tidy = len(data.translate(None, _COMMON)) == 2 * data.count(b"e\r\n")
-        tidy = tidy and b",0" not in data and b"-0" not in data
         checked = self.checked
         forms = {} if self.asked and not checked else self._forms[checked]
         for piece in pieces:
@@ -91,7 +86,7 @@ class FrameDecoder:
                 code, spelling, begin, pack, narrow, stamped = forms[tokens.pop(0)]
                 values, stamp = tuple(map(int, tokens)), None
                 pack(*values)
-                if not tidy and spelling % values != piece:
+                if spelling % values != piece:  # `int` also reads signs, spaces and leading zeros
                     raise ValueError
                 for i, low, high in narrow:
                     if not low <= values[i] <= high:

@@ -1,1 +1,1 @@
-"""Recordings of the wire: write, read, summarise.  Imports robot, session, transport and protocol."""
+"""Recordings of the wire: write, read.  Imports robot, session, transport and protocol."""

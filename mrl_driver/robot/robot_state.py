@@ -248,14 +248,15 @@ class RobotState:
         odometry, self.settled = self.odometry, self.info is not None
         if odometry is None:
             return None
-        used, arrival_s, sonars, tracker = False, event.arrival_s, event.sonars, self.tracker
-        changed = tracker.check(event.time_s) if tracker is not None else None
-        if event.rear is None:
-            used = odometry.update(event.right, event.left, event.time_s)
+        right, left, sonars, time_s, stamp_s, arrival_s, sequence, rear = event
+        used, tracker = False, self.tracker
+        changed = tracker.check(time_s) if tracker is not None else None
+        if rear is None:
+            used = odometry.update(right, left, time_s)
         elif isinstance(odometry, OmniOdometry):
-            used = odometry.update(event.right, event.left, event.time_s, event.rear)
+            used = odometry.update(right, left, time_s, rear)
         if used:
-            self._used_s, self._counted_s = arrival_s, event.time_s
+            self._used_s, self._counted_s = arrival_s, time_s
         elif odometry.baseline.primed != self._primed:
             self._begin_baseline(odometry, arrival_s, events)
         if changed is not None:
@@ -272,7 +273,7 @@ class RobotState:
         uncertainty, heading = odometry.uncertainty, odometry.heading
         assert uncertainty is not None
         gyro = heading is not None and heading.in_use
-        fields = event.stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, event.sequence, gyro
+        fields = stamp_s, arrival_s, pose, twist, self.ranges, fresh, travel, sequence, gyro
         telemetry = tuple.__new__(Telemetry, (*fields, uncertainty.spread, uncertainty.variances))
         self.telemetry = telemetry  # made without a call in Python
         return telemetry

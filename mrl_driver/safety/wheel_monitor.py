@@ -83,7 +83,8 @@ class _Wheel:
         self._hidden_m_s = HIDDEN_S * acceleration_m_s2
         self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
         self._speeds = self._targets.copy()
-        self._distances: Deque[Tuple[float, float]] = deque(maxlen=WINDOW)
+        self._expected_m: Deque[float] = deque(maxlen=WINDOW)
+        self._moved_m: Deque[float] = deque(maxlen=WINDOW)
         self._reference = 0.0
         self._direction = self._last = 0.0
         self._asked: Set[float] = set()
@@ -99,27 +100,34 @@ class _Wheel:
         self._targets.append(target_m_s)
         self._speeds.append(moved_m / dt_s)
         self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
-        floor = _least(self._targets)
+        least, most = min(self._targets), max(self._targets)
+        floor = max(least, 0.0) + min(most, 0.0)  # the slowest of them; 0 if they differ in direction
         if floor == 0.0:
             self._direction = 0.0
-            self._distances.clear()
+            self._forget()
             return None
         direction = math.copysign(1.0, floor)
         if direction != self._direction:
             self._turn(direction, self._speeds[0] * direction)
         self._follow(abs(floor), dt_s)
         if self._reference <= 0.0:
-            self._distances.clear()
+            self._forget()
             return None
-        self._distances.append((self._reference * dt_s, moved_m * direction))
-        return self._judge() if len(self._distances) == WINDOW else None
+        self._expected_m.append(self._reference * dt_s)
+        self._moved_m.append(moved_m * direction)
+        expected_m, moved_m = sum(self._expected_m), sum(self._moved_m)
+        if (
+            len(self._moved_m) < WINDOW
+            or expected_m < LEAST_DISTANCE_M
+            or moved_m >= LEAST_SHARE * expected_m
+        ):
+            return None
+        lately, moved_lately = (sum(list(each)[-NEWEST:]) for each in (self._expected_m, self._moved_m))
+        return Mismatch("", REVERSED if moved_lately < REVERSED_SHARE * lately else DEAD, expected_m, moved_m)
 
-    def _judge(self) -> Optional[Mismatch]:
-        expected, moved = (sum(each) for each in zip(*self._distances))
-        if expected < LEAST_DISTANCE_M or moved >= LEAST_SHARE * expected:
-            return None
-        lately, moved_lately = (sum(each) for each in zip(*list(self._distances)[-NEWEST:]))
-        return Mismatch("", REVERSED if moved_lately < REVERSED_SHARE * lately else DEAD, expected, moved)
+    def _forget(self) -> None:
+        self._expected_m.clear()
+        self._moved_m.clear()
 
     def _turn(self, direction: float, speed: float) -> None:
         """Start on a command in a new direction, with the wheel at `speed` along it.  If the other direction was
@@ -220,9 +228,3 @@ def monitor_of(model: RobotModel, pace: Pace) -> WheelMonitor:
     if isinstance(model.drive, OmniDrive):
         return WheelMonitor(model.drive, 1000 * model.drive.full_speed_m_s / ramp_ms, latency_s)
     return WheelMonitor(model.differential, model.board["linear_ceiling"] / ramp_ms, latency_s)
-
-
-def _least(targets: Deque[float]) -> float:
-    """Return the slowest of some speeds; 0 if they differ in direction."""
-    low, high = min(targets), max(targets)
-    return max(low, 0.0) + min(high, 0.0)

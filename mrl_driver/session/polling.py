@@ -9,7 +9,7 @@ from mrl_driver.protocol.table import BY_NAME
 
 from .handshake import Board
 from .link_counters import Counters
-from .sensor_polling import SensorPoll
+from .sensor_polling import BY_CODE, SensorPoll
 
 STATUS_S = 0.5
 """Period of `read_status` [s].  It also keeps checksums on; they end after 2 s without a valid frame."""
@@ -136,7 +136,8 @@ class Poll:
         if code == INFO and code in self._asked:
             self.round_trip.end(now)
         self._asked.discard(code)
-        self.due_s = -math.inf
+        if code in BY_CODE:  # it may have been absent, and is asked more often from now on
+            self.due_s = -math.inf
 
     def take(self, now: float, quick_s: float) -> None:
         """Send the requests that are due; `quick_s` is the period of `read_status` after `hurry` [s]."""

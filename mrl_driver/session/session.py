@@ -311,16 +311,19 @@ class Session:
                 continue
             self._other = 0
             counters.frames += 1
-            if frame.code in STREAMS:
+            code = frame.code
+            if code in STREAMS:
                 self._on_counts(frame, now, events)
-            elif frame.code == _IMU and self._poll.imu_s < math.inf:
+                if self._greeting is None:
+                    continue
+            elif code == _IMU and self._poll.imu_s < math.inf:
                 self._on_imu(frame, now, events)
                 continue
-            if frame.code not in STREAMS or self._greeting is not None:
-                self._on_frame(frame, now, checked, events)
-        if self._greeting is not None and (strange or b"@" not in data):
-            self._greeting.heard(data, now)
-        self.hurried = self._greeting is not None or self._poll.due_s == -math.inf
+            self._on_frame(frame, now, checked, events)
+        if self._greeting is not None:
+            self.hurried = True
+            if strange or b"@" not in data:
+                self._greeting.heard(data, now)
         return events
 
     def tick(self, now: float) -> List[SessionEvent]:
@@ -471,6 +474,7 @@ class Session:
         """Process any frame except telemetry of a ready board; `checked` says that it had a checksum."""
         code = frame.code
         self._poll.answered(code, now)
+        self.hurried |= self._poll.due_s == -math.inf
         if code == STATUS:
             self._on_status(status_of(frame.args), now, events)
         elif code == INFO:
@@ -497,7 +501,7 @@ class Session:
                 self._begin(now, events)
 
     def _on_counts(self, frame: Frame, now: float, events: List[SessionEvent]) -> None:
-        args, stamp, stream = frame.args, frame.stamp, self._stream
+        (code, args, stamp), stream = frame, self._stream
         if stamp is not None and self._decoder.checked:
             sequence, board_time = stamp
             missing = stream.missing(sequence, now - self.heard_s >= STALE_S)
@@ -509,20 +513,21 @@ class Session:
             sequence, stamp_s, time_s = None, stream.unnumbered(now), now
         if self._greeting is not None:
             return
-        if frame.code != self.stream_code:
+        if code != self.stream_code:
             events.append(Reply(frame))
             return
         self.heard_s = now
         self.counters.streamed += 1
         counts, sonars, rear = args[:2], args[2:] or None, None
-        if frame.code == _OMNI:
+        if code == _OMNI:
             counts, sonars, rear = args[:3], args[3:], args[2]
-        elif frame.code == _SENSING:
+        elif code == _SENSING:
             sonars = None
             for name in self.sensors.in_stream(args, now):
                 events.append(SensorRead(name, self.sensors.readings[name]))
         elif counts == args:
             self._poll.add_sonars(now)
+            self.hurried |= self._poll.due_s == -math.inf
         motion = self.motion
         if motion.settling:
             motion.observe(counts != self._last, now)
@@ -637,4 +642,4 @@ class Session:
         coast_s = self._plan.watchdog_ms / 1000 + STOPPING_S if self._watched else math.inf
         imu = self._poll.imu_s < math.inf
         events.append(Ready(self.board, self._restarted, self.checked, coast_s, imu))
-        self._restarted = False
+        self._restarted, self.hurried = False, True

@@ -236,21 +236,23 @@ class Commander:
     @property
     def stopped_by(self) -> StopReason:
         """Why the robot may not move, or why it stopped; `none` if there is no reason."""
-        if not self._driver.ready and self._driver.may_be_moving:
+        driver, ready, mismatch = self._driver, self._driver.ready, self._driver.mismatch
+        if not ready and driver.may_be_moving:
             return StopReason.MAY_BE_MOVING
         if self.latched or not self.enabled:
             return StopReason.EMERGENCY_STOP if self.latched else StopReason.MOTORS_DISABLED
-        if not self._driver.ready:
+        if not ready:
             return StopReason.NO_TELEMETRY
-        if self._driver.battery_state in ("empty", "off"):
+        if driver.battery_state in ("empty", "off"):
             return StopReason.BATTERY
-        if self._driver.mismatch is not None:
-            reason: StopReason = self._driver.mismatch.reason
+        if mismatch is not None:
+            reason: StopReason = mismatch.reason
             return reason
-        if self._driver.radio.hold is not None and self._driver.radio.hold.held:
+        hold = driver.radio.hold
+        if hold is not None and hold.held:
             return StopReason.HELD
-        told: StopReason = self._driver.stop_reason
-        if self._driver.command is not None:  # it says whether the robot stands
+        told: StopReason = driver.stop_reason
+        if driver.command is not None:  # it says whether the robot stands
             return StopReason.PROTECTIVE_ZONE if self._held else StopReason.NONE
         never_driven = self._cause is StopReason.NONE and self._commanded_s == float("-inf")
         if told is StopReason.BOOT and never_driven:

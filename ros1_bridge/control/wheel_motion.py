@@ -7,11 +7,7 @@ WINDOW_S = 0.15  # speeds are means over at least this time [s], so that single 
 
 
 class WheelMotion:
-    """Motion of the wheels of one robot; any thread may ask, some times a second.
-
-    Args:
-        driver: has `ready`, `may_be_moving`, `telemetry` and `model` of a `Driver`.
-    """
+    """Motion of the wheels of one robot; any thread may ask, some times a second."""
 
     def __init__(self, driver: Any) -> None:
         self._driver = driver

@@ -1,10 +1,12 @@
-"""Renders the description (URDF) of the robots from their models.
+"""Renders the description (URDF) of the robots from their models; `robot_description` prints one for a launch file.
 
 `python -m ros1_bridge.description` renders `urdf/`; `--check` reports whether the files are current.  base_link is at
 the height of the axle, midway between the wheels.
 """
 
+import argparse
 import math
+import sys
 from pathlib import Path
 from typing import Iterable, Iterator, List, NamedTuple, Sequence, Tuple
 from xml.sax.saxutils import quoteattr
@@ -56,7 +58,7 @@ def render(model: RobotModel, prefix: str = "", laser: bool = False, imu: bool =
             f"robot {model.name} is a board without motors (drive: none), expected a robot with a body of its own: "
             "describe the robot that carries the board, and start this one with description:=false"
         )
-    wanted = {_base: True, _wheels: True, _sonars: True, _laser: laser, _imu: imu, _gazebo: True}
+    wanted = {_base: True, _wheels: True, _sonars: True, _laser: laser, _imu: imu}
     parts = (part(model, prefix) for part, is_wanted in wanted.items() if is_wanted)
     lines = [
         '<?xml version="1.0"?>',
@@ -159,28 +161,6 @@ def _imu(model: RobotModel, prefix: str) -> Lines:
     yield from _joint("imu_joint", base, imu_frame(base), (mount.x_m, mount.y_m, mount.z_m))
 
 
-def _gazebo(model: RobotModel, prefix: str) -> Lines:
-    """Gazebo's own drive plugin, which replaces board and driver."""
-    values = {
-        "commandTopic": "cmd_vel",
-        "odometryTopic": "odom",
-        "odometryFrame": prefix + "odom",
-        "robotBaseFrame": prefix + "base_link",
-    }
-    if isinstance(model.base, OmniDrive):
-        plugin = "planar_move"
-        values["odometryRate"] = "50"
-    else:
-        plugin = "diff_drive"
-        values["leftJoint"], values["rightJoint"] = reversed(JOINTS)
-        values["wheelSeparation"] = f"{model.base.wheel_separation_m:g}"
-        values["wheelDiameter"] = f"{2 * wheel_radius_m(model):.5g}"
-        values["wheelAcceleration"] = f"{model.limits.linear_acceleration_m_s2:g}"
-        values["updateRate"] = "50"
-    settings = (f"<{key}>{value}</{key}>" for key, value in values.items())
-    yield from _tag("gazebo", _tag("plugin", settings, name="drive", filename=f"libgazebo_ros_{plugin}.so"))
-
-
 def _link(
     name: str, visuals: Sequence[LinkShape], mass_kg: float, solid: LinkShape, collisions: Sequence[LinkShape]
 ) -> Lines:
@@ -231,3 +211,17 @@ def _joint(name: str, parent: str, child: str, at: Point, yaw_rad: float = 0.0, 
 
 def _origin(at: Point, roll_rad: float = 0.0, yaw_rad: float = 0.0) -> Lines:
     return _tag("origin", xyz=" ".join(f"{value:.5g}" for value in at), rpy=f"{roll_rad:.6g} 0 {yaw_rad:.6g}")
+
+
+def main() -> None:
+    """Print the description of a robot model, for a launch file's `command`."""
+    parser = argparse.ArgumentParser("robot_description", description=main.__doc__)
+    parser.add_argument("model", help="name of a packaged model, or path of a .yaml file")
+    parser.add_argument("--prefix", default="", help="prefix of each link name, such as robot1/")
+    builds, flags = ("", *models.BUILDS), ("false", "true")
+    parser.add_argument("--build", default="", choices=builds, help="instead of the model's build")
+    parser.add_argument("--laser", default="false", choices=flags, help="add a laser scanner")
+    parser.add_argument("--imu", default="false", choices=flags, help="add the IMU's frame")
+    given = parser.parse_args()
+    model = models.with_build(models.load(given.model), given.build)
+    sys.stdout.write(render(model, given.prefix, given.laser == "true", given.imu == "true"))

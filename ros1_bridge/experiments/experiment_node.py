@@ -13,8 +13,7 @@ from sim_arduino.experiments import experiment_report
 from sim_arduino.experiments.cli import EXPERIMENTS
 from sim_arduino.experiments.experiment_robot import Setting
 
-from .experiment_processes import Parts
-from .legs import NODES
+from .legs import NODES, Parts
 
 TERMINATED = 143
 

@@ -30,7 +30,7 @@ from sim_arduino.experiments.sonar_approach import SonarRun
 from sim_arduino.world import world_file
 from sim_arduino.world.world_file import pose_text
 
-from .experiment_processes import START_S, Parts
+from .legs import START_S, Parts
 
 ROBOT = "robot"
 """Namespace of a single robot."""
@@ -40,34 +40,23 @@ MOST_S = 180.0
 LAP = ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0), (0.05, 0.0))
 """A counter-clockwise lap; the last point makes the robot turn to its first heading."""
 LAP_LIMITS = FollowerLimits(square.SPEEDS.linear_m_s, square.SPEEDS.angular_rad_s)
-SONAR_PLAN = sonar_procedures.SonarPlan(step_m=0.15)
+SONAR_M = sonar_procedures.distances(step_m=0.15)
 """Fewer stops than in simulated time, because these are in real time."""
 SONAR_LIMITS = FollowerLimits(linear_m_s=0.2)
 READ_S = 1.0  # readings of a stop: the sonar measures every 0.3 s
 LAP_STOP_S, COURSE_STOP_S = 2.0, 1.0  # the robot stands for this time at the end
 _Then = Callable[[Odometry], None]
+TimedPoses = List[Tuple[float, Pose]]
+"""Times [s], which rise, and poses."""
 
 
 def ignore(_: Odometry) -> None:
     """Ignore a message."""
 
 
-class TimedPoses(List[Tuple[float, Pose]]):
-    """Poses and their times [s], which rise."""
-
-    @property
-    def last(self) -> Pose:
-        """The last pose."""
-        return self[-1][1]
-
-    def at(self, stamps_s: Sequence[float]) -> List[Pose]:
-        """Poses at these times, linear between two of them; the first before all, the last after all."""
-        return [pose_at(self, stamp_s) for stamp_s in stamps_s]
-
-
 def heard(topic: str, then: _Then = ignore) -> TimedPoses:
     """The poses of a topic with Odometry, from now on; `then` gets each message."""
-    poses = TimedPoses()
+    poses: TimedPoses = []
 
     def keep(message: Odometry) -> None:
         poses.append((message.header.stamp.to_sec(), planar(message.pose.pose)))
@@ -78,13 +67,7 @@ def heard(topic: str, then: _Then = ignore) -> TimedPoses:
 
 
 class OdometryRobot:
-    """A robot reached through `cmd_vel` and `odom`.
-
-    Args:
-        space: Its namespace, with the leading slash.
-        driven: Whether this node drives it.
-        then: Gets each odometry message.
-    """
+    """A robot reached through `cmd_vel`, if this node drives it, and `odom`; `then` gets each odometry message."""
 
     def __init__(self, space: str = f"/{ROBOT}", driven: bool = True, then: _Then = ignore) -> None:
         self._first, self._mark = ORIGIN, ORIGIN
@@ -101,20 +84,16 @@ class OdometryRobot:
     @property
     def pose(self) -> Pose:
         """The last pose by odometry."""
-        return self._in_frame(self._odometry.last)
+        return self._in_frame(self._odometry[-1][1])
 
     @property
-    def stamps_s(self) -> List[float]:
-        """The times of all poses by odometry [s]."""
-        return [stamp_s for stamp_s, _ in self._odometry]
-
-    def poses_at(self, stamps_s: Sequence[float]) -> List[Pose]:
-        """Poses by odometry at these times [s]."""
-        return [self._in_frame(pose) for pose in self._odometry.at(stamps_s)]
+    def path(self) -> TimedPoses:
+        """All poses by odometry."""
+        return [(stamp_s, self._in_frame(pose)) for stamp_s, pose in self._odometry]
 
     def reset_pose(self, pose: Pose) -> None:
         """Sets the pose by odometry at which the robot is now."""
-        self._first, self._mark = self._odometry.last, pose
+        self._first, self._mark = self._odometry[-1][1], pose
 
     def _in_frame(self, pose: Pose) -> Pose:
         return self._mark.compose(*pose.relative_to(self._first))
@@ -176,11 +155,8 @@ def lap(parts: Parts, setting: Setting) -> Pose:
 
 
 def approach(parts: Parts, setting: Setting) -> SonarRun:
-    """Approaches the wall with a robot with drawn errors, and fits the readings at the stops.
-
-    Raises:
-        MrlError: a part has failed or is not ready in time, or the robot does not arrive.
-        ConfigError: the sonar missed the wall too often.
+    """Approaches the wall with a robot with drawn errors, and fits the readings at the stops; MrlError as for `lap`, or
+    ConfigError if the sonar missed the wall too often.
     """
     ranges, distances = readings(parts, setting)
     board = {**models.COMMON_BOARD, **models.load(setting.robot).board}
@@ -193,7 +169,7 @@ def approach(parts: Parts, setting: Setting) -> SonarRun:
 def _start_at_wall(parts: Parts, setting: Setting) -> None:
     """Starts the board, whose sonars have a hidden curve, in front of a wall, and its robot node."""
     world = parts.folder / "wall.yaml"
-    wall_m, wide_m = sonar_approach.SONAR_X_M + SONAR_PLAN.start_m, sonar_approach.WIDE_M
+    wall_m, wide_m = sonar_approach.SONAR_X_M + SONAR_M[0], sonar_approach.WIDE_M
     world.write_text(f"start: [0, 0, 0]\nwalls:\n  - [{wall_m}, {-wide_m}, {wall_m}, {wide_m}]\n")
     pose = pose_text(disturbances.placed(ORIGIN, setting.seed))
     place = ("--world", str(world), "--pose", pose, "--seed", str(setting.seed))
@@ -210,13 +186,13 @@ def readings(parts: Parts, setting: Setting) -> Tuple[List[float], List[float]]:
     found: List[float] = []
     rospy.Subscriber(f"/{ROBOT}/sonar/front", Range, lambda message: found.append(message.range))
     ranges, distances = [], []
-    for distance_m in SONAR_PLAN.distances():
-        follow(parts, robot, Course([(SONAR_PLAN.start_m - distance_m, 0.0)], SONAR_LIMITS), FRESH_S)
+    for distance_m in SONAR_M:
+        follow(parts, robot, Course([(SONAR_M[0] - distance_m, 0.0)], SONAR_LIMITS), FRESH_S)
         found.clear()
         time.sleep(READ_S)
         valid = [range_m if np.isfinite(range_m) else np.nan for range_m in found]
         ranges.append(float(np.median(valid)) if valid else np.nan)
-        distances.append(SONAR_PLAN.start_m - robot.pose.x_m)
+        distances.append(SONAR_M[0] - robot.pose.x_m)
     return ranges, distances
 
 
@@ -237,9 +213,11 @@ def drive(parts: Parts, setting: Setting) -> CourseRecord:
     for name, readings in (("sonar/left and sonar/right", ranges), ("scan", scans)):
         if not readings:
             raise MrlError(f"no message on {name} during the drive, expected readings; see the node's log")
-    stamps_s = robot.stamps_s
-    cones, beams = (_placed(each, robot, truth) for each in (ranges, scans))
-    return CourseRecord(robot.poses_at(stamps_s), cones, beams, truth.at(stamps_s))
+    path = robot.path
+    cones, beams = (_placed(each, path, truth) for each in (ranges, scans))
+    return CourseRecord(
+        [pose for _, pose in path], cones, beams, [pose_at(truth, time_s) for time_s, _ in path]
+    )
 
 
 def _start_in_course(parts: Parts, setting: Setting, start: Pose) -> None:
@@ -271,8 +249,9 @@ def _listen(model: models.RobotModel) -> Tuple[List[Any], List[Any], List[rospy.
     return ranges, scans, [*subscribers, rospy.Subscriber(f"/{ROBOT}/scan", LaserScan, on_scan)]
 
 
-def _placed(readings: Sequence[Any], robot: OdometryRobot, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
+def _placed(readings: Sequence[Any], path: TimedPoses, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
     """Readings with the pose of their sensor by odometry, and its true pose, at the time of the message."""
-    stamps_s = [stamp_s for stamp_s, _, _ in readings]
-    places = zip(readings, robot.poses_at(stamps_s), truth.at(stamps_s))
-    return [(pose.compose(*mount), value, true.compose(*mount)) for (_, mount, value), pose, true in places]
+    return [
+        (pose_at(path, time_s).compose(*mount), value, pose_at(truth, time_s).compose(*mount))
+        for time_s, mount, value in readings
+    ]

@@ -37,7 +37,7 @@ from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
 
-from .experiment_processes import START_S, Parts
+from .legs import START_S, Parts
 from .one_robot_node import RATE_HZ, ROBOT, OdometryRobot, heard, ignore
 
 WANDER_S, PATROL_S, ROUNDS = 60.0, 40.0, 1
@@ -48,12 +48,10 @@ TOUCH_M = 0.005
 
 
 class TopicRobot(OdometryRobot):
-    """A robot reached through its topics, as a `team.Player` needs it.
+    """A robot reached through its topics, as a `team.Player` needs it; its name is its namespace.
 
-    Args:
-        member: The robot's role in the team; its name is its namespace.
-        truth: World that reports contacts; it also gets the true pose of a real robot.
-        navigated: `go_to_goal` drives the robot; otherwise this node does.
+    The world `truth` reports contacts, and gets the true pose of a real robot.  A robot that is `navigated` is driven
+    by `go_to_goal`, others by this node.
     """
 
     def __init__(self, member: Member, truth: World, navigated: bool) -> None:
@@ -100,7 +98,7 @@ class TopicRobot(OdometryRobot):
     @property
     def true_pose(self) -> Pose:
         """True pose in the world."""
-        return self._true.last
+        return self._true[-1][1]
 
     @property
     def bumped(self) -> bool:

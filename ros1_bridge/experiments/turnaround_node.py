@@ -16,7 +16,7 @@ from sim_arduino.board.uart import IN_BYTE_S
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.turnaround import Topics
 
-from .experiment_processes import Parts
+from .legs import Parts
 from .one_robot_node import ROBOT, OdometryRobot, wait_for
 
 _MOVE = re.compile(rb"@%d,(-?\d+),[^@e]*e" % BY_NAME["move_differential"].code)

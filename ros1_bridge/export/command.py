@@ -96,12 +96,7 @@ def _write_messages(
     frames: Dict[str, Optional[str]],
     advance: Callable[[float], None],
 ) -> int:
-    """Play a recording into a file of messages, which will be named `output`; return their number.
-
-    Raises:
-        ConfigError: the name or a frame is not valid, or a package is missing.
-        OSError, OutputError: the file cannot be written.
-    """
+    """Play a recording into a file of messages, which will be named `output`; return their number."""
     from . import message_classes
 
     message_classes.provide()

@@ -15,17 +15,10 @@ from .message_classes import needs_extra
 
 
 class MessageFile(ABC):
-    """A file that is being written; it takes the place of the class rospy.Publisher.
+    """A file named `output` that is being written; it takes the place of the class rospy.Publisher.
 
-    `add`, `write` and `close` raise OSError if the disk is full.
-
-    Args:
-        output: name of the file for errors.
-        namespace: what relative names of topics are in, such as `/robot1`; empty for none.
-        now_ns: the time at which messages arrive [ns since 1970].
-
-    Attributes:
-        count: messages that were written.
+    `add`, `write` and `close` raise OSError if the disk is full.  Relative names of topics are in `namespace`, such as
+    `/robot1`, and `now_ns` is the time at which messages arrive [ns since 1970].
     """
 
     def __init__(self, output: str, namespace: str, now_ns: Callable[[], int]) -> None:

@@ -39,11 +39,7 @@ class RecordedTopics:
     """Publishes what a recording holds, while `RecordedDriver.play` runs.
 
     As in robot_node, the robot's topics begin with its first telemetry.  Topics that tell of the node itself, such as
-    `status`, are not in a recording.
-
-    Args:
-        publisher_class: makes a publisher of a topic, as rospy.Publisher.
-        parameters: those of robot_node.
+    `status`, are not in a recording.  `publisher_class` makes a publisher of a topic, as rospy.Publisher.
     """
 
     def __init__(

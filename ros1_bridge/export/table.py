@@ -21,10 +21,7 @@ def write(recorded: RecordedDriver, path: str, advance: Callable[[float], None])
 
     The columns are the values that the board has, named as the keys of `mrl monitor --udp`.  A cell is empty if its
     value is not known, `inf` if a sonar sees nothing in range, and `-inf` if something is too close.  Boards without
-    motors have no telemetry: theirs are rows for the readings of sensors.
-
-    Raises:
-        OSError: the file cannot be written.
+    motors have no telemetry: theirs are rows for the readings of sensors.  OSError if the file cannot be written.
     """
     with open(path, "w", newline="", encoding="utf-8") as file:
         table = _Table(recorded, csv.writer(file, lineterminator="\n"))

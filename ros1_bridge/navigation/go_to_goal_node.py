@@ -129,7 +129,7 @@ class GoToGoal:
         self._server.start()
         if not self._client.wait_for_server():  # shut down
             return
-        rospy.Subscriber("move_base_simple/goal", PoseStamped, self._on_goal, queue_size=1)
+        rospy.Subscriber("move_base_simple/goal", PoseStamped, lambda goal: self._visit([goal]), queue_size=1)
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
         rospy.spin()
 
@@ -165,9 +165,6 @@ class GoToGoal:
     def _on_manual_mode(self, message: Bool) -> None:
         """Note the mode; robot_node cancels the goal when it changes."""
         self._manual = message.data
-
-    def _on_goal(self, message: PoseStamped) -> None:
-        self._visit([message])
 
     def _on_waypoints(self, message: Path) -> None:
         for pose in message.poses:

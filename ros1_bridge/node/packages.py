@@ -3,6 +3,8 @@
 import sys
 from typing import Dict, List, NamedTuple, Sequence
 
+from mrl_driver.errors import ConfigError
+
 
 class Origin(NamedTuple):
     """Where a package comes from."""
@@ -72,17 +74,18 @@ def advice(packages: Sequence[str]) -> str:
     return f"{noun} {', '.join(packages)} missing: {', or '.join(ways)}{source}"
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Print the packages if all are there; otherwise the line that says how to get the missing ones, and return 1."""
-    unknown = [package for package in arguments if package not in PACKAGES]
-    if unknown or not arguments:
-        sys.stderr.write(
-            f"need_packages: got {' '.join(unknown) or 'nothing'}, expected packages of {', '.join(PACKAGES)}\n"
-        )
-        return 2
-    lacking = missing(arguments)
+def main() -> int:
+    """The program `need_packages PACKAGE ...`, which launch files run before nodes of other packages.
+
+    Prints the packages if all are there; otherwise the line that says how to get the missing ones, and returns 1.
+    """
+    needed = sys.argv[1:]
+    unknown = [package for package in needed if package not in PACKAGES]
+    if unknown or not needed:
+        raise ConfigError(f"got {' '.join(unknown) or 'nothing'}, expected packages of {', '.join(PACKAGES)}")
+    lacking = missing(needed)
     if lacking:
         sys.stderr.write(f"{advice(lacking)}\n")
         return 1
-    sys.stdout.write(" ".join(arguments))
+    sys.stdout.write(" ".join(needed))
     return 0

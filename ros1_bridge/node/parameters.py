@@ -66,10 +66,8 @@ def read(
 ) -> Dict[str, Any]:
     """Name to value of a node's parameters; `given` holds the contents of its private namespace.
 
-    `lists` names parameters that the node reads by itself; they are left out.
-
-    Raises:
-        ConfigError: a value is missing, of the wrong type or out of range, or a name is unknown.
+    `lists` names parameters that the node reads by itself; they are left out.  ConfigError if a value is missing, of
+    the wrong type or out of range, or a name is unknown.
     """
     names = [*lists, *(row.name for row in rows)]
     for name in given:

@@ -10,19 +10,8 @@ from typing import Callable, Dict, List, Optional, Tuple
 
 from mrl_driver.safety.message_age import MessageAge, clock_s
 
-from .relay_frames import (
-    PROTOCOL,
-    FrameReader,
-    Hello,
-    Message,
-    Ping,
-    Pong,
-    RelayError,
-    Source,
-    Taken,
-    encode,
-    is_command,
-)
+from . import relay_frames as frames
+from .relay_frames import PROTOCOL, RelayError
 from .relay_settings import Settings
 
 PING_S = 0.1  # time between heartbeats; less than the shortest time after which either end counts as silent
@@ -58,7 +47,7 @@ class TopicReceiver:
         self,
         settings: Settings,
         peer: str,
-        take: Callable[[Source, bytes], None],
+        take: Callable[[frames.Source, bytes], None],
         tell: Callable[[bool, str], None],
     ) -> None:
         self.peer, self.address = peer, settings.peers[peer]
@@ -123,16 +112,16 @@ class TopicReceiver:
 
     def _exchange(self, connection: socket.socket) -> None:
         """Take what comes until the end; OSError if the connection breaks, RelayError if it is silent or another's."""
-        self._frames, self._age = FrameReader(), MessageAge(WINDOW_S, AHEAD_S)
+        self._frames, self._age = frames.FrameReader(), MessageAge(WINDOW_S, AHEAD_S)
         self._peer_run, self._count = "", 0
-        self._sources: Dict[int, Source] = {}
+        self._sources: Dict[int, frames.Source] = {}
         self._last: Dict[int, int] = {}
-        connection.sendall(encode(Hello(PROTOCOL, self._settings.name, "", list(self.counts))))
+        connection.sendall(frames.encode(frames.Hello(PROTOCOL, self._settings.name, "", list(self.counts))))
         heard_s, ping_s = time.monotonic(), 0.0
         while not self._ends.is_set():
             now_s = time.monotonic()
             if now_s >= ping_s:
-                connection.sendall(encode(Ping(clock_s())))
+                connection.sendall(frames.encode(frames.Ping(clock_s())))
                 ping_s = now_s + PING_S
             if select.select([connection], [], [], max(0.0, ping_s - now_s))[0]:
                 heard_s = time.monotonic()
@@ -144,28 +133,28 @@ class TopicReceiver:
         data = connection.recv(_READ_BYTES)
         if not data:
             raise RelayError("closed by the other end")
-        newest: Dict[int, Message] = {}
+        newest: Dict[int, frames.Message] = {}
         for event in self._frames.feed(data):
-            if isinstance(event, Message):
+            if isinstance(event, frames.Message):
                 self._count += 1
                 newest[event.number] = event
-            elif isinstance(event, Hello):
+            elif isinstance(event, frames.Hello):
                 self._greet(event)
-            elif isinstance(event, Pong):
+            elif isinstance(event, frames.Pong):
                 self._age.heard(*event)
                 self._connected()
-            elif isinstance(event, Source):
+            elif isinstance(event, frames.Source):
                 self._sources[event.number] = event._replace(
-                    latched=event.latched and not is_command(event.type)
+                    latched=event.latched and not frames.is_command(event.type)
                 )
             else:
                 raise RelayError(f"got {type(event).__name__}, expected the frames of a sender")
         for message in newest.values():
             self._message(message)
         if newest:
-            connection.sendall(encode(Taken(self._count)))
+            connection.sendall(frames.encode(frames.Taken(self._count)))
 
-    def _greet(self, hello: Hello) -> None:
+    def _greet(self, hello: frames.Hello) -> None:
         if hello.protocol != PROTOCOL:
             raise RelayError(f"got protocol {hello.protocol}, expected {PROTOCOL}: install the same version")
         if hello.name != self.peer:
@@ -185,7 +174,7 @@ class TopicReceiver:
             words += f", but it does not send {', '.join(self.missing)}: see its ~send"
         self._tell(True, words)
 
-    def _message(self, message: Message) -> None:
+    def _message(self, message: frames.Message) -> None:
         source = self._sources.get(message.number)
         counts = self.counts.get(source.topic) if source else None
         if source is None or counts is None:

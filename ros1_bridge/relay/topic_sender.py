@@ -16,21 +16,8 @@ from typing import Callable, Deque, Dict, List, NamedTuple, Optional, Set, Tuple
 from mrl_driver.errors import shortage
 from mrl_driver.safety.message_age import clock_s
 
-from .relay_frames import (
-    LONGEST_BYTES,
-    PROTOCOL,
-    Event,
-    FrameReader,
-    Hello,
-    Message,
-    Ping,
-    Pong,
-    RelayError,
-    Source,
-    Taken,
-    encode,
-    is_command,
-)
+from . import relay_frames as frames
+from .relay_frames import PROTOCOL, RelayError
 from .relay_settings import Address, Settings
 
 MOST_RECEIVERS = 32  # more relays than these are refused
@@ -55,17 +42,17 @@ class Outbox:
     """
 
     def __init__(self) -> None:
-        self._waiting: Dict[int, Message] = {}
+        self._waiting: Dict[int, frames.Message] = {}
         self._in_transit: Deque[Tuple[int, int, float]] = deque()
         self._bytes = self._arrived = 0
         self._messages: Dict[int, int] = {}
         self._fastest_s, self._most = math.inf, float(MOST_OF_ONE)
 
-    def put(self, message: Message) -> None:
+    def put(self, message: frames.Message) -> None:
         """Let a message wait; it takes the place of the one that it replaces."""
         self._waiting[message.number] = message
 
-    def next(self, now_s: float) -> Optional[Message]:
+    def next(self, now_s: float) -> Optional[frames.Message]:
         """The message to send now; None if none waits or too much is in transit."""
         for number, message in self._waiting.items():
             if self._may_leave(message):
@@ -86,7 +73,7 @@ class Outbox:
             self._messages[number] -= 1
             self._adapt(now_s - left_s)
 
-    def _may_leave(self, message: Message) -> bool:
+    def _may_leave(self, message: frames.Message) -> bool:
         if not self._in_transit:
             return True
         if len(self._in_transit) >= int(self._most) or self._bytes + len(message.body) > MOST_BYTES:
@@ -113,13 +100,9 @@ class MessageType(NamedTuple):
 class TopicSender:
     """Listens for other relays, and sends them the topics that they ask for, if they are among its own.
 
-    Args:
-        settings: Of this relay; port 0 takes a free one.
-        tell: Gets a line about each receiver that comes or goes.
-        publishes: Whether a publisher of a topic still exists; its latched message is not repeated if it does not.
-
-    Raises:
-        OSError: the address cannot be used.
+    `tell` gets a line about each receiver that comes or goes.  `publishes` says whether a publisher of a topic still
+    exists; its latched message is not repeated if it does not.  OSError if the address cannot be used; port 0 takes a
+    free one.
     """
 
     def __init__(
@@ -133,9 +116,9 @@ class TopicSender:
         self.too_long = 0  # messages that were longer than `LONGEST_BYTES`, and not sent
         self.began_s = clock_s()
         self._publishes = publishes
-        self._sources: Dict[Tuple[str, str], Source] = {}
+        self._sources: Dict[Tuple[str, str], frames.Source] = {}
         self._sequences: Dict[int, int] = {}
-        self._latched: Dict[int, Tuple[Source, Message]] = {}
+        self._latched: Dict[int, Tuple[frames.Source, frames.Message]] = {}
         self._receivers: List[_Receiver] = []
         self._lock = threading.Lock()
         self._listener = socket.create_server(tuple(settings.listen))
@@ -147,7 +130,7 @@ class TopicSender:
     def publish(self, topic: str, publisher: str, kind: MessageType, latched: bool, body: bytes) -> None:
         """Send a serialized message to all receivers that ask for the topic."""
         stamp_s = clock_s()
-        if latched and is_command(kind.type) and stamp_s < self.began_s + SETTLE_S:
+        if latched and frames.is_command(kind.type) and stamp_s < self.began_s + SETTLE_S:
             self.tell(
                 f"{topic} of {publisher}: not sent: a latched command may be one of before this start; send it again"
             )
@@ -155,8 +138,8 @@ class TopicSender:
         with self._lock:
             source = self._source(topic, publisher, kind, latched)
             self._sequences[source.number] += 1
-            message = Message(source.number, self._sequences[source.number], stamp_s, body)
-            if len(body) > LONGEST_BYTES - 64:
+            message = frames.Message(source.number, self._sequences[source.number], stamp_s, body)
+            if len(body) > frames.LONGEST_BYTES - 64:
                 self.too_long += 1
                 return
             if source.latched:
@@ -165,7 +148,7 @@ class TopicSender:
         for receiver in receivers:
             receiver.offer(source, message)
 
-    def latched(self) -> List[Tuple[Source, Message]]:
+    def latched(self) -> List[Tuple[frames.Source, frames.Message]]:
         """The last messages of all latched publishers that still exist."""
         with self._lock:
             kept = list(self._latched.values())
@@ -199,11 +182,11 @@ class TopicSender:
         with self._lock:
             self._receivers.remove(receiver)
 
-    def _source(self, topic: str, publisher: str, kind: MessageType, latched: bool) -> Source:
+    def _source(self, topic: str, publisher: str, kind: MessageType, latched: bool) -> frames.Source:
         known = self._sources.get((topic, publisher))
-        latched = latched and not is_command(kind.type)
+        latched = latched and not frames.is_command(kind.type)
         number = known.number if known else len(self._sequences) + 1
-        source = Source(number, topic, publisher, *kind, latched)
+        source = frames.Source(number, topic, publisher, *kind, latched)
         if source != known:
             source = source._replace(number=len(self._sequences) + 1)
             self._sequences[source.number] = 0
@@ -242,10 +225,10 @@ class _Receiver:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.words = ""  # name and address, after the first frame
         self._sender, self._socket, self._address = sender, connection, address
-        self._frames, self._outbox = FrameReader(), Outbox()
+        self._frames, self._outbox = frames.FrameReader(), Outbox()
         self._lock = threading.RLock()
         self._declared: Set[int] = set()
-        self._sources: Dict[int, Source] = {}
+        self._sources: Dict[int, frames.Source] = {}
         self._topics: Optional[Set[str]] = None
         self._open = self._ended = False
         self._unsent = b""
@@ -261,7 +244,7 @@ class _Receiver:
             os.close(self._wake)
             raise
 
-    def offer(self, source: Source, message: Message) -> None:
+    def offer(self, source: frames.Source, message: frames.Message) -> None:
         """Send a message as soon as the link allows, unless a newer one replaces it before."""
         with self._lock:
             if not self._open or self._ended or self._topics is None or source.topic not in self._topics:
@@ -325,28 +308,30 @@ class _Receiver:
         for event in self._frames.feed(data):
             self._take(event)
 
-    def _take(self, event: Event) -> None:
-        if isinstance(event, Hello) and self._topics is None:
+    def _take(self, event: frames.Event) -> None:
+        if isinstance(event, frames.Hello) and self._topics is None:
             self._greet(event)
         elif self._topics is None:
             raise RelayError(f"got {type(event).__name__}, expected Hello first")
-        elif isinstance(event, Ping):
+        elif isinstance(event, frames.Ping):
             with self._lock:
-                self._unsent += encode(Pong(event.sent_s, clock_s()))
+                self._unsent += frames.encode(frames.Pong(event.sent_s, clock_s()))
             if not self._open:
                 self._begin()
-        elif isinstance(event, Taken):
+        elif isinstance(event, frames.Taken):
             with self._lock:
                 self._outbox.taken(event.messages, clock_s())
         else:
             raise RelayError(f"got {type(event).__name__}, expected Ping or Taken")
 
-    def _greet(self, hello: Hello) -> None:
+    def _greet(self, hello: frames.Hello) -> None:
         if hello.protocol != PROTOCOL:
             raise RelayError(f"got protocol {hello.protocol}, expected {PROTOCOL}: install the same version")
         topics = set(hello.topics).intersection(self._sender.settings.send)
         self._topics, self.words = topics, f"{hello.name} at {self._address}"
-        self._unsent += encode(Hello(PROTOCOL, self._sender.settings.name, self._sender.run, sorted(topics)))
+        self._unsent += frames.encode(
+            frames.Hello(PROTOCOL, self._sender.settings.name, self._sender.run, sorted(topics))
+        )
         self._sender.tell(f"{self.words}: connected, gets {', '.join(sorted(topics)) or 'no topic'}")
 
     def _begin(self) -> None:
@@ -365,8 +350,8 @@ class _Receiver:
                     return
                 if message.number not in self._declared:
                     self._declared.add(message.number)
-                    self._unsent += encode(self._sources[message.number])
-                self._unsent += encode(message)
+                    self._unsent += frames.encode(self._sources[message.number])
+                self._unsent += frames.encode(message)
             try:
                 sent = self._socket.send(self._unsent)
             except BlockingIOError:

@@ -21,14 +21,9 @@ from .sensor_topics import SensorTopics
 class BoardTopics:
     """Advertises the topics of a driver's board; its methods and attributes `on_...` are callbacks for the driver.
 
-    Args:
-        driver: a driver that knows its board.
-        publishers: advertise what every board has.
-        publisher_class: as for `Publishers`.
-        now: the time of ROS, for what has no board time.
-
-    Attributes:
-        on_sensor, on_imu, on_text: None if the board has no sensors, IMU or radio, or the parameters turn them off.
+    The driver must know its board; `publishers` advertise what every board has.  `now` is the time of ROS, for what has
+    no board time.  `on_sensor`, `on_imu` and `on_text` are None if the board has no sensors, IMU or radio, or the
+    parameters turn them off.
     """
 
     def __init__(

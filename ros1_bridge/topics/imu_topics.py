@@ -26,13 +26,9 @@ RAW_RATE_VARIANCES = (RATE_NOISE_RAD_S**2 + (ZERO_RATE_RAD_S / 3) ** 2,) * 3
 
 
 class ImuTopics:
-    """Publishes the readings of one IMU.
+    """Publishes the readings of one IMU in a frame; `sender` makes a publisher for a topic.
 
-    Args:
-        sender: makes a publisher for a topic.
-        frame: frame of the messages.
-        mount: that of the robot's model.
-        ahead: time by which ROS's clock is ahead of the driver's [s]; minus infinity before the first frame.
+    `ahead` returns by how much ROS's clock is ahead of the driver's [s]; minus infinity before the first frame.
     """
 
     def __init__(

@@ -15,7 +15,7 @@ from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose, advance
-from mrl_driver.robot.kinematics import Planar, kinematics_of
+from mrl_driver.robot.kinematics import kinematics_of
 from mrl_driver.robot.models import OmniDrive, RobotModel
 from mrl_driver.session.handshake import Board
 from ros1_bridge.node.robot_parameters import Parameters
@@ -123,10 +123,11 @@ class Publishers:
         self._joints_out = self._sender("joint_states", JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
-        self._rad_per_m = self._rad_per_count / drive.metres_per_count
-        self._kinematics = kinematics_of(drive)
+        rows, rad_per_m = kinematics_of(drive).rows, self._rad_per_count / drive.metres_per_count
         # joints are right, left, rear; the motors left, rear, right
-        self._order = (2, 0, 1) if omni else (0, 1)
+        self._joint_rows = [
+            tuple(rad_per_m * each for each in rows[at]) for at in ((2, 0, 1) if omni else (0, 1))
+        ]
 
     def _sender(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
         """A publisher for a topic of the part odometry."""
@@ -159,8 +160,7 @@ class Publishers:
 
     def telemetry(self, telemetry: Telemetry) -> None:
         """Publish pose, twist, wheels, and the sonars with a new reading."""
-        stamp_s, fresh, twist = telemetry.stamp_s, telemetry.fresh, telemetry.twist
-        x_m, y_m, yaw_rad = telemetry.pose
+        stamp_s, _, (x_m, y_m, yaw_rad), twist, _, fresh, *_, spread, variances = telemetry
         former, self._former = self._former, telemetry
         ahead_s = self._clock() - self._monotonic()
         if not -TOLERANCE_S < ahead_s - self._ahead_s < TOLERANCE_S:
@@ -175,8 +175,7 @@ class Publishers:
         z, w = math.sin(yaw_rad / 2), math.cos(yaw_rad / 2)  # as `geometry.quaternion_of`, without a call
         out = self._odometry_out
         if out.impl.connections:
-            sure = telemetry.spread, twist, telemetry.twist_variances
-            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, *sure))
+            out.send(self._odometry.pack(out.sequence, secs, nsecs, x_m, y_m, z, w, spread, twist, variances))
         tf_out = self._transform_out
         if tf_out is not None and tf_out.impl.connections:
             tf_out.send(self._transform.pack(secs, nsecs, x_m, y_m, z, w))
@@ -204,12 +203,10 @@ class Publishers:
             self._note_clock(ahead_s)
 
     def _publish_joints(self, telemetry: Telemetry, secs: int, nsecs: int) -> None:
-        twist, out = telemetry.twist, self._joints_out
-        speeds = self._kinematics.wheel_steps(
-            Planar(twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s)
-        )
-        positions = [count * self._rad_per_count for count in telemetry.counts]
-        velocities = [speeds[at] * self._rad_per_m for at in self._order]
+        twist, out, rad_per_count = telemetry.twist, self._joints_out, self._rad_per_count
+        linear, lateral, angular = twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s
+        positions = [count * rad_per_count for count in telemetry.counts]
+        velocities = [x * linear + y * lateral + t * angular for x, y, t in self._joint_rows]
         out.send(self._joints.pack(out.sequence, secs, nsecs, positions, velocities))
 
     def _publish_ranges(self, telemetry: Telemetry) -> None:

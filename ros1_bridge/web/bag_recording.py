@@ -19,14 +19,10 @@ Subscribe = Callable[[str, Callable[[Any], None]], Unsubscribe]
 
 
 class BagRecording(Recordings):
-    """Writes at most one bag at a time; any thread may call it.
+    """Writes at most one bag at a time to a folder; any thread may call it.
 
-    Args:
-        folder: where the bags are.
-        subscribe: calls a function with each message of a topic, a rospy.AnyMsg or one of the topic's type; returns how
-            to end that.
-        topics: the topics to record, asked at the start of each bag.
-        now: the time of ROS, a genpy.Time.
+    `subscribe` calls a function with each message of a topic, a rospy.AnyMsg or one of the topic's type, and returns
+    how to end that.  `topics` are asked at the start of each bag; `now` is the time of ROS, a genpy.Time.
     """
 
     def __init__(

@@ -48,15 +48,9 @@ class _Press:
 class TopicPageRobot(PageRobot):
     """The page's robot of topics.  Callbacks of ROS and the page's server may call it at the same time.
 
-    Args:
-        robot: keeps the newest messages.
-        commands: sends the page's commands without blocking: `drive(linear, angular, lateral, age)` [m/s, rad/s, m/s,
-            s], which returns why the robot was stopped instead, or an empty text; and `stop()`, after which commands
-            count again.
-        emergency: the emergency stop of the robot's node.
-        recording: records the robot's topics.
-        phone: publishes a reading of the phone.
-        warning: returns what the user must know of how the node was started; empty if nothing.
+    `commands` sends the page's commands without blocking: `drive(linear, angular, lateral, age)` [m/s, rad/s, m/s, s],
+    which returns why the robot was stopped instead, or an empty text; and `stop()`, after which commands count again.
+    `warning` returns what the user must know of how the node was started; empty if nothing.
     """
 
     def __init__(

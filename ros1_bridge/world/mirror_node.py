@@ -16,6 +16,7 @@ import threading
 import time
 from typing import Any, Dict, List, Optional, Sequence, Tuple
 
+import numpy as np
 import rospy
 import tf2_ros
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -336,8 +337,6 @@ class MirrorNode:
         return scan_of(header, Laser(*rays, RATE_HZ, LASER_NEAR_M, RANGE_M, 0.0, 0.0), ranges)
 
     def _on_scan(self, message: LaserScan) -> None:
-        import numpy as np
-
         with self._lock:
             if self._laser_mount is None:
                 self._laser_mount = self._on_robot(message.header.frame_id)

@@ -108,10 +108,7 @@ class RobotTopics:
             place, odom = correction(pose, self._measured), f"{self._prefix}odom"
             self._place_out.publish(TFMessage([transform_of(self._map, odom, place, stamp=stamp)]))
         if self._scan_out.impl.has_connections():
-            ranges, header = (
-                self._scanner.scan(pose, without=self._name),
-                Header(0, stamp, f"{self._prefix}laser"),
-            )
+            header, ranges = Header(0, stamp, f"{self._prefix}laser"), self._scanner.scan(pose, self._name)
             self._scan_out.publish(scan_of(header, self._scanner.laser, ranges))
 
 

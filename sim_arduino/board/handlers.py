@@ -5,23 +5,8 @@ import struct
 from functools import partial
 from typing import Any, Callable, Dict, Optional, Tuple
 
+from mrl_driver.protocol import table
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import (
-    BY_NAME,
-    CAPABILITIES,
-    COMMANDS,
-    INT16_MAX,
-    PARAMETERS,
-    PROTOCOL_VERSION,
-    REASONS,
-    SENSOR_BY_NAME,
-    SENSORS,
-    SETTINGS,
-    SONAR_INVALID,
-    Command,
-    Field,
-    Sensor,
-)
 
 from .integers import divide
 from .parameter_store import EEPROM_BYTE_S, EEPROM_LOOK_S, Config
@@ -30,7 +15,7 @@ from .sonar_chain import SONARS
 Board = Any  # a PythonBoard, whose module imports this one
 
 Values = Optional[Tuple[int, ...]]
-_CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(CAPABILITIES)}
+_CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(table.CAPABILITIES)}
 _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
 _LIMITED = ("move_differential", "move_omni")  # moves to which the speed ceilings apply
@@ -40,11 +25,11 @@ _LIMITED = ("move_differential", "move_omni")  # moves to which the speed ceilin
 
 
 def _protocol(board: Board, _: int) -> Values:
-    return PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in board.capabilities)
+    return table.PROTOCOL_VERSION, sum(_CAPABILITY[name] for name in board.capabilities)
 
 
 def _info(board: Board, _: int) -> Values:
-    return (*board.motors.info(board.now_s), PROTOCOL_VERSION, board.config["robot_id"])
+    return (*board.motors.info(board.now_s), table.PROTOCOL_VERSION, board.config["robot_id"])
 
 
 def _status(board: Board, _: int) -> Values:
@@ -53,7 +38,7 @@ def _status(board: Board, _: int) -> Values:
 
 
 def _counters(board: Board, _: int) -> Values:
-    known = REASONS if board.radio and board.radio.hold.on else REASONS[:-1]
+    known = table.REASONS if board.radio and board.radio.hold.on else table.REASONS[:-1]
     return tuple(board.health.counters[reason.name] for reason in known)
 
 
@@ -86,14 +71,14 @@ def _read_config(board: Board, index: int) -> None:
 
 
 def _write_config(board: Board, index: int, value: int) -> None:
-    row = PARAMETERS[index]
+    row = table.PARAMETERS[index]
     if index >= len(board.config.values) or not row.low <= value <= row.high:
         board.refuse("argument_range")
         return
     board.config[row.name] = value
     board.health.set_fault("id_unset", board.config["robot_id"] == 0)
     board.motors.refresh(board.now_s, row.name)
-    if row.name == "bridge" or index >= len(SETTINGS):
+    if row.name == "bridge" or index >= len(table.SETTINGS):
         board.connect()
     board.ask("write_config", index)
 
@@ -133,7 +118,7 @@ def _stop(board: Board) -> None:
     board.require_motors()
 
 
-def _order_motors(row: Command, board: Board, *values: int) -> None:
+def _order_motors(row: table.Command, board: Board, *values: int) -> None:
     if row.name in _LIMITED:
         values = _limited(row, board, *values)
     if row.turns and board.refuses_move():
@@ -142,7 +127,7 @@ def _order_motors(row: Command, board: Board, *values: int) -> None:
         board.refuse("unavailable")
 
 
-def _limited(row: Command, board: Board, linear: int, angular: int, *direction: int) -> Tuple[int, ...]:
+def _limited(row: table.Command, board: Board, linear: int, angular: int, *direction: int) -> Tuple[int, ...]:
     """If a speed is beyond its ceiling, both speeds shrink by the same factor, which keeps the curvature."""
     most_linear, most_angular = _ceilings(row, board.config)
     fast, turning = _beyond(linear, most_linear), _beyond(angular, most_angular)
@@ -154,20 +139,20 @@ def _limited(row: Command, board: Board, linear: int, angular: int, *direction: 
     return (divide(linear * top, by), divide(angular * top, by), *direction)
 
 
-def _ceilings(row: Command, config: Config) -> Tuple[int, int]:
+def _ceilings(row: table.Command, config: Config) -> Tuple[int, int]:
     """Ceilings of both speeds in the units of the move: those of `move_omni` are percent of full speed."""
     linear, angular = config["linear_ceiling"], config["angular_ceiling"]
     if row.name == "move_omni":
         full = config["full_speed"] * config["wheel_radius"]
         turning = angular * config["axis_radius"] // 355 * 339  # 3 / pi
-        linear = INT16_MAX if linear == INT16_MAX else min(100, linear * _PER_MM_S // full)
-        angular = INT16_MAX if angular == INT16_MAX else min(100, turning // full)
+        linear = table.INT16_MAX if linear == table.INT16_MAX else min(100, linear * _PER_MM_S // full)
+        angular = table.INT16_MAX if angular == table.INT16_MAX else min(100, turning // full)
     return linear, angular
 
 
 def _beyond(value: int, ceiling: int) -> bool:
     """Whether a value is beyond its ceiling; the largest ceiling means no limit, so that -32768 passes unchanged."""
-    return ceiling != INT16_MAX and abs(value) > ceiling
+    return ceiling != table.INT16_MAX and abs(value) > ceiling
 
 
 # ---- encoders and sonars
@@ -180,7 +165,7 @@ def _encoders(board: Board, _: int = 0) -> Values:
 
 
 def _sonars(board: Board, _: int = 0) -> Tuple[int, ...]:
-    return tuple(board.sonars.values(board.now_s)) if board.sonars else (SONAR_INVALID,) * SONARS
+    return tuple(board.sonars.values(board.now_s)) if board.sonars else (table.SONAR_INVALID,) * SONARS
 
 
 def _with_sonars(counts: Values, board: Board) -> Values:
@@ -190,7 +175,7 @@ def _with_sonars(counts: Values, board: Board) -> Values:
 # ---- environment sensors
 
 
-def _values(sensor: Sensor, board: Board, _: int = 0) -> Values:
+def _values(sensor: table.Sensor, board: Board, _: int = 0) -> Values:
     """The values of a sensor; None if it does not answer on the bus."""
     where = sensor.i2c
     if where is None:
@@ -202,12 +187,12 @@ def _values(sensor: Sensor, board: Board, _: int = 0) -> Values:
     return tuple(_wire(field, part, where.per_unit) for field, part in zip(sensor.fields, parts))
 
 
-def _wire(field: Field, data: bytes, per_unit: float) -> int:
+def _wire(field: table.Field, data: bytes, per_unit: float) -> int:
     count = int.from_bytes(data, "big", signed=field.low < 0)
     return max(field.low, min(field.high, math.floor(count / (per_unit * field.scale) + 1e-9)))
 
 
-def _registers(board: Board, sensor: Sensor, count: int) -> Optional[bytes]:
+def _registers(board: Board, sensor: table.Sensor, count: int) -> Optional[bytes]:
     """Registers of an I2C sensor, or None without an answer, which is a fault if the build always has the sensor."""
     assert sensor.i2c is not None
     slave = board.plant.i2c[sensor.i2c.address]
@@ -233,7 +218,7 @@ def _counts_or_none_needed(board: Board) -> Values:
 
 
 def _sensors(board: Board, _: int) -> Values:
-    encoders, pixels = _counts_or_none_needed(board), _values(SENSOR_BY_NAME["thermopile"], board)
+    encoders, pixels = _counts_or_none_needed(board), _values(table.SENSOR_BY_NAME["thermopile"], board)
     if encoders is None or pixels is None:
         return None
     return encoders + (PINS["alcohol"](board), PINS["dust"](board), max(pixels))
@@ -247,13 +232,13 @@ def _sensors_and_light(board: Board, _: int) -> Values:
 # ---- streams
 
 
-def _start_stream(row: Command, board: Board, period: int = 0) -> None:
+def _start_stream(row: table.Command, board: Board, period: int = 0) -> None:
     board.start_stream(row.code, period)
 
 
 def _stop_streams(starts: Tuple[str, ...], board: Board) -> None:
     for start in starts:
-        board.stop_stream(BY_NAME[start].code)
+        board.stop_stream(table.BY_NAME[start].code)
 
 
 def _stop_imu_stream(board: Board) -> None:
@@ -285,7 +270,7 @@ def _release_hold(board: Board) -> None:
 # ---- the tables
 
 
-def _ask(row: Command, board: Board) -> None:
+def _ask(row: table.Command, board: Board) -> None:
     board.ask(row.name)
 
 
@@ -296,13 +281,13 @@ def _value(_: Board, value: int) -> Values:
 _SENSOR_STREAMS = ("sensor_stream", "sensor_ldr_stream", "compass_stream")
 _ENCODER_SETTINGS = ("set_encoder_prescaler", "preset_encoder", "reset_encoders")
 REQUESTS: Dict[str, Callable[..., None]] = {
-    **{row.name: partial(_ask, row) for row in COMMANDS if row.reply and not row.request},
+    **{row.name: partial(_ask, row) for row in table.COMMANDS if row.reply and not row.request},
     **{
         row.name: partial(_order_motors, row)
-        for row in COMMANDS
+        for row in table.COMMANDS
         if row.turns or row.name in _ENCODER_SETTINGS
     },
-    **{row.name: partial(_start_stream, row) for row in COMMANDS if row.repeats},
+    **{row.name: partial(_start_stream, row) for row in table.COMMANDS if row.repeats},
     **{f"stop_{name}": partial(_stop_streams, (f"start_{name}",)) for name in _SENSOR_STREAMS},
     "stop_stream": partial(_stop_streams, ("start_stream", "start_omni_stream")),
     "start_imu_stream": lambda board, period: board.start_imu_stream(period),
@@ -325,7 +310,7 @@ REQUESTS: Dict[str, Callable[..., None]] = {
 entry does more."""
 del REQUESTS["xbee_text"]  # only a reply
 REPLIES: Dict[str, Callable[[Any, int], Values]] = {
-    **{sensor.command.name: partial(_values, sensor) for sensor in SENSORS},
+    **{sensor.command.name: partial(_values, sensor) for sensor in table.SENSORS},
     **dict.fromkeys(("set_check", "set_baud", "save_config", "default_config", "release_hold"), _value),
     "robot_info": _info,
     "read_encoders": _encoders,
@@ -334,7 +319,7 @@ REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     "start_omni_stream": lambda board, _: _with_sonars(board.motors.counts(board.now_s), board),
     "start_sensor_stream": _sensors,
     "start_sensor_ldr_stream": _sensors_and_light,
-    "start_compass_stream": partial(_values, SENSOR_BY_NAME["compass"]),
+    "start_compass_stream": partial(_values, table.SENSOR_BY_NAME["compass"]),
     "read_imu": lambda board, _: board.imu_reading,
     "get_debug": lambda board, _: (int(board.debug),),
     "get_stream": lambda board, _: (int(board.stream is not None),),
@@ -350,5 +335,5 @@ REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     "read_wiring": lambda board, _: board.motors.wiring_problem(),
 }
 """Called with the board and the value given to `ask`; None if there is nothing to send."""
-NEEDS: Dict[str, str] = {row.name: row.capability for row in COMMANDS if row.capability}
+NEEDS: Dict[str, str] = {row.name: row.capability for row in table.COMMANDS if row.capability}
 """Capability of the board without which a request is unavailable."""

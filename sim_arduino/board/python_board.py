@@ -103,11 +103,9 @@ class PythonBoard(Engine):
         self.plant = plant
         self.environment = environment
         first_id = plant.model.ids[0] if robot_id is None else robot_id
-        self.eeprom = (
-            bytearray(parameter_store.image(parameter_store.first(first_id, plant.model)))
-            if eeprom is None
-            else eeprom
-        )
+        if eeprom is None:
+            eeprom = bytearray(parameter_store.image(parameter_store.first(first_id, plant.model)))
+        self.eeprom = eeprom
         self.now_s = 0.0
         self._host_baud = float(BAUD)
         self._left = b""

@@ -11,17 +11,7 @@ from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.hold_text import HoldText, is_newer
 from mrl_driver.protocol.table import HOLD_STATES, INT16_MAX, MOST_HOLDERS, TICK_S
-from sim_arduino.hardware.xbee import (
-    AT_COMMAND,
-    AT_RESPONSE,
-    RECEIVED,
-    TRANSMIT,
-    TRANSMIT_STATUS,
-    UNKNOWN_NETWORK,
-    PacketReader,
-    XBee,
-    packet,
-)
+from sim_arduino.hardware import xbee
 
 from .parameter_store import Config
 from .uart import Outgoing, Ring
@@ -201,13 +191,13 @@ class RadioPort:
     """The radio of a `PythonBoard`; `ask` queues a frame to the host by its row, and is called only if `can_ask()`."""
 
     def __init__(
-        self, xbee: XBee, hold: RadioHold, ask: Callable[[str], None], can_ask: Callable[[], bool]
+        self, module: xbee.XBee, hold: RadioHold, ask: Callable[[str], None], can_ask: Callable[[], bool]
     ) -> None:
-        self._xbee, self.hold, self._ask, self._can_ask = xbee, hold, ask, can_ask
+        self._xbee, self.hold, self._ask, self._can_ask = module, hold, ask, can_ask
         self._out, self._in = Outgoing(), Outgoing()
         self._out.byte_s, self._in.byte_s = BYTE_S, MODULE_BYTE_S
         self._heard = Ring(QUEUE_BYTES)
-        self._reader = PacketReader(LONGEST)
+        self._reader = xbee.PacketReader(LONGEST)
         self._waiting: Optional[News] = None
         self._asked = False
 
@@ -215,18 +205,18 @@ class RadioPort:
 
     def send(self, address: int, text: bytes, now_s: float, frame_id: int = FRAME_ID) -> bool:
         """Sends a text; False if the module's line has no room for it.  The module reports a text with an id."""
-        head = struct.pack(">BBQHBB", TRANSMIT, frame_id, address, UNKNOWN_NETWORK, 0, 0)
+        head = struct.pack(">BBQHBB", xbee.TRANSMIT, frame_id, address, xbee.UNKNOWN_NETWORK, 0, 0)
         return self._put(head + text, now_s)
 
     def discover(self, now_s: float) -> bool:
         """Starts a search for nodes; False if the module's line has no room for the command."""
-        return self._put(bytes([AT_COMMAND, FRAME_ID]) + b"ND", now_s)
+        return self._put(bytes([xbee.AT_COMMAND, FRAME_ID]) + b"ND", now_s)
 
     def _put(self, data: bytes, now_s: float) -> bool:
         waiting = max(0, math.ceil((self._out.free_s - now_s) / BYTE_S) - 1)
         if QUEUE_BYTES - waiting < len(data) + _ENVELOPE:
             return False
-        self._out.put(packet(data), now_s)
+        self._out.put(xbee.packet(data), now_s)
         return True
 
     # ---- from the module
@@ -276,12 +266,12 @@ class RadioPort:
                 self._waiting = self._news(found, now_s)
 
     def _news(self, data: bytes, now_s: float) -> Optional[News]:
-        if data[0] == RECEIVED and len(data) > _TEXT_AT:
+        if data[0] == xbee.RECEIVED and len(data) > _TEXT_AT:
             address, text = int.from_bytes(data[1:9], "big"), data[_TEXT_AT:]
             return None if self.hold.receive(address, text, now_s) else News("xbee_text", address, text)
-        if data[0] == TRANSMIT_STATUS and len(data) >= _STATUS_SIZE and data[_DELIVERY]:
+        if data[0] == xbee.TRANSMIT_STATUS and len(data) >= _STATUS_SIZE and data[_DELIVERY]:
             self.hold.count_undelivered()
-        if data[0] == AT_RESPONSE and len(data) >= _NODE_SIZE and data[2:5] == b"ND\0":
+        if data[0] == xbee.AT_RESPONSE and len(data) >= _NODE_SIZE and data[2:5] == b"ND\0":
             network, node = struct.unpack_from(">HQ", data, _NODE_AT)
             return News("discover_xbee", node, network=network)
         return None

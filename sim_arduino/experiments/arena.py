@@ -133,9 +133,7 @@ class Lattice:
 def sweep(world: World, twice: bool = True) -> List[Point]:
     """Corners of a path in lanes along y, then in lanes along x, so that every place is seen from two directions.
 
-    Args:
-        world: The arena, without robots: they would be obstacles.
-        twice: False for the lanes along y alone.
+    The arena has no robots: they would be obstacles.  Without `twice`, there are the lanes along y alone.
     """
     lattice = Lattice(world)
     columns, lines = lattice.size

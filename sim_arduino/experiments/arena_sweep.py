@@ -278,7 +278,7 @@ def _draw(setting: Setting, drive: Drive) -> str:
 
 
 def _draw_map(axes: Any, drive: Drive) -> None:
-    plot_style.walls(axes, drive.world.walls)
+    plot_style.draw_walls(axes, drive.world.walls, "walls")
     plot_style.path(axes, [sample.pose for sample in drive.samples], plot_style.BLUE, "path by odometry", ":")
     for index, each in enumerate(VARIABLES):
         found = spots(index, drive, each.alert)

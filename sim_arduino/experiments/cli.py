@@ -148,11 +148,7 @@ def _folder(out: str) -> str:
 
 
 def _run(chosen: Sequence[str], setting: "Setting") -> None:
-    """Runs experiments, and prints and saves their results.  Of emulated robots, the others go on when one fails.
-
-    Raises:
-        MrlError: what failed, with the exit code of the first failure.
-    """
+    """Runs experiments, and prints and saves their results; MrlError if one failed, of emulated robots at the end."""
     from rich.console import Console
 
     from .experiment_report import save

@@ -105,9 +105,8 @@ def run(setting: Setting) -> Result:
 def cross(setting: Setting, cut: bool = False, claims: bool = True) -> "Crossing":
     """A run in which the robots claim the crossing by radio.
 
-    Args:
-        cut: The radio of one robot fails for a while.
-        claims: False to grant each claim at once, until the first collision.
+    With `cut`, the radio of one robot fails for a while; without `claims`, each claim is granted at once, until the
+    first collision.
     """
     rng = random.Random(f"crossing {setting.seed}")
     with ExitStack() as stack:
@@ -138,12 +137,7 @@ def _gather(stack: ExitStack, setting: Setting, rng: random.Random) -> Team:
 
 
 class Crossing:
-    """One run; `claims` is empty if every claim is granted at once.
-
-    Attributes:
-        tours: What came out of the tours.
-        entered: Number of robots that got the crossing while the radio was cut.
-    """
+    """One run, and what came out of its `tours`; `claims` is empty if every claim is granted at once."""
 
     def __init__(self, team: Team, claims: Mapping[str, RadioRobot], cut_s: float, cut_name: str) -> None:
         self._claims, self._cut_s, self._cut_name = claims, cut_s, cut_name

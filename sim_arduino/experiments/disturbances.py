@@ -46,9 +46,8 @@ def wander(slip: float = 0.0) -> str:
 def error(seed: int, name: str = "", **given: float) -> str:
     """All errors of a robot's wheels and turns, in the form of `factory.Options.error`.
 
-    Args:
-        name: Name of the robot in a team, whose robots have seeds next to each other.
-        given: Values that are not drawn, by their keys, such as `slip=0.0`.
+    Robots of a team need a `name`: their seeds are next to each other.  `given` are values that are not drawn, such as
+    `slip=0.0`.
     """
     rng = _random("wheels", seed, name)
     drawn = {

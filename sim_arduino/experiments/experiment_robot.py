@@ -106,12 +106,9 @@ def open_robot(
     imu_mount: Optional[ImuMount] = None,
     **emulated: Any,
 ) -> Iterator[ExperimentRobot]:
-    """One robot, connected, at the start of a world.
+    """One robot, connected, at the start of a world; `emulated` are options as in `factory.Options`.
 
-    Args:
-        drive: Drive geometry that the driver uses instead of the model's.
-        imu_mount: Mount and scale of an IMU that the driver uses instead of the model's.
-        emulated: Options as in `factory.Options`.
+    The driver uses `drive` and `imu_mount`, if they are given, instead of the model's.
     """
     options = Options(period_ms=period_ms, command_timeout_s=command_timeout_s)
     if setting.port is not None:
@@ -130,11 +127,7 @@ def open_robot(
 
 
 def follow(robot: ExperimentRobot, course: Course, each_tick: Callable[[], None]) -> None:
-    """Drives a course to its end and stops; calls `each_tick` at each tick.
-
-    Raises:
-        BoardTimeout: the robot does not accept a command, or does not arrive.
-    """
+    """Drives a course to its end and stops; calls `each_tick` at each tick.  BoardTimeout if it does not arrive."""
 
     def steer(pose: Pose) -> manoeuvres.Command:
         each_tick()

@@ -14,6 +14,7 @@ from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import Course
+from mrl_driver.protocol.frames import to_int16
 from mrl_driver.robot.covariance import error_squared
 from mrl_driver.robot.models import ImuMount, Noise, load
 from mrl_driver.robot.odometry import Odometry
@@ -107,10 +108,8 @@ def _calibrated(setting: Setting) -> ImuMount:
             return Pose(x_m, y_m, wrap_angle(yaw_rad + rng.gauss(0.0, fit.BY_TAPE.heading_rad)))
 
         legs = turn_legs(CALIBRATION_LEGS, CALIBRATION_TURNS, SPEEDS)
-        plan, driver = imu_procedures.ImuPlan(legs, 0.0, SPEEDS), robot.driver
-        track = imu_procedures.ImuTrack(driver)
-        done = imu_procedures.calibrate(driver, track, Truth(look), plan, fit.BY_TAPE, lambda _: None)
-        return done.after
+        found = imu_procedures.calibrate(robot.driver, Truth(look), legs, 0.0, fit.BY_TAPE, lambda _: None)
+        return found.after
 
 
 def _open(setting: Setting, mount: Optional[ImuMount], **wrong: float) -> ContextManager[ExperimentRobot]:
@@ -194,7 +193,7 @@ def _drive(setting: Setting, wrong: Dict[str, float]) -> Tuple[float, float]:
 
 def _follow(odometry: Odometry, telemetry: Telemetry) -> None:
     """Gives the counts of telemetry to a second odometry."""
-    right, left = ((int(count) + 0x8000 & 0xFFFF) - 0x8000 for count in telemetry.counts[:2])
+    right, left = (to_int16(int(count)) for count in telemetry.counts[:2])
     odometry.update(right, left, telemetry.stamp_s)
 
 

@@ -18,7 +18,7 @@ from sim_arduino.hardware.laser import URG_04LX, LaserScanner
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from sim_arduino.world import grid_map, world_file
 from sim_arduino.world.grid_map import OCCUPIED, GridMap
-from sim_arduino.world.map_score import MapScore, points, share_near
+from sim_arduino.world.map_score import MapScore, nearest, points, share_near
 from sim_arduino.world.world import World
 
 from . import disturbances, occupancy, sonar_approach, square
@@ -207,7 +207,7 @@ def _score(made: GridMap, view: Any, world: World) -> MapScore:
     occupied = points(made.cells == OCCUPIED, made)
     cells = {tuple(cell) for cell in np.floor(view / made.resolution_m).astype(int)}
     spots = (np.array(sorted(cells)) + 0.5) * made.resolution_m
-    in_view = walls[[np.min(np.hypot(*(spots - wall).T)) <= made.resolution_m for wall in walls]]
+    in_view = walls[nearest(walls, spots) <= made.resolution_m]
     found, sound = share_near(in_view, occupied, NEAR_M), share_near(occupied, walls, NEAR_M)
     return MapScore(found, 1 - sound, math.nan)
 

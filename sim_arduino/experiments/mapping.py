@@ -150,11 +150,7 @@ def _drive(setting: Setting, world: World, presses: Sequence[KeyPress], poses: s
 
 
 def replay(robot: ExperimentRobot, presses: Sequence[KeyPress], each_tick: Callable[[], None]) -> None:
-    """Drive as the keys say, until the last press has ended; calls `each_tick` at each tick.
-
-    Raises:
-        BoardTimeout: the robot does not accept a command.
-    """
+    """Drive as the keys say, until the last press has ended; calls `each_tick` at each tick."""
     teleop, waiting, start_s = Teleop(), list(reversed(presses)), robot.driver.now_s
     end_s = (presses[-1].time_s if presses else 0.0) + HOLD_S
     now_s = 0.0

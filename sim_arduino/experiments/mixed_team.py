@@ -195,7 +195,7 @@ def result(
 ) -> Result:
     """The result of an experiment with a team, with a picture of the paths of one run."""
     made, (axes,) = plot_style.figure(1, 6.0, 6.0)
-    plot_style.walls(axes, world_file.load(WORLD).walls)
+    plot_style.draw_walls(axes, world_file.load(WORLD).walls, "walls")
     for index, player in enumerate(shown.players):
         plot_style.band(axes, player.odometry_path, "by odometry" if index == 0 else None)
     for player, colour, line in zip(

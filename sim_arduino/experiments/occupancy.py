@@ -107,9 +107,7 @@ def maps(
 ) -> Dict[str, GridMap]:
     """The maps by "sonars" and "laser", those that `occupied_from` has with the smallest log odds of a wall cell.
 
-    Args:
-        cones: Pose of a sonar and its range [m].
-        scans: Pose of the laser and its ranges, `(rays,)` [m].
+    `cones` are poses of a sonar and its ranges [m], `scans` poses of the laser and its ranges, `(rays,)` [m].
     """
     left, bottom, right, top = world.bounds()
     low, high = (left - margin_m, bottom - margin_m), (right + margin_m, top + margin_m)
@@ -141,8 +139,7 @@ def draw(
     made, axes = plot_style.figure(len(panels), 3.8 * len(panels), height_in)
     for axis, (title, grid, path) in zip(axes, panels):
         plot_style.grid(axis, grid)
-        for wall in world.walls:
-            axis.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=plot_style.ORANGE, linewidth=0.8)
+        plot_style.draw_walls(axis, world.walls, "", plot_style.ORANGE, 0.8)
         if path is not None:
             plot_style.path(axis, path, plot_style.BLUE, "path by odometry")
         plot_style.floor(axis, title)

@@ -5,10 +5,10 @@ from typing import Any, Iterable, Optional, Sequence, Tuple
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK, SKY
+from sim_arduino.view.world_view import draw_walls
 from sim_arduino.world.grid_map import FREE, UNKNOWN, GridMap
-from sim_arduino.world.shapes import Wall
 
-__all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PINK", "SKY"]
+__all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PINK", "SKY", "draw_walls"]
 LINES = ("-", "--", ":", "-.")
 
 
@@ -25,18 +25,6 @@ def figure(columns: int = 1, width_in: float = 7.0, height_in: float = 4.5) -> T
 def floor(axes: Any, title: str = "") -> None:
     """Labels the axes as a floor plan with equal scales."""
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title=title)
-
-
-def walls(axes: Any, each: Iterable[Wall], label: str = "walls") -> None:
-    """Draws walls."""
-    for number, wall in enumerate(each):
-        axes.plot(
-            [wall.x1, wall.x2],
-            [wall.y1, wall.y2],
-            color="black",
-            linewidth=1.5,
-            label=label if number == 0 else None,
-        )
 
 
 def path(axes: Any, points: Sequence[Sequence[float]], colour: str, label: str, line: str = "-") -> None:

@@ -66,11 +66,7 @@ MEASURES = (
 
 
 def run(setting: Setting, through_ros: Optional[TourRun] = None) -> Result:
-    """Lets all robots drive their rounds with many seeds, and draws the paths of the first run.
-
-    Args:
-        through_ros: A run through ROS, in real time.
-    """
+    """Drives all rounds with many seeds, and draws the first run; `through_ros` is a run through ROS, in real time."""
     name = "shared-waypoint"
     if setting.port is not None:
         done = [drive(setting)]
@@ -90,11 +86,9 @@ def run(setting: Setting, through_ros: Optional[TourRun] = None) -> Result:
 
 
 def drive(setting: Setting, loss: float = 0.0, claims: bool = True) -> TourRun:
-    """A run in which robots claim the shared waypoint by messages.
+    """A run in which robots claim the shared waypoint by messages, of which the share `loss` is lost.
 
-    Args:
-        loss: Share of the messages that are lost.
-        claims: False to grant each claim at once, until the first collision.
+    Without `claims`, each claim is granted at once, until the first collision.
     """
     channel = Channel(LATENCY_S, loss, setting.seed)
     names = [member.name for member in MEMBERS] if claims else []

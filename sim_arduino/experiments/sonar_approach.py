@@ -8,7 +8,6 @@ from typing import Dict, List, NamedTuple, Optional, Sequence
 import numpy as np
 
 from mrl_driver.apps.calibration import sonar_procedures
-from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.robot import sonar_curve
 from mrl_driver.robot.sonar_curve import THESIS, Curve
@@ -20,7 +19,7 @@ from . import disturbances, plot_style
 from .experiment_report import Figure, Measure, Result, over_seeds
 from .experiment_robot import Setting, open_robot
 
-PLAN = sonar_procedures.SonarPlan()
+START_M = sonar_procedures.START_M
 SONAR_X_M = 0.1
 THESIS_R2 = 0.9992
 WIDE_M = 10.0  # the wall extends this far to both sides
@@ -120,13 +119,8 @@ def sonar_errors(curve: Dict[str, float]) -> str:
 
 
 def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: str = "") -> SonarRun:
-    """Approaches the wall, and fits the readings at the stops.
-
-    Args:
-        curve: Curve of an emulated robot's sonars, as in `disturbances.sonar_curve`.
-        error: Errors of its wheels.
-    """
-    wall_m = SONAR_X_M + PLAN.start_m
+    """Approaches the wall with an emulated robot's sonar curve and wheel errors, and fits the readings at the stops."""
+    wall_m = SONAR_X_M + START_M
     world = World([Wall(wall_m, -WIDE_M, wall_m, WIDE_M)])
     with open_robot(
         setting,
@@ -136,14 +130,11 @@ def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: 
         pose=pose_text(disturbances.placed(ORIGIN, setting.seed)),
         footprint="none",
     ) as robot:
-        driver, track = robot.driver, Track(robot.driver)
-        sonar_procedures.approach_wall(
-            driver, track, PLAN.distances(), Speeds(), lambda _: None, lambda _: None
+        planned = sonar_procedures.distances()
+        ranges, distances = sonar_procedures.approach_wall(
+            robot.driver, planned, lambda _: None, lambda _: None
         )
-        ranges, distances = sonar_procedures.readings_at_stops(
-            track.rows(), robot.model.differential, PLAN.start_m
-        )
-        counts = sonar_procedures.curve_in_force(driver).counts(np.array(ranges)).tolist()
+        counts = sonar_procedures.curve_in_force(robot.driver).counts(np.array(ranges)).tolist()
     return SonarRun(counts, distances, sonar_curve.fit(counts, distances))
 
 

@@ -127,8 +127,7 @@ Live = Tuple[StepDrive, Mirrored]  # a drive in real time, and its mirror
 def run(setting: Setting, live: Optional[Live] = None) -> Result:
     """Drives the steps, and draws robots and mirror; `live` is a drive through ROS.
 
-    Raises:
-        MrlError: the mirror showed no pose, or the robot on the port did not reach a waypoint.
+    MrlError if the mirror showed no pose, or the robot on the port did not reach a waypoint.
     """
     if setting.port is not None:
         driven, mirror = _real(setting)
@@ -262,7 +261,8 @@ def _draw(
     setting: Setting, drives: Sequence[StepDrive], blind: Sequence[StepDrive], mirror: Mirrored, live: bool
 ) -> str:
     made, (floor, late) = plot_style.figure(2, 11.0, 4.6)
-    plot_style.walls(floor, [wall for solid in world_file.load(WORLD).solids for wall in solid], "boxes")
+    boxes = [wall for solid in world_file.load(WORLD).solids for wall in solid]
+    plot_style.draw_walls(floor, boxes, "boxes")
     plot_style.paths(floor, [each.true for each in blind], plot_style.GREY, "true paths without sonars", ":")
     plot_style.paths(floor, [each.true for each in drives], plot_style.BLUE, "true paths")
     if live:

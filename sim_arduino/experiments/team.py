@@ -40,19 +40,13 @@ class Member(NamedTuple):
 
 
 class Player:
-    """A member of the team and its robot.
+    """A member of the team and its robot: an `ExperimentRobot`, or one reached through topics with the same attributes.
 
-    Args:
-        robot: An `ExperimentRobot`, or a robot reached through topics with the same attributes.
-        world: The world in which the robot can touch others: the real one, or the one with the mirrors.
-        virtual_world: The world with the virtual robots and the mirrors of the real ones.
-        mirrored: Whether real and virtual robots see each other.
-        margin: How far the mirror of a real robot may be off.
+    In `world` the robot can touch others: it is the real one, or the virtual one with the mirrors of the real robots.
+    If `mirrored`, real and virtual robots see each other.
 
     Attributes:
-        virtual: The world with the mirrors of the real robots.
-        path: True path.
-        odometry_path: Path by odometry.
+        path, odometry_path: True path, and path by odometry.
         bumps: Number of ticks in which the robot touched another one or a wall.
         beyond_m: Largest distance so far of the mirror from the robot, beyond its margin.
     """
@@ -207,15 +201,8 @@ def gather(
     """Puts a team into its world, and the mirrors of its real robots into the virtual one.
 
     The robots are calibrated: their odometry has random errors and the error of placing, and no systematic ones but
-    `slip`.
-
-    Args:
-        mirrored: Whether real and virtual robots see each other.
-        slip: Share by which the wheels of the real robots slip.
-        margin: How far the mirrors may be off.
-
-    Raises:
-        ConfigError: the robot on the port has no sonars.
+    `slip`, the share by which the wheels of real robots slip.  If `mirrored`, real and virtual robots see each other.
+    ConfigError if a robot on a port has no sonars.
     """
     if setting.port is not None:
         return _with_port(stack, setting, members)

@@ -26,11 +26,9 @@ def poses_of(points: Sequence[Point]) -> List[Pose]:
 
 
 class Channel:
-    """Messages that arrive late, perhaps after later ones, or not at all.
+    """Messages that arrive late, perhaps after later ones, or not at all: `loss` is the share of those that are lost.
 
-    Args:
-        latency_s: Smallest and largest delay of a message [s]; each one is equally likely.
-        loss: Share of the messages that are lost.
+    Each delay from the smallest to the largest `latency_s` [s] is equally likely.
     """
 
     def __init__(self, latency_s: Tuple[float, float], loss: float, seed: int) -> None:
@@ -118,8 +116,7 @@ def drive_tours(
 ) -> TourRun:
     """Drives until all robots have finished their tours, at most for a time, or until the first collision.
 
-    Args:
-        before: Called with the time [s] before each tick; `after` after it.
+    `before` and `after` are called with the time [s] before and after each tick.
     """
     now_s = waited_s = 0.0
     while any(driver.tour.state != DONE for driver in drivers) and now_s < limit_s:

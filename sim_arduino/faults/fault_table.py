@@ -53,11 +53,7 @@ def usage() -> str:
 
 
 def parse(spec: str) -> Fault:
-    """The fault in `name:key=value,key=value`; absent keys have their defaults.
-
-    Raises:
-        ConfigError: fault or key is unknown, or a value is out of its range.
-    """
+    """The fault in `name:key=value,key=value`; absent keys have their defaults.  ConfigError if it is none."""
     name, _, rest = spec.partition(":")
     kind = FAULTS.get(name.strip())
     if kind is None:

@@ -39,13 +39,8 @@ class _Switch:
 class FaultyEngine:
     """An engine with a bad link: the same interface, and methods that inject faults.
 
-    Args:
-        engine: The board without faults.
-        faults: Faults from the start, as `Fault` or as text for `parse`.
-        seed: Seed of all random faults.
-
-    Raises:
-        ConfigError: a fault cannot be read.
+    It begins with `faults`, as `Fault` or as text for `parse`, which raises ConfigError; `seed` is that of all random
+    ones.
     """
 
     def __init__(self, engine: Engine, faults: Iterable[Union[Fault, str]] = (), seed: int = 0) -> None:
@@ -71,8 +66,7 @@ class FaultyEngine:
     def add(self, fault: Union[Fault, str]) -> None:
         """Adds a fault; its times count from the engine's start.
 
-        Raises:
-            ConfigError: the text is not a fault, or the robot lacks the hardware that it needs.
+        ConfigError if the text is not a fault, or the robot lacks the hardware that it needs.
         """
         kind, values, direction, times = parse(fault) if isinstance(fault, str) else fault
         self._count += 1

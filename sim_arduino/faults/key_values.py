@@ -40,11 +40,7 @@ ROBOT_KEYS = (
     Key("noise", 0.0, 0.0, 0.01, "variance of a wheel's distance per distance [m2/m]"),
     Key("turn_noise", 0.0, 0.0, 0.1, "variance of the yaw per angle turned [rad2/rad]"),
     Key(
-        "phase",
-        0.0,
-        -0.45,
-        0.45,
-        "delay of an encoder's channel B on an H-bridge board, as a share of a count",
+        "phase", 0.0, -0.45, 0.45, "delay of channel B of an H-bridge board's encoders, as a share of a count"
     ),
 )
 SONAR_KEYS = (
@@ -58,11 +54,7 @@ SONAR_KEYS = (
 
 
 def robot_errors(text: str) -> Errors:
-    """The errors in `key=value,...`, or in a YAML file with these keys.
-
-    Raises:
-        ConfigError: a key is unknown or a value out of range.
-    """
+    """A robot's errors in `key=value,...`, or in YAML; ConfigError if a key is unknown or a value out of range."""
     values = _values("--error", text, ROBOT_KEYS)
     ratio, size = values["wheel_ratio"], values["wheel_size"]
     left = 2.0 / (1.0 + ratio) * size

@@ -87,10 +87,8 @@ class InertialSensor:
         self.period_s = period_s
         self._share = period_s / (period_s + max(0.0, delay_s - 0.5 * period_s))
         bandwidth = math.sqrt(0.5 / period_s)
-        self._gyro_sd, self._accel_sd = (
-            self._errors.gyro_noise * bandwidth,
-            self._errors.accel_noise * bandwidth,
-        )
+        self._gyro_sd = self._errors.gyro_noise * bandwidth
+        self._accel_sd = self._errors.accel_noise * bandwidth
         self.samples = 0  # number of samples since the start
         self.gyro_rad_s = self.accel_m_s2 = (0.0, 0.0, 0.0)
         """The last sample in the chip's axes, before it is rounded; gravity is +1 g along an axis that points up."""

@@ -27,13 +27,13 @@ URG_04LX = Laser(-256 * math.tau / 1024, math.tau / 1024, 512, 10.0, 0.02, 4.095
 
 
 class LaserScanner:
-    """Takes scans of a world; `seed` draws the laser's errors, and with `exact` there are none."""
+    """Takes scans of a world; `seed` draws the laser's errors."""
 
-    def __init__(self, world: World, laser: Laser = URG_04LX, seed: int = 0, exact: bool = False) -> None:
+    def __init__(self, world: World, laser: Laser = URG_04LX, seed: int = 0) -> None:
         import numpy as np
 
         self.laser = laser
-        self._world, self._exact = world, exact
+        self._world = world
         self._rng = np.random.default_rng(seed)
 
     def scan(self, robot: Pose, without: str = "") -> Any:
@@ -45,8 +45,7 @@ class LaserScanner:
         ranges = self._world.scan(
             pose, laser.first_rad, laser.step_rad, laser.rays, laser.far_m, without=without
         )
-        if not self._exact:
-            bound = np.where(ranges <= 1.0, laser.error_m, laser.error_share * ranges)
-            bound[~np.isfinite(ranges)] = 0.0
-            ranges = ranges + bound * np.clip(self._rng.normal(0.0, 0.5, laser.rays), -1.0, 1.0)
+        bound = np.where(ranges <= 1.0, laser.error_m, laser.error_share * ranges)
+        bound[~np.isfinite(ranges)] = 0.0
+        ranges = ranges + bound * np.clip(self._rng.normal(0.0, 0.5, laser.rays), -1.0, 1.0)
         return np.where(ranges < laser.near_m, -np.inf, np.where(ranges > laser.far_m, np.inf, ranges))

@@ -50,9 +50,8 @@ class Omni3MD:
         self.busy_nack = False
         """True refuses writes while the EEPROM is being written, as the real board may do."""
         self.too_early = 0  # number of writes that came while the EEPROM was being written
-        self.commands: Deque[MotorCommand] = deque(
-            maxlen=1000
-        )  # the last commands that had an effect, oldest first
+        self.commands: Deque[MotorCommand] = deque(maxlen=1000)
+        """The last commands that had an effect, oldest first."""
         self.time_s = 0.0
         self.timeout_s = 0.0
         board = model.board
@@ -157,11 +156,8 @@ class Omni3MD:
         """Turns motor 1, 2 or 3 until its counter is at `position`, at most at `percent`; `hold` keeps it there."""
         self._note(time_s, 0xEE, motor, percent, position, int(hold))
         if 1 <= motor <= 3:
-            moved, counter, before = (
-                self.robot.motors[motor - 1],
-                self.counters[motor - 1],
-                self._pulses(motor - 1),
-            )
+            index = motor - 1
+            moved, counter, before = self.robot.motors[index], self.counters[index], self._pulses(index)
             pulses = (position - counter.read(before)) * counter.prescale
             share = min(100, abs(percent)) / 100.0
             moved.go_to(before + pulses + 0.5, share * moved.params.rated_counts_s, hold)

@@ -13,19 +13,9 @@ from sim_arduino.world.scene import OTHERS, Environment
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
+from . import environment_sensors as sensors
 from .bridge_plant import BridgePlant, has_bridge, robot_for
 from .collision import Bumper, footprint_for
-from .environment_sensors import (
-    COMPASS_ADDRESS,
-    PERFECT,
-    THERMOPILE_ADDRESS,
-    DustPulses,
-    EnvironmentErrors,
-    SpoiltReadings,
-    compass,
-    plain_sensor,
-    thermopile,
-)
 from .imu import FLAWLESS_IMU, LONGEST_STEP_S, ImuErrors, InertialSensor, Mpu6050
 from .omni3md import ADDRESS, Omni3MD
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
@@ -60,27 +50,20 @@ def sonar_pins_of(model: RobotModel, board: Optional[Mapping[str, int]] = None) 
 class Plant:
     """One robot in a world; without motors it stands still.
 
-    Times are seconds since the plant's start; they never decrease.
+    Times are seconds since the plant's start; they never decrease.  `seed` draws all noise, and the errors of the
+    environment sensors.
 
     Args:
         pose: Start pose, x y [m] and yaw [rad]; the world's start pose if absent.
         slip: Tracks lose a share of each turn.
         sonars: False for the environment-sensor build, which has other sensors on A0 and A2.
-        errors: Differences between this robot and its model.
-        sonar_errors: Errors of the sonars; `seed` draws them and the noise of the wheels.
         footprint: Outline used for collisions, see `collision.footprint_for`.
         omni: The robot has three omni wheels instead of two wheels.
-        name: Name of the robot in the world.
         wiring: How motors and encoders of a robot with H-bridges are connected, see `BridgePlant`.
         imu: An IMU is fitted where the model says.
-        imu_errors: Errors of the IMU; `seed` draws their noise.
-        environment_errors: Errors of the environment sensors; `seed` draws them.
-        radio: A radio module is fitted: its address, range and loss.
 
     Attributes:
         bridge: Motors and encoders on the board's pins, if the model has a bridge; None with an OMNI-3MD.
-        imu: The IMU, or None.
-        xbee: The radio module, or None.
         i2c: All I2C slaves by 7-bit address.
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
@@ -106,7 +89,7 @@ class Plant:
         wiring: int = 1,
         imu: bool = False,
         imu_errors: ImuErrors = FLAWLESS_IMU,
-        environment_errors: EnvironmentErrors = PERFECT,
+        environment_errors: sensors.EnvironmentErrors = sensors.PERFECT,
         radio: Optional[RadioFit] = None,
     ) -> None:
         self.model, self.name = model, name
@@ -121,7 +104,7 @@ class Plant:
         if self.footprint:
             self.robot.allow = Bumper(self.world, self.footprint, name).share
         self.environment = dataclasses.replace(self.world.scene.ambient)
-        self._spoilt, self.sonars_fitted = SpoiltReadings(environment_errors, seed), sonars
+        self._spoilt, self.sonars_fitted = sensors.SpoiltReadings(environment_errors, seed), sonars
         mounts = model.sonars if sonars else {}
         self.sonars = SonarChain(mounts, self.world, self._pose_at, name, sonar_errors, seed)
         self.sonar_pins = sonar_pins_of(model)
@@ -132,7 +115,7 @@ class Plant:
         self.imu = self._imu(imu_errors, seed) if imu else None
         self.xbee = XBee(self.world.radio, name, radio, lambda: self._pose()[:2], seed) if radio else None
         self.i2c = self._slaves()
-        self._dust = DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
+        self._dust = sensors.DustPulses(lambda time_s: self._sensed_now().dust_pcs_l)
         self._show()
 
     def _with_motors(self, errors: Errors, start: Pose, omni: bool, wiring: int, seed: int) -> RobotPhysics:
@@ -174,9 +157,9 @@ class Plant:
         at = IMU_ADDRESS if self.sonars_fitted else IMU_BESIDE_THERMOPILE
         return {
             **motors,
-            THERMOPILE_ADDRESS: thermopile(self.sensed),
-            COMPASS_ADDRESS: compass(lambda time_s: self._pose_at(time_s).yaw_rad, north_rad),
-            **{row.i2c.address: plain_sensor(row, row.i2c, self.sensed) for row in OTHERS if row.i2c},
+            sensors.THERMOPILE_ADDRESS: sensors.thermopile(self.sensed),
+            sensors.COMPASS_ADDRESS: sensors.compass(lambda time_s: self._pose_at(time_s).yaw_rad, north_rad),
+            **{row.i2c.address: sensors.plain_sensor(row, row.i2c, self.sensed) for row in OTHERS if row.i2c},
             **({at: self.imu} if self.imu else {}),
         }
 

@@ -106,9 +106,8 @@ class XBee:
         self._numbers = itertools.count()
         self._met: Set[int] = set()
         self.live = False  # the board runs in real time: packets of other boards arrive by its own clock
-        self.on_arrival: Callable[[], None] = lambda: (
-            None
-        )  # called when a packet has arrived, from any thread
+        self.on_arrival: Callable[[], None] = lambda: None
+        """Called when a packet has arrived, from any thread."""
         self.now_s = 0.0  # time of the board [s]
         medium.join(self)
 

@@ -1,9 +1,6 @@
-"""Mirrors real robots: each appears in a shared world at its odometry pose, where emulated robots meet it.
+"""`mrl mirror`: a real robot appears in a shared world at its odometry pose, where emulated robots meet it.
 
-    mrl monitor --robot lab3 --json | mrl mirror --world-name lab1 --name lab3 --pose 1,0.5,90
-
-reads JSON lines `{"x_m": 0.1, "y_m": 0.0, "yaw_rad": 0.0}` from stdin, or such an object under the key `pose`, so that
-they may come from anywhere over any pipe.
+The poses are JSON lines `{"x_m": 0.1, "y_m": 0.0, "yaw_rad": 0.0}`, or such an object under the key `pose`.
 """
 
 import json

@@ -48,11 +48,7 @@ class Audience:
         self._next, self._listens = False, False
 
     def await_question(self, code: int) -> None:
-        """Returns when the program has sent this request, or counts as a listener.
-
-        Raises:
-            Left: the program closed the port.
-        """
+        """Returns when the program has sent this request, or counts as a listener; Left if it closed the port."""
         end_s = time.monotonic() + LISTENER_S
         while code not in self._asked and not self._listens:
             self._listens = time.monotonic() >= end_s

@@ -13,7 +13,6 @@ from mrl_driver.cli.commands.progress import progress
 from mrl_driver.cli.commands.shared import Between, json_option, print_message
 from mrl_driver.errors import ConfigError, one_line
 from mrl_driver.recording.recording import Recording
-from mrl_driver.robot import models
 
 
 @click.command(short_help="Summarise a recording, or play it again.")
@@ -46,11 +45,11 @@ def main(
     if not pty:
         if speed is not None or link is not None:
             raise ConfigError("--speed or --link is given without --pty; add --pty")
-        from mrl_driver.recording.summary import summarise
+        from mrl_driver.driver.recorded import RecordedDriver
+        from mrl_driver.driver.recording_summary import summarise
 
-        model = None if robot == "auto" else models.load(robot)
-        with progress(f"reading {os.path.basename(file)}", os.path.getsize(file)) as advance:
-            figures = summarise(recording, model, advance)
+        with progress(f"reading {os.path.basename(file)}", 1.0) as advance:
+            figures = summarise(RecordedDriver(recording, robot), advance)
         show(figures, as_json)
         return
     if as_json:
@@ -79,11 +78,7 @@ def _human(value: Any) -> str:
 
 
 def serve(recording: Recording, speed: float, link: Optional[str] = None) -> None:
-    """Plays the board's bytes on a pty, from the start for each program, until one has received all of them.
-
-    Raises:
-        ConfigError: the link cannot be made.
-    """
+    """Plays the board's bytes on a pty, from the start for each program, until one has received all of them."""
     from sim_arduino.serve.pty import PtyPort, SymbolicLink
 
     from .playback import play

@@ -40,13 +40,10 @@ def obey(faults: FaultyEngine, order: str) -> None:
 
 
 class Control:
-    """Reads orders, and plugs or unplugs a port as the faults require.
+    """Reads orders from the descriptor `fd`, if there is one, and plugs or unplugs a port as the faults require.
 
-    Args:
-        faults: The engine that carries out the orders.
-        fd: Descriptor from which orders are read; None for no orders.
-        plugged: Called with the port's new path after it is plugged in, and with "" before it is unplugged.
-        report: Called with a message if an order is wrong.
+    `plugged` gets the port's new path after it is plugged in, and "" before it is unplugged; `report` gets a message if
+    an order is wrong.
     """
 
     def __init__(

@@ -91,14 +91,10 @@ class Emulated(NamedTuple):
 
 
 def make(options: Options, world: Optional[World] = None) -> Emulated:
-    """Makes a robot and its board.
+    """Makes a robot and its board, in the world of the options or in an existing one.
 
-    Args:
-        world: An existing world, instead of `options.world`.
-
-    Raises:
-        ConfigError: an option is out of range, no board can move this base, or the start pose is inside a wall or
-            another robot.
+    ConfigError if an option is out of range, no board can move this base, or the start pose is inside a wall or another
+    robot.
     """
     faults = [fault_table.parse(spec) for spec in options.faults]
     model = models.load(options.robot)
@@ -151,10 +147,7 @@ def make_team(options: Options, names: Sequence[str], poses: Sequence[str]) -> L
     """Makes a robot for each name in one world, or one robot without a name; the poses are in the same order.
 
     The seed of each robot is one higher than that of the robot before, and so are the IMU's if it is not 0, and the
-    address of the radio if one is given.
-
-    Raises:
-        ConfigError: as for `make`, or a name appears twice.
+    address of the radio if one is given.  ConfigError as for `make_all`.
     """
     team = [numbered(options, number, name) for number, name in enumerate(names or [options.name])]
     return make_all(
@@ -175,11 +168,8 @@ def numbered(options: Options, number: int, name: Optional[str]) -> Options:
 def make_all(team: Sequence[Options], places: Sequence[int] = ()) -> List[Emulated]:
     """Makes robots, each with its options, in the world of the first one.
 
-    Args:
-        places: for each robot the number of its place on the world's free floor, from 0; instead of the poses.
-
-    Raises:
-        ConfigError: as for `make`, a name appears twice, or the world has too little free floor.
+    `places` are the numbers of their places on the world's free floor, from 0, instead of their poses.  ConfigError as
+    for `make`, or if a name appears twice, or the world has too little free floor.
     """
     names = [each.name for each in team]
     twice = [name for name in names if names.count(name) > 1]

@@ -242,11 +242,7 @@ def _nth(listed: str, place: int) -> str:
 
 
 def _serve(stack: ExitStack, robots: List[factory.Emulated], port: argparse.Namespace) -> None:
-    """Serves robots; if one of several fails, it says so, and the others run on.
-
-    Raises:
-        Exception: the error of the first robot that failed, at the end.
-    """
+    """Serves robots; if one of several fails, it says so, the others run on, and its error is raised at the end."""
     waker = Waker()
     stack.callback(waker.close)
     served = {}

@@ -180,8 +180,7 @@ def _events(watch: Optional[int]) -> Tuple[bool, ...]:
 class SymbolicLink:
     """A symbolic link to the port; it is replaced atomically, and removed if it still points to this port.
 
-    Raises:
-        ConfigError: the name is a file or folder, or a link to another existing port.
+    ConfigError if the name is a file or folder, or a link to another existing port.
     """
 
     def __init__(self, name: str, target: str = "") -> None:

@@ -71,19 +71,14 @@ class Waker:
 
 
 class PtyServer:
-    """Connects an engine and a port until `stop` is called.
+    """Connects an engine and a port until `stop` is called; ConfigError if the speed is out of range.
 
     Args:
         speed: Factor over real time; if the computer is too slow, as fast as possible.
-        watchers: Objects that look at the robot.
         truth: File for the plant's true pose as JSON lines, 20 per second.
         log: File for the bytes of both directions as JSON lines.
         reset_on_open: Opening the port resets the board, as the DTR line of an Uno does.
-        control: Carries out orders, and plugs or unplugs the port.
         waker: Of the thread that serves this board among others; by default the server has its own.
-
-    Raises:
-        ConfigError: the speed is out of range.
     """
 
     def __init__(
@@ -261,8 +256,7 @@ class PtyServer:
 def wait(servers: Sequence[PtyServer], waker: Waker, least_s: float) -> List[PtyServer]:
     """Waits until a server has something to do, at least `least_s` [s] unless a descriptor is readable.
 
-    Returns:
-        The servers to step: those that are due or have something to read; all of them after `waker.wake`.
+    Returns the servers to step: those that are due or have something to read; all of them after `waker.wake`.
     """
     watched = [fd for server in servers for fd in server.watched]
     first_s = min([server.due_s for server in servers], default=0.0)
@@ -277,14 +271,9 @@ def wait(servers: Sequence[PtyServer], waker: Waker, least_s: float) -> List[Pty
 def serve_together(
     servers: Sequence[PtyServer], waker: Waker, failed: Callable[[PtyServer, Exception], None]
 ) -> List[Exception]:
-    """Serves many boards in one thread, until all are stopped.
+    """Serves many boards in one thread, until all are stopped; returns the errors of those that failed.
 
-    Args:
-        servers: The boards; all have this `waker`.
-        failed: Called with a server whose board has failed, and its error; the others run on.
-
-    Returns:
-        The errors of the boards that failed.
+    All have this `waker`.  `failed` is called with a server whose board has failed, and its error; the others run on.
     """
     running, due = list(servers), list(servers)
     errors: List[Exception] = []

@@ -11,13 +11,10 @@ MOST_WAITING = 1 << 20  # more than the system keeps of what a host has sent [by
 
 
 class SocketPort:
-    """Listens on a URL; has the same interface as `PtyPort`.
+    """Listens on a URL; has the same interface as `PtyPort`.  ConfigError or LinkError if that is not possible.
 
     Bytes from the board are lost while there is no client, or its buffer is full.  While unplugged, the port does not
     listen.
-
-    Raises:
-        ConfigError, LinkError: the port cannot listen on the URL.
     """
 
     def __init__(self, url: str) -> None:

@@ -177,8 +177,7 @@ class Motors:
     def commands(self, name: str = "") -> List[MotorCommand]:
         """Commands so far, oldest first, at most the last 1000: all, or those with a name of `COMMANDS`.
 
-        Raises:
-            ConfigError: the name is unknown.
+        ConfigError if the name is unknown, as in the assertions.
         """
         if name and name not in COMMANDS:
             raise ConfigError(f"command {name!r} is unknown, expected {', '.join(COMMANDS)}")
@@ -193,12 +192,7 @@ class Motors:
         return ", ".join(said) or "none"
 
     def assert_commanded(self, name: str, *values: int, within_s: float = PATIENCE_S) -> None:
-        """Asserts that a command with this name, and these values if given, has come or comes within a time.
-
-        Raises:
-            AssertionError: the command did not come.
-            ConfigError: the name is unknown.
-        """
+        """Asserts that a command with this name, and these values if given, has come or comes within a time."""
 
         def came() -> bool:
             return any(not values or each.values == values for each in self.commands(name))
@@ -206,12 +200,7 @@ class Motors:
         self._board.wait_until(came, within_s, f"command {name}{values or ''}")
 
     def assert_not_commanded(self, name: str, *values: int) -> None:
-        """Asserts that no command with this name, and these values if given, has come.
-
-        Raises:
-            AssertionError: such a command has come.
-            ConfigError: the name is unknown.
-        """
+        """Asserts that no command with this name, and these values if given, has come."""
         found = [each for each in self.commands(name) if not values or each.values == values]
         assert not found, f"expected no {name}{values or ''}, got {len(found)}, the first {found[0]}"
 

@@ -1,7 +1,7 @@
 """The world from above with the robot's path: live in a terminal (`mrl-sim --view`), and as a picture (`--plot`)."""
 
 import math
-from typing import Any, Sequence, Tuple
+from typing import Any, Iterable, Sequence, Tuple
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREY, ORANGE
@@ -114,8 +114,7 @@ def _draw_world(axes: Any, trail: PlantTrail) -> None:
     from matplotlib.patches import Circle
 
     world = trail.plant.world
-    for number, wall in enumerate(world.walls):
-        _line(axes, wall, "black", "wall" if number == 0 else None)
+    draw_walls(axes, world.walls, "wall")
     for kind, colour in _SOURCES.items():
         for number, source in enumerate(getattr(world.scene, kind)):
             label = kind if number == 0 else None
@@ -129,14 +128,17 @@ def _draw_robots(axes: Any, trail: PlantTrail) -> None:
     axes.plot([p.x_m for p in poses], [p.y_m for p in poses], color=BLUE, linewidth=1.2, label=label)
     axes.plot(*poses[0][:2], "o", color=BLUE, markersize=5, label="start")
     if plant.footprint:
-        for side in plant.footprint.outline(plant.true_pose):
-            _line(axes, side, ORANGE)
+        draw_walls(axes, plant.footprint.outline(plant.true_pose), colour=ORANGE)
     tip = plant.true_pose.compose(0.15, 0.0)
     axes.annotate("", tip[:2], plant.true_pose[:2], arrowprops={"arrowstyle": "->", "color": ORANGE})
     for mover in plant.world.robots(plant.name):
-        for side in mover.footprint.outline(mover.pose):
-            _line(axes, side, GREY)
+        draw_walls(axes, mover.footprint.outline(mover.pose), colour=GREY)
 
 
-def _line(axes: Any, wall: Wall, colour: str, label: Any = None) -> None:
-    axes.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=colour, linewidth=1.5, label=label)
+def draw_walls(
+    axes: Any, walls: Iterable[Wall], label: str = "", colour: str = "black", width: float = 1.5
+) -> None:
+    """Draws walls, or the sides of a robot, with one label for all."""
+    for wall in walls:
+        axes.plot([wall.x1, wall.x2], [wall.y1, wall.y2], color=colour, linewidth=width, label=label)
+        label = ""

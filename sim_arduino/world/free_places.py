@@ -18,13 +18,8 @@ _AROUND = ((0, 1), (0, -1), (-1, 0), (1, 0))
 def free_places(world: World, radius_m: float, count: int) -> List[Pose]:
     """`count` poses with the heading of the world's start, the first at the start, each next one as near as possible.
 
-    A robot can drive from the start to each of them: no wall is between neighbouring places.
-
-    Args:
-        radius_m: radius of the circle around the largest robot [m].
-
-    Raises:
-        ConfigError: there is not enough free floor.
+    A robot can drive from the start to each of them: no wall is between neighbouring places.  `radius_m` is that of the
+    circle around the largest robot [m].  ConfigError if there is not enough free floor.
     """
     found: List[Pose] = []
     for pitch_m in PITCHES_M:

@@ -262,8 +262,7 @@ def _placed(grid: GridMap, a: Tuple[int, int], b: Tuple[int, int]) -> Wall:
 def draw(world: World, resolution_m: float = 0.025, margin_m: float = 0.25) -> GridMap:
     """The true map of a world: cells with a wall are occupied, cells reachable from the start free, others unknown.
 
-    Raises:
-        ConfigError: the world is too large for cells of this size, or its walls are too long.
+    ConfigError if the world is too large for cells of this size, or its walls are too long.
     """
     left, bottom, right, top = world.bounds()
     origin = Pose(left - margin_m, bottom - margin_m, 0.0)

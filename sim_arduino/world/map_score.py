@@ -28,11 +28,7 @@ class MapScore(NamedTuple):
 
 
 def score(made: GridMap, world: World, frame: Pose = ORIGIN) -> MapScore:
-    """The score of a map.
-
-    Args:
-        frame: Pose of the map's frame in the world.  A mapper's frame is where its robot began.
-    """
+    """The score of a map, whose frame has this pose in the world: a mapper's frame is where its robot began."""
     true = draw(world, TRUE_CELL_M)
     walls, occupied = true.cells == OCCUPIED, points(made.cells == OCCUPIED, made, frame)
     if not len(occupied):

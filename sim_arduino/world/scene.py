@@ -61,8 +61,7 @@ class Scene(NamedTuple):
     def sensed(self, base: Environment, pose: Pose, sees: Sight) -> Environment:
         """The environment values at a pose; `base` holds the values far from all sources.
 
-        Args:
-            sees: Whether two points see each other: x, y of one, x, y of the other [m].
+        `sees` says whether two points see each other: x, y of one, x, y of the other [m].
         """
         if not (self.heat or self.gas or self.dust or self.light or self.others):
             return base

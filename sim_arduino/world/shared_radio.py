@@ -39,14 +39,7 @@ class _Own(NamedTuple):
 
 
 class SharedRadioMedium(RadioMedium):
-    """The radios of all processes that share a world by its name.
-
-    Args:
-        robots: The robots of the same world.
-
-    Raises:
-        ConfigError: the name of the world is not valid.
-    """
+    """The radios of all processes that share a world by name, with its robots; ConfigError if the name is not valid."""
 
     def __init__(self, world_name: str, robots: RobotRegistry) -> None:
         super().__init__()

@@ -48,8 +48,7 @@ class _Row:
 def folder_of(world_name: str) -> str:
     """The folder of a shared world; it is created if necessary.
 
-    Raises:
-        ConfigError: the name is not valid, or the folder or one above it is a symbolic link or belongs to another user.
+    ConfigError if the name is not valid, or the folder or one above it is a symbolic link or another user's.
     """
     given = os.environ.get("XDG_RUNTIME_DIR")
     base = os.path.realpath(given) if given else os.path.join(tempfile.gettempdir(), f"mrl-sim-{os.getuid()}")

@@ -196,8 +196,7 @@ def names() -> List[str]:
 def load(name_or_path: str = "room") -> World:
     """The packaged world with this name, or the world in a YAML file; a YAML with the key `image` is a map_server map.
 
-    Raises:
-        ConfigError: the world does not exist, or a key is misspelt, of the wrong type or out of range.
+    ConfigError if it does not exist, or a key is misspelt, of the wrong type or out of range.
     """
     path = name_or_path
     if not path.endswith((".yaml", ".yml")):

@@ -176,8 +176,13 @@ def test_gains_are_suggested_and_the_ramp_comes_back(lab):
 
 
 def record(path, moves, start=(30000, -30000), jump=0):
-    """A recording of these moves as the believed drive makes them, 20 readings a second, counters near their wrap."""
-    sums = np.concatenate(([(0, 0)], np.cumsum(paths.counts(moves, BELIEVED), axis=0))).astype(int) + start
+    """A recording of these moves as the believed drive makes them, 20 readings a second, counters near their wrap.
+
+    First the robot stands: without a greeting, a reader begins with the third reading.
+    """
+    sums = (
+        np.concatenate(([(0, 0)] * 5, np.cumsum(paths.counts(moves, BELIEVED), axis=0))).astype(int) + start
+    )
     lines = ["#mrl-recording 1 {}"]
     for i, (right, left) in enumerate(sums.tolist()):
         right += jump * (len(sums) // 2 <= i < len(sums) // 2 + 2)
@@ -264,7 +269,7 @@ def test_umbmark_from_recordings(lab, tmp_path):
     words = ("umbmark", "--robot", "traxbot", "--output", "mine.yaml", "--yes")
     for way, jump, end, said in (
         (paths.straight(1.0), 0, "1,0", "went straight, expected a run of mrl calibrate umbmark"),
-        (paths.square(), 9000, "0,0", "the counts jump 2 times"),
+        (paths.square(), 9000, "0,0", "a.mrl: the counts jumped 2 times"),
         (paths.square(), 0, "0,0", "there are 1 counter-clockwise laps, expected 2 to 50"),
     ):
         file = record(tmp_path / "a.mrl", way, jump=jump)

@@ -20,10 +20,10 @@ from mrl_driver.apps.review import drive_data
 from mrl_driver.cli import main
 from mrl_driver.cli.commands.radio import print_nodes, print_texts
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.recording.recording import Recording
-from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
 from mrl_driver.robot.radio import BROADCAST, text_request
 from mrl_driver.session.polling import STATUS
@@ -294,7 +294,7 @@ def test_a_timed_drive_to_the_left(emulated_board, tmp_path):
     assert told["pose"]["y_m"] > 0.1 > abs(told["pose"]["x_m"])
     assert set(told["twist"]) == {"linear_m_s", "angular_rad_s", "lateral_m_s"}
     there = Recording(str(log))
-    assert summarise(there)["pose"] == pytest.approx(told["pose"], abs=2e-4)
+    assert summarise(RecordedDriver(there))["pose"] == pytest.approx(told["pose"], abs=2e-4)
     seen = drive_data.read(RecordedDriver(there))
     assert tuple(seen.poses.values[-1]) == pytest.approx(tuple(told["pose"].values()), abs=2e-4)
     assert len(seen.ranges["front"].time_s) and [0.0, 0.0, 0.0] in seen.commands.values.tolist()

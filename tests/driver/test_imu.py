@@ -10,12 +10,11 @@ from mrl_driver.cli.commands.info import describe
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import wrap_angle
 from mrl_driver.protocol.table import TICK_S
-from mrl_driver.recording.recording import Recording
-from mrl_driver.recording.summary import summarise
 from mrl_driver.robot.imu import (
     ABSENT,
     FROZEN,
@@ -355,7 +354,7 @@ def test_a_recording_has_the_drivers_pose_and_the_gyros_yaw_rate(tmp_path):
         driver.stop()
         driver.wait(0.2)
         yaw_rad = driver.pose.yaw_rad
-    found = summarise(Recording(path))
+    found = summarise(RecordedDriver(path))
     assert found["pose"]["yaw_rad"] == pytest.approx(yaw_rad, abs=1e-3)
     assert (found["imu"], found["lost"]) == (IN_USE, 0)
     rates = drive_data.read(RecordedDriver(path)).imu.values[:, 0]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.geometry import Pose
@@ -18,7 +19,6 @@ from mrl_driver.protocol import REPLIES, Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.decoded import FrameReader
 from mrl_driver.recording.recording import FROM_BOARD
-from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.robot_state import Telemetry
@@ -133,7 +133,7 @@ def test_a_summary_ends_at_the_pose_of_the_replay(runs, tmp_path):
     lines = lines_of(runs[2])
     poses = [line for line in lines if " ! pose " in line]
     played, _ = replay(tmp_path / "drive.mrl", [line for line in lines if line not in poses[1:]])
-    found = summarise(played.recording)
+    found = summarise(RecordedDriver(played.recording))
     assert found["robot"] == played.model.name
     if played.model.drives:
         assert tuple(found["pose"].values()) == pytest.approx(played.pose, abs=POSE_ERROR)
@@ -159,7 +159,9 @@ def test_one_that_begins_in_mid_run_has_the_pose_and_the_robot(serve, tmp_path):
         robot.on(Imu, found.append)
         drive_until(robot, 0.2, 0.0, lambda: robot.pose.x_m > 1.03)
     played, replayed = replay(path)
-    assert tuple(summarise(played.recording)["pose"].values()) == pytest.approx(played.pose, abs=POSE_ERROR)
+    assert tuple(summarise(RecordedDriver(played.recording))["pose"].values()) == pytest.approx(
+        played.pose, abs=POSE_ERROR
+    )
     assert (played.model, played.board.capabilities) == (robot.model, robot.board.capabilities)
     assert tuple(played.pose) == pytest.approx(tuple(robot.pose), abs=POSE_ERROR)
     found, replayed = (

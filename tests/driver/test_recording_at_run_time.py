@@ -11,10 +11,10 @@ import pytest
 from mrl_driver.apps.review import drive_data
 from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.errors import ConfigError, PortMissing
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
-from mrl_driver.recording.summary import summarise
 from mrl_driver.transport.link import SerialLink
 from tests.call_lists import CallLists
 from tests.waiting import PATIENCE_S, drive_until, wait_until
@@ -110,7 +110,7 @@ def test_it_begins_with_a_whole_frame(serve, files, pieces):
         for _ in range(10):
             frames_later(robot, 1)
             record(robot, files[0])
-            found = summarise(Recording(files[0]))
+            found = summarise(RecordedDriver(files[0]))
             assert found["garbage"] == {} and sum(found["frames"].values()) >= 5
             assert joined(Recording(files[0]), FROM_BOARD).lstrip(b"\r\n")[:1] == b"@"
 
@@ -177,7 +177,7 @@ def test_readings_of_a_phone_are_read_back_and_change_nothing_else(serve, files)
         frames_later(robot)
     phone = [entry.data[6:] for entry in Recording(files[0]) if entry.data.startswith(b"phone ")]
     assert json.loads(phone[0]) == reading and phone[1:] == [b"no JSON"]
-    assert summarise(Recording(files[0]))["lost"] == 0
+    assert summarise(RecordedDriver(files[0]))["lost"] == 0
 
 
 @pytest.mark.parametrize("text", ["", "checked", "plain", "opened /dev/ttyACM0", "x" * 1001])
@@ -210,7 +210,7 @@ def test_a_summary_counts_the_frames_that_the_driver_counted(prompt, serve, tmp_
         wait_until(lambda: robot.link.statistics.restarts == 1 and robot.ready)
         before = robot.link.statistics
         wait_until(lambda: robot.link.statistics.frames > before.frames + 20)
-    found = summarise(Recording(path))
+    found = summarise(RecordedDriver(path))
     assert found["garbage"] == {}
     assert sum(found["frames"].values()) == robot.link.statistics.frames
 
@@ -232,7 +232,7 @@ def test_a_summary_counts_what_was_read_while_the_driver_closed(serve, tmp_path,
     leaving.set()
     wait_until(held.is_set)
     robot.close()
-    assert sum(summarise(Recording(path))["frames"].values()) == robot.link.statistics.frames
+    assert sum(summarise(RecordedDriver(path))["frames"].values()) == robot.link.statistics.frames
     played = RecordedDriver(path)
     played.on_telemetry(replayed.append)
     played.play()

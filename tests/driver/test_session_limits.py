@@ -8,7 +8,7 @@ import pytest
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol import Frame, Stamp, encode_reply
 from mrl_driver.protocol.stop_reason import STOP_REASONS
-from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.protocol.table import BY_NAME, SENSOR_BY_NAME
 from mrl_driver.session.events import ImuReading, Ready, Reply, Stale, Status
 from mrl_driver.session.handshake import Board, Plan
 from mrl_driver.session.link_counters import Counters
@@ -262,12 +262,14 @@ def test_a_new_session_may_have_work():
     assert Session(lambda board: None, 0.0).hurried
 
 
-def test_a_session_has_earlier_work_after_an_answer_and_not_after_telemetry():
+def test_a_session_has_earlier_work_after_the_answer_of_a_sensor_and_not_after_others():
     fed = Fed()
     fed.at(0.02, fed.frame(0.02))
+    fed.session.deadline(0.02)
     fed.session.receive(fed.frame(0.04), 0.04)
-    assert not fed.session.hurried
     fed.session.receive(fed.say(5, 2500, 172, 1200, 2, 1), 0.05)
+    assert not fed.session.hurried
+    fed.session.receive(fed.say(SENSOR_BY_NAME["light"].code, 500), 0.05)
     assert fed.session.hurried
 
 

@@ -4,9 +4,9 @@ from statistics import median
 
 import pytest
 
-from sim_arduino.experiments import experiment_report, message_times, turnaround
+from sim_arduino.experiments import experiment_report, turnaround
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.message_times import ROSSERIAL, TIMING_2013
+from sim_arduino.experiments.turnaround import ROSSERIAL, TIMING_2013
 
 EARLIER_US = {TIMING_2013: 2445.0, ROSSERIAL: 2896.0}
 """Turnaround of the released firmware and of ros_lib: README, "The firmware, measured" [us]."""
@@ -30,14 +30,14 @@ def test_messages_take_less_time_than_those_of_the_sketch_in_the_same_mode(tmp_p
 
 @pytest.mark.parametrize("sketch", EARLIER_US, ids=lambda sketch: sketch.key)
 def test_sketch_needs_the_time_of_the_earlier_measurement(sketch):
-    found = message_times.measure(Setting(""), sketch, MESSAGES)
+    found = turnaround.measure(Setting(""), sketch, MESSAGES)
     assert 1e6 * median(message.reply_s for message in found) == pytest.approx(
         EARLIER_US[sketch], rel=AS_EARLIER
     )
 
 
 def test_rows_of_sketches_that_are_not_built_are_missing_and_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(message_times, "FOLDER", str(tmp_path))
+    monkeypatch.setattr(turnaround, "FOLDER", tmp_path)
     monkeypatch.setattr(experiment_report, "SEEDS", 1)
     found = turnaround.run(Setting(str(tmp_path)))
     assert {row.key for row in found.rows} == {"plain_20_ms", "checked_20_ms", "link_20_ms", "short_20_ms"}

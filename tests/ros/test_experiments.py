@@ -19,12 +19,12 @@ from mrl_driver.navigation.waypoint_tour import DONE
 from mrl_driver.robot.sonar import NAMES
 from mrl_driver.robot.sonar_curve import THESIS
 from ros1_bridge.experiments import legs, one_robot_node, team_node
-from ros1_bridge.experiments.experiment_processes import Parts, environment
-from ros1_bridge.experiments.one_robot_node import TimedPoses
+from ros1_bridge.experiments.legs import Parts, environment
 from ros1_bridge.experiments.turnaround_node import command_s, commanded, odometry_s, read, sent
 from sim_arduino.experiments import cli, disturbances, l_course, sonar_approach, square
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
+from sim_arduino.experiments.mapping import pose_at
 from sim_arduino.experiments.team import Member
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from tests.waiting import wait_until
@@ -95,16 +95,12 @@ def test_course_through_ros_has_the_pose_of_each_reading(parts, monkeypatch):
 
 
 def test_pose_of_a_message_is_between_those_before_and_after_it():
-    poses = TimedPoses()
-    poses += [(1.0, Pose(0.0, 1.0, 3.0)), (2.0, Pose(1.0, 1.0, -3.0))]
-    (at,) = poses.at([1.25])
-    assert tuple(at) == pytest.approx((0.25, 1.0, 3.0 + (2 * math.pi - 6.0) / 4))
+    poses = [(1.0, Pose(0.0, 1.0, 3.0)), (2.0, Pose(1.0, 1.0, -3.0))]
+    assert tuple(pose_at(poses, 1.25)) == pytest.approx((0.25, 1.0, 3.0 + (2 * math.pi - 6.0) / 4))
 
 
 def test_sonar_that_approaches_a_wall_through_ros_has_its_hidden_curve(parts, monkeypatch):
-    plan = one_robot_node.SONAR_PLAN._replace(start_m=0.6, stop_m=0.5, step_m=0.1)
-    monkeypatch.setattr(one_robot_node, "SONAR_PLAN", plan)
-    monkeypatch.setattr(type(plan), "distances", lambda plan: [plan.start_m, plan.stop_m])
+    monkeypatch.setattr(one_robot_node, "SONAR_M", [0.6, 0.5])
     monkeypatch.setattr(one_robot_node, "FRESH_S", 0.4)
     monkeypatch.setattr(disturbances, "sonar_curve", lambda _: {"gain": 0.7, "exponent": 1.0, "offset": 0.0})
     ranges, distances = one_robot_node.readings(parts, Setting("", seed=1))
@@ -138,7 +134,7 @@ def test_frames_and_commands_are_found_in_the_boards_log(tmp_path):
 
 
 def test_what_ros_and_shared_worlds_write_is_in_the_folder():
-    made = environment("/folder", {"PATH": "/bin"})
+    made = environment("/folder")
     assert {made[name] for name in ("ROS_HOME", "ROS_LOG_DIR", "XDG_RUNTIME_DIR")} == {"/folder"}
     assert made["ROS_MASTER_URI"].startswith("http://127.0.0.1:") and made["ROS_IP"] == "127.0.0.1"
 

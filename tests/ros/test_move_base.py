@@ -51,6 +51,13 @@ def test_a_narrow_door_costs_less_than_the_way_through_it_gains(robot):
     assert planner["occdist_scale"] * INSCRIBED_COST < gain
 
 
+def test_a_door_whose_posts_the_sonars_mark_costs_less_than_the_slowest_way_ahead_gains(robot):
+    """The marks leave no room for a longer trajectory; a robot that gains nothing turns on the spot for ever."""
+    planner = {**planner_of(robot), **parameters("layers_sonars.yaml")["TrajectoryPlannerROS"]}
+    gain = planner["goal_distance_bias"] * planner["min_vel_x"] * planner["sim_time"]
+    assert planner["occdist_scale"] * INSCRIBED_COST < gain
+
+
 def test_speeds_and_accelerations_are_the_models(robot):
     planner, limits = planner_of(robot), models.load_packaged(robot).limits
     assert planner["max_vel_x"] == limits.linear_m_s

@@ -12,9 +12,10 @@ import pytest
 
 from mrl_driver.driver import Driver
 from mrl_driver.driver.options import Options
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.protocol import Stamp, encode_reply, encode_request
 from mrl_driver.recording.recording import FROM_BOARD, Recording
-from mrl_driver.recording.summary import summarise
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Odometry
 from sim_arduino.replay import playback
@@ -24,8 +25,13 @@ from tests.waiting import PATIENCE_S
 
 from .simulator import Client
 
-HEADER = '#mrl-recording 1 {"port": "/dev/ttyX", "started": "2026-01-01T00:00:00+00:00"}\n'
+HEADER = '#mrl-recording 1 {"port": "/dev/ttyX", "started": "2026-01-01T00:00:00+00:00"}\n0.0 ! opened x\n'
 INFO = "@5,2500,172,1360,2,1e\\r\\n"
+JOINED = (
+    '! session joined {"board": {"robot_id": 1, "version": 2, "protocol": 2, "motor_board_version": 2.5, '
+    '"battery_v": 13.6, "temperature_c": 25.0, "capabilities": ["check", "sonars"]}, "stream": 8, "checked": true, '
+    '"stamp_s": 0, "frame": ""}'
+)
 MRL = os.path.join(os.path.dirname(sys.executable), "mrl")
 """As installed, for sub-commands are found through the installation."""
 WAY_M, YAW_RAD = 1e-6, 1e-6
@@ -46,7 +52,7 @@ def circle(count, start=32000):
 
 def checked_lines(readings, gap=()):
     """Entries of a checked stream at 50 Hz; numbers in `gap` are lost."""
-    yield "0.0 ! checked"
+    yield f"0.0 {JOINED}"
     for i, (right, left) in enumerate(readings):
         if i not in gap:
             ticks = (i * 312 + 32768) % 65536 - 32768
@@ -67,22 +73,22 @@ def true_pose(readings):
 
 def cut(path, size):
     """The same recording, its checked frames in entries of `size` bytes."""
-    info, _, *entries = Recording(path)
+    _, info, _, *entries = Recording(path)
     data = b"".join(entry.data for entry in entries).decode()
     pieces = [data[i : i + size].encode("unicode_escape").decode() for i in range(0, len(data), size)]
     times = [entries[-1].time_s * (i + 1) / len(pieces) for i in range(len(pieces))]
     lines = [f"{time_s:.6f} < {piece}" for time_s, piece in zip(times, pieces)]
-    return write(pathlib.Path(path), [f"0.0 < {INFO}", "0.0 ! checked", *lines])
+    return write(pathlib.Path(path), [f"0.0 < {INFO}", f"0.0 {JOINED}", *lines])
 
 
 def summary(tmp_path, *lines):
-    return summarise(Recording(write(tmp_path / "log", lines)))
+    return summarise(RecordedDriver(write(tmp_path / "log", lines)))
 
 
 @pytest.mark.parametrize("size", [1, 300, 1 << 20])
 def test_frames_losses_and_pose_are_those_of_the_stream_however_it_is_cut(tmp_path, size):
     gap = {7, 8, 300}
-    found = summarise(Recording(cut(drive(tmp_path / "log", gap), size)))
+    found = summarise(RecordedDriver(cut(drive(tmp_path / "log", gap), size)))
     expected = true_pose(circle(400))
     assert found["frames"] == {"robot_info": 1, "read_encoders_and_sonars": 397}
     assert (found["lost"], found["duration_s"]) == (3, pytest.approx(7.99))
@@ -102,43 +108,18 @@ def test_damage_repetitions_and_requests_are_counted(tmp_path):
     assert (found["duplicates"], found["lost"]) == (1, 0)
 
 
-def test_check_values_begin_and_end_before_their_remarks(tmp_path):
-    """The driver knows of them only after it has read the first such frames; requests follow the remark."""
-    checked = [line for line in checked_lines(circle(20)) if "<" in line]
-    plain = [f"{1 + i / 100} < @8,1,2,3,4,5e\\r\\n" for i in range(20)]
-    asked = encode_request(11, 200, 0, checked=True).decode()
-    lines = [f"0.0 < {INFO}@8,1,2,3,4,5e\\r\\n", *checked[:3], "0.06 ! checked", *checked[3:]]
-    lines += [*plain[:3], f"1.025 > {asked}", "1.025 ! plain", *plain[3:]]
-    found = summary(tmp_path, *lines)
-    assert (found["frames"]["read_encoders_and_sonars"], found["garbage"]) == (41, {})
-    assert found["requests"] == {"move_differential": 1}
-
-
-def straight(count, jump_at=99):
-    return [(60 * i + 1000 * (i >= jump_at),) * 2 for i in range(count)]
-
-
-def test_checked_counts_are_judged_by_the_time_of_the_board(tmp_path):
-    """Arrival times may bunch, and then a confirmed jump of 1000 counts would move the robot."""
-    checked = [line.replace("0.0 !", "0.005 !") for line in checked_lines(straight(11, jump_at=6))]
-    lines = [f"0.0 < {INFO}", "0.0 < @6,0,0e\\r\\n", *checked]
-    found = summary(tmp_path, *lines)
-    assert found["pose"]["x_m"] == pytest.approx(7 * 60 * load("traxbot").drive.metres_per_count)
-
-
-def test_the_first_robot_that_answers_is_the_one(tmp_path):
-    found = summary(tmp_path, f"0.0 < {INFO}", "0.1 < @5,2500,172,1360,2,4e\\r\\n")
-    other = summary(tmp_path, "0.0 < @6,1,2e")
-    assert [(each["robot"], each["robot_id"]) for each in (found, other)] == [("traxbot", 1), (None, None)]
-    assert other["pose"] is None
+def test_a_recording_without_a_robot_has_no_pose(tmp_path):
+    found = summary(tmp_path, "0.0 < @6,1,2e")
+    assert (found["robot"], found["robot_id"], found["pose"]) == (None, None, None)
 
 
 MEASURE = """
 import resource, sys
-from mrl_driver.recording.summary import summarise
-from mrl_driver.recording.recording import Recording
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 for path in sys.argv[1:]:
-    frames = summarise(Recording(path))["frames"]
+    frames = summarise(RecordedDriver(path))["frames"]
     print(frames["read_encoders_and_sonars"], resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 MEMORY_KB = 4000
@@ -149,7 +130,7 @@ def test_memory_does_not_grow_with_the_file(tmp_path):
     readings = list(checked_lines(circle(600)))[1:]
     data = "".join(line.split(" ", 2)[2] for line in readings)
     for name, lines, nuls in (("short", 40, 0), ("long", 160, 50_000_000)):
-        write(tmp_path / name, [f"0.0 < {INFO}", "0.0 ! checked", *[f"1.0 < {data}"] * lines])
+        write(tmp_path / name, [f"0.0 {JOINED}", *[f"1.0 < {data}"] * lines])
         os.truncate(tmp_path / name, os.path.getsize(tmp_path / name) + nuls)
     command = [sys.executable, "-c", MEASURE, tmp_path / "short", tmp_path / "long"]
     out = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S).stdout

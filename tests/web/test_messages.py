@@ -54,12 +54,15 @@ def test_control_with_a_goal(goal, read_as):
 
 
 WRONG = [
-    ({**SPEEDS, "goal": [1, 2]}, "control has a field 'linear', expected"),
+    (
+        {**SPEEDS, "goal": [1, 2]},
+        "control: ['angular', 'lateral', 'linear'] missing or unknown, expected the fields seq",
+    ),
     ({**SPEEDS, "linear": "0.2"}, "control: linear is '0.2', expected a number from -100 to 100"),
     ({**SPEEDS, "linear": True}, "control: linear is True, expected a number"),
     ({**SPEEDS, "angular": 1e300}, "control: angular is 1e+300, expected a number"),
     ({**SPEEDS, "angular": 10**400}, "control: angular is 10"),
-    ({**CONTROL, "linear": 0.2}, "control has a field 'linear', expected"),
+    ({**CONTROL, "linear": 0.2}, "control: ['linear'] missing or unknown, expected the fields seq"),
     ({**CONTROL, "seq": 1.5}, "control: seq is 1.5, expected a whole number"),
     ({**CONTROL, "seq": -1}, "control: seq is -1, expected a whole number"),
     ({**CONTROL, "held": 1}, "control: held is 1, expected true or false"),
@@ -67,8 +70,8 @@ WRONG = [
     ({**GOAL, "goal": [1]}, "control: goal is [1], expected a list of 2 or 3"),
     ({**GOAL, "goal": [1, 2e4]}, "control: goal is 20000.0, expected a number"),
     ({**GOAL, "goal": [1, 2, 101]}, "control: goal is [1, 2, 101], expected a yaw of at most 100 rad"),
-    ({"type": "control"}, "control has no seq, expected"),
-    ({"type": "take", "off": 1}, "take has a field 'off', expected none"),
+    ({"type": "control"}, "control: ['heard', 'heard_t', 'held', 'press', 'seq', 't'] missing or unknown"),
+    ({"type": "take", "off": 1}, "take: ['off'] missing or unknown, expected the fields none"),
     ({"type": "drive"}, "type is 'drive', expected one of hello, control"),
     ({"type": ["take"]}, "type is ['take'], expected one of"),
     ({}, "type is None, expected one of"),

@@ -189,7 +189,7 @@ def ramp_off(robot: Driver) -> Iterator[None]:
 
 def recorded(path: str, model: RobotModel) -> Tuple[List[Motor], Any]:
     """Motors and gains from recorded steps of the duty that turn both motors; raise ConfigError without such steps."""
-    steps = from_recording.motor_steps_of(from_recording.read(path, model), MOVE)
+    steps = from_recording.motor_steps(path, model)
     both = [_steps_of(rows, left, right) for rows, (left, right) in steps if left and right]
     if not both:
         raise ConfigError(f"{path}: no step turns both motors, expected a recording of mrl calibrate gains")

@@ -86,11 +86,7 @@ class Response(NamedTuple):
 
 
 def identify(step: DutyStep) -> Motor:
-    """The motor that made this step, without a dead band.
-
-    Raises:
-        ConfigError: the wheel did not turn in the commanded direction.
-    """
+    """The motor that made this step, without a dead band; ConfigError if the wheel did not turn as commanded."""
     if not _turned(step):
         raise ConfigError(
             f"a wheel made {step.travel[-1]:.0f} counts at a duty of {step.duty:g}, expected at least {LEAST_COUNTS}: "

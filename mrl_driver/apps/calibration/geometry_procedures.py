@@ -257,7 +257,7 @@ def _recorded(procedure: str, text: str, model: RobotModel) -> Trial:
     path, colon, end = text.rpartition(":")
     if not colon:
         raise ConfigError(f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
-    run = Trial(steps_of(from_recording.read(path, model).rows), parse_pose(end))
+    run = Trial(steps_of(from_recording.read(path, model)[0]), parse_pose(end))
     found = sense(model.differential, run)
     if (found == NEITHER) != (procedure == STRAIGHT):
         raise ConfigError(f"{path} went {found}, expected a run of mrl calibrate {procedure}")

@@ -79,11 +79,7 @@ def is_still(rows: np.ndarray) -> bool:
 
 
 def rest_of(rows: np.ndarray) -> Rest:
-    """Return the means of the readings of a robot at rest.
-
-    Raises:
-        ConfigError: the readings are too few or all the same, the robot moved, or bias or gravity are impossible.
-    """
+    """Return the means of readings at rest; ConfigError if they are too few, all the same, in motion, or impossible."""
     if len(rows) < LEAST_READINGS:
         raise ConfigError(f"the IMU sent {len(rows)} readings at rest, expected at least {LEAST_READINGS}")
     if not is_still(rows):

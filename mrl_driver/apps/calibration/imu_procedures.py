@@ -2,7 +2,7 @@
 
 import math
 from functools import partial
-from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterable, List, NamedTuple, Optional, Sequence
 
 import click
 import numpy as np
@@ -16,6 +16,7 @@ from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import ImuMount, OmniDrive, RobotModel
 from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.session.events import ImuReading
 
 from . import fit, imu_fit, manoeuvres
 from .calibration_files import Key
@@ -30,14 +31,6 @@ STAND_S, REST_S = 5.0, 3.0  # time at rest at the start, and before and after ea
 PATIENCE_S = 20.0  # a robot that somebody has just put down must stand still within this time
 CAPABILITY = "imu"
 IMU_PERIOD_MS = 20  # time between two readings of the IMU
-
-
-class ImuPlan(NamedTuple):
-    """What to drive; a `distance_m` of 0 leaves out the straight drives, and so the yaw of the mount."""
-
-    legs: List[Leg]
-    distance_m: float
-    speeds: Speeds
 
 
 class ImuOutcome(NamedTuple):
@@ -55,33 +48,28 @@ class ImuTrack:
     """Records IMU and wheels from `begin` on.  Make one per robot: its callbacks stay registered."""
 
     def __init__(self, robot: Driver) -> None:
-        self.robot = robot
-        self._readings: List[Tuple[float, ...]] = []
-        self._ways: List[Tuple[float, ...]] = []
-        robot.on(Imu, self._note_reading)
-        robot.on_telemetry(self._note_way)
-
-    def _note_reading(self, imu: Imu) -> None:
-        reading = imu.reading
-        self._readings.append((reading.time_s, reading.stamp_s, *reading.gyro_rad_s, *reading.accel_m_s2))
-
-    def _note_way(self, telemetry: Telemetry) -> None:
-        assert self.robot.model is not None
-        forward, _, turn = by_wheels(self.robot.model, telemetry)
-        self._ways.append((telemetry.stamp_s, forward, turn))
+        assert robot.model is not None
+        self.robot, self.model = robot, robot.model
+        self._readings: List[ImuReading] = []
+        self._telemetry: List[Telemetry] = []
+        robot.on(Imu, lambda imu: self._readings.append(imu.reading))
+        robot.on_telemetry(lambda telemetry: self._telemetry.append(telemetry))
 
     def begin(self) -> None:
         """Start to record."""
-        self._readings, self._ways = [], []
+        self._readings, self._telemetry = [], []
 
     def readings(self, since: int = 0) -> np.ndarray:
         """(N, 8) readings since `begin`, or since reading `since`, as `imu_fit` takes them."""
-        return np.array(self._readings[since:]).reshape(-1, 8)
+        rows = [(r.time_s, r.stamp_s, *r.gyro_rad_s, *r.accel_m_s2) for r in self._readings[since:]]
+        return np.array(rows).reshape(-1, 8)
 
     def ways(self) -> np.ndarray:
         """(K, 3) host's time [s], distance forward [m] and turn [rad] by the wheels alone, since `begin`."""
-        ways = np.array(self._ways).reshape(-1, 3)
-        return ways - np.array([0.0, ways[0, 1], ways[0, 2]]) if len(ways) else ways
+        planar = [by_wheels(self.model, each) for each in self._telemetry]
+        rows = [(each.stamp_s, way[0], way[2]) for each, way in zip(self._telemetry, planar)]
+        ways = np.array(rows).reshape(-1, 3)
+        return ways - np.array([0.0, *ways[0, 1:]]) if len(ways) else ways
 
 
 def by_wheels(model: RobotModel, telemetry: Telemetry) -> Planar:
@@ -120,48 +108,48 @@ def stand(track: ImuTrack, seconds: float, begin: bool = False) -> Rest:
 
 def calibrate(
     robot: Driver,
-    track: ImuTrack,
     ruler: Ruler,
-    plan: ImuPlan,
+    legs: Sequence[Leg],
+    distance_m: float,
     measured: Measured,
     report: Callable[[str], None],
 ) -> ImuOutcome:
     """Stand still, drive straight, and turn in place, each between two rests; `report` gets the name of each step.
 
-    `ruler` measures the heading at the end of each turn, as exactly as `measured` says.
+    `ruler` measures the heading at the end of each turn, as exactly as `measured` says.  A `distance_m` of 0 leaves out
+    the straight drives, and so the yaw of the mount.
 
     Raises:
-        ConfigError: there is no IMU, its readings cannot be used, or they contradict wheels and headings.
+        ConfigError: the readings of the IMU cannot be used, or contradict wheels and headings.
         WheelFault, BoardTimeout: the robot could not drive.
     """
-    require_imu(robot)
-    assert robot.model is not None
+    track = ImuTrack(robot)
     report("standing still")
     manoeuvres.settle(robot)
     rest = stand(track, STAND_S, begin=True)
-    before = robot.model.imu
+    before = track.model.imu
     mount, yaw_sd_rad, trouble = imu_fit.levelled(before, rest.accel_m_s2), math.nan, ""
-    if plan.distance_m:
+    if distance_m:
         try:
-            yaw_rad, yaw_sd_rad = imu_fit.yaw_of([_push(track, plan, sign, report) for sign in (1, -1)])
+            yaw_rad, yaw_sd_rad = imu_fit.yaw_of(
+                [_push(track, way_m, report) for way_m in (distance_m, -distance_m)]
+            )
             mount = mount._replace(yaw_deg=round(math.degrees(yaw_rad), 1))
         except ConfigError as error:
             trouble = str(error)
     turns: List[Turned] = []
-    for leg in plan.legs:
+    for leg in legs:
         turns.append(_turn(track, ruler, leg, mount, turns, measured.heading_rad))
     scale, sd = imu_fit.scale_of(turns, measured.heading_rad)
     after = mount._replace(gyro_scale=round(scale, 5), gyro_scale_sd=round(sd, 5))
     return ImuOutcome(before, after, rest, turns, yaw_sd_rad, trouble)
 
 
-def _push(track: ImuTrack, plan: ImuPlan, sign: int, report: Callable[[str], None]) -> Push:
-    robot = track.robot
-    assert robot.model is not None
-    report(f"{plan.distance_m:g} m {'forward' if sign > 0 else 'back'}")
+def _push(track: ImuTrack, distance_m: float, report: Callable[[str], None]) -> Push:
+    report(f"{abs(distance_m):g} m {'forward' if distance_m > 0 else 'back'}")
     rest = stand(track, REST_S, begin=True)
-    manoeuvres.straight(robot, sign * plan.distance_m, plan.speeds)
-    flat = imu_fit.levelled(robot.model.imu, rest.accel_m_s2)
+    manoeuvres.straight(track.robot, distance_m, Speeds())
+    flat = imu_fit.levelled(track.model.imu, rest.accel_m_s2)
     return imu_fit.push_of(track.readings(), flat, track.ways()[:, :2])
 
 
@@ -225,14 +213,13 @@ def imu(job: Job, turns: int, count: int, distance: float) -> None:
       mrl calibrate imu --robot traxbot-1.yaml --port /dev/ttyACM0
       mrl calibrate imu --port /dev/pts/3 --truth truth.jsonl --yes     an emulated robot
     """
-    ruler, speeds = ruler_for(job.truth, heading_only=True), Speeds()
-    plan = ImuPlan(turn_legs(count, turns, speeds), distance, speeds)
+    ruler, legs = ruler_for(job.truth, heading_only=True), turn_legs(count, turns, Speeds())
     with job.robot(imu_period_ms=IMU_PERIOD_MS) as (driver, model, output):
         require_imu(driver)
         drives = f"drives {distance:g} m forward and back, and turns" if distance else "turns"
         job.confirm_drive(f"The robot {drives} in place. Does it stand on a level floor, with its path free?")
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
-        outcome = calibrate(driver, ImuTrack(driver), ruler, plan, measured, tell)
+        outcome = calibrate(driver, ruler, legs, distance, measured, tell)
         if outcome.trouble:
             print_message(
                 f"warning: {outcome.trouble}; imu.yaw_deg stays {outcome.after.yaw_deg:g}, measure it with a protractor"

@@ -6,7 +6,7 @@ import io
 import math
 import os
 from functools import partial
-from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 import click
 import numpy as np
@@ -27,54 +27,45 @@ from .manoeuvres import Speeds, Track
 
 Points = Tuple[List[float], List[float]]  # readings and distances [m]
 _LONGEST_POINTS = 1 << 22  # longest file of points read [byte]; a calibration makes some thousand
+START_M, STOP_M, STEP_M = 2.0, 0.2, 0.05  # distances from the wall, unless the user says otherwise [m]
 STOP_S, FRESH_S = 1.5, 0.7
 """Duration of a stop in front of the wall, and time after which the readings belong to this stop [s]."""
 READINGS, MIN_RANGE_SHARE = 5, 0.7
 """Number of readings at each distance, and smallest plausible range as a share of the distance."""
 
 
-class SonarPlan(NamedTuple):
-    """Distances from the wall at which the robot stops: from `start_m` to `stop_m` in steps of `step_m`."""
-
-    start_m: float = 2.0
-    stop_m: float = 0.2
-    step_m: float = 0.05
-
-    def distances(self) -> List[float]:
-        """All distances [m]; raise ConfigError if they are too few, or do not approach the wall."""
-        good = 0.15 <= self.stop_m < self.start_m <= 6.0 and 0.01 <= self.step_m <= 0.5
-        count = int((self.start_m - self.stop_m) / self.step_m + 1e-6) + 1 if good else 0
-        if count < sonar_curve.LEAST_DISTANCES:
-            raise ConfigError(
-                f"--start {self.start_m:g} --step {self.step_m:g} --stop {self.stop_m:g} gives {count} distances, "
-                f"expected at least {sonar_curve.LEAST_DISTANCES} between 6 m and 0.15 m"
-            )
-        return [self.start_m - i * self.step_m for i in range(count)]
+def distances(start_m: float = START_M, stop_m: float = STOP_M, step_m: float = STEP_M) -> List[float]:
+    """Distances from the wall at which the robot stops [m]; ConfigError if they are too few, or do not approach it."""
+    good = 0.15 <= stop_m < start_m <= 6.0 and 0.01 <= step_m <= 0.5
+    count = int((start_m - stop_m) / step_m + 1e-6) + 1 if good else 0
+    if count < sonar_curve.LEAST_DISTANCES:
+        raise ConfigError(
+            f"--start {start_m:g} --step {step_m:g} --stop {stop_m:g} gives {count} distances, expected at least "
+            f"{sonar_curve.LEAST_DISTANCES} between 6 m and 0.15 m"
+        )
+    return [start_m - i * step_m for i in range(count)]
 
 
 def approach_wall(
-    robot: Driver,
-    track: Track,
-    distances: Sequence[float],
-    speeds: Speeds,
-    report: Callable[[str], None],
-    keep: Callable[[np.ndarray], None],
-) -> None:
-    """Drive towards the wall and stop at each distance [m]; the robot starts at the first one.
-
-    After each distance, `keep` gets the rows of the track since the first distance.
+    robot: Driver, planned: Sequence[float], keep: Callable[[Points], None], report: Callable[[str], None]
+) -> Points:
+    """Drive towards the wall from the first distance [m], and stop at each one; `keep` gets the readings after each.
 
     Raises:
         ConfigError: the wall, or another object, is much closer than expected.
     """
-    line = robot.pose
+    assert robot.model is not None
+    line, track = robot.pose, Track(robot)
+    readings: Points = [], []
     track.begin()
-    for number, distance_m in enumerate(distances, 1):
+    for number, distance_m in enumerate(planned, 1):
         if number > 1:
-            manoeuvres.straight(robot, distances[0] - distance_m, speeds, line)
-        report(f"{number} of {len(distances)}: {distance_m:.2f} m")
-        _require_free_path(_front_range(robot), distance_m)
-        keep(track.rows())
+            manoeuvres.straight(robot, planned[0] - distance_m, Speeds(), line)
+        report(f"{number} of {len(planned)}: {distance_m:.2f} m")
+        _require_free_path(robot, distance_m)
+        readings = readings_at_stops(track.rows(), robot.model.differential, planned[0])
+        keep(readings)
+    return readings
 
 
 def require_sonars(robot: Driver) -> None:
@@ -83,17 +74,16 @@ def require_sonars(robot: Driver) -> None:
         raise ConfigError("this board has no front sonar, expected one: nothing was measured")
 
 
-def _front_range(robot: Driver) -> float:
-    """Median range of the front sonar while the robot stands still [m]; NaN without a reading."""
+def _require_free_path(robot: Driver, distance_m: float) -> None:
+    """Measure the wall while the robot stands still; refuse to drive on if it is much closer than expected.
+
+    A sonar error cannot be that large.
+    """
     readings = []
     for _ in range(READINGS):
         robot.wait(STOP_S / READINGS)
         readings.append(robot.telemetry.ranges.get("front", np.nan) if robot.telemetry else np.nan)
-    return float(np.median(readings))
-
-
-def _require_free_path(range_m: float, distance_m: float) -> None:
-    """Refuse to drive on if the wall is much closer than expected; a sonar error cannot be that large."""
+    range_m = float(np.median(readings))
     if range_m < MIN_RANGE_SHARE * distance_m:
         raise ConfigError(
             f"the front sonar measures {max(range_m, 0.0):.2f} m, expected about {distance_m:.2f} m to the wall: "
@@ -101,7 +91,7 @@ def _require_free_path(range_m: float, distance_m: float) -> None:
         )
 
 
-def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Tuple[List[float], List[float]]:
+def readings_at_stops(rows: np.ndarray, drive: Drive, start_m: float) -> Points:
     """Ranges of the front sonar [m], NaN for none, and distances by odometry [m], for each stop of a track.
 
     `rows` are those of `Track.rows`; the first one is `start_m` away from the wall.
@@ -139,9 +129,9 @@ def curve_values(curve: Curve) -> Dict[str, int]:
 
 @click.command(short_help="Measure the curve of the sonars, range_cm = a s^b + c.")
 @job_options
-@value_option("--start", float, 2.0, "Distance of the front sonar from the wall at the start [m].")
-@value_option("--stop", float, 0.2, "Smallest distance [m].")
-@value_option("--step", float, 0.05, "Distance between two readings [m].")
+@value_option("--start", float, START_M, "Distance of the front sonar from the wall at the start [m].")
+@value_option("--stop", float, STOP_M, "Smallest distance [m].")
+@value_option("--step", float, STEP_M, "Distance between two readings [m].")
 @click.option(
     "--points", metavar="FILE", help="Instead of driving: a file with lines of distance [m], reading [m]."
 )
@@ -158,36 +148,33 @@ def sonar(
       mrl calibrate sonar --robot lab3.yaml --port /dev/ttyACM0 --start 2
       mrl calibrate sonar --robot lab3.yaml --points wall.csv --plot curve.png
     """
-    plan = SonarPlan(start, stop, step)
-    plan.distances()
+    planned = distances(start, stop, step)
     if points is not None or recording is not None:
         model, output = job.recorded_robot()
         if points is not None:
             readings = read_points(points)
         else:
-            rows = from_recording.read(str(recording), model).rows
+            rows, _ = from_recording.read(str(recording), model)
             readings = readings_at_stops(rows, model.differential, start)
         job.finish(_fitted(readings, _model_curve(model), model, output))
         return
     with job.robot() as (driver, model, output):
         require_sonars(driver)
         kept = f"{os.path.splitext(output)[0]}.sonar.csv"
-        readings = _approach(driver, plan, kept, job)
+        readings = _approach(driver, planned, kept, job)
         result = _fitted(readings, curve_in_force(driver), model, output)
         job.finish(result)
         os.remove(kept)
         job.offer_eeprom(driver, result)
 
 
-def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
+def _approach(driver: Driver, planned: Sequence[float], kept: str, job: Job) -> Points:
     """Drive up to the wall, on from the readings in the file `kept`, and add the new ones to it."""
-    assert driver.model is not None
-    drive = driver.model.differential
     if job.restart and os.path.exists(kept):
         os.remove(kept)
-    earlier = readings = read_points(kept) if os.path.exists(kept) else ([], [])
+    earlier = read_points(kept) if os.path.exists(kept) else ([], [])
     nearest_m = min(earlier[1], default=math.inf)
-    remaining = [each for each in plan.distances() if each < nearest_m - plan.step_m / 2]
+    remaining = [each for each in planned if each < nearest_m - (planned[0] - planned[1]) / 2]
     if earlier[1]:
         tell(f"{len(earlier[1])} of {len(earlier[1]) + len(remaining)} distances are already in {kept}")
     if not remaining:
@@ -197,21 +184,19 @@ def _approach(driver: Driver, plan: SonarPlan, kept: str, job: Job) -> Points:
         f"{remaining[0]:.2f} m away, and is the path free?",
     )
 
-    def keep(rows: np.ndarray) -> None:
-        nonlocal readings
-        ranges, distances = readings_at_stops(rows, drive, remaining[0])
-        readings = earlier[0] + ranges, earlier[1] + distances
-        _keep_points(kept, *readings)
+    def keep(new: Points) -> None:
+        _keep_points(kept, earlier[0] + new[0], earlier[1] + new[1])
 
     try:
-        approach_wall(driver, Track(driver), remaining, Speeds(), tell, keep)
+        ranges, measured = approach_wall(driver, remaining, keep, tell)
     except BaseException:
         with contextlib.suppress(MrlError):
             driver.stop()
-        if readings[1]:
-            print_message(f"{len(readings[1])} distances are kept in {kept}; repeat the command to continue")
+        if os.path.exists(kept):
+            done = len(read_points(kept)[1])
+            print_message(f"{done} distances are kept in {kept}; repeat the command to continue")
         raise
-    return readings
+    return earlier[0] + ranges, earlier[1] + measured
 
 
 def _keep_points(path: str, ranges: Sequence[float], distances: Sequence[float]) -> None:

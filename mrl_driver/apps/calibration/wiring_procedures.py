@@ -167,7 +167,7 @@ def _move(
 
 def recorded(path: str, model: RobotModel) -> List[str]:
     """Faults of the wires, from a recording of `check`; it does not show which wheel turned."""
-    steps = from_recording.motor_steps_of(from_recording.read(path, model), MOVE)
+    steps = from_recording.motor_steps(path, model)
     alone = {LEFT if left else RIGHT: rows[-1] - rows[0] for rows, (left, right) in steps if not left * right}
     trials = [Trial(motor, int(moved[1]), int(moved[2])) for motor, moved in alone.items()]
     if not trials:

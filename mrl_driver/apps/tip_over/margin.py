@@ -135,11 +135,7 @@ class Situation(NamedTuple):
     worst direction of each tip-over axis."""
 
     def margins(self) -> List[Margin]:
-        """Return the margin of each tip-over axis, counter-clockwise.
-
-        Raises:
-            ConfigError: the contact points do not span an area, or the push needs an arm.
-        """
+        """Return the margin of each tip-over axis, counter-clockwise; ConfigError without an area, or a needed arm."""
         found, acceleration, slope = [], self.acceleration_m_s2, math.sin(self.slope_rad)
         for plane in _planes(self.vehicle):
             x, y = self.direction or (-plane.out[0], -plane.out[1])

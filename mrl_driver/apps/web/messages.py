@@ -136,14 +136,10 @@ def parse(data: Union[str, bytes]) -> Message:
         raise _refuse("type", kind, "one of " + ", ".join(_FIELDS))
     if kind == "control" and fields.get("held") is True:
         checks = {**checks, **({"goal": _goal} if "goal" in fields else _SPEEDS)}
-    for name in fields:
-        if name not in checks:
-            raise Malformed(
-                f"{kind} has a field {reprlib.repr(name)}, expected {', '.join(checks) or 'none'}"
-            )
-    for name in checks:
-        if name not in fields:
-            raise Malformed(f"{kind} has no {name}, expected {', '.join(checks)}")
+    wrong = sorted(fields.keys() ^ checks.keys())
+    if wrong:
+        expected = ", ".join(checks) or "none"
+        raise Malformed(f"{kind}: {reprlib.repr(wrong)} missing or unknown, expected the fields {expected}")
     read = {name: check(f"{kind}: {name}", fields[name]) for name, check in checks.items()}
     if kind == "control":
         goal = read.pop("goal", None)

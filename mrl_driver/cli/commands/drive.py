@@ -129,11 +129,7 @@ def require_driving(driver: "Driver") -> None:
 
 
 def confirm_stop(driver: "Driver") -> None:
-    """Stop, and wait up to `STOP_S` for telemetry to confirm it.
-
-    Raises:
-        BoardTimeout: a board without a watchdog did not confirm it.
-    """
+    """Stop, and wait up to `STOP_S` for telemetry to confirm it; BoardTimeout if one without a watchdog does not."""
     with contextlib.suppress(BoardTimeout):  # telemetry may be back in time
         driver.stop()
     deadline_s = driver.now_s + STOP_S

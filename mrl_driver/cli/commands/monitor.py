@@ -3,7 +3,7 @@
 import contextlib
 import sys
 import time
-from typing import TYPE_CHECKING, Iterator, Optional
+from typing import TYPE_CHECKING, Optional
 
 import click
 
@@ -44,8 +44,18 @@ def monitor(run: Run, udp: Optional[str]) -> None:
       mrl monitor --robot lab3 --udp 127.0.0.1:9870
     """
     shared.confirm_overwrite(run.record, run.yes)
-    with _sender(udp) as sender:
+    if udp is None:
+        _watch(run)
+        return
+    from mrl_driver.transport.sockets import UdpSender
+
+    sender = UdpSender(udp)
+    try:
         _watch(run, sender)
+    finally:
+        sender.close()
+        if sender.loss:
+            shared.print_message(f"warning: {sender.loss}")
 
 
 @click.command()
@@ -73,23 +83,6 @@ def _watch(run: Run, sender: Optional["UdpSender"] = None) -> None:
         _stream(driver, sender)
         with contextlib.suppress(KeyboardInterrupt):
             _print_lines(driver, run, sender)
-
-
-@contextlib.contextmanager
-def _sender(udp: Optional[str]) -> Iterator[Optional["UdpSender"]]:
-    """Yield what sends the datagrams of --udp; None without the option."""
-    if udp is None:
-        yield None
-        return
-    from mrl_driver.transport.sockets import UdpSender
-
-    sender = UdpSender(udp)
-    try:
-        yield sender
-    finally:
-        sender.close()
-        if sender.loss:
-            shared.print_message(f"warning: {sender.loss}")
 
 
 def _stream(driver: "Driver", sender: Optional["UdpSender"]) -> None:

@@ -318,11 +318,7 @@ def confirm(question: str, yes: bool, otherwise: str = "nothing was changed") ->
 
 
 def choose(question: str, choices: Mapping[str, str], option: str) -> str:
-    """Show words with their meanings, and ask for one; `option` is the option that gives it without a question.
-
-    Raises:
-        ConfigError: stdin is not a terminal.
-    """
+    """Show words with their meanings, and ask for one; ConfigError, which names `option`, without a terminal."""
     if not sys.stdin.isatty():
         raise ConfigError(
             f"{question} stdin is not a terminal; give {option} with one of {', '.join(choices)}"

@@ -14,7 +14,7 @@ from functools import partial
 from statistics import median
 from typing import Callable, Dict, NamedTuple, Optional, Tuple, TypeVar
 
-from sim_arduino.experiments import message_times
+from sim_arduino.experiments import turnaround
 from sim_arduino.experiments.experiment_robot import Setting
 from tests.long.bench import bridge_measures as bridge
 from tests.long.bench import firmware_measures as measures
@@ -113,10 +113,10 @@ def measured_bridge(case: Case) -> Dict[str, float]:
 
 def measured_sketches() -> Dict[str, float]:
     """Turnaround of the request for the counters, median, of the sketches of `firmware/comparison` [us]."""
-    sketches = {"2013": message_times.TIMING_2013, "rosserial": message_times.ROSSERIAL}
+    sketches = {"2013": turnaround.TIMING_2013, "rosserial": turnaround.ROSSERIAL}
     return {
         f"encoders_turnaround_us_median_sketch_{column}": 1e6
-        * median(message.reply_s for message in message_times.measure(Setting(""), sketch))
+        * median(message.reply_s for message in turnaround.measure(Setting(""), sketch))
         for column, sketch in sketches.items()
     }
 

@@ -20,8 +20,8 @@ FOLDER = Path(os.environ.get("FIGURES_FOLDER") or ROOT / "build" / "bench")
 FAST = os.environ.get("FAST") == "1"
 KEEP = os.environ.get("KEEP") == "1"
 Number = Union[int, float]
-Measured = Union[Number, Sequence[Number], str]
-"""A figure, its values in several runs, or the words of others."""
+Measured = Union[Number, Sequence[Number], str, Mapping[str, Any]]
+"""A figure, its values in several runs, the words of others, or `value` and `spread`."""
 Item = TypeVar("Item")
 
 
@@ -68,6 +68,8 @@ def record(measured: Measured) -> Dict[str, Any]:
     """A figure: the median of its runs, their number, and their smallest and largest value."""
     if isinstance(measured, str):
         return {"value": measured}
+    if isinstance(measured, Mapping):
+        return dict(measured)
     if not isinstance(measured, Sequence):
         return {"value": rounded(measured)}
     if len(measured) == 1:

@@ -23,13 +23,13 @@ from mrl_driver.apps.web.helm import Control as PageControl
 from mrl_driver.apps.web.helm import Drive, Go, Helm
 from mrl_driver.driver import parameter_file
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import access, named_robots
 from mrl_driver.protocol import REQUESTS, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.hold_text import HoldText
 from mrl_driver.protocol.table import BY_NAME, SETTINGS, STOP_CODE
 from mrl_driver.recording.recording import Recording
-from mrl_driver.recording.summary import summarise
 from mrl_driver.robot import models
 from mrl_driver.safety.message_age import MessageAge
 from mrl_driver.session.events import Ready
@@ -82,7 +82,7 @@ def _text(read: Callable[[str], object]) -> Callable[[bytes, Path], object]:
 def recording(data: bytes, folder: Path) -> None:
     """`mrl replay`, `mrl review`, `mrl plot` and `mrl export`."""
     path = _write(folder, "drive.mrl", data)
-    figures = summarise(Recording(path))
+    figures = summarise(RecordedDriver(path))
     for key in ("robot", "started", "port"):
         figures[key] is None or str(figures[key])
     for line, problem in Recording(path).skipped.items():

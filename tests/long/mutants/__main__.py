@@ -1,15 +1,17 @@
-"""`python -m tests.long.mutants [SOURCE ...]`: change the sources one place at a time, and count what the tests notice.
+"""`python -m tests.long.mutants [NAME ...]`: change the sources one place at a time, and count what the tests notice.
 
-Prints each source as soon as it is done, then what survived; the results are in build/mutants/results.json, and the
-least score of each kind in build/bench/mutants.json.
+Prints each source as soon as it is done, then what survived: build/mutants/results.json has both.  The share of each
+group is in build/bench/mutants.json, its goal in tests/long/bench/figures.yaml.
 """
 
 import argparse
 import json
+import math
 import os
 import pathlib
+import random
 import sys
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Sequence
 
 import yaml
 
@@ -17,49 +19,56 @@ from tests.long.bench import report
 from tests.long.mutants import cpp, python
 
 HERE, RESULTS = pathlib.Path(__file__).parent, python.ROOT / "build" / "mutants" / "results.json"
-GOALS = {"safety": 0.95, "other": 0.90}
-SHORT = [
-    {"other": ["sim_arduino/avr/intel_hex.py"], "tests": ["tests/avr/test_build.py"]},
-    {
-        "other": ["firmware/mrl_firmware/src/sensors/compass.cpp"],
+SHORT = {
+    "python": {"sources": ["sim_arduino/avr/intel_hex.py"], "tests": ["tests/avr/test_build.py"]},
+    "firmware": {
+        "sources": ["firmware/mrl_firmware/src/sensors/compass.cpp"],
         "tests": ["tests/firmware/test_environment.py"],
     },
-]
+}
 """With FAST=1: a source of each language."""
 
 
 def main() -> int:
     """Run, and return 1 if a goal is missed."""
     parser = argparse.ArgumentParser(prog="python -m tests.long.mutants", description=__doc__)
-    parser.add_argument("sources", nargs="*", help="parts of the paths of sources; all if none is given")
+    parser.add_argument("names", nargs="*", help="parts of names of groups or sources; all if none is given")
+    parser.add_argument("--sample", type=int, help="mutants of each group, drawn at random; all if not given")
+    parser.add_argument("--seed", type=int, default=1, help="of the sample (default 1)")
     parser.add_argument("--workers", type=int, default=2, help="mutants at a time (default 2)")
     given = parser.parse_args()
+
+    def draw(mutants: Sequence[Any]) -> Sequence[Any]:
+        most = len(mutants) if given.sample is None else given.sample
+        return random.Random(given.seed).sample(mutants, most) if most < len(mutants) else mutants
+
     os.nice(10)
     results: Dict[str, Any] = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    missed: List[str] = []
-    least: Dict[str, float] = {}
-    print("| source | goal | mutants | noticed | score |\n|---|---|---|---|---|")
-    for group in report.either(yaml.safe_load((HERE / "sources.yaml").read_text()), SHORT):
-        goals = {source: GOALS[kind] for kind in GOALS for source in group.get(kind, ())}
-        chosen = [each for each in goals if not given.sources or any(part in each for part in given.sources)]
-        if not chosen:
-            continue
-        language = "firmware" if chosen[0].startswith("firmware") else "python"
-        run = cpp.run if language == "firmware" else python.run
-        for source, count, alive in run(chosen, group["tests"], given.workers):
-            score = 1 - len(alive) / max(1, count)
-            cells = f"`{source}`", f"{goals[source]:.0%}", count, count - len(alive), f"{score:.1%}"
-            print("|", " | ".join(map(str, cells)), "|", flush=True)
-            kind = "safety" if source in group.get("safety", ()) else "other"
-            key = f"{language}_{kind}_least_percent"
-            least[key] = min(100 * score, least.get(key, 100.0))
-            least[f"{language}_mutants"] = least.get(f"{language}_mutants", 0) + count
+    survivors: List[str] = []
+    shares: Dict[str, report.Measured] = {}
+    print("| source | mutants | noticed |\n|---|---|---|")
+    for group, its in report.either(yaml.safe_load((HERE / "sources.yaml").read_text()), SHORT).items():
+        wanted = given.names or [group]
+        sources = [each for each in its["sources"] if any(name in f"{group} {each}" for name in wanted)]
+        run, tried, lived = cpp.run if "firmware" in group else python.run, 0, 0
+        for source, count, alive in run(sources, its["tests"], given.workers, draw) if sources else ():
+            print(f"| `{source}` | {count} | {count - len(alive)} |", flush=True)
             results[source] = {"mutants": count, "survived": alive}
             RESULTS.write_text(json.dumps(results, indent=1))
-            missed += [f"{source}: {each}" for each in alive] if score < goals[source] else []
-    print("\n".join(missed))
-    report.conclude("mutants", least)
-    return bool(missed) and not report.FAST
+            survivors += [f"{source}: {each}" for each in alive]
+            tried, lived = tried + count, lived + len(alive)
+        if sources == its["sources"]:
+            shares.update({group: share(tried, lived, given.sample), f"{group}_mutants": tried})
+    print("\n".join(survivors))
+    return report.conclude("mutants", shares)
+
+
+def share(tried: int, lived: int, sample: Any) -> Dict[str, Any]:
+    """What the tests notice [%]; of a sample with Wilson's interval, which holds the share of all at 95 %."""
+    part, z2 = 1 - lived / max(1, tried), 1.96**2 / max(1, tried)
+    middle, half = part + z2 / 2, math.sqrt(z2 * (part * (1 - part) + z2 / 4))
+    ends = [100 * (middle - half) / (1 + z2), 100 * (middle + half) / (1 + z2)] if sample else []
+    return {"value": report.rounded(100 * part), "spread": list(map(report.rounded, ends))}
 
 
 if __name__ == "__main__":

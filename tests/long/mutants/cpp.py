@@ -20,9 +20,9 @@ from typing import Any, Callable, Dict, Iterator, List, NamedTuple, Optional, Se
 
 import pytest
 
-from tests.long.bench.report import either
+from tests.long.bench.report import ROOT, either
+from tests.long.mutants import Draw, Results
 
-ROOT = pathlib.Path(__file__).resolve().parents[3]
 FIRMWARE, WORK = ROOT / "firmware/mrl_firmware", ROOT / "build/mutants/firmware"
 BUILDS = {
     "": "",
@@ -384,12 +384,12 @@ def _forked(work: Callable[[], None], **environment: str) -> int:
     return process.exitcode or 0
 
 
-def run(sources: Sequence[str], tests: Sequence[str], workers: int) -> Iterator[Tuple[str, int, List[str]]]:
-    """Yield each source with its number of mutants and what survived."""
+def run(sources: Sequence[str], tests: Sequence[str], workers: int, draw: Draw) -> Results:
+    """Try the mutants of a group that are drawn."""
     os.environ.pop("MRL_TEST_PATIENCE", None)  # it needs the plugin for time-outs
     from tests.firmware import pc_board
 
-    usual, trial = pc_board.load, Trial(build(sources), workers)
+    usual, trial = pc_board.load, Trial(draw(build(sources)), workers)
     pc_board.load = lambda library: usual(WORK / library.name)
     os.chdir(str(ROOT))
     options = ["--tier=quick", "-q", "--no-header", "--no-summary", *(f"-pno:{name}" for name in WITHOUT)]

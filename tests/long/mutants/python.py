@@ -9,9 +9,10 @@ import pathlib
 import shutil
 import subprocess
 import sys
-from typing import Iterator, List, Sequence, Tuple
+from typing import Iterator, List, Sequence
 
 from tests import tiers
+from tests.long.mutants import Draw, Results
 
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 PACKAGES = ("mrl_driver", "ros1_bridge", "sim_arduino")
@@ -39,6 +40,13 @@ timeout_multiplier=60
 """Texts of errors are left alone.  The tests that are left out count calls, of which mutmut makes more."""
 NOTICED = (1, 3, 24, 36, 152, 255, -9, -11, -24)
 """mutmut's codes of mutants with which a test failed, lasted too long or crashed."""
+NAMES = """import pathlib, sys
+from mutmut.mutation.file_mutation import mutate_file_contents
+from mutmut.utils.format_utils import get_mutant_name
+for path in map(pathlib.Path, sys.argv[1:]):
+    for name in mutate_file_contents(str(path), path.read_text()).mutant_names:
+        print(path, get_mutant_name(path, name))
+"""
 SHOW = """import sys
 from mutmut.mutation.diff_apply import get_diff_for_mutant
 for name in sys.argv[2:]:
@@ -47,26 +55,41 @@ for name in sys.argv[2:]:
 """
 
 
-def run(sources: Sequence[str], tests: Sequence[str], workers: int) -> Iterator[Tuple[str, int, List[str]]]:
-    """Yield each source with its number of mutants and what survived; a folder of tests is its quick tier."""
+def run(sources: Sequence[str], tests: Sequence[str], workers: int, draw: Draw) -> Results:
+    """Try the mutants of a group that are drawn; a folder of tests is its quick tier."""
     files = sorted({file for each in tests for file in _files(ROOT / each)})
     work = ROOT / "build" / "mutants" / sources[0].replace("/", ".")
     _lay_out(work)
     config = dict(packages="\n ".join(PACKAGES), sources="\n ".join(sources), tests="\n ".join(files))
     (work / "setup.cfg").write_text(CONFIG.format(**config))
-    mutmut = [str(pathlib.Path(sys.executable).with_name("mutmut")), "run", "--max-children", str(workers)]
+    mutants = [each.split() for each in _said(work, NAMES, *sources)]
+    numbers = [(each, one) for each in sources for one in _numbers(ast.parse((ROOT / each).read_text()))]
+    chosen = draw([*mutants, *numbers])
+    _run_mutmut(work, [name for _, name in chosen if isinstance(name, str)], workers)
+    for source in sources:
+        own = [each for path, each in chosen if path == source]
+        codes = json.loads((work / "mutants" / f"{source}.meta").read_text())["exit_code_by_key"]
+        lived = (name for name, code in codes.items() if name in own and code not in NOTICED)
+        alive = _said(work, SHOW, source, *lived)
+        constants = (each for each in own if isinstance(each, ast.Constant))
+        alive += [text for each in constants for text in _tried(each, source, files, work / "mutants")]
+        yield source, len(own), alive
+    shutil.rmtree(str(work))  # roslaunch and rosrun would find the nodes of these copies
+
+
+def _said(work: pathlib.Path, script: str, *arguments: str) -> List[str]:
+    """What a script of mutmut's modules prints."""
+    command = [sys.executable, "-c", script, *arguments]
+    return subprocess.check_output(command, cwd=str(work)).decode().splitlines()
+
+
+def _run_mutmut(work: pathlib.Path, names: Sequence[str], workers: int) -> None:
+    mutmut = str(pathlib.Path(sys.executable).with_name("mutmut"))
     with open(str(work / "log"), "w") as log:
-        code = subprocess.run(mutmut, cwd=str(work), stdout=log, stderr=log).returncode
+        command = [mutmut, "run", "--max-children", str(workers), *names]
+        code = subprocess.run(command, cwd=str(work), stdout=log, stderr=log).returncode
     if code:
         raise SystemExit(f"mutmut ended with {code}, expected 0; its last lines in {work / 'log'} say why")
-    for source in sources:
-        codes = json.loads((work / "mutants" / f"{source}.meta").read_text())["exit_code_by_key"]
-        show = [sys.executable, "-c", SHOW, source, *(name for name in codes if codes[name] not in NOTICED)]
-        alive = subprocess.check_output(show, cwd=str(work)).decode().splitlines()
-        numbers = list(_numbers(ast.parse((ROOT / source).read_text())))
-        alive += [text for each in numbers for text in _tried(each, source, files, work / "mutants")]
-        yield source, len(codes) + len(numbers), alive
-    shutil.rmtree(str(work))  # roslaunch and rosrun would find the nodes of these copies
 
 
 def _files(path: pathlib.Path) -> List[str]:

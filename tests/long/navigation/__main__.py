@@ -2,15 +2,19 @@
 
 It starts an emulated robot with them for each robot, world and kind of sensors, and judges the goals by ground truth.
 It writes build/navigation/table.json after each run, and continues there: delete the file to begin again.  A run of all
-takes about two hours.  With KEEP=1 its figures go to docs/figures.
+takes about two hours.  With KEEP=1 its figures go to docs/figures.  `--busy 0.5` keeps each core half busy meanwhile.
 """
 
 import argparse
 import itertools
 import json
+import os
 import subprocess
 import sys
-from typing import Dict, List, Sequence
+import time
+from contextlib import contextmanager
+from multiprocessing import Process
+from typing import Any, Dict, Iterator, List, Sequence
 
 from mrl_driver.errors import MrlError
 from mrl_driver.robot import models
@@ -24,6 +28,29 @@ from .stack import ROOT, Stack, end_with, packages_for, require_packages
 FOLDER = ROOT / "build" / "navigation"
 TABLE = FOLDER / "table.json"
 SERVER_S = 60.0
+BUSY_PERIOD_S = 0.1
+
+
+def keep_busy(core: int, share: float) -> None:
+    """Compute for this share of the time of a core."""
+    os.sched_setaffinity(0, {core})
+    while True:
+        until_s, due_s = time.process_time() + share * BUSY_PERIOD_S, time.monotonic() + BUSY_PERIOD_S
+        while time.process_time() < until_s:
+            pass
+        time.sleep(max(0.0, due_s - time.monotonic()))
+
+
+@contextmanager
+def busy(share: float) -> Iterator[None]:
+    """All cores are busy for this share of the time."""
+    cores = os.sched_getaffinity(0) if share else ()
+    loops = [Process(target=keep_busy, args=(core, share), daemon=True) for core in cores]
+    for loop in loops:
+        loop.start()
+    yield
+    for loop in loops:
+        loop.terminate()
 
 
 def ten_goals(robot: str, world: str, arguments: Sequence[str]) -> List[Outcome]:
@@ -63,6 +90,9 @@ def main(arguments: List[str]) -> int:
     parser.add_argument(
         "--with", dest="more", default=[], nargs="+", help="arguments of navigation.launch, NAME:=VALUE"
     )
+    parser.add_argument(
+        "--busy", type=float, default=0.0, help="share of each core that a loop takes, such as 0.5"
+    )
     parser.add_argument("--one", action="store_true", help=argparse.SUPPRESS)
     given = parser.parse_args(arguments)
     robots, worlds, sensors = given.robot or ROBOTS, given.world or sorted(GOALS), given.sensors or SENSORS
@@ -73,18 +103,19 @@ def main(arguments: List[str]) -> int:
         require_packages(packages_for(kind))
     FOLDER.mkdir(parents=True, exist_ok=True)
     rows: List[Dict[str, object]] = json.loads(TABLE.read_text()) if TABLE.exists() else []
-    for values in itertools.product(sensors, worlds, robots):
-        run = dict(zip(("sensors", "world", "robot"), values), more=" ".join(given.more))
-        if not any(run.items() <= row.items() for row in rows):
-            rows.append(row_of(run, in_own_process(run, given.more)))
-            TABLE.write_text(json.dumps(rows, indent=1) + "\n")
-            print(table_of(rows[-1:]).splitlines()[-1], flush=True)
+    with busy(given.busy):
+        for values in itertools.product(sensors, worlds, robots):
+            run = dict(zip(("sensors", "world", "robot"), values), more=" ".join(given.more), busy=given.busy)
+            if not any(run.items() <= row.items() for row in rows):
+                rows.append(row_of(run, in_own_process(run, given.more)))
+                TABLE.write_text(json.dumps(rows, indent=1) + "\n")
+                print(table_of(rows[-1:]).splitlines()[-1], flush=True)
     print(table_of(rows))
     report.conclude("navigation", {key: value for row in rows for key, value in figures_of(row).items()})
     return int(any(row["reached"] != row["goals"] or row["contacts"] for row in rows))
 
 
-def in_own_process(run: Dict[str, str], more: Sequence[str]) -> List[Outcome]:
+def in_own_process(run: Dict[str, Any], more: Sequence[str]) -> List[Outcome]:
     """The same as `ten_goals`: each run has a ROS master of its own."""
     command = [sys.executable, "-m", "tests.long.navigation", "--one"]
     for name in ("robot", "world", "sensors"):
@@ -92,7 +123,7 @@ def in_own_process(run: Dict[str, str], more: Sequence[str]) -> List[Outcome]:
     command += ["--with", *more] if more else []
     done = subprocess.run(command, cwd=str(ROOT), stdout=subprocess.PIPE, text=True, check=False)
     if done.returncode:
-        raise MrlError(f"{' '.join(run.values())}: the run failed with exit code {done.returncode}")
+        raise MrlError(f"{' '.join(map(str, run.values()))}: the run failed with exit code {done.returncode}")
     return [Outcome(*values) for values in json.loads(done.stdout.splitlines()[-1])]
 
 

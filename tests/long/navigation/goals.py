@@ -86,7 +86,7 @@ class Judge:
         return math.hypot(self.pose.x_m - goal[0], self.pose.y_m - goal[1]), abs(math.degrees(turn))
 
 
-def row_of(run: Dict[str, str], outcomes: Sequence[Outcome]) -> Dict[str, object]:
+def row_of(run: Dict[str, Any], outcomes: Sequence[Outcome]) -> Dict[str, object]:
     """The figures of a run with this robot, world and sensors; the errors are those of the goals that were reached."""
     reached = [outcome for outcome in outcomes if outcome.reached]
 
@@ -119,7 +119,7 @@ FIGURES = {
 def figures_of(row: Dict[str, Any]) -> Dict[str, float]:
     """Figures of a run, by key; none of one with other arguments than `clear_range`, or of what no goal has given."""
     run, cap = (
-        "_".join((row["robot"], row["world"], row["sensors"])),
+        "_".join((row["robot"], row["world"], row["sensors"])) + "_busy" * bool(row["busy"]),
         row["more"].replace("clear_range:=", "_cap_"),
     )
     kept = row["more"] == "" or cap.startswith("_cap_") and " " not in cap

@@ -1,18 +1,19 @@
 """`python -m tests.long.navigation.slam`: maps of a house by the real gmapping and hector_mapping.
 
 A TraxBot drives through the house as in `mrl experiment mapping`: by recorded key presses in simulated time, with and
-without a gyro; 10 % of each turn is lost by slip, without which the presses would lead into a wall.  Its odometry
-and its scans are replayed to the nodes of slam.launch, with /clock.  Each map's score goes to build/navigation/slam
-at once, and a run continues there: delete the folder to begin again.  With KEEP=1 its figures go to docs/figures.
+without a gyro, with and without a slip of 10 % in turns.  Its odometry and its scans are replayed to the nodes of
+slam.launch, with /clock.  Each map's score goes to build/navigation/slam at once, and a run continues there: delete the
+folder to begin again.  With KEEP=1 its figures go to docs/figures.
 """
 
 import itertools
 from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
 
 from sim_arduino.experiments import mapping
-from sim_arduino.experiments.experiment_robot import TICK_S, Setting, open_robot
+from sim_arduino.experiments.experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
+from sim_arduino.hardware.wiring import TRACK_SLIP
 from sim_arduino.world import map_score, world_file
 from sim_arduino.world.grid_map import GridMap
 from sim_arduino.world.world import World
@@ -33,23 +34,31 @@ class Condition(NamedTuple):
 
     method: str
     gyro: bool
+    slip: bool
 
     @property
     def key(self) -> str:
-        return f"{self.method}_{'gyro' if self.gyro else 'wheels'}"
+        return f"{self.method}_{'gyro' if self.gyro else 'wheels'}{'' if self.slip else '_no_slip'}"
 
 
 CONDITIONS = {
     condition.key: condition
-    for condition in itertools.starmap(Condition, itertools.product(BARS, (True, False)))
+    for condition in itertools.starmap(Condition, itertools.product(BARS, (True, False), (True, False)))
 }
+
+
+class Gripping(ExperimentRobot):
+    """A robot without slip, which turns as slowly as one with slip: the presses would lead it into a wall."""
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
+        super().drive(linear_m_s, (1 - TRACK_SLIP) * angular_rad_s)
 
 
 def measured(condition: Condition, world: World, seed: int) -> List[Tuple[float, Any]]:
     """What the robot measured: telemetry, and ranges of the laser `(rays,)` [m], each with its time [s]."""
     found: List[Tuple[float, Any]] = []
     scanner, ticks = LaserScanner(world, seed=seed), itertools.count(1)
-    emulated: Dict[str, Any] = {"slip": True, "error": mapping.WANDER}
+    emulated: Dict[str, Any] = {"slip": condition.slip, "error": mapping.WANDER}
     if condition.gyro:
         emulated.update(imu=True, imu_errors=ImuErrors.drawn(seed))
     with open_robot(Setting("", seed=seed), world, period_ms=mapping.PERIOD_MS, **emulated) as robot:
@@ -59,7 +68,8 @@ def measured(condition: Condition, world: World, seed: int) -> List[Tuple[float,
                 found.append((robot.driver.now_s, scanner.scan(robot.true_pose, "robot")))
 
         robot.driver.on_telemetry(lambda telemetry: found.append((telemetry.stamp_s, telemetry)))
-        mapping.replay(robot, mapping.read_presses(mapping.KEYS), tick)
+        driven = robot if condition.slip else Gripping(*robot)
+        mapping.replay(driven, mapping.read_presses(mapping.KEYS), tick)
     return sorted(found, key=lambda each: each[0])
 
 

@@ -29,7 +29,7 @@ IGNORED = {
     """,
     "how long the wheel monitor has watched, and its sums": """
         WheelMonitor._time_s WheelMonitor._travel WheelMonitor.next_s WheelMonitor._targets _Wheel._speeds
-        _Wheel._distances _Wheel._last _Wheel._reference _Wheel._still Core._monitored
+        _Wheel._expected_m _Wheel._last _Wheel._moved_m _Wheel._reference _Wheel._still Core._monitored
         WheelMonitor._kinematics WheelMonitor._command
     """,
     "the clocks themselves, and what the judge compares in one step": """

@@ -3,8 +3,9 @@
 import pytest
 
 from mrl_driver.driver.connection import Connection
+from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.recording.recording import Recording
-from mrl_driver.recording.summary import summarise
 from mrl_driver.session.session import Session
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.velocity_sources import VelocitySources
@@ -103,4 +104,4 @@ def test_a_sequence_becomes_a_recording(library, tmp_path):
     record("dLWs", str(file), ExploredBoard(library))
     recording = Recording(str(file))
     assert recording.header["port"] == PORT
-    assert summarise(recording)["pose"]["x_m"] > COAST_M
+    assert summarise(RecordedDriver(recording))["pose"]["x_m"] > COAST_M
