@@ -1,14 +1,18 @@
 """The wirings of docs/wirings.md that drive: on the firmware's image, and those of a Mega on the Python board."""
 
 import math
+from pathlib import Path
 
 import pytest
 
+from mrl_driver.errors import ConfigError
 from mrl_driver.host.firmware_images import image_path
+from mrl_driver.robot import models
 from mrl_driver.robot.chips import ATMEGA328P
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.avr_board import AvrEngine
 from sim_arduino.hardware.wiring import Plant
+from sim_arduino.serve import factory
 from sim_arduino.world.world import World
 from tests.models import bridged
 from tests.wirings import rows
@@ -42,3 +46,13 @@ def test_a_wiring_drives_a_closed_square(row, close_later):
     end = places[-1]
     assert math.hypot(end.x_m, end.y_m) < CLOSED_M and abs(end.yaw_rad) < CLOSED_RAD
     assert math.hypot(places[4].x_m, places[4].y_m) > 1.3 * SIDE_MM_S * SIDE_S / 1000
+
+
+def test_a_robot_with_a_mega_has_no_image_to_emulate(tmp_path):
+    path = tmp_path / "mega.yaml"
+    text = Path(models.path_of("duo")).read_text(encoding="utf-8")
+    path.write_text(
+        text.replace("encoder_a: 8", "encoder_a: 18").replace("wiring:", "wiring:\n  chip: atmega2560")
+    )
+    with pytest.raises(ConfigError, match="duo has an atmega2560, for which there is no firmware binary"):
+        factory.make(factory.Options(robot=str(path), engine="avr"))
