@@ -175,7 +175,7 @@ battery_sag: The battery's voltage sagged
   remedy: check the battery's plug and wires; measure its voltage while the motors run; replace a worn pack
 no_battery: not measured
   cause: The board has no divider at A3, so it does not know the voltage of its battery, and cannot protect it.
-  remedy: connect its divider to A3, and set the parameter battery_divider
+  remedy: connect its divider to the pin battery of the robot's file, and set the parameter battery_divider
 undervoltage: The battery fell below the parameter undervoltage
   also: stopped: the battery fell below the parameter undervoltage
   cause: The board stopped the robot to protect the battery. It refuses to move until the voltage is a sixteenth

@@ -422,10 +422,7 @@ class Driver:
     def _firmware_warning(self) -> str:
         info, status = self._core.state.info, self.status
         if status is not None and "wiring" in status.faults:
-            return (
-                "the board refuses to move, because its bridge or wiring is not set; set it with: mrl calibrate wiring "
-                "--port PORT"
-            )
+            return "the board refuses to move, because its bridge, pins or wiring are not set; see mrl doctor"
         if info is None or info.protocol >= 2 or not (self.model and self.model.drives):
             return ""
         name = "1 (2013)" if info.version < 2 else f"{info.version} without protocol"

@@ -8,6 +8,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.host.firmware_images import image_path
 from mrl_driver.robot import models
+from mrl_driver.robot.chips import ATMEGA328P
 from sim_arduino.board.engine import Engine
 from sim_arduino.faults import fault_table, key_values
 from sim_arduino.faults.faulty_engine import FaultyEngine
@@ -290,6 +291,11 @@ def _avr_engine(plant: Plant, options: Options) -> Engine:
 
     if options.profile != "current":
         raise ConfigError(f"profile {options.profile} has no firmware binary, expected --engine python")
+    if plant.model.chip != ATMEGA328P.name and not options.elf:
+        raise ConfigError(
+            f"robot {plant.model.name} has an {plant.model.chip}, for which there is no firmware binary, "
+            "expected --engine python"
+        )
     build = "hbridge" if plant.bridge else "environment" if options.environment else "sonar"
     build = "xbee" if plant.xbee else build
     elf = options.elf or image_path(build)

@@ -27,7 +27,7 @@ def calibrate(capsys, *args):
     return ended.value.code or 0, out, err.strip().splitlines()
 
 
-_NAMES = ("move_motors", "read_config", "write_config", "save_config", "default_config")
+_NAMES = ("move_motors", "read_wiring", "read_config", "write_config", "save_config", "default_config")
 _CODES = {BY_NAME[name].code: name for name in _NAMES}
 _REVERSED = {
     "motor": (BITS["left_motor_reversed"], BITS["right_motor_reversed"]),
@@ -71,6 +71,7 @@ class Kit(FakeBoard):
         values: Dict[str, int] = {**models.COMMON_BOARD, **MODEL.board, "robot_id": MODEL.ids[0]}
         self.saved = {**values, "bridge": 0, "wiring": 0, **board}
         self.hidden = hidden
+        self.problem = (0, -1, -1)  # of the pins
         self.dead_inputs: Tuple[int, ...] = ()
         self.stuck_outputs: Tuple[int, ...] = ()
         self.on_move = lambda: None
@@ -125,6 +126,8 @@ class Kit(FakeBoard):
             self.on_move()
         elif name == "read_config":
             self._say(frame.code, args[0], self.config[PARAMETERS[args[0]].name])
+        elif name == "read_wiring":
+            self._say(frame.code, *self.problem)
         elif name == "write_config":
             self.config[PARAMETERS[args[0]].name] = args[1]
             self.robot_id = self.config["robot_id"]

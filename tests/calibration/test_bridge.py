@@ -14,7 +14,7 @@ from mrl_driver.cli import main
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import WheelFault
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring
 from sim_arduino.serve import factory
 
 from .kit import MODEL, Kit, calibrate, counted, turned_by
@@ -122,6 +122,14 @@ def test_the_wiring_is_stored(bench, hidden):
     assert bench.kit.saved["ramp_time"] == MODEL.board["ramp_time"]  # it is off during the moves
     assert len(bench.kit.seen) == 9 and bench.kit.seen[:6] == [(20, 0)] * 3 + [(0, 20)] * 3
     assert {tuple(map(abs, duties)) for duties in bench.kit.seen[6:]} == {(20, 20)}
+
+
+def test_pins_that_the_board_does_not_accept_are_named_before_anything_turns(bench):
+    bench.kit.problem = wiring.Problem("no_pwm", "pin_left_pwm_a").reply
+    code, _, lines = bench.wiring("--truth", "t")
+    assert code == 11 and bench.kit.seen == [] and bench.kit.config["bridge"] == 0
+    words = "left_pwm_a is on D5: the function needs PWM, and no timer makes it on this pin; store the pins"
+    assert words in lines[-1]
 
 
 def test_the_result_may_stay_in_force_until_the_board_restarts(bench):

@@ -55,9 +55,11 @@ class Later:
 class Workshop:
     """One emulated kit, and the command line."""
 
-    def __init__(self, capsys, robot="duo", hidden=HIDDEN, error="wheel_ratio=1.04,axle=1.02"):
+    def __init__(
+        self, capsys, robot="duo", hidden=HIDDEN, error="wheel_ratio=1.04,axle=1.02", engine="python"
+    ):
         self.emulated = factory.make(
-            factory.Options(robot=robot, wiring=hidden, error=error, footprint="none")
+            factory.Options(robot=robot, wiring=hidden, error=error, footprint="none", engine=engine)
         )
         self._capsys, self._now_s = capsys, 0.0
 
@@ -157,11 +159,12 @@ def kit_file(row, folder):
     return str(path)
 
 
+@pytest.mark.parametrize("engine", ["python", "avr"])
 @pytest.mark.parametrize("row", [row for row in rows() if row.verdict == "drives"], ids=lambda row: row.name)
-def test_each_wiring_that_drives_closes_a_square(row, workshop_of, tmp_path):
+def test_each_wiring_that_drives_closes_a_square(row, engine, workshop_of, tmp_path):
     """From `mrl new` on, with motors and encoders swapped; nothing is rewired."""
     hidden = SINGLE if row.pins["pin_left_encoder_b"] == -1 else HIDDEN
-    workshop = workshop_of(kit_file(row, tmp_path), hidden, "")
+    workshop = workshop_of(kit_file(row, tmp_path), hidden, "", engine)
     named = zip((wiring.short(name) for name in wiring.NAMES), row.places)
     pins = [word for name, pin in named for word in ("--pin", f"{name}={pin}")]
     facts = (*FACTS, "--bridge", row.bridge, *pins, *(["--i2c"] if row.i2c else []))

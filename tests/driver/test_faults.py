@@ -274,4 +274,4 @@ def test_a_board_that_refuses_to_move_is_warned_of(serve):
     port = serve()
     port.board.faults = 1 << [name for name, _ in FAULTS].index("wiring")
     with Driver(port.path) as robot:
-        assert "its bridge or wiring is not set; set it with: mrl calibrate wiring" in robot.warning
+        assert "its bridge, pins or wiring are not set; see mrl doctor" in robot.warning

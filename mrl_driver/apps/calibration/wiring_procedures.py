@@ -10,7 +10,7 @@ import click
 
 from mrl_driver.cli.commands.shared import warn
 from mrl_driver.driver import Driver
-from mrl_driver.errors import ConfigError, MrlError, WheelFault
+from mrl_driver.errors import BoardRefused, ConfigError, MrlError, WheelFault
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot.models import RobotModel
@@ -109,11 +109,14 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[No
     a board that was not set refuses to move again.  Nothing is saved to the EEPROM here.
 
     Raises:
-        BoardRefused: the board refused a parameter.
+        BoardRefused: the board refused a parameter, or its pins.
     """
     before = robot.parameters.read("bridge", "wiring")
     try:
         robot.parameters.write({"bridge": bridge, "wiring": SET | (SINGLE_CHANNEL if single_channel else 0)})
+        problem = robot.parameters.wiring_problem(robot.model)
+        if problem:
+            raise BoardRefused(f"{problem}; store the pins of the robot's file with: mrl flash --robot FILE")
         yield
     except BaseException:
         with contextlib.suppress(MrlError):

@@ -7,6 +7,7 @@ from mrl_driver.driver.parameters import CABLES, default_of
 from mrl_driver.driver.parameters import differing as differing_values
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME
 from mrl_driver.robot.models import CURVE_KEYS, Drive, RobotModel
+from mrl_driver.robot.wiring import NAMES, short
 
 from .findings import FAULT, NOTE, WARNING, Finding, note, ok, problem, warning
 
@@ -59,7 +60,8 @@ def _finding(name: str, values: Mapping[str, int], model: RobotModel) -> Finding
     unit = PARAMETER_BY_NAME[name].unit
     got, expected = (_spelled(name, value) for value in (values[name], model.board[name]))
     text = f"{got} on the board, {expected} in the model {model.name}" + (f" [{unit}]" if unit else "")
-    keys = f"board.{name}" + (f" and drive.{_RESTS[name]}" if "odometry" in effect else "")
+    section = f"wiring.{short(name)}" if name in NAMES else f"board.{name}"
+    keys = section + (f" and drive.{_RESTS[name]}" if "odometry" in effect else "")
     right = f"if the model is right: mrl config set {name} {expected} --port PORT"
     advice = f"{right}; if the board is: correct {keys} in the robot's file"
     return problem(level, "parameters", name, f"{text}: {effect}", advice)
