@@ -54,10 +54,10 @@ class Chip(NamedTuple):
 
     def number(self, text: str) -> Optional[int]:
         """Return the number of a pin written as `5`, `D5` or `A4`; None if the chip does not have it."""
-        found = re.fullmatch(r"([AD]?)(\d{1,2})", text.strip().upper())
+        found = re.fullmatch("([AaDd]?)([0-9]{1,2})", text)
         if not found:
             return None
-        number = int(found[2]) + (self.analog if found[1] == "A" else 0)
+        number = int(found[2]) + (self.analog if found[1] in ("A", "a") else 0)
         return number if number < len(self.pins) else None
 
     def label(self, number: int) -> str:

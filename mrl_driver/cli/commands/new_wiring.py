@@ -95,7 +95,7 @@ def _label(pin: int) -> str:
 
 
 def _pin(text: str, place: str) -> int:
-    number = NOT_CONNECTED if text.strip() == "-" else CHIP.number(text)
+    number = NOT_CONNECTED if text.strip() == "-" else CHIP.number(text.strip())
     if number is None:
         raise ConfigError(f"{place} is {text!r}, expected a pin of the {CHIP.board}, such as 5 or A4")
     return number
