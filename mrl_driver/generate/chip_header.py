@@ -13,6 +13,7 @@ _TOP = """\
 #pragma once
 #include <stdint.h>
 """
+_IN_A_LINE = 3
 
 
 def chip_header() -> str:
@@ -30,10 +31,11 @@ def chip_header() -> str:
 
 
 def _chip(chip: Chip) -> List[str]:
-    rows = [
-        f"  PIN({number}, {pin.port.lower()}, {', '.join(map(str, pin[1:]))})"
+    pins = [
+        f"PIN({number}, {pin.port.lower()}, {', '.join(map(str, pin[1:]))})"
         for number, pin in enumerate(chip.pins)
     ]
+    rows = ["  " + " ".join(pins[at : at + _IN_A_LINE]) for at in range(0, len(pins), _IN_A_LINE)]
     constants = {
         "PIN_COUNT_OF_CHIP": len(chip.pins),
         "LED_PIN": chip.led,

@@ -6,7 +6,7 @@ from collections import Counter
 import pytest
 
 from mrl_driver.protocol.table import BRIDGES, PARAMETERS, WIRING_PROBLEMS
-from mrl_driver.robot import models, wiring
+from mrl_driver.robot import models, wiring, wirings
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, CHIPS
 from mrl_driver.robot.wiring import Problem, check, in_words
 from tests.wirings import random_wiring, rows
@@ -160,3 +160,11 @@ def test_pins_of_both_chips():
         assert len({pin[:2] for pin in chip.pins}) == len(chip.pins)
         assert all(chip.number(chip.label(number)) == number for number in range(len(chip.pins)))
     assert (UNO.number("A4"), UNO.number("a6"), UNO.number("20"), MEGA.number("A8")) == (18, None, None, 62)
+
+
+@pytest.mark.parametrize("name", wirings.names())
+def test_each_wiring_of_the_catalogue_is_sound_and_names_its_source(name):
+    entry = wirings.load(name)
+    for bridge in [entry.bridge] if entry.bridge else BRIDGES[1:]:
+        assert check(entry.pins, bridge, entry.chip) == wiring.SOUND
+    assert entry.title and entry.source and (name != "mrl_duo" or entry.pins == DUO)
