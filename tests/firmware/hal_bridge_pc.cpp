@@ -181,14 +181,17 @@ void bridge_end() {
   begun = false;
 }
 
-void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty) {
-  const int role = static_cast<int>(pin);
+void write(int motor, int role, uint8_t duty) {
   uint8_t& present = duties[checked(motor)][role];
   if (!(pwm_roles >> role & 1) && duty) duty = 255;
   if (!begun || wires.bridge[motor][role] == NO_PIN || missed || present == duty) return;
   acted = true;
   present = duty;
   show(motor);
+}
+
+void bridge_write(uint8_t motor, const uint8_t (&to)[BRIDGE_PINS]) {
+  for (int role = BRIDGE_PINS; role--;) write(motor, role, to[role]);
 }
 
 void bridge_off() {

@@ -1,5 +1,6 @@
 """The H-bridge image with other wirings: pins without and with an accepted wiring, clocks, encoders, sensors."""
 
+from collections import Counter
 from contextlib import contextmanager
 from typing import Dict, Iterator, List, Mapping, NamedTuple, Set, Tuple
 
@@ -10,7 +11,7 @@ from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, PINS, WIRING_P
 from sim_arduino.board import parameter_store
 from tests import models
 from tests.firmware.imu_chip import ImuChip
-from tests.firmware.test_image_hbridge import DRIVEN, HALF_DUTY, MOVES, OUTPUTS, SAMPLE_S, SET, Board
+from tests.firmware.test_image_hbridge import DRIVEN, HALF_DUTY, MOVES, OUTPUTS, PWM_HZ, SAMPLE_S, SET, Board
 from tests.long.bench.firmware_board import request
 
 PORTS = 0x23  # PINB DDRB PORTB PINC DDRC PORTC PIND DDRD PORTD
@@ -266,6 +267,43 @@ def test_the_chip_sleeps_on_each_clock(name):
         awake, begun = board.machine.awake_cycles, board.machine.cycle
         board.run(1.0)
         assert (board.machine.awake_cycles - awake) / (board.machine.cycle - begun) < MOST_AWAKE
+
+
+# ---- PWM of timer 1
+
+ON_TIMER_1 = {
+    "cytron": with_pwm("cytron", left_pwm_a=9, left_logic=7, right_pwm_a=10, right_logic=12),
+    "l298n": with_pwm("l298n", left_pwm_a=12, left_pwm_b=9, left_logic=7, right_pwm_b=10, right_logic=8),
+    "drv8833": with_pwm("drv8833", left_pwm_a=9, left_pwm_b=10, right_pwm_a=5, right_pwm_b=6),
+    "l298n_enable": with_pwm(
+        "l298n_enable", left_pwm_a=9, left_pwm_b=8, left_logic=7, right_pwm_a=10, right_pwm_b=5, right_logic=6
+    ),
+}
+"""A bridge for each mode of the timer, and one with PWM on its enable."""
+QUARTER_AND_HALF = {
+    "cytron": {9: 0.25, 10: 0.5, 7: 0, 12: 1},
+    "l298n": {9: 0.25, 10: 0.5, 7: 0, 8: 1, 12: 1},
+    "drv8833": {9: 1, 10: 0.75, 5: 0.5, 6: 1},
+    "l298n_enable": {9: 0.25, 8: 1, 7: 0, 10: 0.5, 5: 0, 6: 1},
+}
+"""Shares of time for which each output is high at a quarter of the duty forward, and half of it backward."""
+
+
+@pytest.mark.parametrize("name", ON_TIMER_1)
+def test_timer_1_makes_pwm_as_the_others_do(name):
+    bridge, pins = ON_TIMER_1[name]
+    with wired(bridge, pins) as board:
+        board.machine.watch_pins(outputs(board))
+        board.say(b"@10,25,-50e")
+        before = {pin: board.machine.high_cycles(pin) for pin in outputs(board)}
+        begun = board.machine.cycle
+        board.machine.pin_changes()
+        board.run(0.1)
+        passed = board.machine.cycle - begun
+        shares = {pin: (board.machine.high_cycles(pin) - high) / passed for pin, high in before.items()}
+        assert shares == pytest.approx(QUARTER_AND_HALF[name], abs=0.01)
+        rises = Counter(change.pin for change in board.machine.pin_changes() if change.level)
+        assert sorted(rises.values()) == pytest.approx(2 * [0.1 * PWM_HZ[name]], rel=0.01)
 
 
 # ---- encoders

@@ -44,6 +44,8 @@ void run() {
   commands::receive();  // a stop waits for one of the long tasks at most
   answers::service();
   commands::receive();
+  if (MRL_BRIDGE) answers::service();
+  if (MRL_BRIDGE) commands::receive();
   motor::service();
   commands::receive();
   bus::service_background();

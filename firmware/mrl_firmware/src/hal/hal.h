@@ -147,9 +147,10 @@ void bridge_begin(const Wires& wires, PwmRate rate, uint8_t pwm);
 // Switches all outputs off, and makes inputs without pull-ups of all pins that bridge_begin() has taken.
 void bridge_end();
 
-// Holds the output high for `duty` / 255 of the time; 0 and 255 are constant.  Any duty but 0 is high on a pin without
-// PWM.  Does nothing while a kick of the watchdog is missing, or without bridge_begin().
-void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty);
+// Holds the outputs of a motor high for `duty` / 255 of the time, by BridgePin, the last one first; 0 and 255 are
+// constant.  Any duty but 0 is high on a pin without PWM.  Does nothing while a kick of the watchdog is missing, or without
+// bridge_begin().
+void bridge_write(uint8_t motor, const uint8_t (&duties)[BRIDGE_PINS]);
 // All outputs are low at once; from any context.  The watchdog's interrupt does this at the first missed kick.
 void bridge_off();
 

@@ -20,7 +20,7 @@ extern volatile uint8_t missed_kicks;
 // Its timer.  Timers 2 and 0 count the low byte of the ticks; the last sample, at most 255 ticks ago, has the high byte.
 // If all timers make PWM, timer 2 is the clock next to its PWM: a round has two ticks, and its interrupt counts them.
 enum class Clock : uint8_t { timer1, timer2, timer0, pwm_timer2 };
-extern volatile Clock clock;
+extern Clock clock;                          // only clock_use() changes it
 extern volatile uint16_t clock_base;         // tick of the last sample, or of the beginning of timer 2's round
 extern const volatile uint8_t* clock_low;    // low byte of the ticks; next to PWM of the even ones
 extern uint16_t sample_due;                  // tick

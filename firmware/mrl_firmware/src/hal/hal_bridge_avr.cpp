@@ -72,20 +72,25 @@ void bridge_off() {
   SREG = status;
 }
 
-void bridge_write(uint8_t motor, BridgePin pin, uint8_t duty) {
-  const Output& output = outputs[motor][static_cast<uint8_t>(pin)];
+static inline void write(const Output& output, uint8_t duty) {
   const uint8_t mask = output.mask, bit = output.control_bit;
   if (!mask) return;
+  if (bit && duty != 0 && duty != 255) {
+    *output.compare = static_cast<uint8_t>(duty - fast_pwm);  // fast PWM is high for one count more
+    *output.control = *output.control | bit;
+    return;
+  }
+  volatile uint8_t& port = *output.port;
+  port = duty ? port | mask : static_cast<uint8_t>(port & ~mask);
+  if (bit) *output.control = static_cast<uint8_t>(*output.control & ~bit);
+}
+
+void bridge_write(uint8_t motor, const uint8_t (&duties)[BRIDGE_PINS]) {
+  const Output* output = outputs[motor] + BRIDGE_PINS;
+  const uint8_t* duty = duties + BRIDGE_PINS;
   cli();
   if (!missed_kicks) {
-    if (bit && duty != 0 && duty != 255) {
-      *output.compare = static_cast<uint8_t>(duty - fast_pwm);  // fast PWM is high for one count more
-      *output.control = *output.control | bit;
-    } else {
-      const uint8_t others = static_cast<uint8_t>(*output.port & ~mask);
-      *output.port = duty ? others | mask : others;
-      if (bit) *output.control = static_cast<uint8_t>(*output.control & ~bit);
-    }
+    for (uint8_t left = BRIDGE_PINS; left; left--) write(*--output, *--duty);
   }
   sei();
 }
@@ -158,9 +163,10 @@ struct Channel {
   uint8_t mask;
 };
 Channel channels[MOTORS][CHANNELS];
+typedef void Handler();
 uint8_t changes[MOTORS];  // interrupts of an encoder: bits of PCICR
 uint8_t others[MOTORS];   // those that are left when it is masked
-void (*handlers[PORTS])();  // of the interrupts
+Handler* handlers[PORTS];  // of the interrupts
 
 volatile uint16_t counts[MOTORS], impossible;
 volatile uint8_t edge_ticks[MOTORS];  // low bytes
@@ -173,121 +179,168 @@ volatile bool is_new;
 
 }  // namespace
 
-// An interrupt finds the handler of its port, and this one counts an edge of an encoder, in 97 cycles with the entry, or
-// of one of two encoders on a port, in 130.  The compiler's code takes twice as long: the interrupts must let the USB
-// port, the other encoder and the sample have their turn at 50 000 edges/s.  The old state is in a register of the chip
-// that needs no LDS.  Bit 0 of a step is set if it counts.
-#define TO_HANDLER(port)                        \
+// An interrupt reads its port and finds the port's handler, which counts an edge in 87 cycles with the entry if both
+// channels are on that port.  The compiler's code takes twice as long: the interrupts must let the USB port, the other
+// encoder and the sample have their turn at 50 000 edges/s.  The old state is in a register of the chip that needs no LDS.
+// NEG sets the carry if a channel is high.  Bit 0 of a step is set if it counts.
+#define TO_HANDLER(port, inputs_of_port)        \
   asm volatile(                                 \
+      "push r24                       \n\t"     \
+      "in   r24, %[inputs]            \n\t"     \
       "push r30                       \n\t"     \
       "push r31                       \n\t"     \
       "lds  r30, %[handler]           \n\t"     \
       "lds  r31, %[handler]+1         \n\t"     \
-      "ijmp                           \n\t" ::[handler] "i"(&handlers[port]))
+      "ijmp                           \n\t" ::[handler] "i"(&handlers[port]), \
+      [inputs] "I"(_SFR_IO_ADDR(inputs_of_port)))
 
-#define BEGIN_EDGE(encoder)                                                              \
-  asm volatile(                                                                          \
-      "push r24                       \n\t"                                              \
-      "in   r24, __SREG__             \n\t"                                              \
-      "push r24                       \n\t"                                              \
-      "push r25                       \n\t"                                              \
-      "lds  r24, %[left]              \n\t"                                              \
-      "dec  r24                       \n\t"                                              \
-      "sts  %[left], r24              \n\t"                                              \
-      "brne 1f                        \n\t" /* otherwise there are too many edges */     \
-      "lds  r24, %[enable]            \n\t"                                              \
-      "lds  r25, %[others]            \n\t"                                              \
-      "and  r24, r25                  \n\t"                                              \
-      "sts  %[enable], r24            \n\t"                                              \
-      "sbi  %[news], 0                \n\t"                                              \
-      "1:                             \n\t" ::[left] "i"(&edges_left[encoder]),          \
+#define BEGIN_EDGE(encoder)                                                                  \
+  asm volatile(                                                                              \
+      "push r25                       \n\t"                                                  \
+      "in   r25, __SREG__             \n\t"                                                  \
+      "push r25                       \n\t"                                                  \
+      "lds  r25, %[left]              \n\t"                                                  \
+      "dec  r25                       \n\t"                                                  \
+      "sts  %[left], r25              \n\t"                                                  \
+      "brne 1f                        \n\t" /* otherwise there are too many edges */         \
+      "lds  r30, %[enable]            \n\t"                                                  \
+      "lds  r31, %[others]            \n\t"                                                  \
+      "and  r30, r31                  \n\t"                                                  \
+      "sts  %[enable], r30            \n\t"                                                  \
+      "sbi  %[news], 0                \n\t"                                                  \
+      "1:                             \n\t" ::[left] "i"(&edges_left[encoder]),              \
       [others] "i"(&others[encoder]), [enable] "i"(_SFR_MEM_ADDR(PCICR)), [news] "I"(_SFR_IO_ADDR(GPIOR0)))
 
-// NEG sets the carry if a channel is high.
-#define COUNT_EDGE(encoder, old_state)                                                   \
-  asm volatile(                                                                          \
-      "ldi  r31, 0                    \n\t"                                              \
-      "lds  r30, %[a]                 \n\t"                                              \
-      "ld   r24, Z                    \n\t"                                              \
-      "lds  r25, %[a]+1               \n\t"                                              \
-      "and  r24, r25                  \n\t"                                              \
-      "neg  r24                       \n\t"                                              \
-      "in   r25, %[state]             \n\t"                                              \
-      "rol  r25                       \n\t"                                              \
-      "lds  r30, %[b]                 \n\t"                                              \
-      "ld   r24, Z                    \n\t"                                              \
-      "lds  r30, %[b]+1               \n\t"                                              \
-      "and  r24, r30                  \n\t"                                              \
-      "neg  r24                       \n\t"                                              \
-      "rol  r25                       \n\t"                                              \
-      "mov  r24, r25                  \n\t"                                              \
-      "andi r24, %[states]            \n\t"                                              \
-      "out  %[state], r24             \n\t"                                              \
-      "ori  r25, lo8(%[table])        \n\t"                                              \
-      "mov  r30, r25                  \n\t"                                              \
-      "ldi  r31, hi8(%[table])        \n\t"                                              \
-      "ld   r25, Z                    \n\t"                                              \
-      "sbrs r25, 0                    \n\t"                                              \
-      "rjmp 2f                        \n\t"                                              \
-      "sts  %[stepped], r25           \n\t"                                              \
-      "mov  r30, r25                  \n\t"                                              \
-      "asr  r30                       \n\t"                                              \
-      "lds  r24, %[count]             \n\t"                                              \
-      "add  r24, r25                  \n\t"                                              \
-      "sts  %[count], r24             \n\t"                                              \
-      "lds  r24, %[count]+1           \n\t"                                              \
-      "adc  r24, r30                  \n\t"                                              \
-      "sts  %[count]+1, r24           \n\t"                                              \
-      "lds  r30, %[source]            \n\t"                                              \
-      "lds  r31, %[source]+1          \n\t"                                              \
-      "ld   r24, Z                    \n\t"                                              \
-      "sts  %[tick], r24              \n\t"                                              \
-      "rjmp 3f                        \n\t"                                              \
-      /* no step, or an impossible one */                                                \
-      "2: sbrs r25, 1                 \n\t"                                              \
-      "rjmp 3f                        \n\t"                                              \
-      "lds  r30, %[wrong]             \n\t"                                              \
-      "lds  r31, %[wrong]+1           \n\t"                                              \
-      "adiw r30, 1                    \n\t"                                              \
-      "breq 3f                        \n\t"                                              \
-      "sts  %[wrong]+1, r31           \n\t"                                              \
-      "sts  %[wrong], r30             \n\t"                                              \
-      "3:                             \n\t" ::[a] "i"(&channels[encoder][0]),            \
-      [b] "i"(&channels[encoder][1]), [state] "I"(_SFR_IO_ADDR(old_state)),              \
-      [states] "M"(quadrature::STATES), [table] "i"(&steps[encoder]),                    \
-      [stepped] "i"(&stepped[encoder]), [count] "i"(&counts[encoder]),                   \
+// The index of the step is in r30.
+#define READ_THIS_PORT(encoder, old_state)                                                   \
+  asm volatile(                                                                              \
+      "lds  r25, %[a]+1               \n\t"                                                  \
+      "and  r25, r24                  \n\t"                                                  \
+      "neg  r25                       \n\t"                                                  \
+      "in   r30, %[state]             \n\t"                                                  \
+      "rol  r30                       \n\t"                                                  \
+      "lds  r25, %[b]+1               \n\t"                                                  \
+      "and  r25, r24                  \n\t"                                                  \
+      "neg  r25                       \n\t"                                                  \
+      "rol  r30                       \n\t" ::[a] "i"(&channels[encoder][0]),                \
+      [b] "i"(&channels[encoder][1]), [state] "I"(_SFR_IO_ADDR(old_state)))
+
+#define READ_ANY_PORTS(encoder, old_state)                                                   \
+  asm volatile(                                                                              \
+      "ldi  r31, 0                    \n\t"                                                  \
+      "lds  r30, %[a]                 \n\t"                                                  \
+      "ld   r24, Z                    \n\t"                                                  \
+      "lds  r25, %[a]+1               \n\t"                                                  \
+      "and  r24, r25                  \n\t"                                                  \
+      "neg  r24                       \n\t"                                                  \
+      "in   r25, %[state]             \n\t"                                                  \
+      "rol  r25                       \n\t"                                                  \
+      "lds  r30, %[b]                 \n\t"                                                  \
+      "ld   r24, Z                    \n\t"                                                  \
+      "lds  r30, %[b]+1               \n\t"                                                  \
+      "and  r24, r30                  \n\t"                                                  \
+      "neg  r24                       \n\t"                                                  \
+      "rol  r25                       \n\t"                                                  \
+      "mov  r30, r25                  \n\t" ::[a] "i"(&channels[encoder][0]),                \
+      [b] "i"(&channels[encoder][1]), [state] "I"(_SFR_IO_ADDR(old_state)))
+
+#define COUNT_EDGE(encoder, old_state)                                                       \
+  asm volatile(                                                                              \
+      "mov  r25, r30                  \n\t"                                                  \
+      "andi r25, %[states]            \n\t"                                                  \
+      "out  %[state], r25             \n\t"                                                  \
+      "ori  r30, lo8(%[table])        \n\t"                                                  \
+      "ldi  r31, hi8(%[table])        \n\t"                                                  \
+      "ld   r25, Z                    \n\t"                                                  \
+      "sbrs r25, 0                    \n\t"                                                  \
+      "rjmp 2f                        \n\t"                                                  \
+      "sts  %[stepped], r25           \n\t"                                                  \
+      "mov  r31, r25                  \n\t"                                                  \
+      "asr  r31                       \n\t"                                                  \
+      "lds  r30, %[count]             \n\t"                                                  \
+      "add  r30, r25                  \n\t"                                                  \
+      "sts  %[count], r30             \n\t"                                                  \
+      "lds  r30, %[count]+1           \n\t"                                                  \
+      "adc  r30, r31                  \n\t"                                                  \
+      "sts  %[count]+1, r30           \n\t"                                                  \
+      "lds  r30, %[source]            \n\t"                                                  \
+      "lds  r31, %[source]+1          \n\t"                                                  \
+      "ld   r25, Z                    \n\t"                                                  \
+      "sts  %[tick], r25              \n\t"                                                  \
+      "rjmp 3f                        \n\t"                                                  \
+      /* no step, or an impossible one */                                                    \
+      "2: sbrs r25, 1                 \n\t"                                                  \
+      "rjmp 3f                        \n\t"                                                  \
+      "lds  r30, %[wrong]             \n\t"                                                  \
+      "lds  r31, %[wrong]+1           \n\t"                                                  \
+      "adiw r30, 1                    \n\t"                                                  \
+      "breq 3f                        \n\t"                                                  \
+      "sts  %[wrong]+1, r31           \n\t"                                                  \
+      "sts  %[wrong], r30             \n\t"                                                  \
+      "3:                             \n\t" ::[state] "I"(_SFR_IO_ADDR(old_state)),          \
+      [states] "M"(quadrature::STATES), [table] "i"(&steps[encoder]),                        \
+      [stepped] "i"(&stepped[encoder]), [count] "i"(&counts[encoder]),                       \
       [tick] "i"(&edge_ticks[encoder]), [source] "i"(&clock_low), [wrong] "i"(&impossible))
 
 #define END_EDGE()                          \
   asm volatile(                             \
       "pop  r25                       \n\t" \
-      "pop  r24                       \n\t" \
-      "out  __SREG__, r24             \n\t" \
-      "pop  r24                       \n\t" \
+      "out  __SREG__, r25             \n\t" \
+      "pop  r25                       \n\t" \
       "pop  r31                       \n\t" \
       "pop  r30                       \n\t" \
+      "pop  r24                       \n\t" \
       "reti                           \n\t")
 
 namespace {
 
-void count_left() __attribute__((naked));
-void count_left() {
+#define HANDLER(name) void name() __attribute__((naked)); void name()
+
+// Of ports with one encoder.
+HANDLER(count_left) {
   BEGIN_EDGE(0);
+  READ_THIS_PORT(0, GPIOR1);
   COUNT_EDGE(0, GPIOR1);
   END_EDGE();
 }
 
-void count_right() __attribute__((naked));
-void count_right() {
+HANDLER(count_right) {
   BEGIN_EDGE(1);
+  READ_THIS_PORT(1, GPIOR2);
   COUNT_EDGE(1, GPIOR2);
   END_EDGE();
 }
 
-void count_both() __attribute__((naked));
-void count_both() {
+// Of a port with both.
+HANDLER(count_both) {
   BEGIN_EDGE(0);
+  READ_THIS_PORT(0, GPIOR1);
   COUNT_EDGE(0, GPIOR1);
+  READ_THIS_PORT(1, GPIOR2);
+  COUNT_EDGE(1, GPIOR2);
+  END_EDGE();
+}
+
+// Of encoders with their channels on two ports.
+HANDLER(count_left_apart) {
+  BEGIN_EDGE(0);
+  READ_ANY_PORTS(0, GPIOR1);
+  COUNT_EDGE(0, GPIOR1);
+  END_EDGE();
+}
+
+HANDLER(count_right_apart) {
+  BEGIN_EDGE(1);
+  READ_ANY_PORTS(1, GPIOR2);
+  COUNT_EDGE(1, GPIOR2);
+  END_EDGE();
+}
+
+HANDLER(count_both_apart) {
+  BEGIN_EDGE(0);
+  READ_ANY_PORTS(0, GPIOR1);
+  COUNT_EDGE(0, GPIOR1);
+  READ_ANY_PORTS(1, GPIOR2);
   COUNT_EDGE(1, GPIOR2);
   END_EDGE();
 }
@@ -297,21 +350,25 @@ void count_both() {
 static_assert((quadrature::IMPOSSIBLE & 3) == 2, "bits 0 and 1 tell a step from an impossible one");
 static_assert(MOTORS == 2, "one register of the chip for the state of each encoder");
 
-ISR(PCINT0_vect, ISR_NAKED) { TO_HANDLER(0); }
-ISR(PCINT1_vect, ISR_NAKED) { TO_HANDLER(1); }
-ISR(PCINT2_vect, ISR_NAKED) { TO_HANDLER(2); }
+ISR(PCINT0_vect, ISR_NAKED) { TO_HANDLER(0, PINB); }
+ISR(PCINT1_vect, ISR_NAKED) { TO_HANDLER(1, PINC); }
+ISR(PCINT2_vect, ISR_NAKED) { TO_HANDLER(2, PIND); }
+
+static inline __attribute__((always_inline)) void sample_encoder(uint8_t encoder, uint16_t now) {
+  newest.count[encoder] = counts[encoder];
+  edges_left[encoder] = MOST_EDGES;
+  if (!stepped[encoder]) return;
+  stepped[encoder] = 0;
+  newest.edge_tick[encoder] = static_cast<uint16_t>(now - static_cast<uint8_t>(now - edge_ticks[encoder]));
+}
 
 // The compare unit flags the end of its tick, so that at least one whole tick must lie ahead.  After a longer time without
 // interrupts the next sample would come in the timer's next round: the cadence then starts again.  The clocks of 8 bits
 // jump to this interrupt as well.
 ISR(TIMER1_COMPB_vect) {
   const uint16_t now = clock_now();
-  for (uint8_t i = 0; i < MOTORS; i++) {
-    newest.count[i] = counts[i];
-    if (stepped[i]) newest.edge_tick[i] = static_cast<uint16_t>(now - static_cast<uint8_t>(now - edge_ticks[i]));
-    stepped[i] = 0;
-    edges_left[i] = MOST_EDGES;
-  }
+  sample_encoder(0, now);
+  sample_encoder(1, now);
   newest.tick = now;
   clock_took_sample(now);
   is_new = true;
@@ -392,6 +449,19 @@ void watch(uint8_t encoder, bool single) {
   others[encoder] = static_cast<uint8_t>(~changes[encoder]);
 }
 
+bool is_apart(uint8_t encoder) {
+  const Channel& b = channels[encoder][1];
+  return b.mask && b.inputs != channels[encoder][0].inputs;
+}
+
+Handler* handler_of(uint8_t port) {
+  const bool left = changes[0] >> port & 1, right = changes[1] >> port & 1;
+  const bool apart = (left && is_apart(0)) || (right && is_apart(1));
+  if (left && right) return apart ? count_both_apart : count_both;
+  if (right) return apart ? count_right_apart : count_right;
+  return apart ? count_left_apart : count_left;
+}
+
 void watch_none() {
   PCICR = PCMSK0 = PCMSK1 = PCMSK2 = 0;
   changes[0] = changes[1] = 0;
@@ -415,10 +485,7 @@ void encoder_single_channel(bool on) {
   cli();
   watch_none();
   for (uint8_t i = 0; i < MOTORS; i++) watch(i, on);
-  for (uint8_t port = 0; port < PORTS; port++) {
-    const bool left = changes[0] >> port & 1, right = changes[1] >> port & 1;
-    handlers[port] = left && right ? count_both : right ? count_right : count_left;
-  }
+  for (uint8_t port = 0; port < PORTS; port++) handlers[port] = handler_of(port);
   sei();
   for (uint8_t i = 0; i < MOTORS; i++) encoder_unmask(i);
 }

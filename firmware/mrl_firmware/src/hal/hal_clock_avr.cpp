@@ -10,7 +10,7 @@
 
 namespace hal {
 
-volatile Clock clock;
+Clock clock;
 volatile uint16_t clock_base;
 const volatile uint8_t* clock_low = &TCNT1L;
 uint16_t sample_due;

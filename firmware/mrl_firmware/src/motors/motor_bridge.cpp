@@ -31,7 +31,8 @@ Wheel wheels[SIDES];
 EncoderCounter counters[SIDES];
 hal::EncoderSample sample, live;
 uint16_t last_counts[SIDES];
-uint8_t to_serve;  // wheels that have not been served with this sample
+uint8_t to_serve;  // halves of wheels that have not been served with this sample
+bool single[SIDES];  // the encoder has channel A alone
 Counts frame_counts;
 uint32_t refused_since;
 bool usable;   // bridge, wiring and numbers are set
@@ -54,14 +55,9 @@ bool encoder_reversed(uint8_t wheel) {
   return wired(wheel ? WIRING_RIGHT_ENCODER_REVERSED : WIRING_LEFT_ENCODER_REVERSED);
 }
 
-bool is_single(uint8_t wheel) {
-  const Parameter b = encoder_of(wheel) ? Parameter::pin_right_encoder_b : Parameter::pin_left_encoder_b;
-  return wired(WIRING_SINGLE_CHANNEL) || wiring::pin(b) == NOT_CONNECTED;
-}
-
 // A single channel counts up; its direction is that of the command.
 int16_t oriented(uint8_t wheel, int16_t counts) {
-  const bool back = is_single(wheel) ? wheels[wheel].last_direction() < 0 : encoder_reversed(wheel);
+  const bool back = single[wheel] ? wheels[wheel].last_direction() < 0 : encoder_reversed(wheel);
   return static_cast<int16_t>(back ? -counts : counts);
 }
 
@@ -72,10 +68,7 @@ void write(uint8_t wheel) {
   const uint8_t duty = static_cast<uint8_t>(level < 0 ? -level : level);
   const bridge::Levels pins =
       bridge::levels(usable ? chip() : Bridge::unset, backward, duty, config::get(Parameter::stop_mode));
-  const uint8_t motor = motor_of(wheel);
-  hal::bridge_write(motor, hal::BridgePin::logic, pins.logic);
-  hal::bridge_write(motor, hal::BridgePin::pwm_b, pins.pwm_b);
-  hal::bridge_write(motor, hal::BridgePin::pwm_a, pins.pwm_a);
+  hal::bridge_write(motor_of(wheel), {pins.pwm_a, pins.pwm_b, pins.logic});
 }
 
 // ---- stops
@@ -127,8 +120,7 @@ void serve(uint8_t wheel) {
   const int16_t moved = moved_by(wheel, sample);
   last_counts[encoder] = sample.count[encoder];
   const StopReason reason = wheels[wheel].update(settings, moved, sample.edge_tick[encoder], sample.tick);
-  if (reason != StopReason::none) return stop_for(reason);
-  write(wheel);
+  if (reason != StopReason::none) stop_for(reason);
 }
 
 // ---- moves
@@ -155,6 +147,14 @@ bool take_settings() {
   return wiring::accepted() && wired(WIRING_SET) && settings.configure();
 }
 
+void take_channels() {
+  hal::encoder_single_channel(wired(WIRING_SINGLE_CHANNEL));
+  for (uint8_t wheel = LEFT; wheel < SIDES; wheel++) {
+    const Parameter b = encoder_of(wheel) ? Parameter::pin_right_encoder_b : Parameter::pin_left_encoder_b;
+    single[wheel] = wired(WIRING_SINGLE_CHANNEL) || wiring::pin(b) == NOT_CONNECTED;
+  }
+}
+
 // The travel at this moment, beyond the last sample.
 __attribute__((noinline)) int32_t travel_of(uint8_t wheel) {
   hal::encoder_read(live);
@@ -169,16 +169,21 @@ uint8_t side_of(uint8_t motor) { return motor == LEFT_MOTOR ? LEFT : RIGHT; }
 
 void begin() { refresh_all(); }
 
-// A line that oscillates may have cost the chip the host's stop, so this does not wait for the next sample.
+// A stop may come between the control of a wheel and its output.  A line that oscillates may have cost the chip the host's stop, so this does not wait for the next sample.
 void service() {
   if (status::turning() && (hal::encoder_masked(LEFT) || hal::encoder_masked(RIGHT))) stop_for(StopReason::encoder);
   if (!to_serve && hal::encoder_sample(sample)) {
-    to_serve = SIDES;
+    to_serve = 2 * SIDES;
     watch_battery();
   }
   if (!to_serve) return;
-  serve(static_cast<uint8_t>(SIDES - to_serve));
-  if (--to_serve) board_clock::stay_awake();
+  const uint8_t wheel = to_serve > SIDES ? LEFT : RIGHT;
+  if (to_serve-- % 2) {
+    write(wheel);
+  } else {
+    serve(wheel);
+  }
+  if (to_serve) board_clock::stay_awake();
 }
 
 // Motors on the Arduino's own pins can always be stopped; moves say for themselves whether they are available.
@@ -192,7 +197,7 @@ void refresh(Parameter parameter) {
   if (wires) wiring::end();
   if (meanings) stop(StopReason::host);
   if (wires) wiring::begin();
-  if (meanings) hal::encoder_single_channel(wired(WIRING_SINGLE_CHANNEL));
+  if (meanings) take_channels();
   usable = take_settings();
   if (!usable) stop(StopReason::host);
   status::set_fault(FAULT_WIRING, !usable);

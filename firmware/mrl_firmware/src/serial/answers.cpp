@@ -3,6 +3,7 @@
 
 #include "baud.h"
 #include "../board/board_clock.h"
+#include "../../build.h"
 #include "../board/bus.h"
 #include "frame_writer.h"
 #include "../hal/hal.h"
@@ -112,6 +113,8 @@ void await_sensors() {
   } else {
     fetch_imu();
   }
+  // Counts of the Arduino's own pins are there at once: a stop may come between their reading and the frame.
+  if (MRL_BRIDGE && with_counts) return board_clock::stay_awake();
   await_reads();
 }
 
