@@ -44,8 +44,12 @@ void run() {
   commands::receive();  // a stop waits for one of the long tasks at most
   answers::service();
   commands::receive();
-  if (MRL_BRIDGE) answers::service();
-  if (MRL_BRIDGE) commands::receive();
+  if (MRL_BRIDGE) {  // the second half of what these have begun
+    answers::service();
+    commands::receive();
+    motor::service();
+    commands::receive();
+  }
   motor::service();
   commands::receive();
   bus::service_background();
