@@ -31,6 +31,7 @@ ONLY_READ = (
     r"expected a map_server YAML",
     r"No such file or directory, expected a PGM or PNG picture",
     r"the occupied_thresh",
+    r"is unknown, expected image, resolution",
     r"expected a pin of the",
     r"wiring: \w+ is (not connected|on [AD]\d+)",
 )
