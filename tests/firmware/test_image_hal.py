@@ -6,10 +6,10 @@ from typing import Callable, Dict, Iterator, List
 import pytest
 
 from mrl_driver.protocol import REPLIES, FrameDecoder
-from mrl_driver.protocol.table import FAULTS, REASONS
+from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME, REASONS
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
 from tests.avr.test_image import ENDLESS_LOOP
-from tests.firmware.test_image_hbridge import DRIVEN, ENCODERS, HALF_DUTY, Board
+from tests.firmware.test_image_hbridge import DRIVEN, ENCODERS, HALF_DUTY, TB6612, Board
 from tests.firmware.test_image_xbee import frames, say
 from tests.firmware.test_xbee import received
 from tests.long.bench.firmware_board import Rig, request
@@ -230,13 +230,17 @@ def test_more_than_250_edges_between_two_samples_mask_the_encoder(bridge, wheel,
     assert bool(machine.peek(PCICR)[0] & change) != masked
 
 
-def test_a_stop_holds_interrupts_off_for_a_moment_only(bridge):
+NEW_WIRING = request("write_config", PARAMETER_BY_NAME["bridge"].number, TB6612)
+
+
+@pytest.mark.parametrize("line", [b"@13e", NEW_WIRING], ids=["stop", "new wiring"])
+def test_interrupts_are_off_for_a_moment_only(bridge, line):
     """A byte of the host takes 85 us, and the receiver has room for two."""
     machine = bridge.boot().configure().machine
     bridge.say(HALF_DUTY)
-    end = machine.send(b"@13e")
+    end = machine.send(line)
     off, longest = machine.cycle, 0
-    while machine.cycle < end + 8000:
+    while machine.cycle < end + 50_000:
         on = machine.interrupts_on
         machine.run_until(max(machine.next_event_cycle, machine.cycle + 1))
         if on:

@@ -6,6 +6,7 @@
 #include <avr/io.h>
 
 #include "chip.h"
+#include "flash.h"
 #include "hal.h"
 #include "hal_avr.h"
 #include "../motors/quadrature.h"
@@ -94,64 +95,6 @@ void bridge_write(uint8_t motor, const uint8_t (&duties)[BRIDGE_PINS]) {
   }
   sei();
 }
-
-namespace {
-
-// The timers of all outputs with PWM, a bit each.
-uint8_t pwm_timers(const Wires& wires, uint8_t pwm) {
-  uint8_t timers = 0;
-  for (const auto& bridge : wires.bridge) {
-    for (uint8_t i = 0; i < BRIDGE_PINS; i++) {
-      if (!(pwm >> i & 1) || !is_connected(bridge[i])) continue;
-      timers = static_cast<uint8_t>(timers | 1 << chip::functions(bridge[i]).timer);
-    }
-  }
-  return timers;
-}
-
-// A timer that makes no PWM keeps still, or is the clock.
-void start_timers(uint8_t timers, PwmRate rate) {
-  const bool use_0 = timers & 1, use_1 = timers & 2, use_2 = timers & 4;
-  fast_pwm = rate == PwmRate::medium;
-  const uint8_t mode = static_cast<uint8_t>(_BV(WGM00) | (fast_pwm ? _BV(WGM01) : 0));
-  const uint8_t divider = rate == PwmRate::fast ? _BV(CS00) : _BV(CS01);  // F_CPU or F_CPU / 8
-  clock_use(!use_1   ? Clock::timer1
-            : !use_2 ? Clock::timer2
-            : !use_0 ? Clock::timer0
-                     : Clock::pwm_timer2);
-  if (use_0) {
-    TCCR0A = mode;
-    TCCR0B = divider;
-  }
-  if (use_2) {
-    TCCR2A = mode;
-    TCCR2B = divider;
-  }
-  if (!use_1) return;
-  OCR1A = OCR1B = 0;
-  TCCR1A = _BV(WGM10);
-  TCCR1B = static_cast<uint8_t>(divider | (fast_pwm ? _BV(WGM12) : 0));
-}
-
-// The level goes first.  Both registers of the port are written by this program alone while interrupts are off.
-void begin_output(Output& output, int8_t pin, bool has_pwm) {
-  volatile uint8_t* const registers = registers_of(port_of(pin));
-  output.port = registers + 2;
-  output.mask = mask_of(pin);
-  const uint8_t rest = static_cast<uint8_t>(~output.mask);
-  port_rests[port_of(pin)] &= rest;
-  registers[2] = registers[2] & rest;
-  registers[1] = registers[1] | output.mask;
-  if (!has_pwm) return;
-  const chip::Functions functions = chip::functions(pin);
-  const Timer& timer = TIMER[functions.timer];
-  output.control = timer.control;
-  output.compare = timer.compare[functions.unit];
-  output.control_bit = functions.unit ? OUTPUT_B : OUTPUT_A;
-  timer_rests[functions.timer] &= static_cast<uint8_t>(~output.control_bit);
-}
-
-}  // namespace
 
 // ---- encoders
 
@@ -408,6 +351,9 @@ uint16_t impossible_transitions() {
 
 bool encoder_masked(uint8_t encoder) { return (PCICR & changes[encoder]) != changes[encoder]; }
 
+// ---- what follows runs when a wiring changes: small rather than fast
+#pragma GCC optimize("Os")
+
 namespace {
 
 uint8_t level(const Channel& channel) { return *reinterpret_cast<volatile uint8_t*>(channel.inputs) & channel.mask; }
@@ -429,16 +375,21 @@ void take_channel(Channel& channel, int8_t pin) {
 // Pull-ups hold the lines of encoders with open collectors, and those of a broken wire.
 void pull_up(const Channel& channel, bool on) {
   volatile uint8_t& port = registers_of(port_of(channel))[2];
+  cli();
   const uint8_t rest = static_cast<uint8_t>(port & ~channel.mask);
   port = on ? rest | channel.mask : rest;
+  sei();
 }
 
-// Whose edges an interrupt may bring.
+#define SIXTEEN(of) of(0), of(1), of(2), of(3), of(4), of(5), of(6), of(7), of(8), of(9), of(10), of(11), of(12), of(13), of(14), of(15)
+const int8_t STEPS[CHANNELS][quadrature::INDICES] PROGMEM = {{SIXTEEN(quadrature::single_step)},
+                                                             {SIXTEEN(quadrature::step)}};
+
+// Whose edges an interrupt may bring; interrupts of the encoders are off.
 void watch(uint8_t encoder, bool single) {
   single = single || !channels[encoder][1].mask;
-  for (uint8_t i = 0; i < quadrature::INDICES; i++) {
-    steps[encoder][i] = single ? quadrature::single_step(i) : quadrature::step(i);
-  }
+  const uint8_t* const row = reinterpret_cast<const uint8_t*>(STEPS[single ? 0 : 1]);
+  for (uint8_t i = 0; i < quadrature::INDICES; i++) steps[encoder][i] = static_cast<int8_t>(flash_byte(row + i));
   changes[encoder] = 0;
   for (uint8_t i = 0; i < (single ? 1 : CHANNELS); i++) {
     const uint8_t port = port_of(channels[encoder][i]);
@@ -463,7 +414,8 @@ Handler* handler_of(uint8_t port) {
 }
 
 void watch_none() {
-  PCICR = PCMSK0 = PCMSK1 = PCMSK2 = 0;
+  PCICR = 0;
+  PCMSK0 = PCMSK1 = PCMSK2 = 0;
   changes[0] = changes[1] = 0;
 }
 
@@ -482,19 +434,76 @@ void encoder_unmask(uint8_t encoder) {
 
 void encoder_single_channel(bool on) {
   if (!changes[0]) return;
-  cli();
   watch_none();
   for (uint8_t i = 0; i < MOTORS; i++) watch(i, on);
   for (uint8_t port = 0; port < PORTS; port++) handlers[port] = handler_of(port);
-  sei();
   for (uint8_t i = 0; i < MOTORS; i++) encoder_unmask(i);
 }
 
 // ---- all pins
 
+namespace {
+
+// The timers of all outputs with PWM, a bit each.
+uint8_t pwm_timers(const Wires& wires, uint8_t pwm) {
+  uint8_t timers = 0;
+  for (const auto& bridge : wires.bridge) {
+    for (uint8_t i = 0; i < BRIDGE_PINS; i++) {
+      if (!(pwm >> i & 1) || !is_connected(bridge[i])) continue;
+      timers = static_cast<uint8_t>(timers | 1 << chip::functions(bridge[i]).timer);
+    }
+  }
+  return timers;
+}
+
+// A timer that makes no PWM keeps still, or is the clock.
+void start_timers(uint8_t timers, PwmRate rate) {
+  const bool use_0 = timers & 1, use_1 = timers & 2, use_2 = timers & 4;
+  fast_pwm = rate == PwmRate::medium;
+  const uint8_t mode = static_cast<uint8_t>(_BV(WGM00) | (fast_pwm ? _BV(WGM01) : 0));
+  const uint8_t divider = rate == PwmRate::fast ? _BV(CS00) : _BV(CS01);  // F_CPU or F_CPU / 8
+  clock_use(!use_1   ? Clock::timer1
+            : !use_2 ? Clock::timer2
+            : !use_0 ? Clock::timer0
+                     : Clock::pwm_timer2);
+  if (use_0) {
+    TCCR0A = mode;
+    TCCR0B = divider;
+  }
+  if (use_2) {
+    TCCR2A = mode;
+    TCCR2B = divider;
+  }
+  if (!use_1) return;
+  OCR1A = OCR1B = 0;
+  TCCR1A = _BV(WGM10);
+  TCCR1B = static_cast<uint8_t>(divider | (fast_pwm ? _BV(WGM12) : 0));
+}
+
+// The level goes first.
+void begin_output(Output& output, int8_t pin, bool has_pwm) {
+  volatile uint8_t* const registers = registers_of(port_of(pin));
+  output.port = registers + 2;
+  output.mask = mask_of(pin);
+  const uint8_t rest = static_cast<uint8_t>(~output.mask);
+  cli();
+  port_rests[port_of(pin)] &= rest;
+  registers[2] = registers[2] & rest;
+  registers[1] = registers[1] | output.mask;
+  sei();
+  if (!has_pwm) return;
+  const chip::Functions functions = chip::functions(pin);
+  const Timer& timer = TIMER[functions.timer];
+  output.control = timer.control;
+  output.compare = timer.compare[functions.unit];
+  output.control_bit = functions.unit ? OUTPUT_B : OUTPUT_A;
+  timer_rests[functions.timer] &= static_cast<uint8_t>(~output.control_bit);
+}
+
+}  // namespace
+
 void bridge_end() {
   bridge_off();
-  cli();
   watch_none();
   for (uint8_t port = 0; port < PORTS; port++) {
     registers_of(port)[1] &= port_rests[port];
@@ -508,13 +517,11 @@ void bridge_end() {
       channel.mask = 0;
     }
   }
-  sei();
 }
 
 void bridge_begin(const Wires& wires, PwmRate rate, uint8_t pwm) {
   bridge_end();
   start_timers(pwm_timers(wires, pwm), rate);
-  cli();
   for (uint8_t motor = 0; motor < MOTORS; motor++) {
     for (uint8_t i = 0; i < BRIDGE_PINS; i++) {
       const int8_t pin = wires.bridge[motor][i];
@@ -526,7 +533,6 @@ void bridge_begin(const Wires& wires, PwmRate rate, uint8_t pwm) {
     }
     changes[motor] = ALL;
   }
-  sei();
   encoder_single_channel(false);
 }
 

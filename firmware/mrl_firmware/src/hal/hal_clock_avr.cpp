@@ -49,6 +49,9 @@ ISR(TIMER2_OVF_vect, ISR_NAKED) {
       [left] "i"(&rounds_left));
 }
 
+// It runs when a wiring changes: small rather than fast.
+#pragma GCC optimize("Os")
+
 static void start_timer(uint16_t now) {
   switch (clock) {
     case Clock::timer1:
