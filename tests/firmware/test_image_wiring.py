@@ -8,6 +8,7 @@ import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
 from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, PINS, WIRING_PROBLEMS
+from mrl_driver.robot import wiring
 from sim_arduino.board import parameter_store
 from tests import models
 from tests.firmware.imu_chip import ImuChip
@@ -257,6 +258,26 @@ def test_samples_have_their_period_on_each_clock(name):
             seen.add(int.from_bytes(board.machine.peek(due, 2), "little"))
         gaps = {(later - earlier) % 65536 for earlier, later in zip(sorted(seen), sorted(seen)[1:])}
         assert gaps == {SAMPLE_TICKS} and len(seen) >= 10
+
+
+def test_samples_go_on_over_each_change_of_the_clock():
+    """Told as the host does: without a bridge, the pins, the bridge."""
+    ways = [(name, other) for name in CLOCKS for other in CLOCKS if other != name]
+    for name, other in ways:
+        with wired(*CLOCKS[name]) as board:
+            bridge, pins = CLOCKS[other]
+            changes = {**wiring.EMPTY, **pins, "bridge": BRIDGES.index(bridge)}
+            for parameter, value in {"bridge": 0, **dict.fromkeys(wiring.NAMES[:-1], -1)}.items():
+                write(board, parameter, value)
+            for parameter, value in changes.items():
+                write(board, parameter, value)
+            begun = board.machine.peek(board.machine.symbol(DUE).address, 2)
+            board.run(10 * SAMPLE_S)
+            ended = board.machine.peek(board.machine.symbol(DUE).address, 2)
+            passed = (int.from_bytes(ended, "little") - int.from_bytes(begun, "little")) % 65536
+            clock = board.machine.peek(board.machine.symbol(CLOCK).address)[0]
+            assert (name, other, passed // SAMPLE_TICKS) == (name, other, pytest.approx(10, abs=1))
+            assert clock == list(CLOCKS).index(other)
 
 
 @pytest.mark.parametrize("name", CLOCKS)

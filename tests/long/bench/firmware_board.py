@@ -16,6 +16,7 @@ TEMPERATURE, BATTERY = 250, 120  # tenths of degC and V, as on the I2C bus
 VOLTS = (1.5, 2.0, 0.8, 3.6)  # sonars front, left, right; divided battery
 ENCODERS, VERSION, VERSION_DECIMALS, CONTROL_RATE = 0xD8, 0xFE, 0xFD, 0xD3
 FIRST_READABLE = 0xD8  # D8 D7 D6 encoders, D5 battery, D4 temperature: two bytes each
+IMU_FOUND_S = 0.1
 SETTLED_S = 1.5  # boot, motor board's configuration and the first sonar chain are over
 
 
@@ -121,6 +122,7 @@ class Rig:
         for name, value in {"robot_id": 1, **parameters}.items():
             self.ask(request("write_config", PARAMETER_BY_NAME[name].number, value))
         if self._imu_period_ms:
+            self.run(IMU_FOUND_S)  # an H-bridge board looks for it when its wiring is accepted
             self.machine.send(request("start_imu_stream", self._imu_period_ms))
         self.run(0.1)
         self.replies()

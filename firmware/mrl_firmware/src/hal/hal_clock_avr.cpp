@@ -97,8 +97,8 @@ void clock_use(Clock to) {
               : to == Clock::timer0 ? &TCNT0
                                     : reinterpret_cast<const volatile uint8_t*>(&clock_base);
   clock_base = now;
-  clock_plan_sample(static_cast<uint16_t>(now + SAMPLE_TICKS));
   start_timer(now);
+  clock_plan_sample(static_cast<uint16_t>(now + SAMPLE_TICKS));  // a timer that has made PWM takes it at once now
   sei();
 }
 
