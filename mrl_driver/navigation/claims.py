@@ -71,16 +71,10 @@ class ClaimMessage(NamedTuple):
 
 
 class Claim:
-    """One robot's side of the claims of a place.
+    """One robot's side of the claims of a place; ConfigError if a name is not valid, or appears twice.
 
-    Args:
-        name: Name of this robot: printable ASCII without spaces.
-        others: Names of all other robots of the team.
-        now_s: Time of the start [s], on any clock that does not jump.
-        late_s: A message that was sent before this robot's start arrives within this time, or never [s].
-
-    Raises:
-        ConfigError: a name is not valid, or appears twice.
+    Names are printable ASCII without spaces, and `now_s` is on any clock that does not jump.  A message that was sent
+    before this robot's start arrives within `late_s`, or never.
     """
 
     def __init__(self, name: str, others: Sequence[str], now_s: float, late_s: float = LATE_S) -> None:
@@ -212,8 +206,7 @@ class RadioTeam:
     def message_of(self, address: int, text: str) -> Optional[ClaimMessage]:
         """The message of a received text; None if it is another text, or one of a robot that is not in the team.
 
-        Raises:
-            ConfigError: the sender has the name of another radio's robot.
+        ConfigError if the sender has the name of another radio's robot.
         """
         try:
             message = ClaimMessage.parse(text)

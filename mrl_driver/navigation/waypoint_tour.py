@@ -10,13 +10,9 @@ CLAIMING = "claiming"
 
 
 class Idleness:
-    """Idleness of the waypoints of one robot or of a team: the time since the last visit of each (Machado et al. 2002).
+    """Idleness of `count` waypoints of a robot or a team: the time since the last visit of each (Machado et al. 2002).
 
     At the start it is 0.
-
-    Args:
-        count: Number of waypoints.
-        now_s: Time of the start [s].
     """
 
     def __init__(self, count: int, now_s: float) -> None:

@@ -129,11 +129,7 @@ class Screen:
 
 
 def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
-    """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True.
-
-    Raises:
-        MrlError: the driver failed; this is the error.
-    """
+    """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True or raises."""
     from rich.console import Console
     from rich.live import Live
 

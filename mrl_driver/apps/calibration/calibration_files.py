@@ -23,12 +23,9 @@ Key = Tuple[str, str]  # section and key of a number in a robot's YAML, such as 
 
 
 class Progress:
-    """Measured runs by procedure, in a JSON file.
+    """Measured runs by procedure, in a JSON file; ConfigError if it is damaged, or belongs to another robot.
 
     The `settings` of a procedure describe how its runs were driven; runs with other settings are refused.
-
-    Raises:
-        ConfigError: the file is damaged, or belongs to another robot.
     """
 
     def __init__(self, path: str, robot: str) -> None:
@@ -108,11 +105,8 @@ def _listed(settings: Mapping[str, Any]) -> str:
 def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
     """Write the model file `source` with new numbers to `output`; comments stay, and `note` follows each new number.
 
-    Returns the path of the backup of `output`, or "" if it did not exist.
-
-    Raises:
-        ConfigError: a file cannot be read, or the result is not a model.
-        OutputError: a file cannot be written.
+    Return the path of the backup of `output`, or "" if it did not exist; ConfigError if a file cannot be read, or the
+    result is not a model, and OutputError if a file cannot be written.
     """
     text = with_schema_line(_text_of(source), models.SCHEMA)
     comment = f"{note}, {datetime.date.today().isoformat()}"

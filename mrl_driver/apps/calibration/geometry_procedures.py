@@ -121,15 +121,10 @@ def evaluate(
     measured: Measured = fit.BY_TAPE,
     others: Sequence[Trial] = (),
 ) -> Outcome:
-    """Evaluate the runs of a procedure.
+    """Evaluate the runs of a procedure; ConfigError if they are too few, or one contradicts the others.
 
-    Args:
-        side_m: side of UMBmark's square.
-        measured: accuracy of the ends.
-        others: runs of other procedures, for the noise.
-
-    Raises:
-        ConfigError: there are too few runs, or one contradicts the others.
+    `side_m` is the side of UMBmark's square, `measured` the accuracy of the ends; `others` are runs of other
+    procedures, for the noise.
     """
     before, start, result = model.differential, model.differential, None
     free = free_numbers(procedure, model.body.tracks)

@@ -36,11 +36,9 @@ class Recorded(NamedTuple):
 
 
 class Recordings(ABC):
-    """The recordings of one robot in a folder.
+    """The recordings of one robot in a folder, whose names end with `suffix`.
 
-    Args:
-        suffix: ending of their names.
-        active: what follows the name of a file while it is written; it can be downloaded then only if this is empty.
+    `active` follows the name of a file while it is written; it can be downloaded then only if this is empty.
     """
 
     def __init__(self, folder: Path, suffix: str, active: str = "") -> None:
@@ -104,10 +102,7 @@ class PhoneReading(NamedTuple):
 class PageRobot(ABC):
     """A robot behind the page.  The server's loop calls all of it, and nothing may block for long.
 
-    Args:
-        source: a Driver, or an object with the attributes of one that live views use.
-        recordings: those that the page makes and downloads.
-        state: see `LiveModel`.
+    `source` is a Driver, or an object with the attributes of one that live views use; then it needs a `state`.
     """
 
     def __init__(
