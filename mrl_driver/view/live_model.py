@@ -3,35 +3,17 @@ is a parameter.
 """
 
 import math
-from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, List, Optional, Tuple
 
 from mrl_driver.errors import MrlError
-from mrl_driver.geometry import Pose
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 
-from .shown_state import ShownState, has_motors, state_of
+from .shown_state import Shown, has_motors, state_of
 from .trail import Trail
 
 _TOLD = (Lost, Reconnected, Slowed, PathUnknown, ImuChanged, MrlError)
 """Events that become a message for the user."""
-
-
-class Shown(NamedTuple):
-    """What a view shows at one moment."""
-
-    state: ShownState
-    now_s: float
-    elapsed_s: float  # time since the view began
-    rate_hz: float  # telemetry frames per second
-    trail: Sequence[Pose]
-    distance_m: float  # length of the path
-    notice: str  # message for the user; empty if there is none
-    record: str = ""  # file of the recording; empty without one
-    incomplete: bool = False  # the recording is incomplete
-    delays_s: Tuple[float, float, float] = (math.nan, math.nan, math.nan)
-    """From the operator's input to the board, and its parts: to the written command, and the link; NaN if unknown."""
-    input_name: str = "key"  # what the operator drives with, as the name of the first part of the delay
 
 
 class LiveModel:
@@ -50,7 +32,7 @@ class LiveModel:
         self,
         robot: Any,
         now_s: float,
-        state: Optional[Callable[[], ShownState]] = None,
+        state: Optional[Callable[[], Shown]] = None,
         input_name: str = "key",
         remedy: str = "space goes on",
     ) -> None:
@@ -103,18 +85,17 @@ class LiveModel:
         loss = recorder.loss if recorder is not None else ""
         # boards without motors have no telemetry that could be counted
         frames = self.frames if self._moves else self._robot.link.statistics.streamed
-        return Shown(
-            self._state(),
-            now_s,
-            now_s - self._start_s,
-            self._rate_hz(frames, now_s),
-            self.trail.poses,
-            self.trail.distance_m,
-            f"{mismatch}; {self._remedy}" if mismatch is not None else warning or loss or self.notice,
-            self.record,
-            bool(loss),
-            self.delays_s(input_s),
-            self._input_name,
+        return self._state()._replace(
+            now_s=now_s,
+            elapsed_s=now_s - self._start_s,
+            rate_hz=self._rate_hz(frames, now_s),
+            trail=self.trail.poses,
+            distance_m=self.trail.distance_m,
+            notice=f"{mismatch}; {self._remedy}" if mismatch is not None else warning or loss or self.notice,
+            record=self.record,
+            incomplete=bool(loss),
+            delays_s=self.delays_s(input_s),
+            input_name=self._input_name,
         )
 
     def _rate_hz(self, frames: int, now_s: float) -> float:

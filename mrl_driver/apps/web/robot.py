@@ -13,9 +13,9 @@ from mrl_driver.files import create_unused
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.view.live_model import LiveModel, Shown
+from mrl_driver.view.live_model import LiveModel
 from mrl_driver.view.series import Series
-from mrl_driver.view.shown_state import ShownState
+from mrl_driver.view.shown_state import Shown
 
 from .helm import Goal, Why, why_of
 
@@ -106,7 +106,7 @@ class PageRobot(ABC):
     """
 
     def __init__(
-        self, source: Any, recordings: Recordings, state: Optional[Callable[[], ShownState]] = None
+        self, source: Any, recordings: Recordings, state: Optional[Callable[[], Shown]] = None
     ) -> None:
         self.source, self.recordings = source, recordings
         self._live = LiveModel(source, time.monotonic(), state, "page", REMEDY)
