@@ -164,13 +164,8 @@ class RadioTeam:
         message = team.message_of(address, text)            # None for a text that is not a claim
         if message is not None: claim.receive(message, now_s)
 
-    Args:
-        name: Name of this robot.
-        addresses: 64-bit address of each robot's radio, by name; this robot is among them.
-
-    Raises:
-        ConfigError: `name` is not among them, an address appears twice or is the one of all radios, there are too few
-            or too many robots, or names are too long for a text.
+    `addresses` are the 64-bit ones of all robots' radios, this one's too.  ConfigError if `name` is not among them, an
+    address appears twice or is the one of all radios, or there are too few or too many robots, or too long names.
     """
 
     def __init__(self, name: str, addresses: Mapping[str, int]) -> None:

@@ -17,15 +17,10 @@ _TOLD = (Lost, Reconnected, Slowed, PathUnknown, ImuChanged, MrlError)
 
 
 class LiveModel:
-    """Follows one robot for a live view.
+    """Follows one robot for a live view: a Driver, or what has the same attributes, and then a `state` of its own.
 
-    Telemetry and events arrive on the robot's reading thread; the other methods are for the thread that draws.
-
-    Attributes:
-        trail: the path since the view began, or since it was cleared.
-        frames: number of telemetry frames so far.
-        notice: message for the user, set by events and by the view; empty if there is none.
-        record: file of the recording; empty without one.
+    Telemetry and events arrive on the robot's reading thread; the other methods are for the thread that draws.  The
+    attributes `notice` and `record` are those of `Shown`; a view may set them.
     """
 
     def __init__(
@@ -36,14 +31,9 @@ class LiveModel:
         input_name: str = "key",
         remedy: str = "space goes on",
     ) -> None:
-        """Begin at `now_s`.
+        """Begin at `now_s` [s], on the clock of all calls.
 
-        Args:
-            robot: a Driver, or an object with the attributes of one that this class uses; it then needs a `state`.
-            now_s: the time now [s], on the clock of all calls.
-            state: returns the robot's state; by default that of a Driver.
-            input_name: what the operator drives with, see `Shown`.
-            remedy: what lets the robot drive on after a wheel did not follow its command.
+        `remedy` is what lets the robot drive on after a wheel did not follow its command.
         """
         self._robot, self._state = robot, state or (lambda: state_of(robot))
         self._input_name, self._remedy = input_name, remedy
@@ -73,13 +63,10 @@ class LiveModel:
         return math.fsum(known) if known else math.nan, input_s, link_s
 
     def shown(self, now_s: float, input_s: float = math.nan, warning: str = "") -> Shown:
-        """Return what to show now.
+        """Return what to show now, `input_s` after the operator's last input [s]; NaN if unknown.
 
-        Args:
-            now_s: the time [s].
-            input_s: time from the operator's last input to the command [s]; NaN if unknown.
-            warning: message of the view, more important than other messages; a wheel that did not follow its command
-                is more important still.
+        A `warning` of the view is more important than other messages; a wheel that did not follow its command is more
+        important still.
         """
         mismatch, recorder = self._robot.mismatch, self._robot.recorder
         loss = recorder.loss if recorder is not None else ""
