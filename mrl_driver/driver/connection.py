@@ -337,7 +337,7 @@ class Connection:
     def serve(self, link: Link) -> None:
         """Read the link and do what is due, until it is lost or the driver is closed."""
         core, links, session = self.core, self.links, self.core.session
-        clock, boot_clock_s = time.monotonic_ns, time.clock_gettime
+        clock = time.monotonic_ns
         while self.link is link:
             data = link.read(min(1.0, core.due_s - clock() / 1e9))
             now = clock() // 1000 / 1e6  # as `recording.now_s`, without a call
@@ -349,7 +349,7 @@ class Connection:
                 if self._broken is not None:
                     raise self._broken
                 # If the machine was suspended, stop; the driver's clock does not count that time.
-                slept_s = boot_clock_s(CLOCK_BOOTTIME) - now
+                slept_s = time.clock_gettime(CLOCK_BOOTTIME) - now
                 if slept_s > self._slept_s + PAUSE_S:
                     session.resumed_s = now
                     if session.motion.target is not None:

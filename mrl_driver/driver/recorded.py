@@ -570,7 +570,7 @@ def _clock_first(entries: Iterable[Entry]) -> Iterator[Entry]:
     group: List[Entry] = []  # bytes of the board, and the remarks of the same time that follow them
     for entry in entries:
         if group and not (entry.direction == REMARK and entry.time_s == group[0].time_s):
-            yield from sorted(group, key=_after_clock)
+            yield from sorted(group, key=_after_clock) if len(group) > 1 else group
             group.clear()
         if group or entry.direction == FROM_BOARD:
             group.append(entry)

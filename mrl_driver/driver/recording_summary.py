@@ -10,11 +10,44 @@ from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_CODE, BY_NAME, SENSOR_BY_NAME
 from mrl_driver.session.link_counters import Counters
 from mrl_driver.session.sensor_polling import BY_CODE as SENSOR_BY_CODE
-from mrl_driver.session.sensor_polling import SENSOR_STREAM, Reading, reading, streamed
+from mrl_driver.session.sensor_polling import SENSOR_STREAM, reading, streamed
 
 from .recorded import Heard, RecordedDriver, Sent
 
-_SENSING = BY_NAME[SENSOR_STREAM].code
+_WITH_SENSORS = {BY_NAME[SENSOR_STREAM].code, *SENSOR_BY_CODE}
+"""Codes of the frames with readings of sensors; all of them count, not only those that the driver reports."""
+
+
+class _Tally:
+    """Frames of both directions, damage, and the smallest and the largest value of each sensor."""
+
+    def __init__(self) -> None:
+        self.frames: Counter[int] = Counter()
+        self.requests: Counter[int] = Counter()
+        self.garbage: Counter[str] = Counter()
+        self.sensors: Dict[str, Dict[str, Any]] = {}
+
+    def hear(self, heard: Heard) -> None:
+        event = heard.event
+        if isinstance(event, Frame):
+            self.frames[event.code] += 1
+            if event.code in _WITH_SENSORS:
+                self._sense(event)
+        else:
+            self.garbage[event.reason] += 1
+
+    def send(self, sent: Sent) -> None:
+        if isinstance(sent.event, Frame):
+            self.requests[sent.event.code] += 1
+
+    def _sense(self, frame: Frame) -> None:
+        row = SENSOR_BY_CODE.get(frame.code)
+        readings = {row.name: reading(row, frame.args, 0.0)} if row else streamed(frame.args, 0.0)
+        for name, found in readings.items():
+            unit = SENSOR_BY_NAME[name].fields[0].base_unit
+            known = self.sensors.setdefault(name, {"least": math.inf, "most": -math.inf, "unit": unit})
+            known["least"] = min(known["least"], *found.values)
+            known["most"] = max(known["most"], *found.values)
 
 
 def summarise(
@@ -26,29 +59,9 @@ def summarise(
     None without a robot with motors.  Garbage is counted by the name of its reason.  Each sensor has its smallest and
     its largest value, in `unit`.  `advance` and the errors are those of `RecordedDriver.play`.
     """
-    frames: Counter[int] = Counter()
-    requests: Counter[int] = Counter()
-    garbage: Counter[str] = Counter()
-    sensors: Dict[str, Dict[str, Any]] = {}
-
-    def on_heard(heard: Heard) -> None:
-        event = heard.event
-        if isinstance(event, Frame):
-            frames[event.code] += 1
-            for name, found in _readings(event).items():
-                unit = SENSOR_BY_NAME[name].fields[0].base_unit
-                known = sensors.setdefault(name, {"least": math.inf, "most": -math.inf, "unit": unit})
-                known["least"] = min(known["least"], *found.values)
-                known["most"] = max(known["most"], *found.values)
-        else:
-            garbage[event.reason] += 1
-
-    def on_sent(sent: Sent) -> None:
-        if isinstance(sent.event, Frame):
-            requests[sent.event.code] += 1
-
-    recorded.on_heard(on_heard)
-    recorded.on_sent(on_sent)
+    tally = _Tally()
+    recorded.on_heard(tally.hear)
+    recorded.on_sent(tally.send)
     recorded.play(advance)
     recording, model, board, seen = recorded.recording, recorded.model, None, Counters()
     with contextlib.suppress(BoardTimeout):
@@ -64,26 +77,18 @@ def summarise(
         "duration_s": recorded.time_s,
         "bytes_from_board": seen.bytes_in,
         "bytes_to_board": seen.bytes_out,
-        "frames": _named(frames),
-        "requests": _named(requests),
-        "garbage": dict(sorted(garbage.items())),
+        "frames": _named(tally.frames),
+        "requests": _named(tally.requests),
+        "garbage": dict(sorted(tally.garbage.items())),
         "lost": seen.lost,
         "duplicates": seen.duplicates,
         "refused_counts": seen.refused_counts if moves else None,
         "pose": recorded.pose._asdict() if moves else None,
-        "sensors": sensors,
+        "sensors": tally.sensors,
         "imu": recorded.imu_state,
         "skipped_lines": recording.skipped_count,
         "skipped": {str(number): reason for number, reason in recording.skipped.items()},
     }
-
-
-def _readings(frame: Frame) -> Dict[str, Reading]:
-    """The readings of sensors in a reply, by name; of all, not only those that the driver reports."""
-    row = SENSOR_BY_CODE.get(frame.code)
-    if row is not None:
-        return {row.name: reading(row, frame.args, 0.0)}
-    return streamed(frame.args, 0.0) if frame.code == _SENSING else {}
 
 
 def _named(codes: Dict[int, int]) -> Dict[str, int]:

@@ -52,10 +52,8 @@ def folder() -> str:
 def tokens(renew: bool = False) -> Tokens:
     """Return this computer's tokens.  They are made on first use, and made again with `renew`.
 
-    Two programs that start at once get the same tokens.
-
-    Raises:
-        ConfigError: the file cannot be written, is damaged, or other users can read it.
+    Two programs that start at once get the same tokens.  ConfigError if the file cannot be written, is damaged, or
+    other users can read it.
     """
     path = os.path.join(folder(), "tokens.json")
     with lock():

@@ -79,14 +79,9 @@ def upload(
 ) -> None:
     """Write an image and read it back; `advance` is called with the number of new progress marks, `MARKS` in all.
 
-    `bauds` are the baud rates of the bootloader to try, one after the other.
-
-    Raises:
-        ConfigError: the image is missing or damaged, or avrdude is not installed.
-        LinkError: the port cannot be used.
-        NotARobot: no bootloader answers.
-        BoardRefused: the board has another chip, or the data read back differ.
-        MrlError: avrdude failed in another way; the text is avrdude's.
+    `bauds` are the baud rates of the bootloader to try, one after the other.  ConfigError if the image is missing or
+    damaged, or avrdude is not installed; LinkError, NotARobot or BoardRefused by `_EXPLANATIONS`; else MrlError with
+    avrdude's own text.
     """
     if not os.path.isfile(image):
         raise ConfigError(f"image {image!r} does not exist, expected a .hex file")

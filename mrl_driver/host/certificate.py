@@ -31,15 +31,9 @@ def path() -> str:
 def context(hosts: Sequence[str] = (), tell: Callable[[str], None] = lambda text: None) -> ssl.SSLContext:
     """Return the settings of a TLS server with this computer's certificate: TLS 1.2 and up.
 
-    A certificate is made on first use.  If it has expired or is damaged, it is made again, and `tell` is called with a
-    line that says so.
-
-    Args:
-        hosts: names and addresses for a new certificate, besides those of this computer.
-        tell: called with a line of text.
-
-    Raises:
-        ConfigError: the file cannot be used, other users can read it, or `cryptography` is missing.
+    A certificate is made on first use, also for `hosts`.  If it has expired or is damaged, it is made again, and `tell`
+    gets a line that says so.  ConfigError if the file cannot be used, other users can read it, or `cryptography` is
+    missing.
     """
     with access.lock():
         if not os.path.exists(path()):

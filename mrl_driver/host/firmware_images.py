@@ -20,8 +20,7 @@ _PACKAGED = os.path.join(_PACKAGE, "images")
 def image_path(build: str = "sonar") -> str:
     """Return the path of the image of a build in `BUILDS`; a checkout's own image comes first.
 
-    Raises:
-        ConfigError: there is no such build, or its image was neither built nor packaged; the message names the remedy.
+    ConfigError, which names the remedy, if there is no such build, or its image was neither built nor packaged.
     """
     if build not in BUILDS:
         raise ConfigError(f"build is {build!r}, expected {', '.join(BUILDS)}")

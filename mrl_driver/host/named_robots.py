@@ -81,12 +81,7 @@ def _entry(file_name: str, name: str, data: Any) -> Target:
 
 
 def write(named: Mapping[str, Target]) -> None:
-    """Replace the user's file.
-
-    Raises:
-        ConfigError: its folder cannot be created.
-        OutputError: the file cannot be written.
-    """
+    """Replace the user's file; ConfigError if its folder cannot be created, OutputError if it cannot be written."""
     import yaml
 
     file_name = path()
@@ -111,8 +106,7 @@ def target_of(port: str) -> Target:
 def resolve(robot: str, port: Optional[str] = None, baud: Optional[int] = None) -> Target:
     """Return the target for `robot`: `auto`, a model, a YAML file, or a name.  `port` and `baud` take precedence.
 
-    Raises:
-        ConfigError: `robot` is unknown, or the file of names is invalid.
+    ConfigError if `robot` is unknown, or the file of names is invalid.
     """
     if robot == "auto" or robot.endswith((".yaml", ".yml")) or robot in models.names():
         return Target(port, robot, BAUD if baud is None else baud)

@@ -121,8 +121,7 @@ def mask_brltty() -> List[str]:
 def install(user: str, root: str = "/") -> List[str]:
     """Write the files; if `root` is this machine's own, make them take effect.  Return one line per action.
 
-    Raises:
-        ConfigError: there is no such user, or another program's file has the same name, or a file cannot be written.
+    ConfigError if the user does not exist, another program's file has the same name, or a file cannot be written.
     """
     require_user(user, root)
     paths = {os.path.join(root, name): text for name, text in files(user).items()}
@@ -138,11 +137,7 @@ def install(user: str, root: str = "/") -> List[str]:
 
 
 def remove(root: str = "/") -> List[str]:
-    """Delete the files that `install` wrote.  Return one line per action.
-
-    Raises:
-        ConfigError: a file was not written by `install`, or cannot be deleted.
-    """
+    """Delete the files that `install` wrote; return a line per action.  ConfigError if one is not ours, or stays."""
     paths = [os.path.join(root, name) for name in (RULES, UNIT)]
     there = [path for path in paths if os.path.lexists(path)]
     for path in there:

@@ -71,16 +71,10 @@ class ClaimMessage(NamedTuple):
 
 
 class Claim:
-    """One robot's side of the claims of a place.
+    """One robot's side of the claims of a place; ConfigError if a name is not valid, or appears twice.
 
-    Args:
-        name: Name of this robot: printable ASCII without spaces.
-        others: Names of all other robots of the team.
-        now_s: Time of the start [s], on any clock that does not jump.
-        late_s: A message that was sent before this robot's start arrives within this time, or never [s].
-
-    Raises:
-        ConfigError: a name is not valid, or appears twice.
+    Names are printable ASCII without spaces, and `now_s` is on any clock that does not jump.  A message that was sent
+    before this robot's start arrives within `late_s`, or never.
     """
 
     def __init__(self, name: str, others: Sequence[str], now_s: float, late_s: float = LATE_S) -> None:
@@ -170,13 +164,8 @@ class RadioTeam:
         message = team.message_of(address, text)            # None for a text that is not a claim
         if message is not None: claim.receive(message, now_s)
 
-    Args:
-        name: Name of this robot.
-        addresses: 64-bit address of each robot's radio, by name; this robot is among them.
-
-    Raises:
-        ConfigError: `name` is not among them, an address appears twice or is the one of all radios, there are too few
-            or too many robots, or names are too long for a text.
+    `addresses` are the 64-bit ones of all robots' radios, this one's too.  ConfigError if `name` is not among them, an
+    address appears twice or is the one of all radios, or there are too few or too many robots, or too long names.
     """
 
     def __init__(self, name: str, addresses: Mapping[str, int]) -> None:
@@ -212,8 +201,7 @@ class RadioTeam:
     def message_of(self, address: int, text: str) -> Optional[ClaimMessage]:
         """The message of a received text; None if it is another text, or one of a robot that is not in the team.
 
-        Raises:
-            ConfigError: the sender has the name of another radio's robot.
+        ConfigError if the sender has the name of another radio's robot.
         """
         try:
             message = ClaimMessage.parse(text)

@@ -43,16 +43,10 @@ BLIND_S = 1.0
 
 
 class GoalSeeker:
-    """Drives to one goal (x, y, yaw) in the frame of the poses.
+    """Drives to one goal (x, y, yaw) in the frame of the poses; `sonars` may be added to their mapping later.
 
-    Args:
-        goal: the goal pose.
-        limits: largest speeds.
-        now_s: time of the start [s].
-        sonars: mounting pose of each sonar, by name; sonars may be added later.
-        patience_s: time without progress after which the goal counts as blocked [s].
-        look_rad: angle that the robot turns on the spot in search of a free path before the goal counts as blocked;
-            without end, it waits with `patience_s` for obstacles that go away.
+    The goal counts as blocked after `patience_s` without progress, or when the robot has turned by `look_rad` on the
+    spot in search of a free path; without end, it waits for obstacles that go away.
     """
 
     def __init__(

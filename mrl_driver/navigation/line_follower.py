@@ -31,13 +31,9 @@ DEFAULT_LIMITS = FollowerLimits()
 
 
 class Course:
-    """A course from the first pose through a list of points.
+    """A course from the first pose through a list of points (x, y) [m], the ends of the legs.
 
     The robot turns towards each leg, follows it and stops at its end.  So corners are exact and errors do not add up.
-
-    Args:
-        points: ends of the legs, x y [m] in the frame of the poses.
-        limits: speeds and decelerations.
     """
 
     def __init__(self, points: Sequence[Point], limits: FollowerLimits = DEFAULT_LIMITS) -> None:

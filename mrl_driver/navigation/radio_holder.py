@@ -29,13 +29,9 @@ MOST_ROBOTS = 8  # texts to eight robots take 0.2 s on the line to the radio
 
 
 class RadioHolder:
-    """One robot's hold of the robots with these radio addresses.
+    """One robot's hold of the robots with these 64-bit radio addresses.
 
-    Args:
-        addresses: 64-bit addresses of the radios.
-
-    Raises:
-        ConfigError: an address appears twice or is the one of all radios, or there are none or too many.
+    ConfigError if an address appears twice or is the one of all radios, or there are none or too many.
     """
 
     def __init__(self, addresses: Sequence[int]) -> None:

@@ -10,13 +10,9 @@ CLAIMING = "claiming"
 
 
 class Idleness:
-    """Idleness of the waypoints of one robot or of a team: the time since the last visit of each (Machado et al. 2002).
+    """Idleness of `count` waypoints of a robot or a team: the time since the last visit of each (Machado et al. 2002).
 
     At the start it is 0.
-
-    Args:
-        count: Number of waypoints.
-        now_s: Time of the start [s].
     """
 
     def __init__(self, count: int, now_s: float) -> None:
@@ -53,21 +49,16 @@ class Target(NamedTuple):
 class WaypointTour:
     """A list of waypoints, and how far the robot has come.
 
-    Args:
-        repeat: Begin again after the last waypoint.
-        skip_failed: Continue with the next waypoint if one cannot be reached; otherwise, pause there.
-        wait_s: Time at each waypoint before the next one [s].
-        claim: Claim of the place that this robot shares with others.  The robot drives to a shared waypoint while it
-            holds the claim, and releases it when it has reached a waypoint that is not shared.
-        shared: Places of the shared waypoints in the list, from 0.
+    It stands at each waypoint for `wait_s`, and begins again after the last one if it has to `repeat`.  If a waypoint
+    cannot be reached, it pauses there, or with `skip_failed` continues with the next one.  It drives to the `shared`
+    waypoints (places in the list, from 0) while it holds the `claim` of their place, and releases it when it reached
+    a waypoint that is not shared.
 
     Attributes:
         state: `idle` without waypoints, `claiming` until it holds the claim, `driving`, `waiting` at a waypoint,
             `paused`, or `done`.
         reason: Why the tour is paused, or what went wrong last; empty if nothing did.
-        count: Number of waypoints.
         lap: Number of the lap, from 1; 0 while there are no waypoints.
-        idleness: How long the waypoints were not visited, since the list began.
     """
 
     def __init__(

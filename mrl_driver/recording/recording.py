@@ -109,10 +109,8 @@ class Recorder:
 
     A separate thread writes five times a second, so at most a quarter of a second is lost if the process is killed.
     After a failed write, `error` holds the reason, `lost` counts the lost lines, and the next write is tried.  With a
-    `clock` of simulated time there is no such thread; `add` writes.  Only this user can read a new file.
-
-    Raises:
-        ConfigError: the file cannot be created, or another recorder writes it.
+    `clock` of simulated time there is no such thread; `add` writes.  Only this user can read a new file.  ConfigError
+    if it cannot be created, or another recorder writes it.
     """
 
     def __init__(self, path: str, clock: Optional[Callable[[], float]] = None, **header: Any) -> None:
@@ -232,11 +230,8 @@ class Recording:
     """Reads a recording as a stream: memory does not grow with the file.
 
     `header` holds the facts that the recorder wrote, none if it is damaged; `skipped` maps the number of each line that
-    cannot be read (at most 100) to the reason.
-
-    Raises:
-        ConfigError: the file does not exist or is not a plain file (reading a port would wait for bytes), is not a
-            recording, or has a newer version.
+    cannot be read (at most 100) to the reason.  ConfigError if the file does not exist or is not a plain file (reading
+    a port would wait for bytes), is not a recording, or has a newer version.
     """
 
     def __init__(self, path: str) -> None:
@@ -292,8 +287,7 @@ class Recording:
     def __iter__(self) -> Iterator[Entry]:
         """Entries in the order of the file; a line that cannot be read is noted in `skipped`.
 
-        Raises:
-            ConfigError: more than 100 000 lines cannot be read, and less than half of them can.
+        ConfigError if more than 100 000 lines cannot be read, and less than half of them can.
         """
         self.skipped.clear()
         self.skipped_count = 0

@@ -56,9 +56,7 @@ class Motion:
         self.stop_reason = StopReason.NONE  # reason of the last stop, of this program or of the board
         self.stops = 0  # times that a command in force was dropped
         self.lead_s = 0.0
-        """`take` repeats a command this long before it is due, to use a call that happens anyway [s].  A command that
-        is the same as one sent within this time needs no frame of its own.
-        """
+        """`take` repeats a command this long before it is due, to use a call that happens anyway [s]."""
         self.unconfirmed = False
         """A command was dropped while the robot moved, and no standstill was observed since."""
         self.stopping = False  # a stop is not confirmed yet
@@ -84,10 +82,8 @@ class Motion:
         self._moves = wants
         self._set(speeds)
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
-        self._new = speeds != self.sent or now - self._sent_s >= self.lead_s
-        self.stopping, self._fade = False, None
-        wait_s = self.pace.gap_s if self._new else self.pace.repeat_s
-        self.due_s = min(self._sent_s + wait_s, self._expires_s)
+        self._new, self.stopping, self._fade = True, False, None
+        self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
 
     @property
     def held_back(self) -> bool:

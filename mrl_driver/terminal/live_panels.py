@@ -14,9 +14,8 @@ from rich.text import Text
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
-from mrl_driver.view.live_model import Shown
 from mrl_driver.view.rows import range_style, sections
-from mrl_driver.view.shown_state import Row, ShownState, has_motors, moves_sideways
+from mrl_driver.view.shown_state import Row, Shown, has_motors, moves_sideways
 
 from .canvas import Canvas, Point, fit
 from .frame_log import Line
@@ -58,7 +57,7 @@ def render(now: Content, width: int, height: int) -> RenderableType:
     ]
     screen.split_column(*rows)
     inner = height - 1 - len(footer)
-    mapped, logged = has_motors(now.shown.state.model), now.log is not None and height >= LOW
+    mapped, logged = has_motors(now.shown.model), now.log is not None and height >= LOW
     if width < NARROW or not (mapped or logged):
         screen["body"].update(_left(now, inner, f"[/] [dim]· map from {NARROW} columns" if mapped else ""))
         return screen
@@ -77,9 +76,9 @@ def render(now: Content, width: int, height: int) -> RenderableType:
 def _header(now: Content, width: int) -> Text:
     """Return the line with robot, link and time; the names of port and recording share the remaining width."""
     shown = now.shown
-    state = shown.state.silence if shown.state.silent else f"{shown.rate_hz:.0f} Hz"
+    state = shown.silence if shown.silent else f"{shown.rate_hz:.0f} Hz"
     minutes, seconds = divmod(int(shown.elapsed_s), 60)
-    name, clock = f" {shown.state.name} ", f"  {minutes:02d}:{seconds:02d} "
+    name, clock = f" {shown.name} ", f"  {minutes:02d}:{seconds:02d} "
     room = width - len(name) - len(state) - len(clock) - 3
     kept = "INCOMPLETE" if shown.incomplete else "recording"
     record = f"{kept} {_tail(shown.record, room // 2 - 10)}" if shown.record and room > 30 else ""
@@ -104,7 +103,7 @@ def _footer(now: Content, width: int, height: int) -> List[Text]:
 
 def _keys(now: Content) -> Text:
     """Return the keys and what they do; a narrow terminal cuts the last."""
-    model, drives = now.shown.state.model, now.keys_drive
+    model, drives = now.shown.model, now.keys_drive
     keys = [("arrows wasd", "drive") if drives else ("Enter", "drive with keys"), ("space", "stop")]
     keys = [*(keys if has_motors(model) else []), ("q", "quit")]
     if drives and moves_sideways(model):
@@ -151,24 +150,24 @@ def _left(now: Content, height: int, note: str = "") -> RenderableType:
         (first, title, style), *others = parts
         return Group(_panel(first, title + note, style), *(_panel(*part) for part in others))
     together = Group(*(part for part, _, _ in parts))
-    silent = now.shown.state.silent
+    silent = now.shown.silent
     return _panel(together, f"robot{note}", "red" if silent else "blue") if height >= rows + 2 else together
 
 
 def _map(now: Content, columns: int, rows: int) -> Panel:
-    state, model = now.shown.state, now.shown.state.model
-    canvas, step_m = _drawn(state, now.shown.trail, max(4, columns - 4), max(2, rows - 2))
+    model = now.shown.model
+    canvas, step_m = _drawn(now.shown, max(4, columns - 4), max(2, rows - 2))
     shown = "path" if model is not None and not model.sonars else "path and sonars"
     return _panel(canvas.text(), f"{shown}[/] [dim]· each {step_m:g} m")
 
 
-def _drawn(state: ShownState, trail: Sequence[Pose], columns: int, rows: int) -> Tuple[Canvas, float]:
+def _drawn(now: Shown, columns: int, rows: int) -> Tuple[Canvas, float]:
     """Return the drawing, scaled to the path and the sonars' cones, and the step of its grid [m]."""
-    pose, model = state.pose, state.model
+    pose, model = now.pose, now.model
     mounts = model.sonars if model else {}
-    seen = [(name, m) for name, m in state.ranges.items() if name in mounts and not math.isnan(m)]
+    seen = [(name, m) for name, m in now.ranges.items() if name in mounts and not math.isnan(m)]
     cones = [(range_m, *_cone(pose, mounts[name], range_m)) for name, range_m in seen]
-    path = [each[:2] for each in (*trail, pose)]
+    path = [each[:2] for each in (*now.trail, pose)]
     corners = [corner for _, _, arc in cones for corner in (arc[0], arc[-1])]
     canvas = Canvas(columns, rows, fit([*path, *corners], columns, rows))
     for range_m, origin, arc in cones:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import BoardTimeout
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
-from mrl_driver.view.live_model import LiveModel, Shown
-from mrl_driver.view.shown_state import ShownState, has_motors, moves_sideways, state_of
+from mrl_driver.view.live_model import LiveModel
+from mrl_driver.view.shown_state import Shown, has_motors, moves_sideways, state_of
 
 from .frame_log import FrameLog
 from .keyboard import Keyboard
@@ -103,7 +103,7 @@ class Screen:
         """Return the time from the last key press to its command [s], so far; NaN before the first."""
         return self._key_s if self._pressed_s is None else now_s - self._pressed_s
 
-    def state(self) -> ShownState:
+    def state(self) -> Shown:
         """Return the robot's state now."""
         return state_of(self._driver)
 
@@ -129,11 +129,7 @@ class Screen:
 
 
 def run(driver: Any, screen: Screen, seconds: float = math.inf) -> None:
-    """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True.
-
-    Raises:
-        MrlError: the driver failed; this is the error.
-    """
+    """Show a screen until it has ended, for `seconds`, or until the driver's `wait` returns True or raises."""
     from rich.console import Console
     from rich.live import Live
 

@@ -33,16 +33,11 @@ def key(name: Name) -> str:
 
 
 class LiveJson:
-    """Sends JSON texts of at most `LONGEST` bytes while a driver is connected.
+    """Sends JSON texts of at most `LONGEST` bytes while a driver is connected; `send` must not block its thread.
 
     A robot with more values than fit gets several texts for each telemetry, with the same timestamp.  A board without
-    motors has no telemetry: it gets an object for each answer of a sensor.
-
-    Args:
-        driver: a connected driver.
-        send: gets each text, on the driver's reading thread; it must not block.
-        ahead_s: difference of the wall clock and the driver's clock [s].  It stays the same, so that the timestamps
-            have no gap if the wall clock is set.
+    motors has no telemetry: it gets an object for each answer of a sensor.  `ahead_s` is the difference of the wall
+    clock and the driver's clock [s].  It stays the same, so that the timestamps have no gap if the wall clock is set.
     """
 
     def __init__(self, driver: "Driver", send: Callable[[bytes], None], ahead_s: float) -> None:

@@ -3,65 +3,37 @@ is a parameter.
 """
 
 import math
-from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, List, Optional, Tuple
 
 from mrl_driver.errors import MrlError
-from mrl_driver.geometry import Pose
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 
-from .shown_state import ShownState, has_motors, state_of
+from .shown_state import Shown, has_motors, state_of
 from .trail import Trail
 
 _TOLD = (Lost, Reconnected, Slowed, PathUnknown, ImuChanged, MrlError)
 """Events that become a message for the user."""
 
 
-class Shown(NamedTuple):
-    """What a view shows at one moment."""
-
-    state: ShownState
-    now_s: float
-    elapsed_s: float  # time since the view began
-    rate_hz: float  # telemetry frames per second
-    trail: Sequence[Pose]
-    distance_m: float  # length of the path
-    notice: str  # message for the user; empty if there is none
-    record: str = ""  # file of the recording; empty without one
-    incomplete: bool = False  # the recording is incomplete
-    delays_s: Tuple[float, float, float] = (math.nan, math.nan, math.nan)
-    """From the operator's input to the board, and its parts: to the written command, and the link; NaN if unknown."""
-    input_name: str = "key"  # what the operator drives with, as the name of the first part of the delay
-
-
 class LiveModel:
-    """Follows one robot for a live view.
+    """Follows one robot for a live view: a Driver, or what has the same attributes, and then a `state` of its own.
 
-    Telemetry and events arrive on the robot's reading thread; the other methods are for the thread that draws.
-
-    Attributes:
-        trail: the path since the view began, or since it was cleared.
-        frames: number of telemetry frames so far.
-        notice: message for the user, set by events and by the view; empty if there is none.
-        record: file of the recording; empty without one.
+    Telemetry and events arrive on the robot's reading thread; the other methods are for the thread that draws.  The
+    attributes `notice` and `record` are those of `Shown`; a view may set them.
     """
 
     def __init__(
         self,
         robot: Any,
         now_s: float,
-        state: Optional[Callable[[], ShownState]] = None,
+        state: Optional[Callable[[], Shown]] = None,
         input_name: str = "key",
         remedy: str = "space goes on",
     ) -> None:
-        """Begin at `now_s`.
+        """Begin at `now_s` [s], on the clock of all calls.
 
-        Args:
-            robot: a Driver, or an object with the attributes of one that this class uses; it then needs a `state`.
-            now_s: the time now [s], on the clock of all calls.
-            state: returns the robot's state; by default that of a Driver.
-            input_name: what the operator drives with, see `Shown`.
-            remedy: what lets the robot drive on after a wheel did not follow its command.
+        `remedy` is what lets the robot drive on after a wheel did not follow its command.
         """
         self._robot, self._state = robot, state or (lambda: state_of(robot))
         self._input_name, self._remedy = input_name, remedy
@@ -91,30 +63,26 @@ class LiveModel:
         return math.fsum(known) if known else math.nan, input_s, link_s
 
     def shown(self, now_s: float, input_s: float = math.nan, warning: str = "") -> Shown:
-        """Return what to show now.
+        """Return what to show now, `input_s` after the operator's last input [s]; NaN if unknown.
 
-        Args:
-            now_s: the time [s].
-            input_s: time from the operator's last input to the command [s]; NaN if unknown.
-            warning: message of the view, more important than other messages; a wheel that did not follow its command
-                is more important still.
+        A `warning` of the view is more important than other messages; a wheel that did not follow its command is more
+        important still.
         """
         mismatch, recorder = self._robot.mismatch, self._robot.recorder
         loss = recorder.loss if recorder is not None else ""
         # boards without motors have no telemetry that could be counted
         frames = self.frames if self._moves else self._robot.link.statistics.streamed
-        return Shown(
-            self._state(),
-            now_s,
-            now_s - self._start_s,
-            self._rate_hz(frames, now_s),
-            self.trail.poses,
-            self.trail.distance_m,
-            f"{mismatch}; {self._remedy}" if mismatch is not None else warning or loss or self.notice,
-            self.record,
-            bool(loss),
-            self.delays_s(input_s),
-            self._input_name,
+        return self._state()._replace(
+            now_s=now_s,
+            elapsed_s=now_s - self._start_s,
+            rate_hz=self._rate_hz(frames, now_s),
+            trail=self.trail.poses,
+            distance_m=self.trail.distance_m,
+            notice=f"{mismatch}; {self._remedy}" if mismatch is not None else warning or loss or self.notice,
+            record=self.record,
+            incomplete=bool(loss),
+            delays_s=self.delays_s(input_s),
+            input_name=self._input_name,
         )
 
     def _rate_hz(self, frames: int, now_s: float) -> float:

@@ -8,8 +8,7 @@ from typing import List, NamedTuple, Sequence
 
 from mrl_driver.safety.operator_delay import delay_text
 
-from .live_model import Shown
-from .shown_state import Bar, Row, ShownState, has_motors, range_text
+from .shown_state import Bar, Row, Shown, has_motors, range_text
 
 NEAR_M = 0.3  # a shorter range is shown as a danger, one below twice this as a warning [m]
 _FARTHEST_BAR_M = 3.0
@@ -27,29 +26,27 @@ class Section(NamedTuple):
 
 def sections(now: Shown) -> List[Section]:
     """Return motion, sonars, sensors, board and link; those without rows are left out."""
-    state = now.state
     found = (
-        Section("motion", _motion(now), "blue" if state.stopped else "green"),
-        Section("sonars", _ranges(state)),
-        Section("sensors", [Row(*each) for each in state.sensors.items()]),
-        Section("board", _supply(state)),
-        Section("link", _link(now), "red" if state.silent else "blue"),
+        Section("motion", _motion(now), "blue" if now.stopped else "green"),
+        Section("sonars", _ranges(now)),
+        Section("sensors", [Row(*each) for each in now.sensors.items()]),
+        Section("board", _supply(now)),
+        Section("link", _link(now), "red" if now.silent else "blue"),
     )
     return [section for section in found if section.rows]
 
 
 def _motion(now: Shown) -> List[Row]:
-    state = now.state
-    if not has_motors(state.model):
+    if not has_motors(now.model):
         return []
-    pose = state.pose
-    asked = Row("asked", state.stopped, "yellow") if state.stopped else Row("asked", "by another program")
-    if state.command is not None:
-        asked = Row("asked", _speeds(state.command), "green")
+    pose = now.pose
+    asked = Row("asked", now.stopped, "yellow") if now.stopped else Row("asked", "by another program")
+    if now.command is not None:
+        asked = Row("asked", _speeds(now.command), "green")
     return [
         Row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m"),
         Row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg"),
-        Row("speed", "unknown" if state.silent else _speeds(state.twist)),
+        Row("speed", "unknown" if now.silent else _speeds(now.twist)),
         asked,
         Row("path", f"{now.distance_m:.2f} m"),
     ]
@@ -66,8 +63,8 @@ def sonar_order(names: Sequence[str]) -> List[str]:
     return [*(name for name in _FIRST if name in names), *(name for name in names if name not in _FIRST)]
 
 
-def _ranges(state: ShownState) -> List[Row]:
-    ranges = state.ranges
+def _ranges(now: Shown) -> List[Row]:
+    ranges = now.ranges
     bars = {name: Bar(_share(each / _FARTHEST_BAR_M), range_style(each)) for name, each in ranges.items()}
     return [Row(name, range_text(ranges[name]), bar=bars[name]) for name in sonar_order(tuple(ranges))]
 
@@ -82,22 +79,21 @@ def _share(value: float) -> float:
     return min(1.0, max(0.0, value))
 
 
-def _supply(state: ShownState) -> List[Row]:
-    if math.isnan(state.battery_v):
-        return list(state.board)
-    words = "" if state.battery_state == "ok" else f" {state.battery_state}"
-    style = _BATTERY_STYLES.get(state.battery_state, "red")
-    bar = Bar(_share(state.battery_share), style)
-    return [Row("battery", f"{state.battery_v:.1f} V{words}", style, bar), *state.board]
+def _supply(now: Shown) -> List[Row]:
+    if math.isnan(now.battery_v):
+        return list(now.board)
+    words = "" if now.battery_state == "ok" else f" {now.battery_state}"
+    style = _BATTERY_STYLES.get(now.battery_state, "red")
+    bar = Bar(_share(now.battery_share), style)
+    return [Row("battery", f"{now.battery_v:.1f} V{words}", style, bar), *now.board]
 
 
 def _link(now: Shown) -> List[Row]:
-    state = now.state
     delay_s, *parts_s = now.delays_s
     first, link = ("?" if math.isnan(part_s) else f"{part_s * 1000:.0f}" for part_s in parts_s)
-    arrives = f"{now.rate_hz:.0f} Hz, newest {state.age_s * 1000:.0f} ms ago"
+    arrives = f"{now.rate_hz:.0f} Hz, newest {now.age_s * 1000:.0f} ms ago"
     return [
-        Row("state", arrives) if state.ready else Row("state", state.silence.lower(), "bold red"),
-        state.errors,
+        Row("state", arrives) if now.ready else Row("state", now.silence.lower(), "bold red"),
+        now.errors,
         Row("delay", f"{delay_text(delay_s)}: {now.input_name} {first}, link {link}"),
     ]

@@ -29,11 +29,7 @@ _Values = Iterator[Tuple[Name, float]]
 
 
 class Series:
-    """The numbers of one robot.
-
-    Args:
-        robot: a connected Driver, or an object that has some of its properties; values of others are left out.
-    """
+    """The numbers of one robot: a connected Driver, or an object that has some of its properties."""
 
     def __init__(self, robot: Any) -> None:
         self._robot = robot

@@ -1,7 +1,7 @@
 """The state of a robot as users see it: in the live view, as a line of text, and as a mapping for programs.  No I/O."""
 
 import math
-from typing import TYPE_CHECKING, Any, Dict, Mapping, NamedTuple, Optional, Sequence
+from typing import TYPE_CHECKING, Any, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.stop_reason import StopReason
@@ -37,8 +37,8 @@ class Row(NamedTuple):
     bar: Optional[Bar] = None
 
 
-class ShownState(NamedTuple):
-    """State at one moment, from a driver or from ROS topics."""
+class Shown(NamedTuple):
+    """What users see of a robot at one moment, from a driver or from ROS topics; a live view knows the last fields."""
 
     name: str  # model and id
     model: Optional[RobotModel]
@@ -56,6 +56,17 @@ class ShownState(NamedTuple):
     age_s: float  # age of the newest telemetry [s]
     errors: Row  # errors of the link
     imu: str = ""  # the state of the IMU, one of `robot.imu.STATES`; empty without one
+    now_s: float = math.nan
+    elapsed_s: float = math.nan  # time since the view began
+    rate_hz: float = math.nan  # telemetry frames per second
+    trail: Sequence[Pose] = ()
+    distance_m: float = math.nan  # length of the path
+    notice: str = ""  # message for the user; empty if there is none
+    record: str = ""  # file of the recording; empty without one
+    incomplete: bool = False  # the recording is incomplete
+    delays_s: Tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    """From the operator's input to the board, and its parts: to the written command, and the link; NaN if unknown."""
+    input_name: str = "key"  # what the operator drives with, as the name of the first part of the delay
 
     @property
     def silent(self) -> bool:
@@ -81,10 +92,10 @@ def errors_row(lost: int, damaged: int, restarts: int) -> Row:
     return Row("errors", text, "yellow" if lost or damaged or restarts else "")
 
 
-def state_of(driver: "Driver") -> ShownState:
+def state_of(driver: "Driver") -> Shown:
     """Return the state of a driver's robot."""
     model, seen = driver.model, driver.link.statistics
-    return ShownState(
+    return Shown(
         f"{model.name if model else 'robot'} {driver.board.robot_id}",
         model,
         driver.pose,
@@ -166,7 +177,7 @@ def _fixed(value: float, width: int, digits: int) -> str:
     return f"{round(value, digits) + 0.0:{width}.{digits}f}"
 
 
-def line_of(state: ShownState) -> str:
+def line_of(state: Shown) -> str:
     """Return pose, speeds, ranges, battery and other sensors in one line; without motors the sensors alone."""
     pose, twist = state.pose, state.twist
     yaw_deg = math.degrees(pose.yaw_rad)

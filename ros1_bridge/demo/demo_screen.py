@@ -7,7 +7,7 @@ from typing import Optional
 from mrl_driver.navigation.line_follower import Square
 from mrl_driver.terminal.live_view import Screen, Settings
 from mrl_driver.terminal.teleop_keys import Teleop
-from mrl_driver.view.shown_state import SILENT_S, ShownState
+from mrl_driver.view.shown_state import SILENT_S, Shown
 from ros1_bridge.topics.topic_robot import TopicRobot
 
 CORNERS = 4  # A square ends where it began
@@ -64,7 +64,7 @@ class DemoScreen(Screen):
         elif self._robot.command is not None:
             self._robot.stop()
 
-    def state(self) -> ShownState:
+    def state(self) -> Shown:
         """Return the robot's state now."""
         return self._robot.state()
 

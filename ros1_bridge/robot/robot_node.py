@@ -5,6 +5,7 @@ README of this package lists topics, services and parameters.
 """
 
 import contextlib
+import ctypes
 import gc
 import math
 import os
@@ -58,6 +59,7 @@ FREED_S = 2.0
 """A node of the same name, which the master ends when this one registers, closes the port within this time."""
 ANSWER_S = 0.2  # Time for the answer of the service shutdown to leave
 LOSS_EVERY_S = 30.0
+HUGE_BITS, MADV_COLLAPSE = 21, 25  # size of a huge page, 2 MiB, as a power of two; advice of madvise(2)
 SWITCH_S = 0.0005
 """A frame waits at most this long for a thread that is busy with a service; Python's default is 5 ms."""
 SENSORS_ALONE = "no motors: its sensors are published, and neither odometry, tf nor cmd_vel is used"
@@ -242,8 +244,7 @@ class RobotNode:
         return f"{self._parameters.port} robot {board.robot_id}"
 
     def _serve(self, board: Board) -> None:
-        gc.collect()
-        gc.freeze()  # all present objects stay, so that garbage collections need not scan them again
+        _settle_memory()
         updater = None
         if self._parameters.has("status"):
             updater = diagnostic_updater.Updater()
@@ -307,6 +308,19 @@ class RobotNode:
             rospy.logerr(f"battery is empty at {board.battery_v:.1f} V: the robot stops; charge it")
         elif state == OFF:
             rospy.logerr(f"battery reads {board.battery_v:.1f} V: motor power is off; switch it on")
+
+
+def _settle_memory() -> None:
+    """All present objects stay: garbage collections need not scan them again, and they lie in huge pages.
+
+    The node wakes 50 times a second with cold caches, and then needs fewer entries of the page tables.  Kernels before
+    Linux 6.1 refuse, and leave the memory as it is.
+    """
+    gc.collect()
+    blocks, madvise = {id(each) >> HUGE_BITS for each in gc.get_objects()}, ctypes.CDLL(None).madvise
+    for block in blocks:
+        madvise(ctypes.c_void_p(block << HUGE_BITS), ctypes.c_size_t(1 << HUGE_BITS), MADV_COLLAPSE)
+    gc.freeze()
 
 
 def _localisers() -> Set[str]:

@@ -45,11 +45,8 @@ class _Out(StampedCmdVel):
             return
         for publisher in self._back:
             publisher.unregister()
-        self._back = (
-            []
-            if self._back
-            else [rospy.Publisher(name, Header, queue_size=10, tcp_nodelay=True) for name in self._names]
-        )
+        names = [] if self._back else self._names
+        self._back = [rospy.Publisher(name, Header, queue_size=10, tcp_nodelay=True) for name in names]
 
 
 class CmdVelMux:

@@ -17,7 +17,7 @@ from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.sonar import NAMES
 from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
-from mrl_driver.view.shown_state import SILENT_S, Row, ShownState, errors_row, moves_sideways
+from mrl_driver.view.shown_state import SILENT_S, Row, Shown, errors_row, moves_sideways
 
 LOW_SHARE = 0.1  # With a lower charge the battery is shown as low
 STILL_M_S, STILL_RAD_S = 0.005, 0.02  # A slower robot stands
@@ -206,11 +206,11 @@ class TopicRobot:
             elif part == MOTION:
                 self._motion = {pair.key: pair.value for pair in status.values}
 
-    def state(self) -> ShownState:
+    def state(self) -> Shown:
         """Return the state now."""
         link, age_s = self._link, self.age_s
         board = [Row("firmware", link["Firmware Version"]), Row("port", link["Serial Port"])] if link else []
-        return ShownState(
+        return Shown(
             f"{self.model.name if self.model else 'robot'} {link.get('Device ID', '')}".rstrip(),
             self.model,
             self.pose,

@@ -9,8 +9,7 @@ from mrl_driver.apps.web.helm import Goal, Why
 from mrl_driver.apps.web.robot import NO_MOTORS, PageRobot, PhoneReading
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.odometry import OmniTwist, Twist
-from mrl_driver.view.live_model import Shown
-from mrl_driver.view.shown_state import SILENT_S, moves_sideways
+from mrl_driver.view.shown_state import SILENT_S, Shown, moves_sideways
 from mrl_driver.view.words import STOPS, stopped_text
 from ros1_bridge.topics.topic_robot import NO_STOP, TopicRobot
 

@@ -196,8 +196,7 @@ def result(
     """The result of an experiment with a team, with a picture of the paths of one run."""
     made, (axes,) = plot_style.figure(1, 6.0, 6.0)
     plot_style.draw_walls(axes, world_file.load(WORLD).walls, "walls")
-    for index, player in enumerate(shown.players):
-        plot_style.band(axes, player.odometry_path, "by odometry" if index == 0 else None)
+    plot_style.paths(axes, [each.odometry_path for each in shown.players], "#d0d0d0", "by odometry", "-", 4.0)
     for player, colour, line in zip(
         shown.players, (plot_style.BLUE, plot_style.GREEN, plot_style.ORANGE), plot_style.LINES
     ):

@@ -1,7 +1,7 @@
 """Common style of all pictures: sizes, equal scales, and colours that everybody can distinguish, also in print."""
 
 import os
-from typing import Any, Iterable, Optional, Sequence, Tuple
+from typing import Any, Iterable, Sequence, Tuple
 
 from mrl_driver import figures
 from mrl_driver.figures import BLUE, GREEN, GREY, ORANGE, PINK, SKY
@@ -27,22 +27,19 @@ def floor(axes: Any, title: str = "") -> None:
     axes.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title=title)
 
 
-def path(axes: Any, points: Sequence[Sequence[float]], colour: str, label: str, line: str = "-") -> None:
-    """Draws a path of poses or points."""
-    axes.plot([p[0] for p in points], [p[1] for p in points], line, color=colour, linewidth=1.3, label=label)
+def path(axes: Any, points: Sequence[Sequence[float]], colour: str, label: str, *style: Any) -> None:
+    """Draws a path of poses or points, as `paths` does."""
+    paths(axes, [points], colour, label, *style)
 
 
 def paths(
-    axes: Any, each: Iterable[Sequence[Sequence[float]]], colour: str, label: str, line: str = "-"
+    axes: Any, each: Iterable[Any], colour: str, label: str, line: str = "-", width: float = 1.3
 ) -> None:
-    """Draws paths of one kind, with one label."""
-    for number, points in enumerate(each):
-        path(axes, points, colour, "" if number else label, line)
-
-
-def band(axes: Any, points: Sequence[Sequence[float]], label: Optional[str]) -> None:
-    """Draws a path as a pale band below other paths."""
-    axes.plot([p[0] for p in points], [p[1] for p in points], color="#d0d0d0", linewidth=4.0, label=label)
+    """Draws paths of one kind, each of poses or points, with one label."""
+    for points in each:
+        x, y = ([point[axis] for point in points] for axis in (0, 1))
+        axes.plot(x, y, line, color=colour, linewidth=width, label=label)
+        label = ""
 
 
 def grid(axes: Any, made: GridMap) -> None:
@@ -52,13 +49,6 @@ def grid(axes: Any, made: GridMap) -> None:
     extent = (left, left + width * made.resolution_m, bottom, bottom + height * made.resolution_m)
     shade = (made.cells == UNKNOWN) * 0.75 + (made.cells == FREE) * 1.0
     axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0, vmax=1)
-
-
-def circle(radius: float, colour: str, label: Optional[str]) -> Any:
-    """A dashed circle about the origin."""
-    from matplotlib.patches import Circle
-
-    return Circle((0.0, 0.0), radius, fill=False, linestyle="--", color=colour, label=label)
 
 
 def save(made: Any, folder: str, name: str) -> str:

@@ -122,14 +122,8 @@ def approach(setting: Setting, curve: Optional[Dict[str, float]] = None, error: 
     """Approaches the wall with an emulated robot's sonar curve and wheel errors, and fits the readings at the stops."""
     wall_m = SONAR_X_M + START_M
     world = World([Wall(wall_m, -WIDE_M, wall_m, WIDE_M)])
-    with open_robot(
-        setting,
-        world,
-        error=error,
-        sonar=sonar_errors(curve or {}),
-        pose=pose_text(disturbances.placed(ORIGIN, setting.seed)),
-        footprint="none",
-    ) as robot:
+    pose, sonar = pose_text(disturbances.placed(ORIGIN, setting.seed)), sonar_errors(curve or {})
+    with open_robot(setting, world, error=error, sonar=sonar, pose=pose, footprint="none") as robot:
         planned = sonar_procedures.distances()
         ranges, distances = sonar_procedures.approach_wall(
             robot.driver, planned, lambda _: None, lambda _: None

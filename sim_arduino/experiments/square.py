@@ -174,6 +174,8 @@ def _laps(robot: ExperimentRobot, count: int) -> List[Tuple[Trial, List[Pose]]]:
 
 
 def _draw(setting: Setting, robots: Sequence[RobotLaps]) -> str:
+    from matplotlib.patches import Circle
+
     made, (floor, ends) = plot_style.figure(2, 9.5, 5.6)
     for lap_before, lap_after, colour in zip(
         robots[0].before, robots[0].after, (plot_style.BLUE, plot_style.ORANGE)
@@ -188,12 +190,9 @@ def _draw(setting: Setting, robots: Sequence[RobotLaps]) -> str:
         x, y = ([100 * getattr(each.error, axis) for each in laps] for axis in ("x_m", "y_m"))
         ends.plot(x, y, mark, color=colour, label=f"{when} calibration", fillstyle="none")
     for cm, _ in PUBLISHED.values():
-        ends.add_patch(plot_style.circle(cm, plot_style.GREY, "published distances" if cm > 9 else None))
-    ends.set(
-        xlabel="error in x [cm]",
-        ylabel="error in y [cm]",
-        aspect="equal",
-        title=f"ends of {len(robots)} robots' laps",
-    )
+        label = "published distances" if cm > 9 else ""
+        ends.add_patch(Circle((0.0, 0.0), cm, fill=False, linestyle="--", color=plot_style.GREY, label=label))
+    title = f"ends of {len(robots)} robots' laps"
+    ends.set(xlabel="error in x [cm]", ylabel="error in y [cm]", aspect="equal", title=title)
     ends.legend(loc="upper right", fontsize="small")
     return plot_style.save(made, setting.folder, "square")

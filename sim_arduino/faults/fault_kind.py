@@ -3,7 +3,6 @@
 from typing import Any, Callable, Dict, NamedTuple, Optional, Tuple, TypeVar
 
 from .key_values import Key
-from .schedule import LineFault
 
 FOREVER_S = 1e9
 _Made = TypeVar("_Made", bound=Callable[..., Any])
@@ -20,7 +19,7 @@ class FaultKind(NamedTuple):
     name: str
     text: str
     parameters: Tuple[Key, ...] = ()
-    make: Optional[Callable[..., LineFault]] = None
+    make: Optional[Callable[..., Any]] = None
     at_s: float = 0.0
     lasts_s: float = FOREVER_S
     switch: Optional[Callable[..., None]] = None

@@ -8,7 +8,7 @@ Every fault is one of `fault_table.FAULTS`, which `mrl-sim --fault` uses and its
 import math
 import random
 from functools import partial
-from typing import Any, Callable, Iterable, Union
+from typing import Any, Callable, Iterable, List, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from sim_arduino.board.engine import Engine
@@ -16,7 +16,61 @@ from sim_arduino.board.engine import Engine
 from .fault_kind import FOREVER_S, FaultKind
 from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, parse
 from .hardware_faults import NEEDS
-from .schedule import Chain, Window
+from .line_faults import LineFault
+
+
+class Window:
+    """The time for which a fault is on: from `at` for `lasts` seconds, and again every `every` seconds (0: once)."""
+
+    def __init__(self, at: float = 0.0, lasts: float = math.inf, every: float = 0.0) -> None:
+        self._start_s, self._lasts_s, self._every_s = at, lasts, every
+
+    def on(self, now_s: float) -> bool:
+        """Whether the fault is on; successive times must not decrease."""
+        while self._every_s and now_s >= self._start_s + min(self._lasts_s, self._every_s):
+            self._start_s += self._every_s
+        return self._start_s <= now_s < self._start_s + self._lasts_s
+
+    def next_s(self, now_s: float) -> float:
+        """Time of the next switch [s], later than `now_s`; may be infinite."""
+        if self.on(now_s):
+            return self._start_s + min(self._lasts_s, self._every_s or math.inf)
+        return self._start_s if now_s < self._start_s else math.inf
+
+
+class Chain:
+    """The faults of one direction, one after the other, each in its window."""
+
+    def __init__(self) -> None:
+        self._links: List[Tuple[LineFault, Window]] = []
+
+    def add(self, fault: LineFault, window: Window) -> None:
+        """Adds a fault at the receiver's end."""
+        self._links.append((fault, window))
+
+    def clear(self) -> None:
+        """Removes all faults; the bytes they hold are lost."""
+        self._links.clear()
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes that come out of the last fault at `now_s`."""
+        for fault, window in self._links:
+            data = fault.run(data, now_s) if window.on(now_s) else fault.empty() + data
+        return data
+
+    def empty(self) -> None:
+        """Drops the bytes that the faults hold."""
+        for fault, _ in self._links:
+            fault.empty()
+
+    def next_s(self, now_s: float) -> float:
+        """Time of the next event after `now_s` [s]."""
+        times = [math.inf]
+        for fault, window in self._links:
+            times.append(window.next_s(now_s))
+            if window.on(now_s) and fault.next_s > now_s:
+                times.append(fault.next_s)
+        return min(times)
 
 
 class _Switch:

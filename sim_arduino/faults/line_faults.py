@@ -4,14 +4,15 @@ Random faults hit the same bytes, no matter how the stream is cut into pieces.  
 frames belong to the next frame.  The keys of each fault are its attributes.
 """
 
+import heapq
 import math
-from typing import Iterable, List, Tuple
+import random
+from typing import Any, Iterable, List, Tuple
 
 from mrl_driver.protocol.table import BAUD
 
 from .fault_kind import fault
 from .key_values import Key
-from .schedule import LineFault
 
 _SHARE = Key("rate", 0.001, 0.0, 1.0, "share of bytes")
 _FRAMES = _SHARE._replace(text="share of frames")
@@ -20,6 +21,49 @@ _TEXT = "[INFO] the wheel e turned, @13e and @6,1,2e are not frames here"
 _FLOOD_STEP_S = 0.01
 _NEIGHBOUR_S = 0.01
 _Pieces = Iterable[Tuple[float, bytes]]
+
+
+class LineFault:
+    """A fault on one direction of the line, whose parameters are its attributes: bytes come out at their own times.
+
+    A kind of fault has its own `pieces`; `rest` holds bytes that wait for the next ones.
+    """
+
+    rest = b""
+
+    def __init__(self, rng: random.Random, **values: Any) -> None:
+        self.rng = rng
+        self._held: List[Tuple[float, int, bytes]] = []
+        self._count = 0
+        vars(self).update(values)
+
+    def pieces(self, data: bytes, now_s: float) -> _Pieces:
+        """What becomes of `data`, which may be empty: bytes, and the time at which they come out [s]."""
+        raise NotImplementedError
+
+    @property
+    def next_s(self) -> float:
+        """Time at which bytes come out without new input [s]; may be infinite."""
+        return self._held[0][0] if self._held else math.inf
+
+    def run(self, data: bytes, now_s: float) -> bytes:
+        """The bytes that come out at `now_s` when `data`, which may be empty, goes in."""
+        for due_s, piece in self.pieces(data, now_s):
+            if piece:
+                self._count += 1
+                heapq.heappush(self._held, (due_s, self._count, piece))
+        return self._due(now_s)
+
+    def empty(self) -> bytes:
+        """Returns and drops all held bytes."""
+        rest, self.rest = self.rest, b""
+        return self._due(math.inf) + rest
+
+    def _due(self, now_s: float) -> bytes:
+        out = bytearray()
+        while self._held and self._held[0][0] <= now_s:
+            out += heapq.heappop(self._held)[2]
+        return bytes(out)
 
 
 class _Random(LineFault):

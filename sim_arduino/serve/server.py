@@ -237,16 +237,9 @@ class PtyServer:
         assert self._plant and self._truth
         pose = self._plant.true_pose
         self._truth_due_s = max(self._truth_due_s + TRUTH_PERIOD_S, self._now_s)
-        _append(
-            self._truth,
-            {
-                "t": round(self._now_s, 6),
-                "x": pose.x_m,
-                "y": pose.y_m,
-                "yaw": pose.yaw_rad,
-                "host_monotonic": round(self._start_s + self._now_s / self._speed, 6),
-            },
-        )
+        now_s, host_s = round(self._now_s, 6), round(self._start_s + self._now_s / self._speed, 6)
+        place = {"x": pose.x_m, "y": pose.y_m, "yaw": pose.yaw_rad}
+        _append(self._truth, {"t": now_s, **place, "host_monotonic": host_s})
 
     def _write_log(self, source: str, data: bytes) -> None:
         if self._log:

@@ -306,26 +306,6 @@ def test_new_speeds_do_not_come_before_the_gap(set_speeds):
     assert motion.take(0.1) == (MOVE, 100, 0)
 
 
-@pytest.mark.parametrize("speeds, sent", [((200, 0), [0.1]), ((210, 0), [0.006])], ids=["same", "others"])
-def test_a_command_like_one_that_was_just_sent_waits_for_its_repeat(speeds, sent):
-    motion = driven()
-    motion.lead_s = 0.01
-    motion.drive(speeds, 0.006)
-    motion.lead_s = 0.0
-    assert [at_s for at_s, _ in drain(motion, 0.006, 0.15)][:1] == sent
-
-
-def test_a_command_like_the_last_one_is_sent_again_after_a_stop_and_after_the_lead():
-    motion = driven()
-    motion.lead_s = 0.01
-    motion.stop()
-    motion.take(0.001)
-    motion.drive((200, 0), 0.006)
-    assert motion.take(0.006) == (MOVE, 200, 0)
-    motion.drive((200, 0), 0.017)
-    assert motion.take(0.017) == (MOVE, 200, 0)
-
-
 def test_what_is_due_now_is_sent_now():
     motion = driven()
     assert motion.take(motion.due_s) == (MOVE, 200, 0)

@@ -139,7 +139,7 @@ def test_the_voltage_that_a_missing_motor_board_does_not_measure_empties_no_batt
 
 PLANNER_S, OBSTACLE_S = 0.1, 10.0
 """A planner publishes at 10 Hz, for this time although the robot cannot move."""
-STALLED_SHARE, STALLED_BEFORE = 0.04, 0.6
+STALLED_SHARE, STALLED_BEFORE = 0.04, 0.7
 """Share of this time in which a blocked wheel is driven: at most; and at least without the refusal."""
 
 

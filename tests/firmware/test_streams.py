@@ -18,9 +18,9 @@ def test_period_longer_than_the_clock(bench):
     board = bench()
     board.send("start_stream", 10000, wait_s=0.1)
     board.forget()
-    board.run(9.8)
+    board.run(9.88)
     assert not board.frames()
-    board.run(0.4)
+    board.run(0.04)
     assert len(board.frames()) == 1
 
 

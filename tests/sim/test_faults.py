@@ -13,8 +13,7 @@ from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
 from mrl_driver.protocol.table import STOP_CODE
 from sim_arduino.board import PythonBoard
 from sim_arduino.faults.fault_table import FAULTS, parse
-from sim_arduino.faults.faulty_engine import FaultyEngine
-from sim_arduino.faults.schedule import Window
+from sim_arduino.faults.faulty_engine import FaultyEngine, Window
 from sim_arduino.hardware.wiring import Plant
 from tests.models import bridged, model
 

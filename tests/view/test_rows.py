@@ -12,12 +12,12 @@ from mrl_driver.robot.odometry import Twist
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.session.events import Reconnected
 from mrl_driver.view import words
-from mrl_driver.view.live_model import LiveModel, Shown
+from mrl_driver.view.live_model import LiveModel
 from mrl_driver.view.rows import sections
-from mrl_driver.view.shown_state import Bar, Row, ShownState
+from mrl_driver.view.shown_state import Bar, Row, Shown
 from tests.models import model as load
 
-STATE = ShownState(
+STATE = Shown(
     name="traxbot 1",
     model=load("traxbot"),
     pose=Pose(1.0, -0.25, math.pi / 2),
@@ -38,7 +38,7 @@ STATE = ShownState(
 
 def told(state=STATE, delays_s=(math.nan,) * 3, **others):
     """Rows by section and name."""
-    shown = Shown(state._replace(**others), 0.0, 0.0, 20.0, (), 3.2, "", delays_s=delays_s)
+    shown = state._replace(rate_hz=20.0, distance_m=3.2, delays_s=delays_s, **others)
     return {section.title: {row.name: row for row in section.rows} for section in sections(shown)}
 
 
@@ -151,7 +151,7 @@ class Robot:
 
 
 def model_of(robot, **options):
-    return LiveModel(robot, 100.0, lambda: "state", **options)
+    return LiveModel(robot, 100.0, lambda: STATE, **options)
 
 
 def test_the_path_and_the_rate_come_from_the_telemetry():

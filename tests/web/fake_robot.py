@@ -8,8 +8,7 @@ from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import Twist
-from mrl_driver.view.live_model import Shown
-from mrl_driver.view.shown_state import Row, ShownState
+from mrl_driver.view.shown_state import Row, Shown
 
 
 class FakeRecordings:
@@ -76,11 +75,11 @@ class FakeRobot:
         self.calls.append(("release",))
 
     def shown(self, now_s):
-        state = ShownState(
+        trail = [Pose(i / 100, 0.0, 0.0) for i in range(3000)]
+        return Shown(
             "traxbot 1", self.model, self.pose, Twist(0.0, 0.0), None, StopReason.USER, self.ranges, {}, 11.0, 0.5,
-            "ok", [], True, 0.01, Row("errors", "0 lost"),
+            "ok", [], True, 0.01, Row("errors", "0 lost"), now_s=now_s, rate_hz=50.0, trail=trail, distance_m=0.0,
         )  # fmt: skip
-        return Shown(state, now_s, 1.0, 50.0, [Pose(i / 100, 0.0, 0.0) for i in range(3000)], 0.0, "")
 
     def series(self):
         return self.names

@@ -7,7 +7,7 @@ import datetime
 import json
 import os
 import re
-from typing import Any, Dict, List, Mapping, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Tuple
 
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
@@ -23,62 +23,61 @@ Key = Tuple[str, str]  # section and key of a number in a robot's YAML, such as 
 
 
 class Progress:
-    """Measured runs by procedure, in a JSON file.
+    """The measured runs of a procedure, in a JSON file with those of others.
 
-    The `settings` of a procedure describe how its runs were driven; runs with other settings are refused.
-
-    Raises:
-        ConfigError: the file is damaged, or belongs to another robot.
+    The `settings` describe how the runs were driven.  ConfigError if the file is damaged, or belongs to another robot.
     """
 
-    def __init__(self, path: str, robot: str) -> None:
-        self.path = path
+    def __init__(self, path: str, robot: str, procedure: str, settings: Mapping[str, Any]) -> None:
+        self.path, self._procedure, self._settings = path, procedure, dict(settings)
         self._data: Dict[str, Any] = {"version": VERSION, "robot": robot, "procedures": {}}
         if os.path.exists(path):
             self._data = _read_state(path, robot)
 
-    def runs(self, procedure: str, settings: Mapping[str, Any]) -> List[Trial]:
-        """The runs that are not evaluated yet; raise ConfigError if they are damaged, or had other settings."""
-        found = self._data["procedures"].get(procedure)
-        if not found or found.get("done"):
-            return []
-        if found.get("settings") != dict(settings):
-            raise ConfigError(
-                f"{self.path} holds runs of {procedure} with {_listed(found['settings'])}, expected "
-                f"{_listed(settings)}: give those options, or start again with --restart"
-            )
-        return [from_json(each) for each in found["runs"]]
+    @property
+    def _found(self) -> Optional[Dict[str, Any]]:
+        """What the file has of this procedure, and is not evaluated yet."""
+        found: Optional[Dict[str, Any]] = self._data["procedures"].get(self._procedure)
+        return None if found is None or found.get("done") else found
 
-    def other_runs(self, procedure: str) -> List[Trial]:
+    def runs(self) -> List[Trial]:
+        """The runs that are not evaluated yet; raise ConfigError if they are damaged, or had other settings."""
+        found = self._found
+        if found is not None and found["settings"] != self._settings:
+            raise ConfigError(
+                f"{self.path} holds runs of {self._procedure} with {_listed(found['settings'])}, expected "
+                f"{_listed(self._settings)}: give those options, or start again with --restart"
+            )
+        return [from_json(each) for each in found["runs"]] if found is not None else []
+
+    def other_runs(self) -> List[Trial]:
         """The runs of all other procedures, evaluated or not."""
-        others = (found for name, found in self._data["procedures"].items() if name != procedure)
+        others = (found for name, found in self._data["procedures"].items() if name != self._procedure)
         return [from_json(each) for found in others for each in found["runs"]]
 
-    def add(self, procedure: str, settings: Mapping[str, Any], run: Trial) -> None:
-        """Add a run; it is on the disk when this returns."""
-        found = self._data["procedures"].get(procedure)
-        if not found or found.get("done"):
-            found = self._data["procedures"][procedure] = {"settings": dict(settings), "runs": []}
-        found["runs"].append(as_json(run))
-        self._write()
+    def put(self, run: Trial, number: Optional[int] = None) -> None:
+        """Add a run, or replace run `number` (from 0), which was driven again; it is on the disk when this returns."""
+        runs = list(self._found["runs"]) if self._found is not None else []
+        if number is None:
+            runs.append(as_json(run))
+        else:
+            runs[number] = as_json(run)
+        self._write({"settings": self._settings, "runs": runs})
 
-    def replace(self, procedure: str, number: int, run: Trial) -> None:
-        """Replace run `number` (from 0), which was driven again."""
-        self._data["procedures"][procedure]["runs"][number] = as_json(run)
-        self._write()
+    def forget(self) -> None:
+        """Delete the runs of this procedure."""
+        if self._procedure in self._data["procedures"]:
+            self._write(None)
 
-    def forget(self, procedure: str) -> None:
-        """Delete the runs of a procedure."""
-        if self._data["procedures"].pop(procedure, None) is not None:
-            self._write()
-
-    def finish(self, procedure: str) -> None:
+    def finish(self) -> None:
         """Mark the runs as evaluated; the next run starts a new list."""
-        if procedure in self._data["procedures"]:
-            self._data["procedures"][procedure]["done"] = True
-            self._write()
+        if self._found is not None:
+            self._write({**self._found, "done": True})
 
-    def _write(self) -> None:
+    def _write(self, found: Optional[Dict[str, Any]]) -> None:
+        self._data["procedures"].pop(self._procedure, None)
+        if found is not None:
+            self._data["procedures"][self._procedure] = found
         replace_file(self.path, json.dumps(self._data, separators=(",", ":")) + "\n")
 
 
@@ -108,11 +107,8 @@ def _listed(settings: Mapping[str, Any]) -> str:
 def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
     """Write the model file `source` with new numbers to `output`; comments stay, and `note` follows each new number.
 
-    Returns the path of the backup of `output`, or "" if it did not exist.
-
-    Raises:
-        ConfigError: a file cannot be read, or the result is not a model.
-        OutputError: a file cannot be written.
+    Return the path of the backup of `output`, or "" if it did not exist; ConfigError if a file cannot be read, or the
+    result is not a model, and OutputError if a file cannot be written.
     """
     text = with_schema_line(_text_of(source), models.SCHEMA)
     comment = f"{note}, {datetime.date.today().isoformat()}"

@@ -51,15 +51,10 @@ class GeometryFit(NamedTuple):
 def fit(
     runs: Sequence[Trial], start: Drive, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
 ) -> GeometryFit:
-    """The drive whose `free` parameters fit the ends of the runs best.
+    """The drive whose `free` parameters fit the ends of the runs best; ConfigError if the runs do not determine them.
 
-    Args:
-        start: first guess, and the values of the parameters that are not free.
-        noise: weights of the runs; only the ratio of its values matters.
-        measured: accuracy of the ends.
-
-    Raises:
-        ConfigError: the runs do not determine these parameters.
+    `start` is the first guess, and has the values of the other parameters.  `noise` weighs the runs: only the ratio of
+    its values matters.  The ends are as accurate as `measured` says.
     """
     drive, runs = start, list(runs)
     roots = [_root(run, spread(start, run.steps, noise) + np.diag(measured.variances)) for run in runs]

@@ -59,10 +59,7 @@ def read(path: str, model: RobotModel) -> Tuple[np.ndarray, Requests]:
 
 
 def motor_steps(path: str, model: RobotModel) -> Iterator[Tuple[np.ndarray, Tuple[int, int]]]:
-    """Rows, and percents left and right, of each step of the duty in a recording.
-
-    The next other request to the motors ends a step.
-    """
+    """Rows, and percents left and right, of each step of the duty; the next other request to the motors ends a step."""
     rows, requests = read(path, model)
     orders = [(time_s, frame) for time_s, frame in requests if frame.code in _MOVING]
     runs = [next(same) for _, same in itertools.groupby(orders, lambda order: (order[1].code, order[1].args))]

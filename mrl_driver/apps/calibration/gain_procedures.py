@@ -92,11 +92,8 @@ def counts_per_turn(model: RobotModel) -> float:
 def tune(robot: Driver, model: RobotModel, board: Board) -> Tuned:
     """Drive steps of the duty, compute gains, and drive steps of the speed with the old and the new gains.
 
-    At the end the old gains and the ramp are in force again, even after an error.
-
-    Raises:
-        ConfigError: the steps give no motor, or no gains are good enough.
-        BoardTimeout: telemetry ended, or the wheels keep turning.
+    At the end the old gains and the ramp are in force again, even after an error.  ConfigError if the steps give no
+    motor, or no gains are good enough; BoardTimeout if telemetry ended, or the wheels keep turning.
     """
     names, track, made = board.gains._fields, Track(robot), []  # type: ignore[attr-defined]
     stored = robot.parameters.read(*names) if robot.parameters.can_save else model.board

@@ -99,12 +99,9 @@ def identify(step: DutyStep) -> Motor:
 
 
 def identify_bridge(steps: Sequence[DutyStep]) -> Motor:
-    """The motor that made these steps.
+    """The motor that made these steps; ConfigError if the wheel turned backward, or at fewer than two duties.
 
     Steps that hardly turned the wheel are left out; their duties are in the dead band.
-
-    Raises:
-        ConfigError: the wheel turned backward, or it turned at fewer than two duties.
     """
     used = [step for step in steps if _turned(step)]
     if len({step.duty for step in used}) < 2:
@@ -227,13 +224,10 @@ def suggest(plants: Sequence[Motor], period_s: float = 0.05) -> Gains:
 
 
 def design(motors: Sequence[Motor], counts_per_turn: float) -> BridgeGains:
-    """Gains for all these motors, in the units of the board's parameters.
+    """Gains for all these motors, in the units of the board's parameters; ConfigError if one is out of its range.
 
     One set of gains serves both wheels: full speed is that of the slower wheel, the others are those of the wheel that
     bears least.
-
-    Raises:
-        ConfigError: a value is outside the range of its parameter.
     """
     full = min(motor.full_counts_s for motor in motors)
     pairs: List[Tuple[float, float]] = []

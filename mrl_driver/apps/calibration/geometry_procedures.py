@@ -121,15 +121,10 @@ def evaluate(
     measured: Measured = fit.BY_TAPE,
     others: Sequence[Trial] = (),
 ) -> Outcome:
-    """Evaluate the runs of a procedure.
+    """Evaluate the runs of a procedure; ConfigError if they are too few, or one contradicts the others.
 
-    Args:
-        side_m: side of UMBmark's square.
-        measured: accuracy of the ends.
-        others: runs of other procedures, for the noise.
-
-    Raises:
-        ConfigError: there are too few runs, or one contradicts the others.
+    `side_m` is the side of UMBmark's square, `measured` the accuracy of the ends; `others` are runs of other
+    procedures, for the noise.
     """
     before, start, result = model.differential, model.differential, None
     free = free_numbers(procedure, model.body.tracks)
@@ -220,36 +215,32 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
     ruler = ruler_for(job.truth)
     with job.robot() as (driver, model, output):
         path = f"{os.path.splitext(output)[0]}.calibration.json"
-        progress = Progress(path, f"{model.name} {driver.board.robot_id}")
+        progress = Progress(path, f"{model.name} {driver.board.robot_id}", plan.procedure, plan.settings)
         if job.restart:
-            progress.forget(plan.procedure)
+            progress.forget()
         try:
             _gather(plan, driver, progress, ruler)
         except (KeyboardInterrupt, click.Abort):  # Abort: at a question
-            kept = len(progress.runs(plan.procedure, plan.settings))
-            print_message(
-                f"{kept} of {len(plan.legs)} runs are kept in {progress.path}; repeat the command to continue"
-            )
+            kept = f"{len(progress.runs())} of {len(plan.legs)} runs are kept in {progress.path}"
+            print_message(f"{kept}; repeat the command to continue")
             raise
-        runs, others = progress.runs(plan.procedure, plan.settings), progress.other_runs(plan.procedure)
         measured = fit.BY_TRUTH if job.truth else fit.BY_TAPE
-        result = plan.evaluate(runs, model, output, measured=measured, others=others)
+        others = progress.other_runs()
+        result = plan.evaluate(progress.runs(), model, output, measured=measured, others=others)
         job.finish(result)
-        progress.finish(plan.procedure)
+        progress.finish()
         job.offer_eeprom(driver, result)
 
 
 def _gather(plan: CalibrationPlan, driver: Driver, progress: Progress, ruler: Ruler) -> None:
-    procedure, settings, legs = plan.procedure, plan.settings, plan.legs
-    done, track = len(progress.runs(procedure, settings)), Track(driver)
+    done, legs, track = len(progress.runs()), plan.legs, Track(driver)
     if done:
         tell(f"{done} of {len(legs)} runs are already in {progress.path}")
     for number in plan.again:
         if not 1 <= number <= done:
             raise ConfigError(f"--again is {number}, expected the number of one of the {done} finished runs")
-        put = partial(progress.replace, procedure, number - 1)
-        gather(driver, [legs[number - 1]], ruler, put, track)
-    gather(driver, legs[done:], ruler, partial(progress.add, procedure, settings), track)
+        gather(driver, [legs[number - 1]], ruler, partial(progress.put, number=number - 1), track)
+    gather(driver, legs[done:], ruler, progress.put, track)
 
 
 def _recorded(procedure: str, text: str, model: RobotModel) -> Trial:

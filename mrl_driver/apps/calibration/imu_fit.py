@@ -124,10 +124,7 @@ def angle(
     """Return the turn about the vertical without the bias, and its standard deviation from the bias [rad].
 
     The bias changes evenly from the first rest to the second, and wanders about that line; without a second rest it
-    stays as it was.
-
-    Raises:
-        ConfigError: the board restarted, readings are missing, or the robot was turned too fast.
+    stays as it was.  ConfigError if the board restarted, readings are missing, or the robot was turned too fast.
     """
     times_s, fastest = rows[:, TIME], float(np.abs(rows[:, GYRO]).max())
     if fastest > FASTEST_RAD_S:

@@ -117,11 +117,8 @@ def calibrate(
     """Stand still, drive straight, and turn in place, each between two rests; `report` gets the name of each step.
 
     `ruler` measures the heading at the end of each turn, as exactly as `measured` says.  A `distance_m` of 0 leaves out
-    the straight drives, and so the yaw of the mount.
-
-    Raises:
-        ConfigError: the readings of the IMU cannot be used, or contradict wheels and headings.
-        WheelFault, BoardTimeout: the robot could not drive.
+    the straight drives, and so the yaw of the mount.  ConfigError if the readings of the IMU cannot be used, or
+    contradict wheels and headings; errors of driving are those of `manoeuvres.follow`.
     """
     track = ImuTrack(robot)
     report("standing still")

@@ -107,10 +107,8 @@ def _counts(robot: Driver) -> Wheels:
 def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -> None:
     """Drive by `steer`, which returns speeds for a pose, or None at the end; then come to rest.
 
-    Raises:
-        WheelFault: a wheel did not follow its command.
-        BoardTimeout: the robot accepted no command for `HELD_UP_S`, its board restarted, or it did not arrive within
-            `patience_s`.
+    WheelFault if a wheel did not follow its command.  BoardTimeout if the robot accepted no command for `HELD_UP_S`,
+    its board restarted, or it did not arrive within `patience_s`.
     """
     waited_s = refused_s = 0.0
     restarts = robot.link.statistics.restarts

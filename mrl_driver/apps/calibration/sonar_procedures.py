@@ -51,8 +51,7 @@ def approach_wall(
 ) -> Points:
     """Drive towards the wall from the first distance [m], and stop at each one; `keep` gets the readings after each.
 
-    Raises:
-        ConfigError: the wall, or another object, is much closer than expected.
+    ConfigError if the wall, or another object, is much closer than expected.
     """
     assert robot.model is not None
     line, track = robot.pose, Track(robot)
@@ -75,10 +74,7 @@ def require_sonars(robot: Driver) -> None:
 
 
 def _require_free_path(robot: Driver, distance_m: float) -> None:
-    """Measure the wall while the robot stands still; refuse to drive on if it is much closer than expected.
-
-    A sonar error cannot be that large.
-    """
+    """Refuse to drive on if the wall is much closer than expected, by more than any error of a sonar."""
     readings = []
     for _ in range(READINGS):
         robot.wait(STOP_S / READINGS)

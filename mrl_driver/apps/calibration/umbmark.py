@@ -34,9 +34,8 @@ def closed_form(
 ) -> UmbmarkResult:
     """The paper's closed form, exact for small errors; raise ConfigError if there are too few laps.
 
-    Args:
-        left, right: errors of the counter-clockwise and the clockwise laps, (x, y) [m].
-        separation_m: effective wheelbase in use.
+    `left` and `right` are errors of the counter-clockwise and the clockwise laps (x, y) [m], and `separation_m` is the
+    effective wheelbase in use.
     """
     for laps, direction in ((len(left), "counter-clockwise"), (len(right), "clockwise")):
         if not LEAST_LAPS <= laps <= MOST_LAPS:

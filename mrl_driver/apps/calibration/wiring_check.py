@@ -104,13 +104,8 @@ def _together(found: List[str], trials: Sequence[Trial]) -> List[str]:
 def wiring_of(trials: Sequence[Trial], counts_per_turn: float, single_channel: bool = False) -> int:
     """Return the sum to store, from one trial of each motor output, of the left one first.
 
-    Args:
-        trials: `seen` and `direction` are set; the counters are those of the encoder inputs.
-        counts_per_turn: encoder counts of a wheel turn.
-        single_channel: the encoders have one channel; then they cannot count backward.
-
-    Raises:
-        WheelFault: a wheel or an encoder did not do its part; the error says what to check.
+    The trials have `seen` and `direction`, and the counters of the encoder inputs.  Encoders with a `single_channel`
+    cannot count backward.  WheelFault, which says what to check, if a wheel or an encoder did not do its part.
     """
     if trials[0].seen == trials[1].seen:
         raise WheelFault(

@@ -26,11 +26,7 @@ def names() -> List[str]:
 
 
 def load(name_or_path: str) -> Vehicle:
-    """Return the vehicle with this name, from this .yaml file, or of this robot model.
-
-    Raises:
-        ConfigError: there is none, it is invalid, or the model does not contain all ground contact points.
-    """
+    """Return the vehicle with this name, from this .yaml file, or of this robot model; ConfigError if there is none."""
     if name_or_path in names():
         return read(os.path.join(_FOLDER, f"{name_or_path}.yaml"))
     if name_or_path.endswith((".yaml", ".yml")):

@@ -21,13 +21,7 @@ Send = Callable[[str], Awaitable[Any]]
 
 
 class Client:
-    """One page that is connected.
-
-    Args:
-        number: its id in messages, unique in the life of the server.
-        role: `drive` or `watch`.
-        name: what the others are shown.
-    """
+    """One page that is connected; `number` is never used again, `role` is `drive` or `watch`, and others see `name`."""
 
     def __init__(self, number: int, role: str, name: str) -> None:
         self.number, self.role, self.name = number, role, name

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Optional
 from mrl_driver.errors import MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.session.events import SensorRead
-from mrl_driver.view.live_model import Shown
+from mrl_driver.view.shown_state import Shown
 from mrl_driver.view.words import stopped_by, why_refused
 
 from .helm import Why

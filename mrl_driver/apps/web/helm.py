@@ -184,11 +184,6 @@ class Helm:
 
     Clients are numbers that are never used again: one that comes back is another one.  Each method returns acts in
     their order, and first does what was due before `now_s` (see `tick`).
-
-    Args:
-        stop_s: time without a fresh command after which the robot stops [s].
-        oldest_s: age above which a command is dropped [s].
-        sent_s: time after the sending of the last fresh command at which the robot stops at the latest [s].
     """
 
     def __init__(self, stop_s: float = STOP_S, oldest_s: float = OLDEST_S, sent_s: float = SENT_S) -> None:

@@ -38,10 +38,7 @@ def settings_for(
     """Return the settings for ADDRESS or ADDRESS:PORT: beyond this computer with TLS and tokens.
 
     `new_tokens` makes other tokens, so that the links of before are no longer valid.  `tell` gets a line if the
-    certificate had to be made again.
-
-    Raises:
-        ConfigError: the address does not parse, or certificate and tokens cannot be stored.
+    certificate had to be made again.  ConfigError if the address is wrong, or certificate or tokens cannot be stored.
     """
     host, port = _parse(listen)
     if access.is_loopback(host):

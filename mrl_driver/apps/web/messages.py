@@ -14,8 +14,8 @@ from mrl_driver.geometry import Pose
 from mrl_driver.json_text import json_text
 from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
 from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
-from mrl_driver.view.live_model import Shown
 from mrl_driver.view.rows import sections
+from mrl_driver.view.shown_state import Shown
 from mrl_driver.view.words import STOPS
 
 from .helm import Control, Goal, HelmState
@@ -205,22 +205,21 @@ def view_facts(shown: Shown) -> Dict[str, Any]:
     Numbers are rounded so that they stay the same while the robot rests.  A row is name, value, style, and the share
     and style of its bar, or null.
     """
-    state = shown.state
-    stopped = state.stopped
+    stopped = shown.stopped
     return {
-        "name": state.name,
+        "name": shown.name,
         "sections": [section._asdict() for section in sections(shown)],
         "notice": shown.notice,
-        "silent": state.silent,
+        "silent": shown.silent,
         "stopped": stopped,
-        "reason": state.stop_reason if stopped and STOPS[state.stop_reason].why else "",
-        "command": None if state.command is None else [round(speed, 3) for speed in state.command],
+        "reason": shown.stop_reason if stopped and STOPS[shown.stop_reason].why else "",
+        "command": None if shown.command is None else [round(speed, 3) for speed in shown.command],
         "battery": {
-            "v": round(state.battery_v, 2),
-            "share": round(state.battery_share, 2),
-            "state": state.battery_state,
+            "v": round(shown.battery_v, 2),
+            "share": round(shown.battery_share, 2),
+            "state": shown.battery_state,
         },
-        "ranges": {name: round(range_m, 3) for name, range_m in state.ranges.items()},
+        "ranges": {name: round(range_m, 3) for name, range_m in shown.ranges.items()},
     }
 
 

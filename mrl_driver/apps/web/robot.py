@@ -13,9 +13,9 @@ from mrl_driver.files import create_unused
 from mrl_driver.geometry import Pose
 from mrl_driver.navigation.goal_seeker import GoalSeeker
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.view.live_model import LiveModel, Shown
+from mrl_driver.view.live_model import LiveModel
 from mrl_driver.view.series import Series
-from mrl_driver.view.shown_state import ShownState
+from mrl_driver.view.shown_state import Shown
 
 from .helm import Goal, Why, why_of
 
@@ -36,11 +36,9 @@ class Recorded(NamedTuple):
 
 
 class Recordings(ABC):
-    """The recordings of one robot in a folder.
+    """The recordings of one robot in a folder, whose names end with `suffix`.
 
-    Args:
-        suffix: ending of their names.
-        active: what follows the name of a file while it is written; it can be downloaded then only if this is empty.
+    `active` follows the name of a file while it is written; it can be downloaded then only if this is empty.
     """
 
     def __init__(self, folder: Path, suffix: str, active: str = "") -> None:
@@ -104,14 +102,11 @@ class PhoneReading(NamedTuple):
 class PageRobot(ABC):
     """A robot behind the page.  The server's loop calls all of it, and nothing may block for long.
 
-    Args:
-        source: a Driver, or an object with the attributes of one that live views use.
-        recordings: those that the page makes and downloads.
-        state: see `LiveModel`.
+    `source` is a Driver, or an object with the attributes of one that live views use; then it needs a `state`.
     """
 
     def __init__(
-        self, source: Any, recordings: Recordings, state: Optional[Callable[[], ShownState]] = None
+        self, source: Any, recordings: Recordings, state: Optional[Callable[[], Shown]] = None
     ) -> None:
         self.source, self.recordings = source, recordings
         self._live = LiveModel(source, time.monotonic(), state, "page", REMEDY)

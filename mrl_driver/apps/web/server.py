@@ -69,16 +69,8 @@ def serve(
     """Serve the page until `ended` returns a reason, which is asked 20 times a second, or `Server.end` is called.
 
     Then the robot is stopped, the clients get the reason, and all connections are closed.  Signals are the caller's.
-
-    Args:
-        robot: what is shown and driven.
-        settings: where it is served, and what is needed to see it.
-        ended: returns why the server is to end; empty while it is not.
-        begun: gets the server once it listens.
-        ear: a `listening_socket`, to be used instead of the address in the settings.
-
-    Raises:
-        ConfigError, PortBusy, PortDenied, LinkError: the address cannot be listened on.
+    `begun` gets the server once it listens, at the `ear` or at the address in the settings.  Raises what
+    `listening_socket` does.
     """
 
     async def run() -> None:
@@ -391,10 +383,8 @@ class Server:
     def _join(self, data: Any, token: str = "") -> Client:
         """Return a new client, which has its first messages; `data` is what it has sent first.
 
-        Raises:
-            messages.Malformed: it cannot be read, or is not hello.
-            ConfigError: it is not admitted; the text says why.
-            _NoPlace: there is none for it now.
+        Malformed if it cannot be read, or is not hello; ConfigError, which says why, if it is not admitted; _NoPlace if
+        there is none for it now.
         """
         kind, hello = messages.parse(data)
         if kind != "hello":
@@ -421,10 +411,9 @@ class Server:
         return client
 
     def _make_place(self) -> None:
-        """End the page that has been silent longest: its connection may be dead, and it may be the one that comes back.
+        """End the page that has been silent longest, or raise _NoPlace if none is.
 
-        Raises:
-            _NoPlace: no page is silent.
+        Its connection may be dead, and it may be the one that comes back.
         """
         silent = min(self._clients.values(), key=lambda client: client.heard_s, default=None)
         if silent is None or time.monotonic() - silent.heard_s < SILENT_S:

@@ -89,14 +89,9 @@ def _report_limits(driver: "Driver", linear_m_s: float, angular_rad_s: float, la
 def drive_for(
     driver: "Driver", linear_m_s: float, angular_rad_s: float, seconds: float, lateral_m_s: float = 0.0
 ) -> None:
-    """Drive for `seconds`, stop, and wait up to 2 s for telemetry to confirm it.
+    """Drive for `seconds`, stop, and wait up to 2 s for telemetry to confirm it; errors are as of `require_driving`.
 
     It prints nothing while driving: a terminal that accepts no output would delay the stop.
-
-    Raises:
-        FrameError: the base cannot move sideways.
-        WheelFault: a wheel did not follow its command.
-        BoardTimeout: the robot stopped early for another reason, or the stop was not confirmed.
     """
     deadline = time.monotonic() + seconds
     driver.drive(linear_m_s, angular_rad_s, lateral_m_s)
@@ -110,12 +105,9 @@ def drive_for(
 
 
 def require_driving(driver: "Driver") -> None:
-    """Raise the reason why the robot was stopped, unless a command is in force.
+    """Raise why the robot was stopped, unless a command is in force.
 
-    Raises:
-        WheelFault: a wheel did not follow its command.
-        MrlError: another robot holds this one by radio.
-        BoardTimeout: the robot stopped early for another reason.
+    WheelFault if a wheel did not follow its command, MrlError if another robot holds this one, else BoardTimeout.
     """
     if driver.command is not None:
         return

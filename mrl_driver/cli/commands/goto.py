@@ -70,11 +70,8 @@ def goto(run: Run, x: float, y: float, yaw: Optional[float], timeout_s: float) -
 def drive_to(driver: "Driver", goal: Pose, timeout_s: float, tell: Callable[[str], None]) -> str:
     """Drive to a pose of the odometry, and stop; returns why the goal was given up, empty if it was reached.
 
-    `tell` gets a line of progress every second.  While it blocks, the driver's command timeout stops the robot.
-
-    Raises:
-        WheelFault: a wheel did not follow its command.
-        BoardTimeout: the robot was stopped for another reason, or the stop was not confirmed.
+    `tell` gets a line of progress every second.  While it blocks, the driver's command timeout stops the robot.  Errors
+    are as of `require_driving`.
     """
     from mrl_driver.navigation.goal_seeker import GoalSeeker
 

@@ -208,14 +208,10 @@ def require_port(target: Target) -> str:
 def connected(
     target: Target, model: Optional["RobotModel"] = None, moves: bool = False, **options: Any
 ) -> Iterator["Driver"]:
-    """Connect a driver with these options for the block.
+    """Connect a driver with these options for the block; `model` replaces the target's model.
 
-    `model` replaces the target's model; `moves` says that the block drives the robot.
-
-    Raises:
-        ConfigError: the block drives the robot, and its board has no motors.
-        KeyboardInterrupt: the user pressed Ctrl-C; the robot was stopped.
-        OutputError: everything else succeeded, but the recording is incomplete.
+    ConfigError if the block `moves` the robot, and its board has no motors.  KeyboardInterrupt after Ctrl-C, with the
+    robot stopped.  OutputError if everything else succeeded, but the recording is incomplete.
     """
     from mrl_driver.driver import Driver, Options
     from mrl_driver.driver.suspension import stopped_while_suspended
@@ -303,12 +299,7 @@ def no_view_because() -> str:
 
 
 def confirm(question: str, yes: bool, otherwise: str = "nothing was changed") -> None:
-    """Ask, unless `yes`; `otherwise` is printed after a no.
-
-    Raises:
-        ConfigError: stdin is not a terminal.
-        click.Abort: the user answered no.
-    """
+    """Ask, unless `yes`; click.Abort, which says `otherwise`, after a no, and ConfigError without a terminal."""
     if yes:
         return
     if not sys.stdin.isatty():

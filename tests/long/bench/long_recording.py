@@ -11,10 +11,14 @@ FRAME_S, TICKS = 312 * 64e-6, 312
 """Period of the telemetry; after 65536 frames, sequence number and board time are back at their start."""
 CYCLE = 65536
 STARTED = "2026-03-01T12:00:00+00:00"
+_BOARD = (
+    b'{"robot_id": 1, "version": 2, "protocol": 2, "motor_board_version": 2.5, "battery_v": 13.6, '
+    b'"temperature_c": 25.0, "capabilities": ["check", "period", "sonars", "watchdog"]}'
+)
 _GREETING = (
-    (">", encode_request(13) + encode_request(5)),
-    ("<", b"@5,2500,172,1360,2,1e\r\n"),
+    ("!", b"opened /dev/ttyACM0"),
     ("!", b"checked"),
+    ("!", b'session joined {"board": %s, "stream": 8, "checked": true, "stamp_s": 0, "frame": ""}' % _BOARD),
 )
 
 

@@ -122,9 +122,9 @@ def picture(data: bytes, folder: Path) -> None:
 
 
 def calibration(path: str) -> None:
-    progress = calibration_files.Progress(path, "traxbot")
-    progress.other_runs("turn")
-    progress.runs("straight", {"distance_m": 2.0})
+    progress = calibration_files.Progress(path, "traxbot", "straight", {"distance_m": 2.0})
+    progress.other_runs()
+    progress.runs()
 
 
 def truth(path: str) -> None:
