@@ -9,7 +9,7 @@ from mrl_driver.protocol.table import BRIDGES, PARAMETERS, WIRING_PROBLEMS
 from mrl_driver.robot import models, wiring, wirings
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, CHIPS
 from mrl_driver.robot.wiring import Problem, check, in_words
-from tests.wirings import random_wiring, rows
+from tests.wirings import PAGE, random_wiring, rows
 
 UNO, MEGA = ATMEGA328P, ATMEGA2560
 DUO = wiring.of_board(models.load_packaged("duo").board)
@@ -34,6 +34,7 @@ def test_at_least_22_wirings_drive_in_the_end_and_each_refusal_names_its_pin():
     verdicts = Counter(row.verdict.partition(":")[0] for row in rows())
     assert sum(verdicts.values()) == 32 and verdicts["drives"] + verdicts["later"] >= 22
     assert all(row.remark for row in rows() if row.verdict == "refused")
+    assert "{drives} drive, {later} will, and {refused} are refused.".format(**verdicts) in PAGE.read_text()
 
 
 @pytest.mark.parametrize(

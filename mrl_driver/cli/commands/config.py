@@ -156,7 +156,7 @@ def load(run: Run, file: str, only_try: bool, other_robot: bool) -> None:
 
     The whole file is checked before the first parameter is set, and the board afterwards.  The robot id stays: a new
     board first gets it with mrl set-id.  The file must be of this robot, unless --other-robot is given; the board
-    then keeps its bridge and wiring, which belong to the cables.
+    then keeps its bridge, pins and wiring, which belong to the cables.
 
     \b
     Examples:

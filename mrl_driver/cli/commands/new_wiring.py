@@ -125,6 +125,13 @@ def _ask(pins: Dict[str, int], bridge: str, servos: List[int]) -> None:
     with_pwm = ", ".join(CHIP.label(number) for number, pin in enumerate(CHIP.pins) if pin.timer >= 0)
     click.echo(_PICTURE.format(*wires.inputs, bridge=bridge.upper(), pwm=with_pwm), err=True)
     pins[wiring.I2C] |= int(click.confirm("Are devices on the I2C bus (A4, A5), such as an IMU?", err=True))
+    while True:
+        text: str = click.prompt("Pins of servos, such as 9 10", default="-", err=True)
+        try:
+            servos += [_pin(each, "servo") for each in text.split() if each != "-"]
+            break
+        except ConfigError as error:
+            print_message(str(error))
     for side, outputs, encoder in zip(wiring.SIDES, wiring.OUTPUTS, wiring.ENCODERS):
         for wire, (name, text) in enumerate(zip(outputs, wires.inputs)):
             _ask_pin(pins, bridge, servos, name, f"{side} motor, {text}", wire in wires.needed)
