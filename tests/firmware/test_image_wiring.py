@@ -384,6 +384,23 @@ def test_a_wiring_without_a_bus_leaves_its_pins_alone():
         assert len(board.say(request("read_protocol"))) == 1, "the answer does not wait for an IMU"
 
 
+@pytest.mark.parametrize("phase_us", range(0, 1400, 140))
+def test_an_imu_is_found_again_after_a_change_in_the_middle_of_its_transfers(phase_us):
+    with wired("tb6612", models.DUO_PINS) as board:
+        chip = board.machine.i2c[0x68] = ImuChip()
+        board.run(1.0)
+        change = request("write_config", number("bridge"), BRIDGES.index("tb6612"))
+        board.machine.send(change)
+        board.run(3e-3 + phase_us * 1e-6)
+        board.machine.send(change)
+        board.run(0.15)
+        assert board.faults <= {"wiring"}
+        board.say(b"@46e")
+        ((line, *_),) = board.imu_frames
+        (frame,) = FrameDecoder(REPLIES).feed(line)
+        assert frame.args == chip.gyro + chip.accel
+
+
 def test_sonars_and_battery_are_read_on_their_pins():
     volts = {5: 1.0, 1: 1.5, 2: 2.0, 0: 4.0}
     pins = {"pin_sonar_front": 19, "pin_sonar_left": 15, "pin_sonar_right": -1, "pin_battery": 14, "i2c": 0}

@@ -24,7 +24,8 @@ enum class Owner : uint8_t { none, motor_board, imu, sensor } owner;
 uint32_t started, rest_from;
 uint8_t motor_divider;
 bool resting, restart_with_stop;
-bool used;  // only in builds with MRL_BRIDGE: the bus has its pins
+bool used;           // only in builds with MRL_BRIDGE: the bus has its pins
+uint32_t used_since;
 
 void end_transfer(Result result) {
   const Owner who = owner;
@@ -63,6 +64,8 @@ void start(Owner who) {
 }
 
 bool is_free() {
+  // The check of a new wiring has taken 2 ms of this pass, which would count as time of the transfer.
+  if (MRL_BRIDGE && used_since == board_clock::now()) return false;
   if (owner != Owner::none && !end_if_over()) return false;
   if (resting && !board_clock::passed(rest_from, REST_AFTER_HANG)) return false;
   resting = false;
@@ -91,12 +94,15 @@ void configure() {
 #if MRL_BRIDGE
 void begin() {
   used = true;
+  used_since = board_clock::now();
   hal::bus_use(true);
 }
 
+// A slave in the middle of a transfer would hold the bus when it is used again.
 void end() {
   if (!used) return;
   used = false;
+  if (owner != Owner::none) hal::bus_recover();
   owner = Owner::none;
   hal::bus_use(false);
   imu::forget();
