@@ -12,7 +12,8 @@ from mrl_driver.geometry import Pose
 from mrl_driver.json_text import exact_json
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_reply
 from mrl_driver.protocol.table import INT16_MAX
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring
+from mrl_driver.robot.chips import CHIPS
 from mrl_driver.robot.covariance import Spread, is_covariance
 from mrl_driver.robot.heading import KnownBias
 from mrl_driver.robot.models import Drive, RobotModel, kind_of
@@ -48,6 +49,10 @@ def model_text(model: RobotModel) -> str:
         document[name] = document[name]._asdict()
     if not model.build:
         del document["build"]
+    chip = document.pop("chip")
+    if pins := {name: value for name, value in model.board.items() if name in wiring.EMPTY}:
+        document["board"] = {name: value for name, value in model.board.items() if name not in pins}
+        document["wiring"] = {"chip": chip, **wiring.section(pins, CHIPS[chip])}
     return exact_json(document)
 
 

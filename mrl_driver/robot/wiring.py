@@ -3,7 +3,7 @@
 The board makes the same check (`wiring.cpp`); a test compares both.
 """
 
-from typing import Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 from mrl_driver.protocol.table import NOT_CONNECTED, PARAMETER_BY_NAME, PARAMETERS, PINS, WIRING_PROBLEMS
 
@@ -75,6 +75,12 @@ def from_reply(problem: int, parameter: int, other: int) -> Problem:
 def of_board(board: Pins) -> Dict[str, int]:
     """Return the wiring among the parameters of a board, of which some or all may be missing."""
     return {name: board.get(name, value) for name, value in EMPTY.items()}
+
+
+def section(pins: Pins, chip: Chip) -> Dict[str, Any]:
+    """Return the section `wiring` of a robot's file, with what is connected."""
+    used = ((name, value) for name, value in pins.items() if name == I2C or value != NOT_CONNECTED)
+    return {short(name): bool(value) if name == I2C else chip.label(value) for name, value in used}
 
 
 def output_pins(pins: Pins) -> List[Tuple[int, ...]]:

@@ -19,7 +19,7 @@ class Motors(Protocol):
     """A motor back end, from one start of the board to the next.  Times are the board's [s]; they never decrease."""
 
     ever_found: bool = True  # there have been motors since the start
-    counts_s: float = 0.0  # time to read the counters [s]
+    counts_s: float = 0.05e-3  # from reading the counters to the frame [s]; about a pass of the firmware
     next_s: float = math.inf  # time of the next call of `run` [s]; may be infinite
 
     @property

@@ -18,6 +18,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.protocol import REPLIES, Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.decoded import FrameReader
+from mrl_driver.recording.recorded_facts import model_of, model_text
 from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.robot import models
 from mrl_driver.robot.imu import Imu
@@ -96,6 +97,12 @@ def test_its_state_at_the_end_is_the_same(runs):
     driven, _, played, _ = runs
     for name in ("pose", "ranges", "imu", "imu_state", "status", "model", "board", "telemetry"):
         assert repr(getattr(played, name)) == repr(getattr(driven, name)), name
+
+
+@pytest.mark.parametrize("name", models.packaged())
+def test_the_model_in_a_recording_is_the_robots(name):
+    model = models.load(name)
+    assert model_of(model_text(model)) == model
 
 
 def test_nothing_can_be_sent(runs):

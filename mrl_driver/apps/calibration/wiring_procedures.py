@@ -106,8 +106,8 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[No
     """For the block, the board drives this bridge and corrects nothing; BoardRefused if it refuses a parameter.
 
     The board keeps what the block has set.  After an error or an interruption it gets back what was in force before:
-    a board that was not set refuses to move again.  Nothing is saved to the EEPROM here.  BoardRefused if the board refuses
-    a parameter, or its pins.
+    a board that was not set refuses to move again.  Nothing is saved to the EEPROM here.  BoardRefused if the board
+    refuses a parameter, or its pins.
     """
     before = robot.parameters.read("bridge", "wiring")
     try:

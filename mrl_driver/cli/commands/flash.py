@@ -10,7 +10,7 @@ from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.models import ENVIRONMENT, SONAR
 
 from .progress import progress, waiting
-from .shared import Run, choose, json_option, run_options, yes_option
+from .shared import Run, choose, json_option, run_options, wait_until, yes_option
 
 if TYPE_CHECKING:
     from mrl_driver.driver.probe import Answer
@@ -175,4 +175,9 @@ def _store_wiring(run: Run) -> str:
             return ""
         wanted = {name: model.board[name] for name in CABLES if name in model.board}
         driver.parameters.replace(wanted)
+        # A board reports once more what was wrong meanwhile: the next program would take that for the present.
+        changed = driver.status
+        wait_until(
+            driver, lambda: driver.status not in (changed, None) and "wiring" not in driver.status.faults, 2.5
+        )
         return f"; its pins are those of {model.name}"

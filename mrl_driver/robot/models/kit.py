@@ -5,7 +5,7 @@ from typing import Dict, Mapping, NamedTuple, Set, Tuple
 
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import INT16_MAX, NOT_CONNECTED
+from mrl_driver.protocol.table import INT16_MAX
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P
 from mrl_driver.yaml_form import schema_line
@@ -107,13 +107,9 @@ board:
 
 def _wiring(pins: Mapping[str, int]) -> str:
     """Return the section of the pins: those that are connected."""
-    lines = ["wiring:"]
-    for name, value in pins.items():
-        if name == wiring.I2C:
-            lines.append(f"  i2c: {str(bool(value)).lower()}")
-        elif value != NOT_CONNECTED:
-            lines.append(f"  {wiring.short(name)}: {ATMEGA328P.label(value)}")
-    return "\n".join(lines) + "\n"
+    words = {True: "true", False: "false"}
+    section = wiring.section(pins, ATMEGA328P)
+    return "wiring:\n" + "".join(f"  {name}: {words.get(pin, pin)}\n" for name, pin in section.items())
 
 
 def _limits_and_body(kit: Kit, like: RobotModel, ceiling: int, turning: int) -> str:
