@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import List, Mapping, Sequence, Tuple
 
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
+from mrl_driver.protocol.table import NOT_CONNECTED, PARAMETER_BY_NAME, WIRING
 from mrl_driver.robot import models, wiring
 from sim_arduino.avr.machine import AvrMachine
 from tests.long.bench.firmware_board import LEFT, RIGHT, Rig, request
@@ -106,7 +106,7 @@ class BridgeRig(Rig):
     @property
     def outputs(self) -> List[int]:
         """Pins of both bridges."""
-        return [pin for pins in wiring.output_pins(self.pins) for pin in pins]
+        return [pin for pins in wiring.output_pins(self.pins) for pin in pins if pin != NOT_CONNECTED]
 
     def _powered(self, elf: Path, seed: int) -> AvrMachine:
         machine = TurningMachine(elf, seed=seed)
