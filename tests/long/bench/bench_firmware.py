@@ -5,6 +5,7 @@ the released firmware of August 2013 and with a sketch on ros_lib; neither is in
 `firmware/comparison` repeat that of `@6e`.
 
 Figures with an IMU that streams have the suffix `_imu_100hz`, and those of the H-bridge image `_hbridge` before it.
+With PWM on D9 and D10, so that another timer is the clock, the suffix is `_d9_d10`.
 FAST=1 is shorter.
 """
 
@@ -12,27 +13,30 @@ import sys
 import time
 from functools import partial
 from statistics import median
-from typing import Callable, Dict, NamedTuple, Optional, Tuple, TypeVar
+from typing import Callable, Dict, Mapping, NamedTuple, Optional, Tuple, TypeVar
 
 from sim_arduino.experiments import turnaround
 from sim_arduino.experiments.experiment_robot import Setting
 from tests.long.bench import bridge_measures as bridge
 from tests.long.bench import firmware_measures as measures
 from tests.long.bench import report
-from tests.long.bench.bridge_board import BridgeRig
+from tests.long.bench.bridge_board import ON_TIMER_1, BridgeRig
 from tests.long.bench.figures import ROOT
 from tests.long.bench.firmware_board import Rig
+from tests.models import DUO_PINS
 
 
 class Case(NamedTuple):
     """What is connected to the bus besides the motor board: the suffix of its figures, and the period of the IMU's
-    stream [ms]; None is no IMU."""
+    stream [ms]; None is no IMU.  And the wiring of an H-bridge board."""
 
     suffix: str
     imu_period_ms: Optional[int]
+    pins: Mapping[str, int] = DUO_PINS
 
 
 CASES = Case("", None), Case("_imu_100hz", 10)
+BRIDGE_CASES = (*CASES, Case("_d9_d10", None, ON_TIMER_1))
 FOLDER = ROOT / "build" / "firmware"
 ELF, BRIDGE_ELF = FOLDER / "mrl_firmware.elf", FOLDER / "mrl_firmware_hbridge.elf"
 BRIDGE_EDGES_HZ = 10000  # Edges of both wheels together in the figures that both images have
@@ -99,14 +103,14 @@ def measured_bridge(case: Case) -> Dict[str, float]:
     figures: Dict[str, float] = {}
 
     def turning(edges_hz: float) -> BridgeRig:
-        return with_imu(partial(BridgeRig, BRIDGE_ELF, edges_hz), case)
+        return with_imu(partial(BridgeRig, BRIDGE_ELF, edges_hz, case.pins), case)
 
     make, suffix = partial(turning, BRIDGE_EDGES_HZ), f"{SUFFIX}{case.suffix}"
     for measure in BRIDGE_MEASURES + IMU_MEASURES * bool(case.imu_period_ms):
         figures.update(timed(f"{measure.__name__}{suffix}", partial(measure, make)))
     for alone in BRIDGE_TURNING:
         figures.update(timed(f"{alone.__name__}{suffix}", partial(alone, turning)))
-    if case.imu_period_ms is None:
+    if not case.suffix:
         figures.update(timed(f"motion_figures{suffix}", partial(bridge.motion_figures, BRIDGE_ELF)))
     return figures
 
@@ -123,7 +127,7 @@ def measured_sketches() -> Dict[str, float]:
 
 def figures() -> Dict[str, report.Measured]:
     found: Dict[str, float] = {}
-    for case in CASES:
-        for image, measure in ("", measured), (SUFFIX, measured_bridge):
+    for image, measure, cases in ("", measured, CASES), (SUFFIX, measured_bridge, BRIDGE_CASES):
+        for case in cases:
             found.update({f"{key}{image}{case.suffix}": value for key, value in measure(case).items()})
     return {**found, **measured_sketches()}

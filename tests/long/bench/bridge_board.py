@@ -1,17 +1,21 @@
 """The H-bridge image on the simulated chip, with wheels that turn at steady rates, whatever the board does."""
 
 from pathlib import Path
-from typing import List, Tuple
+from typing import List, Mapping, Sequence, Tuple
 
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, WIRING
-from mrl_driver.robot import models
+from mrl_driver.protocol.table import NOT_CONNECTED, PARAMETER_BY_NAME, WIRING
+from mrl_driver.robot import models, wiring
 from sim_arduino.avr.machine import AvrMachine
 from tests.long.bench.firmware_board import LEFT, RIGHT, Rig, request
-from tests.models import wired_eeprom
+from tests.models import DUO_PINS, wired_eeprom
 
-OUTPUTS = ((5, 6, 7), (11, 3, 9))
-"""Pins PWM_A, PWM_B and LOGIC of both bridges (Arduino numbers), as in HARDWARE.md."""
-ENCODERS = ((2, 4), (8, 10))  # Pins of channels A and B
+ON_TIMER_1 = {
+    **DUO_PINS,
+    **{"pin_left_pwm_a": 9, "pin_left_pwm_b": 8, "pin_left_logic": 7},
+    **{"pin_right_pwm_a": 10, "pin_right_pwm_b": 5, "pin_right_logic": 6},
+    **{"pin_left_encoder_b": 3, "pin_right_encoder_a": 18, "pin_right_encoder_b": 19, "i2c": 0},
+}
+"""PWM on D9 and D10, so that the clock is timer 2; encoders on D2, D3, A4 and A5."""
 PHASE_ERROR = 0.2  # Delay of channel B, as a share of the time between two edges
 AHEAD_CYCLES, SLICE_CYCLES = 64, 32000
 """Edges are planned this far ahead, for a run ends behind an instruction, and in slices of 2 ms."""
@@ -60,12 +64,14 @@ class _Wheel:
 class TurningMachine(AvrMachine):
     """A chip whose encoder pins get edges at steady rates while it runs."""
 
+    encoders: Sequence[Sequence[int]] = wiring.encoder_pins(DUO_PINS)
+
     def power_cycle(self, seed: int = 0) -> None:
         """As the base class; both encoders stand still, with both channels low."""
         super().power_cycle(seed)
-        self.wheels = tuple(_Wheel(pins) for pins in ENCODERS)
+        self.wheels = tuple(_Wheel(pins) for pins in self.encoders)
         self._planned = 0
-        for pins in ENCODERS:
+        for pins in self.encoders:
             for pin in pins:
                 self.set_pin(pin, 0)
 
@@ -90,13 +96,22 @@ class BridgeRig(Rig):
     FAULTS = ("left fast", "right fast")
     machine: TurningMachine
 
-    def __init__(self, elf: Path, edges_hz: float = 0.0, seed: int = 1) -> None:
+    def __init__(
+        self, elf: Path, edges_hz: float = 0.0, pins: Mapping[str, int] = DUO_PINS, seed: int = 1
+    ) -> None:
+        self.pins = pins
         super().__init__(elf, seed)
         self.edges_hz = edges_hz
 
+    @property
+    def outputs(self) -> List[int]:
+        """Pins of both bridges."""
+        return [pin for pins in wiring.output_pins(self.pins) for pin in pins if pin != NOT_CONNECTED]
+
     def _powered(self, elf: Path, seed: int) -> AvrMachine:
         machine = TurningMachine(elf, seed=seed)
-        machine.write_eeprom(0, wired_eeprom())
+        machine.encoders = wiring.encoder_pins(self.pins)
+        machine.write_eeprom(0, wired_eeprom(pins=self.pins))
         machine.power_cycle(seed)
         return machine
 
@@ -107,6 +122,7 @@ class BridgeRig(Rig):
         """
         facts = {
             **models.load("duo").board,
+            **self.pins,
             "wiring": 1 << [name for name, _ in WIRING].index("set"),
             "full_speed": PARAMETER_BY_NAME["full_speed"].high,
             "ramp_time": 0,

@@ -10,7 +10,7 @@ from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot import models
 from sim_arduino.avr.records import PinChange
 from sim_arduino.serve import factory
-from tests.long.bench.bridge_board import OUTPUTS, BridgeRig
+from tests.long.bench.bridge_board import BridgeRig
 from tests.long.bench.firmware_board import Rig, request
 from tests.long.bench.firmware_measures import EXACT, MakeRig, end_refusal
 from tests.long.bench.report import either
@@ -23,7 +23,7 @@ LOAD_EDGES_HZ = 40000
 LEAST_EDGES_HZ, MOST_EDGES_HZ = 5000.0, 400000.0
 RATE_STEP, LOAD_S = either((1.01, 1.0), (1.5, 0.1))  # Exactness of the highest rate of edges
 STOPS, WATCHDOG_STOPS, SAMPLES = either((1000, 30, 2000), (10, 2, 20))
-COMPARE_B = 0x8A  # OCR1BL, ATmega328P data sheet, register summary: the interrupt of the sample moves it on
+SAMPLE_DUE = "_ZN3hal10sample_dueE"  # the interrupt of the sample moves it on
 SAMPLE_CYCLES = 78 * 1024
 LOOK_CYCLES, LOOK_STEP = 2000, 8
 """The sample is looked for from this long before it is due on, in steps of half a microsecond."""
@@ -77,12 +77,13 @@ def edge_figures(make: MakeTurning) -> Dict[str, float]:
 def sample_cycles(rig: Rig, count: int) -> List[int]:
     """Cycles at which the interrupt of the sample runs, each at most `LOOK_STEP` late."""
     machine, cycles = rig.machine, []
-    seen, due = machine.peek(COMPARE_B, 2), machine.cycle + LOOK_CYCLES
+    at = machine.symbol(SAMPLE_DUE).address
+    seen, due = machine.peek(at, 2), machine.cycle + LOOK_CYCLES
     for _ in range(count + 1):
         machine.run_until(due - LOOK_CYCLES)
-        while machine.peek(COMPARE_B, 2) == seen:
+        while machine.peek(at, 2) == seen:
             machine.run_until(machine.cycle + LOOK_STEP)
-        seen = machine.peek(COMPARE_B, 2)
+        seen = machine.peek(at, 2)
         cycles.append(machine.cycle)
         due = machine.cycle + SAMPLE_CYCLES
     return cycles
@@ -118,8 +119,8 @@ def outputs_settled(rig: Rig, after: int) -> int:
     return max(one.cycle for one in changes)
 
 
-def watch_outputs(rig: Rig) -> None:
-    rig.machine.watch_pins(pin for pins in OUTPUTS for pin in pins)
+def watch_outputs(rig: BridgeRig) -> None:
+    rig.machine.watch_pins(rig.outputs)
 
 
 def stop_figures(make: MakeTurning) -> Dict[str, float]:
@@ -139,7 +140,7 @@ def stop_figures(make: MakeTurning) -> Dict[str, float]:
     return {"stop_us_max": max(delays)}
 
 
-def watchdog_figures(make: MakeRig) -> Dict[str, float]:
+def watchdog_figures(make: Callable[[], BridgeRig]) -> Dict[str, float]:
     """From the last byte of the host to the last change of an output, watchdog 250 ms, at random phases."""
     rig = make().settle()
     rig.ask(request("set_watchdog", 250))
