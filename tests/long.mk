@@ -53,7 +53,7 @@ frames: setup ## Visit all states of the firmware's decoder and writer, and inte
 	$(PY) -m tests.long.verify.frames
 	$(PY) -m tests.long.verify.interrupts
 
-mutants: setup $(VENV)/.mutants pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter" SAMPLE=100
+mutants: setup $(VENV)/.mutants firmware pc-firmware ## Change the sources one place at a time and count what the tests notice; SOURCES="motion limiter" SAMPLE=100
 	$(PY) -m tests.long.mutants $(SOURCES) $(if $(SAMPLE),--sample $(SAMPLE) --seed $(or $(SEED),1))
 
 review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first

@@ -30,13 +30,13 @@ class FrameReader:
         for piece in [data] if data.count(b"e") < 2 else _PIECE.findall(data):
             whole = decoder.pending + piece
             for event in decoder.feed(piece):
-                if isinstance(event, Garbage) and turned and event.reason in _OTHER_FORM:
+                if turned and isinstance(event, Garbage) and event.reason in _OTHER_FORM:
                     event = self._reread(event)
-                if isinstance(event, Garbage):
-                    found.append((event, event.data))
-                else:
+                if isinstance(event, Frame):
                     end = whole.rindex(b"e") + 1
                     found.append((event, whole[whole.rindex(b"@", 0, end) : end]))
+                else:
+                    found.append((event, event.data))
         return found
 
     def _reread(self, garbage: Garbage) -> Event:

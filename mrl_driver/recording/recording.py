@@ -83,6 +83,7 @@ _MOST_WAITING = 20000
 LONGEST_LINE = 1 << 20
 AHEAD = 7  # a line is later than most of this many lines behind it: its time is damaged, not theirs
 _MOST_HELD = 1000  # a line waits for at most this many behind it: they may all be damaged
+_LINE_END = rb"\r\n"  # as it is written behind a frame of the board
 _ESCAPE = re.compile(rb"""\\(?:[\\'"abfnrtv]|[0-3][0-7]{2}|[0-7]{1,2}(?![0-7])|x[0-9a-fA-F]{2})""")
 
 
@@ -371,7 +372,9 @@ def _parse(line: bytes) -> Tuple[Optional[Entry], str]:
         return None, f"time is {time_s}, expected 0 or more seconds"
     if direction not in (b">", b"<", b"!"):
         return None, f"direction is {direction[:20]!r}, expected '>', '<' or '!'"
-    if b"\\" in text:
+    if text.endswith(_LINE_END) and text.count(b"\\") == 2:  # the common case
+        text = text[: -len(_LINE_END)] + b"\r\n"
+    elif b"\\" in text:
         if b"\\" in _ESCAPE.sub(b"", text):
             return None, f"bytes {text[:20]!r} are not escaped as in a Python string"
         text = codecs.escape_decode(text)[0]

@@ -260,8 +260,8 @@ def test_a_denied_port_names_the_group_that_may_open_it(pty, monkeypatch, mode, 
 @pytest.mark.parametrize(("left", "flushes"), [([100] * 1000, 1), ([3, 2, 1, 0], 0)])
 def test_a_close_waits_only_while_the_adapter_takes_what_was_sent(pty, monkeypatch, left, flushes):
     """For one that hangs the system would wait 30 s."""
-    link, flushed = SerialLink(pty[1]), []
-    monkeypatch.setattr("mrl_driver.transport.link.unsent", lambda fd: left.pop(0))
+    link, flushed, sizes = SerialLink(pty[1]), [], iter(left)
+    monkeypatch.setattr("mrl_driver.transport.link.unsent", lambda fd: next(sizes))
     monkeypatch.setattr(termios, "tcflush", lambda fd, what: flushed.append(what))
     link.close()
     assert flushed == [termios.TCOFLUSH] * flushes

@@ -123,6 +123,7 @@ def test_a_checksum_is_written_as_int16(speeds, check):
 def test_the_argument_that_may_be_absent_is_counted_from_the_last():
     """The period of a stream may be left out, a second one is refused."""
     assert (encode_request(18), encode_request(18, 20)) == (b"@18e", b"@18,20e")
+    assert encode_request(18, 20.0, wrapped=True) == b"@65554,20e"
     with pytest.raises(FrameError, match="takes 1 arguments, got 2"):
         encode_request(18, 20, 20)
 

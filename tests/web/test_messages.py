@@ -195,14 +195,14 @@ def test_it_is_forgotten_after_ten_seconds():
     assert WINDOW_S == 10.0
 
 
-@pytest.mark.parametrize("heard_s, heard_t_s", [(None, None), (9.9, None), (None, 9.9)])
-def test_a_page_that_has_heard_nothing_has_no_age(heard_s, heard_t_s):
+@pytest.mark.parametrize("heard_s, heard_t_s", [(None, None), (9, None), (None, 9), (10.01, 10), (9, 11)])
+def test_a_page_that_has_heard_nothing_until_now_has_no_age(heard_s, heard_t_s):
     assert Freshness().age_s(10.0, heard_s, heard_t_s, 10.0) == math.inf
 
 
 def test_a_page_that_has_heard_nothing_for_two_seconds_has_no_age():
     freshness = Freshness()
-    assert age_s(freshness, 11.9, 10.0, 10.0, 11.9) < 0.01
+    assert age_s(freshness, 12.0, 10.0, 10.0, 12.0) < 0.01
     assert age_s(freshness, 12.1, 10.0, 10.0, 12.1) == math.inf
     assert DEAF_S == 2.0
 
