@@ -14,6 +14,7 @@ from .shared import Run, choose, json_option, run_options, wait_until, yes_optio
 
 if TYPE_CHECKING:
     from mrl_driver.driver.probe import Answer
+    from mrl_driver.session.events import Status
 
 HBRIDGE = "hbridge"  # the build for motors on an H-bridge, and encoders on the Arduino's pins
 BUILD_TEXTS = {
@@ -176,8 +177,10 @@ def _store_wiring(run: Run) -> str:
         wanted = {name: model.board[name] for name in CABLES if name in model.board}
         driver.parameters.replace(wanted)
         # A board reports once more what was wrong meanwhile: the next program would take that for the present.
-        changed = driver.status
-        wait_until(
-            driver, lambda: driver.status not in (changed, None) and "wiring" not in driver.status.faults, 2.5
-        )
+        old = driver.status
+        wait_until(driver, lambda: driver.status is not old and _is_wired(driver.status), 2.5)
         return f"; its pins are those of {model.name}"
+
+
+def _is_wired(status: Optional["Status"]) -> bool:
+    return status is not None and "wiring" not in status.faults
