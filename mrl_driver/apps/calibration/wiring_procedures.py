@@ -103,11 +103,10 @@ def check(scene: Scene) -> List[str]:
 
 @contextlib.contextmanager
 def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[None]:
-    """For the block, the board drives this bridge and corrects nothing; BoardRefused if it refuses a parameter.
+    """For the block, the board drives this bridge and corrects nothing; BoardRefused if it refuses that, or its pins.
 
     The board keeps what the block has set.  After an error or an interruption it gets back what was in force before:
-    a board that was not set refuses to move again.  Nothing is saved to the EEPROM here.  BoardRefused if the board
-    refuses a parameter, or its pins.
+    a board that was not set refuses to move again.  Nothing is saved to the EEPROM here.
     """
     before = robot.parameters.read("bridge", "wiring")
     try:

@@ -78,8 +78,9 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
         )
         if status.impossible is not None:
             facts["impossible_transitions"] = status.impossible
-        if "wiring" in status.faults:
-            facts["wiring"] = driver.parameters.wiring_problem(driver.model) or "not calibrated yet"
+        problem = driver.parameters.wiring_problem(driver.model) if "wiring" in status.faults else ""
+        if problem:
+            facts["wiring"] = problem
     if driver.warning:
         facts["note"] = driver.warning.replace("--port PORT", f"--port {port}")
     return facts
