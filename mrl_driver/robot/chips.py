@@ -54,7 +54,7 @@ class Chip(NamedTuple):
 
     def number(self, text: str) -> Optional[int]:
         """Return the number of a pin written as `5`, `D5` or `A4`; None if the chip does not have it."""
-        found = re.fullmatch("([AaDd]?)([0-9]{1,2})", text)
+        found = re.fullmatch("([ADad]?)([0-9]{1,2})", text)
         if not found:
             return None
         number = int(found[2]) + (self.analog if found[1] in ("A", "a") else 0)

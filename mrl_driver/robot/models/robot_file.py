@@ -145,7 +145,7 @@ class _Pin(Form):
         return str(self._NUMBER.read(reader, key, value))
 
     def schema(self) -> Schema:
-        return {"anyOf": [self._NUMBER.schema(), {"type": "string", "pattern": "^[AaDd]?[0-9]{1,2}$"}]}
+        return {"anyOf": [self._NUMBER.schema(), {"type": "string", "pattern": "^[ADad]?[0-9]{1,2}$"}]}
 
 
 class Wiring(Keys):
