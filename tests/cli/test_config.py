@@ -384,7 +384,8 @@ def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
     for question, picture, answer in (
         ("Are devices on the I2C bus", b"|        |---- motor        pin ----- A", "y"),
         ("Pins of servos", b"", "x"),
-        ("servo is 'x', expected a pin", b"", "-"),
+        ("servo is 'x', expected a pin", b"", "13"),
+        ("servo on D13: servo pulses need an output", b"", "-"),
         ("left motor, EN", b"", "8"),
         ("no timer makes it on this pin", b"", "9"),
         ("left motor, IN1", b"", "-"),

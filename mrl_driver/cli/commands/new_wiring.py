@@ -65,9 +65,10 @@ def wiring_of(options: Mapping[str, Any]) -> Tuple[str, Dict[str, int]]:
     pins = {**wiring.EMPTY, **(entry.pins if entry else {}), **dict(map(_given, options["pin"]))}
     pins[wiring.I2C] |= int(options["i2c"])
     servos = [_pin(text, "--servo") for text in options["servo"]]
-    if name == OWN:
+    conflict = _conflict(pins, bridge, servos, complete=name != OWN)
+    if name == OWN and not conflict:
         _ask(pins, bridge, servos)
-    conflict = _conflict(pins, bridge, servos)
+        conflict = _conflict(pins, bridge, servos)
     if conflict:
         raise ConfigError(f"{conflict}; nothing was written")
     return bridge, pins
@@ -128,10 +129,14 @@ def _ask(pins: Dict[str, int], bridge: str, servos: List[int]) -> None:
     while True:
         text: str = click.prompt("Pins of servos, such as 9 10", default="-", err=True)
         try:
-            servos += [_pin(each, "servo") for each in text.split() if each != "-"]
-            break
+            asked = [_pin(each, "servo") for each in text.split() if each != "-"]
+            conflict = _conflict(pins, bridge, [*servos, *asked], complete=False)
         except ConfigError as error:
-            print_message(str(error))
+            conflict = str(error)
+        if not conflict:
+            break
+        print_message(conflict)
+    servos += asked
     for side, outputs, encoder in zip(wiring.SIDES, wiring.OUTPUTS, wiring.ENCODERS):
         for wire, (name, text) in enumerate(zip(outputs, wires.inputs)):
             _ask_pin(pins, bridge, servos, name, f"{side} motor, {text}", wire in wires.needed)
