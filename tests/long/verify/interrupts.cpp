@@ -10,7 +10,7 @@
 extern "C" {
 volatile char order;
 volatile uint8_t busy, finished;
-volatile uint8_t argument[3];
+volatile uint8_t argument[4];
 volatile uint8_t result[20];
 }
 
@@ -67,8 +67,10 @@ void carry_out(char what) {
       return answer(hal::impossible_transitions());
     case 'u':
       return hal::encoder_unmask(argument[0]);
-    case 'b':
-      return hal::bridge_write(argument[0], static_cast<hal::BridgePin>(argument[1]), argument[2]);
+    case 'b': {
+      const uint8_t duties[] = {argument[1], argument[2], argument[3]};
+      return hal::bridge_write(argument[0], duties);
+    }
 #endif
 #if MRL_XBEE
     case 'W':
@@ -88,7 +90,8 @@ void carry_out(char what) {
 int main() {
   hal::begin();
 #if MRL_BRIDGE
-  hal::bridge_begin(hal::PwmRate::medium);
+  const hal::Wires duo = {{{5, 6, 7}, {11, 3, 9}}, {{2, 4}, {8, 10}}};
+  hal::bridge_begin(duo, hal::PwmRate::medium, 3);  // PWM on pwm_a and pwm_b
 #endif
 #if MRL_XBEE
   hal::radio_begin();

@@ -183,7 +183,7 @@ class Chip:
                 where = self._return_address()
                 break
             self.machine.run_until(self.machine.cycle + 1)
-        self.machine.run_until(max(self.machine.cycle, at) + 600)
+        self.machine.run_until(max(self.machine.cycle, at) + 1000)
         return where
 
     def _return_address(self) -> int:
@@ -272,9 +272,6 @@ def word(data: bytes, at: int = 0) -> int:
     return int.from_bytes(data[at : at + 2], "little", signed=True)
 
 
-OLD_EDGE = b"\xa5\xa5"
-
-
 def encoder_cases(side: int) -> Iterator[Case]:
     """A count that changes both its bytes, and the number of impossible transitions."""
     name, pins, vector, change = (("left", (2, 4), PCINT2, 4), ("right", (8, 10), PCINT0, 1))[side]
@@ -282,7 +279,6 @@ def encoder_cases(side: int) -> Iterator[Case]:
     def prepare(chip: Chip) -> None:
         chip.levels(*pins)
         chip.put("counts", b"\xff\xff", 2 * side)
-        chip.put("edge_ticks", OLD_EDGE, 2 * side)
         chip.put("impossible", b"\xff\x00")
 
     def mask(chip: Chip) -> None:
@@ -291,8 +287,7 @@ def encoder_cases(side: int) -> Iterator[Case]:
         chip.put("impossible", b"\0\0")
 
     def read(chip: Chip) -> Observation:
-        count, edge = (word(chip.result(), at + 2 * side) for at in (0, 4))
-        return count, edge == word(OLD_EDGE)
+        return (word(chip.result(), 2 * side),)
 
     def turn_on(chip: Chip) -> Observation:
         for pin, level in ((pins[1], 1), (pins[0], 0), (pins[1], 0)):
@@ -322,12 +317,14 @@ def sample_case(waiting: bool) -> Case:
         chip.machine.run_until(chip.sample() - 1500)
         chip.put("newest", b"\x11" * 10)
         chip.put("counts", b"\x22" * 4)
-        chip.put("edge_ticks", b"\x22" * 4)
+        chip.put("edge_ticks", b"\x22" * 2)
+        chip.put("stepped", b"\x01" * 2)
         chip.put("is_new", bytes([waiting]))
 
     def observe(chip: Chip) -> Observation:
         both = chip.result(), chip.call("S")
-        return tuple((one[:8], one[8:10] == b"\x11\x11", one[10]) for one in both)
+        # Only the low bytes of the edges' ticks do not depend on the time.
+        return tuple((one[:4], one[4], one[6], one[8:10] == b"\x11\x11", one[10]) for one in both)
 
     name = f"encoder_sample, sample {'behind another' if waiting else 'behind none'}"
     return Case(name, "bridge", COMPARE_B, ("S",), prepare, Chip.sample, observe)
@@ -369,7 +366,7 @@ def watchdog_cases() -> Iterator[Case]:
 
     def on(chip: Chip) -> None:
         chip.call("k")
-        chip.call("b", 1, 2, 255)
+        chip.call("b", 1, 0, 0, 255)
 
     def outputs(chip: Chip) -> Observation:
         before = [chip.machine.high_cycles(pin) for pin in OUTPUTS]
@@ -380,8 +377,8 @@ def watchdog_cases() -> Iterator[Case]:
         chip.call("k")
         return chip.get("missed_kicks"), chip.machine.peek(WDTCSR)[0] & 0x40
 
-    for motor, pin, duty in ((0, 0, 128), (1, 0, 255), (1, 1, 128), (0, 2, 255)):
-        order = ("b", motor, pin, duty)
+    for duties in ((0, 128, 0, 0), (1, 255, 0, 0), (1, 0, 128, 0), (0, 0, 0, 255)):
+        order = ("b", *duties)
         yield Case(
             f"bridge_write{order[1:]}, missed kick", "bridge", WDT, order, on, Chip.missed_kick, outputs
         )
@@ -629,7 +626,7 @@ CONTROLS: Tuple[Tuple[str, str, str, str], ...] = (
     *(
         (file, f"{before}  cli();\n{after}", before + after, check)
         for file, before, after, check in (
-            ("hal_avr.cpp", "", "  const uint16_t now = TCNT1;", "ticks, an edge at the carry"),
+            ("hal_avr.cpp", "", "  const uint16_t now = clock_now();", "ticks, an edge at the carry"),
             ("hal_avr.cpp", "status = SREG;\n", "  if (level)", "pin_output(12), missed kick"),
             ("hal_avr.cpp", "status = SREG;\n", "  if (level)", "pin_output(7), bit of the radio"),
             ("hal_avr.cpp", "return 0;\n", "", "serial_overruns, another one"),
@@ -645,7 +642,7 @@ CONTROLS: Tuple[Tuple[str, str, str, str], ...] = (
                 "  const uint16_t count = impossible;",
                 "impossible_transitions, both left channels",
             ),
-            ("hal_bridge_avr.cpp", "", "  if (!missed_kicks) {", "bridge_write(0, 0, 128), missed kick"),
+            ("hal_bridge_avr.cpp", "", "  if (!missed_kicks) {", "bridge_write(0, 128, 0, 0), missed kick"),
             ("hal_dust_avr.cpp", "uint32_t dust_low_ticks() {\n", "", "dust_low_ticks, end of a pulse"),
         )
     ),
@@ -657,7 +654,7 @@ CONTROLS: Tuple[Tuple[str, str, str, str], ...] = (
     ),
     ("hal_avr.cpp", '"sei\\n\\tsleep', '"sei\\n\\tnop\\n\\tsleep', "sleep_until, a byte"),
     ("hal_avr.cpp", '"sei\\n\\tsleep', '"sei\\n\\tnop\\n\\tsleep', "sleep_until, news"),
-    ("hal_avr.cpp", "(tick - TCNT1) > 1", "(tick - TCNT1) >= 0", "sleep_until, its time"),
+    ("hal_avr.cpp", "(tick - clock_now()) > 1", "(tick - clock_now()) >= 0", "sleep_until, its time"),
     (
         "hal_avr.cpp",
         "  if (!has_news()) return false;\n  GPIOR0 &= static_cast<uint8_t>(~_BV(0));\n  return true;",
@@ -668,7 +665,7 @@ CONTROLS: Tuple[Tuple[str, str, str, str], ...] = (
     (
         "hal_bridge_avr.cpp",
         "  PCICR = PCICR | ",
-        "  PCIFR = CHANGES[encoder];\n  PCICR = PCICR | ",
+        "  PCIFR = changes[encoder];\n  PCICR = PCICR | ",
         "encoder_unmask, left edge",
     ),
     (
