@@ -16,6 +16,7 @@ ON_TIMER_1 = {
     **{"pin_left_encoder_b": 3, "pin_right_encoder_a": 18, "pin_right_encoder_b": 19, "i2c": 0},
 }
 """PWM on D9 and D10, so that the clock is timer 2; encoders on D2, D3, A4 and A5."""
+CHAIN_S = 0.7  # warm-up and first chain of the sonars, which begin again when a wiring is accepted
 PHASE_ERROR = 0.2  # Delay of channel B, as a share of the time between two edges
 AHEAD_CYCLES, SLICE_CYCLES = 64, 32000
 """Edges are planned this far ahead, for a run ends behind an instruction, and in slices of 2 ms."""
@@ -128,6 +129,7 @@ class BridgeRig(Rig):
             "ramp_time": 0,
         }
         super().settle(**{**facts, **parameters})
+        self.run(CHAIN_S)
         self.machine.turn(self.edges_hz / 2, self.edges_hz / 2)
         return self
 
