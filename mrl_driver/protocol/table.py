@@ -297,7 +297,7 @@ _OTHERS: Tuple[Command, ...] = (
     Command(50, "release_hold", "Drop the silent holders. The host decides this; time alone never ends a hold.", (),
             (_flag("held", "1: another robot still holds this one."),), guarded=True, capability="hold"),
     Command(51, "read_wiring", "First problem of the wiring in parameters 19, 20 and 28 to 44.", (), (
-        Field("problem", 0, 11, "", "Row of the wiring problem table."), _ROW,
+        Field("problem", 0, 10, "", "Row of the wiring problem table."), _ROW,
         _ROW._replace(name="other", text="Second parameter that the problem is about; -1: none.")),
             capability="bridge"),
 )
@@ -366,7 +366,6 @@ WIRING_PROBLEMS: Tuple[Tuple[str, str], ...] = (
     ("no_interrupt", "An encoder needs a pin with an interrupt, and without an LED."),
     ("no_analog", "The function needs an analog input."),
     ("bus_pin", "The I2C bus is in use and has this pin."),
-    ("timer_modes", "The timers of a motor's PWM pins cannot make the same PWM."),
     ("no_clock", "The board's clock needs the timer of this pin."),
 )
 """Problems of a wiring, in the order of their tests.  The board reports the first one and refuses every motion."""

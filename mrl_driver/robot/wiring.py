@@ -224,7 +224,6 @@ _RULES: Dict[str, Callable[[_Facts], Found]] = {
     "bus_pin": lambda facts: (
         (name,) for name, pin in facts.connected() if facts.pins[I2C] and pin in facts.chip.bus
     ),
-    "timer_modes": lambda facts: iter(()),  # each timer can make the PWM of each bridge
     "no_clock": _no_clock,
 }
 """Each rule gives the parameters with its problem, and the other parameter, in order of their numbers."""

@@ -358,9 +358,18 @@ def test_the_options_make_a_robot_that_all_programs_know():
     assert (model.ids, BRIDGES[model.board["bridge"]]) == ((11,), "tb6612")
 
 
+def asked(terminal, *steps):
+    """Answers question after question; each comes with a picture, or an empty text."""
+    for question, picture, answer in steps:
+        terminal.answer(question, answer)
+        assert picture in terminal.seen
+    assert terminal.end() == 0, terminal.seen.decode()
+
+
 def test_questions_come_with_a_picture(tmp_path):
     terminal = Terminal("new", "--file-only", folder=tmp_path)
-    for question, picture, answer in (
+    asked(
+        terminal,
         ("Name of the robot", b"", "rover"),
         ("Wheel diameter [mm]", b"measure across the tyre", "6.5"),  # centimetres by mistake
         ("expected 10 to 650", b"", "65"),
@@ -370,10 +379,7 @@ def test_questions_come_with_a_picture(tmp_path):
         ("Which wiring?", b"L298N module with PWM on its enables: ENA D9", "mrl_duo"),
         ("Which H-bridge drives the motors?", b"modules with an L298N", "l298n"),
         ("1496 counts a turn, L298N, with robot id 11?", b"", "y"),
-    ):
-        terminal.answer(question, answer)
-        assert picture in terminal.seen
-    assert terminal.end() == 0, terminal.seen.decode()
+    )
     assert b"EN                    D5           D11" in terminal.seen
     assert models.load("rover").board["bridge"] == BRIDGES.index("l298n")
 
@@ -381,7 +387,8 @@ def test_questions_come_with_a_picture(tmp_path):
 def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
     facts = [*ROVER[:6], "--wiring", "own", "--bridge", "l298n_enable", "--file-only"]
     terminal = Terminal("new", "rover", *facts, folder=tmp_path)
-    for question, picture, answer in (
+    asked(
+        terminal,
         ("Are devices on the I2C bus", b"|        |---- motor        pin ----- A", "y"),
         ("Pins of servos", b"", "x"),
         ("servo is 'x', expected a pin", b"", "13"),
@@ -402,10 +409,7 @@ def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
         ("right encoder, B", b"", "-"),
         ("divider of the battery's voltage", b"", "A0"),
         ("with robot id 11?", b"", "y"),
-    ):
-        terminal.answer(question, answer)
-        assert picture in terminal.seen
-    assert terminal.end() == 0, terminal.seen.decode()
+    )
     found = wiring.of_board(models.load("rover").board)
     assert list(found.values()) == [9, 8, 7, 10, 5, 4, 2, -1, 3, -1, -1, -1, -1, -1, -1, 14, 1]
 

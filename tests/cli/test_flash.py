@@ -10,7 +10,16 @@ import pytest
 
 from mrl_driver.cli.commands import flash as command
 from mrl_driver.driver.probe import Answer
-from mrl_driver.errors import BoardRefused, LinkLost, MrlError, NotARobot, PortBusy, PortDenied, PortMissing
+from mrl_driver.errors import (
+    BoardRefused,
+    ConfigError,
+    LinkLost,
+    MrlError,
+    NotARobot,
+    PortBusy,
+    PortDenied,
+    PortMissing,
+)
 from mrl_driver.host import avrdude
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
@@ -159,6 +168,13 @@ def test_the_build_of_a_2013_board_is_that_of_its_model(monkeypatch):
     monkeypatch.setattr(models, "load", lambda name: model)
     monkeypatch.setattr("mrl_driver.driver.probe.probe", lambda port, baud: Answer(1, "traxbot", 1))
     assert command.build_of(Target("/dev/ttyACM7", "gas.yaml"))[0] == "environment"
+
+
+def test_a_robot_with_a_mega_gets_no_image(monkeypatch):
+    model = models.load("duo")._replace(chip=ATMEGA2560.name)
+    monkeypatch.setattr(models, "load", lambda name: model)
+    with pytest.raises(ConfigError, match="has an atmega2560, expected an atmega328p"):
+        command.build_of(Target("/dev/ttyACM7", "mega.yaml"))
 
 
 @pytest.mark.parametrize(

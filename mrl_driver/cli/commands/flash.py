@@ -7,6 +7,7 @@ import click
 
 from mrl_driver.errors import ConfigError, MrlError, WrongRobot
 from mrl_driver.host.named_robots import Target
+from mrl_driver.robot.chips import ATMEGA328P
 from mrl_driver.robot.models import ENVIRONMENT, SONAR
 
 from .progress import progress, waiting
@@ -102,6 +103,10 @@ def _needed(model: str) -> str:
     if model in ("", "auto"):
         return ""
     found = models.load(model)
+    if found.chip != ATMEGA328P.name:
+        raise ConfigError(
+            f"robot {model} has an {found.chip}, expected an {ATMEGA328P.name}: no image is for it yet"
+        )
     return HBRIDGE if found.board.get("bridge") else ENVIRONMENT if found.build == ENVIRONMENT else ""
 
 

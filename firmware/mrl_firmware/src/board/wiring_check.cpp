@@ -88,9 +88,6 @@ bool is_on_bus(const Table& table, uint8_t place) {
   return table.at(I2C) && (table.at(place) == chip::I2C_DATA || table.at(place) == chip::I2C_CLOCK);
 }
 
-// All timers of the ATmega328P make the same PWM.
-bool differs_in_mode(const Table&, uint8_t) { return false; }
-
 // Timer 1 would be the clock.
 bool takes_clock(const Table& table, uint8_t place) {
   uint8_t timers = 0;
@@ -104,8 +101,8 @@ bool takes_clock(const Table& table, uint8_t place) {
 typedef bool Test(const Table& table, uint8_t place);
 
 // In the order of the problems.
-Test* const TESTS[] PROGMEM = {is_missing, is_not_there,    is_serial,       is_used_twice, lacks_pwm,       is_led,
-                               lacks_interrupt, lacks_converter, is_on_bus, differs_in_mode, takes_clock};
+Test* const TESTS[] PROGMEM = {is_missing, is_not_there,    is_serial,       is_used_twice, lacks_pwm,
+                               is_led,     lacks_interrupt, lacks_converter, is_on_bus,     takes_clock};
 constexpr uint8_t PROBLEMS = sizeof TESTS / sizeof *TESTS;
 static_assert(PROBLEMS == static_cast<uint8_t>(WiringProblem::no_clock), "a test for each problem");
 

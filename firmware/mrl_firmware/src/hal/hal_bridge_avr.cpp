@@ -237,56 +237,24 @@ volatile bool is_new;
 
 namespace {
 
-#define HANDLER(name) void name() __attribute__((naked)); void name()
+#define LEFT_EDGE(read) read(0, GPIOR1); COUNT_EDGE(0, GPIOR1)
+#define RIGHT_EDGE(read) read(1, GPIOR2); COUNT_EDGE(1, GPIOR2)
+#define HANDLER(name, first, edges)      \
+  void name() __attribute__((naked));    \
+  void name() {                          \
+    BEGIN_EDGE(first);                   \
+    edges;                               \
+    END_EDGE();                          \
+  }
 
-// Of ports with one encoder.
-HANDLER(count_left) {
-  BEGIN_EDGE(0);
-  READ_THIS_PORT(0, GPIOR1);
-  COUNT_EDGE(0, GPIOR1);
-  END_EDGE();
-}
-
-HANDLER(count_right) {
-  BEGIN_EDGE(1);
-  READ_THIS_PORT(1, GPIOR2);
-  COUNT_EDGE(1, GPIOR2);
-  END_EDGE();
-}
-
-// Of a port with both.
-HANDLER(count_both) {
-  BEGIN_EDGE(0);
-  READ_THIS_PORT(0, GPIOR1);
-  COUNT_EDGE(0, GPIOR1);
-  READ_THIS_PORT(1, GPIOR2);
-  COUNT_EDGE(1, GPIOR2);
-  END_EDGE();
-}
-
+// Of ports with one encoder, and with both.
+HANDLER(count_left, 0, LEFT_EDGE(READ_THIS_PORT))
+HANDLER(count_right, 1, RIGHT_EDGE(READ_THIS_PORT))
+HANDLER(count_both, 0, LEFT_EDGE(READ_THIS_PORT); RIGHT_EDGE(READ_THIS_PORT))
 // Of encoders with their channels on two ports.
-HANDLER(count_left_apart) {
-  BEGIN_EDGE(0);
-  READ_ANY_PORTS(0, GPIOR1);
-  COUNT_EDGE(0, GPIOR1);
-  END_EDGE();
-}
-
-HANDLER(count_right_apart) {
-  BEGIN_EDGE(1);
-  READ_ANY_PORTS(1, GPIOR2);
-  COUNT_EDGE(1, GPIOR2);
-  END_EDGE();
-}
-
-HANDLER(count_both_apart) {
-  BEGIN_EDGE(0);
-  READ_ANY_PORTS(0, GPIOR1);
-  COUNT_EDGE(0, GPIOR1);
-  READ_ANY_PORTS(1, GPIOR2);
-  COUNT_EDGE(1, GPIOR2);
-  END_EDGE();
-}
+HANDLER(count_left_apart, 0, LEFT_EDGE(READ_ANY_PORTS))
+HANDLER(count_right_apart, 1, RIGHT_EDGE(READ_ANY_PORTS))
+HANDLER(count_both_apart, 0, LEFT_EDGE(READ_ANY_PORTS); RIGHT_EDGE(READ_ANY_PORTS))
 
 }  // namespace
 

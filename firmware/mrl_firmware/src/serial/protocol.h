@@ -247,7 +247,7 @@ enum class Bridge : uint8_t {
 // Why the wiring is refused: problem of read_wiring.
 enum class WiringProblem : uint8_t {
   none = 0, not_connected = 1, no_such_pin = 2, serial_pin = 3, pin_used_twice = 4, no_pwm = 5, led_pin = 6,
-  no_interrupt = 7, no_analog = 8, bus_pin = 9, timer_modes = 10, no_clock = 11
+  no_interrupt = 7, no_analog = 8, bus_pin = 9, no_clock = 10
 };
 
 // Whether the radio holds the robot.
