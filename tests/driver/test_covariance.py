@@ -4,9 +4,10 @@ import math
 import random
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from mrl_driver.geometry import ORIGIN, advance, wrap_angle
+from mrl_driver.geometry import ORIGIN, Pose, advance, wrap_angle
 from mrl_driver.robot.covariance import OmniUncertainty, Uncertainty, error_squared
 from mrl_driver.robot.heading import HeadingFilter
 from mrl_driver.robot.kinematics import kinematics_of
@@ -19,6 +20,7 @@ NOTHING = (0.0,) * 6
 STEPS, STEP_M, STEP_S = 200, 0.005, 0.02
 BIAS_VARIANCE = 1e-6
 XX, YY, YT, TT = 0, 3, 4, 5
+UPPER = (0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)
 
 
 def sure(**noise):
@@ -56,6 +58,52 @@ def test_a_scale_grows_with_the_way_and_cancels_on_the_way_back(noise, way, at, 
     assert made.spread[at] == pytest.approx(variance)
     drive(made, pose, **{name: -each for name, each in way.items()})
     assert made.spread == pytest.approx(NOTHING, abs=1e-12)
+
+
+WHEEL_M2_PER_M, TURN_RAD2_PER_RAD, NOISE_RAD2_S = 2e-4, 3e-3, 4e-6
+
+
+def carried(covariance, pose, after, wheels_m, turn_rad, with_gyro):
+    """The covariance (4, 4) of x, y, yaw [m m rad] and the gyro's bias [rad/s] after a step, as F P F' + G Q G'."""
+    base_m = load("traxbot").drive.wheel_separation_m
+    dx, dy, middle_rad = after[0] - pose[0], after[1] - pose[1], pose[2] + turn_rad / 2
+    of_turn = np.array([-dy / 2, dx / 2, 1.0, 0.0])  # a turn shows in the way as half of it
+    of_way = np.array([math.cos(middle_rad), math.sin(middle_rad), 0.0, 0.0])
+    forward = np.eye(4)
+    forward[:2, 2] = -dy, dx
+    if with_gyro:
+        forward[:, 3] -= STEP_S * of_turn
+        sources = [(of_turn, NOISE_RAD2_S * STEP_S)]
+        sources += [(of_way / 2, WHEEL_M2_PER_M * abs(wheel_m)) for wheel_m in wheels_m]
+    else:
+        sources = [(of_turn, TURN_RAD2_PER_RAD * abs(turn_rad))]
+        for side, wheel_m in zip((1, -1), wheels_m):
+            sources.append((of_way / 2 + side / base_m * of_turn, WHEEL_M2_PER_M * abs(wheel_m)))
+    noise = sum(variance * np.outer(column, column) for column, variance in sources)
+    return forward @ covariance @ forward.T + noise
+
+
+@pytest.mark.parametrize("turns_by", ["wheels", "gyro", "gyro, then wheels"])
+def test_random_errors_are_carried_as_matrices_carry_them(turns_by):
+    draw, base_m = random.Random(turns_by), load("traxbot").drive.wheel_separation_m
+    root = np.array([[draw.uniform(-1, 1) for _ in range(3)] for _ in range(3)])
+    expected = np.diag([0.0, 0.0, 0.0, BIAS_VARIANCE])
+    expected[:3, :3] = 1e-3 * root @ root.T
+    start = tuple(expected[i, j] for i, j in UPPER)
+    noise = Noise(WHEEL_M2_PER_M, TURN_RAD2_PER_RAD)
+    made = Uncertainty(load("traxbot")._replace(noise=noise, imu=ImuMount(gyro_scale_sd=0.0)), start)
+    pose = Pose(0.3, -0.2, 2.0)
+    for at in range(6):
+        with_gyro = turns_by == "gyro" or (turns_by != "wheels" and at < 3)
+        wheels_m = draw.uniform(-0.05, 0.08), draw.uniform(-0.05, 0.08)
+        turn_rad = (wheels_m[0] - wheels_m[1]) / base_m
+        after = advance(pose, sum(wheels_m) / 2, turn_rad)
+        known = gyro()
+        known.noise_rad2_s = NOISE_RAD2_S
+        made.update(pose, after, wheels_m, turn_rad, STEP_S, known if with_gyro else None)
+        expected = carried(expected, pose, after, wheels_m, turn_rad, with_gyro)
+        assert made.spread == pytest.approx(tuple(expected[i, j] for i, j in UPPER), rel=1e-9), at
+        pose = after
 
 
 def test_wrong_turns_of_tracks_move_the_end_on_an_arc():

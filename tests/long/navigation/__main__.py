@@ -48,9 +48,11 @@ def busy(share: float) -> Iterator[None]:
     loops = [Process(target=keep_busy, args=(core, share), daemon=True) for core in cores]
     for loop in loops:
         loop.start()
-    yield
-    for loop in loops:
-        loop.terminate()
+    try:
+        yield
+    finally:
+        for loop in loops:
+            loop.terminate()
 
 
 def ten_goals(robot: str, world: str, arguments: Sequence[str]) -> List[Outcome]:
