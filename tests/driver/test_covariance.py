@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from mrl_driver.geometry import ORIGIN, Pose, advance, wrap_angle
-from mrl_driver.robot.covariance import OmniUncertainty, Uncertainty, error_squared
+from mrl_driver.robot.covariance import (
+    LARGEST_VARIANCE,
+    OmniUncertainty,
+    Uncertainty,
+    error_squared,
+    is_covariance,
+)
 from mrl_driver.robot.heading import HeadingFilter
 from mrl_driver.robot.kinematics import kinematics_of
 from mrl_driver.robot.models import ImuMount, Noise, load
@@ -104,6 +110,25 @@ def test_random_errors_are_carried_as_matrices_carry_them(turns_by):
         expected = carried(expected, pose, after, wheels_m, turn_rad, with_gyro)
         assert made.spread == pytest.approx(tuple(expected[i, j] for i, j in UPPER), rel=1e-9), at
         pose = after
+
+
+GOOD = (1.0, 0.5, 0.5, 1.0, 0.5, 1.0)
+
+
+@pytest.mark.parametrize(
+    "good, changed",
+    [
+        *((True, {at: LARGEST_VARIANCE}) for at in (XX, YY, TT)),
+        *((False, {at: 1.001 * LARGEST_VARIANCE}) for at in (XX, YY, TT)),
+        *((False, {at: -1e-9}) for at in (XX, YY, TT)),
+        *((False, {at: 1.01}) for at in (1, 2, YT)),  # a correlation above 1
+        *((False, {at: math.nan}) for at in range(6)),
+        (False, {1: 0.9, 2: 0.9, YT: -0.9}),  # no pair alone is wrong
+        (True, dict.fromkeys(range(6), 0.0)),
+    ],
+)
+def test_a_covariance_has_variances_and_correlations_that_can_be(good, changed):
+    assert is_covariance(tuple(changed.get(at, value) for at, value in enumerate(GOOD))) == good
 
 
 def test_wrong_turns_of_tracks_move_the_end_on_an_arc():
