@@ -18,9 +18,11 @@ PACKAGES_firmware := gcc-avr avr-libc binutils-avr arduino-core-avr
 PACKAGES_flash := $(PACKAGES_firmware) avrdude
 PACKAGES_quick := python3-venv
 PACKAGES_check := $(PACKAGES_quick)
-PACKAGES_run := $(PACKAGES_firmware) python3-venv python3-serial python3-yaml gcc libc6-dev libsimavr-dev libelf-dev
-PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) g++
-PACKAGES_test-all = $(PACKAGES_test) clang spin rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2
+# The compilers make the firmware's image and run it on a simulated chip; without them the board is emulated in Python.
+CHIP := $(PACKAGES_firmware) gcc libc6-dev libsimavr-dev libelf-dev
+PACKAGES_run := python3-venv python3-serial python3-yaml $(if $(filter avr,$(ENGINE)),$(CHIP))
+PACKAGES_test = $(PACKAGES_flash) $(PACKAGES_run) $(CHIP) g++
+PACKAGES_test-all = $(PACKAGES_test) clang spin rviz liburdfdom-tools xvfb x11-utils imagemagick libgl1-mesa-dri iproute2 systemd
 
 # A Noetic under /opt/ros comes with all of ROS; Debian's own packages are the real thing elsewhere.
 ifneq ($(wildcard /opt/ros/noetic/setup.bash),)
@@ -28,13 +30,15 @@ ROS_ENV := source /opt/ros/noetic/setup.bash &&
 else
 ROS_ENV :=
 # Ubuntu has Chromium as a snap alone, which needs a running system; Debian's is a package.
-PACKAGES_test += chromium chromium-driver
-PACKAGES_run += python3-roslaunch rosout python3-rospy python3-rostopic python3-rosnode python3-rosbag python3-tf2-ros tf2-tools \
-  python3-actionlib python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs \
-  python3-geometry-msgs python3-move-base-msgs python3-nav-msgs python3-sensor-msgs python3-std-srvs python3-visualization-msgs ros-robot-state-publisher
+PACKAGES_test += chromium chromium-driver python3-tf2-ros tf2-tools
+# Master and roslaunch; rospy and what robot_node imports; rostopic, with rosbag; actions; the robot's description.
+PACKAGES_run += python3-roslaunch rosout \
+  python3-rospy python3-diagnostic-updater python3-dynamic-reconfigure python3-diagnostic-msgs python3-geometry-msgs python3-nav-msgs \
+  python3-sensor-msgs python3-std-srvs python3-tf2-msgs python3-visualization-msgs \
+  python3-rostopic python3-rosnode python3-rosbag python3-actionlib python3-move-base-msgs ros-robot-state-publisher
 PACKAGES_test-all += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
   libdynamic-reconfigure-config-init-mutex-dev joint-state-publisher rosdiagnostic catkin \
-  catkin-lint ros-environment librostest-dev libclang-rt-dev
+  catkin-lint ros-environment librostest-dev libdiagnostic-aggregator-tools libdiagnostic-aggregator-dev libclang-rt-dev
 endif
 
 .PHONY: help setup quick check test test-rest test-all run clean
@@ -142,7 +146,9 @@ test-rest: apt ## Run what `make test` leaves out: all of ROS, image and browser
 test-all: ## Run everything; SEED=n looks at inputs that the fixed ones do not have
 	@failed=; for part in test test-rest; do $(MAKE) --no-print-directory $$part || failed=1; done; [ -z "$$failed" ]
 
-run: $(VENV)/.ready firmware ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
+# The emulated board runs the firmware where compilers are; ENGINE=avr installs them.
+CORE := $(and $(shell command -v avr-g++),$(wildcard $(ARDUINO_AVR)/cores))
+run: $(VENV)/.ready $(if $(PORT),,$(if $(or $(filter avr,$(ENGINE)),$(CORE)),firmware)) ## Drive an emulated robot through ROS with a live view; PORT=/dev/ttyACM0 for a real one
 	@$(ROS_ENV) exec $(PY) -m ros1_bridge.demo.launcher $(if $(ROBOT),--robot '$(ROBOT)') $(if $(ENGINE),--engine $(ENGINE)) \
 	  $(if $(PORT),--port '$(PORT)') $(if $(DURATION),--duration $(DURATION))
 

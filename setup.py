@@ -90,6 +90,7 @@ setup(
     packages=find_packages(str(_HERE), include=["mrl_driver*", "sim_arduino*", "ros1_bridge*"]),
     package_data={
         "mrl_driver": ["py.typed", "images/*.hex"],
+        "mrl_driver.apps.measure": ["*.json", "*.html", "*.css"],
         "mrl_driver.apps.tip_over": ["vehicles/*.yaml"],
         "mrl_driver.robot.models": ["*.yaml", "*.json"],
         "mrl_driver.robot.wirings": ["*.yaml"],
@@ -128,11 +129,13 @@ setup(
         "pytest11": ["mrl_sim=sim_arduino.testing.pytest_plugin"],
         "mrl.commands": [
             "calibrate=mrl_driver.apps.calibration.commands.calibrate:calibrate",
+            "measure=mrl_driver.apps.measure.command:measure",
             "plot=mrl_driver.apps.review.plot_command:plot",
             "review=mrl_driver.apps.review.command:review",
             "tip-over=mrl_driver.apps.tip_over.command:tip_over",
             "web=mrl_driver.apps.web.command:web",
             "export=ros1_bridge.export.command:main",
+            "demo=sim_arduino.demo:demo",
             "replay=sim_arduino.replay.replay:main",
             "mirror=sim_arduino.replay.mirror:main",
             "experiment=sim_arduino.experiments.cli:main",

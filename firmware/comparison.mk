@@ -3,7 +3,7 @@ COMPARE_SOURCE := firmware/comparison
 COMPARE_BUILD := build/comparison
 COMPARE_LIBRARIES ?= $(ARDUINO_AVR)/libraries
 # -Os as the Arduino IDE; WString.cpp of core 1.8.7 needs DECIMAL_DIG with gcc 5.4.
-COMPARE_FLAGS := $(FW_FLAGS) -I$(COMPARE_LIBRARIES)/Wire/src -DDECIMAL_DIG=__DECIMAL_DIG__
+COMPARE_FLAGS := $(FW_BOARD_uno) $(FW_FLAGS) -I$(COMPARE_LIBRARIES)/Wire/src -DDECIMAL_DIG=__DECIMAL_DIG__
 COMPARE_CORE := main.cpp hooks.c wiring.c wiring_analog.c wiring_digital.c abi.cpp new.cpp Print.cpp Stream.cpp \
   WString.cpp HardwareSerial.cpp HardwareSerial0.cpp
 COMPARE_WIRE := Wire.cpp utility/twi.c

@@ -50,13 +50,15 @@ def require_writable(path: str, what: str, endings: Sequence[str]) -> None:
     """Check at the start that a file can be written at the end; `what` names its option.
 
     Raises:
-        ConfigError: the file's ending is unknown, or the folder cannot be written.
+        ConfigError: the file's ending is unknown, the folder cannot be written, or `path` is a folder or a device.
     """
     if os.path.splitext(path)[1].lower() not in endings:
         raise ConfigError(f"{what} {path}: expected a file that ends in {', '.join(endings)}")
     folder = os.path.dirname(path) or "."
     if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
         raise ConfigError(f"{what} {path}: folder {folder} cannot be written, expected one that can")
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise ConfigError(f"{what} {path}: it is not a plain file, expected another name")
 
 
 def open_plain(path: str) -> BinaryIO:

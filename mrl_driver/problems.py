@@ -84,10 +84,14 @@ wrong_robot: the board is NAME, expected NAME
   also: no packaged model lists VALUE
   also: robot id VALUE is in no packaged model
   also: robot id VALUE answers, expected VALUE
+  also: the robot on this port is VALUE, expected VALUE
   also: the board speaks protocol VALUE
   cause: The robot model that you named, or the only one that lists the id, is not that of the board. Distances and
-    speeds would be wrong.
+    speeds would be wrong. Or the board calculates its robot (mrl flash --build virtual), and a real one is expected.
   remedy: name the right model with --robot, or set the board's id with: mrl set-id ID
+virtual: the robot is virtual: the board calculates it
+  cause: The board has the firmware build virtual. It drives in a room that it calculates, and no motor turns.
+  remedy: for motors on this board upload another build with: mrl flash --build hbridge --port PORT
 id_unset: No robot id is set
   cause: A new board does not know which robot it is on.
   remedy: set the id with: mrl set-id ID (TraxBot 1-3, StingBot 4-5, Pioneer 6-10)
@@ -176,6 +180,10 @@ battery_sag: The battery's voltage sagged
 no_battery: not measured
   cause: The board has no divider at A3, so it does not know the voltage of its battery, and cannot protect it.
   remedy: connect its divider to the pin battery of the robot's file, and set the parameter battery_divider
+no_odometry: none: the motors have no encoders
+  cause: The robot's file says so (`wiring.no_encoders`). Its motors turn by their duty alone, and nobody knows how far.
+    The robot stops as any other, but no wheel is watched.
+  remedy: fit encoders, name their pins in the robot's file, and store them with: mrl flash --robot FILE
 undervoltage: The battery fell below the parameter undervoltage
   also: stopped: the battery fell below the parameter undervoltage
   cause: The board stopped the robot to protect the battery. It refuses to move until the voltage is a sixteenth
@@ -187,7 +195,7 @@ hot: The motor board was hot
 # Wheels and encoders
 wheel_fault: a wheel does not follow its command
   also: stopped: a wheel did not follow its command
-  also: no wheel turned when the NAME motor output was driven
+  also: no wheel turned when the NAME was driven
   cause: A calibration or a drive ended because a wheel or an encoder did not do what was commanded.
   remedy: check wheels, wires and motor power, then run: mrl doctor --drive
 wheel_blocked: A wheel did not turn at full drive
@@ -253,7 +261,8 @@ clamped: The board reduced commands to its speed ceiling
 # Sonars
 sonar_dead: The NAME sonar gave no reading
   cause: Nothing is connected, or its input is saturated.
-  remedy: check its power (D13), the trigger chain (D12) and its output (front A0, left A1, right A2)
+  remedy: check its power (D13), the trigger chain (D12) and its output (front A0, left A1, right A2), or supply and
+    pins as in the robot's file
 sonar_stuck: The NAME sonar always showed the same range
   cause: The sonar does not measure, or something on the robot is in front of it.
   remedy: look in front of it; check its trigger (D12) and its output (front A0, left A1, right A2)
@@ -358,8 +367,16 @@ ended: stopped: the program that drove the robot has ended
   also: stopped: the program that drove the robot ended its session
   cause: A program stops its robot when it ends.
 emergency_stop: stopped: the emergency stop is on
-  cause: Somebody has pressed STOP, or called the service.
-  remedy: release it
+  cause: Somebody has pressed STOP, or called the service, or the board's input was pressed or its wire is broken. This
+    input is not a safety device: a real emergency stop cuts the motors' power.
+  remedy: release it: first the button at the robot, then r in mrl drive, the page of mrl web, the ROS service
+    release_stop, or Driver.release_emergency()
+bumper_hit: stopped: a bumper was hit
+  cause: The board has stopped the robot, and refuses to turn a wheel towards an active bumper.
+  remedy: drive away from the side that was hit; if nothing touches it, check its switch and wire
+cliff: stopped: a cliff sensor sees no floor
+  cause: The board has stopped the robot, and refuses to turn a wheel forward.
+  remedy: drive backward; if there is floor, check the sensor, its wire and the parameter cliffs_low
 motors_disabled: stopped: the motors are switched off
   cause: The service enable_motors has switched them off.
   remedy: switch them on with the service enable_motors

@@ -1,5 +1,6 @@
 """The program: its version, and the start of a command before its own error handling exists."""
 
+import gc
 import importlib
 import os
 import re
@@ -27,8 +28,11 @@ def start(name: str, module: str) -> Any:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:  # else a shell has it ignored, for a program in the background
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+    gc.disable()  # an import leaves no garbage worth a search
     try:
         run = importlib.import_module(module).main
+        gc.freeze()  # nor do later searches need what it made
+        gc.enable()
         signal.signal(signal.SIGINT, before)
         return run()
     except ModuleNotFoundError as error:
@@ -36,7 +40,8 @@ def start(name: str, module: str) -> Any:
         if package in _OWN:
             raise
         sys.stderr.write(
-            f"{name}: the Python package {package} is missing; install it with: sudo apt install python3-{package}, "
+            f"{name}: the Python package {package} is missing; install it with: sudo apt install "
+            f"python3-{package.replace('_', '-')}, "
             f"or: pip install {_NAMES_FOR_PIP.get(package, package)}\n"
         )
         sys.exit(ConfigError.exit_code)

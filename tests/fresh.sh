@@ -4,7 +4,8 @@
 #   RELEASES="bookworm trixie"     which Debian releases
 #   WAYS="root user container"     as root, as a user with sudo, as root with the capabilities of an unprivileged container;
 #        image                     in the image that the Dockerfile makes of the release; needs buildah
-#   COMMANDS="run test"            which of the README's commands
+#   COMMANDS="pip run test"        which of the README's commands: its way with pip, make run, make test, or another target of make
+#   ARCH=arm64                     which architecture; qemu emulates one that is not this machine's, about ten times slower
 #
 # Apt mirror, proxies, certificates and pip's settings are this machine's.  Each system lives in a folder below TMPDIR or /var/tmp, and
 # in namespaces of its own, so that nothing stays mounted or running.  Logs are in build/fresh.
@@ -13,6 +14,19 @@ set -euo pipefail
 ROOT=$(realpath "$(dirname "$0")/..")
 LOGS=$ROOT/build/fresh
 FOLDER="my Röboter" # of the clone, below the user's home
+PIP_WAY=': pip install ., mrl-sim, mrl drive
+set -e
+[ $(id -u) = 0 ] || sudo=sudo
+$sudo apt-get update -q
+$sudo apt-get install -qy --no-install-recommends python3-venv
+python3 -m venv ~/mrl-venv
+. ~/mrl-venv/bin/activate
+pip install -q ".[web]"
+mrl-sim --robot traxbot --link ttyTRAX0 &
+trap "kill $!" EXIT
+until [ -e ttyTRAX0 ]; do sleep 0.1; done
+mrl info --port ttyTRAX0
+mrl drive --port ttyTRAX0 --linear 0.2 --for 2'
 PASSED_ON='^(MRL_TEST_PATIENCE|PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
 
 fail() { echo "test-fresh: $*" >&2; exit 1; }
@@ -32,6 +46,18 @@ mirror() {
     fail "apt knows no mirror of Debian; run apt-get update"
 }
 
+# Lets the kernel run programs of ARCH, by qemu, until this program ends.
+emulate() {
+  local kinds=/proc/sys/fs/binfmt_misc native qemu
+  native=$(dpkg --print-architecture)
+  [ "$ARCH" != "$native" ] && ! arch-test "$ARCH" >/dev/null || return 0
+  case $ARCH in arm64) qemu=qemu-aarch64 ;; armhf) qemu=qemu-arm ;; *) fail "got ARCH=$ARCH, expected $native, arm64 or armhf" ;; esac
+  [ -e $kinds/register ] || mount -t binfmt_misc binfmt_misc $kinds
+  sed 's/F$/CF/' /usr/lib/binfmt.d/$qemu.conf >$kinds/register # C: sudo is root
+  ENDS="echo -1 >$kinds/$qemu"
+  arch-test "$ARCH" >/dev/null || fail "qemu does not run programs of $ARCH here"
+}
+
 # What of this machine a system needs to reach the mirrors.
 settings() { # TREE
   cp /etc/resolv.conf "$1/etc/resolv.conf"
@@ -46,8 +72,8 @@ settings() { # TREE
   fi
   { # what pip needs to reach its index, but no files of this machine's disk
     echo '[global]'
-    cat /etc/pip.conf ~/.config/pip/pip.conf 2>/dev/null | grep -E '^(index-url|cert|proxy|trusted-host|timeout) *=' |
-      awk '{ last[$1] = $0 } END { for (key in last) print last[key] }'
+    cat /etc/pip.conf ~/.config/pip/pip.conf 2>/dev/null |
+      awk '/^(index-url|cert|proxy|trusted-host|timeout) *=/ { last[$1] = $0 } END { for (key in last) print last[key] }' || true
   } >"$1/etc/pip.conf"
 }
 
@@ -118,10 +144,11 @@ image() { # RELEASE TREE CONTEXT
 
 # The commands, each by `do_in`, and what they leave.
 commands() { # NAME LOG
-  local command line code=0
+  local command line name code=0
   for command in $COMMANDS; do
-    case $command in run) line="make run DURATION=8" ;; test) line="make test" ;; *) line="make $command" ;; esac
-    timed "$1: $line" "$2-$command.log" do_in "$line" || code=1
+    case $command in run) line="make run DURATION=8" ;; pip) line=$PIP_WAY ;; *) line="make $command" ;; esac
+    name=${line%%$'\n'*}
+    timed "$1: ${name#: }" "$2-$command.log" do_in "$line" || code=1
     grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran )| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
   done
   timed "$1: packages' files" "$2-dpkg.log" unchanged || code=1
@@ -151,13 +178,15 @@ outside() {
   mkdir -p "$LOGS"
   local work release way tree code=0
   work=$(mktemp -d "${TMPDIR:-/var/tmp}/mrl-fresh.XXXXXX")
-  trap 'rm -rf --one-file-system "$work"' EXIT
+  trap "rm -rf --one-file-system '$work'; eval \"\$ENDS\"" EXIT
   trap 'exit 130' INT TERM HUP
+  unset TMPDIR # which the systems do not have
+  emulate
   for release in $RELEASES; do
     local archives=$work/archives-$release base=$work/$release.tar
     mkdir -p "$archives/partial"
     timed "$release: minimal system" "$LOGS/$release.log" \
-      mmdebstrap --variant=minbase --dpkgopt=force-unsafe-io --include=git,make,ca-certificates "$release" "$base" "${MIRROR:-$(mirror)}" || exit 1
+      mmdebstrap --architectures="$ARCH" --variant=minbase --dpkgopt=force-unsafe-io --include=git,make,ca-certificates "$release" "$base" "${MIRROR:-$(mirror)}" || exit 1
     for way in $WAYS; do
       tree=$work/$release-$way
       export HOME_IN=/root
@@ -184,6 +213,7 @@ outside() {
   exit $code
 }
 
+export ARCH=${ARCH:-$(dpkg --print-architecture)} ENDS=
 export RELEASES=${RELEASES:-bookworm trixie} WAYS=${WAYS:-root user container} COMMANDS=${COMMANDS:-run test}
 if [ "${1:-}" = inside ] || [ "${1:-}" = image ]; then
   "$@"

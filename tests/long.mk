@@ -59,10 +59,10 @@ mutants: setup $(VENV)/.mutants firmware pc-firmware ## Change the sources one p
 review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first
 	$(PY) -m tests.review.holdout $(if $(SEEDS),--seeds $(SEEDS))
 
-PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah)
-test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS=run
+PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah) $(if $(ARCH),arch-test qemu-user-static)
+test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS="pip run", ARCH=arm64
 	@mkdir -p build/fresh && git bundle create -q build/fresh/head.bundle HEAD
-	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
+	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS ARCH MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
 
 test-tutorials: setup ## Carry out the tutorials of docs/tutorials on emulated robots; ONLY="1_first_drive 6_team"
 	@$(ROS_ENV) $(PY) -m tests.documents.tutorials $(ONLY)

@@ -11,7 +11,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 PACKAGES = ("mrl_driver", "sim_arduino", "ros1_bridge")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 
-NODE_PARTS = {"cmd_vel", "command_topics", "zone_topics", "xbee", "reconfigure"}
+NODE_PARTS = {"cmd_vel", "command_topics", "zone_topics", "servo_topics", "xbee", "reconfigure"}
 
 
 @functools.lru_cache(maxsize=None)

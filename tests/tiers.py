@@ -22,13 +22,7 @@ FOREIGN = re.compile(
 """What pip does not install for the quick tier; a file that imports one of these is not even imported there."""
 CHIP = re.compile(r"sim_arduino\.(avr|board\.avr_board)")
 OUTSIDE = re.compile(r"(subprocess|matplotlib|pty|socket|multiprocessing|sim_arduino\.(serve|testing))(\.|$)")
-FOLDERS = {
-    "cli": TEST,
-    "experiments": TEST,
-    "documents": TEST,
-    "packaging": ALL,
-    "long": ALL,
-}
+FOLDERS = {"cli": TEST, "experiments": TEST, "documents": TEST, "packaging": ALL, "long": ALL}
 ENGINES = {"python": QUICK, "pc": QUICK, "avr": ALL}
 """Parameters named `engine` decide alone: files of the conformance tests import every engine."""
 IMPORT = re.compile(

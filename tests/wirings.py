@@ -13,6 +13,9 @@ PAGE = Path(__file__).parent.parent / "docs" / "wirings.md"
 BOARDS = {"Uno": ATMEGA328P, "Mega": ATMEGA2560}
 
 
+_COLUMNS = [*([*names, enable] for names, enable in zip(wiring.OUTPUTS, wiring.ENABLES)), *wiring.ENCODERS]
+
+
 class Row(NamedTuple):
     """A row of the page; `chip` is that of an Uno where there is no image for the board."""
 
@@ -20,7 +23,7 @@ class Row(NamedTuple):
     source: str
     board: str
     bridge: str
-    places: Tuple[str, ...]
+    places: Tuple[Tuple[str, ...], ...]
     i2c: bool
     verdict: str
     remark: str
@@ -36,9 +39,14 @@ class Row(NamedTuple):
 
     @property
     def pins(self) -> Dict[str, int]:
-        numbers = [NOT_CONNECTED if each == "-" else self.chip.number(each) for each in self.places]
-        assert None not in numbers
-        return {**wiring.EMPTY, **dict(zip(wiring.NAMES, numbers)), wiring.I2C: int(self.i2c)}
+        found = {
+            name: NOT_CONNECTED if place == "-" else self.chip.number(place)
+            for names, places in zip(_COLUMNS, self.places)
+            for name, place in zip(names, places)
+        }
+        assert None not in found.values()
+        no_encoders = int(not any(map(self.chip.number, self.places[2])))
+        return wiring.of_board({**found, wiring.I2C: int(self.i2c), wiring.NO_ENCODERS: no_encoders})
 
 
 def rows() -> List[Row]:
@@ -46,9 +54,8 @@ def rows() -> List[Row]:
     found = []
     for line in re.findall(r"^\| (.*) \|$", PAGE.read_text(encoding="utf-8"), re.MULTILINE)[1:]:
         name, source, board, bridge, *pins, i2c, verdict, remark = (cell.strip() for cell in line.split("|"))
-        found.append(
-            Row(name, source, board, bridge, tuple(" ".join(pins).split()), i2c == "yes", verdict, remark)
-        )
+        places = tuple(tuple(each.split()) for each in pins)
+        found.append(Row(name, source, board, bridge, places, i2c == "yes", verdict, remark))
     return found
 
 
@@ -58,10 +65,14 @@ def random_wiring(chance: random.Random, chip: Chip) -> Tuple[Dict[str, int], st
         "pwm": [number for number, pin in enumerate(chip.pins) if pin.timer >= 0],
         "encoder_a": [number for number, pin in enumerate(chip.pins) if pin.interrupts and number > 1],
         "sonar_": [number for number, pin in enumerate(chip.pins) if pin.channel >= 0],
+        "servo": wiring.servo_pins(chip),
         "": list(range(2, len(chip.pins))),
     }
     pins, used = dict(wiring.EMPTY), {NOT_CONNECTED}
-    for name in wiring.NAMES[:-1]:
+    names = [row.name for row in wiring.rows(chip) if row.name in wiring.PIN_NAMES]
+    if chance.random() < 0.5:
+        names = [name for name in names if "rear" not in name]
+    for name in names:
         kind = next(kind for kind in able if kind in name)
         free = [pin for pin in able[kind] if pin not in used]
         if free and chance.random() < (
@@ -70,6 +81,7 @@ def random_wiring(chance: random.Random, chip: Chip) -> Tuple[Dict[str, int], st
             pins[name] = chance.choice(free)
             used.add(pins[name])
     if chance.random() < 0.3:
-        pins[chance.choice(wiring.NAMES[:-1])] = chance.randrange(-1, 70)
-    pins[wiring.I2C] = chance.randrange(2)
+        pins[chance.choice(names)] = chance.randrange(-1, 70)
+    pins.update((name, chance.randrange(2)) for name in wiring.FLAGS)
+    pins[wiring.NO_ENCODERS] = int(chance.random() < 0.1)
     return pins, chance.choice(BRIDGES)

@@ -11,9 +11,35 @@
 #define MRL_XBEE 0
 #endif
 
-// 1: motors on an H-bridge and encoders on the Arduino's pins instead of the OMNI-3MD; Uno or Nano.
+// 1: motors on an H-bridge and encoders on the Arduino's pins instead of the OMNI-3MD; Uno, Nano or Mega.
 #ifndef MRL_BRIDGE
 #define MRL_BRIDGE 0
+#endif
+
+// 1: no motors and no sensors: the board calculates a robot with an H-bridge, which drives in a room; Uno, Nano or Mega.
+#ifndef MRL_VIRTUAL
+#define MRL_VIRTUAL 0
+#endif
+
+// 1 on an Arduino Mega 2560, 0 on an Uno or Nano: the compiler says so.
+#ifndef MRL_MEGA
+#ifdef __AVR_ATmega2560__
+#define MRL_MEGA 1
+#else
+#define MRL_MEGA 0
+#endif
+#endif
+
+#if MRL_VIRTUAL && !MRL_BRIDGE
+#error "a virtual robot has motors on an H-bridge: set MRL_BRIDGE to 1"
+#undef MRL_VIRTUAL
+#define MRL_VIRTUAL 0
+#endif
+
+#if MRL_MEGA && !MRL_BRIDGE
+#error "an Arduino Mega has motors on an H-bridge: set MRL_BRIDGE to 1"
+#undef MRL_MEGA
+#define MRL_MEGA 0
 #endif
 
 #if MRL_BRIDGE && (MRL_ENVIRONMENT || MRL_XBEE)

@@ -116,7 +116,8 @@ def cli(port: Optional[str], robot: Optional[str]) -> None:
       mrl web --port /dev/ttyACM0          the same on a web page, also for a phone
       mrl names add lab3 --port /dev/ttyACM0    give the robot a name; then: mrl --robot lab3 info
       mrl new                              make a robot of your own, with motors on an H-bridge
-      mrl-sim --link ttySIM0               no board? an emulated one; in another terminal: mrl drive --port ttySIM0
+      mrl demo                             no board? drives an emulated robot; mrl demo --web on a page
+      mrl-sim --link ttySIM0               serves one; in another terminal: mrl doctor --port ttySIM0
     \b
     Exit codes:
       0 success                  1 a fault found, or another error   2 a wrong option or file

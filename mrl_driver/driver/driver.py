@@ -21,6 +21,8 @@ from mrl_driver.protocol.table import BAUD
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import AT_START, LARGEST_VARIANCE, Spread, is_covariance
 from mrl_driver.robot.imu import Imu
+from mrl_driver.robot.inputs import CAPABILITY as INPUTS
+from mrl_driver.robot.inputs import RELEASE, Inputs
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.robot_state import Telemetry
@@ -42,6 +44,7 @@ from .options import DEFAULTS, RANGES, Options, require_limits, require_options,
 from .parameters import Parameters
 from .radio import Radio
 from .robot_core import Core, DriverEvent
+from .servos import Servos
 
 AnyDriver = TypeVar("AnyDriver", bound="Driver")
 Heard = TypeVar("Heard", Board, Imu, SensorRead, Status)
@@ -75,6 +78,7 @@ class Driver:
         radio: the board's XBee radio.
         recorder: recordings of this driver.
         parameters: the board's parameters, and its EEPROM.
+        servos: servos on the board's pins.
 
     Raises:
         ConfigError: the robot model is unknown or invalid, or an option is out of range.  Raised before the
@@ -111,6 +115,7 @@ class Driver:
         self.radio = Radio(self._connection)
         self.recorder = DriverRecorder(self._connection)
         self.parameters = Parameters(self._connection)
+        self.servos = Servos(self._connection)
 
     # -- the connection
 
@@ -310,16 +315,19 @@ class Driver:
 
     @property
     def model(self) -> Optional[RobotModel]:
-        """The robot's model; None until `connect` if the driver was created with `auto`."""
+        """The robot's model; None until `connect` if the driver was created with `auto`.
+
+        After `connect` it has no sonars if the board measures no ranges.
+        """
         return self._core.state.model
 
     @property
     def limits(self) -> Optional[Limits]:
         """Limits of speed and acceleration in force; None until `connect` if the driver was created with `auto`.
 
-        At first the model's speeds, without a limit of acceleration: the board has its own ramp.  They may be replaced
-        at any time, and hold from the next command or frame on.  A command in force is only lowered; after an increase,
-        the next command may be faster.
+        At first those of the model, but without a limit of acceleration unless the model limits braking: the board has
+        its own ramp.  They may be replaced at any time, and hold from the next command or frame on.  A command in force
+        is only lowered; after an increase, the next command may be faster.
 
         Raises:
             ConfigError: on setting, a speed is not positive or does not fit into a frame, or an acceleration is not
@@ -368,6 +376,29 @@ class Driver:
         return self._core.mismatch
 
     @property
+    def inputs(self) -> Optional[Inputs]:
+        """Bumpers, cliff sensors and emergency stop; None if the board has no such inputs, or has not said so yet.
+
+        The board stops by itself, and refuses moves towards an active input; after an emergency stop, it and the driver
+        refuse all until `release_emergency`, also if the board restarts meanwhile.  They are not safety devices: a real
+        emergency stop cuts the motors' power.
+        """
+        return self._core.inputs if self._core.inputs is not None and self._core.inputs.connected else None
+
+    def release_emergency(self) -> bool:
+        """Stop, and release the emergency stop of the board's input; False while the input is still active.
+
+        Raises:
+            ConfigError: the board has no such inputs.
+            BoardTimeout: the board does not answer.
+            LinkLost: the port went away.
+        """
+        if INPUTS not in self.board.capabilities:
+            raise ConfigError("the board has no input of an emergency stop, expected one with an H-bridge")
+        self.stop()
+        return self.ask(RELEASE) == (0,)
+
+    @property
     def command(self) -> Optional[AnyTwist]:
         """The command in force, after limiting; None while stopped."""
         motion = self._motion
@@ -409,11 +440,6 @@ class Driver:
         return "; ".join(filter(None, (self.build_warning, self._firmware_warning)))
 
     @property
-    def build_assumed(self) -> bool:
-        """A 2013 board is taken to have sonars, because neither the model nor `Options.build` names its build."""
-        return self._core.state.build_assumed
-
-    @property
     def build_warning(self) -> str:
         """A part of `warning`: the board has another build than the model or `Options.build` names; or empty."""
         return self._core.state.build_warning
@@ -438,14 +464,15 @@ class Driver:
 
     @property
     def pose(self) -> Pose:
-        """Pose in the odom frame; (0, 0, 0) at the start, and always with a board without motors.  It has no jump when
-        the board restarts, or when the heading changes from gyro and wheels to the wheels alone.
+        """Pose in the odom frame; (0, 0, 0) at the start, and always with a board without motors; NaN for motors
+        without encoders.  It has no jump when the board restarts, or when the heading changes from gyro and wheels to
+        the wheels alone.
         """
         return self._core.state.odometry.pose if self._core.state.odometry else ORIGIN
 
     @property
     def twist(self) -> AnyTwist:
-        """Measured speeds in base_link; zero while the board is not ready."""
+        """Measured speeds in base_link; zero while the board is not ready, NaN for motors without encoders."""
         odometry = self._core.state.odometry
         return odometry.twist if odometry and self.ready else Twist(0.0, 0.0)
 
@@ -459,11 +486,6 @@ class Driver:
     def imu_state(self) -> str:
         """Whether the gyro gives the heading together with the wheels, or why not; one of `robot.imu.STATES`."""
         return self._core.state.imu_state
-
-    @property
-    def has_sonars(self) -> bool:
-        """The board measures ranges; False before `connect`."""
-        return self._core.state.has_sonars
 
     @property
     def ranges(self) -> Dict[str, float]:
@@ -491,10 +513,10 @@ class Driver:
         """Continue the odometry from `pose`, which has the covariance `spread`; counters and speeds do not change.
 
         Raises:
-            ConfigError: a part of the pose is not finite, `spread` is not a covariance, or the board has no motors.
+            ConfigError: a part of the pose is not finite, `spread` is not a covariance, or the robot has no odometry.
         """
         if self.model is not None:
-            self.model.require_motors()
+            self.model.require_odometry()
         with self._connection.stop_if_refused():
             x_m, y_m, yaw_rad = require_numbers("pose", pose, Pose._fields)
             spread = _require_spread(spread)
@@ -531,7 +553,7 @@ class Driver:
 
     def on_event(self, callback: Callable[[Union[DriverEvent, MrlError]], None]) -> None:
         """Call `callback` for each `Awaited`, `Ready`, `Stale`, `Lost`, `Reconnected`, `Slowed`, `PathUnknown`,
-        `ImuChanged` and `Reply` of `session.events`, for a wheel's `Mismatch`, a changed `Hold`, and for the `MrlError`
-        that ends the driver.
+        `ImuChanged` and `Reply` of `session.events`, for a wheel's `Mismatch`, a changed `Hold`, changed
+        `Inputs`, and for the `MrlError` that ends the driver.
         """
         self._connection.listen(self._connection.on_state, callback)

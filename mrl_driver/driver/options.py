@@ -43,6 +43,9 @@ class Options(NamedTuple):
     """Start, and keep driving, with an empty battery."""
     robot_id: Optional[int] = None
     """Refuse a board with another robot id, 1 to 32767; None accepts any that suits the model."""
+    virtual: Optional[bool] = None
+    """Refuse a board whose robot is real (True) or calculated by the board (False); None accepts both, but a real one
+    alone if the model is a file's: such a file describes a real robot."""
     any_id: bool = False
     """Accept a board with any robot id for the given model; used to set the id."""
     identify: bool = False
@@ -82,7 +85,7 @@ DEFAULTS = Options()
 
 HEARD = (
     *("period_ms", "watchdog_ms", "check", "robot_id", "any_id", "ignore_battery", "identify", "line_baud"),
-    *("imu_period_ms", "build"),
+    *("imu_period_ms", "build", "virtual"),
 )
 """The options that change what the listeners of a driver get."""
 
@@ -132,6 +135,8 @@ def require_options(options: Options) -> Options:
     require_kind("options", options, Options, "Options")
     for name in ("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"):
         require_kind(name, getattr(options, name), bool, "True or False")
+    if options.virtual is not None:
+        require_kind("virtual", options.virtual, bool, "True, False or None")
     if options.record is not None:
         require_text("record", options.record, "the name of a file")
     if not isinstance(options.build, str) or options.build not in ("", *BUILDS):
@@ -147,7 +152,7 @@ def require_options(options: Options) -> Options:
 
 
 def require_limits(limits: Limits) -> Limits:
-    """Return the limits with numbers as float.  The lateral speed may be zero; an acceleration may be infinite.
+    """Return the limits with numbers as float.  Limits with a default may be zero; an acceleration may be infinite.
 
     Raises:
         ConfigError: a speed is not positive or does not fit into a frame, or an acceleration is not positive.
@@ -155,8 +160,8 @@ def require_limits(limits: Limits) -> Limits:
     require_kind("limits", limits, Limits, "Limits")
     numbers = {name: number_of(value) for name, value in limits._asdict().items()}
     for name, number in numbers.items():
-        most = math.inf if "acceleration" in name else INT16_MAX / 1000
-        if not (0 < number <= most or (number == 0 and name == "lateral_m_s")):
+        most = math.inf if name.endswith("_s2") else INT16_MAX / 1000
+        if not (0 < number <= most or (number == 0 and name in Limits._field_defaults)):
             value = shown(getattr(limits, name))
             raise ConfigError(f"limit {name} is {value}, expected more than 0, at most {most:g}")
     return limits._replace(**numbers)

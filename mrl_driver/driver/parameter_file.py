@@ -7,7 +7,15 @@ from typing import Any, Dict, List, NamedTuple, Tuple
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.navigation.radio_holder import FRESH_S
-from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETER_BY_NAME, PARAMETERS, Parameter
+from mrl_driver.protocol.table import (
+    BRIDGES,
+    INT16_MAX,
+    PARAMETER_BY_NAME,
+    PARAMETERS,
+    PINS,
+    PINS_328P,
+    Parameter,
+)
 from mrl_driver.yaml_file import Reader
 from mrl_driver.yaml_form import Text, Whole
 
@@ -108,7 +116,7 @@ def parse(data: Any, path: str) -> ParameterFile:
     if not isinstance(capabilities, list):
         raise reader.fail("capabilities", capabilities, "a list of names")
     names = tuple(Text().read(reader, "capabilities", each) for each in capabilities)
-    others = [row.name for row in SETTABLE if row.capability not in ("", *names)]
+    others = [row.name for row in SETTABLE if row.capability not in ("", *names) or row in PINS[PINS_328P:]]
     values = reader.keys("parameters", found["parameters"], [row.name for row in SETTABLE], others)
     robot_id, firmware, protocol = (
         Whole(0, INT16_MAX).read(reader, key, found[key]) for key in ("robot_id", "firmware", "protocol")
@@ -149,5 +157,5 @@ def _rows(values: Dict[str, int]) -> List[str]:
         if row.name in values:
             value = BRIDGES[values[row.name]] if row.name == "bridge" else str(values[row.name])
             unit = f"[{row.unit}] " if row.unit else ""
-            rows.append(f"  {row.name + ':':<21}{value:<8} # {unit}{row.text}")
+            rows.append(f"  {row.name + ': ':<21}{value:<8} # {unit}{row.text}")
     return rows

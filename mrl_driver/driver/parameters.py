@@ -4,16 +4,16 @@ import contextlib
 from typing import Dict, Iterable, Mapping, Optional, Tuple
 
 from mrl_driver.errors import BoardError, BoardRefused, MrlError
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PARAMETERS, PINS, Parameter
+from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
 from mrl_driver.robot import wiring
-from mrl_driver.robot.chips import ATMEGA328P, CHIPS
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .connection import Connection
 
-_READ, _WRITE, _SAVE, _DEFAULTS, _WIRING = (
+_READ, _WRITE, _SAVE, _DEFAULTS, _WIRING, _BOARD = (
     BY_NAME[name].code
-    for name in ("read_config", "write_config", "save_config", "default_config", "read_wiring")
+    for name in ("read_config", "write_config", "save_config", "default_config", "read_wiring", "read_board")
 )
 
 CABLES = ("bridge", "wiring", *(row.name for row in PINS))
@@ -45,6 +45,7 @@ class Parameters:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._found: Optional[Chip] = None
 
     @property
     def can_save(self) -> bool:
@@ -60,19 +61,33 @@ class Parameters:
 
     @property
     def rows(self) -> Tuple[Parameter, ...]:
-        """The parameters that the board uses; earlier firmware refuses the numbers of all others."""
-        return tuple(
-            row for row in PARAMETERS if row.capability in ("", *self._connection.board.capabilities)
-        )
+        """The parameters that the board uses; earlier firmware refuses the numbers of all others.
 
-    def wiring_problem(self, model: Optional[RobotModel]) -> str:
+        A virtual robot has no cables.
+        """
+        there, unused = ("", *self._connection.board.capabilities), CABLES if self._virtual else ()
+        pins = wiring.rows(self._chip) if "bridge" in there and not self._virtual else ()
+        return tuple(row for row in (*SETTINGS, *pins) if row.capability in there and row.name not in unused)
+
+    @property
+    def _virtual(self) -> bool:
+        return self._connection.board.virtual
+
+    @property
+    def _chip(self) -> Chip:
+        """Chip of the board, which is asked for it once."""
+        if self._found is None and "wiring" in self._connection.board.capabilities:
+            number = self._connection.ask(_BOARD)[0]
+            self._found = ATMEGA2560 if str(number) in ATMEGA2560.name else ATMEGA328P
+        return self._found or ATMEGA328P
+
+    def wiring_problem(self) -> str:
         """Return in one line what is wrong with the pins of an H-bridge board; empty if the board accepts them."""
         if "bridge" not in self._connection.board.capabilities:
             return ""
         problem, parameter, other = self._connection.ask(_WIRING)
         found = wiring.from_reply(problem, parameter, other)
-        chip = CHIPS[model.chip] if model else ATMEGA328P
-        return wiring.in_words(found, self.read(found.parameter) if found.parameter else {}, chip)
+        return wiring.in_words(found, self.read(found.parameter) if found.parameter else {}, self._chip)
 
     def require(self, names: Iterable[str]) -> None:
         """Raise BoardRefused unless the board uses all parameters of these names."""
@@ -117,9 +132,12 @@ class Parameters:
         cables.
         """
         self.require_eeprom()
-        self.require(model.board)
-        kept = self.read(*CABLES) if "bridge" in self._connection.board.capabilities else {}
-        values = {"robot_id": robot_id, **kept, **model.board}
+        wanted = {
+            name: value for name, value in model.board.items() if not (self._virtual and name in CABLES)
+        }
+        self.require(wanted)
+        kept = self.read(*(row.name for row in self.rows if row.name in CABLES))
+        values = {"robot_id": robot_id, **kept, **wanted}
         self.write({"robot_id": robot_id})
         if self._connection.ask(_DEFAULTS) != (1,):
             raise BoardRefused("the board refused to set its defaults; try again")

@@ -54,9 +54,10 @@ from mrl_driver.recording.recording import (
     started_s,
 )
 from mrl_driver.robot import models
-from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.odometry import AnyWheels
-from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands
+from mrl_driver.robot.wheel_odometry import MOVE_OMNI, MOVE_TWIST, commands_of
+from mrl_driver.robot.wheel_odometry import STREAMS as WHEEL_STREAMS
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Counts, Lost, Reconnected, Slowed
 from mrl_driver.session.handshake import Board, board_of, capabilities_of
@@ -84,7 +85,10 @@ _INFO, _PROTOCOL, _CHECK, _IMU = (
 )
 _GREETING = {
     _CHECK,
-    *(BY_NAME[name].code for name in ("stop_stream", "start_stream", "start_omni_stream", "read_protocol")),
+    *(
+        BY_NAME[name].code
+        for name in ("stop_stream", "start_stream", *WHEEL_STREAMS.values(), "read_protocol")
+    ),
 }
 """Requests of a greeting."""
 _OWN_REMARKS = (OPENED, SESSION, POSE, STOP, CLOCK, LOST, RECONNECTED, SLOWED, ENDED)
@@ -192,6 +196,7 @@ class RecordedDriver(Driver):
         elif opening.model is not None:
             robot = opening.model
         super().__init__(_RecordedPort(str(header.get("port", ""))), robot, options=options)
+        self._core.state.own_is_real = False  # the recorded driver has looked
         self._connection.clock = lambda: self._now
         self._connection.closing = True
         self._connection.refusal = f"nothing is sent to the robot of a recording ({self.recording.path})"
@@ -380,8 +385,9 @@ class RecordedDriver(Driver):
                 motion.stop()
                 motion.take(now)
             return
-        if frame.code == MOVE_OMNI and model is not None and isinstance(model.drive, OmniDrive):
-            speeds = tuple(round(1000 * speed) for speed in OmniCommands(model.drive).read(frame.args))
+        commands = commands_of(model.drive) if model is not None else None
+        if commands is not None and frame.code == commands.code:
+            speeds = tuple(round(1000 * speed) for speed in commands.read(frame.args))
         elif frame.code != MOVE:
             return
         self._core.mismatch = None
@@ -503,7 +509,7 @@ class _MissingGreeting:
     def sent(self, frame: Frame, ready: bool) -> None:
         """Process a request of the host; `ready` says whether the session is."""
         self._greeted = self._greeted or frame.code in _GREETING
-        self._moves += not ready and frame.code in (MOVE, MOVE_OMNI)
+        self._moves += not ready and frame.code in (MOVE, MOVE_OMNI, MOVE_TWIST)
 
     def heard(self, frame: Frame, now: float) -> None:
         """Process a reply of the board while the session is not ready."""

@@ -56,7 +56,7 @@ def summarise(
     """Play a recording, and return its figures, ready for JSON; with the unit at the end of each key.
 
     What the driver knew at the end (losses, refused counts, pose, IMU) is as it had it; `refused_counts` and `pose` are
-    None without a robot with motors.  Garbage is counted by the name of its reason.  Each sensor has its smallest and
+    None without a robot with odometry.  Garbage is counted by the name of its reason.  Each sensor has its smallest and
     its largest value, in `unit`.  `advance` and the errors are those of `RecordedDriver.play`.
     """
     tally = _Tally()
@@ -67,13 +67,14 @@ def summarise(
     with contextlib.suppress(BoardTimeout):
         seen = recorded.link.statistics
         board = recorded.board
-    moves = model is not None and model.drives
+    counts = model is not None and model.has_odometry
     return {
         "file": recording.path,
         "started": recording.header.get("started"),
         "port": recording.header.get("port"),
         "robot": model.name if model else None,
         "robot_id": board.robot_id if board else None,
+        "virtual": board.virtual if board else None,
         "duration_s": recorded.time_s,
         "bytes_from_board": seen.bytes_in,
         "bytes_to_board": seen.bytes_out,
@@ -82,8 +83,8 @@ def summarise(
         "garbage": dict(sorted(tally.garbage.items())),
         "lost": seen.lost,
         "duplicates": seen.duplicates,
-        "refused_counts": seen.refused_counts if moves else None,
-        "pose": recorded.pose._asdict() if moves else None,
+        "refused_counts": seen.refused_counts if counts else None,
+        "pose": recorded.pose._asdict() if counts else None,
         "sensors": tally.sensors,
         "imu": recorded.imu_state,
         "skipped_lines": recording.skipped_count,

@@ -15,12 +15,14 @@ from mrl_driver.protocol.table import BY_CODE, COMMANDS
 from mrl_driver.robot import battery
 from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.robot.hold import Hold, hold_of
+from mrl_driver.robot.inputs import CAPABILITY as INPUTS
+from mrl_driver.robot.inputs import Inputs, inputs_of
 from mrl_driver.robot.kinematics import cannot_sideways
-from mrl_driver.robot.models import OmniDrive, RobotModel, kind_of, require_supported
+from mrl_driver.robot.models import RobotModel, kind_of, require_supported
 from mrl_driver.robot.odometry import AnyTwist, AnyWheels, OmniTwist, Twist
-from mrl_driver.robot.omni_odometry import OmniCommands
 from mrl_driver.robot.radio import RadioNode, RadioQueue, RadioText, Request, node_of, text_of
 from mrl_driver.robot.robot_state import RobotEvent, RobotState, Telemetry
+from mrl_driver.robot.wheel_odometry import PlanarCommands, commands_of
 from mrl_driver.safety.speed_limiter import SpeedLimiter
 from mrl_driver.safety.wheel_monitor import BOARD_STOPS, DEAD, POWERLESS, Mismatch, WheelMonitor, monitor_of
 from mrl_driver.session.events import (
@@ -44,7 +46,9 @@ from mrl_driver.transport.baud_rates import command_gap_s, least_imu_period_ms, 
 
 from .options import Options
 
-DriverEvent = Union[RobotEvent, SensorRead, RadioText, Hold, Mismatch, Awaited, Lost, Reconnected, Slowed]
+DriverEvent = Union[
+    RobotEvent, SensorRead, RadioText, Hold, Inputs, Mismatch, Awaited, Lost, Reconnected, Slowed
+]
 """What a driver reports to its listeners, besides the `MrlError` that ends it."""
 GENTLE_S = 3.0  # longest duration of a gentle stop [s]
 # Longest stream period [ms], so that the driver notices silence in time.  Listeners that want fewer frames get every
@@ -57,7 +61,7 @@ ONLY_IDENTIFIED = "the board is only identified"
 INDEXED = {
     row.code
     for row in COMMANDS
-    if row.request and row.reply and row.request[0].name == row.reply[0].name == "index"
+    if row.request and row.reply and row.request[0].name == row.reply[0].name in ("index", "servo")
 }
 """Codes of requests whose reply repeats their index."""
 
@@ -85,10 +89,10 @@ class Core:
         if model is not None:
             require_supported(model)
         self._options = options
-        self._omni: Optional[OmniCommands] = None
+        self._sideways: Optional[PlanarCommands] = None
         self.begun = False  # `begin` was called: there is a session
         self.state = RobotState(
-            model, options.ignore_battery, options.any_id, options.build, options.robot_id
+            model, options.ignore_battery, options.any_id, options.build, options.robot_id, options.virtual
         )
         self.limiter = SpeedLimiter()
         self.inhibited: Set[str] = {ONLY_IDENTIFIED} if options.identify else set()
@@ -100,6 +104,9 @@ class Core:
         """Whether the radio holds the robot; None before the board has said so."""
         self.held = False
         """Other robots hold this one by radio, or the board listens for them; it refuses to move."""
+        self.inputs: Optional[Inputs] = None
+        """Bumpers, cliff sensors and emergency stop of the board; None before it has said so."""
+        self.latched = False  # the emergency stop was active, and was not released
         self.radio_queue = RadioQueue()  # texts that wait for the radio
         self.nodes: Optional[Dict[int, RadioNode]] = None
         """The radios that have answered, by address, while a search is under way."""
@@ -149,16 +156,19 @@ class Core:
         """Accept the board, and choose the motion request for the robot's drive type."""
         stream, model, motion = self.state.admit(board), self.state.model, self.session.motion
         assert model is not None
-        if isinstance(model.drive, OmniDrive):
-            self._omni = OmniCommands(model.drive)
-            motion.request_of, self.limiter.saturate = self._omni.spell, self._omni.saturated
+        self._sideways = commands_of(model.drive)
+        if self._sideways is not None:
+            motion.request_of, self.limiter.saturate = self._sideways.spell, self._sideways.saturated
         else:
-            self._omni = motion.request_of = self.limiter.saturate = None
-        self.session.reads_imu = model.drives
+            motion.request_of = self.limiter.saturate = None
+        self.session.reads_imu = model.has_odometry
         if self.limiter.limits is None and model.drives:
-            self.limiter.limits = model.limits._replace(
-                linear_acceleration_m_s2=math.inf, angular_acceleration_rad_s2=math.inf
-            )
+            limits = model.limits
+            if not limits.braking_m_s2:  # the board's own ramp is enough for a robot that does not tip over
+                limits = limits._replace(
+                    linear_acceleration_m_s2=math.inf, angular_acceleration_rad_s2=math.inf
+                )
+            self.limiter.limits = limits
         return stream
 
     def answer(self, code: int, args: Tuple[int, ...]) -> Optional[Tuple[int, ...]]:
@@ -233,7 +243,7 @@ class Core:
             raise self.refuse(error, now) from None
         if limiter.limits is None:
             self._require_motors()
-        if lateral_m_s and state.model is not None and self._omni is None:
+        if lateral_m_s and state.model is not None and self._sideways is None:
             self.stop(now, StopReason.USER)
             raise FrameError(
                 f"{cannot_sideways(lateral_m_s, kind_of(state.model.drive))}; the robot was stopped"
@@ -244,12 +254,17 @@ class Core:
         if limiter.limits is None or self.leaving or state.powerless or self.inhibited:
             session.motion.prolong(now)
             return False
-        if (self.mismatch is not None and moves) or self.held:
+        if (self.mismatch is not None and moves) or self.held or self.latched:
             return False
+        if self.inputs is not None and self.inputs.active:
+            against = self._against(self.inputs, linear_m_s, angular_rad_s, lateral_m_s)
+            if against is not StopReason.NONE:
+                self.stop(now, against)
+                return False
         self.mismatch = None
         if session.motion.target is None:
             limiter.drop()
-        limiter.target = limiter.limited(wanted if self._omni is not None else wanted[:2])
+        limiter.target = limiter.limited(wanted if self._sideways is not None else wanted[:2])
         try:
             linear, angular, *others = limiter.step(now)
         except ConfigError as error:
@@ -266,8 +281,10 @@ class Core:
         """Raise MrlError if a request that turns motors must not be sent now, or ever."""
         self._require_motors()
         self.session.require_answers(now)
-        if self.held:
-            raise MrlError(f"{BY_CODE[code].name} is refused, nothing was sent: {self.hold}")
+        if self.held or self.latched:
+            raise MrlError(
+                f"{BY_CODE[code].name} is refused, nothing was sent: {self.hold if self.held else self.inputs}"
+            )
         if self.leaving or self.inhibited:
             why = "the driver is being closed" if self.leaving else ", ".join(sorted(self.inhibited))
             raise MrlError(
@@ -315,7 +332,7 @@ class Core:
         """
         self._require_motors()
         linear_m_s, angular_rad_s, lateral_m_s = _speeds(linear_m_s, angular_rad_s, lateral_m_s)
-        if self._omni is not None:
+        if self._sideways is not None:
             return OmniTwist(*self.limiter.limited((linear_m_s, angular_rad_s, lateral_m_s)))
         return Twist(*self.limiter.limited((linear_m_s, angular_rad_s)))
 
@@ -345,9 +362,13 @@ class Core:
         events: List[DriverEvent] = [*self.state.digest(event, now)]
         if isinstance(event, Ready):
             self.state.settled = self.state.settled or self._options.identify
+            if self.state.has_ranges:
+                self.session.poll_ranges(now)
             self._monitor = None  # after a restart the board's time starts at zero again
             if HOLD not in event.board.capabilities:  # other firmware never says that it has ended
                 self.hold, self.held = None, False
+            if INPUTS not in event.board.capabilities:
+                self.inputs, self.latched = None, False
         elif isinstance(event, Info) and self.state.powerless:
             self._spare_battery(now)
         elif isinstance(event, OwnStop):
@@ -360,6 +381,7 @@ class Core:
             if name:
                 events.append(SensorRead(name, self.session.sensors.readings[name]))
             events += self._on_hold(hold_of(event.frame), now)
+            events += self._on_inputs(inputs_of(event.frame, self.inputs), now)
             text, node = text_of(event.frame), node_of(event.frame)
             if text is not None:
                 events.append(text)
@@ -376,6 +398,24 @@ class Core:
             self.stop(now, StopReason.HELD)
         return [hold]
 
+    def _against(
+        self, inputs: Inputs, linear_m_s: float, angular_rad_s: float, lateral_m_s: float
+    ) -> StopReason:
+        """Why the board would refuse a command: a wheel would turn towards an active input."""
+        assert self.state.model is not None
+        rim_m_s = 0.5 * self.state.model.base.wheel_separation_m * math.fabs(angular_rad_s)
+        most_m_s = rim_m_s + math.fabs(lateral_m_s)
+        return inputs.against(linear_m_s - most_m_s, linear_m_s + most_m_s)
+
+    def _on_inputs(self, inputs: Optional[Inputs], now: float) -> List[DriverEvent]:
+        """Stop at an emergency stop, and report a change."""
+        if inputs is None or inputs == self.inputs:
+            return []
+        self.inputs, self.latched = inputs, inputs.latched
+        if inputs.latched and self.session.motion.target is not None:
+            self.stop(now, StopReason.EMERGENCY_STOP)
+        return [inputs]
+
     def _thin(self, telemetry: Telemetry) -> List[Telemetry]:
         """Every n-th telemetry; its `fresh` includes the sonars that were new in the skipped ones."""
         self._fresh = tuple(dict.fromkeys(self._fresh + telemetry.fresh))
@@ -388,11 +428,12 @@ class Core:
     def _check_wheels(self, travel: AnyWheels, event: Counts, now: float) -> List[DriverEvent]:
         """Stop the robot if a wheel does not follow its command, and report the wheel.
 
-        A frame that arrives late was made while commands were late too, or held back: the monitor starts again.
+        A frame that arrives late was made while commands were late too, or held back: the monitor starts again.  Wheels
+        without encoders tell nothing.
         """
         motion = self.session.motion
         assert motion.target is not None and self.state.model is not None
-        if event.arrival_s - event.stamp_s >= LATE_S:
+        if event.arrival_s - event.stamp_s >= LATE_S or not self.state.model.has_odometry:
             self._monitor = None
             return []
         if self._monitor is None:
@@ -414,6 +455,9 @@ class Core:
 
         Otherwise a source that keeps sending them would stall the wheel again each time.
         """
+        if reason is StopReason.EMERGENCY_STOP and not self.latched:
+            self.inputs, self.latched = (self.inputs or Inputs())._replace(latched=True), True
+            return [self.inputs]
         if reason not in BOARD_STOPS or self.mismatch is not None:
             return []
         self.mismatch = Mismatch("", str(reason))

@@ -5,6 +5,7 @@ from typing import Callable, Optional
 
 from mrl_driver.errors import LinkLost, MrlError, WrongRobot
 from mrl_driver.protocol.table import BAUD
+from mrl_driver.robot.robot_state import require_kind
 from mrl_driver.transport.link import Link
 from mrl_driver.transport.open_link import AGAIN_S, CONNECT_S, Opening, open_link
 from mrl_driver.transport.reconnect import Reconnection
@@ -14,6 +15,8 @@ from .probe import board_on
 
 class ServedRobot:
     """Finds one robot for a `Bridge`: the board with `robot_id`, or with the id that answered first.
+
+    It is `virtual` or real, or as the one that answered first.
 
     Args:
         tell: called with each new reason why the robot cannot be served now.
@@ -27,8 +30,10 @@ class ServedRobot:
         baud: int = BAUD,
         robot_id: Optional[int] = None,
         timeout_s: float = 0.0,
+        virtual: Optional[bool] = None,
     ) -> None:
         self._port, self._baud, self._robot_id, self._tell = port, baud, robot_id, tell
+        self._virtual = virtual
         self._opening = Opening(lambda: self._identified(open_link(port, baud, CONNECT_S)), timeout_s)
         self._reconnection: Optional[Reconnection] = None
         self._told = ""
@@ -76,15 +81,17 @@ class ServedRobot:
     def _identified(self, link: Link) -> Link:
         """Return the link if its board is the robot, as the first that answers is; else close it and raise MrlError."""
         try:
-            found = board_on(link).robot_id
-            if self._robot_id not in (None, found):
+            found = board_on(link)
+            if self._robot_id not in (None, found.robot_id):
                 raise WrongRobot(
-                    f"robot id {found} answers on {link.port}, expected {self._robot_id}: another robot is not served"
+                    f"robot id {found.robot_id} answers on {link.port}, expected {self._robot_id}: another robot is "
+                    "not served"
                 )
+            require_kind(found.virtual, self._virtual)
         except BaseException:
             link.close()
             raise
-        self._robot_id = found
+        self._robot_id, self._virtual = found.robot_id, found.virtual
         return link
 
     def _say(self, reason: str) -> None:

@@ -10,7 +10,14 @@ from mrl_driver.robot import models as robots
 
 _NO_REQUEST = ("xbee_text",)  # rows that only the board sends
 _OWN_HANDLER = ("discover_xbee", "read_imu")  # do more than ask for their reply
-_BUILDS = {"environment": "MRL_ENVIRONMENT", "xbee": "MRL_XBEE", "hold": "MRL_XBEE", "bridge": "MRL_BRIDGE"}
+_BUILDS = {
+    "environment": "MRL_ENVIRONMENT",
+    "xbee": "MRL_XBEE",
+    "hold": "MRL_XBEE",
+    "bridge": "MRL_BRIDGE",
+    "wiring": "MRL_BRIDGE",
+    "virtual": "MRL_VIRTUAL",
+}
 """Options of build.h without which a build does not have a capability."""
 
 _TOP = """
@@ -20,8 +27,8 @@ _TOP = """
 
 #include "../../build.h"
 
-// Only an H-bridge build has the parameters of MRL_PINS.
-#define MRL_LAST_PARAMETER (MRL_BRIDGE ? {all} : {settings})
+// Only an H-bridge build has the parameters of MRL_PINS, and only on a Mega those of MRL_MEGA_PINS.
+#define MRL_LAST_PARAMETER (MRL_MEGA ? {all} : MRL_BRIDGE ? {both} : {settings})
 
 // A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
@@ -39,12 +46,16 @@ constexpr uint8_t MAX_CODE = {codes};  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = {table.STOP_CODE};  // accepted without a checksum in every state
 constexpr int16_t SONAR_INVALID = {table.SONAR_INVALID};  // no reading
 constexpr int16_t SONAR_NOTHING = {table.SONAR_NOTHING};  // cm, nothing in range
+constexpr uint8_t RANGES_IN_REPLY = {table.RANGES};
+constexpr int16_t RANGE_INVALID = {table.RANGE_INVALID};  // no echo, or not connected
+constexpr int16_t RANGE_HELD = {table.RANGE_HELD};  // the echo is held high
+constexpr int16_t RANGE_NOTHING = {table.RANGE_NOTHING};  // nothing in range
 constexpr uint8_t HOLD_MARK = {table.HOLD_MARK};  // first byte of a hold text
 constexpr uint8_t MOST_HOLDERS = {table.MOST_HOLDERS};  // that a board accepts at a time
 constexpr uint8_t REASON_COUNT = {reasons};
 constexpr uint8_t PARAMETER_COUNT = {settings};  // of MRL_PARAMETERS
 constexpr uint8_t PIN_FIRST = {settings};  // parameters of MRL_PINS, which only MRL_BRIDGE has
-constexpr uint8_t PIN_COUNT = {pins};
+constexpr uint8_t PIN_COUNT = MRL_MEGA ? {pins} : {pins_328p};
 constexpr int16_t NOT_CONNECTED = {table.NOT_CONNECTED};  // value of a pin
 constexpr uint8_t MODEL_PARAMETER_FIRST = {first};  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = {count};
@@ -57,7 +68,7 @@ enum class Reason : uint8_t {{ MRL_REASONS(MRL_REASON) }};
 
 // Rows of the EEPROM configuration.
 #define MRL_PARAMETER(number, name, ...) name = number,
-enum class Parameter : uint8_t {{ MRL_PARAMETERS(MRL_PARAMETER) MRL_PINS(MRL_PARAMETER) }};
+enum class Parameter : uint8_t {{ MRL_PARAMETERS(MRL_PARAMETER) MRL_PINS(MRL_PARAMETER) MRL_MEGA_PINS(MRL_PARAMETER) }};
 
 // One handler for each request that the build has and that does more than ask; a forgotten one fails to link.
 #define MRL_HANDLER(code, constant, name, ...) void name(const int16_t* args, uint8_t count);
@@ -88,8 +99,10 @@ def header() -> str:
         *_head().splitlines(),
         "",
         *_bits("CAPABILITY", [name for name, _ in table.CAPABILITIES]),
+        *_bits("VIRTUAL_FAULT", [name for name, _ in table.VIRTUAL_FAULTS]),
         *_bits("FAULT", [name for name, _ in table.FAULTS]),
         *_bits("WIRING", [name for name, _ in table.WIRING]),
+        *_bits("INPUT", table.INPUTS),
         "// What started the board.",
         *_enum("ResetCause", _numbered(table.RESET_CAUSES)),
         "// Why the motors were last stopped.",
@@ -115,6 +128,7 @@ def _head() -> str:
         reasons=len(table.REASONS),
         settings=len(table.SETTINGS),
         pins=len(table.PINS),
+        pins_328p=table.PINS_328P,
         first=robots.BOARD_KEYS[0],
         count=len(robots.BOARD_KEYS),
     )
@@ -131,7 +145,8 @@ def _numbered(names: Iterable[str]) -> Iterable[Tuple[str, int]]:
 
 
 def _bits(prefix: str, names: Sequence[str]) -> List[str]:
-    return [f"constexpr int16_t {prefix}_{name.upper()} = {1 << i};" for i, name in enumerate(names)] + [""]
+    bits = [1 << i if i < 15 else -(1 << i) for i in range(len(names))]
+    return [f"constexpr int16_t {prefix}_{name.upper()} = {bit};" for name, bit in zip(names, bits)] + [""]
 
 
 def _request_rows() -> List[str]:
@@ -148,7 +163,11 @@ def _request_rows() -> List[str]:
         first += most
     return [
         *_TOP.strip()
-        .format(all=table.PARAMETERS[-1].number, settings=table.SETTINGS[-1].number)
+        .format(
+            all=table.PARAMETERS[-1].number,
+            both=table.PINS[table.PINS_328P - 1].number,
+            settings=table.SETTINGS[-1].number,
+        )
         .splitlines(),
         *_macro("MRL_COMMANDS(REQUEST, QUERY, NO_REQUEST)", rows),
     ]
@@ -192,7 +211,9 @@ def _parameter_rows() -> List[str]:
         "// number, name, lowest and highest value",
         *_macro("MRL_PARAMETERS(PARAMETER)", _ranges(table.SETTINGS)),
         "// the same of the wiring",
-        *_macro("MRL_PINS(PARAMETER)", _ranges(table.PINS)),
+        *_macro("MRL_PINS(PARAMETER)", _ranges(table.PINS[: table.PINS_328P])),
+        "// those that only a Mega has",
+        *_macro("MRL_MEGA_PINS(PARAMETER)", _ranges(table.PINS[table.PINS_328P :])),
         "// lowest and highest robot id, then the parameters from axis_radius on: "
         + ", ".join(m.name for m in models),
         *_macro("MRL_MODELS(MODEL)", rows),

@@ -121,10 +121,12 @@ def reference() -> str:
 
 def _bits_and_rows() -> Iterator[str]:
     yield _table(("capability (29)", "bit", "meaning"), _bit_cells(table.CAPABILITIES))
+    yield _table(("virtual fault (parameter 28)", "bit", "meaning"), _bit_cells(table.VIRTUAL_FAULTS))
     yield _table(("fault (30)", "bit", "meaning"), _bit_cells(table.FAULTS))
     yield _table(("value", "bridge (parameter 19)"), _numbered(zip(table.BRIDGES)))
     yield _table(("wiring (parameter 20)", "bit", "meaning"), _bit_cells(table.WIRING))
     yield _table(("value", "wiring problem (51)", "meaning"), _numbered(table.WIRING_PROBLEMS))
+    yield _table(("input (59)", "bit"), _bit_cells(zip(table.INPUTS)))
     yield _table(("value", "reset cause (30)"), _numbered(zip(table.RESET_CAUSES)))
     yield _table(("value", "stop reason (30)"), _numbered(zip(STOP_REASONS)))
     yield _table(("value", "hold state (49)", "meaning"), _numbered(table.HOLD_STATES))
@@ -173,8 +175,8 @@ def _defaults() -> str:
     return _table(heads, rows) + "\n" + others
 
 
-def _bit_cells(rows: Sequence[Tuple[str, str]]) -> List[Tuple[str, ...]]:
-    return [(name, str(1 << i), text) for i, (name, text) in enumerate(rows)]
+def _bit_cells(rows: Iterable[Tuple[str, ...]]) -> List[Tuple[str, ...]]:
+    return [(name, str(1 << i), *text) for i, (name, *text) in enumerate(rows)]
 
 
 def _numbered(rows: Iterable[Tuple[str, ...]]) -> List[Tuple[str, ...]]:

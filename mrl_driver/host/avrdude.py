@@ -51,8 +51,8 @@ _EXPLANATIONS: Tuple[Tuple[str, Type[MrlError], str], ...] = (
     (
         "not in sync|not responding",
         NotARobot,
-        "no bootloader answers at {port} (not in sync): check that it is an Arduino {board}, unplug everything "
-        "from D0 and D1 (such as an XBee shield), press reset and try again",
+        "no bootloader answers at {port} (not in sync): check that it is an Arduino Uno, Nano or Mega, unplug "
+        "everything from D0 and D1 (such as an XBee shield), press reset and try again",
     ),
     (
         "timeout|timed out",

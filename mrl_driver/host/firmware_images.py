@@ -4,28 +4,38 @@ import os
 from typing import Dict
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560
 
+HBRIDGE = "hbridge"
+"""The build for motors on an H-bridge, and encoders on the Arduino's pins: for Uno, Nano and Mega."""
+VIRTUAL = "virtual"
+"""The build for a bare board, which calculates a robot; for the same boards."""
 BUILDS: Dict[str, str] = {
     "sonar": "mrl_firmware",
     "environment": "mrl_firmware_environment",
     "xbee": "mrl_firmware_xbee",
-    "hbridge": "mrl_firmware_hbridge",
+    HBRIDGE: "mrl_firmware_hbridge",
+    VIRTUAL: "mrl_firmware_virtual",
 }
 """Firmware builds and the names of their images."""
+_OF_CHIP = {ATMEGA328P.name: "", ATMEGA2560.name: "_mega"}
+"""What is behind the name of an image."""
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _CHECKOUT = os.path.join(os.path.dirname(_PACKAGE), "build", "firmware")
 _PACKAGED = os.path.join(_PACKAGE, "images")
 
 
-def image_path(build: str = "sonar") -> str:
-    """Return the path of the image of a build in `BUILDS`; a checkout's own image comes first.
+def image_path(build: str = "sonar", chip: str = ATMEGA328P.name) -> str:
+    """Return the path of the image of a build in `BUILDS` for a chip; a checkout's own image comes first.
 
     ConfigError, which names the remedy, if there is no such build, or its image was neither built nor packaged.
     """
-    if build not in BUILDS:
-        raise ConfigError(f"build is {build!r}, expected {', '.join(BUILDS)}")
+    builds = tuple(BUILDS) if chip == ATMEGA328P.name else (HBRIDGE, VIRTUAL)
+    if build not in builds:
+        raise ConfigError(f"build for the {chip} is {build!r}, expected {', '.join(builds)}")
+    name = BUILDS[build] + _OF_CHIP[chip]
     for folder in (_CHECKOUT, _PACKAGED):
-        path = os.path.join(folder, f"{BUILDS[build]}.hex")
+        path = os.path.join(folder, f"{name}.hex")
         if os.path.isfile(path):
             return path
     remedy = (
@@ -35,4 +45,4 @@ def image_path(build: str = "sonar") -> str:
     checkout = os.path.dirname(_PACKAGE)
     if os.path.isfile(os.path.join(checkout, "Makefile")):
         remedy = f"build it with: make -C {checkout} firmware"
-    raise ConfigError(f"image {BUILDS[build]}.hex is missing; {remedy}")
+    raise ConfigError(f"image {name}.hex is missing; {remedy}")

@@ -5,7 +5,8 @@ The user's YAML file `path()` holds the names:
     lab3: {port: /dev/serial/by-id/usb-Arduino_8543-if00, model: traxbot, baud: 115200, id: 1}
 
 `port` is required.  Without `model` the board's robot id selects the model; without `baud` the baud rate is 115200.
-With `id` a board with another robot id is refused: a port's name may lead to another board tomorrow.
+With `id` a board with another robot id is refused: a port's name may lead to another board tomorrow.  A virtual robot,
+which a bare board calculates, is accepted by a name with `virtual: true` alone, and such a name accepts no real one.
 """
 
 import os
@@ -17,11 +18,11 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.files import replace_file
 from mrl_driver.protocol.table import BAUD, INT16_MAX
 from mrl_driver.robot import models
-from mrl_driver.yaml_form import Text, Whole
+from mrl_driver.yaml_form import Flag, Text, Whole
 
 LOWEST_BAUD, HIGHEST_BAUD = 300, 4_000_000
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,31}")
-_KEYS = ("port", "model", "baud", "id")
+_KEYS = ("port", "model", "baud", "id", "virtual")
 _TEXTS = {"port": "a serial port such as /dev/ttyACM0", "model": "auto, a model or a .yaml file"}
 _HEADER = "# Robots by name; written by: mrl names add\n"
 
@@ -34,6 +35,7 @@ class Target(NamedTuple):
     baud: int = BAUD
     name: str = ""  # name in the user's file; empty if it has none
     id: Optional[int] = None  # robot id of its board; None accepts any
+    virtual: Optional[bool] = None  # whether a board calculates it; None accepts both
 
 
 def path() -> str:
@@ -69,13 +71,14 @@ def require_name(name: Any, where: str = "") -> str:
 
 def _entry(file_name: str, name: str, data: Any) -> Target:
     reader = yaml_file.Reader(file_name)
-    reader.mapping(name, data, "a mapping with port, and optionally model, baud and id")
-    found = {**Target("")._asdict(), **reader.keys(name, data, _KEYS, _KEYS[1:]), "name": name}
+    reader.mapping(name, data, "a mapping with port, and optionally model, baud, id and virtual")
+    found = {**Target("", virtual=False)._asdict(), **reader.keys(name, data, _KEYS, _KEYS[1:]), "name": name}
     for key, expected in _TEXTS.items():
         if not Text(expected).read(reader, f"{name}.{key}", found[key]).strip() or "\0" in found[key]:
             raise reader.fail(f"{name}.{key}", found[key], expected)
     if found["id"] is not None:
         Whole(1, INT16_MAX).read(reader, f"{name}.id", found["id"])
+    Flag().read(reader, f"{name}.virtual", found["virtual"])
     Whole(LOWEST_BAUD, HIGHEST_BAUD).read(reader, f"{name}.baud", found["baud"])
     return Target(**found)
 
@@ -86,7 +89,9 @@ def write(named: Mapping[str, Target]) -> None:
 
     file_name = path()
     data = {
-        name: {key: value for key, value in each._asdict().items() if key in _KEYS and value is not None}
+        name: {
+            key: value for key, value in each._asdict().items() if key in _KEYS and value not in (None, False)
+        }
         for name, each in sorted(named.items())
     }
     try:

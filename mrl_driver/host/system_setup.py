@@ -7,6 +7,7 @@ begin with `MARK` are not changed.
 import contextlib
 import os
 import pwd
+import re
 import shutil
 import subprocess
 import sys
@@ -40,10 +41,16 @@ LATENCY_RULE = """
 # An FTDI chip holds bytes back for 16 ms by default.
 SUBSYSTEM=="usb-serial", DRIVERS=="ftdi_sio", TEST=="latency_timer", ATTR{latency_timer}="1"
 """
+UART_RULE = """
+# The UART on the pins of a Raspberry Pi, if neither Bluetooth nor a login prompt has it.
+SUBSYSTEM=="tty", KERNEL=="ttyAMA0", SYMLINK+="mrl-uart"
+"""
 UNIT_TEXT = """{mark}
 # Runs the ROS node of the robot on /dev/mrl-NAME while it is plugged in:
 # systemctl enable --now mrl-robot@$(systemd-escape NAME)
-# /etc/default/mrl-robot may set ROS_SETUP=/opt/ros/noetic/setup.sh (or a workspace's) and ROS_MASTER_URI=...
+# /etc/default/mrl-robot may set ROS_SETUP=/opt/ros/noetic/setup.sh (or a workspace's), MRL_LAUNCH="robot.launch
+# robot:=traxbot" (launch file, arguments), and for other machines ROS_IP=(address of this one) and ROS_MASTER_URI=...
+# The journal keeps what the nodes print, and rotates.  ROS' own logs are in memory until the unit stops.
 [Unit]
 Description=Robot on /dev/mrl-%I
 BindsTo=dev-mrl\\x2d%i.device
@@ -52,12 +59,16 @@ After=dev-mrl\\x2d%i.device network.target
 [Service]
 User={user}
 SupplementaryGroups={group}
-Environment="MRL_CHECKOUT={checkout}"
+Environment="MRL_CHECKOUT={checkout}" "MRL_LAUNCH={launch} respawn:=true" ROS_IP=127.0.0.1
 EnvironmentFile=-/etc/default/mrl-robot
+RuntimeDirectory=mrl-robot/%i
 # ROS_SETUP replaces ROS_PACKAGE_PATH, so a checkout is added after it.
-ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; \
+ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; export ROS_LOG_DIR="$RUNTIME_DIRECTORY"; \
   [ -z "$MRL_CHECKOUT" ] || export ROS_PACKAGE_PATH="$MRL_CHECKOUT:$ROS_PACKAGE_PATH"; \
-  exec roslaunch mrl_robots robot.launch port:=/dev/mrl-%I'
+  exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'
+# The nodes go before other programs when the processor is busy.
+Nice=-10
+# Stops the robot, also at a shutdown: each node gets the signal, and robot_node stops the motors before it ends.
 KillSignal=SIGINT
 TimeoutStopSec=10
 Restart=on-failure
@@ -76,19 +87,27 @@ def rules() -> str:
         )
         for kind in KINDS
     )
-    return RULES_HEAD.format(mark=MARK, group=GROUP) + "".join(kinds) + LATENCY_RULE
+    return RULES_HEAD.format(mark=MARK, group=GROUP) + "".join(kinds) + LATENCY_RULE + UART_RULE
 
 
-def unit(user: str) -> str:
-    """Return the text of the unit, which runs as `user`; in a checkout it adds the checkout to ROS_PACKAGE_PATH."""
+def unit(user: str, page: str = "") -> str:
+    """Return the text of the unit, which runs as `user`; in a checkout it adds the checkout to ROS_PACKAGE_PATH.
+
+    `page` is where a page listens, HOST or HOST:PORT; empty for none.  ConfigError if it cannot be an address.
+    """
+    if re.search(r"[^\w.:\[\]-]", page):
+        raise ConfigError(f"page is {page!r}, expected HOST or HOST:PORT, such as 127.0.0.1 or 0.0.0.0:8642")
     checkout = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
     found = os.path.isfile(os.path.join(checkout, "package.xml"))
-    return UNIT_TEXT.format(mark=MARK, user=user, group=GROUP, checkout=checkout if found else "")
+    launch = f"web.launch listen:={page}" if page else "robot.launch"
+    return UNIT_TEXT.format(
+        mark=MARK, user=user, group=GROUP, checkout=checkout if found else "", launch=launch
+    )
 
 
-def files(user: str) -> Dict[str, str]:
+def files(user: str, page: str = "") -> Dict[str, str]:
     """Return the files that `install` writes: paths relative to the root, and texts."""
-    return {RULES: rules(), UNIT: unit(user)}
+    return {RULES: rules(), UNIT: unit(user, page)}
 
 
 def commands(user: str, installing: bool) -> List[List[str]]:
@@ -118,13 +137,14 @@ def mask_brltty() -> List[str]:
     return run([["systemctl", "mask", "--now", *brltty_units()]])
 
 
-def install(user: str, root: str = "/") -> List[str]:
+def install(user: str, root: str = "/", page: str = "") -> List[str]:
     """Write the files; if `root` is this machine's own, make them take effect.  Return one line per action.
 
-    ConfigError if the user does not exist, another program's file has the same name, or a file cannot be written.
+    ConfigError if the user does not exist, `page` is not an address, another program's file has the same name, or a
+    file cannot be written.
     """
     require_user(user, root)
-    paths = {os.path.join(root, name): text for name, text in files(user).items()}
+    paths = {os.path.join(root, name): text for name, text in files(user, page).items()}
     for path in paths:
         _require_ours(path)
     for path, text in paths.items():

@@ -10,7 +10,7 @@ from collections import deque
 from typing import Deque, Dict, List, Mapping, Optional, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
-from mrl_driver.robot.models import Limits, SonarMount
+from mrl_driver.robot.models import Limits, SonarMount, cycle_s
 from mrl_driver.robot.sonar import FARTHEST_M
 
 from .occupancy_grid import FloorMap, Point
@@ -38,8 +38,10 @@ REPLAN_S, AGAIN_S = 0.5, 2.0
 # Give up when the robot has not come this much closer to the goal, or turned further to its yaw, for this long, unless
 # the caller says otherwise.
 PROGRESS_M, PATIENCE_S = 0.1, 60.0
+SECTORS_DEG = ((20.0, 110.0), (-20.0, 20.0), (-110.0, -20.0))
+"""Left, front and right of the robot, as directions of sonars."""
 BLIND_S = 1.0
-"""The robot stops if a sonar has given no valid reading for this time [s]: three cycles of the sonars."""
+"""The robot stops if a sonar has given no valid reading for this time [s], or for three rounds of its sonars."""
 
 
 class GoalSeeker:
@@ -59,7 +61,7 @@ class GoalSeeker:
         look_rad: float = math.inf,
     ) -> None:
         self._goal, self._limits, self._patience_s = goal, limits, patience_s
-        self._map = FloorMap(sonars)
+        self._sonars, self._map = sonars, FloorMap(sonars)
         self._valid_s: Dict[str, float] = {}
         self._path: List[Point] = []
         self._planned_s = -math.inf
@@ -110,7 +112,8 @@ class GoalSeeker:
         for name, range_m in ranges.items():
             if name not in self._valid_s or not math.isnan(range_m):
                 self._valid_s[name] = now_s
-        self.blind = tuple(name for name, valid_s in self._valid_s.items() if now_s - valid_s > BLIND_S)
+        blind_s = max(BLIND_S, 3 * cycle_s(self._sonars))
+        self.blind = tuple(name for name, valid_s in self._valid_s.items() if now_s - valid_s > blind_s)
 
     @property
     def why(self) -> str:
@@ -163,10 +166,14 @@ class GoalSeeker:
             found = point
         return found
 
+    def _free_m(self, sector_deg: Tuple[float, float]) -> float:
+        """Return the free distance ahead of the sonars that look into a sector."""
+        low, high = sector_deg
+        names = (name for name, mount in self._sonars.items() if low <= mount.yaw_deg <= high)
+        return min((room(self._map.drawn.get(name, (math.nan,))[0]) for name in names), default=FARTHEST_M)
+
     def _approach(self, pose: Pose, target: Point, away_m: float) -> Speeds:
-        front, left, right = (
-            room(self._map.drawn.get(name, (math.nan,))[0]) for name in ("front", "left", "right")
-        )
+        left, front, right = (self._free_m(sector_deg) for sector_deg in SECTORS_DEG)
         error = wrap_angle(math.atan2(target[1] - pose[1], target[0] - pose[0]) - pose[2])
         if abs(error) > TURN_FIRST_RAD:
             if min(left, right) < TIGHT_M and self._came_from_behind(pose, RETREAT_M):

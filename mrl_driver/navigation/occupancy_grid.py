@@ -9,15 +9,14 @@ import math
 from typing import Dict, List, Mapping, Optional, Set, Tuple
 
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.models import SonarMount
-from mrl_driver.robot.sonar import CYCLE_S, FIELD_OF_VIEW_RAD
+from mrl_driver.robot.models import SonarMount, cycle_s
 
 CELL_M = 0.05
 NEAR_M = 0.6  # an echo within this range is drawn; a farther echo only frees the cone up to here [m]
 SURE_M = 0.35  # an echo within this range is accepted at once [m]
 TOO_NEAR_M = 0.1  # assumed range of an object that is too near to be measured [m]
-CLEARED_RAD = 0.7 * FIELD_OF_VIEW_RAD / 2
-"""Ignore "free" readings beyond this angle from the axis: an object at the edge of the cone may give no echo."""
+CLEARED = 0.7
+"""Ignore "free" readings beyond this share of the cone: an object at its edge may give no echo."""
 SCORE = 3  # largest and (negative) smallest score of a cell
 # Distance of the robot's centre from an obstacle [m], and the extra cost of each cell within it [cells].  First zone:
 # the body hardly fits.  Second: it passes but cannot turn.  Third: more clearance is worth a small detour.
@@ -62,10 +61,10 @@ class FloorMap:
 
     def follow(self, pose: Pose, ranges: Mapping[str, float], now_s: float) -> None:
         """Draw the readings (REP 117) that are new: those that changed, and once per cycle also those that did not."""
-        new = {}
+        new, cycle = {}, cycle_s(self._sonars)
         for name, range_m in ranges.items():
             before_m, drawn_s = self.drawn.get(name, (math.nan, -math.inf))
-            if not math.isnan(range_m) and (range_m != before_m or now_s - drawn_s >= CYCLE_S):
+            if not math.isnan(range_m) and (range_m != before_m or now_s - drawn_s >= cycle):
                 self.drawn[name] = range_m, now_s
                 new[name] = range_m
         self.see(pose, new)
@@ -79,10 +78,11 @@ class FloorMap:
 
     def _draw(self, pose: Pose, mount: SonarMount, range_m: float) -> None:
         x, y, yaw = Pose(*pose).compose(*mount.pose)
-        cos, sin, half = math.cos(yaw), math.sin(yaw), FIELD_OF_VIEW_RAD / 2
-        echo = range_m <= NEAR_M
-        edge_m = range_m - CELL_M / 2 if echo else NEAR_M
-        end_m = range_m + CELL_M / 2 if echo else NEAR_M
+        sensor = mount.kind
+        cos, sin, half = math.cos(yaw), math.sin(yaw), sensor.field_of_view_rad / 2
+        echo, free_m = range_m <= NEAR_M, min(NEAR_M, sensor.farthest_m)
+        edge_m = range_m - CELL_M / 2 if echo else free_m
+        end_m = range_m + CELL_M / 2 if echo else free_m
         reach = int(min(range_m, NEAR_M) / CELL_M) + 2
         middle_i, middle_j = cell_of((x, y))
         for i in range(middle_i - reach, middle_i + reach + 1):
@@ -93,7 +93,7 @@ class FloorMap:
                     continue
                 left_m = cos * (at_y - y) - sin * (at_x - x)
                 distance_m, aside = math.hypot(ahead_m, left_m), math.atan2(abs(left_m), ahead_m)
-                if aside > half or (distance_m < edge_m and aside > CLEARED_RAD):
+                if aside > half or (distance_m < edge_m and aside > CLEARED * half):
                     continue
                 if distance_m < edge_m:
                     self._score((i, j), -1)

@@ -22,6 +22,9 @@ class StopReason(str, Enum):
     ENCODER = "encoder"
     UNDERVOLTAGE = "undervoltage"
     HELD = "held"  # another robot holds this one by radio; also the driver's reason
+    BUMPER = "bumper"
+    CLIFF = "cliff"
+    EMERGENCY_STOP = "emergency_stop"  # of a board's input; also of the ROS node and of the page, which latch
     # The driver:
     USER = "user"
     NOT_A_NUMBER = "not_a_number"
@@ -34,8 +37,7 @@ class StopReason(str, Enum):
     LINK_LOST = "link_lost"
     HOST_PAUSED = "host_paused"
     CLOSED = "closed"
-    # The ROS node, and the page's latched stop:
-    EMERGENCY_STOP = "emergency_stop"
+    # The ROS node:
     MOTORS_DISABLED = "motors_disabled"
     MAY_BE_MOVING = "may_be_moving"  # the link to a board without a watchdog was lost while the robot drove
     PROTECTIVE_ZONE = "protective_zone"
@@ -74,5 +76,5 @@ class StopReason(str, Enum):
 
 
 _MEMBERS: Tuple[StopReason, ...] = tuple(StopReason)
-STOP_REASONS = _MEMBERS[: _MEMBERS.index(StopReason.HELD) + 1]
+STOP_REASONS = _MEMBERS[: _MEMBERS.index(StopReason.EMERGENCY_STOP) + 1]
 """Reasons of the board, by their value in its status."""

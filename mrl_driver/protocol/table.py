@@ -4,7 +4,7 @@ The decoder, the encoder, the driver and the emulator read these rows.  `mrl_dri
 firmware's `protocol.h` and into `firmware/PROTOCOL.md`.  Codes 1 to 28 belong to the 2013 boards (firmware of January
 and August 2013); codes from 29 on belong to this project.
 """
-from typing import Dict, NamedTuple, Optional, Tuple
+from typing import Dict, Iterable, List, NamedTuple, Optional, Tuple
 
 INT16_MIN, INT16_MAX = -32768, 32767
 PROTOCOL_VERSION = 2
@@ -27,6 +27,11 @@ SONAR_INVALID = -1
 """Wire value of a sonar that has no reading: not ready yet, missing or saturated."""
 SONAR_NOTHING = 645
 """Wire value [cm] of a sonar that sees nothing: the MB1300's range.  The curve gives it for no ADC count."""
+RANGES = 6
+"""Number of range sensors in a reply; an Uno has pins for three of them."""
+RANGE_INVALID, RANGE_HELD, RANGE_NOTHING = -1, -2, 32767
+"""Wire values of a range sensor: it did not answer, or there is none; its echo is held high; nothing is in range.  One
+that has an echo and no trigger is analog: its values are counts of the converter, or the first of these."""
 
 
 class Field(NamedTuple):
@@ -156,6 +161,12 @@ _SONARS = tuple(
     Field(name, SONAR_INVALID, 1250, "cm", f"{name.capitalize()} sonar; -1 no reading, 645 nothing in range.")
     for name in ("front", "left", "right")
 )
+WHEELS = ("left", "right", "rear_left", "rear_right")
+"""Motors and encoders of an H-bridge board, in the order of its wiring; the last two only with four wheels."""
+_WHEELS = tuple(_int16(name, "count", f"Counter of the {name.replace('_', ' ')} wheel since the start; wraps at 16 "
+                                      "bits; 0 without one. 3, 4 and 14 do not change it.") for name in WHEELS) + (
+    Field("inputs", 0, INT16_MAX, "bits", "Inputs that are active."),) + tuple(
+    Field(f"range_{i}", -2, INT16_MAX, "mm", "As in the reply of 61.") for i in range(1, RANGES + 1))
 _PERCENT = "Share of full speed; positive is forward."
 _MOTORS = (Field("motor_1", -100, 100, "%", "Left motor. " + _PERCENT),
            Field("motor_3", -100, 100, "%", "Right motor. " + _PERCENT))
@@ -171,9 +182,17 @@ _GYRO = tuple(_int16(f"gyro_{axis}", "0.000266462 rad/s", f"Angular rate about t
                                                          "deg/s.") for axis in "xyz")
 _ACCEL = tuple(_int16(f"accel_{axis}", "0.000598551 m/s2", f"Acceleration along the chip's {axis} axis, +1 g if it "
                                                           "points up; 16384 counts per g.") for axis in "xyz")
-_INDEX = Field("index", 0, 44, "", "Row of the parameter table; H-bridge builds alone have rows above 27.")
+_INDEX = Field("index", 0, 86, "", "Row of the parameter table; H-bridge builds alone have rows above 28, and only on "
+                                   "a Mega those above 66.")
 _ROW = Field("parameter", -1, _INDEX.high, "", "Parameter with the problem; -1: none.")
+_SERVO = Field("servo", 1, 6, "", "Servo, by its parameter; an Uno has two, a Mega six.")
 _VALUE = _int16("value", "", "The parameter's value in the unit of its row.")
+INPUTS: Tuple[str, ...] = (
+    "bumper_left", "bumper_right", "bumper_rear", "cliff_left", "cliff_right", "emergency_stop",
+)
+"""Inputs that stop the robot: bits of `read_inputs`."""
+_INPUT_BITS = Field("active", 0, (1 << len(INPUTS)) - 1, "bits", "Sum of the rows of the input table that are active: "
+                                                                "hit, over no floor, pressed.")
 _ADDRESS = tuple(_int16(f"address_{i}", "", f"Bits {16 * i + 15} to {16 * i} of the XBee's 64-bit address.")
                  for i in (3, 2, 1, 0))
 _TEXT = (Field("length", 1, 16, "byte", "Length of the text."),) + tuple(
@@ -236,12 +255,12 @@ _OTHERS: Tuple[Command, ...] = (
     Command(28, "stop_compass_stream", "End the compass stream."),
     Command(29, "read_protocol", "Protocol version and capabilities of the board.", (), (
         Field("protocol", 2, INT16_MAX, "", "Protocol version."),
-        Field("capabilities", 0, INT16_MAX, "bits", "Sum of the rows of the capability table."))),
+        Field("capabilities", INT16_MIN, INT16_MAX, "bits", "Sum of the rows of the capability table, as 16 bits."))),
     Command(30, "read_status", "State of the board: uptime, stops, faults.", (), (
         _count("uptime_high", "Time since reset in units of 32768 s."),
         Field("uptime", 0, INT16_MAX, "s", "Remainder of the time since reset."),
         Field("reset_cause", 0, 4, "", "Row of the reset cause table."),
-        Field("stop_reason", 0, 10, "", "Row of the stop reason table: why motors stopped; none while they turn."),
+        Field("stop_reason", 0, 13, "", "Row of the stop reason table: why motors stopped; none while they turn."),
         Field("faults", 0, INT16_MAX, "bits", "Sum of the rows of the fault table."),
         _count("clamped", "Commands above the speed ceiling."),
         _count("impossible", "Encoder transitions that skip a state; only from H-bridge builds.")), optional_reply=1),
@@ -296,10 +315,45 @@ _OTHERS: Tuple[Command, ...] = (
             capability="hold"),
     Command(50, "release_hold", "Drop the silent holders. The host decides this; time alone never ends a hold.", (),
             (_flag("held", "1: another robot still holds this one."),), guarded=True, capability="hold"),
-    Command(51, "read_wiring", "First problem of the wiring in parameters 19, 20 and 28 to 44.", (), (
-        Field("problem", 0, 10, "", "Row of the wiring problem table."), _ROW,
+    Command(51, "read_wiring", "First problem of the wiring in parameters 19, 20 and from 28 on.", (), (
+        Field("problem", 0, 11, "", "Row of the wiring problem table."), _ROW,
         _ROW._replace(name="other", text="Second parameter that the problem is about; -1: none.")),
-            capability="bridge"),
+            capability="wiring"),
+    Command(52, "set_servo", "Move a servo, from where it is at this speed; the first time at once.", (
+        _SERVO, Field("pulse", 500, 2500, "us", "Length of its pulses at the end."),
+        Field("speed", 0, INT16_MAX, "us/s", "Change of the length of its pulses; 0: at once.")), (
+        _SERVO, Field("pulse", 0, 2500, "us", "Length of its pulses now; 0: it has none.")),
+            guarded=True, capability="wiring"),
+    Command(53, "read_board", "Chip, and what its wiring connects.", (), (
+        Field("chip", 328, 2560, "", "328: ATmega328P of an Uno or Nano; 2560: ATmega2560 of a Mega."),
+        Field("motors", 0, 4, "", "Motors of the wiring in force: 0, 2 or 4."),
+        Field("encoders", 0, 2, "", "Channels of each encoder; 0: none.")) + tuple(
+            Field(name, 0, INT16_MAX, "bits", f"Those {name} that are connected.") for name in (
+                "ranges", "inputs", "servos")), capability="wiring"),
+    Command(54, "read_wheels", "Read the counter of each wheel, the inputs and the ranges.", (), _WHEELS, stamped=True,
+            capability="wiring"),
+    Command(55, "start_wheel_stream", "Repeat the reply of 54 until stopped.", _PERIOD, optional=1, repeats=54,
+            capability="wiring"),
+    Command(56, "stop_wheel_stream", "End the stream of 55."),
+    Command(57, "move_twist", "Drive in any direction; clamped to the board's ceiling. Only mecanum wheels move "
+                              "sideways.", (
+        _int16("forward", "mm/s", "Forward speed."), _int16("left", "mm/s", "Speed to the left."),
+        _int16("angular", "mrad/s", "Yaw rate, counter-clockwise.")), turns=True, capability="wiring"),
+    Command(58, "move_wheels", "Turn each motor without speed control, on boards with four.", tuple(
+        Field(name, -100, 100, "%", _PERCENT) for name in WHEELS), turns=True, capability="wiring"),
+    Command(59, "read_inputs", "Bumpers, cliff sensors, and the input of an emergency stop.", (), (
+        _INPUT_BITS, _flag("latched", "1: the emergency stop was active, and has not been released."),
+        _INPUT_BITS._replace(name="connected", text="Those that have a pin.")),
+            capability="wiring"),
+    Command(60, "release_emergency", "Release the emergency stop, unless its input is still active.", (),
+            (_flag("latched", "1: it is still latched."),), guarded=True, capability="wiring"),
+    Command(61, "read_ranges", "Read the range sensors.", (), tuple(
+        Field(f"range_{i}", RANGE_HELD, RANGE_NOTHING, "mm", f"Distance by the HC-SR04 at pins range_{i}; -1 no echo "
+              "or not connected, -2 echo held high, 32767 nothing in range. Without a trigger: ADC count of an analog "
+              "sensor, 0 to 1023, or -1.") for i in range(1, RANGES + 1)), capability="wiring"),
+    Command(62, "read_virtual_pose", "Where the calculated robot is in its room.", (), (
+        _int16("x", "mm", "From the left wall."), _int16("y", "mm", "From the lower wall."),
+        _int16("heading", "mrad", "Counter-clockwise from x, -3142 to 3142.")), capability="virtual"),
 )
 COMMANDS: Tuple[Command, ...] = tuple(sorted(_OTHERS + tuple(row.command for row in SENSORS)))
 
@@ -332,13 +386,27 @@ CAPABILITIES: Tuple[Tuple[str, str], ...] = (
     ("no_temperature", "The motors' temperature is not measured; 5 reports 0."),
     ("imu", "An IMU has answered since the start (46 to 48)."),
     ("hold", "Other robots can hold this one by radio (49, 50)."),
+    ("wiring", "Pins are parameters (51), servos (52), each wheel, a twist (53 to 58), inputs, ranges (59 to 61)."),
+    ("virtual", "No robot: the board calculates one that drives in a room (62)."),
+)
+VIRTUAL_FAULTS: Tuple[Tuple[str, str], ...] = (
+    ("left_slips", "The left wheels turn, and the robot does not follow them."),
+    ("right_slips", "The same on the right."),
+    ("left_blocked", "The left wheels do not turn."),
+    ("right_blocked", "The same on the right."),
+    ("left_encoder_silent", "The left encoders do not count."),
+    ("right_encoder_silent", "The same on the right."),
+    ("front_sonar_dead", "The front sonar measures nothing."),
+    ("left_sonar_dead", "The same of the left one."),
+    ("right_sonar_dead", "The same of the right one."),
+    ("battery_sags", "The battery has 9 V."),
 )
 FAULTS: Tuple[Tuple[str, str], ...] = (
     ("motor_board", "The motor board does not answer."),
     ("bus_hung", "The I2C bus hangs."),
     ("eeprom", "The EEPROM configuration was damaged; the model's defaults are in force."),
     ("id_unset", "No robot id is set."),
-    ("sensor", "An environment sensor does not answer."),
+    ("sensor", "An environment sensor does not answer, or the echo of an HC-SR04 is held high."),
     ("wiring", "The bridge or its wiring is not set; the board refuses to move."),
     ("imu", "The IMU has answered, and does not any more."),
 )
@@ -353,19 +421,25 @@ WIRING: Tuple[Tuple[str, str], ...] = (
     ("left_encoder_reversed", "The left wheel's encoder counts down when the wheel turns forward."),
     ("right_encoder_reversed", "The same for the right wheel's encoder."),
     ("single_channel", "The encoders have channel A only; the direction is that of the command."),
+    ("rear_left_motor_reversed", "The rear left wheel's motor turns backward when it is driven forward."),
+    ("rear_right_motor_reversed", "The same for the rear right wheel's motor."),
+    ("rear_left_encoder_reversed", "The rear left wheel's encoder counts down when the wheel turns forward."),
+    ("rear_right_encoder_reversed", "The same for the rear right wheel's encoder."),
 )
-"""Bits of parameter 20.  Each wheel's bits apply after the swaps: they belong to what drives or measures that wheel."""
+"""Bits of parameter 20.  Each wheel's bits apply after the swaps: they belong to what drives or measures that wheel.
+Motors and encoders of four wheels are swapped by their pins instead."""
 WIRING_PROBLEMS: Tuple[Tuple[str, str], ...] = (
     ("none", "The board accepts the wiring."),
-    ("not_connected", "The bridge or the encoder needs this pin."),
+    ("not_connected", "The bridge, the encoder or the HC-SR04 needs this pin."),
     ("no_such_pin", "The chip does not have this pin."),
     ("serial_pin", "The serial link has D0 and D1."),
     ("pin_used_twice", "Another function has the same pin."),
     ("no_pwm", "The function needs PWM, and no timer makes it on this pin."),
-    ("led_pin", "The bootloader moves this pin, with the LED, and the motor could turn."),
-    ("no_interrupt", "An encoder needs a pin with an interrupt, and without an LED."),
-    ("no_analog", "The function needs an analog input."),
+    ("led_pin", "The bootloader moves this pin, with the LED: a motor could turn, a switch would short it."),
+    ("no_interrupt", "An encoder needs a pin with an interrupt, and without an LED; an echo needs one, too."),
+    ("no_analog", "The function needs an analog input, as a range without a trigger does."),
     ("bus_pin", "The I2C bus is in use and has this pin."),
+    ("no_servo", "Servo pulses need an output of a 16-bit timer that makes no PWM for a motor."),
     ("no_clock", "The board's clock needs the timer of this pin."),
 )
 """Problems of a wiring, in the order of their tests.  The board reports the first one and refuses every motion."""
@@ -411,7 +485,7 @@ SETTINGS: Tuple[Parameter, ...] = (
     Parameter(17, "bus_stop", 0, 1, "", "1: stop and start between the register and the read, for old motor boards."),
     Parameter(18, "full_speed", 1, 1000, "1/min", "Turns of a wheel at 100 %; applies the ceilings to 43."),
     Parameter(19, "bridge", 0, len(BRIDGES) - 1, "", "Row of the bridge table; 0 is not set.", "bridge"),
-    Parameter(20, "wiring", 0, 255, "bits", "Sum of the rows of the wiring table; 0 is not set.", "bridge"),
+    Parameter(20, "wiring", 0, 4095, "bits", "Sum of the rows of the wiring table; 0 is not set.", "bridge"),
     Parameter(21, "stop_mode", 0, 1, "", "How the H-bridge stops: 0 brakes, 1 lets the wheels coast.", "bridge"),
     Parameter(22, "reversal_pause", 0, 1000, "ms", "Time without drive before a wheel changes direction.", "bridge"),
     Parameter(23, "friction_duty", 0, 500, "0.1 %", "Duty at which a wheel begins to turn.", "bridge"),
@@ -423,25 +497,68 @@ SETTINGS: Tuple[Parameter, ...] = (
               "hold"),
     Parameter(27, "plain_calibrate", 0, 1, "", "1: until the host turns checksums on, 1 needs none, as in 2013. One "
                                                "damaged byte of 5, 13 or 19 may then become 1.", "omni"),
+    Parameter(28, "virtual_faults", 0, 1023, "bits", "Sum of the rows of the table of virtual faults.", "virtual"),
 )
 """The parameters that every build stores."""
 NOT_CONNECTED = -1
 """Value of a pin that leads nowhere."""
-PINS: Tuple[Parameter, ...] = tuple(
-    Parameter(len(SETTINGS) + i, f"pin_{name}", NOT_CONNECTED, 69, "", f"Arduino pin of {text}; -1: not connected.",
-              "bridge")
-    for i, (name, text) in enumerate((
-        ("left_pwm_a", "PWM_A of motor 1"), ("left_pwm_b", "PWM_B of motor 1"), ("left_logic", "LOGIC of motor 1"),
-        ("right_pwm_a", "PWM_A of motor 3"), ("right_pwm_b", "PWM_B of motor 3"), ("right_logic", "LOGIC of motor 3"),
-        ("left_encoder_a", "channel A of encoder 1"), ("left_encoder_b", "channel B of encoder 1"),
-        ("right_encoder_a", "channel A of encoder 3"), ("right_encoder_b", "channel B of encoder 3"),
+
+
+def _pins(rows: Iterable[Tuple[str, str]]) -> Tuple[Tuple[str, int, int, str], ...]:
+    return tuple((f"pin_{name}", NOT_CONNECTED, 69, f"Arduino pin of {text}; -1: not connected.")
+                 for name, text in rows)
+
+
+def _motor_pins(side: str, number: int) -> List[Tuple[str, str]]:
+    return [(f"{side}_{wire.lower()}", f"{wire} of motor {number}") for wire in ("PWM_A", "PWM_B", "LOGIC")]
+
+
+def _encoder_pins(side: str, number: int) -> List[Tuple[str, str]]:
+    return [(f"{side}_encoder_{each.lower()}", f"channel {each} of encoder {number}") for each in "AB"]
+
+
+def _range_pins(*numbers: int) -> List[Tuple[str, str]]:
+    texts = {"trigger": "the trigger of HC-SR04 {}", "echo": "the echo of HC-SR04 {0}, or of analog range sensor {0}"}
+    return [(f"range_{i}_{pin}", text.format(i)) for i in numbers for pin, text in texts.items()]
+
+
+_ON_BOTH_CHIPS = (
+    *_pins((
+        *_motor_pins("left", 1), *_motor_pins("right", 3), *_encoder_pins("left", 1), *_encoder_pins("right", 3),
         ("sonar_front", "the front sonar's output"), ("sonar_left", "the left sonar's output"),
         ("sonar_right", "the right sonar's output"), ("sonar_trigger", "the sonars' trigger"),
         ("sonar_power", "the sonars' power switch"), ("battery", "the battery's divider"),
-    ))
-) + (Parameter(44, "i2c", 0, 1, "", "1: the I2C bus has its two pins.", "bridge"),)
+        ("enable_1", "an enable, such as STBY of a TB6612"), ("enable_2", "a second enable"),
+    )),
+    ("i2c", 0, 1, "1: the I2C bus has its two pins."),
+    *_pins((("servo_1", "servo 1"), ("servo_2", "servo 2"))),
+    ("servo_release", 0, 1, "What servos do after 2 s without a frame of the host; 0: they stay where they "
+                            "are, 1: they get no pulses."),
+    ("no_encoders", 0, 1, "1: the motors have no encoders, and turn by their duty alone."),
+    *_pins((
+        ("bumper_left", "the bumper at the front left"), ("bumper_right", "the bumper at the front right"),
+        ("bumper_rear", "the bumper at the rear"), ("cliff_left", "the cliff sensor at the front left"),
+        ("cliff_right", "the cliff sensor at the front right"),
+        ("emergency_stop", "the emergency stop, closed to ground until it is pressed"),
+    )),
+    ("bumpers_high", 0, 1, "1: bumpers read high when they are hit, 0: low."),
+    ("cliffs_low", 0, 1, "1: cliff sensors read low where there is no floor, 0: high."),
+    *_pins(_range_pins(1, 2, 3)),
+    ("air_temperature", -40, 60, "Air temperature [degC]; sound has 331.3 + 0.606 T m/s."),
+)
+_ON_THE_MEGA = _pins((
+    *_motor_pins("rear_left", 2), *_motor_pins("rear_right", 4),
+    *_encoder_pins("rear_left", 2), *_encoder_pins("rear_right", 4),
+    *((f"servo_{number}", f"servo {number}") for number in range(3, 7)), *_range_pins(4, 5, 6),
+))
+PINS: Tuple[Parameter, ...] = tuple(
+    Parameter(len(SETTINGS) + i, name, low, high, "", text, "bridge")
+    for i, (name, low, high, text) in enumerate((*_ON_BOTH_CHIPS, *_ON_THE_MEGA))
+)
 """The parameters of the wiring, which H-bridge builds store apart from the others.  A0 is 14 on the Uno and 54 on the
 Mega."""
+PINS_328P = len(_ON_BOTH_CHIPS)
+"""Number of the first rows of `PINS` that the ATmega328P has; the ATmega2560 has all."""
 PARAMETERS: Tuple[Parameter, ...] = SETTINGS + PINS
 PARAMETER_BY_NAME: Dict[str, Parameter] = {row.name: row for row in PARAMETERS}
 

@@ -8,7 +8,7 @@ from mrl_driver.protocol import Direction, Event, Frame, FrameDecoder, Garbage
 LINE_BYTES = 12  # a line of the file takes about this many bytes besides its data
 _OTHER_FORM = ("bad_check", "argument_count")
 """Garbage of these reasons may be a frame with a checksum, or without one, unlike the frames before it."""
-_PIECE = re.compile(rb"[^e]*e|[^e]+")
+_PIECE = re.compile(rb"[^e]*e\s*|[^e]+")
 
 
 class FrameReader:
@@ -27,22 +27,21 @@ class FrameReader:
         decoder = self.decoder
         decoder.checked = decoder.checked if checked is None else checked
         found: List[Tuple[Event, bytes]] = []
-        for piece in [data] if data.count(b"e") < 2 else _PIECE.findall(data):
+        for piece in _PIECE.findall(data):
             whole = decoder.pending + piece
             for event in decoder.feed(piece):
                 if turned and isinstance(event, Garbage) and event.reason in _OTHER_FORM:
                     event = self._reread(event)
                 if isinstance(event, Frame):
-                    end = whole.rindex(b"e") + 1
-                    found.append((event, whole[whole.rindex(b"@", 0, end) : end]))
+                    found.append((event, whole[whole.rindex(b"@") :].rstrip()))
                 else:
                     found.append((event, event.data))
         return found
 
     def _reread(self, garbage: Garbage) -> Event:
         checked = not self.decoder.checked
-        found = FrameDecoder(self._direction, checked).feed(garbage.data)
-        if len(found) != 1 or not isinstance(found[0], Frame):
-            return garbage
-        self.decoder.checked = checked
-        return found[0]
+        for event in FrameDecoder(self._direction, checked).feed(garbage.data):
+            if isinstance(event, Frame):
+                self.decoder.checked = checked
+                return event
+        return garbage

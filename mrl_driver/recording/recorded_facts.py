@@ -16,8 +16,8 @@ from mrl_driver.robot import models, wiring
 from mrl_driver.robot.chips import CHIPS
 from mrl_driver.robot.covariance import Spread, is_covariance
 from mrl_driver.robot.heading import KnownBias
-from mrl_driver.robot.models import Drive, RobotModel, kind_of
-from mrl_driver.robot.models.drives import DIFFERENTIAL, NONE
+from mrl_driver.robot.models import RobotModel, kind_of
+from mrl_driver.robot.models.drives import DIFFERENTIAL, NONE, TRACKED
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.session import Session
 
@@ -42,9 +42,14 @@ def model_text(model: RobotModel) -> str:
     if not model.drives:
         return exact_json({"name": model.name, "ids": model.ids, "drive": NONE, "build": models.ENVIRONMENT})
     document: Dict[str, Any] = model._asdict()
-    kind = DIFFERENTIAL if isinstance(model.drive, Drive) else kind_of(model.drive)
+    usual = models.SonarMount._field_defaults
+    kind = kind_of(model.drive)
+    kind = DIFFERENTIAL if kind == TRACKED else kind
     document["drive"] = {"kind": kind, **model.drive._asdict()}
-    document["sonars"] = {name: mount._asdict() for name, mount in model.sonars.items()}
+    document["sonars"] = {
+        name: {key: value for key, value in mount._asdict().items() if value != usual.get(key)}
+        for name, mount in model.sonars.items()
+    }
     for name in ("limits", "body", "battery", "noise", "imu", "laser"):
         document[name] = document[name]._asdict()
     if not model.build:
@@ -76,7 +81,7 @@ def session_text(session: Session, board: Board, stamp_s: float, bias: Optional[
             last.code, *last.args, stamp=last.stamp, checked=checked and last.stamp is not None
         )
     found = {"board": facts, "stream": session.stream_code, "checked": checked}
-    return exact_json({**found, "stamp_s": stamp_s, "frame": frame.decode("ascii"), "bias": bias})
+    return exact_json({**found, "stamp_s": stamp_s, "frame": frame.decode(), "bias": bias})
 
 
 def _bias_of(found: Any) -> Optional[KnownBias]:
@@ -104,7 +109,7 @@ def session_of(text: str) -> Optional[Joined]:
         if not all(isinstance(each, str) for each in capabilities) or type(checked) is not bool:
             return None
         board = Board(**whole, **numbers, capabilities=frozenset(capabilities))
-        stamp_s, frame = float(found["stamp_s"]), str(found["frame"]).encode("ascii")
+        stamp_s, frame = float(found["stamp_s"]), str(found["frame"]).encode()
         frames = FrameDecoder(REPLIES, checked).feed(frame)
         last = next((event for event in frames if isinstance(event, Frame) and event.code == stream), None)
         last = last if math.isfinite(stamp_s) else None

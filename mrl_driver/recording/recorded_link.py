@@ -65,6 +65,10 @@ class DriverRecording:
     else is called by one thread at a time.  Times are those of the driver's clock [s].
     """
 
+    due: bool  # a recording was started or stopped, and the link in use is still the one before
+    _serving: bool
+    """The driver itself records the bytes that it has read, with the time that it uses."""
+
     def __init__(
         self,
         port: str,
@@ -79,13 +83,10 @@ class DriverRecording:
         self.recorder: Optional[Recorder] = None  # the file that is written; None without one
         self._written: Optional[Recorder] = None
         """The recorder after its first remarks: what is read and written goes there."""
-        self._serving = False
-        """The driver itself records the bytes that it has read, with the time that it uses."""
         self._turn_s: Optional[float] = None  # time of the driver's last turn; None before the first
         self._checked: Optional[bool] = None
         self._model: Optional[RobotModel] = None
         self._stops = 0
-        self.due = False  # a recording was started or stopped, and the link in use is still the one before
 
     def create(self, path: str) -> Recorder:
         """Create a file for `use`, on any thread; raise ConfigError if that is not possible."""
@@ -141,7 +142,7 @@ class DriverRecording:
     def _begin(self, port: str) -> None:
         self.due, self._checked, self._model, self._written = False, None, None, self.recorder
         self._serving = False
-        self.remark(recording.OPENED + port.encode("utf-8", "replace"))
+        self.remark(recording.OPENED + port.encode(errors="replace"))
 
     def _tapped(self, link: Link) -> Link:
         return link if self.idle else RecordedLink(link, self._add)

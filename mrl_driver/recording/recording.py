@@ -187,11 +187,11 @@ class Recorder:
     def _line(self, entry: Entry) -> str:
         """The entry as a line, not before the last one: the time of an entry that missed its turn is moved."""
         self._written_s = max(self._written_s, entry.time_s)
-        text = codecs.escape_encode(entry.data)[0].decode("ascii")
+        text = codecs.escape_encode(entry.data)[0].decode()
         return f"{self._written_s:.6f} {entry.direction} {text}\n"
 
     def _write(self, text: str, lines: int) -> None:
-        data = (("\n" if self._torn else "") + text).encode("ascii")
+        data = (("\n" if self._torn else "") + text).encode()
         try:
             done = os.write(self._fd, data)
             self._torn = done < len(data)
@@ -249,7 +249,7 @@ class Recording:
                 raise ConfigError(f"cannot read {path!r}: it is {what}")
         self.header: Dict[str, Any] = {}
         skipped = len(text) - len(text.lstrip(_BLANK))
-        self._line = text.count(b"\n", 0, skipped) + 1
+        self._line = text[:skipped].count(b"\n") + 1
         line = text[skipped:].partition(b"\n")[0]
         self._damage = self._read_header(line)
         if self._damage and not _ENTRY.search(text):
@@ -262,7 +262,7 @@ class Recording:
 
     def _read_header(self, line: bytes) -> str:
         """Read the header; return what is wrong with it, and all that can be read without it is read."""
-        magic, _, rest = line.decode("latin-1").strip().partition(" ")
+        magic, _, rest = line.decode(errors="replace").strip().partition(" ")
         version, _, header = rest.partition(" ")
         if magic != _MAGIC or not _NUMBER.fullmatch(version):
             return f"got {line[:40]!r}, expected '{_MAGIC} {VERSION} ...'"
@@ -270,14 +270,12 @@ class Recording:
             raise ConfigError(
                 f"{self.path}:{self._line}: recording version {version}, expected at most {VERSION}: update mrl-driver"
             )
-        try:
+        with contextlib.suppress(ValueError, RecursionError):
             found = json.loads(header or "{}")
-        except (ValueError, RecursionError):
-            found = None
-        if not isinstance(found, dict):
-            return f"the header {header[:40]!r} is damaged, expected a JSON object"
-        self.header = found
-        return ""
+            if isinstance(found, dict):
+                self.header = found
+                return ""
+        return f"the header {header[:40]!r} is damaged, expected a JSON object"
 
     @property
     def start_us(self) -> int:

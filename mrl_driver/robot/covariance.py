@@ -124,7 +124,7 @@ class Uncertainty:
         after: Pose,
         wheels_m: Sequence[float],
         turn_rad: float,
-        dt_s: float = 0.0,
+        dt_s: float,
         gyro: Optional[HeadingFilter] = None,
     ) -> None:
         """Process a step of the odometry that takes `dt_s` and turns by `turn_rad`; `gyro` is the filter of that angle.
@@ -251,19 +251,18 @@ class Uncertainty:
         )
 
 
-class OmniUncertainty(Uncertainty):
-    """The covariance of pose and twist of a base with three omni wheels, each with its own constant scale."""
+class WheelUncertainty(Uncertainty):
+    """The covariance of pose and twist of a base with three or four wheels, each with its own constant scale."""
 
     def __init__(self, model: RobotModel, start: Spread = AT_START, exact_time: bool = True) -> None:
         self._kinematics = kinematics_of(model.base)
-        units = [self._kinematics.step([float(at == each) for at in range(3)]) for each in range(3)]
-        self._columns = [(unit.forward, unit.left, unit.turn) for unit in units]
+        self._columns = self._kinematics.columns
         super().__init__(model, start, exact_time)
 
     def _wheel_variances(self) -> List[float]:
-        return [
-            self._noise.wheel_ratio_sd**2 / 2
-        ] * 3  # the ratio of two wheels has twice the variance of one
+        wheels = len(self._kinematics.wheels)
+        on_a_side = wheels // 2  # the ratio of both sides has twice the variance of one, which is a mean
+        return [self._noise.wheel_ratio_sd**2 / 2 * on_a_side] * wheels
 
     def _rounding_of(self, counter_m2: float) -> Variances:
         forward, left, turn = (sum(column[axis] ** 2 for column in self._columns) for axis in range(3))
@@ -275,7 +274,7 @@ class OmniUncertainty(Uncertainty):
         after: Pose,
         wheels_m: Sequence[float],
         turn_rad: float,
-        dt_s: float = 0.0,
+        dt_s: float,
         gyro: Optional[HeadingFilter] = None,
     ) -> None:
         """As `Uncertainty.update`."""
@@ -335,9 +334,11 @@ class OmniUncertainty(Uncertainty):
         if gyro is not None:
             angular = gyro.noise_rad2_s / dt_s + gyro.bias_variance + self._gyro_variance * angular2
         else:
-            bend = sum((column[2] * way_m) ** 2 for column, way_m in zip(self._columns, wheels_m))
-            angular += (self._turn_variance + clock) * angular2 + self._constants[1] * bend * per_s2
-        found = linear + share * moved.forward**2, angular, lateral + share * moved.left**2
+            wheels = zip(self._constants[1:], self._columns, wheels_m)
+            bend = sum(variance * (column[2] * way_m) ** 2 for variance, column, way_m in wheels)
+            angular += (self._turn_variance + clock) * angular2 + bend * per_s2
+        lateral = lateral + share * moved.left**2 if self._kinematics.sideways else SIDEWAYS_M2_S2
+        found = linear + share * moved.forward**2, angular, lateral
         return tuple(  # type: ignore[return-value]
             before + NEWEST * (now - before) for before, now in zip(self.variances, found)
         )
@@ -359,12 +360,10 @@ def _carried(random: Spread, dx: float, dy: float, of_step: Spread) -> Spread:
 
 
 def is_covariance(spread: Spread) -> bool:
-    """Return whether these can be the variances and covariances of a pose; a variance may be zero.
+    """Return whether these finite numbers can be the variances and covariances of a pose; a variance may be zero.
 
     Variances are at most `LARGEST_VARIANCE`.
     """
-    if len(spread) != 6 or not all(map(math.isfinite, spread)):
-        return False
     xx, xy, xt, yy, yt, tt = spread
     if min(xx, yy, tt) < 0.0 or max(xx, yy, tt) > LARGEST_VARIANCE:
         return False
@@ -374,18 +373,3 @@ def is_covariance(spread: Spread) -> bool:
         all(each * each <= (1 + TOLERANCE) * a * b for each, a, b in pairs)
         and determinant >= -TOLERANCE * xx * yy * tt
     )
-
-
-def error_squared(spread: Spread, dx_m: float, dy_m: float, dyaw_rad: float) -> float:
-    """Return the normalised estimation error squared (NEES) of a pose error; its mean is 3 if `spread` is right.
-
-    Raise ValueError if the covariance has no inverse.
-    """
-    xx, xy, xt, yy, yt, tt = spread
-    a, b, c = yy * tt - yt * yt, xt * yt - xy * tt, xy * yt - xt * yy
-    d, e, f = xx * tt - xt * xt, xy * xt - xx * yt, xx * yy - xy * xy
-    determinant = xx * a + xy * b + xt * c
-    if not determinant > 0.0:
-        raise ValueError(f"{spread} has no inverse, expected a covariance")
-    x, y, t = dx_m, dy_m, dyaw_rad
-    return (x * x * a + y * y * d + t * t * f + 2 * (x * y * b + x * t * c + y * t * e)) / determinant

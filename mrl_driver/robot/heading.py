@@ -54,6 +54,9 @@ class HeadingFilter:
     a turn of nearly the same time.
     """
 
+    _rate: float  # of the last reading [rad/s]
+    _former: float  # of the one before [rad/s]
+
     def __init__(self) -> None:
         self.bias_rad_s = 0.0
         self.bias_known = False
@@ -65,22 +68,19 @@ class HeadingFilter:
         """Share of the bias's error that its measurements have left since a user of this number set it to 1."""
         self.unseen_rad2 = 0.0
         """Variance of the yaw by motion between the readings, since a user of this number set it to 0."""
-        self._learned_s = 0.0
-        self._time_s: Optional[float] = None
-        self._turned_s: Optional[float] = None
-        self.reset()
-        self._variance = ZERO_RATE_RAD_S**2
+        self._angle = self._given = 0.0
+        self._begin()
 
     def reset(self) -> None:
         """Board time begins again.  The bias stays, with more doubt."""
         self._variance = self.bias_variance + BIAS_WALK**2 * UNSEEN_S
-        self._time_s = self._turned_s = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._time_s: Optional[float] = None
+        self._turned_s: Optional[float] = None
         self._learned_s = 0.0
-        self._angle = self._rate = self._former = 0.0
-        self._beyond = self._given = 0.0
-        self._joined = self._resting = False
         self._unusual = 0
-        self._begin_stand()
 
     def resume(self, bias: "KnownBias") -> None:
         """Go on with a bias that was learned before, instead of waiting for the first stand."""
@@ -95,8 +95,7 @@ class HeadingFilter:
     def lose(self) -> None:
         """The readings are not to be believed: the wheels alone, until the next reading."""
         self._time_s = None
-        self._joined = self._resting = self.in_use = False
-        self._begin_stand()
+        self.in_use = False
 
     @property
     def bias_variance(self) -> float:
@@ -166,18 +165,17 @@ class HeadingFilter:
 
     def _begin_stand(self) -> None:
         self._readings, self._sum, self._squares = 0, 0.0, 0.0
-        self._low = self._high = self._first_s = 0.0
+        self._low, self._high = math.inf, -math.inf
 
     def _watch(self, time_s: float, rate: float) -> None:
         """Process a reading that may belong to a stand."""
-        if self._readings:
-            low, high = min(self._low, rate), max(self._high, rate)
-            if high - low > STEADY_RAD_S:
-                self._resting = False
-                self._readings = 0
-        if not self._readings:
+        low, high = min(self._low, rate), max(self._high, rate)
+        if high - low > STEADY_RAD_S:
+            self._resting = False
             self._begin_stand()
-            self._first_s, low, high = time_s, rate, rate
+            low = high = rate
+        if not self._readings:
+            self._first_s = time_s
         self._low, self._high = low, high
         self._readings += 1
         off = rate - self.bias_rad_s

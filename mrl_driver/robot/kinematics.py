@@ -8,11 +8,12 @@ robot, 2015.
 """
 
 import math
-from typing import NamedTuple, Sequence, Tuple, Union
+from typing import List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError, FrameError
+from mrl_driver.protocol.table import WHEELS
 
-from .models.drives import THREE_WHEELS_DEG, Base, MecanumDrive, OmniDrive
+from .models.drives import THREE_WHEELS_DEG, Base, MecanumDrive, OmniDrive, SkidDrive
 
 Row = Tuple[float, float, float]
 Spread = Tuple[float, float, float, float, float, float]
@@ -36,13 +37,19 @@ class Kinematics:
 
     Args:
         kind: drive type, for messages.
-        rows: distance of each wheel per unit of forward, left and turn, in the order of all numbers per wheel.
+        wheels: names of the wheels, in the order of all numbers per wheel.
+        rows: distance of each wheel per unit of forward, left and turn.
         sideways: the base can move sideways; otherwise its wheels prevent that.
     """
 
-    def __init__(self, kind: str, rows: Sequence[Row], sideways: bool) -> None:
-        self.kind, self.rows, self.sideways = kind, tuple(rows), sideways
+    def __init__(self, kind: str, wheels: Sequence[str], rows: Sequence[Row], sideways: bool) -> None:
+        self.kind, self.wheels, self.rows, self.sideways = kind, tuple(wheels), tuple(rows), sideways
         self._inverse = _least_squares(self.rows, (0, 1, 2) if sideways else (0, 2), kind)
+
+    @property
+    def columns(self) -> List[Planar]:
+        """The body's step for a step of each wheel alone [1, 1, rad/m]."""
+        return [Planar(*column) for column in zip(*self._inverse)]
 
     def step(self, wheels_m: Sequence[float]) -> Planar:
         """Return the body's step for these wheel distances [m], or its speeds for wheel speeds [m/s]."""
@@ -90,39 +97,48 @@ def differential(separation_m: float, turn_slip: float = 0.0) -> Kinematics:
     """Kinematics of two wheels or tracks, right and left; tracks lose the share `turn_slip` of each turn to slip."""
     half_m = separation_m / 2 / (1 - turn_slip)
     kind = "tracked" if turn_slip else "differential"
-    return Kinematics(kind, ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
+    return Kinematics(kind, ("right", "left"), ((1.0, 0.0, half_m), (1.0, 0.0, -half_m)), False)
+
+
+def skid(separation_m: float, turn_slip: float = 0.0) -> Kinematics:
+    """Kinematics of two wheels on each side, which slide in turns; the order is that of `mecanum`."""
+    half_m = separation_m / 2 / (1 - turn_slip)
+    left, right = (1.0, 0.0, -half_m), (1.0, 0.0, half_m)
+    return Kinematics("skid", WHEELS, (left, right, left, right), False)
 
 
 def omni(radius_m: float, angles_deg: Sequence[float] = THREE_WHEELS_DEG) -> Kinematics:
     """Kinematics of omni wheels at these angles, `radius_m` from the centre; positive is counter-clockwise."""
     angles = [math.radians(angle) for angle in angles_deg]
     rows = [(-math.sin(angle), math.cos(angle), radius_m) for angle in angles]
-    return Kinematics("omni", rows, True)
+    return Kinematics("omni", ("left", "rear", "right"), rows, True)
 
 
-def mecanum(half_length_m: float, half_width_m: float) -> Kinematics:
+def mecanum(half_length_m: float, half_width_m: float, side_slip: float = 0.0) -> Kinematics:
     """Kinematics of four mecanum wheels at the corners, with rollers at 45 deg that form an X seen from above.
 
-    Their order is front left, front right, rear left, rear right.
+    Their order is that of `WHEELS`: front left, front right, rear left, rear right.  They lose the share `side_slip` of
+    a distance sideways.
     """
-    arm_m = half_length_m + half_width_m
-    rows = ((1.0, -1.0, -arm_m), (1.0, 1.0, arm_m), (1.0, 1.0, -arm_m), (1.0, -1.0, arm_m))
-    return Kinematics("mecanum", rows, True)
+    arm_m, aside = half_length_m + half_width_m, 1 / (1 - side_slip)
+    rows = ((1.0, -aside, -arm_m), (1.0, aside, arm_m), (1.0, aside, -arm_m), (1.0, -aside, arm_m))
+    return Kinematics("mecanum", WHEELS, rows, True)
 
 
-def kinematics_of(drive: Union[Base, MecanumDrive]) -> Kinematics:
-    """Return the kinematics of a robot model's `drive`, including the slip in turns."""
+def kinematics_of(drive: Base) -> Kinematics:
+    """Return the kinematics of a robot model's `drive`, including slip."""
     keeps = 1 - drive.turn_slip
     if isinstance(drive, OmniDrive):
         return omni(drive.radius_m / keeps, drive.angles_deg)
     if isinstance(drive, MecanumDrive):
-        return mecanum(drive.half_length_m / keeps, drive.half_width_m / keeps)
-    return differential(drive.wheel_separation_m, drive.turn_slip)
+        return mecanum(drive.half_length_m / keeps, drive.half_width_m / keeps, drive.side_slip)
+    of_sides = skid if isinstance(drive, SkidDrive) else differential
+    return of_sides(drive.wheel_separation_m, drive.turn_slip)
 
 
 def cannot_sideways(left: float, kind: str) -> str:
     """Return the error text for a sideways speed that the base cannot reach."""
-    return f"a {kind} base cannot move sideways ({left:g} m/s requested); turn instead, or use an omni base"
+    return f"a {kind} base cannot move sideways ({left:g} m/s requested); turn instead, or use an omni or mecanum base"
 
 
 def _least_squares(rows: Sequence[Row], axes: Tuple[int, ...], kind: str) -> Tuple[Tuple[float, ...], ...]:

@@ -5,13 +5,16 @@ Poses are in the odom frame (x forward at the start, y left, yaw counter-clockwi
 """
 
 import math
-from typing import Any, NamedTuple, Optional, Sequence, Tuple, Union
+from typing import Any, Dict, NamedTuple, Optional, Sequence, Tuple, Type, Union
 
 from mrl_driver.geometry import ORIGIN, Pose, advance
+from mrl_driver.protocol.frames import to_int16
 
 from .covariance import AT_START, TWIST_INTERVAL_S, Spread, Uncertainty
 from .heading import HeadingFilter
-from .models.drives import Base
+from .kinematics import kinematics_of
+from .models import RobotModel
+from .models.drives import Base, metres_per_count
 
 SPEED_MARGIN = 1.5  # counts are refused if a wheel seems faster than the board's ceilings times this factor
 QUANTUM_COUNTS = 3
@@ -59,8 +62,18 @@ class OmniWheels(NamedTuple):
     rear: float
 
 
+class FourWheels(NamedTuple):
+    """One number for each of four wheels."""
+
+    right: float
+    left: float
+    rear_left: float
+    rear_right: float
+
+
 AnyTwist = Union[Twist, OmniTwist]
-AnyWheels = Union[Wheels, OmniWheels]
+AnyWheels = Union[Wheels, OmniWheels, FourWheels]
+WHEELS_BY_COUNT: Dict[int, Type[AnyWheels]] = {2: Wheels, 3: OmniWheels, 4: FourWheels}
 
 
 _NOTHING = (0.0, 0.0, 0.0)
@@ -133,10 +146,10 @@ class Baseline:
         return reach if reach < 0x8000 else math.inf
 
     def _bound(self, dt_s: float) -> float:
-        """Return the largest allowed distance between two readings [count]; -1 if a counter may have wrapped."""
+        """Return the largest allowed distance between two readings [count]; -inf if a counter may have wrapped."""
         reach = self._reach(dt_s)
         if reach == math.inf:
-            return -1.0
+            return -math.inf
         return QUANTUM_COUNTS + (
             max(reach, self._counts_per_s * NEAR_S) if self._bunched else reach + self._slack
         )
@@ -175,7 +188,7 @@ class Baseline:
 def _between(base: Reading, reading: Reading) -> Step:
     """Return movement and time from one reading to another; counters may wrap."""
     *counts, time_s = reading
-    moved = [((new - old + 0x8000) & 0xFFFF) - 0x8000 for new, old in zip(counts, base)]
+    moved = [to_int16(new - old) for new, old in zip(counts, base)]
     return (*moved, time_s - base[-1])
 
 
@@ -191,7 +204,7 @@ class Odometry:
     """
 
     def __init__(self, drive: Base, fastest_m_s: float, exact_time: bool = True) -> None:
-        self._forward = Wheels(drive.right_m_per_count / 2, drive.left_m_per_count / 2)
+        self._forward = Wheels(*(each / 2 for each in metres_per_count(drive, Wheels._fields)))
         self._turning = Wheels(*(2 * half_m / drive.turning_separation_m for half_m in self._forward))
         self._interval_s = 0.0 if exact_time else TWIST_INTERVAL_S
         self._waiting = _NOTHING
@@ -219,7 +232,7 @@ class Odometry:
         if self.uncertainty is not None:
             self.uncertainty.reset(spread)
 
-    def update(self, right: int, left: int, time_s: float) -> bool:
+    def update(self, right: int, left: int, time_s: float, *_: int) -> bool:
         """Integrate a reading (int16 counts) of time `time_s` [s]; False if it is a new baseline or is refused."""
         step = self.baseline.update(right, left, time_s)
         if step is None:
@@ -266,3 +279,23 @@ class Odometry:
             return
         self._waiting = _NOTHING
         self.twist = Twist(ds / dt_s, turn / dt_s)
+
+
+class NoOdometry(Odometry):
+    """What is known of motors without encoders: pose, speeds and counts are NaN."""
+
+    def __init__(self, model: RobotModel) -> None:
+        super().__init__(model.base, math.inf)
+        self.pose = Pose(math.nan, math.nan, math.nan)
+        self.twist = Twist(math.nan, math.nan)
+        wheels = len(kinematics_of(model.base).wheels)
+        self.travel = WHEELS_BY_COUNT[wheels](*wheels * (math.nan,))
+        self.uncertainty = Uncertainty(model, (math.nan,) * 6)
+        self.uncertainty.variances = (math.nan,) * 3
+
+    def reset(self) -> None:
+        """Nothing was known before either."""
+
+    def update(self, right: int, left: int, time_s: float, *_: int) -> bool:
+        """Accept the reading of counters that do not count."""
+        return True

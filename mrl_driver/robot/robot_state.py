@@ -12,6 +12,7 @@ from mrl_driver.session.events import (
     Info,
     OwnStop,
     PathUnknown,
+    Ranges,
     Ready,
     Reply,
     SensorRead,
@@ -24,13 +25,18 @@ from mrl_driver.session.handshake import Board, with_measured
 from mrl_driver.session.sensor_polling import SENSOR_STREAM
 
 from . import battery, imu, models, sonar
-from .covariance import AT_START, OmniUncertainty, Spread, Uncertainty, Variances
+from .covariance import AT_START, Spread, Uncertainty, Variances, WheelUncertainty
 from .imu import Imu, ImuTracker
-from .models import OmniDrive, RobotModel, require_supported
-from .odometry import AnyTwist, AnyWheels, Odometry, fastest_wheel_m_s
-from .omni_odometry import STREAM, OmniOdometry
+from .kinematics import kinematics_of
+from .models import ECHO_INPUTS, RobotModel, require_supported
+from .odometry import AnyTwist, AnyWheels, NoOdometry, Odometry, fastest_wheel_m_s
+from .wheel_odometry import STREAMS, WheelOdometry
 
 UNSET = "the board's robot id is not set; set it with: mrl set-id ID --port PORT"
+
+
+SURELY_NEW = 0.9
+"""An equal value of an HC-SR04 counts as a new reading after this share of a round: requests do not keep its time."""
 
 
 class Telemetry(NamedTuple):
@@ -41,6 +47,7 @@ class Telemetry(NamedTuple):
     arrival_s: float
     """Time when the frame arrived [s, same clock]."""
     pose: Pose
+    """NaN for motors without encoders, as the twist, the counts and all variances."""
     twist: AnyTwist
     ranges: Dict[str, float]
     """Range of each sonar by name [m]: -inf too near, nan no reading, inf nothing in range (REP 117)."""
@@ -76,9 +83,10 @@ class RobotState:
         any_id: bool = False,
         build: str = "",
         robot_id: Optional[int] = None,
+        virtual: Optional[bool] = None,
     ) -> None:
         self.model = models.with_build(model, build) if model is not None else None
-        self._auto, self._build, self._robot_id = model is None, build, robot_id
+        self._auto, self._build, self._robot_id, self._virtual = model is None, build, robot_id, virtual
         self.info: Optional[Board] = None
         self.odometry: Optional[Odometry] = None
         self.battery_state = battery.OK
@@ -88,12 +96,13 @@ class RobotState:
         """Checks the readings of the IMU; None unless the board has, or had, one that is read."""
         self.settled = False  # the stream has begun, so that the robot can be used
         self.powerless = False  # the battery is empty or off, so the robot must not drive
+        self.own_is_real = not any_id  # the model of a user's file accepts no virtual robot
         self._primed, self._used_s, self._counted_s = 0, 0.0, -math.inf
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
-        self._new_readings = sonar.NewReadings()
+        self._new_readings, self._new_echoes = sonar.NewReadings(), sonar.NewReadings(ECHO_INPUTS, 0.0)
         self._repeated = sonar.RepeatedReadings()
-        self._late_sonars: Tuple[str, ...] = ()
+        self._late: Tuple[str, ...] = ()  # sonars with readings that came in frames of their own
 
     @property
     def has_sonars(self) -> bool:
@@ -106,10 +115,11 @@ class RobotState:
         return not models.has_environment(model, info.robot_id)
 
     @property
-    def build_assumed(self) -> bool:
-        """A 2013 board is taken to have sonars, because nothing names its build."""
-        info, model = self.info, self.model
-        return self.has_sonars and info is not None and info.version < 2 and not (model and model.build)
+    def has_ranges(self) -> bool:
+        """The board has HC-SR04 that this robot has too."""
+        if self.model is None or self.info is None or "wiring" not in self.info.capabilities:
+            return False
+        return any(mount.input in ECHO_INPUTS for mount in self.model.sonars.values())
 
     @property
     def build_warning(self) -> str:
@@ -161,18 +171,30 @@ class RobotState:
                 f"robot id {board.robot_id} answers, expected {self.info.robot_id}, the robot of before: "
                 "connect that one, or start again"
             )
+        self._require_kind(board)
         if not self.model.drives:
             return SENSOR_STREAM
         if self.odometry is None and not self._ignore_battery and not _may_lack_battery(board):
             battery.require_charge(board.battery_v, self.model.battery)
         require_supported(self.model)
-        if isinstance(self.model.drive, OmniDrive):
-            return STREAM
-        return (
-            SENSOR_STREAM
-            if board.version < 2 and models.has_environment(self.model, board.robot_id)
-            else None
-        )
+        stream = STREAMS.get(len(kinematics_of(self.model.base).wheels))
+        if not stream and board.version < 2 and models.has_environment(self.model, board.robot_id):
+            return SENSOR_STREAM
+        return stream
+
+    def _require_kind(self, board: Board) -> None:
+        """Raise WrongRobot if the robot is virtual and a real one is expected, or real and a virtual one is.
+
+        A real one is expected by a user's own model, and by one without an H-bridge.
+        """
+        if board.version >= 2 and not board.capabilities:
+            return  # the board was not asked yet
+        expected, model = self._virtual, self.model
+        if expected is None and self.info is not None:
+            expected = self.info.virtual
+        if expected is None and self.own_is_real and model is not None:
+            expected = False if models.is_real(model) else None
+        require_kind(board.virtual, expected)
 
     def digest(self, event: SessionEvent, now: float) -> List[RobotEvent]:
         """Process an event; return the events for the listeners."""
@@ -184,18 +206,30 @@ class RobotState:
             return self.on_imu(event)
         if isinstance(event, Sonars):
             if self.info is not None:  # otherwise the model is not known yet
-                self._late_sonars = self._on_new(self._new_readings.update(event.values, now), event.values)
+                self._late += self._on_new(self._new_readings.update(event.values, now), event.values)
+            return []
+        if isinstance(event, Ranges):
+            if self.info is not None:
+                self._late += self._on_new(
+                    self._new_echoes.update(event.values, now), event.values, ECHO_INPUTS
+                )
             return []
         if isinstance(event, Info):
             return self._on_info(event.board, now)
         if isinstance(event, Ready):
-            if self.model is not None and not self.model.drives:
-                event = event._replace(board=without_motor_board(event.board))
+            event = event._replace(board=self._used(event.board))
             changed = self._on_ready(event)
             return [event, changed] if changed else [event]
         if isinstance(event, Status):
             return [self.told(event)]
         return [] if isinstance(event, OwnStop) else [event]  # the core reports what follows
+
+    def _used(self, board: Board) -> Board:
+        """Return what of a board is used: without odometry not its IMU, whose heading would need it."""
+        if self.model is None or self.model.has_odometry:
+            return board
+        board = board._replace(capabilities=board.capabilities - {"imu"})
+        return board if self.model.drives else without_motor_board(board)
 
     def told(self, status: Status) -> Status:
         """Return a status as it applies to this robot: a board without motors needs no motor board."""
@@ -206,10 +240,11 @@ class RobotState:
     def _on_ready(self, event: Ready) -> Optional[ImuChanged]:
         assert self.model is not None
         self.info = event.board
-        if not self.model.drives:
-            return None
         if not self.has_sonars:
             self.model, self.ranges = self.model._replace(sonars={}), {}
+        if not self.model.drives:
+            return None
+        self._new_echoes = sonar.NewReadings(ECHO_INPUTS, SURELY_NEW * models.echo_cycle_s(self.model.board))
         if self.odometry is None:
             self.odometry = odometry_of(self.model, event.checked)
             self._monitor = battery.BatteryMonitor(self.model.battery)
@@ -248,13 +283,11 @@ class RobotState:
         odometry, self.settled = self.odometry, self.info is not None
         if odometry is None:
             return None
-        right, left, sonars, time_s, stamp_s, arrival_s, sequence, rear = event
+        right, left, sonars, time_s, stamp_s, arrival_s, sequence, others = event
         used, tracker = False, self.tracker
         changed = tracker.check(time_s) if tracker is not None else None
-        if rear is None:
-            used = odometry.update(right, left, time_s)
-        elif isinstance(odometry, OmniOdometry):
-            used = odometry.update(right, left, time_s, rear)
+        if len(others) + 2 == len(odometry.travel):
+            used = odometry.update(right, left, time_s, *others)
         if used:
             self._used_s, self._counted_s = arrival_s, time_s
         elif odometry.baseline.primed != self._primed:
@@ -263,12 +296,9 @@ class RobotState:
             events.append(changed)
         if sonars and self.info is not None and self.info.version < 2:
             sonars = self._repeated.update(sonars)
-        if not sonars:
-            fresh, self._late_sonars = self._late_sonars, ()
-        elif sonars == self._new_readings.values and arrival_s < self._new_readings.due_s:
-            fresh = ()
-        else:
-            fresh = self._on_new(self._new_readings.update(sonars, arrival_s), sonars)
+        fresh, self._late = self._late, ()
+        if sonars and (sonars != self._new_readings.values or arrival_s >= self._new_readings.due_s):
+            fresh += self._on_new(self._new_readings.update(sonars, arrival_s), sonars)
         pose, twist, travel = odometry.pose, odometry.twist, odometry.travel
         uncertainty, heading = odometry.uncertainty, odometry.heading
         assert uncertainty is not None
@@ -291,18 +321,25 @@ class RobotState:
                 odometry.uncertainty.widen(unknown.distance_m, unknown.turn_rad)
         self._primed, self._used_s = odometry.baseline.primed, now
 
-    def _on_new(self, new: Tuple[str, ...], values: Tuple[int, ...]) -> Tuple[str, ...]:
-        """Process sonar values of which those in `new` are new; return the names that this robot has."""
+    def _on_new(
+        self, new: Tuple[str, ...], values: Tuple[int, ...], inputs: Tuple[str, ...] = sonar.NAMES
+    ) -> Tuple[str, ...]:
+        """Process values of the inputs, of which those in `new` are new; return the names of their sonars."""
         assert self.model is not None
-        fresh = tuple(name for name in new if name in self.model.sonars)
+        names = {mount.input_of(name): name for name, mount in self.model.sonars.items()}
+        fresh = tuple(names[each] for each in new if each in names)
         if fresh:
-            version = self.info.version if self.info else 2
-            self.ranges = {
-                name: sonar.range_m(value, version)
-                for name, value in zip(sonar.NAMES, values)
-                if name in self.model.sonars
-            }
+            read = {names[each]: value for each, value in zip(inputs, values) if each in names}
+            self.ranges = {**self.ranges, **{name: self._metres(name, read[name]) for name in read}}
         return fresh
+
+    def _metres(self, name: str, value: int) -> float:
+        """Return the range of a sonar [m] for its value of the wire."""
+        assert self.model is not None
+        mount = self.model.sonars[name]
+        if mount.input in ECHO_INPUTS:
+            return sonar.input_range_m(value, mount.kind)
+        return sonar.range_m(value, self.info.version if self.info else 2)
 
     def _on_info(self, board: Board, now: float) -> List[RobotEvent]:
         if self.info is None or self._monitor is None:
@@ -317,12 +354,8 @@ class RobotState:
 
 
 def without_motor_board(board: Board) -> Board:
-    """Return the board with NaN in place of each value that a motor board measures, and without its IMU.
-
-    The IMU is not read: its heading would need odometry.
-    """
-    unmeasured = board._replace(motor_board_version=math.nan, battery_v=math.nan, temperature_c=math.nan)
-    return unmeasured._replace(capabilities=board.capabilities - {"imu"})
+    """Return the board with NaN in place of each value that a motor board measures."""
+    return board._replace(motor_board_version=math.nan, battery_v=math.nan, temperature_c=math.nan)
 
 
 def _lacks_motor_board(board: Board, capabilities: FrozenSet[str]) -> bool:
@@ -340,13 +373,35 @@ def _may_lack_battery(board: Board) -> bool:
 
 def odometry_of(model: RobotModel, exact_time: bool) -> Odometry:
     """Return the odometry for a robot of this model; `exact_time` says that the times come from the board."""
-    if isinstance(model.drive, OmniDrive):
-        made: Odometry = OmniOdometry(model.drive, fastest_m_s(model), exact_time)
-        made.uncertainty = OmniUncertainty(model, exact_time=exact_time)
+    if not model.has_odometry:
+        return NoOdometry(model)
+    if len(kinematics_of(model.base).wheels) in STREAMS:
+        made: Odometry = WheelOdometry(model.base, fastest_m_s(model), exact_time)
+        made.uncertainty = WheelUncertainty(model, exact_time=exact_time)
     else:
         made = Odometry(model.base, fastest_m_s(model), exact_time)
         made.uncertainty = Uncertainty(model, exact_time=exact_time)
     return made
+
+
+def assumes_sonars(model: RobotModel, board: Board) -> bool:
+    """Return whether a 2013 board is taken to have sonars, because neither model nor `Options.build` names its build.
+
+    `model` is that of a connected driver.
+    """
+    return bool(model.sonars) and board.version < 2 and not model.build
+
+
+def require_kind(virtual: bool, expected: Optional[bool]) -> None:
+    """Raise WrongRobot unless a robot is as virtual as expected; None expects any."""
+    if expected is None or virtual == expected:
+        return
+    kinds = "a virtual one", "a real one"
+    got, wanted = kinds if virtual else kinds[::-1]
+    raise WrongRobot(
+        f"the robot on this port is {got}, expected {wanted}: connect the other board, or give this one a "
+        "name with: mrl names add NAME --port PORT"
+    )
 
 
 def model_of(board: Board) -> RobotModel:

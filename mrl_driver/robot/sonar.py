@@ -4,17 +4,19 @@ Ranges follow REP 117: -inf means too near, nan no valid reading, +inf nothing i
 """
 
 import math
-from typing import Tuple
+from typing import Sequence, Tuple
 
-from mrl_driver.protocol.table import SONAR_NOTHING
+from mrl_driver.protocol.table import RANGE_NOTHING, SONAR_NOTHING
+
+from .models import CHAIN_S, MB1300, RangeKind
 
 NAMES = ("front", "left", "right")  # the sonars in the order of the wire
-NEAREST_M = 0.15  # dead zone of the MB1300 [m] (robots' data sheet)
-FARTHEST_M = 6.45
-FIELD_OF_VIEW_RAD = math.radians(36.0)
+FIELD_OF_VIEW_RAD, NEAREST_M, FARTHEST_M = MB1300[1:4]
+VOLTS_PER_COUNT, LEAST_COUNT = 5 / 1024, 4
+"""Counts of the board's converter.  An analog sensor whose count is below the least, 20 mV, has no supply, or its wire
+is open; without an obstacle its output is higher [V]."""
 AGREE_CM = 20
 """More than the noise of a reading, and than a robot drives between two of them; less than most damaged digits make."""
-CYCLE_S = 0.3  # time between two readings of one sonar [s]: three sonars take turns of 100 ms
 
 _A_2013, _A, _B, _C = 1.767, 1.1767, 0.94657, -0.3759
 NOTHING_2013_CM = int(_A_2013 * 640**_B + _C)
@@ -41,8 +43,30 @@ def _range_2013(wire_cm: int) -> float:
     return _near(((wire_cm - _C) * _A / _A_2013 + _C) / 100)
 
 
-def _near(value_m: float) -> float:
-    return value_m if value_m >= NEAREST_M else -math.inf
+def _near(value_m: float, nearest_m: float = NEAREST_M) -> float:
+    return value_m if value_m >= nearest_m else -math.inf
+
+
+def input_range_m(wire: int, kind: RangeKind) -> float:
+    """Return the range [m] for a value of `read_ranges`: that of an HC-SR04 [mm], or the count of an analog sensor."""
+    if wire < (LEAST_COUNT if kind.curve else 0):
+        return math.nan
+    far = wire >= RANGE_NOTHING
+    value_m = math.inf if far else _curve_m(wire, kind.curve) if kind.curve else wire / 1000
+    return math.inf if value_m > kind.farthest_m else _near(value_m, kind.nearest_m)
+
+
+def _curve_m(count: int, curve: Sequence[Tuple[float, float]]) -> float:
+    """Return the distance for a count [m]; between two points the voltage is linear in the reciprocal of the distance.
+
+    It is infinite below the last voltage, and minus infinity above the first.
+    """
+    volts = (count + 0.5) * VOLTS_PER_COUNT
+    for (near_m, most_v), (far_m, least_v) in zip(curve, curve[1:]):
+        if least_v <= volts <= most_v:
+            share = (volts - least_v) / (most_v - least_v)
+            return 1 / (1 / far_m + share * (1 / near_m - 1 / far_m))
+    return math.inf if volts < curve[-1][1] else -math.inf
 
 
 class RepeatedReadings:
@@ -70,17 +94,17 @@ class NewReadings:
     same result.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, names: Sequence[str] = NAMES, cycle_s: float = CHAIN_S) -> None:
         self.values: Tuple[int, ...] = ()
         """The last values.  As long as they are equal, and before `due_s`, nothing is new."""
         self.due_s = -math.inf
-        self._due_s = [-math.inf] * len(NAMES)
+        self._names, self._cycle_s, self._due_s = names, cycle_s, [-math.inf] * len(names)
 
     def update(self, values: Tuple[int, ...], time_s: float) -> Tuple[str, ...]:
         """Return the names of the sonars with a new reading at `time_s` [s]."""
-        old, self.values = self.values or (None,) * len(NAMES), values
+        old, self.values = self.values or (None,) * len(self._names), values
         new = [i for i, value in enumerate(values) if value != old[i] or time_s >= self._due_s[i]]
         for i in new:
-            self._due_s[i] = time_s + CYCLE_S
+            self._due_s[i] = time_s + self._cycle_s
         self.due_s = min(self._due_s)
-        return tuple(NAMES[i] for i in new)
+        return tuple(self._names[i] for i in new)

@@ -8,12 +8,11 @@ from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.models import Body, SonarMount
-from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 
 Point = Tuple[float, float]
 AHEAD: Point = (1.0, 0.0)
-COVERED_RAD = FIELD_OF_VIEW_RAD / 2 + math.radians(5.0)
-"""A sonar covers directions up to this angle from its axis; two sonars 45 deg apart leave no gap."""
+BESIDE_RAD = math.radians(5.0)
+"""A sonar covers directions up to this angle next to its cone; two MB1300 45 deg apart leave no gap."""
 MOST_RAYS = 8192
 """A scan with more rays is not used.  A laser with a ray each 0.05 deg all around has 7200.  For 8192 rays the zones
 hold their lock for about 10 ms."""
@@ -122,7 +121,12 @@ def off_axis(mount: SonarMount, direction: Point) -> float:
 
 def looks(mount: SonarMount, direction: Point) -> bool:
     """Return whether the whole cone of a sonar is ahead of a robot that moves in this direction."""
-    return off_axis(mount, direction) < (math.pi - FIELD_OF_VIEW_RAD) / 2
+    return off_axis(mount, direction) < (math.pi - mount.kind.field_of_view_rad) / 2
+
+
+def covers(mount: SonarMount, direction: Point) -> bool:
+    """Return whether a sonar covers a direction."""
+    return off_axis(mount, direction) <= mount.kind.field_of_view_rad / 2 + BESIDE_RAD
 
 
 def sonar_room(outline: Outline, mount: SonarMount, range_m: float, direction: Point) -> float:
@@ -130,7 +134,7 @@ def sonar_room(outline: Outline, mount: SonarMount, range_m: float, direction: P
     if math.isinf(range_m):
         return math.inf if range_m > 0 else 0.0
     yaw, heading = math.radians(mount.yaw_deg), math.atan2(direction[1], direction[0])
-    half = FIELD_OF_VIEW_RAD / 2
+    half = mount.kind.field_of_view_rad / 2
     angles = [yaw - half, yaw, yaw + half]  # between these and those of the sides the nearest point is an end
     for side_m in outline.sides(direction) if range_m > 0 else ():
         sine = (side_m - direction[0] * mount.y_m + direction[1] * mount.x_m) / range_m
@@ -148,7 +152,7 @@ def slant_room(outline: Outline, mount: SonarMount, range_m: float, direction: P
     room_m = sonar_room(outline, mount, range_m, direction)
     if math.isinf(range_m):
         return room_m
-    yaw, half = math.radians(mount.yaw_deg), FIELD_OF_VIEW_RAD / 2
+    yaw, half = math.radians(mount.yaw_deg), mount.kind.field_of_view_rad / 2
     aside = wrap_angle(math.atan2(direction[1], direction[0]) - yaw)
     angle = yaw + max(-half, min(half, aside))
     edge = mount.x_m + range_m * math.cos(angle), mount.y_m + range_m * math.sin(angle)

@@ -14,6 +14,7 @@ turn away.  Unknown readings are treated as follows:
 - A direction that sonars see only at an angle: an echo counts as a wall across the path, and the slow speed applies.
 - A sonar without a valid reading (NaN), or a direction that no sensor covers, such as backwards on a robot with three
   sonars in front: the slow speed applies.
+- A sonar that sees nothing: an obstacle may be where its range ends.
 - A sonar or a laser that is silent: the robot stops in its direction.
 - A range of -inf (too near, REP 117): the robot stops as well; for a laser it counts as the shortest range.
 - A scan without a valid range: as a sonar without a valid reading.
@@ -27,26 +28,30 @@ from typing import Deque, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.lock_order import new_lock
-from mrl_driver.robot.models import Body, SonarMount
+from mrl_driver.robot.models import Body, SonarMount, cycle_s
 
 from .free_distance import (
     AHEAD,
-    COVERED_RAD,
     Point,
     Scan,
     Sight,
+    covers,
     looks,
-    off_axis,
     outline_of,
     scan_room,
     slant_room,
     sonar_room,
 )
 
-STALE_S = 1.0  # a sensor without a message for this time is silent [s]: three cycles of the sonars, ten scans
+STALE_S = 1.0  # a sensor without a message for this time is silent [s]: ten scans, or three rounds of MB1300
 LEAST_M_S = 0.02  # if only this speed or less is allowed, the robot stops instead of creeping on
 LASER = "laser"
 SECTORS = 8  # the hysteresis of the zones is kept for this number of sectors around the robot
+
+
+def stale_s(sonars: Mapping[str, SonarMount]) -> float:
+    """Return the time without a message after which one of these sonars is silent [s]: three of their rounds."""
+    return max(STALE_S, 3 * cycle_s(sonars))
 
 
 class ZoneSettings(NamedTuple):
@@ -134,6 +139,7 @@ class Zones:
         self.settings = settings
         self._sonars, self._outline = sonars, outline_of(body, settings.clearance_m)
         self._lock = new_lock("zones")
+        self._stale_s = stale_s(sonars)
         self._sights = {name: Sight() for name in (*sonars, *([LASER] if laser else []))}
         self._scan: Optional[Scan] = None
         self._place: Point = (0.0, 0.0)
@@ -186,7 +192,7 @@ class Zones:
             if math.isnan(range_m):
                 self._sights[name].hear(now)
             else:
-                arguments = self._outline, mount, range_m
+                arguments = self._outline, mount, min(range_m, mount.kind.farthest_m)
                 rooms = partial(sonar_room, *arguments), partial(slant_room, *arguments)
                 self._sights[name].know(*rooms, self._recent(), now)
 
@@ -226,7 +232,7 @@ class Zones:
         return velocity_m_s if cap_m_s >= speed_m_s else (cap_m_s * direction[0], cap_m_s * direction[1])
 
     def allowed_ahead_m_s(self, now: float) -> float:
-        """Return the largest speed that the zones allow forward; infinite if nothing is ahead [m/s].
+        """Return the largest speed that the zones allow forward; infinite if a laser sees nothing ahead [m/s].
 
         For planners, which can choose a path with a speed that is allowed.  It changes nothing.
         """
@@ -260,15 +266,15 @@ class Zones:
         The distance is 0 if one of its sensors is silent.
         """
         views = {name: self._view(name, direction) for name in self._sights}
-        watched, known = any(covers for _, covers in views.values()), True
+        watched, known = any(covered for _, covered in views.values()), True
         rooms_m: List[float] = []
         for name, sight in self._sights.items():
             if not views[name][0]:
                 continue
-            if now - sight.heard_s > STALE_S:
+            if now - sight.heard_s > self._stale_s:
                 return 0.0, False
             known = known and sight.known_s == sight.heard_s
-            if now - sight.known_s <= STALE_S:
+            if now - sight.known_s <= self._stale_s:
                 rooms_m.append(sight.room_m(direction, watched, self._place))
         return min(rooms_m, default=math.inf), watched and known
 
@@ -276,7 +282,7 @@ class Zones:
         """Return whether a sensor looks ahead for motion in this direction, and whether it covers the direction."""
         if name in self._sonars:
             mount = self._sonars[name]
-            return looks(mount, direction), off_axis(mount, direction) <= COVERED_RAD
+            return looks(mount, direction), covers(mount, direction)
         seen = self._scan.looks(direction) if self._scan is not None else direction[0] > 0
         return seen, seen
 

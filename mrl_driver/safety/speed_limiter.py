@@ -1,7 +1,7 @@
 """The speed limiter, the only one between a command and the board: no I/O, no clock.
 
-It scales a command to the limits, on the same arc, and ramps the speeds up.  Slowing down and stopping take effect at
-once, so that a stop is never delayed.
+It scales a command to the limits, on the same arc, and ramps the speeds up.  Slowing down takes effect at once, unless
+the limits say that the robot would tip over.  A stop never passes here, and what `restrict` takes away is at once.
 """
 
 import math
@@ -77,6 +77,9 @@ class SpeedLimiter:
             )
             scaled = (linear / excess, angular / excess, lateral / excess)
             speeds = scaled[: len(speeds)]
+        excess = _curve_excess(speeds, limits)
+        if excess > 1.0:
+            speeds = tuple(speed / math.sqrt(excess) for speed in speeds)
         return self.saturate(speeds) if self.saturate is not None else speeds
 
     def step(self, now: float) -> Speeds:
@@ -85,21 +88,58 @@ class SpeedLimiter:
         Raises:
             ConfigError: `restrict` has not returned finite speeds.
         """
-        wanted, limits = self.target, self.limits
-        assert wanted is not None and limits is not None
-        if self.restrict is not None:
-            parts = ("linear", "angular", "lateral")[: len(wanted)]
-            allowed = require_numbers("speed that restrict allows", self.restrict(wanted, now), parts)
-            wanted = self.limited(allowed)
+        target, limits = self.target, self.limits
+        assert target is not None and limits is not None
+        allowed = target if self.restrict is None else self._restricted(target, now)
+        wanted = target if allowed == target else self.limited(allowed)
         # Another thread may have stepped a moment later already.
         dt_s = min(LONGEST_STEP_S, max(0.0, now - self._stepped_s))
         self._stepped_s = max(now, self._stepped_s)
         if wanted != self.speeds:
-            if any(self.speeds):
-                self.speeds = ramp(self.speeds, wanted, limits, dt_s)
-            else:
+            if not any(self.speeds):
                 self.speeds = ramp((0.0,) * len(wanted), wanted, limits, FIRST_STEP_S)
+            elif limits.braking_m_s2 and wanted == target:
+                self.speeds = self._restricted(gentle_ramp(self.speeds, wanted, limits, dt_s), now)
+            else:
+                self.speeds = ramp(self.speeds, wanted, limits, dt_s)
         return self.speeds
+
+    def _restricted(self, speeds: Speeds, now: float) -> Speeds:
+        if self.restrict is None:
+            return speeds
+        parts = ("linear", "angular", "lateral")[: len(speeds)]
+        return require_numbers("speed that restrict allows", self.restrict(speeds, now), parts)
+
+
+def _curve_excess(speeds: Speeds, limits: Limits) -> float:
+    """Return the acceleration to the inside of the curve, as a share of its limit; 0 without one."""
+    return math.hypot(*speeds[0::2]) * abs(speeds[1]) / (limits.curve_m_s2 or math.inf)
+
+
+def gentle_ramp(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:
+    """Return the next speeds on the way from `before` to `wanted` of a robot that may tip over.
+
+    No change of speed or direction exceeds the limit of acceleration or, if it slows down, of braking.  A
+    turn that ends keeps its share of it, and with it the arc; one that begins never delays the braking.
+    """
+    (was, turn_was, aside_was), (to, turn_to, aside_to) = ((*each, 0.0)[:3] for each in (before, wanted))
+    change, turn_change, aside_change = to - was, turn_to - turn_was, aside_to - aside_was
+    brakes = change * was + aside_change * aside_was < 0
+    rate_m_s2 = limits.braking_m_s2 if brakes else limits.linear_acceleration_m_s2
+    share = turn_share = _share(math.hypot(change, aside_change), rate_m_s2 * dt_s)
+    if turn_change * turn_to > 0:
+        turn_share = min(share, _share(abs(turn_change), limits.angular_acceleration_rad_s2 * dt_s))
+    if not brakes:
+        share = turn_share
+    if share == turn_share == 1.0:
+        return wanted
+    speeds = was + share * change, turn_was + turn_share * turn_change, aside_was + share * aside_change
+    turn = speeds[1] / max(1.0, _curve_excess(speeds, limits))
+    return (speeds[0], turn, speeds[2])[: len(wanted)]
+
+
+def _share(change: float, most: float) -> float:
+    return most / change if change > most else 1.0
 
 
 def ramp(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:

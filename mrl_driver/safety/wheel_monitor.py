@@ -8,13 +8,14 @@ A wheel that makes less than a tenth of that distance over a quarter of a second
 
 import math
 from collections import deque
-from typing import Deque, NamedTuple, Optional, Sequence, Set, Tuple, Union
+from typing import Deque, NamedTuple, Optional, Sequence, Set, Tuple
 
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.kinematics import Planar, differential, kinematics_of
-from mrl_driver.robot.models import Drive, OmniDrive, RobotModel
-from mrl_driver.robot.odometry import AnyWheels, OmniWheels, Wheels
+from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.models.drives import Base
+from mrl_driver.robot.odometry import WHEELS_BY_COUNT, AnyWheels
 from mrl_driver.session.motion_command import Pace
 
 TICK_S = 0.05  # period of the comparison [s]; frames in between cost nothing
@@ -49,7 +50,7 @@ class Mismatch(NamedTuple):
     """A wheel does not follow its command; the robot was stopped."""
 
     wheel: str
-    """`right`, `left`, `rear`, or `both` or `several` of them; empty if the board has stopped the robot."""
+    """Name of a wheel as in the counts, or `both` or `several`; empty if the board has stopped the robot."""
     cause: str  # the most likely cause; if the board has stopped the robot, its reason: one of `BOARD_STOPS`
     expected_m: float = 0.0
     """Smallest distance that the wheel should have made in the last quarter of a second [m]."""
@@ -64,7 +65,7 @@ class Mismatch(NamedTuple):
         if not self.wheel:
             row = PROBLEMS[BOARD_STOPS.get(self.reason, "wheel_fault")]
             return f"{row.message[0].lower()}{row.message[1:]}: {row.remedy}"
-        wheels = f"{self.wheel} wheel" + ("s" if self.wheel in ("both", "several") else "")
+        wheels = f"{self.wheel.replace('_', ' ')} wheel" + ("s" if self.wheel in ("both", "several") else "")
         return (
             f"{wheels} moved {self.moved_m * 1000:.0f} mm, expected at least {self.expected_m * 1000:.0f} mm: "
             f"{self.cause}"
@@ -133,9 +134,8 @@ class _Wheel:
         """Start on a command in a new direction, with the wheel at `speed` along it.  If the other direction was
         commanded before, the wheel may still accelerate in that direction.
         """
-        hidden = self._hidden_m_s if -direction in self._asked else 0.0
-        still_back = self._reference if direction == self._last else 0.0
-        self._reference = min(still_back, min(0.0, speed) - hidden)
+        slowest = min(0.0, speed) - (self._hidden_m_s if -direction in self._asked else 0.0)
+        self._reference = min(self._reference, slowest) if direction == self._last else slowest
         self._direction = self._last = direction
         self._asked = {direction}
 
@@ -155,15 +155,13 @@ class WheelMonitor:
         latency_s: longest delay of a command from the driver to the motors, if one is lost [s].
     """
 
-    def __init__(self, drive: Union[Drive, OmniDrive], acceleration_m_s2: float, latency_s: float) -> None:
-        self._metres = drive.metres_per_count
+    def __init__(self, drive: Base, acceleration_m_s2: float, latency_s: float) -> None:
+        self._metres, base = drive.metres_per_count, kinematics_of(drive)
         self._make = (acceleration_m_s2, math.ceil(latency_s / TICK_S))
-        self._names: Tuple[str, ...] = Wheels._fields
-        self._order: Tuple[int, ...] = (0, 1)  # index of each wheel in the numbers of the kinematics
-        if isinstance(drive, OmniDrive):
-            self._kinematics, self._names, self._order = kinematics_of(drive), OmniWheels._fields, (2, 0, 1)
-        else:
-            self._kinematics = differential(drive.wheel_separation_m)
+        self._names = WHEELS_BY_COUNT[len(base.wheels)]._fields
+        self._order = [base.wheels.index(name) for name in self._names]  # in the numbers of the kinematics
+        two = len(self._names) == 2
+        self._kinematics = differential(drive.wheel_separation_m) if two else base
         self.reset()
 
     def reset(self) -> None:
@@ -225,6 +223,7 @@ def monitor_of(model: RobotModel, pace: Pace) -> WheelMonitor:
     """Return the monitor for a robot of this model with commands at this pace."""
     ramp_ms = max(LEAST_RAMP_MS, model.board["ramp_time"])
     latency_s = pace.repeat_s + DELAY_S
-    if isinstance(model.drive, OmniDrive):
-        return WheelMonitor(model.drive, 1000 * model.drive.full_speed_m_s / ramp_ms, latency_s)
-    return WheelMonitor(model.differential, model.board["linear_ceiling"] / ramp_ms, latency_s)
+    drive, full_mm_s = model.base, float(model.board["linear_ceiling"])
+    if not isinstance(drive, Drive):
+        full_mm_s = 1000 * drive.full_speed_m_s
+    return WheelMonitor(drive, full_mm_s / ramp_ms, latency_s)

@@ -33,7 +33,8 @@ class Counts(NamedTuple):
     """Time when the counters were read [s, caller's clock]; the arrival time if the board sends no time."""
     arrival_s: float
     sequence: Optional[int]
-    rear: Optional[int] = None  # counter of the third wheel; None without one
+    others: Tuple[int, ...] = ()
+    """Counters of the rear wheel of three, or of rear left and rear right of four."""
 
 
 class ImuReading(NamedTuple):
@@ -59,6 +60,12 @@ class ImuChanged(NamedTuple):
 
 class Sonars(NamedTuple):
     """Sonar values [wire cm] that arrived in a frame of their own."""
+
+    values: Tuple[int, ...]
+
+
+class Ranges(NamedTuple):
+    """Values of the HC-SR04 [wire mm], by input."""
 
     values: Tuple[int, ...]
 
@@ -167,7 +174,9 @@ class SensorRead(NamedTuple):
     reading: Reading
 
 
-SessionEvent = Union[Ready, Counts, ImuReading, Sonars, Info, Status, OwnStop, Stale, Reply, SensorRead]
+SessionEvent = Union[
+    Ready, Counts, ImuReading, Sonars, Ranges, Info, Status, OwnStop, Stale, Reply, SensorRead
+]
 """What a session reports."""
 
 

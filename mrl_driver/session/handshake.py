@@ -53,7 +53,13 @@ _ANSWERS: Dict[int, Tuple[int, ...]] = {
 """Codes of the frames that answer a request."""
 for _name in ("start_omni_stream", SENSOR_STREAM):
     _ANSWERS[_CODE[_name]] = (_CODE[_name],)
+WHEEL_STREAM = "start_wheel_stream"
+_ANSWERS[_CODE[WHEEL_STREAM]] = (_CODE["read_wheels"],)
 _ANSWERS[_CODE["start_stream"]] = (_CODE["read_encoders_and_sonars"], _CODE["read_encoders"])
+
+
+_WHEELS = {"start_omni_stream": ("omni", "three"), WHEEL_STREAM: ("wiring", "four")}
+"""Capability of a board with such a stream, and its number of wheels."""
 
 
 class Board(NamedTuple):
@@ -70,6 +76,11 @@ class Board(NamedTuple):
     temperature_c: float
     protocol: int = 1
     capabilities: FrozenSet[str] = frozenset()
+
+    @property
+    def virtual(self) -> bool:
+        """The board has no robot: it calculates one."""
+        return "virtual" in self.capabilities
 
 
 class Plan(NamedTuple):
@@ -152,7 +163,7 @@ class Handshake:
         self.stream = "start_stream"  # row of the stream that the robot model needs
         self.of_2013: Optional[bool] = None
         """The board is one of 2013, or has no `read_protocol` either; None before it has answered."""
-        self._steps: Iterator[Tuple[int, ...]] = iter(())
+        self._steps: Iterator[Tuple[int, ...]]  # the requests that follow
         self._step: Tuple[int, ...] = (_CODE["read_protocol"],)
         self._attempts = 0
         self._answered = False
@@ -313,6 +324,8 @@ class Handshake:
             self._on_protocol(frame.args, now, checked)
         elif code in _ANSWERS.get(self._step[0], ()):
             assert self.board is not None
+            if code == _CODE["read_board"]:
+                self._require_motors(frame.args[1])
             if code == _CODE["read_status"]:
                 self._faults = frame.args[4]
             elif code == _CODE[SENSOR_STREAM] and self.board.protocol < 2:
@@ -406,6 +419,8 @@ class Handshake:
             self._require_stream()
         if "watchdog" in self.board.capabilities:
             yield (_CODE["set_watchdog"], self._plan.watchdog_ms)
+        if self.stream == WHEEL_STREAM:
+            yield (_CODE["read_board"],)
         yield (_CODE["read_status"],)
         if self._plan.stream:
             yield (_CODE[self.stream], self._plan.period_ms)
@@ -419,12 +434,21 @@ class Handshake:
             yield (_CODE["stop_compass_stream"],)
         yield (_CODE[self.stream],)
 
+    def _require_motors(self, motors: int) -> None:
+        """Raise WrongRobot if the board drives two of the four wheels; without a sound wiring it drives none."""
+        if motors == 2:
+            raise WrongRobot(
+                "the wiring of the board has 2 motors, expected the 4 of this robot model: write its pins with: "
+                "mrl flash --port PORT, or choose another model"
+            )
+
     def _require_stream(self) -> None:
         """Raise WrongRobot unless the board has the stream that the robot model needs."""
         assert self.board is not None
-        if self.stream == "start_omni_stream" and "omni" not in self.board.capabilities:
+        capability, wheels = _WHEELS.get(self.stream, ("", ""))
+        if capability and capability not in self.board.capabilities:
             raise WrongRobot(
-                f"the firmware of the board does not know three wheels (no request {_CODE[self.stream]}), which "
+                f"the firmware of the board does not know {wheels} wheels (no request {_CODE[self.stream]}), which "
                 "this robot model needs: flash it with: mrl flash --port PORT, or choose another model"
             )
         if self.stream == SENSOR_STREAM and "sonars" in self.board.capabilities:

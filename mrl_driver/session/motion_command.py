@@ -24,17 +24,18 @@ STILL_FRAMES = 3
 class Pace(NamedTuple):
     """How often commands are sent [s]."""
 
-    gap_s: float  # minimum time between two commands; a newer command replaces one that waits
+    gap_s: float  # minimum time between two new commands; a newer command replaces one that waits
     repeat_s: float  # the last command is sent again after this time, which feeds the board's watchdog
     stop_s: float  # an unconfirmed stop is sent again after this time
+    after_repeat_s: float = 0.0  # minimum time from a repeat to a new command
 
 
 QUICK = Pace(0.005, 0.1, 0.05)  # pace for this project's firmware, which executes about 880 commands a second
-SLOW = Pace(0.1, 0.5, 0.15)
+SLOW = Pace(0.1, 0.5, 0.15, 0.1)
 """Pace for 2013 boards: they lose commands above 26 a second while they stream, and have no watchdog to feed."""
 # Pace for 2013 boards that stream their environment sensors: the board reads one byte for each frame that it sends, and
 # sends 163 of these frames a second.
-SLOWEST = Pace(0.15, 0.5, 0.15)
+SLOWEST = Pace(0.15, 0.5, 0.15, 0.15)
 
 
 class Motion:
@@ -66,7 +67,7 @@ class Motion:
         self._new = self._moves = self._turning = False
         self._moves_since_s = math.inf
         self._expires_s = math.inf
-        self._sent_s = -math.inf
+        self._sent_s = self._free_s = -math.inf
         self._fade: Optional[Tuple[float, float, Speeds]] = None
         self._still_since_s: Optional[float] = None
         self._still = 0
@@ -83,7 +84,7 @@ class Motion:
         self._set(speeds)
         self._expires_s = now + self.timeout_s if self.timeout_s is not None else math.inf
         self._new, self.stopping, self._fade = True, False, None
-        self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
+        self.due_s = min(self._free_s, self._expires_s)
 
     @property
     def held_back(self) -> bool:
@@ -109,7 +110,7 @@ class Motion:
             changed = speeds != self.target
         if changed:
             self._set(speeds)
-            self._new, self.due_s = True, min(self._sent_s + self.pace.gap_s, self._expires_s)
+            self._new, self.due_s = True, min(self._free_s, self._expires_s)
 
     def _set(self, speeds: Speeds) -> None:
         self.target = speeds
@@ -152,7 +153,7 @@ class Motion:
         """Slow down evenly over `duration_s`, then stop."""
         if self.target is not None and self._fade is None:
             self._fade = (now, duration_s, self.target)
-            self.due_s = min(self._sent_s + self.pace.gap_s, self._expires_s)
+            self.due_s = min(self._free_s, self._expires_s)
 
     def prolong(self, now: float) -> None:
         """Let a `fade` go on, because a new command shows that the source of commands is alive."""
@@ -184,7 +185,8 @@ class Motion:
         lead_s = 0.0 if self._new or self._fade else self.lead_s
         if now + lead_s < self.due_s or not (stopping or (allowed and target is not None)):
             return None
-        self._sent_s, self._new = now, False
+        gap_s = pace.gap_s if self._new else pace.after_repeat_s
+        self._sent_s, self._free_s, self._new = now, now + gap_s, False
         if target is None:
             self.due_s = now + pace.stop_s
             return (STOP,)

@@ -1,5 +1,5 @@
-"""Periodic requests to the board: status, robot info, holds by radio, sensors, sonars that are not in its stream, and
-the stream of its IMU.
+"""Periodic requests to the board: status, robot info, holds by radio, inputs that stop it, sensors, sonars and
+ranges that are not in its stream, and the stream of its IMU.
 """
 
 import math
@@ -14,16 +14,22 @@ from .sensor_polling import BY_CODE, SensorPoll
 STATUS_S = 0.5
 """Period of `read_status` [s].  It also keeps checksums on; they end after 2 s without a valid frame."""
 INFO_S = 1.0
+INPUTS_S = 0.1
+"""Period of `read_inputs` [s], on boards that have some; the board stops by itself, and this tells where it was hit."""
 POLL_2013_S = 2.0
 SONAR_2013_S = 0.3
+RANGES_S, RANGES_LOST_S = 0.06, 0.3
+"""Time from a request of the HC-SR04 to the next, and to the next without an answer [s].  One fires every 60 ms."""
 # After a motion request such as `calibrate`, the status is read more often for this time [s], to feed the board's
 # watchdog.
 BUSY_S = 3.0
 IMU_S = 1.0
 """If the IMU's stream is silent for this time, it is started again [s]: a request may be lost on the line."""
 LOST_S = 2.0  # without an answer for this time, a `robot_info` counts as lost and is sent again [s]
-INFO, STATUS, SONARS = (BY_NAME[n].code for n in ("robot_info", "read_status", "read_sonars"))
-RADIO = BY_NAME["read_radio"].code
+INFO, STATUS, SONARS, RANGES = (
+    BY_NAME[n].code for n in ("robot_info", "read_status", "read_sonars", "read_ranges")
+)
+RADIO, INPUTS = (BY_NAME[n].code for n in ("read_radio", "read_inputs"))
 START_IMU, STOP_IMU = (BY_NAME[n].code for n in ("start_imu_stream", "stop_imu_stream"))
 
 
@@ -72,7 +78,10 @@ class Poll:
         self.sensors = SensorPoll()
         self.due_s = -math.inf  # no request is due before this time [s]
         self._next_s: Dict[int, float] = {}  # when each of the requests is due [s]
-        self._period_s = {STATUS: STATUS_S, RADIO: STATUS_S, INFO: INFO_S, SONARS: SONAR_2013_S}
+        self._period_s = {
+            **{STATUS: STATUS_S, RADIO: STATUS_S, INFO: INFO_S},
+            **{SONARS: SONAR_2013_S, INPUTS: INPUTS_S, RANGES: RANGES_LOST_S},
+        }
         self._asked: Set[int] = set()
         self.imu_s = math.inf  # the IMU's stream is started then; `IMU_S` after its last frame [s]
         self._imu_period_ms = 0
@@ -98,6 +107,8 @@ class Poll:
         self._next_s = {} if old else {STATUS: now + STATUS_S}
         if "hold" in board.capabilities:
             self._next_s[RADIO] = now
+        if "wiring" in board.capabilities:
+            self._next_s[INPUTS] = now
         self._next_s[INFO] = now + self._period_s[INFO]
         self.round_trip = RoundTrip()
         self._sonars = sonars
@@ -121,6 +132,10 @@ class Poll:
         if self._sonars and SONARS not in self._next_s:
             self._next_s[SONARS], self.due_s = now, -math.inf
 
+    def add_ranges(self, now: float) -> None:
+        """Request the HC-SR04 as well."""
+        self._next_s[RANGES], self.due_s = now, -math.inf
+
     def hurry(self) -> None:
         """A motion begins during which only these requests feed the watchdog: read the status more often."""
         if STATUS in self._next_s:
@@ -131,10 +146,16 @@ class Poll:
         if INFO in self._next_s:
             self._next_s[INFO] = self.due_s = -math.inf
 
+    def drop(self, code: int) -> None:
+        """Request this no more until the next `begin`."""
+        self._next_s.pop(code, None)
+
     def answered(self, code: int, now: float) -> None:
         """A frame with this code arrived."""
         if code == INFO and code in self._asked:
             self.round_trip.end(now)
+        elif code == RANGES and code in self._asked:
+            self._next_s[code], self.due_s = self._next_s[code] - RANGES_LOST_S + RANGES_S, -math.inf
         self._asked.discard(code)
         if code in BY_CODE:  # it may have been absent, and is asked more often from now on
             self.due_s = -math.inf

@@ -18,6 +18,7 @@ from .events import (
     Counts,
     Info,
     OwnStop,
+    Ranges,
     Ready,
     Reply,
     SensorRead,
@@ -31,7 +32,7 @@ from .events import (
 from .handshake import DEFAULT_PLAN, Board, Handshake, Plan, board_of
 from .link_counters import Counters
 from .motion_command import QUICK, SLOW, SLOWEST, STOP, Motion, Speeds
-from .polling import BUSY_S, IMU_S, INFO, SONARS, STATUS, STOP_IMU, Poll
+from .polling import BUSY_S, IMU_S, INFO, INPUTS, RANGES, SONARS, STATUS, STOP_IMU, Poll
 from .sensor_polling import SENSOR_STREAM
 from .sequence import Stream
 
@@ -62,10 +63,11 @@ STOPPING_S = 1.0  # the robot stands still within this time after a stop, or aft
 PLAIN_FRAMES = 3
 """This many frames in a row without a checksum mean that the board restarted; fewer may be damaged frames."""
 
-_COUNTS, _BOTH, _OMNI, _SENSING = (
-    BY_NAME[n].code for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream", SENSOR_STREAM)
+_COUNTS, _BOTH, _OMNI, _WHEELS, _SENSING = (
+    BY_NAME[n].code
+    for n in ("read_encoders", "read_encoders_and_sonars", "start_omni_stream", "read_wheels", SENSOR_STREAM)
 )
-STREAMS = (_BOTH, _COUNTS, _OMNI, _SENSING)
+STREAMS = (_BOTH, _COUNTS, _OMNI, _WHEELS, _SENSING)
 _CHECK, _IMU, _PROTOCOL = (BY_NAME[n].code for n in ("set_check", "read_imu", "read_protocol"))
 
 _encode = lru_cache(maxsize=32)(encode_request)
@@ -111,8 +113,7 @@ class Session:
         # Start time of the board [s], from its last status, and from the last one before the greeting.
         self._boot_s = self._boot_before_s = math.nan
         # Work that is due before the next frame is done with the current one, which saves a wake-up [s].
-        self.lead_s = plan.period_ms / 1000
-        self.motion.lead_s = self.lead_s / 2
+        self.lead_s = self.motion.lead_s = plan.period_ms / 1000
         self._poll = Poll(self._send, self.counters, self.lead_s)
         self.sensors = self._poll.sensors
         # When this program last attended to the board, when it last went on after a pause, and was late [s].
@@ -123,6 +124,11 @@ class Session:
         # When the wheels turned last without a command, and when the last stop was sent for that [s].
         self._turned_s = self._stopped_again_s = -math.inf
         self.hurried = True  # work, but that of `motion`, may be due earlier than `deadline` said last
+
+    def poll_ranges(self, now: float) -> None:
+        """Request the HC-SR04 of a board that has just become ready, until it is greeted again."""
+        self._poll.add_ranges(now)
+        self.hurried = True
 
     @property
     def ready(self) -> bool:
@@ -257,6 +263,8 @@ class Session:
         self._send(BY_NAME["stop_stream"].code)
         if self.stream_code == _SENSING:
             self._send(BY_NAME["stop_sensor_ldr_stream"].code)
+        if self.stream_code == _WHEELS:
+            self._send(BY_NAME["stop_wheel_stream"].code)
         if self.board is not None and "imu" in self.board.capabilities:
             self._send(STOP_IMU)
         if self.checked or (self.board is not None and "check" in self.board.capabilities):
@@ -482,6 +490,8 @@ class Session:
                 events.append(Info(board_of(frame.args)))
         elif code == SONARS:
             events.append(Sonars(frame.args))
+        elif code == RANGES:
+            events.append(Ranges(frame.args))
         elif code not in STREAMS:
             if frame.stamp is not None:  # all streams share one sequence of numbers
                 missing = self._stream.missing(frame.stamp.sequence, self._silent(now))
@@ -489,6 +499,8 @@ class Session:
                     return  # an old frame
                 self._stream.clock.beside(frame.stamp.time, now, not missing)
             self.sensors.heard(frame, now)
+            if code == INPUTS and not frame.args[-1]:
+                self._poll.drop(INPUTS)  # the board has none
             events.append(Reply(frame))
         if self._greeting is not None:
             if code == _CHECK:
@@ -518,24 +530,34 @@ class Session:
             return
         self.heard_s = now
         self.counters.streamed += 1
-        counts, sonars, rear = args[:2], args[2:] or None, None
+        counts, sonars = args[:2], args[2:] or None
+        others: Tuple[int, ...] = ()
         if code == _OMNI:
-            counts, sonars, rear = args[:3], args[3:], args[2]
+            counts, sonars, others = args[:3], args[3:], args[2:3]
+        elif code == _WHEELS:
+            left, right, *_ = args
+            others, sonars = args[2:4], None
+            counts = right, left, *others
+            self._add_sonars(now)
         elif code == _SENSING:
             sonars = None
             for name in self.sensors.in_stream(args, now):
                 events.append(SensorRead(name, self.sensors.readings[name]))
         elif counts == args:
-            self._poll.add_sonars(now)
-            self.hurried |= self._poll.due_s == -math.inf
+            self._add_sonars(now)
         motion = self.motion
         if motion.settling:
             motion.observe(counts != self._last, now)
         elif motion.target is None and counts != self._last and self._requested_s == math.inf:
             self._on_uncommanded_motion(now)
         self._last, self.last_frame = counts, frame
-        fields = args[0], args[1], sonars, time_s, stamp_s, now, sequence, rear
+        fields = counts[0], counts[1], sonars, time_s, stamp_s, now, sequence, others
         events.append(tuple.__new__(Counts, fields))  # without a call in Python
+
+    def _add_sonars(self, now: float) -> None:
+        """The stream has no sonars."""
+        self._poll.add_sonars(now)
+        self.hurried |= self._poll.due_s == -math.inf
 
     def _on_uncommanded_motion(self, now: float) -> None:
         """The wheels turn without a command: perhaps the line has delivered a move after its stop.  Send a stop, and

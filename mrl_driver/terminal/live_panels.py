@@ -13,9 +13,8 @@ from rich.text import Text
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount
-from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD, NEAREST_M
 from mrl_driver.view.rows import range_style, sections
-from mrl_driver.view.shown_state import Row, Shown, has_motors, moves_sideways
+from mrl_driver.view.shown_state import Row, Shown, has_motors, has_odometry, moves_sideways
 
 from .canvas import Canvas, Point, fit
 from .frame_log import Line
@@ -30,8 +29,8 @@ _BAR = 10
 _FRESH_S, _OLD_S = 0.3, 3.0
 _GRIDS_M = (0.5, 1.0, 2.0, 5.0, 10.0)
 _LEAST_GRID_COLUMNS = 5
-_ARC = tuple(FIELD_OF_VIEW_RAD * (i / 8 - 0.5) for i in range(9))
-"""Directions of the points of an arc, from the axis of its sonar [rad]."""
+_ARC = tuple(i / 8 - 0.5 for i in range(9))
+"""Directions of the points of an arc, from the axis of its sonar [field of view]."""
 LONGEST_CONE_M = 2.5
 """A cone without an echo within this range is drawn with this length and without an arc [m]."""
 
@@ -57,7 +56,7 @@ def render(now: Content, width: int, height: int) -> RenderableType:
     ]
     screen.split_column(*rows)
     inner = height - 1 - len(footer)
-    mapped, logged = has_motors(now.shown.model), now.log is not None and height >= LOW
+    mapped, logged = has_odometry(now.shown.model), now.log is not None and height >= LOW
     if width < NARROW or not (mapped or logged):
         screen["body"].update(_left(now, inner, f"[/] [dim]· map from {NARROW} columns" if mapped else ""))
         return screen
@@ -191,8 +190,9 @@ def _drawn(now: Shown, columns: int, rows: int) -> Tuple[Canvas, float]:
 def _cone(pose: Pose, mount: SonarMount, range_m: float) -> Tuple[Point, List[Point]]:
     """Return the place of a sonar, and points of the far end of its cone [m]."""
     origin = pose.compose(*mount.pose)
-    length_m = max(NEAREST_M, min(LONGEST_CONE_M, range_m))
-    return origin[:2], [origin.compose(0.0, 0.0, turn).compose(length_m, 0.0)[:2] for turn in _ARC]
+    length_m = max(mount.kind.nearest_m, min(LONGEST_CONE_M, range_m))
+    turns = (mount.kind.field_of_view_rad * each for each in _ARC)
+    return origin[:2], [origin.compose(0.0, 0.0, turn).compose(length_m, 0.0)[:2] for turn in turns]
 
 
 def _frames(now: Content, columns: int, rows: int) -> Panel:

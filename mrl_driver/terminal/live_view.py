@@ -4,7 +4,7 @@ import math
 import time
 from typing import TYPE_CHECKING, Any, Callable, NamedTuple, Optional, Tuple
 
-from mrl_driver.errors import BoardTimeout
+from mrl_driver.errors import BoardTimeout, MrlError
 from mrl_driver.safety.operator_delay import MAX_DELAY_S, DelayGuard
 from mrl_driver.view.live_model import LiveModel
 from mrl_driver.view.shown_state import Shown, has_motors, moves_sideways, state_of
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .live_panels import Content
 
 TICK_S, REFRESH_S = 0.05, 0.1
+STILL_PRESSED = "the emergency stop is still pressed, or its wire is broken"
 NO_MOTORS = "this board has no motors: no driving"
 
 
@@ -72,12 +73,21 @@ class Screen:
                 self._driver.stop()
             except BoardTimeout as error:  # the driver goes on looking for the board
                 self.live.notice = str(error)
+        elif key == "r" and self._keys_drive:
+            self._release()
         elif self._keys_drive:
             if self._teleop.press(key, now_s) and self._pressed_s is None:
                 self._pressed_s = now_s
         elif self._teleop.moves(key, moves_sideways(self._driver.model)):
             motors = has_motors(self._driver.model)
             self.live.notice = "press Enter first to drive with the keys" if motors else NO_MOTORS
+
+    def _release(self) -> None:
+        """Release the emergency stop of the board's input."""
+        try:
+            self.live.notice = "" if self._driver.release_emergency() else STILL_PRESSED
+        except MrlError as error:
+            self.live.notice = str(error)
 
     def _toggle_keys(self) -> None:
         if not has_motors(self._driver.model):

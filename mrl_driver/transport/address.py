@@ -1,6 +1,7 @@
 """Ports given as URLs: `tcp://HOST:PORT`, `udp://HOST:PORT?bind=HOST:PORT`, and pyserial's.  No I/O."""
 
-from typing import Dict, List, NamedTuple, Tuple
+import contextlib
+from typing import Dict, List, NamedTuple, Optional, Tuple
 from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from mrl_driver.errors import ConfigError
@@ -18,7 +19,7 @@ class Address(NamedTuple):
     scheme: str  # one of `NETWORK`
     host: str  # host name, or numeric address without brackets
     port: int
-    bind: Tuple[str, int] = ("", 0)  # local address and port, if they matter; 0 for any port
+    bind: Optional[Tuple[str, int]] = None  # local address and port, if they matter; 0 for any port
 
     def __str__(self) -> str:
         host = f"[{self.host}]" if ":" in self.host else self.host
@@ -54,8 +55,10 @@ def scheme_of(url: str) -> str:
     """Return the scheme, the part before the colon; raise ConfigError if it is unknown."""
     scheme = url.partition("://")[0].lower()
     if scheme not in NETWORK + OF_PYSERIAL:
-        known = ", ".join(f"{name}://" for name in NETWORK + OF_PYSERIAL)
-        raise ConfigError(f"port {url!r}: {scheme!r} is unknown, expected a device name, or one of {known}")
+        raise ConfigError(
+            f"port {url!r}: {scheme!r} is unknown, expected a device name, or one of "
+            f"{', '.join(f'{name}://' for name in NETWORK + OF_PYSERIAL)}"
+        )
     return scheme
 
 
@@ -67,13 +70,10 @@ def parse(url: str, listening: bool = False) -> Address:
             f"port {url!r} is not a network address, expected tcp://HOST:PORT or udp://HOST:PORT"
         )
     parts, host, port = _split(url, scheme, listening)
-    try:
-        queries = parse_qs(parts.query, True, True) if parts.query else {}  # Python 3.8 refuses an empty one
-    except ValueError as error:
-        raise _no_address(url, scheme, f" ({error})") from None
     if parts.path not in ("", "/") or parts.username is not None or parts.fragment:
         raise _no_address(url, scheme)
-    return Address(scheme, host, port, _bind(url, scheme, queries))
+    queries = parse_qs(parts.query, keep_blank_values=True)
+    return Address(scheme, host, port, _bind(url, scheme, queries) if queries else None)
 
 
 def _split(url: str, scheme: str, listening: bool = False) -> Tuple[SplitResult, str, int]:
@@ -94,16 +94,11 @@ def _no_address(url: str, scheme: str, why: str = "") -> ConfigError:
 
 def _bind(url: str, scheme: str, queries: Dict[str, List[str]]) -> Tuple[str, int]:
     """Return the local address from `?bind=HOST:PORT`; the port may be absent."""
-    if not queries:
-        return "", 0
-    wanted = queries.pop("bind", [""])[0]
-    try:
-        end = urlsplit("//" + wanted)
+    with contextlib.suppress(KeyError, ValueError):
+        end = urlsplit("//" + queries.pop("bind")[0])
         host, port = end.hostname, end.port or 0
-    except ValueError:
-        host, port = None, 0
-    if queries or scheme not in UDP or not host:
-        raise ConfigError(
-            f"port {url!r} does not parse, expected nothing behind the port but ?bind=HOST:PORT with udp://"
-        )
-    return host, port
+        if host and scheme in UDP and not queries:
+            return host, port
+    raise ConfigError(
+        f"port {url!r} does not parse, expected nothing behind the port but ?bind=HOST:PORT with udp://"
+    )

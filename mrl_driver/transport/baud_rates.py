@@ -44,7 +44,7 @@ def least_imu_period_ms(baud: int, stream_ms: int) -> int:
     """
     if baud >= BAUD:
         return 10
-    room = baud / BYTE_BITS * SHARE - 1000 * FRAME_BYTES / max(1, stream_ms)
+    room = baud / BYTE_BITS * SHARE - 1000 * FRAME_BYTES / stream_ms
     return math.ceil(1000 * IMU_BYTES / room) if room * SLOWEST_IMU_MS >= 1000 * IMU_BYTES else 0
 
 

@@ -10,7 +10,6 @@ import fcntl
 import os
 import select
 import stat
-import sys
 import termios
 import threading
 import time
@@ -93,19 +92,17 @@ class DescriptorLink(Link):
             self._make_locks()
             self._wake_out, self._wake_in = os.pipe()
         except BaseException:
-            self.closed, self._open = True, False
             self._release()
             raise
         os.set_blocking(self._wake_in, False)
         self._poll = select.poll()
-        self._poll.register(self._fd, select.POLLIN)
-        self._poll.register(self._wake_out, select.POLLIN)
+        for each in (fd, self._wake_out):
+            self._poll.register(each, select.POLLIN)
         fork_guard.leave_to_parent(self._abandon)
 
     def _make_locks(self) -> None:
         self._reading, self._writing, self._waking = map(new_lock, LOCKS)
         self._writer_done = threading.Condition(self._writing)
-        self._unsent = b""
         self._writer: Optional[int] = None  # thread that writes
 
     def _abandon(self) -> None:
@@ -131,7 +128,7 @@ class DescriptorLink(Link):
                     except BlockingIOError:
                         return b""
                     except OSError as error:
-                        raise self._lost(error.strerror) from None
+                        raise self._lost(error.strerror or str(error)) from None
                     if not data:
                         self._end_of_data()
             return data
@@ -157,9 +154,9 @@ class DescriptorLink(Link):
                     self._writer = None
                     self._writer_done.notify()
 
-    def _send(self, data: bytes, deadline: float = 0.0) -> None:
-        """Send all of `data`, at most until `deadline`; no other thread writes meanwhile.  `_unsent` is the rest."""
-        deadline, self._unsent = deadline or time.monotonic() + WRITE_TIMEOUT_S, data
+    def _send(self, data: bytes) -> None:
+        """Send all of `data`; no other thread writes meanwhile.  `_unsent` is the rest."""
+        deadline_s, self._unsent = time.monotonic() + WRITE_TIMEOUT_S, data
         while self._unsent:
             with self._writing:
                 if self.closed:
@@ -170,8 +167,8 @@ class DescriptorLink(Link):
                 except BlockingIOError:
                     pass
                 except OSError as error:
-                    raise self._lost(error.strerror) from None
-            room, left_s = select.poll(), deadline - time.monotonic()
+                    raise self._lost(error.strerror or str(error)) from None
+            room, left_s = select.poll(), deadline_s - time.monotonic()
             room.register(self._fd, select.POLLOUT)
             if left_s <= 0 or not room.poll(left_s * 1000):
                 raise self._stalled()
@@ -186,7 +183,7 @@ class DescriptorLink(Link):
         with self._waking:
             if self._open:
                 with contextlib.suppress(BlockingIOError):  # the pipe is full of wake-ups already
-                    os.write(self._wake_in, b"w")
+                    os.write(self._wake_in, b"\0")
 
     def close(self) -> None:
         if self.closed:
@@ -212,7 +209,7 @@ class DescriptorLink(Link):
     def fileno(self) -> int:
         return self._fd
 
-    def _lost(self, why: Optional[str]) -> LinkLost:
+    def _lost(self, why: str) -> LinkLost:
         return LinkLost(f"{self.port} went away ({why}): check the cable and the board's power")
 
 
@@ -243,7 +240,7 @@ class SerialLink(DescriptorLink):
             super()._end_of_data()
 
     def _give_back(self) -> None:
-        _drop_unsent(self._fd)
+        _drop_unsent(self._serial)
         _exclude(self._fd, False)
         self._release()
 
@@ -252,11 +249,11 @@ class SerialLink(DescriptorLink):
 
     def set_baud(self, baud: int) -> None:
         try:
-            _drop_unsent(self._fd)
-            if not unsent(self._fd):  # otherwise the adapter hangs, and tcdrain would wait for ever
-                termios.tcdrain(self._fd)
+            _drop_unsent(self._serial)
+            if not self._serial.out_waiting:  # otherwise the adapter hangs, and this would wait for ever
+                self._serial.flush()
             self._serial.baudrate = baud
-        except (ValueError, OSError, termios.error) as error:
+        except (TypeError, ValueError, OSError, termios.error) as error:  # TypeError: it was closed
             raise self._lost(_words(error)) from None
 
 
@@ -270,8 +267,8 @@ def require_device(port: str) -> None:
     except (OSError, ValueError):
         return
     if not stat.S_ISCHR(mode):
-        kind = "a folder" if stat.S_ISDIR(mode) else "a plain file" if stat.S_ISREG(mode) else "no device"
-        raise PortMissing(f"{port!r} is {kind}, expected a serial port; {_there_are()}")
+        kind = "folder" if stat.S_ISDIR(mode) else "file"
+        raise PortMissing(f"{port!r} is a {kind}, expected a serial port; {_there_are()}")
 
 
 def _there_are() -> str:
@@ -285,7 +282,7 @@ def _there_are() -> str:
 
 def _open(port: str, baud: int) -> serial.Serial:
     try:
-        made = serial.Serial(None, baud, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+        made = serial.Serial(None, baud, exclusive=True)
         made.port = port
         try:
             made.open()
@@ -305,7 +302,7 @@ def _open(port: str, baud: int) -> serial.Serial:
 def _explain(port: str, error: Exception) -> LinkError:
     if shortage(error):
         return LinkError(f"{port} cannot be opened: {shortage(error)}")
-    kind = _ERRORS.get(_errno(error), LinkError)
+    kind = _ERRORS.get(_errno(error))
     if kind is PortBusy:
         return busy(port, locked_by(port))
     if _errno(error) == errno.EPERM:
@@ -341,13 +338,13 @@ def busy(port: str, holder: str, more: str = "") -> PortBusy:
 
 
 def _errno(error: BaseException) -> int:
-    """Return the system's error number from a pyserial error, its arguments or its cause; 0 if unknown."""
+    """Return the system's error number from the arguments of a pyserial error or its cause; 0 if unknown."""
     seen: Optional[BaseException] = error
     while seen is not None:
-        number = getattr(seen, "errno", None) or next((a for a in seen.args if isinstance(a, int)), None)
-        if number:
-            return int(number)
-        seen = seen.__cause__ or seen.__context__
+        for number in seen.args:
+            if isinstance(number, int):
+                return number
+        seen = seen.__context__
     return 0
 
 
@@ -356,24 +353,19 @@ def _words(error: BaseException) -> str:
     return os.strerror(number) if number else " ".join(str(error).split())
 
 
-def _drop_unsent(fd: int) -> None:
+def _drop_unsent(port: serial.Serial) -> None:
     """Discard the bytes that an adapter that hangs has not accepted; otherwise `close` would wait up to 30 s."""
     try:
-        before, since_s = unsent(fd), time.monotonic()
+        before, since_s = port.out_waiting, time.monotonic()
         while before and time.monotonic() < since_s + WRITE_TIMEOUT_S:
             time.sleep(0.002)
-            left = unsent(fd)
+            left = port.out_waiting
             if left < before:
                 before, since_s = left, time.monotonic()
         if before:
-            termios.tcflush(fd, termios.TCOFLUSH)
+            port.reset_output_buffer()
     except (OSError, termios.error):
         return
-
-
-def unsent(fd: int) -> int:
-    """Return the number of written bytes that are still in this computer; 0 on a pseudo terminal."""
-    return int.from_bytes(fcntl.ioctl(fd, termios.TIOCOUTQ, bytes(4)), sys.byteorder)
 
 
 def _exclude(fd: int, on: bool) -> None:

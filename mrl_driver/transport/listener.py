@@ -23,7 +23,6 @@ NO_BOARD = b"\r\nmrl serve: "  # begin of the line with which a bridge tells its
 MOST_DATAGRAMS = 32
 """At most this many datagrams are looked at in one read: a flood by others does not hold up the caller."""
 MOST_WAITING = 10_000  # more datagrams than the system keeps
-_KEPT = 65536  # at most this many bytes of an incomplete frame are kept; older ones are dropped
 
 
 class TcpListener:
@@ -60,7 +59,6 @@ class TcpListener:
         while True:
             try:
                 end, name = self._listening.accept()
-                self._accepts = True
             except OSError as error:
                 self._accepts = isinstance(error, (BlockingIOError, ConnectionError))
                 return came
@@ -76,15 +74,12 @@ class TcpListener:
     def _gone_already(self) -> None:
         """Drop the client if it has closed its connection already."""
         assert self._end is not None
-        with contextlib.suppress(BlockingIOError):
-            try:
-                gone = not self._end.recv(1, socket.MSG_PEEK)
-            except OSError as error:
-                if isinstance(error, BlockingIOError):
-                    raise
-                gone = True
-            if gone:
-                self.drop()
+        try:
+            there = bool(self._end.recv(1, socket.MSG_PEEK))
+        except OSError as error:
+            there = isinstance(error, BlockingIOError)
+        if not there:
+            self.drop()
 
     def read(self, limit: int = READ_SIZE) -> bytes:
         """Return the client's bytes; drop the client if it has left."""
@@ -106,10 +101,9 @@ class TcpListener:
             return 0
         try:
             return self._end.send(data)
-        except BlockingIOError:
-            return 0
-        except OSError:
-            self.drop()
+        except OSError as error:
+            if not isinstance(error, BlockingIOError):
+                self.drop()
             return 0
 
     def drop(self) -> None:
@@ -127,15 +121,15 @@ class TcpListener:
 class UdpListener:
     """As `TcpListener`, for datagrams.  Each datagram that it sends holds whole frames."""
 
+    watch: Optional[int] = None
+    _there: Any  # address of the client's socket; None without one
+    _heard_s: float  # time of the client's last datagram
+
     def __init__(self, address: Address) -> None:
         self._socket = bound(address, socket.SOCK_DGRAM)
         self.address = address._replace(port=self._socket.getsockname()[1])
-        self.client = ""
-        self.watch: Optional[int] = None
-        self._there: Any = None
-        self._heard_s = 0.0
         self._came = False
-        self._unsent = b""
+        self.drop()
 
     @property
     def data(self) -> Optional[int]:
@@ -170,12 +164,12 @@ class UdpListener:
         return b""
 
     def write(self, data: bytes) -> int:
-        """Send all whole frames; keep the rest until more bytes follow."""
+        """Send all whole frames; keep the rest, at most `LONGEST` bytes, until more bytes follow."""
         if self._there is None:
             return 0
         self._unsent += data
         end = max(self._unsent.rfind(b"e"), self._unsent.rfind(b"\n")) + 1
-        whole, self._unsent = self._unsent[:end], self._unsent[end:][-_KEPT:]
+        whole, self._unsent = self._unsent[:end], self._unsent[end:][-LONGEST:]
         for datagram in datagrams(whole):
             with contextlib.suppress(OSError):
                 self._socket.sendto(datagram, self._there)
@@ -222,7 +216,7 @@ def datagrams(data: bytes) -> List[bytes]:
     """Split `data` into pieces of at most `LONGEST` bytes, after the end of a frame if possible."""
     pieces = []
     while len(data) > LONGEST:
-        end = data.rfind(b"e", 0, LONGEST) + 1 or LONGEST
+        end = data[:LONGEST].rfind(b"e") + 1 or LONGEST
         pieces.append(data[:end])
         data = data[end:]
     return [*pieces, data] if data else pieces
@@ -238,10 +232,8 @@ def bound(address: Address, kind: int, waiting: int = 1) -> socket.socket:
         PortBusy, PortDenied, LinkError: the address cannot be used.
     """
     try:
-        family, sort, protocol, _, there = socket.getaddrinfo(
-            address.host, address.port, type=kind, flags=socket.AI_PASSIVE
-        )[0]
-        end = socket.socket(family, sort, protocol)
+        family, _, _, _, there = socket.getaddrinfo(address.host, address.port, type=kind)[0]
+        end = socket.socket(family, kind)
     except (OSError, UnicodeError) as error:
         if shortage(error):
             raise _refused(address, error) from None

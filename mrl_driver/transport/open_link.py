@@ -38,11 +38,15 @@ class Opening:
     """The first opening of a port: until `timeout_s` has passed [s], each error is one that may pass.
 
     A port that has just appeared may not have its rights yet, or be held by a program that looks at it or ends.
+
+    Attributes:
+        reason: why the last attempt failed.
     """
+
+    reason: str
 
     def __init__(self, open_port: Callable[[], Link], timeout_s: float) -> None:
         self._open_port, self._until_s = open_port, time.monotonic() + timeout_s
-        self.reason = ""  # why the last attempt failed
 
     def attempt(self) -> Optional[Link]:
         """Open the port; None to try again soon.  Raise the last LinkError or BoardError when the time is over."""

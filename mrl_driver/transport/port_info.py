@@ -25,8 +25,13 @@ KINDS: Tuple[UsbKind, ...] = (
     UsbKind(0x2341, 0x0043, "Arduino Uno R3"),
     UsbKind(0x2341, 0x0243, "Arduino Uno R3"),
     UsbKind(0x2A03, 0x0043, "Arduino Uno R3"),
+    UsbKind(0x2341, 0x006A, "Arduino Uno Mini"),
     UsbKind(0x2341, 0x0010, "Arduino Mega 2560"),
+    UsbKind(0x2A03, 0x0010, "Arduino Mega 2560"),
     UsbKind(0x2341, 0x0042, "Arduino Mega 2560 R3"),
+    UsbKind(0x2341, 0x0210, "Arduino Mega 2560 R3"),
+    UsbKind(0x2341, 0x0242, "Arduino Mega 2560 R3"),
+    UsbKind(0x2A03, 0x0042, "Arduino Mega 2560 R3"),
     UsbKind(0x0403, 0x6001, "FTDI adapter"),
     UsbKind(0x0403, 0x6015, "FTDI adapter"),
     UsbKind(0x067B, 0x2303, "PL2303 adapter"),
@@ -171,8 +176,8 @@ def _stat(path: str) -> os.stat_result:
 def read_text(path: str) -> str:
     """Return the text of a file of the system; empty if it cannot be read."""
     try:
-        with open(path, encoding="utf-8", errors="replace") as file:
-            return file.read()
+        with open(path, "rb") as file:
+            return file.read().decode(errors="replace")
     except OSError:
         return ""
 
@@ -215,8 +220,8 @@ def locked_by(port: str) -> str:
     try:
         there = os.stat(port)
         file = f"{os.major(there.st_dev):02x}:{os.minor(there.st_dev):02x}:{there.st_ino}"
-        with open("/proc/locks", encoding="ascii") as locks:
-            owners = [line.split()[4] for line in locks if line.split()[5] == file]
+        locks = map(str.split, read_text("/proc/locks").splitlines())
+        owners = [lock[4] for lock in locks if lock[5] == file]
         return _program(owners[0])
     except (OSError, IndexError, ValueError):
         return ""
@@ -232,12 +237,12 @@ def group_of(device: str) -> str:
 
 def opening_group(device: str) -> str:
     """Return the name of the group whose members may open the device; empty if only root may."""
-    group, both = group_of(device), stat.S_IRGRP | stat.S_IWGRP
+    both = stat.S_IRGRP | stat.S_IWGRP
     try:
-        opens = os.stat(device).st_mode & both == both
+        group, mode = group_of(device), os.stat(device).st_mode
     except OSError:
-        opens = False
-    return group if opens and group != "root" else ""
+        return ""
+    return group if mode & both == both and group != "root" else ""
 
 
 class PortFacts(NamedTuple):
@@ -256,7 +261,7 @@ class PortFacts(NamedTuple):
 
 def facts() -> List[PortFacts]:
     """Return all serial ports, sorted by name."""
-    return sorted(map(facts_of, described()), key=lambda each: each.device)
+    return sorted(map(facts_of, described()))
 
 
 def facts_of(port: Port) -> PortFacts:
@@ -285,13 +290,12 @@ def user_of(device: str) -> str:
         return holder
     for folder in _LOCK_FOLDERS:
         try:
-            with open(f"{folder}/LCK..{os.path.basename(device)}", encoding="ascii") as file:
-                number = int(file.read())
+            number = int(read_text(f"{folder}/LCK..{os.path.basename(device)}"))
             os.kill(number, 0)
         except (OSError, ValueError, OverflowError) as error:
             if not isinstance(error, PermissionError):
                 continue
-        return f"process {number}"
+        return _program(str(number))
     return ""
 
 
@@ -302,16 +306,14 @@ def udev_properties(device: str) -> Dict[str, str]:
     """
     try:
         number = os.stat(device).st_rdev
-        with open(
-            f"/run/udev/data/c{os.major(number)}:{os.minor(number)}", encoding="utf-8", errors="replace"
-        ) as file:
-            lines = [line[2:].rstrip("\n").partition("=") for line in file if line.startswith("E:")]
     except OSError:
         return {}
-    return {key: value for key, _, value in lines}
+    lines = read_text(f"/run/udev/data/c{os.major(number)}:{os.minor(number)}").split("\n")
+    pairs = (line[2:].partition("=") for line in lines if line.startswith("E:"))
+    return {key: value for key, _, value in pairs}
 
 
 def programs_named(name: str) -> List[int]:
     """Return the process ids of the programs with this name."""
     numbers = filter(str.isdigit, os.listdir("/proc"))
-    return [int(number) for number in numbers if read_text(f"/proc/{number}/comm").rstrip("\n") == name]
+    return [int(number) for number in numbers if read_text(f"/proc/{number}/comm") == f"{name}\n"]

@@ -60,7 +60,7 @@ class UrlLink(DescriptorLink):
         finally:
             os.close(self._into)
 
-    def _send(self, data: bytes, deadline: float = 0.0) -> None:
+    def _send(self, data: bytes) -> None:
         """Send all of `data`; pyserial's handler decides how long it may block."""
         if self.closed:
             raise LinkLost(f"{self.port} is closed")

@@ -123,8 +123,8 @@ class Search:
 class _PseudoTerminal(NamedTuple):
     """A pseudo terminal.  The system gives the number of one that was removed to the next one of any program."""
 
-    name: Tuple[int, float]
-    """Inode and time of the name under which it is known, which may be a symbolic link."""
+    name: Optional[Tuple[int, float]]
+    """Inode and time of the symbolic link under which it is known; None for its own name."""
     device: Tuple[int, float]  # inode and time of the terminal itself
 
 
@@ -137,7 +137,7 @@ def _pseudo_terminal(name: str) -> Optional[_PseudoTerminal]:
     except OSError:
         return None
     own = (device.st_ino, device.st_ctime)
-    return _PseudoTerminal((named.st_ino, named.st_ctime) if os.path.islink(name) else (0, 0.0), own)
+    return _PseudoTerminal((named.st_ino, named.st_ctime) if os.path.islink(name) else None, own)
 
 
 class _Undecided(WrongRobot):
@@ -151,15 +151,20 @@ class Reconnection:
         name: name of the port, as the user gave it.
         open_link: opens a port by name.
         patience_s: time for a board's answer on a port that was just opened [s].
+
+    Attributes:
+        port: the name that was opened last.
+        same_board: no other board answered since the port was lost.
     """
+
+    same_board: bool
+    _trial_ends_s: float
 
     def __init__(self, name: str, open_link: Callable[[str], Link], patience_s: float) -> None:
         self._name, self._open_link, self._patience_s = name, open_link, patience_s
         self._note(name)
         self._search: Optional[Search] = None
-        self._trial_ends_s = 0.0
-        self.port = name  # the name that was opened last
-        self.same_board = True  # no other board answered since the port was lost
+        self.port = name
 
     def _note(self, name: str) -> None:
         """Remember the robot's port, and the other ports of the same kind."""

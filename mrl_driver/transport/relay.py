@@ -4,6 +4,7 @@ import contextlib
 import queue
 import select
 import threading
+import time
 from concurrent.futures import Future, wait
 from typing import Callable, List, Optional
 
@@ -87,8 +88,7 @@ class Bridge:
         self._find, self._lost, self._listener, self._tell = find, lose, listener, Teller(tell)
         self._link: Optional[Link] = None
         self._why = "the board was not found yet"
-        self._client = ""
-        self._stop, self._stops = STOP_2013, 0
+        self._stop = STOP_2013
         self._running = self._accepts = True
 
     def stop(self) -> None:
@@ -127,7 +127,7 @@ class Bridge:
         link = found.result()
         if link is None:
             self._send_away()
-            select.select([fd for fd in (self._listener.watch,) if fd is not None], [], [], SEARCH_S)
+            time.sleep(SEARCH_S)
             return
         self._listener.drop()  # what a client has sent meanwhile is old
         self._link, self._client, self._stops = link, "", 0
@@ -143,14 +143,13 @@ class Bridge:
         self._listener.read()
         self._listener.attend()
         if self._listener.client:
-            self._listener.write(NO_BOARD + self._why.encode("utf-8", "replace") + b"\r\n")
+            self._listener.write(NO_BOARD + self._why.encode() + b"\r\n")
             self._listener.drop()
 
     def _lose(self, link: Link, error: LinkLost) -> None:
         self._link, self._why = None, str(error)
         self._tell(f"{error}; the port is searched")
         self._send_away()
-        self._client = ""
         link.close()
         self._lost(error)
 

@@ -37,10 +37,10 @@ class SocketLink(DescriptorLink):
     def _release(self) -> None:
         self._socket.close()
 
-    def _lost(self, why: Optional[str]) -> LinkLost:
+    def _lost(self, why: str) -> LinkLost:
         by_words = {os.strerror(number): text for number, text in _REMEDY.items()}
-        remedy = by_words.get(why or "", "check the bridge's power and the network")
-        return LinkLost(f"{self.port} went away ({(why or 'no reason given').lower()}): {remedy}")
+        remedy = by_words.get(why, "check the bridge's power and the network")
+        return LinkLost(f"{self.port} went away ({why.lower()}): {remedy}")
 
     def _end_of_data(self) -> None:
         raise LinkLost(
@@ -65,12 +65,10 @@ class TcpLink(SocketLink):
     def read(self, timeout_s: float) -> bytes:
         data = super().read(timeout_s)
         if data:
-            self._last = data
-        if len(self._heard) < HEARD:
-            self._heard = (self._heard + data)[:HEARD]
+            self._last, self._heard = data, (self._heard + data)[:HEARD]
         return data
 
-    def _lost(self, why: Optional[str]) -> LinkLost:
+    def _lost(self, why: str) -> LinkLost:
         with contextlib.suppress(OSError):  # a write may fail before the bridge's last words were read
             self._last = self._socket.recv(READ_SIZE) or self._last
         return self._told() or super()._lost(why)
@@ -78,7 +76,7 @@ class TcpLink(SocketLink):
     def _told(self) -> Optional[LinkLost]:
         """Return the error that `mrl serve` announced before it closed the connection."""
         _, told, why = self._last.rpartition(NO_BOARD)
-        words = why.decode("utf-8", "replace").strip()
+        words = why.decode(errors="replace").strip()
         return LinkLost(f"{self.port}: mrl serve has no board now: {words}") if told else None
 
     def _end_of_data(self) -> None:
@@ -107,8 +105,7 @@ class UdpLink(SocketLink):
 
     def __init__(self, port: str) -> None:
         address = parse(port)
-        self._socket = _first(address, port, socket.SOCK_DGRAM, None)
-        self._socket.setblocking(False)
+        self._socket = _first(address, port, socket.SOCK_DGRAM, 0.0)  # it has nobody to wait for
         self._begin(port, self._socket.fileno())
 
     def _end_of_data(self) -> None:
@@ -134,24 +131,20 @@ def connect(address: Address, port: str, patience_s: float) -> socket.socket:
     return end
 
 
-def _first(address: Address, port: str, kind: int, patience_s: Optional[float]) -> socket.socket:
+def _first(address: Address, port: str, kind: int, patience_s: float) -> socket.socket:
     """Return a socket connected to the first of the host's addresses that accepts."""
-    failure: OSError = OSError(errno.EADDRNOTAVAIL, "no address")
-    for family, sort, protocol, _, there in resolve(address, port, kind):
-        try:
-            end = socket.socket(family, sort, protocol)
-        except OSError as error:
-            failure = error
-            continue
-        try:
-            if address.bind[0]:
-                end.bind(address.bind)
-            end.settimeout(patience_s)
-            end.connect(there)
-            return end
-        except OSError as error:
-            end.close()
-            failure = error
+    for family, _, _, _, there in resolve(address, port, kind):
+        with contextlib.ExitStack() as undo:
+            try:
+                end = undo.enter_context(socket.socket(family, kind))
+                if address.bind is not None:
+                    end.bind(address.bind)
+                end.settimeout(patience_s)
+                end.connect(there)
+                undo.pop_all()
+                return end
+            except OSError as error:
+                failure = error
     raise explain(port, failure)
 
 
@@ -164,7 +157,7 @@ def resolve(address: Address, port: str, kind: int) -> List[Tuple[Any, Any, int,
     try:
         return socket.getaddrinfo(address.host, address.port, type=kind)
     except (OSError, UnicodeError) as error:
-        words = str(error.args[1] if len(error.args) > 1 else error).lower()
+        words = str(error.args[-1]).lower()
         raise PortMissing(
             f"{port} cannot be opened ({address.host!r}: {words}): check the name, or give the address in numbers"
         ) from None
@@ -185,7 +178,7 @@ def explain(port: str, error: OSError) -> LinkError:
 class UdpSender:
     """Sends datagrams to HOST:PORT.  Nothing here waits, and a program that does not listen there makes no error.
 
-    If a name has several addresses, an IPv4 address is used: PlotJuggler listens on no other.
+    If a name has several addresses, the first of IPv4 is used: PlotJuggler listens on no other.
 
     Attributes:
         loss: how many datagrams the system did not accept, and why; empty if there are none.
@@ -200,9 +193,9 @@ class UdpSender:
         self.loss, self._tried, self._lost = "", 0, 0
         self._to = f"--udp {to}"
         found = resolve(_address(to), self._to, socket.SOCK_DGRAM)
-        family, kind, protocol, _, self._there = min(found, key=lambda each: each[0] != socket.AF_INET)
+        family, _, _, _, self._there = min(found, key=lambda each: each[0])  # AF_INET is the least
         try:
-            self._socket = socket.socket(family, kind, protocol)
+            self._socket = socket.socket(family, socket.SOCK_DGRAM)
         except OSError as error:
             raise explain(self._to, error) from None
         self._socket.setblocking(False)
@@ -227,7 +220,7 @@ class UdpSender:
 def _address(to: str) -> Address:
     try:
         address = parse(to if is_url(to) else f"udp://{to}")
-        if address.scheme not in UDP or address.bind[0]:
+        if address.scheme not in UDP or address.bind is not None:
             raise ConfigError("another protocol, or a local address")
     except ConfigError:
         raise ConfigError(

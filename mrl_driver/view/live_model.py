@@ -9,7 +9,7 @@ from mrl_driver.errors import MrlError
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import ImuChanged, Lost, PathUnknown, Reconnected, Slowed
 
-from .shown_state import Shown, has_motors, state_of
+from .shown_state import Shown, has_motors, has_odometry, state_of
 from .trail import Trail
 
 _TOLD = (Lost, Reconnected, Slowed, PathUnknown, ImuChanged, MrlError)
@@ -39,7 +39,7 @@ class LiveModel:
         self._input_name, self._remedy = input_name, remedy
         self._start_s = now_s
         self._seen: List[Tuple[float, int]] = []  # times, and numbers of frames until then
-        self._moves = has_motors(robot.model)
+        self._moves, self._has_path = has_motors(robot.model), has_odometry(robot.model)
         self.trail, self.frames, self.record = Trail(), 0, ""
         self.notice: str = robot.warning
         robot.on_telemetry(self._on_telemetry)
@@ -47,7 +47,8 @@ class LiveModel:
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         self.frames += 1
-        self.trail.add(telemetry.pose)
+        if self._has_path:
+            self.trail.add(telemetry.pose)
 
     def _on_event(self, event: object) -> None:
         if isinstance(event, _TOLD):

@@ -8,7 +8,7 @@ from typing import List, NamedTuple, Sequence
 
 from mrl_driver.safety.operator_delay import delay_text
 
-from .shown_state import Bar, Row, Shown, has_motors, range_text
+from .shown_state import Bar, Row, Shown, has_motors, has_odometry, range_text
 
 NEAR_M = 0.3  # a shorter range is shown as a danger, one below twice this as a warning [m]
 _FARTHEST_BAR_M = 3.0
@@ -39,10 +39,12 @@ def sections(now: Shown) -> List[Section]:
 def _motion(now: Shown) -> List[Row]:
     if not has_motors(now.model):
         return []
-    pose = now.pose
     asked = Row("asked", now.stopped, "yellow") if now.stopped else Row("asked", "by another program")
     if now.command is not None:
         asked = Row("asked", _speeds(now.command), "green")
+    if not has_odometry(now.model):
+        return [Row("odometry", "none: no encoders", "yellow"), asked]
+    pose = now.pose
     return [
         Row("pose", f"x {pose.x_m:+.3f}  y {pose.y_m:+.3f} m"),
         Row("heading", f"{math.degrees(pose.yaw_rad):+.1f} deg"),

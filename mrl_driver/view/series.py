@@ -7,12 +7,14 @@ from typing import Any, Dict, Iterable, Iterator, List, Optional, Tuple
 
 from mrl_driver.protocol.table import SENSOR_BY_NAME, SENSORS
 from mrl_driver.robot.imu import ABSENT, IN_USE, LEARNING, OFF
-from mrl_driver.robot.models import OmniDrive, RobotModel
-from mrl_driver.robot.odometry import AnyTwist
+from mrl_driver.robot.kinematics import kinematics_of
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models.drives import metres_per_count
+from mrl_driver.robot.odometry import WHEELS_BY_COUNT, AnyTwist
 from mrl_driver.session.sensor_polling import Reading, of_board
 
 from .rows import sonar_order
-from .shown_state import SILENT_S, has_motors, moves_sideways
+from .shown_state import SILENT_S, has_motors, has_odometry, moves_sideways
 
 Name = Tuple[str, str]  # name and unit of a value
 _POSE: Tuple[Name, ...] = (("x", "m"), ("y", "m"), ("yaw", "rad"))
@@ -57,6 +59,7 @@ class Series:
         found: Dict[Name, float] = {}
         if has_motors(robot.model):
             found.update(_motion(robot, silent))
+        if has_odometry(robot.model):
             found.update(self._wheels.speeds())
         found.update(_ranges(robot, silent))
         if has_motors(robot.model):
@@ -75,8 +78,9 @@ class Series:
 
 def _motion(robot: Any, silent: bool) -> _Values:
     axes = 3 if moves_sideways(robot.model) else 2
-    yield from zip(_POSE, robot.pose)
-    yield from zip(_SPEEDS[:axes], _UNKNOWN if silent else _speeds(robot.twist))
+    if has_odometry(robot.model):
+        yield from zip(_POSE, robot.pose)
+        yield from zip(_SPEEDS[:axes], _UNKNOWN if silent else _speeds(robot.twist))
     command = robot.command
     yield from zip(_ASKED[:axes], itertools.repeat(0.0) if command is None else _speeds(command))
 
@@ -99,6 +103,7 @@ class _Wheels:
         if model is None or not hasattr(self._robot, "telemetry"):
             return iter(())
         drive: Any = model.drive
+        names = WHEELS_BY_COUNT[len(kinematics_of(drive).wheels)]._fields
         telemetry, before = self._robot.telemetry, self._newest
         if telemetry is None or not self._robot.ready:
             self._newest, self._speeds = None, _UNKNOWN
@@ -106,11 +111,9 @@ class _Wheels:
             self._newest, self._speeds = telemetry, _UNKNOWN
             if before is not None and telemetry.stamp_s > before.stamp_s:
                 dt_s = telemetry.stamp_s - before.stamp_s
-                scales = drive.right_m_per_count, drive.left_m_per_count, drive.metres_per_count
-                counts = zip(telemetry.counts, before.counts, scales)
+                counts = zip(telemetry.counts, before.counts, metres_per_count(drive, names))
                 self._speeds = [(now - then) * scale / dt_s for now, then, scale in counts]
-        names = ("right", "left", "rear") if isinstance(drive, OmniDrive) else ("right", "left")
-        return zip(((f"{name} wheel", "m/s") for name in names), self._speeds)
+        return zip(((f"{name.replace('_', ' ')} wheel", "m/s") for name in names), self._speeds)
 
 
 def _ranges(robot: Any, silent: bool) -> _Values:

@@ -8,7 +8,7 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import SENSOR_BY_NAME
 from mrl_driver.robot.battery import voltage_text
 from mrl_driver.robot.imu import ABSENT, IN_USE, LEARNING, REASONS
-from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.robot.models import RobotModel, drives
 from mrl_driver.robot.odometry import AnyTwist
 from mrl_driver.session.sensor_polling import text
 
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 
+NO_ODOMETRY = "none: the motors have no encoders"
+VIRTUAL = "the robot is virtual: the board calculates it"
 SILENT_S = 0.3  # the robot is silent if its newest telemetry is older than this [s]
 
 
@@ -96,7 +98,7 @@ def state_of(driver: "Driver") -> Shown:
     """Return the state of a driver's robot."""
     model, seen = driver.model, driver.link.statistics
     return Shown(
-        f"{model.name if model else 'robot'} {driver.board.robot_id}",
+        f"{'virtual ' if driver.board.virtual else ''}{model.name if model else 'robot'} {driver.board.robot_id}",
         model,
         driver.pose,
         driver.twist,
@@ -139,7 +141,15 @@ def _board(driver: "Driver") -> Sequence[Row]:
         *([Row("last stop", f"by {status.stop_reason.words}")] if has_motors(driver.model) else []),
         Row("faults", faults or "none", "bold red" if faults else ""),
         *_imu(driver),
+        *_inputs(driver),
     ]
+
+
+def _inputs(driver: "Driver") -> Sequence[Row]:
+    inputs = driver.inputs
+    if inputs is None:
+        return []
+    return [Row("inputs", str(inputs), "bold red" if inputs.active or inputs.latched else "")]
 
 
 def _span(seconds: int) -> str:
@@ -155,12 +165,17 @@ def sensor_texts(driver: "Driver") -> Dict[str, str]:
 
 def moves_sideways(model: Optional[RobotModel]) -> bool:
     """Return whether a robot can move sideways."""
-    return model is not None and isinstance(model.drive, OmniDrive)
+    return model is not None and drives.moves_sideways(model.drive)
 
 
 def has_motors(model: Optional[RobotModel]) -> bool:
-    """Return whether the board has motors, and so a pose; True while the model is unknown."""
+    """Return whether the board has motors; True while the model is unknown."""
     return model is None or model.drives
+
+
+def has_odometry(model: Optional[RobotModel]) -> bool:
+    """Return whether the board measures how the robot moves; True while the model is unknown."""
+    return model is None or model.has_odometry
 
 
 def range_text(value_m: float) -> str:
@@ -179,21 +194,27 @@ def _fixed(value: float, width: int, digits: int) -> str:
 
 def line_of(state: Shown) -> str:
     """Return pose, speeds, ranges, battery and other sensors in one line; without motors the sensors alone."""
-    pose, twist = state.pose, state.twist
-    yaw_deg = math.degrees(pose.yaw_rad)
-    aside = f"sideways {_fixed(twist.lateral_m_s, 6, 3)} m/s  " if len(twist) == 3 else ""
     ranges = "".join(f"{name} {range_text(value)}  " for name, value in state.ranges.items())
     sensors = "".join(f"  {name} {value}" for name, value in state.sensors.items())
     silent = "" if state.ready else "  NO TELEMETRY"
     if not has_motors(state.model):
         return f"{state.name}{sensors or '  no reading yet'}{silent}"
     return (
-        f"x {_fixed(pose.x_m, 7, 3)} m  y {_fixed(pose.y_m, 7, 3)} m  yaw {_fixed(yaw_deg, 7, 2)} deg  "
-        f"v {_fixed(twist.linear_m_s, 6, 3)} m/s  {aside}w {_fixed(twist.angular_rad_s, 6, 3)} rad/s  {ranges}"
-        f"battery {voltage_text(state.battery_v)} ({state.battery_state})"
+        f"{_motion_text(state)}  {ranges}battery {voltage_text(state.battery_v)} ({state.battery_state})"
         + sensors
         + (f"  imu {state.imu}" if state.imu else "")
         + silent
+    )
+
+
+def _motion_text(state: Shown) -> str:
+    if not has_odometry(state.model):
+        return f"odometry {NO_ODOMETRY}"
+    pose, twist, yaw_deg = state.pose, state.twist, math.degrees(state.pose.yaw_rad)
+    aside = f"sideways {_fixed(twist.lateral_m_s, 6, 3)} m/s  " if len(twist) == 3 else ""
+    return (
+        f"x {_fixed(pose.x_m, 7, 3)} m  y {_fixed(pose.y_m, 7, 3)} m  yaw {_fixed(yaw_deg, 7, 2)} deg  "
+        f"v {_fixed(twist.linear_m_s, 6, 3)} m/s  {aside}w {_fixed(twist.angular_rad_s, 6, 3)} rad/s"
     )
 
 
@@ -205,21 +226,22 @@ def line(driver: "Driver") -> str:
 def snapshot(driver: "Driver") -> Dict[str, Any]:
     """Return the robot's state and the state of the link, for JSON; SI units, with the unit at the end of the key.
 
-    A board without motors has no pose and no twist.
+    Without odometry there is no pose and no twist.
     """
-    seen, command, moves = driver.link.statistics, driver.command, has_motors(driver.model)
+    seen, command, counts = driver.link.statistics, driver.command, has_odometry(driver.model)
     imu: Dict[str, Any] = {"state": driver.imu_state}
     if driver.imu is not None:
         imu["angular_velocity_rad_s"] = driver.imu.angular_velocity_rad_s
         imu["linear_acceleration_m_s2"] = driver.imu.linear_acceleration_m_s2
         imu["bias_rad_s"] = driver.imu.bias_rad_s if driver.imu.bias_known else None
     return {
-        "pose": driver.pose._asdict() if moves else None,
-        "twist": driver.twist._asdict() if moves else None,
+        "pose": driver.pose._asdict() if counts else None,
+        "twist": driver.twist._asdict() if counts else None,
         "command": command._asdict() if command else None,
         "ranges_m": driver.ranges,
         "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
         "imu": imu,
+        "active_inputs": driver.inputs.active if driver.inputs else (),
         "battery_v": driver.board.battery_v,
         "battery_state": driver.battery_state,
         "temperature_c": driver.board.temperature_c,

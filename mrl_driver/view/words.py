@@ -49,6 +49,8 @@ STOPS: Dict[StopReason, Stop] = {
     _S.CLOSED: _stop("the program that drove the robot has ended", "ended"),
     _S.HOST_PAUSED: _stop("the computer that drives the robot was too busy", "late_host"),
     _S.HELD: Stop("another robot holds this one by radio", "wait until that robot frees it", "radio_hold"),
+    _S.BUMPER: _stop("a bumper was hit", "bumper_hit"),
+    _S.CLIFF: _stop("a cliff sensor sees no floor", "cliff"),
     _S.EMERGENCY_STOP: _stop("the emergency stop is on", "emergency_stop"),
     _S.MOTORS_DISABLED: _stop("the motors are switched off", "motors_disabled"),
     _S.PROTECTIVE_ZONE: _stop("an obstacle is too close", "protective_zone"),
@@ -87,7 +89,9 @@ def stop_error(driver: "Driver", what: str) -> BoardTimeout:
     stop = STOPS[driver.stop_reason]
     kind = HostBusy if stop.code == HostBusy.code else BoardTimeout
     why = stop.why + (f"; {stop.remedy}" if stop.remedy else "")
-    return kind(f"{what}: {why or why_refused(driver, 'try again')}")
+    error = kind(f"{what}: {why or why_refused(driver, 'try again')}")
+    error.code = stop.code or kind.code
+    return error
 
 
 def why_refused(driver: "Driver", again: str = "press again") -> str:
@@ -100,4 +104,6 @@ def why_refused(driver: "Driver", again: str = "press again") -> str:
         return f"{driver.mismatch}; {again}"
     if driver.radio.hold is not None and driver.radio.hold.held:
         return str(driver.radio.hold)
+    if driver.inputs is not None and (driver.inputs.active or driver.inputs.latched):
+        return str(driver.inputs)
     return f"the robot takes no commands now; {again}"

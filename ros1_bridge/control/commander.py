@@ -34,6 +34,9 @@ REFUSALS = {
     StopReason.MOTORS_DISABLED: "the motors are disabled; call the service enable_motors with true",
 }
 
+INPUTS = (StopReason.BUMPER, StopReason.CLIFF, StopReason.EMERGENCY_STOP)
+"""Stops of the board's inputs."""
+
 Speeds = Tuple[float, ...]
 """Linear and angular speed; robots that move sideways add the lateral speed."""
 
@@ -163,6 +166,22 @@ class Commander:
         if ends:
             self.cancel_goals(False)
 
+    @property
+    def emergency(self) -> bool:
+        """The emergency stop is on: latched here, or by the board's input."""
+        inputs = self._driver.inputs
+        return self.latched or (inputs is not None and inputs.latched)
+
+    def release_input(self) -> bool:
+        """Release the emergency stop of the board's input, if it is on; False if it is still active."""
+        inputs = self._driver.inputs
+        if inputs is None or not inputs.latched:
+            return True
+        self.sources.distrust()
+        released: bool = self._driver.release_emergency()
+        self.cancel_goals(False)
+        return released
+
     def enable(self, enabled: bool) -> None:
         """Let the motors follow new commands, or stop them, end all goals and refuse commands."""
         ends = False
@@ -239,8 +258,8 @@ class Commander:
         driver, ready, mismatch = self._driver, self._driver.ready, self._driver.mismatch
         if not ready and driver.may_be_moving:
             return StopReason.MAY_BE_MOVING
-        if self.latched or not self.enabled:
-            return StopReason.EMERGENCY_STOP if self.latched else StopReason.MOTORS_DISABLED
+        if self.emergency or not self.enabled:
+            return StopReason.EMERGENCY_STOP if self.emergency else StopReason.MOTORS_DISABLED
         if not ready:
             return StopReason.NO_TELEMETRY
         if driver.battery_state in ("empty", "off"):
@@ -281,6 +300,9 @@ class Commander:
             return f"{mismatch}; once that is put right, a command of zero lets it drive again"
         if cause == StopReason.HELD:
             return f"{self._driver.radio.hold}"
+        inputs = self._driver.inputs
+        if inputs is not None and (inputs.active or inputs.latched) and cause in INPUTS:
+            return f"{inputs}"
         unlinked = (StopReason.NO_TELEMETRY, StopReason.MAY_BE_MOVING)
         if self._cause is StopReason.COMMANDS_UNPAUSED and cause not in (*REFUSALS, *unlinked):
             return (

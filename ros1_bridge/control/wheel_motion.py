@@ -22,7 +22,9 @@ class WheelMotion:
         driver = self._driver
         if not driver.ready:
             self._moving, self._from = (None if driver.may_be_moving else False), None
-        elif driver.model.drives and driver.telemetry is not None:
+        elif not driver.model.has_odometry:
+            self._moving = None
+        elif driver.telemetry is not None:
             self._measure(driver.telemetry)
         return self._moving
 

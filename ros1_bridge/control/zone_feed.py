@@ -9,6 +9,7 @@ from typing import Any, Optional
 from mrl_driver.errors import ConfigError, one_line
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.odometry import AnyTwist, Twist
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.protective_zones import Scan, Zones
 from mrl_driver.yaml_file import short
@@ -21,13 +22,19 @@ SCAN_OLD_S = 0.5
 """An older scan is not used [s]; that of a slow laser, with five turns a second, is 0.2 s old when it is complete."""
 
 
+def assumed_twist(driver: Any, telemetry: Telemetry) -> AnyTwist:
+    """Return the measured speeds of a driver's robot; those of the command in force if the motors have no encoders."""
+    if driver.model.has_odometry:
+        return telemetry.twist
+    command: Optional[AnyTwist] = driver.command
+    return command or Twist(0.0, 0.0)
+
+
 class ZoneWatch:
     """The zones of one robot, and the readings passed to them."""
 
-    def __init__(
-        self, parameters: Parameters, model: RobotModel, has_sonars: bool, build_assumed: bool = False
-    ) -> None:
-        """`parameters`: those of robot_node, with `zones` other than none.  `build_assumed`: as in `Driver`.
+    def __init__(self, parameters: Parameters, model: RobotModel, build_assumed: bool = False) -> None:
+        """`parameters`: those of robot_node, with `zones` other than none.  `build_assumed`: see `assumes_sonars`.
 
         Raises:
             ConfigError: the zones need sonars, and the board has none, or it is not known to have any.
@@ -38,7 +45,7 @@ class ZoneWatch:
                 f"parameter zones is {parameters.zones}, but this board of 2013 does not report whether it has sonars "
                 "or gas sensors, which would look like ranges; set parameter build to sonar or environment"
             )
-        if by_sonar and not has_sonars:
+        if by_sonar and not model.sonars:
             raise ConfigError(
                 f"parameter zones is {parameters.zones}, but this board has no sonars, expected scan or none"
             )

@@ -1,6 +1,6 @@
 """ROS node `demo_view`: shows a robot live, drives it in a square or from the keyboard.
 
-The node subscribes to `odom`, `sonar/*`, `battery`, `status` and `/diagnostics`, and publishes `cmd_vel`.
+The node subscribes to `odom`, `sonar/*`, `battery_state`, `status` and `/diagnostics`, and publishes `cmd_vel`.
 
 Without a terminal, on a dumb terminal, or without the library `rich`, it prints a line every second and reads no keys.
 """

@@ -48,7 +48,7 @@ class DemoScreen(Screen):
     def steer(self, now_s: float) -> None:
         """Drive the square or as the keys say, until the time is over; ConfigError if the board has no motors."""
         if self._robot.model is not None:
-            self._robot.model.require_motors()
+            self._robot.model.require_odometry()
         if self._first_s is None and self.live.frames:
             self._first_s = now_s
         if self._duration_s:

@@ -8,6 +8,7 @@ import contextlib
 import os
 import random
 import re
+import shutil
 import signal
 import socket
 import sys
@@ -38,6 +39,10 @@ _PORTS = range(20000, 32768)
 """Linux gives connections higher ports, so that no other program takes the port before the master does."""
 _COMPLETE = "started core service [/rosout]"
 """roslaunch prints this line if it has started a master and its services."""
+_NEXT = """next:
+  . .venv/bin/activate; mrl demo --web                the robot on a page, without ROS
+  mrl flash --build virtual --port /dev/ttyACM0       makes a bare Uno, Nano or Mega a robot in a room of its own
+  make run PORT=/dev/ttyACM0                          drives it, or a real robot, by your keys"""
 _DIED = re.compile(r"REQUIRED process \[(\w+)-\d+\] has died!\nprocess has died \[pid \d+, exit code (-?\d+)")
 """What roslaunch prints when a node ends."""
 
@@ -147,7 +152,9 @@ def best_engine() -> str:
 
     try:
         if not IMAGE.exists():
-            raise SimulatorError(f"there is no firmware image {IMAGE.relative_to(ROOT)} (make firmware)")
+            raise SimulatorError(
+                f"there is no firmware image {IMAGE.relative_to(ROOT)} (make run ENGINE=avr builds it)"
+            )
         native.load(ATMEGA328P.name)
         return "avr"
     except SimulatorError as error:
@@ -161,7 +168,8 @@ def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], 
     board = f"the robot on {port}" if port else f"an emulated {robot}"
     click.echo(f"starting the ROS node for {board}; Ctrl-C ends everything")
     emulated = [] if port else [f"engine:={engine or best_engine()}"]
-    start_nodes(run, f"port:={port or run.logs / 'robot'}", f"robot:={robot}", *emulated)
+    rviz = not port and bool(os.environ.get("DISPLAY")) and shutil.which("rviz") is not None
+    start_nodes(run, f"port:={port or run.logs / 'robot'}", f"robot:={robot}", f"rviz:={rviz}", *emulated)
     click.echo(
         f"for rostopic, rosbag and rviz in another terminal: export ROS_MASTER_URI={run.env['ROS_MASTER_URI']}"
     )
@@ -172,6 +180,8 @@ def supervise(run: Run, robot: Optional[str], port: str, engine: Optional[str], 
         run.check()
         time.sleep(_POLL_S)
     run.check_signal()
+    if not port:
+        click.echo(_NEXT)
 
 
 @click.command()
@@ -196,7 +206,7 @@ def main(
     """Drive a robot through ROS, an emulated one unless --port names a real one, with a live view."""
     try:
         if robot and robot != "auto":
-            models.load(robot).require_motors()
+            models.load(robot).require_odometry()
         if os.path.isabs(port):  # neither an address nor the name of a robot
             require_device(port)
         master_port = free_port()

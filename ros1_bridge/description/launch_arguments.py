@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import List, Tuple
 from xml.sax.saxutils import quoteattr
 
-from ros1_bridge.node.parameters import Row
+from ros1_bridge.node.parameters import Row, default_text
 from ros1_bridge.node.robot_parameters import ROWS
 
 FOLDER = Path(__file__).resolve().parent.parent / "launch"
@@ -43,8 +43,7 @@ def render_all(text: str) -> str:
 
 def _argument(row: Row, default: str) -> str:
     if row.default is not None and "$(" not in default:
-        default = f"{row.default:g}" if row.kind is float else str(row.default)
-        default = default.lower() if row.kind is bool else default
+        default = default_text(row)
     extent = ", ".join(str(each) or "empty" for each in row.choices)
     extent = f"{row.low:g} to {row.high:g} {row.unit}" if row.kind is float else extent
     doc = f"~{row.name}: {row.text}" + (f" [{extent}]" if extent else "")

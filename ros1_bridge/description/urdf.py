@@ -13,14 +13,16 @@ from xml.sax.saxutils import quoteattr
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
-from mrl_driver.robot.models import OmniDrive, RobotModel
-from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, SONAR_HEIGHT_M, imu_frame
+from mrl_driver.robot.models import MecanumDrive, OmniDrive, RobotModel
+from mrl_driver.robot.models.drives import SkidDrive
+from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, imu_frame, joints_of, servo_joint, wheel_radius_m
 
 FOLDER = Path(__file__).resolve().parent.parent / "urdf"
 WHEEL_WIDTH_M, TRACK_WIDTH_M = 0.026, 0.035
 WHEEL_MASS_SHARE = 0.1  # Mass of each wheel as a share of the robot's mass
 CASTER_RADIUS_M = 0.012
 SONAR_LENGTH_M, SONAR_RADIUS_M = 0.016, 0.011  # MB1300: 22 mm across (data sheet)
+SERVO_SIZE_M, SERVO_MASS_KG, SERVO_NM = 0.02, 0.01, "0.2"  # small ones; assumed
 LASER_SIZE_M = (0.05, 0.05, 0.07)
 LASER_MASS_KG = 0.16
 COLOURS = {
@@ -45,10 +47,10 @@ class LinkShape(NamedTuple):
     colour: str = "grey"
 
 
-def wheel_radius_m(model: RobotModel) -> float:
-    """True radius [m]: distance per wheel turn, from metres per count and counts per turn, divided by 2 pi."""
-    counts = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
-    return model.base.metres_per_count * counts / (2 * math.pi)
+def side_of(model: RobotModel) -> float:
+    """Distance from the middle to the wheels on a side [m]."""
+    drive = model.base
+    return drive.half_width_m if isinstance(drive, MecanumDrive) else drive.wheel_separation_m / 2
 
 
 def render(model: RobotModel, prefix: str = "", laser: bool = False, imu: bool = False) -> str:
@@ -58,7 +60,7 @@ def render(model: RobotModel, prefix: str = "", laser: bool = False, imu: bool =
             f"robot {model.name} is a board without motors (drive: none), expected a robot with a body of its own: "
             "describe the robot that carries the board, and start this one with description:=false"
         )
-    wanted = {_base: True, _wheels: True, _sonars: True, _laser: laser, _imu: imu}
+    wanted = {_base: True, _wheels: True, _sonars: True, _servos: True, _laser: laser, _imu: imu}
     parts = (part(model, prefix) for part, is_wanted in wanted.items() if is_wanted)
     lines = [
         '<?xml version="1.0"?>',
@@ -90,18 +92,18 @@ def files() -> List[Tuple[Path, str]]:
 
 def _base(model: RobotModel, prefix: str) -> Lines:
     body, radius = model.body, wheel_radius_m(model)
-    width = model.base.wheel_separation_m - (TRACK_WIDTH_M if body.tracks else WHEEL_WIDTH_M) - 0.01
+    side_m = side_of(model)
+    width = 2 * side_m - (TRACK_WIDTH_M if body.tracks else WHEEL_WIDTH_M) - 0.01
     middle, height = body.height_m / 2 - radius + 0.008, body.height_m - 0.016
     round_body = isinstance(model.base, OmniDrive)
     size = (width / 2, height) if round_body else (body.length_m, width, height)
     chassis = LinkShape(size, (0.0, 0.0, middle), colour=model.name if model.name in COLOURS else "grey")
     parts = [chassis]
-    side_m = model.base.wheel_separation_m / 2
     if body.tracks:
         track = (body.length_m - 2 * radius, TRACK_WIDTH_M, 2 * radius)
         for sign in (1, -1):
             parts.append(LinkShape(track, (0.0, sign * side_m, 0.0), colour="dark"))
-    elif not round_body:
+    elif not round_body and len(_places(model)) == 2:
         tail = -body.length_m / 2 + 2 * CASTER_RADIUS_M
         parts.append(LinkShape((CASTER_RADIUS_M,), (tail, 0.0, CASTER_RADIUS_M - radius), colour="dark"))
     mass = body.mass_kg * (1 - len(_places(model)) * WHEEL_MASS_SHARE)
@@ -117,10 +119,15 @@ def _places(model: RobotModel) -> List[Tuple[str, Point, float]]:
         left, rear, right = map(math.radians, drive.angles_deg)
         return [
             (joint, (drive.radius_m * math.cos(at), drive.radius_m * math.sin(at), 0.0), at + math.pi / 2)
-            for joint, at in zip(OMNI_JOINTS, (right, left, rear))
+            for joint, at in zip(joints_of(drive), (right, left, rear))
         ]
-    side_m = drive.wheel_separation_m / 2
-    return [(joint, (0.0, sign * side_m, 0.0), 0.0) for joint, sign in zip(JOINTS, (-1, 1))]
+    side_m, ahead_m = side_of(model), 0.0
+    if isinstance(drive, MecanumDrive):
+        ahead_m = drive.half_length_m
+    elif isinstance(drive, SkidDrive):  # at the ends of the body; odometry does not depend on it
+        ahead_m = model.body.length_m / 2 - wheel_radius_m(model)
+    places = ((ahead_m, -side_m), (ahead_m, side_m), (-ahead_m, side_m), (-ahead_m, -side_m))
+    return [(joint, (x, y, 0.0), 0.0) for joint, (x, y) in zip(joints_of(drive), places)]
 
 
 def _wheels(model: RobotModel, prefix: str) -> Lines:
@@ -144,6 +151,19 @@ def _sonars(model: RobotModel, prefix: str) -> Lines:
         yield from _link(link, [box], 0.005, box, collisions=[])
         at, yaw_rad = (mount.x_m, mount.y_m, SONAR_HEIGHT_M), math.radians(mount.yaw_deg)
         yield from _joint(f"sonar_{name}_joint", prefix + "base_link", link, at, yaw_rad)
+
+
+def _servos(model: RobotModel, prefix: str) -> Lines:
+    """What a servo turns is where its joint is, and has the name of the servo."""
+    box = LinkShape((SERVO_SIZE_M,) * 3, colour="dark")
+    for name, mount in model.servos.items():
+        yield from _link(prefix + name, [box], SERVO_MASS_KG, box, collisions=[])
+        ends = _tag("parent", link=prefix + (mount.parent or "base_link")), _tag("child", link=prefix + name)
+        speed, low, high = (f"{each:.6g}" for each in (mount.speed_rad_s, mount.low_rad, mount.high_rad))
+        limit = _tag("limit", lower=low, upper=high, velocity=speed, effort=SERVO_NM)
+        axis = _tag("axis", xyz="0 1 0" if mount.tilts else "0 0 1")
+        at = _origin((mount.x_m, mount.y_m, mount.z_m))
+        yield from _tag("joint", *ends, at, axis, limit, name=servo_joint(name), type="revolute")
 
 
 def _laser(model: RobotModel, prefix: str) -> Lines:

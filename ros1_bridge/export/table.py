@@ -13,7 +13,6 @@ from mrl_driver.view.shown_state import has_motors
 
 TIMES = ("time_s", "timestamp")
 """When the row's telemetry arrived, since the recording began; and when the board measured it, since 1970 [s]."""
-COUNTS = ("right_count", "left_count", "rear_count")
 
 
 def write(recorded: RecordedDriver, path: str, advance: Callable[[float], None]) -> int:
@@ -55,7 +54,8 @@ class _Table:
         recorded, series = self._recorded, self._series
         if series is None:
             series = self._series = Series(self._robot)
-            self._out.writerow([*TIMES, *COUNTS[: len(counts)], *map(key, series.names)])
+            names = getattr(counts, "_fields", ())
+            self._out.writerow([*TIMES, *(f"{name}_count" for name in names), *map(key, series.names)])
         values = recorded.time_s, recorded.clock_ahead_s + stamp_s, *counts, *series.values()
         self._out.writerow([None if math.isnan(value) else value for value in values])
         self.rows += 1

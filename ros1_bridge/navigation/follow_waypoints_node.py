@@ -333,4 +333,4 @@ class FollowWaypoints:
         return True
 
 
-main = node("follow_waypoints", FollowWaypoints, FollowWaypoints.run)
+main = node("follow_waypoints", FollowWaypoints, FollowWaypoints.run, PARAMETERS)

@@ -7,7 +7,7 @@ The node takes goals from the action, from `move_base_simple/goal` (rviz's 2D Na
 import math
 import threading
 import time
-from typing import Any, Dict, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, Optional, Sequence, Tuple
 
 import actionlib
 import rospy
@@ -39,6 +39,8 @@ JUMP_M, JUMP_RAD = 0.1, 0.2
 """Odometry that comes back farther off than the robot can have moved, and this, began again: the goal is elsewhere."""
 FIRST_ODOM_S = 3.0  # If the first odometry takes longer, the node says that it waits for it
 SILENT_S = 0.5  # A range is valid for this long; each sonar measures every 0.3 s
+RANGES = "sonar"
+WIDEST_DEG = 120.0  # Messages with another cone than up to this have that of an MB1300
 TF_TIMEOUT_S = 1.0
 WARN_EVERY_S = 5.0
 POLL_S = 0.2
@@ -92,9 +94,9 @@ class GoToGoal:
         self._odometry: Optional[Odometry] = None
         self._odometry_s = -math.inf
         self._located = threading.Event()
-        self._ranges: Dict[str, Tuple[float, str, float]] = {}  # of each sonar: range, frame, time
+        self._ranges: Dict[str, Tuple[float, Range, float]] = {}  # of each sonar: range, message, time
         self._odometry_age = StampAge(ODOM_LATE_S)
-        self._range_ages = {name: StampAge(SILENT_S) for name in NAMES}
+        self._range_ages: Dict[str, StampAge] = {}
         self._sonars: Dict[str, SonarMount] = {}
         self._cmd_vel = CmdVel()
         self._plan = rospy.Publisher("plan", Path, queue_size=1, latch=True)
@@ -111,8 +113,7 @@ class GoToGoal:
         self._ending, self._idle = threading.Event(), threading.Event()
         self._idle.set()
         self._odom = rospy.Subscriber("odom", Odometry, self._on_odometry, queue_size=1, tcp_nodelay=True)
-        for name in NAMES:
-            rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
+        self._listen(NAMES)
         rospy.Subscriber("manual_mode", Bool, self._on_manual_mode, queue_size=1)
         rospy.on_shutdown(self._end)
 
@@ -132,6 +133,23 @@ class GoToGoal:
         rospy.Subscriber("move_base_simple/goal", PoseStamped, lambda goal: self._visit([goal]), queue_size=1)
         rospy.Subscriber("waypoints", Path, self._on_waypoints, queue_size=1)
         rospy.spin()
+
+    def _listen(self, names: Iterable[str]) -> None:
+        """Take the ranges of these sonars too."""
+        for name in names:
+            if name not in self._range_ages:
+                self._range_ages[name] = StampAge(SILENT_S)
+                rospy.Subscriber(f"{RANGES}/{name}", Range, self._on_range, callback_args=name, queue_size=1)
+
+    def _find_sonars(self) -> None:
+        """Listen to the sonars that are published with other names."""
+        above = f"{rospy.resolve_name(RANGES)}/"
+        try:
+            published = rospy.get_published_topics(above)
+        except (OSError, rospy.ROSException) as error:  # no master
+            rospy.logwarn(f"sonars with names of their own are not found: {error}")
+            return
+        self._listen(topic[len(above) :] for topic, kind in published if kind == Range._type)
 
     def _end(self) -> None:
         """End the goal, so that the client gets its result before the topics close."""
@@ -160,7 +178,7 @@ class GoToGoal:
         if trouble:
             rospy.logwarn_throttle(WARN_EVERY_S, f"range of {name} not used: {trouble}")
         range_m = math.nan if trouble else message.range
-        self._ranges[name] = range_m, message.header.frame_id, min(stamp_s, now_s)
+        self._ranges[name] = range_m, message, min(stamp_s, now_s)
 
     def _on_manual_mode(self, message: Bool) -> None:
         """Note the mode; robot_node cancels the goal when it changes."""
@@ -220,6 +238,8 @@ class GoToGoal:
         begun_s = rospy.get_time()
         seeker = GoalSeeker(target, self._limits, begun_s, self._sonars, self._patience_s)
         gap = OdometryGap(self._limits)
+        if self._avoid:
+            self._find_sonars()
         self._show(target)
         while not self._ending.is_set():
             if self._server.is_preempt_requested():
@@ -265,20 +285,24 @@ class GoToGoal:
     def _placed_ranges(self, base: str, now_s: float) -> Dict[str, float]:
         """Range of each sonar that has sent one [m]; NaN if it is old, or the sonar's place is unknown."""
         ranges = {}
-        for name, (range_m, frame, heard_s) in list(self._ranges.items()):  # more may come meanwhile
-            placed = name in self._sonars or self._find_place(name, frame, base)
+        for name, (range_m, message, heard_s) in list(self._ranges.items()):  # more may come meanwhile
+            placed = name in self._sonars or self._find_place(name, message, base)
             ranges[name] = range_m if placed and now_s - heard_s <= SILENT_S else math.nan
         return ranges
 
-    def _find_place(self, name: str, frame: str, base: str) -> bool:
+    def _find_place(self, name: str, message: Range, base: str) -> bool:
         """Look up the place of a sonar in tf; once is enough, as it does not move.  False if not yet known."""
+        frame = message.header.frame_id
         try:
             place = transform_pose(self._buffer.lookup_transform(base, frame, rospy.Time()).transform)
         except tf2_ros.TransformException as error:
             words = f"sonar {name} is not used: no transform from {frame or 'its frame'} to {base}: {error}"
             rospy.logwarn_throttle(WARN_EVERY_S, one_line(words))
             return False
-        self._sonars[name] = SonarMount(place.x_m, place.y_m, math.degrees(place.yaw_rad))
+        x_m, y_m, yaw_rad = place
+        cone_deg = math.degrees(message.field_of_view)
+        cone_deg = cone_deg if 0.0 < cone_deg <= WIDEST_DEG else 0.0
+        self._sonars[name] = SonarMount(x_m, y_m, math.degrees(yaw_rad), field_of_view_deg=cone_deg)
         return True
 
     def _target(self, goal: PoseStamped) -> Pose:

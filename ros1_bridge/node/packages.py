@@ -14,7 +14,7 @@ class Origin(NamedTuple):
     one: bool = True  # ROS One has it too, if it is released
     program: str = ""
     """The program that a launch file starts, if Debian has it in another package than the rest."""
-    debian: str = ""  # Debian's package with that program
+    debian: str = ""  # Debian's packages with that program
 
 
 _NAVIGATION = "https://github.com/ros-planning/navigation"
@@ -22,6 +22,11 @@ _MULTIMASTER = "https://github.com/fkie/multimaster_fkie"
 _JOYSTICKS = "https://github.com/ros-drivers/joystick_drivers"
 PACKAGES: Dict[str, Origin] = {
     "amcl": Origin(_NAVIGATION),
+    "diagnostic_aggregator": Origin(
+        "https://github.com/ros/diagnostics",
+        program="aggregator_node",
+        debian="libdiagnostic-aggregator-tools libdiagnostic-aggregator-dev",
+    ),
     "fkie_master_discovery": Origin(_MULTIMASTER, one=False),
     "fkie_master_sync": Origin(_MULTIMASTER, one=False),
     "gmapping": Origin("https://github.com/ros-perception/slam_gmapping"),
@@ -39,7 +44,7 @@ PACKAGES: Dict[str, Origin] = {
     "urg_node": Origin("https://github.com/ros-drivers/urg_node"),
     "wiimote": Origin(_JOYSTICKS),
 }
-"""Packages that Debian lacks, or has without a program that is needed."""
+"""Packages that Debian lacks, or has apart from what a robot needs; rviz is left out, because all know it."""
 
 
 def missing(needed: Sequence[str]) -> List[str]:
@@ -80,6 +85,11 @@ def main() -> int:
     Prints the packages if all are there; otherwise the line that says how to get the missing ones, and returns 1.
     """
     needed = sys.argv[1:]
+    if {"-h", "--help"}.intersection(needed):
+        sys.stdout.write(
+            f"usage: need_packages PACKAGE ...\n\nSays how to get those that are missing, of: {', '.join(PACKAGES)}\n"
+        )
+        return 0
     unknown = [package for package in needed if package not in PACKAGES]
     if unknown or not needed:
         raise ConfigError(f"got {' '.join(unknown) or 'nothing'}, expected packages of {', '.join(PACKAGES)}")

@@ -93,6 +93,28 @@ def expected(row: Row) -> str:
     return f"the {row.text[0].lower()}{row.text[1:]}"
 
 
+def default_text(row: Row) -> str:
+    """The default as launch files have it: `0.5`, `true`."""
+    if row.kind is bool:
+        return str(row.default).lower()
+    return f"{row.default:g}" if row.kind is float else str(row.default)
+
+
+def usage(name: str, about: str, rows: Sequence[Row]) -> str:
+    """The answer of a node to `--help`; `about` is the docstring of its module."""
+    lines = [
+        f"usage: rosrun mrl_robots {name} [_PARAMETER:=VALUE ...] [NAME:=OTHER_NAME ...]",
+        "",
+        about.strip(),
+        "",
+    ]
+    for row in rows:
+        default = "" if row.default is None else f"; default {default_text(row) or 'empty'}"
+        allowed = "text" if row.kind is str and not row.choices else expected(row)
+        lines += [f"  _{row.name}:=VALUE  ({allowed}{default})", f"        {row.text}"]
+    return "\n".join(lines).rstrip() + "\n"
+
+
 def _value(row: Row, got: Any, namespace: str) -> Any:
     if got is None:
         if row.default is None:

@@ -61,6 +61,7 @@ class Parameters:
     publish_imu_mount: bool = parameter(
         True, "Publish base_frame to imu_link; set false if robot_state_publisher does"
     )
+    publish_footprint: bool = parameter(False, "Publish base_frame to base_footprint, on the floor below it")
     rate: float = parameter(50.0, "Rate of odom and of the board's stream", (1, 400), "Hz")
     imu: bool = parameter(True, "Use the board's IMU, if it has one: heading from its gyro, and topics")
     imu_rate: float = parameter(50.0, "Rate of imu/data and imu/data_raw", (25, 100), "Hz")
@@ -157,6 +158,8 @@ class Parameters:
     )
     robot_id: Optional[int] = None
     """Robot id that the name given as port stands for; None if it is not a name, or one without."""
+    virtual: Optional[bool] = None
+    """Whether that robot is virtual; None if the port is not a name."""
 
     def has(self, part: str) -> bool:
         """Whether the node has this part (one of `PARTS`)."""
@@ -217,7 +220,7 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
     values = read(ROWS, given, namespace)
     try:
         target = named_robots.target_of(values["port"])
-        values["port"], values["robot_id"] = target.port, target.id
+        values["port"], values["robot_id"], values["virtual"] = target.port, target.id, target.virtual
         require_port(values["port"])
         if values["fast"]:
             require_raisable(values["port"], values["baud"])

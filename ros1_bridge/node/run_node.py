@@ -12,23 +12,28 @@ import rospy
 from mrl_driver.errors import MrlError
 
 from .master_watch import await_master
-from .parameters import Row, read
+from .parameters import Row, read, usage
 
 
 def node(
     name: str,
     parameters: Union[Sequence[Row], Callable[[Any, str], Any]],
     run: Callable[[Any], Optional[int]],
+    rows: Sequence[Row] = (),
 ) -> Callable[[], int]:
     """The `main` of a node: it returns the exit code.
 
     That is what `run` returns, 0 for None; or that of the error if it raises one.  `run` gets the checked private
-    parameters, by their rows or by what checks the contents of a namespace.
+    parameters, by their rows or by what checks the contents of a namespace; `rows` are for `--help` then.
     """
-    return lambda: _run_node(name, parameters, run)
+    return lambda: _run_node(name, parameters, run, rows)
 
 
-def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]]) -> int:
+def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], rows: Sequence[Row]) -> int:
+    if {"-h", "--help"}.intersection(sys.argv[1:]):
+        about = sys.modules[run.__module__].__doc__ or ""
+        sys.stdout.write(usage(name, about, rows if callable(parameters) else parameters))
+        return 0
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # Python writes a file, as under roslaunch, in blocks
     try:

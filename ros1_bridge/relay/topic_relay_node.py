@@ -18,7 +18,7 @@ from ros1_bridge.node.run_node import node
 from ros1_bridge.topics.fast_publisher import direct_publisher
 
 from .relay_frames import Source
-from .relay_settings import Settings, read_settings
+from .relay_settings import PARAMETERS, Settings, read_settings
 from .topic_receiver import TopicReceiver
 from .topic_sender import MessageType, TopicSender
 
@@ -188,4 +188,4 @@ def _run(settings: Settings) -> None:
         relay.run()
 
 
-main = node("topic_relay", read_settings, _run)
+main = node("topic_relay", read_settings, _run, PARAMETERS)

@@ -3,9 +3,8 @@
 import contextlib
 import math
 import time
-from typing import Callable, Iterable, Optional, Set
+from typing import Callable, Iterable, Optional, Sequence, Set, Tuple
 
-import rosgraph
 import rospy
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from std_msgs.msg import Header
@@ -13,7 +12,8 @@ from std_msgs.msg import Header
 from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import FrameError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models.drives import moves_sideways
 from mrl_driver.safety.message_age import clock_s
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.pose_goal import PoseGoal
@@ -27,6 +27,8 @@ CONNECT_S, CONNECT_LOOK_S = 2.0, 0.02
 """At the start, publishers of commands connect within this time; the node looks this often whether they have."""
 WARN_EVERY_S = 1.0
 STANDSTILL = Twist()
+Connected = Iterable[Tuple[str, Sequence[str]]]
+"""Topics, and the names of the nodes that publish them, or that subscribe to them, as the master says."""
 
 
 class CommandTopics:
@@ -41,19 +43,19 @@ class CommandTopics:
         tell: Callable[[], None],
     ) -> None:
         self._driver, self._commander, self._parameters, self._tell = driver, commander, parameters, tell
-        self._sideways = isinstance(model.drive, OmniDrive)
+        self._sideways, self._require_odometry = moves_sideways(model.drive), model.require_odometry
         self._goal = PoseGoal(commander, parameters.odom_frame, parameters.base_frame, model.sonars)
-        self._seeks = False
+        self._seeks, self._sees = False, bool(model.sonars)
         self._commanded_s = -math.inf
         self._operators = Operators(parameters.max_command_delay, clock_s)
 
-    def subscribe(self) -> None:
-        """Take commands; return when the nodes that were there before this one may move the robot.
+    def subscribe(self, publishers: Connected) -> None:
+        """Take commands; return when the nodes that were there before this one, by `publishers`, may move the robot.
 
         To be called before the first odometry, with which programs may begin to drive.
         """
         topic = rospy.resolve_name("cmd_vel")
-        there = nodes_on((topic, f"{topic}/stamped"))
+        there = nodes_on(publishers, topic, f"{topic}/stamped")
         self._commander.sources.expect(there)
         self._echo = rospy.Publisher(f"{topic}/echo", Header, queue_size=10, tcp_nodelay=True)
         rospy.Subscriber(f"{topic}/ping", Header, self._on_ping, queue_size=10, tcp_nodelay=True)
@@ -139,6 +141,7 @@ class CommandTopics:
 
     def _on_pose(self, message: PoseStamped) -> None:
         try:
+            self._require_odometry()
             self._goal.start(message, self._driver.pose)
         except ValueError as error:
             rospy.logwarn(f"pose refused: {error}")
@@ -146,7 +149,7 @@ class CommandTopics:
         if not self._seeks:
             self._seeks = True
             self._driver.on_telemetry(self._on_goal_step)
-            if not self._driver.has_sonars:
+            if not self._sees:
                 rospy.logwarn("this board has no sonars: the robot drives to poses without seeing obstacles")
 
     def _on_goal_step(self, telemetry: Telemetry) -> None:
@@ -156,7 +159,6 @@ class CommandTopics:
                 rospy.loginfo(ended)
 
 
-def nodes_on(topics: Iterable[str], subscribers: bool = False) -> Set[str]:
-    """Names of the nodes that publish, or subscribe to, one of these topics, by the master."""
-    connected = rosgraph.Master(rospy.get_name()).getSystemState()[int(subscribers)]
+def nodes_on(connected: Connected, *topics: str) -> Set[str]:
+    """Names of the nodes on one of these topics."""
     return {node for topic, nodes in connected if topic in topics for node in nodes}

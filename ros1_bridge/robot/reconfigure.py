@@ -24,13 +24,10 @@ AT_START = -1  # Level of the call that a server makes at its start
 class Description:
     """Replaces the generated module that `dynamic_reconfigure.server.Server` expects."""
 
-    all_level = 1
-
     def __init__(self, values: Sequence[Row]) -> None:
         self.defaults = {value.name: value.default for value in values}
         self.min = {value.name: value.low for value in values}
         self.max = {value.name: value.high for value in values}
-        self.level = {value.name: 1 for value in values}
         self.config_description = {
             "name": "Default",
             "type": "",
@@ -43,7 +40,7 @@ class Description:
 
 
 def _parameter(value: Row) -> Dict[str, Any]:
-    kind = {int: "int", bool: "bool"}.get(value.kind, "double")
+    kind = "int" if value.kind is int else "double"
     return {"name": value.name, "type": kind, "level": 1, "description": value.text, "edit_method": ""}
 
 
@@ -100,9 +97,10 @@ class Reconfigure:
             for group in GROUPS:  # values of an earlier run must not override this run's parameters
                 if rospy.has_param(f"~{group}"):
                     rospy.delete_param(f"~{group}")
-            assert self._driver.model is not None
-            self._serve("limits", limits_description(self._driver.model, limits), self._on_limits)
-            if self._driver.has_sonars and self._parameters.has("sonars"):
+            model = self._driver.model
+            assert model is not None
+            self._serve("limits", limits_description(model, limits), self._on_limits)
+            if model.sonars and self._parameters.has("sonars"):
                 row = next(row for row in ROWS if row.name == "clear_range")
                 sonars = Description([row._replace(default=self._publishers.clear_range_m)])
                 self._serve("sonars", sonars, self._on_sonars)

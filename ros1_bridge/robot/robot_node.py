@@ -12,7 +12,7 @@ import os
 import sys
 import threading
 import time
-from typing import Any, Callable, Dict, Optional, Set
+from typing import Any, Callable, Dict, Optional, Set, Tuple
 
 import diagnostic_updater
 import rosgraph
@@ -27,15 +27,17 @@ from mrl_driver.errors import LinkLost, MrlError
 from mrl_driver.files import create_unused
 from mrl_driver.robot.battery import EMPTY, LOW, OFF, voltage_text
 from mrl_driver.robot.hold import CAPABILITY as HOLD
+from mrl_driver.robot.inputs import Inputs
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.radio import CAPABILITY as RADIO
+from mrl_driver.robot.robot_state import assumes_sonars
 from mrl_driver.safety.speed_limiter import MANUAL, manual_speed_m_s
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Awaited, Ready
 from mrl_driver.session.handshake import Board
 from ros1_bridge.control.commander import Commander, lowered
 from ros1_bridge.node.master_watch import MasterWatch
-from ros1_bridge.node.robot_parameters import Parameters, check, without_motors
+from ros1_bridge.node.robot_parameters import ROWS, Parameters, check, without_motors
 from ros1_bridge.node.run_node import node
 from ros1_bridge.status.diagnostics import add_tasks
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
@@ -43,16 +45,20 @@ from ros1_bridge.status.markers import Markers
 from ros1_bridge.status.robot_status import StatusTeller
 from ros1_bridge.topics.board_topics import BoardTopics
 from ros1_bridge.topics.publishers import Publishers
+from ros1_bridge.topics.typed_messages import REBUILD, is_other_version
 
-from .command_topics import CommandTopics, nodes_on
+from .command_topics import CommandTopics, Connected, nodes_on
 from .goal_cancel import GoalCancel
 from .mode_switch import ModeSwitch
 from .reconfigure import Reconfigure
 from .services import Answer, Services
+from .servo_topics import subscribe_servos
 from .xbee import Radio
 from .zone_topics import ZoneTopics
 
 DIAGNOSTICS_S = 1.0
+OFFERED_S = 2.0  # `dynamic_reconfigure` comes after this time: it takes a seventh of the start's computing
+SETTLED_S = 5.0  # After this time what stays in memory is there, and other nodes of a launch have started
 MASTER_S = 5.0  # The node looks this often whether the master is there: each look is a connection
 STATUS_S = 0.2  # A change of the robot's state is published within this time
 FREED_S = 2.0
@@ -63,6 +69,10 @@ HUGE_BITS, MADV_COLLAPSE = 21, 25  # size of a huge page, 2 MiB, as a power of t
 SWITCH_S = 0.0005
 """A frame waits at most this long for a thread that is busy with a service; Python's default is 5 ms."""
 SENSORS_ALONE = "no motors: its sensors are published, and neither odometry, tf nor cmd_vel is used"
+NO_ODOMETRY = (
+    "the motors have no encoders: there is no odometry (no odom, tf and joint_states of wheels), poses are refused, "
+    "and no wheel is watched"
+)
 LOG = {OK: rospy.loginfo, WARN: rospy.logwarn, ERROR: rospy.logerr}
 
 
@@ -75,6 +85,7 @@ def driver_options(parameters: Parameters) -> Options:
         ignore_battery=parameters.ignore_battery,
         build=parameters.build,
         robot_id=parameters.robot_id,
+        virtual=parameters.virtual,
         port_timeout_s=max(parameters.port_timeout, FREED_S),
         reconnect=parameters.reconnect,
         fast=parameters.fast,
@@ -137,20 +148,25 @@ class RobotNode:
             self._zones = ZoneTopics(driver, commander, parameters, model)
         if parameters.has("status") and model.drives:
             self._markers = Markers(driver, commander, parameters.base_frame, rospy.Publisher)
-        self._status = StatusTeller(commander, publishers.status, rospy.get_name(), self._hardware_id(board))
+        robot = self._hardware_id(board), board.virtual
+        self._status = StatusTeller(commander, publishers.status, rospy.get_name(), *robot)
         if parameters.has("commands"):
             commander.cancel_goals = GoalCancel(rospy).cancel
         services = self._offer_services()
         self._status.tell()
+        published, subscribed = _connected()
+        self._localisers = sorted(nodes_on(subscribed, rospy.resolve_name("initialpose")))
         if parameters.has("commands"):
             self._commands = CommandTopics(driver, commander, parameters, model, self._status.tell)
-            self._commands.subscribe()
+            self._commands.subscribe(published)
+            subscribe_servos(driver)
         topics.listen(driver)
         self._listen(board)
         if parameters.has("commands"):
             offer = Reconfigure(driver, commander, services, publishers, parameters).offer
-            # it takes a second, and `cmd_vel` and `status` should not wait
-            threading.Thread(target=offer, name="reconfigure", args=(limits,), daemon=True).start()
+            late = threading.Timer(OFFERED_S, offer, (limits,))
+            late.daemon = True  # the end of the node does not wait for it
+            late.start()
 
     def _lower_limits(self, model: RobotModel) -> Limits:
         """Lower the limits to the parameters, and take the mode; a board without motors has no limits."""
@@ -173,7 +189,7 @@ class RobotNode:
         services = self._services = Services(self._driver, self._commander, _localisers)
         triggers: Dict[str, Callable[[], Answer]] = {"shutdown": self._end_node}
         switches: Dict[str, Callable[[bool], Answer]] = {}
-        if parameters.has("odometry"):
+        if parameters.has("odometry") and self._driver.model is not None and self._driver.model.has_odometry:
             triggers["reset_odometry"] = services.reset_odometry
             rospy.Subscriber("set_pose", PoseWithCovarianceStamped, self._on_set_pose, queue_size=1)
         if parameters.has("commands"):
@@ -220,31 +236,34 @@ class RobotNode:
     def _greet(self, board: Board, model: RobotModel) -> None:
         driver = self._driver
         power = f"battery {voltage_text(board.battery_v)}" if model.drives else SENSORS_ALONE
+        kind = "virtual " if board.virtual else ""
         rospy.loginfo(
-            f"{model.name} (robot id {board.robot_id}, firmware {board.version}) on {self._parameters.port} at "
+            f"{kind}{model.name} (robot id {board.robot_id}, firmware {board.version}) on {self._parameters.port} at "
             f"{driver.link.baud} baud, {power}"
         )
         if driver.recorder.file is not None:
             rospy.loginfo(f"recording to {os.path.abspath(driver.recorder.file.path)}")
-        if driver.build_assumed:
+        if assumes_sonars(model, board):
             rospy.logwarn(
                 "this board of 2013 is taken to have sonars: set ~build to sonar, or to environment if it has gas "
                 "and light sensors"
             )
+        if is_other_version():
+            rospy.logwarn(REBUILD)
         if driver.build_warning:
             rospy.logwarn(driver.build_warning)
-        localisers = ", ".join(sorted(_localisers()))
-        if localisers and self._parameters.has("odometry"):
+        if model.drives and not model.has_odometry:
+            rospy.logwarn(NO_ODOMETRY)
+        if self._localisers and self._parameters.has("odometry"):
             rospy.logwarn(
-                f"{localisers} was here before this node, whose odometry begins at 0, 0, 0: unless the robot stands at "
-                "its start, publish its pose in the map on initialpose (rviz: 2D Pose Estimate)"
+                f"{', '.join(self._localisers)} was here before this node, whose odometry begins at 0, 0, 0: unless "
+                "the robot stands at its start, publish its pose in the map on initialpose (rviz: 2D Pose Estimate)"
             )
 
     def _hardware_id(self, board: Board) -> str:
-        return f"{self._parameters.port} robot {board.robot_id}"
+        return f"{self._parameters.port} {'virtual ' if board.virtual else ''}robot {board.robot_id}"
 
     def _serve(self, board: Board) -> None:
-        _settle_memory()
         updater = None
         if self._parameters.has("status"):
             updater = diagnostic_updater.Updater()
@@ -252,6 +271,7 @@ class RobotNode:
             add_tasks(updater, self._driver, self._commander, self._parameters)
         unknown = self._commands
         master, look_s, due_s = MasterWatch(rosgraph.get_master_uri()), -math.inf, -math.inf
+        settled_s = time.monotonic() + SETTLED_S
         while not self._driver.wait(STATUS_S):
             with contextlib.suppress(MrlError):
                 self._commander.watch_link()
@@ -263,6 +283,9 @@ class RobotNode:
             if self._zones is not None:
                 self._zones.tell_held()
             now_s = time.monotonic()
+            if now_s >= settled_s:
+                settled_s = math.inf
+                _settle_memory()
             if now_s >= look_s:
                 look_s, words = now_s + MASTER_S, master.look()
                 if words:
@@ -292,7 +315,8 @@ class RobotNode:
         if told is not None and not rospy.is_shutdown():
             LOG[told.level](told.message)
         restarted = isinstance(event, Ready) and event.restarted and event.checked  # else only assumed
-        if restarted or isinstance(event, Mismatch):
+        pressed = isinstance(event, Inputs) and event.latched
+        if restarted or pressed or isinstance(event, Mismatch):
             with contextlib.suppress(MrlError):
                 self._commander.end_goals()
         self._status.tell()
@@ -317,16 +341,23 @@ def _settle_memory() -> None:
     Linux 6.1 refuse, and leave the memory as it is.
     """
     gc.collect()
+    gc.unfreeze()  # `get_objects` leaves out those of the imports
     blocks, madvise = {id(each) >> HUGE_BITS for each in gc.get_objects()}, ctypes.CDLL(None).madvise
     for block in blocks:
         madvise(ctypes.c_void_p(block << HUGE_BITS), ctypes.c_size_t(1 << HUGE_BITS), MADV_COLLAPSE)
     gc.freeze()
 
 
+def _connected() -> Tuple[Connected, Connected]:
+    """The publishers and the subscribers of all topics; the answer of a large system takes the master 30 ms."""
+    publishers, subscribers, _services = rosgraph.Master(rospy.get_name()).getSystemState()
+    return publishers, subscribers
+
+
 def _localisers() -> Set[str]:
     """Nodes such as amcl and hector_mapping: they take the robot's pose in the map from `initialpose`."""
     try:
-        return nodes_on((rospy.resolve_name("initialpose"),), subscribers=True)
+        return nodes_on(_connected()[1], rospy.resolve_name("initialpose"))
     except (OSError, rosgraph.MasterException):  # without a master
         return set()
 
@@ -336,4 +367,4 @@ def _run(parameters: Parameters) -> None:
     RobotNode(parameters).run()
 
 
-main = node("robot_node", check, _run)
+main = node("robot_node", check, _run, ROWS)

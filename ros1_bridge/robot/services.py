@@ -63,10 +63,15 @@ class Services:
 
     def release_stop(self) -> Answer:
         """End the emergency stop."""
-        latched = self._commander.latched
+        latched = self._commander.emergency
         self._commander.release()
         if not latched:
             return True, "no emergency stop was latched"
+        try:
+            if not self._commander.release_input():
+                return False, f"{self._driver.inputs}; release the button at the robot first"
+        except MrlError as error:
+            return False, str(error)
         return True, "released; the robot stands until the next command"
 
     def release_hold(self) -> Answer:

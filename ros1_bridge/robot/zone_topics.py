@@ -13,9 +13,10 @@ from mrl_driver.driver import Driver, Telemetry
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.robot_state import assumes_sonars
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.planner_limit import PlannerLimit
-from ros1_bridge.control.zone_feed import MountFinder, ZoneWatch
+from ros1_bridge.control.zone_feed import MountFinder, ZoneWatch, assumed_twist
 from ros1_bridge.node.robot_parameters import Parameters
 
 STEP_S = 0.2  # The planner's speed is looked at this often
@@ -35,7 +36,7 @@ class ZoneTopics:
         self, driver: Driver, commander: Commander, parameters: Parameters, model: RobotModel
     ) -> None:
         self._driver, self._commander, self._parameters = driver, commander, parameters
-        self._watch = ZoneWatch(parameters, model, driver.has_sonars, driver.build_assumed)
+        self._watch = ZoneWatch(parameters, model, assumes_sonars(model, driver.board))
         commander.watch(self._watch.zones)
         self._held = False
         self._finder = MountFinder(parameters.base_frame)
@@ -49,7 +50,8 @@ class ZoneTopics:
 
     def _on_telemetry(self, telemetry: Telemetry) -> None:
         """Let the zones see the frame, and limit the command in force again."""
-        self._watch.on_telemetry(telemetry, self._driver.command is None)
+        twist = assumed_twist(self._driver, telemetry)
+        self._watch.on_telemetry(telemetry._replace(twist=twist), self._driver.command is None)
         with contextlib.suppress(MrlError):  # the driver stores the error, and the main thread reports it
             self._driver.limit_again()
 

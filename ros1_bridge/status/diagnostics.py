@@ -5,27 +5,30 @@ from typing import Any, Callable, Dict
 from mrl_driver.driver import Driver
 from mrl_driver.robot.hold import CAPABILITY as HOLD
 from mrl_driver.transport.baud_rates import FAST_BAUD
+from mrl_driver.view.shown_state import VIRTUAL
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.node.robot_parameters import Parameters
 
 from . import link_report
 from .link_report import Report
-from .robot_status import battery_report, board_report, imu_report, motion_report, radio_report
+from .robot_status import battery_report, board_report, imu_report, inputs_report, motion_report, radio_report
 
 
 def add_tasks(updater: Any, driver: Driver, commander: Commander, parameters: Parameters) -> None:
-    """Add the diagnostics of link, motion, battery, board, IMU and radio to a diagnostic_updater.Updater."""
+    """Add the diagnostics of link, motion, battery, board, IMU, radio and inputs to a diagnostic_updater.Updater."""
     capabilities, model = driver.board.capabilities, driver.model
     tasks: Dict[str, Callable[[], Report]] = {"Link": lambda: _link(driver, parameters)}
     if model is not None and model.drives:
         capacity_ah = model.battery.capacity_ah
-        tasks["Motion"] = lambda: motion_report(commander)
+        tasks["Motion"] = lambda: motion_report(commander, model.has_odometry)
         tasks["Battery"] = lambda: battery_report(driver.battery_state, driver.board.battery_v, capacity_ah)
     tasks["Board"] = lambda: board_report(driver.status, driver.board.temperature_c)
     if parameters.imu and "imu" in capabilities:
         tasks["IMU"] = lambda: imu_report(driver.imu_state, driver.imu)
     if HOLD in capabilities:
         tasks["Radio"] = lambda: radio_report(driver.radio.hold)
+    if driver.inputs is not None:
+        tasks["Inputs"] = lambda: inputs_report(driver.inputs)
     for name, report in tasks.items():
         updater.add(name, _task(report))
 
@@ -36,7 +39,8 @@ def _link(driver: Driver, parameters: Parameters) -> Report:
     values = link_report.values(
         parameters.port, link.baud, driver.board, link.statistics, link.age_s, driver.telemetry
     )
-    return link_report.health(driver.ready, link.age_s, slowed)._replace(values=values)
+    report = link_report.health(driver.ready, link.age_s, slowed)._replace(values=values)
+    return report._replace(message=f"{report.message}; {VIRTUAL}") if driver.board.virtual else report
 
 
 def _task(report: Callable[[], Report]) -> Callable[[Any], Any]:

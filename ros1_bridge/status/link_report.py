@@ -4,6 +4,7 @@ import math
 from typing import Any, Dict, Mapping, NamedTuple, Optional
 
 from mrl_driver.robot.hold import Hold
+from mrl_driver.robot.inputs import Inputs
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session import events
@@ -48,6 +49,8 @@ class News:
             return Report(OK if event.in_use else WARN, str(event))
         if isinstance(event, Hold):
             return self._of_hold(event)
+        if isinstance(event, Inputs):
+            return Report(ERROR if event.latched else WARN if event.active else OK, str(event))
         if isinstance(event, Mismatch):
             return Report(ERROR, f"{event}; the robot was stopped")
         return Report(WARN, str(event)) if isinstance(event, (events.Slowed, events.PathUnknown)) else None
@@ -73,7 +76,7 @@ def health(ready: bool, age_s: float, slowed: bool = False) -> Report:
 def values(
     port: str, baud: int, board: Board, statistics: Counters, age_s: float, telemetry: Optional[Telemetry]
 ) -> Dict[str, str]:
-    """Keys and values; names are those of REP-138 where it defines one.
+    """Keys and values; many names are those that ROS's laser drivers use too.
 
     The latency is the time from the reading of the last frame's counters to its arrival at the host, minus the
     shortest such time.  Boards without a clock have no latency.

@@ -9,6 +9,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from mrl_driver.driver import Driver
 from ros1_bridge.control.commander import Commander
+from ros1_bridge.control.zone_feed import assumed_twist
 
 from .link_report import ERROR, OK, WARN
 from .robot_status import FIELDS, motion_health, state_of
@@ -40,7 +41,7 @@ class Markers:
         health = motion_health(state.driving, state.cause)
         text = self._marker("state", Marker.TEXT_VIEW_FACING, COLOURS[health.level])
         text.text, text.scale.z, text.pose.position.z = health.message, LETTER_M, ABOVE_M
-        markers, twist = [text], telemetry.twist
+        markers, twist = [text], assumed_twist(self._driver, telemetry)
         areas = zones.areas((twist.linear_m_s, twist.lateral_m_s)) if zones is not None else ()
         for field, colour, clear, corners in zip(FIELDS, ZONE_COLOURS, state.clear, areas):
             outline = self._marker(f"{field} zone", Marker.LINE_STRIP, colour, FREE if clear else ENTERED)

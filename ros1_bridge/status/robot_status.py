@@ -9,9 +9,11 @@ from mrl_driver.lock_order import new_lock
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot.hold import Hold
 from mrl_driver.robot.imu import IN_USE, LEARNING, OFF, REASONS, Imu
+from mrl_driver.robot.inputs import SAFETY, Inputs
 from mrl_driver.robot.radio import format_address
 from mrl_driver.safety.speed_limiter import AUTOMATIC, MANUAL
 from mrl_driver.session.events import MAY_MOVE, Status
+from mrl_driver.view.shown_state import NO_ODOMETRY
 from ros1_bridge.control.commander import BLOCKING, Commander
 from ros1_bridge.topics.publishers import FIELD_TOPICS
 
@@ -60,6 +62,21 @@ class State(NamedTuple):
         fields = dict(zip(FIELD_TOPICS, self.clear))
         return {"mode": self.mode, "moving": self.moving, "safety_stop": self.safety_stop, **fields}
 
+    def fields(self) -> Dict[str, Union[bool, str]]:
+        """Return the fields of mrl_msgs/RobotStatus, numbers by the names of their constants."""
+        free = {"drive": "MODE_DRIVE", "pose": "MODE_POSE"}.get(self.mode)
+        zones = {None: "ZONE_NOT_WATCHED", False: "ZONE_OCCUPIED", True: "ZONE_CLEAR"}
+        return {
+            "mode": free or "MODE_BLOCKED",
+            "blocked_by": _reason("none" if free else self.mode),
+            "stopped_by": _reason(StopReason.NONE if self.driving else self.cause),
+            "operation_mode": f"OPERATION_{(MANUAL if self.manual else AUTOMATIC).upper()}",
+            "moving": {None: "MOVING_UNKNOWN", False: "STANDS", True: "MOVES"}[self.moving],
+            "driving": self.driving,
+            "safety_stop": self.safety_stop,
+            **{f"{name.replace(' ', '_')}_zone": zones[clear] for name, clear in zip(FIELDS, self.clear)},
+        }
+
     def keys(self) -> Dict[str, str]:
         """Return keys and values for `status`."""
         zones = {f"{name} zone clear": _text(clear, "not watched") for name, clear in zip(FIELDS, self.clear)}
@@ -93,13 +110,15 @@ class StatusTeller:
     def __init__(
         self,
         commander: Commander,
-        publish: Callable[[DiagnosticStatus, Dict[str, Value]], None],
+        publish: Callable[[DiagnosticStatus, Dict[str, Value], Dict[str, Union[bool, str]]], None],
         node_name: str,
         hardware_id: str,
+        virtual: bool = False,
     ) -> None:
-        """`publish` gets the status, and those values of topics that have changed."""
+        """`publish` gets the status, those values of topics that have changed, and `State.fields`."""
         self._commander, self._publish = commander, publish
         self._name, self._hardware_id = f"{node_name}: status", hardware_id
+        self._robot = KeyValue("virtual", _text(virtual))
         self._lock = new_lock("status")
         self._published: Optional[State] = None
         self._values: Dict[str, Value] = {}
@@ -110,7 +129,7 @@ class StatusTeller:
             state = state_of(self._commander)
             if state != self._published:
                 self._published = state
-                self._publish(self._message(state), self._changed(state))
+                self._publish(self._message(state), self._changed(state), state.fields())
 
     def _changed(self, state: State) -> Dict[str, Value]:
         """Return the new values.  A value that is no longer known is true: the robot may be moving."""
@@ -126,7 +145,7 @@ class StatusTeller:
     def _message(self, state: State) -> DiagnosticStatus:
         level, line, _ = motion_health(state.driving, state.cause)
         pairs = [KeyValue(key, value) for key, value in state.keys().items()]
-        return DiagnosticStatus(level, self._name, line, self._hardware_id, pairs)
+        return DiagnosticStatus(level, self._name, line, self._hardware_id, [*pairs, self._robot])
 
 
 def battery_report(state: str, volts: float, capacity_ah: float) -> Report:
@@ -153,6 +172,16 @@ def radio_report(hold: Optional[Hold]) -> Report:
         "texts not delivered": str(hold.undelivered),
     }
     return Report(ERROR if hold.state == "silent" else WARN if hold.held else OK, str(hold), values)
+
+
+def inputs_report(inputs: Optional[Inputs]) -> Report:
+    """The inputs that stop the robot."""
+    if inputs is None:
+        return Report(WARN, "the board has not answered yet")
+    values = {name.replace("_", " "): _text(name in inputs.active) for name in inputs.connected}
+    values.update({"emergency stop latched": _text(inputs.latched), "note": SAFETY})
+    level = ERROR if inputs.latched else WARN if inputs.active else OK
+    return Report(level, str(inputs), values)
 
 
 def board_report(status: Optional[Status], temperature_c: float) -> Report:
@@ -206,13 +235,14 @@ def motion_health(driving: bool, cause: StopReason) -> Report:
     return Report(level, f"stopped by {cause.words}")
 
 
-def motion_report(commander: Commander) -> Report:
-    """The motion, and the limits in force."""
+def motion_report(commander: Commander, odometry: bool = True) -> Report:
+    """The motion, and the limits in force; without `odometry` it is not measured."""
     limits, state = commander.in_force, state_of(commander)
     values = {
         "Mode": state.mode,
         "Operation Mode": state.keys()["operation mode"],
         "Moving": _text(state.moving),
+        **({} if odometry else {"Odometry": NO_ODOMETRY}),
         "Stop Reason": str(state.cause),
         "Late Commands": str(commander.late_commands),
         "Linear Speed Limit": f"{limits.linear_m_s:g} m/s",
@@ -221,6 +251,10 @@ def motion_report(commander: Commander) -> Report:
         "Angular Acceleration Limit": f"{limits.angular_acceleration_rad_s2:g} rad/s2",
     }
     return motion_health(commander.driving, commander.stopped_by)._replace(values=values)
+
+
+def _reason(reason: str) -> str:
+    return f"REASON_{StopReason(reason).name}"
 
 
 def _text(flag: Optional[bool], unknown: str = "unknown") -> str:

@@ -1,7 +1,5 @@
 """Fills ROS messages from driver values.  Plain functions: no node, no clock, no robot maths.
-
-One message per topic is made once and filled again for each publication.  `serialized_messages` has the messages
-that are published with every frame.
+`serialized_messages` has the messages that are published with frames.
 """
 
 import math
@@ -9,12 +7,11 @@ from typing import List, Mapping, Optional, Tuple
 
 from genpy import Time
 from geometry_msgs.msg import Transform, TransformStamped, Twist
-from sensor_msgs.msg import BatteryState, Range
+from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Header
 
 from mrl_driver.geometry import Pose, quaternion_of
 from mrl_driver.robot.models import Battery, SonarMount
-from mrl_driver.robot.sonar import FARTHEST_M, FIELD_OF_VIEW_RAD, NEAREST_M
 from ros1_bridge.node.tf_names import SONAR_HEIGHT_M, sonar_frame
 
 
@@ -35,24 +32,6 @@ def mounts_of(base_frame: str, sonars: Mapping[str, SonarMount], stamp: Time) ->
         transform_of(base_frame, sonar_frame(base_frame, name), mount.pose, SONAR_HEIGHT_M, stamp)
         for name, mount in sonars.items()
     ]
-
-
-def new_range(base_frame: str, sonar: str) -> Range:
-    """A Range message of an ultrasonic sonar in its own frame."""
-    message = Range(radiation_type=Range.ULTRASOUND, field_of_view=FIELD_OF_VIEW_RAD)
-    message.header.frame_id = sonar_frame(base_frame, sonar)
-    message.min_range, message.max_range = NEAREST_M, FARTHEST_M
-    return message
-
-
-def fill_range(message: Range, stamp: Time, range_m: float, clear_m: float = 0.0) -> None:
-    """Write a range [m]: -inf is too near, NaN is invalid, +inf is nothing in range (REP-117).
-
-    With `clear_m`, that is the longest range, and what is farther reads as it: some costmap layers clear only then.
-    """
-    message.header.stamp = stamp
-    message.max_range = clear_m or FARTHEST_M
-    message.range = clear_m if 0 < clear_m < range_m else range_m
 
 
 def battery_state(frame: str, stamp: Time, voltage_v: float, battery: Battery) -> BatteryState:

@@ -14,17 +14,25 @@ from std_msgs.msg import Bool, Header, String
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.driver import Telemetry
-from mrl_driver.geometry import Pose, advance
+from mrl_driver.geometry import ORIGIN, Pose, advance
 from mrl_driver.robot.kinematics import kinematics_of
-from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.robot.models import RobotModel
 from mrl_driver.session.handshake import Board
 from ros1_bridge.node.robot_parameters import Parameters
-from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, imu_frame
+from ros1_bridge.node.tf_names import (
+    footprint_frame,
+    imu_frame,
+    joints_of,
+    servo_joint,
+    sonar_frame,
+    wheel_radius_m,
+)
 
 from . import messages
 from .fast_publisher import Fast, direct_publisher
 from .imu_topics import ImuTopics
-from .serialized_messages import PackedJoints, PackedOdometry, PackedTransform
+from .serialized_messages import PackedJoints, PackedOdometry, PackedRange, PackedTransform
+from .typed_messages import numbers, typed
 
 STEP_S = 1e-6
 """Smallest difference of two stamps; four times the resolution of a float with today's time in seconds."""
@@ -38,10 +46,9 @@ over the gap: a filter that integrates twists then follows the pose.  Gaps of `J
 """
 JUMP_S = 1.0  # If the clock goes back further than this, it was set on purpose, and the stamps follow it
 LATCHED = {
-    "battery": BatteryState,
+    "battery_state": BatteryState,
     "board_temperature": Temperature,
     "status": DiagnosticStatus,
-    "status_array": DiagnosticArray,
     "mode": String,
     "moving": Bool,
     "safety_stop": Bool,
@@ -72,7 +79,7 @@ class Unpublished:
 class Publishers:
     """Topics that every board has, `/tf` included.
 
-    A board without motors has none of those about motion and battery.
+    A board without motors has none of those about motion and battery, and motors without encoders have no odometry.
     """
 
     def __init__(
@@ -93,18 +100,29 @@ class Publishers:
         self._model, self._parameters = model, parameters
         self.clear_range_m = parameters.clear_range
         """The parameter `clear_range`; it may be changed at any time."""
-        self._stamp, self._clock, self._monotonic = Time(), clock, monotonic
+        self._clock, self._monotonic = clock, monotonic
         self._ahead_s = -math.inf
         self._note_clock = note_clock
         self._least_s, self._period_s = 0.0, 1.0 / parameters.rate
         self._former: Optional[Telemetry] = None
-        if model.drives:
+        self._odometry_out: Union[Fast, Unpublished] = Unpublished()
+        self._joints_out: Union[Fast, Unpublished] = Unpublished()
+        self._counts_out: Union[Fast, Unpublished] = Unpublished()
+        self._transform_out: Union[Fast, Unpublished, None] = None
+        if model.has_odometry:
             self._add_wheels(odom, base)
-        self._ranges = {name: messages.new_range(base, name) for name in model.sonars}
+        joined = model.has_odometry or not model.servos
+        self._servos_out = self._joints_out if joined else self._sender("joint_states", JointState)
+        servos = model.servos if typed("Servo") else ()
+        self._servo_outs = {name: self._sender(f"servo/{name}/state", typed("Servo")) for name in servos}
+        self._ranges = {
+            name: PackedRange(sonar_frame(base, name), mount.kind) for name, mount in model.sonars.items()
+        }
         self._ranges_out: Dict[str, Fast] = {}
         self._mounts: List[TransformStamped] = []
         self._mounts_out: Any = None
         with_status, kinds = parameters.has("status") and model.drives, dict(LATCHED)
+        kinds["robot_status"] = typed("RobotStatus") or DiagnosticArray
         if parameters.zones != "none":
             kinds.update(dict.fromkeys(FIELD_TOPICS, Bool))
         self._latched = {
@@ -113,20 +131,22 @@ class Publishers:
         }
 
     def _add_wheels(self, odom: str, base: str) -> None:
-        """Advertise what the wheels tell; boards without motors have no telemetry either."""
+        """Advertise what the wheels tell."""
         model, drive = self._model, self._model.base
-        omni = isinstance(drive, OmniDrive)
+        joints, kinematics = joints_of(drive), kinematics_of(drive)
+        self._joint_names = list(joints)
         self._odometry, self._odometry_out = PackedOdometry(odom, base), self._sender("odom", Odometry)
         self._transform = PackedTransform(odom, base)
         self._transform_out = self._sender("/tf", TFMessage) if self._parameters.publish_tf else None
-        self._joints = PackedJoints(OMNI_JOINTS if omni else JOINTS)
+        self._joints = PackedJoints(joints)
         self._joints_out = self._sender("joint_states", JointState)
+        self._counts_out = self._sender("encoders", typed("WheelCounts") or JointState)
         counts_a_turn = model.board["gearbox"] / 10 * model.board["encoder_counts"] / 10
         self._rad_per_count = 2 * math.pi / counts_a_turn
-        rows, rad_per_m = kinematics_of(drive).rows, self._rad_per_count / drive.metres_per_count
-        # joints are right, left, rear; the motors left, rear, right
+        rad_per_m = self._rad_per_count / drive.metres_per_count
+        rows = dict(zip(kinematics.wheels, kinematics.rows))
         self._joint_rows = [
-            tuple(rad_per_m * each for each in rows[at]) for at in ((2, 0, 1) if omni else (0, 1))
+            tuple(rad_per_m * each for each in rows[joint[: -len("_wheel_joint")]]) for joint in joints
         ]
 
     def _sender(self, topic: str, kind: type) -> Union[Fast, Unpublished]:
@@ -143,6 +163,13 @@ class Publishers:
         if self._parameters.publish_mounts:
             self.mounts(*messages.mounts_of(base, model.sonars, now))
 
+    def footprint(self, now: Time) -> None:
+        """Publish the frame below `base_frame` on the floor, for programs that want a robot's pose there."""
+        base = self._parameters.base_frame
+        self.mounts(
+            messages.transform_of(base, footprint_frame(base), ORIGIN, -wheel_radius_m(self._model), now)
+        )
+
     def imu(self, now: Time) -> ImuTopics:
         """Advertise the IMU's topics, and publish its mount; for boards that have an IMU."""
         base, mount = self._parameters.base_frame, self._model.imu
@@ -150,6 +177,17 @@ class Publishers:
             place = Pose(mount.x_m, mount.y_m, 0.0)  # the axes are parallel: readings arrive already rotated
             self.mounts(messages.transform_of(base, imu_frame(base), place, mount.z_m, now))
         return ImuTopics(self._fast, imu_frame(base), mount, lambda: self._ahead_s)
+
+    def servos(self, angles: Mapping[str, float], now: Time) -> None:
+        """Publish the joints of the servos whose angles [rad] are known; on the thread of the telemetry."""
+        if angles and self._servos_out.impl.connections:
+            joints = [servo_joint(name) for name in angles]
+            self._servos_out.publish(JointState(Header(0, now, ""), joints, list(angles.values()), [], []))
+        made = typed("Servo")
+        for name, out in self._servo_outs.items():
+            if name in angles:
+                mount = self._model.servos[name]
+                out.publish(made(Header(0, now, ""), angles[name], mount.low_rad, mount.high_rad))
 
     def mounts(self, *more: TransformStamped) -> None:
         """Publish static transforms, together with those of before: a latched topic keeps only its last message."""
@@ -181,9 +219,13 @@ class Publishers:
             tf_out.send(self._transform.pack(secs, nsecs, x_m, y_m, z, w))
         if self._joints_out.impl.connections:
             self._publish_joints(telemetry, secs, nsecs)
-        if fresh:
-            self._stamp.secs, self._stamp.nsecs = secs, nsecs
-            self._publish_ranges(telemetry)
+        if self._counts_out.impl.connections:
+            self._publish_counts(telemetry, secs, nsecs)
+        for name in fresh:
+            range_out = self._ranges_out.get(name)
+            if range_out is not None and range_out.impl.connections:
+                range_m, pack = telemetry.ranges[name], self._ranges[name].pack
+                range_out.send(pack(range_out.sequence, secs, nsecs, range_m, self.clear_range_m))
 
     def _tell_speeds_of_gap(self, former: Telemetry, telemetry: Telemetry) -> None:
         out, twist, period_s = self._odometry_out, telemetry.twist, self._period_s
@@ -202,6 +244,11 @@ class Publishers:
             self._ahead_s = ahead_s
             self._note_clock(ahead_s)
 
+    def _publish_counts(self, telemetry: Telemetry, secs: int, nsecs: int) -> None:
+        header, made = Header(0, Time(secs, nsecs), ""), typed("WheelCounts")
+        counts = self._joint_names, telemetry.counts
+        self._counts_out.publish(made(header, *counts) if made else JointState(header, *counts, [], []))
+
     def _publish_joints(self, telemetry: Telemetry, secs: int, nsecs: int) -> None:
         twist, out, rad_per_count = telemetry.twist, self._joints_out, self._rad_per_count
         linear, lateral, angular = twist.linear_m_s, twist.lateral_m_s, twist.angular_rad_s
@@ -209,26 +256,22 @@ class Publishers:
         velocities = [x * linear + y * lateral + t * angular for x, y, t in self._joint_rows]
         out.send(self._joints.pack(out.sequence, secs, nsecs, positions, velocities))
 
-    def _publish_ranges(self, telemetry: Telemetry) -> None:
-        for name in telemetry.fresh:
-            publisher = self._ranges_out.get(name)
-            if publisher is not None and publisher.impl.connections:
-                message = self._ranges[name]
-                messages.fill_range(message, self._stamp, telemetry.ranges[name], self.clear_range_m)
-                publisher.publish(message)
-
     def battery(self, board: Board, now: Time) -> None:
         """Publish the battery and the motor board's temperature."""
         base = self._parameters.base_frame
         battery = messages.battery_state(base, now, board.battery_v, self._model.battery)
-        self._latched["battery"].publish(battery)
+        self._latched["battery_state"].publish(battery)
         warm = Temperature(Header(0, now, base), board.temperature_c, 0.0)  # a variance of 0 is unknown
         self._latched["board_temperature"].publish(warm)
 
-    def status(self, status: DiagnosticStatus, values: Mapping[str, Any]) -> None:
-        """Publish the robot's state; `values` are those of its topics that have changed."""
+    def status(self, status: DiagnosticStatus, values: Mapping[str, Any], fields: Mapping[str, Any]) -> None:
+        """Publish the robot's state; `values` are those of its topics that have changed, `fields` of `RobotStatus`."""
         self._latched["status"].publish(status)
-        header = Header(stamp=Time.from_sec(self._clock()))
-        self._latched["status_array"].publish(DiagnosticArray(header, [status]))
+        header, made = Header(stamp=Time.from_sec(self._clock())), typed("RobotStatus")
+        self._latched["robot_status"].publish(
+            made(header=header, **numbers("RobotStatus", fields))
+            if made
+            else DiagnosticArray(header, [status])
+        )
         for topic, value in values.items():
             self._latched[topic].publish(value)

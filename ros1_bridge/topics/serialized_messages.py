@@ -8,7 +8,10 @@ a fixed length, starts with its length (uint32).  TCPROS puts the length of the 
 import struct
 from typing import List, Sequence
 
+from sensor_msgs.msg import Range
+
 from mrl_driver.robot.covariance import Spread, Variances
+from mrl_driver.robot.models import RangeKind
 
 from .message_covariance import pose_matrix, twist_matrix
 
@@ -92,6 +95,27 @@ class PackedJoints:
         return self._pack(
             self._size, sequence, secs, nsecs, 0, count, self._names, count, *positions, count, *velocities, 0
         )  # fmt: skip
+
+
+class PackedRange:
+    """sensor_msgs/Range of a kind of sonar with its frame set."""
+
+    def __init__(self, frame: str, kind: RangeKind) -> None:
+        self._name, self._farthest_m = _text(frame), kind.farthest_m
+        radiation = Range.INFRARED if kind.infrared else Range.ULTRASOUND
+        self._constant = self._name, radiation, kind.field_of_view_rad, kind.nearest_m
+        layout = struct.Struct(f"<4I{len(self._name)}sB4f")
+        self._size, self._pack = layout.size - 4, layout.pack
+
+    def pack(self, sequence: int, secs: int, nsecs: int, range_m: float, clear_m: float = 0.0) -> bytes:
+        """The serialized message; -inf is too near, NaN is invalid, +inf is nothing in range (REP-117).
+
+        With `clear_m`, that is the longest range, unless the sonar's own is shorter, and what is farther reads as it:
+        some costmap layers clear only then.
+        """
+        most_m = min(clear_m or self._farthest_m, self._farthest_m)
+        shown_m = most_m if 0 < clear_m and most_m < range_m else range_m
+        return self._pack(self._size, sequence, secs, nsecs, *self._constant, most_m, shown_m)
 
 
 class PackedImu:

@@ -16,7 +16,7 @@ from mrl_driver.robot import models
 from mrl_driver.robot.models import Limits, RobotModel
 from mrl_driver.robot.odometry import AnyTwist, OmniTwist, Twist
 from mrl_driver.robot.sonar import NAMES
-from mrl_driver.safety.protective_zones import STALE_S as RANGE_STALE_S
+from mrl_driver.safety.protective_zones import stale_s
 from mrl_driver.view.shown_state import SILENT_S, Row, Shown, errors_row, moves_sideways
 
 LOW_SHARE = 0.1  # With a lower charge the battery is shown as low
@@ -66,6 +66,7 @@ class TopicRobot:
         self._link: Mapping[str, str] = {}
         self._motion: Mapping[str, str] = {}
         self._heard_s = self._moved_s = -math.inf
+        self._subscribe_range: Callable[[str], None] = lambda name: None
         self._listeners: List[Callable[[Any], None]] = []
         self._told: List[Callable[[], None]] = []
 
@@ -80,12 +81,15 @@ class TopicRobot:
     def subscribe(self, subscriber: Callable[..., Any]) -> None:
         """Subscribe to the robot's topics; `subscriber` is rospy.Subscriber."""
         subscriber("odom", Odometry, self.on_odometry, queue_size=50, tcp_nodelay=True)
-        subscriber("battery", BatteryState, self.on_battery, queue_size=1)
+        subscriber("battery_state", BatteryState, self.on_battery, queue_size=1)
         subscriber("board_temperature", Temperature, self.on_temperature, queue_size=1)
         subscriber("status", DiagnosticStatus, self.on_status, queue_size=10, tcp_nodelay=True)
         subscriber("/diagnostics", DiagnosticArray, self.on_diagnostics, queue_size=10)
-        for name in NAMES:
-            subscriber(f"sonar/{name}", Range, self.on_range, callback_args=name, queue_size=1)
+        self._subscribe_range = lambda name: subscriber(
+            f"sonar/{name}", Range, self.on_range, callback_args=name, queue_size=1
+        )
+        for name in self.model.sonars if self.model is not None else NAMES:
+            self._subscribe_range(name)
 
     def on_event(self, listener: Callable[[Any], None]) -> None:
         """Do nothing: there are no events."""
@@ -111,8 +115,8 @@ class TopicRobot:
 
     @property
     def ranges(self) -> Dict[str, float]:
-        """The last range of each sonar (REP 117) [m]; NaN if it is older than `RANGE_STALE_S`."""
-        oldest_s = time.monotonic() - RANGE_STALE_S
+        """The last range of each sonar (REP 117) [m]; NaN if it is older than `stale_s`."""
+        oldest_s = time.monotonic() - stale_s(self.model.sonars if self.model is not None else {})
         return {name: m if at_s >= oldest_s else math.nan for name, (m, at_s) in self._ranges.items()}
 
     @property
@@ -202,16 +206,20 @@ class TopicRobot:
                 continue
             if part == LINK:
                 self._link = {pair.key: pair.value for pair in status.values}
-                self.model = self.model or _model_of(self._link.get("Device ID", ""))
+                if self.model is None:
+                    self.model = _model_of(self._link.get("Device ID", ""))
+                    for name in set(self.model.sonars if self.model else ()).difference(NAMES):
+                        self._subscribe_range(name)
             elif part == MOTION:
                 self._motion = {pair.key: pair.value for pair in status.values}
 
     def state(self) -> Shown:
         """Return the state now."""
         link, age_s = self._link, self.age_s
+        virtual = "virtual " if "virtual" in link.get("Capabilities", "").split(", ") else ""
         board = [Row("firmware", link["Firmware Version"]), Row("port", link["Serial Port"])] if link else []
         return Shown(
-            f"{self.model.name if self.model else 'robot'} {link.get('Device ID', '')}".rstrip(),
+            f"{virtual}{self.model.name if self.model else 'robot'} {link.get('Device ID', '')}".rstrip(),
             self.model,
             self.pose,
             self.twist,

@@ -87,7 +87,7 @@ class WebNode:
         delay_s = lambda: self._commands.link_s  # noqa: E731
         self._robot = TopicRobot(lambda *_: None, rospy.is_shutdown, given["robot"], delay_s, self._node)
         if self._robot.model is not None:
-            self._robot.model.require_motors()
+            self._robot.model.require_odometry()
         folder = Path(given["recordings"] or USUAL).expanduser()
         recording = BagRecording(folder, subscribe, self._recorded, rospy.Time.now)
         emergency = EmergencyStop(call)
@@ -106,7 +106,7 @@ class WebNode:
         finally:
             self._page.close()
         if self._robot.model is not None:
-            self._robot.model.require_motors()
+            self._robot.model.require_odometry()
 
     def _ended(self) -> str:
         """Return why the page is to end; empty while it is not."""

@@ -29,8 +29,7 @@ from mrl_driver.errors import ConfigError, one_line
 from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from mrl_driver.robot.models import SonarMount
-from mrl_driver.robot.sonar import NAMES
-from mrl_driver.safety.free_distance import COVERED_RAD
+from mrl_driver.safety.free_distance import BESIDE_RAD
 from mrl_driver.safety.protective_zones import STALE_S
 from mrl_driver.yaml_file import short
 from ros1_bridge.node.parameters import Row
@@ -40,7 +39,7 @@ from ros1_bridge.node.stamp_age import StampAge
 from sim_arduino.hardware.collision import footprint_for
 from sim_arduino.hardware.laser import Laser
 from sim_arduino.hardware.mirror import Margin, Mirror
-from sim_arduino.hardware.sonars import HALF_CONE_RAD, RANGE_M
+from sim_arduino.hardware.sonars import RANGE_M
 from sim_arduino.world import world_file
 from sim_arduino.world.shared_robots import SharedRegistry
 from sim_arduino.world.world import World
@@ -65,7 +64,7 @@ _DRIFT = "The margin grows by this share of the distance driven since then"
 PARAMETERS = (
     Row("world_name", str, "world", "", "Name under which the boards share the world"),
     Row("name", str, "real", "", "Name of the robot in that world"),
-    Row("robot", str, "traxbot", "", "Model, or path of a robot's .yaml file, that has the size of the body"),
+    Row("robot", str, "traxbot", "", "Model, or path of a robot's .yaml file, that has body and sonars"),
     Row("footprint", str, "box", "", "Body from above: box is the model's, circle:RADIUS is round [m]"),
     Row("pose", str, "0,0,0", "", "Pose in the world at which the odometry is 0: x, y [m], yaw [deg]"),
     Row("localisation", str, START, "", _PLACE, choices=(START, POSE, TF)),
@@ -88,13 +87,16 @@ def arc_of(sonars: Sequence[SonarMount]) -> Tuple[float, float]:
 
     It is where a scan may say that nothing is there.  If no sonar looks ahead, the arc is that of the most forward one.
     """
-    by_side = sorted(each.pose.yaw_rad for each in sonars)
-    first = last = min(by_side, key=abs)
-    for yaw_rad in by_side:
-        last = yaw_rad if last < yaw_rad <= last + 2 * COVERED_RAD else last
-    for yaw_rad in reversed(by_side):
-        first = yaw_rad if first - 2 * COVERED_RAD <= yaw_rad < first else first
-    return first - HALF_CONE_RAD, last + HALF_CONE_RAD
+    cones = sorted((each.pose.yaw_rad, each.kind.field_of_view_rad / 2) for each in sonars)
+    yaw_rad, half_rad = min(cones, key=lambda cone: abs(cone[0]))
+    first, last = yaw_rad - half_rad, yaw_rad + half_rad
+    for yaw_rad, half_rad in cones:
+        if yaw_rad - half_rad <= last + 2 * BESIDE_RAD:
+            last = max(last, yaw_rad + half_rad)
+    for yaw_rad, half_rad in reversed(cones):
+        if yaw_rad + half_rad >= first - 2 * BESIDE_RAD:
+            first = min(first, yaw_rad - half_rad)
+    return first, last
 
 
 class Place:
@@ -159,6 +161,7 @@ class MirrorNode:
         """Puts the robot into the world at its first odometry; ConfigError if it has no body, or its name is taken."""
         start = world_file.parse_pose(given["pose"], ORIGIN)
         self._name, self._laser = given["name"], given["laser"]
+        self._model = models.load(given["robot"])
         self._join(given, start)
         self._lock = threading.Lock()  # guards mirror, world and the next lines
         self._buffer = tf2_ros.Buffer()
@@ -166,7 +169,7 @@ class MirrorNode:
         self._place = Place(given["localisation"], given["map_frame"], start, self._buffer)
         self._odometry: Optional[Odometry] = None
         self._odometry_age = StampAge(ODOM_LATE_S)
-        self._range_ages = {name: StampAge(STALE_S) for name in NAMES}
+        self._range_ages = {name: StampAge(STALE_S) for name in self._model.sonars}
         self._mounts: Dict[str, SonarMount] = {}
         self._heard: Dict[str, Range] = {}
         self._laser_mount: Optional[Pose] = None
@@ -174,12 +177,14 @@ class MirrorNode:
         self._rival = ""
         self._status_out = rospy.Publisher("mirror/status", DiagnosticStatus, queue_size=10, latch=True)
         fast = {"queue_size": 1, "tcp_nodelay": True}
-        self._ranges_out = {name: rospy.Publisher(f"mirror/sonar/{name}", Range, **fast) for name in NAMES}
+        self._ranges_out = {
+            name: rospy.Publisher(f"mirror/sonar/{name}", Range, **fast) for name in self._model.sonars
+        }
         self._scan_out = rospy.Publisher("mirror/scan", LaserScan, **fast)
         if given["localisation"] == POSE:
             rospy.Subscriber("amcl_pose", PoseWithCovarianceStamped, self._on_pose, queue_size=1)
         rospy.Subscriber("odom", Odometry, self._on_odometry, **fast)
-        for name in NAMES:
+        for name in self._model.sonars:
             rospy.Subscriber(f"sonar/{name}", Range, self._on_range, callback_args=name, queue_size=1)
         rospy.Subscriber("mirror/scan", rospy.AnyMsg, self._on_own_scan, queue_size=1)
         if self._laser:
@@ -187,7 +192,7 @@ class MirrorNode:
 
     def _join(self, given: Dict[str, Any], start: Pose) -> None:
         """Puts the robot into the world."""
-        footprint = footprint_for(models.load(given["robot"]), given["footprint"])
+        footprint = footprint_for(self._model, given["footprint"])
         if footprint is None:
             raise ConfigError(
                 f"robot {given['robot']} with footprint {given['footprint']} has no body, "
@@ -311,7 +316,9 @@ class MirrorNode:
             place = self._on_robot(frame)
             if place is None:
                 return None
-            self._mounts[name] = SonarMount(place.x_m, place.y_m, math.degrees(place.yaw_rad))
+            x_m, y_m, yaw_rad = place
+            own = self._model.sonars[name]
+            self._mounts[name] = own._replace(x_m=x_m, y_m=y_m, yaw_deg=math.degrees(yaw_rad))
         return self._mounts[name]
 
     def _on_robot(self, frame: str) -> Optional[Pose]:

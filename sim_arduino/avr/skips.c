@@ -36,15 +36,16 @@ static uint32_t code_begin(const avr_t *avr) {
     return (first & 0xF000) == RJMP ? 2u * (first & 0x0FFF) + 2 : 0;
 }
 
-/* Finds the places in flash of which bytes from `address` to `end` are new. */
+/* Finds the places in flash of which bytes from `address` to `end` are new. It goes from instruction to instruction: the
+ * second word of a CALL may look like a skip. */
 void skips_find(board_t *board, uint32_t address, uint32_t end) {
     avr_t *avr = board->avr;
     for (uint32_t at = address; at < end; at += 2)
         board->skips[at / 2] = 0;
     const uint32_t begin = code_begin(avr), before = address < 2 ? 0 : address - 2;
-    for (uint32_t at = before < begin ? begin : before; at < end && at + 3 <= avr->flashend; at += 2) {
+    for (uint32_t at = begin; at < end && at + 3 <= avr->flashend; at += is_two_words(word_at(avr, at)) ? 4 : 2) {
         const uint16_t word = word_at(avr, at);
-        if (!(is_cpse(word) || is_sbic_or_sbis(word) || is_sbrc_or_sbrs(word)) || !is_mistaken(word_at(avr, at + 2)))
+        if (at < before || !(is_cpse(word) || is_sbic_or_sbis(word) || is_sbrc_or_sbrs(word)) || !is_mistaken(word_at(avr, at + 2)))
             continue;
         board->skips[at / 2] = word;
         avr->flash[at] = WDR & 0xFF;

@@ -1,5 +1,5 @@
 /* Timers with 8 bits and their PWM outputs, in all modes; those with 16 bits in their normal and CTC mode and in PWM
- * with 8 bits, their outputs, and input capture.
+ * with 8 bits, CTC and fast PWM also with TOP in ICR, their outputs, and input capture.
  *
  * The counter is lazy: it catches up when a register is read or written, when an enabled interrupt is due, and at each
  * edge of an observed output. Whole rounds that passed meanwhile are counted in closed form, so PWM that is not
@@ -18,7 +18,7 @@
 enum { TOV = 0x01, OCFA = 0x02, OCF = 0x0E, ICF = 0x20 }; /* OCFA << 1 is OCFB; TIMSK has the same bits */
 enum { CS = 0x07, WGM2 = 0x08, WGM13 = 0x10, ICES = 0x40, FOCA = 0x80, WGM10 = 0x03, PWM_MAX = 0xFF };
 enum { COM_NONE, COM_TOGGLE, COM_CLEAR, COM_SET };
-enum { KIND = 3, NORMAL = 0, PHASE_CORRECT = 1, CTC = 2, FAST = 3, TO_OCRA = 4 }; /* WGM: a kind, and TOP of PWM */
+enum { KIND = 3, NORMAL = 0, PHASE_CORRECT = 1, CTC = 2, FAST = 3, TO_OCRA = 4, TO_ICR = 8 }; /* WGM: a kind, and TOP of PWM */
 /* Rounds to TOP, or to MAX, after which all repeats; the least number of them of which whole rounds are counted at once. */
 enum { SETTLED = 4, ROUNDS_FROM = 16 };
 static const uint32_t NEVER = UINT32_MAX;
@@ -31,6 +31,9 @@ static bool is_dual_slope(const timer_state_t *timer) { return (timer->mode & KI
 static bool is_fast(const timer_state_t *timer) { return (timer->mode & KIND) == FAST; }
 
 static uint16_t top_of(const timer_state_t *timer) {
+    const uint8_t *icr = timer->board->avr->data + timer->at->icr;
+    if (timer->mode & TO_ICR)
+        return (uint16_t)(icr[0] | icr[1] << 8);
     if (is_pwm(timer))
         return timer->mode & TO_OCRA ? timer->compare[0] : PWM_MAX;
     return (timer->mode & KIND) == CTC ? timer->compare[0] : timer->at->max;
@@ -360,8 +363,10 @@ static uint8_t wide_mode_of(const timer_state_t *timer, uint8_t a, uint8_t b) {
     case 1: return PHASE_CORRECT;
     case 4: return CTC;
     case 5: return FAST;
+    case 12: return CTC | TO_ICR;
+    case 14: return FAST | TO_ICR;
     }
-    board_refuse(timer->board, "WGM of a 16-bit timer is %d, but only 0, 1, 4 and 5 are simulated", wgm);
+    board_refuse(timer->board, "WGM of a 16-bit timer is %d, but only 0, 1, 4, 5, 12 and 14 are simulated", wgm);
     return NORMAL;
 }
 
@@ -480,6 +485,20 @@ static uint8_t read_capture(avr_t *avr, avr_io_addr_t address, void *param) {
     return avr->data[address];
 }
 
+/* A new TOP holds at once; in other modes ICR cannot be written. */
+static void write_top(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
+    timer_state_t *timer = param;
+    if (!(timer->mode & TO_ICR)) {
+        board_refuse(timer->board, "ICR of a timer is written in mode %d, but it is not its TOP", timer->mode);
+        return;
+    }
+    count_to(timer, avr->cycle);
+    avr->data[address] = value;
+    avr->data[address + 1] = timer->high;
+    timer->top = top_of(timer);
+    plan(timer);
+}
+
 static void capture(timer_state_t *timer, uint64_t cycle) {
     uint8_t *data = timer->board->avr->data;
     count_to(timer, cycle);
@@ -494,7 +513,7 @@ void timers_capture(board_t *board, int port, uint8_t changed, uint8_t level, ui
     for (timer_state_t *timer = board->timers; timer < board->timers + TIMERS; timer++) {
         chip_pin_t pin = timer->at->capture;
         bool rises = board->avr->data[timer->at->tccrb] & ICES;
-        if (pin.port == port && (changed >> pin.bit & 1) && (level >> pin.bit & 1) == rises)
+        if (!(timer->mode & TO_ICR) && pin.port == port && (changed >> pin.bit & 1) && (level >> pin.bit & 1) == rises)
             capture(timer, cycle);
     }
 }
@@ -527,8 +546,8 @@ static void attach_high_bytes(timer_state_t *timer) {
     for (int unit = 0; unit < WIDE_UNITS; unit++)
         board_on(board, timer->at->ocr[unit] + 1, write_high, NULL, timer);
     board_on(board, timer->at->tccra + 2, write_refused, NULL, board);
-    board_on(board, timer->at->icr, NULL, read_capture, timer);
-    board_on(board, timer->at->icr + 1, NULL, read_high, timer);
+    board_on(board, timer->at->icr, write_top, read_capture, timer);
+    board_on(board, timer->at->icr + 1, write_high, read_high, timer);
 }
 
 void timers_attach(board_t *board) {

@@ -34,7 +34,8 @@ FIRMWARE = Path(__file__).resolve().parent.parent.parent / "build" / "firmware" 
 
 def watched_pins(plant: Plant) -> List[int]:
     """The outputs of the chip that the plant follows, besides those to bridges."""
-    pins = (plant.sonar_pins.trigger, plant.sonar_pins.power)
+    triggers = (each.trigger for each in plant.ranges.wires.values())
+    pins = (plant.sonar_pins.trigger, plant.sonar_pins.power, *plant.servo_pins, *triggers)
     return [pin for pin in (pins if plant.bridge else (FAN, HEATER, *pins)) if pin != NOT_CONNECTED]
 
 
@@ -69,11 +70,17 @@ class AvrEngine:
     """A board that executes the image `elf`; time is simulated seconds since power-up.
 
     The id and the model's defaults are saved in the EEPROM; without an id it is blank, as on a new chip.  `seed` draws
-    the noise in the SRAM.  SimulatorError without the image, SimulatorMissing without a compiler or libsimavr.
+    the noise in the SRAM.  Nothing is connected to a `bare` board.  SimulatorError without the image, SimulatorMissing
+    without a compiler or libsimavr.
     """
 
     def __init__(
-        self, plant: Plant, elf: Union[str, Path] = FIRMWARE, robot_id: Optional[int] = None, seed: int = 0
+        self,
+        plant: Plant,
+        elf: Union[str, Path] = FIRMWARE,
+        robot_id: Optional[int] = None,
+        seed: int = 0,
+        bare: bool = False,
     ) -> None:
         self.plant = plant
         self.machine = AvrMachine(elf, seed=seed, chip=CHIPS[plant.model.chip])
@@ -82,13 +89,17 @@ class AvrEngine:
             self.machine.write_eeprom(0, configured_eeprom(elf, robot_id, plant.model))
         self.machine.set_reset_flags(0)  # the Uno's bootloader clears them before the sketch starts
         self.machine.reset()
+        self._wires: Union[BridgeWires, RadioWires, None] = None
+        self._echoes: Optional[EchoWires] = None
+        if bare:
+            return
         self.machine.i2c = plant.i2c
         self.machine.adc_volts = plant.adc_volts
         self.machine.on_pin = plant.pin_changed
         self.machine.watch_pins(watched_pins(plant))
-        self._wires: Union[BridgeWires, RadioWires, None] = None
         if plant.bridge:
             self._wires = BridgeWires(self.machine, plant.bridge)
+            self._echoes = EchoWires(self.machine, plant)
         elif plant.xbee:
             self._wires = RadioWires(self.machine, plant, plant.xbee)
 
@@ -108,6 +119,8 @@ class AvrEngine:
 
     def _run(self, to_cycle: int, run_to: Callable[[int], None]) -> None:
         """Runs the chip with `run_to`, and an H-bridge board's motors or a radio with it."""
+        if self._echoes:
+            self._echoes.hold()
         if self._wires:
             self._wires.run(to_cycle, run_to)
         else:
@@ -179,7 +192,7 @@ class BridgeWires:
     @property
     def next_s(self) -> float:
         """Time of the next call of `run` if the chip does nothing [s]: now while a wheel turns or is driven."""
-        return math.inf if all(self._bridge.motor(wheel).at_rest for wheel in (0, 1)) else -math.inf
+        return math.inf if all(motor.at_rest for motor in self._bridge.robot.motors) else -math.inf
 
     def run(self, to_cycle: int, run_to: Callable[[int], None]) -> None:
         """Runs the chip with `run_to` (`run_until` or `stall_until`), and the motors with it.
@@ -214,6 +227,36 @@ class BridgeWires:
             cycles.append(max(cycles[-1] + 1, int(round(edge.time_s * self._machine.frequency_hz))))
         for pin, cycles in planned.items():
             self._machine.plan_edges(pin, cycles[1:])
+
+
+class EchoWires:
+    """The wires between a simulated chip and HC-SR04: each trigger plans the edges of its echo."""
+
+    def __init__(self, machine: AvrMachine, plant: Plant) -> None:
+        self._machine, self._plant = machine, plant
+        self._held = dict.fromkeys(plant.ranges.wires, False)
+        for wires in plant.ranges.wires.values():
+            machine.set_pin(wires.echo, 0)
+        machine.on_pin = self._pin_changed
+
+    def hold(self) -> None:
+        """Holds the echoes that a fault holds, and lets the others go."""
+        for found, wires in self._plant.ranges.wires.items():
+            held = self._plant.ranges.is_held(found)
+            if held != self._held[found]:
+                self._held[found] = held
+                self._machine.set_pin(wires.echo, int(held))
+
+    def _pin_changed(self, pin: int, level: int, time_s: float) -> None:
+        ranges = self._plant.ranges
+        before = ranges.echo(pin)
+        self._plant.pin_changed(pin, level, time_s)
+        found, echo = ranges.input_of(pin), ranges.echo(pin)
+        if echo is None or echo == before or self._held[found]:
+            return
+        for edge_s, edge in zip(echo, (1, 0)):
+            cycle = int(round(edge_s * self._machine.frequency_hz))
+            self._machine.set_pin(ranges.wires[found].echo, edge, cycle)
 
 
 class RadioWires:

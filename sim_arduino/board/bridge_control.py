@@ -6,7 +6,7 @@ from typing import Callable, Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import BRIDGES, INT16_MAX, NOT_CONNECTED, TICK_S, WIRING, Command
+from mrl_driver.protocol.table import BRIDGES, INT16_MAX, NOT_CONNECTED, TICK_S, WHEELS, WIRING, Command
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import CHIPS, NONE
 from sim_arduino.hardware.encoders import EncoderCounter
@@ -14,6 +14,7 @@ from sim_arduino.hardware.wiring import Plant
 
 from .board_status import BoardStatus
 from .encoder_inputs import SAMPLE_TICKS, EncoderInput
+from .input_watch import InputWatch
 from .integers import divide, limit, uint16
 from .motors import Counts, Motors
 from .parameter_store import Config
@@ -21,11 +22,9 @@ from .wheel import Wheel
 from .wheel_settings import FULL, NO_SETTINGS, settings_of
 
 LEFT, RIGHT = 0, 1
-_SIDES = {1: LEFT, 3: RIGHT}  # wheels by the numbers that motors and encoders have in the protocol
-_REVERSED = {
-    "motor": ("left_motor_reversed", "right_motor_reversed"),
-    "encoder": ("left_encoder_reversed", "right_encoder_reversed"),
-}
+"""The rear wheels of four come behind these, in the same order: an odd wheel is a right one."""
+_SIDES = {1: LEFT, 3: RIGHT}  # sides by the numbers that motors and encoders have in the protocol
+_ASIDE = (-1, 1, 1, -1)  # directions of mecanum wheels that move the robot to the left
 _BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
 REFUSED_S = 1.0  # moves are refused for this time after the board has stopped a wheel [s]
 MISSED_KICK_S = 0.128
@@ -106,7 +105,7 @@ class BatteryInput:
 
 
 class BridgeControl(Motors):
-    """Two motors and two encoders on the Arduino's pins, which can always be stopped; see motor_bridge.cpp.
+    """Motors and encoders on the Arduino's pins, which can always be stopped; see motor_bridge.cpp.
 
     `adc` returns the count of an analog input now; the board's clock started at `start_s` [s].
     """
@@ -121,12 +120,14 @@ class BridgeControl(Motors):
         self.encoders: List[EncoderInput] = []
         self._levels: Dict[int, float] = {}  # shares of time for which outputs are high, by pin
         self._battery = BatteryInput(config, adc, start_s)
-        self._wheels = (Wheel(), Wheel())
+        self._wheels = [Wheel() for _ in WHEELS]
         self._counters = (EncoderCounter(), EncoderCounter())
-        self._last_counts = [0, 0]
+        self._last_counts, self._kept_counts = [0] * len(WHEELS), [0] * len(WHEELS)
         self._settings = NO_SETTINGS
         self.accepted = self._usable = False  # the chip can do what the wiring asks; and all else is set
-        self._take_wiring()
+        self.inputs = InputWatch()
+        self._sample_s = math.inf  # time of the next sample of the encoders [s]
+        self._take_wiring(start_s)
         self._refused_since_s = -math.inf
         self._turning = self._undervoltage = False
 
@@ -136,11 +137,11 @@ class BridgeControl(Motors):
     def capabilities(self) -> Tuple[str, ...]:
         """The temperature is never measured, and the battery only with a divider."""
         no_battery = () if self._battery.has_divider else ("no_battery",)
-        return ("bridge", "no_temperature", *no_battery)
+        return ("bridge", "wiring", "no_temperature", *no_battery)
 
     def boot(self, now_s: float) -> None:
         self._pins.take_edges()
-        self.next_s = now_s + _PERIOD_S
+        self._sample_s = now_s + _PERIOD_S
         self.refresh(now_s)
 
     def release(self, now_s: float) -> None:
@@ -156,8 +157,8 @@ class BridgeControl(Motors):
 
     def _sample_until(self, to_s: float) -> None:
         """The sampling interrupt goes on although no wheel is served."""
-        while self.next_s <= to_s:
-            self._sample(self.next_s)
+        while self._sample_s <= to_s:
+            self._sample()
         self._plant.advance(to_s)
 
     # ---- parameters
@@ -167,47 +168,70 @@ class BridgeControl(Motors):
         if parameter in (None, "bridge", "wiring", *wiring.NAMES):
             self.stop(now_s, StopReason.HOST)
             self._pins.off(now_s)
-            self._take_wiring()
+            self._take_wiring(now_s)
         settings = settings_of(self._config) if self.accepted and self._wired("set") else None
         self._settings, self._usable = settings or self._settings, settings is not None
         if not self._usable:
             self.stop(now_s, StopReason.HOST)
         self._health.set_fault("wiring", not self._usable)
+        self._plan()
 
-    def _take_wiring(self) -> None:
+    def _plan(self) -> None:
+        self.next_s = min(self._sample_s, self.inputs.next_s)
+
+    def _take_wiring(self, now_s: float) -> None:
         """The pins of a wiring that is not accepted stay inputs, and nothing reads them."""
         pins, bridge = self._config.pins, BRIDGES[self._config["bridge"]]
         self._problem = wiring.check(pins, bridge, self._chip)
         self.accepted = self._problem == wiring.SOUND and bridge != BRIDGES[0]
         pins = pins if self.accepted else wiring.EMPTY
         self._outputs, self._levels = wiring.output_pins(pins), {}
-        counts = [encoder.count for encoder in self.encoders] or [0, 0]
-        self.encoders = [EncoderInput(each, self._pins.levels) for each in wiring.encoder_pins(pins)]
-        for encoder, count in zip(self.encoders, counts):
+        for index, encoder in enumerate(self.encoders):
+            self._kept_counts[index] = encoder.count
+        self.encoders = [
+            EncoderInput(each, self._pins.levels, self._chip) for each in wiring.encoder_pins(pins)
+        ]
+        for encoder, count in zip(self.encoders, self._kept_counts):
             encoder.count = count
             encoder.single_channel = encoder.single_channel or self._wired("single_channel")
+        self.inputs.begin(pins, now_s)
         battery = pins["pin_battery"]
         self._battery.channel = NONE if battery == NOT_CONNECTED else self._chip.pins[battery].channel
 
     def _wired(self, name: str) -> bool:
         return bool(self._config["wiring"] & _BITS[name])
 
-    def _encoder_of(self, wheel: int) -> int:
-        return wheel ^ int(self._wired("encoders_swapped"))
+    def _index_of(self, parts: str, wheel: int) -> int:
+        """Index of a wheel's motor or encoder; those at the front may be swapped."""
+        return wheel ^ int(wheel < wiring.FRONT and self._wired(f"{parts}_swapped"))
+
+    def _reversed(self, part: str, wheel: int) -> bool:
+        return self._wired(f"{WHEELS[wheel]}_{part}_reversed")
 
     # ---- periods
 
     def run(self, now_s: float) -> None:
-        tick = self._sample(self.next_s)
+        if self.inputs.next_s <= now_s:
+            self._take_edges(now_s)
+            self.inputs.look(now_s, self._pins.levels)
+            if self._turning:
+                self._stopped_by_input(now_s)
+        if self._sample_s <= now_s:
+            self._serve_wheels(now_s)
+        self._plan()
+
+    def _serve_wheels(self, now_s: float) -> None:
+        tick = self._sample()
         self._battery.run(now_s)
         self._watch_battery(now_s)
-        for wheel in (LEFT, RIGHT):
+        for wheel in range(len(self.encoders)):
             self._serve(now_s, wheel, tick)
 
-    def _sample(self, time_s: float) -> int:
+    def _sample(self) -> int:
         """Ends a period of the encoders; returns the board's clock [64 us]."""
+        time_s = self._sample_s
         self._take_edges(time_s)
-        self.next_s = time_s + _PERIOD_S
+        self._sample_s = time_s + _PERIOD_S
         for encoder in self.encoders:
             encoder.sampled()
         return uint16(int((time_s - self._start_s) / TICK_S + 1e-6))
@@ -219,7 +243,7 @@ class BridgeControl(Motors):
             encoder.take(edges, self._start_s)
 
     def _serve(self, now_s: float, wheel: int, tick: int) -> None:
-        index, moved = self._encoder_of(wheel), self._moved_by(wheel)
+        index, moved = self._index_of("encoders", wheel), self._moved_by(wheel)
         encoder = self.encoders[index]
         self._last_counts[index] = encoder.count
         reason = self._wheels[wheel].update(self._settings, moved, encoder.edge_tick, tick)
@@ -233,23 +257,24 @@ class BridgeControl(Motors):
 
     def _moved_by(self, wheel: int) -> int:
         """Counts of a wheel since its last period; a single channel counts in the direction of the command."""
-        index = self._encoder_of(wheel)
+        index = self._index_of("encoders", wheel)
         counts = to_int16(self.encoders[index].count - self._last_counts[index])
         if self.encoders[index].single_channel:
             return -counts if self._wheels[wheel].last_direction < 0 else counts
-        return -counts if self._wired(_REVERSED["encoder"][wheel]) else counts
+        return -counts if self._reversed("encoder", wheel) else counts
 
     def _write(self, now_s: float, wheel: int) -> None:
         level = self._wheels[wheel].level()
-        backward = (self._wheels[wheel].last_direction < 0) != self._wired(_REVERSED["motor"][wheel])
+        backward = (self._wheels[wheel].last_direction < 0) != self._reversed("motor", wheel)
         chip = BRIDGES[self._config["bridge"] if self._usable else 0]
-        pins = levels(chip, backward, abs(level), bool(self._config["stop_mode"]))
-        outputs = self._outputs[wheel ^ int(self._wired("motors_swapped"))]
+        enable = HIGH if self._usable else LOW
+        pins = (*levels(chip, backward, abs(level), bool(self._config["stop_mode"])), enable)
+        outputs = self._outputs[self._index_of("motors", wheel)]
         self._levels.update(
             (pin, share(chip, each)) for pin, each in zip(outputs, pins) if pin != NOT_CONNECTED
         )
         for motor, wires in enumerate(self._pins.outputs):
-            if set(wires) & set(outputs):
+            if set(wires) & set(outputs) - {NOT_CONNECTED}:
                 self._pins.write(now_s, motor, *(self._levels.get(pin, 0.0) for pin in wires))
 
     def _watch_battery(self, now_s: float) -> None:
@@ -265,12 +290,26 @@ class BridgeControl(Motors):
     # ---- readings
 
     def counts(self, now_s: float) -> Counts:
-        left, right = (self._counters[wheel].read(self._travel(now_s, wheel)) for wheel in (LEFT, RIGHT))
+        left, right = (self._counters[side].read(self._travel(now_s, side)) for side in (LEFT, RIGHT))
         return Counts(right, left, 0)
 
-    def _travel(self, now_s: float, wheel: int) -> int:
+    def wheel_counts(self, now_s: float) -> Tuple[int, ...]:
+        """The counters of all wheels; 0 without one."""
         self._take_edges(now_s)
+        counts = [to_int16(self._wheel_travel(wheel)) for wheel in range(len(self.encoders))]
+        return (*counts, *[0] * (len(WHEELS) - len(counts)))
+
+    def _travel(self, now_s: float, side: int) -> int:
+        """The mean of the wheels on a side."""
+        self._take_edges(now_s)
+        wheels = self._on(side)
+        return sum(map(self._wheel_travel, wheels)) // len(wheels)
+
+    def _wheel_travel(self, wheel: int) -> int:
         return self._wheels[wheel].travel + self._moved_by(wheel)
+
+    def _on(self, side: int) -> Sequence[int]:
+        return range(side, len(self.encoders), len(_SIDES))
 
     def info(self, now_s: float) -> Tuple[int, int, int]:
         """The battery's voltage, or 0 without its divider."""
@@ -279,6 +318,20 @@ class BridgeControl(Motors):
     def status(self) -> Tuple[int, ...]:
         """The number of impossible transitions."""
         return (min(INT16_MAX, sum(encoder.impossible for encoder in self.encoders)),)
+
+    def wired(self) -> Tuple[int, ...]:
+        """The reply to `read_board`."""
+        channels = 0 if self._config["no_encoders"] else 1 if self.encoders[0].single_channel else 2
+        motors = (len(self.encoders), channels) if self.accepted else (0, 0)
+        echoes = [echo for _, echo in wiring.RANGE_PINS]
+        chip = int(self._chip.name[len("atmega") :].rstrip("p"))
+        masks = [self._connected(names) for names in (echoes, wiring.STOP_INPUTS, wiring.SERVOS)]
+        return (chip, *motors, *masks)
+
+    def _connected(self, names: Sequence[str]) -> int:
+        """A bit for each of these parameters that has a pin."""
+        pins = self._config.pins if self.accepted else wiring.EMPTY
+        return sum(1 << bit for bit, name in enumerate(names) if pins[name] != NOT_CONNECTED)
 
     def wiring_problem(self) -> Tuple[int, int, int]:
         """The reply to `read_wiring`."""
@@ -291,9 +344,10 @@ class BridgeControl(Motors):
         self._turning = False
         if reason == StopReason.HOST:
             self._refused_since_s = -math.inf
-        for wheel in (LEFT, RIGHT):
-            self._wheels[wheel].stop()
-            self._write(now_s, wheel)
+        for wheel in self._wheels:
+            wheel.stop()
+        for number in range(len(self._outputs)):
+            self._write(now_s, number)
 
     def _begin_move(self, now_s: float, moves: bool) -> bool:
         """Whether a move may begin; a masked encoder gets another chance."""
@@ -311,25 +365,42 @@ class BridgeControl(Motors):
         self._turning = True
         return True
 
+    def _stopped_by_input(self, now_s: float) -> bool:
+        """Stops if a wheel turns to a side where an input is active."""
+        for backward in (False, True):
+            reason = self.inputs.against(backward)
+            if reason is not StopReason.NONE and any(wheel.turns(backward) for wheel in self._wheels):
+                self.stop(now_s, reason)
+                return True
+        return False
+
     def carry_out(self, now_s: float, row: Command, *values: int) -> bool:
-        """Two wheels cannot carry out the requests that have no method here; the host fits the gains."""
+        """It cannot carry out the requests that have no method here; the host fits the gains."""
         request = getattr(self, f"_{row.name}", None)
         return bool(request and request(now_s, *values))
 
     def _move_differential(self, now_s: float, linear_mm_s: int, angular_mrad_s: int) -> bool:
-        """If a wheel would be faster than it can be, both slow down by the same factor, which keeps the arc."""
-        if not self._begin_move(now_s, bool(linear_mm_s or angular_mrad_s)):
+        return self._move_twist(now_s, linear_mm_s, 0, angular_mrad_s)
+
+    def _move_twist(self, now_s: float, forward_mm_s: int, left_mm_s: int, angular_mrad_s: int) -> bool:
+        """If a wheel would be faster than it can be, all slow down by the same factor, which keeps the arc."""
+        moves = bool(forward_mm_s or left_mm_s or angular_mrad_s)
+        if (left_mm_s and len(self.encoders) == wiring.FRONT) or not self._begin_move(now_s, moves):
             return False
-        ahead = linear_mm_s * self._settings.share_per_mm_s_q8 + 128 >> 8
+        ahead, aside = (
+            each * self._settings.share_per_mm_s_q8 + 128 >> 8 for each in (forward_mm_s, left_mm_s)
+        )
         turn = angular_mrad_s * self._settings.share_per_mrad_s_q12 + 2048 >> 12
-        shares: List[int] = [ahead - turn, ahead + turn]
+        shares: List[int] = [
+            ahead + (turn if wheel % 2 else -turn) + sign * aside for wheel, sign in enumerate(_ASIDE)
+        ]
         most = max(map(abs, shares))
         if most > FULL:
             factor_q14 = (FULL << 14) // most
             shares = [divide(divide(each, 16) * factor_q14, 1024) for each in shares]
         for wheel, speed in zip(self._wheels, shares):
             wheel.set_speed(speed)
-        return True
+        return not self._stopped_by_input(now_s)
 
     def _move_motors_pid(self, now_s: float, *percents: int) -> bool:
         return self._turn(now_s, Wheel.set_speed, percents)
@@ -340,17 +411,22 @@ class BridgeControl(Motors):
     def _turn(self, now_s: float, how: Callable[[Wheel, int], None], percents: Sequence[int]) -> bool:
         begun = self._begin_move(now_s, any(percents))
         if begun:
-            for wheel, percent in zip(self._wheels, percents):
-                how(wheel, _share_of(percent))
-        return begun
+            for number, wheel in enumerate(self._wheels):
+                how(wheel, _share_of(percents[number % len(percents)]))
+        return begun and not self._stopped_by_input(now_s)
+
+    def _move_wheels(self, now_s: float, *percents: int) -> bool:
+        return len(self.encoders) == len(WHEELS) and self._turn(now_s, Wheel.set_duty, percents)
 
     def _move_to_position(self, now_s: float, motor: int, percent: int, position: int) -> bool:
-        if motor not in _SIDES or not self._begin_move(now_s, True):
+        if motor not in _SIDES or not self._settings.full_counts_q8 or not self._begin_move(now_s, True):
             return False
         side = _SIDES[motor]
-        travel = self._counters[side].travel_at(position, self._travel(now_s, side))
-        self._wheels[side].go_to(travel, _share_of(percent))
-        return True
+        travel = self._travel(now_s, side)
+        way = self._counters[side].travel_at(position, travel) - travel
+        for wheel in self._on(side):
+            self._wheels[wheel].go_to(self._wheel_travel(wheel) + way, _share_of(percent))
+        return not self._stopped_by_input(now_s)
 
     def _set_encoder_prescaler(self, now_s: float, encoder: int, value: int) -> bool:
         if encoder in _SIDES:

@@ -18,7 +18,7 @@ Values = Optional[Tuple[int, ...]]
 _CAPABILITY = {name: 1 << bit for bit, (name, _) in enumerate(table.CAPABILITIES)}
 _PER_MM_S = 95492
 """6e5 / (2 pi): ceiling [mm/s] * this / (full_speed [1/min] * wheel_radius [0.01 mm]) is the ceiling in %."""
-_LIMITED = ("move_differential", "move_omni")  # moves to which the speed ceilings apply
+_LIMITED = ("move_differential", "move_twist", "move_omni")  # moves to which the speed ceilings apply
 
 
 # ---- the board
@@ -98,6 +98,11 @@ def _default_config(board: Board) -> None:
     board.ask("default_config", 1)
 
 
+def _release_emergency(board: Board) -> None:
+    board.motors.inputs.release()
+    board.ask("release_emergency", int(board.motors.inputs.latched))
+
+
 def _config(board: Board, index: int) -> Values:
     return index, board.config.values[index]
 
@@ -119,7 +124,9 @@ def _stop(board: Board) -> None:
 
 
 def _order_motors(row: table.Command, board: Board, *values: int) -> None:
-    if row.name in _LIMITED:
+    if row.name == "move_twist":
+        values = _limited_twist(row, board, *values)
+    elif row.name in _LIMITED:
         values = _limited(row, board, *values)
     if row.turns and board.refuses_move():
         return
@@ -139,6 +146,20 @@ def _limited(row: table.Command, board: Board, linear: int, angular: int, *direc
     return (divide(linear * top, by), divide(angular * top, by), *direction)
 
 
+def _limited_twist(
+    row: table.Command, board: Board, forward: int, left: int, angular: int
+) -> Tuple[int, ...]:
+    """The ceiling is that of the speed in its own direction; one that does not fit into a field is lowered to it."""
+    speed = math.isqrt(forward * forward + left * left)
+    most = min(table.INT16_MAX, speed)
+    if most != speed:
+        angular = divide(angular * most, speed)
+    limited, angular = _limited(row, board, most, angular)
+    if limited != speed:
+        forward, left = (divide(each * limited, speed) for each in (forward, left))
+    return forward, left, angular
+
+
 def _ceilings(row: table.Command, config: Config) -> Tuple[int, int]:
     """Ceilings of both speeds in the units of the move: those of `move_omni` are percent of full speed."""
     linear, angular = config["linear_ceiling"], config["angular_ceiling"]
@@ -155,13 +176,26 @@ def _beyond(value: int, ceiling: int) -> bool:
     return ceiling != table.INT16_MAX and abs(value) > ceiling
 
 
-# ---- encoders and sonars
+# ---- servos, encoders and sonars
+
+
+def _set_servo(board: Board, number: int, pulse_us: int, speed_us_s: int) -> None:
+    if board.servos.move(number, pulse_us, speed_us_s, board.now_s):
+        board.ask("set_servo", number)
+    else:
+        board.refuse("unavailable")
 
 
 def _encoders(board: Board, _: int = 0) -> Values:
     """Counters of the right and the left wheel; None if they cannot be read."""
     counts = board.motors.counts(board.now_s)
     return None if counts is None else (counts.right, counts.left)
+
+
+def _wheels(board: Board, _: int) -> Values:
+    """The counters, the inputs, and the ranges."""
+    active, *_ = board.motors.inputs.report()
+    return (*board.motors.wheel_counts(board.now_s), active, *board.ranges.values)
 
 
 def _sonars(board: Board, _: int = 0) -> Tuple[int, ...]:
@@ -289,11 +323,13 @@ REQUESTS: Dict[str, Callable[..., None]] = {
     },
     **{row.name: partial(_start_stream, row) for row in table.COMMANDS if row.repeats},
     **{f"stop_{name}": partial(_stop_streams, (f"start_{name}",)) for name in _SENSOR_STREAMS},
+    "stop_wheel_stream": partial(_stop_streams, ("start_wheel_stream",)),
     "stop_stream": partial(_stop_streams, ("start_stream", "start_omni_stream")),
     "start_imu_stream": lambda board, period: board.start_imu_stream(period),
     "stop_imu_stream": _stop_imu_stream,
     "set_pid_gains": _set_pid_gains,
     "stop": _stop,
+    "set_servo": _set_servo,
     "set_debug": _set_debug,
     "set_check": _set_check,
     "set_watchdog": _set_watchdog,
@@ -305,13 +341,17 @@ REQUESTS: Dict[str, Callable[..., None]] = {
     "send_xbee": _send_xbee,
     "discover_xbee": _discover_xbee,
     "release_hold": _release_hold,
+    "release_emergency": _release_emergency,
 }
 """Called with the board and the request's arguments.  A request without arguments only asks for its reply, unless its
 entry does more."""
 del REQUESTS["xbee_text"]  # only a reply
 REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     **{sensor.command.name: partial(_values, sensor) for sensor in table.SENSORS},
-    **dict.fromkeys(("set_check", "set_baud", "save_config", "default_config", "release_hold"), _value),
+    **dict.fromkeys(
+        ("set_check", "set_baud", "save_config", "default_config", "release_hold", "release_emergency"),
+        _value,
+    ),
     "robot_info": _info,
     "read_encoders": _encoders,
     "read_sonars": _sonars,
@@ -332,7 +372,12 @@ REPLIES: Dict[str, Callable[[Any, int], Values]] = {
     "xbee_text": lambda board, _: board.radio.text(),
     "discover_xbee": lambda board, _: board.radio.node(),
     "read_radio": lambda board, _: board.radio.hold.report(),
+    "set_servo": lambda board, number: (number, board.servos.pulse_us(number, board.now_s)),
     "read_wiring": lambda board, _: board.motors.wiring_problem(),
+    "read_board": lambda board, _: board.motors.wired(),
+    "read_wheels": _wheels,
+    "read_inputs": lambda board, _: board.motors.inputs.report(),
+    "read_ranges": lambda board, _: board.ranges.values,
 }
 """Called with the board and the value given to `ask`; None if there is nothing to send."""
 NEEDS: Dict[str, str] = {row.name: row.capability for row in table.COMMANDS if row.capability}

@@ -9,16 +9,17 @@ import struct
 from binascii import crc_hqx
 from typing import Dict, List, Optional, Sequence
 
-from mrl_driver.protocol.table import PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
+from mrl_driver.protocol.table import PARAMETER_BY_NAME, SETTINGS, Parameter
 from mrl_driver.robot import models as robots
 from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import CHIPS
 
 ID_AT, BLOCK_AT, LAYOUT = 0, 16, 5
 PINS_AT, PINS_LAYOUT = 96, 1
 EEPROM_BYTES = 1024
 EEPROM_BYTE_S, EEPROM_LOOK_S = 3.4e-3, 20.2e-3
 """Time to write one byte, and to compare all stored bytes before the reply to a save [s]."""
-_BODY, _PINS_BODY = struct.Struct(f"<B{len(SETTINGS)}h"), struct.Struct(f"<B{len(PINS)}b")
+_BODY = struct.Struct(f"<B{len(SETTINGS)}h")
 _LONGEST_CM = 1250
 
 
@@ -44,7 +45,8 @@ def first(robot_id: int, model: robots.RobotModel) -> List[int]:
     if not model.board.get("bridge"):
         return _in_order(robot_id, {**robots.COMMON_BOARD, **model.board})
     settings = _in_order(robot_id, {**robots.COMMON_BOARD, "wiring": 1, **model.board})
-    return settings + list(wiring.of_board(model.board).values())
+    pins = wiring.of_board(model.board)
+    return settings + [pins[row.name] for row in wiring.rows(CHIPS[model.chip])]
 
 
 def image(values: List[int]) -> bytes:
@@ -61,8 +63,12 @@ def store(eeprom: bytearray, values: List[int]) -> int:
     eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
     _put(eeprom, BLOCK_AT, _BODY.pack(LAYOUT, *settings))
     if pins:
-        _put(eeprom, PINS_AT, _PINS_BODY.pack(PINS_LAYOUT, *pins))
+        _put(eeprom, PINS_AT, _pins_body(len(pins)).pack(PINS_LAYOUT, *pins))
     return sum(a != b for a, b in zip(before, eeprom))
+
+
+def _pins_body(count: int) -> struct.Struct:
+    return struct.Struct(f"<B{count}b")
 
 
 def _put(eeprom: bytearray, at: int, body: bytes) -> None:
@@ -85,15 +91,15 @@ def _in_range(rows: Sequence[Parameter], values: Sequence[int]) -> bool:
 class Config:
     """Parameters in force, by name; `sound` is False if the EEPROM was damaged and the defaults are in force.
 
-    A board with an H-bridge `has_pins`: behind its settings, `values` has its wiring.
+    A board with an H-bridge has `pins`, its rows of the wiring: `values` has them behind the settings.
     """
 
-    def __init__(self, eeprom: bytearray, has_pins: bool = False) -> None:
-        self._eeprom = eeprom
+    def __init__(self, eeprom: bytearray, pins: Sequence[Parameter] = ()) -> None:
+        self._eeprom, self._rows = eeprom, pins
         self._curve: Dict[int, int] = {}
         settings = _stored(eeprom, BLOCK_AT, _BODY, LAYOUT)
         good = settings is not None and _in_range(SETTINGS, settings)
-        self.values = (settings or defaults(0)) + (self._pins() if has_pins else [])
+        self.values = (settings or defaults(0)) + (self._pins() if pins else [])
         if not good:
             self.values[0] = self._float_id()
         self.sound = good and image(self.values)[: ID_AT + 4] == bytes(eeprom[: ID_AT + 4])
@@ -109,8 +115,9 @@ class Config:
 
     @property
     def pins(self) -> Dict[str, int]:
-        """The wiring."""
-        return {row.name: value for row, value in zip(PINS, self.values[len(SETTINGS) :])}
+        """The wiring; what its chip does not have is not connected.  Empty without an H-bridge."""
+        found = {row.name: value for row, value in zip(self._rows, self.values[len(SETTINGS) :])}
+        return wiring.of_board(found) if found else {}
 
     def sonar_cm(self, count: int) -> int:
         """The sonar curve at an ADC count [cm]."""
@@ -129,8 +136,10 @@ class Config:
         return store(self._eeprom, self.values)
 
     def _pins(self) -> List[int]:
-        pins = _stored(self._eeprom, PINS_AT, _PINS_BODY, PINS_LAYOUT)
-        return pins if pins is not None and _in_range(PINS, pins) else list(wiring.EMPTY.values())
+        pins = _stored(self._eeprom, PINS_AT, _pins_body(len(self._rows)), PINS_LAYOUT)
+        if pins is not None and _in_range(self._rows, pins):
+            return pins
+        return [wiring.EMPTY[row.name] for row in self._rows]
 
     def _float_id(self) -> int:
         (number,) = struct.unpack_from("<f", self._eeprom, ID_AT)

@@ -12,6 +12,7 @@ from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BAUD, BAUDS, BY_CODE, BY_NAME, TICK_S
 from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import CHIPS
 from sim_arduino.hardware.sonars import VOLTS_PER_COUNT
 from sim_arduino.hardware.wiring import FAN, HEATER, Plant, sonar_pins_of
 
@@ -24,6 +25,8 @@ from .motor_control import MotorControl
 from .motors import Motors
 from .parameter_store import Config
 from .radio_port import RadioHold, RadioPort
+from .range_task import RangeTask
+from .servo_outputs import ServoOutputs
 from .sonar_chain import SonarTask
 from .uart import OUT_BYTE_S, Incoming, Outgoing
 
@@ -46,7 +49,9 @@ IMU_FRAME_S = 6.6e-3  # longest time of an IMU frame with its reading, at the sl
 _TOGETHER_S = 1e-6
 """Frames that are due within this time are due at the same time; sums of periods differ by rounding [s]."""
 READ_IMU = BY_NAME["read_imu"].code
-_COUNTS_OF = frozenset(BY_NAME[name].code for name in ("read_encoders", "read_encoders_and_sonars"))
+_COUNTS_OF = frozenset(
+    BY_NAME[name].code for name in ("read_encoders", "read_encoders_and_sonars", "read_wheels")
+)
 """Answers with counters."""
 
 
@@ -183,13 +188,16 @@ class PythonBoard(Engine):
         self.started_s = self.now_s
         self.ready_s = self.now_s + BOOT_S
         self.health = BoardStatus(cause, self._ask_status)
-        self.config = Config(self.eeprom, has_pins=bool(self.plant.bridge))
+        pins = wiring.rows(CHIPS[self.plant.model.chip]) if self.plant.bridge else ()
+        self.config = Config(self.eeprom, pins)
         self.motors: Motors = (
             BridgeControl(self.plant, self.config, self.health, self.adc, self.started_s)
             if self.plant.bridge
             else MotorControl(self.plant.motor_board, self.config, self.health, self.plant.advance)
         )
         self.sonars: Optional[SonarTask] = None  # None in the environment-sensor build
+        self.servos = ServoOutputs(self.plant, {}, self.now_s)
+        self.ranges = RangeTask(self.plant, {}, 0, self.now_s, self.adc)
         self.imu = ImuReader(self.plant.i2c, self.environment, self.health)
         self.imu_reading: Optional[Reading] = None  # what the last reading of the IMU gave
         self._imu_read_s, self._imu_ahead = 0.0, False
@@ -232,6 +240,11 @@ class PythonBoard(Engine):
         self.sonars = None
         if sound and not self.environment:
             self.sonars = SonarTask(self.plant, pins, self.config, self.adc, self.now_s)
+        own = self.config.pins if sound else {}
+        self.servos = ServoOutputs(self.plant, own, self.now_s)
+        if self.config.pins:
+            self.ranges = RangeTask(self.plant, own, self.config["air_temperature"], self.now_s, self.adc)
+            self.health.set_fault("sensor", False)
         bus = sound and self.config.pins.get(wiring.I2C, 1)
         if self.plant.imu and bus and not self.imu.found:
             self.imu.next_s = self.now_s
@@ -246,6 +259,8 @@ class PythonBoard(Engine):
         return min(
             self._incoming.next_s,
             trigger_s,
+            self.servos.next_s,
+            self.ranges.next_s,
             self.motors.next_s,
             self.imu.next_s,
             self._watchdog_due_s(),
@@ -268,11 +283,16 @@ class PythonBoard(Engine):
             self._take(self._incoming.take())
         if self.sonars:
             self.sonars.run(now)
+        self.servos.run(now)
+        if self.ranges.next_s <= now:
+            self.ranges.run(now)
+            self.health.set_fault("sensor", self.ranges.held)
         if self._watchdog_due_s() <= now:
             self._silent = True
             self.stop_motors(StopReason.LINK_WATCHDOG)
         if self._check_due_s() <= now:
             self.stop_motors(StopReason.CHECK_ENDED)
+            self.servos.lose_host(bool(self.config.pins.get(wiring.RELEASE)), now)
             self.set_check(False)
         if self._baud_due_s() <= now:
             self._change_baud(self.wanted_baud if self.wanted_baud != self.baud else 0)

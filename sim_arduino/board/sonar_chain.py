@@ -9,7 +9,7 @@ from sim_arduino.hardware.wiring import Plant, SonarPins
 
 from .parameter_store import Config
 
-WARM_UP_S = START_S + 0.006
+WARM_UP_S = START_S + 0.014
 ROUND_S = 0.312  # time from one trigger of the chain to the next [s]: three readings and a margin
 SONARS = 3
 LOWEST_COUNT, NOTHING_FROM, HIGHEST_COUNT = 10, 640, 700

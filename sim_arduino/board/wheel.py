@@ -208,6 +208,11 @@ class Wheel:
 
     # ---- targets
 
+    def turns(self, backward: bool) -> bool:
+        """Whether it is driven forward, or backward, or will be; a move to a travel may do both."""
+        driven = bool(self._setpoint_q8) and (self._direction < 0) == backward
+        return self._mode is Mode.POSITION or driven or (self._target != 0 and (self._target < 0) == backward)
+
     def set_speed(self, speed: int) -> None:
         """Turns at a speed."""
         self._set(Mode.SPEED, speed)

@@ -22,9 +22,9 @@ RAMP = 20937966  # FULL * 256 * 4.992 ms
 
 
 class WheelSettings(NamedTuple):
-    """Settings of both wheels."""
+    """Settings of all wheels."""
 
-    full_counts_q8: int  # counts a period at full speed
+    full_counts_q8: int  # counts a period at full speed; 0 without encoders, and then no wheel is watched
     share_per_count_tick: int  # speed is counts times this, divided by ticks
     share_per_count_q8: int  # speed of a positional move for each count that is left: 1 / (200 ms)
     share_per_mm_s_q8: int
@@ -60,9 +60,10 @@ def settings_of(config: Config) -> Optional[WheelSettings]:
     if not FEWEST_Q8 <= full_q8 <= MOST_Q8 or per_mm_s > UINT16_MAX or per_mrad_s > UINT16_MAX:
         return None
     ramp_ms = config["ramp_time"]
-    friction, kp_q10 = _times(config["friction_duty"], 1073742), _times(config["kp"], 67109)
+    has_encoders = not config["no_encoders"]
+    friction, kp_q10 = _times(config["friction_duty"], 1073742), has_encoders * _times(config["kp"], 67109)
     return WheelSettings(
-        full_q8,
+        has_encoders * full_q8,
         PER_COUNT_TICK // full_q8,
         PER_COUNT // full_q8,
         per_mm_s,
@@ -70,7 +71,7 @@ def settings_of(config: Config) -> Optional[WheelSettings]:
         RAMP // ramp_ms if ramp_ms else FULL << 8,
         kp_q10,
         max(kp_q10, (FULL - friction) // 16),
-        _times(config["ki"], 21440),
+        has_encoders * _times(config["ki"], 21440),
         friction,
         _times(config["reversal_pause"], 13128) & 0xFF,
     )

@@ -16,6 +16,7 @@ from mrl_driver.apps.calibration import manoeuvres
 from mrl_driver.geometry import Pose, wrap_angles
 from mrl_driver.navigation.line_follower import Course, FollowerLimits
 from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.view.environment_cells import ALCOHOL, DUST, HEAT, VARIABLES, Cells, Variable
 from sim_arduino.hardware.environment_sensors import EnvironmentErrors
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.world import map_score
@@ -51,25 +52,8 @@ ERRORS = EnvironmentErrors(
 """Standard deviations; their sources are in docs/experiments.md, "Heat, dust and alcohol"."""
 
 
-class Variable(NamedTuple):
-    """A variable that is mapped."""
-
-    title: str
-    request: str  # name in the command table; the value is the largest field from `first` on
-    first: int
-    alert: float
-    """Values from here on are drawn (Araujo 2012; Araujo et al. 2015).  None is published for alcohol; here it is
-    assumed, a quarter more than in clean air."""
-    unit: str
-    scene: str  # name of its sources in a world
-    colour: str
-    remote: bool = False  # pixels measure it from a distance; many views together give its position
-
-
-HEAT = Variable("heat", "read_thermopile", 1, 39.0, "degC", "heat", plot_style.ORANGE, remote=True)
-DUST = Variable("dust", "read_dust", 0, 5500.0, "pcs/l", "dust", plot_style.GREY)
-ALCOHOL = Variable("alcohol", "read_alcohol", 0, 154.0, "counts", "gas", plot_style.GREEN)
-VARIABLES = (HEAT, DUST, ALCOHOL)
+SOURCES = {HEAT: "heat", DUST: "dust", ALCOHOL: "gas"}
+"""Names of the variables' sources in a world.  Pixels measure heat from a distance; many views together place it."""
 
 
 class Sample(NamedTuple):
@@ -144,14 +128,14 @@ def _calibrated_gyro(seed: int) -> ImuErrors:
 def _follow(robot: ExperimentRobot, course: Course) -> Tuple[List[Sample], int]:
     """The samples of the sweep, and the number of ticks in which the robot bumped."""
     driver, samples, ticks, bumps = robot.driver, [], 0, 0
-    codes = [BY_NAME[each.request].code for each in VARIABLES]
+    codes = [BY_NAME[f"read_{each.sensor}"].code for each in VARIABLES]
     begin_s = driver.now_s
 
     def steer(_: Pose) -> manoeuvres.Command:
         nonlocal ticks, bumps
         ticks, bumps = ticks + 1, bumps + robot.bumped
         if ticks % EVERY_TICKS == 0:
-            values = [driver.ask(code)[each.first :] for code, each in zip(codes, VARIABLES)]
+            values = map(driver.ask, codes)
             samples.append(Sample(driver.now_s - begin_s, Pose(*driver.pose), tuple(values)))
         speeds = course.command(robot.true_pose)
         return None if course.done else speeds
@@ -165,7 +149,7 @@ def _follow(robot: ExperimentRobot, course: Course) -> Tuple[List[Sample], int]:
 
 def spots(index: int, drive: Drive, alert: float) -> Spots:
     """Places at which a variable is at least at a level."""
-    if VARIABLES[index].remote:
+    if VARIABLES[index] is HEAT:
         return _hot_cells(index, drive, alert)
     values = np.array([max(sample.values[index]) for sample in drive.samples])
     places = np.array([sample.pose[:2] for sample in drive.samples])
@@ -204,7 +188,7 @@ def objects(each: Variable, found: Spots) -> Any:
         away = np.hypot(*(found.places - found.places[first]).T)
         near = away <= GROUP_M
         peak = found.excess[first] >= found.excess[away <= PEAK_M].max()
-        if near.sum() >= LEAST_CELLS if each.remote else peak:
+        if near.sum() >= LEAST_CELLS if each is HEAT else peak:
             made.append(np.average(found.places[near], axis=0, weights=found.excess[near]))
         left = [number for number in left if not near[number]]
     return np.array(made).reshape(-1, 2)
@@ -222,9 +206,21 @@ def apart_m(sources: Any, found: Any) -> float:
 
 def _score(each: Variable, drive: Drive, found: Spots) -> Tuple[float, int]:
     """Distance of the sources from the places found, as `apart_m`, and number of spots far from all sources."""
-    sources = np.array([source[:2] for source in getattr(drive.world.scene, each.scene)]).reshape(-1, 2)
+    sources = _sources(each, drive)
     false = (map_score.nearest(found.places, sources) > FALSE_M).sum()
     return apart_m(sources, objects(each, found)), int(false)
+
+
+def _sources(each: Variable, drive: Drive) -> Any:
+    return np.array([source[:2] for source in getattr(drive.world.scene, SOURCES[each])]).reshape(-1, 2)
+
+
+def cells(index: int, drive: Drive) -> Cells:
+    """The cells of a variable, as the ROS node `environment_map` draws them: each reading is where the robot is."""
+    made = Cells()
+    for sample in drive.samples:
+        made.put(sample.pose.x_m, sample.pose.y_m, max(sample.values[index]))
+    return made
 
 
 def _evaluate(index: int, drives: Sequence[Drive], empty: Sequence[Drive]) -> List[Figure]:
@@ -234,12 +230,21 @@ def _evaluate(index: int, drives: Sequence[Drive], empty: Sequence[Drive]) -> Li
     away = f"{title}: largest distance between sources and places found"
     false = f"{title}: alerts more than {FALSE_M:g} m from all sources"
     none = f"{title}: alerts in an arena without sources"
+    cell = f"{title}: distance of the cell with the largest value from a source; control: of all cells"
 
     def most(drive: Drive) -> int:
         return max(max(sample.values[index]) for sample in drive.samples)
 
     def alerts(drive: Drive) -> int:
         return len(spots(index, drive, each.alert).places)
+
+    def peak_m(drive: Drive) -> float:
+        return float(map_score.nearest(np.array([cells(index, drive).peak]), _sources(each, drive))[0])
+
+    def chance_m(drive: Drive) -> float:
+        return float(
+            map_score.nearest(np.array(cells(index, drive).between(-math.inf)), _sources(each, drive)).mean()
+        )
 
     scores, control = (
         [_score(each, drive, spots(index, drive, level)) for drive in drives]
@@ -248,6 +253,9 @@ def _evaluate(index: int, drives: Sequence[Drive], empty: Sequence[Drive]) -> Li
     return [
         Measure(f"{title}_most", f"largest {title}", each.unit, most, min, published, True).figure(drives),
         Measure(f"{title}_distance_m", away, "m", itemgetter(0)).figure(scores, control),
+        Measure(f"{title}_cell_m", cell, "m", itemgetter(0)).figure(
+            [(peak_m(drive),) for drive in drives], [(chance_m(drive),) for drive in drives]
+        ),
         Measure(f"{title}_false", false, "", itemgetter(1)).figure(scores, control),
         Measure(f"{title}_without_sources", none, "", alerts).figure(empty),
     ]
@@ -259,7 +267,7 @@ def _evaluate(index: int, drives: Sequence[Drive], empty: Sequence[Drive]) -> Li
 def _draw(setting: Setting, drive: Drive) -> str:
     from mrl_driver import figures
 
-    made = figures.figure(12.0, 6.4)
+    made = figures.figure(12.0, 7.4)
     grid = made.add_gridspec(len(VARIABLES), 2, width_ratios=(1.0, 1.15))
     _draw_map(made.add_subplot(grid[:, 0]), drive)
     for index, each in enumerate(VARIABLES):
@@ -279,22 +287,19 @@ def _draw(setting: Setting, drive: Drive) -> str:
 
 def _draw_map(axes: Any, drive: Drive) -> None:
     plot_style.draw_walls(axes, drive.world.walls, "walls")
-    plot_style.path(axes, [sample.pose for sample in drive.samples], plot_style.BLUE, "path by odometry", ":")
+    plot_style.path(axes, [sample.pose for sample in drive.samples], plot_style.GREY, "path by odometry", ":")
     for index, each in enumerate(VARIABLES):
-        found = spots(index, drive, each.alert)
-        axes.scatter(
-            *found.places.T,
-            s=25 if each.remote else 30 + 90 * found.excess / max(found.excess, default=1.0),
-            color=each.colour,
-            alpha=0.35,
-            edgecolors="black",
-            linewidths=0.4,
-            label=f"{each.title} from {each.alert:g} {each.unit}",
-        )
-        sources = [source[:2] for source in getattr(drive.world.scene, each.scene)]
-        axes.plot(*zip(*sources), "x", color=each.colour, markersize=10, markeredgewidth=2)
+        found, made = spots(index, drive, each.alert), cells(index, drive)
+        for size, opacity, low, high in ((12, 0.5, each.notice, each.alert), (36, 1.0, each.alert, math.inf)):
+            places = np.array(made.between(low, high)).reshape(-1, 2) + (each.third * made.size_m / 3, 0.0)
+            label = f"{each.title} from {low:g}"
+            axes.scatter(
+                *places.T, s=size, marker="s", color=each.colour, alpha=opacity, linewidths=0, label=label
+            )
+        axes.plot(*_sources(each, drive).T, "x", color=each.colour, markersize=10, markeredgewidth=2)
         axes.plot(*objects(each, found).T, "+", color=each.colour, markersize=12, markeredgewidth=2)
     axes.plot([], [], "kx", label="sources")
     axes.plot([], [], "k+", label="found")
     plot_style.floor(axes)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1), ncol=3, fontsize="small")
+    axes.set_anchor("N")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncol=4, fontsize="x-small")

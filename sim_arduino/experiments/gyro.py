@@ -11,11 +11,11 @@ from typing import Any, ContextManager, Dict, List, NamedTuple, Optional, Sequen
 from mrl_driver.apps.calibration import fit, imu_procedures, manoeuvres
 from mrl_driver.apps.calibration.geometry_procedures import turn_legs
 from mrl_driver.apps.calibration.ground_truth import Truth
+from mrl_driver.apps.calibration.trial import error_squared
 from mrl_driver.driver import Telemetry
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import Course
 from mrl_driver.protocol.frames import to_int16
-from mrl_driver.robot.covariance import error_squared
 from mrl_driver.robot.models import ImuMount, Noise, load
 from mrl_driver.robot.odometry import Odometry
 from mrl_driver.robot.robot_state import odometry_of

@@ -28,7 +28,7 @@ from .experiment_report import SEEDS, Figure, Measure, Result, over_seeds
 from .experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 
 KEYS = os.path.join(os.path.dirname(os.path.abspath(__file__)), "house_keys.csv")
-"""Made by `python -m tests.experiments.record_house_keys`."""
+"""Key presses by sight, made by tests/experiments/record_house_keys.py of the commit 261b5637."""
 ROBOT, WORLD = "traxbot", "house"
 WANDER = "noise=1e-7,turn_noise=1e-6"
 """Random errors of wheels and turns, by which the runs differ: together 0.5 deg after 10 m and 25 rad.  They are white:

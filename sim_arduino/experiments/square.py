@@ -148,7 +148,9 @@ def calibrated(setting: Setting, error: str) -> Drive:
     rng = random.Random(f"tape {setting.seed}")
     with open_robot(setting, error=error) as robot:
         runs = [each._replace(end=disturbances.measured(each.end, rng)) for each, _ in _laps(robot, LAPS)]
-        return evaluate(UMBMARK, runs, robot.model, SIDE_M, fit.BY_TAPE).after
+        found = evaluate(UMBMARK, runs, robot.model, SIDE_M, fit.BY_TAPE).after
+    assert isinstance(found, Drive)
+    return found
 
 
 def _shown_laps(setting: Setting, error: str, drive: Optional[Drive]) -> List[Lap]:

@@ -181,7 +181,7 @@ def _with_port(stack: ExitStack, setting: Setting, members: Sequence[Member]) ->
     virtual, alone = world_file.load(WORLD), setting._replace(port=None)
     first, others = members[0]._replace(robot=setting.robot), members[1:]
     robot = stack.enter_context(open_robot(setting, virtual))._replace(pace=Pace())
-    if not robot.driver.has_sonars:
+    if not robot.model.sonars:
         raise ConfigError(f"the robot on {setting.port} has no sonars, expected one that sees other robots")
     players = [Player(first, robot, virtual.without_walls(), virtual, margin=Margin())]
     for number, member in enumerate(others, 1):

@@ -8,14 +8,14 @@ Every fault is one of `fault_table.FAULTS`, which `mrl-sim --fault` uses and its
 import math
 import random
 from functools import partial
-from typing import Any, Callable, Iterable, List, Tuple, Union
+from typing import Any, Callable, Iterable, List, Mapping, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from sim_arduino.board.engine import Engine
 
 from .fault_kind import FOREVER_S, FaultKind
 from .fault_table import BOTH, TO_BOARD, TO_HOST, Fault, parse
-from .hardware_faults import NEEDS
+from .hardware_faults import NEEDS, places
 from .line_faults import LineFault
 
 
@@ -126,8 +126,8 @@ class FaultyEngine:
         self._count += 1
         if kind.switch is not None:
             if kind.needs:
-                self._require_hardware(kind)
-            self._switches.append(_Switch(partial(kind.switch, self._plant, **values), Window(*times)))
+                self._require_hardware(kind, values)
+            self._switches.append(_Switch(partial(kind.switch, self.plant, **values), Window(*times)))
             self._switches[-1].update(self.now_s)
         elif kind.make is None:
             self._of_board[kind.name].windows.append(Window(*times))
@@ -137,15 +137,21 @@ class FaultyEngine:
                     rng = random.Random(f"{self._seed} {self._count} {name}")
                     chain.add(kind.make(rng, **values), Window(*times))
 
-    def _require_hardware(self, kind: FaultKind) -> None:
+    def _require_hardware(self, kind: FaultKind, values: Mapping[str, Any]) -> None:
         what, expected, there = NEEDS[kind.needs]
-        if not there(self._plant):
+        if not there(self.plant):
             raise ConfigError(
-                f"fault {kind.name!r} needs {what}, robot {self._plant.model.name} has none; expected {expected}"
+                f"fault {kind.name!r} needs {what}, robot {self.plant.model.name} has none; expected {expected}"
             )
+        for key, value in values.items():
+            known = places(self.plant, key)
+            if known and value not in known:
+                raise ConfigError(
+                    f"fault {kind.name!r} is of {key} {value}, robot {self.plant.model.name} has {', '.join(known)}"
+                )
 
     @property
-    def _plant(self) -> Any:
+    def plant(self) -> Any:
         """The hardware of the engine."""
         return self.engine.plant  # type: ignore[attr-defined]
 

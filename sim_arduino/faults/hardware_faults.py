@@ -1,14 +1,19 @@
-"""Faults of motors, encoders, battery, sonars, IMU and radio: each function switches one on or off in a `Plant`.
+"""Faults of motors, encoders, battery, sonars, IMU, radio and inputs: each function switches one in a `Plant`.
 
 The first line of its docstring is the text of the fault in the help.
 
 Times are those of the plant, which a simulated chip lets run up to 1 ms ahead.
 """
 
-from typing import Any, Callable, Dict, Tuple
+from typing import Any, Callable, Dict, Set, Tuple
 
+from mrl_driver.protocol.table import INPUTS, WHEELS
+from mrl_driver.robot.models import ECHO_INPUTS
 from mrl_driver.robot.sonar import NAMES as SONARS
+from mrl_driver.robot.wiring import FRONT
 from sim_arduino.hardware import sonars
+from sim_arduino.hardware.bridge_plant import MOTORS
+from sim_arduino.hardware.echo_ranges import SILENT, STATES
 from sim_arduino.hardware.encoders import Bounce, Quadrature
 from sim_arduino.hardware.imu import MPU6050, Mpu6050
 from sim_arduino.hardware.motor import Motor
@@ -17,9 +22,9 @@ from sim_arduino.hardware.wiring import Plant
 from .fault_kind import fault
 from .key_values import Key
 
-WHEELS, CHANNELS = ("left", "right"), ("a", "b")
+CHANNELS = ("a", "b")
 NO_BOUNCE = Bounce(0, 0.0)
-_WHEEL = Key("wheel", "left", None, 0.0, "left or right", choices=WHEELS)
+_WHEEL = Key("wheel", "left", None, 0.0, ", ".join(WHEELS) + "; the last two of four", choices=WHEELS)
 _CHANNEL = Key("channel", "a", None, 0.0, "channel of the encoder, a or b", choices=CHANNELS)
 _OSCILLATION = Key("rate", 62500.0, 1.0, 1e6, "edges per second: two for each pulse", "1/s")
 _BOUNCE = (
@@ -32,6 +37,14 @@ _SONAR = (
     Key("state", sonars.DEAD, None, 0.0, _SONAR_STATES, choices=sonars.STATES),
 )
 
+_INPUT = Key("input", "bumper_left", None, 0.0, "row of the input table", choices=INPUTS)
+
+
+def range_inputs(plant: Plant) -> Tuple[str, ...]:
+    """Return the inputs with an HC-SR04 or an analog range sensor."""
+    return (*plant.ranges.wires, *plant.range_volts)
+
+
 NEEDS: Dict[str, Tuple[str, str, Callable[[Plant], Any]]] = {
     "motors": ("motors", "another robot", lambda plant: plant.model.drives),
     "omni3md": (
@@ -41,15 +54,31 @@ NEEDS: Dict[str, Tuple[str, str, Callable[[Plant], Any]]] = {
     ),
     "bridge": ("motors on an H-bridge", "another robot, such as duo", lambda plant: plant.bridge),
     "sonars": ("sonars", "a board without environment sensors", lambda plant: plant.sonars_fitted),
+    "ranges": ("range sensors", "another robot, with range_1_echo in its wiring", range_inputs),
+    "servos": ("a servo", "a robot whose file has one", lambda plant: plant.servos),
     "imu": ("an IMU", "--imu too", lambda plant: plant.imu),
+    "inputs": (
+        "inputs that stop it",
+        "a robot's file with bumpers, cliff sensors or an emergency stop",
+        lambda plant: plant.bridge and plant.bridge.inputs.pins,
+    ),
     "radio": ("a radio", "--radio too", lambda plant: plant.xbee),
 }
 """What faults need, by `FaultKind.needs`: as text, the robot that is expected, and whether a robot has it."""
 
 
 def _index(wheel: str) -> int:
-    """Index of a wheel's motor in those of the body: left, rear, right."""
-    return 2 * WHEELS.index(wheel)
+    """Index of a wheel's motor in those of the body."""
+    return MOTORS[WHEELS.index(wheel)]
+
+
+def places(plant: Plant, key: str) -> Tuple[str, ...]:
+    """Return the values that a key has on this robot; empty for keys that are not a place."""
+    if key == _WHEEL.name:
+        return WHEELS[: len(plant.bridge.outputs) if plant.bridge else FRONT]
+    if key == _INPUT.name and plant.bridge:
+        return (*range_inputs(plant), *plant.bridge.inputs.pins)
+    return ()
 
 
 def _motor(plant: Plant, wheel: str) -> Motor:
@@ -137,6 +166,26 @@ def sonar_failed(plant: Plant, on: bool, sonar: str, state: str) -> None:
         plant.sonars.failed.pop(sonar, None)
 
 
+@fault(
+    Key("input", ECHO_INPUTS[0], None, 0.0, "range_1 to range_3, on a Mega to range_6", choices=ECHO_INPUTS),
+    Key("state", SILENT, None, 0.0, "silent: no echo, or 0 V; held: it stays as it is", choices=STATES),
+    needs="ranges",
+)
+def range_failed(plant: Plant, on: bool, input: str, state: str) -> None:  # noqa: A002 - the name of the key
+    """An HC-SR04 gives no echo, or holds it high; an analog sensor gives 0 V, or keeps its voltage."""
+    if on:
+        plant.ranges.failed[input] = state
+    else:
+        plant.ranges.failed.pop(input, None)
+
+
+@fault(needs="servos")
+def servo_stalled(plant: Plant, on: bool) -> None:
+    """Something holds all servos."""
+    for servo in plant.servos.values():
+        servo.stalled = on
+
+
 def _imu(plant: Plant) -> Mpu6050:
     assert plant.imu, "FaultyEngine refuses these faults without an IMU"
     return plant.imu
@@ -178,3 +227,21 @@ def radio_cut(plant: Plant, on: bool) -> None:
     """The radio neither sends nor receives."""
     assert plant.xbee, "FaultyEngine refuses this fault without a radio"
     plant.xbee.set(cut=on)
+
+
+def _switch(names: Set[str], name: str, on: bool) -> None:
+    (names.add if on else names.discard)(name)
+
+
+@fault(_INPUT, needs="inputs")
+def input_stuck(plant: Plant, on: bool, input: str) -> None:
+    """An input stays active, such as a bumper that jams."""
+    assert plant.bridge, "FaultyEngine refuses these faults without inputs"
+    _switch(plant.bridge.inputs.stuck, input, on)
+
+
+@fault(_INPUT._replace(default="emergency_stop"), needs="inputs")
+def input_open(plant: Plant, on: bool, input: str) -> None:
+    """A wire of an input is broken, such as that of the emergency stop."""
+    assert plant.bridge, "FaultyEngine refuses these faults without inputs"
+    _switch(plant.bridge.inputs.open, input, on)

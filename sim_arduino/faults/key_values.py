@@ -32,7 +32,7 @@ class Key(NamedTuple):
 
 ROBOT_KEYS = (
     Key("wheel_ratio", 1.0, 0.5, 2.0, "radius of the right wheel, divided by the left one"),
-    Key("wheel_size", 1.0, 0.5, 2.0, "radius of both wheels, divided by the model's"),
+    Key("wheel_size", 1.0, 0.5, 2.0, "radius of all wheels, divided by the model's"),
     Key("axle", 1.0, 0.5, 2.0, "wheel separation, divided by the model's"),
     Key("slip", 0.0, 0.0, 0.9, "share of the yaw lost in turns"),
     Key("load", 1.0, 0.1, 5.0, "mass, divided by the model's"),
@@ -42,6 +42,8 @@ ROBOT_KEYS = (
     Key(
         "phase", 0.0, -0.45, 0.45, "delay of channel B of an H-bridge board's encoders, as a share of a count"
     ),
+    Key("rear_left", 1.0, 0.5, 2.0, "radius of the rear left wheel of four, divided by the one in front"),
+    Key("rear_right", 1.0, 0.5, 2.0, "the same on the right"),
 )
 SONAR_KEYS = (
     Key("noise", 0.0, 0.0, 1.0, "standard deviation [m]"),
@@ -59,7 +61,8 @@ def robot_errors(text: str) -> Errors:
     ratio, size = values["wheel_ratio"], values["wheel_size"]
     left = 2.0 / (1.0 + ratio) * size
     others = ("axle", "slip", "load", "control", "noise", "turn_noise", "phase")
-    return Errors(left, left * ratio, *(values[key] for key in others))
+    rear = [left * values["rear_left"], left * ratio * values["rear_right"]]
+    return Errors(left, left * ratio, *(values[key] for key in others), *rear)
 
 
 def sonar_errors(text: str) -> SonarErrors:

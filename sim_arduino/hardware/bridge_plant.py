@@ -9,17 +9,20 @@ from typing import Dict, List, NamedTuple, Sequence
 
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BRIDGES as BRIDGE_NAMES
-from mrl_driver.protocol.table import NOT_CONNECTED, WIRING
+from mrl_driver.protocol.table import NOT_CONNECTED, WHEELS, WIRING
 from mrl_driver.robot import wiring as board_wiring
 from mrl_driver.robot.chips import CHIPS
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
-from .bridge import BRIDGES, Bridge
+from .bridge import BRIDGES, Bridge, Shares
 from .dc_motor import DcMotor, DcMotorParams
 from .encoders import Quadrature
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
+from .stop_inputs import StopInputs
 
-WHEELS = (0, 2)  # motors of the body that turn the left and the right wheel
+ENABLE = 3  # index of a motor's enable, behind PWM_A, PWM_B and LOGIC
+MOTORS = (0, 2, 1, 3)
+"""Motors of the body by the wheels of the table: the middle one of three is at the rear left."""
 TOGGLES, TOGGLE_S = 6, 62.5e-3
 """After a reset by the host, the bootloader toggles the LED's pin this often, each time after this pause [s].  Source:
 Optiboot 4.4, `flash_led` with LED_START_FLASHES 3."""
@@ -39,7 +42,7 @@ _BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
 
 
 class PinEdge(NamedTuple):
-    """A change of an encoder pin: time [s], Arduino pin, new level."""
+    """A change of an encoder pin, or of another input: time [s], Arduino pin, new level."""
 
     time_s: float
     pin: int
@@ -51,13 +54,18 @@ def has_bridge(model: RobotModel) -> bool:
     return bool(model.board.get("bridge"))
 
 
+def wheel_count(model: RobotModel) -> int:
+    """Driven wheels of a robot with H-bridges, two or four."""
+    return board_wiring.motors(board_wiring.of_board(model.board))
+
+
 def counts_per_turn(model: RobotModel) -> float:
     """Encoder counts per turn of a wheel."""
     return model.board["gearbox"] * model.board["encoder_counts"] / 100.0
 
 
 def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorParams:
-    """Parameters of one gearmotor of a model, with its bridge and half of the robot's mass on its wheel.
+    """Parameters of one gearmotor of a model, with its bridge and its wheel's share of the robot's mass.
 
     `full_speed` is its speed without load, where the current overcomes the gearbox's friction alone; at stall no
     back-EMF is left.
@@ -70,7 +78,7 @@ def motor_params(model: RobotModel, errors: Errors = AS_MODELLED) -> DcMotorPara
     volts_per_rad_s = (nominal_v - no_load_a * winding_ohm) / no_load_rad_s
     nm_per_a = STALL_NM_RAD_S / no_load_rad_s / (stall_a - no_load_a)
     mass_kg, radius_m = (
-        0.5 * model.body.mass_kg * errors.load,
+        model.body.mass_kg * errors.load / wheel_count(model),
         turn * model.base.metres_per_count / (2.0 * math.pi),
     )
     inertia_kgm2 = ROTOR_KGM2_RAD2_S2 / no_load_rad_s**2 + mass_kg * radius_m**2
@@ -91,18 +99,20 @@ def robot_for(model: RobotModel, errors: Errors, pose: Pose, seed: int) -> Robot
     """The body of a robot with H-bridges."""
     motor = motor_params(model, errors)
     params = params_for(model, errors)._replace(control_hz=TICK_HZ, idle_a=IDLE_A, resistance_ohm=BATTERY_OHM)
-    return RobotPhysics(params, pose, seed, [DcMotor(motor) for _ in range(3)])
+    return RobotPhysics(params, pose, seed, [DcMotor(motor) for _ in range(max(3, wheel_count(model)))])
 
 
 class BridgePlant:
     """Bridges, motors and encoders of one robot, and their cables.
 
-    `wiring` is a sum of rows of the wiring table, as in parameter 20; `phase_error` delays the edges of both encoders'
+    `wiring` is a sum of rows of the wiring table, as in parameter 20; `phase_error` delays the edges of all encoders'
     channel B by a share of a count.
 
     Attributes:
-        outputs: Pins PWM_A, PWM_B and LOGIC of the two motors (Arduino numbers); -1 where nothing is connected.
-        encoder_pins: Pins of the channels A and B of the two encoders.
+        outputs: Pins PWM_A, PWM_B and LOGIC of each motor, and an enable, which is that of all (Arduino numbers); -1
+            where nothing is connected.
+        encoder_pins: Pins of the channels A and B of each encoder.
+        inputs: Bumpers, cliff sensors and the emergency stop.
         battery_channel: Channel of the converter with the battery's divider; -1 without one.
     """
 
@@ -114,6 +124,7 @@ class BridgePlant:
         self._tied = board_wiring.BRIDGE_WIRES[BRIDGE_NAMES[model.board["bridge"]]].tied
         table = board_wiring.of_board(model.board)
         self.outputs, self.encoder_pins = board_wiring.output_pins(table), board_wiring.encoder_pins(table)
+        self._levels = [[0.0 for _ in pins] for pins in self.outputs]
         battery = table["pin_battery"]
         self.battery_channel = CHIPS[model.chip].pins[battery].channel if battery != NOT_CONNECTED else -1
         self._led = CHIPS[model.chip].led
@@ -130,42 +141,48 @@ class BridgePlant:
             )
             for each, pins in enumerate(self.encoder_pins)
         )
-        self.levels: Dict[int, int] = {}  # levels of the encoder pins after the last `advance`
+        self.inputs = StopInputs(model)
+        self.levels: Dict[int, int] = {}  # levels of the board's inputs after the last `advance`
         self._edges: List[PinEdge] = []
         self._note_levels()
 
     # ---- cables
 
     def _wheel(self, parts: str, index: int) -> int:
-        """Wheel (0 left, 1 right) to which the board's motor or encoder of this index is connected."""
-        return index ^ self._swapped[parts]
+        """Wheel, a place in `WHEELS`, to which the board's motor or encoder of this index is connected."""
+        return index ^ self._swapped[parts] if index < board_wiring.FRONT else index
 
     def _is_reversed(self, part: str, wheel: int) -> bool:
-        return f"{('left', 'right')[wheel]}_{part}_reversed" in self._set
+        return f"{WHEELS[wheel]}_{part}_reversed" in self._set
 
     # ---- the board's outputs
 
-    def write(self, time_s: float, motor: int, pwm_a: float, pwm_b: float, logic: float) -> None:
-        """Sets the shares of time, 0 to 1, for which the wires of a motor (0 or 1) are high, until the next call.
+    def write(
+        self, time_s: float, motor: int, pwm_a: float, pwm_b: float, logic: float, enable: float = 0.0
+    ) -> None:
+        """Sets the shares of time, 0 to 1, for which the outputs of a motor are high, until the next call.
 
-        A wire without a pin has the level to which the module ties it.
+        A wire without a pin has the level to which the module ties it.  All motors coast while an enable is low.  A
+        board may have more outputs than motors.
         """
         self.advance(time_s)
-        if not self.is_booting:
-            self._drive(motor, (pwm_a, pwm_b, logic))
+        if not self.is_booting and motor < len(self.outputs):
+            self._drive(motor, (pwm_a, pwm_b, logic, enable))
 
     def _drive(self, motor: int, high: Sequence[float]) -> None:
-        wheel = self._wheel("motors", motor)
-        levels = [
-            share if pin != NOT_CONNECTED else float(wire == self._tied)
+        self._levels[motor] = [
+            share if pin != NOT_CONNECTED else float(wire in (self._tied, ENABLE))
             for wire, (share, pin) in enumerate(zip(high, self.outputs[motor]))
         ]
-        shares = self.bridge.shares(*levels)
-        self.motor(wheel).shares = shares.reversed() if self._is_reversed("motor", wheel) else shares
+        enabled = all(levels[ENABLE] == 1.0 for levels in self._levels)
+        for each, levels in enumerate(self._levels):
+            wheel = self._wheel("motors", each)
+            shares = self.bridge.shares(*levels[:ENABLE]) if enabled else Shares()
+            self.motor(wheel).shares = shares.reversed() if self._is_reversed("motor", wheel) else shares
 
     def off(self, time_s: float) -> None:
         """All wires are low: the pins are inputs, and pull-downs hold the bridges."""
-        for motor in (0, 1):
+        for motor in range(len(self.outputs)):
             self.write(time_s, motor, 0.0, 0.0, 0.0)
 
     # ---- the bootloader
@@ -206,13 +223,15 @@ class BridgePlant:
             return
         self.robot.step(time_s - start_s)
         self.time_s = time_s
-        motions = [self.motor(wheel).take_motions() for wheel in (0, 1)]
+        motions = [self.motor(wheel).take_motions() for wheel in range(len(self.encoders))]
         edges: List[PinEdge] = []
         for index, encoder in enumerate(self.encoders):
             wheel = self._wheel("encoders", index)
             pins = self.encoder_pins[index]
             found = encoder.follow(start_s, time_s, motions[wheel])
             edges += [PinEdge(edge.time_s, pins[edge.channel], edge.level) for edge in found]
+        switched = self.inputs.levels()
+        edges += [PinEdge(time_s, pin, level) for pin, level in switched.items() if self.levels[pin] != level]
         if edges:
             self._edges += sorted(edge for edge in edges if edge.pin != NOT_CONNECTED)
             self._note_levels()
@@ -222,14 +241,15 @@ class BridgePlant:
             self.levels.update(
                 {pin: wire.level for pin, wire in zip(pins, encoder.wires) if pin != NOT_CONNECTED}
             )
+        self.levels.update(self.inputs.levels())
 
     def take_edges(self) -> List[PinEdge]:
-        """Edges of the encoder pins since the last call, in order of time."""
+        """Edges of the inputs since the last call, in order of time."""
         edges, self._edges = self._edges, []
         return edges
 
     def encoder(self, wheel: int) -> Quadrature:
-        """The encoder of the left (0) or the right wheel (1)."""
+        """The encoder of a wheel, a place in `WHEELS`."""
         return self.encoders[self._wheel("encoders", wheel)]
 
     @property
@@ -242,6 +262,6 @@ class BridgePlant:
         return min(5.0, self.battery_v / self._divider) if self._divider else 0.0
 
     def motor(self, wheel: int) -> DcMotor:
-        """The motor that turns the left (0) or the right wheel (1)."""
-        motor: DcMotor = self.robot.motors[WHEELS[wheel]]
+        """The motor that turns a wheel, a place in `WHEELS`."""
+        motor: DcMotor = self.robot.motors[MOTORS[wheel]]
         return motor

@@ -1,7 +1,7 @@
 """Keeps a robot out of walls and other robots."""
 
 import math
-from typing import Callable, Optional
+from typing import Callable, Optional, Set
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
@@ -10,6 +10,7 @@ from sim_arduino.world.shapes import Footprint, distance
 from sim_arduino.world.world import World
 
 OTHERS_M_S = 1.5  # largest speed of other robots [m/s]; it limits how long a measured clearance is valid
+BUMPER_M = 0.005  # way of a bumper from its rest to the body [m]
 _HALVINGS = 12
 _SIZE_M = (0.01, 5.0)
 
@@ -33,6 +34,23 @@ def footprint_for(model: RobotModel, text: str = "box") -> Optional[Footprint]:
             f"footprint is {text!r}, expected box, none or circle:RADIUS, {_SIZE_M[0]} to {_SIZE_M[1]:g} m"
         )
     return Footprint(2 * radius, 2 * radius, True)
+
+
+def touched(world: World, body: Footprint, name: str, pose: Pose) -> Set[str]:
+    """The bumpers of a robot that touch something: strips along its front, a half each, and along its rear."""
+    if world.clearance(pose.x_m, pose.y_m, name) > body.radius_m + BUMPER_M:
+        return set()
+    front_m, quarter_m = 0.5 * body.length_m, 0.25 * body.width_m
+    strips = {
+        "bumper_left": (front_m, quarter_m, 2.0 * quarter_m),
+        "bumper_right": (front_m, -quarter_m, 2.0 * quarter_m),
+        "bumper_rear": (-front_m, 0.0, body.width_m),
+    }
+    return {
+        bumper
+        for bumper, (x_m, y_m, width_m) in strips.items()
+        if world.touching(pose.compose(x_m, y_m), Footprint(2.0 * BUMPER_M, width_m), name)
+    }
 
 
 class Bumper:

@@ -13,8 +13,6 @@ from mrl_driver.robot.models import SonarMount
 from sim_arduino.world.shapes import Footprint
 from sim_arduino.world.world import World
 
-from .sonars import DEAD_ZONE_M, HALF_CONE_RAD, RANGE_M
-
 
 class Margin(NamedTuple):
     """How far a robot may be from the place by its odometry.
@@ -61,9 +59,10 @@ class Mirror:
         """The closer of a sonar's own range and its virtual one [m], as in REP 117; NaN if it has no valid range."""
         if math.isnan(range_m) or self.pose is None:
             return math.nan
-        at = self.pose.compose(*mount.pose)
-        virtual_m = self._world.nearest(at, HALF_CONE_RAD, RANGE_M, self._name) - self.margin_m
-        return min(range_m, virtual_m if virtual_m >= DEAD_ZONE_M else -math.inf)
+        at, sensor = self.pose.compose(*mount.pose), mount.kind
+        half_rad = sensor.field_of_view_rad / 2
+        virtual_m = self._world.nearest(at, half_rad, sensor.farthest_m, self._name) - self.margin_m
+        return min(range_m, virtual_m if virtual_m >= sensor.nearest_m else -math.inf)
 
     def scan(
         self, mount: Pose, first_rad: float, step_rad: float, rays: int, far_m: float, near_m: float

@@ -8,10 +8,12 @@ import math
 import random
 from bisect import bisect_left
 from dataclasses import dataclass, field
-from typing import Any, Callable, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.models import OmniDrive, RobotModel
+from mrl_driver.protocol.table import WHEELS
+from mrl_driver.robot.models import MecanumDrive, OmniDrive, RobotModel
+from mrl_driver.robot.models.drives import metres_per_count
 
 from .dc_motor import DcMotor
 from .motor import ControlSettings, Motor, MotorParams
@@ -39,8 +41,11 @@ class Params(NamedTuple):
     left_m_per_count: float
     right_m_per_count: float
     wheel_separation_m: float
-    turn_slip: float  # share of the yaw that the tracks lose by slip in a turn, 0 to below 1
+    turn_slip: float  # share of the yaw that is lost by slip in a turn, 0 to below 1
     omni_radius_m: float  # distance of three omni wheels from the middle [m]; 0 means two wheels or tracks
+    rear_m_per_count: Tuple[float, float]
+    """Of the left and the right wheel at the rear of four."""
+    aside_share: float  # share of the way to the side of ideal mecanum wheels; 0 for others
     omni_angles_rad: Tuple[float, ...]
     """Angles at which the wheels of motors 1, 2 and 3 are mounted, counter-clockwise from forward."""
     control_hz: float  # rate of the motor board's control loop [Hz]: 10, 20 or 40
@@ -88,6 +93,8 @@ class Errors(NamedTuple):
     turn_noise: float = 0.0  # variance of the yaw by slip, per angle turned [rad2/rad]
     encoder_phase: float = 0.0
     """Delay of the edges of an encoder's channel B on an H-bridge board, as a share of a count, -0.45 to 0.45."""
+    rear_left_scale: float = 1.0
+    rear_right_scale: float = 1.0  # as the scales of the other wheels, of robots with four
 
 
 AS_MODELLED = Errors()
@@ -98,7 +105,11 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
     drive, battery = model.base, model.battery
     per_turn = model.board["gearbox"] * model.board["encoder_counts"] / 100.0
     per_count = drive.metres_per_count
-    rpm = drive.full_speed_m_s / per_count if isinstance(drive, OmniDrive) else 160.0 / 60.0 * per_turn
+    rpm = (
+        drive.full_speed_m_s / per_count
+        if isinstance(drive, (OmniDrive, MecanumDrive))
+        else 160.0 / 60.0 * per_turn
+    )
     time_constant_s = _ROTOR_S + _BODY_S * errors.load
     friction = errors.load * (_TRACK_FRICTION if model.body.tracks else _WHEEL_FRICTION)
     motor = MotorParams(
@@ -108,14 +119,17 @@ def params_for(model: RobotModel, errors: Errors = AS_MODELLED, omni: bool = Fal
         friction_counts_s=friction * rpm * 12.0 / 7.2,
         brake_counts_s2=2.0 / per_count * (_ROTOR_S + _BODY_S) / time_constant_s,
     )
+    left_m, right_m, rear_left_m, rear_right_m = metres_per_count(drive, WHEELS)
     axle_m = drive.wheel_separation_m * errors.axle_scale
     return Params(
         motor,
-        drive.left_m_per_count * errors.left_scale,
-        drive.right_m_per_count * errors.right_scale,
+        left_m * errors.left_scale,
+        right_m * errors.right_scale,
         axle_m,
         1.0 - (1.0 - drive.turn_slip) * (1.0 - errors.turn_slip),
         0.5 * axle_m if omni or isinstance(drive, OmniDrive) else 0.0,
+        (rear_left_m * errors.rear_left_scale, rear_right_m * errors.rear_right_scale),
+        1.0 - drive.side_slip if isinstance(drive, MecanumDrive) else 0.0,
         tuple(map(math.radians, drive.angles_deg)) if isinstance(drive, OmniDrive) else OMNI_ANGLES_RAD,
         errors.control_hz,
         capacity_ah=battery.capacity_ah,
@@ -152,7 +166,7 @@ Moved = Callable[[float, float, float, float], None]
 class RobotPhysics:
     """Params, state and motors; `step` simulates them.
 
-    `bridged` are three motors on H-bridges, which nothing here controls; None makes those of the motor board.
+    `bridged` are three or four motors on H-bridges, which nothing here controls; None makes those of the motor board.
     """
 
     def __init__(
@@ -166,22 +180,27 @@ class RobotPhysics:
         self.state = State(*pose, temperature_c=params.ambient_c, to_tick_s=1.0 / params.control_hz)
         self._bridged = tuple(bridged or ())
         self.motors: Tuple[Any, ...] = self._bridged or tuple(Motor(params.motor) for _ in range(3))
-        """Left, rear and right motor."""
+        """Left, rear and right motor; of four wheels left, rear left, right, rear right."""
         self.gains = ControlSettings()
         self.allow: Optional[Allow] = None  # limits motions at obstacles; None means an endless empty floor
         self._rng = random.Random(f"wheels {seed}")
         self.sag_v = 0.0  # voltage that a fault takes from the battery [V]
-        self.grip = [1.0, 1.0, 1.0]
-        """Share of the distances of left, rear and right wheel that moves the body; below 1 a wheel slips."""
+        self.grip = [1.0] * len(self.motors)
+        """Share of the distances of the motors' wheels that moves the body; below 1 a wheel slips."""
+        left, right = params.left_m_per_count, params.right_m_per_count
+        rear_left, *rear_right = params.rear_m_per_count if len(self.motors) > 3 else (left,)
+        self.m_per_count = (left, rear_left, right, *rear_right)
+        """Ways of the motors' wheels for a count [m]."""
         self._unaccounted_s = 0.0
         self._bridges_a = 0.0
-        self._moved: Optional[Moved] = None
+        self._told: List[Moved] = []  # get all motions
         self._longest_step_s = MAX_STEP_S
         self._update_battery(0.0)
 
     def report_motion(self, moved: Moved, longest_step_s: float) -> None:
         """Reports all motions from now on, in steps of at most `longest_step_s` [s] while the robot moves."""
-        self._moved, self._longest_step_s = moved, min(MAX_STEP_S, longest_step_s)
+        self._told.append(moved)
+        self._longest_step_s = min(self._longest_step_s, longest_step_s)
 
     def set_battery(self, volts: float) -> None:
         """Sets the charge at which the battery has this voltage with the motors at rest."""
@@ -205,16 +224,13 @@ class RobotPhysics:
     def _piece(self, dt: float, resting: bool) -> None:
         state = self.state
         if not resting:
-            left, rear, right = (motor.move(dt, state.battery_v) for motor in self.motors)
-            grips = self.grip
+            turned = zip(self.motors, self.m_per_count, self.grip)
             self._roll(
-                left * self.params.left_m_per_count * grips[0],
-                rear * self.params.left_m_per_count * grips[1],
-                right * self.params.right_m_per_count * grips[2],
-                dt,
+                [motor.move(dt, state.battery_v) * metres * grip for motor, metres, grip in turned], dt
             )
-        elif self._moved:
-            self._moved(dt, 0.0, 0.0, 0.0)
+        else:
+            for moved in self._told:
+                moved(dt, 0.0, 0.0, 0.0)
         self._unaccounted_s += dt
         state.to_tick_s -= dt
         if state.to_tick_s <= 1e-9:
@@ -229,10 +245,10 @@ class RobotPhysics:
             for motor in self.motors:
                 motor.control(period, self.gains)
 
-    def _roll(self, left_m: float, rear_m: float, right_m: float, dt: float) -> None:
+    def _roll(self, wheels_m: Sequence[float], dt: float) -> None:
         """Moves the pose as the wheels roll, up to an obstacle."""
         state = self.state
-        forward, aside, turn = self._twist(*map(self._jittered, (left_m, rear_m, right_m)))
+        forward, aside, turn = self._twist([self._jittered(wheel_m) for wheel_m in wheels_m])
         if self.params.turn_noise:
             turn += self._rng.gauss(0.0, math.sqrt(self.params.turn_noise * abs(turn)))
         old = Pose(state.x_m, state.y_m, state.yaw_rad)
@@ -240,27 +256,37 @@ class RobotPhysics:
         def after(share: float) -> Pose:
             return _along_arc(old, share * forward, share * aside, share * turn)
 
-        furthest = max(abs(left_m), abs(rear_m if self.params.omni_radius_m else 0.0), abs(right_m))
+        turning = wheels_m if len(wheels_m) > 3 or self.params.omni_radius_m else wheels_m[::2]
+        furthest = max(map(abs, turning))
         share = 1.0 if self.allow is None else self.allow(old, furthest, after, dt)
         state.bumped = share < 1.0
         state.x_m, state.y_m, state.yaw_rad = after(share)
-        if self._moved:
-            self._moved(dt, share * forward, share * aside, share * turn)
+        for moved in self._told:
+            moved(dt, share * forward, share * aside, share * turn)
 
     def _jittered(self, distance_m: float) -> float:
         """The distance of a wheel on the floor, from the distance that its encoder measures."""
         noise = self.params.wheel_noise
         return distance_m + self._rng.gauss(0.0, math.sqrt(noise * abs(distance_m))) if noise else distance_m
 
-    def _twist(self, left_m: float, rear_m: float, right_m: float) -> Tuple[float, float, float]:
+    def _twist(self, wheels_m: Sequence[float]) -> Tuple[float, float, float]:
         """Motion forward [m], to the left [m] and turn [rad] for these distances of the wheels."""
         keeps = 1.0 - self.params.turn_slip
+        left_m, rear_m, right_m, *rear_right_m = wheels_m
+        if rear_right_m:
+            return self._twist_of_four(left_m, rear_m, right_m, rear_right_m[0], keeps)
         if self.params.omni_radius_m:
-            forward, aside, turn = twist_of(
-                (left_m, rear_m, right_m), self.params.omni_radius_m, self.params.omni_angles_rad
-            )
+            forward, aside, turn = twist_of(wheels_m, self.params.omni_radius_m, self.params.omni_angles_rad)
             return forward, aside, turn * keeps
         return 0.5 * (left_m + right_m), 0.0, (right_m - left_m) / self.params.wheel_separation_m * keeps
+
+    def _twist_of_four(
+        self, left_m: float, rear_left_m: float, right_m: float, rear_right_m: float, keeps: float
+    ) -> Tuple[float, float, float]:
+        """The mean of what the wheels would do alone; the others slide."""
+        aside = (right_m + rear_left_m - left_m - rear_right_m) * self.params.aside_share
+        turn = (right_m + rear_right_m - left_m - rear_left_m) / (2.0 * self.params.wheel_separation_m)
+        return 0.25 * (left_m + rear_left_m + right_m + rear_right_m), 0.25 * aside, turn * keeps
 
     def _update_battery(self, dt: float) -> None:
         params, state = self.params, self.state

@@ -1,24 +1,27 @@
 """The hardware wired to a board: motor board, sonars, environment sensors, pins.  Every engine uses a `Plant`."""
 
 import dataclasses
-from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import SimulatorError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.protocol.table import NOT_CONNECTED
 from mrl_driver.robot.chips import CHIPS
-from mrl_driver.robot.models import RobotModel, load_packaged
-from mrl_driver.robot.wiring import of_board
+from mrl_driver.robot.models import ECHO_INPUTS, RobotModel, load_packaged
+from mrl_driver.robot.wiring import RANGE_PINS, SERVOS, of_board
 from sim_arduino.world.scene import OTHERS, Environment
 from sim_arduino.world.world import World
 from sim_arduino.world.world_file import load
 
 from . import environment_sensors as sensors
+from .analog_ranges import AnalogRange
 from .bridge_plant import BridgePlant, has_bridge, robot_for
-from .collision import Bumper, footprint_for
+from .collision import Bumper, footprint_for, touched
+from .echo_ranges import EchoRanges, Wires
 from .imu import FLAWLESS_IMU, LONGEST_STEP_S, ImuErrors, InertialSensor, Mpu6050
 from .omni3md import ADDRESS, Omni3MD
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
+from .servo import Servo
 from .sonars import FLAWLESS, VOLTS_PER_COUNT, SonarChain, SonarErrors
 from .xbee import RadioFit, XBee
 
@@ -47,6 +50,22 @@ def sonar_pins_of(model: RobotModel, board: Optional[Mapping[str, int]] = None) 
     return SonarPins(channels, pins["pin_sonar_trigger"], pins["pin_sonar_power"])
 
 
+def range_wires_of(model: RobotModel) -> Dict[str, Wires]:
+    """Pins of the HC-SR04 of a robot, by input."""
+    pins = of_board(model.board)
+    found = (Wires(pins[trigger], pins[echo]) for trigger, echo in RANGE_PINS)
+    return {name: wires for name, wires in zip(ECHO_INPUTS, found) if wires.trigger != NOT_CONNECTED}
+
+
+def analog_ranges_of(model: RobotModel, board: Optional[Mapping[str, int]] = None) -> Dict[int, str]:
+    """Inputs of the analog range sensors of a robot, or of a board with these parameters, by their channels."""
+    pins, chip = of_board(model.board if board is None else board), CHIPS[model.chip]
+    found = ((name, pins[trigger], pins[echo]) for name, (trigger, echo) in zip(ECHO_INPUTS, RANGE_PINS))
+    return {
+        chip.pins[echo].channel: name for name, trigger, echo in found if trigger == NOT_CONNECTED != echo
+    }
+
+
 class Plant:
     """One robot in a world; without motors it stands still.
 
@@ -64,6 +83,8 @@ class Plant:
 
     Attributes:
         bridge: Motors and encoders on the board's pins, if the model has a bridge; None with an OMNI-3MD.
+        servos: Servos by their numbers; `servo_pins` has them by their pins.
+        range_volts: Output voltage [V] of each analog range sensor at a time [s], by its input.
         i2c: All I2C slaves by 7-bit address.
         environment: Values that the sensors measure far from all sources; may be changed at any time.
     """
@@ -103,15 +124,31 @@ class Plant:
         self.footprint = footprint_for(model, footprint)
         if self.footprint:
             self.robot.allow = Bumper(self.world, self.footprint, name).share
+        if self.footprint and self.bridge:
+            body = self.footprint
+            self.bridge.inputs.touched = lambda: touched(self.world, body, name, self._pose())
         self.environment = dataclasses.replace(self.world.scene.ambient)
         self._spoilt, self.sonars_fitted = sensors.SpoiltReadings(environment_errors, seed), sonars
-        mounts = model.sonars if sonars else {}
-        self.sonars = SonarChain(mounts, self.world, self._pose_at, name, sonar_errors, seed)
+        mounts = {mount.input_of(each): mount for each, mount in model.sonars.items()} if sonars else {}
+        wires = range_wires_of(model)
+        chain = {each: mount for each, mount in mounts.items() if each not in ECHO_INPUTS}
+        shared = self.world, self._pose_at, name, sonar_errors, seed
+        self.sonars = SonarChain(chain, *shared)
+        self.ranges = EchoRanges(wires, mounts, *shared)
+        self._analog_ranges = analog_ranges_of(model)
+        self.range_volts: Dict[str, Callable[[float], float]] = {
+            each: AnalogRange(each, mounts.get(each), *shared, self.ranges.failed).volts
+            for each in self._analog_ranges.values()
+        }
         self.sonar_pins = sonar_pins_of(model)
         if self.sonar_pins.power == NOT_CONNECTED:
             self.sonars.power(True, 0.0)
         if self.sonar_pins.trigger == NOT_CONNECTED:
             self.sonars.hold(True, 0.0)
+        table = of_board(model.board)
+        pins = {number: table[name] for number, name in enumerate(SERVOS, 1) if table[name] != NOT_CONNECTED}
+        self.servos = {number: Servo() for number in pins}
+        self.servo_pins = {pin: self.servos[number] for number, pin in pins.items()}
         self.imu = self._imu(imu_errors, seed) if imu else None
         self.xbee = XBee(self.world.radio, name, radio, lambda: self._pose()[:2], seed) if radio else None
         self.i2c = self._slaves()
@@ -206,6 +243,8 @@ class Plant:
         self.advance(time_s)
         if self.bridge and channel == self.bridge.battery_channel:
             return self.bridge.divided_v()
+        if channel in self._analog_ranges:
+            return self.range_volts[self._analog_ranges[channel]](time_s)
         if self.sonars_fitted:
             channels = self.sonar_pins.channels
             return self.sonars.volts(
@@ -217,11 +256,16 @@ class Plant:
 
     def pin_changed(self, pin: int, level: int, time_s: float) -> None:
         """The board drives a pin (Arduino number)."""
+        if pin in self.servo_pins:
+            self.servo_pins[pin].changed(level, time_s)
+            return
         self.advance(time_s)
         if pin == self.sonar_pins.power:
             self.sonars.power(bool(level), time_s)
         elif pin == self.sonar_pins.trigger:
             self.sonars.hold(bool(level), time_s)
+        else:
+            self.ranges.pin_changed(pin, level, time_s)
 
     def _pose_at(self, time_s: float) -> Pose:
         self._move(time_s)

@@ -5,9 +5,11 @@ import select
 from typing import Callable, List, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol.table import INPUTS
 from mrl_driver.yaml_file import short
 from sim_arduino.faults.fault_kind import FOREVER_S
 from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
 
 from .socket_port import BoardPort
 
@@ -19,6 +21,8 @@ ORDERS: Tuple[Tuple[str, str], ...] = (
     ("reset", "press the reset button"),
     ("stall SECONDS", "hold back all bytes of both directions"),
     ("freeze SECONDS", "stop the board, but not the motor board"),
+    ("press INPUT", "a bumper is hit, a cliff sensor sees no floor, or the emergency stop is pressed"),
+    ("release INPUT", "the opposite"),
     ("fault FAULT", "add a fault, written as for --fault; its times count from now"),
     ("clear", "end all faults"),
 )
@@ -30,6 +34,8 @@ def obey(faults: FaultyEngine, order: str) -> None:
     word, _, rest = (part.strip() for part in order.strip().partition(" "))
     if word in ("plug", "reset", "clear") and not rest:
         {"plug": faults.plug, "reset": faults.reset, "clear": faults.clear}[word]()
+    elif word in ("press", "release") and rest in INPUTS:
+        _press(faults.plant, rest, word == "press")
     elif word == "fault":
         faults.inject(rest)
     elif word in ("stall", "freeze", "unplug") and (rest or word == "unplug"):
@@ -37,6 +43,13 @@ def obey(faults: FaultyEngine, order: str) -> None:
     else:
         expected = ", ".join(usage for usage, _ in ORDERS)
         raise ConfigError(f"order {short(order)} is unknown, expected one of: {expected}")
+
+
+def _press(plant: Plant, name: str, on: bool) -> None:
+    if not plant.bridge or name not in plant.bridge.inputs.pins:
+        raise ConfigError(f"robot {plant.model.name} has no {name}; expected a robot's file with its pin")
+    pressed = plant.bridge.inputs.pressed
+    (pressed.add if on else pressed.discard)(name)
 
 
 class Control:

@@ -6,9 +6,8 @@ from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.host.firmware_images import image_path
+from mrl_driver.host.firmware_images import VIRTUAL, image_path
 from mrl_driver.robot import models
-from mrl_driver.robot.chips import ATMEGA328P
 from sim_arduino.board.engine import Engine
 from sim_arduino.faults import fault_table, key_values
 from sim_arduino.faults.faulty_engine import FaultyEngine
@@ -29,7 +28,7 @@ OWN_ADDRESS = "auto"
 _LIMITS = {
     "robot_id": (0, 32767),
     "battery": (0.0, 15.0),
-    "wiring": (0, 255),
+    "wiring": (0, 4095),
     "imu_seed": (0, 10**6),
     "radio_range": (0.0, math.inf),
     "radio_loss": (0.0, 1.0),
@@ -47,6 +46,7 @@ class Options(NamedTuple):
     engine: str = "python"
     profile: str = "current"
     environment: bool = False
+    build: str = ""  # `virtual`: that image runs as a bare board; empty for what the model needs
     elf: Optional[str] = None
     world: Union[World, str] = "room"
     world_name: Optional[str] = None
@@ -202,6 +202,8 @@ def _refusals(model: models.RobotModel, options: Options) -> Iterator[str]:
         if value is not None and not low <= value <= high:
             yield f"{name} is {value!r}, expected {low:g} to {high:g}"
     old = options.profile != "current"
+    if options.build not in ("", VIRTUAL):
+        yield f"build is {options.build!r}, expected {VIRTUAL}"
     for option in ("omni", "slip", "error", "battery"):
         if not model.drives and getattr(options, option) not in (None, False, ""):
             yield f"--{option} is given for robot {model.name}, which has no motors (drive: none)"
@@ -211,6 +213,8 @@ def _refusals(model: models.RobotModel, options: Options) -> Iterator[str]:
                 yield f"--{option} is given for robot {model.name}, whose H-bridge uses the same pins"
         if old:
             yield f"profile {options.profile} is given for robot {model.name}, expected current: {_NO_BRIDGE}"
+    elif options.build:
+        yield f"build {options.build} is given for robot {model.name}, {_BRIDGED}"
     elif options.wiring is not None:
         yield f"wiring {options.wiring} is given for robot {model.name}, which has an OMNI-3MD; {_BRIDGED}"
     if not options.imu and (options.imu_seed or options.imu_errors):
@@ -275,7 +279,7 @@ def _engine(plant: Plant, options: Options) -> Engine:
         raise ConfigError(f"profile is {options.profile!r}, expected {', '.join(PROFILES)}")
     if options.engine not in ENGINES:
         raise ConfigError(f"engine is {options.engine!r}, expected {', '.join(ENGINES)}")
-    if options.engine == "avr":
+    if options.engine == "avr" or options.build:
         return _avr_engine(plant, options)
     if options.profile != "current":
         from sim_arduino.board.board2013 import Board2013
@@ -291,17 +295,12 @@ def _avr_engine(plant: Plant, options: Options) -> Engine:
 
     if options.profile != "current":
         raise ConfigError(f"profile {options.profile} has no firmware binary, expected --engine python")
-    if plant.model.chip != ATMEGA328P.name and not options.elf:
-        raise ConfigError(
-            f"robot {plant.model.name} has an {plant.model.chip}, for which there is no firmware binary, "
-            "expected --engine python"
-        )
     build = "hbridge" if plant.bridge else "environment" if options.environment else "sonar"
-    build = "xbee" if plant.xbee else build
-    elf = options.elf or image_path(build)
+    build = options.build or ("xbee" if plant.xbee else build)
+    elf = options.elf or image_path(build, plant.model.chip)
     if not os.path.exists(elf):
         raise ConfigError(
             f"image {elf} does not exist, expected an ELF or Intel HEX file; without --elf the packaged one runs"
         )
     robot_id = plant.model.ids[0] if options.robot_id is None else options.robot_id
-    return AvrEngine(plant, elf, robot_id or None, seed=options.seed)
+    return AvrEngine(plant, elf, robot_id or None, options.seed, bare=options.build == VIRTUAL)

@@ -13,6 +13,7 @@ from typing import Any, Callable, List, NoReturn, Optional, Sequence, TextIO, Tu
 
 from mrl_driver import figures, program
 from mrl_driver.errors import ConfigError, MrlError, SimulatorError, shortages
+from mrl_driver.host.firmware_images import VIRTUAL
 from mrl_driver.robot.models import ENVIRONMENT
 from sim_arduino.faults import fault_table, key_values
 
@@ -105,6 +106,11 @@ def _add_robot(add: Callable[..., Any]) -> None:
     )
     given("--profile", choices=factory.PROFILES, help="firmware to emulate; default: current")
     given("--environment", action="store_true", help="emulate the build with environment sensors")
+    given(
+        "--build",
+        choices=(VIRTUAL,),
+        help="serve a bare board, which calculates its robot: the image on a chip",
+    )
     given("--elf", metavar="FILE", help="firmware binary for --engine avr")
     given("--omni", action="store_true", help="emulate a base with three omnidirectional wheels")
     given("--world", metavar="NAME|FILE", help="world or map_server map around the robot; default: room")

@@ -46,6 +46,15 @@ _STILL_M_S = 0.005
 _Method = TypeVar("_Method", bound=Callable[..., None])
 
 
+def wait_until(condition: Callable[[], bool], timeout_s: float, what: Callable[[], str]) -> None:
+    """Wait until a condition is true; AssertionError, which says what was not, after `timeout_s` [s, real time]."""
+    end_s = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > end_s:
+            raise AssertionError(f"not within {timeout_s:g} s: {what()}")
+        time.sleep(POLL_S)
+
+
 class EmulatedBoard(ContextManager["EmulatedBoard"]):
     """A board on a virtual serial port; a context manager.
 
@@ -112,26 +121,29 @@ class EmulatedBoard(ContextManager["EmulatedBoard"]):
 
     @property
     def true_speed_m_s(self) -> float:
-        """True speed of the faster wheel [m/s]."""
+        """True speed of the fastest wheel [m/s]."""
         with self.lock:
-            params, (left, _, right) = self.plant.robot.params, self.plant.robot.motors
-            return max(abs(left.speed) * params.left_m_per_count, abs(right.speed) * params.right_m_per_count)
+            robot = self.plant.robot
+            return max(abs(motor.speed) * metres for motor, metres in zip(robot.motors, robot.m_per_count))
 
     def wait_until(
         self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S, what: str = ""
     ) -> None:
         """Waits until a condition is true; AssertionError if it is not within `timeout_s` [s, real time]."""
-        end_s = time.monotonic() + timeout_s
-        while not condition():
+
+        def holds() -> bool:
             if self._failure is not None:
                 raise self._failure
-            if time.monotonic() > end_s:
-                pose = self.true_pose
-                raise AssertionError(
-                    f"not within {timeout_s:g} s: {what or 'the condition'}; the robot is at x {pose.x_m:.3f} m, "
-                    f"y {pose.y_m:.3f} m, yaw {pose.yaw_rad:.3f} rad, its last commands: {self.motors.last(3)}"
-                )
-            time.sleep(POLL_S)
+            return condition()
+
+        def where() -> str:
+            pose = self.true_pose
+            return (
+                f"{what or 'the condition'}; the robot is at x {pose.x_m:.3f} m, y {pose.y_m:.3f} m, "
+                f"yaw {pose.yaw_rad:.3f} rad, its last commands: {self.motors.last(3)}"
+            )
+
+        wait_until(holds, timeout_s, where)
 
     def close(self) -> None:
         """Unplugs the port and ends the thread."""

@@ -7,7 +7,7 @@
 The marker takes what `testing.EmulatedBoard` takes.
 """
 
-from typing import TYPE_CHECKING, Any, Callable, Iterator, List
+from typing import TYPE_CHECKING, Any, Callable, Iterator, List, cast
 
 import pytest
 
@@ -26,7 +26,13 @@ def pytest_configure(config: Any) -> None:
 
 
 def pytest_addoption(parser: Any) -> None:
-    """Adds the option for the engine."""
+    """Adds the options for the engine and for a board that is plugged in."""
+    parser.addoption(
+        "--port",
+        metavar="PORT",
+        help="run the tests of emulated_board on the bare board at this port (mrl flash --build virtual); those that "
+        "need more than a port are skipped",
+    )
     parser.addoption(
         "--emulated-engine",
         choices=("python", "avr"),
@@ -51,11 +57,24 @@ def emulated_world(request: Any) -> "World":
     return world if isinstance(world, World) else load(world)
 
 
+@pytest.fixture(scope="session")
+def _plugged_port(pytestconfig: Any) -> str:
+    """The port of a bare board that is plugged in; empty without one."""
+    port = pytestconfig.getoption("--port")
+    if not port:
+        return ""
+    from .plugged_board import require_bare
+
+    return require_bare(port)
+
+
 @pytest.fixture
 def make_emulated_board(
-    emulated_world: "World", pytestconfig: Any
+    emulated_world: "World", pytestconfig: Any, _plugged_port: str
 ) -> Iterator[Callable[..., "EmulatedBoard"]]:
     """Makes any number of boards in one world: `make_emulated_board(name="two", pose="1,0,180")`."""
+    if _plugged_port:
+        pytest.skip("makes its own boards: --port is for tests of emulated_board")
     from .emulated_board import EmulatedBoard
 
     made: List[EmulatedBoard] = []
@@ -74,11 +93,18 @@ def make_emulated_board(
 
 
 @pytest.fixture
-def emulated_board(request: Any, make_emulated_board: Any) -> "EmulatedBoard":
-    """A board on a pty, see `testing.EmulatedBoard`: port, true_pose, wait_until, motors, faults."""
+def emulated_board(request: Any, _plugged_port: str) -> "EmulatedBoard":
+    """A board on a pty, see `testing.EmulatedBoard`: port, true_pose, wait_until, motors, faults.
+
+    With `--port` it is the bare board there, which has `port` and `wait_until`.
+    """
     options = _options(request)
+    if _plugged_port:
+        from .plugged_board import PluggedBoard
+
+        return cast("EmulatedBoard", PluggedBoard(_plugged_port, options))
     options.pop("world", None)
-    board: EmulatedBoard = make_emulated_board(**options)
+    board: EmulatedBoard = request.getfixturevalue("make_emulated_board")(**options)
     return board
 
 

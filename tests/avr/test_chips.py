@@ -3,6 +3,7 @@
 import pytest
 
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, CHIPS, NONE
+from mrl_driver.robot.wiring import servo_pins
 from sim_arduino.avr.machine import MachineCrashed
 
 WRITE, READ, WRITE_WORD = 1, 2, 3
@@ -127,6 +128,33 @@ def test_each_pin_has_the_pwm_of_the_table(registers, chip):
         assert (number, share) == (number, pytest.approx((DUTY + 1) / STEPS, abs=0.01))
         registers.write(base + 1, 0)  # so that the count stays below TOP
         registers.write(base, 0)
+
+
+def test_each_output_of_a_wide_timer_makes_pulses_of_servos(registers, chip):
+    """Fast PWM with TOP in ICR; a new length holds from the next pulse on."""
+    for number in servo_pins(chip):
+        pin = chip.pins[number]
+        base = TCCRA[pin.timer]
+        registers.write(PIN[pin.port] + 1, 1 << pin.bit)
+        registers.write(base + 1, 0x1A)  # F_CPU / 8
+        registers.write_word(base + 6, 39999)
+        registers.write_word(base + 8 + 2 * pin.unit, 2999)
+        registers.write(base, 2 << (6 - 2 * pin.unit) | 2)
+        registers.machine.run(40e-3)
+        registers.machine.watch_pins([number])
+        registers.write_word(base + 8 + 2 * pin.unit, 1999)
+        registers.machine.pin_changes()
+        registers.machine.run(90e-3)
+        changes = registers.machine.pin_changes()[-5:]
+        rise, fall, rise_2, fall_2 = (change.cycle for change in changes[not changes[0].level :][:4])
+        assert (fall - rise, rise_2 - rise, fall_2 - rise_2) == (2000 * 8, 40000 * 8, 2000 * 8)
+        registers.write(base, 0)
+        registers.write(base + 1, 0)
+
+
+def test_top_in_icr_is_refused_in_other_modes(registers):
+    with pytest.raises(MachineCrashed, match="ICR of a timer is written in mode 0"):
+        registers.write_word(TCCRA[1] + 6, 39999)
 
 
 def test_each_analog_pin_has_the_channel_of_the_table(registers, chip):

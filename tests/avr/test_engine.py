@@ -1,5 +1,7 @@
 """The engine around the chip: time, bytes, and the wires to a plant; cycle counts against the ATmega328P datasheet."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from mrl_driver.errors import SimulatorError
@@ -17,7 +19,8 @@ OVERFLOW_S = 256 * 1024 / 16e6
 class Plant:
     """Remembers what it is told."""
 
-    model, bridge, xbee, sonar_pins = model("traxbot"), None, None, SonarPins()
+    model, bridge, xbee, sonar_pins, servo_pins = model("traxbot"), None, None, SonarPins(), ()
+    ranges = SimpleNamespace(wires={})
 
     def __init__(self):
         self.i2c, self.times, self.pins = {}, [], []
@@ -153,5 +156,7 @@ def test_a_skip_jumps_over_an_adiw_of_any_number(bench):
     assert [cycles[5 + i] - cycles[i] for i in range(5)] == [1] * 5
 
 
-def test_a_table_that_looks_like_such_a_skip_is_read_as_it_is(bench):
-    assert bench("skips.c").get("from_table") == 0xFC00
+@pytest.mark.parametrize(("place", "word"), [("from_table", 0xFC00), ("from_call", 0x117D)])
+def test_what_looks_like_such_a_skip_is_read_as_it_is(bench, place, word):
+    """Tables, and the targets of calls."""
+    assert bench("skips.c").get(place) == word

@@ -11,7 +11,7 @@ FIRMWARE = Path(__file__).resolve().parents[2] / "build" / "firmware"
 SONARS, ENVIRONMENT, XBEE = (
     FIRMWARE / f"mrl_firmware{suffix}.elf" for suffix in ("", "_environment", "_xbee")
 )
-SEI_SLEEP_CLI, CLI, NOP = b"\x78\x94\x88\x95\xf8\x94", b"\xf8\x94", b"\x00\x00"
+SEI_SLEEP, CLI = b"\x78\x94\x88\x95", b"\xf8\x94"
 INSTRUCTIONS = 40  # more than the last check has
 BYTE_CYCLES = 10 * 136  # 117647 baud
 STOP_BIT_READ = 1292  # cycles from a start bit to the middle of the stop bit
@@ -54,8 +54,8 @@ def step(rig: Rig) -> None:
 
 def last_check(rig: Rig) -> range:
     """Addresses from the CLI before the firmware's last check to its SLEEP."""
-    ((begin, code),) = [piece for piece in rig.machine.image_flash if SEI_SLEEP_CLI in piece[1]]
-    sleep = code.index(SEI_SLEEP_CLI) + 2
+    ((begin, code),) = [piece for piece in rig.machine.image_flash if SEI_SLEEP in piece[1]]
+    sleep = code.index(SEI_SLEEP) + 2
     return range(begin + code.rindex(CLI, 0, sleep), begin + sleep + 2)
 
 

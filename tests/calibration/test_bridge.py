@@ -25,6 +25,7 @@ SEEN_COUNTS = 140  # Counts of a slow move: 0.3 s at 20 % of 170 1/min, less wha
 HIDDEN = [SET | sum_ << 1 for sum_ in range(2**6)]
 """Every way to exchange or reverse two motors and two encoders."""
 SIDES = ("left", "right")
+PLACES = {"left": "D18 and A8", "right": "D19"}
 
 
 def trial_of(hidden, output, counts=SEEN_COUNTS):
@@ -32,7 +33,7 @@ def trial_of(hidden, output, counts=SEEN_COUNTS):
     wheels = turned_by(hidden, (1.0, 0.0) if output == "left" else (0.0, 1.0))
     left, right = (round(counts * each) for each in counted(hidden, wheels))
     turned = SIDES[0] if wheels[0] else SIDES[1]
-    return Trial(output, right, left, turned, 1 if max(wheels) > 0 else -1)
+    return Trial(output, {"left": left, "right": right}, turned, 1 if max(wheels) > 0 else -1)
 
 
 def trials_of(hidden):
@@ -40,12 +41,12 @@ def trials_of(hidden):
 
 
 def test_the_sum_that_is_stored_is_the_kits_wiring():
-    assert [wiring_check.wiring_of(trials_of(hidden), COUNTS_A_TURN) for hidden in HIDDEN] == HIDDEN
+    assert [wiring_check.wiring_of(PLACES, trials_of(each), COUNTS_A_TURN) for each in HIDDEN] == HIDDEN
 
 
 def test_an_encoder_with_one_channel_is_never_reversed():
     encoders = BITS["left_encoder_reversed"] | BITS["right_encoder_reversed"]
-    found = [wiring_check.wiring_of(trials_of(each), COUNTS_A_TURN, single_channel=True) for each in HIDDEN]
+    found = [wiring_check.wiring_of(PLACES, trials_of(each), COUNTS_A_TURN, True) for each in HIDDEN]
     assert found == [(hidden & ~encoders) | SINGLE_CHANNEL for hidden in HIDDEN]
 
 
@@ -53,39 +54,39 @@ def test_an_encoder_with_one_channel_is_never_reversed():
     ("first", "second", "words"),
     [
         (
-            Trial("left", 0, 9, "left", 1),
+            Trial("left", {"left": 9, "right": 0}, "left", 1),
             None,
             "the left wheel turned, but no encoder counted .left 9, right 0.: check",
         ),
         (
-            Trial("left", 60, 140, "left", 1),
+            Trial("left", {"left": 140, "right": 60}, "left", 1),
             None,
-            "turned alone, but both encoders counted .left 140, right 60.",
+            "turned alone, but other encoders counted too .left 140, right 60.",
         ),
         (
-            Trial("left", 0, 140, "right", 1),
+            Trial("left", {"left": 140, "right": 0}, "right", 1),
             None,
             "both motor outputs turned the right wheel, expected one wheel each",
         ),
         (
             None,
-            Trial("right", 0, 140, "right", 1),
-            "the left encoder input counted both wheels.* on D2 and D4",
+            Trial("right", {"left": 140, "right": 0}, "right", 1),
+            "the left encoder input counted both wheels.* on D18 and A8",
         ),
     ],
 )
 def test_what_does_not_fit_together_is_said(first, second, words):
     trials = [first or trial_of(SET, "left"), second or trial_of(SET, "right")]
     with pytest.raises(WheelFault, match=words) as refused:
-        wiring_check.wiring_of(trials, COUNTS_A_TURN)
+        wiring_check.wiring_of(PLACES, trials, COUNTS_A_TURN)
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("counts", [(140, -140), (-140, -140), (140, 140), (-140, 10), (-10, 140)])
+@pytest.mark.parametrize("counts", [(-140, 140), (-140, -140), (140, 140), (10, -140), (140, -10)])
 def test_a_proof_needs_the_left_wheel_forward_and_the_right_one_back(counts):
     with pytest.raises(WheelFault, match="the wiring that was found does not hold"):
-        wiring_check.require_proof(*counts, COUNTS_A_TURN)
-    wiring_check.require_proof(-140, 140, COUNTS_A_TURN)
+        wiring_check.require_right_turn(dict(zip(SIDES, counts)), COUNTS_A_TURN)
+    wiring_check.require_right_turn({"left": 140, "right": -140}, COUNTS_A_TURN)
 
 
 class Bench:
@@ -134,7 +135,7 @@ def test_pins_that_the_board_does_not_accept_are_named_before_anything_turns(ben
 
 def test_the_result_may_stay_in_force_until_the_board_restarts(bench):
     code, out, _ = bench.wiring("--truth", "t", "--no-eeprom")
-    assert code == 0 and "the wires are as in HARDWARE.md: wiring 1, in force until" in out
+    assert code == 0 and "the wires are as in the robot's file: wiring 1, in force until" in out
     assert (bench.kit.config["wiring"], bench.kit.saved["wiring"]) == (1, 0)
 
 

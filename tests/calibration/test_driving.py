@@ -45,7 +45,7 @@ def test_a_silence_or_a_restart_ends_a_course_and_the_robot_stands(driven, fault
 def test_motors_are_not_turned_on_without_telemetry(driven):
     plant, robot = driven(SILENCE, world="square")
     with pytest.raises(BoardTimeout, match="telemetry ended"):
-        manoeuvres.spin_motors(robot, manoeuvres.MOVE_PID, -40, 40, 5.0)
+        manoeuvres.spin_motors(robot, manoeuvres.MOVE_PID, (-40, 40), 5.0)
     assert robot.now_s < SILENT_S + STOPPED_S
     robot.wait(0.5)
     assert all(motor.at_rest for motor in plant.robot.motors)

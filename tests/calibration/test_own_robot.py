@@ -4,6 +4,7 @@ import contextlib
 import json
 import math
 import pathlib
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -13,16 +14,21 @@ from mrl_driver.apps.calibration import calibration_files, ground_truth, manoeuv
 from mrl_driver.apps.calibration.commands import calibrate_job
 from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.apps.calibration.trial import Trial, errors
+from mrl_driver.apps.calibration.wiring_check import BITS
 from mrl_driver.cli import main
 from mrl_driver.cli.commands import set_id
 from mrl_driver.driver.options import Options
+from mrl_driver.driver.parameters import Parameters
 from mrl_driver.driver.simulated import SteppedDriver
+from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot import models, wiring
 from mrl_driver.robot.models import ImuMount
+from mrl_driver.robot.models.kit import text_of
 from mrl_driver.yaml_form import with_schema_line
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.serve import factory
+from tests.models import four_wheel_kit, four_wheels, without_encoders
 from tests.wirings import rows
 
 from .kit import calibrate
@@ -31,6 +37,7 @@ SIDE_M, END_M, END_RAD = 0.4, 0.01, math.radians(0.5)
 BEFORE_M = 0.05  # The hidden errors put a square off by more than this
 HIDDEN = 54  # Motors and encoders swapped, left motor and left encoder reversed
 FACTS = ("--wheel-diameter", 65, "--separation", 150, "--counts", "11x4x34")
+_GEOMETRY = (("straight", "--count", 2, "--distance", 1), ("umbmark", "--laps", 2, "--side", SIDE_M))
 DUO = ("--wiring", "mrl_duo", "--bridge", "tb6612")
 
 
@@ -126,10 +133,7 @@ def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
     assert f"wiring {HIDDEN | 1}, stored in the board's EEPROM" in out
     path = str(tmp_path / "config" / "mrl-driver" / "robots" / "rover.yaml")
     before_m, _ = workshop.square_error("rover")
-    for procedure in (
-        ("straight", "--count", 2, "--distance", 1),
-        ("umbmark", "--laps", 2, "--side", SIDE_M),
-    ):
+    for procedure in _GEOMETRY:
         workshop.mrl("calibrate", *procedure, "--robot", path, "--truth", "t", "--yes", "--eeprom")
     after_m, after_rad = workshop.square_error("rover")
     assert before_m > BEFORE_M and after_m < END_M and after_rad < END_RAD
@@ -145,37 +149,153 @@ def test_an_unknown_kit_becomes_a_calibrated_robot(workshop, tmp_path):
 
 
 SINGLE = 22 | 128  # Encoders with one channel; motors and encoders swapped, left motor reversed
+OPEN_LOOP = 6  # No encoders; motors swapped, left motor reversed
 CLOSED_M = 0.03  # From the start of a square to its end
+CLOSED_BY_TIME_M, CLOSED_BY_TIME_RAD = 0.1, 0.3  # The same by time and speed alone: 5 % of a whole turn
 
 
 def kit_file(row, folder):
     """The robot's file of a duo with these pins."""
     file = yaml.safe_load(pathlib.Path(models.path_of("duo")).read_text(encoding="utf-8"))
-    file["wiring"] = {wiring.short(name): pin for name, pin in row.pins.items() if pin != -1}
-    file["wiring"]["i2c"] = row.i2c
+    file["wiring"] = {"chip": row.chip.name, **wiring.section(row.pins, row.chip)}
     file["board"]["bridge"], file["sonars"] = row.bridge, {}
     path = folder / "kit.yaml"
     path.write_text(yaml.safe_dump(file))
     return str(path)
 
 
+def square_by_time(robot, side_m, left, speeds):
+    """A square without odometry: each side and corner takes the time that its speed needs."""
+    angular_rad_s = speeds.angular_rad_s if left else -speeds.angular_rad_s
+    for _ in range(4):
+        for command, seconds in (
+            ((speeds.linear_m_s, 0.0), side_m / speeds.linear_m_s),
+            ((0.0, angular_rad_s), math.pi / 2 / speeds.angular_rad_s),
+        ):
+            for wanted, ticks in ((command, seconds / manoeuvres.TICK_S), ((0.0, 0.0), 10)):
+                for _ in range(round(ticks)):
+                    robot.drive(*wanted)
+                    robot.wait(manoeuvres.TICK_S)
+
+
 @pytest.mark.parametrize("engine", ["python", "avr"])
 @pytest.mark.parametrize("row", [row for row in rows() if row.verdict == "drives"], ids=lambda row: row.name)
 def test_each_wiring_that_drives_closes_a_square(row, engine, workshop_of, tmp_path):
     """From `mrl new` on, with motors and encoders swapped; nothing is rewired."""
-    hidden = SINGLE if row.pins["pin_left_encoder_b"] == -1 else HIDDEN
+    by_time = bool(row.pins["no_encoders"])
+    hidden = OPEN_LOOP if by_time else SINGLE if row.pins["pin_left_encoder_b"] == -1 else HIDDEN
     workshop = workshop_of(kit_file(row, tmp_path), hidden, "", engine)
-    named = zip((wiring.short(name) for name in wiring.NAMES), row.places)
-    pins = [word for name, pin in named for word in ("--pin", f"{name}={pin}")]
-    facts = (*FACTS, "--bridge", row.bridge, *pins, *(["--i2c"] if row.i2c else []))
+    given = wiring.section(row.pins, row.chip).items()
+    pins = [word for name, pin in given if name not in wiring.FLAGS for word in ("--pin", f"{name}={pin}")]
+    flags = [f"--{name.replace('_', '-')}" for name in wiring.FLAGS if row.pins[name]]
+    counts, board = () if by_time else FACTS[4:], row.board.lower()
+    facts = (*FACTS[:4], *counts, "--board", board, "--bridge", row.bridge, *pins, *flags)
     out = workshop.mrl("new", "rover", *facts, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
     assert f"wiring {hidden | 1}, stored in the board's EEPROM" in out
     with workshop.robot("rover", period_ms=50) as robot:
         start = workshop.pose()
+        (square_by_time if by_time else manoeuvres.square)(robot, SIDE_M, False, manoeuvres.Speeds())
+        end = workshop.pose()
+        names = [each.name for each in wiring.rows(row.chip)]
+        assert wiring.of_board(robot.parameters.read(*names)) == row.pins
+    most_m, most_rad = (CLOSED_BY_TIME_M, CLOSED_BY_TIME_RAD) if by_time else (CLOSED_M, 0.05)
+    assert math.dist(start[:2], end[:2]) < most_m and abs(wrap_angle(end.yaw_rad - start.yaw_rad)) < most_rad
+
+
+WORDS = "left,forward,rear_left,forward,right,forward,forward,yes"
+"""What a user sees: the second output turns the rear left wheel, and the third one the right wheel."""
+FOUR_M, FOUR_RAD, SIDE_SLIP = 0.01, 0.02, 0.05
+_SIDEWAYS = (("turn", "--count", 2), ("sideways", "--count", 2, "--distance", 0.5))
+
+
+@pytest.mark.timeout(300)  # it takes a minute on an idle computer
+@pytest.mark.parametrize("engine", ["python", "avr"])
+@pytest.mark.parametrize("kind", ["skid", "mecanum"])
+def test_four_wheels_with_hidden_errors_close_a_square(kind, engine, workshop_of, tmp_path):
+    """Two motors swapped, one encoder reversed, one wheel 3 % larger, slip to the side: from `mrl new` on."""
+    true = four_wheels(kind)
+    _, right, rear_left, _ = wiring.OUTPUTS
+    swapped = {there: true.board[here] for here, there in zip(right + rear_left, rear_left + right)}
+    path = tmp_path / "true.yaml"
+    slips = f"kind: mecanum\n  side_slip: {SIDE_SLIP}"
+    path.write_text(text_of(four_wheel_kit(kind, **swapped)).replace("kind: mecanum", slips))
+    workshop = workshop_of(str(path), 1 | BITS["rear_right_encoder_reversed"], "rear_left=1.03", engine)
+    base = ("--wheelbase", 120) if kind == "mecanum" else ()
+    facts = (*FACTS, "--kind", kind, *base, "--wiring", "mega_four_wheels", "--answers", WORDS)
+    out = workshop.mrl("new", "truck", *facts, "--no-flash", "--port", "kit", "--truth", "t", "--yes")
+    assert "rear right encoder reversed" in out and "right_pwm_a on 8" in out
+    path = str(tmp_path / "config" / "mrl-driver" / "robots" / "truck.yaml")
+    for procedure in (_GEOMETRY[0], *(_SIDEWAYS if kind == "mecanum" else ()), _GEOMETRY[1]):
+        workshop.mrl("calibrate", *procedure, "--robot", path, "--truth", "t", "--yes", "--eeprom")
+    with workshop.robot("truck", period_ms=50) as robot:
+        start = workshop.pose()
         manoeuvres.square(robot, SIDE_M, False, manoeuvres.Speeds())
         end = workshop.pose()
-        assert wiring.of_board(robot.parameters.read(*wiring.NAMES)) == row.pins
-    assert math.dist(start[:2], end[:2]) < CLOSED_M and abs(wrap_angle(end.yaw_rad - start.yaw_rad)) < 0.05
+        stored = robot.parameters.read(*swapped)
+    assert stored == swapped == {name: models.load("truck").board[name] for name in swapped}
+    off_m, off_rad = math.dist(start[:2], end[:2]), abs(wrap_angle(end.yaw_rad - start.yaw_rad))
+    assert off_m < FOUR_M and off_rad < FOUR_RAD
+    if kind == "mecanum":
+        assert models.load("truck").drive.side_slip == pytest.approx(SIDE_SLIP, abs=0.005)
+
+
+@pytest.fixture
+def truck(workshop_of, tmp_path):
+    """A workshop with a base whose motors at the right and at the rear left are swapped, and the robot's file."""
+    _, right, rear_left, _ = wiring.OUTPUTS
+    board = four_wheels("skid").board
+    swapped = {there: board[here] for here, there in zip(right + rear_left, rear_left + right)}
+    for name, pins in (("true", swapped), ("truck", {})):
+        (tmp_path / f"{name}.yaml").write_text(text_of(four_wheel_kit("skid", **pins)))
+    made = workshop_of(str(tmp_path / "true.yaml"), 1, "")
+    made.swapped, path = swapped, str(tmp_path / "truck.yaml")
+    with made.robot(path) as robot:
+        robot.parameters.save_model(40, models.load(path))
+    return made, path
+
+
+def calibrate_wiring(capsys, path):
+    return calibrate(capsys, "wiring", "--robot", path, "--truth", "t", "--yes", "--answers", WORDS)
+
+
+def test_a_file_that_cannot_take_the_pins_leaves_the_board_as_it_was(truck, monkeypatch, capsys):
+    workshop, path = truck
+    before = bytes(workshop.emulated.engine.eeprom)
+    monkeypatch.setattr(calibration_files, "replace_file", Mock(side_effect=OutputError("no space left")))
+    code, _, lines = calibrate_wiring(capsys, path)
+    assert code == OutputError.exit_code and "no space left" in lines[-1]
+    assert bytes(workshop.emulated.engine.eeprom) == before
+
+
+def test_a_file_that_cannot_be_edited_is_named_before_anything_turns(truck, capsys):
+    workshop, path = truck
+    file = yaml.safe_load(pathlib.Path(path).read_text())
+    pathlib.Path(path).write_text(yaml.safe_dump(file, default_flow_style=True))
+    code, _, lines = calibrate_wiring(capsys, path)
+    assert code == ConfigError.exit_code and "nothing was changed" in lines[-1]
+    assert workshop.pose() == Pose(0.0, 0.0, 0.0)
+
+
+def test_a_calibration_that_ended_between_file_and_board_is_done_by_the_next(truck, monkeypatch, capsys):
+    workshop, path = truck
+    with monkeypatch.context() as patched:
+        patched.setattr(Parameters, "save", Mock(side_effect=KeyboardInterrupt))
+        code, _, lines = calibrate_wiring(capsys, path)
+    assert code == main.INTERRUPTED and any("run mrl calibrate wiring again" in line for line in lines)
+    assert calibrate_wiring(capsys, path)[0] == 0
+    workshop.emulated.engine.brown_out()
+    with workshop.robot(path) as robot:
+        stored = robot.parameters.read(*workshop.swapped)
+    assert stored == workshop.swapped == {name: models.load(path).board[name] for name in stored}
+
+
+@pytest.mark.parametrize("procedure", ["straight", "turn", "sideways", "umbmark", "sonar"])
+def test_without_encoders_there_is_nothing_to_calibrate_with(procedure, workshop_of, tmp_path, capsys):
+    path = without_encoders(tmp_path)
+    workshop_of(path, OPEN_LOOP, "")
+    code, _, lines = calibrate(capsys, procedure, "--robot", path, "--truth", "t", "--yes")
+    assert code == ConfigError.exit_code
+    assert "has no odometry, because its motors have no encoders" in lines[-1]
 
 
 HIDDEN_MOUNT = {"roll_deg": 175.0, "pitch_deg": -4.0, "yaw_deg": 90.0}

@@ -10,14 +10,18 @@ from hypothesis import strategies as st
 from mrl_driver.apps.calibration import fit, gains, geometry_procedures, umbmark, wiring_check
 from mrl_driver.apps.calibration.gains import BridgeGains, DutyStep, Motor
 from mrl_driver.apps.calibration.ground_truth import Truth, parse_pose, truth_file
-from mrl_driver.apps.calibration.trial import Trial, errors, spread
+from mrl_driver.apps.calibration.trial import Trial, error_squared, errors, path, spread
 from mrl_driver.apps.calibration.wiring_check import LEFT, RIGHT, diagnose, seen_in
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, advance
 from mrl_driver.robot import sonar_curve
-from mrl_driver.robot.covariance import Uncertainty, error_squared
+from mrl_driver.robot.covariance import Uncertainty
+from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import Noise, load
+from mrl_driver.robot.models.drives import metres_per_count
+from mrl_driver.robot.odometry import FourWheels
 from mrl_driver.robot.sonar_curve import THESIS, Curve
+from tests.models import four_wheels
 
 from . import paths
 
@@ -95,7 +99,11 @@ def test_suggested_gains_reach_the_speed_without_much_overshoot(tau):
     ],
 )
 def test_wires_are_told_from_what_turned_and_what_counted(left, right, finding):
-    found = diagnose([wiring_check.Trial(LEFT, *left), wiring_check.Trial(RIGHT, *right)])
+    trials = [
+        wiring_check.Trial(motor, {LEFT: left, RIGHT: right}, *seen)
+        for motor, (right, left, *seen) in ((LEFT, left), (RIGHT, right))
+    ]
+    found = diagnose(trials)
     assert (found == []) if finding is None else any(line.startswith(finding) for line in found)
 
 
@@ -324,7 +332,7 @@ def test_spread_of_a_whole_run_is_that_of_its_steps():
     for right_m, left_m in (steps * BELIEVED.metres_per_count).tolist():
         before, turn = pose, (right_m - left_m) / BELIEVED.wheel_separation_m
         pose = advance(before, (right_m + left_m) / 2, turn)
-        carried.update(before, pose, (right_m, left_m), turn)
+        carried.update(before, pose, (right_m, left_m), turn, 1.0)
     whole = spread(BELIEVED, steps, NOISE)
     assert carried.spread == pytest.approx(tuple(whole[np.triu_indices(3)]), rel=2e-3, abs=1e-7)
 
@@ -355,3 +363,42 @@ def test_a_calibration_writes_how_sure_it_is_of_what_it_measured():
     values = geometry_procedures.values_for(TRAXBOT, outcome)
     written = {name: value for (section, name), value in values.items() if section == "noise"}
     assert written == {"distance_scale_sd": fit.LEAST_SCALE_SD, "wheel_ratio_sd": fit.LEAST_SCALE_SD}
+
+
+def moved(drive, *moves):
+    """Counts of mecanum wheels for these steps of the body."""
+    steps = [kinematics_of(drive).wheel_steps(Planar(*move)) for move in moves for _ in range(100)]
+    names = FourWheels._fields
+    places = [kinematics_of(drive).wheels.index(name) for name in names]
+    return np.array(steps)[:, places] / metres_per_count(drive, names)
+
+
+def test_runs_ahead_and_aside_give_the_size_of_each_mecanum_wheel():
+    """Radius and ratio of the sides follow from runs ahead and back, the others from runs to the sides."""
+    mecanum = four_wheels("mecanum")
+    believed = mecanum.drive
+    true = believed._replace(
+        wheel_radius_m=0.033, wheel_offset=0.01, cross_offset=-0.02, rear_offset=0.03, side_slip=0.1
+    )
+    drive = believed
+    for procedure, moves in (
+        (geometry_procedures.STRAIGHT, [(0.01, 0.0, 0.0), (-0.01, 0.0, 0.0)]),
+        (geometry_procedures.SIDEWAYS, [(0.0, 0.01, 0.0), (0.0, -0.01, 0.0)]),
+    ):
+        counts = [moved(believed, move) for move in moves]
+        runs = [Trial(each, Pose(*path(true, each)[-1])) for each in counts]
+        drive = geometry_procedures.evaluate(procedure, runs, mecanum._replace(drive=drive)).after
+    assert tuple(drive) == pytest.approx(tuple(true), rel=1e-4, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("wheels", "procedure", "words"),
+    [
+        (2, geometry_procedures.SIDEWAYS, "is for mecanum wheels; traxbot has none"),
+        (4, geometry_procedures.STRAIGHT, "counts of 4 wheels, expected 2: start again with --restart"),
+    ],
+)
+def test_runs_of_another_base_are_refused(wheels, procedure, words):
+    runs = [Trial(np.ones((9, wheels)), Pose(0.0, 0.0, 0.0))] * 2
+    with pytest.raises(ConfigError, match=words):
+        geometry_procedures.evaluate(procedure, runs, TRAXBOT)

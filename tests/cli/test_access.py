@@ -5,7 +5,6 @@ import json
 import os
 import ssl
 import stat
-import subprocess
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -215,12 +214,3 @@ def test_a_usb_port_has_time_for_boot_loader_and_old_firmware(there, serve, monk
     there(UNO)
     rows("--probe", pty)
     assert asked == {pty: probe.RUNNING_S, UNO.device: TIMEOUT_S}
-
-
-def test_a_program_without_a_lock_is_named(serve):
-    """Such as a terminal program."""
-    port = serve().path
-    assert port_info.user_of(port) == ""
-    with open(port, "rb", buffering=0) as held, subprocess.Popen(["sleep", "60"], stdin=held) as program:
-        assert f"(process {program.pid})" in port_info.user_of(port)
-        program.kill()

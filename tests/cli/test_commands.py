@@ -18,7 +18,7 @@ from click.shell_completion import BashComplete
 
 from mrl_driver.apps.review import drive_data
 from mrl_driver.cli import main
-from mrl_driver.cli.commands.radio import print_nodes, print_texts
+from mrl_driver.cli.commands.radio import print_texts
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
@@ -29,7 +29,6 @@ from mrl_driver.robot.radio import BROADCAST, text_request
 from mrl_driver.session.polling import STATUS
 from mrl_driver.terminal import keyboard
 from mrl_driver.terminal.teleop_keys import HOLD_S, LINEAR_M_S, Teleop
-from tests.fake_board import FakeBoard
 from tests.models import model
 from tests.radio_board import PEER, Engine, RadioBoard
 from tests.waiting import PATIENCE_S, wait_until
@@ -331,13 +330,6 @@ def test_texts_of_strangers_give_no_orders_to_the_terminal(robot, capsys):
     assert capsys.readouterr().out == "0013a20040a1b2c3  a\\x1b[2J\\r\\nb\n"
 
 
-@pytest.mark.parametrize("use", [print_nodes, print_texts])
-def test_board_without_a_radio_is_named(use):
-    robot = SteppedDriver(Engine(FakeBoard()), model("traxbot"))
-    with robot, pytest.raises(ConfigError, match="no radio"):
-        use(robot, 0.1, False)
-
-
 def test_send_sends_the_text_to_all(serve):
     board = serve(RadioBoard())
     assert mrl("radio", "send", "all", "hello", "--port", board.path).returncode == 0
@@ -430,6 +422,14 @@ def test_what_a_quick_command_does_not_load(code, heavy):
     assert python("-S", "-c", code, path=os.pathsep.join(sys.path)).stdout.strip() == "[]"
 
 
+def test_searches_for_garbage_leave_out_what_a_program_imports(tmp_path):
+    (tmp_path / "imported.py").write_text(
+        "import gc\nmain = lambda: print(gc.isenabled(), gc.get_freeze_count() > 0)\n"
+    )
+    code = "from mrl_driver import program; program.start('imported', 'imported')"
+    assert python("-c", code, path=tmp_path).stdout == "True True\n"
+
+
 def test_output_that_cannot_be_written_costs_a_line():
     with open("/dev/full", "w") as full:
         done = subprocess.run(
@@ -466,3 +466,9 @@ def test_a_package_that_is_missing_costs_a_line(tmp_path, missing, package, word
         f"{name}: the Python package {missing} is missing; install it with: sudo apt install python3-{missing}, "
         f"or: pip install {package}\n"
     )
+
+
+def test_a_package_of_debian_has_a_hyphen_for_an_underscore(tmp_path):
+    (tmp_path / "node.py").write_text("import tf2_none\n")
+    done = python("-c", "from mrl_driver import program; program.start('node', 'node')", path=tmp_path)
+    assert "sudo apt install python3-tf2-none, " in done.stderr

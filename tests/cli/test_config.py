@@ -358,6 +358,21 @@ def test_the_options_make_a_robot_that_all_programs_know():
     assert (model.ids, BRIDGES[model.board["bridge"]]) == ((11,), "tb6612")
 
 
+def test_range_sensors_come_with_their_pins():
+    own = ["--pin", "sonar_front=-", "--pin", "sonar_left=-", "--pin", "sonar_trigger=-"]
+    sonars = ["--sonar", "front=hc-sr04:12,A0", "--sonar", "rear=GP2Y0A02:A1"]
+    done = mrl("new", "rover", *ROVER, *own, *sonars, "--yes")
+    assert done.returncode == 0 and "the places of the range sensors are assumed" in done.stdout
+    assert "  front trigger         D12\n" in done.stdout
+    model = models.load("rover")
+    assert {name: each[3:5] for name, each in model.sonars.items()} == {
+        "front": ("range_1", "HC-SR04"),
+        "rear": ("range_2", "GP2Y0A02"),
+    }
+    pins = [model.board[f"pin_range_{name}"] for name in ("1_trigger", "1_echo", "2_trigger", "2_echo")]
+    assert pins == [12, 14, -1, 15]
+
+
 def asked(terminal, *steps):
     """Answers question after question; each comes with a picture, or an empty text."""
     for question, picture, answer in steps:
@@ -381,6 +396,7 @@ def test_questions_come_with_a_picture(tmp_path):
         ("1496 counts a turn, L298N, with robot id 11?", b"", "y"),
     )
     assert b"EN                    D5           D11" in terminal.seen
+    assert b"mega_four_wheels" not in terminal.seen
     assert models.load("rover").board["bridge"] == BRIDGES.index("l298n")
 
 
@@ -389,10 +405,8 @@ def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
     terminal = Terminal("new", "rover", *facts, folder=tmp_path)
     asked(
         terminal,
+        ("Which Arduino?", b"", "uno"),
         ("Are devices on the I2C bus", b"|        |---- motor        pin ----- A", "y"),
-        ("Pins of servos", b"", "x"),
-        ("servo is 'x', expected a pin", b"", "13"),
-        ("servo on D13: servo pulses need an output", b"", "-"),
         ("left motor, EN", b"", "8"),
         ("no timer makes it on this pin", b"", "9"),
         ("left motor, IN1", b"", "-"),
@@ -407,11 +421,64 @@ def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
         ("right encoder, A", b"", "A4"),
         ("the I2C bus is in use", b"", "3"),
         ("right encoder, B", b"", "-"),
+        ("enable of its own", b"", "12"),
+        ("enable of its own", b"", ""),
+        ("servo 1", b"", "x"),
+        ("servo 1 is 'x', expected a pin", b"", "13"),
+        ("servo_1 is on D13: servo pulses need an output", b"", "-"),
         ("divider of the battery's voltage", b"", "A0"),
+        ("Are there range sensors", b"", "y"),
+        ("Range sensor, front", b"1 VO ----- analog pin, and 100 kOhm to GND", "hc-sr04"),
+        ("front HC-SR04, TRIG", b"", "11"),
+        ("front HC-SR04, ECHO", b"", "-"),
+        ("the sensor needs this pin", b"", "A0"),
+        ("range_1_echo is on A0, as battery", b"", "A3"),
+        ("Range sensor, left", b"", "GP2Y0A21"),
+        ("left GP2Y0A21, VO", b"", "6"),
+        ("the function needs an analog input", b"", "-"),
+        ("the sensor needs this pin", b"", "13"),
+        ("the function needs an analog input", b"", "A1"),
+        *((f"Range sensor, {place}", b"", "") for place in ("right", "rear", "rear left", "rear right")),
+        ("bumpers, cliff sensors or an emergency stop", b"", "y"),
+        ("bumper left", b"cuts the motors' power", "A0"),
+        ("bumper_left is on A0, as battery", b"", "6"),
+        *((name, b"", "") for name in ("bumper right", "bumper rear", "cliff left", "cliff right")),
+        ("emergency stop", b"", "A2"),
         ("with robot id 11?", b"", "y"),
     )
     found = wiring.of_board(models.load("rover").board)
-    assert list(found.values()) == [9, 8, 7, 10, 5, 4, 2, -1, 3, -1, -1, -1, -1, -1, -1, 14, 1]
+    own = [9, 8, 7, 10, 5, 4, 2, -1, 3, -1, -1, -1, -1, -1, -1, 14, 12, -1, 1]
+    assert list(found.values())[: len(own)] == own
+    assert [found[name] for name in wiring.STOP_INPUTS] == [6, -1, -1, -1, -1, 16]
+    assert [(name, each.input, each.type) for name, each in models.load("rover").sonars.items()] == [
+        ("front", "range_1", "HC-SR04"),
+        ("left", "range_2", "GP2Y0A21"),
+    ]
+
+
+def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
+    given = {"left_pwm_a": "5", "left_encoder_b": "A3", "battery": "A0", "bumper_rear": "A1"}
+    pins = [word for pair in given.items() for word in ("--pin", "=".join(pair))]
+    facts = [*ROVER[:6], "--wiring", "own", "--bridge", "cytron", "--board", "uno", "--i2c", "--servo", "10"]
+    terminal = Terminal("new", "rover", *facts, *pins, "--file-only", folder=tmp_path)
+    needed = ("left motor, DIR", b"", "4"), ("left encoder, A", b"", "2"), ("left encoder, B", b"", "")
+    asked(
+        terminal,
+        ("Are devices on the I2C bus", b"", ""),
+        *(("left motor, PWM", b"", ""), ("left motor, brake", b"", ""), *needed),
+        *(("right motor, PWM", b"", "6"), ("right motor, brake", b"", ""), ("right motor, DIR", b"", "7")),
+        *(("right encoder, A", b"", "3"), ("right encoder, B", b"", "")),
+        *((name, b"", "") for name in ("enable of its own", "enable of its own", "servo 1", "servo 2")),
+        *(
+            (name, b"", "")
+            for name in ("divider of the", "Are there range", "bumpers, cliff sensors or an emergency")
+        ),
+        *((name.replace("pin_", "").replace("_", " "), b"", "") for name in wiring.STOP_INPUTS),
+        ("with robot id 11?", b"", "y"),
+    )
+    found = wiring.of_board(models.load("rover").board)
+    names = [f"pin_{name}" for name in (*given, "servo_1")]
+    assert [found[name] for name in names] == [5, 17, 14, 15, 10] and found["i2c"] == 1
 
 
 @pytest.mark.parametrize(
@@ -441,11 +508,11 @@ def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
         ),
         (
             ("rover", "--yes", *ROVER, "--servo", "3"),
-            "servo on D3: right_pwm_b has this pin; nothing was written",
+            "servo_1 is on D3, as right_pwm_b: another function has the same pin; nothing was written",
         ),
         (
             ("rover", "--yes", *ROVER, "--servo", "A3", "--pin", "battery=-"),
-            "servo on A3: servo pulses need .* D9, D10",
+            "servo_1 is on A3: servo pulses need .* .D9, D10.",
         ),
         (
             (
@@ -464,7 +531,7 @@ def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
                 "right_logic=-",
             )
             + ("--bridge", "bts7960"),
-            "servo on D10: right_pwm_a has the timer of this pin",
+            "servo_1 is on D10: servo pulses need an output of a 16-bit timer that makes no PWM for a motor",
         ),
         (
             ("../rover", *ROVER, "--yes"),
@@ -475,6 +542,26 @@ def test_pins_are_asked_one_by_one_and_again_where_they_conflict(tmp_path):
             "counts of a wheel turn are '0', expected a number from 4",
         ),
         (("rover", *ROVER, "--yes", "--separation", "nan"), "nan, expected 30"),
+        (("rover", *ROVER, "--yes", "--no-encoders"), "--counts has no use with --no-encoders; leave one"),
+        (("rover", *ROVER, "--yes", "--wheelbase", "90"), "--wheelbase has no use with --kind differential"),
+        (
+            ("rover", "--yes", *ROVER, "--sonar", "front=hc-sr04:A0"),
+            "--sonar is 'front=hc-sr04:A0', expected PLACE=TYPE:PINS, such as front=hc-sr04:A0,A1 .trigger, echo.",
+        ),
+        (
+            ("rover", "--yes", *ROVER, "--sonar", "left=gp2y0a21:A0"),
+            "range_1_echo is on A0, as sonar_front: another function has the same pin; nothing was written",
+        ),
+        (
+            ("rover", "--yes", *ROVER)
+            + tuple(
+                word
+                for place in ("front", "left", "right", "rear")
+                for word in ("--sonar", f"{place}=gp2y0a02:A3")
+            ),
+            "rear GP2Y0A02 is one range sensor too many: the Uno or Nano has inputs for 3",
+        ),
+        (("rover", "--yes", *ROVER, *3 * ("--servo", "9")), "--servo names 3 pins, expected at most 2"),
     ],
 )
 def test_wrong_answers_are_refused_in_one_line(words, line):

@@ -82,14 +82,6 @@ def test_a_board_with_other_parameters_than_the_model_is_found(quick, serve):
     )
 
 
-def test_a_dead_encoder_is_found(quick, serve):
-    port = serve()
-    port.board.dead = {"right"}
-    code, findings, _ = examine("--drive", "--yes", "--port", port.path)
-    assert code == 1 and findings["left wheel"]["level"] == OK
-    assert "no counter moved" in findings["right wheel"]["text"]
-
-
 def test_a_2013_board_gets_the_advice_to_flash_it(quick, serve):
     port = serve(version=1)
     code, findings, found = examine("--port", port.path)
@@ -205,12 +197,7 @@ def test_a_board_with_the_parameters_of_its_model(model):
 @pytest.mark.parametrize(
     ("model", "values", "level", "words"),
     [
-        (
-            TRAXBOT,
-            {"gearbox": 300},
-            FAULT,
-            "the robot drives 31.4 % slower than commanded; if",
-        ),
+        (TRAXBOT, {"gearbox": 300}, FAULT, "the robot drives 31.4 % slower than commanded; if"),
         (TRAXBOT, {"encoder_counts": 672}, WARNING, "drives 5 % faster than commanded"),
         (TRAXBOT, {"axis_radius": 8787}, NOTE, "turns 1 % faster than commanded"),
         (DUO, {"axis_radius": 6000}, FAULT, "odometry gives turns 20 % too short"),
@@ -260,6 +247,15 @@ def test_a_pause_of_this_computer_does_not_shorten_a_wheels_turn():
 
     assert moved_m(paused=False) == pytest.approx(wheels.WHEEL_M_S * wheels.TURN_S, rel=0.2)
     assert moved_m(paused=True) >= 0.9 * moved_m(paused=False)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"), [("left", "trigger chain"), ("range_1", "its wires to the board")]
+)
+def test_a_silent_sonar_has_the_remedy_of_its_kind(place, words):
+    mounts = {"nose": models.SonarMount(0.0, 0.0, 0.0, place)}
+    (found,) = board.sonars({"nose": math.nan}, GOOD, mounts)
+    assert found.code == "sonar_dead" and words in found.advice
 
 
 @pytest.mark.parametrize(

@@ -5,21 +5,13 @@ import os
 import stat
 import sys
 import termios
+from pathlib import Path
 
 import pytest
 
 from mrl_driver.cli.commands import flash as command
 from mrl_driver.driver.probe import Answer
-from mrl_driver.errors import (
-    BoardRefused,
-    ConfigError,
-    LinkLost,
-    MrlError,
-    NotARobot,
-    PortBusy,
-    PortDenied,
-    PortMissing,
-)
+from mrl_driver.errors import BoardRefused, LinkLost, MrlError, NotARobot, PortBusy, PortDenied, PortMissing
 from mrl_driver.host import avrdude
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot import models
@@ -155,6 +147,7 @@ def test_nothing_is_written_unasked(stand_in, serve):
         (Answer(12, "", 2, capabilities=("check", "environment")), "environment"),
         (Answer(2, "traxbot", 2, capabilities=("sonars", "xbee")), "xbee"),
         (Answer(23, "duo", 2, capabilities=("bridge", "sonars")), "hbridge"),
+        (Answer(23, "duo", 2, capabilities=("bridge", "sonars", "virtual")), "virtual"),
     ],
 )
 def test_the_build_follows_the_board(monkeypatch, answer, build):
@@ -170,11 +163,37 @@ def test_the_build_of_a_2013_board_is_that_of_its_model(monkeypatch):
     assert command.build_of(Target("/dev/ttyACM7", "gas.yaml"))[0] == "environment"
 
 
-def test_a_robot_with_a_mega_gets_no_image(monkeypatch):
-    model = models.load("duo")._replace(chip=ATMEGA2560.name)
-    monkeypatch.setattr(models, "load", lambda name: model)
-    with pytest.raises(ConfigError, match="has an atmega2560, expected an atmega328p"):
-        command.build_of(Target("/dev/ttyACM7", "mega.yaml"))
+@pytest.mark.parametrize(
+    "model, usb, chip",
+    [
+        ("duo", 0x0042, ATMEGA328P),
+        ("mega.yaml", 0x0043, ATMEGA2560),
+        ("", 0x0042, ATMEGA2560),
+        ("auto", 0x0043, ATMEGA328P),
+    ],
+)
+def test_the_chip_is_that_of_the_robots_file_or_of_the_usb_device(monkeypatch, model, usb, chip):
+    port, duo = "/dev/ttyACM7", models.load("duo")
+    robots = {"duo": duo, "mega.yaml": duo._replace(chip=ATMEGA2560.name)}
+    monkeypatch.setattr(models, "load", robots.get)
+    monkeypatch.setattr(port_info, "described", lambda: [Port(port, (), 0x2341, usb)])
+    assert command.chip_of(Target(port, model)) == chip
+    assert command.bauds_of(port, ATMEGA2560) == (115200,)
+
+
+def test_a_mega_gets_the_image_for_its_chip(stand_in, tmp_path, serve):
+    """The other builds are for the Uno alone."""
+    text = Path(models.path_of("duo")).read_text(encoding="utf-8").replace("encoder_a: 8", "encoder_a: 18")
+    path = tmp_path / "mega.yaml"
+    path.write_text(
+        text.replace("wiring:", "wiring:\n  chip: atmega2560").replace("encoder_a: 2", "encoder_a: 19")
+    )
+    noted = stand_in()
+    with EmulatedBoard(robot=str(path)) as board:
+        done = mrl("flash", "--robot", str(path), "--port", board.port, "--yes")
+        assert done.stdout.endswith("its pins are those of duo\n"), done.stderr
+    words = noted.read_text()
+    assert "m2560" in words and "wiring" in words and "mrl_firmware_hbridge_mega.hex" in words
 
 
 @pytest.mark.parametrize(
@@ -185,6 +204,11 @@ def test_a_robot_with_a_mega_gets_no_image(monkeypatch):
             "traxbot",
             "hbridge",
             "--build is hbridge, but robot traxbot has a motor board, expected another build",
+        ),
+        (
+            "traxbot",
+            "virtual",
+            "--build is virtual, but robot traxbot has a motor board, expected another build",
         ),
     ],
 )

@@ -7,11 +7,12 @@ import pytest
 
 from mrl_driver.cli.commands.goto import drive_to
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import BoardTimeout, GoalMissed
+from mrl_driver.errors import BoardTimeout, ConfigError, GoalMissed
 from mrl_driver.geometry import Pose
-from mrl_driver.robot.sonar import CYCLE_S
+from mrl_driver.robot.models import CHAIN_S
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
+from tests.models import without_encoders
 
 from .run import fails, mrl
 
@@ -30,7 +31,7 @@ def robot(tmp_path, close_later):
         driver = close_later(SteppedDriver(emulated.engine))
         driver.connect()
         driver.plant = emulated.plant
-        driver.wait(2 * CYCLE_S)
+        driver.wait(2 * CHAIN_S)
         return driver
 
     return make
@@ -78,6 +79,13 @@ def test_a_goal_that_is_not_reached_has_its_own_exit_code(emulated_board):
         GoalMissed.exit_code, "goto", "1", "0", "--port", emulated_board.port, "--yes", "--timeout", "0.1"
     )
     assert "the goal was not reached: the time of 0.1 s is over" in line
+
+
+def test_a_robot_that_does_not_know_where_it_is_gets_no_goal(make_emulated_board, tmp_path):
+    path = without_encoders(tmp_path)
+    port = make_emulated_board(robot=path).port
+    line = fails(ConfigError.exit_code, "goto", "1", "0", "--port", port, "--robot", path, "--yes")
+    assert "robot duo has no odometry, because its motors have no encoders" in line
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mrl_driver.apps.calibration import sonar_procedures
-from mrl_driver.apps.review import drive_data, drive_plot
 from mrl_driver.cli.commands import monitor
 from mrl_driver.cli.commands.shared import await_sensors
 from mrl_driver.cli.doctor import board
@@ -25,14 +24,11 @@ from mrl_driver.cli.doctor.findings import NOTE, OK
 from mrl_driver.driver import Driver
 from mrl_driver.driver.link_status import LinkStatus
 from mrl_driver.driver.options import Options
-from mrl_driver.driver.recorded import RecordedDriver
-from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol import encode_reply, encode_request
-from mrl_driver.recording.recording import Recording
 from mrl_driver.robot.battery import EMPTY_AFTER_S
+from mrl_driver.robot.models import SonarMount
 from mrl_driver.safety.wheel_monitor import DEAD, Mismatch
 from mrl_driver.terminal import live_panels, live_view
 from mrl_driver.terminal.canvas import Canvas, fit
@@ -274,9 +270,6 @@ def test_the_log_does_not_grow():
     assert len(log.lines()) == MOST_LINES and log.lines()[-1].name == "command 399"
 
 
-NAMES = {"alcohol", "dust", "light", "thermopile"}
-
-
 @pytest.fixture(scope="module")
 def gas_robot():
     emulated = factory.make(factory.Options(profile="2013-august", environment=True))
@@ -286,44 +279,12 @@ def gas_robot():
     emulated.close()
 
 
-def test_curve_of_the_sonars_is_not_measured_without_one(gas_robot):
-    """The robot would drive up to the wall without seeing it."""
-    with pytest.raises(ConfigError, match="this board has no front sonar"):
-        sonar_procedures.require_sonars(gas_robot)
-
-
-def test_doctor_has_a_finding_for_each_sensor_and_none_for_sonars(gas_robot):
-    sonars = list(board.sonars(gas_robot.ranges, gas_robot.board))
-    assert [(each.level, each.text.partition(":")[0]) for each in sonars] == [(NOTE, "none")]
-    found = list(board.sensors(gas_robot.sensors))
-    assert {each.subject for each in found} == NAMES and {each.level for each in found} == {OK}
-
-
-@pytest.fixture
-def recorded(tmp_path):
-    """A TraxBot of 2013 that drives a metre, with more and more alcohol."""
-    info = encode_reply(5, 2500, 172, 1200, 1, 2)
-    frames = [info]
-    for i in range(191):
-        frames += [
-            encode_reply(25, 60 * i, 60 * i, 100 + i, -25536, 22, 400),
-            *([info] if i % 40 == 39 else []),
-        ]
-    frames += [encode_reply(22, *range(22, 30))]
-    lines = [f"{0.01 * i:f} < {frame.decode().strip()}\\r\\n\n" for i, frame in enumerate(frames)]
-    lines.insert(0, f"0.0 > {encode_request(25).decode().strip()}\n")
-    (tmp_path / "gas.mrl").write_text("#mrl-recording 1 {}\n" + "".join(lines))
-    return Recording(str(tmp_path / "gas.mrl"))
-
-
-def test_recording_shows_path_and_sensors_and_has_no_ranges(recorded):
-    """Also without the robot's file: stream 25 shows that the board has environment sensors."""
-    figures, found = summarise(RecordedDriver(recorded)), drive_data.read(RecordedDriver(recorded))
-    assert figures["sensors"]["dust"] == {"least": 40000.0, "most": 40000.0, "unit": "pcs/l"}
-    assert figures["sensors"]["alcohol"]["most"] == 290.0 and figures["pose"]["x_m"] == pytest.approx(
-        1, abs=0.02
-    )
-    assert found.ranges == {} and set(found.sensors) == NAMES
+@pytest.mark.parametrize("sonars", [None, {"front": SonarMount(0.0, 0.0, 0.0, "range_1")}])
+def test_curve_of_the_sonars_is_not_measured_without_one(gas_robot, sonars):
+    """The robot would drive up to the wall without seeing it, or an HC-SR04 has no such curve."""
+    model = gas_robot.model if sonars is None else gas_robot.model._replace(sonars=sonars)
+    with pytest.raises(ConfigError, match="this board has no front sonar of type MB1300"):
+        sonar_procedures.require_sonars(SimpleNamespace(model=model))
 
 
 NO_MOTORS = "robot pioneer is a board without motors (drive: none): it has sensors, and something else drives"
@@ -352,28 +313,11 @@ def test_doctor_shows_the_sensors_and_no_fault(port, monkeypatch):
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ("drive", "--linear", 0.1, "--for", 1),
-        ("goto", 1, 0, "--yes"),
-        ("calibrate", "gains", "--yes"),
-    ],
+    [("drive", "--linear", 0.1, "--for", 1), ("goto", 1, 0, "--yes"), ("calibrate", "gains", "--yes")],
     ids=lambda words: words[0],
 )
 def test_what_needs_motors_is_refused(port, words):
     assert NO_MOTORS in fails(2, *words, "--port", port)
-
-
-def test_recording_has_sensors_and_no_pose(port, tmp_path):
-    path = tmp_path / "air.mrl"
-    mrl("record", path, "--seconds", 0.3, "--port", port)
-    figures = json.loads(mrl("replay", path, "--json").stdout)
-    assert (figures["robot"], figures["pose"], figures["sensors"]["light"]["most"]) == (
-        "pioneer",
-        None,
-        500.0,
-    )
-    with pytest.raises(ConfigError, match="holds no odometry, because pioneer is a board without motors"):
-        drive_plot.draw(drive_data.read(RecordedDriver(str(path))), "unused.png")
 
 
 def test_live_view_shows_the_sensors_without_a_map_and_drives_nothing():

@@ -1,7 +1,6 @@
 """`mrl serve`: a board's serial port on the network."""
 
 import contextlib
-import os
 import signal
 import subprocess
 import threading
@@ -11,10 +10,11 @@ from unittest import mock
 
 import pytest
 
-from mrl_driver.driver import Driver, Options
+from mrl_driver.driver import Driver, Options, served_robot
 from mrl_driver.driver.served_robot import ServedRobot
 from mrl_driver.errors import BoardTimeout, LinkError, LinkLost, WrongRobot
-from mrl_driver.transport.listener import SILENT_S, listen
+from mrl_driver.session.handshake import Board
+from mrl_driver.transport.listener import NO_BOARD, SILENT_S, listen
 from mrl_driver.transport.open_link import open_link
 from mrl_driver.transport.relay import STOP, STOP_2013, STOPS, Bridge
 from sim_arduino.testing import EmulatedBoard
@@ -76,6 +76,15 @@ def over(link, listener, tell=str):
     return Bridge(lambda: link, str, listener, tell)
 
 
+def run(bridge):
+    """Run the bridge without waiting; what its turns would wait for, and how long."""
+    waits = []
+    select = SimpleNamespace(select=lambda *given: waits.append(given))
+    with mock.patch("mrl_driver.transport.relay.select", select):
+        bridge.run()
+    return waits
+
+
 def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(monkeypatch):
     """As on a PC that is held up for longer than a UDP client may be silent."""
     listener, sent, turns, now_s = listen(f"udp://{ADDRESS}"), [], [], [100.0]
@@ -97,7 +106,7 @@ def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(mo
     client = open_link(str(listener.address))
     bridge.run()
     client.close()
-    assert sent[:2] == [b"@11,200,0e", STOP]
+    assert sent[:2] == [b"@11,200,0e", STOP] and set(turns) == {0}
 
 
 @pytest.mark.parametrize(
@@ -107,15 +116,12 @@ def test_a_client_that_turns_silent_while_its_first_command_is_sent_is_a_stop(mo
 )
 def test_the_stop_at_the_end_goes_more_than_once(said, stop):
     """A 2013 board drops a stop that breaks off a frame which the client had begun, and has a form of its own."""
-    sent, (ready, other) = [], os.pipe()
-    os.write(other, b"x")
-    link = SimpleNamespace(fileno=lambda: ready, read=lambda timeout_s: b"", write=sent.append)
+    sent = []
+    link = SimpleNamespace(fileno=int, read=lambda timeout_s: b"", write=sent.append)
     listener = SimpleNamespace(watch=None, data=None, client="somebody", close=str, drop=str)
     bridge = over(link, listener)
     listener.read, listener.attend = lambda: said, bridge.stop
-    bridge.run()
-    os.close(ready)
-    os.close(other)
+    run(bridge)
     assert b"".join(sent) == said + stop * b"".join(sent).count(stop) and b"".join(sent).count(stop) > 1
 
 
@@ -123,10 +129,10 @@ COMMAND = b"@11,200,0e"
 
 
 def serve_a_client_that_leaves(sent, tell=str, refused=0, turns=20):
-    """Its board gets `sent`; after the command, the port refuses some writes.  The bridge ends after so many turns."""
-    (ready, other), script = os.pipe(), [(COMMAND, "somebody")] + (turns - 1) * [(b"", "")]
+    """Its board gets `sent`; after the command, the port refuses some writes.  The bridge ends after so many turns;
+    what they wait for comes back."""
+    script = [(COMMAND, "somebody")] + (turns - 1) * [(b"", "")]
     refusals = refused * [BoardTimeout("the port has accepted no data for 100 ms")]
-    os.write(other, b"x")  # no turn waits
 
     def write(data):
         if data != COMMAND and refusals:
@@ -139,21 +145,25 @@ def serve_a_client_that_leaves(sent, tell=str, refused=0, turns=20):
             bridge.stop()
         return data
 
-    link = SimpleNamespace(fileno=lambda: ready, read=lambda timeout_s: b"", write=write)
-    listener = SimpleNamespace(watch=None, data=None, client="", read=read, attend=str, close=str, drop=str)
+    link = SimpleNamespace(fileno=lambda: 7, read=lambda timeout_s: b"", write=write)
+    listener = SimpleNamespace(watch=8, data=None, client="", read=read, attend=str, close=str, drop=str)
     bridge = over(link, listener, tell)
-    try:
-        bridge.run()
-    finally:
-        os.close(ready)
-        os.close(other)
+    return run(bridge)
+
+
+def test_a_bridge_waits_for_bytes_but_looks_for_a_silent_client_and_repeats_a_stop():
+    told = []
+    waits = serve_a_client_that_leaves([], told.append, turns=6)
+    assert waits == [([7, 8], [], [], wait_s) for wait_s in (0.5, 0.5, 0.05, 0.05, 0.5, 0.5)]
+    left = "somebody has left; the robot is stopped"
+    assert told == ["/dev/ttyACM0 answers", "somebody is served", left]
 
 
 def test_the_stops_go_though_the_line_that_the_client_has_left_cannot_be_written():
     """As when the reader of stderr has ended."""
     sent = []
     serve_a_client_that_leaves(sent, tell=mock.Mock(side_effect=BrokenPipeError))
-    assert sent == [COMMAND, *STOPS * [STOP]]
+    assert sent == [COMMAND, *3 * [STOP]]
 
 
 def test_no_stop_waits_for_a_line_that_blocks():
@@ -164,15 +174,39 @@ def test_no_stop_waits_for_a_line_that_blocks():
 
 
 def test_a_stop_that_the_port_refuses_does_not_count():
-    sent = []
-    serve_a_client_that_leaves(sent, refused=STOPS)
+    sent, told = [], []
+    serve_a_client_that_leaves(sent, told.append, refused=STOPS)
     assert sent == [COMMAND, *STOPS * [STOP]]
+    assert [line for line in told if "port" in line] == ["the port has accepted no data for 100 ms"]
 
 
 def test_the_stop_at_the_end_is_tried_again_if_the_port_refuses_it():
     sent = []
     serve_a_client_that_leaves(sent, refused=2, turns=1)
     assert sent == [COMMAND, STOP * STOPS]
+
+
+def test_the_client_of_a_lost_board_is_told_and_sent_away():
+    error, sent, done = LinkLost("port \xe9 went away"), [], []
+    link = SimpleNamespace(
+        fileno=int, read=mock.Mock(side_effect=error), port="/dev/ttyACM0", close=mock.Mock()
+    )
+    listener = mock.Mock(watch=None, data=None, client="somebody", write=sent.append)
+    listener.read.return_value = b""
+    listener.drop.side_effect = lambda: done.append(list(sent))
+    links = [link, None]
+    bridge = Bridge(lambda: links.pop(0) if links else bridge.stop(), done.append, listener, str)
+    run(bridge)
+    line = NO_BOARD + str(error).encode() + b"\r\n"
+    assert done[:3] == [[], [line], error] and link.close.mock_calls == [mock.call()]
+    assert listener.attend.called and listener.read.called
+
+
+def test_a_bridge_whose_board_cannot_be_found_ends_with_the_reason():
+    listener = mock.Mock(client="")
+    with pytest.raises(WrongRobot, match="another robot"):
+        Bridge(mock.Mock(side_effect=WrongRobot("another robot")), str, listener, str).run()
+    assert listener.close.called
 
 
 # -- a board that is not there, or not the one
@@ -194,7 +228,7 @@ def away(cable):
 
 
 def test_a_bridge_starts_before_its_board_is_there_and_tells_clients(away, cable):
-    with pytest.raises(LinkLost, match="mrl serve has no board now: the board was not found yet"):
+    with pytest.raises(LinkLost, match="mrl serve has no board now: the board was not found yet$"):
         Driver(away.url).connect()
     cable.plug()
     with Driver(away.url, options=Options(port_timeout_s=PATIENCE_S)) as robot:
@@ -233,21 +267,24 @@ def test_a_client_never_drives_another_board_that_appears_there(cable, scheme):
 
 
 def test_what_a_client_sent_while_the_board_was_away_is_not_sent_to_it(cable):
-    board, listener, found = mock.Mock(), listen(f"udp://{ADDRESS}"), []
+    sent, listener = [], listen(f"udp://{ADDRESS}")
     with contextlib.closing(open_link(str(listener.address))) as client:
         client.write(COMMAND)
-        (ready, other) = os.pipe()
-        board.fileno.return_value, board.read.return_value, board.port = ready, b"", "/dev/ttyACM0"
-        os.write(other, b"x")
-        turns = iter(range(5))
-        board.read.side_effect = lambda timeout_s: (
-            b"" if next(turns, None) is not None else bridge.stop() or b""
-        )
-        bridge = Bridge(lambda: board, str, listener, found.append)
-        bridge.run()
-    os.close(ready)
-    os.close(other)
-    assert board.write.call_args_list == []
+        link = SimpleNamespace(fileno=int, write=sent.append, read=lambda timeout_s: bridge.stop() or b"")
+        bridge = over(link, listener)
+        run(bridge)
+    assert sent == []
+
+
+def test_a_virtual_robot_is_not_served_in_place_of_the_real_one_of_before(cable, monkeypatch):
+    boards = [Board(1, 2, 0.0, 12.0, 0.0, 2, frozenset(each)) for each in ((), ("virtual",))]
+    monkeypatch.setattr(served_robot, "board_on", lambda link: boards.pop(0))
+    told = []
+    robot = ServedRobot(cable.path, told.append)
+    robot.find().close()
+    robot.lose(LinkLost("gone"))
+    wait_until(lambda: robot.find() or told)
+    assert "is a virtual one, expected a real one" in told[0]
 
 
 def test_a_board_that_is_not_the_named_robot_is_not_served_at_the_start(cable):
@@ -260,6 +297,7 @@ def test_a_board_that_is_not_the_named_robot_is_not_served_at_the_start(cable):
     ("url", "code", "words"),
     [
         ("tcp://:7000", 2, "expected tcp://HOST:PORT"),
+        ("tcp://127.0.0.1", 2, "expected tcp://HOST:PORT"),
         ("rfc2217://127.0.0.1:7000", 2, "expected tcp://HOST:PORT or udp://HOST:PORT"),
         ("tcp://192.0.2.1:7000", 2, "not an address of this computer"),
     ],
@@ -289,14 +327,21 @@ def test_a_bridge_is_not_suspended(serve):
 def test_a_client_is_told_while_a_silent_board_is_asked_for_its_id(monkeypatch):
     """That takes up to 8 s."""
     monkeypatch.setattr("mrl_driver.transport.relay.ANSWERS_S", 0.0)
-    answers, listener, link = threading.Event(), listen(f"tcp://{ADDRESS}"), mock.Mock()
-    bridge = Bridge(lambda: answers.wait(PATIENCE_S) and bridge.stop() or link, str, listener, str)
+    answers, listener, link, threads = threading.Event(), listen(f"tcp://{ADDRESS}"), mock.Mock(), []
+
+    def find():
+        threads.extend(threading.enumerate())
+        return answers.wait(PATIENCE_S) and bridge.stop() or link
+
+    bridge = Bridge(find, str, listener, str)
     serving = threading.Thread(target=bridge.run)
     serving.start()
     try:
         client = open_link(str(listener.address))
         with contextlib.closing(client), pytest.raises(LinkLost, match="the board was not found yet"):
             wait_until(lambda: client.read(0.1) and False)
+        own = {each.name: each.daemon for each in threads if each.name in ("mrl-look", "teller")}
+        assert own == {"mrl-look": True, "teller": True}  # no end of the program waits for them
     finally:
         answers.set()
         serving.join()

@@ -6,6 +6,7 @@ import pytest
 
 from mrl_driver.apps.tip_over import vehicle_file
 from mrl_driver.apps.tip_over.margin import QUANTITIES, Situation
+from mrl_driver.robot import models
 from tests.documents.blocks import ROOT
 
 from .run import fails, mrl
@@ -21,7 +22,7 @@ def test_margins_and_limits():
 @pytest.mark.parametrize(
     "words, expected",
     [
-        (("nope",), "is unknown, expected mecanum-arm"),
+        (("nope",), "is unknown, expected duo-mast, mecanum-arm"),
         (("mecanum-arm", "--slope", "95"), "'--slope': 95.0, expected at least 0 and below 90"),
         (("mecanum-arm", "--plot", "arm.txt"), "expected a file that ends in .png"),
         (("mecanum-arm", "--force", "5", "--at", "1,2"), "--at is '1,2', expected three numbers"),
@@ -32,6 +33,9 @@ def test_margins_and_limits():
         (("mecanum-arm", "--sweep", "colour=0:1"), "expected QUANTITY=FROM:TO with arm-angle"),
         (("mecanum-arm", "--sweep", "force=9:1"), "with two rising numbers from 0 to 100000 N"),
         (("mecanum-arm", "--force", "5", "--sweep", "force=0:9"), "expected one of them"),
+        (("mecanum-arm", "--limits", "x.yaml", "--sweep", "force=0:9"), "expected one of them"),
+        (("duo-mast", "--limits", "duo"), "belongs to the package, expected a copy"),
+        (("duo-mast", "--limits", "pioneer"), "board without motors"),
     ],
 )
 def test_what_cannot_be_is_one_line(words, expected):
@@ -44,6 +48,19 @@ def test_a_force_at_the_tip_of_the_arm():
     done = mrl("tip-over", "mecanum-arm", "--force", "30")
     assert "margin with 30 N at 0.12, 0.00, 0.80 m, worst direction" in done.stdout
     assert f"force there: tips over at {expected:.1f} N, 10 deg kept to" in done.stdout
+
+
+def test_limits_go_into_the_robots_file(tmp_path):
+    """Braking is at most the board's own ramp, 500 mm/s in 1 s."""
+    path = tmp_path / "tall.yaml"
+    path.write_text((ROOT / "mrl_driver" / "robot" / "models" / "duo.yaml").read_text())
+    done = mrl("tip-over", "duo-mast", "--limits", path)
+    assert (
+        done.returncode == 0 and "linear_acceleration_m_s2 0.4, braking_m_s2 0.5, curve_m_s2" in done.stdout
+    )
+    limits = models.load(str(path)).limits
+    assert limits.braking_m_s2 == 0.5 and 0.5 < limits.curve_m_s2 < 1.0
+    assert "# mrl tip-over, 10 deg kept" in path.read_text()
 
 
 def test_a_sweep_is_printed_and_drawn(tmp_path):

@@ -1,33 +1,42 @@
 """A board of any engine and motor back end on a bench: requests in, replies out, and what the wheels do."""
 
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple, Union
 
+from mrl_driver.geometry import Pose
 from mrl_driver.protocol import REPLIES, Event, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, REASONS
+from mrl_driver.robot.chips import ATMEGA2560
 from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import FIRMWARE, AvrEngine
 from sim_arduino.hardware.motor import Mode
 from sim_arduino.hardware.wiring import Plant
-from tests.firmware.pc_board import BRIDGE, BROWN_OUT, ENVIRONMENT, SONARS, XBEE, PcBoard
+from tests.firmware.pc_board import BRIDGE, BROWN_OUT, ENVIRONMENT, MEGA, SONARS, VIRTUAL, XBEE, PcBoard
+from tests.firmware.virtual_chip import driven
 from tests.models import model
 
 READY_S = 0.12  # Boot, and the motor board set up
 ANSWER_S = 0.03
+COUNTED_S = 0.1  # In which counts become a speed
 CONTROL_S = 0.6  # Longer than the control takes after the ramp
-QUICK: Dict[str, Dict[str, int]] = {"omni3md": {}, "bridge": {"ramp_time": 300}}
+QUICK: Dict[str, Dict[str, int]] = {"omni3md": {}, **dict.fromkeys(("bridge", "virtual"), {"ramp_time": 300})}
 """Parameters that differ from the models': a quick ramp spares simulated time, which steps of 1 ms make dear."""
 STEP_S = 1e-3
 """Resolution of `run_until_released`, and the slices in which the simulated chip drives an H-bridge."""
 
 BLANK = b"\xff" * parameter_store.EEPROM_BYTES
 
-ROBOTS = {"omni3md": "traxbot", "bridge": "duo"}  # Robot on the bench for each motor back end
+ROBOTS = {
+    "omni3md": "traxbot",
+    "bridge": "duo",
+    "virtual": "duo",
+}  # Robot on the bench for each motor back end
 
 CAPABILITIES = {
     "omni3md": 1 + 2 + 4 + 8 + 16 + 128 + 256,
-    "bridge": 1 + 2 + 4 + 8 + 16 + 256 + 512 + 1024 + 2048,
+    "bridge": 1 + 2 + 4 + 8 + 16 + 256 + 512 + 1024 + 2048 + 16384,
+    "virtual": 1 + 2 + 4 + 8 + 16 + 256 + 512 + 2048 + 16384 - 32768,
 }
 """Capabilities of the sonar builds by motor back end; the duo does not measure its battery."""
 
@@ -70,11 +79,13 @@ class RadioPcBoard(PcBoard):
 def make_pc(plant: Plant, eeprom: bytes, environment: bool) -> Any:
     if plant.xbee:
         return RadioPcBoard(plant, eeprom, XBEE)
-    return PcBoard(plant, eeprom, ENVIRONMENT if environment else BRIDGE if plant.bridge else SONARS)
+    bridge = MEGA if plant.model.chip == ATMEGA2560.name else BRIDGE
+    return PcBoard(plant, eeprom, ENVIRONMENT if environment else bridge if plant.bridge else SONARS)
 
 
 def make_avr(plant: Plant, eeprom: bytes, environment: bool) -> Any:
-    suffix = "_environment" if environment else "_hbridge" if plant.bridge else "_xbee" if plant.xbee else ""
+    bridge = "_hbridge_mega" if plant.model.chip == ATMEGA2560.name else "_hbridge"
+    suffix = "_environment" if environment else bridge if plant.bridge else "_xbee" if plant.xbee else ""
     engine = AvrEngine(plant, FIRMWARE.with_name(f"mrl_firmware{suffix}.elf"))
     engine.machine.write_eeprom(0, eeprom)
     return engine
@@ -95,6 +106,25 @@ ENGINES: Dict[str, Callable[[Plant, bytes, bool], Any]] = {
 }
 
 
+class VirtualAvr(AvrEngine):
+    """The image of a bare board."""
+
+    def __init__(self, plant: Plant, eeprom: bytes, environment: bool) -> None:
+        super().__init__(plant, FIRMWARE.with_name("mrl_firmware_virtual.elf"), bare=True)
+        self.machine.write_eeprom(0, eeprom)
+
+    def driven(self) -> List[bool]:
+        """Whether each motor is driven."""
+        return driven(self.machine)
+
+
+VIRTUAL_ENGINES: Dict[str, Callable[[Plant, bytes, bool], Any]] = {
+    "pc": lambda plant, eeprom, environment: PcBoard(plant, eeprom, VIRTUAL),
+    "avr": VirtualAvr,
+}
+"""Those that run the firmware; the plant of a bare board stands by."""
+
+
 class Bench:
     """One board with the plant of its motor back end's robot, or of another model, awake and set up.
 
@@ -112,7 +142,7 @@ class Bench:
         self,
         engine: str,
         motors: str = "omni3md",
-        robot: str = "",
+        robot: Union[str, RobotModel] = "",
         environment: bool = False,
         board: Optional[Dict[str, int]] = None,
         stored: Optional[Dict[str, int]] = None,
@@ -120,13 +150,14 @@ class Bench:
         **plant: Any,
     ) -> None:
         self.motors = motors
-        base = model(robot or ROBOTS[motors])
+        base = robot if isinstance(robot, RobotModel) else model(robot or ROBOTS[motors])
         self.model = base._replace(board={**base.board, **QUICK[motors], **(board or {})})
         self.ramped_s = self.model.board["ramp_time"] / 1000.0 + CONTROL_S
         self.plant = Plant(self.model, sonars=not environment, **plant)
         self.environment = environment
         eeprom = BLANK if blank else ready_eeprom(self.model, stored or {})
-        self.board = ENGINES[engine](self.plant, eeprom, environment)
+        engines = VIRTUAL_ENGINES if motors == "virtual" else ENGINES
+        self.board = engines[engine](self.plant, eeprom, environment)
         self.now_s = 0.0
         self.checked = False
         self.text = b""
@@ -169,9 +200,32 @@ class Bench:
         return [(each.code, *each.values) for each in new]
 
     def wheels(self) -> Wheels:
-        left, _, right = (motor.speed for motor in self.plant.robot.motors)
+        """True speeds of the wheels [m/s]; of a virtual robot by its counts, which takes a moment."""
+        if self.motors == "virtual":
+            return self._counted()
+        left, right = (self.plant.robot.motors[index].speed for index in (0, 2))
         drive = self.model.drive
         return Wheels(left * drive.left_m_per_count, right * drive.right_m_per_count)
+
+    def _counted(self) -> Wheels:
+        first = self._counts()
+        self.run(COUNTED_S - ANSWER_S)
+        moved = [(now - before + 0x8000) % 0x10000 - 0x8000 for before, now in zip(first, self._counts())]
+        right, left = (each * self.model.drive.metres_per_count / COUNTED_S for each in moved)
+        return Wheels(left, right)
+
+    def _counts(self) -> Tuple[int, ...]:
+        code = BY_NAME["read_encoders"].code
+        frames = (event for event in self.ask("read_encoders") if isinstance(event, Frame))
+        return next(frame.args for frame in frames if frame.code == code)
+
+    @property
+    def true_pose(self) -> Pose:
+        """Where the robot is; of a virtual one in whole millimetres from its start."""
+        if self.motors != "virtual":
+            return self.plant.true_pose
+        x, y, heading = self.reply("read_virtual_pose")
+        return Pose(x / 1000 - 1.0, y / 1000 - 1.0, heading / 1000)
 
     def full_speed_m_s(self) -> float:
         """Rim speed of a wheel at 100 %."""
@@ -181,10 +235,18 @@ class Bench:
 
     def is_driven(self) -> bool:
         """Whether the board drives a motor, or lets a motor board drive it."""
-        motors = (self.plant.robot.motors[0], self.plant.robot.motors[2])
         if self.plant.bridge:
-            return any(motor.shares.forward or motor.shares.backward for motor in motors)
+            return any(self.driven())
+        motors = (self.plant.robot.motors[0], self.plant.robot.motors[2])
         return any(motor.mode is not Mode.BRAKE for motor in motors)
+
+    def driven(self) -> List[bool]:
+        """Which motors an H-bridge drives, in the order of the wiring."""
+        if isinstance(self.board, VirtualAvr):
+            return self.board.driven()
+        bridge = self.plant.bridge
+        shares = [bridge.motor(wheel).shares for wheel in range(len(bridge.outputs))]
+        return [bool(each.forward or each.backward) for each in shares]
 
     def run_until_released(self, limit_s: float) -> float:
         """Runs until no motor is driven; the time at which that was seen [s], up to STEP_S late.

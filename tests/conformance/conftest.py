@@ -1,8 +1,30 @@
-"""Every test of this folder runs on every engine, and on both motor back ends unless its file or mark names one."""
+"""Every test of this folder runs on every engine, and on both motor back ends unless its file or mark names one.
+
+The rows about motion and the board itself also run on the virtual robot of a bare board.
+"""
 
 import pytest
 
 from .bench import ENGINES, ROBOTS, Bench
+
+ON_BARE_BOARDS = ("test_motion_rows", "test_service_rows", "test_vectors")
+ON_BRIDGES = ("bridge", "input", "range", "servo", "wiring")
+OF_ONE = {"test_omni3md_rows": "omni3md", **{f"test_{rows}_rows": "bridge" for rows in ON_BRIDGES}}
+"""The motor back end of files about one of them."""
+
+
+def pytest_collection_modifyitems(items):
+    """No board in Python calculates a robot, and the other files change what is around it."""
+    items[:] = [item for item in items if not _left_out(item)]
+
+
+def _left_out(item):
+    params = getattr(item, "callspec", None) and item.callspec.params
+    if params and item.path.stem in OF_ONE:
+        return params.get("motors", OF_ONE[item.path.stem]) != OF_ONE[item.path.stem]
+    if not params or params.get("motors") != "virtual":
+        return False
+    return params.get("engine") == "python" or item.path.stem not in ON_BARE_BOARDS
 
 
 @pytest.fixture(params=sorted(ENGINES))

@@ -24,11 +24,6 @@ REFUSED = [
 ]
 
 
-@pytest.fixture
-def motors():
-    return "bridge"
-
-
 # ---- what is refused
 
 
@@ -102,7 +97,8 @@ def test_each_bridge_drives_both_ways_and_stops(make, chip):
         (),
         ("motors_swapped", "encoders_swapped"),
         ("left_motor_reversed", "left_encoder_reversed"),
-        ("motors_swapped", "right_motor_reversed", "encoders_swapped"),
+        ("motors_swapped", "right_motor_reversed", "encoders_swapped", "right_encoder_reversed"),
+        ("motors_swapped", "left_motor_reversed", "encoders_swapped", "left_encoder_reversed"),
         ("right_encoder_reversed",),
         ("single_channel",),
     ],
@@ -218,7 +214,10 @@ def test_below_the_voltage_moves_are_refused_until_it_is_back(make):
     bench.plant.robot.sag(4.0)
     bench.run(BATTERY_S)
     bench.ask("move_differential", 200, 0)
-    assert bench.counters() == {"unavailable": 1}
+    bench.plant.robot.sag(bench.plant.bridge.battery_v + 4.0 - 10.3)  # it must recover by a sixteenth
+    bench.run(BATTERY_S)
+    bench.ask("move_differential", 200, 0)
+    assert bench.counters() == {"unavailable": 2}
     bench.plant.robot.sag(0.0)
     bench.run(BATTERY_S)
     bench.ask("move_differential", 200, 0)
@@ -286,12 +285,6 @@ def test_a_reversal_rests_at_zero(make):
     assert bench.is_driven() and bench.wheels().left < 0.0
 
 
-def test_a_pause_of_a_standing_robot_does_not_delay_its_first_move(make):
-    bench = make(stored={"reversal_pause": 1000, "ramp_time": 0})
-    bench.ask("move_differential", -200, 0, wait_s=0.05)
-    assert bench.is_driven()
-
-
 # ---- resets
 
 
@@ -323,16 +316,6 @@ def test_a_mended_encoder_counts_again(bench):
     assert bench.wheels() == pytest.approx((0.2, 0.2), abs=SPEED_M_S)
 
 
-def test_a_battery_must_recover_by_a_sixteenth(make):
-    bench = make(board=MEASURED)
-    bench.plant.robot.sag(4.0)
-    bench.run(BATTERY_S)
-    bench.plant.robot.sag(bench.plant.bridge.battery_v + 4.0 - 10.3)
-    bench.run(BATTERY_S)
-    bench.ask("move_differential", 200, 0)
-    assert bench.counters() == {"unavailable": 1}
-
-
 def test_a_wheel_beyond_full_speed_slows_both_down_alike(make):
     """0.125 and 0.875 m/s are asked for, and a wheel can turn at 0.579 m/s without load."""
     bench = make()
@@ -354,16 +337,3 @@ def test_a_wheel_at_its_count_is_not_driven(bench):
     for _ in range(100):
         bench.run(5e-3)
         assert not bench.is_driven() and bench.wheels() == (0.0, 0.0)
-
-
-def test_a_speed_that_was_out_of_reach_leaves_no_overshoot(make):
-    """Seconds at full duty with a weak battery do not wind the integral up."""
-    bench = make(stored={"ramp_time": 0})
-    bench.plant.robot.sag(6.0)
-    bench.ask("move_differential", 500, 0, wait_s=3.0)
-    assert bench.wheels().left < 0.4
-    bench.plant.robot.sag(0.0)
-    bench.ask("move_differential", 200, 0, wait_s=0.1)
-    assert max(bench.wheels()) < 0.2 + 2 * SPEED_M_S
-    bench.run(0.2)
-    assert bench.wheels() == pytest.approx((0.2, 0.2), abs=SPEED_M_S)

@@ -221,11 +221,6 @@ def test_released_holder_that_speaks_again_holds_again(bench, robot):
     assert robot.say("hold", 1) == [HoldText("held", 1)]
 
 
-def test_release_is_guarded(bench):
-    bench.send(b"@50e")
-    assert bench.counters() == {"bad_check": 1}
-
-
 def test_started_board_listens_before_it_moves(benches):
     """A holder repeats its hold in this time, so a board that was reset while it was held is held again."""
     bench = radio_bench(benches, radio_hold=SILENCE)

@@ -7,11 +7,6 @@ from sim_arduino.hardware.motor import Mode
 I2C_S = 0.3
 
 
-@pytest.fixture
-def motors():
-    return "omni3md"
-
-
 @pytest.mark.parametrize(
     "name, args, reached",
     [

@@ -170,10 +170,12 @@ def test_environment_build_has_no_sonars(sensors):
 def test_sensor_stream(sensors):
     sensors.plant.environment.alcohol_count = 1000
     sensors.plant.environment.pixels_c = (20.0,) * 7 + (41.0,)
+    sensors.ask("preset_encoder", 3, 7)
+    sensors.ask("preset_encoder", 1, -8)
     sensors.ask("start_sensor_stream", 100)
     sensors.run(0.5)
     right, left, alcohol, _, hottest = frames(sensors, 0.5)[-1].args
-    assert (right, left, alcohol, hottest) == (0, 0, 23, 41)
+    assert (right, left, alcohol, hottest) == (7, -8, 23, 41)
 
 
 def test_sensor_stream_with_light(sensors):

@@ -8,7 +8,7 @@ from collections import Counter
 
 import pytest
 
-from mrl_driver.protocol import Garbage, encode_request
+from mrl_driver.protocol import Frame, Garbage, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from sim_arduino.serve.factory import Options
 from tests.neighbours import faults, sent
@@ -23,6 +23,7 @@ def counted(bench, vector):
     if vector.checked:
         bench.ask("set_check", 1)
     bench.send(vector.wire + b"\r\n")
+    assert not bench.is_driven() or any(isinstance(event, Frame) for event in vector.events), vector
     bench.checked = bench.checked or "32,1," in vector.wire.decode("latin-1")
     found = bench.counters()
     found.pop("unavailable", None)  # a board without the part that a whole request is for

@@ -1,4 +1,4 @@
-"""`python -m tests.documents.live_view_picture FILE.svg` makes the animation of the live view in README.md.
+"""`python -m tests.documents.live_view_picture FILE.svg` makes the animation of the live view in docs/command_line.md.
 
 The real firmware binary drives an emulated TraxBot along a square of 1 m in simulated time, and the live view of `make
 run` shows it: its still pictures, one every `STEP_S`, follow each other in one SVG.  It needs `make firmware`.

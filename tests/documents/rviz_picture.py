@@ -1,12 +1,14 @@
-"""`python -m tests.documents.rviz_picture FILE.png [navigation|team]` makes a picture of rviz without a screen.
+"""`python -m tests.documents.rviz_picture FILE.png [navigation|team|environment]` makes a picture without a screen.
 
 It starts a ROS master, an X server in memory, `sim.launch`, `go_to_goal.launch` and `rviz.launch`, drives an arc,
 and saves a screenshot.  With `navigation`, it shows the real navigation packages, which must be installed or sourced.
 With `team`, it shows a robot on a port, in place of a real one, that meets a virtual one by
-`mirror.launch` and stops before it.  It needs the packages rviz, xvfb, libgl1-mesa-dri and imagemagick.
+`mirror.launch` and stops before it.  With `environment`, it plays the bag of a recorded survey.  It needs the packages
+rviz, xvfb, libgl1-mesa-dri and imagemagick.
 """
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +20,7 @@ from xmlrpc.client import ServerProxy
 
 from rosgraph.masterapi import is_online
 
+from mrl_driver.geometry import quaternion_of
 from ros1_bridge.demo.processes import Child, wait_until
 from sim_arduino.world import world_file
 from tests.long.bench.report import either
@@ -153,6 +156,42 @@ def mixed_team(start: Start) -> Child:
     return rviz
 
 
+TOP_VIEW = """    Current:
+      Class: rviz/TopDownOrtho
+      Name: Current View
+      Scale: 104
+      X: 2
+      Y: 1.7
+      Angle: 0
+      Target Frame: map
+"""
+SURVEY_RATE = either("10", "100")
+
+
+def environment_map(start: Start) -> Child:
+    """A bag of a robot that sweeps the arena, with its sensors, is played; returns rviz."""
+    bag, config = str(LOGS / "survey.bag"), LOGS / "top.rviz"
+    survey = start("survey", sys.executable, "-m", "tests.documents.survey", bag)
+    _require(survey.wait(10 * START_S) and survey.exit_code == 0, survey)
+    usual = (LAUNCH.parent / "rviz" / "robot.rviz").read_text(encoding="utf-8")
+    config.write_text(re.sub(r"    Current:\n(      .*\n)+", TOP_VIEW, usual), encoding="utf-8")
+    clock = start("clock", "rosparam", "set", "use_sim_time", "true")
+    _require(clock.wait(START_S), clock)
+    cells = start("cells", "roslaunch", str(LAUNCH / "environment_map.launch"))
+    _require(wait_until(lambda: _subscribed("/environment_map", "/dust"), START_S), cells)
+    start("world", "roslaunch", str(LAUNCH / "world.launch"), "world:=hazards")
+    start("robot", "roslaunch", str(LAUNCH / "describe.launch"), "robot:=traxbot")
+    at, (z, w) = world_file.load("hazards").start, quaternion_of(world_file.load("hazards").start.yaw_rad)
+    place = f"translation: {{x: {at.x_m}, y: {at.y_m}}}, rotation: {{z: {z}, w: {w}}}"
+    tf = f"{{transforms: [{{header: {{frame_id: map}}, child_frame_id: odom, transform: {{{place}}}}}]}}"
+    start("place", "rostopic", "pub", "-l", "/tf_static", "tf2_msgs/TFMessage", tf)
+    rviz = start("rviz", "roslaunch", str(LAUNCH / "rviz.launch"), f"config:={config}", "fixed_frame:=map")
+    _require(wait_until(lambda: _subscribed("/rviz", "/environment_map"), START_S), rviz)
+    played = start("bag", "rosbag", "play", "--clock", "-r", SURVEY_RATE, bag)
+    _require(played.wait(10 * START_S), played)
+    return rviz
+
+
 def _is_up(robot: Child) -> bool:
     """Whether a robot's node has connected to its board."""
     return any("baud, battery" in line for line in robot.output())
@@ -179,14 +218,14 @@ def _require(good: bool, part: Child) -> None:
         raise RuntimeError(part.last_words())
 
 
-PICTURES = {"": one_robot, "team": mixed_team, "navigation": navigation}
+PICTURES = {"": one_robot, "team": mixed_team, "navigation": navigation, "environment": environment_map}
 
 
 def main(arguments: Sequence[str]) -> int:
     """Take the picture; returns the exit code."""
     file, show = (*arguments, "")[:2]
     if not file or show not in PICTURES or len(arguments) > 2:
-        sys.stderr.write("expected the name of a .png file, and perhaps team or navigation\n")
+        sys.stderr.write("expected the name of a .png file, and perhaps team, navigation or environment\n")
         return 2
     try:
         take(Path(file), PICTURES[show])

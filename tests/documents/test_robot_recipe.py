@@ -85,7 +85,7 @@ PARTS = (
     "mrl_driver",
     "sim_arduino",
     "ros1_bridge",
-    "build/firmware/core",
+    "build/firmware/core_uno",
     "build/sim",
 )
 STEP_C = 0.0625  # One count of the example's wire [degC]

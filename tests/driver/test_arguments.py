@@ -14,6 +14,7 @@ from mrl_driver.driver import Driver, Options, Status
 from mrl_driver.driver.driver_recorder import DriverRecorder
 from mrl_driver.driver.radio import Radio
 from mrl_driver.driver.recorded import RecordedDriver
+from mrl_driver.driver.servos import Servos
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.protocol.table import BY_NAME
@@ -122,6 +123,9 @@ CALLS = {
         "address": (lambda driver, bad: driver.radio.send(bad, "x"), {**NO_WHOLE, "negative": -1}),
         "text": (lambda driver, bad: driver.radio.send(PEER, bad), NO_TEXT),
     },
+    "servos.move": {
+        "name": (lambda driver, bad: driver.servos.move(bad, 0.1), {**NO_VALUE, "unknown": "pan"}),
+    },
     "on": {
         "kind": (lambda driver, bad: driver.on(bad, print), NO_TEXT),
         "callback": (lambda driver, bad: driver.on(Status, bad), NO_FUNCTION),
@@ -141,7 +145,16 @@ RECORDED = {
     )
 }
 WITHOUT_ARGUMENTS = {
-    *("connect", "close", "stop", "limit_again", "radio.release_hold", "radio.require", "recorder.stop"),
+    *(
+        "connect",
+        "close",
+        "stop",
+        "limit_again",
+        "radio.release_hold",
+        "release_emergency",
+        "radio.require",
+        "recorder.stop",
+    ),
 }
 
 
@@ -239,6 +252,7 @@ OPTIONS = {
     **dict.fromkeys(("greeting_s", "port_timeout_s", "queued_s"), NO_SPEED),
     "command_timeout_s": without(NO_SPEED, "None"),
     **dict.fromkeys(("check", "ignore_battery", "any_id", "identify", "reconnect", "fast"), NO_FLAG),
+    "virtual": without(NO_FLAG, "None"),
     "build": without(NO_TEXT, "empty"),
     "record": without(NO_TEXT, "None"),
     "tap": without(NO_FUNCTION, "None"),
@@ -265,7 +279,12 @@ def test_the_tables_have_all_options():
     assert {*OPTIONS} == {*Options._fields}
 
 
-PLACES = {"": (Driver, SteppedDriver, RecordedDriver), "radio.": (Radio,), "recorder.": (DriverRecorder,)}
+PLACES = {
+    "": (Driver, SteppedDriver, RecordedDriver),
+    "radio.": (Radio,),
+    "recorder.": (DriverRecorder,),
+    "servos.": (Servos,),
+}
 
 
 def test_the_tables_have_all_calls_with_arguments():

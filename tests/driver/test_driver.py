@@ -11,7 +11,6 @@ import pytest
 
 from mrl_driver.driver import Driver, Options, link_source
 from mrl_driver.errors import (
-    BatteryDead,
     BoardTimeout,
     ConfigError,
     FrameError,
@@ -44,37 +43,14 @@ def robot(serve):
         yield driver
 
 
-@pytest.mark.parametrize("huge", [1e308, -1e308])
-def test_a_huge_speed_is_clamped(robot, huge):
-    robot.drive(huge, 0.0)
-    assert robot.command == (math.copysign(0.3, huge), 0)
-
-
-@pytest.mark.parametrize("speeds", [(math.nan, 0), (0, math.inf), (-math.inf, math.nan), (10**400, 0)])
-def test_no_number_is_refused_and_stops_the_robot(robot, speeds):
-    robot.drive(0.2, 0)
-    with pytest.raises(FrameError, match="expected a finite number"):
-        robot.drive(*speeds)
-    wait_until(lambda: robot.fake.speeds == (0, 0))
-    assert robot.command is None
-
-
-def test_leaving_the_block_stops_the_robot_first(serve):
-    port = serve()
-    with Driver(port.path, options=Options(command_timeout_s=None)) as driver:
+@pytest.mark.parametrize("error", [False, True])
+def test_leaving_the_block_stops_the_robot_first(serve, error):
+    port, options = serve(), Options(command_timeout_s=None)
+    with contextlib.suppress(ZeroDivisionError), Driver(port.path, options=options) as driver:
         drive_until(driver, 0.2, 0, lambda: port.board.speeds == (200, 0))
+        1 / (not error)  # noqa: B018
     wait_until(lambda: port.board.speeds == (0, 0))
     assert port.board.moves[-1] == (200, 0)
-
-
-def test_an_error_in_the_block_stops_the_robot_too(serve):
-    port = serve()
-    with pytest.raises(ZeroDivisionError), Driver(
-        port.path, options=Options(command_timeout_s=None)
-    ) as driver:
-        drive_until(driver, 0.2, 0, lambda: port.board.speeds == (200, 0))
-        1 / 0  # noqa: B018
-    wait_until(lambda: port.board.speeds == (0, 0))
 
 
 @pytest.mark.realtime
@@ -191,19 +167,20 @@ def test_a_callback_cannot_start_a_robot_that_is_being_stopped(serve):
 
 def test_a_callback_cannot_turn_the_motors_of_a_robot_that_is_being_stopped(serve):
     """A request is a command, too."""
-    port = serve()
+    port, refused = serve(), []
 
     def turn(_):
-        with contextlib.suppress(MrlError):
+        try:
             driver.request(TURN, 50, 50)
+        except MrlError as error:
+            refused.append(str(error))
 
     with Driver(port.path) as driver:
         driver.on_telemetry(turn)
         wait_until(lambda: TURN in [frame.code for frame in port.board.heard])
-        before = len(port.board.heard)  # a pause of the host may have stopped it, too
     wait_until(lambda: port.board.period_s is None)
-    codes = [frame.code for frame in port.board.heard]
-    assert TURN not in codes[codes.index(STOP, before) :]
+    assert [code for code in (frame.code for frame in port.board.heard) if code in (TURN, STOP)][-1] == STOP
+    assert any("(the driver is being closed)" in each for each in refused)
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError(), FrameError("no such frame")])
@@ -240,29 +217,6 @@ def test_frames_leave_in_one_piece_whatever_the_link_does(robot, monkeypatch):
     assert all(frame.count(b"@") == 1 and frame[0] == ord("@") for frame in frames)
 
 
-def test_unplugging_is_a_lost_link(robot):
-    heard = []
-    robot.on_event(heard.append)
-    robot.port.unplug()
-    with pytest.raises(LinkLost, match="went away"):
-        robot.wait(PATIENCE_S)
-    wait_until(lambda: heard)
-    assert isinstance(heard[-1], LinkLost) and not robot.ready
-    with pytest.raises(LinkLost):
-        robot.drive(0.1, 0)
-
-
-def test_a_stalled_board_is_stale_and_no_command_is_taken(prompt, robot):
-    robot.drive(0.2, 0)
-    robot.port.held.set()
-    wait_until(lambda: not robot.ready)
-    assert not robot.drive(0.2, 0)
-    assert robot.ranges == {} and robot.twist == (0, 0)
-    robot.port.held.clear()
-    wait_until(lambda: robot.ready)
-    assert robot.command is None
-
-
 def test_another_model_is_refused(serve):
     with pytest.raises(WrongRobot, match=r"the board is traxbot \(id 1\), expected stingbot \(id 4, 5\)"):
         Driver(serve().path, "stingbot").connect()
@@ -274,15 +228,6 @@ def test_another_model_is_refused(serve):
 def test_an_unknown_id_is_refused(serve, robot_id, words):
     with pytest.raises(WrongRobot, match=words):
         Driver(serve(robot_id=robot_id).path).connect()
-
-
-def test_a_dead_battery_is_refused_unless_it_is_ignored(serve):
-    port = serve()
-    port.board.battery = 840
-    with pytest.raises(BatteryDead, match="at least 8.5 V"):
-        Driver(port.path).connect()
-    with Driver(port.path, options=Options(ignore_battery=True)) as driver:
-        assert driver.drive(0.1, 0)
 
 
 @pytest.mark.parametrize(
@@ -307,15 +252,6 @@ def test_a_driver_that_is_not_connected_says_so():
         driver.limited(0.1, 0.0)
     assert driver.telemetry is None and driver.pose == (0, 0, 0)
     driver.close()
-
-
-@pytest.mark.parametrize("code", [8, 6])
-def test_2013_boards_work(serve, code):
-    with Driver(serve(version=1, stream_code=code).path, options=Options(command_timeout_s=None)) as driver:
-        wait_until(lambda: driver.drive(0.2, 0) and driver.pose.x_m > 0.05, step_s=0.05)
-        wait_until(lambda: "front" in driver.ranges)
-        assert driver.ranges["front"] == pytest.approx(0.798, abs=0.001)
-        assert driver.board.protocol == 1 and driver.status is None
 
 
 def test_a_wait_for_longer_than_the_system_can_wait_waits(serve):

@@ -8,7 +8,7 @@ import pytest
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardError, ConfigError, MrlError, WrongRobot
-from mrl_driver.protocol import REQUESTS, REQUESTS_TO_ANY, Frame, FrameDecoder
+from mrl_driver.protocol import REQUESTS_TO_ANY, Frame, FrameDecoder
 from mrl_driver.robot import models
 from mrl_driver.session.events import SensorRead
 from mrl_driver.session.handshake import Board
@@ -32,17 +32,16 @@ def own_model(folder, robot_id, build=""):
 class Watched:
     """A stepped driver on an emulated board, and the requests that it sends."""
 
-    def __init__(self, robot="traxbot", build="environment", **board):
+    def __init__(self, model="traxbot", build="environment", **board):
         self.emulated = factory.make(
             factory.Options(**{"profile": "2013-august", "environment": True, **board})
         )
-        self.requests, self.bytes_sent = [], []
+        self.requests = []
         self._engine, self._decoder = self.emulated.engine, FrameDecoder(REQUESTS_TO_ANY)
-        self.driver = SteppedDriver(self, robot, options=Options(ignore_battery=True, build=build))
+        self.driver = SteppedDriver(self, model, options=Options(ignore_battery=True, build=build))
 
     def receive(self, data):
         now = self.driver.now_s
-        self.bytes_sent.append((now, len(data)))
         self.requests += [(now, event) for event in self._decoder.feed(data) if isinstance(event, Frame)]
         self._engine.receive(data)
 
@@ -122,21 +121,6 @@ def test_other_streams_are_stopped_before_and_this_one_at_the_end(driven):
     assert streams[:4] == [19, 24, 28, 25] and streams[-2:] == [19, 26]
 
 
-@pytest.mark.parametrize("build", models.BUILDS)
-def test_odometry_counts_what_the_wheels_do_with_either_stream(build):
-    """25 with environment sensors, 18 with sonars."""
-    watched = Watched(build=build, environment=build == "environment")
-    with watched as driver:
-        for _ in range(20):
-            driver.drive(0.3, 0.5)
-            driver.wait(0.05)
-        driver.stop()
-        driver.wait(1.0)
-        motors = watched.emulated.plant.motor_board
-        assert driver.telemetry.counts == (motors.encoder(3, driver.now_s), motors.encoder(1, driver.now_s))
-        assert driver.telemetry.counts.right > 100
-
-
 def test_telemetry_begins_again_after_a_reset():
     with Watched() as driver:
         driver.drive(0.2, 0.0)
@@ -189,14 +173,14 @@ def test_build_that_the_model_or_the_pins_of_its_bridge_exclude_is_refused(tmp_p
 
 
 def told_ranges(model, **board):
-    """Ranges of a second with a board, as telemetry and the driver tell them, and whether it has sonars."""
+    """Ranges of a second with a board, as telemetry and the driver tell them, and the sonars of its model."""
     emulated = factory.make(factory.Options(**board))
     told = {}
     try:
         with SteppedDriver(emulated.engine, model, options=Options(ignore_battery=True)) as driver:
             driver.on_telemetry(lambda each: told.update({name: each.ranges[name] for name in each.fresh}))
             driver.wait(1.0)
-            return {**told, **driver.ranges}, driver.has_sonars
+            return {**told, **driver.ranges}, set(driver.model.sonars)
     finally:
         emulated.close()
 
@@ -218,8 +202,8 @@ BUILD = "\nbuild: environment"
 def test_build_of_the_model_or_ids_of_sensor_boards_leave_no_ranges_unless_the_board_tells_its_build(
     tmp_path, robot_id, build, board, sonars
 ):
-    ranges, has_sonars = told_ranges(own_model(tmp_path, robot_id, build), robot_id=robot_id, **board)
-    assert (set(ranges), has_sonars) == (sonars, bool(sonars))
+    ranges, known = told_ranges(own_model(tmp_path, robot_id, build), robot_id=robot_id, **board)
+    assert set(ranges) == known == sonars
 
 
 WATCHED_S = 3.0
@@ -233,40 +217,25 @@ WITHOUT_COMPASS = {"alcohol", "dust", "light", "thermopile"}
 NO_MOTORS = "robot pioneer is a board without motors .drive: none.: it has sensors, and something else drives"
 
 
-class Seen:
+class Seen(Watched):
     """What a driver saw of a board in `WATCHED_S`; with `auto` as its robot."""
 
     def __init__(self, board):
+        super().__init__(
+            "auto", "", **{"profile": "current", "environment": False, "robot": "pioneer", **board}
+        )
         self.telemetry, self.batteries, self.read = [], [], set()
-        self._emulated = factory.make(factory.Options(robot="pioneer", **board))
-        self._sent = b""
-        self.driver = SteppedDriver(self)
         self.driver.on_telemetry(self.telemetry.append)
         self.driver.on(Board, self.batteries.append)
         self.driver.on(SensorRead, lambda event: self.read.add(event.name))
-        self.driver.connect()
-        self.driver.wait(WATCHED_S)
-
-    def receive(self, data):
-        self._sent += data
-        self._emulated.engine.receive(data)
-
-    def __getattr__(self, name):
-        return getattr(self._emulated.engine, name)
-
-    def requests(self):
-        return {event.code for event in FrameDecoder(REQUESTS).feed(self._sent) if isinstance(event, Frame)}
-
-    def close(self):
-        self.driver.close()
-        self._emulated.close()
 
 
 @pytest.fixture(scope="module", params=BOARDS)
 def watched(request):
     seen = Seen(BOARDS[request.param])
-    yield seen
-    seen.close()
+    with seen as driver:
+        driver.wait(WATCHED_S)
+        yield seen
 
 
 def test_its_model_is_found_by_its_id_and_its_sensors_are_read(watched):
@@ -307,7 +276,7 @@ def test_nothing_of_a_motor_board_is_told(watched):
 def test_driving_is_refused_in_one_line(watched, act):
     with pytest.raises(ConfigError, match=NO_MOTORS):
         act(watched.driver)
-    assert not watched.requests() & TURNING
+    assert not set(watched.codes()) & TURNING
 
 
 def connect(change=lambda plant: None, model="auto", **board):

@@ -130,7 +130,7 @@ class Flood:
 
 @pytest.mark.parametrize("garbage", [bytes(range(256)), b"@8,12345,-2", b"7" * 99])
 def test_a_flood_of_garbage_leaves_commands_and_telemetry_their_period(garbage):
-    """What feeds the board's watchdog goes on every 100 ms, questions every 500 ms; the robot drives on."""
+    """What feeds the board's watchdog goes on every 100 ms or with the frame before, questions every 500 ms."""
     plant = Plant(load("traxbot"))
     flood = Flood(garbage)
     line = flood.line = ScriptedLine(PythonBoard(plant), to_host=flood, step_s=0.001)
@@ -141,10 +141,10 @@ def test_a_flood_of_garbage_leaves_commands_and_telemetry_their_period(garbage):
     robot.drive(0.2, 0.0)
     flood.on, begun_s = True, robot.now_s
     robot.wait(FLOOD_S)
-    for start, period_s in ((b"@11,", 0.1), (b"@30,", 0.5)):
+    for start, least_s, most_s in ((b"@11,", 0.08, 0.1), (b"@30,", 0.5, 0.5)):
         times = [time_s for time_s, data in line.sent for _ in range(data.count(start)) if time_s > begun_s]
-        assert len(times) == pytest.approx(FLOOD_S / period_s, rel=0.1, abs=1)
-        assert all(b - a == pytest.approx(period_s, rel=0.1) for a, b in zip(times, times[1:]))
+        assert len(times) >= 0.9 * FLOOD_S / most_s - 1
+        assert all(0.9 * least_s <= b - a <= 1.1 * most_s for a, b in zip(times, times[1:]))
     assert len(told) == pytest.approx(FLOOD_S / 0.02, rel=0.1)
     assert robot.ready and robot.command == (0.2, 0.0) and robot.link.statistics.unanswered == 0
 

@@ -6,7 +6,6 @@ import sys
 
 import pytest
 
-from mrl_driver.transport.link import SerialLink
 from tests.waiting import wait_until
 
 BEGINNING = """
@@ -36,12 +35,6 @@ DRIVES_ON = """
         robot.drive(0.2, 0.0)
     sys.stdin.readline()
 """
-STAYS = """
-        print(flush=True)
-        sys.stdin.readline()
-        os._exit(0)
-    signal.pause()
-"""
 
 
 @pytest.fixture
@@ -69,11 +62,3 @@ def test_a_child_ends_and_leaves_the_robot_to_its_parent(run, program, url):
     wait_until(lambda: run.port.board.speeds == (200, 0))
     process.communicate("\n")
     assert process.returncode == 0 and run.port.board.moves[-1] == (200, 0)
-
-
-def test_a_child_does_not_keep_the_port_beyond_its_parents_end(run):
-    process = run(STAYS)
-    process.stdout.readline()
-    process.kill()
-    process.wait()
-    SerialLink(run.port.path).close()

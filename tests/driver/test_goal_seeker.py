@@ -97,6 +97,17 @@ def test_what_is_seen_near_closes_the_way_and_is_forgotten_where_later_looks_are
     assert floor.path((0.0, 0.0), (2.0, 0.0)) is None, "walled in"
 
 
+def test_a_look_frees_no_more_than_the_sensor_measures():
+    floor = FloorMap({**SONARS, "short": SONARS["front"]._replace(farthest_m=0.3)})
+    floor.see((0.0, 0.0, 0.0), {"front": 0.45})
+    for name, free in (("short", False), ("front", True)):
+        for _ in range(10):
+            floor.see((0.0, 0.0, 0.0), {name: math.inf})
+        for step in range(-10, 11):
+            floor.see((0.0, 0.0, 0.04 * step), {name: math.inf})
+        assert floor.is_free((0.0, 0.0), (1.0, 0.0)) == free
+
+
 def close_on_the_left(goal_y_m, yaw, x_m):
     """Speeds at these places, once something is close on the left of a robot that came along the x axis."""
     seeker = GoalSeeker((0.35, goal_y_m, 0.0), LIMITS, 0.0, SONARS)

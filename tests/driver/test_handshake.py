@@ -425,13 +425,14 @@ def begun(stream, bits, plan=handshake.Plan(check=False)):  # noqa: B008
     [
         (None, 0, 18, 8),
         ("start_omni_stream", OMNI, OMNI_STREAM, OMNI_STREAM),
-        (SENSOR_STREAM, ENVIRONMENT, SENSING, SENSING),
+        (SENSOR_STREAM, ENVIRONMENT | OMNI, SENSING, SENSING),
     ],
 )
 def test_the_stream_of_the_model_is_started_and_its_first_frame_ends_the_greeting(stream, bits, code, frame):
     hello = begun(stream, bits)
     assert hello.ask() == [[code]] and not hello.done
     assert hello.hear(CHECKED, Frame(frame, (0,) * 6)).done
+    assert hello.board.capabilities == handshake.capabilities_of(bits)
 
 
 @pytest.mark.parametrize("stream, bits", [("start_omni_stream", 0), (SENSOR_STREAM, SONARS)])

@@ -3,10 +3,10 @@
 import pytest
 
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import ConfigError, MrlError
+from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.hold_text import HoldText, is_newer
 from mrl_driver.protocol.stop_reason import StopReason
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from mrl_driver.robot.hold import Hold
 from sim_arduino.board import PythonBoard
 from sim_arduino.board.parameter_store import first, image
@@ -57,13 +57,6 @@ def test_hold_ends_the_command(robot):
     say(robot, "hold")
     assert robot.radio.hold == Hold("held", 1, 0, 0, HOLDER)
     assert robot.command is None and robot.stop_reason is StopReason.HELD
-
-
-def test_held_robot_takes_no_command(robot):
-    say(robot, "hold")
-    assert not robot.drive(0.2, 0.0)
-    with pytest.raises(MrlError, match="radio 0013a20040000002 holds the robot"):
-        robot.request(BY_NAME["move_motors"].code, 10, 10)
 
 
 def test_freed_robot_waits_for_a_new_command(robot):

@@ -294,6 +294,16 @@ def test_a_repeat_uses_a_call_a_little_before_it_is_due():
     assert motion.take(0.0901) == (MOVE, 200, 0)
 
 
+@pytest.mark.parametrize("pace, waits_s", [(QUICK, 0.0), (SLOW, SLOW.gap_s)], ids=["quick", "slow"])
+def test_only_boards_that_lose_commands_wait_for_one_that_follows_a_repeat(pace, waits_s):
+    motion = driven(pace)
+    motion.take(pace.repeat_s)
+    motion.drive((100, 0), pace.repeat_s)
+    assert drain(motion, pace.repeat_s, pace.repeat_s + 0.2)[0] == (
+        pytest.approx(pace.repeat_s + waits_s), (MOVE, 100, 0)
+    )  # fmt: skip
+
+
 SET_SPEEDS = [lambda motion, *to: motion.drive(*to), lambda motion, to, _: motion.adjust(to)]
 
 

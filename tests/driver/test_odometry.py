@@ -2,6 +2,7 @@
 
 import math
 import random
+import statistics
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from mrl_driver.geometry import ORIGIN, Pose, advance, quaternion_of, wrap_angle, wrap_angles, yaw_of
 from mrl_driver.robot.covariance import AT_START, TWIST_INTERVAL_S
 from mrl_driver.robot.heading import (
+    BIAS_WALK,
     FILTER_DELAY_S,
     HOLD_S,
     SILENT_S,
@@ -18,10 +20,11 @@ from mrl_driver.robot.heading import (
     STEADY_RAD_S,
     ZERO_RATE_RAD_S,
     HeadingFilter,
+    KnownBias,
 )
 from mrl_driver.robot.models import load
 from mrl_driver.robot.odometry import SLACK_S, Baseline, Odometry, Twist, fastest_wheel_m_s
-from mrl_driver.robot.omni_odometry import OmniOdometry
+from mrl_driver.robot.wheel_odometry import WheelOdometry
 
 DRIVE = load("traxbot").drive
 COUNT_M = DRIVE.metres_per_count
@@ -203,7 +206,9 @@ def test_after_a_gap_in_which_a_counter_may_have_wrapped_even_no_movement_is_unk
         ((80, 80, 0.0), (23, 23, 0.0), None, 2),
         ((80, 80, 0.0), (24, 24, 0.0), (-56, -56, 0.0), 1),
         ((60, 5000, 0.0), (10, 5050, 0.0), (-50, 50, 0.0), 1),
-        ((-16350, -16350, 0.0), (16350, 16350, WRAP_S - SLACK_S[False]), None, 2),
+        ((-60, -60, 0.0), (10, 10, 0.0), None, 2),
+        ((5000, 5000, 0.0), (5150, 5000, 0.05), (150, 0, 0.05), 1),
+        ((60, 60, 0.0), (32760, 32760, WRAP_S - SLACK_S[False]), None, 2),
     ],
     ids=[
         "as far as in the slack",
@@ -211,6 +216,8 @@ def test_after_a_gap_in_which_a_counter_may_have_wrapped_even_no_movement_is_unk
         "near zero: a restart",
         "not near zero",
         "a restart zeroes both counters",
+        "near zero from below",
+        "as far as in slack and time",
         "it may have wrapped",
     ],
 )
@@ -282,6 +289,15 @@ def test_the_uncertainty_is_told_the_way_of_each_wheel(counts):
 def test_the_uncertainty_is_told_that_the_wheels_stand():
     _, heard = told("uncertainty", (5, 5), (5, 5))
     assert (heard.moved, heard.stood) == ([], [(PERIOD_S, None)])
+
+
+def test_a_turn_on_standing_wheels_makes_the_pose_less_sure():
+    """As of a robot that is carried."""
+    odometry, heard = told("uncertainty", (5, 5))
+    odometry.heading = Heard()
+    odometry.heading.turn = lambda time_s, turn, rolled: 0.1
+    odometry.update(5, 5, PERIOD_S)
+    assert (heard.moved, heard.stood) == ([(ORIGIN, (0, 0), PERIOD_S, odometry.heading)], [])
 
 
 def test_a_new_pose_has_the_covariance_given():
@@ -383,11 +399,39 @@ def test_a_robot_that_moves_from_the_start_uses_its_wheels_until_it_has_stood():
     assert surer < learned_sd and robot.filter.bias_sd_rad_s > surer
 
 
+def test_each_stand_measures_the_bias_as_a_scalar_kalman_filter_does():
+    made, bias_rad_s, variance, time_s, learned_s, kept = (
+        HeadingFilter(),
+        0.0,
+        ZERO_RATE_RAD_S**2,
+        0.0,
+        0.0,
+        1.0,
+    )
+    assert (made.bias_sd_rad_s, made.unseen_rad2, made.in_use) == (ZERO_RATE_RAD_S, 0.0, False)
+    noise_rad2_s = 0.0
+    for mean_rad_s, swing_rad_s, share in ((0.05, 0.002, 1.0), (0.052, 0.004, 0.1)):
+        known, rates = made.bias_rad_s, []
+        while made.bias_rad_s == known:
+            time_s += PERIOD_S
+            rates.append(mean_rad_s + swing_rad_s * (-1) ** len(rates))
+            made.turn(time_s, 0.0, False)
+            made.on_imu(time_s + FILTER_DELAY_S, rates[-1])
+        prior = variance + BIAS_WALK**2 * (time_s - learned_s)
+        of_mean = statistics.variance(rates) / len(rates)
+        gain = prior / (prior + of_mean)
+        bias_rad_s += gain * (statistics.mean(rates) - bias_rad_s)
+        variance, learned_s, kept = (1 - gain) * prior, time_s, (1 - gain) * kept
+        assert (*made.known_bias[:2], made.kept) == pytest.approx((bias_rad_s, variance, kept), rel=1e-6)
+        noise_rad2_s += share * (statistics.variance(rates) * PERIOD_S - noise_rad2_s)
+        assert made.noise_rad2_s == pytest.approx(noise_rad2_s, rel=1e-6)
+
+
 def test_ten_quarter_turns_with_slip_are_right(robot):
     """A standing robot does not turn; readings twice and out of order change nothing."""
     before = robot.fused_rad
     robot.go(0.0, 60.0)
-    assert robot.fused_rad == before
+    assert robot.fused_rad == before and robot.filter.unseen_rad2 < 1e-8
     for _ in range(10):
         robot.go(math.pi / 2, 1.0)
         robot.read(math.pi / 2)
@@ -406,14 +450,14 @@ def test_a_robot_that_is_carried_turns_and_learns_nothing(robot):
     assert robot.filter.bias_rad_s == bias_rad_s
 
 
-def test_motion_too_fast_for_the_readings_makes_the_yaw_less_sure(robot):
-    unseen = []
-    for shaken in (0.0, 0.2):
-        robot.filter.unseen_rad2 = 0.0
-        for step in range(20):
-            robot.go(0.5 + shaken * (-1) ** step, PERIOD_S)
-        unseen.append(robot.filter.unseen_rad2)
-    assert unseen[1] > 20 * unseen[0]
+@pytest.mark.parametrize("shaken_rad_s", [0.0, 0.2])
+def test_motion_too_fast_for_the_readings_makes_the_yaw_less_sure(robot, shaken_rad_s):
+    for step in range(22):
+        if step == 2:
+            robot.filter.unseen_rad2 = 0.0
+        robot.go(0.5 + shaken_rad_s * (-1) ** step, PERIOD_S)
+    bend_rad = 4 * shaken_rad_s * PERIOD_S
+    assert robot.filter.unseen_rad2 == pytest.approx(20 * 0.09 * bend_rad**2, rel=0.05, abs=1e-8)
 
 
 def test_a_turn_as_steady_as_a_bias_is_a_turn_for_five_seconds(robot):
@@ -423,6 +467,34 @@ def test_a_turn_as_steady_as_a_bias_is_a_turn_for_five_seconds(robot):
     assert robot.filter.bias_rad_s == pytest.approx(BIAS_RAD_S, abs=STEADY_RAD_S / 10)
     robot.go(2 * STEADY_RAD_S, 4.0, wheels=False)
     assert robot.filter.bias_rad_s == pytest.approx(BIAS_RAD_S + 2 * STEADY_RAD_S, abs=STEADY_RAD_S / 10)
+
+
+@pytest.mark.parametrize("restarts", [False, True])
+def test_a_shifted_bias_is_not_learned_before_ten_stands_have_shown_it(robot, restarts):
+    before = robot.filter.bias_rad_s
+    if restarts:
+        robot.filter.reset()
+    robot.go(2 * STEADY_RAD_S, 10.5 * (STAND_S + PERIOD_S), wheels=False)
+    assert robot.filter.bias_rad_s == before
+
+
+@pytest.mark.parametrize("share, learned", [(0.97, True), (1.03, False)])
+def test_a_rate_of_more_than_four_standard_deviations_from_the_bias_is_a_turn(share, learned):
+    made, prior, noise = HeadingFilter(), 0.003**2, 0.004
+    made.resume(KnownBias(0.0, prior, 0.0))
+    rate_rad_s = share * 4 * math.sqrt(prior + noise**2 * PERIOD_S / STAND_S)
+    for step in range(27):
+        made.turn(step * PERIOD_S, 0.0, False)
+        made.on_imu(step * PERIOD_S + FILTER_DELAY_S, rate_rad_s + noise * (-1) ** step)
+    assert (made.bias_rad_s > 0.0) is learned
+
+
+def test_a_bias_of_before_is_used_without_a_stand(robot):
+    again, known = Robot(), robot.filter.known_bias
+    again.filter.resume(known)
+    assert again.filter.known_bias == known
+    again.go(0.5, 1.0)
+    assert again.filter.in_use and again.off_rad == pytest.approx(0.0, abs=0.01)
 
 
 @pytest.mark.parametrize("bias_rad_s, shaken_rad_s", [(1.1 * ZERO_RATE_RAD_S, 0.0), (BIAS_RAD_S, 0.02)])
@@ -456,9 +528,10 @@ def test_lost_readings_end_the_use_of_the_gyro_at_once_and_a_silence_after_a_whi
 
 
 def test_bias_outlives_a_restart_of_the_board_with_more_doubt(robot):
-    before = robot.filter.bias_rad_s, robot.filter.bias_sd_rad_s
+    before = robot.filter.bias_rad_s, robot.filter.bias_variance
     robot.filter.reset()
-    assert robot.filter.bias_rad_s == before[0] and robot.filter.bias_sd_rad_s > before[1]
+    assert robot.filter.bias_rad_s == before[0]
+    assert robot.filter.bias_variance == pytest.approx(before[1] + BIAS_WALK**2 * 60.0)
     robot.time_s, robot.fused_rad, robot.true_rad = 0.0, 0.0, 0.0
     robot.go(1.0, 2.0)
     robot.go(0.0, 1.0)
@@ -539,7 +612,7 @@ def stand(odometry, seconds, counts=lambda step: (0, 0), rate_rad_s=BIAS_RAD_S):
     return odometry
 
 
-@pytest.mark.parametrize("kind, name, still", [(Odometry, "traxbot", ()), (OmniOdometry, "omni", (0,))])
+@pytest.mark.parametrize("kind, name, still", [(Odometry, "traxbot", ()), (WheelOdometry, "omni", (0,))])
 def test_pose_has_the_way_of_the_wheels_and_the_turn_of_the_gyro(kind, name, still):
     """Wheels that claim to go straight, or one of three to stand, on a robot that turns to the left."""
     odometry = stand(with_gyro(kind, name), 1.0, lambda step: (0, 0, *still))

@@ -1,36 +1,27 @@
 """Kinematics of two and of three wheels, and a robot with three, from the command to the pose, in simulated time."""
 
-import cmath
 import math
-import subprocess
-import sys
 from statistics import mean
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.driver.options import Options as DriverOptions
-from mrl_driver.driver.robot_core import Core
 from mrl_driver.driver.simulated import SteppedDriver
-from mrl_driver.errors import ConfigError, FrameError, WrongRobot
+from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose, advance
-from mrl_driver.protocol import Frame
 from mrl_driver.robot import models
 from mrl_driver.robot.kinematics import Kinematics, Planar, differential, kinematics_of, mecanum, omni
 from mrl_driver.robot.models import Drive, MecanumDrive, OmniDrive
 from mrl_driver.robot.odometry import CONFIRMATIONS, OmniTwist, OmniWheels
-from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands, OmniOdometry
-from mrl_driver.robot.robot_state import RobotState
+from mrl_driver.robot.wheel_odometry import MOVE_OMNI, MOVE_TWIST, OmniCommands, PlanarCommands, WheelOdometry
 from mrl_driver.safety.speed_limiter import SpeedLimiter
-from mrl_driver.session.handshake import Board, Handshake, Plan
 from sim_arduino.serve.factory import Options, make
 
 OMNI = models.load("omni")
 POSE_M, YAW_RAD = 0.002, 0.005
 """Odometry against the truth after some metres: counts round to 0.07 mm, chords of a frame to less."""
-SQUARE_M = 0.001
 speed = st.floats(-2, 2)
 
 
@@ -73,24 +64,6 @@ def test_it_goes_where_odometry_says(robot):
     assert off_m(robot, start, driver.pose) < POSE_M and off_rad(robot, start) < YAW_RAD
     assert driver.stopped and driver.mismatch is None and driver.link.statistics.refused_counts == 0
     assert isinstance(driver.telemetry.counts, OmniWheels)
-
-
-def test_a_square_of_a_metre_while_it_turns(robot):
-    """Over the wire, in whole counts: odometry knows to 1 mm where the robot has come to rest."""
-    driver, start = robot.driver, Pose(*robot.true_pose)
-    for corner in ((1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)):
-        for _ in range(200):
-            x_m, y_m, yaw_rad = driver.pose
-            away = complex(corner[0] - x_m, corner[1] - y_m) * cmath.rect(1.0, -yaw_rad)
-            if abs(away) < 0.02:
-                break
-            slide = away / abs(away) * min(0.25, 2 * abs(away))
-            driver.drive(slide.real, 0.4, slide.imag)
-            driver.wait(0.1)
-        assert off_m(robot, start, corner) < 0.03
-    driver.stop()
-    driver.wait(1.0)
-    assert off_m(robot, start, driver.pose) < SQUARE_M and off_rad(robot, start) < YAW_RAD
 
 
 def test_two_counters_that_were_requested_do_not_move_it(robot):
@@ -159,7 +132,7 @@ def test_wheels_that_sit_elsewhere_turn_the_direction():
 
 def test_counters_that_wrap_and_one_that_jumps():
     """The wrap is movement; a jump of one counter is refused until it is confirmed, and never integrated."""
-    odometry = OmniOdometry(OMNI.drive, 1.5)
+    odometry = WheelOdometry(OMNI.drive, 1.5)
     odometry.update(32767, -32768, 0.0, 10)
     assert odometry.update(-32767, -32766, 0.01, 12)
     assert odometry.travel == (2, 2, 2)
@@ -173,55 +146,10 @@ def test_counters_that_wrap_and_one_that_jumps():
 @pytest.mark.parametrize("exact", [True, False])
 def test_three_counters_that_start_from_zero_again_move_nothing(exact):
     """A board that goes on streaming after its restart, with little on its counters."""
-    odometry = OmniOdometry(OMNI.drive, 1.5, exact)
+    odometry = WheelOdometry(OMNI.drive, 1.5, exact)
     for frame, count in enumerate([2000, 2001, 2002, 2003, 0, 1, 2, 3, 4]):
         odometry.update(count, count, 0.02 * frame, count)
     assert max(map(abs, odometry.travel)) <= 6
-
-
-def test_two_wheels_refuse_to_go_sideways_and_stop():
-    made = make(Options(robot="traxbot"))
-    with SteppedDriver(made.engine, "traxbot") as driver:
-        driver.drive(0.2, 0.0)
-        driver.wait(0.5)
-        with pytest.raises(
-            FrameError, match=r"differential base cannot move sideways \(0.1 m/s requested\).*stopped"
-        ):
-            driver.drive(0.2, 0.0, 0.1)
-        assert driver.command is None
-    made.close()
-
-
-def test_not_a_number_sideways_stops(robot):
-    with pytest.raises(FrameError, match="lateral_m_s is nan, expected a finite number"):
-        robot.driver.drive(0.1, 0.0, math.nan)
-
-
-MECANUM = OMNI._replace(drive=models.MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0))
-
-
-@pytest.mark.parametrize(
-    "use",
-    [
-        lambda model: Core(model, DEFAULTS),
-        lambda model: RobotState(model).admit(Board(21, 2, 1.72, 12.0, 25.0)),
-    ],
-    ids=["given", "known when its board answers"],
-)
-def test_a_base_that_no_board_moves_is_refused(use):
-    with pytest.raises(ConfigError, match="drive of kind mecanum, which no board with three motors moves"):
-        use(MECANUM)
-
-
-@pytest.mark.parametrize("version", [1, 2])
-def test_a_board_that_does_not_know_three_wheels(version):
-    """2013's firmware, or ours of before: the greeting says what to do, and starts no stream."""
-    sent = []
-    greeting = Handshake(Plan(), lambda *args, **_: sent.append(args), lambda _: "start_omni_stream", 0.0)
-    with pytest.raises(WrongRobot, match="does not know three wheels .*mrl flash"):
-        for frame in 3 * [Frame(5, (2500, 172, 1200, version, 21))] + 3 * [Frame(29, (2, 30))]:
-            greeting.on_frame(frame, 0.1, checked=False)
-    assert not {18, 44} & {args[0] for args in sent}
 
 
 EXACT = 1e-12
@@ -284,10 +212,7 @@ def test_closed_form_of_four_mecanum_wheels(ways):
 
 
 @pytest.mark.parametrize("base", BASES.values(), ids=BASES)
-@given(
-    twist=st.one_of(twists, twists.map(huge)),
-    most=st.floats(0.05, 1.0),
-)
+@given(twist=st.one_of(twists, twists.map(huge)), most=st.floats(0.05, 1.0))
 def test_saturation_keeps_the_direction(base, twist, most):
     told = possible(base, twist)
     kept = base.saturated(told, most)
@@ -355,9 +280,7 @@ def test_the_drive_of_a_model_chooses_the_base(drive, kind, arm_m):
     assert max(base.wheel_steps(Planar(0.0, 0.0, 1.0))) == pytest.approx(arm_m)
 
 
-def test_no_arrays_on_the_drivers_path():
-    """A ROS node has no 30 MB to spare for numpy."""
-    code = (
-        "import mrl_driver.driver.driver, mrl_driver.robot.kinematics, sys; sys.exit('numpy' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+def test_a_request_makes_up_for_slip_to_the_side():
+    commands = PlanarCommands(MecanumDrive(0.2, 0.15, 0.05, 2000, 1.0, side_slip=0.2))
+    assert commands.spell((100, 0, 80)) == (MOVE_TWIST, 100, 100, 0)
+    assert commands.read((100, 100, 0)) == OmniTwist(0.1, 0.0, pytest.approx(0.08))

@@ -246,9 +246,30 @@ def refuse(name):
 )
 def test_an_address_where_nobody_answers_does_not_mean_another_board(name, error, same):
     search = reconnect.Reconnection(name, refuse, 1.0)
-    search.lose(LinkLost("gone"), 0.0)
-    search.lose(error, 0.1)
+    assert search.lose(LinkLost("gone"), 0.0) and not search.lose(error, 0.1)
     assert search.same_board is same
+
+
+def test_a_name_on_which_another_robot_has_answered_is_left_alone_for_longer(monkeypatch, tmp_path):
+    now, opened, name = [0.0], [], str(tmp_path / "robot")
+    open(name, "w").close()
+    monkeypatch.setattr(reconnect.time, "monotonic", lambda: now[0])
+    search = reconnect.Reconnection(name, opened.append, 1.0)
+    search.lose(LinkLost("gone"), 0.0)
+    search.lose(WrongRobot("another id"), 0.0)
+    for now[0] in (reconnect.AGAIN_S, reconnect.WRONG_AGAIN_S - 0.1, reconnect.WRONG_AGAIN_S):
+        search.look()
+    assert opened == [name]
+
+
+def test_a_board_has_its_time_to_answer(monkeypatch, tmp_path):
+    monkeypatch.setattr(reconnect.time, "monotonic", lambda: 5.0)
+    search = reconnect.Reconnection(str(tmp_path), str, 1.5)
+    search.lose(LinkLost("gone"), 5.0)
+    search.look()
+    assert not search.judge(False, 6.4)
+    with pytest.raises(BoardTimeout, match=f"{tmp_path} does not answer"):
+        search.judge(False, 6.5)
 
 
 def test_a_robot_that_was_found_elsewhere_is_looked_for_as_it_is_there(monkeypatch, tmp_path):
@@ -269,12 +290,17 @@ def test_a_robot_that_was_found_elsewhere_is_looked_for_as_it_is_there(monkeypat
     assert search.look() is None and opened == [two]
 
 
-def test_a_port_that_another_program_uses_gives_way_to_the_next(monkeypatch, tmp_path):
+@pytest.mark.parametrize("opens", [False, True])
+def test_a_port_that_another_program_uses_or_that_does_not_open_gives_way_to_the_next(
+    monkeypatch, tmp_path, opens
+):
     one, two = (str(tmp_path / name) for name in ("one", "two"))
     there, opened = [Port(one, (), 1, 2)], []
     monkeypatch.setattr(reconnect, "described", lambda: list(there))
-    monkeypatch.setattr(reconnect, "opened_by", lambda name: "cat" if name == one else "")
-    search = reconnect.Reconnection(one, opened.append, 1.0)
+    monkeypatch.setattr(reconnect, "opened_by", lambda name: "cat" if name == one and opens else "")
+    search = reconnect.Reconnection(
+        one, lambda name: refuse(name) if name == one else opened.append(name), 1.0
+    )
     search.lose(LinkLost("gone"), 0.0)
     for name in (one, two):
         open(name, "w").close()
@@ -282,6 +308,21 @@ def test_a_port_that_another_program_uses_gives_way_to_the_next(monkeypatch, tmp
     search.look()
     search.look()
     assert opened == [two]
+
+
+def test_a_robot_that_was_one_of_several_may_be_another_board(monkeypatch, tmp_path):
+    one, *two = (Port(str(tmp_path / name), (), 1, 2) for name in "abc")
+    there = [one]
+    monkeypatch.setattr(reconnect, "described", lambda: there)
+    search = reconnect.Reconnection(one.device, str, 1.0)
+    search.lose(LinkLost("gone"), 0.0)
+    there[:] = two
+    for port in two:
+        open(port.device, "w").close()
+    search.look()
+    with pytest.raises(WrongRobot, match="others like it must be asked first") as undecided:
+        search.judge(True, 0.1)
+    assert not search.lose(undecided.value, 0.2) and not search.same_board
 
 
 @pytest.fixture

@@ -1,9 +1,12 @@
 """The driver on a recording: its listeners get what those of the recorded driver got."""
 
+import json
+import math
 import threading
 import time
 from itertools import takewhile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -15,12 +18,20 @@ from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, LinkLost
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol import REPLIES, Frame, Garbage, encode_request
+from mrl_driver.protocol import REPLIES, Frame, Garbage, Stamp, encode_reply, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.decoded import FrameReader
-from mrl_driver.recording.recorded_facts import model_of, model_text
+from mrl_driver.recording.recorded_facts import (
+    Joined,
+    model_of,
+    model_text,
+    pose_of,
+    session_of,
+    session_text,
+)
 from mrl_driver.recording.recording import FROM_BOARD
 from mrl_driver.robot import models
+from mrl_driver.robot.heading import KnownBias
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import Lost, Reconnected, SensorRead, Status
@@ -344,7 +355,7 @@ def test_a_new_difference_of_the_clocks_holds_for_the_frame_that_noticed_it(shor
     assert {ahead for time_s, ahead in seen if time_s >= changed_s} == {7.5}
 
 
-@pytest.mark.parametrize("size", [1, 3, 7, 1000])
+@pytest.mark.parametrize("size", [1, 3, 7, 46, 1000])
 def test_each_frame_has_its_bytes_however_they_arrive(size):
     frames = [b"@5,2500,172,1180,2,1e", b"@30,0,1,1,1,0,0e"]
     data, reader = b"the\r\n" + b"\r\n".join(frames) + b"\r\n@6,1@30,0,1,1,1,0,0e", FrameReader(REPLIES)
@@ -352,6 +363,92 @@ def test_each_frame_has_its_bytes_however_they_arrive(size):
     found = [each for piece in pieces for each in reader.read(piece, False, False)]
     assert [raw for event, raw in found if isinstance(event, Frame)] == [*frames, frames[1]]
     assert [raw for event, raw in found if isinstance(event, Garbage)] == [b"the", b"@6,1"]
+
+
+@pytest.mark.parametrize(
+    "turned, kinds", [(True, [Frame, Frame, Garbage]), (False, [Garbage, Garbage, Garbage])]
+)
+def test_frames_of_the_other_form_are_read_where_the_form_may_have_turned(turned, kinds):
+    """And after the first one they are the rule; other garbage stays what it is."""
+    checked, plain = encode_reply(7, 30, 40, 50, checked=True), encode_reply(7, 30, 40, 50)
+    reader = FrameReader(REPLIES)
+    found = reader.read(checked + b"\r\n", False, turned) + reader.read(
+        checked + b"\r\n" + b"x\r\n", None, False
+    )
+    assert [type(event) for event, _ in found] == kinds
+    if turned:
+        assert [raw for _, raw in reader.read(plain, None, True)] == [plain.strip()]
+
+
+@pytest.mark.parametrize(
+    "checked, stamp, whole", [(True, Stamp(7, 1234), True), (False, None, True), (True, None, False)]
+)
+@pytest.mark.parametrize("bias", [None, KnownBias(0.01, 1e-6, 2e-7)])
+def test_a_session_is_read_as_it_was_written(checked, stamp, whole, bias):
+    """A frame without a stamp came before the checksums: it says nothing about what follows."""
+    last = Frame(BY_NAME["read_encoders_and_sonars"].code, (1, 2, 30, 40, 50), stamp)
+    session = SimpleNamespace(checked=checked, last_frame=last, stream_code=last.code)
+    board = Board(1, 2, 1.72, 12.0, 25.0, 2, frozenset({"check", "imu"}))
+    expected = Joined(board, last.code, checked, 3.5, last if whole else None, bias)
+    assert session_of(session_text(session, board, 3.5, bias)) == expected
+
+
+SAVED = {"stream": 7, "checked": False, "stamp_s": 3.5, "frame": "@7,30,40,50e", "bias": None}
+SAVED["board"] = Board(1, 2, 1.72, 12.0, 25.0, 2, ["imu"])._asdict()
+NUMBERS, WHOLE = ("battery_v", "temperature_c", "motor_board_version"), ("robot_id", "version", "protocol")
+GOOD = {**dict.fromkeys(WHOLE, (0, 32767)), **dict.fromkeys(NUMBERS, (math.nan, 0)), "capabilities": ([],)}
+BAD = {
+    **dict.fromkeys((*WHOLE, "stream"), (32768, -1, 1.0)),
+    **dict.fromkeys(NUMBERS, (math.inf, "x")),
+    **{"capabilities": ([1], 7), "checked": (0, None), "stamp_s": ("x",), "board": (1,)},
+}
+
+
+def joined(**changes):
+    board = {name: changes.pop(name, value) for name, value in SAVED["board"].items()}
+    return session_of(json.dumps({**SAVED, "board": board, **changes}))
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_session_with_a_damaged_fact_is_not_joined(name):
+    assert [joined(**{name: value}) for value in BAD[name]] == [None] * len(BAD[name])
+    assert all(joined(**{name: value}) for value in GOOD.get(name, ()))
+
+
+@pytest.mark.parametrize("stamp_s, whole", [(0, True), (math.nan, False), (math.inf, False)])
+def test_a_last_frame_without_a_time_is_not_used(stamp_s, whole):
+    assert joined(stamp_s=stamp_s).last == (Frame(7, (30, 40, 50)) if whole else None)
+    assert joined(stream=32767).last is None, "it is not the frame of the stream"
+    assert joined(frame="\u00e9").last is None
+
+
+@pytest.mark.parametrize("text", ["[]", "7", "{}", "[" * 100000, "x"], ids=len)
+def test_what_is_no_session_is_not_joined(text):
+    assert session_of(text) is None and model_of(text) is None
+
+
+@pytest.mark.parametrize("bias", [[1.0, 0.0, 0.0], [-1, 1, 1.0]])
+def test_a_bias_that_is_damaged_is_not_used(bias):
+    assert joined(bias=bias).bias == tuple(bias)
+    negative, large = ([0.0, -0.1, 0.0], [0.0, 0.0, -0.1]), ([1.5, 0.0, 0.0], [0.0, 0.0, 1.5])
+    for damaged in (
+        *negative,
+        *large,
+        [],
+        [*bias, 0.1],
+        bias[:2],
+        "abc",
+        [True, 0.0, 0.0],
+        [math.nan, 0.0, 0.0],
+    ):
+        assert joined(bias=damaged).bias is None
+
+
+def test_a_pose_is_read_with_its_covariance():
+    text = b"1 2 0.5 3 0 0 4 0 5"
+    assert pose_of(text) == (Pose(1.0, 2.0, 0.5), (3.0, 0.0, 0.0, 4.0, 0.0, 5.0))
+    for damaged in (text[:-2], text + b" 6", b"x", text.replace(b"2", b"nan"), text.replace(b"3", b"-3")):
+        assert pose_of(damaged) is None
 
 
 def test_a_request_that_turned_motors_plays_without_a_stop(tmp_path):

@@ -4,18 +4,37 @@ import codecs
 import errno
 import gzip
 import io
+import itertools
+import json
 import os
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import create_unused
-from mrl_driver.recording import recording
-from mrl_driver.recording.recording import FROM_BOARD, LONGEST_LINE, TO_BOARD, Recorder, Recording, read_lines
+from mrl_driver.geometry import Pose
+from mrl_driver.recording import recorded_link, recording
+from mrl_driver.recording.recorded_facts import model_text
+from mrl_driver.recording.recorded_link import DriverRecording, RecordedLink
+from mrl_driver.recording.recording import (
+    FROM_BOARD,
+    LONGEST_LINE,
+    TO_BOARD,
+    Recorder,
+    Recording,
+    read_lines,
+    started_s,
+)
+from mrl_driver.robot import models
+from mrl_driver.robot.covariance import AT_START
+from mrl_driver.safety.wheel_monitor import Mismatch
+from mrl_driver.session.events import Lost
+from mrl_driver.session.handshake import Board
 from tests.waiting import PATIENCE_S, wait_until
 
 HEADER = '#mrl-recording 1 {"port": "x"}\n'
@@ -37,6 +56,7 @@ def read(tmp_path, text):
 
 
 @given(st.lists(st.tuples(st.sampled_from([TO_BOARD, FROM_BOARD]), st.binary(max_size=60)), max_size=20))
+@example([(FROM_BOARD, b"@6,1e\r\n"), (TO_BOARD, b"\x00\r\n"), (FROM_BOARD, b"\\\r\n"), (FROM_BOARD, b"")])
 def test_bytes_come_back(tmp_path_factory, chunks):
     path = tmp_path_factory.mktemp("log") / "log"
     record(path, chunks)
@@ -47,9 +67,15 @@ def test_what_was_added_is_on_the_disk_within_a_second(tmp_path):
     """A program that is killed loses no more."""
     recorder = Recorder(str(tmp_path / "log"))
     recorder.add(FROM_BOARD, b"@6,1,2e")
-    assert recording.FLUSH_S <= 0.5
+    assert recording.FLUSH_S + recording.HOLD_S <= 0.25 and (
+        recorder.lost,
+        recorder.error,
+        recorder.loss,
+    ) == (0, "", "")
     wait_until(lambda: b"@6,1,2e" in (tmp_path / "log").read_bytes())
+    assert ("recorder", True) in [(each.name, each.daemon) for each in threading.enumerate()]
     recorder.close()
+    assert "recorder" not in [each.name for each in threading.enumerate()]
 
 
 def recorded_late(path, monkeypatch, meanwhile):
@@ -113,6 +139,34 @@ def test_a_recording_that_is_being_written_is_not_replaced(tmp_path):
     record(tmp_path / "log", [])
 
 
+def test_a_disk_that_is_too_slow_costs_the_lines_that_wait_for_no_place(tmp_path, monkeypatch):
+    """20 000 lines, of the time in which the disk may pause."""
+    monkeypatch.setattr(recording, "FLUSH_S", PATIENCE_S)
+    recorder = record(tmp_path / "log", [(FROM_BOARD, b"")] * 20003)
+    assert (recorder.lost, recorder.error) == (3, "the disk is too slow")
+    assert len(list(Recording(str(tmp_path / "log")))) == 20000
+
+
+@pytest.mark.parametrize(
+    "header, time_s",
+    [
+        ({"started": "2026-03-01T12:00:00+00:00"}, 1772366400.0),
+        ({}, 0.0),
+        ({"started": "x"}, 0.0),
+    ],
+)
+def test_the_time_of_the_start_is_that_of_the_header(header, time_s):
+    assert started_s(header) == time_s
+
+
+def test_a_recording_begins_now_by_both_clocks(tmp_path):
+    record(tmp_path / "log", [], port="x")
+    header = Recording(str(tmp_path / "log")).header
+    assert started_s(header) == pytest.approx(time.time(), abs=PATIENCE_S)
+    assert header["clock_us"] == pytest.approx(time.monotonic() * 1e6, abs=PATIENCE_S * 1e6)
+    assert header["port"] == "x" and header["started"].endswith("+00:00")
+
+
 def test_a_full_disk_is_counted_and_named():
     recorder = Recorder("/dev/full")
     recorder.add(FROM_BOARD, b"@6,1,2e")
@@ -137,6 +191,21 @@ def test_the_reason_of_a_loss_is_kept_when_there_is_room_again(tmp_path, monkeyp
     assert f"lacks 1 lines: {os.strerror(errno.ENOSPC)}" in recorder.loss
 
 
+def test_the_line_after_one_that_the_disk_took_in_part_is_whole(tmp_path, monkeypatch):
+    recorder, write = Recorder(str(tmp_path / "log")), os.write
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", lambda fd, data: write(fd, data[:-3]))
+        recorder.add(FROM_BOARD, b"torn")
+        wait_until(lambda: recorder.lost)
+    recorder.add(FROM_BOARD, b"whole")
+    recorder.close()
+    assert (recorder.lost, recorder.error) == (1, "the disk accepted only a part of a line")
+    assert [line.split(" ")[2:] for line in (tmp_path / "log").read_text().splitlines()[1:]] == [
+        ["to"],
+        ["whole"],
+    ]
+
+
 def test_a_pipe_that_nobody_reads_is_refused(tmp_path):
     """It would hold the caller, who may be driving, until somebody does."""
     pipe = str(tmp_path / "pipe")
@@ -154,11 +223,15 @@ def test_a_torn_last_line_is_skipped(tmp_path):
     "line, problem",
     [
         ("x < @6e", "time is b'x', expected seconds"),
+        (f"{'x' * 30} < @6e", f"time is b'{'x' * 20}', expected"),
         ("-1 < @6e", "time is -1.0"),
         ("nan < @6e", "time is nan"),
+        ("1000000000 < @6e", "time is 1000000000.0, expected 0 or more seconds"),
         ("0.05 < @6e", "time 0.05 is before 0.1"),
         ("0.2 = @6e", "direction is b'='"),
+        (f"0.2 {'=' * 30} @6e", f"direction is b'{'=' * 20}', expected"),
         ("0.2 < \\x4", "not escaped"),
+        (f"0.2 < {'a' * 20}\\x4", f"bytes b'{'a' * 20}' are not escaped"),
         ("\x00\x00\x00", "time is"),
     ],
 )
@@ -174,6 +247,25 @@ def test_lines_that_wait_for_their_order_are_few():
     entries = read_lines(file, lambda number, problem: skipped.append(number))
     assert next(entries).data == b"a" and file.tell() < 3000
     assert next(entries).data == b"b" and skipped == [*range(3, 5003)]
+
+
+@pytest.mark.parametrize("late, kept", [(3, b"abbbb"), (4, b"cccc")])
+def test_a_time_is_damaged_if_most_of_the_seven_behind_it_are_earlier(tmp_path, late, kept):
+    lines = ["9 < a", *["10 < b"] * (7 - late), *["0 < c"] * late]
+    recording, entries = read(tmp_path, HEADER + "\n".join(lines) + "\n")
+    assert b"".join(entry.data for entry in entries) == kept
+
+
+def test_the_first_hundred_bad_lines_are_named_and_all_are_counted_each_time(tmp_path):
+    recording, _ = read(tmp_path, HEADER + "0.1 < a\nx\n" * 150)
+    assert recording.skipped_count == 150
+    assert len(list(recording)) == recording.skipped_count == 150
+    assert [*recording.skipped] == [*range(3, 203, 2)]
+
+
+def test_a_file_is_read_if_half_of_its_lines_are_good(tmp_path, monkeypatch):
+    monkeypatch.setattr(recording, "_MOST_SKIPPED", 10)
+    assert len(read(tmp_path, HEADER + "0.1 < a\n" * 15 + "x\n" * 16)[1]) == 15
 
 
 def test_a_file_that_is_damaged_beyond_use_is_refused_soon(tmp_path):
@@ -199,7 +291,7 @@ def test_what_is_no_recording_is_refused(tmp_path, text, message):
         read(tmp_path, text)
 
 
-RECORDED = (HEADER + "0.100000 < a\n0.200000 < b\n").encode()
+RECORDED = (HEADER + "10.100000 < a\n10.200000 < b\n").encode()
 
 
 @pytest.mark.parametrize(
@@ -217,19 +309,23 @@ def test_a_recording_in_another_form_is_named_with_what_to_do(tmp_path, text, me
         read(tmp_path, text)
 
 
-@pytest.mark.parametrize("before", [codecs.BOM_UTF8, b"\n", b"\r\n \n", codecs.BOM_UTF8 + b"\n"], ids=repr)
+@pytest.mark.parametrize(
+    "before",
+    [codecs.BOM_UTF8, b"\n", b"\r\n \n", codecs.BOM_UTF8 + b"\n"],
+    ids=["mark", "line", "lines", "mark and line"],
+)
 def test_a_byte_order_mark_and_empty_lines_before_the_header_are_skipped(tmp_path, before):
     recording, entries = read(tmp_path, before + RECORDED + b"x\n")
-    assert recording.header == {"port": "x"} and [entry.data for entry in entries] == [b"a", b"b"]
+    assert recording.header == {"port": "x"} and entries == [(10.1, "<", b"a"), (10.2, "<", b"b")]
     assert [*recording.skipped] == [before.count(b"\n") + 4]
 
 
 @pytest.mark.parametrize(
-    "first", ["#mrl-recordinX 1 {}", '#mrl-recording 1 {"port": "x"', "\x00\x00", "x" * 70000]
+    "first", ["#mrl-recordinX 1 {}", '#mrl-recording 1 {"port": "\xff"', "\x00\x00", "x" * 70000]
 )
 def test_a_damaged_first_line_costs_itself_alone(tmp_path, first):
     recording, entries = read(tmp_path, RECORDED.replace(HEADER[:-1].encode(), first.encode()))
-    assert [entry.data for entry in entries] == [b"a", b"b"]
+    assert entries == [(10.1, "<", b"a"), (10.2, "<", b"b")]
     assert recording.header == {} and [*recording.skipped] == [1]
 
 
@@ -242,9 +338,140 @@ def test_a_damaged_digit_of_a_time_costs_its_own_line(tmp_path):
     assert recording.skipped == {42: "time 9.8 is after that of most of the 7 lines behind it"}
 
 
+def test_a_header_may_be_missing_or_have_no_facts(tmp_path):
+    lines = RECORDED.decode().partition("\n")[2]
+    for first, number in (("", 1), ("\n", 1), ("\n\n", 2)):
+        recording, entries = read(tmp_path, first + lines)
+        assert len(entries) == 2 and [*recording.skipped] == [number]
+    recording, entries = read(tmp_path, "#mrl-recording 1\n" + lines)
+    assert (len(entries), recording.header, recording.skipped) == (2, {}, {})
+
+
 def test_a_line_that_is_too_long_is_skipped(tmp_path):
-    long = b"0.5 < " + b"a" * LONGEST_LINE
+    long = b"0.5 < " + b"a" * (LONGEST_LINE - 6)
+    assert len(read(tmp_path, HEADER.encode() + long[:-1] + b"\n")[1]) == 1
     (tmp_path / "log").write_bytes(b"#mrl-recording 1 {}\n0.1 < a\n" + long + b"\n0.6 < b\n")
     recording = Recording(str(tmp_path / "log"))
     assert [each.data for each in recording] == [b"a", b"b"]
     assert recording.skipped == {3: f"longer than {LONGEST_LINE} bytes"}
+
+
+# -- links that are recorded
+
+
+def wire(calls, *reads):
+    """A link that notes what is called, and reads this."""
+    found = {"read": iter(reads).__next__, "fileno": lambda: 7}
+
+    def call(name):
+        return lambda *args: (calls.append((name, *args)), found.get(name, str)())[1]
+
+    names = ("read", "write", "wake", "close", "fileno", "set_baud")
+    return SimpleNamespace(port="p\udcff", **{name: call(name) for name in names})
+
+
+def test_a_recorded_link_passes_all_on_and_tells_each_chunk():
+    """Before it is written, and after it was read."""
+    calls = []
+    link = RecordedLink(wire(calls, b"in", b""), lambda *chunk: calls.append(chunk))
+    assert (link.read(0.5), link.read(0.1), link.fileno(), link.port) == (b"in", b"", 7, "p\udcff")
+    link.write(b"out")
+    link.wake()
+    link.set_baud(9600)
+    link.close()
+    begin = [("read", 0.5), ("<", b"in"), ("read", 0.1), ("fileno",), (">", b"out"), ("write", b"out")]
+    assert calls == [*begin, ("wake",), ("set_baud", 9600), ("close",)]
+
+
+@pytest.fixture
+def made(tmp_path):
+    """The recording of a driver whose clock goes on by 1 s with each look; its file, and what its `tap` gets."""
+    clock, taps = itertools.count(), []
+    made = DriverRecording(
+        "p", 9600, lambda *chunk: taps.append(chunk), {"check": True}, lambda: float(next(clock))
+    )
+    made.remark(b"nobody records it yet")
+    made.use(made.create(str(tmp_path / "log")))
+    made.taps, made.path = taps, str(tmp_path / "log")
+    return made
+
+
+def test_what_a_driver_does_is_recorded_with_the_time_that_it_uses(made):
+    assert made.due
+    link = made.begin(wire([], b"in"))
+    assert not made.due and link.read(0.0) == b"in"
+    link.write(b"out")
+    made.heard(b"in", 9.0)
+    made.heard(b"", 10.0)
+    made.clock(1.5)
+    made.again(11.0, same=True)
+    made.lost(Lost("p", "gone"), True, 12.0)
+    recorder = made.stop()
+    assert made.due and made.stop() is None
+    made.remark(b"too late")
+    recorder.close()
+    recorded = Recording(made.path)
+    assert [*recorded] == [
+        *((1.0, "!", b"opened p?"), (2.0, "!", b"session new"), (3.0, ">", b"out"), (9.0, "<", b"in")),
+        *((10.0, "!", b"clock 1.5"), (11.0, "!", b"session again same")),
+        (12.0, "!", b'lost {"port": "p", "reason": "gone", "may_move": false, "reported": true}'),
+    ]
+    facts = {"port": "p", "baud": 9600, "options": {"check": True}, "clock_us": 0}
+    assert facts.items() <= recorded.header.items() and made.taps == [("<", b"in"), (">", b"out")]
+
+
+@pytest.mark.parametrize(
+    "ready, telemetry, stamp_s", [(True, 3.5, 3.5), (True, None, 4.5), (False, None, None)]
+)
+def test_a_recording_that_begins_in_mid_run_has_what_came_before(made, ready, telemetry, stamp_s):
+    """And the bytes of the frame that has begun."""
+    motion = SimpleNamespace(stops=3, stop_reason="user")
+    session = SimpleNamespace(
+        ready=ready, checked=True, stream_code=6, last_frame=None, heard_s=4.5, pending=b"@6"
+    )
+    session.out, session.motion, board = (
+        b"",
+        motion,
+        Board(1, 2, 1.72, 12.0, 25.0, 2, frozenset({"imu", "check"})),
+    )
+    heading = SimpleNamespace(known_bias=(0.5, 0.25, 0.125))
+    state = SimpleNamespace(
+        info=board,
+        model=models.load("traxbot"),
+        telemetry=telemetry and SimpleNamespace(stamp_s=telemetry),
+        tracker=telemetry and SimpleNamespace(heading=heading),
+        odometry=SimpleNamespace(
+            pose=Pose(1.0, 2.0, 3.0), uncertainty=telemetry and SimpleNamespace(spread=range(6))
+        ),
+    )
+    made.exchange(wire([]), session, state)
+    made.turned(b"", (), session, state)
+    wheels = [Mismatch(name, "blocked", 0.5, 0.25) for name in ("left", "right")]
+    made.turned(b"", wheels, session, state)
+    made.close()
+    opened, checked, model, joined, pose, pending, silence, stop = Recording(made.path)
+    spread = " ".join(map(repr, map(float, range(6) if telemetry else AT_START))).encode()
+    assert model.data == b"model " + model_text(state.model).encode() and silence == (2.0, "<", b"")
+    assert stop.data == b'stop user {"wheel": "left", "cause": "blocked", "expected_m": 0.5, "moved_m": 0.25}'
+    assert (checked.data, pose.data, pending[1:]) == (
+        b"checked",
+        b"pose 1.0 2.0 3.0 " + spread,
+        ("<", b"@6"),
+    )
+    assert {each.time_s for each in (checked, model, joined, pose, pending, stop)} == {2.0}
+    if not ready:
+        assert joined.data == b"session again other"
+        return
+    found = json.loads(joined.data.partition(b"joined ")[2])
+    bias = [0.5, 0.25, 0.125] if telemetry else None
+    assert (found["stamp_s"], found["bias"], found["frame"], found["stream"]) == (stamp_s, bias, "", 6)
+
+
+def test_a_link_is_opened_as_without_a_recording(made, monkeypatch):
+    asked = []
+    monkeypatch.setattr(recorded_link, "open_link", lambda *args: (asked.append(args), wire([]))[1])
+    assert isinstance(made.open("p", 9600, 0.5), RecordedLink) and asked == [("p", 9600, 0.5)]
+    made.close()
+    assert [entry.data for entry in Recording(made.path)] == [b"opened p"]
+    idle = DriverRecording("p", 9600, None, {}, None)
+    assert not isinstance(idle.open("p", 9600, 0.5), RecordedLink), "nobody wants its bytes"

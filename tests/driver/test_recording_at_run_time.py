@@ -1,8 +1,6 @@
 """What a driver records while it drives, and recordings that begin and end while it is connected."""
 
 import json
-import subprocess
-import sys
 import threading
 import time
 
@@ -14,7 +12,7 @@ from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.recording_summary import summarise
 from mrl_driver.errors import ConfigError, PortMissing
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.recording.recording import FROM_BOARD, REMARK, TO_BOARD, Recording
+from mrl_driver.recording.recording import FROM_BOARD, TO_BOARD, Recording
 from mrl_driver.transport.link import SerialLink
 from tests.call_lists import CallLists
 from tests.waiting import PATIENCE_S, drive_until, wait_until
@@ -113,19 +111,6 @@ def test_it_begins_with_a_whole_frame(serve, files, pieces):
             found = summarise(RecordedDriver(files[0]))
             assert found["garbage"] == {} and sum(found["frames"].values()) >= 5
             assert joined(Recording(files[0]), FROM_BOARD).lstrip(b"\r\n")[:1] == b"@"
-
-
-def test_its_remarks_and_header_are_those_of_a_recording_from_the_start(serve, files):
-    board = serve()
-    with Driver(board.path) as robot:
-        record(robot, files[0])
-    recording = Recording(files[0])
-    entries = list(recording)
-    remarks = [entry.data for entry in entries if entry.direction == REMARK]
-    assert remarks[:2] == [b"opened " + board.path.encode(), b"checked"]
-    assert [remark.split(b" ")[0] for remark in remarks[2:]] == [b"model", b"session", b"pose"]
-    assert [entry.data for entry in entries[:5]] == remarks
-    assert (recording.header["port"], recording.header["baud"]) == (board.path, 115200)
 
 
 def test_another_one_can_begin_only_when_the_first_has_ended(serve, files):
@@ -263,25 +248,3 @@ def test_a_port_that_is_not_there_leaves_no_thread(tmp_path):
     with pytest.raises(PortMissing):
         Driver("/dev/nothing", options=Options(record=str(tmp_path / "x"))).connect()
     assert not [each for each in set(threading.enumerate()) - before if each.name == "recorder"]
-
-
-def mrl(*args):
-    command = [sys.executable, "-m", "mrl_driver", *map(str, args)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-
-
-@pytest.mark.parametrize(
-    "command",
-    [
-        ("record", "--seconds", "0.3", "FILE"),
-        ("monitor", "--seconds", "0.3", "--record", "FILE"),
-        ("drive", "--linear", "0.1", "--for", "0.3", "--record", "FILE"),
-    ],
-    ids=lambda command: command[0],
-)
-def test_commands_record(serve, tmp_path, command):
-    path = tmp_path / "drive.mrl"
-    name, *rest = (str(path) if word == "FILE" else word for word in command)
-    done = mrl(name, "--port", serve().path, *rest)
-    assert done.returncode == 0, done.stderr
-    assert len(list(Recording(str(path)))) > 10

@@ -3,14 +3,12 @@ import re
 import pytest
 
 from mrl_driver.driver.options import QUEUED_S
-from mrl_driver.errors import BoardTimeout, HostBusy, NotARobot, WrongRobot
-from mrl_driver.protocol import encode_reply
+from mrl_driver.errors import BoardTimeout, HostBusy, WrongRobot
 from mrl_driver.protocol.stop_reason import STOP_REASONS
 from mrl_driver.protocol.table import BY_CODE, BY_NAME
-from mrl_driver.session.events import status_of
 from mrl_driver.session.handshake import Plan
 from mrl_driver.session.motion_command import SLOW
-from mrl_driver.session.session import Ready, Reply, Stale, Status
+from mrl_driver.session.session import Ready, Reply
 from tests.fake_board import FakeBoard
 
 from .talk import Talk
@@ -63,41 +61,11 @@ def test_a_board_without_protocol_is_taken_as_one_of_2013():
     assert talk.session.counters.unanswered == 0 and talk.session.motion.pace == SLOW
 
 
-def test_a_board_of_unknown_firmware_is_refused_with_a_remedy():
-    with pytest.raises(WrongRobot, match="firmware 99 .* mrl flash"):
-        Talk(FakeBoard(version=99, unknown=MODERN)).run(4)
-
-
 @pytest.mark.parametrize("code", [8, 6])
 def test_a_2013_board_is_asked_for_nothing_new(code):
     talk = Talk(FakeBoard(version=1, stream_code=code)).until_ready().run(3)
     assert {code for code in codes(talk) if code > 19} == {READ_PROTOCOL}  # to learn which board it is
     assert all(not frame.args for frame in talk.board.heard)
-
-
-def test_a_silent_board_left_in_check_mode_is_greeted():
-    board = FakeBoard()
-    board.decoder.checked = True
-    assert Talk(board).until_ready().now < 1.0
-
-
-def test_junk_means_another_baud_rate_four_seconds_after_its_first_byte():
-    board = FakeBoard()
-    board.mute = True
-    talk = Talk(board).run(1.0)
-    talk.to_host = lambda data: bytes(range(128, 256)) if talk.now < 1.1 else b""
-    with pytest.raises(NotARobot, match="check baud"):
-        talk.run(9)
-    assert talk.now == pytest.approx(5.0, abs=0.3)
-
-
-def test_forty_bytes_of_junk_are_enough_though_half_a_frame_follows():
-    board = FakeBoard()
-    board.mute = True
-    talk, pieces = Talk(board), [bytes(range(128, 168)) + b"@"]
-    talk.to_host = lambda data: pieces.pop() if pieces else b""
-    with pytest.raises(NotARobot, match="check baud"):
-        talk.run(9)
 
 
 def test_half_a_frame_and_junk_before_the_answer_do_no_harm():
@@ -114,13 +82,6 @@ def test_a_board_that_is_not_admitted_gets_nothing_set():
     with pytest.raises(WrongRobot):
         talk.run(1)
     assert 5 in codes(talk) and set(codes(talk)) <= {READ_PROTOCOL, 5, 13}
-
-
-def test_another_protocol_says_what_to_do():
-    talk = Talk()
-    talk.to_host = lambda data: encode_reply(29, 3, 0) if b"@29" in data else data
-    with pytest.raises(WrongRobot, match="protocol 3, this driver 2"):
-        talk.run(1)
 
 
 def test_a_board_that_streams_too_slowly_is_a_timeout():
@@ -255,13 +216,6 @@ def test_a_2013_board_is_not_flooded(code):
     assert (len(talk.board.heard) - before) / (talk.now - start) <= BOARD_2013_MAX_HZ
 
 
-def test_a_2013_board_gets_no_minus_one():
-    talk = Talk(FakeBoard(version=1)).until_ready()
-    talk.session.drive((-1, 500), talk.now)
-    talk.run(0.2)
-    assert talk.board.moves[-1] == (0, 500)
-
-
 def test_a_stop_is_plain_and_repeated_until_the_wheels_stand():
     talk = Talk().until_ready()
     talk.session.drive((200, 0), talk.now)
@@ -293,31 +247,11 @@ def test_a_board_reset_is_greeted_anew_and_stays_stopped():
     assert talk.session.counters.restarts == 1
 
 
-def test_a_stall_is_no_restart():
-    """The board was held up, and goes on with its counters and its clock."""
-    talk = Talk().until_ready().run(1)
-    talk.board.mute, talk.events = True, []
-    talk.until(lambda: talk.seen(Stale))
-    talk.run(1)
-    talk.board.mute = False
-    assert not talk.until_ready().seen(Ready)[0].restarted
-
-
 def test_a_board_whose_check_has_ended_is_greeted_anew():
     talk = Talk().until_ready().run(0.5)
     talk.board.decoder.checked, talk.events = False, []
     talk.until_ready()
     assert talk.seen(Ready)[0].restarted and talk.board.decoder.checked
-
-
-def test_one_frame_that_lost_its_check_value_is_not_believed():
-    talk = Talk().until_ready().run(0.5)
-    before = len(talk.counts)
-    plain = encode_reply(8, 1000, 1000, 1, 1, 1)
-    assert talk.session.receive(plain, talk.now) == []
-    talk.run(0.5)
-    assert talk.session.checked and talk.session.counters.restarts == 0
-    assert len(talk.counts) > before
 
 
 def test_a_dead_board_is_greeted_for_ever():
@@ -326,13 +260,6 @@ def test_a_dead_board_is_greeted_for_ever():
     talk.run(30)
     talk.board.mute, talk.events = False, []
     talk.until_ready()
-
-
-def test_the_end_leaves_the_board_as_2013_hosts_expect_it():
-    talk = Talk().until_ready()
-    talk.session.end()
-    talk.board.receive(talk.session.take(), talk.now)
-    assert talk.board.period_s is None and not talk.board.decoder.checked
 
 
 # -- who stops the robot, and what starts it again
@@ -352,24 +279,6 @@ def test_a_stop_is_confirmed_after_every_greeting():
     assert talk.session.ready and talk.board.speeds == (0, 0)
 
 
-def test_a_paused_host_does_not_drive_on():
-    talk = Talk(plan=Plan(watchdog_ms=0)).until_ready()
-    talk.session.drive((300, 0), talk.now)
-    talk.run(0.2)
-    talk.now += 0.3
-    talk.run(0.2)
-    assert talk.session.motion.target is None
-
-
-def test_a_board_that_stopped_by_itself_is_not_driven_on():
-    talk = Talk().until_ready()
-    talk.session.drive((300, 0), talk.now)
-    talk.run(0.02)
-    talk.board.stop_reason = STOP_REASONS.index("stall")
-    talk.until(lambda: talk.session.status.stop_reason == "stall")
-    assert talk.session.motion.target is None
-
-
 def test_a_calibration_is_watched_within_the_boards_watchdog():
     talk = Talk().until_ready().run(0.2)
     begun_s = talk.now
@@ -386,10 +295,6 @@ def test_a_board_that_started_two_seconds_later_than_before_has_restarted():
     talk.board.started_s += 2.0
     talk.board.mute = False
     assert talk.until_ready().seen(Ready)[-1].restarted
-
-
-def test_status_of_an_h_bridge_board_counts_impossible_transitions():
-    assert status_of((0, 5, 1, 8, 0, 0, 12)) == Status(5, "power_on", "encoder", (), 0, 12)
 
 
 # -- commands that waited in a queue

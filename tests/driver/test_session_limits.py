@@ -476,7 +476,7 @@ def test_three_wheels_have_three_counters_and_sonars():
     fed = Fed(OURS | {"omni"}, OMNI)
     fed.at(0.02, fed.frame(0.02, (1, 2, 3, 4, 5, 6)))
     counts = fed.seen(Counts)[0]
-    assert (counts.right, counts.left, counts.rear, counts.sonars) == (1, 2, 3, (4, 5, 6))
+    assert (counts.right, counts.left, counts.others, counts.sonars) == (1, 2, (3,), (4, 5, 6))
 
 
 @pytest.mark.parametrize("stream, polled", [(SENSOR_STREAM, False), (None, True)])

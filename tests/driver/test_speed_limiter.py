@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.robot.models import Limits
-from mrl_driver.safety.speed_limiter import SpeedLimiter, ramp
+from mrl_driver.safety.speed_limiter import SpeedLimiter, gentle_ramp, ramp
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
 FRAME_S = 0.02
@@ -186,7 +186,57 @@ def test_what_restricts_the_speeds_is_asked_with_every_frame(bench):
     assert bench.speeds == (pytest.approx(0.1 + 0.2 * FRAME_S), 0.0)
 
 
+TALL = LIMITS._replace(braking_m_s2=0.4, curve_m_s2=0.05)  # of a robot that may tip over
+
+
+@given(*(st.tuples(SPEEDS, SPEEDS, SPEEDS),) * 2)
+def test_no_command_moves_a_tall_robot_with_more_than_its_limits(before, wanted):
+    """Whichever way it drives and is told to drive; and it gets there."""
+    limiter = SpeedLimiter()
+    limiter.limits = TALL
+    before, wanted = limiter.limited(before), limiter.limited(wanted)
+    for _ in range(300):
+        after = gentle_ramp(before, wanted, TALL, FRAME_S)
+        assert math.dist(after[::2], before[::2]) <= 0.4 * FRAME_S + 1e-9
+        assert math.hypot(*after[::2]) * abs(after[1]) <= 0.05 + 1e-9
+        before = after
+    assert before == wanted
+
+
+def test_a_tall_robot_speeds_up_and_brakes_on_its_arc_and_brakes_as_fast_while_a_turn_begins(bench):
+    bench.limiter.limits = TALL._replace(curve_m_s2=0.0)
+    bench.run(1.0, 0.3, 0.6)
+    assert bench.speeds == pytest.approx((0.2, 0.4), abs=0.02)
+    bench.run(1.0, 0.3, 0.6)
+    bench.run(FRAME_S, 0.0, 0.0)
+    assert bench.speeds == pytest.approx((0.3 - 0.4 * FRAME_S, 0.6 * (1 - 0.4 * FRAME_S / 0.3)))
+    bench.run(FRAME_S, 0.0, -1.0)
+    assert bench.speeds[0] == pytest.approx(0.3 - 2 * 0.4 * FRAME_S)
+
+
+@pytest.mark.parametrize("commanded", [0.3, 0.1], ids=["that drives", "that brakes"])
+def test_what_restricts_a_tall_robot_takes_effect_at_once(bench, commanded):
+    """Also if the command is slow enough, and the robot is not yet."""
+    bench.limiter.limits = TALL
+    bench.run(3.0, 0.3)
+    bench.limiter.restrict = lambda speeds, now: (min(0.15, speeds[0]), speeds[1])
+    bench.run(FRAME_S, commanded)
+    assert bench.speeds == (0.15, 0.0)
+
+
+def test_what_restricts_a_tall_robot_is_taken_away_once(bench):
+    bench.limiter.limits = TALL
+    bench.limiter.restrict = lambda speeds, now: (speeds[0] / 2, speeds[1])
+    bench.run(3.0, 0.3)
+    assert bench.speeds == (0.15, 0.0)
+
+
 TIGHT = Limits(0.3, 2.0, 0.2, 1.0)  # Unlike 1, its limit of turning shows whether it divides or multiplies
+
+
+def test_turn_that_ends_keeps_to_the_arc_while_the_robot_brakes():
+    linear_m_s, angular_rad_s = gentle_ramp((0.1, 0.5), (0.0, 0.0), TALL, FRAME_S)
+    assert angular_rad_s == pytest.approx(5 * linear_m_s)
 
 
 @pytest.mark.parametrize(
@@ -212,6 +262,9 @@ def test_new_limits_lower_the_command_in_force(bench):
     bench.limiter.change(LIMITS._replace(linear_m_s=0.1))
     bench.tick()
     assert bench.speeds == (0.1, 0.0)
+    bench.limiter.change(LIMITS)
+    bench.run(FRAME_S)
+    assert bench.speeds == (0.1, 0.0), "only a new command is faster"
 
 
 def test_after_a_pause_a_step_accelerates_for_a_tenth_of_a_second(bench):

@@ -53,6 +53,32 @@ def test_payload_and_arm_move_the_centre_of_mass():
     assert with_arm().vehicle.whole == pytest.approx((14.0, 4.0 * 0.6 / 14.0, 0.0, height_m))
 
 
+@given(SIZES, SIZES, HEIGHTS)
+@settings(max_examples=20)
+def test_a_drive_that_brakes_in_a_curve_keeps_the_reserve(half_length_m, half_width_m, height_m):
+    """On contacts that lie askew the limits of each direction alone do not; of two limits the drive loses one share."""
+    askew = ((half_length_m, 0.0), (0.0, half_width_m), (-half_length_m, 0.0), (0.0, -half_width_m))
+    vehicle = box(half_length_m, half_width_m, height_m)._replace(contacts=askew)
+    found = margin.drive_limits(margin.Situation(vehicle), (0.0, 0.0))
+    assert found.along_m_s2 == pytest.approx(
+        min(1000.0, GRAVITY_M_S2 * half_length_m / height_m) / 2, rel=0.05
+    )
+    whole = math.hypot(*found)
+    corner = margin.Situation(vehicle, whole, direction=(found.along_m_s2 / whole, -found.curve_m_s2 / whole))
+    assert corner.margin().angle_rad == pytest.approx(0.0, abs=1e-6)
+
+
+def test_turns_of_a_centre_of_mass_that_is_not_in_the_middle_are_taken_from_the_limits():
+    payload = {"arm": margin.Mass(10.0, 0.2, 0.0, 0.1)}
+    situation = margin.Situation(box(0.3, 0.2, 0.1, payload))
+    still, turning = (margin.drive_limits(situation, turn) for turn in ((0.0, 0.0), (3.0, 2.0)))
+    assert still.along_m_s2 - turning.along_m_s2 == pytest.approx(0.1 * (3.0**2 + 2.0))
+    with pytest.raises(
+        ConfigError, match="expected a lower centre of mass, slower turns or a smaller reserve$"
+    ):
+        margin.drive_limits(situation, (30.0, 2.0))
+
+
 # -- a force at a point, against the moments of a box about its lower edge
 
 BOX = (0.3, 0.2, 0.25)

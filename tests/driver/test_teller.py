@@ -3,11 +3,12 @@
 import threading
 from unittest import mock
 
-from mrl_driver.transport.relay import MOST_LINES, Teller
+from mrl_driver.transport import relay
+from mrl_driver.transport.relay import Teller
 from tests.waiting import wait_until
 
 
-def test_lines_that_find_no_room_are_counted():
+def test_lines_that_find_no_room_are_counted(monkeypatch):
     """As in a terminal that was stopped for long."""
     told, begun, goes_on = [], threading.Event(), threading.Event()
 
@@ -19,13 +20,17 @@ def test_lines_that_find_no_room_are_counted():
     teller = Teller(tell)
     teller("first")
     begun.wait()
-    for _ in range(MOST_LINES + 2):
+    for _ in range(102):
         teller("more")
+    with monkeypatch.context() as patch:
+        patch.setattr(relay, "END_S", 0.01)
+        teller.close()  # it waits for neither room nor the line
     goes_on.set()
-    wait_until(lambda: len(told) == 1 + MOST_LINES)
+    wait_until(lambda: len(told) == 101)
+    teller("last but one")
     teller("last")
     teller.close()
-    assert told[-1] == "last; 2 lines before this one were left out"
+    assert told[-2:] == ["last but one; 2 lines before this one were left out", "last"]
 
 
 def test_the_lines_that_wait_are_passed_on_at_the_end():

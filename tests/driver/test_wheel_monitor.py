@@ -14,10 +14,9 @@ from mrl_driver.driver.robot_core import Core
 from mrl_driver.problems import PROBLEMS
 from mrl_driver.robot.kinematics import Planar, kinematics_of
 from mrl_driver.robot.models import Drive
-from mrl_driver.robot.odometry import OmniWheels, Wheels
+from mrl_driver.robot.odometry import WHEELS_BY_COUNT, FourWheels, Wheels
 from mrl_driver.safety.wheel_monitor import (
     DEAD,
-    GAP_S,
     POWERLESS,
     REVERSED,
     STILL_TICKS,
@@ -30,6 +29,7 @@ from mrl_driver.session.motion_command import QUICK, SLOW
 from sim_arduino.hardware.omni3md import Omni3MD
 from sim_arduino.hardware.robot_physics import RobotPhysics, params_for
 from tests.fake_board import FakeBoard
+from tests.models import four_wheels
 from tests.models import model as load
 
 NOTICED_S = 0.5
@@ -128,11 +128,7 @@ def test_a_wheel_that_fails_on_the_move_is_named_in_time(name, speeds, fault, wh
 @pytest.mark.parametrize("phase", range(10))
 @pytest.mark.parametrize(
     "frame_s, pace, noticed_s",
-    [
-        (0.005, QUICK, NOTICED_S),
-        (0.05 - 30e-6, QUICK, NOTICED_S - 0.1),
-        (FRAME_2013_S, SLOW, NOTICED_S),
-    ],
+    [(0.005, QUICK, NOTICED_S), (0.05 - 30e-6, QUICK, NOTICED_S - 0.1), (FRAME_2013_S, SLOW, NOTICED_S)],
     ids=["quick stream", "monitor's own period", "2013 board"],
 )
 def test_the_moment_of_the_fault_does_not_matter(phase, frame_s, pace, noticed_s):
@@ -186,17 +182,6 @@ def test_a_motor_that_breaks_loose_late_is_no_mismatch(name):
     assert drive.run(0.45) is None
     drive.fault = sound
     assert drive.run(2.0) is None
-
-
-def test_after_a_gap_the_watch_begins_anew():
-    """The board may have stopped the robot meanwhile, and starts it again on the next command."""
-    drive = Motors()
-    drive.command(0.3, 0.0)
-    drive.run(3.0)
-    drive.motors.stop(drive.now)
-    drive.now += GAP_S + 0.1
-    drive.command(0.3, 0.0)
-    assert drive.run(3.0) is None
 
 
 DT_S = 0.0625
@@ -461,15 +446,15 @@ def test_a_wheel_that_goes_back_by_three_tenths_of_its_way_does_not_run_in_rever
     assert [watch.read(SPEED_M_S, counts) for counts in (0, 0, 0, -1, -1)][4].cause == cause
 
 
-def run_omni(twist, *dead):
-    """Return what is said of a base with three wheels that drives so."""
-    drive = load("omni").drive
-    monitor = monitor_of(load("omni"), QUICK)
-    left, rear, right = kinematics_of(drive).wheel_steps(twist)
-    speeds = {"left": left, "rear": rear, "right": right, **dict.fromkeys(dead, 0.0)}
+def run_wheels(model, twist, *dead):
+    """Return what is said of a base with three or four wheels that drives so."""
+    drive, monitor = model.drive, monitor_of(model, QUICK)
+    base = kinematics_of(drive)
+    kind = WHEELS_BY_COUNT[len(base.wheels)]
+    speeds = {**dict(zip(base.wheels, base.wheel_steps(twist))), **dict.fromkeys(dead, 0.0)}
     for number in range(40):
-        ways = (speeds[name] * number * DT_S / drive.metres_per_count for name in OmniWheels._fields)
-        counts = OmniWheels(*map(round, ways))
+        ways = (speeds[name] * number * DT_S / drive.metres_per_count for name in kind._fields)
+        counts = kind(*map(round, ways))
         found = monitor.update(twist.forward, twist.turn, counts, number * DT_S, twist.left)
         if found:
             return found.wheel, found.cause
@@ -491,7 +476,14 @@ FORWARD, LEFT, TURN = Planar(0.2, 0.0, 0.0), Planar(0.0, 0.2, 0.0), Planar(0.0, 
     ],
 )
 def test_each_of_three_wheels_has_its_own_command(twist, dead, found):
-    assert run_omni(twist, *dead.split()) == found
+    assert run_wheels(load("omni"), twist, *dead.split()) == found
+
+
+@pytest.mark.parametrize("wheel", FourWheels._fields)
+@pytest.mark.parametrize(("kind", "twist"), [("skid", FORWARD), ("mecanum", LEFT), ("mecanum", FORWARD)])
+def test_each_of_four_wheels_is_named(kind, twist, wheel):
+    assert run_wheels(four_wheels(kind), twist) is None
+    assert run_wheels(four_wheels(kind), twist, wheel) == (wheel, DEAD)
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,10 @@
 """Robots behind other wires than a cable: datagrams that get lost, come twice or late, and connections."""
 
+import copy
 import json
 import math
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -11,6 +13,7 @@ import time
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
+from unittest import mock
 
 import pytest
 from serial.urlhandler import protocol_loop
@@ -19,10 +22,14 @@ from mrl_driver.driver import Driver, Options
 from mrl_driver.driver.link_source import LinkSource
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import BoardTimeout, ConfigError, LinkError, LinkLost, NotARobot, PortMissing
+from mrl_driver.protocol import encode_reply, encode_request
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.session.events import Lost, Ready, Slowed, Stale
 from mrl_driver.transport import open_link as opening
-from mrl_driver.transport.open_link import open_link
+from mrl_driver.transport.address import Address, is_network, parse, require_port, scheme_of
+from mrl_driver.transport.baud_rates import require_raisable
+from mrl_driver.transport.listener import NO_BOARD
+from mrl_driver.transport.open_link import open_link, speed_up
 from mrl_driver.transport.relay import STOP_2013
 from sim_arduino.serve import factory
 from sim_arduino.testing import EmulatedBoard
@@ -178,6 +185,29 @@ def test_a_raised_line_that_fails_goes_back():
         ]
 
 
+def test_a_port_is_tried_again_until_its_time_is_over(monkeypatch):
+    now_s, open_port = [5.0], mock.Mock(side_effect=LinkError("it is denied"))
+    monkeypatch.setattr(opening, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
+    first, now_s[0] = opening.Opening(open_port, 2.0), 6.9
+    assert first.attempt() is None and first.reason == "it is denied"
+    now_s[0] = 7.0
+    with pytest.raises(LinkError, match="it is denied"):
+        first.attempt()
+
+
+@pytest.mark.parametrize(
+    "port, baud, words",
+    [
+        ("tcp://a:1", 115200, "port tcp://a:1, expected a device"),
+        (7, 115200, "port 7, expected a device"),
+        ("/dev/ttyACM0", 9600, "baud 9600, expected 115200"),
+    ],
+)
+def test_only_a_device_at_115200_baud_can_be_raised(port, baud, words):
+    with pytest.raises(ConfigError, match=f"fast is given with {words}"):
+        require_raisable(port, baud)
+
+
 class Frames:
     """A session that is ready, and counts frames and damages."""
 
@@ -294,24 +324,56 @@ def test_a_write_of_pyserial_in_a_signal_handler_does_not_wait_for_the_write_tha
         wait_until(lambda: link.read(1.0).endswith(b"@5e"))
 
 
-def test_a_device_behind_a_url_that_takes_no_bytes_is_a_timeout(tmp_path):
+@pytest.mark.parametrize(
+    "url, size", [("{tty}", 20), (f"spy://{{tty}}?file={os.devnull}", 20), ("tcp://127.0.0.1:{port}", 24)]
+)
+def test_a_port_that_takes_no_bytes_is_a_timeout(url, size):
     """It is not lost: it may take bytes again."""
     master, slave = os.openpty()
-    url = f"spy://{os.ttyname(slave)}?file={tmp_path / 'spy.txt'}"
-    with closing(open_link(url)) as link, pytest.raises(BoardTimeout, match="has accepted no data"):
-        link.write(bytes(1 << 20))
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        url = url.format(tty=os.ttyname(slave), port=listening.getsockname()[1])
+        link = open_link(url)
+        with closing(link), pytest.raises(BoardTimeout, match=f"^{re.escape(url)} has accepted .* 100 ms"):
+            link.write(bytes(1 << size))
     os.close(master)
     os.close(slave)
 
 
 @pytest.mark.parametrize(
     "url",
-    ["tcp://", "tcp://host", "tcp://host:x", "tcp://host:0", "tcp://host:70000", "tcp://[::1:7", "ftp://host:7",
-     "rfc2217://", "rfc2217://host", "spy://", "udp://host:7?bnd=1", "udp://host:7?bind=", "tcp://host:7?bind=host:7", "tcp://host:7/x"],
+    ["tcp://", "tcp://host", "tcp://host:x", "tcp://host:0", "tcp://host:70000", "tcp://[::1:7", "tcp://host:7#x",
+     "tcp://me@host:7", "tcp://host:7/x", "tcp://host:7/://", "tcp://host:7?bind=host:7",
+     "udp://host:7?bind=a:1&bnd=1", "udp://host:7?bnd=1", "udp://host:7?bind=", "rfc2217://", "rfc2217://host",
+     "rfc2217://host:0", "spy://", "ftp://host:7", "udp://host:7?bind=a:x"],
 )  # fmt: skip
 def test_a_url_that_does_not_parse_is_refused_before_it_is_opened(url):
-    with pytest.raises(ConfigError, match="expected (tcp://|udp://|rfc2217://|a device|nothing behind)"):
+    words = r"(:.*| names nothing| does not parse( \(.+\))?), expected (\w+://HOST|a device|nothing behind)"
+    with pytest.raises(ConfigError, match=f"^port {re.escape(repr(url))}{words}"):
         Driver(url)
+
+
+@pytest.mark.parametrize(
+    "url, address",
+    [
+        ("TCP://robot:7/", Address("tcp", "robot", 7)),
+        ("udp://[fe80::2]:7", Address("udp", "fe80::2", 7)),
+        ("udp://robot:7?bind=10.0.0.1:9", Address("udp", "robot", 7, ("10.0.0.1", 9))),
+        ("udp://robot:7?bind=10.0.0.1", Address("udp", "robot", 7, ("10.0.0.1", 0))),
+    ],
+)
+def test_an_address_is_what_its_url_says(url, address):
+    assert parse(url) == address and is_network(url)
+    assert str(address) == url.lower().rstrip("/").partition("?")[0]
+
+
+@pytest.mark.parametrize(
+    "url", ["loop://", "spy:///dev/ttyACM0?file=x", "spy://loop://", "rfc2217://robot:7"]
+)
+def test_a_url_for_pyserial_is_no_network_address(url):
+    require_port(url)
+    assert not is_network(url) and scheme_of(url) == url.partition(":")[0]
+    with pytest.raises(ConfigError, match="is not a network address"):
+        parse(url)
 
 
 @pytest.mark.parametrize(
@@ -374,13 +436,15 @@ HTTP = b"HTTP/1.1 400 Bad Request\r\n\r\n"
     [
         (b"SSH-2.0-OpenSSH_9.2p1\r\n", False, NotARobot, "SSH-2.0"),
         (HTTP, True, LinkLost, "sent b'HTTP/1.1 400 Bad Request' and closed .* another service"),
-        (b"", True, LinkLost, "closed the connection|reset by peer"),
+        (NO_BOARD + b"no \xe9\r\n", True, LinkLost, "mrl serve has no board now: no \ufffd$"),
+        (b"@5,1e", True, LinkLost, "the other end closed the connection; it may serve another program"),
+        (b"", True, LinkLost, "the other end closed the connection|reset by peer"),
     ],
-    ids=["speaks", "hangs up after that", "hangs up"],
+    ids=["speaks", "hangs up after that", "says why", "is a robot", "hangs up"],
 )
 def test_a_peer_that_is_no_robot_is_told(greeting, hangs_up, error, words):
     with closing(Peer(greeting, hangs_up)) as peer, pytest.raises(error, match=words):
-        if greeting == HTTP:
+        if greeting and hangs_up:
             with closing(open_link(peer.url)) as link:
                 while link.read(10.0):
                     pass
@@ -413,3 +477,59 @@ def test_the_pose_is_the_true_one(seen, scheme):
 def test_the_robot_stands_when_the_cable_is_pulled_and_drives_when_it_is_back(seen, scheme):
     assert seen[scheme]["rolled_m"] == 0.0
     assert seen[scheme]["again_m"] > 0.0
+
+
+WHO, RAISE, NAME, *ENDS = (
+    BY_NAME[name].code for name in ("read_protocol", "set_baud", "robot_info", "stop", "stop_stream")
+)
+OLD_QUIET, QUIET = (b"".join(encode_request(each, wrapped=old) for each in ENDS) for old in (True, False))
+ASK, ASK_OLD, TRY = encode_request(WHO), encode_request(NAME, wrapped=True), encode_request(RAISE, 2)
+GREETED = [OLD_QUIET, ASK, QUIET]
+PROVEN = [*GREETED, TRY, 500000, 0.02, *20 * [TRY]]
+
+
+class Wire:
+    """A link in injected time; `replies` has the fields of the replies to a code, and None takes no bytes."""
+
+    def __init__(self, monkeypatch, replies):
+        self.now_s, self.done, self.replies, self.waiting = 0.0, [], copy.deepcopy(replies), b""
+        time = SimpleNamespace(monotonic=lambda: self.now_s, sleep=self.sleep)
+        monkeypatch.setattr(opening, "time", time)
+        self.set_baud = self.done.append
+
+    def sleep(self, time_s):
+        self.now_s += time_s
+        self.done.append(time_s)
+
+    def write(self, data):
+        self.done.append(data)
+        if self.replies is None:
+            self.now_s += 0.125
+            raise BoardTimeout("the port has accepted no data")
+        code = {ASK: WHO, ASK_OLD: NAME, TRY: RAISE}.get(data)
+        fields = self.replies.get(code)
+        self.waiting = encode_reply(6, 1, 2) + encode_reply(code, *fields.pop()) if fields else b""
+
+    def read(self, timeout_s):
+        waiting, self.waiting = self.waiting, b""
+        self.now_s += 0.0 if waiting else timeout_s
+        return waiting
+
+
+@pytest.mark.parametrize(
+    "replies, done, took_s",
+    [
+        ({NAME: [(2500, 172, 1200, 1, 1)]}, [OLD_QUIET, ASK, ASK_OLD], 0.25),
+        ({}, 6 * [OLD_QUIET, ASK, ASK_OLD], 3.0),
+        (None, 8 * [OLD_QUIET, ASK, ASK_OLD], 3.0),
+        ({WHO: [(256, 255 + 512)]}, GREETED, 0.0),
+        ({WHO: [(2, 256)], RAISE: [(0,)]}, [*GREETED, TRY, 1.1], 1.1),
+        ({WHO: [(2, 256)], RAISE: 20 * [(2,)]}, [*PROVEN, 115200, 1.1], 1.22),
+        ({WHO: [(2, 256)], RAISE: 21 * [(2,)]}, PROVEN, 0.02),
+    ],
+    ids=["of 2013", "silent", "takes nothing", "not able", "refuses", "fails at last", "is raised"],
+)
+def test_a_line_is_raised_if_twenty_answers_in_a_row_prove_it(monkeypatch, replies, done, took_s):
+    link = Wire(monkeypatch, replies)
+    assert speed_up(link) is (done[-1] == TRY)
+    assert link.done == done and link.now_s == pytest.approx(took_s)

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import ORIGIN, Pose
-from mrl_driver.robot import models
-from mrl_driver.robot.models import Body, SonarMount
-from mrl_driver.safety.free_distance import COVERED_RAD, MOST_RAYS, Scan
+from mrl_driver.robot import models, wirings
+from mrl_driver.robot.models import Body, SonarMount, kit
+from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+from mrl_driver.safety.free_distance import BESIDE_RAD, MOST_RAYS, Scan
 from mrl_driver.safety.protective_zones import LEAST_M_S, STALE_S, Zones, ZoneSettings, require_settings
 from sim_arduino.serve import factory
 from sim_arduino.world import world_file
@@ -73,6 +74,14 @@ def test_speed_that_is_allowed_ahead_is_that_of_a_command_that_is_too_fast(front
     assert front != math.inf or (
         zones.limit(0.3, 0.1) == 0.3 and zones.warning_clear and zones.protective_clear
     )
+
+
+@pytest.mark.parametrize("kind", ["GP2Y0A21", "GP2Y0A02", "HC-SR04"])
+def test_a_sensor_that_sees_nothing_allows_the_speed_that_stops_within_its_reach(kind):
+    sonars = {"front": SonarMount(FRONT_M, 0.0, 0.0, "range_1", kind)}
+    zones, reach_m = told(zones_of(sonars=sonars), math.inf), sonars["front"].kind.farthest_m
+    assert zones.limit(9.0, 0.1) == pytest.approx(ZONES.speed_m_s(reach_m - ZONES.warning_m), abs=0.02)
+    assert ZONES.growth_m(zones.limit(9.0, 0.1)) < reach_m
 
 
 @pytest.mark.parametrize("odd", [math.nan, math.inf])
@@ -319,7 +328,7 @@ def course(tmp_path, walls, planner, seconds, robot="traxbot"):
         for name in telemetry.fresh:
             zones.on_range(name, telemetry.ranges[name], driver.now_s)
 
-    with SteppedDriver(emulated.engine) as driver:
+    with SteppedDriver(emulated.engine, model) as driver:
         driver.on_telemetry(watch)
         while driver.now_s < seconds:
             driver.wait(STEP_S)
@@ -338,6 +347,17 @@ def test_a_robot_that_drives_at_a_wall_stops_before_it(tmp_path):
     room_m = 1.5 - FRONT_M - max(xs)
     assert ZONES.protective_m <= room_m < ZONES.protective_m + 0.06
     assert max(xs) - xs[-20] < 0.01
+
+
+@pytest.mark.parametrize("kind", ["GP2Y0A21", "GP2Y0A02"])
+def test_a_sharp_alone_stops_a_robot_before_a_wall(tmp_path, kind):
+    """Where mrl new assumes it, behind the edge of the body."""
+    pins = {**wirings.load("mrl_duo").pins, "pin_sonar_front": -1, "pin_range_1_echo": 14}
+    path, sonars = tmp_path / "rover.yaml", {"front": ("range_1", kind)}
+    path.write_text(kit.text_of(kit.Kit("rover", 11, 65.0, 150.0, 1496.0, "tb6612", pins, sonars=sonars)))
+    xs, _, _ = course(tmp_path, "[[1.5, -2, 1.5, 2]]", lambda _: (0.4, 0.0), 20.0, str(path))
+    room_m = 1.5 - models.load(str(path)).body.length_m / 2 - max(xs)
+    assert ZONES.protective_m <= room_m < ZONES.protective_m + 0.06
 
 
 def test_a_robot_passes_a_door_that_is_just_wide_enough_slowly(tmp_path):
@@ -386,12 +406,6 @@ def towards(angle_deg, speed_m_s=ASKED_M_S):
 def room_ahead(zones, now):
     """The free distance [m], from the speed that is allowed; it must exceed the warning zone by some metres."""
     return SETTINGS.warning_m + SETTINGS.growth_m(zones.allowed_ahead_m_s(now))
-
-
-def test_a_zone_grows_by_the_way_in_the_reaction_and_the_way_of_braking():
-    """At 0.4 m/s 0.2 m in half a second, and 0.4 m at 0.2 m/s2; backwards as forwards."""
-    assert ZoneSettings().growth_m(0.4) == pytest.approx(0.6)
-    assert ZoneSettings().growth_m(-0.4) == pytest.approx(0.6)
 
 
 @pytest.mark.parametrize("reaction_s", [0.0, 0.3, 2.0])
@@ -516,7 +530,7 @@ def test_a_laser_that_has_sent_nothing_stops_every_motion_ahead(angle_deg, allow
 
 @pytest.mark.parametrize(("off_deg", "allowed_m_s"), [(0.0, ASKED_M_S), (0.001, SETTINGS.slow_m_s)])
 def test_a_sonar_covers_directions_up_to_23_degrees_from_its_axis(off_deg, allowed_m_s):
-    zones = point_zones(laser=False, front=math.degrees(COVERED_RAD) + off_deg)
+    zones = point_zones(laser=False, front=math.degrees(FIELD_OF_VIEW_RAD / 2 + BESIDE_RAD) + off_deg)
     zones.on_range("front", math.inf, 0.0)
     assert zones.limit(ASKED_M_S, 0.0) == allowed_m_s
 

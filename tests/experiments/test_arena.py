@@ -7,7 +7,7 @@ import pytest
 
 from mrl_driver.geometry import Pose, wrap_angle
 from sim_arduino.experiments import arena, arena_sweep, experiment_report
-from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, VARIABLES, Drive, Sample
+from sim_arduino.experiments.arena_sweep import ALCOHOL, DUST, HEAT, SOURCES, VARIABLES, Drive, Sample
 from sim_arduino.experiments.experiment_robot import Setting
 
 SEEDS = range(1000, 1004)
@@ -46,7 +46,9 @@ def found(drive, each, alert=None):
 
 
 def test_seed_draws_the_places_of_all_sources_apart_and_containers_are_obstacles(arenas):
-    kinds = [[places(getattr(world.scene, each.scene)) for world in arenas] for each in (HEAT, DUST, ALCOHOL)]
+    kinds = [
+        [places(getattr(world.scene, SOURCES[each])) for world in arenas] for each in (HEAT, DUST, ALCOHOL)
+    ]
     assert all(len({str(each) for each in kind}) == len(SEEDS) for kind in kinds)
     pairs = [places(kind) for world in arenas for kind in (world.scene.gas, world.scene.heat)]
     assert min(math.dist(*pair) for pair in pairs) >= arena.APART_M
@@ -68,7 +70,7 @@ def test_path_keeps_away_from_all_obstacles(arenas):
 @pytest.mark.parametrize("each", VARIABLES, ids=lambda each: each.title)
 def test_sources_are_found_in_true_readings(flawless, each):
     """And not in the control, whose readings count for nothing."""
-    sources = np.array(places(getattr(flawless.world.scene, each.scene)))
+    sources = np.array(places(getattr(flawless.world.scene, SOURCES[each])))
     off_m = [
         arena_sweep.apart_m(sources, arena_sweep.objects(each, found(flawless, each, alert)))
         for alert in (None, arena_sweep.IGNORED)

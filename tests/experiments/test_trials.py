@@ -7,7 +7,7 @@ from statistics import pstdev
 import pytest
 
 from mrl_driver.geometry import ORIGIN, Pose
-from sim_arduino.experiments import crossing, disturbances, experiment_report
+from sim_arduino.experiments import crossing, disturbances, experiment_report, tip_over
 from sim_arduino.experiments.experiment_report import Figure
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.faults.key_values import robot_errors
@@ -81,3 +81,12 @@ def test_second_robot_waits_until_the_first_has_left(tmp_path, monkeypatch):
     shown = {row.key: row for row in result.rows}
     assert (shown["collided"].ours, shown["collided"].control) == ("0 of 1", "1 of 1")
     assert shown["cut_entered"].ours == 0 and (tmp_path / result.pictures[0]).exists()
+
+
+def test_a_robot_with_a_mast_tips_without_the_limits_and_does_not_with_them(tmp_path):
+    """An emergency stop is as short with them."""
+    result = tip_over.run(Setting(str(tmp_path), seeds=1))
+    rows = {row.key: row for row in result.rows}
+    assert rows["tips_s"].ours == 0.0 < rows["tips_s"].control
+    assert rows["emergency_m"].ours == pytest.approx(rows["emergency_m"].control, rel=0.05)
+    assert rows["braking_m"].ours == pytest.approx(0.5**2 / 2 / 0.5, abs=0.03)

@@ -60,7 +60,7 @@ void wait(double us) {
 
 // A board with an H-bridge moves only if it knows its wiring: here that of a duo.
 bool start() {
-  static const PcWorld world = {write, read, adc, pin, nullptr, nullptr, nullptr};
+  static const PcWorld world = {write, read, adc, pin, nullptr, nullptr, nullptr, nullptr};
   static uint8_t eeprom[1024];
   pc_start(&world, 0, 0, PC_POWER_ON, eeprom);
   for (const char* byte =

@@ -8,14 +8,16 @@
 
 #include "build.h"
 #include "src/board/wiring_check.h"
+#include "src/hal/chip.h"
 #include "src/hal/hal.h"
 #include "src/motors/quadrature.h"
+#include "src/virtual/virtual_robot.h"
 
 namespace {
 
 using namespace mrl;
 
-constexpr double TICK_US = 64, MISSED_KICK_US = 128000;
+constexpr double TICK_US = 64, MISSED_KICK_US = 128000, PULSE_US = 20000;
 constexpr int ENCODERS = hal::MOTORS, PINS = hal::BRIDGE_PINS;
 constexpr int NO_PIN = -1;
 
@@ -40,6 +42,8 @@ uint16_t counts[ENCODERS], edge_ticks[ENCODERS], impossible;
 hal::EncoderSample newest;
 uint8_t duties[ENCODERS][PINS];
 hal::PwmRate rate;
+uint16_t pulses[hal::SERVOS];
+double pulse_us;  // time of the next pulses
 
 // On the chip another index reads and writes other memory.
 int checked(int index) {
@@ -52,7 +56,11 @@ uint16_t tick_at(double time_us) {
 }
 
 void show(int motor) {
-  if (world->bridge) world->bridge(motor, duties[motor][0], duties[motor][1], duties[motor][2], now_us);
+  const uint8_t* const own = duties[motor];
+#if MRL_VIRTUAL
+  virtual_robot::drive(static_cast<uint8_t>(motor), duties[motor]);
+#endif
+  if (world->bridge) world->bridge(motor, own[0], own[1], own[2], own[3], now_us);
 }
 
 int channel_of(const Edge& edge, int encoder) {
@@ -67,9 +75,20 @@ uint8_t with_level(uint8_t state, int channel, int level) {
 
 bool is_single(int encoder) { return single || wires.encoder[encoder][1] == NO_PIN; }
 
+// Channel B gives the direction of an edge, but its own edges do not interrupt.
+bool is_directed(int encoder) {
+  const chip::Functions b = chip::functions(wires.encoder[encoder][1]);
+  return b.external < 0 && b.change < 0;
+}
+
+int8_t step_of(int encoder, uint8_t index) {
+  if (is_single(encoder)) return quadrature::single_step(index);
+  return is_directed(encoder) ? quadrature::directed_step(index) : quadrature::step(index);
+}
+
 void count(int encoder, uint8_t state, uint16_t tick) {
   const uint8_t index = static_cast<uint8_t>(states[encoder] << 2 | state);
-  const int8_t step = is_single(encoder) ? quadrature::single_step(index) : quadrature::step(index);
+  const int8_t step = step_of(encoder, index);
   states[encoder] = state;
   if (!step) return;
   if (step == quadrature::IMPOSSIBLE) {
@@ -80,10 +99,10 @@ void count(int encoder, uint8_t state, uint16_t tick) {
   edge_ticks[encoder] = tick;
 }
 
-// The chip's interrupt is not called for channel B of an encoder of one channel, nor for a masked encoder.
+// The chip's interrupt is not called for a channel B that does not interrupt, nor for a masked encoder.
 void arrive_at(int encoder, int channel, const Edge& edge) {
   const uint8_t state = with_level(states[encoder], channel, edge.level);
-  if (masked[encoder] || (single && channel)) {
+  if (masked[encoder] || (channel && (single || is_directed(encoder)))) {
     states[encoder] = state;
     return;
   }
@@ -100,7 +119,7 @@ void arrive(const Edge& edge) {
 }
 
 void take_sample() {
-  for (int i = 0; i < ENCODERS; i++) {
+  for (int i = 0; i < ENCODERS && !MRL_VIRTUAL; i++) {
     newest.count[i] = counts[i];
     newest.edge_tick[i] = edge_ticks[i];
     edges_left[i] = hal::MOST_EDGES;
@@ -110,13 +129,18 @@ void take_sample() {
   is_new = news = true;
 }
 
-void arrive_until(double time_us) {
-  for (; !planned.empty() && planned.front().time_us <= time_us; planned.pop_front()) arrive(planned.front());
+void send_pulses(double to_us) {
+  for (; pulse_us <= to_us; pulse_us += PULSE_US) {
+    for (int servo = 0; servo < hal::SERVOS; servo++) {
+      if (!begun || !pulses[servo]) continue;
+      world->pin(wires.servo[servo], 1, pulse_us);
+      world->pin(wires.servo[servo], 0, pulse_us + pulses[servo]);
+    }
+  }
 }
 
-int level_of(int pin) {
-  if (!levels.count(pin)) levels[pin] = world->level ? world->level(pin) : 1;
-  return levels[pin];
+void arrive_until(double time_us) {
+  for (; !planned.empty() && planned.front().time_us <= time_us; planned.pop_front()) arrive(planned.front());
 }
 
 }  // namespace
@@ -127,6 +151,7 @@ void begin(const PcWorld& outside, double time_us, uint16_t tick) {
   world = &outside;
   start_us = now_us = kicked_us = time_us;
   first_tick = tick;
+  pulse_us = time_us + PULSE_US;
   sample_us = time_us + hal::SAMPLE_TICKS * TICK_US;
   for (uint8_t& left : edges_left) left = hal::MOST_EDGES;
 }
@@ -134,6 +159,7 @@ void begin(const PcWorld& outside, double time_us, uint16_t tick) {
 bool pass_time(double to_us) {
   for (; sample_us <= to_us; take_sample()) arrive_until(sample_us);
   arrive_until(to_us);
+  send_pulses(to_us);
   if (!missed && to_us - kicked_us >= MISSED_KICK_US) {
     missed = true;
     now_us = kicked_us + MISSED_KICK_US;
@@ -148,6 +174,11 @@ bool pass_time(double to_us) {
 void kick(double time_us) {
   kicked_us = time_us;
   missed = false;
+}
+
+bool level(int pin) {
+  if (!levels.count(pin)) levels[pin] = world->level ? world->level(pin) : 1;
+  return levels[pin];
 }
 
 bool take_action() {
@@ -171,7 +202,7 @@ void bridge_begin(const Wires& to, PwmRate to_rate, uint8_t pwm) {
     masked[encoder] = false;
     for (int channel = 0; channel < CHANNELS; channel++) {
       const int pin = wires.encoder[encoder][channel];
-      if (pin != NO_PIN) states[encoder] = with_level(states[encoder], channel, level_of(pin));
+      if (pin != NO_PIN) states[encoder] = with_level(states[encoder], channel, bridge_pc::level(pin));
     }
   }
 }
@@ -179,12 +210,19 @@ void bridge_begin(const Wires& to, PwmRate to_rate, uint8_t pwm) {
 void bridge_end() {
   bridge_off();
   begun = false;
+  std::fill(pulses, pulses + SERVOS, static_cast<uint16_t>(0));
+}
+
+void servo_write(uint8_t servo, uint16_t pulse) {
+  if (!begun || wires.servo[servo] == NO_PIN) return;
+  acted = acted || pulses[servo] != pulse;
+  pulses[servo] = pulse;
 }
 
 void write(int motor, int role, uint8_t duty) {
   uint8_t& present = duties[checked(motor)][role];
   if (!(pwm_roles >> role & 1) && duty) duty = 255;
-  if (!begun || wires.bridge[motor][role] == NO_PIN || missed || present == duty) return;
+  if (!begun || (!MRL_VIRTUAL && wires.bridge[motor][role] == NO_PIN) || missed || present == duty) return;
   acted = true;
   present = duty;
   show(motor);
@@ -203,18 +241,22 @@ void bridge_off() {
 
 bool encoder_sample(EncoderSample& sample) {
   if (!is_new) return false;
-  is_new = false;
   acted = true;
+#if MRL_VIRTUAL
+  news = !virtual_robot::step(newest);
+  if (news) return false;
+#endif
+  is_new = false;
   sample = newest;
   return true;
 }
 
-void encoder_read(EncoderSample& sample) {
-  for (int i = 0; i < ENCODERS; i++) {
-    sample.count[i] = counts[i];
-    sample.edge_tick[i] = edge_ticks[i];
-  }
-  sample.tick = ticks();
+uint16_t encoder_read(uint16_t (&now)[MOTORS]) {
+#if MRL_VIRTUAL
+  return virtual_robot::counts_at(ticks(), now);
+#endif
+  for (int i = 0; i < MOTORS; i++) now[i] = counts[i];
+  return ticks();
 }
 
 uint16_t impossible_transitions() { return impossible; }
@@ -231,11 +273,24 @@ void pc_edge(int pin, int level, double time_us) { planned.push_back({time_us, p
 // The rate of the PWM in force; 0 is the slowest.
 extern "C" int pc_bridge_pwm() { return static_cast<int>(rate); }
 
+#if MRL_VIRTUAL
+// Goes on by some samples at these levels of PWM, forward or backward, of 255; writes the counts of each, left and right.
+void pc_virtual_steps(int samples, int left, int right, uint16_t* out) {
+  const int levels[] = {left, right};
+  for (uint8_t i = 0; i < 2; i++) {
+    const uint8_t level = static_cast<uint8_t>(levels[i] < 0 ? -levels[i] : levels[i]);
+    virtual_robot::drive(i, {level, static_cast<uint8_t>(levels[i] > 0 ? 255 : 0), static_cast<uint8_t>(levels[i] < 0 ? 255 : 0), 255});
+  }
+  for (; samples; samples--) {
+    while (!virtual_robot::step(newest)) continue;
+    for (uint8_t i = 0; i < 2; i++) *out++ = newest.count[i];
+  }
+}
+#endif
+
 #if MRL_BRIDGE
 int pc_wiring_check(const int8_t* pins, int bridge, int8_t* out) {
-  int16_t values[PIN_COUNT];
-  std::copy(pins, pins + PIN_COUNT, values);
-  const wiring::Finding finding = wiring::check(values, static_cast<Bridge>(bridge));
+  const wiring::Finding finding = wiring::check(pins, static_cast<Bridge>(bridge));
   out[0] = static_cast<int8_t>(finding.problem);
   out[1] = finding.parameter;
   out[2] = finding.other;

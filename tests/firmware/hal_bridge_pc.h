@@ -12,6 +12,8 @@ void begin(const PcWorld& world, double now_us, uint16_t tick);
 bool pass_time(double now_us);
 // The loop kicks the watchdog.
 void kick(double now_us);
+// The level of a line that nothing on the board drives.
+bool level(int pin);
 // True if the loop has written another level or taken a sample since the last call.
 bool take_action();
 

@@ -18,7 +18,7 @@
 namespace {
 
 constexpr double TICK_US = 64, PASS_US = 16, BITS = 10;
-constexpr double ADC_US = 104, EEPROM_WRITE_US = 3400;
+constexpr double ADC_US = 104, EEPROM_WRITE_US = 3400, TRIGGER_US = 10, LONG_ECHO_US = 30720;
 
 // The chip sleeps between passes of the loop.  Here the loop is called on, and must then do nothing: whatever it does
 // before its alarm or an interrupt's news would have come too late on the chip.
@@ -59,6 +59,9 @@ int adc_channel;
 double adc_until_us;
 uint8_t eeprom[hal::EEPROM_SIZE];
 double eeprom_until_us;
+struct {
+  double begin_us, end_us;
+} echo;
 bool eeprom_broken;
 uint32_t dust_low;
 bool dust_seen;
@@ -114,7 +117,7 @@ void pass_time(double to_us) {
   move_serial();
   move_bus();
   if (MRL_BRIDGE) news = bridge_pc::pass_time(now_us) || news;
-  for (const double end_us : {adc_until_us, eeprom_until_us}) news = news || (from_us < end_us && end_us <= to_us);
+  for (const double end_us : {adc_until_us, eeprom_until_us, echo.end_us}) news = news || (from_us < end_us && end_us <= to_us);
 }
 
 void run_loop() {
@@ -209,6 +212,27 @@ void pin_output(uint8_t pin, bool level) {
 void pin_release(uint8_t pin) {
   act();
   if (world.release) world.release(pin, now_us);
+}
+
+void pin_pull_up(uint8_t) {}
+bool pin_level(uint8_t pin) { return bridge_pc::level(pin); }
+
+bool range_fire(uint8_t trigger, uint8_t pin) {
+  act();
+  if (!world.echo) return true;
+  world.echo(pin, &echo.begin_us, &echo.end_us);
+  if (echo.begin_us <= now_us && now_us < echo.end_us) return false;
+  world.pin(trigger, 1, now_us);
+  world.pin(trigger, 0, now_us + TRIGGER_US);
+  world.echo(pin, &echo.begin_us, &echo.end_us);
+  return true;
+}
+
+Echo range_echo(uint16_t& length) {
+  const double length_us = echo.end_us - echo.begin_us;
+  length = length_us < LONG_ECHO_US ? static_cast<uint16_t>(2 * length_us + 0.5) : LONG_ECHO;
+  if (echo.begin_us > now_us || echo.end_us <= 0) return Echo::none;
+  return echo.end_us > now_us ? Echo::high : Echo::over;
 }
 
 bool eeprom_ready() { return now_us >= eeprom_until_us; }

@@ -12,9 +12,11 @@ struct PcWorld {
   int (*adc)(int channel, double time_us);                                            // count, 0 to 1023
   void (*pin)(int pin, int level, double time_us);
   // Builds with an H-bridge: all outputs of a motor [0 to 255], and the level of an encoder's line at the start.
-  void (*bridge)(int motor, int pwm_a, int pwm_b, int logic, double time_us);
+  void (*bridge)(int motor, int pwm_a, int pwm_b, int logic, int enable, double time_us);
   int (*level)(int pin);
   void (*release)(int pin, double time_us);  // the pin becomes an input
+  // When the last echo on a pin begins and ends [us], perhaps in the future; both 0 if there is none.
+  void (*echo)(int pin, double* begin_us, double* end_us);
 };
 
 enum PcResetFlag { PC_POWER_ON = 1, PC_EXTERNAL = 2, PC_BROWN_OUT = 4, PC_WATCHDOG = 8, PC_MARKED = 16, PC_KEPT = 32 };
@@ -72,6 +74,7 @@ void pc_wheel_set_speed(int speed);
 void pc_wheel_set_duty(int duty);
 void pc_wheel_go_to(int32_t travel, int speed);
 void pc_wheel_stop();
+void pc_wheel_control();
 // The reason to stop.
 int pc_wheel_update(int moved, int edge_tick, int tick);
 int pc_wheel_level();
@@ -87,6 +90,7 @@ int32_t pc_counter_travel_at(int count, int32_t travel);
 // The levels of PWM A, PWM B and the logic pin, one byte each.
 int pc_bridge_levels(int chip, int backward, int duty, int coast);
 int pc_bridge_rate(int chip);
+void pc_virtual_steps(int samples, int left, int right, uint16_t* counts);
 // The first problem of a wiring: values of its parameters in, and problem, parameter and other out.
 int pc_wiring_check(const int8_t* pins, int bridge, int8_t* out);
 }

@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any, Callable, List, Optional, Tuple
 
 BUILD = Path(__file__).resolve().parent.parent.parent / "build" / "pc"
-SONARS, ENVIRONMENT, XBEE, BRIDGE = (
-    BUILD / f"libmrl_firmware{suffix}.so" for suffix in ("", "_environment", "_xbee", "_hbridge")
+SONARS, ENVIRONMENT, XBEE, BRIDGE, MEGA, VIRTUAL = (
+    BUILD / f"libmrl_firmware{suffix}.so"
+    for suffix in ("", "_environment", "_xbee", "_hbridge", "_hbridge_mega", "_virtual")
 )
 EEPROM_SIZE = 1024
 VOLTS_PER_COUNT = 5.0 / 1024.0
@@ -27,9 +28,11 @@ _WRITE = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ct
 _READ = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_uint8, _BYTES, ctypes.c_int, ctypes.c_double)
 _ADC = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int, ctypes.c_double)
 _PIN = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_int, ctypes.c_double)
-_BRIDGE = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_double)
+_BRIDGE = ctypes.CFUNCTYPE(None, *5 * [ctypes.c_int], ctypes.c_double)
 _LEVEL = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_int)
 _RELEASE = ctypes.CFUNCTYPE(None, ctypes.c_int, ctypes.c_double)
+_DOUBLE = ctypes.POINTER(ctypes.c_double)
+_ECHO = ctypes.CFUNCTYPE(None, ctypes.c_int, _DOUBLE, _DOUBLE)
 FULL_DUTY = 255
 EDGE_DELAY_S = 1e-3
 """The board runs in slices of this length [s]; the edges of a slice reach it in the next one."""
@@ -44,6 +47,7 @@ class _World(ctypes.Structure):
         ("bridge", _BRIDGE),
         ("level", _LEVEL),
         ("release", _RELEASE),
+        ("echo", _ECHO),
     ]
 
 
@@ -119,6 +123,7 @@ class PcBoard:
             _BRIDGE(self._bridge),
             _LEVEL(self._level),
             _RELEASE(self._release),
+            _ECHO(self._echo),
         )
         self._failure: Optional[BaseException] = None
         self._register = b""
@@ -260,8 +265,16 @@ class PcBoard:
         """Resistors of the sonars hold an input low."""
         self._pin(pin, 0, time_us)
 
-    def _bridge(self, motor: int, pwm_a: int, pwm_b: int, logic: int, time_us: float) -> None:
-        shares = [duty / FULL_DUTY for duty in (pwm_a, pwm_b, logic)]
+    def _echo(self, pin: int, begin_us: Any, end_us: Any) -> None:
+        def find() -> int:
+            echo = self.plant.ranges.echo(pin)
+            begin_us[0], end_us[0] = (at_s * 1e6 for at_s in echo or (0.0, 0.0))
+            return 0
+
+        self._guard(find)
+
+    def _bridge(self, motor: int, pwm_a: int, pwm_b: int, logic: int, enable: int, time_us: float) -> None:
+        shares = [duty / FULL_DUTY for duty in (pwm_a, pwm_b, logic, enable)]
 
         def write() -> int:
             if getattr(self.plant, "bridge", None) is not None:
@@ -273,4 +286,4 @@ class PcBoard:
     def _level(self, pin: int) -> int:
         """Lines that nothing drives are pulled up."""
         bridge = getattr(self.plant, "bridge", None)
-        return self._guard(lambda: int(bridge.levels[pin]) if bridge is not None else 1)
+        return self._guard(lambda: int(bridge.levels.get(pin, 1)) if bridge is not None else 1)

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent.parent
 SKETCH = ROOT / "firmware" / "mrl_firmware"
 OBJECTS = ROOT / "build" / "firmware" / "mrl_firmware.o"
-CORE_OBJECTS = ROOT / "build" / "firmware" / "core"
+CORE_OBJECTS = ROOT / "build" / "firmware" / "core_uno"
 ARDUINO = Path("/usr/share/arduino/hardware/arduino/avr")
 
 
@@ -24,16 +24,17 @@ def run(*command, **options):
 class Ide:
     """The Arduino IDE's steps, as `platform.txt` and `boards.txt` of the core say."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, board: str = "uno") -> None:
         text = "".join((ARDUINO / name).read_text() for name in ("platform.txt", "boards.txt"))
         self.values = dict(line.split("=", 1) for line in text.splitlines() if re.match(r"[\w.]+=", line))
-        board = {key[4:]: value for key, value in self.values.items() if key.startswith("uno.")}
-        self.values.update(board)
+        for prefix in (f"{board}.", f"{board}.menu.cpu.atmega2560."):
+            own = {key[len(prefix) :]: value for key, value in self.values.items() if key.startswith(prefix)}
+            self.values.update(own)
         self.values.update({
             "compiler.path": "", "build.arch": "AVR", "runtime.ide.version": "10819", "build.path": str(folder),
             "build.project_name": "mrl_firmware.ino", "archive_file": "core.a", "archive_file_path": f"{folder}/core.a",
             "build.extra_flags": "-DDECIMAL_DIG=__DECIMAL_DIG__",  # WString.cpp of core 1.8.7 needs it with gcc 5.4
-            "includes": f"-I{ARDUINO}/cores/arduino -I{ARDUINO}/variants/standard",
+            "includes": f"-I{ARDUINO}/cores/arduino -I{ARDUINO}/variants/{self.values['build.variant']}",
         })  # fmt: skip
         self.folder = folder
 
@@ -67,8 +68,11 @@ class Ide:
         return (self.folder / "mrl_firmware.ino.hex").read_text()
 
 
-@pytest.mark.parametrize("suffix, option", [("", ""), ("_hbridge", "MRL_BRIDGE")])
-def test_the_binary_of_the_arduino_ide_is_the_measured_one(tmp_path, suffix, option):
+@pytest.mark.parametrize(
+    "suffix, option, board",
+    [("", "", "uno"), ("_hbridge", "MRL_BRIDGE", "uno"), ("_hbridge_mega", "MRL_BRIDGE", "mega")],
+)
+def test_the_binary_of_the_arduino_ide_is_the_measured_one(tmp_path, suffix, option, board):
     """Without this checkout, Python or make: a folder, and the options that a user sets in build.h."""
     sketch, build = tmp_path / "sketch", tmp_path / "build"
     shutil.copytree(SKETCH, sketch)
@@ -76,7 +80,7 @@ def test_the_binary_of_the_arduino_ide_is_the_measured_one(tmp_path, suffix, opt
     options = (sketch / "build.h").read_text()
     (sketch / "build.h").write_text(options.replace(f"#define {option} 0", f"#define {option} 1", 1))
     measured = ROOT / "build" / "firmware" / f"mrl_firmware{suffix}.hex"
-    assert Ide(build).built(sketch) == measured.read_text()
+    assert Ide(build, board).built(sketch) == measured.read_text()
 
 
 def test_forgotten_handler_fails_to_link(tmp_path):
@@ -114,14 +118,19 @@ def test_impossible_pins_fail_to_compile(tmp_path, define, right, wrong, message
     assert failed.returncode != 0 and message in failed.stderr
 
 
-@pytest.mark.parametrize("other", ["-DMRL_XBEE=1", "-DMRL_ENVIRONMENT=1"])
-def test_builds_that_exclude_each_other_fail_with_one_error(other):
+@pytest.mark.parametrize(
+    "defines, words",
+    [
+        ("-DMRL_BRIDGE=1 -DMRL_XBEE=1", "set only one of the three to 1"),
+        ("-DMRL_BRIDGE=1 -DMRL_ENVIRONMENT=1", "set only one of the three to 1"),
+        ("-DMRL_MEGA=1", "an Arduino Mega has motors on an H-bridge"),
+    ],
+)
+def test_builds_that_exclude_each_other_fail_with_one_error(defines, words):
     """An H-bridge needs the pins of the radio and of the dust sensor."""
-    failed = run(
-        "g++", "-std=gnu++11", "-fsyntax-only", "-DMRL_BRIDGE=1", other, "-x", "c++", SKETCH / "pins.h"
-    )
+    failed = run("g++", "-std=gnu++11", "-fsyntax-only", *defines.split(), "-x", "c++", SKETCH / "pins.h")
     errors = [line for line in failed.stderr.splitlines() if "error:" in line]
-    assert len(errors) == 1 and "set only one of the three to 1" in errors[0]
+    assert len(errors) == 1 and words in errors[0]
 
 
 @pytest.mark.parametrize("port", ["", "/dev/nothing", "/dev/null/x"])
@@ -177,7 +186,7 @@ def built(folder, how, *goals):
 
 @pytest.mark.parametrize("how", ["apt", "-j2"], ids=["set-up first", "both at once"])
 def test_core_installed_by_the_same_make_stays_whole(tmp_path, how):
-    built(tmp_path, how, "core/main.cpp.o", "core/hooks.c.o", "core/wiring.c.o")
+    built(tmp_path, how, *(f"core_uno/{name}.o" for name in ("main.cpp", "hooks.c", "wiring.c")))
     assert files(tmp_path / "avr") == files(ARDUINO)
 
 
@@ -190,7 +199,7 @@ def test_two_builds_give_the_same_image(tmp_path):
 
 
 def test_missing_core_is_named(tmp_path):
-    goal = tmp_path / "firmware" / "core" / "wiring.c.o"
+    goal = tmp_path / "firmware" / "core_uno" / "wiring.c.o"
     done = make(f"FW_BUILD={tmp_path / 'firmware'}", f"ARDUINO_AVR={tmp_path / 'avr'}", goal)
     assert done.returncode != 0
     assert f"no Arduino core in {tmp_path / 'avr'}: " in done.stderr
@@ -202,3 +211,9 @@ def test_no_rule_makes_a_file_outside_the_checkout():
     rules = printed.replace("# Not a target:\n/", "").splitlines()
     assert "firmware: " in printed
     assert [rule for rule in rules if rule.startswith("/")] == []
+
+
+@pytest.mark.parametrize("words, installed", [((), set()), (("ENGINE=avr",), {"gcc", "gcc-avr"})])
+def test_make_run_installs_compilers_only_for_the_firmwares_binary(words, installed):
+    done = run("make", "-s", "--eval", "show:; @echo $(PACKAGES_run)", "show", *words)
+    assert set(done.stdout.split()) & {"gcc", "g++", "gcc-avr"} == installed

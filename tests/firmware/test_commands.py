@@ -104,11 +104,7 @@ def test_an_angular_ceiling_is_a_share_of_full_rotation_rounded_down(limited, wh
     rim_mm_s = 0.355 * 10
     assert share == min(100, math.floor(100 * rim_mm_s / full_speed_mm_s(1, wheel_radius)))
     board = limited(
-        linear_ceiling=WIDEST,
-        angular_ceiling=355,
-        axis_radius=1000,
-        full_speed=1,
-        wheel_radius=wheel_radius,
+        linear_ceiling=WIDEST, angular_ceiling=355, axis_radius=1000, full_speed=1, wheel_radius=wheel_radius
     )
     assert told_shares(board, 0, -100) == (0, -share)
 

@@ -6,7 +6,6 @@ from binascii import crc_hqx
 import pytest
 
 from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME, SETTINGS
-from mrl_driver.robot import models
 from sim_arduino.board import parameter_store
 
 FAULT = {name: 1 << bit for bit, (name, _) in enumerate(FAULTS)}
@@ -150,18 +149,3 @@ def test_defaults_are_in_force_at_once(bench):
     changed = board.ask("read_sonars").args
     board.send("default_config", wait_s=0.3)
     assert changed != before and board.ask("read_sonars").args == before
-
-
-GEOMETRY, GAINS, RAMP, TIMEOUT = 0xEA, 0xF4, 0xEC, 0xF1
-WITH_MOTOR_BOARD = [each.name for each in models.driven_models() if not each.board.get("bridge")]
-
-
-@pytest.mark.parametrize("name", WITH_MOTOR_BOARD)
-def test_motor_board_is_set_up_with_the_models_numbers(bench, name):
-    model = models.load(name)
-    board = bench(model=name, robot_id=model.ids[0], boot=False)
-    board.run(0.1)
-    geometry = [model.board[key] for key in ("axis_radius", "wheel_radius", "gearbox", "encoder_counts")]
-    assert board.writes(GEOMETRY) == [b"\xea" + struct.pack(">4H", *geometry)]
-    gains = [model.board[key] for key in ("kp", "ki", "kd")]
-    assert board.writes(GAINS) == [b"\xf4" + struct.pack(">3H", *gains)]

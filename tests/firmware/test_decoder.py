@@ -4,24 +4,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrl_driver.protocol import REQUESTS, FrameDecoder, Garbage, check_value, encode_request
+from mrl_driver.protocol import REQUESTS, FrameDecoder, check_value, encode_request
 from mrl_driver.protocol.table import BY_NAME, COMMANDS, MAX_ARGUMENTS, MAX_FRAME, MAX_NOISE
 from tests.firmware.twin import TwinDecoder
 from tests.vectors import load
 
-VECTORS = load("requests")
 
-
-def test_golden_vector():
-    events = [(vector.name, TwinDecoder(vector.checked).feed(vector.wire)) for vector in VECTORS]
-    assert events == [(vector.name, vector.events) for vector in VECTORS]
-
-
-def test_golden_vector_amid_noise():
-    noise = Garbage(b"\x80\xfe", "noise")
-    for vector in VECTORS:
-        events = TwinDecoder(vector.checked).feed(b"\x80\xfe\r\n" + vector.wire + b"\r\n@")
-        assert (vector.name, events) == (vector.name, [noise, *vector.events_at_line_end])
+@pytest.mark.parametrize("before, behind", [(b"", b""), (b"\x80\xfe\r\n", b"\r\n@")])
+def test_golden_vectors(before, behind):
+    """The Python decoder's events are compared with theirs in `protocol/test_decoder.py`."""
+    for vector in load("requests"):
+        wire = before + vector.wire + behind
+        twin = TwinDecoder(vector.checked).feed(wire)
+        assert (vector.name, twin) == (vector.name, FrameDecoder(REQUESTS, vector.checked).feed(wire))
 
 
 def test_every_request_is_understood():

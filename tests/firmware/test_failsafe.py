@@ -47,16 +47,6 @@ def test_watchdog_across_the_wrap_of_the_clock(bench):
     assert (early, board.writes()) == ([], [STOP])
 
 
-def test_after_a_stall_what_waited_is_dropped(bench):
-    """The loop stood still for 300 ms; a move came meanwhile."""
-    board = bench()
-    board.send("move_differential", 100, 0)
-    board.forget()
-    board.board.gap(board.board.now_s + 0.3, b"@11,100,0e")
-    board.run(0.05)
-    assert board.writes() == [STOP] and board.stop_reason() == "stall"
-
-
 def test_half_a_frame_from_before_a_stall_is_forgotten(bench):
     board = bench()
     board.raw(b"@11,100,", wait_s=0.01)
@@ -112,16 +102,6 @@ def test_motor_boards_timeout_is_fed(bench, request_name):
     assert max(later - earlier for earlier, later in zip(times, times[1:])) < 0.09
 
 
-def test_motor_board_that_vanishes_is_flagged_and_refused(bench):
-    board = bench()
-    board.send("move_differential", 100, 0)
-    board.plant.motor_board.present = False
-    board.run(0.2)
-    board.raw(b"@11,100,0e")
-    assert board.faults() & FAULT["motor_board"] and board.counter("unavailable") == 1
-    assert board.stop_reason() == "motor_board"
-
-
 def flap(board, times):
     """A loose wire: the motor board is there for 0.2 s, and gone for 0.2 s."""
     for _ in range(times):
@@ -137,15 +117,6 @@ def test_a_motor_board_that_comes_and_goes_is_set_up_once_a_second_at_most(bench
     board.forget()
     flap(board, 40)
     assert 1 <= len(board.writes(0xEA)) <= 16
-
-
-def test_fault_stays_until_it_is_read(bench):
-    board = bench()
-    board.plant.motor_board.present = False
-    board.run(0.2)
-    board.plant.motor_board.present = True
-    board.run(0.2)
-    assert (board.faults(), board.faults()) == (FAULT["motor_board"], 0)
 
 
 def test_a_question_for_counts_is_given_up_when_the_motor_board_is_lost(bench):
@@ -173,15 +144,6 @@ def test_a_lost_motor_board_has_neither_voltage_nor_version(bench):
     assert board.ask("robot_info").args[:3] == (0, 0, 0)
 
 
-def test_a_stop_is_tried_again(bench):
-    """A refusal on the bus, then it arrives; the motor board is not taken for lost."""
-    board = bench()
-    refusals = [True]
-    board.board.nack = lambda address, data: data[0] == 0xFC and bool(refusals) and refusals.pop()
-    board.raw(b"@11,100,0e@13e", wait_s=0.01)
-    assert board.writes()[1:] == [STOP] and board.stop_reason() == "host"
-
-
 def refuse(board, code, times):
     """The motor board refuses this command so many times."""
     left = [True] * times
@@ -195,32 +157,6 @@ def test_a_stop_drops_the_move_that_hangs_on_the_bus(bench):
     board.raw(b"@11,100,0e", wait_s=0.003)
     board.raw(b"@13e", wait_s=0.1)
     assert board.writes() == [STOP]
-
-
-def test_a_move_after_a_stop_is_tried_again(bench):
-    board = bench()
-    board.raw(b"@11,100,0e@13e")
-    refuse(board, 0xEB, 1)
-    board.raw(b"@11,200,0e")
-    assert board.writes(0xEB)[-1] == b"\xeb\x00\xc8\x00\x00"
-
-
-def test_moves_that_wait_when_the_motor_board_is_lost_are_counted(bench):
-    board = bench()
-    board.board.nack = lambda address, data: True
-    board.raw(b"@11,100,0e@11,110,0e@11,120,0e", wait_s=0.03)
-    assert board.counter("unavailable") == 2
-
-
-def test_a_lost_motor_board_is_asked_once_at_a_time(bench):
-    board, asked_s = bench(), []
-    board.board.nack = lambda address, data: address == 0x18 and not asked_s.append(board.board.now_s)
-    board.run(0.1)
-    asked_s.clear()
-    board.run(3.0)
-    assert (
-        min(after - before for before, after in zip(asked_s, asked_s[1:])) > 0.0399
-    )  # the polls are 40 ms apart
 
 
 @pytest.mark.parametrize("part", [0xEA, 0xF4, 0xEC, 0xF1], ids=["geometry", "gains", "ramp", "timeout"])

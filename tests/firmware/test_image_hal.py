@@ -1,25 +1,24 @@
 """The chip's own parts in the images, at their limits: queues, converter, I2C lines, watchdog."""
 
 from pathlib import Path
-from typing import Callable, Dict, Iterator, List
+from typing import Callable, Iterator, List
 
 import pytest
 
 from mrl_driver.protocol import REPLIES, FrameDecoder
-from mrl_driver.protocol.table import FAULTS, PARAMETER_BY_NAME, REASONS
+from mrl_driver.protocol.table import PARAMETER_BY_NAME
 from sim_arduino.avr.machine import UNO_HZ, AvrMachine
-from tests.avr.test_image import ENDLESS_LOOP
 from tests.firmware.test_image_hbridge import DRIVEN, ENCODERS, HALF_DUTY, TB6612, Board
 from tests.firmware.test_image_xbee import frames, say
 from tests.firmware.test_xbee import received
-from tests.long.bench.firmware_board import Rig, request
+from tests.long.bench.firmware_board import Rig, hang, mend, request
 
 BUILD = Path(__file__).resolve().parents[2] / "build" / "firmware"
 READY_S, CONVERTED_S = 0.12, 0.5
 SDA, SCL = 18, 19
 BYTE_S = 10 / 117647
 QUEUE = 64  # Received bytes that wait for the loop
-UCSR0C, ADCSRA, ADMUX, DDRC, PORTC = 0xC2, 0x7A, 0x7C, 0x27, 0x28
+UCSR0C, ADMUX, DDRC, PORTC = 0xC2, 0x7C, 0x27, 0x28
 TWSR, TWI_VECTOR = 0xB9, 4 * 24
 UCSR0B, ROOM_INTERRUPT, ROOM_VECTOR, GPIOR0 = 0xC1, 0x20, 4 * 19, 0x3E
 FORMAT_8N1 = 0x06
@@ -31,18 +30,6 @@ def rig() -> Iterator[Rig]:
     made.run(READY_S)
     yield made
     made.close()
-
-
-def hang(machine: AvrMachine) -> None:
-    """Makes the program loop where it can be interrupted next."""
-    while not machine.interrupts_on:
-        machine.run(1e-6)
-    machine.patch(machine.pc, ENDLESS_LOOP)
-
-
-def mend(machine: AvrMachine) -> None:
-    for address, data in machine.image_flash:
-        machine.patch(address, data)
 
 
 def run_while(machine: AvrMachine, condition: Callable[[], object], longest_s: float = 0.5) -> int:
@@ -63,15 +50,6 @@ def register(rig: Rig, address: int) -> int:
     return rig.machine.peek(address)[0]
 
 
-def refused(rig: Rig) -> Dict[str, int]:
-    rig.replies()
-    rig.machine.run_until(rig.machine.send(request("read_counters")))
-    rig.run(0.02)
-    received = b"".join(reply.line for reply in rig.replies())
-    (frame,) = FrameDecoder(REPLIES).feed(received)
-    return {row.name: count for row, count in zip(REASONS, frame.args)}
-
-
 # ---- the line from the host
 
 
@@ -83,7 +61,7 @@ def test_bytes_without_a_place_in_the_queue_are_counted(rig, more, lost):
     rig.machine.run_until(end + int(BYTE_S * UNO_HZ))
     mend(rig.machine)
     rig.run(0.01)
-    assert refused(rig)["overrun"] == lost
+    assert rig.refused()["overrun"] == lost
 
 
 def test_the_line_has_8n1_whatever_a_bootloader_has_left():
@@ -110,9 +88,6 @@ def test_room_in_the_queue_is_news_at_its_end_and_each_eight_bytes(rig):
     assert [left for left, each in enumerate(reversed(news)) if each] == [0, *range(7, len(news), 8)]
 
 
-# ---- timers
-
-
 # ---- the converter
 
 
@@ -124,13 +99,16 @@ def test_the_supply_is_the_converters_reference(rig):
 # ---- the I2C lines
 
 
-def test_a_hanging_bus_gets_nine_clocks_and_a_stop(rig):
-    """A slave lets go at the fifth clock; SDA then rises while SCL is high."""
+def test_a_hanging_bus_gets_nine_clocks_of_at_most_100_khz_and_a_stop(rig):
+    """A slave lets go at the fifth clock; SDA then rises while SCL is high.  The slowest slaves bear 5 us a level."""
     rig.machine.watch_pins([SDA, SCL])
     rig.machine.hang_bus("sda", release_clocks=5)
     rig.machine.pin_changes()
     rig.run(20e-3)
-    changes = [(change.pin, change.level) for change in rig.machine.pin_changes()]
+    found = rig.machine.pin_changes()
+    cycles = [change.cycle for change in found if change.pin == SCL]
+    assert min(rig.microseconds(b - a) for a, b in zip(cycles, cycles[1:])) >= 5.0
+    changes = [(change.pin, change.level) for change in found]
     clocks = [change for change in changes if change[0] == SCL]
     assert clocks == 10 * [(SCL, 0), (SCL, 1)]
     assert changes[-4:] == [(SCL, 0), (SDA, 0), (SCL, 1), (SDA, 1)]
@@ -146,25 +124,12 @@ def test_an_error_on_the_bus_is_a_hanging_bus(rig):
     assert [change.level for change in rig.machine.pin_changes()] == 10 * [0, 1]
 
 
-def test_the_clocks_by_hand_are_at_most_100_khz(rig):
-    """What the slowest slaves bear: 5 us for each level."""
-    rig.machine.watch_pins([SCL])
-    rig.machine.hang_bus("sda")
-    rig.machine.pin_changes()
-    rig.run(20e-3)
-    cycles = [change.cycle for change in rig.machine.pin_changes()][:20]
-    assert min(rig.microseconds(b - a) for a, b in zip(cycles, cycles[1:])) >= 5.0
-
-
-@pytest.mark.parametrize("hang", [None, "sda"])
-def test_both_lines_of_the_bus_are_pulled_up_inputs(rig, hang):
-    rig.machine.hang_bus(hang, release_clocks=8)
+@pytest.mark.parametrize("line", [None, "sda"])
+def test_both_lines_of_the_bus_are_pulled_up_inputs(rig, line):
+    rig.machine.hang_bus(line, release_clocks=8)
     rig.run(0.05)
     lines = 1 << SDA - 14 | 1 << SCL - 14
     assert (register(rig, PORTC) & lines, register(rig, DDRC) & lines) == (lines, 0)
-
-
-# ---- the watchdog
 
 
 # ---- the encoders' interrupts
@@ -189,6 +154,7 @@ def test_the_first_edge_after_power_up_counts(levels, wheel):
 
 
 SAMPLE_VECTOR, TICK, SAMPLE_TICKS = 4 * 12, 1024, 78
+READ_CYCLES = 30  # From the sample's vector to its reading of the clock, at most
 PCICR = 0x68
 
 
@@ -215,7 +181,7 @@ def test_samples_go_on_however_late_one_is(bridge, late_ticks):
         late = go_to(machine, SAMPLE_VECTOR)
         machine.run_until(machine.cycle + 1000)
         due = go_to(machine, SAMPLE_VECTOR)
-        assert TICK <= due - late <= (SAMPLE_TICKS + 1) * TICK
+        assert TICK <= due - late <= (SAMPLE_TICKS + 1) * TICK + READ_CYCLES
         due += SAMPLE_TICKS * TICK
 
 
@@ -302,20 +268,6 @@ def test_dust_pulses_beside_a_full_stream_of_commands():
     machine.run(1.2)
     wanted = (1.1 * 15.6 - 3.8 * 6.25 + 520 * 2.5) / LITRES
     assert answer(machine, b"@21e")[0] == pytest.approx(wanted, rel=0.15)
-    machine.close()
-
-
-def test_a_dust_sensor_is_a_fault_a_minute_after_its_last_pulse():
-    """Counted in slots of 5 s."""
-    machine, pulse_s, silent_s = dusty(), 6.0, 60.0
-    machine.set_pin(DUST, 0, int(pulse_s * UNO_HZ))
-    machine.set_pin(DUST, 1, int((pulse_s + 10e-3) * UNO_HZ))
-    bit = [name for name, _ in FAULTS].index("sensor")
-    faults = []
-    for until_s in (silent_s + 1.0, pulse_s + silent_s + 5.0):
-        machine.run(until_s - machine.time_s)
-        faults.append(answer(machine, b"@30e")[4] >> bit & 1)
-    assert faults == [0, 1]
     machine.close()
 
 

@@ -1,47 +1,47 @@
 """The H-bridge image on the simulated chip: its outputs when something is wrong, and what its encoders count."""
 
+from bisect import bisect
 from collections import Counter
 from pathlib import Path
 from typing import Dict, Iterator, List, Set
 
 import pytest
 
-from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
-from mrl_driver.protocol.stop_reason import STOP_REASONS
-from mrl_driver.protocol.table import BRIDGES, BY_NAME, FAULTS, PARAMETER_BY_NAME, WIRING
+from mrl_driver.protocol.table import BAUD, BRIDGES, PARAMETER_BY_NAME, WIRING
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
 from sim_arduino.avr.machine import AvrMachine
 from tests import models
-from tests.long.bench.firmware_board import Rig, request
+from tests.long.bench.bench_firmware import BRIDGE_EDGES_HZ
+from tests.long.bench.bridge_board import BridgeRig
+from tests.long.bench.firmware_board import ENDLESS_LOOP, Rig, hang, mend, request
 
-IMAGE = Path(__file__).resolve().parents[2] / "build" / "firmware" / "mrl_firmware_hbridge.elf"
+BUILD = Path(__file__).resolve().parents[2] / "build" / "firmware"
+IMAGES = {ATMEGA328P: "mrl_firmware_hbridge.elf", ATMEGA2560: "mrl_firmware_hbridge_mega.elf"}
 HZ = 16_000_000
 LEFT, RIGHT = (5, 6, 7), (11, 3, 9)  # PWM_A, PWM_B, LOGIC
 OUTPUTS = LEFT + RIGHT
 LEFT_A, LEFT_B, RIGHT_A, RIGHT_B = ENCODERS = (2, 4, 8, 10)
-PORT = {True: 0x2B, False: 0x25}  # registers PORTD of pins below 8, PORTB
-BATTERY_CHANNEL = 3
 TB6612 = BRIDGES.index("tb6612")
-SET, SINGLE_CHANNEL = (1 << [name for name, _ in WIRING].index(each) for each in ("set", "single_channel"))
+SET = 1 << [name for name, _ in WIRING].index("set")
 DRIVEN = models.wired_eeprom(bridge=TB6612)
 """Of a board that has accepted its wiring when it starts."""
 READY_S = 0.05
 MOVES = (b"@9,40,40e", b"@10,40,40e", b"@11,200,0e", b"@12,1,40,500e")
 HALF_DUTY = b"@10,50,50e"  # without speed control: nothing has to turn
-ENDLESS_LOOP, NO_INTERRUPTS_AND_LOOP = b"\xff\xcf", b"\xf8\x94\xff\xcf"  # rjmp to itself; behind a cli
+NO_INTERRUPTS_AND_LOOP = b"\xf8\x94" + ENDLESS_LOOP  # cli first
 WDR, NOP, LDS, EOR = b"\xa8\x95", b"\x00\x00", 0x9000, 0x2400
 MISSED_KICKS = "_ZN3hal12missed_kicksE"
 MISSED_KICK_S = 0.256
 SAMPLE_S = 78 * 64e-6
 MOST_EDGES = 250  # of one encoder between two samples
-STORM_S = 2.0e-3  # 250 edges without a pause, the pass of the loop that they interrupt, and the stop
-CONVERTER_READINGS = 300  # 20 s
+LOOK_AT_BYTES, LONGEST_TASK_S = "_ZN3mrl8commands7receiveEv", 130e-6
 
 
 class Board(Rig):
     """A board wired as a duo's, with resistors that hold its outputs low, and encoders whose lines are low."""
 
-    def __init__(self, eeprom: bytes = b"") -> None:
-        super().__init__(IMAGE)
+    def __init__(self, eeprom: bytes = b"", chip: Chip = ATMEGA328P) -> None:
+        super().__init__(BUILD / IMAGES[chip], chip=chip)
         for pin in OUTPUTS + ENCODERS:
             self.machine.set_pin(pin, 0)
         self.machine.write_eeprom(0, eeprom or models.wired_eeprom())
@@ -65,26 +65,6 @@ class Board(Rig):
             self.say(request("write_config", PARAMETER_BY_NAME[name].number, value))
         self.machine.pin_changes()
         return self
-
-    def say(self, data: bytes, wait_s: float = 0.01) -> List[Frame]:
-        """Sends bytes; the frames that come until `wait_s` after the last one."""
-        self.replies()
-        self.machine.run_until(self.machine.send(data) + int(wait_s * HZ))
-        received = b"".join(reply.line for reply in self.replies())
-        return [event for event in FrameDecoder(REPLIES).feed(received) if isinstance(event, Frame)]
-
-    def status(self) -> Dict[str, int]:
-        (frame,) = self.say(request("read_status"))
-        return dict(zip((field.name for field in BY_NAME["read_status"].reply), frame.args))
-
-    @property
-    def stop_reason(self) -> str:
-        return STOP_REASONS[self.status()["stop_reason"]]
-
-    @property
-    def faults(self) -> Set[str]:
-        present = self.status()["faults"]
-        return {name for bit, (name, _) in enumerate(FAULTS) if present >> bit & 1}
 
     def counts(self) -> List[int]:
         (frame,) = self.say(b"@6e")
@@ -116,16 +96,6 @@ class Board(Rig):
         gap, start = HZ / hertz / 2, self.machine.cycle + 100
         self.machine.plan_edges(pin, [start + int(edge * gap) for edge in range(int(2 * hertz * seconds))])
 
-    def hang(self, code: bytes = ENDLESS_LOOP) -> None:
-        """Makes the program loop where it can be interrupted next."""
-        while not self.machine.interrupts_on:
-            self.run(1e-6)
-        self.machine.patch(self.machine.pc, code)
-
-    def mend(self) -> None:
-        for address, data in self.machine.image_flash:
-            self.machine.patch(address, data)
-
 
 @pytest.fixture
 def board() -> Iterator[Board]:
@@ -135,28 +105,14 @@ def board() -> Iterator[Board]:
 
 
 @pytest.fixture
-def blank() -> Iterator[Board]:
-    each = Board()
-    yield each
-    each.close()
-
-
-@pytest.fixture(scope="module")
-def saved() -> bytes:
-    each = Board().boot().configure()
-    each.say(request("save_config"), 0.5)
-    contents = each.machine.read_eeprom()
-    each.close()
-    return contents
+def turning() -> Iterator[BridgeRig]:
+    """A board whose wheels turn, with an IMU that streams."""
+    rig = BridgeRig(BUILD / IMAGES[ATMEGA328P], BRIDGE_EDGES_HZ).fit_imu(10).settle()
+    yield rig
+    rig.close()
 
 
 # ---- start
-
-
-def test_no_output_rises_before_the_first_move(blank):
-    """Not at power-up, not while the core sets its timers, not in the first half second."""
-    blank.run(0.5)
-    assert blank.rises() == []
 
 
 @pytest.mark.parametrize("restart", ["reset", "brown_out"])
@@ -173,19 +129,12 @@ def test_a_reset_in_motion_leaves_the_outputs_low(board, restart):
 
 
 @pytest.mark.parametrize("move", MOVES)
-def test_with_a_damaged_eeprom_every_move_is_refused(saved, move):
-    damaged = bytearray(saved)
+def test_with_a_damaged_eeprom_every_move_is_refused(move):
+    damaged = bytearray(DRIVEN)
     damaged[20] ^= 0x10
     board = Board(bytes(damaged)).boot()
     board.say(move, 0.3)
     assert (board.rises(), board.faults & {"eeprom", "wiring"}) == ([], {"eeprom", "wiring"})
-    board.close()
-
-
-def test_a_saved_configuration_drives_after_power_up(saved):
-    board = Board(saved).boot()
-    board.say(HALF_DUTY)
-    assert board.duties()[LEFT[0]] > 0.1
     board.close()
 
 
@@ -196,7 +145,7 @@ def test_a_hung_loop_switches_the_outputs_off_at_its_first_missed_kick(board):
     """Within 256 ms of the last kick; the chip has not been reset yet."""
     board.say(HALF_DUTY)
     resets = board.machine.resets
-    board.hang()
+    hang(board.machine)
     hung = board.machine.cycle
     board.machine.pin_changes()
     board.run(MISSED_KICK_S)
@@ -209,7 +158,7 @@ def test_a_loop_that_hangs_without_interrupts_is_reset(board):
     """The watchdog's second time-out; then the resistors hold the outputs low."""
     board.say(HALF_DUTY)
     resets = board.machine.resets
-    board.hang(NO_INTERRUPTS_AND_LOOP)
+    hang(board.machine, NO_INTERRUPTS_AND_LOOP)
     board.run(MISSED_KICK_S + 1e-3)
     assert board.machine.resets > resets and board.levels() == set()
 
@@ -240,22 +189,14 @@ def test_after_a_missed_kick_nothing_switches_the_outputs_on(board):
 def test_a_loop_that_goes_on_after_a_missed_kick_drives_again(board):
     """It stood still for 200 ms; the host has not been told to stop."""
     board.say(HALF_DUTY)
-    board.hang()
+    hang(board.machine)
     board.run(0.2)
     assert board.levels() == set()
-    board.mend()
+    mend(board.machine)
     assert board.duties(0.1)[LEFT[0]] > 0.1
 
 
 # ---- encoders
-
-
-@pytest.mark.parametrize("wheel", [0, 1])
-@pytest.mark.parametrize("way, sign", [(1, 1), (-1, -1)])
-def test_each_edge_is_a_count(board, wheel, way, sign):
-    pins = ENCODERS[2 * wheel : 2 * wheel + 2][::way]
-    board.turn(pins, 1000, 10_000)
-    assert board.counts()[wheel] == sign * 1000
 
 
 def test_a_step_of_both_channels_is_counted_as_impossible(board):
@@ -264,28 +205,6 @@ def test_a_step_of_both_channels_is_counted_as_impossible(board):
         board.machine.plan_edges(pin, [at])
     board.run(1e-3)
     assert (board.counts(), board.status()["impossible"]) == ([0, 0], 1)
-
-
-def test_an_encoder_of_one_channel_counts_both_edges_of_it(board):
-    board.configure(wiring=SET + SINGLE_CHANNEL)
-    board.oscillate(LEFT_B, 300e3, 0.1)
-    gap = HZ // 1000
-    board.machine.plan_edges(LEFT_A, [board.machine.cycle + (edge + 1) * gap for edge in range(50)])
-    board.run(0.11)
-    assert board.counts() == [50, 0]
-
-
-@pytest.mark.parametrize("pins", [(LEFT_A,), (LEFT_A, RIGHT_B)], ids=["one line", "a line of each"])
-def test_an_oscillating_line_stops_the_robot(board, pins):
-    """500 kHz: 250 edges take 1.5 ms, then the encoder's interrupt is masked, and the loop stops."""
-    board.say(HALF_DUTY)
-    for pin in pins:
-        board.oscillate(pin, 500e3, 0.05)
-    begun = board.machine.cycle
-    board.machine.pin_changes()
-    board.run(3 * SAMPLE_S)
-    assert board.machine.pin_changes()[-1].cycle - begun < len(pins) * STORM_S * HZ
-    assert board.stop_reason == "encoder"
 
 
 def test_the_wheels_are_driven_after_the_chip_stood_still(board):
@@ -307,12 +226,21 @@ def test_an_oscillating_line_delays_no_stop(board):
     assert board.machine.pin_changes()[-1].cycle - end < 1e-3 * HZ
 
 
-def test_open_encoder_lines_are_pulled_up(board):
-    pulled_up = {pin for pin in ENCODERS if board.machine.peek(PORT[pin < 8])[0] >> pin % 8 & 1}
-    assert pulled_up == set(ENCODERS)
-
-
-# ---- sleep
+def test_no_byte_of_the_host_waits_for_a_long_task(turning):
+    """For six samples: the host sends without a pause, streams have all of the link, and wheels are controlled."""
+    machine = turning.machine
+    machine.send(b"@18e@9,40,40e")
+    turning.run(0.02)
+    look, looks, begun = machine.symbol(LOOK_AT_BYTES).address, [], machine.cycle
+    count = round(6 * SAMPLE_S * BAUD / 10)
+    end = machine.send(b"\r" * count)
+    while not looks or looks[-1] <= end:
+        machine.run_until(machine.cycle + 1)
+        if machine.pc == look:
+            looks.append(machine.cycle)
+    arrivals = [begun + (end - begun) * (number + 1) / count for number in range(count)]
+    waits = [looks[bisect(looks, arrival)] - arrival for arrival in arrivals]
+    assert max(waits) < LONGEST_TASK_S * HZ
 
 
 # ---- PWM
@@ -345,18 +273,3 @@ def test_full_duty_is_a_constant_level(board, name):
     board.machine.pin_changes()
     board.run(0.05)
     assert board.machine.pin_changes() == []
-
-
-# ---- battery
-
-
-def test_battery_and_sonars_share_the_converter(board):
-    """Each gets the voltage of its own input, at whatever phases their periods meet."""
-    board.machine.adc_volts = lambda channel, time_s: 4.0 if channel == BATTERY_CHANNEL else 1.0
-    board.configure(battery_divider=3000)
-    board.run(1.0)
-    readings = set()
-    for _ in range(CONVERTER_READINGS):
-        (sonars,), (info,) = board.say(b"@7e", 0.03), board.say(b"@5e", 0.03)
-        readings |= {*sonars.args, info.args[2]}
-    assert len(readings) == 2 and max(readings) == pytest.approx(1200, abs=5)

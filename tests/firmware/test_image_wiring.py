@@ -7,19 +7,21 @@ from typing import Dict, Iterator, List, Mapping, NamedTuple, Set, Tuple
 import pytest
 
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder
-from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, PINS, WIRING_PROBLEMS
+from mrl_driver.protocol.table import BRIDGES, PARAMETER_BY_NAME, WIRING_PROBLEMS
 from mrl_driver.robot import wiring
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
 from sim_arduino.board import parameter_store
 from tests import models
 from tests.firmware.imu_chip import ImuChip
 from tests.firmware.test_image_hbridge import DRIVEN, HALF_DUTY, MOVES, OUTPUTS, PWM_HZ, SAMPLE_S, SET, Board
-from tests.long.bench.firmware_board import request
+from tests.long.bench.firmware_board import hang, request
 
-PORTS = 0x23  # PINB DDRB PORTB PINC DDRC PORTC PIND DDRD PORTD
+PORT_A, PORT_H = 0x20, 0x100  # PIN, DDR and PORT of each port
+LETTERS = "ABCDEFG", "HJKL"
 TWCR, TICK, SAMPLE_TICKS = 0xBC, 1024, 78
 CLOCK, DUE = "_ZN3hal5clockE", "_ZN3hal10sample_dueE"
-MOST_AWAKE = 0.12
-FREE_PINS = tuple(range(2, 20))
+MOST_AWAKE = 0.065  # for each motor; a pass for the ramps of all takes 0.004 of it, and keeps a stop short
+PINS = wiring.rows(ATMEGA328P)
 BLANK = b"\xff" * parameter_store.EEPROM_BYTES
 TICKS_OFF = 3  # a tick each for the two readings and for the change of the timer
 ENCODERS = {
@@ -30,29 +32,52 @@ ENCODERS = {
 }
 
 
+MEGA_ENCODERS = dict(zip(ENCODERS, (18, 19, 2, 3)))
+
+
 class Wired(NamedTuple):
     bridge: str
     pins: Dict[str, int]
+    chip: Chip = ATMEGA328P
+    clock: int = 0
 
 
-def with_pwm(bridge: str, **pins: int) -> Wired:
-    return Wired(bridge, {**ENCODERS, **{f"pin_{name}": pin for name, pin in pins.items()}})
+def with_pwm(bridge: str, clock: int = 0, chip: Chip = ATMEGA328P, **pins: int) -> Wired:
+    encoders = ENCODERS if chip == ATMEGA328P else MEGA_ENCODERS
+    return Wired(bridge, {**encoders, **{f"pin_{name}": pin for name, pin in pins.items()}}, chip, clock)
 
 
+def mega(bridge: str, clock: int = 0, **pins: int) -> Wired:
+    return with_pwm(bridge, clock, ATMEGA2560, **pins)
+
+
+OTHERS = {
+    **{"left_pwm_a": 11, "left_pwm_b": 5, "right_pwm_a": 6, "right_pwm_b": 44},
+    **{"rear_left_pwm_a": 7, "rear_right_pwm_a": 45, "rear_left_encoder_a": 62, "rear_right_encoder_a": 63},
+}
 CLOCKS = {
     "timer 1": with_pwm("cytron", left_pwm_a=5, left_logic=7, right_pwm_a=11, right_logic=12),
-    "timer 2": with_pwm("cytron", left_pwm_a=9, left_logic=7, right_pwm_a=6, right_logic=12),
-    "timer 0": with_pwm("cytron", left_pwm_a=9, left_logic=7, right_pwm_a=11, right_logic=12),
-    "timer 2 with PWM": with_pwm("bts7960", left_pwm_a=9, left_pwm_b=5, right_pwm_a=11, right_pwm_b=3),
+    "timer 2": with_pwm("cytron", 1, left_pwm_a=9, left_logic=7, right_pwm_a=6, right_logic=12),
+    "timer 0": with_pwm("cytron", 2, left_pwm_a=9, left_logic=7, right_pwm_a=11, right_logic=12),
+    "timer 2 with PWM": with_pwm("bts7960", 3, left_pwm_a=9, left_pwm_b=5, right_pwm_a=11, right_pwm_b=3),
+    "Mega, timer 1": mega("cytron", left_pwm_a=5, left_logic=22, right_pwm_a=6, right_logic=23),
+    "Mega, timer 3": mega("cytron", 1, left_pwm_a=11, left_logic=22, right_pwm_a=6, right_logic=23),
+    "Mega, timer 4": mega("cytron", 2, left_pwm_a=11, left_logic=22, right_pwm_a=5, right_logic=23),
+    "Mega, timer 5": mega("bts7960", 3, left_pwm_a=11, left_pwm_b=5, right_pwm_a=6, right_pwm_b=4),
+    "Mega, timer 2": mega("bts7960", 4, left_pwm_a=11, left_pwm_b=5, right_pwm_a=6, right_pwm_b=44),
+    "Mega, timer 0": mega("bts7960", 5, **OTHERS, rear_left_pwm_b=12, rear_right_pwm_b=10),
+    "Mega, timer 2 with PWM": mega("bts7960", 6, **OTHERS, rear_left_pwm_b=4, rear_right_pwm_b=10),
 }
 """Wirings by the timer that is the clock."""
 
 
 @contextmanager
-def wired(bridge_name: str, pins: Mapping[str, int], **settings: int) -> Iterator[Board]:
+def wired(
+    bridge_name: str, pins: Mapping[str, int], chip: Chip = ATMEGA328P, _clock: int = 0, **settings: int
+) -> Iterator[Board]:
     """A board that drives with this wiring, without a ramp; the lines of its encoders are low."""
     known = {"bridge": BRIDGES.index(bridge_name), "wiring": SET, "ramp_time": 0, **settings}
-    board = Board(models.wired_eeprom(1, pins, **known))
+    board = Board(models.wired_eeprom(1, pins, chip, **known), chip)
     for name, pin in pins.items():
         if "encoder" in name and pin >= 0:
             board.machine.set_pin(pin, 0)
@@ -71,14 +96,21 @@ def pulled_up(board: Board) -> Set[int]:
     return _pins(board, 2) - outputs(board)
 
 
+def free_pins(board: Board) -> range:
+    """All but those of the serial link."""
+    return range(2, len(board.machine.chip.pins))
+
+
 def _pins(board: Board, register: int) -> Set[int]:
     """Pins whose bit is set in register DDR (1) or PORT (2) of their port; the serial link's are left out."""
-    data = board.machine.peek(PORTS, 9)
-    places = {
-        pin: (2 if pin < 8 else 0 if pin < 14 else 1, pin % 8 if pin < 8 else (pin - 8) % 6)
-        for pin in FREE_PINS
-    }
-    return {pin for pin, (port, bit) in places.items() if data[3 * port + register] >> bit & 1}
+    found = set()
+    for number in free_pins(board):
+        pin = board.machine.chip.pins[number]
+        far = pin.port in LETTERS[1]
+        at = (PORT_H if far else PORT_A) + 3 * LETTERS[far].index(pin.port) + register
+        if board.machine.peek(at)[0] >> pin.bit & 1:
+            found.add(number)
+    return found
 
 
 def finding(board: Board) -> Tuple[str, int, int]:
@@ -104,19 +136,19 @@ def damaged(at: int) -> bytes:
     return bytes(contents)
 
 
-PINS_AT = parameter_store.PINS_AT
+PINS_AT, PINS_SIZE = parameter_store.PINS_AT, len(PINS) + 3
 WITHOUT = {
     "blank": BLANK,
     "layout": damaged(PINS_AT),
     "pin": damaged(PINS_AT + 3),
-    "check": damaged(PINS_AT + 18),
+    "check": damaged(PINS_AT + PINS_SIZE - 2),
 }
 
 
 @pytest.mark.parametrize("eeprom", WITHOUT.values(), ids=WITHOUT)
 def test_without_a_sound_wiring_all_pins_are_inputs_and_every_move_is_refused(eeprom):
     board = Board(eeprom)
-    board.machine.watch_pins(FREE_PINS)
+    board.machine.watch_pins(free_pins(board))
     board.machine.pin_changes()
     for move in MOVES:
         board.say(move, 0.1)
@@ -143,7 +175,9 @@ def test_a_saved_wiring_is_there_after_the_next_power_up():
     for name, value in models.DUO_PINS.items():
         write(board, name, value)
     board.say(request("save_config"), 0.6)
-    assert board.machine.read_eeprom(PINS_AT, 20) == models.wired_eeprom()[PINS_AT : PINS_AT + 20]
+    assert (
+        board.machine.read_eeprom(PINS_AT, PINS_SIZE) == models.wired_eeprom()[PINS_AT : PINS_AT + PINS_SIZE]
+    )
     board.machine.power_cycle(1)
     board.boot().say(HALF_DUTY)
     assert board.duties()[5] > 0.1
@@ -190,7 +224,7 @@ def test_a_write_of_the_wiring_stops_and_lets_go_of_all_pins_first(board, row):
     for pin in OUTPUTS:
         board.machine.set_pin(pin, 1)
     board.machine.pin_changes()
-    write(board, row.name, {"i2c": 0, "bridge": 0}.get(row.name, -1), 0.05)
+    write(board, row.name, max(row.low, -1), 0.05)
     levels: Dict[int, List[int]] = {pin: [0] for pin in OUTPUTS}
     for change in board.machine.pin_changes():
         levels[change.pin].append(change.level)
@@ -204,14 +238,23 @@ def test_a_write_of_the_wiring_stops_and_lets_go_of_all_pins_first(board, row):
 
 @pytest.mark.parametrize("name", CLOCKS)
 def test_after_a_missed_kick_no_output_is_high(name):
-    bridge, pins = CLOCKS[name]
-    with wired(bridge, pins) as board:
-        board.machine.watch_pins(FREE_PINS)
+    with wired(*CLOCKS[name]) as board:
+        board.machine.watch_pins(free_pins(board))
         board.say(HALF_DUTY)
-        board.hang()
+        hang(board.machine)
         board.run(0.2)
         high = {pin for pin in outputs(board) if board.machine.pin(pin)}
         assert high == set()
+
+
+def test_enables_are_high_until_a_missed_kick():
+    bridge, pins, *_ = CLOCKS["timer 0"]
+    with wired(bridge, {**pins, "pin_enable_1": 13, "pin_enable_2": 8}) as board:
+        board.say(b"@13e")
+        assert board.machine.pin(13) and board.machine.pin(8)
+        hang(board.machine)
+        board.run(0.2)
+        assert not board.machine.pin(13) and not board.machine.pin(8)
 
 
 # ---- the clock
@@ -232,8 +275,8 @@ def board_time(board: Board) -> Tuple[int, int]:
 @pytest.mark.parametrize("name", CLOCKS)
 def test_board_time_goes_on_in_ticks_on_each_clock(name):
     """Also over a change from timer 1, which is the clock of a board without a wiring."""
-    bridge, pins = CLOCKS[name]
-    with wired(bridge, pins, bridge=0) as board:
+    bridge, pins, chip, clock = CLOCKS[name]
+    with wired(bridge, pins, chip, bridge=0) as board:
         board.say(request("set_check", 1, checked=True))
         change = request("write_config", number("bridge"), BRIDGES.index(bridge), checked=True)
         for line, seconds in ((change, 0.1), (b"", 1.0), (b"", 1.9)):
@@ -243,13 +286,12 @@ def test_board_time_goes_on_in_ticks_on_each_clock(name):
             after, ended = board_time(board)
             passed = (after - before) % 65536
             assert abs(passed - (ended - begun) / TICK) <= TICKS_OFF
-        assert board.machine.peek(board.machine.symbol(CLOCK).address)[0] == list(CLOCKS).index(name)
+        assert board.machine.peek(board.machine.symbol(CLOCK).address)[0] == clock
 
 
 @pytest.mark.parametrize("name", CLOCKS)
 def test_samples_have_their_period_on_each_clock(name):
-    bridge, pins = CLOCKS[name]
-    with wired(bridge, pins) as board:
+    with wired(*CLOCKS[name]) as board:
         board.say(HALF_DUTY)
         due = board.machine.symbol(DUE).address
         seen = set()
@@ -262,12 +304,17 @@ def test_samples_have_their_period_on_each_clock(name):
 
 def test_samples_go_on_over_each_change_of_the_clock():
     """Told as the host does: without a bridge, the pins, the bridge."""
-    ways = [(name, other) for name in CLOCKS for other in CLOCKS if other != name]
+    ways = [
+        (name, other)
+        for name, one in CLOCKS.items()
+        for other, another in CLOCKS.items()
+        if other != name and one.chip == another.chip
+    ]
     for name, other in ways:
         with wired(*CLOCKS[name]) as board:
-            bridge, pins = CLOCKS[other]
+            bridge, pins, _, expected = CLOCKS[other]
             changes = {**wiring.EMPTY, **pins, "bridge": BRIDGES.index(bridge)}
-            for parameter, value in {"bridge": 0, **dict.fromkeys(wiring.NAMES[:-1], -1)}.items():
+            for parameter, value in {"bridge": 0, **wiring.EMPTY}.items():
                 write(board, parameter, value)
             for parameter, value in changes.items():
                 write(board, parameter, value)
@@ -277,17 +324,17 @@ def test_samples_go_on_over_each_change_of_the_clock():
             passed = (int.from_bytes(ended, "little") - int.from_bytes(begun, "little")) % 65536
             clock = board.machine.peek(board.machine.symbol(CLOCK).address)[0]
             assert (name, other, passed // SAMPLE_TICKS) == (name, other, pytest.approx(10, abs=1))
-            assert clock == list(CLOCKS).index(other)
+            assert clock == expected
 
 
 @pytest.mark.parametrize("name", CLOCKS)
 def test_the_chip_sleeps_on_each_clock(name):
-    bridge, pins = CLOCKS[name]
-    with wired(bridge, pins) as board:
+    with wired(*CLOCKS[name]) as board:
         board.run(0.5)
         awake, begun = board.machine.awake_cycles, board.machine.cycle
         board.run(1.0)
-        assert (board.machine.awake_cycles - awake) / (board.machine.cycle - begun) < MOST_AWAKE
+        share = (board.machine.awake_cycles - awake) / (board.machine.cycle - begun)
+        assert share < MOST_AWAKE * wiring.motors({**wiring.EMPTY, **CLOCKS[name].pins})
 
 
 # ---- PWM of timer 1
@@ -312,8 +359,7 @@ QUARTER_AND_HALF = {
 
 @pytest.mark.parametrize("name", ON_TIMER_1)
 def test_timer_1_makes_pwm_as_the_others_do(name):
-    bridge, pins = ON_TIMER_1[name]
-    with wired(bridge, pins) as board:
+    with wired(*ON_TIMER_1[name]) as board:
         board.machine.watch_pins(outputs(board))
         board.say(b"@10,25,-50e")
         before = {pin: board.machine.high_cycles(pin) for pin in outputs(board)}
@@ -327,14 +373,43 @@ def test_timer_1_makes_pwm_as_the_others_do(name):
         assert sorted(rises.values()) == pytest.approx(2 * [0.1 * PWM_HZ[name]], rel=0.01)
 
 
+@pytest.mark.parametrize("pin", [4, 5, 6, 7, 8, 9, 10, 11, 12, 44, 45, 46])
+def test_each_pwm_pin_of_a_mega_has_its_duty(pin):
+    """Next to one of timer 4 or 5, and direction pins on two ports behind the I/O space."""
+    other = 8 if pin > 8 else 46
+    wires = mega("cytron", left_pwm_a=pin, left_logic=42, right_pwm_a=other, right_logic=17)
+    with wired(*wires) as board:
+        board.say(b"@10,25,-50e")
+        begun = board.machine.cycle
+        before = {each: board.machine.high_cycles(each) for each in (pin, other, 42, 17)}
+        board.run(0.1)
+        passed = board.machine.cycle - begun
+        shares = {each: (board.machine.high_cycles(each) - high) / passed for each, high in before.items()}
+        assert shares == pytest.approx({pin: 0.25, other: 0.5, 42: 0, 17: 1}, abs=0.01)
+
+
 # ---- encoders
 
+
+class Places(NamedTuple):
+    left: Tuple[int, int]
+    right: Tuple[int, int]
+    chip: Chip = ATMEGA328P
+
+
 PLACES = {
-    "a port each": ((2, 4), (18, 19)),
-    "one port": ((2, 7), (3, 4)),
-    "channels on two ports": ((2, 14), (8, 15)),
-    "crossed": ((2, 8), (9, 3)),
-    "port C": ((14, 15), (16, 17)),
+    "a port each": Places((2, 4), (18, 19)),
+    "one port": Places((2, 7), (3, 4)),
+    "channels on two ports": Places((2, 14), (8, 15)),
+    "crossed": Places((2, 8), (9, 3)),
+    "port C": Places((14, 15), (16, 17)),
+    "Mega, external": Places((2, 3), (18, 19), ATMEGA2560),
+    "Mega, others of them": Places((21, 20), (19, 2), ATMEGA2560),
+    "Mega, D10 and D50": Places((10, 53), (50, 11), ATMEGA2560),
+    "Mega, D14": Places((14, 62), (15, 69), ATMEGA2560),
+    "Mega, A8 to A15": Places((62, 65), (63, 69), ATMEGA2560),
+    "Mega, a line and a group": Places((2, 62), (64, 18), ATMEGA2560),
+    "Mega, B without interrupt": Places((2, 22), (68, 42), ATMEGA2560),
 }
 MOTORS = {"pin_left_pwm_a": 5, "pin_left_logic": 12, "pin_right_pwm_a": 6, "pin_right_logic": 13}
 
@@ -347,8 +422,8 @@ def with_encoders(left: Tuple[int, int], right: Tuple[int, int]) -> Dict[str, in
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("way, sign", [(1, 1), (-1, -1)])
 def test_each_edge_of_both_encoders_is_a_count(place, way, sign):
-    left, right = PLACES[place]
-    with wired("cytron", with_encoders(left, right)) as board:
+    left, right, chip = PLACES[place]
+    with wired("cytron", with_encoders(left, right), chip) as board:
         board.turn(left[::way], 1000, 20_000)
         board.turn(right[::way], 600, 20_000)
         assert (board.counts(), board.status()["impossible"]) == ([sign * 1000, sign * 600], 0)
@@ -364,9 +439,9 @@ def test_an_encoder_without_channel_b_counts_in_the_direction_of_the_drive():
 
 @pytest.mark.parametrize("place", PLACES)
 def test_an_oscillating_line_stops_the_robot_wherever_it_is(place):
-    left, right = PLACES[place]
-    for pin in (left[0], right[1]):
-        with wired("cytron", with_encoders(left, right)) as board:
+    left, right, chip = PLACES[place]
+    for pin in (left[0], right[0 if "without" in place else 1]):
+        with wired("cytron", with_encoders(left, right), chip) as board:
             board.say(HALF_DUTY)
             board.oscillate(pin, 500e3, 0.015)
             board.run(3 * SAMPLE_S)
@@ -374,6 +449,14 @@ def test_an_oscillating_line_stops_the_robot_wherever_it_is(place):
 
 
 # ---- bus, sonars, battery
+
+
+@pytest.mark.parametrize("pin", [-1, 15])
+def test_the_pull_up_of_an_input_goes_when_it_gets_another_pin(pin):
+    with wired("tb6612", {**models.DUO_PINS, **models.WITH_INPUTS, "pin_bumper_right": -1}) as board:
+        assert 14 in pulled_up(board)
+        write(board, "pin_bumper_left", pin)
+        assert 14 not in pulled_up(board)
 
 
 def test_a_wiring_without_a_bus_leaves_its_pins_alone():
@@ -401,11 +484,21 @@ def test_an_imu_is_found_again_after_a_change_in_the_middle_of_its_transfers(pha
         assert frame.args == chip.gyro + chip.accel
 
 
-def test_sonars_and_battery_are_read_on_their_pins():
-    volts = {5: 1.0, 1: 1.5, 2: 2.0, 0: 4.0}
-    pins = {"pin_sonar_front": 19, "pin_sonar_left": 15, "pin_sonar_right": -1, "pin_battery": 14, "i2c": 0}
-    with wired("tb6612", {**models.DUO_PINS, **pins}, battery_divider=3000) as board:
-        board.machine.adc_volts = lambda channel, time_s: volts.get(channel, 5.0)
+@pytest.mark.parametrize(
+    "pins, first, chip",
+    [
+        (models.DUO_PINS, 14, ATMEGA328P),
+        (models.MEGA_PINS, 54, ATMEGA2560),
+        (models.MEGA_PINS, 62, ATMEGA2560),
+    ],
+    ids=["Uno", "A0", "A8"],
+)
+def test_sonars_and_battery_are_read_on_their_pins(pins, first, chip):
+    """On others than those of a duo, whose readings they have."""
+    volts, base = {5: 1.0, 1: 1.5, 2: 2.0, 0: 4.0}, first - chip.analog
+    places = {"pin_sonar_front": first + 5, "pin_sonar_left": first + 1, "pin_battery": first, "i2c": 0}
+    with wired("tb6612", {**pins, **places, "pin_sonar_right": -1}, chip, battery_divider=3000) as board:
+        board.machine.adc_volts = lambda channel, time_s: volts.get(channel - base, 5.0)
         board.run(1.5)
         (sonars,), (info,) = board.say(b"@7e"), board.say(b"@5e")
     with wired("tb6612", models.DUO_PINS) as board:

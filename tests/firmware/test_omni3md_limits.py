@@ -283,13 +283,7 @@ def test_commands_that_wait_when_the_motor_board_is_lost_are_forgotten(bench):
     board.board.gap(board.board.now_s + 0.01, b"@11,100,0e@4,1,5e@4,1,6e@4,1,7e")
     board.run(0.4)
     assert board.writes(GEOMETRY) and not board.writes(MOVE) and not board.writes(PRESET)
-
-
-def test_the_fault_of_a_refusal_ends_with_the_next_transfer(bench):
-    board = bench()
-    refuse(board, MOVE, 1)
-    board.send("move_differential", 100, 0)
-    assert (board.faults(), board.faults()) == (FAULT["motor_board"], 0)
+    assert board.counter("unavailable") == 3
 
 
 def test_a_stop_while_the_motor_board_is_asked_leaves_its_answers_in_place(answering):

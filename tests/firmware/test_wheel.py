@@ -9,7 +9,7 @@ from typing import Any, Dict, List, Tuple
 import pytest
 
 from mrl_driver.protocol.stop_reason import STOP_REASONS
-from mrl_driver.protocol.table import BRIDGES, SETTINGS
+from mrl_driver.protocol.table import BRIDGES, PARAMETERS, PINS, SETTINGS
 from sim_arduino.board import parameter_store
 from sim_arduino.board.bridge_control import levels
 from sim_arduino.board.wheel import SpeedEstimate, Wheel, WheelWatch
@@ -35,11 +35,12 @@ class Parts:
     def __init__(self, **values: int) -> None:
         self.native = shared()
         self.native.pc_wheel_parts_start()
-        self.config = parameter_store.Config(bytearray(parameter_store.image(parameter_store.defaults(DUO))))
+        eeprom = bytearray(parameter_store.image(parameter_store.defaults(DUO)))
+        self.config = parameter_store.Config(eeprom, PINS)
         for name, value in values.items():
             self.config[name] = value
         found = (ctypes.c_uint32 * len(WheelSettings._fields))()
-        parameters = (ctypes.c_int16 * len(SETTINGS))(*self.config.values)
+        parameters = (ctypes.c_int16 * len(PARAMETERS))(*self.config.values)
         good = self.native.pc_settings(parameters, found)
         self.found = WheelSettings(*found) if good else None
         settings = settings_of(self.config)
@@ -55,13 +56,17 @@ EDGES: Dict[str, List[int]] = {
     "gearbox": [1, 9, 100, 3000, 30909, 30910, 32767],
     "encoder_counts": [1, 2, 3, 16, 1100, 11333, 11334],
     "wheel_radius": [1, 2, 100, 3250, 32767],
-    "axis_radius": [1, 100, 7500, 30000, 32767],
-    "kp": [0, 1, 1000, 30000, 32767],
-    "ki": [0, 1, 20000, 32767],
-    "friction_duty": [0, 1, 53, 500],
-    "ramp_time": [0, 1, 999, 32767],
-    "reversal_pause": [0, 1, 99, 1000],
+    "axis_radius": [1, 100, 6249, 6250, 7500, 7813, 30000, 32767],
+    "no_encoders": [0, 1],
+    "kp": [0, 1, 354, 396, 479, 521, 992, 993, 994, 1000, 30000, 32767],
+    "ki": [0, 1, 81, 243, 350, 457, 512, 1536, 20000, 32767],
+    "friction_duty": [0, 1, 53, 319, 431, 444, 500],
+    "ramp_time": [0, 1, 2, 3, 6, 7, 37, 999, 32767],
+    "reversal_pause": [0, 1, 99, 302, 307, 317, 322, 1000],
 }
+"""Ends, and values at which one unit of a factor, or of the rounding, gives another number."""
+EXACT = [(8, 31438, 193), (2, 24085, 196), (4, 26195, 8)]
+"""Full speed, gearbox and encoder counts: periods whose counts divide their constants, or one more, without a rest."""
 
 
 @pytest.mark.parametrize("name", EDGES)
@@ -73,8 +78,11 @@ def test_settings_are_those_of_the_parameters(name):
 
 def test_settings_of_any_parameters():
     chance = random.Random(1)
-    for _ in range(600):
-        values = {row.name: int(row.high ** chance.random()) for row in SETTINGS if row.name in EDGES}
+    names, wide = ("full_speed", "gearbox", "encoder_counts"), {"wheel_radius": 32767, "axis_radius": 1}
+    exact = [{**dict(zip(names, each)), **wide} for each in EXACT]
+    rows = [row for row in SETTINGS if row.name in EDGES]
+    drawn = [{row.name: int(row.high ** chance.random()) for row in rows} for _ in range(600)]
+    for values in exact + drawn:
         parts = Parts(**{**KIT, **values})
         assert parts.found == parts.settings, values
 
@@ -254,34 +262,6 @@ def test_settings_end_at_the_last_number_that_can_be_controlled(good, bad):
     assert Parts(**{**KIT, **good, **bad}).found is None
 
 
-ROUNDED = [
-    ("friction_duty", (0, 1, 319, 431, 444, 500)),
-    ("kp", (354, 396, 479, 521, 992, 993, 994)),
-    ("ki", (81, 243, 350, 457, 512, 1536)),
-    ("reversal_pause", (302, 307, 317, 322, 1000)),
-    ("ramp_time", (1, 2, 3, 6, 7, 37)),
-    ("axis_radius", (1, 6249, 6250, 7813)),
-]
-
-
-@pytest.mark.parametrize("name, values", ROUNDED, ids=[name for name, _ in ROUNDED])
-def test_settings_are_rounded_as_by_the_emulated_board(name, values):
-    """Values at which one unit of a factor, or of the rounding, gives another number."""
-    for value in values:
-        parts = Parts(**{**KIT, name: value})
-        assert parts.found is not None and parts.found == parts.settings, value
-
-
-@pytest.mark.parametrize(
-    "full_speed, gearbox, encoder_counts", [(8, 31438, 193), (2, 24085, 196), (4, 26195, 8)]
-)
-def test_divisions_of_settings_are_exact(full_speed, gearbox, encoder_counts):
-    """10337, 2011 and 179/256 counts in a period at full speed divide their constants, or one more, without a rest."""
-    numbers = {"full_speed": full_speed, "gearbox": gearbox, "encoder_counts": encoder_counts}
-    parts = Parts(**{**KIT, **numbers, "wheel_radius": 32767, "axis_radius": 1})
-    assert parts.found is not None and parts.found == parts.settings
-
-
 class Watched:
     """The watch of a wheel, and its twin, which must say the same."""
 
@@ -421,27 +401,16 @@ def test_the_speed_to_a_position_grows_no_more_beyond_5000_counts():
     assert abs(sum(wheel.run(50)) - sum(near)) <= 1 and near[0] < 255
 
 
-def test_the_integral_begins_at_zero_with_a_new_mode():
+@pytest.mark.parametrize("end", ["a new mode", "a stop", "a rest"])
+def test_the_integral_begins_at_zero_after(end):
     wheel = Turned(**SLOW_INTEGRAL)
-    wheel.give("set_duty", 5000)
+    wheel.give(*(("set_duty", 5000) if end == "a new mode" else ("set_speed", wheel.speed_of(10) + 100)))
     wheel.run(5, moved=10)
-    watch_the_least_error(wheel)
-
-
-def test_the_integral_begins_at_zero_after_a_stop():
-    wheel = Turned(**SLOW_INTEGRAL)
-    wheel.give("set_speed", wheel.speed_of(10) + 100)
-    wheel.run(5, moved=10)
-    wheel.give("stop")
-    watch_the_least_error(wheel)
-
-
-def test_the_integral_begins_at_zero_after_a_rest():
-    wheel = Turned(**SLOW_INTEGRAL)
-    wheel.give("set_speed", wheel.speed_of(10) + 100)
-    wheel.run(5, moved=10)
-    wheel.give("set_speed", 0)
-    wheel.run(1, moved=10)
+    if end == "a stop":
+        wheel.give("stop")
+    elif end == "a rest":
+        wheel.give("set_speed", 0)
+        wheel.run(1, moved=10)
     watch_the_least_error(wheel)
 
 
@@ -462,6 +431,16 @@ def test_the_ramp_begins_at_zero_after_a_stop():
     wheel.give("stop")
     wheel.give("set_duty", FULL)
     assert max(wheel.run(RAMP_TIME // 5)) < 255
+
+
+def test_a_stop_between_ramp_and_control_leaves_the_motor_off():
+    """Of a wheel that stands, so that nothing but friction is to be overcome."""
+    wheel = Turned()
+    wheel.give("set_speed", FULL // 4)
+    assert wheel.run(1, moved=0)[-1] > 0
+    for step in ("stop", "control"):
+        wheel.parts.is_driven_by(step)
+    assert wheel.parts.native.pc_wheel_level() == 0
 
 
 def test_a_wheel_is_supervised_to_the_end_of_the_period_of_its_stop():

@@ -7,38 +7,47 @@ import pytest
 
 from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import wiring
-from mrl_driver.robot.chips import ATMEGA328P
-from tests.firmware.pc_board import BRIDGE, load
+from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560
+from tests.firmware.pc_board import BRIDGE, MEGA, load
 from tests.wirings import random_wiring, rows
 
 TRIALS = 20_000
 SEED = 20261129
 
 
+LIBRARIES = {ATMEGA328P: BRIDGE, ATMEGA2560: MEGA}
+
+
+@pytest.fixture(scope="module", params=LIBRARIES, ids=lambda chip: chip.name)
+def chip(request):
+    return request.param
+
+
 @pytest.fixture(scope="module")
-def native():
-    return load(BRIDGE)
+def native(chip):
+    return load(LIBRARIES[chip])
 
 
-def found_by_board(native, pins, bridge):
-    values = (ctypes.c_int8 * len(wiring.NAMES))(*(pins[name] for name in wiring.NAMES))
+def found_by_board(native, chip, pins, bridge):
+    names = [row.name for row in wiring.rows(chip)]
+    values = (ctypes.c_int8 * len(names))(*(pins[name] for name in names))
     reply = (ctypes.c_int8 * 3)()
     native.pc_wiring_check(values, BRIDGES.index(bridge), reply)
     return tuple(reply)
 
 
-def test_random_wirings(native):
+def test_random_wirings(native, chip):
     chance, problems = random.Random(SEED), set()
     for _ in range(TRIALS):
-        pins, bridge = random_wiring(chance, ATMEGA328P)
-        expected = wiring.check(pins, bridge, ATMEGA328P)
-        assert found_by_board(native, pins, bridge) == expected.reply, (pins, bridge)
+        pins, bridge = random_wiring(chance, chip)
+        expected = wiring.check(pins, bridge, chip)
+        assert found_by_board(native, chip, pins, bridge) == expected.reply, (pins, bridge)
         problems.add(expected.name)
     assert len(problems) >= 9, "most problems were among them"
 
 
-def test_wirings_of_real_robots(native):
+def test_wirings_of_real_robots(native, chip):
     for row in rows():
-        if row.board == "Uno" and row.bridge in BRIDGES:
-            expected = wiring.check(row.pins, row.bridge, ATMEGA328P)
-            assert found_by_board(native, row.pins, row.bridge) == expected.reply, row.name
+        if row.has_table and row.chip == chip:
+            expected = wiring.check(row.pins, row.bridge, chip)
+            assert found_by_board(native, chip, row.pins, row.bridge) == expected.reply, row.name

@@ -270,11 +270,6 @@ def test_a_newer_end_frees_the_robot(settled):
     assert settled.state() == "free"
 
 
-def test_an_end_from_an_unknown_radio_is_answered_with_its_number(settled):
-    assert settled.say(A, "free", 9) == [HoldText("freed", 9)]
-    assert settled.asked("ignored") == 1
-
-
 @pytest.mark.parametrize("place", range(8))
 def test_addresses_differ_if_one_byte_does(settled, place):
     other = bytearray(A)
@@ -330,12 +325,6 @@ def test_an_answer_waits_for_room_at_the_radio(settled):
     assert settled.sent() == answer(A, "held", 0) + answer(B, "held", 1)
     settled.board.run(0.01)
     assert settled.sent() == answer(C, "held", 2)
-
-
-def test_each_text_is_answered_once(settled):
-    assert settled.say(A, "hold", 1) == [HoldText("held", 1)]
-    settled.board.run(0.1)
-    assert settled.answers(A) == []
 
 
 def test_a_repeated_hold_stops_again(settled):
@@ -450,11 +439,7 @@ def test_news_waits_while_eight_answers_do(settled):
 def test_the_silent_holder_is_named(settled, speaking, silent):
     settled.hear((A, "hold", 1), (B, "hold", 1), wait_s=0.6 * SILENCE_S)
     settled.hear((speaking, "hold", 1), wait_s=0.6 * SILENCE_S)
-    assert (settled.state(), settled.asked("holders"), settled.named()) == (
-        "silent",
-        2,
-        silent,
-    )
+    assert (settled.state(), settled.asked("holders"), settled.named()) == ("silent", 2, silent)
 
 
 def release(settled: Radio) -> int:

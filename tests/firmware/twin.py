@@ -5,7 +5,7 @@ from typing import Any, List
 
 from mrl_driver.protocol import Event, Frame, Garbage
 from mrl_driver.protocol.table import REASONS
-from tests.firmware.pc_board import BRIDGE, load
+from tests.firmware.pc_board import MEGA, load
 
 FRAME, GARBAGE = 1, 2
 
@@ -13,7 +13,7 @@ FRAME, GARBAGE = 1, 2
 @functools.lru_cache(maxsize=None)
 def shared() -> Any:
     """The library that all decoders use, one after the other: that of the build that has all parameters."""
-    return load(BRIDGE)
+    return load(MEGA)
 
 
 class TwinDecoder:

@@ -23,11 +23,11 @@ mrl::EncoderCounter counter;
 }  // namespace
 
 int pc_settings(const int16_t* parameters, uint32_t* out) {
-  for (uint8_t i = 0; i < mrl::PARAMETER_COUNT; i++) mrl::config::set(static_cast<mrl::Parameter>(i), parameters[i]);
+  for (uint8_t i = 0; i < mrl::PARAMETER_COUNT + mrl::PIN_COUNT; i++) mrl::config::set(static_cast<mrl::Parameter>(i), parameters[i]);
   if (!settings.configure()) return 0;
   const uint32_t all[] = {
       settings.full_counts_q8,      settings.share_per_count_tick,          settings.share_per_count_q8, settings.share_per_mm_s_q8,
-      settings.share_per_mrad_s_q12, settings.ramp_q8,                       settings.kp_q10,             settings.target_gain_q10,
+      settings.share_per_mrad_s_q12, static_cast<uint32_t>(settings.ramp_q8),                       settings.kp_q10,             settings.target_gain_q10,
       settings.ki_q16,              static_cast<uint32_t>(settings.friction), settings.pause_periods};
   for (uint32_t each : all) *out++ = each;
   return 1;
@@ -44,10 +44,14 @@ void pc_wheel_set_speed(int speed) { wheel.set_speed(static_cast<int16_t>(speed)
 void pc_wheel_set_duty(int duty) { wheel.set_duty(static_cast<int16_t>(duty)); }
 void pc_wheel_go_to(int32_t travel, int speed) { wheel.go_to(travel, static_cast<int16_t>(speed)); }
 void pc_wheel_stop() { wheel.stop(); }
+void pc_wheel_control() { wheel.control(settings); }
 int pc_wheel_update(int moved, int edge_tick, int tick) {
-  return static_cast<int>(wheel.update(settings, static_cast<int16_t>(moved), static_cast<uint16_t>(edge_tick), static_cast<uint16_t>(tick)));
+  const auto reason = wheel.measure(settings, static_cast<int16_t>(moved), static_cast<uint16_t>(edge_tick), static_cast<uint16_t>(tick));
+  wheel.ramp(settings);
+  wheel.control(settings);
+  return static_cast<int>(reason);
 }
-int pc_wheel_level() { return wheel.level(); }
+int pc_wheel_level() { return wheel.level() * wheel.last_direction(); }
 int pc_wheel_last_direction() { return wheel.last_direction(); }
 int32_t pc_wheel_travel() { return wheel.travel(); }
 

@@ -15,7 +15,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 FOLDERS = ("firmware", "mrl_driver", "ros1_bridge", "sim_arduino", "tests", ".ci")
 IMAGES = {
     f"mrl_driver/images/mrl_firmware{build}.hex": f"build/firmware/mrl_firmware{build}.hex"
-    for build in ("", "_environment", "_xbee", "_hbridge")
+    for build in ("", "_environment", "_xbee", "_hbridge", "_hbridge_mega", "_virtual", "_virtual_mega")
 }
 
 
@@ -120,7 +120,8 @@ def test_wheel_holds_every_module_and_all_data(wheel):
     modules = {str(p.relative_to(ROOT)) for folder in folders for p in (ROOT / folder).rglob("*.py")}
     data = {str(p.relative_to(ROOT)) for p in (ROOT / "mrl_driver" / "robot" / "models").glob("*.yaml")}
     data |= {str(p.relative_to(ROOT)) for p in (ROOT / "sim_arduino").rglob("worlds/*")}
-    data |= {str(p.relative_to(ROOT)) for p in (ROOT / "mrl_driver").glob("*/page/**/*") if p.is_file()}
+    data |= {str(p.relative_to(ROOT)) for p in (ROOT / "mrl_driver").glob("apps/*/page/**/*") if p.is_file()}
+    data |= {f"mrl_driver/apps/measure/{name}" for name in ("emulated.json", "measure.html", "measure.css")}
     data |= {"mrl_driver/robot/models/robot.schema.json", "sim_arduino/world/world.schema.json"}
     data |= {"ros1_bridge/topics/sensors.yaml", "sim_arduino/avr/board.h", "mrl_driver/py.typed", *IMAGES}
     assert modules | data <= set(zipfile.ZipFile(wheel).namelist())
@@ -165,7 +166,7 @@ def test_modules_and_image_come_from_the_wheel(place):
 
 
 def test_fresh_clone_drives_an_emulated_robot_without_ros(from_clone):
-    """The README's lines: mrl-sim serves, mrl drive drives."""
+    """As in the first tutorial: mrl-sim serves, mrl drive drives."""
     command = [from_clone / "venv" / "bin" / "mrl-sim", "--robot", "traxbot", "--link", "ttyTRAX0"]
     with subprocess.Popen(command, cwd=from_clone, stdout=subprocess.PIPE, text=True) as emulator:
         try:

@@ -62,6 +62,16 @@ def test_a_user_that_is_none_is_refused(tmp_path, user):
         system_setup.install(user, str(tmp_path))
 
 
+def test_the_usb_ids_are_those_in_the_board_file_of_the_core_and_of_the_usual_adapters():
+    text = pathlib.Path("/usr/share/arduino/hardware/arduino/avr/boards.txt").read_text()
+    ids = (re.findall(rf"^(?:uno|mega)\.{of}\.\d+=0x(\w+)$", text, re.M) for of in ("vid", "pid"))
+    named = {f"{vendor}:{product}".lower() for vendor, product in zip(*ids)}
+    adapters = "0403:6001 0403:6015 067b:2303 10c4:ea60 1a86:5523 1a86:7522 1a86:7523 1a86:55d3 1a86:55d4"
+    assert {f"{kind.vendor:04x}:{kind.product:04x}" for kind in port_info.KINDS} == named | set(
+        adapters.split()
+    )
+
+
 @pytest.mark.parametrize("kind", port_info.KINDS, ids=lambda kind: f"{kind.vendor:04x}:{kind.product:04x}")
 def test_each_adapter_is_left_alone_stays_awake_opens_and_has_a_name(tmp_path, kind):
     system_setup.install("ada", str(tmp_path))
@@ -118,7 +128,28 @@ def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
     unit.read(tmp_path / system_setup.UNIT)
     assert unit["Service"]["User"] == "ada"
     assert unit["Unit"]["BindsTo"] == unit["Install"]["WantedBy"] == r"dev-mrl\x2d%i.device"
-    assert "roslaunch mrl_robots robot.launch port:=/dev/mrl-%I" in unit["Service"]["ExecStart"]
+    assert "ROS_IP=127.0.0.1" in shlex.split(unit["Service"]["Environment"])
+    assert unit["Service"]["ExecStart"].endswith("exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'")
+
+
+@pytest.mark.parametrize("page", ["", "0.0.0.0:8642"])
+def test_systemd_finds_no_fault_in_the_unit(tmp_path, page):
+    system_setup.install("root", str(tmp_path), page)
+    verify = ["systemd-analyze", "verify", str(tmp_path / system_setup.UNIT)]
+    done = subprocess.run(verify, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+    assert (done.returncode, done.stdout) == (0, b"")
+
+
+def test_service_serves_the_page_where_it_is_wanted(tmp_path):
+    mrl_system("install", "--root", tmp_path, "--user", "ada", "--page", "0.0.0.0")
+    assert (
+        '"MRL_LAUNCH=web.launch listen:=0.0.0.0 respawn:=true"' in (tmp_path / system_setup.UNIT).read_text()
+    )
+
+
+def test_a_page_that_is_not_an_address_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="page is '0.0.0.0 x', expected HOST or HOST:PORT"):
+        mrl_system("install", "--root", tmp_path, "--user", "ada", "--page", "0.0.0.0 x")
 
 
 @pytest.mark.parametrize("setup", ["", "export ROS_PACKAGE_PATH=/opt/ros/noetic/share\n"])
@@ -130,7 +161,7 @@ def test_unit_finds_the_checkout_although_setup_files_of_ros_replace_the_package
     (tmp_path / "setup.sh").write_text(setup)
     (tmp_path / "roslaunch").write_text('#!/bin/sh\necho "$ROS_PACKAGE_PATH"\n')
     (tmp_path / "roslaunch").chmod(0o755)
-    env = dict([shlex.split(service["Service"]["Environment"])[0].split("=", 1)])
+    env = dict(word.split("=", 1) for word in shlex.split(service["Service"]["Environment"]))
     env.update(PATH=f"{tmp_path}:{os.environ['PATH']}", ROS_SETUP=str(tmp_path / "setup.sh") if setup else "")
     found = subprocess.run(
         shlex.split(service["Service"]["ExecStart"]), env=env, stdout=subprocess.PIPE, check=True

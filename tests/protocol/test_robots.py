@@ -12,12 +12,17 @@ from mrl_driver.protocol.table import BRIDGES
 from mrl_driver.robot import models, wiring, wirings
 from mrl_driver.robot.models import kit
 from mrl_driver.robot.models.kit import Kit
+from tests.models import four_wheel_kit, four_wheels
 
 
 def packaged(name, changes=()):
-    """The data of a packaged model; `changes` has values by dotted key, or None for one that is taken out."""
+    """The data of a packaged model with changes."""
     with open(os.path.join(os.path.dirname(models.__file__), f"{name}.yaml"), encoding="utf-8") as file:
-        data = yaml.safe_load(file)
+        return changed(yaml.safe_load(file), changes)
+
+
+def changed(data, changes):
+    """The data with new values by dotted key, or None for one that is taken out."""
     for path, value in dict(changes).items():
         *sections, key = path.split(".")
         place = data
@@ -96,7 +101,7 @@ WRONG = {
         ({"sonars.front.x_m": 10}, "sonars.front.x_m is 10.0, expected at most 0.45"),
         (
             {"sonars.back": {"x_m": 0, "y_m": 0, "yaw_deg": 180}},
-            "key sonars.back is unknown, expected front, left",
+            "sonars.back is on the input 'back', expected input: front, left",
         ),
         ({"board.kp": 700.5}, "board.kp is 700.5, expected a whole number from 0 to 32767"),
         ({"board.kp": 40000}, "board.kp is 40000"),
@@ -118,11 +123,17 @@ WRONG = {
             "limits.linear_m_s is 0.66, expected at most 0.65, the board.linear_ceiling",
         ),
         ({"limits.angular_rad_s": 5.1}, "limits.angular_rad_s is 5.1, expected at most 5, the"),
-        ({"limits.lateral_m_s": 0.1}, "limits.lateral_m_s is 0.1, expected 0: a base with two wheels"),
+        (
+            {"limits.lateral_m_s": 0.1},
+            "limits.lateral_m_s is 0.1, expected 0: only a base with omni or mecanum",
+        ),
         ({"ids": [7, 8, 7]}, r"ids is \[7, 8, 7\], expected each id once"),
     ],
     "omni": [
-        ({"drive.kind": "omnni"}, "drive.kind is 'omnni', expected differential, tracked, omni, mecanum"),
+        (
+            {"drive.kind": "omnni"},
+            "drive.kind is 'omnni', expected differential, tracked, omni, skid, mecanum",
+        ),
         ({"drive.kind": ["omni"]}, r"drive.kind is \['omni'\], expected differential, "),
         ({"drive.radius_m": None}, r"key drive.radius_m is missing \(kind omni\)"),
         (
@@ -140,7 +151,7 @@ WRONG = {
             "drive.angles_deg is 'left', expected a number from -360 to 360",
         ),
         ({"drive.full_speed_m_s": 0}, "drive.full_speed_m_s is 0"),
-        ({"board.bridge": "tb6612"}, "drive.kind is 'omni', expected differential or tracked for a board"),
+        ({"board.bridge": "tb6612"}, "drive.kind is 'omni', expected differential, tracked, skid or mecanum"),
     ],
     "duo": [
         *(
@@ -179,21 +190,57 @@ def test_what_is_no_mapping_is_refused(tmp_path, text):
         load(tmp_path, text)
 
 
-FOURTH = (
-    r"key sonars.rear is unknown, expected front, left, right: a board reads .* firmware/SENSORS.md shows how"
+REAR = {"x_m": -0.1, "y_m": 0.0, "yaw_deg": 180}
+
+
+@pytest.mark.parametrize(
+    ("mount", "words"),
+    [
+        (
+            REAR,
+            "sonars.rear is on the input 'rear', expected input: front, left, right, or range_1 to range_3",
+        ),
+        ({**REAR, "input": "range_4"}, "or range_1 to range_3 of the wiring on the Uno or Nano"),
+        ({**REAR, "input": "left"}, "sonars.rear is on the input left, as sonars.left"),
+        (
+            {**REAR, "input": "range_1"},
+            "has no pins: add range_1_trigger and range_1_echo to the section wiring",
+        ),
+    ],
 )
+def test_a_sonar_without_an_input_of_its_own_is_refused_with_what_to_do(tmp_path, mount, words):
+    with pytest.raises(ConfigError, match=f"robot.yaml: .*{words}"):
+        load(tmp_path, packaged("traxbot", {"sonars.rear": mount}))
 
 
-def test_fourth_sonar_is_refused_with_what_to_do(tmp_path):
-    rear = {"x_m": -0.1, "y_m": 0.0, "yaw_deg": 180}
-    with pytest.raises(ConfigError, match=f"robot.yaml: {FOURTH}"):
-        load(tmp_path, packaged("traxbot", {"sonars.rear": rear}))
+@pytest.mark.parametrize(
+    ("given", "trigger", "kind", "words"),
+    [
+        ("range_1", True, "GP2Y0A21", "GP2Y0A21, expected HC-SR04: the input range_1 has a trigger"),
+        (
+            "range_1",
+            False,
+            "HC-SR04",
+            "HC-SR04, expected GP2Y0A21 or GP2Y0A02: the input range_1 has an echo without a trigger",
+        ),
+        ("range_1", False, None, "missing, expected GP2Y0A21 or GP2Y0A02: the input range_1 has an echo"),
+        ("right", False, "GP2Y0A02", "GP2Y0A02, expected MB1300: the input right has the curve of an MB1300"),
+    ],
+)
+def test_a_type_that_contradicts_the_wiring_is_refused(tmp_path, given, trigger, kind, words):
+    wires = {"wiring.sonar_right": None, "wiring.range_1_echo": "A2"}
+    wires.update({"wiring.battery": None, "wiring.range_1_trigger": "A3"} if trigger else {})
+    mount = {**REAR, "input": given, **({"type": kind} if kind else {})}
+    with pytest.raises(ConfigError, match=f"robot.yaml: sonars.right.type is {words}"):
+        load(tmp_path, packaged("duo", {**wires, "sonars.right": mount}))
 
 
 @pytest.mark.parametrize("use", [models.require_supported, lambda model: Driver("/dev/null", model)])
 def test_fourth_sonar_of_a_model_made_in_a_program_is_refused(use):
     model = models.load("traxbot")
-    with pytest.raises(ConfigError, match=f"robot traxbot: {FOURTH}"):
+    with pytest.raises(
+        ConfigError, match="robot traxbot: sonars.rear is on the input front, as sonars.front"
+    ):
         use(model._replace(sonars={**model.sonars, "rear": model.sonars["front"]}))
 
 
@@ -234,16 +281,15 @@ def test_an_imu_is_turned_about_fixed_axes_by_roll_then_pitch_then_yaw(angles, t
 
 def test_a_drive_says_its_kind_or_is_differential(tmp_path):
     traxbot, omni = packaged("traxbot"), packaged("omni")
-    mecanum = {"kind": "mecanum", "half_length_m": 0.2, "half_width_m": 0.15, "wheel_radius_m": 0.05}
     drives = [
         traxbot["drive"],
         {"kind": "differential", **traxbot["drive"]},
         {"kind": "tracked", "turn_slip": 0.1, **traxbot["drive"]},
         {key: value for key, value in omni["drive"].items() if key != "angles_deg"},
-        {**mecanum, "counts_per_turn": 2000, "full_speed_m_s": 1.0},
     ]
     kinds = [models.kind_of(load(tmp_path, {**traxbot, "drive": drive}).drive) for drive in drives]
-    assert kinds == ["differential", "differential", "tracked", "omni", "mecanum"]
+    kinds += [models.kind_of(four_wheels(kind).drive) for kind in ("skid", "mecanum")]
+    assert kinds == ["differential", "differential", "tracked", "omni", "skid", "mecanum"]
 
 
 @pytest.mark.parametrize("bridge", ["L298N", "l298n", 3])
@@ -306,6 +352,81 @@ def test_a_new_robot_has_no_wiring():
 def test_each_bridge_makes_a_model_with_the_wiring(bridge):
     board = kit.model_of(ROVER._replace(bridge=bridge)).board
     assert board["bridge"] == BRIDGES.index(bridge) and wiring.of_board(board) == ROVER.pins
+
+
+WITH_SERVOS = ROVER._replace(
+    bridge="cytron", pins={**wirings.load("pwm_d5_d6_dir_d4_d7").pins, "pin_servo_1": 9, "pin_servo_2": 10}
+)
+
+
+def test_a_new_robot_with_two_servos_pans_and_tilts():
+    servos = kit.model_of(WITH_SERVOS).servos
+    assert [(name, each.servo, each.tilts, each.parent) for name, each in servos.items()] == [
+        ("pan", 1, False, ""),
+        ("tilt", 2, True, "pan"),
+    ]
+    assert servos["pan"].pulse_us(0.0) == 1500 and servos["pan"].angle_rad(1000) == -0.785
+
+
+def test_only_a_mega_has_more_than_three_ranges(tmp_path):
+    uno = {"wiring.range_4_trigger": 12, "wiring.range_4_echo": 13}
+    with pytest.raises(
+        ConfigError, match="wiring.range_4_trigger is '12', expected nothing: the Uno or Nano does not"
+    ):
+        load(tmp_path, packaged("duo", uno))
+    mega = {
+        "wiring.range_6_trigger": 30,
+        "wiring.range_6_echo": 18,
+        "sonars": {"rear": {**REAR, "input": "range_6"}},
+    }
+    model = load(tmp_path, changed(yaml.safe_load(kit.text_of(four_wheel_kit("skid"))), mega))
+    assert model.sonars["rear"].input == "range_6" and model.board["pin_range_6_echo"] == 18
+
+
+def test_range_sensors_of_a_new_robot_look_outwards_from_its_outline():
+    """What is too near for them is inside the body, or as near to that as can be."""
+    pins = {
+        **ROVER.pins,
+        "pin_sonar_front": -1,
+        "pin_sonar_left": -1,
+        "pin_range_1_echo": 14,
+        "pin_range_2_echo": 15,
+    }
+    made = ROVER._replace(
+        pins=pins, sonars={"front": ("range_1", "GP2Y0A02"), "left": ("range_2", "GP2Y0A21")}
+    )
+    model = kit.model_of(made)
+    assert [(name, mount.type, mount.yaw_deg) for name, mount in model.sonars.items()] == [
+        ("front", "GP2Y0A02", 0.0),
+        ("left", "GP2Y0A21", 45.0),
+    ]
+    front, left = model.sonars.values()
+    assert front.x_m == -model.body.length_m / 2
+    reach_m = 0.1 * math.sqrt(0.5)
+    assert (left.x_m, left.y_m) == (
+        pytest.approx(model.body.length_m / 2 - reach_m, abs=1e-3),
+        pytest.approx(model.body.width_m / 2 - reach_m, abs=1e-3),
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "error"),
+    [
+        ({"servos.pan.servo": 7}, "servos.pan.servo is 7, expected a whole number from 1 to 6"),
+        ({"servos.pan.high_rad": -0.8}, "servos.pan.low_rad is -0.785, expected less than high_rad"),
+        ({"servos.tilt.high_us": 1000}, "servos.tilt.high_us is 1000.0, expected another length than low_us"),
+        ({"servos.tilt.high_us": 2600}, "servos.tilt.high_us is 2600, expected a number from 500 to 2500"),
+        (
+            {"servos.tilt.parent": "head"},
+            "servos.tilt.parent is 'head', expected a servo above it in the file",
+        ),
+        ({"servos.Pan": {}}, "servos is 'Pan', expected names of lower-case letters"),
+        ({"wiring.servo_2": None}, "servos.tilt.servo is 2, expected one with a pin: wiring.servo_2"),
+    ],
+)
+def test_a_servo_that_is_wrong_is_named(tmp_path, change, error):
+    with pytest.raises(ConfigError, match=error):
+        load(tmp_path, changed(yaml.safe_load(kit.text_of(WITH_SERVOS)), change))
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 from mrl_driver.protocol import table
 from mrl_driver.protocol.stop_reason import STOP_REASONS
-from mrl_driver.protocol.table import BY_CODE, COMMANDS, PARAMETERS
+from mrl_driver.protocol.table import BY_CODE, BY_NAME, COMMANDS, PARAMETERS
 
 
 def test_codes_run_from_one_without_a_gap():
@@ -20,6 +20,8 @@ def test_every_field_fits_int16():
 
 def test_parameters_are_indexed_in_order():
     assert [row.number for row in PARAMETERS] == list(range(len(PARAMETERS)))
+    last = PARAMETERS[-1].number
+    assert all(BY_NAME[name].request[0].high == last for name in ("read_config", "write_config"))
 
 
 def test_streams_repeat_a_stamped_row():

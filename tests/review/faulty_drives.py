@@ -87,7 +87,7 @@ def faulty(
         ),
         drive("smaller wheels", ("wheel_size",), board={"error": "wheel_size=0.82"}, duration_s=28.0),
         drive("model of another size", ("speed_scale", "wheel_size"), robot=_larger(robot, 1.12)),
-        drive("wrong track width", ("track_width",), board={**imu, "error": "axle=1.15"}),
+        drive("wrong track width", ("track_width",), board={**imu, "error": "axle=1.15"}, duration_s=24.0),
         drive("dead IMU", ("imu_dead",), f"imu_absent:{at}", board=imu),
         drive("drifting IMU", ("imu_drift",), board={**IMU, "imu_errors": _drifting(seed)}),
     ]

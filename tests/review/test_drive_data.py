@@ -13,7 +13,9 @@ from mrl_driver.driver import Options
 from mrl_driver.driver.recorded import RecordedDriver
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError
+from mrl_driver.robot import models
 from sim_arduino.serve import factory
+from tests.models import without_encoders
 
 STOP = b"@13e"
 
@@ -126,12 +128,26 @@ def test_a_board_without_motors_has_sensors_no_poses_and_a_page(tmp_path):
     assert "The robot was not stopped" in page and "Light" in page
 
 
+def test_motors_without_encoders_have_a_page_without_a_way(tmp_path):
+    path, robot_file = str(tmp_path / "drive.mrl"), without_encoders(tmp_path)
+    board = factory.make(factory.Options(robot=robot_file, name="open loop"))
+    with SteppedDriver(board.engine, models.load(robot_file), Options(record=path)) as robot:
+        for _ in range(40):
+            robot.drive(0.2, 0.5)
+            robot.wait(0.1)
+    board.close()
+    data = read(RecordedDriver(path))
+    assert find(data) == [] and not np.isfinite(data.poses.values).any()
+    page = render(data, [])
+    assert "Distance" not in page and "Ranges" in page
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_a_damaged_recording_is_read_and_searched(driven, tmp_path, seed):
-    """It is cut, or lacks lines, or some of its bytes are others."""
+    """It is cut, or lacks lines besides that of the fault, or some of its bytes are others."""
     rng = random.Random(seed)
     first, *lines = driven.raw.splitlines(keepends=True)
-    lines = [line for line in lines if rng.random() > 0.02 * (seed % 3)]
+    lines = [line for line in lines if rng.random() > 0.02 * (seed % 3) or b" ! stop wheel_mismatch" in line]
     lines = lines[rng.randrange(len(lines) // 2) if seed % 2 else 0 :]
     data = bytearray(b"".join(lines))
     for _ in range(50 * (seed // 3)):

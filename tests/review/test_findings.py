@@ -108,6 +108,23 @@ def test_a_sonar_is_judged_by_the_others(turning, ranges_m, kinds):
     assert seen(turning, **ranges_m) == kinds
 
 
+def test_a_sonar_that_sees_less_far_than_the_others_is_not_deaf(turning):
+    """They see walls at 0.5 to 3 m."""
+    sonars = dict(turning.model.sonars)
+    sonars["right"] = sonars["right"]._replace(type="GP2Y0A21")
+    assert seen(turning._replace(model=turning.model._replace(sonars=sonars)), right=math.inf) == []
+
+
+def test_infrared_ranges_do_not_tell_the_size_of_the_wheels(tmp_path):
+    """They are distances along the axis, not to the nearest point of a wall."""
+    path = str(tmp_path / "drive.mrl")
+    record(next(each for each in FAULTY if each.name == "smaller wheels"), path)
+    drive = read(RecordedDriver(path))
+    sonars = {name: mount._replace(type="GP2Y0A02") for name, mount in drive.model.sonars.items()}
+    kinds = [each.kind for each in find(drive._replace(model=drive.model._replace(sonars=sonars)))]
+    assert "wheel_size" not in kinds
+
+
 def test_junk_from_before_the_greeting_is_not_a_bad_cable(turning):
     junk = [(0.001 * i, "<", "noise", b"\xff") for i in range(9)]
     assert [each.kind for each in find(turning._replace(garbage=junk))] == []

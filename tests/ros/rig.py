@@ -239,14 +239,6 @@ class Rig:
         self._ends.append(topic.close)
         return topic
 
-    def diagnosed(self, diagnostics: Topic, part: str) -> Dict[str, str]:
-        """What the rig's node last said of a part on /diagnostics, which all nodes share; empty before that."""
-        name = f"{self.name}/robot_node: {part}"
-        said = [
-            status for message in diagnostics.messages for status in message.status if status.name == name
-        ]
-        return values_of(said[-1]) if said else {}
-
     def publisher(self, name: str, kind: type) -> rospy.Publisher:
         """Advertise in the rig's namespace, and wait for the node to subscribe."""
         publisher = rospy.Publisher(f"{self.ns}/{name}", kind, queue_size=10, tcp_nodelay=True)

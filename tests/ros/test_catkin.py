@@ -57,6 +57,20 @@ class Workspace:
         self.require("cmake", "-S", str(self.source), "-B", str(build), *prefixes)
         return self.require("cmake", "--build", str(build), "--target", "install")
 
+    def build_messages(self):
+        """Writes the optional package of typed messages, and builds it; what runs from now on can import it."""
+        source, build, devel = (
+            self.folder / each for each in ("messages", "messages_build", "messages_devel")
+        )
+        source.mkdir()
+        self.require("make", "-s", "-C", str(ROOT), "mrl-msgs", f"DIR={source}")
+        source /= "mrl_msgs"
+        self.require("cmake", "-S", str(source), "-B", str(build), f"-DCATKIN_DEVEL_PREFIX={devel}")
+        self.require("cmake", "--build", str(build))
+        (module,) = devel.glob("lib/python3*/*-packages")
+        self.env["PYTHONPATH"] = os.pathsep.join((str(module), self.env.get("PYTHONPATH", "")))
+        return source
+
     def in_space(self, space, *command):
         """A command as it runs in a shell that has sourced a space."""
         return ("sh", "-c", '. "$0" && exec "$@"', f"{self.folder}/{space}/setup.sh", *command)
@@ -127,7 +141,7 @@ def test_catkin_lint_is_clean(workspace):
 def test_nodes_modules_and_files_are_those_of_the_workspace(workspace, space):
     found = Path(workspace.require(*workspace.in_space(space, "rospack", "find", "mrl_robots")).strip())
     assert workspace.folder in found.parents
-    folders = [ROOT / "ros1_bridge" / part for part in ("launch", "navigation", "rviz", "urdf")]
+    folders = [ROOT / "ros1_bridge" / part for part in ("launch", "navigation", "rviz", "status", "urdf")]
     files = [
         path for folder in folders for path in folder.iterdir() if path.is_file() and path.suffix != ".py"
     ]
@@ -141,10 +155,29 @@ def test_nodes_modules_and_files_are_those_of_the_workspace(workspace, space):
     assert len(modules) == 3 and all(file.startswith(str(workspace.folder)) for file in modules)
 
 
+@pytest.mark.parametrize("space", SPACES)
+def test_description_is_rendered_by_the_workspace(workspace, space):
+    command = ("roslaunch", "--dump-params", "mrl_robots", "describe.launch", "imu:=true")
+    assert "imu_link" in workspace.require(*workspace.in_space(space, *command))
+
+
 def test_devel_space_passes_rostest(workspace):
     with running(workspace, "devel"):
         command = ("rostest", "-r", "mrl_robots", "robot.test", "sim:=false")
         assert "RESULT: SUCCESS" in workspace.require(*workspace.in_space("devel", *command))
+
+
+def test_devel_space_passes_rostest_with_typed_messages(workspace, monkeypatch):
+    monkeypatch.setattr(workspace, "env", dict(workspace.env))
+    source = workspace.build_messages()
+    assert "found 0 problems" in workspace.require("catkin_lint", "-W2", "--strict", "--offline", str(source))
+    with running(workspace, "devel"):
+        command = ("rostest", "-r", "mrl_robots", "robot.test", "sim:=false")
+        assert "RESULT: SUCCESS" in workspace.require(*workspace.in_space("devel", *command))
+        status = workspace.require(
+            *workspace.in_space("devel", "rostopic", "echo", "-n", "1", "/robot_status")
+        )
+        assert "protective_zone: 0" in status
 
 
 def test_install_space_runs_without_a_warning(workspace):

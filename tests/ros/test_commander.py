@@ -11,6 +11,7 @@ from mrl_driver.geometry import Pose
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import models
 from mrl_driver.robot.hold import Hold
+from mrl_driver.robot.inputs import Inputs
 from mrl_driver.robot.models import Limits
 from mrl_driver.safety.protective_zones import Scan, Zones, ZoneSettings
 from mrl_driver.safety.speed_limiter import manual_speed_m_s
@@ -30,7 +31,7 @@ class Noted:
         self.link = self.radio = self.board = self
         self.command, self.ready, self.battery_state, self.battery_v = None, True, "ok", 12.0
         self.stops, self.lost, self.may_be_moving = 0, False, False
-        self.mismatch, self.stop_reason, self.hold = None, StopReason.NONE, None
+        self.mismatch, self.stop_reason, self.hold, self.inputs = None, StopReason.NONE, None, None
         self.model, self.telemetry = models.load("pioneer"), None
         self.inhibited, self.limits = set(), LIMITS
         self.since_pause_s, self.restriction = math.inf, None
@@ -125,15 +126,6 @@ def test_command_that_is_held_back_while_telemetry_is_late_is_not_refused(bench,
     assert bench.commander.drive(0.2, 0.0)
 
 
-def test_refused_command_is_not_taken_up_later(bench):
-    bench.driver.ready = False
-    assert not bench.commander.drive(0.3, 0.0)
-    assert bench.commander.stopped_by == StopReason.NO_TELEMETRY
-    bench.driver.ready = True
-    bench.run(0.2)
-    assert bench.driver.command is None
-
-
 @pytest.mark.parametrize("model, speed_m_s", [("traxbot", 0.15), ("stingbot", 0.25)])
 def test_speed_of_manual_mode_is_half_the_robots_but_at_most_a_quarter_metre(model, speed_m_s):
     assert manual_speed_m_s(models.load(model).limits) == speed_m_s
@@ -169,17 +161,6 @@ def driver(bench):
 @pytest.fixture
 def commander(bench):
     return bench.commander
-
-
-def test_emergency_stop_is_latched_and_a_released_robot_stands_until_the_next_command(bench):
-    bench.run(0.2, 0.3)
-    bench.commander.latch()
-    assert bench.driver.command is None
-    assert not bench.commander.drive(0.1, 0.0)
-    bench.commander.release()
-    bench.run(0.2)
-    assert bench.driver.command is None
-    assert bench.commander.drive(0.1, 0.0)
 
 
 @pytest.mark.parametrize("lost", [False, True])
@@ -326,6 +307,22 @@ def test_a_battery_stops_the_robot_when_it_is_empty_or_off(commander, driver, st
 def test_a_radio_holds_the_robot_in_each_of_its_states(commander, driver, state, holders, held):
     driver.radio.hold = HELD._replace(state=state, holders=holders)
     assert (commander.stopped_by == StopReason.HELD, commander.ready) == (held, not held)
+
+
+def test_the_boards_emergency_stop_counts_until_it_is_released(commander, driver):
+    driver.inputs, driver.release_emergency = Inputs(("emergency_stop",), True), lambda: False
+    assert commander.stopped_by == StopReason.EMERGENCY_STOP and not commander.ready
+    assert commander.refusal() == "emergency stop is pressed, or its wire is broken"
+    assert not commander.release_input()
+
+
+@pytest.mark.parametrize(("reason", "name"), [("bumper", "bumper_left"), ("cliff", "cliff_right")])
+def test_a_side_that_was_hit_is_named_and_the_robot_stays_ready(commander, driver, reason, name):
+    driver.inputs, driver.stop_reason = Inputs((name,)), StopReason(reason)
+    commander.drive(0.1, 0.0)
+    driver.command = None
+    assert commander.stopped_by == reason and commander.ready
+    assert "drive away from it" in commander.refusal()
 
 
 @pytest.mark.parametrize(("command", "driving"), [(None, False), ((0.0, 0.0), False), ((0.0, 0.2), True)])

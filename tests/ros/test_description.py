@@ -7,9 +7,10 @@ import xml.etree.ElementTree as ElementTree
 
 import pytest
 
-from mrl_driver.robot.models import ImuMount, LaserMount, driven_models, load
+from mrl_driver.robot.models import ImuMount, LaserMount, ServoMount, driven_models, load
 from ros1_bridge.description import urdf
-from ros1_bridge.node.tf_names import JOINTS, OMNI_JOINTS, imu_frame, sonar_frame
+from ros1_bridge.node.tf_names import imu_frame, joints_of, sonar_frame
+from tests.models import four_wheels
 
 from .rig import ROOT
 
@@ -57,17 +58,44 @@ def test_wheels_have_their_true_radius(name, radius_m):
     assert urdf.wheel_radius_m(load(name)) == pytest.approx(radius_m, abs=1e-4)
 
 
+def test_servos_turn_joints_one_on_the_other():
+    pan = ServoMount(1, -0.8, 0.8, 1000.0, 2000.0, 2.0, x_m=0.06, z_m=0.08)
+    tilt = ServoMount(2, -0.4, 0.7, 1000.0, 2000.0, tilts=True, parent="pan", z_m=0.03)
+    model = load("duo")._replace(servos={"pan": pan, "tilt": tilt})
+    robot = ElementTree.fromstring(urdf.render(model, "r1/"))
+    for name, parent, axis in (("pan", "r1/base_link", "0 0 1"), ("tilt", "r1/pan", "0 1 0")):
+        found, mount = joint(robot, f"{name}_joint"), model.servos[name]
+        assert (found.get("type"), found.find("parent").get("link")) == ("revolute", parent)
+        assert (found.find("child").get("link"), found.find("axis").get("xyz")) == (f"r1/{name}", axis)
+        assert numbers(found.find("origin"), "xyz") == [mount.x_m, mount.y_m, mount.z_m]
+        limits = [float(found.find("limit").get(key)) for key in ("lower", "upper", "velocity")]
+        assert limits == [mount.low_rad, mount.high_rad, mount.speed_rad_s]
+
+
 @pytest.mark.parametrize("name", ["stingbot", "traxbot"])
 def test_wheels_stand_as_far_apart_as_odometry_believes(name):
     robot = tree(name)
-    right, left = (numbers(joint(robot, each).find("origin"), "xyz")[1] for each in JOINTS)
+    right, left = (
+        numbers(joint(robot, each).find("origin"), "xyz")[1] for each in joints_of(load(name).base)
+    )
     assert left - right == pytest.approx(load(name).drive.wheel_separation_m)
+
+
+@pytest.mark.parametrize("kind", ["skid", "mecanum"])
+def test_four_wheels_stand_at_the_corners(kind):
+    model = four_wheels(kind)
+    robot = ElementTree.fromstring(urdf.render(model))
+    places = [numbers(joint(robot, each).find("origin"), "xyz")[:2] for each in joints_of(model.base)]
+    (x_m, _), y_m = places[0], 0.075
+    assert x_m == pytest.approx(0.06 if kind == "mecanum" else model.body.length_m / 2 - 0.0325, abs=1e-4)
+    wanted = [(x_m, -y_m), (x_m, y_m), (-x_m, y_m), (-x_m, -y_m)]
+    assert [place == pytest.approx(want, abs=1e-6) for place, want in zip(places, wanted)] == [True] * 4
 
 
 def test_three_wheels_roll_across():
     """Each at its radius from the middle, rolling at a right angle to it, counter-clockwise."""
     robot = tree("omni")
-    for each in OMNI_JOINTS:
+    for each in joints_of(load("omni").base):
         origin = joint(robot, each).find("origin")
         (x_m, y_m, _), yaw_rad = numbers(origin, "xyz"), numbers(origin, "rpy")[2]
         assert math.hypot(x_m, y_m) == pytest.approx(load("omni").drive.radius_m, rel=1e-4)

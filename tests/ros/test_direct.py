@@ -1,23 +1,13 @@
 """Publishing without a queue: nobody who stops reading can hold up the robot."""
 
-import signal
 import socket
 from types import SimpleNamespace
 
-import rospy
 from nav_msgs.msg import Odometry
 
 from ros1_bridge.topics.fast_publisher import BACKLOG_BYTES, Fast, direct_publisher
-from tests.waiting import wait_until
 
 MESSAGES = 3000  # Far more than the buffers of a connection hold
-SLEEPY_SUBSCRIBER = """
-import rospy
-from nav_msgs.msg import Odometry
-rospy.init_node("sleepy", anonymous=True)
-rospy.Subscriber("{topic}", Odometry, lambda m: print(m.header.seq, flush=True), queue_size=1)
-rospy.spin()
-"""
 
 
 def test_connection_that_nobody_reads_drops_whole_messages():
@@ -37,27 +27,6 @@ def test_connection_that_nobody_reads_drops_whole_messages():
         near.shutdown(socket.SHUT_WR)
         received = sum(iter(lambda: len(far.recv(65536)), 0))
     assert received % 1000 == 0 and BACKLOG_BYTES < received <= transport.stat_bytes
-
-
-def test_stalled_subscriber_neither_holds_up_nor_loses_its_connection_and_a_dead_one_is_forgotten(rig):
-    topic = f"{rig.ns}/odom"
-    publisher = direct_publisher(rospy.Publisher, topic, Odometry)
-    sleepy = rig.start("sleepy", "/usr/bin/python3", "-c", SLEEPY_SUBSCRIBER.format(topic=topic))
-    wait_until(lambda: publisher.get_num_connections() > 0)
-    sleepy.signal(signal.SIGSTOP)
-    for _ in range(MESSAGES):
-        publisher.publish(Odometry())
-    sleepy.signal(signal.SIGCONT)
-
-    def newest_arrives() -> bool:
-        publisher.publish(Odometry())
-        return any(int(line) > MESSAGES for line in sleepy.output() if line.isdigit())
-
-    wait_until(newest_arrives)
-    fast = Fast(publisher, rospy.exceptions.TransportException)
-    sleepy.signal(signal.SIGKILL)
-    wait_until(lambda: fast.publish(Odometry()) or not fast.impl.connections)
-    publisher.unregister()
 
 
 class Broken(Exception):

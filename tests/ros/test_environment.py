@@ -1,19 +1,12 @@
-"""Environment sensors: frames to messages, and the sensors of an emulated board."""
+"""Environment sensors: frames to messages."""
 
 import math
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import Twist
-from nav_msgs.msg import Odometry
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import SENSORS
 from ros1_bridge.topics import sensor_topics
-from ros1_bridge.topics.sensor_topics import KINDS
-from tests.waiting import wait_until
-
-from .tables import Offered, first_two, table
 
 COMPASS = sensor_topics.load()["compass"]
 
@@ -70,49 +63,3 @@ def test_frame_takes_the_robots_prefix_and_values_their_factor():
     sensor_topics.fill(message, entry, (10.0,), 7)
     got = (message.header.frame_id, message.header.stamp, message.illuminance, message.variance)
     assert got == ("one/nose", 7, 5.0, 4.0)
-
-
-@pytest.fixture(scope="module")
-def robot(module_rig):
-    rig = module_rig
-    port = rig.board("--environment", "--robot", "traxbot").port
-    rig.sensors = {
-        name: rig.topic(name, KINDS[each.type].message) for name, each in sensor_topics.load().items()
-    }
-    rig.process = rig.node(port)
-    rig.publisher("cmd_vel", Twist)
-    return rig
-
-
-def test_sensors_of_the_environment_build_are_published(robot):
-    for topic in robot.sensors.values():
-        topic.wait(2)
-    assert len(robot.sensors["thermopile"].wait()[-1].data) == 8
-    topics = Offered(robot).topics(0)
-    assert first_two(table("in place of the sonars", "topic")).items() <= topics.items()
-    assert not any(name.startswith("sonar/") for name in topics)
-
-
-def test_odometry_goes_on_beside_the_sensors_and_no_frame_is_lost(robot):
-    """50 Hz beside the compass's 10.  Sequence numbers run over all stamped frames, those of the sensors too."""
-    diagnostics, odometry = robot.topic("/diagnostics", DiagnosticArray), robot.topic("odom", Odometry)
-    odometry.wait()
-    before = len(odometry.messages)
-    robot.sensors["compass"].wait_for_more(20)
-    assert len(odometry.messages) - before > 3 * 20
-    assert wait_until(lambda: robot.diagnosed(diagnostics, "Link"))["Lost Frames"] == "0"
-
-
-def test_board_of_2013_has_the_same_sensors_but_no_compass(rig):
-    """Its node is told of them by `build`."""
-    port = rig.board("--robot", "traxbot", "--profile", "2013-august", "--environment").port
-    kinds = {
-        name: KINDS[each.type].message for name, each in sensor_topics.load().items() if name != "compass"
-    }
-    topics = {name: rig.topic(name, kind) for name, kind in kinds.items()}
-    rig.node(port, "_build:=environment")
-    values = {name: topic.wait()[-1].data for name, topic in topics.items()}
-    assert len(values.pop("thermopile")) == 8
-    assert values == {"alcohol": 123, "dust": 300.0, "light": 500}
-    offered = Offered(rig).topics(0)
-    assert "light" in offered and not [name for name in offered if "sonar/" in name or name == "compass"]

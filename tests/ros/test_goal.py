@@ -25,7 +25,6 @@ from mrl_driver.robot.models import Limits
 from ros1_bridge.navigation.follow_waypoints_node import CANCELLED, ends_tour
 from ros1_bridge.navigation.go_to_goal_node import IN_MANUAL_MODE, OdometryGap
 from ros1_bridge.node.plane_poses import yaw_of
-from ros1_bridge.node.robot_parameters import PAUSE_S
 from ros1_bridge.robot.goal_cancel import GoalCancel
 from tests.waiting import wait_until
 
@@ -34,7 +33,6 @@ from .rig import START_S, values_of
 from .tables import Offered, first_two, table
 
 LIMITS = Limits(0.3, 1.0, 0.2, 1.0)
-FRAME_HZ = 50
 PLACE_M = 0.06
 SUCCEEDED = actionlib.GoalStatus.SUCCEEDED
 UNDER_WAY = (actionlib.GoalStatus.PENDING, actionlib.GoalStatus.ACTIVE)
@@ -182,23 +180,6 @@ def test_goal_of_another_client_takes_the_place_of_the_first(robot):
     target = PoseStamped(robot.odom.messages[-1].header, here)
     assert other.send_goal_and_wait(MoveBaseGoal(target), rospy.Duration(START_S)) == SUCCEEDED
     wait_until(lambda: ended == [actionlib.GoalStatus.PREEMPTED])
-
-
-def test_goal_is_given_up_when_the_robot_comes_no_nearer(robot):
-    assert rospy.ServiceProxy(f"{robot.ns}/stop", Trigger)().success
-    robot.odom.wait_for_more(round(PAUSE_S * FRAME_HZ))  # the stop's cancel ends no later goal
-    state = robot.client.send_goal_and_wait(MoveBaseGoal(goal(robot, 2.0, 0.1)), rospy.Duration(START_S))
-    assert rospy.ServiceProxy(f"{robot.ns}/release_stop", Trigger)().success
-    robot.odom.wait_for_more(
-        round(1.2 * PAUSE_S * FRAME_HZ)
-    )  # the next goal must not look like this one's end
-    assert state == actionlib.GoalStatus.ABORTED
-    assert robot.client.get_goal_status_text().startswith("blocked: ")
-
-
-def test_goal_of_rviz_is_taken(robot):
-    robot.publisher("move_base_simple/goal", PoseStamped).publish(goal(robot, 0.5, 0.1))
-    wait_until(lambda: distance(robot, 0.5, 0.1) < PLACE_M)
 
 
 def test_waypoints_are_visited_in_turn(robot):

@@ -20,6 +20,8 @@ from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.robot import models
+from mrl_driver.robot.sonar import NAMES
+from ros1_bridge.description import urdf
 from ros1_bridge.node.packages import PACKAGES, advice
 from ros1_bridge.node.robot_parameters import ROWS
 from tests.waiting import PATIENCE, wait_until
@@ -72,10 +74,13 @@ def test_parameters_of_the_launch_file_are_those_of_the_node(config_of):
     assert given == {row.name for row in ROWS}
 
 
+@pytest.mark.parametrize("prefix", ["", "robot1/"])
 @pytest.mark.parametrize("name", [model.name for model in models.driven_models()])
-def test_description_of_a_packaged_model_is_the_committed_file(name, config_of):
-    shown = config_of("describe.launch", f"robot:={name}").params["/robot_description"].value
-    assert shown == (ROOT / "ros1_bridge" / "urdf" / f"{name}.urdf").read_text()
+def test_description_of_a_packaged_model_is_that_which_is_rendered(name, prefix, config_of):
+    shown = (
+        config_of("describe.launch", f"robot:={name}", f"prefix:={prefix}").params["/robot_description"].value
+    )
+    assert shown == urdf.render(models.load(name), prefix)
 
 
 def test_description_of_a_models_own_file_is_rendered(config_of, tmp_path):
@@ -94,6 +99,20 @@ def test_unknown_model_is_named(config_of, capfd):
     with pytest.raises(roslaunch.RLException):
         config_of("sim.launch", "robot:=tank")
     assert "robot 'tank' is unknown, expected" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "given, topics",
+    [
+        ((), [f"sonar/{name}" for name in NAMES]),
+        (("sonar_topics:=[/sonar/nose, /tail]",), ["/sonar/nose", "/tail"]),
+    ],
+)
+def test_the_costmaps_take_sonars_of_any_name(given, topics, config_of):
+    values = values_of(config_of("navigation.launch", MAP, "sensors:=sonars", *given))
+    assert [values[f"/move_base/{each}_costmap/sonars/topics"] for each in ("global", "local")] == [
+        topics
+    ] * 2
 
 
 @pytest.mark.parametrize("ns, place", [("", "/"), ("robot1", "/robot1/"), ("/deep/er/", "/deep/er/")])
@@ -259,7 +278,7 @@ def test_a_page_is_started_with_a_robot_that_stops_in_time(config_of, port):
     config = config_of("web.launch", f"port:={port}", "zones:=sonars", "prefix:=a/")
     node = {name.split("/")[-1]: each.value for name, each in config.params.items() if "/robot_node/" in name}
     assert (node["cmd_vel_timeout"], node["max_command_delay"]) == (0.2, 0.15)
-    assert (node["zones"], node["odom_frame"]) == ("sonars", "a/odom")
+    assert (node["zones"], node["odom_frame"], node["record"]) == ("sonars", "a/odom", "")
     boards = {each.type for each in config.nodes} - {"web_node", "robot_node", "robot_state_publisher"}
     assert boards == ({"sim_board"} if port == "sim" else set())
 
@@ -309,7 +328,6 @@ VARIANTS = [
 ]
 """File, its arguments, and all nodes that it starts with them."""
 CLEARING = "set robot_node/sonars clear_range 0.7"  # Arguments of dynparam; test_move_base.py runs it
-DECLARED = yaml.safe_load((ROOT / "tests" / "ros" / "declared.yaml").read_text())
 DISPLAYS = {
     "rviz/Map": "nav_msgs/OccupancyGrid",
     "rviz/Path": "nav_msgs/Path",
@@ -378,43 +396,24 @@ def test_each_package_is_asked_for_before_it_is_needed(variant):
     assert needed(config) == started
 
 
+def test_a_package_that_no_robot_needs_is_asked_for(config_of):
+    assert needed(config_of("diagnostics.launch")) == {"diagnostic_aggregator"}
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_each_file_says_in_one_line_what_it_needs(path):
+    head = path.read_text(encoding="utf-8").split("-->", 1)[0]
+    assert len(re.findall(r"^ {7}Needs: [^\n]+\. $", head, re.MULTILINE)) == 1
+
+
 def test_each_package_has_a_table_and_an_origin():
     assert set(stand_ins.PACKAGES) == {name for name, origin in PACKAGES.items() if not origin.debian}
 
 
-@pytest.mark.parametrize("name", DECLARED["parameters"])
-def test_stand_in_has_the_parameters_that_the_real_package_declares(name):
-    """A kind of its own is narrower than `str`, or one that no cfg file declares."""
-    nodes = {
-        node: stand_ins.table(each, node).rows
-        for each in stand_ins.PACKAGES
-        for node in stand_ins.nodes_of(each)
-    }
-    kinds = {**nodes, **stand_ins.GROUPS}[name].get("parameters", {})
-    wider = {
-        key: "str" if isinstance(kind, list) or kind == "footprint" else kind for key, kind in kinds.items()
-    }
-    declared = DECLARED["parameters"][name]
-    assert wider == {key: declared.get(key, "unknown") or kind for key, kind in wider.items()}
-
-
-@pytest.mark.parametrize("name", DECLARED["topics"])
-def test_stand_in_has_the_topics_that_the_real_node_had(name):
-    """But sonars, whose names navigation.launch remaps, and amcl's map, which needs use_map_topic."""
-    topics = stand_ins.table(name, name).names("publishes", "subscribes")
-    left_out = {"map"} if name == "amcl" else {each for each in topics if "/sonars/" in each}
-    topics = {each: kind for each, kind in topics.items() if each not in left_out}
-    assert topics.items() <= DECLARED["topics"][name].items()
-
-
-def test_plugins_have_the_class_names_of_the_real_packages():
-    plugins = {name for name in stand_ins.GROUPS if stand_ins.is_plugin(name)}
-    assert plugins and plugins <= set(DECLARED["plugins"])
-
-
 def test_each_launch_file_with_such_a_package_is_among_the_variants():
     nodes = {path.name: ElementTree.parse(path).getroot().iter("node") for path in LAUNCH.glob("*.launch")}
-    files = {file for file, each in nodes.items() if any(node.get("pkg") in PACKAGES for node in each)}
+    lacked = stand_ins.PACKAGES
+    files = {file for file, each in nodes.items() if any(node.get("pkg") in lacked for node in each)}
     assert files == {file for file, _, _ in VARIANTS}
 
 

@@ -10,13 +10,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState, Imu, JointState, Range
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import SonarMount, load
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.message_covariance import pose_matrix, twist_matrix
-from ros1_bridge.topics.serialized_messages import PackedImu, PackedJoints, PackedOdometry, PackedTransform
+from ros1_bridge.topics.serialized_messages import (
+    PackedImu,
+    PackedJoints,
+    PackedOdometry,
+    PackedRange,
+    PackedTransform,
+)
 
 STAMP = Time(5, 7)
 BATTERY = load("traxbot").battery
@@ -38,29 +45,6 @@ def test_mount_turns_x_along_the_beam():
     assert transform.child_frame_id == "sonar_left"
     assert (transform.transform.translation.x, transform.transform.translation.y) == (0.08, 0.06)
     assert yaw_of(transform.transform.rotation) == pytest.approx(math.radians(45))
-
-
-def test_range_describes_the_sonar():
-    message = messages.new_range("base_link", "front")
-    assert message.radiation_type == Range.ULTRASOUND
-    assert message.field_of_view == pytest.approx(math.radians(36))
-    assert (message.min_range, message.max_range) == (0.15, 6.45)
-
-
-@pytest.mark.parametrize(
-    "range_m, clear_m, shown, most",
-    [
-        (math.inf, 0.0, math.inf, 6.45),
-        (-math.inf, 0.7, -math.inf, 0.7),
-        (0.5, 0.7, 0.5, 0.7),
-        (1.5, 0.7, 0.7, 0.7),
-        (math.inf, 0.7, 0.7, 0.7),
-    ],
-)
-def test_range_follows_rep_117_unless_it_is_cut(range_m, clear_m, shown, most):
-    message = messages.new_range("base_link", "front")
-    messages.fill_range(message, STAMP, range_m, clear_m)
-    assert (message.range, message.max_range) == (shown, most)
 
 
 @pytest.mark.parametrize(
@@ -180,3 +164,27 @@ def test_packed_joints_are_those_of_genpy(sequence, stamp, joints):
     message = JointState(name=names, position=positions, velocity=velocities)
     message.header.seq, message.header.stamp = sequence, Time(*stamp)
     assert PackedJoints(names).pack(sequence, *stamp, positions, velocities) == wire(message)
+
+
+SHARP = {"input": "range_2", "type": "GP2Y0A21"}
+
+
+@pytest.mark.parametrize(
+    "given, radiation, degrees, near_m, range_m, clear_m, shown, most",
+    [
+        ({}, Range.ULTRASOUND, 36, 0.15, math.inf, 0.0, math.inf, 6.45),
+        ({}, Range.ULTRASOUND, 36, 0.15, -math.inf, 0.7, -math.inf, 0.7),
+        ({}, Range.ULTRASOUND, 36, 0.15, math.nan, 0.7, math.nan, 0.7),
+        ({}, Range.ULTRASOUND, 36, 0.15, 0.5, 0.7, 0.5, 0.7),
+        ({}, Range.ULTRASOUND, 36, 0.15, 1.5, 0.7, 0.7, 0.7),
+        ({}, Range.ULTRASOUND, 36, 0.15, math.inf, 0.7, 0.7, 0.7),
+        ({"input": "range_2"}, Range.ULTRASOUND, 15, 0.02, math.inf, 5.0, 4.0, 4.0),
+        (SHARP, Range.INFRARED, 5, 0.1, 0.5, 0.0, 0.5, 0.8),
+    ],
+)
+def test_packed_range_is_that_of_genpy_and_follows_rep_117_unless_it_is_cut(
+    given, radiation, degrees, near_m, range_m, clear_m, shown, most
+):
+    message = Range(Header(3, STAMP, "sonar_nose"), radiation, math.radians(degrees), near_m, most, shown)
+    packed = PackedRange("sonar_nose", SonarMount(0.1, 0.0, 0.0, **given).kind)
+    assert packed.pack(3, STAMP.secs, STAMP.nsecs, range_m, clear_m) == wire(message)

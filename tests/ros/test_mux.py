@@ -6,7 +6,6 @@ import signal
 import pytest
 import rospy
 import yaml
-from dynamic_reconfigure.server import Server
 from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,12 +13,9 @@ from std_msgs.msg import Bool, String
 
 from mrl_driver.errors import ConfigError
 from ros1_bridge.control.planner_limit import RAISE_S, STEP_M_S, PlannerLimit
-from ros1_bridge.node.parameters import Row
-from ros1_bridge.robot.reconfigure import Description
 from ros1_bridge.teleop.velocity_mux import Input, VelocityMux, read_inputs
 from tests.waiting import wait_until
 
-from . import stand_ins
 from .rig import ROOT, START_S
 from .tables import Offered
 
@@ -266,33 +262,3 @@ def test_planner_is_never_faster_than_allowed_or_its_own(speeds):
         assert speed <= max(SLOWEST, min(allowed, OWN)) + 1e-9 or speed == OWN and allowed >= OWN
     planner.limit.give_back()
     assert planner.values["max_vel_x"] == OWN and planner.stored is None
-
-
-@pytest.fixture
-def planner(rig):
-    """A planner's dynamic_reconfigure server, with the names and ranges of the real one, in the rig's namespace."""
-    known = stand_ins.GROUPS["base_local_planner/TrajectoryPlannerROS"]["parameters"]
-    rows = []
-    for name, value in (("max_vel_x", OWN), ("min_vel_x", SLOWEST)):
-        _, low, high = known[name].split()
-        rows.append(Row(name, float, value, "", name, float(low), float(high)))
-    told = []
-
-    def note(config, _level):
-        told.append(config["max_vel_x"])
-        return config
-
-    server = Server(Description(rows), note, f"{rig.ns}/move_base/TrajectoryPlannerROS")
-    yield told
-    server.set_service.shutdown()
-
-
-def test_node_limits_the_planner_before_a_wall_and_gives_its_speed_back(rig, planner):
-    board = rig.board("--robot", "traxbot", "--pose", "1.35,0,0")
-    node = rig.node(board.port, "_zones:=sonars")
-    wait_until(lambda: planner[-1] < OWN, START_S)
-    assert planner[-1] >= SLOWEST
-    node.signal(signal.SIGINT)
-    assert node.wait(START_S)
-    assert planner[-1] == OWN
-    assert not rospy.has_param(f"{rig.ns}/move_base/TrajectoryPlannerROS/zone_limit")

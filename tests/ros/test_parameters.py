@@ -115,9 +115,9 @@ def test_missing_port_and_unknown_names_are_told_with_what_is_expected():
 
 def test_a_port_may_be_a_name(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    named_robots.write({"lab3": named_robots.Target("tcp://10.0.0.7:7000", name="lab3", id=3)})
+    named_robots.write({"lab3": named_robots.Target("tcp://10.0.0.7:7000", name="lab3", id=3, virtual=True)})
     found = check({"port": "lab3"}, "/robot_node")
-    assert (found.port, found.robot_id) == ("tcp://10.0.0.7:7000", 3)
+    assert (found.port, found.robot_id, found.virtual) == ("tcp://10.0.0.7:7000", 3, True)
     assert check({"port": "lab4"}, "/robot_node").port == "lab4"
 
 

@@ -11,13 +11,14 @@ from mrl_driver.geometry import ORIGIN, Pose
 from mrl_driver.robot import models
 from mrl_driver.robot.heading import FILTER_DELAY_S
 from mrl_driver.robot.imu import FROZEN, IN_USE, Imu
-from mrl_driver.robot.odometry import Twist, Wheels
+from mrl_driver.robot.odometry import FourWheels, OmniTwist, Twist, Wheels
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import ImuReading
 from ros1_bridge.node.robot_parameters import check
 from ros1_bridge.topics import messages
 from ros1_bridge.topics.message_covariance import UNUSED_VARIANCE
 from ros1_bridge.topics.publishers import Publishers
+from tests.models import four_wheels
 
 from .fake_topics import Topics
 
@@ -128,18 +129,69 @@ def test_wheels_turn_as_fast_as_the_robot_moves():
     assert joints.velocity == pytest.approx([0.2 / WHEEL_RADIUS_M] * 2, rel=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("forward", "left", "signs"),
+    [(0.2, 0.0, (1, 1, 1, 1)), (0.0, 0.2, (1, -1, 1, -1))],
+    ids=["ahead", "aside"],
+)
+def test_each_of_four_wheels_is_a_joint(forward, left, signs):
+    topics, model = Topics("joint_states"), four_wheels("mecanum")
+    out = Publishers(topics, OSError, check({"port": "p"}, "node"), model)
+    twist, counts = OmniTwist(forward, 0.0, left), FourWheels(1496, 0, -748, 0)
+    out.telemetry(Telemetry(50.0, 50.0, Pose(0.0, 0.0, 0.0), twist, {}, (), counts, 1))
+    (joints,) = topics["joint_states"].sent
+    names = ("right", "left", "rear_left", "rear_right")
+    assert list(joints.name) == [f"{name}_wheel_joint" for name in names]
+    assert joints.position == pytest.approx([2 * math.pi, 0.0, -math.pi, 0.0])
+    assert joints.velocity == pytest.approx([sign * 0.2 / 0.0325 for sign in signs])
+
+
+@pytest.mark.parametrize("wheels_counted", (True, False))
+def test_servos_are_joints_with_their_angles(wheels_counted):
+    topics, duo = Topics("joint_states"), models.load("duo")
+    board = {**duo.board, "no_encoders": int(not wheels_counted)}
+    model = duo._replace(board=board, servos={"pan": models.ServoMount(1, -1.0, 1.0, 1000, 2000)})
+    out = Publishers(topics, OSError, check({"port": "p"}, "node"), model)
+    out.servos({}, STAMP)
+    out.servos({"pan": 0.5, "tilt": -0.2}, STAMP)
+    (joints,) = topics["joint_states"].sent
+    assert (joints.name, joints.position) == (["pan_joint", "tilt_joint"], (0.5, -0.2))
+    assert joints.header.stamp == STAMP
+
+
 def test_wheels_turn_by_their_counts():
     counts = Wheels(round(COUNTS_A_TURN), -round(COUNTS_A_TURN / 2))
     (joints,) = published("joint_states", counts=counts)["joint_states"].sent
     assert joints.position == pytest.approx([2 * math.pi, -math.pi], rel=2e-3)
 
 
+def test_counts_of_all_wheels_have_the_stamp_of_their_reading():
+    topics = published("odom", "encoders", counts=Wheels(2**40, -7))
+    (encoders,), (odometry,) = topics["encoders"].sent, topics["odom"].sent
+    assert (encoders.name, encoders.position) == (["right_wheel_joint", "left_wheel_joint"], (2**40, -7))
+    assert encoders.header.stamp == odometry.header.stamp
+
+
+def test_footprint_is_on_the_floor_below_the_axle():
+    topics = Topics()
+    Publishers(topics, OSError, check({"port": "p", "base_frame": "a/base_link"}, "node"), MODEL).footprint(
+        STAMP
+    )
+    (transform,) = topics["/tf_static"].sent[0].transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ("a/base_link", "a/base_footprint")
+    assert transform.transform.translation.z == pytest.approx(-WHEEL_RADIUS_M, rel=2e-3)
+
+
 @pytest.mark.parametrize("yaw_rad", [math.pi / 2, -1.0])
-@pytest.mark.parametrize("topic", ["odom", "/tf"])
-def test_orientation_is_the_yaw(topic, yaw_rad):
-    (message,) = published(topic, yaw_rad=yaw_rad)[topic].sent
-    turn = message.pose.pose.orientation if topic == "odom" else message.transforms[0].transform.rotation
-    assert 2 * math.atan2(turn.z, turn.w) == pytest.approx(yaw_rad)
+def test_odometry_and_its_transform_are_the_pose(yaw_rad):
+    topics = published("odom", "/tf", yaw_rad=yaw_rad)
+    (odometry,), ((transform,),) = topics["odom"].sent, [each.transforms for each in topics["/tf"].sent]
+    assert odometry.header.stamp == transform.header.stamp
+    assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
+    place, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    assert (place.x, place.y, 2 * math.atan2(turn.z, turn.w)) == pytest.approx((1.0, 2.0, yaw_rad))
+    moved = transform.transform
+    assert (moved.translation.x, moved.translation.y, moved.rotation) == (place.x, place.y, turn)
 
 
 def test_new_range_is_published_though_nobody_hears_the_joints():

@@ -3,8 +3,6 @@
 import re
 
 import pytest
-import rospy
-from nav_msgs.msg import Odometry
 from tf2_msgs.msg import TFMessage
 
 from ros1_bridge.navigation import follow_waypoints_node, go_to_goal_node, map_to_odom_node
@@ -12,48 +10,20 @@ from ros1_bridge.node.robot_parameters import ROWS
 from ros1_bridge.relay import relay_settings
 from ros1_bridge.teleop import joystick_node, keyboard_node
 from ros1_bridge.web import web_node
-from ros1_bridge.world import mirror_node, world_node
+from ros1_bridge.world import environment_map_node, mirror_node, world_node
 from tests.waiting import wait_until
 
-from .rig import ROOT, START_S
-from .tables import README, Offered, cells_of, first_two, table
+from .rig import ROOT
+from .tables import README, cells_of, first_two, table
 
 
-@pytest.fixture(scope="module")
-def offered(module_rig):
-    rig = module_rig
-    rig.node(
-        rig.board("--robot", "traxbot", "--imu").port,
-        "_allow_calibration:=true",
-        "_allow_gains:=true",
-        "_zones:=both",
-    )
-    rig.tf, rig.static = rig.topic("/tf", TFMessage), rig.topic("/tf_static", TFMessage)
-    rig.topic("odom", Odometry).wait()
-    rospy.wait_for_service(f"{rig.ns}/robot_node/gains/set_parameters", START_S)
-    made = Offered(rig)
-    made.rig = rig
-    wait_until(lambda: "/diagnostics" in made.topics(0))
-    return made
-
-
-def test_published_topics_are_those_of_the_table(offered):
-    assert offered.topics(0) == first_two(table("### Published topics", "topic"))
-
-
-def test_subscribed_topics_are_those_of_the_table(offered):
-    assert offered.topics(1) == first_two(table("### Subscribed topics", "topic"))
-
-
-def test_services_are_those_of_the_table(offered):
-    assert offered.services() == first_two(table("### Services", "service"))
-
-
-def test_frames_are_those_of_the_table(offered):
-    rig, wanted = offered.rig, first_two(table("### Frames", "frame"))
+def test_frames_are_those_of_the_table(rig):
+    tf, static = rig.topic("/tf", TFMessage), rig.topic("/tf_static", TFMessage)
+    rig.node(rig.board("--robot", "traxbot", "--imu").port)
+    wanted = first_two(table("### Frames", "frame"))
 
     def seen():
-        every = [t for topic in (rig.tf, rig.static) for m in topic.messages for t in m.transforms]
+        every = [t for topic in (tf, static) for m in topic.messages for t in m.transforms]
         own = [t for t in every if t.child_frame_id.startswith(f"{rig.name}/")]
         return {t.child_frame_id.split("/")[1]: t.header.frame_id.split("/")[1] for t in own}
 
@@ -67,6 +37,7 @@ def test_frames_are_those_of_the_table(offered):
         ("### Parameters of `go_to_goal`", go_to_goal_node.PARAMETERS),
         ("### Parameters of `follow_waypoints`", follow_waypoints_node.PARAMETERS),
         ("### Parameters of `map_to_odom`", map_to_odom_node.PARAMETERS),
+        ("### Parameters of `environment_map`", environment_map_node.PARAMETERS),
         ("### Parameters of `world_node`", world_node.PARAMETERS),
         ("### Parameters of `topic_relay`", relay_settings.PARAMETERS),
         ("### Parameters of `mirror_node`", mirror_node.PARAMETERS),

@@ -1,6 +1,7 @@
 """What the node's services and `set_pose` do and refuse; driver and commander only say what they are told to."""
 
 import math
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -8,11 +9,12 @@ from geometry_msgs.msg import Point, Pose, PoseWithCovariance, PoseWithCovarianc
 from std_msgs.msg import Header
 
 from mrl_driver.driver import Driver
-from mrl_driver.errors import BoardTimeout
+from mrl_driver.errors import BoardTimeout, LinkLost
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
 from mrl_driver.robot import models
 from mrl_driver.robot.covariance import AT_START
+from mrl_driver.robot.inputs import Inputs
 from ros1_bridge.robot.services import Services
 
 
@@ -28,11 +30,7 @@ def services(done, twist=(0.0, 0.0), driving=False, seeking=False, manual=False,
         Driver("/dev/null").reset_pose(pose, spread)  # which refuses what is no covariance
         done.append((pose, spread))
 
-    driver = SimpleNamespace(
-        twist=twist,
-        reset_pose=reset_pose,
-        request=lambda *args: done.append(args),
-    )
+    driver = SimpleNamespace(twist=twist, reset_pose=reset_pose, request=lambda *args: done.append(args))
     commander = SimpleNamespace(driving=driving, seeking=seeking, ready=True, manual=manual)
     return Services(driver, commander, lambda: localisers)
 
@@ -54,7 +52,7 @@ def test_robot_at_rest_gets_a_new_origin(done):
 
 @pytest.mark.parametrize("frame", ["", "odom"])
 def test_pose_and_covariance_are_set(done, frame):
-    assert set_pose(services(done), frame=frame)[0]
+    assert set_pose(services(done, twist=(0.0, 0.02)), frame=frame) == (True, "the pose is 1, 2, 1.5708")
     assert done == [(pytest.approx((1.0, 2.0, math.pi / 2)), (0.04, 0.0, 0.0, 0.09, 0.0, 0.01))]
 
 
@@ -71,7 +69,13 @@ def test_pose_that_makes_no_sense_is_refused(done, other, words):
     assert (success, done) == (False, []) and words in said
 
 
-@pytest.mark.parametrize("state", [{"twist": (0.1, 0.0)}, {"driving": True}, {"seeking": True}])
+UNDER_WAY = [
+    *({"twist": twist} for twist in ((0.1, 0.0), (0.0, -0.021), (0.0, 0.0, 0.1))),
+    *({"driving": True}, {"seeking": True}),
+]
+
+
+@pytest.mark.parametrize("state", UNDER_WAY)
 @pytest.mark.parametrize("action", [Services.reset_odometry, set_pose, Services.calibrate])
 def test_robot_under_way_is_refused(done, action, state):
     """Also while it stands on its way to a pose, because a sonar is silent: the pose would be another place."""
@@ -85,8 +89,9 @@ def test_robot_under_way_is_refused(done, action, state):
 @pytest.mark.parametrize("action", [Services.reset_odometry, set_pose])
 def test_pose_of_a_robot_that_is_localised_is_not_moved(done, action):
     """A localisation would take the jump for motion: with amcl, move_base said 1.7 m off that it has arrived."""
-    success, words = action(services(done, localisers={"/amcl"}))
-    assert (success, done) == (False, []) and words.startswith("/amcl would") and "initialpose" in words
+    success, words = action(services(done, localisers={"/hector", "/amcl"}))
+    assert (success, done) == (False, []) and words.startswith("/amcl, /hector would")
+    assert "initialpose" in words
 
 
 def with_gains(gains, capabilities=("config",)):
@@ -123,8 +128,67 @@ def test_gains_that_are_offered_are_the_boards_own():
 def test_release_of_the_stop_lets_the_driver_follow_commands_whatever_the_commander_tells(
     done, latched, words
 ):
-    commander = SimpleNamespace(latched=latched, release=lambda: done.append("released"))
+    commander = SimpleNamespace(
+        emergency=latched, release=lambda: done.append("released"), release_input=lambda: True
+    )
     assert Services(None, commander).release_stop() == (True, words) and done == ["released"]
+
+
+def test_an_emergency_stop_that_is_still_pressed_is_not_released(done):
+    commander = SimpleNamespace(emergency=True, release=lambda: None, release_input=lambda: False)
+    driver = SimpleNamespace(inputs=Inputs(("emergency_stop",), True))
+    released, words = Services(driver, commander).release_stop()
+    assert not released and words.startswith("emergency stop is pressed, or its wire is broken")
+
+
+ACTIONS = {
+    "stop": ((), ("latch",), "stopped; release_stop lets the robot follow commands again"),
+    "enable_motors": ((True,), ("enable", True), "enabled"),
+    "calibrate": (
+        (),
+        ("request", 1),
+        "the motor board calibrates, the wheels turn; reset_odometry afterwards",
+    ),
+    "set_gains": ((7, 8, 9), ("request", 2, 7, 8, 9), "gains are 7, 8, 9"),
+}
+FAILED = {
+    "stop": "latched, but the robot cannot be reached: ",
+    "enable_motors": "disabled, but the robot cannot be reached: ",
+}
+
+
+@pytest.mark.parametrize("error", [None, LinkLost("gone")])
+@pytest.mark.parametrize("name", ACTIONS)
+def test_an_action_is_answered_with_what_was_done_or_why_it_failed(done, name, error):
+    args, called, words = ACTIONS[name]
+
+    def call(*given):
+        done.append(given)
+        if error:
+            raise error
+
+    both = SimpleNamespace(twist=(0.0, 0.0), ready=True, driving=False, seeking=False, manual=False)
+    vars(both).update({each: partial(call, each) for each in ("latch", "enable", "request")})
+    answer = getattr(Services(both, both), name)(*args)
+    assert answer == ((False, f"{FAILED.get(name, '')}gone") if error else (True, words)) and done == [called]
+
+
+def test_motors_are_disabled_and_a_robot_that_is_not_ready_is_not_calibrated(done):
+    commander = SimpleNamespace(enable=done.append, ready=False, refusal=lambda: "no telemetry")
+    made = Services(None, commander)
+    assert made.enable_motors(False) == (True, "stopped and disabled") and done == [False]
+    assert made.calibrate() == (False, "refused: no telemetry")
+
+
+def lose():
+    raise LinkLost("gone")
+
+
+def test_a_release_that_does_not_reach_the_board_says_so():
+    commander = SimpleNamespace(emergency=True, release=lambda: None, release_input=lose)
+    driver = SimpleNamespace(radio=SimpleNamespace(release_hold=lose))
+    made = Services(driver, commander)
+    assert made.release_stop() == made.release_hold() == (False, "gone")
 
 
 def test_frame_of_others_is_quoted_in_one_short_line(done):

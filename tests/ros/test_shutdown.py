@@ -105,16 +105,6 @@ def test_signal_while_the_node_begins_ends_it(rig, silent):
     os.close(theirs)
 
 
-def test_board_that_goes_away_ends_the_node_with_its_own_code(rig):
-    board = rig.board()
-    node = rig.node(board.port, "_reconnect:=false")
-    rig.topic("odom", Odometry).wait()
-    board.child.signal(signal.SIGKILL)
-    assert node.wait(START_S)
-    assert node.exit_code == 6
-    assert any("went away" in line for line in node.output())
-
-
 def test_node_takes_over_from_one_of_the_same_name(rig):
     """The master ends the first node when the second registers, while the port may still be in use."""
     port = rig.board().port

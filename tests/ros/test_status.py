@@ -9,12 +9,19 @@ from mrl_driver.errors import BoardTimeout
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.robot import imu, models
 from mrl_driver.robot.imu import FROZEN, IN_USE, LEARNING, REASONS, WAITING
+from mrl_driver.robot.inputs import Inputs
 from mrl_driver.session.events import MAY_MOVE, WAITS, Stale
 from ros1_bridge.control import commander as module
 from ros1_bridge.robot.services import Services
 from ros1_bridge.status import robot_status
 from ros1_bridge.status.link_report import ERROR, OK, WARN, News
-from ros1_bridge.status.robot_status import StatusTeller, battery_report, board_report, imu_report
+from ros1_bridge.status.robot_status import (
+    StatusTeller,
+    battery_report,
+    board_report,
+    imu_report,
+    inputs_report,
+)
 
 from .rig import values_of
 
@@ -29,8 +36,9 @@ class Told(list):
         self.topics = []
         self._teller = StatusTeller(self.commander, self._publish, "/robot_node", "port robot 1")
 
-    def _publish(self, message, values):
+    def _publish(self, message, values, fields):
         self.append(message)
+        self.fields = fields
         self.topics += values.items()
 
     def tell(self, **state):
@@ -93,6 +101,28 @@ def test_bias_is_told_once_it_is_known(known, bias):
     told = imu_report(IN_USE, reading).values
     assert told["Gyro Bias"] == bias
     assert (told["Yaw Rate"], told["Yaw Standard Deviation"]) == ("0.4700 rad/s", "0.0100 rad")
+
+
+@pytest.mark.parametrize(
+    ("inputs", "level", "words"),
+    [
+        (Inputs((), False, ("cliff_left",)), OK, "no input is active"),
+        (
+            Inputs(("cliff_left",), False, ("cliff_left",)),
+            WARN,
+            "cliff left sees no floor; drive away from it",
+        ),
+        (
+            Inputs((), True, ("emergency_stop",)),
+            ERROR,
+            "the emergency stop was pressed: look whether all is well",
+        ),
+    ],
+)
+def test_inputs_that_stop_the_robot_are_told_with_what_they_are_not(inputs, level, words):
+    told = inputs_report(inputs)
+    assert told.level == level and told.message.startswith(words)
+    assert "not a safety device" in told.values["note"]
 
 
 HARMLESS = [
@@ -176,6 +206,7 @@ def lost(may_be_moving):
         command=None,
         stop_reason=StopReason.NO_TELEMETRY,
         mismatch=None,
+        inputs=None,
         inhibit=inhibit,
     )
 
@@ -201,7 +232,7 @@ def test_services_that_stop_do_not_claim_to_have_stopped_it(may_move):
 def test_status_and_diagnostics_say_whether_it_may_be_moving(may_move, words, moving):
     commander, told = module.Commander(lost(may_move)), []
     commander.limits = models.load("traxbot").limits
-    StatusTeller(commander, lambda status, _: told.append(status), "/robot_node", "port robot 1").tell()
+    StatusTeller(commander, lambda status, *_: told.append(status), "/robot_node", "port robot 1").tell()
     values = values_of(told[0])
     assert (told[0].message, values["moving"]) == (words, moving)
     assert (values["mode"], values["ready"]) == ("may_be_moving" if may_move else "no_telemetry", "false")

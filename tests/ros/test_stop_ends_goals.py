@@ -2,15 +2,14 @@
 
 import contextlib
 import math
-import signal
 import threading
 import time
 
 import actionlib
 import pytest
 import rospy
-from actionlib_msgs.msg import GoalID, GoalStatus, GoalStatusArray
-from geometry_msgs.msg import PoseStamped, Twist, Vector3
+from actionlib_msgs.msg import GoalStatus, GoalStatusArray
+from geometry_msgs.msg import PoseStamped, Twist
 from move_base_msgs.msg import MoveBaseAction, MoveBaseActionResult, MoveBaseGoal
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import Range
@@ -139,115 +138,21 @@ def test_sonar_without_a_place_on_the_robot_holds_it(rig, robot):
     wait_until(lambda: ended_for(rig, "no valid reading of sonar front"))
 
 
-MOVE, STOP = 11, 13
+MOVE = 11
 PAUSE_S = 0.5
-
-
-class Planner:
-    """A stand-in for a planner: it sends the same command all the time, whatever happens."""
-
-    def __init__(self, rig):
-        self._out = rospy.Publisher(f"{rig.ns}/cmd_vel", Twist, queue_size=1, tcp_nodelay=True)
-        self.speed_m_s, self._end = 0.2, threading.Event()
-        self._thread = threading.Thread(target=self._publish)
-        self._thread.start()
-
-    def _publish(self):
-        while not self._end.wait(PERIOD_S):
-            if self.speed_m_s is not None:
-                self._out.publish(Twist(Vector3(self.speed_m_s, 0, 0), Vector3()))
-
-    def close(self):
-        self._end.set()
-        self._thread.join()
-        self._out.unregister()
 
 
 @pytest.fixture
 def goal_robot(rig):
-    """A robot on a board that may be cut off, with all that it is sent."""
-    rig.child = rig.board()
-    rig.wire, rig.odom = rig.tap(rig.child.port), rig.topic("odom", Odometry)
-    rig.cancels = rig.topic("move_base/cancel", GoalID)
-    rig.process = rig.node(rig.wire.port)
-    rig.odom.wait()
+    """A robot, and the tap on its wire."""
+    rig.wire, odom = rig.tap(rig.board().port), rig.topic("odom", Odometry)
+    rig.node(rig.wire.port)
+    odom.wait()
     return rig
-
-
-@pytest.fixture
-def planner(goal_robot):
-    made = Planner(goal_robot)
-    wait_until(lambda: goal_robot.wire.first(MOVE, 0.0) < float("inf"))
-    yield made
-    made.close()
-
-
-def refuses(node):
-    """The node has said that it does not follow somebody who goes on sending."""
-    return any("cmd_vel refused: its source has sent" in line for line in node.output())
 
 
 def call(goal_robot, name):
     assert rospy.ServiceProxy(f"{goal_robot.ns}/{name}", Trigger)().success
-
-
-def moves_nothing(goal_robot, node, since_s):
-    """The planner is refused, and has not moved the robot since."""
-    wait_until(lambda: refuses(node))
-    return goal_robot.wire.first(MOVE, since_s) == float("inf")
-
-
-def all_cancelled(goal_robot):
-    """Wait until all goals are cancelled."""
-    wait_until(lambda: GoalID() in goal_robot.cancels.messages)
-
-
-def test_planner_that_goes_on_publishing_moves_nothing_after_a_stop_until_it_pauses(goal_robot, planner):
-    since_s = time.monotonic()
-    call(goal_robot, "stop")
-    all_cancelled(goal_robot)
-    goal_robot.wire.wait_for(STOP, since_s)
-    released_s = time.monotonic()
-    call(goal_robot, "release_stop")
-    assert moves_nothing(goal_robot, goal_robot.process, released_s)
-    planner.speed_m_s = None
-    time.sleep(PAUSE_S + PERIOD_S)
-    planner.speed_m_s = 0.1
-    goal_robot.wire.wait_for(MOVE, released_s)
-
-
-def test_planner_that_goes_on_publishing_moves_nothing_when_the_link_is_back(goal_robot, planner):
-    goal_robot.child.child.signal(signal.SIGSTOP)
-    try:
-        all_cancelled(goal_robot)
-        since_s = time.monotonic()
-    finally:
-        goal_robot.child.child.signal(signal.SIGCONT)
-    wait_until(lambda: any("answers again" in line for line in goal_robot.process.output()))
-    assert moves_nothing(goal_robot, goal_robot.process, since_s)
-
-
-@pytest.mark.parametrize("restarted", ["node", "board"])
-def test_planner_that_goes_on_publishing_moves_nothing_when_the_other_end_starts_again(rig, restarted):
-    fault = ("--fault", "reset:at=6") if restarted == "board" else ()
-    rig.wire = rig.tap(rig.board("--robot", "traxbot", *fault).port)
-    rig.cancels, odom = rig.topic("move_base/cancel", GoalID), rig.topic("odom", Odometry)
-    node = rig.node(rig.wire.port)
-    odom.wait()
-    planner = Planner(rig)
-    try:
-        wait_until(lambda: rig.wire.first(MOVE, 0.0) < float("inf"))
-        if restarted == "node":
-            node.signal(signal.SIGKILL)
-            assert node.wait(START_S)
-            since_s, node = time.monotonic(), rig.node(rig.wire.port)
-        else:
-            wait_until(lambda: any("the board has restarted" in line for line in node.output()))
-            since_s = time.monotonic()
-            all_cancelled(rig)
-        assert moves_nothing(rig, node, since_s)
-    finally:
-        planner.close()
 
 
 @pytest.fixture
@@ -299,16 +204,3 @@ def test_node_that_starts_ends_the_goals_of_before_and_no_later_ones(rig):
     wait_until(lambda: len(handles) == 2)
     rig.topic("odom", Odometry).wait(20)
     assert handles[1].get_goal_status().status == GoalStatus.ACTIVE
-
-
-def test_wheel_that_does_not_follow_ends_the_goals(rig):
-    """A planner's next command of zero would clear the fault, and the one after it drive on."""
-    port = rig.board("--robot", "traxbot", "--fault", "wheel_blocked:at=6").port
-    rig.cancels, odom = rig.topic("move_base/cancel", GoalID), rig.topic("odom", Odometry)
-    rig.node(port)
-    odom.wait()
-    planner = Planner(rig)
-    try:
-        all_cancelled(rig)
-    finally:
-        planner.close()

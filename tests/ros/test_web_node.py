@@ -10,7 +10,6 @@ import time
 import pytest
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Twist, TwistStamped
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
 
@@ -36,7 +35,6 @@ def robot(module_rig, tmp_path_factory):
     given = "_listen:=127.0.0.1:0", "_robot:=traxbot", f"_recordings:={rig.folder}"
     rig.web = rig.start("web_node", sys.executable, WEB_NODE, f"__ns:={rig.ns}", *given)
     rig.status = rig.topic("status", DiagnosticStatus)
-    rig.commands = [rig.topic("cmd_vel", Twist), rig.topic("cmd_vel/stamped", TwistStamped)]
     rig.imu = rig.topic("phone/imu", Imu)
     found = wait_until(
         lambda: re.findall(r"http://127\.0\.0\.1:\d+/", "\n".join(rig.web.output())), step_s=0.05
@@ -97,22 +95,6 @@ def release(robot):
 
 def test_topics_are_those_of_the_table(robot):
     Offered(robot, "web_node").require_topics("/clock")
-
-
-def test_a_held_control_drives_and_a_page_at_rest_publishes_no_command(robot):
-    """The stop that ends a press may still be on its way."""
-    welcome = robot.page.last["welcome"]
-    assert welcome["role"] == "drive" and set(welcome["robot"]["sonars"]) == {"front", "left", "right"}
-    with driving(robot):
-        pass
-    wait_until(lambda: stopped(robot), step_s=0.02)
-
-    def rests():
-        before = [len(topic.messages) for topic in robot.commands]
-        robot.page.after("view"), robot.page.after("view")
-        return [len(topic.messages) for topic in robot.commands] == before
-
-    wait_until(rests)
 
 
 def test_a_node_that_stands_still_is_a_stop_by_the_robots_node(robot):

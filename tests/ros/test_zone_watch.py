@@ -11,16 +11,17 @@ from sensor_msgs.msg import LaserScan
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
+from mrl_driver.robot.odometry import Twist
 from mrl_driver.safety.protective_zones import STALE_S
-from ros1_bridge.control.zone_feed import ZoneWatch, mount_of
+from ros1_bridge.control.zone_feed import ZoneWatch, assumed_twist, mount_of
 from ros1_bridge.node.robot_parameters import check
 
 MODEL = models.load("traxbot")
 
 
-def watch(has_sonars=True, build_assumed=False, **given):
+def watch(model=MODEL, build_assumed=False, **given):
     given = check({"port": "/dev/x", "zones": "sonars", **given}, "/n")
-    return ZoneWatch(given, MODEL, has_sonars, build_assumed)
+    return ZoneWatch(given, model, build_assumed)
 
 
 def frame(stamp_s, speed_m_s, front_m=None):
@@ -54,9 +55,10 @@ def test_a_gap_in_the_stream_makes_no_way():
 
 def test_a_board_without_sonars_or_whose_build_nobody_named_needs_a_laser():
     """Voltages of gas sensors would look like ranges, and the zones would be clear in front of a wall."""
+    without = MODEL._replace(sonars={})
     with pytest.raises(ConfigError, match="this board has no sonars, expected scan or none"):
-        watch(has_sonars=False)
-    watch(has_sonars=False, zones="scan")
+        watch(without)
+    watch(without, zones="scan")
     with pytest.raises(ConfigError, match="set parameter build to sonar or environment"):
         watch(build_assumed=True)
     watch(build_assumed=True, zones="scan")
@@ -104,3 +106,9 @@ def test_scan_counts_from_its_measurement_not_from_its_arrival():
     assert "expected finite numbers" in made.on_scan(broken, MOUNT, CLOCK_S + 0.4, 10.4)
     assert made.zones.limit(0.3, 9.99 + STALE_S) == 0.3
     assert made.zones.limit(0.3, 10.01 + STALE_S) == 0.0
+
+
+@pytest.mark.parametrize(("command", "speeds"), [(Twist(0.2, 0.1), (0.2, 0.1)), (None, (0.0, 0.0))])
+def test_the_command_counts_as_the_motion_where_nothing_measures_it(command, speeds):
+    driver = SimpleNamespace(model=SimpleNamespace(has_odometry=False), command=command)
+    assert assumed_twist(driver, SimpleNamespace(twist=Twist(math.nan, math.nan))) == speeds

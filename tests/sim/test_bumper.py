@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot import models
-from sim_arduino.hardware.collision import Bumper, footprint_for
+from sim_arduino.hardware.collision import Bumper, footprint_for, touched
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.shapes import Footprint, Wall, polygon
 from sim_arduino.world.world import World
@@ -31,6 +31,26 @@ def straight(start, way_m):
 def share_of(way_m, start=START, walls=(AHEAD,), footprint=ROUND, dt=0.0):
     bumper = Bumper(World(list(walls)), footprint, "robot")
     return bumper.share(start, abs(way_m), straight(start, way_m), dt)
+
+
+@pytest.mark.parametrize(
+    "x_m, y_m, bumpers",
+    [
+        *((0.104, 0.079, "left"), (0.104, 0.001, "left"), (0.096, 0.04, "left")),
+        *((0.104, -0.079, "right"), (0.104, -0.001, "right"), (0.096, -0.04, "right")),
+        *((-0.104, 0.079, "rear"), (-0.104, -0.079, "rear"), (-0.096, 0.0, "rear")),
+        *((0.106, 0.04, ""), (0.094, 0.04, ""), (0.104, 0.081, ""), (0.104, -0.081, "")),
+        *((-0.106, 0.0, ""), (-0.094, 0.0, ""), (-0.104, 0.081, ""), (-0.104, -0.081, "")),
+    ],
+)
+def test_a_bumper_is_a_strip_of_5_mm_before_and_behind_an_edge(x_m, y_m, bumpers):
+    """Of a robot of 0.2 m by 0.16 m that stands elsewhere, looking aside."""
+    pose = Pose(3.0, -2.0, 1.0)
+    there = pose.compose(x_m, y_m)
+    world = World([Wall(there.x_m, there.y_m, there.x_m + 1e-6, there.y_m)])
+    assert touched(world, Footprint(0.2, 0.16), "robot", pose) == {
+        f"bumper_{each}" for each in bumpers.split()
+    }
 
 
 class Watched(World):

@@ -148,7 +148,7 @@ def test_a_base_that_the_driver_refuses_is_not_served(tmp_path):
     path = tmp_path / "four.yaml"
     path.write_text(yaml.safe_dump(model))
     code, error = fail("--robot", str(path))
-    assert code == 2 and "a drive of kind mecanum, which no board with three motors moves" in error
+    assert code == 2 and "wiring is empty, expected the pins of four motors on a Mega" in error
 
 
 def test_a_full_disk_under_the_log_does_not_stop_the_board():

@@ -6,13 +6,18 @@ import select
 import pytest
 
 from mrl_driver.errors import ConfigError
+from mrl_driver.protocol import encode_reply, encode_request
+from mrl_driver.robot.inputs import READ_INPUTS
+from sim_arduino.board import PythonBoard
 from sim_arduino.faults.faulty_engine import FaultyEngine
+from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve import factory
 from sim_arduino.serve.control import Control, obey
 from sim_arduino.serve.main import emulated
 from sim_arduino.serve.pty import PtyPort
 from sim_arduino.serve.server import CLOSE_WAIT_S, PtyServer
 from sim_arduino.serve.socket_port import MOST_WAITING, read_all
+from tests.models import WITH_INPUTS, bridged, model
 from tests.waiting import PATIENCE_S, require_median
 
 from .simulator import Client, Simulator
@@ -53,13 +58,24 @@ def test_a_wrong_order_is_answered_in_one_line_and_changes_nothing():
     [
         ("freeze soon", "lasts is 'soon', expected 0.001 to 1e+09 s"),
         ("plug now", "order 'plug now' is unknown"),
+        ("press bumper_left", "robot duo has no bumper_left; expected a robot's file with its pin"),
         ("fault loss:rate=2", "rate is '2'"),
     ],
 )
 def test_an_order_that_is_none_says_so(order, text):
     with pytest.raises(ConfigError) as error:
-        obey(FaultyEngine(Echo()), order)
+        obey(FaultyEngine(PythonBoard(Plant(model("duo")))), order)
     assert text in str(error.value)
+
+
+def test_an_input_is_pressed_until_it_is_released():
+    board = FaultyEngine(PythonBoard(Plant(bridged(**WITH_INPUTS))))
+    board.advance(0.1)
+    for order, active in (("press bumper_rear", 4), ("release bumper_rear", 0)):
+        obey(board, order)
+        board.advance(board.engine.now_s + 0.1)
+        board.receive(encode_request(READ_INPUTS))
+        assert board.advance(board.engine.now_s + 0.1) == encode_reply(READ_INPUTS, active, 0, 63)
 
 
 def test_orders_in_pieces_are_joined():

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.protocol.table import TICK_S
-from sim_arduino.board.encoder_inputs import MOST_EDGES, EncoderInput
+from sim_arduino.board.encoder_inputs import EncoderInput
 from sim_arduino.hardware.bridge_plant import PinEdge
 from sim_arduino.hardware.dc_motor import Motion
 from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, Quadrature
@@ -143,49 +143,14 @@ def edges_of(encoder, steps, start_s=0.0):
     ]
 
 
-def backward(steps):
-    return tuple((channel, 1 - level) for channel, level in reversed(steps))
-
-
 @pytest.fixture(params=[0, 1])
 def encoder(request):
     return EncoderInput(ENCODER_PINS[request.param], LOW)
 
 
-def test_each_edge_forward_of_its_own_pins_counts_up(encoder):
-    edges = [edge for number in (0, 1) for edge in edges_of(number, FORWARD * 3)]
-    encoder.take(edges, 0.0)
-    assert encoder.count == 12
-
-
 def test_an_edge_that_counts_has_its_time_on_the_boards_clock(encoder):
     encoder.take(edges_of(ENCODER_PINS.index(encoder.pins), FORWARD, start_s=0.5), 0.25)
     assert encoder.edge_tick == int(0.254 / TICK_S)
-
-
-def oscillation(encoder, count, start_s=0.0):
-    return [PinEdge(start_s + 1e-5 * n, encoder.pins[0], n & 1) for n in range(1, count + 1)]
-
-
-def test_too_many_edges_between_two_samples_mask_an_encoder(encoder):
-    for start_s in (0.0, 0.01):
-        encoder.take(oscillation(encoder, MOST_EDGES - 1, start_s), 0.0)
-        encoder.sampled()
-    assert not encoder.masked
-    encoder.take(oscillation(encoder, MOST_EDGES, 0.02), 0.0)
-    assert encoder.masked
-
-
-def test_a_masked_encoder_does_not_count_until_it_is_unmasked(encoder):
-    number = ENCODER_PINS.index(encoder.pins)
-    encoder.take(oscillation(encoder, MOST_EDGES), 0.0)
-    encoder.sampled()
-    before = encoder.count
-    encoder.take(edges_of(number, FORWARD, 0.01), 0.0)
-    assert encoder.count == before
-    encoder.unmask(LOW)
-    encoder.take(edges_of(number, FORWARD, 0.02), 0.0)
-    assert encoder.count == before + 4
 
 
 @pytest.mark.parametrize(("apart_s", "counted", "impossible"), [(0.5e-6, 0, 1), (2e-6, 2, 0)])

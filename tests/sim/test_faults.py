@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder
+from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder, encode_reply, encode_request
 from mrl_driver.protocol.table import STOP_CODE
+from mrl_driver.robot.inputs import READ_INPUTS
 from sim_arduino.board import PythonBoard
 from sim_arduino.faults.fault_table import FAULTS, parse
 from sim_arduino.faults.faulty_engine import FaultyEngine, Window
 from sim_arduino.hardware.wiring import Plant
-from tests.models import bridged, model
+from tests.models import WITH_INPUTS, bridged, four_wheels, model
 
 PLENTY = bytes(range(256)) * 400
 INSTANT = ("loss", "flip", "change", "repeat", "swap")
@@ -169,7 +170,7 @@ def test_a_reset_that_is_injected_comes_though_the_board_has_nothing_to_do_meanw
         ("loss:rate=nan", "rate is 'nan', expected 0 to 1"),
         ("loss:burst=1.5", "burst is '1.5', expected a whole number, 1 to 1024 byte"),
         ("flip:direction=up", "direction is 'up', expected both, to_board or to_host"),
-        ("wheel_blocked:wheel=rear", "wheel is 'rear', expected left or right"),
+        ("wheel_blocked:wheel=rear", "wheel is 'rear', expected left, right, rear_left or rear_right"),
         ("reset:lasts=0", "lasts is '0', expected 0.001 to 1e+09 s"),
     ],
 )
@@ -352,6 +353,22 @@ def test_a_frozen_imu_repeats_its_reading():
     assert len(set(frames)) == 1
 
 
+@pytest.mark.parametrize(
+    ("fault", "active", "latched"),
+    [
+        ("input_stuck:input=bumper_left", 1, 0),
+        ("input_open", 32, 1),
+        ("input_open:input=bumper_left", 0, 0),
+        ("input_open:input=cliff_left", 8, 0),
+    ],
+)
+def test_a_faulty_input_is_what_its_line_reads(fault, active, latched):
+    board = FaultyEngine(PythonBoard(Plant(bridged(**WITH_INPUTS))), [fault])
+    board.advance(0.1)
+    board.receive(encode_request(READ_INPUTS))
+    assert board.advance(0.2) == encode_reply(READ_INPUTS, active, latched, 63)
+
+
 def traxbot():
     return Plant(model("traxbot"))
 
@@ -365,6 +382,7 @@ def needing(what):
     [
         *((traxbot, name, "needs motors on an H-bridge, robot traxbot") for name in needing("bridge")),
         *((traxbot, name, "needs an IMU, robot traxbot has none") for name in needing("imu")),
+        *((lambda: Plant(model("duo")), name, "needs inputs that stop it") for name in needing("inputs")),
         (traxbot, "radio_cut", "needs a radio, robot traxbot has none; expected --radio too"),
         (lambda: Plant(model("traxbot"), sonars=False), "sonar_failed", "needs sonars"),
         (lambda: Plant(model("pioneer")), "wheel_slips", "needs motors, robot pioneer has none"),
@@ -374,3 +392,26 @@ def needing(what):
 def test_a_robot_without_the_part_has_no_such_fault(plant, name, text):
     with pytest.raises(ConfigError, match=f"fault '{name}' {text}"):
         FaultyEngine(SimpleNamespace(plant=plant()), [name])
+
+
+@pytest.mark.parametrize(
+    ("board", "fault", "text"),
+    [
+        ({}, "wheel_blocked:wheel=rear_left", "wheel rear_left, robot duo has left, right"),
+        (
+            {"pin_range_1_trigger": 12, "pin_range_1_echo": 17},
+            "range_failed:input=range_5",
+            "input range_5, robot duo has range_1",
+        ),
+        ({"pin_bumper_left": 17}, "input_open", "input emergency_stop, robot duo has bumper_left"),
+    ],
+)
+def test_a_fault_of_a_place_that_the_robot_lacks_says_which_it_has(board, fault, text):
+    with pytest.raises(ConfigError, match=f"is of {text}$"):
+        FaultyEngine(SimpleNamespace(plant=Plant(bridged(**board))), [fault])
+
+
+def test_a_rear_wheel_is_one_of_four():
+    plant = Plant(four_wheels("skid"))
+    FaultyEngine(SimpleNamespace(plant=plant, now_s=0.0), ["wheel_blocked:wheel=rear_left"])
+    assert plant.bridge.motor(2).blocked

@@ -41,13 +41,6 @@ def test_the_gains_are_those_of_a_traxbot():
     )
 
 
-def test_the_motor_is_that_of_a_traxbot():
-    """Its speed follows with 80 ms, and its brake stops a TraxBot with 2 m/s2, to 5 %."""
-    metres_per_count = models.load("traxbot").base.metres_per_count
-    assert (PARAMS.time_constant_s, PARAMS.nominal_v, PARAMS.friction_counts_s) == (0.08, 12.0, 0.0)
-    assert PARAMS.brake_counts_s2 * metres_per_count == pytest.approx(2.0, rel=0.05)
-
-
 @pytest.mark.parametrize(
     ("gains", "duties"),
     [
@@ -282,14 +275,6 @@ def test_the_way_to_a_position_speeds_up_by_the_ramp_and_slows_down_or_turns_rou
     assert set_points(motor, 1) == pytest.approx([then])
 
 
-def test_a_new_goal_keeps_the_ramp():
-    motor = Motor(PARAMS)
-    motor.go_to(1000.0, 3000.0, True)
-    set_points(motor, 2)
-    motor.go_to(2000.0, 3000.0, True)
-    assert set_points(motor, 1) == pytest.approx([450.0])
-
-
 @pytest.mark.parametrize("polarity", [1.0, -1.0])
 @pytest.mark.parametrize("sensed", [1.0, 0.0, -1.0])
 def test_wires_turn_the_motor_and_channels_turn_what_the_encoder_shows(sensed, polarity):
@@ -351,14 +336,6 @@ def test_a_motor_that_brakes_for_just_its_time_rests(sign):
         assert moved == pytest.approx(sign * 0.5 * speed**2 / PARAMS.brake_counts_s2)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_brake_slows_evenly(sign):
-    """22000 count/s2 for 0.1 s, from 5000 to 2800 count/s."""
-    motor = spinning(sign * 5000.0)
-    assert motor.move(0.1, VOLTS) == pytest.approx(sign * 390.0)
-    assert motor.speed == pytest.approx(sign * 2800.0)
-
-
 def run(motor, seconds, gains=ControlSettings(), volts=VOLTS, tick_s=TICK_S):  # noqa: B008 - never changed
     for _ in range(round(seconds / tick_s)):
         motor.move(tick_s, volts)
@@ -385,44 +362,6 @@ def test_duty_is_limited(sign):
     motor = Motor(PARAMS)
     motor.set_duty(sign * 3.0)
     assert motor.duty == sign
-
-
-@pytest.mark.parametrize(
-    ("gains", "volts", "tick_s"),
-    [
-        (ControlSettings(), VOLTS, 0.1),
-        (ControlSettings(), VOLTS, 0.025),
-        (ControlSettings(), 9.0, TICK_S),
-        (ControlSettings(350, 200, 100, 1500), VOLTS, TICK_S),
-        (ControlSettings(1300, 350, 400), VOLTS, TICK_S),
-    ],
-)
-def test_speed_control_reaches_its_speed(gains, volts, tick_s):
-    """The gains of both models, and those of 2012, to a thousandth of full speed."""
-    motor = Motor(LOADED)
-    motor.set_speed(3000.0)
-    run(motor, 8.0, gains, volts, tick_s)
-    assert motor.speed == pytest.approx(3000.0, abs=12.0)
-
-
-@pytest.mark.parametrize("goal", [5000.0, -5000.0, 3.0])
-def test_position_is_reached_and_held(goal):
-    motor = Motor(LOADED)
-    motor.go_to(goal, 3000.0, hold=True)
-    run(motor, 8.0)
-    assert motor.travel == pytest.approx(goal, abs=2.0)
-    assert motor.mode is Mode.POSITION
-
-
-@pytest.mark.parametrize("wanted", [3000.0, -3000.0])
-def test_the_control_does_not_wind_up(wanted):
-    """Half a minute without power asks for no more than all there is, and is forgotten a second after it returns."""
-    motor = Motor(LOADED)
-    motor.set_speed(wanted)
-    run(motor, 30.0, volts=0.0)
-    assert abs(motor.duty) == 1.0
-    run(motor, 1.5)
-    assert motor.speed == pytest.approx(wanted, rel=0.1)
 
 
 @pytest.mark.parametrize("again", ["set_speed", "go_to"])

@@ -7,6 +7,7 @@ import pytest
 from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
 from mrl_driver.protocol.table import COMMANDS, SETTINGS
 from mrl_driver.robot import models, wiring
+from mrl_driver.robot.chips import ATMEGA328P
 from sim_arduino.board import PythonBoard, handlers, parameter_store
 from sim_arduino.board.board2013 import Board2013
 from sim_arduino.board.parameter_store import Config
@@ -207,14 +208,14 @@ def test_robot_id_implies_environment_sensors(robot_id, has_them):
 
 
 UNASKED = {"xbee_text"}  # Rows that only the board sends, and only with a radio
-RADIO = {"discover_xbee", "xbee_text"}
+OF_OTHER_BOARDS = {"discover_xbee", "xbee_text", "read_virtual_pose"}
 
 
 def test_every_row_has_its_handlers():
     names = {row.name for row in COMMANDS}
     assert names - UNASKED == set(handlers.REQUESTS)
     replies = {row.name for row in COMMANDS if row.reply and row.name not in handlers.REPLIES}
-    assert replies <= RADIO and set(handlers.REPLIES) <= names
+    assert replies <= OF_OTHER_BOARDS and set(handlers.REPLIES) <= names
 
 
 def awake(**options):
@@ -294,15 +295,15 @@ def test_the_wiring_has_a_block_of_its_own():
     """An older board keeps its parameters and has no pins; so does one whose block is damaged."""
     values = parameter_store.first(23, models.load_packaged("duo"))
     eeprom = bytearray(parameter_store.image(values))
-    assert Config(eeprom, has_pins=True).values == values
-    old = Config(bytearray(parameter_store.image(values[: len(SETTINGS)])), has_pins=True)
+    assert Config(eeprom, pins=wiring.rows(ATMEGA328P)).values == values
+    old = Config(bytearray(parameter_store.image(values[: len(SETTINGS)])), pins=wiring.rows(ATMEGA328P))
     assert old.sound and old.pins == wiring.EMPTY and old["bridge"] == values[19]
-    for place in range(96, 96 + 1 + len(wiring.EMPTY) + 2):
+    for place in range(96, 96 + 1 + len(wiring.rows(ATMEGA328P)) + 2):
         eeprom[place] ^= 0x10
-        damaged = Config(eeprom, has_pins=True)
+        damaged = Config(eeprom, pins=wiring.rows(ATMEGA328P))
         assert damaged.pins == wiring.EMPTY and damaged.values[: len(SETTINGS)] == values[: len(SETTINGS)]
         eeprom[place] ^= 0x10
-    config = Config(eeprom, has_pins=True)
+    config = Config(eeprom, pins=wiring.rows(ATMEGA328P))
     config.set_defaults()
     assert config.values == parameter_store.defaults(23) + values[len(SETTINGS) :]
 

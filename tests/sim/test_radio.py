@@ -1,10 +1,10 @@
 """The emulated radio: the module as a board sees it, the air, and texts between boards."""
 
-from typing import Iterator, List
+from typing import List
 
 import pytest
 
-from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol import REPLIES, FrameDecoder
 from mrl_driver.robot import models
 from sim_arduino.board import PythonBoard
 from sim_arduino.hardware.wiring import Plant
@@ -129,52 +129,14 @@ def test_a_seed_repeats_the_losses():
     assert arrivals(1) == arrivals(1) != arrivals(2)
 
 
-class Boards:
-    """Two boards in one world, run in steps of simulated time."""
-
-    def __init__(self, world: World, x_m: float = 1.0, **fit: float) -> None:
-        model = models.load("traxbot")
-        self.plants = [
-            Plant(model, world, (n * x_m, 0, 0), name=f"robot{n}", radio=RadioFit(**fit)) for n in (0, 1)
-        ]
-        self.engines = [PythonBoard(plant) for plant in self.plants]
-        self._decoders = [FrameDecoder(REPLIES) for _ in self.engines]
-        self.now_s = 0.0
-
-    def address(self, number: int) -> List[int]:
-        return list(words(self.plants[number].xbee.station.address.to_bytes(8, "big"))[1:])
-
-    def request(self, number: int, code: int, *values: int) -> None:
-        self.engines[number].receive(encode_request(code, *values))
-
-    def run(self, seconds: float) -> Iterator[Frame]:
-        self.now_s += seconds
-        self.engines[0].advance(self.now_s)
-        return self._decoders[1].feed(self.engines[1].advance(self.now_s))
-
-
-@pytest.fixture
-def boards():
-    made = Boards(World())
-    made.run(0.01)
-    return made
-
-
-def test_text_goes_from_host_to_host(boards):
-    boards.request(0, 38, *boards.address(1), *words(b"hello"))
-    assert list(boards.run(0.1)) == [Frame(39, (*boards.address(0), *words(b"hello")))]
-
-
-def test_board_that_stood_still_has_the_texts_that_fitted_into_its_queue(boards):
+def test_board_that_stood_still_has_the_texts_that_fitted_into_its_queue():
     """64 bytes hold three packets of 18 bytes; the fourth is cut short, and the fifth is lost."""
-    sender, receiver = boards.plants[0].xbee, boards.engines[1]
+    world, model = World(), models.load("traxbot")
+    plants = [Plant(model, world, (n, 0, 0), name=f"robot{n}", radio=RadioFit()) for n in (0, 1)]
+    to, board = plants[1].xbee.station.address.to_bytes(8, "big"), PythonBoard(plants[1])
+    board.advance(0.01)
     for number in range(5):
-        data = (
-            b"\x10\x01"
-            + boards.plants[1].xbee.station.address.to_bytes(8, "big")
-            + b"\xff\xfe\0\0n%d" % number
-        )
-        sender.receive(packet(data), boards.now_s + 0.1 * number)
-    receiver.gap(boards.now_s + 2.0, b"")
-    boards.now_s += 2.0
-    assert [frame.args[4:] for frame in boards.run(1.0)] == [words(b"n0"), words(b"n1"), words(b"n2")]
+        plants[0].xbee.receive(packet(b"\x10\x01" + to + b"\xff\xfe\0\0n%d" % number), 0.1 * (number + 1))
+    board.gap(2.0, b"")
+    frames = FrameDecoder(REPLIES).feed(board.advance(3.0))
+    assert [frame.args[4:] for frame in frames] == [words(b"n0"), words(b"n1"), words(b"n2")]

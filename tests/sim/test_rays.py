@@ -150,6 +150,12 @@ def test_the_nearer_range_is_used_unless_the_real_one_is_invalid(real_m, used_m)
     assert mirror(world()).closer(real_m, FRONT) == pytest.approx(used_m, nan_ok=True)
 
 
+@pytest.mark.parametrize(("ahead_m", "used_m"), [(0.8, 0.7), (1.0, math.inf), (0.19, -math.inf)])
+def test_a_virtual_robot_is_seen_as_far_as_the_type_of_the_sensor_reaches(ahead_m, used_m):
+    beam = FRONT._replace(type="GP2Y0A21")
+    assert mirror(world(ahead_m=ahead_m)).closer(math.inf, beam) == pytest.approx(used_m)
+
+
 def test_robot_without_walls_hears_robots_alone():
     walled = world(Wall(0.5, -1.0, 0.5, 1.0))
     assert mirror(walled).closer(2.0, FRONT) == pytest.approx(0.4)

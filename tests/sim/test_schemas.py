@@ -13,7 +13,9 @@ from jsonschema import Draft7Validator
 
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wirings
+from mrl_driver.robot.models import kit
+from mrl_driver.robot.models.kit import Kit
 from sim_arduino.world import world_file
 from sim_arduino.world.world_file import WorldFile
 
@@ -24,6 +26,7 @@ MAP = {"image": "map.pgm", "resolution": 0.1, "origin": [0.0, 0.0, 0.0], "negate
 ONLY_READ = (
     r"expected full_v above low_v",
     r"expected at most .*, the board\.(linear|angular)_ceiling",
+    r"expected (about|at most) .*, (to fit|twice the body)",
     r"counts a wheel turn, expected at least 1",
     r"expected three angles, each 120 deg on",
     r"is -?\d+\.0, expected a whole number",
@@ -34,6 +37,7 @@ ONLY_READ = (
     r"is unknown, expected image, resolution",
     r"expected a pin of the",
     r"wiring: \w+ is (not connected|on [AD]\d+)",
+    r"servos\.\w+\.\w+ is .*, expected (less than high_rad|another length|a servo above it|one with a pin)",
 )
 """Errors of the checks that no schema can say, as in docs/own_robot.md."""
 
@@ -42,7 +46,11 @@ def read_all(folder, names):
     return [yaml_file.read(os.path.join(folder, f"{name}.yaml")) for name in names]
 
 
+ROVER = Kit(
+    "rover", 11, 65, 150, 1496, "cytron", {**wirings.load("pwm_d5_d6_dir_d4_d7").pins, "pin_servo_1": 9}
+)
 ROBOTS = read_all(os.path.dirname(models.__file__), models.packaged())
+ROBOTS.append(yaml_file.parse(kit.text_of(ROVER), "rover.yaml"))
 WORLDS = read_all(os.path.join(os.path.dirname(world_file.__file__), "worlds"), ("hazards", "room"))
 KINDS = {
     "robot": (models.RobotFile(), models.SCHEMA, ROBOTS),
@@ -90,6 +98,7 @@ VALUES = st.sampled_from([None, True, False, *WORDS, *NUMBERS, *LISTS, *MAPPINGS
 NAMES = st.sampled_from(
     ["kind", "turn_slip", "bridge", "build", "noise", "imu", "laser", "lateral_m_s", "sonar_a", "wiring"]
     + ["gyro_scale", "image", "map", "heat", "free_thresh", "robots", "angles_deg", "left", "missspelt"]
+    + ["servos", "on", "low_us"]
 )
 
 
@@ -144,7 +153,7 @@ TRACKED = {"kind": "tracked", "turn_slip": 0.1, "wheel_separation_m": 0.18, "met
         ("omni", ("board", "bridge"), "tb6612"),
         ("traxbot", ("ids",), [1, 2, 1]),
         ("traxbot", ("ids",), []),
-        ("traxbot", ("sonars", "rear"), {"x_m": 0, "y_m": 0, "yaw_deg": 180}),
+        ("traxbot", ("sonars", "Rear 1"), {"x_m": 0, "y_m": 0, "yaw_deg": 180, "input": "left"}),
         ("pioneer", ("build",), "sonar"),
         ("pioneer", ("limits",), {}),
         ("omni", ("drive", "angles_deg"), [60, 180]),

@@ -3,7 +3,6 @@
 import inspect
 import json
 import os
-import select
 import subprocess
 import sys
 import tempfile
@@ -115,12 +114,7 @@ def test_a_mirror_stands_where_the_odometry_says(registries, line):
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "junk",
-        '{"x_m": 1, "y_m": NaN, "yaw_rad": 0}',
-        '{"pose": 7}',
-        pytest.param("[" * 100000, id="deep"),
-    ],
+    ["junk", '{"x_m": 1, "y_m": NaN, "yaw_rad": 0}', '{"pose": 7}', pytest.param("[" * 100000, id="deep")],
 )
 def test_a_bad_line_is_named_by_its_number(line):
     with closing(Mirror(World(), "real", BOX)) as mirror, pytest.raises(ConfigError, match="line 2 is"):
@@ -232,17 +226,6 @@ def test_distance_is_that_of_the_robots(make):
     far.registry.place("robot2", Pose(4.9, 0.0, 0.0), BOX)
     near.module.send(BROADCAST, b"hello")
     assert far.texts() == [b"hello"]
-
-
-def test_socket_is_readable_when_a_packet_waits(make):
-    one, two = make(ONE), make(TWO)
-
-    def waits():
-        return bool(select.select([two.module.xbee.fileno()], [], [], 0)[0])
-
-    before = waits()
-    one.module.send(TWO, b"hello")
-    assert (before, waits()) == (False, True)
 
 
 def test_packets_that_a_process_did_not_take_in_time_are_lost(make, monkeypatch):

@@ -4,8 +4,12 @@ import threading
 
 import pytest
 
+from mrl_driver.protocol import encode_request
+from mrl_driver.protocol.table import BY_NAME
+from mrl_driver.robot.models import kit
 from sim_arduino.testing.emulated_board import EmulatedBoard
 from sim_arduino.world.world import World
+from tests.models import four_wheel_kit
 from tests.sim.simulator import Client
 
 FREE = World()
@@ -41,6 +45,15 @@ def test_wheels_that_turn_and_stand():
         board.motors.assert_moving()
         client.send(b"@13e")
         board.motors.assert_stopped()
+
+
+def test_a_rear_wheel_that_turns_alone(tmp_path):
+    path = tmp_path / "skid.yaml"
+    path.write_text(kit.text_of(four_wheel_kit("skid")))
+    with EmulatedBoard(FREE, robot=str(path), speed=SPEED) as board, Client(board.port) as client:
+        board.motors.assert_stopped()
+        client.send(encode_request(BY_NAME["move_wheels"].code, 0, 0, 30, 0))
+        board.motors.assert_moving()
 
 
 def test_a_closed_board_leaves_no_thread():

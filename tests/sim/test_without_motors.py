@@ -41,7 +41,7 @@ def test_world_with_one_that_stands_there_is_refused(tmp_path):
             "--error is given for robot pioneer, which has no motors",
         ),
         ({"robot": "traxbot", "wiring": 1}, "robot traxbot, which has an OMNI-3MD; expected .* duo"),
-        ({"robot": "duo", "wiring": 256}, "wiring is 256, expected 0 to 255"),
+        ({"robot": "duo", "wiring": 4096}, "wiring is 4096, expected 0 to 4095"),
         ({"robot": "duo", "environment": True}, "--environment is given for robot duo"),
         ({"robot": "duo", "profile": "2013-august"}, "boards of 2013 have no H-bridge"),
     ],

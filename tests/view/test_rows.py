@@ -91,7 +91,14 @@ MISMATCH, HELD = Mismatch("left", DEAD, 0.037, 0.0), Hold("held", 1, 0, 0, 0x001
 
 def robot(**values):
     """What the words use of a Driver."""
-    usual = {"ready": True, "battery_state": "ok", "battery_v": 11.0, "mismatch": None, "hold": None}
+    usual = {
+        "ready": True,
+        "battery_state": "ok",
+        "battery_v": 11.0,
+        "mismatch": None,
+        "hold": None,
+        "inputs": None,
+    }
     fake = SimpleNamespace(**{**usual, "stop_reason": "none", **values})
     fake.board = fake.radio = fake
     return fake

@@ -33,14 +33,7 @@ class Page:
         speeds = (linear_m_s, 0.0, 0.0) if self.held and self.goal is None else (0.0, 0.0, 0.0)
         goal = self.goal if self.held else None
         made = Control(
-            self.seq,
-            now_s + self.ahead_s,
-            self.heard_s,
-            self.heard_t_s,
-            self.press,
-            self.held,
-            *speeds,
-            goal,
+            self.seq, now_s + self.ahead_s, self.heard_s, self.heard_t_s, self.press, self.held, *speeds, goal
         )
         return made._replace(**changed)
 

@@ -6,7 +6,7 @@ counted from the sending of the page's last fresh command to the stop at the mot
 
 import math
 from collections import deque
-from typing import Any, Deque, Dict, Iterable, List, NamedTuple, Sequence
+from typing import Any, Deque, Iterable, List, NamedTuple, Sequence
 
 from mrl_driver.apps.web.helm import Drive, Halt, Helm
 from mrl_driver.driver import Options
@@ -163,14 +163,3 @@ def stop_times(
         return [chain.stop_s(fault, (run + 0.5) / runs) for run in range(runs)]
     finally:
         chain.close()
-
-
-def figures(engine: str = "python", runs: int = 20) -> Dict[str, List[float]]:
-    """Times of each fault: with all links, then with each link that can notice it alone, then with none of them."""
-    found = {}
-    for fault in FAULTS:
-        alone = [(link,) for link in fault.links] if len(fault.links) > 1 else []
-        for links in ((PAGE, SERVER, DRIVER, BOARD), *alone, ()):
-            by = "all" if len(links) == 4 else ", ".join(links) or "none"
-            found[f"{fault.name}: {by}"] = stop_times(links, fault, engine=engine, runs=runs if links else 1)
-    return found

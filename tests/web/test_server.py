@@ -321,22 +321,6 @@ def test_pages_that_watch_leave_room_for_one_that_drives(monkeypatch):
     serving(scenario, GUARDED)
 
 
-def test_one_connection_too_many_is_closed(monkeypatch):
-    monkeypatch.setattr("mrl_driver.apps.web.server.MOST_CONNECTIONS", 1)
-
-    async def scenario(site):
-        idle, other = await asyncio.open_connection("127.0.0.1", site.server.port)
-        async with site.page() as page:  # in place of the one that is of no page
-            assert await ended(idle)
-            await page.next("welcome")
-            reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
-            assert await ended(reader)
-            writer.close()
-        other.close()
-
-    serving(scenario)
-
-
 def test_a_connection_counts_before_its_handshake(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     monkeypatch.setattr("mrl_driver.apps.web.server.MOST_CONNECTIONS", 2)
@@ -446,13 +430,7 @@ def test_a_session_serves_nobody_without_its_token():
 
 @pytest.mark.parametrize("path", ["/", "/ws", "/session"])
 @pytest.mark.parametrize(
-    "headers",
-    [
-        {"Host": "evil.example"},
-        {"Origin": "http://evil.example"},
-        {"Origin": "null"},
-    ],
-    ids=str,
+    "headers", [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Origin": "null"}], ids=str
 )
 def test_other_sites_and_names_are_refused(path, headers):
     """DNS rebinding, and pages of other sites in the browser of somebody who drives."""

@@ -12,6 +12,7 @@ from typing import Any, Dict, List, Mapping, Optional, Tuple
 from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.files import read_plain, replace_file
+from mrl_driver.protocol.table import NOT_CONNECTED
 from mrl_driver.robot import models
 from mrl_driver.yaml_form import with_schema_line
 
@@ -107,17 +108,23 @@ def _listed(settings: Mapping[str, Any]) -> str:
 def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
     """Write the model file `source` with new numbers to `output`; comments stay, and `note` follows each new number.
 
-    Return the path of the backup of `output`, or "" if it did not exist; ConfigError if a file cannot be read, or the
-    result is not a model, and OutputError if a file cannot be written.
+    Return the path of the backup of `output`, or "" if it did not exist; errors are as of `edited`, and OutputError if
+    a file cannot be written.
     """
+    text = edited(source, values, note)
+    kept = _keep(output)
+    replace_file(output, text)
+    return kept
+
+
+def edited(source: str, values: Mapping[Key, float], note: str) -> str:
+    """Return the text of a model file with new numbers; ConfigError if it cannot be read, or would not be a model."""
     text = with_schema_line(_text_of(source), models.SCHEMA)
     comment = f"{note}, {datetime.date.today().isoformat()}"
     for key, value in values.items():
         text = _with_number(text, key, value, comment)
     _require_model(text, source, values)
-    kept = _keep(output)
-    replace_file(output, text)
-    return kept
+    return text
 
 
 def _text_of(path: str) -> str:
@@ -132,7 +139,10 @@ def _spelling(value: float) -> str:
 
 
 def _with_number(text: str, key: Key, value: float, comment: str) -> str:
-    """The text with one number changed, or added at the end of its section, or added with a new section."""
+    """The text with one number changed, or added at the end of its section, or added with a new section.
+
+    The line of a pin that is not connected any more is left empty.
+    """
     section, name = key
     line = f"  {name}: {_spelling(value)}"
     start = re.search(rf"^{section}:[ \t]*(#.*)?$", text, re.MULTILINE)
@@ -142,7 +152,7 @@ def _with_number(text: str, key: Key, value: float, comment: str) -> str:
     body = text[start.end() : end.start() if end else len(text)]
     rest = text[start.end() + len(body) :]
     old = re.search(rf"^[ \t]+{name}:.*$", body, re.MULTILINE)
-    new = f"{line}  # {comment}"
+    new = f"{line}  # {comment}" if section != "wiring" or value != NOT_CONNECTED else ""
     body = body[: old.start()] + new + body[old.end() :] if old else f"{body.rstrip()}\n{new}\n"
     return text[: start.end()] + body + rest
 
@@ -155,8 +165,9 @@ def _require_model(text: str, source: str, values: Mapping[Key, float]) -> None:
         raise ConfigError(f"{source} cannot be edited automatically; nothing was changed") from None
     model = models.parse(data, source)
     for (section, name), value in values.items():
-        part = getattr(model, section)
-        found = float(part[name] if isinstance(part, dict) else getattr(part, name))
+        part = model.board if section == "wiring" else getattr(model, section)
+        key = f"pin_{name}" if section == "wiring" else name
+        found = float(part[key] if isinstance(part, dict) else getattr(part, name))
         if abs(found - value) > 1e-6 * abs(value) + 1e-9:
             raise ConfigError(
                 f"{source}: {section}.{name} cannot be edited, expected it on its own line; nothing was changed"

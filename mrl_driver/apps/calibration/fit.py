@@ -3,24 +3,30 @@
 UMBmark's closed form is valid for small errors on a perfect square.  This fit starts from it and is valid for any run.
 """
 
-from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Sequence, Tuple, Union
 
 import numpy as np
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.models import Drive, Noise
+from mrl_driver.robot.models import Drive, MecanumDrive, Noise
 
 from .trial import Trial, errors, length_m, path, spread, unit_spreads
 
+Geometry = Union[Drive, MecanumDrive]
 STEPS, ENOUGH = 20, 1e-10
 LEAST_RUNS_FOR_NOISE = 6
 OUTLIER = 6.0  # a run whose error is more than this many times the median of the others was measured wrongly
 
 SCALE, OFFSET, SLIP, AXLE = "metres_per_count", "wheel_offset", "turn_slip", "wheel_separation_m"
+RADIUS, CROSS, REAR, SIDE = "wheel_radius_m", "cross_offset", "rear_offset", "side_slip"  # of mecanum wheels
 _DELTA = 1e-6
 LEAST_SCALE_SD = 2e-4
 """Smallest standard deviation of a calibrated scale: tyres and floors change by more than the fit may say."""
-_SCALES = {SCALE: "distance_scale_sd", OFFSET: "wheel_ratio_sd", SLIP: "turn_scale_sd", AXLE: "turn_scale_sd"}
+_SCALES = {
+    **dict.fromkeys((SCALE, RADIUS), "distance_scale_sd"),
+    OFFSET: "wheel_ratio_sd",
+    **dict.fromkeys((SLIP, AXLE), "turn_scale_sd"),
+}
 """Keys of `Noise` for the deviations of fitted parameters."""
 
 
@@ -43,13 +49,13 @@ BY_TAPE, BY_TRUTH = Measured(0.002, 0.01), Measured(2e-4, 1e-3)
 class GeometryFit(NamedTuple):
     """The fitted `drive`, the remaining `errors` (R, 3), and the standard deviation of each free parameter."""
 
-    drive: Drive
+    drive: Geometry
     errors: np.ndarray
     deviations: Tuple[float, ...]
 
 
 def fit(
-    runs: Sequence[Trial], start: Drive, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
+    runs: Sequence[Trial], start: Geometry, free: Sequence[str], noise: Noise, measured: Measured = BY_TAPE
 ) -> GeometryFit:
     """The drive whose `free` parameters fit the ends of the runs best; ConfigError if the runs do not determine them.
 
@@ -80,19 +86,21 @@ def scale_deviations(fitted: GeometryFit, free: Sequence[str]) -> Dict[str, floa
     found = {}
     for name, deviation in zip(free, fitted.deviations):
         share = deviation / (1 - fitted.drive.turn_slip) if name == SLIP else deviation
-        found[_SCALES[name]] = max(LEAST_SCALE_SD, share)
+        if name in _SCALES:
+            found[_SCALES[name]] = max(LEAST_SCALE_SD, share)
     return found
 
 
-def _moved(drive: Drive, free: Sequence[str], step: Sequence[float]) -> Drive:
+def _moved(drive: Geometry, free: Sequence[str], step: Sequence[float]) -> Geometry:
     """The drive after a step; steps are relative for lengths and absolute for shares."""
     values = drive._asdict()
     for name, part in zip(free, step):
-        values[name] = float(values[name] * (1 + part) if name in (SCALE, AXLE) else values[name] + part)
-    return Drive(**values)
+        is_length = name in (SCALE, AXLE, RADIUS)
+        values[name] = float(values[name] * (1 + part) if is_length else values[name] + part)
+    return type(drive)(**values)
 
 
-def _slope(drive: Drive, name: str, runs: List[Trial], roots: List[np.ndarray]) -> np.ndarray:
+def _slope(drive: Geometry, name: str, runs: List[Trial], roots: List[np.ndarray]) -> np.ndarray:
     ahead, behind = (_moved(drive, [name], [delta]) for delta in (_DELTA, -_DELTA))
     ends = np.array([path(ahead, run.steps)[-1] - path(behind, run.steps)[-1] for run in runs])
     return _weighted(roots, ends / (2 * _DELTA))

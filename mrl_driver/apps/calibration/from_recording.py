@@ -14,6 +14,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import Recording
+from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 
 from .manoeuvres import MOVE, Track
@@ -23,7 +24,7 @@ Requests = List[Tuple[float, Frame]]  # to the board, and when they were sent [s
 
 
 def read(path: str, model: RobotModel) -> Tuple[np.ndarray, Requests]:
-    """Read a whole recording of this robot: rows (N, 4) as of `Track`, and the requests, with times of the same clock.
+    """Read a whole recording of this robot: rows as of `Track`, and the requests, with times of the same clock.
 
     Raises:
         ConfigError: the file cannot be read, belongs to another robot, holds no counts, or its counts jump.
@@ -55,6 +56,8 @@ def read(path: str, model: RobotModel) -> Tuple[np.ndarray, Requests]:
         raise ConfigError(
             f"{path} is a recording of robot id {recorded.board.robot_id}, expected a {model.name}"
         )
+    if recorded.board.virtual and models.is_real(model):
+        raise ConfigError(f"{path} is a recording of a virtual robot, expected one of {model.name}")
     return rows, requests
 
 

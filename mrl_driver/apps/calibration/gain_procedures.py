@@ -13,7 +13,7 @@ from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.models import RobotModel
 
-from . import from_recording, manoeuvres
+from . import from_recording, manoeuvres, open_loop
 from .calibration_files import Key
 from .commands.calibrate_job import Job, Result, job_options, recording_option
 from .gains import (
@@ -30,7 +30,7 @@ from .gains import (
     speeds,
     suggest,
 )
-from .ground_truth import tell
+from .ground_truth import ruler_for, tell
 from .manoeuvres import MOVE, MOVE_PID, Track
 
 STEP_PERCENT = 40  # speed of the steps under control with a motor board
@@ -139,7 +139,7 @@ def step(robot: Driver, track: Track, code: int, percent: int, seconds: float) -
     """Turn in place from rest: left motor back, right motor forward."""
     manoeuvres.settle(robot)
     track.begin()
-    manoeuvres.spin_motors(robot, code, -percent, percent, seconds)
+    manoeuvres.spin_motors(robot, code, (-percent, percent), seconds)
     rows = track.rows()
     manoeuvres.settle(robot)
     return _steps_of(rows, -percent, percent)
@@ -149,7 +149,7 @@ def _steps_of(rows: np.ndarray, left_percent: int, right_percent: int) -> Steps:
     """The steps in the rows of a track that begins with them."""
     if len(rows) < LEAST_READINGS:
         raise ConfigError(f"a step has {len(rows)} readings, expected at least {LEAST_READINGS}")
-    times_s, right, left, _ = (rows - rows[0]).T
+    times_s, right, left, *_ = (rows - rows[0]).T
     return {
         wheel: DutyStep(abs(percent) / 100, times_s, np.sign(percent) * travel)
         for wheel, percent, travel in (("left", left_percent, left), ("right", right_percent, right))
@@ -209,7 +209,8 @@ def gains(job: Job, recording: Optional[str]) -> None:
     gains again.  Takes 10 to 15 s; after Ctrl-C it starts from the beginning.
 
     With an H-bridge board it also measures full_speed and friction_duty, and suggests kp and ki by lambda tuning.
-    Charge the battery first: full_speed is that of the present voltage.
+    Charge the battery first: full_speed is that of the present voltage.  Without encoders it drives forward,
+    back and forward again, and asks how far: that gives full_speed and friction_duty.
 
     \b
     Example:
@@ -221,13 +222,30 @@ def gains(job: Job, recording: Optional[str]) -> None:
         lines, facts = _motor_lines(motors, wanted, model), {"gains_after": wanted._asdict()}
         job.finish(Result("gains", model, output, _values(wanted), lines, facts))
         return
-    with job.robot() as (driver, model, output):
-        board = BRIDGE_BOARD if CAPABILITY in driver.board.capabilities else MOTOR_BOARD
-        times = "five" if board is BRIDGE_BOARD else "three"
-        job.confirm_drive(f"The robot turns in place {times} times, quickly. Is the floor around it free?")
-        result = _result(tune(driver, model, board), model, output)
+    with job.robot(odometry=False) as (driver, model, output):
+        measure = _by_encoders if model.has_odometry else _by_tape
+        result = measure(job, driver, model, output)
         job.finish(result)
         job.offer_eeprom(driver, result)
+
+
+def _by_encoders(job: Job, driver: Driver, model: RobotModel, output: str) -> Result:
+    board = BRIDGE_BOARD if CAPABILITY in driver.board.capabilities else MOTOR_BOARD
+    times = "five" if board is BRIDGE_BOARD else "three"
+    job.confirm_drive(f"The robot turns in place {times} times, quickly. Is the floor around it free?")
+    return _result(tune(driver, model, board), model, output)
+
+
+def _by_tape(job: Job, driver: Driver, model: RobotModel, output: str) -> Result:
+    ruler = ruler_for(job.truth)
+    job.confirm_drive(
+        "The robot drives forward, back and forward again, up to 2 m, quickly. Is its path free?"
+    )
+    with ramp_off(driver):
+        found = open_loop.measure(driver, model, ruler)
+    values: Dict[Key, float] = {("board", name): value for name, value in found.items()}
+    words = f"turns from {found['friction_duty'] / 10:g} % duty, {found['full_speed']} 1/min at full duty"
+    return Result("gains", model, output, values, [f"motors: {words}"], found)
 
 
 def _result(tuned: Tuned, model: RobotModel, output: str) -> Result:

@@ -1,4 +1,4 @@
-"""`mrl calibrate straight`, `turn` and `umbmark`: the runs to drive, and their evaluation by `fit` and `umbmark`."""
+"""`mrl calibrate straight`, `turn`, `sideways`, `umbmark`: the runs, and their evaluation by `fit` and `umbmark`."""
 
 import functools
 import math
@@ -13,18 +13,18 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.models import MecanumDrive, RobotModel
 
 from . import fit, from_recording, manoeuvres
 from .calibration_files import Key, Progress
 from .commands.calibrate_job import RUNS, TURNS, Job, Result, job_options, value_option
-from .fit import AXLE, OFFSET, SCALE, SLIP, Measured
+from .fit import AXLE, CROSS, OFFSET, RADIUS, REAR, SCALE, SIDE, SLIP, Geometry, Measured
 from .ground_truth import NOT_MEASURED, Ruler, parse_pose, ruler_for, tell
 from .manoeuvres import Speeds, Track, steps_of
 from .trial import LEFT, NEITHER, RIGHT, Trial, errors, require_plausible, require_sense, sense
 from .umbmark import Point, UmbmarkResult, closed_form, corrected
 
-STRAIGHT, TURN, UMBMARK = "straight", "turn", "umbmark"
+STRAIGHT, TURN, SIDEWAYS, UMBMARK = "straight", "turn", "sideways", "umbmark"
 _WHOLE_TURN = 2 * np.pi
 
 
@@ -39,21 +39,23 @@ class Leg(NamedTuple):
 class Outcome(NamedTuple):
     """The drive before and after, and the errors (R, 3) of the runs with each, columns x y yaw [m m rad]."""
 
-    before: Drive
-    after: Drive
+    before: Geometry
+    after: Geometry
     errors_before: np.ndarray
     errors_after: np.ndarray
     noise: Mapping[str, float]  # what was measured of the model's `Noise`, by its keys
     square: Optional[UmbmarkResult] = None
 
 
-def straight_legs(runs: int, distance_m: float, speeds: Speeds) -> List[Leg]:
-    """Straight runs, alternately forward and back."""
+def straight_legs(runs: int, distance_m: float, speeds: Speeds, sideways: bool = False) -> List[Leg]:
+    """Runs along a line, alternately forward and back, or to the left and to the right."""
+    drive: Callable[[Driver, float, Speeds], None] = manoeuvres.sideways if sideways else manoeuvres.straight
+    ways = ("to the left", "to the right") if sideways else ("forward", "back")
 
     def leg(number: int) -> Leg:
-        sign, direction = (1, "forward") if number % 2 == 0 else (-1, "back")
-        name = f"run {number + 1} of {runs}, {distance_m:g} m {direction}"
-        return Leg(name, NEITHER, lambda robot: manoeuvres.straight(robot, sign * distance_m, speeds))
+        way_m = distance_m if number % 2 == 0 else -distance_m
+        name = f"run {number + 1} of {runs}, {distance_m:g} m {ways[number % 2]}"
+        return Leg(name, NEITHER, lambda robot: drive(robot, way_m, speeds))
 
     return [leg(number) for number in range(runs)]
 
@@ -96,7 +98,7 @@ def gather(
     """
     track = track or Track(robot)
     assert robot.model is not None
-    drive = robot.model.differential
+    drive = geometry(robot.model)
     for leg in legs:
         ruler.begin(leg.name)
         track.begin()
@@ -107,10 +109,23 @@ def gather(
         keep(Trial(steps, end))
 
 
-def free_numbers(procedure: str, tracks: bool) -> Tuple[str, ...]:
-    """The parameters that a procedure fits; on tracks the slip replaces the wheelbase."""
-    turning = SLIP if tracks else AXLE
-    return {STRAIGHT: (SCALE, OFFSET), TURN: (turning,), UMBMARK: (OFFSET, turning)}[procedure]
+def geometry(model: RobotModel, procedure: str = "") -> Geometry:
+    """The drive; raise ConfigError for omni wheels, and for others than mecanum wheels if it must move sideways."""
+    if isinstance(model.base, MecanumDrive):
+        return model.base
+    if procedure == SIDEWAYS:
+        raise ConfigError(f"mrl calibrate sideways is for mecanum wheels; {model.name} has none")
+    return model.differential
+
+
+def free_numbers(procedure: str, model: RobotModel) -> Tuple[str, ...]:
+    """The parameters that a procedure fits; on tracks and mecanum wheels the slip replaces the wheelbase."""
+    mecanum = isinstance(model.drive, MecanumDrive)
+    turning = SLIP if model.body.tracks or mecanum else AXLE
+    straight = (RADIUS, OFFSET, CROSS) if mecanum else (SCALE, OFFSET)
+    return {STRAIGHT: straight, TURN: (turning,), SIDEWAYS: (SIDE, CROSS, REAR), UMBMARK: (OFFSET, turning)}[
+        procedure
+    ]
 
 
 def evaluate(
@@ -126,8 +141,8 @@ def evaluate(
     `side_m` is the side of UMBmark's square, `measured` the accuracy of the ends; `others` are runs of other
     procedures, for the noise.
     """
-    before, start, result = model.differential, model.differential, None
-    free = free_numbers(procedure, model.body.tracks)
+    before = start = geometry(model, procedure)
+    free, result = free_numbers(procedure, model), None
     found = errors(before, runs)
     if procedure == UMBMARK:
         result = _umbmark(runs, found, before, side_m)
@@ -157,11 +172,10 @@ def _require_no_outlier(runs: List[Trial], fitted: fit.GeometryFit) -> None:
         )
 
 
-def _umbmark(runs: List[Trial], found: np.ndarray, drive: Drive, side_m: float) -> UmbmarkResult:
+def _umbmark(runs: List[Trial], found: np.ndarray, drive: Geometry, side_m: float) -> UmbmarkResult:
     points: Dict[str, List[Point]] = {LEFT: [], RIGHT: []}
     for run, row in zip(runs, found):
-        turned = (run.steps[:, 0] - run.steps[:, 1]).sum()
-        points[LEFT if turned > 0 else RIGHT].append((float(row[0]), float(row[1])))
+        points[sense(drive, run)].append((float(row[0]), float(row[1])))
     return closed_form(points[LEFT], points[RIGHT], side_m, drive.turning_separation_m)
 
 
@@ -173,7 +187,7 @@ def values_for(model: RobotModel, outcome: Outcome) -> Dict[Key, float]:
     before, after = outcome.before, outcome.after
     values: Dict[Key, float] = {
         ("drive", name): getattr(after, name)
-        for name in Drive._fields
+        for name in after._fields
         if getattr(after, name) != getattr(before, name)
     }
     wheel = model.board["wheel_radius"] * after.metres_per_count / before.metres_per_count
@@ -214,6 +228,7 @@ def _geometry(plan: CalibrationPlan, job: Job) -> None:
         return
     ruler = ruler_for(job.truth)
     with job.robot() as (driver, model, output):
+        geometry(model, plan.procedure)
         path = f"{os.path.splitext(output)[0]}.calibration.json"
         progress = Progress(path, f"{model.name} {driver.board.robot_id}", plan.procedure, plan.settings)
         if job.restart:
@@ -249,11 +264,12 @@ def _recorded(procedure: str, text: str, model: RobotModel) -> Trial:
     if not colon:
         raise ConfigError(f"--run is {text!r}, expected FILE:X,Y or FILE:X,Y,HEADING, in metres and degrees")
     run = Trial(steps_of(from_recording.read(path, model)[0]), parse_pose(end))
-    found = sense(model.differential, run)
-    if (found == NEITHER) != (procedure == STRAIGHT):
+    drive = geometry(model, procedure)
+    found = sense(drive, run)
+    if (found == NEITHER) != (procedure in (STRAIGHT, SIDEWAYS)):
         raise ConfigError(f"{path} went {found}, expected a run of mrl calibrate {procedure}")
-    require_sense(model.differential, run, found, path)
-    require_plausible(model.differential, run, path)
+    require_sense(drive, run, found, path)
+    require_plausible(drive, run, path)
     return run
 
 
@@ -291,7 +307,7 @@ def _by_runs(command: Callable[..., Tuple[Mapping[str, float], List[Leg]]]) -> C
 @value_option("--count", RUNS, 4, "Runs, alternately there and back.")
 @_by_runs
 def straight(speeds: Speeds, distance: float, count: int) -> Tuple[Mapping[str, float], List[Leg]]:
-    """Measure counts per metre, and the left/right offset Cm.
+    """Measure counts per metre, and the left/right offset Cm; of mecanum wheels the radius, and two offsets.
 
     \b
     Examples:
@@ -316,6 +332,21 @@ def turn(speeds: Speeds, turns: int, count: int) -> Tuple[Mapping[str, float], L
       mrl calibrate turn --robot lab3.yaml --port /dev/ttyACM0 --turns 3
     """
     return {"turns": turns, "count": count}, turn_legs(count, turns, speeds)
+
+
+@click.command(short_help="Measure the slip of mecanum wheels in drives sideways.")
+@job_options
+@value_option("--distance", Between(0.3, 20.0), 2.0, "Length of a run [m].")
+@value_option("--count", RUNS, 4, "Runs, alternately to the left and to the right.")
+@_by_runs
+def sideways(speeds: Speeds, distance: float, count: int) -> Tuple[Mapping[str, float], List[Leg]]:
+    """Measure the slip of mecanum wheels in drives sideways, and the offset of the rear wheels.
+
+    \b
+    Example:
+      mrl calibrate sideways --robot truck.yaml --port /dev/ttyACM0 --distance 1
+    """
+    return {"distance_m": distance, "count": count}, straight_legs(count, distance, speeds, sideways=True)
 
 
 @click.command(short_help="Measure wheel ratio, wheelbase and noise, by squares.")

@@ -14,7 +14,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.imu import Imu
 from mrl_driver.robot.kinematics import Planar, kinematics_of
-from mrl_driver.robot.models import ImuMount, OmniDrive, RobotModel
+from mrl_driver.robot.models import ImuMount, RobotModel
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.session.events import ImuReading
 
@@ -74,10 +74,9 @@ class ImuTrack:
 
 def by_wheels(model: RobotModel, telemetry: Telemetry) -> Planar:
     """Return distance and turn of all steps so far, by the wheels alone: both add up over any way."""
-    counts: Sequence[float] = list(telemetry.counts)
-    if isinstance(model.base, OmniDrive):
-        counts = [counts[1], counts[2], counts[0]]  # right, left, rear, in the order of the motors
-    return kinematics_of(model.base).step([each * model.base.metres_per_count for each in counts])
+    base = kinematics_of(model.base)
+    counts = [getattr(telemetry.counts, name) for name in base.wheels]
+    return base.step([each * model.base.metres_per_count for each in counts])
 
 
 def require_imu(robot: Driver) -> None:

@@ -4,7 +4,7 @@ The same code works with `Driver` and `SteppedDriver`.
 """
 
 import math
-from typing import Callable, List, NamedTuple, Optional, Tuple
+from typing import Callable, List, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mrl_driver.errors import BoardTimeout, ConfigError, WheelFault
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.navigation.line_follower import limit_to_stop
 from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.robot.odometry import Wheels
+from mrl_driver.robot.odometry import AnyWheels, FourWheels
 from mrl_driver.robot.robot_state import Telemetry
 from mrl_driver.view.words import stop_error
 
@@ -32,7 +32,11 @@ MOVE_PID, MOVE, SET_GAINS = (
     BY_NAME[name].code for name in ("move_motors_pid", "move_motors", "set_pid_gains")
 )
 
-Command = Optional[Tuple[float, float]]
+Command = Optional[Tuple[float, ...]]
+
+
+FIRST_WHEEL = 4
+"""Column of a track from which on it has the counts of each wheel."""
 
 
 class Speeds(NamedTuple):
@@ -60,7 +64,8 @@ class Track:
         self._refused = self._robot.link.statistics.refused_counts
 
     def rows(self) -> np.ndarray:
-        """(N, 4) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m].
+        """(N, 4 + W) readings since `begin`: time [s], right, left [count, without wrap], range of the front sonar [m],
+        and the counts of each wheel.
 
         Raise ConfigError if the counts jumped, which makes the run unusable.
         """
@@ -70,16 +75,24 @@ class Track:
                 f"the counts jumped {jumps} times in this run, expected no jump: check encoder plugs and motor power, "
                 "then drive the run again"
             )
-        return np.array(self._rows).reshape(-1, 4)
+        return np.array(self._rows).reshape(-1, len(self._rows[0]) if self._rows else FIRST_WHEEL)
 
 
 def _row(telemetry: Telemetry) -> Tuple[float, ...]:
-    return (telemetry.stamp_s, *telemetry.counts[:2], telemetry.ranges.get("front", math.nan))
+    front_m, counts = telemetry.ranges.get("front", math.nan), telemetry.counts
+    return (telemetry.stamp_s, *sides(counts), front_m, *counts)
+
+
+def sides(counts: AnyWheels) -> Tuple[float, float]:
+    """Return the counts of the right and of the left side, of four wheels their means; NaN without encoders."""
+    if isinstance(counts, FourWheels):
+        return (counts.right + counts.rear_right) // 2, (counts.left + counts.rear_left) // 2
+    return counts[0], counts[1]
 
 
 def steps_of(rows: np.ndarray) -> np.ndarray:
-    """(N, 2) counts between the readings of a track in which a wheel moved."""
-    steps = np.diff(rows[:, 1:3], axis=0).astype(np.int64)
+    """(N, W) counts of each wheel between the readings of a track in which one moved."""
+    steps = np.diff(rows[:, FIRST_WHEEL:], axis=0).astype(np.int64)
     moved: np.ndarray = steps[np.any(steps != 0, axis=1)]
     return moved
 
@@ -100,8 +113,9 @@ def settle(robot: Driver) -> None:
             )
 
 
-def _counts(robot: Driver) -> Wheels:
-    return Wheels(*robot.telemetry.counts[:2]) if robot.telemetry else Wheels(0, 0)
+def _counts(robot: Driver) -> Sequence[float]:
+    counted = robot.model is not None and robot.model.has_odometry
+    return robot.telemetry.counts if counted and robot.telemetry else ()
 
 
 def follow(robot: Driver, steer: Callable[[Pose], Command], patience_s: float) -> None:
@@ -148,6 +162,21 @@ def straight(robot: Driver, distance_m: float, speeds: Speeds, line: Optional[Po
     follow(robot, steer, 10 + 4 * abs(distance_m) / speeds.linear_m_s)
 
 
+def sideways(robot: Driver, distance_m: float, speeds: Speeds) -> None:
+    """Drive to the left, or to the right for negative distances; the heading stays the same."""
+    start, sign = robot.pose, math.copysign(1.0, distance_m)
+
+    def steer(pose: Pose) -> Command:
+        x_m, y_m, yaw_rad = pose.relative_to(start)
+        left_m = abs(distance_m) - sign * y_m
+        if left_m < ARRIVED_M:
+            return None
+        lateral = limit_to_stop(left_m, speeds.linear_m_s, speeds.braking_m_s2, LATENCY_S, LEAST_M_S)
+        return -OFFSET_GAIN * x_m, -HEADING_GAIN * yaw_rad, sign * lateral
+
+    follow(robot, steer, 10 + 4 * abs(distance_m) / speeds.linear_m_s)
+
+
 def turn(robot: Driver, angle_rad: float, speeds: Speeds) -> None:
     """Turn in place, counter-clockwise for positive angles; more than one whole turn is possible."""
     done_rad, before = 0.0, robot.pose.yaw_rad
@@ -180,7 +209,7 @@ def _near(angle_rad: float, wanted_rad: float) -> float:
     return angle_rad if abs(angle_rad - wanted_rad) < 1.0 else wanted_rad
 
 
-def spin_motors(robot: Driver, code: int, left_percent: int, right_percent: int, seconds: float) -> None:
+def spin_motors(robot: Driver, code: int, percents: Sequence[int], seconds: float) -> None:
     """Turn the motors at these shares of full speed; afterwards they turn until they are stopped.
 
     The robot must be settled first; before that, the driver still repeats its stop.  Raise BoardTimeout, with the robot
@@ -190,5 +219,5 @@ def spin_motors(robot: Driver, code: int, left_percent: int, right_percent: int,
         if not robot.ready:
             robot.stop()
             raise stop_error(robot, "telemetry ended while the motors turned")
-        robot.request(code, left_percent, right_percent)
+        robot.request(code, *percents)
         robot.wait(KEEP_ALIVE_S)

@@ -18,6 +18,7 @@ from mrl_driver.errors import ConfigError, MrlError
 from mrl_driver.files import read_plain, replace_file
 from mrl_driver.robot import models, sonar_curve
 from mrl_driver.robot.models import Drive, RobotModel
+from mrl_driver.robot.sonar import NAMES
 from mrl_driver.robot.sonar_curve import THESIS, Curve, SonarFit
 
 from . import from_recording, manoeuvres
@@ -68,9 +69,10 @@ def approach_wall(
 
 
 def require_sonars(robot: Driver) -> None:
-    """Raise ConfigError if the robot has no front sonar, without which it would drive blindly."""
-    if robot.model is None or "front" not in robot.model.sonars:
-        raise ConfigError("this board has no front sonar, expected one: nothing was measured")
+    """Raise ConfigError if the robot has no front sonar with such a curve; without one it would drive blindly."""
+    sonars = robot.model.sonars if robot.model else {}
+    if "front" not in sonars or sonars["front"].input_of("front") not in NAMES:
+        raise ConfigError("this board has no front sonar of type MB1300, expected one: nothing was measured")
 
 
 def _require_free_path(robot: Driver, distance_m: float) -> None:

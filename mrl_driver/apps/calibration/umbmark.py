@@ -9,7 +9,9 @@ import math
 from typing import NamedTuple, Sequence, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.models import Drive
+from mrl_driver.robot.models import MecanumDrive
+
+from .fit import Geometry
 
 LEAST_LAPS, MOST_LAPS = 2, 50  # laps in each direction; fewer show no spread.  The paper drives 5.
 
@@ -63,11 +65,11 @@ def wheel_ratio(bend_rad: float, side_m: float, separation_m: float) -> float:
     return (radius_m + separation_m / 2) / (radius_m - separation_m / 2)
 
 
-def corrected(drive: Drive, result: UmbmarkResult, tracks: bool) -> Drive:
-    """The drive with both corrections; on tracks the slip is corrected instead of the wheelbase."""
-    ratio = drive.right_m_per_count / drive.left_m_per_count * result.wheel_ratio
+def corrected(drive: Geometry, result: UmbmarkResult, tracks: bool) -> Geometry:
+    """The drive with both corrections; on tracks and mecanum wheels the slip is corrected instead of the wheelbase."""
+    ratio = (2 + drive.wheel_offset) / (2 - drive.wheel_offset) * result.wheel_ratio
     drive = drive._replace(wheel_offset=2 * (ratio - 1) / (ratio + 1))
-    if tracks:
+    if tracks or isinstance(drive, MecanumDrive):
         return drive._replace(turn_slip=1 - (1 - drive.turn_slip) / result.wheelbase_ratio)
     return drive._replace(wheel_separation_m=drive.wheel_separation_m * result.wheelbase_ratio)
 

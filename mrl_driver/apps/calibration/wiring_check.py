@@ -5,10 +5,11 @@ Then the board corrected nothing meanwhile, and it must have been seen which whe
 encoders alone cannot tell swapped motors and encoders from none.
 """
 
-from typing import Dict, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.errors import WheelFault
-from mrl_driver.protocol.table import WIRING
+from mrl_driver.protocol.table import WHEELS, WIRING
+from mrl_driver.robot.wiring import ENCODERS, OUTPUTS
 
 LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
@@ -21,26 +22,19 @@ SET, SINGLE_CHANNEL = BITS["set"], BITS["single_channel"]
 LEAST_TURN = 0.01  # less than this share of a wheel turn counts as standing still
 OTHER_SHARE = 0.3
 """While one wheel turns, the encoder of the other may count this share: vibration moves it by a count or two."""
-_PINS = {LEFT: "D2 and D4", RIGHT: "D8 and D10"}
 
 
 class Trial(NamedTuple):
     """A trial in which one motor was driven forward.
 
-    `seen` is the wheel that was seen to turn (None: not observed).  `direction` is +1 forward, -1 backward, and 0 if no
-    wheel turned.
+    `counts` are those by encoder.  `seen` is the wheel that was seen to turn (None: not observed).  `direction` is +1
+    forward, -1 backward, and 0 if no wheel turned.
     """
 
     motor: str
-    right: int
-    left: int
+    counts: Mapping[str, int]
     seen: Optional[str] = None
     direction: int = 0
-
-    @property
-    def counts(self) -> Dict[str, int]:
-        """Counts by encoder."""
-        return {LEFT: self.left, RIGHT: self.right}
 
 
 def diagnose(trials: Sequence[Trial]) -> List[str]:
@@ -92,7 +86,7 @@ def _encoder(trial: Trial) -> List[str]:
 
 def _together(found: List[str], trials: Sequence[Trial]) -> List[str]:
     """Each finding once; two wheels that do not move are one finding."""
-    still = [trial for trial in trials if max(abs(trial.right), abs(trial.left)) < LEAST_COUNTS]
+    still = [trial for trial in trials if max(map(abs, trial.counts.values())) < LEAST_COUNTS]
     if len(still) == len(trials) > 1 and all(trial.seen is None or trial.direction == 0 for trial in trials):
         return ["no wheel moved and no encoder counted: check the motor power and the motor board's plugs"]
     return list(dict.fromkeys(found))
@@ -101,11 +95,14 @@ def _together(found: List[str], trials: Sequence[Trial]) -> List[str]:
 # -- H-bridge boards
 
 
-def wiring_of(trials: Sequence[Trial], counts_per_turn: float, single_channel: bool = False) -> int:
+def wiring_of(
+    places: Mapping[str, str], trials: Sequence[Trial], counts_per_turn: float, single_channel: bool = False
+) -> int:
     """Return the sum to store, from one trial of each motor output, of the left one first.
 
-    The trials have `seen` and `direction`, and the counters of the encoder inputs.  Encoders with a `single_channel`
-    cannot count backward.  WheelFault, which says what to check, if a wheel or an encoder did not do its part.
+    `places` are the pins of each encoder input, in words.  The trials have `seen` and `direction`, and the counters of
+    the encoder inputs; `counts_per_turn` is 0 without encoders.  Encoders with a `single_channel` cannot count
+    backward.  WheelFault, which says what to check, if a wheel or an encoder did not do its part.
     """
     if trials[0].seen == trials[1].seen:
         raise WheelFault(
@@ -116,47 +113,88 @@ def wiring_of(trials: Sequence[Trial], counts_per_turn: float, single_channel: b
     if inputs[0] == inputs[1]:
         raise WheelFault(
             f"the {inputs[0]} encoder input counted both wheels, expected one wheel each: check the encoders' wires on "
-            f"{_PINS[inputs[0]]}"
+            f"{places[inputs[0]]}"
         )
     wiring = SET | (SINGLE_CHANNEL if single_channel else 0)
     for trial, counted in zip(trials, inputs):
-        wheel = str(trial.seen)
-        wiring |= BITS["motors_swapped"] * (wheel != trial.motor)
-        wiring |= BITS[f"{wheel}_motor_reversed"] * (trial.direction < 0)
-        wiring |= BITS["encoders_swapped"] * (wheel != counted)
-        backward = trial.counts[counted] * trial.direction < 0
-        wiring |= BITS[f"{wheel}_encoder_reversed"] * (backward and not single_channel)
+        wiring |= BITS["motors_swapped"] * (trial.seen != trial.motor)
+        wiring |= BITS["encoders_swapped"] * (trial.seen != counted)
+        wiring |= _reversed(trial, counted, single_channel)
     return wiring
 
 
-def require_proof(right: int, left: int, counts_per_turn: float) -> None:
-    """Raise WheelFault unless the counters fit a slow turn to the right: left forward, right backward."""
-    least = counts_per_turn * LEAST_TURN
-    if left < least or right > -least:
-        raise WheelFault(
-            f"the wiring that was found does not hold: in a slow turn to the right the left encoder counted {left} and "
-            f"the right one {right}, expected more than {least:.0f} and less than {-least:.0f}; check for loose wires, "
-            "and run mrl calibrate wiring again"
-        )
+def _reversed(trial: Trial, counted: str, single_channel: bool) -> int:
+    """Return the bits of a motor and an encoder that run backward."""
+    motor = BITS[f"{trial.seen}_motor_reversed"] * (trial.direction < 0)
+    backward = trial.counts[counted] * trial.direction < 0
+    return motor | BITS[f"{trial.seen}_encoder_reversed"] * (backward and not single_channel)
 
 
 def in_words(wiring: int) -> List[str]:
-    """Return what differs from the wiring in HARDWARE.md, such as `motors swapped`; empty if nothing does."""
+    """Return what differs from the wiring in the robot's file, such as `motors swapped`; empty if nothing does."""
     return [name.replace("_", " ") for name, bit in BITS.items() if wiring & bit and bit != SET]
 
 
 def _input_of(trial: Trial, counts_per_turn: float) -> str:
-    """Return the encoder input that counted the wheel that turned."""
-    size = {name: abs(count) for name, count in trial.counts.items()}
-    counted = LEFT if size[LEFT] > size[RIGHT] else RIGHT
-    if size[counted] < max(1.0, counts_per_turn * LEAST_TURN):
+    """Return the encoder input that counted the wheel that turned; without encoders, that of the wheel."""
+    wheel = str(trial.seen)
+    if not counts_per_turn:
+        return wheel
+    sizes = {name: abs(count) for name, count in trial.counts.items()}
+    listed = ", ".join(f"{words(name)} {count}" for name, count in trial.counts.items())
+    *others, counted = sorted(sizes, key=lambda name: sizes[name])
+    if sizes[counted] < max(1.0, counts_per_turn * LEAST_TURN):
         raise WheelFault(
-            f"the {trial.seen} wheel turned, but no encoder counted (left {trial.left}, right {trial.right}): check "
-            "their supply and channels A and B; if they have channel A only, give --single-channel"
+            f"the {words(wheel)} wheel turned, but no encoder counted ({listed}): check their supply and channels A "
+            "and B; if they have channel A only, give --single-channel"
         )
-    if size[OTHER[counted]] > OTHER_SHARE * size[counted]:
+    if max(sizes[name] for name in others) > OTHER_SHARE * sizes[counted]:
         raise WheelFault(
-            f"the {trial.seen} wheel turned alone, but both encoders counted (left {trial.left}, right {trial.right}): "
-            "check their wires, and keep them away from the motors' wires"
+            f"the {words(wheel)} wheel turned alone, but other encoders counted too ({listed}): check their wires, and "
+            "keep them away from the motors' wires"
         )
     return counted
+
+
+# -- four wheels
+
+
+def parameters_of(
+    pins: Mapping[str, int], trials: Sequence[Trial], counts_per_turn: float, single_channel: bool = False
+) -> Dict[str, int]:
+    """Return the wiring to store: parameter 20, and the pins, exchanged where wheels are.
+
+    The board knows `pins`, and corrects nothing; the rest is as in `wiring_of`.
+    """
+    outputs = {str(trial.seen): trial.motor for trial in trials}
+    inputs = {str(trial.seen): _input_of(trial, counts_per_turn) for trial in trials}
+    for part, places in (("motor outputs turned", outputs), ("encoder inputs counted", inputs)):
+        if len(set(places)) < len(WHEELS) or len(set(places.values())) < len(WHEELS):
+            raise WheelFault(f"two {part} the same wheel, expected one wheel each: check their wires")
+    sums = SET | (SINGLE_CHANNEL if single_channel else 0)
+    for trial in trials:
+        sums |= _reversed(trial, inputs[str(trial.seen)], single_channel)
+    moved = {
+        names[place]: pins[rows[WHEELS.index(places[wheel])][place]]
+        for rows, places in ((OUTPUTS, outputs), (ENCODERS, inputs))
+        for wheel, names in zip(WHEELS, rows)
+        for place in range(len(names))
+    }
+    return {"wiring": sums, **moved}
+
+
+def require_right_turn(counts: Mapping[str, int], counts_per_turn: float) -> None:
+    """Raise WheelFault unless the counters of the wheels fit a slow turn to the right."""
+    least = counts_per_turn * LEAST_TURN
+    for name, count in counts.items():
+        if (-count if RIGHT in name else count) < least:
+            raise WheelFault(
+                f"the wiring that was found does not hold: in a slow turn to the right the {words(name)} encoder "
+                f"counted {count}, expected {'less than -' if RIGHT in name else 'more than '}{least:.0f}; check for "
+                "loose wires, and run mrl calibrate wiring again"
+            )
+
+
+def words(name: str) -> str:
+    """Return the name of a wheel in words, such as `rear left`."""
+    return name.replace("_", " ")

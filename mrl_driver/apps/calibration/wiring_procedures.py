@@ -4,29 +4,41 @@ It turns the motors slowly; `wiring_check` computes.
 """
 
 import contextlib
-from typing import Any, Iterator, List, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import click
+import numpy as np
 
-from mrl_driver.cli.commands.shared import warn
+from mrl_driver.cli.commands.shared import print_message, warn
 from mrl_driver.driver import Driver
 from mrl_driver.errors import BoardRefused, ConfigError, MrlError, WheelFault
 from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import BRIDGES
-from mrl_driver.robot.models import RobotModel
+from mrl_driver.protocol.table import BRIDGES, BY_NAME, NOT_CONNECTED, WHEELS
+from mrl_driver.robot.chips import CHIPS as BOARDS
+from mrl_driver.robot.models import RobotModel, kind_of
+from mrl_driver.robot.models.drives import FOUR_WHEELS
+from mrl_driver.robot.wiring import ENCODERS, FRONT, OUTPUTS, short
 
 from . import from_recording, manoeuvres, wiring_check
+from .calibration_files import Key
 from .commands import calibrate_job
 from .commands.calibrate_job import Job, job_options, recording_option
 from .gain_procedures import CAPABILITY, counts_per_turn, ramp_off
 from .ground_truth import NOT_MEASURED, Ruler, Truth, require_terminal, ruler_for, tell
 from .manoeuvres import MOVE, Track
-from .wiring_check import LEAST_RAD, LEFT, OTHER, RIGHT, SET, SINGLE_CHANNEL, Trial, seen_in
+from .wiring_check import LEAST_RAD, LEFT, RIGHT, SET, SINGLE_CHANNEL, Trial, seen_in
 
+MOVE_WHEELS = BY_NAME["move_wheels"].code
 CHIPS = BRIDGES[1:]
 DUTY_PERCENT, WIRING_S = 35, 0.5  # moves with a motor board
 SLOW_PERCENT, SLOW_S = 20, 0.3
 """Share of full speed and duration of each move with an H-bridge [s]: a wheel of 170 1/min turns by a sixth."""
+
+
+_NO_WHEEL = (
+    "no wheel turned when the {} was driven, expected one: check the battery, the motor's wires, and that "
+    "--bridge names the right chip"
+)
 
 
 class Witness:
@@ -51,8 +63,8 @@ class Witness:
         return wheel, {"forward": 1, "back": -1, "none": 0}[direction]
 
     def turned_right(self, moved: Pose) -> bool:
-        """Return whether the left wheel turned forward and the right one backward."""
-        return self._ask("Did the left wheel turn forward, and the right one back", ["yes", "no"]) == "yes"
+        """Return whether the left wheels turned forward and the right ones backward."""
+        return self._ask("Did the left side turn forward, and the right side back", ["yes", "no"]) == "yes"
 
     def _ask(self, question: str, choices: Sequence[str]) -> str:
         if self._answers is None:
@@ -87,31 +99,31 @@ class Scene(NamedTuple):
 
     @property
     def counts_per_turn(self) -> float:
-        """Counts of a wheel turn."""
+        """Counts of a wheel turn; 0 without encoders."""
         assert self.robot.model is not None
-        return counts_per_turn(self.robot.model)
+        return counts_per_turn(self.robot.model) if self.robot.model.has_odometry else 0.0
 
 
 def check(scene: Scene) -> List[str]:
     """Turn each motor of a motor board forward alone, without speed control; return the faults of the wires."""
     trials = []
     for motor, percents in ((LEFT, (DUTY_PERCENT, 0)), (RIGHT, (0, DUTY_PERCENT))):
-        right, left, moved = _move(scene, f"{motor} motor alone", *percents, WIRING_S)
-        trials.append(Trial(motor, right, left, *scene.witness.turned(motor, None, moved)))
+        counts, moved = _move(scene, f"{motor} motor alone", percents, WIRING_S)
+        trials.append(Trial(motor, counts, *scene.witness.turned(motor, None, moved)))
     return wiring_check.diagnose(trials)
 
 
 @contextlib.contextmanager
-def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[None]:
+def uncorrected(robot: Driver, bridge: int, single_channel: bool, kept: Iterable[str] = ()) -> Iterator[None]:
     """For the block, the board drives this bridge and corrects nothing; BoardRefused if it refuses that, or its pins.
 
-    The board keeps what the block has set.  After an error or an interruption it gets back what was in force before:
-    a board that was not set refuses to move again.  Nothing is saved to the EEPROM here.
+    The board keeps what the block has set.  After an error or an interruption it gets back what was in force before,
+    with the `kept` parameters: a board that was not set refuses to move again.  Nothing is saved to the EEPROM here.
     """
-    before = robot.parameters.read("bridge", "wiring")
+    before = robot.parameters.read("bridge", "wiring", *kept)
     try:
         robot.parameters.write({"bridge": bridge, "wiring": SET | (SINGLE_CHANNEL if single_channel else 0)})
-        problem = robot.parameters.wiring_problem(robot.model)
+        problem = robot.parameters.wiring_problem()
         if problem:
             raise BoardRefused(f"{problem}; store the pins of the robot's file with: mrl flash --robot FILE")
         yield
@@ -123,26 +135,25 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool) -> Iterator[No
         raise
 
 
-def find_wiring(scene: Scene, single_channel: bool) -> int:
-    """Turn each output of an H-bridge forward alone, slowly; return the sum to store, or raise WheelFault."""
+def find(scene: Scene, wheels: Sequence[str]) -> List[Trial]:
+    """Turn each output of the H-bridges forward alone, slowly; return what was seen, or raise WheelFault."""
     trials: List[Trial] = []
-    for output, percents in ((LEFT, (SLOW_PERCENT, 0)), (RIGHT, (0, SLOW_PERCENT))):
-        right, left, moved = _move(scene, f"{output} motor output, forward", *percents, SLOW_S)
-        expected = OTHER[str(trials[0].seen)] if trials else None
-        seen, direction = scene.witness.turned(output, expected, moved)
+    for output in wheels:
+        name = f"{wiring_check.words(output)} motor output"
+        counts, moved = _move(scene, f"{name}, forward", [SLOW_PERCENT * (each == output) for each in wheels])
+        left = [wheel for wheel in wheels if wheel not in {each.seen for each in trials}]
+        seen, direction = scene.witness.turned(output, left[0] if len(left) == 1 else None, moved)
         if not direction:
-            raise WheelFault(
-                f"no wheel turned when the {output} motor output was driven, expected one: check the battery, the "
-                "motor's wires, and that --bridge names the right chip"
-            )
-        trials.append(Trial(output, right, left, seen, direction))
-    return wiring_check.wiring_of(trials, scene.counts_per_turn, single_channel)
+            raise WheelFault(_NO_WHEEL.format(name))
+        trials.append(Trial(output, counts, seen, direction))
+    return trials
 
 
-def prove(scene: Scene) -> None:
+def prove(scene: Scene, wheels: Sequence[str]) -> None:
     """Turn slowly to the right with the new wiring; raise WheelFault unless each wheel and counter does its part."""
-    right, left, moved = _move(scene, "a slow turn to the right", SLOW_PERCENT, -SLOW_PERCENT, SLOW_S)
-    wiring_check.require_proof(right, left, scene.counts_per_turn)
+    percents = [-SLOW_PERCENT if RIGHT in wheel else SLOW_PERCENT for wheel in wheels]
+    counts, moved = _move(scene, "a slow turn to the right", percents)
+    wiring_check.require_right_turn(counts, scene.counts_per_turn)
     if not scene.witness.turned_right(moved):
         raise WheelFault(
             "the wheels did not turn the robot to the right, so the answers do not fit together; run mrl calibrate "
@@ -151,25 +162,35 @@ def prove(scene: Scene) -> None:
 
 
 def _move(
-    scene: Scene, name: str, left_percent: int, right_percent: int, seconds: float
-) -> Tuple[int, int, Pose]:
-    """Turn the motors without speed control; return the counts, right and left, and the measured motion."""
+    scene: Scene, name: str, percents: Sequence[int], seconds: float = SLOW_S
+) -> Tuple[Dict[str, int], Pose]:
+    """Turn two or four motors without speed control; return the counts by encoder, and the measured motion."""
     robot, track, ruler, _ = scene
     manoeuvres.settle(robot)
     ruler.begin(name)
     track.begin()
-    manoeuvres.spin_motors(robot, MOVE, left_percent, right_percent, seconds)
+    before = _counts(robot)
+    manoeuvres.spin_motors(robot, MOVE if len(percents) == FRONT else MOVE_WHEELS, percents, seconds)
     manoeuvres.settle(robot)
-    rows = track.rows()
-    right, left = (int(value) for value in rows[-1, 1:3] - rows[0, 1:3])
-    return right, left, ruler.end(name, lambda _: None)
+    track.rows()  # refuses counts that jumped
+    counts = {wheel: count - before[wheel] for wheel, count in _counts(robot).items()}
+    return counts, ruler.end(name, lambda _: None)
+
+
+def _counts(robot: Driver) -> Dict[str, int]:
+    """The counts by encoder; motors without encoders count nothing."""
+    assert robot.telemetry is not None
+    counts = robot.telemetry.counts._asdict()
+    return {wheel: int(np.nan_to_num(counts[wheel])) for wheel in WHEELS if wheel in counts}
 
 
 def recorded(path: str, model: RobotModel) -> List[str]:
     """Faults of the wires, from a recording of `check`; it does not show which wheel turned."""
     steps = from_recording.motor_steps(path, model)
     alone = {LEFT if left else RIGHT: rows[-1] - rows[0] for rows, (left, right) in steps if not left * right}
-    trials = [Trial(motor, int(moved[1]), int(moved[2])) for motor, moved in alone.items()]
+    trials = [
+        Trial(motor, {LEFT: int(left), RIGHT: int(right)}) for motor, (_, right, left, *_) in alone.items()
+    ]
     if not trials:
         raise ConfigError(f"{path}: no motor was turned alone, expected a recording of mrl calibrate wiring")
     return wiring_check.diagnose(trials)
@@ -199,7 +220,8 @@ def wiring(job: Job, unseen: bool, recording: Optional[str], answers: Optional[s
 
     With an H-bridge board, no wire needs to be exchanged: the board stores how they are.  Lift the wheels off the
     ground.  Each motor output turns its wheel for 0.3 s at 20 % duty, and you say which wheel turned, and in which
-    direction.  A slow turn to the right proves the result.  After Ctrl-C the board is as before.
+    direction.  A slow turn to the right proves the result.  After Ctrl-C the board is as before.  With four wheels,
+    left and right are those in front; pins that must be exchanged are written to the robot's file too.
 
     \b
     Examples:
@@ -259,22 +281,78 @@ def _store(
             "--unseen is given, but the encoders of an H-bridge board do not show which wheel turned; leave it out, or "
             "give --answers"
         )
-    scene, number = _scene(driver, job, Witness(answers)), _bridge_of(driver, bridge)
+    assert driver.model is not None
+    four = kind_of(driver.model.drive) in FOUR_WHEELS
+    wheels = WHEELS if four else WHEELS[:FRONT]
+    pins = [name for rows in (OUTPUTS, ENCODERS) for names in rows for name in names] if four else []
+    before = driver.parameters.read(*pins)
+    if four:
+        job.require_file(_keys({name: driver.model.board[name] for name in pins}), "wiring", driver)
+    witness = Witness(answers, WHEELS[FRONT:] if four else ())
+    scene, number = _scene(driver, job, witness, unseen=four), _bridge_of(driver, bridge)
     job.confirm_drive(
         f"Each wheel turns slowly for {SLOW_S} s, driven by a {BRIDGES[number].upper()}. "
         "Are the wheels off the ground?"
     )
-    with uncorrected(driver, number, single_channel):
-        with ramp_off(driver):  # a slow ramp would not reach 20 % in 0.3 s
-            found = find_wiring(scene, single_channel)
-            driver.parameters.write({"wiring": found})
-            prove(scene)
-        if job.eeprom is not False:
-            driver.parameters.save()
-    words = wiring_check.in_words(found)
-    facts = {"bridge": BRIDGES[number], "wiring": found, "differences": words}
+    with uncorrected(driver, number, single_channel, pins):
+        found = _found(scene, wheels, single_channel, before)
+        moved = {name: found[name] for name in pins if found[name] != driver.model.board[name]}
+        words = wiring_check.in_words(found["wiring"])
+        words += [f"{short(name)} on {pin}" for name, pin in moved.items()]
+        _keep(driver, job, moved)
+    facts = {"bridge": BRIDGES[number], "wiring": found["wiring"], "differences": words}
     kept = "in force until the board restarts" if job.eeprom is False else "stored in the board's EEPROM"
-    job.run.print(facts, f"{', '.join(words) or 'the wires are as in HARDWARE.md'}: wiring {found}, {kept}")
+    listed = ", ".join(words) or "the wires are as in the robot's file"
+    job.run.print(facts, f"{listed}: wiring {found['wiring']}, {kept}")
+
+
+def _found(
+    scene: Scene, wheels: Sequence[str], single_channel: bool, before: Mapping[str, int]
+) -> Dict[str, int]:
+    """Turn the motors; return the wiring that follows, which is in force and proved."""
+    driver = scene.robot
+    assert driver.model is not None
+    with ramp_off(driver):  # a slow ramp would not reach 20 % in 0.3 s
+        seen = find(scene, wheels), scene.counts_per_turn, single_channel
+        if len(wheels) > FRONT:
+            found = wiring_check.parameters_of(before, *seen)
+        else:
+            found = {"wiring": wiring_check.wiring_of(_places(driver.model), *seen)}
+        driver.parameters.write(found)
+        prove(scene, wheels)
+    return found
+
+
+def _keep(driver: Driver, job: Job, moved: Mapping[str, int]) -> None:
+    """Write the pins that moved to the robot's file, then the board's EEPROM.
+
+    If only the first is done, the next calibration finds the same pins, and does the second.
+    """
+    if moved:
+        tell("found: " + ", ".join(f"{short(name)} on {pin}" for name, pin in moved.items()))
+        job.write(_keys(moved), "wiring", driver)
+    if job.eeprom is False:
+        return
+    try:
+        driver.parameters.save()
+    except (MrlError, KeyboardInterrupt):
+        if moved:
+            print_message(
+                "the robot's file has the new pins, and the board may not; run mrl calibrate wiring again"
+            )
+        raise
+
+
+def _keys(pins: Mapping[str, int]) -> Dict[Key, float]:
+    return {("wiring", short(name)): pin for name, pin in pins.items()}
+
+
+def _places(model: RobotModel) -> Dict[str, str]:
+    """The pins of the encoders of two wheels, in words."""
+    chip = BOARDS[model.chip]
+    pins = ([model.board.get(name, NOT_CONNECTED) for name in names] for names in ENCODERS[:FRONT])
+    words = (" and ".join(chip.label(pin) for pin in each if pin != NOT_CONNECTED) for each in pins)
+    return dict(zip(WHEELS, words))
 
 
 def _bridge_of(driver: Driver, wanted: Optional[str]) -> int:

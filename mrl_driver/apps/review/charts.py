@@ -10,6 +10,8 @@ from typing import Any, Dict, Iterable, List, NamedTuple, Sequence
 import numpy as np
 
 from mrl_driver.protocol.table import SENSOR_BY_NAME
+from mrl_driver.robot.models.drives import metres_per_count
+from mrl_driver.robot.odometry import WHEELS_BY_COUNT
 from mrl_driver.view.rows import sonar_order
 
 from .drive_data import Column, DriveData
@@ -83,10 +85,10 @@ def _wheels(drive: DriveData) -> List[Curve]:
     apart = 1 if len(drive.delays.time_s) else _JITTERED
     dt_s = stamps_s[apart:] - stamps_s[:-apart]
     dt_s = np.where(dt_s > 0, dt_s, np.nan)
-    base: Any = drive.model.drive
-    scales = base.right_m_per_count, base.left_m_per_count, base.metres_per_count
     curves = []
-    for name, m_per_count, count in zip(("right", "left", "rear"), scales, counts.values.T):
+    names = WHEELS_BY_COUNT[counts.values.shape[1]]._fields
+    scales = metres_per_count(drive.model.base, names)
+    for name, m_per_count, count in zip(names, scales, counts.values.T):
         speeds = (count[apart:] - count[:-apart]) * m_per_count / dt_s
         speeds = np.where(np.abs(speeds) < _FASTEST_M_S, speeds, np.nan)
         curves.append(Curve(name, counts.time_s[apart:], speeds, 0.001))

@@ -75,6 +75,7 @@ def _facts(drive: Any, findings: Any) -> Dict[str, Any]:
     return {
         "robot": drive.model.name,
         "robot_id": drive.robot_id,
+        "virtual": drive.board.virtual if drive.board else None,
         "duration_s": drive.duration_s,
         "findings": [
             {**each._asdict(), "remedy": each.remedy, "data": raw_text(each.data)} for each in findings

@@ -20,9 +20,9 @@ from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import FROM_BOARD, OPENED, PHONE, STOP, TO_BOARD
 from mrl_driver.robot.imu import Imu
-from mrl_driver.robot.models import OmniDrive, RobotModel
-from mrl_driver.robot.omni_odometry import MOVE_OMNI, OmniCommands
+from mrl_driver.robot.models import RobotModel
 from mrl_driver.robot.robot_state import Telemetry
+from mrl_driver.robot.wheel_odometry import MOVE_OMNI, MOVE_TWIST, PlanarCommands, commands_of
 from mrl_driver.safety.wheel_monitor import Mismatch
 from mrl_driver.session.events import Ready, SensorRead, Stale, Status
 from mrl_driver.session.handshake import Board
@@ -122,7 +122,7 @@ class DriveData(NamedTuple):
     speeds: Column  # driven: linear, angular, lateral [m/s rad/s m/s]
     commands: Column  # asked, when it was sent: linear, angular, lateral; a stop is zeros
     counts: Column
-    """Counts of each wheel since the start, without wrap: right, left, and rear if there is one."""
+    """Counts of each wheel since the start, without wrap, in the order of its telemetry."""
     stamps_s: Any
     """Array `(N,)`: board time of each telemetry on the host's clock [s since the recording began]."""
     ranges: Dict[str, Column]  # each new reading of each sonar [m], as in REP 117
@@ -148,8 +148,9 @@ class DriveData(NamedTuple):
 
     @property
     def robot_name(self) -> str:
-        """Name and id of the robot."""
-        return f"{self.model.name} {self.robot_id}" if self.robot_id else self.model.name
+        """Name and id of the robot, and whether it is virtual."""
+        kind = "virtual " if self.board is not None and self.board.virtual else ""
+        return f"{kind}{self.model.name} {self.robot_id}" if self.robot_id else self.model.name
 
     @property
     def path_length_m(self) -> float:
@@ -198,7 +199,7 @@ class _Reader:
         self._stamped_s = -math.inf
         self._asked_s = math.nan
         self._moves = False  # the last command that was sent moves the robot
-        self._omni: Optional[OmniCommands] = None
+        self._planar: Optional[PlanarCommands] = None
         self._mismatch = ""  # the last wheel that did not follow its command
 
     def read(self, advance: Callable[[float], None]) -> DriveData:
@@ -354,12 +355,12 @@ class _Reader:
         elif code == MOVE:
             linear, angular = event.args[:2]
             self._command(time_s, linear / 1000, angular / 1000)
-        elif code == MOVE_OMNI:
+        elif code in (MOVE_OMNI, MOVE_TWIST):
             model = self._recorded.model
-            if self._omni is None and model is not None and isinstance(model.drive, OmniDrive):
-                self._omni = OmniCommands(model.drive)
-            if self._omni is not None:
-                self._command(time_s, *self._omni.read(event.args))
+            if self._planar is None and model is not None:
+                self._planar = commands_of(model.drive)
+            if self._planar is not None and self._planar.code == code:
+                self._command(time_s, *self._planar.read(event.args))
         elif code == _INFO:
             self._asked_s = time_s
 

@@ -53,10 +53,12 @@ def draw(drive: DriveData, path: str, parts: Sequence[str] = PARTS) -> None:
 
 
 def _require_poses(drive: DriveData) -> None:
-    if not len(drive.poses.time_s):
+    if not len(drive.poses.time_s) or not drive.model.has_odometry:
         why = "expected frames of a robot; check it with"
         if not drive.model.drives:
             why = f"because {drive.model.name} is a board without motors; its sensors are shown by"
+        elif not drive.model.has_odometry:
+            why = f"because the motors of {drive.model.name} have no encoders; the rest is shown by"
         raise ConfigError(f"{drive.path} holds no odometry, {why}: mrl replay {drive.path}")
 
 

@@ -5,14 +5,11 @@ charts are the files of the page of `mrl web`.  Texts of a recording are escaped
 own scripts and styles, by their hash.
 """
 
-import base64
 import codecs
-import hashlib
-import html
 import pathlib
 import re
 from datetime import datetime
-from typing import Any, Dict, Iterator, List, Sequence, Tuple
+from typing import Any, Dict, Iterator, List, Sequence
 
 import numpy as np
 
@@ -21,81 +18,59 @@ from mrl_driver.protocol import REPLIES, REQUESTS_TO_ANY, Frame, FrameDecoder
 from mrl_driver.protocol.stop_reason import STOP_REASONS, StopReason
 from mrl_driver.protocol.table import BY_CODE, FAULTS, RESET_CAUSES, Field
 from mrl_driver.recording.recording import FROM_BOARD, OWN_REMARKS, PHONE, TO_BOARD
-from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
 from mrl_driver.view.words import STOPS
 
 from .charts import reduced
 from .drive_data import DriveData, Stop
 from .findings import Finding
+from .page_file import COMMON_STYLE, SHARED, Pair, escaped, filled, policy, read, row, tile
 
 _OWN = pathlib.Path(__file__).resolve().parent / "page"
-_SHARED = _OWN.parent.parent / "web" / "page"
-_UPLOT = _SHARED / "vendor" / "uplot"
-_SCRIPTS = (_SHARED / "text.js", _SHARED / "chart_options.js", _SHARED / "map.js", _OWN / "review.js")
+_UPLOT = SHARED / "vendor" / "uplot"
+_SCRIPTS = (SHARED / "text.js", SHARED / "chart_options.js", SHARED / "map.js", _OWN / "review.js")
 """Modules of the page, each after those that it imports."""
-_STYLES = (_UPLOT / "uPlot.min.css", _SHARED / "common.css", _OWN / "review.css")
+_STYLES = (_UPLOT / "uPlot.min.css", COMMON_STYLE, _OWN / "review.css")
 MOST_LISTED = 200  # stops that are listed one by one; further ones are counted
 MOST_REMARKS = 50
 _MOST_TEXT = 160
 _ENDS = (StopReason.CLOSED, StopReason.CHECK_ENDED)  # reasons of a stop at the end of a program
 _DIRECTIONS = {FROM_BOARD: "From the board", TO_BOARD: "To the board"}
 _WORDS = {"stop_reason": STOP_REASONS, "reset_cause": RESET_CAUSES}
-_Row = Tuple[str, str]
 
 
 def render(drive: DriveData, findings: Sequence[Finding]) -> str:
     """Return the page of a drive, whose findings come with the most important first."""
     stops = drive.stops[:MOST_LISTED]
-    style, script, uplot = "\n".join(map(_read, _STYLES)), _script(), _read(_UPLOT / "uPlot.iife.min.js")
+    style, script, uplot = "\n".join(map(read, _STYLES)), _script(), read(_UPLOT / "uPlot.iife.min.js")
     data = reduced(drive, [each.time_s for each in findings] + [each.time_s for each in stops])
     data["robot"] = _robot(drive)
     more = len(drive.stops) - MOST_LISTED
     further = f"<p>{more} further stops are not listed.</p>" if more > 0 else ""
     parts = {
-        "policy": _policy(style, uplot, script),
+        "policy": policy(style, uplot, script),
         "style": style,
-        "licence": _read(_UPLOT / "LICENSE"),
+        "licence": read(_UPLOT / "LICENSE"),
         "uplot": uplot,
         "script": script,
         "data": json_text(data, compact=True).replace("<", "\\u003c"),  # ends no element
-        "title": _text(f"Review of {pathlib.Path(drive.path).name}"),
-        "subtitle": _text(", ".join(filter(None, (drive.robot_name, _started(drive))))),
+        "title": escaped(f"Review of {pathlib.Path(drive.path).name}"),
+        "subtitle": escaped(", ".join(filter(None, (drive.robot_name, _started(drive))))),
         "mark": "caution" if findings else "good",
-        "verdict": _text(_verdict(findings)),
+        "verdict": escaped(_verdict(findings)),
         "tiles": "".join(_tiles(drive)),
         "findings": "".join(_finding(i + 1, each) for i, each in enumerate(findings))
         or "<p>No fault was found in this drive.</p>",
         "stops": "".join(map(_stop, stops)) + further or "<p>The robot was not stopped.</p>",
-        "link": "".join(map(_row, _link(drive))),
-        "recording": "".join(map(_row, _recording(drive))),
+        "link": "".join(map(row, _link(drive))),
+        "recording": "".join(map(row, _recording(drive))),
     }
-    return re.sub(r"<!--(\w+)-->", lambda match: parts[match[1]], _read(_OWN / "review.html"))
-
-
-def _read(path: pathlib.Path) -> str:
-    return path.read_text(encoding="utf-8")
+    return filled(_OWN / "review.html", parts)
 
 
 def _script() -> str:
     """The modules as one: without their imports and exports, names of all modules are in one scope."""
-    modules = "\n".join(map(_read, _SCRIPTS))
+    modules = "\n".join(map(read, _SCRIPTS))
     return re.sub(r"^export ", "", re.sub(r"^import .*\n", "", modules, flags=re.M), flags=re.M)
-
-
-def _policy(style: str, *scripts: str) -> str:
-    return (
-        f"default-src 'none'; style-src {_hash(style)}; script-src {' '.join(map(_hash, scripts))}; "
-        "base-uri 'none'; form-action 'none'"
-    )
-
-
-def _hash(text: str) -> str:
-    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
-
-
-def _text(text: object) -> str:
-    """The text in HTML; bytes of a file name that are not UTF-8 become question marks."""
-    return html.escape(str(text)).encode(errors="replace").decode()
 
 
 def _seconds(time_s: float) -> str:
@@ -105,7 +80,7 @@ def _seconds(time_s: float) -> str:
 def _robot(drive: DriveData) -> Dict[str, Any]:
     """Body and sonars, as the map reads them."""
     body = drive.model.body
-    sonars = {name: [*mount.pose, FIELD_OF_VIEW_RAD] for name, mount in drive.model.sonars.items()}
+    sonars = {name: [*mount.pose, mount.kind.field_of_view_rad] for name, mount in drive.model.sonars.items()}
     return {"body": [body.length_m, body.width_m] if body else [0.2, 0.2], "sonars": sonars}
 
 
@@ -129,45 +104,39 @@ def _verdict(findings: Sequence[Finding]) -> str:
 
 
 def _tiles(drive: DriveData) -> Iterator[str]:
-    yield _tile("Duration", f"{drive.duration_s:.1f}", "s")
-    if len(drive.poses.time_s):
-        yield _tile("Distance", f"{drive.path_length_m:.2f}", "m")
-        yield _tile("Top speed", f"{np.max(np.abs(drive.speeds.values[:, 0])):.2f}", "m/s")
+    yield tile("Duration", f"{drive.duration_s:.1f}", "s")
+    if len(drive.poses.time_s) and drive.model.has_odometry:
+        yield tile("Distance", f"{drive.path_length_m:.2f}", "m")
+        yield tile("Top speed", f"{np.max(np.abs(drive.speeds.values[:, 0])):.2f}", "m/s")
     ranges = {name: column.values[np.isfinite(column.values)] for name, column in drive.ranges.items()}
     least = {name: float(np.min(values)) for name, values in ranges.items() if len(values)}
     if least:
         nearest = min(least, key=lambda name: least[name])
-        yield _tile("Nearest", f"{least[nearest]:.2f}", "m", nearest)
+        yield tile("Nearest", f"{least[nearest]:.2f}", "m", nearest)
     volts = drive.battery.values[:, 0] if len(drive.battery.time_s) else np.array([])
     volts = volts[np.isfinite(volts)]
     if len(volts):
-        yield _tile("Battery", f"{volts[-1]:.1f}", "V", f"least {np.min(volts):.1f} V")
+        yield tile("Battery", f"{volts[-1]:.1f}", "V", f"least {np.min(volts):.1f} V")
     own = sum(map(_is_unwanted, drive.stops))
-    yield _tile("Stops", str(len(drive.stops)), "", f"{own} not by the user" if own else "")
+    yield tile("Stops", str(len(drive.stops)), "", f"{own} not by the user" if own else "")
     if len(drive.delays.time_s):
         worst_s = float(np.max(drive.delays.values))
         median_s = float(np.median(drive.delays.values))
-        yield _tile("Worst delay", f"{1000 * worst_s:.0f}", "ms", f"median {1000 * median_s:.0f} ms")
-
-
-def _tile(title: str, value: str, unit: str, small: str = "") -> str:
-    return (
-        f'<div class="tile"><dt>{_text(title)}</dt><dd><b>{_text(value)}</b><i>{_text(unit)}</i></dd>'
-        f'<dd class="small">{_text(small)}</dd></div>'
-    )
+        yield tile("Worst delay", f"{1000 * worst_s:.0f}", "ms", f"median {1000 * median_s:.0f} ms")
 
 
 # -- findings and stops
 
 
 def _finding(number: int, found: Finding) -> str:
-    text = f'<p>{_text(found.text)}</p><p class="remedy">{_text(found.remedy)} <code>[{_text(found.kind)}]</code></p>'
+    remedy = f'<p class="remedy">{escaped(found.remedy)} <code>[{escaped(found.kind)}]</code></p>'
+    text = f"<p>{escaped(found.text)}</p>{remedy}"
     return _article("bad", found.time_s, str(number), found.title, text + _proof(found.direction, found.data))
 
 
 def _stop(stop: Stop) -> str:
     mark, remedy = "caution" if _is_unwanted(stop) else "", STOPS[stop.reason].remedy
-    text = f"<p>To drive on: {_text(remedy)}.</p>" if remedy else ""
+    text = f"<p>To drive on: {escaped(remedy)}.</p>" if remedy else ""
     return _article(
         mark, stop.time_s, "", stop.text[:1].upper() + stop.text[1:], text + _proof(stop.direction, stop.data)
     )
@@ -178,7 +147,7 @@ def _article(mark: str, time_s: float, number: str, title: str, content: str) ->
     badge = f"<span>{number}</span>" if number else ""
     return (
         f'<article class="found" data-mark="{mark}" data-time="{time_s:.6f}" data-text="{number}">'
-        f"<h3>{badge}{_text(title)}</h3>"
+        f"<h3>{badge}{escaped(title)}</h3>"
         f'<button type="button" class="goto">At {_seconds(time_s)}</button>{content}</article>'
     )
 
@@ -193,8 +162,8 @@ def _proof(direction: str, data: bytes) -> str:
     if not data:
         return ""
     return (
-        f'<p class="proof">{_DIRECTIONS.get(direction, "Data")}: <code>{_text(_cut(raw_text(data)))}</code>'
-        f" {_text(frame_text(direction, data))}</p>"
+        f'<p class="proof">{_DIRECTIONS.get(direction, "Data")}: <code>{escaped(_cut(raw_text(data)))}</code>'
+        f" {escaped(frame_text(direction, data))}</p>"
     )
 
 
@@ -236,11 +205,7 @@ def _cut(text: str) -> str:
 # -- link and recording
 
 
-def _row(row: _Row) -> str:
-    return f"<div><dt>{_text(row[0])}</dt><dd>{_text(row[1])}</dd></div>"
-
-
-def _link(drive: DriveData) -> List[_Row]:
+def _link(drive: DriveData) -> List[Pair]:
     frames = len(drive.heard)
     lost = int(drive.lost.values[-1]) if len(drive.lost.time_s) else 0
     reasons: Dict[str, int] = {}
@@ -266,7 +231,7 @@ def _share(lost: int, frames: int) -> str:
     return f"{lost} ({100 * lost / (lost + frames):.2g} %)" if lost else "none"
 
 
-def _recording(drive: DriveData) -> List[_Row]:
+def _recording(drive: DriveData) -> List[Pair]:
     board = drive.board
     rows = [
         ("File", drive.path),

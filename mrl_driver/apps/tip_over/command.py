@@ -1,6 +1,7 @@
 """`mrl tip-over`: tip-over margin of a vehicle, its largest safe acceleration, and the force that tips it over."""
 
 import math
+import os
 from typing import Any, Dict, Optional
 
 import click
@@ -8,9 +9,10 @@ import click
 from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, json_option, print_json
 from mrl_driver.errors import ConfigError
+from mrl_driver.robot import models
 
 from . import margin, vehicle_file
-from .margin import DIRECTIONS, Push, Range, Situation, Vector, greatest_acceleration, limits
+from .margin import DIRECTIONS, Push, Range, Situation, Vector, drive_limits, greatest_acceleration, limits
 
 _LINES = 12  # most lines of a sweep that are printed
 _NAMED: Dict[str, Vector] = {name: (*level, 0.0) for name, level in DIRECTIONS.items()}
@@ -70,13 +72,24 @@ def _number(name: str, low: float, high: float, unit: str, text: str, **options:
     help="Show the margin over arm-angle [deg], arm-height [m], acceleration [m/s2] or force [N].",
 )
 @click.option("--plot", "picture", metavar="PICTURE", type=click.Path(), help="Draw it: PNG, PDF or SVG.")
+@click.option(
+    "--limits",
+    "robot",
+    metavar="ROBOT",
+    help="Write the limits of acceleration, braking and curves that keep the reserve to this robot's file.",
+)
 @json_option
 def tip_over(
-    vehicle: str, reserve: float, swept: Optional[str], picture: Optional[str], **given: Any
+    vehicle: str,
+    reserve: float,
+    swept: Optional[str],
+    picture: Optional[str],
+    robot: Optional[str],
+    **given: Any,
 ) -> None:
     """Show how much a vehicle may accelerate before it tips over.
 
-    With --force, also which external force tips it over.
+    With --force, also which external force tips it over.  With --limits, the driver keeps to it from then on.
 
     VEHICLE is mecanum-arm, a robot model, or a .yaml file: name, contacts (points [x, y] on the ground), body and
     payloads (mass_kg, x_m, y_m, height_m), arm (mass_kg, place of its lower end, length_m, centre_m, angle_deg).  For a
@@ -88,15 +101,55 @@ def tip_over(
       mrl tip-over traxbot --slope 15 --force 5 --at 0,0,0.1
       mrl tip-over mecanum-arm --force 30 --direction left
       mrl tip-over mecanum-arm --sweep arm-angle=0:180 --plot angle.png
+      mrl tip-over tall.yaml --slope 5 --limits myrobot.yaml
     """
     as_json = given.pop("as_json")
+    if robot and (swept or picture):
+        raise ConfigError(f"--limits and {'--sweep' if swept else '--plot'} are given, expected one of them")
     if picture is not None:
         figures.require_writable(picture)
     situation = _situation(Situation(vehicle_file.load(vehicle)), swept or "", **given)
     if swept is not None:
         _show_sweep(situation, margin.parse_range(swept), math.radians(reserve), picture, as_json)
+    elif robot:
+        _tell_limits(write_limits(situation, math.radians(reserve), robot), as_json)
     else:
         _show(situation, math.radians(reserve), picture, as_json)
+
+
+def _tell_limits(written: Dict[str, Any], as_json: bool) -> None:
+    numbers = ", ".join(f"{name} {written[name]:.3g}" for name in written if name.endswith("_s2"))
+    if as_json:
+        print_json(written)
+    else:
+        click.echo(f"{written['file']}: {numbers}; the file as it was: {written['kept']}")
+
+
+def write_limits(situation: Situation, reserve_rad: float, robot: str) -> Dict[str, Any]:
+    """Write the limits of a drive to a robot's file; return what was written, or raise ConfigError or OutputError.
+
+    Braking is not faster than the board's own ramp.  Else a speed would be left at the end of each braking, which the
+    board takes away with its brake at once.
+    """
+    from mrl_driver.apps.calibration.calibration_files import write_model  # it needs numpy
+
+    path, model = models.path_of(robot), models.load(robot)
+    model.require_motors()
+    if os.path.dirname(path) == os.path.dirname(models.SCHEMA):
+        raise ConfigError(
+            f"--limits is {robot}, which belongs to the package, expected a copy such as my{robot}.yaml"
+        )
+    own, ramp_s = model.limits, model.board["ramp_time"] / 1000
+    found = drive_limits(situation, (own.angular_rad_s, own.angular_acceleration_rad_s2), reserve_rad)
+    board_m_s2 = model.board["linear_ceiling"] / 1000 / ramp_s if ramp_s else math.inf
+    values = {
+        "linear_acceleration_m_s2": min(own.linear_acceleration_m_s2, found.along_m_s2),
+        "braking_m_s2": min(board_m_s2, found.along_m_s2),
+        "curve_m_s2": found.curve_m_s2,
+    }
+    note = f"mrl tip-over, {math.degrees(reserve_rad):g} deg kept"
+    kept = write_model(path, path, {("limits", name): value for name, value in values.items()}, note)
+    return {"file": path, "kept": kept, **values}
 
 
 def _situation(

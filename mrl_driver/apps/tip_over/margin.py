@@ -173,6 +173,39 @@ def greatest_acceleration(
     return _greatest(lambda value: now._replace(acceleration_m_s2=value), reserve_rad, MOST_M_S2)
 
 
+class DriveLimits(NamedTuple):
+    """Accelerations of a drive that keep a reserve, forward and backward, also at the same time [m/s2]."""
+
+    along_m_s2: float  # speeding up and braking
+    curve_m_s2: float  # to the inside of a curve
+
+
+def drive_limits(now: Situation, turning: Point, reserve_rad: float = 0.0) -> DriveLimits:
+    """Return the limits of a drive with these angular speeds and accelerations at most [rad/s, rad/s2].
+
+    A turn accelerates a centre of mass that is not in the middle: that much is taken from the limits.  Raise
+    ConfigError if nothing is left.
+    """
+    mass, found = now.vehicle.whole, limits(now, reserve_rad)
+    turn_m_s2 = math.hypot(mass.x_m, mass.y_m) * (turning[0] ** 2 + turning[1])
+    along, curve = min(found["forward"], found["back"]), min(found["left"], found["right"])
+    size = math.hypot(along, curve) or 1.0
+
+    def keeps(most: float) -> bool:
+        corners = [(x * along / size, y * curve / size) for x in (1, -1) for y in (1, -1)]
+        pushed = now._replace(acceleration_m_s2=most)
+        return all(pushed._replace(direction=each).margin().angle_rad >= reserve_rad for each in corners)
+
+    share = (size if keeps(size) else bisect(keeps, 0.0, size)) / size
+    along, curve = share * along - turn_m_s2, share * curve - turn_m_s2
+    if min(along, curve) <= 0:
+        raise ConfigError(
+            f"{now.vehicle.name} has no acceleration left that keeps {math.degrees(reserve_rad):g} deg (its turns need "
+            f"{turn_m_s2:.3g} m/s2), expected a lower centre of mass, slower turns or a smaller reserve"
+        )
+    return DriveLimits(along, curve)
+
+
 def greatest_force(now: Situation, reserve_rad: float = 0.0) -> float:
     """Return the largest force of the push at which all margins keep the reserve [N].
 

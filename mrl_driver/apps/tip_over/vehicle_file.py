@@ -8,7 +8,7 @@ from mrl_driver import yaml_file
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
-from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive
+from mrl_driver.robot.models.drives import MecanumDrive, OmniDrive, SkidDrive
 from mrl_driver.yaml_file import Reader
 from mrl_driver.yaml_form import Number, Numbers, Rows, Section, Text
 
@@ -71,7 +71,7 @@ def of_model(model: RobotModel) -> Vehicle:
     elif isinstance(model.base, OmniDrive):
         angles, radius_m = map(math.radians, model.base.angles_deg), model.base.radius_m
         contacts = [(radius_m * math.cos(angle), radius_m * math.sin(angle)) for angle in angles]
-    elif body.tracks:
+    elif body.tracks or isinstance(model.base, SkidDrive):
         contacts = _corners(body.length_m / 2, model.base.wheel_separation_m / 2)
     else:
         raise ConfigError(

@@ -47,10 +47,13 @@ COMMAND_TIMEOUT_S = 0.2
     type=click.Path(file_okay=False),
     help="Folder for recordings that are made on the page  [default: ~/.local/share/mrl-driver/recordings]",
 )
+@click.option("--browser", is_flag=True, help="Open the page in this computer's browser.")
 @port_timeout_option
 @battery_option
 @fast_option
-def web(target: Target, listen: str, new_tokens: bool, recordings: Optional[str], **options: Any) -> None:
+def web(
+    target: Target, listen: str, new_tokens: bool, recordings: Optional[str], browser: bool, **options: Any
+) -> None:
     """Show and drive a robot on a web page, on a phone or a desk.
 
     The page shows map, speeds, battery, link and time series.  One person drives; everybody who sees the page can stop
@@ -83,6 +86,8 @@ def web(target: Target, listen: str, new_tokens: bool, recordings: Optional[str]
         def begun(server: "Server") -> None:
             signals.enter_context(_ended_by_signals(server))
             lines = lines_for(settings, server.port, picture=full_screen())
+            if browser:
+                click.launch(lines[0].split()[-1])
             if settings.tokens is None:
                 lines[0] += f" shows {state_of(driver).name}; Ctrl-C ends it"
             click.echo("\n".join(lines))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, Dict, Optional
 
 from mrl_driver.errors import MrlError
 from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.robot.inputs import RELEASE
 from mrl_driver.session.events import SensorRead
 from mrl_driver.view.shown_state import Shown
 from mrl_driver.view.words import stopped_by, why_refused
@@ -38,7 +39,7 @@ class DriverRobot(PageRobot):
         self, linear_m_s: float, angular_rad_s: float, lateral_m_s: float, age_s: float
     ) -> Optional[Why]:
         driver = self._driver
-        why = LATCHED if self._latched else self.stopped_by
+        why = LATCHED if self.latched else self.stopped_by
         if why is not None:  # the robot has stopped between two commands, and the server has not seen it yet
             return why
         try:
@@ -73,10 +74,19 @@ class DriverRobot(PageRobot):
     def release(self) -> None:
         self._latched = False
         self._driver.allow(StopReason.EMERGENCY_STOP)
+        if self._input_latched:
+            self._end(self._driver.stop)
+            with contextlib.suppress(MrlError):  # the driver has ended; it says so itself
+                self._driver.request(RELEASE)
 
     @property
     def latched(self) -> bool:
-        return self._latched
+        return self._latched or self._input_latched
+
+    @property
+    def _input_latched(self) -> bool:
+        inputs = self._driver.inputs
+        return inputs is not None and inputs.latched
 
     @property
     def stands(self) -> bool:

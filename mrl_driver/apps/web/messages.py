@@ -12,8 +12,8 @@ from typing import Any, Callable, Dict, Iterable, List, Mapping, NamedTuple, Opt
 from mrl_driver.errors import MrlError
 from mrl_driver.geometry import Pose
 from mrl_driver.json_text import json_text
-from mrl_driver.robot.models import Limits, OmniDrive, RobotModel
-from mrl_driver.robot.sonar import FIELD_OF_VIEW_RAD
+from mrl_driver.robot.models import Limits, RobotModel
+from mrl_driver.robot.models.drives import moves_sideways
 from mrl_driver.view.rows import sections
 from mrl_driver.view.shown_state import Shown
 from mrl_driver.view.words import STOPS
@@ -182,11 +182,13 @@ def robot_facts(name: str, model: Optional[RobotModel], limits: Optional[Limits]
     facts: Dict[str, Any] = {"name": name, "body": None, "drive": "none", "sonars": {}, "limits": None}
     if model is None:
         return facts
-    sideways = isinstance(model.drive, OmniDrive)
+    sideways = moves_sideways(model.drive)
     if model.drives:
         facts["drive"] = "omni" if sideways else "differential"
     facts["body"] = [model.body.length_m, model.body.width_m]
-    facts["sonars"] = {sonar: [*mount.pose, FIELD_OF_VIEW_RAD] for sonar, mount in model.sonars.items()}
+    facts["sonars"] = {
+        sonar: [*mount.pose, mount.kind.field_of_view_rad] for sonar, mount in model.sonars.items()
+    }
     if limits is not None:
         lateral_m_s = (limits.lateral_m_s or limits.linear_m_s) if sideways else 0.0
         speeds = limits.linear_m_s, limits.angular_rad_s, lateral_m_s

@@ -22,6 +22,7 @@ from .helm import Goal, Why, why_of
 Vector = Tuple[float, float, float]
 REMEDY = "release the control and press it again"
 NO_MOTORS = Why(StopReason.MOTORS_DISABLED, "this board has no motors")
+NO_ODOMETRY = Why(StopReason.GOAL_BLOCKED, "the motors have no encoders: the robot does not know where it is")
 UNKNOWN = Why(StopReason.NO_TELEMETRY, "the robot's model is not known yet; start the node with robot:=NAME")
 LOOK_RAD = 4 * math.pi
 """The robot turns twice on the spot in search of a free path before the goal counts as blocked, as in `mrl goto`."""
@@ -137,6 +138,7 @@ class PageRobot(ABC):
         if source.model is None or source.limits is None:
             return UNKNOWN
         why = self._refusal() if source.model.drives else NO_MOTORS
+        why = why or (None if source.model.has_odometry else NO_ODOMETRY)
         if why is not None:
             return why
         seeker = self._seeker

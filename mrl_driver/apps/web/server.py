@@ -32,7 +32,7 @@ try:
 except ImportError as missing:
     raise ConfigError(
         f"the page needs the Python package {missing.name}, which is not installed; install it with: "
-        "pip install 'mrl-driver[web]'"
+        f"sudo apt install python3-{missing.name}, or: pip install 'mrl-driver[web]'"
     ) from None
 
 PAGE = pathlib.Path(__file__).resolve().parent / "page"
@@ -251,8 +251,9 @@ class Server:
         self._watch_robot()
         now_s = time.monotonic()
         source = self._robot.source
-        if self._occupancy is None and source.model is not None and source.model.sonars:
-            self._occupancy = FloorMap(source.model.sonars)
+        model = source.model
+        if self._occupancy is None and model is not None and model.sonars and model.has_odometry:
+            self._occupancy = FloorMap(model.sonars)
         if self._occupancy is not None:
             self._occupancy.follow(source.pose, source.ranges, now_s)
         if self._clients and self._sampler is None:

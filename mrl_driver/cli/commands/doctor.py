@@ -129,17 +129,20 @@ def _checks(
         if facts or target.model != "auto":
             raise
         yield _of_error(error, port)
-        yield from _examine(target._replace(model="traxbot"), drives, hands, facts, any_id=True)
+        any_robot = target._replace(model="traxbot", virtual=None)
+        yield from _examine(any_robot, drives, hands, facts, any_id=True)
 
 
 def _examine(
     target: Target, drives: bool, hands: bool, facts: Dict[str, Any], any_id: bool = False
 ) -> Iterator[Finding]:
+    from mrl_driver.cli.doctor import board
+
     start_s = time.monotonic()
     with answered(shared.connected(target, ignore_battery=True, any_id=any_id)) as driver:
         yield ok("answer", f"after {time.monotonic() - start_s:.1f} s")
         yield from _check_board(driver, shared.require_port(target), facts, any_id)
-        yield from _check_motion(driver, drives)
+        yield from board.of_robot(driver, _check_motion(driver, drives))
         if hands:
             from mrl_driver.cli.doctor import wheels
 
@@ -152,8 +155,8 @@ def _check_board(driver: "Driver", port: str, facts: Dict[str, Any], any_id: boo
     model = driver.model
     if not any_id:
         yield from board.identity(driver.board, model)
-    yield from board.supply(driver.board, model)
-    yield from board.health(driver.status, driver.parameters.wiring_problem(model))
+    yield from board.of_robot(driver, board.supply(driver.board, model))
+    yield from board.of_robot(driver, board.health(driver.status, driver.parameters.wiring_problem()))
     with waiting("watching the link"):
         seen = board.watch(driver)
     counts, missing = board.counters(driver), shared.await_sensors(driver)
@@ -171,10 +174,12 @@ def _check_board(driver: "Driver", port: str, facts: Dict[str, Any], any_id: boo
     yield from board.link(seen, by_network=is_network(port))
     yield from board.refusals(counts, model is None or model.drives)
     yield from board.hold(driver.radio.hold)
+    yield from board.inputs(driver.inputs)
     yield from board.gyro(driver)
     yield from board.build(driver)
     shared.wait_until(driver, lambda: not any(map(math.isnan, driver.ranges.values())), FIRST_SONARS_S, 0.05)
-    yield from board.sonars(driver.ranges, driver.board)
+    mounts = model.sonars if model is not None else {}
+    yield from board.of_robot(driver, board.sonars(driver.ranges, driver.board, mounts))
     yield from board.sensors(driver.sensors, missing)
 
 
@@ -185,13 +190,16 @@ def _check_motion(driver: "Driver", drives: bool) -> Iterator[Finding]:
     if model is not None and not model.drives:
         if drives:
             yield unchecked._replace(text="not checked: this board has no motors", advice="")
+    elif model is not None and not model.has_odometry:
+        yield unchecked._replace(text="not checked: the motors have no encoders", advice="")
     elif not drives:
         yield unchecked
-    elif model is not None and not isinstance(model.drive, Drive):
+    elif model is not None and type(model.drive) is not Drive:
         text, advice = "not checked: this check supports two wheels", "watch the wheels with: mrl drive"
         yield unchecked._replace(text=text, advice=advice)
     else:
-        yield from wheels.check(driver, _ask if sys.stdin.isatty() else None)
+        ask = _ask if sys.stdin.isatty() else None
+        yield from wheels.check(driver, (lambda question: True) if driver.board.virtual else ask)
 
 
 def _ask(question: str) -> bool:

@@ -40,7 +40,8 @@ def drive(
 ) -> None:
     """Drive with the keyboard, or at given speeds for a given time.
 
-    A robot with a gyro first stands until the gyro's bias is known, for at most 1 s.
+    A robot with a gyro first stands until the gyro's bias is known, for at most 1 s.  The key r releases the emergency
+    stop of a board's input.
 
     \b
     Examples:

@@ -51,10 +51,10 @@ def goto(run: Run, x: float, y: float, yaw: Optional[float], timeout_s: float) -
       mrl goto -0.5 0 0 --robot lab3 --timeout 30   0.5 m back, with the front as at the start
     """
     shared.confirm_overwrite(run.record, run.yes)
-    with run.connected(moves=True) as driver:
+    with run.connected(moves=True, odometry=True) as driver:
         shared.warn(driver)
         shared.report_losses(driver)
-        if not driver.has_sonars:
+        if driver.model is None or not driver.model.sonars:
             shared.print_message("warning: this board has no sonars, the robot does not see obstacles")
         question = f"The robot drives by itself to {x:g} m, {y:g} m. Is the floor free?"
         shared.confirm_motion(question, run.yes)

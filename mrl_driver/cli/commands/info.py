@@ -7,7 +7,7 @@ import click
 
 from mrl_driver.robot.models import kind_of
 from mrl_driver.robot.radio import format_address
-from mrl_driver.view.shown_state import sensor_texts
+from mrl_driver.view.shown_state import NO_ODOMETRY, VIRTUAL, has_motors, has_odometry, sensor_texts
 
 from . import shared
 from .shared import Run, run_options
@@ -51,6 +51,7 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
         "line_baud": driver.link.baud,
         "robot": driver.model.name if driver.model else None,
         "robot_id": board.robot_id,
+        **({"virtual": VIRTUAL} if board.virtual else {}),
         "drive": kind_of(driver.model.drive) if driver.model else None,
         "firmware_version": board.version,
         "protocol_version": board.protocol,
@@ -63,12 +64,18 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
         "sonars": sorted(driver.model.sonars) if driver.model else [],
         "sensors": {name: list(found.values) for name, found in driver.sensors.items()},
     }
+    if has_motors(driver.model) and not has_odometry(driver.model):
+        facts["odometry"] = NO_ODOMETRY
     if driver.imu is not None and driver.imu.bias_known:
         facts["gyro_bias_rad_s"] = driver.imu.bias_rad_s
     if driver.radio.hold is not None:
         facts["hold"] = driver.radio.hold.state
         if driver.radio.hold.holders:
             facts["holder"] = format_address(driver.radio.hold.holder)
+    if driver.inputs is not None:
+        facts["inputs"] = list(driver.inputs.connected)
+        facts["active_inputs"] = list(driver.inputs.active)
+        facts["emergency_stop_latched"] = driver.inputs.latched
     if status is not None:
         facts.update(
             uptime_s=status.uptime_s,
@@ -78,7 +85,7 @@ def describe(driver: "Driver", port: str) -> Dict[str, Any]:
         )
         if status.impossible is not None:
             facts["impossible_transitions"] = status.impossible
-        problem = driver.parameters.wiring_problem(driver.model) if "wiring" in status.faults else ""
+        problem = driver.parameters.wiring_problem() if "wiring" in status.faults else ""
         if problem:
             facts["wiring"] = problem
     if driver.warning:

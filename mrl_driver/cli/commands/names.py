@@ -2,7 +2,7 @@
 
 import glob
 import os
-from typing import Optional, Tuple
+from typing import TYPE_CHECKING, Optional, Tuple
 
 import click
 
@@ -16,6 +16,9 @@ from mrl_driver.transport.address import is_url, require_port
 from .progress import waiting
 from .shared import BAUDS, complete_port, completion_of, json_option, print_json, print_message
 
+if TYPE_CHECKING:
+    from mrl_driver.driver.probe import Answer
+
 
 @click.group(invoke_without_command=True)
 @json_option
@@ -24,7 +27,8 @@ def names(ctx: click.Context, as_json: bool) -> None:
     """Name robots; list and remove the names.
 
     A name stands for a port, a model, a baud rate and a robot id: every command refuses another board that answers on
-    the port.  Without a sub-command, lists the names.
+    the port.  The name of a virtual robot (mrl flash --build virtual) refuses a real one, and that of a real one a
+    virtual one.  Without a sub-command, lists the names.
 
     \b
     Examples:
@@ -43,7 +47,7 @@ def list_(as_json: bool) -> None:
     """List the named robots."""
     named = named_robots.read()
     if as_json:
-        keys = ("port", "model", "baud", "id")
+        keys = ("port", "model", "baud", "id", "virtual")
         print_json({name: {key: getattr(each, key) for key in keys} for name, each in named.items()})
         return
     if not named:
@@ -52,6 +56,7 @@ def list_(as_json: bool) -> None:
     for name, each in sorted(named.items()):
         baud = "" if each.baud == BAUD else f"  {each.baud} Bd"
         number = "" if each.id is None else f"  robot {each.id}"
+        number += "  virtual" if each.virtual else ""
         click.echo(f"{name:<{width}}  {each.port}  {each.model}{number}{baud}")
 
 
@@ -93,25 +98,29 @@ def add(name: str, port: str, model: str, baud: int, robot_id: Optional[int]) ->
     if model.endswith((".yaml", ".yml")):
         model = os.path.abspath(model)
     named = named_robots.read()
-    robot_id, why = (robot_id, "") if robot_id is not None else _id_on(port, baud)
+    from mrl_driver.driver.probe import Answer
+
+    answer = Answer(robot_id) if robot_id is not None else _answer_on(port, baud)
+    robot_id, virtual = answer.robot_id or None, "virtual" in answer.capabilities
     stored, lasting = _lasting_name(port)
-    named[name] = Target(stored, model, baud, name, robot_id)
+    named[name] = Target(stored, model, baud, name, robot_id, virtual)
     named_robots.write(named)
     if robot_id is None:
+        why = answer.error or "which has no id yet; set it with: mrl set-id"
         print_message(f"warning: {name} is any robot on its port ({why}); add it again then, or give --id")
-    click.echo(f"{name} is {'' if robot_id is None else f'robot {robot_id} on '}{stored}{lasting}")
+    kind = "virtual robot" if virtual else "robot"
+    click.echo(f"{name} is {'' if robot_id is None else f'{kind} {robot_id} on '}{stored}{lasting}")
 
 
-def _id_on(port: str, baud: int) -> Tuple[Optional[int], str]:
-    """Return the id of the robot on a port; None with the reason if that is not known now."""
-    from mrl_driver.driver.probe import probe
+def _answer_on(port: str, baud: int) -> "Answer":
+    """Return what answers on a port; the reason if nothing does now."""
+    from mrl_driver.driver.probe import Answer, probe
     from mrl_driver.transport.reconnect import may_be_there
 
     if not may_be_there(port):
-        return None, "which is not there now"
+        return Answer(error="which is not there now")
     with waiting("asking the board for its id"):
-        answer = probe(port, baud)
-    return answer.robot_id or None, answer.error or "which has no id yet; set it with: mrl set-id"
+        return probe(port, baud)
 
 
 def _lasting_name(port: str) -> Tuple[str, str]:

@@ -148,8 +148,8 @@ def _robot(row: Row) -> Cell:
     if row["error"]:
         return [(row["error"], "yellow")]
     model = row["model"] or ("no id set" if not row["robot_id"] else "unknown model")
-    battery = voltage_text(row["battery_v"])
+    battery, virtual = voltage_text(row["battery_v"]), "virtual " if "virtual" in row["capabilities"] else ""
     return [
-        (f"{model} {row['robot_id'] or ''}".strip(), "bold green"),
+        (f"{virtual}{model} {row['robot_id'] or ''}".strip(), "bold green"),
         (f"\nfirmware {row['firmware_version']}, battery {battery}", "dim"),
     ]

@@ -2,12 +2,14 @@
 
 import contextlib
 import signal
+from typing import Optional
 
 import click
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.host import access
 from mrl_driver.host.named_robots import Target
+from mrl_driver.robot import models
 from mrl_driver.transport.address import parse
 
 from .shared import FOREVER_S, Between, print_message, require_port, robot_options
@@ -65,5 +67,12 @@ def serve(target: Target, listen: str, insecure: bool, port_timeout_s: float) ->
         click.echo(
             f"{listener.address} serves {port}; everybody who can reach this address can drive the robot"
         )
-        robot = ServedRobot(port, print_message, target.baud, target.id, port_timeout_s)
+        robot = ServedRobot(port, print_message, target.baud, target.id, port_timeout_s, _virtual(target))
         Bridge(robot.find, robot.lose, listener, print_message).run()
+
+
+def _virtual(target: Target) -> Optional[bool]:
+    """Return whether the robot is virtual, as its name or model says; None accepts both."""
+    if target.virtual is None and target.model != "auto" and models.is_real(models.load(target.model)):
+        return False
+    return target.virtual

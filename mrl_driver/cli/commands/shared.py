@@ -206,17 +206,22 @@ def require_port(target: Target) -> str:
 
 @contextlib.contextmanager
 def connected(
-    target: Target, model: Optional["RobotModel"] = None, moves: bool = False, **options: Any
+    target: Target,
+    model: Optional["RobotModel"] = None,
+    moves: bool = False,
+    odometry: bool = False,
+    **options: Any,
 ) -> Iterator["Driver"]:
     """Connect a driver with these options for the block; `model` replaces the target's model.
 
-    ConfigError if the block `moves` the robot, and its board has no motors.  KeyboardInterrupt after Ctrl-C, with the
-    robot stopped.  OutputError if everything else succeeded, but the recording is incomplete.
+    ConfigError if the block `moves` the robot, and its board has no motors, or if it needs `odometry`, and there is
+    none.  KeyboardInterrupt after Ctrl-C, with the robot stopped.  OutputError if everything else succeeded, but the
+    recording is incomplete.
     """
     from mrl_driver.driver import Driver, Options
     from mrl_driver.driver.suspension import stopped_while_suspended
 
-    wanted = Options(robot_id=target.id, **options)
+    wanted = Options(robot_id=target.id, virtual=target.virtual, **options)
     driver = Driver(require_port(target), model or target.model, target.baud, wanted)
     report_events(driver, Awaited)
     try:
@@ -225,6 +230,8 @@ def connected(
                 print_message(f"warning: the serial link stays at {driver.link.baud} baud: {SLOW}")
             if moves and driver.model is not None:
                 driver.model.require_motors()
+            if odometry and driver.model is not None:
+                driver.model.require_odometry()
             yield driver
     except KeyboardInterrupt:
         raise KeyboardInterrupt("interrupted; the robot was stopped") from None

@@ -42,22 +42,29 @@ def system() -> None:
     default=None,
     help="Keep brltty, the driver of Braille displays, from starting; by default you are asked if it is installed.",
 )
+@click.option(
+    "--page",
+    default="",
+    metavar="HOST[:PORT]",
+    help="The service also serves the page there; 127.0.0.1 for this computer alone, 0.0.0.0 for a network.",
+)
 @root_option
 @dry_option
-def install(user: Optional[str], mask: Optional[bool], root: str, dry_run: bool) -> None:
+def install(user: Optional[str], mask: Optional[bool], page: str, root: str, dry_run: bool) -> None:
     """Write a udev rule and a systemd unit, and let USER open serial ports.
 
     A robot then has the port /dev/mrl-SERIAL, or one named after its USB socket if its adapter has no serial number of
-    its own.  After systemctl enable --now mrl-robot@$(systemd-escape NAME), its ROS node starts whenever it is plugged
-    in.
+    its own.  After systemctl enable --now mrl-robot@$(systemd-escape NAME), its ROS node starts at boot, and
+    whenever it is plugged in; with --page also the page.  A shutdown stops the robot.  The UART of a Raspberry Pi is
+    /dev/mrl-uart.
     """
     who = user or os.environ.get("SUDO_USER") or getpass.getuser()
     if not dry_run:
-        click.echo("\n".join(machine.install(who, root)))
+        click.echo("\n".join(machine.install(who, root, page)))
         _mask_brltty(mask, root)
         return
     machine.require_user(who, root)
-    for name, text in machine.files(who).items():
+    for name, text in machine.files(who, page).items():
         click.echo(f"would write {os.path.join(root, name)}:\n\n{text}")
     for words in machine.commands(who, True):
         click.echo(f"would run {' '.join(words)}")

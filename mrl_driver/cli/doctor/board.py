@@ -1,26 +1,30 @@
 """Checks of a connected board: identity, power supply, faults, link.  The robot stands still."""
 
 import math
-import time
 from typing import TYPE_CHECKING, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence
 
 from mrl_driver.protocol.stop_reason import StopReason
 from mrl_driver.protocol.table import BY_NAME, FAULTS, REASONS, SENSOR_BY_NAME
 from mrl_driver.robot import imu
 from mrl_driver.robot.hold import Hold
-from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.inputs import EMERGENCY, SAFETY, Inputs
+from mrl_driver.robot.models import ECHO_INPUTS, RobotModel, SonarMount
+from mrl_driver.robot.robot_state import assumes_sonars
 from mrl_driver.session.handshake import Board
 from mrl_driver.session.sensor_polling import Reading, text
 from mrl_driver.session.session import Status
+from mrl_driver.view.shown_state import NO_ODOMETRY, VIRTUAL
 from mrl_driver.view.words import STOPS
 
-from .findings import Finding, fault, note, ok, warning, warning_if
+from .findings import NOTE, Finding, fault, note, ok, warning, warning_if
 
 if TYPE_CHECKING:
     from mrl_driver.driver import Driver
 
 MEASURE_S = 1.0
 ROUND_TRIPS = 40
+CALCULATED = "look for a fault that is set: mrl config get virtual_faults --port PORT"
+"""Advice about a virtual robot, which has no cables and no battery that other advice could be for."""
 HOT_C = 60.0  # temperature of the motor board that is too high [degC]
 SLOW_ROUND_TRIP_S = 0.05
 """A round trip above this is slow [s]: the serial link takes 3 ms, a USB adapter up to 16 ms more."""
@@ -32,6 +36,8 @@ _FAULTY_STOPS = {
     StopReason.UNDERVOLTAGE: "undervoltage",
 }
 """Stops of the board that are problems, and their codes."""
+_INPUT_CODES = {"bumper": "bumper_hit", "cliff": "cliff", "emergency": EMERGENCY}
+_ECHO_ADVICE = "check its supply of 5 V, and its wires to the board"
 _RESETS = {"watchdog": "firmware_hung", "brown_out": "brown_out"}
 _FAULT_CODES = {"imu": "imu_dead"}  # codes of faults that differ from their names
 
@@ -46,6 +52,15 @@ class LinkFigures(NamedTuple):
     round_trips_s: List[float]  # times from request to answer, ascending
 
 
+def of_robot(driver: "Driver", findings: Iterator[Finding]) -> Iterator[Finding]:
+    """Yield findings about the robot; one that is virtual gets its own advice."""
+    virtual = driver.board.virtual
+    return (
+        each._replace(advice=CALCULATED) if virtual and each.advice and each.level != NOTE else each
+        for each in findings
+    )
+
+
 def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     """Check the board's identity and the capabilities of its firmware."""
     if board.robot_id == 0:
@@ -55,6 +70,8 @@ def identity(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
         yield warning("wrong_robot", "robot id", f"no packaged model lists {board.robot_id}", advice)
     else:
         yield ok("robot", f"{model.name} {board.robot_id}")
+    if board.virtual:
+        yield note("virtual", "virtual", VIRTUAL)
     if board.version < 2:
         yield warning("no_watchdog", "firmware", "1 (2013): works, but has no watchdog and no checksum")
         return
@@ -69,6 +86,8 @@ def supply(board: Board, model: Optional[RobotModel]) -> Iterator[Finding]:
     if model is not None and not model.drives:
         yield ok("motors", "none: the board has sensors, and something else drives its robot")
         return
+    if model is not None and not model.has_odometry:
+        yield note("no_odometry", "odometry", NO_ODOMETRY)
     if "no_battery" in board.capabilities:
         yield note("no_battery", "battery", "not measured")
     else:
@@ -116,6 +135,15 @@ def health(status: Optional[Status], wiring: str = "") -> Iterator[Finding]:
         yield note("clamped", "speed ceiling", f"clamped {status.clamped} commands")
 
 
+def inputs(found: Optional[Inputs]) -> Iterator[Finding]:
+    """Check the inputs that stop the robot; one that is active although nobody touches it may be broken."""
+    if found is None:
+        return
+    first = (*found.active, *[EMERGENCY] * found.latched, "")[0]
+    code = _INPUT_CODES.get(first.partition("_")[0], "")
+    yield warning_if(bool(first), code, "inputs", f"{found}; {SAFETY}")
+
+
 def hold(found: Optional[Hold]) -> Iterator[Finding]:
     """Check whether other robots hold this one by radio."""
     if found is not None and found.held:
@@ -140,9 +168,9 @@ def watch(driver: "Driver", seconds: float = MEASURE_S, trips: int = ROUND_TRIPS
 
 
 def _round_trip_s(driver: "Driver") -> float:
-    start_s = time.perf_counter()
+    start_s = driver.now_s
     driver.ask(BY_NAME["get_stream"].code)  # not get_debug: 2013 boards answer it with text as well
-    return time.perf_counter() - start_s
+    return driver.now_s - start_s
 
 
 def link(seen: LinkFigures, by_network: bool = False) -> Iterator[Finding]:
@@ -166,14 +194,15 @@ def link(seen: LinkFigures, by_network: bool = False) -> Iterator[Finding]:
     yield warning_if(middle > SLOW_ROUND_TRIP_S, "slow_line", "latency", text, network)
 
 
-def sonars(ranges: Dict[str, float], board: Board) -> Iterator[Finding]:
-    """Check the present reading of each sonar."""
+def sonars(ranges: Mapping[str, float], board: Board, mounts: Mapping[str, SonarMount]) -> Iterator[Finding]:
+    """Check the present reading of each sonar, of those that are mounted so."""
     if (board.version >= 2 or board.capabilities) and "sonars" not in board.capabilities:
         yield note("no_sonars", "sonars", "none: this firmware is the build for environment sensors")
         return
     for name, value in ranges.items():
         if math.isnan(value):
-            yield fault("sonar_dead", f"sonar {name}", "no reading")
+            advice = _ECHO_ADVICE if mounts[name].input in ECHO_INPUTS else ""
+            yield fault("sonar_dead", f"sonar {name}", "no reading", advice)
         else:
             words = (
                 f"{value:.2f} m" if math.isfinite(value) else "nothing in range" if value > 0 else "too close"
@@ -186,7 +215,7 @@ def build(driver: "Driver") -> Iterator[Finding]:
     text, _, advice = driver.build_warning.partition("; ")
     if text:
         yield warning("build", "build", text, advice)
-    elif driver.build_assumed:
+    elif driver.model is not None and assumes_sonars(driver.model, driver.board):
         yield note("build", "build", "taken as sonar: a board of 2013 does not report it")
 
 

@@ -14,6 +14,18 @@ from mrl_driver.errors import ConfigError, shortages
 from mrl_driver.protocol.table import PARAMETERS
 
 from .drives import Drive, MecanumDrive, OmniDrive, kind_of
+from .range_sensors import (
+    ANALOG,
+    CHAIN_S,
+    ECHO_INPUTS,
+    HC_SR04,
+    MB1300,
+    RANGE_KINDS,
+    RangeKind,
+    SonarMount,
+    cycle_s,
+    echo_cycle_s,
+)
 from .robot_file import RobotFile
 from .robot_model import (
     BOARD_KEYS,
@@ -32,7 +44,7 @@ from .robot_model import (
     Limits,
     Noise,
     RobotModel,
-    SonarMount,
+    ServoMount,
     has_environment,
     require_supported,
     with_build,
@@ -72,6 +84,12 @@ def path_of(name_or_path: str) -> str:
         return name_or_path
     own = os.path.join(own_folder(), f"{name_or_path}.yaml")
     return own if os.path.isfile(own) else os.path.join(_FOLDER, f"{name_or_path}.yaml")
+
+
+def is_real(model: RobotModel) -> bool:
+    """Return whether no virtual robot has this model: it has no H-bridge, or is not a packaged one, unchanged."""
+    own = model.name not in packaged() or model != load_packaged(model.name)
+    return own or not model.board.get("bridge")
 
 
 def load(name_or_path: str) -> RobotModel:

@@ -1,11 +1,12 @@
 """The file of a robot model: what it may hold, checked when it is read, and as a schema for editors."""
 
 import math
+import re
 from functools import lru_cache
-from typing import Any, Callable, Dict, Tuple, Type, get_type_hints
+from typing import Any, Callable, Dict, Iterator, Tuple, Type, get_type_hints
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.protocol.table import BRIDGES, INT16_MAX, PARAMETERS, PINS
+from mrl_driver.protocol.table import BRIDGES, BY_NAME, INT16_MAX, NOT_CONNECTED, PARAMETERS, PINS
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P, CHIPS
 from mrl_driver.yaml_file import Reader
@@ -23,7 +24,23 @@ from mrl_driver.yaml_form import (
     Whole,
 )
 
-from .drives import DIFFERENTIAL, EXTRA, KINDS, NONE, TRACKED, AnyDrive, Drive, NoDrive, OmniDrive
+from .drives import (
+    DIFFERENTIAL,
+    EXTRA,
+    FOUR_WHEELS,
+    KINDS,
+    MECANUM,
+    NONE,
+    SKID,
+    TRACKED,
+    AnyDrive,
+    MecanumDrive,
+    NoDrive,
+    OmniDrive,
+    SkidDrive,
+    kind_of,
+)
+from .range_sensors import ECHO_INPUTS, RANGE_KINDS, SONARS, SonarMount
 from .robot_model import (
     BOARD_KEYS,
     BUILDS,
@@ -32,7 +49,6 @@ from .robot_model import (
     ON_WHEELS,
     OWN_KEYS,
     SONAR,
-    SONARS,
     Battery,
     Body,
     ImuMount,
@@ -40,14 +56,18 @@ from .robot_model import (
     Limits,
     Noise,
     RobotModel,
-    SonarMount,
-    require_sonars,
+    ServoMount,
+    require_inputs,
 )
 
 _STILL = Limits(0.0, 0.0, 0.0, 0.0)
 _NO_BODY = Body(0.0, 0.0, 0.0, 0.0, tracks=False)
 _NO_BATTERY = Battery(math.nan, math.nan, math.nan, math.nan, math.nan)
 _POSITIVE = (1e-9, 1e6)
+_CHOICES = {"type": tuple(RANGE_KINDS), "input": SONARS + ECHO_INPUTS}
+_PART_NAME = "[a-z][a-z0-9_]*"
+_NAMED: Schema = {"type": "object", "propertyNames": {"pattern": f"^{_PART_NAME}$"}}
+_LEAST_US_PER_RAD = 1.0
 _LIKE = 1.8
 """Sizes that belong together differ at most by this factor: a diameter in place of a radius is 2; of StingBot's wheel,
 whose values are fitted, 1.72."""
@@ -55,6 +75,9 @@ _RANGES = {
     "wheel_separation_m": (0.02, 5.0),
     **dict.fromkeys(("radius_m", "half_length_m", "half_width_m"), (0.01, 2.5)),
     "wheel_radius_m": (0.003, 1.0),
+    **dict.fromkeys(("low_rad", "high_rad"), (-2 * math.pi, 2 * math.pi)),
+    **dict.fromkeys(("low_us", "high_us"), BY_NAME["set_servo"].request[1][1:3]),
+    "speed_rad_s": (0.01, 100.0),
     "metres_per_count": (1e-7, 1.0),
     "full_speed_m_s": (1e-3, 32.7),
     **dict.fromkeys(("length_m", "width_m"), (0.02, 5.0)),
@@ -67,12 +90,16 @@ _RANGES = {
     "angular_acceleration_rad_s2": (1e-3, 1000.0),
     **dict.fromkeys(("linear_m_s", "angular_rad_s"), (1e-3, 32.7)),
     "lateral_m_s": (0.0, 32.7),
+    **dict.fromkeys(("braking_m_s2", "curve_m_s2"), (0.0, 1000.0)),
     **dict.fromkeys(("x_m", "y_m", "z_m"), (-10.0, 10.0)),
     **dict.fromkeys(("roll_deg", "pitch_deg", "yaw_deg"), (-180.0, 180.0)),
+    "field_of_view_deg": (1.0, 120.0),
+    "nearest_m": (0.0, 10.0),
+    "farthest_m": (0.05, 100.0),
     "gyro_scale": (0.8, 1.25),
     "gyro_scale_sd": (1e-5, 0.25),
-    "wheel_offset": (-0.2, 0.2),
-    "turn_slip": (-0.5, 0.9),
+    **dict.fromkeys(("wheel_offset", "rear_offset", "cross_offset"), (-0.2, 0.2)),
+    **dict.fromkeys(("turn_slip", "side_slip"), (-0.5, 0.9)),
     **dict.fromkeys(("wheel_m2_per_m", "turn_rad2_per_rad"), (0.0, 1.0)),
     **dict.fromkeys(("distance_scale_sd", "wheel_ratio_sd"), (0.0, 0.5)),
     "turn_scale_sd": (0.0, 0.9),
@@ -135,9 +162,13 @@ class _Bridge(Form):
 
 
 class _Pin(Form):
-    """A pin as a number or as on the board, such as 5, D5 or A4.  Only `_Wiring` knows whether the chip has it."""
+    """A pin as a number or as on the board, such as 5, D5 or A4.  Only `Wiring` knows whether the chip has it."""
 
     _NUMBER = Whole(0, PINS[0].high)
+    DEFINITIONS: Schema = {
+        "pin": {"anyOf": [_NUMBER.schema(), {"type": "string", "pattern": "^[ADad]?[0-9]{1,2}$"}]}
+    }
+    """What its schema refers to; the schema of the whole file has it."""
 
     def read(self, reader: Reader, key: str, value: Any) -> str:
         if isinstance(value, str):
@@ -145,7 +176,7 @@ class _Pin(Form):
         return str(self._NUMBER.read(reader, key, value))
 
     def schema(self) -> Schema:
-        return {"anyOf": [self._NUMBER.schema(), {"type": "string", "pattern": "^[ADad]?[0-9]{1,2}$"}]}
+        return {"$ref": "#/definitions/pin"}
 
 
 class Wiring(Keys):
@@ -155,10 +186,15 @@ class Wiring(Keys):
     """
 
     def __init__(self) -> None:
-        texts = {"chip": "Chip of the board.", "i2c": "Devices are on the I2C bus: its two pins are in use."}
+        texts = {
+            "chip": "Chip of the board.",
+            "i2c": "Devices are on the I2C bus: its two pins are in use.",
+            "no_encoders": "The motors have no encoders: they turn by their duty alone, and there is no odometry.",
+        }
         forms: Dict[str, Form] = {"chip": Choice(tuple(CHIPS))}
         for row in PINS:
-            forms[wiring.short(row.name)] = Flag() if row.name == wiring.I2C else _Pin()
+            number = _Pin() if row.name in wiring.PIN_NAMES else Whole(row.low, row.high)
+            forms[wiring.short(row.name)] = Flag() if row.name in wiring.FLAGS else number
             texts.setdefault(wiring.short(row.name), row.text)
         super().__init__(forms, forms, texts)
 
@@ -166,7 +202,7 @@ class Wiring(Keys):
         """Return the chip, and the parameters of the wiring by name."""
         found = super().read(reader, key, value)
         chip = CHIPS[found.pop("chip", ATMEGA328P.name)]
-        pins = dict(wiring.EMPTY)
+        pins = wiring.of_board({})
         for row in PINS:
             name = wiring.short(row.name)
             if name in found:
@@ -176,6 +212,10 @@ class Wiring(Keys):
                         f"{key}.{name}", found[name], f"a pin of the {chip.board}, such as 5 or A4"
                     )
                 pins[row.name] = number
+                if row not in wiring.rows(chip):
+                    raise reader.fail(
+                        f"{key}.{name}", found[name], f"nothing: the {chip.board} does not have it"
+                    )
         return chip, pins
 
 
@@ -209,18 +249,45 @@ class _Base(Form):
         return found
 
 
+def _parts(kind: Type[tuple], reader: Reader, key: str, value: Any) -> Iterator[Tuple[str, Any]]:
+    """Read parts of one kind by their names, one after the other."""
+    for name, part in reader.mapping(key, value).items():
+        if not re.fullmatch(_PART_NAME, str(name)):
+            raise reader.fail(key, name, "names of lower-case letters, digits and _")
+        yield name, _section(kind).read(reader, f"{key}.{name}", part)
+
+
 class _Sonars(Form):
-    """Mounting poses of the sonars that are fitted."""
+    """The sonars that are fitted, by name.  Only `read` checks that each is on an input of its own."""
 
     def read(self, reader: Reader, key: str, value: Any) -> Dict[str, SonarMount]:
-        mounts = reader.mapping(key, value)
-        require_sonars(mounts, f"{reader.path}: ")
-        return {
-            name: _section(SonarMount).read(reader, f"{key}.{name}", mount) for name, mount in mounts.items()
-        }
+        found: Dict[str, SonarMount] = {}
+        for name, mount in _parts(SonarMount, reader, key, value):
+            found[name] = mount._replace(input=mount.input_of(name))
+        return found
 
     def schema(self) -> Schema:
-        return Keys(dict.fromkeys(SONARS, _section(SonarMount)), SONARS).schema()
+        return {**_NAMED, "additionalProperties": _section(SonarMount).schema()}
+
+
+class _Servos(Form):
+    """The servos by name.  Only `read` checks that they fit each other and the wiring."""
+
+    def read(self, reader: Reader, key: str, value: Any) -> Dict[str, ServoMount]:
+        found: Dict[str, ServoMount] = {}
+        for name, servo in _parts(ServoMount, reader, key, value):
+            place = f"{key}.{name}"
+            if servo.low_rad >= servo.high_rad:
+                raise reader.fail(f"{place}.low_rad", servo.low_rad, "less than high_rad")
+            if abs(servo.us_per_rad) < _LEAST_US_PER_RAD:
+                raise reader.fail(f"{place}.high_us", servo.high_us, "another length than low_us")
+            if servo.parent and servo.parent not in found:
+                raise reader.fail(f"{place}.parent", servo.parent, "a servo above it in the file")
+            found[name] = servo
+        return found
+
+    def schema(self) -> Schema:
+        return {**_NAMED, "additionalProperties": _section(ServoMount).schema()}
 
 
 class _Noise(Form):
@@ -240,14 +307,19 @@ _RULES = (
         "true for a tracked drive",
     ),
     Rule(
-        Condition(("drive", "kind"), (DIFFERENTIAL, TRACKED), or_absent=True),
+        Condition(("drive", "kind"), (DIFFERENTIAL, TRACKED, SKID), or_absent=True),
         Condition(("limits", "lateral_m_s"), (0,), or_absent=True),
-        "0: a base with two wheels or tracks cannot move sideways",
+        "0: only a base with omni or mecanum wheels can move sideways",
     ),
     Rule(
         Condition(("board", "bridge")),
-        Condition(("drive", "kind"), (DIFFERENTIAL, TRACKED), or_absent=True),
-        "differential or tracked for a board.bridge",
+        Condition(("drive", "kind"), (DIFFERENTIAL, TRACKED, SKID, MECANUM), or_absent=True),
+        "differential, tracked, skid or mecanum for a board.bridge",
+    ),
+    Rule(
+        Condition(("drive", "kind"), FOUR_WHEELS),
+        Condition(("wiring",)),
+        "the pins of four motors on a Mega",
     ),
     Rule(
         Condition(("board", "bridge")),
@@ -282,11 +354,13 @@ class RobotFile(Form):
         for rule in _RULES:
             rule.check(reader, value)
         self._take_wiring(reader, found)
-        noise = ON_TRACKS if found["body"].tracks else ON_WHEELS
+        slides = found["body"].tracks or isinstance(found["drive"], SkidDrive)
+        noise = ON_TRACKS if slides else ON_WHEELS
         found["noise"] = noise._replace(**found.get("noise", {}))
         if found.get("build") == ENVIRONMENT:
             found["sonars"] = {}
         model = RobotModel(**found)
+        require_inputs(model, f"{reader.path}: ")
         self._check_battery(reader, model.battery)
         self._check_limits(reader, model)
         self._check_counts(reader, model)
@@ -297,6 +371,7 @@ class RobotFile(Form):
         """Return the JSON Schema of a robot's file."""
         with_motors = {**self._with_motors().schema(), "allOf": [rule.schema() for rule in _RULES]}
         return {
+            "definitions": _Pin.DEFINITIONS,
             "type": "object",
             "if": Condition(("drive",), (NONE,)).schema(),
             "then": self._without_motors().schema(),
@@ -316,6 +391,7 @@ class RobotFile(Form):
             "battery": _section(Battery),
             "noise": _Noise(),
             "build": Choice(BUILDS),
+            "servos": _Servos(),
             "imu": _section(ImuMount),
             "laser": _section(LaserMount),
         }
@@ -329,13 +405,23 @@ class RobotFile(Form):
 
     def _take_wiring(self, reader: Reader, found: Dict[str, Any]) -> None:
         """Put the parameters of the wiring to the others of the board; raise ConfigError if the chip cannot do that."""
+        for name, servo in found.get("servos", {}).items():
+            pin = f"pin_servo_{servo.servo}"
+            if found.get("wiring", (None, {}))[1].get(pin, NOT_CONNECTED) == NOT_CONNECTED:
+                raise reader.fail(
+                    f"servos.{name}.servo", servo.servo, f"one with a pin: wiring.{wiring.short(pin)}"
+                )
         if "wiring" not in found:
             return
         chip, pins = found.pop("wiring")
         problem = wiring.check(pins, BRIDGES[found["board"]["bridge"]], chip)
         if problem != wiring.SOUND:
             raise ConfigError(f"{reader.path}: wiring: {wiring.in_words(problem, pins, chip)}")
-        found["board"].update(pins)
+        motors, kind = wiring.motors(pins), kind_of(found["drive"])
+        if (motors > wiring.FRONT) != (kind in FOUR_WHEELS):
+            kinds = " or ".join(FOUR_WHEELS) if motors > wiring.FRONT else f"{DIFFERENTIAL} or {TRACKED}"
+            raise reader.fail("drive.kind", kind, f"{kinds}: the wiring has {motors} motors")
+        found["board"].update((row.name, pins[row.name]) for row in wiring.rows(chip))
         found["chip"] = chip.name
 
     def _check_battery(self, reader: Reader, battery: Battery) -> None:
@@ -364,16 +450,19 @@ class RobotFile(Form):
     def _check_sizes(self, reader: Reader, model: RobotModel) -> None:
         """Check sizes against each other: a value in another unit is off by much more than `_LIKE`."""
         drive, board, body = model.drive, model.board, model.body
-        if isinstance(drive, (Drive, OmniDrive)):
-            key, half = ("wheel_separation_m", 2) if isinstance(drive, Drive) else ("radius_m", 1)
+        if not isinstance(drive, NoDrive):
+            separation_m = across_m = drive.wheel_separation_m
+            key, half = ("radius_m", 1) if isinstance(drive, OmniDrive) else ("wheel_separation_m", 2)
+            if isinstance(drive, MecanumDrive):
+                key, half, across_m = "half_length_m and half_width_m", 1, 2 * drive.half_width_m
             turn_m = 2 * math.pi * board["wheel_radius"] * 1e-5
             per_count_m = turn_m / max(1.0, board["gearbox"] * board["encoder_counts"] / 100)
             of_count = "board.wheel_radius [0.01 mm], gearbox [0.1] and encoder_counts [0.1]"
             axis_m, of_axis = half * board["axis_radius"] * 1e-5, "board.axis_radius [0.01 mm]"
             for name, got, like, of in (
-                (f"drive.{key}", getattr(drive, key), axis_m, of_axis),
+                (f"drive.{key}", separation_m * half / 2, axis_m, of_axis),
                 ("drive.metres_per_count", drive.metres_per_count, per_count_m, of_count),
-                ("body.width_m", body.width_m, drive.wheel_separation_m, "the wheels"),
+                ("body.width_m", body.width_m, across_m, "the wheels"),
             ):
                 if not like / _LIKE <= got <= like * _LIKE:
                     raise reader.fail(name, got, f"about {like:.3g}, to fit {of}")
@@ -391,7 +480,8 @@ _TEXTS = {
     "drive": "Geometry of the base, by its kind; none for a board without motors.",
     "board": "Parameters of the board; mrl set-id and mrl config defaults store them in its EEPROM.",
     "wiring": "Pins of an H-bridge board; mrl flash and mrl set-id store them in its EEPROM.",
-    "sonars": "Mounting poses of the sonars that are fitted; a board reads front, left and right.",
+    "sonars": "The sonars that are fitted, by name, and where they are.",
+    "servos": "Servos of the wiring by the names of their joints, such as pan and tilt.",
     "build": "Build of the firmware; a board of 2013 does not report its own.",
 }
 """Descriptions of keys that have no named tuple."""
@@ -415,6 +505,8 @@ def _forms(kind: Type[tuple]) -> Dict[str, Form]:
     by_type: Dict[Any, Callable[[str], Form]] = {
         bool: lambda name: Flag(),
         float: lambda name: Number(*_RANGES.get(name, _POSITIVE)),
+        int: lambda name: Whole(1, len(wiring.SERVOS)),
+        str: lambda name: Choice(_CHOICES[name]) if name in _CHOICES else Text(),
     }
     hints = get_type_hints(kind)
     return {name: by_type.get(hint, lambda name: _Angles())(name) for name, hint in hints.items()}

@@ -2,14 +2,14 @@
 
 import math
 from functools import lru_cache
-from typing import Any, Dict, Iterable, NamedTuple, Optional, Tuple
+from typing import Dict, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
-from mrl_driver.geometry import Pose
-from mrl_driver.protocol.table import BY_NAME
-from mrl_driver.robot.chips import ATMEGA328P
+from mrl_driver.robot.chips import ATMEGA328P, CHIPS
+from mrl_driver.robot.wiring import range_inputs
 
-from .drives import AnyDrive, Base, Drive, MecanumDrive, NoDrive, kind_of
+from .drives import AnyDrive, Base, Drive, NoDrive, kind_of
+from .range_sensors import ANALOG, SONARS, SonarMount, wired_types
 
 Vector = Tuple[float, float, float]
 SONAR, ENVIRONMENT = "sonar", "environment"
@@ -53,6 +53,10 @@ class Limits(NamedTuple):
     angular_acceleration_rad_s2: float
     lateral_m_s: float = 0.0
     """Speed sideways, if the base can; 0 means as fast as forward."""
+    braking_m_s2: float = 0.0
+    """Deceleration of slower commands, also of zero; 0 means at once.  Stops are at once in any case."""
+    curve_m_s2: float = 0.0
+    """Acceleration to the inside of a curve, linear times angular speed; 0 means no limit."""
 
 
 class Body(NamedTuple):
@@ -66,17 +70,42 @@ class Body(NamedTuple):
     """It stands on tracks, not on wheels."""
 
 
-class SonarMount(NamedTuple):
-    """Mounting pose of a sonar in base_link; yaw counter-clockwise from forward."""
+class ServoMount(NamedTuple):
+    """A servo: its range, and the joint that it turns, about the vertical axis of base_link unless it tilts."""
 
-    x_m: float
-    y_m: float
-    yaw_deg: float
+    servo: int
+    """Servo of the wiring: 1 for the one at servo_1."""
+    low_rad: float
+    """Smallest angle."""
+    high_rad: float
+    """Largest angle; counter-clockwise, or downward for one that tilts."""
+    low_us: float
+    """Length of the pulses at low_rad; larger than high_us if the servo turns in the other direction."""
+    high_us: float
+    """Length of the pulses at high_rad."""
+    speed_rad_s: float = 1.0
+    """Largest speed."""
+    tilts: bool = False
+    """It turns about the axis to the left."""
+    parent: str = ""
+    """Name of the servo that carries it; without it, it stands on base_link."""
+    x_m: float = 0.0
+    """Place of the joint in base_link, or on the servo that carries it."""
+    y_m: float = 0.0
+    z_m: float = 0.0
 
     @property
-    def pose(self) -> Pose:
-        """The same as a pose, with the yaw in radians."""
-        return Pose(self.x_m, self.y_m, math.radians(self.yaw_deg))
+    def us_per_rad(self) -> float:
+        """Change of the pulses in a radian."""
+        return (self.high_us - self.low_us) / (self.high_rad - self.low_rad)
+
+    def pulse_us(self, angle_rad: float) -> float:
+        """Return the length of the pulses at an angle."""
+        return self.low_us + (angle_rad - self.low_rad) * self.us_per_rad
+
+    def angle_rad(self, pulse_us: float) -> float:
+        """Return the angle at a length of the pulses."""
+        return self.low_rad + (pulse_us - self.low_us) / self.us_per_rad
 
 
 class LaserMount(NamedTuple):
@@ -165,6 +194,7 @@ class RobotModel(NamedTuple):
     """Where a laser is, if one is fitted."""
     chip: str = ATMEGA328P.name
     """Chip of an H-bridge board, one of `chips.CHIPS`."""
+    servos: Dict[str, ServoMount] = {}
 
     @property
     def drives(self) -> bool:
@@ -173,30 +203,38 @@ class RobotModel(NamedTuple):
 
     @property
     def base(self) -> Base:
-        """The drive, for functions that need wheels; raise ConfigError if the board has no motors or cannot move it."""
+        """The drive, for functions that need wheels; raise ConfigError if the board has no motors."""
         if isinstance(self.drive, NoDrive):
             raise ConfigError(
                 f"robot {self.name} is a board without motors (drive: none): it has sensors, and something else "
                 "drives its robot"
             )
-        if isinstance(self.drive, MecanumDrive):
-            raise ConfigError(
-                f"robot {self.name} has a drive of kind {kind_of(self.drive)}, which no board with three motors moves, "
-                "expected differential, tracked or omni: use mrl_driver.robot.kinematics with boards of your own"
-            )
         return self.drive
 
     def require_motors(self) -> None:
-        """Raise ConfigError if the board has no motors, or cannot move the base."""
+        """Raise ConfigError if the board has no motors."""
         _ = self.base
+
+    @property
+    def has_odometry(self) -> bool:
+        """The board counts how the wheels turn.  False without motors, and for motors without encoders."""
+        return self.drives and not self.board.get("no_encoders")
+
+    def require_odometry(self) -> None:
+        """Raise ConfigError if the board has no motors, or if they have no encoders."""
+        self.require_motors()
+        if not self.has_odometry:
+            raise ConfigError(
+                f"robot {self.name} has no odometry, because its motors have no encoders (wiring.no_encoders)"
+            )
 
     @property
     def differential(self) -> Drive:
         """The drive, for functions that need two wheels or tracks; raise ConfigError for another drive type."""
         if not isinstance(self.base, Drive):
             raise ConfigError(
-                f"robot {self.name} has a drive of kind {kind_of(self.drive)}, expected differential or tracked: "
-                "this is for robots with two wheels or tracks"
+                f"robot {self.name} has a drive of kind {kind_of(self.drive)}, expected differential, tracked "
+                "or skid: this is for robots with wheels on two sides, or tracks"
             )
         return self.base
 
@@ -222,25 +260,38 @@ def has_environment(model: RobotModel, robot_id: Optional[int]) -> bool:
     return model.build == ENVIRONMENT if model.build else robot_id in SENSOR_BOARD_IDS
 
 
-def require_sonars(names: Iterable[Any], place: str = "") -> None:
-    """Raise ConfigError unless a board reads each of these sonars; `place` begins the error."""
-    for name in names:
-        if name not in SONARS:
+def require_inputs(model: RobotModel, place: str) -> None:
+    """Raise ConfigError unless a board reads each sonar, on pins of its own; `place` begins the error."""
+    users: Dict[str, str] = {}
+    chip = CHIPS[model.chip]
+    inputs = range_inputs(chip)
+    for name, mount in model.sonars.items():
+        given = mount.input_of(name)
+        if given not in SONARS + inputs:
             raise ConfigError(
-                f"{place}key sonars.{name} is unknown, expected {', '.join(SONARS)}: a board reads these three sonars; "
-                "firmware/SENSORS.md shows how to add another sensor"
+                f"{place}sonars.{name} is on the input {given!r}, expected input: {', '.join(SONARS)}, or "
+                f"{inputs[0]} to {inputs[-1]} of the wiring on the {chip.board}"
+            )
+        if users.setdefault(given, name) != name:
+            raise ConfigError(f"{place}sonars.{name} is on the input {given}, as sonars.{users[given]}")
+        there, types = wired_types(model.board, given)
+        if not types:
+            raise ConfigError(
+                f"{place}sonars.{name} is on the input {given}, which has no pins: add {given}_trigger and "
+                f"{given}_echo to the section wiring, or for an analog sensor the second one alone"
+            )
+        if mount.type not in types and (mount.type or types == ANALOG):
+            raise ConfigError(
+                f"{place}sonars.{name}.type is {mount.type or 'missing'}, expected {' or '.join(types)}: the input "
+                f"{given} has {there}"
             )
 
 
 def require_supported(model: RobotModel) -> None:
-    """Raise ConfigError unless a board can move the base of this model, and reads its sonars."""
-    require_sonars(model.sonars, f"robot {model.name}: ")
-    if model.drives:
-        model.require_motors()
+    """Raise ConfigError unless a board reads the sonars of this model."""
+    require_inputs(model, f"robot {model.name}: ")
 
 
-SONARS = tuple(field.name for field in BY_NAME["read_sonars"].reply)
-"""Names of the sonars that a board reads."""
 BOARD_KEYS = range(1, 12)
 """Indices of the parameters whose defaults differ between models; `COMMON_BOARD` has the others."""
 CURVE_KEYS = ("sonar_a", "sonar_b", "sonar_c")
@@ -269,6 +320,7 @@ COMMON_BOARD = {
     "reversal_pause": 50,
     "radio_hold": 0,
     "plain_calibrate": 0,
+    "virtual_faults": 0,
 }
 """Defaults that all models share.
 

@@ -5,7 +5,7 @@
 #define CASES 10
 
 volatile uint8_t one = 1, sums[CASES], cycles[CASES];
-volatile uint16_t from_table;
+volatile uint16_t from_table, from_call;
 static const uint16_t table[] PROGMEM = {0xFC00, 0x960F};
 
 #define TRY(number, skip)                                                                                              \
@@ -19,6 +19,7 @@ static const uint16_t table[] PROGMEM = {0xFC00, 0x960F};
 
 int main(void) {
     uint8_t bit = one;
+    uint16_t target;
     TCCR1B = _BV(CS10);
     GPIOR0 = 1;
     TRY(0, "sbrc %1, 1");
@@ -32,6 +33,9 @@ int main(void) {
     TRY(8, "sbis 0x1e, 1");
     TRY(9, "cpse %1, __zero_reg__");
     from_table = pgm_read_word(&table[one - 1]);
+    asm volatile("ldi r30, lo8(1f)\n ldi r31, hi8(1f)\n lpm %A0, Z+\n lpm %B0, Z\n rjmp 2f\n"
+                 ".word 0x940E\n 1: .word 0x117D\n adiw r28, 28\n 2:" : "=&r"(target)::"r30", "r31");
+    from_call = target;
     for (;;)
         ;
 }

@@ -5,7 +5,7 @@ the released firmware of August 2013 and with a sketch on ros_lib; neither is in
 `firmware/comparison` repeat that of `@6e`.
 
 Figures with an IMU that streams have the suffix `_imu_100hz`, and those of the H-bridge image `_hbridge` before it.
-With PWM on D9 and D10, so that another timer is the clock, the suffix is `_d9_d10`.
+With PWM on D9 and D10, so that another timer is the clock, the suffix is `_d9_d10`; on a Mega with four wheels `_mega`.
 FAST=1 is shorter.
 """
 
@@ -15,12 +15,20 @@ from functools import partial
 from statistics import median
 from typing import Callable, Dict, Mapping, NamedTuple, Optional, Tuple, TypeVar
 
+from mrl_driver.robot.chips import ATMEGA2560
 from sim_arduino.experiments import turnaround
 from sim_arduino.experiments.experiment_robot import Setting
 from tests.long.bench import bridge_measures as bridge
 from tests.long.bench import firmware_measures as measures
 from tests.long.bench import report
-from tests.long.bench.bridge_board import ON_TIMER_1, BridgeRig
+from tests.long.bench.bridge_board import (
+    FOUR_WHEELS,
+    ON_TIMER_1,
+    WITH_INPUTS,
+    WITH_SERVOS,
+    BridgeRig,
+    FullMega,
+)
 from tests.long.bench.figures import ROOT
 from tests.long.bench.firmware_board import Rig
 from tests.models import DUO_PINS
@@ -37,8 +45,9 @@ class Case(NamedTuple):
 
 CASES = Case("", None), Case("_imu_100hz", 10)
 BRIDGE_CASES = (*CASES, Case("_d9_d10", None, ON_TIMER_1))
+STOPS_OF_MEGA = {"pin_bumper_left": 36, "pin_emergency_stop": 37}
 FOLDER = ROOT / "build" / "firmware"
-ELF, BRIDGE_ELF = FOLDER / "mrl_firmware.elf", FOLDER / "mrl_firmware_hbridge.elf"
+ELF, BRIDGE_ELF, MEGA_ELF = (FOLDER / f"mrl_firmware{of}.elf" for of in ("", "_hbridge", "_hbridge_mega"))
 BRIDGE_EDGES_HZ = 10000  # Edges of both wheels together in the figures that both images have
 SUFFIX = "_hbridge"
 Measure = Callable[[], Dict[str, float]]
@@ -112,7 +121,27 @@ def measured_bridge(case: Case) -> Dict[str, float]:
         figures.update(timed(f"{alone.__name__}{suffix}", partial(alone, turning)))
     if not case.suffix:
         figures.update(timed(f"motion_figures{suffix}", partial(bridge.motion_figures, BRIDGE_ELF)))
+        with_servos = partial(BridgeRig, BRIDGE_ELF, pins=WITH_SERVOS)
+        figures.update(timed(f"servo_figures{suffix}", partial(bridge.servo_figures, with_servos)))
+        fitted = partial(BridgeRig, BRIDGE_ELF, pins=WITH_INPUTS)
+        figures.update(timed(f"input_figures{suffix}", partial(bridge.input_figures, fitted)))
     return figures
+
+
+def measured_mega() -> Dict[str, float]:
+    """Figures of a Mega with four wheels, six HC-SR04 and two servos, without their suffix."""
+    turning = partial(FullMega, MEGA_ELF, pins=FOUR_WHEELS, chip=ATMEGA2560)
+    fitted = partial(FullMega, MEGA_ELF, pins={**FOUR_WHEELS, **STOPS_OF_MEGA}, chip=ATMEGA2560)
+    found = timed("memory_figures_mega", partial(measures.memory_figures, partial(turning, BRIDGE_EDGES_HZ)))
+    found.update(timed("edge_figures_mega", partial(bridge.edge_figures, turning)))
+    for measure, make in (
+        (bridge.stop_figures, turning),
+        (bridge.servo_figures, turning),
+        (bridge.range_figures, turning),
+        (bridge.input_figures, fitted),
+    ):
+        found.update(timed(f"{measure.__name__}_mega", partial(measure, make, bridge.FOUR_WHEELS_HZ)))
+    return found
 
 
 def measured_sketches() -> Dict[str, float]:
@@ -130,4 +159,5 @@ def figures() -> Dict[str, report.Measured]:
     for image, measure, cases in ("", measured, CASES), (SUFFIX, measured_bridge, BRIDGE_CASES):
         for case in cases:
             found.update({f"{key}{image}{case.suffix}": value for key, value in measure(case).items()})
+    found.update({f"{key}{SUFFIX}_mega": value for key, value in measured_mega().items()})
     return {**found, **measured_sketches()}

@@ -4,13 +4,13 @@
 """
 
 from pathlib import Path
-from typing import Callable, Dict, List, Tuple
+from typing import Callable, Dict, Iterator, List, Tuple
 
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.robot import models
 from sim_arduino.avr.records import PinChange
 from sim_arduino.serve import factory
-from tests.long.bench.bridge_board import BridgeRig
+from tests.long.bench.bridge_board import BridgeRig, FullMega
 from tests.long.bench.firmware_board import Rig, request
 from tests.long.bench.firmware_measures import EXACT, MakeRig, end_refusal
 from tests.long.bench.report import either
@@ -19,10 +19,13 @@ COMMANDS_HZ = 400
 CONTROLLED = (b"@9,100,100e", b"@9,99,99e")
 """Commands of the load: with speed control, which costs the board most."""
 UNCONTROLLED = b"@10,100,100e"  # All outputs keep their levels, so that the cycle of a change is exact
-LOAD_EDGES_HZ = 40000
+LOAD_EDGES_HZ, FOUR_WHEELS_HZ = 40000, 60000
 LEAST_EDGES_HZ, MOST_EDGES_HZ = 5000.0, 400000.0
 RATE_STEP, LOAD_S = either((1.01, 1.0), (1.5, 0.1))  # Exactness of the highest rate of edges
 STOPS, WATCHDOG_STOPS, SAMPLES = either((1000, 30, 2000), (10, 2, 20))
+HELD_US, MOVE_US_S, SERVO_PERIOD_S = 1500, 300, 20e-3
+SERVO_S = either(2.0, 0.2)
+RANGES_S, READINGS = 0.4, either(20, 2)  # More than a round of six HC-SR04
 SAMPLE_DUE = "_ZN3hal10sample_dueE"  # the interrupt of the sample moves it on
 SAMPLE_CYCLES = 78 * 1024
 LOOK_CYCLES, LOOK_STEP = 2000, 8
@@ -44,27 +47,28 @@ def load(rig: Rig, seconds: float, commands: Tuple[bytes, ...] = CONTROLLED) -> 
     rig.run(seconds)
 
 
-MakeTurning = Callable[[float], BridgeRig]  # Makes a rig whose wheels turn at a rate [edge/s, both together]
+MakeTurning = Callable[[float], BridgeRig]  # Makes a rig whose wheels turn at a rate [edge/s, all together]
 
 
 def loses_nothing(make: MakeTurning, edges_hz: float, seconds: float = LOAD_S) -> bool:
     """Are all edges counted, all commands accepted and no byte lost under load?"""
     rig = make(edges_hz).settle()
     load(rig, seconds)
-    rig.machine.turn(0.0, 0.0)
+    wheels = rig.machine.wheels
+    rig.machine.turn(*[0.0] * len(wheels))
     rig.machine.send(request("stop_stream"))
     rig.run(20e-3)
-    right, left = answer(rig, "read_encoders")
+    counts = answer(rig, "read_wheels")
     status = dict(zip((field.name for field in BY_NAME["read_status"].reply), answer(rig, "read_status")))
     refused = sum(answer(rig, "read_counters"))
-    missed = [(wheel.edges - count) % 65536 for wheel, count in zip(rig.machine.wheels, (left, right))]
+    missed = [(wheel.edges - count) % 65536 for wheel, count in zip(wheels, counts)]
     lost = rig.machine.bytes_lost
     rig.close()
     return not any((*missed, status["impossible"], status["stop_reason"], refused, lost))
 
 
 def edge_figures(make: MakeTurning) -> Dict[str, float]:
-    """The highest rate of edges, both wheels together, at which nothing is lost."""
+    """The highest rate of edges, all wheels together, at which nothing is lost."""
     good, bad = LEAST_EDGES_HZ, MOST_EDGES_HZ
     if not loses_nothing(make, good):
         return {"edges_hz": 0.0}
@@ -83,8 +87,9 @@ def sample_cycles(rig: Rig, count: int) -> List[int]:
         machine.run_until(due - LOOK_CYCLES)
         while machine.peek(at, 2) == seen:
             machine.run_until(machine.cycle + LOOK_STEP)
-        seen = machine.peek(at, 2)
         cycles.append(machine.cycle)
+        machine.run_until(machine.cycle + LOOK_STEP)  # the second byte follows the first one
+        seen = machine.peek(at, 2)
         due = machine.cycle + SAMPLE_CYCLES
     return cycles
 
@@ -107,25 +112,26 @@ def sample_figures(make: MakeTurning) -> Dict[str, float]:
 # -- stops
 
 
-def outputs_settled(rig: Rig, after: int) -> int:
+def outputs_settled(rig: BridgeRig, after: int) -> int:
     """Cycle of the last change of an output after a cycle.
 
     Raises:
         TimeoutError: no output changed.
     """
-    changes: List[PinChange] = [one for one in rig.machine.pin_changes() if one.cycle > after]
+    outputs, found = rig.outputs, rig.machine.pin_changes()
+    changes: List[PinChange] = [one for one in found if one.cycle > after and one.pin in outputs]
     if not changes:
         raise TimeoutError("no output of the bridge changed within the simulated time")
     return max(one.cycle for one in changes)
 
 
 def watch_outputs(rig: BridgeRig) -> None:
-    rig.machine.watch_pins(rig.outputs)
+    rig.watch(rig.outputs)
 
 
-def stop_figures(make: MakeTurning) -> Dict[str, float]:
+def stop_figures(make: MakeTurning, edges_hz: float = LOAD_EDGES_HZ) -> Dict[str, float]:
     """From the last byte of `@13e` to the last change of an output, under load, at random phases."""
-    rig = make(LOAD_EDGES_HZ).settle()
+    rig = make(edges_hz).settle()
     watch_outputs(rig)
     delays = []
     for _ in range(STOPS):
@@ -138,6 +144,71 @@ def stop_figures(make: MakeTurning) -> Dict[str, float]:
         rig.replies()
     rig.close()
     return {"stop_us_max": max(delays)}
+
+
+def servo_figures(make: MakeTurning, edges_hz: float = LOAD_EDGES_HZ) -> Dict[str, float]:
+    """Largest deviation of the pulses of a servo that is held, and of the time from pulse to pulse, also of one that
+    moves, under load."""
+    rig = make(edges_hz).settle()
+    frequency, pins = rig.machine.frequency_hz, [rig.pins[f"pin_servo_{number}"] for number in (1, 2)]
+    for number, pulse_us in ((1, HELD_US), (2, 1000)):
+        rig.ask(request("set_servo", number, pulse_us, 0))
+    rig.ask(request("set_servo", 2, 2000, MOVE_US_S))
+    rig.watch(pins)
+    rig.run(2 * SERVO_PERIOD_S)
+    rig.machine.pin_changes()
+    load(rig, SERVO_S)
+    changes = [[each for each in rig.machine.pin_changes() if each.pin == pin] for pin in pins]
+    wrong = []
+    for edges in changes:
+        rises = [each.cycle for each in edges if each.level]
+        wrong += [b - a - SERVO_PERIOD_S * frequency for a, b in zip(rises, rises[1:])]
+    held = [
+        b.cycle - a.cycle - HELD_US * 1e-6 * frequency for a, b in zip(changes[0], changes[0][1:]) if a.level
+    ]
+    rig.close()
+    return {"servo_jitter_us": rig.microseconds(max(map(abs, wrong + held)))}
+
+
+def input_figures(make: MakeTurning, edges_hz: float = LOAD_EDGES_HZ) -> Dict[str, float]:
+    """From the edge of an input to the last change of an output, under load, at random phases."""
+    rig = make(edges_hz)
+    inputs = (
+        ("bumper", rig.pins["pin_bumper_left"], 0),
+        ("emergency_input", rig.pins["pin_emergency_stop"], 1),
+    )
+    for _, pin, active in inputs:
+        rig.machine.set_pin(pin, 1 - active)
+    rig.settle()
+    watch_outputs(rig)
+    return {f"{name}_ms_max": max(_delays_ms(rig, pin, active)) for name, pin, active in inputs}
+
+
+def _delays_ms(rig: BridgeRig, pin: int, active: int) -> Iterator[float]:
+    for _ in range(STOPS):
+        at = rig.machine.cycle + int(rig.random.uniform(8e-3, 13e-3) * rig.machine.frequency_hz)
+        rig.machine.set_pin(pin, active, at)
+        load(rig, 22e-3, (UNCONTROLLED,))
+        yield 1e-3 * rig.microseconds(outputs_settled(rig, at) - at)
+        rig.machine.set_pin(pin, 1 - active)
+        rig.run(5e-3)
+        rig.machine.send(request("release_emergency"))
+        rig.run(5e-3)
+        rig.replies()
+
+
+def range_figures(make: Callable[[float], FullMega], edges_hz: float) -> Dict[str, float]:
+    """Largest error of the time of an echo, all sensors, under load."""
+    rig = make(edges_hz).settle()
+    load(rig, RANGES_S)
+    errors_us: List[float] = []
+    for _ in range(READINGS):
+        load(rig, RANGES_S)
+        rig.machine.send(request("stop_stream"))
+        rig.run(20e-3)
+        errors_us += rig.echoes.errors_us(answer(rig, "read_ranges"))
+    rig.close()
+    return {"echo_error_us_max": max(errors_us)}
 
 
 def watchdog_figures(make: Callable[[], BridgeRig]) -> Dict[str, float]:

@@ -1,6 +1,6 @@
 """The figures of the project: their tables in the documents are rendered from docs/figures.
 
-python -m tests.long.bench.figures            renders the tables of `DOCUMENTS`
+python -m tests.long.bench.figures            renders the tables of `DOCUMENTS`, and the figures of `mrl measure`
 python -m tests.long.bench.figures --check    says what is stale; and which make target `make smoke` does not know
 
 `figures.yaml` has the rows of each table.  A figure whose subject has changed since it was measured is marked with the
@@ -18,9 +18,15 @@ from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tup
 
 import yaml
 
+from mrl_driver.apps.measure import report as measure
+from mrl_driver.apps.measure.rows import KINDS
+
 ROOT = Path(__file__).resolve().parents[3]
 KEPT = ROOT / "docs" / "figures"
-DOCUMENTS = ("README.md", "BENCHMARKS.md", "ros1_bridge/README.md")
+MEASURED = ROOT / "docs" / "measured"
+EMULATED = ROOT / "mrl_driver" / "apps" / "measure" / "emulated.json"
+"""Figures that the product needs, without docs/figures next to it."""
+DOCUMENTS = ("README.md", "BENCHMARKS.md", "ros1_bridge/README.md", "docs/measured/README.md")
 _REGION = re.compile(r"(<!-- figures: ([\w-]+) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
 _NAMED = re.compile(r"\{([\w-]+)/([\w.-]+?)(?: / (\d+))?\}")
 _MARKS = re.compile(r"\|[^|\n]*\|$", re.MULTILINE)
@@ -209,6 +215,8 @@ def rendered(name: str) -> str:
     """A table in Markdown, and what was measured when and where."""
     if name == "readme":
         return "\n".join(_markdown([["figure, on emulated hardware", "measured", "reference"], *_readme()]))
+    if name == "boards":
+        return "\n".join(_markdown(list(_boards())))
     table, records = tables()[name], kept(tables()[name].file)
     rows = list(lines(table, records))
     used = [[records[key] for key in table.keys(row).values() if key in records] for row in table.rows]
@@ -223,6 +231,38 @@ def rendered(name: str) -> str:
     return "\n".join(
         [*_markdown(marked), "", f"Measured: {'; '.join(filter(None, (dates, *map(', '.join, facts[1:]))))}."]
     )
+
+
+def _boards() -> Iterator[List[str]]:
+    """The rows of all measurements in docs/measured, next to the emulated figures."""
+    boards = {path.stem: measure.load(str(path)) for path in sorted(MEASURED.glob("*.json"))}
+    yield ["figure", "emulated", *boards]
+    yield ["what it is", "simulated chip", *(one["about"] for one in boards.values())]
+    yield ["measured", "", *(f"{one['made'][:10]}, {one['mrl_driver']}" for one in boards.values())]
+    found = [{row["key"]: row for row in one["rows"]} for one in boards.values()]
+    for key, kind in KINDS.items():
+        cells = [_measured(each[key]) if key in each else "" for each in found]
+        emulated = {
+            row["emulated"]
+            for each in found
+            for row in [each.get(key)]
+            if row and row["emulated"] is not None
+        }
+        if any(cells):
+            text = f"{kind.text} [{kind.unit}]" if kind.unit else kind.text
+            yield [text, " or ".join(dict.fromkeys(map(number, sorted(emulated)))), *cells]
+
+
+def _measured(row: Mapping[str, Any]) -> str:
+    value = row["value"]
+    return "" if value is None else measure.number(value) + " **worse**" * (row["verdict"] == "worse")
+
+
+def emulated_text() -> str:
+    """What `EMULATED` must hold: the newest values of the figures that it names."""
+    named = [name.split("/") for name in json.loads(EMULATED.read_text(encoding="utf-8"))]
+    rows = [f'"{file}/{key}": {json.dumps(kept(file)[key]["value"])}' for file, key in named]
+    return "{\n" + ",\n".join(rows) + "\n}\n"
 
 
 def _markdown(rows: Sequence[Sequence[str]]) -> List[str]:
@@ -260,11 +300,10 @@ def stale() -> List[str]:
     )
     plain = (lambda text: text) if known else (lambda text: _MARKS.sub("|", text))
     texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in DOCUMENTS}
-    return [
-        f"{name}: a table differs from docs/figures; make figures renders it"
-        for name, text in texts.items()
-        if plain(text) != plain(with_tables(text))
-    ]
+    differing = [name for name, text in texts.items() if plain(text) != plain(with_tables(text))]
+    if EMULATED.read_text(encoding="utf-8") != emulated_text():
+        differing.append(str(EMULATED.relative_to(ROOT)))
+    return [f"{name}: a table differs from docs/figures; make figures renders it" for name in differing]
 
 
 def unknown_targets() -> List[str]:
@@ -291,6 +330,7 @@ def main(arguments: Sequence[str]) -> int:
     for name in DOCUMENTS:
         path = ROOT / name
         path.write_text(with_tables(path.read_text(encoding="utf-8")), encoding="utf-8")
+    EMULATED.write_text(emulated_text(), encoding="utf-8")
     return 0
 
 

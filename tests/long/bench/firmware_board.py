@@ -2,10 +2,12 @@
 
 import random
 from pathlib import Path
-from typing import Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Set, Tuple
 
-from mrl_driver.protocol import encode_request
-from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME
+from mrl_driver.protocol import REPLIES, Frame, FrameDecoder, encode_request
+from mrl_driver.protocol.stop_reason import STOP_REASONS
+from mrl_driver.protocol.table import BY_NAME, FAULTS, PARAMETER_BY_NAME, REASONS
+from mrl_driver.robot.chips import ATMEGA328P, Chip
 from sim_arduino.avr.machine import AvrMachine, SentByte, Transfer
 from tests.firmware.imu_chip import ImuChip
 
@@ -17,6 +19,7 @@ VOLTS = (1.5, 2.0, 0.8, 3.6)  # sonars front, left, right; divided battery
 ENCODERS, VERSION, VERSION_DECIMALS, CONTROL_RATE = 0xD8, 0xFE, 0xFD, 0xD3
 FIRST_READABLE = 0xD8  # D8 D7 D6 encoders, D5 battery, D4 temperature: two bytes each
 IMU_FOUND_S = 0.1
+ENDLESS_LOOP = b"\xff\xcf"  # rjmp to itself
 SETTLED_S = 1.5  # boot, motor board's configuration and the first sonar chain are over
 
 
@@ -76,6 +79,28 @@ class MotorBoard:
         self.count_reads[self._counts()] = time_s
 
 
+def hang(machine: AvrMachine, code: bytes = ENDLESS_LOOP) -> None:
+    """Makes the program loop where it can be interrupted next."""
+    while not machine.interrupts_on:
+        machine.run(1e-6)
+    machine.patch(machine.pc, code)
+
+
+def mend(machine: AvrMachine) -> None:
+    for address, data in machine.image_flash:
+        machine.patch(address, data)
+
+
+def lock_up(machine: AvrMachine, longest_s: float = 2.0) -> float:
+    """Hangs the program; the time until it was mended or reset [s]."""
+    begun, resets = machine.time_s, machine.resets
+    hang(machine)
+    while machine.resets == resets and machine.time_s < begun + longest_s:
+        machine.run(1e-3)
+    mend(machine)
+    return machine.time_s - begun
+
+
 class Rig:
     """One board on the bench, its line and its bus under observation.
 
@@ -85,9 +110,9 @@ class Rig:
 
     FAULTS: Tuple[str, ...] = ("sda", "scl", "absent")  # Faults of `break_part` that the board must bear
 
-    def __init__(self, elf: Path, seed: int = 1) -> None:
+    def __init__(self, elf: Path, seed: int = 1, chip: Chip = ATMEGA328P) -> None:
         self.random = random.Random(seed)
-        self.machine = self._powered(elf, seed)
+        self.machine = self._powered(elf, seed, chip)
         self.machine.adc_volts = lambda channel, time_s: VOLTS[channel] if channel < len(VOLTS) else 0.0
         self.transfers: List[Transfer] = []
         self.machine.on_transfer = self.transfers.append
@@ -101,8 +126,8 @@ class Rig:
         self._imu_period_ms = period_ms
         return self
 
-    def _powered(self, elf: Path, seed: int) -> AvrMachine:
-        machine = AvrMachine(elf, seed=seed)
+    def _powered(self, elf: Path, seed: int, chip: Chip) -> AvrMachine:
+        machine = AvrMachine(elf, seed=seed, chip=chip)
         self.motors = MotorBoard()
         machine.i2c[MOTOR_BOARD] = self.motors
         return machine
@@ -180,6 +205,34 @@ class Rig:
     def writes(self, command: int) -> List[Transfer]:
         """Completed I2C writes that begin with this byte since the last call of `forget`."""
         return [one for one in self.transfers if one.kind == "write" and one.data[0] == command]
+
+    def say(self, data: bytes, wait_s: float = 0.01) -> List[Frame]:
+        """Sends bytes; the frames that come until `wait_s` after the last one."""
+        self.replies()
+        self.machine.run_until(self.machine.send(data))
+        self.run(wait_s)
+        received = b"".join(reply.line for reply in self.replies())
+        return [event for event in FrameDecoder(REPLIES).feed(received) if isinstance(event, Frame)]
+
+    def _told(self, name: str) -> Tuple[int, ...]:
+        (frame,) = self.say(request(name))
+        return frame.args
+
+    def status(self) -> Dict[str, int]:
+        return dict(zip((field.name for field in BY_NAME["read_status"].reply), self._told("read_status")))
+
+    @property
+    def stop_reason(self) -> str:
+        return STOP_REASONS[self.status()["stop_reason"]]
+
+    @property
+    def faults(self) -> Set[str]:
+        present = self.status()["faults"]
+        return {name for bit, (name, _) in enumerate(FAULTS) if present >> bit & 1}
+
+    def refused(self) -> Dict[str, int]:
+        """How much was refused so far, by reason."""
+        return {row.name: count for row, count in zip(REASONS, self._told("read_counters"))}
 
     def forget(self) -> None:
         """Drops what was observed so far."""

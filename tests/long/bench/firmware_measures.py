@@ -13,8 +13,8 @@ from tests.firmware.imu_chip import GYRO_DATA
 from tests.long.bench.firmware_board import Reply, Rig, request
 from tests.long.bench.report import either
 
-REQUESTS = either(300, 10)
-STREAM_COMMANDS = either(1000, 20)
+REQUESTS = either(300, 60)
+STREAM_COMMANDS = either(1000, 60)
 STREAM_S, PERIODS_S = either((2.0, 10.0), (0.3, 0.5))
 """Time of a stream as fast as it goes, and of one with a period."""
 EXACT = range(-32768, 32768, either(1, 128))

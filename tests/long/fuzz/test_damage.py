@@ -1,6 +1,4 @@
-"""Bad lines: what the check value catches, a few greetings of `make fuzz`, and drives with random faults."""
-
-import random
+"""Bad lines: what the check value catches, greetings, and drives with random faults."""
 
 import pytest
 
@@ -8,12 +6,12 @@ from mrl_driver.protocol import REPLIES, REQUESTS, Frame, FrameDecoder, Stamp, e
 from mrl_driver.protocol.table import BY_CODE
 from tests.long.fuzz import damage
 from tests.long.fuzz.faulty_robot import drive
-from tests.long.fuzz.greetings import BOARDS, Tally, faults_of, greet, tally_of
+from tests.long.fuzz.greetings import faults_of, greet
 
 STREAM = encode_reply(8, -12345, 23456, 120, 45, 300, stamp=Stamp(7, -1234), checked=True)
-UNCHECKED_STREAM = encode_reply(8, -12345, 23456, 120, 45, 300)
+
+
 MOST_PER_MILLION = 30
-MOST_UNCHECKED_PERCENT = 22
 
 
 @pytest.mark.parametrize("wire", [STREAM, encode_reply(6, 1, -1, stamp=Stamp(0, 0), checked=True)])
@@ -51,26 +49,9 @@ def test_lost_and_swapped_bytes_pass_at_the_rate_of_16_bits_at_most(kind):
     assert tally.wrong <= max(1, MOST_PER_MILLION * tally.tried / 1e6) + 1
 
 
-def test_strict_parsing_alone_lets_a_fifth_of_flipped_bits_pass():
-    rng, sent = random.Random(3), FrameDecoder(REPLIES).feed(UNCHECKED_STREAM)
-    wrong = sum(
-        damage.count_wrong(REPLIES, False, sent, damage.flip_bit(UNCHECKED_STREAM, rng)) for _ in range(5000)
-    )
-    assert 10 < 100 * wrong / 5000 <= MOST_UNCHECKED_PERCENT
-
-
 RATE = 0.01
-SEEDS = {
-    "python": (28, 106, 136, 184, 213, 228, 385, 879),
-    "pc": (21, 33, 72, 385, 463, 807, 810, 879),
-}
+SEEDS = {"python": (28, 106, 136, 184, 213, 228, 385, 879), "pc": (21, 33, 72, 385, 463, 807, 810, 879)}
 """Of each board: each makes a bare `calibrate` of a request to it."""
-
-
-@pytest.mark.parametrize("board", BOARDS)
-def test_no_greeting_on_a_bad_line_is_wrong_fails_or_moves_the_robot(board):
-    found = {seed: greet(board, faults_of(RATE), seed) for seed in range(5)}
-    assert tally_of(board, found) == Tally(5, 0, (), ())
 
 
 @pytest.mark.parametrize("board", SEEDS)

@@ -3,12 +3,9 @@
 import gc
 import tracemalloc
 
-import pytest
-
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from sim_arduino.serve import factory
-from tests.long.fuzz.reaction_measures import sorted_out
 
 LEAK_BYTES = 25000  # More than what a few buffers may hold, less than 100 bytes a frame
 
@@ -34,19 +31,3 @@ def test_a_drive_at_100_hz_keeps_no_memory_and_loses_nothing():
         )
     emulated.close()
     assert grown < LEAK_BYTES
-
-
-@pytest.mark.parametrize(
-    ("received", "blocked", "mixed"),
-    [
-        (b"@11,100,0e@30e@11,-100,0e", 0, 0),
-        (b"@11,1@30e00,0e@30e", 0, 2),
-        (b"@11,1@30e00,0e@30e", 5, 1),
-        (b"@11,1@30e@30e", 1, 0),
-        (b"@11,1@30e@30e", 0, 1),
-        (b"@30e@11,10", 0, 0),
-        (b"@@30e13e@30e", 1, 1),
-    ],
-)
-def test_a_frame_cut_in_two_by_another_is_found_even_among_blocked_writes(received, blocked, mixed):
-    assert sorted_out(received, blocked)[1] == mixed

@@ -1,6 +1,7 @@
-"""Mutants of Python sources: mutmut changes functions and methods, `_constants` the numbers outside them.
+"""Mutants of Python sources: mutmut changes functions and methods, `_numbers` finds the numbers outside them.
 
-Both work on a copy of packages and tests in build/mutants.
+Both work on a copy of packages and tests in build/mutants.  mutmut runs the tests that call the changed function in
+their own process.
 """
 
 import ast
@@ -9,7 +10,7 @@ import pathlib
 import shutil
 import subprocess
 import sys
-from typing import Iterator, List, Sequence
+from typing import Any, Dict, Iterator, List, Sequence, Tuple
 
 from tests import tiers
 from tests.long.mutants import Draw, Results
@@ -34,7 +35,7 @@ pytest_add_cli_args=
  -m
  not realtime
  -k
- not (taken_at_once or byte_by_byte or call_path or few_looks or recording_at_run_time or thread_and_lock)
+ not (frames_are_taken_at_once or byte_by_byte or call_path or no_frame_passes or thread_and_lock)
 timeout_multiplier=60
 """
 """Texts of errors are left alone.  Tests are left out that count calls (mutmut makes more) or read the sources."""
@@ -49,9 +50,9 @@ for path in map(pathlib.Path, sys.argv[1:]):
 """
 SHOW = """import sys
 from mutmut.mutation.diff_apply import get_diff_for_mutant
-for name in sys.argv[2:]:
-    lines = get_diff_for_mutant(name, path=sys.argv[1]).splitlines()[2:]
-    print(name.rpartition(".")[2], *[each for each in lines if each[0] in "-+"], sep=" ")
+path, name = sys.argv[1:]
+lines = get_diff_for_mutant(name, path=path).splitlines()[2:]
+print(name.rpartition(".")[2], *[each for each in lines if each[0] in "-+"], sep=" ")
 """
 
 
@@ -62,25 +63,37 @@ def run(sources: Sequence[str], tests: Sequence[str], workers: int, draw: Draw) 
     _lay_out(work)
     config = dict(packages="\n ".join(PACKAGES), sources="\n ".join(sources), tests="\n ".join(files))
     (work / "setup.cfg").write_text(CONFIG.format(**config))
-    mutants = [each.split() for each in _said(work, NAMES, *sources)]
+    mutants = [each.split() for each in _printed(work, NAMES, *sources).splitlines()]
     numbers = [(each, one) for each in sources for one in _numbers(ast.parse((ROOT / each).read_text()))]
     chosen = draw([*mutants, *numbers])
     _run_mutmut(work, [name for _, name in chosen if isinstance(name, str)], workers)
+    copy, codes = work / "mutants", {}
+    for source in sources:
+        codes.update(json.loads((copy / f"{source}.meta").read_text())["exit_code_by_key"])
+    unnoticed: Dict[Any, Tuple[str, str]] = {}
+    """What is changed, and the source with it if that is still to be tried: mutmut changes no such number."""
+    for source, each in chosen:
+        if isinstance(each, ast.Constant):
+            unnoticed[each] = _with_other_number(source, each)
+        elif codes[each] not in NOTICED:
+            unnoticed[each] = _printed(work, SHOW, source, each), ""
+    for source in sources:
+        shutil.copy(str(ROOT / source), str(copy / source))  # programs of the tests have no mutmut
+    to_try, unchanged = any(text for _, text in unnoticed.values()), (ROOT / sources[0]).read_text()
+    if to_try and not _passes(unchanged, sources[0], files, copy):
+        raise SystemExit(f"tests of {', '.join(sources)} fail unchanged in {copy}, expected that all pass")
     for source in sources:
         own = [each for path, each in chosen if path == source]
-        codes = json.loads((work / "mutants" / f"{source}.meta").read_text())["exit_code_by_key"]
-        lived = (name for name, code in codes.items() if name in own and code not in NOTICED)
-        alive = _said(work, SHOW, source, *lived)
-        constants = (each for each in own if isinstance(each, ast.Constant))
-        alive += [text for each in constants for text in _tried(each, source, files, work / "mutants")]
+        trials = (unnoticed[each] for each in own if each in unnoticed)
+        alive = [shown for shown, text in trials if not text or _passes(text, source, files, copy)]
         yield source, len(own), alive
     shutil.rmtree(str(work))  # roslaunch and rosrun would find the nodes of these copies
 
 
-def _said(work: pathlib.Path, script: str, *arguments: str) -> List[str]:
+def _printed(work: pathlib.Path, script: str, *arguments: str) -> str:
     """What a script of mutmut's modules prints."""
     command = [sys.executable, "-c", script, *arguments]
-    return subprocess.check_output(command, cwd=str(work)).decode().splitlines()
+    return subprocess.check_output(command, cwd=str(work)).decode().rstrip("\n")
 
 
 def _run_mutmut(work: pathlib.Path, names: Sequence[str], workers: int) -> None:
@@ -118,19 +131,25 @@ def _numbers(node: ast.AST) -> Iterator[ast.Constant]:
             yield from _numbers(child)
 
 
-def _tried(number: ast.Constant, source: str, files: Sequence[str], copy: pathlib.Path) -> Iterator[str]:
-    """The change of a number, if no test notices it: 1 more, or twice as much."""
-    text, name = (ROOT / source).read_text(), pathlib.Path(source).stem
-    changed = number.value + 1 if isinstance(number.value, int) else number.value * 2 or 1.0
+def _with_other_number(source: str, number: ast.Constant) -> Tuple[str, str]:
+    """The change of a number, 1 more or twice as much, and the source with it."""
+    text = (ROOT / source).read_text()
+    value = number.value + 1 if isinstance(number.value, int) else number.value * 2 or 1.0
     lines = text.encode().splitlines(keepends=True)
     line = lines[number.lineno - 1]
-    new = line[: number.col_offset] + repr(changed).encode() + line[number.end_col_offset :]
+    new = line[: number.col_offset] + repr(value).encode() + line[number.end_col_offset :]
     lines[number.lineno - 1] = new
+    change = f"line {number.lineno} - {line.decode().strip()} + {new.decode().strip()}"
+    return change, b"".join(lines).decode()
+
+
+def _passes(text: str, source: str, files: Sequence[str], copy: pathlib.Path) -> bool:
+    """Whether all tests pass with this text of a source; those that name the source run first."""
+    name = pathlib.Path(source).stem
     near = sorted(files, key=lambda file: name not in (ROOT / file).read_text())
-    command = [sys.executable, "-m", "pytest", "-xqn0", "-p", "no:cacheprovider", "-m", "not realtime", *near]
-    kept = (copy / source).read_text()
-    (copy / source).write_bytes(b"".join(lines))
+    options = ["-x", "-n0", "-p", "no:cacheprovider", "-m", "not realtime"]  # pytest refuses -xn0
+    command = [sys.executable, "-m", "pytest", *options, *near]
+    (copy / source).write_text(text)
     done = subprocess.run(command, cwd=str(copy), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    (copy / source).write_text(kept)
-    if not done.returncode:
-        yield f"line {number.lineno} - {line.decode().strip()} + {new.decode().strip()}"
+    shutil.copy(str(ROOT / source), str(copy / source))
+    return not done.returncode

@@ -12,8 +12,9 @@ import random
 import statistics
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
+from mrl_driver.apps.calibration.trial import error_squared
 from mrl_driver.geometry import Pose, wrap_angle
-from mrl_driver.robot.covariance import Spread, error_squared
+from mrl_driver.robot.covariance import Spread
 from mrl_driver.robot.odometry import Wheels
 from mrl_driver.robot.robot_state import Telemetry
 from tests.driver.test_covariance import PERIOD_S, Drawn

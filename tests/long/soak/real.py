@@ -353,12 +353,12 @@ class RosRig(Rig):
         """All faults; those that end the node come once, so that it lives through many others."""
         few = self.rng.choice(([self.node_killed, self.node_ended], [self.node_killed, self.master_killed]))
         return [
-            *(self.source_killed, self.source_silent, self.listener_hangs, self.listener_hangs),
-            *(self.bad_command, self.bad_command, self.two_sources, self.node_suspended, *few),
+            *(self.source_killed, self.listener_hangs, self.listener_hangs),
+            *(self.two_sources, self.node_suspended, *few),
         ]
 
-    def _drive(self, what: str = "0.2") -> None:
-        self._operator.ask(f"keep {what}")
+    def _drive(self) -> None:
+        self._operator.ask("keep 0.2")
         wait_until(lambda: self.robot.driven, what="motion")
         time.sleep(self.rng.uniform(0.1, 0.4))
 
@@ -376,12 +376,6 @@ class RosRig(Rig):
         if self._node_before is not None and self._node.process.poll() is None:
             most = {**GROWTH, "descriptors": CONNECTIONS, "threads": CONNECTIONS}
             self.tally.growth("node", self._node_before, holds(self._node.process.pid), most)
-
-    def source_silent(self) -> None:
-        """The source lives, and publishes nothing."""
-        self._drive()
-        self.struck(2)
-        self._settle()
 
     def source_killed(self) -> None:
         """kill -9 of the program that publishes cmd_vel."""
@@ -404,21 +398,6 @@ class RosRig(Rig):
         heard = self._operator.ask("state")["messages"] - before
         self.check_figure("others_hear_s", (time.monotonic() - begun_s) / max(1, heard), HEARD_S)
         self._listener.send_signal(signal.SIGCONT)
-        self._settle()
-
-    def bad_command(self) -> None:
-        """NaN or a sideways speed in cmd_vel stops the robot; the largest number is clamped."""
-        kind = self.rng.choice(("nan", "sideways", "huge"))
-        self._drive()
-        self.struck(5)
-        asked = self._operator.ask(f"keep {kind}")
-        if kind == "huge":
-            time.sleep(0.5)
-            speed = max(abs(motor.speed) for motor in self.robot.plant.robot.motors)
-            most = self.robot.plant.model.limits.linear_m_s / self.robot.plant.model.base.metres_per_count
-            self.check("clamped", speed <= 1.1 * most, counts_s=speed)
-        else:
-            self.check_stop(asked["at_s"], TIMEOUT_S + BEYOND_S)
         self._settle()
 
     def two_sources(self) -> None:

@@ -34,7 +34,6 @@ ROWS: Dict[int, str] = {
     29: "master dies and is started again",
     30: "flood of garbage",
     31: "sonar missing or saturated",
-    32: "millis() wraps",
     33: "a quarter of an hour and more of faults in one process",
     34: "encoder dead or reversed, wheel blocked, motor power off",
 }

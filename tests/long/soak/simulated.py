@@ -141,9 +141,7 @@ class Simulation:
     def connect(self) -> None:
         self.timeout_s: Optional[float] = self.rng.choice(TIMEOUTS_S)
         options = Options(
-            period_ms=self.period_ms,
-            command_timeout_s=self.timeout_s,
-            watchdog_ms=self.watchdog_ms,
+            period_ms=self.period_ms, command_timeout_s=self.timeout_s, watchdog_ms=self.watchdog_ms
         )
         self.driver = SoakDriver(self.engine, options)
         self._watch_pose()
@@ -594,27 +592,6 @@ class ChipSimulation(Simulation):
         self.ends_within(since_s, WHEEL_S)
         self._maybe_recover()
 
-    def millis_wrap(self) -> None:
-        """The board's millisecond counter wraps while the robot is driven."""
-        self.struck(32)
-        self.driver.die(0.6)
-        self._look()
-        counter = self.board.machine.symbol("timer0_millis")
-        ahead_ms = self.rng.randint(1500, 2500)
-        self.board.machine.poke(counter.address, (2**32 - ahead_ms).to_bytes(counter.size, "little"))
-        self.connect()
-        end_s = self.now_s + ahead_ms / 1000.0 + 0.5
-        self.once((0.2, 0.0))
-        falls = len([edge for edge in self.truth.edges if not edge.driven])
-        self.keep(end_s - self.now_s, (0.2, 0.0))
-        self.check("no_false_stop", falls == len([edge for edge in self.truth.edges if not edge.driven]))
-        self.stale_s, since_s = HOST_DEAD_S, self.now_s
-        self.driver.die(0.4)
-        self._look()
-        self.ends_within(since_s, HOST_DEAD_S)
-        self.connect()
-        self.stop()
-
     def eeprom_damaged(self) -> None:
         """A bit of the stored parameters is flipped while the board is off: safe defaults, and it is told."""
         self.struck(20)
@@ -639,7 +616,7 @@ class ChipSimulation(Simulation):
         """Those of the hardware, and others whose answer is the firmware's."""
         return [
             *(self.bus_hangs, self.locks_up) * 2,
-            *(self.millis_wrap, self.eeprom_damaged, self.sonar_fails, self.stop_behind_a_cut_frame),
+            *(self.eeprom_damaged, self.sonar_fails, self.stop_behind_a_cut_frame),
             *(self.bad_line, self.outage) * 4,
             *(self.host_dies, self.board_reset, self.motor_board_away, self.source_silent, self.probes),
             *(self.counter_wraps, self.wheel_fails, self.host_pauses),

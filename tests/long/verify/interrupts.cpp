@@ -17,7 +17,7 @@ volatile uint8_t result[20];
 namespace {
 
 template <typename Value>
-void answer(Value value) {
+void answer(const Value& value) {
   uint8_t bytes[sizeof value];
   memcpy(bytes, &value, sizeof value);
   for (uint8_t i = 0; i < sizeof value; i++) result[i] = bytes[i];
@@ -50,9 +50,9 @@ void carry_out(char what) {
       return hal::pin_output(argument[0], argument[1]);
 #if MRL_BRIDGE
     case 'e': {
-      hal::EncoderSample sample;
-      hal::encoder_read(sample);
-      return answer(sample);
+      uint16_t counts[hal::MOTORS];
+      hal::encoder_read(counts);
+      return answer(counts);
     }
     case 'S': {
       struct {
@@ -68,7 +68,7 @@ void carry_out(char what) {
     case 'u':
       return hal::encoder_unmask(argument[0]);
     case 'b': {
-      const uint8_t duties[] = {argument[1], argument[2], argument[3]};
+      const uint8_t duties[] = {argument[1], argument[2], argument[3], 0};
       return hal::bridge_write(argument[0], duties);
     }
 #endif
@@ -90,7 +90,7 @@ void carry_out(char what) {
 int main() {
   hal::begin();
 #if MRL_BRIDGE
-  const hal::Wires duo = {{{5, 6, 7}, {11, 3, 9}}, {{2, 4}, {8, 10}}};
+  const hal::Wires duo = {{{5, 6, 7, -1}, {11, 3, 9, -1}}, {{2, 4}, {8, 10}}, {-1, -1}};
   hal::bridge_begin(duo, hal::PwmRate::medium, 3);  // PWM on pwm_a and pwm_b
 #endif
 #if MRL_XBEE

@@ -13,6 +13,8 @@
 #include "failsafe.h"
 #include "../hal/hal.h"
 #include "../motors/motor.h"
+#include "../motors/servo.h"
+#include "../sensors/ranges.h"
 #include "../sensors/sensors.h"
 #include "../sensors/sonar.h"
 #include "status.h"
@@ -39,24 +41,21 @@ void run() {
   const uint16_t gap = board_clock::update();
   hal::watchdog_kick();
   failsafe::service(gap);
-  commands::receive();
+  if (!MRL_BRIDGE) commands::receive();  // the bus carries out a stop
   bus::service();
   commands::receive();  // a stop waits for one of the long tasks at most
   answers::service();
   commands::receive();
-  if (MRL_BRIDGE) {  // the second half of what these have begun
-    answers::service();
-    commands::receive();
-    motor::service();
-    commands::receive();
-  }
   motor::service();
   commands::receive();
   bus::service_background();
   if (!MRL_ENVIRONMENT) sonar::service();
+  if (MRL_BRIDGE) commands::receive();
   if (MRL_BRIDGE) battery::service();
+  if (MRL_BRIDGE && !MRL_VIRTUAL) servo::service();
+  if (MRL_BRIDGE && !MRL_VIRTUAL) ranges::service();
   if (MRL_ENVIRONMENT) environment::service();
-  sensors::service();
+  if (sensors::ANY) sensors::service();
   config::service();
   status::service();
   if (MRL_XBEE) xbee::service();

@@ -38,11 +38,15 @@ uint16_t update() {
 uint32_t now() { return now_ticks; }
 
 // A time that has passed changes what the tasks do, so that they are all asked once more.
-bool passed(uint32_t since, uint32_t ticks) {
+bool passed(const uint32_t& since, uint32_t ticks) {
   const uint32_t gone = now_ticks - since;
-  const uint32_t left = gone < ticks ? ticks - gone : 0;
+  if (gone >= ticks) {
+    may_sleep = 0;
+    return true;
+  }
+  const uint32_t left = ticks - gone;
   if (left < may_sleep) may_sleep = static_cast<uint16_t>(left);
-  return !left;
+  return false;
 }
 
 void stay_awake() { may_sleep = 0; }

@@ -16,7 +16,7 @@ uint16_t update();
 // Time of the last update().
 uint32_t now();
 // Whether this time has passed since then.  If not, the loop sleeps no longer than until it has.
-bool passed(uint32_t since, uint32_t ticks);
+bool passed(const uint32_t& since, uint32_t ticks);
 // For a task that has more to do: the loop makes another pass before it sleeps.
 void stay_awake();
 // The tick until which the loop may sleep after this pass; the present one if a time had passed, or a task is not done.

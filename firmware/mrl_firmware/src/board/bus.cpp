@@ -38,7 +38,7 @@ void end_transfer(Result result) {
   }
   if (who == Owner::motor_board) motor::transfer_ended(result);
   if (who == Owner::imu || result == Result::hung) imu::transfer_ended(result);
-  if (who == Owner::sensor) sensors::transfer_ended(result);
+  if (sensors::ANY && who == Owner::sensor) sensors::transfer_ended(result);
 }
 
 // True if the transfer on the bus has ended.
@@ -79,7 +79,7 @@ Owner next_background(hal::Transfer& transfer) {
   if (motor::next_poll(transfer, only_overdue)) return Owner::motor_board;
   if (only_overdue) return Owner::none;
   if (imu::next_background(transfer)) return Owner::imu;
-  if (sensors::next_transfer(transfer)) return Owner::sensor;
+  if (sensors::ANY && sensors::next_transfer(transfer)) return Owner::sensor;
   return Owner::none;
 }
 

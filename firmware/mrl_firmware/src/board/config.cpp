@@ -1,6 +1,6 @@
 #include "config.h"
 
-#include <string.h>
+#include <stddef.h>
 
 #include "../serial/answers.h"
 #include "board_clock.h"
@@ -23,12 +23,18 @@ struct Range {
 };
 
 #define RANGE(number, name, low, high) {low, high},
-#if MRL_BRIDGE
-const Range RANGES[] PROGMEM = {MRL_PARAMETERS(RANGE) MRL_PINS(RANGE)};
-#else
 const Range RANGES[] PROGMEM = {MRL_PARAMETERS(RANGE)};
+
+#if MRL_BRIDGE
+struct PinRange {
+  int8_t low, high;
+};
+const PinRange PIN_RANGES[] PROGMEM = {MRL_PINS(RANGE)
+#if MRL_MEGA
+                                           MRL_MEGA_PINS(RANGE)
 #endif
-constexpr uint8_t VALUES = sizeof RANGES / sizeof(Range);
+};
+#endif
 
 struct Model {
   int16_t first_id, last_id, values[MODEL_PARAMETER_COUNT];
@@ -41,22 +47,39 @@ constexpr uint8_t MODEL_COUNT = sizeof MODELS / sizeof(Model);
 const int16_t COMMON[] PROGMEM = {MRL_COMMON_DEFAULTS};
 constexpr uint8_t COMMON_FIRST = MODEL_PARAMETER_FIRST + MODEL_PARAMETER_COUNT;
 static_assert(COMMON_FIRST + sizeof COMMON / sizeof(int16_t) == PARAMETER_COUNT, "each parameter has a default");
-static_assert(sizeof(float) == 4, "the id of 2013 is a 4-byte float");
 
-constexpr uint8_t ID_SIZE = 4;
-constexpr uint8_t SETTINGS_SIZE = ID_SIZE + BLOCK_SIZE;
-constexpr uint8_t IMAGE_SIZE = SETTINGS_SIZE + (MRL_BRIDGE ? PINS_SIZE : 0);
-static_assert(BLOCK_AT + BLOCK_SIZE <= PINS_AT, "the blocks stand one behind the other");
+// What the EEPROM holds, byte by byte; id and checksums are set when it is saved.
+struct __attribute__((packed)) Image {
+  uint32_t id;
+  uint8_t layout;
+  int16_t values[PARAMETER_COUNT];
+  uint16_t crc;
+#if MRL_BRIDGE
+  uint8_t pins_layout;
+  int8_t pins[PIN_COUNT];
+  uint16_t pins_crc;
+#endif
+};
+Image image;
+uint8_t* const bytes = reinterpret_cast<uint8_t*>(&image);
 
-int16_t values[VALUES];
+constexpr uint8_t BLOCK = offsetof(Image, layout), PINS = BLOCK + BLOCK_SIZE;
+static_assert(offsetof(Image, crc) + 2 == PINS && BLOCK_AT + BLOCK_SIZE <= PINS_AT, "the blocks stand one behind the other");
+
 uint8_t saving;  // index in the image that is written next
 enum class Step : uint8_t { idle, writing } step;
 
 bool allowed(uint8_t index, int16_t value) {
+#if MRL_BRIDGE
+  if (index >= PIN_FIRST) {
+    const PinRange& range = PIN_RANGES[index - PIN_FIRST];
+    return value >= flash_int8(&range.low) && value <= flash_int8(&range.high);
+  }
+#endif
   return value >= flash_int16(&RANGES[index].low) && value <= flash_int16(&RANGES[index].high);
 }
 
-int16_t& id() { return values[static_cast<uint8_t>(Parameter::robot_id)]; }
+int16_t id() { return get(Parameter::robot_id); }
 
 const Model* model_of(int16_t robot_id) {
   for (uint8_t i = 0; i < MODEL_COUNT; i++) {
@@ -67,56 +90,48 @@ const Model* model_of(int16_t robot_id) {
 
 void take_defaults() {
   const Model* model = model_of(id());
-  for (uint8_t i = 0; i < MODEL_PARAMETER_COUNT; i++) values[MODEL_PARAMETER_FIRST + i] = flash_int16(&model->values[i]);
-  for (uint8_t i = COMMON_FIRST; i < PARAMETER_COUNT; i++) values[i] = flash_int16(&COMMON[i - COMMON_FIRST]);
+  for (uint8_t i = 0; i < MODEL_PARAMETER_COUNT; i++) image.values[MODEL_PARAMETER_FIRST + i] = flash_int16(&model->values[i]);
+  for (uint8_t i = COMMON_FIRST; i < PARAMETER_COUNT; i++) image.values[i] = flash_int16(&COMMON[i - COMMON_FIRST]);
 }
 
-// ---- the image: the contents of the EEPROM, byte by byte
+// ---- the image
 
 uint16_t address_of(uint8_t place) {
-  if (MRL_BRIDGE && place >= SETTINGS_SIZE) return static_cast<uint16_t>(PINS_AT + place - SETTINGS_SIZE);
-  return place < ID_SIZE ? static_cast<uint16_t>(ID_AT + place) : static_cast<uint16_t>(BLOCK_AT + place - ID_SIZE);
+  if (place >= PINS) return static_cast<uint16_t>(PINS_AT + place - PINS);
+  return static_cast<uint16_t>(place < BLOCK ? ID_AT + place : BLOCK_AT + place - BLOCK);
 }
 
-uint8_t id_byte(uint8_t place) {
-  const float number = id();
-  uint8_t bytes[ID_SIZE];
-  memcpy(bytes, &number, ID_SIZE);
-  return bytes[place];
-}
-
-uint8_t body_byte(uint8_t place) {
-  if (!place) return LAYOUT;
-  const uint16_t value = static_cast<uint16_t>(values[(place - 1) / 2]);
-  return static_cast<uint8_t>((place - 1) % 2 ? value >> 8 : value);
-}
-
-uint16_t body_crc() {
+uint16_t crc_of(uint8_t from, uint8_t to) {
   uint16_t crc = CRC_START;
-  for (uint8_t place = 0; place < BLOCK_SIZE - 2; place++) crc = crc_update(crc, body_byte(place));
+  for (; from < to; from++) crc = crc_update(crc, bytes[from]);
   return crc;
 }
 
-uint8_t pins_byte(uint8_t place) {
-  if (!place) return PINS_LAYOUT;
-  if (place <= PIN_COUNT) return static_cast<uint8_t>(values[PIN_FIRST + place - 1]);
-  uint16_t crc = CRC_START;
-  for (uint8_t i = 0; i <= PIN_COUNT; i++) crc = crc_update(crc, pins_byte(i));
-  return static_cast<uint8_t>(place < PINS_SIZE - 1 ? crc : crc >> 8);
+// The id of 2013 is a float of 4 bytes: an exponent, and 23 bits behind the leading one.
+constexpr uint8_t FLOAT_BITS = 23, EXPONENT_OF_1 = 127;
+constexpr uint32_t LEADING_ONE = 1UL << FLOAT_BITS;
+
+uint32_t float_of(int16_t positive) {
+  if (!positive) return 0;
+  uint32_t bits = static_cast<uint32_t>(positive);
+  uint8_t exponent = EXPONENT_OF_1 + FLOAT_BITS;
+  for (; bits < LEADING_ONE; bits <<= 1) exponent--;
+  return bits - LEADING_ONE + (static_cast<uint32_t>(exponent) << FLOAT_BITS);
 }
 
-uint8_t image_byte(uint8_t place) {
-  if (place < ID_SIZE) return id_byte(place);
-  if (place < SETTINGS_SIZE - 2) return body_byte(static_cast<uint8_t>(place - ID_SIZE));
-  if (MRL_BRIDGE && place >= SETTINGS_SIZE) return pins_byte(static_cast<uint8_t>(place - SETTINGS_SIZE));
-  const uint16_t crc = body_crc();
-  return static_cast<uint8_t>(place < SETTINGS_SIZE - 1 ? crc : crc >> 8);
+void seal() {
+  image.id = float_of(id());
+  image.layout = LAYOUT;
+  image.crc = crc_of(BLOCK, offsetof(Image, crc));
+#if MRL_BRIDGE
+  image.pins_layout = PINS_LAYOUT;
+  image.pins_crc = crc_of(PINS, offsetof(Image, pins_crc));
+#endif
 }
 
-// Whether the first bytes of the EEPROM are those of the image.
-bool matches_image(uint8_t size) {
-  for (uint8_t place = 0; place < size; place++) {
-    if (hal::eeprom_read(address_of(place)) != image_byte(place)) return false;
+bool is_saved() {
+  for (uint8_t place = 0; place < sizeof image; place++) {
+    if (hal::eeprom_read(address_of(place)) != bytes[place]) return false;
   }
   return true;
 }
@@ -124,49 +139,38 @@ bool matches_image(uint8_t size) {
 // ---- loading
 
 // The id of 2013, or 0 if the float is not an id (a blank EEPROM reads as NaN).
-int16_t read_id() {
-  uint8_t bytes[ID_SIZE];
-  float number;
-  for (uint8_t i = 0; i < ID_SIZE; i++) bytes[i] = hal::eeprom_read(static_cast<uint16_t>(ID_AT + i));
-  memcpy(&number, bytes, ID_SIZE);
-  if (!(number >= 1.0f && number <= 32767.0f)) return 0;
-  const int16_t whole = static_cast<int16_t>(number);
-  return static_cast<float>(whole) == number ? whole : static_cast<int16_t>(0);
+int16_t id_of(uint32_t bits) {
+  const uint32_t fraction = (bits & (LEADING_ONE - 1)) | LEADING_ONE;
+  const uint16_t places = static_cast<uint16_t>(EXPONENT_OF_1 + FLOAT_BITS - (bits >> FLOAT_BITS));
+  if (places > FLOAT_BITS || places < FLOAT_BITS - 14) return 0;
+  const int16_t whole = static_cast<int16_t>(fraction >> places);
+  return float_of(whole) == bits ? whole : static_cast<int16_t>(0);
 }
 
-// Loads the block; false if it has another layout or is damaged, and then the values are not to be used.
-bool read_block() {
-  bool good = hal::eeprom_read(BLOCK_AT) == LAYOUT;
-  uint16_t crc = crc_update(CRC_START, LAYOUT), at = BLOCK_AT + 1;
-  const auto next = [&] {
-    const uint8_t byte = hal::eeprom_read(at++);
-    crc = crc_update(crc, byte);
-    return byte;
-  };
+// False if the block has another layout or is damaged, and then its values are not to be used.
+bool block_is_good() {
+  if (image.layout != LAYOUT || image.crc != crc_of(BLOCK, offsetof(Image, crc))) return false;
   for (uint8_t i = 0; i < PARAMETER_COUNT; i++) {
-    const uint8_t low = next();
-    values[i] = static_cast<int16_t>(low | next() << 8);
-    good = good && allowed(i, values[i]);
+    if (!allowed(i, image.values[i])) return false;
   }
-  return good && hal::eeprom_read(at) == (crc & 0xFF) && hal::eeprom_read(at + 1) == crc >> 8;
+  return true;
 }
 
 #if MRL_BRIDGE
-// Loads the wiring, which is that of a board without wires if the block is missing or damaged.
-void read_pins() {
-  bool good = true;
+bool pins_are_good() {
+  if (image.pins_layout != PINS_LAYOUT || image.pins_crc != crc_of(PINS, offsetof(Image, pins_crc))) return false;
   for (uint8_t i = 0; i < PIN_COUNT; i++) {
-    const uint8_t index = static_cast<uint8_t>(PIN_FIRST + i);
-    values[index] = static_cast<int8_t>(hal::eeprom_read(static_cast<uint16_t>(PINS_AT + 1 + i)));
-    good = good && allowed(index, values[index]);
+    if (!allowed(static_cast<uint8_t>(PIN_FIRST + i), image.pins[i])) return false;
   }
-  for (uint8_t place = SETTINGS_SIZE; place < IMAGE_SIZE; place++) {
-    good = good && hal::eeprom_read(address_of(place)) == image_byte(place);
-  }
-  if (good) return;
-  for (uint8_t index = PIN_FIRST; index < VALUES; index++) {
-    const int16_t low = flash_int16(&RANGES[index].low);
-    values[index] = low > NOT_CONNECTED ? low : NOT_CONNECTED;
+  return true;
+}
+
+// If the wiring is missing or damaged, it is that of a board without wires.
+void check_pins() {
+  if (pins_are_good()) return;
+  for (uint8_t i = 0; i < PIN_COUNT; i++) {
+    const bool is_pin = allowed(static_cast<uint8_t>(PIN_FIRST + i), NOT_CONNECTED);
+    image.pins[i] = is_pin ? static_cast<int8_t>(NOT_CONNECTED) : static_cast<int8_t>(0);
   }
 }
 #endif
@@ -185,43 +189,60 @@ void apply() {
 // The id in a block with a correct checksum is more reliable than the float.  If they differ, one was damaged or
 // changed by another firmware, and neither the calibration nor the ceilings can be trusted.
 void begin() {
-  const bool good = read_block();
-  if (!good) id() = read_id();
-  const bool sound = good && matches_image(ID_SIZE);
+  for (uint8_t place = 0; place < sizeof image; place++) bytes[place] = hal::eeprom_read(address_of(place));
+  const bool good = block_is_good();
+  if (!good) set(Parameter::robot_id, id_of(image.id));
+  const bool sound = good && image.id == float_of(id());
   if (!sound) take_defaults();
   status::set_fault(FAULT_EEPROM, !sound);
 #if MRL_BRIDGE
-  read_pins();
+  check_pins();
 #endif
   apply();
 }
 
 #if MRL_BRIDGE
-const int16_t* pins() { return values + PIN_FIRST; }
+const int8_t* pins() { return image.pins; }
 #endif
 
-int16_t get(Parameter parameter) { return values[static_cast<uint8_t>(parameter)]; }
+int16_t get(Parameter parameter) {
+  const uint8_t index = static_cast<uint8_t>(parameter);
+#if MRL_BRIDGE
+  if (index >= PIN_FIRST) return image.pins[index - PIN_FIRST];
+#endif
+  return image.values[index];
+}
 
-void set(Parameter parameter, int16_t value) { values[static_cast<uint8_t>(parameter)] = value; }
+void set(Parameter parameter, int16_t value) {
+  const uint8_t index = static_cast<uint8_t>(parameter);
+#if MRL_BRIDGE
+  if (index >= PIN_FIRST) {
+    image.pins[index - PIN_FIRST] = static_cast<int8_t>(value);
+    return;
+  }
+#endif
+  image.values[index] = value;
+}
 
 void service() {
   if (step == Step::idle || !hal::eeprom_ready()) return;
   board_clock::stay_awake();
-  if (saving < IMAGE_SIZE) {
-    const uint8_t byte = image_byte(saving);
-    if (hal::eeprom_read(address_of(saving)) != byte) hal::eeprom_write(address_of(saving), byte);
-    saving++;
+  if (!saving) seal();
+  if (saving < sizeof image) {
+    const uint16_t address = address_of(saving);
+    const uint8_t byte = bytes[saving++];
+    if (hal::eeprom_read(address) != byte) hal::eeprom_write(address, byte);
     return;
   }
   step = Step::idle;
-  const bool saved = matches_image(IMAGE_SIZE);
+  const bool saved = is_saved();
   status::set_fault(FAULT_EEPROM, !saved);
   answers::ask(SAVE_CONFIG, saved);
 }
 
 void report(int16_t index) {
   writer::add(index);
-  writer::add(values[index]);
+  writer::add(get(static_cast<Parameter>(index)));
 }
 
 }  // namespace config
@@ -233,9 +254,10 @@ void read_config(const int16_t* args, uint8_t) { answers::ask(READ_CONFIG, args[
 void write_config(const int16_t* args, uint8_t) {
   const uint8_t index = static_cast<uint8_t>(args[0]);
   if (!config::allowed(index, args[1])) return status::refuse(Reason::argument_range);
-  config::values[index] = args[1];
+  const Parameter parameter = static_cast<Parameter>(index);
+  config::set(parameter, args[1]);
   config::apply();
-  motor::refresh(static_cast<Parameter>(index));
+  motor::refresh(parameter);
   answers::ask(WRITE_CONFIG, args[0]);
 }
 

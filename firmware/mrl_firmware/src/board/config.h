@@ -17,13 +17,12 @@ constexpr uint8_t LAYOUT = 5;  // other layouts are not read
 constexpr uint8_t BLOCK_SIZE = 1 + 2 * PARAMETER_COUNT + 2;
 constexpr uint16_t PINS_AT = 96;
 constexpr uint8_t PINS_LAYOUT = 1;
-constexpr uint8_t PINS_SIZE = 1 + PIN_COUNT + 2;
 
 // Loads the EEPROM; damaged values are replaced by the model's defaults, and a fault is set.
 void begin();
 int16_t get(Parameter parameter);
 // The values from PIN_FIRST on; only in builds with MRL_BRIDGE.
-const int16_t* pins();
+const int8_t* pins();
 // For the handlers that set gains; the value must be in the parameter's range.
 void set(Parameter parameter, int16_t value);
 // Writes at most one byte to EEPROM.

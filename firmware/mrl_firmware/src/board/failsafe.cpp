@@ -3,9 +3,11 @@
 #include "../serial/answers.h"
 #include "../serial/baud.h"
 #include "board_clock.h"
+#include "../../build.h"
 #include "../serial/commands.h"
 #include "../serial/frame_writer.h"
 #include "../motors/motor.h"
+#include "../motors/servo.h"
 #include "../serial/protocol.h"
 
 namespace mrl {
@@ -50,6 +52,7 @@ void service(uint16_t gap) {
   if (baud::raised() && board_clock::passed(last_valid, BAUD_SILENCE)) baud::reset();
   if (commands::decoder.checked && board_clock::passed(last_valid, CHECK_SILENCE)) {
     motor::stop(StopReason::check_ended);
+    if (MRL_BRIDGE) servo::lose_host();
     set_check(false);
   }
 }

@@ -15,5 +15,13 @@ Functions functions(int8_t pin) {
   return {number(0), number(1), number(2), number(3), number(4)};
 }
 
+#if MRL_MEGA
+#define PLACE(number, letter, bit, ...) {static_cast<uint8_t>(Port::letter), 1 << bit},
+const uint8_t PLACES[][2] PROGMEM = {MRL_CHIP_PINS(PLACE)};
+
+Port port(uint8_t pin) { return static_cast<Port>(flash_byte(&PLACES[pin][0])); }
+uint8_t mask(uint8_t pin) { return flash_byte(&PLACES[pin][1]); }
+#endif
+
 }  // namespace chip
 }  // namespace mrl

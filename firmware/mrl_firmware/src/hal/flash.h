@@ -13,6 +13,7 @@
 namespace mrl {
 
 inline uint8_t flash_byte(const uint8_t* at) { return pgm_read_byte(at); }
+inline int8_t flash_int8(const int8_t* at) { return static_cast<int8_t>(pgm_read_byte(at)); }
 inline char flash_char(const char* at) { return static_cast<char>(pgm_read_byte(at)); }
 inline int16_t flash_int16(const int16_t* at) { return static_cast<int16_t>(pgm_read_word(at)); }
 inline uint16_t flash_uint16(const uint16_t* at) { return pgm_read_word(at); }

@@ -2,6 +2,8 @@
 #pragma once
 #include <stdint.h>
 
+#include "../../build.h"
+
 namespace hal {
 
 // Sets up the peripherals; afterwards interrupts are enabled.
@@ -84,8 +86,11 @@ int16_t adc_result();
 // ---- pins
 
 void pin_output(uint8_t pin, bool level);
-// Input without a pull-up; only in builds with MRL_BRIDGE.
+// Input without a pull-up; this and the following only in builds with MRL_BRIDGE.
 void pin_release(uint8_t pin);
+// Input with a pull-up.
+void pin_pull_up(uint8_t pin);
+bool pin_level(uint8_t pin);
 
 // ---- EEPROM
 
@@ -129,20 +134,24 @@ bool dust_changed();
 
 // ---- H-bridge and encoders; only in builds with MRL_BRIDGE, whose pins are known when the board runs
 
-constexpr uint8_t MOTORS = 2;  // each has an encoder
-enum class BridgePin : uint8_t { pwm_a, pwm_b, logic };
-constexpr uint8_t BRIDGE_PINS = 3, CHANNELS = 2;
+constexpr uint8_t MOTORS = MRL_MEGA ? 4 : 2;  // each has an encoder; in front left, right, then behind them
+enum class BridgePin : uint8_t { pwm_a, pwm_b, logic, enable };
+constexpr uint8_t BRIDGE_WIRES = 3, BRIDGE_PINS = 4, CHANNELS = 2;  // the enable may be that of several motors
+constexpr uint8_t SERVOS = MRL_MEGA ? 6 : 2;
 
 // Arduino pins by motor; NOT_CONNECTED is none.
 struct Wires {
   int8_t bridge[MOTORS][BRIDGE_PINS];
   int8_t encoder[MOTORS][CHANNELS];  // channels A and B
+  int8_t servo[SERVOS];
+  bool ranges;                       // whether echoes must be timed
 };
 
 // PWM of 3.9, 7.8 and 31.4 kHz.
 enum class PwmRate : uint8_t { slow, medium, fast };
 // Makes outputs of the pins of the bridges, all low, and counts the encoders, whose lines get pull-ups.  `pwm` has a bit
-// for each BridgePin that carries PWM; a timer must drive it, and one timer must be left for the clock.
+// for each BridgePin that carries PWM; a timer must drive it, and one timer must be left for the clock.  A servo needs an
+// output of a 16-bit timer that makes no PWM.  If ranges need a timer with PWM, all PWM is medium.
 void bridge_begin(const Wires& wires, PwmRate rate, uint8_t pwm);
 // Switches all outputs off, and makes inputs without pull-ups of all pins that bridge_begin() has taken.
 void bridge_end();
@@ -165,15 +174,31 @@ struct EncoderSample {
 };
 // Takes the newest sample; true if it is a new one.  A sample is news for the loop.
 bool encoder_sample(EncoderSample& sample);
-// The counters as they are now.
-void encoder_read(EncoderSample& sample);
-// Number of steps that changed both channels of an encoder at once, both encoders; stops at 65535.
+// The counters as they are now; returns their tick.
+uint16_t encoder_read(uint16_t (&counts)[MOTORS]);
+// Number of steps that changed both channels of an encoder at once, all encoders; stops at 65535.
 uint16_t impossible_transitions();
 // True after more than MOST_EDGES edges between two samples, which is news for the loop, until encoder_unmask().
 bool encoder_masked(uint8_t encoder);
 void encoder_unmask(uint8_t encoder);
 // Counts the edges of channel A alone, each one up.  An encoder whose channel B is not connected is counted so anyway.
 void encoder_single_channel(bool on);
+
+// Gives a servo pulses of this length [us] every 20 ms, from the next one on.  With 0 they end, if none is being sent: the
+// call must be repeated.
+void servo_write(uint8_t servo, uint16_t pulse);
+
+// ---- echoes of HC-SR04, one at a time; only in builds with MRL_BRIDGE
+
+constexpr uint8_t RANGES = MRL_MEGA ? 6 : 3;  // whose pins are parameters
+
+enum class Echo : uint8_t { none, high, over };  // it has not begun; it has, and is still high; it has ended
+// Pulses a trigger for 10 us, and waits for its echo instead of the one before; false, without a pulse, if the echo is
+// high already.
+bool range_fire(uint8_t trigger, uint8_t echo);
+constexpr uint16_t LONG_ECHO = 0xFFFF;
+// The state of the echo, and its length if it is over [0.5 us]: LONG_ECHO from 30 ms on.  Its end is news for the loop.
+Echo range_echo(uint16_t& length);
 
 // The I2C bus takes its pins, or leaves them as inputs without pull-ups; other builds begin it at the start.
 void bus_use(bool on);

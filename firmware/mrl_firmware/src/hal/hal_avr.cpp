@@ -1,4 +1,4 @@
-// The ATmega328P of the Uno at 16 MHz: resets, time, USB port, analog inputs, pins, EEPROM.  I2C, the dust sensor's input,
+// The ATmega328P of the Uno, or the ATmega2560 of the Mega, at 16 MHz: resets, time, USB port, analog inputs, pins, EEPROM.  I2C, the dust sensor's input,
 // the radio's port and the H-bridge have their own files.
 #ifdef __AVR__
 #include "fast.h"
@@ -107,6 +107,11 @@ ISR(TIMER1_COMPA_vect, ISR_NAKED) {
   tell_loop();
   reti();
 }
+#if MRL_MEGA
+ISR(TIMER3_COMPA_vect, ISR_ALIASOF(TIMER1_COMPA_vect));
+ISR(TIMER4_COMPA_vect, ISR_ALIASOF(TIMER1_COMPA_vect));
+ISR(TIMER5_COMPA_vect, ISR_ALIASOF(TIMER1_COMPA_vect));
+#endif
 
 // The caller looks for the news after this, so that an interrupt between reading and clearing the flag loses nothing.
 bool take_news() {
@@ -116,17 +121,18 @@ bool take_news() {
 }
 
 // The compare unit flags the end of the tick in its register, so that at least one whole tick must lie ahead.  SEI lets
-// one more instruction pass before any interrupt: what has come since the last look wakes the chip at once.
+// one more instruction pass before any interrupt: what has come since the last look wakes the chip at once.  Each
+// NOP lets another interrupt run behind the one that has woken the chip, before they are held off again.
 void sleep_until(uint16_t tick) {
   cli();
   clock_set_alarm(static_cast<uint16_t>(tick - 1));
   while (!has_news() && !received.used() && static_cast<int16_t>(tick - clock_now()) > 1) {
-    asm volatile("sei\n\tsleep\n\tcli" ::: "memory");
+    asm volatile("sei\n\tsleep\n\tnop\n\tnop\n\tcli" ::: "memory");
   }
   sei();
 }
 
-// Timers 0 and 2 were started by the Arduino core, for functions that the firmware does not use.
+// A bootloader may have left timers running.
 static void start_clock() {
   TIMSK0 = 0;
   TCCR0B = 0;
@@ -138,6 +144,11 @@ static void start_clock() {
 }
 
 // ---- serial port
+
+#if MRL_MEGA
+#define USART_RX_vect USART0_RX_vect
+#define USART_UDRE_vect USART0_UDRE_vect
+#endif
 
 ISR(USART_RX_vect) {
   const uint8_t overrun = UCSR0A & _BV(DOR0);
@@ -197,6 +208,10 @@ ISR(ADC_vect, ISR_NAKED) {
 }
 
 void adc_start(uint8_t channel) {
+#if MRL_MEGA
+  ADCSRB = channel & 8 ? _BV(MUX5) : 0;  // of channels 8 to 15
+  channel &= 7;
+#endif
   ADMUX = static_cast<uint8_t>(_BV(REFS0) | channel);
   ADCSRA |= _BV(ADSC);
 }
@@ -207,29 +222,24 @@ static void start_adc() { ADCSRA = _BV(ADEN) | _BV(ADIE) | _BV(ADPS2) | _BV(ADPS
 
 // ---- pins
 
-// The level goes first, so that the pin never shows the other one.
-void pin_output(uint8_t pin, bool level) {
-  volatile uint8_t* const registers = &PINB + 3 * static_cast<uint8_t>(mrl::chip::port(pin));  // PIN, DDR, PORT
-  const uint8_t mask = mrl::chip::mask(pin), status = SREG;
+// The level goes first, so that the pin never shows the other one; that of an input is its pull-up.  Not merged into its callers, to save flash.
+__attribute__((noinline)) static void set_pin(uint8_t pin, bool output, bool level) {
+  volatile uint8_t* const registers = registers_of(mrl::chip::port(pin));
+  const uint8_t mask = mrl::chip::mask(pin), others = static_cast<uint8_t>(~mask), status = SREG;
   cli();
-  if (level) {
-    registers[2] = registers[2] | mask;
-  } else {
-    registers[2] = static_cast<uint8_t>(registers[2] & ~mask);
-  }
-  registers[1] = registers[1] | mask;
+  registers[2] = static_cast<uint8_t>((registers[2] & others) | (level ? mask : 0));
+  registers[1] = static_cast<uint8_t>((registers[1] & others) | (output ? mask : 0));
   SREG = status;
 }
 
+void pin_output(uint8_t pin, bool level) { set_pin(pin, true, level); }
+
 #if MRL_BRIDGE
-void pin_release(uint8_t pin) {
-  volatile uint8_t* const registers = &PINB + 3 * static_cast<uint8_t>(mrl::chip::port(pin));
-  const uint8_t others = static_cast<uint8_t>(~mrl::chip::mask(pin)), status = SREG;
-  cli();
-  registers[2] = registers[2] & others;
-  registers[1] = registers[1] & others;
-  SREG = status;
-}
+void pin_release(uint8_t pin) { set_pin(pin, false, false); }
+
+void pin_pull_up(uint8_t pin) { set_pin(pin, false, true); }
+
+bool pin_level(uint8_t pin) { return *registers_of(mrl::chip::port(pin)) & mrl::chip::mask(pin); }
 #endif
 
 // ---- EEPROM

@@ -1,4 +1,4 @@
-// The ATmega328P's TWI as an I2C master that never waits.
+// The chip's TWI as an I2C master that never waits.
 #ifdef __AVR__
 #include "fast.h"
 #include <avr/interrupt.h>
@@ -19,6 +19,14 @@ bool reading;
 }  // namespace
 
 Transfer transfer;
+
+#if MRL_MEGA
+#define MRL_BUS(of) of##D
+constexpr uint8_t SDA_LINE = _BV(PD1), SCL_LINE = _BV(PD0);
+#else
+#define MRL_BUS(of) of##C
+constexpr uint8_t SDA_LINE = _BV(PC4), SCL_LINE = _BV(PC5);
+#endif
 
 constexpr uint8_t GO = _BV(TWINT) | _BV(TWEN) | _BV(TWIE);
 constexpr uint8_t START = GO | _BV(TWSTA);
@@ -95,18 +103,17 @@ uint16_t bus_latched() {
 static void pull(uint8_t line, bool low) {
   if (MRL_BRIDGE) cli();
   if (low) {
-    PORTC &= static_cast<uint8_t>(~line);
-    DDRC |= line;
+    MRL_BUS(PORT) &= static_cast<uint8_t>(~line);
+    MRL_BUS(DDR) |= line;
   } else {
-    DDRC &= static_cast<uint8_t>(~line);
-    PORTC |= line;
+    MRL_BUS(DDR) &= static_cast<uint8_t>(~line);
+    MRL_BUS(PORT) |= line;
   }
   if (MRL_BRIDGE) sei();
   _delay_us(5);
 }
 
 void bus_recover() {
-  constexpr uint8_t SDA_LINE = _BV(PC4), SCL_LINE = _BV(PC5);
   TWCR = 0;
   for (uint8_t clock = 0; clock < 9; clock++) {
     pull(SCL_LINE, true);
@@ -121,7 +128,7 @@ void bus_recover() {
 }
 
 void bus_begin() {
-  PORTC |= _BV(PC4) | _BV(PC5);
+  MRL_BUS(PORT) |= SDA_LINE | SCL_LINE;
   TWSR = 0;
   TWCR = _BV(TWEN);
 }
@@ -133,8 +140,8 @@ void bus_use(bool on) {
     bus_begin();
   } else {
     TWCR = 0;
-    PORTC &= static_cast<uint8_t>(~(_BV(PC4) | _BV(PC5)));
-    DDRC &= static_cast<uint8_t>(~(_BV(PC4) | _BV(PC5)));
+    MRL_BUS(PORT) &= static_cast<uint8_t>(~(SDA_LINE | SCL_LINE));
+    MRL_BUS(DDR) &= static_cast<uint8_t>(~(SDA_LINE | SCL_LINE));
     bus = BusState::idle;
   }
   sei();

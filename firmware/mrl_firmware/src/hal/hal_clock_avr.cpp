@@ -17,9 +17,12 @@ uint16_t sample_due;
 volatile uint8_t rounds_left;
 static_assert(SAMPLE_TICKS % 2 == 0, "a round of timer 2 has two ticks");
 
-// The alarm of timer 1 is in hal_avr.cpp.
+// The alarms of timers with 16 bits are in hal_avr.cpp.
 EMPTY_INTERRUPT(TIMER2_COMPA_vect);
 EMPTY_INTERRUPT(TIMER0_COMPA_vect);
+
+#define MRL_TEXT(name) #name
+#define MRL_JUMP(vector) "jmp " MRL_TEXT(vector)
 
 // A round of timer 2 next to its PWM, in 36 cycles every 128 us.  The last one before a sample goes on as its interrupt.
 ISR(TIMER2_OVF_vect, ISR_NAKED) {
@@ -45,7 +48,7 @@ ISR(TIMER2_OVF_vect, ISR_NAKED) {
       "2: pop r24                \n\t"
       "out  __SREG__, r24        \n\t"
       "pop  r24                  \n\t"
-      "jmp  __vector_12          \n\t" ::[base] "i"(&clock_base),
+      MRL_JUMP(TIMER1_COMPB_vect) ::[base] "i"(&clock_base),
       [left] "i"(&rounds_left));
 }
 
@@ -54,13 +57,15 @@ ISR(TIMER2_OVF_vect, ISR_NAKED) {
 
 static void start_timer(uint16_t now) {
   switch (clock) {
-    case Clock::timer1:
-      TCCR1A = 0;
-      TCCR1B = _BV(CS12) | _BV(CS10);  // F_CPU / 1024
-      TCNT1 = now;
-      TIFR1 = _BV(OCF1A) | _BV(OCF1B);
-      TIMSK1 = _BV(OCIE1A) | _BV(OCIE1B);
-      break;
+#define MRL_START(n)                              \
+  case Clock::timer##n:                           \
+    TCCR##n##A = 0;                               \
+    TCCR##n##B = _BV(CS12) | _BV(CS10); /* F_CPU / 1024 */ \
+    TCNT##n = now;                                \
+    TIFR##n = _BV(OCF1A) | _BV(OCF1B);            \
+    TIMSK##n = _BV(OCIE1A) | _BV(OCIE1B);         \
+    break;
+    MRL_WIDE_TIMERS(MRL_START)
     case Clock::timer2:
       TCCR2A = 0;
       TCCR2B = _BV(CS22) | _BV(CS21) | _BV(CS20);  // F_CPU / 1024
@@ -90,10 +95,12 @@ void clock_use(Clock to) {
   if (clock == to) return;
   cli();
   const uint16_t now = clock_now();
-  TIMSK0 = TIMSK1 = TIMSK2 = 0;
+#define MRL_SILENCE(n) TIMSK##n =
+  TIMSK0 = MRL_WIDE_TIMERS(MRL_SILENCE) TIMSK2 = 0;
   clock = to;
-  clock_low = to == Clock::timer1   ? &TCNT1L
-              : to == Clock::timer2 ? &TCNT2
+#define MRL_LOW(n) to == Clock::timer##n ? &TCNT##n##L :
+  clock_low = MRL_WIDE_TIMERS(MRL_LOW)
+              to == Clock::timer2 ? &TCNT2
               : to == Clock::timer0 ? &TCNT0
                                     : reinterpret_cast<const volatile uint8_t*>(&clock_base);
   clock_base = now;

@@ -30,7 +30,7 @@ class Ring {
  private:
   volatile uint8_t head_ = 0;
   volatile uint8_t tail_ = 0;
-  volatile uint8_t bytes_[SIZE];
+  volatile uint8_t bytes_[SIZE] = {};  // a queue of zeros alone needs no code at the start
 };
 
 }  // namespace mrl

@@ -1,3 +1,4 @@
+#include "../hal/fast.h"
 #include "bridge.h"
 
 namespace mrl {
@@ -5,41 +6,6 @@ namespace bridge {
 namespace {
 
 constexpr uint8_t LOW_LEVEL = 0, HIGH_LEVEL = 255;
-
-// Two inputs for the direction, and PWM on a third one.
-Levels with_two_inputs(Bridge chip, bool backward, uint8_t duty, bool coast) {
-  if (duty) {
-    return backward ? Levels{duty, LOW_LEVEL, HIGH_LEVEL} : Levels{duty, HIGH_LEVEL, LOW_LEVEL};
-  }
-  if (!coast) return {HIGH_LEVEL, HIGH_LEVEL, HIGH_LEVEL};
-  // The TB6612's table has no row for all inputs low.
-  return {chip == Bridge::tb6612 ? HIGH_LEVEL : LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
-}
-
-// The L298N coasts while EN is low.  With PWM on IN1 it brakes between the pulses, which makes the speed proportional to
-// the duty.
-Levels with_enable(bool backward, uint8_t duty, bool coast) {
-  if (!duty && coast) return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
-  if (backward) return {HIGH_LEVEL, static_cast<uint8_t>(HIGH_LEVEL - duty), HIGH_LEVEL};
-  return duty ? Levels{HIGH_LEVEL, duty, LOW_LEVEL} : Levels{HIGH_LEVEL, HIGH_LEVEL, HIGH_LEVEL};
-}
-
-// EN carries the PWM, so that the motor coasts between the pulses.
-Levels with_pwm_on_enable(bool backward, uint8_t duty, bool coast) {
-  if (!duty) return coast ? Levels{LOW_LEVEL, LOW_LEVEL, LOW_LEVEL} : Levels{HIGH_LEVEL, HIGH_LEVEL, HIGH_LEVEL};
-  return backward ? Levels{duty, LOW_LEVEL, HIGH_LEVEL} : Levels{duty, HIGH_LEVEL, LOW_LEVEL};
-}
-
-// The direction stays while the motor brakes, so that the end of the last pulse does not drive in the other direction.
-Levels with_direction(bool backward, uint8_t duty) { return {duty, LOW_LEVEL, backward ? HIGH_LEVEL : LOW_LEVEL}; }
-
-// The motor brakes while both inputs are high, so that its speed is proportional to the duty.  LOGIC is an enable, without
-// which the BTS7960 cannot coast.
-Levels with_pwm_on_both(bool backward, uint8_t duty, bool coast) {
-  if (!duty && coast) return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
-  const uint8_t rest = static_cast<uint8_t>(HIGH_LEVEL - duty);
-  return backward ? Levels{rest, HIGH_LEVEL, HIGH_LEVEL} : Levels{HIGH_LEVEL, rest, HIGH_LEVEL};
-}
 
 constexpr uint8_t A = 1, B = 2, LOGIC = 4;
 
@@ -63,22 +29,27 @@ Roles roles(Bridge chip) {
   }
 }
 
+// Brakes with all pins high, coasts with all pins low.  The table of the TB6612 has no row for all inputs low.  Behind a
+// direction the motor brakes without pulses; the direction stays then, so that the end of the last pulse does not drive in
+// the other one.
 Levels levels(Bridge chip, bool backward, uint8_t duty, bool coast) {
+  const uint8_t rest = static_cast<uint8_t>(HIGH_LEVEL - duty);
+  const uint8_t ahead = backward ? LOW_LEVEL : HIGH_LEVEL, back = static_cast<uint8_t>(~ahead);
+  if (chip == Bridge::unset) return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
+  if (!duty && chip != Bridge::cytron) {
+    const uint8_t level = coast ? LOW_LEVEL : HIGH_LEVEL;
+    return {chip == Bridge::tb6612 ? HIGH_LEVEL : level, level, level};
+  }
   switch (chip) {
-    case Bridge::vnh5019:
-    case Bridge::tb6612:
-      return with_two_inputs(chip, backward, duty, coast);
-    case Bridge::l298n:
-      return with_enable(backward, duty, coast);
     case Bridge::cytron:
-      return with_direction(backward, duty);
+      return {duty, LOW_LEVEL, back};
+    case Bridge::l298n:  // with PWM on IN1 it brakes between the pulses, which makes the speed proportional to the duty
+      return {HIGH_LEVEL, backward ? rest : duty, back};
     case Bridge::drv8833:
-    case Bridge::bts7960:
-      return with_pwm_on_both(backward, duty, coast);
-    case Bridge::l298n_enable:
-      return with_pwm_on_enable(backward, duty, coast);
-    default:
-      return {LOW_LEVEL, LOW_LEVEL, LOW_LEVEL};
+    case Bridge::bts7960:  // the same; LOGIC is an enable, without which the BTS7960 cannot coast
+      return {backward ? rest : HIGH_LEVEL, backward ? HIGH_LEVEL : rest, HIGH_LEVEL};
+    default:  // two inputs for the direction, and PWM on a third one
+      return {duty, ahead, back};
   }
 }
 

@@ -1,4 +1,5 @@
 // Commands to the motors: moves within the ceilings of the configuration, gains, encoders.
+#include "../../build.h"
 #include "../board/config.h"
 #include "motor.h"
 #include "../serial/protocol.h"
@@ -13,7 +14,7 @@ void require(bool available) {
 
 // ---- ceilings
 
-uint16_t magnitude(int16_t value) {
+__attribute__((noinline)) uint16_t magnitude(int16_t value) {
   const uint16_t bits = static_cast<uint16_t>(value);
   return static_cast<uint16_t>(value < 0 ? 0u - bits : bits);
 }
@@ -41,6 +42,18 @@ void scale(int16_t& linear, int16_t& angular, int16_t most_linear, int16_t most_
   linear = scaled(linear, most, was);
   angular = scaled(angular, most, was);
 }
+
+#if MRL_MEGA
+// The length of a vector, rounded down; at most 46 340.
+uint16_t length(int16_t x, int16_t y) {
+  const uint32_t square = static_cast<uint32_t>(magnitude(x)) * magnitude(x) + static_cast<uint32_t>(magnitude(y)) * magnitude(y);
+  uint32_t root = 0;
+  for (uint32_t bit = 0x8000; bit; bit >>= 1) {
+    if ((root | bit) * (root | bit) <= square) root |= bit;
+  }
+  return static_cast<uint16_t>(root);
+}
+#endif
 
 uint32_t number(Parameter parameter) { return static_cast<uint32_t>(config::get(parameter)); }
 
@@ -95,12 +108,36 @@ void move_motors(const int16_t* args, uint8_t) { require(motor::move_percent(arg
 void move_differential(const int16_t* args, uint8_t) {
   int16_t linear = args[0], angular = args[1];
   scale(linear, angular, config::get(Parameter::linear_ceiling), config::get(Parameter::angular_ceiling));
-  require(motor::move_speed(linear, angular));
+  require(motor::move_twist(linear, 0, angular));
 }
+
+#if MRL_MEGA
+// The ceiling is that of the speed in its own direction: `left` keeps its share of it.  A speed that does not fit into a
+// field is lowered to one that does.
+void move_twist(const int16_t* args, uint8_t) {
+  const uint16_t was = length(args[0], args[1]);
+  int16_t linear = static_cast<int16_t>(was < INT16_MAX ? was : INT16_MAX);
+  const auto part = [&](int16_t value) { return magnitude(linear) == was ? value : scaled(value, linear, was); };
+  int16_t angular = part(args[2]);
+  scale(linear, angular, config::get(Parameter::linear_ceiling), config::get(Parameter::angular_ceiling));
+  require(motor::move_twist(part(args[0]), part(args[1]), angular));
+}
+
+void move_wheels(const int16_t* args, uint8_t) { require(motor::move_wheels(args)); }
+#elif MRL_BRIDGE
+void move_wheels(const int16_t*, uint8_t) { require(false); }
+
+// Two wheels cannot move sideways.
+void move_twist(const int16_t* args, uint8_t count) {
+  if (args[1]) return move_wheels(args, count);
+  const int16_t speeds[] = {args[0], args[2]};
+  move_differential(speeds, count);
+}
+#endif
 
 // Robots with three omni wheels.
 void move_omni(const int16_t* args, uint8_t) {
-  if (!(motor::capabilities() & CAPABILITY_OMNI)) return status::refuse(Reason::unavailable);
+  if (MRL_BRIDGE || !(motor::capabilities() & CAPABILITY_OMNI)) return status::refuse(Reason::unavailable);
   int16_t speed = args[0], rotation = args[1];
   clamp_shares(speed, rotation);
   require(motor::move_omni(static_cast<uint8_t>(speed), rotation, args[2]));

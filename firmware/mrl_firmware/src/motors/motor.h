@@ -26,10 +26,12 @@ void refresh_all();
 
 // ---- moves and encoders; each returns false if it is not available
 
-// Linear speed [mm/s], angular speed [mrad/s].
-bool move_speed(int16_t linear, int16_t angular);
+// Speeds forward and to the left [mm/s], and angular speed [mrad/s].
+bool move_twist(int16_t forward, int16_t left, int16_t angular);
 // Percent of full speed if `controlled`, otherwise of full duty.
 bool move_percent(int16_t left, int16_t right, bool controlled);
+// Percent of full duty of each of four motors.
+bool move_wheels(const int16_t* percents);
 // Turns motor 1 (left), 2 (rear) or 3 (right) at `speed` [%] to a counter value, and holds it there.
 bool move_position(uint8_t motor, int16_t speed, int16_t position);
 // Three omni wheels: speed and rotation [%], direction [deg].
@@ -62,6 +64,8 @@ const Counts& counts();
 int16_t capabilities();
 // The row of the reply to 5.
 void report_info();
+// Adds the counters of the wheels to the reply to 54.
+void report_wheels();
 // Adds what only some motors have to the reply to 30.
 void report_status();
 

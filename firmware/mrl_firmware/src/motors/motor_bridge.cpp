@@ -1,5 +1,6 @@
-// Two motors on an H-bridge and two encoders, all on the Arduino's pins: turns requests into commands to the wheels,
-// and serves one wheel in each pass of the loop.
+// Motors on H-bridges and encoders, all on the Arduino's pins, two or four of each: turns requests into commands to the wheels,
+// and measures or drives one wheel in each pass of the loop.
+#include "../hal/fast.h"
 #include "../../build.h"
 
 #if MRL_BRIDGE
@@ -11,48 +12,63 @@
 #include "encoder_counter.h"
 #include "../serial/frame_writer.h"
 #include "../hal/hal.h"
+#include "../sensors/inputs.h"
 #include "motor.h"
 #include "../board/status.h"
+#include "../serial/stream.h"
 #include "wheel.h"
 #include "wheel_settings.h"
 #include "../board/wiring.h"
+#include "../virtual/virtual_robot.h"
 
 namespace mrl {
 namespace motor {
 namespace {
 
+// The rear wheels of four come behind these, in the same order: an odd wheel is a right one.
 enum Side : uint8_t { LEFT, RIGHT, SIDES };
 constexpr uint8_t LEFT_MOTOR = 1, RIGHT_MOTOR = 3;  // their numbers in the protocol
 
+constexpr uint8_t PASS = 3;  // of the loop, at most [tick]
 constexpr uint32_t REFUSED_FOR = board_clock::of_ms(1000);  // after the chip has stopped a wheel
 
 WheelSettings settings;
-Wheel wheels[SIDES];
+Wheel wheels[hal::MOTORS];
+uint8_t count = SIDES;  // of wheels that are wired
 EncoderCounter counters[SIDES];
-hal::EncoderSample sample, live;
-uint16_t last_counts[SIDES];
-uint8_t to_serve;  // halves of wheels that have not been served with this sample
-bool single[SIDES];  // the encoder has channel A alone
+hal::EncoderSample sample;
+int32_t travels[hal::MOTORS];  // at the last read_travels()
+uint16_t last_counts[hal::MOTORS];
+uint8_t to_serve;  // steps that are left for this sample: a measurement of each wheel, their ramps, a control of each
+bool single[hal::MOTORS];  // the encoder has channel A alone
 Counts frame_counts;
+int16_t wheel_counts[hal::MOTORS];
 uint32_t refused_since;
 bool usable;   // bridge, wiring and numbers are set
 bool refused;  // moves, since the chip has stopped a wheel
 bool undervoltage;
 
-Bridge chip() { return static_cast<Bridge>(config::get(Parameter::bridge)); }
-
-bool wired(int16_t bits) { return config::get(Parameter::wiring) & bits; }
-
 // ---- wires: the motor that drives a wheel, and the encoder that it turns
 
-uint8_t motor_of(uint8_t wheel) { return wired(WIRING_MOTORS_SWAPPED) ? wheel ^ 1 : wheel; }
+bool is_front(uint8_t wheel) { return hal::MOTORS == SIDES || wheel < SIDES; }
 
-uint8_t encoder_of(uint8_t wheel) { return wired(WIRING_ENCODERS_SWAPPED) ? wheel ^ 1 : wheel; }
+uint8_t motor_of(uint8_t wheel) { return is_front(wheel) && wiring::has(WIRING_MOTORS_SWAPPED) ? wheel ^ 1 : wheel; }
 
-bool motor_reversed(uint8_t wheel) { return wired(wheel ? WIRING_RIGHT_MOTOR_REVERSED : WIRING_LEFT_MOTOR_REVERSED); }
+uint8_t encoder_of(uint8_t wheel) {
+  return is_front(wheel) && wiring::has(WIRING_ENCODERS_SWAPPED) ? wheel ^ 1 : wheel;
+}
+
+// One flag a wheel, that of a right one behind that of a left one.
+bool is_reversed(uint8_t wheel, int16_t front, int16_t rear) {
+  return wiring::has(static_cast<int16_t>((is_front(wheel) ? front : rear) << (wheel & 1)));
+}
+
+bool motor_reversed(uint8_t wheel) {
+  return is_reversed(wheel, WIRING_LEFT_MOTOR_REVERSED, WIRING_REAR_LEFT_MOTOR_REVERSED);
+}
 
 bool encoder_reversed(uint8_t wheel) {
-  return wired(wheel ? WIRING_RIGHT_ENCODER_REVERSED : WIRING_LEFT_ENCODER_REVERSED);
+  return is_reversed(wheel, WIRING_LEFT_ENCODER_REVERSED, WIRING_REAR_LEFT_ENCODER_REVERSED);
 }
 
 // A single channel counts up; its direction is that of the command.
@@ -61,19 +77,18 @@ int16_t oriented(uint8_t wheel, int16_t counts) {
   return static_cast<int16_t>(back ? -counts : counts);
 }
 
-// All three pins each time: after a missed kick of the chip's watchdog they are low.
+// All pins each time: after a missed kick of the chip's watchdog they are low.
 void write(uint8_t wheel) {
-  const int16_t level = wheels[wheel].level();
+  const uint8_t duty = wheels[wheel].level();
   const bool backward = (wheels[wheel].last_direction() < 0) != motor_reversed(wheel);
-  const uint8_t duty = static_cast<uint8_t>(level < 0 ? -level : level);
   const bridge::Levels pins =
-      bridge::levels(usable ? chip() : Bridge::unset, backward, duty, config::get(Parameter::stop_mode));
-  hal::bridge_write(motor_of(wheel), {pins.pwm_a, pins.pwm_b, pins.logic});
+      bridge::levels(usable ? wiring::bridge() : Bridge::unset, backward, duty, config::get(Parameter::stop_mode));
+  hal::bridge_write(motor_of(wheel), {pins.pwm_a, pins.pwm_b, pins.logic, static_cast<uint8_t>(usable ? 255 : 0)});
 }
 
 // ---- stops
 
-void stop_for(StopReason reason) {
+__attribute__((noinline)) void stop_for(StopReason reason) {
   stop(reason);
   refused = true;
   refused_since = board_clock::now();
@@ -90,6 +105,19 @@ void watch_battery() {
   if (!watched || volts >= least + least / 16) undervoltage = false;
 }
 
+// Stops if a wheel turns to a side where an input is active.
+bool stopped_by_input() {
+  for (uint8_t backward = 0; backward < 2; backward++) {
+    const StopReason reason = inputs::against(backward);
+    for (uint8_t i = 0; i < count && reason != StopReason::none; i++) {
+      if (!wheels[i].turns(backward)) continue;
+      stop(reason);
+      return true;
+    }
+  }
+  return false;
+}
+
 bool allowed() {
   if (refused && board_clock::passed(refused_since, REFUSED_FOR)) refused = false;
   return usable && !refused && !undervoltage;
@@ -100,7 +128,7 @@ __attribute__((noinline)) bool begin_move(bool moves) {
   if (status::refuses_move()) return false;
   if (!moves) refused = false;
   if (!allowed()) return false;
-  for (uint8_t i = 0; i < SIDES; i++) {
+  for (uint8_t i = 0; i < count; i++) {
     if (hal::encoder_masked(i)) hal::encoder_unmask(i);
   }
   status::turned();
@@ -109,56 +137,88 @@ __attribute__((noinline)) bool begin_move(bool moves) {
 
 // ---- periods
 
-__attribute__((noinline)) int16_t moved_by(uint8_t wheel, const hal::EncoderSample& now) {
+__attribute__((noinline)) int16_t moved_by(uint8_t wheel, const uint16_t (&now)[hal::MOTORS]) {
   const uint8_t encoder = encoder_of(wheel);
-  const int16_t counts = static_cast<int16_t>(now.count[encoder] - last_counts[encoder]);
+  const int16_t counts = static_cast<int16_t>(now[encoder] - last_counts[encoder]);
   return oriented(wheel, counts);
 }
 
-void serve(uint8_t wheel) {
+void measure(uint8_t wheel) {
   const uint8_t encoder = encoder_of(wheel);
-  const int16_t moved = moved_by(wheel, sample);
+  const int16_t moved = moved_by(wheel, sample.count);
   last_counts[encoder] = sample.count[encoder];
-  const StopReason reason = wheels[wheel].update(settings, moved, sample.edge_tick[encoder], sample.tick);
+  const StopReason reason = wheels[wheel].measure(settings, moved, sample.edge_tick[encoder], sample.tick);
   if (reason != StopReason::none) stop_for(reason);
 }
+
+// One step.  All ramps are in one: a command between those of two wheels would turn the robot.
+void serve(uint8_t left) {
+  if (left > count + 1) return measure(static_cast<uint8_t>(2 * count + 1 - left));
+  if (left == count + 1) {
+    for (uint8_t i = 0; i < count; i++) wheels[i].ramp(settings);
+    return;
+  }
+  const uint8_t wheel = static_cast<uint8_t>(count - left);
+  wheels[wheel].control(settings);
+  write(wheel);
+}
+
+// A frame that is due within a pass keeps its cadence.  One that is due already waits for the serial link, perhaps for long.
+bool frame_goes_first() { return streams::main.due_within(PASS) && !streams::main.due(); }
 
 // ---- moves
 
 // Of -100 to 100: the table has no other percentages.
-int16_t share_of(int16_t percent) {
+__attribute__((noinline)) int16_t share_of(int16_t percent) {
   return static_cast<int16_t>(static_cast<int32_t>(percent) * 10486 / 64);  // * FULL / 100
 }
 
-// If a wheel would be faster than it can be, both slow down by the same factor, which keeps the arc.
-void set_speeds(int32_t left, int32_t right) {
-  const int32_t left_size = left < 0 ? -left : left, right_size = right < 0 ? -right : right;
-  const int32_t most = left_size > right_size ? left_size : right_size;
-  if (most > FULL) {
-    const int32_t factor_q14 = (static_cast<int32_t>(FULL) << 14) / most;
-    left = left / 16 * factor_q14 / 1024;
-    right = right / 16 * factor_q14 / 1024;
+// If a wheel would be faster than it can be, all slow down by the same factor, which keeps the arc.
+void set_speeds(const int32_t (&shares)[hal::MOTORS]) {
+  int32_t most = 0;
+  for (const int32_t share : shares) {
+    const int32_t size = share < 0 ? -share : share;
+    if (size > most) most = size;
   }
-  wheels[LEFT].set_speed(static_cast<int16_t>(left));
-  wheels[RIGHT].set_speed(static_cast<int16_t>(right));
+  const int32_t factor_q14 = most > FULL ? (static_cast<int32_t>(FULL) << 14) / most : 0;
+  for (uint8_t i = 0; i < hal::MOTORS; i++) {
+    const int32_t share = factor_q14 ? shares[i] / 16 * factor_q14 / 1024 : shares[i];
+    wheels[i].set_speed(static_cast<int16_t>(share));
+  }
 }
 
 bool take_settings() {
-  return wiring::accepted() && wired(WIRING_SET) && settings.configure();
+  return wiring::accepted() && wiring::has(WIRING_SET) && settings.configure();
 }
 
 void take_channels() {
-  hal::encoder_single_channel(wired(WIRING_SINGLE_CHANNEL));
-  for (uint8_t wheel = LEFT; wheel < SIDES; wheel++) {
-    const Parameter b = encoder_of(wheel) ? Parameter::pin_right_encoder_b : Parameter::pin_left_encoder_b;
-    single[wheel] = wired(WIRING_SINGLE_CHANNEL) || wiring::pin(b) == NOT_CONNECTED;
+  count = wiring::motors() > SIDES ? hal::MOTORS : uint8_t{SIDES};
+  to_serve = 0;
+  hal::encoder_single_channel(wiring::has(WIRING_SINGLE_CHANNEL));
+  for (uint8_t wheel = LEFT; wheel < count; wheel++) {
+    single[wheel] = wiring::is_single(encoder_of(wheel));
   }
 }
 
-// The travel at this moment, beyond the last sample.
-__attribute__((noinline)) int32_t travel_of(uint8_t wheel) {
-  hal::encoder_read(live);
-  return wheels[wheel].travel() + moved_by(wheel, live);
+// The counters at this moment, beyond the last sample; returns their tick.
+__attribute__((noinline)) uint16_t read_travels() {
+  uint16_t now[hal::MOTORS];
+  const uint16_t tick = hal::encoder_read(now);
+  for (uint8_t i = 0; i < count; i++) travels[i] = wheels[i].travel() + moved_by(i, now);
+  return tick;
+}
+
+// The mean of the wheels on a side.
+int32_t side_travel(uint8_t side) {
+  const int32_t front = travels[side];
+  if (hal::MOTORS == SIDES || count == SIDES) return front;
+  const uint32_t ahead = static_cast<uint32_t>(travels[side + SIDES]) - static_cast<uint32_t>(front);
+  return static_cast<int32_t>(static_cast<uint32_t>(front) + static_cast<uint32_t>(static_cast<int32_t>(ahead) >> 1));
+}
+
+__attribute__((noinline)) int32_t travel_now(uint8_t side) {
+  read_travels();
+  return side_travel(side);
 }
 
 bool is_side(uint8_t motor) { return motor == LEFT_MOTOR || motor == RIGHT_MOTOR; }
@@ -169,21 +229,23 @@ uint8_t side_of(uint8_t motor) { return motor == LEFT_MOTOR ? LEFT : RIGHT; }
 
 void begin() { refresh_all(); }
 
-// A stop may come between the control of a wheel and its output.  A line that oscillates may have cost the chip the host's stop, so this does not wait for the next sample.
+// A stop may come between the measurement of a wheel and its control.  A line that oscillates may have cost the chip the
+// host's stop, so this does not wait for the next sample.
 void service() {
-  if (status::turning() && (hal::encoder_masked(LEFT) || hal::encoder_masked(RIGHT))) stop_for(StopReason::encoder);
-  if (!to_serve && hal::encoder_sample(sample)) {
-    to_serve = 2 * SIDES;
+  for (uint8_t i = 0; i < count && status::turning(); i++) {
+    if (hal::encoder_masked(i)) stop_for(StopReason::encoder);
+  }
+  if (inputs::service()) {  // a host's stop does not wait for a wheel as well
+    if (status::turning()) stopped_by_input();
+    return;
+  }
+  if (to_serve && !frame_goes_first()) serve(to_serve--);
+  if (!to_serve) {  // the news of a sample may be gone by the end of the service of the one before
+    if (!hal::encoder_sample(sample)) return;
+    to_serve = static_cast<uint8_t>(2 * count + 1);
     watch_battery();
   }
-  if (!to_serve) return;
-  const uint8_t wheel = to_serve > SIDES ? LEFT : RIGHT;
-  if (to_serve-- % 2) {
-    write(wheel);
-  } else {
-    serve(wheel);
-  }
-  if (to_serve) board_clock::stay_awake();
+  board_clock::stay_awake();  // a stop passes before the next wheel is served
 }
 
 // Motors on the Arduino's own pins can always be stopped; moves say for themselves whether they are available.
@@ -199,38 +261,61 @@ void refresh(Parameter parameter) {
   if (wires) wiring::begin();
   if (meanings) take_channels();
   usable = take_settings();
+  if (MRL_VIRTUAL && usable) virtual_robot::configure();
   if (!usable) stop(StopReason::host);
   status::set_fault(FAULT_WIRING, !usable);
 }
 
 void refresh_all() { refresh(Parameter::bridge); }
 
-bool move_speed(int16_t linear, int16_t angular) {
-  if (!begin_move(linear || angular)) return false;
-  const int32_t ahead = (static_cast<int32_t>(linear) * settings.share_per_mm_s_q8 + 128) >> 8;
+// A mecanum wheel at the front left or the rear right turns backward to move left, the others forward.
+bool move_twist(int16_t forward, int16_t left, int16_t angular) {
+  if (left && count == SIDES) return false;
+  if (!begin_move(forward || left || angular)) return false;
+  const auto share = [](int16_t speed) { return (static_cast<int32_t>(speed) * settings.share_per_mm_s_q8 + 128) >> 8; };
+  const int32_t ahead = share(forward), aside = hal::MOTORS == SIDES ? 0 : share(left);
   const int32_t turn = (static_cast<int32_t>(angular) * settings.share_per_mrad_s_q12 + 2048) >> 12;
-  set_speeds(ahead - turn, ahead + turn);
-  return true;
+  int32_t shares[hal::MOTORS];
+  for (uint8_t i = 0; i < hal::MOTORS; i++) {
+    const bool with_aside = i == 1 || i == 2;
+    shares[i] = (i & 1 ? ahead + turn : ahead - turn) + (with_aside ? aside : -aside);
+  }
+  set_speeds(shares);
+  return !stopped_by_input();
 }
 
 bool move_percent(int16_t left, int16_t right, bool controlled) {
   if (!begin_move(left || right)) return false;
   const int16_t shares[] = {share_of(left), share_of(right)};
-  for (uint8_t i = 0; i < SIDES; i++) {
+  for (uint8_t i = 0; i < hal::MOTORS; i++) {
     if (controlled) {
-      wheels[i].set_speed(shares[i]);
+      wheels[i].set_speed(shares[i & 1]);
     } else {
-      wheels[i].set_duty(shares[i]);
+      wheels[i].set_duty(shares[i & 1]);
     }
   }
-  return true;
+  return !stopped_by_input();
 }
 
+#if MRL_MEGA
+bool move_wheels(const int16_t* percents) {
+  const auto any = [percents] { return percents[0] || percents[1] || percents[2] || percents[3]; };
+  if (count == SIDES || !begin_move(any())) return false;
+  for (uint8_t i = 0; i < count; i++) wheels[i].set_duty(share_of(percents[i]));
+  return !stopped_by_input();
+}
+#endif
+
 bool move_position(uint8_t motor, int16_t speed, int16_t position) {
-  if (!is_side(motor) || !begin_move(true)) return false;
+  if (!is_side(motor) || !settings.full_counts_q8 || !begin_move(true)) return false;
   const uint8_t side = side_of(motor);
-  wheels[side].go_to(counters[side].travel_at(position, travel_of(side)), share_of(speed));
-  return true;
+  const int32_t now = travel_now(side), way = static_cast<int32_t>(
+      static_cast<uint32_t>(counters[side].travel_at(position, now)) - static_cast<uint32_t>(now));
+  for (uint8_t i = side; i < count; i = static_cast<uint8_t>(i + SIDES)) {
+    const uint32_t target = static_cast<uint32_t>(travels[i]) + static_cast<uint32_t>(way);
+    wheels[i].go_to(static_cast<int32_t>(target), share_of(speed));
+  }
+  return !stopped_by_input();
 }
 
 bool move_omni(uint8_t, int16_t, int16_t) { return false; }
@@ -239,13 +324,13 @@ bool calibrate() { return false; }
 
 bool set_prescaler(uint8_t encoder, uint8_t value) {
   if (!is_side(encoder)) return false;
-  counters[side_of(encoder)].set_prescaler(value, travel_of(side_of(encoder)));
+  counters[side_of(encoder)].set_prescaler(value, travel_now(side_of(encoder)));
   return true;
 }
 
-bool preset_encoder(uint8_t encoder, int16_t count) {
+__attribute__((noinline)) bool preset_encoder(uint8_t encoder, int16_t value) {
   if (!is_side(encoder)) return false;
-  counters[side_of(encoder)].preset(count, travel_of(side_of(encoder)));
+  counters[side_of(encoder)].preset(value, travel_now(side_of(encoder)));
   return true;
 }
 
@@ -254,7 +339,7 @@ bool reset_encoders() { return preset_encoder(LEFT_MOTOR, 0) && preset_encoder(R
 void stop(StopReason reason) {
   status::stopped(reason);
   if (reason == StopReason::host) refused = false;
-  for (uint8_t i = 0; i < SIDES; i++) {
+  for (uint8_t i = 0; i < hal::MOTORS; i++) {
     wheels[i].stop();
     write(i);
   }
@@ -262,18 +347,23 @@ void stop(StopReason reason) {
 
 // The counts are read at this moment.
 void want_counts() {
-  hal::encoder_read(live);
-  frame_counts.left = counters[LEFT].read(wheels[LEFT].travel() + moved_by(LEFT, live));
-  frame_counts.right = counters[RIGHT].read(wheels[RIGHT].travel() + moved_by(RIGHT, live));
-  frame_counts.tick = live.tick;
+  frame_counts.tick = read_travels();
+  frame_counts.left = counters[LEFT].read(side_travel(LEFT));
+  frame_counts.right = counters[RIGHT].read(side_travel(RIGHT));
+  for (uint8_t i = 0; i < count; i++) wheel_counts[i] = static_cast<int16_t>(travels[i]);
 }
 
 CountsState counts_state() { return CountsState::ready; }
 
 const Counts& counts() { return frame_counts; }
 
+void report_wheels() {
+  for (uint8_t i = 0; i < 4; i++) writer::add(i < count ? wheel_counts[i] : 0);
+}
+
 int16_t capabilities() {
-  return CAPABILITY_BRIDGE | CAPABILITY_NO_TEMPERATURE | (battery::connected() ? 0 : CAPABILITY_NO_BATTERY);
+  return (MRL_VIRTUAL ? CAPABILITY_VIRTUAL : 0) | CAPABILITY_BRIDGE | CAPABILITY_WIRING | CAPABILITY_NO_TEMPERATURE |
+         (battery::connected() ? 0 : CAPABILITY_NO_BATTERY);
 }
 
 // Temperature and version of a motor board are not there; the battery is 0 if it is not measured.

@@ -276,7 +276,7 @@ void stop(StopReason reason) {
   stop_wanted = true;
 }
 
-bool move_speed(int16_t linear, int16_t angular) { return send(Message(MOVE_SI).word(linear).word(angular)); }
+bool move_twist(int16_t linear, int16_t, int16_t angular) { return send(Message(MOVE_SI).word(linear).word(angular)); }
 
 bool move_percent(int16_t left, int16_t right, bool controlled) {
   return send(Message(controlled ? MOVE_PID : MOVE_PLAIN).word(left).word(0).word(right));

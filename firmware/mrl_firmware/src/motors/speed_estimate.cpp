@@ -1,3 +1,4 @@
+#include "../hal/fast.h"
 #include "speed_estimate.h"
 
 namespace mrl {
@@ -14,7 +15,8 @@ __attribute__((noinline)) uint16_t quotient(uint32_t n, uint16_t d) {
   if (high >= d) return UINT16_MAX;
   for (uint8_t bits = 16; bits; bits--) {
     const bool carry = high & 0x8000;
-    high = static_cast<uint16_t>(high << 1 | low >> 15);
+    high = static_cast<uint16_t>(high << 1);
+    if (low & 0x8000) high |= 1;
     low = static_cast<uint16_t>(low << 1);
     if (carry || high >= d) {
       high = static_cast<uint16_t>(high - d);

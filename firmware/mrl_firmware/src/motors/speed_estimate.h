@@ -28,7 +28,7 @@ class SpeedEstimate {
   void fade(const WheelSettings& settings, uint16_t waited);
   void set_speed(uint16_t magnitude);
 
-  Mark marks_[MARKS];  // newest first: samples in which the counter had changed
+  Mark marks_[MARKS] = {};  // newest first: samples in which the counter had changed
   uint8_t used_ = 0;
   uint8_t quiet_ = 0;       // samples since the last change
   uint16_t counts_ = 0, ticks_ = 0;  // what the speed was computed from

@@ -48,13 +48,17 @@ bool WheelSettings::configure() {
   share_per_mrad_s_q12 = static_cast<uint16_t>(per_mrad_s);
 
   const uint32_t ramp_ms = number(Parameter::ramp_time);
-  ramp_q8 = ramp_ms ? RAMP / ramp_ms : static_cast<uint32_t>(FULL) << 8;
+  ramp_q8 = static_cast<int32_t>(ramp_ms ? RAMP / ramp_ms : static_cast<uint32_t>(FULL) << 8);
   friction = static_cast<int16_t>(times(Parameter::friction_duty, 1073742));  // 16.384
   kp_q10 = times(Parameter::kp, 67109);                                       // 1.024
   ki_q16 = times(Parameter::ki, 21440);                                       // 65.536 * 4.992 ms
   const uint16_t feed_forward = static_cast<uint16_t>((FULL - friction) / 16);
   target_gain_q10 = kp_q10 > feed_forward ? kp_q10 : feed_forward;
   pause_periods = static_cast<uint8_t>(times(Parameter::reversal_pause, 13128));  // 1 / 4.992 ms
+  if (number(Parameter::no_encoders)) {
+    full_counts_q8 = kp_q10 = ki_q16 = 0;
+    target_gain_q10 = feed_forward;
+  }
   return true;
 }
 

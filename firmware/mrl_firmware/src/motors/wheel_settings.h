@@ -13,12 +13,12 @@ constexpr int16_t FULL = 16384;
 constexpr uint16_t PERIOD_TICKS = hal::SAMPLE_TICKS;
 
 struct WheelSettings {
-  uint16_t full_counts_q8;       // counts a period at full speed
+  uint16_t full_counts_q8;       // counts a period at full speed; 0 without encoders, and then no wheel is watched
   uint32_t share_per_count_tick;  // speed = counts * this / ticks
   uint32_t share_per_count_q8;   // of a positional move: speed for each count that is left, 1 / (200 ms)
   uint16_t share_per_mm_s_q8;
   uint16_t share_per_mrad_s_q12;
-  uint32_t ramp_q8;          // largest change of the setpoint in a period
+  int32_t ramp_q8;           // largest change of the setpoint in a period
   uint16_t kp_q10;           // duty for each share of error
   uint16_t target_gain_q10;  // duty for each share of the setpoint: kp, but at least the feed-forward
   uint16_t ki_q16;           // duty for each share of error in a period

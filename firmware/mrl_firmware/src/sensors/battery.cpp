@@ -1,6 +1,6 @@
 #include "../../build.h"
 
-#if MRL_BRIDGE
+#if MRL_BRIDGE && !MRL_VIRTUAL
 
 #include "battery.h"
 
@@ -9,6 +9,7 @@
 #include "../hal/hal.h"
 #include "../hal/chip.h"
 #include "../serial/protocol.h"
+#include "ranges.h"
 #include "sonar.h"
 #include "../board/wiring.h"
 
@@ -59,7 +60,7 @@ void service() {
   if (running) return take_conversion();
   if (!connected()) {
     known = false;
-  } else if (board_clock::passed(started_at, PERIOD) && !sonar::converting()) {
+  } else if (board_clock::passed(started_at, PERIOD) && !sonar::converting() && !ranges::converting()) {
     start();
   }
 }

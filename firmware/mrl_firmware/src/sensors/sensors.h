@@ -5,10 +5,16 @@
 
 #include "../board/bus.h"
 #include "../hal/hal.h"
+#include "../serial/protocol.h"
 #include "../serial/rows.h"
 
 namespace mrl {
 namespace sensors {
+
+#define MRL_THERE_ON_BUS(name, code, there, ...) || (there)
+#define MRL_THERE_ON_PINS(name, code, there) || (there)
+// Whether this build has sensors of the table.
+constexpr bool ANY = false MRL_BUS_SENSORS(MRL_THERE_ON_BUS) MRL_PIN_SENSORS(MRL_THERE_ON_PINS);
 
 // True for the codes of the sensors.
 bool knows(uint8_t code);

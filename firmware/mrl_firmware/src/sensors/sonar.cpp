@@ -6,11 +6,14 @@
 #include "../../build.h"
 #include "../board/config.h"
 #include "../serial/frame_writer.h"
+#include "../hal/chip.h"
 #include "../hal/hal.h"
 #include "../../pins.h"
 #include "../serial/protocol.h"
+#include "ranges.h"
 #include "sonar_curve.h"
 #include "../board/wiring.h"
+#include "../virtual/virtual_robot.h"
 
 namespace mrl {
 namespace sonar {
@@ -41,7 +44,7 @@ void report() {
 #if !MRL_ENVIRONMENT
 namespace {
 
-constexpr uint32_t WARM_UP = board_clock::of_ms(256);
+constexpr uint32_t WARM_UP = board_clock::of_ms(264);  // 250 ms per the data sheet; at the start the time is 8 ms old
 constexpr uint32_t TRIGGER = 2;  // ticks; the MB1300 needs at least 20 us
 constexpr uint32_t READING = board_clock::of_ms(104);  // 99 ms per the data sheet
 
@@ -61,6 +64,7 @@ void go(Step next) {
 int8_t trigger = NOT_CONNECTED, power = NOT_CONNECTED;
 
 int8_t input(uint8_t which) {
+  if (MRL_VIRTUAL) return static_cast<int8_t>(chip::FIRST_ANALOG + which);
   return wiring::pin(static_cast<Parameter>(static_cast<uint8_t>(Parameter::pin_sonar_front) + which));
 }
 
@@ -107,7 +111,9 @@ void convert(uint8_t which) {
 void take_conversion() {
   const int16_t count = hal::adc_result();
   if (count < 0) return;
-  if (channel < ready) ranges[channel] = range_cm(static_cast<uint16_t>(count));
+  if (channel < ready) {
+    ranges[channel] = MRL_VIRTUAL ? virtual_robot::range_cm(channel) : range_cm(static_cast<uint16_t>(count));
+  }
   convert(static_cast<uint8_t>(channel + 1));
 }
 
@@ -150,7 +156,10 @@ void service() {
       go(Step::ranging);
       break;
     case Step::ranging:
-      if (board_clock::passed(since, READING) && !(MRL_BRIDGE && battery::converting())) end_turn();
+      if (board_clock::passed(since, READING) &&
+          !(MRL_BRIDGE && (battery::converting() || ranges::converting()))) {
+        end_turn();
+      }
       break;
     case Step::converting:
       if (!answers::reading()) take_conversion();  // the curve takes 0.1 ms

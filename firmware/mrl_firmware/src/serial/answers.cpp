@@ -22,10 +22,10 @@ namespace {
 // 0.28 ms, after perhaps a move and a battery read; 7 bytes take 0.6 ms on the serial link.
 constexpr uint8_t LOW_WATER = hal::SERIAL_OUT_NEWS;
 constexpr uint8_t QUESTIONS = 8;
-constexpr uint16_t ALMOST = 64;  // 0.5 ms in eighths of a tick: a battery read takes 0.2 ms
+constexpr uint8_t ALMOST = 8;  // 0.5 ms in ticks: a battery read takes 0.2 ms
 
-// An IMU frame and the reads before it take at most this long at the slowest baud rate, in eighths of a tick: 6.6 ms.
-constexpr uint16_t IMU_FRAME = 825;
+// An IMU frame and the reads before it take at most this long at the slowest baud rate, in ticks: 6.6 ms.
+constexpr uint8_t IMU_FRAME = 104;
 
 struct Question {
   uint8_t code;
@@ -86,19 +86,27 @@ void await_reads() {
 // counters are read.  A stream frame waits: the serial link is busy anyway.
 void fetch_counts() {
   motor::want_counts();
+  imu_ahead = job_stream && imu_due;
+  if (imu_ahead) imu::want();
   bus::service();
   if (!job_stream && motor::counts_state() != motor::CountsState::failed) {
     writer::begin_early(job.code);
     writer_has_begun = true;
   }
-  imu_ahead = job_stream && imu_due;
-  if (imu_ahead) imu::want();
 }
 
 void fetch_imu() {
   if (!imu_ahead || !job_stream) imu::want();
   imu_ahead = false;
   bus::service();
+}
+
+// With an H-bridge, whose counts are there at once, a pass may do all of a frame: bytes of the host, which may be a stop,
+// come between its parts.  The rest of an answer whose head is out has time.
+bool gives_way() {
+  if (!MRL_BRIDGE || !(writer_has_begun || hal::serial_received())) return false;
+  board_clock::stay_awake();
+  return true;
 }
 
 void await_sensors() {
@@ -113,9 +121,7 @@ void await_sensors() {
   } else {
     fetch_imu();
   }
-  // Counts of the Arduino's own pins are there at once: a stop may come between their reading and the frame.
-  if (MRL_BRIDGE && with_counts) return board_clock::stay_awake();
-  await_reads();
+  if (!gives_way()) await_reads();
 }
 
 void start(const Question& question, Stream* stream) {
@@ -126,7 +132,7 @@ void start(const Question& question, Stream* stream) {
   stage = Stage::sensors;
   board_clock::stay_awake();
   rows::want_sensors(job.code);
-  await_sensors();
+  if (!gives_way()) await_sensors();
 }
 
 void start_answer() {

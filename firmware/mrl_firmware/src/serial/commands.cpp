@@ -51,7 +51,8 @@ __attribute__((noinline)) void take_bytes() {
 
 FrameDecoder decoder;
 
-void receive() {
+// Each pass of the loop looks several times: this has the look in line.
+__attribute__((flatten)) void receive() {
   if (hal::serial_received()) take_bytes();
 }
 

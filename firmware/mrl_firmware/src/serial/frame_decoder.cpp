@@ -78,7 +78,7 @@ Verdict FrameDecoder::skip(uint8_t byte) {
   return length_ >= MAX_NOISE ? garbage(Reason::noise) : Verdict::none;
 }
 
-Verdict FrameDecoder::garbage(Reason reason) {
+__attribute__((noinline)) Verdict FrameDecoder::garbage(Reason reason) {
   completed_ = length_;
   clear();
   reason_ = reason;

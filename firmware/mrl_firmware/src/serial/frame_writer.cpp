@@ -106,12 +106,13 @@ void stamp(uint16_t tick) {
 
 void end() {
   step = Step::closed;
-  service();
+  if (!hal::serial_received()) service();
 }
 
 void abandon() { step = Step::idle; }
 
-// A number takes 40 us.  Those behind the first one wait for bytes of the host, which may be a stop.
+// A number takes 40 us.  Those behind the first one wait for bytes of the host, which may be a stop; so does the first one
+// in the pass that has filled the frame.
 void service() {
   if (step == Step::idle) return;
   while (sent < count && hal::serial_room() >= NUMBER_BYTES) {

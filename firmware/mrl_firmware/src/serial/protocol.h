@@ -4,8 +4,8 @@
 
 #include "../../build.h"
 
-// Only an H-bridge build has the parameters of MRL_PINS.
-#define MRL_LAST_PARAMETER (MRL_BRIDGE ? 44 : 27)
+// Only an H-bridge build has the parameters of MRL_PINS, and only on a Mega those of MRL_MEGA_PINS.
+#define MRL_LAST_PARAMETER (MRL_MEGA ? 86 : MRL_BRIDGE ? 66 : 28)
 
 // A QUERY only asks for its reply; the board sends a NO_REQUEST by itself.
 // code, constant, name, in this build, fewest and most arguments, guarded (1 always, 2 once the host has turned
@@ -61,7 +61,18 @@
   REQUEST(48, STOP_IMU_STREAM, stop_imu_stream, 1, 0, 0, 0, 0, 45) \
   QUERY(49, READ_RADIO, read_radio, MRL_XBEE, 0, 0, 0, 0, 45) \
   REQUEST(50, RELEASE_HOLD, release_hold, MRL_XBEE, 0, 0, 1, 0, 45) \
-  QUERY(51, READ_WIRING, read_wiring, MRL_BRIDGE, 0, 0, 0, 0, 45)
+  QUERY(51, READ_WIRING, read_wiring, MRL_BRIDGE, 0, 0, 0, 0, 45) \
+  REQUEST(52, SET_SERVO, set_servo, MRL_BRIDGE, 3, 3, 1, 0, 45, RANGE(1, 6) RANGE(500, 2500) RANGE(0, 32767)) \
+  QUERY(53, READ_BOARD, read_board, MRL_BRIDGE, 0, 0, 0, 0, 48) \
+  QUERY(54, READ_WHEELS, read_wheels, MRL_BRIDGE, 0, 0, 0, 1, 48) \
+  REQUEST(55, START_WHEEL_STREAM, start_wheel_stream, MRL_BRIDGE, 0, 1, 0, 0, 48, RANGE(0, 10000)) \
+  REQUEST(56, STOP_WHEEL_STREAM, stop_wheel_stream, 1, 0, 0, 0, 0, 49) \
+  REQUEST(57, MOVE_TWIST, move_twist, MRL_BRIDGE, 3, 3, 2, 0, 49, ANY ANY ANY) \
+  REQUEST(58, MOVE_WHEELS, move_wheels, MRL_BRIDGE, 4, 4, 2, 0, 52, RANGE(-100, 100) RANGE(-100, 100) RANGE(-100, 100) RANGE(-100, 100)) \
+  QUERY(59, READ_INPUTS, read_inputs, MRL_BRIDGE, 0, 0, 0, 0, 56) \
+  REQUEST(60, RELEASE_EMERGENCY, release_emergency, MRL_BRIDGE, 0, 0, 1, 0, 56) \
+  QUERY(61, READ_RANGES, read_ranges, MRL_BRIDGE, 0, 0, 0, 0, 56) \
+  QUERY(62, READ_VIRTUAL_POSE, read_virtual_pose, MRL_VIRTUAL, 0, 0, 0, 0, 56)
 
 // names of the reasons to refuse bytes, in the order of read_counters
 #define MRL_REASONS(REASON) \
@@ -111,34 +122,79 @@
   PARAMETER(17, bus_stop, 0, 1) \
   PARAMETER(18, full_speed, 1, 1000) \
   PARAMETER(19, bridge, 0, 7) \
-  PARAMETER(20, wiring, 0, 255) \
+  PARAMETER(20, wiring, 0, 4095) \
   PARAMETER(21, stop_mode, 0, 1) \
   PARAMETER(22, reversal_pause, 0, 1000) \
   PARAMETER(23, friction_duty, 0, 500) \
   PARAMETER(24, battery_divider, 0, 32767) \
   PARAMETER(25, undervoltage, 0, 32767) \
   PARAMETER(26, radio_hold, 0, 300) \
-  PARAMETER(27, plain_calibrate, 0, 1)
+  PARAMETER(27, plain_calibrate, 0, 1) \
+  PARAMETER(28, virtual_faults, 0, 1023)
 
 // the same of the wiring
 #define MRL_PINS(PARAMETER) \
-  PARAMETER(28, pin_left_pwm_a, -1, 69) \
-  PARAMETER(29, pin_left_pwm_b, -1, 69) \
-  PARAMETER(30, pin_left_logic, -1, 69) \
-  PARAMETER(31, pin_right_pwm_a, -1, 69) \
-  PARAMETER(32, pin_right_pwm_b, -1, 69) \
-  PARAMETER(33, pin_right_logic, -1, 69) \
-  PARAMETER(34, pin_left_encoder_a, -1, 69) \
-  PARAMETER(35, pin_left_encoder_b, -1, 69) \
-  PARAMETER(36, pin_right_encoder_a, -1, 69) \
-  PARAMETER(37, pin_right_encoder_b, -1, 69) \
-  PARAMETER(38, pin_sonar_front, -1, 69) \
-  PARAMETER(39, pin_sonar_left, -1, 69) \
-  PARAMETER(40, pin_sonar_right, -1, 69) \
-  PARAMETER(41, pin_sonar_trigger, -1, 69) \
-  PARAMETER(42, pin_sonar_power, -1, 69) \
-  PARAMETER(43, pin_battery, -1, 69) \
-  PARAMETER(44, i2c, 0, 1)
+  PARAMETER(29, pin_left_pwm_a, -1, 69) \
+  PARAMETER(30, pin_left_pwm_b, -1, 69) \
+  PARAMETER(31, pin_left_logic, -1, 69) \
+  PARAMETER(32, pin_right_pwm_a, -1, 69) \
+  PARAMETER(33, pin_right_pwm_b, -1, 69) \
+  PARAMETER(34, pin_right_logic, -1, 69) \
+  PARAMETER(35, pin_left_encoder_a, -1, 69) \
+  PARAMETER(36, pin_left_encoder_b, -1, 69) \
+  PARAMETER(37, pin_right_encoder_a, -1, 69) \
+  PARAMETER(38, pin_right_encoder_b, -1, 69) \
+  PARAMETER(39, pin_sonar_front, -1, 69) \
+  PARAMETER(40, pin_sonar_left, -1, 69) \
+  PARAMETER(41, pin_sonar_right, -1, 69) \
+  PARAMETER(42, pin_sonar_trigger, -1, 69) \
+  PARAMETER(43, pin_sonar_power, -1, 69) \
+  PARAMETER(44, pin_battery, -1, 69) \
+  PARAMETER(45, pin_enable_1, -1, 69) \
+  PARAMETER(46, pin_enable_2, -1, 69) \
+  PARAMETER(47, i2c, 0, 1) \
+  PARAMETER(48, pin_servo_1, -1, 69) \
+  PARAMETER(49, pin_servo_2, -1, 69) \
+  PARAMETER(50, servo_release, 0, 1) \
+  PARAMETER(51, no_encoders, 0, 1) \
+  PARAMETER(52, pin_bumper_left, -1, 69) \
+  PARAMETER(53, pin_bumper_right, -1, 69) \
+  PARAMETER(54, pin_bumper_rear, -1, 69) \
+  PARAMETER(55, pin_cliff_left, -1, 69) \
+  PARAMETER(56, pin_cliff_right, -1, 69) \
+  PARAMETER(57, pin_emergency_stop, -1, 69) \
+  PARAMETER(58, bumpers_high, 0, 1) \
+  PARAMETER(59, cliffs_low, 0, 1) \
+  PARAMETER(60, pin_range_1_trigger, -1, 69) \
+  PARAMETER(61, pin_range_1_echo, -1, 69) \
+  PARAMETER(62, pin_range_2_trigger, -1, 69) \
+  PARAMETER(63, pin_range_2_echo, -1, 69) \
+  PARAMETER(64, pin_range_3_trigger, -1, 69) \
+  PARAMETER(65, pin_range_3_echo, -1, 69) \
+  PARAMETER(66, air_temperature, -40, 60)
+
+// those that only a Mega has
+#define MRL_MEGA_PINS(PARAMETER) \
+  PARAMETER(67, pin_rear_left_pwm_a, -1, 69) \
+  PARAMETER(68, pin_rear_left_pwm_b, -1, 69) \
+  PARAMETER(69, pin_rear_left_logic, -1, 69) \
+  PARAMETER(70, pin_rear_right_pwm_a, -1, 69) \
+  PARAMETER(71, pin_rear_right_pwm_b, -1, 69) \
+  PARAMETER(72, pin_rear_right_logic, -1, 69) \
+  PARAMETER(73, pin_rear_left_encoder_a, -1, 69) \
+  PARAMETER(74, pin_rear_left_encoder_b, -1, 69) \
+  PARAMETER(75, pin_rear_right_encoder_a, -1, 69) \
+  PARAMETER(76, pin_rear_right_encoder_b, -1, 69) \
+  PARAMETER(77, pin_servo_3, -1, 69) \
+  PARAMETER(78, pin_servo_4, -1, 69) \
+  PARAMETER(79, pin_servo_5, -1, 69) \
+  PARAMETER(80, pin_servo_6, -1, 69) \
+  PARAMETER(81, pin_range_4_trigger, -1, 69) \
+  PARAMETER(82, pin_range_4_echo, -1, 69) \
+  PARAMETER(83, pin_range_5_trigger, -1, 69) \
+  PARAMETER(84, pin_range_5_echo, -1, 69) \
+  PARAMETER(85, pin_range_6_trigger, -1, 69) \
+  PARAMETER(86, pin_range_6_echo, -1, 69)
 
 // lowest and highest robot id, then the parameters from axis_radius on: traxbot, stingbot, omni, duo
 #define MRL_MODELS(MODEL) \
@@ -148,7 +204,7 @@
   MODEL(23, 25, 7500, 3250, 340, 440, 1600, 23700, 0, 1000, 0, 500, 6000)
 
 // the parameters after those, the same for all models
-#define MRL_COMMON_DEFAULTS 3, 11767, 9466, -3759, 400, 0, 160, 0, 0, 0, 50, 0, 0, 0, 0, 0
+#define MRL_COMMON_DEFAULTS 3, 11767, 9466, -3759, 400, 0, 160, 0, 0, 0, 50, 0, 0, 0, 0, 0, 0
 
 namespace mrl {
 
@@ -156,16 +212,20 @@ constexpr uint8_t PROTOCOL_VERSION = 2;  // what read_protocol reports
 constexpr uint8_t MAX_ARGUMENTS = 14;  // of any frame, including the checksum
 constexpr uint8_t MAX_FRAME = 98;  // bytes from '@' to 'e'
 constexpr uint8_t MAX_NOISE = 64;  // bytes outside a frame that are counted as one run
-constexpr uint8_t MAX_CODE = 51;  // codes run from 1 to this
+constexpr uint8_t MAX_CODE = 62;  // codes run from 1 to this
 constexpr uint8_t STOP_CODE = 13;  // accepted without a checksum in every state
 constexpr int16_t SONAR_INVALID = -1;  // no reading
 constexpr int16_t SONAR_NOTHING = 645;  // cm, nothing in range
+constexpr uint8_t RANGES_IN_REPLY = 6;
+constexpr int16_t RANGE_INVALID = -1;  // no echo, or not connected
+constexpr int16_t RANGE_HELD = -2;  // the echo is held high
+constexpr int16_t RANGE_NOTHING = 32767;  // nothing in range
 constexpr uint8_t HOLD_MARK = 248;  // first byte of a hold text
 constexpr uint8_t MOST_HOLDERS = 4;  // that a board accepts at a time
 constexpr uint8_t REASON_COUNT = 12;
-constexpr uint8_t PARAMETER_COUNT = 28;  // of MRL_PARAMETERS
-constexpr uint8_t PIN_FIRST = 28;  // parameters of MRL_PINS, which only MRL_BRIDGE has
-constexpr uint8_t PIN_COUNT = 17;
+constexpr uint8_t PARAMETER_COUNT = 29;  // of MRL_PARAMETERS
+constexpr uint8_t PIN_FIRST = 29;  // parameters of MRL_PINS, which only MRL_BRIDGE has
+constexpr uint8_t PIN_COUNT = MRL_MEGA ? 58 : 38;
 constexpr int16_t NOT_CONNECTED = -1;  // value of a pin
 constexpr uint8_t MODEL_PARAMETER_FIRST = 1;  // parameters whose defaults differ by model
 constexpr uint8_t MODEL_PARAMETER_COUNT = 11;
@@ -178,7 +238,7 @@ enum class Reason : uint8_t { MRL_REASONS(MRL_REASON) };
 
 // Rows of the EEPROM configuration.
 #define MRL_PARAMETER(number, name, ...) name = number,
-enum class Parameter : uint8_t { MRL_PARAMETERS(MRL_PARAMETER) MRL_PINS(MRL_PARAMETER) };
+enum class Parameter : uint8_t { MRL_PARAMETERS(MRL_PARAMETER) MRL_PINS(MRL_PARAMETER) MRL_MEGA_PINS(MRL_PARAMETER) };
 
 // One handler for each request that the build has and that does more than ask; a forgotten one fails to link.
 #define MRL_HANDLER(code, constant, name, ...) void name(const int16_t* args, uint8_t count);
@@ -210,6 +270,19 @@ constexpr int16_t CAPABILITY_NO_BATTERY = 1024;
 constexpr int16_t CAPABILITY_NO_TEMPERATURE = 2048;
 constexpr int16_t CAPABILITY_IMU = 4096;
 constexpr int16_t CAPABILITY_HOLD = 8192;
+constexpr int16_t CAPABILITY_WIRING = 16384;
+constexpr int16_t CAPABILITY_VIRTUAL = -32768;
+
+constexpr int16_t VIRTUAL_FAULT_LEFT_SLIPS = 1;
+constexpr int16_t VIRTUAL_FAULT_RIGHT_SLIPS = 2;
+constexpr int16_t VIRTUAL_FAULT_LEFT_BLOCKED = 4;
+constexpr int16_t VIRTUAL_FAULT_RIGHT_BLOCKED = 8;
+constexpr int16_t VIRTUAL_FAULT_LEFT_ENCODER_SILENT = 16;
+constexpr int16_t VIRTUAL_FAULT_RIGHT_ENCODER_SILENT = 32;
+constexpr int16_t VIRTUAL_FAULT_FRONT_SONAR_DEAD = 64;
+constexpr int16_t VIRTUAL_FAULT_LEFT_SONAR_DEAD = 128;
+constexpr int16_t VIRTUAL_FAULT_RIGHT_SONAR_DEAD = 256;
+constexpr int16_t VIRTUAL_FAULT_BATTERY_SAGS = 512;
 
 constexpr int16_t FAULT_MOTOR_BOARD = 1;
 constexpr int16_t FAULT_BUS_HUNG = 2;
@@ -227,6 +300,17 @@ constexpr int16_t WIRING_ENCODERS_SWAPPED = 16;
 constexpr int16_t WIRING_LEFT_ENCODER_REVERSED = 32;
 constexpr int16_t WIRING_RIGHT_ENCODER_REVERSED = 64;
 constexpr int16_t WIRING_SINGLE_CHANNEL = 128;
+constexpr int16_t WIRING_REAR_LEFT_MOTOR_REVERSED = 256;
+constexpr int16_t WIRING_REAR_RIGHT_MOTOR_REVERSED = 512;
+constexpr int16_t WIRING_REAR_LEFT_ENCODER_REVERSED = 1024;
+constexpr int16_t WIRING_REAR_RIGHT_ENCODER_REVERSED = 2048;
+
+constexpr int16_t INPUT_BUMPER_LEFT = 1;
+constexpr int16_t INPUT_BUMPER_RIGHT = 2;
+constexpr int16_t INPUT_BUMPER_REAR = 4;
+constexpr int16_t INPUT_CLIFF_LEFT = 8;
+constexpr int16_t INPUT_CLIFF_RIGHT = 16;
+constexpr int16_t INPUT_EMERGENCY_STOP = 32;
 
 // What started the board.
 enum class ResetCause : uint8_t {
@@ -236,7 +320,7 @@ enum class ResetCause : uint8_t {
 // Why the motors were last stopped.
 enum class StopReason : uint8_t {
   none = 0, host = 1, link_watchdog = 2, stall = 3, motor_board = 4, boot = 5, check_ended = 6, wheel_blocked = 7,
-  encoder = 8, undervoltage = 9, held = 10
+  encoder = 8, undervoltage = 9, held = 10, bumper = 11, cliff = 12, emergency_stop = 13
 };
 
 // Bridge chips of parameter 19.
@@ -247,7 +331,7 @@ enum class Bridge : uint8_t {
 // Why the wiring is refused: problem of read_wiring.
 enum class WiringProblem : uint8_t {
   none = 0, not_connected = 1, no_such_pin = 2, serial_pin = 3, pin_used_twice = 4, no_pwm = 5, led_pin = 6,
-  no_interrupt = 7, no_analog = 8, bus_pin = 9, no_clock = 10
+  no_interrupt = 7, no_analog = 8, bus_pin = 9, no_servo = 10, no_clock = 11
 };
 
 // Whether the radio holds the robot.

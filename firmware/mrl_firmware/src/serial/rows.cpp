@@ -7,13 +7,17 @@
 #include "../hal/flash.h"
 #include "frame_writer.h"
 #include "../sensors/imu.h"
+#include "../sensors/inputs.h"
 #include "../motors/motor.h"
+#include "../motors/servo.h"
 #include "protocol.h"
+#include "../sensors/ranges.h"
 #include "../sensors/sensors.h"
 #include "../sensors/sonar.h"
 #include "../board/status.h"
 #include "stream.h"
 #include "../board/wiring.h"
+#include "../virtual/virtual_robot.h"
 #include "../radio/xbee.h"
 
 namespace mrl {
@@ -46,30 +50,40 @@ void report_encoders(bool with_counts) {
   writer::add(with_counts ? counts.left : NO_ENCODERS);
 }
 
+#if MRL_ENVIRONMENT
 void report_sensors(bool with_counts) {
-  if (!MRL_ENVIRONMENT) return;
   report_encoders(with_counts);
   writer::add(sensors::alcohol());
   writer::add(sensors::dust());
   writer::add(sensors::largest(READ_THERMOPILE));
 }
+#endif
+
+#if MRL_BRIDGE
+void report_wheels() {
+  motor::report_wheels();
+  writer::add(inputs::active());
+  ranges::report();
+}
+#endif
 
 }  // namespace
 
 bool needs_counts(uint8_t code) {
   if (is_sensor_stream(code)) return !has_no_motors();
-  return code == READ_ENCODERS || code == READ_ENCODERS_AND_SONARS || code == START_OMNI_STREAM;
+  return code == READ_ENCODERS || code == READ_ENCODERS_AND_SONARS || code == START_OMNI_STREAM ||
+         (MRL_BRIDGE && code == READ_WHEELS);
 }
 
 bool is_stamped(uint8_t code) { return flash_byte(&STAMPED_ROWS[code - 1]); }
 
 void want_sensors(uint8_t code) {
-  if (code >= READ_ALCOHOL) sensors::want(sensor_of(code));
+  if (sensors::ANY && code >= READ_ALCOHOL) sensors::want(sensor_of(code));
 }
 
 Readiness readiness(uint8_t code) {
   if (code == READ_PROTOCOL && !imu::asked()) return Readiness::wait;
-  if (code >= READ_ALCOHOL) return sensors::readiness(sensor_of(code));
+  if (sensors::ANY && code >= READ_ALCOHOL) return sensors::readiness(sensor_of(code));
   return code == ROBOT_INFO && !motor::asked() ? Readiness::wait : Readiness::ready;
 }
 
@@ -85,11 +99,13 @@ void report(uint8_t code, int16_t value, bool with_counts) {
       report_encoders(true);
       writer::add(motor::counts().rear);
       return sonar::report();
+#if MRL_ENVIRONMENT
     case START_SENSOR_STREAM: return report_sensors(with_counts);
     case START_SENSOR_LDR_STREAM:
       report_sensors(with_counts);
       return sensors::report(READ_LIGHT);
     case START_COMPASS_STREAM: return sensors::report(READ_COMPASS);
+#endif
     case GET_DEBUG: return debug::report();
     case GET_STREAM: return streams::report();
     case READ_PROTOCOL: return status::report_protocol();
@@ -106,9 +122,17 @@ void report(uint8_t code, int16_t value, bool with_counts) {
 #endif
 #if MRL_BRIDGE
     case READ_WIRING: return wiring::report();
+    case SET_SERVO: return servo::report(value);
+    case READ_BOARD: return wiring::report_board();
+    case READ_WHEELS: return report_wheels();
+    case READ_INPUTS: return inputs::report();
+    case READ_RANGES: return ranges::report();
 #endif
-    default:  // 32, 36, 37, 45 and 50 answer with the value they were asked with
-      return sensors::knows(code) ? sensors::report(code) : writer::add(value);
+#if MRL_VIRTUAL
+    case READ_VIRTUAL_POSE: return virtual_robot::report_pose();
+#endif
+    default:  // 32, 36, 37, 45, 50 and 60 answer with the value they were asked with
+      return sensors::ANY && sensors::knows(code) ? sensors::report(code) : writer::add(value);
   }
 }
 

@@ -8,7 +8,8 @@
 namespace mrl {
 namespace {
 
-// Times in eighths of a tick, 8 us, so that each period in ms is whole and the cadence never drifts.
+// Times in eighths of a tick, 8 us, so that each period in ms is whole and the cadence never drifts.  Each pass of the loop
+// asks whether a frame is due, which is a comparison of ticks alone.
 constexpr uint32_t EIGHTHS_PER_MS = 125;
 constexpr uint32_t RETRY_AFTER_FAILURE = 5 * EIGHTHS_PER_MS;  // when no period is set
 
@@ -16,44 +17,52 @@ __attribute__((noinline)) uint32_t now() { return board_clock::now() << 3; }
 
 __attribute__((noinline)) int32_t left_until(uint32_t time) { return static_cast<int32_t>(time - now()); }
 
-__attribute__((noinline)) bool reached(uint32_t time) {
-  const int32_t left = left_until(time);
-  return board_clock::passed(board_clock::now(), left > 0 ? static_cast<uint32_t>(left + 7) / 8 : 0);
+int32_t ticks_until(uint32_t tick) { return static_cast<int32_t>(tick - board_clock::now()); }
+
+__attribute__((noinline)) bool reached(uint32_t tick) {
+  const int32_t left = ticks_until(tick);
+  return board_clock::passed(board_clock::now(), left > 0 ? static_cast<uint32_t>(left) : 0);
 }
 
 }  // namespace
 
-void Stream::start(uint8_t code, int16_t period_ms) {
+__attribute__((noinline)) void Stream::plan(uint32_t next) {
+  next_ = next;
+  due_ = board_clock::now() + static_cast<uint32_t>((left_until(next) + 7) >> 3);
+}
+
+__attribute__((noinline)) void Stream::start(uint8_t code, int16_t period_ms) {
   code_ = code;
   period_ = static_cast<uint32_t>(period_ms) * EIGHTHS_PER_MS;
-  next_ = now();
+  plan(now());
 }
 
 void Stream::stop(uint8_t code) {
   if (code_ == code) code_ = 0;
 }
 
-void Stream::align(const Stream& other) {
+__attribute__((noinline)) void Stream::align(const Stream& other) {
   if (!code_ || !other.code_ || !other.period_) return;
-  next_ = other.next_;
-  while (left_until(next_) > static_cast<int32_t>(period_)) next_ -= period_;
+  uint32_t next = other.next_;
+  while (left_until(next) > static_cast<int32_t>(period_)) next -= period_;
+  plan(next);
 }
 
-bool Stream::due() const { return code_ && reached(next_); }
+bool Stream::due() const { return code_ && reached(due_); }
 
-bool Stream::late() const { return code_ && reached(next_ + period_ / 2); }
+bool Stream::late() const { return code_ && reached(due_ + period_ / 16); }
 
-bool Stream::due_within(uint16_t eighths) const { return code_ && period_ && left_until(next_ - eighths) <= 0; }
+bool Stream::due_within(uint8_t ticks) const { return code_ && period_ && ticks_until(due_) <= ticks; }
 
 // A frame that is more than a period late starts a new cadence.
 void Stream::sent() {
-  next_ = period_ ? next_ + period_ : now();
-  if (period_ && reached(next_)) next_ = now() + period_;
+  plan(period_ ? next_ + period_ : now());
+  if (period_ && reached(due_)) plan(now() + period_);
 }
 
 void Stream::failed() {
   if (period_) return sent();
-  next_ = now() + RETRY_AFTER_FAILURE;
+  plan(now() + RETRY_AFTER_FAILURE);
 }
 
 namespace streams {
@@ -77,6 +86,11 @@ void start(uint8_t code, const int16_t* args, uint8_t count) {
 void start_stream(const int16_t* args, uint8_t count) { start(READ_ENCODERS_AND_SONARS, args, count); }
 
 void start_omni_stream(const int16_t* args, uint8_t count) { start(START_OMNI_STREAM, args, count); }
+
+#if MRL_BRIDGE
+void start_wheel_stream(const int16_t* args, uint8_t count) { start(READ_WHEELS, args, count); }
+#endif
+void stop_wheel_stream(const int16_t*, uint8_t) { streams::main.stop(READ_WHEELS); }
 
 void stop_stream(const int16_t*, uint8_t) {
   streams::main.stop(READ_ENCODERS_AND_SONARS);

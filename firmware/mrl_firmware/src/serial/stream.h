@@ -20,14 +20,17 @@ class Stream {
   bool due() const;
   // True if it has been due for half a period.
   bool late() const;
-  // True if it will be due within this time, in eighths of a tick; never without a period.
-  bool due_within(uint16_t eighths) const;
+  // True if it will be due within this time [tick]; never without a period.
+  bool due_within(uint8_t ticks) const;
   // Plans the next frame after one was sent, or its values were not available.
   void sent();
   void failed();
 
  private:
+  void plan(uint32_t next);
+
   uint32_t period_ = 0, next_ = 0;  // in eighths of a tick
+  uint32_t due_ = 0;                // the first tick that is not before `next_`
   uint8_t code_ = 0;
 };
 

@@ -9,7 +9,7 @@ _MODULES = {
     "gains": "gain",
     "imu": "imu",
     "sonar": "sonar",
-    **dict.fromkeys(("straight", "turn", "umbmark"), "geometry"),
+    **dict.fromkeys(("straight", "turn", "sideways", "umbmark"), "geometry"),
     "wiring": "wiring",
 }
 
@@ -37,7 +37,8 @@ def calibrate() -> None:
       mrl calibrate wiring      wiring of motors and encoders
       mrl calibrate gains       speed control of the motors
       mrl calibrate straight    counts per metre, left/right offset Cm
-      mrl calibrate turn        slip offset Cs of tracks, wheelbase of wheels
+      mrl calibrate turn        slip offset Cs of tracks and mecanum wheels, wheelbase of others
+      mrl calibrate sideways    slip of mecanum wheels in drives sideways
       mrl calibrate umbmark     squares in both directions: wheel ratio, wheelbase, noise
       mrl calibrate sonar       curve of the sonars, range_cm = a s^b + c
       mrl calibrate imu         mounting angles of an IMU, scale of its gyro

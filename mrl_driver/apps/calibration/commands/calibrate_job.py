@@ -9,7 +9,7 @@ from typing import Any, Callable, ContextManager, Dict, Iterator, List, Mapping,
 import click
 
 from mrl_driver import figures
-from mrl_driver.apps.calibration.calibration_files import Key, write_model
+from mrl_driver.apps.calibration.calibration_files import Key, edited, write_model
 from mrl_driver.cli.commands import shared
 from mrl_driver.cli.commands.shared import Run, run_options
 from mrl_driver.driver import Driver
@@ -66,11 +66,16 @@ class Job(NamedTuple):
         return self.run.target
 
     @contextlib.contextmanager
-    def robot(self, **options: Any) -> Iterator[Tuple[Driver, RobotModel, str]]:
-        """Connect to the robot, and yield it, its model, and the YAML file to write."""
+    def robot(self, odometry: bool = True, **options: Any) -> Iterator[Tuple[Driver, RobotModel, str]]:
+        """Connect to the robot, and yield it, its model, and the YAML file to write.
+
+        ConfigError for motors without encoders, unless the procedure needs no `odometry`.
+        """
         with connect(self, **options) as driver:
             shared.warn(driver)
             assert driver.model is not None
+            if odometry:
+                driver.model.require_odometry()
             yield driver, driver.model, self._output_for(driver.model, driver.board.robot_id)
 
     def recorded_model(self) -> RobotModel:
@@ -109,12 +114,29 @@ class Job(NamedTuple):
             result.draw(self.plot)
         facts = {"procedure": result.procedure, "output": result.output, **result.facts}
         self.run.print(facts, "\n".join([*result.lines, *result.table()]))
-        self.run.confirm(f"Write {result.output}?")
-        source = self.target.model if self.target.model != "auto" else result.model.name
-        note = f"mrl calibrate {result.procedure}"
-        kept = write_model(models.path_of(source), result.output, result.values, note)
+        self._write(result.values, result.procedure, result.model, result.output)
+
+    def require_file(self, values: Mapping[Key, float], procedure: str, driver: Driver) -> None:
+        """Raise ConfigError, before anything moves, if `write` could not write such values later."""
+        assert driver.model is not None
+        self._output_for(driver.model, driver.board.robot_id)
+        edited(self.file_of(driver.model), values, procedure)
+
+    def write(self, values: Mapping[Key, float], procedure: str, driver: Driver) -> None:
+        """Write numbers that were found to the YAML file of a robot after asking."""
+        assert driver.model is not None
+        output = self._output_for(driver.model, driver.board.robot_id)
+        self._write(values, procedure, driver.model, output)
+
+    def _write(self, values: Mapping[Key, float], procedure: str, model: RobotModel, output: str) -> None:
+        self.run.confirm(f"Write {output}?")
+        kept = write_model(self.file_of(model), output, values, f"mrl calibrate {procedure}")
         kept = f", the old file is {kept}" if kept else ""
-        shared.print_message(f"{result.output} is written{kept}; use it with --robot {result.output}")
+        shared.print_message(f"{output} is written{kept}; use it with --robot {output}")
+
+    def file_of(self, model: RobotModel) -> str:
+        """Return the robot's file, or that of its model."""
+        return models.path_of(self.target.model if self.target.model != "auto" else model.name)
 
     def offer_eeprom(self, driver: Driver, result: Result) -> None:
         """Write the board parameters to its EEPROM, if --eeprom was given or the user agrees."""

@@ -12,7 +12,9 @@ from .evidence import Finding
 
 __all__ = ["Finding", "find"]
 
-_PARTS = (board, supply, link, wheels, sonars, gyro, distances)
+_PARTS = (board, supply, link, gyro)
+_BY_WHEELS = (wheels, sonars, distances)
+"""Those that need odometry."""
 _FOLLOWS = (
     (
         "wheel_dead wheel_blocked encoder_dead wheel_reversed wheels_powerless",
@@ -38,7 +40,8 @@ whole path, the wheel size changes the turns too, and a cable that damages frame
 def find(drive: DriveData) -> List[Finding]:
     """Return what went wrong in a drive, the most important first, each kind once; empty if nothing did."""
     found: Dict[str, Finding] = {}
-    seen = (each for part in _PARTS for each in part.check(drive))
+    parts = (*_PARTS, *(_BY_WHEELS if drive.model.has_odometry else ()))
+    seen = (each for part in parts for each in part.check(drive))
     for finding in sorted(seen, key=lambda each: -each.weight):
         found.setdefault(finding.kind, finding)
     for causes, others in _FOLLOWS:

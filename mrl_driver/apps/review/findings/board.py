@@ -41,6 +41,9 @@ _STOPS: Dict[StopReason, _Words] = {
         87,
         "The board stopped the robot {times} to protect the battery.",
     ),
+    StopReason.BUMPER: ("bumper_hit", 60, "The board stopped the robot {times}."),
+    StopReason.CLIFF: ("cliff", 60, "The board stopped the robot {times}."),
+    StopReason.EMERGENCY_STOP: ("emergency_stop", 60, "The board stopped the robot {times}."),
     StopReason.WHEEL_BLOCKED: ("wheel_blocked", 85, "The board stopped the robot {times}."),
     StopReason.ENCODER: ("encoder_dead", 85, "The board stopped the robot {times}."),
 }

@@ -89,6 +89,8 @@ def check(drive: DriveData) -> Iterator[Finding]:
 def _readings(drive: DriveData) -> _Readings:
     down, rows = interruptions(drive), [np.zeros((0, 5))]
     for name, (times_s, values) in drive.ranges.items():
+        if drive.model.sonars[name].kind.infrared:  # the distance along its axis, not to the nearest point
+            continue
         used = outside(times_s, down) & (values > NEAR_M) & (values < FAR_M)
         mount = drive.model.sonars[name].pose
         table = np.empty((int(used.sum()), 5))

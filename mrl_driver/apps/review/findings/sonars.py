@@ -6,7 +6,7 @@ from typing import Any, Iterator, List, NamedTuple, Optional, Tuple
 import numpy as np
 
 from mrl_driver.apps.review.drive_data import DriveData
-from mrl_driver.robot.sonar import CYCLE_S, FARTHEST_M, NEAREST_M
+from mrl_driver.robot.models import CHAIN_S, RangeKind
 
 from .evidence import TELEMETRY, Finding, finding, heard, interruptions, outside, ready_s, runs
 
@@ -22,15 +22,15 @@ varies by an eighth only [m rad]. """
 DEAF_RAD, DEAF_SHARE = math.radians(180.0), 0.9
 """A sonar is deaf if nothing is in its range while the robot turns over this range [rad], and the other sonars, which
 pass the same directions, see something in this share of their readings. """
-PUSHED_M = NEAREST_M + 0.1
-"""What is in the dead zone is at most 0.15 m away: a robot that drives further forward pushes it, or its wheels slip
-[m]. """
+PUSHED_M = 0.1
+"""A robot that drives this much further than its sonar's dead zone pushes what is in it, or its wheels slip [m]."""
 
 
 class _Sonar(NamedTuple):
     """The readings of one sonar while the link was up."""
 
     name: str
+    kind: RangeKind
     times_s: Any
     values: Any
     turned: Any  # heading of the robot at each reading, without wrap [rad]
@@ -50,7 +50,8 @@ def check(drive: DriveData) -> Iterator[Finding]:
     for name, (times_s, values) in drive.ranges.items():
         kept = outside(times_s, down)
         turned = np.interp(times_s[kept], drive.poses.time_s, yaws)
-        sonars.append(_Sonar(name, times_s[kept], values[kept], turned))
+        kind = drive.model.sonars[name].kind
+        sonars.append(_Sonar(name, kind, times_s[kept], values[kept], turned))
     found = []
     for sonar in sonars:
         others = [each for each in sonars if each is not sonar]
@@ -62,7 +63,7 @@ def check(drive: DriveData) -> Iterator[Finding]:
 def _dead(drive: DriveData, sonar: _Sonar) -> Optional[Finding]:
     times_s = sonar.times_s
     for first, end in runs(np.isnan(sonar.values)):
-        lasts_s = times_s[end - 1] - times_s[first] + CYCLE_S
+        lasts_s = times_s[end - 1] - times_s[first] + CHAIN_S
         if lasts_s >= DEAD_S:
             text = f"It was silent for {lasts_s:.0f} s: nothing is connected, or its input is saturated."
             return finding("sonar_dead", 67, text, heard(drive, times_s[first], *TELEMETRY), sonar.name)
@@ -97,7 +98,7 @@ def _stuck(drive: DriveData, sonar: _Sonar, others: List[_Sonar]) -> Optional[Fi
 
 def _changed(others: List[_Sonar], begin_s: float, end_s: float) -> bool:
     """Return whether another sonar saw something else in this time; True if there is no other one."""
-    seen = [np.clip(each.between(begin_s, end_s), 0.0, FARTHEST_M) for each in others]
+    seen = [np.clip(each.between(begin_s, end_s), 0.0, each.kind.farthest_m) for each in others]
     return not seen or any(len(each) and np.ptp(each) >= CHANGED_M for each in seen)
 
 
@@ -117,7 +118,8 @@ def _deaf(drive: DriveData, sonar: _Sonar, others: List[_Sonar]) -> Optional[Fin
             continue
         begin_s, end_s = sonar.times_s[first], sonar.times_s[end - 1]
         seen = np.concatenate([each.between(begin_s, end_s) for each in others] or [np.zeros(0)])
-        if len(seen) >= SAME and np.mean(seen < math.inf) >= DEAF_SHARE:
+        farthest_m = drive.model.sonars[sonar.name].kind.farthest_m
+        if len(seen) >= SAME and np.mean(seen <= farthest_m) >= DEAF_SHARE:
             text = (
                 f"It showed nothing in range from {begin_s:.0f} s to {end_s:.0f} s, while the others saw obstacles "
                 "in the same directions."
@@ -142,13 +144,15 @@ def _pushing(drive: DriveData, front: _Sonar) -> Iterator[Finding]:
     """The wheels drive on although the front sonar is in contact."""
     moments, speeds = drive.speeds.time_s, drive.speeds.values[:, 0]
     driven = np.cumsum(np.append(0.0, np.diff(moments)) * np.maximum(speeds, 0.0))
+    nearest_m = front.kind.nearest_m
+    pushed_m = nearest_m + PUSHED_M
     for first, end in runs(front.values == -math.inf):
         far = np.interp(front.times_s[first:end], moments, driven)
-        if far[-1] - far[0] >= PUSHED_M:
-            at_s = front.times_s[first + int(np.searchsorted(far, far[0] + PUSHED_M))]
+        if far[-1] - far[0] >= pushed_m:
+            at_s = front.times_s[first + int(np.searchsorted(far, far[0] + pushed_m))]
             text = (
                 f"The wheels drove {far[-1] - far[0]:.2f} m forward, while the front sonar saw an obstacle closer "
-                f"than {NEAREST_M:g} m: they slipped, or the obstacle moved. The pose is off by as much."
+                f"than {nearest_m:g} m: they slipped, or the obstacle moved. The pose is off by as much."
             )
             yield finding("pushing", 59, text, heard(drive, at_s, *TELEMETRY))
             return

@@ -19,22 +19,17 @@ import yaml
 
 from tests.long.bench import report
 from tests.long.verify.edits import edited
-from tests.long.verify.model.checker import compile_model, follow
 
 from .board import BUILD, LIBRARY, ROOT, ExploredBoard, build
-from .events import ALL, DEEP, words
+from .events import ALL, DEEP, QUICK, words
 from .recorded import record
 from .search import Explorer, Found, Table
-from .to_model import script_of
 
 PROCESSES, TABLE_BITS, MOST = 2, 25, 1000
 LIMIT_S = 3600.0  # Longest time of one search
-NOT_HERE = {
-    18: "only in a node, which needs ROS",
-    19: "only in a node, which needs ROS",
-}
+NOT_HERE = {18: "only in a node, which needs ROS", 19: "only in a node, which needs ROS"}
 """Seeded bugs that cannot exist in what is explored."""
-SHORT_BUG = 11  # With FAST=1
+SHORT_BUGS = [11, 16]  # With FAST=1
 AS_EFFECT = 16  # Its edit is in a node; here the driver gets what the node then gives it: no command timeout
 STAGES = ((ALL, 3), (DEEP, 4), (ALL, 4))
 """A bug is searched with sequences of 1, 2, 3 of all kinds, then with longer ones."""
@@ -154,12 +149,12 @@ def bugs(numbers: List[int]) -> Iterator[Dict[str, Any]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--alphabet", default=DEEP, help="kinds of event, by letter; `all` for all")
-    parser.add_argument("--depth", type=int, default=report.either(6, 2))
+    alphabet, depth = report.either((DEEP, 6), (QUICK, 3))
+    parser.add_argument("--alphabet", default=alphabet, help="kinds of event, by letter; `all` for all")
+    parser.add_argument("--depth", type=int, default=depth)
     parser.add_argument("--bug", type=int, action="append", help="only these seeded bugs, and no long search")
     parser.add_argument("--words", metavar="PATH", help="play one sequence, and print what it violates")
     parser.add_argument("--record", metavar="FILE", help="with --words: the file of its recording")
-    parser.add_argument("--in-model", action="store_true", help="with --words: the model of the stop, too")
     parser.add_argument("--search", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--no-timeout", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -170,8 +165,6 @@ def main() -> None:
     if options.words:
         print("\n".join(words(options.words)))
         print(record(options.words, options.record) or "holds")
-        if options.in_model:
-            print("model:", follow(compile_model(BUILD), script_of(options.words)) or "holds")
         return
     file = BUILD / "explore.json"
     results: Dict[str, Any] = json.loads(file.read_text()) if file.exists() else {}
@@ -189,7 +182,7 @@ def main() -> None:
             record(each["path"], str(name))
             print(f"{name}: {each['property']} is violated: {', '.join(each['events'])}")
     known = {each["number"]: each for each in results.get("bugs", [])}
-    for result in bugs(options.bug or report.either([], [SHORT_BUG])):
+    for result in bugs(options.bug or report.either([], SHORT_BUGS)):
         known[result["number"]] = result
         results["bugs"] = [known[number] for number in sorted(known)]
         file.write_text(json.dumps(results, indent=1) + "\n")

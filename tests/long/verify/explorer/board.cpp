@@ -136,7 +136,7 @@ int motor_read(uint8_t address, uint8_t* data, int count, double time_us) {
 
 int adc_value(int, double) { return 100; }
 void pin_changed(int, int, double) {}
-void bridge_changed(int, int, int, int, double) {}
+void bridge_changed(int, int, int, int, int, double) {}
 int level_of(int) { return 1; }
 
 const PcWorld WORLD = {motor_write, motor_read, adc_value, pin_changed, bridge_changed, level_of};

@@ -3,14 +3,13 @@
 import ctypes
 import fnmatch
 import os
-import shutil
 import subprocess
-import tempfile
 from pathlib import Path
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Dict, List, Optional, Sequence, Tuple
 
 from mrl_driver.robot import models
 from tests.conformance.bench import ready_eeprom
+from tests.firmware.pc_board import load
 
 ROOT = Path(__file__).resolve().parents[4]
 BUILD = ROOT / "build" / "verify"
@@ -137,21 +136,14 @@ class ExploredBoard:
     """One board; each instance loads a copy of the library of its own."""
 
     def __init__(self, library: Path = LIBRARY) -> None:
-        descriptor, copy = tempfile.mkstemp(suffix=".so")
-        os.close(descriptor)
-        try:
-            shutil.copyfile(library, copy)
-            self._native: Any = ctypes.CDLL(copy)
-        finally:
-            os.unlink(copy)
-        native = self._native
+        self._native = native = load(library)
         native.ex_begin.argtypes, native.ex_battery.argtypes = (
             (ctypes.c_double, ctypes.c_char_p),
             (ctypes.c_double,),
         )
         native.ex_memory.restype = ctypes.c_void_p
         native.ex_truth.restype = ctypes.POINTER(Truth)
-        native.pc_now_us.restype = native.ex_intact_us.restype = ctypes.c_double
+        native.ex_intact_us.restype = ctypes.c_double
         native.ex_run.argtypes = (ctypes.c_double, ctypes.c_char_p, ctypes.c_int)
         native.ex_receive.argtypes = (ctypes.c_char_p, ctypes.c_int, ctypes.c_int)
         native.ex_save.argtypes = native.ex_restore.argtypes = (ctypes.c_char_p,)

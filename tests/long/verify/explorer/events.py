@@ -245,7 +245,7 @@ EVENTS: Dict[str, Event] = {
 }
 ALL = "".join(EVENTS)
 DEEP = "dsWlLMXPhrcoa"  # The kinds of event of the longest sequences
-QUICK = "dslLMPhc"  # Those of the short form in `make test`
+QUICK = "dslLMPhc"  # Those of the short form
 
 
 def happen(world: World, judge: Judge, letter: str) -> str:

@@ -19,7 +19,7 @@ IGNORED = {
         BatteryMonitor Core.replies Session._last Session.last_frame Session.status Session._lost_before
         Session.board RobotState.telemetry RobotState.odometry RobotState.info RobotState.ranges
         RobotState.model RobotState.tracker RobotState._used_s RobotState._counted_s RobotState._primed
-        RobotState._late_sonars RobotState._new_readings
+        RobotState._late RobotState._new_echoes RobotState._new_readings
         Motion.stops Core.mismatch Handshake._info Handshake._protocol Commander.late_commands Core._options
         Connection._slept_s SpeedLimiter._stepped_s
     """,

@@ -10,7 +10,7 @@ from mrl_driver.session.session import Session
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.velocity_sources import VelocitySources
 from tests.long.verify.explorer.board import ExploredBoard, build
-from tests.long.verify.explorer.events import QUICK, happen
+from tests.long.verify.explorer.events import happen
 from tests.long.verify.explorer.recorded import record
 from tests.long.verify.explorer.search import Explorer
 from tests.long.verify.explorer.world import PORT, Ports
@@ -31,12 +31,6 @@ def explorer(library):
     made.world.end()
 
 
-def test_no_sequence_of_three_events_violates_a_property(explorer):
-    explorer.explore(QUICK, 3)
-    assert explorer.found == []
-    assert explorer.transitions > len(QUICK) ** 2
-
-
 def test_a_board_that_loses_its_motor_board_while_a_move_is_under_way_to_it_tells_a_true_reason(explorer):
     assert explorer.play("Wasada") == ""
 
@@ -46,16 +40,6 @@ def test_a_board_that_comes_back_is_greeted_and_obeys_again(explorer, event):
     explorer.play("d" + event + "Wd")
     assert explorer.world.driver.ready
     assert explorer.world.board.truth.turning
-
-
-def test_a_command_without_an_end_violates_a_property_only_without_a_timeout(explorer, library):
-    path = "d" + 13 * "w"
-    guarded = explorer.play(path)
-    unguarded = Explorer(ExploredBoard(library), timeout_s=None)
-    broken = unguarded.play(path)
-    unguarded.world.end()
-    assert guarded == ""
-    assert broken in ("P2", "P4")
 
 
 @pytest.mark.parametrize(

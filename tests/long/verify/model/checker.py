@@ -5,7 +5,7 @@ import pathlib
 import re
 import subprocess
 import tempfile
-from typing import Dict, List, NamedTuple, Sequence, Tuple
+from typing import Dict, List, NamedTuple, Tuple
 
 from .constants import HEADER, TICK_MS
 
@@ -27,7 +27,6 @@ LINE, BUS, HOST, PORT, BOARD, HOLDS, BRIDGE, CALLBACK = PARTS.values()
     NO_COMMAND_BEFORE,
 ) = range(31, 41)
 """Guards that a run can remove, besides the seeded bugs."""
-DEFINED = re.compile(r"^#define (\w+) (\d+)", re.M)
 ENDED, VIOLATED = "errors: 0", re.compile(r"^P(\d) violated$", re.M)
 
 
@@ -41,14 +40,6 @@ class Result(NamedTuple):
     seconds: float
     memory_mb: float
     trace: Tuple[str, ...]  # The shortest sequence of events that violates the property, each with its time
-
-
-class Tick(NamedTuple):
-    """What happens in one tick of a script, by the names of `stop.pml`."""
-
-    fault: str = ""
-    other: str = ""
-    user: str = ""
 
 
 def words(parts: int) -> str:
@@ -89,29 +80,6 @@ def run(checker: pathlib.Path, parts: int, limit_s: float = 3600.0, **settings: 
     return Result(
         f"P{found[1]}", False, int(states), 1 + trace.count("\n----"), seconds, memory_mb, tuple(events)
     )
-
-
-def follow(checker: pathlib.Path, script: Sequence[Tick], limit_s: float = 60.0, **settings: int) -> str:
-    """Let just this happen; return the first property that is violated, or nothing.
-
-    Polls, and when a program ends after `close`, stay free.  `settings` are those of `run`.
-
-    Raises:
-        ValueError: something of the script cannot happen in the model.
-    """
-    codes = {name: int(code) for name, code in DEFINED.findall((FOLDER / "stop.pml").read_text())}
-    letters = "".join(chr(ord("A") + codes.get(name, 0)) for tick in script for name in tick)
-    given = {**{name: str(value) for name, value in settings.items() if value}, "BOTH": "1", "PARTS": "255"}
-    environment = {**os.environ, **given, "SCRIPT": letters}
-    command = [str(checker), "-w12", "-E"]  # -E: a choice that is not the script's is no error
-    with tempfile.TemporaryDirectory() as folder:
-        if ENDED not in _run(command, folder, environment, limit_s):
-            found = VIOLATED.search(_run([str(checker), "-r"], folder, environment, limit_s))
-            assert found is not None, "the checker failed without a property"
-            return f"P{found[1]}"
-        if ENDED in _run(command, folder, {**environment, "TO_END": "1"}, limit_s):
-            raise ValueError(f"the model cannot follow the script {[tuple(tick) for tick in script]}")
-    return ""
 
 
 def _run(command: List[str], folder: str, environment: Dict[str, str], limit_s: float) -> str:

@@ -77,10 +77,6 @@
 #define OTHER_SPEED 11
 
 /* ---- settings */
-c_decl {
-  static const char *script; /* three letters for each tick: what must happen in it; without one, all may happen */
-  static int to_end;         /* the end of the script is an error, so that it is noticed */
-}
 byte bug;        /* the seeded bug, or the guard that is removed; 0 for the real thing */
 byte patience;    /* of commands [tick] */
 short props;     /* bit n - 1: property n is checked */
@@ -120,8 +116,6 @@ bool c_latched, c_late, c_waits, c_before, s_alive = 1;
 /* ---- truth */
 bool g_allowed, g_asked, g_jump;
 byte g_since, g_over, g_over_linked, g_stuck, g_old;
-
-byte g_tick;  /* of the script */
 
 /* ---- of one tick; 0 between ticks, so that they make no states */
 byte reported, w, f, fault, other, user, queue;
@@ -578,11 +572,7 @@ inline judge() {
 
 inline forget_tick() {
   reported = 0; w = 0; f = 0; fault = 0; other = 0; user = 0; feeds = 0; ends = 0; queue = 0; stop_wanted = 0; dead = 0; ran = 0; linked = 0; was_moving = 0; hello = 0;
-  told = 0; refuses = 0; release = 0;
-  if
-  :: c_expr { script } -> g_tick++; assert(c_expr { !to_end || script[3 * now.g_tick] })
-  :: else
-  fi
+  told = 0; refuses = 0; release = 0
 }
 
 init {
@@ -596,8 +586,6 @@ init {
       now.older = getenv("OLDER") != 0;
       now.both = getenv("BOTH") != 0;
       now.parts = (text = getenv("PARTS")) ? atoi(text) : 127;
-      script = getenv("SCRIPT");
-      to_end = script && getenv("TO_END");
       now.b_armed = now.bug != NO_WATCHDOG;
     };
     skip
@@ -605,11 +593,7 @@ init {
   do
   :: atomic {
       choose();
-      d_step {
-        c_expr { !script || (script[3 * now.g_tick] == 'A' + now.fault && script[3 * now.g_tick + 1] == 'A' + now.other &&
-                             script[3 * now.g_tick + 2] == 'A' + now.user) };
-        host(); transport(); board(); judge(); forget_tick(); printf("----\n")
-      }
+      d_step { host(); transport(); board(); judge(); forget_tick(); printf("----\n") }
     }
   od
 }

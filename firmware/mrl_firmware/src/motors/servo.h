@@ -1,0 +1,17 @@
+// Servos for models, which turn to an angle given by the length of their pulses.  Only in builds with MRL_BRIDGE.
+#pragma once
+#include <stdint.h>
+
+namespace mrl {
+namespace servo {
+
+// With the wiring in force; no servo has pulses before its first request.
+void begin();
+void service();
+// The host has been silent for long: servos stay where they are or lose their pulses, as configured.
+void lose_host();
+// The row of the reply to 52.
+void report(int16_t number);
+
+}  // namespace servo
+}  // namespace mrl

@@ -1,0 +1,104 @@
+"""`mrl measure` on boards with one known fault, and on sound ones, in simulated time: the table of controls.yaml."""
+
+import fnmatch
+from pathlib import Path
+
+import pytest
+import yaml
+
+from mrl_driver.apps.measure import course, host, line
+from mrl_driver.apps.measure.rows import (
+    ABSENT,
+    AGREES,
+    KINDS,
+    LINE,
+    WORSE,
+    causes,
+    compared,
+    keys_of,
+    kind_of,
+)
+from mrl_driver.protocol.table import VIRTUAL_FAULTS
+from mrl_driver.robot.models import kit
+from tests.models import four_wheel_kit
+
+from . import boards
+from .__main__ import IMAGES, ROOT
+from .__main__ import measured as measured_image
+
+CONTROLS = yaml.safe_load(Path(__file__).with_name("controls.yaml").read_text(encoding="utf-8"))
+FAULTS = CONTROLS["faults"]
+
+
+def measured(bench):
+    """All rows of a board."""
+    with bench.driver(imu_period_ms=0) as driver:
+        kind = kind_of(driver.board)
+        rows = list(host.rows(driver, moves=True))
+        rows += course.rows(driver, boards.truth(driver))
+    with bench.link() as (link, clock):
+        rows += line.rows(link, clock, moves=True)
+    return [compared(row, kind) for row in rows]
+
+
+def named(patterns):
+    """The rows that these names of the table stand for."""
+    found = {key for pattern in patterns for key in fnmatch.filter(KINDS, pattern)}
+    assert found or not patterns, f"no row is named {patterns}"
+    return found
+
+
+def worse(rows):
+    return {row.key for row in rows if row.verdict == WORSE}
+
+
+@pytest.mark.parametrize(
+    ("fault", "robot"),
+    [(fault, robot) for fault in FAULTS for robot in FAULTS[fault].get("robots", boards.ROBOTS)],
+)
+def test_a_fault_fails_its_rows_and_no_other_and_its_cause_is_named_first(fault, robot):
+    expected = FAULTS[fault]
+    must, some, may = (named(expected.get(each, [])) for each in ("must", "some", "may"))
+    rows = measured(boards.bench(robot, **boards.FAULTS[fault]))
+    found, first = worse(rows), causes(rows)[0].code
+    assert must <= found <= must | some | may and (found & some or not some)
+    assert first == (expected["cause"][robot] if isinstance(expected["cause"], dict) else expected["cause"])
+
+
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_damaged_requests_do_not_end_the_measurement(seed):
+    """A start of a stream may be damaged, or two requests that keep the checksums of the board on."""
+    with boards.bench("duo", **{**boards.FAULTS["damage_0_1_percent"], "seed": seed}).link() as (link, clock):
+        found = {row.key: row for row in line.rows(link, clock, moves=True)}
+    assert {*keys_of(LINE)} == set(found) and found["delay_ms"].value is not None
+
+
+@pytest.mark.parametrize("seed", range(CONTROLS["sound"]))
+def test_a_sound_board_passes(seed):
+    rows = measured(boards.sound(boards.ROBOTS[seed % len(boards.ROBOTS)], seed))
+    assert not worse(rows) and not causes(rows)
+
+
+def test_a_sound_base_with_mecanum_wheels_passes_and_drives_sideways(tmp_path):
+    path = tmp_path / "mecanum_bot.yaml"
+    path.write_text(kit.text_of(four_wheel_kit("mecanum")))
+    rows = measured(boards.bench(str(path)))
+    assert not worse(rows) and {"sideways", "square"} <= {row.key for row in rows if row.verdict == AGREES}
+
+
+def test_a_fault_that_is_set_in_a_virtual_board_is_what_is_looked_for():
+    image = boards.bench(
+        "duo", engine="avr", elf=str(ROOT / "build" / "firmware" / "mrl_firmware_virtual.elf")
+    )
+    with image.driver() as driver:
+        driver.parameters.write(
+            {"virtual_faults": 1 << [name for name, _ in VIRTUAL_FAULTS].index("left_blocked")}
+        )
+        first = causes(course.rows(driver, boards.truth(driver)))[0]
+    assert "virtual_faults" in first.remedy
+
+
+def test_the_virtual_image_passes_on_a_simulated_chip():
+    result = measured_image(*IMAGES["simulated_uno_virtual"])
+    assert "virtual" in result["board"]["capabilities"] and result["causes"] == []
+    assert not [row["key"] for row in result["rows"] if row["verdict"] in (WORSE, ABSENT)]
