@@ -77,8 +77,7 @@ class SpeedLimiter:
             )
             scaled = (linear / excess, angular / excess, lateral / excess)
             speeds = scaled[: len(speeds)]
-        excess = _curve_excess(speeds, limits)
-        if excess > 1.0:
+        if limits.curve_m_s2 and (excess := _curve_excess(speeds, limits)) > 1.0:
             speeds = tuple(speed / math.sqrt(excess) for speed in speeds)
         return self.saturate(speeds) if self.saturate is not None else speeds
 
