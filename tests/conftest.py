@@ -131,7 +131,7 @@ def _keep_tier(config, items):
     kept = [item for item in items if least <= tiers.of_test(item) <= most]
     if name == "quick" and not PC_BUILD.exists():
         kept = [item for item in kept if not tiers.needs_pc_build(item)]
-    config.hook.pytest_deselected(items=[item for item in items if item not in set(kept)])
+    config.hook.pytest_deselected(items=list(set(items).difference(kept)))
     items[:] = kept
 
 

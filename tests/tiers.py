@@ -30,6 +30,7 @@ IMPORT = re.compile(
 )
 
 
+@functools.lru_cache(maxsize=None)
 def _file_of(module):
     path = ROOT.joinpath(*module.split("."))
     found = (each for each in (path.with_suffix(".py"), path / "__init__.py") if each.is_file())
@@ -53,17 +54,20 @@ def _imports(path):
 
 
 @functools.lru_cache(maxsize=None)
+def _files_of(path, within):
+    """The files of the packages `within` that a file imports."""
+    return {_file_of(name) for name in _imports(path) if name.split(".")[0] in within} - {None}
+
+
+@functools.lru_cache(maxsize=None)
 def imported(path, within=OURS):
     """All that a file imports, through the modules of the packages `within`."""
-    names, todo, seen = set(), [path], set()
+    names, todo, seen = set(), {path}, set()
     while todo:
         file = todo.pop()
-        if file in seen:
-            continue
         seen.add(file)
-        new = _imports(file)
-        names |= new
-        todo += [each for each in map(_file_of, (n for n in new if n.split(".")[0] in within)) if each]
+        names |= _imports(file)
+        todo |= _files_of(file, within) - seen
     return names
 
 
@@ -83,11 +87,17 @@ def of_file(path):
     return max(TEST if outside else QUICK, FOLDERS.get(path.relative_to(ROOT).parts[1], QUICK))
 
 
+@functools.lru_cache(maxsize=None)
+def _file_of_fixture(function):
+    """The file of a fixture; None if it is none of ours."""
+    file = pathlib.Path(inspect.getsourcefile(function))
+    return file if ROOT / "tests" in file.parents else None
+
+
 def _files(item):
     """The file of a test, and those of its fixtures."""
     definitions = (each for found in item._fixtureinfo.name2fixturedefs.values() for each in found)
-    files = {pathlib.Path(inspect.getsourcefile(each.func)) for each in definitions}
-    return {item.path, *(file for file in files if ROOT / "tests" in file.parents)}
+    return {item.path, *(_file_of_fixture(each.func) for each in definitions)} - {None}
 
 
 def _engine(item):
