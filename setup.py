@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import xml.etree.ElementTree
@@ -35,7 +36,14 @@ def _build_images():
     """Builds the images of a checkout that has none; without a cross compiler the package comes without them."""
     built = (_HERE / "build" / "firmware").glob("*.hex"), (_HERE / _IMAGES).glob("*.hex")
     if not any(any(images) for images in built) and shutil.which("make") and shutil.which("avr-g++"):
-        subprocess.call(["make", "-s", "firmware", "MISSING="], cwd=str(_HERE))
+        subprocess.call(["make", "-s", f"-j{os.cpu_count()}", "firmware", "MISSING="], cwd=str(_HERE))
+
+
+def _long_description():
+    """README.md as an index of packages shows it: without pictures, and links within the repository as words."""
+    text = (_HERE / "README.md").read_text(encoding="utf-8")
+    text = re.sub(r"^\|.*\n\| *---.*\n\| *!\[.*\n", "", text, flags=re.M)
+    return re.sub(r"\[([^]]*)\]\((?!http)[^)]*\)", r"\1", text)
 
 
 class BuildWithImages(build_py):
@@ -62,7 +70,7 @@ setup(
     name="mrl-driver",
     version=_VERSION,
     description="Driver, firmware and emulator for TraxBot, StingBot and other Arduino robots, with a ROS 1 bridge",
-    long_description=(_HERE / "README.md").read_text(encoding="utf-8"),
+    long_description=_long_description(),
     long_description_content_type="text/markdown",
     author="mrl-driver maintainers",
     license="BSD-3-Clause",

@@ -1,7 +1,7 @@
 """Firmware images (Intel HEX): those in the package, or those that `make firmware` built in a checkout."""
 
 import os
-from typing import Dict
+from typing import Dict, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560
@@ -18,8 +18,13 @@ BUILDS: Dict[str, str] = {
     VIRTUAL: "mrl_firmware_virtual",
 }
 """Firmware builds and the names of their images."""
-_OF_CHIP = {ATMEGA328P.name: "", ATMEGA2560.name: "_mega"}
-"""What is behind the name of an image."""
+_OF_CHIP: Dict[str, Tuple[str, Tuple[str, ...]]] = {
+    ATMEGA328P.name: ("", tuple(BUILDS)),
+    ATMEGA2560.name: ("_mega", (HBRIDGE, VIRTUAL)),
+}
+"""What is behind the name of an image, and the builds that the chip has."""
+IMAGES = tuple(f"{BUILDS[build]}{mark}.hex" for mark, builds in _OF_CHIP.values() for build in builds)
+"""Names of all images."""
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _CHECKOUT = os.path.join(os.path.dirname(_PACKAGE), "build", "firmware")
 _PACKAGED = os.path.join(_PACKAGE, "images")
@@ -30,12 +35,12 @@ def image_path(build: str = "sonar", chip: str = ATMEGA328P.name) -> str:
 
     ConfigError, which names the remedy, if there is no such build, or its image was neither built nor packaged.
     """
-    builds = tuple(BUILDS) if chip == ATMEGA328P.name else (HBRIDGE, VIRTUAL)
+    mark, builds = _OF_CHIP[chip]
     if build not in builds:
         raise ConfigError(f"build for the {chip} is {build!r}, expected {', '.join(builds)}")
-    name = BUILDS[build] + _OF_CHIP[chip]
+    name = f"{BUILDS[build]}{mark}.hex"
     for folder in (_CHECKOUT, _PACKAGED):
-        path = os.path.join(folder, f"{name}.hex")
+        path = os.path.join(folder, name)
         if os.path.isfile(path):
             return path
     remedy = (
@@ -45,4 +50,4 @@ def image_path(build: str = "sonar", chip: str = ATMEGA328P.name) -> str:
     checkout = os.path.dirname(_PACKAGE)
     if os.path.isfile(os.path.join(checkout, "Makefile")):
         remedy = f"build it with: make -C {checkout} firmware"
-    raise ConfigError(f"image {name}.hex is missing; {remedy}")
+    raise ConfigError(f"image {name} is missing; {remedy}")

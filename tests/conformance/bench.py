@@ -132,6 +132,7 @@ class Bench:
         board: Numbers of the robot's hardware, and of its board, that differ from the model's.
         stored: Parameters in the EEPROM by name that differ from those of a robot that is ready to drive.
         blank: Nothing is in the EEPROM.
+        eeprom: What is in it instead of a robot's parameters.
 
     Attributes:
         text: Everything the board has sent.
@@ -147,6 +148,7 @@ class Bench:
         board: Optional[Dict[str, int]] = None,
         stored: Optional[Dict[str, int]] = None,
         blank: bool = False,
+        eeprom: bytes = b"",
         **plant: Any,
     ) -> None:
         self.motors = motors
@@ -155,7 +157,7 @@ class Bench:
         self.ramped_s = self.model.board["ramp_time"] / 1000.0 + CONTROL_S
         self.plant = Plant(self.model, sonars=not environment, **plant)
         self.environment = environment
-        eeprom = BLANK if blank else ready_eeprom(self.model, stored or {})
+        eeprom = eeprom or (BLANK if blank else ready_eeprom(self.model, stored or {}))
         engines = VIRTUAL_ENGINES if motors == "virtual" else ENGINES
         self.board = engines[engine](self.plant, eeprom, environment)
         self.now_s = 0.0

@@ -19,7 +19,7 @@ import zipfile
 from pathlib import Path
 from typing import Dict
 
-from mrl_driver.host.firmware_images import BUILDS
+from mrl_driver.host.firmware_images import IMAGES
 from sim_arduino.avr import intel_hex
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -87,13 +87,19 @@ def require_changelog(tree: Path) -> None:
 
 
 def require_citation(tree: Path) -> None:
-    """Raises Refused unless CITATION.cff names the version."""
+    """Raises Refused unless CITATION.cff names the version, and the date that CHANGELOG.md gives it."""
     version, text = version_of(tree), (tree / "CITATION.cff").read_text(encoding="utf-8")
-    got = re.findall(r"^version: (.*)$", text, re.M)
-    if got != [version]:
-        raise Refused(
-            f"CITATION.cff has version {', '.join(got)}, expected {version} as in package.xml; change it"
-        )
+    changes = (tree / "CHANGELOG.md").read_text(encoding="utf-8")
+    for key, expected in (
+        ("version", [version]),
+        ("date-released", re.findall(rf"^## {re.escape(version)} \((.*)\)$", changes, re.M)),
+    ):
+        got = re.findall(rf"^{key}: (.*)$", text, re.M)
+        if got != expected:
+            raise Refused(
+                f"CITATION.cff has {key} {', '.join(got)}, expected {', '.join(expected)} as in package.xml and "
+                "CHANGELOG.md; change it"
+            )
 
 
 def require_free_tag(tree: Path) -> None:
@@ -126,10 +132,7 @@ def build(tree: Path, dist: Path) -> Dict[str, bytes]:
                 str(tree / "build/firmware"), str(clone / "build/firmware"), copy_function=shutil.copy
             )
         subprocess.run(["make", "--no-print-directory", "firmware"], cwd=str(clone), check=True)
-        images = {
-            f"{image}.hex": (clone / "build/firmware" / f"{image}.hex").read_bytes()
-            for image in BUILDS.values()
-        }
+        images = {image: (clone / "build/firmware" / image).read_bytes() for image in IMAGES}
         made = Path(name, "dist")
         made.mkdir()
         output_of(sys.executable, "-c", code, "sdist", str(made), cwd=clone)

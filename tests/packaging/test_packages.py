@@ -11,12 +11,11 @@ import zipfile
 
 import pytest
 
+from mrl_driver.host import firmware_images
+
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FOLDERS = ("firmware", "mrl_driver", "ros1_bridge", "sim_arduino", "tests", ".ci")
-IMAGES = {
-    f"mrl_driver/images/mrl_firmware{build}.hex": f"build/firmware/mrl_firmware{build}.hex"
-    for build in ("", "_environment", "_xbee", "_hbridge", "_hbridge_mega", "_virtual", "_virtual_mega")
-}
+IMAGES = {f"mrl_driver/images/{image}": f"build/firmware/{image}" for image in firmware_images.IMAGES}
 
 
 def run(*command, cwd, **environment):

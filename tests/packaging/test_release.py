@@ -10,7 +10,7 @@ from tests.packaging import release
 
 FILES = {
     "package.xml": "<package><version>1.2.3</version></package>\n",
-    "CITATION.cff": "title: x\nversion: 1.2.3\n",
+    "CITATION.cff": "title: x\nversion: 1.2.3\ndate-released: 2026-11-24\n",
     "CHANGELOG.md": "# Changelog\n\n## 1.2.3 (2026-11-24)\n\n## 1.2.2 (2026-01-31)\n",
 }
 """A tree that may be released."""
@@ -75,9 +75,12 @@ def test_a_changelog_without_the_dated_version_is_refused(tree, heading):
     assert f"begins with '{heading}', expected '## 1.2.3 (" in refusal(release.require_changelog, tree)
 
 
-def test_a_citation_of_another_version_is_refused(tree):
-    (tree / "CITATION.cff").write_text("version: 1.2.2\n")
-    assert "has version 1.2.2, expected 1.2.3" in refusal(release.require_citation, tree)
+@pytest.mark.parametrize(
+    "key, got, expected", [("version", "1.2.2", "1.2.3"), ("date-released", "2026-01-31", "2026-11-24")]
+)
+def test_a_citation_of_another_version_or_date_is_refused(tree, key, got, expected):
+    (tree / "CITATION.cff").write_text(FILES["CITATION.cff"].replace(expected, got))
+    assert f"has {key} {got}, expected {expected}" in refusal(release.require_citation, tree)
 
 
 def test_a_tag_on_another_commit_is_refused(tree):
@@ -88,5 +91,5 @@ def test_a_tag_on_another_commit_is_refused(tree):
     )
 
 
-def test_the_citation_has_the_version():
+def test_citation_and_changelog_have_the_version_and_its_date():
     release.require_citation(release.ROOT)
