@@ -38,7 +38,7 @@ PACKAGES_run += python3-roslaunch rosout \
   python3-rostopic python3-rosnode python3-rosbag python3-actionlib python3-move-base-msgs ros-robot-state-publisher
 PACKAGES_test-all += ros-base python3-rostest rosbash python3-tf2-geometry-msgs python3-roswtf \
   libdynamic-reconfigure-config-init-mutex-dev joint-state-publisher rosdiagnostic catkin \
-  catkin-lint ros-environment librostest-dev libdiagnostic-aggregator-tools libdiagnostic-aggregator-dev libclang-rt-dev
+  catkin-lint ros-environment ros-std-msgs libstd-msgs-dev librostest-dev libdiagnostic-aggregator-tools libdiagnostic-aggregator-dev libclang-rt-dev
 endif
 
 .PHONY: help setup quick check test test-rest test-all run clean
