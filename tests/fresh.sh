@@ -4,7 +4,8 @@
 #   RELEASES="bookworm trixie"     which Debian releases
 #   WAYS="root user container"     as root, as a user with sudo, as root with the capabilities of an unprivileged container;
 #        image                     in the image that the Dockerfile makes of the release; needs buildah
-#   COMMANDS="pip run test"        which of the README's commands: its way with pip, make run, make test, or another target of make
+#   COMMANDS="pip run test"        which of the README's commands: its way with pip, make run, make test, or another target of make;
+#        wheel                     the wheel of build/dist in an empty environment, without a compiler: time to the first motion
 #   ARCH=arm64                     which architecture; qemu emulates one that is not this machine's, about ten times slower
 #
 # Apt mirror, proxies, certificates and pip's settings are this machine's.  Each system lives in a folder below TMPDIR or /var/tmp, and
@@ -27,6 +28,13 @@ trap "kill $!" EXIT
 until [ -e ttyTRAX0 ]; do sleep 0.1; done
 mrl info --port ttyTRAX0
 mrl drive --port ttyTRAX0 --linear 0.2 --for 2'
+WHEEL_WAY=': wheel without a compiler
+set -e
+apt-get update -q && apt-get install -qy --no-install-recommends python3-venv
+python3 tests/packaging/first_motion.py .
+python3 tests/packaging/first_motion.py /mnt/*.whl
+apt-get install -qy --no-install-recommends avrdude
+python3 tests/packaging/first_motion.py /mnt/*.whl'
 PASSED_ON='^(MRL_TEST_PATIENCE|PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
 
 fail() { echo "test-fresh: $*" >&2; exit 1; }
@@ -146,10 +154,10 @@ image() { # RELEASE TREE CONTEXT
 commands() { # NAME LOG
   local command line name code=0
   for command in $COMMANDS; do
-    case $command in run) line="make run DURATION=8" ;; pip) line=$PIP_WAY ;; *) line="make $command" ;; esac
+    case $command in run) line="make run DURATION=8" ;; pip) line=$PIP_WAY ;; wheel) line=$WHEEL_WAY ;; *) line="make $command" ;; esac
     name=${line%%$'\n'*}
     timed "$1: ${name#: }" "$2-$command.log" do_in "$line" || code=1
-    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran )| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
+    grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |pip install|mrl (web|flash)|[^ ]+, Python)| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
   done
   timed "$1: packages' files" "$2-dpkg.log" unchanged || code=1
   timed "$1: processes left" "$2-processes.log" nothing_runs || code=1

@@ -1,0 +1,112 @@
+"""Installs mrl-driver in an empty environment and drives an emulated robot with it, as a newcomer does.
+
+    python3 tests/packaging/first_motion.py build/dist/mrl_driver-0.4.0-py3-none-any.whl
+    python3 tests/packaging/first_motion.py .
+
+It needs no compiler.  It prints the time from the start of pip to the first motion; what pip downloads was
+there before.  Then it serves the page, and uploads the build of a bare board where avrdude is.
+"""
+
+import contextlib
+import os
+import pty
+import re
+import select
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from pathlib import Path
+
+PATIENCE_S = 60.0
+
+
+class Program:
+    """A program on a terminal of its own."""
+
+    def __init__(self, *words):
+        self.pid, self._terminal = pty.fork()
+        if self.pid == 0:
+            os.environ["TERM"] = "xterm"
+            os.execv(words[0], list(map(str, words)))
+        self._seen = ""
+
+    def wait_for(self, pattern, keys=b""):
+        """The match of a pattern in what it has shown since the last one; the keys are pressed until then.
+
+        Raises:
+            TimeoutError: it is not shown, or the program has ended.
+        """
+        end_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < end_s:
+            found = re.search(pattern, self._seen)
+            if found:
+                self._seen = self._seen[found.end() :]
+                return found
+            os.write(self._terminal, keys)
+            if select.select([self._terminal], [], [], 0.1)[0]:
+                with contextlib.suppress(OSError):  # it has ended
+                    shown = os.read(self._terminal, 65536).decode(errors="replace")
+                    self._seen = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", self._seen + shown)  # without colours
+        raise TimeoutError(f"expected {pattern!r}, got {self._seen[-2000:]!r}")
+
+    def end(self):
+        """Press q, and wait for the end; an error if its exit code is not 0."""
+        os.write(self._terminal, b"q")
+        self.wait_for("mrl new")
+        status = os.waitpid(self.pid, 0)[1]
+        assert status == 0, f"it ended with the status {status}"
+
+
+def installed(source, folder):
+    """The folder of the programs after an installation with the extra `web`, and when that began [s]."""
+    subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
+    pip, packages = (
+        [str(folder / "venv/bin/pip"), "--disable-pip-version-check", "-q"],
+        str(folder / "packages"),
+    )
+    wanted = f"{source}[web]"
+    subprocess.run([*pip, "download", "-d", packages, "setuptools", "wheel", wanted], check=True)
+    began_s = time.monotonic()
+    subprocess.run([*pip, "install", "--no-index", "--find-links", packages, wanted], check=True)
+    return folder / "venv/bin", began_s
+
+
+def flash(programs):
+    """Upload the build for a bare board to a bootloader, which is no board afterwards."""
+    sys.path.append(str(Path(__file__).resolve().parents[1] / "cli"))
+    from bootloader import Bootloader
+
+    with contextlib.closing(Bootloader()) as board:
+        command = [str(programs / "mrl"), "flash", "--build", "virtual", "--port", board.path, "--yes"]
+        said = subprocess.run(command, capture_output=True, text=True).stderr
+        assert "was written and read back" in said, said
+        print(f"mrl flash: {sum(each != 0xFF for each in board.flash)} bytes of the virtual build")
+
+
+def main():
+    source = Path(sys.argv[1]).resolve()
+    compilers = [name for name in ("gcc", "cc", "g++", "avr-gcc", "avr-g++") if shutil.which(name)]
+    print(f"{source.name}, Python {sys.version.split()[0]}, compilers: {', '.join(compilers) or 'none'}")
+    with tempfile.TemporaryDirectory() as name:
+        programs, began_s = installed(source, Path(name))
+        os.chdir(name)
+        installed_s = time.monotonic() - began_s
+        demo = Program(programs / "mrl", "demo")
+        demo.wait_for("asked")
+        demo.wait_for(r"path +0\.(?!00)\d\d m", b"w")  # as the wheels have measured it
+        print(f"pip install: {installed_s:.1f} s; first motion after {time.monotonic() - began_s:.1f} s")
+        demo.end()
+        page = Program(programs / "mrl", "demo", "--web")
+        address = page.wait_for(r"http://[\w.:]+/?\S*")[0]
+        with urllib.request.urlopen(address) as answer:
+            print(f"mrl web: {len(answer.read())} bytes from {address}")
+        page.end()
+        if shutil.which("avrdude"):
+            flash(programs)
+
+
+if __name__ == "__main__":
+    main()
