@@ -101,14 +101,16 @@ def _members(path: str, found: type) -> Iterator[Line]:
             f"{path}.{name}",
             _arguments(member)[not static :] if inspect.isroutine(member) else [],
         )
-    documented = (found.__doc__ or "").partition("Attributes:\n")[2].partition("\n\n")[0]
-    for name in re.findall(r"^        (\w+): ", documented, re.M):
+    documented = (inspect.getdoc(found) or "").partition("Attributes:\n")[2].partition("\n\n")[0]
+    for name in re.findall(r"^    (\w+): ", documented, re.M):
         yield "python", f"{path}.{name}", []
 
 
 def _arguments(found: Any) -> List[str]:
     marks = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}
-    rows = inspect.signature(found).parameters.values()
+    rows = list(inspect.signature(found).parameters.values())
+    if inspect.isclass(found) and inspect.isfunction(found.__init__):  # on 3.8, a Generic hides its arguments
+        rows = list(inspect.signature(found.__init__).parameters.values())[1:]
     return [marks.get(row.kind, "") + row.name + "=" * (row.default is not row.empty) for row in rows]
 
 
