@@ -213,8 +213,7 @@ class LiveRig(DriverRig):
         self.struck(15)
         self.robot.server.deaf = True
         deaf_s = time.monotonic()
-        self.worker.ask("flood 2000")
-        self.check("write_blocks", self.worker.ask("state")["blocked"] > 0)
+        self.check("write_blocks", self.worker.ask("flood 2000")["blocked"] > 0)
         time.sleep(max(0.0, deaf_s + 0.4 - time.monotonic()))
         self.robot.server.deaf = False
         self.robot.server.wake()

@@ -108,10 +108,15 @@ class Worker(Obedient):
         with suppress(MrlError):
             self._driver.recorder.stop()
 
-    def flood(self, count: str) -> None:
-        for _ in range(int(count)):
+    def flood(self, most: str) -> Dict[str, int]:
+        """Send until ten writes are blocked; return how many were."""
+        counted = self._driver.link.statistics.blocked_writes
+        for _ in range(int(most)):
             with suppress(MrlError):
                 self._driver.request(30)
+            if self._driver.link.statistics.blocked_writes >= counted + 10:
+                break
+        return {"blocked": self._driver.link.statistics.blocked_writes - counted}
 
     def reopen(self, count: str) -> Dict[str, Any]:
         """Close the driver while it reads, and connect again."""
@@ -125,8 +130,8 @@ class Worker(Obedient):
 
     def state(self) -> Dict[str, Any]:
         driver = self._driver
-        blocked, frames = driver.link.statistics.blocked_writes, driver.link.statistics.frames
-        return {"is_ready": driver.ready, "age_s": driver.link.age_s, "blocked": blocked, "frames": frames}
+        frames = driver.link.statistics.frames
+        return {"is_ready": driver.ready, "age_s": driver.link.age_s, "frames": frames}
 
 
 def say(**what: Any) -> None:
