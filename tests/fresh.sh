@@ -31,10 +31,10 @@ mrl drive --port ttyTRAX0 --linear 0.2 --for 2'
 WHEEL_WAY=': wheel without a compiler
 set -e
 apt-get update -q && apt-get install -qy --no-install-recommends python3-venv
-python3 tests/packaging/first_motion.py .
-python3 tests/packaging/first_motion.py /mnt/*.whl
+python3 -m tests.packaging.first_motion .
+python3 -m tests.packaging.first_motion /mnt/*.whl
 apt-get install -qy --no-install-recommends avrdude
-python3 tests/packaging/first_motion.py /mnt/*.whl'
+python3 -m tests.packaging.first_motion /mnt/*.whl'
 PASSED_ON='^(MRL_TEST_PATIENCE|PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
 
 fail() { echo "test-fresh: $*" >&2; exit 1; }

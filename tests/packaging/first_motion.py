@@ -1,7 +1,7 @@
 """Installs mrl-driver in an empty environment and drives an emulated robot with it, as a newcomer does.
 
-    python3 tests/packaging/first_motion.py build/dist/mrl_driver-0.4.0-py3-none-any.whl
-    python3 tests/packaging/first_motion.py .
+    python3 -m tests.packaging.first_motion build/dist/mrl_driver-0.4.0-py3-none-any.whl
+    python3 -m tests.packaging.first_motion .
 
 It needs no compiler.  It prints the time from the start of pip to the first motion; what pip downloads was
 there before.  Then it serves the page, and uploads the build of a bare board where avrdude is.
@@ -19,6 +19,8 @@ import tempfile
 import time
 import urllib.request
 from pathlib import Path
+
+from tests.cli.bootloader import Bootloader
 
 PATIENCE_S = 60.0
 
@@ -74,16 +76,33 @@ def installed(source, folder):
     return folder / "venv/bin", began_s
 
 
-def flash(programs):
-    """Upload the build for a bare board to a bootloader, which is no board afterwards."""
-    sys.path.append(str(Path(__file__).resolve().parents[1] / "cli"))
-    from bootloader import Bootloader
+def drive(programs):
+    """Drive with the keys, until the wheels have measured a motion; returns when that was [s]."""
+    demo = Program(programs / "mrl", "demo")
+    demo.wait_for("asked")
+    demo.wait_for(r"path +0\.(?!00)\d\d m", b"w")
+    moved_s = time.monotonic()
+    demo.end()
+    return moved_s
 
+
+def page(programs):
+    """The page, as a browser gets it."""
+    demo = Program(programs / "mrl", "demo", "--web")
+    address = demo.wait_for(r"http://[\w.:]+/?\S*")[0]
+    with urllib.request.urlopen(address) as answer:
+        got = answer.read()
+    demo.end()
+    return got
+
+
+def flash(programs):
+    """What `mrl flash --build virtual` writes to a bootloader, which is no board afterwards."""
     with contextlib.closing(Bootloader()) as board:
         command = [str(programs / "mrl"), "flash", "--build", "virtual", "--port", board.path, "--yes"]
         said = subprocess.run(command, capture_output=True, text=True).stderr
         assert "was written and read back" in said, said
-        print(f"mrl flash: {sum(each != 0xFF for each in board.flash)} bytes of the virtual build")
+        return bytes(board.flash)
 
 
 def main():
@@ -92,20 +111,13 @@ def main():
     print(f"{source.name}, Python {sys.version.split()[0]}, compilers: {', '.join(compilers) or 'none'}")
     with tempfile.TemporaryDirectory() as name:
         programs, began_s = installed(source, Path(name))
-        os.chdir(name)
         installed_s = time.monotonic() - began_s
-        demo = Program(programs / "mrl", "demo")
-        demo.wait_for("asked")
-        demo.wait_for(r"path +0\.(?!00)\d\d m", b"w")  # as the wheels have measured it
-        print(f"pip install: {installed_s:.1f} s; first motion after {time.monotonic() - began_s:.1f} s")
-        demo.end()
-        page = Program(programs / "mrl", "demo", "--web")
-        address = page.wait_for(r"http://[\w.:]+/?\S*")[0]
-        with urllib.request.urlopen(address) as answer:
-            print(f"mrl web: {len(answer.read())} bytes from {address}")
-        page.end()
+        os.chdir(name)
+        moved_s = drive(programs) - began_s
+        print(f"pip install: {installed_s:.1f} s; first motion after {moved_s:.1f} s")
+        print(f"mrl web: {len(page(programs))} bytes")
         if shutil.which("avrdude"):
-            flash(programs)
+            print(f"mrl flash: {len(flash(programs).rstrip(bytes([0xFF])))} bytes of the virtual build")
 
 
 if __name__ == "__main__":

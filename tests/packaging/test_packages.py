@@ -12,6 +12,9 @@ import zipfile
 import pytest
 
 from mrl_driver.host import firmware_images
+from sim_arduino.avr import intel_hex
+
+from . import first_motion
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 FOLDERS = ("firmware", "mrl_driver", "ros1_bridge", "sim_arduino", "tests", ".ci")
@@ -162,6 +165,28 @@ def test_modules_and_image_come_from_the_wheel(place):
     )
     module, image, size = tried(place, "python", "-c", code).split()
     assert str(place) in module and str(place) in image and 15000 < int(size) < 32256
+
+
+@pytest.fixture
+def programs(place, monkeypatch):
+    """The folder of the programs of the wheel, away from the checkout."""
+    monkeypatch.chdir(place)
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    return place / "venv" / "bin"
+
+
+def test_the_wheel_drives_with_the_keys(programs):
+    first_motion.drive(programs)
+
+
+def test_the_wheel_serves_the_page(programs):
+    assert b"</html>" in first_motion.page(programs)
+
+
+def test_the_wheel_uploads_the_build_of_a_bare_board(programs):
+    (wanted,) = (text.read_text() for text in programs.parent.rglob("mrl_firmware_virtual.hex"))
+    got = first_motion.flash(programs)
+    assert all(got[at : at + len(data)] == data for at, data in intel_hex.read(wanted))
 
 
 def test_fresh_clone_drives_an_emulated_robot_without_ros(from_clone):
