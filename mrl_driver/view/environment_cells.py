@@ -38,7 +38,8 @@ class Variable(NamedTuple):
         if not self.low <= value <= self.high or any(map(math.isnan, fields)):
             got = ", ".join(f"{each:g}" for each in fields) or "nothing"
             raise ValueError(
-                f"{self.sensor} is {got}, expected {self.low:g} to {self.high:g} {self.unit}; connect or calibrate it"
+                f"got {got}, expected {self.low:g} to {self.high:g} {self.unit}; connect or calibrate the sensor "
+                f"{self.sensor}"
             )
         return value
 

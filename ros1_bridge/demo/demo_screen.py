@@ -11,7 +11,6 @@ from mrl_driver.view.shown_state import SILENT_S, Shown
 from ros1_bridge.topics.topic_robot import TopicRobot
 
 CORNERS = 4  # A square ends where it began
-PATIENCE_S = 20.0  # If a duration is set, odometry must begin within this time
 
 
 class DemoScreen(Screen):
@@ -27,9 +26,8 @@ class DemoScreen(Screen):
         super().__init__(robot, Settings(port, keys_drive=True), None)
         self._robot = robot
         self.square = Square() if square else None  # The square that is driven; None if none is
-        self._duration_s, self._begun_s = duration_s, time.monotonic()
+        self._duration_s = duration_s
         self._first_s: Optional[float] = None
-        self.overdue = False  # A run with a duration has waited too long for its first odometry
 
     @property
     def elapsed_s(self) -> float:
@@ -51,9 +49,8 @@ class DemoScreen(Screen):
             self._robot.model.require_odometry()
         if self._first_s is None and self.live.frames:
             self._first_s = now_s
-        if self._duration_s:
-            self.overdue = not self.live.frames and now_s > self._begun_s + PATIENCE_S
-            self.ended = self.ended or self.overdue or self.elapsed_s >= self._duration_s
+        if self._duration_s and self.elapsed_s >= self._duration_s:
+            self.ended = True
         if self.square is None:
             super().steer(now_s)
         elif self.square.corner == CORNERS:

@@ -18,6 +18,7 @@ from mrl_driver.transport.address import require_port
 from mrl_driver.transport.baud_rates import require_raisable
 
 from .parameters import parameter, read, rows_of
+from .tf_names import footprint_frame
 
 BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 250000, 500000, 1000000)
 _OWN = "0 uses the model's limit, which is also the maximum"
@@ -231,6 +232,13 @@ def check(given: Mapping[str, Any], namespace: str) -> Parameters:
         raise ConfigError(
             f"parameter {namespace}/base_frame is {got!r}, expected a frame other than odom_frame"
         )
+    footprint = footprint_frame(values["base_frame"])
+    for name in ("base_frame", "odom_frame"):
+        if values["publish_footprint"] and values[name] == footprint:
+            raise ConfigError(
+                f"parameter {namespace}/{name} is {footprint!r}, which publish_footprint publishes below the robot; "
+                "set that to false, or give another frame"
+            )
     parameters = Parameters(**values)
     _require_parts(parameters, namespace)
     _require_zones(parameters, namespace)

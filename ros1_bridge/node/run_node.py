@@ -1,6 +1,7 @@
 """Runs a node, from waiting for the master to its exit code.  For nodes."""
 
 import io
+import os
 import signal
 import sys
 import threading
@@ -9,10 +10,13 @@ from typing import Any, Callable, Optional, Sequence, Union
 import rosgraph
 import rospy
 
-from mrl_driver.errors import MrlError
+from mrl_driver.errors import ConfigError, MrlError
 
 from .master_watch import await_master
 from .parameters import Row, read, usage
+
+RESPAWN = "MRL_RESPAWN"
+"""Variable of the environment: true if roslaunch starts the node again when it ends."""
 
 
 def node(
@@ -25,6 +29,9 @@ def node(
 
     That is what `run` returns, 0 for None; or that of the error if it raises one.  `run` gets the checked private
     parameters, by their rows or by what checks the contents of a namespace; `rows` are for `--help` then.
+
+    A node that roslaunch would start again at once, and in vain, does not end: after a ConfigError it waits for the
+    shutdown.  roslaunch does not say that it would, so launch files with `respawn` set `RESPAWN`.
     """
     return lambda: _run_node(name, parameters, run, rows)
 
@@ -49,7 +56,10 @@ def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], r
             raise
     except MrlError as error:
         if not rospy.is_shutdown():
-            rospy.logfatal(error.line)
+            in_vain = isinstance(error, ConfigError) and os.environ.get(RESPAWN) == "true"
+            rospy.logfatal(f"{error.line}; then start the launch file again" if in_vain else error.line)
+            if in_vain:
+                rospy.spin()
             return error.exit_code
     return 0
 

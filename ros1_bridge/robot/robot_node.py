@@ -154,7 +154,7 @@ class RobotNode:
             commander.cancel_goals = GoalCancel(rospy).cancel
         services = self._offer_services()
         self._status.tell()
-        published, subscribed = _connected()
+        published, subscribed = self._connected_before()
         self._localisers = sorted(nodes_on(subscribed, rospy.resolve_name("initialpose")))
         if parameters.has("commands"):
             self._commands = CommandTopics(driver, commander, parameters, model, self._status.tell)
@@ -167,6 +167,15 @@ class RobotNode:
             late = threading.Timer(OFFERED_S, offer, (limits,))
             late.daemon = True  # the end of the node does not wait for it
             late.start()
+
+    def _connected_before(self) -> Tuple[Connected, Connected]:
+        """The publishers and the subscribers before this node; without a master, a node without commands needs none."""
+        try:
+            return _connected()
+        except MrlError:
+            if self._parameters.has("commands"):
+                raise
+            return (), ()
 
     def _lower_limits(self, model: RobotModel) -> Limits:
         """Lower the limits to the parameters, and take the mode; a board without motors has no limits."""
@@ -349,8 +358,16 @@ def _settle_memory() -> None:
 
 
 def _connected() -> Tuple[Connected, Connected]:
-    """The publishers and the subscribers of all topics; the answer of a large system takes the master 30 ms."""
-    publishers, subscribers, _services = rosgraph.Master(rospy.get_name()).getSystemState()
+    """The publishers and the subscribers of all topics; the answer of a large system takes the master 30 ms.
+
+    MrlError if the master does not answer.
+    """
+    try:
+        publishers, subscribers, _services = rosgraph.Master(rospy.get_name()).getSystemState()
+    except (OSError, rosgraph.MasterException) as error:
+        raise MrlError(
+            f"the ROS master does not answer, so it is not known who drives ({error}); start roscore, then this node"
+        ) from None
     return publishers, subscribers
 
 
@@ -358,7 +375,7 @@ def _localisers() -> Set[str]:
     """Nodes such as amcl and hector_mapping: they take the robot's pose in the map from `initialpose`."""
     try:
         return nodes_on(_connected()[1], rospy.resolve_name("initialpose"))
-    except (OSError, rosgraph.MasterException):  # without a master
+    except MrlError:  # without a master
         return set()
 
 

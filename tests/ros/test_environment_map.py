@@ -70,9 +70,9 @@ def test_readings_are_cells_where_the_robot_is_and_bad_ones_are_lines(rig):
         (
             survey.alcohol,
             UInt16(1023),
-            "alcohol: alcohol is 1023, expected 1 to 1022 counts; connect or cali",
+            "alcohol: got 1023, expected 1 to 1022 counts; connect or calibrate the sensor alcohol (1 so far)",
         ),
-        (survey.dust, Float32(math.nan), "dust: dust is nan, expected 0 to 1e+06 pcs/l"),
+        (survey.dust, Float32(math.nan), "dust: got nan, expected 0 to 1e+06 pcs/l"),
     )
     for publisher, reading, words in bad:
         survey.until(lambda: survey.says(words), 0.4, 0.2, publisher, reading)  # noqa: B023

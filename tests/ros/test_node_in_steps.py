@@ -42,6 +42,7 @@ from mrl_driver.session.events import Awaited, Lost, Ready
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.node.parameters import Row
 from ros1_bridge.node.robot_parameters import check
+from ros1_bridge.node.run_node import RESPAWN
 from ros1_bridge.robot import reconfigure, zone_topics
 from ros1_bridge.robot.reconfigure import Description
 from ros1_bridge.robot.robot_node import driver_options
@@ -592,6 +593,25 @@ def test_a_node_begins_with_its_warnings(node, given, board, words):
     node.run(given=given, **board)
     assert node.levels(words) == ["warn"]
     assert node.ros.asked == 1, "the state of a large system takes long"
+
+
+@pytest.mark.parametrize("parts, code", [("odometry status", 0), ("all", 1)])
+def test_only_a_node_with_commands_needs_a_master_that_answers(node, parts, code):
+    """It must know who has published commands before."""
+    node.ros.no_master = ConnectionRefusedError("refused")
+    assert node.run(given={"parts": parts}) == code
+    assert node.levels("the ROS master does not answer") == ["fatal"] * code
+
+
+@pytest.mark.parametrize("respawn, waits", [("true", True), ("false", False)])
+def test_a_node_with_a_wrong_parameter_is_not_started_again_and_again(node, monkeypatch, respawn, waits):
+    """roslaunch would start it again whatever its exit code is."""
+    monkeypatch.setenv(RESPAWN, respawn)
+    spins = []
+    monkeypatch.setattr(rospy, "spin", lambda: spins.append(1))
+    assert node.run(given={"parts": "wings"}) == 2
+    assert (len(spins), len(node.lines("; then start the launch file again"))) == (waits, waits)
+    assert node.levels("parts is 'wings'") == ["fatal"]
 
 
 def test_an_odometry_that_others_use_is_not_reset(node):

@@ -84,6 +84,14 @@ def test_parts_are_a_list_or_a_text(parts):
         ({"prot": "/dev/ttyACM0"}, "/n/prot is unknown, expected port, port_timeout, baud, fast, robot"),
         ({"base_frame": "odom"}, "/n/base_frame is 'odom'"),
         (
+            {"base_frame": "r1/base_footprint", "publish_footprint": True},
+            "/n/base_frame is 'r1/base_footprint', which publish_footprint publishes",
+        ),
+        (
+            {"odom_frame": "base_footprint", "publish_footprint": True},
+            "/n/odom_frame is 'base_footprint', which publish_footprint publishes",
+        ),
+        (
             {"port": "tcp://10.0.0.7"},
             "parameter /n/port 'tcp://10.0.0.7' does not parse, expected tcp://HOST:PORT",
         ),

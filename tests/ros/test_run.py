@@ -2,6 +2,7 @@
 
 import contextlib
 import fcntl
+import itertools
 import os
 import pty
 import re
@@ -21,6 +22,7 @@ import pytest
 import rospy
 from rosgraph.masterapi import is_online
 
+from ros1_bridge.demo import launcher
 from ros1_bridge.demo.launcher import Run, RunError, environment, free_port, start_nodes
 from ros1_bridge.demo.processes import Child
 from tests.waiting import PATIENCE_S, wait_until
@@ -246,6 +248,26 @@ def test_master_that_is_there_already_is_refused(master, tmp_path):
         run.stop()
         rospy.delete_param("/run_id")
     assert not rospy.has_param("/robot_node")
+
+
+def test_a_start_that_is_slow_is_waited_for_and_said(tmp_path, monkeypatch, capsys):
+    """On this clock the wait takes hours: a limit would end it."""
+    fake, slow = tmp_path / "roslaunch", tmp_path / "slow"
+    fake.write_text(
+        f"#!/bin/sh\nuntil [ -e '{slow}' ]; do sleep 0.02; done\n"
+        "echo 'started core service [/rosout]'\nexec sleep 999\n"
+    )
+    fake.chmod(0o755)
+    ticks = itertools.count(step=1000)
+    monkeypatch.setattr(launcher.time, "monotonic", lambda: next(ticks))
+    monkeypatch.setattr(launcher.time, "sleep", lambda _: next(ticks) > 20_000 and slow.touch())
+    env = {**environment(tmp_path, 20001), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    run = Run(env, tmp_path)
+    try:
+        start_nodes(run, "port:=none")
+    finally:
+        run.stop()
+    assert capsys.readouterr().out.count("roslaunch is still starting a ROS master; its log is ") == 1
 
 
 def test_each_master_has_a_home_of_its_own(tmp_path):
