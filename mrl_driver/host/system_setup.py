@@ -50,6 +50,8 @@ UNIT_TEXT = """{mark}
 # systemctl enable --now mrl-robot@$(systemd-escape NAME)
 # /etc/default/mrl-robot may set ROS_SETUP=/opt/ros/noetic/setup.sh (or a workspace's), MRL_LAUNCH="robot.launch
 # robot:=traxbot" (launch file, arguments), and for other machines ROS_IP=(address of this one) and ROS_MASTER_URI=...
+# /etc/default/mrl-robot@NAME sets the same for one robot: a second one needs a ROS_MASTER_URI (or ROS_NAMESPACE) and a
+# page of its own, because two nodes of one name on one master end each other.
 # The journal keeps what the nodes print, and rotates.  ROS' own logs are in memory until the unit stops.
 [Unit]
 Description=Robot on /dev/mrl-%I
@@ -61,9 +63,12 @@ User={user}
 SupplementaryGroups={group}
 Environment="MRL_CHECKOUT={checkout}" "MRL_LAUNCH={launch} respawn:=true" ROS_IP=127.0.0.1
 EnvironmentFile=-/etc/default/mrl-robot
+EnvironmentFile=-/etc/default/mrl-robot@%I
 RuntimeDirectory=mrl-robot/%i
 # ROS_SETUP replaces ROS_PACKAGE_PATH, so a checkout is added after it.
 ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; export ROS_LOG_DIR="$RUNTIME_DIRECTORY"; \
+  exec 9>"/run/lock/mrl-robot$(systemd-escape "$ROS_MASTER_URI $ROS_NAMESPACE")"; flock -n 9 || {{ \
+  echo "another robot has this master: set ROS_MASTER_URI or ROS_NAMESPACE in /etc/default/mrl-robot@%I"; exit 78; }}; \
   [ -z "$MRL_CHECKOUT" ] || export ROS_PACKAGE_PATH="$MRL_CHECKOUT:$ROS_PACKAGE_PATH"; \
   exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'
 # The nodes go before other programs when the processor is busy.
@@ -73,6 +78,7 @@ KillSignal=SIGINT
 TimeoutStopSec=10
 Restart=on-failure
 RestartSec=2
+RestartPreventExitStatus=78
 
 [Install]
 WantedBy=dev-mrl\\x2d%i.device

@@ -16,6 +16,7 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.host import system_setup
 from mrl_driver.transport import port_info
 from mrl_driver.transport.port_info import tells_apart
+from tests.waiting import wait_until
 
 
 def mrl_system(*words):
@@ -121,15 +122,46 @@ def test_brltty_is_masked_if_that_is_wanted(brltty, tmp_path, option, masked):
     ) is masked and "may take" not in out
 
 
-def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
-    system_setup.install("ada", str(tmp_path))
-    unit = configparser.ConfigParser(interpolation=None)
+def unit_in(root):
+    system_setup.install("ada", str(root))
+    unit = configparser.ConfigParser(interpolation=None, strict=False)
     unit.optionxform = str
-    unit.read(tmp_path / system_setup.UNIT)
+    unit.read(root / system_setup.UNIT)
+    return unit
+
+
+def start_line(unit, locks):
+    """The words that systemd runs, with another folder for locks."""
+    return shlex.split(unit["Service"]["ExecStart"].replace("/run/lock", str(locks)).replace("%I", "NAME"))
+
+
+def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
+    unit = unit_in(tmp_path)
     assert unit["Service"]["User"] == "ada"
     assert unit["Unit"]["BindsTo"] == unit["Install"]["WantedBy"] == r"dev-mrl\x2d%i.device"
     assert "ROS_IP=127.0.0.1" in shlex.split(unit["Service"]["Environment"])
     assert unit["Service"]["ExecStart"].endswith("exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'")
+
+
+def test_a_second_robot_on_one_master_is_refused_and_not_started_again(tmp_path):
+    """Two nodes of one name would end each other for ever."""
+    unit, begun = unit_in(tmp_path), tmp_path / "begun"
+    fake = tmp_path / "roslaunch"
+    fake.write_text(f"#!/bin/sh\ntouch '{begun}'\nexec sleep 999\n")
+    fake.chmod(0o755)
+    command = start_line(unit, tmp_path)
+    env = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}", "RUNTIME_DIRECTORY": str(tmp_path)}
+    env.update(ROS_SETUP="", MRL_CHECKOUT="", MRL_LAUNCH="x", ROS_NAMESPACE="")
+    with subprocess.Popen(command, env=env) as first:
+        try:
+            wait_until(begun.exists)
+            second = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+        finally:
+            first.kill()
+    assert str(second.returncode) == unit["Service"]["RestartPreventExitStatus"]
+    assert second.stdout.startswith(
+        "another robot has this master: set ROS_MASTER_URI or ROS_NAMESPACE in /etc/"
+    )
 
 
 @pytest.mark.parametrize("page", ["", "0.0.0.0:8642"])
@@ -154,17 +186,14 @@ def test_a_page_that_is_not_an_address_is_refused(tmp_path):
 
 @pytest.mark.parametrize("setup", ["", "export ROS_PACKAGE_PATH=/opt/ros/noetic/share\n"])
 def test_unit_finds_the_checkout_although_setup_files_of_ros_replace_the_package_path(tmp_path, setup):
-    system_setup.install("ada", str(tmp_path))
-    service = configparser.ConfigParser(interpolation=None, strict=False)
-    service.optionxform = str
-    service.read(tmp_path / system_setup.UNIT)
+    service = unit_in(tmp_path)
     (tmp_path / "setup.sh").write_text(setup)
     (tmp_path / "roslaunch").write_text('#!/bin/sh\necho "$ROS_PACKAGE_PATH"\n')
     (tmp_path / "roslaunch").chmod(0o755)
     env = dict(word.split("=", 1) for word in shlex.split(service["Service"]["Environment"]))
     env.update(PATH=f"{tmp_path}:{os.environ['PATH']}", ROS_SETUP=str(tmp_path / "setup.sh") if setup else "")
     found = subprocess.run(
-        shlex.split(service["Service"]["ExecStart"]), env=env, stdout=subprocess.PIPE, check=True
+        start_line(service, tmp_path), env=env, stdout=subprocess.PIPE, check=True
     ).stdout.decode()
     wanted = [str(pathlib.Path(__file__).resolve().parents[2]), *(["/opt/ros/noetic/share"] if setup else [])]
     assert [path for path in found.strip().split(":") if path] == wanted
