@@ -366,7 +366,7 @@ def _connected() -> Tuple[Connected, Connected]:
         publishers, subscribers, _services = rosgraph.Master(rospy.get_name()).getSystemState()
     except (OSError, rosgraph.MasterException) as error:
         raise MrlError(
-            f"the ROS master does not answer, so it is not known who drives ({error}); start roscore, then this node"
+            f"the ROS master does not answer, so it is not known which nodes drive ({error}); start it, then this node"
         ) from None
     return publishers, subscribers
 
