@@ -44,8 +44,9 @@ class Outline(NamedTuple):
 
     def sides(self, direction: Point) -> List[float]:
         """Return the distances of the corners to the left of the centre's path [m]."""
-        length, width = self.half_length_m + self.clearance_m, self.half_width_m + self.clearance_m
-        return [direction[0] * y - direction[1] * x for x in (length, -length) for y in (width, -width)]
+        x = direction[1] * (self.half_length_m + self.clearance_m)
+        y = direction[0] * (self.half_width_m + self.clearance_m)
+        return [y + x, y - x, x - y, -x - y]
 
     def strip(self, direction: Point, length_m: float) -> List[Point]:
         """Return the corners of the area that the outline enters when it moves that far."""
@@ -133,16 +134,16 @@ def sonar_room(outline: Outline, mount: SonarMount, range_m: float, direction: P
     """Return the free distance if there is an object at this range (REP 117, no NaN) anywhere in a sonar's cone [m]."""
     if math.isinf(range_m):
         return math.inf if range_m > 0 else 0.0
-    yaw, heading = math.radians(mount.yaw_deg), math.atan2(direction[1], direction[0])
+    yaw, left = math.radians(mount.yaw_deg), math.atan2(direction[0], -direction[1])
     half = mount.kind.field_of_view_rad / 2
     angles = [yaw - half, yaw, yaw + half]  # between these and those of the sides the nearest point is an end
     for side_m in outline.sides(direction) if range_m > 0 else ():
-        sine = (side_m - direction[0] * mount.y_m + direction[1] * mount.x_m) / range_m
-        if abs(sine) <= 1:
-            angles += [heading + math.asin(sine), heading + math.pi - math.asin(sine)]
+        cosine = (side_m - direction[0] * mount.y_m + direction[1] * mount.x_m) / range_m
+        if abs(cosine) <= 1:
+            angles += [left - math.acos(cosine), left + math.acos(cosine)]
     seen = (angle for angle in angles if abs(wrap_angle(angle - yaw)) <= half + _ROUNDING)
     points = ((mount.x_m + range_m * math.cos(at), mount.y_m + range_m * math.sin(at)) for at in seen)
-    return min((outline.room(point, direction) for point in points), default=math.inf)
+    return min(outline.room(point, direction) for point in points)
 
 
 def slant_room(outline: Outline, mount: SonarMount, range_m: float, direction: Point) -> float:

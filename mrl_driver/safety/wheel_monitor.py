@@ -73,13 +73,14 @@ class Mismatch(NamedTuple):
 
 
 class _Wheel:
-    """One wheel.
+    """One wheel, by its name in the counts.
 
     `reference` is the speed on the slowest ramp of a healthy wheel [m/s, along the command]; below zero the wheel still
     runs in the other direction.
     """
 
-    def __init__(self, acceleration_m_s2: float, latency_ticks: int) -> None:
+    def __init__(self, name: str, acceleration_m_s2: float, latency_ticks: int) -> None:
+        self._name = name
         self._acceleration_m_s2 = SLOWNESS * acceleration_m_s2
         self._hidden_m_s = HIDDEN_S * acceleration_m_s2
         self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
@@ -97,7 +98,7 @@ class _Wheel:
             self._asked.add(math.copysign(1.0, target_m_s))
 
     def tick(self, target_m_s: float, moved_m: float, dt_s: float) -> Optional[Mismatch]:
-        """Return the mismatch, without its `wheel`; None if there is none or it is too early to judge."""
+        """Return the mismatch; None if there is none or it is too early to judge."""
         self._targets.append(target_m_s)
         self._speeds.append(moved_m / dt_s)
         self._still = self._still + 1 if abs(moved_m) < STILL_M else 0
@@ -109,13 +110,13 @@ class _Wheel:
             return None
         direction = math.copysign(1.0, floor)
         if direction != self._direction:
-            self._turn(direction, self._speeds[0] * direction)
+            self._turn(direction, direction * self._speeds[0])
         self._follow(abs(floor), dt_s)
         if self._reference <= 0.0:
             self._forget()
             return None
         self._expected_m.append(self._reference * dt_s)
-        self._moved_m.append(moved_m * direction)
+        self._moved_m.append(direction * moved_m)
         expected_m, moved_m = sum(self._expected_m), sum(self._moved_m)
         if (
             len(self._moved_m) < WINDOW
@@ -124,7 +125,8 @@ class _Wheel:
         ):
             return None
         lately, moved_lately = (sum(list(each)[-NEWEST:]) for each in (self._expected_m, self._moved_m))
-        return Mismatch("", REVERSED if moved_lately < REVERSED_SHARE * lately else DEAD, expected_m, moved_m)
+        cause = REVERSED if moved_lately < REVERSED_SHARE * lately else DEAD
+        return Mismatch(self._name, cause, expected_m, moved_m)
 
     def _forget(self) -> None:
         self._expected_m.clear()
@@ -166,7 +168,7 @@ class WheelMonitor:
 
     def reset(self) -> None:
         """The robot was stopped: start again."""
-        self._wheels = [_Wheel(*self._make) for _ in self._names]
+        self._wheels = [_Wheel(name, *self._make) for name in self._names]
         self._time_s = self.next_s = -math.inf
         self._travel: Sequence[float] = (0,) * len(self._names)
         self._command: Tuple[float, ...] = ()
@@ -196,27 +198,26 @@ class WheelMonitor:
         self._time_s, self.next_s, self._travel = time_s, time_s + TICK_S - ROUNDING_S, travel
         if dt_s > GAP_S:
             return None
-        found = [
+        found = (
             wheel.tick(target, (now - before) * self._metres, dt_s)
             for wheel, target, now, before in zip(self._wheels, self._targets, travel, last)
-        ]
-        return self._combine(found) if any(found) else None
+        )
+        wrong = [each for each in found if each is not None]
+        return self._combine(wrong) if wrong else None
 
     def _ask(self, targets: Tuple[float, ...]) -> None:
         self._targets = targets
         for wheel, target in zip(self._wheels, targets):
             wheel.ask(target)
 
-    def _combine(self, found: Sequence[Optional[Mismatch]]) -> Mismatch:
+    def _combine(self, wrong: Sequence[Mismatch]) -> Mismatch:
         """Return one mismatch for those of all wheels."""
-        wrong = {name: each for name, each in zip(self._names, found) if each is not None}
-        name, first = next(iter(wrong.items()))
         if len(wrong) == 1:
-            return first._replace(wheel=name)
-        cause = REVERSED if any(each.cause == REVERSED for each in wrong.values()) else DEAD
-        if cause == DEAD and len(wrong) == len(found):
+            return wrong[0]
+        cause = REVERSED if any(each.cause == REVERSED for each in wrong) else DEAD
+        if cause == DEAD and len(wrong) == len(self._names):
             cause = POWERLESS
-        return first._replace(wheel="both" if len(found) == 2 else "several", cause=cause)
+        return wrong[0]._replace(wheel="both" if len(self._names) == 2 else "several", cause=cause)
 
 
 def monitor_of(model: RobotModel, pace: Pace) -> WheelMonitor:
