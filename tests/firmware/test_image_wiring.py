@@ -327,14 +327,17 @@ def test_samples_go_on_over_each_change_of_the_clock():
             assert clock == expected
 
 
-@pytest.mark.parametrize("name", CLOCKS)
-def test_the_chip_sleeps_on_each_clock(name):
-    with wired(*CLOCKS[name]) as board:
+WITH_BUS = Wired("tb6612", models.DUO_PINS)
+
+
+@pytest.mark.parametrize("wires", [*CLOCKS.values(), WITH_BUS], ids=[*CLOCKS, "with an I2C bus"])
+def test_the_chip_sleeps_on_each_clock(wires):
+    with wired(*wires) as board:
         board.run(0.5)
         awake, begun = board.machine.awake_cycles, board.machine.cycle
         board.run(1.0)
         share = (board.machine.awake_cycles - awake) / (board.machine.cycle - begun)
-        assert share < MOST_AWAKE * wiring.motors({**wiring.EMPTY, **CLOCKS[name].pins})
+        assert share < MOST_AWAKE * wiring.motors({**wiring.EMPTY, **wires.pins})
 
 
 # ---- PWM of timer 1

@@ -65,7 +65,10 @@ void start(Owner who) {
 
 bool is_free() {
   // The check of a new wiring has taken 2 ms of this pass, which would count as time of the transfer.
-  if (MRL_BRIDGE && !board_clock::passed(used_since, 1)) return false;
+  if (MRL_BRIDGE && used_since == board_clock::now()) {
+    board_clock::stay_awake();
+    return false;
+  }
   if (owner != Owner::none && !end_if_over()) return false;
   if (resting && !board_clock::passed(rest_from, REST_AFTER_HANG)) return false;
   resting = false;
