@@ -70,7 +70,7 @@ class Ide:
 
 @pytest.mark.parametrize(
     "suffix, option, board",
-    [("", "", "uno"), ("_hbridge", "MRL_BRIDGE", "uno"), ("_hbridge_mega", "MRL_BRIDGE", "mega")],
+    [("", "", "uno"), ("_hbridge_mega", "MRL_BRIDGE", "mega")],
 )
 def test_the_binary_of_the_arduino_ide_is_the_measured_one(tmp_path, suffix, option, board):
     """Without this checkout, Python or make: a folder, and the options that a user sets in build.h."""
