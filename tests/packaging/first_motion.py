@@ -11,6 +11,7 @@ import contextlib
 import os
 import pty
 import re
+import resource
 import select
 import shutil
 import subprocess
@@ -63,7 +64,7 @@ class Program:
 
 
 def installed(source, folder):
-    """The folder of the programs after an installation with the extra `web`, and when that began [s]."""
+    """The folder of the programs after an installation with the extra `web`, when that began, and its CPU time [s]."""
     subprocess.run([sys.executable, "-m", "venv", str(folder / "venv")], check=True)
     pip, packages = (
         [str(folder / "venv/bin/pip"), "--disable-pip-version-check", "-q"],
@@ -71,9 +72,15 @@ def installed(source, folder):
     )
     wanted = f"{source}[web]"
     subprocess.run([*pip, "download", "-d", packages, "setuptools", "wheel", wanted], check=True)
-    began_s = time.monotonic()
+    began_s, before_s = time.monotonic(), cpu_s()
     subprocess.run([*pip, "install", "--no-index", "--find-links", packages, wanted], check=True)
-    return folder / "venv/bin", began_s
+    return folder / "venv/bin", began_s, cpu_s() - before_s
+
+
+def cpu_s():
+    """CPU time of all programs that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def drive(programs):
@@ -110,11 +117,11 @@ def main():
     compilers = [name for name in ("gcc", "cc", "g++", "avr-gcc", "avr-g++") if shutil.which(name)]
     print(f"{source.name}, Python {sys.version.split()[0]}, compilers: {', '.join(compilers) or 'none'}")
     with tempfile.TemporaryDirectory() as name:
-        programs, began_s = installed(source, Path(name))
+        programs, began_s, pip_s = installed(source, Path(name))
         installed_s = time.monotonic() - began_s
         os.chdir(name)
         moved_s = drive(programs) - began_s
-        print(f"pip install: {installed_s:.1f} s; first motion after {moved_s:.1f} s")
+        print(f"pip install: {installed_s:.1f} s (CPU {pip_s:.1f} s); first motion after {moved_s:.1f} s")
         print(f"mrl web: {len(page(programs))} bytes")
         if shutil.which("avrdude"):
             print(f"mrl flash: {len(flash(programs).rstrip(bytes([0xFF])))} bytes of the virtual build")
