@@ -29,6 +29,8 @@ REVERSED_SHARE = -0.3
 NEWEST = 2
 # Smallest expected distance over the window that is judged [m]: 24 mm/s.  A slower motor may stick for half a second.
 LEAST_DISTANCE_M = 0.006
+LEAST_COUNTS = 6
+"""The same in counts: the control sees a wheel with a slotted disc late, and the wheel may stand meanwhile."""
 SLOWNESS = 0.5  # the wheel may accelerate this much more slowly than in the model (factor)
 HIDDEN_S = 0.8  # after a reversal, a wheel may keep accelerating in the old direction for this time [s]
 LEAST_RAMP_MS = 500  # shortest ramp to full speed that is assumed for a motor [ms]
@@ -79,8 +81,8 @@ class _Wheel:
     runs in the other direction.
     """
 
-    def __init__(self, name: str, acceleration_m_s2: float, latency_ticks: int) -> None:
-        self._name = name
+    def __init__(self, name: str, least_m: float, acceleration_m_s2: float, latency_ticks: int) -> None:
+        self._name, self._least_m = name, least_m
         self._acceleration_m_s2 = SLOWNESS * acceleration_m_s2
         self._hidden_m_s = HIDDEN_S * acceleration_m_s2
         self._targets: Deque[float] = deque([0.0] * (latency_ticks + 1), maxlen=latency_ticks + 1)
@@ -118,11 +120,7 @@ class _Wheel:
         self._expected_m.append(self._reference * dt_s)
         self._moved_m.append(direction * moved_m)
         expected_m, moved_m = sum(self._expected_m), sum(self._moved_m)
-        if (
-            len(self._moved_m) < WINDOW
-            or expected_m < LEAST_DISTANCE_M
-            or moved_m >= LEAST_SHARE * expected_m
-        ):
+        if len(self._moved_m) < WINDOW or expected_m < self._least_m or moved_m >= LEAST_SHARE * expected_m:
             return None
         lately, moved_lately = (sum(list(each)[-NEWEST:]) for each in (self._expected_m, self._moved_m))
         cause = REVERSED if moved_lately < REVERSED_SHARE * lately else DEAD
@@ -159,7 +157,8 @@ class WheelMonitor:
 
     def __init__(self, drive: Base, acceleration_m_s2: float, latency_s: float) -> None:
         self._metres, base = drive.metres_per_count, kinematics_of(drive)
-        self._make = (acceleration_m_s2, math.ceil(latency_s / TICK_S))
+        least_m = max(LEAST_DISTANCE_M, LEAST_COUNTS * self._metres)
+        self._make = (least_m, acceleration_m_s2, math.ceil(latency_s / TICK_S))
         self._names = WHEELS_BY_COUNT[len(base.wheels)]._fields
         self._order = [base.wheels.index(name) for name in self._names]  # in the numbers of the kinematics
         two = len(self._names) == 2

@@ -23,7 +23,7 @@ from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.errors import ConfigError, OutputError
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot import models, wiring
-from mrl_driver.robot.models import ImuMount
+from mrl_driver.robot.models import ImuMount, kit
 from mrl_driver.robot.models.kit import text_of
 from mrl_driver.yaml_form import with_schema_line
 from sim_arduino.hardware.imu import ImuErrors
@@ -200,6 +200,67 @@ def test_each_wiring_that_drives_closes_a_square(row, engine, workshop_of, tmp_p
         assert wiring.of_board(robot.parameters.read(*names)) == row.pins
     most_m, most_rad = (CLOSED_BY_TIME_M, CLOSED_BY_TIME_RAD) if by_time else (CLOSED_M, 0.05)
     assert math.dist(start[:2], end[:2]) < most_m and abs(wrap_angle(end.yaw_rad - start.yaw_rad)) < most_rad
+
+
+NO_FLASH = ("--no-flash", "--port", "kit", "--truth", "t", "--yes")
+DISC = 40.0  # Counts of a turn of a disc with 20 slots, by one channel: 5 mm each
+ONE_CHANNEL = {
+    **{
+        "left_pwm_a": 9,
+        "left_pwm_b": 8,
+        "left_logic": 7,
+        "right_pwm_a": 10,
+        "right_pwm_b": 5,
+        "right_logic": 4,
+    },
+    **{"left_encoder_a": 2, "right_encoder_a": 3},
+}
+
+
+def disc_kit(folder, bridge, rpm, no_encoders=False):
+    """The file of a robot whose wheels carry slotted discs, or nothing, and the options of `mrl new` for it."""
+    wires = {name: pin for name, pin in ONE_CHANNEL.items() if not (no_encoders and "encoder" in name)}
+    pins = {f"pin_{name}": pin for name, pin in wires.items()}
+    table = wiring.of_board({**pins, "no_encoders": int(no_encoders)})
+    path = folder / "kit.yaml"
+    text = text_of(kit.Kit("kit", 40, 65.0, 150.0, DISC, bridge, table))
+    path.write_text(text.replace("full_speed: 170", f"full_speed: {rpm}"))
+    words = [word for name, pin in wires.items() for word in ("--pin", f"{name}={pin}")]
+    counts = ("--no-encoders",) if no_encoders else ("--counts", "20x2")
+    return str(path), (*FACTS[:4], *counts, "--bridge", bridge, *words, *NO_FLASH)
+
+
+@pytest.mark.parametrize("rpm", [100, 200])
+def test_wheels_with_slotted_discs_close_a_square(rpm, workshop_of, tmp_path):
+    """At the slowest speeds of a corner a wheel has no count for a third of a second, and is not taken for dead."""
+    path, facts = disc_kit(tmp_path, "tb6612", rpm)
+    workshop = workshop_of(path, SINGLE, "")
+    workshop.mrl("new", "rover", *facts)
+    with workshop.robot("rover", period_ms=50) as robot:
+        start = workshop.pose()
+        manoeuvres.square(robot, SIDE_M, False, manoeuvres.Speeds())
+        assert math.dist(start[:2], workshop.pose()[:2]) < CLOSED_M
+        assert robot.parameters.read("full_speed")["full_speed"] == pytest.approx(rpm, rel=0.1)
+
+
+def test_wheels_that_the_board_cannot_control_with_their_discs_are_named(workshop_of, tmp_path, capsys):
+    path, facts = disc_kit(tmp_path, "tb6612", 77)
+    workshop_of(path, SINGLE, "").emulated.plant.robot.set_battery(8.0)
+    with pytest.raises(SystemExit) as ended:
+        main.main(["new", "rover", *map(str, facts)])
+    assert ended.value.code == ConfigError.exit_code
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "counts/s at most, expected 51 to 25600" in line and line.endswith("nothing was changed")
+
+
+def test_a_bridge_that_coasts_is_measured_without_encoders(workshop_of, tmp_path, capsys):
+    """Its speed is no line over the duty: the measured full speed is that of full duty."""
+    path, facts = disc_kit(tmp_path, "l298n_enable", 170, no_encoders=True)
+    workshop_of(path, OPEN_LOOP, "")
+    with pytest.raises(SystemExit) as ended:
+        main.main(["new", "rover", *map(str, facts)])
+    assert not ended.value.code and "drives slow commands too fast" in capsys.readouterr().err
+    assert models.load("rover").board["full_speed"] == pytest.approx(170, rel=0.1)
 
 
 WORDS = "left,forward,rear_left,forward,right,forward,forward,yes"

@@ -499,6 +499,14 @@ def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
         ),
         (("rover", "--yes", *ROVER, "--pin", "left_logic=A4"), "left_logic is on A4: the I2C bus is in use"),
         (
+            ("rover", "--yes", *ROVER, "--pin", "left_encoder_b=-"),
+            "some encoders have both channels and some one, .* leave all B out; nothing was written",
+        ),
+        (
+            ("rover", "--yes", *ROVER, "--counts", "16"),
+            "give 45 counts/s at most, expected 51 to 25600: the board cannot control that",
+        ),
+        (
             ("rover", "--yes", *ROVER, "--pin", "left_logic=x"),
             "--pin left_logic is 'x', expected a pin of the Uno",
         ),

@@ -162,7 +162,13 @@ WRONG = {
         ({"board.gearbox": 0}, "board.gearbox is 0, expected a whole number from 1"),
         (
             {"board.gearbox": 9, "board.encoder_counts": 11},
-            "give 0.99 counts a wheel turn, expected at least 1",
+            "encoder_counts and full_speed give 3 counts/s at most, expected 51 to 25600: the board cannot control",
+        ),
+        ({"board.encoder_counts": 32000, "board.gearbox": 3000}, "give 2[0-9]* counts/s at most"),
+        ({"board.full_speed": 18}, "wheel_radius and full_speed give 61 mm/s at most, expected at least 65"),
+        (
+            {"board.full_speed": 20, "board.axis_radius": 7500},
+            "give 908 mrad/s at most, expected at least 1030",
         ),
         ({"build": "environment"}, "build is 'environment', expected sonar: .* pins that the board.bridge"),
     ],

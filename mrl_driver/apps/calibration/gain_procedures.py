@@ -11,7 +11,7 @@ from mrl_driver import figures
 from mrl_driver.cli.commands.shared import print_message
 from mrl_driver.driver import Driver
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot.models import RobotModel
+from mrl_driver.robot.models import RobotModel, beyond_control
 
 from . import from_recording, manoeuvres, open_loop
 from .calibration_files import Key
@@ -27,6 +27,7 @@ from .gains import (
     design,
     identify,
     identify_bridge,
+    least_counts,
     speeds,
     suggest,
 )
@@ -46,19 +47,32 @@ class Board(NamedTuple):
     percents: Sequence[int]  # duties of the steps; the signs alternate, so that the robot turns back
     step_s: float
     gains: Callable[..., Any]
-    identify: Callable[[List[DutyStep]], Motor]
+    identify: Callable[[List[DutyStep], float], Motor]
     suggest: Callable[[Sequence[Motor], RobotModel], Any]
 
 
+def _of_bridge(motors: Sequence[Motor], model: RobotModel) -> BridgeGains:
+    """Return the gains; ConfigError if the board would refuse all moves with them."""
+    found = design(motors, counts_per_turn(model))
+    why = beyond_control({**model.board, **found._asdict()})
+    if why:
+        raise ConfigError(f"{why}; nothing was changed")
+    return found
+
+
 MOTOR_BOARD = Board(
-    (STEP_PERCENT,), 1.5, Gains, lambda steps: identify(steps[0]), lambda motors, model: suggest(motors)
+    (STEP_PERCENT,),
+    1.5,
+    Gains,
+    lambda steps, least: identify(steps[0]),
+    lambda motors, model: suggest(motors),
 )
 BRIDGE_BOARD = Board(
     (30, -50, 80),
     1.0,
     BridgeGains,
     identify_bridge,
-    lambda motors, model: design(motors, counts_per_turn(model)),
+    _of_bridge,
 )
 
 
@@ -102,7 +116,7 @@ def tune(robot: Driver, model: RobotModel, board: Board) -> Tuned:
         for percent in board.percents:
             tell(f"step of the duty, {abs(percent)} %")
             made.append(step(robot, track, MOVE, percent, board.step_s))
-        motors = _motors(made, board)
+        motors = _motors(made, board, model)
         wanted = board.suggest(motors, model)
         full_rpm = wanted.full_speed if board is BRIDGE_BOARD else None
         measured = []
@@ -156,12 +170,12 @@ def _steps_of(rows: np.ndarray, left_percent: int, right_percent: int) -> Steps:
     }
 
 
-def _motors(made: Sequence[Steps], board: Board) -> List[Motor]:
+def _motors(made: Sequence[Steps], board: Board, model: RobotModel) -> List[Motor]:
     """Right and left motor; an error names the motor."""
-    found = []
+    found, least = [], least_counts(counts_per_turn(model))
     for wheel in WHEELS:
         try:
-            found.append(board.identify([steps[wheel] for steps in made]))
+            found.append(board.identify([steps[wheel] for steps in made], least))
         except ConfigError as error:
             raise ConfigError(f"{wheel} motor: {error}") from None
     return found
@@ -191,7 +205,7 @@ def recorded(path: str, model: RobotModel) -> Tuple[List[Motor], Any]:
     if not both:
         raise ConfigError(f"{path}: no step turns both motors, expected a recording of mrl calibrate gains")
     board = BRIDGE_BOARD if model.board.get("bridge") else MOTOR_BOARD
-    motors = _motors(both, board)
+    motors = _motors(both, board, model)
     return motors, board.suggest(motors, model)
 
 
@@ -243,6 +257,11 @@ def _by_tape(job: Job, driver: Driver, model: RobotModel, output: str) -> Result
     )
     with ramp_off(driver):
         found = open_loop.measure(driver, model, ruler)
+    if not found["friction_duty"]:
+        print_message(
+            "warning: at low duties the motors turn faster than in proportion, as with a bridge that coasts between "
+            "the pulses: nothing measures the speed, so the robot drives slow commands too fast"
+        )
     values: Dict[Key, float] = {("board", name): value for name, value in found.items()}
     words = f"turns from {found['friction_duty'] / 10:g} % duty, {found['full_speed']} 1/min at full duty"
     return Result("gains", model, output, values, [f"motors: {words}"], found)

@@ -19,7 +19,8 @@ import numpy as np
 from mrl_driver.errors import ConfigError
 from mrl_driver.protocol.table import PARAMETER_BY_NAME
 
-LEAST_COUNTS = 50  # with less travel, the wheel hardly turned [count]
+LEAST_COUNTS, LEAST_TURN = 50, 0.25
+"""With less travel, the wheel hardly turned: counts, or a share of a turn if that is less, as with slotted discs."""
 OVERSHOOT = 0.05  # gains of a motor board may overshoot by this share
 SIMULATED_S = 2.0  # length of the simulated steps [s]
 LOOP_DELAY_S = 0.010
@@ -85,9 +86,14 @@ class Response(NamedTuple):
 # -- motors
 
 
+def least_counts(counts_per_turn: float) -> float:
+    """Return the travel with which a wheel has turned [count]."""
+    return min(LEAST_COUNTS, LEAST_TURN * counts_per_turn)
+
+
 def identify(step: DutyStep) -> Motor:
     """The motor that made this step, without a dead band; ConfigError if the wheel did not turn as commanded."""
-    if not _turned(step):
+    if not _turned(step, LEAST_COUNTS):
         raise ConfigError(
             f"a wheel made {step.travel[-1]:.0f} counts at a duty of {step.duty:g}, expected at least {LEAST_COUNTS}: "
             "run mrl calibrate wiring"
@@ -98,12 +104,12 @@ def identify(step: DutyStep) -> Motor:
     return Motor(0.0, speed / step.duty, tau, delay)
 
 
-def identify_bridge(steps: Sequence[DutyStep]) -> Motor:
+def identify_bridge(steps: Sequence[DutyStep], least: float = LEAST_COUNTS) -> Motor:
     """The motor that made these steps; ConfigError if the wheel turned backward, or at fewer than two duties.
 
-    Steps that hardly turned the wheel are left out; their duties are in the dead band.
+    Steps that turned the wheel by less than `least` counts are left out; their duties are in the dead band.
     """
-    used = [step for step in steps if _turned(step)]
+    used = [step for step in steps if _turned(step, least)]
     if len({step.duty for step in used}) < 2:
         raise ConfigError(
             f"the wheel turned at {len(used)} of {len(steps)} duties, expected at least 2: check the battery, "
@@ -118,14 +124,14 @@ def identify_bridge(steps: Sequence[DutyStep]) -> Motor:
     return Motor(dead_band, gain, tau, float(np.mean([each[1] for each in found])), float(off / full))
 
 
-def _turned(step: DutyStep) -> bool:
+def _turned(step: DutyStep, least: float) -> bool:
     end = float(step.travel[-1])
-    if end < -LEAST_COUNTS:
+    if end < -least:
         raise ConfigError(
             f"a wheel made {end:.0f} counts at a duty of {step.duty:g}, expected a positive number: "
             "run mrl calibrate wiring"
         )
-    return end >= LEAST_COUNTS
+    return end >= least
 
 
 def _line(duties: np.ndarray, speeds: np.ndarray, weights: np.ndarray) -> Tuple[float, float]:

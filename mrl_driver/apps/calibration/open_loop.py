@@ -35,7 +35,7 @@ def measure(robot: Driver, model: RobotModel, ruler: Ruler) -> Dict[str, int]:
         )
     per_percent = (high_m_s - low_m_s) / (HIGH_PERCENT - LOW_PERCENT)
     dead_percent = max(0.0, LOW_PERCENT - low_m_s / per_percent)
-    full_m_s = per_percent * (100 - dead_percent)
+    full_m_s = high_m_s + per_percent * (100 - HIGH_PERCENT)
     full_rpm = full_m_s * 60 / (2 * math.pi * model.board["wheel_radius"] / 1e5)
     found = {"friction_duty": round(10 * dead_percent), "full_speed": round(full_rpm)}
     for name, value in found.items():

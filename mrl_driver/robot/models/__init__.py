@@ -45,6 +45,7 @@ from .robot_model import (
     Noise,
     RobotModel,
     ServoMount,
+    beyond_control,
     has_environment,
     require_supported,
     with_build,

@@ -57,6 +57,7 @@ from .robot_model import (
     Noise,
     RobotModel,
     ServoMount,
+    beyond_control,
     require_inputs,
 )
 
@@ -363,7 +364,7 @@ class RobotFile(Form):
         require_inputs(model, f"{reader.path}: ")
         self._check_battery(reader, model.battery)
         self._check_limits(reader, model)
-        self._check_counts(reader, model)
+        self._check_control(reader, model)
         self._check_sizes(reader, model)
         return model
 
@@ -439,13 +440,10 @@ class RobotFile(Form):
             if got > most:
                 raise reader.fail(f"limits.{key}", got, f"at most {most:g}, the board.{ceiling}")
 
-    def _check_counts(self, reader: Reader, model: RobotModel) -> None:
-        counts = model.board["gearbox"] * model.board["encoder_counts"] / 100
-        if model.board.get("bridge") and counts < 1:
-            raise ConfigError(
-                f"{reader.path}: board.gearbox and board.encoder_counts give {counts:g} counts a wheel turn, "
-                "expected at least 1"
-            )
+    def _check_control(self, reader: Reader, model: RobotModel) -> None:
+        why = beyond_control(model.board) if model.board.get("bridge") else ""
+        if why:
+            raise ConfigError(f"{reader.path}: {why}")
 
     def _check_sizes(self, reader: Reader, model: RobotModel) -> None:
         """Check sizes against each other: a value in another unit is off by much more than `_LIKE`."""

@@ -2,7 +2,7 @@
 
 import math
 from functools import lru_cache
-from typing import Dict, NamedTuple, Optional, Tuple
+from typing import Dict, Mapping, NamedTuple, Optional, Tuple
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.robot.chips import ATMEGA328P, CHIPS
@@ -325,3 +325,23 @@ COMMON_BOARD = {
 """Defaults that all models share.
 
 Source: (Araujo 2012).  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4."""
+
+
+def beyond_control(board: Mapping[str, int]) -> str:
+    """Return in words why a board with H-bridges cannot control its wheels, and refuses all moves; empty if it can.
+
+    `wheel_settings.cpp` has the numbers in fixed point.
+    """
+    turns_s = board.get("full_speed", COMMON_BOARD["full_speed"]) / 60
+    counts_s = turns_s * board["gearbox"] * board["encoder_counts"] / 100
+    mm_s = turns_s * 2 * math.pi * board["wheel_radius"] / 100
+    mrad_s = 1e5 * mm_s / board["axis_radius"]
+    for names, value, unit, least, most in (
+        ("gearbox, encoder_counts and full_speed", counts_s, "counts/s", 51, 25600),
+        ("wheel_radius and full_speed", mm_s, "mm/s", 65, math.inf),
+        ("axis_radius, wheel_radius and full_speed", mrad_s, "mrad/s", 1030, math.inf),
+    ):
+        if not least <= value <= most:
+            limits = f"at least {least}" if most == math.inf else f"{least} to {most}"
+            return f"board.{names} give {value:.0f} {unit} at most, expected {limits}: the board cannot control that"
+    return ""
