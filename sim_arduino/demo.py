@@ -78,8 +78,12 @@ def _run_ros(robot: str) -> None:
 
 @contextlib.contextmanager
 def _q_is_ctrl_c() -> Iterator[None]:
-    """In this block the key q ends the program in this terminal, as Ctrl-C does, but without an error."""
+    """In this block the key q ends the program in this terminal, as Ctrl-C does, but without an error.
+
+    Ctrl-C does so too where it was ignored, as in a program that a script has started in the background.
+    """
     pressed = threading.Event()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def read() -> None:
         while not pressed.is_set():
@@ -96,3 +100,4 @@ def _q_is_ctrl_c() -> Iterator[None]:
                 raise
         finally:
             pressed.set()
+            signal.signal(signal.SIGINT, before)

@@ -1,5 +1,7 @@
 """`mrl demo`: an emulated robot and what drives it, in one terminal."""
 
+import signal
+
 import pytest
 
 from sim_arduino import demo
@@ -24,6 +26,18 @@ def test_page_ends_with_a_key(key, code):
     wait_until(lambda: b"shows traxbot" in terminal.seen)
     terminal.press(key)
     assert terminal.end() == code
+
+
+def test_page_ends_with_a_key_in_a_program_of_a_script():
+    """Such a one ignores Ctrl-C if it was started in the background."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        terminal = Terminal("demo", "--web")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    wait_until(lambda: b"shows traxbot" in terminal.seen)
+    terminal.press(b"q")
+    assert terminal.end() == 0
 
 
 def test_without_ros_the_way_to_ros_is_named(monkeypatch):
