@@ -23,15 +23,13 @@ _NEXT = """next:
 
 @click.command(short_help="Drive an emulated robot; needs no hardware.")
 @click.option("--robot", metavar="NAME|FILE", help="Robot model to emulate.  [default: traxbot]")
-@click.option(
-    "--world", metavar="NAME|FILE", default="room", show_default=True, help="World or map around it."
-)
+@click.option("--world", metavar="NAME|FILE", help="World or map around it.  [default: room]")
 @click.option("--web", "way", flag_value="web", help="Show and drive it on a web page.")
 @click.option(
     "--ros", "way", flag_value="ros", help="Drive a square through ROS, with rviz if there is a screen."
 )
 @click.pass_context
-def demo(ctx: click.Context, robot: Optional[str], world: str, way: Optional[str]) -> None:
+def demo(ctx: click.Context, robot: Optional[str], world: Optional[str], way: Optional[str]) -> None:
     """Emulate a robot and drive it, in this terminal; q ends all.
 
     \b
@@ -42,11 +40,13 @@ def demo(ctx: click.Context, robot: Optional[str], world: str, way: Optional[str
     """
     robot = robot or ctx.find_root().params.get("robot") or "traxbot"
     if way == "ros":
+        if world is not None:
+            raise ConfigError("--world is given with --ros, expected one of them: its square is in the room")
         _run_ros(robot)
         return
     from sim_arduino.testing.emulated_board import EmulatedBoard
 
-    with EmulatedBoard(robot=robot, world=world) as board:
+    with EmulatedBoard(robot=robot, world=world or "room") as board:
         if way == "web":
             from mrl_driver.apps.web.command import web
 

@@ -10,6 +10,8 @@ HBRIDGE = "hbridge"
 """The build for motors on an H-bridge, and encoders on the Arduino's pins: for Uno, Nano and Mega."""
 VIRTUAL = "virtual"
 """The build for a bare board, which calculates a robot; for the same boards."""
+VIRTUAL_MODEL = "duo"
+"""The model of that robot, if nothing says another one."""
 BUILDS: Dict[str, str] = {
     "sonar": "mrl_firmware",
     "environment": "mrl_firmware_environment",

@@ -6,7 +6,7 @@ from typing import Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
 
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose
-from mrl_driver.host.firmware_images import VIRTUAL, image_path
+from mrl_driver.host.firmware_images import VIRTUAL, VIRTUAL_MODEL, image_path
 from mrl_driver.robot import models
 from sim_arduino.board.engine import Engine
 from sim_arduino.faults import fault_table, key_values
@@ -41,7 +41,7 @@ _RADIO_BUILD = "expected a board with sonars, an OMNI-3MD and profile current: o
 class Options(NamedTuple):
     """The options of `mrl-sim`, by name; each has a default."""
 
-    robot: str = "traxbot"
+    robot: str = ""  # empty for the robot of the build virtual, or a TraxBot
     robot_id: Optional[int] = None
     engine: str = "python"
     profile: str = "current"
@@ -69,6 +69,11 @@ class Options(NamedTuple):
     """64-bit address of a radio in hexadecimal; `OWN_ADDRESS` makes one of the robot's name; None: no radio."""
     radio_range: float = math.inf  # largest distance at which it receives others and they receive it [m]
     radio_loss: float = 0.0  # share of the radio packets that this radio does not receive
+
+    @property
+    def model(self) -> models.RobotModel:
+        """The robot's model."""
+        return models.load(self.robot or (VIRTUAL_MODEL if self.build == VIRTUAL else "traxbot"))
 
 
 class Emulated(NamedTuple):
@@ -98,7 +103,7 @@ def make(options: Options, world: Optional[World] = None) -> Emulated:
     robot.
     """
     faults = [fault_table.parse(spec) for spec in options.faults]
-    model = models.load(options.robot)
+    model = options.model
     models.require_supported(model)
     options = options._replace(environment=_has_environment(model, options))
     for refusal in _refusals(model, options):
@@ -189,7 +194,7 @@ def make_all(team: Sequence[Options], places: Sequence[int] = ()) -> List[Emulat
 
 def _placed(team: Sequence[Options], places: Sequence[int], world: World) -> List[Options]:
     """The options with the poses of the places."""
-    bodies = [footprint_for(models.load(each.robot), each.footprint) for each in team]
+    bodies = [footprint_for(each.model, each.footprint) for each in team]
     radius_m = max((body.radius_m for body in bodies if body), default=0.0)
     poses = free_places(world, radius_m, max(places) + 1)
     return [each._replace(pose=world_file.pose_text(poses[place])) for each, place in zip(team, places)]

@@ -99,7 +99,7 @@ def parser() -> argparse.ArgumentParser:
 
 def _add_robot(add: Callable[..., Any]) -> None:
     given = partial(add, default=argparse.SUPPRESS)
-    given("--robot", metavar="NAME|FILE", help="robot model; default: traxbot")
+    given("--robot", metavar="NAME|FILE", help="robot model; default: traxbot, or for --build virtual duo")
     given("--id", dest="robot_id", type=int, metavar="ID", help="robot id; default: the model's first")
     given(
         "--engine", choices=factory.ENGINES, help="emulated board (default), or firmware on a simulated chip"

@@ -6,10 +6,9 @@ import pytest
 
 from mrl_driver.driver.probe import probe
 from mrl_driver.errors import ConfigError
+from mrl_driver.host.firmware_images import VIRTUAL_MODEL
 
 from .emulated_board import PATIENCE_S, wait_until
-
-ROBOT = "duo"
 
 
 class PluggedBoard:
@@ -22,9 +21,9 @@ class PluggedBoard:
     def __init__(self, port: str, options: Mapping[str, Any]) -> None:
         """`options` are those of the test's marker."""
         for name, value in options.items():
-            if (name, value) != ("robot", ROBOT):
+            if (name, value) != ("robot", VIRTUAL_MODEL):
                 pytest.skip(
-                    f"{name}={value!r} is for an emulated board; a bare one is a {ROBOT} in its own room"
+                    f"{name}={value!r} is for an emulated board; a bare one is a {VIRTUAL_MODEL} in its own room"
                 )
         self.port = port
 

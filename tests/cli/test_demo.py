@@ -45,5 +45,9 @@ def test_without_ros_the_way_to_ros_is_named(monkeypatch):
     assert "make run" in fails(2, "demo", "--ros")
 
 
+def test_the_demonstration_through_ros_has_no_other_world():
+    assert "--world is given with --ros" in fails(2, "demo", "--ros", "--world", "square")
+
+
 def test_its_own_robot_wins_over_that_of_the_program():
     assert "nowhere" in fails(2, "--robot", "duo", "demo", "--robot", "nowhere")

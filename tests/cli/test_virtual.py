@@ -38,7 +38,7 @@ REFUSED_REAL = "the robot on this port is a real one, expected a virtual one"
 
 @pytest.fixture
 def bare_board(close_later):
-    return close_later(EmulatedBoard(robot="duo", build="virtual"))
+    return close_later(EmulatedBoard(build="virtual"))
 
 
 @pytest.fixture
@@ -147,7 +147,7 @@ def test_the_recording_of_a_virtual_robot_plays_but_does_not_calibrate_a_real_on
         robot.wait(0.3)
     with pytest.raises(ConfigError, match="a recording of a virtual robot"):
         from_recording.read(path, models.load(str(own)))
-    monkeypatch.setattr(models, "is_real", lambda model: True)
+    monkeypatch.setattr(models, "is_virtual", lambda model: False)
     recorded = RecordedDriver(path)
     recorded.play()
     assert recorded.telemetry is not None

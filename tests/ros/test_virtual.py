@@ -8,7 +8,7 @@ from mrl_driver.view.shown_state import VIRTUAL
 from ros1_bridge.topics.topic_robot import TopicRobot
 from tests.waiting import wait_until
 
-BARE = ("--robot", "duo", "--build", "virtual")
+BARE = ("--build", "virtual")
 
 
 def test_log_status_diagnostics_and_the_views_of_topics_say_that_the_robot_is_virtual(rig):

@@ -1,13 +1,12 @@
 """`mrl flash`: upload the firmware to a board."""
 
-import contextlib
 import os
-from typing import TYPE_CHECKING, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, List, Mapping, Optional, Tuple
 
 import click
 
 from mrl_driver.errors import ConfigError, MrlError, NotARobot, WrongRobot
-from mrl_driver.host.firmware_images import HBRIDGE, VIRTUAL
+from mrl_driver.host.firmware_images import HBRIDGE, VIRTUAL, VIRTUAL_MODEL
 from mrl_driver.host.named_robots import Target
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, CHIPS, Chip
 from mrl_driver.robot.models import ENVIRONMENT, SONAR
@@ -26,9 +25,6 @@ BUILD_TEXTS = {
     HBRIDGE: "motors on an H-bridge, encoders on the Arduino's pins, sonars",
     VIRTUAL: "no robot: the bare board calculates one",
 }
-
-_VIRTUAL_MODEL = "duo"
-"""Model that a board without an id calculates."""
 
 
 @click.command()
@@ -90,13 +86,14 @@ def _upload(port: str, images: Mapping[Chip, str]) -> str:
     from mrl_driver.host import avrdude
 
     with progress(f"writing and reading back {port}", avrdude.MARKS) as advance:
-        *others, (last, last_image) = images.items()
-        for chip, image in others:
-            with contextlib.suppress(NotARobot):
+        errors: List[NotARobot] = []
+        for chip, image in images.items():
+            try:
                 avrdude.upload(port, image, advance=advance, bauds=bauds_of(port, chip), chip=chip)
                 return image
-        avrdude.upload(port, last_image, advance=advance, bauds=bauds_of(port, last), chip=last)
-        return last_image
+            except NotARobot as error:
+                errors.append(error)
+        raise errors[-1]
 
 
 def only_board() -> str:
@@ -215,7 +212,7 @@ def _make_virtual(run: Run, answer: "Answer") -> str:
 
     robot_id = answer.robot_id
     if not robot_id:
-        model = models.load(_VIRTUAL_MODEL)
+        model = models.load(VIRTUAL_MODEL)
         robot_id, target = model.ids[0], run.target._replace(model="traxbot")
         with run._replace(target=target).connected(any_id=True, identify=True) as driver:
             driver.parameters.save_model(robot_id, model)
@@ -223,7 +220,7 @@ def _make_virtual(run: Run, answer: "Answer") -> str:
     if name and not models.load(name).board.get("bridge"):
         return (
             f"robot id {robot_id} is that of a {name}, expected that of a robot with an H-bridge, such as "
-            f"{_VIRTUAL_MODEL}; set it with: mrl set-id {models.load(_VIRTUAL_MODEL).ids[0]} --port {run.target.port}"
+            f"{VIRTUAL_MODEL}; set it with: mrl set-id {models.load(VIRTUAL_MODEL).ids[0]} --port {run.target.port}"
         )
     return f"it is the virtual robot {robot_id}"
 
