@@ -196,7 +196,7 @@ class RecordedDriver(Driver):
         elif opening.model is not None:
             robot = opening.model
         super().__init__(_RecordedPort(str(header.get("port", ""))), robot, options=options)
-        self._core.state.own_is_real = False  # the recorded driver has looked
+        self._core.state.model_tells = False  # the recorded driver has looked
         self._connection.clock = lambda: self._now
         self._connection.closing = True
         self._connection.refusal = f"nothing is sent to the robot of a recording ({self.recording.path})"

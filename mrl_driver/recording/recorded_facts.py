@@ -52,8 +52,9 @@ def model_text(model: RobotModel) -> str:
     }
     for name in ("limits", "body", "battery", "noise", "imu", "laser"):
         document[name] = document[name]._asdict()
-    if not model.build:
-        del document["build"]
+    for name in ("build", "virtual"):
+        if not document[name]:
+            del document[name]
     chip = document.pop("chip")
     if pins := {name: value for name, value in model.board.items() if name in wiring.EMPTY}:
         document["board"] = {name: value for name, value in model.board.items() if name not in pins}

@@ -96,7 +96,7 @@ class RobotState:
         """Checks the readings of the IMU; None unless the board has, or had, one that is read."""
         self.settled = False  # the stream has begun, so that the robot can be used
         self.powerless = False  # the battery is empty or off, so the robot must not drive
-        self.own_is_real = not any_id  # the model of a user's file accepts no virtual robot
+        self.model_tells = not any_id  # whether the robot is virtual
         self._primed, self._used_s, self._counted_s = 0, 0.0, -math.inf
         self._ignore_battery, self._any_id = ignore_battery, any_id
         self._monitor: Optional[battery.BatteryMonitor] = None
@@ -185,16 +185,15 @@ class RobotState:
     def _require_kind(self, board: Board) -> None:
         """Raise WrongRobot if the robot is virtual and a real one is expected, or real and a virtual one is.
 
-        A real one is expected by a user's own model, and by one without an H-bridge.
+        A model says whose it is, see `models.is_virtual`; no option lets that of a virtual robot drive a real one.
         """
         if board.version >= 2 and not board.capabilities:
             return  # the board was not asked yet
-        expected, model = self._virtual, self.model
-        if expected is None and self.info is not None:
-            expected = self.info.virtual
-        if expected is None and self.own_is_real and model is not None:
-            expected = False if models.is_real(model) else None
-        require_kind(board.virtual, expected)
+        of_model = models.is_virtual(self.model) if self.model is not None and self.model_tells else None
+        told = self._virtual, self.info.virtual if self.info is not None else None, of_model
+        require_kind(board.virtual, next((each for each in told if each is not None), None))
+        if of_model:
+            require_kind(board.virtual, True)
 
     def digest(self, event: SessionEvent, now: float) -> List[RobotEvent]:
         """Process an event; return the events for the listeners."""

@@ -105,24 +105,31 @@ def _listed(settings: Mapping[str, Any]) -> str:
     return ", ".join(f"{name} {yaml_file.short(value)}" for name, value in settings.items()) or "no settings"
 
 
-def write_model(source: str, output: str, values: Mapping[Key, float], note: str) -> str:
+def write_model(
+    source: str, output: str, values: Mapping[Key, float], note: str, virtual: bool = False
+) -> str:
     """Write the model file `source` with new numbers to `output`; comments stay, and `note` follows each new number.
 
-    Return the path of the backup of `output`, or "" if it did not exist; errors are as of `edited`, and OutputError if
-    a file cannot be written.
+    The file says so if the robot is `virtual`.  Return the path of the backup of `output`, or "" if it did not exist;
+    errors are as of `edited`, and OutputError if a file cannot be written.
     """
-    text = edited(source, values, note)
+    text = edited(source, values, note, virtual)
     kept = _keep(output)
     replace_file(output, text)
     return kept
 
 
-def edited(source: str, values: Mapping[Key, float], note: str) -> str:
+def edited(source: str, values: Mapping[Key, float], note: str, virtual: bool = False) -> str:
     """Return the text of a model file with new numbers; ConfigError if it cannot be read, or would not be a model."""
     text = with_schema_line(_text_of(source), models.SCHEMA)
     comment = f"{note}, {datetime.date.today().isoformat()}"
     for key, value in values.items():
         text = _with_number(text, key, value, comment)
+    if virtual:
+        text = (
+            re.sub(r"^virtual:.*\n?", "", text, flags=re.MULTILINE).rstrip()
+            + f"\nvirtual: true  # {comment}\n"
+        )
     _require_model(text, source, values)
     return text
 

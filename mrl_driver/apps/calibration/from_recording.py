@@ -14,7 +14,6 @@ from mrl_driver.errors import ConfigError
 from mrl_driver.protocol import Frame
 from mrl_driver.protocol.table import BY_NAME
 from mrl_driver.recording.recording import Recording
-from mrl_driver.robot import models
 from mrl_driver.robot.models import RobotModel
 
 from .manoeuvres import MOVE, Track
@@ -56,8 +55,11 @@ def read(path: str, model: RobotModel) -> Tuple[np.ndarray, Requests]:
         raise ConfigError(
             f"{path} is a recording of robot id {recorded.board.robot_id}, expected a {model.name}"
         )
-    if recorded.board.virtual and models.is_real(model):
-        raise ConfigError(f"{path} is a recording of a virtual robot, expected one of {model.name}")
+    if recorded.board.virtual != model.virtual:
+        kinds = ("a virtual robot", "true") if recorded.board.virtual else ("a real robot", "false")
+        raise ConfigError(
+            f"{path} is a recording of {kinds[0]}, expected a --robot whose file has virtual: {kinds[1]}"
+        )
     return rows, requests
 
 

@@ -73,6 +73,6 @@ def serve(target: Target, listen: str, insecure: bool, port_timeout_s: float) ->
 
 def _virtual(target: Target) -> Optional[bool]:
     """Return whether the robot is virtual, as its name or model says; None accepts both."""
-    if target.virtual is None and target.model != "auto" and models.is_real(models.load(target.model)):
-        return False
+    if target.virtual is None and target.model != "auto":
+        return models.is_virtual(models.load(target.model))
     return target.virtual

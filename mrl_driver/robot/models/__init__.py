@@ -7,7 +7,7 @@ name the sources of the numbers.
 import logging
 import os
 from functools import lru_cache
-from typing import Any, Dict, List
+from typing import Any, Dict, List, Optional
 
 from mrl_driver import folders, yaml_file
 from mrl_driver.errors import ConfigError, shortages
@@ -87,10 +87,19 @@ def path_of(name_or_path: str) -> str:
     return own if os.path.isfile(own) else os.path.join(_FOLDER, f"{name_or_path}.yaml")
 
 
-def is_real(model: RobotModel) -> bool:
-    """Return whether no virtual robot has this model: it has no H-bridge, or is not a packaged one, unchanged."""
-    own = model.name not in packaged() or model != load_packaged(model.name)
-    return own or not model.board.get("bridge")
+def is_packaged(path: str) -> bool:
+    """Return whether the file with this path belongs to the package."""
+    return os.path.dirname(path) == _FOLDER
+
+
+def is_virtual(model: RobotModel) -> Optional[bool]:
+    """Return whether this is the model of a virtual robot, or of a real one; None if both may have it.
+
+    Both may have a packaged one with an H-bridge, unchanged.  The model of a user's file is that of a real robot unless
+    it says otherwise.
+    """
+    shared = model.name in packaged() and model == load_packaged(model.name) and model.board.get("bridge")
+    return None if shared else model.virtual
 
 
 def load(name_or_path: str) -> RobotModel:
@@ -99,7 +108,7 @@ def load(name_or_path: str) -> RobotModel:
     """
     path = path_of(name_or_path)
     try:
-        return _packaged(path) if os.path.dirname(path) == _FOLDER else parse(yaml_file.read(path), path)
+        return _packaged(path) if is_packaged(path) else parse(yaml_file.read(path), path)
     except OSError as error:
         why = error.strerror if path == name_or_path else "is unknown"
         raise ConfigError(

@@ -328,6 +328,11 @@ _RULES = (
         "sonar: other sensors need pins that the board.bridge uses",
     ),
     Rule(Condition(("wiring",)), Condition(("board", "bridge")), "the bridge of the wiring"),
+    Rule(
+        Condition(("virtual",), (True,)),
+        Condition(("board", "bridge")),
+        "a bridge, as each virtual robot has one",
+    ),
 )
 
 
@@ -395,6 +400,7 @@ class RobotFile(Form):
             "servos": _Servos(),
             "imu": _section(ImuMount),
             "laser": _section(LaserMount),
+            "virtual": Flag(),
         }
         return Keys(forms, (*RobotModel._field_defaults, "wiring"), _TEXTS)
 
@@ -481,6 +487,7 @@ _TEXTS = {
     "sonars": "The sonars that are fitted, by name, and where they are.",
     "servos": "Servos of the wiring by the names of their joints, such as pan and tilt.",
     "build": "Build of the firmware; a board of 2013 does not report its own.",
+    "virtual": "No robot: a bare board calculates it. mrl calibrate writes this; a real robot is refused.",
 }
 """Descriptions of keys that have no named tuple."""
 

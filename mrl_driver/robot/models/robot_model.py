@@ -195,6 +195,8 @@ class RobotModel(NamedTuple):
     chip: str = ATMEGA328P.name
     """Chip of an H-bridge board, one of `chips.CHIPS`."""
     servos: Dict[str, ServoMount] = {}
+    virtual: bool = False
+    """No robot: a bare board calculates it."""
 
     @property
     def drives(self) -> bool:

@@ -73,10 +73,10 @@ class Job(NamedTuple):
         """
         with connect(self, **options) as driver:
             shared.warn(driver)
-            assert driver.model is not None
+            model = _model_of(driver)
             if odometry:
-                driver.model.require_odometry()
-            yield driver, driver.model, self._output_for(driver.model, driver.board.robot_id)
+                model.require_odometry()
+            yield driver, model, self._output_for(model, driver.board.robot_id)
 
     def recorded_model(self) -> RobotModel:
         """Return the model of the recorded robot; raise ConfigError if --robot is missing."""
@@ -102,6 +102,10 @@ class Job(NamedTuple):
             raise ConfigError(
                 f"{output} already exists: continue from it with --robot {output}, or give another file with --output"
             )
+        if model.virtual and os.path.exists(output) and not models.load(output).virtual:
+            raise ConfigError(
+                f"{output} is the file of a real robot, and a virtual one answers: give another file with --output"
+            )
         return output
 
     def confirm_drive(self, question: str) -> None:
@@ -118,19 +122,18 @@ class Job(NamedTuple):
 
     def require_file(self, values: Mapping[Key, float], procedure: str, driver: Driver) -> None:
         """Raise ConfigError, before anything moves, if `write` could not write such values later."""
-        assert driver.model is not None
-        self._output_for(driver.model, driver.board.robot_id)
-        edited(self.file_of(driver.model), values, procedure)
+        model = _model_of(driver)
+        self._output_for(model, driver.board.robot_id)
+        edited(self.file_of(model), values, procedure, model.virtual)
 
     def write(self, values: Mapping[Key, float], procedure: str, driver: Driver) -> None:
         """Write numbers that were found to the YAML file of a robot after asking."""
-        assert driver.model is not None
-        output = self._output_for(driver.model, driver.board.robot_id)
-        self._write(values, procedure, driver.model, output)
+        model = _model_of(driver)
+        self._write(values, procedure, model, self._output_for(model, driver.board.robot_id))
 
     def _write(self, values: Mapping[Key, float], procedure: str, model: RobotModel, output: str) -> None:
         self.run.confirm(f"Write {output}?")
-        kept = write_model(self.file_of(model), output, values, f"mrl calibrate {procedure}")
+        kept = write_model(self.file_of(model), output, values, f"mrl calibrate {procedure}", model.virtual)
         kept = f", the old file is {kept}" if kept else ""
         shared.print_message(f"{output} is written{kept}; use it with --robot {output}")
 
@@ -149,6 +152,12 @@ class Job(NamedTuple):
             driver.parameters.write(wanted)
             driver.parameters.save()
             shared.print_message(f"the board's EEPROM has {listed}")
+
+
+def _model_of(driver: Driver) -> RobotModel:
+    """The model of the connected robot, which says whether it is virtual."""
+    assert driver.model is not None
+    return driver.model._replace(virtual=driver.board.virtual)
 
 
 def connect(job: Job, **options: Any) -> ContextManager[Driver]:
