@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from mrl_driver.apps.calibration.calibration_files import write_model
 from mrl_driver.apps.tip_over import vehicle_file
-from mrl_driver.apps.tip_over.command import write_limits
 from mrl_driver.apps.tip_over.margin import Situation
+from mrl_driver.apps.tip_over.robot_limits import write_limits
 from mrl_driver.robot import models
 from sim_arduino.hardware.robot_physics import MAX_STEP_S
 from sim_arduino.hardware.tipping import Tipping

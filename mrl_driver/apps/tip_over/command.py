@@ -1,7 +1,6 @@
 """`mrl tip-over`: tip-over margin of a vehicle, its largest safe acceleration, and the force that tips it over."""
 
 import math
-import os
 from typing import Any, Dict, Optional
 
 import click
@@ -9,10 +8,9 @@ import click
 from mrl_driver import figures
 from mrl_driver.cli.commands.shared import Between, json_option, print_json
 from mrl_driver.errors import ConfigError
-from mrl_driver.robot import models
 
 from . import margin, vehicle_file
-from .margin import DIRECTIONS, Push, Range, Situation, Vector, drive_limits, greatest_acceleration, limits
+from .margin import DIRECTIONS, Push, Range, Situation, Vector, greatest_acceleration, limits
 
 _LINES = 12  # most lines of a sweep that are printed
 _NAMED: Dict[str, Vector] = {name: (*level, 0.0) for name, level in DIRECTIONS.items()}
@@ -112,6 +110,8 @@ def tip_over(
     if swept is not None:
         _show_sweep(situation, margin.parse_range(swept), math.radians(reserve), picture, as_json)
     elif robot:
+        from .robot_limits import write_limits  # it needs numpy
+
         _tell_limits(write_limits(situation, math.radians(reserve), robot), as_json)
     else:
         _show(situation, math.radians(reserve), picture, as_json)
@@ -123,33 +123,6 @@ def _tell_limits(written: Dict[str, Any], as_json: bool) -> None:
         print_json(written)
     else:
         click.echo(f"{written['file']}: {numbers}; the file as it was: {written['kept']}")
-
-
-def write_limits(situation: Situation, reserve_rad: float, robot: str) -> Dict[str, Any]:
-    """Write the limits of a drive to a robot's file; return what was written, or raise ConfigError or OutputError.
-
-    Braking is not faster than the board's own ramp.  Else a speed would be left at the end of each braking, which the
-    board takes away with its brake at once.
-    """
-    from mrl_driver.apps.calibration.calibration_files import write_model  # it needs numpy
-
-    path, model = models.path_of(robot), models.load(robot)
-    model.require_motors()
-    if os.path.dirname(path) == os.path.dirname(models.SCHEMA):
-        raise ConfigError(
-            f"--limits is {robot}, which belongs to the package, expected a copy such as my{robot}.yaml"
-        )
-    own, ramp_s = model.limits, model.board["ramp_time"] / 1000
-    found = drive_limits(situation, (own.angular_rad_s, own.angular_acceleration_rad_s2), reserve_rad)
-    board_m_s2 = model.board["linear_ceiling"] / 1000 / ramp_s if ramp_s else math.inf
-    values = {
-        "linear_acceleration_m_s2": min(own.linear_acceleration_m_s2, found.along_m_s2),
-        "braking_m_s2": min(board_m_s2, found.along_m_s2),
-        "curve_m_s2": found.curve_m_s2,
-    }
-    note = f"mrl tip-over, {math.degrees(reserve_rad):g} deg kept"
-    kept = write_model(path, path, {("limits", name): value for name, value in values.items()}, note)
-    return {"file": path, "kept": kept, **values}
 
 
 def _situation(
