@@ -294,6 +294,18 @@ def test_a_command_ends_after_a_pause_longer_than_a_quarter_of_a_second(call, no
     assert (fed.motion.target is None, fed.motion.stop_reason == "host_paused") == (paused, paused)
 
 
+@pytest.mark.parametrize("now, reason", [(1.249, "host_paused"), (1.25, "link_watchdog")])
+def test_a_late_program_is_blamed_for_a_second(now, reason):
+    """It was late at 0.25 s, and is not again."""
+    fed = Fed()
+    fed.drive(0.0)
+    for moment in (eighth / 8 for eighth in range(2, 10)):
+        fed.at(moment, fed.frame(moment))
+        fed.drive(moment)
+    fed.at(now, fed.status("link_watchdog"))
+    assert fed.motion.stop_reason == reason
+
+
 def test_each_call_attends_to_the_board():
     """None of them is 0.25 s after the one before."""
     fed = Fed()

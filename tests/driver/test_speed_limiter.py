@@ -214,6 +214,11 @@ def test_a_tall_robot_speeds_up_and_brakes_on_its_arc_and_brakes_as_fast_while_a
     assert bench.speeds[0] == pytest.approx(0.3 - 2 * 0.4 * FRAME_S)
 
 
+def test_a_tall_robot_brakes_in_a_slide_as_fast_as_straight_ahead():
+    ahead, slide = (gentle_ramp(before, (0.0,) * 3, TALL, FRAME_S) for before in ((0.3, 0, 0), (0, 0, 0.3)))
+    assert ahead[0] == slide[2] == pytest.approx(0.3 - 0.4 * FRAME_S)
+
+
 @pytest.mark.parametrize("commanded", [0.3, 0.1], ids=["that drives", "that brakes"])
 def test_what_restricts_a_tall_robot_takes_effect_at_once(bench, commanded):
     """Also if the command is slow enough, and the robot is not yet."""

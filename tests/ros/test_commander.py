@@ -108,8 +108,11 @@ def test_robot_that_the_driver_stopped_waits_for_a_new_command(bench, reason):
     assert bench.driver.command and not bench.commander.dropped
 
 
-def test_emergency_stop_that_overtakes_a_command_is_why_the_robot_stands(bench, monkeypatch):
+@pytest.mark.parametrize("stops_before", [0, 1])
+def test_emergency_stop_that_overtakes_a_command_is_why_the_robot_stands(bench, monkeypatch, stops_before):
     """The command was taken just before, and its call returns after the stop: no later release drops it again."""
+    for _ in range(stops_before):
+        bench.commander.stop()
 
     def drive(*speeds):
         bench.commander.latch()
