@@ -446,6 +446,13 @@ def test_a_wheel_that_goes_back_by_three_tenths_of_its_way_does_not_run_in_rever
     assert [watch.read(SPEED_M_S, counts) for counts in (0, 0, 0, -1, -1)][4].cause == cause
 
 
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_mismatch_says_how_far_the_wheel_has_moved_against_its_command(way):
+    """Three counts of 0.1 mm in each of five readings."""
+    found = started(latency_s=0.0, metres_per_count=1e-4).first(way * SPEED_M_S, -3 * way)[1]
+    assert found.moved_m == pytest.approx(-0.0015)
+
+
 def run_wheels(model, twist, *dead):
     """Return what is said of a base with three or four wheels that drives so."""
     drive, monitor = model.drive, monitor_of(model, QUICK)
