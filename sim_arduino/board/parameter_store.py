@@ -2,7 +2,8 @@
 
 The robot id is a 4-byte float at address 0, where the firmware of 2013 keeps it.  Address 16 starts a block: layout
 version, the settings as int16, low byte first, and the CRC-16 of the block.  Boards with an H-bridge have a second one
-at address 96: layout version, the wiring with a signed byte for each parameter, and its CRC-16.
+at address 96: layout version, the wiring with a signed byte for each parameter, and a CRC-16 of the first block's and
+these: a wiring does not fit to settings of another time.
 """
 
 import struct
@@ -63,7 +64,7 @@ def store(eeprom: bytearray, values: List[int]) -> int:
     eeprom[ID_AT : ID_AT + 4] = struct.pack("<f", values[0])
     _put(eeprom, BLOCK_AT, _BODY.pack(LAYOUT, *settings))
     if pins:
-        _put(eeprom, PINS_AT, _pins_body(len(pins)).pack(PINS_LAYOUT, *pins))
+        _put(eeprom, PINS_AT, _pins_body(len(pins)).pack(PINS_LAYOUT, *pins), _chain(eeprom))
     return sum(a != b for a, b in zip(before, eeprom))
 
 
@@ -71,16 +72,25 @@ def _pins_body(count: int) -> struct.Struct:
     return struct.Struct(f"<B{count}b")
 
 
-def _put(eeprom: bytearray, at: int, body: bytes) -> None:
-    block = body + struct.pack("<H", crc_hqx(body, 0xFFFF))
+def _chain(eeprom: bytearray) -> bytes:
+    """The checksum of the settings, which that of the wiring covers."""
+    end = BLOCK_AT + _BODY.size
+    return bytes(eeprom[end : end + 2])
+
+
+def _put(eeprom: bytearray, at: int, body: bytes, chain: bytes = b"") -> None:
+    block = body + struct.pack("<H", crc_hqx(chain + body, 0xFFFF))
     eeprom[at : at + len(block)] = block
 
 
-def _stored(eeprom: bytearray, at: int, body: struct.Struct, layout: int) -> Optional[List[int]]:
+def _stored(
+    eeprom: bytearray, at: int, body: struct.Struct, layout: int, chain: bytes = b""
+) -> Optional[List[int]]:
     """The values of a block, or None if it has another layout or is damaged."""
     data = bytes(eeprom[at : at + body.size])
     found, *values = body.unpack(data)
-    good = found == layout and eeprom[at + body.size :][:2] == struct.pack("<H", crc_hqx(data, 0xFFFF))
+    check = struct.pack("<H", crc_hqx(chain + data, 0xFFFF))
+    good = found == layout and eeprom[at + body.size :][:2] == check
     return values if good else None
 
 
@@ -136,7 +146,7 @@ class Config:
         return store(self._eeprom, self.values)
 
     def _pins(self) -> List[int]:
-        pins = _stored(self._eeprom, PINS_AT, _pins_body(len(self._rows)), PINS_LAYOUT)
+        pins = _stored(self._eeprom, PINS_AT, _pins_body(len(self._rows)), PINS_LAYOUT, _chain(self._eeprom))
         if pins is not None and _in_range(self._rows, pins):
             return pins
         return [wiring.EMPTY[row.name] for row in self._rows]

@@ -9,6 +9,7 @@ from mrl_driver.errors import SimulatorError
 from mrl_driver.protocol import REPLIES, FrameDecoder
 from mrl_driver.protocol.table import BRIDGES as NAMES
 from mrl_driver.protocol.table import NOT_CONNECTED, WIRING
+from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P
 from sim_arduino.board import PythonBoard, parameter_store
 from sim_arduino.board.avr_board import BridgeWires
@@ -19,7 +20,7 @@ from sim_arduino.hardware.bridge_plant import TOGGLE_S, TOGGLES, motor_params
 from sim_arduino.hardware.omni3md import ADDRESS
 from sim_arduino.hardware.wiring import Plant
 from sim_arduino.world.world import World
-from tests.models import ENCODER_PINS, bridged, model
+from tests.models import DUO_PINS, ENCODER_PINS, bridged, model, wired_eeprom
 
 BIT = {name: 1 << number for number, (name, _) in enumerate(WIRING)}
 BRAKE = (1.0, 1.0, 1.0)
@@ -74,6 +75,14 @@ def test_the_data_of_a_motor_and_its_load_give_its_equations():
     acceleration = newton_metres_per_a * per_newton_metre
     expected = (10.5, 11.5 / rad_s / per_rad, acceleration, friction, 1.5 * friction, 0.0)
     assert motor_params(bridged()) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_wiring_that_was_stored_with_other_settings_is_not_in_force():
+    """The power was cut while both were saved."""
+    own, other = wired_eeprom(), wired_eeprom(bridge=NAMES.index("cytron"))
+    at, rows = parameter_store.PINS_AT, wiring.rows(ATMEGA328P)
+    assert Config(bytearray(own), rows).pins == wiring.of_board(DUO_PINS)
+    assert Config(bytearray(other[:at] + own[at:]), rows).pins == wiring.of_board(wiring.EMPTY)
 
 
 def test_a_robot_with_bridges_has_no_omni3md():

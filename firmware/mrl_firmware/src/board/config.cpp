@@ -64,7 +64,9 @@ Image image;
 uint8_t* const bytes = reinterpret_cast<uint8_t*>(&image);
 
 constexpr uint8_t BLOCK = offsetof(Image, layout), PINS = BLOCK + BLOCK_SIZE;
-static_assert(offsetof(Image, crc) + 2 == PINS && BLOCK_AT + BLOCK_SIZE <= PINS_AT, "the blocks stand one behind the other");
+// The checksum of the wiring covers that of the block: after a cut between the two, neither fits the other.
+constexpr uint8_t CHAIN = offsetof(Image, crc);
+static_assert(CHAIN + 2 == PINS && BLOCK_AT + BLOCK_SIZE <= PINS_AT, "the blocks stand one behind the other");
 
 uint8_t saving;  // index in the image that is written next
 enum class Step : uint8_t { idle, writing } step;
@@ -125,7 +127,7 @@ void seal() {
   image.crc = crc_of(BLOCK, offsetof(Image, crc));
 #if MRL_BRIDGE
   image.pins_layout = PINS_LAYOUT;
-  image.pins_crc = crc_of(PINS, offsetof(Image, pins_crc));
+  image.pins_crc = crc_of(CHAIN, offsetof(Image, pins_crc));
 #endif
 }
 
@@ -158,7 +160,7 @@ bool block_is_good() {
 
 #if MRL_BRIDGE
 bool pins_are_good() {
-  if (image.pins_layout != PINS_LAYOUT || image.pins_crc != crc_of(PINS, offsetof(Image, pins_crc))) return false;
+  if (image.pins_layout != PINS_LAYOUT || image.pins_crc != crc_of(CHAIN, offsetof(Image, pins_crc))) return false;
   for (uint8_t i = 0; i < PIN_COUNT; i++) {
     if (!allowed(static_cast<uint8_t>(PIN_FIRST + i), image.pins[i])) return false;
   }
