@@ -161,12 +161,6 @@ def test_description_is_rendered_by_the_workspace(workspace, space):
     assert "imu_link" in workspace.require(*workspace.in_space(space, *command))
 
 
-def test_devel_space_passes_rostest(workspace):
-    with running(workspace, "devel"):
-        command = ("rostest", "-r", "mrl_robots", "robot.test", "sim:=false")
-        assert "RESULT: SUCCESS" in workspace.require(*workspace.in_space("devel", *command))
-
-
 def test_devel_space_passes_rostest_with_typed_messages(workspace, monkeypatch):
     monkeypatch.setattr(workspace, "env", dict(workspace.env))
     source = workspace.build_messages()

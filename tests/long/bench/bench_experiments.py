@@ -19,6 +19,7 @@ from sim_arduino.experiments import (
     power,
     shared_waypoint,
     square,
+    tip_over,
 )
 from sim_arduino.experiments.cli import EXPERIMENTS
 from sim_arduino.experiments.experiment_report import Figure
@@ -30,10 +31,11 @@ SHORT: Tuple[Tuple[Any, Dict[str, Any]], ...] = (
     (gyro, {"TURNS": 1, "CALIBRATION_TURNS": 1, "DRIVE": gyro.DRIVE[:2]}),
     (l_course, {"WAYPOINTS": l_course.WAYPOINTS[:2]}),
     (mapping, {"read_presses": lambda path, read=mapping.read_presses: read(path)[:13]}),
-    (mixed_team, {"DURATION_S": 20.0, "CONTROL_S": 10.0, "SLIPPING_S": 20.0}),
-    (patrol, {"DURATION_S": 25.0}),
+    (mixed_team, {"DURATION_S": 10.0, "CONTROL_S": 5.0, "SLIPPING_S": 10.0}),
+    (patrol, {"DURATION_S": 12.0}),
     (power, {"FASTER": 600.0, "NEAR_END": 60.0}),
     (shared_waypoint, {"ROUNDS": 1}),
+    (tip_over, {"DRIVE": tip_over.DRIVE[:4]}),
     (square, {"LAPS": 2, "SIDE_M": 0.3}),
 )
 """What is another with FAST=1."""
