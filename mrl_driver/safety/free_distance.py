@@ -16,7 +16,6 @@ BESIDE_RAD = math.radians(5.0)
 MOST_RAYS = 8192
 """A scan with more rays is not used.  A laser with a ray each 0.05 deg all around has 7200.  For 8192 rays the zones
 hold their lock for about 10 ms."""
-_MEMORY = 16
 _ROUNDING = 1e-9
 
 
@@ -133,7 +132,7 @@ def covers(mount: SonarMount, direction: Point) -> bool:
 def sonar_room(outline: Outline, mount: SonarMount, range_m: float, direction: Point) -> float:
     """Return the free distance if there is an object at this range (REP 117, no NaN) anywhere in a sonar's cone [m]."""
     if math.isinf(range_m):
-        return math.inf if range_m > 0 else 0.0
+        return max(0.0, range_m)
     yaw, left = math.radians(mount.yaw_deg), math.atan2(direction[0], -direction[1])
     half = mount.kind.field_of_view_rad / 2
     angles = [yaw - half, yaw, yaw + half]  # between these and those of the sides the nearest point is an end
@@ -193,8 +192,6 @@ class Sight:
     def room_m(self, direction: Point, watched: bool, place: Point) -> float:
         """Return the free distance of the robot at this place [m]."""
         if (direction, watched) not in self._found:
-            if len(self._found) >= _MEMORY:
-                self._found.clear()
             self._found[direction, watched] = self._rooms[watched](direction)
         least = min(direction[0] * x + direction[1] * y for x, y in self._places)
         return self._found[direction, watched] - (direction[0] * place[0] + direction[1] * place[1] - least)

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrl_driver.driver.options import DEFAULTS
 from mrl_driver.protocol.table import TICK_S
-from mrl_driver.safety.operator_delay import DRIFT, DelayGuard, EchoDelay, Lateness, delay_text
+from mrl_driver.safety.operator_delay import DRIFT, MAX_DELAY_S, DelayGuard, EchoDelay, Lateness, delay_text
 from mrl_driver.session.board_clock import MAX_DRIFT, BoardClock
 from mrl_driver.session.polling import RoundTrip
 
@@ -179,6 +180,10 @@ def test_lateness_needs_no_common_clock():
     assert lateness.of(5001.0, 4.9) == pytest.approx(0.7, abs=2 * DRIFT)
     assert lateness.of(5002.0, 5.0) == 0.0
     assert lateness.of(5003.0, 6.2) == pytest.approx(0.2, abs=3 * DRIFT)
+
+
+def test_the_usual_limit_of_the_delay_is_the_timeout_of_commands():
+    assert MAX_DELAY_S == DEFAULTS.command_timeout_s
 
 
 def test_a_silence_of_a_minute_hides_at_most_60_ms():

@@ -219,6 +219,10 @@ def test_a_tall_robot_brakes_in_a_slide_as_fast_as_straight_ahead():
     assert ahead[0] == slide[2] == pytest.approx(0.3 - 0.4 * FRAME_S)
 
 
+def test_a_tall_robot_that_turns_on_the_spot_speeds_up_as_the_limit_says():
+    assert gentle_ramp((0.0, 0.1), (0.3, 0.1), TALL, FRAME_S)[0] == pytest.approx(0.2 * FRAME_S)
+
+
 @pytest.mark.parametrize("commanded", [0.3, 0.1], ids=["that drives", "that brakes"])
 def test_what_restricts_a_tall_robot_takes_effect_at_once(bench, commanded):
     """Also if the command is slow enough, and the robot is not yet."""
