@@ -386,7 +386,6 @@ def _forked(work: Callable[[], None], **environment: str) -> int:
 
 def run(sources: Sequence[str], tests: Sequence[str], workers: int, draw: Draw) -> Results:
     """Try the mutants of a group that are drawn."""
-    os.environ.pop("MRL_TEST_PATIENCE", None)  # it needs the plugin for time-outs
     from tests.firmware import pc_board
 
     usual, trial = pc_board.load, Trial(draw(build(sources)), workers)

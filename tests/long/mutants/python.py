@@ -32,13 +32,16 @@ pytest_add_cli_args=
  no:cacheprovider
  -p
  no:xdist
+ -p
+ no:timeout
  -m
  not realtime
  -k
  not (frames_are_taken_at_once or byte_by_byte or call_path or no_frame_passes or thread_and_lock)
 timeout_multiplier=60
 """
-"""Texts of errors are left alone.  Tests are left out that count calls (mutmut makes more) or read the sources."""
+"""Texts of errors are left alone, and mutmut has its own time limit.  Tests are left out that count calls (mutmut makes
+more) or read the sources."""
 NOTICED = (1, 3, 24, 36, 152, 255, -9, -11, -24)
 """mutmut's codes of mutants with which a test failed, lasted too long or crashed."""
 NAMES = """import pathlib, sys
