@@ -30,10 +30,8 @@ mrl info --port ttyTRAX0
 mrl drive --port ttyTRAX0 --linear 0.2 --for 2'
 WHEEL_WAY=': wheel without a compiler
 set -e
-apt-get update -q && apt-get install -qy --no-install-recommends python3-venv
+apt-get update -q && apt-get install -qy --no-install-recommends python3-venv avrdude
 python3 -m tests.packaging.first_motion .
-python3 -m tests.packaging.first_motion /mnt/*.whl
-apt-get install -qy --no-install-recommends avrdude
 python3 -m tests.packaging.first_motion /mnt/*.whl'
 PASSED_ON='^(MRL_TEST_PATIENCE|PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='
 
