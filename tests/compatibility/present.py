@@ -19,8 +19,11 @@ from mrl_driver.cli.main import cli
 from mrl_driver.driver import Driver
 from mrl_driver.protocol import REPLIES, REQUESTS, encode_reply, encode_request, table
 from mrl_driver.protocol.stop_reason import STOP_REASONS
-from mrl_driver.robot import models
+from mrl_driver.robot import models, wiring
+from mrl_driver.robot.chips import CHIPS
+from sim_arduino.board import parameter_store
 from sim_arduino.serve.main import parser
+from tests.models import four_wheels, model
 
 Line = Tuple[str, str, List[str]]
 """Kind, name, words."""
@@ -220,6 +223,19 @@ def _keys(schema: Dict[str, Any], section: str = "") -> Iterator[str]:
             yield from _keys(schema[branch], section)
 
 
+def eeproms() -> Iterator[Line]:
+    """What boards store, as bytes from address 0 and as parameters; most numbers differ from the model's."""
+    robots = {"omni3md": model("traxbot"), "bridge": model("duo"), "bridge_mega": four_wheels("mecanum")}
+    for name, robot in robots.items():
+        rows = (*table.SETTINGS, *wiring.rows(CHIPS[robot.chip]))
+        values = parameter_store.first(robot.ids[0], robot)
+        for row in rows[: len(values)]:
+            if row.number and row.high > 5 and row not in table.PINS and row.name not in ("bridge", "wiring"):
+                values[row.number] = min(row.high, values[row.number] + row.number)
+        used = parameter_store.image(values).rstrip(b"\xff").hex()
+        yield "eeprom", name, [used, *(f"{row.name}={value}" for row, value in zip(rows, values))]
+
+
 def lines() -> Iterator[Line]:
     """All that is promised and has a name; no bytes that are stored."""
     for each in (python_names, error_codes, commands, frames, ros_names, robot_files):
@@ -227,5 +243,5 @@ def lines() -> Iterator[Line]:
 
 
 if __name__ == "__main__":
-    for kind, name, words in lines():
+    for kind, name, words in (*lines(), *eeproms()):
         print(kind, name, *words)  # noqa: T201
