@@ -4,14 +4,14 @@ python -m tests.long.bench.figures            renders the tables of `DOCUMENTS`,
 python -m tests.long.bench.figures --check    says what is stale; and which make target `make smoke` does not know
 
 `figures.yaml` has the rows of each table.  A figure whose subject has changed since it was measured is marked with the
-commit that it is of.
+commit that it is of: a hash of the subject's files tells, which needs no history.
 """
 
 import functools
+import hashlib
 import json
 import math
 import re
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
@@ -26,13 +26,15 @@ KEPT = ROOT / "docs" / "figures"
 MEASURED = ROOT / "docs" / "measured"
 EMULATED = ROOT / "mrl_driver" / "apps" / "measure" / "emulated.json"
 """Figures that the product needs, without docs/figures next to it."""
-DOCUMENTS = ("README.md", "BENCHMARKS.md", "ros1_bridge/README.md", "docs/measured/README.md")
+DOCUMENTS = (
+    *("README.md", "BENCHMARKS.md", "docs/experiments.md", "docs/measured/README.md"),
+    "ros1_bridge/README.md",
+)
 _REGION = re.compile(r"(<!-- figures: ([\w-]+) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
 _NAMED = re.compile(r"\{([\w-]+)/([\w.-]+?)(?: / (\d+))?\}")
-_MARKS = re.compile(r"\|[^|\n]*\|$", re.MULTILINE)
 MISSED = " **missed**"
 Records = Mapping[str, Mapping[str, Any]]
-"""Figures by key: `value`, and if known `runs`, `spread`, `commit`, `date`, `compiler` and `cpu`."""
+"""Figures by key: `value`; if known `runs`, `spread`, `commit`, `date`, `compiler`, `cpu`, and the hash `subject`."""
 
 
 class Row(NamedTuple):
@@ -67,7 +69,7 @@ class Table(NamedTuple):
     Attributes:
         columns: Key of a row's figure by heading; `*` stands for the row's key.
         history: The same for figures that no bench measures again.
-        subject: Files that the figures depend on.
+        subject: Files and folders that the figures depend on.
     """
 
     file: str
@@ -190,25 +192,36 @@ def kept(file: str) -> Dict[str, Any]:
     return found
 
 
-@functools.lru_cache(maxsize=None)
-def has_commit(commit: str) -> bool:
-    """Whether the history, which a copy of the sources may lack, has this commit."""
-    command = ["git", "cat-file", "-e", f"{commit}^{{commit}}"]
-    return not subprocess.run(command, cwd=ROOT, stderr=subprocess.DEVNULL).returncode
+bytes_of = functools.lru_cache(maxsize=None)(Path.read_bytes)
 
 
 @functools.lru_cache(maxsize=None)
-def has_changed(commit: str, subject: Tuple[str, ...]) -> bool:
-    """Whether a file of these has changed since that commit; true if nobody can tell."""
-    if commit.endswith("-dirty") or not has_commit(commit):
-        return True
-    return bool(subprocess.run(["git", "diff", "--quiet", commit, "--", *subject], cwd=ROOT).returncode)
+def contents(subject: Tuple[str, ...], root: Path = ROOT) -> str:
+    """A hash of names and bytes of the files of a subject, without documents and what is rendered from figures."""
+    found, whole = {root / each for each in subject}, hashlib.sha256()
+    files = found.union(*(each.rglob("*") for each in found))
+    for path in sorted(each for each in files if not each.is_dir()):
+        name = path.relative_to(root)
+        if "__pycache__" not in name.parts and path.suffix != ".md" and root / name != EMULATED:
+            whole.update(f"{name} {len(bytes_of(path))} ".encode() + bytes_of(path))
+    return whole.hexdigest()[:16]
+
+
+def subjects(file: str) -> Dict[str, str]:
+    """The hashes of what the figures of a file depend on, by key."""
+    own = [table for table in tables().values() if table.file == file]
+    return {
+        key: contents(tuple(table.subject))
+        for table in own
+        for row in table.rows
+        for key in table.keys(row).values()
+    }
 
 
 def commits(table: Table, figures: Sequence[Mapping[str, Any]]) -> str:
-    return ", ".join(
-        sorted({each["commit"] for each in figures if has_changed(each["commit"], tuple(table.subject))})
-    )
+    """The commits of those figures whose subject has changed since, or that have no hash of it."""
+    now = contents(tuple(table.subject))
+    return ", ".join(sorted({each["commit"] for each in figures if each.get("subject") != now}))
 
 
 def rendered(name: str) -> str:
@@ -294,13 +307,9 @@ def with_tables(text: str) -> str:
 
 
 def stale() -> List[str]:
-    """Documents whose tables differ from docs/figures; without the history, marks do not count."""
-    known = all(
-        has_commit(each["commit"]) for file in KEPT.glob("*.json") for each in kept(file.stem).values()
-    )
-    plain = (lambda text: text) if known else (lambda text: _MARKS.sub("|", text))
+    """Documents whose tables differ from docs/figures."""
     texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in DOCUMENTS}
-    differing = [name for name, text in texts.items() if plain(text) != plain(with_tables(text))]
+    differing = [name for name, text in texts.items() if text != with_tables(text)]
     if EMULATED.read_text(encoding="utf-8") != emulated_text():
         differing.append(str(EMULATED.relative_to(ROOT)))
     return [f"{name}: a table differs from docs/figures; make figures renders it" for name in differing]

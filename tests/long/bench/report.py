@@ -58,8 +58,8 @@ def conclude(name: str, measured: Mapping[str, Measured]) -> int:
     missed = figures.missed(name, records)
     write(FOLDER / f"{name}.json", {key: each["value"] for key, each in records.items()})
     if KEEP and not FAST:
-        about = origin()
-        kept = {key: {**each, **about} for key, each in records.items()}
+        about, subjects = origin(), figures.subjects(name)
+        kept = {key: {**each, **about, "subject": subjects.get(key)} for key, each in records.items()}
         write(KEPT / f"{name}.json", kept)
     return int(bool(missed) and not FAST)
 
@@ -84,7 +84,7 @@ def rounded(value: Number) -> Number:
 
 
 def origin() -> Dict[str, str]:
-    """Commit, date, compiler and processor of what is measured."""
+    """Commit, date, compiler and processor of what is measured; the hash of its files says whether it has changed."""
     return {
         "commit": _said("git", "describe", "--always", "--dirty", "--exclude=*"),
         "date": time.strftime("%Y-%m-%d"),
