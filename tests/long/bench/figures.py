@@ -207,11 +207,11 @@ def contents(subject: Tuple[str, ...], root: Path = ROOT) -> str:
     return whole.hexdigest()[:16]
 
 
-def subjects(file: str) -> Dict[str, str]:
-    """The hashes of what the figures of a file depend on, by key."""
+def subjects(file: str) -> Dict[str, Dict[str, str]]:
+    """The hashes of what the figures of a file depend on, as their `subject`, by key."""
     own = [table for table in tables().values() if table.file == file]
     return {
-        key: contents(tuple(table.subject))
+        key: {"subject": contents(tuple(table.subject))}
         for table in own
         for row in table.rows
         for key in table.keys(row).values()

@@ -23,6 +23,8 @@ Number = Union[int, float]
 Measured = Union[Number, Sequence[Number], str, Mapping[str, Any]]
 """A figure, its values in several runs, the words of others, or `value` and `spread`."""
 Item = TypeVar("Item")
+for _table in figures.tables().values() if KEEP else ():
+    figures.contents(tuple(_table.subject))  # remembered as it is before anything is measured
 
 
 def either(full: Item, short: Item) -> Item:
@@ -59,7 +61,7 @@ def conclude(name: str, measured: Mapping[str, Measured]) -> int:
     write(FOLDER / f"{name}.json", {key: each["value"] for key, each in records.items()})
     if KEEP and not FAST:
         about, subjects = origin(), figures.subjects(name)
-        kept = {key: {**each, **about, "subject": subjects.get(key)} for key, each in records.items()}
+        kept = {key: {**each, **about, **subjects.get(key, {})} for key, each in records.items()}
         write(KEPT / f"{name}.json", kept)
     return int(bool(missed) and not FAST)
 
