@@ -66,7 +66,8 @@ def test_info_and_doctor_say_so_and_advise_nothing_about_cables(bare_board):
 
 def test_the_page_and_the_comparison_of_a_measurement_say_so():
     made = report.load(str(MEASURED))
-    assert "virtual duo, 20" in report.render(made)
+    page = report.render(made)
+    assert "virtual duo, 20" in page and "not measured" in page and "None" not in page
     assert "virtual duo" in next(report.comparison(report.compared(made, made)))
 
 

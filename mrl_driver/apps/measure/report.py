@@ -149,6 +149,8 @@ def render(result: Record) -> str:
 
 
 def _text(value: Any) -> str:
+    if value is None:
+        return "not measured"
     return (", ".join(map(str, value)) or "none") if isinstance(value, (list, dict)) else str(value)
 
 
