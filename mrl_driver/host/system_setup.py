@@ -61,7 +61,7 @@ After=dev-mrl\\x2d%i.device network.target
 [Service]
 User={user}
 SupplementaryGroups={group}
-Environment="MRL_CHECKOUT={checkout}" "MRL_LAUNCH={launch} respawn:=true" ROS_IP=127.0.0.1
+Environment="MRL_CHECKOUT={checkout}" "MRL_LAUNCH={launch} respawn:=true" ROS_IP=127.0.0.1 PYTHONUNBUFFERED=1
 EnvironmentFile=-/etc/default/mrl-robot
 EnvironmentFile=-/etc/default/mrl-robot@%I
 RuntimeDirectory=mrl-robot/%i
@@ -78,7 +78,8 @@ CPUWeight=1000
 # Stops the robot, also at a shutdown: each node gets the signal, and robot_node stops the motors before it ends.
 KillSignal=SIGINT
 TimeoutStopSec=10
-Restart=on-failure
+# roslaunch ends without an error if its master is killed.
+Restart=always
 RestartSec=2
 RestartPreventExitStatus=78
 

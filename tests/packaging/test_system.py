@@ -137,7 +137,7 @@ def start_line(unit, locks):
 
 def test_unit_runs_the_node_as_the_user_while_the_robot_is_there(tmp_path):
     unit = unit_in(tmp_path)
-    assert unit["Service"]["User"] == "ada"
+    assert (unit["Service"]["User"], unit["Service"]["Restart"]) == ("ada", "always")
     assert unit["Unit"]["BindsTo"] == unit["Install"]["WantedBy"] == r"dev-mrl\x2d%i.device"
     assert "ROS_IP=127.0.0.1" in shlex.split(unit["Service"]["Environment"])
     assert unit["Service"]["ExecStart"].endswith("exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'")
