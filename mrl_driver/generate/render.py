@@ -1,6 +1,6 @@
 """Renders the command table and the robot models into the firmware's `protocol.h` and into `firmware/PROTOCOL.md`,
-the pins of the chips into its `chip_pins.h`, the form of a robot's file into a JSON Schema for editors, and the table
-of problems into `docs/troubleshooting.md`.
+the pins of the chips into its `chip_pins.h`, the form of a robot's file into a JSON Schema for editors, the table of
+problems into `docs/troubleshooting.md`, and the wirings of the robots in `docs/robots` into diagrams.
 
     python -m mrl_driver.generate            writes the files
     python -m mrl_driver.generate --check    exit code 1 and one line per stale file; writes nothing
@@ -9,6 +9,7 @@ The files are committed, so that the Arduino IDE and editors need no Python.
 """
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Callable, Dict, Mapping, Sequence, Tuple
 
@@ -19,6 +20,7 @@ from .chip_header import chip_header
 from .cpp_header import header
 from .reference import reference
 from .troubleshooting import troubleshooting
+from .wiring_diagram import wiring_diagram
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 
@@ -30,6 +32,10 @@ FILES: Dict[str, Callable[[], str]] = {
     "mrl_driver/robot/models/robot.schema.json": lambda: schema_text(
         "Robot model of mrl-driver", models.RobotFile().schema()
     ),
+    **{
+        f"docs/robots/{path.stem}.svg": partial(wiring_diagram, str(path))
+        for path in sorted((ROOT / "docs" / "robots").glob("*.yaml"))
+    },
 }
 
 

@@ -18,7 +18,7 @@ OTHERS = (
     *(
         "*.md",
         "*/*.md",
-        "docs/tutorials/*.md",
+        "docs/*/*.md",
         "Makefile",
         "*/*.mk",
         "firmware/mrl_firmware/**/*.*",

@@ -13,6 +13,7 @@ DOCUMENTS = (
     *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))),
     "BENCHMARKS.md",
     *(f"docs/tutorials/{path.name}" for path in sorted((ROOT / "docs" / "tutorials").glob("*.md"))),
+    "docs/robots/README.md",
     "firmware/README.md",
     "firmware/SENSORS.md",
     "ros1_bridge/README.md",
@@ -44,7 +45,7 @@ def _of(document: str) -> Iterator[Shown]:
     text = (ROOT / document).read_text(encoding="utf-8")
     for block in blocks(document):
         if block.language in ("sh", "bash", "console"):
-            yield from _lines(document, block.text.splitlines())
+            yield from _lines(document, block.text.replace("\\\n", " ").splitlines())
     prose = re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)
     yield from _lines(document, re.findall(r"^ {4}(\S.*)$", prose, re.M))
     for inline in re.findall(r"`([^`\n]+)`", prose):

@@ -3,7 +3,7 @@
 import pytest
 
 from .blocks import blocks
-from .tutorials import carry_out, names
+from .tutorials import Failed, carry_out, check_output, names
 
 SHORT = "8_own_test"  # The tutorial that is carried out in each test run
 
@@ -24,3 +24,31 @@ def test_hardware_steps_are_marked_as_untested(name):
 
 def test_a_short_tutorial_is_carried_out(tmp_path):
     assert carry_out(SHORT, tmp_path) == 1
+
+
+@pytest.mark.parametrize(
+    "said, got",
+    [
+        ("x 0.33 m", "x   0.36 m  y  0.000 m"),
+        ("wheel_offset: 0.02", "wheel_offset: 0.0298"),
+        ("yaw 0.0 deg", "yaw   -0.09 deg"),
+        ("robot id 1", "robot  traxbot\nrobot id       1"),
+    ],
+)
+def test_a_number_of_a_page_may_be_a_little_off(said, got):
+    check_output(said, got)
+
+
+@pytest.mark.parametrize(
+    "said, got",
+    [
+        ("x 0.39 m", "x   0.33 m"),
+        ("wheel_offset: 0.02", "wheel_offset: 0.0345"),
+        ("yaw 0.0 deg", "yaw   0.11 deg"),
+        ("robot id 1", "robot id  2"),
+        ("2 cells", "no cells"),
+    ],
+)
+def test_a_number_that_the_run_does_not_give_fails_the_tutorial(said, got):
+    with pytest.raises(Failed):
+        check_output(said, got)

@@ -19,16 +19,16 @@ from typing import Any, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tup
 import yaml
 
 from mrl_driver.apps.measure import report as measure
-from mrl_driver.apps.measure.rows import KINDS
+from mrl_driver.apps.measure.rows import COURSE, KINDS
 
 ROOT = Path(__file__).resolve().parents[3]
 KEPT = ROOT / "docs" / "figures"
-MEASURED = ROOT / "docs" / "measured"
+MEASURED, ROBOTS = ROOT / "docs" / "measured", ROOT / "docs" / "robots"
 EMULATED = ROOT / "mrl_driver" / "apps" / "measure" / "emulated.json"
 """Figures that the product needs, without docs/figures next to it."""
 DOCUMENTS = (
     *("README.md", "BENCHMARKS.md", "docs/experiments.md", "docs/measured/README.md"),
-    "ros1_bridge/README.md",
+    *("docs/robots/README.md", "ros1_bridge/README.md"),
 )
 _REGION = re.compile(r"(<!-- figures: ([\w-]+) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
 _NAMED = re.compile(r"\{([\w-]+)/([\w.-]+?)(?: / (\d+))?\}")
@@ -228,8 +228,9 @@ def rendered(name: str) -> str:
     """A table in Markdown, and what was measured when and where."""
     if name == "readme":
         return "\n".join(_markdown([["figure, on emulated hardware", "measured", "reference"], *_readme()]))
-    if name == "boards":
-        return "\n".join(_markdown(list(_boards())))
+    if name in ("boards", "kits"):
+        found = _boards(MEASURED) if name == "boards" else _boards(ROBOTS, COURSE)
+        return "\n".join(_markdown(list(found)))
     table, records = tables()[name], kept(tables()[name].file)
     rows = list(lines(table, records))
     used = [[records[key] for key in table.keys(row).values() if key in records] for row in table.rows]
@@ -246,12 +247,14 @@ def rendered(name: str) -> str:
     )
 
 
-def _boards() -> Iterator[List[str]]:
-    """The rows of all measurements in docs/measured, next to the emulated figures."""
-    boards = {path.stem: measure.load(str(path)) for path in sorted(MEASURED.glob("*.json"))}
-    yield ["figure", "emulated", *boards]
-    yield ["what it is", "simulated chip", *(one["about"] for one in boards.values())]
-    yield ["measured", "", *(f"{one['made'][:10]}, {one['mrl_driver']}" for one in boards.values())]
+def _boards(folder: Path, section: str = "") -> Iterator[List[str]]:
+    """The rows of all measurements in a folder: all next to the emulated figures, or those of one section."""
+    boards = {path.stem: measure.load(str(path)) for path in sorted(folder.glob("*.json"))}
+    whole = not section
+    yield ["figure", *["emulated"] * whole, *boards]
+    yield ["what it is", *["simulated chip"] * whole, *(one["about"] for one in boards.values())]
+    dates = (f"{one['made'][:10]}, {one['mrl_driver']}" for one in boards.values())
+    yield ["measured", *[""] * whole, *dates]
     found = [{row["key"]: row for row in one["rows"]} for one in boards.values()]
     for key, kind in KINDS.items():
         cells = [_measured(each[key]) if key in each else "" for each in found]
@@ -261,9 +264,10 @@ def _boards() -> Iterator[List[str]]:
             for row in [each.get(key)]
             if row and row["emulated"] is not None
         }
-        if any(cells):
+        if any(cells) and section in ("", kind.section):
             text = f"{kind.text} [{kind.unit}]" if kind.unit else kind.text
-            yield [text, " or ".join(dict.fromkeys(map(number, sorted(emulated)))), *cells]
+            expected = " or ".join(dict.fromkeys(map(number, sorted(emulated))))
+            yield [text, *[expected] * whole, *cells]
 
 
 def _measured(row: Mapping[str, Any]) -> str:

@@ -1,4 +1,6 @@
-"""Measures the images on simulated chips, in simulated time: python -m tests.long.measure writes docs/measured."""
+"""Measures the images on simulated chips, in simulated time: python -m tests.long.measure writes docs/measured,
+and the figures of docs/robots.
+"""
 
 import sys
 from typing import Any, List
@@ -8,13 +10,17 @@ from mrl_driver.apps.measure.rows import Row, compared, kind_of
 from mrl_driver.cli.commands.info import describe
 from mrl_driver.files import replace_file
 from mrl_driver.json_text import json_text
-from tests.long.bench.figures import MEASURED, ROOT
+from tests.long.bench.figures import MEASURED, ROBOTS, ROOT
 from tests.long.measure.boards import bench, truth
 
 IMAGES = {
     "simulated_uno": ("traxbot", "mrl_firmware", "simulated Uno with an OMNI-3MD"),
     "simulated_uno_hbridge": ("duo", "mrl_firmware_hbridge", "simulated Uno with an H-bridge"),
     "simulated_uno_virtual": ("duo", "mrl_firmware_virtual", "simulated Uno, build virtual"),
+}
+KITS = {
+    name: (str(ROBOTS / f"{name}.yaml"), f"mrl_firmware_{image}", "emulated; nobody has built it yet")
+    for name, image in (("two_wheels", "hbridge"), ("four_wheels", "hbridge_mega"))
 }
 OF_COMPUTER = ("host_late_ms", "driver_cpu_percent")
 """Rows that say nothing about a board in simulated time."""
@@ -36,6 +42,7 @@ def measured(robot: str, image: str, about: str) -> Any:
 
 
 if __name__ == "__main__":
-    for name, image in IMAGES.items():
-        if name in sys.argv[1:] or not sys.argv[1:]:
-            replace_file(str(MEASURED / f"{name}.json"), json_text(measured(*image)) + "\n")
+    for folder, rows in ((MEASURED, IMAGES), (ROBOTS, KITS)):
+        for name, row in rows.items():
+            if name in sys.argv[1:] or not sys.argv[1:]:
+                replace_file(str(folder / f"{name}.json"), json_text(measured(*row)) + "\n")
