@@ -98,7 +98,8 @@ def _words(name: str) -> str:
 
 def wiring_diagram(path: str) -> str:
     """Return the SVG of a robot's file."""
-    model, drawn, y = models.load(path), [], 2 * ROW
+    model, y = models.load(path), 2 * ROW
+    drawn: List[str] = []
     for title, rows in _parts(model):
         drawn += _part(title, rows, y)
         y += (len(rows) + 2) * ROW
