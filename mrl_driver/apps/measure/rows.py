@@ -192,10 +192,11 @@ _ORDER = (
     *("wheels_powerless", "wheel_blocked", "encoder_dead", "wheel_reversed", "wheel_dead"),
     *("wheel_slow", "wheel_ratio", "wheel_size", "track_width", "slip"),
 )
-"""Causes that explain others come first: a busy computer delays answers, and damage costs frames."""
+"""Causes that explain others come first: a busy computer delays answers, and damage costs frames, or without checksums
+makes counts jump."""
 _FOLLOWS = {
     "late_host": {"usb_latency", "slow_line", "slow_telemetry", "requests_late"},
-    "bad_cable": {"slow_telemetry", "requests_late", "board_timeout"},
+    "bad_cable": {"slow_telemetry", "requests_late", "board_timeout", "encoder_noise"},
     "usb_latency": {"requests_late"},
     "wheel_ratio": {"wheel_size", "track_width", "slip"},
     "wheel_size": {"track_width", "slip"},

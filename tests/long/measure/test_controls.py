@@ -10,6 +10,7 @@ from mrl_driver.apps.measure import course, host, line
 from mrl_driver.apps.measure.rows import (
     ABSENT,
     AGREES,
+    COURSE,
     KINDS,
     LINE,
     WORSE,
@@ -42,11 +43,11 @@ def controls():
 def measured(bench):
     """All rows of a board."""
     with bench.driver(imu_period_ms=0) as driver:
-        kind = kind_of(driver.board)
+        kind, old = kind_of(driver.board), driver.board.protocol < 2
         rows = list(host.rows(driver, moves=True))
         rows += course.rows(driver, boards.truth(driver))
     with bench.link() as (link, clock):
-        rows += line.rows(link, clock, moves=True)
+        rows += line.rows(link, clock, moves=True, old=old)
     return [compared(row, kind) for row in rows]
 
 
@@ -83,6 +84,24 @@ def test_damaged_requests_do_not_end_the_measurement(seed):
 def test_a_sound_board_passes(seed):
     rows = measured(boards.sound(boards.ROBOTS[seed % len(boards.ROBOTS)], seed))
     assert not worse(rows) and not causes(rows)
+
+
+@pytest.mark.parametrize("profile", ["2013-january", "2013-august"])
+def test_a_sound_board_of_2013_drives_all_manoeuvres_and_passes(profile):
+    rows = measured(boards.bench("traxbot", profile=profile))
+    driven = {row.key for row in rows if row.kind.section == COURSE and row.value is not None}
+    assert not worse(rows) and driven == {*keys_of(COURSE)} - {"sideways"}
+
+
+@pytest.mark.parametrize(
+    "fault", ["damage_0_1_percent", "wheel_5_percent_smaller", "encoder_reversed", "sonar_dead"]
+)
+def test_on_a_board_of_2013_the_same_cause_is_named_first(fault):
+    """Its frames have no checksum: damage makes counts jump, and is no noise of the encoders."""
+    cause = FAULTS[fault]["cause"]
+    found = causes(measured(boards.bench("traxbot", profile="2013-august", **boards.FAULTS[fault])))
+    assert found[0].code == (cause["traxbot"] if isinstance(cause, dict) else cause)
+    assert "encoder_noise" not in {each.code for each in found}
 
 
 def test_a_sound_base_with_mecanum_wheels_passes_and_drives_sideways(tmp_path):
