@@ -1,5 +1,6 @@
 """What takes longer with the robot of a bare board: a day of driving, and a course beside the emulator's."""
 
+import contextlib
 import math
 from typing import Any, Tuple
 
@@ -68,8 +69,17 @@ def image() -> Tuple[VirtualAvr, float]:
     return board, board.machine.time_s
 
 
+@pytest.fixture(scope="module")
+def emulated_end() -> Any:
+    """Where the course leaves the emulator's robot."""
+    plant = Plant(DUO, World(), (1.0, 1.0, 0.0), footprint="none")
+    with contextlib.closing(PcBoard(plant, EEPROM, BRIDGE)) as board:
+        drive(board, 0.0)
+        return plant.true_pose
+
+
 @pytest.mark.parametrize("make", [lambda: (bare(), 0.0), image], ids=["pc", "image"])
-def test_a_course_of_ten_metres_ends_where_that_of_the_emulator_does(make):
+def test_a_course_of_ten_metres_ends_where_that_of_the_emulator_does(make, emulated_end):
     """The firmware and the commands are the same; the emulator has the motors of the other board.
 
     A command counts from the next period of the control on, so both boards get it at the same moment of a period.
@@ -77,10 +87,5 @@ def test_a_course_of_ten_metres_ends_where_that_of_the_emulator_does(make):
     virtual, begin_s = make()
     x_m, y_m, heading_rad = drive(virtual, begin_s)
     virtual.close()
-    plant = Plant(DUO, World(), (1.0, 1.0, 0.0), footprint="none")
-    emulated = PcBoard(plant, EEPROM, BRIDGE)
-    drive(emulated, 0.0)
-    end = plant.true_pose
-    emulated.close()
-    assert math.dist((x_m, y_m), end[:2]) < COURSE_M
-    assert heading_rad == pytest.approx(end.yaw_rad, abs=COURSE_RAD)
+    assert math.dist((x_m, y_m), emulated_end[:2]) < COURSE_M
+    assert heading_rad == pytest.approx(emulated_end.yaw_rad, abs=COURSE_RAD)

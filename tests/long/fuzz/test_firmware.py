@@ -9,7 +9,7 @@ from tests.firmware.pc_board import BUILD
 from tests.vectors import load
 from tests.waiting import PATIENCE
 
-RUNS = 4000
+RUNS = 2000
 IMAGES = ("", "_hbridge")
 
 
