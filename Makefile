@@ -86,23 +86,38 @@ include firmware/firmware.mk firmware/comparison.mk $(wildcard ros1_bridge/ros.m
 NEEDED := $(sort $(foreach goal,$(MAKECMDGOALS),$(or $(PACKAGES_$(goal)),$(PACKAGES_test-all))))
 INSTALLED := $(shell dpkg-query -W -f='$${db:Status-Abbrev}$${Package}\n' $(NEEDED) 2>/dev/null | sed -n 's/^ii //p')
 MISSING := $(if $(shell command -v dpkg-query),$(filter-out $(INSTALLED),$(NEEDED)))
-QUIET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C
-APT_GET := $(QUIET) apt-get
+APT_GET := $(SUDO) env DEBIAN_FRONTEND=noninteractive LC_ALL=C apt-get -yq -o DPkg::Lock::Timeout=120
+APT_LOG := build/apt.log
+# Of what apt says, one line that counts on in a terminal; the rest goes to APT_LOG.
+PROGRESS = -o Dpkg::Use-Pty=0 -o APT::Status-Fd=1 2>&1 | { while IFS=: read -r kind package percent text; do case $$kind in \
+  dlstatus|pmstatus) [ ! -t 1 ] || printf '\r\033[K%3d %% %.60s' "$${percent%%.*}" "$$text" ;; \
+  *) echo "$$kind:$$package:$$percent:$$text" >>$(APT_LOG) ;; esac; done; [ ! -t 1 ] || printf '\r\033[K'; }
+APT_FAILED = { grep '^E: ' $(APT_LOG) | tail -n 2 >&2; echo "make: $(1); run the same command again; all that apt said: $(APT_LOG)" >&2; exit 1; }
+REFUSE = { echo "make: got $(1), expected $(2)" >&2; exit 1; }
 .PHONY: apt
 apt:
 ifeq ($(wildcard $(VENV)/.ready),)
-	@[ -w . ] || { echo "make: got a folder that $$(id -un) may not write, expected the owner's: $$PWD" >&2; exit 1; }
-	@[[ "$$PWD" != *:* ]] || { echo "make: got a path with a colon, which no virtual environment can have; move the folder: $$PWD" >&2; exit 1; }
+	@[ -w . ] || $(call REFUSE,a folder that $$(id -un) may not write,the owner's: $$PWD)
+	@[[ "$$PWD" != *:* ]] || $(call REFUSE,a path with a colon,one that a virtual environment can have; move the folder: $$PWD)
 	@free=$$(df -Pk . | awk 'NR == 2 { print $$4 }'); [ "$$free" -ge 500000 ] || \
-	  { echo "make: got $$((free / 1000)) MB of free disk, expected 500 MB for $(VENV): $$PWD" >&2; exit 1; }
+	  $(call REFUSE,$$((free / 1000)) MB of free disk,500 MB for $(VENV): $$PWD)
+	@[ ! -x /usr/bin/python3 ] || /usr/bin/python3 -c 'import sys; sys.exit(sys.version_info < (3, 8))' || \
+	  $(call REFUSE,$$(/usr/bin/python3 --version) in /usr/bin,3.8 or newer; Debian 12 and 13 have one)
 endif
 ifneq ($(MISSING),)
-	@[ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || { echo "installing needs root or sudo: apt-get install $(MISSING)" >&2; exit 1; }
+	@[ "$$(id -u)" = 0 ] || [ -n "$(SUDO)" ] || $(call REFUSE,neither root nor sudo,one of them for: apt-get install $(MISSING))
 	@echo "Debian packages that are missing: $(MISSING)"
-	@$(QUIET) dpkg --configure -a # completes an installation that was interrupted
-	@$(APT_GET) update -q
-	@$(APT_GET) install --print-uris -q --no-install-recommends $(MISSING) | grep -E 'newly installed|^Need to get|^After this'
-	@$(APT_GET) install -yq -o Dpkg::Use-Pty=0 --no-install-recommends $(MISSING)
+	@mkdir -p build && rm -f $(APT_LOG)
+	@$(APT_GET) update 2>&1 | tee $(APT_LOG) | grep -E '^(Get|Hit)' >/dev/null || $(call APT_FAILED,apt reached no server: a network is needed)
+	@# An installation that was interrupted is completed.
+	@{ $(APT_GET) check || { $(SUDO) dpkg --configure -a; $(APT_GET) -f install; }; } >>$(APT_LOG) 2>&1 || \
+	  $(call APT_FAILED,an interrupted installation could not be completed)
+	@sizes=$$($(APT_GET) install --print-uris --no-install-recommends $(MISSING) 2>>$(APT_LOG)) || \
+	  $(call APT_FAILED,apt cannot install these packages; Debian 12 and 13 have them); \
+	grep -E 'newly installed|^Need to get|^After this' <<<"$$sizes"; free=$$(df -Pk /usr | awk 'NR == 2 { print $$4 }'); \
+	awk -v free="$$free" 'BEGIN { kB["kB"] = 1; kB["MB"] = 1e3; kB["GB"] = 1e6 } /^Need to get|^After this/ { sub("/.*", "", $$5); \
+	  needed += $$4 * kB[$$5] } END { exit needed > free }' <<<"$$sizes" || $(call REFUSE,$$((free / 1000)) MB of free disk in /usr,room for both sizes)
+	@set -o pipefail; $(APT_GET) install --no-install-recommends $(MISSING) $(PROGRESS) || $(call APT_FAILED,apt could not install all packages)
 endif
 
 check: setup ## Format, lint, types, generated files, import rules, plain English, spelling
@@ -129,14 +144,14 @@ RUN = $(1) || failed="$$failed, $(2)"
 VERDICT = [ -z "$$failed" ] || { echo "$@ failed:$${failed\#,}" >&2; exit 1; }; echo "$@ passed"
 
 test: apt ## Set up what is missing, then run checks and tests, but for those of `make test-rest`
-	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware comparison $(PC_LIBRARIES)
+	@$(MAKE) --no-print-directory -j3 -Otarget NEEDED= $(VENV)/.tested firmware comparison $(PC_LIBRARIES)
 	@failed=; $(call RUN,$(MAKE) --no-print-directory check,checks); \
 	$(call RUN,$(PYTEST) --tier test -m 'not realtime' -n 5 --dist loadfile,tests); \
 	$(call RUN,$(PYTEST) --tier test -m realtime -n 0 tests/web,tests in real time); \
 	$(VERDICT)
 
 test-rest: apt ## Run what `make test` leaves out: all of ROS, image and browser, limits in real time, a short form of each long run
-	@$(MAKE) --no-print-directory -j3 -Otarget $(VENV)/.tested firmware comparison pc-firmware
+	@$(MAKE) --no-print-directory -j3 -Otarget NEEDED= $(VENV)/.tested firmware comparison pc-firmware
 	@export MRL_TEST_SEED=$(SEED); failed=; \
 	$(call RUN,$(PYTEST) --tier rest -m 'not realtime' -n 5 --dist loadfile,tests); \
 	$(call RUN,$(PYTEST) --tier rest -m realtime -n 0 $$(grep -rl --include='test_*.py' mark.realtime tests),tests in real time); \

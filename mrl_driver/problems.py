@@ -368,7 +368,7 @@ ended: stopped: the program that drove the robot has ended
   cause: A program stops its robot when it ends.
 emergency_stop: stopped: the emergency stop is on
   cause: Somebody has pressed STOP, or called the service, or the board's input was pressed or its wire is broken. This
-    input is not a safety device: a real emergency stop cuts the motors' power.
+    input is not a safety device: a real emergency stop (E-stop) cuts the motors' power.
   remedy: release it: first the button at the robot, then r in mrl drive, the page of mrl web, the ROS service
     release_stop, or Driver.release_emergency()
 bumper_hit: stopped: a bumper was hit

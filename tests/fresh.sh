@@ -15,19 +15,24 @@ set -euo pipefail
 ROOT=$(realpath "$(dirname "$0")/..")
 LOGS=$ROOT/build/fresh
 FOLDER="my Röboter" # of the clone, below the user's home
-PIP_WAY=': pip install ., mrl-sim, mrl drive
+PIP_WAY=': pip install, mrl demo
 set -e
 [ $(id -u) = 0 ] || sudo=sudo
 $sudo apt-get update -q
-$sudo apt-get install -qy --no-install-recommends python3-venv
-python3 -m venv ~/mrl-venv
-. ~/mrl-venv/bin/activate
-pip install -q ".[web]"
-mrl-sim --robot traxbot --link ttyTRAX0 &
-trap "kill $!" EXIT
-until [ -e ttyTRAX0 ]; do sleep 0.1; done
-mrl info --port ttyTRAX0
-mrl drive --port ttyTRAX0 --linear 0.2 --for 2'
+$sudo apt-get install -qy git make python3-venv
+eval "$(sed -n "/^python3 -m venv/,/^pip install/p" README.md)"
+play() { # COMMAND WORDS KEYS WORDS: once the first words are shown, presses keys; once the others are, q
+  mkfifo keys
+  TERM=xterm timeout 120 script -qefc "$1" shown <keys &
+  exec 3>keys
+  while kill -0 $! && ! grep -q "$2" shown; do sleep 0.1; done
+  while kill -0 $! && ! grep -q "$4" shown; do printf "$3" >&3; sleep 0.1; done
+  printf q >&3
+  wait $!
+  rm keys
+}
+play "mrl demo" quit w "x +0.0[1-9]"
+play "mrl demo --web" "q ends" "" "http://127.0.0.1"'
 WHEEL_WAY=': wheel without a compiler
 set -e
 apt-get update -q && apt-get install -qy --no-install-recommends python3-venv avrdude
@@ -130,6 +135,7 @@ inside() { # RELEASE WAY TREE ARCHIVES
   while IFS= read -r line; do env+=("$line"); done < <(env | grep -E "$PASSED_ON")
   do_in() { "${enter[@]}" "${as[@]}" "${env[@]}" sh -c "cd '$clone' && $1"; }
 
+  [ "$way" != root ] || for line in pip run test; do apt_sizes $line >"$log-$line-$ARCH.sizes" 2>&1 </dev/null || true; done
   commands "$release, $way" "$log"
 }
 
@@ -155,11 +161,26 @@ commands() { # NAME LOG
     case $command in run) line="make run DURATION=8" ;; pip) line=$PIP_WAY ;; wheel) line=$WHEEL_WAY ;; *) line="make $command" ;; esac
     name=${line%%$'\n'*}
     timed "$1: ${name#: }" "$2-$command.log" do_in "$line" || code=1
+    [ ! -e "$2-$command-$ARCH.sizes" ] || python_sizes "$command" >>"$2-$command-$ARCH.sizes" || true
     grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |pip install|mrl (web|flash)|[^ ]+, Python)| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
   done
   timed "$1: packages' files" "$2-dpkg.log" unchanged || code=1
   timed "$1: processes left" "$2-processes.log" nothing_runs || code=1
   return $code
+}
+
+# What a command needs in this system, for `make test-fresh` to keep: in apt's own words before it, in kB of pip's after it.
+apt_sizes() { # COMMAND
+  local tier=$1
+  [ "$1" != pip ] || tier=quick
+  do_in "apt-get update -q && apt-get install -qy --print-uris --no-install-recommends \
+    \$(make -n apt PACKAGES_apt='\$(PACKAGES_$tier)' | sed -n 's/^echo \"Debian packages that are missing: \(.*\)\"/\1/p')"
+}
+python_sizes() { # COMMAND
+  local venv=.venv
+  [ "$1" != pip ] || venv='~/mrl-venv'
+  do_in "du -sk $venv ~/.cache/pip"
+  [ "$1" != pip ] || do_in 'rm -r ~/.cache/pip' # the next command gets all of its own
 }
 
 # Whether each file of each package is as it came.
@@ -182,6 +203,7 @@ nothing_runs() {
 outside() {
   [ "$(id -u)" = 0 ] || fail "needs root"
   mkdir -p "$LOGS"
+  rm -f "$LOGS"/*.sizes
   local work release way tree code=0
   work=$(mktemp -d "${TMPDIR:-/var/tmp}/mrl-fresh.XXXXXX")
   trap "rm -rf --one-file-system '$work'; eval \"\$ENDS\"" EXIT

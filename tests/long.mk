@@ -59,12 +59,13 @@ mutants: setup $(VENV)/.mutants firmware pc-firmware ## Change the sources one p
 review-holdout: setup ## Find the faults of drives that the tests do not have, SEEDS=n of each; prints how often the right one comes first
 	$(PY) -m tests.review.holdout $(if $(SEEDS),--seeds $(SEEDS))
 
-PACKAGES_test-fresh := mmdebstrap $(if $(findstring image,$(WAYS)),buildah) $(if $(ARCH),arch-test qemu-user-static)
-test-fresh: | apt ## Run the README's commands in minimal Debian systems; RELEASES=trixie, WAYS="root user container image", COMMANDS="pip wheel run", ARCH=arm64
+PACKAGES_test-fresh = $(PACKAGES_quick) mmdebstrap $(if $(findstring image,$(WAYS)),buildah) $(if $(ARCH),arch-test qemu-user-static)
+test-fresh: $(VENV)/.ready ## Run the README's commands in minimal Debian systems; build/bench/fresh.json; RELEASES=trixie, WAYS="root user container image", COMMANDS="pip wheel run", ARCH=arm64
 	@mkdir -p build/fresh && rm -f build/fresh/*.whl
 	@$(if $(findstring wheel,$(COMMANDS)),cp build/dist/*.whl build/fresh || { echo "expected the wheel of: make release" >&2; exit 1; })
 	@git bundle create -q build/fresh/head.bundle HEAD
 	@$(SUDO) env $(foreach v,RELEASES WAYS COMMANDS ARCH MIRROR TMPDIR,$(if $($(v)),$(v)="$($(v))")) tests/fresh.sh build/fresh/head.bundle
+	@$(PY) -m tests.long.bench fresh
 
 test-tutorials: setup ## Carry out the tutorials of docs/tutorials on emulated robots; ONLY="1_first_drive 6_team"
 	@$(ROS_ENV) $(PY) -m tests.documents.tutorials $(ONLY)

@@ -30,9 +30,13 @@ SETTINGS = yaml.safe_load((SITE / "mkdocs.yml").read_text(encoding="utf-8"))
 NAMED = named(SETTINGS["nav"])
 
 
+DOCUMENTS = sorted(
+    [*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.md"))]
+)
+
+
 def test_the_site_names_every_document():
-    found = [*ROOT.glob("*.md"), *(path for folder in FOLDERS for path in (ROOT / folder).rglob("*.md"))]
-    documents = {path.relative_to(ROOT).as_posix() for path in found if SITE not in path.parents}
+    documents = {path.relative_to(ROOT).as_posix() for path in DOCUMENTS if SITE not in path.parents}
     documents |= {path.relative_to(PAGES).as_posix() for path in PAGES.rglob("*.md")}
     assert documents - set(NAMED) == set()
 
@@ -54,9 +58,6 @@ def test_the_packages_example_is_the_readmes():
     assert example in (mrl_driver.__doc__ or "")
 
 
-PATHS = sorted((*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("[frst]*/*.md")))
-
-
 @functools.lru_cache(maxsize=None)
 def anchors(path):
     """The anchors of a document, as GitHub makes them from its headings, and those that it sets itself."""
@@ -66,7 +67,7 @@ def anchors(path):
     return made | set(re.findall(r'<a id="(\w+)">', text))
 
 
-@pytest.mark.parametrize("path", PATHS, ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
 def test_links_lead_somewhere(path):
     wrong = []
     for link in re.findall(r"\]\(([^)\s]+)\)", path.read_text(encoding="utf-8")):

@@ -146,13 +146,63 @@ def test_nothing_is_built_twice():
     assert done.returncode == 0, done.stderr
 
 
-def test_a_path_that_no_virtual_environment_can_have_is_refused_before_anything_is_installed(tmp_path):
-    folder = tmp_path / "a:b"
+APT_GET = """#!/bin/sh
+case "$*" in
+  update) echo {update} ;;
+  *--print-uris*) printf '{sizes}' | grep . ;;
+  install*) exit 1 ;;
+esac
+"""
+needs_dpkg = pytest.mark.skipif(
+    not shutil.which("dpkg-query"), reason="make installs packages of Debian alone"
+)
+
+
+def apt_in(folder, *variables):
+    """What `make apt` says on stderr in a folder with the Makefile alone, without make's own last line."""
     (folder / "firmware").mkdir(parents=True)
     for name in ("Makefile", "firmware/firmware.mk", "firmware/comparison.mk"):
         shutil.copy(ROOT / name, folder / name)
-    done = run("make", "-C", folder, "apt")
-    assert done.returncode != 0 and "make: got a path with a colon" in done.stderr
+    done = run("make", "-C", folder, "apt", "PACKAGES_apt=of-nobody", "SUDO=env", *variables)
+    assert done.returncode != 0
+    return [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
+
+
+def test_a_path_that_no_virtual_environment_can_have_is_refused_before_anything_is_installed(tmp_path):
+    said = apt_in(tmp_path / "a:b")
+    assert len(said) == 1 and said[0].startswith("make: got a path with a colon")
+
+
+@pytest.mark.parametrize(
+    "update, sizes, words",
+    [
+        ("Err:1", "", "make: apt reached no server"),
+        ("Hit:1", "", "make: apt cannot install these packages"),
+        (
+            "Hit:1",
+            "Need to get 2 MB of archives\nAfter this operation, 900000 GB of",
+            "expected room for both sizes",
+        ),
+        ("Hit:1", "Need to get 2 MB/3 MB of archives", "make: apt could not install all packages"),
+    ],
+)
+@needs_dpkg
+def test_what_keeps_packages_from_being_installed_is_said_in_one_line(tmp_path, update, sizes, words):
+    apt_get = tmp_path / "apt-get"
+    lines = f"case $1 in update) echo {update};; *) echo '{sizes}'; [ -n '{sizes}' ] && [ $# = 4 ];; check) ;; esac"
+    apt_get.write_text(f"#!/bin/sh\n{lines.replace(' *)', ' check) ;; *)', 1)}\n")
+    apt_get.chmod(0o755)
+    said = apt_in(tmp_path / "clone", f"APT_GET={apt_get}")
+    assert len(said) == 1 and words in said[0]
+
+
+@needs_dpkg
+def test_make_test_installs_what_it_needs_and_no_more():
+    """The makes that it starts do not ask for the packages of `make test-all`."""
+    wanted = re.findall(
+        r"packages that are missing: (.*)", run("make", "-n", "test", "INSTALLED=", "RUN=:").stdout
+    )
+    assert "avrdude" in wanted[0] and "clang" not in " ".join(wanted).split()
 
 
 PACKAGE_APPEARS = f"""\
