@@ -123,8 +123,10 @@ eeprom: The EEPROM configuration was damaged
   cause: The board's parameters did not fit their checksum, so the defaults of the robot's model are in force.
   remedy: set the parameters that must differ from the model's defaults again: mrl config set NAME VALUE
 wiring: The bridge or its wiring is not set
-  cause: A board with an H-bridge does not know its bridge, pins or wires, or a pin cannot do what it is for.
-  remedy: store the pins of the robot's file with: mrl flash --robot FILE, then run: mrl calibrate wiring
+  cause: A board with an H-bridge does not know its bridge, pins or wires, or a pin cannot do what it is for, or the
+    wheels are too slow, or have too few or too many counts, for its control.
+  remedy: store the robot's file with: mrl flash --robot FILE, and mrl set-id ID --robot FILE; then run
+    mrl calibrate wiring
 sensor: An environment sensor does not answer
   cause: The sensor has answered since the start, and does not any more.
   remedy: check the I2C wires and power of the thermopile (0x68) and the compass (0x60)

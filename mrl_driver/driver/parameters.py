@@ -7,7 +7,7 @@ from mrl_driver.errors import BoardError, BoardRefused, MrlError
 from mrl_driver.protocol.table import BY_NAME, PARAMETER_BY_NAME, PINS, SETTINGS, Parameter
 from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P, ATMEGA2560, Chip
-from mrl_driver.robot.models import COMMON_BOARD, RobotModel
+from mrl_driver.robot.models import COMMON_BOARD, OF_CONTROL, RobotModel, beyond_control
 
 from .connection import Connection
 
@@ -82,11 +82,13 @@ class Parameters:
         return self._found or ATMEGA328P
 
     def wiring_problem(self) -> str:
-        """Return in one line what is wrong with the pins of an H-bridge board; empty if the board accepts them."""
+        """Return in one line what is wrong with the pins or the numbers of an H-bridge board; empty if nothing is."""
         if "bridge" not in self._connection.board.capabilities:
             return ""
         problem, parameter, other = self._connection.ask(_WIRING)
         found = wiring.from_reply(problem, parameter, other)
+        if found == wiring.SOUND:
+            return beyond_control(self.read(*OF_CONTROL))
         return wiring.in_words(found, self.read(found.parameter) if found.parameter else {}, self._chip)
 
     def require(self, names: Iterable[str]) -> None:

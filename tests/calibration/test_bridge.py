@@ -129,7 +129,7 @@ def test_pins_that_the_board_does_not_accept_are_named_before_anything_turns(ben
     bench.kit.problem = wiring.Problem("no_pwm", "pin_left_pwm_a").reply
     code, _, lines = bench.wiring("--truth", "t")
     assert code == 11 and bench.kit.seen == [] and bench.kit.config["bridge"] == 0
-    words = "left_pwm_a is on D5: the function needs PWM, and no timer makes it on this pin; store the pins"
+    words = "left_pwm_a is on D5: the function needs PWM, and no timer makes it on this pin; store the robot's file"
     assert words in lines[-1]
 
 

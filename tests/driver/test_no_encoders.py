@@ -90,3 +90,11 @@ def test_each_view_says_so(robot):
         finding for finding in doctor_board.supply(robot.board, robot.model) if finding.subject == "odometry"
     ]
     assert [finding.code for finding in found] == ["no_odometry"]
+
+
+def test_numbers_that_the_board_cannot_control_are_named():
+    """Its pins are right, and it refuses all moves."""
+    with SteppedDriver(PythonBoard(Plant(load("duo"))), load("duo")) as robot:
+        assert robot.parameters.wiring_problem() == ""
+        robot.parameters.write({"encoder_counts": 5})
+        assert "give 48 counts/s at most, expected 51 to 25600" in robot.parameters.wiring_problem()

@@ -125,7 +125,9 @@ def uncorrected(robot: Driver, bridge: int, single_channel: bool, kept: Iterable
         robot.parameters.write({"bridge": bridge, "wiring": SET | (SINGLE_CHANNEL if single_channel else 0)})
         problem = robot.parameters.wiring_problem()
         if problem:
-            raise BoardRefused(f"{problem}; store the pins of the robot's file with: mrl flash --robot FILE")
+            raise BoardRefused(
+                f"{problem}; store the robot's file with: mrl flash --robot FILE, and mrl set-id ID --robot FILE"
+            )
         yield
     except BaseException:
         with contextlib.suppress(MrlError):

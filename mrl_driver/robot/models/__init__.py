@@ -33,6 +33,7 @@ from .robot_model import (
     COMMON_BOARD,
     CURVE_KEYS,
     ENVIRONMENT,
+    OF_CONTROL,
     ON_TRACKS,
     ON_WHEELS,
     SENSOR_BOARD_IDS,

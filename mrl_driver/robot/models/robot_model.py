@@ -329,6 +329,10 @@ COMMON_BOARD = {
 Source: (Araujo 2012).  160 rpm at 7.2 V; sonar curve, with b = 0.94657 cut to the wire's resolution of 1e-4."""
 
 
+OF_CONTROL = ("gearbox", "encoder_counts", "full_speed", "wheel_radius", "axis_radius")
+"""What `beyond_control` looks at."""
+
+
 def beyond_control(board: Mapping[str, int]) -> str:
     """Return in words why a board with H-bridges cannot control its wheels, and refuses all moves; empty if it can.
 
