@@ -315,7 +315,7 @@ _OTHERS: Tuple[Command, ...] = (
             capability="hold"),
     Command(50, "release_hold", "Drop the silent holders. The host decides this; time alone never ends a hold.", (),
             (_flag("held", "1: another robot still holds this one."),), guarded=True, capability="hold"),
-    Command(51, "read_wiring", "First problem of the wiring in parameters 19, 20 and from 28 on.", (), (
+    Command(51, "read_wiring", "First problem of the wiring in parameters 19, 20 and from 29 on.", (), (
         Field("problem", 0, 11, "", "Row of the wiring problem table."), _ROW,
         _ROW._replace(name="other", text="Second parameter that the problem is about; -1: none.")),
             capability="wiring"),
