@@ -71,8 +71,8 @@ ExecStart=/bin/sh -c '[ -z "$ROS_SETUP" ] || . "$ROS_SETUP"; export ROS_LOG_DIR=
   echo "another robot has this master: set ROS_MASTER_URI or ROS_NAMESPACE in /etc/default/mrl-robot@%I"; exit 78; }}; \
   [ -z "$MRL_CHECKOUT" ] || export ROS_PACKAGE_PATH="$MRL_CHECKOUT:$ROS_PACKAGE_PATH"; \
   exec roslaunch mrl_robots $MRL_LAUNCH port:=/dev/mrl-%I'
-# The nodes go before other programs when the processor is busy.  With autogroups, which most kernels have, Nice counts
-# only among the processes of one session, and each node has its own.
+# The nodes go before other programs when the processor is busy.  With autogroups, which Raspberry Pi OS has, Nice
+# counts only among the processes of one session, and each node is a session of its own: there the weight counts.
 Nice=-10
 CPUWeight=1000
 # Stops the robot, also at a shutdown: each node gets the signal, and robot_node stops the motors before it ends.
