@@ -586,6 +586,13 @@ def test_a_robot_that_exists_is_not_replaced():
     assert pathlib.Path(path).read_text() == before
 
 
+def test_the_next_command_can_be_copied_if_the_path_has_a_space(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "a b"))
+    mrl("new", "rover", *ROVER, "--yes")
+    path = os.path.join(models.own_folder(), "rover.yaml")
+    assert f"--robot '{path}' --port" in fails(2, "new", "rover", *ROVER, "--yes")
+
+
 def test_an_unknown_kit_becomes_a_robot_that_knows_its_wires(serve, tmp_path):
     """The board has no id and no wiring; motors are exchanged, and the right one is reversed."""
     hidden = BITS["set"] | BITS["motors_swapped"] | BITS["right_motor_reversed"]

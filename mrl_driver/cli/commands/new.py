@@ -1,6 +1,7 @@
 """`mrl new`: from a few questions to a calibrated robot of your own."""
 
 import os
+import shlex
 import sys
 from typing import Any, Callable, Dict, Mapping, Optional, Tuple, TypeVar
 
@@ -216,4 +217,4 @@ def _set_up(made: Kit, path: str, options: Mapping[str, Any]) -> None:
 
 
 def _next(procedure: str, path: str, port: Optional[str]) -> str:
-    return f"mrl calibrate {procedure} --robot {path} --port {port or 'PORT'}"
+    return f"mrl calibrate {procedure} --robot {shlex.quote(path)} --port {port or 'PORT'}"

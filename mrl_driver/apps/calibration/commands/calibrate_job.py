@@ -3,6 +3,7 @@
 import contextlib
 import functools
 import os
+import shlex
 import sys
 from typing import Any, Callable, ContextManager, Dict, Iterator, List, Mapping, NamedTuple, Optional, Tuple
 
@@ -100,7 +101,8 @@ class Job(NamedTuple):
         require_writable(output, "--output", YAML)
         if os.path.exists(output) and (own is None or not os.path.samefile(own, output)):
             raise ConfigError(
-                f"{output} already exists: continue from it with --robot {output}, or give another file with --output"
+                f"{output} already exists: continue from it with --robot {shlex.quote(output)}, or give another file "
+                "with --output"
             )
         if model.virtual and os.path.exists(output) and not models.load(output).virtual:
             raise ConfigError(
@@ -135,7 +137,7 @@ class Job(NamedTuple):
         self.run.confirm(f"Write {output}?")
         kept = write_model(self.file_of(model), output, values, f"mrl calibrate {procedure}", model.virtual)
         kept = f", the old file is {kept}" if kept else ""
-        shared.print_message(f"{output} is written{kept}; use it with --robot {output}")
+        shared.print_message(f"{output} is written{kept}; use it with --robot {shlex.quote(output)}")
 
     def file_of(self, model: RobotModel) -> str:
         """Return the robot's file, or that of its model."""
