@@ -55,8 +55,7 @@ class DelayGuard:
     def __init__(self, most_s: float, name: str) -> None:
         """`most_s`: the limit [s], 0 for none; `name`: where the user sets it, for the reason."""
         self._most_s, self._name = most_s, name
-        self._driving = False
-        self.reason = ""  # why a held key does not drive; empty if it may
+        self._driving, self.reason = False, ""  # the reason why a held key does not drive; empty if it may
 
     def may_drive(self, wanted: bool, delay_s: float) -> bool:
         """Return whether the robot may drive now; `wanted` says that the operator wants it.  NaN never stops it."""
