@@ -161,7 +161,7 @@ commands() { # NAME LOG
     case $command in run) line="make run DURATION=8" ;; pip) line=$PIP_WAY ;; wheel) line=$WHEEL_WAY ;; *) line="make $command" ;; esac
     name=${line%%$'\n'*}
     timed "$1: ${name#: }" "$2-$command.log" do_in "$line" || code=1
-    [ ! -e "$2-$command-$ARCH.sizes" ] || python_sizes "$command" >>"$2-$command-$ARCH.sizes" || true
+    [ ! -e "$2-$command-$ARCH.sizes" ] || venv_size "$command" >>"$2-$command-$ARCH.sizes" || true
     grep -hE '^(SKIPPED|[0-9]+ upgraded|Need to get|After this|ran |pip install|mrl (web|flash)|[^ ]+, Python)| passed' "$2-$command.log" | awk '!seen[$0]++ { print "    " $0 }'
   done
   timed "$1: packages' files" "$2-dpkg.log" unchanged || code=1
@@ -169,18 +169,17 @@ commands() { # NAME LOG
   return $code
 }
 
-# What a command needs in this system, for `make test-fresh` to keep: in apt's own words before it, in kB of pip's after it.
+# What a command needs in this system, for `make test-fresh` to keep: in apt's own words before it, and the kB of its virtual environment after it.
 apt_sizes() { # COMMAND
   local tier=$1
   [ "$1" != pip ] || tier=quick
   do_in "apt-get update -q && apt-get install -qy --print-uris --no-install-recommends \
     \$(make -n apt PACKAGES_apt='\$(PACKAGES_$tier)' | sed -n 's/^echo \"Debian packages that are missing: \(.*\)\"/\1/p')"
 }
-python_sizes() { # COMMAND
+venv_size() { # COMMAND
   local venv=.venv
   [ "$1" != pip ] || venv='~/mrl-venv'
-  do_in "du -sk $venv ~/.cache/pip"
-  [ "$1" != pip ] || do_in 'rm -r ~/.cache/pip' # the next command gets all of its own
+  do_in "du -sk $venv"
 }
 
 # Whether each file of each package is as it came.

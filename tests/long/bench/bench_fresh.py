@@ -13,7 +13,7 @@ MB = {"kB": 1e-3, "MB": 1.0, "GB": 1e3}
 
 
 def figures() -> Dict[str, Measured]:
-    """Packages of Debian, and MB: theirs and Python's, to download and on the disk, and the sums of both."""
+    """Packages of Debian, and MB: theirs to download and on the disk, and of the virtual environment."""
     found: Dict[str, Measured] = {}
     for path in (ROOT / "build" / "fresh").glob("*.sizes"):
         release, command, arch = re.findall(r"(\w+)-root-(\w+)-(\w+)", path.stem)[0]
@@ -23,19 +23,14 @@ def figures() -> Dict[str, Measured]:
 
 
 def sizes(said: str) -> Iterator[Tuple[str, int]]:
-    """The figures from what apt says it will do, and from `du -sk` of the virtual environment and pip's cache."""
+    """The figures from what apt says it will do, and from `du -sk` of the virtual environment."""
     packages = re.search(r"(\d+) newly installed", said)
     fetched = re.search(r"^Need to get ([\d.]+) ([kMG]B)", said, re.M)
     kept = re.search(r"^After this operation, ([\d.]+) ([kMG]B)", said, re.M)
+    venv = re.search(r"^(\d+)\t.*venv$", said, re.M)
     if packages and fetched and kept:
-        apt_mb, apt_disk_mb = (float(each[1]) * MB[each[2]] for each in (fetched, kept))
-        yield from (
-            ("packages", int(packages[1])),
-            ("apt_mb", round(apt_mb)),
-            ("apt_disk_mb", round(apt_disk_mb)),
-        )
-        venv, cache = (re.search(rf"^(\d+)\t.*{folder}$", said, re.M) for folder in ("venv", "/pip"))
-        if venv and cache:
-            venv_mb, pip_mb = (int(each[1]) / 1000 for each in (venv, cache))
-            yield from (("pip_mb", round(pip_mb)), ("venv_mb", round(venv_mb)))
-            yield from (("download_mb", round(apt_mb + pip_mb)), ("disk_mb", round(apt_disk_mb + venv_mb)))
+        yield "packages", int(packages[1])
+        yield "download_mb", round(float(fetched[1]) * MB[fetched[2]])
+        yield "disk_mb", round(float(kept[1]) * MB[kept[2]])
+    if venv:
+        yield "venv_mb", round(int(venv[1]) / 1000)
