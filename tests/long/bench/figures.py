@@ -27,7 +27,7 @@ MEASURED, ROBOTS = ROOT / "docs" / "measured", ROOT / "docs" / "robots"
 EMULATED = ROOT / "mrl_driver" / "apps" / "measure" / "emulated.json"
 """Figures that the product needs, without docs/figures next to it."""
 DOCUMENTS = (
-    *("README.md", "BENCHMARKS.md", "docs/experiments.md", "docs/measured/README.md"),
+    *("README.md", "BENCHMARKS.md", "docs/command_line.md", "docs/experiments.md", "docs/measured/README.md"),
     *("docs/robots/README.md", "ros1_bridge/README.md"),
 )
 _REGION = re.compile(r"(<!-- figures: ([\w-]+) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
@@ -226,8 +226,8 @@ def commits(table: Table, figures: Sequence[Mapping[str, Any]]) -> str:
 
 def rendered(name: str) -> str:
     """A table in Markdown, and what was measured when and where."""
-    if name == "readme":
-        return "\n".join(_markdown([["figure, on emulated hardware", "measured", "reference"], *_readme()]))
+    if name in catalogue()["written"]:
+        return "\n".join(_markdown(list(_written(name))))
     if name in ("boards", "kits"):
         found = _boards(MEASURED) if name == "boards" else _boards(ROBOTS, COURSE)
         return "\n".join(_markdown(list(found)))
@@ -286,18 +286,18 @@ def _markdown(rows: Sequence[Sequence[str]]) -> List[str]:
     return [f"| {' | '.join(row)} |" for row in (rows[0], ["---"] * len(rows[0]), *rows[1:])]
 
 
-def _readme() -> Iterator[List[str]]:
-    """The rows of the README; `{file/key / 1000}` is a figure in another unit."""
+def _written(name: str) -> Iterator[List[str]]:
+    """The heading and the rows of a table of the README; `{file/key / 1000}` is a figure in another unit."""
     rows = {
         (table.file, key): row
         for table in tables().values()
         for row in table.rows
         for key in table.keys(row).values()
     }
-    for cells in catalogue()["readme"]:
+    for cells in catalogue()["written"][name]:
         named = [match[:2] for match in _NAMED.findall(cells[1])]
         late = any(rows[each].is_missed(kept(each[0])[each[1]]) for each in named)
-        filled = [_NAMED.sub(lambda found: _filled(found), cell) for cell in cells]
+        filled = [_NAMED.sub(_filled, cell) for cell in cells]
         yield [filled[0], filled[1] + MISSED * late, filled[2]]
 
 
