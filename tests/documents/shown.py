@@ -13,7 +13,7 @@ DOCUMENTS = (
     *(f"docs/{path.name}" for path in sorted((ROOT / "docs").glob("*.md"))),
     "BENCHMARKS.md",
     *(f"docs/tutorials/{path.name}" for path in sorted((ROOT / "docs" / "tutorials").glob("*.md"))),
-    "docs/robots/README.md",
+    "docs/robots/kits.md",
     "firmware/README.md",
     "firmware/SENSORS.md",
     "ros1_bridge/README.md",

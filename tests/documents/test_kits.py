@@ -17,7 +17,7 @@ from .blocks import ROOT
 from .shown import shown
 
 FOLDER = ROOT / "docs" / "robots"
-PAGE = "docs/robots/README.md"
+PAGE = "docs/robots/kits.md"
 KITS = [path.stem for path in sorted(FOLDER.glob("*.yaml"))]
 EACH_KIT = pytest.mark.parametrize("kit", KITS)
 OTHERS = ("USB", "5V", "GND", "VM")
