@@ -17,6 +17,11 @@ IMAGES = {
     "simulated_uno": ("traxbot", "mrl_firmware", "simulated Uno with an OMNI-3MD"),
     "simulated_uno_hbridge": ("duo", "mrl_firmware_hbridge", "simulated Uno with an H-bridge"),
     "simulated_uno_virtual": ("duo", "mrl_firmware_virtual", "simulated Uno, build virtual"),
+    "simulated_mega_four_wheels": (
+        str(ROBOTS / "four_wheels.yaml"),
+        "mrl_firmware_hbridge_mega",
+        "simulated Mega with four wheels",
+    ),
 }
 KITS = {
     name: (str(ROBOTS / f"{name}.yaml"), f"mrl_firmware_{image}", "emulated; nobody has built it yet")
