@@ -467,7 +467,7 @@ def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
         ("Are devices on the I2C bus", b"", ""),
         *(("left motor, PWM", b"", ""), ("left motor, brake", b"", ""), *needed),
         *(("right motor, PWM", b"", "6"), ("right motor, brake", b"", ""), ("right motor, DIR", b"", "7")),
-        *(("right encoder, A", b"", "3"), ("right encoder, B", b"", "")),
+        *(("right encoder, A", b"", "3"), ("right encoder, B", b"", "8")),
         *((name, b"", "") for name in ("enable of its own", "enable of its own", "servo 1", "servo 2")),
         *(
             (name, b"", "")

@@ -133,11 +133,16 @@ def test_builds_that_exclude_each_other_fail_with_one_error(defines, words):
     assert len(errors) == 1 and words in errors[0]
 
 
+def without_last_line(done):
+    """What make says on stderr, without its own word that it failed."""
+    return [line for line in done.stderr.splitlines() if not re.match(r"make(\[\d+\])?: \*\*\*", line)]
+
+
 @pytest.mark.parametrize("port", ["", "/dev/nothing", "/dev/null/x"])
 def test_flash_without_a_board_says_so_in_one_line(port):
     done = run("make", "-s", "flash", f"PORT={port}")
     assert done.returncode != 0
-    lines = [line for line in done.stderr.splitlines() if not re.match(r"make(\[\d+\])?: \*\*\*", line)]
+    lines = without_last_line(done)
     assert len(lines) == 1 and lines[0].startswith("make flash:")
 
 
@@ -165,7 +170,7 @@ def apt_in(folder, *variables):
         shutil.copy(ROOT / name, folder / name)
     done = run("make", "-C", folder, "apt", "PACKAGES_apt=of-nobody", "SUDO=env", *variables)
     assert done.returncode != 0
-    return [line for line in done.stderr.splitlines() if not line.startswith("make: ***")]
+    return without_last_line(done)
 
 
 def test_a_path_that_no_virtual_environment_can_have_is_refused_before_anything_is_installed(tmp_path):
@@ -189,8 +194,7 @@ def test_a_path_that_no_virtual_environment_can_have_is_refused_before_anything_
 @needs_dpkg
 def test_what_keeps_packages_from_being_installed_is_said_in_one_line(tmp_path, update, sizes, words):
     apt_get = tmp_path / "apt-get"
-    lines = f"case $1 in update) echo {update};; *) echo '{sizes}'; [ -n '{sizes}' ] && [ $# = 4 ];; check) ;; esac"
-    apt_get.write_text(f"#!/bin/sh\n{lines.replace(' *)', ' check) ;; *)', 1)}\n")
+    apt_get.write_text(APT_GET.format(update=update, sizes=sizes))
     apt_get.chmod(0o755)
     said = apt_in(tmp_path / "clone", f"APT_GET={apt_get}")
     assert len(said) == 1 and words in said[0]
