@@ -84,6 +84,12 @@ def test_a_row_without_an_emulated_figure_keeps_what_it_expected():
     assert compared(row, "_hbridge") == row
 
 
+@pytest.mark.parametrize("kind", ["", "_hbridge"])
+def test_a_board_whose_passes_take_a_third_of_a_millisecond_is_sound(kind):
+    """A virtual board has such passes, and a frame at either end of a gap may wait for one."""
+    assert compared(Row("stream_jitter_us", 384.0 + 2 * 64.0), kind).verdict == AGREES
+
+
 @pytest.mark.parametrize("key", KINDS)
 def test_each_kind_of_row_names_a_cause_that_is_explained_or_is_only_reported(key):
     kind = KINDS[key]

@@ -64,7 +64,8 @@ KINDS: Dict[str, Kind] = {
     "frames_damaged": Kind(LINE, "pieces of data that the decoder refuses", "", 0.0, "bad_cable",
                            "firmware/stream_checked_frames_bad"),
     "frames_lost": Kind(LINE, "frames missing by their sequence numbers", "", 0.0, "bad_cable"),
-    "stream_jitter_us": Kind(LINE, "largest minus smallest gap at a period of 20 ms, by board time", "us", 250.0,
+    # A pass of a virtual board takes up to 0.3 ms, which either end of a gap may have to wait for.
+    "stream_jitter_us": Kind(LINE, "largest minus smallest gap at a period of 20 ms, by board time", "us", 600.0,
                              "board_stalled", "firmware/stream_jitter_us"),
     "clock_percent": Kind(LINE, "board time against this computer's clock", "%", 0.5, "board_stalled"),
     "delay_ms": Kind(LINE, "delay of a frame beyond the shortest one, p99", "ms", 50.0, "slow_line"),
