@@ -39,10 +39,11 @@ def start(name: str, module: str) -> Any:
         package = (error.name or "").partition(".")[0]
         if package in _OWN:
             raise
+        of_ros = package.startswith(("ros", "tf2_")) or package.endswith("_msgs")  # pip has none of these
         sys.stderr.write(
             f"{name}: the Python package {package} is missing; install it with: sudo apt install "
-            f"python3-{package.replace('_', '-')}, "
-            f"or: pip install {_NAMES_FOR_PIP.get(package, package)}\n"
+            f"python3-{package.replace('_', '-')}"
+            f"{'' if of_ros else f', or: pip install {_NAMES_FOR_PIP.get(package, package)}'}\n"
         )
         sys.exit(ConfigError.exit_code)
 

@@ -454,17 +454,19 @@ def test_ctrl_c_while_it_still_loads_says_nothing(tmp_path):
         ("click", "click", ["mrl_driver", "--help"]),
         ("serial", "pyserial", ["mrl_driver", "info", "--port", "/dev/null"]),
         ("yaml", "PyYAML", ["sim_arduino", "--world", "room"]),
+        ("rospkg", "", ["mrl_driver", "--help"]),
     ],
 )
 def test_a_package_that_is_missing_costs_a_line(tmp_path, missing, package, words):
-    """As with catkin's `mrl` and `mrl-sim`, which come without the dependencies that pip would install."""
-    (tmp_path / f"{missing}.py").write_text(f"raise ModuleNotFoundError('No module', name='{missing}')\n")
+    """As with catkin's `mrl` and `mrl-sim`, which come without the dependencies of pip; it has no package of ROS."""
+    module = "click" if not package else missing
+    (tmp_path / f"{module}.py").write_text(f"raise ModuleNotFoundError('No module', name='{missing}')\n")
     done = python("-m", *words, path=tmp_path)
     name = {"mrl_driver": "mrl", "sim_arduino": "mrl-sim"}[words[0]]
     assert (done.returncode, done.stdout) == (ConfigError.exit_code, "")
     assert done.stderr == (
-        f"{name}: the Python package {missing} is missing; install it with: sudo apt install python3-{missing}, "
-        f"or: pip install {package}\n"
+        f"{name}: the Python package {missing} is missing; install it with: sudo apt install python3-{missing}"
+        f"{package and f', or: pip install {package}'}\n"
     )
 
 
