@@ -1,6 +1,7 @@
 """Firmware images (Intel HEX): those in the package, or those that `make firmware` built in a checkout."""
 
 import os
+import shlex
 from typing import Dict, Tuple
 
 from mrl_driver.errors import ConfigError
@@ -51,5 +52,5 @@ def image_path(build: str = "sonar", chip: str = ATMEGA328P.name) -> str:
     )
     checkout = os.path.dirname(_PACKAGE)
     if os.path.isfile(os.path.join(checkout, "Makefile")):
-        remedy = f"build it with: make -C {checkout} firmware"
+        remedy = f"build it with: make -C {shlex.quote(checkout)} firmware"
     raise ConfigError(f"image {name} is missing; {remedy}")

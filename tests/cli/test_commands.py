@@ -6,6 +6,7 @@ import os
 import pathlib
 import re
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -472,3 +473,13 @@ def test_a_package_of_ros_has_a_hyphen_for_an_underscore_and_is_not_one_of_pip(t
     (tmp_path / "node.py").write_text("import tf2_none\n")
     done = python("-c", "from mrl_driver import program; program.start('node', 'node')", path=tmp_path)
     assert done.stderr.endswith("sudo apt install python3-tf2-none\n")
+
+
+def test_the_command_that_builds_a_missing_image_holds_for_a_folder_with_a_space(tmp_path):
+    checkout = tmp_path / "my robot"
+    shutil.copytree(Path(main.__file__).parents[1], checkout / "mrl_driver", ignore=lambda *_: ["images"])
+    (checkout / "Makefile").touch()
+    program = "import sys; del sys.path[0]; from mrl_driver.host import firmware_images as i; i.image_path()"
+    done = python("-c", program, path=checkout)
+    command = done.stderr.partition("build it with: ")[2]
+    assert shlex.split(command) == ["make", "-C", str(checkout), "firmware"]
