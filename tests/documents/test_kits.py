@@ -78,17 +78,15 @@ def test_each_input_of_a_bridge_has_its_resistor(kit):
     assert len(root.findall("{*}circle")) == sum(name.endswith(tuple(TB6612)) for name in pins_of(kit))
 
 
-def test_a_wire_without_a_picture_is_refused(tmp_path):
-    text = (FOLDER / "four_wheels.yaml").read_text(encoding="utf-8")
-    path = tmp_path / "more.yaml"
-    path.write_text(text.replace("  i2c: true", "  emergency_stop: D35\n  i2c: true"))
-    with pytest.raises(ConfigError, match="no part has pin_emergency_stop"):
-        wiring_diagram(str(path))
-
-
-def test_a_bridge_without_a_picture_is_refused(tmp_path):
-    text = (FOLDER / "two_wheels.yaml").read_text(encoding="utf-8")
+@pytest.mark.parametrize(
+    "line, other, words",
+    [
+        ("  i2c: true", "  emergency_stop: D35\n  i2c: true", "no part has pin_emergency_stop"),
+        ("bridge: tb6612", "bridge: vnh5019", "bridge vnh5019 has no picture"),
+    ],
+)
+def test_what_has_no_picture_is_refused(line, other, words, tmp_path):
     path = tmp_path / "other.yaml"
-    path.write_text(text.replace("bridge: tb6612", "bridge: vnh5019"))
-    with pytest.raises(ConfigError, match="bridge vnh5019 has no picture"):
+    path.write_text((FOLDER / "four_wheels.yaml").read_text(encoding="utf-8").replace(line, other))
+    with pytest.raises(ConfigError, match=words):
         wiring_diagram(str(path))
