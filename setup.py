@@ -36,7 +36,7 @@ def _build_images():
     """Builds the images of a checkout that has none; without a cross compiler the package comes without them."""
     built = (_HERE / "build" / "firmware").glob("*.hex"), (_HERE / _IMAGES).glob("*.hex")
     if not any(any(images) for images in built) and shutil.which("make") and shutil.which("avr-g++"):
-        subprocess.call(["make", "-s", f"-j{os.cpu_count()}", "firmware", "MISSING="], cwd=str(_HERE))
+        subprocess.call(["make", "-s", f"-j{os.cpu_count() or 1}", "firmware", "MISSING="], cwd=str(_HERE))
 
 
 def _long_description():

@@ -10,8 +10,8 @@ from typing import Any, Match
 
 from .errors import ConfigError
 
-_NAMES_FOR_PIP = {"serial": "pyserial", "yaml": "PyYAML"}
-"""Names of packages that differ from the names of their modules."""
+_OF_PIP = {"click": "click", "numpy": "numpy", "rich": "rich", "serial": "pyserial", "yaml": "PyYAML"}
+"""Packages that pip has, by their modules; those of ROS come from apt alone."""
 _OWN = ("", "mrl_driver", "sim_arduino", "ros1_bridge")
 
 
@@ -39,11 +39,10 @@ def start(name: str, module: str) -> Any:
         package = (error.name or "").partition(".")[0]
         if package in _OWN:
             raise
-        of_ros = package.startswith(("ros", "tf2_")) or package.endswith("_msgs")  # pip has none of these
+        of_pip = f", or: pip install {_OF_PIP[package]}" if package in _OF_PIP else ""
         sys.stderr.write(
             f"{name}: the Python package {package} is missing; install it with: sudo apt install "
-            f"python3-{package.replace('_', '-')}"
-            f"{'' if of_ros else f', or: pip install {_NAMES_FOR_PIP.get(package, package)}'}\n"
+            f"python3-{package.replace('_', '-')}{of_pip}\n"
         )
         sys.exit(ConfigError.exit_code)
 

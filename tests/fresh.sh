@@ -35,7 +35,9 @@ play "mrl demo" quit w "x +0.0[1-9]"
 play "mrl demo --web" "q ends" "" "http://127.0.0.1"'
 WHEEL_WAY=': wheel without a compiler
 set -e
-apt-get update -q && apt-get install -qy --no-install-recommends python3-venv avrdude
+[ $(id -u) = 0 ] || sudo=sudo
+$sudo apt-get update -q
+$sudo apt-get install -qy --no-install-recommends python3-venv avrdude
 python3 -m tests.packaging.first_motion .
 python3 -m tests.packaging.first_motion /mnt/*.whl'
 PASSED_ON='^(MRL_TEST_PATIENCE|PIP_(INDEX_URL|CERT|PROXY|TRUSTED_HOST|DEFAULT_TIMEOUT)|https?_proxy|no_proxy|HTTPS?_PROXY|NO_PROXY)='

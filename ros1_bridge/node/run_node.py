@@ -17,6 +17,7 @@ from .parameters import Row, read, usage
 
 RESPAWN = "MRL_RESPAWN"
 """Variable of the environment: true if roslaunch starts the node again when it ends."""
+RETRY_S = 30.0  # An address of this computer may be there then, as behind Wi-Fi
 
 
 def node(
@@ -30,8 +31,8 @@ def node(
     That is what `run` returns, 0 for None; or that of the error if it raises one.  `run` gets the checked private
     parameters, by their rows or by what checks the contents of a namespace; `rows` are for `--help` then.
 
-    A node that roslaunch would start again at once, and in vain, does not end: after a ConfigError it waits for the
-    shutdown.  roslaunch does not say that it would, so launch files with `respawn` set `RESPAWN`.
+    A node that roslaunch would start again at once, and most often in vain, first waits `RETRY_S` after a ConfigError.
+    roslaunch does not say that it would, so launch files with `respawn` set `RESPAWN`.
     """
     return lambda: _run_node(name, parameters, run, rows)
 
@@ -56,10 +57,12 @@ def _run_node(name: str, parameters: Any, run: Callable[[Any], Optional[int]], r
             raise
     except MrlError as error:
         if not rospy.is_shutdown():
-            in_vain = isinstance(error, ConfigError) and os.environ.get(RESPAWN) == "true"
-            rospy.logfatal(f"{error.line}; then start the launch file again" if in_vain else error.line)
-            if in_vain:
-                rospy.spin()
+            waits = isinstance(error, ConfigError) and os.environ.get(RESPAWN) == "true"
+            rospy.logfatal(f"{error.line}; it is tried again in {RETRY_S:g} s" if waits else error.line)
+            if waits:
+                ended = threading.Event()
+                rospy.on_shutdown(ended.set)
+                ended.wait(RETRY_S)
             return error.exit_code
     return 0
 

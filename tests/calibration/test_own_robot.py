@@ -185,16 +185,14 @@ ON_THE_CHIP = ("l298_mega_d4_d5_d10_d11", "l298_single_channel", "l298_spi_encod
 
 def driven():
     """The rows that drive: with a seed all of them, else one of each kind of chip, bridge and encoders."""
-    kinds, found = set(), []
-    for row in rows():
+    by_name = {row.name: row for row in rows() if row.verdict == "drives"}
+    kinds, found = set(), [(by_name[name], "avr") for name in ON_THE_CHIP]
+    for row in by_name.values():
         kind = row.chip.name, row.bridge, row.pins["no_encoders"], row.pins["pin_left_encoder_b"] == -1
-        if row.verdict == "drives":
-            if EXPLORE or kind not in kinds:
-                found.append(pytest.param(row, "python", id=f"{row.name}-python"))
-            if row.name in ON_THE_CHIP:
-                found.append(pytest.param(row, "avr", id=f"{row.name}-avr"))
-            kinds.add(kind)
-    return found
+        if EXPLORE or kind not in kinds:
+            found.append((row, "python"))
+        kinds.add(kind)
+    return [pytest.param(row, engine, id=f"{row.name}-{engine}") for row, engine in found]
 
 
 @pytest.mark.parametrize("row, engine", driven())
@@ -223,15 +221,14 @@ def test_each_wiring_that_drives_closes_a_square(row, engine, workshop_of, tmp_p
 NO_FLASH = ("--no-flash", "--port", "kit", "--truth", "t", "--yes")
 DISC = 40.0  # Counts of a turn of a disc with 20 slots, by one channel: 5 mm each
 ONE_CHANNEL = {
-    **{
-        "left_pwm_a": 9,
-        "left_pwm_b": 8,
-        "left_logic": 7,
-        "right_pwm_a": 10,
-        "right_pwm_b": 5,
-        "right_logic": 4,
-    },
-    **{"left_encoder_a": 2, "right_encoder_a": 3},
+    "left_pwm_a": 9,
+    "left_pwm_b": 8,
+    "left_logic": 7,
+    "right_pwm_a": 10,
+    "right_pwm_b": 5,
+    "right_logic": 4,
+    "left_encoder_a": 2,
+    "right_encoder_a": 3,
 }
 
 

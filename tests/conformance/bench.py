@@ -131,7 +131,6 @@ class Bench:
     Args:
         board: Numbers of the robot's hardware, and of its board, that differ from the model's.
         stored: Parameters in the EEPROM by name that differ from those of a robot that is ready to drive.
-        blank: Nothing is in the EEPROM.
         eeprom: What is in it instead of a robot's parameters.
 
     Attributes:
@@ -147,7 +146,6 @@ class Bench:
         environment: bool = False,
         board: Optional[Dict[str, int]] = None,
         stored: Optional[Dict[str, int]] = None,
-        blank: bool = False,
         eeprom: bytes = b"",
         **plant: Any,
     ) -> None:
@@ -157,7 +155,7 @@ class Bench:
         self.ramped_s = self.model.board["ramp_time"] / 1000.0 + CONTROL_S
         self.plant = Plant(self.model, sonars=not environment, **plant)
         self.environment = environment
-        eeprom = eeprom or (BLANK if blank else ready_eeprom(self.model, stored or {}))
+        eeprom = eeprom or ready_eeprom(self.model, stored or {})
         engines = VIRTUAL_ENGINES if motors == "virtual" else ENGINES
         self.board = engines[engine](self.plant, eeprom, environment)
         self.now_s = 0.0

@@ -4,6 +4,8 @@ import pytest
 
 from mrl_driver.protocol.table import BRIDGES, FAULTS, RESET_CAUSES, WIRING
 
+from .bench import BLANK
+
 WIRING_FAULT = 1 << [name for name, _ in FAULTS].index("wiring")
 BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
 DRIVE_S = 1.0
@@ -50,7 +52,7 @@ def test_without_wiring_counters_can_be_read(make):
 
 
 def test_a_blank_eeprom_has_no_wiring(make):
-    bench = make(blank=True)
+    bench = make(eeprom=BLANK)
     bench.ask("move_differential", 100, 0)
     assert bench.status().faults & WIRING_FAULT and bench.counters() == {"unavailable": 1}
 

@@ -4,8 +4,8 @@ In a tutorial, the blocks of one kind do the same thing each time:
 
 - `sh`: run in the tutorial's own folder; the commands must succeed.  If the paragraph before it says "Leave it
   running", it is started and the next step follows when it has printed something; it ends with the tutorial.
-- `python` and `yaml`, if the paragraph before names a file: that file is written.
   If it says "End them with Ctrl-C", all that runs is ended before the step.
+- `python` and `yaml`, if the paragraph before names a file: that file is written.
 - `text` after `sh`: its lines must be in the output, in this order; each number may differ by 15 %, and one with a
   point by one in its last digit.
 - `console`: needs hardware or a person, and is not run.
@@ -118,8 +118,10 @@ def end(started: List["subprocess.Popen[bytes]"]) -> None:
             each.wait()
 
 
-def start(block: Block, folder: Path, env: Dict[str, str], number: int) -> "subprocess.Popen[bytes]":
-    """Start a step that runs on, and wait for its first output."""
+def start(
+    block: Block, folder: Path, env: Dict[str, str], number: int, running: List["subprocess.Popen[bytes]"]
+) -> None:
+    """Start a step that runs on, add it to those that run, and wait for its first output."""
     log = folder / f"step{number}.log"
     with log.open("wb") as file:
         command = ["bash", "-ec", block.text]
@@ -133,6 +135,7 @@ def start(block: Block, folder: Path, env: Dict[str, str], number: int) -> "subp
             start_new_session=True,
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
+    running.append(process)
     has_master = block.text.startswith("roslaunch")
 
     def is_up() -> bool:
@@ -142,7 +145,6 @@ def start(block: Block, folder: Path, env: Dict[str, str], number: int) -> "subp
         wait_until(lambda: is_up() or process.poll() is not None, START_S)
     if process.poll() is not None or not is_up():
         raise Failed(f"step {number} ended with {process.poll()}:\n{log.read_text(errors='replace')}")
-    return process
 
 
 def carry_out(name: str, folder: Path) -> int:
@@ -164,7 +166,7 @@ def carry_out(name: str, folder: Path) -> int:
                 check_output(block.text, output)
             elif block.language == "sh" and RUNS_ON in block.before:
                 steps += 1
-                running.append(start(block, folder, env, steps))
+                start(block, folder, env, steps, running)
             elif block.language == "sh":
                 steps += 1
                 done = subprocess.run(

@@ -50,9 +50,11 @@ class Program:
                 return found
             os.write(self._terminal, keys)
             if select.select([self._terminal], [], [], 0.1)[0]:
-                with contextlib.suppress(OSError):  # it has ended
+                try:
                     shown = os.read(self._terminal, 65536).decode(errors="replace")
-                    self._seen = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", self._seen + shown)  # without colours
+                except OSError:  # it has ended
+                    break
+                self._seen = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", self._seen + shown)  # without colours
         raise TimeoutError(f"expected {pattern!r}, got {self._seen[-2000:]!r}")
 
     def end(self):

@@ -605,12 +605,12 @@ def test_only_a_node_with_commands_needs_a_master_that_answers(node, parts, code
 
 @pytest.mark.parametrize("respawn, waits", [("true", True), ("false", False)])
 def test_a_node_with_a_wrong_parameter_is_not_started_again_and_again(node, monkeypatch, respawn, waits):
-    """roslaunch would start it again whatever its exit code is."""
+    """roslaunch would start it again whatever its exit code is; the shutdown ends the wait."""
     monkeypatch.setenv(RESPAWN, respawn)
-    spins = []
-    monkeypatch.setattr(rospy, "spin", lambda: spins.append(1))
+    hooks = []
+    monkeypatch.setattr(rospy, "on_shutdown", lambda hook: (hooks.append(hook), hook()))
     assert node.run(given={"parts": "wings"}) == 2
-    assert (len(spins), len(node.lines("; then start the launch file again"))) == (waits, waits)
+    assert (len(hooks), len(node.lines("; it is tried again in 30 s"))) == (waits, waits)
     assert node.levels("parts is 'wings'") == ["fatal"]
 
 

@@ -259,8 +259,10 @@ def test_a_start_that_is_slow_is_waited_for_and_said(tmp_path, monkeypatch, caps
     )
     fake.chmod(0o755)
     ticks = itertools.count(step=1000)
-    monkeypatch.setattr(launcher.time, "monotonic", lambda: next(ticks))
-    monkeypatch.setattr(launcher.time, "sleep", lambda _: next(ticks) > 20_000 and slow.touch())
+    clock = SimpleNamespace(
+        monotonic=lambda: next(ticks), sleep=lambda _: next(ticks) > 20_000 and slow.touch()
+    )
+    monkeypatch.setattr(launcher, "time", clock)
     env = {**environment(tmp_path, 20001), "PATH": f"{tmp_path}:{os.environ['PATH']}"}
     run = Run(env, tmp_path)
     try:

@@ -1,7 +1,7 @@
 """`mrl flash`: upload the firmware to a board."""
 
 import os
-from typing import TYPE_CHECKING, List, Mapping, Optional, Tuple
+from typing import TYPE_CHECKING, Mapping, Optional, Tuple
 
 import click
 
@@ -86,14 +86,13 @@ def _upload(port: str, images: Mapping[Chip, str]) -> str:
     from mrl_driver.host import avrdude
 
     with progress(f"writing and reading back {port}", avrdude.MARKS) as advance:
-        errors: List[NotARobot] = []
         for chip, image in images.items():
             try:
                 avrdude.upload(port, image, advance=advance, bauds=bauds_of(port, chip), chip=chip)
                 return image
             except NotARobot as error:
-                errors.append(error)
-        raise errors[-1]
+                last = error
+        raise last
 
 
 def only_board() -> str:

@@ -340,7 +340,7 @@ class RobotFile(Form):
     """A robot model.
 
     Only `read` checks that the battery's levels fall from full to off, that no limit exceeds the board's ceiling, that
-    the wheel of a robot with an H-bridge has at least one count a turn, that its pins can do what the wiring asks of
+    an H-bridge board can control its wheels, that its pins can do what the wiring asks of
     them, and that sizes fit each other.
     """
 

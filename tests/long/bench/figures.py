@@ -258,12 +258,7 @@ def _boards(folder: Path, section: str = "") -> Iterator[List[str]]:
     found = [{row["key"]: row for row in one["rows"]} for one in boards.values()]
     for key, kind in KINDS.items():
         cells = [_measured(each[key]) if key in each else "" for each in found]
-        emulated = {
-            row["emulated"]
-            for each in found
-            for row in [each.get(key)]
-            if row and row["emulated"] is not None
-        }
+        emulated = {each[key]["emulated"] for each in found if key in each} - {None}
         if any(cells) and section in ("", kind.section):
             text = f"{kind.text} [{kind.unit}]" if kind.unit else kind.text
             expected = " or ".join(dict.fromkeys(map(number, sorted(emulated))))
