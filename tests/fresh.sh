@@ -23,7 +23,7 @@ $sudo apt-get install -qy git make python3-venv
 eval "$(sed -n "/^python3 -m venv/,/^pip install/p" README.md)"
 play() { # COMMAND WORDS KEYS WORDS: once the first words are shown, presses keys; once the others are, q
   mkfifo keys
-  TERM=xterm timeout 120 script -qefc "$1" shown <keys &
+  TERM=xterm timeout 1200 script -qefc "$1" shown <keys &
   exec 3>keys
   while kill -0 $! && ! grep -q "$2" shown; do sleep 0.1; done
   while kill -0 $! && ! grep -q "$4" shown; do printf "$3" >&3; sleep 0.1; done
@@ -137,7 +137,9 @@ inside() { # RELEASE WAY TREE ARCHIVES
   while IFS= read -r line; do env+=("$line"); done < <(env | grep -E "$PASSED_ON")
   do_in() { "${enter[@]}" "${as[@]}" "${env[@]}" sh -c "cd '$clone' && $1"; }
 
-  [ "$way" != root ] || for line in pip run test; do apt_sizes $line >"$log-$line-$ARCH.sizes" 2>&1 </dev/null || true; done
+  if [ "$way" = root ] && do_in "apt-get update -q" >"$log-apt.log" 2>&1 </dev/null; then
+    for line in pip run test; do apt_sizes $line >"$log-$line-$ARCH.sizes" 2>&1 </dev/null || true; done
+  fi
   commands "$release, $way" "$log"
 }
 
@@ -175,7 +177,7 @@ commands() { # NAME LOG
 apt_sizes() { # COMMAND
   local tier=$1
   [ "$1" != pip ] || tier=quick
-  do_in "apt-get update -q && apt-get install -qy --print-uris --no-install-recommends \
+  do_in "apt-get install -qy --print-uris --no-install-recommends \
     \$(make -n apt PACKAGES_apt='\$(PACKAGES_$tier)' | sed -n 's/^echo \"Debian packages that are missing: \(.*\)\"/\1/p')"
 }
 venv_size() { # COMMAND
