@@ -55,7 +55,7 @@ class PtyBoard:
 
     def unplug(self):
         self._end.set()
-        self._thread.join(10.0)
+        self._thread.join(PATIENCE_S)
         assert not self._thread.is_alive(), "the fake board hangs"
         os.close(self.slave)
         os.close(self.master)

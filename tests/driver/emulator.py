@@ -11,7 +11,7 @@ from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve.pty import PtyPort
 from sim_arduino.serve.server import PtyServer
 from sim_arduino.world.world import World
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
 STOP, MOVE = 0xFC, 0xEB  # Registers of the motor board
 DRIVE = (
@@ -58,7 +58,7 @@ class Emulator:
     def close(self) -> None:
         """Unplugs it."""
         self._server.stop()
-        self._thread.join(10.0)
+        self._thread.join(PATIENCE_S)
         assert not self._thread.is_alive(), "the emulator hangs"
         self._engine.close()
         self._port.close()

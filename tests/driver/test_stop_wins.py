@@ -180,12 +180,12 @@ def hung(driver, line):
 
     def hang(telemetry):
         hangs.set()
-        goes_on.wait(30.0)
+        goes_on.wait(PATIENCE_S)
 
     driver.drive(0.2, 0.0)
     wait_until(lambda: line.board.moves, what="the move")
     driver.on_telemetry(hang)
-    assert hangs.wait(30.0)
+    assert hangs.wait(PATIENCE_S)
     wait_until(lambda: driver.link.age_s >= session.LATE_S, what="late telemetry")
     yield driver
     goes_on.set()
@@ -305,7 +305,7 @@ def test_a_disk_that_hangs_delays_no_stop(line, monkeypatch, tmp_path):
     def slow(path, *args, **kwargs):
         if str(path).endswith("second.mrl"):
             opens.set()
-            goes_on.wait(60.0)
+            goes_on.wait(PATIENCE_S)
         return usual(path, *args, **kwargs)
 
     def exchange_files():
@@ -317,7 +317,7 @@ def test_a_disk_that_hangs_delays_no_stop(line, monkeypatch, tmp_path):
     driver.drive(0.2, 0.0)
     exchanging.start()
     try:
-        assert opens.wait(30.0)
+        assert opens.wait(PATIENCE_S)
         frames = driver.link.statistics.frames
         wait_until(lambda: driver.link.statistics.frames > frames + 3, what="telemetry")
         stopping.start()

@@ -22,8 +22,9 @@ import urllib.request
 from pathlib import Path
 
 from tests.cli.bootloader import Bootloader
+from tests.waiting import PATIENCE
 
-PATIENCE_S = 300.0  # pip and Python start slowly where other programs run
+PATIENCE_S = 300.0 * PATIENCE  # pip and Python start slowly where other programs run
 
 
 class Program:

@@ -9,6 +9,7 @@ from sim_arduino.hardware.wiring import Plant
 from sim_arduino.serve.pty import PtyPort, SymbolicLink
 from sim_arduino.serve.server import PtyServer
 from sim_arduino.world.world import World
+from tests.waiting import PATIENCE_S
 
 from .truth import ON_THE_WAY_S, Truth, Window, judge
 
@@ -66,6 +67,6 @@ class SoakRobot:
 
     def close(self) -> None:
         self.server.stop()
-        self._thread.join(10.0)
+        self._thread.join(PATIENCE_S)
         self._link.remove()
         self._port.close()
