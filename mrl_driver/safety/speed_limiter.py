@@ -19,8 +19,6 @@ FIRST_STEP_S, LONGEST_STEP_S = 0.02, 0.1
 
 A command from standstill takes effect at once, as if it were one frame of the stream old.  After a pause, a step
 accelerates for at most the longer time."""
-_FASTEST = 1e6
-"""Beyond this [m/s, rad/s] the arc of a command is not kept, because the scale overflows near the largest floats."""
 AUTOMATIC, MANUAL = "automatic", "manual"
 OPERATION_MODES = (AUTOMATIC, MANUAL)
 """A mode is a set of limits for the limiter, which stays the only one that limits speeds."""
@@ -62,23 +60,22 @@ class SpeedLimiter:
         self.target, self.speeds = None, ()
 
     def limited(self, speeds: Speeds) -> Speeds:
-        """Return the speeds, scaled down together if one exceeds its limit; arc and direction stay the same."""
+        """Return the speeds, scaled down together if one exceeds its limit; arc and direction stay the same.
+
+        Beyond about 1e305 m/s or rad/s, where the scale is infinite, they are 0.
+        """
         limits = self.limits
         assert limits is not None
-        linear, angular = abs(speeds[0]), abs(speeds[1])
-        if len(speeds) > 2 or linear > limits.linear_m_s or angular > limits.angular_rad_s:
-            linear, angular = (max(-_FASTEST, min(_FASTEST, speed)) for speed in speeds[:2])
-            lateral = max(-_FASTEST, min(_FASTEST, speeds[2])) if len(speeds) > 2 else 0.0
-            excess = max(
-                math.hypot(linear, lateral) / limits.linear_m_s,
-                abs(angular) / limits.angular_rad_s,
-                abs(lateral) / (limits.lateral_m_s or limits.linear_m_s),
-                1.0,
-            )
-            scaled = (linear / excess, angular / excess, lateral / excess)
-            speeds = scaled[: len(speeds)]
-        if limits.curve_m_s2 and (excess := _curve_excess(speeds, limits)) > 1.0:
-            speeds = tuple(speed / math.sqrt(excess) for speed in speeds)
+        linear, angular, lateral = (*speeds, 0.0)[:3]
+        speed = math.hypot(linear, lateral)
+        excess = max(
+            1.0,
+            speed / limits.linear_m_s,
+            abs(angular) / limits.angular_rad_s,
+            abs(lateral) / (limits.lateral_m_s or limits.linear_m_s),
+            math.sqrt(speed) * math.sqrt(abs(angular) / (limits.curve_m_s2 or math.inf)),
+        )
+        speeds = (linear / excess, angular / excess, lateral / excess)[: len(speeds)]
         return self.saturate(speeds) if self.saturate is not None else speeds
 
     def step(self, now: float) -> Speeds:
@@ -149,23 +146,15 @@ def ramp(before: Speeds, wanted: Speeds, limits: Limits, dt_s: float) -> Speeds:
     start.  The acceleration limits set this share.
     """
     goal, was, turn_goal = math.hypot(*wanted[0::2]), math.hypot(*before[0::2]), abs(wanted[1])
-    along = before[0] * wanted[0] + (before[2] * wanted[2] if len(before) == len(wanted) == 3 else 0.0)
+    along = sum(map(operator.mul, before[0::2], wanted[0::2]))
     # Nothing of a speed is kept if its direction reverses, and at most the wanted speed.
-    base = min(goal, was) if along > 0 else 0.0
-    turn_base = min(turn_goal, abs(before[1])) if before[1] * wanted[1] > 0 else 0.0
-    rise, turn_rise = limits.linear_acceleration_m_s2 * dt_s, limits.angular_acceleration_rad_s2 * dt_s
-    share = 1.0
-    if goal - base > rise:
-        share = rise / (goal - base)
-    if turn_goal - turn_base > turn_rise:
-        share = min(share, turn_rise / (turn_goal - turn_base))
-    if share == 1.0:
-        return wanted
-    factor = (base + share * (goal - base)) / goal if goal != base else 1.0
-    turn_factor = (turn_base + share * (turn_goal - turn_base)) / turn_goal if turn_goal != turn_base else 1.0
-    if len(wanted) == 2:
-        return wanted[0] * factor, wanted[1] * turn_factor
-    return wanted[0] * factor, wanted[1] * turn_factor, wanted[2] * factor
+    rise = goal - (min(goal, was) if along > 0 else 0.0)
+    turn_rise = turn_goal - max(0.0, min(turn_goal, before[1] * math.copysign(1.0, wanted[1])))
+    time_s = max(rise / limits.linear_acceleration_m_s2, turn_rise / limits.angular_acceleration_rad_s2)
+    lack = max(0.0, time_s - dt_s) / (time_s or math.inf)
+    factor = 1.0 - lack * rise / (goal or math.inf)
+    turn_factor = 1.0 - lack * turn_rise / (turn_goal or math.inf)
+    return tuple(map(operator.mul, wanted, (factor, turn_factor, factor)))
 
 
 def manual_speed_m_s(limits: Limits) -> float:

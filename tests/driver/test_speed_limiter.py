@@ -73,9 +73,12 @@ def test_robot_that_reverses_or_was_stopped_starts_from_standstill(bench, before
     assert bench.speeds == (pytest.approx(expected), 0.0)
 
 
-def test_largest_number_is_clamped(bench):
-    bench.run(3.0, 1e308)
-    assert bench.speeds == (pytest.approx(0.3), 0.0)
+@pytest.mark.parametrize(
+    "speeds, expected", [((1e300, 0.0), 0.3), ((1e308, 0.0), 0), ((1.7e308, 0.0, 1.7e308), 0)]
+)
+def test_a_huge_speed_is_clamped_and_one_whose_scale_overflows_stands_still(bench, speeds, expected):
+    bench.run(3.0, *speeds)
+    assert bench.speeds[0] == pytest.approx(expected) and not any(bench.speeds[1:])
 
 
 @pytest.mark.parametrize(
