@@ -86,9 +86,13 @@ def rounded(value: Number) -> Number:
 
 
 def origin() -> Dict[str, str]:
-    """Commit, date, compiler and processor of what is measured; the hash of its files says whether it has changed."""
+    """Commit, date, compiler and processor of what is measured; the hash of its files says whether it has changed.
+
+    The figures that another bench has just written are no change.
+    """
+    changed = _said("git", "diff", "--name-only", "HEAD", "--", ".", ":!docs/figures")
     return {
-        "commit": _said("git", "describe", "--always", "--dirty", "--exclude=*"),
+        "commit": _said("git", "rev-parse", "--short", "HEAD") + ("-dirty" if changed else ""),
         "date": time.strftime("%Y-%m-%d"),
         "compiler": _said("avr-gcc", "--version"),
         "cpu": next(
@@ -103,7 +107,7 @@ def _said(*command: str) -> str:
         done = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return ""
-    return done.stdout.splitlines()[0]
+    return done.stdout.partition("\n")[0]
 
 
 def write(path: Path, figures: Mapping[str, Any]) -> None:
