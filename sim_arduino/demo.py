@@ -11,7 +11,7 @@ from typing import Iterator, Optional
 
 import click
 
-from mrl_driver.errors import ConfigError
+from mrl_driver.errors import ConfigError, PortBusy
 from mrl_driver.terminal.keyboard import Keyboard
 
 _NEXT = """next:
@@ -51,12 +51,9 @@ def demo(ctx: click.Context, robot: Optional[str], world: Optional[str], way: Op
             from mrl_driver.apps.web.command import web
 
             browser = ["--browser"] if {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ) else []
-            click.echo("q ends the demonstration")
+            options = ["--port", board.port, "--robot", robot, "--listen", _free_address(), *browser]
             with _q_is_ctrl_c():
-                web.main(
-                    ["--port", board.port, "--robot", robot, "--listen", "127.0.0.1:0", *browser],
-                    standalone_mode=False,
-                )
+                web.main(options, standalone_mode=False, obj="q" if sys.stdin.isatty() else None)
             click.echo()
         else:
             from mrl_driver.cli.commands.drive import drive
@@ -76,6 +73,17 @@ def _run_ros(robot: str) -> None:
     os.execv(sys.executable, [sys.executable, "-m", "ros1_bridge.demo.launcher", "--robot", robot])
 
 
+def _free_address() -> str:
+    """Return the address of `mrl web`, with any free port if another program has its own."""
+    from mrl_driver.apps.web.listening import HOST, PORT, listening_socket
+
+    try:
+        listening_socket(HOST, PORT).close()
+        return f"{HOST}:{PORT}"
+    except PortBusy:
+        return f"{HOST}:0"
+
+
 @contextlib.contextmanager
 def _q_is_ctrl_c() -> Iterator[None]:
     """In this block the key q ends the program in this terminal, as Ctrl-C does, but without an error.
@@ -83,7 +91,6 @@ def _q_is_ctrl_c() -> Iterator[None]:
     Ctrl-C does so too where it was ignored, as in a program that a script has started in the background.
     """
     pressed = threading.Event()
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def read() -> None:
         while not pressed.is_set():
@@ -92,6 +99,7 @@ def _q_is_ctrl_c() -> Iterator[None]:
                 os.kill(os.getpid(), signal.SIGINT)
 
     with Keyboard() as keys:
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
         threading.Thread(target=read, daemon=True).start()
         try:
             yield

@@ -57,18 +57,17 @@ def _parts(model: models.RobotModel) -> List[Part]:
     bumpers = [(name, _words(wiring.short(name))) for name in wiring.STOP_INPUTS if "bumper" in name]
     divider = _wires(pins, [("pin_battery", "22 kΩ to battery +")])
     lower = [Wire(GROUND, f"10 kΩ and 100 nF to {wire.pin}") for wire in divider]
-    found += [
-        ("Encoders", [*_wires(pins, encoders), Wire(POWER, "supply +"), Wire(GROUND, "supply −")]),
-        ("HC-SR04", [*_wires(pins, echoes), Wire(POWER, "VCC"), Wire(GROUND, "GND")]),
-        ("Switches, closed when hit", [*_wires(pins, bumpers), Wire(GROUND, "other end")]),
-        ("Divider of the battery", [*divider, *lower]),
-    ]
-    if model.board[wiring.I2C]:
-        bus = [Wire(chip.label(pin), f"{at}, by level shifter") for pin, at in zip(chip.bus, ("SDA", "SCL"))]
-        found.append(("IMU, optional", [*bus, Wire(POWER, "VCC"), Wire(GROUND, "GND")]))
+    bus = [Wire(chip.label(pin), f"{at}, by level shifter") for pin, at in zip(chip.bus, ("SDA", "SCL"))]
+    others = (
+        ("Encoders", _wires(pins, encoders), [Wire(POWER, "supply +"), Wire(GROUND, "supply −")]),
+        ("HC-SR04", _wires(pins, echoes), [Wire(POWER, "VCC"), Wire(GROUND, "GND")]),
+        ("Switches, closed when hit", _wires(pins, bumpers), [Wire(GROUND, "other end")]),
+        ("Divider of the battery", divider, lower),
+        ("IMU, optional", bus * model.board[wiring.I2C], [Wire(POWER, "VCC"), Wire(GROUND, "GND")]),
+    )
     if pins:
         raise ConfigError(f"{model.name}: no part has {', '.join(pins)}; add it to {__name__}")
-    return found
+    return found + [(title, [*signals, *supply]) for title, signals, supply in others if signals]
 
 
 def _wires(pins: Dict[str, str], rows: Sequence[Tuple[str, str]], pulled: bool = False) -> List[Wire]:

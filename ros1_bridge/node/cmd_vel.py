@@ -210,5 +210,5 @@ class OperatorCmdVel(StampedCmdVel):
             if not echoed:
                 self._delay.forget()
                 self.guard.lose()
-        if not echoed and not rospy.is_shutdown():
+        if not echoed and not self._ended:  # rospy breaks connections before it says that it shuts down
             rospy.logwarn(f"the delay is unknown and has no limit: nobody publishes {self._echoes.name}")

@@ -4,6 +4,7 @@ It needs no command line library, as that of ROS Noetic is too old.
 """
 
 import argparse
+import os
 import re
 import shlex
 import sys
@@ -332,7 +333,7 @@ def _announcer(
         if path:
             sys.stdout.write(f"{name} {path}\n".lstrip())
             sys.stdout.flush()
-        if path and sys.stderr.isatty():
+        if path and _in_foreground():
             shown = link or path
             place = "" if listen or shown.startswith("/") else ", in this folder"
             _print_message(
@@ -342,6 +343,14 @@ def _announcer(
             _print_message(f"listening on {path}; everybody who can reach this address can drive the robot")
 
     return announce
+
+
+def _in_foreground() -> bool:
+    """Whether Ctrl-C at the terminal ends this program.  Not below roslaunch, whose nodes drive the robot."""
+    try:
+        return os.tcgetpgrp(sys.stderr.fileno()) == os.getpgrp()
+    except OSError:  # no terminal, or that of another session
+        return False
 
 
 def _print_message(text: str) -> None:

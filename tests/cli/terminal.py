@@ -3,6 +3,7 @@
 import contextlib
 import os
 import pty
+import re
 import subprocess
 import sys
 import threading
@@ -10,19 +11,20 @@ import threading
 from tests.waiting import PATIENCE_S, wait_until
 
 MRL = [sys.executable, "-m", "mrl_driver"]
+_COLOURS = re.compile(r"\x1b\[[\d;?]*[A-Za-z]")
 # No .pyc is written: one that is cut off would break every later import of its module.
 _FULL = "import resource, sys; sys.dont_write_bytecode = True; resource.setrlimit(resource.RLIMIT_FSIZE, ({0}, {0})); "
 
 
 class Terminal:
-    """A command on a terminal, which takes what it shows until `stalled` is set."""
+    """A command of `mrl` on a terminal, which takes what it shows until `stalled` is set."""
 
-    def __init__(self, *args, folder=".", term="xterm"):
+    def __init__(self, *args, mrl=MRL, folder=".", term="xterm"):
         self.pid, self._fd = pty.fork()
         if self.pid == 0:
             os.environ["TERM"] = term
             os.chdir(folder)
-            os.execv(sys.executable, [*MRL, *map(str, args)])
+            os.execv(mrl[0], [*map(str, (*mrl, *args))])
         self.seen = bytearray()
         self.stalled = threading.Event()
         self._reader = threading.Thread(target=self._drain, daemon=True)
@@ -36,12 +38,23 @@ class Terminal:
     def press(self, keys):
         os.write(self._fd, keys)
 
+    def wait_for(self, pattern, keys=b"", timeout_s=30.0):
+        """The match of a pattern in what it has shown, without colours; the keys are pressed until then."""
+
+        def match():
+            running = self._reader.is_alive()
+            shown = _COLOURS.sub("", self.seen.decode(errors="replace"))
+            found = re.search(pattern, shown)
+            assert found or running, f"expected {pattern!r}, got {shown!r}"
+            if keys and not found:
+                self.press(keys)
+            return found
+
+        return wait_until(match, timeout_s, step_s=0.05, what=repr(pattern))
+
     def answer(self, question, words):
         """Wait for a question, and type an answer."""
-        try:
-            wait_until(lambda: question.encode() in self.seen or not self._reader.is_alive())
-        finally:
-            assert question.encode() in self.seen, f"expected {question!r}, got {bytes(self.seen).decode()}"
+        self.wait_for(re.escape(question))
         self.press(words.encode() + b"\n")
 
     def end(self, number=0):

@@ -227,7 +227,7 @@ def test_driving_with_the_keyboard(serve):
     port = serve()
     terminal = Terminal("drive", "--port", port.path)
     try:
-        wait_until(lambda: b"asked" in terminal.seen)
+        terminal.wait_for("asked")
         terminal.press(b"\x1a")
         wait_until(lambda: terminal.press(b"\x1b[A") or was_driven(port), step_s=0.1)
         wait_until(lambda: port.board.speeds == (0, 0))
@@ -243,7 +243,7 @@ def test_a_terminal_that_takes_no_more_output_stops_the_robot(serve):
     port = serve()
     terminal = Terminal("drive", "--port", port.path)
     try:
-        wait_until(lambda: b"asked" in terminal.seen)
+        terminal.wait_for("asked")
         terminal.press(b"\x1b[A")
         wait_until(lambda: port.board.speeds == (250, 0))
         terminal.stalled.set()

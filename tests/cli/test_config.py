@@ -267,6 +267,12 @@ def test_another_id_for_the_board_is_the_names_from_then_on():
     assert named_robots.read()["lab3"].id == 2
 
 
+@pytest.mark.parametrize(("there", "code"), [(0, 0), (1, 2)])
+def test_only_a_board_that_has_an_id_is_changed_after_a_question(there, code):
+    with EmulatedBoard(robot_id=there) as board:
+        assert mrl("set-id", 1, "--port", board.port).returncode == code
+
+
 CP2102 = Port("/dev/ttyUSB0", ("/dev/serial/by-id/usb-Silicon_Labs-if00",), 0x10C4, 0xEA60, "0001")
 FTDI = Port("/dev/ttyUSB0", ("/dev/serial/by-id/usb-FTDI_A50285BI-if00",), 0x0403, 0x6001, "A50285BI")
 

@@ -85,12 +85,11 @@ def python_names() -> Iterator[Line]:
     for module, names in PUBLIC.items():
         for word in names.split():
             name = word.strip("-()")
-            found = getattr(importlib.import_module(module), name, None)
-            if found is not None:
-                made = callable(found) and word[0] != "-"
-                yield "python", f"{module}.{name}", _arguments(found) if made else []
-                if inspect.isclass(found) and not word.endswith("()"):
-                    yield from _members(f"{module}.{name}", found)
+            found = getattr(importlib.import_module(module), name)
+            made = callable(found) and word[0] != "-"
+            yield "python", f"{module}.{name}", _arguments(found) if made else []
+            if inspect.isclass(found) and not word.endswith("()"):
+                yield from _members(f"{module}.{name}", found)
 
 
 def _members(path: str, found: type) -> Iterator[Line]:

@@ -56,6 +56,12 @@ STORED = ("eeprom", "recording")
 KINDS = sorted({kind for _, kind, _, _ in promised()} - set(STORED))
 
 
+def test_a_name_of_a_new_list_that_is_not_there_is_an_error(monkeypatch):
+    monkeypatch.setitem(present.PUBLIC, "mrl_driver.geometry", "Pose Poses")
+    with pytest.raises(AttributeError, match="Poses"):
+        list(present.python_names())
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_was_promised_is_there(kind):
     kept = KEPT.get(kind, lambda old, new: set(old) <= set(new))

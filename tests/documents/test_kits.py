@@ -26,10 +26,15 @@ TB6612 = {"pwm_a": "PWM{}", "pwm_b": "{}IN1", "logic": "{}IN2"}
 """Inputs of a channel of the TB6612 by the functions of their pins: the column of HARDWARE.md."""
 
 
+def texts(path):
+    """The texts of a robot's diagram."""
+    return xml.etree.ElementTree.fromstring(wiring_diagram(str(path))).findall("{*}text")
+
+
 def drawn(path):
     """What each row of a diagram leads a pin to: pairs of texts at the same height."""
     rows = collections.defaultdict(list)
-    for each in xml.etree.ElementTree.fromstring(wiring_diagram(str(path))).findall("{*}text"):
+    for each in texts(path):
         rows[int(each.get("y"))].append((int(each.get("x")), each.text))
     lines = (sorted(row) for row in rows.values())
     return [tuple(text for _, text in line[:2]) for line in lines if len(line) > 1]
@@ -76,6 +81,16 @@ def test_each_input_of_a_bridge_has_its_resistor(kit):
     """A motor must not start while the pins float."""
     root = xml.etree.ElementTree.fromstring(wiring_diagram(str(FOLDER / f"{kit}.yaml")))
     assert len(root.findall("{*}circle")) == sum(name.endswith(tuple(TB6612)) for name in pins_of(kit))
+
+
+def test_a_part_that_the_robot_lacks_is_not_drawn(tmp_path):
+    path = tmp_path / "bare.yaml"
+    lines = (FOLDER / "two_wheels.yaml").read_text(encoding="utf-8").splitlines()
+    lacking = ("bumper_", "battery: A3", "range_1", "i2c")
+    kept = [each for each in lines if not each.strip().startswith((*lacking, "sonars", "front"))]
+    path.write_text("\n".join([*kept, "sonars: {}"]))
+    parts = {each.text for each in texts(path) if each.get("class") == "b"}
+    assert parts == {"Uno or Nano", "Computer", "TB6612 (1)", "Encoders"}
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,7 @@ there before.  Then it serves the page, and uploads the build of a bare board wh
 
 import contextlib
 import os
-import pty
-import re
 import resource
-import select
 import shutil
 import subprocess
 import sys
@@ -22,48 +19,9 @@ import urllib.request
 from pathlib import Path
 
 from tests.cli.bootloader import Bootloader
-from tests.waiting import PATIENCE
+from tests.cli.terminal import Terminal
 
-PATIENCE_S = 300.0 * PATIENCE  # pip and Python start slowly where other programs run
-
-
-class Program:
-    """A program on a terminal of its own."""
-
-    def __init__(self, *words):
-        self.pid, self._terminal = pty.fork()
-        if self.pid == 0:
-            os.environ["TERM"] = "xterm"
-            os.execv(words[0], list(map(str, words)))
-        self._seen = ""
-
-    def wait_for(self, pattern, keys=b""):
-        """The match of a pattern in what it has shown since the last one; the keys are pressed until then.
-
-        Raises:
-            TimeoutError: it is not shown, or the program has ended.
-        """
-        end_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end_s:
-            found = re.search(pattern, self._seen)
-            if found:
-                self._seen = self._seen[found.end() :]
-                return found
-            os.write(self._terminal, keys)
-            if select.select([self._terminal], [], [], 0.1)[0]:
-                try:
-                    shown = os.read(self._terminal, 65536).decode(errors="replace")
-                except OSError:  # it has ended
-                    break
-                self._seen = re.sub(r"\x1b\[[\d;?]*[A-Za-z]", "", self._seen + shown)  # without colours
-        raise TimeoutError(f"expected {pattern!r}, got {self._seen[-2000:]!r}")
-
-    def end(self):
-        """Press q, and wait for the end; an error if its exit code is not 0."""
-        os.write(self._terminal, b"q")
-        self.wait_for("mrl new")
-        status = os.waitpid(self.pid, 0)[1]
-        assert status == 0, f"it ended with the status {status}"
+START_S = 300.0  # pip and Python start slowly where other programs run
 
 
 def installed(source, folder):
@@ -86,23 +44,35 @@ def cpu_s():
     return used.ru_utime + used.ru_stime
 
 
+def demo(programs, *options):
+    """The demonstration of the installed programs."""
+    return Terminal("demo", *options, mrl=[programs / "mrl"])
+
+
+def end(terminal):
+    """Press q, and wait for the end; an error if its exit code is not 0."""
+    terminal.press(b"q")
+    terminal.wait_for("mrl new", timeout_s=START_S)
+    assert terminal.end() == 0
+
+
 def drive(programs):
     """Drive with the keys, until the wheels have measured a motion; returns when that was [s]."""
-    demo = Program(programs / "mrl", "demo")
-    demo.wait_for("asked")
-    demo.wait_for(r"path +0\.(?!00)\d\d m", b"w")
+    terminal = demo(programs)
+    terminal.wait_for("asked", timeout_s=START_S)
+    terminal.wait_for(r"path +0\.(?!00)\d\d m", b"w", START_S)
     moved_s = time.monotonic()
-    demo.end()
+    end(terminal)
     return moved_s
 
 
 def page(programs):
     """The page, as a browser gets it."""
-    demo = Program(programs / "mrl", "demo", "--web")
-    address = demo.wait_for(r"http://[\w.:]+/?\S*")[0]
+    terminal = demo(programs, "--web")
+    address = terminal.wait_for(r"http://[\w.:]+/?\S*", timeout_s=START_S)[0]
     with urllib.request.urlopen(address) as answer:
         got = answer.read()
-    demo.end()
+    end(terminal)
     return got
 
 

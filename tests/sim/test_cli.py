@@ -11,9 +11,12 @@ import pytest
 import yaml
 
 from mrl_driver.robot import models
+from tests.cli.terminal import Terminal
 from tests.waiting import PATIENCE_S, wait_until
 
 from .simulator import Client, Simulator
+
+MRL_SIM = [sys.executable, "-m", "sim_arduino"]
 
 
 def fail(*options):
@@ -25,6 +28,24 @@ def fail(*options):
     )
     assert done.stdout == ""
     return done.returncode, done.stderr
+
+
+def test_a_terminal_gets_the_next_command():
+    terminal = Terminal(mrl=MRL_SIM)
+    terminal.wait_for("Ctrl-C ends it; drive it .*: mrl drive --port /dev/")
+    assert terminal.end(signal.SIGTERM) == 0
+
+
+def test_below_roslaunch_there_is_no_next_command():
+    """There it has the terminal, but a session of its own, and a node has the port."""
+    ours, theirs = os.openpty()
+    with subprocess.Popen(MRL_SIM, stdout=subprocess.PIPE, stderr=theirs, start_new_session=True) as started:
+        os.close(theirs)
+        started.stdout.readline()
+        started.terminate()
+    with pytest.raises(OSError):
+        os.read(ours, 1)
+    os.close(ours)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])

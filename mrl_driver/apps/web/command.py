@@ -74,6 +74,7 @@ def web(
     from mrl_driver.driver.options import QUEUED_S
     from mrl_driver.view.shown_state import state_of
 
+    ends = click.get_current_context().find_object(str) or "Ctrl-C"  # `mrl demo` has a key for it
     settings = settings_for(listen, new_tokens, print_message)
     folder = recordings or os.path.join(folders.data(), "recordings")
     options.update(reconnect=True, command_timeout_s=COMMAND_TIMEOUT_S, queued_s=QUEUED_S)
@@ -89,7 +90,7 @@ def web(
             if browser:
                 click.launch(lines[0].split()[-1])
             if settings.tokens is None:
-                lines[0] += f" shows {state_of(driver).name}; Ctrl-C ends it"
+                lines[0] += f" shows {state_of(driver).name}; {ends} ends it"
             click.echo("\n".join(lines))
 
         serve(DriverRobot(driver, folder), settings, lambda: str(driver.error or ""), begun, ear)

@@ -32,7 +32,9 @@ def set_id(target: Target, robot_id: int, yes: bool) -> None:
             f"robot id {robot_id} is not an id of {model.name}, expected {', '.join(map(str, model.ids))}"
         )
     with connected(target, model, ignore_battery=True, any_id=True, identify=True) as driver:
-        confirm(f"Change the robot id from {driver.board.robot_id} to {robot_id}?", yes)
+        there = driver.board.robot_id
+        if there:
+            confirm(f"The board is robot {there}. Store id {robot_id} and parameters of {model.name}?", yes)
         driver.parameters.save_model(robot_id, model)
     if target.name:
         named = named_robots.read()

@@ -13,7 +13,6 @@ from typing import Callable, Dict
 
 from tests.cli.terminal import Terminal
 from tests.driver.emulator import Emulator
-from tests.waiting import wait_until
 from tests.web.browser import DESK, Browser
 from tests.web.robot_page import RobotPage
 from tests.web.served import Served
@@ -45,7 +44,7 @@ def monitor_cpu() -> float:
     os.environ.update(LINES=str(ROWS), COLUMNS=str(COLUMNS))
     terminal = Terminal("monitor", "--port", robot.path)
     try:
-        wait_until(lambda: b"sonar" in terminal.seen.lower())
+        terminal.wait_for("(?i)sonar")
         return cpu_percent(terminal.pid)
     finally:
         terminal.end(signal.SIGTERM)
