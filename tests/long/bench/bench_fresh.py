@@ -13,13 +13,23 @@ MB = {"kB": 1e-3, "MB": 1.0, "GB": 1e3}
 
 
 def figures() -> Dict[str, Measured]:
-    """Packages of Debian, and MB: theirs to download and on the disk, and of the virtual environment."""
+    """Packages of Debian, and MB: theirs to download and on the disk, and of the virtual environment; times to drive."""
     found: Dict[str, Measured] = {}
-    for path in (ROOT / "build" / "fresh").glob("*.sizes"):
+    for path in (ROOT / "build" / "fresh").glob("*-root-*.sizes"):
         release, command, arch = re.findall(r"(\w+)-root-(\w+)-(\w+)", path.stem)[0]
         name = "_".join((release, command, *[arch] * (arch != "amd64")))
-        found.update((f"{name}_{key}", value) for key, value in sizes(path.read_text(encoding="utf-8")))
+        said = path.read_text(encoding="utf-8")
+        found.update((f"{name}_{key}", value) for key, value in (*sizes(said), *times(said)))
     return found
+
+
+def times(said: str) -> Iterator[Tuple[str, float]]:
+    """The figures from what `tests.packaging.first_motion` prints of a clone and of a wheel."""
+    pattern = r"^(\S+), Python.*\n.*\(CPU ([\d.]+) s\); first motion after ([\d.]+) s"
+    for source, pip_s, moved_s in re.findall(pattern, said, re.M):
+        kind = "wheel" if source.endswith(".whl") else "clone"
+        yield f"{kind}_pip_cpu_s", float(pip_s)
+        yield f"{kind}_first_motion_s", float(moved_s)
 
 
 def sizes(said: str) -> Iterator[Tuple[str, int]]:
