@@ -37,6 +37,7 @@ FIRST = (
     "web/",
     "driver/",
     "packaging/",
+    "long/measure",
     "firmware/test_build",
     "documents/test_robot_recipe",
     "calibration/",
