@@ -2,7 +2,7 @@
 
 import math
 from functools import lru_cache
-from typing import Callable, Dict, List, Optional, Sequence, Tuple
+from typing import Callable, Dict, List, NamedTuple, Optional, Sequence, Tuple
 
 from mrl_driver.protocol.frames import to_int16
 from mrl_driver.protocol.stop_reason import StopReason
@@ -50,6 +50,12 @@ An empty entry stands for a drive with duty 0."""
 
 
 @lru_cache(maxsize=None)
+def shares(chip: str, backward: bool, duty: int, coast: bool) -> Tuple[float, ...]:
+    """Shares of time for which PWM_A, PWM_B and LOGIC are high; fast PWM has 256 steps, phase-correct PWM 255."""
+    steps = HIGH + 1 if chip in _FAST_PWM else HIGH
+    return tuple(level / steps if level < HIGH else 1.0 for level in levels(chip, backward, duty, coast))
+
+
 def levels(chip: str, backward: bool, duty: int, coast: bool) -> Tuple[int, ...]:
     """Levels of PWM_A, PWM_B and LOGIC for a duty of 0 to 255; 0 brakes, or lets the motor coast if the chip can."""
     if chip not in _PINS:
@@ -61,10 +67,13 @@ def levels(chip: str, backward: bool, duty: int, coast: bool) -> Tuple[int, ...]
     return tuple({"0": LOW, "1": HIGH, "D": duty, "R": HIGH - duty}[pin] for pin in pins)
 
 
-def share(chip: str, level: int) -> float:
-    """Share of time for which a pin with this level is high; fast PWM has 256 steps, phase-correct PWM 255."""
-    steps = HIGH + 1 if chip in _FAST_PWM and level < HIGH else HIGH
-    return level / steps
+class Cables(NamedTuple):
+    """How a wheel is connected: indices of its encoder and of its motor, and whether they are reversed."""
+
+    encoder: int
+    motor: int
+    encoder_reversed: bool
+    motor_reversed: bool
 
 
 class BatteryInput:
@@ -185,7 +194,12 @@ class BridgeControl(Motors):
         self._problem = wiring.check(pins, bridge, self._chip)
         self.accepted = self._problem == wiring.SOUND and bridge != BRIDGES[0]
         pins = pins if self.accepted else wiring.EMPTY
-        self._outputs, self._levels = wiring.output_pins(pins), {}
+        self._levels = {}
+        reached = [set(wires) - {NOT_CONNECTED} for wires in self._pins.outputs]
+        self._outputs = [
+            (outputs, [motor for motor, wires in enumerate(reached) if not wires.isdisjoint(outputs)])
+            for outputs in wiring.output_pins(pins)
+        ]
         for index, encoder in enumerate(self.encoders):
             self._kept_counts[index] = encoder.count
         self.encoders = [
@@ -194,6 +208,7 @@ class BridgeControl(Motors):
         for encoder, count in zip(self.encoders, self._kept_counts):
             encoder.count = count
             encoder.single_channel = encoder.single_channel or self._wired("single_channel")
+        self._cables = [self._cables_of(wheel) for wheel in range(len(self.encoders))]
         self.inputs.begin(pins, now_s)
         battery = pins["pin_battery"]
         self._battery.channel = NONE if battery == NOT_CONNECTED else self._chip.pins[battery].channel
@@ -201,12 +216,11 @@ class BridgeControl(Motors):
     def _wired(self, name: str) -> bool:
         return bool(self._config["wiring"] & _BITS[name])
 
-    def _index_of(self, parts: str, wheel: int) -> int:
-        """Index of a wheel's motor or encoder; those at the front may be swapped."""
-        return wheel ^ int(wheel < wiring.FRONT and self._wired(f"{parts}_swapped"))
-
-    def _reversed(self, part: str, wheel: int) -> bool:
-        return self._wired(f"{WHEELS[wheel]}_{part}_reversed")
+    def _cables_of(self, wheel: int) -> Cables:
+        """Motors and encoders at the front may be swapped."""
+        parts, front = ("encoder", "motor"), wheel < wiring.FRONT
+        encoder, motor = (wheel ^ int(front and self._wired(f"{part}s_swapped")) for part in parts)
+        return Cables(encoder, motor, *(self._wired(f"{WHEELS[wheel]}_{part}_reversed") for part in parts))
 
     # ---- periods
 
@@ -243,7 +257,7 @@ class BridgeControl(Motors):
             encoder.take(edges, self._start_s)
 
     def _serve(self, now_s: float, wheel: int, tick: int) -> None:
-        index, moved = self._index_of("encoders", wheel), self._moved_by(wheel)
+        index, moved = self._cables[wheel].encoder, self._moved_by(wheel)
         encoder = self.encoders[index]
         self._last_counts[index] = encoder.count
         reason = self._wheels[wheel].update(self._settings, moved, encoder.edge_tick, tick)
@@ -257,25 +271,23 @@ class BridgeControl(Motors):
 
     def _moved_by(self, wheel: int) -> int:
         """Counts of a wheel since its last period; a single channel counts in the direction of the command."""
-        index = self._index_of("encoders", wheel)
-        counts = to_int16(self.encoders[index].count - self._last_counts[index])
-        if self.encoders[index].single_channel:
-            return -counts if self._wheels[wheel].last_direction < 0 else counts
-        return -counts if self._reversed("encoder", wheel) else counts
+        index, _, backward, _ = self._cables[wheel]
+        encoder = self.encoders[index]
+        if encoder.single_channel:
+            backward = self._wheels[wheel].last_direction < 0
+        counts = to_int16(encoder.count - self._last_counts[index])
+        return -counts if backward else counts
 
     def _write(self, now_s: float, wheel: int) -> None:
-        level = self._wheels[wheel].level()
-        backward = (self._wheels[wheel].last_direction < 0) != self._reversed("motor", wheel)
+        level, cables = self._wheels[wheel].level(), self._cables[wheel]
+        backward = (self._wheels[wheel].last_direction < 0) != cables.motor_reversed
         chip = BRIDGES[self._config["bridge"] if self._usable else 0]
-        enable = HIGH if self._usable else LOW
-        pins = (*levels(chip, backward, abs(level), bool(self._config["stop_mode"])), enable)
-        outputs = self._outputs[self._index_of("motors", wheel)]
-        self._levels.update(
-            (pin, share(chip, each)) for pin, each in zip(outputs, pins) if pin != NOT_CONNECTED
-        )
-        for motor, wires in enumerate(self._pins.outputs):
-            if set(wires) & set(outputs) - {NOT_CONNECTED}:
-                self._pins.write(now_s, motor, *(self._levels.get(pin, 0.0) for pin in wires))
+        high = shares(chip, backward, abs(level), bool(self._config["stop_mode"]))
+        outputs, motors = self._outputs[cables.motor]
+        self._levels.update(zip(outputs, (*high, float(self._usable))))
+        for motor in motors:
+            wires = self._pins.outputs[motor]
+            self._pins.write(now_s, motor, *[self._levels.get(pin, 0.0) for pin in wires])
 
     def _watch_battery(self, now_s: float) -> None:
         """A battery that has recovered without load must be a sixteenth above the limit."""

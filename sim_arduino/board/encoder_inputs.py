@@ -5,8 +5,7 @@ from typing import Dict, Iterable, Mapping, Tuple
 
 from mrl_driver.protocol.table import NOT_CONNECTED, TICK_S
 from mrl_driver.robot.chips import ATMEGA328P, Chip
-from sim_arduino.hardware.bridge_plant import PinEdge
-from sim_arduino.hardware.encoders import PULLED_UP
+from sim_arduino.hardware.encoders import PULLED_UP, PinEdge
 
 SAMPLE_TICKS = 78  # time between two samples [64 us]: 4.992 ms, 200.3 Hz
 MOST_EDGES = 250  # this many edges between two samples mask an encoder's interrupt

@@ -5,7 +5,7 @@ edges of the encoders' pins come out at their true times.
 """
 
 import math
-from typing import Dict, List, NamedTuple, Sequence
+from typing import Dict, List, Sequence
 
 from mrl_driver.geometry import Pose
 from mrl_driver.protocol.table import BRIDGES as BRIDGE_NAMES
@@ -16,7 +16,7 @@ from mrl_driver.robot.models import COMMON_BOARD, RobotModel
 
 from .bridge import BRIDGES, Bridge, Shares
 from .dc_motor import DcMotor, DcMotorParams
-from .encoders import Quadrature
+from .encoders import PinEdge, Quadrature
 from .robot_physics import AS_MODELLED, Errors, RobotPhysics, params_for
 from .stop_inputs import StopInputs
 
@@ -39,14 +39,6 @@ ROLLING = 0.03  # rolling friction of a wheel, as a share of the weight; assumed
 STICTION = 1.5  # static friction over moving friction; assumed
 GRAVITY_M_S2 = 9.81
 _BITS = {name: 1 << bit for bit, (name, _) in enumerate(WIRING)}
-
-
-class PinEdge(NamedTuple):
-    """A change of an encoder pin, or of another input: time [s], Arduino pin, new level."""
-
-    time_s: float
-    pin: int
-    level: int
 
 
 def has_bridge(model: RobotModel) -> bool:
@@ -121,7 +113,8 @@ class BridgePlant:
     ) -> None:
         self.robot = robot
         self.bridge: Bridge = BRIDGES[model.board["bridge"]]
-        self._tied = board_wiring.BRIDGE_WIRES[BRIDGE_NAMES[model.board["bridge"]]].tied
+        tied = board_wiring.BRIDGE_WIRES[BRIDGE_NAMES[model.board["bridge"]]].tied
+        self._tied = [float(wire in (tied, ENABLE)) for wire in range(ENABLE + 1)]
         table = board_wiring.of_board(model.board)
         self.outputs, self.encoder_pins = board_wiring.output_pins(table), board_wiring.encoder_pins(table)
         self._levels = [[0.0 for _ in pins] for pins in self.outputs]
@@ -135,16 +128,23 @@ class BridgePlant:
         self._swapped = {parts: int(f"{parts}_swapped" in self._set) for parts in ("motors", "encoders")}
         self.encoders = tuple(
             Quadrature(
+                pins,
                 phase_error,
                 "single_channel" in self._set or pins[1] == NOT_CONNECTED,
                 reversed_=self._is_reversed("encoder", self._wheel("encoders", each)),
             )
             for each, pins in enumerate(self.encoder_pins)
         )
+        wheels = [self._wheel("motors", each) for each in range(len(self.outputs))]
+        self._driven = [(self.motor(wheel), self._is_reversed("motor", wheel)) for wheel in wheels]
+        followed = [self.motor(self._wheel("encoders", each)) for each in range(len(self.encoders))]
+        self._followed = list(zip(self.encoders, followed))
         self.inputs = StopInputs(model)
         self.levels: Dict[int, int] = {}  # levels of the board's inputs after the last `advance`
         self._edges: List[PinEdge] = []
-        self._note_levels()
+        for encoder in self.encoders:
+            self.levels.update({wire.pin: wire.level for wire in encoder.wires if wire.pin != NOT_CONNECTED})
+        self.levels.update(self.inputs.levels())
 
     # ---- cables
 
@@ -170,15 +170,18 @@ class BridgePlant:
             self._drive(motor, (pwm_a, pwm_b, logic, enable))
 
     def _drive(self, motor: int, high: Sequence[float]) -> None:
-        self._levels[motor] = [
-            share if pin != NOT_CONNECTED else float(wire in (self._tied, ENABLE))
-            for wire, (share, pin) in enumerate(zip(high, self.outputs[motor]))
+        levels = [
+            share if pin != NOT_CONNECTED else tied
+            for share, pin, tied in zip(high, self.outputs[motor], self._tied)
         ]
-        enabled = all(levels[ENABLE] == 1.0 for levels in self._levels)
-        for each, levels in enumerate(self._levels):
-            wheel = self._wheel("motors", each)
-            shares = self.bridge.shares(*levels[:ENABLE]) if enabled else Shares()
-            self.motor(wheel).shares = shares.reversed() if self._is_reversed("motor", wheel) else shares
+        if levels == self._levels[motor]:
+            return
+        enable_changes, self._levels[motor] = levels[ENABLE] != self._levels[motor][ENABLE], levels
+        enabled = all([levels[ENABLE] == 1.0 for levels in self._levels])
+        for each in range(len(self._levels)) if enable_changes else (motor,):
+            shares = self.bridge.shares(*self._levels[each][:ENABLE]) if enabled else Shares()
+            driven, backward = self._driven[each]
+            driven.shares = shares.reversed() if backward else shares
 
     def off(self, time_s: float) -> None:
         """All wires are low: the pins are inputs, and pull-downs hold the bridges."""
@@ -215,33 +218,22 @@ class BridgePlant:
         """Runs the robot to `time_s` [s]."""
         while self._toggles_s and self._toggles_s[0] <= time_s:
             self._toggle()
-        self._run(time_s)
+        if time_s > self.time_s:
+            self._run(time_s)
 
     def _run(self, time_s: float) -> None:
         start_s = self.time_s
-        if time_s <= start_s:
-            return
         self.robot.step(time_s - start_s)
         self.time_s = time_s
-        motions = [self.motor(wheel).take_motions() for wheel in range(len(self.encoders))]
         edges: List[PinEdge] = []
-        for index, encoder in enumerate(self.encoders):
-            wheel = self._wheel("encoders", index)
-            pins = self.encoder_pins[index]
-            found = encoder.follow(start_s, time_s, motions[wheel])
-            edges += [PinEdge(edge.time_s, pins[edge.channel], edge.level) for edge in found]
+        for encoder, motor in self._followed:
+            edges += encoder.follow(start_s, time_s, motor.take_motions())
         switched = self.inputs.levels()
         edges += [PinEdge(time_s, pin, level) for pin, level in switched.items() if self.levels[pin] != level]
         if edges:
-            self._edges += sorted(edge for edge in edges if edge.pin != NOT_CONNECTED)
-            self._note_levels()
-
-    def _note_levels(self) -> None:
-        for pins, encoder in zip(self.encoder_pins, self.encoders):
-            self.levels.update(
-                {pin: wire.level for pin, wire in zip(pins, encoder.wires) if pin != NOT_CONNECTED}
-            )
-        self.levels.update(self.inputs.levels())
+            edges.sort()
+            self._edges += edges
+            self.levels.update([(edge.pin, edge.level) for edge in edges])
 
     def take_edges(self) -> List[PinEdge]:
         """Edges of the inputs since the last call, in order of time."""

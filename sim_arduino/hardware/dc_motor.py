@@ -37,21 +37,19 @@ class Motion(NamedTuple):
     acceleration: float  # acceleration at the start [count/s2]
     rate: float  # reciprocal of the time constant [1/s]
 
-    def _gone(self, time_s: float) -> Tuple[float, float]:
-        """Time integral of exp(-rate t), and the integral of that [s, s2]."""
-        u = self.rate * time_s
-        if u < 1e-3:
-            return time_s * (1.0 - u * (0.5 - u / 6.0)), time_s * time_s * (0.5 - u * (1.0 / 6.0 - u / 24.0))
-        first = -math.expm1(-u) / self.rate
-        return first, (time_s - first) / self.rate
-
     def after(self, time_s: float) -> Tuple[float, float]:
         """Travel [count] and speed [count/s] at a time after the start [s]."""
-        first, second = self._gone(time_s)
-        return (
-            self.travel + self.speed * time_s + self.acceleration * second,
-            self.speed + self.acceleration * first,
-        )
+        _, _, travel, speed, acceleration, rate = self
+        u = rate * time_s
+        if u < 1e-3:  # `first` is the time integral of exp(-rate t) [s], `second` the integral of that [s2]
+            first, second = (
+                time_s * (1.0 - u * (0.5 - u / 6.0)),
+                time_s * time_s * (0.5 - u * (1.0 / 6.0 - u / 24.0)),
+            )
+        else:
+            first = -math.expm1(-u) / rate
+            second = (time_s - first) / rate
+        return travel + speed * time_s + acceleration * second, speed + acceleration * first
 
     def time_to_rest(self) -> float:
         """Time after the start at which the speed becomes 0 [s]; infinite if it never does."""
@@ -109,6 +107,9 @@ class DcMotor:
 
     def move(self, dt: float, volts: float) -> float:
         """Moves for `dt` [s] at constant shares and battery voltage; returns the distance [count]."""
+        if self.at_rest:
+            self._clock_s += dt
+            return 0.0
         before = self.travel
         supply_v = max(0.0, volts - self.params.drop_v)
         end_s, left_s = self._clock_s + dt, dt

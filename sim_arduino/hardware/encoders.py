@@ -8,6 +8,7 @@ import math
 from typing import List, NamedTuple, Sequence, Tuple
 
 from mrl_driver.protocol.frames import to_int16
+from mrl_driver.protocol.table import NOT_CONNECTED
 
 from .dc_motor import Motion
 
@@ -15,11 +16,11 @@ A, B = 0, 1
 PULLED_UP = 1  # level of a wire with nothing on it: the board's pull-up
 
 
-class Edge(NamedTuple):
-    """A change of a wire: time [s], channel A or B, new level."""
+class PinEdge(NamedTuple):
+    """A change of an encoder's pin, or of another input: time [s], Arduino pin, new level."""
 
     time_s: float
-    channel: int
+    pin: int
     level: int
 
 
@@ -31,34 +32,32 @@ class Bounce(NamedTuple):
 
 
 class Wire:
-    """A wire of an encoder: what the board sees of the encoder's output."""
+    """A wire of an encoder to a pin of the board: what the board sees of the encoder's output."""
 
-    def __init__(self, level: int = 0) -> None:
+    def __init__(self, pin: int, level: int = 0) -> None:
+        self.pin = pin
         self.level = level  # level at the board
         self.open = False  # the wire is broken, so that the board sees its own pull-up
         self.oscillation_hz = 0.0  # edges per second that a broken wire picks up; 0 for none
-        self._next_s = math.inf
+        self.next_s = math.inf  # time of the next of these edges [s]
         self._bounces: List[float] = []
 
     def follow(
         self, start_s: float, end_s: float, source: int, toggles: Sequence[float], bounce: Bounce
-    ) -> List[Tuple[float, int]]:
-        """Changes (time, level) from `start_s` to `end_s` of a wire to a source that toggles at these times.
+    ) -> List[PinEdge]:
+        """Edges from `start_s` to `end_s` of a wire to a source that toggles at these times; none without a pin.
 
         `source` is the source's level before its first toggle.
         """
-        if not self.oscillation_hz:
-            self._next_s = math.inf
-        quiet = not (toggles or self._bounces or self.oscillation_hz)
-        if quiet and self.level == (PULLED_UP if self.open else source):
+        if self.pin == NOT_CONNECTED:
             return []
-        plain = not (self.open or self._bounces or bounce.pulses) and self.level == source
-        times = toggles if plain else self._seen(start_s, end_s, source, toggles, bounce)
-        changes = []
-        for time_s in times:
+        if self.open or self._bounces or bounce.pulses or self.level != source:
+            toggles = self._seen(start_s, end_s, source, toggles, bounce)
+        edges = []
+        for time_s in toggles:
             self.level ^= 1
-            changes.append((time_s, self.level))
-        return changes
+            edges.append(PinEdge(time_s, self.pin, self.level))
+        return edges
 
     def _seen(
         self, start_s: float, end_s: float, source: int, toggles: Sequence[float], bounce: Bounce
@@ -83,11 +82,11 @@ class Wire:
         if not self.oscillation_hz:
             return []
         period_s = 1.0 / self.oscillation_hz
-        if self._next_s == math.inf:
-            self._next_s = start_s + period_s
-        count = max(0, math.ceil((end_s - self._next_s) / period_s))
-        times = [self._next_s + n * period_s for n in range(count)]
-        self._next_s += count * period_s
+        if self.next_s == math.inf:
+            self.next_s = start_s + period_s
+        count = max(0, math.ceil((end_s - self.next_s) / period_s))
+        times = [self.next_s + n * period_s for n in range(count)]
+        self.next_s += count * period_s
         return times
 
 
@@ -95,19 +94,26 @@ class Quadrature:
     """An encoder and its two wires to the board.
 
     Args:
+        pins: Where the channels A and B are connected, Arduino numbers.
         phase_error: Delay of channel B's edges, as a share of a count; -0.5 to 0.5.
         single: Only channel A is connected, and a count is the way from one of its edges to the next.
         reversed_: The channels are swapped where the encoder is made, so that the other direction counts as forward.
     """
 
-    def __init__(self, phase_error: float = 0.0, single: bool = False, reversed_: bool = False) -> None:
+    def __init__(
+        self,
+        pins: Sequence[int] = (A, B),
+        phase_error: float = 0.0,
+        single: bool = False,
+        reversed_: bool = False,
+    ) -> None:
         self._sign = -1 if reversed_ else 1
         self._first = (0.5, 1.5 + phase_error)
         self._apart = 1.0 if single else 2.0
         self._passed = [self._count(channel, 0.0) for channel in (A, B)]
         self.swapped = False  # the wires have been swapped
         self.bounce = Bounce(0, 0.0)  # short pulses after each edge
-        self.wires = (Wire(self._passed[A] & 1), Wire(self._passed[B] & 1))
+        self.wires = tuple(Wire(pin, passed & 1) for pin, passed in zip(pins, self._passed))
         """The wires on the board's inputs A and B."""
         self._single = single
         if single:
@@ -118,33 +124,32 @@ class Quadrature:
         wire = self.wires[channel]
         wire.open = is_open or (self._single and channel == B)
         wire.oscillation_hz = oscillation_hz if is_open else 0.0
+        if not wire.oscillation_hz:
+            wire.next_s = math.inf
 
     def _count(self, channel: int, position: float) -> int:
         """Number of this channel's edges between the start and a position [count]."""
         return math.floor((position - self._first[channel]) / self._apart) + 1
 
-    def follow(self, start_s: float, end_s: float, motions: Sequence[Motion]) -> List[Edge]:
+    def follow(self, start_s: float, end_s: float, motions: Sequence[Motion]) -> List[PinEdge]:
         """Edges at the board from `start_s` to `end_s` [s], in order of time; `motions` begin after `start_s`."""
-        before = [passed & 1 for passed in self._passed]
+        before = tuple(self._passed)
         toggles: Tuple[List[float], List[float]] = ([], [])
         for motion in motions:
             end = self._sign * motion.after(motion.duration_s)[0]
-            for channel in (A, B):
-                toggles[channel].extend(self._passed_during(motion, end, channel, start_s))
-        edges = []
+            for channel, old in enumerate(tuple(self._passed)):
+                new = self._passed[channel] = self._count(channel, end)
+                if new != old:
+                    toggles[channel].extend(self._times(motion, channel, old, new, start_s))
+        edges: List[PinEdge] = []
         for channel, wire in enumerate(self.wires):
             source = channel ^ int(self.swapped)
-            changes = wire.follow(start_s, end_s, before[source], toggles[source], self.bounce)
-            edges += [Edge(time_s, channel, level) for time_s, level in changes]
-        return sorted(edges) if edges else edges
+            edges += wire.follow(start_s, end_s, before[source] & 1, toggles[source], self.bounce)
+        return sorted(edges)
 
-    def _passed_during(self, motion: Motion, end: float, channel: int, start_s: float) -> List[float]:
-        """Times at which the channel's edges pass during a motion to the position `end` [s]."""
-        old, new = self._passed[channel], self._count(channel, end)
-        if new == old:
-            return []
-        self._passed[channel] = new
-        passed = range(old, new) if new >= old else range(old - 1, new - 1, -1)
+    def _times(self, motion: Motion, channel: int, old: int, new: int, start_s: float) -> List[float]:
+        """Times at which the channel's edges `old` to `new` pass during a motion [s]."""
+        passed = range(old, new) if new > old else range(old - 1, new - 1, -1)
         first = self._first[channel]
         return [
             start_s + motion.start_s + motion.time_at(self._sign * (first + self._apart * index))

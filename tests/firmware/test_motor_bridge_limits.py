@@ -13,7 +13,7 @@ from mrl_driver.robot import wiring
 from mrl_driver.robot.chips import ATMEGA328P
 from sim_arduino.board import parameter_store
 from sim_arduino.board.wheel_settings import FULL, PERIOD_TICKS
-from sim_arduino.hardware.bridge_plant import PinEdge
+from sim_arduino.hardware.encoders import PinEdge
 from tests import models
 from tests.firmware.conftest import Bench
 from tests.firmware.pc_board import BRIDGE, VOLTS_PER_COUNT

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from mrl_driver.protocol.table import TICK_S
 from sim_arduino.board.encoder_inputs import EncoderInput
-from sim_arduino.hardware.bridge_plant import PinEdge
 from sim_arduino.hardware.dc_motor import Motion
-from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, Quadrature
+from sim_arduino.hardware.encoders import PULLED_UP, A, B, Bounce, PinEdge, Quadrature
 from tests.models import ENCODER_PINS
 
 EXACT_S = 1e-9
@@ -25,7 +24,7 @@ def count(levels, edges):
     """Counts of a board that knows the order, and the number of edges that do not fit into it."""
     counted = impossible = 0
     for edge in edges:
-        new = (edge.level, levels[B]) if edge.channel == A else (levels[A], edge.level)
+        new = (edge.level, levels[B]) if edge.pin == A else (levels[A], edge.level)
         if ORDER[levels] == new:
             counted += 1
         elif ORDER[new] == levels:
@@ -66,14 +65,14 @@ def test_a_phase_error_moves_the_edges_of_channel_b():
     exact, late = (
         Quadrature(phase_error=phase).follow(0.0, 0.1, [steady(1000.0, 0.1)]) for phase in (0.0, 0.2)
     )
-    moved = [(other.channel, other.time_s - one.time_s) for one, other in zip(exact, late)]
+    moved = [(other.pin, other.time_s - one.time_s) for one, other in zip(exact, late)]
     assert {(channel, round(by_s * 1e6)) for channel, by_s in moved} == {(A, 0), (B, 200)}
 
 
 def test_a_single_channel_has_an_edge_a_count_and_the_other_wire_is_pulled_up():
     encoder = Quadrature(single=True)
     edges = encoder.follow(0.0, 0.1, [steady(1000.0, 0.1)])
-    assert [edge.channel for edge in edges] == [A] * 100
+    assert [edge.pin for edge in edges] == [A] * 100
     assert encoder.wires[B].level == PULLED_UP
 
 
@@ -81,8 +80,8 @@ def test_an_open_wire_is_pulled_up_and_silent():
     encoder = Quadrature()
     encoder.open(A, True)
     edges = encoder.follow(1.0, 1.1, [steady(1000.0, 0.1)])
-    assert [edge for edge in edges if edge.channel == A] == [(1.0, A, 1)]
-    assert len([edge for edge in edges if edge.channel == B]) == 50
+    assert [edge for edge in edges if edge.pin == A] == [(1.0, A, 1)]
+    assert len([edge for edge in edges if edge.pin == B]) == 50
 
 
 def test_a_mended_wire_shows_the_encoder_again():
