@@ -31,7 +31,7 @@ from .parameters import Row
 LEAVES_S = 0.1
 """Time for the last message to leave: rospy sends in the background, and drops unsent messages on shutdown."""
 PING_S = 0.25
-CONNECT_S = 5.0  # A robot that echoes is connected within this time
+CONNECT_S = 5.0  # A robot that echoes does so within this time after it listens to cmd_vel
 _DELAY = "Stop above this delay from the input to the echo of its command; 0 turns it off"
 DELAY_ROW = Row("max_delay", float, MAX_DELAY_S, "s", _DELAY, 0.0, 60.0)
 """The parameter of nodes with which an operator drives."""
@@ -127,7 +127,7 @@ class OperatorCmdVel(StampedCmdVel):
         self._was_echoed: Optional[bool] = None
         self._held = False
         self._told, self._sent_s = "", -math.inf
-        self._known_s = time.monotonic() + CONNECT_S
+        self._known_s = math.inf
         super().__init__()
         self._shown = rospy.Publisher("~delay", Float64, queue_size=1)
         threading.Thread(target=self._watch, daemon=True).start()
@@ -203,6 +203,8 @@ class OperatorCmdVel(StampedCmdVel):
     def _follow_robot(self) -> None:
         """Say when no robot echoes; one that ceases to do so ends the driving until the keys are pressed again."""
         with self._lock:
+            if self._known_s == math.inf and self._out.get_num_connections():
+                self._known_s = time.monotonic() + CONNECT_S
             echoed, before = self.echoed, self._was_echoed
             if echoed == before or (before is None and time.monotonic() < self._known_s):
                 return
@@ -210,5 +212,5 @@ class OperatorCmdVel(StampedCmdVel):
             if not echoed:
                 self._delay.forget()
                 self.guard.lose()
-        if not echoed and not self._ended:  # rospy breaks connections before it says that it shuts down
+        if not echoed and not self._ended:
             rospy.logwarn(f"the delay is unknown and has no limit: nobody publishes {self._echoes.name}")

@@ -1,8 +1,15 @@
-"""Which commands of operators arrive too late, by a clock of the test's own."""
+"""Which commands of operators arrive too late, by a clock of the test's own; what operators are told."""
+
+from types import SimpleNamespace
 
 import pytest
+import rospy
+from geometry_msgs.msg import Twist
 
+from ros1_bridge.node import cmd_vel
 from ros1_bridge.robot.operators import Operators
+
+from .fake_topics import Topics
 
 LIMIT_S = 1.0
 MOST_OPERATORS, SILENT_S = 16, 60.0
@@ -81,3 +88,24 @@ def test_without_a_limit_nothing_is_refused_and_nobody_needs_a_place():
     operators.late_s("desk", 900.0)
     names = ["desk", *map(str, range(MOST_OPERATORS))]
     assert not any(operators.refusal(name, 5.0) for name in names)
+
+
+@pytest.mark.parametrize("listens", [False, True])
+def test_only_where_somebody_listens_a_missing_echo_is_said(listens, monkeypatch):
+    """Nodes that start with the robot's may be there long before it."""
+    said = []
+    nobody = SimpleNamespace(name="cmd_vel/echo", get_num_connections=lambda: 0)
+    stand_ins = {
+        "Publisher": Topics(*["cmd_vel"] * listens),
+        "Subscriber": lambda *args, **options: nobody,
+        "get_name": lambda: "/desk",
+        "resolve_name": str,
+        "on_shutdown": lambda end: None,
+        "is_shutdown": lambda: True,
+        "logwarn": said.append,
+    }
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(rospy, name, stand_in)
+    monkeypatch.setattr(cmd_vel, "CONNECT_S", 0.0)
+    cmd_vel.OperatorCmdVel().drive(Twist(), 0.0)
+    assert ["nobody publishes cmd_vel/echo" in each for each in said] == [True] * listens

@@ -13,7 +13,7 @@ MB = {"kB": 1e-3, "MB": 1.0, "GB": 1e3}
 
 
 def figures() -> Dict[str, Measured]:
-    """Packages of Debian, and MB: theirs to download and on the disk, and of the virtual environment; times to drive."""
+    """Packages of Debian; MB of theirs and of the virtual environment; times to the first motion."""
     found: Dict[str, Measured] = {}
     for path in (ROOT / "build" / "fresh").glob("*-root-*.sizes"):
         release, command, arch = re.findall(r"(\w+)-root-(\w+)-(\w+)", path.stem)[0]
