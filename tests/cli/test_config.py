@@ -506,7 +506,7 @@ def test_what_an_option_gives_is_the_default_of_its_question(tmp_path):
         (("rover", "--yes", *ROVER, "--pin", "left_logic=A4"), "left_logic is on A4: the I2C bus is in use"),
         (
             ("rover", "--yes", *ROVER, "--pin", "left_encoder_b=-"),
-            "some encoders have both channels and some one, .* leave all B out; nothing was written",
+            "rover.yaml: wiring has right_encoder_b, but not left_encoder_b, expected all or none",
         ),
         (
             ("rover", "--yes", *ROVER, "--counts", "16"),

@@ -20,7 +20,7 @@ HEARD_S, DRIVE_S = 0.3, 1.0
 
 
 def stepped(world=None):
-    duo = bridged(battery_divider=0, **WITH_INPUTS)
+    duo = bridged(battery_divider=0, **WITH_INPUTS)._replace(sonars={})
     board = PythonBoard(Plant(duo, world or World()))
     robot = SteppedDriver(board, duo)
     robot.reset, robot.plant = board.reset, board.plant

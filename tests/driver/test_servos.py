@@ -23,7 +23,7 @@ def made(**pins):
     """A robot, and its plant."""
     base = model("duo")
     board = {**base.board, **BOARD, "pin_servo_1": 9, "pin_servo_2": 10, **pins}
-    plant = Plant(base._replace(board=board, servos={"pan": PAN, "tilt": TILT}))
+    plant = Plant(base._replace(board=board, sonars={}, servos={"pan": PAN, "tilt": TILT}))
     return SteppedDriver(PythonBoard(plant), plant.model), plant
 
 

@@ -165,6 +165,19 @@ WRONG = {
             "encoder_counts and full_speed give 3 counts/s at most, expected 51 to 25600: the board cannot control",
         ),
         ({"board.encoder_counts": 32000, "board.gearbox": 3000}, "give 2[0-9]* counts/s at most"),
+        (
+            {"wiring.left_encoder_b": None},
+            "wiring has right_encoder_b, but not left_encoder_b, expected all or none, because .* gives half of the "
+            "counts: connect left_encoder_b, or leave out right_encoder_b",
+        ),
+        (
+            {"wiring.sonar_front": None},
+            "sonars.front is on the input front, which has no pins: add to the section wiring sonar_front",
+        ),
+        (
+            {"sonars.front.farthest_m": 0.1},
+            "sonars.front.nearest_m is 0.15, expected less than farthest_m, 0.1",
+        ),
         ({"board.full_speed": 18}, "wheel_radius and full_speed give 61 mm/s at most, expected at least 65"),
         (
             {"board.full_speed": 20, "board.axis_radius": 7500},
@@ -210,7 +223,7 @@ REAR = {"x_m": -0.1, "y_m": 0.0, "yaw_deg": 180}
         ({**REAR, "input": "left"}, "sonars.rear is on the input left, as sonars.left"),
         (
             {**REAR, "input": "range_1"},
-            "has no pins: add range_1_trigger and range_1_echo to the section wiring",
+            "has no pins: add to the section wiring range_1_trigger and range_1_echo",
         ),
     ],
 )
@@ -234,7 +247,7 @@ def test_a_sonar_without_an_input_of_its_own_is_refused_with_what_to_do(tmp_path
     ],
 )
 def test_a_type_that_contradicts_the_wiring_is_refused(tmp_path, given, trigger, kind, words):
-    wires = {"wiring.sonar_right": None, "wiring.range_1_echo": "A2"}
+    wires = {} if given == "right" else {"wiring.sonar_right": None, "wiring.range_1_echo": "A2"}
     wires.update({"wiring.battery": None, "wiring.range_1_trigger": "A3"} if trigger else {})
     mount = {**REAR, "input": given, **({"type": kind} if kind else {})}
     with pytest.raises(ConfigError, match=f"robot.yaml: sonars.right.type is {words}"):
@@ -427,6 +440,7 @@ def test_range_sensors_of_a_new_robot_look_outwards_from_its_outline():
             "servos.tilt.parent is 'head', expected a servo above it in the file",
         ),
         ({"servos.Pan": {}}, "servos is 'Pan', expected names of lower-case letters"),
+        ({"servos.tilt.servo": 1}, "servos.tilt.servo is 1, expected another one: servos.pan has it"),
         ({"wiring.servo_2": None}, "servos.tilt.servo is 2, expected one with a pin: wiring.servo_2"),
     ],
 )

@@ -137,9 +137,6 @@ def wiring_of(options: Mapping[str, Any], wheels: int) -> Wired:
         conflict = _conflict(wired)
     if not conflict and wiring.motors(pins) != wheels:
         conflict = f"the wiring has {wiring.motors(pins)} motors, expected {wheels}: choose another --kind or --wiring"
-    channels = {sum(pin != NOT_CONNECTED for pin in each) for each in wiring.encoder_pins(pins)}
-    if not conflict and len(channels) > 1:
-        conflict = "some encoders have both channels and some one, which halves the counts of a turn: leave all B out"
     if conflict:
         raise ConfigError(f"{conflict}; nothing was written")
     return wired

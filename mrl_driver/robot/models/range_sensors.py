@@ -115,7 +115,8 @@ def echo_cycle_s(board: Mapping[str, int]) -> float:
 def wired_types(board: Mapping[str, int], given: str) -> Tuple[str, Tuple[str, ...]]:
     """Return what an input has on the board, in words, and the types of sensors that fit."""
     if given in SONARS:
-        return "the curve of an MB1300", ("MB1300",)
+        connected = board.get(f"pin_sonar_{given}") != NOT_CONNECTED
+        return "the curve of an MB1300", ("MB1300",) if connected else ()
     trigger, echo = (board.get(f"pin_{given}_{pin}", NOT_CONNECTED) for pin in ("trigger", "echo"))
     if trigger != NOT_CONNECTED:
         return "a trigger", ("HC-SR04",)

@@ -259,12 +259,17 @@ def _parts(kind: Type[tuple], reader: Reader, key: str, value: Any) -> Iterator[
 
 
 class _Sonars(Form):
-    """The sonars that are fitted, by name.  Only `read` checks that each is on an input of its own."""
+    """The sonars that are fitted, by name.  Only `read` checks ranges, and that each is on an input of its own."""
 
     def read(self, reader: Reader, key: str, value: Any) -> Dict[str, SonarMount]:
         found: Dict[str, SonarMount] = {}
         for name, mount in _parts(SonarMount, reader, key, value):
             found[name] = mount._replace(input=mount.input_of(name))
+            kind = found[name].kind
+            if kind.nearest_m >= kind.farthest_m:
+                raise reader.fail(
+                    f"{key}.{name}.nearest_m", kind.nearest_m, f"less than farthest_m, {kind.farthest_m:g}"
+                )
         return found
 
     def schema(self) -> Schema:
@@ -284,6 +289,9 @@ class _Servos(Form):
                 raise reader.fail(f"{place}.high_us", servo.high_us, "another length than low_us")
             if servo.parent and servo.parent not in found:
                 raise reader.fail(f"{place}.parent", servo.parent, "a servo above it in the file")
+            user = next((other for other, each in found.items() if each.servo == servo.servo), None)
+            if user:
+                raise reader.fail(f"{place}.servo", servo.servo, f"another one: servos.{user} has it")
             found[name] = servo
         return found
 
@@ -428,8 +436,22 @@ class RobotFile(Form):
         if (motors > wiring.FRONT) != (kind in FOUR_WHEELS):
             kinds = " or ".join(FOUR_WHEELS) if motors > wiring.FRONT else f"{DIFFERENTIAL} or {TRACKED}"
             raise reader.fail("drive.kind", kind, f"{kinds}: the wiring has {motors} motors")
+        self._check_channels(reader, pins)
         found["board"].update((row.name, pins[row.name]) for row in wiring.rows(chip))
         found["chip"] = chip.name
+
+    def _check_channels(self, reader: Reader, pins: wiring.Pins) -> None:
+        """Check that all encoders have channel B or none: the board has one number of counts a turn for all wheels."""
+        names = [b for _, b in wiring.ENCODERS[: wiring.motors(pins)]]
+        there, missing = (
+            " and ".join(wiring.short(name) for name in names if (pins[name] != NOT_CONNECTED) == connected)
+            for connected in (True, False)
+        )
+        if there and missing and not pins[wiring.NO_ENCODERS]:
+            raise ConfigError(
+                f"{reader.path}: wiring has {there}, but not {missing}, expected all or none, because channel A alone "
+                f"gives half of the counts: connect {missing}, or leave out {there}"
+            )
 
     def _check_battery(self, reader: Reader, battery: Battery) -> None:
         levels = battery[:4]

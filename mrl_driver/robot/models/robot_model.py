@@ -278,9 +278,10 @@ def require_inputs(model: RobotModel, place: str) -> None:
             raise ConfigError(f"{place}sonars.{name} is on the input {given}, as sonars.{users[given]}")
         there, types = wired_types(model.board, given)
         if not types:
+            pins = f"{given}_trigger and {given}_echo, or for an analog sensor the second one alone"
+            pins = f"sonar_{given}" if given in SONARS else pins
             raise ConfigError(
-                f"{place}sonars.{name} is on the input {given}, which has no pins: add {given}_trigger and "
-                f"{given}_echo to the section wiring, or for an analog sensor the second one alone"
+                f"{place}sonars.{name} is on the input {given}, which has no pins: add to the section wiring {pins}"
             )
         if mount.type not in types and (mount.type or types == ANALOG):
             raise ConfigError(
