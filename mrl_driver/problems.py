@@ -154,10 +154,10 @@ board_restart: The board restarted while it was in use
 board_stalled: The board was busy for too long
   also: stopped: the robot's board was busy for too long
   cause: The loop of the firmware stood still for 0.25 s, so the board stopped the robot.
-  remedy: check the I2C wires and devices
+  remedy: check the I2C wires and devices; if the board has none, report it with: mrl doctor --report
 board_silent: The board sent nothing for a while
   cause: The board made no telemetry, though the connection was there.
-  remedy: check the board's power and its I2C wires; report it with: mrl doctor --report
+  remedy: check the board's power, and its I2C wires if it has any; report it with: mrl doctor --report
 debug_text: The board sends text between its frames
   cause: Debug mode is on, or the sketch prints. Text delays telemetry and commands.
   remedy: turn its debug mode off with the request set_debug 0, or remove prints from the sketch
