@@ -137,13 +137,15 @@ LIMIT_S = 0.5
     ids=["newest echo", "a command without an echo grows older", "an echo answers the commands before it"],
 )
 def test_the_delay_is_that_of_the_newest_command(sent, echoed, now_s, delay_s):
-    """The robot follows the newest command alone.  The delay is unknown before the first command."""
+    """The robot follows the newest command alone.  The delay is unknown before the first and when nobody echoes."""
     delay = EchoDelay()
     assert delay_text(delay.delay_s(5.0)) == "unknown"
     for stamp_s in sent:
         delay.sent(stamp_s)
     delay.echoed(*echoed)
     assert delay.delay_s(now_s) == pytest.approx(delay_s)
+    delay.forget()
+    assert delay_text(delay.delay_s(now_s)) == "unknown"
 
 
 def test_above_the_limit_nothing_drives_until_the_key_is_released():

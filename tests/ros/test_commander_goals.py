@@ -6,6 +6,7 @@ import pytest
 
 from mrl_driver.errors import FrameError, LinkLost
 from mrl_driver.protocol.stop_reason import StopReason
+from mrl_driver.robot.inputs import Inputs
 from ros1_bridge.control.commander import Commander
 from ros1_bridge.control.velocity_sources import Source
 
@@ -88,6 +89,11 @@ def test_the_stop_leaves_before_the_cancel(bench):
     bench.commander.enable(False)
     bench.commander.enable(True)
     assert bench.order == ["stop", ALL, EARLIER] * 2
+
+
+def test_releasing_the_boards_emergency_stop_cancels_the_goals_of_before_alone(bench):
+    bench.driver.inputs, bench.driver.release_emergency = Inputs((), True), lambda: True
+    assert bench.commander.release_input() and bench.order == [EARLIER]
 
 
 @pytest.mark.parametrize("stop", [Commander.latch, lambda commander: commander.enable(False)])
