@@ -267,6 +267,9 @@ def test_a_link_that_is_lost_drops_the_command_without_a_stop():
     motion.forget("link_lost")
     assert (motion.stop_reason, motion.stops) == ("battery", 1)
     assert not motion.stopping and not motion.settling
+    motion.drive((200, 0), 0.0)
+    motion.forget("link_lost")
+    assert motion.stops == 2
 
 
 @pytest.mark.parametrize("losses", [1, 2])

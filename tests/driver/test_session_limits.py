@@ -505,15 +505,18 @@ def test_a_frame_that_was_overtaken_is_not_used():
     assert fed.session.counters.overtaken == 1
 
 
-@pytest.mark.parametrize("now, used", [(STALE_S - 0.001, 1), (STALE_S, 2)])
-def test_after_a_silence_no_frame_counts_as_overtaken(now, used):
-    fed = Fed()
-    fed.at(0.0, fed.frame(0.0, number=600))
-    fed.events += fed.session.receive(fed.frame(now, number=100), now)
-    assert len(fed.seen(Counts)) == used
-
-
 COMPASS = BY_NAME["start_compass_stream"].code
+
+
+@pytest.mark.parametrize(
+    "kind, args, code", [(Counts, (0, 0, 120, 45, 645), 8), (ImuReading, LEVEL, IMU), (Reply, (90,), COMPASS)]
+)
+@pytest.mark.parametrize("now, used", [(STALE_S - 0.001, 0), (STALE_S, 1)])
+def test_after_a_silence_no_frame_counts_as_overtaken(now, used, kind, args, code):
+    fed = with_imu()
+    fed.at(0.0, fed.frame(0.0, number=600))
+    fed.events = fed.session.receive(fed.frame(now, args, code, number=100), now)
+    assert len(fed.seen(kind)) == used
 
 
 @pytest.mark.parametrize("code, args", [(8, (0, 0, 120, 45, 645)), (IMU, LEVEL), (COMPASS, (90,))])
