@@ -193,6 +193,7 @@ def _hung_loop(bench):
 @pytest.mark.parametrize(
     ("cause", "reason", "limit_s"),
     [
+        (_hung_loop, "stall boot", 0.01),  # the chip resets itself
         (_host, "host", 0.001),
         (_watchdog, "link_watchdog", 0.3),
         (_rear_wheel_blocked, "wheel_blocked", 2.0),
@@ -200,7 +201,6 @@ def _hung_loop(bench):
         (_undervoltage, "undervoltage", 0.4),
         (_bumper, "bumper", 0.006),
         (_emergency_stop, "emergency_stop", 0.006),
-        (_hung_loop, "stall boot", 0.01),  # the chip resets itself
     ],
 )
 def test_a_stop_is_one_of_all_motors(make, cause, reason, limit_s):
