@@ -105,7 +105,6 @@ setup(
         "mrl_driver.apps.review": ["page/*"],
         "mrl_driver.apps.web": ["page/*", "page/vendor/*/*"],
         "sim_arduino": ["py.typed"],
-        "sim_arduino.experiments": ["*.csv"],
         "sim_arduino.world": ["worlds/*.yaml", "*.json"],
         "sim_arduino.avr": ["*.c", "*.h"],
         "ros1_bridge.topics": ["*.yaml"],

@@ -25,7 +25,6 @@ from ros1_bridge.node.plane_poses import planar
 from sim_arduino.experiments import disturbances, l_course, sonar_approach, square
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.experiments.l_course import CourseRecord
-from sim_arduino.experiments.mapping import pose_at
 from sim_arduino.experiments.sonar_approach import SonarRun
 from sim_arduino.world import world_file
 from sim_arduino.world.world_file import pose_text
@@ -215,9 +214,8 @@ def drive(parts: Parts, setting: Setting) -> CourseRecord:
             raise MrlError(f"no message on {name} during the drive, expected readings; see the node's log")
     path = robot.path
     cones, beams = (_placed(each, path, truth) for each in (ranges, scans))
-    return CourseRecord(
-        [pose for _, pose in path], cones, beams, [pose_at(truth, time_s) for time_s, _ in path]
-    )
+    times_s, poses = zip(*path)
+    return CourseRecord([*poses], cones, beams, poses_at(truth, times_s))
 
 
 def _start_in_course(parts: Parts, setting: Setting, start: Pose) -> None:
@@ -251,7 +249,16 @@ def _listen(model: models.RobotModel) -> Tuple[List[Any], List[Any], List[rospy.
 
 def _placed(readings: Sequence[Any], path: TimedPoses, truth: TimedPoses) -> List[Tuple[Pose, Any, Pose]]:
     """Readings with the pose of their sensor by odometry, and its true pose, at the time of the message."""
+    times_s = [time_s for time_s, _, _ in readings]
     return [
-        (pose_at(path, time_s).compose(*mount), value, pose_at(truth, time_s).compose(*mount))
-        for time_s, mount, value in readings
+        (pose.compose(*mount), value, true.compose(*mount))
+        for (_, mount, value), pose, true in zip(readings, poses_at(path, times_s), poses_at(truth, times_s))
     ]
+
+
+def poses_at(path: TimedPoses, times_s: Sequence[float]) -> List[Pose]:
+    """The poses at these times, between the two around each; the first or last one beyond the ends."""
+    stamps_s, poses = zip(*path)
+    x_m, y_m, yaw_rad = zip(*poses)
+    columns = (np.interp(times_s, stamps_s, each).tolist() for each in (x_m, y_m, np.unwrap(yaw_rad)))
+    return list(map(Pose, *columns))

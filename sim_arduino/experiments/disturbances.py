@@ -11,8 +11,6 @@ from typing import Dict, List, Tuple
 
 from mrl_driver.apps.calibration import fit
 from mrl_driver.geometry import Pose, wrap_angle
-from mrl_driver.robot.models import ImuMount
-from sim_arduino.hardware.imu import ImuErrors
 
 WHEEL_M2_PER_M, TURN_RAD2_PER_RAD = 1e-6, 1e-4
 """Variance of a wheel's distance per distance, and of the yaw per angle turned."""
@@ -79,12 +77,6 @@ def option(**values: float) -> str:
 def placed(mark: Pose, seed: int, name: str = "") -> Pose:
     """The true pose of a robot that a person put on a mark; its odometry begins with the mark's pose."""
     return _near(mark, _random("start", seed, name), fit.Measured(PLACED_M, PLACED_RAD))
-
-
-def calibrated_imu(errors: ImuErrors, seed: int) -> ImuMount:
-    """The mount of an IMU with these errors, with the scale of its gyro as `mrl calibrate imu` finds it."""
-    found = _random("gyro", seed, "").gauss(1.0, GYRO_SCALE_SD) / errors.gyro_scale[2]
-    return ImuMount(gyro_scale=found, gyro_scale_sd=GYRO_SCALE_SD)
 
 
 def packs(seed: int) -> Tuple[float, float]:

@@ -6,7 +6,7 @@ after many cones have marked the free cells.
 """
 
 import math
-from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
@@ -132,18 +132,16 @@ def draw(
     setting: Setting,
     name: str,
     world: World,
-    panels: Sequence[Tuple[str, GridMap, Optional[Sequence[Pose]]]],
+    panels: Sequence[Tuple[str, GridMap, Sequence[Pose]]],
     height_in: float,
 ) -> str:
-    """Draws maps side by side, each with a title, the walls, and perhaps a path by odometry."""
+    """Draws maps side by side, each with a title, the walls, and a path by odometry."""
     made, axes = plot_style.figure(len(panels), 3.8 * len(panels), height_in)
     for axis, (title, grid, path) in zip(axes, panels):
         plot_style.grid(axis, grid)
         plot_style.draw_walls(axis, world.walls, "", plot_style.ORANGE, 0.8)
-        if path is not None:
-            plot_style.path(axis, path, plot_style.BLUE, "path by odometry")
+        plot_style.path(axis, path, plot_style.BLUE, "path by odometry")
         plot_style.floor(axis, title)
         axis.grid(False)
-    if panels[0][2] is not None:
-        axes[0].legend(loc="upper left", fontsize="small")
+    axes[0].legend(loc="upper left", fontsize="small")
     return plot_style.save(made, setting.folder, name)

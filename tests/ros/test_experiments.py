@@ -24,7 +24,6 @@ from ros1_bridge.experiments.turnaround_node import command_s, commanded, odomet
 from sim_arduino.experiments import cli, disturbances, l_course, sonar_approach, square
 from sim_arduino.experiments.experiment_report import Result
 from sim_arduino.experiments.experiment_robot import Setting
-from sim_arduino.experiments.mapping import pose_at
 from sim_arduino.experiments.team import Member
 from sim_arduino.hardware.sonars import HALF_CONE_RAD
 from tests.waiting import wait_until
@@ -96,7 +95,9 @@ def test_course_through_ros_has_the_pose_of_each_reading(parts, monkeypatch):
 
 def test_pose_of_a_message_is_between_those_before_and_after_it():
     poses = [(1.0, Pose(0.0, 1.0, 3.0)), (2.0, Pose(1.0, 1.0, -3.0))]
-    assert tuple(pose_at(poses, 1.25)) == pytest.approx((0.25, 1.0, 3.0 + (2 * math.pi - 6.0) / 4))
+    between, before = one_robot_node.poses_at(poses, [1.25, 0.5])
+    assert tuple(between) == pytest.approx((0.25, 1.0, 3.0 + (2 * math.pi - 6.0) / 4))
+    assert before == poses[0][1]
 
 
 def test_sonar_that_approaches_a_wall_through_ros_has_its_hidden_curve(parts, monkeypatch):

@@ -1,15 +1,17 @@
 """`python -m tests.long.navigation.slam`: maps of a house by the real gmapping and hector_mapping.
 
-A TraxBot drives through the house as in `mrl experiment mapping`: by recorded key presses in simulated time, with and
-without a gyro, with and without a slip of 10 % in turns.  Its odometry and its scans are replayed to the nodes of
-slam.launch, with /clock.  Each map's score goes to build/navigation/slam at once, and a run continues there: delete the
-folder to begin again.  With KEEP=1 its figures go to docs/figures.
+A TraxBot drives through the house by recorded key presses in simulated time, with and without a gyro, with and without
+a slip of 10 % in turns.  Its odometry and its scans are replayed to the nodes of slam.launch, with /clock.  Each map's
+score goes to build/navigation/slam at once, and a run continues there: delete the folder to begin again.  With KEEP=1
+its figures go to docs/figures.
 """
 
+import csv
 import itertools
-from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
+import pathlib
+from typing import Any, Callable, Dict, List, NamedTuple, Sequence, Tuple
 
-from sim_arduino.experiments import mapping
+from mrl_driver.terminal.teleop_keys import HOLD_S, Teleop
 from sim_arduino.experiments.experiment_robot import TICK_S, ExperimentRobot, Setting, open_robot
 from sim_arduino.hardware.imu import ImuErrors
 from sim_arduino.hardware.laser import URG_04LX, LaserScanner
@@ -24,6 +26,12 @@ from .stack import ROOT, Master, end_with
 
 RUNS = Runs(ROOT / "build" / "navigation" / "slam", "tests.long.navigation.slam", report.either(10, 1))
 WORKERS = 2
+KEYS = pathlib.Path(__file__).with_name("house_keys.csv")
+"""Key presses by sight, made by tests/experiments/record_house_keys.py of the commit 261b5637."""
+ROBOT, WORLD = "traxbot", "house"
+WANDER = "noise=1e-7,turn_noise=1e-6"
+"""Random errors of wheels and turns, by which the runs differ: together 0.5 deg after 10 m and 25 rad."""
+PERIOD_MS = 20
 SCAN_EVERY = round(1 / URG_04LX.rate_hz / TICK_S)  # ticks
 BARS = {"gmapping": (94, 6), "hector": (98, 5)}
 """Least share of the walls that is found, and largest of false cells, after the fit, with a gyro [%]."""
@@ -58,10 +66,10 @@ def measured(condition: Condition, world: World, seed: int) -> List[Tuple[float,
     """What the robot measured: telemetry, and ranges of the laser `(rays,)` [m], each with its time [s]."""
     found: List[Tuple[float, Any]] = []
     scanner, ticks = LaserScanner(world, seed=seed), itertools.count(1)
-    emulated: Dict[str, Any] = {"slip": condition.slip, "error": mapping.WANDER}
+    emulated: Dict[str, Any] = {"slip": condition.slip, "error": WANDER}
     if condition.gyro:
         emulated.update(imu=True, imu_errors=ImuErrors.drawn(seed))
-    with open_robot(Setting("", seed=seed), world, period_ms=mapping.PERIOD_MS, **emulated) as robot:
+    with open_robot(Setting("", seed=seed), world, period_ms=PERIOD_MS, **emulated) as robot:
 
         def tick() -> None:
             if next(ticks) % SCAN_EVERY == 0:
@@ -69,8 +77,23 @@ def measured(condition: Condition, world: World, seed: int) -> List[Tuple[float,
 
         robot.driver.on_telemetry(lambda telemetry: found.append((telemetry.stamp_s, telemetry)))
         driven = robot if condition.slip else Gripping(*robot)
-        mapping.replay(driven, mapping.read_presses(mapping.KEYS), tick)
+        press_keys(driven, tick)
     return sorted(found, key=lambda each: each[0])
+
+
+def press_keys(robot: ExperimentRobot, each_tick: Callable[[], None]) -> None:
+    """Drive as the recorded keys say, until the last press has ended."""
+    with KEYS.open(encoding="utf-8", newline="") as file:
+        presses = [(float(row["time_s"]), row["key"]) for row in csv.DictReader(file)]
+    teleop, waiting, start_s, now_s = Teleop(), presses[::-1], robot.driver.now_s, 0.0
+    while now_s <= presses[-1][0] + HOLD_S:
+        while waiting and waiting[-1][0] < now_s + TICK_S / 2:  # the nearest tick, whatever is rounded
+            teleop.press(waiting.pop()[1], now_s)
+        robot.drive(*teleop.command(now_s))
+        robot.wait(TICK_S)
+        each_tick()
+        now_s = robot.driver.now_s - start_s
+    robot.drive(0.0, 0.0)
 
 
 def scores(made: GridMap, world: World) -> List[float]:
@@ -81,13 +104,13 @@ def scores(made: GridMap, world: World) -> List[float]:
 
 def drive(condition: Condition) -> None:
     """Make the maps that are missing."""
-    world = world_file.load(mapping.WORLD)
+    world = world_file.load(WORLD)
     with Master(RUNS.folder / condition.key) as master:
         from .mapper import Mapper
 
         for seed in RUNS.missing(condition.key):
             events = measured(condition, world, seed)
-            with Mapper(master, mapping.ROBOT, condition.method) as mapper:
+            with Mapper(master, ROBOT, condition.method) as mapper:
                 RUNS.add(condition.key, scores(mapper.map_of(events), world))
 
 
