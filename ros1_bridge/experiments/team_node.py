@@ -1,9 +1,9 @@
 """The node that runs experiments with a team of emulated boards, each with its own robot node, and the step test.
 
 The odometry of the team's real robots places them in the world of the virtual robots.  In `mixed-team` the node
-drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` and `patrol` each robot has its own
-`go_to_goal` and `follow_waypoints`, which claim shared waypoints from each other on the topic `/claims`; the node only
-passes on the ranges and watches.  In `step-test`, a team of one robot, a mirror in another process follows its `odom`.
+drives by `cmd_vel` and uses the ranges on `sonar/...`.  In `shared-waypoint` each robot has its own `go_to_goal`
+and `follow_waypoints`, which claim the waypoint from each other on the topic `/claims`; the node only passes on the
+ranges and watches.  In `step-test`, a team of one robot, a mirror in another process follows its `odom`.
 """
 
 import math
@@ -28,7 +28,7 @@ from ros1_bridge.demo.processes import wait_until
 from ros1_bridge.node.plane_poses import planar
 from ros1_bridge.node.tf_names import sonar_frame
 from ros1_bridge.topics.messages import transform_of
-from sim_arduino.experiments import disturbances, mixed_team, patrol, shared_waypoint, step_test
+from sim_arduino.experiments import disturbances, mixed_team, shared_waypoint, step_test
 from sim_arduino.experiments.experiment_robot import TICK_S, Pace, Setting
 from sim_arduino.experiments.step_test import START, Live, Mirrored, StepDrive
 from sim_arduino.experiments.team import WORLD, Member, Player, Team, footprint_of
@@ -40,7 +40,7 @@ from sim_arduino.world.world import World
 from .legs import START_S, Parts
 from .one_robot_node import RATE_HZ, ROBOT, OdometryRobot, heard, ignore
 
-WANDER_S, PATROL_S, ROUNDS = 60.0, 40.0, 1
+WANDER_S, ROUNDS = 60.0, 1
 """These runs are in real time and therefore shorter than the simulated ones [s]."""
 MOST_S, STEPS_MOST_S = 200.0, 300.0  # time limits of the rounds and of the steps [s]
 TOUCH_M = 0.005
@@ -196,24 +196,6 @@ def share_waypoint(parts: Parts, setting: Setting) -> TourRun:
         robots = [player.robot for player in team.players]
         lasted_s = watch(team, MOST_S, lambda _: all(robot.tour in (DONE, PAUSED) for robot in robots))
         return TourRun(team, [robot.visits for robot in robots], 0.0, lasted_s, len(robots))
-
-
-def patrol_team(parts: Parts, setting: Setting) -> patrol.Visits:
-    """The patrol of three robots, with `follow_waypoints` that repeats."""
-    with ExitStack() as stack:
-        beats = patrol.three(setting.seed)
-        members = [beat.member for beat in beats]
-        team = gather(stack, parts, setting, members, navigated=True)
-        for beat in beats:
-            begin_tour(parts, beat.member.name, beat.poses, repeat=True)
-        visits = patrol.Visits(beats)
-
-        def count(now_s: float) -> bool:
-            for index, player in enumerate(team.players):
-                visits.update(index, player.robot.visits, player.robot.true_pose, now_s)
-            return False
-
-        return visits.end(team, watch(team, PATROL_S, count))
 
 
 def wander_team(parts: Parts, setting: Setting) -> Team:

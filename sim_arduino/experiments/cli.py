@@ -39,7 +39,6 @@ EXPERIMENTS = {
     "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena", True),
     "shared-waypoint": Experiment("shared_waypoint", "three robots share a waypoint", True),
     "crossing": Experiment("crossing", "two robots at a blind crossing, by radio alone"),
-    "patrol": Experiment("patrol", "waypoints visited again and again, by one robot and by three"),
     "environment": Experiment("arena_sweep", "map of heat, dust and alcohol in the arena"),
     "tip-over": Experiment("tip_over", "robot with a mast that drives fast, with and without limits"),
     "turnaround": Experiment("turnaround", "time of messages between PC, or topic, and motor board"),

@@ -1,4 +1,4 @@
-"""Experiments with teams, cut short: wandering, a shared waypoint, a patrol."""
+"""Experiments with teams, cut short: wandering, a shared waypoint."""
 
 import math
 import time
@@ -8,7 +8,7 @@ import pytest
 
 from mrl_driver.geometry import ORIGIN
 from mrl_driver.robot import models
-from sim_arduino.experiments import mixed_team, patrol, shared_waypoint, team
+from sim_arduino.experiments import mixed_team, shared_waypoint, team
 from sim_arduino.experiments.experiment_robot import Setting
 from sim_arduino.testing import EmulatedBoard
 from sim_arduino.world.world import World
@@ -82,12 +82,3 @@ def test_robots_that_claim_the_shared_waypoint_do_not_collide(tmp_path, monkeypa
     shown = {row.key: row for row in shared_waypoint.run(Setting(str(tmp_path)), claimed).rows}
     assert (shown["collided"].ours, shown["collided"].control) == ("0 of 1", "1 of 1")
     assert shown["lossy_collided"].ours == "0 of 1" and shown["ros_rounds"].ours == 3
-
-
-def test_team_visits_its_waypoints_and_the_rows_have_a_control(tmp_path):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(patrol, "DURATION_S", 14.0)
-        team_run = patrol.patrolled(Setting("/nowhere", seed=SEED), patrol.three)
-    shown = rows(patrol, tmp_path, over_seeds=lambda run, setting: [team_run])
-    assert team_run.visits >= 2 and team_run.worst_s <= 14.0
-    assert shown["team_worst_s"].control == shown["one_worst_s"].ours == team_run.worst_s
