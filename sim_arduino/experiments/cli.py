@@ -33,7 +33,7 @@ EXPERIMENTS = {
         "sonar_approach", "sonar in front of a wall at 20 cm to 2 m, and its fitted curve", True
     ),
     "l-course": Experiment("l_course", "L-shaped course mapped with sonars and with a laser", True),
-    "gyro": Experiment("gyro", "turns and the L-course with and without a gyro; NEES of the pose"),
+    "gyro": Experiment("gyro", "turns and the L-course with and without a gyro"),
     "power": Experiment("power", "circles until the battery packs are empty", True),
     "step-test": Experiment("step_test", "driving from point to point over a grid, mirrored live", True),
     "mixed-team": Experiment("mixed_team", "two real robots and a virtual one wander in one arena", True),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mrl_driver.apps.calibration import fit, gains, geometry_procedures, umbmark, wiring_check
 from mrl_driver.apps.calibration.gains import BridgeGains, DutyStep, Motor
 from mrl_driver.apps.calibration.ground_truth import Truth, parse_pose, truth_file
-from mrl_driver.apps.calibration.trial import Trial, error_squared, errors, path, spread
+from mrl_driver.apps.calibration.trial import Trial, errors, path, spread
 from mrl_driver.apps.calibration.wiring_check import LEFT, RIGHT, diagnose, seen_in
 from mrl_driver.errors import ConfigError
 from mrl_driver.geometry import Pose, advance
@@ -21,6 +21,7 @@ from mrl_driver.robot.models import Noise, load
 from mrl_driver.robot.models.drives import metres_per_count
 from mrl_driver.robot.odometry import FourWheels
 from mrl_driver.robot.sonar_curve import THESIS, Curve
+from tests.consistency import error_squared
 from tests.models import four_wheels
 
 from . import paths

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mrl_driver.apps.calibration.trial import error_squared
 from mrl_driver.geometry import ORIGIN, Pose, advance, wrap_angle
 from mrl_driver.robot.covariance import (
     AT_START,
@@ -23,6 +22,7 @@ from mrl_driver.robot.models import ImuMount, Noise, load
 from mrl_driver.robot.robot_state import odometry_of
 from sim_arduino.hardware.imu import LONGEST_STEP_S, ImuErrors, InertialSensor
 from sim_arduino.hardware.robot_physics import Errors, RobotPhysics, params_for
+from tests.consistency import error_squared
 from tests.models import four_wheels
 
 NOTHING = (0.0,) * 6

@@ -8,10 +8,10 @@ import rospy
 import yaml
 from sensor_msgs.msg import Range
 
-from mrl_driver.apps.calibration.trial import error_squared
 from mrl_driver.geometry import wrap_angle
 from mrl_driver.robot import models
 from mrl_driver.robot.models import OmniDrive
+from tests.consistency import error_squared
 from tests.driver.test_covariance import PERIOD_S, Drawn
 from tests.waiting import wait_until
 

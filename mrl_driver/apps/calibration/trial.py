@@ -1,7 +1,7 @@
 """The data of a calibration: drives between two standstills, and the measured end of each."""
 
 import math
-from typing import Any, Dict, List, NamedTuple, Sequence, Tuple
+from typing import Any, Dict, List, NamedTuple, Tuple
 
 import numpy as np
 
@@ -89,15 +89,6 @@ def spread(drive: Base, steps: np.ndarray, noise: Noise) -> np.ndarray:
     """Covariance (3, 3) of the end of these steps, as `robot.covariance` computes it from zero."""
     wheels, turns = unit_spreads(drive, steps)
     return noise.wheel_m2_per_m * wheels + noise.turn_rad2_per_rad * turns
-
-
-def error_squared(spread: Sequence[float], *error: float) -> float:
-    """Return the normalised estimation error squared (NEES) of a pose error [m, m, rad], with the six numbers of its
-    covariance; its mean is 3 if they are right.
-    """
-    covariance = np.zeros((3, 3))
-    covariance[np.triu_indices(3)] = covariance.T[np.triu_indices(3)] = spread
-    return float(np.dot(error, np.linalg.solve(covariance, error)))
 
 
 def sense(drive: Base, run: Trial) -> str:

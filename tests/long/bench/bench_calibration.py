@@ -14,12 +14,13 @@ import numpy as np
 from mrl_driver.apps.calibration import fit, geometry_procedures, manoeuvres
 from mrl_driver.apps.calibration.ground_truth import Truth
 from mrl_driver.apps.calibration.manoeuvres import Speeds, Track
-from mrl_driver.apps.calibration.trial import Trial, error_squared, errors
+from mrl_driver.apps.calibration.trial import Trial, errors
 from mrl_driver.driver.options import Options
 from mrl_driver.driver.simulated import SteppedDriver
 from mrl_driver.geometry import Pose
 from mrl_driver.robot.models import RobotModel, load
 from sim_arduino.serve import factory
+from tests.consistency import error_squared
 
 from . import report
 

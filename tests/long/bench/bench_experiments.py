@@ -26,7 +26,7 @@ from tests.long.bench import report
 
 SHORT: Tuple[Tuple[Any, Dict[str, Any]], ...] = (
     (arena, {"LANE": 8}),
-    (gyro, {"TURNS": 1, "CALIBRATION_TURNS": 1, "DRIVE": gyro.DRIVE[:2]}),
+    (gyro, {"TURNS": 1, "CALIBRATION_TURNS": 1}),
     (l_course, {"WAYPOINTS": l_course.WAYPOINTS[:2]}),
     (mixed_team, {"DURATION_S": 10.0, "CONTROL_S": 5.0, "SLIPPING_S": 10.0}),
     (power, {"FASTER": 600.0, "NEAR_END": 60.0}),

@@ -12,11 +12,11 @@ import random
 import statistics
 from typing import Dict, List, NamedTuple, Sequence, Tuple
 
-from mrl_driver.apps.calibration.trial import error_squared
 from mrl_driver.geometry import Pose, wrap_angle
 from mrl_driver.robot.covariance import Spread
 from mrl_driver.robot.odometry import Wheels
 from mrl_driver.robot.robot_state import Telemetry
+from tests.consistency import error_squared
 from tests.driver.test_covariance import PERIOD_S, Drawn
 from tests.long.bench import report
 
